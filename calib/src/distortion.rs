@@ -1,0 +1,225 @@
+//! OpenCV's five-parameter lens distortion (Brown–Conrady): `[k1, k2, p1, p2, k3]`.
+//!
+//! With `r² = x² + y²` on the normalised image plane (z = 1):
+//!
+//! ```text
+//! x' = x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²)
+//! y' = y (1 + k1 r² + k2 r⁴ + k3 r⁶) + p1 (r² + 2 y²) + 2 p2 x y
+//! ```
+//!
+//! The polynomial folds back on itself far from the centre, where a point outside the lens's field of view
+//! would land inside the image again. [`Distortion::max_radius`] is where that begins; beyond it a point has
+//! no image.
+
+use nalgebra::{Matrix2, Vector2};
+use serde::{Deserialize, Serialize};
+
+/// Lens distortion coefficients, in OpenCV's order in files: `[k1, k2, p1, p2, k3]`.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(from = "[f64; 5]", into = "[f64; 5]")]
+pub struct Distortion {
+    /// Radial, r².
+    pub k1: f64,
+    /// Radial, r⁴.
+    pub k2: f64,
+    /// Tangential.
+    pub p1: f64,
+    /// Tangential.
+    pub p2: f64,
+    /// Radial, r⁶.
+    pub k3: f64,
+}
+
+impl From<[f64; 5]> for Distortion {
+    fn from([k1, k2, p1, p2, k3]: [f64; 5]) -> Self {
+        Self { k1, k2, p1, p2, k3 }
+    }
+}
+
+impl From<Distortion> for [f64; 5] {
+    fn from(d: Distortion) -> Self {
+        [d.k1, d.k2, d.p1, d.p2, d.k3]
+    }
+}
+
+/// Newton steps after which an undistortion that has not converged is given up.
+const MAX_NEWTON_STEPS: usize = 50;
+/// Residual on the normalised plane at which an undistortion counts as exact (1e-12 is 1e-9 px at f = 1000).
+const NEWTON_TOLERANCE: f64 = 1e-12;
+
+impl Distortion {
+    /// No distortion.
+    pub const NONE: Self = Self { k1: 0.0, k2: 0.0, p1: 0.0, p2: 0.0, k3: 0.0 };
+
+    /// Whether every coefficient is zero, so that the camera is a plain pinhole.
+    pub fn is_none(&self) -> bool {
+        *self == Self::NONE
+    }
+
+    /// Whether every coefficient is a finite number.
+    pub fn is_finite(&self) -> bool {
+        <[f64; 5]>::from(*self).iter().all(|c| c.is_finite())
+    }
+
+    /// Normalised pinhole coordinates → normalised distorted coordinates.
+    pub fn distort(&self, p: Vector2<f64>) -> Vector2<f64> {
+        let (x, y) = (p.x, p.y);
+        let r2 = x * x + y * y;
+        let radial = 1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3));
+        Vector2::new(
+            x * radial + 2.0 * self.p1 * x * y + self.p2 * (r2 + 2.0 * x * x),
+            y * radial + self.p1 * (r2 + 2.0 * y * y) + 2.0 * self.p2 * x * y,
+        )
+    }
+
+    /// The derivative of [`Self::distort`] with respect to its argument.
+    pub fn jacobian(&self, p: Vector2<f64>) -> Matrix2<f64> {
+        let (x, y) = (p.x, p.y);
+        let r2 = x * x + y * y;
+        let radial = 1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3));
+        let slope = self.k1 + r2 * (2.0 * self.k2 + 3.0 * self.k3 * r2); // d radial / d r²
+        let cross = 2.0 * x * y * slope + 2.0 * (self.p1 * x + self.p2 * y);
+        Matrix2::new(
+            radial + 2.0 * x * x * slope + 2.0 * self.p1 * y + 6.0 * self.p2 * x,
+            cross,
+            cross,
+            radial + 2.0 * y * y * slope + 6.0 * self.p1 * y + 2.0 * self.p2 * x,
+        )
+    }
+
+    /// Normalised distorted coordinates → normalised pinhole coordinates, by Newton's method.
+    ///
+    /// `None` where no pinhole point within [`Self::max_radius`] has this image.
+    pub fn undistort(&self, distorted: Vector2<f64>) -> Option<Vector2<f64>> {
+        if self.is_none() {
+            return Some(distorted);
+        }
+        let limit = self.max_radius();
+        let mut p = distorted;
+        if p.norm() > limit {
+            p *= 0.9 * limit / p.norm();
+        }
+        for _ in 0..MAX_NEWTON_STEPS {
+            let residual = self.distort(p) - distorted;
+            if residual.norm() < NEWTON_TOLERANCE {
+                return (p.norm() <= limit).then_some(p);
+            }
+            let step = self.jacobian(p).try_inverse()? * residual;
+            p -= step;
+            // A step across the fold would converge to the wrong branch: come back inside.
+            if p.norm() > limit {
+                p *= 0.99 * limit / p.norm();
+            }
+        }
+        None
+    }
+
+    /// The normalised radius up to which the radial polynomial grows, so that images are unique:
+    /// the smallest positive root of `d(r · radial(r))/dr = 1 + 3 k1 r² + 5 k2 r⁴ + 7 k3 r⁶`.
+    pub fn max_radius(&self) -> f64 {
+        let roots = real_roots(7.0 * self.k3, 5.0 * self.k2, 3.0 * self.k1, 1.0);
+        let smallest = roots.into_iter().flatten().filter(|s| *s > 0.0).fold(f64::INFINITY, f64::min);
+        smallest.sqrt()
+    }
+}
+
+/// The real roots of `a x³ + b x² + c x + d`, by Cardano and Viète; lower degrees where leading terms vanish.
+fn real_roots(a: f64, b: f64, c: f64, d: f64) -> [Option<f64>; 3] {
+    const NEGLIGIBLE: f64 = 1e-12;
+    if a.abs() < NEGLIGIBLE {
+        if b.abs() < NEGLIGIBLE {
+            return [(c.abs() >= NEGLIGIBLE).then(|| -d / c), None, None];
+        }
+        let discriminant = c * c - 4.0 * b * d;
+        if discriminant < 0.0 {
+            return [None; 3];
+        }
+        // The form that does not cancel: one root from the sum, the other from the product.
+        let q = -0.5 * (c + c.signum() * discriminant.sqrt());
+        return [Some(q / b), (q != 0.0).then(|| d / q), None];
+    }
+    let (b, c, d) = (b / a, c / a, d / a);
+    let (q, r) = ((b * b - 3.0 * c) / 9.0, (2.0 * b * b * b - 9.0 * b * c + 27.0 * d) / 54.0);
+    if r * r < q * q * q {
+        let theta = (r / (q * q * q).sqrt()).acos();
+        let root = |k: f64| -2.0 * q.sqrt() * ((theta + std::f64::consts::TAU * k) / 3.0).cos() - b / 3.0;
+        return [Some(root(0.0)), Some(root(1.0)), Some(root(-1.0))];
+    }
+    let s = -r.signum() * (r.abs() + (r * r - q * q * q).sqrt()).cbrt();
+    let t = if s == 0.0 { 0.0 } else { q / s };
+    [Some(s + t - b / 3.0), None, None]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+    use proptest::prelude::*;
+
+    /// EPFL terrace camera C1: a real lens with strong barrel distortion.
+    const TERRACE: Distortion =
+        Distortion { k1: -0.232_082_596, k2: 0.152_229_992, p1: 0.0, p2: 0.0, k3: -0.086_640_693 };
+
+    fn lens() -> impl Strategy<Value = Distortion> {
+        (-0.3..0.3, -0.1..0.1, -0.01..0.01, -0.01..0.01, -0.02..0.02)
+            .prop_map(|(k1, k2, p1, p2, k3)| Distortion { k1, k2, p1, p2, k3 })
+    }
+
+    proptest! {
+        #[test]
+        fn undistort_inverts_distort(d in lens(), x in -0.6..0.6, y in -0.5..0.5) {
+            let p = Vector2::new(x, y);
+            prop_assume!(p.norm() < 0.9 * d.max_radius());
+            let back = d.undistort(d.distort(p)).unwrap();
+            prop_assert!((back - p).norm() < 1e-9, "{p:?} came back as {back:?}");
+        }
+
+        #[test]
+        fn jacobian_matches_finite_differences(d in lens(), x in -0.8..0.8, y in -0.6..0.6) {
+            let (p, step) = (Vector2::new(x, y), 1e-6);
+            let analytic = d.jacobian(p);
+            for axis in 0..2 {
+                let mut delta = Vector2::zeros();
+                delta[axis] = step;
+                let numeric = (d.distort(p + delta) - d.distort(p - delta)) / (2.0 * step);
+                prop_assert!((analytic.column(axis) - numeric).norm() < 1e-8);
+            }
+        }
+    }
+
+    #[test]
+    fn a_real_lens_round_trips_over_its_image() {
+        for (u, v) in [(0.0, 0.0), (359.0, 287.0), (183.0, 152.0), (359.0, 0.0)] {
+            let distorted = Vector2::new((u - 183.257) / 438.3, (v - 152.917) / 438.3);
+            let p = TERRACE.undistort(distorted).unwrap();
+            assert_relative_eq!(TERRACE.distort(p), distorted, epsilon = 1e-10);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn images_are_unique_up_to_the_fold_and_no_further(k1 in -0.5..0.5, k2 in -0.2..0.2, k3 in -0.1..0.1) {
+            let d = Distortion { k1, k2, k3, ..Distortion::NONE };
+            let image = |r: f64| d.distort(Vector2::new(r, 0.0)).x;
+            let fold = d.max_radius();
+            for i in 0..200 {
+                let r = fold.min(5.0) * i as f64 / 200.0;
+                prop_assert!(image(r + 1e-6) >= image(r), "falls at {r}, before the fold at {fold}");
+            }
+            if fold < 1e3 {
+                // A tangent zero of the slope does not turn the image back; anything else does.
+                let (before, at, after) = (image(0.999 * fold), image(fold), image(1.001 * fold));
+                prop_assert!(at >= before && (after <= at || (after - at) < 1e-5 * at.abs()));
+            }
+        }
+    }
+
+    #[test]
+    fn beyond_the_fold_there_is_no_image() {
+        let barrel = Distortion { k1: -0.3, ..Distortion::NONE };
+        let fold = barrel.max_radius();
+        assert_relative_eq!(fold, (1.0_f64 / 0.9).sqrt(), epsilon = 1e-9);
+        let furthest = barrel.distort(Vector2::new(fold, 0.0)).x;
+        assert!(barrel.undistort(Vector2::new(1.01 * furthest, 0.0)).is_none());
+    }
+}

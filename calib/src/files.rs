@@ -1,0 +1,149 @@
+//! Files: whole or not at all, and the intrinsics file that `calib intrinsics` writes.
+
+use std::io::Write;
+use std::path::Path;
+
+use nalgebra::Matrix3;
+use serde::{Deserialize, Serialize};
+
+use crate::{Distortion, Error, Intrinsics, Result};
+
+/// Writes a file whole or not at all: into a temporary file beside it, which then takes its name.
+///
+/// # Errors
+/// [`Error::Io`] naming `path`; whatever stood there before is untouched then.
+pub fn write_atomic(path: &Path, content: &[u8]) -> Result<()> {
+    let io = |source| Error::Io { path: path.to_owned(), source };
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    std::fs::create_dir_all(folder).map_err(io)?;
+    let mut file = tempfile::Builder::new().permissions(readable_by_all()).tempfile_in(folder).map_err(io)?;
+    file.write_all(content).map_err(io)?;
+    file.persist(path).map_err(|e| io(e.error))?;
+    Ok(())
+}
+
+/// Temporary files are private by default; results are for whoever may read the folder.
+#[cfg(unix)]
+fn readable_by_all() -> std::fs::Permissions {
+    std::os::unix::fs::PermissionsExt::from_mode(0o644)
+}
+
+/// The text of a file.
+///
+/// # Errors
+/// [`Error::Io`] naming the file.
+pub fn read_text(path: &Path) -> Result<String> {
+    std::fs::read_to_string(path).map_err(|source| Error::Io { path: path.to_owned(), source })
+}
+
+/// Parses a TOML file, naming file, line and problem when it does not fit `T`.
+///
+/// # Errors
+/// [`Error::Io`], or [`Error::Content`] with the line and column.
+pub fn read_toml<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
+    let text = read_text(path)?;
+    toml::from_str(&text).map_err(|e| {
+        let place = e.span().map_or_else(
+            || "whole file".to_owned(),
+            |span| {
+                let before = &text[..span.start.min(text.len())];
+                let line = before.matches('\n').count() + 1;
+                let column = before.len() - before.rfind('\n').map_or(0, |i| i + 1) + 1;
+                format!("line {line}, column {column}")
+            },
+        );
+        Error::Content { path: path.to_owned(), place, problem: e.message().replace('\n', " ") }
+    })
+}
+
+/// The intrinsics file: what stands in `scene.toml` under a camera, on its own.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct IntrinsicsFile {
+    width: u32,
+    height: u32,
+    matrix: [[f64; 3]; 3],
+    #[serde(default)]
+    distortion: Distortion,
+}
+
+/// Reads a camera's intrinsics as `calib intrinsics` writes them.
+///
+/// # Errors
+/// [`Error::Io`] or [`Error::Content`], naming file and place.
+pub fn read_intrinsics(path: &Path) -> Result<Intrinsics> {
+    let file: IntrinsicsFile = read_toml(path)?;
+    Intrinsics::from_matrix(file.width, file.height, &matrix_from_rows(&file.matrix), file.distortion)
+        .map_err(|e| Error::Content {
+            path: path.to_owned(),
+            place: "matrix, distortion".into(),
+            problem: e.to_string(),
+        })
+}
+
+/// Writes a camera's intrinsics for `room.toml`'s `intrinsics` line.
+///
+/// # Errors
+/// [`Error::Io`].
+pub fn write_intrinsics(path: &Path, intrinsics: &Intrinsics) -> Result<()> {
+    let file = IntrinsicsFile {
+        width: intrinsics.width,
+        height: intrinsics.height,
+        matrix: rows_of_matrix(&intrinsics.matrix()),
+        distortion: intrinsics.distortion,
+    };
+    let text = toml::to_string(&file).map_err(|e| Error::Invalid(e.to_string()))?;
+    write_atomic(path, text.as_bytes())
+}
+
+/// A matrix as files hold it, row by row → nalgebra's.
+pub fn matrix_from_rows(rows: &[[f64; 3]; 3]) -> Matrix3<f64> {
+    Matrix3::from_fn(|r, c| rows[r][c])
+}
+
+/// nalgebra's matrix → row by row, as files hold it.
+pub fn rows_of_matrix(m: &Matrix3<f64>) -> [[f64; 3]; 3] {
+    std::array::from_fn(|r| std::array::from_fn(|c| m[(r, c)]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn intrinsics_round_trip() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("deep/cam.toml");
+        let mut camera = Intrinsics::from_horizontal_fov(640, 480, 70.0);
+        camera.distortion = [-0.2, 0.1, 0.001, -0.002, 0.03].into();
+        write_intrinsics(&path, &camera).unwrap();
+        assert_eq!(read_intrinsics(&path).unwrap(), camera);
+    }
+
+    #[test]
+    fn errors_name_file_and_place() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("cam.toml");
+        let said = |text: &str| {
+            std::fs::write(&path, text).unwrap();
+            read_intrinsics(&path).unwrap_err().to_string()
+        };
+        assert!(said("").contains("cam.toml"));
+        let misspelt = said("width = 640\nheight = 480\nmatrx = 3\n");
+        assert!(misspelt.contains("line 3") && misspelt.contains("matrx"), "{misspelt}");
+        let negative =
+            said("width = 6\nheight = 4\nmatrix = [[-4.0, 0.0, 3.0], [0.0, 4.0, 2.0], [0.0, 0.0, 1.0]]");
+        assert!(negative.contains("not positive"), "{negative}");
+        std::fs::remove_file(&path).unwrap();
+        assert!(read_intrinsics(&path).unwrap_err().to_string().contains("cam.toml"));
+    }
+
+    #[test]
+    fn a_failed_write_leaves_nothing_behind() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = folder.path().join("taken");
+        std::fs::create_dir(&target).unwrap();
+        assert!(write_atomic(&target, b"text").is_err());
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+}

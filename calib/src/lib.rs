@@ -1,0 +1,32 @@
+//! Camera models, intrinsic and extrinsic calibration, absolute orientation.
+//!
+//! The lowest crate: everything here speaks `f64` `nalgebra`, and nothing here knows of rooms or people.
+//!
+//! * [`Camera`] — where a camera stands ([`nalgebra::Isometry3`], `camera_from_world`) and how it maps
+//!   directions to pixels ([`Intrinsics`], with OpenCV's [`Distortion`]). Start here.
+//! * [`absolute_orientation`] — Horn's closed form: the similarity that takes one set of points to another.
+//! * [`undistort`] — lookup maps between a distorted image and its pinhole twin.
+//! * [`vision`] — the project's one door to OpenCV (feature `vision`): images, video, optical flow,
+//!   background models. The rest of the crate builds and tests without it.
+//!
+//! # Conventions
+//!
+//! OpenCV's camera: x right, y down, z forward; `X_camera = R · X_world + t`. Pixel (0, 0) is the **centre** of
+//! the top-left pixel, so an image of width `w` covers `-0.5 ..= w - 0.5`. Transforms are named `a_from_b`, so
+//! that `camera_from_world * world_from_room` reads itself. Rigid transforms are [`nalgebra::Isometry3`],
+//! similarities [`nalgebra::Similarity3`].
+#![forbid(unsafe_code)]
+
+pub mod absolute_orientation;
+mod camera;
+mod distortion;
+mod error;
+pub mod files;
+pub mod rotation;
+pub mod undistort;
+#[cfg(feature = "vision")]
+pub mod vision;
+
+pub use camera::{Camera, Intrinsics};
+pub use distortion::Distortion;
+pub use error::{Error, Result};

@@ -1,0 +1,62 @@
+//! Rotation matrices from files, and angles between rotations.
+
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
+
+use crate::{Error, Result};
+
+/// How far `R Rᵀ` may be from the identity before a matrix in a file is no rotation: files carry 6 digits or more.
+const ORTHONORMALITY_TOLERANCE: f64 = 1e-4;
+
+/// A 3 × 3 matrix from a file → the rotation it stands for, with the rounding of its digits removed.
+///
+/// # Errors
+/// [`Error::Invalid`] when the matrix is not orthonormal to four digits, mirrors, or holds a non-finite number.
+pub fn from_matrix(m: &Matrix3<f64>) -> Result<UnitQuaternion<f64>> {
+    if !m.iter().all(|v| v.is_finite()) {
+        return Err(Error::Invalid("the rotation holds a number that is not finite".into()));
+    }
+    let off = (m * m.transpose() - Matrix3::identity()).abs().max();
+    if off > ORTHONORMALITY_TOLERANCE {
+        return Err(Error::Invalid(format!(
+            "the rotation's rows are not orthonormal (off by {off:.2e}); write R with more digits"
+        )));
+    }
+    if m.determinant() < 0.0 {
+        return Err(Error::Invalid("the rotation mirrors (its determinant is −1); negate one axis".into()));
+    }
+    Ok(UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_eps(
+        m,
+        1e-12,
+        100,
+        Rotation3::identity(),
+    )))
+}
+
+/// The angle of the rotation between two orientations, in degrees.
+pub fn angle_between_deg(a: &UnitQuaternion<f64>, b: &UnitQuaternion<f64>) -> f64 {
+    a.angle_to(b).to_degrees()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    #[test]
+    fn rounded_digits_are_repaired_and_mirrors_refused() {
+        let truth = UnitQuaternion::from_euler_angles(0.3, -2.0, 1.0);
+        let rounded = truth.to_rotation_matrix().matrix().map(|v: f64| (v * 1e6).round() / 1e6);
+        assert!(angle_between_deg(&from_matrix(&rounded).unwrap(), &truth) < 1e-4);
+
+        let mirrored = truth.to_rotation_matrix().matrix() * Matrix3::from_diagonal(&[1.0, 1.0, -1.0].into());
+        assert!(from_matrix(&mirrored).unwrap_err().to_string().contains("mirrors"));
+        assert!(from_matrix(&Matrix3::zeros()).is_err());
+        assert!(from_matrix(&Matrix3::from_element(f64::NAN)).is_err());
+    }
+
+    #[test]
+    fn angles_are_in_degrees() {
+        let quarter = UnitQuaternion::from_euler_angles(0.0, 0.0, std::f64::consts::FRAC_PI_2);
+        assert_relative_eq!(angle_between_deg(&UnitQuaternion::identity(), &quarter), 90.0, epsilon = 1e-9);
+    }
+}

@@ -1,0 +1,116 @@
+//! Lookup maps from a camera's image to its pinhole twin's, and back.
+//!
+//! Everything that renders or simulates works in the pinhole image ([`Intrinsics::pinhole`]), where straight
+//! edges stay straight and an ellipsoid's outline is a conic; real images and masks are brought there once,
+//! by these maps.
+
+use image::{GrayImage, Luma, Rgb, RgbImage};
+use nalgebra::Point2;
+
+use crate::Intrinsics;
+
+/// For each pixel of the pinhole image, where to look in the distorted one.
+#[derive(Debug, Clone)]
+pub struct UndistortMap {
+    width: u32,
+    height: u32,
+    /// Row by row; `None` where the lens shows nothing. Empty when the camera has no distortion.
+    source: Vec<Option<[f32; 2]>>,
+}
+
+impl UndistortMap {
+    /// The map for one camera.
+    pub fn new(intrinsics: &Intrinsics) -> Self {
+        let (width, height) = (intrinsics.width, intrinsics.height);
+        if intrinsics.distortion.is_none() {
+            return Self { width, height, source: Vec::new() };
+        }
+        let pinhole = intrinsics.pinhole();
+        let source = (0..height)
+            .flat_map(|v| (0..width).map(move |u| Point2::new(u as f64, v as f64)))
+            .map(|pixel| {
+                let ray = pinhole.unproject(&pixel)?;
+                let seen = intrinsics.project(&ray.into())?;
+                intrinsics.contains(&seen).then_some([seen.x as f32, seen.y as f32])
+            })
+            .collect();
+        Self { width, height, source }
+    }
+
+    /// Whether the camera has no distortion, so that images need no change.
+    pub fn is_identity(&self) -> bool {
+        self.source.is_empty()
+    }
+
+    /// A mask in the pinhole image: the nearest pixel's value, 0 where the lens shows nothing.
+    pub fn mask(&self, distorted: &GrayImage, into: &mut GrayImage) {
+        if self.is_identity() {
+            into.copy_from_slice(distorted);
+            return;
+        }
+        let largest = (self.width - 1, self.height - 1);
+        for (pixel, source) in into.pixels_mut().zip(&self.source) {
+            *pixel = source.map_or(Luma([0]), |[u, v]| {
+                *distorted.get_pixel((u.round() as u32).min(largest.0), (v.round() as u32).min(largest.1))
+            });
+        }
+    }
+
+    /// A picture in the pinhole image, interpolated bilinearly; black where the lens shows nothing.
+    pub fn image(&self, distorted: &RgbImage) -> RgbImage {
+        if self.is_identity() {
+            return distorted.clone();
+        }
+        RgbImage::from_fn(self.width, self.height, |x, y| {
+            let source = self.source[(y * self.width + x) as usize];
+            let sampled = source.and_then(|[u, v]| {
+                let (u, v) = (u.clamp(0.0, self.width as f32 - 1.0), v.clamp(0.0, self.height as f32 - 1.0));
+                image::imageops::interpolate_bilinear(distorted, u, v)
+            });
+            sampled.unwrap_or(Rgb([0, 0, 0]))
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Point3;
+
+    fn barrel() -> Intrinsics {
+        let mut k = Intrinsics::from_horizontal_fov(160, 120, 80.0);
+        k.distortion = [-0.25, 0.08, 0.002, -0.001, 0.0].into();
+        k
+    }
+
+    #[test]
+    fn a_distorted_straight_line_comes_out_straight() {
+        let k = barrel();
+        // Draw the image of the plane x = 0.3 z: a curve in the distorted image, a vertical line in the pinhole's.
+        let seen = RgbImage::from_fn(k.width, k.height, |u, v| {
+            let ray = k.unproject(&Point2::new(u as f64, v as f64)).unwrap();
+            if ray.x < 0.3 { Rgb([255, 255, 255]) } else { Rgb([0, 0, 0]) }
+        });
+        let straight = UndistortMap::new(&k).image(&seen);
+        let edge = k.pinhole().project(&Point3::new(0.3, 0.0, 1.0)).unwrap().x;
+        for v in [5, 30, 60, 90, 115] {
+            let last_white = (0..k.width).rev().find(|u| straight.get_pixel(*u, v)[0] > 127).unwrap();
+            // Half a pixel from drawing the edge, one from sampling it.
+            assert!((last_white as f64 - edge).abs() <= 1.5, "row {v}: {last_white} against {edge}");
+        }
+    }
+
+    #[test]
+    fn masks_follow_the_same_map_and_pinholes_pass_through() {
+        let k = barrel();
+        let full = GrayImage::from_pixel(k.width, k.height, Luma([255]));
+        let mut out = GrayImage::new(k.width, k.height);
+        UndistortMap::new(&k).mask(&full, &mut out);
+        assert!(out.get_pixel(80, 60)[0] == 255);
+
+        let checker = GrayImage::from_fn(k.width, k.height, |u, v| Luma([((u * v) % 251) as u8]));
+        let map = UndistortMap::new(&k.pinhole());
+        map.mask(&checker, &mut out);
+        assert!(map.is_identity() && out == checker);
+    }
+}
