@@ -1,1 +1,15 @@
-//! scenes
+//! The room model: what stands in a room, where its cameras are, where people can walk and come in.
+//!
+//! A *room* is a directory (`scene.toml` and its geometry) that `recon build` makes, a person may write by hand,
+//! and everything else reads. Data flows down this list:
+//!
+//! * [`room`] — [`room::Room`]: cameras, zones, floor and geometry, read from and written to disk. Start here.
+//! * [`geometry`] — triangles or oriented discs, PLY in and out; [`polygon`] — regions of the floor.
+#![forbid(unsafe_code)]
+
+mod error;
+pub mod geometry;
+pub mod polygon;
+pub mod room;
+
+pub use error::{Error, Result};

@@ -1,0 +1,147 @@
+//! Simple polygons on the floor: zones, walkable regions.
+
+use nalgebra::{Point2, Vector2};
+use rand::{Rng, RngExt};
+use serde::{Deserialize, Serialize};
+
+/// A simple polygon on the floor plane, in metres; either orientation, implicitly closed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Polygon(pub Vec<Point2<f64>>);
+
+impl Polygon {
+    /// The axis-aligned rectangle between two corners.
+    pub fn rectangle(a: Point2<f64>, b: Point2<f64>) -> Self {
+        Self(vec![a, Point2::new(b.x, a.y), b, Point2::new(a.x, b.y)])
+    }
+
+    /// Why this is no usable polygon, if it is not: fewer than three corners, a number that is not finite, or no area.
+    pub fn defect(&self) -> Option<String> {
+        if self.0.len() < 3 {
+            return Some(format!("a polygon needs at least 3 corners, this one has {}", self.0.len()));
+        }
+        if !self.0.iter().all(|p| p.x.is_finite() && p.y.is_finite()) {
+            return Some("a corner is not a finite number".into());
+        }
+        (self.area() < 1e-6).then(|| "the polygon has no area".into())
+    }
+
+    /// Edges, in order, the closing one last.
+    pub fn edges(&self) -> impl Iterator<Item = (Point2<f64>, Point2<f64>)> + '_ {
+        self.0.iter().copied().zip(self.0.iter().copied().cycle().skip(1))
+    }
+
+    /// Area in square metres, whatever the orientation.
+    pub fn area(&self) -> f64 {
+        0.5 * self.edges().map(|(a, b)| a.x * b.y - b.x * a.y).sum::<f64>().abs()
+    }
+
+    /// Whether a point lies inside (crossing number; points on the border may fall on either side).
+    pub fn contains(&self, p: &Point2<f64>) -> bool {
+        self.edges()
+            .filter(|(a, b)| (a.y > p.y) != (b.y > p.y))
+            .filter(|(a, b)| p.x < a.x + (p.y - a.y) / (b.y - a.y) * (b.x - a.x))
+            .count()
+            % 2
+            == 1
+    }
+
+    /// Distance to the polygon in metres: 0 inside.
+    pub fn distance_m(&self, p: &Point2<f64>) -> f64 {
+        if self.contains(p) {
+            return 0.0;
+        }
+        self.edges().map(|(a, b)| distance_to_segment(p, &a, &b)).fold(f64::INFINITY, f64::min)
+    }
+
+    /// The smallest and the largest corner of the axis-aligned box around the polygon.
+    pub fn bounds(&self) -> (Point2<f64>, Point2<f64>) {
+        let mut low = Point2::new(f64::INFINITY, f64::INFINITY);
+        let mut high = -low;
+        for p in &self.0 {
+            low = low.inf(p);
+            high = high.sup(p);
+        }
+        (low, high)
+    }
+
+    /// The centroid of the corners.
+    pub fn center(&self) -> Point2<f64> {
+        let sum: Vector2<f64> = self.0.iter().map(|p| p.coords).sum();
+        Point2::from(sum / self.0.len().max(1) as f64)
+    }
+
+    /// A point drawn uniformly from the polygon's area, by rejection from its bounds.
+    ///
+    /// A polygon of no area yields its centre.
+    pub fn sample(&self, rng: &mut impl Rng) -> Point2<f64> {
+        /// A polygon that fills a thousandth of its bounds is still hit with probability 1 − e⁻¹⁰.
+        const ATTEMPTS: usize = 10_000;
+        let (low, high) = self.bounds();
+        for _ in 0..ATTEMPTS {
+            let (s, t): (f64, f64) = (rng.random(), rng.random());
+            let p = Point2::new(low.x + s * (high.x - low.x), low.y + t * (high.y - low.y));
+            if self.contains(&p) {
+                return p;
+            }
+        }
+        self.center()
+    }
+}
+
+fn distance_to_segment(p: &Point2<f64>, a: &Point2<f64>, b: &Point2<f64>) -> f64 {
+    let along = b - a;
+    let t = if along.norm_squared() > 0.0 { (p - a).dot(&along) / along.norm_squared() } else { 0.0 };
+    (p - (a + along * t.clamp(0.0, 1.0))).norm()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+    use rand::SeedableRng;
+    use rand_pcg::Pcg64Mcg;
+
+    /// An L: the unit square twice as large, without its upper right quarter.
+    fn corner() -> Polygon {
+        Polygon(
+            [(0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (1.0, 1.0), (1.0, 2.0), (0.0, 2.0)]
+                .map(|(x, y)| Point2::new(x, y))
+                .to_vec(),
+        )
+    }
+
+    #[test]
+    fn a_concave_polygon_knows_its_inside_area_and_distance() {
+        let l = corner();
+        assert_relative_eq!(l.area(), 3.0);
+        assert!(l.contains(&Point2::new(0.5, 1.5)) && !l.contains(&Point2::new(1.5, 1.5)));
+        assert_relative_eq!(l.distance_m(&Point2::new(1.5, 1.3)), 0.3, epsilon = 1e-12);
+        assert_relative_eq!(l.distance_m(&Point2::new(3.0, 0.5)), 1.0, epsilon = 1e-12);
+        assert_relative_eq!(l.distance_m(&Point2::new(0.1, 0.1)), 0.0);
+        assert_eq!(l.bounds(), (Point2::new(0.0, 0.0), Point2::new(2.0, 2.0)));
+    }
+
+    #[test]
+    fn samples_are_uniform_over_the_area() {
+        let (l, mut rng) = (corner(), Pcg64Mcg::seed_from_u64(3));
+        let n = 30_000;
+        let upper = (0..n)
+            .map(|_| l.sample(&mut rng))
+            .inspect(|p| assert!(l.contains(p)))
+            .filter(|p| p.y > 1.0)
+            .count();
+        // A third of the area; the binomial's standard deviation is 0.0027.
+        assert_relative_eq!(upper as f64 / n as f64, 1.0 / 3.0, epsilon = 0.015);
+    }
+
+    #[test]
+    fn defects_are_told() {
+        let line = Polygon(vec![Point2::new(0.0, 0.0), Point2::new(1.0, 1.0), Point2::new(2.0, 2.0)]);
+        let nan = Polygon(vec![Point2::new(f64::NAN, 0.0), Point2::new(1.0, 1.0), Point2::new(2.0, 0.0)]);
+        for bad in [Polygon(vec![]), line, nan] {
+            assert!(bad.defect().is_some());
+        }
+        assert_eq!(corner().defect(), None);
+    }
+}
