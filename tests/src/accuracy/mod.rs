@@ -1,0 +1,9 @@
+//! How far a result is from the truth.
+
+mod depth;
+mod motion;
+mod room;
+
+pub use depth::{DepthAgreement, depth};
+pub use motion::{MotionError, capture_truth, motion};
+pub use room::{CameraError, RelativePoseError, camera_against_floor, relative_pose};

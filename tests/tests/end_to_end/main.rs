@@ -1,0 +1,2 @@
+//! The programs as a person runs them: one test binary, one module a subject.
+#![forbid(unsafe_code)]
