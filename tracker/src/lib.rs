@@ -1,1 +1,17 @@
-//! tracker
+//! Follows every person in a room, in metres on its floor, from fixed calibrated cameras.
+//!
+//! Data flows down this list, one moment (the images of all cameras at one time) after the other:
+//!
+//! * [`stage`] — [`stage::Stage`]: a room made ready for simulation. Everything below needs one.
+//! * [`moment`] — [`Moment`]: the foreground masks and images of all cameras at one time; what a tracker is given.
+//!   [`PersonEstimate`]: a person at one time; what a tracker gives back. Start here.
+//! * [`method`] — the [`method::Method`] trait, and one folder for each published tracker behind it.
+#![forbid(unsafe_code)]
+
+mod error;
+pub mod method;
+pub mod moment;
+pub mod stage;
+
+pub use error::{Error, Result};
+pub use moment::{CameraFrame, Moment, PersonEstimate, TrackId};

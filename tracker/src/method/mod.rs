@@ -1,0 +1,18 @@
+//! The trackers that work moment by moment, behind one trait.
+//!
+//! What comes before (sources, synchronisation, masks) and after (files, film, page, evaluation) is shared; a method
+//! only turns one [`Moment`] into the people it believes are there.
+
+use crate::{Moment, PersonEstimate, Result};
+
+/// A tracker that is fed one moment at a time, in order.
+///
+/// A method is built from a [`crate::stage::Stage`] and its own options, keeps its own seeded generator, and gives the
+/// same bytes for the same moments whatever the number of threads.
+pub trait Method {
+    /// Takes in one moment and returns the people believed to be there, by ascending id.
+    ///
+    /// # Errors
+    /// When a mask or image does not fit its camera ([`crate::Error::FrameSize`]).
+    fn step(&mut self, moment: &Moment<'_>) -> Result<Vec<PersonEstimate>>;
+}

@@ -1,0 +1,136 @@
+//! A room made ready for simulation: its cameras as pinholes, what each of them can see past, floor and zones.
+//!
+//! All simulation happens in pinhole images. Masks and pictures are brought there once a frame by
+//! [`StageCamera::undistort`]; boxes and outlines are taken back to real pixels by [`StageCamera::to_real`].
+
+use std::path::Path;
+
+use calib::Camera;
+use calib::undistort::UndistortMap;
+use image::{GrayImage, Luma};
+use nalgebra::Point2;
+use scenes::polygon::Polygon;
+use scenes::room::{Room, Zone, ZoneKind};
+
+use crate::{Error, Result};
+
+/// How to prepare a room.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StageOptions {
+    /// The cameras to use, by name, in this order. Empty: all of the room's, in the room's order.
+    pub cameras: Vec<String>,
+    /// Whether the room's geometry hides people (default). Without it the geometry is ignored altogether.
+    pub occlusion: bool,
+}
+
+impl Default for StageOptions {
+    fn default() -> Self {
+        Self { cameras: Vec::new(), occlusion: true }
+    }
+}
+
+/// One camera of the stage.
+#[derive(Debug, Clone)]
+pub struct StageCamera {
+    /// Its name in the room.
+    pub name: String,
+    /// As it films, with distortion.
+    pub real: Camera,
+    /// Its pinhole twin, where everything is simulated. Same size as `real`.
+    pub pinhole: Camera,
+    /// From the real image to the pinhole image.
+    pub undistort: UndistortMap,
+    /// Distance along the camera's z to the nearest static surface, per pinhole pixel, row by row, metres. Infinite where
+    /// nothing is hit; 0 where the lens shows nothing, so that nothing is ever expected to be seen there.
+    pub static_z_m: Vec<f32>,
+}
+
+/// A room made ready for simulation.
+#[derive(Debug, Clone)]
+pub struct Stage {
+    /// The cameras in use. Moments list theirs in this order.
+    pub cameras: Vec<StageCamera>,
+    /// Where people appear and disappear.
+    pub zones: Vec<Zone>,
+    walkable: Option<Vec<Polygon>>,
+}
+
+impl Stage {
+    /// Prepares a room that was read from `room_dir`; static depth comes from the directory's cache where it is still true.
+    ///
+    /// # Errors
+    /// When a camera is asked for that the room lacks, or the geometry cannot be used.
+    pub fn prepare(room: &Room, _room_dir: &Path, options: &StageOptions) -> Result<Self> {
+        let mut cameras = Vec::new();
+        for room_camera in &room.cameras {
+            if options.cameras.is_empty() {
+                cameras.push(StageCamera::new(&room_camera.name, &room_camera.camera));
+            }
+        }
+        for name in &options.cameras {
+            let room_camera = room.camera(name)?;
+            cameras.push(StageCamera::new(name, &room_camera.camera));
+        }
+        if cameras.is_empty() {
+            return Err(Error::option(
+                "room",
+                "the room has no camera; add a [[camera]] table to scene.toml",
+            ));
+        }
+        Ok(Self { cameras, zones: room.zones.clone(), walkable: room.walkable.clone() })
+    }
+
+    /// Whether a person can stand at this place.
+    pub fn is_walkable(&self, x_m: f64, y_m: f64) -> bool {
+        self.walkable.as_ref().is_none_or(|all| all.iter().any(|p| p.contains(&Point2::new(x_m, y_m))))
+    }
+
+    /// Whether people may appear at this place: inside an entry zone, or anywhere in a room without zones.
+    pub fn may_appear(&self, x_m: f64, y_m: f64) -> bool {
+        self.in_zone(x_m, y_m, ZoneKind::Exit)
+    }
+
+    /// Whether people may disappear at this place: inside an exit zone, or anywhere in a room without zones.
+    pub fn may_disappear(&self, x_m: f64, y_m: f64) -> bool {
+        self.in_zone(x_m, y_m, ZoneKind::Entry)
+    }
+
+    fn in_zone(&self, x_m: f64, y_m: f64, barred: ZoneKind) -> bool {
+        let p = Point2::new(x_m, y_m);
+        self.zones.is_empty() || self.zones.iter().any(|z| z.kind != barred && z.polygon.contains(&p))
+    }
+
+    /// The number of a camera.
+    pub fn camera_index(&self, name: &str) -> Option<usize> {
+        self.cameras.iter().position(|c| c.name == name)
+    }
+}
+
+impl StageCamera {
+    /// A camera before which nothing stands.
+    pub fn new(name: &str, real: &Camera) -> Self {
+        let k = &real.intrinsics;
+        let pinhole = Camera { intrinsics: k.pinhole(), camera_from_world: real.camera_from_world };
+        let undistort = UndistortMap::new(k);
+        let mut shown = GrayImage::new(k.width, k.height);
+        undistort.mask(&GrayImage::from_pixel(k.width, k.height, Luma([255])), &mut shown);
+        let static_z_m = shown.iter().map(|shown| if *shown == 0 { 0.0 } else { f32::INFINITY }).collect();
+        Self { name: name.to_owned(), real: real.clone(), pinhole, undistort, static_z_m }
+    }
+
+    /// Image width in pixels.
+    pub fn width(&self) -> u32 {
+        self.pinhole.intrinsics.width
+    }
+
+    /// Image height in pixels.
+    pub fn height(&self) -> u32 {
+        self.pinhole.intrinsics.height
+    }
+
+    /// A pixel of the pinhole image → the pixel of the real image that shows the same; `None` outside the lens.
+    pub fn to_real(&self, pinhole_pixel: &Point2<f64>) -> Option<Point2<f64>> {
+        let ray = self.pinhole.intrinsics.unproject(pinhole_pixel)?;
+        self.real.intrinsics.project(&ray.into())
+    }
+}
