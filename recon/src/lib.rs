@@ -1,1 +1,11 @@
-//! recon
+//! Captured image sequences → a metric room whose floor is z = 0.
+//!
+//! One camera is filmed while it is moved to its final pose; the frame at that pose is its *reference image*. Data
+//! flows down this list, a module a stage:
+//!
+//! * [`error`] — the one error type: each line names file, place and mend.
+#![forbid(unsafe_code)]
+
+pub mod error;
+
+pub use error::{Error, Result};
