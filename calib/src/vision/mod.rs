@@ -4,9 +4,14 @@
 //! `nalgebra`'s; no OpenCV type appears in any signature, so the estimators build and test without it.
 
 mod adapter;
+pub mod background;
+pub mod chatter;
+mod morphology;
 pub mod source;
 pub mod writer;
 
+pub use background::{AdaptiveBackground, AdaptiveKind};
+pub use morphology::Morphology;
 pub use source::FrameSource;
 pub use writer::FilmWriter;
 

@@ -38,6 +38,7 @@ enum Backend {
         first: Option<Mat>,
         buffer: Mat,
         is_file: bool,
+        is_recording: bool,
     },
 }
 
@@ -119,6 +120,7 @@ impl FrameSource {
                 first: Some(first),
                 buffer: Mat::default(),
                 is_file,
+                is_recording: countable,
             },
         })
     }
@@ -168,7 +170,7 @@ impl FrameSource {
                 }
                 *into = image;
             }
-            Backend::Video { capture, first, buffer, is_file } => {
+            Backend::Video { capture, first, buffer, is_file, .. } => {
                 let reading = adapter::refused("reading a video frame");
                 let decoded = match first.take() {
                     Some(mat) => {
@@ -204,6 +206,30 @@ impl FrameSource {
         }
         self.delivered += 1;
         Ok(true)
+    }
+
+    /// Passes over a frame without converting it: cheaper than [`Self::read`]. `false` when there are no more; a torn
+    /// file ends early here, and [`Self::read`] says so.
+    ///
+    /// # Errors
+    /// When OpenCV refuses.
+    pub fn skip(&mut self) -> Result<bool> {
+        let more = match &mut self.backend {
+            Backend::Folder(paths) => self.delivered < paths.len(),
+            Backend::Video { capture, first, .. } => {
+                first.take().is_some() || capture.grab().map_err(adapter::refused("passing over a frame"))?
+            }
+        };
+        self.delivered += usize::from(more);
+        Ok(more)
+    }
+
+    /// Whether this is a recording that can be opened and read again, not a stream or a device.
+    pub fn is_recording(&self) -> bool {
+        match &self.backend {
+            Backend::Folder(_) => true,
+            Backend::Video { is_recording, .. } => *is_recording,
+        }
     }
 
     /// All remaining frames.
@@ -261,6 +287,11 @@ mod tests {
         assert_eq!((source.frame_count(), source.size(), source.rate()), (Some(3), (64, 48), None));
         let levels: Vec<u8> = source.read_all().unwrap().iter().map(|f| f.get_pixel(5, 5)[0]).collect();
         assert_eq!(levels, [10, 20, 30]);
+        let mut source = FrameSource::open(folder.path().to_str().unwrap()).unwrap();
+        let mut frame = RgbImage::default();
+        assert!(source.is_recording() && source.skip().unwrap() && source.read(&mut frame).unwrap());
+        assert_eq!(frame.get_pixel(5, 5)[0], 20);
+        assert!(source.skip().unwrap() && !source.skip().unwrap() && !source.read(&mut frame).unwrap());
 
         let pattern = folder.path().join("%03d.png");
         for level in 0..5 {
