@@ -5,8 +5,10 @@
 //!
 //! * [`room`] — [`room::Room`]: cameras, zones, floor and geometry, read from and written to disk. Start here.
 //! * [`geometry`] — triangles or oriented discs, PLY in and out; [`polygon`] — regions of the floor.
+//! * [`canvas`] — the one place that draws: shapes and text over pictures.
 #![forbid(unsafe_code)]
 
+pub mod canvas;
 mod error;
 pub mod geometry;
 pub mod polygon;
