@@ -13,12 +13,28 @@ use crate::{Distortion, Error, Intrinsics, Result};
 /// # Errors
 /// [`Error::Io`] naming `path`; whatever stood there before is untouched then.
 pub fn write_atomic(path: &Path, content: &[u8]) -> Result<()> {
-    let io = |source| Error::Io { path: path.to_owned(), source };
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    std::fs::create_dir_all(folder).map_err(io)?;
-    let mut file = tempfile::Builder::new().permissions(readable_by_all()).tempfile_in(folder).map_err(io)?;
-    file.write_all(content).map_err(io)?;
-    file.persist(path).map_err(|e| io(e.error))?;
+    write_together(&[(path, content)])
+}
+
+/// Writes files that belong together: all are staged beside their places before the first takes its name, so a
+/// full disk or a refused folder leaves every one of them as it was. They take their names in the given order.
+///
+/// # Errors
+/// [`Error::Io`] naming the file that could not be written.
+pub fn write_together(files: &[(&Path, &[u8])]) -> Result<()> {
+    let mut staged = Vec::with_capacity(files.len());
+    for &(path, content) in files {
+        let io = |source| Error::Io { path: path.to_owned(), source };
+        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        std::fs::create_dir_all(folder).map_err(io)?;
+        let mut file =
+            tempfile::Builder::new().permissions(readable_by_all()).tempfile_in(folder).map_err(io)?;
+        file.write_all(content).map_err(io)?;
+        staged.push((path, file));
+    }
+    for (path, file) in staged {
+        file.persist(path).map_err(|e| Error::Io { path: path.to_owned(), source: e.error })?;
+    }
     Ok(())
 }
 

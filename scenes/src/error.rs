@@ -31,6 +31,14 @@ pub enum Error {
         /// The names there are.
         known: String,
     },
+    /// A room that cannot be used or written.
+    #[error("room: {place}: {problem}")]
+    Room {
+        /// The part of the room: a camera, a zone, the geometry.
+        place: String,
+        /// What is wrong and what to do about it.
+        problem: String,
+    },
     /// Geometry that cannot be intersected.
     #[error("geometry: {0}")]
     Geometry(String),

@@ -1,6 +1,12 @@
 //! What stands in a room: triangles, or discs around oriented points. World coordinates, metres.
 
+mod defect;
+pub mod ply;
+mod spacing;
+mod triangulate;
+
 use glam::Vec3;
+use nalgebra::{Point3, Vector3};
 
 /// A room's static geometry.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,4 +41,64 @@ pub struct Disc {
     pub color: [u8; 3],
     /// Not measured: filled in from a plane of the room that stereo could not see.
     pub filled: bool,
+}
+
+impl Geometry {
+    /// How many triangles or discs there are.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::Mesh(mesh) => mesh.triangles.len(),
+            Self::Discs(discs) => discs.len(),
+        }
+    }
+
+    /// Whether there is nothing that a ray could hit.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The smallest and the largest corner of the axis-aligned box around all vertices or disc centres, metres;
+    /// `None` without any.
+    pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
+        let grow = |b: Option<(Vec3, Vec3)>, p: Vec3| {
+            Some(b.map_or((p, p), |(low, high)| (low.min(p), high.max(p))))
+        };
+        match self {
+            Self::Mesh(mesh) => mesh.vertices.iter().copied().fold(None, grow),
+            Self::Discs(discs) => discs.iter().map(|d| d.center).fold(None, grow),
+        }
+    }
+
+    /// What makes this geometry unusable, if anything: the place in it, and the problem.
+    ///
+    /// Numbers that are not finite, indices out of range, normals that are not of unit length, radii that are not
+    /// positive.
+    pub fn defect(&self) -> Option<(String, String)> {
+        match self {
+            Self::Mesh(mesh) => defect::of_mesh(mesh),
+            Self::Discs(discs) => defect::of_discs(discs),
+        }
+    }
+}
+
+impl Mesh {
+    /// The three corners of a triangle, metres.
+    pub fn corners(&self, triangle: [u32; 3]) -> [Vec3; 3] {
+        triangle.map(|i| self.vertices[i as usize])
+    }
+}
+
+/// A point of the estimating crates' `f64` → one that is rendered or intersected.
+pub fn vec3_from_point(p: &Point3<f64>) -> Vec3 {
+    vec3_from_vector(&p.coords)
+}
+
+/// A direction of the estimating crates' `f64` → one that is rendered or intersected.
+pub fn vec3_from_vector(v: &Vector3<f64>) -> Vec3 {
+    Vec3::new(v.x as f32, v.y as f32, v.z as f32)
+}
+
+/// A point that is rendered or intersected → `f64` for estimation.
+pub fn point_from_vec3(v: Vec3) -> Point3<f64> {
+    Point3::new(f64::from(v.x), f64::from(v.y), f64::from(v.z))
 }

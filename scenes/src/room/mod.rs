@@ -1,5 +1,12 @@
 //! The room: cameras, zones, floor and geometry, and the directory that holds them.
 
+mod read;
+mod scene_file;
+#[cfg(test)]
+mod tests;
+mod validate;
+mod write;
+
 use std::path::PathBuf;
 
 use calib::Camera;
@@ -8,6 +15,13 @@ use serde::{Deserialize, Serialize};
 use crate::geometry::Geometry;
 use crate::polygon::Polygon;
 use crate::{Error, Result};
+
+pub use read::read_zones;
+
+/// The file of a room directory that names all others.
+pub const SCENE_FILE: &str = "scene.toml";
+/// Where [`Room::write`] puts the geometry.
+pub const GEOMETRY_FILE: &str = "room.ply";
 
 /// A room with its cameras. World coordinates: metres, Z up, the floor is z = 0.
 #[derive(Debug, Clone, Default)]

@@ -1,0 +1,267 @@
+//! Reading PLY: every defect of the file is named before anything is built from it.
+
+use std::path::Path;
+
+use glam::Vec3;
+use ply_rs::parser::{Parser, Reader};
+use ply_rs::ply::{ElementDef, Encoding, Header, PropertyAccess, PropertyType, ScalarType};
+
+use super::row::{CORNERS, FaceRow, SkippedRow, VertexRow};
+use crate::geometry::{Disc, Geometry, Mesh, spacing, triangulate};
+use crate::{Error, Result};
+
+/// Reads a room's geometry from a PLY file, ASCII or binary.
+///
+/// # Errors
+/// [`Error::Io`], or [`Error::Content`] naming the element and what is wrong with it.
+pub fn read(path: &Path) -> Result<Geometry> {
+    let bytes = std::fs::read(path).map_err(|source| Error::Io { path: path.to_owned(), source })?;
+    decode(&bytes).map_err(|(place, problem)| Error::Content { path: path.to_owned(), place, problem })
+}
+
+/// The place in the file, and the problem.
+type Defect = (String, String);
+type Decoded<T> = std::result::Result<T, Defect>;
+
+fn decode(bytes: &[u8]) -> Decoded<Geometry> {
+    if bytes.is_empty() {
+        return Err(("whole file".into(), "the file is empty; write it again".into()));
+    }
+    let mut reader = Reader::new(bytes);
+    let header = Parser::<SkippedRow>::new()
+        .read_header(&mut reader)
+        .map_err(|e| ("header".to_owned(), format!("this is no PLY file: {}", one_line(&e.to_string()))))?;
+    check_sizes(&header, reader.get_ref().len())?;
+
+    let (mut vertices, mut faces) = (Vec::new(), Vec::new());
+    for element in header.elements.values() {
+        match element.name.as_str() {
+            "vertex" => vertices = rows::<VertexRow>(&mut reader, element, &header)?,
+            "face" => faces = rows::<FaceRow>(&mut reader, element, &header)?,
+            _ => drop(rows::<SkippedRow>(&mut reader, element, &header)?),
+        }
+    }
+    require(&header, "vertex", &["x", "y", "z"], "a room's geometry needs positions")?;
+    let geometry = if faces.is_empty() {
+        let normals = "a cloud without faces needs normals; estimate them in the program that made it";
+        require(&header, "vertex", &["nx", "ny", "nz"], normals)?;
+        Geometry::Discs(discs(&vertices, has(&header, "vertex", "radius"))?)
+    } else {
+        Geometry::Mesh(mesh(&vertices, &faces)?)
+    };
+    if geometry.is_empty() {
+        let problem = "there are no points; leave `geometry` out of scene.toml if the room is empty";
+        return Err(("element vertex".into(), problem.into()));
+    }
+    geometry.defect().map_or(Ok(geometry), Err)
+}
+
+/// Refuses a file that is too short for what its header announces, before memory is taken for it.
+fn check_sizes(header: &Header, available: usize) -> Decoded<()> {
+    let mut needed: u128 = 0;
+    for element in header.elements.values() {
+        let place = || format!("element {}", element.name);
+        if element.properties.is_empty() && element.count > 0 {
+            return Err((place(), "has rows but no properties; write the file again".into()));
+        }
+        let row: u128 =
+            element.properties.values().map(|p| smallest_size(&p.data_type, header.encoding)).sum();
+        needed += row * element.count as u128;
+        // The last number of an ASCII file needs no line break after it.
+        if needed > available as u128 + u128::from(header.encoding == Encoding::Ascii) {
+            let problem = format!(
+                "the header announces {} rows, {needed} bytes or more up to here, but {available} bytes follow it: \
+                 the file is cut off; copy or write it again",
+                element.count
+            );
+            return Err((place(), problem));
+        }
+    }
+    Ok(())
+}
+
+/// The fewest bytes that a property takes in a row: a digit and a separator a number in ASCII, an empty list.
+fn smallest_size(data_type: &PropertyType, encoding: Encoding) -> u128 {
+    let (PropertyType::Scalar(scalar) | PropertyType::List(scalar, _)) = data_type;
+    match (encoding, scalar) {
+        (Encoding::Ascii, _) | (_, ScalarType::Short | ScalarType::UShort) => 2,
+        (_, ScalarType::Char | ScalarType::UChar) => 1,
+        (_, ScalarType::Int | ScalarType::UInt | ScalarType::Float) => 4,
+        (_, ScalarType::Double) => 8,
+    }
+}
+
+fn rows<R: PropertyAccess>(
+    reader: &mut Reader<&[u8]>,
+    element: &ElementDef,
+    header: &Header,
+) -> Decoded<Vec<R>> {
+    Parser::<R>::new()
+        .read_payload_for_element(reader, element, header)
+        .map_err(|e| (format!("element {}", element.name), one_line(&e.to_string())))
+}
+
+fn has(header: &Header, element: &str, property: &str) -> bool {
+    header.elements.get(element).is_some_and(|e| e.properties.contains_key(property))
+}
+
+fn require(header: &Header, element: &str, properties: &[&str], why: &str) -> Decoded<()> {
+    match properties.iter().find(|p| !has(header, element, p)) {
+        Some(missing) => Err((format!("element {element}"), format!("property {missing} is missing: {why}"))),
+        None => Ok(()),
+    }
+}
+
+fn discs(rows: &[VertexRow], radius_given: bool) -> Decoded<Vec<Disc>> {
+    let mut discs = Vec::with_capacity(rows.len());
+    for (i, row) in rows.iter().enumerate() {
+        let (center, normal) = (Vec3::from(row.position), Vec3::from(row.normal));
+        if !(center.is_finite() && normal.is_finite()) {
+            return Err((format!("vertex {i}"), "a number is not finite; remove the point".into()));
+        }
+        // `Geometry::defect` names the zero normals.
+        let normal = normal.try_normalize().unwrap_or(Vec3::ZERO);
+        discs.push(Disc { center, normal, radius: row.radius, color: row.color, filled: row.filled });
+    }
+    if !radius_given {
+        let centers: Vec<Vec3> = discs.iter().map(|d| d.center).collect();
+        for (disc, radius) in discs.iter_mut().zip(spacing::radii(&centers)) {
+            disc.radius = radius;
+        }
+    }
+    Ok(discs)
+}
+
+fn mesh(rows: &[VertexRow], faces: &[FaceRow]) -> Decoded<Mesh> {
+    let mut mesh = Mesh {
+        vertices: rows.iter().map(|row| Vec3::from(row.position)).collect(),
+        triangles: Vec::with_capacity(faces.len()),
+        colors: rows.iter().map(|row| row.color).collect(),
+    };
+    for (i, face) in faces.iter().enumerate() {
+        let place = || format!("face {i}");
+        if face.corners.len() < 3 {
+            let problem = format!("has {} corners in `{}`; a face needs 3", face.corners.len(), CORNERS[0]);
+            return Err((place(), problem));
+        }
+        if let Some(&index) = face.corners.iter().find(|&&index| index as usize >= rows.len()) {
+            let named = if index == u32::MAX { "a negative index".into() } else { format!("vertex {index}") };
+            return Err((place(), format!("names {named}, but there are {} (counted from 0)", rows.len())));
+        }
+        triangulate::face(&face.corners, &mesh.vertices, &mut mesh.triangles);
+    }
+    Ok(mesh)
+}
+
+/// A library's message on one line of bearable length.
+fn one_line(message: &str) -> String {
+    const LONGEST: usize = 200;
+    let mut line = message.split_whitespace().collect::<Vec<_>>().join(" ");
+    if let Some((cut, _)) = line.char_indices().nth(LONGEST) {
+        line.truncate(cut);
+        line.push('…');
+    }
+    line
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TRIANGLE: &str = "ply\nformat ascii 1.0\nelement vertex 3\nproperty double x\nproperty float y\nproperty float z\n\
+        element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1e0 0\n3 0 1 2\n";
+
+    const POINT: &str = "ply\r\nformat ascii 1.0\r\nelement vertex 1\r\nproperty float x\r\nproperty float y\r\n\
+        property float z\r\nproperty float nx\r\nproperty float ny\r\nproperty float nz\r\nproperty float radius\r\n\
+        end_header\r\n1 2 3 0 0 2 0.1\r\n";
+
+    fn problem(text: &str) -> String {
+        let (place, problem) = decode(text.as_bytes()).unwrap_err();
+        let line = format!("{place}: {problem}");
+        assert!(!line.contains('\n'), "{line}");
+        line
+    }
+
+    #[test]
+    fn ascii_faces_and_points_are_read() {
+        let Geometry::Mesh(mesh) = decode(TRIANGLE.as_bytes()).unwrap() else { panic!("faces make a mesh") };
+        assert_eq!(mesh.triangles, [[0, 1, 2]]);
+        assert_eq!(mesh.vertices[2], Vec3::Y);
+
+        let Geometry::Discs(discs) = decode(POINT.as_bytes()).unwrap() else { panic!("points make discs") };
+        assert_eq!((discs[0].normal, discs[0].radius), (Vec3::Z, 0.1));
+        assert!(!discs[0].filled);
+    }
+
+    #[test]
+    fn other_elements_and_properties_are_skipped_and_quads_split() {
+        let text = "ply\nformat ascii 1.0\ncomment by hand\nelement sensor 2\nproperty list uchar float row\n\
+            element vertex 4\nproperty float x\nproperty float y\nproperty float z\nproperty float quality\n\
+            property float red\nproperty float green\nproperty float blue\n\
+            element face 1\nproperty int flags\nproperty list uchar uint vertex_index\nend_header\n\
+            2 5 6\n0\n0 0 0 9 1 0 0.5\n1 0 0 9 1 0 0.5\n1 1 0 9 1 0 0.5\n0 1 0 9 1 0 0.5\n7 4 0 1 2 3";
+        let Geometry::Mesh(mesh) = decode(text.as_bytes()).unwrap() else { panic!("faces make a mesh") };
+        assert_eq!(mesh.triangles.len(), 2);
+        assert_eq!(mesh.colors[0], [255, 0, 127]);
+    }
+
+    #[test]
+    fn big_endian_is_read() {
+        let mut bytes =
+            b"ply\nformat binary_big_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
+            property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+                .to_vec();
+        for value in [0.0_f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 2.0, 0.0] {
+            bytes.extend(value.to_be_bytes());
+        }
+        bytes.push(3);
+        for index in [0_i32, 1, 2] {
+            bytes.extend(index.to_be_bytes());
+        }
+        let Geometry::Mesh(mesh) = decode(&bytes).unwrap() else { panic!("faces make a mesh") };
+        assert_eq!(mesh.vertices[2], Vec3::Y * 2.0);
+    }
+
+    #[test]
+    fn files_that_are_no_ply_or_cut_off_are_named() {
+        assert!(problem("").contains("empty"));
+        assert!(problem("solid cube\n").contains("no PLY"));
+        assert!(problem(&TRIANGLE[..60]).contains("header"));
+        let cut = problem(&TRIANGLE[..TRIANGLE.len() - 20]);
+        assert!(cut.contains("cut off") || cut.contains("end of file"), "{cut}");
+        assert!(problem("ply\nformat ascii 1.0\nelement vertex 0\nend_header\n").contains("property x"));
+        // Every truncation of a binary file, too, ends in a message.
+        let whole = {
+            let Geometry::Mesh(mesh) = decode(TRIANGLE.as_bytes()).unwrap() else { panic!("a mesh") };
+            super::super::encode(&Geometry::Mesh(mesh)).unwrap()
+        };
+        assert!(decode(&whole).is_ok());
+        for length in 0..whole.len() {
+            assert!(decode(&whole[..length]).is_err(), "{length} of {} bytes", whole.len());
+        }
+    }
+
+    #[test]
+    fn absurd_counts_take_no_memory() {
+        let binary = |elements: &str| format!("ply\nformat binary_little_endian 1.0\n{elements}end_header\n");
+        assert!(problem(&binary("element nothing 1000000000000\n")).contains("no properties"));
+        let many =
+            binary("element vertex 1000000000000\nproperty float x\nproperty float y\nproperty float z\n");
+        assert!(problem(&many).contains("cut off"));
+        let most = format!("element vertex {}\nproperty double x\n", u64::MAX);
+        assert!(problem(&binary(&most)).contains("cut off"));
+    }
+
+    #[test]
+    fn wrong_elements_are_named() {
+        assert!(problem(&TRIANGLE.replace("3 0 1 2", "3 0 1 3")).contains("face 0: names vertex 3"));
+        assert!(problem(&TRIANGLE.replace("3 0 1 2", "3 0 1 -1")).contains("negative"));
+        assert!(problem(&TRIANGLE.replace("3 0 1 2", "2 0 1 0")).contains("2 corners"));
+        assert!(problem(&TRIANGLE.replace("1e0", "nan")).contains("vertex"));
+        assert!(problem(&TRIANGLE.replace("1e0", "1e99")).contains("vertex 2"));
+        assert!(problem(&TRIANGLE.replace("int vertex_indices", "float vertex_indices")).contains("face"));
+        assert!(problem(&POINT.replace("0 0 2 0.1", "0 0 0 0.1")).contains("vertex 0: the normal is zero"));
+        assert!(problem(&POINT.replace("0 0 2 0.1", "0 0 2 -0.1")).contains("radius"));
+        assert!(problem(&POINT.replace("float nx", "float a")).contains("needs normals"));
+    }
+}

@@ -1,0 +1,129 @@
+//! A PLY file's rows of vertices and faces, as `ply-rs` fills and asks for them.
+
+use ply_rs::ply::{BeginList, Property, PropertyAccess, PropertyAccessResult};
+
+/// Colour of what has none.
+const GREY: u8 = 180;
+
+/// A vertex; what its file does not give stays at the values of [`PropertyAccess::new`].
+#[derive(Debug, Clone)]
+pub(super) struct VertexRow {
+    pub(super) position: [f32; 3],
+    pub(super) normal: [f32; 3],
+    pub(super) color: [u8; 3],
+    pub(super) radius: f32,
+    pub(super) filled: bool,
+}
+
+impl PropertyAccess for VertexRow {
+    fn new() -> Self {
+        Self { position: [0.0; 3], normal: [0.0; 3], color: [GREY; 3], radius: 0.0, filled: false }
+    }
+
+    fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
+        let number = match name {
+            "x" => &mut self.position[0],
+            "y" => &mut self.position[1],
+            "z" => &mut self.position[2],
+            "nx" => &mut self.normal[0],
+            "ny" => &mut self.normal[1],
+            "nz" => &mut self.normal[2],
+            "radius" => &mut self.radius,
+            "red" | "green" | "blue" => {
+                let Some(value) = property.to_u8_color_lossy() else {
+                    return PropertyAccessResult::UnsupportedType;
+                };
+                self.color[usize::from(name == "green") + 2 * usize::from(name == "blue")] = value;
+                return PropertyAccessResult::Set;
+            }
+            "filled" => {
+                let Some(value) = property.to_f32_lossy() else {
+                    return PropertyAccessResult::UnsupportedType;
+                };
+                self.filled = value != 0.0;
+                return PropertyAccessResult::Set;
+            }
+            _ => return PropertyAccessResult::Ignored,
+        };
+        match property.to_f32_lossy() {
+            Some(value) => {
+                *number = value;
+                PropertyAccessResult::Set
+            }
+            None => PropertyAccessResult::UnsupportedType,
+        }
+    }
+
+    fn get_float(&self, name: &str) -> Option<f32> {
+        Some(match name {
+            "x" => self.position[0],
+            "y" => self.position[1],
+            "z" => self.position[2],
+            "nx" => self.normal[0],
+            "ny" => self.normal[1],
+            "nz" => self.normal[2],
+            "radius" => self.radius,
+            _ => return None,
+        })
+    }
+
+    fn get_uchar(&self, name: &str) -> Option<u8> {
+        Some(match name {
+            "red" => self.color[0],
+            "green" => self.color[1],
+            "blue" => self.color[2],
+            "filled" => u8::from(self.filled),
+            _ => return None,
+        })
+    }
+}
+
+/// A face: its corners, as indices of vertices.
+#[derive(Debug, Clone)]
+pub(super) struct FaceRow {
+    pub(super) corners: Vec<u32>,
+    /// The same for the writer, which writes the common `int`.
+    pub(super) signed: Vec<i32>,
+}
+
+/// The two names in use for a face's corners.
+pub(super) const CORNERS: [&str; 2] = ["vertex_indices", "vertex_index"];
+
+impl PropertyAccess for FaceRow {
+    fn new() -> Self {
+        Self { corners: Vec::new(), signed: Vec::new() }
+    }
+
+    fn begin_list_uint(&mut self, name: &str, _len: usize) -> BeginList<'_, u32> {
+        if CORNERS.contains(&name) { BeginList::Fill(&mut self.corners) } else { BeginList::UseSetter }
+    }
+
+    fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
+        if !CORNERS.contains(&name) {
+            return PropertyAccessResult::Ignored;
+        }
+        self.corners = match (property.to_u32_list(), &property) {
+            (Some(corners), _) => corners,
+            // A negative index is out of range like one that is too large: let the same check name it.
+            (None, Property::ListChar(_) | Property::ListShort(_) | Property::ListInt(_)) => {
+                vec![u32::MAX; 3]
+            }
+            _ => return PropertyAccessResult::UnsupportedType,
+        };
+        PropertyAccessResult::Set
+    }
+
+    fn get_list_int(&self, name: &str) -> Option<&[i32]> {
+        (name == CORNERS[0]).then_some(&self.signed)
+    }
+}
+
+/// A row of an element that nobody needs.
+#[derive(Debug, Clone)]
+pub(super) struct SkippedRow;
+
+impl PropertyAccess for SkippedRow {
+    fn new() -> Self {
+        Self
+    }
+}

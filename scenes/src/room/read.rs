@@ -1,0 +1,109 @@
+//! Room directory → [`Room`].
+
+use std::path::{Path, PathBuf};
+
+use calib::files::{read_text, read_toml};
+use serde::Deserialize;
+
+use super::scene_file::{FORMAT, SceneFile, Version};
+use super::validate::camera_place;
+use super::{Room, SCENE_FILE, Zone};
+use crate::geometry::ply;
+use crate::{Error, Result};
+
+impl Room {
+    /// Reads a room directory with its geometry, and checks it.
+    ///
+    /// A reference image that is missing is only worth a warning: nothing but previews needs it.
+    ///
+    /// # Errors
+    /// [`Error::Io`], [`Error::Content`] or [`Error::Calib`], naming the file, the place in it and the problem.
+    pub fn read(dir: &Path) -> Result<Self> {
+        let path = scene_file_in(dir)?;
+        if read_text(&path)?.trim().is_empty() {
+            return Err(Error::content(&path, "whole file", "the file is empty; write the room again"));
+        }
+        let Version { format } = read_toml(&path)?;
+        if format != FORMAT {
+            let problem = format!("format {format} is not known; this program reads format {FORMAT}");
+            return Err(Error::content(&path, "format", problem));
+        }
+        let file: SceneFile = read_toml(&path)?;
+
+        let mut room = Self {
+            zones: file.zone,
+            walkable: file.floor.and_then(|floor| floor.walkable),
+            ..Self::default()
+        };
+        for (i, table) in file.camera.into_iter().enumerate() {
+            let place = camera_place(i, &table.name);
+            let camera = table
+                .camera()
+                .map_err(|(key, problem)| Error::content(&path, format!("{place}: {key}"), problem))?;
+            room.cameras.push(camera);
+        }
+        if let Some(geometry) = file.geometry {
+            let ply_path = dir.join(&geometry);
+            if !ply_path.is_file() {
+                let problem = format!(
+                    "there is no file {}; put it there, or remove the line if the room is empty",
+                    ply_path.display()
+                );
+                return Err(Error::content(&path, "geometry", problem));
+            }
+            room.geometry = Some(ply::read(&ply_path)?);
+        }
+        if let Some((place, problem)) = room.defect() {
+            return Err(Error::content(&path, place, problem));
+        }
+        for (camera, image) in room.missing_references(dir) {
+            tracing::warn!("{}: camera `{camera}`: no reference image {}", path.display(), image.display());
+        }
+        Ok(room)
+    }
+
+    /// The reference images that `scene.toml` names and that are not there: camera and file.
+    pub fn missing_references(&self, dir: &Path) -> Vec<(&str, PathBuf)> {
+        self.cameras
+            .iter()
+            .filter_map(|c| Some((c.name.as_str(), dir.join(c.reference.as_ref()?))))
+            .filter(|(_, image)| !image.is_file())
+            .collect()
+    }
+}
+
+fn scene_file_in(dir: &Path) -> Result<PathBuf> {
+    let path = dir.join(SCENE_FILE);
+    let problem = if !dir.exists() {
+        "there is no such room directory; make one with `recon build`"
+    } else if !dir.is_dir() {
+        "this is a file; name the room directory that holds scene.toml"
+    } else if !path.is_file() {
+        "it holds no scene.toml, so it is no room directory; make one with `recon build`"
+    } else {
+        return Ok(path);
+    };
+    Err(Error::content(dir, "room directory", problem))
+}
+
+/// The zones of a file: its `[[zone]]` tables, whatever else stands in it. A room's `scene.toml` will do.
+///
+/// # Errors
+/// [`Error::Calib`] when it cannot be read or parsed, [`Error::Content`] when it holds no zone or one without area.
+pub fn read_zones(file: &Path) -> Result<Vec<Zone>> {
+    #[derive(Deserialize)]
+    struct ZonesFile {
+        #[serde(default)]
+        zone: Vec<Zone>,
+    }
+    let ZonesFile { zone: zones } = read_toml(file)?;
+    if zones.is_empty() {
+        return Err(Error::content(file, "whole file", "there is no [[zone]] table in it"));
+    }
+    for (i, zone) in zones.iter().enumerate() {
+        if let Some(problem) = zone.polygon.defect() {
+            return Err(Error::content(file, format!("zone {} (`{}`)", i + 1, zone.name), problem));
+        }
+    }
+    Ok(zones)
+}

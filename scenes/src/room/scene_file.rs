@@ -1,0 +1,100 @@
+//! `scene.toml` as it stands on disk. Unknown keys are an error: most are misspelt known ones.
+
+use std::path::PathBuf;
+
+use calib::files::{matrix_from_rows, rows_of_matrix};
+use calib::{Camera, Distortion, Intrinsics};
+use nalgebra::{Isometry3, Translation3};
+use serde::{Deserialize, Serialize};
+
+use super::{Room, RoomCamera, Zone};
+use crate::polygon::Polygon;
+
+/// The only version of the format there is.
+pub(super) const FORMAT: i64 = 1;
+
+/// Read before everything else, so that a newer format is not called a misspelt key.
+#[derive(Deserialize)]
+pub(super) struct Version {
+    pub(super) format: i64,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SceneFile {
+    pub(super) format: i64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) geometry: Option<PathBuf>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) floor: Option<Floor>,
+    #[serde(default)]
+    pub(super) camera: Vec<CameraTable>,
+    #[serde(default)]
+    pub(super) zone: Vec<Zone>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Floor {
+    pub(super) walkable: Option<Vec<Polygon>>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct CameraTable {
+    pub(super) name: String,
+    width: u32,
+    height: u32,
+    matrix: [[f64; 3]; 3],
+    #[serde(default)]
+    distortion: Distortion,
+    rotation: [[f64; 3]; 3],
+    translation: [f64; 3],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    reference: Option<PathBuf>,
+}
+
+impl CameraTable {
+    /// The camera, or the key that makes none of it and why.
+    pub(super) fn camera(self) -> Result<RoomCamera, (&'static str, String)> {
+        let intrinsics = Intrinsics::from_matrix(
+            self.width,
+            self.height,
+            &matrix_from_rows(&self.matrix),
+            self.distortion,
+        )
+        .map_err(|e| ("width, height, matrix, distortion", e.to_string()))?;
+        let rotation = calib::rotation::from_matrix(&matrix_from_rows(&self.rotation))
+            .map_err(|e| ("rotation", e.to_string()))?;
+        let camera_from_world = Isometry3::from_parts(Translation3::from(self.translation), rotation);
+        let camera = Camera { intrinsics, camera_from_world };
+        Ok(RoomCamera { name: self.name, camera, reference: self.reference })
+    }
+
+    fn of(camera: &RoomCamera) -> Self {
+        let RoomCamera { name, camera: Camera { intrinsics, camera_from_world }, reference } = camera;
+        Self {
+            name: name.clone(),
+            width: intrinsics.width,
+            height: intrinsics.height,
+            matrix: rows_of_matrix(&intrinsics.matrix()),
+            distortion: intrinsics.distortion,
+            rotation: rows_of_matrix(camera_from_world.rotation.to_rotation_matrix().matrix()),
+            translation: camera_from_world.translation.vector.into(),
+            reference: reference.clone(),
+        }
+    }
+}
+
+impl SceneFile {
+    /// The file of a room whose geometry, if it has any, stands in `geometry`.
+    pub(super) fn of(room: &Room, geometry: &str) -> Self {
+        Self {
+            format: FORMAT,
+            geometry: room.geometry.as_ref().map(|_| geometry.into()),
+            floor: room.walkable.clone().map(|polygons| Floor { walkable: Some(polygons) }),
+            camera: room.cameras.iter().map(CameraTable::of).collect(),
+            zone: room.zones.clone(),
+        }
+    }
+}

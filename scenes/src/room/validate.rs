@@ -1,0 +1,87 @@
+//! What every other part of the program relies on in a room.
+
+use super::{Room, RoomCamera};
+use crate::{Error, Result};
+
+/// No camera is larger; a misplaced digit must not exhaust memory.
+const LARGEST_SIDE_PX: u32 = 20_000;
+
+impl Room {
+    /// Checks what every other part of the program relies on.
+    ///
+    /// # Errors
+    /// [`Error::Room`] for the first thing that is wrong: no camera, names that are empty, doubled or no file names,
+    /// numbers that are not finite, polygons without area, geometry that cannot be intersected.
+    pub fn validate(&self) -> Result<()> {
+        self.defect().map_or(Ok(()), |(place, problem)| Err(Error::Room { place, problem }))
+    }
+
+    /// The first thing that is wrong with the room: its place, and the problem.
+    pub(super) fn defect(&self) -> Option<(String, String)> {
+        if self.cameras.is_empty() {
+            return Some(("camera".into(), "there is no [[camera]]; a room needs at least one".into()));
+        }
+        for (i, camera) in self.cameras.iter().enumerate() {
+            let defect = camera_defect(camera).or_else(|| {
+                let doubled = self.cameras[..i].iter().any(|other| other.name == camera.name);
+                doubled.then(|| "another camera has the same name; rename one".into())
+            });
+            if let Some(problem) = defect {
+                return Some((camera_place(i, &camera.name), problem));
+            }
+        }
+        for (i, zone) in self.zones.iter().enumerate() {
+            if let Some(problem) = zone.polygon.defect() {
+                return Some((format!("zone {} (`{}`)", i + 1, zone.name), problem));
+            }
+        }
+        if let Some(polygons) = &self.walkable {
+            if polygons.is_empty() {
+                let problem =
+                    "the list is empty, so nobody could stand anywhere; remove it or draw a polygon";
+                return Some(("floor, walkable".into(), problem.into()));
+            }
+            for (i, polygon) in polygons.iter().enumerate() {
+                if let Some(problem) = polygon.defect() {
+                    return Some((format!("floor, walkable polygon {}", i + 1), problem));
+                }
+            }
+        }
+        let geometry = self.geometry.as_ref()?;
+        if geometry.is_empty() {
+            return Some((
+                "geometry".into(),
+                "it is empty; leave it out if nothing stands in the room".into(),
+            ));
+        }
+        geometry.defect().map(|(place, problem)| (format!("geometry, {place}"), problem))
+    }
+}
+
+/// How a camera is named in messages: by its place in the file, and by its name.
+pub(super) fn camera_place(index: usize, name: &str) -> String {
+    format!("camera {} (`{name}`)", index + 1)
+}
+
+fn camera_defect(camera: &RoomCamera) -> Option<String> {
+    // The name becomes part of file names and of `NAME=PATH` on the command line.
+    let name = &camera.name;
+    let forbidden = |c: char| matches!(c, '/' | '\\' | '=') || c.is_control();
+    if name.is_empty() || name == "." || name == ".." || name.contains(forbidden) {
+        return Some("the name is empty or holds `/`, `\\`, `=`; it becomes part of file names".into());
+    }
+    let intrinsics = &camera.camera.intrinsics;
+    if let Err(e) = intrinsics.validate() {
+        return Some(e.to_string());
+    }
+    if intrinsics.width.max(intrinsics.height) > LARGEST_SIDE_PX {
+        return Some(format!(
+            "the image size {} × {} is no camera's (at most {LARGEST_SIDE_PX} a side)",
+            intrinsics.width, intrinsics.height
+        ));
+    }
+    let pose = &camera.camera.camera_from_world;
+    let finite =
+        pose.translation.vector.iter().chain(pose.rotation.coords.iter()).all(|value| value.is_finite());
+    (!finite).then(|| "the rotation or translation holds a number that is not finite".into())
+}
