@@ -15,7 +15,7 @@ use crate::polygon::Polygon;
 fn room() -> Room {
     let camera = |name: &str, turn: f64| {
         let mut intrinsics = Intrinsics::from_horizontal_fov(640, 480, 73.3);
-        intrinsics.distortion = [-0.2, 0.1, 1e-4, -2e-3, 0.0123456789].into();
+        intrinsics.distortion = [-0.2, 0.1, 1e-4, -2e-3, 0.012_345_678_9].into();
         let camera_from_world = Isometry3::from_parts(
             Translation3::new(0.1 + turn, -1.0 / 3.0, std::f64::consts::PI),
             UnitQuaternion::from_euler_angles(turn, 1.0, -0.3),
