@@ -288,7 +288,7 @@ mod tests {
         let (k, half) = (wide(), wide().resized(320, 240));
         let direction = Point3::new(0.2, -0.1, 1.0);
         let (full, small) = (k.project(&direction).unwrap(), half.project(&direction).unwrap());
-        assert_relative_eq!((full.x + 0.5) / 2.0 - 0.5, small.x, epsilon = 1e-9);
-        assert_relative_eq!((full.y + 0.5) / 2.0 - 0.5, small.y, epsilon = 1e-9);
+        assert_relative_eq!(0.5 * (full.x + 0.5) - 0.5, small.x, epsilon = 1e-9);
+        assert_relative_eq!(0.5 * (full.y + 0.5) - 0.5, small.y, epsilon = 1e-9);
     }
 }

@@ -5,6 +5,7 @@
 //! * [`Camera`] — where a camera stands ([`nalgebra::Isometry3`], `camera_from_world`) and how it maps
 //!   directions to pixels ([`Intrinsics`], with OpenCV's [`Distortion`]). Start here.
 //! * [`absolute_orientation`] — Horn's closed form: the similarity that takes one set of points to another.
+//! * [`resection`] — a camera's pose from known points and their pixels.
 //! * [`undistort`] — lookup maps between a distorted image and its pinhole twin.
 //! * [`vision`] — the project's one door to OpenCV (feature `vision`): images, video, optical flow,
 //!   background models. The rest of the crate builds and tests without it.
@@ -22,6 +23,7 @@ mod camera;
 mod distortion;
 mod error;
 pub mod files;
+pub mod resection;
 pub mod rotation;
 pub mod undistort;
 #[cfg(feature = "vision")]

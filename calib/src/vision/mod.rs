@@ -6,6 +6,7 @@
 mod adapter;
 pub mod background;
 pub mod chatter;
+pub mod chessboard;
 mod morphology;
 pub mod source;
 pub mod writer;

@@ -1,0 +1,209 @@
+//! Chessboards in images, and intrinsics from views of one (Z. Zhang, "A flexible new technique for camera
+//! calibration", PAMI 2000, as OpenCV's `calibrateCamera` implements it).
+
+use std::fmt;
+use std::str::FromStr;
+
+use image::{GrayImage, RgbImage};
+use nalgebra::{Point2, Vector2};
+use opencv::core::{Mat, Point2f, Point3f, Size, TermCriteria, TermCriteria_Type, Vector};
+use opencv::prelude::*;
+use opencv::{calib3d, imgproc};
+
+use super::adapter;
+use crate::{Error, Intrinsics, Result};
+
+/// A chessboard, told by its inner corners.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Chessboard {
+    /// Inner corners along a row.
+    pub columns: u32,
+    /// Inner corners along a column.
+    pub rows: u32,
+}
+
+impl FromStr for Chessboard {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let sides = text.split_once('x').and_then(|(c, r)| Some((c.parse().ok()?, r.parse().ok()?)));
+        match sides {
+            Some((columns, rows)) if columns >= 3 && rows >= 3 => Ok(Self { columns, rows }),
+            _ => {
+                Err(format!("`{text}` is no pattern; write its inner corners, at least 3 each way, like 9x6"))
+            }
+        }
+    }
+}
+
+impl fmt::Display for Chessboard {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}x{}", self.columns, self.rows)
+    }
+}
+
+/// What views of a chessboard say of a camera.
+#[derive(Debug, Clone)]
+pub struct Calibration {
+    /// The camera.
+    pub intrinsics: Intrinsics,
+    /// One standard deviation of fx, fy, cx, cy, pixels.
+    pub sigma_px: [f64; 4],
+    /// Root mean square reprojection error over all views, pixels.
+    pub rms_px: f64,
+    /// The same for each view.
+    pub view_rms_px: Vec<f64>,
+}
+
+impl Chessboard {
+    fn size(self) -> Size {
+        Size::new(self.columns as i32, self.rows as i32)
+    }
+
+    /// The inner corners, row by row, to a fraction of a pixel; `None` when the board is not seen whole.
+    ///
+    /// # Errors
+    /// When OpenCV refuses the image.
+    pub fn find(self, image: &GrayImage) -> Result<Option<Vec<Point2<f64>>>> {
+        let finding = adapter::refused("finding a chessboard");
+        let view = adapter::gray(image)?;
+        let mut corners: Vector<Point2f> = Vector::new();
+        let flags = calib3d::CALIB_CB_ADAPTIVE_THRESH | calib3d::CALIB_CB_NORMALIZE_IMAGE;
+        if !calib3d::find_chessboard_corners(&view, self.size(), &mut corners, flags).map_err(&finding)? {
+            return Ok(None);
+        }
+        // A window of half the squares' spacing never takes in a neighbouring corner.
+        let first: Vec<Vector2<f32>> = corners.iter().take(2).map(|c| Vector2::new(c.x, c.y)).collect();
+        let half = (0.4 * (first[1] - first[0]).norm()).clamp(2.0, 11.0) as i32;
+        let until =
+            TermCriteria::new(TermCriteria_Type::COUNT as i32 | TermCriteria_Type::EPS as i32, 50, 1e-3)
+                .map_err(&finding)?;
+        imgproc::corner_sub_pix(&view, &mut corners, Size::new(half, half), Size::new(-1, -1), until)
+            .map_err(&finding)?;
+        Ok(Some(corners.iter().map(|c| Point2::new(c.x as f64, c.y as f64)).collect()))
+    }
+
+    /// Draws found corners on a picture, as OpenCV does: a rainbow, row by row.
+    ///
+    /// # Errors
+    /// When OpenCV refuses the image.
+    pub fn draw(self, picture: &mut RgbImage, corners: &[Point2<f64>]) -> Result<()> {
+        let points: Vector<Point2f> = corners.iter().map(|c| Point2f::new(c.x as f32, c.y as f32)).collect();
+        calib3d::draw_chessboard_corners(&mut adapter::rgb_mut(picture)?, self.size(), &points, true)
+            .map_err(adapter::refused("drawing a chessboard"))
+    }
+
+    /// Intrinsics from the corners of several views; squares of `square_m` metres.
+    ///
+    /// # Errors
+    /// Fewer than three views, or views that do not determine the camera.
+    pub fn calibrate(
+        self,
+        views: &[Vec<Point2<f64>>],
+        size: (u32, u32),
+        square_m: f64,
+    ) -> Result<Calibration> {
+        if views.len() < 3 {
+            return Err(Error::Degenerate(format!(
+                "the {self} board is seen whole in {} images; film it whole in at least 3, tilted this way and that",
+                views.len()
+            )));
+        }
+        let calibrating = adapter::refused("calibrating");
+        let board: Vector<Point3f> = (0..self.rows)
+            .flat_map(|row| (0..self.columns).map(move |column| (row, column)))
+            .map(|(row, column)| {
+                Point3f::new(column as f32 * square_m as f32, row as f32 * square_m as f32, 0.0)
+            })
+            .collect();
+        let boards: Vector<Vector<Point3f>> = views.iter().map(|_| board.clone()).collect();
+        let seen: Vector<Vector<Point2f>> = views
+            .iter()
+            .map(|v| v.iter().map(|c| Point2f::new(c.x as f32, c.y as f32)).collect::<Vector<Point2f>>())
+            .collect();
+        let (mut matrix, mut distortion) = (Mat::default(), Mat::default());
+        let (mut rotations, mut translations) = (Mat::default(), Mat::default());
+        let (mut sigma, mut sigma_poses, mut per_view) = (Mat::default(), Mat::default(), Mat::default());
+        let rms_px = calib3d::calibrate_camera_extended_def(
+            &boards,
+            &seen,
+            Size::new(size.0 as i32, size.1 as i32),
+            &mut matrix,
+            &mut distortion,
+            &mut rotations,
+            &mut translations,
+            &mut sigma,
+            &mut sigma_poses,
+            &mut per_view,
+        )
+        .map_err(&calibrating)?;
+        let numbers =
+            |mat: &Mat| -> Result<Vec<f64>> { Ok(mat.data_typed::<f64>().map_err(&calibrating)?.to_vec()) };
+        let (k, d, s) = (numbers(&matrix)?, numbers(&distortion)?, numbers(&sigma)?);
+        let intrinsics = Intrinsics {
+            width: size.0,
+            height: size.1,
+            fx: k[0],
+            fy: k[4],
+            cx: k[2],
+            cy: k[5],
+            distortion: [d[0], d[1], d[2], d[3], d[4]].into(),
+        };
+        intrinsics.validate()?;
+        Ok(Calibration {
+            intrinsics,
+            sigma_px: [s[0], s[1], s[2], s[3]],
+            rms_px,
+            view_rms_px: numbers(&per_view)?,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn patterns_are_read_and_refused() {
+        assert_eq!("9x6".parse(), Ok(Chessboard { columns: 9, rows: 6 }));
+        for bad in ["", "9", "9x", "x6", "2x9", "9x-6", "9 x 6"] {
+            assert!(bad.parse::<Chessboard>().is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn real_views_agree_with_the_reference_calibration() {
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/chessboard");
+        let Ok(entries) = std::fs::read_dir(folder) else {
+            eprintln!("skipped: {folder} is not here");
+            return;
+        };
+        let mut paths: Vec<_> = entries
+            .map(|e| e.unwrap().path())
+            .filter(|p| p.extension().is_some_and(|e| e == "jpg"))
+            .collect();
+        paths.sort();
+        let board: Chessboard = "9x6".parse().unwrap();
+        let views: Vec<_> =
+            paths.iter().filter_map(|p| board.find(&image::open(p).unwrap().into_luma8()).unwrap()).collect();
+        assert_eq!(views.len(), 13);
+        let found = board.calibrate(&views, (640, 480), 0.025).unwrap();
+        // OpenCV's own sample calibration of these images (left_intrinsics.yml): f 535.9, c (342.3, 235.6), 0.39 px.
+        assert!(
+            (found.intrinsics.fx - 535.9).abs() < 4.0 && (found.intrinsics.fy - 535.9).abs() < 4.0,
+            "{found:?}"
+        );
+        assert!(
+            (found.intrinsics.cx - 342.3).abs() < 3.0 && (found.intrinsics.cy - 235.6).abs() < 3.0,
+            "{found:?}"
+        );
+        assert!(found.rms_px < 0.45 && found.view_rms_px.len() == 13, "{found:?}");
+    }
+
+    #[test]
+    fn no_board_is_no_error_and_no_views_are() {
+        let board: Chessboard = "9x6".parse().unwrap();
+        assert_eq!(board.find(&GrayImage::new(64, 48)).unwrap(), None);
+        assert!(board.calibrate(&[], (64, 48), 0.025).unwrap_err().to_string().contains("at least 3"));
+    }
+}
