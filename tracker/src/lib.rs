@@ -6,12 +6,16 @@
 //! * [`moment`] — [`Moment`]: the foreground masks and images of all cameras at one time; what a tracker is given.
 //!   [`PersonEstimate`]: a person at one time; what a tracker gives back. Start here.
 //! * [`method`] — the [`method::Method`] trait, and one folder for each published tracker behind it.
+//! * [`tracks`] — the files of tracks that a run writes, and their readers.
+//! * [`eval`] — tracks against the truth: CLEAR MOT, identity, HOTA, position error.
 #![forbid(unsafe_code)]
 
 mod error;
+pub mod eval;
 pub mod method;
 pub mod moment;
 pub mod stage;
+pub mod tracks;
 
 pub use error::{Error, Result};
 pub use moment::{CameraFrame, Moment, PersonEstimate, TrackId};

@@ -1,0 +1,192 @@
+//! CLEAR MOT: accuracy, precision, switches, fragmentations, mostly tracked and lost.
+//!
+//! K. Bernardin, R. Stiefelhagen, "Evaluating multiple object tracking performance: the CLEAR MOT metrics",
+//! EURASIP J. Image and Video Processing 2008 (MOTA, MOTP, mismatches). MODA: R. Kasturi et al., "Framework for
+//! performance evaluation of face, text and vehicle detection and tracking in video", PAMI 31 (2009). Mostly
+//! tracked (more than 80 % of a life) and lost (less than 20 %): Y. Li, C. Huang, R. Nevatia, CVPR 2009.
+
+use super::scenario::{Scenario, Space};
+use super::{Figure, Metric, Unit, Value, percent};
+
+/// The CLEAR figures.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Clear {
+    /// Truth rows with a matching track.
+    pub matches: usize,
+    /// Truth rows without.
+    pub misses: usize,
+    /// Track rows that stand for nobody.
+    pub false_positives: usize,
+    /// What depends on knowing who is who.
+    pub continuity: Option<Continuity>,
+    /// Sum over the matches of the similarity.
+    similarity_sum: f64,
+    /// Sum over the matches of the distance.
+    distance_sum: f64,
+    space: Space,
+}
+
+/// How steadily each person is followed.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Continuity {
+    /// Times a person's track is another than the last one they had, however long ago.
+    pub switches: usize,
+    /// Times a person is lost while present and found again.
+    pub fragmentations: usize,
+    /// People matched in more than 80 % of their rows.
+    pub mostly_tracked: usize,
+    /// People matched in less than 20 % of their rows.
+    pub mostly_lost: usize,
+    /// People in all.
+    pub people: usize,
+}
+
+impl Metric for Clear {
+    fn of(scenario: &Scenario) -> Self {
+        let all = || scenario.instants.iter().flat_map(|i| &i.matches);
+        let matches = all().count();
+        Self {
+            matches,
+            misses: scenario.truth_rows - matches,
+            false_positives: scenario.track_rows - matches,
+            continuity: scenario.has_identities.then(|| Continuity::of(scenario)),
+            similarity_sum: all().map(|m| m.similarity).sum(),
+            distance_sum: all().map(|m| m.distance).sum(),
+            space: scenario.space,
+        }
+    }
+
+    fn figures(&self) -> Vec<Figure> {
+        let mut figures = vec![
+            Figure::new(
+                "MOTA",
+                percent(self.mota()),
+                "tracking accuracy: 1 − (misses + false positives + switches) / truth",
+            ),
+            match self.space {
+                Space::Floor => Figure::new(
+                    "MOTP",
+                    Value::real(self.motp(), Unit::Metres),
+                    "tracking precision: mean distance of the matches",
+                ),
+                Space::Image => Figure::new(
+                    "MOTP",
+                    percent(self.motp()),
+                    "tracking precision: mean overlap (IoU) of the matches",
+                ),
+            },
+            Figure::new("MODA", percent(self.moda()), "detection accuracy: as MOTA, without switches"),
+            Figure::new("recall", percent(self.recall()), "share of the truth that is found"),
+            Figure::new(
+                "precision",
+                percent(self.precision()),
+                "share of the tracks' rows that are somebody",
+            ),
+        ];
+        let counted = |count: fn(&Continuity) -> usize| Value::count(self.continuity.as_ref().map(count));
+        figures.extend([
+            Figure::new("ID switches", counted(|c| c.switches), "times a person's track becomes another one"),
+            Figure::new(
+                "fragmentations",
+                counted(|c| c.fragmentations),
+                "times a person is lost and found again",
+            ),
+            Figure::new(
+                "mostly tracked",
+                counted(|c| c.mostly_tracked),
+                "people matched in more than 80 % of their frames",
+            ),
+            Figure::new(
+                "mostly lost",
+                counted(|c| c.mostly_lost),
+                "people matched in less than 20 % of their frames",
+            ),
+            Figure::new("false positives", Value::count(Some(self.false_positives)), "rows that are nobody"),
+            Figure::new("misses", Value::count(Some(self.misses)), "truth rows without a track"),
+        ]);
+        figures
+    }
+}
+
+impl Clear {
+    fn truth(&self) -> usize {
+        self.matches + self.misses
+    }
+
+    /// Multiple object tracking accuracy, at most 1; `None` without truth or identities.
+    pub fn mota(&self) -> Option<f64> {
+        let errors = self.misses + self.false_positives + self.continuity.as_ref()?.switches;
+        ratio(self.truth() as f64 - errors as f64, self.truth())
+    }
+
+    /// Multiple object detection accuracy, at most 1; `None` without truth.
+    pub fn moda(&self) -> Option<f64> {
+        ratio(self.matches as f64 - self.false_positives as f64, self.truth())
+    }
+
+    /// Multiple object tracking precision: on the floor the mean distance of the matches in metres, in the image
+    /// their mean overlap; `None` without a match.
+    pub fn motp(&self) -> Option<f64> {
+        match self.space {
+            Space::Floor => ratio(self.distance_sum, self.matches),
+            Space::Image => ratio(self.similarity_sum, self.matches),
+        }
+    }
+
+    /// Share of the truth that is matched.
+    pub fn recall(&self) -> Option<f64> {
+        ratio(self.matches as f64, self.truth())
+    }
+
+    /// Share of the tracks' rows that are matched.
+    pub fn precision(&self) -> Option<f64> {
+        ratio(self.matches as f64, self.matches + self.false_positives)
+    }
+}
+
+impl Continuity {
+    fn of(scenario: &Scenario) -> Self {
+        /// One person's story so far.
+        #[derive(Clone, Default)]
+        struct Life {
+            rows: usize,
+            matched: usize,
+            last_track: Option<usize>,
+            is_lost: bool,
+        }
+        let mut lives = vec![Life::default(); scenario.people];
+        let (mut switches, mut fragmentations) = (0, 0);
+        for instant in &scenario.instants {
+            let mut is_matched = vec![false; scenario.people];
+            for found in &instant.matches {
+                is_matched[found.person] = true;
+                let life = &mut lives[found.person];
+                life.matched += 1;
+                switches += usize::from(life.last_track.is_some_and(|last| last != found.track));
+                fragmentations += usize::from(life.is_lost);
+                life.last_track = Some(found.track);
+                life.is_lost = false;
+            }
+            for person in &instant.truth {
+                let life = &mut lives[*person];
+                life.rows += 1;
+                life.is_lost |= life.last_track.is_some() && !is_matched[*person];
+            }
+        }
+        // Whole numbers: 80 % of 5 rows are 4, not 4.0000000001.
+        let share = |more: fn(usize, usize) -> bool| {
+            lives.iter().filter(|life| more(100 * life.matched, life.rows)).count()
+        };
+        Self {
+            switches,
+            fragmentations,
+            mostly_tracked: share(|matched, rows| matched > 80 * rows),
+            mostly_lost: share(|matched, rows| matched < 20 * rows),
+            people: scenario.people,
+        }
+    }
+}
+
+fn ratio(part: f64, whole: usize) -> Option<f64> {
+    (whole > 0).then(|| part / whole as f64)
+}

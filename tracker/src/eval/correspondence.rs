@@ -1,0 +1,57 @@
+//! Which track stands for which person in each frame.
+//!
+//! K. Bernardin, R. Stiefelhagen, "Evaluating multiple object tracking performance: the CLEAR MOT metrics",
+//! EURASIP J. Image and Video Processing 2008, section 2.3: a pair of the previous frame is kept as long as it
+//! is valid, the rest is assigned for the greatest total similarity. Both in one assignment, as TrackEval does:
+//! keeping a pair outweighs everything that similarity can gain. A frame without truth or without tracks
+//! leaves the pairs as they were.
+
+use super::assignment::best;
+use super::scenario::{Grid, Instant, SIMILARITY_TOLERANCE};
+
+/// A person and the track that stands for them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Match {
+    /// Index of the person in the scenario.
+    pub(super) person: usize,
+    /// Index of the track in the scenario.
+    pub(super) track: usize,
+    /// Their similarity.
+    pub(super) similarity: f64,
+    /// Their distance: metres on the floor, pixels in the image.
+    pub(super) distance: f64,
+}
+
+/// What keeping a pair is worth, in units of similarity: more than any frame's similarities together.
+const KEPT: f64 = 1000.0;
+
+/// Fills in every instant's matches.
+pub(super) fn correspond(instants: &mut [Instant], people: usize, threshold: f64) {
+    let mut previous: Vec<Option<usize>> = vec![None; people];
+    for instant in instants {
+        if instant.truth.is_empty() || instant.tracks.is_empty() {
+            continue;
+        }
+        let weights = Grid::from_fn(instant.truth.len(), instant.tracks.len(), |i, j| {
+            let similarity = instant.similarity.at(i, j);
+            if similarity < threshold - SIMILARITY_TOLERANCE {
+                return 0.0;
+            }
+            let kept = previous[instant.truth[i]] == Some(instant.tracks[j]);
+            similarity + if kept { KEPT } else { 0.0 }
+        });
+        instant.matches = best(&weights)
+            .into_iter()
+            .map(|(i, j)| Match {
+                person: instant.truth[i],
+                track: instant.tracks[j],
+                similarity: instant.similarity.at(i, j),
+                distance: instant.distance.at(i, j),
+            })
+            .collect();
+        previous.fill(None);
+        for found in &instant.matches {
+            previous[found.person] = Some(found.track);
+        }
+    }
+}

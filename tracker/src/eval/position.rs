@@ -1,0 +1,51 @@
+//! Position error: how far the matched tracks stand from the truth.
+//!
+//! The mean is CLEAR's MOTP (Bernardin & Stiefelhagen 2008) on the floor; the published tracker (Osawa et al.)
+//! reports mean and maximum.
+
+use super::scenario::{Scenario, Space};
+use super::{Figure, Metric, Unit, Value};
+
+/// Statistics of the distance over all CLEAR matches.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PositionError {
+    /// Mean, median and maximum; metres on the floor, pixels between foot points in the image. `None` without a match.
+    pub statistics: Option<PositionStatistics>,
+    space: Space,
+}
+
+/// The three figures.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PositionStatistics {
+    /// Arithmetic mean.
+    pub mean: f64,
+    /// Median; of an even number the mean of the middle two.
+    pub median: f64,
+    /// Maximum.
+    pub max: f64,
+}
+
+impl Metric for PositionError {
+    fn of(scenario: &Scenario) -> Self {
+        let mut errors: Vec<f64> =
+            scenario.instants.iter().flat_map(|i| &i.matches).map(|m| m.distance).collect();
+        errors.sort_by(f64::total_cmp);
+        let n = errors.len();
+        let statistics = errors.last().map(|max| PositionStatistics {
+            mean: errors.iter().sum::<f64>() / n as f64,
+            median: 0.5 * (errors[(n - 1) / 2] + errors[n / 2]),
+            max: *max,
+        });
+        Self { statistics, space: scenario.space }
+    }
+
+    fn figures(&self) -> Vec<Figure> {
+        let unit = if self.space == Space::Floor { Unit::Metres } else { Unit::Pixels };
+        let of = |part: fn(&PositionStatistics) -> f64| Value::real(self.statistics.as_ref().map(part), unit);
+        vec![
+            Figure::new("mean error", of(|s| s.mean), "distance from the truth, over all matches"),
+            Figure::new("median error", of(|s| s.median), "half of the matches are closer"),
+            Figure::new("maximum error", of(|s| s.max), "the worst match"),
+        ]
+    }
+}

@@ -1,0 +1,249 @@
+//! What every metric looks at: truth and tracks, frame by frame, with how alike each pair is.
+//!
+//! On the floor, similarity is `max(0, 1 − d / (2 · gate))` of the distance d, so that 0.5 lies exactly at the
+//! gate: the rule of MOTChallenge 3-D and of TrackEval's Euclidean similarity. In the image it is the
+//! intersection over union of the boxes, and the gate is the least that counts.
+
+use std::collections::{BTreeMap, HashMap};
+
+use super::correspondence::{Match, correspond};
+use super::frames::FrameSelection;
+use crate::tracks::rows::{Row, RowFile};
+use crate::{Error, Result};
+
+/// Rounding of a similarity that should lie exactly at a threshold (as in TrackEval).
+pub(super) const SIMILARITY_TOLERANCE: f64 = f64::EPSILON;
+
+/// What is compared.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Space {
+    /// Positions on the floor, metres.
+    Floor,
+    /// Boxes in an image, pixels.
+    Image,
+}
+
+/// A dense table of numbers, row by row.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Grid {
+    rows: usize,
+    columns: usize,
+    values: Vec<f64>,
+}
+
+impl Grid {
+    pub(super) fn from_fn(rows: usize, columns: usize, value: impl Fn(usize, usize) -> f64) -> Self {
+        let values = (0..rows).flat_map(|r| (0..columns).map(move |c| (r, c))).map(|(r, c)| value(r, c));
+        Self { rows, columns, values: values.collect() }
+    }
+    pub(super) fn zeros(rows: usize, columns: usize) -> Self {
+        Self { rows, columns, values: vec![0.0; rows * columns] }
+    }
+    pub(super) fn rows(&self) -> usize {
+        self.rows
+    }
+    pub(super) fn columns(&self) -> usize {
+        self.columns
+    }
+    pub(super) fn at(&self, row: usize, column: usize) -> f64 {
+        self.values[row * self.columns + column]
+    }
+    pub(super) fn add(&mut self, row: usize, column: usize, value: f64) {
+        self.values[row * self.columns + column] += value;
+    }
+    pub(super) fn values(&self) -> &[f64] {
+        &self.values
+    }
+}
+
+/// One frame: who is there, by index into the scenario's people and tracks.
+#[derive(Debug, Clone)]
+pub(super) struct Instant {
+    /// People of the truth.
+    pub(super) truth: Vec<usize>,
+    /// Tracks.
+    pub(super) tracks: Vec<usize>,
+    /// Similarity of each truth row (down) with each track row (across), 0 to 1.
+    pub(super) similarity: Grid,
+    /// Distance of each pair: metres on the floor, pixels between the boxes' foot points in the image.
+    pub(super) distance: Grid,
+    /// The CLEAR correspondence.
+    pub(super) matches: Vec<Match>,
+}
+
+/// Truth and tracks side by side, ready for every metric.
+#[derive(Debug, Clone)]
+pub struct Scenario {
+    /// What is compared.
+    pub space: Space,
+    /// Greatest distance of a match in metres, or its least overlap.
+    pub gate: f64,
+    /// Whether truth and tracks both say who is who. Without, only detection can be judged.
+    pub has_identities: bool,
+    /// Different people in the truth (rows, where it has no identities).
+    pub people: usize,
+    /// Different tracks.
+    pub tracks: usize,
+    /// Rows of the truth that count.
+    pub truth_rows: usize,
+    /// Rows of the tracks that count.
+    pub track_rows: usize,
+    /// Frames that have a row, in order.
+    pub(super) instants: Vec<Instant>,
+}
+
+impl Scenario {
+    /// Lays truth and tracks side by side.
+    ///
+    /// Truth rows whose 7th column is 0 do not count, nor do rows outside `frames`. `to_truth` moves the tracks'
+    /// floor positions into the truth's frame.
+    ///
+    /// # Errors
+    /// Files that have nothing in common to compare (one on the floor, the other in an image), a file in which
+    /// some rows have identities and some do not, a gate that is no positive number.
+    pub fn new(
+        truth: &RowFile,
+        tracks: &RowFile,
+        gate: f64,
+        frames: &FrameSelection,
+        to_truth: Option<&nalgebra::Isometry2<f64>>,
+    ) -> Result<Self> {
+        let space = common_space(truth, tracks)?;
+        let largest = if space == Space::Image { 1.0 } else { f64::INFINITY };
+        if !(gate > 0.0 && gate <= largest && gate.is_finite()) {
+            return Err(Error::option(
+                "--gate",
+                match space {
+                    Space::Floor => format!("is {gate}; give metres above 0"),
+                    Space::Image => format!("is {gate}; boxes are matched on overlap: above 0, up to 1"),
+                },
+            ));
+        }
+        if space == Space::Image && to_truth.is_some() {
+            return Err(Error::option(
+                "--truth-room",
+                "was given, but boxes in an image belong to no room: leave --truth-room and --room out",
+            ));
+        }
+        let counts = |row: &&Row| frames.contains(row.frame);
+        let truth_rows: Vec<&Row> =
+            truth.rows.iter().filter(|r| r.confidence != 0.0).filter(counts).collect();
+        let track_rows: Vec<&Row> = tracks.rows.iter().filter(counts).collect();
+        let has_identities = identities(truth, &truth_rows)? & identities(tracks, &track_rows)?;
+
+        let (mut people, mut track_ids) = (Numbering::default(), Numbering::default());
+        let mut by_frame: BTreeMap<u32, (Vec<&Row>, Vec<&Row>)> = BTreeMap::new();
+        for row in &truth_rows {
+            by_frame.entry(row.frame).or_default().0.push(row);
+        }
+        for row in &track_rows {
+            by_frame.entry(row.frame).or_default().1.push(row);
+        }
+        let pair = |truth: &Row, track: &Row| similarity_and_distance(space, gate, to_truth, truth, track);
+        let mut instants: Vec<Instant> = by_frame
+            .values()
+            .map(|(truth, tracks)| Instant {
+                truth: truth.iter().map(|r| people.of(r, has_identities)).collect(),
+                tracks: tracks.iter().map(|r| track_ids.of(r, has_identities)).collect(),
+                similarity: Grid::from_fn(truth.len(), tracks.len(), |i, j| pair(truth[i], tracks[j]).0),
+                distance: Grid::from_fn(truth.len(), tracks.len(), |i, j| pair(truth[i], tracks[j]).1),
+                matches: Vec::new(),
+            })
+            .collect();
+        let threshold = if space == Space::Floor { 0.5 } else { gate };
+        correspond(&mut instants, people.count, threshold);
+        Ok(Self {
+            space,
+            gate,
+            has_identities,
+            people: people.count,
+            tracks: track_ids.count,
+            truth_rows: truth_rows.len(),
+            track_rows: track_rows.len(),
+            instants,
+        })
+    }
+
+    /// The least similarity of a match.
+    pub(super) fn threshold(&self) -> f64 {
+        if self.space == Space::Floor { 0.5 } else { self.gate }
+    }
+}
+
+/// Positions where both files have them, else boxes.
+fn common_space(truth: &RowFile, tracks: &RowFile) -> Result<Space> {
+    if truth.is_on_floor() && tracks.is_on_floor() && !(truth.rows.is_empty() && tracks.rows.is_empty()) {
+        return Ok(Space::Floor);
+    }
+    if truth.has_boxes() && tracks.has_boxes() {
+        // Two empty files: nothing to compare, and the floor is what trackers here write.
+        let nothing = truth.rows.is_empty() && tracks.rows.is_empty();
+        return Ok(if nothing { Space::Floor } else { Space::Image });
+    }
+    let kind = |file: &RowFile| match (file.is_on_floor(), file.has_boxes()) {
+        (true, _) => "holds floor positions",
+        (false, true) => "holds boxes",
+        (false, false) => "mixes floor positions and boxes",
+    };
+    Err(Error::content(
+        &tracks.path,
+        "whole file",
+        format!(
+            "{}, but the truth {} {}; compare files of the same kind",
+            kind(tracks),
+            truth.path.display(),
+            kind(truth)
+        ),
+    ))
+}
+
+/// Whether the rows of a file say who they are; all of them or none.
+fn identities(file: &RowFile, rows: &[&Row]) -> Result<bool> {
+    let nameless = rows.iter().find(|r| r.id.is_none());
+    match nameless {
+        Some(row) if rows.iter().any(|r| r.id.is_some()) => Err(Error::content(
+            &file.path,
+            format!("line {}", row.line),
+            "has id −1 while other rows have identities; give it one, or −1 to all",
+        )),
+        nameless => Ok(nameless.is_none()),
+    }
+}
+
+fn similarity_and_distance(
+    space: Space,
+    gate: f64,
+    to_truth: Option<&nalgebra::Isometry2<f64>>,
+    truth: &Row,
+    track: &Row,
+) -> (f64, f64) {
+    match (space, truth.position, track.position, truth.pixel_box, track.pixel_box) {
+        (Space::Floor, Some(p), Some(q), ..) => {
+            let distance = (to_truth.map_or(q, |t| t * q) - p).norm();
+            ((1.0 - distance / (2.0 * gate)).max(0.0), distance)
+        }
+        (Space::Image, .., Some(a), Some(b)) => (a.iou(&b), (a.foot() - b.foot()).norm()),
+        // `common_space` has seen to it that every row has what is compared.
+        _ => (0.0, f64::INFINITY),
+    }
+}
+
+/// Ids to consecutive indices; without identities every row is somebody of its own.
+#[derive(Default)]
+struct Numbering {
+    index_of: HashMap<u32, usize>,
+    count: usize,
+}
+
+impl Numbering {
+    fn of(&mut self, row: &Row, has_identities: bool) -> usize {
+        let fresh = self.count;
+        let index = match row.id.filter(|_| has_identities) {
+            Some(id) => *self.index_of.entry(id).or_insert(fresh),
+            None => fresh,
+        };
+        self.count = self.count.max(index + 1);
+        index
+    }
+}

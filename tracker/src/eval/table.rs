@@ -1,0 +1,89 @@
+//! The figures as a person reads them, and as a program does.
+
+use serde_json::{Map, Value as Json, json};
+
+use super::{Evaluation, Figure, Unit, Value};
+use crate::eval::scenario::Space;
+
+impl Figure {
+    /// The value with its unit, as in the table; an en dash where there is none.
+    pub fn text(&self) -> String {
+        match self.value {
+            Value::Count(Some(count)) => format!("{count}"),
+            Value::Real(Some(value), Unit::Percent) => format!("{value:.2} %"),
+            Value::Real(Some(value), Unit::Metres) => format!("{value:.4} m"),
+            Value::Real(Some(value), Unit::Pixels) => format!("{value:.2} px"),
+            Value::Count(None) | Value::Real(None, _) => "–".into(),
+        }
+    }
+
+    /// The name in JSON: as it is where it is an acronym, with underscores and unit otherwise.
+    pub fn key(&self) -> String {
+        let name = self.name.replace(' ', "_");
+        if name.chars().next().is_some_and(char::is_uppercase) && !name.contains('_') {
+            return name;
+        }
+        let unit = match self.value {
+            Value::Real(_, Unit::Metres) => "_m",
+            Value::Real(_, Unit::Pixels) => "_px",
+            _ => "",
+        };
+        name.to_lowercase() + unit
+    }
+}
+
+impl Evaluation {
+    /// A table with a line a figure: name, value with unit, meaning.
+    pub fn table(&self) -> String {
+        let figures = self.figures();
+        let width = |text: &dyn Fn(&Figure) -> String| {
+            figures.iter().map(|f| text(f).chars().count()).max().unwrap_or(0)
+        };
+        let (name, value) = (width(&|f| f.name.to_owned()), width(&Figure::text));
+        let mut lines = vec![self.headline()];
+        for figure in &figures {
+            lines.push(format!("{:name$}  {:>value$}  {}", figure.name, figure.text(), figure.meaning));
+        }
+        lines.join("\n") + "\n"
+    }
+
+    /// What was compared, in one line.
+    pub fn headline(&self) -> String {
+        let s = &self.scenario;
+        let matched_on = match s.space {
+            Space::Floor => format!("matched on floor distance up to {} m", s.gate),
+            Space::Image => format!("matched on box overlap (IoU) from {}", s.gate),
+        };
+        let (people, tracks) = if s.has_identities {
+            (format!("{} people, ", s.people), format!("{} tracks, ", s.tracks))
+        } else {
+            ("no identities, ".to_owned(), String::new())
+        };
+        format!("truth: {people}{} rows; tracks: {tracks}{} rows; {matched_on}", s.truth_rows, s.track_rows)
+    }
+
+    /// One flat object; percentages as in the table (0 to 100), `null` where a figure means nothing here.
+    pub fn json(&self) -> Json {
+        let s = &self.scenario;
+        let mut object = Map::new();
+        object.insert("space".into(), json!(s.space));
+        object.insert("gate".into(), json!(s.gate));
+        object.insert("identities".into(), json!(s.has_identities));
+        object.insert("people".into(), json!(s.people));
+        object.insert("tracks".into(), json!(s.tracks));
+        object.insert("truth_rows".into(), json!(s.truth_rows));
+        object.insert("track_rows".into(), json!(s.track_rows));
+        if let Some(alignment) = &self.alignment {
+            object.insert("alignment_cameras".into(), json!(alignment.cameras));
+            object.insert("alignment_rms_m".into(), json!(alignment.center_rms_m));
+        }
+        for figure in self.figures() {
+            let value = match figure.value {
+                Value::Count(count) => json!(count),
+                Value::Real(value, _) => json!(value),
+            };
+            object.insert(figure.key(), value);
+        }
+        Json::Object(object)
+    }
+}

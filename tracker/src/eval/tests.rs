@@ -1,0 +1,212 @@
+//! The evaluator against independent ones, against closed forms, and at its edges.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use approx::assert_relative_eq;
+use proptest::prelude::*;
+use serde_json::Value as Json;
+
+use super::*;
+
+/// Figures that TrackEval and motmetrics give for the files beside them: `tests/peers/figures.py` made both.
+const PEERS: &str = include_str!("../../tests/peers/figures.json");
+
+fn rows(name: &str, text: &str) -> RowFile {
+    RowFile::parse(Path::new(name), text).unwrap()
+}
+
+fn compare(truth: &str, tracks: &str, options: &EvalOptions) -> Result<Evaluation> {
+    Evaluation::of_rows(&rows("truth.txt", truth), &rows("tracks.txt", tracks), options, None)
+}
+
+/// Floor rows of (frame, id, x).
+fn floor(people: &[(u32, i64, f64)]) -> String {
+    people.iter().fold(String::new(), |mut text, (frame, id, x)| {
+        writeln!(text, "{frame},{id},-1,-1,-1,-1,1,{x},0,0").unwrap();
+        text
+    })
+}
+
+fn judged(truth: &[(u32, i64, f64)], tracks: &[(u32, i64, f64)]) -> Json {
+    compare(&floor(truth), &floor(tracks), &EvalOptions::default()).unwrap().json()
+}
+
+#[test]
+fn independent_evaluators_give_the_same_figures() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/peers");
+    let peers: serde_json::Map<String, Json> = serde_json::from_str(PEERS).unwrap();
+    assert_eq!(peers.len(), 4);
+    for (case, figures) in peers {
+        let file = |kind: &str| folder.join(format!("{case}_{kind}.txt"));
+        let found = Evaluation::of_files(&file("truth"), &file("tracks"), &EvalOptions::default(), None)
+            .unwrap()
+            .json();
+        for (name, expected) in figures.as_object().unwrap() {
+            let value = found[name].as_f64().unwrap_or_else(|| panic!("{case} has no {name}"));
+            assert_relative_eq!(value, expected.as_f64().unwrap(), epsilon = 1e-9, max_relative = 1e-12);
+        }
+    }
+}
+
+#[test]
+fn a_switch_a_loss_and_a_ghost_are_counted_once_each() {
+    // One person over 10 frames: tracked as 1, lost in frames 4 and 5, then tracked as 2; a ghost in frame 9.
+    let truth: Vec<_> = (1..=10).map(|f| (f, 7, f as f64)).collect();
+    let mut tracks: Vec<_> = (1..=10)
+        .filter(|f| ![4, 5].contains(f))
+        .map(|f| (f, if f < 4 { 1 } else { 2 }, f as f64 + 0.1))
+        .collect();
+    tracks.push((9, 3, 30.0));
+    let found = judged(&truth, &tracks);
+    let is =
+        |name: &str, value: f64| assert_relative_eq!(found[name].as_f64().unwrap(), value, epsilon = 1e-9);
+    is("misses", 2.0);
+    is("false_positives", 1.0);
+    is("id_switches", 1.0);
+    is("fragmentations", 1.0);
+    is("MOTA", 60.0);
+    is("MODA", 70.0);
+    is("mostly_tracked", 0.0); // 80 % exactly is not more than 80 %.
+    is("MOTP", 0.1);
+    is("mean_error_m", 0.1);
+    is("maximum_error_m", 0.1);
+    is("IDF1", 100.0 * 2.0 * 5.0 / (10.0 + 9.0));
+    // d = 0.1 at a gate of 0.5: similarity 0.9, a match up to the 18th of 19 thresholds.
+    let (det, ass) = (8.0 / 11.0, (3.0 * (3.0 / 10.0) + 5.0 * (5.0 / 10.0)) / 8.0);
+    is("DetA", 100.0 * det * 18.0 / 19.0);
+    is("AssA", 100.0 * ass * 18.0 / 19.0);
+    is("HOTA", 100.0 * (det * ass).sqrt() * 18.0 / 19.0);
+}
+
+#[test]
+fn a_pair_of_the_frame_before_is_kept_though_another_is_closer() {
+    // Two tracks change sides of one person; the first stays within the gate.
+    let truth = [(1, 1, 0.0), (2, 1, 0.0), (3, 1, 0.0)];
+    let tracks = [(1, 1, 0.1), (2, 1, 0.4), (2, 2, 0.0), (3, 1, 0.6), (3, 2, 0.0)];
+    let found = judged(&truth, &tracks);
+    assert_eq!(found["id_switches"], 1, "only in frame 3, where track 1 has left the gate");
+    assert_relative_eq!(found["maximum_error_m"].as_f64().unwrap(), 0.4, epsilon = 1e-12);
+}
+
+#[test]
+fn a_person_who_leaves_and_comes_back_was_not_lost() {
+    let truth = [(1, 1, 0.0), (2, 1, 0.0), (8, 1, 0.0), (9, 1, 0.0)];
+    assert_eq!(judged(&truth, &truth)["fragmentations"], 0);
+    // Missed on return, then found: once.
+    assert_eq!(judged(&truth, &[truth[0], truth[1], truth[3]])["fragmentations"], 1);
+    // A loss in frames where there is no track at all counts like any other.
+    let alone: Vec<_> = (1..=9).map(|f| (f, 1, 0.0)).collect();
+    assert_eq!(judged(&alone, &[&alone[..3], &alone[6..]].concat())["fragmentations"], 1);
+}
+
+#[test]
+fn without_identities_only_detection_is_judged() {
+    let truth = [(1, -1, 0.0), (1, -1, 2.0), (2, -1, 0.0)];
+    let tracks = [(1, 4, 0.1), (2, 5, 0.0), (2, 6, 9.0)];
+    let found = judged(&truth, &tracks);
+    assert_relative_eq!(found["MODA"].as_f64().unwrap(), 100.0 / 3.0, epsilon = 1e-9);
+    assert_eq!((&found["misses"], &found["false_positives"]), (&1.into(), &1.into()));
+    for name in ["MOTA", "IDF1", "HOTA", "id_switches", "fragmentations", "mostly_tracked"] {
+        assert!(found[name].is_null(), "{name}");
+    }
+    let mixed = floor(&[(1, -1, 0.0), (1, 2, 2.0)]);
+    let error = compare(&mixed, &floor(&tracks), &EvalOptions::default()).unwrap_err().to_string();
+    assert!(error.contains("truth.txt") && error.contains("line 1"), "{error}");
+}
+
+#[test]
+fn empty_files_are_fine() {
+    let some = [(1, 1, 0.0), (2, 1, 0.0)];
+    let nothing_found = judged(&some, &[]);
+    assert_eq!((&nothing_found["MOTA"], &nothing_found["misses"]), (&0.0.into(), &2.into()));
+    assert_eq!((&nothing_found["IDF1"], &nothing_found["HOTA"]), (&0.0.into(), &0.0.into()));
+    assert!(nothing_found["mean_error_m"].is_null());
+    let nobody_there = judged(&[], &some);
+    assert!(nobody_there["MOTA"].is_null());
+    assert_eq!((&nobody_there["false_positives"], &nobody_there["HOTA"]), (&2.into(), &0.0.into()));
+    let nothing = judged(&[], &[]);
+    assert!(nothing["MOTA"].is_null() && nothing["IDF1"].is_null() && nothing["HOTA"].is_null());
+    let table = compare("", "", &EvalOptions::default()).unwrap().table();
+    assert!(table.contains("MOTA") && !table.contains("NaN"), "{table}");
+}
+
+#[test]
+fn rows_that_do_not_count_do_not() {
+    let truth = "1,1,0,0,10,20,1\n1,2,50,0,10,20,0\n2,1,0,0,10,20,1\n3,1,0,0,10,20,1\n";
+    let tracks = "1,5,0,0,10,20,0.9\n2,5,0,0,10,20,0\n3,5,80,0,10,20,1\n";
+    let all = compare(truth, tracks, &EvalOptions::default()).unwrap();
+    assert_eq!((all.scenario.truth_rows, all.scenario.track_rows, all.clear.matches), (3, 3, 2));
+    let first_two = EvalOptions {
+        frames: FrameSelection { range: Some(FrameRange { first: 1, last: 2 }), annotated: None },
+        ..EvalOptions::default()
+    };
+    let some = compare(truth, tracks, &first_two).unwrap();
+    assert_relative_eq!(some.clear.mota().unwrap(), 1.0);
+    assert_relative_eq!(some.clear.motp().unwrap(), 1.0);
+}
+
+#[test]
+fn files_of_different_kinds_and_bad_gates_are_refused() {
+    let (floor, image) = (floor(&[(1, 1, 0.0)]), "1,1,0,0,5,5,1\n");
+    let options = EvalOptions::default();
+    let error = compare(&floor, image, &options).unwrap_err().to_string();
+    assert!(
+        error.contains("tracks.txt") && error.contains("boxes") && error.contains("truth.txt"),
+        "{error}"
+    );
+    for gate in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        let options = EvalOptions { gate: Some(gate), ..EvalOptions::default() };
+        assert!(compare(&floor, &floor, &options).unwrap_err().to_string().contains("gate"), "{gate}");
+    }
+    let options = EvalOptions { gate: Some(1.5), ..EvalOptions::default() };
+    assert!(compare(image, image, &options).is_err());
+    assert!(compare(&floor, &floor, &options).is_ok());
+}
+
+#[test]
+fn tracks_from_another_room_are_brought_over() {
+    let truth = rows("truth.txt", &floor(&[(1, 1, 0.0), (2, 1, 1.0)]));
+    // The same, seen in a frame turned by a quarter and shifted.
+    let tracks = rows("tracks.txt", "1,1,-1,-1,-1,-1,1,3,2,0\n2,1,-1,-1,-1,-1,1,3,3,0\n");
+    let alignment = Alignment {
+        truth_from_room: nalgebra::Isometry2::new(
+            nalgebra::Vector2::new(3.0, 2.0),
+            std::f64::consts::FRAC_PI_2,
+        )
+        .inverse(),
+        cameras: 2,
+        center_rms_m: 0.0,
+    };
+    let found =
+        Evaluation::of_rows(&truth, &tracks, &EvalOptions::default(), Some(alignment.clone())).unwrap();
+    assert!(found.position.statistics.unwrap().max < 1e-12);
+    let boxes = rows("boxes.txt", "1,1,0,0,5,5,1\n");
+    assert!(Evaluation::of_rows(&boxes, &boxes, &EvalOptions::default(), Some(alignment)).is_err());
+}
+
+proptest! {
+    #[test]
+    fn names_and_order_of_rows_do_not_matter_and_the_truth_itself_is_perfect(
+        positions in prop::collection::vec((1u32..12, 1i64..5, -3.0..3.0f64), 1..40), seed in 0u64..1000) {
+        let mut people = positions;
+        people.sort_by_key(|p| (p.0, p.1));
+        people.dedup_by_key(|p| (p.0, p.1));
+        let perfect = judged(&people, &people);
+        for name in ["MOTA", "MODA", "IDF1", "HOTA", "DetA", "AssA"] {
+            prop_assert!((perfect[name].as_f64().unwrap() - 100.0).abs() < 1e-9, "{}", name);
+        }
+        let noise = |i: usize| ((i as u64 * 7919 + seed * 104_729) % 1000) as f64 / 1000.0 - 0.5;
+        let mut tracks: Vec<_> = people.iter().enumerate().map(|(i, (f, id, x))| (*f, *id, x + noise(i))).collect();
+        let before = judged(&people, &tracks);
+        tracks.reverse();
+        for track in &mut tracks {
+            track.1 = 40 - track.1;
+        }
+        prop_assert_eq!(&judged(&people, &tracks)["id_switches"], &before["id_switches"]);
+        for name in ["MOTA", "MOTP", "IDF1", "HOTA", "AssA"] {
+            let (a, b) = (judged(&people, &tracks)[name].as_f64(), before[name].as_f64());
+            prop_assert!(a.is_some() == b.is_some() && (a.unwrap_or(0.0) - b.unwrap_or(0.0)).abs() < 1e-9, "{}", name);
+        }
+    }
+}

@@ -1,0 +1,16 @@
+//! Track files: what a run leaves behind, and what the evaluator reads.
+//!
+//! * [`TrackFiles`] — writes `tracks.txt`, `boxes/NAME.txt` and `tracks.jsonl`, frame by frame;
+//! * [`Stopwatch`] — `timings.json`;
+//! * [`rows`] — reads MOTChallenge rows, floor or image; [`jsonl`] — reads `tracks.jsonl`;
+//! * [`extent`] — where a body's outline lies in a real image.
+
+pub mod extent;
+pub mod jsonl;
+mod line_file;
+pub mod rows;
+mod timings;
+mod write;
+
+pub use timings::{StageTimes, Stopwatch, Timings};
+pub use write::TrackFiles;

@@ -1,0 +1,190 @@
+//! The three files of tracks that a run writes as it goes.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use super::extent::Body;
+use super::jsonl::{FrameLine, PersonLine, rounded};
+use super::line_file::LineFile;
+use crate::stage::Stage;
+use crate::{Error, PersonEstimate, Result};
+
+/// `tracks.txt`, `tracks.jsonl` and `boxes/NAME.txt` of a run.
+///
+/// Every frame's lines are handed to the system when they are written, under the files' final names: whoever
+/// follows them, or finds them after a power cut, sees whole lines. Nothing is touched before the first frame.
+#[derive(Debug)]
+pub struct TrackFiles {
+    floor: LineFile,
+    json: LineFile,
+    boxes: Vec<(calib::Camera, LineFile)>,
+    names: Vec<String>,
+}
+
+impl TrackFiles {
+    /// The files of a run into the folder `out`.
+    pub fn new(out: &Path, stage: &Stage) -> Self {
+        let boxes = |name: &str| LineFile::new(out.join("boxes").join(format!("{name}.txt")));
+        Self {
+            floor: LineFile::new(out.join("tracks.txt")),
+            json: LineFile::new(out.join("tracks.jsonl")),
+            boxes: stage.cameras.iter().map(|c| (c.real.clone(), boxes(&c.name))).collect(),
+            names: stage.cameras.iter().map(|c| c.name.clone()).collect(),
+        }
+    }
+
+    /// Appends one frame.
+    ///
+    /// # Errors
+    /// [`Error::Io`] naming the file; an estimate that is not finite.
+    pub fn write(&mut self, frame: u32, time_s: f64, people: &[PersonEstimate]) -> Result<()> {
+        let lines: Vec<PersonLine> = people.iter().map(|p| PersonLine::new(p, &self.names)).collect();
+        if let Some(odd) = lines.iter().find(|p| !p.is_finite()) {
+            return Err(Error::content(
+                self.json.path(),
+                format!("frame {frame}"),
+                format!("person {} was given a number that is not finite", odd.id),
+            ));
+        }
+        let mut floor = String::new();
+        for person in &lines {
+            let (x, y) = (person.x, person.y);
+            // Writing to a string cannot fail.
+            let _ =
+                writeln!(floor, "{frame},{},-1,-1,-1,-1,{:.3},{x:.4},{y:.4},0", person.id, person.confidence);
+        }
+        self.floor.append(&floor)?;
+        for (camera, file) in &mut self.boxes {
+            let mut rows = String::new();
+            for person in people {
+                let Some(found) = Body::from(person).pixel_box(camera) else { continue };
+                let [left, top, width, height] =
+                    [found.left, found.top, found.width, found.height].map(rounded);
+                let _ = writeln!(
+                    rows,
+                    "{frame},{},{left:.2},{top:.2},{width:.2},{height:.2},{:.3},-1,-1,-1",
+                    person.id,
+                    rounded(person.confidence)
+                );
+            }
+            file.append(&rows)?;
+        }
+        let line = FrameLine { frame, time: (time_s * 1e6).round() / 1e6, people: lines };
+        let mut json = serde_json::to_string(&line).map_err(|e| {
+            Error::content(self.json.path(), format!("frame {frame}"), format!("cannot be written ({e})"))
+        })?;
+        json.push('\n');
+        self.json.append(&json)
+    }
+
+    /// Makes sure that every file is there, also after a run without frames.
+    ///
+    /// # Errors
+    /// [`Error::Io`] naming the file.
+    pub fn finish(mut self) -> Result<()> {
+        let boxes = self.boxes.iter_mut().map(|(_, file)| file);
+        [&mut self.floor, &mut self.json].into_iter().chain(boxes).try_for_each(|file| file.append(""))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::TrackId;
+    use crate::stage::StageOptions;
+    use crate::tracks::{jsonl, rows::RowFile};
+    use calib::{Camera, Intrinsics};
+    use nalgebra::{Isometry3, Point3, Vector3};
+    use scenes::room::{Room, RoomCamera};
+
+    fn stage() -> Stage {
+        let camera = |name: &str, eye: [f64; 3]| RoomCamera {
+            name: name.into(),
+            camera: Camera {
+                intrinsics: Intrinsics::from_horizontal_fov(320, 240, 70.0),
+                camera_from_world: Isometry3::face_towards(
+                    &Point3::from(eye),
+                    &Point3::new(2.0, 2.0, 0.8),
+                    &-Vector3::z(),
+                )
+                .inverse(),
+            },
+            reference: None,
+        };
+        let room = Room {
+            cameras: vec![camera("left", [0.0, 0.0, 2.0]), camera("right", [-3.0, 2.0, 2.0])],
+            ..Room::default()
+        };
+        Stage::prepare(&room, Path::new("."), &StageOptions::default()).unwrap()
+    }
+
+    fn person(id: u32, x_m: f64, y_m: f64) -> PersonEstimate {
+        PersonEstimate {
+            id: TrackId(id),
+            x_m,
+            y_m,
+            z_m: 0.0,
+            radius_m: 0.25,
+            height_m: 1.75,
+            vx: -1e-9,
+            vy: 0.5,
+            sigma_m: [0.03, 0.02],
+            confidence: 0.97,
+            visible: vec![0.5, 1.0],
+        }
+    }
+
+    #[test]
+    fn what_is_written_is_read_back() {
+        let (folder, stage) = (tempfile::tempdir().unwrap(), stage());
+        let mut files = TrackFiles::new(folder.path(), &stage);
+        assert!(std::fs::read_dir(folder.path()).unwrap().next().is_none(), "touched before the first frame");
+        // Person 2 is behind the camera `left`.
+        files.write(1, 0.0, &[]).unwrap();
+        files.write(2, 1.0 / 12.0, &[person(1, 2.0, 1.5), person(2, -1.5, 1.5)]).unwrap();
+
+        // Whole and readable already now.
+        let floor = RowFile::read(&folder.path().join("tracks.txt")).unwrap();
+        assert!(floor.is_on_floor() && !floor.has_boxes());
+        assert_eq!((floor.rows.len(), floor.rows[1].id, floor.rows[1].frame), (2, Some(2), 2));
+        let left = RowFile::read(&folder.path().join("boxes/left.txt")).unwrap();
+        let right = RowFile::read(&folder.path().join("boxes/right.txt")).unwrap();
+        assert_eq!((left.rows.len(), right.rows.len()), (1, 2));
+        assert!(left.has_boxes() && !left.is_on_floor());
+        let lines = jsonl::read(&folder.path().join("tracks.jsonl")).unwrap();
+        assert_eq!((lines.len(), lines[0].people.len(), lines[1].time), (2, 0, 0.083_333));
+        assert_eq!(
+            lines[1].people[1],
+            PersonLine::new(&person(2, -1.5, 1.5), &["left".into(), "right".into()])
+        );
+        let text = std::fs::read_to_string(folder.path().join("tracks.jsonl")).unwrap();
+        assert!(!text.contains("-0.0,"), "a negative zero: {text}");
+        files.finish().unwrap();
+    }
+
+    #[test]
+    fn a_run_without_frames_leaves_empty_files_and_nan_is_refused() {
+        let (folder, stage) = (tempfile::tempdir().unwrap(), stage());
+        let mut files = TrackFiles::new(folder.path(), &stage);
+        let error = files.write(3, 0.0, &[person(7, f64::NAN, 0.0)]).unwrap_err().to_string();
+        assert!(error.contains("frame 3") && error.contains("person 7"), "{error}");
+        files.finish().unwrap();
+        for name in ["tracks.txt", "tracks.jsonl", "boxes/left.txt", "boxes/right.txt"] {
+            assert_eq!(std::fs::read(folder.path().join(name)).unwrap(), b"", "{name}");
+        }
+    }
+
+    #[test]
+    fn a_line_that_is_still_being_written_is_no_error_but_a_broken_one_is() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("tracks.jsonl");
+        let good = r#"{"frame":1,"time":0.0,"people":[]}"#;
+        std::fs::write(&path, format!("{good}\n{{\"frame\":2,\"ti")).unwrap();
+        assert_eq!(jsonl::read(&path).unwrap().len(), 1);
+        for (bad, word) in [("{\"frame\":2}", "time"), ("nonsense", "no frame"), (good, "later")] {
+            std::fs::write(&path, format!("{good}\n{bad}\n")).unwrap();
+            let error = jsonl::read(&path).unwrap_err().to_string();
+            assert!(error.contains("line 2") && error.contains(word), "{error}");
+        }
+    }
+}

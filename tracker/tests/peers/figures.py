@@ -1,0 +1,177 @@
+#!/usr/bin/env python3
+"""Makes the synthetic truth and tracks of this folder, and the figures that independent evaluators give for them.
+
+    python3 -m venv venv && venv/bin/pip install trackeval==1.3.0 motmetrics==1.4.0
+    venv/bin/python figures.py            # rewrites *.txt and figures.json, the same bytes every time
+    venv/bin/python figures.py TRUTH TRACKS   # prints the peers' figures of any two files of boxes (MOTChallenge 2-D)
+
+TrackEval (https://github.com/JonathonLuiten/TrackEval) gives everything but the fragmentations, motmetrics
+(https://github.com/cheind/py-motmetrics) gives those, and agrees on switches, misses, false positives and IDF1.
+"""
+import json
+import random
+import sys
+from pathlib import Path
+
+import motmetrics
+import numpy as np
+from trackeval.datasets._base_dataset import _BaseDataset
+from trackeval.metrics import CLEAR, HOTA, Identity
+
+HERE = Path(__file__).parent
+GATE_M = 0.5
+
+
+def walk(seed, people, frames, size):
+    """People who come, walk about, are sometimes not annotated, and go. -> {frame: {id: (x, y)}}"""
+    rng = random.Random(seed)
+    truth = {}
+    for person in range(1, people + 1):
+        first = rng.randrange(1, frames // 2)
+        last = min(frames, first + rng.randrange(frames // 10, frames))
+        x, y = rng.uniform(0, size), rng.uniform(0, size)
+        vx, vy = rng.gauss(0, 0.06), rng.gauss(0, 0.06)
+        gap = rng.randrange(first, last + 1)
+        for frame in range(first, last + 1):
+            vx, vy = 0.95 * vx + rng.gauss(0, 0.02), 0.95 * vy + rng.gauss(0, 0.02)
+            x, y = min(max(x + vx, 0), size), min(max(y + vy, 0), size)
+            if person % 4 == 0 and gap <= frame < gap + 6:
+                continue
+            truth.setdefault(frame, {})[person] = (x, y)
+    return truth
+
+
+def disturb(truth, seed, frames, size, noise):
+    """What a middling tracker makes of it: noise, losses, swaps, new ids after losses, ghosts."""
+    rng = random.Random(seed)
+    tracks, alias, fresh, lost = {}, {}, 100, {}
+    for frame in range(1, frames + 1):
+        here = truth.get(frame, {})
+        ids = sorted(here)
+        if len(ids) > 1 and rng.random() < 0.06:
+            a, b = rng.sample(ids, 2)
+            if a in alias and b in alias:
+                alias[a], alias[b] = alias[b], alias[a]
+        for person in ids:
+            if lost.get(person, 0) > 0:
+                lost[person] -= 1
+                if lost[person] == 0 and rng.random() < 0.5:
+                    fresh += 1
+                    alias[person] = fresh
+                continue
+            if rng.random() < 0.03:
+                lost[person] = rng.randrange(1, 12)
+                continue
+            if person not in alias:
+                fresh += 1
+                alias[person] = fresh
+            x, y = here[person]
+            tracks.setdefault(frame, {})[alias[person]] = (x + rng.gauss(0, noise), y + rng.gauss(0, noise))
+        if rng.random() < 0.15:
+            tracks.setdefault(frame, {})[900 + frame // 20] = (rng.uniform(0, size), rng.uniform(0, size))
+    return tracks
+
+
+def floor_rows(people):
+    return [f"{f},{i},-1,-1,-1,-1,1,{x:.3f},{y:.3f},0" for f in sorted(people) for i, (x, y) in sorted(people[f].items())]
+
+
+def image_rows(people, confidence=1):
+    rows = []
+    for f in sorted(people):
+        for i, (x, y) in sorted(people[f].items()):
+            height = 60 + 25 * y
+            rows.append(f"{f},{i},{90 * x - 0.2 * height:.2f},{100 + 20 * y:.2f},{0.4 * height:.2f},{height:.2f},{confidence}")
+    return rows
+
+
+def parse(path):
+    """-> {frame: (ids, values)}: boxes or positions, rows whose 7th column is 0 left out"""
+    frames = {}
+    for line in Path(path).read_text().split():
+        v = [float(t) for t in line.split(",")]
+        if len(v) > 6 and v[6] == 0:
+            continue
+        value = v[2:6] if v[4] > 0 else v[7:9]
+        ids, values = frames.setdefault(int(v[0]), ([], []))
+        ids.append(int(v[1]))
+        values.append(value)
+    return frames
+
+
+def figures(truth_path, tracks_path):
+    truth, tracks = parse(truth_path), parse(tracks_path)
+    on_floor = len(next(iter(truth.values()))[1][0]) == 2
+    ids = lambda frames: sorted({i for found, _ in frames.values() for i in found})
+    truth_ids, track_ids = ids(truth), ids(tracks)
+    data = dict(gt_ids=[], tracker_ids=[], similarity_scores=[], num_gt_ids=len(truth_ids), num_tracker_ids=len(track_ids))
+    accumulator = motmetrics.MOTAccumulator(auto_id=False)
+    distance_sum = []
+    for frame in range(1, max([*truth, *tracks]) + 1):
+        t_ids, t = truth.get(frame, ([], []))
+        k_ids, k = tracks.get(frame, ([], []))
+        width = 2 if on_floor else 4
+        t, k = np.array(t, float).reshape(-1, width), np.array(k, float).reshape(-1, width)
+        if on_floor:
+            similarity = _BaseDataset._calculate_euclidean_similarity(t, k, zero_distance=2 * GATE_M)
+            distance = np.linalg.norm(t[:, None] - k[None], axis=2)
+            distance[distance > GATE_M] = np.nan
+        else:
+            similarity = _BaseDataset._calculate_box_ious(t, k, box_format="xywh")
+            distance = 1 - similarity
+            distance[similarity < 0.5] = np.nan
+        data["gt_ids"].append(np.array([truth_ids.index(i) for i in t_ids], int))
+        data["tracker_ids"].append(np.array([track_ids.index(i) for i in k_ids], int))
+        data["similarity_scores"].append(similarity)
+        accumulator.update(t_ids, k_ids, distance, frameid=frame)
+    data["num_gt_dets"] = sum(map(len, data["gt_ids"]))
+    data["num_tracker_dets"] = sum(map(len, data["tracker_ids"]))
+    data["num_timesteps"] = len(data["gt_ids"])
+    clear = CLEAR({"PRINT_CONFIG": False}).eval_sequence(data)
+    identity = Identity({"PRINT_CONFIG": False}).eval_sequence(data)
+    hota = HOTA().eval_sequence(data)
+    peer = motmetrics.metrics.create().compute(
+        accumulator,
+        metrics=["mota", "motp", "idf1", "num_switches", "num_fragmentations", "num_misses", "num_false_positives"],
+        return_dataframe=False,
+    )
+    motp = 2 * GATE_M * (1 - clear["MOTP"]) if on_floor else 100 * clear["MOTP"]
+    result = {
+        "MOTA": 100 * clear["MOTA"], "MODA": 100 * clear["MODA"], "MOTP": motp,
+        "id_switches": clear["IDSW"], "misses": clear["CLR_FN"], "false_positives": clear["CLR_FP"],
+        "mostly_tracked": clear["MT"], "mostly_lost": clear["ML"], "IDF1": 100 * identity["IDF1"],
+        "HOTA": 100 * hota["HOTA"].mean(), "DetA": 100 * hota["DetA"].mean(), "AssA": 100 * hota["AssA"].mean(),
+    }
+    compare = {
+        "MOTA": 100 * peer["mota"], "IDF1": 100 * peer["idf1"], "id_switches": peer["num_switches"],
+        "misses": peer["num_misses"], "false_positives": peer["num_false_positives"], "trackeval_frag": clear["Frag"],
+        "motp": peer["motp"],
+    }
+    if abs(peer["mota"] - clear["MOTA"]) < 1e-12:
+        # Both paired truth and tracks alike (motmetrics lets a pair outlive a loss), so its count is the one expected.
+        result["fragmentations"] = peer["num_fragmentations"]
+    return {k: float(v) for k, v in result.items()}, {k: float(v) for k, v in compare.items()}
+
+
+def main():
+    if len(sys.argv) == 3:
+        for part in figures(*sys.argv[1:]):
+            print(json.dumps(part, indent=1))
+        return
+    recorded = {}
+    for name, seed, people, frames, size, noise in [("sparse", 11, 6, 150, 7.0, 0.06), ("crowd", 12, 14, 200, 5.0, 0.16)]:
+        truth = walk(seed, people, frames, size)
+        tracks = disturb(truth, seed + 100, frames, size, noise)
+        ghosts = {f: {77: (0.5 * size, 0.5 * size)} for f in range(10, 30)}
+        for kind, rows in [("floor", floor_rows), ("image", image_rows)]:
+            extra = image_rows(ghosts, confidence=0) if kind == "image" else []
+            case = f"{name}_{kind}"
+            (HERE / f"{case}_truth.txt").write_text("\n".join(rows(truth) + extra) + "\n")
+            (HERE / f"{case}_tracks.txt").write_text("\n".join(rows(tracks)) + "\n")
+            recorded[case], compare = figures(HERE / f"{case}_truth.txt", HERE / f"{case}_tracks.txt")
+            print(case, json.dumps(recorded[case]), "\n   motmetrics", json.dumps(compare))
+    (HERE / "figures.json").write_text(json.dumps(recorded, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
