@@ -5,13 +5,16 @@
 //!
 //! * [`room`] — [`room::Room`]: cameras, zones, floor and geometry, read from and written to disk. Start here.
 //! * [`geometry`] — triangles or oriented discs, PLY in and out; [`polygon`] — regions of the floor.
+//! * [`raycast`] — [`raycast::RayScene`]: rays against the geometry; [`depth`] — what a camera sees of the empty room.
 //! * [`canvas`] — the one place that draws: shapes and text over pictures.
 #![forbid(unsafe_code)]
 
 pub mod canvas;
+pub mod depth;
 mod error;
 pub mod geometry;
 pub mod polygon;
+pub mod raycast;
 pub mod room;
 
 pub use error::{Error, Result};
