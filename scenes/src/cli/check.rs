@@ -1,0 +1,124 @@
+//! `scenes check`: is this a room, and what is in it?
+
+use std::io::Write;
+use std::path::PathBuf;
+
+use clap::Args;
+use nalgebra::{Point2, Vector3};
+use scenes::depth::render;
+use scenes::geometry::Geometry;
+use scenes::raycast::RayScene;
+use scenes::room::{Room, RoomCamera, ZoneKind};
+
+/// Width in pixels at which it is measured how much of the room a camera sees.
+const GLANCE_WIDTH_PX: u32 = 160;
+
+/// Check a room directory and print what is in it.
+///
+/// Exits with 1 and one line that says what is wrong and where, if something is. What merely looks odd is a warning.
+#[derive(Args)]
+#[command(after_help = "Example:\n  scenes check myroom")]
+pub(crate) struct Check {
+    /// The room directory.
+    #[arg(value_name = "DIR")]
+    room: PathBuf,
+}
+
+impl Check {
+    pub(crate) fn run(&self, out: &mut impl Write) -> anyhow::Result<()> {
+        let room = Room::read(&self.room)?;
+        let scene = room.geometry.as_ref().map(RayScene::new).transpose()?;
+        writeln!(out, "room      {}", self.room.display())?;
+        for camera in &room.cameras {
+            self.print_camera(out, camera, scene.as_ref())?;
+        }
+        print_geometry(out, room.geometry.as_ref())?;
+        for zone in &room.zones {
+            let kind = match zone.kind {
+                ZoneKind::Entry => "people enter",
+                ZoneKind::Exit => "people leave",
+                ZoneKind::Both => "people enter and leave",
+            };
+            writeln!(out, "zone      {}: {:.2} m², {kind}", zone.name, zone.polygon.area())?;
+        }
+        if room.zones.is_empty() {
+            writeln!(out, "zone      none: people may appear and disappear anywhere")?;
+        }
+        Ok(())
+    }
+
+    fn print_camera(
+        &self,
+        out: &mut impl Write,
+        camera: &RoomCamera,
+        scene: Option<&RayScene>,
+    ) -> anyhow::Result<()> {
+        let RoomCamera { name, camera, .. } = camera;
+        let (k, eye) = (&camera.intrinsics, camera.center());
+        let forward = camera.camera_from_world.rotation.inverse() * Vector3::z();
+        let down_deg = (-forward.z).clamp(-1.0, 1.0).asin().to_degrees();
+        write!(
+            out,
+            "camera    {name}: {} × {}, {}at ({:.3}, {:.3}) m, {:.3} m above the floor, looks {down_deg:.1}° down",
+            k.width,
+            k.height,
+            field_of_view_deg(k).map_or(String::new(), |deg| format!("{deg:.1}° wide, ")),
+            eye.x,
+            eye.y,
+            eye.z
+        )?;
+        if let Some(scene) = scene {
+            let height = (GLANCE_WIDTH_PX * k.height / k.width).max(1);
+            let glance = calib::Camera { intrinsics: k.resized(GLANCE_WIDTH_PX, height), ..camera.clone() };
+            let coverage = render(scene, &glance).coverage();
+            write!(out, ", sees the room in {:.1} % of its image", 100.0 * coverage)?;
+            if coverage == 0.0 {
+                self.warn(name, "it sees nothing of the room; is its pose that of X_cam = R · X_world + t?");
+            }
+        }
+        writeln!(out)?;
+        if eye.z <= 0.0 {
+            self.warn(
+                name,
+                "it stands below the floor; is its pose that of X_cam = R · X_world + t, with Z up?",
+            );
+        }
+        Ok(())
+    }
+
+    fn warn(&self, camera: &str, problem: &str) {
+        tracing::warn!("{}: camera `{camera}`: {problem}", self.room.display());
+    }
+}
+
+/// Between the middles of the left and the right edge.
+fn field_of_view_deg(k: &calib::Intrinsics) -> Option<f64> {
+    let middle = 0.5 * (k.height as f64 - 1.0);
+    let left = k.unproject(&Point2::new(-0.5, middle))?;
+    let right = k.unproject(&Point2::new(k.width as f64 - 0.5, middle))?;
+    Some(left.angle(&right).to_degrees())
+}
+
+fn print_geometry(out: &mut impl Write, geometry: Option<&Geometry>) -> anyhow::Result<()> {
+    let Some((geometry, (low, high))) = geometry.and_then(|g| Some((g, g.bounds()?))) else {
+        writeln!(out, "geometry  none: nothing is hidden by the room")?;
+        return Ok(());
+    };
+    let size = high - low;
+    match geometry {
+        Geometry::Mesh(mesh) => {
+            let (triangles, vertices) = (mesh.triangles.len(), mesh.vertices.len());
+            write!(out, "geometry  {triangles} triangles, {vertices} vertices")?;
+        }
+        Geometry::Discs(discs) => {
+            let filled = discs.iter().filter(|d| d.filled).count();
+            write!(out, "geometry  {} discs, {filled} of them filled in", discs.len())?;
+        }
+    }
+    writeln!(
+        out,
+        ", {:.2} × {:.2} × {:.2} m from ({:.2}, {:.2}, {:.2}) to ({:.2}, {:.2}, {:.2})",
+        size.x, size.y, size.z, low.x, low.y, low.z, high.x, high.y, high.z
+    )?;
+    Ok(())
+}

@@ -1,0 +1,42 @@
+//! The command line, one file a subcommand.
+
+mod check;
+mod depth;
+
+use std::io::Write;
+
+use clap::{Parser, Subcommand};
+
+/// The room model: what stands in a room, and what its cameras see of it.
+#[derive(Parser)]
+#[command(name = "scenes", version, about)]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    pub(crate) command: Command,
+    /// Say more (-v, -vv).
+    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
+    pub(crate) verbose: u8,
+}
+
+#[derive(Subcommand)]
+pub(crate) enum Command {
+    Check(check::Check),
+    Depth(depth::Depth),
+}
+
+impl Command {
+    pub(crate) fn run(&self, out: &mut impl Write) -> anyhow::Result<()> {
+        match self {
+            Self::Check(command) => command.run(out),
+            Self::Depth(command) => command.run(),
+        }
+    }
+
+    /// The exit status when the command fails: a room that does not pass the check is an answer, not misuse.
+    pub(crate) fn failure(&self) -> u8 {
+        match self {
+            Self::Check(_) => 1,
+            Self::Depth(_) => 2,
+        }
+    }
+}
