@@ -3,9 +3,11 @@
 //! One camera is filmed while it is moved to its final pose; the frame at that pose is its *reference image*. Data
 //! flows down this list, a module a stage:
 //!
+//! * [`dense`] — depth and normal for each pixel of the reference view, by PatchMatch stereo.
 //! * [`error`] — the one error type: each line names file, place and mend.
 #![forbid(unsafe_code)]
 
+pub mod dense;
 pub mod error;
 
 pub use error::{Error, Result};

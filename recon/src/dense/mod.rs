@@ -1,0 +1,343 @@
+//! Dense multi-view stereo: a depth and a normal for the reference image's pixels, where they can be had.
+//!
+//! The reference view and a few key frames of the capture ([`keyframes`]) each get a depth map by PatchMatch
+//! ([`patchmatch`]) at half size; each then checks the others ([`consistency`]); the reference's is refined at full
+//! size. Everything is in the capture's own frame and scale: the reference camera is the identity.
+
+mod consistency;
+mod keyframes;
+mod level;
+mod ncc;
+mod patchmatch;
+mod support;
+
+use calib::Intrinsics;
+use calib::undistort::UndistortMap;
+use image::RgbImage;
+use nalgebra::{Isometry3, Point3};
+
+pub use support::{Pinhole, Support, SupportMap};
+
+use crate::{Error, Result};
+use level::{Level, Pair};
+use patchmatch::{Guide, Problem, Source};
+
+/// How dense stereo goes about it.
+#[derive(Debug, Clone)]
+pub struct DenseOptions {
+    /// Key frames besides the reference.
+    pub key_frames: usize,
+    /// Views that a key frame itself is compared with, at most 8.
+    pub sources: usize,
+    /// A key frame must see at least this share of the reference's sparse points.
+    pub least_shared_view: f64,
+    /// A hypothesis has to please this many views, the best ones.
+    pub best_views: usize,
+    /// Grey levels at which a neighbour's weight in a patch falls to 1/e.
+    pub color_sigma: f32,
+    /// Rounds of propagation: from random hypotheses, with the other views' depths known, at full size.
+    pub iterations: [usize; 3],
+    /// A depth is reliable if at least this many key frames agree …
+    pub least_agreeing: usize,
+    /// … to within this many pixels of the reference image …
+    pub agreement_px: f32,
+    /// … and its patch correlates: 1 − NCC, geometric disagreement included, below this.
+    pub largest_cost: f32,
+    /// Seed of the random hypotheses.
+    pub seed: u64,
+}
+
+impl Default for DenseOptions {
+    fn default() -> Self {
+        Self {
+            key_frames: 8,
+            sources: 5,
+            least_shared_view: 0.6,
+            best_views: 3,
+            color_sigma: 24.0,
+            iterations: [5, 2, 3],
+            least_agreeing: 2,
+            agreement_px: 1.0,
+            largest_cost: 0.6,
+            seed: 0,
+        }
+    }
+}
+
+/// A capture with known motion.
+#[derive(Debug, Clone, Copy)]
+pub struct PosedCapture<'a> {
+    /// The camera's name, for messages.
+    pub name: &'a str,
+    /// As filmed, distorted.
+    pub frames: &'a [RgbImage],
+    /// Index of the reference frame.
+    pub reference: usize,
+    /// The lens.
+    pub intrinsics: &'a Intrinsics,
+    /// Pose of each frame that has one.
+    pub camera_from_world: &'a [Option<Isometry3<f64>>],
+    /// Sparse points: they tell the range of depths.
+    pub points: &'a [Point3<f64>],
+}
+
+/// What stereo saw from one pose of the camera.
+#[derive(Debug, Clone)]
+pub struct DenseView {
+    /// The pinhole picture.
+    pub picture: RgbImage,
+    /// Its camera.
+    pub intrinsics: Intrinsics,
+    /// Where it stood; the identity for the reference view.
+    pub camera_from_reference: Isometry3<f64>,
+    /// A plane a pixel, reliable or not.
+    pub map: SupportMap,
+    /// How many other views agree with each pixel's depth; 0: not reliable.
+    pub agreeing: Vec<u8>,
+}
+
+impl DenseView {
+    /// Depth along z at a pixel, where it is reliable.
+    pub fn depth(&self, x: usize, y: usize) -> Option<f32> {
+        let i = y * self.map.width + x;
+        (self.agreeing[i] > 0).then(|| 1.0 / self.map.supports[i].w)
+    }
+
+    /// The camera for inner loops.
+    pub fn pinhole(&self) -> Pinhole {
+        let k = &self.intrinsics;
+        Pinhole { fx: k.fx as f32, fy: k.fy as f32, cx: k.cx as f32, cy: k.cy as f32 }
+    }
+}
+
+/// What dense stereo did.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DenseReport {
+    /// Key frames used, as indices into the capture.
+    pub key_frames: Vec<usize>,
+    /// Share of the reference image with a reliable depth.
+    pub covered: f64,
+}
+
+/// The reference view at full size first, then the key frames at half size.
+///
+/// # Errors
+/// When no frame lies far enough from the reference, or there are too few points to tell the range of depths.
+pub fn reconstruct(
+    capture: &PosedCapture<'_>,
+    options: &DenseOptions,
+) -> Result<(Vec<DenseView>, DenseReport)> {
+    let reference_from_world = capture
+        .camera_from_world
+        .get(capture.reference)
+        .copied()
+        .flatten()
+        .ok_or_else(|| Error::capture(capture.name, "the reference frame has no pose"))?;
+    let to_reference = reference_from_world.inverse();
+    let points: Vec<Point3<f64>> =
+        capture.points.iter().map(|p| reference_from_world * p).filter(|p| p.z > 0.0).collect();
+    let frames = choose_frames(capture, &to_reference, &points, options);
+    if frames.is_empty() {
+        return Err(Error::capture(
+            capture.name,
+            "no frame with a known pose lies away from the reference and looks the same way; film with the camera \
+             moved sideways by a tenth of the distance to what it sees",
+        ));
+    }
+    let undistort = UndistortMap::new(capture.intrinsics);
+    let pinhole = capture.intrinsics.pinhole();
+    let mut views: Vec<View> = Vec::with_capacity(frames.len() + 1);
+    for &frame in std::iter::once(&capture.reference).chain(&frames) {
+        let camera_from_reference =
+            capture.camera_from_world[frame].map_or_else(Isometry3::identity, |pose| pose * to_reference);
+        let picture = undistort.image(&capture.frames[frame]);
+        let full = Level::new(&picture, &pinhole);
+        let (half, half_intrinsics) = full.halved(&pinhole);
+        let range = inverse_depth_range(&points, &camera_from_reference).ok_or_else(|| {
+            Error::capture(capture.name, "too few points are seen to tell the range of depths")
+        })?;
+        views.push(View { picture, camera_from_reference, full, half, half_intrinsics, range });
+    }
+    let maps = estimate_half(&views, options);
+    let (reference_map, agreeing) = refine_reference(&views, &maps, &pinhole, options);
+    let covered = agreeing.iter().filter(|a| **a > 0).count() as f64 / agreeing.len().max(1) as f64;
+
+    let key_agreeing: Vec<Vec<u8>> = (1..views.len())
+        .map(|i| consistency::agreeing(&half_problem(&views, i, Some(&maps), options), &maps[i], options))
+        .collect();
+    let mut result = Vec::with_capacity(views.len());
+    let mut maps = maps.into_iter().skip(1).zip(key_agreeing);
+    for (i, view) in views.into_iter().enumerate() {
+        let (map, agreeing, intrinsics, picture) = if i == 0 {
+            (reference_map.clone(), agreeing.clone(), pinhole.clone(), view.picture)
+        } else {
+            let Some((map, agreeing)) = maps.next() else { break };
+            let (w, h) = (view.half_intrinsics.width, view.half_intrinsics.height);
+            let small = image::imageops::resize(&view.picture, w, h, image::imageops::FilterType::Triangle);
+            (map, agreeing, view.half_intrinsics, small)
+        };
+        result.push(DenseView {
+            picture,
+            intrinsics,
+            camera_from_reference: view.camera_from_reference,
+            map,
+            agreeing,
+        });
+    }
+    Ok((result, DenseReport { key_frames: frames, covered }))
+}
+
+/// One view while it is being worked on.
+struct View {
+    picture: RgbImage,
+    camera_from_reference: Isometry3<f64>,
+    full: Level,
+    half: Level,
+    half_intrinsics: Intrinsics,
+    range: (f32, f32),
+}
+
+fn choose_frames(
+    capture: &PosedCapture<'_>,
+    to_reference: &Isometry3<f64>,
+    points: &[Point3<f64>],
+    options: &DenseOptions,
+) -> Vec<usize> {
+    let candidates: Vec<keyframes::Candidate> = capture
+        .camera_from_world
+        .iter()
+        .enumerate()
+        .filter(|(frame, _)| *frame != capture.reference)
+        .filter_map(|(frame, pose)| {
+            let picture = capture.frames.get(frame)?;
+            Some(keyframes::Candidate {
+                frame,
+                camera_from_reference: (*pose)? * to_reference,
+                sharpness: sharpness(picture),
+            })
+        })
+        .collect();
+    keyframes::choose(&candidates, points, capture.intrinsics, options)
+}
+
+/// Mean absolute difference of green between horizontal neighbours.
+fn sharpness(picture: &RgbImage) -> f64 {
+    let mut sum = 0u64;
+    for row in picture.as_raw().chunks_exact(3 * picture.width() as usize) {
+        let green = row.iter().skip(1).step_by(3);
+        sum += green.clone().zip(green.skip(1)).map(|(a, b)| u64::from(a.abs_diff(*b))).sum::<u64>();
+    }
+    sum as f64 / f64::from(picture.width() * picture.height()).max(1.0)
+}
+
+/// Inverse depths from well behind the farthest point to well before the nearest.
+fn inverse_depth_range(points: &[Point3<f64>], camera_from_reference: &Isometry3<f64>) -> Option<(f32, f32)> {
+    /// Fewer points say nothing about a range.
+    const LEAST: usize = 8;
+    let mut depths: Vec<f64> =
+        points.iter().map(|p| (camera_from_reference * p).z).filter(|z| *z > 0.0).collect();
+    if depths.len() < LEAST {
+        return None;
+    }
+    depths.sort_by(f64::total_cmp);
+    let at = |share: f64| depths[((depths.len() - 1) as f64 * share) as usize];
+    Some(((1.0 / (1.4 * at(0.99))) as f32, (1.0 / (0.4 * at(0.01))) as f32))
+}
+
+/// Photometric estimates of all views at half size, then again with each other's depths known.
+fn estimate_half(views: &[View], options: &DenseOptions) -> Vec<SupportMap> {
+    let photometric: Vec<SupportMap> =
+        (0..views.len()).map(|i| half_problem(views, i, None, options).solve(None)).collect();
+    (0..views.len())
+        .map(|i| half_problem(views, i, Some(&photometric), options).solve(Some(photometric[i].clone())))
+        .collect()
+}
+
+fn half_problem<'a>(
+    views: &'a [View],
+    index: usize,
+    maps: Option<&'a [SupportMap]>,
+    options: &DenseOptions,
+) -> Problem<'a> {
+    let view = &views[index];
+    // Key frames are chosen farthest first, so the first few are the most telling ones.
+    let sources = views
+        .iter()
+        .enumerate()
+        .filter(|(i, _)| *i != index)
+        .take(options.sources)
+        .map(|(i, other)| {
+            let forward = other.camera_from_reference * view.camera_from_reference.inverse();
+            let (from, to) = (&view.half_intrinsics, &other.half_intrinsics);
+            Source {
+                image: &other.half,
+                pair: Pair::new(from, to, &forward),
+                guide: maps.map(|maps| Guide {
+                    map: &maps[i],
+                    scale: 1.0,
+                    back: Pair::new(to, from, &forward.inverse()),
+                }),
+            }
+        })
+        .collect();
+    Problem {
+        reference: &view.half,
+        sources,
+        range: view.range,
+        step: inverse_depth_step(views, index, view.half_intrinsics.fx),
+        best_views: options.best_views,
+        color_sigma: options.color_sigma,
+        iterations: options.iterations[usize::from(maps.is_some())],
+        seed: options.seed.wrapping_add(index as u64),
+    }
+}
+
+/// Inverse depth a pixel of shift in the farthest view.
+fn inverse_depth_step(views: &[View], index: usize, focal_px: f64) -> f32 {
+    let here = views[index].camera_from_reference;
+    let baseline = views
+        .iter()
+        .map(|v| (v.camera_from_reference * here.inverse()).translation.vector.norm())
+        .fold(0.0, f64::max);
+    (1.0 / (focal_px * baseline).max(1e-9)) as f32
+}
+
+/// The reference's map at full size, and how many key frames agree with each pixel.
+fn refine_reference(
+    views: &[View],
+    maps: &[SupportMap],
+    pinhole: &Intrinsics,
+    options: &DenseOptions,
+) -> (SupportMap, Vec<u8>) {
+    let reference = &views[0];
+    let sources = views[1..]
+        .iter()
+        .zip(&maps[1..])
+        .map(|(other, map)| {
+            let forward = other.camera_from_reference;
+            Source {
+                image: &other.full,
+                pair: Pair::new(pinhole, pinhole, &forward),
+                guide: Some(Guide {
+                    map,
+                    scale: 0.5,
+                    back: Pair::new(&other.half_intrinsics, pinhole, &forward.inverse()),
+                }),
+            }
+        })
+        .collect();
+    let problem = Problem {
+        reference: &reference.full,
+        sources,
+        range: reference.range,
+        step: inverse_depth_step(views, 0, pinhole.fx),
+        best_views: options.best_views,
+        color_sigma: options.color_sigma,
+        iterations: options.iterations[2],
+        seed: options.seed.wrapping_add(views.len() as u64),
+    };
+    let start = maps[0].doubled(reference.full.width, reference.full.height);
+    let map = problem.solve(Some(start));
+    let agreeing = consistency::agreeing(&problem, &map, options);
+    (map, agreeing)
+}

@@ -1,0 +1,193 @@
+//! How well a plane hypothesis explains a patch in another view: normalised cross-correlation, weighted so that
+//! pixels of another colour than the centre (another surface, as a rule) count little.
+
+use super::level::{Level, Pair};
+use super::support::Support;
+
+/// Patch samples lie at these offsets in both directions: 11 × 11 pixels, every second one.
+const OFFSETS: [i32; 6] = [-5, -3, -1, 1, 3, 5];
+/// Samples a patch.
+const SAMPLES: usize = OFFSETS.len() * OFFSETS.len();
+/// Patch radius, pixels.
+const RADIUS: f32 = 5.0;
+/// Cost of a hypothesis that falls out of the source image, and of no correlation at all being possible.
+pub(super) const WORST: f32 = 2.0;
+
+/// The weights of bilateral support, tabulated over the difference in brightness.
+pub(super) struct Weights {
+    by_difference: [f32; 256],
+    by_place: [f32; SAMPLES],
+}
+
+impl Weights {
+    /// `sigma` is the difference in grey levels at which a sample's weight has fallen to 1/e.
+    pub(super) fn new(sigma: f32) -> Self {
+        Self {
+            by_difference: std::array::from_fn(|d| (-(d as f32) / sigma).exp()),
+            by_place: std::array::from_fn(|i| {
+                let (du, dv) = offset(i);
+                (-(du * du + dv * dv) / (2.0 * RADIUS * RADIUS)).exp()
+            }),
+        }
+    }
+}
+
+fn offset(i: usize) -> (f32, f32) {
+    (OFFSETS[i % OFFSETS.len()] as f32, OFFSETS[i / OFFSETS.len()] as f32)
+}
+
+/// A patch of the reference view, prepared once and compared with many hypotheses.
+pub(super) struct Patch {
+    /// Weights, summing to one.
+    weights: [f32; SAMPLES],
+    /// Weight × (brightness − mean).
+    centred: [f32; SAMPLES],
+    /// The patch's weighted variance, grey levels squared.
+    pub(super) variance: f32,
+    u: f32,
+    v: f32,
+}
+
+impl Patch {
+    pub(super) fn new(reference: &Level, x: usize, y: usize, table: &Weights) -> Self {
+        let centre = reference.at(x as isize, y as isize);
+        let mut weights = [0.0; SAMPLES];
+        let mut values = [0.0; SAMPLES];
+        let (mut total, mut sum) = (0.0, 0.0);
+        for (i, (weight, value)) in weights.iter_mut().zip(&mut values).enumerate() {
+            let (du, dv) = (OFFSETS[i % OFFSETS.len()] as isize, OFFSETS[i / OFFSETS.len()] as isize);
+            let (sx, sy) = (x as isize + du, y as isize + dv);
+            let inside =
+                sx >= 0 && sy >= 0 && sx < reference.width as isize && sy < reference.height as isize;
+            if !inside {
+                continue;
+            }
+            *value = reference.at(sx, sy);
+            let difference = ((*value - centre).abs() as usize).min(255);
+            *weight = table.by_difference[difference] * table.by_place[i];
+            total += *weight;
+            sum += *weight * *value;
+        }
+        let (scale, mean) = (1.0 / total, sum / total);
+        let mut centred = [0.0; SAMPLES];
+        let mut variance = 0.0;
+        for i in 0..SAMPLES {
+            weights[i] *= scale;
+            centred[i] = weights[i] * (values[i] - mean);
+            variance += centred[i] * (values[i] - mean);
+        }
+        Self { weights, centred, variance, u: x as f32, v: y as f32 }
+    }
+
+    /// 1 − correlation of the patch with where `support` puts it in `source`: 0 … [`WORST`].
+    #[inline]
+    pub(super) fn cost(&self, support: &Support, source: &Level, pair: &Pair) -> f32 {
+        let [hx, hy, hz] = pair.map(self.u, self.v, support.w);
+        if hz <= 1e-6 {
+            return WORST;
+        }
+        let inverse = 1.0 / hz;
+        let (x, y) = (hx * inverse, hy * inverse);
+        let (right, bottom) = (source.width as f32 - 1.0, source.height as f32 - 1.0);
+        if !(x >= 0.0 && y >= 0.0 && x <= right && y <= bottom) {
+            return WORST;
+        }
+        // The homography's derivative at the patch's centre: over 11 pixels an affine map is as good.
+        let column = |c: usize, g: f32| -> (f32, f32) {
+            let d: [f32; 3] = std::array::from_fn(|r| pair.a[r][c] + pair.b[r] * g);
+            ((d[0] - x * d[2]) * inverse, (d[1] - y * d[2]) * inverse)
+        };
+        let ((xu, yu), (xv, yv)) = (column(0, support.gu), column(1, support.gv));
+        let (reach_x, reach_y) = (RADIUS * (xu.abs() + xv.abs()), RADIUS * (yu.abs() + yv.abs()));
+        let affine = [x, y, xu, yu, xv, yv];
+        if x >= reach_x && y >= reach_y && x + reach_x <= right && y + reach_y <= bottom {
+            self.correlate(affine, source, |x, y| (x, y))
+        } else if reach_x < 0.1 * right {
+            self.correlate(affine, source, |x, y| (x.clamp(0.0, right), y.clamp(0.0, bottom)))
+        } else {
+            WORST
+        }
+    }
+
+    #[inline(always)]
+    fn correlate(
+        &self,
+        [x, y, xu, yu, xv, yv]: [f32; 6],
+        source: &Level,
+        place: impl Fn(f32, f32) -> (f32, f32),
+    ) -> f32 {
+        let (mut covariance, mut mean, mut square) = (0.0f32, 0.0f32, 0.0f32);
+        for (row, dv) in OFFSETS.iter().enumerate() {
+            let dv = *dv as f32;
+            let (rx, ry) = (x + xv * dv, y + yv * dv);
+            for (column, du) in OFFSETS.iter().enumerate() {
+                let du = *du as f32;
+                let (sx, sy) = place(rx + xu * du, ry + yu * du);
+                let value = source.between(sx, sy);
+                let i = row * OFFSETS.len() + column;
+                let weighted = self.weights[i] * value;
+                covariance += self.centred[i] * value;
+                mean += weighted;
+                square += weighted * value;
+            }
+        }
+        let variance = square - mean * mean;
+        // Below a grey level of noise nothing correlates; the constant makes flat patches cost one, not noise.
+        let norm = (self.variance.max(0.05) * variance.max(0.05)).sqrt();
+        (1.0 - covariance / norm).clamp(0.0, WORST)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use calib::Intrinsics;
+    use image::{Rgb, RgbImage};
+    use nalgebra::{Isometry3, Point2, Point3, Vector3};
+
+    /// A slanted textured plane, 1/z = 0.4 + 0.1 x (in z = 1 coordinates), seen from the identity and from 0.3 to the side.
+    fn views() -> (Level, Level, Pair, Intrinsics) {
+        let k = Intrinsics::from_horizontal_fov(160, 120, 60.0);
+        let texture = |p: &Point3<f64>| {
+            let value = 120.0 + 50.0 * (9.0 * p.x + 3.0 * p.y).sin() + 40.0 * (11.0 * p.y - 2.0 * p.x).cos();
+            Rgb([value as u8; 3])
+        };
+        // n·X = 1 with n = (0.1, 0, 0.4).
+        let seen_from = |centre: f64| {
+            RgbImage::from_fn(160, 120, |u, v| {
+                let ray = k.unproject(&Point2::new(u as f64, v as f64)).unwrap();
+                let t = (1.0 - 0.1 * centre) / (0.1 * ray.x + 0.4 * ray.z);
+                texture(&(Point3::new(centre, 0.0, 0.0) + t * ray))
+            })
+        };
+        let source_from_reference = Isometry3::translation(-0.3, 0.0, 0.0);
+        let pair = Pair::new(&k, &k, &source_from_reference);
+        (Level::new(&seen_from(0.0), &k), Level::new(&seen_from(0.3), &k), pair, k)
+    }
+
+    #[test]
+    fn the_true_plane_costs_nothing_and_others_more() {
+        let (reference, source, pair, k) = views();
+        let n = Vector3::new(0.1 / k.fx, 0.0, 0.0);
+        for (x, y) in [(60, 40), (80, 60), (100, 90)] {
+            let ray = k.unproject(&Point2::new(x as f64, y as f64)).unwrap();
+            let truth = Support { w: (0.4 + 0.1 * ray.x) as f32, gu: n.x as f32, gv: 0.0 };
+            let patch = Patch::new(&reference, x, y, &Weights::new(24.0));
+            let at = |w: f32| patch.cost(&Support { w, ..truth }, &source, &pair);
+            assert!(at(truth.w) < 0.02, "{}", at(truth.w));
+            for wrong in [0.9, 0.95, 1.05, 1.1] {
+                assert!(at(truth.w) + 0.01 < at(truth.w * wrong), "{wrong}: {}", at(truth.w * wrong));
+            }
+        }
+    }
+
+    #[test]
+    fn outside_the_source_nothing_is_believed() {
+        let (reference, source, pair, _) = views();
+        let patch = Patch::new(&reference, 5, 60, &Weights::new(24.0));
+        let near = Support { w: 5.0, gu: 0.0, gv: 0.0 };
+        assert_eq!(patch.cost(&near, &source, &pair), WORST);
+        let behind = Support { w: f32::NAN, gu: 0.0, gv: 0.0 };
+        assert_eq!(patch.cost(&behind, &source, &pair), WORST);
+    }
+}

@@ -1,0 +1,329 @@
+//! PatchMatch multi-view stereo: random planes a pixel, the good ones spread to their neighbours.
+//!
+//! After Bleyer et al. (BMVC 2011: slanted supports), Galliani et al. (ICCV 2015: red-black propagation, best-K
+//! views) and Xu & Tao (CVPR 2019: the best of each region is handed on; geometric consistency across views). Half
+//! of the pixels, like a chessboard's white squares, are improved from the other half, which stays as it is
+//! meanwhile: rows go in parallel, and the result does not depend on who did which. Each pixel draws from its own
+//! random numbers.
+
+use rayon::prelude::*;
+
+use super::level::{Level, Pair};
+use super::ncc::{Patch, WORST, Weights};
+use super::support::{Support, SupportMap};
+
+/// A view that hypotheses are tried in.
+pub(super) struct Source<'a> {
+    pub(super) image: &'a Level,
+    pub(super) pair: Pair,
+    /// What is known of the source's own depth, once it has been estimated.
+    pub(super) guide: Option<Guide<'a>>,
+}
+
+/// A source's depth map, for geometric consistency.
+pub(super) struct Guide<'a> {
+    pub(super) map: &'a SupportMap,
+    /// Pixels of `map` a pixel of the source image.
+    pub(super) scale: f32,
+    /// From pixels of `map` back into the reference image.
+    pub(super) back: Pair,
+}
+
+impl Guide<'_> {
+    /// How far from (u, v) the source's own surface comes back, in reference pixels, when looked up where
+    /// the point at inverse depth `w` falls. `None` where the source says nothing.
+    pub(super) fn return_error_px(&self, pair: &Pair, u: f32, v: f32, w: f32) -> Option<f32> {
+        let [hx, hy, hz] = pair.map(u, v, w);
+        if hz <= 1e-6 {
+            return None;
+        }
+        let inverse = 1.0 / hz;
+        let x = (hx * inverse + 0.5) * self.scale - 0.5;
+        let y = (hy * inverse + 0.5) * self.scale - 0.5;
+        let (last_x, last_y) = (self.map.width as f32 - 1.0, self.map.height as f32 - 1.0);
+        if !(x >= 0.0 && y >= 0.0 && x <= last_x && y <= last_y) {
+            return None;
+        }
+        let (px, py) = ((x + 0.5) as usize, (y + 0.5) as usize);
+        let support = self.map.supports[py * self.map.width + px];
+        let seen = support.moved(x - px as f32, y - py as f32);
+        let [bx, by, bz] = self.back.map(x, y, seen.w);
+        if bz <= 1e-6 {
+            return None;
+        }
+        let (du, dv) = (bx / bz - u, by / bz - v);
+        Some((du * du + dv * dv).sqrt())
+    }
+}
+
+/// One depth map to be estimated.
+pub(super) struct Problem<'a> {
+    pub(super) reference: &'a Level,
+    pub(super) sources: Vec<Source<'a>>,
+    /// Least and largest inverse depth.
+    pub(super) range: (f32, f32),
+    /// Inverse depth that shifts a pixel by one in the source that sees it shift most.
+    pub(super) step: f32,
+    /// How many of the sources, the best ones, a hypothesis has to please.
+    pub(super) best_views: usize,
+    /// Grey levels at which a neighbour's weight in a patch falls to 1/e.
+    pub(super) color_sigma: f32,
+    pub(super) iterations: usize,
+    pub(super) seed: u64,
+}
+
+/// Cost added a pixel of geometric disagreement, and the disagreement at which it stops growing.
+const GEOMETRIC_WEIGHT: f32 = 0.15;
+const GEOMETRIC_CAP_PX: f32 = 3.0;
+
+impl Problem<'_> {
+    /// Estimates, from random hypotheses or from `start`.
+    pub(super) fn solve(&self, start: Option<SupportMap>) -> SupportMap {
+        let (width, height) = (self.reference.width, self.reference.height);
+        let table = Weights::new(self.color_sigma);
+        let mut map = start.unwrap_or_else(|| {
+            let supports = (0..width * height).map(|i| self.draw(i)).collect();
+            SupportMap { width, height, supports, costs: Vec::new() }
+        });
+        map.costs = (0..height)
+            .into_par_iter()
+            .flat_map_iter(|y| {
+                let (map, table) = (&map, &table);
+                (0..width).map(move |x| {
+                    let patch = Patch::new(self.reference, x, y, table);
+                    self.choose_views(&patch, x, y, &[map.supports[y * width + x]]).1[0]
+                })
+            })
+            .collect();
+        for iteration in 0..self.iterations {
+            for colour in 0..2 {
+                let rows: Vec<Vec<(Support, f32)>> = (0..height)
+                    .into_par_iter()
+                    .map(|y| {
+                        ((y + colour) % 2..width)
+                            .step_by(2)
+                            .map(|x| self.improve(&map, x, y, iteration, &table))
+                            .collect()
+                    })
+                    .collect();
+                for (y, row) in rows.into_iter().enumerate() {
+                    for (x, (support, cost)) in ((y + colour) % 2..width).step_by(2).zip(row) {
+                        map.supports[y * width + x] = support;
+                        map.costs[y * width + x] = cost;
+                    }
+                }
+            }
+        }
+        map
+    }
+
+    fn draw(&self, pixel: usize) -> Support {
+        let mut random = PixelRandom::new(self.seed, pixel, usize::MAX);
+        let (x, y) = (pixel % self.reference.width, pixel / self.reference.width);
+        let ray = self.reference.camera.ray(x as f32, y as f32);
+        let w = self.range.0 + random.unit() * (self.range.1 - self.range.0);
+        let normal = random.normal_towards(ray);
+        Support::from_normal(w, normal, ray, &self.reference.camera).unwrap_or(Support {
+            w,
+            gu: 0.0,
+            gv: 0.0,
+        })
+    }
+
+    /// Cost of a hypothesis in one view, geometric disagreement included where the view has depth.
+    fn cost_in(&self, source: &Source<'_>, patch: &Patch, x: usize, y: usize, support: &Support) -> f32 {
+        let cost = patch.cost(support, source.image, &source.pair);
+        match &source.guide {
+            Some(guide) if cost < WORST => {
+                let error = guide.return_error_px(&source.pair, x as f32, y as f32, support.w);
+                (cost + GEOMETRIC_WEIGHT * error.unwrap_or(GEOMETRIC_CAP_PX).min(GEOMETRIC_CAP_PX)).min(WORST)
+            }
+            _ => cost,
+        }
+    }
+
+    /// The views in which at least one of `hypotheses` fares best, and the cost of each hypothesis over them.
+    ///
+    /// Fewer than wanted where the image's border leaves fewer views, but at least two.
+    fn choose_views<const N: usize>(
+        &self,
+        patch: &Patch,
+        x: usize,
+        y: usize,
+        hypotheses: &[Support; N],
+    ) -> (Views, [f32; N]) {
+        let mut all = [([WORST; N], WORST, 0); MOST_VIEWS];
+        let count = self.sources.len().min(MOST_VIEWS);
+        for (i, (slot, source)) in all.iter_mut().zip(&self.sources).enumerate() {
+            let costs = hypotheses.map(|h| self.cost_in(source, patch, x, y, &h));
+            *slot = (costs, costs.iter().copied().fold(WORST, f32::min), i);
+        }
+        let all = &mut all[..count];
+        all.sort_unstable_by(|a, b| a.1.total_cmp(&b.1).then(a.2.cmp(&b.2)));
+        let seen = all.iter().filter(|view| view.1 < WORST).count();
+        let wanted = self.best_views.min(seen.max(LEAST_VIEWS)).min(count);
+        let mut views = Views { indices: [0; MOST_VIEWS], count: wanted };
+        let mut means = [0.0; N];
+        for (index, (costs, _, view)) in views.indices.iter_mut().zip(&all[..wanted]) {
+            *index = *view;
+            for (mean, cost) in means.iter_mut().zip(costs) {
+                *mean += cost / wanted.max(1) as f32;
+            }
+        }
+        (views, means)
+    }
+
+    fn improve(
+        &self,
+        map: &SupportMap,
+        x: usize,
+        y: usize,
+        iteration: usize,
+        table: &Weights,
+    ) -> (Support, f32) {
+        let width = self.reference.width;
+        let pixel = y * width + x;
+        let patch = Patch::new(self.reference, x, y, table);
+        let current = map.supports[pixel];
+        let mut offered = [(current, f32::MAX); REGIONS.len()];
+        for (offer, region) in offered.iter_mut().zip(&REGIONS) {
+            for &(dx, dy) in *region {
+                let (nx, ny) = (x as i32 + dx, y as i32 + dy);
+                if nx < 0 || ny < 0 || nx >= width as i32 || ny >= self.reference.height as i32 {
+                    continue;
+                }
+                let neighbour = ny as usize * width + nx as usize;
+                if map.costs[neighbour] < offer.1 {
+                    *offer = (map.supports[neighbour].moved(-dx as f32, -dy as f32), map.costs[neighbour]);
+                }
+            }
+        }
+        // The neighbour that fares best helps to choose the views: the own hypothesis may be nonsense yet.
+        let allowed = |c: &Support| c.w >= self.range.0 && c.w <= self.range.1 && self.is_seen(c, x, y);
+        let first = (0..offered.len())
+            .filter(|i| allowed(&offered[*i].0))
+            .min_by(|a, b| offered[*a].1.total_cmp(&offered[*b].1));
+        let favourite = first.map_or(current, |i| offered[i].0);
+        let (views, [own, other]) = self.choose_views(&patch, x, y, &[current, favourite]);
+        let mut best = if other < own { (favourite, other) } else { (current, own) };
+        let consider = |best: &mut (Support, f32), candidate: Support| {
+            if !allowed(&candidate) || self.is_same(&candidate, &best.0) {
+                return;
+            }
+            let total: f32 = views.indices[..views.count]
+                .iter()
+                .map(|i| self.cost_in(&self.sources[*i], &patch, x, y, &candidate))
+                .sum();
+            let cost = total / views.count.max(1) as f32;
+            if cost < best.1 {
+                *best = (candidate, cost);
+            }
+        };
+        for (i, (candidate, _)) in offered.iter().enumerate() {
+            if Some(i) != first {
+                consider(&mut best, *candidate);
+            }
+        }
+        let mut random = PixelRandom::new(self.seed, pixel, iteration);
+        let (u, v) = (x as f32, y as f32);
+        let camera = &self.reference.camera;
+        let ray = camera.ray(u, v);
+        let reach = 0.5f32.powi(iteration as i32);
+        let with_normal = |best: &mut (Support, f32), w: f32, normal| {
+            if let Some(candidate) = Support::from_normal(w, normal, ray, camera) {
+                consider(best, candidate);
+            }
+        };
+        // Anything at all; then ever smaller changes of what is best so far.
+        let drawn = self.range.0 + random.unit() * (self.range.1 - self.range.0);
+        let normal = best.0.normal(u, v, camera);
+        with_normal(&mut best, drawn, normal);
+        let w = best.0.w;
+        with_normal(&mut best, w, random.normal_towards(ray));
+        for shrink in [2.0, 0.5] {
+            let w = best.0.w + shrink * reach * self.step * random.signed();
+            let normal = best.0.normal(u, v, camera);
+            with_normal(&mut best, w, normal);
+            let tilt = glam::Vec3::new(random.signed(), random.signed(), random.signed());
+            let normal = (best.0.normal(u, v, camera) + 0.4 * shrink * reach * tilt).normalize_or_zero();
+            let w = best.0.w + 0.3 * shrink * reach * self.step * random.signed();
+            with_normal(&mut best, w, normal);
+        }
+        best
+    }
+
+    /// Planes that differ by less than a hundredth of a pixel over a patch need no second look.
+    fn is_same(&self, a: &Support, b: &Support) -> bool {
+        let slope = (a.gu - b.gu).abs().max((a.gv - b.gv).abs());
+        (a.w - b.w).abs() + 5.0 * slope < 0.02 * self.step
+    }
+
+    /// Propagated planes must not be looked at edge-on either.
+    fn is_seen(&self, support: &Support, x: usize, y: usize) -> bool {
+        let (u, v) = (x as f32, y as f32);
+        let ray = self.reference.camera.ray(u, v);
+        support.normal(u, v, &self.reference.camera).dot(ray) < -0.1 * ray.length()
+    }
+}
+
+/// More views than this bring nothing.
+pub(super) const MOST_VIEWS: usize = 8;
+/// A hypothesis seen by one view alone proves nothing.
+const LEAST_VIEWS: usize = 2;
+
+/// The views chosen for one pixel.
+struct Views {
+    indices: [usize; MOST_VIEWS],
+    count: usize,
+}
+
+/// Where hypotheses come from: of each region the neighbour that fares best hands on its plane. All offsets are odd
+/// in sum, so they lie on the other colour.
+const REGIONS: [&[(i32, i32)]; 8] = [
+    &[(0, -1), (-1, -2), (1, -2), (-2, -3), (2, -3)],
+    &[(0, 1), (-1, 2), (1, 2), (-2, 3), (2, 3)],
+    &[(-1, 0), (-2, -1), (-2, 1), (-3, -2), (-3, 2)],
+    &[(1, 0), (2, -1), (2, 1), (3, -2), (3, 2)],
+    &[(0, -3), (0, -5), (0, -7), (0, -9), (0, -13), (0, -17), (0, -23)],
+    &[(0, 3), (0, 5), (0, 7), (0, 9), (0, 13), (0, 17), (0, 23)],
+    &[(-3, 0), (-5, 0), (-7, 0), (-9, 0), (-13, 0), (-17, 0), (-23, 0)],
+    &[(3, 0), (5, 0), (7, 0), (9, 0), (13, 0), (17, 0), (23, 0)],
+];
+
+/// A pixel's own random numbers: SplitMix64 (Steele et al. 2014), started from seed, pixel and iteration.
+struct PixelRandom(u64);
+
+impl PixelRandom {
+    fn new(seed: u64, pixel: usize, iteration: usize) -> Self {
+        let mut random = Self(seed ^ (pixel as u64).wrapping_mul(0xd6e8_feb8_6659_fd93));
+        random.0 = random.next().wrapping_add((iteration as u64).wrapping_mul(0x9e6c_63d0_876a_68de));
+        random
+    }
+
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    /// In 0 … 1.
+    fn unit(&mut self) -> f32 {
+        (self.next() >> 40) as f32 / (1u64 << 24) as f32
+    }
+
+    /// In −1 … 1.
+    fn signed(&mut self) -> f32 {
+        2.0 * self.unit() - 1.0
+    }
+
+    /// A direction uniform over the hemisphere that looks against `ray`.
+    fn normal_towards(&mut self, ray: glam::Vec3) -> glam::Vec3 {
+        let z = self.signed();
+        let angle = std::f32::consts::TAU * self.unit();
+        let radius = (1.0 - z * z).max(0.0).sqrt();
+        let direction = glam::Vec3::new(radius * angle.cos(), radius * angle.sin(), z);
+        if direction.dot(ray) > 0.0 { -direction } else { direction }
+    }
+}
