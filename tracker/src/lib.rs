@@ -2,6 +2,8 @@
 //!
 //! Data flows down this list, one moment (the images of all cameras at one time) after the other:
 //!
+//! * [`source`] — videos, folders of images and ready-made masks, matched with the room's cameras; times.
+//! * [`foreground`] — from one camera's pictures to foreground masks.
 //! * [`stage`] — [`stage::Stage`]: a room made ready for simulation. Everything below needs one.
 //! * [`moment`] — [`Moment`]: the foreground masks and images of all cameras at one time; what a tracker is given.
 //!   [`PersonEstimate`]: a person at one time; what a tracker gives back. Start here.
@@ -12,8 +14,10 @@
 
 mod error;
 pub mod eval;
+pub mod foreground;
 pub mod method;
 pub mod moment;
+pub mod source;
 pub mod stage;
 pub mod tracks;
 

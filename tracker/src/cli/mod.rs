@@ -1,3 +1,35 @@
-//! The program's subcommands: each maps its options onto the library's, one to one.
+//! The program's subcommands, one a file: each maps its options onto the library's, one to one.
 
-pub(crate) mod eval;
+mod background;
+mod console;
+mod eval;
+mod masks;
+
+use clap::{Parser, Subcommand};
+
+pub(crate) use console::Console;
+
+/// Follows every person in a room, in metres on its floor, from fixed calibrated cameras.
+#[derive(Debug, Parser)]
+#[command(version, max_term_width = 110)]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+    /// Tell more (-vv: everything, with what the video libraries print).
+    #[arg(short, long, action = clap::ArgAction::Count, global = true)]
+    pub(crate) verbose: u8,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Eval(eval::EvalArgs),
+    Masks(masks::MasksArgs),
+}
+
+/// Does what was asked for; returns what is to be printed on standard output.
+pub(crate) fn run(arguments: &Arguments, console: &Console) -> anyhow::Result<String> {
+    match &arguments.command {
+        Command::Eval(args) => eval::eval(args),
+        Command::Masks(args) => masks::masks(args, console),
+    }
+}

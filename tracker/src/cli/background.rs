@@ -1,0 +1,113 @@
+//! The options of background subtraction, shared by the subcommands that need it.
+
+use anyhow::bail;
+use calib::vision::AdaptiveKind;
+use clap::Args;
+use tracker::foreground::backdrop::Backdrop;
+use tracker::foreground::{ForegroundOptions, Start};
+use tracker::source::{NamedSource, sampling};
+
+/// What the background is learnt from.
+#[derive(Debug, Clone, PartialEq, Eq)]
+enum Choice {
+    Auto,
+    Median,
+    Adaptive(AdaptiveKind),
+    Clip(NamedSource),
+}
+
+fn parse(text: &str) -> Result<Choice, String> {
+    Ok(match text {
+        "auto" => Choice::Auto,
+        "median" => Choice::Median,
+        "online" | "mog2" => Choice::Adaptive(AdaptiveKind::Mog2),
+        "knn" => Choice::Adaptive(AdaptiveKind::Knn),
+        _ => Choice::Clip(
+            text.parse()
+                .map_err(|_| format!("`{text}` is none of auto, median, online, mog2, knn, NAME=PATH"))?,
+        ),
+    })
+}
+
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Foreground")]
+pub(super) struct BackgroundArguments {
+    /// What the empty room looks like: the recording's own median over time (median), learnt while running by OpenCV
+    /// (online = mog2, knn), or a clip or picture of the empty room for one camera (NAME=PATH, may be repeated). auto:
+    /// median for recordings, online for streams
+    #[arg(long, value_parser = parse, default_value = "auto", value_name = "KIND|NAME=PATH")]
+    background: Vec<Choice>,
+    /// Leave shadows and reflections in the masks
+    #[arg(long)]
+    keep_shadows: bool,
+    /// Do not compensate changes of exposure and white balance
+    #[arg(long)]
+    no_exposure: bool,
+    /// What stands still for this long becomes background, in seconds
+    #[arg(long, default_value_t = 120.0, value_name = "SECONDS")]
+    absorb: f32,
+}
+
+impl BackgroundArguments {
+    /// The options of the masks.
+    pub(super) fn options(&self) -> ForegroundOptions {
+        let mut options = ForegroundOptions { exposure: !self.no_exposure, ..ForegroundOptions::default() };
+        options.pixels.absorb_s = self.absorb;
+        if self.keep_shadows {
+            options.shadows = None;
+        }
+        options
+    }
+
+    /// Whether every clip belongs to one of these cameras, and the rest makes sense.
+    pub(super) fn check_names(&self, videos: &[NamedSource]) -> anyhow::Result<()> {
+        if self.absorb.is_nan() || self.absorb <= 0.0 {
+            bail!("--absorb {}: give seconds, above 0", self.absorb);
+        }
+        let kinds = self.background.iter().filter(|c| !matches!(c, Choice::Clip(_))).count();
+        if kinds > 1 {
+            bail!("--background: give one kind for all cameras, and NAME=PATH for single ones");
+        }
+        for choice in &self.background {
+            if let Choice::Clip(clip) = choice
+                && !videos.iter().any(|v| v.name == clip.name)
+            {
+                let names: Vec<&str> = videos.iter().map(|v| v.name.as_str()).collect();
+                bail!(
+                    "--background {}={}: no --video has that name; there are {}",
+                    clip.name,
+                    clip.spec,
+                    names.join(", ")
+                );
+            }
+        }
+        Ok(())
+    }
+
+    /// What a camera's foreground starts from. `video`: its source, and whether that is a recording.
+    pub(super) fn start(&self, camera: &str, video: (&str, bool)) -> anyhow::Result<Start> {
+        let (spec, is_recording) = video;
+        let clip = self.background.iter().find_map(|choice| match choice {
+            Choice::Clip(clip) if clip.name == camera => Some(clip.spec.as_str()),
+            _ => None,
+        });
+        if let Some(clip) = clip {
+            return learnt(clip);
+        }
+        let kind = self.background.iter().find(|c| !matches!(c, Choice::Clip(_))).unwrap_or(&Choice::Auto);
+        match kind {
+            Choice::Adaptive(kind) => Ok(Start::Nothing(*kind)),
+            Choice::Median if !is_recording => {
+                bail!(
+                    "--background median: camera `{camera}` is a stream; use online, or NAME=PATH with a clip"
+                )
+            }
+            _ if is_recording => learnt(spec),
+            _ => Ok(Start::Nothing(AdaptiveKind::default())),
+        }
+    }
+}
+
+fn learnt(spec: &str) -> anyhow::Result<Start> {
+    Ok(Start::Backdrop(Backdrop::learn(&sampling::spread(spec)?)?))
+}

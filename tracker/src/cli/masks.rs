@@ -1,0 +1,107 @@
+//! `tracker masks`: the foreground masks alone, as pictures.
+
+use std::path::PathBuf;
+
+use anyhow::{Context, bail};
+use calib::vision::FrameSource;
+use clap::Args;
+use image::{GrayImage, RgbImage};
+use tracker::foreground::{Foreground, Verdict};
+use tracker::source::{NamedSource, Times};
+
+use super::Console;
+use super::background::BackgroundArguments;
+
+/// Write the foreground masks of videos as pictures, to look at or to give to `tracker run --masks`.
+///
+/// The masks are in the videos' own images, not undistorted: OUT/NAME/000001.png, 255 where there is foreground. Frames
+/// that say nothing (frozen, dark, lights switched) come out black and are named in the log.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  tracker masks --video cam0=cam0.mp4 --out masks\n  tracker run myroom --masks cam0=masks/cam0 --out out"
+)]
+pub(crate) struct MasksArgs {
+    /// A video, as `tracker run` takes it; may be given several times
+    #[arg(long, value_name = "NAME=PATH", required = true)]
+    video: Vec<NamedSource>,
+    /// The folder to write to
+    #[arg(long)]
+    out: PathBuf,
+    /// The time of each frame: seconds, a line a frame
+    #[arg(long, value_name = "FILE", conflicts_with = "rate")]
+    times: Option<PathBuf>,
+    /// Frames a second, where the video does not say or says wrong
+    #[arg(long)]
+    rate: Option<f64>,
+    /// Also write the background, as OUT/NAME/background.jpg, and each frame with its mask's outline
+    #[arg(long)]
+    outlines: bool,
+    #[command(flatten)]
+    background: BackgroundArguments,
+}
+
+/// Runs the subcommand.
+pub(crate) fn masks(args: &MasksArgs, console: &Console) -> anyhow::Result<String> {
+    args.background.check_names(&args.video)?;
+    for named in &args.video {
+        args.one(named, console)?;
+    }
+    Ok(String::new())
+}
+
+impl MasksArgs {
+    fn one(&self, named: &NamedSource, console: &Console) -> anyhow::Result<()> {
+        if named.name.contains(['/', '\\']) || named.name == ".." {
+            bail!("--video {}: the name becomes a folder; it must not hold a slash", named.name);
+        }
+        let mut source = FrameSource::open(&named.spec)?;
+        let times = match (&self.times, self.rate) {
+            (Some(path), _) => Times::read(path)?,
+            (None, rate) => {
+                Times::steady(rate.or(source.rate()).unwrap_or(tracker::source::times::DEFAULT_RATE))?
+            }
+        };
+        let (width, height) = source.size();
+        let start = self.background.start(&named.name, (&named.spec, source.is_recording()))?;
+        let mut foreground = Foreground::new(width, height, start, self.background.options())?;
+        let folder = self.out.join(&named.name);
+        std::fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
+        let mut progress =
+            console.progress(&format!("masks of {}", named.name), source.frame_count().map(|n| n as u64));
+        let (mut image, mut mask) = (RgbImage::default(), GrayImage::default());
+        let mut frame = 0;
+        while source.read(&mut image)? {
+            frame += 1;
+            let verdict = foreground.mask(&image, times.of(frame)?, &mut mask)?;
+            if verdict != Verdict::Usable {
+                tracing::warn!("{}: frame {frame}: {verdict}", named.name);
+                mask.fill(0);
+            }
+            let path = folder.join(format!("{frame:06}.png"));
+            mask.save(&path).with_context(|| path.display().to_string())?;
+            if self.outlines {
+                let path = folder.join(format!("outline_{frame:06}.jpg"));
+                outlined(&image, &mask).save(&path).with_context(|| path.display().to_string())?;
+            }
+            progress.advance();
+        }
+        if self.outlines {
+            let path = folder.join("background.jpg");
+            foreground.background().save(&path).with_context(|| path.display().to_string())?;
+        }
+        Ok(())
+    }
+}
+
+/// The picture, darkened outside the mask, with the mask's edge in yellow.
+fn outlined(image: &RgbImage, mask: &GrayImage) -> RgbImage {
+    let (width, height) = image.dimensions();
+    RgbImage::from_fn(width, height, |x, y| {
+        let inside = |x: u32, y: u32| mask.get_pixel(x.min(width - 1), y.min(height - 1))[0] > 0;
+        let here = inside(x, y);
+        if here != inside(x + 1, y) || here != inside(x, y + 1) {
+            return image::Rgb([255, 230, 0]);
+        }
+        image::Rgb(image.get_pixel(x, y).0.map(|v| if here { v } else { v / 2 }))
+    })
+}

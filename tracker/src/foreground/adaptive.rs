@@ -1,0 +1,127 @@
+//! Background learnt while running, for streams that cannot be looked through beforehand: OpenCV's MOG2 or KNN, kept
+//! from absorbing people.
+//!
+//! OpenCV's models learn from everything they are shown. So they are only shown foreground that has stayed for
+//! [`PixelOptions::absorb_s`](super::pixels::PixelOptions); before that they are shown their own background in its place.
+
+use calib::vision::{AdaptiveBackground, AdaptiveKind};
+use image::{GrayImage, RgbImage};
+
+use super::exposure::Exposure;
+use crate::Result;
+
+/// How many learnt frames OpenCV's models remember.
+const HISTORY_FRAMES: u32 = 300;
+/// The labels mean something after this time.
+const WARM_UP_S: f32 = 1.0;
+/// Everything is learnt for this long: the first pictures may hold people.
+const LEARN_ALL_S: f32 = 5.0;
+/// After that one frame in this many is learnt.
+const LEARN_EVERY: u32 = 4;
+
+/// The online model of one camera.
+pub struct AdaptiveModel {
+    model: AdaptiveBackground,
+    /// The background in the model's own exposure.
+    picture: RgbImage,
+    /// A frame in the model's exposure.
+    even: RgbImage,
+    scratch: GrayImage,
+    /// For how long each pixel has been foreground, in seconds.
+    age_s: Vec<f32>,
+    absorb_s: f32,
+    seen: u32,
+    learning_s: f32,
+    unlearnt_s: f32,
+}
+
+impl AdaptiveModel {
+    /// A model that knows nothing yet.
+    pub fn new(kind: AdaptiveKind, width: u32, height: u32, absorb_s: f32) -> Result<Self> {
+        Ok(Self {
+            model: AdaptiveBackground::new(kind, HISTORY_FRAMES)?,
+            picture: RgbImage::new(width, height),
+            even: RgbImage::new(width, height),
+            scratch: GrayImage::new(width, height),
+            age_s: vec![0.0; width as usize * height as usize],
+            absorb_s,
+            seen: 0,
+            learning_s: 0.0,
+            unlearnt_s: 0.0,
+        })
+    }
+
+    /// Whether enough has been seen for the labels to mean something.
+    pub fn is_warm(&self) -> bool {
+        self.learning_s >= WARM_UP_S
+    }
+
+    /// The background in the model's own exposure; black before the first frame.
+    pub fn picture(&self) -> &RgbImage {
+        &self.picture
+    }
+
+    /// Scores every pixel: 0 for the background, 255 for all else, shadows included.
+    pub fn score(&mut self, frame: &RgbImage, exposure: &Exposure, score: &mut GrayImage) -> Result<()> {
+        self.make_even(frame, exposure);
+        let rate = if self.seen == 0 { 1.0 } else { 0.0 };
+        self.model.label(&self.even, rate, score)?;
+        for s in score.iter_mut() {
+            *s = if *s == 0 { 0 } else { 255 };
+        }
+        if self.seen == 0 {
+            self.model.picture(&mut self.picture)?;
+        }
+        self.seen += 1;
+        Ok(())
+    }
+
+    /// Learns from the frame that was scored last.
+    pub fn learn(&mut self, mask: &GrayImage, elapsed_s: f32) -> Result<()> {
+        self.learning_s += elapsed_s;
+        self.unlearnt_s += elapsed_s;
+        let everything = self.learning_s < LEARN_ALL_S;
+        if !everything && !self.seen.is_multiple_of(LEARN_EVERY) {
+            return Ok(());
+        }
+        for (age, m) in self.age_s.iter_mut().zip(mask.iter()) {
+            *age = if *m == 0 { 0.0 } else { *age + self.unlearnt_s };
+        }
+        let rate = if everything {
+            1.0 / self.seen.clamp(1, 50) as f64
+        } else {
+            let hidden = self.age_s.iter().map(|age| *age > 0.0 && *age < self.absorb_s);
+            let pixels = self.even.chunks_exact_mut(3).zip(self.picture.chunks_exact(3));
+            for ((even, background), hidden) in pixels.zip(hidden) {
+                if hidden {
+                    even.copy_from_slice(background);
+                }
+            }
+            LEARN_EVERY as f64 / HISTORY_FRAMES as f64
+        };
+        self.unlearnt_s = 0.0;
+        self.model.label(&self.even, rate, &mut self.scratch)?;
+        self.model.picture(&mut self.picture)?;
+        Ok(())
+    }
+
+    /// Forgets everything but this frame, which becomes the start of a new warm-up: after the light was switched.
+    pub fn restart(&mut self, frame: &RgbImage) -> Result<()> {
+        self.even.copy_from_slice(frame);
+        self.model.label(&self.even, 1.0, &mut self.scratch)?;
+        self.age_s.fill(0.0);
+        self.seen = 1;
+        self.learning_s = 0.0;
+        self.model.picture(&mut self.picture)?;
+        Ok(())
+    }
+
+    fn make_even(&mut self, frame: &RgbImage, exposure: &Exposure) {
+        let table = exposure.inverse_table();
+        for (even, x) in self.even.chunks_exact_mut(3).zip(frame.as_raw().chunks_exact(3)) {
+            for c in 0..3 {
+                even[c] = table[c][x[c] as usize];
+            }
+        }
+    }
+}

@@ -1,0 +1,320 @@
+//! From one camera's pictures to foreground masks.
+//!
+//! 1. [`health`]: a frozen or dark picture says nothing.
+//! 2. [`exposure`]: how this frame's exposure differs from the background's.
+//! 3. [`pixels`] (around an empty scene known beforehand, [`backdrop`]) or [`adaptive`] (learnt while running): how far
+//!    each pixel is from the background.
+//! 4. [`shadow`]: pixels that show the background's surface darker or brighter are no foreground.
+//! 5. [`regions`] and OpenCV's morphology: one clean silhouette a person.
+//! 6. A frame that is nearly all foreground is a switched light: it says nothing, and if it stays the background is
+//!    learnt anew.
+//!
+//! Everything happens in the real image; [`calib::undistort::UndistortMap`] takes the mask to the pinhole image after.
+
+pub mod adaptive;
+pub mod backdrop;
+pub mod exposure;
+pub mod health;
+pub mod pixels;
+pub mod regions;
+pub mod shadow;
+
+use calib::vision::{AdaptiveKind, Morphology};
+use image::{GrayImage, RgbImage};
+
+use adaptive::AdaptiveModel;
+use backdrop::Backdrop;
+use exposure::Exposure;
+use health::Health;
+use pixels::{PixelModel, PixelOptions, THRESHOLD};
+use regions::Regions;
+use shadow::ShadowOptions;
+
+use crate::{Error, Result};
+
+/// How masks are made.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ForegroundOptions {
+    /// How pixels are judged against the background.
+    pub pixels: PixelOptions,
+    /// How shadows are told; `None` leaves them in the mask.
+    pub shadows: Option<ShadowOptions>,
+    /// Whether changes of exposure and white balance are compensated.
+    pub exposure: bool,
+    /// Regions smaller than this fraction of the image are noise.
+    pub least_area: f64,
+    /// Holes up to this fraction of the image are filled.
+    pub largest_hole: f64,
+    /// A frame with more foreground than this fraction says nothing.
+    pub most_foreground: f64,
+    /// A frame with this much more foreground than the one before, as a fraction of the image, is a switched light.
+    pub sudden_foreground: f64,
+    /// After a switched light the background is learnt anew from this many seconds.
+    pub relearn_s: f64,
+}
+
+impl Default for ForegroundOptions {
+    fn default() -> Self {
+        Self {
+            pixels: PixelOptions::default(),
+            shadows: Some(ShadowOptions::default()),
+            exposure: true,
+            least_area: 0.0004,
+            largest_hole: 0.003,
+            most_foreground: 0.6,
+            sudden_foreground: 0.3,
+            relearn_s: 2.0,
+        }
+    }
+}
+
+/// What a camera's frame is worth.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Verdict {
+    /// The mask can be used.
+    Usable,
+    /// The camera repeats the same picture.
+    Frozen,
+    /// The picture is dark.
+    Dark,
+    /// Nearly everything is foreground, suddenly: a switched light, a moved camera.
+    AllForeground,
+    /// A background that is learnt while running has not seen enough yet.
+    Learning,
+}
+
+impl std::fmt::Display for Verdict {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Usable => "usable",
+            Self::Frozen => "frozen",
+            Self::Dark => "dark",
+            Self::AllForeground => "all foreground (light switched or camera moved)",
+            Self::Learning => "learning its background",
+        })
+    }
+}
+
+/// What the foreground of one camera starts from.
+#[derive(Debug, Clone)]
+pub enum Start {
+    /// An empty scene.
+    Backdrop(Backdrop),
+    /// Nothing: an adaptive model learns while running.
+    Nothing(AdaptiveKind),
+}
+
+/// The foreground of one camera, frame by frame.
+pub struct Foreground {
+    options: ForegroundOptions,
+    model: Model,
+    health: Health,
+    exposure: Exposure,
+    morphology: Morphology,
+    regions: Regions,
+    /// The background in the model's exposure, for fitting the frame's.
+    background: RgbImage,
+    /// The background in the frame's exposure.
+    expected: RgbImage,
+    score: GrayImage,
+    smooth: GrayImage,
+    latest_s: Option<f64>,
+    /// Fraction of foreground in the latest usable mask.
+    latest_fraction: f64,
+    /// Since when nearly everything has been foreground.
+    switched_s: Option<f64>,
+    frames: u32,
+}
+
+enum Model {
+    Pixels(PixelModel),
+    Adaptive(AdaptiveModel),
+}
+
+/// The background picture is refreshed once in this many frames for the exposure's fit: it changes slowly.
+const REFRESH_EVERY: u32 = 16;
+/// A smoothed score above this fraction of the threshold is foreground…
+const WEAK: u8 = THRESHOLD / 8 * 5;
+/// …in regions where some pixels are as sure as this.
+const STRONG: u8 = 160;
+/// Learning never sees a gap longer than this, in seconds.
+const LONGEST_GAP_S: f64 = 1.0;
+
+impl Foreground {
+    /// The foreground of a camera whose images have this size.
+    ///
+    /// # Errors
+    /// When a backdrop has another size, or OpenCV refuses.
+    pub fn new(width: u32, height: u32, start: Start, options: ForegroundOptions) -> Result<Self> {
+        let mut background = RgbImage::new(width, height);
+        let model = match start {
+            Start::Backdrop(backdrop) => {
+                let found = backdrop.picture.dimensions();
+                if found != (width, height) {
+                    return Err(Error::option(
+                        "--background",
+                        format!(
+                            "the empty scene is {} × {} pixels, the camera's images are {width} × {height}",
+                            found.0, found.1
+                        ),
+                    ));
+                }
+                background.copy_from_slice(&backdrop.picture);
+                Model::Pixels(PixelModel::new(&backdrop, &options.pixels))
+            }
+            Start::Nothing(kind) => {
+                Model::Adaptive(AdaptiveModel::new(kind, width, height, options.pixels.absorb_s)?)
+            }
+        };
+        Ok(Self {
+            options,
+            model,
+            health: Health::default(),
+            exposure: Exposure::default(),
+            morphology: Morphology::default(),
+            regions: Regions::default(),
+            background,
+            expected: RgbImage::new(width, height),
+            score: GrayImage::new(width, height),
+            smooth: GrayImage::new(width, height),
+            latest_s: None,
+            latest_fraction: 0.0,
+            switched_s: None,
+            frames: 0,
+        })
+    }
+
+    /// The mask of the next frame (255 foreground, 0 background), and whether it can be used.
+    ///
+    /// # Errors
+    /// When OpenCV refuses.
+    pub fn mask(&mut self, frame: &RgbImage, time_s: f64, into: &mut GrayImage) -> Result<Verdict> {
+        if into.dimensions() != frame.dimensions() {
+            *into = GrayImage::new(frame.width(), frame.height());
+        }
+        let elapsed_s =
+            self.latest_s.map_or(0.0, |latest| (time_s - latest).clamp(0.0, LONGEST_GAP_S)) as f32;
+        self.latest_s = Some(time_s);
+        if self.health.is_frozen(frame, time_s) {
+            return Ok(Verdict::Frozen);
+        }
+        if health::is_dark(frame) {
+            return Ok(Verdict::Dark);
+        }
+        self.frames += 1;
+        if self.options.exposure && !self.is_first_look() {
+            self.exposure = Exposure::fit(&self.background, frame, &self.exposure);
+        }
+        self.judge(frame, into)?;
+        let fraction = self.clean(into)?;
+        if let Model::Adaptive(model) = &self.model
+            && !model.is_warm()
+        {
+            self.learn(frame, into, elapsed_s)?;
+            return Ok(Verdict::Learning);
+        }
+        if self.is_switched(fraction) {
+            self.relearn(frame, time_s, elapsed_s)?;
+            return Ok(Verdict::AllForeground);
+        }
+        self.switched_s = None;
+        self.latest_fraction = fraction;
+        self.learn(frame, into, elapsed_s)?;
+        Ok(Verdict::Usable)
+    }
+
+    /// The background as the model sees it now, in its own exposure.
+    pub fn background(&mut self) -> &RgbImage {
+        match &self.model {
+            Model::Pixels(model) => model.picture(&mut self.background),
+            Model::Adaptive(model) => self.background.copy_from_slice(model.picture()),
+        }
+        &self.background
+    }
+
+    fn is_first_look(&self) -> bool {
+        matches!(self.model, Model::Adaptive(_)) && self.frames == 1
+    }
+
+    /// Scores the pixels and takes shadows out.
+    fn judge(&mut self, frame: &RgbImage, mask: &mut GrayImage) -> Result<()> {
+        match &mut self.model {
+            Model::Pixels(model) => model.score(frame, &self.exposure, &mut self.expected, &mut self.score),
+            Model::Adaptive(model) => {
+                model.score(frame, &self.exposure, &mut self.score)?;
+                let table = self.exposure.table();
+                for (e, b) in self.expected.chunks_exact_mut(3).zip(model.picture().chunks_exact(3)) {
+                    for c in 0..3 {
+                        e[c] = table[c][b[c] as usize];
+                    }
+                }
+            }
+        }
+        if let Some(shadows) = &self.options.shadows {
+            let least = self.options.pixels.least_levels as u8;
+            let flat;
+            let tolerance = match &self.model {
+                Model::Pixels(model) => model.tolerance(),
+                Model::Adaptive(_) => {
+                    flat = vec![least; self.score.len()];
+                    &flat
+                }
+            };
+            shadow::remove_shadows(frame, &self.expected, tolerance, WEAK, shadows, &mut self.score);
+        }
+        self.morphology.box_blur(&self.score, 1, &mut self.smooth)?;
+        for (mask, smooth) in mask.iter_mut().zip(self.smooth.iter()) {
+            *mask = if *smooth >= WEAK { 255 } else { 0 };
+        }
+        Ok(())
+    }
+
+    /// Makes silhouettes whole and removes specks; the fraction of foreground that is left.
+    fn clean(&mut self, mask: &mut GrayImage) -> Result<f64> {
+        let pixels = mask.len() as f64;
+        // Gaps grow with the image; 2 pixels at 480 rows.
+        let radius = (mask.height() as f64 / 240.0).round().clamp(1.0, 8.0) as u32;
+        self.morphology.close(mask, radius)?;
+        let least_area = (self.options.least_area * pixels).ceil() as u32;
+        let left = self.regions.remove_weak(mask, &self.smooth, STRONG, least_area, least_area / 4);
+        if left > 0 {
+            self.regions.fill_holes(mask, (self.options.largest_hole * pixels) as u32);
+        }
+        Ok(left as f64 / pixels.max(1.0))
+    }
+
+    fn is_switched(&self, fraction: f64) -> bool {
+        let sudden = self.options.sudden_foreground;
+        let jumped = self.frames > 1 && fraction > self.latest_fraction + sudden;
+        fraction > self.options.most_foreground || jumped || (self.switched_s.is_some() && fraction > sudden)
+    }
+
+    fn relearn(&mut self, frame: &RgbImage, time_s: f64, elapsed_s: f32) -> Result<()> {
+        let since = *self.switched_s.get_or_insert(time_s);
+        if let Model::Pixels(model) = &mut self.model {
+            model.watch(frame, elapsed_s);
+        }
+        if time_s - since >= self.options.relearn_s {
+            match &mut self.model {
+                Model::Pixels(model) => model.adopt(frame),
+                Model::Adaptive(model) => model.restart(frame)?,
+            }
+            self.exposure = Exposure::default();
+            self.switched_s = None;
+            self.latest_fraction = 0.0;
+            self.background();
+        }
+        Ok(())
+    }
+
+    fn learn(&mut self, frame: &RgbImage, mask: &GrayImage, elapsed_s: f32) -> Result<()> {
+        match &mut self.model {
+            Model::Pixels(model) => model.learn(frame, &self.exposure, &self.score, mask, elapsed_s),
+            Model::Adaptive(model) => model.learn(mask, elapsed_s)?,
+        }
+        if self.frames.is_multiple_of(REFRESH_EVERY) || self.frames == 1 {
+            self.background();
+        }
+        Ok(())
+    }
+}

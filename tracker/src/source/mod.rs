@@ -1,0 +1,184 @@
+//! Where the pictures come from: named videos and masks, matched with the room's cameras, and the time of each frame.
+
+pub mod sampling;
+pub mod times;
+
+use std::path::Path;
+use std::str::FromStr;
+
+use calib::vision::FrameSource;
+use scenes::room::{Room, RoomCamera};
+
+pub use times::Times;
+
+use crate::{Error, Result};
+
+/// `NAME=PATH` on the command line.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct NamedSource {
+    /// The camera's name in the room.
+    pub name: String,
+    /// A file, a folder of images, a printf pattern, a URL or a device number.
+    pub spec: String,
+}
+
+impl FromStr for NamedSource {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        match text.split_once('=') {
+            Some((name, spec)) if !name.is_empty() && !spec.is_empty() => {
+                Ok(Self { name: name.to_owned(), spec: spec.to_owned() })
+            }
+            _ => Err(format!("`{text}` is not NAME=PATH, with a camera's name before the `=`")),
+        }
+    }
+}
+
+/// What one camera of the run is fed with: a video, masks, or both.
+#[derive(Debug)]
+pub struct CameraSource {
+    /// The camera's name in the room.
+    pub name: String,
+    /// Its pictures.
+    pub video: Option<FrameSource>,
+    /// Ready-made masks; they take the place of background subtraction.
+    pub masks: Option<FrameSource>,
+}
+
+/// Opens the sources and matches them with the room's cameras; in the room's order. Cameras without a source are left
+/// out.
+///
+/// # Errors
+/// A name the room does not have (all of its names are listed), a name given twice, no source at all, a source that
+/// cannot be opened, or one whose images do not have the camera's size.
+pub fn open(room: &Room, videos: &[NamedSource], masks: &[NamedSource]) -> Result<Vec<CameraSource>> {
+    for (option, named) in [("--video", videos), ("--masks", masks)] {
+        for (i, source) in named.iter().enumerate() {
+            room.camera(&source.name)
+                .map_err(|e| Error::option(format!("{option} {}", written(source)), e.to_string()))?;
+            if named[..i].iter().any(|earlier| earlier.name == source.name) {
+                return Err(Error::option(
+                    format!("{option} {}", written(source)),
+                    format!("camera `{}` already has one; give each camera once", source.name),
+                ));
+            }
+        }
+    }
+    let mut sources = Vec::new();
+    for camera in &room.cameras {
+        let find = |named: &[NamedSource]| named.iter().find(|s| s.name == camera.name).cloned();
+        let open = |source: Option<NamedSource>| source.map(|s| open_one(camera, &s)).transpose();
+        let (video, masks) = (open(find(videos))?, open(find(masks))?);
+        if video.is_some() || masks.is_some() {
+            sources.push(CameraSource { name: camera.name.clone(), video, masks });
+        }
+    }
+    if sources.is_empty() {
+        let names: Vec<&str> = room.cameras.iter().map(|c| c.name.as_str()).collect();
+        return Err(Error::option(
+            "--video",
+            format!(
+                "no source is given; add --video NAME=PATH or --masks NAME=PATH for {}",
+                names.join(", ")
+            ),
+        ));
+    }
+    Ok(sources)
+}
+
+fn written(source: &NamedSource) -> String {
+    format!("{}={}", source.name, source.spec)
+}
+
+fn open_one(camera: &RoomCamera, source: &NamedSource) -> Result<FrameSource> {
+    let opened = FrameSource::open(&source.spec)?;
+    let (width, height) = opened.size();
+    let intrinsics = &camera.camera.intrinsics;
+    if (width, height) != (intrinsics.width, intrinsics.height) {
+        return Err(Error::content(
+            Path::new(&source.spec),
+            "frame 1",
+            format!(
+                "is {width} × {height} pixels, but the room's camera `{}` has {} × {}; give the recording the room was \
+                 calibrated for",
+                camera.name, intrinsics.width, intrinsics.height
+            ),
+        ));
+    }
+    Ok(opened)
+}
+
+impl CameraSource {
+    /// Frames in all, where the sources can know; the shorter of the two.
+    pub fn frame_count(&self) -> Option<usize> {
+        let counts = [&self.video, &self.masks].into_iter().flatten().filter_map(FrameSource::frame_count);
+        counts.min()
+    }
+
+    /// Frames a second, where a source says so.
+    pub fn rate(&self) -> Option<f64> {
+        [&self.video, &self.masks].into_iter().flatten().find_map(FrameSource::rate)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use calib::{Camera, Intrinsics};
+    use image::RgbImage;
+
+    fn room(names: &[&str]) -> Room {
+        let camera = Camera {
+            intrinsics: Intrinsics::from_horizontal_fov(32, 24, 60.0),
+            camera_from_world: nalgebra::Isometry3::identity(),
+        };
+        let cameras = names
+            .iter()
+            .map(|name| RoomCamera { name: (*name).to_owned(), camera: camera.clone(), reference: None })
+            .collect();
+        Room { cameras, ..Room::default() }
+    }
+
+    fn folder(width: u32) -> tempfile::TempDir {
+        let folder = tempfile::tempdir().unwrap();
+        RgbImage::new(width, 24).save(folder.path().join("1.png")).unwrap();
+        folder
+    }
+
+    fn named(name: &str, folder: &tempfile::TempDir) -> NamedSource {
+        format!("{name}={}", folder.path().display()).parse().unwrap()
+    }
+
+    #[test]
+    fn names_split_at_the_first_equals_sign() {
+        let source: NamedSource = "a=rtsp://host/x?y=1".parse().unwrap();
+        assert_eq!((source.name.as_str(), source.spec.as_str()), ("a", "rtsp://host/x?y=1"));
+        for bad in ["a", "=path", "a=", ""] {
+            assert!(bad.parse::<NamedSource>().unwrap_err().contains("NAME=PATH"));
+        }
+    }
+
+    #[test]
+    fn sources_come_in_the_rooms_order_and_cameras_without_one_are_left_out() {
+        let (room, images) = (room(&["a", "b", "c"]), folder(32));
+        let sources =
+            open(&room, &[named("c", &images), named("a", &images)], &[named("a", &images)]).unwrap();
+        let names: Vec<&str> = sources.iter().map(|s| s.name.as_str()).collect();
+        assert_eq!(names, ["a", "c"]);
+        assert!(sources[0].masks.is_some() && sources[1].masks.is_none());
+        assert_eq!(sources[0].frame_count(), Some(1));
+    }
+
+    #[test]
+    fn wrong_names_sizes_and_repeats_are_named() {
+        let (room, images, wide) = (room(&["a", "b"]), folder(32), folder(40));
+        let said = |videos: &[NamedSource]| open(&room, videos, &[]).unwrap_err().to_string();
+        let unknown = said(&[named("x", &images)]);
+        assert!(unknown.contains("`x`") && unknown.contains("`a`, `b`"), "{unknown}");
+        assert!(said(&[named("a", &images), named("a", &images)]).contains("already"));
+        let size = said(&[named("a", &wide)]);
+        assert!(size.contains("40 × 24") && size.contains("32 × 24"), "{size}");
+        assert!(said(&[]).contains("--video NAME=PATH"));
+    }
+}

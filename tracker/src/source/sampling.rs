@@ -1,0 +1,70 @@
+//! Frames spread over a recording, to learn its empty scene from.
+
+use calib::vision::FrameSource;
+use image::RgbImage;
+
+use crate::Result;
+
+/// How many frames at most: an odd number has a true median.
+const FRAMES: usize = 41;
+/// How much memory the frames of one recording may take, in bytes.
+const MEMORY: usize = 400 << 20;
+/// A recording is looked through up to this frame: the background follows later change while running.
+const LOOK_THROUGH_FRAMES: usize = 20_000;
+
+/// Opens a recording anew and takes up to 41 frames, evenly spread over it.
+///
+/// # Errors
+/// As [`FrameSource::read`].
+pub fn spread(spec: &str) -> Result<Vec<RgbImage>> {
+    let mut source = FrameSource::open(spec)?;
+    let (width, height) = source.size();
+    let most = (MEMORY / (3 * width as usize * height as usize).max(1)).clamp(5, FRAMES);
+    let expected = source.frame_count().unwrap_or(0).min(LOOK_THROUGH_FRAMES);
+    let mut stride = (expected / most).max(1);
+    let mut frames: Vec<RgbImage> = Vec::with_capacity(2 * most);
+    for frame in 0..LOOK_THROUGH_FRAMES {
+        if frame.is_multiple_of(stride) {
+            let mut picture = RgbImage::new(width, height);
+            if !source.read(&mut picture)? {
+                break;
+            }
+            frames.push(picture);
+            // The source did not know its length: keep every other frame.
+            if frames.len() > most + most / 2 {
+                let mut index = 0;
+                frames.retain(|_| {
+                    index += 1;
+                    index % 2 == 1
+                });
+                stride *= 2;
+            }
+        } else if !source.skip()? {
+            break;
+        }
+    }
+    Ok(frames)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::Rgb;
+
+    #[test]
+    fn frames_are_spread_evenly_over_the_whole_recording() {
+        for count in [1, 3, 41, 100, 230] {
+            let folder = tempfile::tempdir().unwrap();
+            for i in 0..count {
+                let picture = RgbImage::from_pixel(8, 6, Rgb([i as u8; 3]));
+                picture.save(folder.path().join(format!("{i:03}.png"))).unwrap();
+            }
+            let frames = spread(folder.path().to_str().unwrap()).unwrap();
+            let taken: Vec<usize> = frames.iter().map(|f| f.get_pixel(0, 0)[0] as usize).collect();
+            let step = taken.get(1).map_or(1, |second| second - taken[0]);
+            assert!(taken.len() <= 62 && taken.len() >= count.min(31), "{count}: {taken:?}");
+            assert!(taken[0] == 0 && taken.windows(2).all(|w| w[1] - w[0] == step), "{count}: {taken:?}");
+            assert!(count - 1 - taken[taken.len() - 1] < step, "{count}: {taken:?}");
+        }
+    }
+}

@@ -1,0 +1,149 @@
+//! When each frame was taken: a steady rate, or a file with a line a frame.
+
+use std::path::{Path, PathBuf};
+
+use crate::{Error, Result};
+
+/// Frames a second where nothing says otherwise.
+pub const DEFAULT_RATE: f64 = 25.0;
+
+/// The time of each frame.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Times {
+    /// This many frames a second; the first frame is at 0.
+    Rate(f64),
+    /// Seconds, frame by frame, as a file gives them.
+    File {
+        /// The file.
+        path: PathBuf,
+        /// Strictly growing.
+        seconds: Vec<f64>,
+    },
+}
+
+impl Times {
+    /// A steady rate.
+    ///
+    /// # Errors
+    /// When it is not positive and finite.
+    pub fn steady(rate: f64) -> Result<Self> {
+        if rate > 0.0 && rate.is_finite() {
+            Ok(Self::Rate(rate))
+        } else {
+            Err(Error::option("--rate", format!("{rate} is no rate; give frames a second, above 0")))
+        }
+    }
+
+    /// Reads a file with one time a line, in seconds.
+    ///
+    /// # Errors
+    /// Names the line that is no number, not finite or not after the one before it.
+    pub fn read(path: &Path) -> Result<Self> {
+        let text = calib::files::read_text(path)?;
+        let mut seconds: Vec<f64> = Vec::new();
+        for (i, line) in text.trim_end().lines().enumerate() {
+            let place = || format!("line {}", i + 1);
+            let time: f64 = line.trim().parse().map_err(|_| {
+                Error::content(
+                    path,
+                    place(),
+                    format!("`{}` is no number; give seconds, one line a frame", line.trim()),
+                )
+            })?;
+            if !time.is_finite() {
+                return Err(Error::content(path, place(), format!("{time} is no time; give seconds")));
+            }
+            if let Some(before) = seconds.last()
+                && time <= *before
+            {
+                return Err(Error::content(
+                    path,
+                    place(),
+                    format!("{time} is not after {before} in the line before; times must grow"),
+                ));
+            }
+            seconds.push(time);
+        }
+        if seconds.is_empty() {
+            return Err(Error::content(path, "whole file", "holds no times; give seconds, one line a frame"));
+        }
+        Ok(Self::File { path: path.to_owned(), seconds })
+    }
+
+    /// The time of a frame (from 1), in seconds.
+    ///
+    /// # Errors
+    /// When the file has no line for it.
+    pub fn of(&self, frame: u32) -> Result<f64> {
+        match self {
+            Self::Rate(rate) => Ok((frame - 1) as f64 / rate),
+            Self::File { path, seconds } => seconds.get(frame as usize - 1).copied().ok_or_else(|| {
+                Error::content(
+                    path,
+                    format!("line {frame}"),
+                    format!(
+                        "is missing: the sources go on after frame {}; give a line for each",
+                        seconds.len()
+                    ),
+                )
+            }),
+        }
+    }
+
+    /// Frames a second, on average.
+    pub fn mean_rate(&self) -> f64 {
+        match self {
+            Self::Rate(rate) => *rate,
+            Self::File { seconds, .. } => match seconds.as_slice() {
+                [first, .., last] => (seconds.len() - 1) as f64 / (last - first),
+                _ => DEFAULT_RATE,
+            },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Result<Times> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("times.txt");
+        std::fs::write(&path, text).unwrap();
+        Times::read(&path)
+    }
+
+    #[test]
+    fn a_file_gives_each_frame_its_time() {
+        let times = read("0.5\n 0.7\n1.5\n\n").unwrap();
+        assert!((times.of(1).unwrap() - 0.5).abs() < 1e-12 && (times.of(3).unwrap() - 1.5).abs() < 1e-12);
+        assert!((times.mean_rate() - 2.0).abs() < 1e-12);
+        let short = times.of(4).unwrap_err().to_string();
+        assert!(short.contains("times.txt") && short.contains("line 4"), "{short}");
+    }
+
+    #[test]
+    fn bad_lines_are_named() {
+        for (text, place) in [
+            ("0\nx\n", "line 2"),
+            ("0\n1\nNaN\n", "line 3"),
+            ("0\n1\n1\n", "line 3"),
+            ("0\n1\n0.5\n", "line 3"),
+            ("0\n\n1\n", "line 2"),
+            ("inf\n", "line 1"),
+            ("", "whole file"),
+        ] {
+            let said = read(text).unwrap_err().to_string();
+            assert!(said.contains("times.txt") && said.contains(place), "{text:?}: {said}");
+        }
+    }
+
+    #[test]
+    fn a_steady_rate_starts_at_zero() {
+        let times = Times::steady(12.0).unwrap();
+        assert!(times.of(1).unwrap().abs() < 1e-12 && (times.of(13).unwrap() - 1.0).abs() < 1e-12);
+        for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            assert!(Times::steady(bad).is_err());
+        }
+    }
+}
