@@ -6,7 +6,8 @@
 //! * [`room`] — [`room::Room`]: cameras, zones, floor and geometry, read from and written to disk. Start here.
 //! * [`geometry`] — triangles or oriented discs, PLY in and out; [`polygon`] — regions of the floor.
 //! * [`raycast`] — [`raycast::RayScene`]: rays against the geometry; [`depth`] — what a camera sees of the empty room.
-//! * [`canvas`] — the one place that draws: shapes and text over pictures.
+//! * [`canvas`] — the one place that draws: shapes and text over pictures; [`view`] — the room seen from anywhere,
+//!   with people in it.
 #![forbid(unsafe_code)]
 
 pub mod canvas;
@@ -16,5 +17,6 @@ pub mod geometry;
 pub mod polygon;
 pub mod raycast;
 pub mod room;
+pub mod view;
 
 pub use error::{Error, Result};

@@ -1,0 +1,276 @@
+//! The room drawn from any point of view, with the people in it (seed 001, figures 7 and 9).
+//!
+//! The room itself is rendered once a view, by rays through the BVH; people are put in per frame by the ray–quadric
+//! equation, hidden where the room is nearer. From outside ([`birds_eye`]) the ceiling is cut away and walls are seen
+//! only from within the room, so that one looks into it as into a doll's house.
+
+mod surface;
+mod viewpoint;
+
+use calib::Camera;
+use glam::Vec3;
+use image::RgbImage;
+use nalgebra::{Point2, Point3};
+use rayon::prelude::*;
+
+use crate::canvas::Color;
+use crate::geometry::Geometry;
+use crate::raycast::RayScene;
+
+pub(crate) use surface::{exposure, first_seen};
+pub use viewpoint::{birds_eye, extent, look_at};
+
+/// How a view is rendered.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ViewOptions {
+    /// Surfaces above this height are not shown.
+    pub cut_height_m: Option<f32>,
+    /// Leave out surfaces that are seen from behind, so that one can look into a room from outside.
+    pub cut_backs: bool,
+    /// What is seen where there is nothing.
+    pub ground: Color,
+    /// Rays along each side of a pixel: 2 gives smooth edges.
+    pub samples: u32,
+    /// How much of a surface's brightness depends on the light; the rest is its own colour.
+    pub shading: f32,
+    /// Brighten geometry whose colours are dark.
+    pub brighten: bool,
+}
+
+impl Default for ViewOptions {
+    /// The room as a camera in it sees it.
+    fn default() -> Self {
+        Self {
+            cut_height_m: None,
+            cut_backs: false,
+            ground: Color::PAPER,
+            samples: 2,
+            shading: 0.3,
+            brighten: true,
+        }
+    }
+}
+
+impl ViewOptions {
+    /// For looking into the room from outside and above; the ceiling, given its height, is cut away.
+    pub fn from_outside(ceiling_m: f32) -> Self {
+        Self { cut_height_m: Some(0.9 * ceiling_m), cut_backs: true, ..Self::default() }
+    }
+}
+
+/// A person as the tracker knows one: an upright ellipsoid on the floor.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ellipsoid {
+    /// Where it stands.
+    pub x_m: f32,
+    /// Where it stands.
+    pub y_m: f32,
+    /// Half its width.
+    pub radius_m: f32,
+    /// Its height; it touches the floor.
+    pub height_m: f32,
+    /// Its colour.
+    pub color: Color,
+}
+
+/// A rendered view of a room that people can be put into, frame by frame.
+#[derive(Debug, Clone)]
+pub struct View {
+    camera: Camera,
+    samples: u32,
+    eye: Vec3,
+    /// One ray a sample, row by row of the finer grid; zero where the lens model has none.
+    directions: Vec<Vec3>,
+    /// Distance along the ray; infinite where it meets nothing.
+    distances: Vec<f32>,
+    /// Colours, 0 to 255.
+    colors: Vec<Vec3>,
+}
+
+impl View {
+    /// Renders the room. The scene must have been made from this geometry.
+    pub fn new(geometry: &Geometry, scene: &RayScene, camera: &Camera, options: &ViewOptions) -> Self {
+        let samples = options.samples.max(1);
+        let center = camera.center();
+        let eye = Vec3::new(center.x as f32, center.y as f32, center.z as f32);
+        let (width, height) = (camera.intrinsics.width * samples, camera.intrinsics.height * samples);
+        let light = (eye.normalize_or_zero() * 0.3 + Vec3::new(0.25, 0.15, 0.9)).normalize();
+        let ground = color_vector(options.ground);
+        let gain = if options.brighten { exposure(geometry) } else { 1.0 };
+        let rows: Vec<Vec<(Vec3, f32, Vec3)>> = (0..height)
+            .into_par_iter()
+            .map(|row| {
+                (0..width)
+                    .map(|column| {
+                        let pixel = Point2::new(sample_center(column, samples), sample_center(row, samples));
+                        let Some(ray) = camera.ray(&pixel) else {
+                            return (Vec3::ZERO, f32::INFINITY, ground);
+                        };
+                        let direction = Vec3::new(ray.x as f32, ray.y as f32, ray.z as f32);
+                        let seen = first_seen(geometry, scene, eye, direction, |point, normal| {
+                            options.cut_height_m.is_none_or(|cut| point.z < cut)
+                                && !(options.cut_backs && normal.dot(direction) > 0.0)
+                        });
+                        seen.map_or((direction, f32::INFINITY, ground), |seen| {
+                            let facing =
+                                if seen.normal.dot(direction) > 0.0 { -seen.normal } else { seen.normal };
+                            let lit = shade(facing, direction, light, options.shading);
+                            (direction, seen.distance, seen.color * (gain * lit))
+                        })
+                    })
+                    .collect()
+            })
+            .collect();
+        let count = width as usize * height as usize;
+        let mut view = Self {
+            camera: camera.clone(),
+            samples,
+            eye,
+            directions: Vec::with_capacity(count),
+            distances: Vec::with_capacity(count),
+            colors: Vec::with_capacity(count),
+        };
+        for (direction, distance, color) in rows.into_iter().flatten() {
+            view.directions.push(direction);
+            view.distances.push(distance);
+            view.colors.push(color);
+        }
+        view
+    }
+
+    /// The camera the view was rendered for.
+    pub fn camera(&self) -> &Camera {
+        &self.camera
+    }
+
+    /// The empty room.
+    pub fn image(&self) -> RgbImage {
+        self.averaged(&self.colors)
+    }
+
+    /// The room with people in it, who stand on the floor, hide and are hidden.
+    pub fn with_people(&self, people: &[Ellipsoid]) -> RgbImage {
+        let mut colors = self.colors.clone();
+        let width = (self.camera.intrinsics.width * self.samples) as usize;
+        let mut distances = self.distances.clone();
+        for person in people {
+            let Some([left, top, right, bottom]) = self.bounds(person) else { continue };
+            let (shadow, body) = (color_vector(Color::INK), color_vector(person.color));
+            let rows = colors
+                .par_chunks_exact_mut(width)
+                .zip(distances.par_chunks_exact_mut(width))
+                .zip(self.directions.par_chunks_exact(width))
+                .skip(top)
+                .take(bottom - top);
+            rows.for_each(|((colors, distances), directions)| {
+                for i in left..right {
+                    let direction = directions[i];
+                    if let Some((distance, normal)) = intersect(person, self.eye, direction) {
+                        if distance < distances[i] {
+                            distances[i] = distance;
+                            colors[i] = body * body_shade(normal, direction);
+                        }
+                        continue;
+                    }
+                    // A soft shadow where the person meets the floor.
+                    let point = self.eye + direction * distances[i];
+                    if distances[i].is_finite() && point.z.abs() < 0.05 {
+                        let off = (point.truncate() - glam::Vec2::new(person.x_m, person.y_m)).length()
+                            / (SHADOW_REACH * person.radius_m);
+                        colors[i] = colors[i].lerp(shadow, 0.5 * (1.0 - off).clamp(0.0, 1.0));
+                    }
+                }
+            });
+        }
+        self.averaged(&colors)
+    }
+
+    /// Columns and rows of the finer grid that a person's body and shadow can touch; `None` when they are out of view.
+    fn bounds(&self, person: &Ellipsoid) -> Option<[usize; 4]> {
+        let finite = [person.x_m, person.y_m, person.radius_m, person.height_m].iter().all(|v| v.is_finite());
+        if !finite || person.radius_m <= 0.0 || person.height_m <= 0.0 {
+            return None;
+        }
+        let k = &self.camera.intrinsics;
+        let (width, height) = (k.width * self.samples, k.height * self.samples);
+        let reach = f64::from(SHADOW_REACH * person.radius_m);
+        let (mut low, mut high) = (Point2::new(f64::MAX, f64::MAX), Point2::new(f64::MIN, f64::MIN));
+        for i in 0..8 {
+            let side = |bit: usize| if i >> bit & 1 == 0 { -reach } else { reach };
+            let z = if i & 4 == 0 { 0.0 } else { f64::from(person.height_m) };
+            let corner = Point3::new(f64::from(person.x_m) + side(0), f64::from(person.y_m) + side(1), z);
+            // A corner behind the camera has no image: then the whole picture is looked through.
+            let Some(p) = self.camera.project(&corner) else {
+                return Some([0, 0, width as usize, height as usize]);
+            };
+            (low, high) = (low.inf(&p), high.sup(&p));
+        }
+        let s = f64::from(self.samples);
+        let column = |u: f64| ((u + 0.5) * s).clamp(0.0, f64::from(width)) as usize;
+        let row = |v: f64| ((v + 0.5) * s).clamp(0.0, f64::from(height)) as usize;
+        let bounds = [column(low.x - 2.0), row(low.y - 2.0), column(high.x + 2.0), row(high.y + 2.0)];
+        (bounds[0] < bounds[2] && bounds[1] < bounds[3]).then_some(bounds)
+    }
+
+    fn averaged(&self, colors: &[Vec3]) -> RgbImage {
+        let (width, s) = (self.camera.intrinsics.width, self.samples as usize);
+        let fine = width as usize * s;
+        let mut image = RgbImage::new(width, self.camera.intrinsics.height);
+        image.par_chunks_exact_mut(3 * width as usize).enumerate().for_each(|(y, row)| {
+            for (x, pixel) in row.chunks_exact_mut(3).enumerate() {
+                let mut sum = Vec3::ZERO;
+                for line in 0..s {
+                    let start = (y * s + line) * fine + x * s;
+                    sum += colors[start..start + s].iter().sum::<Vec3>();
+                }
+                let mean = sum / (s * s) as f32;
+                pixel.copy_from_slice(&mean.to_array().map(|c| c.round().clamp(0.0, 255.0) as u8));
+            }
+        });
+        image
+    }
+}
+
+/// How far a person's soft shadow reaches, in radii.
+const SHADOW_REACH: f32 = 1.6;
+
+/// The centre of a sample, in pixels of the picture.
+fn sample_center(index: u32, samples: u32) -> f64 {
+    (f64::from(index) + 0.5) / f64::from(samples) - 0.5
+}
+
+fn color_vector(c: Color) -> Vec3 {
+    Vec3::new(f32::from(c.r), f32::from(c.g), f32::from(c.b))
+}
+
+/// Brightness of a surface: a share of it from a light above and one at the eye.
+fn shade(normal: Vec3, direction: Vec3, light: Vec3, share: f32) -> f32 {
+    let lit = 0.65 * normal.dot(light).max(0.0) + 0.35 * normal.dot(-direction).max(0.0);
+    1.0 - share + share * lit
+}
+
+/// Brightness of a person: rounder than the room, with a rim that sets it off.
+fn body_shade(normal: Vec3, direction: Vec3) -> f32 {
+    let facing = normal.dot(-direction).max(0.0);
+    (0.45 + 0.4 * facing + 0.25 * normal.z.max(0.0)).min(1.1)
+}
+
+/// Where a ray meets an upright ellipsoid first: the distance and the outward normal.
+///
+/// The ellipsoid is the unit sphere in coordinates scaled by its axes (r, r, h/2): |o + t d|² = 1 there.
+fn intersect(person: &Ellipsoid, eye: Vec3, direction: Vec3) -> Option<(f32, Vec3)> {
+    let half = 0.5 * person.height_m;
+    let scale = Vec3::new(person.radius_m, person.radius_m, half).recip();
+    let o = (eye - Vec3::new(person.x_m, person.y_m, half)) * scale;
+    let d = direction * scale;
+    let (a, b, c) = (d.length_squared(), o.dot(d), o.length_squared() - 1.0);
+    let discriminant = b * b - a * c;
+    if discriminant <= 0.0 || a <= 0.0 {
+        return None;
+    }
+    let distance = (-b - discriminant.sqrt()) / a;
+    (distance > 0.0).then(|| (distance, ((o + d * distance) * scale).normalize_or_zero()))
+}
+
+#[cfg(test)]
+mod tests;

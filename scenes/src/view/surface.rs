@@ -1,0 +1,121 @@
+//! What a ray saw: the colour and the normal of a triangle or a disc at a point of it.
+
+use glam::Vec3;
+
+use crate::geometry::{Geometry, Mesh};
+use crate::raycast::RayScene;
+
+/// Discs this much further along the ray than the first, metres plus a share of the distance, are of the same surface:
+/// their colours are mixed, so that overlapping discs do not end in hard rims.
+const SAME_SURFACE_M: f32 = 0.02;
+const SAME_SURFACE_SHARE: f32 = 0.005;
+/// Discs mixed at most.
+const MIXED_DISCS: usize = 4;
+/// How far behind a hit the next ray begins.
+const STEP_M: f32 = 1e-4;
+
+/// A point of a surface that a ray met.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Seen {
+    /// Along the (unit) direction.
+    pub distance: f32,
+    /// As the geometry has it: it may point away from the eye.
+    pub normal: Vec3,
+    /// Red, green, blue, 0 to 255.
+    pub color: Vec3,
+}
+
+/// The factor that brings a geometry's colours to the brightness of a well exposed picture: vertex colours baked
+/// in a dark room make dark figures. Never darker than they are, at most four times as bright.
+pub(crate) fn exposure(geometry: &Geometry) -> f32 {
+    /// Where the brighter tenth of a well exposed picture begins.
+    const BRIGHT: f32 = 205.0;
+    let brightness = |c: &[u8; 3]| c.iter().copied().max().unwrap_or(0);
+    let mut values: Vec<u8> = match geometry {
+        Geometry::Mesh(mesh) => mesh.colors.iter().map(brightness).collect(),
+        Geometry::Discs(discs) => discs.iter().map(|d| brightness(&d.color)).collect(),
+    };
+    values.sort_unstable();
+    let bright = values.get(values.len() * 9 / 10).copied().unwrap_or(u8::MAX);
+    (BRIGHT / f32::from(bright.max(1))).clamp(1.0, 4.0)
+}
+
+/// The first surface along a ray that `keep` (given the point and the normal) does not pass over.
+pub(crate) fn first_seen(
+    geometry: &Geometry,
+    scene: &RayScene,
+    origin: Vec3,
+    direction: Vec3,
+    keep: impl Fn(Vec3, Vec3) -> bool,
+) -> Option<Seen> {
+    /// Layers that are passed over at most: a bound for broken geometry, far above what a room has.
+    const MAX_LAYERS: usize = 256;
+    let mut start = 0.0;
+    for _ in 0..MAX_LAYERS {
+        let hit = scene.cast(origin + direction * start, direction)?;
+        let distance = start + hit.distance;
+        let point = origin + direction * distance;
+        let (normal, color) = surface(geometry, hit.primitive, point);
+        if keep(point, normal) {
+            let color = match geometry {
+                Geometry::Mesh(_) => color,
+                Geometry::Discs(_) => mixed(geometry, scene, origin, direction, distance),
+            };
+            return Some(Seen { distance, normal, color });
+        }
+        start = distance + STEP_M;
+    }
+    None
+}
+
+/// The colour of overlapping discs around the first one, each weighted by how near its middle the ray passes.
+fn mixed(geometry: &Geometry, scene: &RayScene, origin: Vec3, direction: Vec3, first: f32) -> Vec3 {
+    let Geometry::Discs(discs) = geometry else { return Vec3::ZERO };
+    let limit = first + SAME_SURFACE_M + SAME_SURFACE_SHARE * first;
+    let (mut sum, mut weights, mut start) = (Vec3::ZERO, 0.0, first - STEP_M);
+    for _ in 0..MIXED_DISCS {
+        let Some(hit) = scene.cast(origin + direction * start, direction) else { break };
+        let distance = start + hit.distance;
+        if distance > limit {
+            break;
+        }
+        let disc = &discs[hit.primitive as usize];
+        let off = (origin + direction * distance).distance_squared(disc.center) / (disc.radius * disc.radius);
+        let weight = (1.0 - off).max(0.0) + 0.02;
+        sum += weight * rgb(disc.color);
+        weights += weight;
+        start = distance + STEP_M;
+    }
+    sum / weights.max(f32::MIN_POSITIVE)
+}
+
+/// Normal and colour of a primitive at a point on it.
+fn surface(geometry: &Geometry, primitive: u32, point: Vec3) -> (Vec3, Vec3) {
+    match geometry {
+        Geometry::Discs(discs) => {
+            let disc = &discs[primitive as usize];
+            (disc.normal, rgb(disc.color))
+        }
+        Geometry::Mesh(mesh) => triangle(mesh, mesh.triangles[primitive as usize], point),
+    }
+}
+
+fn triangle(mesh: &Mesh, corners: [u32; 3], point: Vec3) -> (Vec3, Vec3) {
+    let [a, b, c] = corners.map(|i| mesh.vertices[i as usize]);
+    let normal = (b - a).cross(c - a);
+    let area = normal.length_squared().max(f32::MIN_POSITIVE);
+    // Barycentric weights: the areas of the parts that the point cuts the triangle into.
+    let at_b = (point - a).cross(c - a).dot(normal) / area;
+    let at_c = (b - a).cross(point - a).dot(normal) / area;
+    let color = if mesh.colors.len() == mesh.vertices.len() {
+        let [ca, cb, cc] = corners.map(|i| rgb(mesh.colors[i as usize]));
+        ca * (1.0 - at_b - at_c) + cb * at_b + cc * at_c
+    } else {
+        Vec3::splat(190.0)
+    };
+    (normal.normalize_or_zero(), color)
+}
+
+fn rgb(color: [u8; 3]) -> Vec3 {
+    Vec3::from(color.map(f32::from))
+}
