@@ -7,6 +7,8 @@
 //! * [`stage`] — [`stage::Stage`]: a room made ready for simulation. Everything below needs one.
 //! * [`moment`] — [`Moment`]: the foreground masks and images of all cameras at one time; what a tracker is given.
 //!   [`PersonEstimate`]: a person at one time; what a tracker gives back. Start here.
+//! * [`silhouette`] — what a person would look like to a camera, cut by what the room hides.
+//! * [`likelihood`] — how well a set of people explains the masks: fast counts, and the slow oracle they are held to.
 //! * [`method`] — the [`method::Method`] trait, and one folder for each published tracker behind it.
 //! * [`tracks`] — the files of tracks that a run writes, and their readers.
 //! * [`eval`] — tracks against the truth: CLEAR MOT, identity, HOTA, position error.
@@ -15,8 +17,10 @@
 mod error;
 pub mod eval;
 pub mod foreground;
+pub mod likelihood;
 pub mod method;
 pub mod moment;
+pub mod silhouette;
 pub mod source;
 pub mod stage;
 pub mod tracks;

@@ -8,11 +8,14 @@ use std::path::Path;
 use calib::Camera;
 use calib::undistort::UndistortMap;
 use image::{GrayImage, Luma};
-use nalgebra::Point2;
+use nalgebra::{Point2, Vector2};
 use scenes::polygon::Polygon;
 use scenes::room::{Room, Zone, ZoneKind};
 
 use crate::{Error, Result};
+
+/// How far from a camera people are looked for in a room whose floor is not known.
+const FLOOR_REACH_M: f64 = 10.0;
 
 /// How to prepare a room.
 #[derive(Debug, Clone, PartialEq)]
@@ -98,6 +101,19 @@ impl Stage {
     fn in_zone(&self, x_m: f64, y_m: f64, barred: ZoneKind) -> bool {
         let p = Point2::new(x_m, y_m);
         self.zones.is_empty() || self.zones.iter().any(|z| z.kind != barred && z.polygon.contains(&p))
+    }
+
+    /// A box around the floor people can be on: smallest and largest corner. Without zones and walkable polygons, what
+    /// lies within [`FLOOR_REACH_M`] of some camera.
+    pub fn floor_bounds(&self) -> (Point2<f64>, Point2<f64>) {
+        let polygons = self.walkable.iter().flatten().chain(self.zones.iter().map(|z| &z.polygon));
+        let corners = polygons.flat_map(|p| p.0.iter().copied());
+        let reach = Vector2::repeat(if self.walkable.is_some() { 0.0 } else { FLOOR_REACH_M });
+        let around =
+            self.cameras.iter().map(|c| c.pinhole.center().xy()).flat_map(|c| [c - reach, c + reach]);
+        let mut all = corners.chain(around.filter(|_| self.walkable.is_none()));
+        let first = all.next().unwrap_or_default();
+        all.fold((first, first), |(low, high), p| (low.inf(&p), high.sup(&p)))
     }
 
     /// The number of a camera.

@@ -3,6 +3,8 @@
 //! What comes before (sources, synchronisation, masks) and after (files, film, page, evaluation) is shared; a method
 //! only turns one [`Moment`] into the people it believes are there.
 
+pub mod mcmc;
+
 use crate::{Moment, PersonEstimate, Result};
 
 /// A tracker that is fed one moment at a time, in order.

@@ -1,0 +1,128 @@
+//! How many bodies cover each pixel, 64 pixels at a time.
+//!
+//! The counts are kept bit-sliced: five words hold the binary digits of the counts of 64 pixels, so a body is added or
+//! removed with a handful of word operations, whatever the number of bodies. A change of one body then only asks two
+//! things of a pixel: does *any* body cover it, do *several*?
+//!
+//! ```text
+//! newly covered   = new & !any
+//! newly uncovered = old & !several & !new          (old is one of those that cover it)
+//! ```
+
+use crate::silhouette::Silhouette;
+
+/// Binary digits of a count: up to 31 bodies over one pixel.
+const DIGITS: usize = 5;
+/// The most bodies that can cover a pixel without overflow.
+pub(super) const MAX_BODIES: usize = (1 << DIGITS) - 1;
+
+/// 64 pixels: one cache line.
+#[derive(Debug, Clone, Copy, Default)]
+struct Word {
+    foreground: u64,
+    any: u64,
+    several: u64,
+    digits: [u64; DIGITS],
+}
+
+/// The cover counts and the foreground of one camera.
+#[derive(Debug, Clone)]
+pub(super) struct Cover {
+    words_per_row: usize,
+    words: Vec<Word>,
+}
+
+/// What a change of one body changes.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) struct Change {
+    /// Change of the number of pixels that some body covers.
+    pub(super) simulated: i64,
+    /// Of these, foreground.
+    pub(super) both: i64,
+}
+
+impl Cover {
+    pub(super) fn new(words_per_row: usize, height: usize) -> Self {
+        Self { words_per_row, words: vec![Word::default(); words_per_row * height] }
+    }
+
+    /// Takes a new foreground (packed as [`super::pack`] does) and forgets all bodies.
+    pub(super) fn restart(&mut self, foreground: &[u64]) {
+        for (word, foreground) in self.words.iter_mut().zip(foreground) {
+            *word = Word { foreground: *foreground, ..Word::default() };
+        }
+    }
+
+    /// What would change if `old` (now among the bodies) became `new`.
+    pub(super) fn change(&self, old: Option<&Silhouette>, new: Option<&Silhouette>) -> Change {
+        let mut change = Change::default();
+        if let Some(new) = new {
+            self.visit(new, |word, bits, _, _| {
+                let covered = bits & !word.any;
+                change.simulated += i64::from(covered.count_ones());
+                change.both += i64::from((covered & word.foreground).count_ones());
+            });
+        }
+        if let Some(old) = old {
+            self.visit(old, |word, bits, row, column| {
+                let kept = new.map_or(0, |new| new.bits_at(row, column));
+                let uncovered = bits & !word.several & !kept;
+                change.simulated -= i64::from(uncovered.count_ones());
+                change.both -= i64::from((uncovered & word.foreground).count_ones());
+            });
+        }
+        change
+    }
+
+    /// What would change if a body with these pixels were added, given packed bits instead of a silhouette's rectangle.
+    fn visit(&self, silhouette: &Silhouette, mut each: impl FnMut(&Word, u64, usize, usize)) {
+        let columns = silhouette.word_range();
+        for row in silhouette.row_range() {
+            let start = row * self.words_per_row + columns.start;
+            let bits = silhouette.row_bits(row);
+            for (i, (word, bits)) in self.words[start..start + bits.len()].iter().zip(bits).enumerate() {
+                each(word, *bits, row, columns.start + i);
+            }
+        }
+    }
+
+    fn visit_mut(&mut self, silhouette: &Silhouette, mut each: impl FnMut(&mut Word, u64)) {
+        let columns = silhouette.word_range();
+        for row in silhouette.row_range() {
+            let start = row * self.words_per_row + columns.start;
+            let bits = silhouette.row_bits(row);
+            for (word, bits) in self.words[start..start + bits.len()].iter_mut().zip(bits) {
+                each(word, *bits);
+            }
+        }
+    }
+
+    /// Adds a body: binary addition with carry, 64 pixels at once.
+    pub(super) fn add(&mut self, silhouette: &Silhouette) {
+        self.visit_mut(silhouette, |word, bits| {
+            let mut carry = bits;
+            for digit in &mut word.digits {
+                (*digit, carry) = (*digit ^ carry, *digit & carry);
+            }
+            word.summarise();
+        });
+    }
+
+    /// Removes a body that was added: binary subtraction with borrow.
+    pub(super) fn remove(&mut self, silhouette: &Silhouette) {
+        self.visit_mut(silhouette, |word, bits| {
+            let mut borrow = bits;
+            for digit in &mut word.digits {
+                (*digit, borrow) = (*digit ^ borrow, !*digit & borrow);
+            }
+            word.summarise();
+        });
+    }
+}
+
+impl Word {
+    fn summarise(&mut self) {
+        self.several = self.digits[1..].iter().fold(0, |all, digit| all | digit);
+        self.any = self.several | self.digits[0];
+    }
+}

@@ -1,0 +1,15 @@
+//! How well a state explains what the cameras see: `L(S) = E(S) · R(S) · V(S)` (seed 001, equations 5 to 8), in logarithms.
+//!
+//! * [`prior`] — E(S), people stand on walkable floor; R(S), people do not interpenetrate.
+//! * [`Counts`] and [`Rule`] — V(S): the pixel counts it is made of, and the named ways to make it of them.
+//! * [`Simulation`] — the counts of a changing state, kept up to date by looking only at the pixels that change.
+//! * [`oracle`] — the same counts by casting a ray through every pixel: slow, and obviously right. Tests hold the two equal.
+
+mod cover;
+pub mod oracle;
+pub mod prior;
+mod rule;
+mod simulation;
+
+pub use rule::{Counts, Rule};
+pub use simulation::{Simulation, pack};

@@ -1,0 +1,44 @@
+//! E(S) and R(S): what is known of people before looking (seed 001, equations 5 and 6).
+
+use crate::silhouette::Body;
+
+/// The logarithm that stands for "impossible". Finite, so that a state that starts out impossible (a prediction that ran
+/// into a wall) can still be compared with another, and left.
+pub const LOG_IMPOSSIBLE: f64 = -1e4;
+
+/// `log ψ` of one pair: `1 − exp(−λ D)`, D the distance on the floor. λ in 1/m; infinite means no repulsion.
+pub fn log_separation(a: &Body, b: &Body, lambda: f64) -> f64 {
+    (-(-lambda * a.floor_distance_m(b)).exp_m1()).ln().max(LOG_IMPOSSIBLE)
+}
+
+/// `log R(S)`: over all unordered pairs.
+pub fn log_separations(bodies: &[Body], lambda: f64) -> f64 {
+    bodies
+        .iter()
+        .enumerate()
+        .flat_map(|(i, a)| bodies[..i].iter().map(move |b| log_separation(a, b, lambda)))
+        .sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    fn at(x_m: f64) -> Body {
+        Body { x_m, y_m: 0.0, radius_m: 0.25, height_m: 1.7 }
+    }
+
+    #[test]
+    fn people_repel_and_two_on_one_spot_are_impossible() {
+        assert_relative_eq!(
+            log_separation(&at(0.0), &at(0.5), 3.0).exp(),
+            1.0 - (-1.5_f64).exp(),
+            epsilon = 1e-12
+        );
+        assert_relative_eq!(log_separation(&at(0.0), &at(0.0), 3.0), LOG_IMPOSSIBLE);
+        let r = log_separations(&[at(0.0), at(1.0), at(3.0)], 1.0).exp();
+        let expected: f64 = [1.0_f64, 3.0, 2.0].iter().map(|d| 1.0 - (-d).exp()).product();
+        assert_relative_eq!(r, expected, epsilon = 1e-12);
+    }
+}

@@ -1,0 +1,287 @@
+//! The trans-dimensional MCMC tracker (seed 001, section 3; Khan, Balch & Dellaert 2005; Green 2003).
+//!
+//! The state is how many people there are, where each stands, and how wide and tall each is. A moment goes like this:
+//!
+//! 1. every person is predicted ([`motion`]);
+//! 2. a Markov chain changes one person a step (ADD, DELETE, UPDATE-P, UPDATE-S) and takes the change by how well the
+//!    simulated masks then fit the real ones ([`chain`]);
+//! 3. the mean over the last states is the estimate ([`tally`]), and becomes the belief of the next moment ([`track`]).
+//!
+//! Where people are proposed to appear is [`births`]; what can be set is [`McmcOptions`].
+
+mod births;
+mod chain;
+mod motion;
+mod options;
+mod person;
+mod tally;
+mod track;
+
+use nalgebra::Point2;
+use rand::SeedableRng;
+use rand_pcg::Pcg64Mcg;
+
+use self::births::BirthMap;
+use self::chain::{Chain, Setting};
+pub use self::options::{Acceptance, McmcOptions, MotionOptions, MoveWeights, Spread};
+use self::person::{Key, Person};
+use self::tally::Tally;
+use self::track::Track;
+use super::Method;
+use crate::likelihood::{Simulation, pack};
+use crate::silhouette::visibility::{fraction, visible_parts};
+use crate::silhouette::{Body, Silhouette, View};
+use crate::stage::Stage;
+use crate::{Error, Moment, PersonEstimate, Result, TrackId};
+
+/// While people who were inside already are being found, a moment gets this many times the steps.
+const SETTLING_STEPS: u32 = 5;
+
+/// What stands for the time before the first moment.
+const FIRST_STEP_S: f64 = 0.1;
+/// Times that stand still or run backwards are the source's mistake; the tracker survives them.
+const LEAST_STEP_S: f64 = 1e-3;
+
+/// The tracker.
+#[derive(Debug, Clone)]
+pub struct Mcmc {
+    stage: Stage,
+    options: McmcOptions,
+    views: Vec<View>,
+    typical_px: Vec<f64>,
+    zones: BirthMap,
+    anywhere: BirthMap,
+    simulation: Simulation,
+    tracks: Vec<Track>,
+    rng: Pcg64Mcg,
+    next_key: Key,
+    next_id: u32,
+    last_time_s: Option<f64>,
+    /// Time of the first moment with a mask.
+    started_s: Option<f64>,
+}
+
+impl Mcmc {
+    /// Prepares the tracker for a room.
+    ///
+    /// # Errors
+    /// [`Error::Option`] when an option makes no sense.
+    pub fn new(stage: Stage, options: McmcOptions) -> Result<Self> {
+        options.validate()?;
+        let views: Vec<View> = stage.cameras.iter().map(View::new).collect();
+        let average =
+            Body { x_m: 0.0, y_m: 0.0, radius_m: options.radius.mean_m, height_m: options.height.mean_m };
+        let bounds = stage.floor_bounds();
+        let anywhere = BirthMap::new(&views, &average, bounds, |x, y| {
+            stage.is_walkable(x, y) && is_seen(&stage, x, y, average.height_m)
+        });
+        let zones = if stage.zones.is_empty() {
+            anywhere.clone()
+        } else {
+            BirthMap::new(&views, &average, bounds, |x, y| stage.is_walkable(x, y) && stage.may_appear(x, y))
+        };
+        Ok(Self {
+            typical_px: anywhere.typical_px(views.len()),
+            simulation: Simulation::new(&views),
+            rng: Pcg64Mcg::seed_from_u64(options.seed),
+            stage,
+            options,
+            views,
+            zones,
+            anywhere,
+            tracks: Vec::new(),
+            next_key: 0,
+            next_id: 1,
+            last_time_s: None,
+            started_s: None,
+        })
+    }
+
+    fn packed_masks(&self, moment: &Moment<'_>) -> Result<Vec<Option<Vec<u64>>>> {
+        let packed = |(camera, frame): (&crate::stage::StageCamera, &crate::CameraFrame)| {
+            let Some(mask) = &frame.mask else { return Ok(None) };
+            if mask.dimensions() != (camera.width(), camera.height()) {
+                return Err(Error::FrameSize {
+                    camera: camera.name.clone(),
+                    frame: moment.frame,
+                    found_width: mask.width(),
+                    found_height: mask.height(),
+                    width: camera.width(),
+                    height: camera.height(),
+                });
+            }
+            Ok(Some(pack(mask)))
+        };
+        self.stage.cameras.iter().zip(moment.cameras).map(packed).collect()
+    }
+
+    /// What the last moment says about everybody now, drawn.
+    fn predicted(&mut self, dt_s: f64) -> Vec<Person> {
+        let (views, stage, options, simulation) = (&self.views, &self.stage, &self.options, &self.simulation);
+        let person = |track: &mut Track| {
+            let before = track.body();
+            track.predict(dt_s, options);
+            let mut body = track.body();
+            if !stage.is_walkable(body.x_m, body.y_m) && stage.is_walkable(before.x_m, before.y_m) {
+                // Walked into a wall: they rather stopped.
+                (body.x_m, body.y_m) = (before.x_m, before.y_m);
+            }
+            let silhouettes =
+                views
+                    .iter()
+                    .enumerate()
+                    .map(|(i, view)| {
+                        if simulation.in_use(i) {
+                            Silhouette::new(view, &body)
+                        } else {
+                            Silhouette::default()
+                        }
+                    })
+                    .collect();
+            Person {
+                key: track.key,
+                body,
+                silhouettes,
+                known: Some(track.known()),
+                tentative: track.id.is_none(),
+            }
+        };
+        self.tracks.iter_mut().map(person).collect()
+    }
+
+    /// Runs the chain of one moment and returns the tally of its kept states.
+    fn sample(&mut self, people: Vec<Person>, dt_s: f64, settling: bool) -> Tally {
+        let births = if settling { &mut self.anywhere } else { &mut self.zones };
+        let rule = self.options.likelihood;
+        let typical_px = &self.typical_px;
+        births.weigh(&self.simulation, |camera, [simulated, both]| {
+            let counts = crate::likelihood::Counts { foreground: both.max(1), simulated, both };
+            rule.log_likelihood(std::iter::once((counts, typical_px[camera])))
+        });
+        let setting = Setting {
+            stage: &self.stage,
+            views: &self.views,
+            options: &self.options,
+            births: &*births,
+            settling,
+            typical_px,
+            log_birth_density: (self.options.births_per_s * dt_s / births.area_m2().max(1e-3)).ln(),
+            death_probability: -(-self.options.deaths_per_s * dt_s).exp_m1(),
+        };
+        let factor = if settling { SETTLING_STEPS } else { 1 };
+        let mut chain = Chain::new(setting, &mut self.simulation, people, &mut self.next_key);
+        for _ in 0..self.options.burn_in_steps * factor {
+            chain.step(&mut self.rng);
+        }
+        let mut tally = Tally::default();
+        for _ in 0..self.options.kept_steps {
+            chain.step(&mut self.rng);
+            tally.add(&chain.people);
+        }
+        tally
+    }
+}
+
+impl Method for Mcmc {
+    fn step(&mut self, moment: &Moment<'_>) -> Result<Vec<PersonEstimate>> {
+        let masks = self.packed_masks(moment)?;
+        self.simulation.restart(&masks);
+        if self.started_s.is_none() && self.simulation.cameras_in_use() > 0 {
+            self.started_s = Some(moment.time_s);
+        }
+        let dt_s = self.last_time_s.map_or(FIRST_STEP_S, |last| moment.time_s - last).max(LEAST_STEP_S);
+        self.last_time_s = Some(moment.time_s);
+        let settling = self.started_s.is_none_or(|start| moment.time_s - start < self.options.settling_s);
+
+        let people = self.predicted(dt_s);
+        // The birth map weighs what the predicted people leave unexplained.
+        for person in &people {
+            self.simulation.insert(&person.silhouettes);
+        }
+        let tally = self.sample(people, dt_s, settling);
+        self.take_in(&tally);
+        Ok(self.report())
+    }
+}
+
+impl Mcmc {
+    /// Turns the tally into tracks: people in most of the states live, the others are gone.
+    fn take_in(&mut self, tally: &Tally) {
+        let kept = self.options.kept_steps;
+        let lives = |states: u32| states * 2 > kept;
+        self.tracks.retain(|track| tally.of(track.key).is_some_and(|s| lives(s.states)));
+        let bodies: Vec<Body> = self.tracks.iter().map(Track::body).collect();
+        let visible = self.visible_fractions(&bodies);
+        for (track, visible) in self.tracks.iter_mut().zip(visible) {
+            if let Some(sums) = tally.of(track.key) {
+                let best = visible.iter().copied().fold(0.0, f64::max);
+                track.update(sums, best, &self.options);
+                track.confidence = f64::from(sums.states) / f64::from(kept);
+            }
+        }
+        for sums in tally.all().iter().filter(|s| lives(s.states)) {
+            if self.tracks.iter().all(|t| t.key != sums.key) {
+                let mut track = Track::born(sums, &self.options);
+                track.confidence = f64::from(sums.states) / f64::from(kept);
+                self.tracks.push(track);
+            }
+        }
+        for track in &mut self.tracks {
+            track.moments += 1;
+            if track.id.is_none() && track.moments >= 2 {
+                track.id = Some(TrackId(self.next_id));
+                self.next_id += 1;
+            }
+        }
+    }
+
+    /// For each body, the visible fraction in each camera.
+    fn visible_fractions(&self, bodies: &[Body]) -> Vec<Vec<f64>> {
+        let mut fractions = vec![Vec::with_capacity(self.views.len()); bodies.len()];
+        for view in &self.views {
+            for (of_body, part) in fractions.iter_mut().zip(visible_parts(view, bodies)) {
+                of_body.push(fraction(&part));
+            }
+        }
+        fractions
+    }
+
+    fn report(&self) -> Vec<PersonEstimate> {
+        let bodies: Vec<Body> = self.tracks.iter().map(Track::body).collect();
+        let visible = self.visible_fractions(&bodies);
+        let mut people: Vec<PersonEstimate> = self
+            .tracks
+            .iter()
+            .zip(visible)
+            .filter_map(|(track, visible)| {
+                let (body, velocity, covariance) =
+                    (track.body(), track.motion.velocity(), track.motion.place_covariance());
+                Some(PersonEstimate {
+                    id: track.id?,
+                    x_m: body.x_m,
+                    y_m: body.y_m,
+                    z_m: 0.0,
+                    radius_m: body.radius_m,
+                    height_m: body.height_m,
+                    vx: velocity.x,
+                    vy: velocity.y,
+                    sigma_m: [covariance[(0, 0)].sqrt(), covariance[(1, 1)].sqrt()],
+                    confidence: track.confidence,
+                    visible,
+                })
+            })
+            .collect();
+        people.sort_by_key(|p| p.id);
+        people
+    }
+}
+
+/// Whether a person standing here would have feet, middle or head in some camera's image.
+fn is_seen(stage: &Stage, x_m: f64, y_m: f64, height_m: f64) -> bool {
+    stage.cameras.iter().any(|camera| {
+        [0.0, 0.5, 1.0].iter().any(|part| {
+            let pixel = camera.pinhole.project(&nalgebra::Point3::new(x_m, y_m, part * height_m));
+            pixel.is_some_and(|p: Point2<f64>| camera.pinhole.intrinsics.contains(&p))
+        })
+    })
+}

@@ -1,0 +1,206 @@
+//! Everything that can be set about the sampler, with the reason for each default.
+
+use serde::{Deserialize, Serialize};
+
+use crate::likelihood::{Rule, Simulation};
+use crate::{Error, Result};
+
+/// When a proposed state is taken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Acceptance {
+    /// As published: `min(1, L_new / L_old)`. Knows no prior but E and R, and leaves the proposal ratio out.
+    Published,
+    /// Green's reversible jump: the posterior ratio (likelihood, motion, size, birth and death) times the proposal ratio.
+    ReversibleJump,
+}
+
+/// A normal distribution over a length.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Spread {
+    /// Mean, metres.
+    pub mean_m: f64,
+    /// Standard deviation, metres.
+    pub sigma_m: f64,
+}
+
+/// How often each move is proposed; only the proportions matter.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct MoveWeights {
+    /// ADD: a new person.
+    pub add: f64,
+    /// DELETE: one person less.
+    pub delete: f64,
+    /// UPDATE-P: another place.
+    pub position: f64,
+    /// UPDATE-S: another size.
+    pub size: f64,
+}
+
+impl Default for MoveWeights {
+    /// Most steps go to where people are; appearing and leaving are rare, and a data-driven ADD needs few attempts.
+    fn default() -> Self {
+        Self { add: 0.06, delete: 0.06, position: 0.66, size: 0.22 }
+    }
+}
+
+/// How people walk.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct MotionOptions {
+    /// Spectral density of the acceleration, m²/s³: how suddenly velocity changes. 1.2 lets a walker turn a corner
+    /// (1.2 m/s to the side) within half a second at two standard deviations.
+    pub acceleration_density: f64,
+    /// How long a velocity is remembered, seconds; what nobody sees walks on for about this long. Infinite: constant
+    /// velocity, as published (equation 1).
+    pub velocity_memory_s: f64,
+    /// Standard deviation of the velocity of somebody who has just appeared, m/s.
+    pub initial_speed_sigma: f64,
+    /// What a silhouette's place means beyond the sampler's own spread, metres: swinging arms and legs move it.
+    pub gait_sigma_m: f64,
+}
+
+impl Default for MotionOptions {
+    fn default() -> Self {
+        Self {
+            acceleration_density: 1.2,
+            velocity_memory_s: 1.5,
+            initial_speed_sigma: 0.8,
+            gait_sigma_m: 0.03,
+        }
+    }
+}
+
+/// The options of [`super::Mcmc`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct McmcOptions {
+    /// Seed of the generator; the same seed gives the same bytes.
+    pub seed: u64,
+    /// B: steps of a frame that are thrown away (published: 100).
+    pub burn_in_steps: u32,
+    /// N: steps of a frame whose mean is the estimate (published: 100).
+    pub kept_steps: u32,
+    /// How often each move is proposed.
+    pub moves: MoveWeights,
+    /// V(S).
+    pub likelihood: Rule,
+    /// When a proposal is taken.
+    pub acceptance: Acceptance,
+    /// λ of R(S), 1/m.
+    pub repulsion_per_m: f64,
+    /// Radii of people's ellipsoids: arms and gait included, half of a shoulder width of 0.5 m.
+    pub radius: Spread,
+    /// Heights of people, shoes included.
+    pub height: Spread,
+    /// Standard deviation of a step of UPDATE-P, metres. A mixture of a third, one and three times this is used.
+    pub position_step_m: f64,
+    /// Standard deviation of a step of UPDATE-S in radius, metres.
+    pub radius_step_m: f64,
+    /// Standard deviation of a step of UPDATE-S in height, metres.
+    pub height_step_m: f64,
+    /// How people walk.
+    pub motion: MotionOptions,
+    /// How often people appear, per second over all zones together.
+    pub births_per_s: f64,
+    /// How often a person in a zone leaves, per second.
+    pub deaths_per_s: f64,
+    /// The part of ADD's proposals that goes where unexplained foreground is; the rest is uniform over the zones
+    /// (published: 0).
+    pub informed_births: f64,
+    /// For this long from the first moment with a mask, people may appear anywhere: they were inside already.
+    pub settling_s: f64,
+    /// A new person is reported from the second moment on which they are there, or at once when they explain the
+    /// foreground this much better (nats).
+    pub sure_at_once_nats: f64,
+    /// The most people at one time.
+    pub max_people: usize,
+}
+
+impl Default for McmcOptions {
+    fn default() -> Self {
+        Self {
+            seed: 1,
+            burn_in_steps: 100,
+            kept_steps: 100,
+            moves: MoveWeights::default(),
+            likelihood: Rule::Bernoulli { detection: 0.95, false_alarm: 0.3, independent_pixels: 15.0 },
+            acceptance: Acceptance::ReversibleJump,
+            repulsion_per_m: 4.0,
+            radius: Spread { mean_m: 0.25, sigma_m: 0.03 },
+            height: Spread { mean_m: 1.72, sigma_m: 0.10 },
+            position_step_m: 0.05,
+            radius_step_m: 0.015,
+            height_step_m: 0.03,
+            motion: MotionOptions::default(),
+            births_per_s: 0.05,
+            deaths_per_s: 0.5,
+            informed_births: 0.8,
+            settling_s: 0.5,
+            sure_at_once_nats: 40.0,
+            max_people: 24,
+        }
+    }
+}
+
+impl McmcOptions {
+    /// The sampler as published: overlap ratio, no prior, no proposal ratio, births uniform over the zones, constant
+    /// velocity. For comparison.
+    #[must_use]
+    pub fn published() -> Self {
+        Self {
+            likelihood: Rule::Overlap { exponent: 1.0 },
+            acceptance: Acceptance::Published,
+            informed_births: 0.0,
+            motion: MotionOptions { velocity_memory_s: f64::INFINITY, ..MotionOptions::default() },
+            ..Self::default()
+        }
+    }
+
+    /// Checks every number.
+    ///
+    /// # Errors
+    /// [`Error::Option`] naming the first option that makes no sense.
+    pub fn validate(&self) -> Result<()> {
+        let positive = [
+            ("radius.mean_m", self.radius.mean_m),
+            ("radius.sigma_m", self.radius.sigma_m),
+            ("height.mean_m", self.height.mean_m),
+            ("height.sigma_m", self.height.sigma_m),
+            ("position_step_m", self.position_step_m),
+            ("radius_step_m", self.radius_step_m),
+            ("height_step_m", self.height_step_m),
+            ("repulsion_per_m", self.repulsion_per_m),
+            ("births_per_s", self.births_per_s),
+            ("deaths_per_s", self.deaths_per_s),
+            ("motion.acceleration_density", self.motion.acceleration_density),
+            ("motion.velocity_memory_s", self.motion.velocity_memory_s),
+            ("motion.initial_speed_sigma", self.motion.initial_speed_sigma),
+            ("motion.gait_sigma_m", self.motion.gait_sigma_m),
+        ];
+        for (name, value) in positive {
+            if value.is_nan() || value <= 0.0 {
+                return Err(Error::option(name, format!("{value} is not positive")));
+            }
+        }
+        let weights = [self.moves.add, self.moves.delete, self.moves.position, self.moves.size];
+        if !weights.iter().all(|w| *w > 0.0 && w.is_finite()) {
+            return Err(Error::option("moves", "every move needs a positive weight"));
+        }
+        if !(0.0..=1.0).contains(&self.informed_births) {
+            return Err(Error::option("informed_births", "has to lie between 0 and 1"));
+        }
+        if self.kept_steps == 0 {
+            return Err(Error::option("kept_steps", "at least one step has to be kept for the mean"));
+        }
+        if self.max_people == 0 || self.max_people > Simulation::MAX_BODIES {
+            return Err(Error::option(
+                "max_people",
+                format!("has to lie between 1 and {}", Simulation::MAX_BODIES),
+            ));
+        }
+        self.likelihood.defect().map_or(Ok(()), |defect| Err(Error::option("likelihood", defect)))
+    }
+}

@@ -1,0 +1,78 @@
+//! One person of the sampler's state, and what was known of them before this moment.
+
+use nalgebra::{Matrix2, Vector2};
+use rand::RngExt;
+use rand_distr::StandardNormal;
+use rand_pcg::Pcg64Mcg;
+
+use super::options::Spread;
+use crate::silhouette::{Body, Silhouette};
+
+/// Who a person of the state is, within a run. Every proposed birth has a new one.
+pub(super) type Key = u64;
+
+/// A person of the state.
+#[derive(Debug, Clone)]
+pub(super) struct Person {
+    pub(super) key: Key,
+    pub(super) body: Body,
+    /// One a camera, of `body`.
+    pub(super) silhouettes: Vec<Silhouette>,
+    /// The belief carried over from the last moment; `None` for somebody born in this one.
+    pub(super) known: Option<Known>,
+    /// Not yet reported: may vanish anywhere.
+    pub(super) tentative: bool,
+}
+
+/// What the last moment says about a person now.
+#[derive(Debug, Clone)]
+pub(super) struct Known {
+    pub(super) place: Gaussian,
+    pub(super) radius: Spread,
+    pub(super) height: Spread,
+}
+
+/// A normal distribution on the floor.
+#[derive(Debug, Clone)]
+pub(super) struct Gaussian {
+    pub(super) mean: Vector2<f64>,
+    inverse: Matrix2<f64>,
+    /// Lower triangular root of the covariance.
+    root: Matrix2<f64>,
+    log_norm: f64,
+}
+
+impl Gaussian {
+    /// With this mean and covariance. A covariance that is not positive is replaced by a centimetre's.
+    pub(super) fn new(mean: Vector2<f64>, covariance: &Matrix2<f64>) -> Self {
+        let safe = Matrix2::identity() * 1e-4;
+        let (inverse, root) = match (covariance.try_inverse(), covariance.cholesky()) {
+            (Some(inverse), Some(cholesky)) => (inverse, cholesky.l()),
+            _ => (Matrix2::identity() * 1e4, safe.map(f64::sqrt)),
+        };
+        let log_norm = -std::f64::consts::TAU.ln() - root.determinant().ln();
+        Self { mean, inverse, root, log_norm }
+    }
+
+    pub(super) fn log_density(&self, x_m: f64, y_m: f64) -> f64 {
+        let d = Vector2::new(x_m, y_m) - self.mean;
+        self.log_norm - 0.5 * d.dot(&(self.inverse * d))
+    }
+
+    pub(super) fn sample(&self, rng: &mut Pcg64Mcg) -> Vector2<f64> {
+        let z: Vector2<f64> = Vector2::new(rng.sample(StandardNormal), rng.sample(StandardNormal));
+        self.mean + self.root * z
+    }
+}
+
+impl Spread {
+    pub(super) fn log_density(&self, value_m: f64) -> f64 {
+        let z = (value_m - self.mean_m) / self.sigma_m;
+        -0.5 * (z * z + std::f64::consts::TAU.ln()) - self.sigma_m.ln()
+    }
+
+    pub(super) fn sample(&self, rng: &mut Pcg64Mcg) -> f64 {
+        let z: f64 = rng.sample(StandardNormal);
+        self.mean_m + self.sigma_m * z
+    }
+}

@@ -1,0 +1,94 @@
+//! The estimate of a moment: each person's mean over the kept states that hold them (seed 001, equation 9).
+//!
+//! The states have different numbers of people, so the mean is taken person by person; somebody who is in no more than
+//! half of the states is not there.
+
+use nalgebra::{Matrix2, Vector2};
+
+use super::person::{Key, Person};
+
+/// Sums over the kept states.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Tally {
+    people: Vec<Sums>,
+}
+
+/// Sums over the states that hold one person.
+#[derive(Debug, Clone)]
+pub(super) struct Sums {
+    pub(super) key: Key,
+    pub(super) states: u32,
+    /// The first state's place: sums are of differences from it, so that nothing cancels.
+    origin: Vector2<f64>,
+    place: Vector2<f64>,
+    square: Matrix2<f64>,
+    radius: f64,
+    height: f64,
+}
+
+impl Tally {
+    /// Counts one state in.
+    pub(super) fn add(&mut self, people: &[Person]) {
+        for person in people {
+            let body = &person.body;
+            let place = Vector2::new(body.x_m, body.y_m);
+            let known = self.people.iter().position(|s| s.key == person.key);
+            let i = known.unwrap_or_else(|| {
+                self.people.push(Sums::new(person.key, place));
+                self.people.len() - 1
+            });
+            let sums = &mut self.people[i];
+            let d = place - sums.origin;
+            sums.states += 1;
+            sums.place += d;
+            sums.square += d * d.transpose();
+            sums.radius += body.radius_m;
+            sums.height += body.height_m;
+        }
+    }
+
+    /// One person's sums; `None` when no state held them.
+    pub(super) fn of(&self, key: Key) -> Option<&Sums> {
+        self.people.iter().find(|s| s.key == key)
+    }
+
+    /// Everybody who was in any state.
+    pub(super) fn all(&self) -> &[Sums] {
+        &self.people
+    }
+}
+
+impl Sums {
+    fn new(key: Key, origin: Vector2<f64>) -> Self {
+        Self {
+            key,
+            states: 0,
+            origin,
+            place: Vector2::zeros(),
+            square: Matrix2::zeros(),
+            radius: 0.0,
+            height: 0.0,
+        }
+    }
+
+    /// Mean place.
+    pub(super) fn place(&self) -> Vector2<f64> {
+        self.origin + self.place / f64::from(self.states)
+    }
+
+    /// Covariance of the place over the states.
+    pub(super) fn covariance(&self) -> Matrix2<f64> {
+        let mean = self.place / f64::from(self.states);
+        self.square / f64::from(self.states) - mean * mean.transpose()
+    }
+
+    /// Mean radius, metres.
+    pub(super) fn radius_m(&self) -> f64 {
+        self.radius / f64::from(self.states)
+    }
+
+    /// Mean height, metres.
+    pub(super) fn height_m(&self) -> f64 {
+        self.height / f64::from(self.states)
+    }
+}

@@ -1,0 +1,33 @@
+//! The shape that stands for a person.
+
+use nalgebra::{Point3, Vector3};
+
+/// An upright ellipsoid standing on the floor: the state `M = (x, y, r, h)` of one person. Metres, room frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Body {
+    /// Where it stands.
+    pub x_m: f64,
+    /// Where it stands.
+    pub y_m: f64,
+    /// Horizontal semi-axis.
+    pub radius_m: f64,
+    /// Height; the vertical semi-axis is half of it.
+    pub height_m: f64,
+}
+
+impl Body {
+    /// The ellipsoid's centre.
+    pub fn center(&self) -> Point3<f64> {
+        Point3::new(self.x_m, self.y_m, 0.5 * self.height_m)
+    }
+
+    /// The semi-axes along x, y and z.
+    pub fn semi_axes(&self) -> Vector3<f64> {
+        Vector3::new(self.radius_m, self.radius_m, 0.5 * self.height_m)
+    }
+
+    /// Distance between two bodies on the floor.
+    pub fn floor_distance_m(&self, other: &Self) -> f64 {
+        (self.x_m - other.x_m).hypot(self.y_m - other.y_m)
+    }
+}

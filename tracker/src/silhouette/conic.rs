@@ -1,0 +1,214 @@
+//! The image of an ellipsoid in a pinhole camera.
+//!
+//! Scale space so that the ellipsoid becomes the unit sphere; the camera's centre goes to `o` and the ray of pixel
+//! `(u, v)` to `o + t·w(u, v)`, where `w` is linear in the pixel and `t` is the depth along the camera's z (rays are
+//! scaled to z = 1). The ray meets the sphere where `a t² + 2 b t + c = 0` with
+//!
+//! ```text
+//! a = w·w      b = o·w      c = o·o − 1        (a: quadratic in the pixel, b: linear, c: constant)
+//! ```
+//!
+//! so the image is `{(u, v) : b² − c a ≥ 0, b < 0}`: the inside of a conic, on the branch in front of the camera. In a
+//! row, `b² − c a` is a quadratic in u: its roots bound the span. `b < 0` cannot change within a span, because a ray
+//! from outside meets the ellipsoid either wholly in front or wholly behind.
+//!
+//! f64, although it renders: a span must end at the same pixel as a ray cast by any other formula would.
+
+use nalgebra::Vector3;
+
+use super::{Body, View};
+
+/// The image of one body in one view.
+#[derive(Debug, Clone)]
+pub struct ImageConic {
+    /// `a = w·w` over (1, u, v): the constant, and the coefficients of 2u, 2v, u², 2uv, v².
+    a: [f64; 6],
+    /// `b = o·w` over (1, u, v): the constant, and the coefficients of u and v.
+    b: [f64; 3],
+    c: f64,
+    /// `b² − c a`, laid out as `a`: not negative on the image of the body.
+    inside: [f64; 6],
+    width: i32,
+    height: i32,
+    /// Smallest depth along z of any point of the ellipsoid.
+    pub nearest_z_m: f64,
+}
+
+/// One row of the image of a body: `b² − c a` and what depth needs, as functions of u.
+#[derive(Debug, Clone, Copy)]
+pub struct Row {
+    /// `a = a0 + 2 a1 u + a2 u²`.
+    a0: f64,
+    a1: f64,
+    a2: f64,
+    /// `b = b0 + b1 u`.
+    b0: f64,
+    b1: f64,
+    c: f64,
+}
+
+impl Row {
+    /// Whether something at depth `static_z_m` along z leaves the body's near surface visible at column `u`.
+    ///
+    /// The static point is past the near surface when it lies inside the ellipsoid or beyond its middle: no root needed.
+    /// Only meaningful inside a span.
+    pub fn is_in_front_of(&self, u: i32, static_z_m: f32) -> bool {
+        let (u, z) = (f64::from(u), f64::from(static_z_m));
+        let a = self.a0 + u * (2.0 * self.a1 + u * self.a2);
+        let b = self.b0 + u * self.b1;
+        z > 0.0 && (z == f64::INFINITY || (a * z + 2.0 * b) * z + self.c < 0.0 || a * z + b > 0.0)
+    }
+
+    /// Depth along z of the body's near surface at column `u`; only meaningful inside a span.
+    pub fn near_z_m(&self, u: i32) -> f64 {
+        let u = f64::from(u);
+        let a = self.a0 + u * (2.0 * self.a1 + u * self.a2);
+        let b = self.b0 + u * self.b1;
+        // c / (√(b² − c a) − b) is the near root (−b − √(b² − c a)) / a without its cancellation.
+        self.c.max(0.0) / ((b * b - self.c * a).max(0.0).sqrt() - b)
+    }
+
+    /// Depth along z where the outline crosses this row at (real) column `u`: the ray's point closest to the middle.
+    fn tangent_z_m(&self, u: f64) -> f64 {
+        let a = self.a0 + u * (2.0 * self.a1 + u * self.a2);
+        -(self.b0 + u * self.b1) / a
+    }
+}
+
+/// A run of pixels of one row, both ends included.
+#[derive(Debug, Clone, Copy)]
+pub struct Span {
+    /// First column.
+    pub first: i32,
+    /// Last column.
+    pub last: i32,
+    /// No near point of the span is farther than this along z.
+    pub farthest_z_m: f64,
+}
+
+impl ImageConic {
+    /// The image of `body` in `view`.
+    pub fn new(view: &View, body: &Body) -> Self {
+        let axes = body.semi_axes();
+        let scale = |v: &Vector3<f64>| v.component_div(&axes);
+        let (w0, wu, wv) = (scale(&view.ray_0), scale(&view.ray_u), scale(&view.ray_v));
+        let o = scale(&(view.center - body.center()));
+        let c = o.norm_squared() - 1.0;
+        let a = [w0.dot(&w0), w0.dot(&wu), w0.dot(&wv), wu.dot(&wu), wu.dot(&wv), wv.dot(&wv)];
+        let b = [o.dot(&w0), o.dot(&wu), o.dot(&wv)];
+        let b_squared = [b[0] * b[0], b[0] * b[1], b[0] * b[2], b[1] * b[1], b[1] * b[2], b[2] * b[2]];
+        let reach = axes.component_mul(&view.forward).norm();
+        Self {
+            inside: std::array::from_fn(|i| b_squared[i] - c * a[i]),
+            a,
+            b,
+            c,
+            width: view.width as i32,
+            height: view.height as i32,
+            nearest_z_m: (body.center() - view.center).dot(&view.forward) - reach,
+        }
+    }
+
+    /// Whether the camera is inside the body, so that it sees nothing else.
+    pub fn holds_camera(&self) -> bool {
+        self.c <= 0.0
+    }
+
+    /// The rows and columns that can hold pixels of the body: first, and one past the last, of each. `None` when it is
+    /// nowhere in the image.
+    pub fn bounds(&self) -> Option<[std::ops::Range<i32>; 2]> {
+        let image = [0..self.height, 0..self.width];
+        if self.holds_camera() {
+            return Some(image);
+        }
+        let [f, d, e, a, b, c] = self.inside;
+        // A row (column) holds pixels where its quadratic in u (v) has roots.
+        let rows = [b * b - a * c, d * b - a * e, d * d - a * f];
+        let columns = [b * b - a * c, e * b - c * d, e * e - c * f];
+        if a >= 0.0 || rows[0] >= 0.0 {
+            // The body reaches behind the camera's image plane, and its image is no ellipse.
+            return (self.nearest_z_m <= 0.0).then_some(image);
+        }
+        // All of the ellipse is in front or behind; its centre tells which.
+        let v = -rows[1] / rows[0];
+        let u = -(b * v + d) / a;
+        if self.b[0] + self.b[1] * u + self.b[2] * v >= 0.0 {
+            return None;
+        }
+        let rows = extent(&rows, self.height)?;
+        // A pixel more on either side, so that no rounding puts the end of a span outside.
+        let columns = extent(&columns, self.width)?;
+        Some([rows, (columns.start - 1).max(0)..(columns.end + 1).min(self.width)])
+    }
+
+    /// What depth and spans of row `v` need.
+    pub fn row(&self, v: i32) -> Row {
+        let v = f64::from(v);
+        let [a_1, a_u, a_v, a_uu, a_uv, a_vv] = self.a;
+        Row {
+            a0: a_1 + v * (2.0 * a_v + v * a_vv),
+            a1: a_u + v * a_uv,
+            a2: a_uu,
+            b0: self.b[0] + self.b[2] * v,
+            b1: self.b[1],
+            c: self.c,
+        }
+    }
+
+    /// The spans of a row: none, one, or (for a body that reaches behind the image plane) up to two.
+    pub fn spans(&self, row: &Row) -> [Option<Span>; 2] {
+        let (start, end) = (0.0, f64::from(self.width - 1));
+        if self.holds_camera() {
+            return [Some(Span { first: 0, last: self.width - 1, farthest_z_m: 0.0 }), None];
+        }
+        let square = self.inside[3];
+        let half_b = row.b0 * row.b1 - self.c * row.a1;
+        let constant = row.b0 * row.b0 - self.c * row.a0;
+        let d = half_b * half_b - square * constant;
+        if square < 0.0 {
+            if d < 0.0 {
+                return [None, None];
+            }
+            let root = d.sqrt();
+            let (low, high) = ((-half_b + root) / square, (-half_b - root) / square);
+            let farthest = row.tangent_z_m(low).max(row.tangent_z_m(high));
+            return [Self::span(row, low.max(start), high.min(end), farthest), None];
+        }
+        // Open conics: the tangent depths say nothing about the clipped ends, so the bound is left open.
+        let open = f64::INFINITY;
+        if square == 0.0 {
+            let root = -0.5 * constant / half_b;
+            return match half_b.partial_cmp(&0.0) {
+                Some(std::cmp::Ordering::Greater) => [Self::span(row, root.max(start), end, open), None],
+                Some(std::cmp::Ordering::Less) => [Self::span(row, start, root.min(end), open), None],
+                _ if constant >= 0.0 => [Self::span(row, start, end, open), None],
+                _ => [None, None],
+            };
+        }
+        if d < 0.0 {
+            return [Self::span(row, start, end, open), None];
+        }
+        let root = d.sqrt();
+        let (low, high) = ((-half_b - root) / square, (-half_b + root) / square);
+        [Self::span(row, start, low.min(end), open), Self::span(row, high.max(start), end, open)]
+    }
+
+    /// The whole pixels of `[from, to]`, when they look at the body in front of the camera.
+    fn span(row: &Row, from: f64, to: f64, farthest_z_m: f64) -> Option<Span> {
+        let (first, last) = (from.ceil(), to.floor());
+        // The comparison also refuses NaN.
+        if !(first <= last && row.b0 + row.b1 * first < 0.0) {
+            return None;
+        }
+        Some(Span { first: first as i32, last: last as i32, farthest_z_m })
+    }
+}
+
+/// Where `q2 x² + 2 q1 x + q0 ≥ 0` for a negative `q2`: whole numbers within `0..size`, or `None`.
+fn extent(&[q2, q1, q0]: &[f64; 3], size: i32) -> Option<std::ops::Range<i32>> {
+    let d = q1 * q1 - q2 * q0;
+    let root = (d >= 0.0).then(|| d.sqrt())?;
+    let first = ((-q1 + root) / q2).ceil().max(0.0);
+    let last = ((-q1 - root) / q2).floor().min(f64::from(size - 1));
+    (first <= last).then(|| first as i32..last as i32 + 1)
+}

@@ -1,0 +1,23 @@
+//! What a person would look like to a camera: the image of an upright ellipsoid that stands on the floor, cut by what
+//! the room hides of it (seed 001, section 3.1 and figure 5).
+//!
+//! * [`Body`] — the ellipsoid: place, radius, height.
+//! * [`View`] — a camera made ready: rays of its pinhole pixels and the static depth, in blocks.
+//! * [`Silhouette`] — the pixels of one body in one view that the static room leaves visible, packed 64 to a word.
+//! * [`contour`] — the outline as points in space, and the box around the whole body, for film and files.
+//! * [`visibility`] — how much of each body the room *and* the other bodies leave visible.
+//!
+//! The image of an ellipsoid in a pinhole camera is exact here, not a polygon: its outline is a conic ([`ImageConic`]),
+//! its rows are spans between the roots of a quadratic, and its depth at a pixel solves the ray–quadric equation.
+
+mod body;
+mod conic;
+pub mod contour;
+mod packed;
+mod view;
+pub mod visibility;
+
+pub use body::Body;
+pub use conic::ImageConic;
+pub use packed::Silhouette;
+pub use view::View;
