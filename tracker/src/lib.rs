@@ -11,11 +11,13 @@
 //! * [`likelihood`] — how well a set of people explains the masks: fast counts, and the slow oracle they are held to.
 //! * [`method`] — the [`method::Method`] trait, and one folder for each published tracker behind it.
 //! * [`tracks`] — the files of tracks that a run writes, and their readers.
+//! * [`film`] — what each camera saw, with what the tracker believes, beside the simulated view.
 //! * [`eval`] — tracks against the truth: CLEAR MOT, identity, HOTA, position error.
 #![forbid(unsafe_code)]
 
 mod error;
 pub mod eval;
+pub mod film;
 pub mod foreground;
 pub mod likelihood;
 pub mod method;

@@ -1,0 +1,126 @@
+//! Draws one camera's frames: both panels, side by side.
+
+use image::{Rgb, RgbImage};
+use nalgebra::Point3;
+use scenes::canvas::{Canvas, Color, Stroke};
+
+use super::layers::Layers;
+use super::lens::Lens;
+use super::overlay::Panel;
+use super::trails::Trails;
+use super::{FilmOptions, Shot, clay, simulated};
+use crate::PersonEstimate;
+use crate::stage::{Stage, StageCamera};
+use crate::tracks::extent::Body;
+
+/// Draws the frames of one camera, in order: trails remember the frames before.
+#[derive(Debug, Clone)]
+pub struct Painter {
+    camera: StageCamera,
+    index: usize,
+    lens: Lens,
+    /// The room in clay, per pinhole pixel.
+    room: Vec<[u8; 3]>,
+    has_geometry: bool,
+    trails: Trails,
+}
+
+impl Painter {
+    /// A painter for the stage's camera of that index.
+    pub fn new(stage: &Stage, index: usize, options: &FilmOptions) -> Self {
+        let camera = stage.cameras[index].clone();
+        let scale = options.least_width_px.div_ceil(camera.width().max(1)).clamp(1, 4);
+        Self {
+            lens: Lens::new(&camera, scale),
+            room: clay::render(&camera),
+            has_geometry: camera.static_z_m.iter().any(|z| z.is_finite() && *z > 0.0),
+            trails: Trails::new(options.trail_s),
+            camera,
+            index,
+        }
+    }
+
+    /// Width and height of a frame: two panels beside each other.
+    pub fn size(&self) -> (u32, u32) {
+        (2 * self.lens.width, self.lens.height)
+    }
+
+    /// Draws one frame.
+    pub fn paint(&mut self, frame: u32, time_s: f64, shot: &Shot, people: &[PersonEstimate]) -> RgbImage {
+        self.trails.extend(time_s, people);
+        // The farthest first, so that the nearest is drawn over the others.
+        let mut order: Vec<(&PersonEstimate, Body)> = people.iter().map(|p| (p, Body::from(p))).collect();
+        order.sort_by(|a, b| self.depth(&b.1).total_cmp(&self.depth(&a.1)));
+        let bodies: Vec<Body> = order.iter().map(|(_, body)| *body).collect();
+        let layers = Layers::new(&self.camera, &bodies);
+        let panel = Panel {
+            camera: &self.camera,
+            lens: &self.lens,
+            layers: &layers,
+            people: &order,
+            index: self.index,
+        };
+
+        let mut real = Canvas::from_image(&self.backdrop(shot));
+        panel.trails(&mut real, &self.trails);
+        panel.silhouettes(&mut real, true);
+        panel.labels(&mut real);
+        panel.caption(&mut real, &format!("{}  frame {frame}  {time_s:.2} s", self.camera.name));
+
+        let mask = shot.mask.as_ref();
+        let picture = simulated::picture(&self.camera, &self.lens, &self.room, &layers, &order, mask);
+        let mut simulated = Canvas::from_image(&picture);
+        if !self.has_geometry {
+            self.floor_grid(&mut simulated);
+        }
+        panel.silhouettes(&mut simulated, false);
+        let seen = if mask.is_some() { "; white: what was seen" } else { "" };
+        panel.caption(&mut simulated, &format!("simulated{seen}"));
+
+        let (width, height) = self.size();
+        let mut both = RgbImage::new(width, height);
+        image::imageops::replace(&mut both, &real.into_image(), 0, 0);
+        image::imageops::replace(&mut both, &simulated.into_image(), i64::from(self.lens.width), 0);
+        both
+    }
+
+    fn depth(&self, body: &Body) -> f64 {
+        (self.camera.pinhole.camera_from_world * body.foot).z
+    }
+
+    /// The real picture; without one the foreground, pale on dark.
+    fn backdrop(&self, shot: &Shot) -> RgbImage {
+        let size = (self.camera.width(), self.camera.height());
+        match (&shot.image, &shot.mask) {
+            (Some(image), _) if image.dimensions() == size => self.lens.enlarge(image),
+            (_, Some(mask)) if mask.dimensions() == size => {
+                let pale = |m: &u8| if *m == 0 { [24, 26, 31] } else { [168, 172, 180] };
+                self.lens.picture(&mask.as_raw().iter().map(pale).collect::<Vec<_>>(), [24, 26, 31])
+            }
+            _ => RgbImage::from_pixel(self.lens.width, self.lens.height, Rgb([24, 26, 31])),
+        }
+    }
+
+    /// Where no geometry is known, a floor of one-metre squares says how the camera stands.
+    fn floor_grid(&self, canvas: &mut Canvas) {
+        /// How far the grid reaches from the point below the camera, metres.
+        const REACH_M: i32 = 15;
+        let below = self.camera.pinhole.center();
+        let (x0, y0) = (below.x.round() as i32, below.y.round() as i32);
+        let stroke = Stroke::solid(Color::WHITE.alpha(0.16), self.lens.scale as f32);
+        let project = |x: i32, y: i32| {
+            let real = self.camera.real.project(&Point3::new(f64::from(x), f64::from(y), 0.0))?;
+            Some(self.lens.panel(real))
+        };
+        for i in -REACH_M..=REACH_M {
+            for j in -REACH_M..REACH_M {
+                for (from, to) in [((i, j), (i, j + 1)), ((j, i), (j + 1, i))] {
+                    let ends = project(x0 + from.0, y0 + from.1).zip(project(x0 + to.0, y0 + to.1));
+                    if let Some((a, b)) = ends {
+                        canvas.stroke_polyline(&[a, b], &stroke);
+                    }
+                }
+            }
+        }
+    }
+}
