@@ -3,11 +3,17 @@
 //! One camera is filmed while it is moved to its final pose; the frame at that pose is its *reference image*. Data
 //! flows down this list, a module a stage:
 //!
+//! * [`capture`] — the frames of one camera and which of them is the reference image.
+//! * [`features`] — corners followed from frame to frame: tracks.
+//! * [`bundle`] — Levenberg–Marquardt over poses, points and lens.
 //! * [`dense`] — depth and normal for each pixel of the reference view, by PatchMatch stereo.
 //! * [`error`] — the one error type: each line names file, place and mend.
 #![forbid(unsafe_code)]
 
+pub mod bundle;
+pub mod capture;
 pub mod dense;
 pub mod error;
+pub mod features;
 
 pub use error::{Error, Result};

@@ -7,6 +7,7 @@ mod adapter;
 pub mod background;
 pub mod chatter;
 pub mod chessboard;
+pub mod flow;
 mod morphology;
 pub mod source;
 pub mod writer;

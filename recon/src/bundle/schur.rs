@@ -1,0 +1,267 @@
+//! The normal equations of one step, points eliminated.
+
+use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, Vector3, Vector6};
+use rayon::prelude::*;
+
+use super::residual::{self, LensJacobian};
+use super::{BundleOptions, Problem};
+
+type Block6x3 = SMatrix<f64, 6, 3>;
+
+/// One observation's part of W.
+struct Edge {
+    pose: usize,
+    /// `J_poseᵀ w J_point`.
+    w: Block6x3,
+}
+
+/// One point's part of the system.
+struct PointBlock {
+    /// V before damping.
+    v: Matrix3<f64>,
+    gradient: Vector3<f64>,
+    edges: Vec<Edge>,
+    /// `J_lensᵀ w J_point`, summed over the point's observations.
+    lens: Matrix3<f64>,
+}
+
+/// The system of one linearisation; solved for several dampings.
+pub(super) struct NormalEquations {
+    poses: usize,
+    lens_count: usize,
+    /// U of each pose, its gradient, and its border with the lens (6 × 3).
+    pose_blocks: Vec<(SMatrix<f64, 6, 6>, Vector6<f64>, Block6x3)>,
+    lens_block: Matrix3<f64>,
+    lens_gradient: Vector3<f64>,
+    points: Vec<PointBlock>,
+    /// For each pose: (point, edge within the point).
+    seen: Vec<Vec<(usize, usize)>>,
+}
+
+/// A solution.
+pub(super) struct Step {
+    /// Six numbers a pose, then the lens's.
+    pub(super) cameras: Vec<f64>,
+    pub(super) points: Vec<Vector3<f64>>,
+    /// How much the linearised cost falls.
+    pub(super) predicted_gain: f64,
+}
+
+impl NormalEquations {
+    pub(super) fn build(problem: &Problem, options: &BundleOptions) -> Self {
+        let linearised: Vec<(PointBlock, Vec<PosePart>)> = (0..problem.points.len())
+            .into_par_iter()
+            .with_min_len(32)
+            .map(|point| point_block(problem, options, point))
+            .collect();
+        let poses = problem.poses.len();
+        let mut pose_blocks = vec![(SMatrix::zeros(), Vector6::zeros(), Block6x3::zeros()); poses];
+        let (mut lens_block, mut lens_gradient) = (Matrix3::zeros(), Vector3::zeros());
+        let mut seen = vec![Vec::new(); poses];
+        let mut points = Vec::with_capacity(linearised.len());
+        for (index, (block, parts)) in linearised.into_iter().enumerate() {
+            for (edge, part) in parts.into_iter().enumerate() {
+                let pose = block.edges[edge].pose;
+                let (u, gradient, border) = &mut pose_blocks[pose];
+                *u += part.u;
+                *gradient += part.gradient;
+                *border += part.border;
+                lens_block += part.lens;
+                lens_gradient += part.lens_gradient;
+                seen[pose].push((index, edge));
+            }
+            points.push(block);
+        }
+        let lens_count = options.lens.count();
+        Self { poses, lens_count, pose_blocks, lens_block, lens_gradient, points, seen }
+    }
+
+    /// The step for one damping (relative to the diagonal); `None` when the reduced matrix is not positive definite.
+    pub(super) fn solve(&self, damping: f64, fixed_pose: usize) -> Option<Step> {
+        let inverses: Vec<Matrix3<f64>> =
+            self.points.iter().map(|p| damped(&p.v, damping).try_inverse()).collect::<Option<_>>()?;
+        let size = 6 * self.poses + self.lens_count;
+        let rows: Vec<(DMatrix<f64>, Vector6<f64>)> =
+            (0..self.poses).into_par_iter().map(|pose| self.reduced_row(pose, damping, &inverses)).collect();
+        let mut matrix = DMatrix::zeros(size, size);
+        let mut right = DVector::zeros(size);
+        for (pose, (row, gradient)) in rows.iter().enumerate() {
+            matrix.view_mut((6 * pose, 0), (6, size)).copy_from(row);
+            right.rows_mut(6 * pose, 6).copy_from(gradient);
+        }
+        self.add_lens(&mut matrix, &mut right, damping, &inverses);
+        // The lower triangle from the upper, which is all that was summed.
+        matrix.fill_lower_triangle_with_upper_triangle();
+        // The fixed pose: its rows and columns become the identity's, its step zero.
+        for k in 6 * fixed_pose..6 * fixed_pose + 6 {
+            matrix.row_mut(k).fill(0.0);
+            matrix.column_mut(k).fill(0.0);
+            matrix[(k, k)] = 1.0;
+            right[k] = 0.0;
+        }
+        let cameras = matrix.cholesky()?.solve(&right);
+        let lens_step = self.lens_step(&cameras);
+        let points: Vec<Vector3<f64>> = self
+            .points
+            .par_iter()
+            .with_min_len(64)
+            .zip(&inverses)
+            .map(|(block, inverse)| {
+                let mut rest = block.gradient - block.lens.transpose() * lens_step;
+                for edge in &block.edges {
+                    rest -= edge.w.transpose() * cameras.fixed_rows::<6>(6 * edge.pose);
+                }
+                inverse * rest
+            })
+            .collect();
+        let predicted_gain = self.predicted_gain(&cameras, &lens_step, &points, damping);
+        Some(Step { cameras: cameras.as_slice().to_vec(), points, predicted_gain })
+    }
+
+    fn lens_step(&self, cameras: &DVector<f64>) -> Vector3<f64> {
+        Vector3::from_fn(|k, _| if k < self.lens_count { cameras[6 * self.poses + k] } else { 0.0 })
+    }
+
+    /// One pose's six rows of the reduced matrix (upper triangle and the lens's border) and its right side.
+    fn reduced_row(
+        &self,
+        pose: usize,
+        damping: f64,
+        inverses: &[Matrix3<f64>],
+    ) -> (DMatrix<f64>, Vector6<f64>) {
+        let size = 6 * self.poses + self.lens_count;
+        let mut row = DMatrix::zeros(6, size);
+        let (u, gradient, border) = &self.pose_blocks[pose];
+        let mut right = *gradient;
+        let mut lens = *border;
+        let mut diagonal = *u;
+        for k in 0..6 {
+            diagonal[(k, k)] += damping * u[(k, k)].max(1e-9);
+        }
+        row.fixed_columns_mut::<6>(6 * pose).copy_from(&diagonal);
+        for &(point, edge) in &self.seen[pose] {
+            let block = &self.points[point];
+            let y = block.edges[edge].w * inverses[point];
+            right -= y * block.gradient;
+            lens -= y * block.lens.transpose();
+            for other in block.edges.iter().filter(|o| o.pose >= pose) {
+                let mut target = row.fixed_columns_mut::<6>(6 * other.pose);
+                target -= y * other.w.transpose();
+            }
+        }
+        for k in 0..self.lens_count {
+            row.set_column(6 * self.poses + k, &lens.column(k));
+        }
+        (row, right)
+    }
+
+    fn add_lens(
+        &self,
+        matrix: &mut DMatrix<f64>,
+        right: &mut DVector<f64>,
+        damping: f64,
+        inverses: &[Matrix3<f64>],
+    ) {
+        if self.lens_count == 0 {
+            return;
+        }
+        let mut block = damped(&self.lens_block, damping);
+        let mut gradient = self.lens_gradient;
+        for (point, inverse) in self.points.iter().zip(inverses) {
+            let y = point.lens * inverse;
+            block -= y * point.lens.transpose();
+            gradient -= y * point.gradient;
+        }
+        let start = 6 * self.poses;
+        for row in 0..self.lens_count {
+            right[start + row] = gradient[row];
+            for column in row..self.lens_count {
+                matrix[(start + row, start + column)] = block[(row, column)];
+            }
+        }
+    }
+
+    /// `½ δᵀ (damping D δ + g)` doubled, as the cost is Σ ρ without the half.
+    fn predicted_gain(
+        &self,
+        cameras: &DVector<f64>,
+        lens_step: &Vector3<f64>,
+        points: &[Vector3<f64>],
+        damping: f64,
+    ) -> f64 {
+        let mut gain = 0.0;
+        for (pose, (u, gradient, _)) in self.pose_blocks.iter().enumerate() {
+            for k in 0..6 {
+                let step = cameras[6 * pose + k];
+                gain += step * (damping * u[(k, k)] * step + gradient[k]);
+            }
+        }
+        for k in 0..self.lens_count {
+            let step = lens_step[k];
+            gain += step * (damping * self.lens_block[(k, k)] * step + self.lens_gradient[k]);
+        }
+        for (block, step) in self.points.iter().zip(points) {
+            for k in 0..3 {
+                gain += step[k] * (damping * block.v[(k, k)] * step[k] + block.gradient[k]);
+            }
+        }
+        gain
+    }
+}
+
+/// One observation's contribution to the camera side.
+struct PosePart {
+    u: SMatrix<f64, 6, 6>,
+    gradient: Vector6<f64>,
+    border: Block6x3,
+    lens: Matrix3<f64>,
+    lens_gradient: Vector3<f64>,
+}
+
+fn point_block(problem: &Problem, options: &BundleOptions, point: usize) -> (PointBlock, Vec<PosePart>) {
+    let observations = &problem.observations[point];
+    let mut block = PointBlock {
+        v: Matrix3::zeros(),
+        gradient: Vector3::zeros(),
+        edges: Vec::with_capacity(observations.len()),
+        lens: Matrix3::zeros(),
+    };
+    let mut parts = Vec::with_capacity(observations.len());
+    for observation in observations {
+        let pose = &problem.poses[observation.pose];
+        let Some(l) =
+            residual::linearise(&problem.intrinsics, pose, &problem.points[point], &observation.pixel)
+        else {
+            continue;
+        };
+        let weight = options.loss.weight(l.residual.norm_squared());
+        let mut lens: LensJacobian = l.lens;
+        for k in options.lens.count()..3 {
+            lens.column_mut(k).fill(0.0);
+        }
+        let weighted_point = weight * l.point;
+        let weighted_pose_t = weight * l.pose.transpose();
+        block.v += l.point.transpose() * weighted_point;
+        block.gradient -= weighted_point.transpose() * l.residual;
+        block.lens += lens.transpose() * weighted_point;
+        block.edges.push(Edge { pose: observation.pose, w: l.pose.transpose() * weighted_point });
+        parts.push(PosePart {
+            u: weighted_pose_t * l.pose,
+            gradient: -weighted_pose_t * l.residual,
+            border: weighted_pose_t * lens,
+            lens: weight * lens.transpose() * lens,
+            lens_gradient: -weight * lens.transpose() * l.residual,
+        });
+    }
+    (block, parts)
+}
+
+/// A 3 × 3 block with its diagonal raised; a point nobody sees gets the identity.
+fn damped(block: &Matrix3<f64>, damping: f64) -> Matrix3<f64> {
+    let mut raised = *block;
+    let floor = 1e-9 * block.trace().max(1e-9);
+    for k in 0..3 {
+        raised[(k, k)] += damping * block[(k, k)] + floor;
+    }
+    raised
+}

@@ -1,0 +1,195 @@
+//! Adjustment against scenes whose truth is known.
+
+use super::*;
+use calib::Distortion;
+use nalgebra::{DMatrix, Vector3};
+use rand::SeedableRng;
+use rand_distr::{Distribution, Normal, Uniform};
+use rand_pcg::Pcg64Mcg;
+
+/// Cameras on an arc, points in a box before them, pixels with Gaussian noise.
+fn scene(noise_px: f64, seed: u64) -> Problem {
+    let mut rng = Pcg64Mcg::seed_from_u64(seed);
+    let mut intrinsics = Intrinsics::from_horizontal_fov(640, 480, 65.0);
+    intrinsics.distortion = Distortion { k1: -0.08, k2: 0.02, ..Distortion::NONE };
+    let poses: Vec<Isometry3<f64>> = (0..8)
+        .map(|i| {
+            let s = f64::from(i) * 0.25;
+            Isometry3::new(
+                Vector3::new(0.3 * s, 0.1 * (2.0 * s).sin(), 0.05 * s),
+                Vector3::new(0.02 * s, -0.06 * s, 0.03 * s),
+            )
+        })
+        .collect();
+    let side = Uniform::new(-1.2, 1.2).unwrap();
+    let depth = Uniform::new(2.5, 6.0).unwrap();
+    let points: Vec<Point3<f64>> = (0..120)
+        .map(|_| Point3::new(side.sample(&mut rng), side.sample(&mut rng) * 0.7, depth.sample(&mut rng)))
+        .collect();
+    let noise = Normal::new(0.0, noise_px).unwrap();
+    let observations = points
+        .iter()
+        .map(|point| {
+            (0..poses.len())
+                .filter_map(|pose| {
+                    let pixel = intrinsics.project(&(poses[pose] * point))?;
+                    let jitter = nalgebra::Vector2::new(noise.sample(&mut rng), noise.sample(&mut rng));
+                    Some(Observation { pose, pixel: pixel + jitter })
+                })
+                .collect()
+        })
+        .collect();
+    Problem { intrinsics, poses, points, observations }
+}
+
+/// The same problem with everything but the first pose disturbed.
+fn disturbed(truth: &Problem, seed: u64) -> Problem {
+    let mut rng = Pcg64Mcg::seed_from_u64(seed);
+    let normal = Normal::new(0.0, 0.02).unwrap();
+    let mut start = truth.clone();
+    for pose in start.poses.iter_mut().skip(1) {
+        let step: Vec<f64> = (0..6).map(|_| normal.sample(&mut rng)).collect();
+        *pose = residual::moved_pose(pose, &step);
+    }
+    for point in &mut start.points {
+        *point += Vector3::from_fn(|_, _| 5.0 * normal.sample(&mut rng));
+    }
+    start
+}
+
+/// Largest rotation (radians) and direction-of-translation error against the truth; the scale is free.
+fn pose_errors(found: &Problem, truth: &Problem) -> (f64, f64) {
+    let scale = found.poses[7].translation.vector.norm() / truth.poses[7].translation.vector.norm();
+    let mut worst = (0.0_f64, 0.0_f64);
+    for (f, t) in found.poses.iter().zip(&truth.poses) {
+        worst.0 = worst.0.max(f.rotation.angle_to(&t.rotation));
+        worst.1 = worst.1.max((f.translation.vector / scale - t.translation.vector).norm());
+    }
+    worst
+}
+
+#[test]
+fn exact_measurements_give_the_exact_motion() {
+    let truth = scene(0.0, 1);
+    let mut problem = disturbed(&truth, 2);
+    let options = BundleOptions { loss: Loss::Squares, max_steps: 100, cost_end: 1e-14, ..Default::default() };
+    let report = adjust(&mut problem, &options);
+    assert!(report.rms_px < 1e-6, "{report:?}");
+    let (turn, shift) = pose_errors(&problem, &truth);
+    assert!(turn < 1e-7 && shift < 1e-7, "{turn} {shift}");
+    assert_eq!(problem.poses[0], truth.poses[0]);
+}
+
+#[test]
+fn a_wrong_lens_is_found() {
+    let truth = scene(0.0, 3);
+    let mut problem = disturbed(&truth, 4);
+    problem.intrinsics.fx *= 1.15;
+    problem.intrinsics.fy *= 1.15;
+    problem.intrinsics.distortion = Distortion::NONE;
+    let options = BundleOptions {
+        loss: Loss::Squares,
+        lens: LensFreedom::FocalRadial,
+        max_steps: 300,
+        cost_end: 1e-14,
+        ..Default::default()
+    };
+    adjust(&mut problem, &options);
+    let (found, wanted) = (&problem.intrinsics, &truth.intrinsics);
+    assert!((found.fx / wanted.fx - 1.0).abs() < 1e-4, "{found:?}");
+    assert!((found.distortion.k1 - wanted.distortion.k1).abs() < 1e-3, "{found:?}");
+}
+
+#[test]
+fn outliers_fade_under_cauchy() {
+    let truth = scene(0.2, 5);
+    let mut wild = truth.clone();
+    for (index, observation) in wild.observations.iter_mut().flatten().enumerate() {
+        if index % 10 == 3 {
+            observation.pixel.x += 25.0;
+        }
+    }
+    let mut robust = disturbed(&wild, 6);
+    adjust(&mut robust, &BundleOptions::default());
+    let (turn, shift) = pose_errors(&robust, &truth);
+    assert!(turn < 2e-3 && shift < 5e-3, "{turn} {shift}");
+    let mut plain = disturbed(&wild, 6);
+    adjust(&mut plain, &BundleOptions { loss: Loss::Squares, ..Default::default() });
+    assert!(pose_errors(&plain, &truth).0 > 2.0 * turn);
+}
+
+/// The reduced step must equal the step of the full dense normal equations.
+#[test]
+fn elimination_equals_the_dense_solution() {
+    let mut problem = disturbed(&scene(0.3, 7), 8);
+    problem.points.truncate(20);
+    problem.observations.truncate(20);
+    let options = BundleOptions { lens: LensFreedom::FocalRadial, loss: Loss::Huber(1.0), ..Default::default() };
+    let (poses, points, damping) = (problem.poses.len(), problem.points.len(), 0.01);
+    let size = 6 * poses + 3 + 3 * points;
+    let (mut dense, mut right) = (DMatrix::<f64>::zeros(size, size), nalgebra::DVector::<f64>::zeros(size));
+    for (index, observations) in problem.observations.iter().enumerate() {
+        for o in observations {
+            let l = residual::linearise(
+                &problem.intrinsics,
+                &problem.poses[o.pose],
+                &problem.points[index],
+                &o.pixel,
+            )
+            .unwrap();
+            let mut j = DMatrix::<f64>::zeros(2, size);
+            j.fixed_view_mut::<2, 6>(0, 6 * o.pose).copy_from(&l.pose);
+            j.fixed_view_mut::<2, 3>(0, 6 * poses).copy_from(&l.lens);
+            j.fixed_view_mut::<2, 3>(0, 6 * poses + 3 + 3 * index).copy_from(&l.point);
+            let w = options.loss.weight(l.residual.norm_squared());
+            dense += w * j.transpose() * &j;
+            right -= w * j.transpose() * l.residual;
+        }
+    }
+    for k in 0..size {
+        dense[(k, k)] *= 1.0 + damping;
+    }
+    for k in 0..6 {
+        dense.row_mut(k).fill(0.0);
+        dense.column_mut(k).fill(0.0);
+        dense[(k, k)] = 1.0;
+        right[k] = 0.0;
+    }
+    let expected = dense.lu().solve(&right).unwrap();
+    let step = NormalEquations::build(&problem, &options).solve(damping, 0).unwrap();
+    for (found, wanted) in step.cameras.iter().zip(expected.iter()) {
+        assert!((found - wanted).abs() < 1e-6 * (1.0 + wanted.abs()), "{found} {wanted}");
+    }
+    for (index, found) in step.points.iter().enumerate() {
+        let wanted = expected.fixed_rows::<3>(6 * poses + 3 + 3 * index);
+        assert!((found - wanted).norm() < 1e-6 * (1.0 + wanted.norm()));
+    }
+}
+
+#[test]
+fn any_number_of_threads_gives_the_same_bytes() {
+    let start = disturbed(&scene(0.3, 9), 10);
+    let run = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let mut problem = start.clone();
+        pool.install(|| adjust(&mut problem, &BundleOptions::default()));
+        problem
+    };
+    let (one, three) = (run(1), run(3));
+    assert_eq!(one.poses, three.poses);
+    assert_eq!(one.points, three.points);
+}
+
+#[test]
+fn nothing_to_adjust_is_no_accident() {
+    let empty = Problem {
+        intrinsics: Intrinsics::from_horizontal_fov(64, 48, 60.0),
+        poses: vec![Isometry3::identity(); 2],
+        points: vec![Point3::new(0.0, 0.0, -1.0)],
+        observations: vec![vec![Observation { pose: 1, pixel: Point2::new(3.0, 4.0) }]],
+    };
+    let mut problem = empty.clone();
+    assert!(adjust(&mut problem, &BundleOptions::default()).final_cost.is_finite());
+    problem = Problem { points: vec![], observations: vec![], ..empty };
+    assert_eq!(adjust(&mut problem, &BundleOptions::default()).steps, 0);
+}

@@ -1,0 +1,224 @@
+//! Feature tracks over a capture: KLT, each feature re-registered against its first appearance.
+//!
+//! A frame's points are looked for in the next where the camera's turn ([`turn`]) carries them, followed by pyramidal
+//! Lucas–Kanade (C. Tomasi and T. Kanade 1991; corners after J. Shi and C. Tomasi 1994), and checked by following
+//! them back. Lucas–Kanade from frame to frame drifts; so each point then is registered ([`register`]) against the
+//! patch it was born with, which also tells when it shows something else. Lost features are replaced, spread over the
+//! image, so tracks come and go.
+
+mod intensity;
+mod register;
+mod turn;
+
+use calib::Intrinsics;
+use calib::vision::flow::{self, FlowPyramid};
+use image::RgbImage;
+use nalgebra::{Matrix2, Point2};
+use rayon::prelude::*;
+
+use crate::Result;
+use intensity::Intensity;
+use register::{Patch, Warp};
+use turn::CoarseScales;
+
+/// How features are found and followed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FeatureOptions {
+    /// Features followed at a time.
+    pub count: usize,
+    /// Cells along the longer image side over which they are spread.
+    pub grid: usize,
+    /// Least distance between features, pixels.
+    pub min_distance_px: f64,
+    /// Half the side of a feature's patch, less half a pixel.
+    pub patch_radius_px: i32,
+    /// Side of the Lucas–Kanade window, pixels.
+    pub window_px: u32,
+    /// How often Lucas–Kanade halves the image.
+    pub pyramid_depth: u32,
+    /// A feature must come back this close when followed backwards, pixels.
+    pub max_return_px: f64,
+    /// Lucas–Kanade and registration must agree this well, pixels.
+    pub max_disagreement_px: f64,
+    /// Least correlation with a feature's first appearance.
+    pub min_correlation: f64,
+    /// Corners weaker than this fraction of the strongest are no features.
+    pub corner_quality: f64,
+}
+
+impl Default for FeatureOptions {
+    fn default() -> Self {
+        Self {
+            count: 700,
+            grid: 16,
+            min_distance_px: 8.0,
+            patch_radius_px: 8,
+            window_px: 21,
+            pyramid_depth: 4,
+            max_return_px: 1.0,
+            max_disagreement_px: 2.0,
+            min_correlation: 0.8,
+            corner_quality: 0.002,
+        }
+    }
+}
+
+/// Where one feature was seen: frames (from 0, rising, with gaps perhaps) and pixels.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Track {
+    /// One entry a frame that saw the feature.
+    pub observations: Vec<(usize, Point2<f64>)>,
+}
+
+/// What tracking did.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct FeatureReport {
+    /// Tracks of two frames or more.
+    pub tracks: usize,
+    /// Observations of all tracks.
+    pub observations: usize,
+    /// Features carried from each frame to the next; one fewer than frames.
+    pub carried: Vec<usize>,
+}
+
+/// One feature being followed.
+struct Feature {
+    track: usize,
+    patch: Patch,
+    warp: Warp,
+}
+
+/// Follows features through the frames; `intrinsics` need only be roughly right.
+///
+/// # Errors
+/// When OpenCV refuses.
+pub fn track(
+    frames: &[RgbImage],
+    intrinsics: &Intrinsics,
+    options: &FeatureOptions,
+) -> Result<(Vec<Track>, FeatureReport)> {
+    let mut tracks: Vec<Track> = Vec::new();
+    let mut report = FeatureReport::default();
+    let mut live: Vec<Feature> = Vec::new();
+    let mut before: Option<Seen> = None;
+    for (frame, image) in frames.iter().enumerate() {
+        let seen = Seen::new(image, intrinsics, options)?;
+        if let Some(before) = &before {
+            live = carry(live, before, &seen, intrinsics, options)?;
+            report.carried.push(live.len());
+        }
+        let born = births(&seen, &live, options)?;
+        live.extend(born.into_iter().map(|(patch, warp)| {
+            tracks.push(Track::default());
+            Feature { track: tracks.len() - 1, patch, warp }
+        }));
+        for feature in &live {
+            tracks[feature.track].observations.push((frame, feature.warp.center));
+        }
+        before = Some(seen);
+    }
+    tracks.retain(|t| t.observations.len() >= 2);
+    report.tracks = tracks.len();
+    report.observations = tracks.iter().map(|t| t.observations.len()).sum();
+    Ok((tracks, report))
+}
+
+/// A frame in the forms that tracking reads.
+struct Seen {
+    gray: image::GrayImage,
+    intensity: Intensity,
+    pyramid: FlowPyramid,
+    coarse: CoarseScales,
+}
+
+impl Seen {
+    fn new(image: &RgbImage, intrinsics: &Intrinsics, options: &FeatureOptions) -> Result<Self> {
+        let gray = image::imageops::grayscale(image);
+        let intensity = Intensity::new(image);
+        let pyramid = FlowPyramid::new(&gray, options.window_px, options.pyramid_depth)?;
+        let coarse = CoarseScales::new(&intensity, intrinsics);
+        Ok(Self { gray, intensity, pyramid, coarse })
+    }
+}
+
+/// Carries features from one frame to the next; those that are lost end.
+fn carry(
+    live: Vec<Feature>,
+    from: &Seen,
+    to: &Seen,
+    intrinsics: &Intrinsics,
+    options: &FeatureOptions,
+) -> Result<Vec<Feature>> {
+    let rotation = from.coarse.turn_to(&to.coarse);
+    let carried_by_turn = |p: &Point2<f64>| turn::moved(p, intrinsics, &rotation);
+    let guesses: Vec<Warp> = live
+        .iter()
+        .map(|feature| {
+            let warp = feature.warp;
+            let near = |dx, dy| carried_by_turn(&(warp.center + nalgebra::Vector2::new(dx, dy)));
+            match (near(0.0, 0.0), near(1.0, 0.0), near(0.0, 1.0)) {
+                (Some(center), Some(right), Some(below)) => {
+                    let local = Matrix2::from_columns(&[right - center, below - center]);
+                    Warp { center, affine: local * warp.affine }
+                }
+                _ => warp,
+            }
+        })
+        .collect();
+    let starts: Vec<Point2<f64>> = live.iter().map(|f| f.warp.center).collect();
+    let aims: Vec<Point2<f64>> = guesses.iter().map(|g| g.center).collect();
+    let ends = flow::follow(&from.pyramid, &to.pyramid, &starts, &aims)?;
+    let reached: Vec<Point2<f64>> = ends.iter().zip(&aims).map(|(end, aim)| end.unwrap_or(*aim)).collect();
+    let back = flow::follow(&to.pyramid, &from.pyramid, &reached, &starts)?;
+    let returned = |index: usize| {
+        ends[index].is_some()
+            && back[index].is_some_and(|p| (p - starts[index]).norm() <= options.max_return_px)
+    };
+    let carried = live.into_par_iter().zip(guesses).enumerate().map(|(index, (feature, guess))| {
+        let start = Warp { center: reached[index], affine: guess.affine };
+        let found = returned(index).then(|| feature.patch.register(&to.intensity, &start))??;
+        let agrees = (found.warp.center - reached[index]).norm() <= options.max_disagreement_px;
+        (agrees && found.correlation >= options.min_correlation)
+            .then_some(Feature { warp: found.warp, ..feature })
+    });
+    Ok(carried.collect::<Vec<_>>().into_iter().flatten().collect())
+}
+
+/// New features where the image has corners and no feature yet, spread over a grid.
+fn births(seen: &Seen, live: &[Feature], options: &FeatureOptions) -> Result<Vec<(Patch, Warp)>> {
+    let (width, height) = (seen.intensity.width, seen.intensity.height);
+    let cell = (width.max(height) as f64 / options.grid as f64).max(1.0);
+    let (columns, rows) = ((width as f64 / cell).ceil() as usize, (height as f64 / cell).ceil() as usize);
+    let quota = options.count.div_ceil((columns * rows).max(1)).max(1);
+    let cell_of = |p: &Point2<f64>| {
+        ((p.y / cell) as usize).min(rows - 1) * columns + ((p.x / cell) as usize).min(columns - 1)
+    };
+    let mut members: Vec<Vec<Point2<f64>>> = vec![Vec::new(); columns * rows];
+    for feature in live {
+        members[cell_of(&feature.warp.center)].push(feature.warp.center);
+    }
+    let corners = flow::corners(
+        &seen.gray,
+        8 * options.count,
+        options.corner_quality,
+        0.5 * options.min_distance_px,
+        5,
+    )?;
+    let mut born = Vec::new();
+    for corner in corners {
+        let home = cell_of(&corner);
+        if members[home].len() >= quota {
+            continue;
+        }
+        let crowded = members.iter().flatten().any(|p| (p - corner).norm() < options.min_distance_px);
+        let warp = Warp { center: corner, affine: Matrix2::identity() };
+        if crowded {
+            continue;
+        }
+        if let Some(patch) = Patch::cut(&seen.intensity, &warp, options.patch_radius_px) {
+            members[home].push(corner);
+            born.push((patch, warp));
+        }
+    }
+    Ok(born)
+}

@@ -1,0 +1,201 @@
+//! Registers a small patch in another image: efficient second-order minimisation (ESM; S. Benhimane and E. Malis,
+//! "Real-time image-based tracking of planes using efficient second-order minimization", IROS 2004) over an affine
+//! warp, blind to gain and bias.
+//!
+//! With `u` in the patch, `x(u) = c + A u` in the image, `T` the patch and `I` the image, both brought to weighted
+//! mean 0 and deviation 1, each step solves the least squares of `Î(x(u)) − T̂(u)` with the mean of both gradients,
+//! `½ (∇T̂ + ∇(Î∘x))`, as Jacobian. That is second order without second derivatives. The point reported is the
+//! patch's centre `c`, which the window's symmetry makes nearly independent of `A`.
+
+use nalgebra::{Matrix2, Matrix6, Point2, Vector6};
+
+use super::intensity::Intensity;
+
+const MAX_STEPS: usize = 20;
+/// The centre's step at which registration has converged.
+const STEP_END_PX: f64 = 0.003;
+/// Deviation of the patch, in grey levels, below which there is only noise.
+const MIN_CONTRAST: f64 = 2.0;
+/// Damping of the affine part, relative: keeps `A` near its start where a patch hardly shows it.
+const AFFINE_DAMPING: f64 = 3e-3;
+/// A registration that wanders further than this from its start has found something else.
+const MAX_SHIFT_PX: f64 = 6.0;
+
+/// Where a patch lies in an image: `x(u) = center + affine · u`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Warp {
+    pub(crate) center: Point2<f64>,
+    pub(crate) affine: Matrix2<f64>,
+}
+
+/// The appearance of a feature, cut from one image.
+#[derive(Debug, Clone)]
+pub(crate) struct Patch {
+    radius: i32,
+    weights: Vec<f64>,
+    /// Weighted mean 0, deviation 1.
+    values: Vec<f64>,
+    gradient: Vec<[f64; 2]>,
+}
+
+/// What registration found.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Registration {
+    pub(crate) warp: Warp,
+    /// Weighted normalised cross-correlation of patch and image, −1 … 1.
+    pub(crate) correlation: f64,
+}
+
+impl Patch {
+    /// Cuts a patch of `2 radius + 1` pixels a side, seen through `warp` (the identity for a plain cut). `None` at the
+    /// image's border or without contrast.
+    pub(crate) fn cut(image: &Intensity, warp: &Warp, radius: i32) -> Option<Self> {
+        let sigma = 0.6 * radius as f64;
+        let mut weights: Vec<f64> = window(radius)
+            .map(|(x, y)| (-0.5 * ((x * x + y * y) as f64) / (sigma * sigma)).exp())
+            .collect();
+        let total: f64 = weights.iter().sum();
+        weights.iter_mut().for_each(|w| *w /= total);
+        let mut patch = Self { radius, weights, values: Vec::new(), gradient: Vec::new() };
+        (patch.values, patch.gradient) = patch.read(image, warp)?;
+        Some(patch)
+    }
+
+    /// The image as the patch would see it: normalised values and their gradient in patch coordinates.
+    fn read(&self, image: &Intensity, warp: &Warp) -> Option<(Vec<f64>, Vec<[f64; 2]>)> {
+        let reach = f64::from(self.radius + 1);
+        let to_image = |x: f64, y: f64| {
+            let p = warp.center + warp.affine * nalgebra::Vector2::new(x, y);
+            (p.x, p.y)
+        };
+        for (sx, sy) in [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)] {
+            let (x, y) = to_image(sx * reach, sy * reach);
+            if !image.holds(x, y) {
+                return None;
+            }
+        }
+        let side = (2 * self.radius + 3) as usize;
+        let raw: Vec<f64> = window(self.radius + 1)
+            .map(|(x, y)| {
+                let (x, y) = to_image(f64::from(x), f64::from(y));
+                f64::from(image.at(x, y))
+            })
+            .collect();
+        let at = |x: i32, y: i32| raw[(y + self.radius + 1) as usize * side + (x + self.radius + 1) as usize];
+        let mean: f64 = window(self.radius).zip(&self.weights).map(|((x, y), w)| w * at(x, y)).sum();
+        let variance: f64 =
+            window(self.radius).zip(&self.weights).map(|((x, y), w)| w * (at(x, y) - mean).powi(2)).sum();
+        let deviation = variance.sqrt();
+        if deviation.is_nan() || deviation < MIN_CONTRAST {
+            return None;
+        }
+        let values = window(self.radius).map(|(x, y)| (at(x, y) - mean) / deviation).collect();
+        let half = 0.5 / deviation;
+        let gradient = window(self.radius)
+            .map(|(x, y)| [(at(x + 1, y) - at(x - 1, y)) * half, (at(x, y + 1) - at(x, y - 1)) * half])
+            .collect();
+        Some((values, gradient))
+    }
+
+    /// Weighted correlation with the image at a warp, without moving it.
+    pub(crate) fn correlation(&self, image: &Intensity, warp: &Warp) -> Option<f64> {
+        let (values, _) = self.read(image, warp)?;
+        Some(self.weights.iter().zip(&values).zip(&self.values).map(|((w, i), t)| w * i * t).sum())
+    }
+
+    /// Finds the patch in `image` near `start`. `None` when it leaves the image, wanders off or does not converge.
+    pub(crate) fn register(&self, image: &Intensity, start: &Warp) -> Option<Registration> {
+        let mut warp = *start;
+        for _ in 0..MAX_STEPS {
+            let (values, gradient) = self.read(image, &warp)?;
+            let (mut normal, mut right) = (Matrix6::<f64>::zeros(), Vector6::<f64>::zeros());
+            for (index, (x, y)) in window(self.radius).enumerate() {
+                let (x, y) = (f64::from(x), f64::from(y));
+                let gx = 0.5 * (self.gradient[index][0] + gradient[index][0]);
+                let gy = 0.5 * (self.gradient[index][1] + gradient[index][1]);
+                let j = [gx, gy, gx * x, gx * y, gy * x, gy * y];
+                let weight = self.weights[index];
+                let residual = weight * (values[index] - self.values[index]);
+                for row in 0..6 {
+                    let scaled = weight * j[row];
+                    for column in row..6 {
+                        normal[(row, column)] += scaled * j[column];
+                    }
+                    right[row] -= j[row] * residual;
+                }
+            }
+            for row in 0..6 {
+                for column in 0..row {
+                    normal[(row, column)] = normal[(column, row)];
+                }
+            }
+            for k in 2..6 {
+                normal[(k, k)] *= 1.0 + AFFINE_DAMPING;
+            }
+            let step = normal.cholesky()?.solve(&right);
+            // x(u) ← x(u + Δc + ΔA u)
+            let shift = warp.affine * nalgebra::Vector2::new(step[0], step[1]);
+            warp.center += shift;
+            warp.affine *= Matrix2::identity() + Matrix2::new(step[2], step[3], step[4], step[5]);
+            if (warp.center - start.center).norm() > MAX_SHIFT_PX || !is_plausible(&warp.affine) {
+                return None;
+            }
+            if shift.norm() < STEP_END_PX {
+                let correlation = self.correlation(image, &warp)?;
+                return Some(Registration { warp, correlation });
+            }
+        }
+        None
+    }
+}
+
+/// Whether a warp still shows the same thing: not turned inside out, not squeezed or grown beyond threefold area.
+fn is_plausible(affine: &Matrix2<f64>) -> bool {
+    let area = affine.determinant();
+    let singular = affine.singular_values();
+    (1.0 / 3.0..3.0).contains(&area) && singular.max() < 3.0 * singular.min()
+}
+
+/// The patch's grid, row by row.
+fn window(radius: i32) -> impl Iterator<Item = (i32, i32)> {
+    (-radius..=radius).flat_map(move |y| (-radius..=radius).map(move |x| (x, y)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn texture(x: f64, y: f64) -> f64 {
+        128.0 + 35.0 * ((0.31 * x + 0.17 * y).sin() + (0.23 * y - 0.11 * x).cos() + (0.045 * x * y / 9.0).sin())
+    }
+
+    #[test]
+    fn an_affine_change_with_gain_and_bias_is_undone_to_a_hundredth_pixel() {
+        let first = Intensity::from_fn(80, 80, |x, y| texture(x as f64, y as f64) as f32);
+        let home = Warp { center: Point2::new(40.0, 38.0), affine: Matrix2::identity() };
+        let truth = Warp { center: Point2::new(43.37, 35.81), affine: Matrix2::new(1.08, -0.1, 0.06, 0.95) };
+        let back = truth.affine.try_inverse().unwrap();
+        let second = Intensity::from_fn(80, 80, |x, y| {
+            let u = back * (Point2::new(x as f64, y as f64) - truth.center);
+            (0.7 * texture(40.0 + u.x, 38.0 + u.y) + 25.0) as f32
+        });
+        let patch = Patch::cut(&first, &home, 8).unwrap();
+        let start = Warp { center: Point2::new(42.5, 36.8), affine: Matrix2::identity() };
+        let found = patch.register(&second, &start).unwrap();
+        assert!((found.warp.center - truth.center).norm() < 0.01, "{:?}", found.warp);
+        assert!((found.warp.affine - truth.affine).norm() < 0.01, "{:?}", found.warp);
+        assert!(found.correlation > 0.999);
+    }
+
+    #[test]
+    fn borders_and_blank_walls_give_nothing() {
+        let blank = Intensity::from_fn(40, 40, |_, _| 90.0);
+        let at = |x, y| Warp { center: Point2::new(x, y), affine: Matrix2::identity() };
+        assert!(Patch::cut(&blank, &at(20.0, 20.0), 6).is_none());
+        let image = Intensity::from_fn(40, 40, |x, y| texture(x as f64, y as f64) as f32);
+        assert!(Patch::cut(&image, &at(4.0, 20.0), 6).is_none());
+        let patch = Patch::cut(&image, &at(20.0, 20.0), 6).unwrap();
+        assert!(patch.register(&image, &at(f64::NAN, 20.0)).is_none());
+        assert!(patch.register(&blank, &at(20.0, 20.0)).is_none());
+    }
+}
