@@ -259,7 +259,7 @@ fn point_block(problem: &Problem, options: &BundleOptions, point: usize) -> (Poi
 /// A 3 × 3 block with its diagonal raised; a point nobody sees gets the identity.
 fn damped(block: &Matrix3<f64>, damping: f64) -> Matrix3<f64> {
     let mut raised = *block;
-    let floor = 1e-9 * block.trace().max(1e-9);
+    let floor = 1e-13 * block.trace().max(1e-9);
     for k in 0..3 {
         raised[(k, k)] += damping * block[(k, k)] + floor;
     }
