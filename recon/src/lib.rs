@@ -3,6 +3,7 @@
 //! One camera is filmed while it is moved to its final pose; the frame at that pose is its *reference image*. Data
 //! flows down this list, a module a stage:
 //!
+//! * [`project`] — `room.toml`, checked.
 //! * [`capture`] — the frames of one camera and which of them is the reference image.
 //! * [`features`] — corners followed from frame to frame: tracks.
 //! * [`bundle`] — Levenberg–Marquardt over poses, points and lens.
@@ -15,5 +16,6 @@ pub mod capture;
 pub mod dense;
 pub mod error;
 pub mod features;
+pub mod project;
 
 pub use error::{Error, Result};
