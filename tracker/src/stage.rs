@@ -9,6 +9,7 @@ use calib::Camera;
 use calib::undistort::UndistortMap;
 use image::{GrayImage, Luma};
 use nalgebra::{Point2, Vector2};
+use scenes::depth::{self, DepthMap};
 use scenes::polygon::Polygon;
 use scenes::room::{Room, Zone, ZoneKind};
 
@@ -63,22 +64,22 @@ impl Stage {
     ///
     /// # Errors
     /// When a camera is asked for that the room lacks, or the geometry cannot be used.
-    pub fn prepare(room: &Room, _room_dir: &Path, options: &StageOptions) -> Result<Self> {
+    pub fn prepare(room: &Room, room_dir: &Path, options: &StageOptions) -> Result<Self> {
+        let names: Vec<&str> = if options.cameras.is_empty() {
+            room.cameras.iter().map(|c| c.name.as_str()).collect()
+        } else {
+            options.cameras.iter().map(String::as_str).collect()
+        };
+        if names.is_empty() {
+            return Err(Error::option("room", "the room has no camera; add a [[camera]] table to scene.toml"));
+        }
         let mut cameras = Vec::new();
-        for room_camera in &room.cameras {
-            if options.cameras.is_empty() {
-                cameras.push(StageCamera::new(&room_camera.name, &room_camera.camera));
+        for name in names {
+            let mut camera = StageCamera::new(name, &room.camera(name)?.camera);
+            if options.occlusion && room.geometry.is_some() {
+                camera.set_static_depth(&depth::cached(room_dir, room, name)?);
             }
-        }
-        for name in &options.cameras {
-            let room_camera = room.camera(name)?;
-            cameras.push(StageCamera::new(name, &room_camera.camera));
-        }
-        if cameras.is_empty() {
-            return Err(Error::option(
-                "room",
-                "the room has no camera; add a [[camera]] table to scene.toml",
-            ));
+            cameras.push(camera);
         }
         Ok(Self { cameras, zones: room.zones.clone(), walkable: room.walkable.clone() })
     }
@@ -132,6 +133,16 @@ impl StageCamera {
         undistort.mask(&GrayImage::from_pixel(k.width, k.height, Luma([255])), &mut shown);
         let static_z_m = shown.iter().map(|shown| if *shown == 0 { 0.0 } else { f32::INFINITY }).collect();
         Self { name: name.to_owned(), real: real.clone(), pinhole, undistort, static_z_m }
+    }
+
+    /// Takes over what a camera sees of the empty room. Both maps are of the pinhole image.
+    fn set_static_depth(&mut self, map: &DepthMap) {
+        for (own, seen) in self.static_z_m.iter_mut().zip(&map.z_m) {
+            // Nothing hit is infinitely far; where the lens shows nothing, it stays so.
+            if *own > 0.0 && *seen > 0.0 {
+                *own = *seen;
+            }
+        }
     }
 
     /// Image width in pixels.

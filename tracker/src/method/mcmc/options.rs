@@ -126,7 +126,7 @@ impl Default for McmcOptions {
             burn_in_steps: 100,
             kept_steps: 100,
             moves: MoveWeights::default(),
-            likelihood: Rule::Bernoulli { detection: 0.95, false_alarm: 0.3, independent_pixels: 15.0 },
+            likelihood: Rule::Bernoulli { detection: 0.8, false_alarm: 0.2, independent_pixels: 30.0 },
             acceptance: Acceptance::ReversibleJump,
             repulsion_per_m: 4.0,
             radius: Spread { mean_m: 0.25, sigma_m: 0.03 },
