@@ -6,6 +6,7 @@
 //! * [`room`] — [`room::Room`]: cameras, zones, floor and geometry, read from and written to disk. Start here.
 //! * [`geometry`] — triangles or oriented discs, PLY in and out; [`polygon`] — regions of the floor.
 //! * [`raycast`] — [`raycast::RayScene`]: rays against the geometry; [`depth`] — what a camera sees of the empty room.
+//! * [`walkable`] — [`walkable::WalkableMap`]: where a person can stand.
 //! * [`canvas`] — the one place that draws: shapes and text over pictures; [`view`] — the room seen from anywhere,
 //!   with people in it.
 #![forbid(unsafe_code)]
@@ -18,5 +19,6 @@ pub mod polygon;
 pub mod raycast;
 pub mod room;
 pub mod view;
+pub mod walkable;
 
 pub use error::{Error, Result};

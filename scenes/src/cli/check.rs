@@ -7,8 +7,10 @@ use clap::Args;
 use nalgebra::{Point2, Vector3};
 use scenes::depth::render;
 use scenes::geometry::Geometry;
+use scenes::polygon::Polygon;
 use scenes::raycast::RayScene;
 use scenes::room::{Room, RoomCamera, ZoneKind};
+use scenes::walkable::WalkableMap;
 
 /// Width in pixels at which it is measured how much of the room a camera sees.
 const GLANCE_WIDTH_PX: u32 = 160;
@@ -33,7 +35,20 @@ impl Check {
             self.print_camera(out, camera, scene.as_ref())?;
         }
         print_geometry(out, room.geometry.as_ref())?;
+        let walkable = WalkableMap::of_room(&room)?;
+        match walkable.area_m2() {
+            Some(area) => {
+                let source =
+                    if room.walkable.is_some() { "as scene.toml says" } else { "derived from the geometry" };
+                writeln!(out, "floor     {area:.1} m² to stand on, {source}")?;
+            }
+            None => writeln!(out, "floor     people can stand anywhere")?,
+        }
         for zone in &room.zones {
+            if !holds_walkable_floor(&zone.polygon, &walkable) {
+                let problem = "nobody can stand in it; move it, or mend [floor]";
+                tracing::warn!("{}: zone `{}`: {problem}", self.room.display(), zone.name);
+            }
             let kind = match zone.kind {
                 ZoneKind::Entry => "people enter",
                 ZoneKind::Exit => "people leave",
@@ -89,6 +104,12 @@ impl Check {
     fn warn(&self, camera: &str, problem: &str) {
         tracing::warn!("{}: camera `{camera}`: {problem}", self.room.display());
     }
+}
+
+/// Whether somebody could stand somewhere in a zone.
+fn holds_walkable_floor(zone: &Polygon, walkable: &WalkableMap) -> bool {
+    let Some(grid) = walkable.grid() else { return true };
+    (0..grid.bits.len()).any(|cell| grid.bits[cell] && zone.contains(&grid.center(cell)))
 }
 
 /// Between the middles of the left and the right edge.

@@ -1,0 +1,108 @@
+//! Geometry → walkable map.
+//!
+//! 1. The floor that was seen; its patches, strays aside, give a convex hull.
+//! 2. Inside the hull, a cell is free unless it is obstructed.
+//! 3. Free cells count where floor was seen, where some camera would see a person who stood there, and a little way
+//!    on from such cells: what lies behind the walls has neither floor nor view, and no way to it.
+//! 4. Zones are walkable whatever the geometry says: people do come in there.
+//! 5. Pockets too small to walk into are closed.
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::survey::Survey;
+use super::{Grid, WalkableOptions, hull, obstacles};
+use crate::Result;
+use crate::geometry::{Geometry, vec3_from_point};
+use crate::raycast::RayScene;
+use crate::room::{RoomCamera, Zone};
+
+/// Patches of floor closer than this belong together: furniture casts shadows between them. Metres.
+const GAP_M: f64 = 0.5;
+/// A patch of floor smaller than this share of all floor is a stray.
+const STRAY_FLOOR_SHARE: f64 = 0.02;
+/// Heights of a standing body that a camera may see, metres.
+const BODY_HEIGHTS_M: [f32; 4] = [0.4, 0.8, 1.2, 1.6];
+/// How many of them one camera must see: a single one may show through a hole in a reconstructed wall.
+const SEEN_PARTS: usize = 2;
+
+/// `None` when nothing is below head height, so that everywhere is walkable.
+pub(super) fn from_geometry(
+    geometry: &Geometry,
+    cameras: &[RoomCamera],
+    zones: &[Zone],
+    options: &WalkableOptions,
+) -> Result<Option<Grid>> {
+    let zone_bounds: Vec<_> = zones.iter().map(|zone| zone.polygon.bounds()).collect();
+    let Some(survey) = Survey::of(geometry, &zone_bounds, options) else { return Ok(None) };
+    let blocked = obstacles::of(&survey, options);
+
+    let mut free = survey.floor.cleared();
+    free.fill(&floor_hull(&survey));
+    for (bit, blocked) in free.bits.iter_mut().zip(&blocked.bits) {
+        *bit &= !blocked;
+    }
+    let scene = RayScene::new(geometry)?;
+    let eyes: Vec<Vec3> = cameras.iter().map(|c| vec3_from_point(&c.camera.center())).collect();
+    let known: Vec<bool> = (0..free.bits.len())
+        .into_par_iter()
+        .map(|i| free.bits[i] && (survey.floor.bits[i] || is_in_view(&scene, &eyes, &free, i)))
+        .collect();
+    let steps = (options.hidden_reach_m / free.cell_m).round() as usize;
+    let mut walkable = free.reached_from(&free.with(known), steps);
+
+    let mut zone_cells = walkable.cleared();
+    for zone in zones {
+        zone_cells.fill(&zone.polygon);
+    }
+    for i in zone_cells.set_cells() {
+        walkable.bits[i] = true;
+    }
+    close_pockets(&mut walkable, &zone_cells, options);
+    Ok(Some(walkable))
+}
+
+/// The convex hull of the floor that was seen; without floor, of everything obstructing.
+fn floor_hull(survey: &Survey) -> crate::polygon::Polygon {
+    let seen = &survey.floor;
+    let grown = seen.dilated(0.5 * GAP_M);
+    let floor_of = |patch: &[usize]| patch.iter().copied().filter(|&i| seen.bits[i]).collect::<Vec<_>>();
+    let least = STRAY_FLOOR_SHARE * seen.set_cells().count() as f64;
+    let mut cells: Vec<usize> = grown
+        .patches()
+        .iter()
+        .map(|patch| floor_of(patch))
+        .filter(|floor| floor.len() as f64 >= least)
+        .flatten()
+        .collect();
+    if cells.is_empty() {
+        cells = (0..seen.bits.len()).filter(|&i| survey.obstructing_m2[i] > 0.0).collect();
+    }
+    // The corners of the cells, so that the outermost are inside.
+    let half = 0.5 * seen.cell_m;
+    let corners = [(-half, -half), (half, -half), (half, half), (-half, half)];
+    let corner = |i: usize| corners.map(|(x, y)| seen.center(i) + nalgebra::Vector2::new(x, y));
+    hull::convex(cells.into_iter().flat_map(corner).collect())
+}
+
+/// Whether some camera has a free line to enough of a body in the cell, be it in its image or not.
+fn is_in_view(scene: &RayScene, eyes: &[Vec3], grid: &Grid, cell: usize) -> bool {
+    let place = grid.center(cell);
+    let body = BODY_HEIGHTS_M.map(|z| Vec3::new(place.x as f32, place.y as f32, z));
+    eyes.iter().any(|&eye| body.iter().filter(|&&part| !scene.is_blocked(eye, part)).count() >= SEEN_PARTS)
+}
+
+/// Clears patches that are small, hold no zone and are not the largest.
+fn close_pockets(walkable: &mut Grid, zone_cells: &Grid, options: &WalkableOptions) {
+    let least = options.pocket_area_m2 / (walkable.cell_m * walkable.cell_m);
+    let patches = walkable.patches();
+    let largest = patches.iter().map(Vec::len).max().unwrap_or(0);
+    for patch in patches {
+        let small = (patch.len() as f64) < least && patch.len() < largest;
+        if small && !patch.iter().any(|&i| zone_cells.bits[i]) {
+            for i in patch {
+                walkable.bits[i] = false;
+            }
+        }
+    }
+}

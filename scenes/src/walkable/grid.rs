@@ -1,0 +1,189 @@
+//! A bitmap of the floor.
+
+use std::collections::VecDeque;
+
+use nalgebra::Point2;
+
+use crate::polygon::Polygon;
+
+/// No side has more cells than this: a room of 100 m has cells of 5 cm.
+const MOST_CELLS_A_SIDE: f64 = 2000.0;
+
+/// Square cells on the floor, each set or not.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Grid {
+    /// The lower left corner of the first cell, metres.
+    pub origin: Point2<f64>,
+    /// Side of a cell, metres.
+    pub cell_m: f64,
+    /// Cells along x.
+    pub columns: usize,
+    /// Cells along y.
+    pub rows: usize,
+    /// Row by row, y growing; within a row, x growing.
+    pub bits: Vec<bool>,
+}
+
+impl Grid {
+    /// An empty grid over all of the given bounds (smallest and largest corner), with cells of `cell_m` or, if the
+    /// bounds are very large, more. `None` without finite bounds.
+    pub(super) fn around(
+        bounds: impl IntoIterator<Item = (Point2<f64>, Point2<f64>)>,
+        cell_m: f64,
+    ) -> Option<Self> {
+        let (low, high) = bounds.into_iter().reduce(|a, b| (a.0.inf(&b.0), a.1.sup(&b.1)))?;
+        let extent = high - low;
+        if !(extent.x.is_finite() && extent.y.is_finite() && extent.x >= 0.0 && extent.y >= 0.0) {
+            return None;
+        }
+        let cell_m = cell_m.max(extent.max() / MOST_CELLS_A_SIDE);
+        let cells = |length: f64| (length / cell_m).ceil().max(1.0) as usize;
+        let (columns, rows) = (cells(extent.x), cells(extent.y));
+        Some(Self { origin: low, cell_m, columns, rows, bits: vec![false; columns * rows] })
+    }
+
+    /// A grid of the same cells, none of them set.
+    pub(super) fn cleared(&self) -> Self {
+        self.with(vec![false; self.bits.len()])
+    }
+
+    /// A grid of the same cells with other bits.
+    pub(super) fn with(&self, bits: Vec<bool>) -> Self {
+        Self { bits, ..*self }
+    }
+
+    /// The index of the cell that holds a place.
+    pub(super) fn index_of(&self, p: &Point2<f64>) -> Option<usize> {
+        let place = (p - self.origin) / self.cell_m;
+        // False for NaN, too.
+        let inside =
+            (0.0..self.columns as f64).contains(&place.x) && (0.0..self.rows as f64).contains(&place.y);
+        inside.then(|| place.y as usize * self.columns + place.x as usize)
+    }
+
+    /// Whether the cell that holds a place is set; not outside the grid.
+    pub fn contains(&self, p: &Point2<f64>) -> bool {
+        self.index_of(p).is_some_and(|i| self.bits[i])
+    }
+
+    /// The middle of a cell, metres.
+    pub fn center(&self, index: usize) -> Point2<f64> {
+        let (column, row) = ((index % self.columns) as f64, (index / self.columns) as f64);
+        self.origin + nalgebra::Vector2::new(column + 0.5, row + 0.5) * self.cell_m
+    }
+
+    /// Area of the set cells in square metres.
+    pub fn area_m2(&self) -> f64 {
+        self.bits.iter().filter(|bit| **bit).count() as f64 * self.cell_m * self.cell_m
+    }
+
+    /// Indices of the set cells.
+    pub(super) fn set_cells(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.bits.len()).filter(|&i| self.bits[i])
+    }
+
+    /// Sets the cells whose middle lies in a polygon.
+    pub(super) fn fill(&mut self, polygon: &Polygon) {
+        let (low, high) = polygon.bounds();
+        let cell = |p: f64, origin: f64, count: usize| {
+            ((p - origin) / self.cell_m).floor().clamp(0.0, count as f64 - 1.0) as usize
+        };
+        let columns = cell(low.x, self.origin.x, self.columns)..=cell(high.x, self.origin.x, self.columns);
+        for row in cell(low.y, self.origin.y, self.rows)..=cell(high.y, self.origin.y, self.rows) {
+            for column in columns.clone() {
+                let index = row * self.columns + column;
+                self.bits[index] = self.bits[index] || polygon.contains(&self.center(index));
+            }
+        }
+    }
+
+    /// The up to eight cells around a cell.
+    fn neighbours(&self, index: usize) -> impl Iterator<Item = usize> + '_ {
+        let (column, row) = ((index % self.columns) as i64, (index / self.columns) as i64);
+        (-1..=1).flat_map(move |dy| (-1..=1).map(move |dx| (column + dx, row + dy))).filter_map(
+            move |(x, y)| {
+                let inside = (0..self.columns as i64).contains(&x) && (0..self.rows as i64).contains(&y);
+                (inside && (x, y) != (column, row)).then(|| y as usize * self.columns + x as usize)
+            },
+        )
+    }
+
+    /// The connected patches of set cells (diagonals connect), each as the indices of its cells.
+    pub(super) fn patches(&self) -> Vec<Vec<usize>> {
+        let mut seen = vec![false; self.bits.len()];
+        let mut patches = Vec::new();
+        for start in self.set_cells() {
+            if std::mem::replace(&mut seen[start], true) {
+                continue;
+            }
+            let mut patch = vec![start];
+            let mut next = 0;
+            while next < patch.len() {
+                for neighbour in self.neighbours(patch[next]) {
+                    if self.bits[neighbour] && !std::mem::replace(&mut seen[neighbour], true) {
+                        patch.push(neighbour);
+                    }
+                }
+                next += 1;
+            }
+            patches.push(patch);
+        }
+        patches
+    }
+
+    /// The set cells that can be reached from `starts` (which must be set, too) in at most `steps` steps from cell to
+    /// cell, diagonals included.
+    pub(super) fn reached_from(&self, starts: &Self, steps: usize) -> Self {
+        let mut reached = self.cleared();
+        let mut queue = VecDeque::new();
+        for i in self.set_cells().filter(|&i| starts.bits[i]) {
+            reached.bits[i] = true;
+            queue.push_back((i, 0));
+        }
+        while let Some((i, taken)) = queue.pop_front() {
+            if taken == steps {
+                continue;
+            }
+            for neighbour in self.neighbours(i) {
+                if self.bits[neighbour] && !std::mem::replace(&mut reached.bits[neighbour], true) {
+                    queue.push_back((neighbour, taken + 1));
+                }
+            }
+        }
+        reached
+    }
+
+    /// The cells that are not set.
+    pub(super) fn inverted(&self) -> Self {
+        self.with(self.bits.iter().map(|bit| !bit).collect())
+    }
+
+    /// With gaps and holes narrower than twice `radius_m` filled (dilated, then eroded again).
+    pub(super) fn closed(&self, radius_m: f64) -> Self {
+        self.dilated(radius_m).inverted().dilated(radius_m).inverted()
+    }
+
+    /// The cells with a set cell within `radius_m` of theirs, middle to middle.
+    pub(super) fn dilated(&self, radius_m: f64) -> Self {
+        let reach = (radius_m / self.cell_m + 1e-9).floor() as i64;
+        let limit = (radius_m / self.cell_m + 1e-9).powi(2);
+        let mut out = self.clone();
+        for i in self.set_cells() {
+            // Cells amid set ones add nothing that their neighbours do not.
+            if self.neighbours(i).filter(|&n| self.bits[n]).count() == 8 {
+                continue;
+            }
+            let (column, row) = ((i % self.columns) as i64, (i / self.columns) as i64);
+            for dy in -reach..=reach {
+                for dx in -reach..=reach {
+                    let (x, y) = (column + dx, row + dy);
+                    let inside = (0..self.columns as i64).contains(&x) && (0..self.rows as i64).contains(&y);
+                    if inside && (dx * dx + dy * dy) as f64 <= limit {
+                        out.bits[y as usize * self.columns + x as usize] = true;
+                    }
+                }
+            }
+        }
+        out
+    }
+}
