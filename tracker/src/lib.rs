@@ -10,6 +10,7 @@
 //! * [`silhouette`] — what a person would look like to a camera, cut by what the room hides.
 //! * [`likelihood`] — how well a set of people explains the masks: fast counts, and the slow oracle they are held to.
 //! * [`method`] — the [`method::Method`] trait, and one folder for each published tracker behind it.
+//! * [`run`] — the pipeline through all of these.
 //! * [`tracks`] — the files of tracks that a run writes, and their readers.
 //! * [`film`] — what each camera saw, with what the tracker believes, beside the simulated view.
 //! * [`eval`] — tracks against the truth: CLEAR MOT, identity, HOTA, position error.
@@ -23,6 +24,7 @@ pub mod likelihood;
 pub mod method;
 pub mod moment;
 pub mod silhouette;
+pub mod run;
 pub mod source;
 pub mod stage;
 pub mod tracks;

@@ -1,0 +1,162 @@
+//! The pipeline: sources → foreground → method → outputs, one moment after the other, each stage timed.
+
+mod ahead;
+mod feed;
+
+use std::collections::BTreeMap;
+use std::thread;
+use std::time::{Duration, Instant};
+
+use image::RgbImage;
+
+use ahead::{Feeds, Next};
+pub use feed::{CameraFeed, Fed, common_rate, promised_frames};
+
+use crate::foreground::Verdict;
+use crate::method::Method;
+use crate::source::Times;
+use crate::tracks::{Stopwatch, Timings};
+use crate::{Error, Moment, PersonEstimate, Result};
+
+/// One moment with what was made of it.
+#[derive(Debug, Clone, Copy)]
+pub struct Followed<'a> {
+    /// What the method was given.
+    pub moment: Moment<'a>,
+    /// What it gave back.
+    pub people: &'a [PersonEstimate],
+    /// What each camera's mask was worth.
+    pub verdicts: &'a [Verdict],
+    real: &'a [Option<RgbImage>],
+}
+
+impl Followed<'_> {
+    /// A camera's picture as it was filmed, with distortion; `None` where only masks are given.
+    pub fn real_picture(&self, camera: usize) -> Option<&RgbImage> {
+        self.real[camera].as_ref().or(self.moment.cameras[camera].image.as_ref())
+    }
+}
+
+/// Something that is made of the tracks while they grow: files, a film, a plan.
+pub trait Output {
+    /// Takes in one moment and the people in it.
+    ///
+    /// # Errors
+    /// When something cannot be written.
+    fn put(&mut self, followed: &Followed<'_>) -> Result<()>;
+
+    /// Nothing more comes.
+    ///
+    /// # Errors
+    /// When something cannot be written.
+    fn finish(self: Box<Self>) -> Result<()>;
+}
+
+/// How to run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RunOptions {
+    /// When each frame was taken.
+    pub times: Times,
+    /// Worker threads; the result is the same for any number.
+    pub threads: usize,
+}
+
+/// What a run did.
+#[derive(Debug, Clone)]
+pub struct RunReport {
+    /// Moments followed.
+    pub frames: u32,
+    /// From the first frame's decoding to the last output, seconds.
+    pub wall_s: f64,
+    /// The camera that ended the run, when the others go on or end with it.
+    pub ended_by: String,
+    /// For each camera that was set aside at times, in how many frames, and why the first time.
+    pub set_aside: BTreeMap<String, (u32, Verdict)>,
+    /// Time of each stage: `decode`, `foreground`, `inference`, `output`.
+    pub timings: Timings,
+}
+
+/// Follows everybody through all moments of the feeds. `feeds` are in the order of the stage's cameras. `advance` is
+/// called after each moment.
+///
+/// # Errors
+/// A frame that cannot be decoded, has no time or the wrong size; an output that cannot be written. What the outputs
+/// have written until then stays.
+pub fn run(
+    feeds: Vec<CameraFeed>,
+    method: &mut dyn Method,
+    mut outputs: Vec<Box<dyn Output + '_>>,
+    options: &RunOptions,
+    mut advance: impl FnMut(),
+) -> Result<RunReport> {
+    if feeds.is_empty() {
+        return Err(Error::option("--video", "no camera has a source"));
+    }
+    let names: Vec<String> = feeds.iter().map(|f| f.name().to_owned()).collect();
+    let started = Instant::now();
+    let mut log = CameraLog::new(names);
+    let mut stopwatch = Stopwatch::default();
+    let mut frame = 0;
+    let ended_by = thread::scope(|scope| {
+        let mut feeds = Feeds::start(scope, feeds, &options.times, options.threads);
+        loop {
+            let parts = match feeds.next()? {
+                Next::Moment(parts) => parts,
+                Next::Ended(camera) => return Ok::<_, Error>(camera),
+            };
+            frame += 1;
+            log.note(frame, &parts);
+            stopwatch.record("decode", parts.iter().map(|p| p.decode).sum::<Duration>());
+            stopwatch.record("foreground", parts.iter().map(|p| p.foreground).sum::<Duration>());
+            let verdicts: Vec<Verdict> = parts.iter().map(|p| p.verdict).collect();
+            let (cameras, real): (Vec<_>, Vec<_>) = parts.into_iter().map(|p| (p.frame, p.real)).unzip();
+            let moment = Moment { frame, time_s: options.times.of(frame)?, cameras: &cameras };
+            let people = stopwatch.time("inference", || method.step(&moment))?;
+            let followed = Followed { moment, people: &people, verdicts: &verdicts, real: &real };
+            stopwatch.time("output", || outputs.iter_mut().try_for_each(|o| o.put(&followed)))?;
+            feeds.recycle(cameras);
+            advance();
+        }
+    })?;
+    let finishing = Instant::now();
+    outputs.into_iter().try_for_each(Output::finish)?;
+    tracing::debug!("outputs finished in {:.1} ms", finishing.elapsed().as_secs_f64() * 1e3);
+    Ok(RunReport {
+        frames: frame,
+        wall_s: started.elapsed().as_secs_f64(),
+        ended_by,
+        set_aside: log.set_aside,
+        timings: stopwatch.timings(options.threads, frame as usize),
+    })
+}
+
+/// Says when a camera is set aside and taken back.
+struct CameraLog {
+    names: Vec<String>,
+    latest: Vec<Verdict>,
+    set_aside: BTreeMap<String, (u32, Verdict)>,
+}
+
+impl CameraLog {
+    fn new(names: Vec<String>) -> Self {
+        Self { latest: vec![Verdict::Usable; names.len()], names, set_aside: BTreeMap::new() }
+    }
+
+    fn note(&mut self, frame: u32, parts: &[Fed]) {
+        for ((name, latest), part) in self.names.iter().zip(&mut self.latest).zip(parts) {
+            if part.verdict != Verdict::Usable {
+                self.set_aside.entry(name.clone()).or_insert((0, part.verdict)).0 += 1;
+            }
+            if part.verdict != *latest {
+                match part.verdict {
+                    Verdict::Usable => tracing::info!("camera `{name}`: taken back at frame {frame}"),
+                    why => tracing::warn!("camera `{name}`: set aside from frame {frame}: {why}"),
+                }
+                *latest = part.verdict;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

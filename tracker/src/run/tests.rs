@@ -1,0 +1,165 @@
+//! The pipeline with a method that only looks: what it is shown must not depend on the threads.
+
+use std::path::Path;
+
+use calib::{Camera, Intrinsics};
+use image::{GrayImage, Luma, Rgb};
+use scenes::room::{Room, RoomCamera};
+
+use super::*;
+use crate::foreground::backdrop::Backdrop;
+use crate::foreground::{Foreground, ForegroundOptions, Start};
+use crate::source::{self, NamedSource};
+use crate::stage::{Stage, StageOptions};
+
+const SIZE: (u32, u32) = (64, 48);
+
+/// Notes everything it is shown.
+#[derive(Default)]
+struct Witness(Vec<(u32, f64, Vec<u64>)>);
+
+impl Method for Witness {
+    fn step(&mut self, moment: &Moment<'_>) -> Result<Vec<PersonEstimate>> {
+        let sum = |bytes: &[u8]| bytes.iter().enumerate().map(|(i, b)| (i as u64 + 1) * *b as u64).sum();
+        let seen = moment.cameras.iter().flat_map(|c| {
+            [c.mask.as_ref().map_or(7, |m| sum(m.as_raw())), c.image.as_ref().map_or(9, |i| sum(i.as_raw()))]
+        });
+        self.0.push((moment.frame, moment.time_s, seen.collect()));
+        Ok(Vec::new())
+    }
+}
+
+/// Counts the foreground of one camera that has no pictures.
+struct Count(Vec<Option<usize>>);
+impl Method for Count {
+    fn step(&mut self, moment: &Moment<'_>) -> Result<Vec<PersonEstimate>> {
+        let camera = &moment.cameras[0];
+        assert!(camera.image.is_none());
+        self.0.push(camera.mask.as_ref().map(|m| m.iter().map(|v| usize::from(*v == 255)).sum()));
+        Ok(Vec::new())
+    }
+}
+
+fn floor(u: u32, v: u32) -> Rgb<u8> {
+    Rgb([100 + (u % 40) as u8, 110 + (v % 30) as u8, 90])
+}
+
+/// Videos of `frames` pictures in which a block walks to the right, one folder a camera, and the room they are of.
+fn recorded(cameras: &[(&str, u32)]) -> (tempfile::TempDir, Room) {
+    let folder = tempfile::tempdir().unwrap();
+    let mut room = Room::default();
+    for (index, (name, frames)) in cameras.iter().enumerate() {
+        let mut intrinsics = Intrinsics::from_horizontal_fov(SIZE.0, SIZE.1, 60.0);
+        // Every other camera has a lens to be undone.
+        intrinsics.distortion = [-0.1 * (index % 2) as f64, 0.0, 0.0, 0.0, 0.0].into();
+        let camera = Camera { intrinsics, camera_from_world: nalgebra::Isometry3::identity() };
+        room.cameras.push(RoomCamera { name: (*name).to_owned(), camera, reference: None });
+        std::fs::create_dir(folder.path().join(name)).unwrap();
+        for frame in 0..*frames {
+            let block = |u: u32, v: u32| (10..40).contains(&v) && (frame * 3..frame * 3 + 12).contains(&u);
+            let picture =
+                RgbImage::from_fn(
+                    SIZE.0,
+                    SIZE.1,
+                    |u, v| {
+                        if block(u, v) { Rgb([20, 20, 200]) } else { floor(u, v) }
+                    },
+                );
+            picture.save(folder.path().join(name).join(format!("{frame:03}.png"))).unwrap();
+        }
+    }
+    (folder, room)
+}
+
+fn followed(folder: &Path, room: &Room, threads: usize, times: &Times) -> Result<(Witness, RunReport)> {
+    let stage = Stage::prepare(room, folder, &StageOptions::default())?;
+    let named =
+        |name: &str| NamedSource { name: name.to_owned(), spec: folder.join(name).display().to_string() };
+    let videos: Vec<NamedSource> = room.cameras.iter().map(|c| named(&c.name)).collect();
+    let empty = Backdrop::learn(&[RgbImage::from_fn(SIZE.0, SIZE.1, floor)])?;
+    let feeds = source::open(room, &videos, &[])?.into_iter().map(|source| {
+        let start = Start::Backdrop(empty.clone());
+        let foreground = Foreground::new(SIZE.0, SIZE.1, start, ForegroundOptions::default())?;
+        CameraFeed::new(source, Some(foreground), &stage)
+    });
+    let feeds = feeds.collect::<Result<Vec<_>>>()?;
+    let mut witness = Witness::default();
+    let options = RunOptions { times: times.clone(), threads };
+    let report = run(feeds, &mut witness, Vec::new(), &options, || {})?;
+    Ok((witness, report))
+}
+
+#[test]
+fn any_number_of_threads_shows_the_same() {
+    let (folder, room) = recorded(&[("a", 9), ("b", 9), ("c", 9)]);
+    let times = Times::steady(10.0).unwrap();
+    let (one, report) = followed(folder.path(), &room, 1, &times).unwrap();
+    assert_eq!((one.0.len(), report.frames), (9, 9));
+    assert!(one.0.windows(2).all(|w| w[0].2 != w[1].2), "the block walks");
+    for threads in [2, 3, 8] {
+        let (other, _) = followed(folder.path(), &room, threads, &times).unwrap();
+        assert_eq!(one.0, other.0, "{threads} threads");
+    }
+    let stages: Vec<&str> = report.timings.stages.iter().map(|(name, _)| name.as_str()).collect();
+    assert_eq!(stages, ["decode", "foreground", "inference", "output"]);
+    assert!(report.timings.stages.iter().all(|(_, times)| times.count == 9));
+}
+
+#[test]
+fn the_shortest_source_ends_the_run_at_any_number_of_threads() {
+    let (folder, room) = recorded(&[("a", 9), ("b", 4), ("c", 7)]);
+    for threads in [1, 2, 3] {
+        let (witness, report) =
+            followed(folder.path(), &room, threads, &Times::steady(10.0).unwrap()).unwrap();
+        assert_eq!((witness.0.len(), report.frames, report.ended_by.as_str()), (4, 4, "b"));
+    }
+}
+
+#[test]
+fn times_must_last_as_long_as_the_shortest_source() {
+    let (folder, room) = recorded(&[("a", 9), ("b", 4)]);
+    let file = folder.path().join("times.txt");
+    std::fs::write(&file, "0.0\n0.1\n0.4\n0.5\n").unwrap();
+    for threads in [1, 2] {
+        let (witness, _) = followed(folder.path(), &room, threads, &Times::read(&file).unwrap()).unwrap();
+        assert!((witness.0[3].1 - 0.5).abs() < 1e-12 && witness.0.len() == 4);
+    }
+    std::fs::write(&file, "0.0\n0.1\n0.4\n").unwrap();
+    for threads in [1, 2] {
+        let said = followed(folder.path(), &room, threads, &Times::read(&file).unwrap()).err().unwrap();
+        assert!(said.to_string().contains("line 4"), "{said}");
+    }
+}
+
+#[test]
+fn a_torn_picture_is_named_after_the_frames_before_it() {
+    let (folder, room) = recorded(&[("a", 5), ("b", 5)]);
+    let torn = folder.path().join("b/003.png");
+    let whole = std::fs::read(&torn).unwrap();
+    std::fs::write(&torn, &whole[..whole.len() / 2]).unwrap();
+    for threads in [1, 2] {
+        let times = Times::steady(10.0).unwrap();
+        let said = followed(folder.path(), &room, threads, &times).err().unwrap().to_string();
+        assert!(said.contains("003.png") && said.contains("decoded"), "{said}");
+    }
+}
+
+#[test]
+fn masks_alone_are_enough_and_a_full_one_is_set_aside() {
+    let (folder, room) = recorded(&[("a", 1)]);
+    let masks = folder.path().join("masks");
+    std::fs::create_dir(&masks).unwrap();
+    for frame in 0..3_u32 {
+        let mask = GrayImage::from_fn(SIZE.0, SIZE.1, |u, _| Luma([u8::from(frame == 1 || u < 10)]));
+        mask.save(masks.join(format!("{frame}.png"))).unwrap();
+    }
+    let stage = Stage::prepare(&room, folder.path(), &StageOptions::default()).unwrap();
+    let named: NamedSource = format!("a={}", masks.display()).parse().unwrap();
+    let source = source::open(&room, &[], &[named]).unwrap().remove(0);
+    let feed = CameraFeed::new(source, None, &stage).unwrap();
+    let mut count = Count(Vec::new());
+    let options = RunOptions { times: Times::steady(4.0).unwrap(), threads: 2 };
+    let report = run(vec![feed], &mut count, Vec::new(), &options, || {}).unwrap();
+    assert_eq!(count.0, [Some(480), None, Some(480)]);
+    assert_eq!(report.set_aside["a"], (1, Verdict::AllForeground));
+}
