@@ -4,6 +4,8 @@ mod background;
 mod console;
 mod eval;
 mod masks;
+mod run;
+mod sampler;
 
 use clap::{Parser, Subcommand};
 
@@ -22,6 +24,7 @@ pub(crate) struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Run(Box<run::RunArgs>),
     Eval(eval::EvalArgs),
     Masks(masks::MasksArgs),
 }
@@ -29,6 +32,7 @@ enum Command {
 /// Does what was asked for; returns what is to be printed on standard output.
 pub(crate) fn run(arguments: &Arguments, console: &Console) -> anyhow::Result<String> {
     match &arguments.command {
+        Command::Run(args) => run::run(args, console),
         Command::Eval(args) => eval::eval(args),
         Command::Masks(args) => masks::masks(args, console),
     }

@@ -2,6 +2,7 @@
 
 mod ahead;
 mod feed;
+mod outputs;
 
 use std::collections::BTreeMap;
 use std::thread;

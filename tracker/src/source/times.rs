@@ -7,6 +7,9 @@ use crate::{Error, Result};
 /// Frames a second where nothing says otherwise.
 pub const DEFAULT_RATE: f64 = 25.0;
 
+/// How many frames too many a video's header may promise.
+const HEADER_SLACK_FRAMES: usize = 3;
+
 /// The time of each frame.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Times {
@@ -70,6 +73,19 @@ impl Times {
         Ok(Self::File { path: path.to_owned(), seconds })
     }
 
+    /// Whether there is a time for every frame of sources that promise so many; headers may promise a few too many.
+    ///
+    /// # Errors
+    /// Names the first line that is missing.
+    pub fn check_count(&self, promised_frames: usize) -> Result<()> {
+        match self {
+            Self::File { seconds, .. } if seconds.len() + HEADER_SLACK_FRAMES < promised_frames => {
+                self.of(seconds.len() as u32 + 1).map(|_| ())
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// The time of a frame (from 1), in seconds.
     ///
     /// # Errors
@@ -120,6 +136,8 @@ mod tests {
         assert!((times.mean_rate() - 2.0).abs() < 1e-12);
         let short = times.of(4).unwrap_err().to_string();
         assert!(short.contains("times.txt") && short.contains("line 4"), "{short}");
+        assert!(times.check_count(3).is_ok() && times.check_count(5).is_ok());
+        assert!(times.check_count(9).unwrap_err().to_string().contains("line 4"));
     }
 
     #[test]

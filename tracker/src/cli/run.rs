@@ -1,0 +1,196 @@
+//! `tracker run`: from videos to tracks.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use anyhow::{Context, bail};
+use clap::{Args, ValueEnum};
+use rayon::prelude::*;
+use scenes::room::Room;
+use tracker::film::{Film, FilmOptions};
+use tracker::foreground::{Foreground, Verdict};
+use tracker::method::Method;
+use tracker::method::mcmc::Mcmc;
+use tracker::run::{self, CameraFeed, Output, RunOptions, RunReport};
+use tracker::source::times::DEFAULT_RATE;
+use tracker::source::{self, CameraSource, NamedSource, Times};
+use tracker::stage::{Stage, StageOptions};
+use tracker::tracks::TrackFiles;
+
+use super::Console;
+use super::background::BackgroundArguments;
+use super::sampler::SamplerArguments;
+
+/// The published trackers.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum MethodName {
+    /// Trans-dimensional MCMC with occlusion predicted from the room.
+    Mcmc,
+}
+
+/// Follow everybody in a room from the videos of its cameras.
+///
+/// Writes OUT/tracks.txt (floor positions, MOTChallenge rows), OUT/tracks.jsonl (a line a frame, as it is made),
+/// OUT/boxes/NAME.txt, OUT/timings.json and, unless told otherwise, the films OUT/overlay/NAME.mp4. The cameras are
+/// synchronised frame by frame; the shortest source ends the run. Cameras without a source are left out.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  tracker run myroom --video cam0=cam0.mp4 --video cam1=cam1.mp4 --out out
+  tracker run myroom --video a='frames/%04d.jpg' --times times.txt --out out --no-film
+  tracker run myroom --masks a=masks/a --masks b=masks/b --rate 4 --out out
+  tracker run myroom --video a=rtsp://camera/stream --background a=empty.mp4 --out out")]
+pub(crate) struct RunArgs {
+    /// The room directory, as `recon build` makes it.
+    room: PathBuf,
+    /// A camera's video: a file, a folder of images, a printf pattern, a stream's URL or a device number.
+    #[arg(long, value_name = "NAME=PATH")]
+    video: Vec<NamedSource>,
+    /// A camera's ready-made masks (folder of 8-bit images, 0 = background, or a video): no background subtraction.
+    #[arg(long, value_name = "NAME=PATH")]
+    masks: Vec<NamedSource>,
+    /// The folder to write to.
+    #[arg(long)]
+    out: PathBuf,
+    /// The tracker.
+    #[arg(long, value_enum, default_value = "mcmc")]
+    method: MethodName,
+    /// Seed of all random numbers: the same seed gives the same bytes.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Worker threads (default: one a core). The result does not depend on it.
+    #[arg(long, value_name = "N")]
+    threads: Option<usize>,
+    /// The time of each frame: seconds, a line a frame.
+    #[arg(long, value_name = "FILE", conflicts_with = "rate")]
+    times: Option<PathBuf>,
+    /// Frames a second, where the sources do not say (default then: 25) or say wrong.
+    #[arg(long)]
+    rate: Option<f64>,
+    /// Ignore the room's geometry: nothing hides anybody. For comparison.
+    #[arg(long)]
+    no_occlusion: bool,
+    /// Write no films.
+    #[arg(long)]
+    no_film: bool,
+    #[command(flatten)]
+    background: BackgroundArguments,
+    #[command(flatten)]
+    sampler: SamplerArguments,
+}
+
+/// Runs the subcommand.
+pub(crate) fn run(args: &RunArgs, console: &Console) -> anyhow::Result<String> {
+    let threads = match args.threads {
+        Some(0) => bail!("--threads 0: give at least 1"),
+        Some(threads) => threads,
+        None => std::thread::available_parallelism().map_or(1, std::num::NonZero::get),
+    };
+    // The cameras share the threads; OpenCV's own loops stay on theirs.
+    calib::vision::set_threads(1)?;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().context("--threads")?;
+    pool.install(|| follow(args, threads, console))
+}
+
+fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<String> {
+    let started = Instant::now();
+    let sampler = args.sampler.options(args.seed)?;
+    let room = Room::read(&args.room)?;
+    let sources = source::open(&room, &args.video, &args.masks)?;
+    args.background.check_names(&args.video)?;
+    for camera in room.cameras.iter().filter(|c| !sources.iter().any(|s| s.name == c.name)) {
+        tracing::warn!("camera `{}` has no source and is left out", camera.name);
+    }
+    let promised = run::promised_frames(&sources);
+    let times = times(args, &sources, promised)?;
+    let stage = Stage::prepare(
+        &room,
+        &args.room,
+        &StageOptions {
+            cameras: sources.iter().map(|s| s.name.clone()).collect(),
+            occlusion: !args.no_occlusion,
+        },
+    )?;
+    let mut method: Box<dyn Method> = match args.method {
+        MethodName::Mcmc => Box::new(Mcmc::new(stage.clone(), sampler)?),
+    };
+    let rate = times.mean_rate();
+    let feeds = feeds(args, sources, &stage)?;
+    let prepared = started.elapsed().as_secs_f64();
+    tracing::debug!("room and backgrounds ready after {prepared:.2} s");
+    // Everything that was given has been looked at: now something may be written.
+    let mut outputs: Vec<Box<dyn Output>> = vec![Box::new(TrackFiles::new(&args.out, &stage))];
+    if !args.no_film {
+        outputs.push(Box::new(Film::start(&args.out, &stage, rate, &FilmOptions::default())?));
+    }
+    let mut progress = console.progress("tracking", promised.map(|n| n as u64));
+    let options = RunOptions { times, threads };
+    let report = run::run(feeds, method.as_mut(), outputs, &options, || progress.advance())?;
+    drop(progress);
+    report.timings.write(&args.out.join("timings.json"))?;
+    tell(&report, prepared, started.elapsed().as_secs_f64());
+    Ok(String::new())
+}
+
+fn times(args: &RunArgs, sources: &[CameraSource], promised: Option<usize>) -> anyhow::Result<Times> {
+    if let Some(path) = &args.times {
+        let times = Times::read(path)?;
+        if let Some(promised) = promised {
+            times.check_count(promised)?;
+        }
+        return Ok(times);
+    }
+    let (said, differ) = run::common_rate(sources);
+    if differ && args.rate.is_none() {
+        tracing::warn!(
+            "the sources say different frame rates; taking the first's (--rate decides otherwise)"
+        );
+    }
+    if said.is_none() && args.rate.is_none() {
+        tracing::warn!(
+            "no source says its frame rate; taking {DEFAULT_RATE} frames/s (--rate or --times decide otherwise)"
+        );
+    }
+    Ok(Times::steady(args.rate.or(said).unwrap_or(DEFAULT_RATE))?)
+}
+
+/// Learns the backgrounds, cameras in parallel, and makes the feeds in the cameras' order.
+fn feeds(args: &RunArgs, sources: Vec<CameraSource>, stage: &Stage) -> anyhow::Result<Vec<CameraFeed>> {
+    let foregrounds: Vec<anyhow::Result<Option<Foreground>>> = sources
+        .iter()
+        .map(|s| {
+            (
+                s.name.clone(),
+                s.masks.is_some(),
+                s.video.as_ref().map(|v| (v.name().to_owned(), v.is_recording(), v.size())),
+            )
+        })
+        .collect::<Vec<_>>()
+        .into_par_iter()
+        .map(|(name, has_masks, video)| match video {
+            Some((spec, is_recording, (width, height))) if !has_masks => {
+                let start = args.background.start(&name, (&spec, is_recording))?;
+                Ok(Some(Foreground::new(width, height, start, args.background.options())?))
+            }
+            _ => Ok(None),
+        })
+        .collect();
+    let feeds = sources.into_iter().zip(foregrounds);
+    feeds.map(|(source, foreground)| Ok(CameraFeed::new(source, foreground?, stage)?)).collect()
+}
+
+fn tell(report: &RunReport, prepared_s: f64, all_s: f64) {
+    for (name, (frames, why)) in &report.set_aside {
+        let why = if *why == Verdict::Learning {
+            "while it learnt its background".to_owned()
+        } else {
+            format!("first: {why}")
+        };
+        tracing::info!("camera `{name}` was set aside in {frames} of {} frames ({why})", report.frames);
+    }
+    tracing::info!("the run ended where `{}` ended", report.ended_by);
+    tracing::info!(
+        "{} frames in {all_s:.2} s, {:.1} frames/s ({prepared_s:.2} s of it to read the room and learn the backgrounds)",
+        report.frames,
+        report.frames as f64 / all_s.max(1e-9),
+    );
+}

@@ -1,0 +1,75 @@
+//! The options of the MCMC sampler.
+
+use anyhow::bail;
+use clap::{Args, ValueEnum};
+use tracker::likelihood::Rule;
+use tracker::method::mcmc::{Acceptance, McmcOptions};
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum LikelihoodName {
+    /// The published overlap ratio, to a power.
+    Overlap,
+    /// A foreground probability for every pixel.
+    Bernoulli,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum AcceptanceName {
+    /// min(1, `L_new` / `L_old`).
+    Published,
+    /// The posterior ratio times the proposal ratio.
+    ReversibleJump,
+}
+
+/// The sampler as the user asks for it.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Sampler (--method mcmc)")]
+pub(super) struct SamplerArguments {
+    /// Steps a frame, half of them burn-in.
+    #[arg(long, value_name = "N")]
+    steps: Option<u32>,
+    /// How masks are compared.
+    #[arg(long, value_enum, value_name = "NAME")]
+    likelihood: Option<LikelihoodName>,
+    /// The power of the overlap ratio.
+    #[arg(long, value_name = "POWER", default_value_t = 1.0)]
+    overlap_power: f64,
+    /// When a proposal is taken.
+    #[arg(long, value_enum, value_name = "NAME")]
+    acceptance: Option<AcceptanceName>,
+    /// The sampler as published, in every choice; the options above still change it.
+    #[arg(long)]
+    published: bool,
+}
+
+impl SamplerArguments {
+    /// The sampler's options.
+    pub(super) fn options(&self, seed: u64) -> anyhow::Result<McmcOptions> {
+        let mut options = if self.published { McmcOptions::published() } else { McmcOptions::default() };
+        options.seed = seed;
+        if let Some(steps) = self.steps {
+            if steps < 2 {
+                bail!("--steps {steps}: give at least 2");
+            }
+            options.burn_in_steps = steps / 2;
+            options.kept_steps = steps - steps / 2;
+        }
+        if !(self.overlap_power > 0.0 && self.overlap_power.is_finite()) {
+            bail!("--overlap-power {}: give a positive number", self.overlap_power);
+        }
+        match self.likelihood {
+            Some(LikelihoodName::Overlap) => {
+                options.likelihood = Rule::Overlap { exponent: self.overlap_power }
+            }
+            Some(LikelihoodName::Bernoulli) => options.likelihood = McmcOptions::default().likelihood,
+            None => {}
+        }
+        match self.acceptance {
+            Some(AcceptanceName::Published) => options.acceptance = Acceptance::Published,
+            Some(AcceptanceName::ReversibleJump) => options.acceptance = Acceptance::ReversibleJump,
+            None => {}
+        }
+        options.validate()?;
+        Ok(options)
+    }
+}
