@@ -7,11 +7,9 @@ use super::layers::Layers;
 use super::lens::Lens;
 use super::trails::Trails;
 use crate::PersonEstimate;
+use crate::silhouette::{Body, contour};
 use crate::stage::StageCamera;
-use crate::tracks::extent::Body;
 
-/// Points of an outline.
-const OUTLINE_POINTS: usize = 160;
 /// How far inside the outline its visibility is read, pixels.
 const INSIDE_PX: f64 = 2.0;
 /// A floor point this much behind the static surface still lies on it, metres.
@@ -42,7 +40,9 @@ impl Panel<'_> {
     pub(super) fn silhouettes(&self, canvas: &mut Canvas, is_tinted: bool) {
         for (index, (person, body)) in self.people.iter().enumerate() {
             let color = Color::of_id(person.id.0);
-            let outline = body.outline(&self.camera.pinhole, OUTLINE_POINTS);
+            let around = contour::points(body, &self.camera.pinhole.center());
+            let outline: Vec<Point2<f64>> =
+                around.iter().filter_map(|p| self.camera.pinhole.project(p)).collect();
             let on_panel: Vec<Point2<f64>> =
                 outline.iter().filter_map(|p| self.panel_of_pinhole(p)).collect();
             if is_tinted {
@@ -62,7 +62,7 @@ impl Panel<'_> {
         let is_visible = |p: &Point2<f64>| {
             let inwards = center - p.coords;
             let inside = *p + inwards * (INSIDE_PX / inwards.norm().max(INSIDE_PX));
-            self.layers.owner_at(self.camera, inside) == Some(index)
+            self.layers.owner_at(inside) == Some(index)
         };
         let solid = Stroke::solid(color, self.px(2.2));
         let dashed = Stroke::dashed(color.alpha(0.85), self.px(1.6));
@@ -113,10 +113,10 @@ impl Panel<'_> {
     /// Names everybody above the head, with the share of the body that is predicted visible.
     pub(super) fn labels(&self, canvas: &mut Canvas) {
         for (person, body) in self.people {
-            if body.pixel_box(&self.camera.real).is_none() {
+            if contour::bounding_box(body, &self.camera.real).is_none() {
                 continue;
             }
-            let head = Point3::new(body.foot.x, body.foot.y, body.height_m);
+            let head = Point3::new(body.x_m, body.y_m, body.height_m);
             let Some(at) = self.camera.real.project(&head).map(|real| self.lens.panel(real)) else {
                 continue;
             };

@@ -10,13 +10,14 @@ use super::overlay::Panel;
 use super::trails::Trails;
 use super::{FilmOptions, Shot, clay, simulated};
 use crate::PersonEstimate;
+use crate::silhouette::{Body, View};
 use crate::stage::{Stage, StageCamera};
-use crate::tracks::extent::Body;
 
 /// Draws the frames of one camera, in order: trails remember the frames before.
 #[derive(Debug, Clone)]
 pub struct Painter {
     camera: StageCamera,
+    view: View,
     index: usize,
     lens: Lens,
     /// The room in clay, per pinhole pixel.
@@ -31,6 +32,7 @@ impl Painter {
         let camera = stage.cameras[index].clone();
         let scale = options.least_width_px.div_ceil(camera.width().max(1)).clamp(1, 4);
         Self {
+            view: View::new(&camera),
             lens: Lens::new(&camera, scale),
             room: clay::render(&camera),
             has_geometry: camera.static_z_m.iter().any(|z| z.is_finite() && *z > 0.0),
@@ -52,7 +54,7 @@ impl Painter {
         let mut order: Vec<(&PersonEstimate, Body)> = people.iter().map(|p| (p, Body::from(p))).collect();
         order.sort_by(|a, b| self.depth(&b.1).total_cmp(&self.depth(&a.1)));
         let bodies: Vec<Body> = order.iter().map(|(_, body)| *body).collect();
-        let layers = Layers::new(&self.camera, &bodies);
+        let layers = Layers::new(&self.view, &bodies);
         let panel = Panel {
             camera: &self.camera,
             lens: &self.lens,
@@ -85,7 +87,7 @@ impl Painter {
     }
 
     fn depth(&self, body: &Body) -> f64 {
-        (self.camera.pinhole.camera_from_world * body.foot).z
+        (self.camera.pinhole.camera_from_world * body.center()).z
     }
 
     /// The real picture; without one the foreground, pale on dark.

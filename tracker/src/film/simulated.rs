@@ -6,8 +6,9 @@ use scenes::canvas::Color;
 use super::clay;
 use super::layers::Layers;
 use super::lens::Lens;
-use crate::tracks::extent::Body;
-use crate::{PersonEstimate, stage::StageCamera};
+use crate::PersonEstimate;
+use crate::silhouette::Body;
+use crate::stage::StageCamera;
 
 /// Colour of the seen foreground's outline.
 const SEEN: [u8; 3] = [255, 255, 255];

@@ -2,8 +2,8 @@
 
 use super::*;
 use crate::TrackId;
+use crate::silhouette::{Body, contour};
 use crate::stage::StageOptions;
-use crate::tracks::extent::Body;
 use calib::vision::FrameSource;
 use calib::{Camera, Intrinsics};
 use image::{Luma, Rgb};
@@ -67,7 +67,7 @@ fn visible_parts_are_tinted_and_hidden_parts_dimmed() {
         *z = if index / width >= 240 { 3.0 } else { 50.0 };
     }
     let who = person(1, 4.0, 0.0);
-    let bounds = Body::from(&who).pixel_box(&stage.cameras[0].real).unwrap();
+    let bounds = contour::bounding_box(&Body::from(&who), &stage.cameras[0].real).unwrap();
     let (middle, quarter) = (bounds.left + 0.5 * bounds.width, 0.25 * bounds.height);
     let frame = Painter::new(&stage, 0, &FilmOptions::default()).paint(1, 0.0, &gray(&stage), &[who]);
     assert_eq!(frame.dimensions(), (1280, 480));
@@ -111,7 +111,7 @@ fn silhouettes_follow_the_lens() {
         std::slice::from_ref(&who),
     );
     // The tinted pixels' bounds are the box in real pixels.
-    let bounds = Body::from(&who).pixel_box(&stage.cameras[0].real).unwrap();
+    let bounds = contour::bounding_box(&Body::from(&who), &stage.cameras[0].real).unwrap();
     let color = Color::of_id(1);
     let tinted: Vec<u32> = (0..640u32)
         .filter(|x| (200..300).any(|y| (tint(*frame.get_pixel(*x, y), color) - 0.45).abs() < 0.06))

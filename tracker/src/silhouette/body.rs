@@ -2,6 +2,8 @@
 
 use nalgebra::{Point3, Vector3};
 
+use crate::PersonEstimate;
+
 /// An upright ellipsoid standing on the floor: the state `M = (x, y, r, h)` of one person. Metres, room frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Body {
@@ -13,6 +15,13 @@ pub struct Body {
     pub radius_m: f64,
     /// Height; the vertical semi-axis is half of it.
     pub height_m: f64,
+}
+
+impl From<&PersonEstimate> for Body {
+    /// The body of an estimate. Methods that follow a head say how high that is; the body stands on the floor all the same.
+    fn from(person: &PersonEstimate) -> Self {
+        Self { x_m: person.x_m, y_m: person.y_m, radius_m: person.radius_m, height_m: person.height_m }
+    }
 }
 
 impl Body {

@@ -8,9 +8,10 @@ use calib::Camera;
 use nalgebra::{Point2, Point3, Vector3};
 
 use super::Body;
+use crate::tracks::rows::PixelBox;
 
-/// Enough for a smooth outline, and for a box that is right to a thousandth of its size.
-const POINTS: usize = 64;
+/// Enough for a smooth outline, and for a box that is right to a three-thousandth of its size.
+const POINTS: usize = 128;
 
 /// The outline of `body` seen from `eye` (world frame), as points in space, in order, implicitly closed. Empty when the
 /// eye is inside the body.
@@ -41,32 +42,120 @@ pub fn points(body: &Body, eye: &Point3<f64>) -> Vec<Point3<f64>> {
         .collect()
 }
 
-/// The box around the whole body in a camera's (real) image.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ImageBox {
-    /// Left edge, pixels; may lie outside the image.
-    pub left: f64,
-    /// Top edge, pixels.
-    pub top: f64,
-    /// Width, pixels.
-    pub width: f64,
-    /// Height, pixels.
-    pub height: f64,
-}
-
 /// The box around the whole body, hidden and cut-off parts included, in the image of `camera` with its distortion.
 ///
 /// `None` when nothing of it falls into the image. A body that reaches behind the camera or out of the lens's range gets
-/// the box of what can be projected.
-pub fn bounding_box(body: &Body, camera: &Camera) -> Option<ImageBox> {
+/// the box of what can be projected, cut at the image's edges.
+pub fn bounding_box(body: &Body, camera: &Camera) -> Option<PixelBox> {
     let outline = points(body, &camera.center());
     let pixels: Vec<Point2<f64>> = outline.iter().filter_map(|p| camera.project(p)).collect();
     let first = pixels.first()?;
-    let (low, high) = pixels.iter().fold((*first, *first), |(low, high), p| (low.inf(p), high.sup(p)));
+    let (mut low, mut high) =
+        pixels.iter().fold((*first, *first), |(low, high), p| (low.inf(p), high.sup(p)));
     let k = &camera.intrinsics;
-    let outside = high.x < -0.5
-        || high.y < -0.5
-        || low.x > f64::from(k.width) - 0.5
-        || low.y > f64::from(k.height) - 0.5;
-    (!outside).then(|| ImageBox { left: low.x, top: low.y, width: high.x - low.x, height: high.y - low.y })
+    let corner = Point2::new(-0.5, -0.5);
+    let edge = Point2::new(f64::from(k.width) - 0.5, f64::from(k.height) - 0.5);
+    if high.x < corner.x || high.y < corner.y || low.x > edge.x || low.y > edge.y {
+        return None;
+    }
+    if pixels.len() < outline.len() {
+        (low, high) = (low.sup(&corner), high.inf(&edge));
+    }
+    let size = high - low;
+    (size.min() > 0.0).then_some(PixelBox { left: low.x, top: low.y, width: size.x, height: size.y })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+    use calib::Intrinsics;
+    use nalgebra::{Isometry3, Matrix4};
+    use proptest::prelude::*;
+
+    fn looking(eye: [f64; 3], target: [f64; 3], distortion: [f64; 5]) -> Camera {
+        let pose = Isometry3::face_towards(&Point3::from(eye), &Point3::from(target), &-Vector3::z());
+        let mut intrinsics = Intrinsics::from_horizontal_fov(640, 480, 75.0);
+        intrinsics.distortion = distortion.into();
+        Camera { intrinsics, camera_from_world: pose.inverse() }
+    }
+
+    /// Closed form for a pinhole: the dual conic P Q* Pᵀ of the ellipsoid's dual quadric touches the box's sides.
+    fn dual_conic_box(body: &Body, camera: &Camera) -> PixelBox {
+        let half = 0.5 * body.height_m;
+        let r2 = body.radius_m * body.radius_m;
+        let mut shift = Matrix4::identity();
+        shift.fixed_view_mut::<3, 1>(0, 3).copy_from(&(body.center().coords));
+        let quadric = shift * Matrix4::from_diagonal(&[r2, r2, half * half, -1.0].into()) * shift.transpose();
+        let pose = camera.camera_from_world.to_homogeneous();
+        let p = camera.intrinsics.matrix() * pose.fixed_view::<3, 4>(0, 0);
+        let c = p * quadric * p.transpose();
+        let side = |i: usize, sign: f64| {
+            (c[(i, 2)] + sign * (c[(i, 2)] * c[(i, 2)] - c[(i, i)] * c[(2, 2)]).sqrt()) / c[(2, 2)]
+        };
+        // C33 is negative in front of the camera, so the positive root is the smaller one.
+        let (left, right, top, bottom) = (side(0, 1.0), side(0, -1.0), side(1, 1.0), side(1, -1.0));
+        PixelBox { left, top, width: right - left, height: bottom - top }
+    }
+
+    proptest! {
+        #[test]
+        fn the_box_is_the_dual_conics(x in 1.5..6.0f64, y in -2.0..2.0f64, r in 0.15..0.4f64, h in 1.2..2.0f64) {
+            let camera = looking([0.0, 0.3, 2.2], [4.0, 0.0, 0.8], [0.0; 5]);
+            let body = Body { x_m: x, y_m: y, radius_m: r, height_m: h };
+            let exact = dual_conic_box(&body, &camera);
+            if let Some(found) = bounding_box(&body, &camera) {
+                let allowed = exact.height * 1e-3;
+                prop_assert!((found.left - exact.left).abs() < allowed && (found.top - exact.top).abs() < allowed);
+                prop_assert!((found.width - exact.width).abs() < allowed && (found.height - exact.height).abs() < allowed);
+            }
+        }
+    }
+
+    #[test]
+    fn distortion_moves_the_box_to_where_the_lens_shows_it() {
+        let (eye, target) = ([0.0, 0.0, 1.5], [5.0, 0.0, 1.0]);
+        let body = Body { x_m: 4.0, y_m: 1.9, radius_m: 0.25, height_m: 1.75 };
+        let straight = bounding_box(&body, &looking(eye, target, [0.0; 5])).unwrap();
+        let barrel = looking(eye, target, [-0.25, 0.05, 0.0, 0.0, 0.0]);
+        let bent = bounding_box(&body, &barrel).unwrap();
+        // A barrel pulls things towards the middle; each side lies where a densely sampled surface says.
+        assert!(bent.left > straight.left + 5.0);
+        let mut left = f64::INFINITY;
+        for i in 0..400 {
+            for j in 0..400 {
+                let (theta, phi) = (
+                    i as f64 / 400.0 * std::f64::consts::TAU,
+                    (j as f64 / 399.0 - 0.5) * std::f64::consts::PI,
+                );
+                let p = Point3::new(
+                    4.0 + 0.25 * phi.cos() * theta.cos(),
+                    1.9 + 0.25 * phi.cos() * theta.sin(),
+                    0.875 + 0.875 * phi.sin(),
+                );
+                left = left.min(barrel.project(&p).unwrap().x);
+            }
+        }
+        assert_relative_eq!(bent.left, left, epsilon = 0.05);
+    }
+
+    #[test]
+    fn what_is_not_in_the_image_has_no_box() {
+        let camera = looking([0.0, 0.0, 2.0], [4.0, 0.0, 1.0], [0.0; 5]);
+        let at = |x: f64, y: f64, r: f64| {
+            bounding_box(&Body { x_m: x, y_m: y, radius_m: r, height_m: 1.7 }, &camera)
+        };
+        assert!(at(4.0, 0.0, 0.25).is_some());
+        assert_eq!(at(-4.0, 0.0, 0.25), None);
+        assert_eq!(at(1.0, 30.0, 0.25), None);
+        assert_eq!(at(4.0, 0.0, 0.0), None);
+        assert_eq!(at(f64::NAN, 0.0, 0.25), None);
+        // Around the camera itself, and reaching behind it.
+        let inside = Body { x_m: 0.0, y_m: 0.0, radius_m: 1.0, height_m: 4.0 };
+        assert_eq!(bounding_box(&inside, &camera), None);
+        let around = Body { x_m: 0.6, y_m: 0.0, radius_m: 0.55, height_m: 4.0 };
+        if let Some(cut) = bounding_box(&around, &camera) {
+            assert!(cut.left >= -0.5 && cut.left + cut.width <= 639.5);
+        }
+    }
 }

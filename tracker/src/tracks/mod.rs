@@ -2,10 +2,8 @@
 //!
 //! * [`TrackFiles`] — writes `tracks.txt`, `boxes/NAME.txt` and `tracks.jsonl`, frame by frame;
 //! * [`Stopwatch`] — `timings.json`;
-//! * [`rows`] — reads MOTChallenge rows, floor or image; [`jsonl`] — reads `tracks.jsonl`;
-//! * [`extent`] — where a body's outline lies in a real image.
+//! * [`rows`] — reads MOTChallenge rows, floor or image; [`jsonl`] — reads `tracks.jsonl`.
 
-pub mod extent;
 pub mod jsonl;
 mod line_file;
 pub mod rows;

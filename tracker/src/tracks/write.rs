@@ -3,9 +3,9 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use super::extent::Body;
 use super::jsonl::{FrameLine, PersonLine, rounded};
 use super::line_file::LineFile;
+use crate::silhouette::{Body, contour};
 use crate::stage::Stage;
 use crate::{Error, PersonEstimate, Result};
 
@@ -57,7 +57,7 @@ impl TrackFiles {
         for (camera, file) in &mut self.boxes {
             let mut rows = String::new();
             for person in people {
-                let Some(found) = Body::from(person).pixel_box(camera) else { continue };
+                let Some(found) = contour::bounding_box(&Body::from(person), camera) else { continue };
                 let [left, top, width, height] =
                     [found.left, found.top, found.width, found.height].map(rounded);
                 let _ = writeln!(
