@@ -1,8 +1,10 @@
 //! What the end-to-end tests and the benchmarks share: where the data is, and how far a result is from the truth.
 //!
 //! * [`data`] — the office shipped beside this crate, the larger data sets where they are at hand, the binaries.
+//! * [`chain`] — the programs, run as a person runs them, with what they measure.
 //! * [`accuracy`] — errors of camera motion, of a finished room and of its depth, against ground truth.
 #![forbid(unsafe_code)]
 
 pub mod accuracy;
+pub mod chain;
 pub mod data;

@@ -1,2 +1,4 @@
 //! The programs as a person runs them: one test binary, one module a subject.
 #![forbid(unsafe_code)]
+
+mod office;

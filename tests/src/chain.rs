@@ -1,0 +1,118 @@
+//! The chain as a person runs it, program by program, with what it measures.
+
+use std::path::Path;
+use std::process::Command;
+
+use scenes::room::Room;
+
+use crate::accuracy::{
+    CameraError, DepthAgreement, RelativePoseError, camera_against_floor, depth, relative_pose,
+};
+use crate::data::program;
+
+/// What a failed step said, with the step.
+pub type Said<T> = Result<T, String>;
+
+fn run(command: &mut Command) -> Said<String> {
+    let output = command.output().map_err(|e| format!("{command:?}: {e}"))?;
+    if output.status.success() {
+        return Ok(String::from_utf8_lossy(&output.stdout).into_owned());
+    }
+    Err(format!("{command:?}: {}: {}", output.status, String::from_utf8_lossy(&output.stderr)))
+}
+
+/// `recon build` of a capture project with its zones.
+pub fn build_room(project: &Path, room: &Path) -> Said<String> {
+    run(program("recon")
+        .arg("build")
+        .arg(project.join("room.toml"))
+        .arg("--zones")
+        .arg(project.join("zones.toml"))
+        .arg("--out")
+        .arg(room))
+}
+
+/// `tracker run` of the office's two videos without film, with further options.
+pub fn track(office: &Path, room: &Path, out: &Path, options: &[&str]) -> Said<String> {
+    let video = |name: &str| format!("{name}={}", office.join(format!("video/{name}.mp4")).display());
+    run(program("tracker")
+        .arg("run")
+        .arg(room)
+        .args(["--video", &video("cam0"), "--video", &video("cam1"), "--no-film", "--out"])
+        .arg(out)
+        .args(options))
+}
+
+/// What the evaluator says of one run.
+#[derive(Debug, Clone, Copy)]
+pub struct Tracking {
+    /// Tracking accuracy, percent.
+    pub mota: f64,
+    /// Identity F1, percent.
+    pub idf1: f64,
+    /// Mean distance from the truth, metres.
+    pub mean_m: f64,
+    /// Maximum distance from the truth, metres.
+    pub maximum_m: f64,
+}
+
+/// `tracker eval` against the office's truth; the tracks' room is aligned with the true one by their cameras.
+pub fn evaluate(office: &Path, room: &Path, out: &Path) -> Said<Tracking> {
+    let text = run(program("tracker")
+        .args(["eval", "--json", "--truth"])
+        .arg(office.join("truth.txt"))
+        .arg("--tracks")
+        .arg(out.join("tracks.txt"))
+        .arg("--truth-room")
+        .arg(office.join("room"))
+        .arg("--room")
+        .arg(room))?;
+    let json: serde_json::Value = serde_json::from_str(&text).map_err(|e| e.to_string())?;
+    let figure = |name: &str| json[name].as_f64().ok_or_else(|| format!("tracker eval tells no {name}: {text}"));
+    Ok(Tracking {
+        mota: figure("MOTA")?,
+        idf1: figure("IDF1")?,
+        mean_m: figure("mean_error_m")?,
+        maximum_m: figure("maximum_error_m")?,
+    })
+}
+
+/// What a built room is worth against the true one.
+#[derive(Debug, Clone)]
+pub struct RoomErrors {
+    /// The second camera's pose seen from the first.
+    pub relative: RelativePoseError,
+    /// Each camera above the floor, with its name.
+    pub cameras: Vec<(String, CameraError)>,
+    /// Each camera's static depth, with its name.
+    pub depth: Vec<(String, DepthAgreement)>,
+}
+
+/// Measures a built room against the true room, which has `depth_NAME.png` beside its `scene.toml`.
+pub fn compare_rooms(built: &Path, truth: &Path, tolerance_mm: u16) -> Said<RoomErrors> {
+    let read = |dir: &Path| Room::read(dir).map_err(|e| e.to_string());
+    let (built_room, true_room) = (read(built)?, read(truth)?);
+    let mut pairs = Vec::new();
+    for camera in &true_room.cameras {
+        let found = built_room.camera(&camera.name).map_err(|e| e.to_string())?;
+        pairs.push((camera.name.clone(), &found.camera, &camera.camera));
+    }
+    let [(_, first, true_first), (_, second, true_second), ..] = &pairs[..] else {
+        return Err("fewer than two cameras to compare".into());
+    };
+    let relative = relative_pose([first, second], [true_first, true_second]);
+    let cameras = pairs.iter().map(|(name, b, t)| (name.clone(), camera_against_floor(b, t))).collect();
+    let scratch = tempfile::tempdir().map_err(|e| e.to_string())?;
+    let mut agreements = Vec::new();
+    for (name, ..) in &pairs {
+        let png = scratch.path().join("depth.png");
+        run(program("scenes").arg("depth").arg(built).args(["--camera", name, "--out"]).arg(&png))?;
+        let pixels = |path: &Path| -> Said<Vec<u16>> {
+            let picture = image::open(path).map_err(|e| format!("{}: {e}", path.display()))?;
+            Ok(picture.into_luma16().into_raw())
+        };
+        let agreement = depth(&pixels(&png)?, &pixels(&truth.join(format!("depth_{name}.png")))?, tolerance_mm);
+        agreements.push((name.clone(), agreement.ok_or("the depth maps are of different sizes")?));
+    }
+    Ok(RoomErrors { relative, cameras, depth: agreements })
+}
