@@ -80,7 +80,8 @@ impl Capture {
             ReferenceFrame::Last => count - 1,
             ReferenceFrame::Number(number) if (1..=count).contains(&number) => number - 1,
             ReferenceFrame::Number(number) => {
-                let problem = format!("the reference is frame {number}, but there are {count} (counted from 1)");
+                let problem =
+                    format!("the reference is frame {number}, but there are {count} (counted from 1)");
                 return Err(Error::content(source, "reference", problem));
             }
         };

@@ -6,6 +6,7 @@
 //! * [`project`] — `room.toml`, checked.
 //! * [`capture`] — the frames of one camera and which of them is the reference image.
 //! * [`features`] — corners followed from frame to frame: tracks.
+//! * [`motion`] — camera motion and sparse points: start, growth, adjustment, diagnosis.
 //! * [`bundle`] — Levenberg–Marquardt over poses, points and lens.
 //! * [`dense`] — depth and normal for each pixel of the reference view, by PatchMatch stereo.
 //! * [`error`] — the one error type: each line names file, place and mend.
@@ -16,6 +17,7 @@ pub mod capture;
 pub mod dense;
 pub mod error;
 pub mod features;
+pub mod motion;
 pub mod project;
 
 pub use error::{Error, Result};

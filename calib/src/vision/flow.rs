@@ -74,8 +74,9 @@ pub fn follow(
     let starts: Vector<Point2f> = points.iter().map(single).collect();
     let mut ends: Vector<Point2f> = guesses.iter().map(single).collect();
     let (mut status, mut error) = (Vector::<u8>::new(), Vector::<f32>::new());
-    let criteria = TermCriteria::new(core::TermCriteria_COUNT + core::TermCriteria_EPS, MAX_STEPS, STEP_END_PX)
-        .map_err(&refused)?;
+    let criteria =
+        TermCriteria::new(core::TermCriteria_COUNT + core::TermCriteria_EPS, MAX_STEPS, STEP_END_PX)
+            .map_err(&refused)?;
     video::calc_optical_flow_pyr_lk(
         &from.levels,
         &to.levels,
@@ -139,7 +140,8 @@ mod tests {
     fn pattern(dx: f64, dy: f64) -> GrayImage {
         GrayImage::from_fn(160, 120, |u, v| {
             let (x, y) = (f64::from(u) - dx, f64::from(v) - dy);
-            let waves = (0.21 * x + 0.07 * y).sin() + (0.05 * x - 0.26 * y).cos() + (0.11 * x * y / 40.0).sin();
+            let waves =
+                (0.21 * x + 0.07 * y).sin() + (0.05 * x - 0.26 * y).cos() + (0.11 * x * y / 40.0).sin();
             Luma([(128.0 + 40.0 * waves) as u8])
         })
     }
@@ -150,8 +152,10 @@ mod tests {
         let points = corners(&first, 50, 0.01, 8.0, 5).unwrap();
         assert!(points.len() > 10, "{}", points.len());
         let pyramids = [&first, &second].map(|image| FlowPyramid::new(image, 21, 3).unwrap());
-        let inner: Vec<_> =
-            points.into_iter().filter(|p| (20.0..140.0).contains(&p.x) && (20.0..100.0).contains(&p.y)).collect();
+        let inner: Vec<_> = points
+            .into_iter()
+            .filter(|p| (20.0..140.0).contains(&p.x) && (20.0..100.0).contains(&p.y))
+            .collect();
         let ends = follow(&pyramids[0], &pyramids[1], &inner, &inner).unwrap();
         for (start, end) in inner.iter().zip(ends) {
             let shift = end.unwrap() - start;

@@ -51,9 +51,8 @@ impl Patch {
     /// image's border or without contrast.
     pub(crate) fn cut(image: &Intensity, warp: &Warp, radius: i32) -> Option<Self> {
         let sigma = 0.6 * radius as f64;
-        let mut weights: Vec<f64> = window(radius)
-            .map(|(x, y)| (-0.5 * ((x * x + y * y) as f64) / (sigma * sigma)).exp())
-            .collect();
+        let mut weights: Vec<f64> =
+            window(radius).map(|(x, y)| (-0.5 * ((x * x + y * y) as f64) / (sigma * sigma)).exp()).collect();
         let total: f64 = weights.iter().sum();
         weights.iter_mut().for_each(|w| *w /= total);
         let mut patch = Self { radius, weights, values: Vec::new(), gradient: Vec::new() };
@@ -166,7 +165,8 @@ mod tests {
     use super::*;
 
     fn texture(x: f64, y: f64) -> f64 {
-        128.0 + 35.0 * ((0.31 * x + 0.17 * y).sin() + (0.23 * y - 0.11 * x).cos() + (0.045 * x * y / 9.0).sin())
+        128.0
+            + 35.0 * ((0.31 * x + 0.17 * y).sin() + (0.23 * y - 0.11 * x).cos() + (0.045 * x * y / 9.0).sin())
     }
 
     #[test]

@@ -72,12 +72,10 @@ pub(crate) fn moved(
     intrinsics.project(&Point3::from(rotation * intrinsics.unproject(pixel)?))
 }
 
-
 /// The whole-pixel shift with the highest correlation over what overlaps.
 fn best_shift(from: &Intensity, to: &Intensity) -> (i32, i32) {
     let (width, height) = (from.width as i32, from.height as i32);
-    let (reach_x, reach_y) =
-        ((LARGEST_SHIFT * width as f64) as i32, (LARGEST_SHIFT * height as f64) as i32);
+    let (reach_x, reach_y) = ((LARGEST_SHIFT * width as f64) as i32, (LARGEST_SHIFT * height as f64) as i32);
     let mut best = (f64::NEG_INFINITY, (0, 0));
     for dy in -reach_y..=reach_y {
         for dx in -reach_x..=reach_x {
@@ -176,8 +174,9 @@ mod tests {
         let truth = UnitQuaternion::from_scaled_axis(Vector3::new(-0.08, 0.2, 0.05));
         let scene = |ray: Vector3<f64>| {
             let (a, b) = (ray.x / ray.z, ray.y / ray.z);
-            (128.0 + 60.0 * ((7.0 * a + 2.0 * b).sin() + (9.0 * b - 3.0 * a * a).cos()) + 20.0 * (31.0 * a).sin())
-                as f32
+            (128.0
+                + 60.0 * ((7.0 * a + 2.0 * b).sin() + (9.0 * b - 3.0 * a * a).cos())
+                + 20.0 * (31.0 * a).sin()) as f32
         };
         let seen = |rotation: &UnitQuaternion<f64>| {
             Intensity::from_fn(320, 240, |x, y| {

@@ -1,0 +1,88 @@
+//! Captures that cannot work, and what to film instead.
+
+use super::{MotionOptions, MotionReport};
+use crate::features::FeatureReport;
+use crate::{Error, Result};
+
+/// Fewest features that must be carried from a frame to the next, in the median.
+const MIN_CARRIED: usize = 30;
+
+/// Whether tracking found enough to go on.
+pub(super) fn features(camera: &str, report: &FeatureReport, frames: usize) -> Result<()> {
+    let mut carried = report.carried.clone();
+    carried.sort_unstable();
+    let typical = carried.get(carried.len() / 2).copied().unwrap_or(0);
+    if typical < MIN_CARRIED {
+        return Err(Error::capture(
+            camera,
+            format!(
+                "only {typical} features (median over {frames} frames) can be followed from one frame to the next, \
+                 at least {MIN_CARRIED} are needed; film with more light, slower, and with textured things in view"
+            ),
+        ));
+    }
+    Ok(())
+}
+
+/// No two frames show the same things from different places.
+pub(super) fn no_start(camera: &str) -> Error {
+    Error::capture(
+        camera,
+        "no two frames share enough features seen from different places; move the camera sideways (not only turn it) \
+         by about a tenth of the distance to the room's far side, slowly, keeping the same things in view",
+    )
+}
+
+/// The frame that matters most has no pose.
+pub(super) fn reference_missing(camera: &str, reference: usize) -> Error {
+    Error::capture(
+        camera,
+        format!(
+            "the reference frame (frame {}) could not be placed among the others; bring the camera to its final pose \
+             slowly, and let it rest there for the last frames",
+            reference + 1
+        ),
+    )
+}
+
+/// Whether the result may be trusted.
+pub(super) fn motion(
+    camera: &str,
+    frames: usize,
+    noise_px: f64,
+    report: &MotionReport,
+    options: &MotionOptions,
+) -> Result<()> {
+    if report.points == 0 || (report.registered as f64) < options.min_registered * frames as f64 {
+        return Err(Error::capture(
+            camera,
+            format!(
+                "only {} of {frames} frames could be placed ({} points); film slower and without blur, and keep \
+                 things in view from frame to frame",
+                report.registered, report.points
+            ),
+        ));
+    }
+    if noise_px > options.max_noise_px {
+        return Err(Error::capture(
+            camera,
+            format!(
+                "the reprojection error stays at {noise_px:.1} px (at most {:.1}); is the intrinsics file this \
+                 camera's, at this resolution and zoom, and did nothing move in the room while filming?",
+                options.max_noise_px
+            ),
+        ));
+    }
+    if report.parallax_deg < options.min_parallax_deg {
+        return Err(Error::capture(
+            camera,
+            format!(
+                "too little translation: points are seen from directions only {:.2}° apart (at least {:.1}° are \
+                 needed); move the camera sideways by about a tenth of the distance to the room's far side instead of \
+                 only turning it",
+                report.parallax_deg, options.min_parallax_deg
+            ),
+        ));
+    }
+    Ok(())
+}

@@ -1,0 +1,185 @@
+//! Camera motion and sparse points from one capture.
+//!
+//! Tracks ([`crate::features`]) start a reconstruction ([`incremental`]), which bundle adjustment ([`crate::bundle`])
+//! and renewed triangulation polish. A capture that cannot work is refused with what to film instead.
+
+mod diagnosis;
+mod five_point;
+mod incremental;
+mod resection;
+mod sketch;
+mod triangulation;
+mod two_views;
+
+use calib::Intrinsics;
+use nalgebra::{Isometry3, Point2, Point3};
+use rand::SeedableRng;
+use rand_pcg::Pcg64Mcg;
+
+use crate::bundle::LensFreedom;
+use crate::capture::Capture;
+use crate::features::{self, FeatureOptions, FeatureReport, Track};
+use crate::{Error, Result};
+use sketch::Sketch;
+
+/// Horizontal field of view assumed where the capture has no intrinsics; adjustment finds the true one.
+const ASSUMED_FOV_DEG: f64 = 60.0;
+
+/// How motion is estimated.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MotionOptions {
+    /// How features are followed.
+    pub features: FeatureOptions,
+    /// Seed of the random samples.
+    pub seed: u64,
+    /// Rounds of adjustment and renewed triangulation at the end.
+    pub polish_rounds: usize,
+    /// Largest noise of a pixel coordinate that still counts as a rigid scene seen by this lens.
+    pub max_noise_px: f64,
+    /// Least median angle between the rays to a point, degrees.
+    pub min_parallax_deg: f64,
+    /// Least share of the frames that must have a pose.
+    pub min_registered: f64,
+}
+
+impl Default for MotionOptions {
+    fn default() -> Self {
+        Self {
+            features: FeatureOptions::default(),
+            seed: 1,
+            polish_rounds: 4,
+            max_noise_px: 1.5,
+            min_parallax_deg: 1.0,
+            min_registered: 0.5,
+        }
+    }
+}
+
+/// Where the camera was and what it saw; scale arbitrary, world = the reference frame's camera.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Motion {
+    /// The capture's intrinsics, refined where they were not given.
+    pub intrinsics: Intrinsics,
+    /// One a frame; `None` where the frame could not be placed. The reference frame's is the identity.
+    pub camera_from_world: Vec<Option<Isometry3<f64>>>,
+    /// Points seen by three frames or more.
+    pub points: Vec<SparsePoint>,
+}
+
+/// A point and where it was seen.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SparsePoint {
+    /// In the world of [`Motion`].
+    pub position: Point3<f64>,
+    /// Frame (from 0) and pixel, those that agree with the position.
+    pub observations: Vec<(usize, Point2<f64>)>,
+}
+
+/// What estimation did.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MotionReport {
+    /// What tracking did.
+    pub features: FeatureReport,
+    /// Frames with a pose.
+    pub registered: usize,
+    /// Points.
+    pub points: usize,
+    /// Observations that agree with their points.
+    pub observations: usize,
+    /// Root mean square reprojection error of those, pixels.
+    pub rms_px: f64,
+    /// Median of the widest angle between the rays to a point, degrees.
+    pub parallax_deg: f64,
+}
+
+/// Estimates the motion of a capture.
+///
+/// # Errors
+/// [`Error::Capture`] when the capture does not determine a motion: too few features, too little translation, a scene
+/// that is not rigid, frames that do not connect to the reference frame. The line says what to film instead.
+pub fn estimate(capture: &Capture, options: &MotionOptions) -> Result<(Motion, MotionReport)> {
+    let Some(first) = capture.frames.first() else {
+        return Err(Error::capture(&capture.name, "the capture holds no frames"));
+    };
+    let (width, height) = first.dimensions();
+    let assumed = || Intrinsics::from_horizontal_fov(width, height, ASSUMED_FOV_DEG);
+    let intrinsics = capture.intrinsics.clone().unwrap_or_else(assumed);
+    let lens = if capture.intrinsics.is_some() { LensFreedom::Fixed } else { LensFreedom::Focal };
+    let (tracks, features) = features::track(&capture.frames, &intrinsics, &options.features)?;
+    diagnosis::features(&capture.name, &features, capture.frames.len())?;
+
+    let seen = seen_by_frame(&tracks, capture.frames.len());
+    let mut rng = Pcg64Mcg::seed_from_u64(options.seed);
+    let mut sketch = Sketch::new(&tracks, intrinsics, capture.frames.len());
+    if !incremental::reconstruct(&mut sketch, &seen, lens, &mut rng) {
+        return Err(diagnosis::no_start(&capture.name));
+    }
+    sketch.polish(lens, options.polish_rounds);
+    incremental::grow(&mut sketch, &seen, lens);
+    sketch.polish(lens, 2);
+    finish(capture, options, &sketch, features)
+}
+
+/// What each frame saw, in the order of tracks.
+fn seen_by_frame(tracks: &[Track], frames: usize) -> incremental::Seen {
+    let mut seen = vec![Vec::new(); frames];
+    for (index, track) in tracks.iter().enumerate() {
+        for (frame, pixel) in &track.observations {
+            seen[*frame].push((index, *pixel));
+        }
+    }
+    seen
+}
+
+/// Checks the result, makes the reference camera the world, and leaves out what disagrees.
+fn finish(
+    capture: &Capture,
+    options: &MotionOptions,
+    sketch: &Sketch<'_>,
+    features: FeatureReport,
+) -> Result<(Motion, MotionReport)> {
+    let noise = sketch.noise_px();
+    let agree_px = (6.0 * noise).max(1.0);
+    let Some(reference) = sketch.poses[capture.reference] else {
+        return Err(diagnosis::reference_missing(&capture.name, capture.reference));
+    };
+    let reference_from_world = reference;
+    let world_from_reference = reference.inverse();
+    let mut camera_from_world: Vec<Option<Isometry3<f64>>> =
+        sketch.poses.iter().map(|pose| pose.map(|p| p * world_from_reference)).collect();
+    // Not merely up to rounding.
+    camera_from_world[capture.reference] = Some(Isometry3::identity());
+
+    let mut points = Vec::new();
+    let (mut squares, mut count) = (0.0, 0_usize);
+    let mut angles = Vec::new();
+    for (track, point) in sketch.tracks.iter().zip(&sketch.points) {
+        let Some(point) = point else { continue };
+        let mut observations = Vec::new();
+        for (frame, pixel) in &track.observations {
+            match sketch.error_px(*frame, point, pixel) {
+                Some(error) if error <= agree_px => {
+                    squares += error * error;
+                    observations.push((*frame, *pixel));
+                }
+                _ => {}
+            }
+        }
+        if observations.len() >= 3 {
+            count += observations.len();
+            let poses = observations.iter().filter_map(|(f, _)| sketch.poses[*f].as_ref());
+            angles.push(triangulation::widest_angle(poses, point).to_degrees());
+            points.push(SparsePoint { position: reference_from_world * point, observations });
+        }
+    }
+    let report = MotionReport {
+        features,
+        registered: sketch.registered(),
+        points: points.len(),
+        observations: count,
+        rms_px: (squares / count.max(1) as f64).sqrt(),
+        parallax_deg: two_views::median(&angles).unwrap_or(0.0),
+    };
+    diagnosis::motion(&capture.name, capture.frames.len(), noise, &report, options)?;
+    Ok((Motion { intrinsics: sketch.intrinsics.clone(), camera_from_world, points }, report))
+}

@@ -1,0 +1,182 @@
+//! The state of a reconstruction under way: which frames have poses, which tracks have points.
+
+use calib::Intrinsics;
+use nalgebra::{Isometry3, Point2, Point3};
+use rayon::prelude::*;
+
+use super::triangulation::{self, Acceptance, Sighting};
+use super::two_views::median;
+use crate::bundle::{self, BundleOptions, BundleReport, LensFreedom, Loss, Observation, Problem};
+use crate::features::Track;
+
+/// Error at which an observation counts as wrong when whole reconstructions are compared, pixels.
+const WRONG_PX: f64 = 3.0;
+
+/// Poses and points, in the frame and scale of whatever started them.
+#[derive(Debug, Clone)]
+pub(crate) struct Sketch<'a> {
+    pub(crate) tracks: &'a [Track],
+    pub(crate) intrinsics: Intrinsics,
+    /// One a frame.
+    pub(crate) poses: Vec<Option<Isometry3<f64>>>,
+    /// One a track.
+    pub(crate) points: Vec<Option<Point3<f64>>>,
+}
+
+/// How an adjustment of the whole sketch runs.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Adjustment {
+    /// Observations further off than this are left out, pixels.
+    pub(crate) gate_px: f64,
+    pub(crate) loss: Loss,
+    pub(crate) lens: LensFreedom,
+    pub(crate) max_steps: usize,
+}
+
+impl<'a> Sketch<'a> {
+    pub(crate) fn new(tracks: &'a [Track], intrinsics: Intrinsics, frames: usize) -> Self {
+        Self { tracks, intrinsics, poses: vec![None; frames], points: vec![None; tracks.len()] }
+    }
+
+    /// Frames that have a pose.
+    pub(crate) fn registered(&self) -> usize {
+        self.poses.iter().flatten().count()
+    }
+
+    /// Known points seen in a frame, with their pixels.
+    pub(crate) fn pairs(&self, seen: &[(usize, Point2<f64>)]) -> Vec<(Point3<f64>, Point2<f64>)> {
+        seen.iter().filter_map(|(track, pixel)| Some((self.points[*track]?, *pixel))).collect()
+    }
+
+    /// Triangulates every track anew, or only those without a point.
+    pub(crate) fn triangulate(&mut self, accept: &Acceptance, only_missing: bool) {
+        let points: Vec<Option<Point3<f64>>> = (0..self.tracks.len())
+            .into_par_iter()
+            .with_min_len(16)
+            .map(|track| match self.points[track] {
+                Some(point) if only_missing => Some(point),
+                _ => {
+                    let sightings: Vec<Sighting<'_>> = self.tracks[track]
+                        .observations
+                        .iter()
+                        .filter_map(|(frame, pixel)| Some((self.poses[*frame].as_ref()?, *pixel)))
+                        .collect();
+                    triangulation::triangulate(&self.intrinsics, &sightings, accept)
+                }
+            })
+            .collect();
+        self.points = points;
+    }
+
+    /// The error of every observation that has a pose and a point, in pixels.
+    pub(crate) fn errors_px(&self) -> Vec<f64> {
+        let of_track = |(track, point): (&Track, &Option<Point3<f64>>)| -> Vec<f64> {
+            let Some(point) = point else { return Vec::new() };
+            track.observations.iter().filter_map(|(f, pixel)| self.error_px(*f, point, pixel)).collect()
+        };
+        self.tracks.iter().zip(&self.points).flat_map(of_track).collect()
+    }
+
+    /// `None` where the frame has no pose; infinite behind the camera.
+    pub(crate) fn error_px(&self, frame: usize, point: &Point3<f64>, pixel: &Point2<f64>) -> Option<f64> {
+        let pose = self.poses[frame].as_ref()?;
+        Some(self.intrinsics.project(&(pose * point)).map_or(f64::INFINITY, |p| (p - pixel).norm()))
+    }
+
+    /// The noise of a pixel coordinate, from the median error (whose ratio to it is √(2 ln 2) for Gaussian noise).
+    pub(crate) fn noise_px(&self) -> f64 {
+        median(&self.errors_px()).unwrap_or(f64::INFINITY) / (2.0 * 2.0_f64.ln()).sqrt()
+    }
+
+    /// Root mean truncated squared error over all observations of all tracks, explained or not: what competing
+    /// reconstructions are compared by.
+    pub(crate) fn robust_error_px(&self) -> f64 {
+        let (mut sum, mut count) = (0.0, 0);
+        for (track, point) in self.tracks.iter().zip(&self.points).filter(|(t, _)| t.observations.len() >= 3)
+        {
+            for (frame, pixel) in &track.observations {
+                let error = point.as_ref().and_then(|p| self.error_px(*frame, p, pixel)).unwrap_or(WRONG_PX);
+                sum += error.min(WRONG_PX).powi(2);
+                count += 1;
+            }
+        }
+        if count == 0 { f64::INFINITY } else { (sum / f64::from(count)).sqrt() }
+    }
+
+    /// Bundle-adjusts everything that has pose and point; `None` when there is nothing to adjust.
+    pub(crate) fn adjust(&mut self, how: &Adjustment) -> Option<BundleReport> {
+        let frames: Vec<usize> = (0..self.poses.len()).filter(|&f| self.poses[f].is_some()).collect();
+        let mut pose_of = vec![usize::MAX; self.poses.len()];
+        for (index, frame) in frames.iter().enumerate() {
+            pose_of[*frame] = index;
+        }
+        let mut problem = Problem {
+            intrinsics: self.intrinsics.clone(),
+            poses: self.poses.iter().flatten().copied().collect(),
+            points: Vec::new(),
+            observations: Vec::new(),
+        };
+        let mut tracks = Vec::new();
+        for (index, (track, point)) in self.tracks.iter().zip(&self.points).enumerate() {
+            let Some(point) = point else { continue };
+            let within = |&&(frame, pixel): &&(usize, Point2<f64>)| {
+                self.error_px(frame, point, &pixel).is_some_and(|e| e <= how.gate_px)
+            };
+            let observations: Vec<Observation> = track
+                .observations
+                .iter()
+                .filter(within)
+                .map(|&(frame, pixel)| Observation { pose: pose_of[frame], pixel })
+                .collect();
+            if observations.len() >= 2 {
+                tracks.push(index);
+                problem.points.push(*point);
+                problem.observations.push(observations);
+            }
+        }
+        if frames.len() < 2 || tracks.is_empty() {
+            return None;
+        }
+        let options = BundleOptions {
+            loss: how.loss,
+            lens: how.lens,
+            max_steps: how.max_steps,
+            cost_end: 1e-5,
+            ..BundleOptions::default()
+        };
+        let report = bundle::adjust(&mut problem, &options);
+        self.intrinsics = problem.intrinsics;
+        for (frame, pose) in frames.into_iter().zip(problem.poses) {
+            self.poses[frame] = Some(pose);
+        }
+        for (track, point) in tracks.into_iter().zip(problem.points) {
+            self.points[track] = Some(point);
+        }
+        Some(report)
+    }
+
+    /// Adjusts, triangulates anew and adjusts again with tighter bounds, until only noise is left.
+    pub(crate) fn polish(&mut self, lens: LensFreedom, rounds: usize) -> Option<BundleReport> {
+        let mut report = None;
+        for round in 0..rounds {
+            let noise = self.noise_px().clamp(0.05, 4.0);
+            let accept = Acceptance {
+                max_error_px: (8.0 * noise).max(1.0),
+                min_angle: 0.5_f64.to_radians(),
+                min_sightings: 3,
+            };
+            if round > 0 {
+                self.triangulate(&accept, false);
+            }
+            let last = round + 1 == rounds;
+            let how = Adjustment {
+                gate_px: (10.0 * noise).max(1.5),
+                loss: Loss::Cauchy((2.4 * noise).max(0.1)),
+                lens,
+                max_steps: if last { 40 } else { 15 },
+            };
+            report = self.adjust(&how).or(report);
+        }
+        report
+    }
+}

@@ -1,0 +1,167 @@
+//! A track's point from the poses that saw it.
+
+use calib::Intrinsics;
+use nalgebra::{Isometry3, Matrix3, Point2, Point3, Vector3};
+
+use crate::bundle::Loss;
+
+/// One sighting: where the camera stood and the pixel.
+pub(crate) type Sighting<'a> = (&'a Isometry3<f64>, Point2<f64>);
+
+/// When a triangulated point is accepted.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Acceptance {
+    /// Largest reprojection error of a sighting that counts, pixels.
+    pub(crate) max_error_px: f64,
+    /// Least angle between two rays that count, radians.
+    pub(crate) min_angle: f64,
+    /// Least sightings that count.
+    pub(crate) min_sightings: usize,
+}
+
+/// The world point that sightings agree on, or `None` when too few agree or their rays are too parallel.
+pub(crate) fn triangulate(
+    intrinsics: &Intrinsics,
+    sightings: &[Sighting<'_>],
+    accept: &Acceptance,
+) -> Option<Point3<f64>> {
+    let mut used: Vec<Sighting<'_>> = sightings.to_vec();
+    // Twice: the second time without those that disagreed with the first.
+    for _ in 0..2 {
+        if used.len() < accept.min_sightings.max(2) {
+            return None;
+        }
+        let start = nearest_to_rays(intrinsics, &used)?;
+        let point = refined(intrinsics, &used, start, accept.max_error_px)?;
+        let agreeing: Vec<Sighting<'_>> = sightings
+            .iter()
+            .filter(|s| error_px(intrinsics, s, &point) <= accept.max_error_px)
+            .copied()
+            .collect();
+        if agreeing.len() >= accept.min_sightings && 2 * agreeing.len() > sightings.len() {
+            let apart = widest_angle(agreeing.iter().map(|s| s.0), &point) >= accept.min_angle;
+            return apart.then_some(point);
+        }
+        used = agreeing;
+    }
+    None
+}
+
+/// Distance between a sighting and the projection; infinite behind the camera.
+fn error_px(intrinsics: &Intrinsics, sighting: &Sighting<'_>, point: &Point3<f64>) -> f64 {
+    intrinsics.project(&(sighting.0 * point)).map_or(f64::INFINITY, |p| (p - sighting.1).norm())
+}
+
+/// The widest angle between the rays to a point, radians, from the first ray and from the ray furthest from it.
+pub(crate) fn widest_angle<'a>(poses: impl Iterator<Item = &'a Isometry3<f64>>, point: &Point3<f64>) -> f64 {
+    let rays: Vec<Vector3<f64>> = poses.map(|pose| point - pose.inverse() * Point3::origin()).collect();
+    let furthest = |from: &Vector3<f64>| {
+        let angles = rays.iter().map(|r| r.angle(from)).enumerate();
+        angles.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0, 0.0))
+    };
+    let Some(first) = rays.first() else { return 0.0 };
+    let (index, _) = furthest(first);
+    furthest(&rays[index]).1
+}
+
+/// The point with the least squared distances to all rays.
+fn nearest_to_rays(intrinsics: &Intrinsics, sightings: &[Sighting<'_>]) -> Option<Point3<f64>> {
+    let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
+    for (pose, pixel) in sightings {
+        let direction = pose.rotation.inverse() * intrinsics.unproject(pixel)?.normalize();
+        let center = pose.inverse() * Point3::origin();
+        let across = Matrix3::identity() - direction * direction.transpose();
+        normal += across;
+        right += across * center.coords;
+    }
+    normal.cholesky().map(|c| Point3::from(c.solve(&right)))
+}
+
+/// Gauss–Newton on the reprojection errors, damped, robust.
+fn refined(
+    intrinsics: &Intrinsics,
+    sightings: &[Sighting<'_>],
+    start: Point3<f64>,
+    scale_px: f64,
+) -> Option<Point3<f64>> {
+    let loss = Loss::Cauchy(0.5 * scale_px);
+    let cost = |point: &Point3<f64>| -> f64 {
+        sightings.iter().map(|s| loss.cost(error_px(intrinsics, s, point).min(1e3).powi(2))).sum()
+    };
+    let (mut point, mut best) = (start, cost(&start));
+    let mut damping = 1e-3;
+    for _ in 0..15 {
+        let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
+        for (pose, pixel) in sightings {
+            let camera_point = *pose * point;
+            let Some(projected) = intrinsics.project(&camera_point) else { continue };
+            let j = intrinsics.project_jacobian(&camera_point) * pose.rotation.to_rotation_matrix().matrix();
+            let residual = projected - pixel;
+            let weight = loss.weight(residual.norm_squared());
+            normal += weight * j.transpose() * j;
+            right -= weight * j.transpose() * residual;
+        }
+        let mut damped = normal;
+        for k in 0..3 {
+            damped[(k, k)] *= 1.0 + damping;
+        }
+        let step = damped.cholesky()?.solve(&right);
+        let moved = point + step;
+        let moved_cost = cost(&moved);
+        if moved_cost < best {
+            let fell = (best - moved_cost) / best;
+            (point, best) = (moved, moved_cost);
+            damping *= 0.2;
+            if fell < 1e-6 {
+                break;
+            }
+        } else {
+            damping *= 10.0;
+            if damping > 1e3 {
+                break;
+            }
+        }
+    }
+    Some(point)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn poses() -> Vec<Isometry3<f64>> {
+        (0..6)
+            .map(|i| {
+                Isometry3::new(
+                    Vector3::new(-0.1 * f64::from(i), 0.02, 0.0),
+                    Vector3::new(0.0, 0.02 * f64::from(i), 0.0),
+                )
+            })
+            .collect()
+    }
+
+    const ACCEPT: Acceptance = Acceptance { max_error_px: 2.0, min_angle: 0.01, min_sightings: 3 };
+
+    #[test]
+    fn a_point_is_found_with_one_wrong_sighting_and_refused_without_parallax() {
+        let (camera, truth) = (Intrinsics::from_horizontal_fov(640, 480, 60.0), Point3::new(0.3, -0.2, 3.0));
+        let poses = poses();
+        let mut sightings: Vec<Sighting<'_>> =
+            poses.iter().map(|p| (p, camera.project(&(p * truth)).unwrap())).collect();
+        assert!((triangulate(&camera, &sightings, &ACCEPT).unwrap() - truth).norm() < 1e-6);
+        sightings[2].1.y += 15.0;
+        assert!((triangulate(&camera, &sightings, &ACCEPT).unwrap() - truth).norm() < 0.02);
+        let still = vec![sightings[0]; 5];
+        assert!(triangulate(&camera, &still, &ACCEPT).is_none());
+        assert!(triangulate(&camera, &sightings[..1], &ACCEPT).is_none());
+    }
+
+    #[test]
+    fn points_behind_are_refused() {
+        let (camera, poses) = (Intrinsics::from_horizontal_fov(640, 480, 60.0), poses());
+        // Rays that diverge in front of the cameras meet behind them.
+        let sightings: Vec<Sighting<'_>> =
+            poses.iter().enumerate().map(|(i, p)| (p, Point2::new(320.0 + 40.0 * i as f64, 240.0))).collect();
+        assert!(triangulate(&camera, &sightings, &ACCEPT).is_none());
+    }
+}
