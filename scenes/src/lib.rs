@@ -8,13 +8,14 @@
 //! * [`raycast`] — [`raycast::RayScene`]: rays against the geometry; [`depth`] — what a camera sees of the empty room.
 //! * [`walkable`] — [`walkable::WalkableMap`]: where a person can stand.
 //! * [`canvas`] — the one place that draws: shapes and text over pictures; [`view`] — the room seen from anywhere,
-//!   with people in it.
+//!   with people in it; [`plan`] — its floor plan.
 #![forbid(unsafe_code)]
 
 pub mod canvas;
 pub mod depth;
 mod error;
 pub mod geometry;
+pub mod plan;
 pub mod polygon;
 pub mod raycast;
 pub mod room;

@@ -2,6 +2,7 @@
 
 mod check;
 mod depth;
+mod plan;
 
 use std::io::Write;
 
@@ -22,6 +23,7 @@ pub(crate) struct Arguments {
 pub(crate) enum Command {
     Check(check::Check),
     Depth(depth::Depth),
+    Plan(plan::Plan),
 }
 
 impl Command {
@@ -29,6 +31,7 @@ impl Command {
         match self {
             Self::Check(command) => command.run(out),
             Self::Depth(command) => command.run(),
+            Self::Plan(command) => command.run(),
         }
     }
 
@@ -36,7 +39,7 @@ impl Command {
     pub(crate) fn failure(&self) -> u8 {
         match self {
             Self::Check(_) => 1,
-            Self::Depth(_) => 2,
+            Self::Depth(_) | Self::Plan(_) => 2,
         }
     }
 }

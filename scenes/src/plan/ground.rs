@@ -1,0 +1,187 @@
+//! The room from straight above, cut open below the ceiling: colours, cut walls, and shade in the corners.
+
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+
+use crate::geometry::Geometry;
+use crate::raycast::RayScene;
+use crate::view::{exposure, first_seen};
+
+/// Rays along each side of a pixel.
+const SAMPLES: u32 = 2;
+/// Rays a pixel.
+const RAYS: usize = (SAMPLES * SAMPLES) as usize;
+/// Colour of what is cut through.
+const CUT: Vec3 = Vec3::new(58.0, 62.0, 72.0);
+/// How much of the paper shows through, so that lines and labels stand out.
+const PALENESS: f32 = 0.22;
+/// Heights, as shares of the cut's, at which walls are looked for.
+const WALL_HEIGHTS: [f32; 3] = [0.7, 0.85, 0.98];
+
+/// A raster of the floor, row by row from the largest y downwards.
+pub(super) struct Raster {
+    pub width: u32,
+    pub height: u32,
+    /// World position of the top left pixel's centre.
+    pub origin: Vec2,
+    pub pixel_m: f32,
+}
+
+impl Raster {
+    fn place(&self, column: f32, row: f32) -> Vec2 {
+        self.origin + Vec2::new(column, -row) * self.pixel_m
+    }
+
+    /// Column and row of each pixel, in order.
+    fn pixels(&self) -> impl IndexedParallelIterator<Item = (f32, f32)> {
+        let width = self.width as usize;
+        (0..width * self.height as usize)
+            .into_par_iter()
+            .map(move |i| ((i % width) as f32, (i / width) as f32))
+    }
+
+    /// The index of a pixel, if it is on the raster.
+    fn index(&self, column: i64, row: i64) -> Option<usize> {
+        let (width, height) = (i64::from(self.width), i64::from(self.height));
+        ((0..width).contains(&column) && (0..height).contains(&row))
+            .then_some((row * width + column) as usize)
+    }
+}
+
+/// What a ray from above saw.
+#[derive(Clone, Copy)]
+struct Top {
+    color: Vec3,
+    height_m: f32,
+}
+
+/// Renders the raster; `paper` where there is nothing. Colours 0 to 255.
+pub(super) fn render(
+    geometry: &Geometry,
+    scene: &RayScene,
+    raster: &Raster,
+    cut_m: f32,
+    paper: Vec3,
+) -> Vec<Vec3> {
+    let gain = exposure(geometry);
+    let look_down = |place: Vec2| {
+        let seen = first_seen(geometry, scene, place.extend(cut_m), Vec3::NEG_Z, |_, _| true)?;
+        let shade = 0.8 + 0.2 * seen.normal.z.abs();
+        let color = (seen.color * (gain * shade)).min(Vec3::splat(255.0)).lerp(paper, PALENESS);
+        Some(Top { color, height_m: cut_m - seen.distance })
+    };
+    let offset = |i: u32| (i as f32 + 0.5) / SAMPLES as f32 - 0.5;
+    let tops: Vec<[Option<Top>; RAYS]> = raster
+        .pixels()
+        .map(|(column, row)| {
+            std::array::from_fn(|i| {
+                let (right, down) = (offset(i as u32 % SAMPLES), offset(i as u32 / SAMPLES));
+                look_down(raster.place(column + right, row + down))
+            })
+        })
+        .collect();
+    let solid = solid(geometry, scene, raster, cut_m);
+    let heights: Vec<f32> = tops
+        .iter()
+        .zip(&solid)
+        .map(|(tops, solid)| match solid {
+            true => cut_m,
+            false => tops.iter().flatten().map(|top| top.height_m).sum::<f32>() / RAYS as f32,
+        })
+        .collect();
+    let light = corner_light(heights, raster);
+    let walls = walls(scene, raster, cut_m);
+    let pixel = |i: usize| {
+        let colors = tops[i].iter().map(|top| top.map_or(paper, |top| top.color * light[i]));
+        let color = if solid[i] { CUT } else { colors.sum::<Vec3>() / RAYS as f32 };
+        color.lerp(CUT, walls[i])
+    };
+    (0..tops.len()).into_par_iter().map(pixel).collect()
+}
+
+/// Whether the cut goes through something solid: a closed mesh is seen from its back in every direction.
+fn solid(geometry: &Geometry, scene: &RayScene, raster: &Raster, cut_m: f32) -> Vec<bool> {
+    let is_mesh = matches!(geometry, Geometry::Mesh(_));
+    let is_back = |from: Vec3, direction: Vec3| {
+        let seen = first_seen(geometry, scene, from, direction, |_, _| true);
+        seen.is_some_and(|seen| seen.normal.dot(direction) > 0.0)
+    };
+    let solid: Vec<bool> = raster
+        .pixels()
+        .map(|(column, row)| {
+            let from = raster.place(column, row).extend(cut_m);
+            is_mesh && [Vec3::X, Vec3::Y, Vec3::NEG_X, Vec3::NEG_Y].iter().all(|d| is_back(from, *d))
+        })
+        .collect();
+    // Where most of the floor seems solid the mesh is wound the other way round, and nothing is known about insides.
+    let count = solid.iter().filter(|s| **s).count();
+    if 4 * count > solid.len() { vec![false; solid.len()] } else { solid }
+}
+
+/// How dark each pixel is for the walls in it, 0 to 1: what blocks the way to the next pixel, high above the floor.
+fn walls(scene: &RayScene, raster: &Raster, cut_m: f32) -> Vec<f32> {
+    /// Segments reach a little further than a pixel: their very ends do not count as blocked.
+    const REACH: f32 = 0.75;
+    let blocked: Vec<f32> = raster
+        .pixels()
+        .map(|(column, row)| {
+            let is_wall = |share: &&f32| {
+                let at = |u: f32, v: f32| raster.place(u, v).extend(cut_m * **share);
+                scene.is_blocked(at(column - REACH, row), at(column + REACH, row))
+                    || scene.is_blocked(at(column, row - REACH), at(column, row + REACH))
+            };
+            WALL_HEIGHTS.iter().filter(is_wall).count() as f32 / WALL_HEIGHTS.len() as f32
+        })
+        .collect();
+    // A stroke around the trace, softer at its corners.
+    let strongest = |column: i64, row: i64| {
+        let around = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy)));
+        around
+            .filter_map(|(dx, dy)| {
+                let weight = if dx == 0 || dy == 0 { 0.95 } else { 0.5 };
+                Some(weight * blocked[raster.index(column + dx, row + dy)?])
+            })
+            .fold(0.0, f32::max)
+    };
+    raster.pixels().map(|(column, row)| strongest(column as i64, row as i64)).collect()
+}
+
+/// Soft light over the height field: the darker the higher the smoothed surroundings rise above a point.
+fn corner_light(mut heights: Vec<f32>, raster: &Raster) -> Vec<f32> {
+    /// How far shade reaches; three box filters of that half width come close to a Gaussian.
+    const REACH_M: f32 = 0.07;
+    /// Higher things do not shade more.
+    const HIGHEST_M: f32 = 1.0;
+    const STRENGTH: f32 = 0.8;
+    for h in &mut heights {
+        *h = h.clamp(0.0, HIGHEST_M);
+    }
+    let (width, height) = (raster.width as usize, raster.height as usize);
+    let reach = (REACH_M / raster.pixel_m).round().max(1.0) as usize;
+    let mut smooth = heights.clone();
+    for _ in 0..3 {
+        smooth.par_chunks_exact_mut(width).for_each(|row| box_filter(row, reach));
+        let mut columns = transposed(&smooth, width, height);
+        columns.par_chunks_exact_mut(height).for_each(|column| box_filter(column, reach));
+        smooth = transposed(&columns, height, width);
+    }
+    let rise = smooth.iter().zip(&heights).map(|(around, here)| (around - here).max(0.0) / HIGHEST_M);
+    rise.map(|rise| 1.0 - STRENGTH * rise).collect()
+}
+
+/// The mean over `reach` neighbours on either side; the rim's value goes on beyond it.
+fn box_filter(line: &mut [f32], reach: usize) {
+    let source = line.to_vec();
+    let last = source.len() - 1;
+    let at = |i: isize| source[i.clamp(0, last as isize) as usize];
+    let reach = reach as isize;
+    let mut sum: f32 = (-reach..=reach).map(at).sum();
+    for (i, value) in line.iter_mut().enumerate() {
+        *value = sum / (2 * reach + 1) as f32;
+        sum += at(i as isize + reach + 1) - at(i as isize - reach);
+    }
+}
+
+fn transposed(values: &[f32], width: usize, height: usize) -> Vec<f32> {
+    (0..width * height).map(|i| values[i % height * width + i / height]).collect()
+}

@@ -1,0 +1,36 @@
+//! Metres on the floor ↔ pixels of a plan.
+
+use nalgebra::{Point2, Vector2};
+
+/// Where places of the floor are on a plan. North (+Y) is up.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mapping {
+    /// The corner of the shown floor with the smallest coordinates.
+    pub low: Point2<f64>,
+    /// The corner with the largest ones.
+    pub high: Point2<f64>,
+    /// Scale.
+    pub px_per_m: f64,
+    /// Pixel of the top left corner of the shown floor, (`low.x`, `high.y`).
+    pub corner_px: Vector2<f64>,
+}
+
+impl Mapping {
+    /// The pixel of a place on the floor.
+    pub fn pixel(&self, floor: &Point2<f64>) -> Point2<f64> {
+        let offset = Vector2::new(floor.x - self.low.x, self.high.y - floor.y);
+        Point2::from(self.corner_px + offset * self.px_per_m)
+    }
+
+    /// The place on the floor that a pixel shows.
+    pub fn floor(&self, pixel: &Point2<f64>) -> Point2<f64> {
+        let offset = (pixel.coords - self.corner_px) / self.px_per_m;
+        Point2::new(self.low.x + offset.x, self.high.y - offset.y)
+    }
+
+    /// Left, top, right, bottom of the shown floor in pixels.
+    pub fn frame(&self) -> [f64; 4] {
+        let (a, b) = (self.pixel(&self.low), self.pixel(&self.high));
+        [a.x, b.y, b.x, a.y]
+    }
+}

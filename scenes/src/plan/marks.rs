@@ -1,0 +1,117 @@
+//! Zones, cameras with what they look at, and the walkable floor, on a plan.
+
+use nalgebra::{Point2, Rotation2, Vector2, Vector3};
+
+use super::FloorPlan;
+use super::outline::outlines;
+use crate::Result;
+use crate::canvas::{Color, Stroke, TextStyle};
+use crate::room::{Room, RoomCamera, Zone, ZoneKind};
+use crate::walkable::WalkableMap;
+
+/// Zones: teal, which is no person's colour.
+const ZONE: Color = Color::rgb(0, 134, 139);
+/// Cameras: slate.
+const CAMERA: Color = Color::rgb(52, 73, 110);
+/// The walkable floor's rim.
+const WALKABLE: Color = Color::rgb(46, 125, 50);
+/// How far a view cone reaches on the plan.
+const CONE_M: f64 = 1.5;
+/// Cells in which the walkable floor is looked up.
+const CELL_M: f64 = 0.05;
+
+pub(super) fn draw(plan: &mut FloorPlan, room: &Room) -> Result<()> {
+    draw_walkable(plan, room)?;
+    room.zones.iter().for_each(|zone| draw_zone(plan, zone));
+    room.cameras.iter().for_each(|camera| draw_cone(plan, camera));
+    // Names last, over everything.
+    room.zones.iter().for_each(|zone| name_zone(plan, zone));
+    room.cameras.iter().for_each(|camera| draw_camera(plan, camera));
+    Ok(())
+}
+
+fn draw_walkable(plan: &mut FloorPlan, room: &Room) -> Result<()> {
+    let map = WalkableMap::of_room(room)?;
+    if map.area_m2().is_none() {
+        return Ok(()); // Everywhere is walkable: there is no rim.
+    }
+    let mapping = plan.mapping;
+    // Large sites do not need cells finer than two pixels.
+    let cell = CELL_M.max(2.0 / mapping.px_per_m);
+    for line in outlines(|p| map.contains(p.x, p.y), mapping.low, mapping.high, cell) {
+        let line: Vec<Point2<f64>> = line.iter().map(|p| mapping.pixel(p)).collect();
+        plan.canvas.stroke_polygon(&line, &Stroke::solid(Color::WHITE.alpha(0.5), 3.0));
+        let rim = Stroke { color: WALKABLE, width_px: 1.4, dash_px: Some([6.0, 4.0]) };
+        plan.canvas.stroke_polygon(&line, &rim);
+    }
+    Ok(())
+}
+
+fn draw_zone(plan: &mut FloorPlan, zone: &Zone) {
+    let corners: Vec<Point2<f64>> = zone.polygon.0.iter().map(|p| plan.mapping.pixel(p)).collect();
+    plan.canvas.fill_polygon(&corners, ZONE.alpha(0.25));
+    plan.canvas.stroke_polygon(&corners, &Stroke::solid(ZONE, 2.0));
+}
+
+fn name_zone(plan: &mut FloorPlan, zone: &Zone) {
+    let way = match zone.kind {
+        ZoneKind::Entry => "\nentry",
+        ZoneKind::Exit => "\nexit",
+        ZoneKind::Both => "",
+    };
+    let center = plan.mapping.pixel(&zone.polygon.center());
+    let style = TextStyle::new(17.0)
+        .color(ZONE.mix(Color::BLACK, 0.45))
+        .halo(Color::WHITE.alpha(0.85))
+        .anchor(0.5, 0.5);
+    plan.canvas.text(center, &format!("{}{way}", zone.name), &style);
+}
+
+/// The directions on the floor of the image's left and right edge; `None` for a camera that looks straight down or up.
+fn edges(camera: &RoomCamera) -> Option<[Vector2<f64>; 2]> {
+    /// Below this share of the optical axis lying in the floor's plane, "ahead" means nothing on a plan.
+    const LEAST_AHEAD: f64 = 0.08;
+    let k = &camera.camera.intrinsics;
+    let world_from_camera = camera.camera.camera_from_world.rotation.inverse();
+    let ahead = (world_from_camera * Vector3::z()).xy();
+    if ahead.norm() < LEAST_AHEAD {
+        return None;
+    }
+    let middle = 0.5 * (f64::from(k.height) - 1.0);
+    let angle = |u: f64| k.unproject(&Point2::new(u, middle)).map(|ray| ray.x.atan2(ray.z));
+    let (left, right) = (angle(-0.5)?, angle(f64::from(k.width) - 0.5)?);
+    // On a plan with y up, the image's right is clockwise.
+    Some([left, right].map(|a| Rotation2::new(-a) * ahead.normalize()))
+}
+
+fn draw_cone(plan: &mut FloorPlan, camera: &RoomCamera) {
+    const STEPS: usize = 24;
+    let center = camera.camera.center().xy();
+    let Some([left, right]) = edges(camera) else { return };
+    let sweep = left.angle(&right);
+    let arc = |reach_m: f64| -> Vec<Point2<f64>> {
+        let rim =
+            (0..=STEPS).map(|i| center + Rotation2::new(-sweep * i as f64 / STEPS as f64) * left * reach_m);
+        std::iter::once(center).chain(rim).map(|p| plan.mapping.pixel(&p)).collect()
+    };
+    // Three nested sectors fade out with distance.
+    for sector in [1.0, 0.72, 0.44].map(|share| arc(CONE_M * share)) {
+        plan.canvas.fill_polygon(&sector, CAMERA.alpha(0.13));
+    }
+    for side in [left, right] {
+        let line = [center, center + side * CONE_M].map(|p| plan.mapping.pixel(&p));
+        plan.canvas.stroke_polyline(&line, &Stroke::solid(CAMERA.alpha(0.55), 1.3));
+    }
+}
+
+fn draw_camera(plan: &mut FloorPlan, camera: &RoomCamera) {
+    let at = plan.mapping.pixel(&camera.camera.center().xy());
+    plan.canvas.fill_circle(at, 8.0, Color::WHITE);
+    plan.canvas.fill_circle(at, 6.5, CAMERA);
+    plan.canvas.fill_circle(at, 2.5, Color::WHITE);
+    // Beside the camera, on the side of the plan's middle, so that the name stays on it.
+    let [left, _, right, _] = plan.mapping.frame();
+    let (offset, anchor) = if at.x > 0.5 * (left + right) { (-13.0, 1.0) } else { (13.0, 0.0) };
+    let style = TextStyle::new(17.0).bold().on_plate(CAMERA).anchor(anchor, 0.5);
+    plan.canvas.text(at + Vector2::new(offset, 0.0), &camera.name, &style);
+}

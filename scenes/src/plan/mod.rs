@@ -1,0 +1,220 @@
+//! The floor plan: the room from straight above with its cameras and zones, and a mapping from metres to pixels, so
+//! that callers can draw where people went.
+
+mod ground;
+mod mapping;
+mod marks;
+mod outline;
+
+use glam::{Vec2, Vec3};
+use image::{Rgb, RgbImage};
+use nalgebra::{Point2, Vector2};
+
+use crate::Result;
+use crate::canvas::{Canvas, Color, Stroke, TextStyle};
+use crate::raycast::RayScene;
+use crate::room::Room;
+use crate::view::extent;
+
+pub use mapping::Mapping;
+
+/// How a plan is drawn.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlanOptions {
+    /// Longest side of the picture, with its margins; at least 200.
+    pub longest_side_px: u32,
+    /// Height at which the room is cut open; by default 2 m, or 30 cm below a lower ceiling.
+    pub cut_height_m: Option<f64>,
+    /// Draw zones, cameras and the outline of the walkable floor.
+    pub marks: bool,
+    /// Written above the plan.
+    pub title: Option<String>,
+}
+
+impl Default for PlanOptions {
+    fn default() -> Self {
+        Self { longest_side_px: 1200, cut_height_m: None, marks: true, title: None }
+    }
+}
+
+/// Free space around the room on the plan.
+const RIM_M: f64 = 0.35;
+/// Space left, above, right and below for the axes' numbers and the scale bar.
+const MARGIN_PX: [f64; 4] = [46.0, 16.0, 16.0, 62.0];
+/// Additional space for a title.
+const TITLE_PX: f64 = 34.0;
+/// What is shown around the origin of a room in which nothing has a place.
+const EMPTY_ROOM_M: f64 = 5.0;
+/// Numbers and names around the plan.
+const NOTES: TextStyle = TextStyle::new(15.0).color(Color::rgb(92, 96, 104));
+
+/// A drawn floor plan.
+#[derive(Debug, Clone)]
+pub struct FloorPlan {
+    canvas: Canvas,
+    mapping: Mapping,
+}
+
+impl FloorPlan {
+    /// Draws the plan of a room; of one without geometry, its zones, cameras and walkable floor.
+    ///
+    /// # Errors
+    /// [`crate::Error::Geometry`] when the geometry cannot be intersected.
+    pub fn new(room: &Room, options: &PlanOptions) -> Result<Self> {
+        let (low, high) = shown(room);
+        let title_px = if options.title.is_some() { TITLE_PX } else { 0.0 };
+        let [left, top, right, bottom] = MARGIN_PX;
+        let size = high - low;
+        let longest = f64::from(options.longest_side_px.max(200));
+        let px_per_m = ((longest - left - right) / size.x).min((longest - top - bottom - title_px) / size.y);
+        let mapping = Mapping { low, high, px_per_m, corner_px: Vector2::new(left, top + title_px) };
+        let width = (left + right + size.x * px_per_m).round() as u32;
+        let height = (top + bottom + title_px + size.y * px_per_m).round() as u32;
+        let mut plan = Self { canvas: Canvas::new(width, height, Color::PAPER), mapping };
+        plan.draw_ground(room, options)?;
+        plan.draw_grid();
+        if options.marks {
+            marks::draw(&mut plan, room)?;
+        }
+        plan.draw_frame(options.title.as_deref());
+        Ok(plan)
+    }
+
+    /// Where places are on the plan.
+    pub fn mapping(&self) -> Mapping {
+        self.mapping
+    }
+
+    /// The canvas, to draw on.
+    pub fn canvas_mut(&mut self) -> &mut Canvas {
+        &mut self.canvas
+    }
+
+    /// The finished picture.
+    pub fn into_image(self) -> RgbImage {
+        self.canvas.into_image()
+    }
+
+    /// Draws where somebody went (metres on the floor): a line in their colour with a light casing, a dot where it
+    /// begins and a label, if not empty, where it ends.
+    pub fn trajectory(&mut self, places: &[Point2<f64>], color: Color, label: &str) {
+        let line: Vec<Point2<f64>> = places.iter().map(|p| self.mapping.pixel(p)).collect();
+        let (Some(first), Some(last)) = (line.first(), line.last()) else { return };
+        self.canvas.stroke_polyline(&line, &Stroke::solid(Color::WHITE.alpha(0.75), 5.5));
+        self.canvas.stroke_polyline(&line, &Stroke::solid(color, 3.0));
+        self.canvas.fill_circle(*first, 6.5, Color::WHITE);
+        self.canvas.fill_circle(*first, 4.8, color);
+        if label.is_empty() {
+            self.canvas.fill_circle(*last, 5.0, color);
+        } else {
+            let style = TextStyle::new(17.0).bold().on_plate(color).anchor(0.5, 0.5);
+            self.canvas.text(*last, label, &style);
+        }
+    }
+
+    fn draw_ground(&mut self, room: &Room, options: &PlanOptions) -> Result<()> {
+        let Some(geometry) = &room.geometry else { return Ok(()) };
+        let Some((_, top)) = extent(geometry) else { return Ok(()) };
+        let scene = RayScene::new(geometry)?;
+        let cut_m = options.cut_height_m.map_or_else(|| default_cut_m(top.z), |cut| cut as f32);
+        let [left, upper, right, lower] = self.mapping.frame();
+        let first = self.mapping.floor(&Point2::new(left.ceil(), upper.ceil()));
+        let raster = ground::Raster {
+            width: (right.floor() - left.ceil() + 1.0).max(1.0) as u32,
+            height: (lower.floor() - upper.ceil() + 1.0).max(1.0) as u32,
+            origin: Vec2::new(first.x as f32, first.y as f32),
+            pixel_m: (1.0 / self.mapping.px_per_m) as f32,
+        };
+        let paper =
+            Vec3::new(f32::from(Color::PAPER.r), f32::from(Color::PAPER.g), f32::from(Color::PAPER.b));
+        let colors = ground::render(geometry, &scene, &raster, cut_m, paper);
+        let mut picture = RgbImage::new(raster.width, raster.height);
+        for (pixel, color) in picture.pixels_mut().zip(colors) {
+            *pixel = Rgb(color.to_array().map(|c| c.round().clamp(0.0, 255.0) as u8));
+        }
+        self.canvas.blit(&picture, left.ceil() as i64, upper.ceil() as i64);
+        Ok(())
+    }
+
+    /// Lines a metre apart (or 2, 5, 10, … where that would be too dense), numbered along the left and the lower side.
+    fn draw_grid(&mut self) {
+        const LEAST_PX: f64 = 42.0;
+        let step = nice_step(LEAST_PX / self.mapping.px_per_m);
+        let [left, top, right, bottom] = self.mapping.frame();
+        let line = Stroke::solid(Color::INK.alpha(0.13), 1.0);
+        let Mapping { low, high, .. } = self.mapping;
+        for x in multiples(step, low.x, high.x) {
+            let u = self.mapping.pixel(&Point2::new(x, low.y)).x;
+            self.canvas.stroke_polyline(&[Point2::new(u, top), Point2::new(u, bottom)], &line);
+            self.canvas.text(Point2::new(u, bottom + 6.0), &format!("{x}"), &NOTES.anchor(0.5, 0.0));
+        }
+        for y in multiples(step, low.y, high.y) {
+            let v = self.mapping.pixel(&Point2::new(low.x, y)).y;
+            self.canvas.stroke_polyline(&[Point2::new(left, v), Point2::new(right, v)], &line);
+            self.canvas.text(Point2::new(left - 8.0, v), &format!("{y}"), &NOTES.anchor(1.0, 0.5));
+        }
+    }
+
+    /// The frame, the names of the axes, the scale bar and the title.
+    fn draw_frame(&mut self, title: Option<&str>) {
+        let [left, top, right, bottom] = self.mapping.frame();
+        let rim = Stroke::solid(Color::INK.alpha(0.5), 1.0);
+        self.canvas.stroke_rounded_rectangle([left, top, right, bottom], 0.0, &rim);
+        let below = bottom + 42.0;
+        self.canvas.text(Point2::new(left, below), "x right, y up (m)", &NOTES.anchor(0.0, 0.5));
+
+        let length_m = nice_step(90.0 / self.mapping.px_per_m);
+        let bar = Stroke::solid(Color::INK, 2.0);
+        let b = Point2::new(right, below);
+        let a = b - Vector2::new(length_m * self.mapping.px_per_m, 0.0);
+        self.canvas.stroke_polyline(&[a, b], &bar);
+        for end in [a, b] {
+            let tick = Vector2::new(0.0, 5.0);
+            self.canvas.stroke_polyline(&[end - tick, end + tick], &bar);
+        }
+        let label = TextStyle::new(15.0).anchor(1.0, 0.5);
+        self.canvas.text(a - Vector2::new(10.0, 0.0), &format!("{length_m} m"), &label);
+        if let Some(title) = title {
+            let style = TextStyle::new(22.0).anchor(0.0, 1.0);
+            self.canvas.text(Point2::new(left, top - 9.0), title, &style);
+        }
+    }
+}
+
+/// The floor to show: what the geometry, the cameras, the zones and the walkable regions cover, and a rim.
+fn shown(room: &Room) -> (Point2<f64>, Point2<f64>) {
+    let mut places: Vec<Point2<f64>> = room.cameras.iter().map(|c| c.camera.center().xy()).collect();
+    if let Some((a, b)) = room.geometry.as_ref().and_then(extent) {
+        places.extend([a, b].map(|p| Point2::new(f64::from(p.x), f64::from(p.y))));
+    }
+    let regions = room.zones.iter().map(|z| &z.polygon).chain(room.walkable.iter().flatten());
+    places.extend(regions.flat_map(|polygon| &polygon.0));
+    places.retain(|p| p.x.is_finite() && p.y.is_finite());
+    if places.is_empty() {
+        places = vec![Point2::new(-EMPTY_ROOM_M, -EMPTY_ROOM_M), Point2::new(EMPTY_ROOM_M, EMPTY_ROOM_M)];
+    }
+    let rim = Vector2::new(RIM_M, RIM_M);
+    let low = places.iter().fold(places[0], |low, p| low.inf(p));
+    let high = places.iter().fold(places[0], |high, p| high.sup(p));
+    (low - rim, high + rim)
+}
+
+/// Below the ceiling, but above what people stand beside.
+fn default_cut_m(top_m: f32) -> f32 {
+    if top_m > 2.0 { 2.0_f32.min(top_m - 0.3) } else { top_m + 0.05 }
+}
+
+/// The smallest of 1, 2, 5, 10, 20, 50, … that is not below the given length.
+fn nice_step(least: f64) -> f64 {
+    let decades = (0..9).map(|power| 10_f64.powi(power));
+    let mut steps = decades.flat_map(|decade| [1.0, 2.0, 5.0].map(|factor| factor * decade));
+    steps.find(|step| *step >= least).unwrap_or(1e9)
+}
+
+/// The multiples of a step in a range.
+fn multiples(step: f64, low: f64, high: f64) -> impl Iterator<Item = f64> {
+    ((low / step).ceil() as i64..=(high / step).floor() as i64).map(move |i| i as f64 * step)
+}
+
+#[cfg(test)]
+mod tests;
