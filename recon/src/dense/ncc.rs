@@ -149,7 +149,8 @@ mod tests {
     fn views() -> (Level, Level, Pair, Intrinsics) {
         let k = Intrinsics::from_horizontal_fov(160, 120, 60.0);
         let texture = |p: &Point3<f64>| {
-            let value = 120.0 + 50.0 * (29.0 * p.x + 13.0 * p.y).sin() + 40.0 * (31.0 * p.y - 12.0 * p.x).cos();
+            let value =
+                120.0 + 50.0 * (29.0 * p.x + 13.0 * p.y).sin() + 40.0 * (31.0 * p.y - 12.0 * p.x).cos();
             Rgb([value as u8; 3])
         };
         // n·X = 1 with n = (0.1, 0, 0.4).

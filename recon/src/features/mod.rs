@@ -58,7 +58,7 @@ impl Default for FeatureOptions {
             max_return_px: 1.0,
             max_disagreement_px: 2.0,
             min_correlation: 0.8,
-            corner_quality: 0.002,
+            corner_quality: 0.0005,
         }
     }
 }
@@ -205,19 +205,21 @@ fn births(seen: &Seen, live: &[Feature], options: &FeatureOptions) -> Result<Vec
         5,
     )?;
     let mut born = Vec::new();
-    for corner in corners {
-        let home = cell_of(&corner);
-        if members[home].len() >= quota {
-            continue;
-        }
-        let crowded = members.iter().flatten().any(|p| (p - corner).norm() < options.min_distance_px);
-        let warp = Warp { center: corner, affine: Matrix2::identity() };
-        if crowded {
-            continue;
-        }
-        if let Some(patch) = Patch::cut(&seen.intensity, &warp, options.patch_radius_px) {
-            members[home].push(corner);
-            born.push((patch, warp));
+    // First every cell gets its share; then, where walls are plain, the others may hold more.
+    for share in [quota, 3 * quota] {
+        for corner in &corners {
+            let home = cell_of(corner);
+            if live.len() + born.len() >= options.count || members[home].len() >= share {
+                continue;
+            }
+            if members.iter().flatten().any(|p| (p - corner).norm() < options.min_distance_px) {
+                continue;
+            }
+            let warp = Warp { center: *corner, affine: Matrix2::identity() };
+            if let Some(patch) = Patch::cut(&seen.intensity, &warp, options.patch_radius_px) {
+                members[home].push(*corner);
+                born.push((patch, warp));
+            }
         }
     }
     Ok(born)

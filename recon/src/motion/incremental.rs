@@ -22,6 +22,8 @@ const EPIPOLAR_PX: f64 = 1.0;
 const MIN_KNOWN: usize = 15;
 /// The pixel distance of an inlier in resection.
 const INLIER_PX: f64 = 1.5;
+/// Least angle between the rays to a point that frames are resected from, degrees.
+const GROWING_ANGLE_DEG: f64 = 1.5;
 
 /// What each frame saw: (track, pixel).
 pub(crate) type Seen = Vec<Vec<(usize, Point2<f64>)>>;
@@ -137,12 +139,9 @@ pub(crate) fn grow(sketch: &mut Sketch<'_>, seen: &Seen, lens: LensFreedom) {
         };
         sketch.poses[frame] = Some(found.camera_from_world);
         refused.fill(false);
-        let few = sketch.registered() < 4;
-        let accept = Acceptance {
-            max_error_px: 3.0,
-            min_angle: 1.0_f64.to_radians(),
-            min_sightings: if few { 2 } else { 3 },
-        };
+        // Two sightings suffice: where the camera turns fast, tracks are short, and resection bears wrong points.
+        let accept =
+            Acceptance { max_error_px: 3.0, min_angle: GROWING_ANGLE_DEG.to_radians(), min_sightings: 2 };
         sketch.triangulate(&accept, true);
         if sketch.registered() >= adjusted_at + (adjusted_at / 4).clamp(1, 6) {
             let how = Adjustment { gate_px: 6.0, loss: Loss::Cauchy(1.0), lens, max_steps: 8 };
