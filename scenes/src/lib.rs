@@ -11,6 +11,7 @@
 //!   with people in it; [`plan`] — its floor plan.
 #![forbid(unsafe_code)]
 
+mod cache;
 pub mod canvas;
 pub mod depth;
 mod error;

@@ -1,23 +1,17 @@
-//! Depth maps kept beside the room: a file a camera, rebuilt whenever geometry, camera or file disagree.
-//!
-//! A file is `b"roomtrack depth 1\n"`, the key (BLAKE3 of geometry and camera), width and height (`u32`), the depths
-//! (`f32`, metres; all little endian) and the BLAKE3 hash of everything before.
+//! Depth maps kept beside the room: one a camera, rendered again whenever geometry or camera change.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use calib::Camera;
 
 use super::{DepthMap, render};
-use crate::Result;
 use crate::geometry::Geometry;
 use crate::raycast::RayScene;
 use crate::room::{Room, RoomCamera};
+use crate::{Result, cache};
 
-/// The folder of a room directory that may be deleted at any time.
-const FOLDER: &str = "cache";
-/// Changes with the file's layout or the renderer.
-const MAGIC: &[u8] = b"roomtrack depth 1\n";
-const HASH_BYTES: usize = blake3::OUT_LEN;
+/// Part of the key: changes when the renderer does.
+const RENDERER: &[u8] = b"depth 1";
 
 /// The static depth of one camera's pinhole twin, from the cache of the room directory where it is up to date.
 ///
@@ -46,15 +40,13 @@ fn of_cameras(room_dir: &Path, geometry: Option<&Geometry>, cameras: &[RoomCamer
         let size = |c: &RoomCamera| DepthMap::nothing(c.camera.intrinsics.width, c.camera.intrinsics.height);
         return Ok(cameras.iter().map(size).collect());
     };
-    let geometry_hash = hash_of_geometry(geometry);
+    let shape = geometry.shape_hash();
     let mut scene = None;
     let mut maps = Vec::with_capacity(cameras.len());
     for room_camera in cameras {
         let camera = pinhole(room_camera);
-        let key = key(&geometry_hash, &camera);
-        let path = file_of(room_dir, &room_camera.name);
-        let found = std::fs::read(&path).ok().and_then(|bytes| decode(&bytes, &key));
-        if let Some(map) = found {
+        let (name, key) = (name_of(&room_camera.name), key(&shape, &camera));
+        if let Some(map) = cache::read(room_dir, &name, &key).and_then(|bytes| decode(&bytes)) {
             maps.push(map);
             continue;
         }
@@ -63,52 +55,22 @@ fn of_cameras(room_dir: &Path, geometry: Option<&Geometry>, cameras: &[RoomCamer
             None => scene.insert(RayScene::new(geometry)?),
         };
         let map = render(scene, &camera);
-        if let Err(e) = calib::files::write_atomic(&path, &encode(&map, &key)) {
-            tracing::debug!("depth is not cached: {e}");
-        }
+        cache::write(room_dir, &name, &key, &encode(&map));
         maps.push(map);
     }
     Ok(maps)
 }
 
-fn file_of(room_dir: &Path, camera_name: &str) -> PathBuf {
-    room_dir.join(FOLDER).join(format!("depth_{camera_name}.bin"))
+fn name_of(camera_name: &str) -> String {
+    format!("depth_{camera_name}")
 }
 
-/// Of what rays can meet; colours do not count.
-fn hash_of_geometry(geometry: &Geometry) -> blake3::Hash {
-    let mut hasher = blake3::Hasher::new();
-    let mut buffer = Vec::with_capacity(1 << 16);
-    let mut floats = |values: &[f32]| {
-        buffer.extend(values.iter().flat_map(|v| v.to_le_bytes()));
-        if buffer.len() > (1 << 16) - 64 {
-            hasher.update(&buffer);
-            buffer.clear();
-        }
-    };
-    match geometry {
-        Geometry::Mesh(mesh) => {
-            floats(&[0.0, f32::from_bits(mesh.vertices.len() as u32)]);
-            mesh.vertices.iter().for_each(|v| floats(&v.to_array()));
-            // The bits of the indices, not their values: large ones have no exact float.
-            mesh.triangles.iter().for_each(|t| floats(&t.map(f32::from_bits)));
-        }
-        Geometry::Discs(discs) => {
-            floats(&[1.0, f32::from_bits(discs.len() as u32)]);
-            for d in discs {
-                floats(&[d.center.x, d.center.y, d.center.z, d.normal.x, d.normal.y, d.normal.z, d.radius]);
-            }
-        }
-    }
-    hasher.update(&buffer);
-    hasher.finalize()
-}
-
-fn key(geometry: &blake3::Hash, pinhole: &Camera) -> blake3::Hash {
+fn key(shape: &blake3::Hash, pinhole: &Camera) -> blake3::Hash {
     let k = &pinhole.intrinsics;
     let pose = &pinhole.camera_from_world;
     let mut hasher = blake3::Hasher::new();
-    hasher.update(geometry.as_bytes());
+    hasher.update(RENDERER);
+    hasher.update(shape.as_bytes());
     hasher.update(&k.width.to_le_bytes());
     hasher.update(&k.height.to_le_bytes());
     let numbers = [k.fx, k.fy, k.cx, k.cy];
@@ -118,26 +80,17 @@ fn key(geometry: &blake3::Hash, pinhole: &Camera) -> blake3::Hash {
     hasher.finalize()
 }
 
-fn encode(map: &DepthMap, key: &blake3::Hash) -> Vec<u8> {
-    let mut bytes = Vec::with_capacity(MAGIC.len() + 2 * HASH_BYTES + 8 + 4 * map.z_m.len());
-    bytes.extend(MAGIC);
-    bytes.extend(key.as_bytes());
+/// Width, height, then the depths; little endian.
+fn encode(map: &DepthMap) -> Vec<u8> {
+    let mut bytes = Vec::with_capacity(8 + 4 * map.z_m.len());
     bytes.extend(map.width.to_le_bytes());
     bytes.extend(map.height.to_le_bytes());
     bytes.extend(map.z_m.iter().flat_map(|z| z.to_le_bytes()));
-    let hash = blake3::hash(&bytes);
-    bytes.extend(hash.as_bytes());
     bytes
 }
 
-/// The map of a file, unless the file is broken or of another geometry or camera.
-fn decode(bytes: &[u8], key: &blake3::Hash) -> Option<DepthMap> {
-    let (content, hash) = bytes.split_last_chunk::<HASH_BYTES>()?;
-    let rest = content.strip_prefix(MAGIC)?.strip_prefix(key.as_bytes().as_slice())?;
-    if blake3::hash(content) != *hash {
-        return None;
-    }
-    let (width, rest) = rest.split_first_chunk()?;
+fn decode(bytes: &[u8]) -> Option<DepthMap> {
+    let (width, rest) = bytes.split_first_chunk()?;
     let (height, rest) = rest.split_first_chunk()?;
     let (numbers, left) = rest.as_chunks::<4>();
     let map = DepthMap {
@@ -174,14 +127,12 @@ mod tests {
     }
 
     /// Plants a map that no rendering makes, under the room's own key: reading it back proves that the cache is used.
-    fn plant(dir: &Path, room: &Room) -> PathBuf {
-        let path = file_of(dir, "a");
+    fn plant(dir: &Path, room: &Room) {
         let planted = DepthMap { width: 64, height: 48, z_m: vec![7.0; 64 * 48] };
         let mut pinhole = room.cameras[0].camera.clone();
         pinhole.intrinsics = pinhole.intrinsics.pinhole();
-        let key = key(&hash_of_geometry(room.geometry.as_ref().unwrap()), &pinhole);
-        calib::files::write_atomic(&path, &encode(&planted, &key)).unwrap();
-        path
+        let key = key(&room.geometry.as_ref().unwrap().shape_hash(), &pinhole);
+        cache::write(dir, &name_of("a"), &key, &encode(&planted));
     }
 
     #[test]
@@ -189,7 +140,8 @@ mod tests {
         let (folder, mut room) = (tempfile::tempdir().unwrap(), room());
         let fresh = cached(folder.path(), &room, "a").unwrap();
         assert_eq!((fresh.at(32, 24), fresh.at(0, 0)), (2.0, 0.0));
-        assert!(file_of(folder.path(), "a").is_file() && !file_of(folder.path(), "b").exists());
+        let file = |camera: &str| cache::file_of(folder.path(), &name_of(camera));
+        assert!(file("a").is_file() && !file("b").exists());
         assert_eq!(cached_all(folder.path(), &room).unwrap(), [fresh.clone(), fresh.clone()]);
 
         plant(folder.path(), &room);
@@ -205,25 +157,19 @@ mod tests {
     #[test]
     fn a_broken_cache_is_rebuilt() {
         let (folder, room) = (tempfile::tempdir().unwrap(), room());
-        let path = plant(folder.path(), &room);
-        let whole = std::fs::read(&path).unwrap();
-        let mut flipped = whole.clone();
-        flipped[MAGIC.len() + HASH_BYTES + 100] ^= 1;
-        for bad in [&whole[..whole.len() / 2], &whole[..20], &flipped, b"", b"something else"] {
-            std::fs::write(&path, bad).unwrap();
-            assert_eq!(cached(folder.path(), &room, "a").unwrap().at(32, 24), 2.0);
+        plant(folder.path(), &room);
+        std::fs::write(cache::file_of(folder.path(), &name_of("a")), "something else").unwrap();
+        assert_eq!(cached(folder.path(), &room, "a").unwrap().at(32, 24), 2.0);
+        for bad in [&encode(&DepthMap::nothing(3, 2))[..20], &[0; 9], b""] {
+            assert_eq!(decode(bad), None);
         }
     }
 
     #[test]
-    fn without_a_place_for_the_cache_or_without_geometry_there_is_a_map_too() {
+    fn without_geometry_there_is_a_map_too() {
         let folder = tempfile::tempdir().unwrap();
-        // A file where the folder should be: works for root, too, whom no permission stops.
-        std::fs::write(folder.path().join(FOLDER), "in the way").unwrap();
-        let mut room = room();
-        assert_eq!(cached(folder.path(), &room, "b").unwrap().at(32, 24), 2.0);
+        let room = Room { geometry: None, ..room() };
         assert!(cached(folder.path(), &room, "c").is_err());
-        room.geometry = None;
         let map = cached(folder.path(), &room, "b").unwrap();
         assert_eq!((map.width, map.height, map.coverage()), (64, 48, 0.0));
     }

@@ -25,7 +25,7 @@ pub fn write(path: &Path, map: &DepthMap) -> Result<()> {
     Ok(calib::files::write_atomic(path, bytes.get_ref())?)
 }
 
-/// Reads what [`write`] wrote.
+/// Reads what [`write()`] wrote.
 ///
 /// # Errors
 /// [`Error::Io`], or [`Error::Content`] when it is no 16-bit grey PNG.

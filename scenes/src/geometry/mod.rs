@@ -2,6 +2,7 @@
 
 mod defect;
 pub mod ply;
+mod shape_hash;
 mod spacing;
 mod triangulate;
 

@@ -6,6 +6,7 @@ use approx::assert_relative_eq;
 use calib::{Camera, Intrinsics};
 use glam::Vec3;
 use nalgebra::{Isometry3, Point2, Translation3, UnitQuaternion};
+use proptest::prelude::*;
 use tempfile::TempDir;
 
 use super::{Room, RoomCamera, Zone, ZoneKind, read_zones};
@@ -251,4 +252,35 @@ fn zones_come_from_any_file_that_has_them() {
     std::fs::write(&path, "[[zone]]\nname = \"a\"\npolygon = [[0, 0], [1, 1], [1, 0]]\n").unwrap();
     assert_eq!(read_zones(&path).unwrap()[0].kind, ZoneKind::Both);
     assert!(read_zones(Path::new("/nowhere/zones.toml")).is_err());
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(300))]
+
+    /// Whatever happens to the files, reading ends in a room or in one line; it neither panics nor takes much memory.
+    #[test]
+    fn damaged_rooms_are_read_or_refused(
+        in_geometry in any::<bool>(),
+        changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
+        cut in prop::option::of(any::<prop::sample::Index>()),
+    ) {
+        let folder = written();
+        let path = folder.path().join(if in_geometry { "room.ply" } else { "scene.toml" });
+        let mut bytes = std::fs::read(&path).unwrap();
+        for (place, value) in changes {
+            let i = place.index(bytes.len());
+            bytes[i] = value;
+        }
+        if let Some(cut) = cut {
+            bytes.truncate(cut.index(bytes.len()));
+        }
+        std::fs::write(&path, bytes).unwrap();
+        match Room::read(folder.path()) {
+            Ok(room) => prop_assert!(room.validate().is_ok()),
+            Err(e) => {
+                let line = e.to_string();
+                prop_assert!(!line.contains('\n') && line.contains(&*folder.path().to_string_lossy()), "{}", line);
+            }
+        }
+    }
 }

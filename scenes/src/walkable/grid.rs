@@ -77,6 +77,14 @@ impl Grid {
         self.bits.iter().filter(|bit| **bit).count() as f64 * self.cell_m * self.cell_m
     }
 
+    /// The smallest and the largest corner of the rectangle around the set cells, metres.
+    pub fn bounds(&self) -> Option<(Point2<f64>, Point2<f64>)> {
+        let half = nalgebra::Vector2::repeat(0.5 * self.cell_m);
+        self.set_cells()
+            .map(|i| (self.center(i) - half, self.center(i) + half))
+            .reduce(|a, b| (a.0.inf(&b.0), a.1.sup(&b.1)))
+    }
+
     /// Indices of the set cells.
     pub(super) fn set_cells(&self) -> impl Iterator<Item = usize> + '_ {
         (0..self.bits.len()).filter(|&i| self.bits[i])

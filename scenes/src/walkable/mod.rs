@@ -4,6 +4,7 @@
 //! what stands on it between ankle and head height. Reconstructions have holes and strays, so the map errs on the
 //! side of letting people stand: see [`WalkableOptions`].
 
+mod cached;
 mod derive;
 mod grid;
 mod hull;
@@ -18,6 +19,7 @@ use crate::Result;
 use crate::polygon::Polygon;
 use crate::room::Room;
 
+pub use cached::cached;
 pub use grid::Grid;
 
 /// How a walkable map is derived from geometry.
@@ -123,6 +125,12 @@ impl WalkableMap {
     /// The cells, unless everywhere is walkable.
     pub fn grid(&self) -> Option<&Grid> {
         self.grid.as_ref()
+    }
+
+    /// The smallest and the largest corner of the rectangle around all walkable cells, metres; `None` if everywhere is
+    /// walkable, or nothing.
+    pub fn bounds(&self) -> Option<(Point2<f64>, Point2<f64>)> {
+        self.grid.as_ref()?.bounds()
     }
 
     /// Walkable area in square metres; `None` if everywhere is walkable.

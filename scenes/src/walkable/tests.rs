@@ -36,7 +36,7 @@ fn sheet(corner: Vec3, along: Vec3, across: Vec3) -> Vec<Disc> {
 }
 
 /// A floor of 4 × 3 m with walls, a table, a sofa, a pillar and a thin pole.
-fn furnished() -> Room {
+pub(super) fn furnished() -> Room {
     let (x, y, z) = (Vec3::X, Vec3::Y, Vec3::Z);
     let mut discs = sheet(Vec3::ZERO, 4.0 * x, 3.0 * y);
     for (corner, along) in

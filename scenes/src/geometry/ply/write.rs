@@ -11,7 +11,7 @@ use super::row::{CORNERS, FaceRow, VertexRow};
 use crate::geometry::{Disc, Geometry, Mesh};
 use crate::{Error, Result};
 
-/// Writes geometry as a binary PLY file, whole or not at all. [`super::read`] gives back the same numbers.
+/// Writes geometry as a binary PLY file, whole or not at all. [`super::read()`] gives back the same numbers.
 ///
 /// # Errors
 /// [`Error::Geometry`] when it has a defect, [`Error::Calib`] when the file cannot be written.

@@ -1,0 +1,78 @@
+//! What is worked out once and kept beside the room, in a folder that may be deleted at any time.
+//!
+//! A file is `b"roomtrack cache 1\n"`, the key (a BLAKE3 hash of everything that the content was made from), the
+//! content, and the BLAKE3 hash of all before. A file that is broken, or of another key, counts as missing; a folder
+//! that cannot be written only costs the time of working things out again.
+
+use std::path::{Path, PathBuf};
+
+/// The folder in the room directory.
+const FOLDER: &str = "cache";
+const MAGIC: &[u8] = b"roomtrack cache 1\n";
+const HASH_BYTES: usize = blake3::OUT_LEN;
+
+/// Where something is kept.
+pub(crate) fn file_of(room_dir: &Path, name: &str) -> PathBuf {
+    room_dir.join(FOLDER).join(format!("{name}.bin"))
+}
+
+/// The content kept under a name, if it is whole and of this key.
+pub(crate) fn read(room_dir: &Path, name: &str, key: &blake3::Hash) -> Option<Vec<u8>> {
+    let bytes = std::fs::read(file_of(room_dir, name)).ok()?;
+    let (all, hash) = bytes.split_last_chunk::<HASH_BYTES>()?;
+    let content = all.strip_prefix(MAGIC)?.strip_prefix(key.as_bytes().as_slice())?;
+    (blake3::hash(all) == *hash).then(|| content.to_vec())
+}
+
+/// Keeps a content under a name, in place of what was kept there before; if that fails, it is not kept.
+pub(crate) fn write(room_dir: &Path, name: &str, key: &blake3::Hash, content: &[u8]) {
+    let mut bytes = Vec::with_capacity(MAGIC.len() + 2 * HASH_BYTES + content.len());
+    bytes.extend(MAGIC);
+    bytes.extend(key.as_bytes());
+    bytes.extend(content);
+    let hash = blake3::hash(&bytes);
+    bytes.extend(hash.as_bytes());
+    if let Err(e) = calib::files::write_atomic(&file_of(room_dir, name), &bytes) {
+        tracing::debug!("{name} is not cached: {e}");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_the_whole_content_of_the_right_key_comes_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let (dir, key) = (folder.path(), blake3::hash(b"made from this"));
+        assert_eq!(read(dir, "map", &key), None);
+        for content in [&b""[..], b"0123456789"] {
+            write(dir, "map", &key, content);
+            assert_eq!(read(dir, "map", &key).unwrap(), content);
+        }
+        assert_eq!(read(dir, "map", &blake3::hash(b"made from that")), None);
+        assert_eq!(read(dir, "other", &key), None);
+
+        let whole = std::fs::read(file_of(dir, "map")).unwrap();
+        for length in 0..whole.len() {
+            std::fs::write(file_of(dir, "map"), &whole[..length]).unwrap();
+            assert_eq!(read(dir, "map", &key), None, "cut to {length}");
+        }
+        for place in 0..whole.len() {
+            let mut bytes = whole.clone();
+            bytes[place] ^= 4;
+            std::fs::write(file_of(dir, "map"), &bytes).unwrap();
+            assert_eq!(read(dir, "map", &key), None, "changed at {place}");
+        }
+    }
+
+    #[test]
+    fn a_folder_that_cannot_be_written_is_no_failure() {
+        let folder = tempfile::tempdir().unwrap();
+        // A file where the folder should be: in the way of root, too, whom no permission stops.
+        std::fs::write(folder.path().join(FOLDER), "in the way").unwrap();
+        let key = blake3::hash(b"");
+        write(folder.path(), "map", &key, b"content");
+        assert_eq!(read(folder.path(), "map", &key), None);
+    }
+}
