@@ -3,8 +3,8 @@
 //! The target is `V(S) · R(S) · E(S)` times, under reversible jump, what was known before looking:
 //!
 //! ```text
-//! people known from the last moment:  survival · N(place; prediction) · N(r) · N(h)    or, deleted, a death
-//! people born now:                    births · dt / region area      · N(r) · N(h)
+//! people known from the last moment:  P(still there) · N(place; prediction) · N(r) · N(h)    or, deleted, P(gone)
+//! people born now:                    births · dt / region area         · N(r) · N(h)
 //! ```
 //!
 //! A jump that adds a person and the one that deletes them are each other's reverse, and the acceptance carries the ratio
@@ -21,17 +21,19 @@ use super::person::{Key, Person};
 use crate::likelihood::Simulation;
 use crate::likelihood::prior::{LOG_IMPOSSIBLE, log_separation};
 use crate::silhouette::{Body, Silhouette, View};
-use crate::stage::Stage;
+use crate::stage::Floor;
 
 /// With what probability ADD takes a deletion back, when there is one to take back.
 const REVIVE: f64 = 0.5;
+/// Standard deviation of a step along a line of sight: the direction in which one camera alone knows least.
+const LINE_OF_SIGHT_STEP_M: f64 = 0.15;
 /// Sizes outside these are nobody's.
 const RADII_M: std::ops::RangeInclusive<f64> = 0.10..=0.60;
 const HEIGHTS_M: std::ops::RangeInclusive<f64> = 0.8..=2.3;
 
 /// What stays the same during a moment.
 pub(super) struct Setting<'a> {
-    pub(super) stage: &'a Stage,
+    pub(super) floor: &'a Floor,
     pub(super) views: &'a [View],
     pub(super) options: &'a McmcOptions,
     /// Where ADD may put people, weighed for this moment.
@@ -42,8 +44,6 @@ pub(super) struct Setting<'a> {
     pub(super) typical_px: &'a [f64],
     /// Expected births of this moment per m² of the region.
     pub(super) log_birth_density: f64,
-    /// Probability that a person in an exit zone leaves before this moment.
-    pub(super) death_probability: f64,
 }
 
 /// The state and what is kept about it.
@@ -132,7 +132,7 @@ impl<'a> Chain<'a> {
     }
 
     fn is_deletable(&self, person: &Person, body: &Body) -> bool {
-        person.tentative || self.setting.stage.may_disappear(body.x_m, body.y_m)
+        person.tentative || self.setting.floor.may_disappear(body.x_m, body.y_m)
     }
 
     fn deletable(&self) -> usize {
@@ -152,9 +152,9 @@ impl<'a> Chain<'a> {
             radius_m: options.radius.sample(rng),
             height_m: options.height.sample(rng),
         };
-        let stage = self.setting.stage;
-        let allowed = self.setting.settling || stage.may_appear(body.x_m, body.y_m);
-        if !allowed || !is_a_size(&body) || !stage.is_walkable(body.x_m, body.y_m) {
+        let floor = self.setting.floor;
+        let allowed = self.setting.settling || floor.may_appear(body.x_m, body.y_m);
+        if !allowed || !is_a_size(&body) || !floor.is_standable(body.x_m, body.y_m) {
             return;
         }
         let likelihood = self.likelihood_of(None, Some(&body));
@@ -188,10 +188,11 @@ impl<'a> Chain<'a> {
             radius_m: known.radius.sample(rng),
             height_m: known.height.sample(rng),
         };
-        let stage = self.setting.stage;
+        let floor = self.setting.floor;
+        let log_odds = known.log_odds;
         // Where DELETE could not have taken them from, ADD cannot put them.
         let reversible = self.is_deletable(person, &body);
-        if !reversible || !is_a_size(&body) || !stage.is_walkable(body.x_m, body.y_m) {
+        if !reversible || !is_a_size(&body) || !floor.is_standable(body.x_m, body.y_m) {
             return;
         }
         let likelihood = self.likelihood_of(None, Some(&body));
@@ -200,7 +201,7 @@ impl<'a> Chain<'a> {
             let (k, d) = (self.people.len(), self.deletable());
             let forth = self.probability_of(Move::Add, k, d) * REVIVE / self.gone.len() as f64;
             let back = self.probability_of(Move::Delete, k + 1, d + 1) / (d + 1) as f64;
-            log_ratio += self.log_survival() + back.ln() - forth.ln();
+            log_ratio += log_odds + back.ln() - forth.ln();
         }
         if accepted(log_ratio, rng) {
             let mut person = self.gone.swap_remove(which);
@@ -236,9 +237,9 @@ impl<'a> Chain<'a> {
             let k = self.people.len();
             let forth = self.probability_of(Move::Delete, k, deletable) / deletable as f64;
             let add = self.probability_of(Move::Add, k - 1, deletable - 1);
-            log_ratio += if person.known.is_some() {
+            log_ratio += if let Some(known) = &person.known {
                 let back = add * REVIVE / (self.gone.len() + 1) as f64;
-                back.ln() - forth.ln() - self.log_survival()
+                back.ln() - forth.ln() - known.log_odds
             } else {
                 let new = if self.gone.is_empty() { 1.0 } else { 1.0 - REVIVE };
                 let density = self.setting.births.density(body.x_m, body.y_m, options.informed_births);
@@ -257,7 +258,8 @@ impl<'a> Chain<'a> {
         }
     }
 
-    /// UPDATE-P: a step of one of three lengths, or, for somebody known, a place drawn from the prediction.
+    /// UPDATE-P: a step of one of three lengths, or, for somebody known, a place drawn from the prediction or a step along
+    /// a line of sight.
     fn update_position(&mut self, rng: &mut Pcg64Mcg) {
         let which = rng.random_range(0..self.people.len());
         let (kernel, person) = (rng.random::<f64>(), &self.people[which]);
@@ -271,10 +273,20 @@ impl<'a> Chain<'a> {
                     known.place.log_density(body.x_m, body.y_m) - known.place.log_density(place.x, place.y);
                 (body.x_m, body.y_m) = (place.x, place.y);
             }
+            Some(known) if kernel < 0.3 => {
+                // Along the line of sight of some camera, as seen to the prediction so that there and back are alike.
+                let eye =
+                    self.setting.views[rng.random_range(0..self.setting.views.len())].center.xy().coords;
+                let along = known.place.mean() - eye;
+                let length: f64 = rng.sample(StandardNormal);
+                let step = along / along.norm().max(1e-6) * (length * LINE_OF_SIGHT_STEP_M);
+                body.x_m += step.x;
+                body.y_m += step.y;
+            }
             _ => {
-                let scale = if kernel < 0.4 {
+                let scale = if kernel < 0.5 {
                     1.0 / 3.0
-                } else if kernel < 0.8 {
+                } else if kernel < 0.85 {
                     1.0
                 } else {
                     3.0
@@ -325,26 +337,20 @@ impl<'a> Chain<'a> {
 
     /// E of one body, and under reversible jump its motion and size prior.
     fn log_prior(&self, which: usize, body: &Body) -> f64 {
-        let (person, stage) = (&self.people[which], self.setting.stage);
-        let mut log = if stage.is_walkable(body.x_m, body.y_m) { 0.0 } else { LOG_IMPOSSIBLE };
+        let (person, floor) = (&self.people[which], self.setting.floor);
+        let mut log = if floor.is_standable(body.x_m, body.y_m) { 0.0 } else { LOG_IMPOSSIBLE };
         if self.setting.options.acceptance == Acceptance::ReversibleJump {
             log += match &person.known {
                 Some(known) => {
                     known.place.log_density(body.x_m, body.y_m) + log_size(&known.radius, &known.height, body)
                 }
-                None if self.setting.settling || stage.may_appear(body.x_m, body.y_m) => {
+                None if self.setting.settling || floor.may_appear(body.x_m, body.y_m) => {
                     log_size(&self.setting.options.radius, &self.setting.options.height, body)
                 }
                 None => LOG_IMPOSSIBLE,
             };
         }
         log
-    }
-
-    /// How much less likely dying is than living on: the price of a deletion, to be had back by taking it back.
-    fn log_survival(&self) -> f64 {
-        let p = self.setting.death_probability;
-        (1.0 - p).ln() - p.ln()
     }
 
     /// `log R` of one body against the others.

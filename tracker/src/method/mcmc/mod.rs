@@ -28,7 +28,7 @@ use self::person::{Key, Person};
 use self::tally::Tally;
 use self::track::Track;
 use super::Method;
-use crate::likelihood::{Simulation, pack};
+use crate::likelihood::{Counts, Simulation, pack};
 use crate::silhouette::visibility::{fraction, visible_parts};
 use crate::silhouette::{Body, Silhouette, View};
 use crate::stage::Stage;
@@ -71,14 +71,16 @@ impl Mcmc {
         let views: Vec<View> = stage.cameras.iter().map(View::new).collect();
         let average =
             Body { x_m: 0.0, y_m: 0.0, radius_m: options.radius.mean_m, height_m: options.height.mean_m };
-        let bounds = stage.floor_bounds();
+        let bounds = stage.floor.bounds();
         let anywhere = BirthMap::new(&views, &average, bounds, |x, y| {
-            stage.is_walkable(x, y) && is_seen(&stage, x, y, average.height_m)
+            stage.floor.is_standable(x, y) && is_seen(&stage, x, y, average.height_m)
         });
         let zones = if stage.zones.is_empty() {
             anywhere.clone()
         } else {
-            BirthMap::new(&views, &average, bounds, |x, y| stage.is_walkable(x, y) && stage.may_appear(x, y))
+            BirthMap::new(&views, &average, bounds, |x, y| {
+                stage.floor.is_standable(x, y) && stage.floor.may_appear(x, y)
+            })
         };
         Ok(Self {
             typical_px: anywhere.typical_px(views.len()),
@@ -117,12 +119,17 @@ impl Mcmc {
 
     /// What the last moment says about everybody now, drawn.
     fn predicted(&mut self, dt_s: f64) -> Vec<Person> {
-        let (views, stage, options, simulation) = (&self.views, &self.stage, &self.options, &self.simulation);
+        let (views, floor, options, simulation) =
+            (&self.views, &self.stage.floor, &self.options, &self.simulation);
+        let left = -(-options.deaths_per_s * dt_s).exp_m1();
         let person = |track: &mut Track| {
             let before = track.body();
             track.predict(dt_s, options);
             let mut body = track.body();
-            if !stage.is_walkable(body.x_m, body.y_m) && stage.is_walkable(before.x_m, before.y_m) {
+            if track.id.is_none() || floor.may_disappear(body.x_m, body.y_m) {
+                track.may_have_left(left);
+            }
+            if !floor.is_standable(body.x_m, body.y_m) && floor.is_standable(before.x_m, before.y_m) {
                 // Walked into a wall: they rather stopped.
                 (body.x_m, body.y_m) = (before.x_m, before.y_m);
             }
@@ -155,18 +162,18 @@ impl Mcmc {
         let rule = self.options.likelihood;
         let typical_px = &self.typical_px;
         births.weigh(&self.simulation, |camera, [simulated, both]| {
-            let counts = crate::likelihood::Counts { foreground: both.max(1), simulated, both };
+            let counts = Counts { foreground: both.max(1), simulated, both };
             rule.log_likelihood(std::iter::once((counts, typical_px[camera])))
         });
         let setting = Setting {
-            stage: &self.stage,
+            floor: &self.stage.floor,
             views: &self.views,
             options: &self.options,
             births: &*births,
             settling,
             typical_px,
-            log_birth_density: (self.options.births_per_s * dt_s / births.area_m2().max(1e-3)).ln(),
-            death_probability: -(-self.options.deaths_per_s * dt_s).exp_m1(),
+            log_birth_density: (self.options.births_per_s * dt_s / births.area_m2().max(1e-3)).ln()
+                - rule.worth_of(self.options.birth_evidence),
         };
         let factor = if settling { SETTLING_STEPS } else { 1 };
         let mut chain = Chain::new(setting, &mut self.simulation, people, &mut self.next_key);
@@ -200,6 +207,7 @@ impl Method for Mcmc {
         }
         let tally = self.sample(people, dt_s, settling);
         self.take_in(&tally);
+        self.weigh(&masks);
         Ok(self.report())
     }
 }
@@ -216,19 +224,37 @@ impl Mcmc {
             if let Some(sums) = tally.of(track.key) {
                 let best = visible.iter().copied().fold(0.0, f64::max);
                 track.update(sums, best, &self.options);
-                track.confidence = f64::from(sums.states) / f64::from(kept);
             }
         }
         for sums in tally.all().iter().filter(|s| lives(s.states)) {
             if self.tracks.iter().all(|t| t.key != sums.key) {
-                let mut track = Track::born(sums, &self.options);
-                track.confidence = f64::from(sums.states) / f64::from(kept);
-                self.tracks.push(track);
+                self.tracks.push(Track::born(sums, &self.options));
             }
         }
-        for track in &mut self.tracks {
-            track.moments += 1;
-            if track.id.is_none() && track.moments >= 2 {
+    }
+
+    /// Takes in, for each person, how much better the masks are explained with them than without; believes in those who
+    /// have become likely enough.
+    fn weigh(&mut self, masks: &[Option<Vec<u64>>]) {
+        self.simulation.restart(masks);
+        let drawn: Vec<Vec<Silhouette>> = self
+            .tracks
+            .iter()
+            .map(|t| self.views.iter().map(|view| Silhouette::new(view, &t.body())).collect())
+            .collect();
+        for silhouettes in &drawn {
+            self.simulation.insert(silhouettes);
+        }
+        let rule = self.options.likelihood;
+        let nats = |counts: &mut dyn Iterator<Item = Option<Counts>>| {
+            rule.log_likelihood(counts.zip(&self.typical_px).filter_map(|(c, px)| c.map(|c| (c, *px))))
+        };
+        let with = nats(&mut self.simulation.counts());
+        for (track, silhouettes) in self.tracks.iter_mut().zip(&drawn) {
+            self.simulation.try_change(Some(silhouettes), None);
+            let support = with - nats(&mut self.simulation.tried());
+            track.weigh(support, rule.worth_of(self.options.birth_evidence));
+            if track.id.is_none() && track.earned_nats >= self.options.believed_at_nats {
                 track.id = Some(TrackId(self.next_id));
                 self.next_id += 1;
             }
@@ -256,6 +282,10 @@ impl Mcmc {
             .filter_map(|(track, visible)| {
                 let (body, velocity, covariance) =
                     (track.body(), track.motion.velocity(), track.motion.place_covariance());
+                // On a doorstep nobody is in the room.
+                if !self.stage.floor.is_inside(body.x_m, body.y_m) {
+                    return None;
+                }
                 Some(PersonEstimate {
                     id: track.id?,
                     x_m: body.x_m,
@@ -266,7 +296,7 @@ impl Mcmc {
                     vx: velocity.x,
                     vy: velocity.y,
                     sigma_m: [covariance[(0, 0)].sqrt(), covariance[(1, 1)].sqrt()],
-                    confidence: track.confidence,
+                    confidence: track.existence(),
                     visible,
                 })
             })

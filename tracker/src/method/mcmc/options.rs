@@ -68,7 +68,7 @@ impl Default for MotionOptions {
             acceleration_density: 1.2,
             velocity_memory_s: 1.5,
             initial_speed_sigma: 0.8,
-            gait_sigma_m: 0.03,
+            gait_sigma_m: 0.05,
         }
     }
 }
@@ -105,6 +105,9 @@ pub struct McmcOptions {
     pub motion: MotionOptions,
     /// How often people appear, per second over all zones together.
     pub births_per_s: f64,
+    /// What a new person has to explain beyond chance: this part of a typical silhouette in one camera. Shadows, swinging
+    /// limbs and reflections leave pieces of foreground that nobody explains, and they are no people.
+    pub birth_evidence: f64,
     /// How often a person in a zone leaves, per second.
     pub deaths_per_s: f64,
     /// The part of ADD's proposals that goes where unexplained foreground is; the rest is uniform over the zones
@@ -112,9 +115,9 @@ pub struct McmcOptions {
     pub informed_births: f64,
     /// For this long from the first moment with a mask, people may appear anywhere: they were inside already.
     pub settling_s: f64,
-    /// A new person is reported from the second moment on which they are there, or at once when they explain the
-    /// foreground this much better (nats).
-    pub sure_at_once_nats: f64,
+    /// What a new person has to have earned (nats beyond chance) to be believed in: to get an id, to be reported, and no
+    /// longer to vanish outside zones. One moment is worth at most 4, so this sets the number of moments it takes.
+    pub believed_at_nats: f64,
     /// The most people at one time.
     pub max_people: usize,
 }
@@ -126,7 +129,7 @@ impl Default for McmcOptions {
             burn_in_steps: 100,
             kept_steps: 100,
             moves: MoveWeights::default(),
-            likelihood: Rule::Bernoulli { detection: 0.8, false_alarm: 0.2, independent_pixels: 30.0 },
+            likelihood: Rule::Bernoulli { detection: 0.75, false_alarm: 0.15, independent_pixels: 120.0 },
             acceptance: Acceptance::ReversibleJump,
             repulsion_per_m: 4.0,
             radius: Spread { mean_m: 0.25, sigma_m: 0.03 },
@@ -136,10 +139,11 @@ impl Default for McmcOptions {
             height_step_m: 0.03,
             motion: MotionOptions::default(),
             births_per_s: 0.05,
+            birth_evidence: 0.2,
             deaths_per_s: 0.5,
             informed_births: 0.8,
             settling_s: 0.5,
-            sure_at_once_nats: 40.0,
+            believed_at_nats: 8.0,
             max_people: 24,
         }
     }
@@ -175,6 +179,7 @@ impl McmcOptions {
             ("repulsion_per_m", self.repulsion_per_m),
             ("births_per_s", self.births_per_s),
             ("deaths_per_s", self.deaths_per_s),
+            ("believed_at_nats", self.believed_at_nats),
             ("motion.acceleration_density", self.motion.acceleration_density),
             ("motion.velocity_memory_s", self.motion.velocity_memory_s),
             ("motion.initial_speed_sigma", self.motion.initial_speed_sigma),

@@ -27,15 +27,54 @@ pub(super) struct Person {
 /// What the last moment says about a person now.
 #[derive(Debug, Clone)]
 pub(super) struct Known {
-    pub(super) place: Gaussian,
+    pub(super) place: Place,
     pub(super) radius: Spread,
     pub(super) height: Spread,
+    /// Log odds of still being there, before looking.
+    pub(super) log_odds: f64,
+}
+
+/// Where a person is expected: the prediction, and with a small probability somewhere around it. People trip, and a
+/// sampler that has lost somebody must be able to find them again.
+#[derive(Debug, Clone)]
+pub(super) struct Place {
+    near: Gaussian,
+    around: Gaussian,
+}
+
+/// Probability that a person is not where they were predicted.
+const ASTRAY: f64 = 0.02;
+/// How far they are then, metres.
+const ASTRAY_SIGMA_M: f64 = 0.5;
+
+impl Place {
+    /// Around a prediction with this covariance.
+    pub(super) fn new(mean: Vector2<f64>, covariance: &Matrix2<f64>) -> Self {
+        let wide = covariance + Matrix2::identity() * ASTRAY_SIGMA_M.powi(2);
+        Self { near: Gaussian::new(mean, covariance), around: Gaussian::new(mean, &wide) }
+    }
+
+    /// The prediction.
+    pub(super) fn mean(&self) -> Vector2<f64> {
+        self.near.mean
+    }
+
+    pub(super) fn log_density(&self, x_m: f64, y_m: f64) -> f64 {
+        let near = self.near.log_density(x_m, y_m) + (1.0 - ASTRAY).ln();
+        let around = self.around.log_density(x_m, y_m) + ASTRAY.ln();
+        let larger = near.max(around);
+        larger + ((near - larger).exp() + (around - larger).exp()).ln()
+    }
+
+    pub(super) fn sample(&self, rng: &mut Pcg64Mcg) -> Vector2<f64> {
+        if rng.random::<f64>() < ASTRAY { self.around.sample(rng) } else { self.near.sample(rng) }
+    }
 }
 
 /// A normal distribution on the floor.
 #[derive(Debug, Clone)]
-pub(super) struct Gaussian {
-    pub(super) mean: Vector2<f64>,
+struct Gaussian {
+    mean: Vector2<f64>,
     inverse: Matrix2<f64>,
     /// Lower triangular root of the covariance.
     root: Matrix2<f64>,
@@ -44,7 +83,7 @@ pub(super) struct Gaussian {
 
 impl Gaussian {
     /// With this mean and covariance. A covariance that is not positive is replaced by a centimetre's.
-    pub(super) fn new(mean: Vector2<f64>, covariance: &Matrix2<f64>) -> Self {
+    fn new(mean: Vector2<f64>, covariance: &Matrix2<f64>) -> Self {
         let safe = Matrix2::identity() * 1e-4;
         let (inverse, root) = match (covariance.try_inverse(), covariance.cholesky()) {
             (Some(inverse), Some(cholesky)) => (inverse, cholesky.l()),
@@ -54,12 +93,12 @@ impl Gaussian {
         Self { mean, inverse, root, log_norm }
     }
 
-    pub(super) fn log_density(&self, x_m: f64, y_m: f64) -> f64 {
+    fn log_density(&self, x_m: f64, y_m: f64) -> f64 {
         let d = Vector2::new(x_m, y_m) - self.mean;
         self.log_norm - 0.5 * d.dot(&(self.inverse * d))
     }
 
-    pub(super) fn sample(&self, rng: &mut Pcg64Mcg) -> Vector2<f64> {
+    fn sample(&self, rng: &mut Pcg64Mcg) -> Vector2<f64> {
         let z: Vector2<f64> = Vector2::new(rng.sample(StandardNormal), rng.sample(StandardNormal));
         self.mean + self.root * z
     }

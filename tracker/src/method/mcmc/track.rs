@@ -4,7 +4,7 @@ use nalgebra::Matrix2;
 
 use super::motion::Motion;
 use super::options::{McmcOptions, Spread};
-use super::person::{Gaussian, Key, Known};
+use super::person::{Key, Known, Place};
 use super::tally::Sums;
 use crate::TrackId;
 use crate::silhouette::Body;
@@ -17,6 +17,11 @@ const HEIGHT_SEEN_SIGMA_M: f64 = 0.15;
 const RADIUS_DRIFT_M: f64 = 0.01;
 const HEIGHT_DRIFT_M: f64 = 0.02;
 
+/// One moment's masks err together: they are worth no more than this about whether somebody is there.
+const MOST_EVIDENCE_NATS: f64 = 4.0;
+/// Nobody is surer to be there, or not, than this.
+const SUREST_NATS: f64 = 12.0;
+
 /// A person the sampler follows.
 #[derive(Debug, Clone)]
 pub(super) struct Track {
@@ -26,10 +31,10 @@ pub(super) struct Track {
     pub(super) motion: Motion,
     pub(super) radius: Spread,
     pub(super) height: Spread,
-    /// Probability of being there, by the last moment's states.
-    pub(super) confidence: f64,
-    /// Moments since birth.
-    pub(super) moments: u32,
+    /// Log odds of being there.
+    pub(super) log_odds: f64,
+    /// What has spoken for this person since birth, beyond what chance explains, nats.
+    pub(super) earned_nats: f64,
 }
 
 impl Track {
@@ -42,8 +47,8 @@ impl Track {
             motion: Motion::appeared(sums.place(), &(sums.covariance() + gait), &options.motion),
             radius: options.radius,
             height: options.height,
-            confidence: 0.0,
-            moments: 0,
+            log_odds: 0.0,
+            earned_nats: 0.0,
         };
         track.resize(sums, 1.0);
         track
@@ -76,12 +81,32 @@ impl Track {
         self.height = seen(&self.height, sums.height_m(), HEIGHT_SEEN_SIGMA_M);
     }
 
+    /// Takes in that the person may have left unseen, with this probability.
+    pub(super) fn may_have_left(&mut self, probability: f64) {
+        let there = self.existence() * (1.0 - probability);
+        self.log_odds = (there / (1.0 - there)).ln().clamp(-SUREST_NATS, SUREST_NATS);
+    }
+
+    /// Takes in how much better the masks are explained with this person than without, and how much of that chance could
+    /// have done for somebody not yet believed in.
+    pub(super) fn weigh(&mut self, support_nats: f64, chance_nats: f64) {
+        let bounded = |nats: f64| nats.clamp(-MOST_EVIDENCE_NATS, MOST_EVIDENCE_NATS);
+        self.log_odds = (self.log_odds + bounded(support_nats)).clamp(-SUREST_NATS, SUREST_NATS);
+        self.earned_nats += bounded(support_nats - chance_nats);
+    }
+
+    /// Probability of being there.
+    pub(super) fn existence(&self) -> f64 {
+        1.0 / (1.0 + (-self.log_odds).exp())
+    }
+
     /// What is known before the next moment is looked at.
     pub(super) fn known(&self) -> Known {
         Known {
-            place: Gaussian::new(self.motion.place(), &self.motion.place_covariance()),
+            place: Place::new(self.motion.place(), &self.motion.place_covariance()),
             radius: self.radius,
             height: self.height,
+            log_odds: self.log_odds,
         }
     }
 

@@ -3,20 +3,19 @@
 //! All simulation happens in pinhole images. Masks and pictures are brought there once a frame by
 //! [`StageCamera::undistort`]; boxes and outlines are taken back to real pixels by [`StageCamera::to_real`].
 
+mod floor;
+
 use std::path::Path;
 
 use calib::Camera;
 use calib::undistort::UndistortMap;
 use image::{GrayImage, Luma};
-use nalgebra::{Point2, Vector2};
+use nalgebra::Point2;
 use scenes::depth::{self, DepthMap};
-use scenes::polygon::Polygon;
-use scenes::room::{Room, Zone, ZoneKind};
+use scenes::room::{Room, Zone};
 
+pub use self::floor::Floor;
 use crate::{Error, Result};
-
-/// How far from a camera people are looked for in a room whose floor is not known.
-const FLOOR_REACH_M: f64 = 10.0;
 
 /// How to prepare a room.
 #[derive(Debug, Clone, PartialEq)]
@@ -54,9 +53,10 @@ pub struct StageCamera {
 pub struct Stage {
     /// The cameras in use. Moments list theirs in this order.
     pub cameras: Vec<StageCamera>,
-    /// Where people appear and disappear.
+    /// Where people can be, appear and disappear.
+    pub floor: Floor,
+    /// The zones the floor was made with, for drawing.
     pub zones: Vec<Zone>,
-    walkable: Option<Vec<Polygon>>,
 }
 
 impl Stage {
@@ -71,7 +71,10 @@ impl Stage {
             options.cameras.iter().map(String::as_str).collect()
         };
         if names.is_empty() {
-            return Err(Error::option("room", "the room has no camera; add a [[camera]] table to scene.toml"));
+            return Err(Error::option(
+                "room",
+                "the room has no camera; add a [[camera]] table to scene.toml",
+            ));
         }
         let mut cameras = Vec::new();
         for name in names {
@@ -81,40 +84,9 @@ impl Stage {
             }
             cameras.push(camera);
         }
-        Ok(Self { cameras, zones: room.zones.clone(), walkable: room.walkable.clone() })
-    }
-
-    /// Whether a person can stand at this place.
-    pub fn is_walkable(&self, x_m: f64, y_m: f64) -> bool {
-        self.walkable.as_ref().is_none_or(|all| all.iter().any(|p| p.contains(&Point2::new(x_m, y_m))))
-    }
-
-    /// Whether people may appear at this place: inside an entry zone, or anywhere in a room without zones.
-    pub fn may_appear(&self, x_m: f64, y_m: f64) -> bool {
-        self.in_zone(x_m, y_m, ZoneKind::Exit)
-    }
-
-    /// Whether people may disappear at this place: inside an exit zone, or anywhere in a room without zones.
-    pub fn may_disappear(&self, x_m: f64, y_m: f64) -> bool {
-        self.in_zone(x_m, y_m, ZoneKind::Entry)
-    }
-
-    fn in_zone(&self, x_m: f64, y_m: f64, barred: ZoneKind) -> bool {
-        let p = Point2::new(x_m, y_m);
-        self.zones.is_empty() || self.zones.iter().any(|z| z.kind != barred && z.polygon.contains(&p))
-    }
-
-    /// A box around the floor people can be on: smallest and largest corner. Without zones and walkable polygons, what
-    /// lies within [`FLOOR_REACH_M`] of some camera.
-    pub fn floor_bounds(&self) -> (Point2<f64>, Point2<f64>) {
-        let polygons = self.walkable.iter().flatten().chain(self.zones.iter().map(|z| &z.polygon));
-        let corners = polygons.flat_map(|p| p.0.iter().copied());
-        let reach = Vector2::repeat(if self.walkable.is_some() { 0.0 } else { FLOOR_REACH_M });
-        let around =
-            self.cameras.iter().map(|c| c.pinhole.center().xy()).flat_map(|c| [c - reach, c + reach]);
-        let mut all = corners.chain(around.filter(|_| self.walkable.is_none()));
-        let first = all.next().unwrap_or_default();
-        all.fold((first, first), |(low, high), p| (low.inf(&p), high.sup(&p)))
+        let eyes: Vec<Point2<f64>> = cameras.iter().map(|c| c.pinhole.center().xy()).collect();
+        let floor = Floor::new(room.walkable.clone(), &room.zones, &eyes);
+        Ok(Self { cameras, floor, zones: room.zones.clone() })
     }
 
     /// The number of a camera.

@@ -1,0 +1,147 @@
+//! The floor: where people can be, where they may come and go, and the doorstep beyond.
+//!
+//! A person in a doorway is seen before they are in the room and after they have left it. So next to each zone, outside
+//! the room's outline, lies a *doorstep*: people may be there, come from there and vanish there, but they are not in the
+//! room and are not reported. Without it a tracker has to squeeze whoever is seen through the door into the room.
+
+use nalgebra::{Point2, Vector2};
+use scenes::polygon::Polygon;
+use scenes::room::{Zone, ZoneKind};
+
+/// How far the doorstep reaches from a zone: about as far as one sees through a door at an angle.
+const DOORSTEP_M: f64 = 1.5;
+/// How far from a camera people are looked for in a room whose floor is not known.
+const FLOOR_REACH_M: f64 = 10.0;
+
+/// Where people can be.
+#[derive(Debug, Clone)]
+pub struct Floor {
+    walkable: Option<Vec<Polygon>>,
+    zones: Vec<Zone>,
+    /// Convex outline of the room's floor; `None` when the floor has no known end.
+    outline: Option<Polygon>,
+    bounds: (Point2<f64>, Point2<f64>),
+}
+
+impl Floor {
+    pub(super) fn new(walkable: Option<Vec<Polygon>>, zones: &[Zone], cameras: &[Point2<f64>]) -> Self {
+        let polygons = walkable.iter().flatten().chain(zones.iter().map(|z| &z.polygon));
+        let mut corners: Vec<Point2<f64>> = polygons.flat_map(|p| p.0.iter().copied()).collect();
+        let outline = walkable.is_some().then(|| convex_hull(corners.clone()));
+        let reach = Vector2::repeat(if outline.is_some() { DOORSTEP_M } else { FLOOR_REACH_M });
+        if outline.is_none() {
+            corners.extend_from_slice(cameras);
+        }
+        let first = corners.first().copied().unwrap_or_default();
+        let (low, high) = corners.iter().fold((first, first), |(low, high), p| (low.inf(p), high.sup(p)));
+        Self { walkable, zones: zones.to_vec(), outline, bounds: (low - reach, high + reach) }
+    }
+
+    /// Whether a place is in the room and somebody can stand there. Zones count: whoever drew them saw people there.
+    pub fn is_inside(&self, x_m: f64, y_m: f64) -> bool {
+        let p = Point2::new(x_m, y_m);
+        self.walkable.as_ref().is_none_or(|all| all.iter().any(|w| w.contains(&p)))
+            || self.zones.iter().any(|z| z.polygon.contains(&p))
+    }
+
+    /// Whether somebody can stand at a place, in the room or on a doorstep.
+    pub fn is_standable(&self, x_m: f64, y_m: f64) -> bool {
+        self.is_inside(x_m, y_m) || self.near_zone(x_m, y_m, None)
+    }
+
+    /// Whether people may appear at this place: in an entry zone or on its doorstep; anywhere in a room without zones.
+    pub fn may_appear(&self, x_m: f64, y_m: f64) -> bool {
+        self.zones.is_empty() || self.near_zone(x_m, y_m, Some(ZoneKind::Exit))
+    }
+
+    /// Whether people may disappear at this place: in an exit zone or on its doorstep; anywhere in a room without zones.
+    pub fn may_disappear(&self, x_m: f64, y_m: f64) -> bool {
+        self.zones.is_empty() || self.near_zone(x_m, y_m, Some(ZoneKind::Entry))
+    }
+
+    /// The smallest and the largest corner of a box around all places where people can be.
+    pub fn bounds(&self) -> (Point2<f64>, Point2<f64>) {
+        self.bounds
+    }
+
+    /// In a zone that is not of the barred kind, or on its doorstep.
+    fn near_zone(&self, x_m: f64, y_m: f64, barred: Option<ZoneKind>) -> bool {
+        let p = Point2::new(x_m, y_m);
+        let outside = self.outline.as_ref().is_some_and(|o| !o.contains(&p));
+        let reach = if outside { DOORSTEP_M } else { 0.0 };
+        self.zones.iter().any(|z| Some(z.kind) != barred && z.polygon.distance_m(&p) <= reach)
+    }
+}
+
+/// The convex hull of points, counter-clockwise (Andrew's monotone chain).
+fn convex_hull(mut points: Vec<Point2<f64>>) -> Polygon {
+    points.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
+    points.dedup();
+    let half = |points: &mut dyn Iterator<Item = Point2<f64>>| {
+        let mut hull: Vec<Point2<f64>> = Vec::new();
+        for p in points {
+            while let [.., a, b] = hull[..]
+                && (b - a).perp(&(p - a)) <= 0.0
+            {
+                hull.pop();
+            }
+            hull.push(p);
+        }
+        hull.pop();
+        hull
+    };
+    let mut hull = half(&mut points.iter().copied());
+    hull.extend(half(&mut points.iter().rev().copied()));
+    Polygon(hull)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    fn rectangle(x0: f64, y0: f64, x1: f64, y1: f64) -> Polygon {
+        Polygon::rectangle(Point2::new(x0, y0), Point2::new(x1, y1))
+    }
+
+    fn room(kind: ZoneKind) -> Floor {
+        let zone = Zone { name: "door".into(), polygon: rectangle(5.0, 1.0, 6.0, 2.0), kind };
+        Floor::new(Some(vec![rectangle(0.0, 0.0, 6.0, 5.0)]), &[zone], &[])
+    }
+
+    #[test]
+    fn the_doorstep_lies_outside_the_room_next_to_the_zone() {
+        let floor = room(ZoneKind::Both);
+        assert!(floor.is_standable(6.5, 1.5) && !floor.is_inside(6.5, 1.5));
+        assert!(floor.may_appear(6.5, 1.5) && floor.may_disappear(6.5, 1.5));
+        assert!(floor.may_appear(5.5, 1.5) && floor.is_inside(5.5, 1.5));
+        assert!(!floor.may_appear(4.5, 1.5), "next to the zone, but in the room");
+        assert!(!floor.is_standable(6.5, 4.8) && !floor.is_standable(-0.1, 2.0));
+        let (low, high) = floor.bounds();
+        assert!(low.x <= 0.0 && high.x >= 6.5);
+    }
+
+    #[test]
+    fn one_way_zones_let_people_pass_one_way() {
+        let entry = room(ZoneKind::Entry);
+        assert!(entry.may_appear(5.5, 1.5) && !entry.may_disappear(5.5, 1.5));
+        let exit = room(ZoneKind::Exit);
+        assert!(!exit.may_appear(6.5, 1.5) && exit.may_disappear(6.5, 1.5) && exit.is_standable(6.5, 1.5));
+    }
+
+    #[test]
+    fn without_zones_people_come_and_go_anywhere() {
+        let floor = Floor::new(Some(vec![rectangle(0.0, 0.0, 6.0, 5.0)]), &[], &[]);
+        assert!(floor.may_appear(3.0, 3.0) && floor.may_disappear(3.0, 3.0) && !floor.is_standable(7.0, 3.0));
+        let open = Floor::new(None, &[], &[Point2::new(1.0, 1.0)]);
+        assert!(open.is_inside(50.0, 50.0) && open.bounds().1.x > 5.0);
+    }
+
+    #[test]
+    fn hulls_hold_their_points() {
+        let l = [(0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (1.0, 1.0), (1.0, 2.0), (0.0, 2.0), (1.0, 0.0)];
+        let hull = convex_hull(l.map(|(x, y)| Point2::new(x, y)).to_vec());
+        assert_eq!(hull.0.len(), 5);
+        assert_relative_eq!(hull.area(), 3.5);
+    }
+}
