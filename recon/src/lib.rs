@@ -3,21 +3,32 @@
 //! One camera is filmed while it is moved to its final pose; the frame at that pose is its *reference image*. Data
 //! flows down this list, a module a stage:
 //!
+//! * [`build`] — `recon build`: from `room.toml` to the room directory. Start here.
 //! * [`project`] — `room.toml`, checked.
 //! * [`capture`] — the frames of one camera and which of them is the reference image.
 //! * [`features`] — corners followed from frame to frame: tracks.
 //! * [`motion`] — camera motion and sparse points: start, growth, adjustment, diagnosis.
 //! * [`bundle`] — Levenberg–Marquardt over poses, points and lens.
 //! * [`dense`] — depth and normal for each pixel of the reference view, by PatchMatch stereo.
+//! * [`surface`] — what a reference view is known to see: depth, normal, origin of each pixel.
+//! * [`assemble`] — one room from all surfaces: [`merge`] (picked points, common surfaces), [`floor`] (Hough
+//!   transform, world frame), [`scale`] (metres), [`fusion`] (oriented discs).
 //! * [`error`] — the one error type: each line names file, place and mend.
 #![forbid(unsafe_code)]
 
+pub mod assemble;
+pub mod build;
 pub mod bundle;
 pub mod capture;
 pub mod dense;
 pub mod error;
 pub mod features;
+pub mod floor;
+pub mod fusion;
+pub mod merge;
 pub mod motion;
 pub mod project;
+pub mod scale;
+pub mod surface;
 
 pub use error::{Error, Result};

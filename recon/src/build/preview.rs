@@ -1,0 +1,75 @@
+//! Pictures that show at a glance whether it worked: a camera's reference image, its depth in the finished room and
+//! the room drawn from where it stands, side by side.
+
+use std::path::Path;
+
+use calib::undistort::UndistortMap;
+use image::{Rgb, RgbImage};
+use scenes::canvas::{Canvas, Color};
+use scenes::depth::{self, DepthMap};
+use scenes::raycast::RayScene;
+use scenes::room::Room;
+use scenes::view::{View, ViewOptions};
+
+use super::output::write_png;
+use crate::Result;
+
+/// Space between the pictures, pixels.
+const GAP: u32 = 6;
+
+/// Writes `preview/NAME.png` for each camera.
+pub(super) fn write(dir: &Path, room: &Room, references: &[(&str, &RgbImage)]) -> Result<()> {
+    let Some(geometry) = &room.geometry else { return Ok(()) };
+    let scene = RayScene::new(geometry)?;
+    for (camera, (name, reference)) in room.cameras.iter().zip(references) {
+        let mut pinhole = camera.camera.clone();
+        pinhole.intrinsics = pinhole.intrinsics.pinhole();
+        let seen = UndistortMap::new(&camera.camera.intrinsics).image(reference);
+        let depth = colored(&depth::render(&scene, &pinhole));
+        let options = ViewOptions { samples: 1, shading: 0.0, brighten: false, ..ViewOptions::default() };
+        let drawn = View::new(geometry, &scene, &pinhole, &options).image();
+        let (width, height) = seen.dimensions();
+        let mut canvas = Canvas::new(3 * width + 2 * GAP, height, Color::PAPER);
+        for (i, picture) in [&seen, &depth, &drawn].into_iter().enumerate() {
+            canvas.blit(picture, i64::from((width + GAP) * i as u32), 0);
+        }
+        write_png(&dir.join("preview").join(format!("{name}.png")), &canvas.into_image())?;
+    }
+    Ok(())
+}
+
+/// Near is warm, far is cool, nothing is black; equal steps of inverse depth, as stereo resolves it.
+fn colored(map: &DepthMap) -> RgbImage {
+    let mut inverse: Vec<f32> = map.z_m.iter().filter(|z| **z > 0.0).map(|z| 1.0 / z).collect();
+    inverse.sort_by(f32::total_cmp);
+    let at = |share: f32| inverse.get((inverse.len() as f32 * share) as usize).copied().unwrap_or(1.0);
+    let (far, near) = (at(0.01), at(0.99));
+    RgbImage::from_fn(map.width, map.height, |u, v| {
+        let z = map.at(u, v);
+        if z > 0.0 { warm_to_cool((1.0 / z - far) / (near - far).max(1e-9)) } else { Rgb([0, 0, 0]) }
+    })
+}
+
+/// 0 far: dark blue, over green, to 1 near: yellow and red. Mikhailov's Turbo, as its polynomial of fifth degree.
+fn warm_to_cool(t: f32) -> Rgb<u8> {
+    let t = t.clamp(0.0, 1.0);
+    let polynomial = |c: [f32; 6]| c.iter().rev().fold(0.0, |sum, k| sum * t + k);
+    let red = polynomial([0.135_721_4, 4.615_392_6, -42.660_324, 132.131_08, -152.942_4, 59.286_38]);
+    let green = polynomial([0.091_402_61, 2.194_188_4, 4.842_966_6, -14.185_033, 4.277_298_6, 2.829_566]);
+    let blue = polynomial([0.106_673_3, 12.641_946, -60.582_05, 110.362_77, -89.903_11, 27.348_25]);
+    Rgb([red, green, blue].map(|c| (255.0 * c.clamp(0.0, 1.0)) as u8))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn near_is_red_far_is_blue_and_nothing_is_black() {
+        let map = DepthMap { width: 3, height: 1, z_m: vec![1.0, 8.0, 0.0] };
+        let picture = colored(&map);
+        let [near, far, nothing] = [0, 1, 2].map(|u| picture.get_pixel(u, 0).0);
+        assert!(near[0] > near[2] && far[2] > far[0] / 2, "{near:?} {far:?}");
+        assert_eq!(nothing, [0, 0, 0]);
+    }
+}

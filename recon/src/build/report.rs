@@ -1,0 +1,138 @@
+//! `report.json`: what building a room did — counts, residuals, time a stage.
+
+use std::path::Path;
+use std::time::Duration;
+
+use serde::Serialize;
+
+use crate::assemble::AssembleReport;
+use crate::capture::Capture;
+use crate::dense::DenseReport;
+use crate::motion::MotionReport;
+use crate::project::Project;
+use crate::surface::{Origin, Surface};
+use crate::{Error, Result};
+
+/// What building a room did.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct BuildReport {
+    /// One a camera, in the project's order.
+    pub cameras: Vec<CameraReport>,
+    /// Root mean square distance of the picks from where the room puts them, pixels.
+    pub pick_rms_px: f64,
+    /// Picks left out, each told as a sentence.
+    pub picks_left_out: Vec<String>,
+    /// Pairs of surface points of different cameras that were laid on each other.
+    pub surface_pairs: usize,
+    /// Their root mean square distance, metres.
+    pub surface_rms_m: f64,
+    /// Root mean square distance of the floor's points from its plane, metres.
+    pub floor_rms_m: f64,
+    /// The floor's share of all area seen.
+    pub floor_share: f64,
+    /// Discs in the room.
+    pub discs: usize,
+    /// Of these, filled in rather than measured.
+    pub filled_discs: usize,
+    /// Pixels dropped since another camera showed the same finer.
+    pub duplicate_pixels: usize,
+    /// Pixels dropped since another camera looks through them.
+    pub seen_through_pixels: usize,
+    /// Time for the whole room; each camera has its own.
+    pub seconds: RoomSeconds,
+}
+
+/// Wall time of the stages that concern the whole room.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct RoomSeconds {
+    /// Merging, floor, metres, fusion.
+    pub assembling: f64,
+    /// Files and previews.
+    pub writing: f64,
+}
+
+/// What became of one capture.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CameraReport {
+    /// The camera.
+    pub name: String,
+    /// Frames filmed.
+    pub frames: usize,
+    /// The frame at the installed pose, counted from 1.
+    pub reference: usize,
+    /// Frames whose pose was found.
+    pub registered: usize,
+    /// Sparse points.
+    pub points: usize,
+    /// Their root mean square reprojection error, pixels.
+    pub reprojection_rms_px: f64,
+    /// Frames matched densely, counted from 1.
+    pub key_frames: Vec<usize>,
+    /// Share of the reference image's pixels that stereo measured.
+    pub measured_share: f64,
+    /// Share that was filled in.
+    pub filled_share: f64,
+    /// Wall time of motion and of everything dense.
+    pub motion_seconds: f64,
+    /// See `motion_seconds`.
+    pub dense_seconds: f64,
+}
+
+impl CameraReport {
+    pub(super) fn new(
+        capture: &Capture,
+        motion: &MotionReport,
+        dense: &DenseReport,
+        surface: &Surface,
+        (motion_time, dense_time): (Duration, Duration),
+    ) -> Self {
+        let share = |origin: Origin| {
+            let count = surface.origin.iter().filter(|o| **o == origin).count();
+            count as f64 / surface.origin.len().max(1) as f64
+        };
+        Self {
+            name: capture.name.clone(),
+            frames: capture.frames.len(),
+            reference: capture.reference + 1,
+            registered: motion.registered,
+            points: motion.points,
+            reprojection_rms_px: motion.rms_px,
+            key_frames: dense.key_frames.iter().map(|f| f + 1).collect(),
+            measured_share: share(Origin::Stereo),
+            filled_share: share(Origin::Filled),
+            motion_seconds: motion_time.as_secs_f64(),
+            dense_seconds: dense_time.as_secs_f64(),
+        }
+    }
+}
+
+impl BuildReport {
+    pub(super) fn assembled(&mut self, project: &Project, done: &AssembleReport, took: Duration) {
+        self.pick_rms_px = done.merge.pick_rms_px;
+        self.picks_left_out = done
+            .merge
+            .outliers
+            .iter()
+            .map(|(point, camera, off)| {
+                let name = &project.cameras[*camera].name;
+                format!("[[point]] {point}, {name}: {off:.1} pixels from where the other picks put it")
+            })
+            .collect();
+        self.surface_pairs = done.merge.surface_pairs;
+        self.surface_rms_m = done.merge.surface_rms * done.metres_per_unit;
+        self.floor_rms_m = done.floor.rms * done.metres_per_unit;
+        self.floor_share = done.floor.area_share;
+        self.discs = done.fusion.discs;
+        self.filled_discs = done.fusion.filled;
+        self.duplicate_pixels = done.fusion.duplicates;
+        self.seen_through_pixels = done.fusion.seen_through;
+        self.seconds.assembling = took.as_secs_f64();
+    }
+
+    pub(super) fn write(&self, dir: &Path) -> Result<()> {
+        let path = dir.join("report.json");
+        let text =
+            serde_json::to_string_pretty(self).map_err(|e| Error::content(&path, "report", e.to_string()))?;
+        Ok(calib::files::write_atomic(&path, format!("{text}\n").as_bytes())?)
+    }
+}

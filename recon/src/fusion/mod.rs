@@ -1,0 +1,238 @@
+//! Surfaces of all cameras → the room's oriented, coloured discs, in the world frame.
+//!
+//! What two cameras see alike is kept once, from the one that resolves it finer ([`Witnesses`]); what one camera looks
+//! through is dropped. Smooth regions become larger discs ([`blocks`]), so that a wall does not cost a disc a pixel.
+
+mod blocks;
+
+use glam::{Affine3A, Vec3};
+use nalgebra::Similarity3;
+use rayon::prelude::*;
+use scenes::geometry::Disc;
+
+use crate::dense::Pinhole;
+use crate::surface::{Origin, Surface};
+
+/// How surfaces are fused.
+#[derive(Debug, Clone)]
+pub struct FusionOptions {
+    /// Depths of two cameras that differ by less than this share are the same surface.
+    pub same_surface: f32,
+    /// A block of pixels becomes one disc when none of its depths is off the block's plane by more than this share.
+    pub flatness: f32,
+}
+
+impl Default for FusionOptions {
+    fn default() -> Self {
+        Self { same_surface: 0.03, flatness: 0.003 }
+    }
+}
+
+/// What fusion did.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct FusionReport {
+    /// Pixels with a depth, of all cameras.
+    pub pixels: usize,
+    /// Dropped since another camera shows the same surface finer.
+    pub duplicates: usize,
+    /// Dropped since another camera looks through them.
+    pub seen_through: usize,
+    /// Discs made.
+    pub discs: usize,
+    /// Of these, not measured but filled in.
+    pub filled: usize,
+}
+
+/// Fuses all surfaces; `world_from_camera` in metres, one a surface.
+pub fn fuse(
+    surfaces: &[Surface],
+    world_from_camera: &[Similarity3<f64>],
+    options: &FusionOptions,
+) -> (Vec<Disc>, FusionReport) {
+    let mut report = FusionReport::default();
+    let mut discs = Vec::new();
+    for (index, surface) in surfaces.iter().enumerate() {
+        let others: Vec<Witness<'_>> = surfaces
+            .iter()
+            .enumerate()
+            .filter(|(other, _)| *other != index)
+            .map(|(other, witness)| {
+                Witness::new(
+                    witness,
+                    &(world_from_camera[other].inverse() * world_from_camera[index]),
+                    other < index,
+                )
+            })
+            .collect();
+        let verdicts: Vec<Verdict> =
+            (0..surface.depth.len()).into_par_iter().map(|i| judge(surface, i, &others, options)).collect();
+        report.pixels += verdicts.iter().filter(|v| **v != Verdict::Nothing).count();
+        report.duplicates += verdicts.iter().filter(|v| **v == Verdict::Duplicate).count();
+        report.seen_through += verdicts.iter().filter(|v| **v == Verdict::SeenThrough).count();
+        let keep: Vec<bool> = verdicts.iter().map(|v| *v == Verdict::Keep).collect();
+        let world = &world_from_camera[index];
+        discs.extend(
+            blocks::discs(surface, &keep, options.flatness).into_iter().map(|disc| moved(&disc, world)),
+        );
+    }
+    report.discs = discs.len();
+    report.filled = discs.iter().filter(|d| d.filled).count();
+    (discs, report)
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Verdict {
+    Nothing,
+    Keep,
+    Duplicate,
+    SeenThrough,
+}
+
+/// Another camera that may have seen the same.
+struct Witness<'a> {
+    surface: &'a Surface,
+    camera: Pinhole,
+    witness_from_camera: Affine3A,
+    /// Length of a unit of this camera in the witness's.
+    scale: f32,
+    /// Whether it has precedence where both see equally well.
+    first: bool,
+}
+
+impl<'a> Witness<'a> {
+    fn new(surface: &'a Surface, witness_from_camera: &Similarity3<f64>, first: bool) -> Self {
+        let (t, r) = (witness_from_camera.isometry.translation.vector, witness_from_camera.isometry.rotation);
+        let scale = witness_from_camera.scaling() as f32;
+        let rotation = glam::Quat::from_xyzw(r.i as f32, r.j as f32, r.k as f32, r.w as f32);
+        let translation = Vec3::new(t.x as f32, t.y as f32, t.z as f32);
+        let witness_from_camera =
+            Affine3A::from_scale_rotation_translation(Vec3::splat(scale), rotation, translation);
+        Self { camera: surface.pinhole(), surface, witness_from_camera, scale, first }
+    }
+
+    /// The witness's pixel that a point falls into, and the point's depth there.
+    fn pixel(&self, point: Vec3) -> Option<(usize, usize, f32)> {
+        let p = self.witness_from_camera.transform_point3(point);
+        if p.z <= 0.0 {
+            return None;
+        }
+        let u = (self.camera.fx * p.x / p.z + self.camera.cx).round();
+        let v = (self.camera.fy * p.y / p.z + self.camera.cy).round();
+        let inside = u >= 1.0
+            && v >= 1.0
+            && u < self.surface.width() as f32 - 1.0
+            && v < self.surface.height() as f32 - 1.0;
+        inside.then_some((u as usize, v as usize, p.z))
+    }
+}
+
+fn judge(surface: &Surface, i: usize, others: &[Witness<'_>], options: &FusionOptions) -> Verdict {
+    let Some(point) = surface.point(i) else { return Verdict::Nothing };
+    for witness in others {
+        let Some((u, v, z)) = witness.pixel(point) else { continue };
+        let j = v * witness.surface.width() + u;
+        let seen = witness.surface.depth[j];
+        if seen <= 0.0 {
+            continue;
+        }
+        let measured = witness.surface.origin[j] == Origin::Stereo;
+        if (z / seen - 1.0).abs() < options.same_surface {
+            let (own, other) = (surface.radius(i) * witness.scale, witness.surface.radius(j));
+            let own_measured = surface.origin[i] == Origin::Stereo;
+            // What is measured beats what is filled in; then the finer; then the camera that comes first.
+            let other_better = match (own_measured, measured) {
+                (true, false) => false,
+                (false, true) => true,
+                _ => other < 0.999 * own || (witness.first && other < 1.001 * own),
+            };
+            if other_better {
+                return Verdict::Duplicate;
+            }
+        } else if measured && z < seen && looks_past(witness, u, v, z, options) {
+            let filled = surface.origin[i] == Origin::Filled;
+            if filled || surface.agreeing[i] <= witness.surface.agreeing[j] {
+                return Verdict::SeenThrough;
+            }
+        }
+    }
+    Verdict::Keep
+}
+
+/// Whether everything that the witness measured around a pixel lies well behind `z`.
+fn looks_past(witness: &Witness<'_>, u: usize, v: usize, z: f32, options: &FusionOptions) -> bool {
+    (v - 1..=v + 1).all(|y| {
+        (u - 1..=u + 1).all(|x| {
+            let seen = witness.surface.depth[y * witness.surface.width() + x];
+            seen <= 0.0 || z < seen * (1.0 - options.same_surface)
+        })
+    })
+}
+
+fn moved(disc: &Disc, world: &Similarity3<f64>) -> Disc {
+    let double = |v: Vec3| nalgebra::Vector3::new(f64::from(v.x), f64::from(v.y), f64::from(v.z));
+    let single = |v: nalgebra::Vector3<f64>| Vec3::new(v.x as f32, v.y as f32, v.z as f32);
+    Disc {
+        center: single((world * nalgebra::Point3::from(double(disc.center))).coords),
+        normal: single(world.isometry.rotation * double(disc.normal)).normalize_or(Vec3::Z),
+        radius: disc.radius * world.scaling() as f32,
+        ..*disc
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use calib::Intrinsics;
+    use image::{Rgb, RgbImage};
+
+    /// A camera that looks square on at a wall at depth `z`.
+    fn wall(z: f32, size: u32, origin: Origin) -> Surface {
+        let count = (size * size) as usize;
+        Surface {
+            picture: RgbImage::from_pixel(size, size, Rgb([90, 120, 150])),
+            intrinsics: Intrinsics::from_horizontal_fov(size, size, 60.0),
+            depth: vec![z; count],
+            normal: vec![-Vec3::Z; count],
+            agreeing: vec![4; count],
+            origin: vec![origin; count],
+        }
+    }
+
+    #[test]
+    fn what_two_cameras_see_alike_is_kept_once_from_the_finer() {
+        let views = [wall(2.0, 32, Origin::Stereo), wall(2.0, 64, Origin::Stereo)];
+        let still = [Similarity3::identity(), Similarity3::identity()];
+        let (discs, report) = fuse(&views, &still, &FusionOptions::default());
+        // The coarse camera keeps its outermost ring, where the fine one's lookup would leave its image.
+        assert!(report.duplicates > 900, "{report:?}");
+        assert!(
+            discs
+                .iter()
+                .filter(|d| d.center.x.abs() < 0.9 && d.center.y.abs() < 0.9)
+                .all(|d| d.radius < 0.06)
+        );
+    }
+
+    #[test]
+    fn what_another_camera_looks_through_is_dropped() {
+        let views = [wall(1.0, 32, Origin::Filled), wall(2.0, 32, Origin::Stereo)];
+        let still = [Similarity3::identity(), Similarity3::identity()];
+        let (_, report) = fuse(&views, &still, &FusionOptions::default());
+        assert!(report.seen_through >= 900, "{report:?}");
+        // The other way round nothing is contradicted: a filled wall behind a measured one is only hidden.
+        let views = [wall(1.0, 32, Origin::Stereo), wall(2.0, 32, Origin::Filled)];
+        assert_eq!(fuse(&views, &still, &FusionOptions::default()).1.seen_through, 0);
+    }
+
+    #[test]
+    fn discs_stand_in_the_world_with_its_scale() {
+        let world = Similarity3::new(nalgebra::Vector3::new(1.0, 2.0, 3.0), nalgebra::Vector3::zeros(), 2.0);
+        let (discs, report) = fuse(&[wall(2.0, 32, Origin::Stereo)], &[world], &FusionOptions::default());
+        assert_eq!((report.discs, report.filled, report.pixels), (discs.len(), 0, 1024));
+        assert!(discs.iter().all(|d| (d.center.z - 7.0).abs() < 1e-5 && d.color == [90, 120, 150]));
+        // All discs together cover the wall: 2 · 2 · tan 30° · 2 wide.
+        let side = 8.0 * (30f32).to_radians().tan();
+        let area: f32 = discs.iter().map(|d| std::f32::consts::PI * d.radius * d.radius).sum();
+        assert!(area > side * side && area < 2.0 * side * side, "{area}");
+    }
+}

@@ -1,0 +1,130 @@
+//! All cameras in one frame: picked points → similarities, chained over the cameras, then refined jointly.
+//!
+//! Each camera's reconstruction has its own frame and scale. Points picked in two reference images give, with the
+//! depth read there, two sets of 3-D points and so a similarity by Horn's closed form
+//! ([`calib::absolute_orientation`]); the best-joined pairs are chained from the first camera on ([`graph`]). The
+//! joint refinement ([`refine`]) then moves cameras and points until the picks fall where they were picked, and
+//! the surfaces that cameras see in common lie on each other.
+
+mod graph;
+mod overlap;
+mod refine;
+
+use nalgebra::{Point2, Point3, Similarity3};
+
+use crate::project::Project;
+use crate::surface::Surface;
+use crate::{Error, Result};
+
+/// How cameras are joined.
+#[derive(Debug, Clone)]
+pub struct MergeOptions {
+    /// Standard deviation of a pick, pixels.
+    pub pick_sigma_px: f64,
+    /// Standard deviation of the depth read at a pick, as a share of the depth.
+    pub depth_sigma: f64,
+    /// A pick farther off than this after refinement is out, pixels.
+    pub outlier_px: f64,
+    /// Whether surfaces seen by two cameras are laid on each other (point-to-plane).
+    pub align_surfaces: bool,
+}
+
+impl Default for MergeOptions {
+    fn default() -> Self {
+        Self { pick_sigma_px: 0.7, depth_sigma: 0.01, outlier_px: 6.0, align_surfaces: true }
+    }
+}
+
+/// What merging did.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct MergeReport {
+    /// Root mean square distance between the picks and where the room puts them, pixels, outliers left out.
+    pub pick_rms_px: f64,
+    /// Picks left out: number of the point (from 1), index of the camera, distance in pixels.
+    pub outliers: Vec<(usize, usize, f64)>,
+    /// Pairs of surface points that were laid on each other.
+    pub surface_pairs: usize,
+    /// Their root mean square distance, in units of the first camera's reconstruction.
+    pub surface_rms: f64,
+}
+
+/// Where everything stands in the first camera's frame and scale.
+#[derive(Debug, Clone)]
+pub struct Merged {
+    /// One a camera; the first is the identity.
+    pub common_from_camera: Vec<Similarity3<f64>>,
+    /// The picked points, `None` for those left out.
+    pub points: Vec<Option<Point3<f64>>>,
+}
+
+/// Joins all cameras.
+///
+/// # Errors
+/// [`Error::Content`] naming the pick that spoils a pair, or a pair without enough usable depth at its picks.
+pub fn merge(
+    project: &Project,
+    surfaces: &[Surface],
+    lenses: &[calib::Intrinsics],
+    options: &MergeOptions,
+) -> Result<(Merged, MergeReport)> {
+    let picks = lift(project, surfaces, lenses)?;
+    let start = graph::chain(project, &picks, surfaces.len())?;
+    let (merged, report) = refine::refine(&picks, &start, surfaces, options);
+    check_pairs(project, &picks, &report)?;
+    Ok((merged, report))
+}
+
+/// A pick in three dimensions.
+#[derive(Debug, Clone)]
+struct Pick {
+    /// Index of the point in the project.
+    point: usize,
+    camera: usize,
+    /// In the pinhole image.
+    pixel: Point2<f64>,
+    /// In the camera's frame, where its depth is known.
+    seen: Option<Point3<f64>>,
+}
+
+fn lift(project: &Project, surfaces: &[Surface], lenses: &[calib::Intrinsics]) -> Result<Vec<Pick>> {
+    let mut picks = Vec::new();
+    for (point, picked) in project.points.iter().enumerate() {
+        for (camera, pixel) in &picked.picks {
+            let pinhole = pinhole_pixel(&lenses[*camera], pixel).ok_or_else(|| {
+                let place = format!("[[point]] {}, {}", point + 1, project.cameras[*camera].name);
+                Error::content(&project.path, place, "the lens model gives no ray to this pixel")
+            })?;
+            let seen = surfaces[*camera].point_at(&pinhole);
+            picks.push(Pick { point, camera: *camera, pixel: pinhole, seen });
+        }
+    }
+    Ok(picks)
+}
+
+/// A pixel as filmed → the same ray's pixel in the pinhole image.
+pub(crate) fn pinhole_pixel(lens: &calib::Intrinsics, pixel: &Point2<f64>) -> Option<Point2<f64>> {
+    let ray = lens.unproject(pixel)?;
+    lens.pinhole().project(&ray.into())
+}
+
+/// When leaving outliers out leaves a pair with too few points, the worst of them is the message.
+fn check_pairs(project: &Project, picks: &[Pick], report: &MergeReport) -> Result<()> {
+    let worst = report.outliers.iter().max_by(|a, b| a.2.total_cmp(&b.2));
+    let Some((point, camera, off)) = worst else { return Ok(()) };
+    for joined in 0..project.cameras.len() {
+        let left = picks
+            .iter()
+            .filter(|p| p.camera == joined && !report.outliers.iter().any(|o| o.0 == p.point + 1))
+            .count();
+        if left < crate::project::LEAST_SHARED_POINTS {
+            let place = format!("[[point]] {point}, {}", project.cameras[*camera].name);
+            let problem = format!(
+                "is {off:.1} pixels from where the other picks put it, and without it `{}` has only {left} points left; \
+                 pick it again",
+                project.cameras[joined].name
+            );
+            return Err(Error::content(&project.path, place, problem));
+        }
+    }
+    Ok(())
+}

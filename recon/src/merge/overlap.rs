@@ -1,0 +1,93 @@
+//! Surface points that two cameras both see, found by projecting one's into the other (projective association).
+
+use glam::Vec3;
+use nalgebra::{Point3, Similarity3, Vector3};
+
+use crate::surface::{Origin, Surface};
+
+/// A point of one camera's surface that lies close to another's.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Contact {
+    /// Camera that has the point, and the point in its frame.
+    pub(super) from: usize,
+    point: Point3<f64>,
+    /// Camera that has the surface, with the surface's point and normal in its frame.
+    pub(super) onto: usize,
+    surface: Point3<f64>,
+    normal: Vector3<f64>,
+}
+
+impl Contact {
+    /// Distance along the normal as a share of the depth.
+    pub(super) fn relative(&self, poses: &[Similarity3<f64>]) -> f64 {
+        let there = poses[self.onto].inverse() * (poses[self.from] * self.point);
+        self.normal.dot(&(there - self.surface)) / self.surface.z
+    }
+
+    /// Distance along the normal in the common frame's unit.
+    pub(super) fn distance(&self, poses: &[Similarity3<f64>]) -> f64 {
+        self.relative(poses) * self.surface.z * poses[self.onto].scaling()
+    }
+}
+
+/// Every this many pixels a point is tried.
+const STRIDE: usize = 7;
+/// Surfaces that face more than 30° apart are not the same.
+const LEAST_FACING: f32 = 0.866;
+
+/// All contacts between all pairs whose distance is below `gate` (a share of the depth).
+pub(super) fn contacts(surfaces: &[Surface], poses: &[Similarity3<f64>], gate: f64) -> Vec<Contact> {
+    let mut found = Vec::new();
+    for from in 0..surfaces.len() {
+        for onto in 0..surfaces.len() {
+            if from != onto {
+                between(surfaces, poses, (from, onto), gate, &mut found);
+            }
+        }
+    }
+    found
+}
+
+fn between(
+    surfaces: &[Surface],
+    poses: &[Similarity3<f64>],
+    (from, onto): (usize, usize),
+    gate: f64,
+    found: &mut Vec<Contact>,
+) {
+    let (source, target) = (&surfaces[from], &surfaces[onto]);
+    let onto_from = poses[onto].inverse() * poses[from];
+    let (width, height) = (target.width(), target.height());
+    for y in (STRIDE / 2..source.height()).step_by(STRIDE) {
+        for x in (STRIDE / 2..source.width()).step_by(STRIDE) {
+            let i = y * source.width() + x;
+            let Some(point) = source.point(i).filter(|_| source.origin[i] == Origin::Stereo) else {
+                continue;
+            };
+            let point = double(point);
+            let there = onto_from * point;
+            let Some(pixel) = target.intrinsics.project(&there) else { continue };
+            let (u, v) = (pixel.x.round(), pixel.y.round());
+            if u < 0.0 || v < 0.0 || u >= width as f64 || v >= height as f64 {
+                continue;
+            }
+            let j = v as usize * width + u as usize;
+            let Some(surface) = target.point(j).filter(|_| target.origin[j] == Origin::Stereo) else {
+                continue;
+            };
+            let normal = double(target.normal[j]).coords;
+            let turned = onto_from.isometry.rotation * double(source.normal[i]).coords;
+            if turned.dot(&normal) < f64::from(LEAST_FACING) {
+                continue;
+            }
+            let contact = Contact { from, point, onto, surface: double(surface), normal };
+            if contact.relative(poses).abs() < gate {
+                found.push(contact);
+            }
+        }
+    }
+}
+
+fn double(v: Vec3) -> Point3<f64> {
+    Point3::new(f64::from(v.x), f64::from(v.y), f64::from(v.z))
+}

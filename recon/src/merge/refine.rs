@@ -1,0 +1,336 @@
+//! The joint refinement: cameras and picked points move until picks, depths and common surfaces fit best.
+//!
+//! Levenberg–Marquardt over seven numbers a camera (log scale, rotation, translation; the first camera stands still)
+//! and three a point. Residuals, each in standard deviations: a pick's pixel; the depth read at a pick, as a
+//! logarithm; the distance of one camera's surface point from another's surface, along that one's normal. All are robust
+//! (Cauchy), reweighted as they go. The problem is small and dense, so derivatives are central differences.
+
+use nalgebra::{DMatrix, DVector, Point3, Similarity3, Translation3, UnitQuaternion, Vector3};
+
+use super::overlap::{self, Contact};
+use super::{MergeOptions, MergeReport, Merged, Pick};
+use crate::surface::Surface;
+
+/// Parameters a camera.
+const POSE: usize = 7;
+/// Parameters a point.
+const POINT: usize = 3;
+/// Rounds of finding common surface points anew.
+const ASSOCIATIONS: usize = 6;
+/// A depth this far (logarithm) from where both cameras' rays meet is another surface's.
+const DEPTH_MISMATCH: f64 = 0.1;
+
+struct State {
+    poses: Vec<Similarity3<f64>>,
+    points: Vec<Option<Point3<f64>>>,
+}
+
+enum Term<'a> {
+    Pixel(&'a Pick),
+    Depth(&'a Pick, f64),
+    Surface(&'a Contact, f64),
+}
+
+struct Scene<'a> {
+    surfaces: &'a [Surface],
+    options: &'a MergeOptions,
+}
+
+/// Refines `start`; picks that do not fit are left out and reported.
+pub(super) fn refine(
+    picks: &[Pick],
+    start: &[Similarity3<f64>],
+    surfaces: &[Surface],
+    options: &MergeOptions,
+) -> (Merged, MergeReport) {
+    let scene = Scene { surfaces, options };
+    let mut report = MergeReport::default();
+    let mut kept: Vec<Pick> = picks.to_vec();
+    let mut state = State { poses: start.to_vec(), points: first_points(picks, start) };
+    // Each round leaves out the worst point, since it may have pulled others off.
+    loop {
+        scene.minimise(&mut state, &kept, &[]);
+        let worst = kept
+            .iter()
+            .map(|p| (p, scene.misfit_px(&state, p, &kept)))
+            .filter(|(_, off)| *off > options.outlier_px)
+            .max_by(|a, b| a.1.total_cmp(&b.1));
+        let Some((pick, off)) = worst else { break };
+        let point = pick.point;
+        report.outliers.push((point + 1, pick.camera, off));
+        kept.retain(|p| p.point != point);
+        state.points[point] = None;
+    }
+    report.pick_rms_px = scene.pick_rms(&state, &kept);
+    if options.align_surfaces && surfaces.len() > 1 {
+        scene.lay_on_each_other(&mut state, &kept, &mut report);
+    }
+    (Merged { common_from_camera: state.poses, points: state.points }, report)
+}
+
+/// Mean of where the cameras' depths put each point.
+fn first_points(picks: &[Pick], poses: &[Similarity3<f64>]) -> Vec<Option<Point3<f64>>> {
+    let count = picks.iter().map(|p| p.point + 1).max().unwrap_or(0);
+    (0..count)
+        .map(|point| {
+            let seen: Vec<Vector3<f64>> = picks
+                .iter()
+                .filter(|p| p.point == point)
+                .filter_map(|p| Some((poses[p.camera] * p.seen?).coords))
+                .collect();
+            let n = seen.len();
+            (n > 0).then(|| Point3::from(seen.into_iter().sum::<Vector3<f64>>() / n as f64))
+        })
+        .collect()
+}
+
+impl Scene<'_> {
+    /// Lays common surfaces on each other, unless the picks suffer by it.
+    fn lay_on_each_other(&self, state: &mut State, picks: &[Pick], report: &mut MergeReport) {
+        let before = (state.poses.clone(), state.points.clone());
+        let mut contacts = Vec::new();
+        for round in 0..ASSOCIATIONS {
+            // The gate narrows as the surfaces come together.
+            let gate = 0.06 * 0.7f64.powi(round as i32);
+            contacts = overlap::contacts(self.surfaces, &state.poses, gate);
+            self.minimise(state, picks, &contacts);
+        }
+        let rms = self.pick_rms(state, picks);
+        if rms > 1.5 * report.pick_rms_px + 0.5 {
+            (state.poses, state.points) = before;
+            return;
+        }
+        report.pick_rms_px = rms;
+        report.surface_pairs = contacts.len();
+        let squares: f64 = contacts.iter().map(|c| c.distance(&state.poses).powi(2)).sum();
+        report.surface_rms = (squares / contacts.len().max(1) as f64).sqrt();
+    }
+
+    fn terms<'a>(&self, picks: &'a [Pick], contacts: &'a [Contact]) -> Vec<Term<'a>> {
+        // Neighbouring surface points err together: all of them count as much as this many independent ones.
+        const INDEPENDENT: f64 = 150.0;
+        let weight = (INDEPENDENT / contacts.len().max(1) as f64).min(1.0).sqrt();
+        let depths = picks.iter().filter_map(|p| Some(Term::Depth(p, p.seen?.z)));
+        picks
+            .iter()
+            .map(Term::Pixel)
+            .chain(depths)
+            .chain(contacts.iter().map(|c| Term::Surface(c, weight)))
+            .collect()
+    }
+
+    /// In standard deviations; the second number is 0 but for pixels.
+    fn residual(&self, state: &State, term: &Term<'_>) -> [f64; 2] {
+        /// What a point behind a camera costs.
+        const BEHIND: [f64; 2] = [1e3, 1e3];
+        match term {
+            Term::Pixel(pick) => {
+                let Some(point) = state.points[pick.point] else { return [0.0; 2] };
+                let seen = state.poses[pick.camera].inverse() * point;
+                let Some(pixel) = self.surfaces[pick.camera].intrinsics.project(&seen) else { return BEHIND };
+                let off = (pixel - pick.pixel) / self.options.pick_sigma_px;
+                [off.x, off.y]
+            }
+            Term::Depth(pick, depth) => {
+                let Some(point) = state.points[pick.point] else { return [0.0; 2] };
+                let z = (state.poses[pick.camera].inverse() * point).z;
+                if z <= 0.0 {
+                    return BEHIND;
+                }
+                [(z / depth).ln() / self.options.depth_sigma, 0.0]
+            }
+            Term::Surface(contact, weight) => {
+                [weight * contact.relative(&state.poses) / self.options.depth_sigma, 0.0]
+            }
+        }
+    }
+
+    /// Indices of the parameters a term depends on.
+    fn touched(&self, term: &Term<'_>, cameras: usize) -> Vec<usize> {
+        let pose = |camera: usize| {
+            let first = camera.saturating_sub(1) * POSE;
+            let count = if camera == 0 { 0 } else { POSE };
+            first..first + count
+        };
+        let point = |point: usize| {
+            let first = (cameras - 1) * POSE + point * POINT;
+            first..first + POINT
+        };
+        match term {
+            Term::Pixel(p) | Term::Depth(p, _) => pose(p.camera).chain(point(p.point)).collect(),
+            Term::Surface(c, _) => pose(c.from).chain(pose(c.onto)).collect(),
+        }
+    }
+
+    /// Robust cost: Cauchy's, of the squared residual.
+    fn cost(&self, state: &State, terms: &[Term<'_>]) -> f64 {
+        terms.iter().map(|t| loss(self.residual(state, t), t)).sum()
+    }
+
+    fn minimise(&self, state: &mut State, picks: &[Pick], contacts: &[Contact]) {
+        const ITERATIONS: usize = 60;
+        const STEP: f64 = 1e-6;
+        let terms = self.terms(picks, contacts);
+        let cameras = state.poses.len();
+        let size = (cameras - 1) * POSE + state.points.len() * POINT;
+        if size == 0 {
+            return;
+        }
+        let mut damping = 1e-3;
+        let mut cost = self.cost(state, &terms);
+        for _ in 0..ITERATIONS {
+            let mut normal = DMatrix::<f64>::zeros(size, size);
+            let mut gradient = DVector::<f64>::zeros(size);
+            for term in &terms {
+                let residual = self.residual(state, term);
+                let weight = weight(residual, term);
+                let touched = self.touched(term, cameras);
+                let rows: Vec<[f64; 2]> = touched
+                    .iter()
+                    .map(|i| {
+                        let (plus, minus) = (state.nudged(*i, STEP), state.nudged(*i, -STEP));
+                        let (p, m) = (self.residual(&plus, term), self.residual(&minus, term));
+                        [(p[0] - m[0]) / (2.0 * STEP), (p[1] - m[1]) / (2.0 * STEP)]
+                    })
+                    .collect();
+                for (a, ja) in touched.iter().zip(&rows) {
+                    gradient[*a] += weight * (ja[0] * residual[0] + ja[1] * residual[1]);
+                    for (b, jb) in touched.iter().zip(&rows) {
+                        normal[(*a, *b)] += weight * (ja[0] * jb[0] + ja[1] * jb[1]);
+                    }
+                }
+            }
+            let mut improved = false;
+            for _ in 0..8 {
+                let mut damped = normal.clone();
+                for i in 0..size {
+                    damped[(i, i)] += damping * normal[(i, i)] + 1e-9;
+                }
+                let Some(solved) = damped.cholesky() else {
+                    damping *= 10.0;
+                    continue;
+                };
+                let candidate = state.moved(&-solved.solve(&gradient));
+                let new_cost = self.cost(&candidate, &terms);
+                if new_cost < cost {
+                    improved = cost - new_cost > 1e-9 * cost;
+                    *state = candidate;
+                    cost = new_cost;
+                    damping = (damping * 0.3).max(1e-9);
+                    break;
+                }
+                damping *= 5.0;
+            }
+            if !improved {
+                break;
+            }
+        }
+    }
+
+    /// How far a pick is from where the others put its point. When its depths contradict each other although the
+    /// rays meet, that is the distance between the pick and the other cameras' depths, seen from here.
+    fn misfit_px(&self, state: &State, pick: &Pick, picks: &[Pick]) -> f64 {
+        let off = norm(self.residual(state, &Term::Pixel(pick))) * self.options.pick_sigma_px;
+        let mut of_point = picks.iter().filter(|p| p.point == pick.point);
+        let contradicted = of_point.all(|p| {
+            p.seen.is_some_and(|seen| {
+                let log = self.residual(state, &Term::Depth(p, seen.z))[0] * self.options.depth_sigma;
+                log.abs() > DEPTH_MISMATCH
+            })
+        });
+        if !contradicted {
+            return off;
+        }
+        let camera = &self.surfaces[pick.camera].intrinsics;
+        let from_others = picks
+            .iter()
+            .filter(|p| p.point == pick.point && p.camera != pick.camera)
+            .filter_map(|p| {
+                let there = state.poses[p.camera] * p.seen?;
+                let pixel = camera.project(&(state.poses[pick.camera].inverse() * there))?;
+                Some((pixel - pick.pixel).norm())
+            })
+            .fold(0.0, f64::max);
+        off.max(from_others)
+    }
+
+    fn pick_rms(&self, state: &State, picks: &[Pick]) -> f64 {
+        let squares: f64 = picks.iter().map(|p| norm(self.residual(state, &Term::Pixel(p))).powi(2)).sum();
+        self.options.pick_sigma_px * (squares / picks.len().max(1) as f64).sqrt()
+    }
+}
+
+/// Residuals beyond this many standard deviations pull less and less. Depths read at corners are often another
+/// surface's, so they give way earlier.
+fn softness(term: &Term<'_>) -> f64 {
+    match term {
+        Term::Pixel(_) => 3.0,
+        Term::Depth(..) => 1.5,
+        Term::Surface(_, weight) => 1.5 * weight,
+    }
+}
+
+fn loss(residual: [f64; 2], term: &Term<'_>) -> f64 {
+    let c = softness(term);
+    c * c * (1.0 + (norm(residual) / c).powi(2)).ln()
+}
+
+fn weight(residual: [f64; 2], term: &Term<'_>) -> f64 {
+    1.0 / (1.0 + (norm(residual) / softness(term)).powi(2))
+}
+
+fn norm(residual: [f64; 2]) -> f64 {
+    residual[0].hypot(residual[1])
+}
+
+impl State {
+    /// All parameters moved.
+    fn moved(&self, by: &DVector<f64>) -> Self {
+        let cameras = self.poses.len();
+        let poses = self
+            .poses
+            .iter()
+            .enumerate()
+            .map(|(i, pose)| {
+                if i == 0 {
+                    return *pose;
+                }
+                let at = (i - 1) * POSE;
+                move_pose(pose, &std::array::from_fn(|k| by[at + k]))
+            })
+            .collect();
+        let points = self
+            .points
+            .iter()
+            .enumerate()
+            .map(|(i, point)| {
+                let at = (cameras - 1) * POSE + i * POINT;
+                point.map(|p| p + Vector3::new(by[at], by[at + 1], by[at + 2]))
+            })
+            .collect();
+        Self { poses, points }
+    }
+
+    /// One parameter moved.
+    fn nudged(&self, parameter: usize, by: f64) -> Self {
+        let mut moved = Self { poses: self.poses.clone(), points: self.points.clone() };
+        let poses = (self.poses.len() - 1) * POSE;
+        if parameter < poses {
+            let mut delta = [0.0; POSE];
+            delta[parameter % POSE] = by;
+            let camera = 1 + parameter / POSE;
+            moved.poses[camera] = move_pose(&self.poses[camera], &delta);
+        } else if let Some(point) = &mut moved.points[(parameter - poses) / POINT] {
+            point[(parameter - poses) % POINT] += by;
+        }
+        moved
+    }
+}
+
+/// Scale, rotation about the camera's own centre, translation.
+fn move_pose(pose: &Similarity3<f64>, delta: &[f64; POSE]) -> Similarity3<f64> {
+    let [scale, rx, ry, rz, tx, ty, tz] = *delta;
+    let rotation = UnitQuaternion::from_scaled_axis(Vector3::new(rx, ry, rz)) * pose.isometry.rotation;
+    let translation = pose.isometry.translation.vector + Vector3::new(tx, ty, tz);
+    Similarity3::from_parts(Translation3::from(translation), rotation, pose.scaling() * scale.exp())
+}

@@ -1,0 +1,64 @@
+//! Metres: how long a unit of the common frame is, from one known length.
+
+use nalgebra::{Isometry3, Point2, Point3};
+
+use crate::floor::Plane;
+use crate::merge::{Merged, pinhole_pixel};
+use crate::project::{Project, Scale};
+use crate::surface::Surface;
+use crate::{Error, Result};
+
+/// Metres a unit of the common frame.
+///
+/// # Arguments
+/// `lenses`: each camera's intrinsics as filmed. `common`: each camera's pose in the common frame. `floor`: the floor
+/// in the common frame, for a known height.
+///
+/// # Errors
+/// [`Error::Content`] naming the pixel at which there is no depth.
+pub fn metres_per_unit(
+    project: &Project,
+    surfaces: &[Surface],
+    lenses: &[calib::Intrinsics],
+    merged: &Merged,
+    common: &[Isometry3<f64>],
+    floor: &Plane,
+) -> Result<f64> {
+    match &project.scale {
+        Scale::Height { camera, height_m } => {
+            let centre = common[*camera].inverse() * Point3::origin();
+            Ok(height_m / floor.height(&centre))
+        }
+        Scale::Distance { camera, from, to, metres } => {
+            let end = |key: &str, pixel: &Point2<f64>| {
+                let seen = picked(project, merged, *camera, pixel).or_else(|| {
+                    let pinhole = pinhole_pixel(&lenses[*camera], pixel)?;
+                    let point = surfaces[*camera].point_at(&pinhole)?;
+                    Some(merged.common_from_camera[*camera] * point)
+                });
+                seen.ok_or_else(|| {
+                    let problem = format!(
+                        "there is no depth at [{}, {}] of `{}`; choose a pixel on something textured",
+                        pixel.x, pixel.y, project.cameras[*camera].name
+                    );
+                    Error::content(&project.path, format!("[scale], {key}"), problem)
+                })
+            };
+            let length = (end("to", to)? - end("from", from)?).norm();
+            if length <= 0.0 {
+                let problem = "`from` and `to` show the same point: the distance has no length";
+                return Err(Error::content(&project.path, "[scale]", problem));
+            }
+            Ok(metres / length)
+        }
+    }
+}
+
+/// A pixel that is also a picked point has been seen by several cameras, and is known better than by depth alone.
+fn picked(project: &Project, merged: &Merged, camera: usize, pixel: &Point2<f64>) -> Option<Point3<f64>> {
+    /// The same pixel.
+    const SAME_PX: f64 = 1.0;
+    let close = |p: Point2<f64>| (p - pixel).norm() <= SAME_PX;
+    let point = project.points.iter().position(|p| p.pixel(camera).is_some_and(close))?;
+    merged.points.get(point).copied().flatten()
+}

@@ -1,0 +1,201 @@
+//! What a camera's reference view is known to see: for each pixel a depth, a normal, and where that comes from.
+//!
+//! In the camera's own frame (the identity) and the capture's own scale; the picture and the pixels are those of the
+//! pinhole camera.
+
+use calib::Intrinsics;
+use glam::Vec3;
+use image::RgbImage;
+use nalgebra::{Point2, Point3};
+
+use crate::dense::{DenseView, Pinhole};
+
+/// Where a pixel's depth comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Origin {
+    /// There is none.
+    #[default]
+    Unknown,
+    /// Stereo saw it.
+    Stereo,
+    /// Filled in from a plane that stereo saw nearby.
+    Filled,
+}
+
+/// A camera's reference view in depth.
+#[derive(Debug, Clone)]
+pub struct Surface {
+    /// The pinhole picture.
+    pub picture: RgbImage,
+    /// Its camera, without distortion.
+    pub intrinsics: Intrinsics,
+    /// Depth along z a pixel, row by row; 0 where unknown.
+    pub depth: Vec<f32>,
+    /// Unit normal in camera coordinates, towards the camera.
+    pub normal: Vec<Vec3>,
+    /// How many other views agree: 0 for what is not measured.
+    pub agreeing: Vec<u8>,
+    /// Where each depth comes from.
+    pub origin: Vec<Origin>,
+}
+
+impl Surface {
+    /// The reliable part of a dense view.
+    pub fn from_view(view: &DenseView) -> Self {
+        let (camera, width) = (view.pinhole(), view.map.width);
+        let known = |i: usize| view.agreeing[i] > 0;
+        let all = 0..view.map.supports.len();
+        let normal = |i: usize| {
+            let support = &view.map.supports[i];
+            support.normal((i % width) as f32, (i / width) as f32, &camera)
+        };
+        Self {
+            picture: view.picture.clone(),
+            intrinsics: view.intrinsics.clone(),
+            depth: all.clone().map(|i| if known(i) { 1.0 / view.map.supports[i].w } else { 0.0 }).collect(),
+            normal: all.clone().map(|i| if known(i) { normal(i) } else { Vec3::ZERO }).collect(),
+            agreeing: view.agreeing.clone(),
+            origin: all.map(|i| if known(i) { Origin::Stereo } else { Origin::Unknown }).collect(),
+        }
+    }
+
+    /// Width in pixels.
+    pub fn width(&self) -> usize {
+        self.intrinsics.width as usize
+    }
+
+    /// Height in pixels.
+    pub fn height(&self) -> usize {
+        self.intrinsics.height as usize
+    }
+
+    /// The camera for inner loops.
+    pub fn pinhole(&self) -> Pinhole {
+        let k = &self.intrinsics;
+        Pinhole { fx: k.fx as f32, fy: k.fy as f32, cx: k.cx as f32, cy: k.cy as f32 }
+    }
+
+    /// The point seen at pixel number `i`; `None` where unknown.
+    pub fn point(&self, i: usize) -> Option<Vec3> {
+        let (u, v) = ((i % self.width()) as f32, (i / self.width()) as f32);
+        (self.depth[i] > 0.0).then(|| self.pinhole().ray(u, v) * self.depth[i])
+    }
+
+    /// The radius of the disc that covers pixel number `i`, slanted as the surface is.
+    pub fn radius(&self, i: usize) -> f32 {
+        let (u, v) = ((i % self.width()) as f32, (i / self.width()) as f32);
+        let camera = self.pinhole();
+        let ray = camera.ray(u, v);
+        let cosine = (-self.normal[i].dot(ray) / ray.length()).clamp(LEAST_COSINE, 1.0);
+        // Half a pixel's diagonal, longer on a slanted surface; the square root shares that between both axes.
+        std::f32::consts::FRAC_1_SQRT_2 * self.depth[i] / camera.fx.min(camera.fy) / cosine.sqrt()
+    }
+
+    /// The area of surface that pixel number `i` shows, in the capture's units squared.
+    pub fn area(&self, i: usize) -> f32 {
+        let (u, v) = ((i % self.width()) as f32, (i / self.width()) as f32);
+        let camera = self.pinhole();
+        let ray = camera.ray(u, v);
+        let towards = (-self.normal[i].dot(ray) / ray.length()).max(LEAST_COSINE);
+        // A pixel's solid angle is 1 / (fx fy |ray|³); the surface lies at depth · |ray|.
+        self.depth[i].powi(2) / (camera.fx * camera.fy * ray.length() * towards)
+    }
+
+    /// The share of pixels with a depth.
+    pub fn coverage(&self) -> f64 {
+        self.depth.iter().filter(|z| **z > 0.0).count() as f64 / self.depth.len().max(1) as f64
+    }
+
+    /// The point seen at a pinhole pixel, read from its neighbourhood: an edge belongs to what is nearer, since a
+    /// person picks corners of things and not the wall behind them.
+    pub fn point_at(&self, pixel: &Point2<f64>) -> Option<Point3<f64>> {
+        for radius in [2isize, 4, 8] {
+            if let Some(depth) = self.neighbourhood_depth(pixel, radius) {
+                let ray = self.intrinsics.unproject(pixel)?;
+                return Some(Point3::from(ray * depth));
+            }
+        }
+        None
+    }
+
+    /// The median depth of the nearer surface around a pixel; `None` when too little is known there.
+    fn neighbourhood_depth(&self, pixel: &Point2<f64>, radius: isize) -> Option<f64> {
+        let (cx, cy) = (pixel.x.round() as isize, pixel.y.round() as isize);
+        let mut depths: Vec<f32> = Vec::with_capacity((2 * radius as usize + 1).pow(2));
+        for y in cy - radius..=cy + radius {
+            for x in cx - radius..=cx + radius {
+                if x < 0 || y < 0 || x >= self.width() as isize || y >= self.height() as isize {
+                    continue;
+                }
+                let depth = self.depth[y as usize * self.width() + x as usize];
+                if depth > 0.0 {
+                    depths.push(depth);
+                }
+            }
+        }
+        let area = (2 * radius as usize + 1).pow(2);
+        if depths.len() < area / 4 {
+            return None;
+        }
+        depths.sort_by(f32::total_cmp);
+        let gap = (1..depths.len())
+            .max_by(|a, b| (depths[*a] / depths[a - 1]).total_cmp(&(depths[*b] / depths[b - 1])));
+        let nearer = match gap {
+            Some(at) if depths[at] > SURFACE_GAP * depths[at - 1] && at >= depths.len() / 5 => &depths[..at],
+            Some(at) if depths[at] > SURFACE_GAP * depths[at - 1] => &depths[at..],
+            _ => &depths[..],
+        };
+        Some(f64::from(nearer[nearer.len() / 2]))
+    }
+}
+
+/// Surfaces seen flatter than this (84°) are drawn and weighted as if they were seen so.
+const LEAST_COSINE: f32 = 0.1;
+/// Neighbouring pixels whose depths differ by more than this ratio show two surfaces.
+const SURFACE_GAP: f32 = 1.02;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    /// A wall at 4 with a box at 3 in its right half, square on.
+    fn boxed() -> Surface {
+        let intrinsics = Intrinsics::from_horizontal_fov(40, 30, 60.0);
+        let depth: Vec<f32> = (0..1200).map(|i| if i % 40 >= 20 { 3.0 } else { 4.0 }).collect();
+        Surface {
+            picture: RgbImage::new(40, 30),
+            intrinsics,
+            depth,
+            normal: vec![-Vec3::Z; 1200],
+            agreeing: vec![3; 1200],
+            origin: vec![Origin::Stereo; 1200],
+        }
+    }
+
+    #[test]
+    fn picks_at_an_edge_belong_to_the_nearer_surface() {
+        let surface = boxed();
+        for (x, z) in [(5.0, 4.0), (19.6, 3.0), (20.4, 3.0), (30.0, 3.0)] {
+            assert_relative_eq!(surface.point_at(&Point2::new(x, 12.0)).unwrap().z, z, epsilon = 1e-6);
+        }
+    }
+
+    #[test]
+    fn where_nothing_is_known_there_is_no_point() {
+        let mut surface = boxed();
+        surface.depth.fill(0.0);
+        assert!(surface.point_at(&Point2::new(10.0, 10.0)).is_none());
+        surface.depth[10 * 40 + 12] = 3.0;
+        assert!(surface.point_at(&Point2::new(10.0, 10.0)).is_none(), "one pixel is no surface");
+    }
+
+    #[test]
+    fn areas_add_up_to_the_wall() {
+        let mut surface = boxed();
+        surface.depth.fill(2.0);
+        let total: f32 = (0..1200).map(|i| surface.area(i)).sum();
+        let width = 2.0 * 40.0 / surface.intrinsics.fx as f32;
+        assert_relative_eq!(total, width * width * 0.75, epsilon = 1e-3);
+    }
+}
