@@ -13,7 +13,9 @@
 //! * [`run`] — the pipeline through all of these.
 //! * [`tracks`] — the files of tracks that a run writes, and their readers.
 //! * [`film`] — what each camera saw, with what the tracker believes, beside the simulated view.
+//! * [`plan`] — the floor plan with everybody's way on it.
 //! * [`eval`] — tracks against the truth: CLEAR MOT, identity, HOTA, position error.
+//! * [`report`] — one self-contained page about a run.
 #![forbid(unsafe_code)]
 
 mod error;
@@ -23,6 +25,8 @@ pub mod foreground;
 pub mod likelihood;
 pub mod method;
 pub mod moment;
+pub mod plan;
+pub mod report;
 pub mod run;
 pub mod silhouette;
 pub mod source;

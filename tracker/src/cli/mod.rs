@@ -4,6 +4,7 @@ mod background;
 mod console;
 mod eval;
 mod masks;
+mod report;
 mod run;
 mod sampler;
 
@@ -27,6 +28,7 @@ enum Command {
     Run(Box<run::RunArgs>),
     Eval(eval::EvalArgs),
     Masks(masks::MasksArgs),
+    Report(report::ReportArgs),
 }
 
 /// Does what was asked for; returns what is to be printed on standard output.
@@ -35,5 +37,6 @@ pub(crate) fn run(arguments: &Arguments, console: &Console) -> anyhow::Result<St
         Command::Run(args) => run::run(args, console),
         Command::Eval(args) => eval::eval(args),
         Command::Masks(args) => masks::masks(args, console),
+        Command::Report(args) => report::report(args),
     }
 }

@@ -11,6 +11,7 @@ use tracker::film::{Film, FilmOptions};
 use tracker::foreground::{Foreground, Verdict};
 use tracker::method::Method;
 use tracker::method::mcmc::Mcmc;
+use tracker::plan::TrajectoryPlan;
 use tracker::run::{self, CameraFeed, Output, RunOptions, RunReport};
 use tracker::source::times::DEFAULT_RATE;
 use tracker::source::{self, CameraSource, NamedSource, Times};
@@ -119,6 +120,7 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
     tracing::debug!("room and backgrounds ready after {prepared:.2} s");
     // Everything that was given has been looked at: now something may be written.
     let mut outputs: Vec<Box<dyn Output>> = vec![Box::new(TrackFiles::new(&args.out, &stage))];
+    outputs.push(Box::new(TrajectoryPlan::new(&args.out, &room)));
     if !args.no_film {
         outputs.push(Box::new(Film::start(&args.out, &stage, rate, &FilmOptions::default())?));
     }

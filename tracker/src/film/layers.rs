@@ -18,14 +18,14 @@ impl Layers {
     pub(super) fn new(view: &View, bodies: &[Body]) -> Self {
         let (width, pixels) = (view.width as usize, view.width as usize * view.height as usize);
         let mut layers = Self { width, owner: vec![0; pixels], facing: vec![0.0; pixels] };
-        let mut nearest = vec![f64::INFINITY; pixels];
+        let mut nearest = vec![f32::INFINITY; pixels];
         for (index, body) in bodies.iter().enumerate().take(usize::from(u16::MAX)) {
             layers.add(view, body, index as u16 + 1, &mut nearest);
         }
         layers
     }
 
-    fn add(&mut self, view: &View, body: &Body, owner: u16, nearest: &mut [f64]) {
+    fn add(&mut self, view: &View, body: &Body, owner: u16, nearest: &mut [f32]) {
         let conic = ImageConic::new(view, body);
         let Some([rows, _]) = conic.bounds().filter(|_| !conic.holds_camera()) else { return };
         let (axes, from_body) = (body.semi_axes(), view.center - body.center());
@@ -33,13 +33,13 @@ impl Layers {
             let row = conic.row(v);
             for u in conic.spans(&row).into_iter().flatten().flat_map(|span| span.first..=span.last) {
                 let (at, z) = (v as usize * self.width + u as usize, row.near_z_m(u));
-                if z >= nearest[at] || !row.is_in_front_of(u, view.static_z_m(u, v)) {
+                if z as f32 >= nearest[at] || !row.is_in_front_of(u, view.static_z_m(u, v)) {
                     continue;
                 }
                 let ray = view.ray(f64::from(u), f64::from(v));
                 // The gradient of |X / axes|², which stands square on the surface.
                 let normal = (from_body + ray * z).component_div(&axes).component_div(&axes).normalize();
-                nearest[at] = z;
+                nearest[at] = z as f32;
                 self.owner[at] = owner;
                 self.facing[at] = (-normal.dot(&ray.normalize())).max(0.0) as f32;
             }

@@ -1,6 +1,6 @@
 //! From the pinhole image, where everything is simulated, to the panel of the film, which shows the real one.
 
-use image::{GrayImage, Luma, Rgb, RgbImage, imageops};
+use image::{Rgb, RgbImage, imageops};
 use nalgebra::Point2;
 
 use crate::stage::StageCamera;
@@ -62,24 +62,28 @@ impl Lens {
         imageops::resize(real, self.width, self.height, imageops::FilterType::Triangle)
     }
 
-    /// A mask of the panel: 255 where `is_set` says so of the pinhole pixel shown there.
-    pub(super) fn mask(&self, pinhole_pixels: usize, is_set: impl Fn(usize) -> bool) -> GrayImage {
-        let value = |index: Option<usize>| Luma([if index.is_some_and(&is_set) { 255 } else { 0 }]);
-        GrayImage::from_fn(self.width, self.height, |x, y| value(self.index(x, y, pinhole_pixels)))
+    /// Goes through the pixels of a panel with what `pinhole` (row by row) holds for each.
+    pub(super) fn for_each_pixel<T>(
+        &self,
+        panel: &mut RgbImage,
+        pinhole: &[T],
+        mut change: impl FnMut(&mut Rgb<u8>, &T),
+    ) {
+        if self.pinhole_index.is_empty() {
+            panel.pixels_mut().zip(pinhole).for_each(|(pixel, value)| change(pixel, value));
+            return;
+        }
+        for (pixel, index) in panel.pixels_mut().zip(&self.pinhole_index) {
+            if let Some(value) = index.and_then(|i| pinhole.get(i as usize)) {
+                change(pixel, value);
+            }
+        }
     }
 
     /// A picture of the panel from the pinhole's pixels.
     pub(super) fn picture(&self, pinhole: &[[u8; 3]], blank: [u8; 3]) -> RgbImage {
-        RgbImage::from_fn(self.width, self.height, |x, y| {
-            Rgb(self.index(x, y, pinhole.len()).map_or(blank, |i| pinhole[i]))
-        })
-    }
-
-    fn index(&self, x: u32, y: u32, pinhole_pixels: usize) -> Option<usize> {
-        let at = (y * self.width + x) as usize;
-        if self.pinhole_index.is_empty() {
-            return (at < pinhole_pixels).then_some(at);
-        }
-        self.pinhole_index[at].map(|i| i as usize).filter(|i| *i < pinhole_pixels)
+        let mut panel = RgbImage::from_pixel(self.width, self.height, Rgb(blank));
+        self.for_each_pixel(&mut panel, pinhole, |pixel, value| *pixel = Rgb(*value));
+        panel
     }
 }

@@ -1,5 +1,6 @@
 //! The left panel: the real picture with what the tracker believes.
 
+use image::RgbImage;
 use nalgebra::{Point2, Point3};
 use scenes::canvas::{Canvas, Color, Stroke, TextStyle};
 
@@ -10,6 +11,12 @@ use crate::PersonEstimate;
 use crate::silhouette::{Body, contour};
 use crate::stage::StageCamera;
 
+/// How strongly a person's colour covers what is predicted visible of them.
+const VISIBLE_TINT: f32 = 0.38;
+/// And the whole of them, hidden or not.
+const HIDDEN_TINT: f32 = 0.12;
+/// Steps in which a trail fades.
+const TRAIL_BANDS: u32 = 6;
 /// How far inside the outline its visibility is read, pixels.
 const INSIDE_PX: f64 = 2.0;
 /// A floor point this much behind the static surface still lies on it, metres.
@@ -36,20 +43,28 @@ impl Panel<'_> {
         self.camera.to_real(pixel).map(|real| self.lens.panel(real))
     }
 
-    /// Tints what is predicted visible of everybody, dims what is predicted hidden, draws the outlines.
+    /// Tints what is predicted visible of everybody.
+    pub(super) fn tint(&self, picture: &mut RgbImage) {
+        let colors: Vec<Color> = self.people.iter().map(|(person, _)| Color::of_id(person.id.0)).collect();
+        self.lens.for_each_pixel(picture, &self.layers.owner, |pixel, owner| {
+            if let Some(color) = usize::from(*owner).checked_sub(1).and_then(|i| colors.get(i)) {
+                let mixed = Color::from(*pixel).mix(*color, VISIBLE_TINT);
+                *pixel = mixed.into();
+            }
+        });
+    }
+
+    /// Draws everybody's outline, over a pale tint of the whole body if asked for: all that is left of what is hidden.
     pub(super) fn silhouettes(&self, canvas: &mut Canvas, is_tinted: bool) {
         for (index, (person, body)) in self.people.iter().enumerate() {
             let color = Color::of_id(person.id.0);
             let around = contour::points(body, &self.camera.pinhole.center());
             let outline: Vec<Point2<f64>> =
                 around.iter().filter_map(|p| self.camera.pinhole.project(p)).collect();
-            let on_panel: Vec<Point2<f64>> =
-                outline.iter().filter_map(|p| self.panel_of_pinhole(p)).collect();
             if is_tinted {
-                canvas.fill_polygon(&on_panel, color.alpha(0.12));
-                let pixels = self.layers.owner.len();
-                let visible = self.lens.mask(pixels, |i| usize::from(self.layers.owner[i]) == index + 1);
-                canvas.tint(&visible, color.alpha(0.38));
+                let on_panel: Vec<Point2<f64>> =
+                    outline.iter().filter_map(|p| self.panel_of_pinhole(p)).collect();
+                canvas.fill_polygon(&on_panel, color.alpha(HIDDEN_TINT));
             }
             self.stroke_outline(canvas, index, &outline, color);
         }
@@ -84,16 +99,25 @@ impl Panel<'_> {
     /// Draws where everybody has just walked; fading with age, and faint where something stands before the floor.
     pub(super) fn trails(&self, canvas: &mut Canvas, trails: &Trails) {
         for (person, _) in self.people {
-            let color = Color::of_id(person.id.0);
-            let mut before: Option<Point2<f64>> = None;
-            for (age, place) in trails.of(person.id) {
-                let floor = Point3::new(place.x, place.y, 0.0);
-                let at = self.camera.real.project(&floor).map(|real| self.lens.panel(real));
-                if let (Some(from), Some(to)) = (before, at) {
-                    let strength = (1.0 - age) as f32 * if self.is_hidden(&floor) { 0.3 } else { 0.9 };
-                    canvas.stroke_polyline(&[from, to], &Stroke::solid(color.alpha(strength), self.px(2.5)));
-                }
-                before = at;
+            let places: Vec<(u32, Option<Point2<f64>>)> = trails
+                .of(person.id)
+                .map(|(age, place)| {
+                    let floor = Point3::new(place.x, place.y, 0.0);
+                    let band = ((1.0 - age) * f64::from(TRAIL_BANDS)).ceil().max(0.0) as u32;
+                    let at = self.camera.real.project(&floor).map(|real| self.lens.panel(real));
+                    (2 * band + u32::from(self.is_hidden(&floor)), at)
+                })
+                .collect();
+            // Places of one strength make one line, which reaches to the first place of the next.
+            let mut from = 0;
+            for line in places.chunk_by(|a, b| a.0 == b.0) {
+                let to = (from + line.len() + 1).min(places.len());
+                let points: Vec<Point2<f64>> = places[from..to].iter().filter_map(|(_, at)| *at).collect();
+                let (band, is_hidden) = (places[from].0 / 2, places[from].0 % 2 == 1);
+                let strength = band as f32 / TRAIL_BANDS as f32 * if is_hidden { 0.3 } else { 0.9 };
+                let color = Color::of_id(person.id.0).alpha(strength);
+                canvas.stroke_polyline(&points, &Stroke::solid(color, self.px(2.5)));
+                from += line.len();
             }
         }
     }
@@ -123,24 +147,20 @@ impl Panel<'_> {
             let visible = person.visible.get(self.index).copied().unwrap_or(0.0);
             let color = Color::of_id(person.id.0);
             let is_lost = visible < 0.05;
-            let plate = TextStyle::new(self.px(19.0)).bold().on_plate(if is_lost {
-                color.alpha(0.55)
-            } else {
-                color
-            });
-            let share =
-                TextStyle::new(self.px(13.0)).mono().color(Color::WHITE).halo(Color::BLACK.alpha(0.7));
+            let plate =
+                TextStyle::new(self.px(19.0)).bold().on_plate(if is_lost { color.alpha(0.6) } else { color });
+            let share = TextStyle::new(self.px(14.0)).on_plate(Color::INK.alpha(0.72));
             let (name, percent) = (person.id.to_string(), format!("{:.0} %", 100.0 * visible));
             let [name_width, height] = plate.size(&name).map(f64::from);
             let [share_width, share_height] = share.size(&percent).map(f64::from);
-            let gap = f64::from(self.px(3.0));
+            let gap = f64::from(self.px(2.0));
             let total = name_width + gap + share_width;
             // Kept inside the panel, so that somebody half out of the picture still has a name.
             let left = (at.x - 0.5 * total).clamp(0.0, (f64::from(self.lens.width) - total).max(0.0));
             let top = (at.y - height - f64::from(self.px(6.0)))
                 .clamp(0.0, (f64::from(self.lens.height) - height).max(0.0));
             canvas.text(Point2::new(left, top), &name, &plate);
-            let beside = Point2::new(left + name_width + gap, top + 0.5 * (height - share_height));
+            let beside = Point2::new(left + name_width + gap, top + height - share_height);
             canvas.text(beside, &percent, &share);
         }
     }

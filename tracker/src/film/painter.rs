@@ -63,7 +63,9 @@ impl Painter {
             index: self.index,
         };
 
-        let mut real = Canvas::from_image(&self.backdrop(shot));
+        let mut real = self.backdrop(shot);
+        panel.tint(&mut real);
+        let mut real = Canvas::from_image(&real);
         panel.trails(&mut real, &self.trails);
         panel.silhouettes(&mut real, true);
         panel.labels(&mut real);

@@ -41,6 +41,9 @@ fn outline(mask: &GrayImage, pixels: &mut [[u8; 3]]) {
     let (width, height) = (mask.width() as usize, mask.height() as usize);
     let is_set = |u: usize, v: usize| mask.as_raw()[v * width + u] != 0;
     for v in 1..height.saturating_sub(1) {
+        if mask.as_raw()[(v - 1) * width..(v + 2) * width].iter().all(|m| *m == 0) {
+            continue;
+        }
         for u in 1..width.saturating_sub(1) {
             let has_set_neighbour =
                 is_set(u - 1, v) || is_set(u + 1, v) || is_set(u, v - 1) || is_set(u, v + 1);

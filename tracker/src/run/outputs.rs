@@ -3,6 +3,7 @@
 use super::{Followed, Output};
 use crate::Result;
 use crate::film::{Film, Shot};
+use crate::plan::TrajectoryPlan;
 use crate::tracks::TrackFiles;
 
 impl Output for TrackFiles {
@@ -28,5 +29,16 @@ impl Output for Film {
 
     fn finish(self: Box<Self>) -> Result<()> {
         Film::finish(*self)
+    }
+}
+
+impl Output for TrajectoryPlan {
+    fn put(&mut self, followed: &Followed<'_>) -> Result<()> {
+        self.extend(followed.moment.time_s, followed.people);
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
+        TrajectoryPlan::finish(&self)
     }
 }

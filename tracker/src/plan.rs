@@ -1,0 +1,109 @@
+//! `plan.png`: the floor plan of the room with everybody's way on it.
+
+use std::collections::BTreeMap;
+use std::io::Cursor;
+use std::path::{Path, PathBuf};
+
+use image::ImageFormat;
+use nalgebra::Point2;
+use scenes::canvas::Color;
+use scenes::plan::{FloorPlan, PlanOptions};
+use scenes::room::Room;
+
+use crate::{Error, PersonEstimate, Result, TrackId};
+
+/// A track that was away longer than this is drawn in parts, seconds.
+const BREAK_S: f64 = 1.0;
+
+/// Gathers the ways of a run and draws them at its end.
+#[derive(Debug, Clone)]
+pub struct TrajectoryPlan {
+    room: Room,
+    path: PathBuf,
+    ways: BTreeMap<TrackId, Vec<(f64, Point2<f64>)>>,
+}
+
+impl TrajectoryPlan {
+    /// The plan of a run into the folder `out`.
+    pub fn new(out: &Path, room: &Room) -> Self {
+        Self { room: room.clone(), path: out.join("plan.png"), ways: BTreeMap::new() }
+    }
+
+    /// Notes where everybody is.
+    pub fn extend(&mut self, time_s: f64, people: &[PersonEstimate]) {
+        for person in people {
+            let way = self.ways.entry(person.id).or_default();
+            way.push((time_s, Point2::new(person.x_m, person.y_m)));
+        }
+    }
+
+    /// Draws the plan and writes it, whole or not at all.
+    ///
+    /// # Errors
+    /// Geometry that cannot be drawn; the file.
+    pub fn finish(&self) -> Result<()> {
+        let mut plan = FloorPlan::new(&self.room, &PlanOptions::default())?;
+        for (id, way) in &self.ways {
+            let stretches: Vec<&[(f64, Point2<f64>)]> = way.chunk_by(|a, b| b.0 - a.0 <= BREAK_S).collect();
+            for (index, stretch) in stretches.iter().enumerate() {
+                let places: Vec<Point2<f64>> = stretch.iter().map(|(_, place)| *place).collect();
+                let label = if index + 1 == stretches.len() { id.to_string() } else { String::new() };
+                plan.trajectory(&places, Color::of_id(id.0), &label);
+            }
+        }
+        let mut bytes = Cursor::new(Vec::new());
+        plan.into_image()
+            .write_to(&mut bytes, ImageFormat::Png)
+            .map_err(|e| Error::content(&self.path, "picture", format!("cannot be encoded ({e})")))?;
+        Ok(calib::files::write_atomic(&self.path, bytes.get_ref())?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Vector2;
+    use scenes::polygon::Polygon;
+
+    fn person(id: u32, x_m: f64, y_m: f64) -> PersonEstimate {
+        PersonEstimate {
+            id: TrackId(id),
+            x_m,
+            y_m,
+            z_m: 0.0,
+            radius_m: 0.25,
+            height_m: 1.7,
+            vx: 0.0,
+            vy: 0.0,
+            sigma_m: [0.0; 2],
+            confidence: 1.0,
+            visible: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn ways_lie_where_people_went_and_a_gap_stays_open() {
+        let folder = tempfile::tempdir().unwrap();
+        let floor = Polygon::rectangle(Point2::new(0.0, 0.0), Point2::new(6.0, 4.0));
+        let room = Room { walkable: Some(vec![floor]), ..Room::default() };
+        let mut plan = TrajectoryPlan::new(folder.path(), &room);
+        // Along y = 1 from x = 1 to 2, away for three seconds, then from 4 to 5.
+        for i in 0..=10 {
+            plan.extend(f64::from(i) * 0.1, &[person(1, 1.0 + 0.1 * f64::from(i), 1.0)]);
+        }
+        for i in 0..=10 {
+            plan.extend(4.0 + f64::from(i) * 0.1, &[person(1, 4.0 + 0.1 * f64::from(i), 1.0)]);
+        }
+        plan.finish().unwrap();
+        let picture = image::open(folder.path().join("plan.png")).unwrap().into_rgb8();
+        let mapping = FloorPlan::new(&room, &PlanOptions::default()).unwrap().mapping();
+        let color = Color::of_id(1);
+        let is_drawn = |x: f64| {
+            let p = mapping.pixel(&Point2::new(x, 1.0)) + Vector2::new(0.5, 0.5);
+            let pixel = picture.get_pixel(p.x as u32, p.y as u32);
+            pixel[0].abs_diff(color.r) < 40 && pixel[2].abs_diff(color.b) < 40
+        };
+        assert!(is_drawn(1.5) && is_drawn(4.5));
+        assert!(!is_drawn(3.0), "nobody was seen to go there");
+    }
+}

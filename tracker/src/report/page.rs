@@ -1,0 +1,142 @@
+//! The page: sections in the order in which people ask.
+
+use std::fmt::Write;
+
+use super::markup::{data_url, escape};
+use super::moments::{self, HIDDEN};
+use super::recording::Recording;
+use super::{ReportOptions, floor_plan, stills, tables, timeline};
+use crate::Result;
+use crate::tracks::jsonl::FrameLine;
+
+const STYLE: &str = include_str!("page.css");
+
+/// The whole page.
+///
+/// # Errors
+/// A film, reference image or geometry that cannot be read.
+pub(super) fn html(recording: &Recording, options: &ReportOptions) -> Result<String> {
+    let title = "Who was where";
+    let mut body = header(recording, title);
+    section(&mut body, "The way everybody went", PLAN, &floor_plan::svg(recording)?);
+    let pictures = film_stills(recording, options)?;
+    if !pictures.is_empty() {
+        section(&mut body, "What the cameras saw, and what was expected", STILLS, &pictures);
+    }
+    if recording.frames.iter().any(|f| !f.people.is_empty()) {
+        let strips = timeline::svg(recording, options.people);
+        section(
+            &mut body,
+            "Predicted visibility",
+            TIMELINE,
+            &format!("<div class=\"scroll\">{strips}</div>"),
+        );
+    }
+    if let Some(evaluation) = &recording.evaluation {
+        let headline = escape(&evaluation.headline());
+        let lead = format!("Compared with the {headline}.");
+        section(&mut body, "How good it is", &lead, &tables::evaluation(evaluation));
+    }
+    if let Some(timings) = &recording.timings {
+        let lead = format!(
+            "{} frames on {} threads. One count a frame, all cameras together, wall time; stages run side by \
+             side, so they do not add up to the run.",
+            timings.frames, timings.threads
+        );
+        section(&mut body, "Where the time went", &lead, &tables::timings(timings));
+    }
+    Ok(format!(
+        "<!doctype html>\n<html lang=\"en-GB\">\n<head>\n<meta charset=\"utf-8\">\n\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <meta name=\"color-scheme\" content=\"light dark\">\n<title>{title}</title>\n\
+         <style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n{body}</main>\n\
+         <footer>Written by <code>tracker report</code>. Nothing on this page is fetched from anywhere.</footer>\n\
+         </body>\n</html>\n"
+    ))
+}
+
+const PLAN: &str = "The room from above, with each person's track on the floor. A ring marks where a track begins, \
+    a number where it ends. Thin dashed lines, if any, are the truth.";
+const STILLS: &str = "Left, the picture: tinted where a person is predicted to be visible, dashed and pale where the \
+    room or somebody else hides them; the percentage is the predicted visible share of the body. Right, the \
+    simulated view: the room's own geometry with the people in it, and in white the outline of what really moved.";
+const TIMELINE: &str = "For each person and camera, how much of the body is predicted to be visible: a full strip is \
+    all of it. The pale part is in the picture but hidden by furniture or by other people. Where the strip is \
+    empty, the person is outside the picture or not there.";
+
+fn section(body: &mut String, title: &str, lead: &str, content: &str) {
+    // Writing to a string cannot fail.
+    let _ =
+        write!(body, "<section>\n<h2>{title}</h2>\n<p class=\"lead\">{lead}</p>\n{content}\n</section>\n");
+}
+
+fn header(recording: &Recording, title: &str) -> String {
+    let (first, last) = recording.span_s();
+    let people = recording.tracks().len();
+    let cameras = recording.cameras.len();
+    let mut cards = vec![(people.to_string(), if people == 1 { "person" } else { "people" })];
+    if let Some(evaluation) = &recording.evaluation {
+        cards.extend(tables::headline_figures(evaluation));
+    }
+    let cards = cards.iter().fold(String::new(), |mut all, (value, name)| {
+        let _ =
+            write!(all, "<div class=\"card\"><b>{}</b><span>{}</span></div>", escape(value), escape(name));
+        all
+    });
+    format!(
+        "<header>\n<h1>{title}</h1>\n<p class=\"lead\">{} frames, {:.1} s, {cameras} camera{} ({}), \
+         room <code>{}</code>.</p>\n\
+         <div class=\"cards\">{cards}</div>\n</header>\n",
+        recording.frames.len(),
+        last - first,
+        if cameras == 1 { "" } else { "s" },
+        escape(&recording.cameras.join(", ")),
+        escape(&recording.room_dir.display().to_string())
+    )
+}
+
+/// A figure a still, grouped by camera.
+fn film_stills(recording: &Recording, options: &ReportOptions) -> Result<String> {
+    let mut figures = String::new();
+    for camera in &recording.cameras {
+        let wanted = moments::telling(recording, camera, options.stills);
+        let pictures = stills::stills(recording, camera, &wanted)?;
+        if !pictures.is_empty() {
+            let _ = writeln!(figures, "<h3>{}</h3>", escape(camera));
+        }
+        for (index, picture) in pictures {
+            let frame = &recording.frames[index];
+            let caption = escape(&caption(recording, frame, camera));
+            let _ = write!(
+                figures,
+                "<figure>\n<img src=\"{}\" alt=\"{caption}\" width=\"{}\" height=\"{}\">\n\
+                 <figcaption>{caption}</figcaption>\n</figure>\n",
+                data_url(&picture, 82),
+                picture.width(),
+                picture.height()
+            );
+        }
+    }
+    Ok(figures)
+}
+
+/// What is to be seen in a still, in words.
+fn caption(recording: &Recording, frame: &FrameLine, camera: &str) -> String {
+    let mut parts = Vec::new();
+    for person in &frame.people {
+        let sight = recording.sight(person, camera);
+        if !sight.is_in_view {
+            continue;
+        }
+        let id = person.id;
+        parts.push(if sight.visible <= HIDDEN {
+            format!("person {id} is hidden and still followed")
+        } else if sight.visible >= 0.97 {
+            format!("person {id} in full view")
+        } else {
+            format!("person {id} {:.0} % visible", 100.0 * sight.visible)
+        });
+    }
+    let who = if parts.is_empty() { "nobody in view".to_owned() } else { parts.join(", ") };
+    format!("Frame {}, {:.2} s: {who}.", frame.frame, frame.time)
+}

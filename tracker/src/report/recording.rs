@@ -1,0 +1,152 @@
+//! Everything the page is made of, read from the run, its room and the truth.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use nalgebra::Point2;
+use scenes::room::Room;
+
+use super::ReportSources;
+use crate::eval::{EvalOptions, Evaluation, align};
+use crate::silhouette::{Body, contour};
+use crate::tracks::Timings;
+use crate::tracks::jsonl::{self, FrameLine, PersonLine};
+use crate::tracks::rows::RowFile;
+use crate::{Error, Result, TrackId};
+
+/// Where somebody went, metres on the floor.
+pub(super) type Way = Vec<Point2<f64>>;
+
+/// What is known of a run.
+#[derive(Debug, Clone)]
+pub(super) struct Recording {
+    /// The folder that `tracker run` wrote.
+    pub(super) run: PathBuf,
+    /// The room's directory.
+    pub(super) room_dir: PathBuf,
+    /// The room.
+    pub(super) room: Room,
+    /// Cameras that took part, in the room's order.
+    pub(super) cameras: Vec<String>,
+    /// One entry a frame.
+    pub(super) frames: Vec<FrameLine>,
+    /// Time per stage, where the run got so far as to say.
+    pub(super) timings: Option<Timings>,
+    /// Against the truth, where that is known.
+    pub(super) evaluation: Option<Evaluation>,
+    /// Where people truly went, in the run's room; stretches without a gap.
+    pub(super) truth_paths: Vec<Way>,
+}
+
+/// How much of somebody a camera is predicted to see.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Sight {
+    /// Fraction of the silhouette in the image that nothing hides.
+    pub(super) visible: f64,
+    /// Whether any of the body would be in the image if nothing hid it.
+    pub(super) is_in_view: bool,
+}
+
+impl Recording {
+    /// Reads the sources.
+    ///
+    /// # Errors
+    /// Naming the file and the place in it.
+    pub(super) fn read(sources: &ReportSources) -> Result<Self> {
+        let room = Room::read(&sources.room)?;
+        let frames = jsonl::read(&sources.run.join("tracks.jsonl"))?;
+        let timings_path = sources.run.join("timings.json");
+        let timings = timings_path.exists().then(|| Timings::read(&timings_path)).transpose()?;
+        let took_part = |name: &str| {
+            film_path(&sources.run, name).exists()
+                || sources.run.join("boxes").join(format!("{name}.txt")).exists()
+                || frames.iter().flat_map(|f| &f.people).any(|p| p.visible.contains_key(name))
+        };
+        let cameras: Vec<String> =
+            room.cameras.iter().map(|c| c.name.clone()).filter(|name| took_part(name)).collect();
+        if cameras.is_empty() {
+            return Err(Error::content(
+                &sources.room,
+                "cameras",
+                format!("none of them took part in {}; give the room of that run", sources.run.display()),
+            ));
+        }
+        let (evaluation, truth_paths) = match &sources.truth {
+            Some(truth) => {
+                let (evaluation, paths) = judge(sources, truth)?;
+                (Some(evaluation), paths)
+            }
+            None => (None, Vec::new()),
+        };
+        Ok(Self {
+            run: sources.run.clone(),
+            room_dir: sources.room.clone(),
+            room,
+            cameras,
+            frames,
+            timings,
+            evaluation,
+            truth_paths,
+        })
+    }
+
+    /// How much of somebody a camera is predicted to see.
+    pub(super) fn sight(&self, person: &PersonLine, camera: &str) -> Sight {
+        let visible = person.visible.get(camera).copied().unwrap_or(0.0);
+        let body = Body { x_m: person.x, y_m: person.y, radius_m: person.radius, height_m: person.height };
+        let is_in_view = visible > 0.0
+            || self.room.camera(camera).is_ok_and(|c| contour::bounding_box(&body, &c.camera).is_some());
+        Sight { visible, is_in_view }
+    }
+
+    /// First and last time, seconds.
+    pub(super) fn span_s(&self) -> (f64, f64) {
+        let time = |frame: Option<&FrameLine>| frame.map_or(0.0, |f| f.time);
+        (time(self.frames.first()), time(self.frames.last()))
+    }
+
+    /// Everybody, with the places and times of their track, by id.
+    pub(super) fn tracks(&self) -> BTreeMap<TrackId, Vec<(f64, Point2<f64>)>> {
+        let mut tracks: BTreeMap<TrackId, Vec<(f64, Point2<f64>)>> = BTreeMap::new();
+        for frame in &self.frames {
+            for person in &frame.people {
+                tracks.entry(person.id).or_default().push((frame.time, Point2::new(person.x, person.y)));
+            }
+        }
+        tracks
+    }
+
+    /// The film of a camera, if the run made one.
+    pub(super) fn film(&self, camera: &str) -> Option<PathBuf> {
+        Some(film_path(&self.run, camera)).filter(|path| path.exists())
+    }
+}
+
+fn film_path(run: &Path, camera: &str) -> PathBuf {
+    run.join("overlay").join(format!("{camera}.mp4"))
+}
+
+/// The evaluation, and where people truly went.
+fn judge(sources: &ReportSources, truth: &Path) -> Result<(Evaluation, Vec<Way>)> {
+    let alignment = match &sources.truth_room {
+        Some(truth_room) => Some(align::between(truth_room, &sources.room)?),
+        None => None,
+    };
+    let room_from_truth = alignment.as_ref().map(|a| a.truth_from_room.inverse());
+    let (truth, tracks) = (RowFile::read(truth)?, RowFile::read(&sources.run.join("tracks.txt"))?);
+    let mut by_person: BTreeMap<u32, Vec<(u32, Point2<f64>)>> = BTreeMap::new();
+    for row in truth.rows.iter().filter(|r| r.confidence != 0.0) {
+        if let (Some(id), Some(position)) = (row.id, row.position) {
+            let place = room_from_truth.map_or(position, |t| t * position);
+            by_person.entry(id).or_default().push((row.frame, place));
+        }
+    }
+    let mut paths = Vec::new();
+    for mut places in by_person.into_values() {
+        places.sort_by_key(|(frame, _)| *frame);
+        let stretches = places.chunk_by(|a, b| b.0 - a.0 <= 2);
+        paths.extend(stretches.map(|s| s.iter().map(|(_, place)| *place).collect()));
+    }
+    let evaluation = Evaluation::of_rows(&truth, &tracks, &EvalOptions::default(), alignment)?;
+    Ok((evaluation, paths))
+}

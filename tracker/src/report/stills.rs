@@ -1,0 +1,88 @@
+//! Pictures of single frames: from the film, or drawn anew on the reference image where no film was made.
+
+use std::path::Path;
+
+use calib::vision::FrameSource;
+use image::RgbImage;
+
+use super::recording::Recording;
+use crate::film::{FilmOptions, Painter, Shot};
+use crate::stage::{Stage, StageOptions};
+use crate::tracks::jsonl::{FrameLine, PersonLine};
+use crate::{Error, PersonEstimate, Result};
+
+/// One picture for each of `wanted` (indices of frames, growing), as far as the film goes.
+///
+/// # Errors
+/// A film or reference image that is there but cannot be read.
+pub(super) fn stills(
+    recording: &Recording,
+    camera: &str,
+    wanted: &[usize],
+) -> Result<Vec<(usize, RgbImage)>> {
+    match recording.film(camera) {
+        Some(film) => from_film(&film.display().to_string(), wanted),
+        None => drawn(recording, camera, wanted),
+    }
+}
+
+fn from_film(film: &str, wanted: &[usize]) -> Result<Vec<(usize, RgbImage)>> {
+    let mut source = FrameSource::open(film)?;
+    let (width, height) = source.size();
+    let mut picture = RgbImage::new(width, height);
+    let mut stills = Vec::new();
+    let mut index = 0;
+    for frame in wanted {
+        while index < *frame && source.skip()? {
+            index += 1;
+        }
+        // A film may end early when its run was stopped.
+        if index < *frame || !source.read(&mut picture)? {
+            break;
+        }
+        stills.push((index, picture.clone()));
+        index += 1;
+    }
+    Ok(stills)
+}
+
+fn drawn(recording: &Recording, camera: &str, wanted: &[usize]) -> Result<Vec<(usize, RgbImage)>> {
+    let options = StageOptions { cameras: vec![camera.to_owned()], ..StageOptions::default() };
+    let stage = Stage::prepare(&recording.room, &recording.room_dir, &options)?;
+    let reference = recording.room.camera(camera)?.reference.as_ref();
+    let image = match reference.map(|r| recording.room_dir.join(r)).filter(|path| path.exists()) {
+        Some(path) => Some(picture(&path)?),
+        None => None,
+    };
+    let shot = Shot { image, mask: None };
+    let mut painter = Painter::new(&stage, 0, &FilmOptions::default());
+    let paint = |index: &usize| {
+        let frame = recording.frames.get(*index)?;
+        Some((*index, painter.paint(frame.frame, frame.time, &shot, &estimates(frame, camera))))
+    };
+    Ok(wanted.iter().filter_map(paint).collect())
+}
+
+fn picture(path: &Path) -> Result<RgbImage> {
+    let decoded = image::open(path)
+        .map_err(|e| Error::content(path, "image", format!("cannot be decoded ({e}); is the file whole?")))?;
+    Ok(decoded.into_rgb8())
+}
+
+/// The people of a line as one camera's painter wants them.
+fn estimates(frame: &FrameLine, camera: &str) -> Vec<PersonEstimate> {
+    let estimate = |person: &PersonLine| PersonEstimate {
+        id: person.id,
+        x_m: person.x,
+        y_m: person.y,
+        z_m: 0.0,
+        radius_m: person.radius,
+        height_m: person.height,
+        vx: person.vx,
+        vy: person.vy,
+        sigma_m: person.sigma,
+        confidence: person.confidence,
+        visible: vec![person.visible.get(camera).copied().unwrap_or(0.0)],
+    };
+    frame.people.iter().map(estimate).collect()
+}

@@ -1,0 +1,67 @@
+//! The evaluation and the time per stage, as tables.
+
+use std::fmt::Write;
+
+use super::markup::escape;
+use crate::eval::{Evaluation, Figure, Unit, Value};
+use crate::tracks::Timings;
+
+/// All figures with their meaning.
+pub(super) fn evaluation(evaluation: &Evaluation) -> String {
+    let mut rows = String::new();
+    for figure in evaluation.figures() {
+        // Writing to a string cannot fail, here and below.
+        let _ = writeln!(
+            rows,
+            "<tr><th scope=\"row\">{}</th><td class=\"number\">{}</td><td>{}</td></tr>",
+            escape(figure.name),
+            escape(&figure.text()),
+            escape(figure.meaning)
+        );
+    }
+    format!("<div class=\"scroll\"><table class=\"figures\"><tbody>\n{rows}</tbody></table></div>")
+}
+
+/// The figures that fit on a card, with their names: accuracy, identity, error.
+pub(super) fn headline_figures(evaluation: &Evaluation) -> Vec<(String, &'static str)> {
+    let wanted = ["MOTA", "MODA", "IDF1", "HOTA", "mean error"];
+    let figures = evaluation.figures();
+    let has_mota = figures.iter().any(|f| f.name == "MOTA" && f.value != Value::Real(None, Unit::Percent));
+    wanted
+        .iter()
+        // MODA stands in where nobody knows who is who.
+        .filter(|name| !(has_mota && **name == "MODA"))
+        .filter_map(|name| figures.iter().find(|f| f.name == *name))
+        .filter_map(|figure| Some((short(figure)?, figure.name)))
+        .collect()
+}
+
+fn short(figure: &Figure) -> Option<String> {
+    match figure.value {
+        Value::Real(Some(value), Unit::Percent) => Some(format!("{value:.1} %")),
+        Value::Real(Some(value), Unit::Metres) => Some(format!("{:.1} cm", 100.0 * value)),
+        _ => None,
+    }
+}
+
+/// Median, 95th percentile and total of each stage, with bars for the totals.
+pub(super) fn timings(timings: &Timings) -> String {
+    let longest = timings.stages.iter().map(|(_, times)| times.total_ms).fold(1e-9, f64::max);
+    let mut rows = String::new();
+    for (name, times) in &timings.stages {
+        let _ = writeln!(
+            rows,
+            "<tr><th scope=\"row\">{}</th><td class=\"number\">{:.2} ms</td><td class=\"number\">{:.2} ms</td>\
+             <td class=\"number\">{:.2} s</td><td class=\"bar\"><span style=\"width:{:.1}%\"></span></td></tr>",
+            escape(name),
+            times.median_ms,
+            times.p95_ms,
+            times.total_ms / 1e3,
+            100.0 * times.total_ms / longest
+        );
+    }
+    format!(
+        "<div class=\"scroll\"><table class=\"times\"><thead><tr><th>stage</th><th class=\"number\">median</th>\
+         <th class=\"number\">95 % within</th><th class=\"number\">in all</th><th></th></tr></thead><tbody>\n{rows}</tbody></table></div>"
+    )
+}
