@@ -118,6 +118,8 @@ pub struct Foreground {
     expected: RgbImage,
     score: GrayImage,
     smooth: GrayImage,
+    /// A number a column, for the shadows.
+    columns: Vec<u32>,
     latest_s: Option<f64>,
     /// Fraction of foreground in the latest usable mask.
     latest_fraction: f64,
@@ -137,6 +139,8 @@ const REFRESH_EVERY: u32 = 16;
 const WEAK: u8 = THRESHOLD / 8 * 5;
 /// …in regions where some pixels are as sure as this.
 const STRONG: u8 = 160;
+/// The longest run of shadow in a body that is given back is the image's height by this.
+const LONGEST_STRIPE: u32 = 16;
 /// Learning never sees a gap longer than this, in seconds.
 const LONGEST_GAP_S: f64 = 1.0;
 
@@ -177,6 +181,7 @@ impl Foreground {
             expected: RgbImage::new(width, height),
             score: GrayImage::new(width, height),
             smooth: GrayImage::new(width, height),
+            columns: Vec::new(),
             latest_s: None,
             latest_fraction: 0.0,
             switched_s: None,
@@ -207,6 +212,7 @@ impl Foreground {
         }
         self.judge(frame, into)?;
         let fraction = self.clean(into)?;
+        tracing::trace!(time_s, fraction, gain = ?self.exposure.gain, bias = ?self.exposure.bias, "mask");
         if let Model::Adaptive(model) = &self.model
             && !model.is_warm()
         {
@@ -260,7 +266,9 @@ impl Foreground {
                     &flat
                 }
             };
-            shadow::remove_shadows(frame, &self.expected, tolerance, WEAK, shadows, &mut self.score);
+            shadow::mark_shadows(frame, &self.expected, tolerance, WEAK, shadows, &mut self.score);
+            let longest = frame.height() / LONGEST_STRIPE;
+            shadow::restore_enclosed(&mut self.score, THRESHOLD, longest, &mut self.columns);
         }
         self.morphology.box_blur(&self.score, 1, &mut self.smooth)?;
         for (mask, smooth) in mask.iter_mut().zip(self.smooth.iter()) {
