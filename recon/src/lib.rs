@@ -22,6 +22,7 @@ pub mod bundle;
 pub mod capture;
 pub mod dense;
 pub mod error;
+mod factorization;
 pub mod features;
 pub mod floor;
 pub mod fusion;

@@ -54,7 +54,7 @@ fn measure(
     let truth = accuracy::capture_truth(&folder.join("truth.json"), camera).ok_or("no truth")?;
     let error = accuracy::motion(&motion.camera_from_world, &truth).ok_or("too few frames")?;
     println!(
-        "{camera:5} {:6.3} cm {:6.3}° {:2}/{} frames, {} points, {} observations, rms {:.3} px, parallax {:.1}°, f {:.1}, {seconds:.1} s",
+        "{camera:5} {:6.3} cm {:6.3}° {:2}/{} frames, {} points, {} observations, rms {:.3} px, parallax {:.1}°, f {:.1}, {seconds:.1} s; starts: factorization {:.4}, two views {:.4} px",
         error.position_rms_cm,
         error.rotation_rms_deg,
         error.frames,
@@ -64,6 +64,8 @@ fn measure(
         report.rms_px,
         report.parallax_deg,
         motion.intrinsics.fx,
+        report.starts.factorization_px,
+        report.starts.two_views_px,
     );
     Ok(())
 }

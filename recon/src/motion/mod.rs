@@ -1,7 +1,9 @@
 //! Camera motion and sparse points from one capture.
 //!
-//! Tracks ([`crate::features`]) start a reconstruction ([`incremental`]), which bundle adjustment ([`crate::bundle`])
-//! and renewed triangulation polish. A capture that cannot work is refused with what to film instead.
+//! Tracks ([`crate::features`]) start two competing reconstructions: by factorization, without any guess, and by two
+//! views and growth ([`incremental`]). Both are adjusted ([`crate::bundle`]); the one with the smaller robust
+//! reprojection error is polished by renewed triangulation and adjustment. A capture that cannot work is refused with
+//! what to film instead.
 
 mod diagnosis;
 mod five_point;
@@ -16,14 +18,19 @@ use nalgebra::{Isometry3, Point2, Point3};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 
-use crate::bundle::LensFreedom;
+use crate::bundle::{LensFreedom, Loss};
 use crate::capture::Capture;
+use crate::factorization::windows;
 use crate::features::{self, FeatureOptions, FeatureReport, Track};
 use crate::{Error, Result};
-use sketch::Sketch;
+use incremental::Seen;
+use sketch::{Adjustment, Sketch};
+use triangulation::Acceptance;
 
 /// Horizontal field of view assumed where the capture has no intrinsics; adjustment finds the true one.
 const ASSUMED_FOV_DEG: f64 = 60.0;
+/// Rounds of polish before the competing starts are compared.
+const START_ROUNDS: usize = 2;
 
 /// How motion is estimated.
 #[derive(Debug, Clone, PartialEq)]
@@ -80,6 +87,8 @@ pub struct SparsePoint {
 pub struct MotionReport {
     /// What tracking did.
     pub features: FeatureReport,
+    /// How the two ways to start compare.
+    pub starts: Starts,
     /// Frames with a pose.
     pub registered: usize,
     /// Points.
@@ -90,6 +99,23 @@ pub struct MotionReport {
     pub rms_px: f64,
     /// Median of the widest angle between the rays to a point, degrees.
     pub parallax_deg: f64,
+}
+
+/// Robust reprojection error of each start after adjustment, pixels: observations that are off or unexplained count
+/// with a fixed distance. Infinite where a start failed. The smaller one was kept.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Starts {
+    /// Factorization of windows, chained.
+    pub factorization_px: f64,
+    /// Essential matrix of two views, then frame after frame.
+    pub two_views_px: f64,
+}
+
+impl Starts {
+    /// Whether factorization's reconstruction was kept; it is when both are equally good.
+    pub fn factorization_won(&self) -> bool {
+        self.factorization_px <= self.two_views_px
+    }
 }
 
 /// Estimates the motion of a capture.
@@ -110,18 +136,54 @@ pub fn estimate(capture: &Capture, options: &MotionOptions) -> Result<(Motion, M
 
     let seen = seen_by_frame(&tracks, capture.frames.len());
     let mut rng = Pcg64Mcg::seed_from_u64(options.seed);
-    let mut sketch = Sketch::new(&tracks, intrinsics, capture.frames.len());
-    if !incremental::reconstruct(&mut sketch, &seen, lens, &mut rng) {
+    let blank = Sketch::new(&tracks, intrinsics, capture.frames.len());
+    let by_factorization = start_by_factorization(blank.clone(), &seen, lens);
+    let by_two_views = start_by_two_views(blank, &seen, lens, &mut rng);
+    let error = |sketch: &Option<Sketch<'_>>| sketch.as_ref().map_or(f64::INFINITY, Sketch::robust_error_px);
+    let starts = Starts { factorization_px: error(&by_factorization), two_views_px: error(&by_two_views) };
+    let winner = if starts.factorization_won() { by_factorization } else { by_two_views };
+    let Some(mut sketch) = winner else {
         return Err(diagnosis::no_start(&capture.name));
-    }
+    };
     sketch.polish(lens, options.polish_rounds);
-    incremental::grow(&mut sketch, &seen, lens);
-    sketch.polish(lens, 2);
-    finish(capture, options, &sketch, features)
+    finish(capture, options, &sketch, features, starts)
+}
+
+/// Poses from factorized windows; what they did not reach is resected.
+fn start_by_factorization<'a>(mut sketch: Sketch<'a>, seen: &Seen, lens: LensFreedom) -> Option<Sketch<'a>> {
+    sketch.poses = windows::reconstruct(sketch.tracks, &sketch.intrinsics, sketch.poses.len())?;
+    // The chain of windows may be off by more than a track's noise: wide bounds first.
+    for (max_error_px, scale_px) in [(16.0, 4.0), (8.0, 2.0), (4.0, 1.0)] {
+        let accept = Acceptance { max_error_px, min_angle: 0.5_f64.to_radians(), min_sightings: 3 };
+        sketch.triangulate(&accept, false);
+        let how =
+            Adjustment { gate_px: 2.0 * max_error_px, loss: Loss::Cauchy(scale_px), lens, max_steps: 15 };
+        sketch.adjust(&how)?;
+    }
+    incremental::grow(&mut sketch, seen, lens);
+    sketch.polish(lens, START_ROUNDS);
+    Some(sketch)
+}
+
+/// The best pair of frames and growth from it.
+fn start_by_two_views<'a>(
+    mut sketch: Sketch<'a>,
+    seen: &Seen,
+    lens: LensFreedom,
+    rng: &mut Pcg64Mcg,
+) -> Option<Sketch<'a>> {
+    if !incremental::reconstruct(&mut sketch, seen, lens, rng) {
+        return None;
+    }
+    sketch.polish(lens, START_ROUNDS);
+    // Frames that were refused on the way may fit the polished points.
+    incremental::grow(&mut sketch, seen, lens);
+    sketch.polish(lens, START_ROUNDS);
+    Some(sketch)
 }
 
 /// What each frame saw, in the order of tracks.
-fn seen_by_frame(tracks: &[Track], frames: usize) -> incremental::Seen {
+fn seen_by_frame(tracks: &[Track], frames: usize) -> Seen {
     let mut seen = vec![Vec::new(); frames];
     for (index, track) in tracks.iter().enumerate() {
         for (frame, pixel) in &track.observations {
@@ -137,6 +199,7 @@ fn finish(
     options: &MotionOptions,
     sketch: &Sketch<'_>,
     features: FeatureReport,
+    starts: Starts,
 ) -> Result<(Motion, MotionReport)> {
     let noise = sketch.noise_px();
     let agree_px = (6.0 * noise).max(1.0);
@@ -174,6 +237,7 @@ fn finish(
     }
     let report = MotionReport {
         features,
+        starts,
         registered: sketch.registered(),
         points: points.len(),
         observations: count,

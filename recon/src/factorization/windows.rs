@@ -1,0 +1,186 @@
+//! Overlapping windows of a long sequence, each factorized and adjusted, chained by absolute orientation.
+
+use calib::Intrinsics;
+use calib::absolute_orientation::similarity_weighted;
+use nalgebra::{Isometry3, Point3, Similarity3, Vector2};
+
+use super::affine::{MIN_COMPLETE, Measurements};
+use super::perspective;
+use crate::bundle::{self, BundleOptions, Loss, Observation, Problem};
+use crate::features::Track;
+
+/// Longest window, frames; longer ones gain little and hold few complete tracks.
+const MAX_FRAMES: usize = 40;
+/// Shortest window worth factorizing.
+const MIN_FRAMES: usize = 4;
+/// Complete tracks a window should have; it shrinks until it has them.
+const ENOUGH_COMPLETE: usize = 40;
+/// A track takes part in a window when it was seen in this share of its frames.
+const MIN_SEEN: f64 = 0.6;
+/// Tracks that take part, at most.
+const MAX_TRACKS: usize = 300;
+/// Points two windows must share to be chained.
+const MIN_SHARED: usize = 8;
+
+/// A stretch of frames reconstructed on its own.
+struct Window {
+    poses: Vec<Isometry3<f64>>,
+    /// (track, position)
+    points: Vec<(usize, Point3<f64>)>,
+}
+
+/// A pose for each frame of the sequence that a chain of windows reaches; `None` when not even one window factorizes.
+pub(crate) fn reconstruct(
+    tracks: &[Track],
+    intrinsics: &Intrinsics,
+    frames: usize,
+) -> Option<Vec<Option<Isometry3<f64>>>> {
+    let mut poses: Vec<Option<Isometry3<f64>>> = vec![None; frames];
+    // Where each track lies in the chain's frame.
+    let mut known: Vec<Option<Point3<f64>>> = vec![None; tracks.len()];
+    let mut first = 0;
+    let mut any = false;
+    while first + MIN_FRAMES <= frames {
+        let Some((length, chosen)) = choose(tracks, first, frames) else {
+            if any {
+                break; // The chain ends; frames beyond are left to resection.
+            }
+            first += 1;
+            continue;
+        };
+        if let Some(window) = solve(tracks, &chosen, intrinsics, first, length)
+            && let Some(placed) = place(&window, &known, any)
+        {
+            any = true;
+            for (offset, pose) in window.poses.iter().enumerate() {
+                poses[first + offset].get_or_insert_with(|| moved(pose, &placed));
+            }
+            for (track, point) in &window.points {
+                known[*track].get_or_insert(placed * point);
+            }
+        } else if any {
+            break;
+        }
+        if first + length >= frames {
+            break;
+        }
+        first += (length / 2).max(1);
+    }
+    any.then_some(poses)
+}
+
+/// The longest window from a frame on with enough complete tracks, and the tracks that take part.
+fn choose(tracks: &[Track], first: usize, frames: usize) -> Option<(usize, Vec<usize>)> {
+    let longest = MAX_FRAMES.min(frames - first);
+    let seen_within = |track: &Track, end: usize| {
+        track.observations.iter().filter(|(f, _)| (first..end).contains(f)).count()
+    };
+    let complete = |length: usize| tracks.iter().filter(|t| seen_within(t, first + length) == length).count();
+    let length = (MIN_FRAMES..=longest)
+        .rev()
+        .find(|&n| complete(n) >= ENOUGH_COMPLETE)
+        .or_else(|| (complete(MIN_FRAMES.min(longest)) >= MIN_COMPLETE).then_some(MIN_FRAMES.min(longest)))?;
+    let mut chosen: Vec<(usize, usize)> = tracks
+        .iter()
+        .enumerate()
+        .map(|(index, track)| (seen_within(track, first + length), index))
+        .filter(|(seen, _)| *seen as f64 >= MIN_SEEN * length as f64)
+        .collect();
+    chosen.sort_by_key(|(seen, index)| (std::cmp::Reverse(*seen), *index));
+    chosen.truncate(MAX_TRACKS);
+    Some((length, chosen.into_iter().map(|(_, index)| index).collect()))
+}
+
+/// Factorizes one window; both depth readings are adjusted, and the one with the smaller residual stays.
+fn solve(
+    tracks: &[Track],
+    chosen: &[usize],
+    intrinsics: &Intrinsics,
+    first: usize,
+    length: usize,
+) -> Option<Window> {
+    let mut measured: Measurements = Vec::with_capacity(chosen.len());
+    let mut observations: Vec<Vec<Observation>> = Vec::with_capacity(chosen.len());
+    for &index in chosen {
+        let mut row = vec![None; length];
+        let mut seen = Vec::new();
+        for (frame, pixel) in &tracks[index].observations {
+            if let Some(slot) = frame.checked_sub(first).and_then(|f| row.get_mut(f)) {
+                let ray = intrinsics.unproject(pixel)?;
+                *slot = Some(Vector2::new(ray.x, ray.y));
+                seen.push(Observation { pose: frame - first, pixel: *pixel });
+            }
+        }
+        measured.push(row);
+        observations.push(seen);
+    }
+    let adjusted = perspective::factorize(&measured).into_iter().map(|(metric, _)| {
+        let mut problem = Problem {
+            intrinsics: intrinsics.clone(),
+            poses: metric.poses,
+            points: metric.points.into_iter().map(Point3::from).collect(),
+            observations: observations.clone(),
+        };
+        for loss in [Loss::Huber(2.0), Loss::Cauchy(1.0)] {
+            bundle::adjust(
+                &mut problem,
+                &BundleOptions { loss, max_steps: 25, cost_end: 1e-4, ..Default::default() },
+            );
+        }
+        let loss = Loss::Cauchy(1.0);
+        let cost: f64 = (0..problem.points.len())
+            .flat_map(|p| problem.observations[p].iter().map(move |o| (p, o)))
+            .map(|(p, o)| loss.cost(problem.error_px(p, o).min(1e3).powi(2)))
+            .sum();
+        (cost, problem)
+    });
+    let (_, problem) = adjusted.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let agrees = |point: usize| problem.observations[point].iter().all(|o| problem.error_px(point, o) < 3.0);
+    let points = chosen
+        .iter()
+        .enumerate()
+        .filter(|(p, _)| agrees(*p))
+        .map(|(p, &track)| (track, problem.points[p]))
+        .collect();
+    Some(Window { poses: problem.poses, points })
+}
+
+/// `chain_from_window`, by the points both hold; distant points, whose depths are uncertain, count less.
+fn place(window: &Window, known: &[Option<Point3<f64>>], chained: bool) -> Option<Similarity3<f64>> {
+    if !chained {
+        return Some(Similarity3::identity());
+    }
+    let (mut a, mut b, mut weights) = (Vec::new(), Vec::new(), Vec::new());
+    for (track, point) in &window.points {
+        if let Some(chain) = known[*track] {
+            let depth = (window.poses[0] * point).z;
+            a.push(*point);
+            b.push(chain);
+            // The depth's deviation grows with the depth squared.
+            weights.push(1.0 / depth.max(1e-3).powi(4));
+        }
+    }
+    if a.len() < MIN_SHARED {
+        return None;
+    }
+    let mut placed = similarity_weighted(&a, &b, &weights).ok()?;
+    for _ in 0..10 {
+        let off: Vec<f64> =
+            a.iter().zip(&b).zip(&weights).map(|((a, b), w)| (placed * a - b).norm_squared() * w).collect();
+        let mut sorted = off.clone();
+        sorted.sort_by(f64::total_cmp);
+        let scale = sorted[sorted.len() / 2].max(f64::MIN_POSITIVE);
+        let robust: Vec<f64> =
+            weights.iter().zip(&off).map(|(w, s)| w * Loss::Cauchy(1.0).weight(s / scale)).collect();
+        placed = similarity_weighted(&a, &b, &robust).ok()?;
+    }
+    Some(placed)
+}
+
+/// A pose of the window's frame in the chain's, whose unit of length it takes.
+fn moved(pose: &Isometry3<f64>, chain_from_window: &Similarity3<f64>) -> Isometry3<f64> {
+    let rotation = pose.rotation * chain_from_window.isometry.rotation.inverse();
+    // The camera's centre moves as a point.
+    let center = chain_from_window * (pose.inverse() * Point3::origin());
+    Isometry3::from_parts((rotation * -center.coords).into(), rotation)
+}
