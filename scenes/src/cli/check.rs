@@ -15,6 +15,9 @@ use scenes::walkable::WalkableMap;
 /// Width in pixels at which it is measured how much of the room a camera sees.
 const GLANCE_WIDTH_PX: u32 = 160;
 
+/// Geometry larger than this, in metres, is more likely in millimetres.
+const MOST_LIKELY_SIZE_M: f32 = 1000.0;
+
 /// Check a room directory and print what is in it.
 ///
 /// Exits with 1 and one line that says what is wrong and where, if something is. What merely looks odd is a warning.
@@ -65,10 +68,10 @@ impl Check {
     fn print_camera(
         &self,
         out: &mut impl Write,
-        camera: &RoomCamera,
+        camera_entry: &RoomCamera,
         scene: Option<&RayScene>,
     ) -> anyhow::Result<()> {
-        let RoomCamera { name, camera, .. } = camera;
+        let RoomCamera { name, camera, .. } = camera_entry;
         let (k, eye) = (&camera.intrinsics, camera.center());
         let forward = camera.camera_from_world.rotation.inverse() * Vector3::z();
         let down_deg = (-forward.z).clamp(-1.0, 1.0).asin().to_degrees();
@@ -92,6 +95,14 @@ impl Check {
             }
         }
         writeln!(out)?;
+        if let Some(reference) = &camera_entry.reference
+            && let Ok((width, height)) = image::image_dimensions(self.room.join(reference))
+            && (width, height) != (k.width, k.height)
+        {
+            let problem =
+                format!("its reference image is {width} × {height}, not {} × {}", k.width, k.height);
+            self.warn(name, &problem);
+        }
         if eye.z <= 0.0 {
             self.warn(
                 name,
@@ -126,6 +137,9 @@ fn print_geometry(out: &mut impl Write, geometry: Option<&Geometry>) -> anyhow::
         return Ok(());
     };
     let size = high - low;
+    if size.max_element() > MOST_LIKELY_SIZE_M {
+        tracing::warn!("the geometry is {:.0} m large; is it in millimetres?", size.max_element());
+    }
     match geometry {
         Geometry::Mesh(mesh) => {
             let (triangles, vertices) = (mesh.triangles.len(), mesh.vertices.len());

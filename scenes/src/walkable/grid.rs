@@ -116,6 +116,21 @@ impl Grid {
         )
     }
 
+    /// The cells, itself included, whose middle lies within `radius_m` of a cell's.
+    pub(super) fn within(&self, index: usize, radius_m: f64) -> impl Iterator<Item = usize> + use<> {
+        // A hair more, so that a whole number of cells is reached whatever its rounding.
+        let cells = radius_m / self.cell_m + 1e-9;
+        let (column, row) = ((index % self.columns) as i64, (index / self.columns) as i64);
+        let (columns, rows) = (self.columns as i64, self.rows as i64);
+        let reach = cells.floor() as i64;
+        let on_row = move |dy: i64| {
+            let half = (cells * cells - (dy * dy) as f64).max(0.0).sqrt().floor() as i64;
+            let from = (column - half).max(0)..(column + half + 1).min(columns);
+            from.map(move |x| ((row + dy) * columns + x) as usize)
+        };
+        ((-reach).max(-row)..=reach.min(rows - 1 - row)).flat_map(on_row)
+    }
+
     /// The connected patches of set cells (diagonals connect), each as the indices of its cells.
     pub(super) fn patches(&self) -> Vec<Vec<usize>> {
         let mut seen = vec![false; self.bits.len()];
@@ -173,25 +188,102 @@ impl Grid {
 
     /// The cells with a set cell within `radius_m` of theirs, middle to middle.
     pub(super) fn dilated(&self, radius_m: f64) -> Self {
-        let reach = (radius_m / self.cell_m + 1e-9).floor() as i64;
-        let limit = (radius_m / self.cell_m + 1e-9).powi(2);
         let mut out = self.clone();
         for i in self.set_cells() {
             // Cells amid set ones add nothing that their neighbours do not.
-            if self.neighbours(i).filter(|&n| self.bits[n]).count() == 8 {
-                continue;
-            }
-            let (column, row) = ((i % self.columns) as i64, (i / self.columns) as i64);
-            for dy in -reach..=reach {
-                for dx in -reach..=reach {
-                    let (x, y) = (column + dx, row + dy);
-                    let inside = (0..self.columns as i64).contains(&x) && (0..self.rows as i64).contains(&y);
-                    if inside && (dx * dx + dy * dy) as f64 <= limit {
-                        out.bits[y as usize * self.columns + x as usize] = true;
-                    }
+            if self.neighbours(i).filter(|&n| self.bits[n]).count() < 8 {
+                for k in self.within(i, radius_m) {
+                    out.bits[k] = true;
                 }
             }
         }
         out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+
+    fn random(share: f64, seed: u64) -> Grid {
+        let corner = Point2::new(-1.0, 2.0);
+        let mut grid = Grid::around([(corner, corner + nalgebra::Vector2::new(1.6, 1.1))], 0.1).unwrap();
+        let mut rng = Pcg64Mcg::seed_from_u64(seed);
+        grid.bits.iter_mut().for_each(|bit| *bit = rng.random_bool(share));
+        grid
+    }
+
+    #[test]
+    fn places_and_cells_agree() {
+        let grid = random(0.5, 1);
+        assert_eq!((grid.columns, grid.rows), (16, 11));
+        for i in 0..grid.bits.len() {
+            assert_eq!(grid.index_of(&grid.center(i)), Some(i));
+        }
+        for (x, y) in [(-1.01, 2.5), (0.61, 2.5), (0.0, 1.99), (0.0, 3.11), (f64::NAN, 2.5)] {
+            assert_eq!(grid.index_of(&Point2::new(x, y)), None);
+        }
+        assert!(Grid::around([], 0.1).is_none());
+        assert!(Grid::around([(Point2::origin(), Point2::new(f64::INFINITY, 1.0))], 0.1).is_none());
+        // A continent has larger cells, not more.
+        let vast = Grid::around([(Point2::origin(), Point2::new(1e7, 10.0))], 0.05).unwrap();
+        assert!(vast.bits.len() <= 4000);
+    }
+
+    #[test]
+    fn dilation_is_what_it_says() {
+        for (share, radius) in [(0.05, 0.0), (0.1, 0.1), (0.3, 0.2), (0.9, 0.25)] {
+            let grid = random(share, 2);
+            let fast = grid.dilated(radius);
+            for i in 0..grid.bits.len() {
+                let near = |k: usize| (grid.center(k) - grid.center(i)).norm() <= radius + 1e-6;
+                assert_eq!(fast.bits[i], grid.set_cells().any(near));
+                let within: Vec<usize> = (0..grid.bits.len()).filter(|&k| near(k)).collect();
+                assert_eq!(grid.within(i, radius).collect::<Vec<_>>(), within);
+            }
+        }
+    }
+
+    #[test]
+    fn patches_part_the_set_cells_and_steps_count() {
+        let grid = random(0.4, 3);
+        let patches = grid.patches();
+        let mut all: Vec<usize> = patches.iter().flatten().copied().collect();
+        all.sort_unstable();
+        assert_eq!(all, grid.set_cells().collect::<Vec<_>>());
+        for (i, a) in patches.iter().enumerate() {
+            for b in &patches[..i] {
+                let touching = |&p: &usize| grid.neighbours(p).any(|n| b.contains(&n));
+                assert!(!a.iter().any(touching), "two patches touch");
+            }
+            // Enough steps reach the whole patch and nothing else.
+            let mut start = grid.cleared();
+            start.bits[a[0]] = true;
+            let reached = grid.reached_from(&start, grid.bits.len());
+            assert_eq!(reached.set_cells().count(), a.len());
+            assert!(a.iter().all(|&p| reached.bits[p]));
+            assert_eq!(grid.reached_from(&start, 0).set_cells().collect::<Vec<_>>(), [a[0]]);
+        }
+        let full = grid.with(vec![true; grid.bits.len()]);
+        let mut corner = grid.cleared();
+        corner.bits[0] = true;
+        // A square of four cells a side: diagonals are steps.
+        assert_eq!(full.reached_from(&corner, 3).set_cells().count(), 16);
+    }
+
+    #[test]
+    fn closing_fills_holes_and_keeps_outlines() {
+        let mut grid = random(0.0, 4);
+        grid.fill(&Polygon::rectangle(Point2::new(-0.8, 2.2), Point2::new(0.2, 2.8)));
+        let whole = grid.clone();
+        assert_eq!(whole.set_cells().count(), 60);
+        let middle = grid.index_of(&Point2::new(-0.25, 2.45)).unwrap();
+        grid.bits[middle] = false;
+        assert_eq!(grid.closed(0.1), whole);
+        let (low, high) = whole.bounds().unwrap();
+        assert!((low - Point2::new(-0.8, 2.2)).norm() < 1e-9 && (high - Point2::new(0.2, 2.8)).norm() < 1e-9);
+        assert!(grid.cleared().bounds().is_none());
     }
 }

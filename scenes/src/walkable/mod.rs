@@ -33,9 +33,11 @@ pub struct WalkableOptions {
     pub ankle_m: f64,
     /// What is higher than this is walked under.
     pub head_m: f64,
-    /// A cell is obstructed when the surfaces between ankle and head make up this fraction of its area or more. Well
-    /// below 1: what stereo sees at a grazing angle is sparse.
+    /// A place is obstructed when the surfaces between ankle and head make up this fraction of the floor's area around
+    /// it, or more. Well below 1: what stereo sees at a grazing angle is sparse.
     pub obstructed_fraction: f64,
+    /// How far "around it" reaches, metres.
+    pub window_m: f64,
     /// Obstructed patches smaller than this (m²) are strays, unless they are as high as `pole_height_m`.
     pub stray_area_m2: f64,
     /// How high a narrow thing must reach to be believed.
@@ -58,6 +60,7 @@ impl Default for WalkableOptions {
             ankle_m: 0.2,
             head_m: 1.8,
             obstructed_fraction: 0.25,
+            window_m: 0.1,
             stray_area_m2: 0.03,
             pole_height_m: 0.4,
             close_m: 0.1,

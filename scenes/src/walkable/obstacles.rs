@@ -8,13 +8,31 @@ const BOARD_STOREYS: u32 = 2;
 /// Nothing of a board is lower than this above the floor, metres; below it, it would stop legs.
 const BOARD_FROM_M: f64 = 0.5;
 
+/// Share of its own area that a cell must hold: a wall stays as thin as it is, however dense it makes the cells around.
+const OWN_SHARE: f64 = 0.1;
+
 /// The cells in which nobody can stand.
 pub(super) fn of(survey: &Survey, options: &WalkableOptions) -> Grid {
-    let cell_m = survey.floor.cell_m;
-    let enough = (options.obstructed_fraction * cell_m * cell_m) as f32;
-    let mut blocked = survey.floor.with(survey.obstructing_m2.iter().map(|area| *area >= enough).collect());
+    let mut blocked = dense_cells(survey, options);
     remove_strays(&mut blocked, survey, options);
     free_rims(&blocked.closed(options.close_m), survey, options)
+}
+
+/// Cells with surface in them, amid enough of it. Points that stereo leaves hanging in the air lie thinly everywhere;
+/// what really stands there is dense, even where it is seen at a grazing angle and a cell here and there is empty.
+fn dense_cells(survey: &Survey, options: &WalkableOptions) -> Grid {
+    let grid = &survey.floor;
+    let cell_m2 = grid.cell_m * grid.cell_m;
+    let own = (OWN_SHARE * cell_m2) as f32;
+    let candidates = grid.with(survey.obstructing_m2.iter().map(|area| *area >= own).collect());
+    let mut dense = candidates.cleared();
+    for i in candidates.set_cells() {
+        let (cells, sum) = grid
+            .within(i, options.window_m)
+            .fold((0_u32, 0.0), |(n, sum), k| (n + 1, sum + survey.obstructing_m2[k]));
+        dense.bits[i] = f64::from(sum) >= options.obstructed_fraction * f64::from(cells) * cell_m2;
+    }
+    dense
 }
 
 /// Clears patches that are both small and low: a few stray discs.

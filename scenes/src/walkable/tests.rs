@@ -177,8 +177,8 @@ fn in_the_office_people_stood_where_the_map_lets_them() {
     }
 }
 
-/// What stereo would make of the office: one disc a few pixels from each camera, with noise that grows with the
-/// distance, holes, and points hanging in the air between the edges of things and what is behind them.
+/// What stereo would make of the office: one disc a few pixels from each camera, with noise of a hundredth of the
+/// distance, every fifth one missing, and every twentieth hanging somewhere in the air before the surface.
 fn as_reconstructed(room: &Room, rng: &mut Pcg64Mcg) -> Geometry {
     const STEP_PX: u32 = 3;
     let scene = RayScene::new(room.geometry.as_ref().unwrap()).unwrap();
@@ -195,8 +195,8 @@ fn as_reconstructed(room: &Room, rng: &mut Pcg64Mcg) -> Geometry {
                 let gauss: f32 = StandardNormal.sample(rng);
                 let distance = match luck {
                     ..0.2 => continue,
-                    0.2..0.22 => hit.distance * rng.random_range(0.3..1.0),
-                    _ => hit.distance * (1.0 + 0.006 * gauss),
+                    0.2..0.25 => hit.distance * rng.random_range(0.3..1.0),
+                    _ => hit.distance * (1.0 + 0.01 * gauss),
                 };
                 let wobble = Vec3::from_array(std::array::from_fn(|_| rng.random_range(-0.2..0.2)));
                 discs.push(Disc {
