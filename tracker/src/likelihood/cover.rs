@@ -74,7 +74,13 @@ impl Cover {
         change
     }
 
-    /// What would change if a body with these pixels were added, given packed bits instead of a silhouette's rectangle.
+    pub(super) fn foreground_under(&self, silhouette: &Silhouette) -> u32 {
+        let mut found = 0;
+        self.visit(silhouette, |word, bits, _, _| found += (bits & word.foreground).count_ones());
+        found
+    }
+
+    /// Calls `each` with every word of the silhouette: the word, the silhouette's bits in it, its row and column.
     fn visit(&self, silhouette: &Silhouette, mut each: impl FnMut(&Word, u64, usize, usize)) {
         let columns = silhouette.word_range();
         for row in silhouette.row_range() {

@@ -74,7 +74,7 @@ impl Rule {
     /// What explaining `part` of a typical silhouette in one camera is worth, in nats.
     pub fn worth_of(&self, part: f64) -> f64 {
         match *self {
-            // Of a scene with a single person in it.
+            // Beside the other half of the union.
             Self::Overlap { exponent } => exponent * part,
             Self::Bernoulli { detection, false_alarm, independent_pixels } => {
                 part * independent_pixels * (detection / false_alarm).ln()

@@ -116,6 +116,11 @@ impl Simulation {
         self.commit(None, Some(silhouettes));
     }
 
+    /// How many of a silhouette's visible pixels are foreground in one camera, whoever else covers them.
+    pub fn foreground_under(&self, camera: usize, silhouette: &Silhouette) -> u32 {
+        self.cameras[camera].cover.foreground_under(silhouette)
+    }
+
     /// What adding a body to the present state would newly cover in one camera: pixels, and foreground pixels of these.
     pub fn gain(&self, camera: usize, silhouette: &Silhouette) -> [i64; 2] {
         let change = self.cameras[camera].cover.change(None, Some(silhouette));

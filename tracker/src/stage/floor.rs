@@ -1,14 +1,17 @@
 //! The floor: where people can be, where they may come and go, and the doorstep beyond.
 //!
-//! A person in a doorway is seen before they are in the room and after they have left it. So next to each zone, outside
-//! the room's outline, lies a *doorstep*: people may be there, come from there and vanish there, but they are not in the
-//! room and are not reported. Without it a tracker has to squeeze whoever is seen through the door into the room.
+//! A person in a doorway is seen before they are in the room and after they have left it. So what lies behind a zone is a
+//! *doorstep*: people may be there, come from there and vanish there, but they are not in the room and are not reported.
+//! Without it a tracker has to squeeze whoever is seen through the door into the room. Two kinds of floor are doorsteps:
+//! walkable floor that can only be reached through a zone (a corridor that the cameras saw), and what lies outside the
+//! room's outline close to a zone (a corridor that they did not).
 
 use nalgebra::{Point2, Vector2};
 use scenes::polygon::Polygon;
 use scenes::room::{Zone, ZoneKind};
+use scenes::walkable::{Grid, WalkableMap};
 
-/// How far the doorstep reaches from a zone: about as far as one sees through a door at an angle.
+/// How far an unseen doorstep reaches from a zone: about as far as one sees through a door at an angle.
 const DOORSTEP_M: f64 = 1.5;
 /// How far from a camera people are looked for in a room whose floor is not known.
 const FLOOR_REACH_M: f64 = 10.0;
@@ -16,7 +19,9 @@ const FLOOR_REACH_M: f64 = 10.0;
 /// Where people can be.
 #[derive(Debug, Clone)]
 pub struct Floor {
-    walkable: Option<Vec<Polygon>>,
+    walkable: WalkableMap,
+    /// Walkable cells that can only be reached through a zone, in the order of the map's grid; empty without a grid.
+    beyond: Vec<bool>,
     zones: Vec<Zone>,
     /// Convex outline of the room's floor; `None` when the floor has no known end.
     outline: Option<Polygon>,
@@ -24,29 +29,38 @@ pub struct Floor {
 }
 
 impl Floor {
-    pub(super) fn new(walkable: Option<Vec<Polygon>>, zones: &[Zone], cameras: &[Point2<f64>]) -> Self {
-        let polygons = walkable.iter().flatten().chain(zones.iter().map(|z| &z.polygon));
-        let mut corners: Vec<Point2<f64>> = polygons.flat_map(|p| p.0.iter().copied()).collect();
-        let outline = walkable.is_some().then(|| convex_hull(corners.clone()));
+    /// The floor of a room whose cameras stand above `eyes`.
+    pub fn new(walkable: WalkableMap, zones: &[Zone], eyes: &[Point2<f64>]) -> Self {
+        let beyond = walkable.grid().map_or(Vec::new(), |grid| beyond_zones(grid, zones));
+        let mut corners: Vec<Point2<f64>> = zones.iter().flat_map(|z| z.polygon.0.iter().copied()).collect();
+        let outline = walkable.grid().map(|grid| {
+            let inside = (0..grid.bits.len()).filter(|i| grid.bits[*i] && !beyond[*i]);
+            let reach = 0.5 * grid.cell_m;
+            corners.extend(inside.flat_map(|i| {
+                [(-reach, -reach), (-reach, reach), (reach, -reach), (reach, reach)]
+                    .map(|(dx, dy)| grid.center(i) + Vector2::new(dx, dy))
+            }));
+            convex_hull(corners.clone())
+        });
         let reach = Vector2::repeat(if outline.is_some() { DOORSTEP_M } else { FLOOR_REACH_M });
         if outline.is_none() {
-            corners.extend_from_slice(cameras);
+            corners.extend_from_slice(eyes);
         }
         let first = corners.first().copied().unwrap_or_default();
         let (low, high) = corners.iter().fold((first, first), |(low, high), p| (low.inf(p), high.sup(p)));
-        Self { walkable, zones: zones.to_vec(), outline, bounds: (low - reach, high + reach) }
+        Self { walkable, beyond, zones: zones.to_vec(), outline, bounds: (low - reach, high + reach) }
     }
 
     /// Whether a place is in the room and somebody can stand there. Zones count: whoever drew them saw people there.
     pub fn is_inside(&self, x_m: f64, y_m: f64) -> bool {
         let p = Point2::new(x_m, y_m);
-        self.walkable.as_ref().is_none_or(|all| all.iter().any(|w| w.contains(&p)))
+        (self.walkable.contains(x_m, y_m) && !self.is_beyond(&p))
             || self.zones.iter().any(|z| z.polygon.contains(&p))
     }
 
     /// Whether somebody can stand at a place, in the room or on a doorstep.
     pub fn is_standable(&self, x_m: f64, y_m: f64) -> bool {
-        self.is_inside(x_m, y_m) || self.near_zone(x_m, y_m, None)
+        self.walkable.contains(x_m, y_m) || self.near_zone(x_m, y_m, None)
     }
 
     /// Whether people may appear at this place: in an entry zone or on its doorstep; anywhere in a room without zones.
@@ -67,10 +81,58 @@ impl Floor {
     /// In a zone that is not of the barred kind, or on its doorstep.
     fn near_zone(&self, x_m: f64, y_m: f64, barred: Option<ZoneKind>) -> bool {
         let p = Point2::new(x_m, y_m);
-        let outside = self.outline.as_ref().is_some_and(|o| !o.contains(&p));
+        let outside = self.outline.as_ref().is_some_and(|o| !o.contains(&p)) || self.is_beyond(&p);
         let reach = if outside { DOORSTEP_M } else { 0.0 };
         self.zones.iter().any(|z| Some(z.kind) != barred && z.polygon.distance_m(&p) <= reach)
     }
+
+    fn is_beyond(&self, p: &Point2<f64>) -> bool {
+        let Some(grid) = self.walkable.grid() else { return false };
+        let place = (p - grid.origin) / grid.cell_m;
+        let inside =
+            (0.0..grid.columns as f64).contains(&place.x) && (0.0..grid.rows as f64).contains(&place.y);
+        inside && self.beyond[place.y as usize * grid.columns + place.x as usize]
+    }
+}
+
+/// The walkable cells that are cut off from the largest walkable region when zones are taken away, and touch a zone.
+fn beyond_zones(grid: &Grid, zones: &[Zone]) -> Vec<bool> {
+    let in_zone: Vec<bool> =
+        (0..grid.bits.len()).map(|i| zones.iter().any(|z| z.polygon.contains(&grid.center(i)))).collect();
+    let mut region: Vec<Option<usize>> = vec![None; grid.bits.len()];
+    // Size of each region, and whether it touches a zone.
+    let mut regions: Vec<(usize, bool)> = Vec::new();
+    for start in 0..grid.bits.len() {
+        if !grid.bits[start] || in_zone[start] || region[start].is_some() {
+            continue;
+        }
+        let (mut size, mut touches) = (0, false);
+        let mut open = vec![start];
+        region[start] = Some(regions.len());
+        while let Some(i) = open.pop() {
+            size += 1;
+            for n in neighbours(grid, i) {
+                touches |= in_zone[n];
+                if grid.bits[n] && !in_zone[n] && region[n].is_none() {
+                    region[n] = Some(regions.len());
+                    open.push(n);
+                }
+            }
+        }
+        regions.push((size, touches));
+    }
+    let largest = regions.iter().map(|(size, _)| *size).max().unwrap_or(0);
+    region.iter().map(|r| r.is_some_and(|r| regions[r].0 < largest && regions[r].1)).collect()
+}
+
+/// The cells that share an edge with a cell.
+fn neighbours(grid: &Grid, i: usize) -> impl Iterator<Item = usize> {
+    let (column, row, columns, rows) = (i % grid.columns, i / grid.columns, grid.columns, grid.rows);
+    let left = (column > 0).then(|| i - 1);
+    let right = (column + 1 < columns).then_some(i + 1);
+    let below = (row > 0).then(|| i - columns);
+    let above = (row + 1 < rows).then_some(i + columns);
+    [left, right, below, above].into_iter().flatten()
 }
 
 /// The convex hull of points, counter-clockwise (Andrew's monotone chain).
@@ -106,7 +168,22 @@ mod tests {
 
     fn room(kind: ZoneKind) -> Floor {
         let zone = Zone { name: "door".into(), polygon: rectangle(5.0, 1.0, 6.0, 2.0), kind };
-        Floor::new(Some(vec![rectangle(0.0, 0.0, 6.0, 5.0)]), &[zone], &[])
+        Floor::new(WalkableMap::of_polygons(&[rectangle(0.0, 0.0, 6.0, 5.0)]), &[zone], &[])
+    }
+
+    #[test]
+    fn a_corridor_behind_a_zone_is_a_doorstep_too() {
+        let zone = Zone { name: "door".into(), polygon: rectangle(5.0, 1.0, 6.1, 2.0), kind: ZoneKind::Both };
+        // A corridor of 2 × 4 m behind a wall, which the zone alone leads through.
+        let floor = WalkableMap::of_polygons(&[
+            rectangle(0.0, 0.0, 6.0, 5.0),
+            rectangle(5.5, 1.2, 6.5, 1.8),
+            rectangle(6.2, 0.0, 8.2, 4.0),
+        ]);
+        let floor = Floor::new(floor, &[zone], &[]);
+        assert!(floor.is_inside(5.5, 1.5) && floor.is_inside(5.5, 4.0) && floor.is_inside(0.1, 0.1));
+        assert!(floor.is_standable(7.0, 3.0) && !floor.is_inside(7.0, 3.0) && !floor.is_inside(6.3, 1.5));
+        assert!(floor.may_appear(6.8, 1.5) && floor.may_disappear(6.8, 1.5) && !floor.may_appear(7.9, 3.9));
     }
 
     #[test]
@@ -131,9 +208,9 @@ mod tests {
 
     #[test]
     fn without_zones_people_come_and_go_anywhere() {
-        let floor = Floor::new(Some(vec![rectangle(0.0, 0.0, 6.0, 5.0)]), &[], &[]);
+        let floor = Floor::new(WalkableMap::of_polygons(&[rectangle(0.0, 0.0, 6.0, 5.0)]), &[], &[]);
         assert!(floor.may_appear(3.0, 3.0) && floor.may_disappear(3.0, 3.0) && !floor.is_standable(7.0, 3.0));
-        let open = Floor::new(None, &[], &[Point2::new(1.0, 1.0)]);
+        let open = Floor::new(WalkableMap::everywhere(), &[], &[Point2::new(1.0, 1.0)]);
         assert!(open.is_inside(50.0, 50.0) && open.bounds().1.x > 5.0);
     }
 

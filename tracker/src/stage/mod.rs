@@ -13,6 +13,7 @@ use image::{GrayImage, Luma};
 use nalgebra::Point2;
 use scenes::depth::{self, DepthMap};
 use scenes::room::{Room, Zone};
+use scenes::walkable::{self, WalkableMap};
 
 pub use self::floor::Floor;
 use crate::{Error, Result};
@@ -84,8 +85,13 @@ impl Stage {
             }
             cameras.push(camera);
         }
+        let walkable = if options.occlusion || room.walkable.is_some() {
+            walkable::cached(room_dir, room)?
+        } else {
+            WalkableMap::everywhere()
+        };
         let eyes: Vec<Point2<f64>> = cameras.iter().map(|c| c.pinhole.center().xy()).collect();
-        let floor = Floor::new(room.walkable.clone(), &room.zones, &eyes);
+        let floor = Floor::new(walkable, &room.zones, &eyes);
         Ok(Self { cameras, floor, zones: room.zones.clone() })
     }
 

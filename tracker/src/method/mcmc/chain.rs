@@ -42,6 +42,9 @@ pub(super) struct Setting<'a> {
     pub(super) settling: bool,
     /// Pixels of a typical silhouette, one entry a camera.
     pub(super) typical_px: &'a [f64],
+    /// What multiplies `log R`. As published, R stands beside a V that goes from 0 to 1; beside a V that counts for
+    /// hundreds of nats it has to weigh as much more.
+    pub(super) repulsion_weight: f64,
     /// Expected births of this moment per m² of the region.
     pub(super) log_birth_density: f64,
 }
@@ -353,11 +356,12 @@ impl<'a> Chain<'a> {
         log
     }
 
-    /// `log R` of one body against the others.
+    /// `log R` of one body against the others, in proportion to `log V`.
     fn crowding(&self, body: &Body, except: Option<usize>) -> f64 {
         let lambda = self.setting.options.repulsion_per_m;
         let others = self.people.iter().enumerate().filter(|(i, _)| Some(*i) != except);
-        others.map(|(_, p)| log_separation(body, &p.body, lambda)).sum()
+        let log_r: f64 = others.map(|(_, p)| log_separation(body, &p.body, lambda)).sum();
+        (self.setting.repulsion_weight * log_r).max(LOG_IMPOSSIBLE)
     }
 
     /// Draws the proposal (into `proposed`) and works out its `log V`.

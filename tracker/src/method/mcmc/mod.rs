@@ -26,7 +26,7 @@ use self::chain::{Chain, Setting};
 pub use self::options::{Acceptance, McmcOptions, MotionOptions, MoveWeights, Spread};
 use self::person::{Key, Person};
 use self::tally::Tally;
-use self::track::Track;
+use self::track::{Evidence, Track};
 use super::Method;
 use crate::likelihood::{Counts, Simulation, pack};
 use crate::silhouette::visibility::{fraction, visible_parts};
@@ -126,7 +126,7 @@ impl Mcmc {
             let before = track.body();
             track.predict(dt_s, options);
             let mut body = track.body();
-            if track.id.is_none() || floor.may_disappear(body.x_m, body.y_m) {
+            if track.is_tentative() || floor.may_disappear(body.x_m, body.y_m) {
                 track.may_have_left(left);
             }
             if !floor.is_standable(body.x_m, body.y_m) && floor.is_standable(before.x_m, before.y_m) {
@@ -150,7 +150,7 @@ impl Mcmc {
                 body,
                 silhouettes,
                 known: Some(track.known()),
-                tentative: track.id.is_none(),
+                tentative: track.is_tentative(),
             }
         };
         self.tracks.iter_mut().map(person).collect()
@@ -172,6 +172,7 @@ impl Mcmc {
             births: &*births,
             settling,
             typical_px,
+            repulsion_weight: rule.worth_of(0.5).max(1.0),
             log_birth_density: (self.options.births_per_s * dt_s / births.area_m2().max(1e-3)).ln()
                 - rule.worth_of(self.options.birth_evidence),
         };
@@ -207,7 +208,7 @@ impl Method for Mcmc {
         }
         let tally = self.sample(people, dt_s, settling);
         self.take_in(&tally);
-        self.weigh(&masks);
+        self.weigh(&masks, dt_s);
         Ok(self.report())
     }
 }
@@ -235,7 +236,7 @@ impl Mcmc {
 
     /// Takes in, for each person, how much better the masks are explained with them than without; believes in those who
     /// have become likely enough.
-    fn weigh(&mut self, masks: &[Option<Vec<u64>>]) {
+    fn weigh(&mut self, masks: &[Option<Vec<u64>>], dt_s: f64) {
         self.simulation.restart(masks);
         let drawn: Vec<Vec<Silhouette>> = self
             .tracks
@@ -252,8 +253,12 @@ impl Mcmc {
         let with = nats(&mut self.simulation.counts());
         for (track, silhouettes) in self.tracks.iter_mut().zip(&drawn) {
             self.simulation.try_change(Some(silhouettes), None);
-            let support = with - nats(&mut self.simulation.tried());
-            track.weigh(support, rule.worth_of(self.options.birth_evidence));
+            let evidence = Evidence {
+                support_nats: with - nats(&mut self.simulation.tried()),
+                chance_nats: rule.worth_of(self.options.birth_evidence),
+                worst_filled: worst_filled(&self.simulation, silhouettes),
+            };
+            track.weigh(&evidence, dt_s);
             if track.id.is_none() && track.earned_nats >= self.options.believed_at_nats {
                 track.id = Some(TrackId(self.next_id));
                 self.next_id += 1;
@@ -304,6 +309,20 @@ impl Mcmc {
         people.sort_by_key(|p| p.id);
         people
     }
+}
+
+/// Of the cameras that see a body clearly, the smallest foreground part of its silhouette; 1 when none does.
+fn worst_filled(simulation: &Simulation, silhouettes: &[Silhouette]) -> f64 {
+    /// A camera sees a body clearly when at least half of it is in sight, and enough of it to tell.
+    const CLEAR: f64 = 0.5;
+    const CLEAR_PX: u32 = 100;
+    silhouettes
+        .iter()
+        .enumerate()
+        .filter(|(camera, s)| simulation.in_use(*camera) && s.visible_px > CLEAR_PX)
+        .filter(|(_, s)| f64::from(s.visible_px) >= CLEAR * f64::from(s.area_px))
+        .map(|(camera, s)| f64::from(simulation.foreground_under(camera, s)) / f64::from(s.visible_px))
+        .fold(1.0, f64::min)
 }
 
 /// Whether a person standing here would have feet, middle or head in some camera's image.

@@ -22,6 +22,24 @@ const MOST_EVIDENCE_NATS: f64 = 4.0;
 /// Nobody is surer to be there, or not, than this.
 const SUREST_NATS: f64 = 12.0;
 
+/// Somebody in clear view of a camera fills at least this part of their silhouette with foreground: the worst masks of
+/// real people fill half, the best of nobody's a quarter.
+const LEAST_FILLED: f64 = 0.35;
+/// Somebody who for this long is not where a camera sees clearly was never there.
+const CONTRADICTED_FOR_S: f64 = 3.0;
+
+/// What a moment says about whether a person is there at all.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Evidence {
+    /// How much better the masks are explained with this person than without.
+    pub(super) support_nats: f64,
+    /// How much of that chance could have done.
+    pub(super) chance_nats: f64,
+    /// The foreground part of the visible silhouette, in the camera where it is smallest of those that see this person
+    /// clearly; 1 when none does.
+    pub(super) worst_filled: f64,
+}
+
 /// A person the sampler follows.
 #[derive(Debug, Clone)]
 pub(super) struct Track {
@@ -33,6 +51,8 @@ pub(super) struct Track {
     pub(super) height: Spread,
     /// Log odds of being there.
     pub(super) log_odds: f64,
+    /// For how long a camera that should see this person has not.
+    contradicted_s: f64,
     /// What has spoken for this person since birth, beyond what chance explains, nats.
     pub(super) earned_nats: f64,
 }
@@ -48,6 +68,7 @@ impl Track {
             radius: options.radius,
             height: options.height,
             log_odds: 0.0,
+            contradicted_s: 0.0,
             earned_nats: 0.0,
         };
         track.resize(sums, 1.0);
@@ -87,12 +108,22 @@ impl Track {
         self.log_odds = (there / (1.0 - there)).ln().clamp(-SUREST_NATS, SUREST_NATS);
     }
 
-    /// Takes in how much better the masks are explained with this person than without, and how much of that chance could
-    /// have done for somebody not yet believed in.
-    pub(super) fn weigh(&mut self, support_nats: f64, chance_nats: f64) {
+    /// Takes in a moment's evidence about whether this person is there at all.
+    pub(super) fn weigh(&mut self, evidence: &Evidence, dt_s: f64) {
         let bounded = |nats: f64| nats.clamp(-MOST_EVIDENCE_NATS, MOST_EVIDENCE_NATS);
-        self.log_odds = (self.log_odds + bounded(support_nats)).clamp(-SUREST_NATS, SUREST_NATS);
-        self.earned_nats += bounded(support_nats - chance_nats);
+        self.log_odds = (self.log_odds + bounded(evidence.support_nats)).clamp(-SUREST_NATS, SUREST_NATS);
+        let contradicted = evidence.worst_filled < LEAST_FILLED;
+        self.earned_nats += if contradicted {
+            -MOST_EVIDENCE_NATS
+        } else {
+            bounded(evidence.support_nats - evidence.chance_nats)
+        };
+        self.contradicted_s = if contradicted { self.contradicted_s + dt_s } else { 0.0 };
+    }
+
+    /// Whether this person may be a mistake: not believed in yet, or for long not where cameras see clearly.
+    pub(super) fn is_tentative(&self) -> bool {
+        self.id.is_none() || self.contradicted_s > CONTRADICTED_FOR_S
     }
 
     /// Probability of being there.
