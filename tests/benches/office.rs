@@ -1,0 +1,76 @@
+//! The office's numbers, each beside the least it must be: capture motion, room, depth, tracks, frames a second.
+//!
+//! `make bench`, or `cargo build --release --bins && cargo bench -p tests --bench office`
+#![forbid(unsafe_code)]
+
+use std::path::Path;
+use std::time::Instant;
+
+use recon::capture::{Capture, ReferenceFrame};
+use recon::motion::{self, MotionOptions};
+use tests::accuracy;
+use tests::chain::{Said, build_room, compare_rooms, evaluate, track};
+use tests::data::office;
+
+/// Frames of the office's videos.
+const FRAMES: f64 = 300.0;
+
+/// One figure: what, how much, and the least or the most it may be.
+fn row(what: &str, value: f64, unit: &str, bound: &str) {
+    println!("{what:<58} {value:>8.2} {unit:<9} {bound}");
+}
+
+fn main() -> Said<()> {
+    let office = office();
+    let scratch = tempfile::tempdir().map_err(|e| e.to_string())?;
+    let (built, truth) = (scratch.path().join("room"), office.join("room"));
+    for camera in ["cam0", "cam1"] {
+        capture_motion(&office, camera)?;
+    }
+
+    build_room(&office, &built)?;
+    let errors = compare_rooms(&built, &truth, 50)?;
+    row("room: cam1 seen from cam0, position", errors.relative.position_cm, "cm", "<= 3");
+    row("room: cam1 seen from cam0, orientation", errors.relative.rotation_deg, "degrees", "<= 0.5");
+    for (name, camera) in &errors.cameras {
+        row(&format!("room: floor tilt seen from {name}"), camera.tilt_deg, "degrees", "<= 0.3");
+        row(&format!("room: height of {name} above the floor, error"), camera.height_cm, "cm", "within 2");
+    }
+    for (name, depth) in &errors.depth {
+        row(&format!("room: depth of {name} within 5 cm"), 100.0 * depth.within, "%", ">= 60");
+        row(&format!("room: depth of {name} covered"), 100.0 * depth.covered, "%", "");
+    }
+
+    for (what, room, mota, idf1, mean_cm) in [("true room", &truth, 92, 95, 10), ("built room", &built, 88, 90, 12)] {
+        let out = scratch.path().join("tracks");
+        let started = Instant::now();
+        track(&office, room, &out, &[])?;
+        let frames_per_second = FRAMES / started.elapsed().as_secs_f64();
+        let tracking = evaluate(&office, room, &out)?;
+        row(&format!("tracks, {what}: MOTA"), tracking.mota, "%", &format!(">= {mota}"));
+        row(&format!("tracks, {what}: IDF1"), tracking.idf1, "%", &format!(">= {idf1}"));
+        row(&format!("tracks, {what}: mean error"), 100.0 * tracking.mean_m, "cm", &format!("<= {mean_cm}"));
+        row(&format!("tracks, {what}: maximum error"), 100.0 * tracking.maximum_m, "cm", "<= 50");
+        row(&format!("tracks, {what}: whole run without film"), frames_per_second, "frames/s", ">= 30");
+    }
+    let out = scratch.path().join("blind");
+    track(&office, &truth, &out, &["--no-occlusion"])?;
+    let blind = evaluate(&office, &truth, &out)?;
+    row("for comparison, without the room's geometry: MOTA", blind.mota, "%", "");
+    row("for comparison, without the room's geometry: mean error", 100.0 * blind.mean_m, "cm", "");
+    Ok(())
+}
+
+fn capture_motion(office: &Path, camera: &str) -> Said<()> {
+    let told = |e: &dyn std::fmt::Display| e.to_string();
+    let lens = calib::files::read_intrinsics(&office.join(format!("{camera}.toml"))).map_err(|e| told(&e))?;
+    let film = office.join(format!("capture/{camera}.mp4"));
+    let capture = Capture::load(camera, &film, ReferenceFrame::Last, Some(lens)).map_err(|e| told(&e))?;
+    let (motion, _) = motion::estimate(&capture, &MotionOptions::default()).map_err(|e| told(&e))?;
+    let truth = accuracy::capture_truth(&office.join("truth.json"), camera).ok_or("truth.json: no capture poses")?;
+    let error = accuracy::motion(&motion.camera_from_world, &truth).ok_or("fewer than three frames placed")?;
+    row(&format!("capture of {camera}: camera position, rms"), error.position_rms_cm, "cm", "<= 1");
+    row(&format!("capture of {camera}: camera orientation, rms"), error.rotation_rms_deg, "degrees", "<= 0.2");
+    row(&format!("capture of {camera}: frames placed"), error.frames as f64, "frames", "of 50");
+    Ok(())
+}
