@@ -3,7 +3,7 @@
 //! A room that was reconstructed again has its own origin. Its cameras are still the same ones, so their poses in
 //! both rooms give the rigid transform on the floor (a turn about the vertical and a shift: the floor stays the
 //! floor) that brings the one room onto the other. Least squares over each camera's centre and the points
-//! [`REACH_M`] along its three axes, so that centres and orientations both count, by what they do to positions
+//! `REACH_M` along its three axes, so that centres and orientations both count, by what they do to positions
 //! where people stand.
 
 use std::path::Path;

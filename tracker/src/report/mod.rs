@@ -1,9 +1,9 @@
 //! The report: one self-contained page that shows what a run did.
 //!
 //! `tracks.jsonl`, `timings.json` and the films of a run, its room and, where there is one, the truth →
-//! [`recording`] → a section each: floor plan ([`floor_plan`]), stills at telling moments ([`moments`], [`stills`]),
-//! predicted visibility over time ([`timeline`]), evaluation and time per stage ([`tables`]) → one HTML file
-//! ([`page`]). Pictures are embedded and drawings are inline SVG: the page asks the network for nothing.
+//! `recording` → a section each: floor plan (`floor_plan`), stills at telling moments (`moments`, `stills`),
+//! predicted visibility over time (`timeline`), evaluation and time per stage (`tables`) → one HTML file
+//! (`page`). Pictures are embedded and drawings are inline SVG: the page asks the network for nothing.
 
 mod floor_plan;
 mod markup;

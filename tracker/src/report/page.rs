@@ -6,8 +6,8 @@ use super::markup::{data_url, escape};
 use super::moments::{self, HIDDEN};
 use super::recording::Recording;
 use super::{ReportOptions, floor_plan, stills, tables, timeline};
-use crate::Result;
 use crate::tracks::jsonl::FrameLine;
+use crate::{Result, TrackId};
 
 const STYLE: &str = include_str!("page.css");
 
@@ -74,7 +74,7 @@ fn header(recording: &Recording, title: &str) -> String {
     let (first, last) = recording.span_s();
     let people = recording.tracks().len();
     let cameras = recording.cameras.len();
-    let mut cards = vec![(people.to_string(), if people == 1 { "person" } else { "people" })];
+    let mut cards = vec![(people.to_string(), if people == 1 { "track" } else { "tracks" })];
     if let Some(evaluation) = &recording.evaluation {
         cards.extend(tables::headline_figures(evaluation));
     }
@@ -120,23 +120,44 @@ fn film_stills(recording: &Recording, options: &ReportOptions) -> Result<String>
     Ok(figures)
 }
 
+/// More people than this are counted, not listed.
+const LISTED: usize = 4;
+
 /// What is to be seen in a still, in words.
 fn caption(recording: &Recording, frame: &FrameLine, camera: &str) -> String {
-    let mut parts = Vec::new();
-    for person in &frame.people {
-        let sight = recording.sight(person, camera);
-        if !sight.is_in_view {
-            continue;
-        }
-        let id = person.id;
-        parts.push(if sight.visible <= HIDDEN {
-            format!("person {id} is hidden and still followed")
-        } else if sight.visible >= 0.97 {
-            format!("person {id} in full view")
-        } else {
-            format!("person {id} {:.0} % visible", 100.0 * sight.visible)
-        });
+    let in_view: Vec<(TrackId, f64)> = frame
+        .people
+        .iter()
+        .map(|p| (p.id, recording.sight(p, camera)))
+        .filter(|(_, sight)| sight.is_in_view)
+        .map(|(id, sight)| (id, sight.visible))
+        .collect();
+    let who = if in_view.is_empty() {
+        "nobody in view".to_owned()
+    } else if in_view.len() <= LISTED {
+        in_view.iter().map(|(id, visible)| one(*id, *visible)).collect::<Vec<_>>().join(", ")
+    } else {
+        let count = |is: fn(f64) -> bool| in_view.iter().filter(|(_, visible)| is(*visible)).count();
+        format!(
+            "{} people, {} in full view, {} partly and {} wholly hidden",
+            in_view.len(),
+            count(|v| v >= FULL),
+            count(|v| v < FULL && v > HIDDEN),
+            count(|v| v <= HIDDEN)
+        )
+    };
+    format!("Frame {}, {:.2}\u{a0}s: {who}.", frame.frame, frame.time)
+}
+
+/// More than this is all of somebody.
+const FULL: f64 = 0.97;
+
+fn one(id: TrackId, visible: f64) -> String {
+    if visible <= HIDDEN {
+        format!("person\u{a0}{id} hidden and still followed")
+    } else if visible >= FULL {
+        format!("person\u{a0}{id} in full view")
+    } else {
+        format!("{:.0}\u{a0}% of person\u{a0}{id} visible", 100.0 * visible)
     }
-    let who = if parts.is_empty() { "nobody in view".to_owned() } else { parts.join(", ") };
-    format!("Frame {}, {:.2} s: {who}.", frame.frame, frame.time)
 }

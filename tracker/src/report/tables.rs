@@ -15,7 +15,7 @@ pub(super) fn evaluation(evaluation: &Evaluation) -> String {
             rows,
             "<tr><th scope=\"row\">{}</th><td class=\"number\">{}</td><td>{}</td></tr>",
             escape(figure.name),
-            escape(&figure.text()),
+            escape(&figure.text().replace('-', "−")),
             escape(figure.meaning)
         );
     }
@@ -38,8 +38,8 @@ pub(super) fn headline_figures(evaluation: &Evaluation) -> Vec<(String, &'static
 
 fn short(figure: &Figure) -> Option<String> {
     match figure.value {
-        Value::Real(Some(value), Unit::Percent) => Some(format!("{value:.1} %")),
-        Value::Real(Some(value), Unit::Metres) => Some(format!("{:.1} cm", 100.0 * value)),
+        Value::Real(Some(value), Unit::Percent) => Some(format!("{value:.1}\u{a0}%").replace('-', "−")),
+        Value::Real(Some(value), Unit::Metres) => Some(format!("{:.1}\u{a0}cm", 100.0 * value)),
         _ => None,
     }
 }

@@ -86,13 +86,13 @@ fn the_page_is_whole_and_asks_for_nothing() {
         for expected in [
             "<!doctype html>",
             "MOTA",
-            "100.0 %",
-            "10.0 cm",
+            "100.0\u{a0}%",
+            "10.0\u{a0}cm",
             "inference",
             "class=\"truth\"",
             "class=\"way\"",
-            "is hidden and still followed",
-            "40 % visible",
+            "hidden and still followed",
+            "40\u{a0}% of person\u{a0}1 visible",
             "</html>",
         ] {
             assert!(html.contains(expected), "{expected} is missing (film: {with_film})");
