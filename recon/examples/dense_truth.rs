@@ -10,6 +10,8 @@ use calib::vision::FrameSource;
 use image::{Luma, Rgb, RgbImage};
 use nalgebra::{Isometry3, Matrix3, Point3, Translation3, Vector3};
 use recon::dense::{DenseOptions, PosedCapture, reconstruct};
+use recon::planes::{self, PlaneOptions};
+use recon::surface::{Origin, Surface};
 
 fn main() -> Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -53,6 +55,11 @@ fn main() -> Result<()> {
     let (views, report) = reconstruct(&capture, &DenseOptions::default())?;
     println!("{:.1} s, {report:?}", start.elapsed().as_secs_f64());
     let view = &views[0];
+    let start = Instant::now();
+    if let Some((surface, report)) = planes::complete(&views, &PlaneOptions::default()) {
+        println!("{:.1} s, {report:?}", start.elapsed().as_secs_f64());
+        completed(name, &surface, &depth, rest.first().map(Path::new))?;
+    }
     let (mut total, mut covered, mut within, mut all_within) = (0, 0, 0, 0);
     let mut errors = RgbImage::new(depth.width(), depth.height());
     for (u, v, Luma([mm])) in depth.enumerate_pixels() {
@@ -86,6 +93,52 @@ fn main() -> Result<()> {
             Rgb([n.x, n.y, n.z].map(|c| (127.5 + 127.5 * c) as u8))
         });
         normals.save(Path::new(folder).join(format!("{name}_normals.png")))?;
+    }
+    Ok(())
+}
+
+/// What planes make of it, by where depths come from.
+fn completed(
+    name: &str,
+    surface: &Surface,
+    depth: &image::ImageBuffer<Luma<u16>, Vec<u16>>,
+    folder: Option<&Path>,
+) -> Result<()> {
+    let seen = depth.pixels().filter(|p| p[0] > 0).count() as f64;
+    let mut picture = RgbImage::new(depth.width(), depth.height());
+    for origin in [Origin::Stereo, Origin::Filled] {
+        let (mut count, mut good, mut near, mut far) = (0, 0, 0, 0);
+        for (i, (u, v, Luma([mm]))) in depth.enumerate_pixels().enumerate() {
+            if *mm == 0 || surface.origin[i] != origin {
+                continue;
+            }
+            let error = surface.depth[i] - f32::from(*mm) / 1000.0;
+            count += 1;
+            good += i32::from(error.abs() <= 0.05);
+            near += i32::from(error < -0.2);
+            far += i32::from(error > 0.2);
+            let shade = (255.0 * (error.abs() / 0.2).min(1.0)) as u8;
+            let blue = if origin == Origin::Filled { 150 } else { 0 };
+            let pixel = if error.abs() <= 0.05 {
+                [0, 255 - shade, blue]
+            } else if error < 0.0 {
+                [shade, 0, blue]
+            } else {
+                [shade, shade, blue]
+            };
+            picture.put_pixel(u, v, Rgb(pixel));
+        }
+        let percent = |n: i32| 100.0 * f64::from(n) / seen;
+        println!(
+            "{origin:?}: {:.1} % of the image, within 5 cm {:.1} %, > 20 cm too near {:.1} %, too far {:.1} %",
+            percent(count),
+            percent(good),
+            percent(near),
+            percent(far)
+        );
+    }
+    if let Some(folder) = folder {
+        picture.save(folder.join(format!("{name}_completed.png")))?;
     }
     Ok(())
 }

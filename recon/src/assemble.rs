@@ -59,9 +59,7 @@ pub fn assemble(
     }
     let poses: Vec<Isometry3<f64>> = merged.common_from_camera.iter().map(camera_pose).collect();
     let points = surface_points(surfaces, &merged.common_from_camera);
-    let centres: Vec<Point3<f64>> = poses.iter().map(|p| p.inverse() * Point3::origin()).collect();
-    let up: Vector3<f64> = poses.iter().map(|p| p.rotation.inverse() * -Vector3::y()).sum();
-    let (plane, floor_report) = floor::find(&points, &centres, &up, &options.floor)?;
+    let (plane, floor_report) = floor::find(&points, &poses, &options.floor)?;
     let metres_per_unit = scale::metres_per_unit(project, surfaces, lenses, &merged, &poses, &plane)?;
     let world_from_common = floor::metric(&floor::world_frame(&plane, &poses[0]), metres_per_unit);
     let world_from_camera: Vec<Similarity3<f64>> =

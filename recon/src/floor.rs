@@ -37,8 +37,10 @@ pub struct FloorOptions {
     pub thickness: f64,
     /// At most this share of the area may lie behind a floor.
     pub largest_behind: f64,
-    /// A floor's normal is at most this far from the way the images stand, degrees.
-    pub largest_lean_deg: f64,
+    /// A camera is turned about its axis by at most this much against the floor, degrees …
+    pub largest_roll_deg: f64,
+    /// … and looks at most this far upwards; downwards it may look as it likes.
+    pub largest_upward_deg: f64,
     /// A floor has at least this share of the area seen.
     pub least_share: f64,
     /// Peaks looked at.
@@ -53,7 +55,8 @@ impl Default for FloorOptions {
             normal_spread_deg: 25.0,
             thickness: 0.015,
             largest_behind: 0.04,
-            largest_lean_deg: 75.0,
+            largest_roll_deg: 35.0,
+            largest_upward_deg: 25.0,
             least_share: 0.02,
             peaks: 40,
         }
@@ -92,17 +95,17 @@ pub struct FloorReport {
 /// The floor among `points`.
 ///
 /// # Arguments
-/// `cameras`: each camera's centre. `up`: the mean of the images' upward directions.
+/// `cameras`: each camera's pose (camera from the points' frame).
 ///
 /// # Errors
 /// [`Error::Room`] when no plane can be a floor, saying what was wrong with the best.
 pub fn find(
     points: &[SurfacePoint],
-    cameras: &[Point3<f64>],
-    up: &Vector3<f64>,
+    cameras: &[Isometry3<f64>],
     options: &FloorOptions,
 ) -> Result<(Plane, FloorReport)> {
-    let size = room_size(points, cameras)
+    let centres: Vec<Point3<f64>> = cameras.iter().map(|c| c.inverse() * Point3::origin()).collect();
+    let size = room_size(points, &centres)
         .ok_or_else(|| Error::Room("no surface was reconstructed, so there is no floor to find".into()))?;
     let total: f64 = points.iter().map(|p| p.area).sum();
     let peaks = hough(points, size, options);
@@ -110,15 +113,15 @@ pub fn find(
     let mut refusal = "no plane was found at all";
     for peak in &peaks {
         let Some((plane, area, rms)) = refine(points, peak, size, options) else { continue };
-        let lean = plane.normal.dot(up) / up.norm().max(1e-12);
-        if lean < options.largest_lean_deg.to_radians().cos() {
+        let upright = cameras.iter().filter(|c| stands_on(c, &plane, options)).count();
+        if 2 * upright <= cameras.len() {
             continue;
         }
         if area < options.least_share * total {
             refusal = "the planes that lie level are too small; let the cameras see more of the floor";
             continue;
         }
-        if !cameras.iter().all(|c| plane.height(c) > 3.0 * options.thickness * size) {
+        if !centres.iter().all(|c| plane.height(c) > 3.0 * options.thickness * size) {
             refusal = "the planes that lie level are not below every camera";
             continue;
         }
@@ -143,6 +146,17 @@ pub fn find(
     }
     best.map(|(_, plane, report)| (plane, report))
         .ok_or_else(|| Error::Room(format!("no floor found among {} planes: {refusal}", peaks.len())))
+}
+
+/// Whether the plane could be the floor by the way a camera's image stands: its normal goes up in the image or, when the
+/// camera looks down, towards it; walls go sideways, or away.
+fn stands_on(camera: &Isometry3<f64>, plane: &Plane, options: &FloorOptions) -> bool {
+    let normal = camera.rotation * plane.normal;
+    let (right, up, back) = (normal.x, -normal.y, -normal.z);
+    let pitch_deg = back.atan2(up).to_degrees();
+    right.abs() < options.largest_roll_deg.to_radians().sin()
+        && pitch_deg > -options.largest_upward_deg
+        && pitch_deg < 90.0 + options.largest_upward_deg
 }
 
 /// The world frame of `interfaces.md`: the floor is z = 0, the origin lies below the first camera's centre, x is the
@@ -298,7 +312,7 @@ mod tests {
 
     /// A room of four walls, a ceiling, a floor seen in part and a table, in its own frame with the floor at z = 0;
     /// sampled unevenly, with noise, and moved by `pose`.
-    fn room(seed: u64, pose: &Similarity3<f64>) -> (Vec<SurfacePoint>, Vec<Point3<f64>>, Vector3<f64>) {
+    fn room(seed: u64, pose: &Similarity3<f64>) -> (Vec<SurfacePoint>, Vec<Isometry3<f64>>) {
         let mut rng = Pcg64Mcg::seed_from_u64(seed);
         let (w, d, h) =
             (4.0 + rng.random::<f64>() * 4.0, 3.0 + rng.random::<f64>() * 3.0, 2.3 + rng.random::<f64>());
@@ -333,10 +347,16 @@ mod tests {
                 });
             }
         }
-        let cameras = [v(0.3, 0.3, 2.1), v(w - 0.4, d - 0.3, 1.9)].map(|c| pose * Point3::from(c));
-        // Both images stand upright but for 40° of downward pitch, to different sides.
-        let up = v(0.3, 0.2, 1.0);
-        (points, cameras.to_vec(), pose.isometry.rotation * up)
+        // In two corners, looking at the room's middle near the floor, slightly rolled.
+        let cameras = [(v(0.3, 0.3, 2.1), 0.1), (v(w - 0.4, d - 0.3, 1.9), -0.15)].map(|(eye, roll)| {
+            let ahead = v(0.5 * w, 0.5 * d, 0.3) - eye;
+            let world_from_camera = UnitQuaternion::face_towards(&ahead, &-Vector3::z())
+                * UnitQuaternion::from_axis_angle(&Vector3::z_axis(), roll);
+            let rotation = pose.isometry.rotation * world_from_camera;
+            let centre = pose * Point3::from(eye);
+            Isometry3::from_parts(Translation3::from(centre.coords), rotation).inverse()
+        });
+        (points, cameras.to_vec())
     }
 
     proptest! {
@@ -350,8 +370,8 @@ mod tests {
         ) {
             let rotation = UnitQuaternion::from_euler_angles(angles[0], angles[1], angles[2]);
             let pose = Similarity3::from_parts(Translation3::from(Vector3::from(shift)), rotation, scale);
-            let (points, cameras, up) = room(seed, &pose);
-            let (plane, report) = find(&points, &cameras, &up, &FloorOptions::default()).unwrap();
+            let (points, cameras) = room(seed, &pose);
+            let (plane, report) = find(&points, &cameras, &FloorOptions::default()).unwrap();
             let truth = rotation * Vector3::z();
             prop_assert!(plane.normal.angle(&truth).to_degrees() < 0.2, "{report:?}");
             let height = plane.height(&(pose * Point3::new(1.0, 1.0, 0.0))) / scale;
@@ -361,12 +381,12 @@ mod tests {
 
     #[test]
     fn without_its_floor_a_room_has_none() {
-        let (points, cameras, up) = room(3, &Similarity3::identity());
+        let (points, cameras) = room(3, &Similarity3::identity());
         let without: Vec<SurfacePoint> = points.into_iter().filter(|p| p.position.z > 0.2).collect();
-        let line = find(&without, &cameras, &up, &FloorOptions::default());
+        let line = find(&without, &cameras, &FloorOptions::default());
         // The ceiling looks down, so at most the table is left, and walls reach below it.
         assert!(line.is_err(), "{line:?}");
-        assert!(find(&[], &cameras, &up, &FloorOptions::default()).is_err());
+        assert!(find(&[], &cameras, &FloorOptions::default()).is_err());
     }
 
     #[test]

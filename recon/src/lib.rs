@@ -11,6 +11,7 @@
 //! * [`bundle`] — Levenberg–Marquardt over poses, points and lens.
 //! * [`dense`] — depth and normal for each pixel of the reference view, by PatchMatch stereo.
 //! * [`surface`] — what a reference view is known to see: depth, normal, origin of each pixel.
+//! * [`planes`] — the room's planes: measured depths made exact on them, holes filled from them.
 //! * [`assemble`] — one room from all surfaces: [`merge`] (picked points, common surfaces), [`floor`] (Hough
 //!   transform, world frame), [`scale`] (metres), [`fusion`] (oriented discs).
 //! * [`error`] — the one error type: each line names file, place and mend.
@@ -28,6 +29,7 @@ pub mod floor;
 pub mod fusion;
 pub mod merge;
 pub mod motion;
+pub mod planes;
 pub mod project;
 pub mod scale;
 pub mod surface;

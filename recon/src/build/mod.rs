@@ -19,6 +19,7 @@ use crate::assemble::{self, AssembleOptions};
 use crate::capture::Capture;
 use crate::dense::{self, DenseOptions, PosedCapture};
 use crate::motion::{self, MotionOptions};
+use crate::planes::{self, PlaneOptions};
 use crate::project::Project;
 use crate::surface::Surface;
 use crate::{Error, Result};
@@ -35,6 +36,8 @@ pub struct BuildOptions {
     pub motion: MotionOptions,
     /// Dense stereo.
     pub dense: DenseOptions,
+    /// Planes found and filled.
+    pub planes: PlaneOptions,
     /// Joining cameras, floor, discs.
     pub assemble: AssembleOptions,
 }
@@ -148,8 +151,10 @@ fn see(
     };
     let dense_options = DenseOptions { seed: options.seed, ..options.dense.clone() };
     let (views, dense_report) = dense::reconstruct(&posed, &dense_options)?;
-    let view = views.first().ok_or_else(|| Error::capture(&name, "no view was reconstructed"))?;
-    let surface = Surface::from_view(view);
+    let plane_options = PlaneOptions { seed: options.seed, ..options.planes.clone() };
+    let (surface, plane_report) = planes::complete(&views, &plane_options)
+        .ok_or_else(|| Error::capture(&name, "no view was reconstructed"))?;
+    tracing::info!("{name}: {plane_report:?}");
     let report =
         CameraReport::new(&capture, &motion_report, &dense_report, &surface, (motion_time, start.elapsed()));
     let reference = capture.frames.swap_remove(capture.reference);

@@ -94,6 +94,8 @@ pub struct DenseView {
     pub map: SupportMap,
     /// How many other views agree with each pixel's depth; 0: not reliable.
     pub agreeing: Vec<u8>,
+    /// Inverse depth of a pixel's shift in the view that lies farthest away: the unit of stereo's errors.
+    pub step: f32,
 }
 
 impl DenseView {
@@ -165,6 +167,12 @@ pub fn reconstruct(
     let key_agreeing: Vec<Vec<u8>> = (1..views.len())
         .map(|i| consistency::agreeing(&half_problem(&views, i, Some(&maps), options), &maps[i], options))
         .collect();
+    let steps: Vec<f32> = (0..views.len())
+        .map(|i| {
+            let focal_px = if i == 0 { pinhole.fx } else { views[i].half_intrinsics.fx };
+            inverse_depth_step(&views, i, focal_px)
+        })
+        .collect();
     let mut result = Vec::with_capacity(views.len());
     let mut maps = maps.into_iter().skip(1).zip(key_agreeing);
     for (i, view) in views.into_iter().enumerate() {
@@ -182,6 +190,7 @@ pub fn reconstruct(
             camera_from_reference: view.camera_from_reference,
             map,
             agreeing,
+            step: steps[i],
         });
     }
     Ok((result, DenseReport { key_frames: frames, covered }))

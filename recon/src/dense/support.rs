@@ -45,7 +45,7 @@ impl Support {
     /// The plane through inverse depth `w` on `ray` with this normal; `None` when it is seen edge-on or from behind.
     pub fn from_normal(w: f32, normal: Vec3, ray: Vec3, camera: &Pinhole) -> Option<Self> {
         let towards = normal.dot(ray);
-        if towards > -Self::LEAST_COSINE * ray.length() * normal.length() {
+        if towards >= -Self::LEAST_COSINE * ray.length() * normal.length() {
             return None;
         }
         let scale = w / towards;

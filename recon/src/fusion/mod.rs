@@ -204,7 +204,7 @@ mod tests {
         let still = [Similarity3::identity(), Similarity3::identity()];
         let (discs, report) = fuse(&views, &still, &FusionOptions::default());
         // The coarse camera keeps its outermost ring, where the fine one's lookup would leave its image.
-        assert!(report.duplicates > 900, "{report:?}");
+        assert!(report.duplicates >= 900, "{report:?}");
         assert!(
             discs
                 .iter()

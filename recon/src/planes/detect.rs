@@ -1,0 +1,133 @@
+//! Planes that many neighbourhoods share: random ones of them are tried, the one most agree with is refined and taken,
+//! and the search goes on in what is left (RANSAC, in the manner of Schnabel et al. 2007).
+
+use glam::Vec3;
+use nalgebra::{Matrix3, Vector3};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+
+use super::PlaneOptions;
+use super::local::{CELL, Cells};
+use crate::dense::Support;
+use crate::surface::Surface;
+
+/// A plane as the image shows it: `1/z = a u + b v + c`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ImagePlane {
+    coefficients: [f32; 3],
+    /// Unit normal in camera coordinates, towards the camera.
+    pub normal: Vec3,
+    /// Pixels that lie on it.
+    pub pixels: usize,
+    /// Almost nothing lies behind it: a wall, the floor or the ceiling of the room.
+    pub encloses: bool,
+}
+
+impl ImagePlane {
+    /// Inverse depth at a pixel; not positive where the ray does not meet the plane.
+    pub fn at(&self, u: f32, v: f32) -> f32 {
+        self.coefficients[0] * u + self.coefficients[1] * v + self.coefficients[2]
+    }
+
+    /// The plane as a support at a pixel.
+    pub fn support(&self, u: f32, v: f32) -> Support {
+        Support { w: self.at(u, v), gu: self.coefficients[0], gv: self.coefficients[1] }
+    }
+}
+
+/// Neighbourhoods tried for each plane.
+const TRIES: usize = 400;
+/// An enclosing plane holds at least this share of the image …
+const ENCLOSING_SHARE: f32 = 0.02;
+/// … and at most this share of what is measured lies behind it.
+const LARGEST_BEHIND: f32 = 0.01;
+
+/// The planes of a view, largest first as a rule.
+pub(super) fn planes(surface: &Surface, cells: &Cells, step: f32, options: &PlaneOptions) -> Vec<ImagePlane> {
+    let camera = surface.pinhole();
+    let mut left: Vec<(usize, Support, Vec3)> = cells
+        .supports
+        .iter()
+        .enumerate()
+        .filter_map(|(cell, support)| {
+            let (u, v) = cells.middle(cell);
+            Some((cell, (*support)?, support.as_ref()?.normal(u, v, &camera)))
+        })
+        .collect();
+    let all = left.clone();
+    let tolerance = options.tolerance_px * step;
+    let facing = options.facing_deg.to_radians().cos();
+    let least = ((options.least_share * surface.depth.len() as f32) as usize / (CELL * CELL)).max(3);
+    let mut rng = Pcg64Mcg::seed_from_u64(options.seed);
+    let mut found = Vec::new();
+    let inside = |cell: &(usize, Support, Vec3), plane: &ImagePlane| {
+        let (u, v) = cells.middle(cell.0);
+        (plane.at(u, v) - cell.1.w).abs() < tolerance && cell.2.dot(plane.normal) > facing
+    };
+    while found.len() < options.most_planes && left.len() >= least {
+        let mut best: Option<(usize, ImagePlane)> = None;
+        for _ in 0..TRIES {
+            let (cell, support, normal) = left[rng.random_range(0..left.len())];
+            let (u, v) = cells.middle(cell);
+            let c = support.moved(-u, -v).w;
+            let plane =
+                ImagePlane { coefficients: [support.gu, support.gv, c], normal, pixels: 0, encloses: false };
+            let count = left.iter().filter(|cell| inside(cell, &plane)).count();
+            if best.as_ref().is_none_or(|b| count > b.0) {
+                best = Some((count, plane));
+            }
+        }
+        let Some((_, mut plane)) = best else { break };
+        for _ in 0..4 {
+            let members: Vec<_> = left.iter().filter(|cell| inside(cell, &plane)).collect();
+            let Some(refined) = least_squares(&members, cells, &camera) else { break };
+            plane = refined;
+        }
+        let before = left.len();
+        let members = left.iter().filter(|cell| inside(cell, &plane)).count();
+        if members < least {
+            break;
+        }
+        left.retain(|cell| !inside(cell, &plane));
+        plane.pixels = (before - left.len()) * CELL * CELL;
+        let large = plane.pixels as f32 > ENCLOSING_SHARE * surface.depth.len() as f32;
+        plane.encloses = large && behind(&all, cells, &plane, step) < LARGEST_BEHIND;
+        found.push(plane);
+    }
+    found
+}
+
+fn least_squares(
+    members: &[&(usize, Support, Vec3)],
+    cells: &Cells,
+    camera: &crate::dense::Pinhole,
+) -> Option<ImagePlane> {
+    let (mut normal, mut right) = (Matrix3::<f64>::zeros(), Vector3::<f64>::zeros());
+    for (cell, support, _) in members {
+        let (u, v) = cells.middle(*cell);
+        let q = Vector3::new(f64::from(u), f64::from(v), 1.0);
+        normal += q * q.transpose();
+        right += q * f64::from(support.w);
+    }
+    let solved = normal.cholesky()?.solve(&right);
+    let coefficients = [solved.x as f32, solved.y as f32, solved.z as f32];
+    let (u, v) = cells.middle(members.first()?.0);
+    let support = Support {
+        w: coefficients[0] * u + coefficients[1] * v + coefficients[2],
+        gu: coefficients[0],
+        gv: coefficients[1],
+    };
+    Some(ImagePlane { coefficients, normal: support.normal(u, v, camera), pixels: 0, encloses: false })
+}
+
+/// The share of all neighbourhoods that lie well behind a plane.
+fn behind(all: &[(usize, Support, Vec3)], cells: &Cells, plane: &ImagePlane, step: f32) -> f32 {
+    let count = all
+        .iter()
+        .filter(|(cell, support, _)| {
+            let (u, v) = cells.middle(*cell);
+            plane.at(u, v) - support.w > 1.5 * step
+        })
+        .count();
+    count as f32 / all.len().max(1) as f32
+}

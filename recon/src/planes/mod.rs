@@ -1,0 +1,203 @@
+//! The room's planes: what stereo measured is made exact on them, and what it could not see is filled from them.
+//!
+//! Indoors, untextured walls and floors leave holes in stereo, and a hole in a wall is a hole in the prediction of what
+//! it hides. Planes are found in the measured depths ([`detect`]); pixels on a plane take its depth; doubtful rims of
+//! near things, where patches reach over the edge, are forgotten ([`rims`]); what is unknown then takes the plane of
+//! the measured pixel that is nearest along paths which avoid edges in the picture ([`spread`]), unless another view
+//! looks past it ([`witness`]). Filled pixels are marked as such.
+//!
+//! Everything happens in inverse depth, where a plane is linear over the image and stereo's noise is the same everywhere.
+
+mod detect;
+mod local;
+mod rims;
+mod speckles;
+mod spread;
+mod witness;
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use crate::dense::{DenseView, Support};
+use crate::surface::{Origin, Surface};
+
+pub use detect::ImagePlane;
+
+/// How planes are found and used. Depth tolerances are in pixels of stereo's disparity.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlaneOptions {
+    /// A measured pixel this close to a plane lies on it, pixels of disparity.
+    pub tolerance_px: f32,
+    /// … if its neighbourhood faces the same way to within this, degrees.
+    pub facing_deg: f32,
+    /// Least share of the image that makes a plane.
+    pub least_share: f32,
+    /// Planes looked for.
+    pub most_planes: usize,
+    /// Patches of equal depth smaller than this share of the image are thrown away.
+    pub speckle_share: f32,
+    /// Width of the doubtful rim of near things, pixels.
+    pub rim_px: usize,
+    /// Depths of neighbouring pixels that differ by more than this share are an edge.
+    pub edge: f32,
+    /// How many pixels of smooth picture a step of one grey level counts as.
+    pub edge_cost: f32,
+    /// A plane is continued at most this far, pixels, and no farther than its own half width.
+    pub reach_px: f32,
+    /// A surface that is on no plane is continued at most this far, pixels.
+    pub surface_reach_px: f32,
+    /// Another view looks past a filled point if it measured something farther off by this share.
+    pub looked_past: f32,
+    /// Seed of the random samples.
+    pub seed: u64,
+}
+
+impl Default for PlaneOptions {
+    fn default() -> Self {
+        Self {
+            tolerance_px: 0.6,
+            facing_deg: 22.0,
+            least_share: 0.002,
+            most_planes: 40,
+            speckle_share: 0.0003,
+            rim_px: 5,
+            edge: 0.04,
+            edge_cost: 0.7,
+            reach_px: 160.0,
+            surface_reach_px: 12.0,
+            looked_past: 0.04,
+            seed: 0,
+        }
+    }
+}
+
+/// What was done.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct PlaneReport {
+    /// Planes found.
+    pub planes: usize,
+    /// Share of the image that lies on one of them and was measured.
+    pub on_planes: f64,
+    /// Share that was measured but not believed: speckles, rims, behind the room.
+    pub forgotten: f64,
+    /// Share that was filled.
+    pub filled: f64,
+}
+
+/// The reference view's surface, cleaned and completed. `views`: the reference first, then the key frames.
+pub fn complete(views: &[DenseView], options: &PlaneOptions) -> Option<(Surface, PlaneReport)> {
+    let view = views.first()?;
+    let mut surface = Surface::from_view(view);
+    let total = surface.depth.len().max(1) as f64;
+    let share = |count: usize| count as f64 / total;
+    let known = |s: &Surface| s.depth.iter().filter(|z| **z > 0.0).count();
+    let measured = known(&surface);
+    speckles::remove(&mut surface, options);
+
+    let cells = local::fit(&surface, view.step);
+    let planes = detect::planes(&surface, &cells, view.step, options);
+    for plane in &planes {
+        tracing::debug!("{plane:?}");
+    }
+    forget_behind(&mut surface, &planes, view.step);
+    let labels = label(&surface, &cells, &planes, view.step, options);
+    rims::forget(&mut surface, options);
+    let forgotten = measured - known(&surface);
+    let on_planes = snap(&mut surface, &planes, &labels);
+    let witnesses = witness::Witnesses::new(&views[1..]);
+    let filled = spread::fill(&mut surface, &planes, &labels, &witnesses, options);
+    let report = PlaneReport {
+        planes: planes.len(),
+        on_planes: share(on_planes),
+        forgotten: share(forgotten),
+        filled: share(filled),
+    };
+    Some((surface, report))
+}
+
+/// What lies behind a wall that nothing else lies behind is a reflection, or a mistake.
+fn forget_behind(surface: &mut Surface, planes: &[ImagePlane], step: f32) {
+    /// Pixels of disparity beyond noise.
+    const BEHIND_PX: f32 = 1.5;
+    let width = surface.width();
+    for i in 0..surface.depth.len() {
+        if surface.depth[i] <= 0.0 {
+            continue;
+        }
+        let (u, v) = ((i % width) as f32, (i / width) as f32);
+        let w = 1.0 / surface.depth[i];
+        if planes.iter().any(|p| p.encloses && p.at(u, v) - w > BEHIND_PX * step) {
+            surface.forget(i);
+        }
+    }
+}
+
+/// For each measured pixel the plane it lies on.
+fn label(
+    surface: &Surface,
+    cells: &local::Cells,
+    planes: &[ImagePlane],
+    step: f32,
+    options: &PlaneOptions,
+) -> Vec<Option<u16>> {
+    let (width, camera) = (surface.width(), surface.pinhole());
+    let facing = options.facing_deg.to_radians().cos();
+    (0..surface.depth.len())
+        .into_par_iter()
+        .map(|i| {
+            if surface.depth[i] <= 0.0 {
+                return None;
+            }
+            let (x, y) = (i % width, i / width);
+            let (u, v, w) = (x as f32, y as f32, 1.0 / surface.depth[i]);
+            let around = cells.near(x, y).map(|s| s.normal(u, v, &camera));
+            let mut best: Option<(f32, u16)> = None;
+            for (k, plane) in planes.iter().enumerate() {
+                let off = (plane.at(u, v) - w).abs() / step;
+                // Where the neighbourhood is no plane itself, the pixel has to fit all the better.
+                let fits = match around {
+                    Some(normal) => off < options.tolerance_px && normal.dot(plane.normal) > facing,
+                    None => off < 0.5 * options.tolerance_px,
+                };
+                if fits && best.is_none_or(|b| off < b.0) {
+                    best = Some((off, k as u16));
+                }
+            }
+            best.map(|b| b.1)
+        })
+        .collect()
+}
+
+/// Pixels on planes take the planes' depth and normal; how many there were.
+fn snap(surface: &mut Surface, planes: &[ImagePlane], labels: &[Option<u16>]) -> usize {
+    let width = surface.width();
+    let mut count = 0;
+    for (i, label) in labels.iter().enumerate() {
+        let Some(plane) = label.and_then(|k| planes.get(usize::from(k))) else { continue };
+        let w = plane.at((i % width) as f32, (i / width) as f32);
+        if surface.depth[i] > 0.0 && w > 0.0 {
+            surface.depth[i] = 1.0 / w;
+            surface.normal[i] = plane.normal;
+            count += 1;
+        }
+    }
+    count
+}
+
+impl Surface {
+    /// Nothing is known of this pixel any more.
+    pub(crate) fn forget(&mut self, i: usize) {
+        self.depth[i] = 0.0;
+        self.normal[i] = Vec3::ZERO;
+        self.agreeing[i] = 0;
+        self.origin[i] = Origin::Unknown;
+    }
+
+    /// The plane through a measured pixel.
+    pub(crate) fn support(&self, i: usize) -> Option<Support> {
+        let (u, v) = ((i % self.width()) as f32, (i / self.width()) as f32);
+        let camera = self.pinhole();
+        let w = (self.depth[i] > 0.0).then(|| 1.0 / self.depth[i])?;
+        Support::from_normal(w, self.normal[i], camera.ray(u, v), &camera)
+    }
+}

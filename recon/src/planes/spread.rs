@@ -1,0 +1,135 @@
+//! Known surfaces spread into the unknown, along paths that avoid edges in the picture.
+//!
+//! A shortest-path search (Dijkstra) from all known pixels at once: a step costs a pixel plus the change of colour,
+//! so a region of one colour is taken by what borders it, and an outline stops whatever comes from beyond. A plane of
+//! the room is continued far; a surface on no plane only over the width of a rim.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use super::speckles::neighbours;
+use super::witness::Witnesses;
+use super::{ImagePlane, PlaneOptions};
+use crate::dense::Support;
+use crate::surface::{Origin, Surface};
+
+/// What spreads from a known pixel.
+#[derive(Clone, Copy)]
+enum Seed {
+    Plane(u16),
+    /// The measured pixel itself.
+    Pixel(u32),
+}
+
+/// Fills what is unknown; how many pixels were.
+pub(super) fn fill(
+    surface: &mut Surface,
+    planes: &[ImagePlane],
+    labels: &[Option<u16>],
+    witnesses: &Witnesses<'_>,
+    options: &PlaneOptions,
+) -> usize {
+    let seeds = reached(surface, planes, labels, options);
+    let (width, camera) = (surface.width(), surface.pinhole());
+    let nearest = nearest_depth(surface);
+    let mut filled = 0;
+    let known: Vec<Option<Support>> = (0..surface.depth.len()).map(|i| surface.support(i)).collect();
+    for (i, seed) in seeds.into_iter().enumerate() {
+        let Some(seed) = seed.filter(|_| surface.depth[i] <= 0.0) else { continue };
+        let (u, v) = ((i % width) as f32, (i / width) as f32);
+        let support = match seed {
+            Seed::Plane(k) => enclosed(planes, usize::from(k), u, v),
+            Seed::Pixel(from) => {
+                let (fu, fv) = ((from as usize % width) as f32, (from as usize / width) as f32);
+                known[from as usize].map(|s| s.moved(u - fu, v - fv))
+            }
+        };
+        let Some(support) = support.filter(|s| s.w > 0.0 && 1.0 / s.w > nearest) else { continue };
+        let normal = support.normal(u, v, &camera);
+        let ray = camera.ray(u, v);
+        let grazing = normal.dot(ray) > -0.05 * ray.length();
+        if grazing || witnesses.contradict(ray / support.w, options.looked_past) {
+            continue;
+        }
+        surface.depth[i] = 1.0 / support.w;
+        surface.normal[i] = normal;
+        surface.origin[i] = Origin::Filled;
+        filled += 1;
+    }
+    filled
+}
+
+/// A filled plane may come no nearer than anything that was measured.
+fn nearest_depth(surface: &Surface) -> f32 {
+    surface.depth.iter().copied().filter(|z| *z > 0.0).fold(f32::INFINITY, f32::min)
+}
+
+/// Plane `k` at a pixel; where it is one of the room's walls and another one stands before it, that one.
+fn enclosed(planes: &[ImagePlane], k: usize, u: f32, v: f32) -> Option<Support> {
+    let plane = planes.get(k)?;
+    let mut chosen = plane;
+    if plane.encloses {
+        for other in planes.iter().filter(|p| p.encloses) {
+            if other.at(u, v) > chosen.at(u, v) {
+                chosen = other;
+            }
+        }
+    }
+    Some(chosen.support(u, v))
+}
+
+/// For each pixel the seed that reaches it at the least cost, if any is allowed to come so far.
+fn reached(
+    surface: &Surface,
+    planes: &[ImagePlane],
+    labels: &[Option<u16>],
+    options: &PlaneOptions,
+) -> Vec<Option<Seed>> {
+    /// Costs are kept in whole hundredths, so that the order of equal ones is the same everywhere.
+    const UNIT: f32 = 100.0;
+    let (width, height) = (surface.width(), surface.height());
+    let reach = |seed: &Seed| match seed {
+        Seed::Plane(k) => {
+            let own = planes.get(usize::from(*k)).map_or(0.0, |p| 0.5 * (p.pixels as f32).sqrt());
+            own.clamp(options.surface_reach_px, options.reach_px)
+        }
+        Seed::Pixel(_) => options.surface_reach_px,
+    };
+    let mut seeds: Vec<Option<Seed>> = vec![None; width * height];
+    let mut costs = vec![u32::MAX; width * height];
+    let mut queue = BinaryHeap::new();
+    for i in 0..width * height {
+        if surface.depth[i] > 0.0 {
+            seeds[i] = Some(labels[i].map_or(Seed::Pixel(i as u32), Seed::Plane));
+            costs[i] = 0;
+            queue.push(Reverse((0u32, i)));
+        }
+    }
+    while let Some(Reverse((cost, i))) = queue.pop() {
+        if cost > costs[i] {
+            continue;
+        }
+        let Some(seed) = seeds[i] else { continue };
+        for j in neighbours(i, width, height) {
+            let step = UNIT * (1.0 + options.edge_cost * colour_step(surface, i, j));
+            let next = cost.saturating_add(step as u32);
+            if next < costs[j] && next as f32 <= UNIT * reach(&seed) {
+                costs[j] = next;
+                seeds[j] = Some(seed);
+                queue.push(Reverse((next, j)));
+            }
+        }
+    }
+    seeds
+}
+
+/// The largest change of a colour channel between two pixels, less what is noise.
+fn colour_step(surface: &Surface, i: usize, j: usize) -> f32 {
+    /// Grey levels that mean nothing: sensor noise and compression.
+    const NOISE: f32 = 4.0;
+    let width = surface.width();
+    let at = |i: usize| surface.picture.get_pixel((i % width) as u32, (i / width) as u32).0;
+    let (a, b) = (at(i), at(j));
+    let change = (0..3).map(|c| a[c].abs_diff(b[c])).max().unwrap_or(0);
+    (f32::from(change) - NOISE).max(0.0)
+}
