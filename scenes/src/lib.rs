@@ -9,6 +9,7 @@
 //! * [`walkable`] — [`walkable::WalkableMap`]: where a person can stand.
 //! * [`canvas`] — the one place that draws: shapes and text over pictures; [`view`] — the room seen from anywhere,
 //!   with people in it; [`plan`] — its floor plan.
+//! * [`synthetic`] — seeded rooms and walking people with everything known about them, for tests.
 #![forbid(unsafe_code)]
 
 mod cache;
@@ -20,6 +21,7 @@ pub mod plan;
 pub mod polygon;
 pub mod raycast;
 pub mod room;
+pub mod synthetic;
 pub mod view;
 pub mod walkable;
 

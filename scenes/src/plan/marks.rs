@@ -15,8 +15,9 @@ const ZONE: Color = Color::rgb(0, 134, 139);
 const CAMERA: Color = Color::rgb(52, 73, 110);
 /// The walkable floor's rim.
 const WALKABLE: Color = Color::rgb(46, 125, 50);
-/// How far a view cone reaches on the plan.
+/// How far a view cone reaches on the plan, and at least this share of its width.
 const CONE_M: f64 = 1.5;
+const CONE_SHARE: f64 = 0.1;
 /// Cells in which the walkable floor is looked up.
 const CELL_M: f64 = 0.05;
 
@@ -89,17 +90,18 @@ fn draw_cone(plan: &mut FloorPlan, camera: &RoomCamera) {
     let center = camera.camera.center().xy();
     let Some([left, right]) = edges(camera) else { return };
     let sweep = left.angle(&right);
-    let arc = |reach_m: f64| -> Vec<Point2<f64>> {
+    let reach_m = CONE_M.max(CONE_SHARE * (plan.mapping.high.x - plan.mapping.low.x));
+    let arc = |radius_m: f64| -> Vec<Point2<f64>> {
         let rim =
-            (0..=STEPS).map(|i| center + Rotation2::new(-sweep * i as f64 / STEPS as f64) * left * reach_m);
+            (0..=STEPS).map(|i| center + Rotation2::new(-sweep * i as f64 / STEPS as f64) * left * radius_m);
         std::iter::once(center).chain(rim).map(|p| plan.mapping.pixel(&p)).collect()
     };
     // Three nested sectors fade out with distance.
-    for sector in [1.0, 0.72, 0.44].map(|share| arc(CONE_M * share)) {
+    for sector in [1.0, 0.72, 0.44].map(|share| arc(reach_m * share)) {
         plan.canvas.fill_polygon(&sector, CAMERA.alpha(0.13));
     }
     for side in [left, right] {
-        let line = [center, center + side * CONE_M].map(|p| plan.mapping.pixel(&p));
+        let line = [center, center + side * reach_m].map(|p| plan.mapping.pixel(&p));
         plan.canvas.stroke_polyline(&line, &Stroke::solid(CAMERA.alpha(0.55), 1.3));
     }
 }

@@ -1,0 +1,245 @@
+//! Walking: each foot is planted on the floor while the body passes over it, then swings to its next place.
+//!
+//! The gait is driven by the way walked, not by time, so that feet stay where they are planted at any speed and around
+//! corners. Legs follow from the feet by inverse kinematics of two bones.
+
+use glam::{Vec2, Vec3};
+
+use super::person::{ANKLE, HIP, HIP_HALF_WIDTH, SHANK, SOLE, THIGH};
+
+/// A step's length as a share of the height.
+const STEP: f32 = 0.37;
+/// A foot is planted until the body is this many steps past it,
+const LEAVES: f32 = 0.72;
+/// having come down when the body was this many steps before it.
+const LANDS: f32 = 0.46;
+/// From this many steps past the foot on, the heel rises.
+const HEEL_RISES: f32 = 0.25;
+/// The foot's pitch when it leaves the floor.
+const TOE_OFF_RAD: f32 = 0.75;
+/// From the ankle forward to the ball of the foot, and back to the heel.
+const BALL: f32 = 0.085;
+const HEEL: f32 = 0.028;
+/// How high a swinging foot is lifted.
+const LIFT: f32 = 0.035;
+
+/// The angles of an arm.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Arm {
+    /// Forwards from hanging down.
+    pub shoulder_rad: f32,
+    /// Further forwards.
+    pub elbow_rad: f32,
+}
+
+/// The joints of a leg.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Leg {
+    pub hip: Vec3,
+    pub knee: Vec3,
+    pub ankle: Vec3,
+    /// Centres of the spheres that end the foot.
+    pub heel: Vec3,
+    pub toe: Vec3,
+}
+
+/// A body's pose.
+#[derive(Debug, Clone)]
+pub(super) struct Pose {
+    /// Between the hip joints.
+    pub pelvis: Vec3,
+    /// Where the body faces; 0 is +x.
+    pub heading_rad: f32,
+    /// How far the trunk leans forwards.
+    pub lean_rad: f32,
+    /// Left, right.
+    pub arms: [Arm; 2],
+    /// Left, right.
+    pub legs: [Leg; 2],
+}
+
+/// A line on the floor that a person walks along: place and direction after a way of so many metres, also before its
+/// beginning and beyond its end.
+pub(super) trait Way {
+    fn at(&self, way_m: f32) -> (Vec2, Vec2);
+}
+
+impl Pose {
+    /// Standing still with both feet beside each other.
+    #[cfg(test)]
+    pub(super) fn standing(at: Vec2, heading_rad: f32, height_m: f32) -> Self {
+        struct Still(Vec2, Vec2);
+        impl Way for Still {
+            fn at(&self, _: f32) -> (Vec2, Vec2) {
+                (self.0, self.1)
+            }
+        }
+        Self::walking(&Still(at, Vec2::from_angle(heading_rad)), 0.0, 0.0, height_m)
+    }
+
+    /// The pose after a way of `way_m` at a given speed, of somebody of that height.
+    pub(super) fn walking(way: &impl Way, way_m: f32, speed_m_s: f32, height_m: f32) -> Self {
+        // How much of a gait there is: somebody who hardly moves does not lift their feet.
+        let vigour = (speed_m_s / 0.5).clamp(0.0, 1.0);
+        let (at, direction) = way.at(way_m);
+        let forward = direction.extend(0.0);
+        let left = direction.perp().extend(0.0);
+        let feet = [0, 1].map(|side| Foot::new(way, way_m, side, vigour, height_m));
+        // As high as the legs reach: knees never quite straight.
+        let reach = 0.992 * (THIGH + SHANK) * height_m;
+        let hip_place = |side: usize| at.extend(0.0) + left * ([1.0, -1.0][side] * HIP_HALF_WIDTH * height_m);
+        let highest = (HIP - 0.004) * height_m;
+        let hip_z = [0, 1].into_iter().fold(highest, |z, side| {
+            let ankle = feet[side].ankle;
+            let across = (ankle - hip_place(side)).truncate().length_squared();
+            z.min(ankle.z + (reach * reach - across).max(0.0).sqrt())
+        });
+        let legs = [0, 1].map(|side| {
+            let hip = hip_place(side).with_z(hip_z);
+            feet[side].leg(hip, forward, height_m)
+        });
+        // The left arm is ahead half a step after the left foot was below the body: when the right foot is ahead.
+        let swing = 0.5 * vigour * (std::f32::consts::PI * way_m / (STEP * height_m)).sin();
+        let arm = |angle: f32| Arm { shoulder_rad: angle, elbow_rad: 0.18 + 0.5 * angle.max(0.0) };
+        Self {
+            pelvis: at.extend(hip_z),
+            heading_rad: direction.to_angle(),
+            lean_rad: 0.06 * vigour,
+            arms: [arm(swing), arm(-swing)],
+            legs,
+        }
+    }
+}
+
+/// Where a foot is.
+struct Foot {
+    ankle: Vec3,
+    heel: Vec3,
+    toe: Vec3,
+}
+
+impl Foot {
+    /// The left (0) or right (1) foot when the body has come `way_m` metres.
+    fn new(way: &impl Way, way_m: f32, side: usize, vigour: f32, height_m: f32) -> Self {
+        let step = STEP * height_m;
+        // Left feet are planted at even numbers of steps, right ones at odd.
+        let steps = way_m / step - side as f32;
+        let planted = 2.0 * (0.5 * (steps + LANDS)).floor();
+        let past = steps - planted;
+        let outwards = [1.0, -1.0][side] * 0.8 * HIP_HALF_WIDTH * height_m;
+        let place = |number: f32| {
+            let (at, direction) = way.at((number + side as f32) * step);
+            (at + direction * (BALL * height_m) + direction.perp() * outwards, direction)
+        };
+        let (ball, direction) = place(planted);
+        if past <= LEAVES {
+            let rise = ((past - HEEL_RISES) / (LEAVES - HEEL_RISES)).clamp(0.0, 1.0);
+            return Self::around_ball(ball, direction, 0.0, vigour * TOE_OFF_RAD * rise * rise, height_m);
+        }
+        let (next, next_direction) = place(planted + 2.0);
+        let progress = ((past - LEAVES) / (2.0 - LANDS - LEAVES)).clamp(0.0, 1.0);
+        let eased = progress * progress * (3.0 - 2.0 * progress);
+        let lift = vigour * LIFT * height_m * (std::f32::consts::PI * progress).sin();
+        let pitch = vigour * TOE_OFF_RAD * (1.0 - 1.6 * progress).max(0.0).powi(2);
+        let direction = direction.lerp(next_direction, eased).normalize_or(next_direction);
+        Self::around_ball(ball.lerp(next, eased), direction, lift, pitch, height_m)
+    }
+
+    /// The foot whose ball is at a place, turned up behind it by `pitch`.
+    fn around_ball(ball: Vec2, direction: Vec2, lift: f32, pitch: f32, height_m: f32) -> Self {
+        let sole = SOLE * height_m;
+        let toe = ball.extend(sole + lift);
+        let forward = direction.extend(0.0);
+        let behind = |back: f32, up: f32| {
+            let (sin, cos) = pitch.sin_cos();
+            toe + forward * (height_m * (up * sin - back * cos))
+                + Vec3::Z * (height_m * (back * sin + up * cos))
+        };
+        // Pitching about the ball: what is behind it rises.
+        Self { ankle: behind(BALL, ANKLE - SOLE), heel: behind(BALL + HEEL, 0.001), toe }
+    }
+
+    /// The leg from a hip joint to this foot, the knee bent forwards.
+    fn leg(&self, hip: Vec3, forward: Vec3, height_m: f32) -> Leg {
+        let (thigh, shank) = (THIGH * height_m, SHANK * height_m);
+        let along = self.ankle - hip;
+        let length = along.length().clamp(1e-3, 0.9999 * (thigh + shank));
+        let direction = along.normalize_or(Vec3::NEG_Z);
+        // The knee's place along the leg and off it: two circles' intersection.
+        let share = (length * length + thigh * thigh - shank * shank) / (2.0 * length);
+        let off = (thigh * thigh - share * share).max(0.0).sqrt();
+        let bend = (forward - direction * forward.dot(direction)).normalize_or_zero();
+        let knee = hip + direction * share + bend * off;
+        Leg { hip, knee, ankle: self.ankle, heel: self.heel, toe: self.toe }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A circle of 2 m radius.
+    struct Circle;
+    impl Way for Circle {
+        fn at(&self, way_m: f32) -> (Vec2, Vec2) {
+            let angle = way_m / 2.0;
+            (2.0 * Vec2::from_angle(angle), Vec2::from_angle(angle).perp())
+        }
+    }
+
+    #[test]
+    fn feet_stay_above_the_floor_and_where_they_are_planted() {
+        let height = 1.75;
+        let (mut planted, mut fastest) = (0, 0.0_f32);
+        let poses: Vec<Pose> =
+            (0..4000).map(|i| Pose::walking(&Circle, i as f32 * 0.002, 1.3, height)).collect();
+        for pair in poses.windows(2) {
+            for side in 0..2 {
+                let (a, b) = (pair[0].legs[side], pair[1].legs[side]);
+                for end in [b.toe, b.heel] {
+                    assert!(end.z >= SOLE * height - 1e-5, "a foot sinks to {}", end.z - SOLE * height);
+                }
+                let moved = a.toe.distance(b.toe);
+                let on_floor = a.toe.z <= SOLE * height + 1e-6 && b.toe.z <= SOLE * height + 1e-6;
+                if on_floor {
+                    planted += 1;
+                    assert!(moved < 1e-5, "a planted foot slides {moved}");
+                }
+                fastest = fastest.max(moved / 0.002);
+            }
+        }
+        // Each foot is on the floor for (0.72 + 0.46) / 2 of the time, and swings at a few times the body's speed.
+        let share = f64::from(planted) / (2.0 * 3999.0);
+        assert!((share - 0.59).abs() < 0.02, "{share}");
+        assert!(fastest < 5.0, "a foot moves {fastest} times as fast as the body");
+    }
+
+    #[test]
+    fn bones_keep_their_length_and_joints_move_smoothly() {
+        let height = 1.6;
+        let poses: Vec<Pose> =
+            (0..2000).map(|i| Pose::walking(&Circle, i as f32 * 0.004, 1.2, height)).collect();
+        let mut lowest = f32::MAX;
+        for pair in poses.windows(2) {
+            for (before, leg) in pair[0].legs.iter().zip(&pair[1].legs) {
+                assert!((leg.hip.distance(leg.knee) - THIGH * height).abs() < 2e-3);
+                assert!((leg.knee.distance(leg.ankle) - SHANK * height).abs() < 2e-3);
+                assert!(before.knee.distance(leg.knee) < 0.06, "{}", before.knee.distance(leg.knee));
+                assert!(before.ankle.distance(leg.ankle) < 0.03);
+            }
+            lowest = lowest.min(pair[0].pelvis.z);
+        }
+        // The pelvis bobs by a few centimetres.
+        assert!(lowest > (HIP - 0.045) * height, "{} of {}", lowest / height, HIP);
+    }
+
+    #[test]
+    fn who_stands_has_both_soles_on_the_floor() {
+        let pose = Pose::standing(Vec2::new(1.0, 2.0), 1.1, 1.8);
+        for leg in &pose.legs {
+            assert!((leg.heel.z - leg.toe.z).abs() < 0.01);
+            assert!(leg.knee.distance(leg.hip.lerp(leg.ankle, 0.5)) < 0.08);
+        }
+        assert!((pose.pelvis.truncate() - Vec2::new(1.0, 2.0)).length() < 1e-5);
+    }
+}

@@ -1,0 +1,360 @@
+//! Pictures of a synthetic room with people in it: one ray a sample through the hierarchy for the room, closed forms
+//! for the people's parts, baked light, soft shadows under people, sensor noise and flicker.
+
+use calib::Camera;
+use glam::{IVec2, Vec3};
+use image::{GrayImage, Luma, RgbImage};
+use nalgebra::{Point2, Point3};
+use rayon::prelude::*;
+
+use super::light::Lamps;
+use super::person::Part;
+use super::room::SyntheticRoom;
+use super::shape::Met;
+use super::texture::unit;
+use crate::depth::DepthMap;
+
+/// How pictures are made.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RenderOptions {
+    /// Rays along each side of a pixel.
+    pub samples: u32,
+    /// Standard deviation of the sensor's noise, of 255.
+    pub noise: f32,
+    /// Share by which the brightness swings from frame to frame.
+    pub flicker: f32,
+    /// Soft shadows on the floor under people; they are not part of any mask.
+    pub shadows: bool,
+}
+
+impl Default for RenderOptions {
+    fn default() -> Self {
+        Self { samples: 2, noise: 2.0, flicker: 0.01, shadows: true }
+    }
+}
+
+impl RenderOptions {
+    /// One ray a pixel, no noise, no flicker, no shadows: pictures that differ exactly where somebody is seen.
+    pub fn exact() -> Self {
+        Self { samples: 1, noise: 0.0, flicker: 0.0, shadows: false }
+    }
+}
+
+/// What a camera sees of the empty room.
+#[derive(Debug, Clone)]
+pub(super) struct Still {
+    camera: Camera,
+    samples: u32,
+    eye: Vec3,
+    /// One unit vector a sample, row by row of the finer grid; zero where the lens shows nothing.
+    directions: Vec<Vec3>,
+    /// Along the ray; infinite where there is nothing.
+    distances: Vec<f32>,
+    /// Linear light.
+    colors: Vec<Vec3>,
+}
+
+/// Somebody as seen by one camera: parts with the columns and rows (of the finer grid) that each can touch.
+pub(super) struct Figure {
+    parts: Vec<(Part, [usize; 4])>,
+    bounds: [usize; 4],
+    /// Where the shadow lies.
+    feet: [Vec3; 2],
+    shadow_bounds: [usize; 4],
+}
+
+/// Who is seen where, at the centre of each pixel.
+pub(super) struct Labels {
+    /// 0 for nobody, else one more than the index of the figure.
+    pub owners: Vec<u16>,
+    /// Along the ray, people included.
+    pub distances: Vec<f32>,
+    /// For each figure: pixels that would show it if it were alone in an empty world, and those that do.
+    pub counts: Vec<(usize, usize)>,
+}
+
+impl Still {
+    pub(super) fn new(room: &SyntheticRoom, camera: &Camera, samples: u32) -> Self {
+        let samples = samples.max(1);
+        let center = camera.center();
+        let eye = Vec3::new(center.x as f32, center.y as f32, center.z as f32);
+        let (width, height) = (camera.intrinsics.width * samples, camera.intrinsics.height * samples);
+        let seen: Vec<(Vec3, f32, Vec3)> = (0..width as usize * height as usize)
+            .into_par_iter()
+            .map(|i| {
+                let place = |index: usize| (index as f64 + 0.5) / f64::from(samples) - 0.5;
+                let pixel = Point2::new(place(i % width as usize), place(i / width as usize));
+                let Some(ray) = camera.ray(&pixel) else { return (Vec3::ZERO, f32::INFINITY, Vec3::ZERO) };
+                let direction = Vec3::new(ray.x as f32, ray.y as f32, ray.z as f32);
+                match room.scene.cast(eye, direction) {
+                    None => (direction, f32::INFINITY, Vec3::ZERO),
+                    Some(hit) => {
+                        let point = eye + direction * hit.distance;
+                        (direction, hit.distance, room.radiance(hit.primitive, point))
+                    }
+                }
+            })
+            .collect();
+        Self {
+            camera: camera.clone(),
+            samples,
+            eye,
+            directions: seen.iter().map(|s| s.0).collect(),
+            distances: seen.iter().map(|s| s.1).collect(),
+            colors: seen.iter().map(|s| s.2).collect(),
+        }
+    }
+
+    /// The empty room in linear light.
+    pub(super) fn colors(&self) -> Vec<Vec3> {
+        self.colors.clone()
+    }
+
+    fn width(&self) -> usize {
+        (self.camera.intrinsics.width * self.samples) as usize
+    }
+
+    fn height(&self) -> usize {
+        (self.camera.intrinsics.height * self.samples) as usize
+    }
+
+    /// Somebody's parts with what they can touch of this picture.
+    pub(super) fn figure(&self, parts: Vec<Part>) -> Figure {
+        let parts: Vec<(Part, [usize; 4])> = parts
+            .into_iter()
+            .map(|part| {
+                let (center, radius) = part.shape.around();
+                (part, self.bounds(center, radius))
+            })
+            .collect();
+        let join =
+            |a: [usize; 4], b: [usize; 4]| [a[0].min(b[0]), a[1].min(b[1]), a[2].max(b[2]), a[3].max(b[3])];
+        let nothing = [usize::MAX, usize::MAX, 0, 0];
+        let bounds =
+            parts.iter().filter(|(_, b)| b[0] < b[2] && b[1] < b[3]).fold(nothing, |a, (_, b)| join(a, *b));
+        // The last parts of a leg are its foot; both feet's capsules touch the floor.
+        let low = |skip: usize| {
+            let mut lowest: Vec<Vec3> = parts.iter().map(|(part, _)| part.shape.around().0).collect();
+            lowest.sort_by(|a, b| a.z.total_cmp(&b.z));
+            lowest.get(skip).copied().unwrap_or_default().with_z(0.0)
+        };
+        let feet = [low(0), low(1)];
+        let middle = 0.5 * (feet[0] + feet[1]);
+        Figure { parts, bounds, feet, shadow_bounds: self.bounds(middle, 1.0) }
+    }
+
+    /// Left, top, right, bottom (exclusive) of what a sphere can touch.
+    fn bounds(&self, center: Vec3, radius: f32) -> [usize; 4] {
+        /// For what the lens's distortion stretches.
+        const SLACK: f64 = 1.3;
+        let world = Point3::new(f64::from(center.x), f64::from(center.y), f64::from(center.z));
+        let in_camera = self.camera.camera_from_world * world;
+        let radius = f64::from(radius);
+        if in_camera.z < -radius {
+            return [0; 4];
+        }
+        let whole = [0, 0, self.width(), self.height()];
+        let Some(pixel) = self.camera.intrinsics.project(&in_camera) else { return whole };
+        if in_camera.z < 2.0 * radius {
+            return whole;
+        }
+        let k = &self.camera.intrinsics;
+        // Away from the axis a sphere's image is an ellipse, longer by the obliqueness.
+        let oblique = in_camera.coords.norm() / in_camera.z;
+        let reach = SLACK * oblique * k.fx.max(k.fy) * radius / (in_camera.z - radius) + 1.0;
+        let s = f64::from(self.samples);
+        let clamp = |v: f64, limit: usize| ((v + 0.5) * s).clamp(0.0, limit as f64) as usize;
+        [
+            clamp(pixel.x - reach, self.width()),
+            clamp(pixel.y - reach, self.height()),
+            clamp(pixel.x + reach + 1.0, self.width()),
+            clamp(pixel.y + reach + 1.0, self.height()),
+        ]
+    }
+
+    /// The room with people in it, in linear light.
+    pub(super) fn with_people(&self, lamps: &Lamps, figures: &[Figure], shadows: bool) -> Vec<Vec3> {
+        let width = self.width();
+        let mut colors = self.colors.clone();
+        colors.par_chunks_exact_mut(width).enumerate().for_each(|(row, line)| {
+            for (column, color) in line.iter_mut().enumerate() {
+                let i = row * width + column;
+                let mut nearest = self.distances[i];
+                let mut body = None;
+                for figure in figures {
+                    if let Some((met, part)) = figure.meet(self.eye, self.directions[i], column, row)
+                        && met.distance < nearest
+                    {
+                        nearest = met.distance;
+                        body = Some((met, part));
+                    }
+                }
+                if let Some((met, part)) = body {
+                    let point = self.eye + self.directions[i] * met.distance;
+                    let albedo = part.material.color(part.shape.place(point)).powf(2.2);
+                    *color = albedo * lamps.open(point, met.normal);
+                } else if shadows && nearest.is_finite() {
+                    let point = self.eye + self.directions[i] * nearest;
+                    for figure in figures.iter().filter(|f| within(f.shadow_bounds, column, row)) {
+                        *color *= figure.shadow(point);
+                    }
+                }
+            }
+        });
+        colors
+    }
+
+    /// Who is seen at each pixel; for one ray a pixel.
+    pub(super) fn labels(&self, figures: &[Figure]) -> Labels {
+        let width = self.width();
+        let rows: Vec<Labels> = (0..self.height())
+            .into_par_iter()
+            .map(|row| {
+                let start = row * width;
+                let mut owners = vec![0_u16; width];
+                let mut distances = self.distances[start..start + width].to_vec();
+                let mut counts = vec![(0, 0); figures.len()];
+                for column in 0..width {
+                    for (k, figure) in figures.iter().enumerate() {
+                        let direction = self.directions[start + column];
+                        if let Some((met, _)) = figure.meet(self.eye, direction, column, row) {
+                            counts[k].0 += 1;
+                            if met.distance < distances[column] {
+                                distances[column] = met.distance;
+                                owners[column] = k as u16 + 1;
+                            }
+                        }
+                    }
+                    if owners[column] > 0 {
+                        counts[usize::from(owners[column]) - 1].1 += 1;
+                    }
+                }
+                Labels { owners, distances, counts }
+            })
+            .collect();
+        let mut labels = Labels {
+            owners: Vec::with_capacity(self.distances.len()),
+            distances: Vec::with_capacity(self.distances.len()),
+            counts: vec![(0, 0); figures.len()],
+        };
+        for row in rows {
+            labels.owners.extend(row.owners);
+            labels.distances.extend(row.distances);
+            for (sum, count) in labels.counts.iter_mut().zip(row.counts) {
+                *sum = (sum.0 + count.0, sum.1 + count.1);
+            }
+        }
+        labels
+    }
+
+    /// Distances along rays → depth along the camera's z.
+    pub(super) fn depth(&self, distances: &[f32]) -> DepthMap {
+        let forward = self.camera.camera_from_world.rotation.inverse() * nalgebra::Vector3::z();
+        let forward = Vec3::new(forward.x as f32, forward.y as f32, forward.z as f32);
+        let z = |(distance, direction): (&f32, &Vec3)| {
+            if distance.is_finite() { distance * direction.dot(forward) } else { 0.0 }
+        };
+        DepthMap {
+            width: self.camera.intrinsics.width * self.samples,
+            height: self.camera.intrinsics.height * self.samples,
+            z_m: distances.iter().zip(&self.directions).map(z).collect(),
+        }
+    }
+
+    /// The pixels that one of the figures is seen at.
+    pub(super) fn mask(&self, labels: &Labels) -> GrayImage {
+        let width = self.width();
+        GrayImage::from_fn(self.width() as u32, self.height() as u32, |x, y| {
+            Luma([if labels.owners[y as usize * width + x as usize] > 0 { 255 } else { 0 }])
+        })
+    }
+}
+
+fn within(bounds: [usize; 4], column: usize, row: usize) -> bool {
+    (bounds[0]..bounds[2]).contains(&column) && (bounds[1]..bounds[3]).contains(&row)
+}
+
+impl Figure {
+    /// The part that a ray meets first.
+    fn meet(&self, eye: Vec3, direction: Vec3, column: usize, row: usize) -> Option<(Met, &Part)> {
+        if !within(self.bounds, column, row) {
+            return None;
+        }
+        let parts = self.parts.iter().filter(|(_, bounds)| within(*bounds, column, row));
+        parts
+            .filter_map(|(part, _)| Some((part.shape.intersect(eye, direction)?, part)))
+            .reduce(|nearer, other| if other.0.distance < nearer.0.distance { other } else { nearer })
+    }
+
+    /// What is left of the light at a point near the figure's feet.
+    fn shadow(&self, point: Vec3) -> f32 {
+        /// Higher than this there is no shadow.
+        const LOW_M: f32 = 0.05;
+        if point.z > LOW_M {
+            return 1.0;
+        }
+        let soft = |center: Vec3, spread_m: f32| {
+            (-0.5 * (point - center).truncate().length_squared() / (spread_m * spread_m)).exp()
+        };
+        let middle = 0.5 * (self.feet[0] + self.feet[1]);
+        let contact = 0.35 * soft(self.feet[0], 0.1).max(soft(self.feet[1], 0.1));
+        1.0 - contact - 0.3 * soft(middle, 0.32)
+    }
+}
+
+impl SyntheticRoom {
+    /// The light that a triangle sends to the eye from a point of it: its surface's colour there, lit.
+    fn radiance(&self, triangle: u32, point: Vec3) -> Vec3 {
+        let t = &self.tessellation;
+        let quad = &self.surfaces.quads[t.quad_of_triangle[triangle as usize] as usize];
+        let corners = t.mesh.triangles[triangle as usize];
+        let [a, b, c] = corners.map(|i| t.mesh.vertices[i as usize]);
+        let normal = (b - a).cross(c - a);
+        let area = normal.length_squared().max(f32::MIN_POSITIVE);
+        let at_b = (point - a).cross(c - a).dot(normal) / area;
+        let at_c = (b - a).cross(point - a).dot(normal) / area;
+        let [la, lb, lc] = corners.map(|i| self.light[i as usize]);
+        let light = la * (1.0 - at_b - at_c) + lb * at_b + lc * at_c;
+        quad.color(point).powf(2.2) * light.max(0.0)
+    }
+}
+
+/// Linear light → sRGB (by the plain power of 2.2).
+pub(super) fn encode(linear: Vec3) -> [u8; 3] {
+    linear.to_array().map(|c| (c.clamp(0.0, 1.0).powf(1.0 / 2.2) * 255.0).round() as u8)
+}
+
+/// Linear light at the samples → a picture as a sensor gives it.
+pub(super) fn finish(
+    colors: &[Vec3],
+    still: &Still,
+    seed: u64,
+    frame: u64,
+    options: &RenderOptions,
+) -> RgbImage {
+    let (width, s) = (still.camera.intrinsics.width as usize, still.samples as usize);
+    let fine = still.width();
+    // One stream of noise a frame.
+    let seed = (seed ^ (seed >> 32)) as u32 ^ (frame as u32).wrapping_mul(0x9e37_79b9);
+    let swing = 2.0 * unit(IVec2::new(-1, -1), seed) - 1.0;
+    let gain = 1.0 + options.flicker * swing;
+    let mut image = RgbImage::new(still.camera.intrinsics.width, still.camera.intrinsics.height);
+    image.par_chunks_exact_mut(3 * width).enumerate().for_each(|(y, line)| {
+        for (x, pixel) in line.chunks_exact_mut(3).enumerate() {
+            let samples = (0..s).flat_map(|j| {
+                let start = (y * s + j) * fine + x * s;
+                &colors[start..start + s]
+            });
+            let mean = samples.sum::<Vec3>() * (gain / (s * s) as f32);
+            for (channel, (value, light)) in (0..).zip(pixel.iter_mut().zip(mean.to_array())) {
+                let exact = light.clamp(0.0, 1.0).powf(1.0 / 2.2) * 255.0;
+                // Three uniform numbers add up to nearly a normal one of variance 1/4.
+                let cell = IVec2::new((y * width + x) as i32, channel);
+                let sum: f32 = (0..3).map(|k| unit(cell, seed.wrapping_add(k * 77_777))).sum();
+                let noise = options.noise * 2.0 * (sum - 1.5);
+                *value = (exact + noise).round().clamp(0.0, 255.0) as u8;
+            }
+        }
+    });
+    image
+}

@@ -1,0 +1,167 @@
+//! People who walk through a synthetic room.
+
+use nalgebra::Point2;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+
+use super::floor::Floor;
+use super::gait::Pose;
+use super::path::{PLAN_STEP_S, Plan, Stop, Trajectory, plan};
+use super::person::{Body, Part};
+use super::room::{CLEARANCE_M, SyntheticRoom};
+
+/// Who walks, and when.
+#[derive(Debug, Clone, PartialEq)]
+pub struct WalkerOptions {
+    /// Decides bodies and ways.
+    pub seed: u64,
+    /// How many people.
+    pub people: usize,
+    /// The room is empty until then.
+    pub first_s: f64,
+    /// Mean time between two people's entering.
+    pub interval_s: f64,
+    /// Places each one goes to between the doors; the middle one is near the middle of the room, where ways cross.
+    pub stops: usize,
+    /// Longest stay at a place.
+    pub longest_stay_s: f64,
+}
+
+impl Default for WalkerOptions {
+    fn default() -> Self {
+        Self { seed: 1, people: 3, first_s: 2.0, interval_s: 2.5, stops: 3, longest_stay_s: 1.5 }
+    }
+}
+
+/// Somebody who walks through the room.
+#[derive(Debug, Clone)]
+pub struct Walker {
+    /// Counted from 1.
+    pub id: u32,
+    /// What they look like.
+    pub body: Body,
+    trajectory: Trajectory,
+}
+
+impl Walker {
+    /// From when to when they are there, seconds, corridors included.
+    pub fn span_s(&self) -> (f64, f64) {
+        self.trajectory.span_s()
+    }
+
+    /// Where they are: the middle of the pelvis, projected to the floor; `None` before they come and after they left.
+    pub fn place(&self, time_s: f64) -> Option<Point2<f64>> {
+        self.trajectory.at_time(time_s).map(|(place, ..)| place)
+    }
+
+    pub(super) fn pose(&self, time_s: f64) -> Option<Pose> {
+        let (_, way_m, speed_m_s) = self.trajectory.at_time(time_s)?;
+        Some(Pose::walking(&self.trajectory, way_m as f32, speed_m_s as f32, self.body.height_m as f32))
+    }
+
+    pub(super) fn parts(&self, time_s: f64) -> Option<Vec<Part>> {
+        Some(self.body.parts(&self.pose(time_s)?))
+    }
+}
+
+impl SyntheticRoom {
+    /// People for this room. Somebody for whom there is no way off all others for a minute is left out.
+    pub fn walkers(&self, options: &WalkerOptions) -> Vec<Walker> {
+        /// Entries are tried this often, each a second after the last.
+        const ATTEMPTS: usize = 60;
+        let mut rng = Pcg64Mcg::seed_from_u64(options.seed);
+        let floor = Floor::new(self.size(), &self.doors, &self.furniture, CLEARANCE_M);
+        let mut plans: Vec<Plan> = Vec::new();
+        let mut walkers: Vec<Walker> = Vec::new();
+        let mut enters_s = options.first_s;
+        for _ in 0..options.people {
+            let body = Body::random(&mut rng);
+            let speed = rng.random_range(0.95..1.35);
+            let stops = self.stops(&floor, options, &mut rng);
+            for attempt in 0..ATTEMPTS {
+                let step = ((enters_s + attempt as f64) / PLAN_STEP_S).round() as usize;
+                if let Some(found) = plan(&floor, &plans, step, &stops, speed) {
+                    let trajectory = Trajectory::new(&found);
+                    walkers.push(Walker { id: walkers.len() as u32 + 1, body, trajectory });
+                    plans.push(found);
+                    break;
+                }
+            }
+            enters_s += options.interval_s * rng.random_range(0.6..1.4);
+        }
+        walkers
+    }
+
+    /// A way through the room: a door, places, a door.
+    fn stops(&self, floor: &Floor, options: &WalkerOptions, rng: &mut Pcg64Mcg) -> Vec<Stop> {
+        let first = rng.random_range(0..self.doors.len());
+        let last = rng.random_range(0..self.doors.len());
+        let door = |i: usize| Stop { place: self.doors[i].outside(), stay_s: 0.0 };
+        let inside: Vec<Point2<f64>> = floor
+            .reachable(&self.doors[first].outside())
+            .into_iter()
+            .map(|cell| floor.center(cell))
+            .filter(|p| self.is_inside(p))
+            .collect();
+        let middle = Point2::new(0.5 * self.size_m[0], 0.5 * self.size_m[1]);
+        let central: Vec<Point2<f64>> =
+            inside.iter().copied().filter(|p| (p - middle).norm() < 0.3 * self.size_m[1]).collect();
+        let mut stops = vec![door(first)];
+        for k in 0..options.stops {
+            let choice = if k == options.stops / 2 && !central.is_empty() { &central } else { &inside };
+            if choice.is_empty() {
+                break;
+            }
+            let place = choice[rng.random_range(0..choice.len())];
+            let stays = rng.random_bool(0.5);
+            let stay_s = if stays { options.longest_stay_s * rng.random_range(0.0..1.0) } else { 0.0 };
+            stops.push(Stop { place, stay_s });
+        }
+        stops.push(door(last));
+        stops
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::synthetic::RoomOptions;
+
+    #[test]
+    fn people_come_through_doors_keep_off_furniture_and_each_other_and_leave() {
+        for seed in 0..4 {
+            let room =
+                RoomOptions { seed, doors: 2 + seed as usize % 2, ..RoomOptions::default() }.build().unwrap();
+            let walkers = room.walkers(&WalkerOptions { seed, people: 4, ..WalkerOptions::default() });
+            assert_eq!(walkers.len(), 4, "everybody finds a way in room {seed}");
+            for walker in &walkers {
+                let (start, end) = walker.span_s();
+                assert!(!room.is_inside(&walker.place(start).unwrap()));
+                assert!(!room.is_inside(&walker.place(end).unwrap()));
+                let mut was_inside = false;
+                let mut entered_in_zone = true;
+                for i in 0..((end - start) / 0.05) as usize {
+                    let p = walker.place(start + i as f64 * 0.05).unwrap();
+                    if room.is_inside(&p) {
+                        assert!(room.is_free(&p), "room {seed}: somebody stands in furniture at {p}");
+                        if !was_inside {
+                            entered_in_zone &= room.room.zones.iter().any(|z| z.polygon.distance_m(&p) < 0.1);
+                        }
+                    }
+                    was_inside = room.is_inside(&p);
+                }
+                assert!(entered_in_zone);
+            }
+            let last = walkers.iter().map(|w| w.span_s().1).fold(0.0, f64::max);
+            let mut together = 0;
+            for i in 0..(last / 0.05) as usize {
+                let places: Vec<_> = walkers.iter().filter_map(|w| w.place(i as f64 * 0.05)).collect();
+                together += usize::from(places.len() > 1);
+                for (k, a) in places.iter().enumerate() {
+                    assert!(places[..k].iter().all(|b| (a - b).norm() > 0.5), "room {seed}");
+                }
+            }
+            assert!(together > 60, "room {seed}: people meet in {together} samples only");
+        }
+    }
+}
