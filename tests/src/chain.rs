@@ -68,7 +68,8 @@ pub fn evaluate(office: &Path, room: &Path, out: &Path) -> Said<Tracking> {
         .arg("--room")
         .arg(room))?;
     let json: serde_json::Value = serde_json::from_str(&text).map_err(|e| e.to_string())?;
-    let figure = |name: &str| json[name].as_f64().ok_or_else(|| format!("tracker eval tells no {name}: {text}"));
+    let figure =
+        |name: &str| json[name].as_f64().ok_or_else(|| format!("tracker eval tells no {name}: {text}"));
     Ok(Tracking {
         mota: figure("MOTA")?,
         idf1: figure("IDF1")?,
@@ -111,7 +112,8 @@ pub fn compare_rooms(built: &Path, truth: &Path, tolerance_mm: u16) -> Said<Room
             let picture = image::open(path).map_err(|e| format!("{}: {e}", path.display()))?;
             Ok(picture.into_luma16().into_raw())
         };
-        let agreement = depth(&pixels(&png)?, &pixels(&truth.join(format!("depth_{name}.png")))?, tolerance_mm);
+        let agreement =
+            depth(&pixels(&png)?, &pixels(&truth.join(format!("depth_{name}.png")))?, tolerance_mm);
         agreements.push((name.clone(), agreement.ok_or("the depth maps are of different sizes")?));
     }
     Ok(RoomErrors { relative, cameras, depth: agreements })

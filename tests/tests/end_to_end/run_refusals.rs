@@ -1,0 +1,226 @@
+//! `tracker run` with everything that can be wrong with what it reads: one clear line, exit status 2, no panic.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Output;
+
+use image::{Rgb, RgbImage};
+use tempfile::TempDir;
+use tests::data::{office, program};
+
+const ROOM: &str = r#"
+format = 1
+
+[[camera]]
+name = "left"
+width = 64
+height = 48
+matrix = [[60.0, 0.0, 31.5], [0.0, 60.0, 23.5], [0.0, 0.0, 1.0]]
+distortion = [0.0, 0.0, 0.0, 0.0, 0.0]
+rotation = [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]
+translation = [0.0, 1.2, 3.0]
+
+[[camera]]
+name = "right"
+width = 64
+height = 48
+matrix = [[60.0, 0.0, 31.5], [0.0, 60.0, 23.5], [0.0, 0.0, 1.0]]
+distortion = [0.0, 0.0, 0.0, 0.0, 0.0]
+rotation = [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]
+translation = [0.5, 1.2, 3.0]
+"#;
+
+/// A room, a folder of pictures for each of its two cameras, and masks for them.
+struct Small {
+    folder: TempDir,
+}
+
+impl Small {
+    fn new() -> Self {
+        let small = Self { folder: tempfile::tempdir().expect("a temporary folder") };
+        small.write("room/scene.toml", ROOM);
+        for (folder, color) in [("left", 90), ("right", 120), ("masks", 0)] {
+            for frame in 1..=6_u8 {
+                small.picture(&format!("{folder}/{frame:02}.png"), 64, 48, color);
+            }
+        }
+        small
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn write(&self, name: &str, content: impl AsRef<[u8]>) {
+        let path = self.path(name);
+        fs::create_dir_all(path.parent().expect("below the temporary folder")).expect("a folder");
+        fs::write(path, content).expect("a file");
+    }
+
+    fn picture(&self, name: &str, width: u32, height: u32, level: u8) {
+        let path = self.path(name);
+        fs::create_dir_all(path.parent().expect("below the temporary folder")).expect("a folder");
+        let noisy = |u: u32, v: u32| level + ((u * 7 + v * 13 + name.len() as u32) % 5) as u8;
+        RgbImage::from_fn(width, height, |u, v| Rgb([noisy(u, v); 3])).save(path).expect("a picture");
+    }
+
+    /// Runs with both cameras' pictures and more arguments.
+    fn run(&self, more: &[&str]) -> Output {
+        let mut all = vec!["--video", "left=left", "--video", "right=right"];
+        all.extend(more);
+        self.run_only(&all)
+    }
+
+    fn run_only(&self, arguments: &[&str]) -> Output {
+        let mut tracker = program("tracker");
+        tracker.current_dir(self.folder.path()).args(["run", "room", "--out", "out", "--no-film"]);
+        tracker.args(arguments).output().expect("the program starts")
+    }
+}
+
+/// One line of error with these words in it, nothing that libraries print, exit status 2.
+fn refused(output: &Output, words: &[&str]) {
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    let (errors, others): (Vec<&str>, Vec<&str>) = said.lines().partition(|line| line.starts_with("error: "));
+    assert_eq!(errors.len(), 1, "{said}");
+    assert!(
+        others
+            .iter()
+            .all(|line| line.trim_start().starts_with("WARN ") || line.trim_start().starts_with("INFO ")),
+        "{said}"
+    );
+    for word in words {
+        assert!(errors[0].contains(word), "`{word}` is not in: {said}");
+    }
+}
+
+#[test]
+fn the_same_small_run_succeeds() {
+    let small = Small::new();
+    for arguments in [&["--video", "left=left", "--video", "right=right"][..], &["--masks", "left=masks"]] {
+        let output = small.run_only(arguments);
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{said}");
+        let frames = fs::read_to_string(small.path("out/tracks.jsonl")).expect("the tracks").lines().count();
+        assert_eq!(frames, 6);
+        assert!(small.path("out/timings.json").is_file() && small.path("out/boxes/left.txt").is_file());
+    }
+}
+
+#[test]
+fn rooms() {
+    let small = Small::new();
+    let missing = small.path("nowhere");
+    let output = program("tracker")
+        .args(["run".as_ref(), missing.as_os_str()])
+        .args(["--video", "left=left", "--out", "out"])
+        .output()
+        .expect("the program starts");
+    refused(&output, &["nowhere"]);
+    for (text, words) in [
+        ("", &["scene.toml"][..]),
+        (&ROOM[..ROOM.len() / 2], &["scene.toml", "line"]),
+        (&ROOM.replace("3.0]", "nan]"), &["scene.toml"]),
+        (&ROOM.replace("format = 1", "format = 1\ngeometry = \"room.ply\""), &["room.ply"]),
+    ] {
+        small.write("room/scene.toml", text);
+        refused(&small.run(&[]), words);
+    }
+    assert!(!small.path("out").exists(), "something was written before everything was read");
+}
+
+#[test]
+fn names_and_options() {
+    let small = Small::new();
+    refused(&small.run_only(&[]), &["--video NAME=PATH", "left, right"]);
+    refused(&small.run(&["--masks", "middle=masks"]), &["middle", "left", "right"]);
+    refused(&small.run(&["--video", "left=right"]), &["left", "already"]);
+    refused(&small.run(&["--threads", "0"]), &["--threads"]);
+    refused(&small.run(&["--rate", "0"]), &["--rate"]);
+    refused(&small.run(&["--rate", "NaN"]), &["--rate"]);
+    refused(&small.run(&["--steps", "1"]), &["--steps"]);
+    refused(&small.run(&["--absorb", "0"]), &["--absorb"]);
+    refused(&small.run(&["--background", "left=nowhere"]), &["nowhere"]);
+    refused(&small.run(&["--background", "middle=left"]), &["middle", "left, right"]);
+    assert!(!small.path("out").exists(), "something was written before everything was read");
+    small.write("out", "a file where the folder should be");
+    refused(&small.run(&[]), &["out"]);
+}
+
+#[test]
+fn videos() {
+    let small = Small::new();
+    small.write("empty.mp4", "");
+    small.write("text.mp4", "this is no video");
+    fs::create_dir(small.path("bare")).expect("a folder");
+    small.picture("large/1.png", 80, 60, 50);
+    for (source, words) in [
+        ("left=nowhere.mp4", &["nowhere.mp4"][..]),
+        ("left=empty.mp4", &["empty.mp4", "empty"]),
+        ("left=text.mp4", &["text.mp4", "decoded"]),
+        ("left=bare", &["bare", "no .jpg"]),
+        ("left=large", &["large", "80 × 60", "64 × 48"]),
+    ] {
+        refused(&small.run_only(&["--video", source]), words);
+        refused(&small.run_only(&["--masks", source]), words);
+    }
+    assert!(!small.path("out").exists(), "something was written before everything was read");
+}
+
+#[test]
+fn pictures_in_the_middle_of_a_folder() {
+    for (name, words) in
+        [("left/04.png", &["04.png", "decoded"][..]), ("masks/03.png", &["03.png", "decoded"])]
+    {
+        let small = Small::new();
+        let whole = fs::read(small.path(name)).expect("a picture");
+        small.write(name, &whole[..whole.len() / 2]);
+        refused(&small.run(&["--masks", "right=masks"]), words);
+        small.write(name, "");
+        refused(&small.run(&["--masks", "right=masks"]), words);
+        small.picture(name, 32, 24, 9);
+        refused(&small.run(&["--masks", "right=masks"]), &[words[0], "32 × 24"]);
+    }
+}
+
+#[test]
+fn a_film_that_ends_too_early() {
+    let small = Small::new();
+    let whole = fs::read(office().join("video/cam0.mp4")).expect("the office");
+    small.write("torn.mp4", &whole[..whole.len() / 20]);
+    let room = office().join("room");
+    let torn = format!("cam0={}", small.path("torn.mp4").display());
+    let output = program("tracker")
+        .args(["run".as_ref(), room.as_os_str(), "--out".as_ref(), small.path("out").as_os_str()])
+        .args(["--no-film", "--video", &torn])
+        .output()
+        .expect("the program starts");
+    refused(&output, &["torn.mp4", "frame", "promises 300"]);
+    whole_lines(&small.path("out/tracks.jsonl"));
+}
+
+/// What was written before the error is whole.
+fn whole_lines(path: &Path) {
+    if let Ok(text) = fs::read_to_string(path) {
+        assert!(text.is_empty() || text.ends_with('\n'), "{} ends in the middle of a line", path.display());
+    }
+}
+
+#[test]
+fn times() {
+    let small = Small::new();
+    let refuses = |text: &str, words: &[&str]| {
+        small.write("times.txt", text);
+        refused(&small.run(&["--times", "times.txt"]), words);
+    };
+    refused(&small.run(&["--times", "nowhere.txt"]), &["nowhere.txt"]);
+    refuses("", &["times.txt", "no times"]);
+    refuses("0\n0.1\nabc\n", &["times.txt", "line 3", "abc"]);
+    refuses("0\nNaN\n", &["times.txt", "line 2"]);
+    refuses("0\n0.2\n0.2\n", &["times.txt", "line 3", "grow"]);
+    refuses("0\n0.2\n", &["times.txt", "line 3", "missing"]);
+    small.write("times.txt", [0xff, 0xfe, 0x00]);
+    refused(&small.run(&["--times", "times.txt"]), &["times.txt"]);
+    assert!(!small.path("out").exists(), "something was written before everything was read");
+}
