@@ -15,9 +15,8 @@ impl Loss {
     /// ρ(s).
     pub fn cost(self, squared: f64) -> f64 {
         match self {
-            Self::Squares => squared,
             Self::Huber(c) if squared > c * c => 2.0 * c * squared.sqrt() - c * c,
-            Self::Huber(_) => squared,
+            Self::Squares | Self::Huber(_) => squared,
             Self::Cauchy(c) => c * c * (squared / (c * c)).ln_1p(),
         }
     }
@@ -25,9 +24,8 @@ impl Loss {
     /// dρ/ds: the weight in iteratively reweighted least squares.
     pub fn weight(self, squared: f64) -> f64 {
         match self {
-            Self::Squares => 1.0,
             Self::Huber(c) if squared > c * c => c / squared.sqrt(),
-            Self::Huber(_) => 1.0,
+            Self::Squares | Self::Huber(_) => 1.0,
             Self::Cauchy(c) => 1.0 / (1.0 + squared / (c * c)),
         }
     }

@@ -1,6 +1,6 @@
 //! Bundle adjustment: Levenberg–Marquardt over poses, points and, if asked, the lens, with the points eliminated.
 //!
-//! B. Triggs, P. McLauchlan, R. Hartley, A. Fitzgibbon, "Bundle adjustment — a modern synthesis" (2000), section 6.1;
+//! B. Triggs, P. `McLauchlan`, R. Hartley, A. Fitzgibbon, "Bundle adjustment — a modern synthesis" (2000), section 6.1;
 //! the damping follows H. B. Nielsen (1999). With cameras `c`, the shared lens `k` and points `p`, a step solves
 //!
 //! ```text

@@ -15,7 +15,9 @@ use nalgebra::{Isometry3, Vector2, Vector3};
 use super::affine::{self, Measurements};
 use super::metric::{self, Metric, Model};
 
-const MAX_ITERATIONS: usize = 30;
+const MAX_ITERATIONS: usize = 40;
+/// Smallest share of a correction that is followed.
+const MIN_STRIDE: f64 = 0.1;
 /// Mean change of the corrections at which the iteration has settled.
 const CHANGE_END: f64 = 1e-7;
 /// Corrections are kept here: a point at less than a fifth of its origin's depth is no start for anything.
@@ -25,7 +27,16 @@ const EPSILON_RANGE: (f64, f64) = (-0.8, 4.0);
 /// mean square residual.
 pub(crate) fn factorize(measured: &Measurements) -> Vec<(Metric, f64)> {
     let Some(start) = affine::factorize(measured) else { return Vec::new() };
-    let Some(readings) = metric::upgrade(&start, Model::Paraperspective) else { return Vec::new() };
+    // The affine camera that leaves less starts the iteration: paraperspective, unless noise spoils its constraints.
+    let least =
+        |readings: &[Metric; 2]| readings.iter().map(|r| residual(measured, r)).fold(f64::INFINITY, f64::min);
+    let Some(readings) = [Model::Paraperspective, Model::Orthographic]
+        .into_iter()
+        .filter_map(|model| metric::upgrade(&start, model))
+        .min_by(|a, b| least(a).total_cmp(&least(b)))
+    else {
+        return Vec::new();
+    };
     let mut settled: Vec<(Metric, f64)> = readings
         .into_iter()
         .map(|reading| settle(measured, reading))
@@ -38,28 +49,45 @@ pub(crate) fn factorize(measured: &Measurements) -> Vec<(Metric, f64)> {
     settled
 }
 
-/// Iterates from one reading; keeps the best solution met, as the iteration may wander far from affine.
+/// Iterates from one reading; keeps the best solution met. Where the residual grows, corrections follow by smaller
+/// steps: far from affine (wide lenses, near things) whole steps overshoot.
 fn settle(measured: &Measurements, start: Metric) -> Metric {
     let (mut best, mut least) = (start.clone(), residual(measured, &start));
     let mut current = start;
-    let mut before: Option<Measurements> = None;
+    let mut epsilon = vec![vec![0.0; current.poses.len()]; measured.len()];
+    let mut origins: Option<Vec<Vector2<f64>>> = None;
+    let (mut stride, mut last) = (1.0_f64, f64::INFINITY);
     for _ in 0..MAX_ITERATIONS {
-        let corrected = corrected(measured, &current);
-        let change = before.as_ref().map_or(f64::INFINITY, |b| mean_change(b, &corrected));
-        if change < CHANGE_END {
+        let mut change = 0.0;
+        for (row, point) in epsilon.iter_mut().zip(&current.points) {
+            for (e, pose) in row.iter_mut().zip(&current.poses) {
+                let wanted =
+                    ((pose.rotation * point).z / pose.translation.z).clamp(EPSILON_RANGE.0, EPSILON_RANGE.1);
+                change += (wanted - *e).abs();
+                *e += stride * (wanted - *e);
+            }
+        }
+        // Where the origin is seen moves with the corrections, by the same strides.
+        let seen_at = current.poses.iter().map(|pose| pose.translation.vector.xy() / pose.translation.z);
+        let moved: Vec<Vector2<f64>> = match origins {
+            Some(old) => old.iter().zip(seen_at).map(|(o, n)| o + stride * (n - o)).collect(),
+            None => seen_at.collect(),
+        };
+        let corrected = corrected(measured, &epsilon, &moved);
+        origins = Some(moved);
+        if change < CHANGE_END * (epsilon.len() * current.poses.len()) as f64 {
             break;
         }
         let next = affine::factorize(&corrected).and_then(|a| metric::upgrade(&a, Model::Paraperspective));
         let Some(readings) = next else { break };
         // Of the two readings, the one that is not the mirror of the last.
-        let Some(next) =
-            readings.into_iter().max_by(|a, b| likeness(&current, a).total_cmp(&likeness(&current, b)))
-        else {
-            break;
-        };
+        let likest =
+            readings.into_iter().max_by(|a, b| likeness(&current, a).total_cmp(&likeness(&current, b)));
+        let Some(next) = likest else { break };
         current = next;
-        before = Some(corrected);
         let now = residual(measured, &current);
+        stride = if now > last { (0.5 * stride).max(MIN_STRIDE) } else { (1.2 * stride).min(1.0) };
+        last = now;
         if now < least {
             (best, least) = (current.clone(), now);
         }
@@ -75,29 +103,15 @@ fn likeness(a: &Metric, b: &Metric) -> f64 {
     depth(a).iter().zip(depth(b)).map(|(x, y)| x * y).sum()
 }
 
-fn corrected(measured: &Measurements, metric: &Metric) -> Measurements {
-    let correct = |point: &Vector3<f64>, seen: &Vec<Option<Vector2<f64>>>| {
-        seen.iter()
-            .zip(&metric.poses)
-            .map(|(w, pose)| {
-                let t = pose.translation.vector;
-                let origin = t.xy() / t.z;
-                let epsilon = ((pose.rotation * point).z / t.z).clamp(EPSILON_RANGE.0, EPSILON_RANGE.1);
-                w.map(|w| (w - origin) * (1.0 + epsilon) + origin)
-            })
-            .collect()
-    };
-    metric.points.iter().zip(measured).map(|(point, seen)| correct(point, seen)).collect()
-}
-
-fn mean_change(a: &Measurements, b: &Measurements) -> f64 {
-    let changes: Vec<f64> = a
+/// What a paraperspective camera would have measured, by the present corrections.
+fn corrected(measured: &Measurements, epsilon: &[Vec<f64>], origins: &[Vector2<f64>]) -> Measurements {
+    let correct =
+        |(w, (e, o)): (&Option<Vector2<f64>>, (&f64, &Vector2<f64>))| w.map(|w| (w - o) * (1.0 + e) + o);
+    measured
         .iter()
-        .flatten()
-        .zip(b.iter().flatten())
-        .filter_map(|(a, b)| Some((a.as_ref()? - b.as_ref()?).norm()))
-        .collect();
-    changes.iter().sum::<f64>() / changes.len().max(1) as f64
+        .zip(epsilon)
+        .map(|(seen, epsilon)| seen.iter().zip(epsilon.iter().zip(origins)).map(correct).collect())
+        .collect()
 }
 
 /// Root mean square distance between measured and projected normalised coordinates; 1 behind a camera.

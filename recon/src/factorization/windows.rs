@@ -3,6 +3,7 @@
 use calib::Intrinsics;
 use calib::absolute_orientation::similarity_weighted;
 use nalgebra::{Isometry3, Point3, Similarity3, Vector2};
+use rayon::prelude::*;
 
 use super::affine::{MIN_COMPLETE, Measurements};
 use super::perspective;
@@ -21,52 +22,91 @@ const MIN_SEEN: f64 = 0.6;
 const MAX_TRACKS: usize = 300;
 /// Points two windows must share to be chained.
 const MIN_SHARED: usize = 8;
+/// Mean robust cost of an observation (px²) beyond which a window is no rigid scene but a wrong minimum.
+const MAX_COST: f64 = 0.6;
 
 /// A stretch of frames reconstructed on its own.
 struct Window {
+    /// First frame.
+    first: usize,
     poses: Vec<Isometry3<f64>>,
     /// (track, position)
     points: Vec<(usize, Point3<f64>)>,
+    /// Mean robust cost of an observation, px².
+    cost: f64,
 }
 
 /// A pose for each frame of the sequence that a chain of windows reaches; `None` when not even one window factorizes.
+///
+/// The chain starts at the window with the smallest residual and goes both ways until one cannot be placed; frames
+/// beyond are left to resection.
 pub(crate) fn reconstruct(
     tracks: &[Track],
     intrinsics: &Intrinsics,
     frames: usize,
 ) -> Option<Vec<Option<Isometry3<f64>>>> {
-    let mut poses: Vec<Option<Isometry3<f64>>> = vec![None; frames];
-    // Where each track lies in the chain's frame.
-    let mut known: Vec<Option<Point3<f64>>> = vec![None; tracks.len()];
+    let windows: Vec<Option<Window>> = cover(tracks, frames)
+        .into_par_iter()
+        .map(|(first, length, chosen)| solve(tracks, &chosen, intrinsics, first, length))
+        .map(|window| window.filter(|w| w.cost <= MAX_COST))
+        .collect();
+    let (start, _) = windows
+        .iter()
+        .enumerate()
+        .filter_map(|(index, window)| Some((index, window.as_ref()?.cost)))
+        .min_by(|a, b| a.1.total_cmp(&b.1))?;
+    let mut chain = Chain { poses: vec![None; frames], points: vec![None; tracks.len()] };
+    for window in windows[start..].iter().map_while(Option::as_ref) {
+        if !chain.append(window) {
+            break;
+        }
+    }
+    for window in windows[..start].iter().rev().map_while(Option::as_ref) {
+        if !chain.append(window) {
+            break;
+        }
+    }
+    Some(chain.poses)
+}
+
+/// Windows that overlap by half, with the tracks that take part in each.
+fn cover(tracks: &[Track], frames: usize) -> Vec<(usize, usize, Vec<usize>)> {
+    let mut windows = Vec::new();
     let mut first = 0;
-    let mut any = false;
     while first + MIN_FRAMES <= frames {
         let Some((length, chosen)) = choose(tracks, first, frames) else {
-            if any {
-                break; // The chain ends; frames beyond are left to resection.
-            }
             first += 1;
             continue;
         };
-        if let Some(window) = solve(tracks, &chosen, intrinsics, first, length)
-            && let Some(placed) = place(&window, &known, any)
-        {
-            any = true;
-            for (offset, pose) in window.poses.iter().enumerate() {
-                poses[first + offset].get_or_insert_with(|| moved(pose, &placed));
-            }
-            for (track, point) in &window.points {
-                known[*track].get_or_insert(placed * point);
-            }
-        } else if any {
-            break;
-        }
+        windows.push((first, length, chosen));
         if first + length >= frames {
             break;
         }
         first += (length / 2).max(1);
     }
-    any.then_some(poses)
+    windows
+}
+
+/// What the windows so far say, in the frame and scale of the first.
+struct Chain {
+    /// One a frame.
+    poses: Vec<Option<Isometry3<f64>>>,
+    /// One a track.
+    points: Vec<Option<Point3<f64>>>,
+}
+
+impl Chain {
+    /// `false` when the window shares too little with the chain.
+    fn append(&mut self, window: &Window) -> bool {
+        let Some(placed) = place(window, &self.points) else { return false };
+        for (offset, pose) in window.poses.iter().enumerate() {
+            self.poses[window.first + offset].get_or_insert_with(|| moved(pose, &placed));
+        }
+        for (track, point) in &window.points {
+            self.points[*track].get_or_insert(placed * point);
+        }
+        true
+    }
 }
 
 /// The longest window from a frame on with enough complete tracks, and the tracks that take part.
@@ -134,7 +174,7 @@ fn solve(
             .sum();
         (cost, problem)
     });
-    let (_, problem) = adjusted.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let (cost, problem) = adjusted.min_by(|a, b| a.0.total_cmp(&b.0))?;
     let agrees = |point: usize| problem.observations[point].iter().all(|o| problem.error_px(point, o) < 3.0);
     let points = chosen
         .iter()
@@ -142,12 +182,17 @@ fn solve(
         .filter(|(p, _)| agrees(*p))
         .map(|(p, &track)| (track, problem.points[p]))
         .collect();
-    Some(Window { poses: problem.poses, points })
+    Some(Window {
+        first,
+        cost: cost / problem.observation_count().max(1) as f64,
+        poses: problem.poses,
+        points,
+    })
 }
 
 /// `chain_from_window`, by the points both hold; distant points, whose depths are uncertain, count less.
-fn place(window: &Window, known: &[Option<Point3<f64>>], chained: bool) -> Option<Similarity3<f64>> {
-    if !chained {
+fn place(window: &Window, known: &[Option<Point3<f64>>]) -> Option<Similarity3<f64>> {
+    if known.iter().all(Option::is_none) {
         return Some(Similarity3::identity());
     }
     let (mut a, mut b, mut weights) = (Vec::new(), Vec::new(), Vec::new());

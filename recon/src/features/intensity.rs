@@ -35,7 +35,9 @@ impl Intensity {
         let mut kernel: Vec<f32> =
             (-reach..=reach).map(|i| (-0.5 * (i as f32 / sigma_px).powi(2)).exp()).collect();
         let total: f32 = kernel.iter().sum();
-        kernel.iter_mut().for_each(|k| *k /= total);
+        for k in &mut kernel {
+            *k /= total;
+        }
         let clamp = |i: isize, n: usize| i.clamp(0, n as isize - 1) as usize;
         let across = Self::from_fn(self.width, self.height, |x, y| {
             let row = &self.values[y * self.width..(y + 1) * self.width];

@@ -54,7 +54,9 @@ impl Patch {
         let mut weights: Vec<f64> =
             window(radius).map(|(x, y)| (-0.5 * ((x * x + y * y) as f64) / (sigma * sigma)).exp()).collect();
         let total: f64 = weights.iter().sum();
-        weights.iter_mut().for_each(|w| *w /= total);
+        for w in &mut weights {
+            *w /= total;
+        }
         let mut patch = Self { radius, weights, values: Vec::new(), gradient: Vec::new() };
         (patch.values, patch.gradient) = patch.read(image, warp)?;
         Some(patch)

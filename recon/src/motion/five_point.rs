@@ -149,9 +149,9 @@ fn reduced_constraints(basis: &[Matrix3<f64>; 4]) -> Option<SMatrix<f64, 10, 10>
     let mut rows = SMatrix::<f64, 10, 20>::zeros();
     rows.set_row(0, &SVector::<f64, 20>::from(determinant.0).transpose());
     for i in 0..3 {
-        for j in 0..3 {
+        for (j, entry) in e[i].iter().enumerate() {
             let product = (0..3).fold(Polynomial::ZERO, |sum, k| sum.plus(&eet[i][k].times(&e[k][j]), 2.0));
-            let constraint = product.plus(&trace.times(&e[i][j]), -1.0);
+            let constraint = product.plus(&trace.times(entry), -1.0);
             rows.set_row(1 + 3 * i + j, &SVector::<f64, 20>::from(constraint.0).transpose());
         }
     }

@@ -145,10 +145,10 @@ mod tests {
     use rand::SeedableRng;
     use rand_distr::{Distribution, Uniform};
 
-    fn pairs(
-        motion: &Isometry3<f64>,
-        wrong: usize,
-    ) -> (Vec<Point3<f64>>, Vec<Vector3<f64>>, Vec<Vector3<f64>>) {
+    type Rays = Vec<Vector3<f64>>;
+
+    /// Points, and their rays from both views; the first `wrong` pairs are off.
+    fn pairs(motion: &Isometry3<f64>, wrong: usize) -> (Vec<Point3<f64>>, Rays, Rays) {
         let mut rng = Pcg64Mcg::seed_from_u64(11);
         let side = Uniform::new(-1.0, 1.0).unwrap();
         let points: Vec<Point3<f64>> = (0..150)
