@@ -2,12 +2,20 @@
 //!
 //! A person's velocity is an Ornstein–Uhlenbeck process: remembered for `velocity_memory_s`, pushed by white
 //! acceleration. Place and velocity are a 4-vector with covariance, carried from moment to moment over any time step;
-//! with infinite memory its mean is the published `S + V`. The sampler works on the place alone; its posterior mean and
-//! covariance are taken back exactly as a Gaussian's: velocity follows through its regression on the place.
+//! with infinite memory its mean is the published `S + V`. The sampler works on the place alone; what its posterior has
+//! learnt beyond the prediction is taken back as a measurement of the place.
 
-use nalgebra::{Matrix2, Matrix4, Vector2, Vector4};
+use std::ops::AddAssign;
+
+use nalgebra::{Matrix2, Matrix2x4, Matrix4, Vector2, Vector4};
 
 use super::options::MotionOptions;
+
+/// Squared distance from the prediction, in standard deviations, beyond which the prediction is not believed: one in a
+/// thousand by chance.
+const SURPRISE: f64 = 13.8;
+/// An axis whose posterior variance is more than this part of the prior's has taught nothing but the sampler's own noise.
+const NOTHING_LEARNT: f64 = 0.8;
 
 /// Place (m) and velocity (m/s) on the floor, with their covariance. Order: x, y, vx, vy.
 #[derive(Debug, Clone)]
@@ -62,22 +70,56 @@ impl Motion {
         self.covariance = step * self.covariance * step.transpose() + noise;
     }
 
-    /// Takes in the posterior of the place: its mean and covariance, this belief having been the prior.
-    pub(super) fn condition(&mut self, place: &Vector2<f64>, covariance: &Matrix2<f64>) {
-        let prior: Matrix2<f64> = self.place_covariance();
-        let cross: Matrix2<f64> = self.covariance.fixed_view::<2, 2>(2, 0).into();
-        let Some(inverse) = prior.try_inverse() else { return };
-        let gain = cross * inverse;
+    /// Takes in what the sampler found, this belief having been its prior: the posterior's mean and covariance.
+    ///
+    /// The likelihood behind that posterior is `N(z, R)` with `R⁻¹ = Σ⁻¹ − P⁻¹`; what the silhouette's place means beyond
+    /// that (`gait_sigma_m`) is added to R, and the belief updated with it. Directions in which the sampler learnt
+    /// nothing (Σ as wide as P: the person is hidden) have no R⁻¹, and stay as predicted.
+    pub(super) fn condition(
+        &mut self,
+        place: &Vector2<f64>,
+        posterior: &Matrix2<f64>,
+        options: &MotionOptions,
+    ) {
+        let mut prior = self.place_covariance();
+        let gait = Matrix2::identity() * options.gait_sigma_m.powi(2);
         let shift = place - self.place();
-        let velocity = self.velocity() + gain * shift;
-        let velocity_covariance: Matrix2<f64> = self.covariance.fixed_view::<2, 2>(2, 2).into();
-        let velocity_covariance = velocity_covariance - gain * (prior - covariance) * gain.transpose();
-        let cross = gain * covariance;
-        self.mean = Vector4::new(place.x, place.y, velocity.x, velocity.y);
-        self.covariance.fixed_view_mut::<2, 2>(0, 0).copy_from(covariance);
-        self.covariance.fixed_view_mut::<2, 2>(2, 0).copy_from(&cross);
-        self.covariance.fixed_view_mut::<2, 2>(0, 2).copy_from(&cross.transpose());
-        self.covariance.fixed_view_mut::<2, 2>(2, 2).copy_from(&velocity_covariance);
+        let surprise = (prior + gait).try_inverse().map_or(0.0, |inverse| shift.dot(&(inverse * shift)));
+        if surprise > SURPRISE {
+            // They were not where they were predicted: the prediction was worth less than it said.
+            self.covariance.fixed_view_mut::<2, 2>(0, 0).add_assign(&(shift * shift.transpose()));
+            prior = self.place_covariance();
+        }
+        let Some(root) = prior.cholesky().map(|c| c.l()) else { return };
+        let Some(inverse_root) = root.try_inverse() else { return };
+        // In units of the prior, the posterior's axes are those of the likelihood: what was measured are the coordinates
+        // along them.
+        let relative = (inverse_root * posterior * inverse_root.transpose()).symmetric_eigen();
+        let mut measures = relative.eigenvectors.transpose() * inverse_root;
+        let mut found = measures * shift;
+        let mut noise = Matrix2::zeros();
+        for i in 0..2 {
+            let left = relative.eigenvalues[i].clamp(1e-6, 1.0);
+            if left < NOTHING_LEARNT {
+                found[i] /= 1.0 - left;
+                noise[(i, i)] = left / (1.0 - left);
+            } else {
+                // No measurement: a row of zeros, against which any noise will do.
+                measures.row_mut(i).fill(0.0);
+                (found[i], noise[(i, i)]) = (0.0, 1.0);
+            }
+        }
+        noise += measures * gait * measures.transpose();
+        let mut observation = Matrix2x4::zeros();
+        observation.fixed_view_mut::<2, 2>(0, 0).copy_from(&measures);
+        let innovation = observation * self.covariance * observation.transpose() + noise;
+        let Some(inverse) = innovation.try_inverse() else { return };
+        let gain = self.covariance * observation.transpose() * inverse;
+        self.mean += gain * found;
+        // Joseph's form keeps the covariance a covariance.
+        let rest = Matrix4::identity() - gain * observation;
+        let updated = rest * self.covariance * rest.transpose() + gain * noise * gain.transpose();
+        self.covariance = 0.5 * (updated + updated.transpose());
     }
 }
 
@@ -106,22 +148,36 @@ mod tests {
     }
 
     #[test]
-    fn conditioning_on_a_posterior_equals_a_kalman_update_with_the_measurement_behind_it() {
+    fn conditioning_equals_a_kalman_update_with_the_measurement_behind_the_posterior() {
         let prior = start();
+        let options = MotionOptions { gait_sigma_m: 0.05, ..MotionOptions::default() };
         let noise = Matrix2::new(0.02, 0.005, 0.005, 0.03);
         let seen = Vector2::new(1.4, 1.7);
-        // The textbook's update.
-        let h = nalgebra::Matrix2x4::new(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0);
-        let s = h * prior.covariance * h.transpose() + noise;
-        let k = prior.covariance * h.transpose() * s.try_inverse().unwrap();
-        let mean = prior.mean + k * (seen - h * prior.mean);
-        let covariance = (Matrix4::identity() - k * h) * prior.covariance;
+        let h = Matrix2x4::new(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0);
+        let update = |r: Matrix2<f64>| {
+            let s = h * prior.covariance * h.transpose() + r;
+            let k = prior.covariance * h.transpose() * s.try_inverse().unwrap();
+            (prior.mean + k * (seen - h * prior.mean), (Matrix4::identity() - k * h) * prior.covariance)
+        };
+        // The sampler knows nothing of gait; the belief does.
+        let (mean, covariance) = update(noise);
+        let sampled: Matrix2<f64> = covariance.fixed_view::<2, 2>(0, 0).into();
+        let mut motion = prior.clone();
+        motion.condition(&Vector2::new(mean[0], mean[1]), &sampled, &options);
 
-        let mut motion = prior;
-        let posterior: Matrix2<f64> = covariance.fixed_view::<2, 2>(0, 0).into();
-        motion.condition(&Vector2::new(mean[0], mean[1]), &posterior);
+        let (mean, covariance) = update(noise + Matrix2::identity() * 0.0025);
         assert_relative_eq!(motion.mean, mean, epsilon = 1e-9);
         assert_relative_eq!(motion.covariance, covariance, epsilon = 1e-9);
+    }
+
+    #[test]
+    fn a_posterior_as_wide_as_the_prior_teaches_nothing() {
+        let prior = start();
+        let mut motion = prior.clone();
+        let place = prior.place() + Vector2::new(0.03, -0.05);
+        motion.condition(&place, &(prior.place_covariance() * 0.95), &MotionOptions::default());
+        assert_relative_eq!(motion.mean, prior.mean, epsilon = 1e-9);
+        assert_relative_eq!(motion.covariance, prior.covariance, epsilon = 1e-9);
     }
 
     #[test]

@@ -9,13 +9,16 @@ use super::tally::Sums;
 use crate::TrackId;
 use crate::silhouette::Body;
 
-/// A silhouette seen in full says this much about its body's radius and height, in metres (one standard deviation):
-/// clothes, gait and the mask's own errors are not independent from moment to moment.
-const RADIUS_SEEN_SIGMA_M: f64 = 0.06;
-const HEIGHT_SEEN_SIGMA_M: f64 = 0.15;
-/// People bend, carry and turn: sizes drift by this much in a second.
-const RADIUS_DRIFT_M: f64 = 0.01;
-const HEIGHT_DRIFT_M: f64 = 0.02;
+/// A silhouette seen in full says this much about its person's radius and height, in metres (one standard deviation):
+/// gait and the mask's own errors go on from moment to moment.
+const RADIUS_SEEN_SIGMA_M: f64 = 0.10;
+const HEIGHT_SEEN_SIGMA_M: f64 = 0.20;
+/// What is believed of a person's size fades by this much in a second.
+const RADIUS_DRIFT_M: f64 = 0.005;
+const HEIGHT_DRIFT_M: f64 = 0.005;
+/// Around what a person measures, a single moment's body varies by this: strides, swinging arms, a bent back.
+const RADIUS_POSE_SIGMA_M: f64 = 0.025;
+const HEIGHT_POSE_SIGMA_M: f64 = 0.02;
 
 /// One moment's masks err together: they are worth no more than this about whether somebody is there.
 const MOST_EVIDENCE_NATS: f64 = 4.0;
@@ -88,15 +91,14 @@ impl Track {
 
     /// Takes in a moment's states. `visible` is the largest fraction of the person that any camera saw.
     pub(super) fn update(&mut self, sums: &Sums, visible: f64, options: &McmcOptions) {
-        let gait = Matrix2::identity() * options.motion.gait_sigma_m.powi(2);
-        self.motion.condition(&sums.place(), &(sums.covariance() + gait));
+        self.motion.condition(&sums.place(), &sums.covariance(), &options.motion);
         self.resize(sums, visible);
     }
 
     fn resize(&mut self, sums: &Sums, visible: f64) {
-        let seen = |s: &Spread, mean_m: f64, sigma_m: f64| Spread {
-            mean_m,
-            sigma_m: (s.sigma_m.powi(-2) + visible * sigma_m.powi(-2)).powf(-0.5),
+        let seen = |s: &Spread, seen_m: f64, sigma_m: f64| {
+            let gain = visible * s.sigma_m.powi(2) / (s.sigma_m.powi(2) + sigma_m.powi(2));
+            Spread { mean_m: s.mean_m + gain * (seen_m - s.mean_m), sigma_m: s.sigma_m * (1.0 - gain).sqrt() }
         };
         self.radius = seen(&self.radius, sums.radius_m(), RADIUS_SEEN_SIGMA_M);
         self.height = seen(&self.height, sums.height_m(), HEIGHT_SEEN_SIGMA_M);
@@ -135,8 +137,8 @@ impl Track {
     pub(super) fn known(&self) -> Known {
         Known {
             place: Place::new(self.motion.place(), &self.motion.place_covariance()),
-            radius: self.radius,
-            height: self.height,
+            radius: posed(&self.radius, RADIUS_POSE_SIGMA_M),
+            height: posed(&self.height, HEIGHT_POSE_SIGMA_M),
             log_odds: self.log_odds,
         }
     }
@@ -146,4 +148,9 @@ impl Track {
         let place = self.motion.place();
         Body { x_m: place.x, y_m: place.y, radius_m: self.radius.mean_m, height_m: self.height.mean_m }
     }
+}
+
+/// What a single moment may show of a size that is known this well.
+fn posed(size: &Spread, pose_sigma_m: f64) -> Spread {
+    Spread { sigma_m: size.sigma_m.hypot(pose_sigma_m), ..*size }
 }
