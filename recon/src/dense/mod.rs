@@ -54,7 +54,7 @@ impl Default for DenseOptions {
             sources: 5,
             least_shared_view: 0.6,
             best_views: 3,
-            color_sigma: 24.0,
+            color_sigma: 10.0,
             iterations: [5, 2, 3],
             least_agreeing: 2,
             agreement_px: 1.0,

@@ -1,6 +1,6 @@
 //! Surfaces of all cameras → the room's oriented, coloured discs, in the world frame.
 //!
-//! What two cameras see alike is kept once, from the one that resolves it finer ([`Witnesses`]); what one camera looks
+//! What two cameras see alike is kept once, from the one that resolves it finer ([`Witness`]); what one camera looks
 //! through is dropped. Smooth regions become larger discs ([`blocks`]), so that a wall does not cost a disc a pixel.
 
 mod blocks;
@@ -18,13 +18,16 @@ use crate::surface::{Origin, Surface};
 pub struct FusionOptions {
     /// Depths of two cameras that differ by less than this share are the same surface.
     pub same_surface: f32,
+    /// A disc that would look larger than this in another camera's image, radius in pixels, is too coarse for it: what
+    /// stands before a camera is for that camera to tell.
+    pub largest_radius_px: f32,
     /// A block of pixels becomes one disc when none of its depths is off the block's plane by more than this share.
     pub flatness: f32,
 }
 
 impl Default for FusionOptions {
     fn default() -> Self {
-        Self { same_surface: 0.03, flatness: 0.003 }
+        Self { same_surface: 0.03, largest_radius_px: 4.0, flatness: 0.003 }
     }
 }
 
@@ -37,6 +40,8 @@ pub struct FusionReport {
     pub duplicates: usize,
     /// Dropped since another camera looks through them.
     pub seen_through: usize,
+    /// Dropped since another camera stands so near that they would fill its view.
+    pub too_coarse: usize,
     /// Discs made.
     pub discs: usize,
     /// Of these, not measured but filled in.
@@ -69,6 +74,7 @@ pub fn fuse(
         report.pixels += verdicts.iter().filter(|v| **v != Verdict::Nothing).count();
         report.duplicates += verdicts.iter().filter(|v| **v == Verdict::Duplicate).count();
         report.seen_through += verdicts.iter().filter(|v| **v == Verdict::SeenThrough).count();
+        report.too_coarse += verdicts.iter().filter(|v| **v == Verdict::TooCoarse).count();
         let keep: Vec<bool> = verdicts.iter().map(|v| *v == Verdict::Keep).collect();
         let world = &world_from_camera[index];
         discs.extend(
@@ -86,6 +92,7 @@ enum Verdict {
     Keep,
     Duplicate,
     SeenThrough,
+    TooCoarse,
 }
 
 /// Another camera that may have seen the same.
@@ -130,6 +137,9 @@ fn judge(surface: &Surface, i: usize, others: &[Witness<'_>], options: &FusionOp
     let Some(point) = surface.point(i) else { return Verdict::Nothing };
     for witness in others {
         let Some((u, v, z)) = witness.pixel(point) else { continue };
+        if surface.radius(i) * witness.scale * witness.camera.fx > options.largest_radius_px * z {
+            return Verdict::TooCoarse;
+        }
         let j = v * witness.surface.width() + u;
         let seen = witness.surface.depth[j];
         if seen <= 0.0 {
@@ -209,7 +219,7 @@ mod tests {
             discs
                 .iter()
                 .filter(|d| d.center.x.abs() < 0.9 && d.center.y.abs() < 0.9)
-                .all(|d| d.radius < 0.06)
+                .all(|d| d.radius < 0.15)
         );
     }
 

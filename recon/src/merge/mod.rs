@@ -9,6 +9,8 @@
 mod graph;
 mod overlap;
 mod refine;
+#[cfg(test)]
+mod tests;
 
 use nalgebra::{Point2, Point3, Similarity3};
 

@@ -37,9 +37,7 @@ impl ImagePlane {
 
 /// Neighbourhoods tried for each plane.
 const TRIES: usize = 400;
-/// An enclosing plane holds at least this share of the image …
-const ENCLOSING_SHARE: f32 = 0.02;
-/// … and at most this share of what is measured lies behind it.
+/// At most this share of what is measured lies behind an enclosing plane.
 const LARGEST_BEHIND: f32 = 0.01;
 
 /// The planes of a view, largest first as a rule.
@@ -90,8 +88,7 @@ pub(super) fn planes(surface: &Surface, cells: &Cells, step: f32, options: &Plan
         }
         left.retain(|cell| !inside(cell, &plane));
         plane.pixels = (before - left.len()) * CELL * CELL;
-        let large = plane.pixels as f32 > ENCLOSING_SHARE * surface.depth.len() as f32;
-        plane.encloses = large && behind(&all, cells, &plane, step) < LARGEST_BEHIND;
+        plane.encloses = behind(&all, cells, &plane, step) < LARGEST_BEHIND;
         found.push(plane);
     }
     found

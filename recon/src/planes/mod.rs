@@ -13,6 +13,8 @@ mod local;
 mod rims;
 mod speckles;
 mod spread;
+#[cfg(test)]
+mod tests;
 mod witness;
 
 use glam::Vec3;
@@ -28,7 +30,9 @@ pub use detect::ImagePlane;
 pub struct PlaneOptions {
     /// A measured pixel this close to a plane lies on it, pixels of disparity.
     pub tolerance_px: f32,
-    /// … if its neighbourhood faces the same way to within this, degrees.
+    /// … and this close, if it lies amid pixels of the plane.
+    pub loose_tolerance_px: f32,
+    /// The former only if its neighbourhood faces the plane's way to within this, degrees.
     pub facing_deg: f32,
     /// Least share of the image that makes a plane.
     pub least_share: f32,
@@ -56,6 +60,7 @@ impl Default for PlaneOptions {
     fn default() -> Self {
         Self {
             tolerance_px: 0.6,
+            loose_tolerance_px: 1.6,
             facing_deg: 22.0,
             least_share: 0.002,
             most_planes: 40,
@@ -100,7 +105,10 @@ pub fn complete(views: &[DenseView], options: &PlaneOptions) -> Option<(Surface,
         tracing::debug!("{plane:?}");
     }
     forget_behind(&mut surface, &planes, view.step);
-    let labels = label(&surface, &cells, &planes, view.step, options);
+    let mut labels = label(&surface, &cells, &planes, view.step, options);
+    for _ in 0..3 {
+        labels = agree_with_neighbours(&surface, &planes, &labels, view.step, options);
+    }
     rims::forget(&mut surface, options);
     let forgotten = measured - known(&surface);
     let on_planes = snap(&mut surface, &planes, &labels);
@@ -164,6 +172,38 @@ fn label(
                 }
             }
             best.map(|b| b.1)
+        })
+        .collect()
+}
+
+/// A pixel amid a plane's pixels that is off by little more than noise lies on that plane, too.
+fn agree_with_neighbours(
+    surface: &Surface,
+    planes: &[ImagePlane],
+    labels: &[Option<u16>],
+    step: f32,
+    options: &PlaneOptions,
+) -> Vec<Option<u16>> {
+    const RADIUS: isize = 2;
+    let (width, height) = (surface.width() as isize, surface.height() as isize);
+    let around = |i: usize| {
+        let (x, y) = (i as isize % width, i as isize / width);
+        (-RADIUS..=RADIUS)
+            .flat_map(move |dy| (-RADIUS..=RADIUS).map(move |dx| (x + dx, y + dy)))
+            .filter(move |(x, y)| *x >= 0 && *y >= 0 && *x < width && *y < height)
+            .filter_map(|(x, y)| labels[(y * width + x) as usize])
+    };
+    (0..labels.len())
+        .into_par_iter()
+        .map(|i| {
+            if labels[i].is_some() || surface.depth[i] <= 0.0 {
+                return labels[i];
+            }
+            let (u, v) = ((i as isize % width) as f32, (i as isize / width) as f32);
+            let needed = (2 * RADIUS as usize + 1).pow(2) / 2;
+            let candidate = around(i).find(|k| around(i).filter(|other| other == k).count() >= needed)?;
+            let off = (planes.get(usize::from(candidate))?.at(u, v) - 1.0 / surface.depth[i]).abs();
+            (off < options.loose_tolerance_px * step).then_some(candidate)
         })
         .collect()
 }

@@ -37,8 +37,13 @@ pub(super) fn fill(
     for (i, seed) in seeds.into_iter().enumerate() {
         let Some(seed) = seed.filter(|_| surface.depth[i] <= 0.0) else { continue };
         let (u, v) = ((i % width) as f32, (i / width) as f32);
+        // Nothing real lies behind a wall that encloses the room: what other views see there is a reflection.
+        let mut certain = false;
         let support = match seed {
-            Seed::Plane(k) => enclosed(planes, usize::from(k), u, v),
+            Seed::Plane(k) => {
+                certain = planes.get(usize::from(k)).is_some_and(|p| p.encloses);
+                enclosed(planes, usize::from(k), u, v)
+            }
             Seed::Pixel(from) => {
                 let (fu, fv) = ((from as usize % width) as f32, (from as usize / width) as f32);
                 known[from as usize].map(|s| s.moved(u - fu, v - fv))
@@ -48,7 +53,7 @@ pub(super) fn fill(
         let normal = support.normal(u, v, &camera);
         let ray = camera.ray(u, v);
         let grazing = normal.dot(ray) > -0.05 * ray.length();
-        if grazing || witnesses.contradict(ray / support.w, options.looked_past) {
+        if grazing || (!certain && witnesses.contradict(ray / support.w, options.looked_past)) {
             continue;
         }
         surface.depth[i] = 1.0 / support.w;
@@ -87,6 +92,8 @@ fn reached(
 ) -> Vec<Option<Seed>> {
     /// Costs are kept in whole hundredths, so that the order of equal ones is the same everywhere.
     const UNIT: f32 = 100.0;
+    /// What a surface on no plane has to make up, pixels.
+    const PIXEL_HANDICAP_PX: f32 = 4.0;
     let (width, height) = (surface.width(), surface.height());
     let reach = |seed: &Seed| match seed {
         Seed::Plane(k) => {
@@ -99,18 +106,27 @@ fn reached(
     let mut costs = vec![u32::MAX; width * height];
     let mut queue = BinaryHeap::new();
     for i in 0..width * height {
-        if surface.depth[i] > 0.0 {
-            seeds[i] = Some(labels[i].map_or(Seed::Pixel(i as u32), Seed::Plane));
-            costs[i] = 0;
-            queue.push(Reverse((0u32, i)));
+        if surface.depth[i] <= 0.0 {
+            continue;
         }
+        // A single pixel's plane is a poor one: planes of the room have a start.
+        let (seed, cost) = match labels[i] {
+            Some(k) => (Seed::Plane(k), 0),
+            None if surface.support(i).is_some() => {
+                (Seed::Pixel(i as u32), (UNIT * PIXEL_HANDICAP_PX) as u32)
+            }
+            None => continue,
+        };
+        seeds[i] = Some(seed);
+        costs[i] = cost;
+        queue.push(Reverse((cost, i)));
     }
     while let Some(Reverse((cost, i))) = queue.pop() {
         if cost > costs[i] {
             continue;
         }
         let Some(seed) = seeds[i] else { continue };
-        for j in neighbours(i, width, height) {
+        for j in neighbours(i, width, height).filter(|j| surface.depth[*j] <= 0.0) {
             let step = UNIT * (1.0 + options.edge_cost * colour_step(surface, i, j));
             let next = cost.saturating_add(step as u32);
             if next < costs[j] && next as f32 <= UNIT * reach(&seed) {

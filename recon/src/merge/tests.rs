@@ -1,0 +1,163 @@
+//! Two cameras in a room of known geometry, each with a frame and a scale of its own.
+
+use super::*;
+use crate::project::{PickedPoint, ProjectCamera, Scale};
+use crate::surface::Origin;
+use calib::{Intrinsics, rotation};
+use glam::Vec3;
+use image::RgbImage;
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+
+/// The room is a box of these half extents around the origin.
+const HALF: Vector3<f64> = Vector3::new(3.0, 2.0, 1.3);
+/// What each camera's unit is, in metres.
+const UNITS: [f64; 2] = [1.7, 0.6];
+
+fn lens() -> Intrinsics {
+    Intrinsics::from_horizontal_fov(320, 240, 80.0)
+}
+
+fn poses() -> [Isometry3<f64>; 2] {
+    [Vector3::new(-2.5, -1.5, 0.9), Vector3::new(2.4, 1.6, 0.8)].map(|eye| {
+        let ahead = Vector3::new(0.2, 0.1, -0.6) - eye;
+        let rotation = UnitQuaternion::face_towards(&ahead, &-Vector3::z());
+        Isometry3::from_parts(eye.into(), rotation).inverse()
+    })
+}
+
+/// Where a ray from inside leaves the box, and the wall's normal there.
+fn exit(eye: &Point3<f64>, ray: &Vector3<f64>) -> (f64, Vector3<f64>) {
+    (0..3)
+        .map(|axis| {
+            let t = (HALF[axis].copysign(ray[axis]) - eye[axis]) / ray[axis];
+            (t, -Vector3::ith(axis, ray[axis].signum()))
+        })
+        .min_by(|a, b| a.0.total_cmp(&b.0))
+        .unwrap()
+}
+
+fn surface(camera: usize) -> Surface {
+    let (lens, pose) = (lens(), poses()[camera]);
+    let eye = pose.inverse() * Point3::origin();
+    let (mut depth, mut normal) = (Vec::new(), Vec::new());
+    for v in 0..lens.height {
+        for u in 0..lens.width {
+            let ray = lens.unproject(&Point2::new(u as f64, v as f64)).unwrap();
+            let (t, n) = exit(&eye, &(pose.rotation.inverse() * ray));
+            let n = pose.rotation * n;
+            depth.push((t / UNITS[camera]) as f32);
+            normal.push(Vec3::new(n.x as f32, n.y as f32, n.z as f32));
+        }
+    }
+    let count = depth.len();
+    Surface {
+        picture: RgbImage::new(lens.width, lens.height),
+        intrinsics: lens,
+        depth,
+        normal,
+        agreeing: vec![4; count],
+        origin: vec![Origin::Stereo; count],
+    }
+}
+
+/// Points on the floor that both cameras see, with half a pixel of picking error.
+fn project() -> Project {
+    let places = [(-1.0, -1.0), (1.2, -0.8), (0.3, 0.9), (-0.6, 0.7), (0.9, 0.3), (-0.2, -0.4), (1.5, 0.8)];
+    let points = places
+        .iter()
+        .enumerate()
+        .map(|(i, (x, y))| {
+            let world = Point3::new(*x, *y, -HALF.z);
+            let picks = poses()
+                .iter()
+                .enumerate()
+                .map(|(camera, pose)| {
+                    let error = 0.4 * ((7 * i + 3 * camera) as f64).sin();
+                    (camera, lens().project(&(pose * world)).unwrap() + nalgebra::Vector2::new(error, -error))
+                })
+                .collect();
+            PickedPoint { picks }
+        })
+        .collect();
+    let camera = |name: &str| ProjectCamera {
+        name: name.into(),
+        capture: "unused".into(),
+        reference: crate::capture::ReferenceFrame::Last,
+        intrinsics: Some(lens()),
+    };
+    Project {
+        path: "room.toml".into(),
+        cameras: vec![camera("a"), camera("b")],
+        points,
+        scale: Scale::Height { camera: 0, height_m: 2.2 },
+    }
+}
+
+fn merged(project: &Project, options: &MergeOptions) -> Result<(Merged, MergeReport)> {
+    merge(project, &[surface(0), surface(1)], &[lens(), lens()], options)
+}
+
+/// Error of the second camera's pose as seen from the first: share of their distance, degrees, share of the scale.
+fn errors(merged: &Merged) -> (f64, f64, f64) {
+    let truth = poses()[0] * poses()[1].inverse();
+    let found = merged.common_from_camera[1];
+    let shift = found.isometry.translation.vector * UNITS[0] - truth.translation.vector;
+    let turn = rotation::angle_between_deg(&found.isometry.rotation, &truth.rotation);
+    let scale = found.scaling() * UNITS[0] / UNITS[1] - 1.0;
+    (shift.norm() / truth.translation.vector.norm(), turn, scale.abs())
+}
+
+#[test]
+fn picks_join_cameras_of_any_frame_and_scale() {
+    let picks_only = MergeOptions { align_surfaces: false, ..MergeOptions::default() };
+    let (result, report) = merged(&project(), &picks_only).unwrap();
+    let (shift, turn, scale) = errors(&result);
+    assert!(shift < 0.02 && turn < 0.6 && scale < 0.02, "{shift} {turn} {scale}");
+    assert!(report.outliers.is_empty() && report.pick_rms_px < 1.0, "{report:?}");
+}
+
+#[test]
+fn common_surfaces_make_it_better() {
+    let (with, report) = merged(&project(), &MergeOptions::default()).unwrap();
+    assert!(report.surface_pairs > 100, "{report:?}");
+    let picks_only = MergeOptions { align_surfaces: false, ..MergeOptions::default() };
+    let (without, _) = merged(&project(), &picks_only).unwrap();
+    let (with, without) = (errors(&with), errors(&without));
+    assert!(with.1 < without.1 && with.1 < 0.2, "{with:?} {without:?}");
+}
+
+#[test]
+fn a_bad_pick_is_named_and_left_out() {
+    let mut project = project();
+    project.points[2].picks[1].1 += nalgebra::Vector2::new(25.0, -14.0);
+    let (result, report) = merged(&project, &MergeOptions::default()).unwrap();
+    assert_eq!(report.outliers.len(), 1, "{report:?}");
+    assert_eq!(report.outliers[0].0, 3);
+    assert!(report.outliers[0].2 > 6.0);
+    assert!(result.points[2].is_none());
+    let (shift, turn, _) = errors(&result);
+    assert!(shift < 0.02 && turn < 0.6, "{shift} {turn}");
+}
+
+#[test]
+fn points_that_do_not_agree_join_nothing() {
+    let mut project = project();
+    project.points.truncate(4);
+    // The same points in another order: no three fit.
+    let pixels: Vec<Point2<f64>> = project.points.iter().map(|p| p.picks[1].1).collect();
+    for (i, point) in project.points.iter_mut().enumerate() {
+        point.picks[1].1 = pixels[(i + 1) % 4];
+    }
+    let line = merged(&project, &MergeOptions::default()).unwrap_err().to_string();
+    assert!(line.contains("room.toml") && line.contains("[[point]]"), "{line}");
+}
+
+#[test]
+fn picks_without_depth_are_told() {
+    let mut blind = surface(1);
+    blind.depth.fill(0.0);
+    let surfaces = [surface(0), blind];
+    let line =
+        merge(&project(), &surfaces, &[lens(), lens()], &MergeOptions::default()).unwrap_err().to_string();
+    assert!(line.contains("depth at only 0") && line.contains("[[point]] 1, b"), "{line}");
+}
