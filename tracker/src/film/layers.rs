@@ -4,20 +4,33 @@ use nalgebra::Point2;
 
 use crate::silhouette::{Body, ImageConic, View};
 
-/// Per pinhole pixel, row by row.
+/// What is seen at one pixel.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Surface {
+    /// Index of the body + 1, or 0 where no body is seen.
+    owner: u16,
+    /// How squarely the surface faces the camera, 0 to 1.
+    pub(super) facing: f32,
+}
+
+impl Surface {
+    /// Index of the body that is seen.
+    pub(super) fn owner(self) -> Option<usize> {
+        usize::from(self.owner).checked_sub(1)
+    }
+}
+
+/// All pixels of the pinhole image, row by row.
 #[derive(Debug, Clone)]
 pub(super) struct Layers {
     width: usize,
-    /// Whose surface is seen: index of the body + 1, or 0.
-    pub(super) owner: Vec<u16>,
-    /// How squarely that surface faces the camera, 0 to 1.
-    pub(super) facing: Vec<f32>,
+    pub(super) surfaces: Vec<Surface>,
 }
 
 impl Layers {
     pub(super) fn new(view: &View, bodies: &[Body]) -> Self {
         let (width, pixels) = (view.width as usize, view.width as usize * view.height as usize);
-        let mut layers = Self { width, owner: vec![0; pixels], facing: vec![0.0; pixels] };
+        let mut layers = Self { width, surfaces: vec![Surface::default(); pixels] };
         let mut nearest = vec![f32::INFINITY; pixels];
         for (index, body) in bodies.iter().enumerate().take(usize::from(u16::MAX)) {
             layers.add(view, body, index as u16 + 1, &mut nearest);
@@ -40,8 +53,8 @@ impl Layers {
                 // The gradient of |X / axes|², which stands square on the surface.
                 let normal = (from_body + ray * z).component_div(&axes).component_div(&axes).normalize();
                 nearest[at] = z as f32;
-                self.owner[at] = owner;
-                self.facing[at] = (-normal.dot(&ray.normalize())).max(0.0) as f32;
+                let facing = (-normal.dot(&ray.normalize())).max(0.0) as f32;
+                self.surfaces[at] = Surface { owner, facing };
             }
         }
     }
@@ -51,6 +64,6 @@ impl Layers {
         let (u, v) = (pixel.x.round(), pixel.y.round());
         let at =
             (u >= 0.0 && v >= 0.0 && u < self.width as f64).then(|| v as usize * self.width + u as usize)?;
-        usize::from(*self.owner.get(at)?).checked_sub(1)
+        self.surfaces.get(at)?.owner()
     }
 }

@@ -46,8 +46,8 @@ impl Panel<'_> {
     /// Tints what is predicted visible of everybody.
     pub(super) fn tint(&self, picture: &mut RgbImage) {
         let colors: Vec<Color> = self.people.iter().map(|(person, _)| Color::of_id(person.id.0)).collect();
-        self.lens.for_each_pixel(picture, &self.layers.owner, |pixel, owner| {
-            if let Some(color) = usize::from(*owner).checked_sub(1).and_then(|i| colors.get(i)) {
+        self.lens.for_each_pixel(picture, &self.layers.surfaces, |pixel, surface| {
+            if let Some(color) = surface.owner().and_then(|i| colors.get(i)) {
                 let mixed = Color::from(*pixel).mix(*color, VISIBLE_TINT);
                 *pixel = mixed.into();
             }

@@ -1,14 +1,13 @@
 //! Draws one camera's frames: both panels, side by side.
 
 use image::{Rgb, RgbImage};
-use nalgebra::Point3;
-use scenes::canvas::{Canvas, Color, Stroke};
+use scenes::canvas::Canvas;
 
 use super::layers::Layers;
 use super::lens::Lens;
 use super::overlay::Panel;
 use super::trails::Trails;
-use super::{FilmOptions, Shot, clay, simulated};
+use super::{FilmOptions, Shot, simulated};
 use crate::PersonEstimate;
 use crate::silhouette::{Body, View};
 use crate::stage::{Stage, StageCamera};
@@ -20,9 +19,8 @@ pub struct Painter {
     view: View,
     index: usize,
     lens: Lens,
-    /// The room in clay, per pinhole pixel.
-    room: Vec<[u8; 3]>,
-    has_geometry: bool,
+    /// The simulated panel without people.
+    empty_room: RgbImage,
     trails: Trails,
 }
 
@@ -31,11 +29,11 @@ impl Painter {
     pub fn new(stage: &Stage, index: usize, options: &FilmOptions) -> Self {
         let camera = stage.cameras[index].clone();
         let scale = options.least_width_px.div_ceil(camera.width().max(1)).clamp(1, 4);
+        let lens = Lens::new(&camera, scale);
         Self {
             view: View::new(&camera),
-            lens: Lens::new(&camera, scale),
-            room: clay::render(&camera),
-            has_geometry: camera.static_z_m.iter().any(|z| z.is_finite() && *z > 0.0),
+            empty_room: simulated::empty_room(&camera, &lens),
+            lens,
             trails: Trails::new(options.trail_s),
             camera,
             index,
@@ -72,11 +70,8 @@ impl Painter {
         panel.caption(&mut real, &format!("{}  frame {frame}  {time_s:.2} s", self.camera.name));
 
         let mask = shot.mask.as_ref();
-        let picture = simulated::picture(&self.camera, &self.lens, &self.room, &layers, &order, mask);
+        let picture = simulated::picture(&self.empty_room, &self.lens, &layers, &order, mask);
         let mut simulated = Canvas::from_image(&picture);
-        if !self.has_geometry {
-            self.floor_grid(&mut simulated);
-        }
         panel.silhouettes(&mut simulated, false);
         let seen = if mask.is_some() { "; white: what was seen" } else { "" };
         panel.caption(&mut simulated, &format!("simulated{seen}"));
@@ -102,29 +97,6 @@ impl Painter {
                 self.lens.picture(&mask.as_raw().iter().map(pale).collect::<Vec<_>>(), [24, 26, 31])
             }
             _ => RgbImage::from_pixel(self.lens.width, self.lens.height, Rgb([24, 26, 31])),
-        }
-    }
-
-    /// Where no geometry is known, a floor of one-metre squares says how the camera stands.
-    fn floor_grid(&self, canvas: &mut Canvas) {
-        /// How far the grid reaches from the point below the camera, metres.
-        const REACH_M: i32 = 15;
-        let below = self.camera.pinhole.center();
-        let (x0, y0) = (below.x.round() as i32, below.y.round() as i32);
-        let stroke = Stroke::solid(Color::WHITE.alpha(0.16), self.lens.scale as f32);
-        let project = |x: i32, y: i32| {
-            let real = self.camera.real.project(&Point3::new(f64::from(x), f64::from(y), 0.0))?;
-            Some(self.lens.panel(real))
-        };
-        for i in -REACH_M..=REACH_M {
-            for j in -REACH_M..REACH_M {
-                for (from, to) in [((i, j), (i, j + 1)), ((j, i), (j + 1, i))] {
-                    let ends = project(x0 + from.0, y0 + from.1).zip(project(x0 + to.0, y0 + to.1));
-                    if let Some((a, b)) = ends {
-                        canvas.stroke_polyline(&[a, b], &stroke);
-                    }
-                }
-            }
         }
     }
 }

@@ -1,7 +1,8 @@
 //! The right panel: the room as its geometry says, the people in it, and the foreground that was really seen.
 
-use image::{GrayImage, RgbImage};
-use scenes::canvas::Color;
+use image::{GrayImage, Rgb, RgbImage};
+use nalgebra::Point3;
+use scenes::canvas::{Canvas, Color, Stroke};
 
 use super::clay;
 use super::layers::Layers;
@@ -11,45 +12,76 @@ use crate::silhouette::Body;
 use crate::stage::StageCamera;
 
 /// Colour of the seen foreground's outline.
-const SEEN: [u8; 3] = [255, 255, 255];
+const SEEN: Rgb<u8> = Rgb([255, 255, 255]);
+/// How far the grid of a floor without geometry reaches from the point below the camera, metres.
+const GRID_REACH_M: i32 = 15;
 
-/// The picture under the outlines. `room` is the clay room of [`clay::render`].
+/// The empty room, which is the same in every frame: in clay, or as a floor of one-metre squares that says how the
+/// camera stands where no geometry is known.
+pub(super) fn empty_room(camera: &StageCamera, lens: &Lens) -> RgbImage {
+    let room = lens.picture(&clay::render(camera), clay::VOID);
+    if camera.static_z_m.iter().any(|z| z.is_finite() && *z > 0.0) {
+        return room;
+    }
+    let mut canvas = Canvas::from_image(&room);
+    let below = camera.pinhole.center();
+    let (x0, y0) = (below.x.round() as i32, below.y.round() as i32);
+    let stroke = Stroke::solid(Color::WHITE.alpha(0.16), lens.scale as f32);
+    let project = |x: i32, y: i32| {
+        let real = camera.real.project(&Point3::new(f64::from(x0 + x), f64::from(y0 + y), 0.0))?;
+        Some(lens.panel(real))
+    };
+    for i in -GRID_REACH_M..=GRID_REACH_M {
+        for j in -GRID_REACH_M..GRID_REACH_M {
+            for (from, to) in [((i, j), (i, j + 1)), ((j, i), (j + 1, i))] {
+                if let Some((a, b)) = project(from.0, from.1).zip(project(to.0, to.1)) {
+                    canvas.stroke_polyline(&[a, b], &stroke);
+                }
+            }
+        }
+    }
+    canvas.into_image()
+}
+
+/// The room with the people in it, and the rim of the foreground.
 pub(super) fn picture(
-    camera: &StageCamera,
+    empty_room: &RgbImage,
     lens: &Lens,
-    room: &[[u8; 3]],
     layers: &Layers,
     people: &[(&PersonEstimate, Body)],
     mask: Option<&GrayImage>,
 ) -> RgbImage {
-    let mut pixels = room.to_vec();
+    let mut panel = empty_room.clone();
     let colors: Vec<Color> = people.iter().map(|(person, _)| Color::of_id(person.id.0)).collect();
-    for ((pixel, owner), facing) in pixels.iter_mut().zip(&layers.owner).zip(&layers.facing) {
-        if let Some(color) = usize::from(*owner).checked_sub(1).and_then(|i| colors.get(i)) {
-            let lit = 0.35 + 0.65 * facing;
-            *pixel = [color.r, color.g, color.b].map(|c| (f32::from(c) * lit) as u8);
+    lens.for_each_pixel(&mut panel, &layers.surfaces, |pixel, surface| {
+        if let Some(color) = surface.owner().and_then(|i| colors.get(i)) {
+            let lit = 0.35 + 0.65 * surface.facing;
+            *pixel = Rgb([color.r, color.g, color.b].map(|c| (f32::from(c) * lit) as u8));
         }
+    });
+    if let Some(mask) = mask.filter(|mask| mask.len() == layers.surfaces.len()) {
+        lens.for_each_pixel(&mut panel, &rim(mask), |pixel, is_rim| {
+            if *is_rim {
+                *pixel = SEEN;
+            }
+        });
     }
-    if let Some(mask) = mask.filter(|m| m.dimensions() == (camera.width(), camera.height())) {
-        outline(mask, &mut pixels);
-    }
-    lens.picture(&pixels, clay::VOID)
+    panel
 }
 
-/// Draws the outer rim of what is set in a mask.
-fn outline(mask: &GrayImage, pixels: &mut [[u8; 3]]) {
+/// Pixels just outside what is set in a mask, row by row.
+fn rim(mask: &GrayImage) -> Vec<bool> {
     let (width, height) = (mask.width() as usize, mask.height() as usize);
-    let is_set = |u: usize, v: usize| mask.as_raw()[v * width + u] != 0;
+    let set = mask.as_raw();
+    let mut rim = vec![false; set.len()];
     for v in 1..height.saturating_sub(1) {
-        if mask.as_raw()[(v - 1) * width..(v + 2) * width].iter().all(|m| *m == 0) {
+        if set[(v - 1) * width..(v + 2) * width].iter().all(|m| *m == 0) {
             continue;
         }
-        for u in 1..width.saturating_sub(1) {
-            let has_set_neighbour =
-                is_set(u - 1, v) || is_set(u + 1, v) || is_set(u, v - 1) || is_set(u, v + 1);
-            if !is_set(u, v) && has_set_neighbour {
-                pixels[v * width + u] = SEEN;
-            }
+        for at in v * width + 1..(v + 1) * width - 1 {
+            let is_beside = [at - 1, at + 1, at - width, at + width].iter().any(|n| set[*n] != 0);
+            rim[at] = set[at] == 0 && is_beside;
         }
     }
+    rim
 }
