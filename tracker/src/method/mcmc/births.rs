@@ -72,6 +72,11 @@ impl BirthMap {
         self.cells.is_empty()
     }
 
+    /// Whether some cell would explain something.
+    pub(super) fn is_weighed(&self) -> bool {
+        !self.cumulative.is_empty()
+    }
+
     /// Area of all cells, m².
     pub(super) fn area_m2(&self) -> f64 {
         self.cells.len() as f64 * self.cell_m * self.cell_m
@@ -124,7 +129,7 @@ impl BirthMap {
     /// Draws a place: with probability `informed` by the weights, otherwise uniformly. The place may lie just outside the
     /// region, in a cell that straddles its border.
     pub(super) fn sample(&self, informed: f64, rng: &mut Pcg64Mcg) -> Point2<f64> {
-        let by_weight = !self.cumulative.is_empty() && rng.random::<f64>() < informed;
+        let by_weight = self.is_weighed() && rng.random::<f64>() < informed;
         let i = if by_weight {
             let mark = rng.random::<f64>();
             self.cumulative.partition_point(|c| *c <= mark).min(self.cells.len() - 1)

@@ -17,7 +17,7 @@ use rand_pcg::Pcg64Mcg;
 
 use super::births::BirthMap;
 use super::options::{Acceptance, McmcOptions, Spread};
-use super::person::{Key, Person};
+use super::person::{Key, Known, Person};
 use crate::likelihood::Simulation;
 use crate::likelihood::prior::{LOG_IMPOSSIBLE, log_separation};
 use crate::silhouette::{Body, Silhouette, View};
@@ -25,6 +25,11 @@ use crate::stage::Floor;
 
 /// With what probability ADD takes a deletion back, when there is one to take back.
 const REVIVE: f64 = 0.5;
+/// The part of the jumps to left-over foreground that go by its weight; the rest, so that every jump has its way back, go
+/// anywhere.
+const TO_LEFT_OVER: f64 = 0.9;
+/// Probability that a step also tries to exchange the label of somebody born now.
+const RELABEL: f64 = 0.1;
 /// Standard deviation of a step along a line of sight: the direction in which one camera alone knows least.
 const LINE_OF_SIGHT_STEP_M: f64 = 0.15;
 /// Sizes outside these are nobody's.
@@ -38,6 +43,8 @@ pub(super) struct Setting<'a> {
     pub(super) options: &'a McmcOptions,
     /// Where ADD may put people, weighed for this moment.
     pub(super) births: &'a BirthMap,
+    /// Where foreground is left over by the predicted people; `None` when it is too little to be a person.
+    pub(super) unexplained: Option<&'a BirthMap>,
     /// People may appear anywhere.
     pub(super) settling: bool,
     /// Pixels of a typical silhouette, one entry a camera.
@@ -99,6 +106,9 @@ impl<'a> Chain<'a> {
 
     /// One step: a move is chosen, proposed, and taken or not.
     pub(super) fn step(&mut self, rng: &mut Pcg64Mcg) {
+        if rng.random::<f64>() < RELABEL {
+            self.relabel(rng);
+        }
         let mut mark = rng.random::<f64>();
         for (kind, probability) in self.moves(self.people.len(), self.deletable()) {
             mark -= probability;
@@ -213,6 +223,63 @@ impl<'a> Chain<'a> {
         }
     }
 
+    /// Somebody born now may be somebody deleted now, who went farther than the chain's steps: exchanges the labels, which
+    /// no pixel sees. Comes on top of a step and costs next to nothing.
+    fn relabel(&mut self, rng: &mut Pcg64Mcg) {
+        if self.setting.options.acceptance == Acceptance::Published {
+            return;
+        }
+        let known: Vec<usize> = (0..self.people.len()).filter(|i| self.people[*i].known.is_some()).collect();
+        let new: Vec<usize> = (0..self.people.len()).filter(|i| self.people[*i].known.is_none()).collect();
+        let (options, births) = (self.setting.options, self.setting.log_birth_density);
+        // How much more likely a body is as this known person than as somebody born now.
+        let advantage = |known: &Known, body: &Body| {
+            known.log_odds + known.log_density(body)
+                - births
+                - log_size(&options.radius, &options.height, body)
+        };
+        if rng.random::<bool>() {
+            if new.is_empty() || self.gone.is_empty() {
+                return;
+            }
+            let (n, g) = (new[rng.random_range(0..new.len())], rng.random_range(0..self.gone.len()));
+            let Some(of_gone) = &self.gone[g].known else { return };
+            let log_ratio = advantage(of_gone, &self.people[n].body)
+                + (new.len() as f64).ln()
+                + (self.gone.len() as f64).ln()
+                - ((known.len() + 1) as f64).ln();
+            if accepted(log_ratio, rng) {
+                let back = self.gone.swap_remove(g);
+                let person = &mut self.people[n];
+                (person.key, person.known, person.tentative) = (back.key, back.known, back.tentative);
+            }
+        } else {
+            if known.is_empty() {
+                return;
+            }
+            let k = known[rng.random_range(0..known.len())];
+            let person = &self.people[k];
+            let body = person.body;
+            let floor = self.setting.floor;
+            let reversible = self.is_deletable(person, &body)
+                && (self.setting.settling || floor.may_appear(body.x_m, body.y_m));
+            let Some(of_person) = person.known.as_ref().filter(|_| reversible) else { return };
+            let log_ratio = (known.len() as f64).ln()
+                - advantage(of_person, &body)
+                - ((new.len() + 1) as f64).ln()
+                - ((self.gone.len() + 1) as f64).ln();
+            if accepted(log_ratio, rng) {
+                let key = *self.next_key;
+                *self.next_key += 1;
+                let person = &mut self.people[k];
+                let mut left = Person { key, body, silhouettes: Vec::new(), known: None, tentative: true };
+                std::mem::swap(person, &mut left);
+                std::mem::swap(&mut person.silhouettes, &mut left.silhouettes);
+                self.gone.push(left);
+            }
+        }
+    }
+
     /// The proposed body becomes a person of the state.
     fn take_in(&mut self, mut person: Person, likelihood: f64) {
         self.simulation.commit(None, Some(&self.proposed));
@@ -285,6 +352,14 @@ impl<'a> Chain<'a> {
                 let step = along / along.norm().max(1e-6) * (length * LINE_OF_SIGHT_STEP_M);
                 body.x_m += step.x;
                 body.y_m += step.y;
+            }
+            Some(_) if kernel < 0.35 && self.setting.unexplained.is_some() => {
+                // To where foreground is left over: whoever was lost is found again.
+                let Some(map) = self.setting.unexplained else { return };
+                let place = map.sample(TO_LEFT_OVER, rng);
+                log_proposal_ratio = map.density(body.x_m, body.y_m, TO_LEFT_OVER).ln()
+                    - map.density(place.x, place.y, TO_LEFT_OVER).ln();
+                (body.x_m, body.y_m) = (place.x, place.y);
             }
             _ => {
                 let scale = if kernel < 0.5 {
@@ -384,7 +459,7 @@ impl<'a> Chain<'a> {
     }
 }
 
-fn log_size(radius: &Spread, height: &Spread, body: &Body) -> f64 {
+pub(super) fn log_size(radius: &Spread, height: &Spread, body: &Body) -> f64 {
     radius.log_density(body.radius_m) + height.log_density(body.height_m)
 }
 

@@ -37,6 +37,9 @@ use crate::{Error, Moment, PersonEstimate, Result, TrackId};
 /// While people who were inside already are being found, a moment gets this many times the steps.
 const SETTLING_STEPS: u32 = 5;
 
+/// When more than this part of a typical silhouette is left unexplained by the predicted people, in some camera, somebody
+/// may have gone where they were not expected.
+const LEFT_OVER: f64 = 0.3;
 /// What stands for the time before the first moment.
 const FIRST_STEP_S: f64 = 0.1;
 /// Times that stand still or run backwards are the source's mistake; the tracker survives them.
@@ -158,18 +161,32 @@ impl Mcmc {
 
     /// Runs the chain of one moment and returns the tally of its kept states.
     fn sample(&mut self, people: Vec<Person>, dt_s: f64, settling: bool) -> Tally {
-        let births = if settling { &mut self.anywhere } else { &mut self.zones };
         let rule = self.options.likelihood;
         let typical_px = &self.typical_px;
-        births.weigh(&self.simulation, |camera, [simulated, both]| {
+        let worth = |camera: usize, [simulated, both]: [i64; 2]| {
             let counts = Counts { foreground: both.max(1), simulated, both };
             rule.log_likelihood(std::iter::once((counts, typical_px[camera])))
-        });
+        };
+        let left_over = self
+            .simulation
+            .counts()
+            .zip(typical_px)
+            .filter_map(|(counts, px)| counts.map(|c| (c.foreground - c.both) as f64 / px))
+            .fold(0.0, f64::max);
+        if settling || left_over > LEFT_OVER {
+            self.anywhere.weigh(&self.simulation, worth);
+        }
+        if !settling {
+            self.zones.weigh(&self.simulation, worth);
+        }
+        let births = if settling { &self.anywhere } else { &self.zones };
+        let unexplained = (left_over > LEFT_OVER && self.anywhere.is_weighed()).then_some(&self.anywhere);
         let setting = Setting {
             floor: &self.stage.floor,
             views: &self.views,
             options: &self.options,
-            births: &*births,
+            births,
+            unexplained,
             settling,
             typical_px,
             repulsion_weight: rule.worth_of(0.5).max(1.0),

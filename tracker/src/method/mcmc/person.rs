@@ -34,6 +34,15 @@ pub(super) struct Known {
     pub(super) log_odds: f64,
 }
 
+impl Known {
+    /// Log density of a body, given this belief.
+    pub(super) fn log_density(&self, body: &Body) -> f64 {
+        self.place.log_density(body.x_m, body.y_m)
+            + self.radius.log_density(body.radius_m)
+            + self.height.log_density(body.height_m)
+    }
+}
+
 /// Where a person is expected: the prediction, and with a small probability somewhere around it. People trip, and a
 /// sampler that has lost somebody must be able to find them again.
 #[derive(Debug, Clone)]
