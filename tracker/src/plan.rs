@@ -42,7 +42,9 @@ impl TrajectoryPlan {
     /// # Errors
     /// Geometry that cannot be drawn; the file.
     pub fn finish(&self) -> Result<()> {
-        let mut plan = FloorPlan::new(&self.room, &PlanOptions::default())?;
+        let places = self.ways.values().flatten().map(|(_, place)| *place);
+        let options = PlanOptions { places: beyond_the_room(&self.room, places), ..PlanOptions::default() };
+        let mut plan = FloorPlan::new(&self.room, &options)?;
         for (id, way) in &self.ways {
             let stretches: Vec<&[(f64, Point2<f64>)]> = way.chunk_by(|a, b| b.0 - a.0 <= BREAK_S).collect();
             for (index, stretch) in stretches.iter().enumerate() {
@@ -57,6 +59,13 @@ impl TrajectoryPlan {
             .map_err(|e| Error::content(&self.path, "picture", format!("cannot be encoded ({e})")))?;
         Ok(calib::files::write_atomic(&self.path, bytes.get_ref())?)
     }
+}
+
+/// The places that decide how far a plan reaches: where people went, in a room that says nothing of its own extent.
+/// In one that does, a mistaken track far outside must not make the room small.
+pub fn beyond_the_room(room: &Room, places: impl Iterator<Item = Point2<f64>>) -> Vec<Point2<f64>> {
+    let has_extent = room.geometry.is_some() || room.walkable.is_some() || !room.zones.is_empty();
+    if has_extent { Vec::new() } else { places.collect() }
 }
 
 #[cfg(test)]
@@ -105,5 +114,21 @@ mod tests {
         };
         assert!(is_drawn(1.5) && is_drawn(4.5));
         assert!(!is_drawn(3.0), "nobody was seen to go there");
+    }
+
+    #[test]
+    fn a_room_without_extent_is_as_large_as_where_people_went() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut plan = TrajectoryPlan::new(folder.path(), &Room::default());
+        plan.extend(0.0, &[person(1, 20.0, 0.0), person(2, 40.0, 10.0)]);
+        plan.finish().unwrap();
+        let picture = image::open(folder.path().join("plan.png")).unwrap().into_rgb8();
+        // 20 m by 10 m: lying, and person 2's colour is on it.
+        assert!(picture.width() > picture.height());
+        let color = Color::of_id(2);
+        assert!(picture.pixels().any(|p| *p == image::Rgb::from(color)));
+        let zone = Polygon::rectangle(Point2::new(0.0, 0.0), Point2::new(1.0, 1.0));
+        let room = Room { walkable: Some(vec![zone]), ..Room::default() };
+        assert!(beyond_the_room(&room, std::iter::once(Point2::new(99.0, 0.0))).is_empty());
     }
 }

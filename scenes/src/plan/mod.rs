@@ -29,11 +29,13 @@ pub struct PlanOptions {
     pub marks: bool,
     /// Written above the plan.
     pub title: Option<String>,
+    /// Places on the floor that have to be on the plan besides the room, metres: where people went.
+    pub places: Vec<Point2<f64>>,
 }
 
 impl Default for PlanOptions {
     fn default() -> Self {
-        Self { longest_side_px: 1200, cut_height_m: None, marks: true, title: None }
+        Self { longest_side_px: 1200, cut_height_m: None, marks: true, title: None, places: Vec::new() }
     }
 }
 
@@ -61,7 +63,7 @@ impl FloorPlan {
     /// # Errors
     /// [`crate::Error::Geometry`] when the geometry cannot be intersected.
     pub fn new(room: &Room, options: &PlanOptions) -> Result<Self> {
-        let (low, high) = shown(room);
+        let (low, high) = shown(room, &options.places);
         let title_px = if options.title.is_some() { TITLE_PX } else { 0.0 };
         let [left, top, right, bottom] = MARGIN_PX;
         let size = high - low;
@@ -182,8 +184,10 @@ impl FloorPlan {
 }
 
 /// The floor to show: what the geometry, the cameras, the zones and the walkable regions cover, and a rim.
-fn shown(room: &Room) -> (Point2<f64>, Point2<f64>) {
-    let mut places: Vec<Point2<f64>> = room.cameras.iter().map(|c| c.camera.center().xy()).collect();
+fn shown(room: &Room, places: &[Point2<f64>]) -> (Point2<f64>, Point2<f64>) {
+    let is_finite = |p: &&Point2<f64>| p.x.is_finite() && p.y.is_finite();
+    let mut places: Vec<Point2<f64>> = places.iter().filter(is_finite).copied().collect();
+    places.extend(room.cameras.iter().map(|c| c.camera.center().xy()));
     if let Some((a, b)) = room.geometry.as_ref().and_then(extent) {
         places.extend([a, b].map(|p| Point2::new(f64::from(p.x), f64::from(p.y))));
     }

@@ -10,6 +10,7 @@ use scenes::plan::{FloorPlan, PlanOptions};
 use super::markup::{css, data_url, path};
 use super::recording::Recording;
 use crate::Result;
+use crate::plan::beyond_the_room;
 
 /// Longest side of the picture.
 const SIDE_PX: u32 = 1400;
@@ -21,8 +22,12 @@ const BREAK_S: f64 = 1.0;
 /// # Errors
 /// When the room's geometry cannot be drawn.
 pub(super) fn svg(recording: &Recording) -> Result<String> {
-    let plan =
-        FloorPlan::new(&recording.room, &PlanOptions { longest_side_px: SIDE_PX, ..PlanOptions::default() })?;
+    let tracks = recording.tracks();
+    let went = tracks.values().flatten().map(|(_, place)| *place);
+    let places =
+        beyond_the_room(&recording.room, went.chain(recording.truth_paths.iter().flatten().copied()));
+    let options = PlanOptions { longest_side_px: SIDE_PX, places, ..PlanOptions::default() };
+    let plan = FloorPlan::new(&recording.room, &options)?;
     let mapping = plan.mapping();
     let picture = plan.into_image();
     let (width, height) = picture.dimensions();
@@ -38,7 +43,7 @@ pub(super) fn svg(recording: &Recording) -> Result<String> {
     for places in &recording.truth_paths {
         let _ = writeln!(svg, "<path class=\"truth\" d=\"{}\"/>", way(&mut places.iter().copied()));
     }
-    for (id, track) in recording.tracks() {
+    for (id, track) in tracks {
         let color = css(Color::of_id(id.0));
         let walked: f64 = track.windows(2).map(|w| (w[1].1 - w[0].1).norm()).sum();
         let (from, to) = (track.first().map_or(0.0, |t| t.0), track.last().map_or(0.0, |t| t.0));
