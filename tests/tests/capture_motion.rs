@@ -1,0 +1,143 @@
+//! Camera motion from captures against the true poses, and captures that must be refused.
+
+use std::path::Path;
+
+use calib::Intrinsics;
+use image::{Rgb, RgbImage};
+use nalgebra::{Point2, Point3, UnitQuaternion, Vector3};
+use recon::capture::{Capture, ReferenceFrame};
+use recon::motion::{Motion, MotionOptions, MotionReport, estimate};
+use tests::accuracy::{self, MotionError};
+
+fn lens(folder: &Path, file: &str) -> Intrinsics {
+    calib::files::read_intrinsics(&folder.join(file)).unwrap()
+}
+
+fn shipped(camera: &str) -> Capture {
+    let office = tests::data::office();
+    let film = office.join(format!("capture/{camera}.mp4"));
+    Capture::load(camera, &film, ReferenceFrame::Last, Some(lens(&office, &format!("{camera}.toml"))))
+        .unwrap()
+}
+
+fn measured(folder: &Path, capture: &Capture, motion: &Motion, report: &MotionReport) -> MotionError {
+    let truth = accuracy::capture_truth(&folder.join("truth.json"), &capture.name).unwrap();
+    let error = accuracy::motion(&motion.camera_from_world, &truth).unwrap();
+    eprintln!("{}: {error:?} {report:?}", capture.name);
+    error
+}
+
+#[test]
+fn the_office_captures_are_followed_to_a_millimetre() {
+    for camera in ["cam0", "cam1"] {
+        let capture = shipped(camera);
+        let (motion, report) = estimate(&capture, &MotionOptions::default()).unwrap();
+        let error = measured(&tests::data::office(), &capture, &motion, &report);
+        assert_eq!(error.frames, capture.frames.len());
+        assert!(error.position_rms_cm <= 0.1 && error.rotation_rms_deg <= 0.02, "{error:?}");
+        let reference = motion.camera_from_world[capture.reference].unwrap();
+        assert_eq!(reference, nalgebra::Isometry3::identity());
+    }
+}
+
+#[test]
+fn a_real_kitchen_with_blur_and_plain_walls_is_followed_to_its_truths_own_error() {
+    let Some(folder) = tests::data::shared("hololens") else { return };
+    for (camera, position_cm, rotation_deg) in [("a", 2.0, 1.0), ("b", 2.4, 0.6)] {
+        let source = folder.join("capture").join(camera);
+        let lens = lens(&folder, "intrinsics.toml");
+        let capture = Capture::load(camera, &source, ReferenceFrame::Last, Some(lens)).unwrap();
+        let (motion, report) = estimate(&capture, &MotionOptions::default()).unwrap();
+        let error = measured(&folder, &capture, &motion, &report);
+        assert_eq!(error.frames, capture.frames.len());
+        assert!(error.position_rms_cm <= position_cm && error.rotation_rms_deg <= rotation_deg, "{error:?}");
+    }
+}
+
+#[test]
+fn the_focal_length_is_found_where_no_intrinsics_are_given() {
+    let mut capture = shipped("cam0");
+    let truth = capture.intrinsics.take().unwrap();
+    let (motion, report) = estimate(&capture, &MotionOptions::default()).unwrap();
+    let error = measured(&tests::data::office(), &capture, &motion, &report);
+    assert!((motion.intrinsics.fx / truth.fx - 1.0).abs() < 0.01, "{:?}", motion.intrinsics);
+    assert!(error.position_rms_cm <= 0.3 && error.rotation_rms_deg <= 0.1, "{error:?}");
+}
+
+#[test]
+fn threads_change_no_byte() {
+    let mut capture = shipped("cam1");
+    capture.frames.drain(..38);
+    capture.reference = capture.frames.len() - 1;
+    let run = |threads: usize| {
+        let pool = rayon_pool(threads);
+        pool.install(|| estimate(&capture, &MotionOptions::default()).unwrap().0)
+    };
+    assert_eq!(run(1), run(3));
+}
+
+fn rayon_pool(threads: usize) -> rayon::ThreadPool {
+    rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap()
+}
+
+/// What a camera sees that only turns: one frame, seen through rotations.
+fn turning(picture: &RgbImage, wide: &Intrinsics, frames: u32) -> Capture {
+    let narrow = Intrinsics::from_horizontal_fov(400, 300, 40.0);
+    let seen = |turn: &UnitQuaternion<f64>| {
+        RgbImage::from_fn(narrow.width, narrow.height, |u, v| {
+            let ray = narrow.unproject(&Point2::new(f64::from(u), f64::from(v))).unwrap();
+            let Some(at) = wide.project(&Point3::from(turn * ray)) else { return Rgb([0; 3]) };
+            bilinear(picture, &at)
+        })
+    };
+    let turns = (0..frames).map(|f| {
+        let s = f64::from(f) * 0.12;
+        UnitQuaternion::from_scaled_axis(Vector3::new(0.1 * s.sin(), 0.2 * (0.7 * s).sin(), 0.05 * s))
+    });
+    Capture {
+        name: "turning".into(),
+        frames: turns.map(|t| seen(&t)).collect(),
+        reference: frames as usize - 1,
+        intrinsics: Some(narrow),
+    }
+}
+
+fn bilinear(picture: &RgbImage, at: &Point2<f64>) -> Rgb<u8> {
+    let (x, y) = (at.x.clamp(0.0, 638.0), at.y.clamp(0.0, 478.0));
+    let (left, top) = (x.floor(), y.floor());
+    let pixel = |dx: u32, dy: u32| picture.get_pixel(left as u32 + dx, top as u32 + dy).0.map(f64::from);
+    let corners = [pixel(0, 0), pixel(1, 0), pixel(0, 1), pixel(1, 1)];
+    let (fx, fy) = (x - left, y - top);
+    Rgb(std::array::from_fn(|c| {
+        let above = corners[0][c] * (1.0 - fx) + corners[1][c] * fx;
+        let below = corners[2][c] * (1.0 - fx) + corners[3][c] * fx;
+        (above * (1.0 - fy) + below * fy).round() as u8
+    }))
+}
+
+#[test]
+fn a_camera_that_only_turns_is_told_to_move() {
+    let office = shipped("cam0");
+    let wide = office.intrinsics.clone().unwrap();
+    let said = estimate(&turning(&office.frames[49], &wide, 24), &MotionOptions::default());
+    let said = said.map(|(_, report)| report).unwrap_err().to_string();
+    eprintln!("{said}");
+    assert!(said.contains("`turning`") && said.contains("sideways"), "{said}");
+}
+
+#[test]
+fn dark_frames_and_still_cameras_are_refused() {
+    let mut capture = shipped("cam0");
+    let still = Capture { frames: vec![capture.frames[49].clone(); 12], reference: 11, ..capture.clone() };
+    let said = estimate(&still, &MotionOptions::default()).map(|r| r.1).unwrap_err().to_string();
+    eprintln!("{said}");
+    assert!(said.contains("sideways"), "{said}");
+
+    capture.frames = vec![RgbImage::from_pixel(640, 480, Rgb([4; 3])); 10];
+    capture.reference = 9;
+    let said = estimate(&capture, &MotionOptions::default()).map(|r| r.1).unwrap_err().to_string();
+    eprintln!("{said}");
+    assert!(said.contains("more light"), "{said}");
+    capture.frames.clear();
+    assert!(estimate(&capture, &MotionOptions::default()).is_err());
+}
