@@ -9,7 +9,7 @@ use crate::room::Room;
 use crate::{Result, cache};
 
 /// Part of the key: changes when the derivation does.
-const DERIVATION: &str = "walkable 2";
+const DERIVATION: &str = "walkable 3";
 const NAME: &str = "walkable";
 
 /// [`WalkableMap::of_room`], from the cache of the room directory where that is up to date.

@@ -2,8 +2,8 @@
 //!
 //! 1. The floor that was seen; its patches, strays aside, give a convex hull.
 //! 2. Inside the hull, a cell is free unless it is obstructed.
-//! 3. Free cells count where floor was seen, where some camera would see a person who stood there, and a little way
-//!    on from such cells: what lies behind the walls has neither floor nor view, and no way to it.
+//! 3. Free cells count where floor was seen, where some camera saw something behind a person who would stand there, and
+//!    a little way on from such cells: what lies behind the walls has neither floor nor view, and no way to it.
 //! 4. Zones are walkable whatever the geometry says: people do come in there.
 //! 5. Pockets too small to walk into are closed.
 
@@ -23,7 +23,7 @@ const GAP_M: f64 = 0.5;
 const STRAY_FLOOR_SHARE: f64 = 0.02;
 /// Heights of a standing body that a camera may see, metres.
 const BODY_HEIGHTS_M: [f32; 4] = [0.4, 0.8, 1.2, 1.6];
-/// How many of them one camera must see: a single one may show through a hole in a reconstructed wall.
+/// How many of them one camera must look past: a single one may show through a hole in a reconstructed wall.
 const SEEN_PARTS: usize = 2;
 
 /// `None` when nothing is below head height, so that everywhere is walkable.
@@ -46,7 +46,7 @@ pub(super) fn from_geometry(
     let eyes: Vec<Vec3> = cameras.iter().map(|c| vec3_from_point(&c.camera.center())).collect();
     let known: Vec<bool> = (0..free.bits.len())
         .into_par_iter()
-        .map(|i| free.bits[i] && (survey.floor.bits[i] || is_in_view(&scene, &eyes, &free, i)))
+        .map(|i| free.bits[i] && (survey.floor.bits[i] || is_looked_past(&scene, &eyes, &free, i)))
         .collect();
     let steps = (options.hidden_reach_m / free.cell_m).round() as usize;
     let mut walkable = free.reached_from(&free.with(known), steps);
@@ -85,11 +85,17 @@ fn floor_hull(survey: &Survey) -> crate::polygon::Polygon {
     hull::convex(cells.into_iter().flat_map(corner).collect())
 }
 
-/// Whether some camera has a free line to enough of a body in the cell, be it in its image or not.
-fn is_in_view(scene: &RayScene, eyes: &[Vec3], grid: &Grid, cell: usize) -> bool {
+/// Whether some camera looks past enough of a body in the cell, onto something behind it.
+fn is_looked_past(scene: &RayScene, eyes: &[Vec3], grid: &Grid, cell: usize) -> bool {
     let place = grid.center(cell);
     let body = BODY_HEIGHTS_M.map(|z| Vec3::new(place.x as f32, place.y as f32, z));
-    eyes.iter().any(|&eye| body.iter().filter(|&&part| !scene.is_blocked(eye, part)).count() >= SEEN_PARTS)
+    eyes.iter().any(|&eye| body.iter().filter(|&&part| looks_past(scene, eye, part)).count() >= SEEN_PARTS)
+}
+
+/// Whether the line from the eye meets a surface, and not before the part. A line that meets nothing says nothing: in a
+/// reconstruction it goes through a hole in a wall, or where no camera looked.
+fn looks_past(scene: &RayScene, eye: Vec3, part: Vec3) -> bool {
+    scene.cast(eye, part - eye).is_some_and(|hit| hit.distance > 1.0)
 }
 
 /// Clears patches that are small, hold no zone and are not the largest.
