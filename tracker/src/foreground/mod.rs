@@ -135,7 +135,7 @@ enum Model {
 
 /// The background picture is refreshed once in this many frames for the exposure's fit: it changes slowly.
 const REFRESH_EVERY: u32 = 16;
-/// A smoothed score above this fraction of the threshold is foreground…
+/// A score above this is foreground where most of its neighbours' are…
 const WEAK: u8 = THRESHOLD / 8 * 5;
 /// …in regions where some pixels are as sure as this.
 const STRONG: u8 = 160;
@@ -270,9 +270,13 @@ impl Foreground {
             let longest = frame.height() / LONGEST_STRIPE;
             shadow::restore_enclosed(&mut self.score, THRESHOLD, longest, &mut self.columns);
         }
-        self.morphology.box_blur(&self.score, 1, &mut self.smooth)?;
+        // The majority of each 3 × 3 pixels: removes single pixels and moves no straight edge.
+        for (mask, score) in mask.iter_mut().zip(self.score.iter()) {
+            *mask = if *score >= WEAK { 255 } else { 0 };
+        }
+        self.morphology.box_blur(mask, 1, &mut self.smooth)?;
         for (mask, smooth) in mask.iter_mut().zip(self.smooth.iter()) {
-            *mask = if *smooth >= WEAK { 255 } else { 0 };
+            *mask = if *smooth >= 128 { 255 } else { 0 };
         }
         Ok(())
     }
@@ -284,7 +288,7 @@ impl Foreground {
         let radius = (mask.height() as f64 / 240.0).round().clamp(1.0, 8.0) as u32;
         self.morphology.close(mask, radius)?;
         let least_area = (self.options.least_area * pixels).ceil() as u32;
-        let left = self.regions.remove_weak(mask, &self.smooth, STRONG, least_area, least_area / 4);
+        let left = self.regions.remove_weak(mask, &self.score, STRONG, least_area, least_area / 4);
         if left > 0 {
             self.regions.fill_holes(mask, (self.options.largest_hole * pixels) as u32);
         }
@@ -326,3 +330,6 @@ impl Foreground {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -94,7 +94,7 @@ impl PixelModel {
         for (((x, background), (expected, score)), (tolerance, candidate)) in
             pixels.zip(out).zip(self.tolerance.iter().zip(&self.candidates))
         {
-            let e: [u8; 3] = std::array::from_fn(|c| table[c][(background[c] >> 8) as usize]);
+            let e: [u8; 3] = std::array::from_fn(|c| table[c][level(background[c]) as usize]);
             expected.copy_from_slice(&e);
             let tolerance = *tolerance as u32;
             let squared = squared_distance(x, e);
@@ -108,7 +108,8 @@ impl PixelModel {
                 let former: [u8; 3] = std::array::from_fn(|c| table[c][former[c] as usize]);
                 squared = squared.min(squared_distance(x, former));
             }
-            *score = (squared * THRESHOLD as u32 / (tolerance * tolerance)).min(255) as u8;
+            // The former background is no 0: it is not what the background may follow. And 1 is a shadow's mark.
+            *score = (squared * THRESHOLD as u32 / (tolerance * tolerance)).clamp(2, 255) as u8;
         }
     }
 
@@ -135,7 +136,9 @@ impl PixelModel {
                     for c in 0..3 {
                         let seen = (table[c][x[c] as usize] as i32) << 8;
                         let old = background[c] as i32;
-                        background[c] = (old + (((seen - old) * (follow >> 4)) >> 12)).clamp(0, 65535) as u16;
+                        // Rounded, not cut off: a bias would drift, and the exposure's fit would follow it.
+                        let step = ((seen - old) * (follow >> 4) + (1 << 11)) >> 12;
+                        background[c] = (old + step).clamp(0, 65535) as u16;
                     }
                     self.candidates[i].age_s = 0.0;
                 } else {
@@ -166,7 +169,7 @@ impl PixelModel {
 
     fn absorb(&mut self, i: usize) {
         let candidate = &mut self.candidates[i];
-        candidate.former = Some(self.background[i].map(|v| (v >> 8) as u8));
+        candidate.former = Some(self.background[i].map(level));
         candidate.age_s = 0.0;
         self.background[i] = candidate.color.map(|v| (v as u16) << 8);
     }
@@ -178,7 +181,7 @@ impl PixelModel {
             let candidate = &mut self.candidates[i];
             let color = if candidate.age_s > 0.0 { candidate.color } else { [x[0], x[1], x[2]] };
             // The old background stays known: it may have been a body in front of the lens, or the light comes back.
-            let former = Some(self.background[i].map(|v| (v >> 8) as u8));
+            let former = Some(self.background[i].map(level));
             self.background[i] = color.map(|v| (v as u16) << 8);
             *candidate = Candidate { former, ..Candidate::default() };
         }
@@ -208,9 +211,14 @@ impl PixelModel {
     /// The background in the backdrop's exposure.
     pub fn picture(&self, into: &mut RgbImage) {
         for (into, background) in into.chunks_exact_mut(3).zip(&self.background) {
-            into.copy_from_slice(&background.map(|v| (v >> 8) as u8));
+            into.copy_from_slice(&background.map(level));
         }
     }
+}
+
+/// The nearest whole level.
+fn level(fixed: u16) -> u8 {
+    (fixed.saturating_add(128) >> 8) as u8
 }
 
 fn squared_distance(a: &[u8], b: [u8; 3]) -> u32 {

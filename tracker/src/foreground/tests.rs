@@ -1,0 +1,229 @@
+//! The whole way from pictures to masks: against rendered people whose masks are known, and through everything that
+//! happens to cameras and rooms.
+
+use image::{Luma, Rgb};
+use rand::SeedableRng;
+use rand_distr::{Distribution, Normal};
+use rand_pcg::Pcg64Mcg;
+use scenes::synthetic::{RoomOptions, SequenceOptions, WalkerOptions};
+
+use super::*;
+
+const SIZE: (u32, u32) = (96, 72);
+
+/// A camera over a tiled floor, with sensor noise.
+struct Camera {
+    rng: Pcg64Mcg,
+    time_s: f64,
+}
+
+impl Camera {
+    const STEP_S: f64 = 0.2;
+
+    fn new() -> Self {
+        Self { rng: Pcg64Mcg::seed_from_u64(4), time_s: 0.0 }
+    }
+
+    /// What it sees now: the floor as `light` makes it (a factor for each pixel), and before it a block of clothes.
+    fn look(&mut self, block: Option<(u32, u32)>, light: impl Fn(u32, u32) -> f64) -> (RgbImage, f64) {
+        let normal = Normal::new(0.0, 2.0).unwrap();
+        self.time_s += Self::STEP_S;
+        let picture = RgbImage::from_fn(SIZE.0, SIZE.1, |u, v| {
+            let tile = if (u / 9 + v / 7) % 2 == 0 { 0.0 } else { 22.0 };
+            let color = match block {
+                Some((left, top)) if (left..left + 14).contains(&u) && (top..top + 34).contains(&v) => {
+                    [40.0, 45.0, 130.0]
+                }
+                _ => [120.0 + tile, 115.0 + tile, 105.0 + tile],
+            };
+            Rgb(color
+                .map(|c| (c * light(u, v) + normal.sample(&mut self.rng)).clamp(0.0, 255.0).round() as u8))
+        });
+        (picture, self.time_s)
+    }
+}
+
+fn even(_: u32, _: u32) -> f64 {
+    1.0
+}
+
+fn known(camera: &mut Camera, options: ForegroundOptions) -> Foreground {
+    let frames: Vec<RgbImage> = (0..15).map(|_| camera.look(None, even).0).collect();
+    let start = Start::Backdrop(Backdrop::learn(&frames).unwrap());
+    Foreground::new(SIZE.0, SIZE.1, start, options).unwrap()
+}
+
+/// Looks for a time; the last verdict and mask.
+fn watch(
+    foreground: &mut Foreground,
+    camera: &mut Camera,
+    seconds: f64,
+    block: Option<(u32, u32)>,
+    light: impl Fn(u32, u32) -> f64,
+) -> (Verdict, GrayImage) {
+    let mut mask = GrayImage::default();
+    let mut verdict = Verdict::Usable;
+    for _ in 0..(seconds / Camera::STEP_S).round() as usize {
+        let (picture, time_s) = camera.look(block, &light);
+        verdict = foreground.mask(&picture, time_s, &mut mask).unwrap();
+    }
+    (verdict, mask)
+}
+
+/// Intersection over union with the block's true mask.
+fn overlap(mask: &GrayImage, block: (u32, u32)) -> f64 {
+    let truth = GrayImage::from_fn(SIZE.0, SIZE.1, |u, v| {
+        let inside = (block.0..block.0 + 14).contains(&u) && (block.1..block.1 + 34).contains(&v);
+        Luma([if inside { 255 } else { 0 }])
+    });
+    shared(mask, &truth).iou()
+}
+
+#[derive(Default)]
+struct Shared {
+    both: usize,
+    either: usize,
+}
+
+impl Shared {
+    fn iou(&self) -> f64 {
+        self.both as f64 / self.either.max(1) as f64
+    }
+}
+
+fn shared(mask: &GrayImage, truth: &GrayImage) -> Shared {
+    let mut shared = Shared::default();
+    for (m, t) in mask.iter().zip(truth.iter()) {
+        shared.both += usize::from(*m > 0 && *t > 0);
+        shared.either += usize::from(*m > 0 || *t > 0);
+    }
+    shared
+}
+
+fn is_empty(mask: &GrayImage) -> bool {
+    mask.iter().all(|m| *m == 0)
+}
+
+#[test]
+fn rendered_walkers_with_shadows_noise_and_flicker_are_cut_out() {
+    let options = RoomOptions { seed: 11, image_px: [320, 240], cameras: 1, ..RoomOptions::default() };
+    let room = options.build().unwrap();
+    let walkers = room.walkers(&WalkerOptions { people: 3, first_s: 0.0, ..WalkerOptions::default() });
+    let sequence = room.sequence(walkers, SequenceOptions { frames: 160, ..SequenceOptions::default() });
+    let frames: Vec<_> = sequence.frames().step_by(2).map(|mut f| (f.time_s, f.cameras.remove(0))).collect();
+    let pictures: Vec<RgbImage> = frames.iter().step_by(2).filter_map(|(_, c)| c.image.clone()).collect();
+    let backdrop = Backdrop::learn(&pictures).unwrap();
+    for (start, least) in [(Start::Backdrop(backdrop), 0.82), (Start::Nothing(AdaptiveKind::Mog2), 0.82)] {
+        let name = format!("{start:?}").chars().take(12).collect::<String>();
+        let mut foreground = Foreground::new(320, 240, start, ForegroundOptions::default()).unwrap();
+        let (mut all, mut mask) = (Shared::default(), GrayImage::default());
+        for (i, (time_s, camera)) in frames.iter().enumerate() {
+            let verdict = foreground.mask(camera.image.as_ref().unwrap(), *time_s, &mut mask).unwrap();
+            // The online model is judged from when it has seen the room.
+            if i >= 30 {
+                assert_eq!(verdict, Verdict::Usable, "{name}, frame {i}");
+                let one = shared(&mask, &camera.mask);
+                all.both += one.both;
+                all.either += one.either;
+            }
+        }
+        eprintln!("{name}: intersection over union {:.3}", all.iou());
+        assert!(all.either > 20_000, "hardly anybody was in the picture: {}", all.either);
+        assert!(all.iou() > least, "{name}: {:.3}", all.iou());
+    }
+}
+
+#[test]
+fn who_stands_for_a_minute_is_still_there_and_a_moved_chair_is_not() {
+    let (mut camera, block) = (Camera::new(), (30, 20));
+    let mut median = known(&mut camera, ForegroundOptions::default());
+    let mut online =
+        Foreground::new(SIZE.0, SIZE.1, Start::Nothing(AdaptiveKind::Mog2), ForegroundOptions::default())
+            .unwrap();
+    watch(&mut online, &mut camera, 10.0, None, even);
+    for (name, foreground) in [("median", &mut median), ("online", &mut online)] {
+        let (verdict, mask) = watch(foreground, &mut camera, 60.0, Some(block), even);
+        assert_eq!(verdict, Verdict::Usable);
+        assert!(overlap(&mask, block) > 0.85, "{name}: {}", overlap(&mask, block));
+        let (_, mask) = watch(foreground, &mut camera, 200.0, Some(block), even);
+        assert!(is_empty(&mask), "{name}: still there after four minutes");
+    }
+    // Background and exposure must not drift together: half a level at most in four minutes.
+    assert!(median.exposure.gain.iter().all(|g| (g - 1.0).abs() < 0.005), "{:?}", median.exposure);
+    // What stood there before is known at once when the chair goes.
+    let (_, mask) = watch(&mut median, &mut camera, 0.4, None, even);
+    let left: Vec<(u32, u32)> = mask.enumerate_pixels().filter(|p| p.2[0] > 0).map(|p| (p.0, p.1)).collect();
+    assert!(left.is_empty(), "a ghost of the chair: {left:?}");
+}
+
+#[test]
+fn exposure_and_shadows_leave_no_trace() {
+    let (mut camera, block) = (Camera::new(), (50, 25));
+    let mut foreground = known(&mut camera, ForegroundOptions::default());
+    for gain in [0.7, 0.85, 1.15, 1.3] {
+        let (verdict, mask) = watch(&mut foreground, &mut camera, 0.2, Some(block), |_, _| gain);
+        assert_eq!(verdict, Verdict::Usable, "gain {gain}");
+        assert!(overlap(&mask, block) > 0.85, "gain {gain}: {}", overlap(&mask, block));
+    }
+    let cast = |u: u32, v: u32| if (10..45).contains(&u) && (50..62).contains(&v) { 0.65 } else { 1.0 };
+    let (_, mask) = watch(&mut foreground, &mut camera, 0.2, Some(block), cast);
+    assert!(overlap(&mask, block) > 0.8, "with a shadow: {}", overlap(&mask, block));
+    let kept = ForegroundOptions { shadows: None, ..ForegroundOptions::default() };
+    let (_, mask) = watch(&mut known(&mut camera, kept), &mut camera, 0.2, Some(block), cast);
+    assert!(overlap(&mask, block) < 0.65, "the shadow should be in the mask when it is asked for");
+}
+
+#[test]
+fn a_switched_lamp_sets_the_camera_aside_until_it_has_learnt() {
+    let mut camera = Camera::new();
+    // A lamp in one corner: no gain explains it.
+    let lamp = |u: u32, v: u32| 0.25 + 1.6 * (-((u * u + v * v) as f64) / 1800.0).exp();
+    for start in ["median", "online"] {
+        let mut foreground = if start == "median" {
+            known(&mut camera, ForegroundOptions::default())
+        } else {
+            Foreground::new(SIZE.0, SIZE.1, Start::Nothing(AdaptiveKind::Knn), ForegroundOptions::default())
+                .unwrap()
+        };
+        watch(&mut foreground, &mut camera, 10.0, None, even);
+        let (verdict, _) = watch(&mut foreground, &mut camera, 0.2, None, lamp);
+        assert_eq!(verdict, Verdict::AllForeground, "{start}");
+        let (verdict, mask) = watch(&mut foreground, &mut camera, 8.0, None, lamp);
+        assert_eq!(verdict, Verdict::Usable, "{start}");
+        assert!(is_empty(&mask), "{start}: the new light is still foreground");
+        let block = (14, 10);
+        let (_, mask) = watch(&mut foreground, &mut camera, 0.4, Some(block), lamp);
+        assert!(overlap(&mask, block) > 0.7, "{start}: {}", overlap(&mask, block));
+    }
+}
+
+#[test]
+fn frozen_and_dark_pictures_are_set_aside_and_the_camera_is_taken_back() {
+    let mut camera = Camera::new();
+    let mut foreground = known(&mut camera, ForegroundOptions::default());
+    watch(&mut foreground, &mut camera, 4.0, None, even);
+    let (still, mut time_s) = camera.look(Some((30, 20)), even);
+    let mut mask = GrayImage::default();
+    let verdicts: Vec<Verdict> = (0..10)
+        .map(|_| {
+            time_s += 0.2;
+            foreground.mask(&still, time_s, &mut mask).unwrap()
+        })
+        .collect();
+    assert!(
+        verdicts[0] == Verdict::Usable && verdicts[5..].iter().all(|v| *v == Verdict::Frozen),
+        "{verdicts:?}"
+    );
+    camera.time_s = time_s;
+    assert_eq!(watch(&mut foreground, &mut camera, 0.2, None, even).0, Verdict::Usable);
+    assert_eq!(watch(&mut foreground, &mut camera, 0.2, None, |_, _| 0.01).0, Verdict::Dark);
+    let (verdict, mask) = watch(&mut foreground, &mut camera, 0.2, Some((30, 20)), even);
+    assert!(verdict == Verdict::Usable && overlap(&mask, (30, 20)) > 0.85);
+}
+
+#[test]
+fn a_backdrop_of_another_size_is_refused() {
+    let start = Start::Backdrop(Backdrop::learn(&[RgbImage::new(8, 6)]).unwrap());
+    let said = Foreground::new(16, 12, start, ForegroundOptions::default()).err().unwrap().to_string();
+    assert!(said.contains("8 × 6") && said.contains("16 × 12"), "{said}");
+}
