@@ -20,13 +20,12 @@ fn main() -> Result<()> {
         anyhow::bail!("ROOM-DIR TRUE-ROOM-DIR [TRUTH.json]")
     };
     let room = Room::read(Path::new(room_dir))?;
-    let truth = match rest {
-        [file] => poses_of_json(Path::new(file), &room)?,
-        _ => {
-            let truth = Room::read(Path::new(truth_dir))?;
-            let pose = |name: &str| Ok(truth.camera(name)?.camera.camera_from_world);
-            room.cameras.iter().map(|c| pose(&c.name)).collect::<Result<Vec<_>>>()?
-        }
+    let truth = if let [file] = rest {
+        poses_of_json(Path::new(file), &room)?
+    } else {
+        let truth = Room::read(Path::new(truth_dir))?;
+        let pose = |name: &str| Ok(truth.camera(name)?.camera.camera_from_world);
+        room.cameras.iter().map(|c| pose(&c.name)).collect::<Result<Vec<_>>>()?
     };
     let poses: Vec<Isometry3<f64>> = room.cameras.iter().map(|c| c.camera.camera_from_world).collect();
     for b in 1..poses.len() {

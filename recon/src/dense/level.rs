@@ -24,11 +24,11 @@ impl Level {
         let gray = picture
             .pixels()
             .map(|p| 0.299 * f32::from(p[0]) + 0.587 * f32::from(p[1]) + 0.114 * f32::from(p[2]))
-            .collect();
-        Self::from_gray(width, height, gray, intrinsics)
+            .collect::<Vec<f32>>();
+        Self::from_gray(width, height, &gray, intrinsics)
     }
 
-    fn from_gray(width: usize, height: usize, gray: Vec<f32>, intrinsics: &Intrinsics) -> Self {
+    fn from_gray(width: usize, height: usize, gray: &[f32], intrinsics: &Intrinsics) -> Self {
         let stride = width + 3;
         let mut padded = Vec::with_capacity(stride * (height + 3));
         for y in 0..height + 3 {
@@ -69,7 +69,7 @@ impl Level {
             cy: 0.5 * (intrinsics.cy + 0.5) - 0.5,
             distortion: intrinsics.distortion,
         };
-        (Self::from_gray(width, height, gray, &half), half)
+        (Self::from_gray(width, height, &gray, &half), half)
     }
 
     /// The pixel's brightness; coordinates are clamped to the image.
@@ -80,7 +80,7 @@ impl Level {
     }
 
     /// Brightness between pixels, bilinear. `x` must lie in `-0.5 ..= width`, `y` likewise: not checked here.
-    #[inline(always)]
+    #[inline]
     pub(super) fn between(&self, x: f32, y: f32) -> f32 {
         // 2²³ + x rounds x to an integer in the mantissa's last bits; minus one half makes that a floor. Unlike
         // `as usize` this has no saturation to pay for. Ties may give the pixel before, with a fraction of one.
@@ -128,7 +128,7 @@ impl Pair {
     }
 
     /// The source's homogeneous pixel of the reference's pixel at inverse depth `w`.
-    #[inline(always)]
+    #[inline]
     pub(super) fn map(&self, u: f32, v: f32, w: f32) -> [f32; 3] {
         std::array::from_fn(|r| self.a[r][0] * u + self.a[r][1] * v + self.a[r][2] + self.b[r] * w)
     }

@@ -53,7 +53,7 @@ impl Default for DenseOptions {
             key_frames: 8,
             sources: 5,
             least_shared_view: 0.6,
-            best_views: 3,
+            best_views: 4,
             color_sigma: 10.0,
             iterations: [5, 2, 3],
             least_agreeing: 2,

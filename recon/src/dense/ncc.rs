@@ -109,7 +109,7 @@ impl Patch {
         }
     }
 
-    #[inline(always)]
+    #[inline]
     fn correlate(
         &self,
         [x, y, xu, yu, xv, yv]: [f32; 6],
@@ -187,8 +187,8 @@ mod tests {
         let (reference, source, pair, _) = views();
         let patch = Patch::new(&reference, 5, 60, &Weights::new(24.0));
         let near = Support { w: 5.0, gu: 0.0, gv: 0.0 };
-        assert_eq!(patch.cost(&near, &source, &pair), WORST);
+        assert!(patch.cost(&near, &source, &pair) >= WORST);
         let behind = Support { w: f32::NAN, gu: 0.0, gv: 0.0 };
-        assert_eq!(patch.cost(&behind, &source, &pair), WORST);
+        assert!(patch.cost(&behind, &source, &pair) >= WORST);
     }
 }

@@ -20,6 +20,20 @@ pub(super) struct Source<'a> {
     pub(super) guide: Option<Guide<'a>>,
 }
 
+impl Source<'_> {
+    /// Cost of a hypothesis in one view, geometric disagreement included where the view has depth.
+    fn cost(&self, patch: &Patch, x: usize, y: usize, support: &Support) -> f32 {
+        let cost = patch.cost(support, self.image, &self.pair);
+        match &self.guide {
+            Some(guide) if cost < WORST => {
+                let error = guide.return_error_px(&self.pair, x as f32, y as f32, support.w);
+                (cost + GEOMETRIC_WEIGHT * error.unwrap_or(GEOMETRIC_CAP_PX).min(GEOMETRIC_CAP_PX)).min(WORST)
+            }
+            _ => cost,
+        }
+    }
+}
+
 /// A source's depth map, for geometric consistency.
 pub(super) struct Guide<'a> {
     pub(super) map: &'a SupportMap,
@@ -130,18 +144,6 @@ impl Problem<'_> {
         })
     }
 
-    /// Cost of a hypothesis in one view, geometric disagreement included where the view has depth.
-    fn cost_in(&self, source: &Source<'_>, patch: &Patch, x: usize, y: usize, support: &Support) -> f32 {
-        let cost = patch.cost(support, source.image, &source.pair);
-        match &source.guide {
-            Some(guide) if cost < WORST => {
-                let error = guide.return_error_px(&source.pair, x as f32, y as f32, support.w);
-                (cost + GEOMETRIC_WEIGHT * error.unwrap_or(GEOMETRIC_CAP_PX).min(GEOMETRIC_CAP_PX)).min(WORST)
-            }
-            _ => cost,
-        }
-    }
-
     /// The views in which at least one of `hypotheses` fares best, and the cost of each hypothesis over them.
     ///
     /// Fewer than wanted where the image's border leaves fewer views, but at least two.
@@ -155,7 +157,7 @@ impl Problem<'_> {
         let mut all = [([WORST; N], WORST, 0); MOST_VIEWS];
         let count = self.sources.len().min(MOST_VIEWS);
         for (i, (slot, source)) in all.iter_mut().zip(&self.sources).enumerate() {
-            let costs = hypotheses.map(|h| self.cost_in(source, patch, x, y, &h));
+            let costs = hypotheses.map(|h| source.cost(patch, x, y, &h));
             *slot = (costs, costs.iter().copied().fold(WORST, f32::min), i);
         }
         let all = &mut all[..count];
@@ -212,7 +214,7 @@ impl Problem<'_> {
             }
             let total: f32 = views.indices[..views.count]
                 .iter()
-                .map(|i| self.cost_in(&self.sources[*i], &patch, x, y, &candidate))
+                .map(|i| self.sources[*i].cost(&patch, x, y, &candidate))
                 .sum();
             let cost = total / views.count.max(1) as f32;
             if cost < best.1 {
@@ -262,7 +264,7 @@ impl Problem<'_> {
     fn is_seen(&self, support: &Support, x: usize, y: usize) -> bool {
         let (u, v) = (x as f32, y as f32);
         let ray = self.reference.camera.ray(u, v);
-        support.normal(u, v, &self.reference.camera).dot(ray) < -0.1 * ray.length()
+        support.normal(u, v, &self.reference.camera).dot(ray) < -Support::LEAST_COSINE * ray.length()
     }
 }
 
@@ -290,7 +292,7 @@ const REGIONS: [&[(i32, i32)]; 8] = [
     &[(3, 0), (5, 0), (7, 0), (9, 0), (13, 0), (17, 0), (23, 0)],
 ];
 
-/// A pixel's own random numbers: SplitMix64 (Steele et al. 2014), started from seed, pixel and iteration.
+/// A pixel's own random numbers: `SplitMix64` (Steele et al. 2014), started from seed, pixel and iteration.
 struct PixelRandom(u64);
 
 impl PixelRandom {

@@ -99,7 +99,7 @@ enum Verdict {
 struct Witness<'a> {
     surface: &'a Surface,
     camera: Pinhole,
-    witness_from_camera: Affine3A,
+    from_camera: Affine3A,
     /// Length of a unit of this camera in the witness's.
     scale: f32,
     /// Whether it has precedence where both see equally well.
@@ -112,14 +112,14 @@ impl<'a> Witness<'a> {
         let scale = witness_from_camera.scaling() as f32;
         let rotation = glam::Quat::from_xyzw(r.i as f32, r.j as f32, r.k as f32, r.w as f32);
         let translation = Vec3::new(t.x as f32, t.y as f32, t.z as f32);
-        let witness_from_camera =
+        let from_camera =
             Affine3A::from_scale_rotation_translation(Vec3::splat(scale), rotation, translation);
-        Self { camera: surface.pinhole(), surface, witness_from_camera, scale, first }
+        Self { camera: surface.pinhole(), surface, from_camera, scale, first }
     }
 
     /// The witness's pixel that a point falls into, and the point's depth there.
     fn pixel(&self, point: Vec3) -> Option<(usize, usize, f32)> {
-        let p = self.witness_from_camera.transform_point3(point);
+        let p = self.from_camera.transform_point3(point);
         if p.z <= 0.0 {
             return None;
         }

@@ -106,19 +106,6 @@ impl Scene<'_> {
         report.surface_rms = (squares / contacts.len().max(1) as f64).sqrt();
     }
 
-    fn terms<'a>(&self, picks: &'a [Pick], contacts: &'a [Contact]) -> Vec<Term<'a>> {
-        // Neighbouring surface points err together: all of them count as much as this many independent ones.
-        const INDEPENDENT: f64 = 150.0;
-        let weight = (INDEPENDENT / contacts.len().max(1) as f64).min(1.0).sqrt();
-        let depths = picks.iter().filter_map(|p| Some(Term::Depth(p, p.seen?.z)));
-        picks
-            .iter()
-            .map(Term::Pixel)
-            .chain(depths)
-            .chain(contacts.iter().map(|c| Term::Surface(c, weight)))
-            .collect()
-    }
-
     /// In standard deviations; the second number is 0 but for pixels.
     fn residual(&self, state: &State, term: &Term<'_>) -> [f64; 2] {
         /// What a point behind a camera costs.
@@ -145,23 +132,6 @@ impl Scene<'_> {
         }
     }
 
-    /// Indices of the parameters a term depends on.
-    fn touched(&self, term: &Term<'_>, cameras: usize) -> Vec<usize> {
-        let pose = |camera: usize| {
-            let first = camera.saturating_sub(1) * POSE;
-            let count = if camera == 0 { 0 } else { POSE };
-            first..first + count
-        };
-        let point = |point: usize| {
-            let first = (cameras - 1) * POSE + point * POINT;
-            first..first + POINT
-        };
-        match term {
-            Term::Pixel(p) | Term::Depth(p, _) => pose(p.camera).chain(point(p.point)).collect(),
-            Term::Surface(c, _) => pose(c.from).chain(pose(c.onto)).collect(),
-        }
-    }
-
     /// Robust cost: Cauchy's, of the squared residual.
     fn cost(&self, state: &State, terms: &[Term<'_>]) -> f64 {
         terms.iter().map(|t| loss(self.residual(state, t), t)).sum()
@@ -170,7 +140,7 @@ impl Scene<'_> {
     fn minimise(&self, state: &mut State, picks: &[Pick], contacts: &[Contact]) {
         const ITERATIONS: usize = 60;
         const STEP: f64 = 1e-6;
-        let terms = self.terms(picks, contacts);
+        let terms = terms(picks, contacts);
         let cameras = state.poses.len();
         let size = (cameras - 1) * POSE + state.points.len() * POINT;
         if size == 0 {
@@ -184,7 +154,7 @@ impl Scene<'_> {
             for term in &terms {
                 let residual = self.residual(state, term);
                 let weight = weight(residual, term);
-                let touched = self.touched(term, cameras);
+                let touched = touched(term, cameras);
                 let rows: Vec<[f64; 2]> = touched
                     .iter()
                     .map(|i| {
@@ -257,6 +227,36 @@ impl Scene<'_> {
     fn pick_rms(&self, state: &State, picks: &[Pick]) -> f64 {
         let squares: f64 = picks.iter().map(|p| norm(self.residual(state, &Term::Pixel(p))).powi(2)).sum();
         self.options.pick_sigma_px * (squares / picks.len().max(1) as f64).sqrt()
+    }
+}
+
+fn terms<'a>(picks: &'a [Pick], contacts: &'a [Contact]) -> Vec<Term<'a>> {
+    // Neighbouring surface points err together: all of them count as much as this many independent ones.
+    const INDEPENDENT: f64 = 150.0;
+    let weight = (INDEPENDENT / contacts.len().max(1) as f64).min(1.0).sqrt();
+    let depths = picks.iter().filter_map(|p| Some(Term::Depth(p, p.seen?.z)));
+    picks
+        .iter()
+        .map(Term::Pixel)
+        .chain(depths)
+        .chain(contacts.iter().map(|c| Term::Surface(c, weight)))
+        .collect()
+}
+
+/// Indices of the parameters a term depends on.
+fn touched(term: &Term<'_>, cameras: usize) -> Vec<usize> {
+    let pose = |camera: usize| {
+        let first = camera.saturating_sub(1) * POSE;
+        let count = if camera == 0 { 0 } else { POSE };
+        first..first + count
+    };
+    let point = |point: usize| {
+        let first = (cameras - 1) * POSE + point * POINT;
+        first..first + POINT
+    };
+    match term {
+        Term::Pixel(p) | Term::Depth(p, _) => pose(p.camera).chain(point(p.point)).collect(),
+        Term::Surface(c, _) => pose(c.from).chain(pose(c.onto)).collect(),
     }
 }
 

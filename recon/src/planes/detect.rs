@@ -89,6 +89,7 @@ pub(super) fn planes(surface: &Surface, cells: &Cells, step: f32, options: &Plan
         left.retain(|cell| !inside(cell, &plane));
         plane.pixels = (before - left.len()) * CELL * CELL;
         plane.encloses = behind(&all, cells, &plane, step) < LARGEST_BEHIND;
+        tracing::debug!("{plane:?}: {:.3} behind", behind(&all, cells, &plane, step));
         found.push(plane);
     }
     found

@@ -60,7 +60,7 @@ impl Default for PlaneOptions {
     fn default() -> Self {
         Self {
             tolerance_px: 0.6,
-            loose_tolerance_px: 1.6,
+            loose_tolerance_px: 2.5,
             facing_deg: 22.0,
             least_share: 0.002,
             most_planes: 40,
@@ -101,9 +101,6 @@ pub fn complete(views: &[DenseView], options: &PlaneOptions) -> Option<(Surface,
 
     let cells = local::fit(&surface, view.step);
     let planes = detect::planes(&surface, &cells, view.step, options);
-    for plane in &planes {
-        tracing::debug!("{plane:?}");
-    }
     forget_behind(&mut surface, &planes, view.step);
     let mut labels = label(&surface, &cells, &planes, view.step, options);
     for _ in 0..3 {

@@ -37,10 +37,9 @@ pub(super) fn forget(surface: &mut Surface, options: &PlaneOptions) {
             }
         })
     };
-    for i in 0..depth.len() {
-        if rim[i] && has_core(i) {
-            surface.forget(i);
-        }
+    let doubtful: Vec<usize> = (0..depth.len()).filter(|i| rim[*i] && has_core(*i)).collect();
+    for i in doubtful {
+        surface.forget(i);
     }
 }
 

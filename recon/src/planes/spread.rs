@@ -52,7 +52,7 @@ pub(super) fn fill(
         let Some(support) = support.filter(|s| s.w > 0.0 && 1.0 / s.w > nearest) else { continue };
         let normal = support.normal(u, v, &camera);
         let ray = camera.ray(u, v);
-        let grazing = normal.dot(ray) > -0.05 * ray.length();
+        let grazing = normal.dot(ray) > -Support::LEAST_COSINE * ray.length();
         if grazing || (!certain && witnesses.contradict(ray / support.w, options.looked_past)) {
             continue;
         }
