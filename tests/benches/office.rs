@@ -41,7 +41,9 @@ fn main() -> Said<()> {
         row(&format!("room: depth of {name} covered"), 100.0 * depth.covered, "%", "");
     }
 
-    for (what, room, mota, idf1, mean_cm) in [("true room", &truth, 92, 95, 10), ("built room", &built, 88, 90, 12)] {
+    for (what, room, mota, idf1, mean_cm) in
+        [("true room", &truth, 92, 95, 10), ("built room", &built, 88, 90, 12)]
+    {
         let out = scratch.path().join("tracks");
         let started = Instant::now();
         track(&office, room, &out, &[])?;
@@ -67,10 +69,17 @@ fn capture_motion(office: &Path, camera: &str) -> Said<()> {
     let film = office.join(format!("capture/{camera}.mp4"));
     let capture = Capture::load(camera, &film, ReferenceFrame::Last, Some(lens)).map_err(|e| told(&e))?;
     let (motion, _) = motion::estimate(&capture, &MotionOptions::default()).map_err(|e| told(&e))?;
-    let truth = accuracy::capture_truth(&office.join("truth.json"), camera).ok_or("truth.json: no capture poses")?;
-    let error = accuracy::motion(&motion.camera_from_world, &truth).ok_or("fewer than three frames placed")?;
+    let truth =
+        accuracy::capture_truth(&office.join("truth.json"), camera).ok_or("truth.json: no capture poses")?;
+    let error =
+        accuracy::motion(&motion.camera_from_world, &truth).ok_or("fewer than three frames placed")?;
     row(&format!("capture of {camera}: camera position, rms"), error.position_rms_cm, "cm", "<= 1");
-    row(&format!("capture of {camera}: camera orientation, rms"), error.rotation_rms_deg, "degrees", "<= 0.2");
+    row(
+        &format!("capture of {camera}: camera orientation, rms"),
+        error.rotation_rms_deg,
+        "degrees",
+        "<= 0.2",
+    );
     row(&format!("capture of {camera}: frames placed"), error.frames as f64, "frames", "of 50");
     Ok(())
 }
