@@ -3,8 +3,10 @@
 //! A person in a doorway is seen before they are in the room and after they have left it. So what lies behind a zone is a
 //! *doorstep*: people may be there, come from there and vanish there, but they are not in the room and are not reported.
 //! Without it a tracker has to squeeze whoever is seen through the door into the room. Two kinds of floor are doorsteps:
-//! walkable floor that can only be reached through a zone (a corridor that the cameras saw), and what lies outside the
+//! walkable floor that is best reached through a zone (a corridor that the cameras saw), and what lies outside the
 //! room's outline close to a zone (a corridor that they did not).
+
+use std::collections::VecDeque;
 
 use nalgebra::{Point2, Vector2};
 use scenes::polygon::Polygon;
@@ -13,6 +15,8 @@ use scenes::walkable::{Grid, WalkableMap};
 
 /// How far an unseen doorstep reaches from a zone: about as far as one sees through a door at an angle.
 const DOORSTEP_M: f64 = 1.5;
+/// How much longer than the way through a zone another way must be before what lies there counts as behind the zone.
+const DETOUR_M: f64 = 1.5;
 /// How far from a camera people are looked for in a room whose floor is not known.
 const FLOOR_REACH_M: f64 = 10.0;
 
@@ -20,7 +24,7 @@ const FLOOR_REACH_M: f64 = 10.0;
 #[derive(Debug, Clone)]
 pub struct Floor {
     walkable: WalkableMap,
-    /// Walkable cells that can only be reached through a zone, in the order of the map's grid; empty without a grid.
+    /// Walkable cells that are best reached through a zone, in the order of the map's grid; empty without a grid.
     beyond: Vec<bool>,
     zones: Vec<Zone>,
     /// Convex outline of the room's floor; `None` when the floor has no known end.
@@ -95,34 +99,62 @@ impl Floor {
     }
 }
 
-/// The walkable cells that are cut off from the largest walkable region when zones are taken away, and touch a zone.
+/// The walkable cells behind a zone: where the way from the middle of the room that keeps out of the zones is a detour, or
+/// there is none. A reconstructed wall has holes, so a corridor may touch the room around a corner, too.
 fn beyond_zones(grid: &Grid, zones: &[Zone]) -> Vec<bool> {
     let in_zone: Vec<bool> =
         (0..grid.bits.len()).map(|i| zones.iter().any(|z| z.polygon.contains(&grid.center(i)))).collect();
-    let mut region: Vec<Option<usize>> = vec![None; grid.bits.len()];
-    // Size of each region, and whether it touches a zone.
-    let mut regions: Vec<(usize, bool)> = Vec::new();
+    let is_room = |i: usize| grid.bits[i] && !in_zone[i];
+    let Some(middle) = middle_of_largest_region(grid, is_room) else { return vec![false; grid.bits.len()] };
+    let through = steps_from(grid, middle, |i| grid.bits[i]);
+    let around = steps_from(grid, middle, is_room);
+    let detour = (DETOUR_M / grid.cell_m).ceil() as usize;
+    (0..grid.bits.len())
+        .map(|i| {
+            let is_detour = |through: usize| around[i].is_none_or(|around| around > through + detour);
+            is_room(i) && through[i].is_some_and(is_detour)
+        })
+        .collect()
+}
+
+/// The cell of the largest connected region that is nearest to the region's centroid.
+fn middle_of_largest_region(grid: &Grid, is_free: impl Fn(usize) -> bool + Copy) -> Option<usize> {
+    let mut visited = vec![false; grid.bits.len()];
+    let mut largest: Vec<usize> = Vec::new();
     for start in 0..grid.bits.len() {
-        if !grid.bits[start] || in_zone[start] || region[start].is_some() {
+        if visited[start] || !is_free(start) {
             continue;
         }
-        let (mut size, mut touches) = (0, false);
-        let mut open = vec![start];
-        region[start] = Some(regions.len());
-        while let Some(i) = open.pop() {
-            size += 1;
-            for n in neighbours(grid, i) {
-                touches |= in_zone[n];
-                if grid.bits[n] && !in_zone[n] && region[n].is_none() {
-                    region[n] = Some(regions.len());
-                    open.push(n);
-                }
+        let region: Vec<usize> = steps_from(grid, start, is_free)
+            .iter()
+            .enumerate()
+            .filter_map(|(i, steps)| steps.map(|_| i))
+            .inspect(|i| visited[*i] = true)
+            .collect();
+        if region.len() > largest.len() {
+            largest = region;
+        }
+    }
+    let sum: Vector2<f64> = largest.iter().map(|i| grid.center(*i).coords).sum();
+    let centroid = Point2::from(sum / largest.len().max(1) as f64);
+    let distance = |i: &usize| (grid.center(*i) - centroid).norm();
+    largest.into_iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))
+}
+
+/// How many cells lie on the shortest way from a cell to each other; `None` where there is no way.
+fn steps_from(grid: &Grid, start: usize, is_free: impl Fn(usize) -> bool) -> Vec<Option<usize>> {
+    let mut steps = vec![None; grid.bits.len()];
+    steps[start] = Some(0);
+    let mut queue = VecDeque::from([(start, 0)]);
+    while let Some((i, so_far)) = queue.pop_front() {
+        for n in neighbours(grid, i) {
+            if steps[n].is_none() && is_free(n) {
+                steps[n] = Some(so_far + 1);
+                queue.push_back((n, so_far + 1));
             }
         }
-        regions.push((size, touches));
     }
-    let largest = regions.iter().map(|(size, _)| *size).max().unwrap_or(0);
-    region.iter().map(|r| r.is_some_and(|r| regions[r].0 < largest && regions[r].1)).collect()
+    steps
 }
 
 /// The cells that share an edge with a cell.
@@ -184,6 +216,22 @@ mod tests {
         assert!(floor.is_inside(5.5, 1.5) && floor.is_inside(5.5, 4.0) && floor.is_inside(0.1, 0.1));
         assert!(floor.is_standable(7.0, 3.0) && !floor.is_inside(7.0, 3.0) && !floor.is_inside(6.3, 1.5));
         assert!(floor.may_appear(6.8, 1.5) && floor.may_disappear(6.8, 1.5) && !floor.may_appear(7.9, 3.9));
+    }
+
+    #[test]
+    fn a_corridor_that_touches_the_room_around_a_corner_is_still_behind_the_zone() {
+        let zone = Zone { name: "door".into(), polygon: rectangle(5.0, 1.0, 6.1, 2.0), kind: ZoneKind::Both };
+        let floor = WalkableMap::of_polygons(&[
+            rectangle(0.0, 0.0, 6.0, 5.0),
+            rectangle(5.5, 1.2, 6.5, 1.8),
+            rectangle(6.2, 0.0, 8.2, 4.0),
+            rectangle(5.8, 3.8, 6.4, 3.9), // a hole in the wall
+        ]);
+        let floor = Floor::new(floor, &[zone], &[]);
+        assert!(!floor.is_inside(6.5, 1.5) && floor.may_disappear(6.5, 1.5));
+        for (x, y) in [(5.5, 4.5), (4.5, 1.5), (5.9, 0.5), (5.9, 2.5)] {
+            assert!(floor.is_inside(x, y), "{x} {y}");
+        }
     }
 
     #[test]
