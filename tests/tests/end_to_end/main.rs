@@ -1,5 +1,8 @@
-//! The programs as a person runs them: one test binary, one module a subject.
+//! The chain against the truth and against damaged input: one test binary, one module a subject.
 #![forbid(unsafe_code)]
+// Whoever calls a test's helpers is a test: a failure there is the test's.
+#![allow(clippy::unwrap_used, clippy::expect_used)]
 
+mod capture_motion;
 mod office;
 mod run_refusals;
