@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::geometry::Geometry;
 use crate::raycast::RayScene;
-use crate::view::{exposure, first_seen};
+use crate::view::{exposure, first_seen, surrounded};
 
 /// Rays along each side of a pixel.
 const SAMPLES: u32 = 2;
@@ -71,7 +71,7 @@ pub(super) fn render(
         Some(Top { color, height_m: cut_m - seen.distance })
     };
     let offset = |i: u32| (i as f32 + 0.5) / SAMPLES as f32 - 0.5;
-    let tops: Vec<[Option<Top>; RAYS]> = raster
+    let mut tops: Vec<[Option<Top>; RAYS]> = raster
         .pixels()
         .map(|(column, row)| {
             std::array::from_fn(|i| {
@@ -80,7 +80,11 @@ pub(super) fn render(
             })
         })
         .collect();
-    let solid = solid(geometry, scene, raster, cut_m);
+    let bare: Vec<bool> = tops.iter().map(|tops| tops.iter().all(Option::is_none)).collect();
+    let solid = solid(geometry, scene, raster, cut_m, &bare);
+    if matches!(geometry, Geometry::Discs(_)) {
+        close_gaps(&mut tops, raster);
+    }
     let heights: Vec<f32> = tops
         .iter()
         .zip(&solid)
@@ -99,18 +103,65 @@ pub(super) fn render(
     (0..tops.len()).into_par_iter().map(pixel).collect()
 }
 
-/// Whether the cut goes through something solid: a closed mesh is seen from its back in every direction.
-fn solid(geometry: &Geometry, scene: &RayScene, raster: &Raster, cut_m: f32) -> Vec<bool> {
-    let is_mesh = matches!(geometry, Geometry::Mesh(_));
+/// Fills the small gaps between discs with what lies around them.
+fn close_gaps(tops: &mut [[Option<Top>; RAYS]], raster: &Raster) {
+    /// Half the width of the widest gap that is closed.
+    const REACH_M: f32 = 0.03;
+    // Where some rays of a pixel meet something, the others see the same.
+    for samples in tops.iter_mut() {
+        if let Some(first) = samples.iter().flatten().next().copied() {
+            for sample in samples {
+                sample.get_or_insert(first);
+            }
+        }
+    }
+    let reach = (REACH_M / raster.pixel_m).round().max(1.0) as usize;
+    let empty: Vec<bool> = tops.iter().map(|samples| samples[0].is_none()).collect();
+    for (i, around) in surrounded(raster.width as usize, &|i| empty[i], empty.len(), reach) {
+        let found: Vec<Top> = around.iter().filter_map(|j| tops[*j][0]).collect();
+        let count = found.len().max(1) as f32;
+        let color = found.iter().map(|top| top.color).sum::<Vec3>() / count;
+        let height_m = found.iter().map(|top| top.height_m).sum::<f32>() / count;
+        tops[i] = [Some(Top { color, height_m }); RAYS];
+    }
+}
+
+/// Whether the cut goes through something solid: what is closed is seen from its back in every direction. `bare` tells
+/// where nothing lies below; the inside of what a cloud shows is.
+fn solid(geometry: &Geometry, scene: &RayScene, raster: &Raster, cut_m: f32, bare: &[bool]) -> Vec<bool> {
+    /// A cloud is known to be closed only where somebody could film it from all around: pillars, not houses.
+    const WIDEST_OF_DISCS_M: f32 = 0.8;
+    // Rays slip between discs: those at several heights vote.
+    let (widest, heights, least): (f32, &[f32], usize) = match geometry {
+        Geometry::Mesh(_) => (f32::INFINITY, &[1.0], 4),
+        Geometry::Discs(_) => (WIDEST_OF_DISCS_M, &[1.0, 0.9, 0.8, 0.7, 0.6], 12),
+    };
     let is_back = |from: Vec3, direction: Vec3| {
         let seen = first_seen(geometry, scene, from, direction, |_, _| true);
-        seen.is_some_and(|seen| seen.normal.dot(direction) > 0.0)
+        seen.is_some_and(|seen| seen.normal.dot(direction) > 0.0 && seen.distance < widest)
     };
+    let is_mesh = matches!(geometry, Geometry::Mesh(_));
     let solid: Vec<bool> = raster
         .pixels()
-        .map(|(column, row)| {
-            let from = raster.place(column, row).extend(cut_m);
-            is_mesh && [Vec3::X, Vec3::Y, Vec3::NEG_X, Vec3::NEG_Y].iter().all(|d| is_back(from, *d))
+        .zip(bare)
+        .map(|((column, row), bare)| {
+            if !is_mesh && !bare {
+                return false;
+            }
+            let place = raster.place(column, row);
+            let backs = |height: &f32| {
+                let from = place.extend(cut_m * height);
+                [Vec3::X, Vec3::Y, Vec3::NEG_X, Vec3::NEG_Y].iter().filter(|d| is_back(from, **d)).count()
+            };
+            let mut missing = least;
+            // Most places are settled by the first heights.
+            for (i, height) in heights.iter().enumerate() {
+                missing = missing.saturating_sub(backs(height));
+                if missing == 0 || missing > 4 * (heights.len() - 1 - i) {
+                    break;
+                }
+            }
+            missing == 0
         })
         .collect();
     // Where most of the floor seems solid the mesh is wound the other way round, and nothing is known about insides.

@@ -4,6 +4,7 @@
 //! equation, hidden where the room is nearer. From outside ([`birds_eye`]) the ceiling is cut away and walls are seen
 //! only from within the room, so that one looks into it as into a doll's house.
 
+mod gaps;
 mod surface;
 mod viewpoint;
 
@@ -17,6 +18,7 @@ use crate::canvas::Color;
 use crate::geometry::Geometry;
 use crate::raycast::RayScene;
 
+pub(crate) use gaps::surrounded;
 pub(crate) use surface::{exposure, first_seen};
 pub use viewpoint::{birds_eye, extent, look_at};
 
@@ -135,7 +137,24 @@ impl View {
             view.distances.push(distance);
             view.colors.push(color);
         }
+        if matches!(geometry, Geometry::Discs(_)) {
+            view.close_gaps();
+        }
         view
+    }
+
+    /// Discs leave gaps of a pixel or two where they are seen from nearer than the room was filmed.
+    fn close_gaps(&mut self) {
+        /// Widest gap that is closed, in pixels to either side.
+        const REACH_PX: u32 = 3;
+        let width = (self.camera.intrinsics.width * self.samples) as usize;
+        let distances = &self.distances;
+        let reach = (REACH_PX * self.samples) as usize;
+        for (i, around) in surrounded(width, &|i| distances[i].is_infinite(), distances.len(), reach) {
+            let count = around.len() as f32;
+            self.colors[i] = around.iter().map(|j| self.colors[*j]).sum::<Vec3>() / count;
+            self.distances[i] = around.iter().map(|j| self.distances[*j]).sum::<f32>() / count;
+        }
     }
 
     /// The camera the view was rendered for.
