@@ -39,9 +39,10 @@ impl Layers {
     }
 
     fn add(&mut self, view: &View, body: &Body, owner: u16, nearest: &mut [f32]) {
-        let conic = ImageConic::new(view, body);
+        let conic = ImageConic::new(view, &body.ellipsoid());
         let Some([rows, _]) = conic.bounds().filter(|_| !conic.holds_camera()) else { return };
-        let (axes, from_body) = (body.semi_axes(), view.center - body.center());
+        let ellipsoid = body.ellipsoid();
+        let (axes, from_body) = (ellipsoid.semi_axes, view.center - ellipsoid.center);
         for v in rows {
             let row = conic.row(v);
             for u in conic.spans(&row).into_iter().flatten().flat_map(|span| span.first..=span.last) {

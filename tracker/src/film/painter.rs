@@ -84,7 +84,7 @@ impl Painter {
     }
 
     fn depth(&self, body: &Body) -> f64 {
-        (self.camera.pinhole.camera_from_world * body.center()).z
+        (self.camera.pinhole.camera_from_world * body.ellipsoid().center).z
     }
 
     /// The real picture; without one the foreground, pale on dark.

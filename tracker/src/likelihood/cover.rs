@@ -74,6 +74,11 @@ impl Cover {
         change
     }
 
+    /// The foreground that no body covers, word by word.
+    pub(super) fn unexplained(&self) -> impl Iterator<Item = u64> + '_ {
+        self.words.iter().map(|word| word.foreground & !word.any)
+    }
+
     pub(super) fn foreground_under(&self, silhouette: &Silhouette) -> u32 {
         let mut found = 0;
         self.visit(silhouette, |word, bits, _, _| found += (bits & word.foreground).count_ones());

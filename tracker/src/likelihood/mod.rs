@@ -2,14 +2,19 @@
 //!
 //! * [`prior`] — E(S), people stand on walkable floor; R(S), people do not interpenetrate.
 //! * [`Counts`] and [`Rule`] — V(S): the pixel counts it is made of, and the named ways to make it of them.
+//! * [`Layers`] — the silhouettes that the counts are of: one or more shapes of each body, in each camera.
 //! * [`Simulation`] — the counts of a changing state, kept up to date by looking only at the pixels that change.
 //! * [`oracle`] — the same counts by casting a ray through every pixel: slow, and obviously right. Tests hold the two equal.
 
 mod cover;
+mod layers;
 pub mod oracle;
 pub mod prior;
 mod rule;
 mod simulation;
+mod summed_area;
 
+pub use layers::Layers;
 pub use rule::{Counts, Rule};
 pub use simulation::{Simulation, pack};
+pub use summed_area::SummedArea;

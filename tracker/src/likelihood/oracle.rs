@@ -5,13 +5,13 @@ use image::GrayImage;
 use nalgebra::{Point2, Point3, Vector3};
 
 use super::Counts;
-use crate::silhouette::Body;
+use crate::silhouette::Ellipsoid;
 use crate::stage::StageCamera;
 
 /// The counts of one camera, pixel by pixel. `static_z_m` gives the depth along z of the static scene at a pixel.
 pub fn counts(
     camera: &StageCamera,
-    bodies: &[Body],
+    bodies: &[Ellipsoid],
     mask: &GrayImage,
     static_z_m: impl Fn(u32, u32) -> f32,
 ) -> Counts {
@@ -28,7 +28,7 @@ pub fn counts(
 }
 
 /// Depth along the camera's z of a body's near surface at a pixel; 0 for a camera inside the body.
-pub fn near_z_m(camera: &StageCamera, body: &Body, u: u32, v: u32) -> Option<f64> {
+pub fn near_z_m(camera: &StageCamera, body: &Ellipsoid, u: u32, v: u32) -> Option<f64> {
     let ray = camera.pinhole.ray(&Point2::new(f64::from(u), f64::from(v)))?;
     let distance = first_hit(&camera.pinhole.center(), &ray, body)?;
     let along = camera.pinhole.camera_from_world.rotation * ray.into_inner();
@@ -36,9 +36,9 @@ pub fn near_z_m(camera: &StageCamera, body: &Body, u: u32, v: u32) -> Option<f64
 }
 
 /// The distance at which a ray enters an ellipsoid: the textbook's sphere, after scaling.
-fn first_hit(origin: &Point3<f64>, direction: &Vector3<f64>, body: &Body) -> Option<f64> {
-    let axes = body.semi_axes();
-    let o = (origin - body.center()).component_div(&axes);
+fn first_hit(origin: &Point3<f64>, direction: &Vector3<f64>, body: &Ellipsoid) -> Option<f64> {
+    let axes = body.semi_axes;
+    let o = (origin - body.center).component_div(&axes);
     let d = direction.component_div(&axes);
     let (half_b, a, c) = (o.dot(&d), d.norm_squared(), o.norm_squared() - 1.0);
     if c <= 0.0 {

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::silhouette::Shape;
+
 /// What one camera's masks have in common. Pixels.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Counts {
@@ -31,38 +33,51 @@ pub enum Rule {
         /// The power.
         exponent: f64,
     },
-    /// Every pixel is foreground with probability `detection` where a body is expected and `false_alarm` elsewhere.
+    /// Every pixel is foreground with a probability of its own: `inside` where the core of some body is expected, `rim`
+    /// where only the reach of one is (arms, strides, the difference between people and ellipsoids), `outside` elsewhere.
     ///
     /// Neighbouring pixels fail together, so a silhouette is worth far fewer independent pixels than it has: counts are
-    /// scaled so that a whole silhouette of typical size in that camera weighs `independent_pixels`. A camera that sees
-    /// people small then counts as much as one that sees them large.
+    /// scaled so that a whole core of typical size in that camera weighs `independent_pixels`. A camera that sees people
+    /// small then counts as much as one that sees them large.
     Bernoulli {
-        /// Probability that a pixel of a person is foreground.
-        detection: f64,
+        /// Probability that a pixel of a person's core is foreground.
+        inside: f64,
+        /// Probability that a pixel around a person is.
+        rim: f64,
         /// Probability that any other pixel is.
-        false_alarm: f64,
-        /// What a typical silhouette is worth in independent pixels.
+        outside: f64,
+        /// What a typical core is worth in independent pixels.
         independent_pixels: f64,
     },
 }
 
 impl Rule {
+    /// The shapes that this rule compares with the masks, the innermost first.
+    pub fn shapes(&self) -> &'static [Shape] {
+        match self {
+            Self::Overlap { .. } => &[Shape::BODY],
+            Self::Bernoulli { .. } => &[Shape::CORE, Shape::REACH],
+        }
+    }
+
     /// `log V(S)`, up to a constant that does not depend on the state.
     ///
-    /// Each camera comes with its typical silhouette, in pixels. Without any camera nothing is known: 0.
-    pub fn log_likelihood(&self, cameras: impl Iterator<Item = (Counts, f64)>) -> f64 {
+    /// Takes the counts of each layer with the number of its shape in [`Self::shapes`] and the pixels of a typical
+    /// silhouette of the innermost shape in its camera. Without any camera nothing is known: 0.
+    pub fn log_likelihood(&self, layers: impl Iterator<Item = (usize, Counts, f64)>) -> f64 {
         match *self {
             Self::Overlap { exponent } => {
                 /// What complete disagreement of all cameras is worth; its logarithm has to stay a number.
                 const LEAST: f64 = 1e-6;
-                let (sum, n) = cameras.fold((0.0, 0), |(sum, n), (c, _)| (sum + c.overlap(), n + 1));
+                let (sum, n) = layers.fold((0.0, 0), |(sum, n), (_, c, _)| (sum + c.overlap(), n + 1));
                 if n == 0 { 0.0 } else { exponent * (sum / f64::from(n)).max(LEAST).ln() }
             }
-            Self::Bernoulli { detection, false_alarm, independent_pixels } => {
-                let found = (detection / false_alarm).ln();
-                let missed = ((1.0 - detection) / (1.0 - false_alarm)).ln();
-                cameras
-                    .map(|(c, typical_px)| {
+            Self::Bernoulli { inside, rim, outside, independent_pixels } => {
+                // A pixel of the core is in the reach, too: each layer counts what it adds to the one around it.
+                let weights = [odds(inside, rim), odds(rim, outside)];
+                layers
+                    .map(|(shape, c, typical_px)| {
+                        let [found, missed] = weights[shape];
                         let nats = c.both as f64 * found + (c.simulated - c.both) as f64 * missed;
                         nats * independent_pixels / typical_px
                     })
@@ -76,8 +91,8 @@ impl Rule {
         match *self {
             // Beside the other half of the union.
             Self::Overlap { exponent } => exponent * part,
-            Self::Bernoulli { detection, false_alarm, independent_pixels } => {
-                part * independent_pixels * (detection / false_alarm).ln()
+            Self::Bernoulli { inside, outside, independent_pixels, .. } => {
+                part * independent_pixels * odds(inside, outside)[0]
             }
         }
     }
@@ -87,16 +102,22 @@ impl Rule {
         match *self {
             Self::Overlap { exponent } => (!(exponent > 0.0 && exponent.is_finite()))
                 .then(|| "the exponent has to be positive".to_owned()),
-            Self::Bernoulli { detection, false_alarm, independent_pixels } => {
-                let ordered = 0.0 < false_alarm && false_alarm < detection && detection < 1.0;
+            Self::Bernoulli { inside, rim, outside, independent_pixels } => {
+                let ordered = 0.0 < outside && outside < rim && rim < inside && inside < 1.0;
                 if !ordered {
-                    return Some("needs 0 < false_alarm < detection < 1".to_owned());
+                    return Some("needs 0 < outside < rim < inside < 1".to_owned());
                 }
                 (!(independent_pixels > 0.0 && independent_pixels.is_finite()))
                     .then(|| "independent_pixels has to be positive".to_owned())
             }
         }
     }
+}
+
+/// What a foreground and a background pixel are worth, in nats, when they are foreground with probability `here` and not
+/// `there`.
+fn odds(here: f64, there: f64) -> [f64; 2] {
+    [(here / there).ln(), ((1.0 - here) / (1.0 - there)).ln()]
 }
 
 #[cfg(test)]
@@ -110,19 +131,23 @@ mod tests {
         assert_relative_eq!(Counts::default().overlap(), 1.0);
         let rule = Rule::Overlap { exponent: 1.0 };
         let cameras = [Counts { foreground: 30, simulated: 20, both: 10 }, Counts::default()];
-        let v = rule.log_likelihood(cameras.into_iter().map(|c| (c, 1.0))).exp();
+        let v = rule.log_likelihood(cameras.into_iter().map(|c| (0, c, 1.0))).exp();
         assert_relative_eq!(v, 0.625, epsilon = 1e-12);
         assert_relative_eq!(rule.log_likelihood(std::iter::empty()), 0.0);
     }
 
     #[test]
     fn bernoulli_is_the_sum_over_pixels() {
-        // 100 pixels, drawn out: 5 foreground under a body, 3 background under it, 2 stray, 90 empty.
-        let (d, f) = (0.8_f64, 0.05_f64);
-        let with = 5.0 * d.ln() + 3.0 * (1.0 - d).ln() + 2.0 * f.ln() + 90.0 * (1.0 - f).ln();
-        let without = 7.0 * f.ln() + 93.0 * (1.0 - f).ln();
-        let rule = Rule::Bernoulli { detection: d, false_alarm: f, independent_pixels: 8.0 };
-        let counts = Counts { foreground: 7, simulated: 8, both: 5 };
-        assert_relative_eq!(rule.log_likelihood([(counts, 8.0)].into_iter()), with - without, epsilon = 1e-9);
+        // 100 pixels, drawn out: 5 foreground and 3 background in the core, 4 and 6 in the rim, 2 stray, 80 empty.
+        let (i, r, o) = (0.8_f64, 0.3_f64, 0.05_f64);
+        let sure = 5.0 * i.ln() + 3.0 * (1.0 - i).ln();
+        let rim = 4.0 * r.ln() + 6.0 * (1.0 - r).ln();
+        let with = sure + rim + 2.0 * o.ln() + 80.0 * (1.0 - o).ln();
+        let without = 11.0 * o.ln() + 89.0 * (1.0 - o).ln();
+        let rule = Rule::Bernoulli { inside: i, rim: r, outside: o, independent_pixels: 8.0 };
+        let core = Counts { foreground: 11, simulated: 8, both: 5 };
+        let reach = Counts { foreground: 11, simulated: 18, both: 9 };
+        let found = rule.log_likelihood([(0, core, 8.0), (1, reach, 8.0)].into_iter());
+        assert_relative_eq!(found, with - without, epsilon = 1e-9);
     }
 }

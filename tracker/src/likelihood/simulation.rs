@@ -2,95 +2,119 @@
 
 use image::GrayImage;
 
-use super::Counts;
 use super::cover::{Change, Cover, MAX_BODIES};
+use super::{Counts, Layers};
 use crate::silhouette::{Silhouette, View};
 
-/// The simulated masks of all cameras beside the foreground masks of the moment.
+/// The simulated masks of all layers beside the foreground masks of the moment.
 ///
 /// A state's bodies are [`Self::insert`]ed once a frame; after that each step asks [`Self::try_change`] for the counts
 /// that a change of one body would give, and [`Self::commit`]s what is accepted. Nothing allocates after the first frames.
 #[derive(Debug, Clone)]
 pub struct Simulation {
-    cameras: Vec<SimulatedCamera>,
+    layers: Vec<SimulatedLayer>,
     bodies: usize,
 }
 
 #[derive(Debug, Clone)]
-struct SimulatedCamera {
+struct SimulatedLayer {
     cover: Cover,
+    camera: usize,
     /// Whether the camera has a mask at this moment.
     in_use: bool,
     counts: Counts,
     tried: Counts,
 }
 
-/// A mask as packed words, row by row; bit 0 is the leftmost pixel. Any value but 0 is foreground.
-pub fn pack(mask: &GrayImage) -> Vec<u64> {
-    mask.chunks(mask.width() as usize)
-        .flat_map(|row| row.chunks(64))
-        .map(|word| word.iter().rev().fold(0, |bits, pixel| bits << 1 | u64::from(*pixel != 0)))
-        .collect()
+/// A mask as packed words, row by row; bit 0 is the leftmost pixel. Any value but 0 is foreground; a view's pixel that
+/// stands for a block of the mask's is foreground when half of the block is.
+pub fn pack(mask: &GrayImage, view: &View) -> Vec<u64> {
+    let (width, block) = (mask.width() as usize, view.block as usize);
+    let mut packed = Vec::with_capacity(view.words_per_row * view.height as usize);
+    let mut found = vec![0_u16; width];
+    for rows in mask.chunks(width * block) {
+        found.fill(0);
+        for row in rows.chunks(width) {
+            for (sum, pixel) in found.iter_mut().zip(row) {
+                *sum += u16::from(*pixel != 0);
+            }
+        }
+        let height = (rows.len() / width) as u16;
+        packed.extend(found.chunks(64 * block).map(|of_word| {
+            of_word.chunks(block).rev().fold(0, |bits, sums| {
+                // The last block of a row may be narrower than the others.
+                let (set, all) = (sums.iter().sum::<u16>(), sums.len() as u16 * height);
+                bits << 1 | u64::from(2 * set >= all)
+            })
+        }));
+    }
+    packed
 }
 
 impl Simulation {
     /// The most bodies a state may hold.
     pub const MAX_BODIES: usize = MAX_BODIES;
 
-    /// An empty simulation for these cameras.
-    pub fn new(views: &[View]) -> Self {
-        let camera = |view: &View| SimulatedCamera {
-            cover: Cover::new(view.words_per_row, view.height as usize),
-            in_use: false,
-            counts: Counts::default(),
-            tried: Counts::default(),
+    /// An empty simulation of these layers.
+    pub fn new(layers: &Layers) -> Self {
+        let layer = |i: usize| {
+            let camera = layers.camera(i);
+            let view = &layers.views()[camera];
+            SimulatedLayer {
+                cover: Cover::new(view.words_per_row, view.height as usize),
+                camera,
+                in_use: false,
+                counts: Counts::default(),
+                tried: Counts::default(),
+            }
         };
-        Self { cameras: views.iter().map(camera).collect(), bodies: 0 }
+        Self { layers: (0..layers.count()).map(layer).collect(), bodies: 0 }
     }
 
-    /// Takes the masks of a new moment, packed by [`pack`]; `None` leaves a camera out. Forgets all bodies.
+    /// Takes the masks of a new moment, one a camera, packed by [`pack`]; `None` leaves a camera out. Forgets all bodies.
     pub fn restart(&mut self, masks: &[Option<Vec<u64>>]) {
         self.bodies = 0;
-        for (camera, mask) in self.cameras.iter_mut().zip(masks) {
-            camera.in_use = mask.is_some();
+        for layer in &mut self.layers {
+            let mask = &masks[layer.camera];
+            layer.in_use = mask.is_some();
             if let Some(mask) = mask {
-                camera.cover.restart(mask);
+                layer.cover.restart(mask);
                 let foreground = mask.iter().map(|w| i64::from(w.count_ones())).sum();
-                camera.counts = Counts { foreground, ..Counts::default() };
-                camera.tried = camera.counts;
+                layer.counts = Counts { foreground, ..Counts::default() };
+                layer.tried = layer.counts;
             }
         }
     }
 
-    /// Whether a camera takes part in this moment.
-    pub fn in_use(&self, camera: usize) -> bool {
-        self.cameras[camera].in_use
+    /// Whether a layer's camera takes part in this moment.
+    pub fn in_use(&self, layer: usize) -> bool {
+        self.layers[layer].in_use
     }
 
-    /// The number of cameras that take part in this moment.
-    pub fn cameras_in_use(&self) -> usize {
-        self.cameras.iter().filter(|c| c.in_use).count()
+    /// Whether any camera takes part in this moment.
+    pub fn sees_anything(&self) -> bool {
+        self.layers.iter().any(|l| l.in_use)
     }
 
-    /// The counts of the present state; `None` for a camera that is left out.
+    /// The counts of the present state in each layer; `None` for a camera that is left out.
     pub fn counts(&self) -> impl Iterator<Item = Option<Counts>> + '_ {
-        self.cameras.iter().map(|c| c.in_use.then_some(c.counts))
+        self.layers.iter().map(|l| l.in_use.then_some(l.counts))
     }
 
     /// The counts that the change last tried would give.
     pub fn tried(&self) -> impl Iterator<Item = Option<Counts>> + '_ {
-        self.cameras.iter().map(|c| c.in_use.then_some(c.tried))
+        self.layers.iter().map(|l| l.in_use.then_some(l.tried))
     }
 
-    /// Works out the counts that would follow if the body drawn as `old` (one silhouette a camera; now in the state) were
+    /// Works out the counts that would follow if the body drawn as `old` (one silhouette a layer; now in the state) were
     /// drawn as `new`. Without `old` a body is added, without `new` removed.
     pub fn try_change(&mut self, old: Option<&[Silhouette]>, new: Option<&[Silhouette]>) {
-        for (i, camera) in self.cameras.iter_mut().enumerate().filter(|(_, c)| c.in_use) {
-            let Change { simulated, both } = camera.cover.change(old.map(|s| &s[i]), new.map(|s| &s[i]));
-            camera.tried = Counts {
-                foreground: camera.counts.foreground,
-                simulated: camera.counts.simulated + simulated,
-                both: camera.counts.both + both,
+        for (i, layer) in self.layers.iter_mut().enumerate().filter(|(_, l)| l.in_use) {
+            let Change { simulated, both } = layer.cover.change(old.map(|s| &s[i]), new.map(|s| &s[i]));
+            layer.tried = Counts {
+                foreground: layer.counts.foreground,
+                simulated: layer.counts.simulated + simulated,
+                both: layer.counts.both + both,
             };
         }
     }
@@ -99,14 +123,14 @@ impl Simulation {
     pub fn commit(&mut self, old: Option<&[Silhouette]>, new: Option<&[Silhouette]>) {
         self.bodies = self.bodies + usize::from(new.is_some()) - usize::from(old.is_some());
         debug_assert!(self.bodies <= MAX_BODIES, "more bodies than the digits of a pixel can count");
-        for (i, camera) in self.cameras.iter_mut().enumerate().filter(|(_, c)| c.in_use) {
+        for (i, layer) in self.layers.iter_mut().enumerate().filter(|(_, l)| l.in_use) {
             if let Some(old) = old {
-                camera.cover.remove(&old[i]);
+                layer.cover.remove(&old[i]);
             }
             if let Some(new) = new {
-                camera.cover.add(&new[i]);
+                layer.cover.add(&new[i]);
             }
-            camera.counts = camera.tried;
+            layer.counts = layer.tried;
         }
     }
 
@@ -116,15 +140,14 @@ impl Simulation {
         self.commit(None, Some(silhouettes));
     }
 
-    /// How many of a silhouette's visible pixels are foreground in one camera, whoever else covers them.
-    pub fn foreground_under(&self, camera: usize, silhouette: &Silhouette) -> u32 {
-        self.cameras[camera].cover.foreground_under(silhouette)
+    /// How many of a silhouette's visible pixels are foreground in one layer, whoever else covers them.
+    pub fn foreground_under(&self, layer: usize, silhouette: &Silhouette) -> u32 {
+        self.layers[layer].cover.foreground_under(silhouette)
     }
 
-    /// What adding a body to the present state would newly cover in one camera: pixels, and foreground pixels of these.
-    pub fn gain(&self, camera: usize, silhouette: &Silhouette) -> [i64; 2] {
-        let change = self.cameras[camera].cover.change(None, Some(silhouette));
-        [change.simulated, change.both]
+    /// The foreground that the present state leaves unexplained in one layer, packed as the masks are.
+    pub fn unexplained(&self, layer: usize) -> impl Iterator<Item = u64> + '_ {
+        self.layers[layer].cover.unexplained()
     }
 }
 
@@ -132,7 +155,7 @@ impl Simulation {
 mod tests {
     use super::*;
     use crate::likelihood::oracle;
-    use crate::silhouette::{Body, Silhouette};
+    use crate::silhouette::{Body, Shape};
     use crate::stage::StageCamera;
     use calib::{Camera, Intrinsics};
     use image::Luma;
@@ -190,7 +213,8 @@ mod tests {
 
     fn by_rays(camera: &StageCamera, bodies: &[Body], mask: &GrayImage) -> Counts {
         let width = camera.width();
-        oracle::counts(camera, bodies, mask, |u, v| camera.static_z_m[(v * width + u) as usize])
+        let solids: Vec<_> = bodies.iter().map(Body::ellipsoid).collect();
+        oracle::counts(camera, &solids, mask, |u, v| camera.static_z_m[(v * width + u) as usize])
     }
 
     /// Thousands of moves on random scenes, every one against a ray through every pixel. Bodies overlap, are cut by the
@@ -205,10 +229,11 @@ mod tests {
             let mask = GrayImage::from_fn(camera.width(), camera.height(), |u, v| {
                 Luma([if (u / 9 + v / 7) % 3 == 0 || rng.random::<f32>() < 0.1 { 255 } else { 0 }])
             });
-            let mut simulation = Simulation::new(std::slice::from_ref(&view));
-            simulation.restart(&[Some(pack(&mask))]);
+            let layers = Layers::new(vec![view.clone()], &[Shape::BODY]);
+            let mut simulation = Simulation::new(&layers);
+            simulation.restart(&[Some(pack(&mask, &view))]);
             let mut bodies: Vec<Body> = Vec::new();
-            let draw = |body: &Body| vec![Silhouette::new(&view, body)];
+            let draw = |body: &Body| layers.silhouettes(body, |_| true);
             for _ in 0..16 {
                 let kind = rng.random_range(0..3);
                 let (old, new) = match kind {
@@ -227,10 +252,10 @@ mod tests {
                 let (drawn_old, drawn_new) = (old.map(|i| draw(&bodies[i])), new.as_ref().map(draw));
                 if let (Some(body), Some(drawn)) = (&new, &drawn_new) {
                     let eye = camera.pinhole.center();
-                    let d = (eye - body.center()).component_div(&body.semi_axes());
+                    let d = (eye - body.ellipsoid().center).component_div(&body.ellipsoid().semi_axes);
                     around_camera += u32::from(d.norm() <= 1.0);
                     behind_plane += u32::from(
-                        crate::silhouette::ImageConic::new(&view, body).nearest_z_m <= 0.0
+                        crate::silhouette::ImageConic::new(&view, &body.ellipsoid()).nearest_z_m <= 0.0
                             && drawn[0].area_px > 0,
                     );
                     cut +=
@@ -264,13 +289,31 @@ mod tests {
     }
 
     #[test]
-    fn packed_masks_keep_every_pixel() {
-        let mask = GrayImage::from_fn(131, 3, |u, v| Luma([if (u + v) % 5 == 0 { 255 } else { 0 }]));
-        let packed = pack(&mask);
-        assert_eq!(packed.len(), 3 * 3);
-        for (u, v, pixel) in mask.enumerate_pixels() {
-            let bit = packed[v as usize * 3 + u as usize / 64] >> (u % 64) & 1;
-            assert_eq!(bit == 1, pixel[0] != 0, "{u}, {v}");
+    fn packed_masks_keep_every_pixel_or_most_of_every_block() {
+        let mut rng = Pcg64Mcg::seed_from_u64(3);
+        for block in [1, 2, 3, 5] {
+            let camera = StageCamera::new(
+                "c",
+                &Camera {
+                    intrinsics: Intrinsics::from_horizontal_fov(131, 31, 60.0),
+                    camera_from_world: Isometry3::identity(),
+                },
+            );
+            let view = View::coarse(&camera, block);
+            let mask = GrayImage::from_fn(131, 31, |u, v| {
+                Luma([if (u / 4 + v / 3) % 3 == 0 || rng.random::<f32>() < 0.3 { 255 } else { 0 }])
+            });
+            let packed = pack(&mask, &view);
+            assert_eq!(packed.len(), view.words_per_row * view.height as usize);
+            for (u, v) in (0..view.height).flat_map(|v| (0..view.width).map(move |u| (u, v))) {
+                let members: Vec<bool> = (v * block..((v + 1) * block).min(31))
+                    .flat_map(|y| (u * block..((u + 1) * block).min(131)).map(move |x| (x, y)))
+                    .map(|(x, y)| mask.get_pixel(x, y)[0] != 0)
+                    .collect();
+                let expected = 2 * members.iter().filter(|m| **m).count() >= members.len();
+                let bit = packed[v as usize * view.words_per_row + u as usize / 64] >> (u % 64) & 1;
+                assert_eq!(bit == 1, expected, "{u}, {v} of blocks of {block}");
+            }
         }
     }
 
@@ -278,10 +321,12 @@ mod tests {
     fn a_camera_without_a_mask_is_left_out() {
         let mut rng = Pcg64Mcg::seed_from_u64(1);
         let views: Vec<View> = (0..2).map(|_| View::new(&random_camera(&mut rng))).collect();
-        let mut simulation = Simulation::new(&views);
         let empty = vec![0; views[1].words_per_row * views[1].height as usize];
+        let mut simulation = Simulation::new(&Layers::new(views, &[Shape::CORE, Shape::REACH]));
+        assert!(!simulation.sees_anything());
         simulation.restart(&[None, Some(empty)]);
-        assert_eq!(simulation.cameras_in_use(), 1);
-        assert_eq!(simulation.counts().collect::<Vec<_>>(), [None, Some(Counts::default())]);
+        assert!(simulation.sees_anything() && !simulation.in_use(1) && simulation.in_use(2));
+        let nothing = Some(Counts::default());
+        assert_eq!(simulation.counts().collect::<Vec<_>>(), [None, None, nothing, nothing]);
     }
 }

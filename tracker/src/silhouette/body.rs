@@ -1,7 +1,6 @@
 //! The shape that stands for a person.
 
-use nalgebra::{Point3, Vector3};
-
+use super::{Ellipsoid, Shape};
 use crate::PersonEstimate;
 
 /// An upright ellipsoid standing on the floor: the state `M = (x, y, r, h)` of one person. Metres, room frame.
@@ -25,14 +24,9 @@ impl From<&PersonEstimate> for Body {
 }
 
 impl Body {
-    /// The ellipsoid's centre.
-    pub fn center(&self) -> Point3<f64> {
-        Point3::new(self.x_m, self.y_m, 0.5 * self.height_m)
-    }
-
-    /// The semi-axes along x, y and z.
-    pub fn semi_axes(&self) -> Vector3<f64> {
-        Vector3::new(self.radius_m, self.radius_m, 0.5 * self.height_m)
+    /// The ellipsoid.
+    pub fn ellipsoid(&self) -> Ellipsoid {
+        Shape::BODY.of(self)
     }
 
     /// Distance between two bodies on the floor.

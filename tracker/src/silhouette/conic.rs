@@ -16,7 +16,7 @@
 
 use nalgebra::Vector3;
 
-use super::{Body, View};
+use super::{Ellipsoid, View};
 
 /// The image of one body in one view.
 #[derive(Debug, Clone)]
@@ -32,6 +32,8 @@ pub struct ImageConic {
     height: i32,
     /// Smallest depth along z of any point of the ellipsoid.
     pub nearest_z_m: f64,
+    /// Largest depth along z of any point of the ellipsoid.
+    pub farthest_z_m: f64,
 }
 
 /// One row of the image of a body: `b² − c a` and what depth needs, as functions of u.
@@ -68,6 +70,12 @@ impl Row {
         self.c.max(0.0) / ((b * b - self.c * a).max(0.0).sqrt() - b)
     }
 
+    /// No near point of a span of this row is farther than this along z.
+    pub fn farthest_z_m(&self, span: &Span) -> f64 {
+        // The near surface is farthest where it turns away; of open conics that says nothing about the clipped ends.
+        span.ends.map_or(f64::INFINITY, |[low, high]| self.tangent_z_m(low).max(self.tangent_z_m(high)))
+    }
+
     /// Depth along z where the outline crosses this row at (real) column `u`: the ray's point closest to the middle.
     fn tangent_z_m(&self, u: f64) -> f64 {
         let a = self.a0 + u * (2.0 * self.a1 + u * self.a2);
@@ -82,22 +90,23 @@ pub struct Span {
     pub first: i32,
     /// Last column.
     pub last: i32,
-    /// No near point of the span is farther than this along z.
-    pub farthest_z_m: f64,
+    /// The (real) columns where the outline crosses the row; `None` where the image of the body is no ellipse.
+    ends: Option<[f64; 2]>,
 }
 
 impl ImageConic {
     /// The image of `body` in `view`.
-    pub fn new(view: &View, body: &Body) -> Self {
-        let axes = body.semi_axes();
+    pub fn new(view: &View, body: &Ellipsoid) -> Self {
+        let axes = body.semi_axes;
         let scale = |v: &Vector3<f64>| v.component_div(&axes);
         let (w0, wu, wv) = (scale(&view.ray_0), scale(&view.ray_u), scale(&view.ray_v));
-        let o = scale(&(view.center - body.center()));
+        let o = scale(&(view.center - body.center));
         let c = o.norm_squared() - 1.0;
         let a = [w0.dot(&w0), w0.dot(&wu), w0.dot(&wv), wu.dot(&wu), wu.dot(&wv), wv.dot(&wv)];
         let b = [o.dot(&w0), o.dot(&wu), o.dot(&wv)];
         let b_squared = [b[0] * b[0], b[0] * b[1], b[0] * b[2], b[1] * b[1], b[1] * b[2], b[2] * b[2]];
         let reach = axes.component_mul(&view.forward).norm();
+        let middle = (body.center - view.center).dot(&view.forward);
         Self {
             inside: std::array::from_fn(|i| b_squared[i] - c * a[i]),
             a,
@@ -105,7 +114,8 @@ impl ImageConic {
             c,
             width: view.width as i32,
             height: view.height as i32,
-            nearest_z_m: (body.center() - view.center).dot(&view.forward) - reach,
+            nearest_z_m: middle - reach,
+            farthest_z_m: middle + reach,
         }
     }
 
@@ -159,7 +169,7 @@ impl ImageConic {
     pub fn spans(&self, row: &Row) -> [Option<Span>; 2] {
         let (start, end) = (0.0, f64::from(self.width - 1));
         if self.holds_camera() {
-            return [Some(Span { first: 0, last: self.width - 1, farthest_z_m: 0.0 }), None];
+            return [Some(Span { first: 0, last: self.width - 1, ends: None }), None];
         }
         let square = self.inside[3];
         let half_b = row.b0 * row.b1 - self.c * row.a1;
@@ -171,11 +181,9 @@ impl ImageConic {
             }
             let root = d.sqrt();
             let (low, high) = ((-half_b + root) / square, (-half_b - root) / square);
-            let farthest = row.tangent_z_m(low).max(row.tangent_z_m(high));
-            return [Self::span(row, low.max(start), high.min(end), farthest), None];
+            return [Self::span(row, low.max(start), high.min(end), Some([low, high])), None];
         }
-        // Open conics: the tangent depths say nothing about the clipped ends, so the bound is left open.
-        let open = f64::INFINITY;
+        let open = None;
         if square == 0.0 {
             let root = -0.5 * constant / half_b;
             return match half_b.partial_cmp(&0.0) {
@@ -194,13 +202,16 @@ impl ImageConic {
     }
 
     /// The whole pixels of `[from, to]`, when they look at the body in front of the camera.
-    fn span(row: &Row, from: f64, to: f64, farthest_z_m: f64) -> Option<Span> {
-        let (first, last) = (from.ceil(), to.floor());
-        // The comparison also refuses NaN.
-        if !(first <= last && row.b0 + row.b1 * first < 0.0) {
+    ///
+    /// Both ends are clipped to the image, so that they round as whole numbers do, without a call to the library.
+    fn span(row: &Row, from: f64, to: f64, ends: Option<[f64; 2]>) -> Option<Span> {
+        // Refuses NaN, too.
+        if !(from >= 0.0 && from <= to) {
             return None;
         }
-        Some(Span { first: first as i32, last: last as i32, farthest_z_m })
+        let (below, last) = (from as i32, to as i32);
+        let first = below + i32::from(f64::from(below) < from);
+        (first <= last && row.b0 + row.b1 * f64::from(first) < 0.0).then_some(Span { first, last, ends })
     }
 }
 

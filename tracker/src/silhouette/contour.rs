@@ -7,7 +7,7 @@
 use calib::Camera;
 use nalgebra::{Point2, Point3, Vector3};
 
-use super::Body;
+use super::{Body, Ellipsoid};
 use crate::tracks::rows::PixelBox;
 
 /// Enough for a smooth outline, and for a box that is right to a three-thousandth of its size.
@@ -16,8 +16,8 @@ const POINTS: usize = 128;
 /// The outline of `body` seen from `eye` (world frame), as points in space, in order, implicitly closed. Empty when the
 /// eye is inside the body.
 pub fn points(body: &Body, eye: &Point3<f64>) -> Vec<Point3<f64>> {
-    let axes = body.semi_axes();
-    let e: Vector3<f64> = (eye - body.center()).component_div(&axes);
+    let Ellipsoid { center, semi_axes: axes } = body.ellipsoid();
+    let e: Vector3<f64> = (eye - center).component_div(&axes);
     let distance_squared = e.norm_squared();
     if distance_squared <= 1.0 || !distance_squared.is_finite() {
         return Vec::new();
@@ -37,7 +37,7 @@ pub fn points(body: &Body, eye: &Point3<f64>) -> Vec<Point3<f64>> {
     (0..POINTS)
         .map(|i| {
             let (sin, cos) = (std::f64::consts::TAU * i as f64 / POINTS as f64).sin_cos();
-            body.center() + (middle + (across * cos + up * sin) * radius).component_mul(&axes)
+            center + (middle + (across * cos + up * sin) * radius).component_mul(&axes)
         })
         .collect()
 }
@@ -85,7 +85,7 @@ mod tests {
         let half = 0.5 * body.height_m;
         let r2 = body.radius_m * body.radius_m;
         let mut shift = Matrix4::identity();
-        shift.fixed_view_mut::<3, 1>(0, 3).copy_from(&(body.center().coords));
+        shift.fixed_view_mut::<3, 1>(0, 3).copy_from(&(body.ellipsoid().center.coords));
         let quadric = shift * Matrix4::from_diagonal(&[r2, r2, half * half, -1.0].into()) * shift.transpose();
         let pose = camera.camera_from_world.to_homogeneous();
         let p = camera.intrinsics.matrix() * pose.fixed_view::<3, 4>(0, 0);

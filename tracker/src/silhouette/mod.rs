@@ -1,7 +1,7 @@
 //! What a person would look like to a camera: the image of an upright ellipsoid that stands on the floor, cut by what
 //! the room hides of it (seed 001, section 3.1 and figure 5).
 //!
-//! * [`Body`] — the ellipsoid: place, radius, height.
+//! * [`Body`] — the ellipsoid: place, radius, height. [`Shape`] — others around the same axis.
 //! * [`View`] — a camera made ready: rays of its pinhole pixels and the static depth, in blocks.
 //! * [`Silhouette`] — the pixels of one body in one view that the static room leaves visible, packed 64 to a word.
 //! * [`contour`] — the outline as points in space, and the box around the whole body, for film and files.
@@ -14,10 +14,12 @@ mod body;
 mod conic;
 pub mod contour;
 mod packed;
+mod shape;
 mod view;
 pub mod visibility;
 
 pub use body::Body;
 pub use conic::ImageConic;
 pub use packed::Silhouette;
+pub use shape::{Ellipsoid, Shape};
 pub use view::View;

@@ -1,6 +1,11 @@
 //! The visible pixels of one body in one view, packed.
 
-use super::{Body, ImageConic, View};
+use super::conic::{Row, Span};
+use super::view::STRETCH;
+use super::{Ellipsoid, ImageConic, View};
+
+/// A margin for the rounding of bounds that are met exactly, as where a body touches a wall.
+const ROUNDING: f64 = 1e-9;
 
 /// The pixels of a body that the static room leaves visible: a rectangle of 64-pixel words. Bit 0 is the leftmost.
 ///
@@ -20,14 +25,14 @@ pub struct Silhouette {
 
 impl Silhouette {
     /// The silhouette of `body` in `view`.
-    pub fn new(view: &View, body: &Body) -> Self {
+    pub fn new(view: &View, body: &Ellipsoid) -> Self {
         let mut silhouette = Self::default();
         silhouette.draw(view, body);
         silhouette
     }
 
     /// Draws `body` as seen in `view`, in place of whatever was here.
-    pub fn draw(&mut self, view: &View, body: &Body) {
+    pub fn draw(&mut self, view: &View, body: &Ellipsoid) {
         let conic = ImageConic::new(view, body);
         (self.area_px, self.visible_px) = (0, 0);
         self.bits.clear();
@@ -39,32 +44,32 @@ impl Silhouette {
         self.first_word = columns.start as usize / 64;
         self.words = (columns.end - 1) as usize / 64 + 1 - self.first_word;
         self.bits.resize(self.rows * self.words, 0);
+        let farthest_of_body_m =
+            if conic.holds_camera() { 0.0 } else { conic.farthest_z_m * (1.0 + ROUNDING) };
+        let nearest_of_body_m = conic.nearest_z_m * (1.0 - ROUNDING);
         for v in rows.clone() {
             let row = conic.row(v);
             for span in conic.spans(&row).into_iter().flatten() {
+                let mut farthest_z_m = None;
                 self.area_px += (span.last - span.first + 1) as u32;
-                for word in span.first as usize / 64..=span.last as usize / 64 {
-                    let covered = span_bits(span.first, span.last, word);
-                    let [static_near, static_far] = view.word_range_m(v, word);
-                    // A margin for the rounding of bounds that are met exactly, as where a body touches a wall.
-                    let seen = if f64::from(static_near) > span.farthest_z_m * (1.0 + 1e-9) {
+                let start = (v - rows.start) as usize * self.words;
+                for stretch in span.first as usize / STRETCH..=span.last as usize / STRETCH {
+                    let word = stretch * STRETCH / 64;
+                    let covered = span_bits(&span, stretch);
+                    let [static_near, static_far] = view.stretch_range_m(v, stretch).map(f64::from);
+                    let seen = if static_near > farthest_of_body_m {
                         covered
-                    } else if f64::from(static_far) < conic.nearest_z_m * (1.0 - 1e-9) {
+                    } else if static_far < nearest_of_body_m {
                         0
+                    } else if static_near
+                        > *farthest_z_m.get_or_insert_with(|| row.farthest_z_m(&span) * (1.0 + ROUNDING))
+                    {
+                        covered
                     } else {
-                        let mut seen = 0;
-                        let mut rest = covered;
-                        while rest != 0 {
-                            let bit = rest.trailing_zeros();
-                            let u = (word * 64) as i32 + bit as i32;
-                            let visible = row.is_in_front_of(u, view.static_z_m(u, v));
-                            seen |= u64::from(visible) << bit;
-                            rest &= rest - 1;
-                        }
-                        seen
+                        in_front(&row, view, v, word, covered)
                     };
                     self.visible_px += seen.count_ones();
-                    self.bits[(v - rows.start) as usize * self.words + word - self.first_word] |= seen;
+                    self.bits[start + word - self.first_word] |= seen;
                 }
             }
         }
@@ -87,6 +92,14 @@ impl Silhouette {
         }
         let start = (row - self.first_row) * self.words;
         &self.bits[start..start + self.words]
+    }
+
+    /// The columns between the first and the last pixel of one row.
+    pub fn row_width(&self, row: usize) -> std::ops::Range<usize> {
+        let set = || self.row_bits(row).iter().zip(self.word_range()).filter(|(bits, _)| **bits != 0);
+        let first = set().next().map(|(bits, word)| word * 64 + bits.trailing_zeros() as usize);
+        let last = set().next_back().map(|(bits, word)| word * 64 + 64 - bits.leading_zeros() as usize);
+        first.unwrap_or(0)..last.unwrap_or(0)
     }
 
     /// The bits of one word of the image; 0 outside.
@@ -133,10 +146,23 @@ impl Silhouette {
     }
 }
 
-/// The part of columns `first..=last` that falls into a word.
-fn span_bits(first: i32, last: i32, word: usize) -> u64 {
-    let base = (word * 64) as i32;
-    let low = (first - base).max(0);
-    let high = (last - base).min(63);
-    (u64::MAX << low) & (u64::MAX >> (63 - high))
+/// The pixels of a span that fall into a stretch, as bits of the stretch's word.
+fn span_bits(span: &Span, stretch: usize) -> u64 {
+    let base = (stretch * STRETCH) as i32;
+    let low = (span.first - base).max(0);
+    let high = (span.last - base).min(STRETCH as i32 - 1);
+    let bits = (u64::MAX << low) & (u64::MAX >> (63 - high));
+    bits << (base % 64)
+}
+
+/// Of the pixels of a word, those where the body is in front of what is static: one by one.
+fn in_front(row: &Row, view: &View, v: i32, word: usize, pixels: u64) -> u64 {
+    let (mut seen, mut rest) = (0, pixels);
+    while rest != 0 {
+        let bit = rest.trailing_zeros();
+        let u = (word * 64) as i32 + bit as i32;
+        seen |= u64::from(row.is_in_front_of(u, view.static_z_m(u, v))) << bit;
+        rest &= rest - 1;
+    }
+    seen
 }

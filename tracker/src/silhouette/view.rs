@@ -4,16 +4,22 @@ use nalgebra::{Point3, Vector3};
 
 use crate::stage::StageCamera;
 
+/// Pixels of a row that share a range of static depth; a divisor of a word. Long ones would hold furniture beside what is
+/// behind it.
+pub(super) const STRETCH: usize = 16;
+
 /// A pinhole camera with the static room in front of it.
 ///
 /// The pixel `(u, v)` looks along `ray_0 + u·ray_u + v·ray_v` (world frame), scaled so that its length along the
 /// camera's z is 1: a multiple of it *is* a depth.
 #[derive(Debug, Clone)]
 pub struct View {
-    /// Image width in pixels.
+    /// Image width in (this view's) pixels.
     pub width: u32,
-    /// Image height in pixels.
+    /// Image height in (this view's) pixels.
     pub height: u32,
+    /// Side of the block of the camera's pixels that is one pixel here.
+    pub block: u32,
     /// The camera's centre in the world.
     pub center: Point3<f64>,
     /// The camera's z axis in the world.
@@ -25,35 +31,51 @@ pub struct View {
     pub(crate) words_per_row: usize,
     /// Per pixel, as in [`StageCamera::static_z_m`].
     static_z_m: Vec<f32>,
-    /// Smallest and largest static depth under each word, row by row.
-    word_range_m: Vec<[f32; 2]>,
+    /// Smallest and largest static depth under each stretch, row by row.
+    stretch_range_m: Vec<[f32; 2]>,
+    stretches_per_row: usize,
 }
 
 impl View {
     /// Prepares a camera of the stage.
     pub fn new(camera: &StageCamera) -> Self {
+        Self::coarse(camera, 1)
+    }
+
+    /// Prepares a camera with `block` × `block` of its pixels as one. Each looks along its block's middle, and has the
+    /// static depth of the pixel there.
+    pub fn coarse(camera: &StageCamera, block: u32) -> Self {
         let k = &camera.pinhole.intrinsics;
+        let (width, height) = (k.width.div_ceil(block), k.height.div_ceil(block));
+        let step = f64::from(block);
         let world_from_camera = camera.pinhole.camera_from_world.rotation.inverse();
         let ray =
             |u: f64, v: f64| world_from_camera * Vector3::new((u - k.cx) / k.fx, (v - k.cy) / k.fy, 1.0);
-        let ray_0 = ray(0.0, 0.0);
-        let static_z_m = camera.static_z_m.clone();
-        let word_range_m = static_z_m
-            .chunks(k.width as usize)
-            .flat_map(|row| row.chunks(64))
+        let middle = 0.5 * (step - 1.0);
+        let ray_0 = ray(middle, middle);
+        let pixel = |i: u32, size: u32| (i * block + block / 2).min(size - 1) as usize;
+        let static_z_m: Vec<f32> = (0..height)
+            .flat_map(|v| (0..width).map(move |u| (u, v)))
+            .map(|(u, v)| camera.static_z_m[pixel(v, k.height) * k.width as usize + pixel(u, k.width)])
+            .collect();
+        let stretch_range_m = static_z_m
+            .chunks(width as usize)
+            .flat_map(|row| row.chunks(STRETCH))
             .map(|word| word.iter().fold([f32::INFINITY, 0.0], |[low, high], z| [z.min(low), z.max(high)]))
             .collect();
         Self {
-            width: k.width,
-            height: k.height,
+            width,
+            height,
+            block,
             center: camera.pinhole.center(),
             forward: world_from_camera * Vector3::z(),
             ray_0,
-            ray_u: world_from_camera * Vector3::new(1.0 / k.fx, 0.0, 0.0),
-            ray_v: world_from_camera * Vector3::new(0.0, 1.0 / k.fy, 0.0),
-            words_per_row: (k.width as usize).div_ceil(64),
+            ray_u: world_from_camera * Vector3::new(step / k.fx, 0.0, 0.0),
+            ray_v: world_from_camera * Vector3::new(0.0, step / k.fy, 0.0),
+            words_per_row: (width as usize).div_ceil(64),
             static_z_m,
-            word_range_m,
+            stretch_range_m,
+            stretches_per_row: (width as usize).div_ceil(STRETCH),
         }
     }
 
@@ -67,8 +89,8 @@ impl View {
         self.static_z_m[v as usize * self.width as usize + u as usize]
     }
 
-    /// Smallest and largest static depth under one word of a row.
-    pub(super) fn word_range_m(&self, v: i32, word: usize) -> [f32; 2] {
-        self.word_range_m[v as usize * self.words_per_row + word]
+    /// Smallest and largest static depth under one stretch of a row.
+    pub(super) fn stretch_range_m(&self, v: i32, stretch: usize) -> [f32; 2] {
+        self.stretch_range_m[v as usize * self.stretches_per_row + stretch]
     }
 }

@@ -7,8 +7,8 @@ use super::{Body, ImageConic, Silhouette, View};
 /// One silhouette a body, in the given order; [`fraction`] turns it into a number. Where two bodies overlap, the nearer
 /// surface wins pixel by pixel.
 pub fn visible_parts(view: &View, bodies: &[Body]) -> Vec<Silhouette> {
-    let whole: Vec<Silhouette> = bodies.iter().map(|b| Silhouette::new(view, b)).collect();
-    let conics: Vec<ImageConic> = bodies.iter().map(|b| ImageConic::new(view, b)).collect();
+    let whole: Vec<Silhouette> = bodies.iter().map(|b| Silhouette::new(view, &b.ellipsoid())).collect();
+    let conics: Vec<ImageConic> = bodies.iter().map(|b| ImageConic::new(view, &b.ellipsoid())).collect();
     let mut parts = whole.clone();
     for (i, part) in parts.iter_mut().enumerate() {
         for (j, other) in whole.iter().enumerate() {

@@ -17,8 +17,6 @@ use scenes::walkable::{Grid, WalkableMap};
 const DOORSTEP_M: f64 = 1.5;
 /// How much longer than the way through a zone another way must be before what lies there counts as behind the zone.
 const DETOUR_M: f64 = 1.5;
-/// How far from a camera people are looked for in a room whose floor is not known.
-const FLOOR_REACH_M: f64 = 10.0;
 
 /// Where people can be.
 #[derive(Debug, Clone)]
@@ -33,8 +31,8 @@ pub struct Floor {
 }
 
 impl Floor {
-    /// The floor of a room whose cameras stand above `eyes`.
-    pub fn new(walkable: WalkableMap, zones: &[Zone], eyes: &[Point2<f64>]) -> Self {
+    /// The floor of a room. Where it is not known how far it goes, it goes as far as the places that are `seen`.
+    pub fn new(walkable: WalkableMap, zones: &[Zone], seen: &[Point2<f64>]) -> Self {
         let beyond = walkable.grid().map_or(Vec::new(), |grid| beyond_zones(grid, zones));
         let mut corners: Vec<Point2<f64>> = zones.iter().flat_map(|z| z.polygon.0.iter().copied()).collect();
         let outline = walkable.grid().map(|grid| {
@@ -46,10 +44,10 @@ impl Floor {
             }));
             convex_hull(corners.clone())
         });
-        let reach = Vector2::repeat(if outline.is_some() { DOORSTEP_M } else { FLOOR_REACH_M });
         if outline.is_none() {
-            corners.extend_from_slice(eyes);
+            corners.extend_from_slice(seen);
         }
+        let reach = Vector2::repeat(DOORSTEP_M);
         let first = corners.first().copied().unwrap_or_default();
         let (low, high) = corners.iter().fold((first, first), |(low, high), p| (low.inf(p), high.sup(p)));
         Self { walkable, beyond, zones: zones.to_vec(), outline, bounds: (low - reach, high + reach) }
@@ -258,8 +256,9 @@ mod tests {
     fn without_zones_people_come_and_go_anywhere() {
         let floor = Floor::new(WalkableMap::of_polygons(&[rectangle(0.0, 0.0, 6.0, 5.0)]), &[], &[]);
         assert!(floor.may_appear(3.0, 3.0) && floor.may_disappear(3.0, 3.0) && !floor.is_standable(7.0, 3.0));
-        let open = Floor::new(WalkableMap::everywhere(), &[], &[Point2::new(1.0, 1.0)]);
-        assert!(open.is_inside(50.0, 50.0) && open.bounds().1.x > 5.0);
+        let open =
+            Floor::new(WalkableMap::everywhere(), &[], &[Point2::new(1.0, 1.0), Point2::new(9.0, 4.0)]);
+        assert!(open.is_inside(50.0, 50.0) && open.bounds().1.x > 9.0);
     }
 
     #[test]

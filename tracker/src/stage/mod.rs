@@ -4,6 +4,7 @@
 //! [`StageCamera::undistort`]; boxes and outlines are taken back to real pixels by [`StageCamera::to_real`].
 
 mod floor;
+mod footprint;
 
 use std::path::Path;
 
@@ -90,8 +91,8 @@ impl Stage {
         } else {
             WalkableMap::everywhere()
         };
-        let eyes: Vec<Point2<f64>> = cameras.iter().map(|c| c.pinhole.center().xy()).collect();
-        let floor = Floor::new(walkable, &room.zones, &eyes);
+        let seen: Vec<Point2<f64>> = cameras.iter().flat_map(|c| footprint::of(&c.pinhole)).collect();
+        let floor = Floor::new(walkable, &room.zones, &seen);
         Ok(Self { cameras, floor, zones: room.zones.clone() })
     }
 

@@ -1,26 +1,33 @@
 //! Where new people are proposed: uniformly over a region of the floor, or where they would explain foreground.
 //!
-//! The region is cut into square cells. The silhouette of an average person in the middle of each is drawn once, when the
-//! room is prepared, so that a moment's foreground is weighed against all cells with a few thousand word operations. The
-//! proposal is a mixture whose density is known everywhere, as the reversible jump needs it.
+//! The region is cut into square cells. What an average person in the middle of each would fill of every image is known,
+//! as a rectangle, since the room was prepared; so a moment's unexplained foreground is weighed against a cell with four
+//! reads of a summed-area table a camera. The proposal is a mixture whose density is known everywhere, as the reversible
+//! jump needs it.
+
+use std::ops::Range;
 
 use nalgebra::Point2;
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 
-use crate::likelihood::Simulation;
+use crate::likelihood::{Layers, Simulation, SummedArea};
 use crate::silhouette::{Body, Silhouette, View};
 
-/// About how many cells a region is cut into; a cell is never smaller than [`SMALLEST_CELL_M`].
-const CELLS: f64 = 600.0;
-/// A third of a shoulder's width: finer places are found by UPDATE-P.
-const SMALLEST_CELL_M: f64 = 0.15;
+/// Side of a cell: half of a person's width. Finer places are found by UPDATE-P.
+const CELL_M: f64 = 0.25;
+/// The most cells a region is cut into; a wide one gets larger cells.
+const MOST_CELLS: f64 = 12_000.0;
 
 /// A region of the floor in cells.
 #[derive(Debug, Clone)]
 pub(super) struct BirthMap {
     cell_m: f64,
+    low: Point2<f64>,
+    columns: usize,
     cells: Vec<Cell>,
+    /// For each square of the whole box, row by row, the number of its cell.
+    cell_of: Vec<Option<u32>>,
     /// Running sums of the cells' weights at this moment, ending in 1; empty when nothing is unexplained.
     cumulative: Vec<f64>,
 }
@@ -29,13 +36,31 @@ pub(super) struct BirthMap {
 struct Cell {
     center: Point2<f64>,
     /// Of an average person in the middle, one a camera.
-    silhouettes: Vec<Silhouette>,
+    filled: Vec<Filled>,
+}
+
+/// What a person would fill of an image.
+#[derive(Debug, Clone)]
+struct Filled {
+    rows: Range<usize>,
+    columns: Range<usize>,
+    /// Pixels of the rectangle that the room does not hide.
+    visible_px: u32,
+    /// Pixels of the person's innermost shape, hidden or not.
+    area_px: u32,
+}
+
+/// The foreground of a moment that a state leaves unexplained, ready to be counted.
+#[derive(Debug, Clone, Default)]
+pub(super) struct LeftOver {
+    /// One a camera; `None` for those that are left out.
+    cameras: Vec<Option<SummedArea>>,
 }
 
 impl BirthMap {
     /// Cuts the part of the box `low..high` where `inside` holds into cells.
     pub(super) fn new(
-        views: &[View],
+        layers: &Layers,
         average: &Body,
         (low, high): (Point2<f64>, Point2<f64>),
         inside: impl Fn(f64, f64) -> bool,
@@ -47,11 +72,12 @@ impl BirthMap {
             .filter(|k| inside(at(k % LOOKS, LOOKS, low.x, high.x), at(k / LOOKS, LOOKS, low.y, high.y)))
             .count();
         let area = (high.x - low.x) * (high.y - low.y) * hits as f64 / (LOOKS * LOOKS) as f64;
-        let cell_m = (area / CELLS).sqrt().max(SMALLEST_CELL_M);
+        let cell_m = (area / MOST_CELLS).sqrt().max(CELL_M);
         let columns = ((high.x - low.x) / cell_m).ceil().max(1.0) as usize;
         let rows = ((high.y - low.y) / cell_m).ceil().max(1.0) as usize;
         let mut cells = Vec::new();
-        for k in 0..columns * rows {
+        let mut cell_of = vec![None; columns * rows];
+        for (k, cell) in cell_of.iter_mut().enumerate() {
             let corner =
                 Point2::new(low.x + (k % columns) as f64 * cell_m, low.y + (k / columns) as f64 * cell_m);
             // A cell belongs to the region when any of nine points in it does.
@@ -60,11 +86,12 @@ impl BirthMap {
             if belongs {
                 let center = corner + nalgebra::Vector2::repeat(0.5 * cell_m);
                 let body = Body { x_m: center.x, y_m: center.y, ..*average };
-                let silhouettes = views.iter().map(|view| Silhouette::new(view, &body)).collect();
-                cells.push(Cell { center, silhouettes });
+                let filled = (0..layers.views().len()).map(|c| Filled::of(layers, c, &body)).collect();
+                *cell = Some(cells.len() as u32);
+                cells.push(Cell { center, filled });
             }
         }
-        Self { cell_m, cells, cumulative: Vec::new() }
+        Self { cell_m, low, columns, cells, cell_of, cumulative: Vec::new() }
     }
 
     /// Whether the region holds no place at all.
@@ -82,31 +109,36 @@ impl BirthMap {
         self.cells.len() as f64 * self.cell_m * self.cell_m
     }
 
-    /// The mean area in pixels of an average person in each view, over the cells from which it is in the image.
-    pub(super) fn typical_px(&self, views: usize) -> Vec<f64> {
-        (0..views)
-            .map(|camera| {
+    /// For each layer, the mean area in pixels of an average person's innermost shape in its camera, over the cells from
+    /// which it is in the image.
+    pub(super) fn typical_px(&self, layers: &Layers) -> Vec<f64> {
+        (0..layers.count())
+            .map(|layer| {
+                let camera = layers.camera(layer);
                 let seen =
-                    self.cells.iter().map(|c| f64::from(c.silhouettes[camera].area_px)).filter(|a| *a > 0.0);
+                    self.cells.iter().map(|c| f64::from(c.filled[camera].area_px)).filter(|a| *a > 0.0);
                 let (sum, n) = seen.fold((0.0, 0.0), |(sum, n), area| (sum + area, n + 1.0));
                 if n > 0.0 { sum / n } else { 1.0 }
             })
             .collect()
     }
 
-    /// Weighs the cells by what a person there would explain of the foreground that the present state leaves over.
+    /// Weighs the cells by what a person there would explain of the foreground that is left over.
     ///
     /// `log_gain` turns the newly covered pixels (all, foreground) of each camera into nats.
-    pub(super) fn weigh(&mut self, simulation: &Simulation, log_gain: impl Fn(usize, [i64; 2]) -> f64) {
-        let cameras: Vec<usize> = match self.cells.first() {
-            Some(cell) => (0..cell.silhouettes.len()).filter(|c| simulation.in_use(*c)).collect(),
-            None => Vec::new(),
-        };
+    pub(super) fn weigh(&mut self, left_over: &LeftOver, log_gain: impl Fn(usize, [u32; 2]) -> f64) {
         let gains: Vec<f64> = self
             .cells
             .iter()
             .map(|cell| {
-                cameras.iter().map(|&c| log_gain(c, simulation.gain(c, &cell.silhouettes[c]))).sum::<f64>()
+                let cameras = cell.filled.iter().zip(&left_over.cameras).enumerate();
+                let seen = cameras.filter_map(|(c, (filled, left))| Some((c, filled, left.as_ref()?)));
+                seen.filter(|(_, filled, _)| filled.visible_px > 0)
+                    .map(|(c, filled, left)| {
+                        let found = left.count(&filled.rows, &filled.columns).min(filled.visible_px);
+                        log_gain(c, [filled.visible_px, found])
+                    })
+                    .sum::<f64>()
             })
             .collect();
         self.cumulative.clear();
@@ -143,9 +175,7 @@ impl BirthMap {
 
     /// The density of [`Self::sample`] at a place, 1/m².
     pub(super) fn density(&self, x_m: f64, y_m: f64, informed: f64) -> f64 {
-        let half = 0.5 * self.cell_m;
-        let holds = |c: &Cell| (c.center.x - x_m).abs() <= half && (c.center.y - y_m).abs() <= half;
-        let Some(i) = self.cells.iter().position(holds) else { return 0.0 };
+        let Some(i) = self.cell_at(x_m, y_m) else { return 0.0 };
         let uniform = 1.0 / self.cells.len() as f64;
         let share = if self.cumulative.is_empty() {
             uniform
@@ -154,5 +184,56 @@ impl BirthMap {
             informed * weight + (1.0 - informed) * uniform
         };
         share / (self.cell_m * self.cell_m)
+    }
+
+    fn cell_at(&self, x_m: f64, y_m: f64) -> Option<usize> {
+        let place = (Point2::new(x_m, y_m) - self.low) / self.cell_m;
+        if place.x < 0.0 || place.y < 0.0 || place.x >= self.columns as f64 {
+            return None;
+        }
+        let square = place.y as usize * self.columns + place.x as usize;
+        self.cell_of.get(square).copied().flatten().map(|i| i as usize)
+    }
+}
+
+impl Filled {
+    /// The middle of a body's innermost shape in one camera: what of the rectangle around it is hardly ever empty.
+    fn of(layers: &Layers, camera: usize, body: &Body) -> Self {
+        let view: &View = &layers.views()[camera];
+        let mut core = Silhouette::default();
+        layers.draw(layers.innermost(camera), body, &mut core);
+        let (mut columns, mut widest) = (0..0, 0);
+        for row in core.row_range() {
+            let width = core.row_width(row);
+            if width.len() > widest {
+                (columns, widest) = (width.clone(), width.len());
+            }
+        }
+        // The narrower middle of an ellipse's widest row is inside it over most of its rows.
+        let inset = columns.len() / 6;
+        let columns = (columns.start + inset)..(columns.end - inset).min(view.width as usize);
+        let rows = core.row_range();
+        let visible_px = rows
+            .clone()
+            .flat_map(|v| columns.clone().map(move |u| (u, v)))
+            .filter(|(u, v)| core.contains(*u as u32, *v as u32))
+            .count() as u32;
+        Self { rows, columns, visible_px, area_px: core.area_px }
+    }
+}
+
+impl LeftOver {
+    /// Takes in what the simulation's present state leaves unexplained.
+    pub(super) fn restart(&mut self, layers: &Layers, simulation: &Simulation) {
+        self.cameras.resize_with(layers.views().len(), || None);
+        for (camera, (sums, view)) in self.cameras.iter_mut().zip(layers.views()).enumerate() {
+            let layer = layers.outermost(camera);
+            if simulation.in_use(layer) {
+                let sums = sums.get_or_insert_default();
+                sums.restart(view.width as usize, view.words_per_row, simulation.unexplained(layer));
+            } else {
+                *sums = None;
+            }
+        }
     }
 }

@@ -18,9 +18,9 @@ use rand_pcg::Pcg64Mcg;
 use super::births::BirthMap;
 use super::options::{Acceptance, McmcOptions, Spread};
 use super::person::{Key, Known, Person};
-use crate::likelihood::Simulation;
 use crate::likelihood::prior::{LOG_IMPOSSIBLE, log_separation};
-use crate::silhouette::{Body, Silhouette, View};
+use crate::likelihood::{Counts, Layers, Simulation};
+use crate::silhouette::{Body, Silhouette};
 use crate::stage::Floor;
 
 /// With what probability ADD takes a deletion back, when there is one to take back.
@@ -39,7 +39,7 @@ const HEIGHTS_M: std::ops::RangeInclusive<f64> = 0.8..=2.3;
 /// What stays the same during a moment.
 pub(super) struct Setting<'a> {
     pub(super) floor: &'a Floor,
-    pub(super) views: &'a [View],
+    pub(super) layers: &'a Layers,
     pub(super) options: &'a McmcOptions,
     /// Where ADD may put people, weighed for this moment.
     pub(super) births: &'a BirthMap,
@@ -47,7 +47,7 @@ pub(super) struct Setting<'a> {
     pub(super) unexplained: Option<&'a BirthMap>,
     /// People may appear anywhere.
     pub(super) settling: bool,
-    /// Pixels of a typical silhouette, one entry a camera.
+    /// Pixels of a typical silhouette, one entry a layer.
     pub(super) typical_px: &'a [f64],
     /// What multiplies `log R`. As published, R stands beside a V that goes from 0 to 1; beside a V that counts for
     /// hundreds of nats it has to weigh as much more.
@@ -89,7 +89,7 @@ impl<'a> Chain<'a> {
         people: Vec<Person>,
         next_key: &'a mut Key,
     ) -> Self {
-        let proposed = vec![Silhouette::default(); setting.views.len()];
+        let proposed = vec![Silhouette::default(); setting.layers.count()];
         let mut chain = Self {
             setting,
             simulation,
@@ -284,7 +284,8 @@ impl<'a> Chain<'a> {
     fn take_in(&mut self, mut person: Person, likelihood: f64) {
         self.simulation.commit(None, Some(&self.proposed));
         self.log_likelihood = likelihood;
-        let spare = self.spare.pop().unwrap_or_else(|| vec![Silhouette::default(); self.setting.views.len()]);
+        let spare =
+            self.spare.pop().unwrap_or_else(|| vec![Silhouette::default(); self.setting.layers.count()]);
         person.silhouettes = std::mem::replace(&mut self.proposed, spare);
         self.people.push(person);
     }
@@ -345,8 +346,8 @@ impl<'a> Chain<'a> {
             }
             Some(known) if kernel < 0.3 => {
                 // Along the line of sight of some camera, as seen to the prediction so that there and back are alike.
-                let eye =
-                    self.setting.views[rng.random_range(0..self.setting.views.len())].center.xy().coords;
+                let views = self.setting.layers.views();
+                let eye = views[rng.random_range(0..views.len())].center.xy().coords;
                 let along = known.place.mean() - eye;
                 let length: f64 = rng.sample(StandardNormal);
                 let step = along / along.norm().max(1e-6) * (length * LINE_OF_SIGHT_STEP_M);
@@ -442,9 +443,9 @@ impl<'a> Chain<'a> {
     /// Draws the proposal (into `proposed`) and works out its `log V`.
     fn likelihood_of(&mut self, old: Option<usize>, new: Option<&Body>) -> f64 {
         if let Some(body) = new {
-            for (i, (view, silhouette)) in self.setting.views.iter().zip(&mut self.proposed).enumerate() {
-                if self.simulation.in_use(i) {
-                    silhouette.draw(view, body);
+            for (layer, silhouette) in self.proposed.iter_mut().enumerate() {
+                if self.simulation.in_use(layer) {
+                    self.setting.layers.draw(layer, body, silhouette);
                 }
             }
         }
@@ -453,9 +454,10 @@ impl<'a> Chain<'a> {
         self.rule_of(self.simulation.tried())
     }
 
-    fn rule_of(&self, counts: impl Iterator<Item = Option<crate::likelihood::Counts>>) -> f64 {
-        let used = counts.zip(self.setting.typical_px).filter_map(|(c, px)| c.map(|c| (c, *px)));
-        self.setting.options.likelihood.log_likelihood(used)
+    fn rule_of(&self, counts: impl Iterator<Item = Option<Counts>>) -> f64 {
+        let Setting { layers, typical_px, options, .. } = &self.setting;
+        let used = counts.enumerate().filter_map(|(i, c)| Some((layers.shape(i), c?, typical_px[i])));
+        options.likelihood.log_likelihood(used)
     }
 }
 

@@ -11,9 +11,11 @@
 
 mod births;
 mod chain;
+mod evidence;
 mod motion;
 mod options;
 mod person;
+mod resolution;
 mod tally;
 mod track;
 
@@ -21,18 +23,19 @@ use nalgebra::Point2;
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 
-use self::births::BirthMap;
+use self::births::{BirthMap, LeftOver};
 use self::chain::{Chain, Setting};
+use self::evidence::{Evidence, worst_filled};
 pub use self::options::{Acceptance, McmcOptions, MotionOptions, MoveWeights, Spread};
 use self::person::{Key, Person};
 use self::tally::Tally;
-use self::track::{Evidence, Track};
+use self::track::Track;
 use super::Method;
-use crate::likelihood::{Counts, Simulation, pack};
+use crate::likelihood::{Counts, Layers, Simulation, pack};
 use crate::silhouette::visibility::{fraction, visible_parts};
 use crate::silhouette::{Body, Silhouette, View};
-use crate::stage::Stage;
-use crate::{Error, Moment, PersonEstimate, Result, TrackId};
+use crate::stage::{Stage, StageCamera};
+use crate::{CameraFrame, Error, Moment, PersonEstimate, Result, TrackId};
 
 /// While people who were inside already are being found, a moment gets this many times the steps.
 const SETTLING_STEPS: u32 = 5;
@@ -50,10 +53,13 @@ const LEAST_STEP_S: f64 = 1e-3;
 pub struct Mcmc {
     stage: Stage,
     options: McmcOptions,
+    layers: Layers,
+    /// The cameras in full, for what is reported.
     views: Vec<View>,
     typical_px: Vec<f64>,
     zones: BirthMap,
     anywhere: BirthMap,
+    left_over: LeftOver,
     simulation: Simulation,
     tracks: Vec<Track>,
     rng: Pcg64Mcg,
@@ -75,19 +81,24 @@ impl Mcmc {
         let average =
             Body { x_m: 0.0, y_m: 0.0, radius_m: options.radius.mean_m, height_m: options.height.mean_m };
         let bounds = stage.floor.bounds();
-        let anywhere = BirthMap::new(&views, &average, bounds, |x, y| {
+        let coarse =
+            stage.cameras.iter().map(|c| View::coarse(c, resolution::block(c, &average, &stage.floor)));
+        let layers = Layers::new(coarse.collect(), options.likelihood.shapes());
+        let anywhere = BirthMap::new(&layers, &average, bounds, |x, y| {
             stage.floor.is_standable(x, y) && is_seen(&stage, x, y, average.height_m)
         });
         let zones = if stage.zones.is_empty() {
             anywhere.clone()
         } else {
-            BirthMap::new(&views, &average, bounds, |x, y| {
+            BirthMap::new(&layers, &average, bounds, |x, y| {
                 stage.floor.is_standable(x, y) && stage.floor.may_appear(x, y)
             })
         };
         Ok(Self {
-            typical_px: anywhere.typical_px(views.len()),
-            simulation: Simulation::new(&views),
+            typical_px: anywhere.typical_px(&layers),
+            left_over: LeftOver::default(),
+            simulation: Simulation::new(&layers),
+            layers,
             rng: Pcg64Mcg::seed_from_u64(options.seed),
             stage,
             options,
@@ -103,7 +114,7 @@ impl Mcmc {
     }
 
     fn packed_masks(&self, moment: &Moment<'_>) -> Result<Vec<Option<Vec<u64>>>> {
-        let packed = |(camera, frame): (&crate::stage::StageCamera, &crate::CameraFrame)| {
+        let packed = |((camera, view), frame): ((&StageCamera, &View), &CameraFrame)| {
             let Some(mask) = &frame.mask else { return Ok(None) };
             if mask.dimensions() != (camera.width(), camera.height()) {
                 return Err(Error::FrameSize {
@@ -115,15 +126,15 @@ impl Mcmc {
                     height: camera.height(),
                 });
             }
-            Ok(Some(pack(mask)))
+            Ok(Some(pack(mask, view)))
         };
-        self.stage.cameras.iter().zip(moment.cameras).map(packed).collect()
+        self.stage.cameras.iter().zip(self.layers.views()).zip(moment.cameras).map(packed).collect()
     }
 
     /// What the last moment says about everybody now, drawn.
     fn predicted(&mut self, dt_s: f64) -> Vec<Person> {
-        let (views, floor, options, simulation) =
-            (&self.views, &self.stage.floor, &self.options, &self.simulation);
+        let (layers, floor, options, simulation) =
+            (&self.layers, &self.stage.floor, &self.options, &self.simulation);
         let left = -(-options.deaths_per_s * dt_s).exp_m1();
         let person = |track: &mut Track| {
             let before = track.body();
@@ -136,18 +147,7 @@ impl Mcmc {
                 // Walked into a wall: they rather stopped.
                 (body.x_m, body.y_m) = (before.x_m, before.y_m);
             }
-            let silhouettes =
-                views
-                    .iter()
-                    .enumerate()
-                    .map(|(i, view)| {
-                        if simulation.in_use(i) {
-                            Silhouette::new(view, &body)
-                        } else {
-                            Silhouette::default()
-                        }
-                    })
-                    .collect();
+            let silhouettes = layers.silhouettes(&body, |layer| simulation.in_use(layer));
             Person {
                 key: track.key,
                 body,
@@ -159,31 +159,46 @@ impl Mcmc {
         self.tracks.iter_mut().map(person).collect()
     }
 
+    /// The steps that a mean over so many people takes.
+    fn kept_steps(&self, people: usize) -> u32 {
+        self.options.kept_steps.max(self.options.steps_per_person * people as u32)
+    }
+
     /// Runs the chain of one moment and returns the tally of its kept states.
     fn sample(&mut self, people: Vec<Person>, dt_s: f64, settling: bool) -> Tally {
         let rule = self.options.likelihood;
         let typical_px = &self.typical_px;
-        let worth = |camera: usize, [simulated, both]: [i64; 2]| {
-            let counts = Counts { foreground: both.max(1), simulated, both };
-            rule.log_likelihood(std::iter::once((counts, typical_px[camera])))
+        let layers = &self.layers;
+        let worth = |camera: usize, [simulated, both]: [u32; 2]| {
+            let counts = Counts {
+                foreground: i64::from(both.max(1)),
+                simulated: i64::from(simulated),
+                both: i64::from(both),
+            };
+            let shapes = layers.innermost(camera)..=layers.outermost(camera);
+            rule.log_likelihood(shapes.map(|layer| (layers.shape(layer), counts, typical_px[layer])))
         };
+        // The outermost shape has the least left over.
         let left_over = self
             .simulation
             .counts()
             .zip(typical_px)
-            .filter_map(|(counts, px)| counts.map(|c| (c.foreground - c.both) as f64 / px))
+            .enumerate()
+            .filter(|(layer, _)| layers.shape(*layer) + 1 == layers.shapes().len())
+            .filter_map(|(_, (counts, px))| counts.map(|c| (c.foreground - c.both) as f64 / px))
             .fold(0.0, f64::max);
+        self.left_over.restart(layers, &self.simulation);
         if settling || left_over > LEFT_OVER {
-            self.anywhere.weigh(&self.simulation, worth);
+            self.anywhere.weigh(&self.left_over, worth);
         }
         if !settling {
-            self.zones.weigh(&self.simulation, worth);
+            self.zones.weigh(&self.left_over, worth);
         }
         let births = if settling { &self.anywhere } else { &self.zones };
         let unexplained = (left_over > LEFT_OVER && self.anywhere.is_weighed()).then_some(&self.anywhere);
         let setting = Setting {
             floor: &self.stage.floor,
-            views: &self.views,
+            layers: &self.layers,
             options: &self.options,
             births,
             unexplained,
@@ -194,12 +209,14 @@ impl Mcmc {
                 - rule.worth_of(self.options.birth_evidence),
         };
         let factor = if settling { SETTLING_STEPS } else { 1 };
+        let kept = self.kept_steps(people.len());
+        let burn_in = (self.options.burn_in_steps * factor).max(kept);
         let mut chain = Chain::new(setting, &mut self.simulation, people, &mut self.next_key);
-        for _ in 0..self.options.burn_in_steps * factor {
+        for _ in 0..burn_in {
             chain.step(&mut self.rng);
         }
         let mut tally = Tally::default();
-        for _ in 0..self.options.kept_steps {
+        for _ in 0..kept {
             chain.step(&mut self.rng);
             tally.add(&chain.people);
         }
@@ -211,7 +228,7 @@ impl Method for Mcmc {
     fn step(&mut self, moment: &Moment<'_>) -> Result<Vec<PersonEstimate>> {
         let masks = self.packed_masks(moment)?;
         self.simulation.restart(&masks);
-        if self.started_s.is_none() && self.simulation.cameras_in_use() > 0 {
+        if self.started_s.is_none() && self.simulation.sees_anything() {
             self.started_s = Some(moment.time_s);
         }
         let dt_s = self.last_time_s.map_or(FIRST_STEP_S, |last| moment.time_s - last).max(LEAST_STEP_S);
@@ -224,7 +241,7 @@ impl Method for Mcmc {
             self.simulation.insert(&person.silhouettes);
         }
         let tally = self.sample(people, dt_s, settling);
-        self.take_in(&tally);
+        self.take_in(&tally, settling);
         self.weigh(&masks, dt_s);
         Ok(self.report())
     }
@@ -232,12 +249,11 @@ impl Method for Mcmc {
 
 impl Mcmc {
     /// Turns the tally into tracks: people in most of the states live, the others are gone.
-    fn take_in(&mut self, tally: &Tally) {
-        let kept = self.options.kept_steps;
-        let lives = |states: u32| states * 2 > kept;
+    fn take_in(&mut self, tally: &Tally, settling: bool) {
+        let lives = |states: u32| states * 2 > tally.states();
         self.tracks.retain(|track| tally.of(track.key).is_some_and(|s| lives(s.states)));
         let bodies: Vec<Body> = self.tracks.iter().map(Track::body).collect();
-        let visible = self.visible_fractions(&bodies);
+        let visible = Self::visible_fractions(self.layers.views(), &bodies);
         for (track, visible) in self.tracks.iter_mut().zip(visible) {
             if let Some(sums) = tally.of(track.key) {
                 let best = visible.iter().copied().fold(0.0, f64::max);
@@ -246,7 +262,7 @@ impl Mcmc {
         }
         for sums in tally.all().iter().filter(|s| lives(s.states)) {
             if self.tracks.iter().all(|t| t.key != sums.key) {
-                self.tracks.push(Track::born(sums, &self.options));
+                self.tracks.push(Track::born(sums, settling, &self.options));
             }
         }
     }
@@ -258,14 +274,15 @@ impl Mcmc {
         let drawn: Vec<Vec<Silhouette>> = self
             .tracks
             .iter()
-            .map(|t| self.views.iter().map(|view| Silhouette::new(view, &t.body())).collect())
+            .map(|t| self.layers.silhouettes(&t.body(), |l| self.simulation.in_use(l)))
             .collect();
         for silhouettes in &drawn {
             self.simulation.insert(silhouettes);
         }
         let rule = self.options.likelihood;
         let nats = |counts: &mut dyn Iterator<Item = Option<Counts>>| {
-            rule.log_likelihood(counts.zip(&self.typical_px).filter_map(|(c, px)| c.map(|c| (c, *px))))
+            let counts = counts.zip(&self.typical_px).enumerate();
+            rule.log_likelihood(counts.filter_map(|(i, (c, px))| Some((self.layers.shape(i), c?, *px))))
         };
         let with = nats(&mut self.simulation.counts());
         for (track, silhouettes) in self.tracks.iter_mut().zip(&drawn) {
@@ -273,10 +290,10 @@ impl Mcmc {
             let evidence = Evidence {
                 support_nats: with - nats(&mut self.simulation.tried()),
                 chance_nats: rule.worth_of(self.options.birth_evidence),
-                worst_filled: worst_filled(&self.simulation, silhouettes),
+                worst_filled: worst_filled(&self.simulation, &self.layers, silhouettes),
             };
             track.weigh(&evidence, dt_s);
-            if track.id.is_none() && track.earned_nats >= self.options.believed_at_nats {
+            if track.id.is_none() && track.is_believable(&self.options) {
                 track.id = Some(TrackId(self.next_id));
                 self.next_id += 1;
             }
@@ -284,9 +301,9 @@ impl Mcmc {
     }
 
     /// For each body, the visible fraction in each camera.
-    fn visible_fractions(&self, bodies: &[Body]) -> Vec<Vec<f64>> {
-        let mut fractions = vec![Vec::with_capacity(self.views.len()); bodies.len()];
-        for view in &self.views {
+    fn visible_fractions(views: &[View], bodies: &[Body]) -> Vec<Vec<f64>> {
+        let mut fractions = vec![Vec::with_capacity(views.len()); bodies.len()];
+        for view in views {
             for (of_body, part) in fractions.iter_mut().zip(visible_parts(view, bodies)) {
                 of_body.push(fraction(&part));
             }
@@ -296,25 +313,26 @@ impl Mcmc {
 
     fn report(&self) -> Vec<PersonEstimate> {
         let bodies: Vec<Body> = self.tracks.iter().map(Track::body).collect();
-        let visible = self.visible_fractions(&bodies);
+        let visible = Self::visible_fractions(&self.views, &bodies);
         let mut people: Vec<PersonEstimate> = self
             .tracks
             .iter()
             .zip(visible)
             .filter_map(|(track, visible)| {
-                let (body, velocity, covariance) =
-                    (track.body(), track.motion.velocity(), track.motion.place_covariance());
+                let motion = &track.motion;
+                let (place, velocity, covariance) =
+                    (motion.place(), motion.velocity(), motion.place_covariance());
                 // On a doorstep nobody is in the room.
-                if !self.stage.floor.is_inside(body.x_m, body.y_m) {
+                if !self.stage.floor.is_inside(place.x, place.y) {
                     return None;
                 }
                 Some(PersonEstimate {
                     id: track.id?,
-                    x_m: body.x_m,
-                    y_m: body.y_m,
+                    x_m: place.x,
+                    y_m: place.y,
                     z_m: 0.0,
-                    radius_m: body.radius_m,
-                    height_m: body.height_m,
+                    radius_m: track.radius.mean_m,
+                    height_m: track.height.mean_m,
                     vx: velocity.x,
                     vy: velocity.y,
                     sigma_m: [covariance[(0, 0)].sqrt(), covariance[(1, 1)].sqrt()],
@@ -326,20 +344,6 @@ impl Mcmc {
         people.sort_by_key(|p| p.id);
         people
     }
-}
-
-/// Of the cameras that see a body clearly, the smallest foreground part of its silhouette; 1 when none does.
-fn worst_filled(simulation: &Simulation, silhouettes: &[Silhouette]) -> f64 {
-    /// A camera sees a body clearly when at least half of it is in sight, and enough of it to tell.
-    const CLEAR: f64 = 0.5;
-    const CLEAR_PX: u32 = 100;
-    silhouettes
-        .iter()
-        .enumerate()
-        .filter(|(camera, s)| simulation.in_use(*camera) && s.visible_px > CLEAR_PX)
-        .filter(|(_, s)| f64::from(s.visible_px) >= CLEAR * f64::from(s.area_px))
-        .map(|(camera, s)| f64::from(simulation.foreground_under(camera, s)) / f64::from(s.visible_px))
-        .fold(1.0, f64::min)
 }
 
 /// Whether a person standing here would have feet, middle or head in some camera's image.

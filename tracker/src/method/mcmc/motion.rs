@@ -1,9 +1,13 @@
 //! Prediction (seed 001, equation 1), with what it does not know.
 //!
-//! A person's velocity is an Ornstein–Uhlenbeck process: remembered for `velocity_memory_s`, pushed by white
+//! A person's velocity is an Ornstein–Uhlenbeck process: remembered for a while, pushed by white
 //! acceleration. Place and velocity are a 4-vector with covariance, carried from moment to moment over any time step;
-//! with infinite memory its mean is the published `S + V`. The sampler works on the place alone; what its posterior has
-//! learnt beyond the prediction is taken back as a measurement of the place.
+//! with infinite memory its mean is the published `S + V`. The sampler works on the place of the silhouette alone; what its
+//! posterior has learnt beyond the prediction is taken back as a measurement of that place.
+//!
+//! Whoever walks leans forward: head and trunk, which make up most of the silhouette, are ahead of the pelvis by about
+//! `lean_s` times the velocity. So the silhouette stands at `C · state`, with `C = [I, lean_s · I]`, and what is reported is
+//! where the person stands.
 
 use std::ops::AddAssign;
 
@@ -15,13 +19,14 @@ use super::options::MotionOptions;
 /// thousand by chance.
 const SURPRISE: f64 = 13.8;
 /// An axis whose posterior variance is more than this part of the prior's has taught nothing but the sampler's own noise.
-const NOTHING_LEARNT: f64 = 0.8;
+const NOTHING_LEARNT: f64 = 0.95;
 
 /// Place (m) and velocity (m/s) on the floor, with their covariance. Order: x, y, vx, vy.
 #[derive(Debug, Clone)]
 pub(super) struct Motion {
     pub(super) mean: Vector4<f64>,
     pub(super) covariance: Matrix4<f64>,
+    lean_s: f64,
 }
 
 impl Motion {
@@ -31,7 +36,7 @@ impl Motion {
         all.fixed_view_mut::<2, 2>(0, 0).copy_from(covariance);
         all.fixed_view_mut::<2, 2>(0, 2).fill(0.0);
         all.fixed_view_mut::<2, 2>(2, 0).fill(0.0);
-        Self { mean: Vector4::new(place.x, place.y, 0.0, 0.0), covariance: all }
+        Self { mean: Vector4::new(place.x, place.y, 0.0, 0.0), covariance: all, lean_s: options.lean_s }
     }
 
     pub(super) fn place(&self) -> Vector2<f64> {
@@ -42,14 +47,32 @@ impl Motion {
         self.mean.fixed_rows::<2>(2).into()
     }
 
+    /// Where the silhouette of somebody upright would be like theirs.
+    pub(super) fn silhouette_place(&self) -> Vector2<f64> {
+        self.place() + self.velocity() * self.lean_s
+    }
+
+    /// Covariance of [`Self::silhouette_place`].
+    pub(super) fn silhouette_covariance(&self) -> Matrix2<f64> {
+        let c = self.silhouette_from_state();
+        c * self.covariance * c.transpose()
+    }
+
+    /// C.
+    fn silhouette_from_state(&self) -> Matrix2x4<f64> {
+        let l = self.lean_s;
+        Matrix2x4::new(1.0, 0.0, l, 0.0, 0.0, 1.0, 0.0, l)
+    }
+
     /// Covariance of the place.
     pub(super) fn place_covariance(&self) -> Matrix2<f64> {
         self.covariance.fixed_view::<2, 2>(0, 0).into()
     }
 
-    /// Carries the belief `dt_s` seconds on.
-    pub(super) fn predict(&mut self, dt_s: f64, options: &MotionOptions) {
-        let beta = 1.0 / options.velocity_memory_s;
+    /// Carries the belief `dt_s` seconds on, for somebody in sight or not.
+    pub(super) fn predict(&mut self, dt_s: f64, in_sight: bool, options: &MotionOptions) {
+        let memory_s = if in_sight { options.velocity_memory_s } else { options.unseen_velocity_memory_s };
+        let beta = 1.0 / memory_s;
         // How much of the velocity is left, and how far it carries.
         let left = (-beta * dt_s).exp();
         let carries = if beta * dt_s < 1e-6 { dt_s } else { (1.0 - left) / beta };
@@ -70,7 +93,7 @@ impl Motion {
         self.covariance = step * self.covariance * step.transpose() + noise;
     }
 
-    /// Takes in what the sampler found, this belief having been its prior: the posterior's mean and covariance.
+    /// Takes in where the sampler found the silhouette, this belief having been its prior: the posterior's mean and covariance.
     ///
     /// The likelihood behind that posterior is `N(z, R)` with `R⁻¹ = Σ⁻¹ − P⁻¹`; what the silhouette's place means beyond
     /// that (`gait_sigma_m`) is added to R, and the belief updated with it. Directions in which the sampler learnt
@@ -81,14 +104,14 @@ impl Motion {
         posterior: &Matrix2<f64>,
         options: &MotionOptions,
     ) {
-        let mut prior = self.place_covariance();
+        let mut prior = self.silhouette_covariance();
         let gait = Matrix2::identity() * options.gait_sigma_m.powi(2);
-        let shift = place - self.place();
+        let shift = place - self.silhouette_place();
         let surprise = (prior + gait).try_inverse().map_or(0.0, |inverse| shift.dot(&(inverse * shift)));
         if surprise > SURPRISE {
             // They were not where they were predicted: the prediction was worth less than it said.
             self.covariance.fixed_view_mut::<2, 2>(0, 0).add_assign(&(shift * shift.transpose()));
-            prior = self.place_covariance();
+            prior = self.silhouette_covariance();
         }
         let Some(root) = prior.cholesky().map(|c| c.l()) else { return };
         let Some(inverse_root) = root.try_inverse() else { return };
@@ -110,8 +133,7 @@ impl Motion {
             }
         }
         noise += measures * gait * measures.transpose();
-        let mut observation = Matrix2x4::zeros();
-        observation.fixed_view_mut::<2, 2>(0, 0).copy_from(&measures);
+        let observation = measures * self.silhouette_from_state();
         let innovation = observation * self.covariance * observation.transpose() + noise;
         let Some(inverse) = innovation.try_inverse() else { return };
         let gain = self.covariance * observation.transpose() * inverse;
@@ -133,7 +155,7 @@ mod tests {
         let mut motion = Motion::appeared(Vector2::new(1.0, 2.0), &(Matrix2::identity() * 0.01), &options);
         motion.mean[2] = 0.7;
         motion.mean[3] = -0.4;
-        motion.predict(0.3, &options);
+        motion.predict(0.3, true, &options);
         motion
     }
 
@@ -143,7 +165,7 @@ mod tests {
         let mut motion = Motion::appeared(Vector2::new(1.0, 2.0), &Matrix2::identity(), &options);
         motion.mean[2] = 0.7;
         motion.mean[3] = -0.4;
-        motion.predict(0.5, &options);
+        motion.predict(0.5, true, &options);
         assert_relative_eq!(motion.mean, Vector4::new(1.35, 1.8, 0.7, -0.4), epsilon = 1e-12);
     }
 
@@ -153,7 +175,8 @@ mod tests {
         let options = MotionOptions { gait_sigma_m: 0.05, ..MotionOptions::default() };
         let noise = Matrix2::new(0.02, 0.005, 0.005, 0.03);
         let seen = Vector2::new(1.4, 1.7);
-        let h = Matrix2x4::new(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0);
+        let lean = options.lean_s;
+        let h = Matrix2x4::new(1.0, 0.0, lean, 0.0, 0.0, 1.0, 0.0, lean);
         let update = |r: Matrix2<f64>| {
             let s = h * prior.covariance * h.transpose() + r;
             let k = prior.covariance * h.transpose() * s.try_inverse().unwrap();
@@ -161,9 +184,9 @@ mod tests {
         };
         // The sampler knows nothing of gait; the belief does.
         let (mean, covariance) = update(noise);
-        let sampled: Matrix2<f64> = covariance.fixed_view::<2, 2>(0, 0).into();
+        let sampled: Matrix2<f64> = h * covariance * h.transpose();
         let mut motion = prior.clone();
-        motion.condition(&Vector2::new(mean[0], mean[1]), &sampled, &options);
+        motion.condition(&(h * mean), &sampled, &options);
 
         let (mean, covariance) = update(noise + Matrix2::identity() * 0.0025);
         assert_relative_eq!(motion.mean, mean, epsilon = 1e-9);
@@ -174,8 +197,8 @@ mod tests {
     fn a_posterior_as_wide_as_the_prior_teaches_nothing() {
         let prior = start();
         let mut motion = prior.clone();
-        let place = prior.place() + Vector2::new(0.03, -0.05);
-        motion.condition(&place, &(prior.place_covariance() * 0.95), &MotionOptions::default());
+        let place = prior.silhouette_place() + Vector2::new(0.03, -0.05);
+        motion.condition(&place, &(prior.silhouette_covariance() * 0.97), &MotionOptions::default());
         assert_relative_eq!(motion.mean, prior.mean, epsilon = 1e-9);
         assert_relative_eq!(motion.covariance, prior.covariance, epsilon = 1e-9);
     }
@@ -185,7 +208,7 @@ mod tests {
         let (mut motion, options) = (start(), MotionOptions::default());
         let before = motion.place_covariance().trace();
         for _ in 0..120 {
-            motion.predict(1.0 / 12.0, &options);
+            motion.predict(1.0 / 12.0, false, &options);
         }
         assert!(motion.place_covariance().trace() > before + 1.0);
         assert!(motion.velocity().norm() < 0.05);

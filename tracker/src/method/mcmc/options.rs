@@ -50,25 +50,32 @@ impl Default for MoveWeights {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MotionOptions {
-    /// Spectral density of the acceleration, m²/s³: how suddenly velocity changes. 1.2 lets a walker turn a corner
+    /// Spectral density of the acceleration, m²/s³: how suddenly velocity changes. 1.5 lets a walker turn a corner
     /// (1.2 m/s to the side) within half a second at two standard deviations.
     pub acceleration_density: f64,
-    /// How long a velocity is remembered, seconds; what nobody sees walks on for about this long. Infinite: constant
-    /// velocity, as published (equation 1).
+    /// How long the velocity of somebody in sight is remembered, seconds. Infinite: constant velocity, as published
+    /// (equation 1).
     pub velocity_memory_s: f64,
+    /// The same for somebody out of sight, who walks on for about this long: they may as well have stopped there.
+    pub unseen_velocity_memory_s: f64,
     /// Standard deviation of the velocity of somebody who has just appeared, m/s.
     pub initial_speed_sigma: f64,
     /// What a silhouette's place means beyond the sampler's own spread, metres: swinging arms and legs move it.
     pub gait_sigma_m: f64,
+    /// How far ahead of where a person stands the silhouette of a walker is, seconds times velocity: a trunk that leans
+    /// forward by five degrees, as walkers' do, brings the middle of the silhouette 3 cm ahead of the pelvis at 1.2 m/s.
+    pub lean_s: f64,
 }
 
 impl Default for MotionOptions {
     fn default() -> Self {
         Self {
-            acceleration_density: 1.2,
-            velocity_memory_s: 1.5,
+            acceleration_density: 1.5,
+            velocity_memory_s: 8.0,
+            unseen_velocity_memory_s: 1.5,
             initial_speed_sigma: 0.8,
-            gait_sigma_m: 0.05,
+            gait_sigma_m: 0.08,
+            lean_s: 0.025,
         }
     }
 }
@@ -83,6 +90,9 @@ pub struct McmcOptions {
     pub burn_in_steps: u32,
     /// N: steps of a frame whose mean is the estimate (published: 100).
     pub kept_steps: u32,
+    /// With many people, both are at least this many for each of them: a chain that changes one person a step needs its
+    /// steps for every one (published: 0).
+    pub steps_per_person: u32,
     /// How often each move is proposed.
     pub moves: MoveWeights,
     /// V(S).
@@ -128,8 +138,9 @@ impl Default for McmcOptions {
             seed: 1,
             burn_in_steps: 100,
             kept_steps: 100,
+            steps_per_person: 40,
             moves: MoveWeights::default(),
-            likelihood: Rule::Bernoulli { detection: 0.75, false_alarm: 0.15, independent_pixels: 120.0 },
+            likelihood: Rule::Bernoulli { inside: 0.9, rim: 0.5, outside: 0.02, independent_pixels: 40.0 },
             acceptance: Acceptance::ReversibleJump,
             repulsion_per_m: 6.0,
             radius: Spread { mean_m: 0.25, sigma_m: 0.05 },
@@ -157,8 +168,14 @@ impl McmcOptions {
         Self {
             likelihood: Rule::Overlap { exponent: 1.0 },
             acceptance: Acceptance::Published,
+            steps_per_person: 0,
             informed_births: 0.0,
-            motion: MotionOptions { velocity_memory_s: f64::INFINITY, ..MotionOptions::default() },
+            motion: MotionOptions {
+                velocity_memory_s: f64::INFINITY,
+                unseen_velocity_memory_s: f64::INFINITY,
+                lean_s: 0.0,
+                ..MotionOptions::default()
+            },
             ..Self::default()
         }
     }
@@ -182,6 +199,7 @@ impl McmcOptions {
             ("believed_at_nats", self.believed_at_nats),
             ("motion.acceleration_density", self.motion.acceleration_density),
             ("motion.velocity_memory_s", self.motion.velocity_memory_s),
+            ("motion.unseen_velocity_memory_s", self.motion.unseen_velocity_memory_s),
             ("motion.initial_speed_sigma", self.motion.initial_speed_sigma),
             ("motion.gait_sigma_m", self.motion.gait_sigma_m),
         ];
@@ -189,6 +207,9 @@ impl McmcOptions {
             if value.is_nan() || value <= 0.0 {
                 return Err(Error::option(name, format!("{value} is not positive")));
             }
+        }
+        if !self.motion.lean_s.is_finite() {
+            return Err(Error::option("motion.lean_s", "has to be a number"));
         }
         let weights = [self.moves.add, self.moves.delete, self.moves.position, self.moves.size];
         if !weights.iter().all(|w| *w > 0.0 && w.is_finite()) {

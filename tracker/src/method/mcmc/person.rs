@@ -6,6 +6,7 @@ use rand_distr::StandardNormal;
 use rand_pcg::Pcg64Mcg;
 
 use super::options::Spread;
+use crate::likelihood::prior::LOG_IMPOSSIBLE;
 use crate::silhouette::{Body, Silhouette};
 
 /// Who a person of the state is, within a run. Every proposed birth has a new one.
@@ -16,7 +17,7 @@ pub(super) type Key = u64;
 pub(super) struct Person {
     pub(super) key: Key,
     pub(super) body: Body,
-    /// One a camera, of `body`.
+    /// One a layer, of `body`.
     pub(super) silhouettes: Vec<Silhouette>,
     /// The belief carried over from the last moment; `None` for somebody born in this one.
     pub(super) known: Option<Known>,
@@ -49,18 +50,27 @@ impl Known {
 pub(super) struct Place {
     near: Gaussian,
     around: Gaussian,
+    /// Its outline a few standard deviations out bounds where this person can be.
+    farthest: Gaussian,
 }
 
 /// Probability that a person is not where they were predicted.
 const ASTRAY: f64 = 0.02;
 /// How far they are then, metres.
 const ASTRAY_SIGMA_M: f64 = 0.5;
+/// Nobody is farther away than this many standard deviations of the prediction and of how far they may have gone astray:
+/// that is somebody else.
+const FARTHEST_SIGMAS: f64 = 3.0;
 
 impl Place {
-    /// Around a prediction with this covariance.
-    pub(super) fn new(mean: Vector2<f64>, covariance: &Matrix2<f64>) -> Self {
-        let wide = covariance + Matrix2::identity() * ASTRAY_SIGMA_M.powi(2);
-        Self { near: Gaussian::new(mean, covariance), around: Gaussian::new(mean, &wide) }
+    /// Around a prediction with this covariance, and nowhere farther than people go astray (one standard deviation).
+    pub(super) fn new(mean: Vector2<f64>, covariance: &Matrix2<f64>, astray_m: f64) -> Self {
+        let wider = |by_m: f64| Gaussian::new(mean, &(covariance + Matrix2::identity() * by_m.powi(2)));
+        Self {
+            near: Gaussian::new(mean, covariance),
+            around: wider(ASTRAY_SIGMA_M),
+            farthest: wider(astray_m),
+        }
     }
 
     /// The prediction.
@@ -69,6 +79,9 @@ impl Place {
     }
 
     pub(super) fn log_density(&self, x_m: f64, y_m: f64) -> f64 {
+        if self.farthest.squared_sigmas(x_m, y_m) > FARTHEST_SIGMAS * FARTHEST_SIGMAS {
+            return LOG_IMPOSSIBLE;
+        }
         let near = self.near.log_density(x_m, y_m) + (1.0 - ASTRAY).ln();
         let around = self.around.log_density(x_m, y_m) + ASTRAY.ln();
         let larger = near.max(around);
@@ -103,8 +116,13 @@ impl Gaussian {
     }
 
     fn log_density(&self, x_m: f64, y_m: f64) -> f64 {
+        self.log_norm - 0.5 * self.squared_sigmas(x_m, y_m)
+    }
+
+    /// Squared distance from the mean, in standard deviations.
+    fn squared_sigmas(&self, x_m: f64, y_m: f64) -> f64 {
         let d = Vector2::new(x_m, y_m) - self.mean;
-        self.log_norm - 0.5 * d.dot(&(self.inverse * d))
+        d.dot(&(self.inverse * d))
     }
 
     fn sample(&self, rng: &mut Pcg64Mcg) -> Vector2<f64> {

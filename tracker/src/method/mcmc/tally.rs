@@ -11,6 +11,7 @@ use super::person::{Key, Person};
 #[derive(Debug, Clone, Default)]
 pub(super) struct Tally {
     people: Vec<Sums>,
+    states: u32,
 }
 
 /// Sums over the states that hold one person.
@@ -29,6 +30,7 @@ pub(super) struct Sums {
 impl Tally {
     /// Counts one state in.
     pub(super) fn add(&mut self, people: &[Person]) {
+        self.states += 1;
         for person in people {
             let body = &person.body;
             let place = Vector2::new(body.x_m, body.y_m);
@@ -45,6 +47,11 @@ impl Tally {
             sums.radius += body.radius_m;
             sums.height += body.height_m;
         }
+    }
+
+    /// The states counted.
+    pub(super) fn states(&self) -> u32 {
+        self.states
     }
 
     /// One person's sums; `None` when no state held them.

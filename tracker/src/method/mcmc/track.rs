@@ -1,7 +1,8 @@
 //! A person over time, as the sampler carries them from moment to moment.
 
-use nalgebra::Matrix2;
+use nalgebra::{Matrix2, Vector2};
 
+use super::evidence::Evidence;
 use super::motion::Motion;
 use super::options::{McmcOptions, Spread};
 use super::person::{Key, Known, Place};
@@ -20,28 +21,23 @@ const HEIGHT_DRIFT_M: f64 = 0.005;
 const RADIUS_POSE_SIGMA_M: f64 = 0.025;
 const HEIGHT_POSE_SIGMA_M: f64 = 0.02;
 
-/// One moment's masks err together: they are worth no more than this about whether somebody is there.
-const MOST_EVIDENCE_NATS: f64 = 4.0;
 /// Nobody is surer to be there, or not, than this.
 const SUREST_NATS: f64 = 12.0;
 
-/// Somebody in clear view of a camera fills at least this part of their silhouette with foreground: the worst masks of
-/// real people fill half, the best of nobody's a quarter.
-const LEAST_FILLED: f64 = 0.35;
+/// Somebody of whom no camera sees this part is out of sight.
+const IN_SIGHT: f64 = 0.1;
+/// Moments that follow each other faster say the same.
+const INDEPENDENT_AFTER_S: f64 = 0.08;
+/// What was there at the beginning and has never been farther than this from its place may be anything.
+const MOVED_M: f64 = 0.5;
+
+/// How far from their prediction people are at most (a third of it, metres), and how much farther for every second in which they
+/// are not where they are believed to be.
+const ASTRAY_M: f64 = 0.35;
+const ASTRAY_SPEED_M_S: f64 = 1.0;
+
 /// Somebody who for this long is not where a camera sees clearly was never there.
 const CONTRADICTED_FOR_S: f64 = 3.0;
-
-/// What a moment says about whether a person is there at all.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Evidence {
-    /// How much better the masks are explained with this person than without.
-    pub(super) support_nats: f64,
-    /// How much of that chance could have done.
-    pub(super) chance_nats: f64,
-    /// The foreground part of the visible silhouette, in the camera where it is smallest of those that see this person
-    /// clearly; 1 when none does.
-    pub(super) worst_filled: f64,
-}
 
 /// A person the sampler follows.
 #[derive(Debug, Clone)]
@@ -58,11 +54,15 @@ pub(super) struct Track {
     contradicted_s: f64,
     /// What has spoken for this person since birth, beyond what chance explains, nats.
     pub(super) earned_nats: f64,
+    /// Whether some camera saw this person at the last moment.
+    in_sight: bool,
+    /// Where somebody was found who was there from the beginning, until they move.
+    still_at: Option<Vector2<f64>>,
 }
 
 impl Track {
     /// Somebody born in this moment.
-    pub(super) fn born(sums: &Sums, options: &McmcOptions) -> Self {
+    pub(super) fn born(sums: &Sums, from_the_beginning: bool, options: &McmcOptions) -> Self {
         let gait = Matrix2::identity() * options.motion.gait_sigma_m.powi(2);
         let mut track = Self {
             key: sums.key,
@@ -73,6 +73,8 @@ impl Track {
             log_odds: 0.0,
             contradicted_s: 0.0,
             earned_nats: 0.0,
+            in_sight: true,
+            still_at: from_the_beginning.then(|| sums.place()),
         };
         track.resize(sums, 1.0);
         track
@@ -80,7 +82,7 @@ impl Track {
 
     /// Carries the belief on in time.
     pub(super) fn predict(&mut self, dt_s: f64, options: &McmcOptions) {
-        self.motion.predict(dt_s, &options.motion);
+        self.motion.predict(dt_s, self.in_sight, &options.motion);
         let drifted = |s: &Spread, drift: f64, most: f64| Spread {
             sigma_m: (s.sigma_m.powi(2) + drift.powi(2) * dt_s).sqrt().min(most),
             ..*s
@@ -91,6 +93,7 @@ impl Track {
 
     /// Takes in a moment's states. `visible` is the largest fraction of the person that any camera saw.
     pub(super) fn update(&mut self, sums: &Sums, visible: f64, options: &McmcOptions) {
+        self.in_sight = visible >= IN_SIGHT;
         self.motion.condition(&sums.place(), &sums.covariance(), &options.motion);
         self.resize(sums, visible);
     }
@@ -112,15 +115,21 @@ impl Track {
 
     /// Takes in a moment's evidence about whether this person is there at all.
     pub(super) fn weigh(&mut self, evidence: &Evidence, dt_s: f64) {
-        let bounded = |nats: f64| nats.clamp(-MOST_EVIDENCE_NATS, MOST_EVIDENCE_NATS);
-        self.log_odds = (self.log_odds + bounded(evidence.support_nats)).clamp(-SUREST_NATS, SUREST_NATS);
-        let contradicted = evidence.worst_filled < LEAST_FILLED;
-        self.earned_nats += if contradicted {
-            -MOST_EVIDENCE_NATS
+        let nats = evidence.nats() * (dt_s / INDEPENDENT_AFTER_S).min(1.0);
+        self.log_odds = (self.log_odds + nats).clamp(-SUREST_NATS, SUREST_NATS);
+        self.earned_nats += nats;
+        self.contradicted_s = if evidence.is_contradicted() || evidence.support_nats < 0.0 {
+            self.contradicted_s + dt_s
         } else {
-            bounded(evidence.support_nats - evidence.chance_nats)
+            0.0
         };
-        self.contradicted_s = if contradicted { self.contradicted_s + dt_s } else { 0.0 };
+        let place = self.motion.place();
+        self.still_at = self.still_at.filter(|found| (place - found).norm() < MOVED_M);
+    }
+
+    /// Whether there is reason enough to believe that this is a person.
+    pub(super) fn is_believable(&self, options: &McmcOptions) -> bool {
+        self.earned_nats >= options.believed_at_nats && self.still_at.is_none()
     }
 
     /// Whether this person may be a mistake: not believed in yet, or for long not where cameras see clearly.
@@ -136,16 +145,25 @@ impl Track {
     /// What is known before the next moment is looked at.
     pub(super) fn known(&self) -> Known {
         Known {
-            place: Place::new(self.motion.place(), &self.motion.place_covariance()),
+            place: Place::new(
+                self.motion.silhouette_place(),
+                &self.motion.silhouette_covariance(),
+                self.astray_m(),
+            ),
             radius: posed(&self.radius, RADIUS_POSE_SIGMA_M),
             height: posed(&self.height, HEIGHT_POSE_SIGMA_M),
             log_odds: self.log_odds,
         }
     }
 
-    /// The most probable body.
+    /// How far from the prediction they may be: farther the longer cameras contradict it.
+    fn astray_m(&self) -> f64 {
+        ASTRAY_M + ASTRAY_SPEED_M_S * self.contradicted_s
+    }
+
+    /// The most probable body, as it is seen.
     pub(super) fn body(&self) -> Body {
-        let place = self.motion.place();
+        let place = self.motion.silhouette_place();
         Body { x_m: place.x, y_m: place.y, radius_m: self.radius.mean_m, height_m: self.height.mean_m }
     }
 }

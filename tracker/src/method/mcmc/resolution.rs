@@ -1,0 +1,31 @@
+//! How finely a camera's masks are compared: as finely as telling people's places takes, whatever the camera resolves.
+
+use nalgebra::{Point2, Point3, center};
+
+use crate::silhouette::Body;
+use crate::stage::{Floor, StageCamera};
+
+/// How many rows of (blocks of) pixels a small person is simulated with.
+const ROWS: f64 = 24.0;
+/// Places along each side of the floor that are looked at.
+const LOOKS: usize = 20;
+
+/// The side of the blocks of pixels that are simulated as one: a typical person is about [`ROWS`] of them tall, whatever
+/// the camera's resolution. More rows would say the same over again.
+pub(super) fn block(camera: &StageCamera, average: &Body, floor: &Floor) -> u32 {
+    let (low, high) = floor.bounds();
+    let at = |i: usize, from: f64, to: f64| from + (to - from) * (i as f64 + 0.5) / LOOKS as f64;
+    let mut tall_px: Vec<f64> = (0..LOOKS * LOOKS)
+        .map(|i| Point2::new(at(i % LOOKS, low.x, high.x), at(i / LOOKS, low.y, high.y)))
+        .filter(|p| floor.is_standable(p.x, p.y))
+        .filter_map(|p| {
+            let pixel = |z: f64| camera.pinhole.project(&Point3::new(p.x, p.y, z));
+            let (feet, head) = (pixel(0.0)?, pixel(average.height_m)?);
+            let middle = center(&feet, &head);
+            camera.pinhole.intrinsics.contains(&middle).then_some((feet - head).norm())
+        })
+        .collect();
+    tall_px.sort_by(f64::total_cmp);
+    let typical = tall_px.get(tall_px.len() / 4).copied().unwrap_or(0.0);
+    ((typical / ROWS) as u32).max(1)
+}

@@ -1,0 +1,61 @@
+//! How far a camera follows people: the part of the floor it sees from near enough.
+//!
+//! A room without a known floor has no end, but a camera does: beyond some distance a person is too small in its image to
+//! be told from noise. What lies nearer, and inside the image, bounds where people are looked for.
+
+use calib::Camera;
+use nalgebra::Point2;
+
+/// The smallest person that is looked for, in parts of the image's height.
+const LEAST_HEIGHT: f64 = 1.0 / 30.0;
+/// How tall people are, roughly.
+const PERSON_M: f64 = 1.7;
+/// Probes along each side of the image.
+const PROBES: u32 = 16;
+
+/// Places on the floor all over what `camera` (a pinhole) sees of it, none farther than people can be told. A camera that
+/// never sees the floor at all gets the places below its farthest sights.
+pub(super) fn of(camera: &Camera) -> Vec<Point2<f64>> {
+    let k = &camera.intrinsics;
+    let farthest_m = k.fy * PERSON_M / (LEAST_HEIGHT * f64::from(k.height));
+    let eye = camera.center();
+    let at = |i: u32, size: u32| f64::from(i) / f64::from(PROBES) * f64::from(size) - 0.5;
+    (0..(PROBES + 1).pow(2))
+        .filter_map(|i| {
+            let pixel = Point2::new(at(i % (PROBES + 1), k.width), at(i / (PROBES + 1), k.height));
+            let sight = camera.back_project(&pixel, 1.0)? - eye;
+            let to_floor = if sight.z < 0.0 { -eye.z / sight.z } else { f64::INFINITY };
+            Some((eye + sight * to_floor.clamp(0.0, farthest_m)).xy())
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use calib::Intrinsics;
+    use nalgebra::{Isometry3, Point3, Vector3};
+
+    #[test]
+    fn a_level_camera_sees_as_far_as_people_are_large_enough() {
+        let (eye, aim) = (Point3::new(1.0, 2.0, 1.5), Point3::new(9.0, 2.0, 1.5));
+        let pose = Isometry3::face_towards(&eye, &aim, &-Vector3::z()).inverse();
+        let camera =
+            Camera { intrinsics: Intrinsics::from_horizontal_fov(640, 480, 90.0), camera_from_world: pose };
+        let places = of(&camera);
+        let farthest = places.iter().map(|p| p.x).fold(f64::MIN, f64::max);
+        // A person 1.7 m tall at f = 320 px is 480 / 30 = 16 px tall at 34 m.
+        assert!((farthest - 35.0).abs() < 1e-6, "{farthest}");
+        assert!(places.iter().all(|p| p.x > 1.0), "nothing behind the camera");
+    }
+
+    #[test]
+    fn a_camera_that_looks_down_sees_the_floor_below_it() {
+        let pose =
+            Isometry3::face_towards(&Point3::new(0.0, 0.0, 3.0), &Point3::origin(), &Vector3::y()).inverse();
+        let camera =
+            Camera { intrinsics: Intrinsics::from_horizontal_fov(640, 480, 90.0), camera_from_world: pose };
+        let widest = of(&camera).iter().map(|p| p.coords.amax()).fold(0.0, f64::max);
+        assert!((widest - 3.0).abs() < 1e-2, "{widest}");
+    }
+}
