@@ -7,6 +7,7 @@
 //! * [`absolute_orientation`] — Horn's closed form: the similarity that takes one set of points to another.
 //! * [`resection`] — a camera's pose from known points and their pixels.
 //! * [`undistort`] — lookup maps between a distorted image and its pinhole twin.
+//! * [`console`] — how each of the project's programs begins and ends: log, progress, one line of error, exit status.
 //! * [`vision`] — the project's one door to OpenCV (feature `vision`): images, video, optical flow,
 //!   background models. The rest of the crate builds and tests without it.
 //!
@@ -20,6 +21,7 @@
 
 pub mod absolute_orientation;
 mod camera;
+pub mod console;
 mod distortion;
 mod error;
 pub mod files;

@@ -1,34 +1,17 @@
 //! `calib`: what a camera is (`intrinsics`) and where it stands (`pose`).
+//!
+//! Exit status: 0, or 2 when anything cannot be done; then one line on standard error says what and where.
 #![forbid(unsafe_code)]
 
 mod cli;
 
-use std::io::Write;
 use std::process::ExitCode;
 
+use calib::console::{CANNOT, Console};
 use clap::Parser;
 
 fn main() -> ExitCode {
-    let mut errors: Box<dyn Write> = match calib::vision::chatter::take_stderr() {
-        Ok(own) => Box::new(own),
-        Err(_) => Box::new(std::io::stderr()),
-    };
-    let command = match cli::Command::try_parse() {
-        Ok(command) => command,
-        Err(asked) if !asked.use_stderr() => {
-            let _ = asked.print(); // fails only when nobody reads any more
-            return ExitCode::SUCCESS;
-        }
-        Err(wrong) => {
-            let _ = write!(errors, "{}", wrong.render());
-            return ExitCode::from(2);
-        }
-    };
-    match command.run() {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            let _ = writeln!(errors, "calib: {error:#}");
-            ExitCode::from(2)
-        }
-    }
+    let command = cli::Command::parse();
+    let console = Console::start(0);
+    console.end(command.run(), CANNOT)
 }

@@ -5,7 +5,6 @@
 
 mod adapter;
 pub mod background;
-pub mod chatter;
 pub mod chessboard;
 pub mod flow;
 mod morphology;

@@ -6,6 +6,7 @@ mod plan;
 
 use std::io::Write;
 
+use calib::console::CANNOT;
 use clap::{Parser, Subcommand};
 
 /// The room model: what stands in a room, and what its cameras see of it.
@@ -39,7 +40,7 @@ impl Command {
     pub(crate) fn failure(&self) -> u8 {
         match self {
             Self::Check(_) => 1,
-            Self::Depth(_) | Self::Plan(_) => 2,
+            Self::Depth(_) | Self::Plan(_) => CANNOT,
         }
     }
 }

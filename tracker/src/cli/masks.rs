@@ -3,13 +3,13 @@
 use std::path::PathBuf;
 
 use anyhow::{Context, bail};
+use calib::console::Console;
 use calib::vision::FrameSource;
 use clap::Args;
 use image::{GrayImage, RgbImage};
 use tracker::foreground::{Foreground, Verdict};
 use tracker::source::{NamedSource, Times};
 
-use super::Console;
 use super::background::BackgroundArguments;
 
 /// Write the foreground masks of videos as pictures, to look at or to give to `tracker run --masks`.

@@ -1,16 +1,14 @@
 //! The program's subcommands, one a file: each maps its options onto the library's, one to one.
 
 mod background;
-mod console;
 mod eval;
 mod masks;
 mod report;
 mod run;
 mod sampler;
 
+use calib::console::Console;
 use clap::{Parser, Subcommand};
-
-pub(crate) use console::Console;
 
 /// Follows every person in a room, in metres on its floor, from fixed calibrated cameras.
 #[derive(Debug, Parser)]

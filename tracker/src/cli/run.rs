@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use anyhow::{Context, bail};
+use calib::console::Console;
 use clap::{Args, ValueEnum};
 use rayon::prelude::*;
 use scenes::room::Room;
@@ -18,7 +19,6 @@ use tracker::source::{self, CameraSource, NamedSource, Times};
 use tracker::stage::{Stage, StageOptions};
 use tracker::tracks::TrackFiles;
 
-use super::Console;
 use super::background::BackgroundArguments;
 use super::sampler::SamplerArguments;
 

@@ -1,0 +1,254 @@
+//! How each of the project's programs begins and ends, and where a person is told things meanwhile: the log, the
+//! progress of long work, the one line of an error, the exit status.
+//!
+//! libav and OpenCV print to the process's standard error on their own account, past every log level that can be set
+//! from outside. A program that promises one clear line on standard error takes the stream for itself.
+
+use std::error::Error;
+use std::fs::File;
+use std::io::{self, ErrorKind, IsTerminal, Write};
+use std::os::fd::AsFd;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressStyle};
+use tracing_subscriber::EnvFilter;
+
+/// The exit status of what cannot be done: bad input, misuse, a full disk.
+pub const CANNOT: u8 = 2;
+
+/// Plain lines come this often where there is no terminal.
+const LINE_EVERY: Duration = Duration::from_secs(5);
+/// Levels of the log, the quietest first. The last one lets the libraries below speak, too.
+const LEVELS: [&str; 4] = ["warn", "info", "debug", "trace"];
+
+/// Standard error, as the program's own file where libraries print over the stream.
+#[derive(Debug, Clone)]
+pub struct Console {
+    own: Option<Arc<File>>,
+}
+
+impl Console {
+    /// Takes standard error and sends the log there: 0 warnings, 1 what is done, 2 more, 3 everything, with what the
+    /// libraries below print. `RUST_LOG` decides where it is set.
+    ///
+    /// To be called once, before any work: `std::io::stderr` and `eprintln!` write to nowhere after this.
+    pub fn start(verbosity: u8) -> Self {
+        let verbosity = usize::from(verbosity).min(LEVELS.len() - 1);
+        let own = if verbosity + 1 < LEVELS.len() { take_stderr().ok() } else { None };
+        let console = Self { own: own.map(Arc::new) };
+        let level = LEVELS[verbosity];
+        let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| {
+            EnvFilter::new(format!("warn,calib={level},scenes={level},recon={level},tracker={level}"))
+        });
+        let log = console.clone();
+        tracing_subscriber::fmt()
+            .with_env_filter(filter)
+            .with_ansi(console.is_terminal())
+            .with_target(false)
+            .without_time()
+            .with_writer(move || log.writer())
+            .init();
+        // A defect of the program must not end it without a word.
+        let witness = console.clone();
+        std::panic::set_hook(Box::new(move |panic| witness.line(&panic.to_string())));
+        console
+    }
+
+    /// To write to.
+    pub fn writer(&self) -> Box<dyn Write + Send> {
+        match &self.own {
+            Some(file) => Box::new(Arc::clone(file)),
+            None => Box::new(io::stderr()),
+        }
+    }
+
+    /// Writes a line.
+    pub fn line(&self, text: &str) {
+        // Nobody is left to tell when standard error is closed.
+        let _ = writeln!(self.writer(), "{text}");
+    }
+
+    /// The exit status of finished work; an error is told in one line first. A reader who closes the pipe early, as in
+    /// `tracker eval … | head -1`, is no failure.
+    pub fn end<E: AsRef<dyn Error>>(&self, done: Result<(), E>, failure: u8) -> ExitCode {
+        let Err(error) = done else { return ExitCode::SUCCESS };
+        if is_closed_pipe(error.as_ref()) {
+            return ExitCode::SUCCESS;
+        }
+        self.line(&format!("error: {}", in_one_line(error.as_ref())));
+        ExitCode::from(failure)
+    }
+
+    /// Progress of work with so many steps, if that is known.
+    pub fn progress(&self, what: &str, steps: Option<u64>) -> Progress {
+        let bar = self.is_terminal().then(|| {
+            let bar = steps.map_or_else(ProgressBar::new_spinner, ProgressBar::new);
+            let line = if steps.is_some() {
+                "{msg} {wide_bar} {pos}/{len}, {per_sec}, {eta} left"
+            } else {
+                "{msg} {spinner} {pos}, {per_sec}"
+            };
+            self.shown(bar, line).with_message(what.to_owned())
+        });
+        Progress { what: what.to_owned(), steps, done: 0, bar, latest_line: Instant::now() }
+    }
+
+    /// Progress of work in so many stages, each told as it begins.
+    pub fn stages(&self, of: usize) -> Stages {
+        let bar = self.is_terminal().then(|| {
+            let bar = self.shown(ProgressBar::new(of as u64), "{bar:24} {pos}/{len}  {elapsed}  {wide_msg}");
+            bar.enable_steady_tick(Duration::from_millis(200));
+            bar
+        });
+        Stages { console: self.clone(), of, bar }
+    }
+
+    fn shown(&self, bar: ProgressBar, template: &str) -> ProgressBar {
+        // The templates are constants of this file; the fallback only looks plainer.
+        let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
+        bar.set_draw_target(self.draw_target());
+        bar.with_style(style)
+    }
+
+    fn is_terminal(&self) -> bool {
+        self.own.as_ref().map_or_else(|| io::stderr().is_terminal(), |file| file.is_terminal())
+    }
+
+    fn draw_target(&self) -> indicatif::ProgressDrawTarget {
+        match self.own.as_ref().and_then(|file| file.try_clone().ok()) {
+            Some(file) => {
+                let term = console::Term::read_write_pair(io::stdin(), file);
+                indicatif::ProgressDrawTarget::term(term, 10)
+            }
+            None => indicatif::ProgressDrawTarget::stderr_with_hz(10),
+        }
+    }
+}
+
+/// A bar on a terminal, a line every few seconds elsewhere.
+#[derive(Debug)]
+pub struct Progress {
+    what: String,
+    steps: Option<u64>,
+    done: u64,
+    bar: Option<ProgressBar>,
+    latest_line: Instant,
+}
+
+impl Progress {
+    /// One step is done.
+    pub fn advance(&mut self) {
+        self.done += 1;
+        match &self.bar {
+            Some(bar) => bar.inc(1),
+            None if self.latest_line.elapsed() >= LINE_EVERY => {
+                self.latest_line = Instant::now();
+                let of = self.steps.map_or(String::new(), |steps| format!(" of {steps}"));
+                tracing::info!("{}: {}{of}", self.what, self.done);
+            }
+            None => {}
+        }
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+/// A bar on a terminal, a line a stage elsewhere.
+#[derive(Debug)]
+pub struct Stages {
+    console: Console,
+    of: usize,
+    bar: Option<ProgressBar>,
+}
+
+impl Stages {
+    /// Stage `number` (from 0) begins.
+    pub fn show(&self, number: usize, what: &str) {
+        match &self.bar {
+            Some(bar) => {
+                bar.set_position(number as u64);
+                bar.set_message(what.to_owned());
+            }
+            None => self.console.line(&format!("{number:2} of {}  {what}", self.of)),
+        }
+    }
+}
+
+impl Drop for Stages {
+    fn drop(&mut self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+/// Takes standard error for the program alone: returns it as a file to write to, and sends whatever else is written to
+/// the process's standard error to nowhere.
+fn take_stderr() -> io::Result<File> {
+    let own = io::stderr().as_fd().try_clone_to_owned()?;
+    let nowhere = File::options().write(true).open("/dev/null")?;
+    rustix::stdio::dup2_stderr(&nowhere)?;
+    Ok(File::from(own))
+}
+
+/// An error and what caused it. Many messages tell their cause already; it is not told twice.
+fn in_one_line(error: &dyn Error) -> String {
+    let mut line = String::new();
+    let mut next = Some(error);
+    while let Some(cause) = next {
+        let text = cause.to_string();
+        if !line.contains(&text) {
+            let gap = if line.is_empty() { "" } else { ": " };
+            line = format!("{line}{gap}{text}");
+        }
+        next = cause.source();
+    }
+    line.trim_end().replace('\n', " ")
+}
+
+fn is_closed_pipe(error: &(dyn Error + 'static)) -> bool {
+    let mut next = Some(error);
+    while let Some(cause) = next {
+        if cause.downcast_ref::<io::Error>().is_some_and(|e| e.kind() == ErrorKind::BrokenPipe) {
+            return true;
+        }
+        next = cause.source();
+    }
+    false
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::PathBuf;
+
+    fn missing() -> crate::Error {
+        let source = io::Error::new(ErrorKind::NotFound, "no such file");
+        crate::Error::Io { path: PathBuf::from("cam.toml"), source }
+    }
+
+    #[test]
+    fn a_cause_is_told_once_and_on_the_same_line() {
+        assert_eq!(in_one_line(&missing()), "cam.toml: no such file");
+        let wrapped = anyhow::Error::from(missing()).context("camera `a`");
+        assert_eq!(in_one_line(wrapped.as_ref()), "camera `a`: cam.toml: no such file");
+        assert_eq!(in_one_line(&crate::Error::Invalid("two\nlines".into())), "two lines");
+    }
+
+    #[test]
+    fn a_closed_pipe_is_seen_below_other_errors() {
+        let pipe = || io::Error::from(ErrorKind::BrokenPipe);
+        assert!(is_closed_pipe(&pipe()));
+        let source = crate::Error::Io { path: "out".into(), source: pipe() };
+        assert!(is_closed_pipe(anyhow::Error::from(source).context("writing").as_ref()));
+        assert!(!is_closed_pipe(&missing()));
+    }
+}

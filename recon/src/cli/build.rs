@@ -1,0 +1,76 @@
+//! `recon build`: a capture project → a room directory.
+
+use std::path::PathBuf;
+
+use anyhow::Context;
+use calib::console::{Console, Stages};
+use recon::build::{self, BuildOptions, BuildReport};
+
+/// Build a room directory from a capture project.
+///
+/// Besides scene.toml, room.ply and the reference images, the room gets pictures that show whether it worked: plan.png
+/// (the floor plan) and preview/NAME.png (reference image, depth, the room redrawn); and report.json.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:
+  recon build room.toml --out myroom
+  recon build room.toml --out myroom --zones zones.toml
+  recon build room.toml --out myroom --threads 2 --seed 7 -v")]
+pub(crate) struct Build {
+    /// The capture project.
+    #[arg(value_name = "ROOM.toml")]
+    project: PathBuf,
+    /// The room directory to make; a room that is there already is replaced once the new one is finished.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Take the [[zone]] tables of this file; without it a replaced room's zones are kept.
+    #[arg(long, value_name = "FILE")]
+    zones: Option<PathBuf>,
+    /// Seed of everything random.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Threads to work with; all processors by default. The room is the same for any number.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    threads: Option<u16>,
+}
+
+impl Build {
+    pub(crate) fn run(&self, console: &Console) -> anyhow::Result<()> {
+        if let Some(threads) = self.threads {
+            rayon::ThreadPoolBuilder::new()
+                .num_threads(usize::from(threads))
+                .build_global()
+                .context("--threads")?;
+            calib::vision::set_threads(usize::from(threads))?;
+        }
+        let options = BuildOptions { zones: self.zones.clone(), seed: self.seed, ..BuildOptions::default() };
+        let mut stages: Option<Stages> = None;
+        let report = build::build(&self.project, &self.out, &options, &mut |step| {
+            stages.get_or_insert_with(|| console.stages(step.of)).show(step.number, &step.what);
+        });
+        drop(stages);
+        self.summarise(&report?, console);
+        Ok(())
+    }
+
+    fn summarise(&self, report: &BuildReport, console: &Console) {
+        for camera in &report.cameras {
+            console.line(&format!(
+                "{}: {} of {} frames placed, {} points to {:.2} px; {:.0} % of the image measured, {:.0} % filled",
+                camera.name,
+                camera.registered,
+                camera.frames,
+                camera.points,
+                camera.reprojection_rms_px,
+                100.0 * camera.measured_share,
+                100.0 * camera.filled_share
+            ));
+        }
+        console.line(&format!(
+            "picks to {:.2} px, floor to {:.1} cm, {} discs; the room is in {}",
+            report.pick_rms_px,
+            100.0 * report.floor_rms_m,
+            report.discs,
+            self.out.display()
+        ));
+    }
+}
