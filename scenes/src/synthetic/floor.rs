@@ -12,6 +12,9 @@ use crate::polygon::Polygon;
 /// Side of a cell.
 pub(super) const CELL_M: f64 = 0.1;
 
+/// How far from walls and furniture the middle of a person stays.
+pub(super) const CLEARANCE_M: f64 = 0.32;
+
 /// A cell of the floor.
 pub(super) type Cell = (i16, i16);
 

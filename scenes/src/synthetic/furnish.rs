@@ -5,11 +5,20 @@ use nalgebra::Point2;
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 
-use super::floor::Floor;
+use super::floor::{CLEARANCE_M, Floor};
 use super::furniture::{Furniture, Kind};
-use super::room::{CLEARANCE_M, RoomKind};
 use super::shell::Door;
 use crate::polygon::Polygon;
+
+/// What kind of room is built.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum RoomKind {
+    /// About 6 × 5 × 2.7 m, furnished.
+    #[default]
+    Office,
+    /// About 18 × 12 × 5 m with pillars and some furniture.
+    Hall,
+}
 
 /// What furniture leaves free for people to walk through.
 const WAY_M: f64 = 0.75;

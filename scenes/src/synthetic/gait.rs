@@ -5,7 +5,7 @@
 
 use glam::{Vec2, Vec3};
 
-use super::person::{ANKLE, HIP, HIP_HALF_WIDTH, SHANK, SOLE, THIGH};
+use super::proportions::{ANKLE, HIP, HIP_HALF_WIDTH, SHANK, SOLE, THIGH};
 
 /// A step's length as a share of the height.
 const STEP: f32 = 0.37;

@@ -33,6 +33,7 @@ mod gait;
 mod light;
 mod path;
 mod person;
+mod proportions;
 mod render;
 mod room;
 mod sequence;
@@ -44,10 +45,11 @@ pub mod tracks;
 mod walkers;
 
 pub use capture::CaptureOptions;
+pub use furnish::RoomKind;
 pub use furniture::Furniture;
 pub use person::Body;
 pub use render::RenderOptions;
-pub use room::{RoomKind, RoomOptions, SyntheticRoom};
+pub use room::{RoomOptions, SyntheticRoom};
 pub use sequence::{CameraFrame, Frame, PersonTruth, Sequence, SequenceOptions};
 pub use walkers::{Walker, WalkerOptions};
 

@@ -1,7 +1,6 @@
 //! A person's body: a head, a torso, arms and legs of ellipsoids and tapered capsules, in textured clothes.
 //!
-//! Proportions follow Drillis and Contini (1966), as shares of the standing height. Deliberately nothing like the
-//! single upright ellipsoid that trackers think people are.
+//! Deliberately nothing like the single upright ellipsoid that trackers think people are.
 
 use glam::{Quat, Vec3};
 use rand::{RngExt, SeedableRng};
@@ -9,21 +8,9 @@ use rand_pcg::Pcg64Mcg;
 
 use super::furniture::colourful;
 use super::gait::Pose;
+use super::proportions::{HIP, SOLE};
 use super::shape::Shape;
 use super::texture::{Material, Pattern};
-
-/// Share of the height at which the hips are.
-pub(super) const HIP: f32 = 0.53;
-/// Length of the thigh and of the shank.
-pub(super) const THIGH: f32 = 0.245;
-/// Length of the shank.
-pub(super) const SHANK: f32 = 0.246;
-/// Height of the ankle.
-pub(super) const ANKLE: f32 = 0.039;
-/// From the middle to each hip joint.
-pub(super) const HIP_HALF_WIDTH: f32 = 0.052;
-/// Radius of the foot's capsule.
-pub(super) const SOLE: f32 = 0.02;
 
 /// What a person looks like.
 #[derive(Debug, Clone)]

@@ -319,11 +319,6 @@ impl SyntheticRoom {
     }
 }
 
-/// Linear light → sRGB (by the plain power of 2.2).
-pub(super) fn encode(linear: Vec3) -> [u8; 3] {
-    linear.to_array().map(|c| (c.clamp(0.0, 1.0).powf(1.0 / 2.2) * 255.0).round() as u8)
-}
-
 /// Linear light at the samples → a picture as a sensor gives it.
 pub(super) fn finish(
     colors: &[Vec3],

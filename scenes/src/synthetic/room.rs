@@ -7,9 +7,9 @@ use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use super::furnish::furnish;
+use super::furnish::{RoomKind, furnish};
 use super::furniture::{Furniture, colourful, wood};
-use super::light::{Lamps, bake};
+use super::light::{Lamps, bake, encode};
 use super::shell::{self, Door, ShellMaterials};
 use super::surface::{Surfaces, Tessellation};
 use super::texture::{Material, Pattern};
@@ -18,16 +18,6 @@ use crate::geometry::Geometry;
 use crate::raycast::RayScene;
 use crate::room::{Room, RoomCamera, Zone, ZoneKind};
 use crate::view::look_at;
-
-/// What kind of room is built.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum RoomKind {
-    /// About 6 × 5 × 2.7 m, furnished.
-    #[default]
-    Office,
-    /// About 18 × 12 × 5 m with pillars and some furniture.
-    Hall,
-}
 
 /// What room to build.
 #[derive(Debug, Clone, PartialEq)]
@@ -67,8 +57,6 @@ impl Default for RoomOptions {
 
 /// Edge of the triangles that light and vertex colours are kept on.
 const CELL_M: f32 = 0.2;
-/// How far from walls and furniture the middle of a person stays.
-pub(super) const CLEARANCE_M: f64 = 0.32;
 
 /// A room of which everything is known.
 pub struct SyntheticRoom {
@@ -274,7 +262,7 @@ fn vertex_colors(surfaces: &Surfaces, tessellation: &Tessellation, light: &[f32]
                 let offset = u * ((k % 4) as f32 - 1.5) + v * ((k / 4) as f32 - 1.5);
                 quad.color(*vertex + offset * (CELL_M / 4.0)).powf(2.2)
             });
-            super::render::encode(around.sum::<Vec3>() / 16.0 * *light)
+            encode(around.sum::<Vec3>() / 16.0 * *light)
         })
         .collect()
 }

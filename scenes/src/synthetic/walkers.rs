@@ -4,11 +4,11 @@ use nalgebra::Point2;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use super::floor::Floor;
+use super::floor::{CLEARANCE_M, Floor};
 use super::gait::Pose;
 use super::path::{PLAN_STEP_S, Plan, Stop, Trajectory, plan};
 use super::person::{Body, Part};
-use super::room::{CLEARANCE_M, SyntheticRoom};
+use super::room::SyntheticRoom;
 
 /// Who walks, and when.
 #[derive(Debug, Clone, PartialEq)]
