@@ -1,0 +1,51 @@
+//! Whether every pixel of the project lies in the image that it was picked in.
+
+use nalgebra::Point2;
+
+use super::{Project, Scale};
+use crate::{Error, Result};
+
+impl Project {
+    /// Checks every pixel against the image sizes, once the captures are read.
+    ///
+    /// # Errors
+    /// [`Error::Content`] naming the first pixel that lies outside.
+    pub fn check_pixels(&self, sizes: &[(u32, u32)]) -> Result<()> {
+        let scale = match &self.scale {
+            Scale::Distance { camera, from, to, .. } => {
+                vec![("[scale], from".to_owned(), *camera, *from), ("[scale], to".to_owned(), *camera, *to)]
+            }
+            Scale::Height { .. } => Vec::new(),
+        };
+        let picks = self.points.iter().enumerate().flat_map(|(i, point)| {
+            point.picks.iter().map(move |(camera, pixel)| {
+                (format!("[[point]] {}, {}", i + 1, self.cameras[*camera].name), *camera, *pixel)
+            })
+        });
+        for (place, camera, pixel) in scale.into_iter().chain(picks) {
+            if let Some(size) = sizes.get(camera) {
+                self.check_inside(&place, camera, &pixel, *size)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn check_inside(
+        &self,
+        place: &str,
+        camera: usize,
+        pixel: &Point2<f64>,
+        (width, height): (u32, u32),
+    ) -> Result<()> {
+        let inside = (-0.5..=f64::from(width) - 0.5).contains(&pixel.x)
+            && (-0.5..=f64::from(height) - 0.5).contains(&pixel.y);
+        if inside {
+            return Ok(());
+        }
+        let problem = format!(
+            "[{}, {}] lies outside the {width} × {height} image of `{}`",
+            pixel.x, pixel.y, self.cameras[camera].name
+        );
+        Err(Error::content(&self.path, place, problem))
+    }
+}

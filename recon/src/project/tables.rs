@@ -1,0 +1,180 @@
+//! `room.toml` as it stands on disk, table by table. Unknown keys are an error: most are misspelt known ones.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use nalgebra::Point2;
+use serde::Deserialize;
+
+use super::{PickedPoint, ProjectCamera, Scale};
+use crate::capture::ReferenceFrame;
+use crate::{Error, Result};
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ProjectFile {
+    #[serde(default)]
+    camera: Vec<CameraTable>,
+    #[serde(default)]
+    point: Vec<BTreeMap<String, [f64; 2]>>,
+    scale: Option<ScaleTable>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CameraTable {
+    name: String,
+    capture: PathBuf,
+    #[serde(default)]
+    reference: ReferenceValue,
+    intrinsics: Option<PathBuf>,
+}
+
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum ReferenceValue {
+    Word(String),
+    Number(i64),
+}
+
+impl Default for ReferenceValue {
+    fn default() -> Self {
+        Self::Word("last".into())
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ScaleTable {
+    camera: String,
+    from: Option<[f64; 2]>,
+    to: Option<[f64; 2]>,
+    metres: Option<f64>,
+    height: Option<f64>,
+}
+
+impl ProjectFile {
+    /// The cameras, with the intrinsics files they name; captures are only looked for.
+    pub(super) fn cameras(&self, path: &Path) -> Result<Vec<ProjectCamera>> {
+        if self.camera.is_empty() {
+            return Err(Error::content(path, "[[camera]]", "no camera; add a [[camera]] table for each"));
+        }
+        let mut cameras: Vec<ProjectCamera> = Vec::with_capacity(self.camera.len());
+        for (i, table) in self.camera.iter().enumerate() {
+            let camera = camera(path, i + 1, table)?;
+            if cameras.iter().any(|c| c.name == camera.name) {
+                let place = format!("[[camera]] {}, name", i + 1);
+                let problem = format!("`{}` is already taken; names must differ", camera.name);
+                return Err(Error::content(path, place, problem));
+            }
+            cameras.push(camera);
+        }
+        Ok(cameras)
+    }
+
+    /// The picked points.
+    pub(super) fn points(&self, path: &Path, cameras: &[ProjectCamera]) -> Result<Vec<PickedPoint>> {
+        self.point.iter().enumerate().map(|(i, table)| point(path, i + 1, table, cameras)).collect()
+    }
+
+    /// What fixes the metres.
+    pub(super) fn scale(&self, path: &Path, cameras: &[ProjectCamera]) -> Result<Scale> {
+        let Some(table) = &self.scale else {
+            let problem = "missing; a known distance or camera height fixes the metres";
+            return Err(Error::content(path, "[scale]", problem));
+        };
+        scale_of(path, table, cameras)
+    }
+}
+
+fn camera(path: &Path, number: usize, table: &CameraTable) -> Result<ProjectCamera> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let place = |key: &str| format!("[[camera]] {number}, {key}");
+    let fits = |c: char| c.is_alphanumeric() || ['-', '_', '.', ' '].contains(&c);
+    if table.name.trim().is_empty() || !table.name.chars().all(fits) || table.name.starts_with('.') {
+        let problem = format!("`{}` cannot become a file name; use letters, digits, `-`, `_`", table.name);
+        return Err(Error::content(path, place("name"), problem));
+    }
+    let capture = folder.join(&table.capture);
+    if !capture.exists() && !capture.to_string_lossy().contains('%') {
+        let problem = format!("`{}` is neither a folder of images nor a video file", capture.display());
+        return Err(Error::content(path, place("capture"), problem));
+    }
+    let text = match &table.reference {
+        ReferenceValue::Word(word) => word.clone(),
+        ReferenceValue::Number(number) => number.to_string(),
+    };
+    let reference: ReferenceFrame = text.parse().map_err(|_| {
+        let problem = format!("`{text}` is none of \"first\", \"last\" or a frame counted from 1");
+        Error::content(path, place("reference"), problem)
+    })?;
+    let lens = table.intrinsics.as_ref().map(|file| calib::files::read_intrinsics(&folder.join(file)));
+    Ok(ProjectCamera { name: table.name.clone(), capture, reference, intrinsics: lens.transpose()? })
+}
+
+fn point(
+    path: &Path,
+    number: usize,
+    table: &BTreeMap<String, [f64; 2]>,
+    cameras: &[ProjectCamera],
+) -> Result<PickedPoint> {
+    let mut picks = Vec::with_capacity(table.len());
+    for (name, pixel) in table {
+        let place = format!("[[point]] {number}, {name}");
+        let camera = camera_called(path, &place, name, cameras)?;
+        picks.push((camera, finite(path, &place, *pixel)?));
+    }
+    if picks.len() < 2 {
+        let problem = "a point must be picked in two or more cameras to join them";
+        return Err(Error::content(path, format!("[[point]] {number}"), problem));
+    }
+    picks.sort_by_key(|(camera, _)| *camera);
+    Ok(PickedPoint { picks })
+}
+
+fn scale_of(path: &Path, table: &ScaleTable, cameras: &[ProjectCamera]) -> Result<Scale> {
+    let camera = camera_called(path, "[scale], camera", &table.camera, cameras)?;
+    let positive = |key: &str, value: f64| {
+        if value.is_finite() && value > 0.0 {
+            return Ok(value);
+        }
+        Err(Error::content(
+            path,
+            format!("[scale], {key}"),
+            format!("{value} is not a positive number of metres"),
+        ))
+    };
+    match (table.from, table.to, table.metres, table.height) {
+        (Some(from), Some(to), Some(metres), None) => {
+            let from = finite(path, "[scale], from", from)?;
+            let to = finite(path, "[scale], to", to)?;
+            if (from - to).norm() < 1.0 {
+                let problem = "`from` and `to` are the same pixel: the distance has no length";
+                return Err(Error::content(path, "[scale]", problem));
+            }
+            Ok(Scale::Distance { camera, from, to, metres: positive("metres", metres)? })
+        }
+        (None, None, None, Some(height)) => {
+            Ok(Scale::Height { camera, height_m: positive("height", height)? })
+        }
+        _ => Err(Error::content(
+            path,
+            "[scale]",
+            "give either `from`, `to` and `metres`, or `height` (of the camera above the floor)",
+        )),
+    }
+}
+
+fn camera_called(path: &Path, place: &str, name: &str, cameras: &[ProjectCamera]) -> Result<usize> {
+    cameras.iter().position(|c| c.name == name).ok_or_else(|| {
+        let known = cameras.iter().map(|c| format!("`{}`", c.name)).collect::<Vec<_>>().join(", ");
+        Error::content(path, place, format!("no camera is called `{name}`; there are {known}"))
+    })
+}
+
+fn finite(path: &Path, place: &str, [x, y]: [f64; 2]) -> Result<Point2<f64>> {
+    if x.is_finite() && y.is_finite() {
+        return Ok(Point2::new(x, y));
+    }
+    Err(Error::content(path, place, format!("[{x}, {y}] is not a pixel")))
+}
