@@ -3,10 +3,13 @@
 use std::path::Path;
 use std::process::Command;
 
-use scenes::room::Room;
+use calib::Camera;
+use nalgebra::Isometry3;
+use scenes::room::{Room, RoomCamera};
 
 use crate::accuracy::{
-    CameraError, DepthAgreement, RelativePoseError, camera_against_floor, depth, relative_pose,
+    CameraError, DepthAgreement, RelativePoseError, camera_against_floor, depth, installed_truth,
+    relative_pose,
 };
 use crate::data::program;
 
@@ -89,15 +92,19 @@ pub struct RoomErrors {
     pub depth: Vec<(String, DepthAgreement)>,
 }
 
-/// Measures a built room against the true room, which has `depth_NAME.png` beside its `scene.toml`.
+/// Measures a built room against the truth in a directory: `depth_NAME.png` for each camera, and the true cameras in
+/// `scene.toml` or, where the truth is no room, in `truth.json`.
 pub fn compare_rooms(built: &Path, truth: &Path, tolerance_mm: u16) -> Said<RoomErrors> {
-    let read = |dir: &Path| Room::read(dir).map_err(|e| e.to_string());
-    let (built_room, true_room) = (read(built)?, read(truth)?);
-    let mut pairs = Vec::new();
-    for camera in &true_room.cameras {
-        let found = built_room.camera(&camera.name).map_err(|e| e.to_string())?;
-        pairs.push((camera.name.clone(), &found.camera, &camera.camera));
-    }
+    let built_room = Room::read(built).map_err(|e| e.to_string())?;
+    let pairs: Vec<(String, Camera, Camera)> = built_room
+        .cameras
+        .into_iter()
+        .map(|entry| {
+            let RoomCamera { name, camera, .. } = entry;
+            let true_camera = Camera { camera_from_world: true_pose(truth, &name)?, ..camera.clone() };
+            Ok((name, camera, true_camera))
+        })
+        .collect::<Said<_>>()?;
     let [(_, first, true_first), (_, second, true_second), ..] = &pairs[..] else {
         return Err("fewer than two cameras to compare".into());
     };
@@ -117,4 +124,14 @@ pub fn compare_rooms(built: &Path, truth: &Path, tolerance_mm: u16) -> Said<Room
         agreements.push((name.clone(), agreement.ok_or("the depth maps are of different sizes")?));
     }
     Ok(RoomErrors { relative, cameras, depth: agreements })
+}
+
+fn true_pose(truth: &Path, camera: &str) -> Said<Isometry3<f64>> {
+    let json = truth.join("truth.json");
+    if json.is_file() {
+        return installed_truth(&json, camera)
+            .ok_or_else(|| format!("{}: no pose of `{camera}`", json.display()));
+    }
+    let room = Room::read(truth).map_err(|e| e.to_string())?;
+    Ok(room.camera(camera).map_err(|e| e.to_string())?.camera.camera_from_world)
 }

@@ -5,5 +5,5 @@ mod motion;
 mod room;
 
 pub use depth::{DepthAgreement, depth};
-pub use motion::{MotionError, capture_truth, motion};
+pub use motion::{MotionError, capture_truth, installed_truth, motion};
 pub use room::{CameraError, RelativePoseError, camera_against_floor, relative_pose};

@@ -53,22 +53,30 @@ pub fn motion(estimated: &[Option<Isometry3<f64>>], truth: &[Isometry3<f64>]) ->
 
 /// The true poses (`camera_from_world`) of one camera's capture, from a data set's `truth.json`.
 pub fn capture_truth(truth_json: &Path, camera: &str) -> Option<Vec<Isometry3<f64>>> {
+    camera_truth(truth_json, camera)?["capture"].as_array()?.iter().map(pose).collect()
+}
+
+/// The true pose (`camera_from_world`) of one camera once it is put up, from a data set's `truth.json`.
+pub fn installed_truth(truth_json: &Path, camera: &str) -> Option<Isometry3<f64>> {
+    pose(&camera_truth(truth_json, camera)?)
+}
+
+fn camera_truth(truth_json: &Path, camera: &str) -> Option<serde_json::Value> {
     let text = std::fs::read_to_string(truth_json).ok()?;
-    let truth: serde_json::Value = serde_json::from_str(&text).ok()?;
-    let poses = truth["cameras"][camera]["capture"].as_array()?;
-    poses
-        .iter()
-        .map(|pose| {
-            let number = |v: &serde_json::Value| v.as_f64();
-            let mut rotation = Matrix3::zeros();
-            for (index, value) in rotation.iter_mut().enumerate() {
-                *value = number(&pose["R"][index % 3][index / 3])?; // nalgebra iterates column by column
-            }
-            let t = Vector3::new(number(&pose["t"][0])?, number(&pose["t"][1])?, number(&pose["t"][2])?);
-            let rotation = calib::rotation::from_matrix(&rotation).ok()?;
-            Some(Isometry3::from_parts(Translation3::from(t), rotation))
-        })
-        .collect()
+    let mut truth: serde_json::Value = serde_json::from_str(&text).ok()?;
+    Some(truth["cameras"][camera].take())
+}
+
+/// `R` row by row, and `t`.
+fn pose(value: &serde_json::Value) -> Option<Isometry3<f64>> {
+    let number = |v: &serde_json::Value| v.as_f64();
+    let mut rotation = Matrix3::zeros();
+    for (index, entry) in rotation.iter_mut().enumerate() {
+        *entry = number(&value["R"][index % 3][index / 3])?; // nalgebra iterates column by column
+    }
+    let t = Vector3::new(number(&value["t"][0])?, number(&value["t"][1])?, number(&value["t"][2])?);
+    let rotation = calib::rotation::from_matrix(&rotation).ok()?;
+    Some(Isometry3::from_parts(Translation3::from(t), rotation))
 }
 
 #[cfg(test)]

@@ -1,0 +1,32 @@
+//! Prints how far a built room is from the true one: relative camera poses, floor, depth.
+//!
+//! `cargo run --release -p tests --example room_error -- ROOM-DIR TRUTH-DIR`
+//!
+//! The truth is a room with `depth_NAME.png` beside its `scene.toml`, as in `tests/office/room`, or a folder with those
+//! and `truth.json`. A room's frame is its own business: relative poses, heights and depths are compared, never
+//! coordinates.
+
+use std::path::Path;
+
+use tests::chain::{Said, compare_rooms};
+
+fn main() -> Said<()> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [built, truth] = arguments.as_slice() else { return Err("ROOM-DIR TRUTH-DIR".into()) };
+    let errors = compare_rooms(Path::new(built), Path::new(truth), 50)?;
+    let relative = errors.relative;
+    println!(
+        "second camera seen from the first: {:.2} cm, {:.3}°",
+        relative.position_cm, relative.rotation_deg
+    );
+    for ((name, camera), (_, depth)) in errors.cameras.iter().zip(&errors.depth) {
+        println!(
+            "{name}: tilt {:.3}°, height {:+.2} cm off; depth within 5 cm {:.1} %, covered {:.1} %",
+            camera.tilt_deg,
+            camera.height_cm,
+            100.0 * depth.within,
+            100.0 * depth.covered
+        );
+    }
+    Ok(())
+}
