@@ -69,7 +69,7 @@ pub fn build(
 ) -> Result<BuildReport> {
     let project = Project::read(project_file)?;
     let zones = options.zones.as_deref().map(scenes::room::read_zones).transpose()?;
-    output::check_target(out)?;
+    let before = output::check_target(out)?;
     let of = project.cameras.len() * STEPS_A_CAMERA + STEPS_A_ROOM;
     let mut number = 0;
     let mut step = |what: String| {
@@ -103,7 +103,7 @@ pub fn build(
     let lenses: Vec<Intrinsics> = seen.iter().map(|s| s.lens.clone()).collect();
     let (mut room, assembled) = assemble::assemble(&project, &surfaces, &lenses, &options.assemble)?;
     report.assembled(&project, &assembled, start.elapsed());
-    take_over(&mut room, zones, out);
+    take_over(&mut room, before, zones);
 
     step("writing the room and its previews".into());
     let start = Instant::now();
@@ -162,8 +162,7 @@ fn see(
 }
 
 /// What people have drawn into a room outlives its rebuilding: its coordinates stay.
-fn take_over(room: &mut Room, zones: Option<Vec<Zone>>, out: &Path) {
-    let before = out.join(scenes::room::SCENE_FILE).is_file().then(|| Room::read(out).ok()).flatten();
+fn take_over(room: &mut Room, before: Option<Room>, zones: Option<Vec<Zone>>) {
     if let Some(before) = before {
         room.walkable = before.walkable;
         room.zones = before.zones;

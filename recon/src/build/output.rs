@@ -10,20 +10,41 @@ use crate::{Error, Result};
 /// Quality of the reference images.
 const JPEG_QUALITY: u8 = 95;
 
-/// A target must be new, empty, or a room: anything else is not ours to replace.
-pub(super) fn check_target(out: &Path) -> Result<()> {
-    if !out.exists() {
-        return Ok(());
-    }
+/// The room that will be replaced, if there is one. A target must be new, empty, or a room: anything else is not ours
+/// to replace. Nothing is left behind by asking.
+///
+/// # Errors
+/// [`Error::Content`] when the target cannot be written or replaced without loss: hours of work must not end there.
+pub(super) fn check_target(out: &Path) -> Result<Option<Room>> {
     let refuse = |problem: &str| Err(Error::content(out, "--out", problem));
+    if !out.exists() {
+        return check_creatable(out).map(|()| None);
+    }
     if !out.is_dir() {
         return refuse("is a file; name a directory for the room");
     }
+    check_creatable(out)?;
     let mut entries = std::fs::read_dir(out).map_err(|source| Error::Io { path: out.to_owned(), source })?;
-    if out.join(SCENE_FILE).is_file() || entries.next().is_none() {
-        return Ok(());
+    if entries.next().is_none() {
+        return Ok(None);
     }
-    refuse("exists, holds other things and is no room; name a new directory")
+    if !out.join(SCENE_FILE).is_file() {
+        return refuse("exists, holds other things and is no room; name a new directory");
+    }
+    // Its zones are kept; a room that does not tell them must not be lost with them.
+    Room::read(out).map(Some).or_else(|e| {
+        refuse(&format!("the room that is there cannot be replaced, since it cannot be read ({e}); mend it or name a new directory"))
+    })
+}
+
+/// Whether a directory can be made beside the target.
+fn check_creatable(out: &Path) -> Result<()> {
+    let absolute = std::path::absolute(out).map_err(|source| Error::Io { path: out.to_owned(), source })?;
+    let above = absolute.ancestors().skip(1).find(|folder| folder.exists()).unwrap_or(Path::new("/"));
+    tempfile::tempdir_in(above).map(drop).map_err(|source| {
+        let problem = format!("no directory can be made in {} ({source})", above.display());
+        Error::content(out, "--out", problem)
+    })
 }
 
 /// Writes the room whole: references, geometry, then whatever `more` adds.

@@ -1,5 +1,5 @@
-//! Pictures that show at a glance whether it worked: a camera's reference image, its depth in the finished room and
-//! the room drawn from where it stands, side by side.
+//! Pictures that show at a glance whether it worked: the floor plan, and for each camera its reference image, its depth
+//! in the finished room and the room drawn from where it stands, side by side.
 
 use std::path::Path;
 
@@ -7,6 +7,7 @@ use calib::undistort::UndistortMap;
 use image::{Rgb, RgbImage};
 use scenes::canvas::{Canvas, Color};
 use scenes::depth::{self, DepthMap};
+use scenes::plan::{FloorPlan, PlanOptions};
 use scenes::raycast::RayScene;
 use scenes::room::Room;
 use scenes::view::{View, ViewOptions};
@@ -17,8 +18,12 @@ use crate::Result;
 /// Space between the pictures, pixels.
 const GAP: u32 = 6;
 
-/// Writes `preview/NAME.png` for each camera.
+/// The floor plan; not in `preview/`, where a camera may be called so.
+const PLAN: &str = "plan.png";
+
+/// Writes `plan.png`, and `preview/NAME.png` for each camera.
 pub(super) fn write(dir: &Path, room: &Room, references: &[(&str, &RgbImage)]) -> Result<()> {
+    write_png(&dir.join(PLAN), &FloorPlan::new(room, &PlanOptions::default())?.into_image())?;
     let Some(geometry) = &room.geometry else { return Ok(()) };
     let scene = RayScene::new(geometry)?;
     for (camera, (name, reference)) in room.cameras.iter().zip(references) {

@@ -95,12 +95,7 @@ impl Check {
             }
         }
         writeln!(out)?;
-        if let Some(reference) = &camera_entry.reference
-            && let Ok((width, height)) = image::image_dimensions(self.room.join(reference))
-            && (width, height) != (k.width, k.height)
-        {
-            let problem =
-                format!("its reference image is {width} × {height}, not {} × {}", k.width, k.height);
+        if let Some(problem) = self.reference_defect(camera_entry) {
             self.warn(name, &problem);
         }
         if eye.z <= 0.0 {
@@ -110,6 +105,21 @@ impl Check {
             );
         }
         Ok(())
+    }
+
+    /// What is odd about a reference image that is there; reading the room has told of those that are not.
+    fn reference_defect(&self, entry: &RoomCamera) -> Option<String> {
+        let path = self.room.join(entry.reference.as_ref()?);
+        let (expected, shown) = (&entry.camera.intrinsics, path.display());
+        match image::image_dimensions(&path) {
+            _ if !path.is_file() => None,
+            Ok((width, height)) if (width, height) == (expected.width, expected.height) => None,
+            Ok((width, height)) => Some(format!(
+                "its reference image {shown} is {width} × {height}, not {} × {}",
+                expected.width, expected.height
+            )),
+            Err(e) => Some(format!("its reference image {shown} cannot be decoded ({e})")),
+        }
     }
 
     fn warn(&self, camera: &str, problem: &str) {

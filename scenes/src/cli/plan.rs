@@ -22,8 +22,13 @@ pub(crate) struct Plan {
     #[arg(long, value_name = "PX", default_value_t = 1200, value_parser = clap::value_parser!(u32).range(200..=8192))]
     size: u32,
     /// Height at which the room is cut open, metres [default: 2, or 0.3 below a lower ceiling].
-    #[arg(long, value_name = "M")]
+    #[arg(long, value_name = "M", value_parser = height)]
     cut: Option<f64>,
+}
+
+fn height(text: &str) -> Result<f64, &'static str> {
+    let finite = text.parse().ok().filter(|metres: &f64| metres.is_finite());
+    finite.ok_or("a height is a number of metres, such as 2.1")
 }
 
 impl Plan {

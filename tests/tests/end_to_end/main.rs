@@ -5,4 +5,7 @@
 
 mod capture_motion;
 mod office;
+mod recon_refusals;
+mod refusal;
 mod run_refusals;
+mod scenes_refusals;

@@ -8,6 +8,8 @@ use image::{Rgb, RgbImage};
 use tempfile::TempDir;
 use tests::data::{office, program};
 
+use crate::refusal::refused;
+
 const ROOM: &str = r#"
 format = 1
 
@@ -75,23 +77,6 @@ impl Small {
         let mut tracker = program("tracker");
         tracker.current_dir(self.folder.path()).args(["run", "room", "--out", "out", "--no-film"]);
         tracker.args(arguments).output().expect("the program starts")
-    }
-}
-
-/// One line of error with these words in it, nothing that libraries print, exit status 2.
-fn refused(output: &Output, words: &[&str]) {
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(2), "{said}");
-    let (errors, others): (Vec<&str>, Vec<&str>) = said.lines().partition(|line| line.starts_with("error: "));
-    assert_eq!(errors.len(), 1, "{said}");
-    assert!(
-        others
-            .iter()
-            .all(|line| line.trim_start().starts_with("WARN ") || line.trim_start().starts_with("INFO ")),
-        "{said}"
-    );
-    for word in words {
-        assert!(errors[0].contains(word), "`{word}` is not in: {said}");
     }
 }
 

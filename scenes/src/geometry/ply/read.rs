@@ -98,7 +98,19 @@ fn rows<R: PropertyAccess>(
 ) -> Decoded<Vec<R>> {
     Parser::<R>::new()
         .read_payload_for_element(reader, element, header)
-        .map_err(|e| (format!("element {}", element.name), one_line(&e.to_string())))
+        .map_err(|e| bad_row(element, &one_line(&e.to_string())))
+}
+
+/// The parser tells the line of an ASCII file and then, at length, its own grammar.
+fn bad_row(element: &ElementDef, said: &str) -> Defect {
+    let place = format!("element {}", element.name);
+    let line = said.strip_prefix("Line ").and_then(|rest| rest.split_once(':'));
+    let Some((line, _)) = line else { return (place, said.to_owned()) };
+    let problem = format!(
+        "the line does not hold what the header announces (properties: {}) as finite numbers; write the file again",
+        element.properties.len()
+    );
+    (format!("{place}, line {line}"), problem)
 }
 
 fn has(header: &Header, element: &str, property: &str) -> bool {

@@ -1,0 +1,235 @@
+//! `scenes` with everything that can be wrong with a room directory: one clear line, no panic, nothing written; exit
+//! status 1 where `check` was asked about the room, 2 elsewhere.
+
+use std::fs;
+use std::path::PathBuf;
+use std::process::Output;
+
+use image::RgbImage;
+use tempfile::TempDir;
+use tests::data::program;
+
+use crate::refusal::{refused, refused_with};
+
+const SCENE: &str = r#"
+format = 1
+geometry = "room.ply"
+
+[[camera]]
+name = "left"
+width = 64
+height = 48
+matrix = [[60.0, 0.0, 31.5], [0.0, 60.0, 23.5], [0.0, 0.0, 1.0]]
+distortion = [0.0, 0.0, 0.0, 0.0, 0.0]
+rotation = [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]
+translation = [0.0, 1.2, 3.0]
+reference = "left.png"
+
+[[zone]]
+name = "door"
+polygon = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]
+"#;
+
+/// A square of floor.
+const GEOMETRY: &str = "ply
+format ascii 1.0
+element vertex 4
+property float x
+property float y
+property float z
+element face 2
+property list uchar int vertex_indices
+end_header
+-3 -3 0
+3 -3 0
+3 3 0
+-3 3 0
+3 0 1 2
+3 0 2 3
+";
+
+struct Room {
+    folder: TempDir,
+}
+
+impl Room {
+    fn new() -> Self {
+        let room = Self { folder: tempfile::tempdir().expect("a temporary folder") };
+        fs::create_dir(room.path("room")).expect("a folder");
+        room.write("scene.toml", SCENE);
+        room.write("room.ply", GEOMETRY);
+        RgbImage::new(64, 48).save(room.path("room/left.png")).expect("a picture");
+        room
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn write(&self, name: &str, content: impl AsRef<[u8]>) {
+        fs::write(self.path("room").join(name), content).expect("a file");
+    }
+
+    fn scenes(&self, arguments: &[&str]) -> Output {
+        let mut scenes = program("scenes");
+        scenes.current_dir(self.folder.path()).args(arguments).output().expect("the program starts")
+    }
+
+    fn check(&self) -> Output {
+        self.scenes(&["check", "room"])
+    }
+
+    fn depth(&self) -> Output {
+        self.scenes(&["depth", "room", "--camera", "left", "--out", "depth.png"])
+    }
+
+    fn plan(&self) -> Output {
+        self.scenes(&["plan", "room", "--out", "plan.png"])
+    }
+
+    /// All three commands refuse the room with these words.
+    fn refused(&self, words: &[&str]) {
+        refused_with(1, &self.check(), words);
+        refused(&self.depth(), words);
+        refused(&self.plan(), words);
+        assert!(!self.path("depth.png").exists() && !self.path("plan.png").exists(), "something was written");
+    }
+
+    fn refuses_scene(&self, from: &str, to: &str, words: &[&str]) {
+        assert!(SCENE.contains(from), "{from}");
+        self.write("scene.toml", SCENE.replacen(from, to, 1));
+        self.refused(&[&["scene.toml"], words].concat());
+        self.write("scene.toml", SCENE);
+    }
+
+    fn refuses_geometry(&self, content: impl AsRef<[u8]>, words: &[&str]) {
+        self.write("room.ply", content);
+        self.refused(&[&["room.ply"], words].concat());
+    }
+}
+
+#[test]
+fn the_same_room_is_right() {
+    let room = Room::new();
+    for output in [room.check(), room.depth(), room.plan()] {
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success() && said.is_empty(), "{said}");
+    }
+    let depth = image::open(room.path("depth.png")).expect("the depth").into_luma16();
+    assert_eq!(depth.dimensions(), (64, 48));
+    assert!(depth.pixels().any(|p| p.0[0] > 0), "the floor is not seen");
+    assert!(room.path("plan.png").is_file());
+}
+
+#[test]
+fn directories() {
+    let room = Room::new();
+    fs::remove_file(room.path("room/scene.toml")).expect("the file");
+    room.refused(&["room", "no scene.toml", "recon build"]);
+    fs::remove_dir_all(room.path("room")).expect("the folder");
+    room.refused(&["room", "no such room directory", "recon build"]);
+    fs::write(room.path("room"), "a file").expect("a file");
+    room.refused(&["room", "file"]);
+}
+
+#[test]
+fn scene_files() {
+    let room = Room::new();
+    room.write("scene.toml", "");
+    room.refused(&["scene.toml", "empty"]);
+    room.write("scene.toml", &SCENE[..SCENE.len() / 2]);
+    room.refused(&["scene.toml", "line"]);
+    room.write("scene.toml", [0xff, 0xfe, 0x00]);
+    room.refused(&["scene.toml", "UTF-8"]);
+    for (from, to, words) in [
+        ("format = 1", "format = 2", &["format 2"][..]),
+        ("format = 1", "", &["format"]),
+        ("[[camera]]", "[[kamera]]", &["kamera", "line"]),
+        ("width = 64", "width = 0", &["camera 1 (`left`)", "empty"]),
+        ("width = 64", "width = -64", &["line 7"]),
+        ("[[60.0", "[[nan", &["camera 1 (`left`)", "matrix"]),
+        (
+            "[1.0, 0.0, 0.0], [0.0, 0.0, -1.0]",
+            "[2.0, 0.0, 0.0], [0.0, 0.0, -1.0]",
+            &["rotation", "orthonormal"],
+        ),
+        ("translation = [0.0", "translation = [nan", &["camera 1 (`left`)", "not finite"]),
+        ("translation = [0.0, ", "translation = [", &["line 12"]),
+        ("name = \"left\"", "name = \"../left\"", &["camera 1", "file names"]),
+        ("[1.0, 1.0]]", "[nan, 1.0]]", &["zone 1 (`door`)", "finite"]),
+        (", [1.0, 1.0]]", "]", &["zone 1 (`door`)", "3 corners"]),
+        ("geometry = \"room.ply\"", "geometry = \"rom.ply\"", &["geometry", "rom.ply"]),
+    ] {
+        room.refuses_scene(from, to, words);
+    }
+}
+
+#[test]
+fn geometry() {
+    let room = Room::new();
+    room.refuses_geometry("", &["empty"]);
+    room.refuses_geometry("a poem", &["header"]);
+    room.refuses_geometry(&GEOMETRY[..GEOMETRY.len() / 4], &["header"]);
+    room.refuses_geometry(&GEOMETRY[..GEOMETRY.len() - 10], &["element face, line 14", "properties: 1"]);
+    room.refuses_geometry(
+        GEOMETRY.replace("3 3 0\n-3", "nan 3 0\n-3"),
+        &["element vertex, line 12", "properties: 3", "finite"],
+    );
+    room.refuses_geometry(GEOMETRY.replace("3 3 0\n-3", "1e99 3 0\n-3"), &["vertex 2", "finite"]);
+    room.refuses_geometry(GEOMETRY.replace("property float z\n", ""), &["element vertex"]);
+    room.refuses_geometry(GEOMETRY.replace("3 0 2 3", "3 0 2 4"), &["face 1", "vertex 4"]);
+    room.refuses_geometry(GEOMETRY.replace("vertex 4", "vertex 4000000000000"), &["element vertex"]);
+    fs::remove_file(room.path("room/room.ply")).expect("the file");
+    room.refused(&["scene.toml", "geometry", "room.ply", "put it there"]);
+}
+
+#[test]
+fn reference_images_that_are_wrong_are_worth_a_warning() {
+    let room = Room::new();
+    let warned = |words: &[&str]| {
+        let output = room.check();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(0), "{said}");
+        assert_eq!(said.lines().count(), 1, "{said}");
+        assert!(said.contains("WARN") && words.iter().all(|word| said.contains(word)), "{said}");
+    };
+    RgbImage::new(32, 48).save(room.path("room/left.png")).expect("a picture");
+    warned(&["`left`", "32 × 48", "64 × 48"]);
+    room.write("left.png", "this is no picture");
+    warned(&["`left`", "left.png"]);
+    room.write("left.png", "");
+    warned(&["`left`", "left.png"]);
+    fs::remove_file(room.path("room/left.png")).expect("the picture");
+    warned(&["`left`", "left.png"]);
+}
+
+#[test]
+fn names_and_places() {
+    let room = Room::new();
+    refused(
+        &room.scenes(&["depth", "room", "--camera", "right", "--out", "depth.png"]),
+        &["`right`", "`left`"],
+    );
+    room.write("in_the_way", "a file");
+    for command in [&["depth", "room", "--camera", "left"][..], &["plan", "room"]] {
+        let to = |out: &'static str| [command, &["--out", out]].concat();
+        refused(&room.scenes(&to("room/in_the_way/picture.png")), &["in_the_way"]);
+        refused(&room.scenes(&to("room")), &["room"]);
+        let misused = room.scenes(command);
+        assert_eq!(misused.status.code(), Some(2));
+        assert!(String::from_utf8_lossy(&misused.stderr).contains("--out"));
+    }
+    for size in ["0", "100", "1000000", "x"] {
+        let output = room.scenes(&["plan", "room", "--out", "plan.png", "--size", size]);
+        assert_eq!(output.status.code(), Some(2));
+    }
+    for cut in ["nan", "inf", "x"] {
+        let output = room.scenes(&["plan", "room", "--out", "plan.png", "--cut", cut]);
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(
+            output.status.code() == Some(2) && said.contains("--cut") && said.contains("metres"),
+            "{said}"
+        );
+    }
+    assert!(!room.path("plan.png").exists());
+}
