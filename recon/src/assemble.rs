@@ -96,13 +96,10 @@ fn camera_pose(frame_from_camera: &Similarity3<f64>) -> Isometry3<f64> {
 fn surface_points(surfaces: &[Surface], common_from_camera: &[Similarity3<f64>]) -> Vec<SurfacePoint> {
     /// Pixels between samples.
     const STRIDE: usize = 4;
-    /// Standard deviation of a depth as a share of it, at the median depth; it grows with the depth.
-    const NOISE: f64 = 0.004;
+    /// Standard deviation of stereo, in pixels of shift in the farthest view.
+    const NOISE_PX: f64 = 0.3;
     let mut points = Vec::new();
     for (surface, common) in surfaces.iter().zip(common_from_camera) {
-        let mut depths: Vec<f32> = surface.depth.iter().copied().filter(|z| *z > 0.0).collect();
-        depths.sort_by(f32::total_cmp);
-        let median = depths.get(depths.len() / 2).map_or(1.0, |z| f64::from(*z));
         for y in (0..surface.height()).step_by(STRIDE) {
             for x in (0..surface.width()).step_by(STRIDE) {
                 let i = y * surface.width() + x;
@@ -115,7 +112,7 @@ fn surface_points(surfaces: &[Surface], common_from_camera: &[Similarity3<f64>])
                     position: common * Point3::from(double(point)),
                     normal: common.isometry.rotation * double(surface.normal[i]),
                     area: f64::from(surface.area(i)) * (STRIDE * STRIDE) as f64 * scale * scale,
-                    sigma: NOISE * z * z / median * scale,
+                    sigma: NOISE_PX * f64::from(surface.step) * z * z * scale,
                 });
             }
         }
@@ -125,4 +122,81 @@ fn surface_points(surfaces: &[Surface], common_from_camera: &[Similarity3<f64>])
 
 fn double(v: Vec3) -> Vector3<f64> {
     Vector3::new(f64::from(v.x), f64::from(v.y), f64::from(v.z))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::capture::ReferenceFrame;
+    use crate::project::{PickedPoint, ProjectCamera, Scale};
+    use crate::surface::rendered::Rendering;
+    use calib::{Camera, Intrinsics};
+    use nalgebra::{Point2, Vector2};
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+    use scenes::raycast::RayScene;
+    use scenes::synthetic::RoomOptions;
+
+    /// Points that both cameras see, picked to within a pixel.
+    fn picks(scene: &RayScene, [a, b]: [&Camera; 2], rng: &mut Pcg64Mcg) -> Vec<PickedPoint> {
+        let single = |p: &Point3<f64>| Vec3::new(p.x as f32, p.y as f32, p.z as f32);
+        let mut points: Vec<PickedPoint> = Vec::new();
+        while points.len() < 10 {
+            let pixel = Point2::new(rng.random_range(8.0..312.0), rng.random_range(8.0..232.0));
+            let ray = a.intrinsics.unproject(&pixel).unwrap();
+            let direction = a.camera_from_world.rotation.inverse() * ray;
+            let Some(hit) = scene.cast(single(&a.center()), single(&Point3::from(direction))) else {
+                continue;
+            };
+            let place = a.center() + direction * f64::from(hit.distance);
+            let seen = b.project(&place).filter(|p| b.intrinsics.contains(p));
+            let Some(other) = seen.filter(|_| !scene.is_blocked(single(&b.center()), single(&place))) else {
+                continue;
+            };
+            let mut slip = || Vector2::new(rng.random_range(-0.6..0.6), rng.random_range(-0.6..0.6));
+            points.push(PickedPoint { picks: vec![(0, pixel + slip()), (1, other + slip())] });
+        }
+        points
+    }
+
+    fn project(points: Vec<PickedPoint>, scale: Scale) -> Project {
+        let camera = |name: &str| ProjectCamera {
+            name: name.into(),
+            capture: "unused".into(),
+            reference: ReferenceFrame::Last,
+            intrinsics: None,
+        };
+        Project { path: "room.toml".into(), cameras: vec![camera("a"), camera("b")], points, scale }
+    }
+
+    #[test]
+    fn furnished_rooms_come_out_metric_and_upright() {
+        for seed in 1..=6 {
+            let built = RoomOptions { seed, ..RoomOptions::default() }.build().unwrap();
+            let scene = RayScene::new(built.room.geometry.as_ref().unwrap()).unwrap();
+            let truth = [0, 1].map(|i| &built.room.cameras[i].camera);
+            // Two captures know nothing of each other's unit.
+            let surfaces = [(0, 1.9), (1, 0.7)].map(|(i, unit_m)| {
+                Rendering { unit_m, noise: 0.005, holes: 0.2, seed: seed + i as u64 }.of(&scene, truth[i])
+            });
+            let lenses: [Intrinsics; 2] = truth.map(|camera| camera.intrinsics.clone());
+            let points = picks(&scene, truth, &mut Pcg64Mcg::seed_from_u64(seed));
+            let height_m = truth[0].center().z;
+            let project = project(points, Scale::Height { camera: 0, height_m });
+            let (room, report) = assemble(&project, &surfaces, &lenses, &AssembleOptions::default()).unwrap();
+
+            let found = [0, 1].map(|i| &room.cameras[i].camera);
+            let second = |[a, b]: [&Camera; 2]| a.camera_from_world * b.camera_from_world.inverse();
+            let (relative, expected) = (second(found), second(truth));
+            let off_m = (relative.translation.vector - expected.translation.vector).norm();
+            let off_deg = calib::rotation::angle_between_deg(&relative.rotation, &expected.rotation);
+            assert!(off_m < 0.03 && off_deg < 0.25, "seed {seed}: {off_m} m, {off_deg}°, {report:?}");
+            for (f, t) in found.iter().zip(truth) {
+                let up = |camera: &Camera| camera.camera_from_world.rotation * Vector3::z();
+                let tilt_deg = up(f).angle(&up(t)).to_degrees();
+                let lift_m = f.center().z - t.center().z;
+                assert!(tilt_deg < 0.2 && lift_m.abs() < 0.02, "seed {seed}: {tilt_deg}°, {lift_m} m");
+            }
+        }
+    }
 }

@@ -107,6 +107,10 @@ pub fn find(
     let centres: Vec<Point3<f64>> = cameras.iter().map(|c| c.inverse() * Point3::origin()).collect();
     let size = room_size(points, &centres)
         .ok_or_else(|| Error::Room("no surface was reconstructed, so there is no floor to find".into()))?;
+    // What is not known to within a plane's thickness says as much less about planes: far things are large and vague.
+    let vague = |p: &SurfacePoint| 1.0 + (p.sigma / (options.thickness * size)).powi(2);
+    let points: &[SurfacePoint] =
+        &points.iter().map(|p| SurfacePoint { area: p.area / vague(p), ..p.clone() }).collect::<Vec<_>>();
     let total: f64 = points.iter().map(|p| p.area).sum();
     let peaks = hough(points, size, options);
     let mut best: Option<(f64, Plane, FloorReport)> = None;
@@ -130,6 +134,8 @@ pub fn find(
             .filter(|p| plane.height(&p.position) < -3.0 * options.thickness * size - 3.0 * p.sigma)
             .map(|p| p.area)
             .sum();
+        let (share, low) = (area / total, behind / total);
+        tracing::debug!("a level plane with {share:.3} of the area, {low:.3} below it, {rms:.4} rms");
         if behind > options.largest_behind * total {
             refusal = "each plane that lies level has too much below it; is the floor itself in view?";
             continue;

@@ -12,12 +12,12 @@ const MAGIC: &[u8] = b"roomtrack cache 1\n";
 const HASH_BYTES: usize = blake3::OUT_LEN;
 
 /// Where something is kept.
-pub(crate) fn file_of(room_dir: &Path, name: &str) -> PathBuf {
+pub fn file_of(room_dir: &Path, name: &str) -> PathBuf {
     room_dir.join(FOLDER).join(format!("{name}.bin"))
 }
 
 /// The content kept under a name, if it is whole and of this key.
-pub(crate) fn read(room_dir: &Path, name: &str, key: &blake3::Hash) -> Option<Vec<u8>> {
+pub fn read(room_dir: &Path, name: &str, key: &blake3::Hash) -> Option<Vec<u8>> {
     let bytes = std::fs::read(file_of(room_dir, name)).ok()?;
     let (all, hash) = bytes.split_last_chunk::<HASH_BYTES>()?;
     let content = all.strip_prefix(MAGIC)?.strip_prefix(key.as_bytes().as_slice())?;
@@ -25,7 +25,7 @@ pub(crate) fn read(room_dir: &Path, name: &str, key: &blake3::Hash) -> Option<Ve
 }
 
 /// Keeps a content under a name, in place of what was kept there before; if that fails, it is not kept.
-pub(crate) fn write(room_dir: &Path, name: &str, key: &blake3::Hash, content: &[u8]) {
+pub fn write(room_dir: &Path, name: &str, key: &blake3::Hash, content: &[u8]) {
     let mut bytes = Vec::with_capacity(MAGIC.len() + 2 * HASH_BYTES + content.len());
     bytes.extend(MAGIC);
     bytes.extend(key.as_bytes());

@@ -9,10 +9,11 @@
 //! * [`walkable`] — [`walkable::WalkableMap`]: where a person can stand.
 //! * [`canvas`] — the one place that draws: shapes and text over pictures; [`view`] — the room seen from anywhere,
 //!   with people in it; [`plan`] — its floor plan.
+//! * [`cache`] — what is worked out once and kept beside a room.
 //! * [`synthetic`] — seeded rooms and walking people with everything known about them, for tests.
 #![forbid(unsafe_code)]
 
-mod cache;
+pub mod cache;
 pub mod canvas;
 pub mod depth;
 mod error;

@@ -1,8 +1,11 @@
 //! `recon build`: a capture project → a room directory, whole or not at all.
 //!
-//! Each camera's capture becomes motion, depth and a surface on its own; then one room is assembled, written beside
-//! its target with its previews and a report, and only then takes the target's name.
+//! Each camera's capture becomes motion, depth and a surface on its own ([`camera`]), which is kept until the capture
+//! changes ([`kept`]); then one room is assembled, written beside its target with its previews and a report, and only
+//! then takes the target's name.
 
+mod camera;
+mod kept;
 mod output;
 mod preview;
 mod report;
@@ -12,17 +15,18 @@ use std::time::Instant;
 
 use calib::Intrinsics;
 use image::RgbImage;
-use nalgebra::Point3;
 use scenes::room::{Room, Zone};
 
+use crate::Result;
 use crate::assemble::{self, AssembleOptions};
 use crate::capture::Capture;
-use crate::dense::{self, DenseOptions, PosedCapture};
-use crate::motion::{self, MotionOptions};
-use crate::planes::{self, PlaneOptions};
+use crate::dense::DenseOptions;
+use crate::motion::MotionOptions;
+use crate::planes::PlaneOptions;
 use crate::project::Project;
 use crate::surface::Surface;
-use crate::{Error, Result};
+use camera::Camera;
+use kept::Kept;
 pub use report::{BuildReport, CameraReport};
 
 /// How a room is built.
@@ -60,7 +64,8 @@ const STEPS_A_ROOM: usize = 2;
 /// Builds the room of `project_file` into the directory `out`.
 ///
 /// # Errors
-/// The first thing that is wrong, with its place. `out` is then as it was before.
+/// The first thing that is wrong, with its place. `out` is then as it was before; cameras that were finished are kept
+/// beside it for the next time.
 pub fn build(
     project_file: &Path,
     out: &Path,
@@ -77,88 +82,60 @@ pub fn build(
         number += 1;
     };
 
-    let mut cameras = Vec::with_capacity(project.cameras.len());
+    let mut captures = Vec::with_capacity(project.cameras.len());
     for camera in &project.cameras {
         step(format!("{}: reading the capture", camera.name));
-        cameras.push(Capture::load(
+        captures.push(Capture::load(
             &camera.name,
             &camera.capture,
             camera.reference,
             camera.intrinsics.clone(),
         )?);
     }
-    let sizes: Vec<(u32, u32)> = cameras.iter().map(|c| c.frames[c.reference].dimensions()).collect();
+    let sizes: Vec<(u32, u32)> = captures.iter().map(|c| c.frames[c.reference].dimensions()).collect();
     project.check_pixels(&sizes)?;
 
-    let mut seen = Vec::with_capacity(cameras.len());
+    let kept = Kept::beside(out);
+    let mut cameras = Vec::with_capacity(captures.len());
     let mut report = BuildReport::default();
-    for capture in cameras {
-        let (camera, camera_report) = see(capture, options, &mut step)?;
-        report.cameras.push(camera_report);
-        seen.push(camera);
+    for mut capture in captures {
+        let key = kept::key(&capture, options);
+        let seen = if let Some(seen) = kept.find(&capture.name, &key) {
+            step(format!("{}: camera motion kept from before", capture.name));
+            step(format!("{}: depth kept from before", capture.name));
+            seen
+        } else {
+            let seen = camera::see(&capture, options, &mut step)?;
+            kept.keep(&capture.name, &key, &seen);
+            seen
+        };
+        report.cameras.push(seen.report.clone());
+        let reference = capture.frames.swap_remove(capture.reference);
+        cameras.push((Camera { name: capture.name, reference, seen }, key));
     }
     step("the room: cameras, floor, metres".into());
     let start = Instant::now();
-    let surfaces: Vec<Surface> = seen.iter().map(|s| s.surface.clone()).collect();
-    let lenses: Vec<Intrinsics> = seen.iter().map(|s| s.lens.clone()).collect();
+    let surfaces: Vec<Surface> = cameras.iter().map(|(c, _)| c.seen.surface.clone()).collect();
+    let lenses: Vec<Intrinsics> = cameras.iter().map(|(c, _)| c.seen.lens.clone()).collect();
     let (mut room, assembled) = assemble::assemble(&project, &surfaces, &lenses, &options.assemble)?;
     report.assembled(&project, &assembled, start.elapsed());
     take_over(&mut room, before, zones);
 
     step("writing the room and its previews".into());
     let start = Instant::now();
-    let references: Vec<(&str, &RgbImage)> = seen.iter().map(|s| (s.name.as_str(), &s.reference)).collect();
+    let references: Vec<(&str, &RgbImage)> =
+        cameras.iter().map(|(c, _)| (c.name.as_str(), &c.reference)).collect();
     output::write(out, &mut room, &references, &mut |dir, room| {
         preview::write(dir, room, &references)?;
+        for (camera, key) in &cameras {
+            Kept::keep_in(dir, &camera.name, key, &camera.seen);
+        }
         report.seconds.writing = start.elapsed().as_secs_f64();
         report.write(dir)
     })?;
+    kept.done(cameras.iter().map(|(c, _)| c.name.as_str()));
     step("done".into());
     Ok(report)
-}
-
-/// A camera once its capture has been worked through.
-struct Seen {
-    name: String,
-    /// The reference image as filmed.
-    reference: RgbImage,
-    lens: Intrinsics,
-    surface: Surface,
-}
-
-fn see(
-    mut capture: Capture,
-    options: &BuildOptions,
-    step: &mut dyn FnMut(String),
-) -> Result<(Seen, CameraReport)> {
-    let name = capture.name.clone();
-    step(format!("{name}: camera motion"));
-    let start = Instant::now();
-    let motion_options = MotionOptions { seed: options.seed, ..options.motion.clone() };
-    let (motion, motion_report) = motion::estimate(&capture, &motion_options)?;
-    let motion_time = start.elapsed();
-
-    step(format!("{name}: depth"));
-    let start = Instant::now();
-    let points: Vec<Point3<f64>> = motion.points.iter().map(|p| p.position).collect();
-    let posed = PosedCapture {
-        name: &name,
-        frames: &capture.frames,
-        reference: capture.reference,
-        intrinsics: &motion.intrinsics,
-        camera_from_world: &motion.camera_from_world,
-        points: &points,
-    };
-    let dense_options = DenseOptions { seed: options.seed, ..options.dense.clone() };
-    let (views, dense_report) = dense::reconstruct(&posed, &dense_options)?;
-    let plane_options = PlaneOptions { seed: options.seed, ..options.planes.clone() };
-    let (surface, plane_report) = planes::complete(&views, &plane_options)
-        .ok_or_else(|| Error::capture(&name, "no view was reconstructed"))?;
-    tracing::info!("{name}: {plane_report:?}");
-    let report =
-        CameraReport::new(&capture, &motion_report, &dense_report, &surface, (motion_time, start.elapsed()));
-    let reference = capture.frames.swap_remove(capture.reference);
-    Ok((Seen { name, reference, lens: motion.intrinsics, surface }, report))
 }
 
 /// What people have drawn into a room outlives its rebuilding: its coordinates stay.

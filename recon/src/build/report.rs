@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::time::Duration;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::assemble::AssembleReport;
 use crate::capture::Capture;
@@ -52,7 +52,7 @@ pub struct RoomSeconds {
 }
 
 /// What became of one capture.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct CameraReport {
     /// The camera.
     pub name: String,

@@ -4,42 +4,27 @@ use super::*;
 use calib::Distortion;
 use nalgebra::{DMatrix, Vector3};
 use rand::SeedableRng;
-use rand_distr::{Distribution, Normal, Uniform};
+use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64Mcg;
+use scenes::synthetic::tracks::{self, TrackOptions};
 
-/// Cameras on an arc, points in a box before them, pixels with Gaussian noise.
+/// Synthetic tracks in the frame of their first camera.
 fn scene(noise_px: f64, seed: u64) -> Problem {
-    let mut rng = Pcg64Mcg::seed_from_u64(seed);
     let mut intrinsics = Intrinsics::from_horizontal_fov(640, 480, 65.0);
     intrinsics.distortion = Distortion { k1: -0.08, k2: 0.02, ..Distortion::NONE };
-    let poses: Vec<Isometry3<f64>> = (0..8)
-        .map(|i| {
-            let s = f64::from(i) * 0.25;
-            Isometry3::new(
-                Vector3::new(0.3 * s, 0.1 * (2.0 * s).sin(), 0.05 * s),
-                Vector3::new(0.02 * s, -0.06 * s, 0.03 * s),
-            )
-        })
-        .collect();
-    let side = Uniform::new(-1.2, 1.2).unwrap();
-    let depth = Uniform::new(2.5, 6.0).unwrap();
-    let points: Vec<Point3<f64>> = (0..120)
-        .map(|_| Point3::new(side.sample(&mut rng), side.sample(&mut rng) * 0.7, depth.sample(&mut rng)))
-        .collect();
-    let noise = Normal::new(0.0, noise_px).unwrap();
-    let observations = points
-        .iter()
-        .map(|point| {
-            (0..poses.len())
-                .filter_map(|pose| {
-                    let pixel = intrinsics.project(&(poses[pose] * point))?;
-                    let jitter = nalgebra::Vector2::new(noise.sample(&mut rng), noise.sample(&mut rng));
-                    Some(Observation { pose, pixel: pixel + jitter })
-                })
-                .collect()
-        })
-        .collect();
-    Problem { intrinsics, poses, points, observations }
+    let options =
+        TrackOptions { seed, cameras: 8, noise_px, gaps: 0.0, intrinsics, ..TrackOptions::default() };
+    let tracks = options.build();
+    let first_from_world = tracks.camera_from_world[0];
+    let of_point = |seen: &Vec<tracks::Observation>| {
+        seen.iter().map(|o| Observation { pose: o.camera, pixel: o.pixel }).collect()
+    };
+    Problem {
+        intrinsics: options.intrinsics,
+        poses: tracks.camera_from_world.iter().map(|pose| pose * first_from_world.inverse()).collect(),
+        points: tracks.points.iter().map(|point| first_from_world * point).collect(),
+        observations: tracks.observations.iter().map(of_point).collect(),
+    }
 }
 
 /// The same problem with everything but the first pose disturbed.

@@ -10,6 +10,9 @@ use recon::build::{self, BuildOptions, BuildReport};
 ///
 /// Besides scene.toml, room.ply and the reference images, the room gets pictures that show whether it worked: plan.png
 /// (the floor plan) and preview/NAME.png (reference image, depth, the room redrawn); and report.json.
+///
+/// What was made of a capture is kept (in DIR.unfinished, later in DIR/cache): an interrupted build goes on where it
+/// ended, and another pick or distance costs seconds.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   recon build room.toml --out myroom

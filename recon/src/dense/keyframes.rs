@@ -17,10 +17,31 @@ impl Candidate {
     fn center(&self) -> Point3<f64> {
         self.camera_from_reference.inverse() * Point3::origin()
     }
+
+    /// The median angle between the rays from the reference and from here to the points, degrees.
+    fn parallax_deg(&self, points: &[Point3<f64>]) -> f64 {
+        let center = self.center();
+        let mut angles: Vec<f64> = points.iter().map(|p| p.coords.angle(&(p - center))).collect();
+        angles.sort_by(f64::total_cmp);
+        angles.get(angles.len() / 2).map_or(0.0, |angle| angle.to_degrees())
+    }
+}
+
+/// The points (in the reference camera's frame) that fall into a camera's image.
+pub(super) fn seen_by(
+    camera_from_reference: &Isometry3<f64>,
+    points: &[Point3<f64>],
+    intrinsics: &Intrinsics,
+) -> Vec<Point3<f64>> {
+    let seen = |p: &&Point3<f64>| {
+        intrinsics.project(&(camera_from_reference * *p)).is_some_and(|pixel| intrinsics.contains(&pixel))
+    };
+    points.iter().filter(seen).copied().collect()
 }
 
 /// At most `options.key_frames` frames, farthest first: each the one whose centre lies farthest from all chosen
-/// before (the reference first), blurred frames and such as see little of the reference's points put back.
+/// before (the reference first), blurred frames and such as see little of the reference's points put back. Frames that
+/// see things from too different a side are left out: patches no longer look alike, and hide behind each other.
 pub(super) fn choose(
     candidates: &[Candidate],
     points: &[Point3<f64>],
@@ -33,13 +54,9 @@ pub(super) fn choose(
     let worth: Vec<f64> = candidates
         .iter()
         .map(|c| {
-            let seen = points
-                .iter()
-                .filter_map(|p| intrinsics.project(&(c.camera_from_reference * p)))
-                .filter(|pixel| intrinsics.contains(pixel))
-                .count();
+            let seen = seen_by(&c.camera_from_reference, points, intrinsics).len();
             let share = seen as f64 / points.len().max(1) as f64;
-            if share < options.least_shared_view {
+            if share < options.least_shared_view || c.parallax_deg(points) > options.largest_parallax_deg {
                 0.0
             } else {
                 share * (c.sharpness / typical).min(1.0).powi(2)
@@ -60,4 +77,50 @@ pub(super) fn choose(
         }
     }
     chosen.iter().map(|i| candidates[*i].frame).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Translation3, UnitQuaternion, Vector3};
+
+    /// Looks at the middle of things 3 away, from that angle to the side.
+    fn from_the_side(frame: usize, angle_deg: f64) -> Candidate {
+        let turn = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), angle_deg.to_radians());
+        let middle = Translation3::new(0.0, 0.0, 3.0);
+        Candidate { frame, camera_from_reference: middle * turn * middle.inverse(), sharpness: 1.0 }
+    }
+
+    fn things() -> Vec<Point3<f64>> {
+        (0..25)
+            .map(|i| Point3::new(0.2 * f64::from(i % 5) - 0.4, 0.2 * f64::from(i / 5) - 0.4, 3.0))
+            .collect()
+    }
+
+    #[test]
+    fn the_widest_baselines_that_patches_survive_come_first() {
+        let candidates: Vec<Candidate> = [2.0, 33.0, -20.0, 60.0, 10.0]
+            .into_iter()
+            .enumerate()
+            .map(|(i, a)| from_the_side(i, a))
+            .collect();
+        let lens = Intrinsics::from_horizontal_fov(320, 240, 60.0);
+        let options = DenseOptions { key_frames: 3, ..DenseOptions::default() };
+        assert_eq!(choose(&candidates, &things(), &lens, &options), [1, 2, 4]);
+        let apart = choose(&candidates[3..4], &things(), &lens, &options);
+        assert!(apart.is_empty(), "{apart:?}");
+    }
+
+    #[test]
+    fn blurred_frames_and_such_as_look_elsewhere_are_put_back() {
+        let mut blurred = from_the_side(7, 25.0);
+        blurred.sharpness = 0.2;
+        let mut elsewhere = from_the_side(8, 0.0);
+        elsewhere.camera_from_reference =
+            UnitQuaternion::from_axis_angle(&Vector3::y_axis(), 1.2) * elsewhere.camera_from_reference;
+        let candidates = [blurred, elsewhere, from_the_side(9, 15.0), from_the_side(10, -2.0)];
+        let lens = Intrinsics::from_horizontal_fov(320, 240, 60.0);
+        let options = DenseOptions { key_frames: 1, ..DenseOptions::default() };
+        assert_eq!(choose(&candidates, &things(), &lens, &options), [9]);
+    }
 }

@@ -29,8 +29,10 @@ pub struct DenseOptions {
     pub key_frames: usize,
     /// Views that a key frame itself is compared with, at most 8.
     pub sources: usize,
-    /// A key frame must see at least this share of the reference's sparse points.
+    /// A key frame must see at least this share of the sparse points that the reference sees.
     pub least_shared_view: f64,
+    /// It must not see them from a direction further off than this, in the median.
+    pub largest_parallax_deg: f64,
     /// A hypothesis has to please this many views, the best ones.
     pub best_views: usize,
     /// Grey levels at which a neighbour's weight in a patch falls to 1/e.
@@ -53,6 +55,7 @@ impl Default for DenseOptions {
             key_frames: 8,
             sources: 5,
             least_shared_view: 0.6,
+            largest_parallax_deg: 35.0,
             best_views: 4,
             color_sigma: 10.0,
             iterations: [5, 2, 3],
@@ -138,7 +141,8 @@ pub fn reconstruct(
     let to_reference = reference_from_world.inverse();
     let points: Vec<Point3<f64>> =
         capture.points.iter().map(|p| reference_from_world * p).filter(|p| p.z > 0.0).collect();
-    let frames = choose_frames(capture, &to_reference, &points, options);
+    let in_reference = keyframes::seen_by(&Isometry3::identity(), &points, capture.intrinsics);
+    let frames = choose_frames(capture, &to_reference, &in_reference, options);
     if frames.is_empty() {
         return Err(Error::capture(
             capture.name,
@@ -350,3 +354,6 @@ fn refine_reference(
     let agreeing = consistency::agreeing(&problem, &map, options);
     (map, agreeing)
 }
+
+#[cfg(test)]
+mod tests;

@@ -7,6 +7,7 @@ use nalgebra::{Isometry3, Point2, Point3, Translation3, UnitQuaternion, Vector2,
 use rand::SeedableRng;
 use rand_distr::{Distribution, Normal, Uniform};
 use rand_pcg::Pcg64Mcg;
+use scenes::synthetic::tracks::TrackOptions;
 
 use super::affine::{self, Measurements};
 use super::metric::{self, Metric, Model};
@@ -163,4 +164,36 @@ fn the_classical_tracks_factorize() {
     // The tracks are whole pixels and some slip; what counts is that a rigid scene explains them about as well as any
     // three dimensions can, and that the depth reversal does not.
     assert!(affine_px < 4.0 && best_px < 1.1 * affine_px && mirror_px > 1.1 * best_px);
+}
+
+#[test]
+fn synthetic_tracks_with_noise_and_gaps_give_their_cameras() {
+    for seed in 0..6 {
+        let options = TrackOptions {
+            seed,
+            cameras: 20,
+            points: 300,
+            noise_px: 0.2,
+            gaps: 0.15,
+            ..TrackOptions::default()
+        };
+        let scene = options.build();
+        let tracks: Vec<Track> = scene
+            .observations
+            .iter()
+            .map(|seen| Track { observations: seen.iter().map(|o| (o.camera, o.pixel)).collect() })
+            .collect();
+        let found = windows::reconstruct(&tracks, &options.intrinsics, 20).unwrap();
+        let found: Vec<Isometry3<f64>> = found.into_iter().map(|pose| pose.unwrap()).collect();
+        let center = |pose: &Isometry3<f64>| pose.inverse() * Point3::origin();
+        let [ours, truth] = [&found, &scene.camera_from_world]
+            .map(|poses| poses.iter().map(center).collect::<Vec<Point3<f64>>>());
+        let aligned = calib::absolute_orientation::similarity(&ours, &truth).unwrap();
+        let (first, last) = (&scene.camera_from_world[0], &scene.camera_from_world[19]);
+        let turn = found[19].rotation * found[0].rotation.inverse();
+        let off_deg = turn.angle_to(&(last.rotation * first.rotation.inverse())).to_degrees();
+        let worst_m = ours.iter().zip(&truth).map(|(o, t)| (aligned * o - t).norm()).fold(0.0, f64::max);
+        // The arc is 0.8 m long. A start for bundle adjustment, not its end.
+        assert!(worst_m < 0.03 && off_deg < 1.0, "seed {seed}: {worst_m} m, {off_deg}°");
+    }
 }

@@ -135,6 +135,7 @@ mod tests {
             normal: vec![-Vec3::Z; 512],
             agreeing: vec![3; 512],
             origin: vec![Origin::Stereo; 512],
+            step: 0.005,
         };
         let discs = discs(&surface, &[true; 512], 1e-3);
         let camera = surface.pinhole();

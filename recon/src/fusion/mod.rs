@@ -205,6 +205,7 @@ mod tests {
             normal: vec![-Vec3::Z; count],
             agreeing: vec![4; count],
             origin: vec![origin; count],
+            step: 0.005,
         }
     }
 

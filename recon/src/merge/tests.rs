@@ -57,6 +57,7 @@ fn surface(camera: usize) -> Surface {
         normal,
         agreeing: vec![4; count],
         origin: vec![Origin::Stereo; count],
+        step: 0.005,
     }
 }
 

@@ -144,6 +144,7 @@ mod tests {
     use nalgebra::Point3;
     use rand::SeedableRng;
     use rand_distr::{Distribution, Uniform};
+    use scenes::synthetic::tracks::TrackOptions;
 
     type Rays = Vec<Vector3<f64>>;
 
@@ -192,5 +193,27 @@ mod tests {
         let (_, a, b) = pairs(&(Isometry3::translation(0.5, 0.0, 0.0) * turn), 20);
         assert!(parallax_beyond_rotation(&a, &b).unwrap() > 0.01);
         assert!(parallax_beyond_rotation(&[], &[]).is_none());
+    }
+
+    #[test]
+    fn synthetic_cameras_are_found_from_noisy_tracks_with_outliers() {
+        for seed in 0..20 {
+            let options =
+                TrackOptions { seed, cameras: 2, points: 200, outliers: 0.15, ..TrackOptions::default() };
+            let tracks = options.build();
+            let [first, second] = tracks.camera_from_world[..] else { unreachable!() };
+            let (mut a, mut b) = (Vec::new(), Vec::new());
+            for seen in &tracks.observations {
+                let [p, q] = seen[..] else { continue };
+                a.push(options.intrinsics.unproject(&p.pixel).unwrap());
+                b.push(options.intrinsics.unproject(&q.pixel).unwrap());
+            }
+            let limit = 1.0 / options.intrinsics.fx;
+            let found = relative_motion(&a, &b, limit, &mut Pcg64Mcg::seed_from_u64(seed)).unwrap();
+            let truth = second * first.inverse();
+            let turn_deg = found.motion.rotation.angle_to(&truth.rotation).to_degrees();
+            let aside_deg = found.motion.translation.vector.angle(&truth.translation.vector).to_degrees();
+            assert!(turn_deg < 0.5 && aside_deg < 3.0, "seed {seed}: {turn_deg}°, {aside_deg}°");
+        }
     }
 }

@@ -6,6 +6,7 @@
 mod capture_motion;
 mod office;
 mod recon_refusals;
+mod recon_resume;
 mod refusal;
 mod run_refusals;
 mod scenes_refusals;

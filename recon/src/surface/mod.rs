@@ -3,6 +3,9 @@
 //! In the camera's own frame (the identity) and the capture's own scale; the picture and the pixels are those of the
 //! pinhole camera.
 
+#[cfg(test)]
+pub(crate) mod rendered;
+
 use calib::Intrinsics;
 use glam::Vec3;
 use image::RgbImage;
@@ -37,6 +40,8 @@ pub struct Surface {
     pub agreeing: Vec<u8>,
     /// Where each depth comes from.
     pub origin: Vec<Origin>,
+    /// Inverse depth of a pixel's shift in the farthest view: the unit of stereo's errors.
+    pub step: f32,
 }
 
 impl Surface {
@@ -56,6 +61,7 @@ impl Surface {
             normal: all.clone().map(|i| if known(i) { normal(i) } else { Vec3::ZERO }).collect(),
             agreeing: view.agreeing.clone(),
             origin: all.map(|i| if known(i) { Origin::Stereo } else { Origin::Unknown }).collect(),
+            step: view.step,
         }
     }
 
@@ -170,6 +176,7 @@ mod tests {
             normal: vec![-Vec3::Z; 1200],
             agreeing: vec![3; 1200],
             origin: vec![Origin::Stereo; 1200],
+            step: 0.005,
         }
     }
 

@@ -1,0 +1,54 @@
+//! Stereo against the depth of a synthetic room that was rendered from known places.
+
+use nalgebra::Point2;
+use scenes::depth;
+use scenes::raycast::RayScene;
+use scenes::synthetic::{CaptureOptions, RoomOptions};
+
+use super::*;
+
+#[test]
+fn a_rendered_room_has_the_depth_it_was_rendered_with() {
+    let room = RoomOptions { seed: 4, image_px: [200, 150], ..RoomOptions::default() }.build().unwrap();
+    let camera = &room.room.cameras[0].camera;
+    let (frames, poses) = room.capture(camera, &CaptureOptions { frames: 9, ..CaptureOptions::default() });
+    let scene = RayScene::new(room.room.geometry.as_ref().unwrap()).unwrap();
+    let truth = depth::render(&scene, camera);
+    // The points a sparse reconstruction would know.
+    let to_reference = camera.camera_from_world.inverse();
+    let points: Vec<Point3<f64>> = (0..150)
+        .step_by(15)
+        .flat_map(|v| (0..200).step_by(15).map(move |u| (u, v)))
+        .filter_map(|(u, v)| {
+            let ray = camera.intrinsics.unproject(&Point2::new(f64::from(u), f64::from(v)))?;
+            Some(to_reference * Point3::from(ray * f64::from(truth.at(u, v))))
+        })
+        .collect();
+    let poses: Vec<_> = poses.into_iter().map(Some).collect();
+    let capture = PosedCapture {
+        name: "cam0",
+        frames: &frames,
+        reference: 8,
+        intrinsics: &camera.intrinsics,
+        camera_from_world: &poses,
+        points: &points,
+    };
+    let (views, report) =
+        reconstruct(&capture, &DenseOptions { key_frames: 5, ..DenseOptions::default() }).unwrap();
+    let (mut known, mut within) = (0.0, [0.0; 3]);
+    for v in 0..150 {
+        for u in 0..200 {
+            let Some(z) = views[0].depth(u, v) else { continue };
+            known += 1.0;
+            let shift = (1.0 / z - 1.0 / truth.at(u as u32, v as u32)).abs() / views[0].step;
+            within[0] += f64::from(shift < 0.5);
+            within[1] += f64::from(shift < 1.0);
+            within[2] += f64::from(shift < 2.0);
+        }
+    }
+    let known_share = known / 30_000.0;
+    let within = within.map(|count| count / known);
+    assert!((report.covered - known_share).abs() < 1e-9);
+    // A pixel's shift in the farthest view is 8 % of a depth of 5 m here; plaster shows little.
+    assert!(known_share > 0.8 && within[0] > 0.6 && within[2] > 0.85, "{known_share} {within:?}");
+}
