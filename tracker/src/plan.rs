@@ -19,14 +19,20 @@ const BREAK_S: f64 = 1.0;
 #[derive(Debug, Clone)]
 pub struct TrajectoryPlan {
     room: Room,
+    room_dir: PathBuf,
     path: PathBuf,
     ways: BTreeMap<TrackId, Vec<(f64, Point2<f64>)>>,
 }
 
 impl TrajectoryPlan {
-    /// The plan of a run into the folder `out`.
-    pub fn new(out: &Path, room: &Room) -> Self {
-        Self { room: room.clone(), path: out.join("plan.png"), ways: BTreeMap::new() }
+    /// The plan of a run in a room that was read from `room_dir`, into the folder `out`.
+    pub fn new(out: &Path, room: &Room, room_dir: &Path) -> Self {
+        Self {
+            room: room.clone(),
+            room_dir: room_dir.to_owned(),
+            path: out.join("plan.png"),
+            ways: BTreeMap::new(),
+        }
     }
 
     /// Notes where everybody is.
@@ -43,7 +49,11 @@ impl TrajectoryPlan {
     /// Geometry that cannot be drawn; the file.
     pub fn finish(&self) -> Result<()> {
         let places = self.ways.values().flatten().map(|(_, place)| *place);
-        let options = PlanOptions { places: beyond_the_room(&self.room, places), ..PlanOptions::default() };
+        let options = PlanOptions {
+            places: beyond_the_room(&self.room, places),
+            room_dir: Some(self.room_dir.clone()),
+            ..PlanOptions::default()
+        };
         let mut plan = FloorPlan::new(&self.room, &options)?;
         for (id, way) in &self.ways {
             let stretches: Vec<&[(f64, Point2<f64>)]> = way.chunk_by(|a, b| b.0 - a.0 <= BREAK_S).collect();
@@ -95,7 +105,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let floor = Polygon::rectangle(Point2::new(0.0, 0.0), Point2::new(6.0, 4.0));
         let room = Room { walkable: Some(vec![floor]), ..Room::default() };
-        let mut plan = TrajectoryPlan::new(folder.path(), &room);
+        let mut plan = TrajectoryPlan::new(folder.path(), &room, folder.path());
         // Along y = 1 from x = 1 to 2, away for three seconds, then from 4 to 5.
         for i in 0..=10 {
             plan.extend(f64::from(i) * 0.1, &[person(1, 1.0 + 0.1 * f64::from(i), 1.0)]);
@@ -119,7 +129,7 @@ mod tests {
     #[test]
     fn a_room_without_extent_is_as_large_as_where_people_went() {
         let folder = tempfile::tempdir().unwrap();
-        let mut plan = TrajectoryPlan::new(folder.path(), &Room::default());
+        let mut plan = TrajectoryPlan::new(folder.path(), &Room::default(), folder.path());
         plan.extend(0.0, &[person(1, 20.0, 0.0), person(2, 40.0, 10.0)]);
         plan.finish().unwrap();
         let picture = image::open(folder.path().join("plan.png")).unwrap().into_rgb8();

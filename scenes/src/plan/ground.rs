@@ -1,8 +1,11 @@
 //! The room from straight above, cut open below the ceiling: colours, cut walls, and shade in the corners.
 
 use glam::{Vec2, Vec3};
+use image::{Rgb, RgbImage};
 use rayon::prelude::*;
 
+use crate::Result;
+use crate::canvas::Color;
 use crate::geometry::Geometry;
 use crate::raycast::RayScene;
 use crate::view::{exposure, first_seen, surrounded};
@@ -55,14 +58,20 @@ struct Top {
     height_m: f32,
 }
 
+/// Renders the raster on paper.
+pub(super) fn picture(geometry: &Geometry, raster: &Raster, cut_m: f32) -> Result<RgbImage> {
+    let scene = RayScene::new(geometry)?;
+    let paper = Vec3::new(f32::from(Color::PAPER.r), f32::from(Color::PAPER.g), f32::from(Color::PAPER.b));
+    let colors = render(geometry, &scene, raster, cut_m, paper);
+    let mut picture = RgbImage::new(raster.width, raster.height);
+    for (pixel, color) in picture.pixels_mut().zip(colors) {
+        *pixel = Rgb(color.to_array().map(|c| c.round().clamp(0.0, 255.0) as u8));
+    }
+    Ok(picture)
+}
+
 /// Renders the raster; `paper` where there is nothing. Colours 0 to 255.
-pub(super) fn render(
-    geometry: &Geometry,
-    scene: &RayScene,
-    raster: &Raster,
-    cut_m: f32,
-    paper: Vec3,
-) -> Vec<Vec3> {
+fn render(geometry: &Geometry, scene: &RayScene, raster: &Raster, cut_m: f32, paper: Vec3) -> Vec<Vec3> {
     let gain = exposure(geometry);
     let look_down = |place: Vec2| {
         let seen = first_seen(geometry, scene, place.extend(cut_m), Vec3::NEG_Z, |_, _| true)?;

@@ -1,5 +1,7 @@
 //! Zones, cameras with what they look at, and the walkable floor, on a plan.
 
+use std::path::Path;
+
 use nalgebra::{Point2, Rotation2, Vector2, Vector3};
 
 use super::FloorPlan;
@@ -7,7 +9,7 @@ use super::outline::outlines;
 use crate::Result;
 use crate::canvas::{Color, Stroke, TextStyle};
 use crate::room::{Room, RoomCamera, Zone, ZoneKind};
-use crate::walkable::WalkableMap;
+use crate::walkable::{self, WalkableMap};
 
 /// Zones: teal, which is no person's colour.
 const ZONE: Color = Color::rgb(0, 134, 139);
@@ -21,8 +23,8 @@ const CONE_SHARE: f64 = 0.1;
 /// Cells in which the walkable floor is looked up.
 const CELL_M: f64 = 0.05;
 
-pub(super) fn draw(plan: &mut FloorPlan, room: &Room) -> Result<()> {
-    draw_walkable(plan, room)?;
+pub(super) fn draw(plan: &mut FloorPlan, room: &Room, room_dir: Option<&Path>) -> Result<()> {
+    draw_walkable(plan, room, room_dir)?;
     room.zones.iter().for_each(|zone| draw_zone(plan, zone));
     room.cameras.iter().for_each(|camera| draw_cone(plan, camera));
     // Names last, over everything.
@@ -31,8 +33,11 @@ pub(super) fn draw(plan: &mut FloorPlan, room: &Room) -> Result<()> {
     Ok(())
 }
 
-fn draw_walkable(plan: &mut FloorPlan, room: &Room) -> Result<()> {
-    let map = WalkableMap::of_room(room)?;
+fn draw_walkable(plan: &mut FloorPlan, room: &Room, room_dir: Option<&Path>) -> Result<()> {
+    let map = match room_dir {
+        Some(room_dir) => walkable::cached(room_dir, room)?,
+        None => WalkableMap::of_room(room)?,
+    };
     if map.area_m2().is_none() {
         return Ok(()); // Everywhere is walkable: there is no rim.
     }

@@ -2,17 +2,19 @@
 //! that callers can draw where people went.
 
 mod ground;
+mod kept;
 mod mapping;
 mod marks;
 mod outline;
 
-use glam::{Vec2, Vec3};
-use image::{Rgb, RgbImage};
+use std::path::PathBuf;
+
+use glam::Vec2;
+use image::RgbImage;
 use nalgebra::{Point2, Vector2};
 
 use crate::Result;
 use crate::canvas::{Canvas, Color, Stroke, TextStyle};
-use crate::raycast::RayScene;
 use crate::room::Room;
 use crate::view::extent;
 
@@ -31,11 +33,21 @@ pub struct PlanOptions {
     pub title: Option<String>,
     /// Places on the floor that have to be on the plan besides the room, metres: where people went.
     pub places: Vec<Point2<f64>>,
+    /// The room's directory: what is drawn from its geometry is kept there and taken from there. Without it everything
+    /// is drawn anew.
+    pub room_dir: Option<PathBuf>,
 }
 
 impl Default for PlanOptions {
     fn default() -> Self {
-        Self { longest_side_px: 1200, cut_height_m: None, marks: true, title: None, places: Vec::new() }
+        Self {
+            longest_side_px: 1200,
+            cut_height_m: None,
+            marks: true,
+            title: None,
+            places: Vec::new(),
+            room_dir: None,
+        }
     }
 }
 
@@ -76,7 +88,7 @@ impl FloorPlan {
         plan.draw_ground(room, options)?;
         plan.draw_grid();
         if options.marks {
-            marks::draw(&mut plan, room)?;
+            marks::draw(&mut plan, room, options.room_dir.as_deref())?;
         }
         plan.draw_frame(options.title.as_deref());
         Ok(plan)
@@ -117,7 +129,6 @@ impl FloorPlan {
     fn draw_ground(&mut self, room: &Room, options: &PlanOptions) -> Result<()> {
         let Some(geometry) = &room.geometry else { return Ok(()) };
         let Some((_, top)) = extent(geometry) else { return Ok(()) };
-        let scene = RayScene::new(geometry)?;
         let cut_m = options.cut_height_m.map_or_else(|| default_cut_m(top.z), |cut| cut as f32);
         let [left, upper, right, lower] = self.mapping.frame();
         let first = self.mapping.floor(&Point2::new(left.ceil(), upper.ceil()));
@@ -127,13 +138,10 @@ impl FloorPlan {
             origin: Vec2::new(first.x as f32, first.y as f32),
             pixel_m: (1.0 / self.mapping.px_per_m) as f32,
         };
-        let paper =
-            Vec3::new(f32::from(Color::PAPER.r), f32::from(Color::PAPER.g), f32::from(Color::PAPER.b));
-        let colors = ground::render(geometry, &scene, &raster, cut_m, paper);
-        let mut picture = RgbImage::new(raster.width, raster.height);
-        for (pixel, color) in picture.pixels_mut().zip(colors) {
-            *pixel = Rgb(color.to_array().map(|c| c.round().clamp(0.0, 255.0) as u8));
-        }
+        let picture = match &options.room_dir {
+            Some(room_dir) => kept::picture(room_dir, geometry, &raster, cut_m)?,
+            None => ground::picture(geometry, &raster, cut_m)?,
+        };
         self.canvas.blit(&picture, left.ceil() as i64, upper.ceil() as i64);
         Ok(())
     }

@@ -7,6 +7,7 @@ use crate::room::{RoomCamera, Zone, ZoneKind};
 use crate::view::look_at;
 use approx::assert_relative_eq;
 use calib::{Camera, Intrinsics};
+use glam::Vec3;
 use nalgebra::{Point3, Rotation2};
 
 /// The six faces of a box, wound so that normals point outwards, or inwards.
@@ -121,4 +122,25 @@ fn steps_are_round_numbers() {
         assert_relative_eq!(nice_step(least), step);
     }
     assert_eq!(multiples(2.0, -3.0, 4.1).collect::<Vec<_>>(), [-2.0, 0.0, 2.0, 4.0]);
+}
+
+#[test]
+fn a_kept_ground_is_the_same_until_the_room_changes() {
+    let folder = tempfile::tempdir().unwrap();
+    let anew = PlanOptions { longest_side_px: 300, ..PlanOptions::default() };
+    let kept = PlanOptions { room_dir: Some(folder.path().to_owned()), ..anew.clone() };
+    let draw = |room: &Room, options: &PlanOptions| FloorPlan::new(room, options).unwrap().into_image();
+    let mut room = room();
+    // Twice: made, then taken.
+    for _ in 0..2 {
+        assert!(draw(&room, &kept) == draw(&room, &anew));
+    }
+    let file = crate::cache::file_of(folder.path(), "plan");
+    let first = std::fs::read(&file).unwrap();
+    let Some(Geometry::Mesh(mesh)) = &mut room.geometry else { panic!("the room has a mesh") };
+    mesh.colors.iter_mut().for_each(|color| *color = [90, 120, 150]);
+    assert!(draw(&room, &kept) == draw(&room, &anew), "a change of colours alone is seen");
+    assert!(std::fs::read(&file).unwrap() != first);
+    let larger = PlanOptions { longest_side_px: 340, ..kept.clone() };
+    assert!(draw(&room, &larger) == draw(&room, &PlanOptions { room_dir: None, ..larger.clone() }));
 }

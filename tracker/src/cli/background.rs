@@ -1,11 +1,14 @@
 //! The options of background subtraction, shared by the subcommands that need it.
 
 use anyhow::bail;
-use calib::vision::AdaptiveKind;
+use calib::vision::{AdaptiveKind, FrameSource};
 use clap::Args;
 use tracker::foreground::backdrop::Backdrop;
 use tracker::foreground::{ForegroundOptions, Start};
-use tracker::source::{NamedSource, sampling};
+use tracker::source::{Footage, NamedSource};
+
+/// How much memory the frames of all recordings together may take, to be decoded only once, in bytes.
+pub(super) const KEEP_BYTES: usize = 1 << 30;
 
 /// What the background is learnt from.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -84,15 +87,21 @@ impl BackgroundArguments {
         Ok(())
     }
 
-    /// What a camera's foreground starts from. `video`: its source, and whether that is a recording.
-    pub(super) fn start(&self, camera: &str, video: (&str, bool)) -> anyhow::Result<Start> {
-        let (spec, is_recording) = video;
+    /// What a camera's foreground starts from. A recording is looked through, and its frames are kept if they fit into
+    /// `memory_bytes`.
+    pub(super) fn start(
+        &self,
+        camera: &str,
+        video: &mut Footage,
+        memory_bytes: usize,
+    ) -> anyhow::Result<Start> {
+        let is_recording = video.source().is_recording();
         let clip = self.background.iter().find_map(|choice| match choice {
             Choice::Clip(clip) if clip.name == camera => Some(clip.spec.as_str()),
             _ => None,
         });
         if let Some(clip) = clip {
-            return learnt(clip);
+            return learnt(&mut Footage::new(FrameSource::open(clip)?), 0);
         }
         let kind = self.background.iter().find(|c| !matches!(c, Choice::Clip(_))).unwrap_or(&Choice::Auto);
         match kind {
@@ -102,12 +111,12 @@ impl BackgroundArguments {
                     "--background median: camera `{camera}` is a stream; use online, or NAME=PATH with a clip"
                 )
             }
-            _ if is_recording => learnt(spec),
+            _ if is_recording => learnt(video, memory_bytes),
             _ => Ok(Start::Nothing(AdaptiveKind::default())),
         }
     }
 }
 
-fn learnt(spec: &str) -> anyhow::Result<Start> {
-    Ok(Start::Backdrop(Backdrop::learn(&sampling::spread(spec)?)?))
+fn learnt(video: &mut Footage, memory_bytes: usize) -> anyhow::Result<Start> {
+    Ok(Start::Backdrop(Backdrop::learn(&video.look_through(memory_bytes)?)?))
 }

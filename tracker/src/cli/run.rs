@@ -19,7 +19,11 @@ use tracker::source::{self, CameraSource, NamedSource, Times};
 use tracker::stage::{Stage, StageOptions};
 use tracker::tracks::TrackFiles;
 
+<<<<<<< HEAD
 use super::background::BackgroundArguments;
+=======
+use super::background::{BackgroundArguments, KEEP_BYTES};
+>>>>>>> 8015b79 (Runs from recordings are faster: decoded once, scored many pixels at a time, the plan's ground kept)
 use super::sampler::SamplerArguments;
 
 /// The published trackers.
@@ -120,7 +124,7 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
     tracing::debug!("room and backgrounds ready after {prepared:.2} s");
     // Everything that was given has been looked at: now something may be written.
     let mut outputs: Vec<Box<dyn Output>> = vec![Box::new(TrackFiles::new(&args.out, &stage))];
-    outputs.push(Box::new(TrajectoryPlan::new(&args.out, &room)));
+    outputs.push(Box::new(TrajectoryPlan::new(&args.out, &room, &args.room)));
     if !args.no_film {
         outputs.push(Box::new(Film::start(&args.out, &stage, rate, &FilmOptions::default())?));
     }
@@ -157,27 +161,21 @@ fn times(args: &RunArgs, sources: &[CameraSource], promised: Option<usize>) -> a
 
 /// Learns the backgrounds, cameras in parallel, and makes the feeds in the cameras' order.
 fn feeds(args: &RunArgs, sources: Vec<CameraSource>, stage: &Stage) -> anyhow::Result<Vec<CameraFeed>> {
-    let foregrounds: Vec<anyhow::Result<Option<Foreground>>> = sources
-        .iter()
-        .map(|s| {
-            (
-                s.name.clone(),
-                s.masks.is_some(),
-                s.video.as_ref().map(|v| (v.name().to_owned(), v.is_recording(), v.size())),
-            )
-        })
-        .collect::<Vec<_>>()
-        .into_par_iter()
-        .map(|(name, has_masks, video)| match video {
-            Some((spec, is_recording, (width, height))) if !has_masks => {
-                let start = args.background.start(&name, (&spec, is_recording))?;
-                Ok(Some(Foreground::new(width, height, start, args.background.options())?))
+    let memory_bytes = KEEP_BYTES / sources.len().max(1);
+    let feed = |mut source: CameraSource| {
+        let foreground = match &mut source.video {
+            Some(video) if source.masks.is_none() => {
+                let (width, height) = video.source().size();
+                let start = args.background.start(&source.name, video, memory_bytes)?;
+                Some(Foreground::new(width, height, start, args.background.options())?)
             }
-            _ => Ok(None),
-        })
-        .collect();
-    let feeds = sources.into_iter().zip(foregrounds);
-    feeds.map(|(source, foreground)| Ok(CameraFeed::new(source, foreground?, stage)?)).collect()
+            _ => None,
+        };
+        Ok(CameraFeed::new(source, foreground, stage)?)
+    };
+    // All are made before the first failure is told, so that it is the first camera's.
+    let feeds: Vec<anyhow::Result<CameraFeed>> = sources.into_par_iter().map(feed).collect();
+    feeds.into_iter().collect()
 }
 
 fn tell(report: &RunReport, prepared_s: f64, all_s: f64) {

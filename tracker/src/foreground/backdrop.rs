@@ -1,6 +1,8 @@
 //! The empty scene as one camera sees it, learnt from frames of a recording in which people come and go: each channel's
 //! median over time, and how far the frames scatter around it.
 
+use std::borrow::Borrow;
+
 use image::{GrayImage, Luma, RgbImage};
 use rayon::prelude::*;
 
@@ -37,7 +39,8 @@ impl Backdrop {
     ///
     /// # Errors
     /// Without frames, with frames of different sizes, or with more than 255 of them.
-    pub fn learn(frames: &[RgbImage]) -> Result<Self> {
+    pub fn learn(frames: &[impl Borrow<RgbImage>]) -> Result<Self> {
+        let frames: Vec<&RgbImage> = frames.iter().map(Borrow::borrow).collect();
         let Some(first) = frames.first() else {
             return Err(Error::option("--background", "there is no frame to learn the empty scene from"));
         };
@@ -197,7 +200,8 @@ mod tests {
 
     #[test]
     fn nothing_to_learn_from_is_an_error() {
-        assert!(Backdrop::learn(&[]).is_err());
+        let nothing: [RgbImage; 0] = [];
+        assert!(Backdrop::learn(&nothing).is_err());
         assert!(Backdrop::learn(&[RgbImage::new(4, 4), RgbImage::new(5, 4)]).is_err());
         assert!(Backdrop::learn(&[RgbImage::new(4, 4)]).is_ok());
     }

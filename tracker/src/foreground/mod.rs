@@ -118,6 +118,8 @@ pub struct Foreground {
     expected: RgbImage,
     score: GrayImage,
     smooth: GrayImage,
+    /// The least tolerance everywhere, for a model that has none of its own; empty with one that has.
+    flat_tolerance: Vec<u8>,
     /// A number a column, for the shadows.
     columns: Vec<u32>,
     latest_s: Option<f64>,
@@ -170,7 +172,9 @@ impl Foreground {
                 Model::Adaptive(AdaptiveModel::new(kind, width, height, options.pixels.absorb_s)?)
             }
         };
+        let flat = if matches!(model, Model::Adaptive(_)) { width as usize * height as usize } else { 0 };
         Ok(Self {
+            flat_tolerance: vec![options.pixels.least_levels as u8; flat],
             options,
             model,
             health: Health::default(),
@@ -257,14 +261,9 @@ impl Foreground {
             }
         }
         if let Some(shadows) = &self.options.shadows {
-            let least = self.options.pixels.least_levels as u8;
-            let flat;
             let tolerance = match &self.model {
                 Model::Pixels(model) => model.tolerance(),
-                Model::Adaptive(_) => {
-                    flat = vec![least; self.score.len()];
-                    &flat
-                }
+                Model::Adaptive(_) => &self.flat_tolerance,
             };
             shadow::mark_shadows(frame, &self.expected, tolerance, WEAK, shadows, &mut self.score);
             let longest = frame.height() / LONGEST_STRIPE;

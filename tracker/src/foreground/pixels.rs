@@ -14,6 +14,8 @@ use super::exposure::Exposure;
 pub const THRESHOLD: u8 = 64;
 /// Every row is learnt in one frame of this many.
 const ROWS_TURN: u32 = 4;
+/// Pixels handled together, so that the comparison runs in vector registers.
+const LANES: usize = 32;
 /// The background follows what it sees with this time constant, in seconds.
 const FOLLOW_S: f32 = 20.0;
 
@@ -44,34 +46,38 @@ pub struct PixelModel {
     background: Vec<[u16; 3]>,
     /// The distance from the background at which a pixel is foreground, in levels.
     tolerance: Vec<u8>,
-    candidates: Vec<Candidate>,
+    /// [`THRESHOLD`] by the tolerance's square: the score of one squared level.
+    scale: Vec<f32>,
+    /// What a pixel shows when it does not show its background…
+    candidates: Vec<[u8; 3]>,
+    /// …and for how long, in seconds.
+    age_s: Vec<f32>,
+    /// The background before the present one, if there was one.
+    former: Vec<Option<[u8; 3]>>,
+    has_former: bool,
     options: PixelOptions,
     /// Which rows learn next.
     turn: u32,
 }
 
-/// What a pixel shows when it does not show its background.
-#[derive(Debug, Clone, Copy, Default)]
-struct Candidate {
-    color: [u8; 3],
-    /// For how long, in seconds.
-    age_s: f32,
-    /// The background before this one, if there was one.
-    former: Option<[u8; 3]>,
-}
-
 impl PixelModel {
     /// A model that starts from an empty scene.
     pub fn new(backdrop: &Backdrop, options: &PixelOptions) -> Self {
+        let pixels = backdrop.picture.pixels().len();
         let background = backdrop.picture.pixels().map(|p| p.0.map(|v| (v as u16) << 8)).collect();
-        let tolerance = backdrop.noise.pixels().map(|n| {
-            let levels = options.sensitivity * n[0] as f32 * NOISE_UNIT;
+        let tolerance = |noise: u8| {
+            let levels = options.sensitivity * noise as f32 * NOISE_UNIT;
             levels.clamp(options.least_levels, options.most_levels).round() as u8
-        });
+        };
+        let tolerance: Vec<u8> = backdrop.noise.iter().map(|noise| tolerance(*noise)).collect();
         Self {
             width: backdrop.picture.width() as usize,
-            tolerance: tolerance.collect(),
-            candidates: vec![Candidate::default(); backdrop.picture.pixels().len()],
+            scale: tolerance.iter().map(|t| THRESHOLD as f32 / (*t as f32).max(1.0).powi(2)).collect(),
+            tolerance,
+            candidates: vec![[0; 3]; pixels],
+            age_s: vec![0.0; pixels],
+            former: vec![None; pixels],
+            has_former: false,
             background,
             options: options.clone(),
             turn: 0,
@@ -88,28 +94,47 @@ impl PixelModel {
         expected: &mut RgbImage,
         score: &mut GrayImage,
     ) {
+        /// Within half the tolerance a pixel shows the background.
+        const LEAST: f32 = THRESHOLD as f32 / 4.0;
+        let line = ExposureLanes::new(exposure);
         let table = exposure.table();
-        let pixels = frame.as_raw().chunks_exact(3).zip(&self.background);
-        let out = expected.chunks_exact_mut(3).zip(score.iter_mut());
-        for (((x, background), (expected, score)), (tolerance, candidate)) in
-            pixels.zip(out).zip(self.tolerance.iter().zip(&self.candidates))
-        {
-            let e: [u8; 3] = std::array::from_fn(|c| table[c][level(background[c]) as usize]);
-            expected.copy_from_slice(&e);
-            let tolerance = *tolerance as u32;
-            let squared = squared_distance(x, e);
-            // Most pixels show the background: they leave here.
-            if 4 * squared < tolerance * tolerance {
-                *score = 0;
+        let chunks = frame.as_raw().chunks(3 * LANES).zip(self.background.chunks(LANES));
+        let out = expected.chunks_mut(3 * LANES).zip(score.chunks_mut(LANES));
+        let known = self.scale.chunks(LANES).zip(self.former.chunks(LANES));
+        for (((x, background), (expected, score)), (scale, former)) in chunks.zip(out).zip(known) {
+            let mut squares = [0_u16; 3 * LANES];
+            if let (Ok(x), Ok(expected)) = (x.try_into(), (&mut *expected).try_into()) {
+                line.compare(background.as_flattened(), x, expected, &mut squares);
+            } else {
+                // The image's last pixels.
+                let mut whole = [[0; 3 * LANES]; 2];
+                whole[0][..x.len()].copy_from_slice(x);
+                let mut levels = [0; 3 * LANES];
+                levels[..x.len()].copy_from_slice(background.as_flattened());
+                let [x, looks] = &mut whole;
+                line.compare(&levels, x, looks, &mut squares);
+                let length = expected.len();
+                expected.copy_from_slice(&looks[..length]);
+            }
+            for ((squares, scale), score) in
+                squares.as_chunks::<3>().0.iter().zip(scale).zip(score.iter_mut())
+            {
+                let squared = squares.iter().map(|s| *s as f32).sum::<f32>();
+                // What is just at a whole score must not fall below it by rounding.
+                let times = squared * scale + 0.01;
+                *score = if times < LEAST { 0 } else { times.min(255.0) as u8 };
+            }
+            if !self.has_former {
                 continue;
             }
-            let mut squared = squared;
-            if let Some(former) = candidate.former {
-                let former: [u8; 3] = std::array::from_fn(|c| table[c][former[c] as usize]);
-                squared = squared.min(squared_distance(x, former));
+            for (i, score) in score.iter_mut().enumerate() {
+                if let (Some(former), 1..) = (former[i], *score) {
+                    let former: [u8; 3] = std::array::from_fn(|c| table[c][former[c] as usize]);
+                    let again = squared_distance(&x[3 * i..], former) as f32 * scale[i];
+                    // The former background is no 0: it is not what the background may follow. And 1 is a shadow's mark.
+                    *score = (*score).min(again.clamp(2.0, 255.0) as u8);
+                }
             }
-            // The former background is no 0: it is not what the background may follow. And 1 is a shadow's mark.
-            *score = (squared * THRESHOLD as u32 / (tolerance * tolerance)).clamp(2, 255) as u8;
         }
     }
 
@@ -131,18 +156,16 @@ impl PixelModel {
             let row = y * width..(y + 1) * width;
             let frame = &frame.as_raw()[3 * row.start..3 * row.end];
             for (i, x) in row.zip(frame.chunks_exact(3)) {
+                let seen: [u8; 3] = std::array::from_fn(|c| table[c][x[c] as usize]);
                 if mask.as_raw()[i] == 0 && score.as_raw()[i] == 0 {
-                    let background = &mut self.background[i];
-                    for c in 0..3 {
-                        let seen = (table[c][x[c] as usize] as i32) << 8;
-                        let old = background[c] as i32;
+                    for (background, seen) in self.background[i].iter_mut().zip(seen) {
+                        let old = i32::from(*background);
                         // Rounded, not cut off: a bias would drift, and the exposure's fit would follow it.
-                        let step = ((seen - old) * (follow >> 4) + (1 << 11)) >> 12;
-                        background[c] = (old + step).clamp(0, 65535) as u16;
+                        let step = (((i32::from(seen) << 8) - old) * (follow >> 4) + (1 << 11)) >> 12;
+                        *background = (old + step).clamp(0, 65535) as u16;
                     }
-                    self.candidates[i].age_s = 0.0;
+                    self.age_s[i] = 0.0;
                 } else {
-                    let seen: [u8; 3] = std::array::from_fn(|c| table[c][x[c] as usize]);
                     self.gather(i, seen, elapsed_s);
                 }
             }
@@ -151,54 +174,51 @@ impl PixelModel {
     }
 
     fn gather(&mut self, i: usize, seen: [u8; 3], elapsed_s: f32) {
-        let tolerance = self.tolerance[i] as u32;
-        let candidate = &mut self.candidates[i];
-        if squared_distance(&seen, candidate.color) <= tolerance * tolerance {
-            candidate.age_s += elapsed_s;
-        } else if candidate.age_s > 2.0 * elapsed_s {
+        let (candidate, age_s) = (&mut self.candidates[i], &mut self.age_s[i]);
+        if is_near(&seen, *candidate, self.tolerance[i]) {
+            *age_s += elapsed_s;
+        } else if *age_s > 2.0 * elapsed_s {
             // Somebody passing in front of a moved chair only delays it.
-            candidate.age_s -= 2.0 * elapsed_s;
+            *age_s -= 2.0 * elapsed_s;
         } else {
-            candidate.color = seen;
-            candidate.age_s = 0.0;
+            *candidate = seen;
+            *age_s = 0.0;
         }
-        if candidate.age_s >= self.options.absorb_s {
-            self.absorb(i);
+        if *age_s >= self.options.absorb_s {
+            let candidate = *candidate;
+            self.replace(i, candidate);
         }
     }
 
-    fn absorb(&mut self, i: usize) {
-        let candidate = &mut self.candidates[i];
-        candidate.former = Some(self.background[i].map(level));
-        candidate.age_s = 0.0;
-        self.background[i] = candidate.color.map(|v| (v as u16) << 8);
+    /// Gives a pixel a new background. The old one stays known: it may be a body that is now behind a door, or the light
+    /// of before that comes back.
+    fn replace(&mut self, i: usize, color: [u8; 3]) {
+        self.former[i] = Some(self.background[i].map(level));
+        self.has_former = true;
+        self.age_s[i] = 0.0;
+        self.background[i] = color.map(|v| u16::from(v) << 8);
     }
 
     /// Takes what each pixel has shown lately for its background: after the light was switched. `frame` stands in where a
     /// pixel has shown nothing for long.
     pub fn adopt(&mut self, frame: &RgbImage) {
         for (i, x) in frame.as_raw().chunks_exact(3).enumerate() {
-            let candidate = &mut self.candidates[i];
-            let color = if candidate.age_s > 0.0 { candidate.color } else { [x[0], x[1], x[2]] };
-            // The old background stays known: it may have been a body in front of the lens, or the light comes back.
-            let former = Some(self.background[i].map(level));
-            self.background[i] = color.map(|v| (v as u16) << 8);
-            *candidate = Candidate { former, ..Candidate::default() };
+            let color = if self.age_s[i] > 0.0 { self.candidates[i] } else { [x[0], x[1], x[2]] };
+            self.replace(i, color);
         }
     }
 
     /// Gathers what is seen at every pixel, in every row: what [`Self::adopt`] then takes. In the frame's own exposure.
     pub fn watch(&mut self, frame: &RgbImage, elapsed_s: f32) {
         for (i, x) in frame.as_raw().chunks_exact(3).enumerate() {
-            let tolerance = self.tolerance[i] as u32;
-            let candidate = &mut self.candidates[i];
-            if squared_distance(x, candidate.color) <= tolerance * tolerance {
-                candidate.age_s += elapsed_s;
-            } else if candidate.age_s > elapsed_s {
-                candidate.age_s -= elapsed_s;
+            let (candidate, age_s) = (&mut self.candidates[i], &mut self.age_s[i]);
+            if is_near(x, *candidate, self.tolerance[i]) {
+                *age_s += elapsed_s;
+            } else if *age_s > elapsed_s {
+                *age_s -= elapsed_s;
             } else {
-                candidate.color = [x[0], x[1], x[2]];
-                candidate.age_s = 0.0;
+                *candidate = [x[0], x[1], x[2]];
+                *age_s = 0.0;
             }
         }
     }
@@ -216,6 +236,49 @@ impl PixelModel {
     }
 }
 
+/// An exposure as whole numbers, for many pixels at once: a gain and a bias for each of a chunk's bytes.
+struct ExposureLanes {
+    /// In 1/16384.
+    gain: [u16; 3 * LANES],
+    /// In 1/64 levels; what is added, then what is taken away.
+    bias: [[u16; 3 * LANES]; 2],
+}
+
+impl ExposureLanes {
+    fn new(exposure: &Exposure) -> Self {
+        let bias = |sign: f32| {
+            std::array::from_fn(|i| (64.0 * sign * exposure.bias[i % 3]).clamp(0.0, 65535.0).round() as u16)
+        };
+        let gain =
+            std::array::from_fn(|i| (16384.0 * exposure.gain[i % 3]).clamp(0.0, 65535.0).round() as u16);
+        Self { gain, bias: [bias(1.0), bias(-1.0)] }
+    }
+
+    /// What the background (1/256 levels) looks like in this exposure, and each byte's squared distance from it.
+    fn compare(
+        &self,
+        background: &[u16],
+        frame: &[u8; 3 * LANES],
+        looks: &mut [u8; 3 * LANES],
+        squares: &mut [u16; 3 * LANES],
+    ) {
+        let Some(background) = background.first_chunk::<{ 3 * LANES }>() else { return };
+        for i in 0..3 * LANES {
+            // 8 and 14 binary places less 16 are 6.
+            let scaled = ((u32::from(background[i]) * u32::from(self.gain[i])) >> 16) as u16;
+            let level = scaled.saturating_add(self.bias[0][i]).saturating_sub(self.bias[1][i]);
+            looks[i] = (level.saturating_add(32) >> 6).min(255) as u8;
+            let off = u16::from(frame[i].abs_diff(looks[i]));
+            squares[i] = off * off;
+        }
+    }
+}
+
+/// Whether two colours are no further apart than a pixel's tolerance.
+fn is_near(seen: &[u8], color: [u8; 3], tolerance: u8) -> bool {
+    squared_distance(seen, color) <= u32::from(tolerance) * u32::from(tolerance)
+}
+
 /// The nearest whole level.
 fn level(fixed: u16) -> u8 {
     (fixed.saturating_add(128) >> 8) as u8
@@ -230,6 +293,8 @@ fn squared_distance(a: &[u8], b: [u8; 3]) -> u32 {
 mod tests {
     use super::*;
     use image::{Luma, Rgb};
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
 
     fn flat(color: [u8; 3]) -> RgbImage {
         RgbImage::from_pixel(16, 12, Rgb(color))
@@ -264,6 +329,62 @@ mod tests {
             assert_eq!(score.get_pixel(5, 5)[0], found, "{more} levels");
         }
         assert_eq!(expected, flat([100, 110, 120]));
+    }
+
+    #[test]
+    fn many_pixels_at_once_are_scored_as_each_alone() {
+        let mut rng = Pcg64Mcg::seed_from_u64(2);
+        // A whole number of chunks and a rest; with and without a former background.
+        for (former, (gain, bias)) in
+            [false, true].into_iter().zip([([0.6, 1.0, 3.2], [40.0, 0.0, -90.0]), ([1.0; 3], [0.0; 3])])
+        {
+            let exposure = Exposure { gain, bias };
+            let picture = RgbImage::from_fn(37, 5, |_, _| Rgb(std::array::from_fn(|_| rng.random())));
+            let noise = GrayImage::from_fn(37, 5, |_, _| Luma([rng.random()]));
+            let mut model =
+                PixelModel::new(&Backdrop { picture: picture.clone(), noise }, &PixelOptions::default());
+            if former {
+                model.adopt(&RgbImage::from_fn(37, 5, |_, _| Rgb(std::array::from_fn(|_| rng.random()))));
+            }
+            let mut now = picture.clone();
+            model.picture(&mut now);
+            let looks = |picture: &RgbImage, i: usize| -> [f64; 3] {
+                std::array::from_fn(|c| {
+                    (gain[c] as f64 * picture.as_raw()[3 * i + c] as f64 + bias[c] as f64).clamp(0.0, 255.0)
+                })
+            };
+            let mut frame = now.clone();
+            for (i, pixel) in frame.pixels_mut().enumerate() {
+                let from = if former && i % 3 == 0 { &picture } else { &now };
+                *pixel = Rgb(looks(from, i).map(|v| (v + rng.random_range(-25.0..25.0)) as u8));
+            }
+            let (mut expected, mut score) = (RgbImage::new(37, 5), GrayImage::new(37, 5));
+            model.score(&frame, &exposure, &mut expected, &mut score);
+            for i in 0..37 * 5 {
+                let x: [u8; 3] = frame.as_raw()[3 * i..3 * i + 3].try_into().unwrap();
+                let off = |picture: &RgbImage| -> f64 {
+                    looks(picture, i).iter().zip(x).map(|(e, x)| (x as f64 - e.round()).powi(2)).sum()
+                };
+                for (e, truth) in expected.as_raw()[3 * i..].iter().zip(looks(&now, i)) {
+                    assert!((*e as f64 - truth).abs() < 0.6, "pixel {i}: {e} against {truth}");
+                }
+                let scaled = |squared: f64| squared * THRESHOLD as f64 / (model.tolerance[i] as f64).powi(2);
+                let mut truth = scaled(off(&now));
+                if truth < 16.0 {
+                    truth = 0.0;
+                } else if former {
+                    truth = truth.min(scaled(off(&picture)).max(2.0));
+                }
+                // A level's rounding moves the square of the distance by up to two distances.
+                let slack = 1.5 + scaled(2.0 * off(&now).sqrt() + 3.0);
+                let found = score.as_raw()[i] as f64;
+                let edge = (truth - 16.0).abs() < slack;
+                assert!(
+                    edge || (found - truth.min(255.0)).abs() < slack,
+                    "pixel {i}: {found} against {truth}"
+                );
+            }
+        }
     }
 
     #[test]

@@ -86,12 +86,12 @@ impl Regions {
             let first = self.runs.len();
             let mut next_above = above.start;
             let mut x = 0;
-            while let Some(start) = pixels[x..].iter().position(|p| (*p != 0) == foreground) {
-                let from = x + start;
-                let to = pixels[from..]
-                    .iter()
-                    .position(|p| (*p != 0) != foreground)
-                    .map_or(pixels.len(), |n| from + n);
+            loop {
+                let from = next(pixels, x, foreground);
+                if from >= pixels.len() {
+                    break;
+                }
+                let to = next(pixels, from, !foreground);
                 let me = self.runs.len() as u32;
                 let (from, to) = (from as u32, to as u32);
                 self.runs.push(Run { row, from, to, parent: me });
@@ -106,9 +106,6 @@ impl Regions {
                     other += 1;
                 }
                 x = to as usize;
-                if x >= pixels.len() {
-                    break;
-                }
             }
             above = first..self.runs.len();
         }
@@ -135,6 +132,21 @@ impl Regions {
         kept.area += absorbed.area;
         kept.touches_border |= absorbed.touches_border;
     }
+}
+
+/// The first foreground (or background) pixel from `start` on; the end if there is none.
+fn next(pixels: &[u8], start: usize, foreground: bool) -> usize {
+    const CHUNK: usize = 32;
+    let is_it = |p: &u8| (*p != 0) == foreground;
+    let mut x = start;
+    // Whole chunks at once: runs are long.
+    while let Some(chunk) = pixels.get(x..x + CHUNK) {
+        if chunk.iter().fold(false, |any, p| any | is_it(p)) {
+            break;
+        }
+        x += CHUNK;
+    }
+    x + pixels[x..].iter().position(is_it).unwrap_or(pixels.len() - x)
 }
 
 fn paint(mask: &mut GrayImage, run: Run, value: u8) {
@@ -181,36 +193,39 @@ mod tests {
     }
 
     proptest! {
-           #[test]
-           fn regions_agree_with_flooding(bits in prop::collection::vec(0..3_u8, 11 * 17), least in 1..12_u32) {
-               let mask = GrayImage::from_fn(11, 17, |x, y| Luma([if bits[(y * 11 + x) as usize] > 1 { 255 } else { 0 }]));
-               let mut regions = Regions::default();
+        // Wider than what is passed over at once; from nearly empty to nearly full.
+        #[test]
+        fn regions_agree_with_flooding(
+            bits in prop::collection::vec(0..100_u8, 75 * 9),
+            share in 0..=100_u8,
+            least in 1..12_u32,
+        ) {
+            let mask = GrayImage::from_fn(75, 9, |x, y| {
+                Luma([if bits[(y * 75 + x) as usize] < share { 255 } else { 0 }])
+            });
+            let mut regions = Regions::default();
 
-               let mut kept = mask.clone();
-               let left = regions.remove_weak(&mut kept, &mask, 255, least, 0);
-               let mut truth = mask.clone();
-               for region in flooded(&mask, true).into_iter().filter(|r| (r.len() as u32) < least) {
-                   for (x, y) in region {
-    truth.put_pixel(x, y, Luma([0]));
-    }
-               }
-               prop_assert_eq!(&kept, &truth);
-               prop_assert_eq!(left as usize, truth.iter().filter(|p| **p > 0).count());
+            let mut kept = mask.clone();
+            let left = regions.remove_weak(&mut kept, &mask, 255, least, 0);
+            let mut truth = mask.clone();
+            for region in flooded(&mask, true).into_iter().filter(|r| (r.len() as u32) < least) {
+                region.into_iter().for_each(|(x, y)| truth.put_pixel(x, y, Luma([0])));
+            }
+            prop_assert_eq!(&kept, &truth);
+            prop_assert_eq!(left as usize, truth.iter().filter(|p| **p > 0).count());
 
-               let mut filled = mask.clone();
-               regions.fill_holes(&mut filled, least);
-               let mut truth = mask.clone();
-               for region in flooded(&mask, false) {
-                   let border = region.iter().any(|(x, y)| *x == 0 || *y == 0 || *x == 10 || *y == 16);
-                   if !border && region.len() as u32 <= least {
-                       for (x, y) in region {
-    truth.put_pixel(x, y, Luma([255]));
+            let mut filled = mask.clone();
+            regions.fill_holes(&mut filled, least);
+            let mut truth = mask.clone();
+            for region in flooded(&mask, false) {
+                let border = region.iter().any(|(x, y)| *x == 0 || *y == 0 || *x == 74 || *y == 8);
+                if !border && region.len() as u32 <= least {
+                    region.into_iter().for_each(|(x, y)| truth.put_pixel(x, y, Luma([255])));
+                }
+            }
+            prop_assert_eq!(&filled, &truth);
+        }
     }
-                   }
-               }
-               prop_assert_eq!(&filled, &truth);
-           }
-       }
 
     #[test]
     fn a_region_without_strong_pixels_goes() {

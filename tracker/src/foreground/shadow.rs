@@ -65,23 +65,36 @@ pub fn mark_shadows(
     score: &mut GrayImage,
 ) {
     let (width, height) = (frame.width() as usize, frame.height() as usize);
+    let mut grays = Grays::default();
     for top in (0..height).step_by(CELL_PX) {
         let rows = top..(top + CELL_PX).min(height);
-        for left in (0..width).step_by(CELL_PX) {
-            let columns = left..(left + CELL_PX).min(width);
-            let matters = |y: usize| {
-                score.as_raw()[y * width + columns.start..y * width + columns.end].iter().any(|s| *s >= least)
-            };
-            if !rows.clone().any(matters) {
-                continue;
+        let matters = |left: usize, score: &GrayImage| {
+            let right = (left + CELL_PX).min(width);
+            rows.clone().any(|y| {
+                let scores = &score.as_raw()[y * width + left..y * width + right];
+                // Nearly all of the image is background.
+                scores.iter().fold(0, |all, s| all | s) >= least && scores.iter().any(|s| *s >= least)
+            })
+        };
+        let mut left = 0;
+        while left < width {
+            // A run of cells in which there is something to judge.
+            let start = left;
+            while left < width && matters(left, score) {
+                left += CELL_PX;
             }
-            let shade = match texture(frame, expected, left, top, options.correlation) {
-                Texture::Same => &options.textured,
-                Texture::None => &options.plain,
-                Texture::Different => continue,
-            };
-            for y in rows.clone() {
-                for i in columns.clone().map(|x| y * width + x) {
+            if left > start {
+                grays.take(frame, expected, start..left, top);
+            }
+            for left in (start..left).step_by(CELL_PX) {
+                let shade = match grays.texture(left, options.correlation) {
+                    Texture::Same => &options.textured,
+                    Texture::None => &options.plain,
+                    Texture::Different => continue,
+                };
+                for i in
+                    rows.clone().flat_map(|y| (left..(left + CELL_PX).min(width)).map(move |x| y * width + x))
+                {
                     if score.as_raw()[i] >= least
                         && shade.explains(&frame.as_raw()[3 * i..], &expected.as_raw()[3 * i..], tolerance[i])
                     {
@@ -89,6 +102,7 @@ pub fn mark_shadows(
                     }
                 }
             }
+            left += CELL_PX;
         }
     }
 }
@@ -98,24 +112,33 @@ pub fn mark_shadows(
 /// people or beside them. `above` is a buffer of any length.
 pub fn restore_enclosed(score: &mut GrayImage, foreground: u8, longest_px: u32, above: &mut Vec<u32>) {
     const NOTHING: u32 = u32::MAX;
+    const CHUNK_PX: usize = 32;
     let (width, height) = (score.width() as usize, score.height() as usize);
     // For each column the row of the foreground pixel above the present run of shadow.
     above.clear();
     above.resize(width, NOTHING);
     for y in 0..height {
-        for (x, above) in above.iter_mut().enumerate() {
-            let here = score.as_raw()[y * width + x];
-            if here >= foreground {
-                let top = *above;
-                let run = (y as u32).wrapping_sub(top).wrapping_sub(1);
-                if top != NOTHING && (1..=longest_px).contains(&run) {
-                    for row in top as usize + 1..y {
-                        score.as_mut()[row * width + x] = foreground;
+        for (start, above) in above.chunks_mut(CHUNK_PX).enumerate().map(|(i, above)| (i * CHUNK_PX, above)) {
+            let from = y * width + start;
+            // Nearly all of the image is background.
+            if score.as_raw()[from..from + above.len()].iter().fold(0, |all, s| all | s) == 0 {
+                above.fill(NOTHING);
+                continue;
+            }
+            for (x, above) in (start..).zip(above) {
+                let here = score.as_raw()[y * width + x];
+                if here >= foreground {
+                    let top = *above;
+                    let run = (y as u32).wrapping_sub(top).wrapping_sub(1);
+                    if top != NOTHING && (1..=longest_px).contains(&run) {
+                        for row in top as usize + 1..y {
+                            score.as_mut()[row * width + x] = foreground;
+                        }
                     }
+                    *above = y as u32;
+                } else if here != SHADOW {
+                    *above = NOTHING;
                 }
-                *above = y as u32;
-            } else if here != SHADOW {
-                *above = NOTHING;
             }
         }
     }
@@ -148,33 +171,65 @@ fn rgb(p: &[u8]) -> [f32; 3] {
     [p[0] as f32, p[1] as f32, p[2] as f32]
 }
 
-fn texture(frame: &RgbImage, expected: &RgbImage, left: usize, top: usize, least: f32) -> Texture {
-    let (width, height) = (frame.width() as usize, frame.height() as usize);
-    let span = |from: usize, end: usize| {
-        let centre = from + CELL_PX / 2;
-        centre.saturating_sub(WINDOW_PX)..(centre + WINDOW_PX).min(end)
-    };
-    let [mut n, mut sx, mut se, mut sxx, mut see, mut sxe] = [0_i32; 6];
-    for y in span(top, height) {
-        for i in span(left, width).map(|x| 3 * (y * width + x)) {
-            let (x, e) = (gray(&frame.as_raw()[i..i + 3]), gray(&expected.as_raw()[i..i + 3]));
-            n += 1;
-            sx += x;
-            se += e;
-            sxx += x * x;
-            see += e * e;
-            sxe += x * e;
+/// Brightness of frame and background around a run of cells of one row of cells.
+#[derive(Default)]
+struct Grays {
+    /// Frame, background; row by row.
+    pixels: [Vec<i32>; 2],
+    columns: std::ops::Range<usize>,
+    rows: usize,
+}
+
+impl Grays {
+    /// Looks at the windows around the cells that start in `cells`; they begin at row `top`.
+    fn take(&mut self, frame: &RgbImage, expected: &RgbImage, cells: std::ops::Range<usize>, top: usize) {
+        let (width, height) = (frame.width() as usize, frame.height() as usize);
+        let rows = window(top, height);
+        let last = cells.end - CELL_PX;
+        self.columns = window(cells.start, width).start..window(last, width).end;
+        self.rows = rows.len();
+        for (pixels, image) in self.pixels.iter_mut().zip([frame, expected]) {
+            pixels.clear();
+            for y in rows.clone() {
+                let from = 3 * (y * width + self.columns.start);
+                let row = &image.as_raw()[from..from + 3 * self.columns.len()];
+                pixels.extend(row.chunks_exact(3).map(gray));
+            }
         }
     }
-    let n = n as f32;
-    let (mx, me) = (sx as f32 / n, se as f32 / n);
-    let (vx, ve) = (sxx as f32 / n - mx * mx, see as f32 / n - me * me);
-    if ve < LEAST_TEXTURE * LEAST_TEXTURE {
-        // A fold, a pattern or an edge where the background is plain is somebody's; a soft shadow's rim is weaker.
-        return if vx > FOREIGN_TEXTURE * FOREIGN_TEXTURE { Texture::Different } else { Texture::None };
+
+    /// How the textures compare around the cell that starts at column `left`.
+    fn texture(&self, left: usize, least: f32) -> Texture {
+        let stride = self.columns.len();
+        let columns = window(left, self.columns.end);
+        let columns = columns.start - self.columns.start..columns.end - self.columns.start;
+        let [mut sx, mut se, mut sxx, mut see, mut sxe] = [0_i32; 5];
+        for row in 0..self.rows {
+            let row = row * stride + columns.start..row * stride + columns.end;
+            for (x, e) in self.pixels[0][row.clone()].iter().zip(&self.pixels[1][row]) {
+                sx += x;
+                se += e;
+                sxx += x * x;
+                see += e * e;
+                sxe += x * e;
+            }
+        }
+        let n = (self.rows * columns.len()) as f32;
+        let (mx, me) = (sx as f32 / n, se as f32 / n);
+        let (vx, ve) = (sxx as f32 / n - mx * mx, see as f32 / n - me * me);
+        if ve < LEAST_TEXTURE * LEAST_TEXTURE {
+            // A fold, a pattern or an edge where the background is plain is somebody's; a soft shadow's rim is weaker.
+            return if vx > FOREIGN_TEXTURE * FOREIGN_TEXTURE { Texture::Different } else { Texture::None };
+        }
+        let covariance = sxe as f32 / n - mx * me;
+        if covariance < least * (vx.max(1.0) * ve).sqrt() { Texture::Different } else { Texture::Same }
     }
-    let covariance = sxe as f32 / n - mx * me;
-    if covariance < least * (vx.max(1.0) * ve).sqrt() { Texture::Different } else { Texture::Same }
+}
+
+/// Rows or columns around a cell over which texture is compared.
+fn window(cell: usize, end: usize) -> std::ops::Range<usize> {
+    let centre = cell + CELL_PX / 2;
+    centre.saturating_sub(WINDOW_PX)..(centre + WINDOW_PX).min(end)
 }
 
 /// Brightness, 0 to 255.

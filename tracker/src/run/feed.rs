@@ -4,7 +4,6 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use calib::undistort::UndistortMap;
-use calib::vision::FrameSource;
 use image::{GrayImage, RgbImage};
 
 use crate::foreground::{Foreground, Verdict};
@@ -84,12 +83,12 @@ impl CameraFeed {
     /// # Errors
     /// A frame that cannot be decoded, or has no time.
     pub fn next(&mut self, times: &Times, spare: Option<CameraFrame>) -> Result<Option<Fed>> {
-        let started = Instant::now();
-        if let Some(video) = &mut self.source.video
-            && !video.read(&mut self.picture)?
-        {
-            return Ok(None);
+        let mut decode = Duration::ZERO;
+        if let Some(video) = &mut self.source.video {
+            let Some(took) = video.read(&mut self.picture)? else { return Ok(None) };
+            decode += took;
         }
+        let started = Instant::now();
         if let Some(masks) = &mut self.source.masks
             && !masks.read(&mut self.mask_picture)?
         {
@@ -116,7 +115,7 @@ impl CameraFeed {
             frame: CameraFrame { mask: usable.then_some(mask), image },
             real,
             verdict,
-            decode: decoded - started,
+            decode: decode + (decoded - started),
             foreground: decoded.elapsed(),
         }))
     }
@@ -171,8 +170,7 @@ pub fn promised_frames(sources: &[CameraSource]) -> Option<usize> {
     let counts: Option<Vec<usize>> = sources
         .iter()
         .map(|s| {
-            let all =
-                [&s.video, &s.masks].into_iter().flatten().all(|f| FrameSource::frame_count(f).is_some());
+            let all = s.sources().all(|f| f.frame_count().is_some());
             if all { s.frame_count() } else { None }
         })
         .collect();

@@ -1,5 +1,6 @@
 //! Where the pictures come from: named videos and masks, matched with the room's cameras, and the time of each frame.
 
+pub mod footage;
 pub mod sampling;
 pub mod times;
 
@@ -9,6 +10,7 @@ use std::str::FromStr;
 use calib::vision::FrameSource;
 use scenes::room::{Room, RoomCamera};
 
+pub use footage::Footage;
 pub use times::Times;
 
 use crate::{Error, Result};
@@ -41,7 +43,7 @@ pub struct CameraSource {
     /// The camera's name in the room.
     pub name: String,
     /// Its pictures.
-    pub video: Option<FrameSource>,
+    pub video: Option<Footage>,
     /// Ready-made masks; they take the place of background subtraction.
     pub masks: Option<FrameSource>,
 }
@@ -69,7 +71,7 @@ pub fn open(room: &Room, videos: &[NamedSource], masks: &[NamedSource]) -> Resul
     for camera in &room.cameras {
         let find = |named: &[NamedSource]| named.iter().find(|s| s.name == camera.name).cloned();
         let open = |source: Option<NamedSource>| source.map(|s| open_one(camera, &s)).transpose();
-        let (video, masks) = (open(find(videos))?, open(find(masks))?);
+        let (video, masks) = (open(find(videos))?.map(Footage::new), open(find(masks))?);
         if video.is_some() || masks.is_some() {
             sources.push(CameraSource { name: camera.name.clone(), video, masks });
         }
@@ -112,13 +114,17 @@ fn open_one(camera: &RoomCamera, source: &NamedSource) -> Result<FrameSource> {
 impl CameraSource {
     /// Frames in all, where the sources can know; the shorter of the two.
     pub fn frame_count(&self) -> Option<usize> {
-        let counts = [&self.video, &self.masks].into_iter().flatten().filter_map(FrameSource::frame_count);
-        counts.min()
+        self.sources().filter_map(FrameSource::frame_count).min()
     }
 
     /// Frames a second, where a source says so.
     pub fn rate(&self) -> Option<f64> {
-        [&self.video, &self.masks].into_iter().flatten().find_map(FrameSource::rate)
+        self.sources().find_map(FrameSource::rate)
+    }
+
+    /// The video, the masks: what there is of them.
+    pub fn sources(&self) -> impl Iterator<Item = &FrameSource> {
+        self.video.as_ref().map(Footage::source).into_iter().chain(&self.masks)
     }
 }
 

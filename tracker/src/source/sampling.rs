@@ -19,9 +19,8 @@ const LOOK_THROUGH_FRAMES: usize = 20_000;
 pub fn spread(spec: &str) -> Result<Vec<RgbImage>> {
     let mut source = FrameSource::open(spec)?;
     let (width, height) = source.size();
-    let most = (MEMORY / (3 * width as usize * height as usize).max(1)).clamp(5, FRAMES);
-    let expected = source.frame_count().unwrap_or(0).min(LOOK_THROUGH_FRAMES);
-    let mut stride = (expected / most).max(1);
+    let most = most((width, height));
+    let mut stride = stride(source.frame_count().unwrap_or(0).min(LOOK_THROUGH_FRAMES), (width, height));
     let mut frames: Vec<RgbImage> = Vec::with_capacity(2 * most);
     for frame in 0..LOOK_THROUGH_FRAMES {
         if frame.is_multiple_of(stride) {
@@ -44,6 +43,16 @@ pub fn spread(spec: &str) -> Result<Vec<RgbImage>> {
         }
     }
     Ok(frames)
+}
+
+/// Every how many frames of a recording one is taken.
+pub fn stride(frames: usize, size: (u32, u32)) -> usize {
+    (frames / most(size)).max(1)
+}
+
+/// Frames of that size that fit into the memory.
+fn most((width, height): (u32, u32)) -> usize {
+    (MEMORY / (3 * width as usize * height as usize).max(1)).clamp(5, FRAMES)
 }
 
 #[cfg(test)]

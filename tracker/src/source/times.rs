@@ -106,6 +106,22 @@ impl Times {
         }
     }
 
+    /// The frame nearest to a time; 0 before the first by more than half the way to the next one, and the number after the
+    /// last line's by as much after it.
+    pub fn nearest(&self, time_s: f64) -> u32 {
+        match self {
+            Self::Rate(rate) => ((time_s * rate).round() + 1.0).clamp(0.0, u32::MAX as f64) as u32,
+            Self::File { seconds, .. } => {
+                let half_s = 0.5 / self.mean_rate();
+                let after = seconds.partition_point(|s| *s < time_s);
+                let before_s = after.checked_sub(1).map_or(seconds[0] - 2.0 * half_s, |i| seconds[i]);
+                let after_s = seconds.get(after).copied().unwrap_or(before_s + 2.0 * half_s);
+                // `after` counts the frames before the time, so it is the number of the last of them.
+                after as u32 + u32::from(after_s - time_s <= time_s - before_s)
+            }
+        }
+    }
+
     /// Frames a second, on average.
     pub fn mean_rate(&self) -> f64 {
         match self {
