@@ -37,11 +37,19 @@ pub fn build_room(project: &Path, room: &Path) -> Said<String> {
 
 /// `tracker run` of the office's two videos without film, with further options.
 pub fn track(office: &Path, room: &Path, out: &Path, options: &[&str]) -> Said<String> {
-    let video = |name: &str| format!("{name}={}", office.join(format!("video/{name}.mp4")).display());
+    let videos = ["cam0", "cam1"].map(|name| (name, office.join(format!("video/{name}.mp4"))));
+    track_videos(room, &[(videos[0].0, &videos[0].1), (videos[1].0, &videos[1].1)], out, options)
+}
+
+/// `tracker run` of named videos without film, with further options.
+pub fn track_videos(room: &Path, videos: &[(&str, &Path)], out: &Path, options: &[&str]) -> Said<String> {
+    let videos =
+        videos.iter().flat_map(|(name, path)| ["--video".to_owned(), format!("{name}={}", path.display())]);
     run(program("tracker")
         .arg("run")
         .arg(room)
-        .args(["--video", &video("cam0"), "--video", &video("cam1"), "--no-film", "--out"])
+        .args(videos)
+        .args(["--no-film", "--out"])
         .arg(out)
         .args(options))
 }
@@ -61,13 +69,18 @@ pub struct Tracking {
 
 /// `tracker eval` against the office's truth; the tracks' room is aligned with the true one by their cameras.
 pub fn evaluate(office: &Path, room: &Path, out: &Path) -> Said<Tracking> {
+    evaluate_against(&office.join("truth.txt"), &office.join("room"), room, out)
+}
+
+/// [`evaluate`] against another file of true positions, in the frame of `truth_room`.
+pub fn evaluate_against(truth: &Path, truth_room: &Path, room: &Path, out: &Path) -> Said<Tracking> {
     let text = run(program("tracker")
         .args(["eval", "--json", "--truth"])
-        .arg(office.join("truth.txt"))
+        .arg(truth)
         .arg("--tracks")
         .arg(out.join("tracks.txt"))
         .arg("--truth-room")
-        .arg(office.join("room"))
+        .arg(truth_room)
         .arg("--room")
         .arg(room))?;
     let json: serde_json::Value = serde_json::from_str(&text).map_err(|e| e.to_string())?;

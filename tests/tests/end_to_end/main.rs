@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod capture_motion;
+mod clocks;
 mod office;
 mod recon_refusals;
 mod recon_resume;

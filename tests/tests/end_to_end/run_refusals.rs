@@ -125,6 +125,11 @@ fn names_and_options() {
     refused(&small.run(&["--rate", "0"]), &["--rate"]);
     refused(&small.run(&["--rate", "NaN"]), &["--rate"]);
     refused(&small.run(&["--steps", "1"]), &["--steps"]);
+    refused(&small.run(&["--offset", "middle=1"]), &["middle", "left, right"]);
+    refused(&small.run(&["--offset", "left=1", "--offset", "left=2"]), &["left", "already"]);
+    refused(&small.run(&["--offset", "left=1000"]), &["--offset", "no moment"]);
+    refused(&small.run(&["--times", "left=nowhere.txt"]), &["nowhere.txt"]);
+    refused(&small.run(&["--times", "a.txt", "--times", "b.txt"]), &["b.txt", "already"]);
     refused(&small.run(&["--absorb", "0"]), &["--absorb"]);
     refused(&small.run(&["--background", "left=nowhere"]), &["nowhere"]);
     refused(&small.run(&["--background", "middle=left"]), &["middle", "left, right"]);

@@ -1,6 +1,7 @@
 //! The program's subcommands, one a file: each maps its options onto the library's, one to one.
 
 mod background;
+mod clocks;
 mod eval;
 mod masks;
 mod report;

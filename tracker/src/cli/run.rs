@@ -14,16 +14,12 @@ use tracker::method::Method;
 use tracker::method::mcmc::Mcmc;
 use tracker::plan::TrajectoryPlan;
 use tracker::run::{self, CameraFeed, Output, RunOptions, RunReport};
-use tracker::source::times::DEFAULT_RATE;
-use tracker::source::{self, CameraSource, NamedSource, Times};
+use tracker::source::{self, CameraSource, NamedSource};
 use tracker::stage::{Stage, StageOptions};
 use tracker::tracks::TrackFiles;
 
-<<<<<<< HEAD
-use super::background::BackgroundArguments;
-=======
 use super::background::{BackgroundArguments, KEEP_BYTES};
->>>>>>> 8015b79 (Runs from recordings are faster: decoded once, scored many pixels at a time, the plan's ground kept)
+use super::clocks::ClockArguments;
 use super::sampler::SamplerArguments;
 
 /// The published trackers.
@@ -37,11 +33,13 @@ enum MethodName {
 ///
 /// Writes OUT/tracks.txt (floor positions, MOTChallenge rows), OUT/tracks.jsonl (a line a frame, as it is made),
 /// OUT/boxes/NAME.txt, OUT/timings.json and, unless told otherwise, the films OUT/overlay/NAME.mp4. The cameras are
-/// synchronised frame by frame; the shortest source ends the run. Cameras without a source are left out.
+/// synchronised frame by frame where they have the same rate and start, by time otherwise; the shortest source ends the
+/// run. Cameras without a source are left out.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   tracker run myroom --video cam0=cam0.mp4 --video cam1=cam1.mp4 --out out
   tracker run myroom --video a='frames/%04d.jpg' --times times.txt --out out --no-film
+  tracker run myroom --video a=a.mp4 --video b=b.mp4 --offset b=2.4 --out out
   tracker run myroom --masks a=masks/a --masks b=masks/b --rate 4 --out out
   tracker run myroom --video a=rtsp://camera/stream --background a=empty.mp4 --out out")]
 pub(crate) struct RunArgs {
@@ -65,12 +63,8 @@ pub(crate) struct RunArgs {
     /// Worker threads (default: one a core). The result does not depend on it.
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
-    /// The time of each frame: seconds, a line a frame.
-    #[arg(long, value_name = "FILE", conflicts_with = "rate")]
-    times: Option<PathBuf>,
-    /// Frames a second, where the sources do not say (default then: 25) or say wrong.
-    #[arg(long)]
-    rate: Option<f64>,
+    #[command(flatten)]
+    clocks: ClockArguments,
     /// Ignore the room's geometry: nothing hides anybody. For comparison.
     #[arg(long)]
     no_occlusion: bool,
@@ -105,8 +99,9 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
     for camera in room.cameras.iter().filter(|c| !sources.iter().any(|s| s.name == c.name)) {
         tracing::warn!("camera `{}` has no source and is left out", camera.name);
     }
-    let promised = run::promised_frames(&sources);
-    let times = times(args, &sources, promised)?;
+    let schedule = args.clocks.schedule(&sources)?;
+    let frames: Vec<Option<usize>> = sources.iter().map(CameraSource::frame_count).collect();
+    let promised = schedule.moments(&frames);
     let stage = Stage::prepare(
         &room,
         &args.room,
@@ -118,7 +113,7 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
     let mut method: Box<dyn Method> = match args.method {
         MethodName::Mcmc => Box::new(Mcmc::new(stage.clone(), sampler)?),
     };
-    let rate = times.mean_rate();
+    let rate = schedule.mean_rate();
     let feeds = feeds(args, sources, &stage)?;
     let prepared = started.elapsed().as_secs_f64();
     tracing::debug!("room and backgrounds ready after {prepared:.2} s");
@@ -129,34 +124,12 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
         outputs.push(Box::new(Film::start(&args.out, &stage, rate, &FilmOptions::default())?));
     }
     let mut progress = console.progress("tracking", promised.map(|n| n as u64));
-    let options = RunOptions { times, threads };
+    let options = RunOptions { schedule, threads };
     let report = run::run(feeds, method.as_mut(), outputs, &options, || progress.advance())?;
     drop(progress);
     report.timings.write(&args.out.join("timings.json"))?;
     tell(&report, prepared, started.elapsed().as_secs_f64());
     Ok(String::new())
-}
-
-fn times(args: &RunArgs, sources: &[CameraSource], promised: Option<usize>) -> anyhow::Result<Times> {
-    if let Some(path) = &args.times {
-        let times = Times::read(path)?;
-        if let Some(promised) = promised {
-            times.check_count(promised)?;
-        }
-        return Ok(times);
-    }
-    let (said, differ) = run::common_rate(sources);
-    if differ && args.rate.is_none() {
-        tracing::warn!(
-            "the sources say different frame rates; taking the first's (--rate decides otherwise)"
-        );
-    }
-    if said.is_none() && args.rate.is_none() {
-        tracing::warn!(
-            "no source says its frame rate; taking {DEFAULT_RATE} frames/s (--rate or --times decide otherwise)"
-        );
-    }
-    Ok(Times::steady(args.rate.or(said).unwrap_or(DEFAULT_RATE))?)
 }
 
 /// Learns the backgrounds, cameras in parallel, and makes the feeds in the cameras' order.

@@ -81,6 +81,8 @@ pub enum Verdict {
     AllForeground,
     /// A background that is learnt while running has not seen enough yet.
     Learning,
+    /// The camera has no frame near this moment: its rate is lower than another's. Nothing is wrong with it.
+    Between,
 }
 
 impl std::fmt::Display for Verdict {
@@ -91,6 +93,7 @@ impl std::fmt::Display for Verdict {
             Self::Dark => "dark",
             Self::AllForeground => "all foreground (light switched or camera moved)",
             Self::Learning => "learning its background",
+            Self::Between => "between two of its frames",
         })
     }
 }

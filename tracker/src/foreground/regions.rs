@@ -209,7 +209,9 @@ mod tests {
             let left = regions.remove_weak(&mut kept, &mask, 255, least, 0);
             let mut truth = mask.clone();
             for region in flooded(&mask, true).into_iter().filter(|r| (r.len() as u32) < least) {
-                region.into_iter().for_each(|(x, y)| truth.put_pixel(x, y, Luma([0])));
+                for (x, y) in region {
+                    truth.put_pixel(x, y, Luma([0]));
+                }
             }
             prop_assert_eq!(&kept, &truth);
             prop_assert_eq!(left as usize, truth.iter().filter(|p| **p > 0).count());
@@ -220,7 +222,9 @@ mod tests {
             for region in flooded(&mask, false) {
                 let border = region.iter().any(|(x, y)| *x == 0 || *y == 0 || *x == 74 || *y == 8);
                 if !border && region.len() as u32 <= least {
-                    region.into_iter().for_each(|(x, y)| truth.put_pixel(x, y, Luma([255])));
+                    for (x, y) in region {
+                        truth.put_pixel(x, y, Luma([255]));
+                    }
                 }
             }
             prop_assert_eq!(&filled, &truth);

@@ -9,7 +9,7 @@ use std::thread::Scope;
 use super::feed::{CameraFeed, Fed};
 use crate::Result;
 use crate::moment::CameraFrame;
-use crate::source::Times;
+use crate::source::Schedule;
 
 /// How many frames a camera may be ahead of the tracker.
 const FRAMES_AHEAD: usize = 4;
@@ -17,7 +17,7 @@ const FRAMES_AHEAD: usize = 4;
 /// All cameras, frame by frame.
 pub(super) enum Feeds<'t> {
     /// On the caller's thread.
-    Here { feeds: Vec<CameraFeed>, times: &'t Times, spares: Vec<Option<CameraFrame>> },
+    Here { feeds: Vec<CameraFeed>, schedule: &'t Schedule, spares: Vec<Option<CameraFrame>> },
     /// On workers; one pair of channels a camera.
     Ahead(Vec<Line>),
 }
@@ -37,6 +37,7 @@ pub(super) enum Next {
 
 /// One camera on its worker.
 struct Job {
+    camera: usize,
     feed: CameraFeed,
     fed: SyncSender<Result<Fed>>,
     spares: Receiver<CameraFrame>,
@@ -47,12 +48,12 @@ impl<'t> Feeds<'t> {
     pub(super) fn start<'scope>(
         scope: &'scope Scope<'scope, 't>,
         feeds: Vec<CameraFeed>,
-        times: &'t Times,
+        schedule: &'t Schedule,
         threads: usize,
     ) -> Self {
         if threads <= 1 {
             let spares = feeds.iter().map(|_| None).collect();
-            return Self::Here { feeds, times, spares };
+            return Self::Here { feeds, schedule, spares };
         }
         let workers = threads.min(feeds.len());
         let mut jobs: Vec<Vec<Job>> = (0..workers).map(|_| Vec::new()).collect();
@@ -61,10 +62,10 @@ impl<'t> Feeds<'t> {
             let (send_fed, fed) = sync_channel(FRAMES_AHEAD);
             let (spares, receive_spares) = channel();
             lines.push(Line { name: feed.name().to_owned(), fed, spares });
-            jobs[i % workers].push(Job { feed, fed: send_fed, spares: receive_spares });
+            jobs[i % workers].push(Job { camera: i, feed, fed: send_fed, spares: receive_spares });
         }
         for jobs in jobs {
-            scope.spawn(move || work(jobs, times));
+            scope.spawn(move || work(jobs, schedule));
         }
         Self::Ahead(lines)
     }
@@ -73,9 +74,9 @@ impl<'t> Feeds<'t> {
     pub(super) fn next(&mut self) -> Result<Next> {
         let mut parts = Vec::new();
         match self {
-            Self::Here { feeds, times, spares } => {
-                for (feed, spare) in feeds.iter_mut().zip(spares) {
-                    let part = feed.next(times, spare.take()).transpose();
+            Self::Here { feeds, schedule, spares } => {
+                for (camera, (feed, spare)) in feeds.iter_mut().zip(spares).enumerate() {
+                    let part = feed.next(schedule, camera, spare.take()).transpose();
                     let Some(part) = part else { return Ok(Next::Ended(feed.name().to_owned())) };
                     parts.push(part);
                 }
@@ -106,14 +107,16 @@ impl<'t> Feeds<'t> {
 }
 
 /// Feeds the cameras of one worker in turn, until they have ended or nobody listens.
-fn work(mut jobs: Vec<Job>, times: &Times) {
+fn work(mut jobs: Vec<Job>, schedule: &Schedule) {
     while !jobs.is_empty() {
-        jobs.retain_mut(|job| match job.feed.next(times, job.spares.try_recv().ok()).transpose() {
-            Some(part) => {
-                let failed = part.is_err();
-                job.fed.send(part).is_ok() && !failed
+        jobs.retain_mut(|job| {
+            match job.feed.next(schedule, job.camera, job.spares.try_recv().ok()).transpose() {
+                Some(part) => {
+                    let failed = part.is_err();
+                    job.fed.send(part).is_ok() && !failed
+                }
+                None => false,
             }
-            None => false,
         });
     }
 }

@@ -4,11 +4,12 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use calib::undistort::UndistortMap;
+use calib::vision::FrameSource;
 use image::{GrayImage, RgbImage};
 
 use crate::foreground::{Foreground, Verdict};
 use crate::moment::CameraFrame;
-use crate::source::{CameraSource, Times};
+use crate::source::{CameraSource, Footage, Schedule};
 use crate::stage::Stage;
 use crate::{Error, Result};
 
@@ -23,7 +24,12 @@ pub struct CameraFeed {
     undistort: UndistortMap,
     /// The value from which a ready-made mask is foreground.
     mask_from: u8,
+    /// The latest frame of the sources that was taken or passed over.
     frame: u32,
+    /// The latest moment.
+    moment: Option<u32>,
+    /// The latest part, where the next moment has the same frame.
+    shown: Option<Fed>,
     picture: RgbImage,
     mask_picture: RgbImage,
     mask: GrayImage,
@@ -42,6 +48,30 @@ pub struct Fed {
     pub decode: Duration,
     /// Wall time of everything from the picture to the undistorted mask.
     pub foreground: Duration,
+}
+
+impl Fed {
+    /// Of a camera that has no frame.
+    fn nothing(verdict: Verdict) -> Self {
+        Self {
+            frame: CameraFrame::default(),
+            real: None,
+            verdict,
+            decode: Duration::ZERO,
+            foreground: Duration::ZERO,
+        }
+    }
+
+    /// The same once more, which takes no time.
+    fn again(&self) -> Self {
+        Self {
+            frame: self.frame.clone(),
+            real: self.real.clone(),
+            verdict: self.verdict,
+            decode: Duration::ZERO,
+            foreground: Duration::ZERO,
+        }
+    }
 }
 
 impl CameraFeed {
@@ -67,6 +97,8 @@ impl CameraFeed {
             source,
             undistort: camera.undistort.clone(),
             frame: 0,
+            moment: None,
+            shown: None,
             picture: RgbImage::new(width, height),
             mask_picture: RgbImage::default(),
             mask: GrayImage::new(width, height),
@@ -78,11 +110,64 @@ impl CameraFeed {
         &self.name
     }
 
-    /// The next frame, written into `spare`'s pictures where it has any; `None` when a source has ended.
+    /// The camera's part of the next moment, written into `spare`'s pictures where it has any; `None` when a source has
+    /// ended. `camera` is its number in the schedule.
     ///
     /// # Errors
     /// A frame that cannot be decoded, or has no time.
-    pub fn next(&mut self, times: &Times, spare: Option<CameraFrame>) -> Result<Option<Fed>> {
+    pub fn next(
+        &mut self,
+        schedule: &Schedule,
+        camera: usize,
+        spare: Option<CameraFrame>,
+    ) -> Result<Option<Fed>> {
+        let moment = self.moment.map_or(schedule.first(), |latest| latest + 1);
+        self.moment = Some(moment);
+        let Some(frame) = schedule.frame(camera, moment)? else {
+            return Ok(Some(Fed::nothing(Verdict::Between)));
+        };
+        if let Some(shown) = self.shown.take_if(|_| frame == self.frame) {
+            if self.is_shown_again(schedule, camera) {
+                self.shown = Some(shown.again());
+            }
+            return Ok(Some(shown));
+        }
+        let started = Instant::now();
+        while self.frame + 1 < frame {
+            if !self.skip()? {
+                return Ok(None);
+            }
+        }
+        let skipped = started.elapsed();
+        let Some(mut fed) = self.take(schedule, camera, spare)? else { return Ok(None) };
+        fed.decode += skipped;
+        if self.is_shown_again(schedule, camera) {
+            self.shown = Some(fed.again());
+        }
+        Ok(Some(fed))
+    }
+
+    /// Whether the frame that was shown last belongs to the next moment as well.
+    fn is_shown_again(&self, schedule: &Schedule, camera: usize) -> bool {
+        let next = self.moment.map(|moment| schedule.frame(camera, moment + 1));
+        matches!(next, Some(Ok(Some(frame))) if frame == self.frame)
+    }
+
+    /// Passes over a frame of every source; `false` at an end.
+    fn skip(&mut self) -> Result<bool> {
+        self.frame += 1;
+        let video = self.source.video.as_mut().map_or(Ok(true), Footage::skip)?;
+        let masks = self.source.masks.as_mut().map_or(Ok(true), FrameSource::skip)?;
+        Ok(video && masks)
+    }
+
+    /// The next frame of the sources.
+    fn take(
+        &mut self,
+        schedule: &Schedule,
+        camera: usize,
+        spare: Option<CameraFrame>,
+    ) -> Result<Option<Fed>> {
         let mut decode = Duration::ZERO;
         if let Some(video) = &mut self.source.video {
             let Some(took) = video.read(&mut self.picture)? else { return Ok(None) };
@@ -96,7 +181,7 @@ impl CameraFeed {
         }
         let decoded = Instant::now();
         self.frame += 1;
-        let time_s = times.of(self.frame)?;
+        let time_s = schedule.frame_time_s(camera, self.frame)?;
         let verdict = match &mut self.foreground {
             Some(foreground) => foreground.mask(&self.picture, time_s, &mut self.mask)?,
             None => self.take_mask(),
@@ -155,24 +240,4 @@ fn is_exact(spec: &str) -> bool {
         Ok(entries) => entries.filter_map(std::result::Result::ok).any(|e| is_png(&e.path())),
         Err(_) => is_png(path),
     }
-}
-
-/// Frames a second of a source list, and whether the sources disagree about it.
-pub fn common_rate(sources: &[CameraSource]) -> (Option<f64>, bool) {
-    let mut rates = sources.iter().filter_map(CameraSource::rate);
-    let first = rates.next();
-    let differ = first.is_some_and(|first| rates.any(|rate| (rate / first - 1.0).abs() > 0.01));
-    (first, differ)
-}
-
-/// Frames that every source promises; `None` when one cannot know.
-pub fn promised_frames(sources: &[CameraSource]) -> Option<usize> {
-    let counts: Option<Vec<usize>> = sources
-        .iter()
-        .map(|s| {
-            let all = s.sources().all(|f| f.frame_count().is_some());
-            if all { s.frame_count() } else { None }
-        })
-        .collect();
-    counts?.into_iter().min()
 }

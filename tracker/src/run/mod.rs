@@ -11,11 +11,11 @@ use std::time::{Duration, Instant};
 use image::RgbImage;
 
 use ahead::{Feeds, Next};
-pub use feed::{CameraFeed, Fed, common_rate, promised_frames};
+pub use feed::{CameraFeed, Fed};
 
 use crate::foreground::Verdict;
 use crate::method::Method;
-use crate::source::Times;
+use crate::source::Schedule;
 use crate::tracks::{Stopwatch, Timings};
 use crate::{Error, Moment, PersonEstimate, Result};
 
@@ -56,8 +56,8 @@ pub trait Output {
 /// How to run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RunOptions {
-    /// When each frame was taken.
-    pub times: Times,
+    /// When the moments are, and which frames belong to them; a clock for each feed.
+    pub schedule: Schedule,
     /// Worker threads; the result is the same for any number.
     pub threads: usize,
 }
@@ -97,9 +97,9 @@ pub fn run(
     let started = Instant::now();
     let mut log = CameraLog::new(names);
     let mut stopwatch = Stopwatch::default();
-    let mut frame = 0;
+    let mut frame = options.schedule.first() - 1;
     let ended_by = thread::scope(|scope| {
-        let mut feeds = Feeds::start(scope, feeds, &options.times, options.threads);
+        let mut feeds = Feeds::start(scope, feeds, &options.schedule, options.threads);
         loop {
             let parts = match feeds.next()? {
                 Next::Moment(parts) => parts,
@@ -111,7 +111,7 @@ pub fn run(
             stopwatch.record("foreground", parts.iter().map(|p| p.foreground).sum::<Duration>());
             let verdicts: Vec<Verdict> = parts.iter().map(|p| p.verdict).collect();
             let (cameras, real): (Vec<_>, Vec<_>) = parts.into_iter().map(|p| (p.frame, p.real)).unzip();
-            let moment = Moment { frame, time_s: options.times.of(frame)?, cameras: &cameras };
+            let moment = Moment { frame, time_s: options.schedule.time_s(frame)?, cameras: &cameras };
             let people = stopwatch.time("inference", || method.step(&moment))?;
             let followed = Followed { moment, people: &people, verdicts: &verdicts, real: &real };
             stopwatch.time("output", || outputs.iter_mut().try_for_each(|o| o.put(&followed)))?;
@@ -122,12 +122,13 @@ pub fn run(
     let finishing = Instant::now();
     outputs.into_iter().try_for_each(Output::finish)?;
     tracing::debug!("outputs finished in {:.1} ms", finishing.elapsed().as_secs_f64() * 1e3);
+    let frames = frame + 1 - options.schedule.first();
     Ok(RunReport {
-        frames: frame,
+        frames,
         wall_s: started.elapsed().as_secs_f64(),
         ended_by,
         set_aside: log.set_aside,
-        timings: stopwatch.timings(options.threads, frame as usize),
+        timings: stopwatch.timings(options.threads, frames as usize),
     })
 }
 
@@ -145,6 +146,9 @@ impl CameraLog {
 
     fn note(&mut self, frame: u32, parts: &[Fed]) {
         for ((name, latest), part) in self.names.iter().zip(&mut self.latest).zip(parts) {
+            if part.verdict == Verdict::Between {
+                continue;
+            }
             if part.verdict != Verdict::Usable {
                 self.set_aside.entry(name.clone()).or_insert((0, part.verdict)).0 += 1;
             }

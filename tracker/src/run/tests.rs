@@ -9,7 +9,7 @@ use scenes::room::{Room, RoomCamera};
 use super::*;
 use crate::foreground::backdrop::Backdrop;
 use crate::foreground::{Foreground, ForegroundOptions, Start};
-use crate::source::{self, NamedSource};
+use crate::source::{self, Clock, NamedSource, Times};
 use crate::stage::{Stage, StageOptions};
 
 const SIZE: (u32, u32) = (64, 48);
@@ -56,7 +56,8 @@ fn recorded(cameras: &[(&str, u32)]) -> (tempfile::TempDir, Room) {
         room.cameras.push(RoomCamera { name: (*name).to_owned(), camera, reference: None });
         std::fs::create_dir(folder.path().join(name)).unwrap();
         for frame in 0..*frames {
-            let block = |u: u32, v: u32| (10..40).contains(&v) && (frame * 3..frame * 3 + 12).contains(&u);
+            let left = frame * 3 % 61;
+            let block = |u: u32, v: u32| (10..40).contains(&v) && (left..left + 12).contains(&u);
             let picture =
                 RgbImage::from_fn(
                     SIZE.0,
@@ -72,6 +73,10 @@ fn recorded(cameras: &[(&str, u32)]) -> (tempfile::TempDir, Room) {
 }
 
 fn followed(folder: &Path, room: &Room, threads: usize, times: &Times) -> Result<(Witness, RunReport)> {
+    scheduled(folder, room, threads, Schedule::frame_by_frame(times, room.cameras.len())?)
+}
+
+fn scheduled(folder: &Path, room: &Room, threads: usize, schedule: Schedule) -> Result<(Witness, RunReport)> {
     let stage = Stage::prepare(room, folder, &StageOptions::default())?;
     let named =
         |name: &str| NamedSource { name: name.to_owned(), spec: folder.join(name).display().to_string() };
@@ -84,7 +89,7 @@ fn followed(folder: &Path, room: &Room, threads: usize, times: &Times) -> Result
     });
     let feeds = feeds.collect::<Result<Vec<_>>>()?;
     let mut witness = Witness::default();
-    let options = RunOptions { times: times.clone(), threads };
+    let options = RunOptions { schedule, threads };
     let report = run(feeds, &mut witness, Vec::new(), &options, || {})?;
     Ok((witness, report))
 }
@@ -158,8 +163,49 @@ fn masks_alone_are_enough_and_a_full_one_is_set_aside() {
     let source = source::open(&room, &[], &[named]).unwrap().remove(0);
     let feed = CameraFeed::new(source, None, &stage).unwrap();
     let mut count = Count(Vec::new());
-    let options = RunOptions { times: Times::steady(4.0).unwrap(), threads: 2 };
+    let options = RunOptions {
+        schedule: Schedule::frame_by_frame(&Times::steady(4.0).unwrap(), 1).unwrap(),
+        threads: 2,
+    };
     let report = run(vec![feed], &mut count, Vec::new(), &options, || {}).unwrap();
     assert_eq!(count.0, [Some(480), None, Some(480)]);
     assert_eq!(report.set_aside["a"], (1, Verdict::AllForeground));
+}
+
+#[test]
+fn each_camera_shows_the_frame_of_the_moment_at_any_number_of_threads() {
+    // Fifteen, six and thirty frames a second; the last begins 0.4 s before the others.
+    let (folder, room) = recorded(&[("a", 20), ("b", 6), ("c", 60)]);
+    let clock = |rate: f64, offset_s: f64| Clock { times: Times::steady(rate).unwrap(), offset_s };
+    let schedule = Schedule::new(vec![clock(15.0, 0.0), clock(6.0, 0.0), clock(30.0, -0.4)]).unwrap();
+    let (one, report) = scheduled(folder.path(), &room, 1, schedule.clone()).unwrap();
+    for threads in [2, 3, 8] {
+        let (other, _) = scheduled(folder.path(), &room, threads, schedule.clone()).unwrap();
+        assert_eq!(one.0, other.0, "{threads} threads");
+    }
+    // Each camera by itself, frame by frame, shows what its pictures sum up to.
+    let alone = |camera: usize| -> Vec<u64> {
+        let (mut room, name) = (room.clone(), room.cameras[camera].name.clone());
+        room.cameras.retain(|c| c.name == name);
+        let (witness, _) = followed(folder.path(), &room, 1, &Times::steady(10.0).unwrap()).unwrap();
+        witness.0.iter().map(|(_, _, seen)| seen[1]).collect()
+    };
+    let pictures = [0, 1, 2].map(alone);
+    assert_eq!((one.0[0].0, one.0.len() as u32), (13, report.frames));
+    assert!(one.0[0].1.abs() < 1e-9, "all have begun at 0 s");
+    for (moment, time_s, seen) in &one.0 {
+        assert_eq!(seen[5], pictures[2][*moment as usize - 1]);
+        // Half way between two frames either is the nearest.
+        for (camera, rate) in [(0, 15.0), (1, 6.0)] {
+            let frame = time_s * rate;
+            let candidates = [frame - 1e-6, frame + 1e-6].map(|f| f.round() as usize);
+            let near = (frame.round() - frame).abs() / rate < 0.04;
+            let shown = seen[2 * camera + 1];
+            assert!(if near { candidates.iter().any(|c| shown == pictures[camera][*c]) } else { shown == 9 });
+        }
+    }
+    assert!(one.0.iter().any(|(_, _, seen)| seen[3] == 9), "`b` has no frame at some moments");
+    assert!(report.set_aside.is_empty(), "having no frame is no failure: {:?}", report.set_aside);
+    // `b` ends first: after its sixth frame nothing of it is near.
+    assert_eq!(report.ended_by, "b");
 }

@@ -98,6 +98,16 @@ impl Footage {
         self.delivered += u32::from(more);
         Ok(more.then(|| started.elapsed()))
     }
+
+    /// Passes over a frame. `false` when there are no more, or decoding fails; [`Self::read`] then says why.
+    ///
+    /// # Errors
+    /// As [`FrameSource::skip`].
+    pub fn skip(&mut self) -> Result<bool> {
+        let more = self.ahead.pop_front().is_some() || (self.failure.is_none() && self.source.skip()?);
+        self.delivered += u32::from(more);
+        Ok(more)
+    }
 }
 
 #[cfg(test)]

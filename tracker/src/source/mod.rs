@@ -2,6 +2,7 @@
 
 pub mod footage;
 pub mod sampling;
+pub mod schedule;
 pub mod times;
 
 use std::path::Path;
@@ -11,6 +12,7 @@ use calib::vision::FrameSource;
 use scenes::room::{Room, RoomCamera};
 
 pub use footage::Footage;
+pub use schedule::{Clock, Schedule};
 pub use times::Times;
 
 use crate::{Error, Result};
@@ -112,9 +114,10 @@ fn open_one(camera: &RoomCamera, source: &NamedSource) -> Result<FrameSource> {
 }
 
 impl CameraSource {
-    /// Frames in all, where the sources can know; the shorter of the two.
+    /// Frames in all, the shorter of video and masks; `None` where one cannot know.
     pub fn frame_count(&self) -> Option<usize> {
-        self.sources().filter_map(FrameSource::frame_count).min()
+        let counts: Option<Vec<usize>> = self.sources().map(FrameSource::frame_count).collect();
+        counts?.into_iter().min()
     }
 
     /// Frames a second, where a source says so.
