@@ -18,7 +18,7 @@ fn retimed(name: &str, first: usize, step: usize, folder: &Path) -> PathBuf {
     let (mut frame, mut number) = (RgbImage::default(), 0);
     while source.read(&mut frame).unwrap() {
         number += 1;
-        if number >= first && (number - first) % step == 0 {
+        if number >= first && (number - first).is_multiple_of(step) {
             film.write(&frame).unwrap();
         }
     }
@@ -32,7 +32,7 @@ fn truth(first: usize, step: usize, folder: &Path) -> PathBuf {
     let rows = text.lines().filter_map(|line| {
         let (frame, rest) = line.split_once(',')?;
         let frame: usize = frame.trim().parse().ok()?;
-        let is_kept = frame >= first && (frame - first) % step == 0;
+        let is_kept = frame >= first && (frame - first).is_multiple_of(step);
         is_kept.then(|| format!("{},{rest}\n", if step == 1 { frame } else { (frame - first) / step + 1 }))
     });
     let path = folder.join("truth.txt");

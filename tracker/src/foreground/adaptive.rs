@@ -8,6 +8,7 @@ use calib::vision::{AdaptiveBackground, AdaptiveKind};
 use image::{GrayImage, RgbImage};
 
 use super::exposure::Exposure;
+use super::relight;
 use crate::Result;
 
 /// How many learnt frames OpenCV's models remember.
@@ -105,9 +106,18 @@ impl AdaptiveModel {
         Ok(())
     }
 
-    /// Forgets everything but this frame, which becomes the start of a new warm-up: after the light was switched.
+    /// Forgets everything but this frame, which becomes the start of a new warm-up: after the light was switched. Of
+    /// people in it the background is taken as it should look in the new light.
     pub fn restart(&mut self, frame: &RgbImage) -> Result<()> {
         self.even.copy_from_slice(frame);
+        if let Some(relit) = relight::relit(&self.picture, frame) {
+            let pixels = self.even.chunks_exact_mut(3).zip(relit.expected.chunks_exact(3));
+            for ((even, expected), explained) in pixels.zip(&relit.explained) {
+                if !explained {
+                    even.copy_from_slice(expected);
+                }
+            }
+        }
         self.model.label(&self.even, 1.0, &mut self.scratch)?;
         self.age_s.fill(0.0);
         self.seen = 1;

@@ -7,7 +7,7 @@
 //! 4. [`shadow`]: pixels that show the background's surface darker or brighter are no foreground.
 //! 5. [`regions`] and OpenCV's morphology: one clean silhouette a person.
 //! 6. A frame that is nearly all foreground is a switched light: it says nothing, and if it stays the background is
-//!    learnt anew.
+//!    learnt anew ([`relight`]: also behind people).
 //!
 //! Everything happens in the real image; [`calib::undistort::UndistortMap`] takes the mask to the pinhole image after.
 
@@ -15,8 +15,10 @@ pub mod adaptive;
 pub mod backdrop;
 pub mod exposure;
 pub mod health;
+mod lanes;
 pub mod pixels;
 pub mod regions;
+pub mod relight;
 pub mod shadow;
 
 use calib::vision::{AdaptiveKind, Morphology};
@@ -28,7 +30,7 @@ use exposure::Exposure;
 use health::Health;
 use pixels::{PixelModel, PixelOptions, THRESHOLD};
 use regions::Regions;
-use shadow::ShadowOptions;
+use shadow::{SHADOW, ShadowOptions, Shadows};
 
 use crate::{Error, Result};
 
@@ -115,6 +117,7 @@ pub struct Foreground {
     exposure: Exposure,
     morphology: Morphology,
     regions: Regions,
+    shadows: Shadows,
     /// The background in the model's exposure, for fitting the frame's.
     background: RgbImage,
     /// The background in the frame's exposure.
@@ -128,6 +131,8 @@ pub struct Foreground {
     latest_s: Option<f64>,
     /// Fraction of foreground in the latest usable mask.
     latest_fraction: f64,
+    /// Fraction of pixels that had changed in the latest usable frame, shadows included.
+    latest_changed: f64,
     /// Since when nearly everything has been foreground.
     switched_s: Option<f64>,
     frames: u32,
@@ -184,6 +189,7 @@ impl Foreground {
             exposure: Exposure::default(),
             morphology: Morphology::default(),
             regions: Regions::default(),
+            shadows: Shadows::default(),
             background,
             expected: RgbImage::new(width, height),
             score: GrayImage::new(width, height),
@@ -191,6 +197,7 @@ impl Foreground {
             columns: Vec::new(),
             latest_s: None,
             latest_fraction: 0.0,
+            latest_changed: 0.0,
             switched_s: None,
             frames: 0,
         })
@@ -217,7 +224,7 @@ impl Foreground {
         if self.options.exposure && !self.is_first_look() {
             self.exposure = Exposure::fit(&self.background, frame, &self.exposure);
         }
-        self.judge(frame, into)?;
+        let changed = self.judge(frame, into)?;
         let fraction = self.clean(into)?;
         tracing::trace!(time_s, fraction, gain = ?self.exposure.gain, bias = ?self.exposure.bias, "mask");
         if let Model::Adaptive(model) = &self.model
@@ -226,12 +233,13 @@ impl Foreground {
             self.learn(frame, into, elapsed_s)?;
             return Ok(Verdict::Learning);
         }
-        if self.is_switched(fraction) {
+        if self.is_switched(frame, changed, fraction) {
             self.relearn(frame, time_s, elapsed_s)?;
             return Ok(Verdict::AllForeground);
         }
         self.switched_s = None;
         self.latest_fraction = fraction;
+        self.latest_changed = changed;
         self.learn(frame, into, elapsed_s)?;
         Ok(Verdict::Usable)
     }
@@ -249,8 +257,8 @@ impl Foreground {
         matches!(self.model, Model::Adaptive(_)) && self.frames == 1
     }
 
-    /// Scores the pixels and takes shadows out.
-    fn judge(&mut self, frame: &RgbImage, mask: &mut GrayImage) -> Result<()> {
+    /// Scores the pixels and takes shadows out; the fraction of all that have changed, shadows included.
+    fn judge(&mut self, frame: &RgbImage, mask: &mut GrayImage) -> Result<f64> {
         match &mut self.model {
             Model::Pixels(model) => model.score(frame, &self.exposure, &mut self.expected, &mut self.score),
             Model::Adaptive(model) => {
@@ -263,12 +271,14 @@ impl Foreground {
                 }
             }
         }
+        let changed =
+            self.score.iter().filter(|s| **s >= WEAK).count() as f64 / (self.score.len() as f64).max(1.0);
         if let Some(shadows) = &self.options.shadows {
             let tolerance = match &self.model {
                 Model::Pixels(model) => model.tolerance(),
                 Model::Adaptive(_) => &self.flat_tolerance,
             };
-            shadow::mark_shadows(frame, &self.expected, tolerance, WEAK, shadows, &mut self.score);
+            self.shadows.mark((frame, &self.expected), tolerance, WEAK, shadows, &mut self.score);
             let longest = frame.height() / LONGEST_STRIPE;
             shadow::restore_enclosed(&mut self.score, THRESHOLD, longest, &mut self.columns);
         }
@@ -280,7 +290,7 @@ impl Foreground {
         for (mask, smooth) in mask.iter_mut().zip(self.smooth.iter()) {
             *mask = if *smooth >= 128 { 255 } else { 0 };
         }
-        Ok(())
+        Ok(changed)
     }
 
     /// Makes silhouettes whole and removes specks; the fraction of foreground that is left.
@@ -297,15 +307,40 @@ impl Foreground {
         Ok(left as f64 / pixels.max(1.0))
     }
 
-    fn is_switched(&self, fraction: f64) -> bool {
+    /// Whether the light was switched, or the camera moved.
+    fn is_switched(&mut self, frame: &RgbImage, changed: f64, fraction: f64) -> bool {
         let sudden = self.options.sudden_foreground;
+        if self.switched_s.is_some() {
+            return fraction > sudden || changed > sudden;
+        }
         let jumped = self.frames > 1 && fraction > self.latest_fraction + sudden;
-        fraction > self.options.most_foreground || jumped || (self.switched_s.is_some() && fraction > sudden)
+        if jumped || fraction > self.options.most_foreground {
+            return true;
+        }
+        // Light on a surface may pass for shadows and reflections here and there: what is left of a switched lamp then
+        // is a patchwork. Somebody stepping before the camera is no other light on the room.
+        self.frames > 1 && changed > self.latest_changed + sudden && self.is_other_light(frame)
+    }
+
+    /// Whether most of what has changed is the background in another light.
+    fn is_other_light(&mut self, frame: &RgbImage) -> bool {
+        let Some(relit) = relight::relit(self.background(), frame) else { return false };
+        let changed = self.score.iter().zip(&relit.explained).filter(|(s, _)| **s >= WEAK || **s == SHADOW);
+        let (mut all, mut explained) = (0_usize, 0_usize);
+        for (_, is_explained) in changed {
+            all += 1;
+            explained += usize::from(*is_explained);
+        }
+        2 * explained > all
     }
 
     fn relearn(&mut self, frame: &RgbImage, time_s: f64, elapsed_s: f32) -> Result<()> {
+        let begins = self.switched_s.is_none();
         let since = *self.switched_s.get_or_insert(time_s);
         if let Model::Pixels(model) = &mut self.model {
+            if begins {
+                model.begin_watch();
+            }
             model.watch(frame, elapsed_s);
         }
         if time_s - since >= self.options.relearn_s {
@@ -316,6 +351,7 @@ impl Foreground {
             self.exposure = Exposure::default();
             self.switched_s = None;
             self.latest_fraction = 0.0;
+            self.latest_changed = 0.0;
             self.background();
         }
         Ok(())
@@ -333,5 +369,7 @@ impl Foreground {
     }
 }
 
+#[cfg(test)]
+mod rendered_tests;
 #[cfg(test)]
 mod tests;

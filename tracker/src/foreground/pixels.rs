@@ -9,13 +9,15 @@ use image::{GrayImage, RgbImage};
 
 use super::backdrop::{Backdrop, NOISE_UNIT};
 use super::exposure::Exposure;
+use super::lanes::{ExposureLanes, LANES};
+use super::relight;
 
 /// A score of this much is just as far from the background as [`PixelOptions::sensitivity`] allows.
 pub const THRESHOLD: u8 = 64;
 /// Every row is learnt in one frame of this many.
 const ROWS_TURN: u32 = 4;
-/// Pixels handled together, so that the comparison runs in vector registers.
-const LANES: usize = 32;
+/// What was seen for this share of the time since a switch stays.
+const STEADY: f32 = 0.8;
 /// The background follows what it sees with this time constant, in seconds.
 const FOLLOW_S: f32 = 20.0;
 
@@ -199,13 +201,38 @@ impl PixelModel {
         self.background[i] = color.map(|v| u16::from(v) << 8);
     }
 
-    /// Takes what each pixel has shown lately for its background: after the light was switched. `frame` stands in where a
-    /// pixel has shown nothing for long.
+    /// Takes what each pixel has shown lately for its background, after the light was switched; `frame` stands in where a
+    /// pixel has shown nothing for long. Where that is somebody who stood before a background that is known in its new
+    /// light, that background is taken.
     pub fn adopt(&mut self, frame: &RgbImage) {
-        for (i, x) in frame.as_raw().chunks_exact(3).enumerate() {
-            let color = if self.age_s[i] > 0.0 { self.candidates[i] } else { [x[0], x[1], x[2]] };
-            self.replace(i, color);
+        let (width, height) = frame.dimensions();
+        let longest_s = self.age_s.iter().fold(0.0, |longest: f32, age| longest.max(*age));
+        let steady: Vec<bool> = self.age_s.iter().map(|age| *age >= STEADY * longest_s).collect();
+        let mut lately = frame.clone();
+        for (i, pixel) in lately.pixels_mut().enumerate() {
+            if self.age_s[i] > 0.0 {
+                pixel.0 = self.candidates[i];
+            }
         }
+        let mut before = RgbImage::new(width, height);
+        self.picture(&mut before);
+        let relit = relight::relit(&before, &lately);
+        for (i, pixel) in lately.pixels().enumerate() {
+            match &relit {
+                Some(relit) if !relit.explained[i] => {
+                    let expected = &relit.expected.as_raw()[3 * i..];
+                    self.replace(i, [expected[0], expected[1], expected[2]]);
+                    // A shadow that the new light casts looks like nobody's surface, too, but it stays where it is.
+                    self.former[i] = steady[i].then_some(pixel.0);
+                }
+                _ => self.replace(i, pixel.0),
+            }
+        }
+    }
+
+    /// Forgets what pixels showed before: [`Self::watch`] begins.
+    pub fn begin_watch(&mut self) {
+        self.age_s.fill(0.0);
     }
 
     /// Gathers what is seen at every pixel, in every row: what [`Self::adopt`] then takes. In the frame's own exposure.
@@ -232,44 +259,6 @@ impl PixelModel {
     pub fn picture(&self, into: &mut RgbImage) {
         for (into, background) in into.chunks_exact_mut(3).zip(&self.background) {
             into.copy_from_slice(&background.map(level));
-        }
-    }
-}
-
-/// An exposure as whole numbers, for many pixels at once: a gain and a bias for each of a chunk's bytes.
-struct ExposureLanes {
-    /// In 1/16384.
-    gain: [u16; 3 * LANES],
-    /// In 1/64 levels; what is added, then what is taken away.
-    bias: [[u16; 3 * LANES]; 2],
-}
-
-impl ExposureLanes {
-    fn new(exposure: &Exposure) -> Self {
-        let bias = |sign: f32| {
-            std::array::from_fn(|i| (64.0 * sign * exposure.bias[i % 3]).clamp(0.0, 65535.0).round() as u16)
-        };
-        let gain =
-            std::array::from_fn(|i| (16384.0 * exposure.gain[i % 3]).clamp(0.0, 65535.0).round() as u16);
-        Self { gain, bias: [bias(1.0), bias(-1.0)] }
-    }
-
-    /// What the background (1/256 levels) looks like in this exposure, and each byte's squared distance from it.
-    fn compare(
-        &self,
-        background: &[u16],
-        frame: &[u8; 3 * LANES],
-        looks: &mut [u8; 3 * LANES],
-        squares: &mut [u16; 3 * LANES],
-    ) {
-        let Some(background) = background.first_chunk::<{ 3 * LANES }>() else { return };
-        for i in 0..3 * LANES {
-            // 8 and 14 binary places less 16 are 6.
-            let scaled = ((u32::from(background[i]) * u32::from(self.gain[i])) >> 16) as u16;
-            let level = scaled.saturating_add(self.bias[0][i]).saturating_sub(self.bias[1][i]);
-            looks[i] = (level.saturating_add(32) >> 6).min(255) as u8;
-            let off = u16::from(frame[i].abs_diff(looks[i]));
-            squares[i] = off * off;
         }
     }
 }

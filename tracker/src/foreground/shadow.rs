@@ -43,67 +43,159 @@ impl Default for ShadowOptions {
 /// The score of a shadow: more than background, far less than foreground.
 pub const SHADOW: u8 = 1;
 
-/// Half the side of the window over which texture is compared.
-const WINDOW_PX: usize = 4;
 /// Texture is compared once for every cell of this many pixels squared.
 const CELL_PX: usize = 4;
+/// The least correlation over four cells with the one in question in a corner: fewer pixels agree by chance.
+const CORNER_CORRELATION: f32 = 0.85;
+/// Fewer pixels than this tell nothing about texture…
+const LEAST_PIXELS: i32 = 12;
+/// …nor does one of this many that have changed.
+const LEAST_SHARE: i32 = 3;
+/// Light scales texture as it scales brightness: by the same factor, up to this.
+const SAME_FACTOR: f32 = 2.0;
 /// Below this standard deviation of the background's grey levels there is no texture to compare.
 const LEAST_TEXTURE: f32 = 4.0;
 /// Above this standard deviation of the frame's grey levels a plain background is not what is seen.
 const FOREIGN_TEXTURE: f32 = 16.0;
 
-/// Sets the score to [`SHADOW`] where a pixel that would be foreground shows a shadow or a reflection.
-///
-/// `expected` is the background in the frame's exposure, `tolerance` the pixels' own, `least` the least score that
-/// matters. Scores of other pixels stay.
-pub fn mark_shadows(
-    frame: &RgbImage,
-    expected: &RgbImage,
-    tolerance: &[u8],
-    least: u8,
-    options: &ShadowOptions,
-    score: &mut GrayImage,
-) {
-    let (width, height) = (frame.width() as usize, frame.height() as usize);
-    let mut grays = Grays::default();
-    for top in (0..height).step_by(CELL_PX) {
-        let rows = top..(top + CELL_PX).min(height);
-        let matters = |left: usize, score: &GrayImage| {
-            let right = (left + CELL_PX).min(width);
-            rows.clone().any(|y| {
-                let scores = &score.as_raw()[y * width + left..y * width + right];
-                // Nearly all of the image is background.
-                scores.iter().fold(0, |all, s| all | s) >= least && scores.iter().any(|s| *s >= least)
-            })
-        };
-        let mut left = 0;
-        while left < width {
-            // A run of cells in which there is something to judge.
-            let start = left;
-            while left < width && matters(left, score) {
-                left += CELL_PX;
-            }
-            if left > start {
-                grays.take(frame, expected, start..left, top);
-            }
-            for left in (start..left).step_by(CELL_PX) {
-                let shade = match grays.texture(left, options.correlation) {
+/// Tells shadows; keeps its buffers between frames.
+#[derive(Debug, Default)]
+pub struct Shadows {
+    /// For each cell its sums, and in which frame they were made.
+    cells: Vec<(Sums, u32)>,
+    columns: usize,
+    frame: u32,
+}
+
+/// What a shadow is sought in.
+#[derive(Clone, Copy)]
+struct Scene<'a> {
+    frame: &'a [u8],
+    expected: &'a [u8],
+    tolerance: &'a [u8],
+    width: usize,
+    height: usize,
+}
+
+impl Shadows {
+    /// Sets the score to [`SHADOW`] where a pixel that would be foreground shows a shadow or a reflection.
+    ///
+    /// `expected` is the background in the frame's exposure, `tolerance` the pixels' own, `least` the least score that
+    /// matters. Scores of other pixels stay.
+    pub fn mark(
+        &mut self,
+        (frame, expected): (&RgbImage, &RgbImage),
+        tolerance: &[u8],
+        least: u8,
+        options: &ShadowOptions,
+        score: &mut GrayImage,
+    ) {
+        let (width, height) = (frame.width() as usize, frame.height() as usize);
+        let scene = Scene { frame: frame.as_raw(), expected: expected.as_raw(), tolerance, width, height };
+        self.columns = width.div_ceil(CELL_PX);
+        self.frame += 1;
+        self.cells.resize(self.columns * height.div_ceil(CELL_PX), (Sums::default(), 0));
+        for top in (0..height).step_by(CELL_PX) {
+            let rows = top..(top + CELL_PX).min(height);
+            for left in (0..width).step_by(CELL_PX) {
+                let columns = left..(left + CELL_PX).min(width);
+                let matters = |y: usize| {
+                    let scores = &score.as_raw()[y * width + columns.start..y * width + columns.end];
+                    // Nearly all of the image is background.
+                    scores.iter().fold(0, |all, s| all | s) >= least && scores.iter().any(|s| *s >= least)
+                };
+                if !rows.clone().any(matters) {
+                    continue;
+                }
+                let shade = match self.texture(
+                    &scene,
+                    (score.as_raw(), least),
+                    (left / CELL_PX, top / CELL_PX),
+                    options,
+                ) {
                     Texture::Same => &options.textured,
                     Texture::None => &options.plain,
                     Texture::Different => continue,
                 };
-                for i in
-                    rows.clone().flat_map(|y| (left..(left + CELL_PX).min(width)).map(move |x| y * width + x))
-                {
-                    if score.as_raw()[i] >= least
-                        && shade.explains(&frame.as_raw()[3 * i..], &expected.as_raw()[3 * i..], tolerance[i])
-                    {
+                for i in rows.clone().flat_map(|y| columns.clone().map(move |x| y * width + x)) {
+                    if score.as_raw()[i] >= least && scene.is_explained(i, shade) {
                         score.as_mut()[i] = SHADOW;
                     }
                 }
             }
-            left += CELL_PX;
         }
+    }
+
+    /// How the textures compare around a cell: over it and its eight neighbours, or else, beside somebody's leg, in the
+    /// one of the four squares of four cells that agrees best.
+    fn texture(
+        &mut self,
+        scene: &Scene<'_>,
+        score: (&[u8], u8),
+        (column, row): (usize, usize),
+        options: &ShadowOptions,
+    ) -> Texture {
+        let (columns, rows) = (self.columns, self.cells.len() / self.columns);
+        let mut around = [[Sums::default(); 3]; 3];
+        for (dy, line) in around.iter_mut().enumerate() {
+            for (dx, sums) in line.iter_mut().enumerate() {
+                let (x, y) = ((column + dx).wrapping_sub(1), (row + dy).wrapping_sub(1));
+                if x < columns && y < rows {
+                    *sums = self.cell(scene, score, x, y, &options.textured);
+                }
+            }
+        }
+        let square = |x: usize, y: usize, side: usize| {
+            let cells = around[y..y + side].iter().flat_map(|line| &line[x..x + side]);
+            cells.fold(Sums::default(), |sum, cell| sum.plus(cell))
+        };
+        let whole = square(0, 0, 3).compare(options.correlation);
+        if !matches!(whole, Texture::Different) {
+            return whole;
+        }
+        let corners = [(0, 0), (1, 0), (0, 1), (1, 1)];
+        let same = corners.iter().any(|(x, y)| {
+            matches!(square(*x, *y, 2).compare(CORNER_CORRELATION.max(options.correlation)), Texture::Same)
+        });
+        if same { Texture::Same } else { Texture::Different }
+    }
+
+    /// A cell's sums, made at most once a frame.
+    fn cell(
+        &mut self,
+        scene: &Scene<'_>,
+        (score, least): (&[u8], u8),
+        column: usize,
+        row: usize,
+        shade: &Shade,
+    ) -> Sums {
+        let (sums, made) = &mut self.cells[row * self.columns + column];
+        if *made != self.frame {
+            *made = self.frame;
+            *sums = Sums::default();
+            let (left, top) = (column * CELL_PX, row * CELL_PX);
+            for y in top..(top + CELL_PX).min(scene.height) {
+                let row = y * scene.width + left..y * scene.width + (left + CELL_PX).min(scene.width);
+                for (i, score) in row.clone().zip(&score[row]) {
+                    // Only what has changed, also where that has been marked since: a shadow's rim has two brightnesses.
+                    if *score < least && *score != SHADOW {
+                        continue;
+                    }
+                    sums.pixels += 1;
+                    if scene.is_explained(i, shade) {
+                        sums.add(gray(&scene.frame[3 * i..]), gray(&scene.expected[3 * i..]));
+                    }
+                }
+            }
+        }
+        *sums
+    }
+}
+
+impl Scene<'_> {
+    /// Whether a pixel shows its background, darker or brighter.
+    fn is_explained(&self, i: usize, shade: &Shade) -> bool {
+        shade.explains(&self.frame[3 * i..], &self.expected[3 * i..], self.tolerance[i])
     }
 }
 
@@ -148,14 +240,16 @@ impl Shade {
     /// Whether `x` is `e`, darker or brighter.
     fn explains(&self, x: &[u8], e: &[u8], tolerance: u8) -> bool {
         let (x, e) = (rgb(x), rgb(e));
-        let squared: f32 = e.iter().map(|e| e * e).sum();
-        let scale = x.iter().zip(&e).map(|(x, e)| x * e).sum::<f32>() / squared.max(1.0);
-        if !(self.darkest..=self.brightest).contains(&scale) {
+        let dot = |a: &[f32; 3], b: &[f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        let squared = dot(&e, &e).max(1.0);
+        let both = dot(&x, &e);
+        if both < self.darkest * squared || both > self.brightest * squared {
             return false;
         }
-        let off: f32 = x.iter().zip(&e).map(|(x, e)| (x - scale * e) * (x - scale * e)).sum();
-        let limit = (self.chromaticity * squared.sqrt()).max(self.noise * tolerance as f32);
-        off <= limit * limit
+        // What is left of x beside its part along e, times e's square; no division.
+        let off = dot(&x, &x) * squared - both * both;
+        let noise = self.noise * tolerance as f32;
+        off <= (self.chromaticity * self.chromaticity * squared).max(noise * noise) * squared
     }
 }
 
@@ -167,69 +261,63 @@ enum Texture {
     None,
 }
 
-fn rgb(p: &[u8]) -> [f32; 3] {
-    [p[0] as f32, p[1] as f32, p[2] as f32]
+/// Sums over pixels of the frame's (x) and the background's (e) brightness, where the frame may show the background's
+/// surface at all: of somebody's leg beside a shadow nothing is to be learnt about the shadow.
+#[derive(Debug, Clone, Copy, Default)]
+struct Sums {
+    /// All pixels that have changed, and those of them that count.
+    pixels: i32,
+    n: i32,
+    x: i32,
+    e: i32,
+    xx: i32,
+    ee: i32,
+    xe: i32,
 }
 
-/// Brightness of frame and background around a run of cells of one row of cells.
-#[derive(Default)]
-struct Grays {
-    /// Frame, background; row by row.
-    pixels: [Vec<i32>; 2],
-    columns: std::ops::Range<usize>,
-    rows: usize,
-}
+impl Sums {
+    fn add(&mut self, x: i32, e: i32) {
+        self.n += 1;
+        self.x += x;
+        self.e += e;
+        self.xx += x * x;
+        self.ee += e * e;
+        self.xe += x * e;
+    }
 
-impl Grays {
-    /// Looks at the windows around the cells that start in `cells`; they begin at row `top`.
-    fn take(&mut self, frame: &RgbImage, expected: &RgbImage, cells: std::ops::Range<usize>, top: usize) {
-        let (width, height) = (frame.width() as usize, frame.height() as usize);
-        let rows = window(top, height);
-        let last = cells.end - CELL_PX;
-        self.columns = window(cells.start, width).start..window(last, width).end;
-        self.rows = rows.len();
-        for (pixels, image) in self.pixels.iter_mut().zip([frame, expected]) {
-            pixels.clear();
-            for y in rows.clone() {
-                let from = 3 * (y * width + self.columns.start);
-                let row = &image.as_raw()[from..from + 3 * self.columns.len()];
-                pixels.extend(row.chunks_exact(3).map(gray));
-            }
+    fn plus(&self, other: &Self) -> Self {
+        Self {
+            pixels: self.pixels + other.pixels,
+            n: self.n + other.n,
+            x: self.x + other.x,
+            e: self.e + other.e,
+            xx: self.xx + other.xx,
+            ee: self.ee + other.ee,
+            xe: self.xe + other.xe,
         }
     }
 
-    /// How the textures compare around the cell that starts at column `left`.
-    fn texture(&self, left: usize, least: f32) -> Texture {
-        let stride = self.columns.len();
-        let columns = window(left, self.columns.end);
-        let columns = columns.start - self.columns.start..columns.end - self.columns.start;
-        let [mut sx, mut se, mut sxx, mut see, mut sxe] = [0_i32; 5];
-        for row in 0..self.rows {
-            let row = row * stride + columns.start..row * stride + columns.end;
-            for (x, e) in self.pixels[0][row.clone()].iter().zip(&self.pixels[1][row]) {
-                sx += x;
-                se += e;
-                sxx += x * x;
-                see += e * e;
-                sxe += x * e;
-            }
+    fn compare(&self, correlation: f32) -> Texture {
+        if self.n < LEAST_PIXELS || LEAST_SHARE * self.n < self.pixels {
+            return Texture::Different;
         }
-        let n = (self.rows * columns.len()) as f32;
-        let (mx, me) = (sx as f32 / n, se as f32 / n);
-        let (vx, ve) = (sxx as f32 / n - mx * mx, see as f32 / n - me * me);
+        let n = self.n as f32;
+        let (mx, me) = (self.x as f32 / n, self.e as f32 / n);
+        let (vx, ve) = (self.xx as f32 / n - mx * mx, self.ee as f32 / n - me * me);
         if ve < LEAST_TEXTURE * LEAST_TEXTURE {
             // A fold, a pattern or an edge where the background is plain is somebody's; a soft shadow's rim is weaker.
             return if vx > FOREIGN_TEXTURE * FOREIGN_TEXTURE { Texture::Different } else { Texture::None };
         }
-        let covariance = sxe as f32 / n - mx * me;
-        if covariance < least * (vx.max(1.0) * ve).sqrt() { Texture::Different } else { Texture::Same }
+        let covariance = self.xe as f32 / n - mx * me;
+        let (factor, of_texture) = (mx / me.max(1.0), covariance / ve);
+        let same = covariance >= correlation * (vx.max(1.0) * ve).sqrt()
+            && (factor / SAME_FACTOR..=factor * SAME_FACTOR).contains(&of_texture);
+        if same { Texture::Same } else { Texture::Different }
     }
 }
 
-/// Rows or columns around a cell over which texture is compared.
-fn window(cell: usize, end: usize) -> std::ops::Range<usize> {
-    let centre = cell + CELL_PX / 2;
-    centre.saturating_sub(WINDOW_PX)..(centre + WINDOW_PX).min(end)
+fn rgb(p: &[u8]) -> [f32; 3] {
+    [p[0] as f32, p[1] as f32, p[2] as f32]
 }
 
 /// Brightness, 0 to 255.
@@ -254,7 +342,8 @@ mod tests {
         let floor = floor();
         let frame = RgbImage::from_fn(64, 48, |u, v| change(u, v, *floor.get_pixel(u, v)));
         let mut score = GrayImage::from_pixel(64, 48, Luma([200]));
-        mark_shadows(&frame, &floor, &[14; 64 * 48], 64, &ShadowOptions::default(), &mut score);
+        let options = ShadowOptions::default();
+        Shadows::default().mark((&frame, &floor), &[14; 64 * 48], 64, &options, &mut score);
         score.iter().filter(|s| **s > SHADOW).count()
     }
 

@@ -1,11 +1,10 @@
-//! The whole way from pictures to masks: against rendered people whose masks are known, and through everything that
-//! happens to cameras and rooms.
+//! The whole way from pictures to masks, through everything that happens to cameras and rooms. Against rendered people
+//! whose masks are known: [`super::rendered_tests`].
 
 use image::{Luma, Rgb};
 use rand::SeedableRng;
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64Mcg;
-use scenes::synthetic::{RoomOptions, SequenceOptions, WalkerOptions};
 
 use super::*;
 
@@ -102,35 +101,6 @@ fn shared(mask: &GrayImage, truth: &GrayImage) -> Shared {
 
 fn is_empty(mask: &GrayImage) -> bool {
     mask.iter().all(|m| *m == 0)
-}
-
-#[test]
-fn rendered_walkers_with_shadows_noise_and_flicker_are_cut_out() {
-    let options = RoomOptions { seed: 11, image_px: [320, 240], cameras: 1, ..RoomOptions::default() };
-    let room = options.build().unwrap();
-    let walkers = room.walkers(&WalkerOptions { people: 3, first_s: 0.0, ..WalkerOptions::default() });
-    let sequence = room.sequence(walkers, SequenceOptions { frames: 160, ..SequenceOptions::default() });
-    let frames: Vec<_> = sequence.frames().step_by(2).map(|mut f| (f.time_s, f.cameras.remove(0))).collect();
-    let pictures: Vec<RgbImage> = frames.iter().step_by(2).filter_map(|(_, c)| c.image.clone()).collect();
-    let backdrop = Backdrop::learn(&pictures).unwrap();
-    for (start, least) in [(Start::Backdrop(backdrop), 0.82), (Start::Nothing(AdaptiveKind::Mog2), 0.82)] {
-        let name = format!("{start:?}").chars().take(12).collect::<String>();
-        let mut foreground = Foreground::new(320, 240, start, ForegroundOptions::default()).unwrap();
-        let (mut all, mut mask) = (Shared::default(), GrayImage::default());
-        for (i, (time_s, camera)) in frames.iter().enumerate() {
-            let verdict = foreground.mask(camera.image.as_ref().unwrap(), *time_s, &mut mask).unwrap();
-            // The online model is judged from when it has seen the room.
-            if i >= 30 {
-                assert_eq!(verdict, Verdict::Usable, "{name}, frame {i}");
-                let one = shared(&mask, &camera.mask);
-                all.both += one.both;
-                all.either += one.either;
-            }
-        }
-        eprintln!("{name}: intersection over union {:.3}", all.iou());
-        assert!(all.either > 20_000, "hardly anybody was in the picture: {}", all.either);
-        assert!(all.iou() > least, "{name}: {:.3}", all.iou());
-    }
 }
 
 #[test]
