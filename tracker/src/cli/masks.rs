@@ -10,11 +10,7 @@ use image::{GrayImage, RgbImage};
 use tracker::foreground::{Foreground, Verdict};
 use tracker::source::{Footage, NamedSource, Times};
 
-<<<<<<< HEAD
-use super::background::BackgroundArguments;
-=======
 use super::background::{BackgroundArguments, KEEP_BYTES};
->>>>>>> 8015b79 (Runs from recordings are faster: decoded once, scored many pixels at a time, the plan's ground kept)
 
 /// Write the foreground masks of videos as pictures, to look at or to give to `tracker run --masks`.
 ///
