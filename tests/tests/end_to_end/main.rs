@@ -5,6 +5,7 @@
 
 mod capture_motion;
 mod clocks;
+mod failing_cameras;
 mod office;
 mod recon_refusals;
 mod recon_resume;

@@ -87,6 +87,13 @@ pub enum Verdict {
     Between,
 }
 
+impl Verdict {
+    /// Whether something is wrong with the camera now.
+    pub fn is_set_aside(self) -> bool {
+        !matches!(self, Self::Usable | Self::Between)
+    }
+}
+
 impl std::fmt::Display for Verdict {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {

@@ -5,6 +5,7 @@
 //! predicted visibility over time (`timeline`), evaluation and time per stage (`tables`) → one HTML file
 //! (`page`). Pictures are embedded and drawings are inline SVG: the page asks the network for nothing.
 
+mod belonging;
 mod floor_plan;
 mod markup;
 mod moments;

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use nalgebra::Point2;
 use scenes::room::Room;
 
-use super::ReportSources;
+use super::{ReportSources, belonging};
 use crate::eval::{EvalOptions, Evaluation, align};
 use crate::silhouette::{Body, contour};
 use crate::tracks::Timings;
@@ -71,6 +71,7 @@ impl Recording {
                 format!("none of them took part in {}; give the room of that run", sources.run.display()),
             ));
         }
+        belonging::check(&sources.run, &frames, &room, &sources.room)?;
         let (evaluation, truth_paths) = match &sources.truth {
             Some(truth) => {
                 let (evaluation, paths) = judge(sources, truth)?;

@@ -56,7 +56,7 @@ fn run_in(folder: &Path, with_film: bool) -> ReportSources {
     for frame in 1..=FRAMES {
         let (who, time) = (person(frame), f64::from(frame - 1) / 10.0);
         writeln!(truth, "{frame},5,-1,-1,-1,-1,1,{:.3},{:.3},0", who.x_m + 0.1, who.y_m).unwrap();
-        files.write(frame, time, std::slice::from_ref(&who)).unwrap();
+        files.write(frame, time, std::slice::from_ref(&who), &[]).unwrap();
         watch.record("inference", Duration::from_millis(4));
         if let Some(film) = &mut film {
             let image = Some(RgbImage::from_pixel(160, 120, Rgb([120, 130, 140])));
@@ -154,4 +154,41 @@ fn what_is_missing_is_named_and_nothing_is_written() {
     std::fs::remove_file(sources.run.join("timings.json")).unwrap();
     std::fs::write(folder.path().join("truth.txt"), "1,1,-1,-1,-1,-1,1,x,0,0\n").unwrap();
     assert!(said(&sources).contains("line 1"));
+}
+
+#[test]
+fn a_room_that_is_not_the_runs_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let sources = run_in(folder.path(), false);
+    let page = folder.path().join("report.html");
+    let said = |room: &Room| {
+        let other = folder.path().join("other");
+        room.write(&other).unwrap();
+        let sources = ReportSources { room: other, truth: None, truth_room: None, ..sources.clone() };
+        let refused = write(&sources, &page, &ReportOptions::default());
+        refused.map_err(|e| e.to_string())
+    };
+    let mut room = Room::read(&sources.room).unwrap();
+    // Half a centimetre aside is the same room for all that a page can show; a hand's breadth is not.
+    room.cameras[0].camera.camera_from_world.translation.vector.x += 0.005;
+    said(&room).unwrap();
+    std::fs::remove_file(&page).unwrap();
+    room.cameras[0].camera.camera_from_world.translation.vector.x += 0.2;
+    let moved = said(&room).unwrap_err();
+    assert!(
+        moved.contains("other") && moved.contains("camera `a<b`") && moved.contains("frame 1"),
+        "{moved}"
+    );
+    room.cameras[0].name = "b".into();
+    let renamed = said(&room).unwrap_err();
+    assert!(renamed.contains("other") && renamed.lines().count() == 1, "{renamed}");
+    let second = RoomCamera { name: "c".into(), ..room.cameras[0].clone() };
+    let mut lines = std::fs::read_to_string(sources.run.join("tracks.jsonl")).unwrap();
+    lines = lines.replace("\"a<b\":", "\"b\":0.5,\"d\":");
+    std::fs::write(sources.run.join("tracks.jsonl"), lines).unwrap();
+    std::fs::remove_dir_all(sources.run.join("boxes")).unwrap();
+    room.cameras.push(second);
+    let missing = said(&room).unwrap_err();
+    assert!(missing.contains("camera `d`") && missing.contains("not here"), "{missing}");
+    assert!(!page.exists());
 }

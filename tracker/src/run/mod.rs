@@ -149,7 +149,7 @@ impl CameraLog {
             if part.verdict == Verdict::Between {
                 continue;
             }
-            if part.verdict != Verdict::Usable {
+            if part.verdict.is_set_aside() {
                 self.set_aside.entry(name.clone()).or_insert((0, part.verdict)).0 += 1;
             }
             if part.verdict != *latest {

@@ -8,7 +8,9 @@ use crate::tracks::TrackFiles;
 
 impl Output for TrackFiles {
     fn put(&mut self, followed: &Followed<'_>) -> Result<()> {
-        self.write(followed.moment.frame, followed.moment.time_s, followed.people)
+        let verdicts = followed.verdicts.iter().enumerate();
+        let set_aside: Vec<usize> = verdicts.filter(|(_, v)| v.is_set_aside()).map(|(i, _)| i).collect();
+        self.write(followed.moment.frame, followed.moment.time_s, followed.people, &set_aside)
     }
 
     fn finish(self: Box<Self>) -> Result<()> {

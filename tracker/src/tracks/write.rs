@@ -33,11 +33,17 @@ impl TrackFiles {
         }
     }
 
-    /// Appends one frame.
+    /// Appends one frame. `set_aside` are the numbers of the cameras that say nothing now, in the stage's order.
     ///
     /// # Errors
     /// [`Error::Io`] naming the file; an estimate that is not finite.
-    pub fn write(&mut self, frame: u32, time_s: f64, people: &[PersonEstimate]) -> Result<()> {
+    pub fn write(
+        &mut self,
+        frame: u32,
+        time_s: f64,
+        people: &[PersonEstimate],
+        set_aside: &[usize],
+    ) -> Result<()> {
         let lines: Vec<PersonLine> = people.iter().map(|p| PersonLine::new(p, &self.names)).collect();
         if let Some(odd) = lines.iter().find(|p| !p.is_finite()) {
             return Err(Error::content(
@@ -69,7 +75,8 @@ impl TrackFiles {
             }
             file.append(&rows)?;
         }
-        let line = FrameLine { frame, time: (time_s * 1e6).round() / 1e6, people: lines };
+        let set_aside = set_aside.iter().filter_map(|camera| self.names.get(*camera).cloned()).collect();
+        let line = FrameLine { frame, time: (time_s * 1e6).round() / 1e6, people: lines, set_aside };
         let mut json = serde_json::to_string(&line).map_err(|e| {
             Error::content(self.json.path(), format!("frame {frame}"), format!("cannot be written ({e})"))
         })?;
@@ -140,8 +147,8 @@ mod tests {
         let mut files = TrackFiles::new(folder.path(), &stage);
         assert!(std::fs::read_dir(folder.path()).unwrap().next().is_none(), "touched before the first frame");
         // Person 2 is behind the camera `left`.
-        files.write(1, 0.0, &[]).unwrap();
-        files.write(2, 1.0 / 12.0, &[person(1, 2.0, 1.5), person(2, -1.5, 1.5)]).unwrap();
+        files.write(1, 0.0, &[], &[]).unwrap();
+        files.write(2, 1.0 / 12.0, &[person(1, 2.0, 1.5), person(2, -1.5, 1.5)], &[1]).unwrap();
 
         // Whole and readable already now.
         let floor = RowFile::read(&folder.path().join("tracks.txt")).unwrap();
@@ -157,7 +164,13 @@ mod tests {
             lines[1].people[1],
             PersonLine::new(&person(2, -1.5, 1.5), &["left".into(), "right".into()])
         );
+        assert!(lines[0].set_aside.is_empty() && lines[1].set_aside == ["right"]);
         let text = std::fs::read_to_string(folder.path().join("tracks.jsonl")).unwrap();
+        assert_eq!(
+            text.matches("set_aside").count(),
+            1,
+            "written only where there is something to say: {text}"
+        );
         assert!(!text.contains("-0.0,"), "a negative zero: {text}");
         files.finish().unwrap();
     }
@@ -166,7 +179,7 @@ mod tests {
     fn a_run_without_frames_leaves_empty_files_and_nan_is_refused() {
         let (folder, stage) = (tempfile::tempdir().unwrap(), stage());
         let mut files = TrackFiles::new(folder.path(), &stage);
-        let error = files.write(3, 0.0, &[person(7, f64::NAN, 0.0)]).unwrap_err().to_string();
+        let error = files.write(3, 0.0, &[person(7, f64::NAN, 0.0)], &[]).unwrap_err().to_string();
         assert!(error.contains("frame 3") && error.contains("person 7"), "{error}");
         files.finish().unwrap();
         for name in ["tracks.txt", "tracks.jsonl", "boxes/left.txt", "boxes/right.txt"] {

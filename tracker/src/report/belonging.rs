@@ -1,0 +1,78 @@
+//! Whether a run was made in this room: the run's boxes are its people as the room's cameras see them.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use scenes::room::Room;
+
+use crate::silhouette::{Body, contour};
+use crate::tracks::jsonl::FrameLine;
+use crate::tracks::rows::{PixelBox, RowFile};
+use crate::{Error, Result};
+
+/// Boxes are written from more decimals than the people's places.
+const TOLERANCE_PX: f64 = 2.0;
+/// Boxes looked at for each camera.
+const LOOKED_AT: usize = 200;
+
+/// Checks that the cameras of a room are those of a run.
+///
+/// # Errors
+/// Naming the room, the camera that is missing or stands elsewhere, and a frame in which one sees that.
+pub(super) fn check(run: &Path, frames: &[FrameLine], room: &Room, room_dir: &Path) -> Result<()> {
+    let give = format!("give the room that {} was made in", run.display());
+    let mut named: Vec<&String> =
+        frames.iter().flat_map(|f| &f.people).flat_map(|p| p.visible.keys()).collect();
+    named.sort_unstable();
+    named.dedup();
+    for name in named {
+        let place = format!("camera `{name}`");
+        let Ok(camera) = room.camera(name) else {
+            return Err(Error::content(
+                room_dir,
+                place,
+                format!("took part in the run but is not here; {give}"),
+            ));
+        };
+        let file = run.join("boxes").join(format!("{name}.txt"));
+        if !file.exists() {
+            continue;
+        }
+        let written: HashMap<(u32, u32), PixelBox> = RowFile::read(&file)?
+            .rows
+            .iter()
+            .filter_map(|row| Some(((row.frame, row.id?), row.pixel_box?)))
+            .collect();
+        let people = frames.iter().flat_map(|f| f.people.iter().map(move |p| (f.frame, p)));
+        let pairs: Vec<_> = people
+            .filter_map(|(frame, p)| {
+                let body = Body { x_m: p.x, y_m: p.y, radius_m: p.radius, height_m: p.height };
+                let here = contour::bounding_box(&body, &camera.camera);
+                let there = written.get(&(frame, p.id.0));
+                (here.is_some() || there.is_some()).then_some((frame, p.id, here, there))
+            })
+            .collect();
+        let looked_at: Vec<_> = pairs.iter().step_by(pairs.len().div_ceil(LOOKED_AT).max(1)).collect();
+        let differs = looked_at.iter().filter(|(.., here, there)| match (here, there) {
+            (Some(here), Some(there)) => !is_same(here, there),
+            _ => true,
+        });
+        let differing: Vec<_> = differs.collect();
+        // Somebody at the image's very edge may be in it here and not there.
+        if let Some((frame, id, ..)) = differing.first()
+            && 10 * differing.len() > looked_at.len()
+        {
+            let problem = format!(
+                "stands elsewhere than in the run: in frame {frame} person {id} is not where boxes/{name}.txt has \
+                 them; {give}"
+            );
+            return Err(Error::content(room_dir, place, problem));
+        }
+    }
+    Ok(())
+}
+
+fn is_same(a: &PixelBox, b: &PixelBox) -> bool {
+    let near = |a: f64, b: f64| (a - b).abs() <= TOLERANCE_PX;
+    near(a.left, b.left) && near(a.top, b.top) && near(a.width, b.width) && near(a.height, b.height)
+}
