@@ -4,7 +4,9 @@ use std::path::PathBuf;
 
 use anyhow::Context;
 use calib::console::{Console, Stages};
+use clap::ValueEnum;
 use recon::build::{self, BuildOptions, BuildReport};
+use recon::dense::DenseOptions;
 
 /// Build a room directory from a capture project.
 ///
@@ -16,6 +18,7 @@ use recon::build::{self, BuildOptions, BuildReport};
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   recon build room.toml --out myroom
+  recon build room.toml --out first-look --quality draft
   recon build room.toml --out myroom --zones zones.toml
   recon build room.toml --out myroom --threads 2 --seed 7 -v")]
 pub(crate) struct Build {
@@ -28,12 +31,23 @@ pub(crate) struct Build {
     /// Take the [[zone]] tables of this file; without it a replaced room's zones are kept.
     #[arg(long, value_name = "FILE")]
     zones: Option<PathBuf>,
+    /// How much stereo is done: a draft shows whether picks, floor and metres are right.
+    #[arg(long, value_enum, default_value_t = Quality::Full)]
+    quality: Quality,
     /// Seed of everything random.
     #[arg(long, default_value_t = 0)]
     seed: u64,
     /// Threads to work with; all processors by default. The room is the same for any number.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     threads: Option<u16>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Quality {
+    /// Fewer key frames and rounds
+    Draft,
+    /// What a room is followed in
+    Full,
 }
 
 impl Build {
@@ -45,7 +59,12 @@ impl Build {
                 .context("--threads")?;
             calib::vision::set_threads(usize::from(threads))?;
         }
-        let options = BuildOptions { zones: self.zones.clone(), seed: self.seed, ..BuildOptions::default() };
+        let dense = match self.quality {
+            Quality::Draft => DenseOptions::draft(),
+            Quality::Full => DenseOptions::default(),
+        };
+        let zones = self.zones.clone();
+        let options = BuildOptions { zones, seed: self.seed, dense, ..BuildOptions::default() };
         let mut stages: Option<Stages> = None;
         let report = build::build(&self.project, &self.out, &options, &mut |step| {
             stages.get_or_insert_with(|| console.stages(step.of)).show(step.number, &step.what);

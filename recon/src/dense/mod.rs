@@ -67,6 +67,13 @@ impl Default for DenseOptions {
     }
 }
 
+impl DenseOptions {
+    /// For a first look: half the key frames and rounds.
+    pub fn draft() -> Self {
+        Self { key_frames: 4, sources: 4, best_views: 3, iterations: [3, 1, 1], ..Self::default() }
+    }
+}
+
 /// A capture with known motion.
 #[derive(Debug, Clone, Copy)]
 pub struct PosedCapture<'a> {

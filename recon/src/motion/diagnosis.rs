@@ -38,11 +38,24 @@ pub(super) fn reference_missing(camera: &str, reference: usize) -> Error {
     Error::capture(
         camera,
         format!(
-            "the reference frame (frame {}) could not be placed among the others; bring the camera to its final pose \
-             slowly, and let it rest there for the last frames",
+            "the reference frame (frame {}) could not be placed among the others; is it of this capture? bring the camera \
+             to its final pose slowly, and let it rest there for the last frames",
             reference + 1
         ),
     )
+}
+
+/// Whether the reference frame shows what the others show. A few chance likenesses suffice to place a frame somewhere.
+///
+/// `seen`: how many points each frame saw where they are.
+pub(super) fn reference(camera: &str, reference: usize, seen: &[usize]) -> Result<()> {
+    /// Least share of what a frame sees in the median.
+    const LEAST_SHARE: f64 = 0.1;
+    let mut sorted = seen.to_vec();
+    sorted.sort_unstable();
+    let typical = sorted.get(sorted.len() / 2).copied().unwrap_or(0);
+    let least = (LEAST_SHARE * typical as f64).max(MIN_CARRIED as f64);
+    if (seen[reference] as f64) < least { Err(reference_missing(camera, reference)) } else { Ok(()) }
 }
 
 /// Whether the result may be trusted.

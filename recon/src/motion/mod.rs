@@ -193,6 +193,15 @@ fn seen_by_frame(tracks: &[Track], frames: usize) -> Seen {
     seen
 }
 
+/// How many points each frame saw where they are.
+fn seen_points(points: &[SparsePoint], frames: usize) -> Vec<usize> {
+    let mut seen = vec![0; frames];
+    for (frame, _) in points.iter().flat_map(|p| &p.observations) {
+        seen[*frame] += 1;
+    }
+    seen
+}
+
 /// Checks the result, makes the reference camera the world, and leaves out what disagrees.
 fn finish(
     capture: &Capture,
@@ -245,5 +254,6 @@ fn finish(
         parallax_deg: two_views::median(&angles).unwrap_or(0.0),
     };
     diagnosis::motion(&capture.name, capture.frames.len(), noise, &report, options)?;
+    diagnosis::reference(&capture.name, capture.reference, &seen_points(&points, capture.frames.len()))?;
     Ok((Motion { intrinsics: sketch.intrinsics.clone(), camera_from_world, points }, report))
 }

@@ -126,6 +126,19 @@ fn a_camera_that_only_turns_is_told_to_move() {
 }
 
 #[test]
+fn a_capture_that_does_not_show_its_reference_is_told_so() {
+    let mut capture = shipped("cam0");
+    // The last frame is another camera's: as if the camera had been put up elsewhere.
+    let elsewhere = shipped("cam1").frames.pop().unwrap();
+    capture.frames.drain(..30);
+    capture.reference = capture.frames.len() - 1;
+    capture.frames[capture.reference] = elsewhere;
+    let said = estimate(&capture, &MotionOptions::default()).map(|r| r.1).unwrap_err().to_string();
+    eprintln!("{said}");
+    assert!(said.contains("`cam0`") && said.contains("reference frame (frame 20)"), "{said}");
+}
+
+#[test]
 fn dark_frames_and_still_cameras_are_refused() {
     let mut capture = shipped("cam0");
     let still = Capture { frames: vec![capture.frames[49].clone(); 12], reference: 11, ..capture.clone() };

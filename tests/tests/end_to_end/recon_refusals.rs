@@ -306,7 +306,9 @@ fn places_for_the_room() {
 #[test]
 fn options() {
     let project = Project::new();
-    for arguments in [&["--threads", "0"][..], &["--seed", "x"], &["--zones"], &["--wrong"]] {
+    for arguments in
+        [&["--threads", "0"][..], &["--seed", "x"], &["--quality", "best"], &["--zones"], &["--wrong"]]
+    {
         let output = project.build(arguments);
         assert_eq!(output.status.code(), Some(2));
         let said = String::from_utf8_lossy(&output.stderr);

@@ -6,8 +6,11 @@
 //! Osawa et al. take the plane of the largest area; in many rooms that is a wall. Here the floor is the largest
 //! plane that has almost nothing behind it, every camera above it, and lies below the way the images stand.
 
+mod hough;
+#[cfg(test)]
+mod tests;
+
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Similarity3, Translation3, UnitQuaternion, Vector3};
-use rayon::prelude::*;
 
 use crate::{Error, Result};
 
@@ -58,7 +61,7 @@ impl Default for FloorOptions {
             largest_roll_deg: 35.0,
             largest_upward_deg: 25.0,
             least_share: 0.02,
-            peaks: 40,
+            peaks: 100,
         }
     }
 }
@@ -112,7 +115,7 @@ pub fn find(
     let points: &[SurfacePoint] =
         &points.iter().map(|p| SurfacePoint { area: p.area / vague(p), ..p.clone() }).collect::<Vec<_>>();
     let total: f64 = points.iter().map(|p| p.area).sum();
-    let peaks = hough(points, size, options);
+    let peaks = hough::peaks(points, size, options);
     let mut best: Option<(f64, Plane, FloorReport)> = None;
     let mut refusal = "no plane was found at all";
     for peak in &peaks {
@@ -203,68 +206,6 @@ fn room_size(points: &[SurfacePoint], cameras: &[Point3<f64>]) -> Option<f64> {
     distances.get(distances.len() / 2).copied().filter(|size| *size > 0.0)
 }
 
-/// Evenly spread directions (a Fibonacci spiral).
-fn directions(count: usize) -> Vec<Vector3<f64>> {
-    let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
-    (0..count)
-        .map(|i| {
-            let z = 1.0 - (2 * i + 1) as f64 / count as f64;
-            let (radius, angle) = ((1.0 - z * z).sqrt(), golden * i as f64);
-            Vector3::new(radius * angle.cos(), radius * angle.sin(), z)
-        })
-        .collect()
-}
-
-/// The strongest cells of the accumulator, none near a stronger one.
-fn hough(points: &[SurfacePoint], size: f64, options: &FloorOptions) -> Vec<Plane> {
-    let directions = directions(options.directions);
-    let cell = options.distance_cell * size;
-    let near = options.normal_spread_deg.to_radians().cos();
-    // A direction's cells are its own, so directions go in parallel.
-    let mut cells: Vec<(f64, Plane)> = directions
-        .par_iter()
-        .flat_map_iter(|normal| {
-            let (mut low, mut high) = (f64::MAX, f64::MIN);
-            for p in points.iter().filter(|p| p.normal.dot(normal) > near) {
-                let d = normal.dot(&p.position.coords);
-                (low, high) = (low.min(d), high.max(d));
-            }
-            let count = if low <= high { ((high - low) / cell) as usize + 2 } else { 0 };
-            let mut votes = vec![0.0; count];
-            for p in points.iter().filter(|p| p.normal.dot(normal) > near) {
-                // Shared between the two nearest cells, so that a plane on a border loses nothing.
-                let at = (normal.dot(&p.position.coords) - low) / cell;
-                let (below, share) = (at as usize, at.fract());
-                votes[below] += p.area * (1.0 - share);
-                if below + 1 < count {
-                    votes[below + 1] += p.area * share;
-                }
-            }
-            votes
-                .into_iter()
-                .enumerate()
-                .filter(|(_, v)| *v > 0.0)
-                .map(move |(i, v)| (v, Plane { normal: *normal, distance: low + cell * i as f64 }))
-                .collect::<Vec<_>>()
-        })
-        .collect();
-    cells.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let mut peaks: Vec<Plane> = Vec::new();
-    for (_, plane) in cells {
-        if peaks.len() >= options.peaks {
-            break;
-        }
-        let apart = |other: &Plane| {
-            other.normal.dot(&plane.normal) < 12f64.to_radians().cos()
-                || (other.distance - plane.distance).abs() > 4.0 * cell
-        };
-        if peaks.iter().all(apart) {
-            peaks.push(plane);
-        }
-    }
-    peaks
-}
-
 /// Least squares on what lies within an ever thinner slab; the plane, its area and the root mean square distance.
 fn refine(
     points: &[SurfacePoint],
@@ -305,124 +246,4 @@ fn refine(
         result = Some((plane, area, rms));
     }
     result
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use approx::assert_relative_eq;
-    use proptest::prelude::*;
-    use rand::{RngExt, SeedableRng};
-    use rand_distr::{Distribution, StandardNormal};
-    use rand_pcg::Pcg64Mcg;
-
-    /// A room of four walls, a ceiling, a floor seen in part and a table, in its own frame with the floor at z = 0;
-    /// sampled unevenly, with noise, and moved by `pose`.
-    fn room(seed: u64, pose: &Similarity3<f64>) -> (Vec<SurfacePoint>, Vec<Isometry3<f64>>) {
-        let mut rng = Pcg64Mcg::seed_from_u64(seed);
-        let (w, d, h) =
-            (4.0 + rng.random::<f64>() * 4.0, 3.0 + rng.random::<f64>() * 3.0, 2.3 + rng.random::<f64>());
-        let table = (0.3 * w, 0.3 * d, 0.75);
-        // Origin, two edges, normal, density (points a square metre).
-        let v = Vector3::new;
-        let patches = [
-            (v(0.0, 0.0, 0.0), v(w, 0.0, 0.0), v(0.0, 0.8 * d, 0.0), Vector3::z(), 40.0),
-            (v(0.0, 0.0, h), v(w, 0.0, 0.0), v(0.0, d, 0.0), -Vector3::z(), 30.0),
-            (v(0.0, 0.0, 0.0), v(w, 0.0, 0.0), v(0.0, 0.0, h), Vector3::y(), 90.0),
-            (v(0.0, d, 0.0), v(w, 0.0, 0.0), v(0.0, 0.0, h), -Vector3::y(), 150.0),
-            (v(0.0, 0.0, 0.0), v(0.0, d, 0.0), v(0.0, 0.0, h), Vector3::x(), 60.0),
-            (v(w, 0.0, 0.0), v(0.0, d, 0.0), v(0.0, 0.0, h), -Vector3::x(), 60.0),
-            (v(table.0, table.1, table.2), v(1.6, 0.0, 0.0), v(0.0, 1.0, 0.0), Vector3::z(), 800.0),
-        ];
-        let scale = pose.scaling();
-        let mut points = Vec::new();
-        for (origin, a, b, normal, density) in patches {
-            let area: f64 = a.cross(&b).norm();
-            let count = (area * density) as usize;
-            for _ in 0..count {
-                let (s, t): (f64, f64) = (rng.random(), rng.random());
-                let mut gauss = || -> f64 { StandardNormal.sample(&mut rng) };
-                let noise = 0.01 * gauss();
-                let tilt = Vector3::new(gauss(), gauss(), gauss()) * 0.1;
-                let local = Point3::from(origin + a * s + b * t + normal * noise);
-                points.push(SurfacePoint {
-                    position: pose * local,
-                    normal: pose.isometry.rotation * (normal + tilt).normalize(),
-                    area: area / count as f64 * scale * scale,
-                    sigma: 0.01 * scale,
-                });
-            }
-        }
-        // In two corners, looking at the room's middle near the floor, slightly rolled.
-        let cameras = [(v(0.3, 0.3, 2.1), 0.1), (v(w - 0.4, d - 0.3, 1.9), -0.15)].map(|(eye, roll)| {
-            let ahead = v(0.5 * w, 0.5 * d, 0.3) - eye;
-            let world_from_camera = UnitQuaternion::face_towards(&ahead, &-Vector3::z())
-                * UnitQuaternion::from_axis_angle(&Vector3::z_axis(), roll);
-            let rotation = pose.isometry.rotation * world_from_camera;
-            let centre = pose * Point3::from(eye);
-            Isometry3::from_parts(Translation3::from(centre.coords), rotation).inverse()
-        });
-        (points, cameras.to_vec())
-    }
-
-    proptest! {
-        #![proptest_config(ProptestConfig::with_cases(12))]
-        #[test]
-        fn the_floor_of_any_room_is_found(
-            seed in 0u64..1000,
-            angles in prop::array::uniform3(-3.0f64..3.0),
-            shift in prop::array::uniform3(-5.0f64..5.0),
-            scale in 0.05f64..20.0,
-        ) {
-            let rotation = UnitQuaternion::from_euler_angles(angles[0], angles[1], angles[2]);
-            let pose = Similarity3::from_parts(Translation3::from(Vector3::from(shift)), rotation, scale);
-            let (points, cameras) = room(seed, &pose);
-            let (plane, report) = find(&points, &cameras, &FloorOptions::default()).unwrap();
-            let truth = rotation * Vector3::z();
-            prop_assert!(plane.normal.angle(&truth).to_degrees() < 0.2, "{report:?}");
-            let height = plane.height(&(pose * Point3::new(1.0, 1.0, 0.0))) / scale;
-            prop_assert!(height.abs() < 0.01, "{height} {report:?}");
-        }
-    }
-
-    #[test]
-    fn without_its_floor_a_room_has_none() {
-        let (points, cameras) = room(3, &Similarity3::identity());
-        let without: Vec<SurfacePoint> = points.into_iter().filter(|p| p.position.z > 0.2).collect();
-        let line = find(&without, &cameras, &FloorOptions::default());
-        // The ceiling looks down, so at most the table is left, and walls reach below it.
-        assert!(line.is_err(), "{line:?}");
-        assert!(find(&[], &cameras, &FloorOptions::default()).is_err());
-    }
-
-    #[test]
-    fn the_world_stands_on_the_floor_below_the_first_camera() {
-        let floor = Plane { normal: Vector3::new(0.1, -0.9, 0.2).normalize(), distance: -1.3 };
-        let camera = Isometry3::from_parts(
-            Translation3::new(0.4, 0.2, -0.1),
-            UnitQuaternion::from_euler_angles(0.3, 0.5, -0.2),
-        );
-        let world = world_frame(&floor, &camera);
-        let centre = world * (camera.inverse() * Point3::origin());
-        assert_relative_eq!(centre.xy(), Point3::origin().xy(), epsilon = 1e-12);
-        let height = floor.height(&(camera.inverse() * Point3::origin()));
-        assert_relative_eq!(centre.z, height, epsilon = 1e-12);
-        let axis = world.rotation * (camera.rotation.inverse() * Vector3::z());
-        assert_relative_eq!(axis.y, 0.0, epsilon = 1e-12);
-        assert!(axis.x > 0.0);
-        let on_floor = Point3::from(floor.normal * floor.distance);
-        assert_relative_eq!((world * on_floor).z, 0.0, epsilon = 1e-12);
-    }
-
-    #[test]
-    fn a_camera_that_looks_straight_down_gives_x_by_its_image() {
-        let floor = Plane { normal: Vector3::z(), distance: 0.0 };
-        // Looking down: image right is world x, image down is world −y, so image up is world y.
-        let rotation = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
-        let camera =
-            Isometry3::from_parts(Translation3::from(rotation * -Vector3::new(1.0, 2.0, 3.0)), rotation);
-        let world = world_frame(&floor, &camera);
-        assert_relative_eq!(world.rotation * Vector3::y(), Vector3::x(), epsilon = 1e-9);
-        assert_relative_eq!(world * Point3::new(1.0, 2.0, 0.0), Point3::origin(), epsilon = 1e-9);
-    }
 }
