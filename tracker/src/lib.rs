@@ -9,6 +9,7 @@
 //!   [`PersonEstimate`]: a person at one time; what a tracker gives back. Start here.
 //! * [`silhouette`] — what a person would look like to a camera, cut by what the room hides.
 //! * [`likelihood`] — how well a set of people explains the masks: fast counts, and the slow oracle they are held to.
+//! * [`identity`] — who is who after an encounter, by what people look like.
 //! * [`method`] — the [`method::Method`] trait, and one folder for each published tracker behind it.
 //! * [`run`] — the pipeline through all of these.
 //! * [`tracks`] — the files of tracks that a run writes, and their readers.
@@ -22,6 +23,7 @@ mod error;
 pub mod eval;
 pub mod film;
 pub mod foreground;
+pub mod identity;
 pub mod likelihood;
 pub mod method;
 pub mod moment;

@@ -26,11 +26,18 @@ pub(super) struct Evidence {
 
 impl Evidence {
     /// How much more likely all this is with somebody there than without, in nats.
-    pub(super) fn nats(&self) -> f64 {
-        if self.is_contradicted() {
-            return -MOST_EVIDENCE_NATS;
-        }
-        (self.support_nats - self.chance_nats).clamp(-MOST_EVIDENCE_NATS, MOST_EVIDENCE_NATS)
+    pub(super) fn for_presence(&self) -> f64 {
+        self.bounded(self.support_nats)
+    }
+
+    /// How much of that is beyond what chance explains, in nats: what a newcomer has to earn.
+    pub(super) fn beyond_chance(&self) -> f64 {
+        self.bounded(self.support_nats - self.chance_nats)
+    }
+
+    fn bounded(&self, nats: f64) -> f64 {
+        let nats = if self.is_contradicted() { -MOST_EVIDENCE_NATS } else { nats };
+        nats.clamp(-MOST_EVIDENCE_NATS, MOST_EVIDENCE_NATS)
     }
 
     /// Whether a camera that should see this person clearly does not.

@@ -31,6 +31,7 @@ use self::person::{Key, Person};
 use self::tally::Tally;
 use self::track::Track;
 use super::Method;
+use crate::identity::Identities;
 use crate::likelihood::{Counts, Layers, Simulation, pack};
 use crate::silhouette::visibility::{fraction, visible_parts};
 use crate::silhouette::{Body, Silhouette, View};
@@ -62,6 +63,7 @@ pub struct Mcmc {
     left_over: LeftOver,
     simulation: Simulation,
     tracks: Vec<Track>,
+    identities: Identities,
     rng: Pcg64Mcg,
     next_key: Key,
     next_id: u32,
@@ -106,6 +108,7 @@ impl Mcmc {
             zones,
             anywhere,
             tracks: Vec::new(),
+            identities: Identities::default(),
             next_key: 0,
             next_id: 1,
             last_time_s: None,
@@ -243,6 +246,7 @@ impl Method for Mcmc {
         let tally = self.sample(people, dt_s, settling);
         self.take_in(&tally, settling);
         self.weigh(&masks, dt_s);
+        self.tell_apart(moment.cameras);
         Ok(self.report())
     }
 }
@@ -256,7 +260,9 @@ impl Mcmc {
         let visible = Self::visible_fractions(self.layers.views(), &bodies);
         for (track, visible) in self.tracks.iter_mut().zip(visible) {
             if let Some(sums) = tally.of(track.key) {
-                let best = visible.iter().copied().fold(0.0, f64::max);
+                let looking =
+                    (0..visible.len()).filter(|c| self.simulation.in_use(self.layers.innermost(*c)));
+                let best = looking.map(|c| visible[c]).fold(0.0, f64::max);
                 track.update(sums, best, &self.options);
             }
         }
@@ -296,6 +302,19 @@ impl Mcmc {
             if track.id.is_none() && track.is_believable(&self.options) {
                 track.id = Some(TrackId(self.next_id));
                 self.next_id += 1;
+            }
+        }
+    }
+
+    /// Gives people who have exchanged their names in an encounter their own ones back, with what is known of their sizes.
+    fn tell_apart(&mut self, cameras: &[CameraFrame]) {
+        let named: Vec<(TrackId, Body)> =
+            self.tracks.iter().filter_map(|track| Some((track.id?, track.body()))).collect();
+        for (a, b) in self.identities.observe(cameras, self.layers.views(), &named) {
+            let of = |id: TrackId| self.tracks.iter().position(|track| track.id == Some(id));
+            if let (Some(a), Some(b)) = (of(a), of(b)) {
+                let (left, right) = self.tracks.split_at_mut(a.max(b));
+                left[a.min(b)].exchange_names(&mut right[0]);
             }
         }
     }
@@ -355,3 +374,6 @@ fn is_seen(stage: &Stage, x_m: f64, y_m: f64, height_m: f64) -> bool {
         })
     })
 }
+
+#[cfg(test)]
+mod tests;

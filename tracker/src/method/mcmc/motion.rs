@@ -19,7 +19,7 @@ use super::options::MotionOptions;
 /// thousand by chance.
 const SURPRISE: f64 = 13.8;
 /// An axis whose posterior variance is more than this part of the prior's has taught nothing but the sampler's own noise.
-const NOTHING_LEARNT: f64 = 0.95;
+const NOTHING_LEARNT: f64 = 0.9;
 
 /// Place (m) and velocity (m/s) on the floor, with their covariance. Order: x, y, vx, vy.
 #[derive(Debug, Clone)]

@@ -94,6 +94,10 @@ impl Track {
     /// Takes in a moment's states. `visible` is the largest fraction of the person that any camera saw.
     pub(super) fn update(&mut self, sums: &Sums, visible: f64, options: &McmcOptions) {
         self.in_sight = visible >= IN_SIGHT;
+        if visible == 0.0 {
+            // Nobody looked: whatever the chain did, it was not for what it saw.
+            return;
+        }
         self.motion.condition(&sums.place(), &sums.covariance(), &options.motion);
         self.resize(sums, visible);
     }
@@ -115,9 +119,9 @@ impl Track {
 
     /// Takes in a moment's evidence about whether this person is there at all.
     pub(super) fn weigh(&mut self, evidence: &Evidence, dt_s: f64) {
-        let nats = evidence.nats() * (dt_s / INDEPENDENT_AFTER_S).min(1.0);
-        self.log_odds = (self.log_odds + nats).clamp(-SUREST_NATS, SUREST_NATS);
-        self.earned_nats += nats;
+        let new = (dt_s / INDEPENDENT_AFTER_S).min(1.0);
+        self.log_odds = (self.log_odds + new * evidence.for_presence()).clamp(-SUREST_NATS, SUREST_NATS);
+        self.earned_nats += new * evidence.beyond_chance();
         self.contradicted_s = if evidence.is_contradicted() || evidence.support_nats < 0.0 {
             self.contradicted_s + dt_s
         } else {
@@ -135,6 +139,13 @@ impl Track {
     /// Whether this person may be a mistake: not believed in yet, or for long not where cameras see clearly.
     pub(super) fn is_tentative(&self) -> bool {
         self.id.is_none() || self.contradicted_s > CONTRADICTED_FOR_S
+    }
+
+    /// The one goes on as the other: what belongs to a person and not to a place changes sides.
+    pub(super) fn exchange_names(&mut self, other: &mut Self) {
+        std::mem::swap(&mut self.id, &mut other.id);
+        std::mem::swap(&mut self.radius, &mut other.radius);
+        std::mem::swap(&mut self.height, &mut other.height);
     }
 
     /// Probability of being there.

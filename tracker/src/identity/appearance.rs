@@ -1,0 +1,155 @@
+//! What somebody looks like: colour histograms of torso and legs.
+//!
+//! Sampled only from the pixels in which a camera is predicted to see this person and nobody else, and compared by the
+//! Hellinger distance `√(1 − Σ √(p q))` (Comaniciu, Ramesh & Meer, "Kernel-based object tracking", PAMI 2003).
+
+use image::{Rgb, RgbImage};
+
+use crate::CameraFrame;
+use crate::silhouette::visibility::{fraction, visible_parts};
+use crate::silhouette::{Body, Silhouette, View};
+
+/// Levels of each colour channel.
+const LEVELS: usize = 6;
+/// Heights that torso and legs lie between, in parts of the visible silhouette from its top. What is between them is a
+/// jacket's hem on some people and not on others; head and feet are small and alike.
+const TORSO: std::ops::Range<f64> = 0.18..0.45;
+const LEGS: std::ops::Range<f64> = 0.58..0.88;
+/// Only cameras that see this part of a person count: of less, nobody knows which part it is.
+const LEAST_VISIBLE: f64 = 0.7;
+/// Around the middle of a row this part of its width is the person in every pose.
+const MIDDLE: f64 = 0.5;
+
+/// Colours of torso and legs.
+#[derive(Debug, Clone, Default)]
+pub struct Appearance {
+    torso: Histogram,
+    legs: Histogram,
+}
+
+#[derive(Debug, Clone, Default)]
+struct Histogram {
+    /// One entry a colour; empty until something is seen.
+    counts: Vec<f64>,
+    pixels: f64,
+}
+
+impl Appearance {
+    /// In how many pixels it was seen; what was forgotten does not count.
+    pub fn pixels(&self) -> f64 {
+        self.torso.pixels.min(self.legs.pixels)
+    }
+
+    /// Adds another look at the same person. What was seen before is faded to at most `remembered_px` pixels.
+    pub fn add(&mut self, seen: &Self, remembered_px: f64) {
+        self.torso.add(&seen.torso, remembered_px);
+        self.legs.add(&seen.legs, remembered_px);
+    }
+
+    /// How different two appearances are: 0 for the same colours in the same proportions, 1 for none in common.
+    pub fn distance(&self, other: &Self) -> f64 {
+        0.5 * (self.torso.distance(&other.torso) + self.legs.distance(&other.legs))
+    }
+}
+
+/// What each of the people looks like at this moment, over all cameras that see them well.
+pub fn sample(cameras: &[CameraFrame], views: &[View], people: &[Body]) -> Vec<Appearance> {
+    let mut looks = vec![Appearance::default(); people.len()];
+    for (camera, view) in cameras.iter().zip(views) {
+        let Some(image) = &camera.image else { continue };
+        for (look, part) in looks.iter_mut().zip(visible_parts(view, people)) {
+            if fraction(&part) >= LEAST_VISIBLE {
+                look.look_at(image, view, &part);
+            }
+        }
+    }
+    looks
+}
+
+impl Appearance {
+    fn look_at(&mut self, image: &RgbImage, view: &View, part: &Silhouette) {
+        let rows = part.row_range();
+        for row in rows.clone() {
+            let height = (row - rows.start) as f64 / rows.len() as f64;
+            let histogram = if TORSO.contains(&height) {
+                &mut self.torso
+            } else if LEGS.contains(&height) {
+                &mut self.legs
+            } else {
+                continue;
+            };
+            let width = part.row_width(row);
+            let inset = (width.len() as f64 * 0.5 * (1.0 - MIDDLE)) as usize;
+            for column in width.start + inset..width.end - inset {
+                if part.contains(column as u32, row as u32) {
+                    let at = |i: usize, size: u32| (i as u32 * view.block + view.block / 2).min(size - 1);
+                    histogram.count(*image.get_pixel(at(column, image.width()), at(row, image.height())));
+                }
+            }
+        }
+    }
+}
+
+impl Histogram {
+    fn count(&mut self, pixel: Rgb<u8>) {
+        self.counts.resize(LEVELS.pow(3), 0.0);
+        let level = |value: u8| usize::from(value) * LEVELS / 256;
+        let [r, g, b] = pixel.0.map(level);
+        self.counts[(r * LEVELS + g) * LEVELS + b] += 1.0;
+        self.pixels += 1.0;
+    }
+
+    fn add(&mut self, other: &Self, remembered_px: f64) {
+        if other.counts.is_empty() {
+            return;
+        }
+        self.counts.resize(LEVELS.pow(3), 0.0);
+        let fade = if self.pixels > remembered_px { remembered_px / self.pixels } else { 1.0 };
+        for (own, new) in self.counts.iter_mut().zip(&other.counts) {
+            *own = *own * fade + new;
+        }
+        self.pixels = self.pixels * fade + other.pixels;
+    }
+
+    fn distance(&self, other: &Self) -> f64 {
+        if self.pixels == 0.0 || other.pixels == 0.0 {
+            return 1.0;
+        }
+        let common: f64 = self.counts.iter().zip(&other.counts).map(|(p, q)| (p * q).sqrt()).sum();
+        (1.0 - common / (self.pixels * other.pixels).sqrt()).max(0.0).sqrt()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    fn of(pixels: &[[u8; 3]]) -> Histogram {
+        let mut histogram = Histogram::default();
+        for pixel in pixels {
+            histogram.count(Rgb(*pixel));
+        }
+        histogram
+    }
+
+    #[test]
+    fn distances_are_hellingers() {
+        let (red, blue) = ([250, 0, 0], [0, 0, 250]);
+        assert_relative_eq!(of(&[red, blue]).distance(&of(&[blue, red, red, blue])), 0.0, epsilon = 1e-7);
+        assert_relative_eq!(of(&[red]).distance(&of(&[blue])), 1.0);
+        // Half in common: Σ √(p q) = √(1 · ½).
+        let half = (1.0 - 0.5_f64.sqrt()).sqrt();
+        assert_relative_eq!(of(&[red]).distance(&of(&[red, blue])), half, epsilon = 1e-12);
+        assert_relative_eq!(of(&[]).distance(&of(&[red])), 1.0);
+    }
+
+    #[test]
+    fn old_looks_fade() {
+        let (red, blue) = ([250, 0, 0], [0, 0, 250]);
+        let mut memory = of(&[red; 100]);
+        memory.add(&of(&[blue; 10]), 10.0);
+        assert_relative_eq!(memory.distance(&of(&[red, blue])), 0.0, epsilon = 1e-7);
+        assert_relative_eq!(memory.pixels, 20.0);
+    }
+}

@@ -1,0 +1,81 @@
+use image::{Rgb, RgbImage};
+use nalgebra::{Isometry3, Point3, Vector3};
+
+use super::*;
+use crate::silhouette::Silhouette;
+use crate::stage::StageCamera;
+use calib::{Camera, Intrinsics};
+
+const RED: Rgb<u8> = Rgb([200, 30, 30]);
+const BLUE: Rgb<u8> = Rgb([30, 40, 190]);
+
+fn view() -> View {
+    let pose =
+        Isometry3::face_towards(&Point3::new(0.0, -5.0, 1.6), &Point3::new(0.0, 0.0, 0.9), &-Vector3::z());
+    let intrinsics = Intrinsics::from_horizontal_fov(320, 240, 70.0);
+    View::new(&StageCamera::new("c", &Camera { intrinsics, camera_from_world: pose.inverse() }))
+}
+
+fn at(x_m: f64, y_m: f64) -> Body {
+    Body { x_m, y_m, radius_m: 0.25, height_m: 1.75 }
+}
+
+/// People in plain clothes before a grey wall; the nearest is drawn last.
+fn picture(view: &View, people: &[(Body, Rgb<u8>)]) -> CameraFrame {
+    let mut image = RgbImage::from_pixel(320, 240, Rgb([120, 120, 120]));
+    let mut order: Vec<_> = people.iter().collect();
+    order.sort_by(|a, b| b.0.y_m.total_cmp(&a.0.y_m));
+    for (body, colour) in order {
+        for (u, v) in Silhouette::new(view, &body.ellipsoid()).pixels() {
+            image.put_pixel(u, v, *colour);
+        }
+    }
+    CameraFrame { mask: None, image: Some(image) }
+}
+
+/// Two people walk towards each other, pass, and go on; after they have passed, the tracker takes each for the other if
+/// `confused`. Returns all exchanges that were asked for.
+fn pass_by(colours: [Rgb<u8>; 2], confused: bool, pictures: bool) -> Vec<(TrackId, TrackId)> {
+    let (view, mut identities) = (view(), Identities::default());
+    let mut asked = Vec::new();
+    for step in 0..=40 {
+        let x = -2.0 + 0.1 * f64::from(step);
+        let (first, second) = (at(x, 0.2), at(-x, -0.2));
+        let frame = picture(&view, &[(first, colours[0]), (second, colours[1])]);
+        let mut named = [(TrackId(1), first), (TrackId(2), second)];
+        // Names are given back as soon as that is asked for.
+        if confused && x > 0.0 && asked.is_empty() {
+            (named[0].1, named[1].1) = (second, first);
+        }
+        let frame = CameraFrame { image: frame.image.filter(|_| pictures), ..frame };
+        asked.extend(identities.observe(&[frame], std::slice::from_ref(&view), &named));
+    }
+    asked
+}
+
+#[test]
+fn names_exchanged_in_an_encounter_are_given_back_once() {
+    assert_eq!(pass_by([RED, BLUE], true, true), [(TrackId(1), TrackId(2))]);
+}
+
+#[test]
+fn names_that_were_kept_stay() {
+    assert_eq!(pass_by([RED, BLUE], false, true), []);
+}
+
+#[test]
+fn people_who_look_alike_and_masks_without_pictures_decide_nothing() {
+    assert_eq!(pass_by([RED, RED], true, true), []);
+    assert_eq!(pass_by([RED, BLUE], true, false), []);
+}
+
+#[test]
+fn only_what_a_camera_sees_of_a_person_is_theirs() {
+    // The second stands behind the first: the camera sees next to nothing of them.
+    let view = view();
+    let (near, far) = (at(0.0, -1.0), at(0.05, 1.0));
+    let frame = picture(&view, &[(near, RED), (far, BLUE)]);
+    let looks = appearance::sample(&[frame], std::slice::from_ref(&view), &[near, far]);
+    assert!(looks[0].pixels() > 200.0, "{}", looks[0].pixels());
+    assert!(looks[1].pixels() < 1.0, "{}", looks[1].pixels());
+}

@@ -1,0 +1,201 @@
+//! The sampler as a whole: on rendered people whose places are known, and on moments made to try one rule each.
+
+use std::collections::BTreeMap;
+
+use calib::{Camera, Intrinsics};
+use image::{GrayImage, Luma};
+use nalgebra::{Isometry3, Point3, Vector3};
+use scenes::polygon::Polygon;
+use scenes::room::{Zone, ZoneKind};
+use scenes::synthetic::{RoomOptions, SequenceOptions, WalkerOptions};
+use scenes::walkable::WalkableMap;
+
+use super::*;
+use crate::stage::{Floor, StageOptions};
+
+const RATE_HZ: f64 = 12.0;
+
+#[test]
+fn walkers_of_a_rendered_room_are_followed_through_furniture_and_each_other() {
+    let options = RoomOptions { seed: 5, image_px: [200, 150], ..RoomOptions::default() };
+    let made = options.build().unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    made.room.write(folder.path()).unwrap();
+    let room = scenes::room::Room::read(folder.path()).unwrap();
+    let stage = Stage::prepare(&room, folder.path(), &StageOptions::default()).unwrap();
+    let walkers = made.walkers(&WalkerOptions { seed: 3, people: 3, ..WalkerOptions::default() });
+    let sequence = made.sequence(
+        walkers,
+        SequenceOptions { frames: 240, images: false, rate_hz: RATE_HZ, ..SequenceOptions::default() },
+    );
+    let mut mcmc = Mcmc::new(stage, McmcOptions::default()).unwrap();
+    let (mut truths, mut found, mut error_sum_m, mut strangers) = (0, 0, 0.0, 0);
+    let mut names: BTreeMap<u32, BTreeMap<TrackId, u32>> = BTreeMap::new();
+    for frame in sequence.frames() {
+        let cameras: Vec<CameraFrame> =
+            frame.cameras.into_iter().map(|c| CameraFrame { mask: Some(c.mask), image: None }).collect();
+        let moment = Moment { frame: frame.frame, time_s: frame.time_s, cameras: &cameras };
+        let mut people = mcmc.step(&moment).unwrap();
+        for truth in frame.people.iter().filter(|p| p.inside) {
+            truths += 1;
+            let distance = |p: &PersonEstimate| (p.x_m - truth.place.x).hypot(p.y_m - truth.place.y);
+            let nearest =
+                (0..people.len()).min_by(|a, b| distance(&people[*a]).total_cmp(&distance(&people[*b])));
+            if let Some(i) = nearest.filter(|i| distance(&people[*i]) < 0.5) {
+                found += 1;
+                error_sum_m += distance(&people[i]);
+                let person = people.swap_remove(i);
+                *names.entry(truth.id).or_default().entry(person.id).or_default() += 1;
+            }
+        }
+        strangers += people.len();
+    }
+    assert!(truths > 300, "the test needs people: {truths}");
+    let recall = f64::from(found) / f64::from(truths);
+    let mean_m = error_sum_m / f64::from(found);
+    println!("recall {recall:.3}, mean {mean_m:.3} m, {strangers} strangers, {names:?}");
+    assert!(recall > 0.9 && mean_m < 0.08, "recall {recall}, mean {mean_m} m");
+    assert!(strangers * 20 < truths as usize, "{strangers} of {truths}");
+    for (person, names) in &names {
+        let (most, all) = (names.values().max().copied().unwrap_or(0), names.values().sum::<u32>());
+        assert!(most * 20 >= all * 19, "person {person} went by {names:?}");
+    }
+}
+
+/// Two cameras in the corners of an empty room of 6 × 5 m, with a door in the wall x = 6.
+fn empty_room() -> Stage {
+    let camera = |x: f64, y: f64| {
+        let pose =
+            Isometry3::face_towards(&Point3::new(x, y, 2.4), &Point3::new(3.0, 2.5, 0.9), &-Vector3::z());
+        let intrinsics = Intrinsics::from_horizontal_fov(240, 180, 80.0);
+        StageCamera::new("c", &Camera { intrinsics, camera_from_world: pose.inverse() })
+    };
+    let rectangle = |x0, y0, x1, y1| Polygon::rectangle(Point2::new(x0, y0), Point2::new(x1, y1));
+    let door = Zone { name: "door".into(), polygon: rectangle(5.0, 1.0, 6.0, 2.2), kind: ZoneKind::Both };
+    let floor = WalkableMap::of_polygons(&[rectangle(0.0, 0.0, 6.0, 5.0)]);
+    Stage {
+        cameras: vec![camera(0.2, 0.2), camera(0.2, 4.8)],
+        floor: Floor::new(floor, std::slice::from_ref(&door), &[]),
+        zones: vec![door],
+    }
+}
+
+fn standing(x_m: f64, y_m: f64) -> Body {
+    Body { x_m, y_m, radius_m: 0.25, height_m: 1.75 }
+}
+
+/// What the cameras of the stage see of bodies before which nothing stands.
+fn masks(stage: &Stage, bodies: &[Body]) -> Vec<CameraFrame> {
+    let seen = |camera: &StageCamera| {
+        let mut mask = GrayImage::new(camera.width(), camera.height());
+        for body in bodies {
+            for (u, v) in Silhouette::new(&View::new(camera), &body.ellipsoid()).pixels() {
+                mask.put_pixel(u, v, Luma([255]));
+            }
+        }
+        CameraFrame { mask: Some(mask), image: None }
+    };
+    stage.cameras.iter().map(seen).collect()
+}
+
+/// A tracker that is fed frame by frame.
+struct Feeder {
+    stage: Stage,
+    mcmc: Mcmc,
+    frame: u32,
+}
+
+impl Feeder {
+    /// After a second of nobody.
+    fn new(seed: u64) -> Self {
+        let stage = empty_room();
+        let mcmc = Mcmc::new(stage.clone(), McmcOptions { seed, ..McmcOptions::default() }).unwrap();
+        let mut feeder = Self { stage, mcmc, frame: 0 };
+        for _ in 0..12 {
+            assert_eq!(feeder.see(&[]), []);
+        }
+        feeder
+    }
+
+    fn feed(&mut self, cameras: &[CameraFrame]) -> Vec<PersonEstimate> {
+        self.frame += 1;
+        let time_s = f64::from(self.frame) / RATE_HZ;
+        self.mcmc.step(&Moment { frame: self.frame, time_s, cameras }).unwrap()
+    }
+
+    fn see(&mut self, bodies: &[Body]) -> Vec<PersonEstimate> {
+        let cameras = masks(&self.stage, bodies);
+        self.feed(&cameras)
+    }
+
+    /// Somebody comes in through the door and walks to (3, 1.6), where they stay for a second.
+    fn bring_in(&mut self) -> PersonEstimate {
+        for step in 0..30 {
+            self.see(&[standing(6.0 - 0.1 * f64::from(step), 1.6)]);
+        }
+        let seen = (0..12).map(|_| self.see(&[standing(3.1, 1.6)])).last().unwrap();
+        assert_eq!(seen.len(), 1, "{seen:?}");
+        seen[0].clone()
+    }
+}
+
+#[test]
+fn people_come_in_through_zones_and_nowhere_else() {
+    let mut feeder = Feeder::new(1);
+    for _ in 0..24 {
+        assert_eq!(feeder.see(&[standing(2.0, 3.5)]), [], "nobody appears in the middle of a room");
+    }
+    let mut feeder = Feeder::new(1);
+    let person = feeder.bring_in();
+    assert!((person.x_m - 3.1).hypot(person.y_m - 1.6) < 0.1, "{person:?}");
+}
+
+#[test]
+fn whoever_is_hidden_is_still_there_less_and_less_certain() {
+    let mut feeder = Feeder::new(2);
+    let before = feeder.bring_in();
+    let blind = vec![CameraFrame::default(); 2];
+    let mut sigma_m = before.sigma_m[0];
+    for _ in 0..36 {
+        let people = feeder.feed(&blind);
+        assert_eq!(people.iter().map(|p| p.id).collect::<Vec<_>>(), [before.id]);
+        assert!(people[0].sigma_m[0] > sigma_m, "{} after {sigma_m}", people[0].sigma_m[0]);
+        sigma_m = people[0].sigma_m[0];
+    }
+    assert!(sigma_m > 0.3, "{sigma_m}");
+    // They have stepped aside meanwhile, and are recognised.
+    let after = (0..12).map(|_| feeder.see(&[standing(3.3, 1.9)])).last().unwrap();
+    assert_eq!(after.len(), 1);
+    assert_eq!(after[0].id, before.id);
+    assert!((after[0].x_m - 3.3).hypot(after[0].y_m - 1.9) < 0.12, "{after:?}");
+}
+
+#[test]
+fn people_leave_through_zones() {
+    let mut feeder = Feeder::new(3);
+    let person = feeder.bring_in();
+    for step in 0..40 {
+        feeder.see(&[standing(3.1 + 0.1 * f64::from(step), 1.6)]);
+    }
+    let mut people = Vec::new();
+    for _ in 0..36 {
+        people = feeder.see(&[]);
+    }
+    assert_eq!(people, [], "person {} has left", person.id);
+}
+
+#[test]
+fn whoever_was_inside_from_the_beginning_is_found_once_they_move() {
+    let stage = empty_room();
+    let mcmc = Mcmc::new(stage.clone(), McmcOptions::default()).unwrap();
+    let mut feeder = Feeder { stage, mcmc, frame: 0 };
+    for _ in 0..12 {
+        let people = feeder.see(&[standing(2.0, 3.0)]);
+        assert_eq!(people, [], "what has always stood there may be anything");
+    }
+    let mut people = Vec::new();
+    for step in 0..18 {
+        people = feeder.see(&[standing(2.0 + 0.08 * f64::from(step), 3.0)]);
+    }
+    assert_eq!(people.len(), 1, "{people:?}");
+}
