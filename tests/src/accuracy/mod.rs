@@ -3,7 +3,9 @@
 mod depth;
 mod motion;
 mod room;
+mod route;
 
 pub use depth::{DepthAgreement, depth};
 pub use motion::{MotionError, capture_truth, installed_truth, motion};
 pub use room::{CameraError, RelativePoseError, camera_against_floor, relative_pose};
+pub use route::{RouteError, route};

@@ -7,7 +7,7 @@
 use pathfinding::kuhn_munkres::kuhn_munkres;
 use pathfinding::matrix::Matrix as IntegerMatrix;
 
-use super::scenario::Grid;
+use super::grid::Grid;
 
 /// The pairs (row, column) of the assignment with the greatest total weight, by row; pairs of weight 0 are left out.
 ///

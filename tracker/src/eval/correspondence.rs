@@ -7,20 +7,8 @@
 //! leaves the pairs as they were.
 
 use super::assignment::best;
-use super::scenario::{Grid, Instant, SIMILARITY_TOLERANCE};
-
-/// A person and the track that stands for them.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Match {
-    /// Index of the person in the scenario.
-    pub(super) person: usize,
-    /// Index of the track in the scenario.
-    pub(super) track: usize,
-    /// Their similarity.
-    pub(super) similarity: f64,
-    /// Their distance: metres on the floor, pixels in the image.
-    pub(super) distance: f64,
-}
+use super::grid::Grid;
+use super::instant::{Instant, Match, SIMILARITY_TOLERANCE};
 
 /// What keeping a pair is worth, in units of similarity: more than any frame's similarities together.
 const KEPT: f64 = 1000.0;

@@ -7,7 +7,9 @@
 //! together over the whole recording.
 
 use super::assignment::best;
-use super::scenario::{Grid, SIMILARITY_TOLERANCE, Scenario};
+use super::grid::Grid;
+use super::instant::SIMILARITY_TOLERANCE;
+use super::scenario::Scenario;
 use super::{Figure, Metric, percent};
 
 /// Thresholds 0.05, 0.10 … 0.95.

@@ -6,7 +6,8 @@
 //! agreeing rows.
 
 use super::assignment::best;
-use super::scenario::{Grid, Scenario};
+use super::grid::Grid;
+use super::scenario::Scenario;
 use super::{Figure, Metric, percent};
 
 /// The identity figures.

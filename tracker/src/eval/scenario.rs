@@ -6,13 +6,12 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use super::correspondence::{Match, correspond};
+use super::correspondence::correspond;
 use super::frames::FrameSelection;
+use super::grid::Grid;
+use super::instant::Instant;
 use crate::tracks::rows::{Row, RowFile};
 use crate::{Error, Result};
-
-/// Rounding of a similarity that should lie exactly at a threshold (as in TrackEval).
-pub(super) const SIMILARITY_TOLERANCE: f64 = f64::EPSILON;
 
 /// What is compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
@@ -22,54 +21,6 @@ pub enum Space {
     Floor,
     /// Boxes in an image, pixels.
     Image,
-}
-
-/// A dense table of numbers, row by row.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct Grid {
-    rows: usize,
-    columns: usize,
-    values: Vec<f64>,
-}
-
-impl Grid {
-    pub(super) fn from_fn(rows: usize, columns: usize, value: impl Fn(usize, usize) -> f64) -> Self {
-        let values = (0..rows).flat_map(|r| (0..columns).map(move |c| (r, c))).map(|(r, c)| value(r, c));
-        Self { rows, columns, values: values.collect() }
-    }
-    pub(super) fn zeros(rows: usize, columns: usize) -> Self {
-        Self { rows, columns, values: vec![0.0; rows * columns] }
-    }
-    pub(super) fn rows(&self) -> usize {
-        self.rows
-    }
-    pub(super) fn columns(&self) -> usize {
-        self.columns
-    }
-    pub(super) fn at(&self, row: usize, column: usize) -> f64 {
-        self.values[row * self.columns + column]
-    }
-    pub(super) fn add(&mut self, row: usize, column: usize, value: f64) {
-        self.values[row * self.columns + column] += value;
-    }
-    pub(super) fn values(&self) -> &[f64] {
-        &self.values
-    }
-}
-
-/// One frame: who is there, by index into the scenario's people and tracks.
-#[derive(Debug, Clone)]
-pub(super) struct Instant {
-    /// People of the truth.
-    pub(super) truth: Vec<usize>,
-    /// Tracks.
-    pub(super) tracks: Vec<usize>,
-    /// Similarity of each truth row (down) with each track row (across), 0 to 1.
-    pub(super) similarity: Grid,
-    /// Distance of each pair: metres on the floor, pixels between the boxes' foot points in the image.
-    pub(super) distance: Grid,
-    /// The CLEAR correspondence.
-    pub(super) matches: Vec<Match>,
 }
 
 /// Truth and tracks side by side, ready for every metric.
