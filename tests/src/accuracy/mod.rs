@@ -8,4 +8,4 @@ mod route;
 pub use depth::{DepthAgreement, depth};
 pub use motion::{MotionError, capture_truth, installed_truth, motion};
 pub use room::{CameraError, RelativePoseError, camera_against_floor, relative_pose};
-pub use route::{RouteError, route};
+pub use route::{ALONE, ROUTE, RouteError, office_route, places, route};

@@ -1,7 +1,17 @@
 //! How far a track lies from a known route, as Osawa et al. measure it (seed 001, section 4.3): video and true positions
 //! are not synchronised there, so each estimated place counts with its distance from the route, wherever on it.
 
+use std::ops::RangeInclusive;
+use std::path::Path;
+
 use nalgebra::Point2;
+
+use crate::chain::Said;
+
+/// The office's frames in which person 1 is alone: in from the door, and along a rectangle.
+pub const ALONE: RangeInclusive<u32> = 45..=170;
+/// The frames of the true way that count as the route: what is estimated early or late still lies beside it.
+pub const ROUTE: RangeInclusive<u32> = 35..=173;
 
 /// Distances of a track's places from a route.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,6 +34,29 @@ pub fn route(places: &[Point2<f64>], line: &[Point2<f64>]) -> Option<RouteError>
         mean_m: distances.iter().sum::<f64>() / distances.len() as f64,
         maximum_m: distances.iter().copied().fold(0.0, f64::max),
     })
+}
+
+/// [`route`] of a run on the office, against its truth.
+///
+/// # Errors
+/// A file that cannot be read; nobody in these frames.
+pub fn office_route(office: &Path, tracks: &Path) -> Said<RouteError> {
+    let way = places(&office.join("truth.txt"), &ROUTE)?;
+    route(&places(tracks, &ALONE)?, &way).ok_or_else(|| format!("{}: nobody to measure", tracks.display()))
+}
+
+/// Where anybody is in some frames of a file of `MOTChallenge` rows on the floor.
+///
+/// # Errors
+/// A file that cannot be read, a row that is none.
+pub fn places(rows: &Path, frames: &RangeInclusive<u32>) -> Said<Vec<Point2<f64>>> {
+    let text = std::fs::read_to_string(rows).map_err(|e| format!("{}: {e}", rows.display()))?;
+    let place = |line: &str| {
+        let columns: Vec<f64> = line.split(',').map_while(|value| value.trim().parse().ok()).collect();
+        let [frame, .., x, y, _] = columns[..] else { return Err(format!("{}: {line}", rows.display())) };
+        Ok(frames.contains(&(frame as u32)).then(|| Point2::new(x, y)))
+    };
+    text.lines().map(place).filter_map(Result::transpose).collect()
 }
 
 fn distance_m(place: &Point2<f64>, line: &[Point2<f64>]) -> Option<f64> {
