@@ -16,7 +16,8 @@ use crate::data::program;
 /// What a failed step said, with the step.
 pub type Said<T> = Result<T, String>;
 
-fn run(command: &mut Command) -> Said<String> {
+/// Runs a program and returns what it wrote to standard output.
+pub fn run(command: &mut Command) -> Said<String> {
     let output = command.output().map_err(|e| format!("{command:?}: {e}"))?;
     if output.status.success() {
         return Ok(String::from_utf8_lossy(&output.stdout).into_owned());
