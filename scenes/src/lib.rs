@@ -6,6 +6,7 @@
 //! * [`room`] — [`room::Room`]: cameras, zones, floor and geometry, read from and written to disk. Start here.
 //! * [`geometry`] — triangles or oriented discs, PLY in and out; [`polygon`] — regions of the floor.
 //! * [`raycast`] — [`raycast::RayScene`]: rays against the geometry; [`depth`] — what a camera sees of the empty room.
+//! * [`exchange`] — rooms from and for other programs: COLMAP, nerfstudio.
 //! * [`walkable`] — [`walkable::WalkableMap`]: where a person can stand.
 //! * [`canvas`] — the one place that draws: shapes and text over pictures; [`view`] — the room seen from anywhere,
 //!   with people in it; [`plan`] — its floor plan.
@@ -17,6 +18,7 @@ pub mod cache;
 pub mod canvas;
 pub mod depth;
 mod error;
+pub mod exchange;
 pub mod geometry;
 pub mod plan;
 pub mod polygon;

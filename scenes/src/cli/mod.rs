@@ -2,6 +2,8 @@
 
 mod check;
 mod depth;
+mod export;
+mod import;
 mod plan;
 
 use std::io::Write;
@@ -25,6 +27,8 @@ pub(crate) enum Command {
     Check(check::Check),
     Depth(depth::Depth),
     Plan(plan::Plan),
+    Import(import::Import),
+    Export(export::Export),
 }
 
 impl Command {
@@ -33,6 +37,8 @@ impl Command {
             Self::Check(command) => command.run(out),
             Self::Depth(command) => command.run(),
             Self::Plan(command) => command.run(),
+            Self::Import(command) => command.run(),
+            Self::Export(command) => command.run(),
         }
     }
 
@@ -40,7 +46,7 @@ impl Command {
     pub(crate) fn failure(&self) -> u8 {
         match self {
             Self::Check(_) => 1,
-            Self::Depth(_) | Self::Plan(_) => CANNOT,
+            _ => CANNOT,
         }
     }
 }

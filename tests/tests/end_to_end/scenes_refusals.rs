@@ -233,3 +233,35 @@ fn names_and_places() {
     }
     assert!(!room.path("plan.png").exists());
 }
+
+#[test]
+fn models_of_other_programs() {
+    let room = Room::new();
+    let succeeds = |arguments: &[&str]| {
+        let output = room.scenes(arguments);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    };
+    succeeds(&["export", "room", "--format", "nerfstudio", "--out", "transforms.json"]);
+    succeeds(&["export", "room", "--format", "colmap", "--out", "model"]);
+    let import = |more: &[&str]| room.scenes(&[&["import", "model", "--out", "copy"], more].concat());
+    refused(&import(&["--geometry", "nowhere.ply"]), &["nowhere.ply"]);
+    fs::write(room.path("torn.ply"), &GEOMETRY[..GEOMETRY.len() / 4]).expect("a file");
+    refused(&import(&["--geometry", "torn.ply"]), &["torn.ply", "header"]);
+    refused(&room.scenes(&["import", "room", "--out", "copy"]), &["room", "no COLMAP model"]);
+    refused(&room.scenes(&["import", "nowhere", "--out", "copy"]), &["nowhere", "no COLMAP model"]);
+    refused(&room.scenes(&["export", "nowhere", "--format", "colmap", "--out", "copy"]), &["nowhere"]);
+    let lens = fs::read_to_string(room.path("model/cameras.txt")).expect("the lens");
+    fs::write(room.path("model/cameras.txt"), lens.replace("PINHOLE", "FOV")).expect("a file");
+    refused(&import(&[]), &["model/cameras.txt", "line 2", "5 parameters"]);
+    fs::write(room.path("model/cameras.txt"), "").expect("a file");
+    refused(&import(&[]), &["model/images.txt", "`left.png`", "no camera 1"]);
+    assert!(!room.path("copy").exists(), "something was written");
+
+    fs::write(room.path("model/cameras.txt"), lens).expect("a file");
+    assert!(import(&["--geometry", "room/room.ply"]).status.success());
+    succeeds(&["depth", "copy", "--camera", "left", "--out", "copy.png"]);
+    succeeds(&["depth", "room", "--camera", "left", "--out", "room.png"]);
+    let picture = |name: &str| image::open(room.path(name)).expect("a depth").into_luma16();
+    assert_eq!(picture("copy.png"), picture("room.png"));
+    refused(&import(&[]), &["copy", "a room already"]);
+}

@@ -1,0 +1,87 @@
+//! `cameras.bin` and `images.bin` of a COLMAP model: little endian, without any mark of what they are.
+
+use super::colmap::{Defect, Lens, MODELS, Picture};
+
+type Parsed<T> = Result<T, Defect>;
+
+/// What is left of a file.
+struct Bytes<'a> {
+    left: &'a [u8],
+    place: String,
+}
+
+impl<'a> Bytes<'a> {
+    fn cut_off(&self) -> Defect {
+        (self.place.clone(), "the file ends here; copy it again".into())
+    }
+
+    fn take<const N: usize>(&mut self) -> Parsed<[u8; N]> {
+        let (head, left) = self.left.split_first_chunk().ok_or_else(|| self.cut_off())?;
+        self.left = left;
+        Ok(*head)
+    }
+
+    fn skip(&mut self, count: u64, size: usize) -> Parsed<()> {
+        let length = usize::try_from(count).ok().and_then(|count| count.checked_mul(size));
+        let left = length.and_then(|length| self.left.get(length..));
+        self.left = left.ok_or_else(|| self.cut_off())?;
+        Ok(())
+    }
+
+    fn until_zero(&mut self) -> Parsed<&'a [u8]> {
+        let end = self.left.iter().position(|b| *b == 0).ok_or_else(|| self.cut_off())?;
+        let (text, left) = self.left.split_at(end);
+        self.left = &left[1..];
+        Ok(text)
+    }
+
+    fn u32(&mut self) -> Parsed<u32> {
+        Ok(u32::from_le_bytes(self.take()?))
+    }
+
+    fn u64(&mut self) -> Parsed<u64> {
+        Ok(u64::from_le_bytes(self.take()?))
+    }
+
+    fn f64(&mut self) -> Parsed<f64> {
+        Ok(f64::from_le_bytes(self.take()?))
+    }
+}
+
+pub(super) fn lenses(bytes: &[u8]) -> Parsed<Vec<Lens>> {
+    let mut bytes = Bytes { left: bytes, place: "number of cameras".into() };
+    let count = bytes.u64()?;
+    let mut lenses = Vec::new();
+    for i in 1..=count {
+        bytes.place = format!("camera {i} of {count}");
+        let id = bytes.u32()?;
+        let number = i32::from_le_bytes(bytes.take()?);
+        let Some(model) = MODELS.iter().find(|m| m.id == number) else {
+            return Err((bytes.place, format!("camera model {number} is not known")));
+        };
+        let (width, height) = (bytes.u64()?, bytes.u64()?);
+        let parameters = (0..model.parameters).map(|_| bytes.f64()).collect::<Parsed<_>>()?;
+        lenses.push(Lens { id, model, width, height, parameters });
+    }
+    Ok(lenses)
+}
+
+pub(super) fn pictures(bytes: &[u8]) -> Parsed<Vec<Picture>> {
+    /// A sighting: two pixels and the number of its point.
+    const SIGHTING_BYTES: usize = 24;
+    let mut bytes = Bytes { left: bytes, place: "number of images".into() };
+    let count = bytes.u64()?;
+    let mut pictures = Vec::new();
+    for i in 1..=count {
+        bytes.place = format!("image {i} of {count}");
+        bytes.u32()?;
+        let rotation = [bytes.f64()?, bytes.f64()?, bytes.f64()?, bytes.f64()?];
+        let translation = [bytes.f64()?, bytes.f64()?, bytes.f64()?];
+        let lens = bytes.u32()?;
+        let name = String::from_utf8_lossy(bytes.until_zero()?).into_owned();
+        let sightings = bytes.u64()?;
+        bytes.skip(sightings, SIGHTING_BYTES)?;
+        pictures.push(Picture { name, lens, rotation, translation });
+    }
+    Ok(pictures)
+}

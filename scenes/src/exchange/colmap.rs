@@ -1,0 +1,333 @@
+//! COLMAP's sparse model: a folder of `cameras`, `images` and `points3D`, as text or binary
+//! (<https://colmap.github.io/format.html>).
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use calib::{Camera, Intrinsics};
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+
+use super::{CORNER_PX, binary, text};
+use crate::geometry::Geometry;
+use crate::room::{Room, RoomCamera};
+use crate::{Error, Result};
+
+/// A lens as the model has it.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Lens {
+    pub(super) id: u32,
+    pub(super) model: &'static Model,
+    pub(super) width: u64,
+    pub(super) height: u64,
+    pub(super) parameters: Vec<f64>,
+}
+
+/// A picture and where it was taken from.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Picture {
+    pub(super) name: String,
+    pub(super) lens: u32,
+    /// w, x, y, z.
+    pub(super) rotation: [f64; 4],
+    pub(super) translation: [f64; 3],
+}
+
+/// One of COLMAP's camera models.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) struct Model {
+    pub(super) id: i32,
+    pub(super) name: &'static str,
+    pub(super) parameters: usize,
+}
+
+/// All that have been given a number; the fisheyes are only known so that they can be told.
+pub(super) static MODELS: [Model; 11] = [
+    Model { id: 0, name: "SIMPLE_PINHOLE", parameters: 3 },
+    Model { id: 1, name: "PINHOLE", parameters: 4 },
+    Model { id: 2, name: "SIMPLE_RADIAL", parameters: 4 },
+    Model { id: 3, name: "RADIAL", parameters: 5 },
+    Model { id: 4, name: "OPENCV", parameters: 8 },
+    Model { id: 5, name: "OPENCV_FISHEYE", parameters: 8 },
+    Model { id: 6, name: "FULL_OPENCV", parameters: 12 },
+    Model { id: 7, name: "FOV", parameters: 5 },
+    Model { id: 8, name: "SIMPLE_RADIAL_FISHEYE", parameters: 4 },
+    Model { id: 9, name: "RADIAL_FISHEYE", parameters: 5 },
+    Model { id: 10, name: "THIN_PRISM_FISHEYE", parameters: 12 },
+];
+
+/// What is wrong in a file: the place and the problem.
+pub(super) type Defect = (String, String);
+
+/// The cameras of a model, in the order of its pictures, named after them. The model's world has to be the room's:
+/// metres, Z up, the floor at z = 0 (`colmap model_aligner` brings it there).
+///
+/// # Errors
+/// [`Error::Io`], or [`Error::Content`] naming the file, the place in it and the problem.
+pub fn read(dir: &Path) -> Result<Vec<RoomCamera>> {
+    let named = |name: &str| dir.join(name);
+    let (lens_file, picture_file, lenses, pictures) = if named("cameras.bin").is_file() {
+        let (lens_file, picture_file) = (named("cameras.bin"), named("images.bin"));
+        let (lenses, pictures) = (bytes_of(&lens_file)?, bytes_of(&picture_file)?);
+        (lens_file, picture_file, binary::lenses(&lenses), binary::pictures(&pictures))
+    } else if named("cameras.txt").is_file() {
+        let (lens_file, picture_file) = (named("cameras.txt"), named("images.txt"));
+        let (lenses, pictures) =
+            (calib::files::read_text(&lens_file)?, calib::files::read_text(&picture_file)?);
+        (lens_file, picture_file, text::lenses(&lenses), text::pictures(&pictures))
+    } else {
+        let problem =
+            "it holds no cameras.txt or cameras.bin, so it is no COLMAP model; name its folder `sparse/0`";
+        return Err(Error::content(dir, "folder", problem));
+    };
+    let lenses = lenses.map_err(|(place, problem)| Error::content(&lens_file, place, problem))?;
+    let pictures = pictures.map_err(|(place, problem)| Error::content(&picture_file, place, problem))?;
+    if pictures.is_empty() {
+        return Err(Error::content(&picture_file, "whole file", "it holds no image; no camera was placed"));
+    }
+    pictures
+        .iter()
+        .map(|picture| {
+            let place = format!("image `{}`", picture.name);
+            let wrong = |problem: String| Error::content(&picture_file, place.as_str(), problem);
+            let lens = lenses.iter().find(|lens| lens.id == picture.lens);
+            let lens = lens.ok_or_else(|| wrong(format!("there is no camera {}", picture.lens)))?;
+            let intrinsics = lens
+                .intrinsics()
+                .map_err(|problem| Error::content(&lens_file, format!("camera {}", lens.id), problem))?;
+            let camera_from_world = picture.pose().map_err(wrong)?;
+            let name =
+                Path::new(&picture.name).with_extension("").to_string_lossy().replace(['/', '\\', '='], "_");
+            Ok(RoomCamera { name, camera: Camera { intrinsics, camera_from_world }, reference: None })
+        })
+        .collect()
+}
+
+/// Writes the room as a model in text: its cameras, and its vertices or disc centres as points.
+///
+/// # Errors
+/// [`Error::Calib`] when a file cannot be written; then none is.
+pub fn write(dir: &Path, room: &Room) -> Result<()> {
+    let (mut cameras, mut images, mut points) = (
+        "# CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]\n".to_owned(),
+        "# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, then POINTS2D[]\n".to_owned(),
+        "# POINT3D_ID X Y Z R G B ERROR TRACK[]\n".to_owned(),
+    );
+    for (id, entry) in (1..).zip(&room.cameras) {
+        let k = &entry.camera.intrinsics;
+        let [k1, k2, p1, p2, k3]: [f64; 5] = k.distortion.into();
+        let (cx, cy) = (k.cx + CORNER_PX, k.cy + CORNER_PX);
+        let (model, more) = if k.distortion.is_none() {
+            ("PINHOLE", String::new())
+        } else if k3 == 0.0 {
+            ("OPENCV", format!(" {k1} {k2} {p1} {p2}"))
+        } else {
+            ("FULL_OPENCV", format!(" {k1} {k2} {p1} {p2} {k3} 0 0 0"))
+        };
+        // Writing into a string cannot fail.
+        let _ = writeln!(cameras, "{id} {model} {} {} {} {} {cx} {cy}{more}", k.width, k.height, k.fx, k.fy);
+        let pose = &entry.camera.camera_from_world;
+        let (q, t) = (pose.rotation.quaternion(), pose.translation.vector);
+        let _ = writeln!(
+            images,
+            "{id} {} {} {} {} {} {} {} {id} {}\n",
+            q.w,
+            q.i,
+            q.j,
+            q.k,
+            t.x,
+            t.y,
+            t.z,
+            picture_name(entry)
+        );
+    }
+    let mut point = |id: usize, p: glam::Vec3, [r, g, b]: [u8; 3]| {
+        let _ = writeln!(points, "{id} {} {} {} {r} {g} {b} 0", p.x, p.y, p.z);
+    };
+    match &room.geometry {
+        Some(Geometry::Mesh(mesh)) => {
+            (1..).zip(mesh.vertices.iter().zip(&mesh.colors)).for_each(|(id, (v, c))| point(id, *v, *c));
+        }
+        Some(Geometry::Discs(discs)) => (1..).zip(discs).for_each(|(id, d)| point(id, d.center, d.color)),
+        None => {}
+    }
+    let paths: [PathBuf; 3] = ["points3D.txt", "images.txt", "cameras.txt"].map(|name| dir.join(name));
+    Ok(calib::files::write_together(&[
+        (&paths[0], points.as_bytes()),
+        (&paths[1], images.as_bytes()),
+        (&paths[2], cameras.as_bytes()),
+    ])?)
+}
+
+/// The name of a camera's picture in other programs' files.
+pub(super) fn picture_name(camera: &RoomCamera) -> String {
+    let extension =
+        camera.reference.as_ref().and_then(|r| r.extension()).map(|e| e.to_string_lossy().into_owned());
+    format!("{}.{}", camera.name, extension.unwrap_or_else(|| "jpg".into()))
+}
+
+fn bytes_of(path: &Path) -> Result<Vec<u8>> {
+    std::fs::read(path).map_err(|source| Error::Io { path: path.to_owned(), source })
+}
+
+impl Lens {
+    fn intrinsics(&self) -> std::result::Result<Intrinsics, String> {
+        let p = &self.parameters;
+        let (fx, fy, cx, cy, distortion) = match self.model.name {
+            "SIMPLE_PINHOLE" => (p[0], p[0], p[1], p[2], [0.0; 5]),
+            "PINHOLE" => (p[0], p[1], p[2], p[3], [0.0; 5]),
+            "SIMPLE_RADIAL" => (p[0], p[0], p[1], p[2], [p[3], 0.0, 0.0, 0.0, 0.0]),
+            "RADIAL" => (p[0], p[0], p[1], p[2], [p[3], p[4], 0.0, 0.0, 0.0]),
+            "OPENCV" => (p[0], p[1], p[2], p[3], [p[4], p[5], p[6], p[7], 0.0]),
+            "FULL_OPENCV" if p[9..] == [0.0; 3] => (p[0], p[1], p[2], p[3], [p[4], p[5], p[6], p[7], p[8]]),
+            name => {
+                return Err(format!(
+                    "the model {name} is not known here; make pinhole pictures with `colmap image_undistorter`"
+                ));
+            }
+        };
+        let side =
+            |pixels: u64| u32::try_from(pixels).map_err(|_| format!("{pixels} pixels are no image's side"));
+        let (width, height) = (side(self.width)?, side(self.height)?);
+        let (cx, cy) = (cx - CORNER_PX, cy - CORNER_PX);
+        let intrinsics = Intrinsics { width, height, fx, fy, cx, cy, distortion: distortion.into() };
+        intrinsics.validate().map_err(|e| e.to_string())?;
+        Ok(intrinsics)
+    }
+}
+
+impl Picture {
+    fn pose(&self) -> std::result::Result<Isometry3<f64>, String> {
+        let [w, x, y, z] = self.rotation;
+        let quaternion = Quaternion::new(w, x, y, z);
+        if !((quaternion.norm() - 1.0).abs() < 1e-3 && self.translation.iter().all(|t| t.is_finite())) {
+            return Err("its pose is no rotation (a quaternion of length 1) and finite translation".into());
+        }
+        Ok(Isometry3::from_parts(
+            Translation3::from(self.translation),
+            UnitQuaternion::from_quaternion(quaternion),
+        ))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::synthetic::RoomOptions;
+    use approx::assert_relative_eq;
+
+    fn room() -> Room {
+        let mut room = RoomOptions { cameras: 3, ..RoomOptions::default() }.build().unwrap().room;
+        room.cameras[1].camera.intrinsics.distortion = [-0.2, 0.1, 1e-3, -2e-3, 0.0].into();
+        room.cameras[2].camera.intrinsics.distortion = [-0.2, 0.1, 1e-3, -2e-3, 0.05].into();
+        room
+    }
+
+    fn same(found: &[RoomCamera], expected: &[RoomCamera]) {
+        assert_eq!(found.len(), expected.len());
+        for (f, e) in found.iter().zip(expected) {
+            let (a, b) = (&f.camera.intrinsics, &e.camera.intrinsics);
+            assert_eq!(
+                (&f.name, a.width, a.height, a.distortion),
+                (&e.name, b.width, b.height, b.distortion)
+            );
+            assert_relative_eq!(a.matrix(), b.matrix(), epsilon = 1e-9);
+            assert_relative_eq!(f.camera.camera_from_world, e.camera.camera_from_world, epsilon = 1e-12);
+        }
+    }
+
+    #[test]
+    fn text_comes_back() {
+        let (folder, room) = (tempfile::tempdir().unwrap(), room());
+        write(folder.path(), &room).unwrap();
+        same(&read(folder.path()).unwrap(), &room.cameras);
+        let points = std::fs::read_to_string(folder.path().join("points3D.txt")).unwrap();
+        let Some(Geometry::Mesh(mesh)) = &room.geometry else { unreachable!() };
+        assert_eq!(points.lines().count(), 1 + mesh.vertices.len());
+    }
+
+    /// The binary form, written here after COLMAP's description of it.
+    fn binary_model(dir: &Path, cameras: &[RoomCamera]) {
+        let count = (cameras.len() as u64).to_le_bytes();
+        let (mut lenses, mut images) = (count.to_vec(), count.to_vec());
+        for (id, entry) in (7_u32..).zip(cameras) {
+            let k = &entry.camera.intrinsics;
+            let [k1, k2, p1, p2, k3]: [f64; 5] = k.distortion.into();
+            lenses.extend(id.to_le_bytes());
+            lenses.extend(6_i32.to_le_bytes());
+            lenses.extend([k.width, k.height].map(u64::from).map(u64::to_le_bytes).concat());
+            let parameters = [k.fx, k.fy, k.cx + 0.5, k.cy + 0.5, k1, k2, p1, p2, k3, 0.0, 0.0, 0.0];
+            lenses.extend(parameters.map(f64::to_le_bytes).concat());
+            let (q, t) =
+                (entry.camera.camera_from_world.rotation, entry.camera.camera_from_world.translation);
+            images.extend(id.to_le_bytes());
+            images.extend([q.w, q.i, q.j, q.k, t.x, t.y, t.z].map(f64::to_le_bytes).concat());
+            images.extend(id.to_le_bytes());
+            images.extend(format!("{}.jpg\0", entry.name).as_bytes());
+            images.extend(2_u64.to_le_bytes());
+            images.extend([0_u8; 48]);
+        }
+        std::fs::write(dir.join("cameras.bin"), lenses).unwrap();
+        std::fs::write(dir.join("images.bin"), images).unwrap();
+    }
+
+    #[test]
+    fn binary_is_read_and_every_cut_of_it_refused() {
+        let (folder, room) = (tempfile::tempdir().unwrap(), room());
+        binary_model(folder.path(), &room.cameras);
+        same(&read(folder.path()).unwrap(), &room.cameras);
+        for name in ["cameras.bin", "images.bin"] {
+            let path = folder.path().join(name);
+            let whole = std::fs::read(&path).unwrap();
+            for length in (0..whole.len()).step_by(3) {
+                std::fs::write(&path, &whole[..length]).unwrap();
+                let line = read(folder.path()).unwrap_err().to_string();
+                assert!(line.contains(name) && !line.contains('\n'), "{line}");
+            }
+            let mut many = whole.clone();
+            many[..8].fill(0xff);
+            std::fs::write(&path, many).unwrap();
+            assert!(read(folder.path()).is_err());
+            std::fs::write(&path, whole).unwrap();
+        }
+    }
+
+    #[test]
+    fn what_is_wrong_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let said = || read(folder.path()).unwrap_err().to_string();
+        assert!(said().contains("no COLMAP model"));
+        let put = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+        let lens = "# a comment\n1 PINHOLE 64 48 60 60 32 24\n";
+        let image = "1 1 0 0 0 0 1.2 3 1 left.png\n\n";
+        put("cameras.txt", lens);
+        assert!(said().contains("images.txt"));
+        put("images.txt", image);
+        assert_eq!(read(folder.path()).unwrap()[0].name, "left");
+        for (from, to, words) in [
+            ("PINHOLE", "OPENCV_FISHEYE", &["cameras.txt", "line 2", "8"][..]),
+            ("PINHOLE", "PINOLE", &["cameras.txt", "line 2", "PINOLE"]),
+            ("60 60 32 24", "60 nan 32 24", &["cameras.txt", "camera 1", "positive"]),
+            ("60 60 32 24", "60 60 32", &["cameras.txt", "line 2", "4"]),
+            ("64 48", "0 48", &["cameras.txt", "camera 1", "empty"]),
+        ] {
+            put("cameras.txt", &lens.replace(from, to));
+            let line = said();
+            assert!(words.iter().all(|word| line.contains(word)), "{line}");
+        }
+        put("cameras.txt", lens);
+        for (from, to, words) in [
+            ("1 1 0 0 0 0", "1 2 0 0 0 0", &["images.txt", "`left.png`", "rotation"][..]),
+            ("3 1 left", "nan 1 left", &["images.txt", "finite"]),
+            ("3 1 left", "3 5 left", &["images.txt", "camera 5"]),
+            (" left.png", "", &["images.txt", "line 1"]),
+            (image, "", &["images.txt", "no image"]),
+        ] {
+            put("images.txt", &image.replace(from, to));
+            let line = said();
+            assert!(words.iter().all(|word| line.contains(word)), "{line}");
+        }
+        put("images.txt", image);
+        put("cameras.txt", "1 FOV 64 48 60 60 32 24 0.1\n");
+        assert!(said().contains("image_undistorter"));
+    }
+}

@@ -1,0 +1,84 @@
+//! `cameras.txt` and `images.txt` of a COLMAP model.
+
+use std::str::{FromStr, SplitWhitespace};
+
+use super::colmap::{Defect, Lens, MODELS, Picture};
+
+type Parsed<T> = Result<T, Defect>;
+
+/// A line's words, one after the other.
+struct Words<'a> {
+    line: usize,
+    words: SplitWhitespace<'a>,
+}
+
+impl<'a> Words<'a> {
+    fn wrong(&self, problem: impl Into<String>) -> Defect {
+        (format!("line {}", self.line), problem.into())
+    }
+
+    fn word(&mut self, what: &str) -> Parsed<&'a str> {
+        self.words.next().ok_or_else(|| (format!("line {}", self.line), format!("{what} is missing")))
+    }
+
+    fn number<T: FromStr>(&mut self, what: &str) -> Parsed<T> {
+        let word = self.word(what)?;
+        word.parse().map_err(|_| self.wrong(format!("`{word}` is no {what}")))
+    }
+}
+
+/// The lines that are no comments, counted from 1.
+fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
+    (1..).zip(text.lines().map(str::trim)).filter(|(_, line)| !line.starts_with('#'))
+}
+
+pub(super) fn lenses(text: &str) -> Parsed<Vec<Lens>> {
+    lines(text).filter(|(_, line)| !line.is_empty()).map(|(line, text)| lens(line, text)).collect()
+}
+
+fn lens(line: usize, text: &str) -> Parsed<Lens> {
+    let mut words = Words { line, words: text.split_whitespace() };
+    let id = words.number("camera number")?;
+    let name = words.word("camera model")?;
+    let model = MODELS.iter().find(|m| m.name == name);
+    let model = model.ok_or_else(|| words.wrong(format!("`{name}` is no camera model that is known")))?;
+    let (width, height) = (words.number("width")?, words.number("height")?);
+    let mut parameters = Vec::with_capacity(model.parameters);
+    while let Some(word) = words.words.next() {
+        let value = word.parse::<f64>().map_err(|_| words.wrong(format!("`{word}` is no number")))?;
+        parameters.push(value);
+    }
+    if parameters.len() != model.parameters {
+        let problem = format!("{name} has {} parameters, here are {}", model.parameters, parameters.len());
+        return Err(words.wrong(problem));
+    }
+    Ok(Lens { id, model, width, height, parameters })
+}
+
+/// Two lines a picture: the second, its points, may be empty.
+pub(super) fn pictures(text: &str) -> Parsed<Vec<Picture>> {
+    let mut pictures = Vec::new();
+    let mut lines = lines(text);
+    while let Some((line, text)) = lines.next() {
+        if text.is_empty() {
+            continue;
+        }
+        let mut words = Words { line, words: text.split_whitespace() };
+        let _: u32 = words.number("image number")?;
+        let mut numbers = [0.0; 7];
+        for value in &mut numbers {
+            *value = words.number("number of a pose")?;
+        }
+        let [w, x, y, z, tx, ty, tz] = numbers;
+        let lens = words.number("camera number")?;
+        // A name may hold spaces.
+        let mut name = words.word("name")?.to_owned();
+        for word in words.words {
+            name.push(' ');
+            name.push_str(word);
+        }
+        pictures.push(Picture { name, lens, rotation: [w, x, y, z], translation: [tx, ty, tz] });
+        lines.next();
+    }
+    Ok(pictures)
+}
