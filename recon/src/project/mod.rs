@@ -87,7 +87,7 @@ impl Project {
     /// Reads and checks a project file and the intrinsics files it names. Captures are only looked for, not read.
     ///
     /// # Errors
-    /// [`Error::Content`] naming the table and key at fault, or [`Error::Calib`] for a file that cannot be read or
+    /// [`crate::Error::Content`] naming the table and key at fault, or [`crate::Error::Calib`] for a file that cannot be read or
     /// parsed.
     pub fn read(path: &Path) -> Result<Self> {
         let file: ProjectFile = calib::files::read_toml(path)?;
