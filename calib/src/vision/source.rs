@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use image::RgbImage;
+use image::{DynamicImage, Rgb, RgbImage};
 use opencv::core::Mat;
 use opencv::prelude::*;
 use opencv::{imgproc, videoio};
@@ -164,7 +164,7 @@ impl FrameSource {
         match &mut self.backend {
             Backend::Folder(paths) => {
                 let Some(path) = paths.get(self.delivered) else { return Ok(false) };
-                let image = image::open(path).map_err(|e| unreadable(path, &e))?.into_rgb8();
+                let image = in_colour(image::open(path).map_err(|e| unreadable(path, &e))?);
                 if image.dimensions() != (width, height) {
                     return Err(wrong_size(path, "image", image.dimensions(), (width, height)));
                 }
@@ -264,6 +264,17 @@ fn unreadable(path: &Path, error: &image::ImageError) -> Error {
 
 fn wrong_size(path: &Path, place: &str, (w, h): (u32, u32), (width, height): (u32, u32)) -> Error {
     content(path, place, &format!("is {w} × {h}, the frames before it are {width} × {height}"))
+}
+
+/// The picture in three channels. Grey ones (masks) are copied three times: `image` converts their colour space pixel by
+/// pixel, which takes longer than everything else that is done with a mask.
+fn in_colour(picture: DynamicImage) -> RgbImage {
+    match picture {
+        DynamicImage::ImageLuma8(grey) => {
+            RgbImage::from_fn(grey.width(), grey.height(), |x, y| Rgb([grey.get_pixel(x, y)[0]; 3]))
+        }
+        other => other.into_rgb8(),
+    }
 }
 
 #[cfg(test)]
