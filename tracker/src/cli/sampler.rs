@@ -25,7 +25,7 @@ enum AcceptanceName {
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Sampler (--method mcmc)")]
 pub(super) struct SamplerArguments {
-    /// Steps a frame, half of them burn-in; more where there are more than five people.
+    /// Steps a frame, half of them burn-in; more where there are more than three people.
     #[arg(long, value_name = "N")]
     steps: Option<u32>,
     /// How masks are compared.

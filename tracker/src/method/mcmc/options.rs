@@ -138,7 +138,7 @@ impl Default for McmcOptions {
             seed: 1,
             burn_in_steps: 100,
             kept_steps: 100,
-            steps_per_person: 40,
+            steps_per_person: 33,
             moves: MoveWeights::default(),
             likelihood: Rule::Bernoulli { inside: 0.9, rim: 0.5, outside: 0.02, independent_pixels: 40.0 },
             acceptance: Acceptance::ReversibleJump,

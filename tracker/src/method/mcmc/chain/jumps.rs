@@ -1,0 +1,134 @@
+//! The moves that change how many people there are: ADD (somebody new, or a deletion taken back) and DELETE.
+
+use rand::RngExt;
+use rand_pcg::Pcg64Mcg;
+
+use super::super::options::Acceptance;
+use super::super::person::Person;
+use super::{Chain, Move, accepted, is_a_size};
+use crate::silhouette::{Body, Silhouette};
+
+/// With what probability ADD takes a deletion back, when there is one to take back.
+pub(super) const REVIVE: f64 = 0.5;
+
+impl Chain<'_> {
+    /// ADD somebody new.
+    pub(super) fn bear(&mut self, rng: &mut Pcg64Mcg) {
+        let options = self.setting.options;
+        if self.setting.births.is_empty() {
+            return;
+        }
+        let place = self.setting.births.sample(options.informed_births, rng);
+        let body = Body {
+            x_m: place.x,
+            y_m: place.y,
+            radius_m: options.radius.sample(rng),
+            height_m: options.height.sample(rng),
+        };
+        let floor = self.setting.floor;
+        let allowed = self.setting.settling || floor.may_appear(body.x_m, body.y_m);
+        if !allowed || !is_a_size(&body) || !floor.is_standable(body.x_m, body.y_m) {
+            return;
+        }
+        let likelihood = self.likelihood_of(None, Some(&body));
+        let mut log_ratio = likelihood - self.log_likelihood + self.crowding(&body, None);
+        if options.acceptance == Acceptance::ReversibleJump {
+            // The size is drawn from its prior: the two cancel. Somebody born now can be deleted wherever they are.
+            let density = self.setting.births.density(body.x_m, body.y_m, options.informed_births);
+            let new = if self.gone.is_empty() { 1.0 } else { 1.0 - REVIVE };
+            let (k, d) = (self.people.len(), self.deletable());
+            let forth = self.probability_of(Move::Add, k, d) * new * density;
+            let back = self.probability_of(Move::Delete, k + 1, d + 1) / (d + 1) as f64;
+            log_ratio += self.setting.log_birth_density + back.ln() - forth.ln();
+        }
+        if accepted(log_ratio, rng) {
+            let key = *self.next_key;
+            *self.next_key += 1;
+            let person = Person { key, body, silhouettes: Vec::new(), known: None, tentative: true };
+            self.take_in(person, likelihood);
+        }
+    }
+
+    /// ADD: take back the deletion of somebody known.
+    pub(super) fn revive(&mut self, rng: &mut Pcg64Mcg) {
+        let which = rng.random_range(0..self.gone.len());
+        let person = &self.gone[which];
+        let Some(known) = &person.known else { return };
+        let place = known.place.sample(rng);
+        let body = Body {
+            x_m: place.x,
+            y_m: place.y,
+            radius_m: known.radius.sample(rng),
+            height_m: known.height.sample(rng),
+        };
+        let floor = self.setting.floor;
+        let log_odds = known.log_odds;
+        // Where DELETE could not have taken them from, ADD cannot put them.
+        let reversible = self.is_deletable(person, &body);
+        if !reversible || !is_a_size(&body) || !floor.is_standable(body.x_m, body.y_m) {
+            return;
+        }
+        let likelihood = self.likelihood_of(None, Some(&body));
+        let mut log_ratio = likelihood - self.log_likelihood + self.crowding(&body, None);
+        if self.setting.options.acceptance == Acceptance::ReversibleJump {
+            let (k, d) = (self.people.len(), self.deletable());
+            let forth = self.probability_of(Move::Add, k, d) * REVIVE / self.gone.len() as f64;
+            let back = self.probability_of(Move::Delete, k + 1, d + 1) / (d + 1) as f64;
+            log_ratio += log_odds + back.ln() - forth.ln();
+        }
+        if accepted(log_ratio, rng) {
+            let mut person = self.gone.swap_remove(which);
+            person.body = body;
+            self.take_in(person, likelihood);
+        }
+    }
+
+    /// The proposed body becomes a person of the state.
+    fn take_in(&mut self, mut person: Person, likelihood: f64) {
+        self.simulation.commit(None, Some(&self.proposed));
+        self.log_likelihood = likelihood;
+        let spare =
+            self.spare.pop().unwrap_or_else(|| vec![Silhouette::default(); self.setting.layers.count()]);
+        person.silhouettes = std::mem::replace(&mut self.proposed, spare);
+        self.people.push(person);
+    }
+
+    /// DELETE.
+    pub(super) fn delete(&mut self, rng: &mut Pcg64Mcg) {
+        let deletable = self.deletable();
+        let nth = rng.random_range(0..deletable.max(1));
+        let Some(which) = (0..self.people.len())
+            .filter(|i| self.is_deletable(&self.people[*i], &self.people[*i].body))
+            .nth(nth)
+        else {
+            return;
+        };
+        let options = self.setting.options;
+        let likelihood = self.likelihood_of(Some(which), None);
+        let (person, body) = (&self.people[which], self.people[which].body);
+        let mut log_ratio = likelihood - self.log_likelihood - self.crowding(&body, Some(which));
+        if options.acceptance == Acceptance::ReversibleJump {
+            let k = self.people.len();
+            let forth = self.probability_of(Move::Delete, k, deletable) / deletable as f64;
+            let add = self.probability_of(Move::Add, k - 1, deletable - 1);
+            log_ratio += if let Some(known) = &person.known {
+                let back = add * REVIVE / (self.gone.len() + 1) as f64;
+                back.ln() - forth.ln() - known.log_odds
+            } else {
+                let new = if self.gone.is_empty() { 1.0 } else { 1.0 - REVIVE };
+                let density = self.setting.births.density(body.x_m, body.y_m, options.informed_births);
+                let back = add * new * density;
+                back.ln() - forth.ln() - self.setting.log_birth_density
+            };
+        }
+        if accepted(log_ratio, rng) {
+            let mut person = self.people.swap_remove(which);
+            self.simulation.commit(Some(&person.silhouettes), None);
+            self.log_likelihood = likelihood;
+            self.spare.push(std::mem::take(&mut person.silhouettes));
+            if person.known.is_some() {
+                self.gone.push(person);
+            }
+        }
+    }
+}

@@ -1,0 +1,71 @@
+//! Who is who among the people of a state: labels that no pixel sees.
+
+use rand::RngExt;
+use rand_pcg::Pcg64Mcg;
+
+use super::super::options::Acceptance;
+use super::super::person::{Known, Person};
+use super::{Chain, accepted, log_size};
+use crate::silhouette::Body;
+
+/// Probability that a step also tries to exchange the label of somebody born now.
+pub(super) const RELABEL: f64 = 0.1;
+
+impl Chain<'_> {
+    /// Somebody born now may be somebody deleted now, who went farther than the chain's steps: exchanges the labels, which
+    /// no pixel sees. Comes on top of a step and costs next to nothing.
+    pub(super) fn relabel(&mut self, rng: &mut Pcg64Mcg) {
+        if self.setting.options.acceptance == Acceptance::Published {
+            return;
+        }
+        let known: Vec<usize> = (0..self.people.len()).filter(|i| self.people[*i].known.is_some()).collect();
+        let new: Vec<usize> = (0..self.people.len()).filter(|i| self.people[*i].known.is_none()).collect();
+        let (options, births) = (self.setting.options, self.setting.log_birth_density);
+        // How much more likely a body is as this known person than as somebody born now.
+        let advantage = |known: &Known, body: &Body| {
+            known.log_odds + known.log_density(body)
+                - births
+                - log_size(&options.radius, &options.height, body)
+        };
+        if rng.random::<bool>() {
+            if new.is_empty() || self.gone.is_empty() {
+                return;
+            }
+            let (n, g) = (new[rng.random_range(0..new.len())], rng.random_range(0..self.gone.len()));
+            let Some(of_gone) = &self.gone[g].known else { return };
+            let log_ratio = advantage(of_gone, &self.people[n].body)
+                + (new.len() as f64).ln()
+                + (self.gone.len() as f64).ln()
+                - ((known.len() + 1) as f64).ln();
+            if accepted(log_ratio, rng) {
+                let back = self.gone.swap_remove(g);
+                let person = &mut self.people[n];
+                (person.key, person.known, person.tentative) = (back.key, back.known, back.tentative);
+            }
+        } else {
+            if known.is_empty() {
+                return;
+            }
+            let k = known[rng.random_range(0..known.len())];
+            let person = &self.people[k];
+            let body = person.body;
+            let floor = self.setting.floor;
+            let reversible = self.is_deletable(person, &body)
+                && (self.setting.settling || floor.may_appear(body.x_m, body.y_m));
+            let Some(of_person) = person.known.as_ref().filter(|_| reversible) else { return };
+            let log_ratio = (known.len() as f64).ln()
+                - advantage(of_person, &body)
+                - ((new.len() + 1) as f64).ln()
+                - ((self.gone.len() + 1) as f64).ln();
+            if accepted(log_ratio, rng) {
+                let key = *self.next_key;
+                *self.next_key += 1;
+                let person = &mut self.people[k];
+                let mut left = Person { key, body, silhouettes: Vec::new(), known: None, tentative: true };
+                std::mem::swap(person, &mut left);
+                std::mem::swap(&mut person.silhouettes, &mut left.silhouettes);
+                self.gone.push(left);
+            }
+        }
+    }
+}

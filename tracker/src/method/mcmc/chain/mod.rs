@@ -1,0 +1,211 @@
+//! The Markov chain of one moment: state, moves, acceptance (seed 001, sections 3.3.1 to 3.3.4).
+//!
+//! The target is `V(S) · R(S) · E(S)` times, under reversible jump, what was known before looking:
+//!
+//! ```text
+//! people known from the last moment:  P(still there) · N(place; prediction) · N(r) · N(h)    or, deleted, P(gone)
+//! people born now:                    births · dt / region area         · N(r) · N(h)
+//! ```
+//!
+//! A jump that adds a person and the one that deletes them are each other's reverse, and the acceptance carries the ratio
+//! of their proposal probabilities (Green 2003; Khan, Balch & Dellaert 2005). ADD either bears somebody new or takes a
+//! deletion of this moment back, so that a person who is deleted on the way keeps their identity when they return.
+//!
+//! * [`jumps`] — ADD and DELETE; [`updates`] — UPDATE-P and UPDATE-S; [`labels`] — who of those born is who was deleted.
+
+mod jumps;
+mod labels;
+mod updates;
+
+use rand::RngExt;
+use rand_pcg::Pcg64Mcg;
+
+use super::births::BirthMap;
+use super::options::{Acceptance, McmcOptions, Spread};
+use super::person::{Key, Person};
+use crate::likelihood::prior::{LOG_IMPOSSIBLE, log_separation};
+use crate::likelihood::{Counts, Layers, Simulation};
+use crate::silhouette::{Body, Silhouette};
+use crate::stage::Floor;
+
+/// Sizes outside these are nobody's.
+const RADII_M: std::ops::RangeInclusive<f64> = 0.10..=0.60;
+const HEIGHTS_M: std::ops::RangeInclusive<f64> = 0.8..=2.3;
+
+/// What stays the same during a moment.
+pub(super) struct Setting<'a> {
+    pub(super) floor: &'a Floor,
+    pub(super) layers: &'a Layers,
+    pub(super) options: &'a McmcOptions,
+    /// Where ADD may put people, weighed for this moment.
+    pub(super) births: &'a BirthMap,
+    /// Where foreground is left over by the predicted people; `None` when it is too little to be a person.
+    pub(super) unexplained: Option<&'a BirthMap>,
+    /// People may appear anywhere.
+    pub(super) settling: bool,
+    /// Pixels of a typical silhouette, one entry a layer.
+    pub(super) typical_px: &'a [f64],
+    /// What multiplies `log R`. As published, R stands beside a V that goes from 0 to 1; beside a V that counts for
+    /// hundreds of nats it has to weigh as much more.
+    pub(super) repulsion_weight: f64,
+    /// Expected births of this moment per m² of the region.
+    pub(super) log_birth_density: f64,
+}
+
+/// The state and what is kept about it.
+pub(super) struct Chain<'a> {
+    setting: Setting<'a>,
+    simulation: &'a mut Simulation,
+    /// Who is there.
+    pub(super) people: Vec<Person>,
+    /// Who was there at the last moment and has been deleted since.
+    pub(super) gone: Vec<Person>,
+    /// `log V` of the state.
+    log_likelihood: f64,
+    next_key: &'a mut Key,
+    /// Silhouettes of the proposed body.
+    proposed: Vec<Silhouette>,
+    /// Memory of silhouettes no longer used.
+    spare: Vec<Vec<Silhouette>>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Move {
+    Add,
+    Delete,
+    Position,
+    Size,
+}
+
+impl<'a> Chain<'a> {
+    /// Starts from the predicted people. The simulation has the moment's masks and their bodies.
+    pub(super) fn new(
+        setting: Setting<'a>,
+        simulation: &'a mut Simulation,
+        people: Vec<Person>,
+        next_key: &'a mut Key,
+    ) -> Self {
+        let proposed = vec![Silhouette::default(); setting.layers.count()];
+        let mut chain = Self {
+            setting,
+            simulation,
+            people,
+            gone: Vec::new(),
+            log_likelihood: 0.0,
+            next_key,
+            proposed,
+            spare: Vec::new(),
+        };
+        chain.log_likelihood = chain.rule_of(chain.simulation.counts());
+        chain
+    }
+
+    /// One step: a move is chosen, proposed, and taken or not.
+    pub(super) fn step(&mut self, rng: &mut Pcg64Mcg) {
+        if rng.random::<f64>() < labels::RELABEL {
+            self.relabel(rng);
+        }
+        let mut mark = rng.random::<f64>();
+        for (kind, probability) in self.moves(self.people.len(), self.deletable()) {
+            mark -= probability;
+            if mark < 0.0 {
+                match kind {
+                    Move::Add if !self.gone.is_empty() && rng.random::<f64>() < jumps::REVIVE => {
+                        self.revive(rng);
+                    }
+                    Move::Add => self.bear(rng),
+                    Move::Delete => self.delete(rng),
+                    Move::Position => self.update_position(rng),
+                    Move::Size => self.update_size(rng),
+                }
+                return;
+            }
+        }
+    }
+
+    /// The moves on offer and their probabilities, for a state of so many people of whom so many can be deleted.
+    fn moves(&self, people: usize, deletable: usize) -> [(Move, f64); 4] {
+        let w = &self.setting.options.moves;
+        let full = people >= self.setting.options.max_people || self.setting.births.is_empty();
+        let weights = if people == 0 {
+            // ADD is always chosen when there is nobody; where nobody can be born, only a deletion can be taken back.
+            [1.0, 0.0, 0.0, 0.0]
+        } else {
+            [if full { 0.0 } else { w.add }, if deletable == 0 { 0.0 } else { w.delete }, w.position, w.size]
+        };
+        let sum: f64 = weights.iter().sum();
+        let kinds = [Move::Add, Move::Delete, Move::Position, Move::Size];
+        std::array::from_fn(|i| (kinds[i], weights[i] / sum))
+    }
+
+    fn probability_of(&self, wanted: Move, people: usize, deletable: usize) -> f64 {
+        self.moves(people, deletable).iter().filter(|(kind, _)| *kind == wanted).map(|(_, p)| p).sum()
+    }
+
+    fn is_deletable(&self, person: &Person, body: &Body) -> bool {
+        person.tentative || self.setting.floor.may_disappear(body.x_m, body.y_m)
+    }
+
+    fn deletable(&self) -> usize {
+        self.people.iter().filter(|p| self.is_deletable(p, &p.body)).count()
+    }
+
+    /// E of one body, and under reversible jump its motion and size prior.
+    fn log_prior(&self, which: usize, body: &Body) -> f64 {
+        let (person, floor) = (&self.people[which], self.setting.floor);
+        let mut log = if floor.is_standable(body.x_m, body.y_m) { 0.0 } else { LOG_IMPOSSIBLE };
+        if self.setting.options.acceptance == Acceptance::ReversibleJump {
+            log += match &person.known {
+                Some(known) => {
+                    known.place.log_density(body.x_m, body.y_m) + log_size(&known.radius, &known.height, body)
+                }
+                None if self.setting.settling || floor.may_appear(body.x_m, body.y_m) => {
+                    log_size(&self.setting.options.radius, &self.setting.options.height, body)
+                }
+                None => LOG_IMPOSSIBLE,
+            };
+        }
+        log
+    }
+
+    /// `log R` of one body against the others, in proportion to `log V`.
+    fn crowding(&self, body: &Body, except: Option<usize>) -> f64 {
+        let lambda = self.setting.options.repulsion_per_m;
+        let others = self.people.iter().enumerate().filter(|(i, _)| Some(*i) != except);
+        let log_r: f64 = others.map(|(_, p)| log_separation(body, &p.body, lambda)).sum();
+        (self.setting.repulsion_weight * log_r).max(LOG_IMPOSSIBLE)
+    }
+
+    /// Draws the proposal (into `proposed`) and works out its `log V`.
+    fn likelihood_of(&mut self, old: Option<usize>, new: Option<&Body>) -> f64 {
+        if let Some(body) = new {
+            for (layer, silhouette) in self.proposed.iter_mut().enumerate() {
+                if self.simulation.in_use(layer) {
+                    self.setting.layers.draw(layer, body, silhouette);
+                }
+            }
+        }
+        let old = old.map(|i| self.people[i].silhouettes.as_slice());
+        self.simulation.try_change(old, new.map(|_| self.proposed.as_slice()));
+        self.rule_of(self.simulation.tried())
+    }
+
+    fn rule_of(&self, counts: impl Iterator<Item = Option<Counts>>) -> f64 {
+        let Setting { layers, typical_px, options, .. } = &self.setting;
+        let used = counts.enumerate().filter_map(|(i, c)| Some((layers.shape(i), c?, typical_px[i])));
+        options.likelihood.log_likelihood(used)
+    }
+}
+
+pub(super) fn log_size(radius: &Spread, height: &Spread, body: &Body) -> f64 {
+    radius.log_density(body.radius_m) + height.log_density(body.height_m)
+}
+
+fn is_a_size(body: &Body) -> bool {
+    RADII_M.contains(&body.radius_m) && HEIGHTS_M.contains(&body.height_m)
+}
+
+/// The Metropolis–Hastings decision.
+fn accepted(log_ratio: f64, rng: &mut Pcg64Mcg) -> bool {
+    log_ratio >= 0.0 || rng.random::<f64>() < log_ratio.exp()
+}

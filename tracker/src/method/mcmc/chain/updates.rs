@@ -1,0 +1,103 @@
+//! The moves that change one of the people: UPDATE-P (the place) and UPDATE-S (the size).
+
+use rand::RngExt;
+use rand_distr::StandardNormal;
+use rand_pcg::Pcg64Mcg;
+
+use super::super::options::Acceptance;
+use super::{Chain, accepted, is_a_size};
+use crate::likelihood::prior::LOG_IMPOSSIBLE;
+use crate::silhouette::Body;
+
+/// The part of the jumps to left-over foreground that go by its weight; the rest, so that every jump has its way back, go
+/// anywhere.
+const TO_LEFT_OVER: f64 = 0.9;
+/// Standard deviation of a step along a line of sight: the direction in which one camera alone knows least.
+const LINE_OF_SIGHT_STEP_M: f64 = 0.15;
+
+impl Chain<'_> {
+    /// UPDATE-P: a step of one of three lengths, or, for somebody known, a place drawn from the prediction or a step along
+    /// a line of sight.
+    pub(super) fn update_position(&mut self, rng: &mut Pcg64Mcg) {
+        let which = rng.random_range(0..self.people.len());
+        let (kernel, person) = (rng.random::<f64>(), &self.people[which]);
+        let mut body = person.body;
+        let reversible = self.setting.options.acceptance == Acceptance::ReversibleJump;
+        let mut log_proposal_ratio = 0.0;
+        match &person.known {
+            Some(known) if reversible && kernel < 0.1 => {
+                let place = known.place.sample(rng);
+                log_proposal_ratio =
+                    known.place.log_density(body.x_m, body.y_m) - known.place.log_density(place.x, place.y);
+                (body.x_m, body.y_m) = (place.x, place.y);
+            }
+            Some(known) if kernel < 0.3 => {
+                // Along the line of sight of some camera, as seen to the prediction so that there and back are alike.
+                let views = self.setting.layers.views();
+                let eye = views[rng.random_range(0..views.len())].center.xy().coords;
+                let along = known.place.mean() - eye;
+                let length: f64 = rng.sample(StandardNormal);
+                let step = along / along.norm().max(1e-6) * (length * LINE_OF_SIGHT_STEP_M);
+                body.x_m += step.x;
+                body.y_m += step.y;
+            }
+            Some(_) if kernel < 0.35 && self.setting.unexplained.is_some() => {
+                // To where foreground is left over: whoever was lost is found again.
+                let Some(map) = self.setting.unexplained else { return };
+                let place = map.sample(TO_LEFT_OVER, rng);
+                log_proposal_ratio = map.density(body.x_m, body.y_m, TO_LEFT_OVER).ln()
+                    - map.density(place.x, place.y, TO_LEFT_OVER).ln();
+                (body.x_m, body.y_m) = (place.x, place.y);
+            }
+            _ => {
+                let scale = if kernel < 0.5 {
+                    1.0 / 3.0
+                } else if kernel < 0.85 {
+                    1.0
+                } else {
+                    3.0
+                };
+                let step = self.setting.options.position_step_m * scale;
+                let (dx, dy): (f64, f64) = (rng.sample(StandardNormal), rng.sample(StandardNormal));
+                body.x_m += step * dx;
+                body.y_m += step * dy;
+            }
+        }
+        self.update(which, body, log_proposal_ratio, rng);
+    }
+
+    /// UPDATE-S.
+    pub(super) fn update_size(&mut self, rng: &mut Pcg64Mcg) {
+        let which = rng.random_range(0..self.people.len());
+        let mut body = self.people[which].body;
+        let (dr, dh): (f64, f64) = (rng.sample(StandardNormal), rng.sample(StandardNormal));
+        body.radius_m += self.setting.options.radius_step_m * dr;
+        body.height_m += self.setting.options.height_step_m * dh;
+        self.update(which, body, 0.0, rng);
+    }
+
+    /// Takes `body` for one of the people, or not.
+    fn update(&mut self, which: usize, body: Body, log_proposal_ratio: f64, rng: &mut Pcg64Mcg) {
+        let old = self.people[which].body;
+        if !is_a_size(&body) {
+            return;
+        }
+        let prior = self.log_prior(which, &body);
+        let old_prior = self.log_prior(which, &old);
+        if prior <= LOG_IMPOSSIBLE && old_prior > LOG_IMPOSSIBLE {
+            return;
+        }
+        let likelihood = self.likelihood_of(Some(which), Some(&body));
+        let log_ratio = likelihood - self.log_likelihood + prior - old_prior
+            + self.crowding(&body, Some(which))
+            - self.crowding(&old, Some(which))
+            + log_proposal_ratio;
+        if accepted(log_ratio, rng) {
+            self.simulation.commit(Some(&self.people[which].silhouettes), Some(&self.proposed));
+            self.log_likelihood = likelihood;
+            let person = &mut self.people[which];
+            person.body = body;
+            std::mem::swap(&mut person.silhouettes, &mut self.proposed);
+        }
+    }
+}
