@@ -15,6 +15,30 @@ impl Polygon {
         Self(vec![a, Point2::new(b.x, a.y), b, Point2::new(a.x, b.y)])
     }
 
+    /// The smallest convex polygon around the points, counter-clockwise (Andrew's monotone chain). Fewer than three
+    /// corners when all points lie on a line.
+    pub fn convex_hull(mut points: Vec<Point2<f64>>) -> Self {
+        points.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
+        points.dedup();
+        let half = |points: &mut dyn Iterator<Item = Point2<f64>>| {
+            let mut chain: Vec<Point2<f64>> = Vec::new();
+            for p in points {
+                while let [.., a, b] = chain[..]
+                    && (b - a).perp(&(p - a)) <= 0.0
+                {
+                    chain.pop();
+                }
+                chain.push(p);
+            }
+            // The last point opens the other half.
+            chain.pop();
+            chain
+        };
+        let mut hull = half(&mut points.iter().copied());
+        hull.extend(half(&mut points.iter().rev().copied()));
+        Self(hull)
+    }
+
     /// Why this is no usable polygon, if it is not: fewer than three corners, a number that is not finite, or no area.
     pub fn defect(&self) -> Option<String> {
         if self.0.len() < 3 {
@@ -143,5 +167,23 @@ mod tests {
             assert!(bad.defect().is_some());
         }
         assert_eq!(corner().defect(), None);
+    }
+
+    #[test]
+    fn hulls_hold_their_points() {
+        let hull = Polygon::convex_hull([&corner().0[..], &[Point2::new(1.0, 0.0)]].concat());
+        assert_eq!(hull.0.len(), 5);
+        assert_relative_eq!(hull.area(), 3.5);
+        let square =
+            Polygon::convex_hull((0..25).map(|i| Point2::new(f64::from(i % 5), f64::from(i / 5))).collect());
+        assert_eq!(square.0.len(), 4);
+        assert_relative_eq!(square.area(), 16.0);
+    }
+
+    #[test]
+    fn hulls_of_what_has_no_area_have_fewer_than_three_corners() {
+        assert!(Polygon::convex_hull(vec![]).0.is_empty());
+        assert!(Polygon::convex_hull(vec![Point2::origin(); 3]).0.len() < 3);
+        assert!(Polygon::convex_hull((0..4).map(|i| Point2::new(f64::from(i), 1.0)).collect()).0.len() < 3);
     }
 }

@@ -11,9 +11,10 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::survey::Survey;
-use super::{Grid, WalkableOptions, hull, obstacles};
+use super::{Grid, WalkableOptions, obstacles};
 use crate::Result;
 use crate::geometry::{Geometry, vec3_from_point};
+use crate::polygon::Polygon;
 use crate::raycast::RayScene;
 use crate::room::{RoomCamera, Zone};
 
@@ -63,7 +64,7 @@ pub(super) fn from_geometry(
 }
 
 /// The convex hull of the floor that was seen; without floor, of everything obstructing.
-fn floor_hull(survey: &Survey) -> crate::polygon::Polygon {
+fn floor_hull(survey: &Survey) -> Polygon {
     let seen = &survey.floor;
     let grown = seen.dilated(0.5 * GAP_M);
     let floor_of = |patch: &[usize]| patch.iter().copied().filter(|&i| seen.bits[i]).collect::<Vec<_>>();
@@ -82,7 +83,7 @@ fn floor_hull(survey: &Survey) -> crate::polygon::Polygon {
     let half = 0.5 * seen.cell_m;
     let corners = [(-half, -half), (half, -half), (half, half), (-half, half)];
     let corner = |i: usize| corners.map(|(x, y)| seen.center(i) + nalgebra::Vector2::new(x, y));
-    hull::convex(cells.into_iter().flat_map(corner).collect())
+    Polygon::convex_hull(cells.into_iter().flat_map(corner).collect())
 }
 
 /// Whether some camera looks past enough of a body in the cell, onto something behind it.

@@ -53,7 +53,7 @@ impl Grid {
     }
 
     /// The index of the cell that holds a place.
-    pub(super) fn index_of(&self, p: &Point2<f64>) -> Option<usize> {
+    pub fn index_of(&self, p: &Point2<f64>) -> Option<usize> {
         let place = (p - self.origin) / self.cell_m;
         // False for NaN, too.
         let inside =

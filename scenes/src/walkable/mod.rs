@@ -7,7 +7,6 @@
 mod cached;
 mod derive;
 mod grid;
-mod hull;
 mod obstacles;
 mod survey;
 #[cfg(test)]

@@ -6,17 +6,15 @@
 //! walkable floor that is best reached through a zone (a corridor that the cameras saw), and what lies outside the
 //! room's outline close to a zone (a corridor that they did not).
 
-use std::collections::VecDeque;
-
 use nalgebra::{Point2, Vector2};
 use scenes::polygon::Polygon;
 use scenes::room::{Zone, ZoneKind};
-use scenes::walkable::{Grid, WalkableMap};
+use scenes::walkable::WalkableMap;
+
+use super::doorway::beyond_zones;
 
 /// How far an unseen doorstep reaches from a zone: about as far as one sees through a door at an angle.
 const DOORSTEP_M: f64 = 1.5;
-/// How much longer than the way through a zone another way must be before what lies there counts as behind the zone.
-const DETOUR_M: f64 = 1.5;
 
 /// Where people can be.
 #[derive(Debug, Clone)]
@@ -42,7 +40,7 @@ impl Floor {
                 [(-reach, -reach), (-reach, reach), (reach, -reach), (reach, reach)]
                     .map(|(dx, dy)| grid.center(i) + Vector2::new(dx, dy))
             }));
-            convex_hull(corners.clone())
+            Polygon::convex_hull(corners.clone())
         });
         if outline.is_none() {
             corners.extend_from_slice(seen);
@@ -89,108 +87,14 @@ impl Floor {
     }
 
     fn is_beyond(&self, p: &Point2<f64>) -> bool {
-        let Some(grid) = self.walkable.grid() else { return false };
-        let place = (p - grid.origin) / grid.cell_m;
-        let inside =
-            (0.0..grid.columns as f64).contains(&place.x) && (0.0..grid.rows as f64).contains(&place.y);
-        inside && self.beyond[place.y as usize * grid.columns + place.x as usize]
+        let cell = self.walkable.grid().and_then(|grid| grid.index_of(p));
+        cell.is_some_and(|i| self.beyond[i])
     }
-}
-
-/// The walkable cells behind a zone: where the way from the middle of the room that keeps out of the zones is a detour, or
-/// there is none. A reconstructed wall has holes, so a corridor may touch the room around a corner, too.
-fn beyond_zones(grid: &Grid, zones: &[Zone]) -> Vec<bool> {
-    let in_zone: Vec<bool> =
-        (0..grid.bits.len()).map(|i| zones.iter().any(|z| z.polygon.contains(&grid.center(i)))).collect();
-    let is_room = |i: usize| grid.bits[i] && !in_zone[i];
-    let Some(middle) = middle_of_largest_region(grid, is_room) else { return vec![false; grid.bits.len()] };
-    let through = steps_from(grid, middle, |i| grid.bits[i]);
-    let around = steps_from(grid, middle, is_room);
-    let detour = (DETOUR_M / grid.cell_m).ceil() as usize;
-    (0..grid.bits.len())
-        .map(|i| {
-            let is_detour = |through: usize| around[i].is_none_or(|around| around > through + detour);
-            is_room(i) && through[i].is_some_and(is_detour)
-        })
-        .collect()
-}
-
-/// The cell of the largest connected region that is nearest to the region's centroid.
-fn middle_of_largest_region(grid: &Grid, is_free: impl Fn(usize) -> bool + Copy) -> Option<usize> {
-    let mut visited = vec![false; grid.bits.len()];
-    let mut largest: Vec<usize> = Vec::new();
-    for start in 0..grid.bits.len() {
-        if visited[start] || !is_free(start) {
-            continue;
-        }
-        let region: Vec<usize> = steps_from(grid, start, is_free)
-            .iter()
-            .enumerate()
-            .filter_map(|(i, steps)| steps.map(|_| i))
-            .inspect(|i| visited[*i] = true)
-            .collect();
-        if region.len() > largest.len() {
-            largest = region;
-        }
-    }
-    let sum: Vector2<f64> = largest.iter().map(|i| grid.center(*i).coords).sum();
-    let centroid = Point2::from(sum / largest.len().max(1) as f64);
-    let distance = |i: &usize| (grid.center(*i) - centroid).norm();
-    largest.into_iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))
-}
-
-/// How many cells lie on the shortest way from a cell to each other; `None` where there is no way.
-fn steps_from(grid: &Grid, start: usize, is_free: impl Fn(usize) -> bool) -> Vec<Option<usize>> {
-    let mut steps = vec![None; grid.bits.len()];
-    steps[start] = Some(0);
-    let mut queue = VecDeque::from([(start, 0)]);
-    while let Some((i, so_far)) = queue.pop_front() {
-        for n in neighbours(grid, i) {
-            if steps[n].is_none() && is_free(n) {
-                steps[n] = Some(so_far + 1);
-                queue.push_back((n, so_far + 1));
-            }
-        }
-    }
-    steps
-}
-
-/// The cells that share an edge with a cell.
-fn neighbours(grid: &Grid, i: usize) -> impl Iterator<Item = usize> {
-    let (column, row, columns, rows) = (i % grid.columns, i / grid.columns, grid.columns, grid.rows);
-    let left = (column > 0).then(|| i - 1);
-    let right = (column + 1 < columns).then_some(i + 1);
-    let below = (row > 0).then(|| i - columns);
-    let above = (row + 1 < rows).then_some(i + columns);
-    [left, right, below, above].into_iter().flatten()
-}
-
-/// The convex hull of points, counter-clockwise (Andrew's monotone chain).
-fn convex_hull(mut points: Vec<Point2<f64>>) -> Polygon {
-    points.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
-    points.dedup();
-    let half = |points: &mut dyn Iterator<Item = Point2<f64>>| {
-        let mut hull: Vec<Point2<f64>> = Vec::new();
-        for p in points {
-            while let [.., a, b] = hull[..]
-                && (b - a).perp(&(p - a)) <= 0.0
-            {
-                hull.pop();
-            }
-            hull.push(p);
-        }
-        hull.pop();
-        hull
-    };
-    let mut hull = half(&mut points.iter().copied());
-    hull.extend(half(&mut points.iter().rev().copied()));
-    Polygon(hull)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use approx::assert_relative_eq;
 
     fn rectangle(x0: f64, y0: f64, x1: f64, y1: f64) -> Polygon {
         Polygon::rectangle(Point2::new(x0, y0), Point2::new(x1, y1))
@@ -233,6 +137,30 @@ mod tests {
     }
 
     #[test]
+    fn a_hole_in_the_wall_beside_a_door_is_wall() {
+        let zone = Zone { name: "door".into(), polygon: rectangle(5.0, 1.0, 6.0, 2.0), kind: ZoneKind::Both };
+        let floor = WalkableMap::of_polygons(&[
+            rectangle(0.0, 0.0, 6.0, 5.0),
+            rectangle(5.5, 1.0, 6.5, 2.0),
+            rectangle(6.2, 0.0, 8.2, 4.0),
+            rectangle(5.8, 2.0, 6.4, 2.6), // nothing was reconstructed of the wall beside the door
+        ]);
+        let floor = Floor::new(floor, &[zone], &[]);
+        assert!(!floor.is_inside(6.5, 1.5) && !floor.is_inside(7.0, 3.0) && floor.may_disappear(6.5, 1.5));
+        assert!(floor.is_inside(5.5, 1.5) && floor.is_inside(5.5, 2.5) && floor.is_inside(0.5, 4.5));
+    }
+
+    #[test]
+    fn a_zone_in_the_middle_of_a_hall_is_in_no_wall() {
+        let zone =
+            Zone { name: "stairs".into(), polygon: rectangle(3.0, 2.0, 5.0, 3.0), kind: ZoneKind::Both };
+        let floor = Floor::new(WalkableMap::of_polygons(&[rectangle(0.0, 0.0, 9.0, 5.0)]), &[zone], &[]);
+        for (x, y) in [(2.9, 2.5), (5.1, 2.5), (4.0, 1.9), (4.0, 3.1), (8.5, 4.5)] {
+            assert!(floor.is_inside(x, y), "{x} {y}");
+        }
+    }
+
+    #[test]
     fn the_doorstep_lies_outside_the_room_next_to_the_zone() {
         let floor = room(ZoneKind::Both);
         assert!(floor.is_standable(6.5, 1.5) && !floor.is_inside(6.5, 1.5));
@@ -259,13 +187,5 @@ mod tests {
         let open =
             Floor::new(WalkableMap::everywhere(), &[], &[Point2::new(1.0, 1.0), Point2::new(9.0, 4.0)]);
         assert!(open.is_inside(50.0, 50.0) && open.bounds().1.x > 9.0);
-    }
-
-    #[test]
-    fn hulls_hold_their_points() {
-        let l = [(0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (1.0, 1.0), (1.0, 2.0), (0.0, 2.0), (1.0, 0.0)];
-        let hull = convex_hull(l.map(|(x, y)| Point2::new(x, y)).to_vec());
-        assert_eq!(hull.0.len(), 5);
-        assert_relative_eq!(hull.area(), 3.5);
     }
 }

@@ -3,6 +3,7 @@
 //! All simulation happens in pinhole images. Masks and pictures are brought there once a frame by
 //! [`StageCamera::undistort`]; boxes and outlines are taken back to real pixels by [`StageCamera::to_real`].
 
+mod doorway;
 mod floor;
 mod footprint;
 

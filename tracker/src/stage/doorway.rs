@@ -1,0 +1,118 @@
+//! What lies behind the doors: floor that one reaches best through a zone.
+
+use std::collections::VecDeque;
+
+use nalgebra::{Point2, Vector2};
+use scenes::room::Zone;
+use scenes::walkable::Grid;
+
+/// How much longer than the way through a zone another way must be before what lies there counts as behind the zone.
+const DETOUR_M: f64 = 1.5;
+/// A door is in a wall: beside it the wall goes on for at least this far, whatever the reconstruction left of it.
+const WALL_M: f64 = 1.0;
+/// So much of the wall beside a door must be there. A zone without it may stand for a staircase in the middle of a hall.
+const AT_WALL_M: f64 = 0.5;
+/// The wall's line is walked in steps of this many cells.
+const LINE_STEP: f64 = 0.5;
+
+/// The walkable cells behind a zone: where the way from the middle of the room that keeps out of the zones is a detour, or
+/// there is none. A reconstructed wall has holes, so a corridor may touch the room around a corner, too, and right beside
+/// the door.
+pub(super) fn beyond_zones(grid: &Grid, zones: &[Zone]) -> Vec<bool> {
+    let in_zone: Vec<bool> =
+        (0..grid.bits.len()).map(|i| zones.iter().any(|z| z.polygon.contains(&grid.center(i)))).collect();
+    let is_room = |i: usize| grid.bits[i] && !in_zone[i];
+    let Some(middle) = middle_of_largest_region(grid, is_room) else { return vec![false; grid.bits.len()] };
+    let through = steps_from(grid, middle, |i| grid.bits[i]);
+    let mut wall = vec![false; grid.bits.len()];
+    for i in zones.iter().flat_map(|zone| wall_beside(grid, zone)) {
+        wall[i] = true;
+    }
+    let around = steps_from(grid, middle, |i| is_room(i) && !wall[i]);
+    let detour = (DETOUR_M / grid.cell_m).ceil() as usize;
+    (0..grid.bits.len())
+        .map(|i| {
+            let is_detour = |through: usize| around[i].is_none_or(|around| around > through + detour);
+            is_room(i) && through[i].is_some_and(is_detour)
+        })
+        .collect()
+}
+
+/// The cells of the wall that a zone's door is in, on both sides of the zone; none for a zone that is in no wall. The door
+/// is the side of the zone that has floor beyond it and the most wall beside it.
+fn wall_beside(grid: &Grid, zone: &Zone) -> Vec<usize> {
+    let leads_out = |a: &Point2<f64>, b: &Point2<f64>| {
+        let Some(across) = Vector2::new(b.y - a.y, a.x - b.x).try_normalize(0.0) else { return false };
+        [across, -across]
+            .map(|step| nalgebra::center(a, b) + step * (2.0 * grid.cell_m))
+            .iter()
+            .any(|place| !zone.polygon.contains(place) && grid.contains(place))
+    };
+    let doors = zone.polygon.edges().filter(|(a, b)| leads_out(a, b));
+    let sides = doors.map(|(a, b)| {
+        let beside = [along(b, a, grid.cell_m), along(a, b, grid.cell_m)].concat();
+        let walls = beside.iter().filter(|place| !grid.contains(place)).count();
+        (walls, beside)
+    });
+    let Some((walls, beside)) = sides.max_by_key(|(walls, _)| *walls) else { return Vec::new() };
+    let is_at_wall = walls as f64 * LINE_STEP * grid.cell_m >= AT_WALL_M;
+    if is_at_wall { beside.iter().filter_map(|place| grid.index_of(place)).collect() } else { Vec::new() }
+}
+
+/// Places on the line from a through b, from b on for the length of a wall, close enough to each other that no way from
+/// cell to cell crosses it.
+fn along(a: Point2<f64>, b: Point2<f64>, cell_m: f64) -> Vec<Point2<f64>> {
+    let step_m = LINE_STEP * cell_m;
+    let direction = (b - a).normalize();
+    (0..=(WALL_M / step_m) as usize).map(|i| b + direction * (i as f64 * step_m)).collect()
+}
+
+/// The cell of the largest connected region that is nearest to the region's centroid.
+fn middle_of_largest_region(grid: &Grid, is_free: impl Fn(usize) -> bool + Copy) -> Option<usize> {
+    let mut visited = vec![false; grid.bits.len()];
+    let mut largest: Vec<usize> = Vec::new();
+    for start in 0..grid.bits.len() {
+        if visited[start] || !is_free(start) {
+            continue;
+        }
+        let region: Vec<usize> = steps_from(grid, start, is_free)
+            .iter()
+            .enumerate()
+            .filter_map(|(i, steps)| steps.map(|_| i))
+            .inspect(|i| visited[*i] = true)
+            .collect();
+        if region.len() > largest.len() {
+            largest = region;
+        }
+    }
+    let sum: Vector2<f64> = largest.iter().map(|i| grid.center(*i).coords).sum();
+    let centroid = Point2::from(sum / largest.len().max(1) as f64);
+    let distance = |i: &usize| (grid.center(*i) - centroid).norm();
+    largest.into_iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))
+}
+
+/// How many cells lie on the shortest way from a cell to each other; `None` where there is no way.
+fn steps_from(grid: &Grid, start: usize, is_free: impl Fn(usize) -> bool) -> Vec<Option<usize>> {
+    let mut steps = vec![None; grid.bits.len()];
+    steps[start] = Some(0);
+    let mut queue = VecDeque::from([(start, 0)]);
+    while let Some((i, so_far)) = queue.pop_front() {
+        for n in neighbours(grid, i) {
+            if steps[n].is_none() && is_free(n) {
+                steps[n] = Some(so_far + 1);
+                queue.push_back((n, so_far + 1));
+            }
+        }
+    }
+    steps
+}
+
+/// The cells that share an edge with a cell.
+fn neighbours(grid: &Grid, i: usize) -> impl Iterator<Item = usize> {
+    let (column, row, columns, rows) = (i % grid.columns, i / grid.columns, grid.columns, grid.rows);
+    let left = (column > 0).then(|| i - 1);
+    let right = (column + 1 < columns).then_some(i + 1);
+    let below = (row > 0).then(|| i - columns);
+    let above = (row + 1 < rows).then_some(i + columns);
+    [left, right, below, above].into_iter().flatten()
+}
