@@ -6,6 +6,7 @@
 mod capture_motion;
 mod clocks;
 mod failing_cameras;
+mod folder;
 mod office;
 mod recon_refusals;
 mod recon_resume;

@@ -2,13 +2,13 @@
 //! room directory as it was before.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::ops::Deref;
 use std::process::Output;
 
 use image::{Rgb, RgbImage};
-use tempfile::TempDir;
-use tests::data::{office, program};
+use tests::data::office;
 
+use crate::folder::Folder;
 use crate::refusal::refused;
 
 const LENS: &str = "width = 64
@@ -72,44 +72,38 @@ polygon = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]
 
 /// A capture project whose every file is right, but whose films are plain grey: it fails only once all has been read.
 struct Project {
-    folder: TempDir,
+    folder: Folder,
+}
+
+impl Deref for Project {
+    type Target = Folder;
+
+    fn deref(&self) -> &Folder {
+        &self.folder
+    }
+}
+
+fn grey(width: u32, height: u32) -> RgbImage {
+    RgbImage::from_pixel(width, height, Rgb([90, 100, 110]))
 }
 
 impl Project {
     fn new() -> Self {
-        let project = Self { folder: tempfile::tempdir().expect("a temporary folder") };
+        let project = Self { folder: Folder::new() };
         project.write("room.toml", PROJECT);
         project.write("zones.toml", ZONES);
         project.write("lens.toml", LENS);
         for camera in ["left", "right"] {
             for frame in 1..=4 {
-                project.picture(&format!("capture/{camera}/{frame}.png"), 64, 48);
+                project.picture(&format!("capture/{camera}/{frame}.png"), &grey(64, 48));
             }
         }
         project
     }
 
-    fn path(&self, name: &str) -> PathBuf {
-        self.folder.path().join(name)
-    }
-
-    fn write(&self, name: &str, content: impl AsRef<[u8]>) {
-        let path = self.path(name);
-        fs::create_dir_all(path.parent().expect("below the temporary folder")).expect("a folder");
-        fs::write(path, content).expect("a file");
-    }
-
-    fn picture(&self, name: &str, width: u32, height: u32) {
-        let path = self.path(name);
-        fs::create_dir_all(path.parent().expect("below the temporary folder")).expect("a folder");
-        RgbImage::from_pixel(width, height, Rgb([90, 100, 110])).save(path).expect("a picture");
-    }
-
     fn build(&self, more: &[&str]) -> Output {
-        let mut recon = program("recon");
-        recon.current_dir(self.folder.path()).args(["build", "room.toml", "--zones", "zones.toml"]);
-        recon.args(if more.contains(&"--out") { &[][..] } else { &["--out", "out/room"] });
-        recon.args(more).output().expect("the program starts")
+        let out = if more.contains(&"--out") { &[][..] } else { &["--out", "out/room"] };
+        self.run_program("recon", &[&["build", "room.toml", "--zones", "zones.toml"], out, more].concat())
     }
 
     /// Refused with these words, and nothing is written where the room should be, nor anywhere beside.
@@ -125,26 +119,6 @@ impl Project {
         self.write("room.toml", PROJECT.replacen(from, to, 1));
         self.refuses(&[], words);
         self.write("room.toml", PROJECT);
-    }
-
-    fn files(&self) -> Vec<(PathBuf, Vec<u8>)> {
-        let mut files = Vec::new();
-        list(self.folder.path(), &mut files);
-        files.sort();
-        files
-    }
-}
-
-fn list(folder: &Path, files: &mut Vec<(PathBuf, Vec<u8>)>) {
-    for entry in fs::read_dir(folder).expect("a folder") {
-        let path = entry.expect("an entry").path();
-        if path.is_dir() {
-            files.push((path.clone(), Vec::new()));
-            list(&path, files);
-        } else {
-            let content = fs::read(&path).expect("a file");
-            files.push((path, content));
-        }
     }
 }
 
@@ -234,7 +208,7 @@ fn captures() {
         project.write("capture/right/3.png", content);
         project.refuses(&[], words);
     }
-    project.picture("capture/right/3.png", 32, 24);
+    project.picture("capture/right/3.png", &grey(32, 24));
     project.refuses(&[], &["capture/right/3.png", "32 × 24", "64 × 48"]);
     fs::remove_file(project.path("capture/right/3.png")).expect("the picture");
     fs::remove_file(project.path("capture/right/4.png")).expect("the picture");

@@ -1,13 +1,14 @@
 //! `tracker run` with everything that can be wrong with what it reads: one clear line, exit status 2, no panic.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::ops::Deref;
+use std::path::Path;
 use std::process::Output;
 
 use image::{Rgb, RgbImage};
-use tempfile::TempDir;
 use tests::data::{office, program};
 
+use crate::folder::Folder;
 use crate::refusal::refused;
 
 const ROOM: &str = r#"
@@ -34,36 +35,33 @@ translation = [0.5, 1.2, 3.0]
 
 /// A room, a folder of pictures for each of its two cameras, and masks for them.
 struct Small {
-    folder: TempDir,
+    folder: Folder,
+}
+
+impl Deref for Small {
+    type Target = Folder;
+
+    fn deref(&self) -> &Folder {
+        &self.folder
+    }
+}
+
+/// Pictures in which nothing moves, with a little noise.
+fn noise(width: u32, height: u32, level: u8) -> RgbImage {
+    let noisy = |u: u32, v: u32| level + ((u * 7 + v * 13) % 5) as u8;
+    RgbImage::from_fn(width, height, |u, v| Rgb([noisy(u, v); 3]))
 }
 
 impl Small {
     fn new() -> Self {
-        let small = Self { folder: tempfile::tempdir().expect("a temporary folder") };
+        let small = Self { folder: Folder::new() };
         small.write("room/scene.toml", ROOM);
         for (folder, color) in [("left", 90), ("right", 120), ("masks", 0)] {
             for frame in 1..=6_u8 {
-                small.picture(&format!("{folder}/{frame:02}.png"), 64, 48, color);
+                small.picture(&format!("{folder}/{frame:02}.png"), &noise(64, 48, color));
             }
         }
         small
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.folder.path().join(name)
-    }
-
-    fn write(&self, name: &str, content: impl AsRef<[u8]>) {
-        let path = self.path(name);
-        fs::create_dir_all(path.parent().expect("below the temporary folder")).expect("a folder");
-        fs::write(path, content).expect("a file");
-    }
-
-    fn picture(&self, name: &str, width: u32, height: u32, level: u8) {
-        let path = self.path(name);
-        fs::create_dir_all(path.parent().expect("below the temporary folder")).expect("a folder");
-        let noisy = |u: u32, v: u32| level + ((u * 7 + v * 13 + name.len() as u32) % 5) as u8;
-        RgbImage::from_fn(width, height, |u, v| Rgb([noisy(u, v); 3])).save(path).expect("a picture");
     }
 
     /// Runs with both cameras' pictures and more arguments.
@@ -74,9 +72,7 @@ impl Small {
     }
 
     fn run_only(&self, arguments: &[&str]) -> Output {
-        let mut tracker = program("tracker");
-        tracker.current_dir(self.folder.path()).args(["run", "room", "--out", "out", "--no-film"]);
-        tracker.args(arguments).output().expect("the program starts")
+        self.run_program("tracker", &[&["run", "room", "--out", "out", "--no-film"], arguments].concat())
     }
 }
 
@@ -144,7 +140,7 @@ fn videos() {
     small.write("empty.mp4", "");
     small.write("text.mp4", "this is no video");
     fs::create_dir(small.path("bare")).expect("a folder");
-    small.picture("large/1.png", 80, 60, 50);
+    small.picture("large/1.png", &noise(80, 60, 50));
     for (source, words) in [
         ("left=nowhere.mp4", &["nowhere.mp4"][..]),
         ("left=empty.mp4", &["empty.mp4", "empty"]),
@@ -169,7 +165,7 @@ fn pictures_in_the_middle_of_a_folder() {
         refused(&small.run(&["--masks", "right=masks"]), words);
         small.write(name, "");
         refused(&small.run(&["--masks", "right=masks"]), words);
-        small.picture(name, 32, 24, 9);
+        small.picture(name, &noise(32, 24, 9));
         refused(&small.run(&["--masks", "right=masks"]), &[words[0], "32 × 24"]);
     }
 }

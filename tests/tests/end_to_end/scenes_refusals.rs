@@ -2,13 +2,12 @@
 //! status 1 where `check` was asked about the room, 2 elsewhere.
 
 use std::fs;
-use std::path::PathBuf;
+use std::ops::Deref;
 use std::process::Output;
 
 use image::RgbImage;
-use tempfile::TempDir;
-use tests::data::program;
 
+use crate::folder::Folder;
 use crate::refusal::{refused, refused_with};
 
 const SCENE: &str = r#"
@@ -49,30 +48,28 @@ end_header
 ";
 
 struct Room {
-    folder: TempDir,
+    folder: Folder,
+}
+
+impl Deref for Room {
+    type Target = Folder;
+
+    fn deref(&self) -> &Folder {
+        &self.folder
+    }
 }
 
 impl Room {
     fn new() -> Self {
-        let room = Self { folder: tempfile::tempdir().expect("a temporary folder") };
-        fs::create_dir(room.path("room")).expect("a folder");
-        room.write("scene.toml", SCENE);
-        room.write("room.ply", GEOMETRY);
-        RgbImage::new(64, 48).save(room.path("room/left.png")).expect("a picture");
+        let room = Self { folder: Folder::new() };
+        room.write("room/scene.toml", SCENE);
+        room.write("room/room.ply", GEOMETRY);
+        room.picture("room/left.png", &RgbImage::new(64, 48));
         room
     }
 
-    fn path(&self, name: &str) -> PathBuf {
-        self.folder.path().join(name)
-    }
-
-    fn write(&self, name: &str, content: impl AsRef<[u8]>) {
-        fs::write(self.path("room").join(name), content).expect("a file");
-    }
-
     fn scenes(&self, arguments: &[&str]) -> Output {
-        let mut scenes = program("scenes");
-        scenes.current_dir(self.folder.path()).args(arguments).output().expect("the program starts")
+        self.run_program("scenes", arguments)
     }
 
     fn check(&self) -> Output {
@@ -97,13 +94,13 @@ impl Room {
 
     fn refuses_scene(&self, from: &str, to: &str, words: &[&str]) {
         assert!(SCENE.contains(from), "{from}");
-        self.write("scene.toml", SCENE.replacen(from, to, 1));
+        self.write("room/scene.toml", SCENE.replacen(from, to, 1));
         self.refused(&[&["scene.toml"], words].concat());
-        self.write("scene.toml", SCENE);
+        self.write("room/scene.toml", SCENE);
     }
 
     fn refuses_geometry(&self, content: impl AsRef<[u8]>, words: &[&str]) {
-        self.write("room.ply", content);
+        self.write("room/room.ply", content);
         self.refused(&[&["room.ply"], words].concat());
     }
 }
@@ -135,11 +132,11 @@ fn directories() {
 #[test]
 fn scene_files() {
     let room = Room::new();
-    room.write("scene.toml", "");
+    room.write("room/scene.toml", "");
     room.refused(&["scene.toml", "empty"]);
-    room.write("scene.toml", &SCENE[..SCENE.len() / 2]);
+    room.write("room/scene.toml", &SCENE[..SCENE.len() / 2]);
     room.refused(&["scene.toml", "line"]);
-    room.write("scene.toml", [0xff, 0xfe, 0x00]);
+    room.write("room/scene.toml", [0xff, 0xfe, 0x00]);
     room.refused(&["scene.toml", "UTF-8"]);
     for (from, to, words) in [
         ("format = 1", "format = 2", &["format 2"][..]),
@@ -195,9 +192,9 @@ fn reference_images_that_are_wrong_are_worth_a_warning() {
     };
     RgbImage::new(32, 48).save(room.path("room/left.png")).expect("a picture");
     warned(&["`left`", "32 × 48", "64 × 48"]);
-    room.write("left.png", "this is no picture");
+    room.write("room/left.png", "this is no picture");
     warned(&["`left`", "left.png"]);
-    room.write("left.png", "");
+    room.write("room/left.png", "");
     warned(&["`left`", "left.png"]);
     fs::remove_file(room.path("room/left.png")).expect("the picture");
     warned(&["`left`", "left.png"]);
@@ -210,7 +207,7 @@ fn names_and_places() {
         &room.scenes(&["depth", "room", "--camera", "right", "--out", "depth.png"]),
         &["`right`", "`left`"],
     );
-    room.write("in_the_way", "a file");
+    room.write("room/in_the_way", "a file");
     for command in [&["depth", "room", "--camera", "left"][..], &["plan", "room"]] {
         let to = |out: &'static str| [command, &["--out", out]].concat();
         refused(&room.scenes(&to("room/in_the_way/picture.png")), &["in_the_way"]);
