@@ -15,6 +15,7 @@
 //! * [`tracks`] — the files of tracks that a run writes, and their readers.
 //! * [`film`] — what each camera saw, with what the tracker believes, beside the simulated view.
 //! * [`plan`] — the floor plan with everybody's way on it.
+//! * [`link`] — a whole recording's detections to the tracks of least total cost.
 //! * [`eval`] — tracks against the truth: CLEAR MOT, identity, HOTA, position error.
 //! * [`report`] — one self-contained page about a run.
 #![forbid(unsafe_code)]
@@ -25,6 +26,7 @@ pub mod film;
 pub mod foreground;
 pub mod identity;
 pub mod likelihood;
+pub mod link;
 pub mod method;
 pub mod moment;
 pub mod plan;

@@ -3,6 +3,7 @@
 mod background;
 mod clocks;
 mod eval;
+mod link;
 mod masks;
 mod report;
 mod run;
@@ -25,6 +26,7 @@ pub(crate) struct Arguments {
 #[derive(Debug, Subcommand)]
 enum Command {
     Run(Box<run::RunArgs>),
+    Link(link::LinkArgs),
     Eval(eval::EvalArgs),
     Masks(masks::MasksArgs),
     Report(report::ReportArgs),
@@ -34,6 +36,7 @@ enum Command {
 pub(crate) fn run(arguments: &Arguments, console: &Console) -> anyhow::Result<String> {
     match &arguments.command {
         Command::Run(args) => run::run(args, console),
+        Command::Link(args) => link::link(args),
         Command::Eval(args) => eval::eval(args),
         Command::Masks(args) => masks::masks(args, console),
         Command::Report(args) => report::report(args),

@@ -57,6 +57,15 @@ pub struct Row {
     pub position: Option<Point2<f64>>,
 }
 
+impl Row {
+    /// The 8th column of a box's row, where detectors of several classes write which one (MOT17); `None` where it is no
+    /// whole number from 0.
+    pub fn class(&self) -> Option<u32> {
+        let class = self.position.filter(|_| self.pixel_box.is_some())?.x;
+        (class >= 0.0 && class.fract() == 0.0 && class <= f64::from(u32::MAX)).then_some(class as u32)
+    }
+}
+
 /// A file of rows, in file order.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RowFile {

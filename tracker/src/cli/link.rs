@@ -1,0 +1,138 @@
+//! `tracker link`: detections of a whole recording to tracks.
+
+use std::path::PathBuf;
+
+use anyhow::Context;
+use clap::ValueEnum;
+use tracker::link::{self, Detections, LinkOptions, SolverKind};
+use tracker::tracks::rows::RowFile;
+
+/// Links the detections of a whole recording to the tracks of least total cost.
+///
+/// DETECTIONS holds MOTChallenge rows, boxes (frame,id,left,top,width,height,score) or places on the floor
+/// (frame,id,-1,-1,-1,-1,score,x,y,z); ids are ignored. The tracks are written in the same form.
+///
+/// With one of --max-distance, --max-area-change, --link-cost, --birth-cost or --detection-offset the graph is the paper's:
+/// detections that pass the thresholds are linked at a constant cost, and the optimum over this graph is written. With
+/// none of them, links cost by distance and change of size relative to the boxes' heights, and the tracks so found are
+/// linked once more, over longer gaps, by their motion.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  tracker link detections.txt --out tracks.txt
+  tracker link detections.txt --out tracks.txt --report report.json --max-gap 30
+  tracker link detections.txt --out tracks.txt --max-distance 40 --max-area-change 4000 --link-cost 0.1 --birth-cost 2
+  tracker link detections.txt --out tracks.txt --direction-threshold 15 --skip 1")]
+pub(crate) struct LinkArgs {
+    /// The detections.
+    detections: PathBuf,
+    /// The file of tracks to write.
+    #[arg(long, value_name = "TRACKS")]
+    out: PathBuf,
+    #[command(flatten)]
+    options: LinkArguments,
+    /// Write what was done as JSON: detections, edges, tracks, total cost, its proven lower bound, seconds.
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+}
+
+/// The options of linking itself.
+#[derive(Debug, clap::Args)]
+pub(crate) struct LinkArguments {
+    /// Greatest distance of two linked boxes' centres, pixels (on the floor: metres) [default: a quarter of the height].
+    #[arg(long, value_name = "PX")]
+    max_distance: Option<f64>,
+    /// Greatest difference of two linked boxes' areas, square pixels [default: 35 % of the larger].
+    #[arg(long, value_name = "PX2")]
+    max_area_change: Option<f64>,
+    /// Cost of every link [default: 0].
+    #[arg(long, value_name = "C", allow_negative_numbers = true)]
+    link_cost: Option<f64>,
+    /// Cost of a track's beginning, and of its end [default: 1].
+    #[arg(long, value_name = "C", allow_negative_numbers = true)]
+    birth_cost: Option<f64>,
+    /// A detection costs this minus its score [default: 0.2].
+    #[arg(long, value_name = "C", allow_negative_numbers = true)]
+    detection_offset: Option<f64>,
+    /// Link over up to so many frames; 1: from a frame to the next only [default: 80; the paper's graph: 1].
+    #[arg(long, value_name = "FRAMES")]
+    max_gap: Option<u32>,
+    /// Greatest change of a track's velocity at a detection, pixels (metres) a frame.
+    #[arg(long, value_name = "PX")]
+    direction_threshold: Option<f64>,
+    /// Leave out so many frames after each one that is linked; their detections are given to the tracks that pass.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    skip: u32,
+    /// Leave out detections with a lower score.
+    #[arg(long, value_name = "SCORE", allow_negative_numbers = true)]
+    min_score: Option<f64>,
+    /// Take only rows with this number in the 8th column, where detectors of several classes write the class.
+    #[arg(long, value_name = "N")]
+    class: Option<u32>,
+    /// How the tracks are found.
+    #[arg(long, value_enum, default_value = "exact")]
+    solver: SolverName,
+    /// Leave gaps in tracks as they are.
+    #[arg(long)]
+    keep_gaps: bool,
+    /// Smooth each track's boxes by a Gaussian of this standard deviation [default: 5; the paper's graph: 0].
+    #[arg(long, value_name = "FRAMES")]
+    smooth: Option<f64>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum SolverName {
+    /// The optimum, with its proof: successive shortest paths.
+    Exact,
+    /// Near the optimum: two-pass dynamic programming.
+    Greedy,
+}
+
+impl LinkArguments {
+    fn options(&self) -> LinkOptions {
+        LinkOptions {
+            max_distance: self.max_distance,
+            max_area_change_px2: self.max_area_change,
+            link_cost: self.link_cost,
+            birth_cost: self.birth_cost,
+            detection_offset: self.detection_offset,
+            max_gap: self.max_gap,
+            direction_threshold: self.direction_threshold,
+            skip: self.skip,
+            min_score: self.min_score,
+            class: self.class,
+            solver: match self.solver {
+                SolverName::Exact => SolverKind::Exact,
+                SolverName::Greedy => SolverKind::Greedy,
+            },
+            keep_gaps: self.keep_gaps,
+            smooth_frames: self.smooth,
+        }
+    }
+}
+
+/// Runs the subcommand.
+pub(crate) fn link(args: &LinkArgs) -> anyhow::Result<String> {
+    let options = args.options.options();
+    options.check()?;
+    let file = RowFile::read(&args.detections)?;
+    let detections = Detections::from_rows(&file, &options)?;
+    let linked =
+        link::link(&detections, &options).with_context(|| format!("{}", args.detections.display()))?;
+    let tracks = link::track_file(&linked.tracks);
+    let report = args.report.as_ref().map(|path| Ok::<_, anyhow::Error>((path, linked.report.json(path)?)));
+    let report = report.transpose()?;
+    let mut files = vec![(args.out.as_path(), tracks.as_bytes())];
+    files.extend(report.iter().map(|(path, text)| (path.as_path(), text.as_bytes())));
+    calib::files::write_together(&files)?;
+    let r = &linked.report;
+    let proof = if r.is_optimal { "proven least".to_owned() } else { format!("at least {}", r.lower_bound) };
+    tracing::info!(
+        "{} detections, {} edges → {} tracks; total cost {} ({proof}); {:.2} s",
+        r.detections,
+        r.edges,
+        r.tracks,
+        r.total_cost,
+        r.build_seconds + r.solve_seconds
+    );
+    Ok(String::new())
+}

@@ -1,0 +1,164 @@
+//! Globally optimal linking: from all detections of a recording to the tracks of least total cost.
+//!
+//! A. Okada, N. Ukita, N. Hagita, "Globally-optimal multi-object tracking with constraints on moving directions" (in
+//! Japanese, IEICE 2014), on the graph of H. Pirsiavash, D. Ramanan, C. C. Fowlkes, CVPR 2011. The way of the data:
+//!
+//! * [`detection`] — what is linked: boxes in an image, or places on the floor;
+//! * [`affinity`], [`build`] — which detections may follow each other and at what cost: the flow graph ([`graph`]);
+//! * [`solver`] — the tracks of least cost, exactly with a proof, greedily, or with the direction constraint;
+//! * [`tracklet`] — the same again over the tracks just found, by their motion, over longer gaps;
+//! * [`fill`] — the rows that are written: gaps filled, boxes smoothed.
+//!
+//! [`link`] does all of it. What the costs are and when which graph is built: [`LinkOptions`].
+
+pub mod affinity;
+pub mod build;
+pub mod detection;
+pub mod fill;
+pub mod graph;
+mod options;
+mod report;
+mod skip;
+pub mod solution;
+pub mod solver;
+pub mod tracklet;
+mod write;
+
+use std::time::Instant;
+
+pub use detection::Detections;
+pub use options::{LinkOptions, SolverKind};
+pub use report::{JoiningReport, LinkReport};
+pub use write::track_file;
+
+use crate::Result;
+use fill::TrackRow;
+use graph::FlowGraph;
+use options::Joining;
+use solution::Solution;
+use solver::direction::Directions;
+use solver::{direction, exact, greedy};
+use tracklet::Ends;
+
+/// The tracks of a recording.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Linked {
+    /// Each track's rows in time order; tracks by their first frame. Their ids are 1, 2, 3 …
+    pub tracks: Vec<Vec<TrackRow>>,
+    /// What was done.
+    pub report: LinkReport,
+}
+
+/// Links the detections of a recording.
+///
+/// # Errors
+/// Options that mean nothing, costs beyond what a graph holds.
+pub fn link(detections: &Detections, options: &LinkOptions) -> Result<Linked> {
+    options.check()?;
+    let (kept, places);
+    let linked = if options.skip > 0 {
+        (kept, places) = skip::kept(detections, options.skip);
+        &kept
+    } else {
+        places = Vec::new();
+        detections
+    };
+    let started = Instant::now();
+    let graph = detection_graph(linked, options)?;
+    let mut build_seconds = started.elapsed().as_secs_f64();
+    let started = Instant::now();
+    let solution = solve(linked, &graph, options);
+    let mut solve_seconds = started.elapsed().as_secs_f64();
+    let (total_cost, lower_bound) = (solution.total.value(), solution.bound.value());
+    let is_optimal = solution.total == solution.bound;
+    let mut tracks = solution.tracks;
+    let mut joining = None;
+    if !options.is_published() {
+        let started = Instant::now();
+        let (tracklets, graph) = tracklet_graph(linked, tracks, &options.joining())?;
+        build_seconds += started.elapsed().as_secs_f64();
+        let started = Instant::now();
+        let solution = exact::solve(&graph);
+        solve_seconds += started.elapsed().as_secs_f64();
+        joining = Some(JoiningReport::of(&graph, &solution));
+        tracks = solution.tracks.iter().map(|track| chain(&tracklets, track)).collect();
+    }
+    if options.skip > 0 {
+        for node in tracks.iter_mut().flatten() {
+            *node = places[*node as usize];
+        }
+        skip::restore(detections, &mut tracks);
+    }
+    tracks.sort_by_key(|track| track.first().copied());
+    let report = LinkReport {
+        detections: linked.all.len(),
+        edges: graph.link_count(),
+        tracks: tracks.len(),
+        total_cost,
+        lower_bound,
+        is_optimal,
+        build_seconds,
+        solve_seconds,
+        solver: options.solver,
+        published_graph: options.is_published(),
+        joining,
+    };
+    let fill = options.fill();
+    Ok(Linked { tracks: tracks.iter().map(|t| fill::rows(detections, t, &fill)).collect(), report })
+}
+
+fn detection_graph(detections: &Detections, options: &LinkOptions) -> Result<FlowGraph> {
+    let (prices, max_gap) = (options.prices(), options.detection_gap());
+    if options.is_published() {
+        build::build(detections, &prices, max_gap, &options.thresholds())
+    } else {
+        build::build(detections, &prices, max_gap, &LinkOptions::relative())
+    }
+}
+
+fn solve(detections: &Detections, graph: &FlowGraph, options: &LinkOptions) -> Solution {
+    let optimum = exact::solve(graph);
+    if let Some(threshold) = options.direction_threshold {
+        let directions = directions(detections, graph, threshold);
+        return direction::solve(graph, &directions, optimum.total);
+    }
+    match options.solver {
+        SolverKind::Exact => optimum,
+        SolverKind::Greedy => greedy::solve(graph, optimum.total),
+    }
+}
+
+/// The velocity of each link.
+fn directions(detections: &Detections, graph: &FlowGraph, threshold: f64) -> Directions {
+    let velocity = |node: usize, link: usize| {
+        let (from, to) = (&detections.all[node], &detections.all[graph.target(link)]);
+        let step = (to.place - from.place) / f64::from(to.frame - from.frame);
+        [step.x, step.y]
+    };
+    let nodes = 0..graph.node_count();
+    let velocities =
+        nodes.flat_map(|node| graph.links_of(node).map(move |link| velocity(node, link))).collect();
+    Directions { velocities, threshold }
+}
+
+/// Tracks as nodes, by their beginning, and the graph over them.
+fn tracklet_graph(
+    detections: &Detections,
+    mut tracklets: Vec<Vec<u32>>,
+    joining: &Joining,
+) -> Result<(Vec<Vec<u32>>, FlowGraph)> {
+    tracklets.sort_by_key(|t| t.first().copied());
+    let ends: Vec<Ends> = tracklets.iter().map(|t| Ends::of(detections, t, &joining.motion)).collect();
+    let worth = |node: &u32| joining.prices.detection_offset - detections.all[*node as usize].score;
+    let inner: Vec<f64> = tracklets.iter().map(|t| t.iter().map(worth).sum()).collect();
+    let graph = tracklet::graph(&ends, &inner, joining.prices.birth, joining.max_gap, &joining.affinity)?;
+    Ok((tracklets, graph))
+}
+
+/// The detections of a chain of tracklets.
+fn chain(tracklets: &[Vec<u32>], track: &[u32]) -> Vec<u32> {
+    track.iter().flat_map(|t| &tracklets[*t as usize]).copied().collect()
+}
+
+#[cfg(test)]
+mod tests;

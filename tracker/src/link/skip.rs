@@ -1,0 +1,53 @@
+//! Frame skipping (figure 9): when people move a pixel a frame, the direction of a step is noise; over a few frames it is
+//! not. The recording is linked as if only every (N+1)-th frame had been taken.
+
+use super::detection::{Detection, Detections};
+use super::fill::{self, FillOptions};
+
+/// A detection of a skipped frame belongs to the track whose way between the linked frames passes it this closely, in
+/// box heights.
+const SNAP_HEIGHTS: f64 = 0.25;
+
+/// The detections of the frames that are kept, numbered as consecutive frames, and where each stands among all.
+pub(super) fn kept(detections: &Detections, skip: u32) -> (Detections, Vec<u32>) {
+    let first = detections.all.first().map_or(1, |d| d.frame);
+    let is_kept = |d: &Detection| (d.frame - first).is_multiple_of(skip + 1);
+    let chosen = detections.all.iter().enumerate().filter(|(_, d)| is_kept(d));
+    let (all, places) = chosen
+        .map(|(i, d)| (Detection { frame: (d.frame - first) / (skip + 1) + 1, ..d.clone() }, i as u32))
+        .unzip();
+    (Detections { all, on_floor: detections.on_floor }, places)
+}
+
+/// Puts the detections of skipped frames into the tracks that pass them; each goes to the nearest track at most.
+pub(super) fn restore(detections: &Detections, tracks: &mut [Vec<u32>]) {
+    let frames: std::collections::HashMap<u32, std::ops::Range<usize>> =
+        detections.frames().into_iter().collect();
+    let straight = FillOptions { interpolate: true, smooth_frames: 0.0 };
+    let mut offers: Vec<(f64, u32, usize)> = Vec::new();
+    for (number, track) in tracks.iter().enumerate() {
+        for row in fill::rows(detections, track, &straight).iter().filter(|r| !r.is_seen) {
+            for node in frames.get(&row.frame).cloned().into_iter().flatten() {
+                let found = &detections.all[node];
+                let distance = (found.place - row.place).norm() / found.scale();
+                if distance <= SNAP_HEIGHTS {
+                    offers.push((distance, node as u32, number));
+                }
+            }
+        }
+    }
+    offers.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)).then(a.2.cmp(&b.2)));
+    let mut is_taken = vec![false; detections.all.len()];
+    tracks.iter().flatten().for_each(|node| is_taken[*node as usize] = true);
+    let mut has_frame: std::collections::HashSet<(usize, u32)> = std::collections::HashSet::new();
+    for (_, node, number) in offers {
+        let frame = detections.all[node as usize].frame;
+        if !is_taken[node as usize] && has_frame.insert((number, frame)) {
+            is_taken[node as usize] = true;
+            tracks[number].push(node);
+        }
+    }
+    for track in tracks {
+        track.sort_unstable();
+    }
+}

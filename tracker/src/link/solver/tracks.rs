@@ -1,0 +1,186 @@
+//! Tracks while they are being changed, by the link that comes to each node and the one that goes on.
+
+use super::super::graph::FlowGraph;
+use super::direction::{Directions, End};
+use super::labels::{Arrived, Freed, Labels};
+
+/// Tracks by their links.
+pub(super) struct Tracks {
+    pub(super) is_used: Vec<bool>,
+    pub(super) come: Vec<Option<u32>>,
+    pub(super) go: Vec<Option<u32>>,
+    /// Where each link begins.
+    sources: Vec<u32>,
+    /// What stood at each node before the change that is being made.
+    journal: Vec<(usize, State)>,
+}
+
+/// Whether a node is used, the link that comes to it, and the one that goes on.
+type State = (bool, Option<u32>, Option<u32>);
+
+impl Tracks {
+    pub(super) fn none(graph: &FlowGraph) -> Self {
+        let n = graph.node_count();
+        let sources = (0..n).flat_map(|node| graph.links_of(node).map(move |_| node as u32)).collect();
+        Self { is_used: vec![false; n], come: vec![None; n], go: vec![None; n], sources, journal: Vec::new() }
+    }
+
+    /// The node that a link leaves.
+    pub(super) fn source(&self, link: u32) -> usize {
+        self.sources[link as usize] as usize
+    }
+
+    /// The node after each node.
+    pub(super) fn followers(&self, graph: &FlowGraph) -> Vec<Option<u32>> {
+        self.go.iter().map(|link| link.map(|l| graph.target(l as usize) as u32)).collect()
+    }
+
+    /// Changes the tracks along the path that ends at `end`. Where the path crosses itself so that the result would break
+    /// a track or a direction, or cost no less, nothing changes and the answer is `false`.
+    pub(super) fn change(
+        &mut self,
+        graph: &FlowGraph,
+        directions: &Directions,
+        labels: &Labels,
+        end: End,
+    ) -> bool {
+        let Some(steps) = self.steps(labels, end) else { return false };
+        self.journal.clear();
+        for step in steps.into_iter().rev() {
+            self.apply(graph, &step);
+        }
+        let mut touched: Vec<usize> = self.journal.iter().map(|(node, _)| *node).collect();
+        touched.sort_unstable();
+        touched.dedup();
+        let is_sound = touched.iter().all(|node| self.is_sound(graph, directions, *node));
+        let after = self.cost_at(graph, &touched);
+        // Each node's first entry, undone last, is what stood there before.
+        for i in (0..self.journal.len()).rev() {
+            let (node, old) = self.journal[i];
+            let new = (self.is_used[node], self.come[node], self.go[node]);
+            (self.is_used[node], self.come[node], self.go[node]) = old;
+            self.journal[i].1 = new;
+        }
+        if !(is_sound && after < self.cost_at(graph, &touched)) {
+            return false;
+        }
+        for (node, (is_used, come, go)) in std::mem::take(&mut self.journal) {
+            (self.is_used[node], self.come[node], self.go[node]) = (is_used, come, go);
+        }
+        true
+    }
+
+    /// What some nodes, the links that come to them and their tracks' ends cost.
+    fn cost_at(&self, graph: &FlowGraph, nodes: &[usize]) -> i128 {
+        let cost = |node: &usize| {
+            let come = self.come[*node].map_or(graph.birth(), |link| graph.link_cost(link as usize));
+            let go = if self.go[*node].is_none() { graph.death() } else { 0 };
+            i128::from(come) + i128::from(go) + i128::from(graph.node_cost(*node))
+        };
+        nodes.iter().filter(|n| self.is_used[**n]).map(cost).sum()
+    }
+
+    /// The path, its end first; `None` where it is a circle.
+    fn steps(&self, labels: &Labels, end: End) -> Option<Vec<Step>> {
+        let mut steps = Vec::new();
+        let mut at = match end {
+            End::Node(node) => Place::Arrived(node, labels.end[node as usize].1),
+            End::TrackStart(node) => Place::Arrived(node, labels.met[node as usize].1),
+            End::FreedNode(node) => Place::Freed(node),
+            End::DroppedStart(node) => {
+                steps.push(Step::Drop(node));
+                Place::Freed(node)
+            }
+        };
+        let longest = 2 * (labels.over.len() + labels.end.len()) + 2;
+        while steps.len() <= longest {
+            at = match at {
+                Place::Arrived(_, Arrived::Nowhere) => return None,
+                Place::Arrived(node, Arrived::Birth) => {
+                    steps.push(Step::Begin(node));
+                    return Some(steps);
+                }
+                Place::Arrived(_, Arrived::TrackEnd) => return Some(steps),
+                Place::Arrived(node, Arrived::Freed) => Place::Freed(node),
+                Place::Arrived(_, Arrived::Over(link)) => {
+                    steps.push(Step::Follow(link));
+                    Place::Arrived(self.sources[link as usize], labels.over[link as usize].1)
+                }
+                Place::Freed(node) => {
+                    steps.push(Step::LoseRest(node));
+                    match labels.freed[node as usize].1 {
+                        Freed::Nowhere => return None,
+                        Freed::Met(behind) => Place::Arrived(behind, labels.met[behind as usize].1),
+                        Freed::Dropped(behind) => {
+                            steps.push(Step::Drop(behind));
+                            Place::Freed(behind)
+                        }
+                    }
+                }
+            };
+        }
+        None
+    }
+
+    fn apply(&mut self, graph: &FlowGraph, step: &Step) {
+        match *step {
+            Step::Begin(node) => {
+                let node = self.note(node);
+                self.is_used[node] = true;
+                self.come[node] = None;
+            }
+            Step::Follow(link) => {
+                let source = self.note(self.sources[link as usize]);
+                self.go[source] = Some(link);
+                let target = self.note(graph.target(link as usize) as u32);
+                self.is_used[target] = true;
+                self.come[target] = Some(link);
+            }
+            Step::LoseRest(node) => {
+                let node = self.note(node);
+                self.go[node] = None;
+            }
+            Step::Drop(node) => {
+                let node = self.note(node);
+                (self.is_used[node], self.come[node], self.go[node]) = (false, None, None);
+            }
+        }
+    }
+
+    fn note(&mut self, node: u32) -> usize {
+        let node = node as usize;
+        self.journal.push((node, (self.is_used[node], self.come[node], self.go[node])));
+        node
+    }
+
+    /// Whether a node's links and its neighbours' agree, and the direction is kept.
+    fn is_sound(&self, graph: &FlowGraph, directions: &Directions, node: usize) -> bool {
+        let (come, go) = (self.come[node], self.go[node]);
+        if !self.is_used[node] {
+            return come.is_none() && go.is_none();
+        }
+        let comes_rightly = come.is_none_or(|link| {
+            graph.target(link as usize) == node && self.go[self.source(link)] == Some(link)
+        });
+        let goes_rightly = go.is_none_or(|link| {
+            self.source(link) == node && self.come[graph.target(link as usize)] == Some(link)
+        });
+        let turns_rightly =
+            come.zip(go).is_none_or(|(come, go)| directions.allow(come as usize, go as usize));
+        comes_rightly && goes_rightly && turns_rightly
+    }
+}
+
+/// Where a path is being followed backwards.
+enum Place {
+    Arrived(u32, Arrived),
+    Freed(u32),
+}
+
+/// One change of a path, in the order of its way.
+enum Step {
+    Begin(u32),
+    Follow(u32),
+    LoseRest(u32),
+    Drop(u32),
+}
