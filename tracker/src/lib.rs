@@ -17,9 +17,11 @@
 //! * [`plan`] — the floor plan with everybody's way on it.
 //! * [`link`] — a whole recording's detections to the tracks of least total cost.
 //! * [`eval`] — tracks against the truth: CLEAR MOT, identity, HOTA, position error.
+//! * [`chart`] — line charts.
 //! * [`report`] — one self-contained page about a run.
 #![forbid(unsafe_code)]
 
+pub mod chart;
 mod error;
 pub mod eval;
 pub mod film;

@@ -2,23 +2,31 @@
 
 use std::path::PathBuf;
 
-use tracker::eval::{EvalOptions, Evaluation, FrameRange, FrameSelection, align};
+use tracker::eval::{
+    DetectionCurve, EvalOptions, Evaluation, FrameRange, FrameSelection, Sequences, align, plots,
+};
+use tracker::tracks::rows::RowFile;
 
 /// Measures tracks against the truth: MOTA, MOTP, MODA, IDF1, HOTA, errors in metres.
 ///
 /// Both files hold MOTChallenge rows, either on the floor (frame,id,-1,-1,-1,-1,confidence,x,y,z; matched on distance) or in
 /// an image (frame,id,left,top,width,height,confidence; matched on overlap). Rows of the truth whose 7th column is 0
 /// do not count. Truth with ids of -1 has no identities: then only detection is judged.
+///
+/// With two folders, every sequence TRUTH/SEQUENCE/truth.txt (or gt/gt.txt) is compared with TRACKS/SEQUENCE.txt (or
+/// SEQUENCE/tracks.txt), each on its own and all together.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   tracker eval --truth truth.txt --tracks out/tracks.txt
   tracker eval --truth truth.txt --tracks out/tracks.txt --truth-room office/room --room myroom --json
-  tracker eval --truth truth_boxes.txt --tracks out/boxes/view1.txt --frames 1-400")]
+  tracker eval --truth truth_boxes.txt --tracks out/boxes/view1.txt --frames 1-400
+  tracker eval --truth truth.txt --tracks detections.txt --roc --plots plots
+  tracker eval --truth mot15 --tracks linked --json")]
 pub(crate) struct EvalArgs {
-    /// The truth.
+    /// The truth: a file, or a folder of sequences.
     #[arg(long, value_name = "FILE")]
     truth: PathBuf,
-    /// The tracks to judge.
+    /// The tracks to judge: a file, or a folder of one file a sequence.
     #[arg(long, value_name = "FILE")]
     tracks: PathBuf,
     /// Room directory in whose frame the truth stands; with --room, the tracks are moved there by the cameras' poses.
@@ -36,6 +44,12 @@ pub(crate) struct EvalArgs {
     /// Greatest distance of a match in metres, or its least overlap for boxes.
     #[arg(long, default_value_t = EvalOptions::GATE)]
     gate: f64,
+    /// Draw HOTA over the strictness, everybody's life and the detection curve into this folder.
+    #[arg(long, value_name = "DIR")]
+    plots: Option<PathBuf>,
+    /// Judge the rows as detections by their score, too: recall and precision as ever less sure ones are taken.
+    #[arg(long)]
+    roc: bool,
     /// Print one JSON object instead of a table; percentages are 0 to 100.
     #[arg(long)]
     json: bool,
@@ -50,7 +64,23 @@ pub(crate) fn eval(args: &EvalArgs) -> anyhow::Result<String> {
     };
     let options =
         EvalOptions { gate: Some(args.gate), frames: FrameSelection { range: args.frames, annotated } };
-    let evaluation = Evaluation::of_files(&args.truth, &args.tracks, &options, alignment)?;
+    if args.truth.is_dir() {
+        return sequences(args, &options);
+    }
+    let (truth, tracks) = (RowFile::read(&args.truth)?, RowFile::read(&args.tracks)?);
+    let is_drawn = args.plots.is_some() && alignment.is_none();
+    if args.roc && alignment.is_some() {
+        anyhow::bail!("--roc: compares files of one room; leave --truth-room and --room out");
+    }
+    let curve = if args.roc || is_drawn {
+        DetectionCurve::new(&truth, &tracks, args.gate, &options.frames)?
+    } else {
+        None
+    };
+    let evaluation = Evaluation::of_rows(&truth, &tracks, &options, alignment)?;
+    if let Some(folder) = &args.plots {
+        plots::write(folder, &evaluation, curve.as_ref())?;
+    }
     if let Some(alignment) = &evaluation.alignment {
         tracing::info!(
             "aligned by {} camera(s), centres {:.3} m apart (rms)",
@@ -58,5 +88,30 @@ pub(crate) fn eval(args: &EvalArgs) -> anyhow::Result<String> {
             alignment.center_rms_m
         );
     }
-    Ok(if args.json { format!("{}\n", evaluation.json()) } else { evaluation.table() })
+    let curve = curve.filter(|_| args.roc);
+    Ok(if args.json {
+        let mut json = evaluation.json();
+        if let Some(curve) = curve {
+            json["roc"] = curve.json();
+        }
+        format!("{json}\n")
+    } else {
+        let precision = curve.map(|curve| 100.0 * curve.average_precision);
+        let line = precision.map(|p| format!("average precision of the detections by score: {p:.2} %\n"));
+        evaluation.table() + &line.unwrap_or_default()
+    })
+}
+
+/// Two folders.
+fn sequences(args: &EvalArgs, options: &EvalOptions) -> anyhow::Result<String> {
+    if args.truth_room.is_some() || args.roc {
+        anyhow::bail!("--truth {}: is a folder; --truth-room and --roc take files", args.truth.display());
+    }
+    let sequences = Sequences::of_folders(&args.truth, &args.tracks, options)?;
+    if let Some(folder) = &args.plots {
+        for (name, evaluation) in &sequences.each {
+            plots::write(&folder.join(name), evaluation, None)?;
+        }
+    }
+    Ok(if args.json { format!("{}\n", sequences.json()) } else { sequences.table() })
 }

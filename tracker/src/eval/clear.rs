@@ -33,6 +33,10 @@ pub struct Continuity {
     pub switches: usize,
     /// Times a person is lost while present and found again.
     pub fragmentations: usize,
+    /// Times a person's matches go on after a break, be it a loss or their absence: `Frag` of TrackEval.
+    pub resumptions: usize,
+    /// People matched in all of their rows, and always by one track.
+    pub followed: usize,
     /// People matched in more than 80 % of their rows.
     pub mostly_tracked: usize,
     /// People matched in less than 20 % of their rows.
@@ -53,6 +57,20 @@ impl Metric for Clear {
             similarity_sum: all().map(|m| m.similarity).sum(),
             distance_sum: all().map(|m| m.distance).sum(),
             space: scenario.space,
+        }
+    }
+
+    fn together<'a>(parts: impl Iterator<Item = &'a Self> + Clone) -> Self {
+        let sum = |count: fn(&Self) -> usize| parts.clone().map(count).sum();
+        let continuities: Option<Vec<&Continuity>> = parts.clone().map(|p| p.continuity.as_ref()).collect();
+        Self {
+            matches: sum(|p| p.matches),
+            misses: sum(|p| p.misses),
+            false_positives: sum(|p| p.false_positives),
+            continuity: continuities.map(|c| Continuity::together(&c)),
+            similarity_sum: parts.clone().map(|p| p.similarity_sum).sum(),
+            distance_sum: parts.clone().map(|p| p.distance_sum).sum(),
+            space: parts.clone().next().map_or(Space::Floor, |p| p.space),
         }
     }
 
@@ -90,6 +108,16 @@ impl Metric for Clear {
                 "fragmentations",
                 counted(|c| c.fragmentations),
                 "times a person is lost and found again",
+            ),
+            Figure::new(
+                "Frag",
+                counted(|c| c.resumptions),
+                "as TrackEval counts them: times a person's matches go on after a break",
+            ),
+            Figure::new(
+                "tracking success",
+                percent(self.continuity.as_ref().and_then(Continuity::success)),
+                "people who are matched from their first frame to their last, by one track",
             ),
             Figure::new(
                 "mostly tracked",
@@ -153,16 +181,26 @@ impl Continuity {
             matched: usize,
             last_track: Option<usize>,
             is_lost: bool,
+            has_switched: bool,
+            /// The number of the frame of the last match, among those in which there are both truth and tracks.
+            last_match: Option<usize>,
         }
         let mut lives = vec![Life::default(); scenario.people];
-        let (mut switches, mut fragmentations) = (0, 0);
+        let (mut switches, mut fragmentations, mut resumptions) = (0, 0, 0);
+        let mut judged = 0;
         for instant in &scenario.instants {
+            // TrackEval passes over frames without truth or without tracks: nobody's matches break there.
+            judged += usize::from(!instant.truth.is_empty() && !instant.tracks.is_empty());
             let mut is_matched = vec![false; scenario.people];
             for found in &instant.matches {
                 is_matched[found.person] = true;
                 let life = &mut lives[found.person];
                 life.matched += 1;
-                switches += usize::from(life.last_track.is_some_and(|last| last != found.track));
+                let is_switch = life.last_track.is_some_and(|last| last != found.track);
+                switches += usize::from(is_switch);
+                life.has_switched |= is_switch;
+                resumptions += usize::from(life.last_match.is_some_and(|last| last + 1 < judged));
+                life.last_match = Some(judged);
                 fragmentations += usize::from(life.is_lost);
                 life.last_track = Some(found.track);
                 life.is_lost = false;
@@ -180,10 +218,31 @@ impl Continuity {
         Self {
             switches,
             fragmentations,
+            resumptions,
+            followed: lives.iter().filter(|l| l.matched == l.rows && !l.has_switched).count(),
             mostly_tracked: share(|matched, rows| matched > 80 * rows),
             mostly_lost: share(|matched, rows| matched < 20 * rows),
             people: scenario.people,
         }
+    }
+
+    fn together(parts: &[&Self]) -> Self {
+        let sum = |count: fn(&Self) -> usize| parts.iter().map(|p| count(p)).sum();
+        Self {
+            switches: sum(|c| c.switches),
+            fragmentations: sum(|c| c.fragmentations),
+            resumptions: sum(|c| c.resumptions),
+            followed: sum(|c| c.followed),
+            mostly_tracked: sum(|c| c.mostly_tracked),
+            mostly_lost: sum(|c| c.mostly_lost),
+            people: sum(|c| c.people),
+        }
+    }
+
+    /// The tracking success rate of Okada et al. (section 6.2), 0 to 1: people with one id from their first frame to their
+    /// last, everywhere within the threshold.
+    pub fn success(&self) -> Option<f64> {
+        ratio(self.followed as f64, self.people)
     }
 }
 

@@ -6,6 +6,8 @@
 //! averaged over α. In each frame the rows are assigned once, by similarity times how well the two tracks go
 //! together over the whole recording.
 
+use std::collections::HashMap;
+
 use super::assignment::best;
 use super::grid::Grid;
 use super::instant::SIMILARITY_TOLERANCE;
@@ -18,12 +20,15 @@ const THRESHOLDS: usize = 19;
 /// The HOTA figures, each 0 to 1.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Hota {
-    /// The three, where there are identities and any rows at all.
+    /// Means over the 19 thresholds, where there are identities and any rows at all.
     pub scores: Option<HotaScores>,
+    /// What they are means of, the least strict threshold first; empty where there are no scores.
+    pub by_threshold: Vec<HotaScores>,
+    tallies: Vec<Tally>,
 }
 
-/// Means over the 19 thresholds.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// The figures at one threshold, or their means.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct HotaScores {
     /// √(DetA · AssA), averaged.
     pub hota: f64,
@@ -31,12 +36,46 @@ pub struct HotaScores {
     pub det_a: f64,
     /// Association accuracy.
     pub ass_a: f64,
+    /// Detection recall and precision.
+    pub det_re: f64,
+    /// Detection precision.
+    pub det_pr: f64,
+    /// Association recall.
+    pub ass_re: f64,
+    /// Association precision.
+    pub ass_pr: f64,
+    /// Mean similarity of the matches.
+    pub loc_a: f64,
+}
+
+/// What is counted at one threshold; sums of several recordings are sums of these.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Tally {
+    matched: usize,
+    truth: usize,
+    tracks: usize,
+    /// Over the matches, sums of their tracks' Jaccard index, recall, precision, and of their similarity.
+    ass_a: f64,
+    ass_re: f64,
+    ass_pr: f64,
+    similarity: f64,
 }
 
 impl Metric for Hota {
     fn of(scenario: &Scenario) -> Self {
         let is_judgeable = scenario.has_identities && scenario.truth_rows + scenario.track_rows > 0;
-        Self { scores: is_judgeable.then(|| scores(scenario)) }
+        Self::from_tallies(if is_judgeable { tallies(scenario) } else { Vec::new() })
+    }
+
+    fn together<'a>(parts: impl Iterator<Item = &'a Self> + Clone) -> Self {
+        let mut sum: Vec<Tally> = Vec::new();
+        for part in parts.filter(|p| !p.tallies.is_empty()) {
+            sum.resize(THRESHOLDS, Tally::default());
+            for (sum, tally) in sum.iter_mut().zip(&part.tallies) {
+                sum.add(tally);
+            }
+        }
+        Self::from_tallies(sum)
     }
 
     fn figures(&self) -> Vec<Figure> {
@@ -45,11 +84,70 @@ impl Metric for Hota {
             Figure::new("HOTA", of(|s| s.hota), "detection and association together, over 19 strictnesses"),
             Figure::new("DetA", of(|s| s.det_a), "the detection half of HOTA"),
             Figure::new("AssA", of(|s| s.ass_a), "the association half of HOTA"),
+            Figure::new("DetRe", of(|s| s.det_re), "share of the truth that is found"),
+            Figure::new("DetPr", of(|s| s.det_pr), "share of the tracks' rows that are somebody"),
+            Figure::new("AssRe", of(|s| s.ass_re), "share of a person's life that the matched track covers"),
+            Figure::new("AssPr", of(|s| s.ass_pr), "share of a track that stands for the matched person"),
+            Figure::new("LocA", of(|s| s.loc_a), "mean similarity of the matches"),
         ]
     }
 }
 
-fn scores(scenario: &Scenario) -> HotaScores {
+impl Hota {
+    fn from_tallies(tallies: Vec<Tally>) -> Self {
+        let by_threshold: Vec<HotaScores> = tallies.iter().map(Tally::scores).collect();
+        let mean =
+            |part: fn(&HotaScores) -> f64| by_threshold.iter().map(part).sum::<f64>() / THRESHOLDS as f64;
+        let scores = (!by_threshold.is_empty()).then(|| HotaScores {
+            hota: mean(|s| s.hota),
+            det_a: mean(|s| s.det_a),
+            ass_a: mean(|s| s.ass_a),
+            det_re: mean(|s| s.det_re),
+            det_pr: mean(|s| s.det_pr),
+            ass_re: mean(|s| s.ass_re),
+            ass_pr: mean(|s| s.ass_pr),
+            loc_a: mean(|s| s.loc_a),
+        });
+        Self { scores, by_threshold, tallies }
+    }
+
+    /// The thresholds of [`Self::by_threshold`].
+    pub fn thresholds() -> impl Iterator<Item = f64> {
+        (0..THRESHOLDS).map(|i| 0.05 + i as f64 * 0.05)
+    }
+}
+
+impl Tally {
+    fn add(&mut self, other: &Self) {
+        self.matched += other.matched;
+        self.truth += other.truth;
+        self.tracks += other.tracks;
+        self.ass_a += other.ass_a;
+        self.ass_re += other.ass_re;
+        self.ass_pr += other.ass_pr;
+        self.similarity += other.similarity;
+    }
+
+    fn scores(&self) -> HotaScores {
+        let share = |part: f64, whole: usize| part / whole.max(1) as f64;
+        let matched = self.matched as f64;
+        let det_a = share(matched, self.truth + self.tracks - self.matched);
+        let ass_a = share(self.ass_a, self.matched);
+        HotaScores {
+            hota: (det_a * ass_a).sqrt(),
+            det_a,
+            ass_a,
+            det_re: share(matched, self.truth),
+            det_pr: share(matched, self.tracks),
+            ass_re: share(self.ass_re, self.matched),
+            ass_pr: share(self.ass_pr, self.matched),
+            // Without a match nothing is misplaced, as in TrackEval.
+            loc_a: if self.matched == 0 { 1.0 } else { self.similarity / matched },
+        }
+    }
+}
+
+fn tallies(scenario: &Scenario) -> Vec<Tally> {
     let (mut truth_count, mut track_count) = (vec![0.0; scenario.people], vec![0.0; scenario.tracks]);
     for instant in &scenario.instants {
         instant.truth.iter().for_each(|person| truth_count[*person] += 1.0);
@@ -57,45 +155,42 @@ fn scores(scenario: &Scenario) -> HotaScores {
     }
     let alignment = alignment(scenario, &truth_count, &track_count);
 
-    // Matches at each threshold, in all and by pair of person and track.
-    let mut matched = [0usize; THRESHOLDS];
-    let mut together = vec![Grid::zeros(scenario.people, scenario.tracks); THRESHOLDS];
+    let mut tallies =
+        vec![
+            Tally { truth: scenario.truth_rows, tracks: scenario.track_rows, ..Tally::default() };
+            THRESHOLDS
+        ];
+    // Matches of each pair of person and track, by the strictest threshold that they pass.
+    let mut strictest: HashMap<(usize, usize), [u32; THRESHOLDS]> = HashMap::new();
     for instant in &scenario.instants {
         let weights = Grid::from_fn(instant.truth.len(), instant.tracks.len(), |i, j| {
             alignment.at(instant.truth[i], instant.tracks[j]) * instant.similarity.at(i, j)
         });
         for (i, j) in best(&weights) {
-            for (index, alpha) in thresholds().enumerate() {
-                if instant.similarity.at(i, j) >= alpha - SIMILARITY_TOLERANCE {
-                    matched[index] += 1;
-                    together[index].add(instant.truth[i], instant.tracks[j], 1.0);
-                }
+            let similarity = instant.similarity.at(i, j);
+            let passed = Hota::thresholds().filter(|a| similarity >= a - SIMILARITY_TOLERANCE).count();
+            for tally in &mut tallies[..passed] {
+                tally.matched += 1;
+                tally.similarity += similarity;
+            }
+            if passed > 0 {
+                let pair = (instant.truth[i], instant.tracks[j]);
+                strictest.entry(pair).or_insert([0; THRESHOLDS])[passed - 1] += 1;
             }
         }
     }
-
-    let mut mean = HotaScores { hota: 0.0, det_a: 0.0, ass_a: 0.0 };
-    for (matched, together) in matched.iter().zip(&together) {
-        let det_a = *matched as f64 / (scenario.truth_rows + scenario.track_rows - matched) as f64;
-        let mut ass_sum = 0.0;
-        for (person, truth_count) in truth_count.iter().enumerate() {
-            for (track, track_count) in track_count.iter().enumerate() {
-                let n = together.at(person, track);
-                if n > 0.0 {
-                    ass_sum += n * n / (truth_count + track_count - n);
-                }
-            }
+    let mut pairs: Vec<_> = strictest.into_iter().collect();
+    pairs.sort_unstable_by_key(|(pair, _)| *pair);
+    for ((person, track), counts) in pairs {
+        let mut n = 0.0;
+        for (tally, count) in tallies.iter_mut().zip(counts).rev() {
+            n += f64::from(count);
+            tally.ass_a += n * n / (truth_count[person] + track_count[track] - n);
+            tally.ass_re += n * n / truth_count[person];
+            tally.ass_pr += n * n / track_count[track];
         }
-        let ass_a = ass_sum / (*matched).max(1) as f64;
-        mean.hota += (det_a * ass_a).sqrt() / THRESHOLDS as f64;
-        mean.det_a += det_a / THRESHOLDS as f64;
-        mean.ass_a += ass_a / THRESHOLDS as f64;
     }
-    mean
-}
-
-fn thresholds() -> impl Iterator<Item = f64> {
-    (0..THRESHOLDS).map(|i| 0.05 + i as f64 * 0.05)
+    tallies
 }
 
 /// How well each person and track go together over the recording, before any matching: a soft Jaccard index.

@@ -33,6 +33,16 @@ impl Metric for Identity {
         }
     }
 
+    fn together<'a>(parts: impl Iterator<Item = &'a Self> + Clone) -> Self {
+        let sum = |count: fn(&Self) -> usize| parts.clone().map(count).sum();
+        Self {
+            true_positives: sum(|p| p.true_positives),
+            false_positives: sum(|p| p.false_positives),
+            misses: sum(|p| p.misses),
+            has_identities: parts.clone().all(|p| p.has_identities),
+        }
+    }
+
     fn figures(&self) -> Vec<Figure> {
         vec![
             Figure::new(

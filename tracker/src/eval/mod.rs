@@ -5,13 +5,17 @@
 //!
 //! * [`Clear`] — MOTA, MOTP, MODA, switches, fragmentations, mostly tracked and lost, misses, false positives;
 //! * [`Identity`] — IDF1;
-//! * [`Hota`] — HOTA, DetA, AssA;
+//! * [`Hota`] — HOTA, DetA, AssA and their parts;
+//! * [`LastingPairs`] — CLEAR as `motmetrics` counts it;
 //! * [`PositionError`] — mean, median and maximum distance;
+//! * [`Sequences`] — several recordings, each and together;
+//! * [`DetectionCurve`] — found against falsely found, as ever less sure detections are taken;
+//! * [`plots`] — pictures of all this;
 //! * [`align`] — when truth and tracks live in two reconstructions of one room.
 //!
 //! Definitions follow TrackEval, the reference of MOTChallenge, save for fragmentations, which are counted as
 //! `motmetrics` does: a person must be *present and missed* between two matches. (TrackEval also counts a person
-//! who left and came back, and overlooks a loss in frames without any track.) Where there is nothing to divide by,
+//! who left and came back, and overlooks a loss in frames without any track; its count is `Frag`.) Where there is nothing to divide by,
 //! a figure is absent rather than 0.
 
 pub mod align;
@@ -23,8 +27,12 @@ mod grid;
 mod hota;
 mod identity;
 mod instant;
+mod lasting;
+pub mod plots;
 mod position;
+mod roc;
 mod scenario;
+mod sequences;
 mod table;
 
 use std::path::Path;
@@ -33,8 +41,11 @@ pub use clear::{Clear, Continuity};
 pub use frames::{FrameRange, FrameSelection};
 pub use hota::{Hota, HotaScores};
 pub use identity::Identity;
+pub use lasting::LastingPairs;
 pub use position::{PositionError, PositionStatistics};
+pub use roc::{DetectionCurve, DetectionPoint};
 pub use scenario::{Scenario, Space};
+pub use sequences::Sequences;
 
 use crate::Result;
 use crate::tracks::rows::RowFile;
@@ -44,6 +55,10 @@ use align::Alignment;
 pub trait Metric: Sized {
     /// Measures.
     fn of(scenario: &Scenario) -> Self;
+    /// Of several recordings together: everything that is counted is added up, then compared.
+    fn together<'a>(parts: impl Iterator<Item = &'a Self> + Clone) -> Self
+    where
+        Self: 'a;
     /// What it found, in the order in which people read it.
     fn figures(&self) -> Vec<Figure>;
 }
@@ -126,6 +141,8 @@ pub struct Evaluation {
     pub hota: Hota,
     /// Position error.
     pub position: PositionError,
+    /// CLEAR MOT as `motmetrics` counts it.
+    pub lasting: LastingPairs,
     /// How the two rooms were brought together, if there were two.
     pub alignment: Option<Alignment>,
 }
@@ -162,6 +179,7 @@ impl Evaluation {
             identity: Identity::of(&scenario),
             hota: Hota::of(&scenario),
             position: PositionError::of(&scenario),
+            lasting: LastingPairs::of(&scenario),
             scenario,
             alignment,
         })
@@ -175,5 +193,7 @@ impl Evaluation {
     }
 }
 
+#[cfg(test)]
+mod mot15_tests;
 #[cfg(test)]
 mod tests;

@@ -11,6 +11,8 @@ use super::{Figure, Metric, Unit, Value};
 pub struct PositionError {
     /// Mean, median and maximum; metres on the floor, pixels between foot points in the image. `None` without a match.
     pub statistics: Option<PositionStatistics>,
+    /// In ascending order.
+    errors: Vec<f64>,
     space: Space,
 }
 
@@ -27,16 +29,13 @@ pub struct PositionStatistics {
 
 impl Metric for PositionError {
     fn of(scenario: &Scenario) -> Self {
-        let mut errors: Vec<f64> =
-            scenario.instants.iter().flat_map(|i| &i.matches).map(|m| m.distance).collect();
-        errors.sort_by(f64::total_cmp);
-        let n = errors.len();
-        let statistics = errors.last().map(|max| PositionStatistics {
-            mean: errors.iter().sum::<f64>() / n as f64,
-            median: 0.5 * (errors[(n - 1) / 2] + errors[n / 2]),
-            max: *max,
-        });
-        Self { statistics, space: scenario.space }
+        let errors = scenario.instants.iter().flat_map(|i| &i.matches).map(|m| m.distance).collect();
+        Self::from_errors(errors, scenario.space)
+    }
+
+    fn together<'a>(parts: impl Iterator<Item = &'a Self> + Clone) -> Self {
+        let space = parts.clone().next().map_or(Space::Floor, |p| p.space);
+        Self::from_errors(parts.flat_map(|p| &p.errors).copied().collect(), space)
     }
 
     fn figures(&self) -> Vec<Figure> {
@@ -47,5 +46,18 @@ impl Metric for PositionError {
             Figure::new("median error", of(|s| s.median), "half of the matches are closer"),
             Figure::new("maximum error", of(|s| s.max), "the worst match"),
         ]
+    }
+}
+
+impl PositionError {
+    fn from_errors(mut errors: Vec<f64>, space: Space) -> Self {
+        errors.sort_by(f64::total_cmp);
+        let n = errors.len();
+        let statistics = errors.last().map(|max| PositionStatistics {
+            mean: errors.iter().sum::<f64>() / n as f64,
+            median: 0.5 * (errors[(n - 1) / 2] + errors[n / 2]),
+            max: *max,
+        });
+        Self { statistics, errors, space }
     }
 }

@@ -40,6 +40,8 @@ pub struct Scenario {
     pub truth_rows: usize,
     /// Rows of the tracks that count.
     pub track_rows: usize,
+    /// The people's ids in the truth; empty where it has none.
+    pub(super) people_ids: Vec<u32>,
     /// Frames that have a row, in order.
     pub(super) instants: Vec<Instant>,
 }
@@ -112,6 +114,7 @@ impl Scenario {
             tracks: track_ids.count,
             truth_rows: truth_rows.len(),
             track_rows: track_rows.len(),
+            people_ids: if has_identities { people.ids } else { Vec::new() },
             instants,
         })
     }
@@ -123,7 +126,7 @@ impl Scenario {
 }
 
 /// Positions where both files have them, else boxes.
-fn common_space(truth: &RowFile, tracks: &RowFile) -> Result<Space> {
+pub(super) fn common_space(truth: &RowFile, tracks: &RowFile) -> Result<Space> {
     if truth.is_on_floor() && tracks.is_on_floor() && !(truth.rows.is_empty() && tracks.rows.is_empty()) {
         return Ok(Space::Floor);
     }
@@ -162,7 +165,7 @@ fn identities(file: &RowFile, rows: &[&Row]) -> Result<bool> {
     }
 }
 
-fn similarity_and_distance(
+pub(super) fn similarity_and_distance(
     space: Space,
     gate: f64,
     to_truth: Option<&nalgebra::Isometry2<f64>>,
@@ -184,6 +187,8 @@ fn similarity_and_distance(
 #[derive(Default)]
 struct Numbering {
     index_of: HashMap<u32, usize>,
+    /// In the order of their numbers.
+    ids: Vec<u32>,
     count: usize,
 }
 
@@ -194,7 +199,10 @@ impl Numbering {
             Some(id) => *self.index_of.entry(id).or_insert(fresh),
             None => fresh,
         };
-        self.count = self.count.max(index + 1);
+        if index == fresh {
+            self.ids.extend(row.id);
+            self.count += 1;
+        }
         index
     }
 }

@@ -2,7 +2,7 @@
 
 use serde_json::{Map, Value as Json, json};
 
-use super::{Evaluation, Figure, Unit, Value};
+use super::{Evaluation, Figure, Metric, Unit, Value};
 use crate::eval::scenario::Space;
 
 impl Figure {
@@ -77,13 +77,26 @@ impl Evaluation {
             object.insert("alignment_cameras".into(), json!(alignment.cameras));
             object.insert("alignment_rms_m".into(), json!(alignment.center_rms_m));
         }
-        for figure in self.figures() {
-            let value = match figure.value {
-                Value::Count(count) => json!(count),
-                Value::Real(value, _) => json!(value),
-            };
-            object.insert(figure.key(), value);
-        }
+        insert_figures(&mut object, &self.figures());
+        object.insert("motmetrics".into(), figures_json(&self.lasting.figures()));
         Json::Object(object)
     }
+}
+
+/// Adds figures under their keys.
+pub(super) fn insert_figures(object: &mut Map<String, Json>, figures: &[Figure]) {
+    for figure in figures {
+        let value = match figure.value {
+            Value::Count(count) => json!(count),
+            Value::Real(value, _) => json!(value),
+        };
+        object.insert(figure.key(), value);
+    }
+}
+
+/// Figures as an object of their own.
+pub(super) fn figures_json(figures: &[Figure]) -> Json {
+    let mut object = Map::new();
+    insert_figures(&mut object, figures);
+    Json::Object(object)
 }

@@ -210,3 +210,70 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn a_pair_that_outlives_a_loss_is_motmetrics_own() {
+    // Track 1 loses the person in frame 2 and is back in frame 3, where track 2 is nearer.
+    let truth = [(1, 1, 0.0), (2, 1, 0.0), (3, 1, 0.0)];
+    let tracks = [(1, 1, 0.1), (2, 1, 5.0), (3, 1, 0.3), (3, 2, 0.0)];
+    let found = judged(&truth, &tracks);
+    assert_eq!((&found["id_switches"], &found["motmetrics"]["id_switches"]), (&1.into(), &0.into()));
+    assert_eq!(found["motmetrics"]["fragmentations"], 1);
+}
+
+#[test]
+fn success_is_one_track_from_the_first_frame_to_the_last() {
+    let person = |id: i64| (1..=4).map(move |f| (f, id, 3.0 * id as f64));
+    let truth: Vec<_> = (1..=4).flat_map(person).collect();
+    // 1 is followed, 2 is missed once, 3 changes its track, 4 is followed by a track that goes on to be somebody else.
+    let tracks: Vec<_> = truth
+        .iter()
+        .filter(|(f, id, _)| (*f, *id) != (2, 2))
+        .map(|(f, id, x)| (*f, if (*f, *id) == (4, 3) { 9 } else { *id }, *x))
+        .collect();
+    let found = judged(&truth, &tracks);
+    assert_relative_eq!(found["tracking_success"].as_f64().unwrap(), 50.0);
+}
+
+#[test]
+fn the_detection_curve_goes_from_the_surest_to_all() {
+    let truth = rows("truth.txt", &floor(&[(1, 1, 0.0), (1, 2, 5.0), (2, 1, 0.0)]));
+    let score = |frame: u32, x: f64, s: f64| format!("{frame},-1,-1,-1,-1,-1,{s},{x},0,0\n");
+    // In frame 1 two detections of one person: the surer one is it.
+    let found = [score(1, 0.1, 0.9), score(1, 0.0, 0.6), score(2, 0.0, 0.8), score(2, 9.0, 0.8)].concat();
+    let curve = DetectionCurve::new(&truth, &rows("found.txt", &found), 0.5, &FrameSelection::default())
+        .unwrap()
+        .unwrap();
+    let steps: Vec<(f64, f64, f64)> =
+        curve.points.iter().map(|p| (p.score, 3.0 * p.recall, 2.0 * p.false_positives_per_frame)).collect();
+    assert_eq!(steps, [(0.9, 1.0, 0.0), (0.8, 2.0, 1.0), (0.6, 2.0, 2.0)]);
+    assert_relative_eq!(curve.average_precision, 1.0 / 3.0 + (1.0 / 3.0) * (2.0 / 3.0), epsilon = 1e-12);
+    let nobody = DetectionCurve::new(&rows("t", ""), &truth, 0.5, &FrameSelection::default()).unwrap();
+    assert_eq!(nobody, None);
+}
+
+#[test]
+fn folders_are_compared_sequence_by_sequence() {
+    let (truth, tracks) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let write = |path: std::path::PathBuf, text: &str| {
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, text).unwrap();
+    };
+    let people = floor(&[(1, 1, 0.0), (2, 1, 0.0)]);
+    write(truth.path().join("a/truth.txt"), &people);
+    write(truth.path().join("b/gt/gt.txt"), &people);
+    write(tracks.path().join("a.txt"), &people);
+    let error = Sequences::of_folders(truth.path(), tracks.path(), &EvalOptions::default()).unwrap_err();
+    assert!(error.to_string().contains("b.txt"), "{error}");
+    write(tracks.path().join("b/tracks.txt"), "");
+    let found = Sequences::of_folders(truth.path(), tracks.path(), &EvalOptions::default()).unwrap();
+    let json = found.json();
+    assert_eq!(
+        (&json["sequences"]["a"]["MOTA"], &json["sequences"]["b"]["MOTA"]),
+        (&100.0.into(), &0.0.into())
+    );
+    assert_eq!((&json["together"]["MOTA"], &json["together"]["misses"]), (&50.0.into(), &2.into()));
+    assert!(found.table().contains("together"));
+    let nothing = Sequences::of_folders(tracks.path(), truth.path(), &EvalOptions::default()).unwrap_err();
+    assert!(nothing.to_string().contains("SEQUENCE"), "{nothing}");
+}

@@ -1,0 +1,171 @@
+//! Line charts: numbers against numbers, for people to look at.
+
+use image::RgbImage;
+use nalgebra::Point2;
+use scenes::canvas::{Canvas, Color, Stroke, TextStyle};
+
+const WIDTH_PX: u32 = 900;
+const HEIGHT_PX: u32 = 560;
+/// Room around the axes: left, right, top, bottom, pixels.
+const RIM_PX: [f64; 4] = [84.0, 28.0, 58.0, 66.0];
+const TEXT: TextStyle = TextStyle::new(16.0).color(Color::INK);
+const MARKER_PX: f64 = 4.5;
+/// Above so many points a line has no markers.
+const MOST_MARKED: usize = 40;
+
+/// One axis.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Axis {
+    /// What it shows, with unit.
+    pub name: String,
+    /// What it begins and ends with.
+    pub range: [f64; 2],
+}
+
+/// One line, or a cloud of points.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Series {
+    /// For the legend.
+    pub name: String,
+    /// Points; those that are not finite are left out.
+    pub points: Vec<[f64; 2]>,
+    /// Whether the points are joined.
+    pub is_line: bool,
+}
+
+/// A chart.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Chart {
+    /// Above it.
+    pub title: String,
+    /// Across.
+    pub x: Axis,
+    /// Up.
+    pub y: Axis,
+    /// What it shows.
+    pub series: Vec<Series>,
+}
+
+impl Axis {
+    /// An axis that holds some values, from `at_least` on.
+    pub fn fitting(name: &str, values: impl Iterator<Item = f64>, at_least: [f64; 2]) -> Self {
+        let range = values.filter(|v| v.is_finite()).fold(at_least, |r, v| [r[0].min(v), r[1].max(v)]);
+        Self { name: name.to_owned(), range }
+    }
+
+    /// Round values inside the range, six or so.
+    fn ticks(&self) -> Vec<f64> {
+        let span = (self.range[1] - self.range[0]).max(1e-12);
+        let rough = span / 6.0;
+        let power = 10f64.powf(rough.log10().floor());
+        let step = [1.0, 2.0, 2.5, 5.0, 10.0].map(|s| s * power).into_iter().find(|s| *s >= rough);
+        let step = step.unwrap_or(10.0 * power);
+        let first = (self.range[0] / step - 1e-9).ceil() as i64;
+        let last = (self.range[1] / step + 1e-9).floor() as i64;
+        (first..=last).map(|i| i as f64 * step).collect()
+    }
+
+    /// Where a value lies in the range: 0 at its beginning, 1 at its end.
+    fn share(&self, value: f64) -> f64 {
+        (value - self.range[0]) / (self.range[1] - self.range[0]).max(1e-12)
+    }
+}
+
+impl Chart {
+    /// Draws it.
+    pub fn draw(&self) -> RgbImage {
+        let mut canvas = Canvas::new(WIDTH_PX, HEIGHT_PX, Color::PAPER);
+        let [left, right, top, bottom] =
+            [RIM_PX[0], f64::from(WIDTH_PX) - RIM_PX[1], RIM_PX[2], f64::from(HEIGHT_PX) - RIM_PX[3]];
+        let place = |x: f64, y: f64| {
+            Point2::new(left + self.x.share(x) * (right - left), bottom - self.y.share(y) * (bottom - top))
+        };
+        let grid = Stroke::solid(Color::INK.alpha(0.12), 1.0);
+        for x in self.x.ticks() {
+            let at = place(x, self.y.range[0]);
+            canvas.stroke_polyline(&[at, Point2::new(at.x, top)], &grid);
+            canvas.text(Point2::new(at.x, bottom + 10.0), &short(x), &TEXT.anchor(0.5, 0.0));
+        }
+        for y in self.y.ticks() {
+            let at = place(self.x.range[0], y);
+            canvas.stroke_polyline(&[at, Point2::new(right, at.y)], &grid);
+            canvas.text(Point2::new(left - 10.0, at.y), &short(y), &TEXT.anchor(1.0, 0.5));
+        }
+        for (index, series) in self.series.iter().enumerate() {
+            let color = Color::of_id(index as u32 + 1);
+            let points: Vec<Point2<f64>> = series
+                .points
+                .iter()
+                .filter(|p| p[0].is_finite() && p[1].is_finite())
+                .map(|p| place(p[0], p[1]))
+                .collect();
+            if series.is_line {
+                canvas.stroke_polyline(&points, &Stroke::solid(color, 2.5));
+            }
+            if !series.is_line || points.len() <= MOST_MARKED {
+                for point in &points {
+                    canvas.fill_circle(*point, MARKER_PX, color);
+                }
+            }
+        }
+        self.legend(&mut canvas, Point2::new(left, top - 16.0));
+        let axis = Stroke::solid(Color::INK, 1.5);
+        let corner = Point2::new(left, bottom);
+        canvas.stroke_polyline(&[Point2::new(left, top), corner, Point2::new(right, bottom)], &axis);
+        canvas.text(Point2::new(left, 8.0), &self.title, &TEXT.bold().anchor(0.0, 0.0));
+        let middle = Point2::new(0.5 * (left + right), f64::from(HEIGHT_PX) - 12.0);
+        canvas.text(middle, &self.x.name, &TEXT.anchor(0.5, 1.0));
+        canvas.text(Point2::new(right, 8.0), &self.y.name, &TEXT.anchor(1.0, 0.0));
+        canvas.into_image()
+    }
+
+    fn legend(&self, canvas: &mut Canvas, at: Point2<f64>) {
+        let mut x = at.x;
+        for (index, series) in self.series.iter().enumerate().filter(|(_, s)| !s.name.is_empty()) {
+            canvas.fill_circle(Point2::new(x + 6.0, at.y), 6.0, Color::of_id(index as u32 + 1));
+            let drawn = canvas.text(Point2::new(x + 18.0, at.y), &series.name, &TEXT.anchor(0.0, 0.5));
+            x += 18.0 + f64::from(TEXT.size(&series.name)[0]).max(drawn[2] - drawn[0]) + 26.0;
+        }
+    }
+}
+
+/// A tick's number without noise behind the point.
+fn short(value: f64) -> String {
+    let text = format!("{value:.4}");
+    let text = text.trim_end_matches('0').trim_end_matches('.');
+    if text == "-0" { "0".to_owned() } else { text.to_owned() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ticks_are_round_and_cover_the_range() {
+        let axis = |low: f64, high: f64| Axis { name: String::new(), range: [low, high] };
+        assert_eq!(axis(0.0, 1.0).ticks(), [0.0, 0.2, 0.4, 3.0 * 0.2, 0.8, 1.0]);
+        assert_eq!(axis(0.0, 3.0).ticks().len(), 7);
+        assert_eq!(axis(37.0, 1234.0).ticks(), [200.0, 400.0, 600.0, 800.0, 1000.0, 1200.0]);
+        assert_eq!(axis(5.0, 5.0).ticks(), [5.0]);
+        assert_eq!((short(3.0 * 0.2), short(-0.0), short(250.0)), ("0.6".into(), "0".into(), "250".into()));
+    }
+
+    #[test]
+    fn points_land_where_they_belong_and_odd_ones_are_left_out() {
+        let chart = Chart {
+            title: "t".into(),
+            x: Axis { name: "x".into(), range: [0.0, 1.0] },
+            y: Axis { name: "y".into(), range: [0.0, 1.0] },
+            series: vec![Series {
+                name: String::new(),
+                points: vec![[0.5, 0.5], [f64::NAN, 0.2]],
+                is_line: true,
+            }],
+        };
+        let image = chart.draw();
+        let u = (RIM_PX[0] + f64::from(WIDTH_PX) - RIM_PX[1]) / 2.0;
+        let v = (RIM_PX[2] + f64::from(HEIGHT_PX) - RIM_PX[3]) / 2.0;
+        let color = Color::of_id(1);
+        assert_eq!(image.get_pixel(u as u32, v as u32).0, [color.r, color.g, color.b]);
+    }
+}
