@@ -21,7 +21,8 @@ use tracker::tracks::rows::RowFile;
   tracker link detections.txt --out tracks.txt
   tracker link detections.txt --out tracks.txt --report report.json --max-gap 30
   tracker link detections.txt --out tracks.txt --max-distance 40 --max-area-change 4000 --link-cost 0.1 --birth-cost 2
-  tracker link detections.txt --out tracks.txt --direction-threshold 15 --skip 1")]
+  tracker link detections.txt --out tracks.txt --direction-threshold 15 --skip 1
+  tracker link out/tracks.txt --tracklets --out mended.txt")]
 pub(crate) struct LinkArgs {
     /// The detections.
     detections: PathBuf,
@@ -30,6 +31,11 @@ pub(crate) struct LinkArgs {
     out: PathBuf,
     #[command(flatten)]
     options: LinkArguments,
+    /// The rows are tracks of an online tracker: keep them all, and link those that continue each other. Ids are those of
+    /// the first parts.
+    #[arg(long, conflicts_with_all = ["skip", "direction_threshold", "solver", "max_distance", "max_area_change", "link_cost",
+        "birth_cost", "detection_offset"])]
+    tracklets: bool,
     /// Write what was done as JSON: detections, edges, tracks, total cost, its proven lower bound, seconds.
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
@@ -53,7 +59,8 @@ pub(crate) struct LinkArguments {
     /// A detection costs this minus its score [default: 0.2].
     #[arg(long, value_name = "C", allow_negative_numbers = true)]
     detection_offset: Option<f64>,
-    /// Link over up to so many frames; 1: from a frame to the next only [default: 80; the paper's graph: 1].
+    /// Link over up to so many frames; 1: from a frame to the next only [default: 80; the
+    /// paper's graph: 1, with --direction-threshold 2].
     #[arg(long, value_name = "FRAMES")]
     max_gap: Option<u32>,
     /// Greatest change of a track's velocity at a detection, pixels (metres) a frame.
@@ -115,10 +122,13 @@ pub(crate) fn link(args: &LinkArgs) -> anyhow::Result<String> {
     let options = args.options.options();
     options.check()?;
     let file = RowFile::read(&args.detections)?;
-    let detections = Detections::from_rows(&file, &options)?;
-    let linked =
-        link::link(&detections, &options).with_context(|| format!("{}", args.detections.display()))?;
-    let tracks = link::track_file(&linked.tracks);
+    let linked = if args.tracklets {
+        link::link_tracklets(&file, &options)?
+    } else {
+        let detections = Detections::from_rows(&file, &options)?;
+        link::link(&detections, &options).with_context(|| format!("{}", args.detections.display()))?
+    };
+    let tracks = link::track_file(&linked);
     let report = args.report.as_ref().map(|path| Ok::<_, anyhow::Error>((path, linked.report.json(path)?)));
     let report = report.transpose()?;
     let mut files = vec![(args.out.as_path(), tracks.as_bytes())];

@@ -22,6 +22,9 @@ use super::background::{BackgroundArguments, KEEP_BYTES};
 use super::clocks::ClockArguments;
 use super::sampler::SamplerArguments;
 
+/// `--smooth` bridges losses up to this long.
+const SMOOTH_GAP_S: f64 = 3.0;
+
 /// The published trackers.
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum MethodName {
@@ -68,6 +71,10 @@ pub(crate) struct RunArgs {
     /// Ignore the room's geometry: nothing hides anybody. For comparison.
     #[arg(long)]
     no_occlusion: bool,
+    /// At the end, link the tracks over the whole recording: somebody who was lost and found again keeps their id, and
+    /// gaps are filled, in tracks.txt and boxes (tracks.jsonl and the films stay as they were made).
+    #[arg(long)]
+    smooth: bool,
     /// Write no films.
     #[arg(long)]
     no_film: bool,
@@ -128,6 +135,10 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
     let report = run::run(feeds, method.as_mut(), outputs, &options, || progress.advance())?;
     drop(progress);
     report.timings.write(&args.out.join("timings.json"))?;
+    if args.smooth {
+        let mended = tracker::link::mend_run(&args.out, (rate * SMOOTH_GAP_S).round() as u32)?;
+        tracing::info!("{} tracks after linking over the whole recording", mended.tracks);
+    }
     tell(&report, prepared, started.elapsed().as_secs_f64());
     Ok(String::new())
 }

@@ -9,13 +9,14 @@
 //! * [`tracklet`] — the same again over the tracks just found, by their motion, over longer gaps;
 //! * [`fill`] — the rows that are written: gaps filled, boxes smoothed.
 //!
-//! [`link`] does all of it. What the costs are and when which graph is built: [`LinkOptions`].
+//! [`link`] does all of it; [`link_tracklets`] and [`mend_run`] do the second half for the tracks of an online tracker. What the costs are and when which graph is built: [`LinkOptions`].
 
 pub mod affinity;
 pub mod build;
 pub mod detection;
 pub mod fill;
 pub mod graph;
+mod mend;
 mod options;
 mod report;
 mod skip;
@@ -24,9 +25,11 @@ pub mod solver;
 pub mod tracklet;
 mod write;
 
+use std::collections::BTreeMap;
 use std::time::Instant;
 
 pub use detection::Detections;
+pub use mend::{link_tracklets, mend_run};
 pub use options::{LinkOptions, SolverKind};
 pub use report::{JoiningReport, LinkReport};
 pub use write::track_file;
@@ -43,8 +46,12 @@ use tracklet::Ends;
 /// The tracks of a recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Linked {
-    /// Each track's rows in time order; tracks by their first frame. Their ids are 1, 2, 3 …
+    /// Each track's rows in time order; tracks by their first frame.
     pub tracks: Vec<Vec<TrackRow>>,
+    /// The tracks' ids: 1, 2, 3 … for detections, those of their first tracklets for tracklets.
+    pub ids: Vec<u32>,
+    /// Where tracklets were linked: what each one's id has become.
+    pub renamed: BTreeMap<u32, u32>,
     /// What was done.
     pub report: LinkReport,
 }
@@ -87,7 +94,7 @@ pub fn link(detections: &Detections, options: &LinkOptions) -> Result<Linked> {
         for node in tracks.iter_mut().flatten() {
             *node = places[*node as usize];
         }
-        skip::restore(detections, &mut tracks);
+        skip::restore(detections, &mut tracks, options.skip);
     }
     tracks.sort_by_key(|track| track.first().copied());
     let report = LinkReport {
@@ -104,7 +111,12 @@ pub fn link(detections: &Detections, options: &LinkOptions) -> Result<Linked> {
         joining,
     };
     let fill = options.fill();
-    Ok(Linked { tracks: tracks.iter().map(|t| fill::rows(detections, t, &fill)).collect(), report })
+    Ok(Linked {
+        ids: (1..=tracks.len() as u32).collect(),
+        tracks: tracks.iter().map(|t| fill::rows(detections, t, &fill)).collect(),
+        renamed: BTreeMap::new(),
+        report,
+    })
 }
 
 fn detection_graph(detections: &Detections, options: &LinkOptions) -> Result<FlowGraph> {
@@ -162,3 +174,5 @@ fn chain(tracklets: &[Vec<u32>], track: &[u32]) -> Vec<u32> {
 
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod whole_tests;

@@ -160,7 +160,10 @@ impl LinkOptions {
 
     /// The greatest gap of links between detections.
     pub(super) fn detection_gap(&self) -> u32 {
-        if self.is_published() { self.max_gap.unwrap_or(1) } else { self.max_gap.unwrap_or(2).min(2) }
+        // A detection that noise has moved bends the way twice. With a limit on the bend the track must be able to step over
+        // it, or it ends there.
+        let published = if self.direction_threshold.is_some() { 2 } else { 1 };
+        if self.is_published() { self.max_gap.unwrap_or(published) } else { self.max_gap.unwrap_or(2).min(2) }
     }
 
     pub(super) fn joining(&self) -> Joining {

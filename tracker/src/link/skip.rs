@@ -1,6 +1,11 @@
 //! Frame skipping (figure 9): when people move a pixel a frame, the direction of a step is noise; over a few frames it is
 //! not. The recording is linked as if only every (N+1)-th frame had been taken.
 
+use std::collections::{HashMap, HashSet};
+use std::ops::Range;
+
+use nalgebra::Point2;
+
 use super::detection::{Detection, Detections};
 use super::fill::{self, FillOptions};
 
@@ -19,17 +24,16 @@ pub(super) fn kept(detections: &Detections, skip: u32) -> (Detections, Vec<u32>)
     (Detections { all, on_floor: detections.on_floor }, places)
 }
 
-/// Puts the detections of skipped frames into the tracks that pass them; each goes to the nearest track at most.
-pub(super) fn restore(detections: &Detections, tracks: &mut [Vec<u32>]) {
-    let frames: std::collections::HashMap<u32, std::ops::Range<usize>> =
-        detections.frames().into_iter().collect();
-    let straight = FillOptions { interpolate: true, smooth_frames: 0.0 };
+/// Puts the detections of skipped frames into the tracks that pass them, between the linked frames and up to `skip` frames
+/// before and after a track; each goes to the nearest track at most.
+pub(super) fn restore(detections: &Detections, tracks: &mut [Vec<u32>], skip: u32) {
+    let frames: HashMap<u32, Range<usize>> = detections.frames().into_iter().collect();
     let mut offers: Vec<(f64, u32, usize)> = Vec::new();
     for (number, track) in tracks.iter().enumerate() {
-        for row in fill::rows(detections, track, &straight).iter().filter(|r| !r.is_seen) {
-            for node in frames.get(&row.frame).cloned().into_iter().flatten() {
+        for (frame, place) in ways(detections, track, skip) {
+            for node in frames.get(&frame).cloned().into_iter().flatten() {
                 let found = &detections.all[node];
-                let distance = (found.place - row.place).norm() / found.scale();
+                let distance = (found.place - place).norm() / found.scale();
                 if distance <= SNAP_HEIGHTS {
                     offers.push((distance, node as u32, number));
                 }
@@ -39,7 +43,7 @@ pub(super) fn restore(detections: &Detections, tracks: &mut [Vec<u32>]) {
     offers.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)).then(a.2.cmp(&b.2)));
     let mut is_taken = vec![false; detections.all.len()];
     tracks.iter().flatten().for_each(|node| is_taken[*node as usize] = true);
-    let mut has_frame: std::collections::HashSet<(usize, u32)> = std::collections::HashSet::new();
+    let mut has_frame: HashSet<(usize, u32)> = HashSet::new();
     for (_, node, number) in offers {
         let frame = detections.all[node as usize].frame;
         if !is_taken[node as usize] && has_frame.insert((number, frame)) {
@@ -50,4 +54,22 @@ pub(super) fn restore(detections: &Detections, tracks: &mut [Vec<u32>]) {
     for track in tracks {
         track.sort_unstable();
     }
+}
+
+/// Where a track passes in the frames that it has no detection of.
+fn ways(detections: &Detections, track: &[u32], skip: u32) -> Vec<(u32, Point2<f64>)> {
+    let straight = FillOptions { interpolate: true, smooth_frames: 0.0 };
+    let rows = fill::rows(detections, track, &straight);
+    let mut ways: Vec<(u32, Point2<f64>)> =
+        rows.iter().filter(|r| !r.is_seen).map(|r| (r.frame, r.place)).collect();
+    if let [first, second, ..] = rows.as_slice() {
+        let back = first.place - second.place;
+        let before = (1..=skip).take_while(|f| *f < first.frame);
+        ways.extend(before.map(|f| (first.frame - f, first.place + back * f64::from(f))));
+    }
+    if let [.., second, last] = rows.as_slice() {
+        let on = last.place - second.place;
+        ways.extend((1..=skip).map(|f| (last.frame + f, last.place + on * f64::from(f))));
+    }
+    ways
 }

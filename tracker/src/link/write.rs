@@ -2,14 +2,16 @@
 
 use std::fmt::Write;
 
+use super::Linked;
 use super::fill::TrackRow;
 
-/// MOTChallenge rows, by frame and id: boxes, or places on the floor. Tracks have the ids 1, 2, 3 …
-pub fn track_file(tracks: &[Vec<TrackRow>]) -> String {
-    let mut rows: Vec<(u32, usize, &TrackRow)> = tracks
+/// MOTChallenge rows, by frame and id: boxes, or places on the floor.
+pub fn track_file(linked: &Linked) -> String {
+    let mut rows: Vec<(u32, u32, &TrackRow)> = linked
+        .ids
         .iter()
-        .enumerate()
-        .flat_map(|(index, track)| track.iter().map(move |row| (row.frame, index + 1, row)))
+        .zip(&linked.tracks)
+        .flat_map(|(id, track)| track.iter().map(move |row| (row.frame, *id, row)))
         .collect();
     rows.sort_by_key(|(frame, id, _)| (*frame, *id));
     let mut text = String::with_capacity(64 * rows.len());

@@ -1,0 +1,235 @@
+//! Linking as a whole: from rows to rows.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use super::*;
+use crate::tracks::rows::RowFile;
+
+fn rows(text: &str) -> RowFile {
+    RowFile::parse(Path::new("detections.txt"), text).unwrap()
+}
+
+fn linked(text: &str, options: &LinkOptions) -> Linked {
+    link(&Detections::from_rows(&rows(text), options).unwrap(), options).unwrap()
+}
+
+/// Boxes of 40 × 100 pixels around (x, 200) with a score of 0.9.
+fn boxes(places: impl Iterator<Item = (u32, f64)>) -> String {
+    places.fold(String::new(), |mut text, (frame, x)| {
+        writeln!(text, "{frame},-1,{},150,40,100,0.9", x - 20.0).unwrap();
+        text
+    })
+}
+
+fn published() -> LinkOptions {
+    LinkOptions {
+        max_distance: Some(12.0),
+        link_cost: Some(0.1),
+        birth_cost: Some(1.0),
+        detection_offset: Some(0.2),
+        ..LinkOptions::default()
+    }
+}
+
+/// Two people who walk towards each other, stand at one place in frame 10, and walk on.
+fn crossing() -> String {
+    boxes((1..=20).flat_map(|f| {
+        let t = f64::from(f) - 10.0;
+        [(f, 300.0 + 5.0 * t), (f, 300.0 - 5.0 * t)]
+    }))
+}
+
+/// Whether each track goes on in the direction it came from.
+fn all_pass(linked: &Linked) -> bool {
+    linked.tracks.len() == 2
+        && linked.tracks.iter().all(|t| (t[0].place.x - 300.0) * (t[t.len() - 1].place.x - 300.0) < 0.0)
+}
+
+#[test]
+fn nothing_one_and_alone() {
+    for options in [LinkOptions::default(), published()] {
+        let nothing = linked("", &options);
+        assert_eq!((nothing.tracks.len(), nothing.report.total_cost), (0, 0.0));
+        assert_eq!(track_file(&nothing), "");
+        // One detection is worth less than a track costs.
+        assert_eq!(linked("7,-1,1,2,30,60,0.9\n", &options).tracks.len(), 0);
+    }
+    let cheap = LinkOptions { birth_cost: Some(0.0), ..LinkOptions::default() };
+    assert_eq!(track_file(&linked("7,-1,1,2,30,60,0.9\n", &cheap)), "7,1,1,2,30,60,0.9,-1,-1,-1\n");
+}
+
+#[test]
+fn the_direction_constraint_carries_people_past_each_other() {
+    let options = LinkOptions { direction_threshold: Some(4.0), ..published() };
+    let found = linked(&crossing(), &options);
+    assert!(all_pass(&found));
+    // Straight on costs what turning back costs, so the bound is reached: this is the optimum.
+    assert!(found.report.is_optimal, "{:?}", found.report);
+    let skipping =
+        LinkOptions { skip: 1, max_distance: Some(24.0), direction_threshold: Some(8.0), ..published() };
+    let skipped = linked(&crossing(), &skipping);
+    assert!(all_pass(&skipped));
+    assert_eq!(skipped.report.detections, 20);
+    // The detections of skipped frames are given back: 20 frames of two people, none made up.
+    assert_eq!(skipped.tracks.iter().flatten().filter(|r| r.is_seen).count(), 40);
+}
+
+#[test]
+fn no_detection_is_on_two_tracks_and_turns_are_limited() {
+    // Noise decides which turns are allowed.
+    let mut state = 5u32;
+    let mut noise = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        f64::from(state >> 16) / 65_536.0 - 0.5
+    };
+    let text = boxes(
+        (1..=40)
+            .flat_map(|f| {
+                let t = f64::from(f) - 20.0;
+                [300.0 + 4.0 * t, 300.0 - 4.0 * t, 310.0 + t].map(|x| (f, x))
+            })
+            .map(|(f, x)| (f, x + 6.0 * noise())),
+    );
+    let options = LinkOptions { direction_threshold: Some(5.0), keep_gaps: true, ..published() };
+    let found = linked(&text, &options);
+    let seen: Vec<(u32, u64)> =
+        found.tracks.iter().flatten().map(|r| (r.frame, r.place.x.to_bits())).collect();
+    assert_eq!(seen.iter().collect::<std::collections::HashSet<_>>().len(), seen.len());
+    for track in &found.tracks {
+        for t in track.windows(3) {
+            let step = |a: &TrackRow, b: &TrackRow| (b.place - a.place) / f64::from(b.frame - a.frame);
+            assert!((step(&t[1], &t[2]) - step(&t[0], &t[1])).norm() <= 5.0 + 1e-9);
+        }
+    }
+    assert!(found.report.total_cost >= found.report.lower_bound);
+}
+
+#[test]
+fn gaps_are_bridged_as_far_as_is_asked_for_and_filled() {
+    let missing = |f: &u32| !(10..13).contains(f);
+    let text = boxes((1..=25).filter(missing).map(|f| (f, 100.0 + 3.0 * f64::from(f))));
+    let with = |gap: u32| LinkOptions { max_gap: Some(gap), ..published() };
+    assert_eq!(linked(&text, &with(3)).tracks.len(), 2);
+    let one = linked(&text, &with(4));
+    assert_eq!(one.tracks.len(), 1);
+    let filled: Vec<(u32, f64)> =
+        one.tracks[0].iter().filter(|r| !r.is_seen).map(|r| (r.frame, r.place.x)).collect();
+    assert_eq!(filled, [(10, 130.0), (11, 133.0), (12, 136.0)]);
+    let kept = linked(&text, &LinkOptions { keep_gaps: true, ..with(4) });
+    assert_eq!((kept.tracks.len(), kept.tracks[0].len()), (1, 22));
+    // The default bridges by motion what is too far to be linked at once.
+    let fast = boxes((1..=60).filter(|f| !(25..40).contains(f)).map(|f| (f, 4.0 * f64::from(f))));
+    let found = linked(&fast, &LinkOptions::default());
+    assert_eq!((found.tracks.len(), found.tracks[0].len()), (1, 60));
+    assert!((found.tracks[0][30].place.x - 4.0 * 31.0).abs() < 0.5);
+}
+
+#[test]
+fn scale_does_not_matter_where_nothing_is_said() {
+    let scaled = |k: f64| {
+        let text = rows(&crossing());
+        let mut detections = Detections::from_rows(&text, &LinkOptions::default()).unwrap();
+        for d in &mut detections.all {
+            d.place *= k;
+            d.pixel_box = d.pixel_box.map(|mut b| {
+                (b.left, b.top, b.width, b.height) = (b.left * k, b.top * k, b.width * k, b.height * k);
+                b
+            });
+        }
+        link(&detections, &LinkOptions::default()).unwrap()
+    };
+    let (small, large) = (scaled(0.25), scaled(8.0));
+    let frames = |l: &Linked| l.tracks.iter().map(|t| (t.len(), t[0].frame)).collect::<Vec<_>>();
+    assert_eq!(frames(&small), frames(&large));
+    assert!((small.report.total_cost - large.report.total_cost).abs() < 1e-6);
+}
+
+#[test]
+fn floor_positions_are_linked_in_metres() {
+    let text = (1..=30).filter(|f| f % 7 != 0).fold(String::new(), |mut text, f| {
+        let t = f64::from(f);
+        writeln!(
+            text,
+            "{f},-1,-1,-1,-1,-1,0.9,{},1.5,0\n{f},-1,-1,-1,-1,-1,0.9,{},3.5,0",
+            0.08 * t,
+            4.0 - 0.05 * t
+        )
+        .unwrap();
+        text
+    });
+    let found = linked(&text, &LinkOptions::default());
+    assert_eq!(found.tracks.iter().map(Vec::len).collect::<Vec<_>>(), [30, 30]);
+    let written = rows(&track_file(&found));
+    assert!(written.is_on_floor() && written.has_ids() && !written.has_boxes());
+    let mixed = rows("1,-1,1,1,5,5,0.9\n1,-1,-1,-1,-1,-1,0.9,1,1,0\n");
+    let error = Detections::from_rows(&mixed, &LinkOptions::default()).unwrap_err().to_string();
+    assert!(error.contains("detections.txt") && error.contains("line 1"), "{error}");
+}
+
+#[test]
+fn classes_and_scores_are_filtered() {
+    let text = "1,-1,0,0,10,20,0.9,1,0.5\n1,-1,50,0,10,20,0.9,7,0.5\n1,-1,90,0,10,20,0.3,1,0.5\n";
+    let options = LinkOptions { class: Some(1), min_score: Some(0.5), ..LinkOptions::default() };
+    let found = Detections::from_rows(&rows(text), &options).unwrap();
+    assert_eq!(found.all.iter().map(|d| d.place.x).collect::<Vec<_>>(), [5.0]);
+}
+
+#[test]
+fn options_that_mean_nothing_are_refused_by_name() {
+    let refused = |options: LinkOptions| link(&Detections::default(), &options).unwrap_err().to_string();
+    let some = LinkOptions::default;
+    assert!(refused(LinkOptions { max_gap: Some(0), ..some() }).contains("--max-gap"));
+    assert!(refused(LinkOptions { max_distance: Some(-1.0), ..some() }).contains("--max-distance"));
+    assert!(refused(LinkOptions { link_cost: Some(f64::NAN), ..some() }).contains("--link-cost"));
+    let both = LinkOptions { solver: SolverKind::Greedy, direction_threshold: Some(1.0), ..some() };
+    assert!(refused(both).contains("greedy"));
+    let huge = LinkOptions { birth_cost: Some(1e12), ..some() };
+    assert!(refused(huge).contains("--birth-cost"));
+    let odd = Detections::from_rows(&rows("1,-1,0,0,10,20,1e300\n"), &some()).unwrap();
+    assert!(link(&odd, &published()).unwrap_err().to_string().contains("--detection-offset"));
+}
+
+#[test]
+fn tracklets_keep_their_rows_and_get_the_first_ones_id() {
+    let walk = |id: u32, frames: std::ops::Range<u32>, y: f64| {
+        frames.fold(String::new(), |mut text, f| {
+            writeln!(text, "{f},{id},-1,-1,-1,-1,0.9,{},{y},0", 0.1 * f64::from(f)).unwrap();
+            text
+        })
+    };
+    // Person 4 is lost for six frames and comes back as 9; 7 walks two metres beside them.
+    let text = [walk(4, 1..20, 1.0), walk(7, 1..50, 3.0), walk(9, 26..50, 1.02)].concat();
+    let found = link_tracklets(&rows(&text), &LinkOptions::default()).unwrap();
+    assert_eq!(found.ids, [4, 7]);
+    assert_eq!(found.renamed.into_iter().collect::<Vec<_>>(), [(4, 4), (7, 7), (9, 4)]);
+    assert_eq!(found.tracks.iter().map(Vec::len).collect::<Vec<_>>(), [49, 49]);
+    assert!((found.tracks[0][21].place.x - 2.2).abs() < 1e-9 && !found.tracks[0][21].is_seen);
+    let error = link_tracklets(&rows("1,-1,-1,-1,-1,-1,1,0,0,0\n"), &LinkOptions::default()).unwrap_err();
+    assert!(error.to_string().contains("line 1"), "{error}");
+}
+
+#[test]
+fn a_run_is_mended_in_its_own_files() {
+    let out = tempfile::tempdir().unwrap();
+    std::fs::create_dir(out.path().join("boxes")).unwrap();
+    let (mut floor, mut image) = (String::new(), String::new());
+    for f in (1..=40u32).filter(|f| !(15..20).contains(f)) {
+        let id = if f < 15 { 1 } else { 2 };
+        writeln!(floor, "{f},{id},-1,-1,-1,-1,0.9,{:.4},1,0", 0.1 * f64::from(f)).unwrap();
+        // The camera does not see them in frames 30 to 33.
+        if !(30..34).contains(&f) {
+            writeln!(image, "{f},{id},{},20,30,80,0.9,-1,-1,-1", 10 * f).unwrap();
+        }
+    }
+    std::fs::write(out.path().join("tracks.txt"), floor).unwrap();
+    std::fs::write(out.path().join("boxes/a.txt"), image).unwrap();
+    assert_eq!(mend_run(out.path(), 30).unwrap().tracks, 1);
+    let read = |name: &str| RowFile::read(&out.path().join(name)).unwrap().rows;
+    let frames = |name: &str| read(name).iter().map(|r| r.frame).collect::<Vec<_>>();
+    assert_eq!(frames("tracks.txt"), (1..=40).collect::<Vec<_>>());
+    assert_eq!(frames("boxes/a.txt"), (1..30).chain(34..=40).collect::<Vec<_>>());
+    assert!(read("boxes/a.txt").iter().chain(&read("tracks.txt")).all(|r| r.id == Some(1)));
+    // Short losses only.
+    assert_eq!(mend_run(out.path(), 1).unwrap().tracks, 1);
+}
