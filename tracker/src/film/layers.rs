@@ -2,7 +2,7 @@
 
 use nalgebra::Point2;
 
-use crate::silhouette::{Body, ImageConic, View};
+use crate::silhouette::{Body, ImageConic, Outline, View};
 
 /// What is seen at one pixel.
 #[derive(Debug, Clone, Copy, Default)]
@@ -40,7 +40,11 @@ impl Layers {
 
     fn add(&mut self, view: &View, body: &Body, owner: u16, nearest: &mut [f32]) {
         let conic = ImageConic::new(view, &body.ellipsoid());
-        let Some([rows, _]) = conic.bounds().filter(|_| !conic.holds_camera()) else { return };
+        let rows = match conic.outline() {
+            Outline::Ellipse(ellipse) => ellipse.rows,
+            Outline::Open if !conic.holds_camera() => conic.image()[0].clone(),
+            Outline::Open | Outline::Nowhere => return,
+        };
         let ellipsoid = body.ellipsoid();
         let (axes, from_body) = (ellipsoid.semi_axes, view.center - ellipsoid.center);
         for v in rows {

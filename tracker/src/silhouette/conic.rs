@@ -12,7 +12,12 @@
 //! row, `b² − c a` is a quadratic in u: its roots bound the span. `b < 0` cannot change within a span, because a ray
 //! from outside meets the ellipsoid either wholly in front or wholly behind.
 //!
+//! Nearly always the conic is an ellipse. Its spans have their middles on a line and their half widths are
+//! `√(widest² − fall · (v − v₀)²)`: a root a row, and no division.
+//!
 //! f64, although it renders: a span must end at the same pixel as a ray cast by any other formula would.
+
+use std::ops::Range;
 
 use nalgebra::Vector3;
 
@@ -32,8 +37,51 @@ pub struct ImageConic {
     height: i32,
     /// Smallest depth along z of any point of the ellipsoid.
     pub nearest_z_m: f64,
-    /// Largest depth along z of any point of the ellipsoid.
-    pub farthest_z_m: f64,
+    /// No point of the side that faces the camera is farther than this along z.
+    pub near_side_to_z_m: f64,
+}
+
+/// Where in the image a body is.
+#[derive(Debug, Clone)]
+pub enum Outline {
+    /// Nowhere.
+    Nowhere,
+    /// Within an ellipse.
+    Ellipse(Ellipse),
+    /// Anywhere: the body reaches behind the camera's image plane, or around the camera.
+    Open,
+}
+
+/// The image of a body that is wholly in front of the camera. Pixels.
+#[derive(Debug, Clone)]
+pub struct Ellipse {
+    /// The rows of the image that can hold pixels of it.
+    pub rows: Range<i32>,
+    /// The columns of the image that can hold pixels of it.
+    pub columns: Range<i32>,
+    middle_u: f64,
+    middle_v: f64,
+    /// Columns that the middle of a row's span lies farther to the right than that of the row above.
+    slope: f64,
+    /// Square of half the width of the widest row.
+    widest: f64,
+    /// What the square of half the width falls by, times the square of the rows from the middle.
+    fall: f64,
+    last_column: f64,
+}
+
+impl Ellipse {
+    /// The pixels of a row.
+    pub fn span(&self, v: i32) -> Option<Span> {
+        let dv = f64::from(v) - self.middle_v;
+        let square = self.widest - self.fall * dv * dv;
+        if square < 0.0 {
+            return None;
+        }
+        let (middle, half) = (self.middle_u + self.slope * dv, square.sqrt());
+        let ends = [middle - half, middle + half];
+        Span::between(ends[0].max(0.0), ends[1].min(self.last_column), Some(ends))
+    }
 }
 
 /// One row of the image of a body: `b² − c a` and what depth needs, as functions of u.
@@ -94,6 +142,26 @@ pub struct Span {
     ends: Option<[f64; 2]>,
 }
 
+impl Span {
+    /// The whole pixels of `[from, to]`.
+    ///
+    /// Both are clipped to the image, so that they round as whole numbers do, without a call to the library.
+    fn between(from: f64, to: f64, ends: Option<[f64; 2]>) -> Option<Self> {
+        // Refuses NaN, too.
+        if !(from >= 0.0 && from <= to) {
+            return None;
+        }
+        let (below, last) = (from as i32, to as i32);
+        let first = below + i32::from(f64::from(below) < from);
+        (first <= last).then_some(Self { first, last, ends })
+    }
+
+    /// How many pixels it has.
+    pub fn width(&self) -> u32 {
+        (self.last - self.first + 1) as u32
+    }
+}
+
 impl ImageConic {
     /// The image of `body` in `view`.
     pub fn new(view: &View, body: &Ellipsoid) -> Self {
@@ -105,8 +173,19 @@ impl ImageConic {
         let a = [w0.dot(&w0), w0.dot(&wu), w0.dot(&wv), wu.dot(&wu), wu.dot(&wv), wv.dot(&wv)];
         let b = [o.dot(&w0), o.dot(&wu), o.dot(&wv)];
         let b_squared = [b[0] * b[0], b[0] * b[1], b[0] * b[2], b[1] * b[1], b[1] * b[2], b[2] * b[2]];
-        let reach = axes.component_mul(&view.forward).norm();
+        // Depth along z is linear: over the scaled body it rises by `reach` from the middle. The camera sees the side that
+        // is bounded by the circle where rays touch, which lies `1 / |o|` from the middle.
+        let forward = axes.component_mul(&view.forward);
+        let reach = forward.norm();
         let middle = (body.center - view.center).dot(&view.forward);
+        let near_side_to = if c > 0.0 && middle > 0.0 {
+            let o_squared = o.norm_squared();
+            let toward = forward.dot(&o);
+            let around = (forward.norm_squared() - toward * toward / o_squared).max(0.0);
+            toward / o_squared + ((1.0 - 1.0 / o_squared) * around).sqrt()
+        } else {
+            reach
+        };
         Self {
             inside: std::array::from_fn(|i| b_squared[i] - c * a[i]),
             a,
@@ -115,7 +194,7 @@ impl ImageConic {
             width: view.width as i32,
             height: view.height as i32,
             nearest_z_m: middle - reach,
-            farthest_z_m: middle + reach,
+            near_side_to_z_m: middle + near_side_to,
         }
     }
 
@@ -124,31 +203,46 @@ impl ImageConic {
         self.c <= 0.0
     }
 
-    /// The rows and columns that can hold pixels of the body: first, and one past the last, of each. `None` when it is
-    /// nowhere in the image.
-    pub fn bounds(&self) -> Option<[std::ops::Range<i32>; 2]> {
-        let image = [0..self.height, 0..self.width];
+    /// Where in the image the body is.
+    pub fn outline(&self) -> Outline {
         if self.holds_camera() {
-            return Some(image);
+            return Outline::Open;
         }
         let [f, d, e, a, b, c] = self.inside;
         // A row (column) holds pixels where its quadratic in u (v) has roots.
         let rows = [b * b - a * c, d * b - a * e, d * d - a * f];
         let columns = [b * b - a * c, e * b - c * d, e * e - c * f];
         if a >= 0.0 || rows[0] >= 0.0 {
-            // The body reaches behind the camera's image plane, and its image is no ellipse.
-            return (self.nearest_z_m <= 0.0).then_some(image);
+            return if self.nearest_z_m <= 0.0 { Outline::Open } else { Outline::Nowhere };
         }
         // All of the ellipse is in front or behind; its centre tells which.
         let v = -rows[1] / rows[0];
         let u = -(b * v + d) / a;
         if self.b[0] + self.b[1] * u + self.b[2] * v >= 0.0 {
-            return None;
+            return Outline::Nowhere;
         }
-        let rows = extent(&rows, self.height)?;
-        // A pixel more on either side, so that no rounding puts the end of a span outside.
-        let columns = extent(&columns, self.width)?;
-        Some([rows, (columns.start - 1).max(0)..(columns.end + 1).min(self.width)])
+        let (Some(row_range), Some(column_range)) =
+            (extent(&rows, self.height), extent(&columns, self.width))
+        else {
+            return Outline::Nowhere;
+        };
+        let scale = 1.0 / (a * a);
+        Outline::Ellipse(Ellipse {
+            rows: row_range,
+            // A pixel more on either side, so that no rounding puts the end of a span outside.
+            columns: (column_range.start - 1).max(0)..(column_range.end + 1).min(self.width),
+            middle_u: u,
+            middle_v: v,
+            slope: -b / a,
+            widest: (rows[1] * v + rows[2]) * scale,
+            fall: -rows[0] * scale,
+            last_column: f64::from(self.width - 1),
+        })
+    }
+
+    /// All rows and columns of the image.
+    pub fn image(&self) -> [Range<i32>; 2] {
+        [0..self.height, 0..self.width]
     }
 
     /// What depth and spans of row `v` need.
@@ -165,7 +259,7 @@ impl ImageConic {
         }
     }
 
-    /// The spans of a row: none, one, or (for a body that reaches behind the image plane) up to two.
+    /// The spans of a row, whatever the outline: none, one, or (for a body that reaches behind the image plane) up to two.
     pub fn spans(&self, row: &Row) -> [Option<Span>; 2] {
         let (start, end) = (0.0, f64::from(self.width - 1));
         if self.holds_camera() {
@@ -202,21 +296,13 @@ impl ImageConic {
     }
 
     /// The whole pixels of `[from, to]`, when they look at the body in front of the camera.
-    ///
-    /// Both ends are clipped to the image, so that they round as whole numbers do, without a call to the library.
     fn span(row: &Row, from: f64, to: f64, ends: Option<[f64; 2]>) -> Option<Span> {
-        // Refuses NaN, too.
-        if !(from >= 0.0 && from <= to) {
-            return None;
-        }
-        let (below, last) = (from as i32, to as i32);
-        let first = below + i32::from(f64::from(below) < from);
-        (first <= last && row.b0 + row.b1 * f64::from(first) < 0.0).then_some(Span { first, last, ends })
+        Span::between(from, to, ends).filter(|span| row.b0 + row.b1 * f64::from(span.first) < 0.0)
     }
 }
 
 /// Where `q2 x² + 2 q1 x + q0 ≥ 0` for a negative `q2`: whole numbers within `0..size`, or `None`.
-fn extent(&[q2, q1, q0]: &[f64; 3], size: i32) -> Option<std::ops::Range<i32>> {
+fn extent(&[q2, q1, q0]: &[f64; 3], size: i32) -> Option<Range<i32>> {
     let d = q1 * q1 - q2 * q0;
     let root = (d >= 0.0).then(|| d.sqrt())?;
     let first = ((-q1 + root) / q2).ceil().max(0.0);

@@ -1,7 +1,9 @@
 //! The visible pixels of one body in one view, packed.
 
-use super::conic::{Row, Span};
-use super::view::STRETCH;
+use std::ops::Range;
+
+use super::conic::{Ellipse, Outline, Row, Span};
+use super::view::{STRETCH, TILE_ROWS};
 use super::{Ellipsoid, ImageConic, View};
 
 /// A margin for the rounding of bounds that are met exactly, as where a body touches a wall.
@@ -34,54 +36,119 @@ impl Silhouette {
     /// Draws `body` as seen in `view`, in place of whatever was here.
     pub fn draw(&mut self, view: &View, body: &Ellipsoid) {
         let conic = ImageConic::new(view, body);
+        match conic.outline() {
+            Outline::Nowhere => self.clear(0..0, 0..0),
+            Outline::Ellipse(ellipse) => self.draw_ellipse(view, &conic, &ellipse),
+            Outline::Open => self.draw_open(view, &conic),
+        }
+    }
+
+    /// Makes room for a rectangle of pixels, and empties it.
+    fn clear(&mut self, rows: Range<i32>, columns: Range<i32>) {
         (self.area_px, self.visible_px) = (0, 0);
-        self.bits.clear();
-        let Some([rows, columns]) = conic.bounds() else {
-            (self.first_row, self.rows, self.first_word, self.words) = (0, 0, 0, 0);
-            return;
-        };
         (self.first_row, self.rows) = (rows.start as usize, rows.len());
         self.first_word = columns.start as usize / 64;
-        self.words = (columns.end - 1) as usize / 64 + 1 - self.first_word;
+        self.words = (columns.end as usize).div_ceil(64) - self.first_word;
+        self.bits.clear();
         self.bits.resize(self.rows * self.words, 0);
-        let farthest_of_body_m =
-            if conic.holds_camera() { 0.0 } else { conic.farthest_z_m * (1.0 + ROUNDING) };
-        let nearest_of_body_m = conic.nearest_z_m * (1.0 - ROUNDING);
-        for v in rows.clone() {
+    }
+
+    fn draw_ellipse(&mut self, view: &View, conic: &ImageConic, ellipse: &Ellipse) {
+        let near_side_to_m = conic.near_side_to_z_m * (1.0 + ROUNDING);
+        let nearest_m = conic.nearest_z_m * (1.0 - ROUNDING);
+        self.clear(ellipse.rows.clone(), ellipse.columns.clone());
+        let mut v = ellipse.rows.start;
+        while v < ellipse.rows.end {
+            // Rows of one tile together: most of a person is far in front of everything, or far behind something.
+            let end = ((v / TILE_ROWS + 1) * TILE_ROWS).min(ellipse.rows.end);
+            let [static_near, static_far] = view.tiles_range_m(v, &ellipse.columns).map(f64::from);
+            for v in v..end {
+                let Some(span) = ellipse.span(v) else { continue };
+                self.area_px += span.width();
+                if static_near > near_side_to_m {
+                    self.visible_px += span.width();
+                    self.fill(v, &span);
+                } else if static_far >= nearest_m {
+                    self.fill_visible(view, v, &conic.row(v), &span, nearest_m, near_side_to_m);
+                }
+            }
+            v = end;
+        }
+    }
+
+    fn draw_open(&mut self, view: &View, conic: &ImageConic) {
+        let [rows, columns] = conic.image();
+        self.clear(rows.clone(), columns);
+        for v in rows {
             let row = conic.row(v);
             for span in conic.spans(&row).into_iter().flatten() {
-                let mut farthest_z_m = None;
-                self.area_px += (span.last - span.first + 1) as u32;
-                let start = (v - rows.start) as usize * self.words;
-                for stretch in span.first as usize / STRETCH..=span.last as usize / STRETCH {
-                    let word = stretch * STRETCH / 64;
-                    let covered = span_bits(&span, stretch);
-                    let [static_near, static_far] = view.stretch_range_m(v, stretch).map(f64::from);
-                    let seen = if static_near > farthest_of_body_m {
-                        covered
-                    } else if static_far < nearest_of_body_m {
-                        0
-                    } else if static_near
-                        > *farthest_z_m.get_or_insert_with(|| row.farthest_z_m(&span) * (1.0 + ROUNDING))
-                    {
-                        covered
-                    } else {
-                        in_front(&row, view, v, word, covered)
-                    };
-                    self.visible_px += seen.count_ones();
-                    self.bits[start + word - self.first_word] |= seen;
-                }
+                self.area_px += span.width();
+                // Around the camera, everything is behind the near side.
+                let (nearest_m, near_side_to_m) = if conic.holds_camera() {
+                    (f64::NEG_INFINITY, 0.0)
+                } else {
+                    (conic.nearest_z_m, conic.near_side_to_z_m * (1.0 + ROUNDING))
+                };
+                self.fill_visible(view, v, &row, &span, nearest_m, near_side_to_m);
             }
         }
     }
 
+    /// Sets all pixels of a span.
+    fn fill(&mut self, v: i32, span: &Span) {
+        let start = (v as usize - self.first_row) * self.words;
+        let (first, last) = (span.first as usize, span.last as usize);
+        let (from, to) = (first / 64 - self.first_word, last / 64 - self.first_word);
+        let (head, tail) = (u64::MAX << (first % 64), u64::MAX >> (63 - last % 64));
+        let row = &mut self.bits[start + from..=start + to];
+        if let [word] = row {
+            *word |= head & tail;
+        } else if let [first, middle @ .., last] = row {
+            *first |= head;
+            middle.fill(u64::MAX);
+            *last |= tail;
+        }
+    }
+
+    /// Sets the pixels of a span in which the body is in front of what is static, whose near side reaches from
+    /// `nearest_m` to `near_side_to_m`.
+    fn fill_visible(
+        &mut self,
+        view: &View,
+        v: i32,
+        row: &Row,
+        span: &Span,
+        nearest_m: f64,
+        near_side_to_m: f64,
+    ) {
+        let start = (v as usize - self.first_row) * self.words;
+        let mut row_to_m = None;
+        for stretch in span.first as usize / STRETCH..=span.last as usize / STRETCH {
+            let word = stretch * STRETCH / 64;
+            let covered = span_bits(span, stretch);
+            let [static_near, static_far] = view.stretch_range_m(v, stretch).map(f64::from);
+            let seen = if static_near > near_side_to_m {
+                covered
+            } else if static_far < nearest_m {
+                0
+            } else if static_near > *row_to_m.get_or_insert_with(|| row.farthest_z_m(span) * (1.0 + ROUNDING))
+            {
+                covered
+            } else {
+                in_front(row, view, v, word, covered)
+            };
+            self.visible_px += seen.count_ones();
+            self.bits[start + word - self.first_word] |= seen;
+        }
+    }
+
     /// The rows this silhouette has words for.
-    pub fn row_range(&self) -> std::ops::Range<usize> {
+    pub fn row_range(&self) -> Range<usize> {
         self.first_row..self.first_row + self.rows
     }
 
     /// The words of a row this silhouette has bits for, as numbers of words of the image's row.
-    pub fn word_range(&self) -> std::ops::Range<usize> {
+    pub fn word_range(&self) -> Range<usize> {
         self.first_word..self.first_word + self.words
     }
 
@@ -95,7 +162,7 @@ impl Silhouette {
     }
 
     /// The columns between the first and the last pixel of one row.
-    pub fn row_width(&self, row: usize) -> std::ops::Range<usize> {
+    pub fn row_width(&self, row: usize) -> Range<usize> {
         let set = || self.row_bits(row).iter().zip(self.word_range()).filter(|(bits, _)| **bits != 0);
         let first = set().next().map(|(bits, word)| word * 64 + bits.trailing_zeros() as usize);
         let last = set().next_back().map(|(bits, word)| word * 64 + 64 - bits.leading_zeros() as usize);

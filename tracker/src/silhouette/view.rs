@@ -1,5 +1,7 @@
 //! A camera made ready for simulation: the rays of its pixels, and the static depth in blocks.
 
+use std::ops::Range;
+
 use nalgebra::{Point3, Vector3};
 
 use crate::stage::StageCamera;
@@ -7,6 +9,11 @@ use crate::stage::StageCamera;
 /// Pixels of a row that share a range of static depth; a divisor of a word. Long ones would hold furniture beside what is
 /// behind it.
 pub(super) const STRETCH: usize = 16;
+/// Rows that share a range of static depth under each stretch.
+pub(super) const TILE_ROWS: i32 = 8;
+
+/// The range of no depth at all.
+const NO_RANGE_M: [f32; 2] = [f32::INFINITY, 0.0];
 
 /// A pinhole camera with the static room in front of it.
 ///
@@ -33,6 +40,8 @@ pub struct View {
     static_z_m: Vec<f32>,
     /// Smallest and largest static depth under each stretch, row by row.
     stretch_range_m: Vec<[f32; 2]>,
+    /// The same under each tile: a stretch of several rows.
+    tile_range_m: Vec<[f32; 2]>,
     stretches_per_row: usize,
 }
 
@@ -58,10 +67,19 @@ impl View {
             .flat_map(|v| (0..width).map(move |u| (u, v)))
             .map(|(u, v)| camera.static_z_m[pixel(v, k.height) * k.width as usize + pixel(u, k.width)])
             .collect();
-        let stretch_range_m = static_z_m
+        let either = |[low, high]: [f32; 2], [near, far]: [f32; 2]| [near.min(low), far.max(high)];
+        let stretch_range_m: Vec<[f32; 2]> = static_z_m
             .chunks(width as usize)
             .flat_map(|row| row.chunks(STRETCH))
-            .map(|word| word.iter().fold([f32::INFINITY, 0.0], |[low, high], z| [z.min(low), z.max(high)]))
+            .map(|stretch| stretch.iter().map(|z| [*z; 2]).fold(NO_RANGE_M, either))
+            .collect();
+        let stretches_per_row = (width as usize).div_ceil(STRETCH);
+        let tile_range_m = stretch_range_m
+            .chunks(stretches_per_row * TILE_ROWS as usize)
+            .flat_map(|rows| {
+                (0..stretches_per_row).map(|first| rows.iter().skip(first).step_by(stretches_per_row))
+            })
+            .map(|tile| tile.copied().fold(NO_RANGE_M, either))
             .collect();
         Self {
             width,
@@ -75,7 +93,8 @@ impl View {
             words_per_row: (width as usize).div_ceil(64),
             static_z_m,
             stretch_range_m,
-            stretches_per_row: (width as usize).div_ceil(STRETCH),
+            tile_range_m,
+            stretches_per_row,
         }
     }
 
@@ -87,6 +106,15 @@ impl View {
     /// Static depth at a pixel, as in [`StageCamera::static_z_m`].
     pub fn static_z_m(&self, u: i32, v: i32) -> f32 {
         self.static_z_m[v as usize * self.width as usize + u as usize]
+    }
+
+    /// Smallest and largest static depth under the tiles that hold row `v` and these columns.
+    pub(super) fn tiles_range_m(&self, v: i32, columns: &Range<i32>) -> [f32; 2] {
+        let start = (v / TILE_ROWS) as usize * self.stretches_per_row;
+        let tiles = columns.start as usize / STRETCH..(columns.end as usize).div_ceil(STRETCH);
+        self.tile_range_m[start + tiles.start..start + tiles.end]
+            .iter()
+            .fold(NO_RANGE_M, |[low, high], [near, far]| [near.min(low), far.max(high)])
     }
 
     /// Smallest and largest static depth under one stretch of a row.
