@@ -6,7 +6,7 @@ use crate::silhouette::Body;
 use crate::stage::{Floor, StageCamera};
 
 /// How many rows of (blocks of) pixels a small person is simulated with.
-const ROWS: f64 = 24.0;
+const ROWS: f64 = 16.0;
 /// Places along each side of the floor that are looked at.
 const LOOKS: usize = 20;
 
