@@ -4,7 +4,7 @@
 //! edges stay straight and an ellipsoid's outline is a conic; real images and masks are brought there once,
 //! by these maps.
 
-use image::{GrayImage, Luma, Rgb, RgbImage};
+use image::{GrayImage, Rgb, RgbImage};
 use nalgebra::Point2;
 
 use crate::Intrinsics;
@@ -16,17 +16,22 @@ pub struct UndistortMap {
     height: u32,
     /// Row by row; `None` where the lens shows nothing. Empty when the camera has no distortion.
     source: Vec<Option<[f32; 2]>>,
+    /// The index of the nearest pixel to each source, [`NOTHING`] for none.
+    nearest: Vec<u32>,
 }
+
+/// Where the lens shows nothing.
+const NOTHING: u32 = u32::MAX;
 
 impl UndistortMap {
     /// The map for one camera.
     pub fn new(intrinsics: &Intrinsics) -> Self {
         let (width, height) = (intrinsics.width, intrinsics.height);
         if intrinsics.distortion.is_none() {
-            return Self { width, height, source: Vec::new() };
+            return Self { width, height, source: Vec::new(), nearest: Vec::new() };
         }
         let pinhole = intrinsics.pinhole();
-        let source = (0..height)
+        let source: Vec<Option<[f32; 2]>> = (0..height)
             .flat_map(|v| (0..width).map(move |u| Point2::new(u as f64, v as f64)))
             .map(|pixel| {
                 let ray = pinhole.unproject(&pixel)?;
@@ -34,7 +39,10 @@ impl UndistortMap {
                 intrinsics.contains(&seen).then_some([seen.x as f32, seen.y as f32])
             })
             .collect();
-        Self { width, height, source }
+        let index =
+            |[u, v]: [f32; 2]| (v.round() as u32).min(height - 1) * width + (u.round() as u32).min(width - 1);
+        let nearest = source.iter().map(|source| source.map_or(NOTHING, index)).collect();
+        Self { width, height, source, nearest }
     }
 
     /// Whether the camera has no distortion, so that images need no change.
@@ -48,11 +56,10 @@ impl UndistortMap {
             into.copy_from_slice(distorted);
             return;
         }
-        let largest = (self.width - 1, self.height - 1);
-        for (pixel, source) in into.pixels_mut().zip(&self.source) {
-            *pixel = source.map_or(Luma([0]), |[u, v]| {
-                *distorted.get_pixel((u.round() as u32).min(largest.0), (v.round() as u32).min(largest.1))
-            });
+        let distorted = distorted.as_raw();
+        for (pixel, nearest) in into.iter_mut().zip(&self.nearest) {
+            // `NOTHING` is beyond every image.
+            *pixel = distorted.get(*nearest as usize).copied().unwrap_or(0);
         }
     }
 
@@ -75,6 +82,7 @@ impl UndistortMap {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use image::Luma;
     use nalgebra::Point3;
 
     fn barrel() -> Intrinsics {

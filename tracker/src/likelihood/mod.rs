@@ -15,6 +15,6 @@ mod simulation;
 mod summed_area;
 
 pub use layers::Layers;
-pub use rule::{Counts, Rule};
+pub use rule::{Counts, PreparedRule, Rule};
 pub use simulation::{Simulation, pack};
 pub use summed_area::SummedArea;

@@ -60,29 +60,15 @@ impl Rule {
         }
     }
 
-    /// `log V(S)`, up to a constant that does not depend on the state.
-    ///
-    /// Takes the counts of each layer with the number of its shape in [`Self::shapes`] and the pixels of a typical
-    /// silhouette of the innermost shape in its camera. Without any camera nothing is known: 0.
-    pub fn log_likelihood(&self, layers: impl Iterator<Item = (usize, Counts, f64)>) -> f64 {
+    /// The rule with its logarithms taken, to be asked thousands of times a frame.
+    pub fn prepared(&self) -> PreparedRule {
         match *self {
-            Self::Overlap { exponent } => {
-                /// What complete disagreement of all cameras is worth; its logarithm has to stay a number.
-                const LEAST: f64 = 1e-6;
-                let (sum, n) = layers.fold((0.0, 0), |(sum, n), (_, c, _)| (sum + c.overlap(), n + 1));
-                if n == 0 { 0.0 } else { exponent * (sum / f64::from(n)).max(LEAST).ln() }
-            }
-            Self::Bernoulli { inside, rim, outside, independent_pixels } => {
+            Self::Overlap { exponent } => PreparedRule::Overlap { exponent },
+            Self::Bernoulli { inside, rim, outside, independent_pixels } => PreparedRule::Bernoulli {
                 // A pixel of the core is in the reach, too: each layer counts what it adds to the one around it.
-                let weights = [odds(inside, rim), odds(rim, outside)];
-                layers
-                    .map(|(shape, c, typical_px)| {
-                        let [found, missed] = weights[shape];
-                        let nats = c.both as f64 * found + (c.simulated - c.both) as f64 * missed;
-                        nats * independent_pixels / typical_px
-                    })
-                    .sum()
-            }
+                weights: [odds(inside, rim), odds(rim, outside)]
+                    .map(|o| o.map(|nats| nats * independent_pixels)),
+            },
         }
     }
 
@@ -114,6 +100,44 @@ impl Rule {
     }
 }
 
+/// A [`Rule`] made ready ([`Rule::prepared`]).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum PreparedRule {
+    /// [`Rule::Overlap`].
+    Overlap {
+        /// The power.
+        exponent: f64,
+    },
+    /// [`Rule::Bernoulli`].
+    Bernoulli {
+        /// For each shape, what a typical core's foreground and background add to the shape around it, in nats.
+        weights: [[f64; 2]; 2],
+    },
+}
+
+impl PreparedRule {
+    /// `log V(S)`, up to a constant that does not depend on the state.
+    ///
+    /// Takes the counts of each layer with the number of its shape in [`Rule::shapes`] and the pixels of a typical
+    /// silhouette of the innermost shape in its camera. Without any camera nothing is known: 0.
+    pub fn log_likelihood(&self, layers: impl Iterator<Item = (usize, Counts, f64)>) -> f64 {
+        match self {
+            Self::Overlap { exponent } => {
+                /// What complete disagreement of all cameras is worth; its logarithm has to stay a number.
+                const LEAST: f64 = 1e-6;
+                let (sum, n) = layers.fold((0.0, 0), |(sum, n), (_, c, _)| (sum + c.overlap(), n + 1));
+                if n == 0 { 0.0 } else { exponent * (sum / f64::from(n)).max(LEAST).ln() }
+            }
+            Self::Bernoulli { weights } => layers
+                .map(|(shape, c, typical_px)| {
+                    let [found, missed] = weights[shape];
+                    (c.both as f64 * found + (c.simulated - c.both) as f64 * missed) / typical_px
+                })
+                .sum(),
+        }
+    }
+}
+
 /// What a foreground and a background pixel are worth, in nats, when they are foreground with probability `here` and not
 /// `there`.
 fn odds(here: f64, there: f64) -> [f64; 2] {
@@ -131,6 +155,7 @@ mod tests {
         assert_relative_eq!(Counts::default().overlap(), 1.0);
         let rule = Rule::Overlap { exponent: 1.0 };
         let cameras = [Counts { foreground: 30, simulated: 20, both: 10 }, Counts::default()];
+        let rule = rule.prepared();
         let v = rule.log_likelihood(cameras.into_iter().map(|c| (0, c, 1.0))).exp();
         assert_relative_eq!(v, 0.625, epsilon = 1e-12);
         assert_relative_eq!(rule.log_likelihood(std::iter::empty()), 0.0);
@@ -147,7 +172,7 @@ mod tests {
         let rule = Rule::Bernoulli { inside: i, rim: r, outside: o, independent_pixels: 8.0 };
         let core = Counts { foreground: 11, simulated: 8, both: 5 };
         let reach = Counts { foreground: 11, simulated: 18, both: 9 };
-        let found = rule.log_likelihood([(0, core, 8.0), (1, reach, 8.0)].into_iter());
+        let found = rule.prepared().log_likelihood([(0, core, 8.0), (1, reach, 8.0)].into_iter());
         assert_relative_eq!(found, with - without, epsilon = 1e-9);
     }
 }

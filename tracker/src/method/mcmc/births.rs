@@ -131,14 +131,18 @@ impl BirthMap {
             .cells
             .iter()
             .map(|cell| {
-                let cameras = cell.filled.iter().zip(&left_over.cameras).enumerate();
-                let seen = cameras.filter_map(|(c, (filled, left))| Some((c, filled, left.as_ref()?)));
-                seen.filter(|(_, filled, _)| filled.visible_px > 0)
-                    .map(|(c, filled, left)| {
-                        let found = left.count(&filled.rows, &filled.columns).min(filled.visible_px);
-                        log_gain(c, [filled.visible_px, found])
-                    })
-                    .sum::<f64>()
+                let seen = || {
+                    let cameras = cell.filled.iter().zip(&left_over.cameras).enumerate();
+                    cameras.filter(|(_, (filled, _))| filled.visible_px > 0).filter_map(
+                        |(c, (filled, left))| {
+                            let found = left.as_ref()?.count(&filled.rows, &filled.columns);
+                            Some((c, [filled.visible_px, found.min(filled.visible_px)]))
+                        },
+                    )
+                };
+                // Most places would explain nothing.
+                let explains = seen().any(|(_, [_, found])| found > 0);
+                if explains { seen().map(|(c, counts)| log_gain(c, counts)).sum() } else { 0.0 }
             })
             .collect();
         self.cumulative.clear();

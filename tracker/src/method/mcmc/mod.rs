@@ -32,7 +32,7 @@ use self::tally::Tally;
 use self::track::Track;
 use super::Method;
 use crate::identity::Identities;
-use crate::likelihood::{Counts, Layers, Simulation, pack};
+use crate::likelihood::{Counts, Layers, PreparedRule, Simulation, pack};
 use crate::silhouette::visibility::{fraction, visible_parts};
 use crate::silhouette::{Body, Silhouette, View};
 use crate::stage::{Stage, StageCamera};
@@ -54,6 +54,7 @@ const LEAST_STEP_S: f64 = 1e-3;
 pub struct Mcmc {
     stage: Stage,
     options: McmcOptions,
+    rule: PreparedRule,
     layers: Layers,
     /// The cameras in full, for what is reported.
     views: Vec<View>,
@@ -103,6 +104,7 @@ impl Mcmc {
             layers,
             rng: Pcg64Mcg::seed_from_u64(options.seed),
             stage,
+            rule: options.likelihood.prepared(),
             options,
             views,
             zones,
@@ -169,7 +171,7 @@ impl Mcmc {
 
     /// Runs the chain of one moment and returns the tally of its kept states.
     fn sample(&mut self, people: Vec<Person>, dt_s: f64, settling: bool) -> Tally {
-        let rule = self.options.likelihood;
+        let (rule, prepared) = (self.options.likelihood, self.rule);
         let typical_px = &self.typical_px;
         let layers = &self.layers;
         let worth = |camera: usize, [simulated, both]: [u32; 2]| {
@@ -179,7 +181,7 @@ impl Mcmc {
                 both: i64::from(both),
             };
             let shapes = layers.innermost(camera)..=layers.outermost(camera);
-            rule.log_likelihood(shapes.map(|layer| (layers.shape(layer), counts, typical_px[layer])))
+            prepared.log_likelihood(shapes.map(|layer| (layers.shape(layer), counts, typical_px[layer])))
         };
         // The outermost shape has the least left over.
         let left_over = self
@@ -203,6 +205,7 @@ impl Mcmc {
             floor: &self.stage.floor,
             layers: &self.layers,
             options: &self.options,
+            rule: self.rule,
             births,
             unexplained,
             settling,
@@ -288,7 +291,7 @@ impl Mcmc {
         let rule = self.options.likelihood;
         let nats = |counts: &mut dyn Iterator<Item = Option<Counts>>| {
             let counts = counts.zip(&self.typical_px).enumerate();
-            rule.log_likelihood(counts.filter_map(|(i, (c, px))| Some((self.layers.shape(i), c?, *px))))
+            self.rule.log_likelihood(counts.filter_map(|(i, (c, px))| Some((self.layers.shape(i), c?, *px))))
         };
         let with = nats(&mut self.simulation.counts());
         for (track, silhouettes) in self.tracks.iter_mut().zip(&drawn) {

@@ -18,8 +18,8 @@ impl Chain<'_> {
         if self.setting.options.acceptance == Acceptance::Published {
             return;
         }
-        let known: Vec<usize> = (0..self.people.len()).filter(|i| self.people[*i].known.is_some()).collect();
-        let new: Vec<usize> = (0..self.people.len()).filter(|i| self.people[*i].known.is_none()).collect();
+        let known = self.people.iter().filter(|p| p.known.is_some()).count();
+        let new = self.people.len() - known;
         let (options, births) = (self.setting.options, self.setting.log_birth_density);
         // How much more likely a body is as this known person than as somebody born now.
         let advantage = |known: &Known, body: &Body| {
@@ -28,34 +28,34 @@ impl Chain<'_> {
                 - log_size(&options.radius, &options.height, body)
         };
         if rng.random::<bool>() {
-            if new.is_empty() || self.gone.is_empty() {
+            if new == 0 || self.gone.is_empty() {
                 return;
             }
-            let (n, g) = (new[rng.random_range(0..new.len())], rng.random_range(0..self.gone.len()));
+            let n = self.nth(rng.random_range(0..new), |p| p.known.is_none());
+            let g = rng.random_range(0..self.gone.len());
             let Some(of_gone) = &self.gone[g].known else { return };
-            let log_ratio = advantage(of_gone, &self.people[n].body)
-                + (new.len() as f64).ln()
-                + (self.gone.len() as f64).ln()
-                - ((known.len() + 1) as f64).ln();
+            let log_ratio =
+                advantage(of_gone, &self.people[n].body) + (new as f64).ln() + (self.gone.len() as f64).ln()
+                    - ((known + 1) as f64).ln();
             if accepted(log_ratio, rng) {
                 let back = self.gone.swap_remove(g);
                 let person = &mut self.people[n];
                 (person.key, person.known, person.tentative) = (back.key, back.known, back.tentative);
             }
         } else {
-            if known.is_empty() {
+            if known == 0 {
                 return;
             }
-            let k = known[rng.random_range(0..known.len())];
+            let k = self.nth(rng.random_range(0..known), |p| p.known.is_some());
             let person = &self.people[k];
             let body = person.body;
             let floor = self.setting.floor;
             let reversible = self.is_deletable(person, &body)
                 && (self.setting.settling || floor.may_appear(body.x_m, body.y_m));
             let Some(of_person) = person.known.as_ref().filter(|_| reversible) else { return };
-            let log_ratio = (known.len() as f64).ln()
+            let log_ratio = (known as f64).ln()
                 - advantage(of_person, &body)
-                - ((new.len() + 1) as f64).ln()
+                - ((new + 1) as f64).ln()
                 - ((self.gone.len() + 1) as f64).ln();
             if accepted(log_ratio, rng) {
                 let key = *self.next_key;
@@ -67,5 +67,11 @@ impl Chain<'_> {
                 self.gone.push(left);
             }
         }
+    }
+
+    /// The place in the list of the n-th of the people who are of a kind; there must be so many.
+    fn nth(&self, n: usize, kind: impl Fn(&Person) -> bool) -> usize {
+        let mut of_kind = self.people.iter().enumerate().filter(|(_, p)| kind(p));
+        of_kind.nth(n).map_or(0, |(i, _)| i)
     }
 }

@@ -24,7 +24,7 @@ use super::births::BirthMap;
 use super::options::{Acceptance, McmcOptions, Spread};
 use super::person::{Key, Person};
 use crate::likelihood::prior::{LOG_IMPOSSIBLE, log_separation};
-use crate::likelihood::{Counts, Layers, Simulation};
+use crate::likelihood::{Counts, Layers, PreparedRule, Simulation};
 use crate::silhouette::{Body, Silhouette};
 use crate::stage::Floor;
 
@@ -37,6 +37,8 @@ pub(super) struct Setting<'a> {
     pub(super) floor: &'a Floor,
     pub(super) layers: &'a Layers,
     pub(super) options: &'a McmcOptions,
+    /// V.
+    pub(super) rule: PreparedRule,
     /// Where ADD may put people, weighed for this moment.
     pub(super) births: &'a BirthMap,
     /// Where foreground is left over by the predicted people; `None` when it is too little to be a person.
@@ -191,9 +193,9 @@ impl<'a> Chain<'a> {
     }
 
     fn rule_of(&self, counts: impl Iterator<Item = Option<Counts>>) -> f64 {
-        let Setting { layers, typical_px, options, .. } = &self.setting;
+        let Setting { layers, typical_px, rule, .. } = &self.setting;
         let used = counts.enumerate().filter_map(|(i, c)| Some((layers.shape(i), c?, typical_px[i])));
-        options.likelihood.log_likelihood(used)
+        rule.log_likelihood(used)
     }
 }
 
