@@ -198,7 +198,7 @@ mod tests {
         let prior = start();
         let mut motion = prior.clone();
         let place = prior.silhouette_place() + Vector2::new(0.03, -0.05);
-        motion.condition(&place, &(prior.silhouette_covariance() * 0.97), &MotionOptions::default());
+        motion.condition(&place, &(prior.silhouette_covariance() * 0.95), &MotionOptions::default());
         assert_relative_eq!(motion.mean, prior.mean, epsilon = 1e-9);
         assert_relative_eq!(motion.covariance, prior.covariance, epsilon = 1e-9);
     }
