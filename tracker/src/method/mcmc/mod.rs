@@ -41,6 +41,9 @@ use crate::{CameraFrame, Error, Moment, PersonEstimate, Result, TrackId};
 /// While people who were inside already are being found, a moment gets this many times the steps.
 const SETTLING_STEPS: u32 = 5;
 
+/// After a long gap nobody is where they were, and no search finds them there.
+const MOST_PATIENCE: f64 = 12.0;
+
 /// When more than this part of a typical silhouette is left unexplained by the predicted people, in some camera, somebody
 /// may have gone where they were not expected.
 const LEFT_OVER: f64 = 0.3;
@@ -164,9 +167,10 @@ impl Mcmc {
         self.tracks.iter_mut().map(person).collect()
     }
 
-    /// The steps that a mean over so many people takes.
-    fn kept_steps(&self, people: usize) -> u32 {
-        self.options.kept_steps.max(self.options.steps_per_person * people as u32)
+    /// How many times the steps of a frame a moment gets after so much time: the longer ago people were seen, the wider
+    /// the chain has to search. Costs no more a second than frames that follow each other fast.
+    fn patience(&self, dt_s: f64) -> f64 {
+        (dt_s / self.options.steps_for_s).clamp(1.0, MOST_PATIENCE)
     }
 
     /// Runs the chain of one moment and returns the tally of its kept states.
@@ -214,9 +218,13 @@ impl Mcmc {
             log_birth_density: (self.options.births_per_s * dt_s / births.area_m2().max(1e-3)).ln()
                 - rule.worth_of(self.options.birth_evidence),
         };
-        let factor = if settling { SETTLING_STEPS } else { 1 };
-        let kept = self.kept_steps(people.len());
-        let burn_in = (self.options.burn_in_steps * factor).max(kept);
+        let steps = |least: u32| {
+            let least = least.max(self.options.steps_per_person * people.len() as u32);
+            (f64::from(least) * self.patience(dt_s)).round() as u32
+        };
+        let kept = steps(self.options.kept_steps);
+        let settling_steps = if settling { SETTLING_STEPS * self.options.burn_in_steps } else { 0 };
+        let burn_in = steps(self.options.burn_in_steps).max(settling_steps);
         let mut chain = Chain::new(setting, &mut self.simulation, people, &mut self.next_key);
         for _ in 0..burn_in {
             chain.step(&mut self.rng);

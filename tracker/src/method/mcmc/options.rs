@@ -93,6 +93,9 @@ pub struct McmcOptions {
     /// With many people, both are at least this many for each of them: a chain that changes one person a step needs its
     /// steps for every one (published: 0).
     pub steps_per_person: u32,
+    /// These steps are for frames that follow each other in this time, seconds; later ones get as many times more, for what
+    /// may have happened meanwhile (published: infinite).
+    pub steps_for_s: f64,
     /// How often each move is proposed.
     pub moves: MoveWeights,
     /// V(S).
@@ -139,6 +142,7 @@ impl Default for McmcOptions {
             burn_in_steps: 100,
             kept_steps: 100,
             steps_per_person: 33,
+            steps_for_s: 1.0 / 12.0,
             moves: MoveWeights::default(),
             likelihood: Rule::Bernoulli { inside: 0.9, rim: 0.5, outside: 0.02, independent_pixels: 40.0 },
             acceptance: Acceptance::ReversibleJump,
@@ -169,6 +173,7 @@ impl McmcOptions {
             likelihood: Rule::Overlap { exponent: 1.0 },
             acceptance: Acceptance::Published,
             steps_per_person: 0,
+            steps_for_s: f64::INFINITY,
             informed_births: 0.0,
             motion: MotionOptions {
                 velocity_memory_s: f64::INFINITY,
@@ -194,6 +199,7 @@ impl McmcOptions {
             ("radius_step_m", self.radius_step_m),
             ("height_step_m", self.height_step_m),
             ("repulsion_per_m", self.repulsion_per_m),
+            ("steps_for_s", self.steps_for_s),
             ("births_per_s", self.births_per_s),
             ("deaths_per_s", self.deaths_per_s),
             ("believed_at_nats", self.believed_at_nats),
