@@ -12,7 +12,7 @@ use std::path::Path;
 use calib::Camera;
 use calib::undistort::UndistortMap;
 use image::{GrayImage, Luma};
-use nalgebra::Point2;
+use nalgebra::{Point2, Vector3};
 use scenes::depth::{self, DepthMap};
 use scenes::room::{Room, Zone};
 use scenes::walkable::{self, WalkableMap};
@@ -85,6 +85,7 @@ impl Stage {
             if options.occlusion && room.geometry.is_some() {
                 camera.set_static_depth(&depth::cached(room_dir, room, name)?);
             }
+            camera.set_floor();
             cameras.push(camera);
         }
         let walkable = if options.occlusion || room.walkable.is_some() {
@@ -121,6 +122,23 @@ impl StageCamera {
             // Nothing hit is infinitely far; where the lens shows nothing, it stays so.
             if *own > 0.0 && *seen > 0.0 {
                 *own = *seen;
+            }
+        }
+    }
+
+    /// Puts the floor, z = 0, where nothing nearer is known: whatever the geometry lacks, nobody is seen below it.
+    fn set_floor(&mut self) {
+        let center = self.pinhole.center();
+        if center.z <= 0.0 {
+            return;
+        }
+        let k = &self.pinhole.intrinsics;
+        let world_from_camera = self.pinhole.camera_from_world.rotation.inverse();
+        for (i, z_m) in (0..).zip(&mut self.static_z_m) {
+            let (u, v) = (f64::from(i % k.width), f64::from(i / k.width));
+            let ray = world_from_camera * Vector3::new((u - k.cx) / k.fx, (v - k.cy) / k.fy, 1.0);
+            if ray.z < 0.0 {
+                *z_m = z_m.min((-center.z / ray.z) as f32);
             }
         }
     }

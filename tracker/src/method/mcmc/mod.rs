@@ -41,7 +41,8 @@ use crate::{CameraFrame, Error, Moment, PersonEstimate, Result, TrackId};
 /// While people who were inside already are being found, a moment gets this many times the steps.
 const SETTLING_STEPS: u32 = 5;
 
-/// After a long gap nobody is where they were, and no search finds them there.
+/// After a long gap nobody is where they were, and no search finds them there: no moment gets more than so many times the
+/// steps.
 const MOST_PATIENCE: f64 = 12.0;
 
 /// When more than this part of a typical silhouette is left unexplained by the predicted people, in some camera, somebody
@@ -167,10 +168,12 @@ impl Mcmc {
         self.tracks.iter_mut().map(person).collect()
     }
 
-    /// How many times the steps of a frame a moment gets after so much time: the longer ago people were seen, the wider
-    /// the chain has to search. Costs no more a second than frames that follow each other fast.
-    fn patience(&self, dt_s: f64) -> f64 {
-        (dt_s / self.options.steps_for_s).clamp(1.0, MOST_PATIENCE)
+    /// How many times the steps of a frame a moment gets. The longer ago people were seen, the wider the chain has to
+    /// search, which costs no more a second than frames that follow each other fast; and where foreground is left over,
+    /// somebody is not where they were expected.
+    fn patience(&self, dt_s: f64, is_left_over: bool) -> f64 {
+        let surprise = if is_left_over { self.options.surprise } else { 1.0 };
+        ((dt_s / self.options.steps_for_s).max(1.0) * surprise).min(MOST_PATIENCE)
     }
 
     /// Runs the chain of one moment and returns the tally of its kept states.
@@ -196,15 +199,16 @@ impl Mcmc {
             .filter(|(layer, _)| layers.shape(*layer) + 1 == layers.shapes().len())
             .filter_map(|(_, (counts, px))| counts.map(|c| (c.foreground - c.both) as f64 / px))
             .fold(0.0, f64::max);
+        let is_left_over = left_over > LEFT_OVER;
         self.left_over.restart(layers, &self.simulation);
-        if settling || left_over > LEFT_OVER {
+        if settling || is_left_over {
             self.anywhere.weigh(&self.left_over, worth);
         }
         if !settling {
             self.zones.weigh(&self.left_over, worth);
         }
         let births = if settling { &self.anywhere } else { &self.zones };
-        let unexplained = (left_over > LEFT_OVER && self.anywhere.is_weighed()).then_some(&self.anywhere);
+        let unexplained = (is_left_over && self.anywhere.is_weighed()).then_some(&self.anywhere);
         let setting = Setting {
             floor: &self.stage.floor,
             layers: &self.layers,
@@ -218,9 +222,10 @@ impl Mcmc {
             log_birth_density: (self.options.births_per_s * dt_s / births.area_m2().max(1e-3)).ln()
                 - rule.worth_of(self.options.birth_evidence),
         };
+        let patience = self.patience(dt_s, is_left_over);
         let steps = |least: u32| {
             let least = least.max(self.options.steps_per_person * people.len() as u32);
-            (f64::from(least) * self.patience(dt_s)).round() as u32
+            (f64::from(least) * patience).round() as u32
         };
         let kept = steps(self.options.kept_steps);
         let settling_steps = if settling { SETTLING_STEPS * self.options.burn_in_steps } else { 0 };

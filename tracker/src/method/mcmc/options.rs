@@ -96,6 +96,8 @@ pub struct McmcOptions {
     /// These steps are for frames that follow each other in this time, seconds; later ones get as many times more, for what
     /// may have happened meanwhile (published: infinite).
     pub steps_for_s: f64,
+    /// How many times the steps a moment gets in which the predicted people leave foreground over (published: 1).
+    pub surprise: f64,
     /// How often each move is proposed.
     pub moves: MoveWeights,
     /// V(S).
@@ -143,6 +145,7 @@ impl Default for McmcOptions {
             kept_steps: 100,
             steps_per_person: 33,
             steps_for_s: 1.0 / 12.0,
+            surprise: 4.0,
             moves: MoveWeights::default(),
             likelihood: Rule::Bernoulli { inside: 0.9, rim: 0.5, outside: 0.02, independent_pixels: 40.0 },
             acceptance: Acceptance::ReversibleJump,
@@ -174,6 +177,7 @@ impl McmcOptions {
             acceptance: Acceptance::Published,
             steps_per_person: 0,
             steps_for_s: f64::INFINITY,
+            surprise: 1.0,
             informed_births: 0.0,
             motion: MotionOptions {
                 velocity_memory_s: f64::INFINITY,
@@ -200,6 +204,7 @@ impl McmcOptions {
             ("height_step_m", self.height_step_m),
             ("repulsion_per_m", self.repulsion_per_m),
             ("steps_for_s", self.steps_for_s),
+            ("surprise", self.surprise),
             ("births_per_s", self.births_per_s),
             ("deaths_per_s", self.deaths_per_s),
             ("believed_at_nats", self.believed_at_nats),
