@@ -8,8 +8,9 @@ use scenes::walkable::Grid;
 
 /// How much longer than the way through a zone another way must be before what lies there counts as behind the zone.
 const DETOUR_M: f64 = 1.5;
-/// A door is in a wall: beside it the wall goes on for at least this far, whatever the reconstruction left of it.
-const WALL_M: f64 = 1.0;
+/// A door is in a wall: beside it the wall goes on about this far, whatever the reconstruction left of it. A room that goes
+/// on around a corner nearer than that is still reached with a small detour.
+const WALL_M: f64 = 2.0;
 /// So much of the wall beside a door must be there. A zone without it may stand for a staircase in the middle of a hall.
 const AT_WALL_M: f64 = 0.5;
 /// The wall's line is walked in steps of this many cells.

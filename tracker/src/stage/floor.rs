@@ -151,6 +151,22 @@ mod tests {
     }
 
     #[test]
+    fn a_room_that_goes_on_around_a_corner_beside_the_door_is_room_there() {
+        let zone = Zone { name: "door".into(), polygon: rectangle(5.0, 1.0, 6.0, 2.0), kind: ZoneKind::Both };
+        let floor = WalkableMap::of_polygons(&[
+            rectangle(0.0, 0.0, 6.0, 5.0),
+            rectangle(5.5, 1.0, 6.5, 2.0),
+            rectangle(6.2, 0.0, 8.2, 2.8),
+            rectangle(5.9, 3.4, 9.0, 5.0),
+        ]);
+        let floor = Floor::new(floor, &[zone], &[]);
+        assert!(!floor.is_inside(6.5, 1.5) && !floor.is_inside(7.5, 2.5));
+        for (x, y) in [(6.5, 3.6), (8.5, 3.6), (8.0, 4.5), (5.9, 3.0)] {
+            assert!(floor.is_inside(x, y), "{x} {y}");
+        }
+    }
+
+    #[test]
     fn a_zone_in_the_middle_of_a_hall_is_in_no_wall() {
         let zone =
             Zone { name: "stairs".into(), polygon: rectangle(3.0, 2.0, 5.0, 3.0), kind: ZoneKind::Both };
