@@ -3,6 +3,7 @@
 mod background;
 mod clocks;
 mod eval;
+mod heads;
 mod link;
 mod masks;
 mod report;

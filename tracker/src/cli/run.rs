@@ -6,11 +6,13 @@ use std::time::Instant;
 use anyhow::{Context, bail};
 use calib::console::Console;
 use clap::{Args, ValueEnum};
+use image::RgbImage;
 use rayon::prelude::*;
 use scenes::room::Room;
 use tracker::film::{Film, FilmOptions};
-use tracker::foreground::{Foreground, Verdict};
+use tracker::foreground::{Foreground, Start, Verdict};
 use tracker::method::Method;
+use tracker::method::condensation::Condensation;
 use tracker::method::mcmc::Mcmc;
 use tracker::plan::TrajectoryPlan;
 use tracker::run::{self, CameraFeed, Output, RunOptions, RunReport};
@@ -20,6 +22,7 @@ use tracker::tracks::TrackFiles;
 
 use super::background::{BackgroundArguments, KEEP_BYTES};
 use super::clocks::ClockArguments;
+use super::heads::HeadArguments;
 use super::sampler::SamplerArguments;
 
 /// `--smooth` bridges losses up to this long.
@@ -30,6 +33,8 @@ const SMOOTH_GAP_S: f64 = 3.0;
 enum MethodName {
     /// Trans-dimensional MCMC with occlusion predicted from the room.
     Mcmc,
+    /// Heads by their edges, a particle filter a person; needs no room geometry, but two cameras that see the head.
+    Condensation,
 }
 
 /// Follow everybody in a room from the videos of its cameras.
@@ -82,6 +87,8 @@ pub(crate) struct RunArgs {
     background: BackgroundArguments,
     #[command(flatten)]
     sampler: SamplerArguments,
+    #[command(flatten)]
+    heads: HeadArguments,
 }
 
 /// Runs the subcommand.
@@ -100,6 +107,7 @@ pub(crate) fn run(args: &RunArgs, console: &Console) -> anyhow::Result<String> {
 fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<String> {
     let started = Instant::now();
     let sampler = args.sampler.options(args.seed)?;
+    let heads = args.heads.options(args.seed, args.sampler.published)?;
     let room = Room::read(&args.room)?;
     let sources = source::open(&room, &args.video, &args.masks)?;
     args.background.check_names(&args.video)?;
@@ -117,11 +125,27 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
             occlusion: !args.no_occlusion,
         },
     )?;
-    let mut method: Box<dyn Method> = match args.method {
-        MethodName::Mcmc => Box::new(Mcmc::new(stage.clone(), sampler)?),
-    };
     let rate = schedule.mean_rate();
-    let feeds = feeds(args, sources, &stage)?;
+    let (mut method, feeds): (Box<dyn Method>, _) = match args.method {
+        MethodName::Mcmc => {
+            let method = Mcmc::new(stage.clone(), sampler)?;
+            (Box::new(method), feeds(args, sources, &stage)?)
+        }
+        MethodName::Condensation => {
+            let needs_empty = heads.edges.moving_only;
+            let mut method = Condensation::new(stage.clone(), heads)?;
+            let mut feeds = Vec::new();
+            for (camera, (feed, empty)) in
+                pictures(args, sources, &stage, needs_empty)?.into_iter().enumerate()
+            {
+                if let Some(empty) = empty {
+                    method.set_empty_scene(camera, &stage.cameras[camera].undistort.image(&empty));
+                }
+                feeds.push(feed);
+            }
+            (Box::new(method), feeds)
+        }
+    };
     let prepared = started.elapsed().as_secs_f64();
     tracing::debug!("room and backgrounds ready after {prepared:.2} s");
     // Everything that was given has been looked at: now something may be written.
@@ -159,6 +183,29 @@ fn feeds(args: &RunArgs, sources: Vec<CameraSource>, stage: &Stage) -> anyhow::R
     };
     // All are made before the first failure is told, so that it is the first camera's.
     let feeds: Vec<anyhow::Result<CameraFeed>> = sources.into_par_iter().map(feed).collect();
+    feeds.into_iter().collect()
+}
+
+/// The feeds of pictures alone in the cameras' order, each with the empty scene where it is asked for and known.
+fn pictures(
+    args: &RunArgs,
+    sources: Vec<CameraSource>,
+    stage: &Stage,
+    needs_empty: bool,
+) -> anyhow::Result<Vec<(CameraFeed, Option<RgbImage>)>> {
+    let memory_bytes = KEEP_BYTES / sources.len().max(1);
+    let feed = |mut source: CameraSource| {
+        let start = match &mut source.video {
+            Some(video) if needs_empty => Some(args.background.start(&source.name, video, memory_bytes)?),
+            _ => None,
+        };
+        let empty = match start {
+            Some(Start::Backdrop(backdrop)) => Some(backdrop.picture),
+            _ => None,
+        };
+        Ok((CameraFeed::pictures(source, stage)?, empty))
+    };
+    let feeds: Vec<anyhow::Result<_>> = sources.into_par_iter().map(feed).collect();
     feeds.into_iter().collect()
 }
 

@@ -37,9 +37,9 @@ pub(super) struct SamplerArguments {
     /// When a proposal is taken.
     #[arg(long, value_enum, value_name = "NAME")]
     acceptance: Option<AcceptanceName>,
-    /// The sampler as published, in every choice; the options above still change it.
+    /// The method as published, in every choice (any --method); its other options still change it.
     #[arg(long)]
-    published: bool,
+    pub(super) published: bool,
 }
 
 impl SamplerArguments {

@@ -7,6 +7,7 @@ use calib::undistort::UndistortMap;
 use calib::vision::FrameSource;
 use image::{GrayImage, RgbImage};
 
+use crate::foreground::health::{self, Health};
 use crate::foreground::{Foreground, Verdict};
 use crate::moment::CameraFrame;
 use crate::source::{CameraSource, Footage, Schedule};
@@ -21,6 +22,8 @@ pub struct CameraFeed {
     name: String,
     source: CameraSource,
     foreground: Option<Foreground>,
+    /// Of a feed of pictures alone, without masks.
+    health: Option<Health>,
     undistort: UndistortMap,
     /// The value from which a ready-made mask is foreground.
     mask_from: u8,
@@ -80,21 +83,43 @@ impl CameraFeed {
     /// # Errors
     /// When the stage does not have the camera, or there is neither a mask source nor a foreground.
     pub fn new(source: CameraSource, foreground: Option<Foreground>, stage: &Stage) -> Result<Self> {
-        let Some(camera) = stage.camera_index(&source.name).map(|i| &stage.cameras[i]) else {
-            return Err(Error::option("room", format!("the stage has no camera `{}`", source.name)));
-        };
         if source.masks.is_none() && foreground.is_none() {
             return Err(Error::option(
                 "--masks",
                 format!("camera `{}` has neither masks nor a foreground model", source.name),
             ));
         }
+        Self::start(source, foreground, None, stage)
+    }
+
+    /// A feed of pictures alone, for methods that need no masks. Pictures of a camera that is frozen or dark are left out.
+    ///
+    /// # Errors
+    /// When the stage does not have the camera, or the source has no video.
+    pub fn pictures(source: CameraSource, stage: &Stage) -> Result<Self> {
+        if source.video.is_none() {
+            let problem = format!("camera `{0}` has masks alone; give --video {0}=PATH", source.name);
+            return Err(Error::option("--video", problem));
+        }
+        Self::start(CameraSource { masks: None, ..source }, None, Some(Health::default()), stage)
+    }
+
+    fn start(
+        source: CameraSource,
+        foreground: Option<Foreground>,
+        health: Option<Health>,
+        stage: &Stage,
+    ) -> Result<Self> {
+        let Some(camera) = stage.camera_index(&source.name).map(|i| &stage.cameras[i]) else {
+            return Err(Error::option("room", format!("the stage has no camera `{}`", source.name)));
+        };
         let (width, height) = (camera.width(), camera.height());
         Ok(Self {
             name: source.name.clone(),
             mask_from: source.masks.as_ref().map_or(1, |m| if is_exact(m.name()) { 1 } else { 128 }),
             foreground: if source.masks.is_some() { None } else { foreground },
             source,
+            health,
             undistort: camera.undistort.clone(),
             frame: 0,
             moment: None,
@@ -182,6 +207,19 @@ impl CameraFeed {
         let decoded = Instant::now();
         self.frame += 1;
         let time_s = schedule.frame_time_s(camera, self.frame)?;
+        if let Some(health) = &mut self.health {
+            let verdict = match () {
+                () if health::is_dark(&self.picture) => Verdict::Dark,
+                () if health.is_frozen(&self.picture, time_s) => Verdict::Frozen,
+                () => Verdict::Usable,
+            };
+            let usable = verdict == Verdict::Usable;
+            let real = (!usable || !self.undistort.is_identity()).then(|| self.picture.clone());
+            let image = usable.then(|| self.pinhole_picture(spare.and_then(|s| s.image)));
+            let foreground = decoded.elapsed();
+            let frame = CameraFrame { mask: None, image };
+            return Ok(Some(Fed { frame, real, verdict, decode: decode + (decoded - started), foreground }));
+        }
         let verdict = match &mut self.foreground {
             Some(foreground) => foreground.mask(&self.picture, time_s, &mut self.mask)?,
             None => self.take_mask(),

@@ -28,6 +28,17 @@ pub fn fraction(part: &Silhouette) -> f64 {
     if part.area_px == 0 { 0.0 } else { f64::from(part.visible_px) / f64::from(part.area_px) }
 }
 
+/// For each body, its visible fraction in each view.
+pub fn visible_fractions(views: &[View], bodies: &[Body]) -> Vec<Vec<f64>> {
+    let mut fractions = vec![Vec::with_capacity(views.len()); bodies.len()];
+    for view in views {
+        for (of_body, part) in fractions.iter_mut().zip(visible_parts(view, bodies)) {
+            of_body.push(fraction(&part));
+        }
+    }
+    fractions
+}
+
 fn overlap(a: &Silhouette, b: &Silhouette) -> bool {
     let meet = |a: std::ops::Range<usize>, b: std::ops::Range<usize>| a.start < b.end && b.start < a.end;
     meet(a.row_range(), b.row_range()) && meet(a.word_range(), b.word_range())

@@ -45,7 +45,9 @@ impl TrackFiles {
         set_aside: &[usize],
     ) -> Result<()> {
         let lines: Vec<PersonLine> = people.iter().map(|p| PersonLine::new(p, &self.names)).collect();
-        if let Some(odd) = lines.iter().find(|p| !p.is_finite()) {
+        let heights = people.iter().map(|p| p.z_m.is_finite());
+        if let Some((odd, _)) = lines.iter().zip(heights).find(|(p, is_finite)| !is_finite || !p.is_finite())
+        {
             return Err(Error::content(
                 self.json.path(),
                 format!("frame {frame}"),
@@ -53,11 +55,16 @@ impl TrackFiles {
             ));
         }
         let mut floor = String::new();
-        for person in &lines {
+        for (person, estimate) in lines.iter().zip(people) {
             let (x, y) = (person.x, person.y);
+            // Methods that follow the standing point say 0.
+            let z = if estimate.z_m == 0.0 { "0".into() } else { format!("{:.4}", rounded(estimate.z_m)) };
             // Writing to a string cannot fail.
-            let _ =
-                writeln!(floor, "{frame},{},-1,-1,-1,-1,{:.3},{x:.4},{y:.4},0", person.id, person.confidence);
+            let _ = writeln!(
+                floor,
+                "{frame},{},-1,-1,-1,-1,{:.3},{x:.4},{y:.4},{z}",
+                person.id, person.confidence
+            );
         }
         self.floor.append(&floor)?;
         for (camera, file) in &mut self.boxes {

@@ -33,7 +33,7 @@ use self::track::Track;
 use super::Method;
 use crate::identity::Identities;
 use crate::likelihood::{Counts, Layers, PreparedRule, Simulation, pack};
-use crate::silhouette::visibility::{fraction, visible_parts};
+use crate::silhouette::visibility::visible_fractions;
 use crate::silhouette::{Body, Silhouette, View};
 use crate::stage::{Stage, StageCamera};
 use crate::{CameraFrame, Error, Moment, PersonEstimate, Result, TrackId};
@@ -273,7 +273,7 @@ impl Mcmc {
         let lives = |states: u32| states * 2 > tally.states();
         self.tracks.retain(|track| tally.of(track.key).is_some_and(|s| lives(s.states)));
         let bodies: Vec<Body> = self.tracks.iter().map(Track::body).collect();
-        let visible = Self::visible_fractions(self.layers.views(), &bodies);
+        let visible = visible_fractions(self.layers.views(), &bodies);
         for (track, visible) in self.tracks.iter_mut().zip(visible) {
             if let Some(sums) = tally.of(track.key) {
                 let looking =
@@ -335,20 +335,9 @@ impl Mcmc {
         }
     }
 
-    /// For each body, the visible fraction in each camera.
-    fn visible_fractions(views: &[View], bodies: &[Body]) -> Vec<Vec<f64>> {
-        let mut fractions = vec![Vec::with_capacity(views.len()); bodies.len()];
-        for view in views {
-            for (of_body, part) in fractions.iter_mut().zip(visible_parts(view, bodies)) {
-                of_body.push(fraction(&part));
-            }
-        }
-        fractions
-    }
-
     fn report(&self) -> Vec<PersonEstimate> {
         let bodies: Vec<Body> = self.tracks.iter().map(Track::body).collect();
-        let visible = Self::visible_fractions(&self.views, &bodies);
+        let visible = visible_fractions(&self.views, &bodies);
         let mut people: Vec<PersonEstimate> = self
             .tracks
             .iter()

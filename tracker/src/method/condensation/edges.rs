@@ -1,0 +1,329 @@
+//! Edge images (section 4.2): the Sobel gradient of a camera's picture.
+//!
+//! The operator is Sobel's of five pixels, `[−1 −2 0 2 1] × [1 4 6 4 1]`: on a head of five pixels' radius it answers within
+//! two pixels of the contour, so that hypotheses beside a head are drawn to it.
+//!
+//! Where the empty scene is known, the picture is first compared with it, in its own exposure: what is left is bright where
+//! nothing has changed and dark where somebody is. Its edges are the contours of people alone, and which side is inside is
+//! known. It is no mask: nothing is decided, and nothing is learnt.
+
+use image::RgbImage;
+
+use super::options::{EdgeOptions, EdgeStrength};
+use crate::foreground::exposure::Exposure;
+
+/// What an edge that counts fully is stored as.
+pub const FULL: f32 = 1024.0;
+/// The operator's answer to a slope of one grey level a pixel.
+const PER_LEVEL: f32 = 128.0;
+/// The largest slope the operator answers to: a step from black to white.
+const STEEPEST: f32 = 255.0 * 3.0 / 8.0;
+/// A difference from the empty scene that counts half, levels: twice what compression and noise leave of a good camera's.
+const CHANGED_HALF: f32 = 16.0;
+/// Rows and columns around the image without an answer.
+const RIM: usize = 2;
+
+/// The edges of one picture: for each pixel, along u and v, the brightness' ascent in parts of [`FULL`]; row by row.
+#[derive(Debug, Clone, Default)]
+pub struct EdgeImage {
+    width: usize,
+    height: usize,
+    gradient: Vec<[i16; 2]>,
+    /// How much of each pixel is as in the empty scene, of 255; empty where that is not known.
+    unchanged: Vec<u8>,
+}
+
+/// Makes the edge images of one camera.
+#[derive(Debug, Clone)]
+pub struct EdgeMaker {
+    options: EdgeOptions,
+    /// The empty scene.
+    empty: Option<RgbImage>,
+    /// The latest picture's exposure against the empty scene's.
+    exposure: Exposure,
+    /// What a pixel counts that differs from the empty scene by so many levels: 255 for nothing.
+    unchanged: [i16; 256],
+    /// Where the lens shows something, off its border; `None` where that is everywhere.
+    shown: Option<Vec<bool>>,
+    sobel: Sobel,
+}
+
+/// The buffers of the operator.
+#[derive(Debug, Clone, Default)]
+struct Sobel {
+    /// The picture, one value a pixel, 0 to 255.
+    values: Vec<i16>,
+    /// `[−1 −2 0 2 1]` and `[1 4 6 4 1]` along each row.
+    slope: Vec<i16>,
+    smooth: Vec<i16>,
+    /// The answers along u and v.
+    u: Vec<i16>,
+    v: Vec<i16>,
+}
+
+impl EdgeImage {
+    /// The edge at a pixel; nothing outside the image.
+    pub fn at(&self, u: i32, v: i32) -> [f32; 2] {
+        let is_inside = (u as usize) < self.width && (v as usize) < self.height;
+        if is_inside { self.gradient[v as usize * self.width + u as usize].map(f32::from) } else { [0.0; 2] }
+    }
+
+    /// Whether these are contours of what is not in the empty scene: then the gradient always points out of it.
+    pub fn is_of_change(&self) -> bool {
+        !self.unchanged.is_empty()
+    }
+
+    /// The mean share of pixels that are not as in the empty scene; `None` where that is not known, or nothing is in the image.
+    pub fn changed(&self, pixels: impl Iterator<Item = [f32; 2]>) -> Option<f32> {
+        if self.unchanged.is_empty() {
+            return None;
+        }
+        let (mut sum, mut inside) = (0, 0);
+        for [u, v] in pixels {
+            let (column, row) = ((u + 0.5) as i32 as usize, (v + 0.5) as i32 as usize);
+            if u > -0.5 && v > -0.5 && column < self.width && row < self.height {
+                sum += 255 - u32::from(self.unchanged[row * self.width + column]);
+                inside += 1;
+            }
+        }
+        (inside > 0).then(|| sum as f32 / (255 * inside) as f32)
+    }
+
+    /// Σ N·E over points, in parts of an edge that counts fully, and how many of the points are in the image.
+    pub fn along(&self, points: impl Iterator<Item = ([f32; 2], [f32; 2])>) -> (f32, u32) {
+        let (mut sum, mut inside) = (0.0, 0);
+        for ([u, v], [normal_u, normal_v]) in points {
+            // Truncation and the half make this the nearest pixel for everything in the image.
+            let (column, row) = ((u + 0.5) as i32 as usize, (v + 0.5) as i32 as usize);
+            if u > -0.5 && v > -0.5 && column < self.width && row < self.height {
+                let [eu, ev] = self.gradient[row * self.width + column];
+                sum += normal_u * f32::from(eu) + normal_v * f32::from(ev);
+                inside += 1;
+            }
+        }
+        (sum / FULL, inside)
+    }
+}
+
+impl EdgeMaker {
+    /// For pictures of a camera. `shown` tells for each pixel whether the lens shows anything there.
+    pub fn new(options: EdgeOptions, width: u32, shown: &[bool]) -> Self {
+        let is_whole = shown.iter().all(|s| *s);
+        Self {
+            options,
+            empty: None,
+            exposure: Exposure::default(),
+            unchanged: std::array::from_fn(|d| {
+                let (half, d) = (CHANGED_HALF * CHANGED_HALF, (d * d) as f32);
+                (255.0 * half / (half + d)) as i16
+            }),
+            shown: (!is_whole).then(|| eroded(shown, width as usize)),
+            sobel: Sobel::default(),
+        }
+    }
+
+    /// Tells what the camera sees when nobody is there.
+    pub fn set_empty_scene(&mut self, picture: &RgbImage) {
+        self.empty = Some(picture.clone());
+    }
+
+    /// The edges of a picture, into `edges`' buffer.
+    pub fn edges(&mut self, picture: &RgbImage, edges: &mut EdgeImage) {
+        (edges.width, edges.height) = (picture.width() as usize, picture.height() as usize);
+        edges.unchanged.clear();
+        self.sobel.values.clear();
+        let empty = self
+            .empty
+            .as_ref()
+            .filter(|e| self.options.moving_only && e.dimensions() == picture.dimensions());
+        let strength = if let Some(empty) = empty {
+            self.exposure = Exposure::fit(empty, picture, &self.exposure);
+            let table = self.exposure.table();
+            let pairs = picture.as_raw().chunks_exact(3).zip(empty.as_raw().chunks_exact(3));
+            self.sobel.values.extend(pairs.map(|(now, empty)| {
+                let differs = |c: usize| now[c].abs_diff(table[c][empty[c] as usize]);
+                self.unchanged[differs(0).max(differs(1)).max(differs(2)) as usize]
+            }));
+            edges.unchanged.extend(self.sobel.values.iter().map(|v| *v as u8));
+            EdgeStrength::Linear
+        } else {
+            // Rec. 601 in 256ths.
+            let luma = |p: &[u8]| (77 * u32::from(p[0]) + 150 * u32::from(p[1]) + 29 * u32::from(p[2])) >> 8;
+            self.sobel.values.extend(picture.as_raw().chunks_exact(3).map(|p| luma(p) as i16));
+            self.options.strength
+        };
+        self.sobel.answer(edges.width, edges.height);
+        let answers = self.sobel.u.iter().zip(&self.sobel.v).map(|(u, v)| (f32::from(*u), f32::from(*v)));
+        edges.gradient.clear();
+        match strength {
+            EdgeStrength::Linear => {
+                let gain = FULL / (STEEPEST * PER_LEVEL);
+                edges.gradient.extend(answers.map(|(u, v)| [(u * gain) as i16, (v * gain) as i16]));
+            }
+            EdgeStrength::Saturating { half_at } => {
+                let half_at = half_at as f32 * PER_LEVEL;
+                edges.gradient.extend(answers.map(|(u, v)| {
+                    let gain = FULL / ((u * u + v * v).sqrt() + half_at);
+                    [(u * gain) as i16, (v * gain) as i16]
+                }));
+            }
+        }
+        if let Some(shown) = self.shown.as_ref().filter(|shown| shown.len() == edges.gradient.len()) {
+            for (edge, shown) in edges.gradient.iter_mut().zip(shown) {
+                if !shown {
+                    *edge = [0; 2];
+                }
+            }
+        }
+    }
+}
+
+impl Sobel {
+    fn answer(&mut self, width: usize, height: usize) {
+        for buffer in [&mut self.slope, &mut self.smooth, &mut self.u, &mut self.v] {
+            buffer.clear();
+            buffer.resize(width * height, 0);
+        }
+        if width <= 2 * RIM || height <= 2 * RIM {
+            return;
+        }
+        let rows = self.slope.chunks_exact_mut(width).zip(self.smooth.chunks_exact_mut(width));
+        for ((slope, smooth), values) in rows.zip(self.values.chunks_exact(width)) {
+            let taps = values.windows(5).zip(&mut slope[RIM..]).zip(&mut smooth[RIM..]);
+            for ((v, slope), smooth) in taps {
+                *slope = v[4] - v[0] + 2 * (v[3] - v[1]);
+                *smooth = v[0] + v[4] + 4 * (v[1] + v[3]) + 6 * v[2];
+            }
+        }
+        for row in RIM..height - RIM {
+            let at = |of: usize| (row + of - RIM) * width..(row + of - RIM + 1) * width;
+            let here = row * width..(row + 1) * width;
+            let [a, b, c, d, e] = [0, 1, 2, 3, 4].map(|k| &self.slope[at(k)]);
+            for (i, u) in self.u[here.clone()].iter_mut().enumerate() {
+                *u = a[i] + e[i] + 4 * (b[i] + d[i]) + 6 * c[i];
+            }
+            let [a, b, d, e] = [0, 1, 3, 4].map(|k| &self.smooth[at(k)]);
+            for (i, v) in self.v[here].iter_mut().enumerate() {
+                *v = e[i] - a[i] + 2 * (d[i] - b[i]);
+            }
+        }
+    }
+}
+
+/// Where all of the operator's reach is shown.
+fn eroded(shown: &[bool], width: usize) -> Vec<bool> {
+    let height = shown.len() / width.max(1);
+    let reach = |at: usize, size: usize| at.saturating_sub(RIM)..(at + RIM + 1).min(size);
+    (0..shown.len())
+        .map(|i| {
+            let (column, row) = (i % width, i / width);
+            reach(row, height).all(|v| reach(column, width).all(|u| shown[v * width + u]))
+        })
+        .collect()
+}
+
+#[cfg(test)]
+#[allow(clippy::float_cmp)] // zeros and ones that are set, not computed
+mod tests {
+    use super::*;
+    use image::Rgb;
+
+    fn picture(of: impl Fn(u32, u32) -> u8) -> RgbImage {
+        RgbImage::from_fn(40, 30, |u, v| Rgb([of(u, v); 3]))
+    }
+
+    fn edges(options: EdgeOptions, empty: Option<&RgbImage>, picture: &RgbImage) -> EdgeImage {
+        let mut maker = EdgeMaker::new(options, 40, &[true; 1200]);
+        if let Some(empty) = empty {
+            maker.set_empty_scene(empty);
+        }
+        let mut edges = EdgeImage::default();
+        maker.edges(picture, &mut edges);
+        edges
+    }
+
+    fn linear() -> EdgeOptions {
+        EdgeOptions { strength: EdgeStrength::Linear, ..EdgeOptions::default() }
+    }
+
+    #[test]
+    fn a_plane_has_its_own_gradient_everywhere() {
+        // Brightness 20 + 3 u + 2 v: the operator must answer (3, 2) levels a pixel whatever its size.
+        let edges = edges(linear(), None, &picture(|u, v| (20 + 3 * u + 2 * v) as u8));
+        for (u, v) in [(2, 2), (20, 15), (37, 27)] {
+            let [eu, ev] = edges.at(u, v).map(|e| e / FULL * STEEPEST);
+            assert!((eu - 3.0).abs() < 0.1 && (ev - 2.0).abs() < 0.1, "({u}, {v}): {eu} {ev}");
+        }
+        assert_eq!(edges.at(1, 15), [0.0; 2], "no answer where the operator leaves the image");
+        assert_eq!((edges.at(-1, 3), edges.at(40, 3), edges.at(3, 30)), ([0.0; 2], [0.0; 2], [0.0; 2]));
+    }
+
+    #[test]
+    fn strength_counts_fully_or_hardly() {
+        let step = |by: u8| picture(move |u, _| if u < 20 { 60 } else { 60 + by });
+        let ratio = |options: EdgeOptions| {
+            edges(options, None, &step(160)).at(19, 15)[0] / edges(options, None, &step(40)).at(19, 15)[0]
+        };
+        assert!((ratio(linear()) - 4.0).abs() < 0.1);
+        let saturating =
+            EdgeOptions { strength: EdgeStrength::Saturating { half_at: 8.0 }, ..EdgeOptions::default() };
+        // Slopes of 60 and 15 levels a pixel: 60/68 against 15/23.
+        assert!((ratio(saturating) - (60.0 / 68.0) / (15.0 / 23.0)).abs() < 0.02, "{}", ratio(saturating));
+    }
+
+    #[test]
+    fn what_the_empty_scene_has_is_left_out_and_people_are_dark_inside_whatever_they_wear() {
+        let step = |dark: u8, bright: u8| move |u: u32| if u < 20 { dark } else { bright };
+        let empty = picture(|u, _| step(60, 140)(u));
+        // Two posts, one darker and one brighter than what is behind, in an exposure 10 % brighter.
+        let with = picture(|u, v| match (u, v) {
+            (6..12, 8..) => 10,
+            (28..34, 8..) => 230,
+            _ => step(66, 154)(u),
+        });
+        let moving = edges(EdgeOptions::default(), Some(&empty), &with);
+        assert!(moving.is_of_change());
+        assert!(moving.at(19, 15)[0].abs() < 10.0, "the step itself: {:?}", moving.at(19, 15));
+        for (left, right) in [(6, 11), (28, 33)] {
+            assert!(moving.at(left, 20)[0] < -300.0 && moving.at(right, 20)[0] > 300.0, "outwards, {left}");
+        }
+        let changed = |u: f32| moving.changed([[u, 20.0]].into_iter()).unwrap();
+        assert!(changed(9.0) > 0.8 && changed(31.0) > 0.8 && changed(16.0) < 0.2 && changed(24.0) < 0.2);
+        assert_eq!(moving.changed([[-3.0, 5.0], [40.0, 5.0]].into_iter()), None);
+        let all = edges(linear(), None, &with);
+        assert!(
+            all.at(19, 4)[0] > 100.0
+                && !all.is_of_change()
+                && all.changed([[9.0, 20.0]].into_iter()).is_none()
+        );
+        let unused = edges(EdgeOptions { moving_only: false, ..linear() }, Some(&empty), &with);
+        assert_eq!(unused.at(19, 4), all.at(19, 4));
+    }
+
+    #[test]
+    fn sums_run_along_normals_and_count_what_is_inside() {
+        let edges = edges(linear(), None, &picture(|u, _| (20 + 3 * u) as u8));
+        let along = [([10.2, 10.0], [1.0, 0.0]), ([20.0, 10.0], [0.0, 1.0]), ([30.0, 9.6], [-0.5, 0.0])];
+        let (sum, inside) = edges.along(along.into_iter());
+        assert!((sum * STEEPEST - 1.5).abs() < 0.1 && inside == 3, "{sum} {inside}");
+        let outside = [[-0.6, 5.0], [39.6, 5.0], [5.0, 29.6], [f32::NAN, 5.0], [1e30, 5.0]];
+        assert_eq!(edges.along(outside.into_iter().map(|p| (p, [1.0, 0.0]))), (0.0, 0));
+    }
+
+    #[test]
+    fn the_border_of_a_lens_is_no_edge() {
+        let shown: Vec<bool> = (0..1200).map(|i| i % 40 >= 8).collect();
+        let mut maker = EdgeMaker::new(linear(), 40, &shown);
+        let mut edges = EdgeImage::default();
+        maker.edges(&picture(|u, _| if u < 8 { 0 } else { 200 }), &mut edges);
+        assert!((0..40).all(|u| edges.at(u, 15) == [0.0; 2]));
+    }
+
+    #[test]
+    fn tiny_pictures_have_no_edges() {
+        let mut maker = EdgeMaker::new(linear(), 3, &[true; 9]);
+        let mut edges = EdgeImage::default();
+        maker.edges(&RgbImage::from_fn(3, 3, |u, _| Rgb([(u * 90) as u8; 3])), &mut edges);
+        assert_eq!(edges.at(1, 1), [0.0; 2]);
+    }
+}

@@ -1,0 +1,155 @@
+//! Keeping people apart (section 4.4, equations 10 to 14): a hypothesis that belongs rather to somebody else's distribution
+//! than to its own person's weighs nothing.
+//!
+//! Each person's hypotheses are taken for a normal distribution with their weighted mean and covariance. The paper takes the
+//! covariances as equal, so that the distance of Mahalanobis decides; the densities themselves (equation 10) also say that
+//! somebody whose place is hardly known is likely nowhere in particular, and so does not push others away.
+
+use nalgebra::{Matrix3, Vector3};
+
+/// Added to each axis of a covariance, metres: hypotheses that all sit at one place are not known better than this, and
+/// their covariance can be inverted.
+const LEAST_SIGMA_M: f64 = 0.03;
+
+/// A person's distribution.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gaussian {
+    /// s̄ (equation 12).
+    pub mean: Vector3<f64>,
+    /// Σ (equation 12).
+    pub covariance: Matrix3<f64>,
+    /// Of the covariance with the least sigma added.
+    inverse: Matrix3<f64>,
+    log_determinant: f64,
+}
+
+impl Gaussian {
+    /// With this mean and covariance.
+    pub fn new(mean: Vector3<f64>, covariance: Matrix3<f64>) -> Self {
+        let least = LEAST_SIGMA_M * LEAST_SIGMA_M;
+        let safe = covariance + Matrix3::identity() * least;
+        // Positive definite by what was added, but for numbers that are none.
+        let (inverse, log_determinant) = match safe.cholesky() {
+            Some(root) => (root.inverse(), root.determinant().ln()),
+            None => (Matrix3::identity() / least, 3.0 * least.ln()),
+        };
+        Self { mean, covariance, inverse, log_determinant }
+    }
+
+    /// Of weighted hypotheses (equation 12). Weights need not add up to one; where they add up to nothing, all count alike.
+    pub fn of(hypotheses: &[Vector3<f64>], weights: &[f64]) -> Self {
+        let total: f64 = weights.iter().sum();
+        let uniform = 1.0 / hypotheses.len().max(1) as f64;
+        let share = |w: f64| if total > 0.0 && total.is_finite() { w / total } else { uniform };
+        let weighted = || hypotheses.iter().zip(weights).map(|(s, w)| (s, share(*w)));
+        let mean = weighted().map(|(s, w)| s * w).sum();
+        let covariance = weighted()
+            .map(|(s, w)| {
+                let d: Vector3<f64> = s - mean;
+                d * d.transpose() * w
+            })
+            .sum();
+        Self::new(mean, covariance)
+    }
+
+    /// The squared distance of Mahalanobis (equation 13).
+    pub fn distance(&self, s: &Vector3<f64>) -> f64 {
+        let d = s - self.mean;
+        d.dot(&(self.inverse * d))
+    }
+
+    /// What decides whose a place is: less is nearer.
+    fn remoteness(&self, s: &Vector3<f64>, equal_covariances: bool) -> f64 {
+        self.distance(s) + if equal_covariances { 0.0 } else { self.log_determinant }
+    }
+}
+
+/// Takes the weight from the hypotheses of person `own` that belong rather to another (equation 14).
+pub fn exclude(
+    hypotheses: &[Vector3<f64>],
+    weights: &mut [f64],
+    own: usize,
+    people: &[Gaussian],
+    equal_covariances: bool,
+) {
+    /// People farther apart than this need no comparison, metres.
+    const FAR_M: f64 = 3.0;
+    let mean = people[own].mean;
+    for (other, gaussian) in people.iter().enumerate() {
+        if other == own || (gaussian.mean - mean).norm() > FAR_M {
+            continue;
+        }
+        for (s, weight) in hypotheses.iter().zip(&mut *weights) {
+            let theirs = gaussian.remoteness(s, equal_covariances);
+            if theirs < people[own].remoteness(s, equal_covariances) {
+                *weight = 0.0;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::float_cmp)] // zeros and ones that are set, not computed
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    fn at(x: f64, y: f64) -> Vector3<f64> {
+        Vector3::new(x, y, 1.6)
+    }
+
+    #[test]
+    fn weighted_moments_by_hand() {
+        let gaussian = Gaussian::of(&[at(0.0, 0.0), at(1.0, 0.0), at(0.0, 9.0)], &[1.0, 3.0, 0.0]);
+        assert_relative_eq!(gaussian.mean, at(0.75, 0.0), epsilon = 1e-12);
+        assert_relative_eq!(gaussian.covariance[(0, 0)], 0.75 * 0.25, epsilon = 1e-12);
+        assert_eq!(gaussian.covariance[(1, 1)], 0.0);
+        let known = 0.75 * 0.25 + LEAST_SIGMA_M * LEAST_SIGMA_M;
+        assert_relative_eq!(gaussian.distance(&at(1.75, 0.0)), 1.0 / known, epsilon = 1e-9);
+    }
+
+    #[test]
+    fn between_equals_the_middle_divides() {
+        let people = [at(0.0, 0.0), at(0.6, 0.0)].map(|m| Gaussian::new(m, Matrix3::identity() * 0.01));
+        let places = [at(0.0, 0.0), at(0.29, 0.3), at(0.31, 0.3), at(0.6, 0.0)];
+        for equal in [true, false] {
+            let mut weights = [1.0; 4];
+            exclude(&places, &mut weights, 0, &people, equal);
+            assert_eq!(weights, [1.0, 1.0, 0.0, 0.0]);
+            let mut weights = [1.0; 4];
+            exclude(&places, &mut weights, 1, &people, equal);
+            assert_eq!(weights, [0.0, 0.0, 1.0, 1.0]);
+        }
+    }
+
+    #[test]
+    fn somebody_lost_does_not_push_somebody_found() {
+        let people = [
+            Gaussian::new(at(0.0, 0.0), Matrix3::identity() * 0.0004),
+            Gaussian::new(at(0.5, 0.0), Matrix3::identity()),
+        ];
+        let beside = [at(0.07, 0.0)];
+        let mut weights = [1.0];
+        exclude(&beside, &mut weights, 0, &people, true);
+        assert_eq!(weights, [0.0], "as published");
+        weights = [1.0];
+        exclude(&beside, &mut weights, 0, &people, false);
+        assert_eq!(weights, [1.0]);
+        exclude(&[at(0.02, 0.0)], &mut weights, 1, &people, false);
+        assert_eq!(weights, [0.0], "and they do not take the place of who is there");
+    }
+
+    #[test]
+    fn degenerate_distributions_do_not_blow_up() {
+        let one_place = Gaussian::of(&[at(1.0, 1.0); 5], &[0.2; 5]);
+        assert!(one_place.distance(&at(1.1, 1.0)).is_finite());
+        let weightless = Gaussian::of(&[at(0.0, 0.0), at(1.0, 0.0)], &[0.0, 0.0]);
+        assert_relative_eq!(weightless.mean, at(0.5, 0.0), epsilon = 1e-12);
+        let nan = Gaussian::new(at(0.0, 0.0), Matrix3::from_element(f64::NAN));
+        assert!(nan.distance(&at(0.1, 0.0)).is_finite());
+        // Two people at the very same place keep their hypotheses.
+        let mut weights = [1.0];
+        exclude(&[at(1.0, 1.0)], &mut weights, 0, &[one_place, one_place], true);
+        assert_eq!(weights, [1.0]);
+    }
+}

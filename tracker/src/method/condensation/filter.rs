@@ -1,0 +1,168 @@
+//! One person's filter (section 2.1, equations 1 to 3): hypotheses of where the head is, drawn, weighed, drawn again.
+//!
+//! A moment has several layers (annealing; Deutscher, Blake & Reid, CVPR 2000): each draws around the best of the one before,
+//! half as far. With one layer this is CONDENSATION as published.
+
+use nalgebra::Vector3;
+use rand::RngExt;
+use rand_distr::StandardNormal;
+use rand_pcg::Pcg64Mcg;
+
+use super::edges::EdgeImage;
+use super::exclusion::Gaussian;
+use super::integration::Looks;
+use super::spent::Spent;
+use super::weight::{Lookout, Support};
+use crate::stage::StageCamera;
+
+/// One hypothesis in this many is drawn much farther off: people stop and turn at once.
+const ASTRAY_EVERY: usize = 8;
+/// How much farther.
+const ASTRAY: f64 = 3.0;
+
+/// What hypotheses are weighed with.
+#[derive(Debug, Clone, Copy)]
+pub struct Sight<'a> {
+    /// Cameras and model.
+    pub lookout: &'a Lookout,
+    /// The same cameras with the static room.
+    pub stage: &'a [StageCamera],
+    /// The moment's edges; `None` for cameras that say nothing.
+    pub edges: &'a [Option<EdgeImage>],
+    /// Where everybody's head is expected.
+    pub everybody: &'a [Expected],
+    /// The power of the integrated weight.
+    pub sharpness: f64,
+}
+
+/// Where somebody's head is expected.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Expected {
+    /// Its middle.
+    pub head: Vector3<f64>,
+    /// How well cameras have agreed on it lately, 0 to 1.
+    pub trust: f32,
+}
+
+/// A set of weighted hypotheses. Metres, room frame.
+#[derive(Debug, Clone)]
+pub struct Filter {
+    /// s: where the head's middle is.
+    pub hypotheses: Vec<Vector3<f64>>,
+    /// π, not negative; they need not add up to one.
+    pub weights: Vec<f64>,
+    /// The hypothesis of the largest weight in the latest weighing.
+    best: usize,
+    predicted: Vec<Vector3<f64>>,
+    drawn: Vec<Vector3<f64>>,
+    looks: Vec<Looks>,
+}
+
+impl Filter {
+    /// So many hypotheses around a place.
+    pub fn around(place: &Vector3<f64>, sigma_m: &Vector3<f64>, count: usize, rng: &mut Pcg64Mcg) -> Self {
+        let mut filter = Self {
+            hypotheses: vec![*place; count],
+            weights: vec![1.0; count],
+            best: 0,
+            predicted: Vec::with_capacity(count),
+            drawn: Vec::with_capacity(count),
+            looks: Vec::with_capacity(count),
+        };
+        filter.scatter(sigma_m, rng);
+        filter
+    }
+
+    /// Moves all hypotheses on by a drift and a normal step (p(Xₜ | Xₜ₋₁)), and remembers them as predicted.
+    pub fn predict(&mut self, drift: &Vector3<f64>, sigma_m: &Vector3<f64>, rng: &mut Pcg64Mcg) {
+        self.draw(rng);
+        for s in &mut self.hypotheses {
+            *s += drift;
+        }
+        self.scatter(sigma_m, rng);
+        for s in self.hypotheses.iter_mut().step_by(ASTRAY_EVERY) {
+            *s += normal(&(sigma_m * ASTRAY), rng);
+        }
+        self.predicted.clone_from(&self.hypotheses);
+    }
+
+    /// Draws again by weight, and scatters what was drawn.
+    pub fn redraw(&mut self, sigma_m: &Vector3<f64>, rng: &mut Pcg64Mcg) {
+        self.draw(rng);
+        self.scatter(sigma_m, rng);
+    }
+
+    /// Weighs every hypothesis by the moment's pictures.
+    pub fn weigh(&mut self, sight: &Sight<'_>, spent: &mut Spent) {
+        spent.weights.start();
+        self.looks.resize_with(self.hypotheses.len(), Looks::default);
+        for (s, looks) in self.hypotheses.iter().zip(&mut self.looks) {
+            sight.lookout.look(s, sight.stage, sight.edges, looks);
+        }
+        spent.weights.stop();
+        spent.integration.start();
+        let mut best = (-1.0, 0);
+        for (i, (looks, weight)) in self.looks.iter().zip(&mut self.weights).enumerate() {
+            let integrated = f64::from(sight.lookout.integrate(looks));
+            if integrated > best.0 {
+                best = (integrated, i);
+            }
+            *weight = integrated.powf(sight.sharpness);
+        }
+        self.best = best.1;
+        spent.integration.stop();
+    }
+
+    /// How well the cameras agree on the best hypothesis of somebody who has been trusted so much.
+    pub fn support(&self, trust: f32, sight: &Sight<'_>) -> Support {
+        self.hypotheses
+            .get(self.best)
+            .map_or(Support::default(), |head| sight.lookout.support(head, trust, sight))
+    }
+
+    /// Nothing was seen: the hypotheses are the predicted ones again, and weigh alike.
+    pub fn forget(&mut self) {
+        self.hypotheses.clone_from(&self.predicted);
+        self.weights.fill(1.0);
+    }
+
+    /// Mean and covariance by weight (equation 12).
+    pub fn gaussian(&self) -> Gaussian {
+        Gaussian::of(&self.hypotheses, &self.weights)
+    }
+
+    /// Systematic resampling: as many hypotheses, each as often as its weight says. Weights of nothing: as they are.
+    fn draw(&mut self, rng: &mut Pcg64Mcg) {
+        let total: f64 = self.weights.iter().sum();
+        let count = self.hypotheses.len();
+        if total > 0.0 && total.is_finite() {
+            let step = total / count as f64;
+            let mut mark = rng.random::<f64>() * step;
+            let mut sum = 0.0;
+            self.drawn.clear();
+            for (s, weight) in self.hypotheses.iter().zip(&self.weights) {
+                sum += weight;
+                while mark < sum && self.drawn.len() < count {
+                    self.drawn.push(*s);
+                    mark += step;
+                }
+            }
+            // What rounding left out.
+            let last = self.drawn.last().copied();
+            self.drawn.resize(count, last.unwrap_or_default());
+            std::mem::swap(&mut self.drawn, &mut self.hypotheses);
+        }
+        self.weights.fill(1.0);
+    }
+
+    fn scatter(&mut self, sigma_m: &Vector3<f64>, rng: &mut Pcg64Mcg) {
+        for s in &mut self.hypotheses {
+            *s += normal(sigma_m, rng);
+        }
+    }
+}
+
+fn normal(sigma_m: &Vector3<f64>, rng: &mut Pcg64Mcg) -> Vector3<f64> {
+    let mut draw = || rng.sample::<f64, _>(StandardNormal);
+    Vector3::new(sigma_m.x * draw(), sigma_m.y * draw(), sigma_m.z * draw())
+}

@@ -1,0 +1,168 @@
+//! Where people are found (section 4.3, figure 13): over each gate, at every moment.
+//!
+//! The paper spreads hypotheses over a gate anew each time and lets one person in at a time. Here half of them are those of the
+//! moment before, drawn by weight, so that they gather around whoever is coming; and whoever stands apart from those already
+//! found is found in the same moment, too.
+//!
+//! Nobody leaves but through a gate. Somebody who was lost elsewhere is still in the room, so they are looked for around the
+//! place where they were lost, wider with time, and go on as the same person.
+
+use nalgebra::{Point2, Vector2, Vector3};
+use rand::SeedableRng;
+use rand_pcg::Pcg64Mcg;
+use scenes::polygon::Polygon;
+use scenes::room::ZoneKind;
+
+use super::filter::{Expected, Sight};
+use super::options::CondensationOptions;
+use super::search::{Criteria, Search};
+use super::spent::Spent;
+use super::weight::is_hidden;
+use crate::TrackId;
+use crate::stage::{Floor, Stage};
+
+/// Around where somebody was lost they are looked for as far as this, metres, and as much farther with time, up to…
+const LOST_REACH_M: f64 = 0.5;
+const LOST_SPEED_M_S: f64 = 1.0;
+/// …this, and for so long, seconds.
+const LOST_FARTHEST_M: f64 = 2.5;
+const LOST_FOR_S: f64 = 20.0;
+
+/// The gates of a room, and the people who are in it and lost.
+#[derive(Debug, Clone)]
+pub struct Gates {
+    entries: Vec<Search>,
+    lost: Vec<Lost>,
+    criteria: Criteria,
+    rng: Pcg64Mcg,
+}
+
+/// Somebody who was lost.
+#[derive(Debug, Clone)]
+struct Lost {
+    id: TrackId,
+    place: Point2<f64>,
+    for_s: f64,
+    search: Search,
+}
+
+/// Which gates cannot be used.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Unseen {
+    /// Entry zones in which no place of a head is seen by two cameras, with the cameras that see some.
+    pub zones: Vec<(String, Vec<String>)>,
+    /// Whether that is all of them.
+    pub is_all: bool,
+}
+
+impl Gates {
+    /// The gates of a stage. Without entry zones, or where none of them can be used, people are looked for everywhere.
+    pub fn new(stage: &Stage, options: &CondensationOptions) -> (Self, Unseen) {
+        let mut rng = Pcg64Mcg::seed_from_u64(options.seed ^ 0x6761_7465);
+        let mut unseen = Unseen::default();
+        let mut areas = Vec::new();
+        let height_m = 0.5 * (options.life.lowest_born_m + options.life.highest_m);
+        for zone in stage.zones.iter().filter(|z| z.kind != ZoneKind::Exit) {
+            let (is_seen_twice, cameras) = seen_from(stage, &zone.polygon, height_m, &mut rng);
+            if is_seen_twice {
+                areas.push(zone.polygon.clone());
+            } else {
+                unseen.zones.push((zone.name.clone(), cameras));
+            }
+        }
+        if areas.is_empty() {
+            unseen.is_all = true;
+            let (low, high) = stage.floor.bounds();
+            areas.push(Polygon::rectangle(low, high));
+        }
+        let entries = areas.into_iter().map(|area| Search::over(area, &mut rng)).collect();
+        (Self { entries, lost: Vec::new(), criteria: Criteria::new(options), rng }, unseen)
+    }
+
+    /// Somebody was lost here, who has not left.
+    pub fn miss(&mut self, id: TrackId, head: &Vector3<f64>) {
+        let place = Point2::new(head.x, head.y);
+        let search = Search::over(around(&place, LOST_FARTHEST_M), &mut self.rng);
+        self.lost.push(Lost { id, place, for_s: 0.0, search });
+    }
+
+    /// The heads of people who are seen now and followed by nobody yet, with the names of those who were lost.
+    pub fn newcomers(
+        &mut self,
+        dt_s: f64,
+        floor: &Floor,
+        sight: &Sight<'_>,
+        spent: &mut Spent,
+    ) -> Vec<(Expected, Option<TrackId>)> {
+        spent.gates.start();
+        let mut found: Vec<Expected> = Vec::new();
+        let mut names = Vec::new();
+        self.lost.retain_mut(|lost| {
+            lost.for_s += dt_s;
+            let reach_m = (LOST_REACH_M + LOST_SPEED_M_S * lost.for_s).min(LOST_FARTHEST_M);
+            lost.search.move_to(around(&lost.place, reach_m));
+            lost.search.heads(&self.criteria, floor, sight, &mut found, &mut self.rng);
+            // They are one; whoever else was found there stays to be found again.
+            found.truncate(names.len() + 1);
+            let is_found = found.len() > names.len();
+            if is_found {
+                names.push(Some(lost.id));
+            }
+            !is_found && lost.for_s < LOST_FOR_S
+        });
+        for entry in &mut self.entries {
+            entry.heads(&self.criteria, floor, sight, &mut found, &mut self.rng);
+        }
+        names.resize(found.len(), None);
+        spent.gates.stop();
+        found.into_iter().zip(names).collect()
+    }
+}
+
+fn around(place: &Point2<f64>, reach_m: f64) -> Polygon {
+    let reach = Vector2::repeat(reach_m);
+    Polygon::rectangle(place - reach, place + reach)
+}
+
+/// Whether two cameras see some of the places of heads above an area at once, and the names of those that see any.
+fn seen_from(stage: &Stage, area: &Polygon, height_m: f64, rng: &mut Pcg64Mcg) -> (bool, Vec<String>) {
+    /// Places that are looked at.
+    const PROBES: usize = 200;
+    let mut seeing = vec![false; stage.cameras.len()];
+    let mut is_seen_twice = false;
+    for _ in 0..PROBES {
+        let place = area.sample(rng);
+        let head = Vector3::new(place.x, place.y, height_m);
+        let mut cameras = 0;
+        for (camera, seeing) in stage.cameras.iter().zip(&mut seeing) {
+            let pixel = camera.pinhole.project(&head.into());
+            if pixel.is_some_and(|p| camera.pinhole.intrinsics.contains(&p)) && !is_hidden(camera, &head) {
+                *seeing = true;
+                cameras += 1;
+            }
+        }
+        is_seen_twice |= cameras >= 2;
+    }
+    let names = stage.cameras.iter().zip(seeing).filter(|(_, s)| *s).map(|(c, _)| c.name.clone());
+    (is_seen_twice, names.collect())
+}
+
+impl std::fmt::Display for Unseen {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("--method condensation finds people where two cameras see the head at once. ")?;
+        for (zone, cameras) in &self.zones {
+            match &cameras[..] {
+                [] => write!(f, "Zone `{zone}`: no camera sees heads there. ")?,
+                [one] => write!(f, "Zone `{zone}`: {one} alone sees heads there. ")?,
+                names => {
+                    write!(f, "Zone `{zone}`: {} see heads there, but never the same. ", names.join(", "))?;
+                }
+            }
+        }
+        f.write_str(if self.is_all {
+            "No zone is left, so people are looked for everywhere; turn a second camera to the zones, or use --method mcmc"
+        } else {
+            "Nobody is found in it; turn a second camera to it, or use --method mcmc"
+        })
+    }
+}

@@ -1,0 +1,239 @@
+//! From each camera's weight to one in space (section 3): equations 4 to 7, and the room's way.
+//!
+//! A product has a narrow peak and nothing beside it, but one camera that does not see the head makes it zero; a sum
+//! survives that, but is large along every ray. A sum of products of two needs two cameras that agree, whichever they are.
+//! Two cameras on a line with the head agree all along the line, so their pair is left out.
+
+use std::fmt;
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+
+/// The most cameras that can look at once.
+pub const MOST_CAMERAS: usize = 32;
+
+/// How the cameras' weights become one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Integration {
+    /// Equation 4: Π π.
+    Product,
+    /// Equation 5: Σ π.
+    Sum,
+    /// Equation 6: Σ π π over pairs.
+    Pairs,
+    /// Equation 7: the same over pairs whose rays are no line.
+    PairsAngle,
+    /// Π π over the cameras that the room's depth leaves a view: what section 3 calls right where occlusion is known.
+    Room,
+}
+
+/// Which rays are one line (equation 7's T).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum RayTest {
+    /// Rays the one way or the other along it: |cos| ≥ β. Cameras that face each other look along a line, too.
+    Line,
+    /// As published: cos ≥ β.
+    Published,
+}
+
+/// What one camera says about a head.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Look {
+    /// π, not negative.
+    pub weight: f32,
+    /// From the camera to the head, of length 1.
+    pub ray: [f32; 3],
+}
+
+/// What the cameras that look at a place say about a head there.
+#[derive(Debug, Clone)]
+pub struct Looks {
+    all: [Look; MOST_CAMERAS],
+    count: usize,
+}
+
+impl Default for Looks {
+    fn default() -> Self {
+        Self { all: [Look::default(); MOST_CAMERAS], count: 0 }
+    }
+}
+
+impl Looks {
+    /// Forgets all.
+    pub fn clear(&mut self) {
+        self.count = 0;
+    }
+
+    /// Takes in one camera's; no more than [`MOST_CAMERAS`] are kept.
+    pub fn push(&mut self, look: Look) {
+        if let Some(place) = self.all.get_mut(self.count) {
+            *place = look;
+            self.count += 1;
+        }
+    }
+
+    /// All of them.
+    pub fn all(&self) -> &[Look] {
+        &self.all[..self.count]
+    }
+
+    /// The weight in space. Nobody looking: 0.
+    pub fn integrate(&self, integration: Integration, rays: RayTest, beta: f32) -> f32 {
+        match integration {
+            Integration::Product | Integration::Room if self.count == 0 => 0.0,
+            Integration::Product => self.all().iter().map(|l| l.weight).product(),
+            // Hypotheses of one set may be seen by different numbers of cameras: as much as a pair of the mean would weigh.
+            Integration::Room => {
+                let product: f32 = self.all().iter().map(|l| l.weight).product();
+                product.powf(2.0 / self.count as f32)
+            }
+            Integration::Sum => self.all().iter().map(|l| l.weight).sum(),
+            Integration::Pairs => {
+                // (Σπ)² = Σπ² + 2 Σ over pairs.
+                let sum: f32 = self.all().iter().map(|l| l.weight).sum();
+                let squares: f32 = self.all().iter().map(|l| l.weight * l.weight).sum();
+                0.5 * (sum * sum - squares).max(0.0)
+            }
+            Integration::PairsAngle => self.fold_pairs(rays, beta, 0.0, |sum, product| sum + product),
+        }
+    }
+
+    /// The largest and the mean product of two weights whose rays are no line; 0 where there is none.
+    pub fn pairs(&self, rays: RayTest, beta: f32) -> (f32, f32) {
+        let start = (0.0_f32, 0.0, 0_u32);
+        let (best, sum, count) =
+            self.fold_pairs(rays, beta, start, |(best, sum, count), p| (best.max(p), sum + p, count + 1));
+        (best, sum / count.max(1) as f32)
+    }
+
+    fn fold_pairs<T>(&self, rays: RayTest, beta: f32, start: T, mut take: impl FnMut(T, f32) -> T) -> T {
+        let mut folded = start;
+        for (i, a) in self.all().iter().enumerate() {
+            for b in &self.all()[i + 1..] {
+                let cosine = a.ray[0] * b.ray[0] + a.ray[1] * b.ray[1] + a.ray[2] * b.ray[2];
+                let line = if rays == RayTest::Line { cosine.abs() } else { cosine };
+                if line < beta {
+                    folded = take(folded, a.weight * b.weight);
+                }
+            }
+        }
+        folded
+    }
+}
+
+impl Integration {
+    /// All of them, in the order of the paper's figures 5 to 8.
+    pub const ALL: [Self; 5] = [Self::Product, Self::Sum, Self::Pairs, Self::PairsAngle, Self::Room];
+
+    /// Its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Product => "product",
+            Self::Sum => "sum",
+            Self::Pairs => "pairs",
+            Self::PairsAngle => "pairs-angle",
+            Self::Room => "room",
+        }
+    }
+}
+
+impl fmt::Display for Integration {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for Integration {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let names = || Self::ALL.map(Self::name).join(", ");
+        Self::ALL
+            .into_iter()
+            .find(|i| i.name() == text)
+            .ok_or_else(|| format!("`{text}` is none of {}", names()))
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::float_cmp)] // zeros and ones that are set, not computed
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+    use proptest::prelude::*;
+
+    fn looks(of: &[(f32, [f32; 3])]) -> Looks {
+        let mut looks = Looks::default();
+        for (weight, ray) in of {
+            looks.push(Look { weight: *weight, ray: *ray });
+        }
+        looks
+    }
+
+    const EAST: [f32; 3] = [1.0, 0.0, 0.0];
+    const WEST: [f32; 3] = [-1.0, 0.0, 0.0];
+    const NORTH: [f32; 3] = [0.0, 1.0, 0.0];
+
+    fn all_of(looks: &Looks) -> [f32; 5] {
+        Integration::ALL.map(|i| looks.integrate(i, RayTest::Line, 0.94))
+    }
+
+    #[test]
+    fn the_equations_by_hand() {
+        let three = looks(&[(0.5, EAST), (0.4, NORTH), (0.2, WEST)]);
+        // 0.5·0.4 + 0.5·0.2 + 0.4·0.2; east and west are a line.
+        let [product, sum, pairs, angle, room] = all_of(&three);
+        assert_relative_eq!(product, 0.04, epsilon = 1e-6);
+        assert_relative_eq!(sum, 1.1, epsilon = 1e-6);
+        assert_relative_eq!(pairs, 0.38, epsilon = 1e-6);
+        assert_relative_eq!(angle, 0.28, epsilon = 1e-6);
+        assert_relative_eq!(room, 0.04_f32.powf(2.0 / 3.0), epsilon = 1e-6);
+        let published = three.integrate(Integration::PairsAngle, RayTest::Published, 0.94);
+        assert_relative_eq!(published, 0.38, epsilon = 1e-6);
+        let (best, mean) = three.pairs(RayTest::Line, 0.94);
+        assert_relative_eq!(best, 0.2, epsilon = 1e-6);
+        assert_relative_eq!(mean, 0.14, epsilon = 1e-6);
+    }
+
+    #[test]
+    fn no_camera_one_camera_and_more_than_fit() {
+        assert_eq!(all_of(&Looks::default()), [0.0; 5]);
+        let [product, sum, pairs, angle, _] = all_of(&looks(&[(0.5, EAST)]));
+        assert_eq!((product, sum, pairs, angle), (0.5, 0.5, 0.0, 0.0));
+        let many = looks(&[(1.0, NORTH); MOST_CAMERAS + 3]);
+        assert_eq!(many.all().len(), MOST_CAMERAS);
+        assert_eq!(many.integrate(Integration::PairsAngle, RayTest::Line, 0.94), 0.0, "all on one line");
+    }
+
+    proptest! {
+        /// What section 3 asks for: one hidden camera takes everything from a product and nothing from the others' pairs.
+        #[test]
+        fn a_hidden_camera_only_spoils_the_product(weights in prop::collection::vec(0.1_f32..1.0, 2..8)) {
+            let rays: Vec<[f32; 3]> = (0..weights.len())
+                .map(|i| {
+                    let a = i as f32 * std::f32::consts::PI / weights.len() as f32;
+                    [a.cos(), a.sin(), 0.0]
+                })
+                .collect();
+            let seen: Vec<_> = weights.iter().copied().zip(rays.iter().copied()).collect();
+            let mut hidden = seen.clone();
+            hidden.push((0.0, [0.0, 0.0, 1.0]));
+            let (before, after) = (all_of(&looks(&seen)), all_of(&looks(&hidden)));
+            prop_assert_eq!(after[0], 0.0);
+            for k in 1..4 {
+                prop_assert!((before[k] - after[k]).abs() < 1e-5);
+            }
+            prop_assert!(after[3] <= after[2] + 1e-5);
+        }
+    }
+
+    #[test]
+    fn names_are_read_back() {
+        for integration in Integration::ALL {
+            assert_eq!(integration.name().parse::<Integration>(), Ok(integration));
+        }
+        assert!("pair".parse::<Integration>().unwrap_err().contains("pairs-angle"));
+    }
+}

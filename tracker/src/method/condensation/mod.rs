@@ -1,0 +1,325 @@
+//! Heads by CONDENSATION with weights that survive occlusion (seed 002, Matsumoto et al.).
+//!
+//! Needs no room, no masks and no background: two or more calibrated cameras that see a head, and its edges in them. A moment
+//! goes like this:
+//!
+//! 1. every camera's picture becomes an edge image ([`edges`]);
+//! 2. everybody's hypotheses of where their head is are moved on ([`track`], [`filter`]);
+//! 3. each hypothesis is projected as a spheroid ([`contour`]), weighed in each camera ([`weight`], equation 9), and the
+//!    weights become one ([`integration`], equations 4 to 7);
+//! 4. hypotheses that rather belong to somebody else lose theirs ([`exclusion`], equations 12 to 14); 3 and 4 are done again,
+//!    closer around the best;
+//! 5. whoever shows up at a gate is followed from now on ([`gates`]), whoever has left is not.
+//!
+//! What can be set is [`CondensationOptions`]; [`weight_map`] draws the paper's figures 5 to 8; [`Spent`] splits the time as
+//! its table 2.
+
+pub mod contour;
+pub mod edges;
+pub mod exclusion;
+pub mod filter;
+pub mod gates;
+pub mod integration;
+mod options;
+pub mod search;
+mod spent;
+mod track;
+pub mod weight;
+
+use image::RgbImage;
+use nalgebra::Vector3;
+use rayon::prelude::*;
+
+use self::contour::HeadShape;
+use self::edges::{EdgeImage, EdgeMaker};
+use self::exclusion::Gaussian;
+use self::filter::{Expected, Sight};
+use self::gates::Gates;
+use self::integration::MOST_CAMERAS;
+pub use self::options::{
+    CondensationOptions, EdgeOptions, EdgeStrength, HeadModel, LifeOptions, MotionOptions,
+};
+use self::search::APART_M;
+pub use self::spent::{Spent, Watch};
+use self::track::Track;
+use self::weight::Lookout;
+use super::Method;
+use crate::silhouette::visibility::visible_fractions;
+use crate::silhouette::{Body, View};
+use crate::stage::Stage;
+use crate::{Error, Moment, PersonEstimate, Result, TrackId};
+
+/// What stands for the time before the first moment.
+const FIRST_STEP_S: f64 = 0.1;
+/// Times that stand still or run backwards are the source's mistake; the tracker survives them.
+const LEAST_STEP_S: f64 = 1e-3;
+/// The body below a head, as it is drawn: half of a shoulder's width.
+const BODY_RADIUS_M: f64 = 0.25;
+/// Two who have been at one place for so long are one, seconds.
+const DOUBLED_FOR_S: f64 = 0.5;
+
+/// The tracker.
+pub struct Condensation {
+    stage: Stage,
+    options: CondensationOptions,
+    lookout: Lookout,
+    makers: Vec<EdgeMaker>,
+    edges: Vec<Option<EdgeImage>>,
+    /// Edge images that are not in use, for their buffers.
+    spare: Vec<EdgeImage>,
+    views: Vec<View>,
+    gates: Gates,
+    tracks: Vec<Track>,
+    gaussians: Vec<Gaussian>,
+    expected: Vec<Expected>,
+    next_key: u64,
+    next_id: u32,
+    last_time_s: Option<f64>,
+    spent: Spent,
+}
+
+impl Condensation {
+    /// Prepares the tracker for a room. Gates that no two cameras see are told in the log.
+    ///
+    /// # Errors
+    /// [`Error::Option`] when an option makes no sense, or with fewer than two or too many cameras.
+    pub fn new(stage: Stage, options: CondensationOptions) -> Result<Self> {
+        options.validate()?;
+        if !(2..=MOST_CAMERAS).contains(&stage.cameras.len()) {
+            return Err(Error::option(
+                "--method condensation",
+                format!(
+                    "needs 2 to {MOST_CAMERAS} cameras, a head's place is where their rays meet; there {} {}",
+                    if stage.cameras.len() == 1 { "is" } else { "are" },
+                    stage.cameras.len()
+                ),
+            ));
+        }
+        let (gates, unseen) = Gates::new(&stage, &options);
+        if !unseen.zones.is_empty() {
+            tracing::warn!("{unseen}");
+        }
+        let shape = HeadShape::new(&options.head);
+        let lookout = Lookout::new(
+            &stage.cameras,
+            shape,
+            &options.edges,
+            options.integration,
+            (options.rays, options.beta),
+            options.life.seen_at,
+        );
+        let maker = |c: &crate::stage::StageCamera| {
+            let shown: Vec<bool> = c.static_z_m.iter().map(|z| *z > 0.0).collect();
+            EdgeMaker::new(options.edges, c.width(), &shown)
+        };
+        Ok(Self {
+            lookout,
+            makers: stage.cameras.iter().map(maker).collect(),
+            edges: stage.cameras.iter().map(|_| None).collect(),
+            spare: Vec::new(),
+            views: stage.cameras.iter().map(View::new).collect(),
+            gates,
+            tracks: Vec::new(),
+            gaussians: Vec::new(),
+            expected: Vec::new(),
+            next_key: 1,
+            next_id: 1,
+            last_time_s: None,
+            spent: Spent::default(),
+            stage,
+            options,
+        })
+    }
+
+    /// Tells what a camera sees when nobody is there (its pinhole picture): those edges are no heads.
+    pub fn set_empty_scene(&mut self, camera: usize, picture: &RgbImage) {
+        if let Some(maker) = self.makers.get_mut(camera) {
+            maker.set_empty_scene(picture);
+        }
+    }
+
+    /// Where the time has gone so far.
+    pub fn spent(&self) -> &Spent {
+        &self.spent
+    }
+
+    /// Everybody's hypotheses, by id; of those without one, too. For pictures.
+    pub fn hypotheses(&self) -> impl Iterator<Item = (Option<TrackId>, &[Vector3<f64>])> {
+        self.tracks.iter().map(|t| (t.id, t.filter.hypotheses.as_slice()))
+    }
+
+    /// Every camera's edges; cameras in parallel.
+    fn find_edges(&mut self, moment: &Moment<'_>) -> Result<()> {
+        for (camera, frame) in self.stage.cameras.iter().zip(moment.cameras) {
+            let Some(image) = &frame.image else { continue };
+            if image.dimensions() != (camera.width(), camera.height()) {
+                return Err(Error::FrameSize {
+                    camera: camera.name.clone(),
+                    frame: moment.frame,
+                    found_width: image.width(),
+                    found_height: image.height(),
+                    width: camera.width(),
+                    height: camera.height(),
+                });
+            }
+        }
+        self.spent.edges.start();
+        for (edges, frame) in self.edges.iter_mut().zip(moment.cameras) {
+            match (frame.image.is_some(), edges.is_some()) {
+                (true, false) => *edges = Some(self.spare.pop().unwrap_or_default()),
+                (false, true) => self.spare.extend(edges.take()),
+                _ => {}
+            }
+        }
+        let cameras = self.makers.par_iter_mut().zip(&mut self.edges).zip(moment.cameras);
+        cameras.for_each(|((maker, edges), frame)| {
+            if let (Some(image), Some(edges)) = (&frame.image, edges) {
+                maker.edges(image, edges);
+            }
+        });
+        self.spent.edges.stop();
+        Ok(())
+    }
+
+    /// Moves, weighs and keeps apart everybody's hypotheses.
+    fn follow(&mut self, dt_s: f64) {
+        let options = &self.options;
+        for track in &mut self.tracks {
+            track.predict(dt_s, &options.motion, &mut self.spent);
+        }
+        self.expected.clear();
+        self.expected.extend(self.tracks.iter().map(|t| Expected { head: t.head(), trust: t.trust }));
+        let sight = Sight {
+            lookout: &self.lookout,
+            stage: &self.stage.cameras,
+            edges: &self.edges,
+            everybody: &self.expected,
+            sharpness: options.sharpness,
+        };
+        for layer in 0..options.layers {
+            for track in &mut self.tracks {
+                track.weigh(layer, &sight, &mut self.spent);
+            }
+            self.spent.integration.start();
+            self.gaussians.clear();
+            self.gaussians.extend(self.tracks.iter().map(|t| t.filter.gaussian()));
+            for (own, track) in self.tracks.iter_mut().enumerate() {
+                let filter = &mut track.filter;
+                exclusion::exclude(
+                    &filter.hypotheses,
+                    &mut filter.weights,
+                    own,
+                    &self.gaussians,
+                    options.equal_covariances,
+                );
+            }
+            self.spent.integration.stop();
+        }
+        for track in &mut self.tracks {
+            track.settle(dt_s, &sight, options);
+        }
+    }
+
+    /// Lets in who shows up at a gate.
+    fn let_in(&mut self, dt_s: f64) {
+        self.expected.clear();
+        self.expected.extend(self.tracks.iter().map(|t| Expected { head: t.head(), trust: t.trust }));
+        let sight = Sight {
+            lookout: &self.lookout,
+            stage: &self.stage.cameras,
+            edges: &self.edges,
+            everybody: &self.expected,
+            sharpness: self.options.sharpness,
+        };
+        for (found, name) in self.gates.newcomers(dt_s, &self.stage.floor, &sight, &mut self.spent) {
+            if self.tracks.len() < self.options.life.max_people {
+                let mut track = Track::born(&found, self.next_key, &self.options);
+                track.id = name;
+                self.tracks.push(track);
+                self.next_key += 1;
+            }
+        }
+    }
+
+    /// Gives up whoever has left, was lost, or is somebody else; believes in who has been seen for long enough.
+    fn let_go(&mut self, dt_s: f64) {
+        let life = self.options.life;
+        let places: Vec<_> = self.tracks.iter().map(|t| (t.head(), t.trust)).collect();
+        for (i, track) in self.tracks.iter_mut().enumerate() {
+            let is_doubled = places.iter().enumerate().any(|(j, (place, trust))| {
+                let is_better = (*trust, i) > (track.trust, j);
+                j != i && is_better && (place - track.head()).xy().norm() < APART_M
+            });
+            track.doubled_s = if is_doubled { track.doubled_s + dt_s } else { 0.0 };
+        }
+        let floor = &self.stage.floor;
+        self.tracks.retain(|track| {
+            let head = track.head();
+            let is_leaving = floor.may_disappear(head.x, head.y) && track.unseen_s > life.unseen_at_exit_s;
+            let is_mistake = track.id.is_none() && track.unseen_s > 1.5 * dt_s;
+            let is_in_volume = floor.is_standable(head.x, head.y)
+                && (life.lowest_m - 0.1..=life.highest_m + 0.1).contains(&head.z);
+            let is_somebody_else = track.doubled_s >= DOUBLED_FOR_S;
+            let is_lost = f64::from(track.trust) < life.lost_at;
+            let is_still_inside = is_lost && !is_somebody_else && !floor.may_disappear(head.x, head.y);
+            if let Some(id) = track.id.filter(|_| is_still_inside) {
+                self.gates.miss(id, &head);
+            }
+            is_in_volume && !is_lost && !is_leaving && !is_mistake && !is_somebody_else
+        });
+        for track in self.tracks.iter_mut().filter(|t| t.id.is_none()) {
+            if track.seen_s >= life.believed_after_s {
+                track.id = Some(TrackId(self.next_id));
+                self.next_id += 1;
+            }
+        }
+    }
+
+    fn report(&self) -> Vec<PersonEstimate> {
+        let half_height_m = self.options.head.half_height_m;
+        let reported = || {
+            let inside = |t: &&Track| t.id.is_some() && self.stage.floor.is_inside(t.head().x, t.head().y);
+            self.tracks.iter().filter(inside)
+        };
+        let bodies: Vec<Body> = reported()
+            .map(|t| {
+                let head = t.head();
+                Body { x_m: head.x, y_m: head.y, radius_m: BODY_RADIUS_M, height_m: head.z + half_height_m }
+            })
+            .collect();
+        let visible = visible_fractions(&self.views, &bodies);
+        let people = reported().zip(&bodies).zip(visible);
+        let mut people: Vec<PersonEstimate> = people
+            .filter_map(|((track, body), visible)| {
+                let covariance = &track.gaussian.covariance;
+                Some(PersonEstimate {
+                    id: track.id?,
+                    x_m: body.x_m,
+                    y_m: body.y_m,
+                    z_m: track.head().z,
+                    radius_m: body.radius_m,
+                    height_m: body.height_m,
+                    vx: track.velocity.x,
+                    vy: track.velocity.y,
+                    sigma_m: [covariance[(0, 0)].sqrt(), covariance[(1, 1)].sqrt()],
+                    confidence: (-track.unseen_s / self.options.life.trusted_in_s).exp(),
+                    visible,
+                })
+            })
+            .collect();
+        people.sort_by_key(|p| p.id);
+        people
+    }
+}
+
+impl Method for Condensation {
+    fn step(&mut self, moment: &Moment<'_>) -> Result<Vec<PersonEstimate>> {
+        let dt_s = self.last_time_s.map_or(FIRST_STEP_S, |last| moment.time_s - last).max(LEAST_STEP_S);
+        self.last_time_s = Some(moment.time_s);
+        self.find_edges(moment)?;
+        self.follow(dt_s);
+        self.let_in(dt_s);
+        self.let_go(dt_s);
+        Ok(self.report())
+    }
+}

@@ -1,0 +1,134 @@
+//! Looking for heads over an area of the floor: hypotheses all over its volume, and the best of them followed to their peaks.
+
+use nalgebra::{Point2, Vector3};
+use rand::RngExt;
+use rand_pcg::Pcg64Mcg;
+use scenes::polygon::Polygon;
+
+use super::filter::{Expected, Filter, Sight};
+use super::options::CondensationOptions;
+use super::spent::Spent;
+use crate::stage::Floor;
+
+/// Hypotheses for each square metre of an area: one in 17 cm cubed over a metre's height, about.
+const PER_M2: f64 = 150.0;
+/// And how many at least and at most.
+const LEAST: usize = 150;
+const MOST: usize = 4000;
+/// Two people's heads are at least this far apart on the floor plan, metres.
+pub const APART_M: f64 = 0.3;
+/// Hypotheses that follow a promising one to its peak, and how far each layer of them spreads, metres.
+const CLIMBERS: usize = 60;
+const CLIMB_SIGMA_M: [f64; 3] = [0.08, 0.04, 0.02];
+/// The most promising places that are climbed in an area and moment.
+const MOST_CLIMBS: usize = 6;
+/// A promising place has this share of the support that a birth needs.
+const PROMISING: f32 = 0.6;
+
+/// An area with its hypotheses.
+#[derive(Debug, Clone)]
+pub struct Search {
+    area: Polygon,
+    filter: Filter,
+}
+
+/// What is a head, and how high heads are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Criteria {
+    /// Lowest and highest place of a head's middle, metres.
+    pub height_m: [f64; 2],
+    /// The support it needs.
+    pub born_at: f32,
+}
+
+impl Criteria {
+    /// Those of the options.
+    pub fn new(options: &CondensationOptions) -> Self {
+        let life = &options.life;
+        Self { height_m: [life.lowest_born_m, life.highest_m], born_at: life.born_at as f32 }
+    }
+}
+
+impl Search {
+    /// Over this area.
+    pub fn over(area: Polygon, rng: &mut Pcg64Mcg) -> Self {
+        let count = ((PER_M2 * area.area()) as usize).clamp(LEAST, MOST);
+        Self { area, filter: Filter::around(&Vector3::zeros(), &Vector3::zeros(), count, rng) }
+    }
+
+    /// Searches another area from now on, with as many hypotheses as before.
+    pub fn move_to(&mut self, area: Polygon) {
+        self.area = area;
+    }
+
+    /// The heads found at this moment, into `found`: none nearer than [`APART_M`] to another, or to anybody's who is followed
+    /// already.
+    pub fn heads(
+        &mut self,
+        criteria: &Criteria,
+        floor: &Floor,
+        sight: &Sight<'_>,
+        found: &mut Vec<Expected>,
+        rng: &mut Pcg64Mcg,
+    ) {
+        // Not what the paper's table splits.
+        let mut spent = Spent::default();
+        let [lowest_m, highest_m] = criteria.height_m;
+        self.spread(lowest_m, highest_m, rng);
+        self.filter.weigh(sight, &mut spent);
+        self.keep(|s| floor.is_standable(s.x, s.y));
+        for known in sight.everybody.iter().chain(&*found) {
+            self.keep(|s| (known.head - s).xy().norm() > APART_M);
+        }
+        for _ in 0..MOST_CLIMBS {
+            let Some(start) = self.best() else { break };
+            self.keep(|s| (start - s).xy().norm() > APART_M);
+            let mut climb = Filter::around(&start, &Vector3::repeat(CLIMB_SIGMA_M[0]), CLIMBERS, rng);
+            climb.weigh(sight, &mut spent);
+            if climb.support(0.0, sight).all < PROMISING * criteria.born_at {
+                continue;
+            }
+            for sigma_m in &CLIMB_SIGMA_M[1..] {
+                climb.redraw(&Vector3::repeat(*sigma_m), rng);
+                climb.weigh(sight, &mut spent);
+            }
+            let (head, support) = (climb.gaussian().mean, climb.support(0.0, sight));
+            let mut others = sight.everybody.iter().chain(&*found);
+            let is_head = support.all >= criteria.born_at
+                && !support.is_doubtful()
+                && (lowest_m..=highest_m).contains(&head.z)
+                && floor.is_standable(head.x, head.y)
+                && others.all(|o| (o.head - head).xy().norm() > APART_M);
+            if is_head {
+                self.keep(|s| (head - s).xy().norm() > APART_M);
+                found.push(Expected { head, trust: support.all });
+            }
+        }
+    }
+
+    /// Half of the hypotheses go on, half are spread anew over the volume.
+    fn spread(&mut self, lowest_m: f64, highest_m: f64, rng: &mut Pcg64Mcg) {
+        self.filter.redraw(&Vector3::repeat(CLIMB_SIGMA_M[0]), rng);
+        for (i, s) in self.filter.hypotheses.iter_mut().enumerate() {
+            if i % 2 == 0 || !self.area.contains(&Point2::new(s.x, s.y)) {
+                let place: Point2<f64> = self.area.sample(rng);
+                *s = Vector3::new(place.x, place.y, rng.random_range(lowest_m..highest_m));
+            }
+        }
+    }
+
+    /// Takes the weight from all other hypotheses.
+    fn keep(&mut self, is_kept: impl Fn(&Vector3<f64>) -> bool) {
+        for (s, weight) in self.filter.hypotheses.iter().zip(&mut self.filter.weights) {
+            if *weight > 0.0 && !is_kept(s) {
+                *weight = 0.0;
+            }
+        }
+    }
+
+    fn best(&self) -> Option<Vector3<f64>> {
+        let weighted = self.filter.hypotheses.iter().zip(&self.filter.weights);
+        let best = weighted.max_by(|a, b| a.1.total_cmp(b.1))?;
+        (*best.1 > 0.0).then_some(*best.0)
+    }
+}

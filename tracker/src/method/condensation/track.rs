@@ -1,0 +1,118 @@
+//! A person over time: a filter that is carried on, seen or not, and given up in the end.
+
+use nalgebra::{Vector2, Vector3};
+use rand::SeedableRng;
+use rand_pcg::Pcg64Mcg;
+
+use super::exclusion::Gaussian;
+use super::filter::{Expected, Filter, Sight};
+use super::options::{CondensationOptions, MotionOptions};
+use super::spent::Spent;
+use crate::TrackId;
+
+/// Nobody walks faster, m/s.
+const FASTEST_M_S: f64 = 3.0;
+/// From moment to moment a velocity is learnt with this time constant, seconds: the place itself is uncertain by centimetres.
+const LEARNT_IN_S: f64 = 0.35;
+/// A new head is as far as this from where it was found, metres.
+const FOUND_SIGMA_M: f64 = 0.05;
+
+/// A person.
+#[derive(Debug, Clone)]
+pub(super) struct Track {
+    /// Given once they are believed in.
+    pub(super) id: Option<TrackId>,
+    /// Where their head may be.
+    pub(super) filter: Filter,
+    /// The filter's mean and covariance.
+    pub(super) gaussian: Gaussian,
+    /// On the floor, m/s.
+    pub(super) velocity: Vector2<f64>,
+    /// How long two cameras have seen them, in all, seconds.
+    pub(super) seen_s: f64,
+    /// For how long not, seconds.
+    pub(super) unseen_s: f64,
+    /// For how long they have been where somebody else is, seconds.
+    pub(super) doubled_s: f64,
+    /// How well cameras have agreed lately, 0 to 1.
+    pub(super) trust: f32,
+    sigma_m: Vector3<f64>,
+    expected: Vector3<f64>,
+    rng: Pcg64Mcg,
+}
+
+impl Track {
+    /// Somebody found at a place. `key` makes their random numbers their own.
+    pub(super) fn born(found: &Expected, key: u64, options: &CondensationOptions) -> Self {
+        // Multiplied by the golden ratio, so that neighbouring seeds and keys share no stream.
+        let mut rng = Pcg64Mcg::seed_from_u64(options.seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ key);
+        let sigma = Vector3::repeat(FOUND_SIGMA_M);
+        let filter = Filter::around(&found.head, &sigma, options.hypotheses, &mut rng);
+        Self {
+            id: None,
+            gaussian: filter.gaussian(),
+            filter,
+            velocity: Vector2::zeros(),
+            seen_s: 0.0,
+            unseen_s: 0.0,
+            doubled_s: 0.0,
+            trust: found.trust,
+            sigma_m: sigma,
+            expected: found.head,
+            rng,
+        }
+    }
+
+    /// Carries the hypotheses on in time.
+    pub(super) fn predict(&mut self, dt_s: f64, motion: &MotionOptions, spent: &mut Spent) {
+        spent.hypotheses.start();
+        self.velocity *= if motion.memory_s > 0.0 { (-dt_s / motion.memory_s).exp() } else { 0.0 };
+        let drift = self.velocity.push(0.0) * dt_s;
+        let sideways = motion.step_m + motion.speed_m_s * dt_s;
+        self.sigma_m =
+            Vector3::new(sideways, sideways, 0.5 * motion.step_m + motion.vertical_speed_m_s * dt_s);
+        self.filter.predict(&drift, &self.sigma_m, &mut self.rng);
+        self.expected = self.gaussian.mean + drift;
+        spent.hypotheses.stop();
+    }
+
+    /// Weighs the hypotheses; from the second layer on, drawn again closer around the best.
+    pub(super) fn weigh(&mut self, layer: usize, sight: &Sight<'_>, spent: &mut Spent) {
+        if layer > 0 {
+            spent.hypotheses.start();
+            let sigma = self.sigma_m * 0.5_f64.powi(layer as i32);
+            self.filter.redraw(&sigma, &mut self.rng);
+            spent.hypotheses.stop();
+        }
+        self.filter.weigh(sight, spent);
+    }
+
+    /// Takes the moment in, or, when two cameras did not see the head, leaves the hypotheses as predicted: they spread until
+    /// it is seen again.
+    pub(super) fn settle(&mut self, dt_s: f64, sight: &Sight<'_>, options: &CondensationOptions) {
+        let motion = &options.motion;
+        let support = self.filter.support(self.trust, sight);
+        let is_seen = support.is_seen(options.life.seen_at) && self.filter.weights.iter().any(|w| *w > 0.0);
+        let agreed = if is_seen { support.all } else { 0.0 };
+        self.trust += (agreed - self.trust) * -(-dt_s / options.life.trusted_in_s).exp_m1() as f32;
+        if !is_seen {
+            self.filter.forget();
+            self.gaussian = self.filter.gaussian();
+            self.unseen_s += dt_s;
+            return;
+        }
+        self.gaussian = self.filter.gaussian();
+        self.seen_s += dt_s;
+        self.unseen_s = 0.0;
+        if motion.memory_s > 0.0 {
+            let surprise = (self.gaussian.mean - self.expected).xy() / dt_s;
+            self.velocity += surprise * -(-dt_s / LEARNT_IN_S).exp_m1();
+            self.velocity = self.velocity.cap_magnitude(FASTEST_M_S);
+        }
+    }
+
+    /// Where the head's middle is believed to be.
+    pub(super) fn head(&self) -> Vector3<f64> {
+        self.gaussian.mean
+    }
+}
