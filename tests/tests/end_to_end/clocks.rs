@@ -1,6 +1,7 @@
 //! Cameras on different clocks: office videos with another rate or start, against the truth.
 
 use std::collections::BTreeSet;
+use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use calib::vision::{FilmWriter, FrameSource};
@@ -104,7 +105,7 @@ fn sixty_frames_a_second_are_not_too_many() {
             if seen_once.contains(&person.id) || person.visible.iter().any(|part| *part >= 0.2) {
                 seen_once.insert(person.id);
                 let (x, y) = (person.place.x, person.place.y);
-                rows += &format!("{},{},-1,-1,-1,-1,1,{x:.4},{y:.4},0\n", frame.frame, person.id);
+                writeln!(rows, "{},{},-1,-1,-1,-1,1,{x:.4},{y:.4},0", frame.frame, person.id).unwrap();
             }
         }
         for (camera, seen) in frame.cameras.iter().enumerate() {
