@@ -16,6 +16,9 @@ pub struct FrameLine {
     pub time: f64,
     /// By ascending id.
     pub people: Vec<PersonLine>,
+    /// Entry `n`: the probability that `n` of them are there, by their confidences.
+    #[serde(default)]
+    pub count: Vec<f64>,
     /// Cameras that were set aside in this frame: frozen, dark, lights switched, dropped. Not written when there are none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub set_aside: Vec<String>,

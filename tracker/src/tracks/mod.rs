@@ -1,9 +1,11 @@
 //! Track files: what a run leaves behind, and what the evaluator reads.
 //!
 //! * [`TrackFiles`] — writes `tracks.txt`, `boxes/NAME.txt` and `tracks.jsonl`, frame by frame;
+//! * [`count`] — how many people are there, with what probability;
 //! * [`Stopwatch`] — `timings.json`;
 //! * [`rows`] — reads MOTChallenge rows, floor or image; [`jsonl`] — reads `tracks.jsonl`.
 
+pub mod count;
 pub mod jsonl;
 mod line_file;
 pub mod rows;

@@ -3,6 +3,7 @@
 use std::fmt::Write;
 use std::path::Path;
 
+use super::count;
 use super::jsonl::{FrameLine, PersonLine, rounded};
 use super::line_file::LineFile;
 use crate::silhouette::{Body, contour};
@@ -83,7 +84,9 @@ impl TrackFiles {
             file.append(&rows)?;
         }
         let set_aside = set_aside.iter().filter_map(|camera| self.names.get(*camera).cloned()).collect();
-        let line = FrameLine { frame, time: (time_s * 1e6).round() / 1e6, people: lines, set_aside };
+        let count =
+            count::distribution(people.iter().map(|p| p.confidence)).into_iter().map(rounded).collect();
+        let line = FrameLine { frame, time: (time_s * 1e6).round() / 1e6, people: lines, count, set_aside };
         let mut json = serde_json::to_string(&line).map_err(|e| {
             Error::content(self.json.path(), format!("frame {frame}"), format!("cannot be written ({e})"))
         })?;

@@ -1,0 +1,48 @@
+//! How many people are there: what the probabilities of each say about their number.
+
+/// The distribution of the number of people of whom each is there with a probability of their own, independently: entry
+/// `n` is the probability that exactly `n` are there (Poisson binomial, one person folded in after the other).
+pub fn distribution(present: impl IntoIterator<Item = f64>) -> Vec<f64> {
+    let mut counts = vec![1.0];
+    for p in present {
+        counts.push(0.0);
+        for n in (0..counts.len()).rev() {
+            let with_one_less = if n == 0 { 0.0 } else { counts[n - 1] };
+            counts[n] = (1.0 - p) * counts[n] + p * with_one_less;
+        }
+    }
+    counts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    #[test]
+    fn it_sums_over_who_is_there() {
+        let present = [0.9, 0.2, 0.55, 1.0];
+        let found = distribution(present);
+        let mut expected = [0.0; 5];
+        for subset in 0_u32..1 << present.len() {
+            let there = |i: usize| subset >> i & 1 == 1;
+            let probability: f64 =
+                (0..present.len()).map(|i| if there(i) { present[i] } else { 1.0 - present[i] }).product();
+            expected[subset.count_ones() as usize] += probability;
+        }
+        assert_eq!(found.len(), 5);
+        for (found, expected) in found.iter().zip(expected) {
+            assert_relative_eq!(*found, expected, epsilon = 1e-12);
+        }
+        assert_relative_eq!(found[0], 0.0);
+    }
+
+    #[test]
+    fn equal_people_are_binomial_and_nobody_is_nobody() {
+        let found = distribution([0.3; 3]);
+        for (found, expected) in found.iter().zip([0.343, 0.441, 0.189, 0.027]) {
+            assert_relative_eq!(*found, expected, epsilon = 1e-12);
+        }
+        assert_eq!(distribution([]), vec![1.0]);
+    }
+}
