@@ -12,8 +12,9 @@ use tests::chain::{Said, run};
 use tests::data::{office, program, shared};
 
 /// The choices, by the options that make them.
-const CHOICES: [(&str, &[&str]); 6] = [
+const CHOICES: [(&str, &[&str]); 7] = [
     ("as published", &["--published"]),
+    ("as published, overlap to the 100th", &["--published", "--overlap-power", "100"]),
     ("overlap, published rule", &["--likelihood", "overlap", "--acceptance", "published"]),
     ("overlap, reversible jump", &["--likelihood", "overlap"]),
     ("overlap to the 40th, reversible jump", &["--likelihood", "overlap", "--overlap-power", "40"]),

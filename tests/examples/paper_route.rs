@@ -26,9 +26,11 @@ fn main() -> Said<()> {
     let way = places(&office.join("truth.txt"), &ROUTE)?;
     let room_dir = office.join("room");
     let room = Room::read(&room_dir).map_err(|e| e.to_string())?;
-    for (name, options) in
-        [("default", &[][..]), ("published", &["--published"]), ("blind", &["--no-occlusion"])]
-    {
+    for (name, options) in [
+        ("default", &[][..]),
+        ("published", &["--published", "--overlap-power", "100"]),
+        ("blind", &["--no-occlusion"]),
+    ] {
         let out = figures.join(name);
         let started = Instant::now();
         track(&office, &room_dir, &out, options)?;
