@@ -15,6 +15,7 @@
 //! * [`tracks`] — the files of tracks that a run writes, and their readers.
 //! * [`film`] — what each camera saw, with what the tracker believes, beside the simulated view.
 //! * [`plan`] — the floor plan with everybody's way on it.
+//! * [`detect`] — people in one camera's pictures: what is linked where nobody else detects them.
 //! * [`link`] — a whole recording's detections to the tracks of least total cost.
 //! * [`eval`] — tracks against the truth: CLEAR MOT, identity, HOTA, position error.
 //! * [`chart`] — line charts.
@@ -22,6 +23,7 @@
 #![forbid(unsafe_code)]
 
 pub mod chart;
+pub mod detect;
 mod error;
 pub mod eval;
 pub mod film;

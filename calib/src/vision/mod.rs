@@ -8,11 +8,13 @@ pub mod background;
 pub mod chessboard;
 pub mod flow;
 mod morphology;
+pub mod people;
 pub mod source;
 pub mod writer;
 
 pub use background::{AdaptiveBackground, AdaptiveKind};
 pub use morphology::Morphology;
+pub use people::PeopleClassifier;
 pub use source::FrameSource;
 pub use writer::FilmWriter;
 

@@ -2,6 +2,7 @@
 
 mod background;
 mod clocks;
+mod detect;
 mod eval;
 mod heads;
 mod link;
@@ -27,6 +28,7 @@ pub(crate) struct Arguments {
 #[derive(Debug, Subcommand)]
 enum Command {
     Run(Box<run::RunArgs>),
+    Detect(Box<detect::DetectArgs>),
     Link(link::LinkArgs),
     Eval(eval::EvalArgs),
     Masks(masks::MasksArgs),
@@ -37,6 +39,7 @@ enum Command {
 pub(crate) fn run(arguments: &Arguments, console: &Console) -> anyhow::Result<String> {
     match &arguments.command {
         Command::Run(args) => run::run(args, console),
+        Command::Detect(args) => detect::detect(args, console),
         Command::Link(args) => link::link(args),
         Command::Eval(args) => eval::eval(args),
         Command::Masks(args) => masks::masks(args, console),

@@ -1,0 +1,227 @@
+//! `tracker detect`: people in a camera's pictures, and a camera's own detector.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use calib::console::Console;
+use calib::vision::FrameSource;
+use clap::{Args, Subcommand};
+use image::RgbImage;
+use tracker::detect::train::{self, Labelled, TrainOptions};
+use tracker::detect::{self, DetectOptions, Detector};
+use tracker::tracks::rows::RowFile;
+
+/// Look for people in a video, for `tracker link`.
+///
+/// Histograms of oriented gradients and a linear classifier: OpenCV's general one, or the camera's own that `tracker detect
+/// train` made. Writes MOTChallenge rows frame,-1,left,top,width,height,score; the score is the distance from the
+/// classifier's boundary.
+#[derive(Debug, Args)]
+#[command(
+    args_conflicts_with_subcommands = true,
+    subcommand_negates_reqs = true,
+    after_help = "Examples:
+  tracker detect view1.avi --out detections.txt --min-height 60
+  tracker detect train view1.avi --boxes labels.txt --out view1.json
+  tracker detect view1.avi --model view1.json --out detections.txt
+  tracker link detections.txt --out tracks.txt"
+)]
+pub(crate) struct DetectArgs {
+    #[command(subcommand)]
+    command: Option<DetectCommand>,
+    /// The video: a file, a folder of images, a printf pattern, a stream's URL or a device number.
+    #[arg(required = true)]
+    video: Option<String>,
+    /// The file of detections to write.
+    #[arg(long, value_name = "FILE", required = true)]
+    out: Option<PathBuf>,
+    /// The camera's own detector.
+    #[arg(long, value_name = "FILE")]
+    model: Option<PathBuf>,
+    #[command(flatten)]
+    look: LookArguments,
+}
+
+#[derive(Debug, Subcommand)]
+enum DetectCommand {
+    Train(TrainArgs),
+}
+
+/// How people are looked for.
+#[derive(Debug, Args)]
+struct LookArguments {
+    /// Height of the smallest person to look for. Half of it takes four times as long.
+    #[arg(long, value_name = "PX", default_value_t = DetectOptions::default().min_height_px)]
+    min_height: f64,
+    /// Height of the tallest person to keep.
+    #[arg(long, value_name = "PX")]
+    max_height: Option<f64>,
+    /// The least score to keep.
+    #[arg(long, value_name = "SCORE", allow_negative_numbers = true, default_value_t = 0.0)]
+    min_score: f64,
+    /// Ratio of one size that is tried to the next: nearer to 1 finds more and takes longer.
+    #[arg(long, value_name = "RATIO", default_value_t = DetectOptions::default().scale_step)]
+    scale_step: f64,
+    /// Of boxes that overlap more (IoU) keep the surest.
+    #[arg(long, value_name = "IOU", default_value_t = DetectOptions::default().max_overlap)]
+    max_overlap: f64,
+    /// Worker threads (default: one a core). The result does not depend on it.
+    #[arg(long, value_name = "N")]
+    threads: Option<usize>,
+}
+
+/// Train a camera's own detector from labelled boxes.
+///
+/// The pictures with boxes give people (as they are and mirrored), background around them, the gaps between people who are
+/// close, and the general detector's mistakes. The general detector is where training starts, so that a few dozen boxes are
+/// enough to sharpen it.
+#[derive(Debug, Args)]
+#[command(after_help = "Example:
+  tracker detect train view1.avi --boxes labels.txt --background empty.avi --out view1.json")]
+struct TrainArgs {
+    /// The video.
+    video: String,
+    /// Everybody in some of its frames: MOTChallenge rows; rows whose 7th column is 0 are neither person nor background.
+    #[arg(long, value_name = "FILE")]
+    boxes: PathBuf,
+    /// The detector to write.
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// A video of the same camera without people.
+    #[arg(long, value_name = "VIDEO")]
+    background: Option<String>,
+    /// Learn from so many frames at most, spread evenly.
+    #[arg(long, value_name = "N", default_value_t = 100)]
+    frames: usize,
+    /// Seed of the background's places and the order of learning: the same seed gives the same bytes.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    #[command(flatten)]
+    look: LookArguments,
+}
+
+impl LookArguments {
+    fn options(&self) -> anyhow::Result<DetectOptions> {
+        let threads = match self.threads {
+            Some(0) => bail!("--threads 0: give at least 1"),
+            Some(threads) => threads,
+            None => std::thread::available_parallelism().map_or(1, std::num::NonZero::get),
+        };
+        // OpenCV tries the sizes of one picture in parallel.
+        calib::vision::set_threads(threads)?;
+        let options = DetectOptions {
+            min_height_px: self.min_height,
+            max_height_px: self.max_height,
+            min_score: self.min_score,
+            scale_step: self.scale_step,
+            max_overlap: self.max_overlap,
+        };
+        options.check()?;
+        Ok(options)
+    }
+}
+
+/// Runs the subcommand.
+pub(crate) fn detect(args: &DetectArgs, console: &Console) -> anyhow::Result<String> {
+    if let Some(DetectCommand::Train(args)) = &args.command {
+        return train(args, console);
+    }
+    let options = args.look.options()?;
+    let (Some(video), Some(out)) = (&args.video, &args.out) else { bail!("give a video and --out FILE") };
+    let detector = match &args.model {
+        Some(path) => Detector::read(path, options)?,
+        None => Detector::general(options)?,
+    };
+    let mut source = FrameSource::open(video)?;
+    let mut progress = console.progress("detecting", source.frame_count().map(|n| n as u64));
+    let (mut text, mut image, mut frame, mut count) = (String::new(), RgbImage::default(), 0u32, 0);
+    while source.read(&mut image)? {
+        frame += 1;
+        let found = detector.look(&image)?;
+        count += found.len();
+        text += &detect::rows(frame, &found);
+        progress.advance();
+    }
+    drop(progress);
+    calib::files::write_atomic(out, text.as_bytes())?;
+    tracing::info!("{count} detections in {frame} frames");
+    Ok(String::new())
+}
+
+fn train(args: &TrainArgs, console: &Console) -> anyhow::Result<String> {
+    let detect = args.look.options()?;
+    if args.frames == 0 {
+        bail!("--frames 0: give at least 1");
+    }
+    let labelled = labelled(args)?;
+    let mut empty = Vec::new();
+    if let Some(video) = &args.background {
+        empty = some_frames(video, args.frames).with_context(|| format!("--background {video}"))?;
+    }
+    let mut options = TrainOptions { detect, seed: args.seed, ..TrainOptions::default() };
+    options.svm.seed = args.seed;
+    let steps = (1 + options.rounds) * (labelled.len() + empty.len());
+    let mut progress = console.progress("learning", Some(steps as u64));
+    let (weights, report) = train::train(&labelled, &empty, &options, || progress.advance())
+        .with_context(|| format!("{}", args.boxes.display()))?;
+    drop(progress);
+    train::write(&args.out, &weights)?;
+    tracing::info!(
+        "learnt from {} frames: {} examples of people, {} of background, {} gaps, {} mistakes",
+        labelled.len() + empty.len(),
+        report.people,
+        report.background,
+        report.gaps,
+        report.mistakes
+    );
+    Ok(String::new())
+}
+
+/// The frames that have boxes, at most as many as asked for, with their people.
+fn labelled(args: &TrainArgs) -> anyhow::Result<Vec<Labelled>> {
+    let file = RowFile::read(&args.boxes)?;
+    if !file.has_boxes() {
+        bail!("{}: holds floor positions; a detector learns from boxes in the image", args.boxes.display());
+    }
+    let mut frames: Vec<u32> = file.rows.iter().map(|r| r.frame).collect();
+    frames.sort_unstable();
+    frames.dedup();
+    let step = frames.len().div_ceil(args.frames).max(1);
+    let chosen: Vec<u32> = frames.into_iter().step_by(step).collect();
+    let mut source = FrameSource::open(&args.video)?;
+    let (mut image, mut labelled) = (RgbImage::default(), Vec::new());
+    let mut frame = 0;
+    for wanted in chosen {
+        while frame + 1 < wanted && source.skip()? {
+            frame += 1;
+        }
+        frame += 1;
+        if !source.read(&mut image)? {
+            bail!("{}: labels frame {wanted}, but {} ends before", args.boxes.display(), args.video);
+        }
+        let boxes = |counts: bool| {
+            let rows = file.rows.iter().filter(move |r| r.frame == wanted && (r.confidence != 0.0) == counts);
+            rows.filter_map(|r| r.pixel_box).collect()
+        };
+        labelled.push(Labelled { image: image.clone(), people: boxes(true), ignored: boxes(false) });
+    }
+    Ok(labelled)
+}
+
+/// Frames spread over a video, or its first ones where nobody knows how many there are.
+fn some_frames(video: &str, at_most: usize) -> anyhow::Result<Vec<RgbImage>> {
+    let mut source = FrameSource::open(video)?;
+    let step = source.frame_count().map_or(1, |n| n.div_ceil(at_most)).max(1);
+    let mut frames = Vec::new();
+    let mut image = RgbImage::default();
+    while frames.len() < at_most && source.read(&mut image)? {
+        frames.push(image.clone());
+        for _ in 1..step {
+            source.skip()?;
+        }
+    }
+    if frames.is_empty() {
+        bail!("{}: has no frame", Path::new(video).display());
+    }
+    Ok(frames)
+}
