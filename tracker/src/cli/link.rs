@@ -2,9 +2,12 @@
 
 use std::path::PathBuf;
 
-use anyhow::Context;
-use clap::ValueEnum;
-use tracker::link::{self, Detections, LinkOptions, SolverKind};
+use anyhow::{Context, bail};
+use calib::console::Console;
+use clap::{Subcommand, ValueEnum};
+use tracker::eval::plots;
+use tracker::link::tune::{TuneOptions, cross_validate};
+use tracker::link::{self, Detections, LinkOptions, SolverKind, experiment};
 use tracker::tracks::rows::RowFile;
 
 /// Links the detections of a whole recording to the tracks of least total cost.
@@ -17,18 +20,27 @@ use tracker::tracks::rows::RowFile;
 /// none of them, links cost by distance and change of size relative to the boxes' heights, and the tracks so found are
 /// linked once more, over longer gaps, by their motion.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:
+#[command(
+    args_conflicts_with_subcommands = true,
+    subcommand_negates_reqs = true,
+    after_help = "Examples:
   tracker link detections.txt --out tracks.txt
   tracker link detections.txt --out tracks.txt --report report.json --max-gap 30
   tracker link detections.txt --out tracks.txt --max-distance 40 --max-area-change 4000 --link-cost 0.1 --birth-cost 2
   tracker link detections.txt --out tracks.txt --direction-threshold 15 --skip 1
-  tracker link out/tracks.txt --tracklets --out mended.txt")]
+  tracker link out/tracks.txt --tracklets --out mended.txt
+  tracker link tune detections.txt --truth truth.txt --direction
+  tracker link experiment detections.txt --truth truth.txt --out experiment"
+)]
 pub(crate) struct LinkArgs {
+    #[command(subcommand)]
+    command: Option<LinkCommand>,
     /// The detections.
-    detections: PathBuf,
+    #[arg(required = true)]
+    detections: Option<PathBuf>,
     /// The file of tracks to write.
-    #[arg(long, value_name = "TRACKS")]
-    out: PathBuf,
+    #[arg(long, value_name = "TRACKS", required = true)]
+    out: Option<PathBuf>,
     #[command(flatten)]
     options: LinkArguments,
     /// The rows are tracks of an online tracker: keep them all, and link those that continue each other. Ids are those of
@@ -39,6 +51,57 @@ pub(crate) struct LinkArgs {
     /// Write what was done as JSON: detections, edges, tracks, total cost, its proven lower bound, seconds.
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
+}
+
+#[derive(Debug, Subcommand)]
+enum LinkCommand {
+    Tune(TuneArgs),
+    Experiment(ExperimentArgs),
+}
+
+/// Find the paper's thresholds by cross-validation.
+///
+/// The recording is cut into folds; each is linked with the thresholds that are best on the others. Prints a line a fold,
+/// and the options to use. Tuned for tracking success: people followed by one track from their first frame to their last;
+/// where that is equal, for IDF1. A threshold that is given is kept.
+#[derive(Debug, clap::Args)]
+struct TuneArgs {
+    /// The detections.
+    detections: PathBuf,
+    /// The truth.
+    #[arg(long, value_name = "FILE")]
+    truth: PathBuf,
+    /// How many folds.
+    #[arg(long, default_value_t = 9)]
+    folds: usize,
+    /// Use the direction constraint, and find its threshold.
+    #[arg(long)]
+    direction: bool,
+    /// Print one JSON object instead of a table.
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    options: LinkArguments,
+}
+
+/// The paper's experiment: tracking success with and without the direction constraint, against the frames skipped.
+///
+/// Thresholds are cross-validated for each. Writes OUT/figure9.png and OUT/experiment.json and prints the table.
+#[derive(Debug, clap::Args)]
+struct ExperimentArgs {
+    /// The detections.
+    detections: PathBuf,
+    /// The truth.
+    #[arg(long, value_name = "FILE")]
+    truth: PathBuf,
+    /// The folder to write to.
+    #[arg(long)]
+    out: PathBuf,
+    /// How many folds.
+    #[arg(long, default_value_t = 9)]
+    folds: usize,
+    #[command(flatten)]
+    options: LinkArguments,
 }
 
 /// The options of linking itself.
@@ -118,20 +181,28 @@ impl LinkArguments {
 }
 
 /// Runs the subcommand.
-pub(crate) fn link(args: &LinkArgs) -> anyhow::Result<String> {
+pub(crate) fn link(args: &LinkArgs, console: &Console) -> anyhow::Result<String> {
+    match &args.command {
+        Some(LinkCommand::Tune(args)) => return tune(args),
+        Some(LinkCommand::Experiment(args)) => return run_experiment(args, console),
+        None => {}
+    }
+    let (Some(detections), Some(out)) = (&args.detections, &args.out) else {
+        bail!("give a file of detections and --out TRACKS")
+    };
     let options = args.options.options();
     options.check()?;
-    let file = RowFile::read(&args.detections)?;
+    let file = RowFile::read(detections)?;
     let linked = if args.tracklets {
         link::link_tracklets(&file, &options)?
     } else {
-        let detections = Detections::from_rows(&file, &options)?;
-        link::link(&detections, &options).with_context(|| format!("{}", args.detections.display()))?
+        let found = Detections::from_rows(&file, &options)?;
+        link::link(&found, &options).with_context(|| format!("{}", detections.display()))?
     };
     let tracks = link::track_file(&linked);
     let report = args.report.as_ref().map(|path| Ok::<_, anyhow::Error>((path, linked.report.json(path)?)));
     let report = report.transpose()?;
-    let mut files = vec![(args.out.as_path(), tracks.as_bytes())];
+    let mut files = vec![(out.as_path(), tracks.as_bytes())];
     files.extend(report.iter().map(|(path, text)| (path.as_path(), text.as_bytes())));
     calib::files::write_together(&files)?;
     let r = &linked.report;
@@ -145,4 +216,31 @@ pub(crate) fn link(args: &LinkArgs) -> anyhow::Result<String> {
         r.build_seconds + r.solve_seconds
     );
     Ok(String::new())
+}
+
+fn tune(args: &TuneArgs) -> anyhow::Result<String> {
+    let link = args.options.options();
+    link.check()?;
+    let (detections, truth) = (RowFile::read(&args.detections)?, RowFile::read(&args.truth)?);
+    let options = TuneOptions {
+        folds: args.folds,
+        direction: args.direction || link.direction_threshold.is_some(),
+        link,
+    };
+    let found = cross_validate(&detections, &truth, &options)?;
+    Ok(if args.json { format!("{}\n", serde_json::to_string(&found)?) } else { found.table() })
+}
+
+fn run_experiment(args: &ExperimentArgs, console: &Console) -> anyhow::Result<String> {
+    let link = args.options.options();
+    link.check()?;
+    let (detections, truth) = (RowFile::read(&args.detections)?, RowFile::read(&args.truth)?);
+    let steps = 2 * experiment::SKIPS.count() as u64;
+    let mut progress = console.progress("validating", Some(steps));
+    let rows = experiment::run(&detections, &truth, args.folds, &link, || progress.advance())?;
+    drop(progress);
+    let json = serde_json::to_string(&rows)? + "\n";
+    calib::files::write_atomic(&args.out.join("experiment.json"), json.as_bytes())?;
+    plots::save(&experiment::figure(&rows).draw(), &args.out.join("figure9.png"))?;
+    Ok(experiment::table(&rows))
 }

@@ -29,7 +29,7 @@ pub(crate) struct Arguments {
 enum Command {
     Run(Box<run::RunArgs>),
     Detect(Box<detect::DetectArgs>),
-    Link(link::LinkArgs),
+    Link(Box<link::LinkArgs>),
     Eval(eval::EvalArgs),
     Masks(masks::MasksArgs),
     Report(report::ReportArgs),
@@ -40,7 +40,7 @@ pub(crate) fn run(arguments: &Arguments, console: &Console) -> anyhow::Result<St
     match &arguments.command {
         Command::Run(args) => run::run(args, console),
         Command::Detect(args) => detect::detect(args, console),
-        Command::Link(args) => link::link(args),
+        Command::Link(args) => link::link(args, console),
         Command::Eval(args) => eval::eval(args),
         Command::Masks(args) => masks::masks(args, console),
         Command::Report(args) => report::report(args),

@@ -36,7 +36,9 @@ pub fn write(folder: &Path, evaluation: &Evaluation, curve: Option<&DetectionCur
 }
 
 /// Writes a picture, whole or not at all.
-pub(crate) fn save(image: &RgbImage, path: &Path) -> Result<()> {
+/// # Errors
+/// Naming the file.
+pub fn save(image: &RgbImage, path: &Path) -> Result<()> {
     let mut bytes = std::io::Cursor::new(Vec::new());
     image
         .write_to(&mut bytes, image::ImageFormat::Png)

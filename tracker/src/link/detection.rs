@@ -1,5 +1,7 @@
 //! What is linked: a person seen in a frame, as a box in an image or as a place on the floor.
 
+use std::borrow::Cow;
+
 use nalgebra::Point2;
 
 use super::options::LinkOptions;
@@ -78,6 +80,19 @@ impl Detections {
             .collect();
         all.sort_by_key(|d| d.frame);
         Ok(Self { all, on_floor })
+    }
+
+    /// The same with scores from 0 to 1, where they are not so already: margins of a classifier, which are 0 where a person is
+    /// as likely as none, are taken as log-odds.
+    pub fn with_probabilities(&self) -> Cow<'_, Self> {
+        if self.all.iter().all(|d| (0.0..=1.0).contains(&d.score)) {
+            return Cow::Borrowed(self);
+        }
+        let mut sure = self.clone();
+        for detection in &mut sure.all {
+            detection.score = 1.0 / (1.0 + (-detection.score).exp());
+        }
+        Cow::Owned(sure)
     }
 
     /// Where each frame's detections begin and end: (frame, range), frames with detections only, in order.

@@ -57,7 +57,7 @@ pub fn link_tracklets(file: &RowFile, options: &LinkOptions) -> Result<Linked> {
         solve_seconds: started.elapsed().as_secs_f64(),
         solver: options.solver,
         published_graph: false,
-        joining: None,
+        joining: Vec::new(),
     };
     let mut fill = options.fill();
     fill.smooth_frames = options.smooth_frames.unwrap_or(0.0);

@@ -8,12 +8,14 @@
 //! * [`solver`] — the tracks of least cost, exactly with a proof, greedily, or with the direction constraint;
 //! * [`tracklet`] — the same again over the tracks just found, by their motion, over longer gaps;
 //! * [`fill`] — the rows that are written: gaps filled, boxes smoothed.
+//! * [`tune`], [`experiment`] — thresholds by cross-validation, and the paper's experiment.
 //!
 //! [`link`] does all of it; [`link_tracklets`] and [`mend_run`] do the second half for the tracks of an online tracker. What the costs are and when which graph is built: [`LinkOptions`].
 
 pub mod affinity;
 pub mod build;
 pub mod detection;
+pub mod experiment;
 pub mod fill;
 pub mod graph;
 mod mend;
@@ -23,8 +25,10 @@ mod skip;
 pub mod solution;
 pub mod solver;
 pub mod tracklet;
+pub mod tune;
 mod write;
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::time::Instant;
 
@@ -62,14 +66,17 @@ pub struct Linked {
 /// Options that mean nothing, costs beyond what a graph holds.
 pub fn link(detections: &Detections, options: &LinkOptions) -> Result<Linked> {
     options.check()?;
-    let (kept, places);
-    let linked = if options.skip > 0 {
-        (kept, places) = skip::kept(detections, options.skip);
-        &kept
-    } else {
-        places = Vec::new();
-        detections
+    let (kept, places) = match options.skip {
+        0 => (Cow::Borrowed(detections), Vec::new()),
+        skip => {
+            let (kept, places) = skip::kept(detections, skip);
+            (Cow::Owned(kept), places)
+        }
     };
+    // The paper's costs are about scores as they are.
+    let linked =
+        if options.is_published() { Cow::Borrowed(kept.as_ref()) } else { kept.with_probabilities() };
+    let linked = linked.as_ref();
     let started = Instant::now();
     let graph = detection_graph(linked, options)?;
     let mut build_seconds = started.elapsed().as_secs_f64();
@@ -79,16 +86,20 @@ pub fn link(detections: &Detections, options: &LinkOptions) -> Result<Linked> {
     let (total_cost, lower_bound) = (solution.total.value(), solution.bound.value());
     let is_optimal = solution.total == solution.bound;
     let mut tracks = solution.tracks;
-    let mut joining = None;
+    let mut rounds = Vec::new();
     if !options.is_published() {
-        let started = Instant::now();
-        let (tracklets, graph) = tracklet_graph(linked, tracks, &options.joining())?;
-        build_seconds += started.elapsed().as_secs_f64();
-        let started = Instant::now();
-        let solution = exact::solve(&graph);
-        solve_seconds += started.elapsed().as_secs_f64();
-        joining = Some(JoiningReport::of(&graph, &solution));
-        tracks = solution.tracks.iter().map(|track| chain(&tracklets, track)).collect();
+        let joining = options.joining();
+        let short_gap = (options::SHORT_GAP_SHARE * f64::from(joining.max_gap)) as u32;
+        for max_gap in [short_gap, joining.max_gap] {
+            let started = Instant::now();
+            let (tracklets, graph) = tracklet_graph(linked, tracks, &Joining { max_gap, ..joining })?;
+            build_seconds += started.elapsed().as_secs_f64();
+            let started = Instant::now();
+            let solution = exact::solve(&graph);
+            solve_seconds += started.elapsed().as_secs_f64();
+            tracks = solution.tracks.iter().map(|track| chain(&tracklets, track)).collect();
+            rounds.push(JoiningReport::of(&graph, &solution));
+        }
     }
     if options.skip > 0 {
         for node in tracks.iter_mut().flatten() {
@@ -108,7 +119,7 @@ pub fn link(detections: &Detections, options: &LinkOptions) -> Result<Linked> {
         solve_seconds,
         solver: options.solver,
         published_graph: options.is_published(),
-        joining,
+        joining: rounds,
     };
     let fill = options.fill();
     Ok(Linked {

@@ -64,6 +64,9 @@ mod published {
     pub(super) const MAX_AREA_CHANGE: f64 = 0.35;
 }
 
+/// The part of the greatest gap that tracklets are linked over first.
+pub(super) const SHORT_GAP_SHARE: f64 = 0.25;
+
 /// How links between tracklets are found.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Joining {
@@ -137,12 +140,12 @@ impl LinkOptions {
     /// What links detections where nothing is said: conservative, over at most one missed frame.
     pub(super) fn relative() -> Relative {
         Relative {
-            sigma_place: 0.05,
-            sigma_growth: 0.5,
-            sigma_size: 0.065,
-            gate: 3.7,
-            weight: 0.1,
-            miss_cost: 0.12,
+            sigma_place: 0.042,
+            sigma_growth: 0.7,
+            sigma_size: 0.075,
+            gate: 3.6,
+            weight: 0.073,
+            miss_cost: 0.17,
         }
     }
 
@@ -154,7 +157,7 @@ impl LinkOptions {
                 detection_offset: self.detection_offset.unwrap_or(published::DETECTION_OFFSET),
             }
         } else {
-            Prices { birth: 1.2, detection_offset: 0.3 }
+            Prices { birth: 0.9, detection_offset: 0.35 }
         }
     }
 
@@ -166,18 +169,20 @@ impl LinkOptions {
         if self.is_published() { self.max_gap.unwrap_or(published) } else { self.max_gap.unwrap_or(2).min(2) }
     }
 
+    /// Linking of tracklets. It is done twice, over [`SHORT_GAP_SHARE`] of the greatest gap first: the longer tracklets of
+    /// the second time know their motion better.
     pub(super) fn joining(&self) -> Joining {
         Joining {
-            prices: Prices { birth: 0.7, detection_offset: 0.75 },
+            prices: Prices { birth: 0.86, detection_offset: 0.74 },
             affinity: Relative {
-                sigma_place: 0.032,
-                sigma_growth: 0.06,
-                sigma_size: 0.09,
-                gate: 4.0,
-                weight: 0.05,
-                miss_cost: 0.006,
+                sigma_place: 0.02,
+                sigma_growth: 0.064,
+                sigma_size: 0.1,
+                gate: 6.5,
+                weight: 0.014,
+                miss_cost: 0.0025,
             },
-            motion: MotionOptions { frames: 35, prior: 12.0 },
+            motion: MotionOptions { frames: 24, prior: 2.0 },
             max_gap: self.max_gap.unwrap_or(80),
         }
     }

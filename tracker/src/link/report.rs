@@ -32,12 +32,11 @@ pub struct LinkReport {
     pub solver: SolverKind,
     /// Whether the graph is the paper's (constant link cost, thresholds) rather than the default one.
     pub published_graph: bool,
-    /// The second graph, of tracklets, where there is one.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub joining: Option<JoiningReport>,
+    /// The graphs of tracklets, in the order in which they were solved; empty where there are none.
+    pub joining: Vec<JoiningReport>,
 }
 
-/// The graph of tracklets.
+/// A graph of tracklets.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct JoiningReport {
     /// Its nodes.

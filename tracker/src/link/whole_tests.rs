@@ -233,3 +233,74 @@ fn a_run_is_mended_in_its_own_files() {
     // Short losses only.
     assert_eq!(mend_run(out.path(), 1).unwrap().tracks, 1);
 }
+
+#[test]
+fn cross_validation_finds_the_constraint_worth_having_and_tests_on_what_it_did_not_see() {
+    // Crossings one after the other, with noise: without the constraint people swap.
+    let mut state = 11u32;
+    let mut noise = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        1.5 * (f64::from(state >> 16) / 65_536.0 - 0.5)
+    };
+    let (mut truth, mut found) = (String::new(), String::new());
+    for scene in 0..12u32 {
+        for f in 1..=20u32 {
+            // In no order that gives anybody away.
+            let mut people = [(1, 1.0), (2, -1.0)];
+            people.rotate_left(usize::from(noise() > 0.0));
+            for (person, direction) in people {
+                let x = 300.0 + direction * 5.0 * (f64::from(f) - 10.0);
+                let (frame, id) = (30 * scene + f, 2 * scene + person);
+                writeln!(truth, "{frame},{id},{},150,40,100,1", x - 20.0).unwrap();
+                writeln!(found, "{frame},-1,{},{},40,100,0.9", x - 20.0 + noise(), 150.0 + noise()).unwrap();
+            }
+        }
+    }
+    let validate = |folds: usize, direction: bool| {
+        let options = tune::TuneOptions { folds, direction, link: LinkOptions::default() };
+        tune::cross_validate(&rows(&found), &rows(&truth), &options)
+    };
+    let (without, with) = (validate(4, false).unwrap(), validate(4, true).unwrap());
+    assert!(with.score.success >= 90.0 && without.score.success <= 60.0, "{with:?} {without:?}");
+    let frames: Vec<[u32; 2]> = with.folds.iter().map(|f| f.frames).collect();
+    assert_eq!(frames, [[1, 87], [88, 175], [176, 262], [263, 350]]);
+    assert_eq!(with.folds.iter().map(|f| f.people).sum::<usize>(), 24);
+    assert!(
+        with.table().contains("--direction-threshold") && !without.table().contains("--direction-threshold")
+    );
+    for folds in [0, 1, 351] {
+        assert!(validate(folds, false).unwrap_err().to_string().contains("--folds"), "{folds}");
+    }
+}
+
+#[test]
+fn a_fold_is_judged_with_thresholds_that_never_saw_it() {
+    // In the last third people walk faster than any threshold that the first two thirds ask for would allow.
+    let walk = |f: u32| if f <= 40 { 2.0 * f64::from(f) } else { 80.0 + 30.0 * (f64::from(f) - 40.0) };
+    let line = |id: &str, confidence: &str| {
+        (1..=60).fold(String::new(), |mut text, f| {
+            writeln!(text, "{f},{id},{},150,40,100,{confidence}", walk(f)).unwrap();
+            text
+        })
+    };
+    let options = tune::TuneOptions { folds: 3, direction: false, link: LinkOptions::default() };
+    let found = tune::cross_validate(&rows(&line("-1", "0.9")), &rows(&line("1", "1")), &options).unwrap();
+    assert!(found.folds[2].chosen.max_distance < 30.0 && found.folds[2].score.success < 1.0, "{found:?}");
+    assert!(found.best.max_distance > 30.0);
+}
+
+#[test]
+fn margins_of_a_classifier_are_taken_as_log_odds_where_nothing_is_said() {
+    let scored = |score: &dyn Fn(f64) -> f64| {
+        let text = (1..=30u32).fold(String::new(), |mut text, f| {
+            let sure = score(1.5 + 0.1 * f64::from(f % 20));
+            writeln!(text, "{f},-1,{},150,40,100,{sure}", 100 + 2 * f).unwrap();
+            text
+        });
+        linked(&text, &LinkOptions::default())
+    };
+    let (margins, odds) = (scored(&|s| s), scored(&|s: f64| 1.0 / (1.0 + (-s).exp())));
+    assert!((margins.report.total_cost - odds.report.total_cost).abs() < 1e-6);
+    // What is written is what the detector said.
+    assert!((margins.tracks[0][0].score - 1.6).abs() < 1e-12);
+}
