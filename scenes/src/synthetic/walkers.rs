@@ -44,6 +44,25 @@ pub struct Walker {
 }
 
 impl Walker {
+    /// Somebody, random but for the way: from `first_s` on (to a quarter of a second) through the corners of a way, at a
+    /// steady speed. Nobody looks where they go.
+    pub fn along(id: u32, seed: u64, first_s: f64, speed_m_s: f64, way: &[Point2<f64>]) -> Self {
+        let step_m = speed_m_s * PLAN_STEP_S;
+        let mut places: Vec<Point2<f64>> = way.first().copied().into_iter().collect();
+        let mut left_m = step_m;
+        for side in way.windows(2) {
+            let length_m = (side[1] - side[0]).norm();
+            while left_m <= length_m && length_m > 0.0 {
+                places.push(side[0] + (side[1] - side[0]) * (left_m / length_m));
+                left_m += step_m;
+            }
+            left_m -= length_m;
+        }
+        let first_step = (first_s / PLAN_STEP_S).round() as usize;
+        let mut rng = Pcg64Mcg::seed_from_u64(seed);
+        Self { id, body: Body::random(&mut rng), trajectory: Trajectory::new(&(first_step, places)) }
+    }
+
     /// From when to when they are there, seconds, corridors included.
     pub fn span_s(&self) -> (f64, f64) {
         self.trajectory.span_s()
@@ -126,6 +145,18 @@ impl SyntheticRoom {
 mod tests {
     use super::*;
     use crate::synthetic::RoomOptions;
+
+    #[test]
+    fn a_given_way_is_walked_at_a_steady_speed() {
+        let way = [(1.0, 1.0), (5.0, 1.0), (5.0, 3.0)].map(|(x, y)| Point2::new(x, y));
+        let walker = Walker::along(4, 9, 2.0, 1.0, &way);
+        assert_eq!((walker.id, walker.span_s()), (4, (2.0, 8.0)));
+        for (time_s, x, y) in [(2.0, 1.0, 1.0), (4.0, 3.0, 1.0), (7.0, 5.0, 2.0), (8.0, 5.0, 3.0)] {
+            let place = walker.place(time_s).unwrap();
+            assert!((place - Point2::new(x, y)).norm() < 0.02, "{place} at {time_s} s");
+        }
+        assert!(walker.place(1.9).is_none() && walker.place(8.1).is_none());
+    }
 
     #[test]
     fn people_come_through_doors_keep_off_furniture_and_each_other_and_leave() {
