@@ -7,6 +7,7 @@ mod capture_motion;
 mod clocks;
 mod failing_cameras;
 mod folder;
+mod link_refusals;
 mod office;
 mod recon_refusals;
 mod recon_resume;
