@@ -2,9 +2,11 @@
 //!
 //! * [`data`] — the office shipped beside this crate, the larger data sets where they are at hand, the binaries.
 //! * [`chain`] — the programs, run as a person runs them, with what they measure.
+//! * [`hall`] — a synthetic hall with true heads, for the head tracker's experiments.
 //! * [`accuracy`] — errors of camera motion, of a finished room and of its depth, against ground truth.
 #![forbid(unsafe_code)]
 
 pub mod accuracy;
 pub mod chain;
 pub mod data;
+pub mod hall;

@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec3};
 use nalgebra::Point2;
-use rand::RngExt;
+use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 use super::texture::{Material, Pattern};
@@ -93,6 +93,44 @@ impl Furniture {
                 corner(-1.0, 1.0),
             ]),
             height_m: f64::from(size.z),
+            blocks: builder.blocks,
+        }
+    }
+}
+
+/// An upright board that stands on the floor.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Screen {
+    /// Where its middle stands.
+    pub middle: Point2<f64>,
+    /// The way its width runs; 0 is along x.
+    pub yaw_deg: f64,
+    /// Its width.
+    pub width_m: f64,
+    /// Its height.
+    pub height_m: f64,
+}
+
+impl Screen {
+    /// The board; `seed` decides its colours.
+    pub(super) fn furniture(&self, seed: u64) -> Furniture {
+        const THICKNESS_M: f64 = 0.05;
+        let mut rng = Pcg64Mcg::seed_from_u64(seed ^ self.middle.x.to_bits() ^ self.middle.y.to_bits());
+        let half = Vec3::new(0.5 * self.width_m as f32, 0.5 * THICKNESS_M as f32, 0.5 * self.height_m as f32);
+        let (at, yaw) =
+            (Vec2::new(self.middle.x as f32, self.middle.y as f32), self.yaw_deg.to_radians() as f32);
+        let mut builder = Builder { blocks: Vec::new(), at, yaw };
+        builder.block(-half.with_z(0.0), half.with_z(2.0 * half.z), colourful(Pattern::Cloth, &mut rng));
+        let corner = |x: f32, y: f32| {
+            let p = at + Vec2::from_angle(yaw).rotate(Vec2::new(x * half.x, y * half.y));
+            Point2::new(f64::from(p.x), f64::from(p.y))
+        };
+        Furniture {
+            name: "screen",
+            footprint: Polygon(
+                [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| corner(x, y)).to_vec(),
+            ),
+            height_m: self.height_m,
             blocks: builder.blocks,
         }
     }

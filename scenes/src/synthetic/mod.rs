@@ -46,7 +46,7 @@ mod walkers;
 
 pub use capture::CaptureOptions;
 pub use furnish::RoomKind;
-pub use furniture::Furniture;
+pub use furniture::{Furniture, Screen};
 pub use person::Body;
 pub use render::RenderOptions;
 pub use room::{RoomOptions, SyntheticRoom};

@@ -57,14 +57,28 @@ impl Body {
         }
     }
 
+    /// The middle of the head in a pose: half-way between chin and crown, skin and hair together.
+    pub(super) fn head(&self, pose: &Pose) -> Vec3 {
+        self.frame(pose)(0.003, 0.0, 0.932)
+    }
+
+    /// From the body's own frame, in shares of the height (x forwards, y to its left, z up, the floor below the pelvis at the
+    /// origin), to the room.
+    fn frame(&self, pose: &Pose) -> impl Fn(f32, f32, f32) -> Vec3 {
+        let h = self.height_m as f32;
+        let turn = Quat::from_rotation_z(pose.heading_rad);
+        let lean = Quat::from_rotation_y(pose.lean_rad);
+        let pelvis = pose.pelvis;
+        move |x, y, z| pelvis + turn * (lean * (Vec3::new(x, y, z - HIP) * h))
+    }
+
     /// The parts of the body in a pose.
     pub(super) fn parts(&self, pose: &Pose) -> Vec<Part> {
         let h = self.height_m as f32;
         let g = h * self.girth;
         let turn = Quat::from_rotation_z(pose.heading_rad);
-        // The body's frame: x forwards, y to its left, z up, the pelvis at the origin.
         let lean = Quat::from_rotation_y(pose.lean_rad);
-        let at = |x: f32, y: f32, z: f32| pose.pelvis + turn * (lean * (Vec3::new(x, y, z - HIP) * h));
+        let at = self.frame(pose);
         let mut parts = Vec::with_capacity(20);
         let mut ellipsoid = |center: Vec3, axes: Vec3, material: Material| {
             parts.push(Part { shape: Shape::Ellipsoid { center, axes, turn: turn * lean }, material });
@@ -123,6 +137,9 @@ mod tests {
             }
             assert!((f64::from(top) - body.height_m).abs() < 0.03, "{top} instead of {}", body.height_m);
             assert!(bottom.abs() < 0.01, "{bottom}");
+            // A head measures 0.136 of the height.
+            let head = f64::from(body.head(&pose).z);
+            assert!((head + 0.068 * body.height_m - f64::from(top)).abs() < 0.03, "{head} below {top}");
         }
     }
 }

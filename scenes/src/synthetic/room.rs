@@ -8,7 +8,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 use super::furnish::{RoomKind, furnish};
-use super::furniture::{Furniture, colourful, wood};
+use super::furniture::{Furniture, Screen, colourful, wood};
 use super::light::{Lamps, bake, encode};
 use super::shell::{self, Door, ShellMaterials};
 use super::surface::{Surfaces, Tessellation};
@@ -30,8 +30,12 @@ pub struct RoomOptions {
     pub furniture: usize,
     /// Doors, one to four.
     pub doors: usize,
-    /// Cameras, in the corners first, then in the middle of the walls; eight at most.
+    /// Cameras, in the corners first, then in the middle of the walls, then between; sixteen at most.
     pub cameras: usize,
+    /// Width, depth and height; `None` for a size of the room's kind.
+    pub size_m: Option<[f64; 3]>,
+    /// Screens that hide people from the cameras on one side, besides the furniture.
+    pub screens: Vec<Screen>,
     /// Width and height of the cameras' images.
     pub image_px: [u32; 2],
     /// Horizontal field of view of the cameras' pinhole twins.
@@ -48,6 +52,8 @@ impl Default for RoomOptions {
             furniture: 9,
             doors: 2,
             cameras: 2,
+            size_m: None,
+            screens: Vec::new(),
             image_px: [320, 240],
             field_of_view_deg: 74.0,
             distortion: Distortion::NONE,
@@ -85,7 +91,8 @@ impl RoomOptions {
         let mut rng = Pcg64Mcg::seed_from_u64(self.seed);
         let size = self.size(&mut rng);
         let doors = doors(self.doors.clamp(1, 4), size, &mut rng);
-        let furniture = furnish(self.kind, self.furniture, size, &doors, &mut rng);
+        let mut furniture = furnish(self.kind, self.furniture, size, &doors, &mut rng);
+        furniture.extend(self.screens.iter().map(|screen| screen.furniture(self.seed)));
         let mut surfaces = Surfaces::default();
         shell::build(&mut surfaces, size, &doors, &shell_materials(self.kind, &mut rng));
         hang_pictures(&mut surfaces, size, &doors, &mut rng);
@@ -116,6 +123,9 @@ impl RoomOptions {
     }
 
     fn size(&self, rng: &mut Pcg64Mcg) -> Vec3 {
+        if let Some(size_m) = self.size_m {
+            return Vec3::from(size_m.map(|s| s as f32));
+        }
         let mut about = |value: f32, by: f32| value + by * rng.random_range(-1.0..1.0);
         match self.kind {
             RoomKind::Office => Vec3::new(about(6.2, 0.6), about(5.2, 0.5), about(2.7, 0.15)),
@@ -130,8 +140,11 @@ impl RoomOptions {
             distortion: self.distortion,
             ..Intrinsics::from_horizontal_fov(self.image_px[0], self.image_px[1], self.field_of_view_deg)
         };
-        let places =
-            [(0.0, 0.0), (1.0, 1.0), (1.0, 0.0), (0.0, 1.0), (0.5, 0.0), (0.5, 1.0), (0.0, 0.5), (1.0, 0.5)];
+        let corners = [(0.0, 0.0), (1.0, 1.0), (1.0, 0.0), (0.0, 1.0)];
+        let middles = [(0.5, 0.0), (0.5, 1.0), (0.0, 0.5), (1.0, 0.5)];
+        let long = [(0.25, 0.0), (0.75, 1.0), (0.75, 0.0), (0.25, 1.0)];
+        let short = [(0.0, 0.25), (1.0, 0.75), (1.0, 0.25), (0.0, 0.75)];
+        let places = [corners, middles, long, short].concat();
         let inner = size - Vec3::splat(2.0 * INSET);
         places
             .iter()

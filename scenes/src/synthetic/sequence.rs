@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use image::{GrayImage, RgbImage};
-use nalgebra::Point2;
+use nalgebra::{Point2, Point3};
 
 use super::render::{RenderOptions, Still, finish};
 use super::room::SyntheticRoom;
@@ -75,6 +75,8 @@ pub struct PersonTruth {
     pub id: u32,
     /// The middle of the pelvis, projected to the floor.
     pub place: Point2<f64>,
+    /// The middle of the head, half-way between chin and crown.
+    pub head: Point3<f64>,
     /// Standing height.
     pub height_m: f64,
     /// In the room, not in a corridor behind a door.
@@ -169,6 +171,7 @@ impl Sequence<'_> {
         Some(PersonTruth {
             id: walker.id,
             place,
+            head: walker.head(time_s)?,
             height_m: walker.body.height_m,
             inside: self.room.is_inside(&place),
             visible: Vec::new(),

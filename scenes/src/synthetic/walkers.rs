@@ -1,6 +1,6 @@
 //! People who walk through a synthetic room.
 
-use nalgebra::Point2;
+use nalgebra::{Point2, Point3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
@@ -25,11 +25,21 @@ pub struct WalkerOptions {
     pub stops: usize,
     /// Longest stay at a place.
     pub longest_stay_s: f64,
+    /// For each person in turn, the places they pass between the doors instead of random ones.
+    pub ways: Vec<Vec<Point2<f64>>>,
 }
 
 impl Default for WalkerOptions {
     fn default() -> Self {
-        Self { seed: 1, people: 3, first_s: 2.0, interval_s: 2.5, stops: 3, longest_stay_s: 1.5 }
+        Self {
+            seed: 1,
+            people: 3,
+            first_s: 2.0,
+            interval_s: 2.5,
+            stops: 3,
+            longest_stay_s: 1.5,
+            ways: Vec::new(),
+        }
     }
 }
 
@@ -73,6 +83,12 @@ impl Walker {
         self.trajectory.at_time(time_s).map(|(place, ..)| place)
     }
 
+    /// The middle of their head; `None` when they are not there.
+    pub fn head(&self, time_s: f64) -> Option<Point3<f64>> {
+        let head = self.body.head(&self.pose(time_s)?);
+        Some(Point3::new(f64::from(head.x), f64::from(head.y), f64::from(head.z)))
+    }
+
     pub(super) fn pose(&self, time_s: f64) -> Option<Pose> {
         let (_, way_m, speed_m_s) = self.trajectory.at_time(time_s)?;
         Some(Pose::walking(&self.trajectory, way_m as f32, speed_m_s as f32, self.body.height_m as f32))
@@ -93,10 +109,14 @@ impl SyntheticRoom {
         let mut plans: Vec<Plan> = Vec::new();
         let mut walkers: Vec<Walker> = Vec::new();
         let mut enters_s = options.first_s;
-        for _ in 0..options.people {
+        for person in 0..options.people {
             let body = Body::random(&mut rng);
             let speed = rng.random_range(0.95..1.35);
-            let stops = self.stops(&floor, options, &mut rng);
+            let mut stops = self.stops(&floor, options, &mut rng);
+            if let (Some(way), [first, .., last]) = (options.ways.get(person), &stops[..]) {
+                let on_way = way.iter().map(|place| Stop { place: *place, stay_s: 0.0 });
+                stops = std::iter::once(*first).chain(on_way).chain([*last]).collect();
+            }
             for attempt in 0..ATTEMPTS {
                 let step = ((enters_s + attempt as f64) / PLAN_STEP_S).round() as usize;
                 if let Some(found) = plan(&floor, &plans, step, &stops, speed) {

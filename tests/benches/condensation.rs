@@ -1,0 +1,307 @@
+//! The paper's experiments on heads by CONDENSATION (seed 002, section 5) in a synthetic hall, beside its own numbers:
+//! occlusion by integration (5.1), entries (5.2), accuracy (5.4, tables 3 and 4), time (table 2).
+//!
+//! `cargo bench -p tests --bench condensation [-- occlusion|entries|accuracy|time]`
+#![forbid(unsafe_code)]
+
+use scenes::synthetic::{SyntheticRoom, WalkerOptions};
+use tests::chain::Said;
+use tests::hall::{hall, nearest, pictures, recording, round_way, step, tracker};
+use tracker::TrackId;
+use tracker::method::condensation::CondensationOptions;
+use tracker::method::condensation::integration::Integration;
+
+/// Pictures a second.
+const RATE_HZ: f64 = 15.0;
+/// A track is on a head when it is no farther from it, metres.
+const ON_HEAD_M: f64 = 0.3;
+/// So many moments in a row off the head: lost.
+const LOST_MOMENTS: u32 = 5;
+
+fn main() -> Said<()> {
+    rayon::ThreadPoolBuilder::new().num_threads(1).build_global().map_err(|e| e.to_string())?;
+    let asked: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with("--")).collect();
+    let is_asked = |name: &str| asked.is_empty() || asked.iter().any(|a| a == name);
+    if is_asked("occlusion") {
+        occlusion()?;
+    }
+    if is_asked("entries") {
+        entries()?;
+    }
+    if is_asked("accuracy") {
+        accuracy()?;
+    }
+    if is_asked("time") {
+        time()?;
+    }
+    Ok(())
+}
+
+/// Ten people, one at a time, walk behind a screen that hides their heads from half of the cameras.
+fn occlusion() -> Said<()> {
+    const TRIALS: u64 = 10;
+    let variants =
+        [("published", CondensationOptions::published()), ("default", CondensationOptions::default())];
+    let mut lost = vec![[0; Integration::ALL.len()]; variants.len()];
+    let mut found = lost.clone();
+    for trial in 1..=TRIALS {
+        let room = hall(trial, 6, true)?;
+        let way = vec![nalgebra::Point2::new(1.2, 3.2), nalgebra::Point2::new(6.8, 3.2)];
+        let walkers = WalkerOptions {
+            seed: trial,
+            people: 1,
+            first_s: 0.5,
+            ways: vec![way],
+            ..WalkerOptions::default()
+        };
+        for (v, (_, options)) in variants.iter().enumerate() {
+            for (i, integration) in Integration::ALL.into_iter().enumerate() {
+                let options = CondensationOptions { integration, ..options.clone() };
+                let (is_found, is_lost) = followed_behind_screen(&room, &walkers, options)?;
+                found[v][i] += u32::from(is_found);
+                lost[v][i] += u32::from(is_lost);
+            }
+        }
+    }
+    println!(
+        "occlusion: of {TRIALS} people, followed before it / lost by it (paper: product loses 10, pairs-angle 0)"
+    );
+    for ((name, _), (found, lost)) in variants.iter().zip(found.iter().zip(&lost)) {
+        for (integration, (found, lost)) in Integration::ALL.iter().zip(found.iter().zip(lost)) {
+            println!("  {name:<10} {:<12} {found:>3} {lost:>3}", integration.name());
+        }
+    }
+    Ok(())
+}
+
+/// Whether somebody is followed until they are hidden from some camera, and whether they are lost then.
+fn followed_behind_screen(
+    room: &SyntheticRoom,
+    walkers: &WalkerOptions,
+    options: CondensationOptions,
+) -> Said<(bool, bool)> {
+    let sequence = recording(room, walkers, RATE_HZ, 14.0);
+    let mut tracker = tracker(room, options)?;
+    let (mut who, mut is_hidden, mut off): (Option<TrackId>, bool, u32) = (None, false, 0);
+    for frame in sequence.frames() {
+        let people = step(&mut tracker, &frame, &pictures(&frame))?;
+        let Some(truth) = frame.people.first().filter(|p| p.inside) else {
+            if is_hidden {
+                break;
+            }
+            continue;
+        };
+        let on_head =
+            nearest(&people, &truth.head).filter(|(_, error)| *error < ON_HEAD_M).map(|(p, _)| p.id);
+        let x = truth.place.x;
+        let is_at_screen = (3.1..4.9).contains(&x) && truth.place.y > 2.6;
+        if !is_at_screen && !is_hidden {
+            who = on_head.or(who);
+            continue;
+        }
+        is_hidden = true;
+        let Some(who) = who else { return Ok((false, false)) };
+        off = if on_head == Some(who) { 0 } else { off + 1 };
+        if off >= LOST_MOMENTS {
+            return Ok((true, true));
+        }
+        if x > 5.6 || x < 2.4 {
+            break;
+        }
+    }
+    Ok((who.is_some() && is_hidden, false))
+}
+
+/// Twenty people come in one after the other.
+fn entries() -> Said<()> {
+    const PEOPLE: usize = 20;
+    for (name, options) in
+        [("published", CondensationOptions::published()), ("default", CondensationOptions::default())]
+    {
+        let room = hall(21, 6, false)?;
+        let walkers = WalkerOptions {
+            seed: 21,
+            people: PEOPLE,
+            first_s: 0.5,
+            interval_s: 2.5,
+            stops: 1,
+            longest_stay_s: 0.0,
+            ..WalkerOptions::default()
+        };
+        let sequence = recording(&room, &walkers, RATE_HZ, 75.0);
+        let mut tracker = tracker(&room, options)?;
+        let (mut found, mut came) = (vec![false; PEOPLE], vec![false; PEOPLE]);
+        let mut nobody = 0;
+        for frame in sequence.frames() {
+            let people = step(&mut tracker, &frame, &pictures(&frame))?;
+            for truth in frame.people.iter().filter(|p| p.inside) {
+                let i = truth.id as usize - 1;
+                came[i] = true;
+                found[i] |= nearest(&people, &truth.head).is_some_and(|(_, error)| error < ON_HEAD_M);
+            }
+            let is_nobody = |p: &&tracker::PersonEstimate| {
+                frame.people.iter().all(|t| tests::hall::error_m(p, &t.head) > 2.0 * ON_HEAD_M)
+            };
+            nobody += people.iter().filter(is_nobody).count();
+        }
+        let count = |flags: &[bool]| flags.iter().filter(|f| **f).count();
+        println!(
+            "entries ({name}): {} of {} found (paper: 8 of 10; asked: 20 of 20); rows that are nobody: {nobody}",
+            count(&found),
+            count(&came)
+        );
+    }
+    Ok(())
+}
+
+/// One person and six people on a way around the hall.
+fn accuracy() -> Said<()> {
+    println!(
+        "accuracy: head in space, cm (paper: 1 person 4.41, at most 34.7; 6 people 4.23, at most 18.5; asked: 4, 15)"
+    );
+    for people in [1, 6] {
+        for cameras in [6, 12] {
+            let room = hall(31, cameras, false)?;
+            let ways = (0..people).map(|i| round_way(i, 1.0 + 0.3 * (i % 3) as f64)).collect();
+            let walkers = WalkerOptions {
+                seed: 31,
+                people,
+                first_s: 0.5,
+                interval_s: 2.0,
+                ways,
+                ..WalkerOptions::default()
+            };
+            let sequence = recording(&room, &walkers, RATE_HZ, 20.0);
+            let variants = [
+                ("published", CondensationOptions::published()),
+                ("default", CondensationOptions::default()),
+            ];
+            let mut trackers = Vec::new();
+            for (name, options) in variants {
+                trackers.push((name, tracker(&room, options)?, Errors::default()));
+            }
+            for frame in sequence.frames() {
+                let pictures = pictures(&frame);
+                for (_, tracker, errors) in &mut trackers {
+                    let estimates = step(tracker, &frame, &pictures)?;
+                    for truth in frame.people.iter().filter(|p| p.inside) {
+                        errors.take(truth.id, nearest(&estimates, &truth.head).map(|(p, e)| (p.id, e)));
+                    }
+                    errors.reported += estimates.len();
+                }
+            }
+            for (name, _, errors) in &trackers {
+                errors.print(&format!("{people} people, {cameras} cameras, {name}"));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Errors of people from when they are first found.
+#[derive(Default)]
+struct Errors {
+    on_head_m: Vec<f64>,
+    missed: usize,
+    before: usize,
+    reported: usize,
+    found: Vec<(u32, TrackId)>,
+    switches: usize,
+}
+
+impl Errors {
+    fn take(&mut self, person: u32, nearest: Option<(TrackId, f64)>) {
+        let known = self.found.iter().position(|(p, _)| *p == person);
+        match nearest.filter(|(_, error)| *error < 0.5) {
+            Some((id, error)) => {
+                self.on_head_m.push(error);
+                match known {
+                    Some(k) => {
+                        self.switches += usize::from(self.found[k].1 != id);
+                        self.found[k].1 = id;
+                    }
+                    None => self.found.push((person, id)),
+                }
+            }
+            None if known.is_some() => self.missed += 1,
+            None => self.before += 1,
+        }
+    }
+
+    fn print(&self, what: &str) {
+        let mut sorted = self.on_head_m.clone();
+        sorted.sort_by(f64::total_cmp);
+        let mean = sorted.iter().sum::<f64>() / sorted.len().max(1) as f64;
+        let at = |share: f64| {
+            100.0 * sorted.get((share * (sorted.len() as f64 - 1.0)) as usize).copied().unwrap_or(0.0)
+        };
+        println!(
+            "  {what:<34} mean {:>5.2}  95 % {:>5.1}  maximum {:>5.1}; {} rows, {} of them nobody; {} moments before found, \
+             {} lost; {} switches",
+            100.0 * mean,
+            at(0.95),
+            at(1.0),
+            self.reported,
+            self.reported - sorted.len().min(self.reported),
+            self.before,
+            self.missed,
+            self.switches
+        );
+    }
+}
+
+/// Table 2: milliseconds a moment for one to six people, on one core.
+fn time() -> Said<()> {
+    println!(
+        "time: ms a moment on one core (paper, 7 PCs: 1 person 3.6, 6 people 11.6; asked: 2 without gradients)"
+    );
+    println!("  cameras people layers  hypotheses  weights  integration     sum  gradients  gates");
+    for cameras in [6, 12] {
+        let room = hall(41, cameras, false)?;
+        for people in 1..=6 {
+            let ways = (0..people).map(|i| round_way(i, 1.0 + 0.3 * (i % 3) as f64)).collect();
+            let walkers = WalkerOptions {
+                seed: 31,
+                people,
+                first_s: 0.0,
+                interval_s: 1.0,
+                ways,
+                ..WalkerOptions::default()
+            };
+            let sequence = recording(&room, &walkers, RATE_HZ, 12.0);
+            let mut trackers = Vec::new();
+            for options in [CondensationOptions::published(), CondensationOptions::default()] {
+                let layers = options.layers;
+                trackers.push((layers, tracker(&room, options)?, [0.0; 5], 0_u32));
+            }
+            for frame in sequence.frames() {
+                let pictures = pictures(&frame);
+                for (_, tracker, sums, moments) in &mut trackers {
+                    let before = spent_ms(tracker);
+                    let is_full = tracker.hypotheses().count() == people;
+                    step(tracker, &frame, &pictures)?;
+                    if is_full {
+                        let after = spent_ms(tracker);
+                        *moments += 1;
+                        sums.iter_mut().zip(after.iter().zip(before)).for_each(|(s, (a, b))| *s += a - b);
+                    }
+                }
+            }
+            for (layers, _, sums, moments) in &trackers {
+                let [h, w, i, e, g] = sums.map(|s| s / f64::from((*moments).max(1)));
+                println!(
+                    "  {cameras:>7} {people:>6} {layers:>6} {h:>11.3} {w:>8.3} {i:>12.3} {:>7.3} {e:>10.2} {g:>6.2}   ({moments} \
+                     moments)",
+                    h + w + i
+                );
+            }
+        }
+    }
+    Ok(())
+}
+
+fn spent_ms(tracker: &tracker::method::condensation::Condensation) -> [f64; 5] {
+    let spent = tracker.spent();
+    [&spent.hypotheses, &spent.weights, &spent.integration, &spent.edges, &spent.gates]
+        .map(|w| 1e3 * w.total_s())
+}

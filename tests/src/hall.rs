@@ -1,0 +1,106 @@
+//! The head tracker's experiments on a synthetic hall: six cameras around 8 × 6 m, people on known ways, true heads.
+
+use nalgebra::{Point2, Point3, Vector2};
+use scenes::synthetic::{
+    Frame, RoomKind, RoomOptions, Screen, Sequence, SequenceOptions, SyntheticRoom, WalkerOptions,
+};
+use tracker::method::Method;
+use tracker::method::condensation::{Condensation, CondensationOptions};
+use tracker::stage::{Stage, StageOptions};
+use tracker::{CameraFrame, Moment, PersonEstimate};
+
+use crate::chain::Said;
+
+/// The hall's width, depth and height, metres.
+const SIZE_M: [f64; 3] = [8.0, 6.0, 2.9];
+
+/// The hall with so many cameras. `screens` hide from the cameras behind them who walks along the hall's long axis.
+pub fn hall(seed: u64, cameras: usize, screens: bool) -> Said<SyntheticRoom> {
+    let screen =
+        |x: f64, y: f64| Screen { middle: Point2::new(x, y), yaw_deg: 0.0, width_m: 1.8, height_m: 2.1 };
+    let options = RoomOptions {
+        seed,
+        kind: RoomKind::Hall,
+        furniture: if screens { 0 } else { 3 },
+        cameras,
+        size_m: Some(SIZE_M),
+        screens: if screens { vec![screen(4.0, 2.55)] } else { Vec::new() },
+        image_px: [640, 480],
+        field_of_view_deg: 80.0,
+        ..RoomOptions::default()
+    };
+    options.build().map_err(|e| e.to_string())
+}
+
+/// A way twice around the hall's middle (figure 20: 1 → 2 → 3 → 4 → 1), beginning at one of its corners.
+pub fn round_way(first: usize, wide_m: f64) -> Vec<Point2<f64>> {
+    let corners = [(-1.0, -0.6), (1.0, -0.6), (1.0, 0.6), (-1.0, 0.6)];
+    let middle = Point2::new(0.5 * SIZE_M[0], 0.5 * SIZE_M[1]);
+    let corner = |i: usize| middle + Vector2::new(corners[i % 4].0, corners[i % 4].1) * wide_m;
+    (0..9).map(|i| corner(first + i)).collect()
+}
+
+/// A recording of the hall, with the people's ways.
+pub fn recording<'a>(
+    room: &'a SyntheticRoom,
+    walkers: &WalkerOptions,
+    rate_hz: f64,
+    seconds: f64,
+) -> Sequence<'a> {
+    let options = SequenceOptions {
+        seed: walkers.seed,
+        rate_hz,
+        frames: (rate_hz * seconds) as u32,
+        ..SequenceOptions::default()
+    };
+    room.sequence(room.walkers(walkers), options)
+}
+
+/// The tracker in the hall; it is shown the empty hall.
+pub fn tracker(room: &SyntheticRoom, options: CondensationOptions) -> Said<Condensation> {
+    let with_room = options.integration == tracker::method::condensation::integration::Integration::Room;
+    let scratch = tempfile::tempdir().map_err(|e| e.to_string())?;
+    let mut scene = room.room.clone();
+    if !with_room {
+        // The paper's system knows cameras and gates alone.
+        scene.geometry = None;
+    }
+    scene.write(scratch.path()).map_err(|e| e.to_string())?;
+    let stage = Stage::prepare(
+        &scene,
+        scratch.path(),
+        &StageOptions { occlusion: with_room, ..StageOptions::default() },
+    );
+    let mut tracker =
+        Condensation::new(stage.map_err(|e| e.to_string())?, options).map_err(|e| e.to_string())?;
+    let empty =
+        room.sequence(Vec::new(), SequenceOptions { frames: 1, ..SequenceOptions::default() }).frame(1);
+    for (i, camera) in empty.cameras.iter().enumerate() {
+        if let Some(image) = &camera.image {
+            tracker.set_empty_scene(i, image);
+        }
+    }
+    Ok(tracker)
+}
+
+/// A moment's pictures as a tracker takes them.
+pub fn pictures(frame: &Frame) -> Vec<CameraFrame> {
+    frame.cameras.iter().map(|c| CameraFrame { mask: None, image: c.image.clone() }).collect()
+}
+
+/// One step of a tracker.
+pub fn step(tracker: &mut Condensation, frame: &Frame, cameras: &[CameraFrame]) -> Said<Vec<PersonEstimate>> {
+    let moment = Moment { frame: frame.frame, time_s: frame.time_s, cameras };
+    tracker.step(&moment).map_err(|e| e.to_string())
+}
+
+/// Distance between an estimated head and a true one, metres.
+pub fn error_m(estimate: &PersonEstimate, head: &Point3<f64>) -> f64 {
+    (Point3::new(estimate.x_m, estimate.y_m, estimate.z_m) - head).norm()
+}
+
+/// The estimate nearest to a true head, with its distance.
+pub fn nearest<'a>(people: &'a [PersonEstimate], head: &Point3<f64>) -> Option<(&'a PersonEstimate, f64)> {
+    let distances = people.iter().map(|p| (p, error_m(p, head)));
+    distances.min_by(|a, b| a.1.total_cmp(&b.1))
+}
