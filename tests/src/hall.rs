@@ -2,7 +2,8 @@
 
 use nalgebra::{Point2, Point3, Vector2};
 use scenes::synthetic::{
-    Frame, RoomKind, RoomOptions, Screen, Sequence, SequenceOptions, SyntheticRoom, WalkerOptions,
+    Frame, RenderOptions, RoomKind, RoomOptions, Screen, Sequence, SequenceOptions, SyntheticRoom,
+    WalkerOptions,
 };
 use tracker::method::Method;
 use tracker::method::condensation::{Condensation, CondensationOptions};
@@ -51,6 +52,7 @@ pub fn recording<'a>(
         seed: walkers.seed,
         rate_hz,
         frames: (rate_hz * seconds) as u32,
+        render: RenderOptions { samples: 1, ..RenderOptions::default() },
         ..SequenceOptions::default()
     };
     room.sequence(room.walkers(walkers), options)

@@ -24,6 +24,11 @@ pub(super) struct HeadArguments {
 }
 
 impl HeadArguments {
+    /// The integration that was asked for.
+    pub(super) fn integration(&self) -> Option<Integration> {
+        self.integration
+    }
+
     /// The filters' options.
     pub(super) fn options(&self, seed: u64, published: bool) -> anyhow::Result<CondensationOptions> {
         let mut options =

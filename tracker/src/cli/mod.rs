@@ -10,6 +10,7 @@ mod masks;
 mod report;
 mod run;
 mod sampler;
+mod weightmap;
 
 use calib::console::Console;
 use clap::{Parser, Subcommand};
@@ -33,6 +34,7 @@ enum Command {
     Eval(eval::EvalArgs),
     Masks(masks::MasksArgs),
     Report(report::ReportArgs),
+    Weightmap(weightmap::WeightMapArgs),
 }
 
 /// Does what was asked for; returns what is to be printed on standard output.
@@ -44,5 +46,6 @@ pub(crate) fn run(arguments: &Arguments, console: &Console) -> anyhow::Result<St
         Command::Eval(args) => eval::eval(args),
         Command::Masks(args) => masks::masks(args, console),
         Command::Report(args) => report::report(args),
+        Command::Weightmap(args) => weightmap::weightmap(args),
     }
 }

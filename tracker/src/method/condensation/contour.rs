@@ -59,6 +59,13 @@ pub struct Contour {
     pub normal_v: [f32; POINTS],
 }
 
+impl Contour {
+    /// From the middle to the top, pixels.
+    pub fn half_height_px(&self) -> f32 {
+        (self.u[POINTS / 2] - self.middle[0]).hypot(self.v[POINTS / 2] - self.middle[1])
+    }
+}
+
 impl HeadCamera {
     /// The pinhole twin of a camera of the stage.
     pub fn new(camera: &StageCamera) -> Self {

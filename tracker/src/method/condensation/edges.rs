@@ -20,6 +20,10 @@ const PER_LEVEL: f32 = 128.0;
 const STEEPEST: f32 = 255.0 * 3.0 / 8.0;
 /// A difference from the empty scene that counts half, levels: twice what compression and noise leave of a good camera's.
 const CHANGED_HALF: f32 = 16.0;
+/// Sizes of the picture: heads of any size have contours about as wide, in parts of a head.
+pub const LEVELS: usize = 3;
+/// Heads of up to this half height are looked at in full size, twice as large ones in half of it, pixels.
+const LARGEST_HEAD_PX: f32 = 14.0;
 /// Rows and columns around the image without an answer.
 const RIM: usize = 2;
 
@@ -28,9 +32,18 @@ const RIM: usize = 2;
 pub struct EdgeImage {
     width: usize,
     height: usize,
-    gradient: Vec<[i16; 2]>,
+    /// Each of half the size of the one before.
+    levels: [Level; LEVELS],
     /// How much of each pixel is as in the empty scene, of 255; empty where that is not known.
     unchanged: Vec<u8>,
+}
+
+/// The edges at one size.
+#[derive(Debug, Clone, Default)]
+struct Level {
+    width: usize,
+    height: usize,
+    gradient: Vec<[i16; 2]>,
 }
 
 /// Makes the edge images of one camera.
@@ -62,10 +75,11 @@ struct Sobel {
 }
 
 impl EdgeImage {
-    /// The edge at a pixel; nothing outside the image.
+    /// The edge at a pixel of the full size; nothing outside the image.
     pub fn at(&self, u: i32, v: i32) -> [f32; 2] {
-        let is_inside = (u as usize) < self.width && (v as usize) < self.height;
-        if is_inside { self.gradient[v as usize * self.width + u as usize].map(f32::from) } else { [0.0; 2] }
+        let Level { width, height, gradient } = &self.levels[0];
+        let is_inside = (u as usize) < *width && (v as usize) < *height;
+        if is_inside { gradient[v as usize * width + u as usize].map(f32::from) } else { [0.0; 2] }
     }
 
     /// Whether these are contours of what is not in the empty scene: then the gradient always points out of it.
@@ -89,14 +103,23 @@ impl EdgeImage {
         (inside > 0).then(|| sum as f32 / (255 * inside) as f32)
     }
 
-    /// Σ N·E over points, in parts of an edge that counts fully, and how many of the points are in the image.
-    pub fn along(&self, points: impl Iterator<Item = ([f32; 2], [f32; 2])>) -> (f32, u32) {
+    /// Σ N·E over points of a head of this half height, in parts of an edge that counts fully, and how many of the points are
+    /// in the image.
+    pub fn along(&self, head_px: f32, points: impl Iterator<Item = ([f32; 2], [f32; 2])>) -> (f32, u32) {
+        let level = match head_px / LARGEST_HEAD_PX {
+            small if small <= 1.0 => 0,
+            medium if medium <= 2.0 => 1,
+            _ => 2,
+        };
+        let scale = 1.0 / (1 << level) as f32;
+        let Level { width, height, gradient } = &self.levels[level];
         let (mut sum, mut inside) = (0.0, 0);
         for ([u, v], [normal_u, normal_v]) in points {
-            // Truncation and the half make this the nearest pixel for everything in the image.
-            let (column, row) = ((u + 0.5) as i32 as usize, (v + 0.5) as i32 as usize);
-            if u > -0.5 && v > -0.5 && column < self.width && row < self.height {
-                let [eu, ev] = self.gradient[row * self.width + column];
+            // Pixels' edges, not their middles, fall together in all sizes; truncation makes this the nearest pixel.
+            let (u, v) = ((u + 0.5) * scale, (v + 0.5) * scale);
+            let (column, row) = (u as i32 as usize, v as i32 as usize);
+            if u > 0.0 && v > 0.0 && column < *width && row < *height {
+                let [eu, ev] = gradient[row * width + column];
                 sum += normal_u * f32::from(eu) + normal_v * f32::from(ev);
                 inside += 1;
             }
@@ -152,26 +175,21 @@ impl EdgeMaker {
             self.sobel.values.extend(picture.as_raw().chunks_exact(3).map(|p| luma(p) as i16));
             self.options.strength
         };
-        self.sobel.answer(edges.width, edges.height);
-        let answers = self.sobel.u.iter().zip(&self.sobel.v).map(|(u, v)| (f32::from(*u), f32::from(*v)));
-        edges.gradient.clear();
-        match strength {
-            EdgeStrength::Linear => {
-                let gain = FULL / (STEEPEST * PER_LEVEL);
-                edges.gradient.extend(answers.map(|(u, v)| [(u * gain) as i16, (v * gain) as i16]));
+        let (mut width, mut height) = (edges.width, edges.height);
+        for (i, level) in edges.levels.iter_mut().enumerate() {
+            if i > 0 {
+                (width, height) = self.sobel.halve(width, height);
             }
-            EdgeStrength::Saturating { half_at } => {
-                let half_at = half_at as f32 * PER_LEVEL;
-                edges.gradient.extend(answers.map(|(u, v)| {
-                    let gain = FULL / ((u * u + v * v).sqrt() + half_at);
-                    [(u * gain) as i16, (v * gain) as i16]
-                }));
-            }
-        }
-        if let Some(shown) = self.shown.as_ref().filter(|shown| shown.len() == edges.gradient.len()) {
-            for (edge, shown) in edges.gradient.iter_mut().zip(shown) {
-                if !shown {
-                    *edge = [0; 2];
+            self.sobel.answer(width, height);
+            (level.width, level.height) = (width, height);
+            self.sobel.store(strength, &mut level.gradient);
+            if let Some(shown) = self.shown.as_ref().filter(|shown| shown.len() == edges.width * edges.height)
+            {
+                for (k, edge) in level.gradient.iter_mut().enumerate() {
+                    let (column, row) = ((k % width) << i, (k / width) << i);
+                    if !shown[row * edges.width + column] {
+                        *edge = [0; 2];
+                    }
                 }
             }
         }
@@ -179,6 +197,41 @@ impl EdgeMaker {
 }
 
 impl Sobel {
+    /// Halves the picture: means of four pixels. A last odd row or column is left out. Returns the new size.
+    fn halve(&mut self, width: usize, height: usize) -> (usize, usize) {
+        let (half_width, half_height) = (width / 2, height / 2);
+        for row in 0..half_height {
+            for column in 0..half_width {
+                let at = 2 * row * width + 2 * column;
+                let v = &self.values;
+                // Written before what is still to be read.
+                self.values[row * half_width + column] =
+                    (v[at] + v[at + 1] + v[at + width] + v[at + width + 1] + 2) / 4;
+            }
+        }
+        self.values.truncate(half_width * half_height);
+        (half_width, half_height)
+    }
+
+    /// The answers, in parts of [`FULL`].
+    fn store(&self, strength: EdgeStrength, gradient: &mut Vec<[i16; 2]>) {
+        let answers = self.u.iter().zip(&self.v).map(|(u, v)| (f32::from(*u), f32::from(*v)));
+        gradient.clear();
+        match strength {
+            EdgeStrength::Linear => {
+                let gain = FULL / (STEEPEST * PER_LEVEL);
+                gradient.extend(answers.map(|(u, v)| [(u * gain) as i16, (v * gain) as i16]));
+            }
+            EdgeStrength::Saturating { half_at } => {
+                let half_at = half_at as f32 * PER_LEVEL;
+                gradient.extend(answers.map(|(u, v)| {
+                    let gain = FULL / ((u * u + v * v).sqrt() + half_at);
+                    [(u * gain) as i16, (v * gain) as i16]
+                }));
+            }
+        }
+    }
+
     fn answer(&mut self, width: usize, height: usize) {
         for buffer in [&mut self.slope, &mut self.smooth, &mut self.u, &mut self.v] {
             buffer.clear();
@@ -304,10 +357,38 @@ mod tests {
     fn sums_run_along_normals_and_count_what_is_inside() {
         let edges = edges(linear(), None, &picture(|u, _| (20 + 3 * u) as u8));
         let along = [([10.2, 10.0], [1.0, 0.0]), ([20.0, 10.0], [0.0, 1.0]), ([30.0, 9.6], [-0.5, 0.0])];
-        let (sum, inside) = edges.along(along.into_iter());
+        let (sum, inside) = edges.along(6.0, along.into_iter());
         assert!((sum * STEEPEST - 1.5).abs() < 0.1 && inside == 3, "{sum} {inside}");
         let outside = [[-0.6, 5.0], [39.6, 5.0], [5.0, 29.6], [f32::NAN, 5.0], [1e30, 5.0]];
-        assert_eq!(edges.along(outside.into_iter().map(|p| (p, [1.0, 0.0]))), (0.0, 0));
+        assert_eq!(edges.along(6.0, outside.into_iter().map(|p| (p, [1.0, 0.0]))), (0.0, 0));
+    }
+
+    #[test]
+    fn large_heads_are_looked_at_in_smaller_pictures() {
+        let edges = edges(linear(), None, &picture(|u, _| (20 + 3 * u) as u8));
+        // The same slope is twice as steep in half of the size.
+        let at = |head_px: f32| edges.along(head_px, [([20.0, 15.0], [1.0, 0.0])].into_iter()).0 * STEEPEST;
+        assert!(
+            (at(10.0) - 3.0).abs() < 0.1 && (at(20.0) - 6.0).abs() < 0.1 && (at(99.0) - 12.0).abs() < 0.2
+        );
+        // A step between columns 19 and 20 stays where it is.
+        let step = self::edges(linear(), None, &picture(|u, _| if u < 20 { 60 } else { 160 }));
+        let best = |head_px: f32| {
+            let at = |u: f32| step.along(head_px, [([u, 15.0], [1.0, 0.0])].into_iter()).0;
+            let most = (0..160).map(|i| at(i as f32 * 0.25)).fold(0.0, f32::max);
+            let (sum, count) = (0..160)
+                .map(|i| i as f32 * 0.25)
+                .filter(|u| at(*u) > 0.9 * most)
+                .fold((0.0, 0), |(sum, count), u| (sum + u, count + 1));
+            sum / count as f32
+        };
+        assert!(
+            [10.0, 20.0, 40.0].iter().all(|px| (best(*px) - 19.5).abs() < 0.6),
+            "{} {} {}",
+            best(10.0),
+            best(20.0),
+            best(40.0)
+        );
     }
 
     #[test]

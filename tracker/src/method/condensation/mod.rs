@@ -25,6 +25,7 @@ pub mod search;
 mod spent;
 mod track;
 pub mod weight;
+pub mod weight_map;
 
 use image::RgbImage;
 use nalgebra::Vector3;
@@ -35,7 +36,7 @@ use self::edges::{EdgeImage, EdgeMaker};
 use self::exclusion::Gaussian;
 use self::filter::{Expected, Sight};
 use self::gates::Gates;
-use self::integration::MOST_CAMERAS;
+use self::integration::{Integration, MOST_CAMERAS};
 pub use self::options::{
     CondensationOptions, EdgeOptions, EdgeStrength, HeadModel, LifeOptions, MotionOptions,
 };
@@ -43,6 +44,7 @@ use self::search::APART_M;
 pub use self::spent::{Spent, Watch};
 use self::track::Track;
 use self::weight::Lookout;
+use self::weight_map::WeightMap;
 use super::Method;
 use crate::silhouette::visibility::visible_fractions;
 use crate::silhouette::{Body, View};
@@ -136,6 +138,27 @@ impl Condensation {
         if let Some(maker) = self.makers.get_mut(camera) {
             maker.set_empty_scene(picture);
         }
+    }
+
+    /// The weights of heads at a height over the whole floor, at a moment, by each of some integrations. Nobody moves.
+    ///
+    /// # Errors
+    /// As [`Method::step`].
+    pub fn weight_maps(
+        &mut self,
+        moment: &Moment<'_>,
+        integrations: &[Integration],
+        height_m: f64,
+    ) -> Result<Vec<WeightMap>> {
+        self.find_edges(moment)?;
+        let sight = Sight {
+            lookout: &self.lookout,
+            stage: &self.stage.cameras,
+            edges: &self.edges,
+            everybody: &[],
+            sharpness: 1.0,
+        };
+        Ok(integrations.iter().map(|i| WeightMap::new(&self.stage, &sight, *i, height_m)).collect())
     }
 
     /// Where the time has gone so far.
@@ -323,3 +346,6 @@ impl Method for Condensation {
         Ok(self.report())
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -102,7 +102,7 @@ impl Lookout {
     fn weight(&self, camera: &HeadCamera, edges: &EdgeImage, head: &Vector3<f64>) -> Option<f32> {
         let c = camera.contour(&self.shape, head)?;
         let points = (0..POINTS).map(|i| ([c.u[i], c.v[i]], [c.normal_u[i], c.normal_v[i]]));
-        let (sum, inside) = edges.along(points);
+        let (sum, inside) = edges.along(c.half_height_px(), points);
         if 2 * inside < POINTS as u32 {
             return None;
         }
@@ -111,6 +111,12 @@ impl Lookout {
         // brighter: a sum without sign. Otherwise a negative sum is no evidence.
         let is_signed = self.dark_heads_only || edges.is_of_change();
         Some(if is_signed { mean.max(0.0) } else { mean.abs() })
+    }
+
+    /// The same with another integration.
+    #[must_use]
+    pub fn with(&self, integration: Integration) -> Self {
+        Self { integration, ..self.clone() }
     }
 
     /// The three-dimensional weight (equations 4 to 7).
@@ -154,9 +160,8 @@ impl Lookout {
     fn is_same_contour(&self, camera: &HeadCamera, head: &Vector3<f64>, other: &Vector3<f64>) -> bool {
         let contours = (camera.contour(&self.shape, head), camera.contour(&self.shape, other));
         let (Some(own), Some(theirs)) = contours else { return false };
-        let apart = |a: [f32; 2], b: [f32; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
-        let reach = apart([theirs.u[POINTS / 2], theirs.v[POINTS / 2]], theirs.middle);
-        apart(own.middle, theirs.middle) < SAME_CONTOUR * reach
+        let apart_px = (own.middle[0] - theirs.middle[0]).hypot(own.middle[1] - theirs.middle[1]);
+        apart_px < SAME_CONTOUR * theirs.half_height_px()
     }
 
     /// The share of a head's inside that is not as in the empty scene.

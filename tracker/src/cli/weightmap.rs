@@ -1,0 +1,100 @@
+//! `tracker weightmap`: what each integration of the cameras' weights makes of one frame.
+
+use std::path::PathBuf;
+
+use anyhow::{Context, bail};
+use clap::Args;
+use image::RgbImage;
+use scenes::room::Room;
+use tracker::foreground::Start;
+use tracker::method::condensation::Condensation;
+use tracker::method::condensation::integration::Integration;
+use tracker::source::{self, NamedSource};
+use tracker::stage::{Stage, StageOptions};
+use tracker::{CameraFrame, Moment};
+
+use super::background::{BackgroundArguments, KEEP_BYTES};
+use super::heads::HeadArguments;
+
+/// Draw the weights of heads over a horizontal plane, for one frame and each integration.
+///
+/// Writes OUT/product.png, sum.png, pairs.png, pairs-angle.png and room.png: the floor from above, dark where no camera sees
+/// a head, bright where the weight is largest. `--integration` draws one alone. Frames of all cameras are taken by number.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example:\n  tracker weightmap myroom --video a=a.mp4 --video b=b.mp4 --frame 120 --height 1.6 --out maps"
+)]
+pub(crate) struct WeightMapArgs {
+    /// The room directory.
+    room: PathBuf,
+    /// A camera's video, as `tracker run` takes it.
+    #[arg(long, value_name = "NAME=PATH", required = true)]
+    video: Vec<NamedSource>,
+    /// The frame, from 1.
+    #[arg(long, default_value_t = 1)]
+    frame: u32,
+    /// Height of the heads' middles above the floor, metres.
+    #[arg(long, default_value_t = 1.6, value_name = "METRES")]
+    height: f64,
+    /// The folder to write to.
+    #[arg(long)]
+    out: PathBuf,
+    /// The method as published: all edges in proportion to their strength.
+    #[arg(long)]
+    published: bool,
+    #[command(flatten)]
+    background: BackgroundArguments,
+    #[command(flatten)]
+    heads: HeadArguments,
+}
+
+/// Runs the subcommand.
+pub(crate) fn weightmap(args: &WeightMapArgs) -> anyhow::Result<String> {
+    if args.frame == 0 {
+        bail!("--frame 0: frames count from 1");
+    }
+    if !(args.height.is_finite() && args.height > 0.0) {
+        bail!("--height {}: give metres above the floor", args.height);
+    }
+    let options = args.heads.options(1, args.published)?;
+    let needs_empty = options.edges.moving_only;
+    let room = Room::read(&args.room)?;
+    let sources = source::open(&room, &args.video, &[])?;
+    args.background.check_names(&args.video)?;
+    let names = sources.iter().map(|s| s.name.clone()).collect();
+    let stage =
+        Stage::prepare(&room, &args.room, &StageOptions { cameras: names, ..StageOptions::default() })?;
+    let mut method = Condensation::new(stage.clone(), options)?;
+    let memory_bytes = KEEP_BYTES / sources.len().max(1);
+    let mut cameras = Vec::new();
+    for (i, source) in sources.into_iter().enumerate() {
+        let (name, undistort) = (source.name, &stage.cameras[i].undistort);
+        let mut video = source.video.with_context(|| format!("camera `{name}` has no video"))?;
+        if needs_empty
+            && let Start::Backdrop(backdrop) = args.background.start(&name, &mut video, memory_bytes)?
+        {
+            method.set_empty_scene(i, &undistort.image(&backdrop.picture));
+        }
+        let mut picture = RgbImage::default();
+        for frame in 1..=args.frame {
+            let is_there =
+                if frame < args.frame { video.skip()? } else { video.read(&mut picture)?.is_some() };
+            if !is_there {
+                bail!("--frame {}: the video of `{name}` ends after frame {}", args.frame, frame - 1);
+            }
+        }
+        cameras.push(CameraFrame { mask: None, image: Some(undistort.image(&picture)) });
+    }
+    let moment = Moment { frame: args.frame, time_s: 0.0, cameras: &cameras };
+    let chosen: Vec<Integration> = match args.heads.integration() {
+        Some(one) => vec![one],
+        None => Integration::ALL.to_vec(),
+    };
+    let maps = method.weight_maps(&moment, &chosen, args.height)?;
+    std::fs::create_dir_all(&args.out).with_context(|| args.out.display().to_string())?;
+    for map in maps {
+        let path = args.out.join(format!("{}.png", map.integration));
+        map.picture(&stage).save(&path).with_context(|| path.display().to_string())?;
+    }
+    Ok(String::new())
+}

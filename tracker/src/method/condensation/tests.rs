@@ -1,0 +1,217 @@
+//! Whole moments against a truth of our own: dark balls the size of heads, drawn pixel by pixel by casting rays, on a textured
+//! wall.
+
+use std::path::Path;
+
+use calib::{Camera, Intrinsics};
+use image::{Rgb, RgbImage};
+use nalgebra::{Isometry3, Point2, Point3};
+use scenes::polygon::Polygon;
+use scenes::room::{Room, RoomCamera, Zone, ZoneKind};
+
+use super::*;
+use crate::CameraFrame;
+use crate::stage::{StageCamera, StageOptions};
+
+const SIZE: (u32, u32) = (320, 240);
+const RATE_HZ: f64 = 15.0;
+
+/// Cameras around a floor of 4 × 4 m whose entry is its west side.
+fn stage(cameras: usize) -> Stage {
+    let camera = |i: usize| {
+        let angle = 0.4 + i as f64 / cameras as f64 * std::f64::consts::TAU;
+        let eye = Point3::new(2.0 + 4.2 * angle.cos(), 2.0 + 4.2 * angle.sin(), 2.5);
+        let pose = Isometry3::face_towards(&eye, &Point3::new(2.0, 2.0, 1.4), &-Vector3::z()).inverse();
+        let intrinsics = Intrinsics::from_horizontal_fov(SIZE.0, SIZE.1, 70.0);
+        RoomCamera {
+            name: format!("c{i}"),
+            camera: Camera { intrinsics, camera_from_world: pose },
+            reference: None,
+        }
+    };
+    let floor = Polygon::rectangle(Point2::origin(), Point2::new(4.0, 4.0));
+    let entry = Polygon::rectangle(Point2::origin(), Point2::new(1.2, 4.0));
+    let room = Room {
+        cameras: (0..cameras).map(camera).collect(),
+        zones: vec![Zone { name: "west".into(), polygon: entry, kind: ZoneKind::Both }],
+        walkable: Some(vec![floor]),
+        geometry: None,
+    };
+    Stage::prepare(&room, Path::new("."), &StageOptions::default()).unwrap()
+}
+
+/// What a camera sees of heads (spheroids of the model's size, each on a body) before a wall.
+fn picture(camera: &StageCamera, heads: &[Vector3<f64>]) -> RgbImage {
+    let center = camera.pinhole.center();
+    RgbImage::from_fn(SIZE.0, SIZE.1, |u, v| {
+        let ray = camera.pinhole.ray(&Point2::new(f64::from(u), f64::from(v))).unwrap().into_inner();
+        let hits = |middle: Vector3<f64>, axes: Vector3<f64>| {
+            let (o, w) = ((center.coords - middle).component_div(&axes), ray.component_div(&axes));
+            let b = o.dot(&w);
+            b < 0.0 && b * b >= w.norm_squared() * (o.norm_squared() - 1.0)
+        };
+        let is_hit = heads.iter().any(|h| {
+            hits(*h, Vector3::new(0.09, 0.09, 0.12))
+                || hits(Vector3::new(h.x, h.y, 0.7), Vector3::new(0.2, 0.2, 0.68))
+        });
+        if is_hit {
+            Rgb([40, 35, 30])
+        } else {
+            Rgb([150 + (u * 7 % 23) as u8, 150 + (v * 5 % 19) as u8, 160])
+        }
+    })
+}
+
+fn tracker(stage: &Stage, options: CondensationOptions) -> Condensation {
+    let mut tracker = Condensation::new(stage.clone(), options).unwrap();
+    for (i, camera) in stage.cameras.iter().enumerate() {
+        tracker.set_empty_scene(i, &picture(camera, &[]));
+    }
+    tracker
+}
+
+/// Follows heads whose places are given for each frame; `blind` are the cameras without a picture in a frame.
+fn followed(
+    stage: &Stage,
+    options: CondensationOptions,
+    frames: u32,
+    heads: impl Fn(f64) -> Vec<Vector3<f64>>,
+    is_blind: impl Fn(u32, usize) -> bool,
+) -> Vec<Vec<PersonEstimate>> {
+    let mut tracker = tracker(stage, options);
+    (1..=frames)
+        .map(|frame| {
+            let time_s = f64::from(frame) / RATE_HZ;
+            let heads = heads(time_s);
+            let frame_of = |(i, camera): (usize, &StageCamera)| CameraFrame {
+                mask: None,
+                image: (!is_blind(frame, i)).then(|| picture(camera, &heads)),
+            };
+            let cameras: Vec<CameraFrame> = stage.cameras.iter().enumerate().map(frame_of).collect();
+            tracker.step(&Moment { frame, time_s, cameras: &cameras }).unwrap()
+        })
+        .collect()
+}
+
+/// Comes from the west at 1 m/s and goes on along a bow.
+fn walker(time_s: f64) -> Vec<Vector3<f64>> {
+    vec![Vector3::new(0.6 + time_s, 1.5 + 0.5 * (1.2 * time_s).sin(), 1.62)]
+}
+
+fn error_m(p: &PersonEstimate, head: &Vector3<f64>) -> f64 {
+    (Vector3::new(p.x_m, p.y_m, p.z_m) - head).norm()
+}
+
+#[test]
+fn a_head_is_found_and_followed_within_centimetres_by_two_to_sixteen_cameras() {
+    for cameras in [2, 3, 16] {
+        let people = followed(&stage(cameras), CondensationOptions::default(), 36, walker, |_, _| false);
+        for (i, people) in people.iter().enumerate().skip(18) {
+            let head = walker((i + 1) as f64 / RATE_HZ)[0];
+            assert_eq!(people.len(), 1, "{cameras} cameras, frame {}", i + 1);
+            let error = error_m(&people[0], &head);
+            assert!(error < 0.06, "{cameras} cameras, frame {}: {error}", i + 1);
+            assert_eq!(people[0].id, TrackId(1));
+        }
+    }
+}
+
+#[test]
+fn a_camera_that_drops_out_is_left_out_and_without_two_one_coasts_with_growing_sigma() {
+    let stage = stage(4);
+    // One camera drops out at frame 20, all but one at 28.
+    let blind = |frame: u32, camera: usize| (frame >= 20 && camera == 2) || (frame >= 28 && camera != 0);
+    let people = followed(&stage, CondensationOptions::default(), 33, walker, blind);
+    let at = |frame: usize| &people[frame - 1][0];
+    assert!(error_m(at(26), &walker(26.0 / RATE_HZ)[0]) < 0.06);
+    assert!(error_m(at(31), &walker(31.0 / RATE_HZ)[0]) < 0.25, "goes on as it went");
+    let sigma = |frame: usize| at(frame).sigma_m[0].hypot(at(frame).sigma_m[1]);
+    assert!(sigma(27) < 0.05 && sigma(29) > 1.5 * sigma(27) && sigma(32) > 1.3 * sigma(29));
+    assert!(at(32).confidence < at(27).confidence);
+}
+
+#[test]
+fn nobody_is_found_in_an_empty_scene_or_without_pictures() {
+    let stage = stage(3);
+    for is_blind in [false, true] {
+        let people = followed(&stage, CondensationOptions::default(), 12, |_| Vec::new(), |_, _| is_blind);
+        assert!(people.iter().all(Vec::is_empty), "{is_blind}");
+    }
+}
+
+#[test]
+fn two_who_pass_each_other_keep_their_own_heads() {
+    let stage = stage(6);
+    let both = |time_s: f64| {
+        vec![Vector3::new(0.5 + time_s, 1.7, 1.6), Vector3::new(0.5 + 1.0_f64.min(time_s), 2.2, 1.7)]
+    };
+    let people = followed(&stage, CondensationOptions::default(), 34, both, |_, _| false);
+    let ids = |frame: usize| {
+        let heads = both(frame as f64 / RATE_HZ);
+        let nearest = |head: &Vector3<f64>| {
+            let found = people[frame - 1].iter().find(|p| error_m(p, head) < 0.08);
+            found.map(|p| p.id)
+        };
+        [nearest(&heads[0]), nearest(&heads[1])]
+    };
+    let before = ids(15);
+    assert!(before[0].is_some() && before[1].is_some() && before[0] != before[1], "{before:?}");
+    assert_eq!(ids(34), before);
+}
+
+#[test]
+fn the_same_bytes_at_any_number_of_threads() {
+    let stage = stage(3);
+    let with = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| followed(&stage, CondensationOptions::default(), 18, walker, |_, _| false))
+    };
+    let one = with(1);
+    assert!(one[17].len() == 1 && one == with(3));
+    let other = CondensationOptions { seed: 2, ..CondensationOptions::default() };
+    assert!(one != followed(&stage, other, 18, walker, |_, _| false), "the seed matters");
+}
+
+#[test]
+fn one_camera_and_odd_options_are_refused() {
+    let refused = |stage: Stage, options| Condensation::new(stage, options).err().unwrap().to_string();
+    assert!(refused(stage(1), CondensationOptions::default()).contains("needs 2 to 32 cameras"));
+    for (name, options) in [
+        ("hypotheses", CondensationOptions { hypotheses: 0, ..CondensationOptions::default() }),
+        ("beta", CondensationOptions { beta: f64::NAN, ..CondensationOptions::default() }),
+        ("sharpness", CondensationOptions { sharpness: -1.0, ..CondensationOptions::default() }),
+    ] {
+        let error = refused(stage(2), options);
+        assert!(error.contains(name), "{error}");
+    }
+    let mut tracker = tracker(&stage(2), CondensationOptions::default());
+    let odd = CameraFrame { mask: None, image: Some(RgbImage::new(3, 3)) };
+    let error = tracker.step(&Moment { frame: 7, time_s: 0.0, cameras: &[odd, CameraFrame::default()] });
+    assert!(error.unwrap_err().to_string().contains("frame 7 is 3 × 3"));
+}
+
+#[test]
+fn a_gate_that_one_camera_sees_is_told() {
+    let mut stage = stage(2);
+    // A wall before everything the second camera sees.
+    stage.cameras[1].static_z_m.fill(0.5);
+    let (_, unseen) = Gates::new(&stage, &CondensationOptions::default());
+    let told = unseen.to_string();
+    assert!(unseen.is_all && told.contains("`west`: c0 alone") && told.contains("mcmc"), "{told}");
+}
+
+#[test]
+fn a_map_peaks_at_the_head() {
+    let stage = stage(4);
+    let mut tracker = tracker(&stage, CondensationOptions::default());
+    let head = Vector3::new(1.7, 2.4, 1.6);
+    let frame = |c: &StageCamera| CameraFrame { mask: None, image: Some(picture(c, &[head])) };
+    let cameras: Vec<CameraFrame> = stage.cameras.iter().map(frame).collect();
+    let moment = Moment { frame: 1, time_s: 0.0, cameras: &cameras };
+    for map in tracker.weight_maps(&moment, &Integration::ALL, head.z).unwrap() {
+        let (peak, _) = map.peak().unwrap();
+        assert!((peak - head.xy()).coords.norm() < 0.08, "{}: {peak}", map.integration);
+        let picture = map.picture(&stage);
+        assert_eq!(picture.width() as usize % map.columns, 0);
+    }
+}

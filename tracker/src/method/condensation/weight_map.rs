@@ -1,0 +1,121 @@
+//! Weights over a horizontal plane (figures 4 to 8): what each integration makes of one moment.
+
+use image::{Rgb, RgbImage};
+use nalgebra::{Point2, Vector3};
+use scenes::canvas::{Canvas, Color, Stroke, TextStyle};
+
+use super::filter::Sight;
+use super::integration::{Integration, Looks};
+use crate::stage::Stage;
+
+/// Pixels of a cell's side in the picture.
+const CELL_PX: u32 = 4;
+/// The most cells along a side; a wide floor gets larger ones.
+const MOST_CELLS: f64 = 240.0;
+/// The least side of a cell, metres: half of a head's radius.
+const LEAST_CELL_M: f64 = 0.04;
+
+/// Weights on a grid over the floor's bounds, at one height.
+#[derive(Debug, Clone, PartialEq)]
+pub struct WeightMap {
+    /// What made them.
+    pub integration: Integration,
+    /// The corner of the grid with the smallest x and y, metres.
+    pub low: Point2<f64>,
+    /// Side of a cell, metres.
+    pub cell_m: f64,
+    /// Cells along x.
+    pub columns: usize,
+    /// Row by row of growing y, at the cells' middles.
+    pub weights: Vec<f32>,
+}
+
+impl WeightMap {
+    /// The map of one integration of a moment's edges, heads' middles at `height_m` metres.
+    pub fn new(stage: &Stage, sight: &Sight<'_>, integration: Integration, height_m: f64) -> Self {
+        let (low, high) = stage.floor.bounds();
+        let size = high - low;
+        let cell_m = (size.x.max(size.y) / MOST_CELLS).max(LEAST_CELL_M);
+        let [columns, rows] = [size.x, size.y].map(|s| (s / cell_m).ceil().max(1.0) as usize);
+        let lookout = sight.lookout.with(integration);
+        let mut looks = Looks::default();
+        let mut map = Self { integration, low, cell_m, columns, weights: Vec::with_capacity(columns * rows) };
+        for i in 0..columns * rows {
+            let place = map.middle(i);
+            let head = Vector3::new(place.x, place.y, height_m);
+            lookout.look(&head, sight.stage, sight.edges, &mut looks);
+            map.weights.push(lookout.integrate(&looks));
+        }
+        map
+    }
+
+    /// The middle of a cell on the floor plan.
+    pub fn middle(&self, cell: usize) -> Point2<f64> {
+        let (column, row) = (cell % self.columns, cell / self.columns);
+        self.low + nalgebra::Vector2::new(column as f64 + 0.5, row as f64 + 0.5) * self.cell_m
+    }
+
+    /// The place of the largest weight, with the weight.
+    pub fn peak(&self) -> Option<(Point2<f64>, f32)> {
+        let (cell, weight) = self.weights.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1))?;
+        Some((self.middle(cell), *weight))
+    }
+
+    /// The map as a picture, y upwards: from nothing (dark) to its largest weight (bright), with cameras and zones.
+    pub fn picture(&self, stage: &Stage) -> RgbImage {
+        let rows = self.weights.len() / self.columns;
+        let largest = self.peak().map_or(0.0, |(_, w)| w).max(f32::MIN_POSITIVE);
+        let (width, height) = (self.columns as u32 * CELL_PX, rows as u32 * CELL_PX);
+        let ground = RgbImage::from_fn(width, height, |x, y| {
+            let row = rows - 1 - (y / CELL_PX) as usize;
+            heat(self.weights[row * self.columns + (x / CELL_PX) as usize] / largest)
+        });
+        let mut canvas = Canvas::from_image(&ground);
+        let pixel = |p: &Point2<f64>| {
+            let cells = (p - self.low) / self.cell_m * f64::from(CELL_PX);
+            Point2::new(cells.x, f64::from(height) - cells.y)
+        };
+        for zone in &stage.zones {
+            let corners: Vec<Point2<f64>> = zone.polygon.0.iter().map(pixel).collect();
+            canvas.stroke_polygon(&corners, &Stroke::dashed(Color::from(Rgb([200, 200, 200])), 1.5));
+        }
+        for camera in &stage.cameras {
+            let center = camera.pinhole.center();
+            // Those outside are drawn on the border.
+            let at = pixel(&Point2::new(center.x, center.y));
+            let at = Point2::new(
+                at.x.clamp(8.0, f64::from(width) - 8.0),
+                at.y.clamp(8.0, f64::from(height) - 8.0),
+            );
+            canvas.fill_circle(at, 5.0, Color::from(Rgb([90, 220, 255])));
+            canvas.text(at, &camera.name, &TextStyle::new(13.0).on_plate(Color::INK.alpha(0.6)));
+        }
+        let title = match self.peak() {
+            Some((p, weight)) => {
+                format!("{}: largest {weight:.4} at {:.2}, {:.2}", self.integration, p.x, p.y)
+            }
+            None => self.integration.to_string(),
+        };
+        canvas.text(Point2::new(8.0, 8.0), &title, &TextStyle::new(17.0).on_plate(Color::INK.alpha(0.7)));
+        canvas.into_image()
+    }
+}
+
+/// Black through red and yellow to white.
+fn heat(share: f32) -> Rgb<u8> {
+    let part = |from: f32| ((share.clamp(0.0, 1.0) - from) * 3.0).clamp(0.0, 1.0);
+    Rgb([part(0.0), part(1.0 / 3.0), part(2.0 / 3.0)].map(|v| (255.0 * v).round() as u8))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_grow_brighter_with_the_weight() {
+        let sums: Vec<u32> =
+            (0..=10).map(|i| heat(i as f32 / 10.0).0.iter().map(|c| u32::from(*c)).sum()).collect();
+        assert!(sums.windows(2).all(|p| p[0] < p[1]), "{sums:?}");
+        assert_eq!((heat(-1.0), heat(f32::NAN).0[1], heat(2.0)), (Rgb([0; 3]), 0, Rgb([255; 3])));
+    }
+}
