@@ -5,16 +5,19 @@
 //! 1. every person is predicted ([`motion`]);
 //! 2. a Markov chain changes one person a step (ADD, DELETE, UPDATE-P, UPDATE-S) and takes the change by how well the
 //!    simulated masks then fit the real ones ([`chain`]);
-//! 3. the mean over the last states is the estimate ([`tally`]), and becomes the belief of the next moment ([`track`]).
+//! 3. the mean over the last states is the estimate ([`tally`]), and becomes the belief of the next moment ([`belief`],
+//!    [`track`]); those who are believed in are told ([`report`]).
 //!
 //! Where people are proposed to appear is [`births`]; what can be set is [`McmcOptions`].
 
+mod belief;
 mod births;
 mod chain;
 mod evidence;
 mod motion;
 mod options;
 mod person;
+mod report;
 mod resolution;
 mod tally;
 mod track;
@@ -25,7 +28,6 @@ use rand_pcg::Pcg64Mcg;
 
 use self::births::{BirthMap, LeftOver};
 use self::chain::{Chain, Setting};
-use self::evidence::{Evidence, worst_filled};
 pub use self::options::{Acceptance, McmcOptions, MotionOptions, MoveWeights, Spread};
 use self::person::{Key, Person};
 use self::tally::Tally;
@@ -33,10 +35,9 @@ use self::track::Track;
 use super::Method;
 use crate::identity::Identities;
 use crate::likelihood::{Counts, Layers, PreparedRule, Simulation, pack};
-use crate::silhouette::visibility::visible_fractions;
-use crate::silhouette::{Body, Silhouette, View};
+use crate::silhouette::{Body, View};
 use crate::stage::{Stage, StageCamera};
-use crate::{CameraFrame, Error, Moment, PersonEstimate, Result, TrackId};
+use crate::{CameraFrame, Error, Moment, PersonEstimate, Result};
 
 /// While people who were inside already are being found, a moment gets this many times the steps.
 const SETTLING_STEPS: u32 = 5;
@@ -264,109 +265,6 @@ impl Method for Mcmc {
         self.weigh(&masks, dt_s);
         self.tell_apart(moment.cameras);
         Ok(self.report())
-    }
-}
-
-impl Mcmc {
-    /// Turns the tally into tracks: people in most of the states live, the others are gone.
-    fn take_in(&mut self, tally: &Tally, settling: bool) {
-        let lives = |states: u32| states * 2 > tally.states();
-        self.tracks.retain(|track| tally.of(track.key).is_some_and(|s| lives(s.states)));
-        let bodies: Vec<Body> = self.tracks.iter().map(Track::body).collect();
-        let visible = visible_fractions(self.layers.views(), &bodies);
-        for (track, visible) in self.tracks.iter_mut().zip(visible) {
-            if let Some(sums) = tally.of(track.key) {
-                let looking =
-                    (0..visible.len()).filter(|c| self.simulation.in_use(self.layers.innermost(*c)));
-                let best = looking.map(|c| visible[c]).fold(0.0, f64::max);
-                track.update(sums, best, &self.options);
-            }
-        }
-        for sums in tally.all().iter().filter(|s| lives(s.states)) {
-            if self.tracks.iter().all(|t| t.key != sums.key) {
-                self.tracks.push(Track::born(sums, settling, &self.options));
-            }
-        }
-    }
-
-    /// Takes in, for each person, how much better the masks are explained with them than without; believes in those who
-    /// have become likely enough.
-    fn weigh(&mut self, masks: &[Option<Vec<u64>>], dt_s: f64) {
-        self.simulation.restart(masks);
-        let drawn: Vec<Vec<Silhouette>> = self
-            .tracks
-            .iter()
-            .map(|t| self.layers.silhouettes(&t.body(), |l| self.simulation.in_use(l)))
-            .collect();
-        for silhouettes in &drawn {
-            self.simulation.insert(silhouettes);
-        }
-        let rule = self.options.likelihood;
-        let nats = |counts: &mut dyn Iterator<Item = Option<Counts>>| {
-            let counts = counts.zip(&self.typical_px).enumerate();
-            self.rule.log_likelihood(counts.filter_map(|(i, (c, px))| Some((self.layers.shape(i), c?, *px))))
-        };
-        let with = nats(&mut self.simulation.counts());
-        for (track, silhouettes) in self.tracks.iter_mut().zip(&drawn) {
-            self.simulation.try_change(Some(silhouettes), None);
-            let evidence = Evidence {
-                support_nats: with - nats(&mut self.simulation.tried()),
-                chance_nats: rule.worth_of(self.options.birth_evidence),
-                worst_filled: worst_filled(&self.simulation, &self.layers, silhouettes),
-            };
-            track.weigh(&evidence, dt_s);
-            if track.id.is_none() && track.is_believable(&self.options) {
-                track.id = Some(TrackId(self.next_id));
-                self.next_id += 1;
-            }
-        }
-    }
-
-    /// Gives people who have exchanged their names in an encounter their own ones back, with what is known of their sizes.
-    fn tell_apart(&mut self, cameras: &[CameraFrame]) {
-        let named: Vec<(TrackId, Body)> =
-            self.tracks.iter().filter_map(|track| Some((track.id?, track.body()))).collect();
-        for (a, b) in self.identities.observe(cameras, self.layers.views(), &named) {
-            let of = |id: TrackId| self.tracks.iter().position(|track| track.id == Some(id));
-            if let (Some(a), Some(b)) = (of(a), of(b)) {
-                let (left, right) = self.tracks.split_at_mut(a.max(b));
-                left[a.min(b)].exchange_names(&mut right[0]);
-            }
-        }
-    }
-
-    fn report(&self) -> Vec<PersonEstimate> {
-        let bodies: Vec<Body> = self.tracks.iter().map(Track::body).collect();
-        let visible = visible_fractions(&self.views, &bodies);
-        let mut people: Vec<PersonEstimate> = self
-            .tracks
-            .iter()
-            .zip(visible)
-            .filter_map(|(track, visible)| {
-                let motion = &track.motion;
-                let (place, velocity, covariance) =
-                    (motion.place(), motion.velocity(), motion.place_covariance());
-                // On a doorstep nobody is in the room.
-                if !self.stage.floor.is_inside(place.x, place.y) {
-                    return None;
-                }
-                Some(PersonEstimate {
-                    id: track.id?,
-                    x_m: place.x,
-                    y_m: place.y,
-                    z_m: 0.0,
-                    radius_m: track.radius.mean_m,
-                    height_m: track.height.mean_m,
-                    vx: velocity.x,
-                    vy: velocity.y,
-                    sigma_m: [covariance[(0, 0)].sqrt(), covariance[(1, 1)].sqrt()],
-                    confidence: track.existence(),
-                    visible,
-                })
-            })
-            .collect();
-        people.sort_by_key(|p| p.id);
-        people
     }
 }
 

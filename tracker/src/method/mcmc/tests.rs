@@ -11,6 +11,8 @@ use scenes::synthetic::{RoomOptions, SequenceOptions, WalkerOptions};
 use scenes::walkable::WalkableMap;
 
 use super::*;
+use crate::TrackId;
+use crate::silhouette::Silhouette;
 use crate::stage::{Floor, StageOptions};
 
 const RATE_HZ: f64 = 12.0;
