@@ -27,7 +27,7 @@ impl Detector {
         Self::new(&PeopleClassifier::inria_weights()?, options)
     }
 
-    /// A camera's own detector, from the file that [`write`] made.
+    /// A camera's own detector, from the file that [`write()`] made.
     ///
     /// # Errors
     /// Naming the file and what is wrong with it.
