@@ -73,7 +73,7 @@ pub(crate) struct RunArgs {
     threads: Option<usize>,
     #[command(flatten)]
     clocks: ClockArguments,
-    /// Ignore the room's geometry: nothing hides anybody. For comparison.
+    /// Ignore the room's geometry: nothing but the floor hides anybody. For comparison.
     #[arg(long)]
     no_occlusion: bool,
     /// At the end, link the tracks over the whole recording: somebody who was lost and found again keeps their id, and

@@ -25,7 +25,7 @@ use crate::{Error, Result};
 pub struct StageOptions {
     /// The cameras to use, by name, in this order. Empty: all of the room's, in the room's order.
     pub cameras: Vec<String>,
-    /// Whether the room's geometry hides people (default). Without it the geometry is ignored altogether.
+    /// Whether the room's geometry hides people (default). Without it only the floor does.
     pub occlusion: bool,
 }
 
