@@ -67,6 +67,43 @@ fn linking_names_file_line_and_option() {
 }
 
 #[test]
+fn colours_need_the_video_that_the_boxes_were_found_in() {
+    let bench = Bench::new();
+    let (good, out, video) = (bench.file("good.txt", ROWS), bench.path("out.txt"), bench.path("video"));
+    std::fs::create_dir(&video).unwrap();
+    let write = |frames: std::ops::RangeInclusive<u32>, size: u32| {
+        for frame in frames {
+            image::RgbImage::new(size, size).save(video.join(format!("{frame:04}.png"))).unwrap();
+        }
+    };
+    let link = ["link", "", "--video", "", "--out", ""];
+    write(1..=2, 100);
+    refused(&tracker(&link, &[&good, &video, &out]), &["video", "frame 3"]);
+    write(3..=3, 100);
+    assert!(tracker(&link, &[&good, &video, &out]).status.success());
+    std::fs::remove_file(&out).unwrap();
+    write(1..=3, 16);
+    refused(&tracker(&link, &[&good, &video, &out]), &["video", "frame 1", "16 × 16"]);
+    let floor = bench.file("floor.txt", "1,-1,-1,-1,-1,-1,1,0.5,0.5,0\n");
+    refused(&tracker(&link, &[&floor, &video, &out]), &["--video", "floor.txt"]);
+    refused(&tracker(&link, &[&good, &bench.path("none"), &out]), &["none"]);
+    assert!(!out.exists());
+}
+
+#[test]
+fn files_that_are_none_are_named_and_so_is_a_rate_that_is_none() {
+    let bench = Bench::new();
+    let (good, out) = (bench.file("good.txt", ROWS), bench.path("out.txt"));
+    refused(&tracker(&["link", "", "--out", ""], &[bench.folder.path(), &out]), &["Is a directory"]);
+    let cut = bench.file("cut.txt", "1,-1,10,10,30,60,0.9\n2,-1,10");
+    refused(&tracker(&["link", "", "--out", ""], &[&cut, &out]), &["cut.txt", "line 2", "3 columns"]);
+    refused(&tracker(&["link", "", "--out", "", "--rate", "0"], &[&good, &out]), &["--rate"]);
+    bench.file("seqinfo.ini", "[Sequence]\nframeRate=x\n");
+    refused(&tracker(&["link", "", "--out", ""], &[&good, &out]), &["seqinfo.ini", "line 2"]);
+    assert!(!out.exists());
+}
+
+#[test]
 fn tuning_and_evaluating_name_what_is_missing() {
     let bench = Bench::new();
     let good = bench.file("good.txt", ROWS);
@@ -77,6 +114,23 @@ fn tuning_and_evaluating_name_what_is_missing() {
     refused(
         &tracker(&["eval", "--truth", "", "--tracks", ""], &[bench.folder.path(), &good]),
         &["no sequence"],
+    );
+}
+
+#[test]
+fn linking_and_evaluating_start_without_the_video_libraries_and_everything_else_goes_on_with_them() {
+    // How ldd asks: the loader names what it would load.
+    let loaded = |name: &str| {
+        let output = program(name).env("LD_TRACE_LOADED_OBJECTS", "1").output().unwrap();
+        String::from_utf8(output.stdout).unwrap()
+    };
+    assert!(loaded("tracker-all").contains("opencv_videoio"));
+    assert!(loaded("tracker").contains("libc.so") && !loaded("tracker").contains("opencv_videoio"));
+    let help = tracker(&["--help"], &[]);
+    let text = String::from_utf8(help.stdout).unwrap();
+    assert!(
+        help.status.success() && text.contains("weightmap") && text.contains("Usage: tracker "),
+        "{text}"
     );
 }
 

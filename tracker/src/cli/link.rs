@@ -7,7 +7,7 @@ use calib::console::Console;
 use clap::{Subcommand, ValueEnum};
 use tracker::eval::plots;
 use tracker::link::tune::{TuneOptions, cross_validate};
-use tracker::link::{self, Detections, LinkOptions, SolverKind, experiment};
+use tracker::link::{self, Detections, LinkOptions, SolverKind, experiment, rate};
 use tracker::tracks::rows::RowFile;
 
 /// Links the detections of a whole recording to the tracks of least total cost.
@@ -15,17 +15,19 @@ use tracker::tracks::rows::RowFile;
 /// DETECTIONS holds MOTChallenge rows, boxes (frame,id,left,top,width,height,score) or places on the floor
 /// (frame,id,-1,-1,-1,-1,score,x,y,z); ids are ignored. The tracks are written in the same form.
 ///
-/// With one of --max-distance, --max-area-change, --link-cost, --birth-cost or --detection-offset the graph is the paper's:
-/// detections that pass the thresholds are linked at a constant cost, and the optimum over this graph is written. With
-/// none of them, links cost by distance and change of size relative to the boxes' heights, and the tracks so found are
-/// linked once more, over longer gaps, by their motion.
+/// With one of --max-distance, --max-area-change, --max-colour-distance, --link-cost, --birth-cost or --detection-offset the
+/// graph is the paper's: detections that pass the thresholds are linked at a constant cost, and the optimum over this graph
+/// is written. With none of them, links cost by how people move, in their own heights and in seconds, and the tracks so
+/// found are linked again, over longer gaps, by where they come from and where they are going. Say --rate where the
+/// recording has far more or fewer than 25 frames a second.
 #[derive(Debug, clap::Args)]
 #[command(
     args_conflicts_with_subcommands = true,
     subcommand_negates_reqs = true,
     after_help = "Examples:
   tracker link detections.txt --out tracks.txt
-  tracker link detections.txt --out tracks.txt --report report.json --max-gap 30
+  tracker link detections.txt --out tracks.txt --rate 10 --report report.json
+  tracker link detections.txt --video view1.avi --rate 7 --out tracks.txt
   tracker link detections.txt --out tracks.txt --max-distance 40 --max-area-change 4000 --link-cost 0.1 --birth-cost 2
   tracker link detections.txt --out tracks.txt --direction-threshold 15 --skip 1
   tracker link out/tracks.txt --tracklets --out mended.txt
@@ -43,10 +45,25 @@ pub(crate) struct LinkArgs {
     out: Option<PathBuf>,
     #[command(flatten)]
     options: LinkArguments,
+    /// Frames per second [default: the frameRate of a seqinfo.ini beside DETECTIONS or a folder above, else that of --video,
+    /// else 25].
+    #[arg(long, value_name = "FPS")]
+    rate: Option<f64>,
+    /// The video that the boxes were found in: whoever is linked must have like colours, too.
+    #[arg(long, value_name = "VIDEO")]
+    video: Option<String>,
+    /// Greatest difference of two linked boxes' colours: Hellinger distance of the histograms of their middles, 0 to 1
+    /// [default: 0.6].
+    #[arg(long, value_name = "D", requires = "video")]
+    max_colour_distance: Option<f64>,
+    /// Settle links between detections so many frames after: a bound on the time that each one takes. The cost in the report
+    /// is above its lower bound by what this has cost at most; mostly by nothing [default: never].
+    #[arg(long, value_name = "FRAMES")]
+    window: Option<u32>,
     /// The rows are tracks of an online tracker: keep them all, and link those that continue each other. Ids are those of
     /// the first parts.
     #[arg(long, conflicts_with_all = ["skip", "direction_threshold", "solver", "max_distance", "max_area_change", "link_cost",
-        "birth_cost", "detection_offset"])]
+        "birth_cost", "detection_offset", "video", "window"])]
     tracklets: bool,
     /// Write what was done as JSON: detections, edges, tracks, total cost, its proven lower bound, seconds.
     #[arg(long, value_name = "FILE")]
@@ -122,11 +139,13 @@ pub(crate) struct LinkArguments {
     /// A detection costs this minus its score [default: 0.2].
     #[arg(long, value_name = "C", allow_negative_numbers = true)]
     detection_offset: Option<f64>,
-    /// Link over up to so many frames; 1: from a frame to the next only [default: 80; the
-    /// paper's graph: 1, with --direction-threshold 2].
+    /// Link over up to so many frames; 1: from a frame to the next only [default: 2.5 seconds; the paper's graph: 1, with
+    /// --direction-threshold 2].
     #[arg(long, value_name = "FRAMES")]
     max_gap: Option<u32>,
-    /// Greatest change of a track's velocity at a detection, pixels (metres) a frame.
+    /// Greatest change of a track's velocity at a detection, pixels (metres) a frame. It must be above the noise of the
+    /// boxes and below the difference of two people's velocities, so nothing is assumed; `tracker link tune --direction`
+    /// finds it. Without the options of the paper's graph, the directions of whole tracklets count as it is.
     #[arg(long, value_name = "PX")]
     direction_threshold: Option<f64>,
     /// Leave out so many frames after each one that is linked; their detections are given to the tracks that pass.
@@ -144,7 +163,7 @@ pub(crate) struct LinkArguments {
     /// Leave gaps in tracks as they are.
     #[arg(long)]
     keep_gaps: bool,
-    /// Smooth each track's boxes by a Gaussian of this standard deviation [default: 5; the paper's graph: 0].
+    /// Smooth each track's boxes by a Gaussian of this standard deviation [default: 0.2 seconds; the paper's graph: 0].
     #[arg(long, value_name = "FRAMES")]
     smooth: Option<f64>,
 }
@@ -162,10 +181,13 @@ impl LinkArguments {
         LinkOptions {
             max_distance: self.max_distance,
             max_area_change_px2: self.max_area_change,
+            max_colour_distance: None,
             link_cost: self.link_cost,
             birth_cost: self.birth_cost,
             detection_offset: self.detection_offset,
+            frames_per_s: None,
             max_gap: self.max_gap,
+            window: None,
             direction_threshold: self.direction_threshold,
             skip: self.skip,
             min_score: self.min_score,
@@ -180,8 +202,11 @@ impl LinkArguments {
     }
 }
 
-/// Runs the subcommand.
-pub(crate) fn link(args: &LinkArgs, console: &Console) -> anyhow::Result<String> {
+/// Fills in the colours of detections from a video, and returns its rate.
+pub(crate) type LookAtVideo = fn(&str, &mut Detections, &Console) -> anyhow::Result<Option<f64>>;
+
+/// Runs the subcommand; `look` is what `--video` needs.
+pub(crate) fn link(args: &LinkArgs, console: &Console, look: Option<LookAtVideo>) -> anyhow::Result<String> {
     match &args.command {
         Some(LinkCommand::Tune(args)) => return tune(args),
         Some(LinkCommand::Experiment(args)) => return run_experiment(args, console),
@@ -190,13 +215,31 @@ pub(crate) fn link(args: &LinkArgs, console: &Console) -> anyhow::Result<String>
     let (Some(detections), Some(out)) = (&args.detections, &args.out) else {
         bail!("give a file of detections and --out TRACKS")
     };
-    let options = args.options.options();
+    let mut options = LinkOptions {
+        frames_per_s: args.rate,
+        max_colour_distance: args.max_colour_distance,
+        window: args.window,
+        ..args.options.options()
+    };
     options.check()?;
     let file = RowFile::read(detections)?;
+    if options.frames_per_s.is_none() {
+        options.frames_per_s = rate::beside(detections)?;
+    }
     let linked = if args.tracklets {
         link::link_tracklets(&file, &options)?
     } else {
-        let found = Detections::from_rows(&file, &options)?;
+        let mut found = Detections::from_rows(&file, &options)?;
+        if let (Some(video), Some(look)) = (&args.video, look) {
+            if found.on_floor && !found.all.is_empty() {
+                bail!(
+                    "--video: {} holds places on the floor; colours are those of boxes",
+                    detections.display()
+                );
+            }
+            let rate = look(video, &mut found, console)?;
+            options.frames_per_s = options.frames_per_s.or(rate);
+        }
         link::link(&found, &options).with_context(|| format!("{}", detections.display()))?
     };
     let tracks = link::track_file(&linked);

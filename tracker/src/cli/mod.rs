@@ -2,6 +2,7 @@
 
 mod background;
 mod clocks;
+mod colours;
 mod detect;
 mod eval;
 mod heads;
@@ -17,7 +18,7 @@ use clap::{Parser, Subcommand};
 
 /// Follows every person in a room, in metres on its floor, from fixed calibrated cameras.
 #[derive(Debug, Parser)]
-#[command(version, max_term_width = 110)]
+#[command(name = "tracker", version, max_term_width = 110)]
 pub(crate) struct Arguments {
     #[command(subcommand)]
     command: Command,
@@ -42,7 +43,7 @@ pub(crate) fn run(arguments: &Arguments, console: &Console) -> anyhow::Result<St
     match &arguments.command {
         Command::Run(args) => run::run(args, console),
         Command::Detect(args) => detect::detect(args, console),
-        Command::Link(args) => link::link(args, console),
+        Command::Link(args) => link::link(args, console, Some(colours::look_at_video)),
         Command::Eval(args) => eval::eval(args),
         Command::Masks(args) => masks::masks(args, console),
         Command::Report(args) => report::report(args),

@@ -25,9 +25,6 @@ use super::clocks::ClockArguments;
 use super::heads::HeadArguments;
 use super::sampler::SamplerArguments;
 
-/// `--smooth` bridges losses up to this long.
-const SMOOTH_GAP_S: f64 = 3.0;
-
 /// The published trackers.
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum MethodName {
@@ -76,8 +73,9 @@ pub(crate) struct RunArgs {
     /// Ignore the room's geometry: nothing but the floor hides anybody. For comparison.
     #[arg(long)]
     no_occlusion: bool,
-    /// At the end, link the tracks over the whole recording: somebody who was lost and found again keeps their id, and
-    /// gaps are filled, in tracks.txt and boxes (tracks.jsonl and the films stay as they were made).
+    /// At the end, link the tracks over the whole recording: somebody who was lost for up to 2.5 seconds and found again keeps
+    /// their id, and the gap is filled, in tracks.txt, tracks.jsonl and boxes. The films and the floor plan are drawn as the
+    /// run goes on: in them everybody keeps the ids of that moment.
     #[arg(long)]
     smooth: bool,
     /// Write no films.
@@ -160,7 +158,7 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
     drop(progress);
     report.timings.write(&args.out.join("timings.json"))?;
     if args.smooth {
-        let mended = tracker::link::mend_run(&args.out, (rate * SMOOTH_GAP_S).round() as u32)?;
+        let mended = tracker::link::mend_run(&args.out, rate)?;
         tracing::info!("{} tracks after linking over the whole recording", mended.tracks);
     }
     tell(&report, prepared, started.elapsed().as_secs_f64());

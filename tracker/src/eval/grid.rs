@@ -13,6 +13,16 @@ impl Grid {
         let values = (0..rows).flat_map(|r| (0..columns).map(move |c| (r, c))).map(|(r, c)| value(r, c));
         Self { rows, columns, values: values.collect() }
     }
+    /// Two tables whose numbers are found together.
+    pub(super) fn pair_from_fn(
+        rows: usize,
+        columns: usize,
+        values: impl Fn(usize, usize) -> (f64, f64),
+    ) -> (Self, Self) {
+        let cells = (0..rows).flat_map(|r| (0..columns).map(move |c| (r, c)));
+        let (a, b) = cells.map(|(r, c)| values(r, c)).unzip();
+        (Self { rows, columns, values: a }, Self { rows, columns, values: b })
+    }
     pub(super) fn zeros(rows: usize, columns: usize) -> Self {
         Self { rows, columns, values: vec![0.0; rows * columns] }
     }

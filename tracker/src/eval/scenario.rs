@@ -96,12 +96,16 @@ impl Scenario {
         let pair = |truth: &Row, track: &Row| similarity_and_distance(space, gate, to_truth, truth, track);
         let mut instants: Vec<Instant> = by_frame
             .values()
-            .map(|(truth, tracks)| Instant {
-                truth: truth.iter().map(|r| people.of(r, has_identities)).collect(),
-                tracks: tracks.iter().map(|r| track_ids.of(r, has_identities)).collect(),
-                similarity: Grid::from_fn(truth.len(), tracks.len(), |i, j| pair(truth[i], tracks[j]).0),
-                distance: Grid::from_fn(truth.len(), tracks.len(), |i, j| pair(truth[i], tracks[j]).1),
-                matches: Vec::new(),
+            .map(|(truth, tracks)| {
+                let (similarity, distance) =
+                    Grid::pair_from_fn(truth.len(), tracks.len(), |i, j| pair(truth[i], tracks[j]));
+                Instant {
+                    truth: truth.iter().map(|r| people.of(r, has_identities)).collect(),
+                    tracks: tracks.iter().map(|r| track_ids.of(r, has_identities)).collect(),
+                    similarity,
+                    distance,
+                    matches: Vec::new(),
+                }
             })
             .collect();
         let threshold = if space == Space::Floor { 0.5 } else { gate };

@@ -27,8 +27,9 @@ pub struct Appearance {
     legs: Histogram,
 }
 
-#[derive(Debug, Clone, Default)]
-struct Histogram {
+/// How often each colour was seen.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Histogram {
     /// One entry a colour; empty until something is seen.
     counts: Vec<f64>,
     pixels: f64,
@@ -91,7 +92,8 @@ impl Appearance {
 }
 
 impl Histogram {
-    fn count(&mut self, pixel: Rgb<u8>) {
+    /// Counts a pixel.
+    pub fn count(&mut self, pixel: Rgb<u8>) {
         self.counts.resize(LEVELS.pow(3), 0.0);
         let level = |value: u8| usize::from(value) * LEVELS / 256;
         let [r, g, b] = pixel.0.map(level);
@@ -99,7 +101,8 @@ impl Histogram {
         self.pixels += 1.0;
     }
 
-    fn add(&mut self, other: &Self, remembered_px: f64) {
+    /// Adds what was seen elsewhere. What was seen before is faded to at most `remembered_px` pixels.
+    pub fn add(&mut self, other: &Self, remembered_px: f64) {
         if other.counts.is_empty() {
             return;
         }
@@ -111,7 +114,8 @@ impl Histogram {
         self.pixels = self.pixels * fade + other.pixels;
     }
 
-    fn distance(&self, other: &Self) -> f64 {
+    /// Hellinger distance: 0 for the same colours in the same proportions, 1 for none in common or none seen.
+    pub fn distance(&self, other: &Self) -> f64 {
         if self.pixels == 0.0 || other.pixels == 0.0 {
             return 1.0;
         }

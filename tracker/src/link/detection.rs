@@ -1,10 +1,12 @@
 //! What is linked: a person seen in a frame, as a box in an image or as a place on the floor.
 
 use std::borrow::Cow;
+use std::sync::Arc;
 
 use nalgebra::Point2;
 
 use super::options::LinkOptions;
+use crate::identity::appearance::Histogram;
 use crate::tracks::rows::{PixelBox, RowFile};
 use crate::{Error, Result};
 
@@ -24,6 +26,13 @@ pub struct Detection {
     pub score: f64,
     /// The track of the online tracker that it belongs to, where tracklets are linked.
     pub tracklet: Option<u32>,
+    /// The colours of the box's middle, where a video tells them.
+    pub colours: Option<Arc<Histogram>>,
+}
+
+/// Hellinger distance of two detections' colours: √(1 − their Bhattacharyya coefficient).
+pub(super) fn colour_distance(a: &Detection, b: &Detection) -> Option<f64> {
+    a.colours.as_ref().zip(b.colours.as_ref()).map(|(a, b)| a.distance(b))
 }
 
 impl Detection {
@@ -75,6 +84,7 @@ impl Detections {
                     pixel_box,
                     score: row.confidence,
                     tracklet: row.id,
+                    colours: None,
                 }
             })
             .collect();

@@ -12,7 +12,8 @@ use super::options::LinkOptions;
 use super::report::LinkReport;
 use super::solver::exact;
 use super::tracklet::{self, Ends};
-use super::{Linked, chain, fill, track_file};
+use super::{Linked, chain, fill, mend_lines, track_file};
+use crate::tracks::jsonl;
 use crate::tracks::rows::RowFile;
 use crate::{Error, Result};
 
@@ -38,11 +39,12 @@ pub fn link_tracklets(file: &RowFile, options: &LinkOptions) -> Result<Linked> {
     let mut tracklets: Vec<(u32, Vec<u32>)> = by_id.into_iter().collect();
     tracklets.sort_by_key(|(_, nodes)| nodes.first().copied());
     let (ids, tracklets): (Vec<u32>, Vec<Vec<u32>>) = tracklets.into_iter().unzip();
-    let joining = options.joining();
-    let ends: Vec<Ends> = tracklets.iter().map(|t| Ends::of(&detections, t, &joining.motion)).collect();
+    let joining = options.joining(detections.on_floor);
+    let [_, max_gap] = joining.max_gaps;
+    let ends = Ends::of(&detections, &tracklets, &joining.model);
     // Worth more than a track costs: nothing is dropped.
     let inner = vec![-(2.0 * joining.prices.birth + 1.0); tracklets.len()];
-    let graph = tracklet::graph(&ends, &inner, joining.prices.birth, joining.max_gap, &joining.affinity)?;
+    let graph = tracklet::graph(&ends, &inner, joining.prices.birth, max_gap, &joining.model)?;
     let build_seconds = started.elapsed().as_secs_f64();
     let started = Instant::now();
     let solution = exact::solve(&graph);
@@ -74,14 +76,14 @@ pub fn link_tracklets(file: &RowFile, options: &LinkOptions) -> Result<Linked> {
     })
 }
 
-/// The last step of a run: links `OUT/tracks.txt` over the whole recording and writes it again, with `OUT/boxes/*.txt` under
-/// the same ids; a box is filled in where its track was. `max_gap` is in frames.
+/// The last step of a run: links `OUT/tracks.txt` over the whole recording and writes it again, with `OUT/tracks.jsonl` and
+/// `OUT/boxes/*.txt` under the same ids; people and boxes are filled in where their track was.
 ///
 /// # Errors
 /// Files that cannot be read or written.
-pub fn mend_run(out: &Path, max_gap: u32) -> Result<LinkReport> {
+pub fn mend_run(out: &Path, frames_per_s: f64) -> Result<LinkReport> {
     let path = out.join("tracks.txt");
-    let options = LinkOptions { max_gap: Some(max_gap.max(1)), ..LinkOptions::default() };
+    let options = LinkOptions { frames_per_s: Some(frames_per_s), ..LinkOptions::default() };
     let linked = link_tracklets(&RowFile::read(&path)?, &options)?;
     let filled: HashSet<(u32, u32)> = linked
         .ids
@@ -90,6 +92,12 @@ pub fn mend_run(out: &Path, max_gap: u32) -> Result<LinkReport> {
         .flat_map(|(id, track)| track.iter().filter(|r| !r.is_seen).map(|r| (*id, r.frame)))
         .collect();
     let mut files = vec![(path, track_file(&linked))];
+    let lines = out.join("tracks.jsonl");
+    if lines.is_file() {
+        let mended = mend_lines::mended(jsonl::read(&lines)?, &linked, &filled);
+        let text: Result<String> = mended.iter().map(|line| line.text(&lines)).collect();
+        files.push((lines, text?));
+    }
     let folder = out.join("boxes");
     if folder.is_dir() {
         let entries = std::fs::read_dir(&folder).map_err(Error::io(&folder))?;

@@ -4,7 +4,8 @@
 //! Japanese, IEICE 2014), on the graph of H. Pirsiavash, D. Ramanan, C. C. Fowlkes, CVPR 2011. The way of the data:
 //!
 //! * [`detection`] — what is linked: boxes in an image, or places on the floor;
-//! * [`affinity`], [`build`] — which detections may follow each other and at what cost: the flow graph ([`graph`]);
+//! * [`colours`] — what they look like, where there is a video;
+//! * [`affinity`], [`motion`], [`build`] — which detections may follow each other and at what cost: the flow graph ([`graph`]);
 //! * [`solver`] — the tracks of least cost, exactly with a proof, greedily, or with the direction constraint;
 //! * [`tracklet`] — the same again over the tracks just found, by their motion, over longer gaps;
 //! * [`fill`] — the rows that are written: gaps filled, boxes smoothed.
@@ -14,12 +15,16 @@
 
 pub mod affinity;
 pub mod build;
+pub mod colours;
 pub mod detection;
 pub mod experiment;
 pub mod fill;
 pub mod graph;
 mod mend;
+mod mend_lines;
+pub mod motion;
 mod options;
+pub mod rate;
 mod report;
 mod skip;
 pub mod solution;
@@ -88,11 +93,10 @@ pub fn link(detections: &Detections, options: &LinkOptions) -> Result<Linked> {
     let mut tracks = solution.tracks;
     let mut rounds = Vec::new();
     if !options.is_published() {
-        let joining = options.joining();
-        let short_gap = (options::SHORT_GAP_SHARE * f64::from(joining.max_gap)) as u32;
-        for max_gap in [short_gap, joining.max_gap] {
+        let joining = options.joining(linked.on_floor);
+        for max_gap in joining.max_gaps {
             let started = Instant::now();
-            let (tracklets, graph) = tracklet_graph(linked, tracks, &Joining { max_gap, ..joining })?;
+            let (tracklets, graph) = tracklet_graph(linked, tracks, &joining, max_gap)?;
             build_seconds += started.elapsed().as_secs_f64();
             let started = Instant::now();
             let solution = exact::solve(&graph);
@@ -135,19 +139,28 @@ fn detection_graph(detections: &Detections, options: &LinkOptions) -> Result<Flo
     if options.is_published() {
         build::build(detections, &prices, max_gap, &options.thresholds())
     } else {
-        build::build(detections, &prices, max_gap, &LinkOptions::relative())
+        build::build(detections, &prices, max_gap, &options.motion(detections.on_floor))
     }
 }
 
 fn solve(detections: &Detections, graph: &FlowGraph, options: &LinkOptions) -> Solution {
-    let optimum = exact::solve(graph);
+    let optimum = match options.window {
+        None => exact::solve(graph),
+        Some(frames) => {
+            let frame = |node: u32| detections.all[node as usize].frame;
+            let first_open = |node: u32| {
+                detections.all.partition_point(|d| d.frame.saturating_add(frames) <= frame(node)) as u32
+            };
+            exact::solve_in_windows(graph, first_open)
+        }
+    };
     if let Some(threshold) = options.direction_threshold {
         let directions = directions(detections, graph, threshold);
-        return direction::solve(graph, &directions, optimum.total);
+        return direction::solve(graph, &directions, optimum.bound);
     }
     match options.solver {
         SolverKind::Exact => optimum,
-        SolverKind::Greedy => greedy::solve(graph, optimum.total),
+        SolverKind::Greedy => greedy::solve(graph, optimum.bound),
     }
 }
 
@@ -169,12 +182,13 @@ fn tracklet_graph(
     detections: &Detections,
     mut tracklets: Vec<Vec<u32>>,
     joining: &Joining,
+    max_gap: u32,
 ) -> Result<(Vec<Vec<u32>>, FlowGraph)> {
     tracklets.sort_by_key(|t| t.first().copied());
-    let ends: Vec<Ends> = tracklets.iter().map(|t| Ends::of(detections, t, &joining.motion)).collect();
+    let ends = Ends::of(detections, &tracklets, &joining.model);
     let worth = |node: &u32| joining.prices.detection_offset - detections.all[*node as usize].score;
     let inner: Vec<f64> = tracklets.iter().map(|t| t.iter().map(worth).sum()).collect();
-    let graph = tracklet::graph(&ends, &inner, joining.prices.birth, joining.max_gap, &joining.affinity)?;
+    let graph = tracklet::graph(&ends, &inner, joining.prices.birth, max_gap, &joining.model)?;
     Ok((tracklets, graph))
 }
 

@@ -113,6 +113,29 @@ fn random_graph(nodes: usize, values: &[u32], is_coarse: bool) -> FlowGraph {
     graph
 }
 
+#[test]
+fn a_window_that_is_too_narrow_costs_something_and_says_how_much_at_most() {
+    // Most of these chains are worth most when taken together; decided at once, some are not.
+    let (mut missed, mut narrower) = (0, 0);
+    let mut state = 3u32;
+    for _ in 0..200 {
+        let values: Vec<u32> = (0..97)
+            .map(|_| {
+                state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                state >> 8
+            })
+            .collect();
+        let graph = random_graph(30, &values, false);
+        let least = exact::solve(&graph).total.0;
+        let at_once = exact::solve_in_windows(&graph, |node| node);
+        missed += usize::from(at_once.total.0 > least);
+        let wider = exact::solve_in_windows(&graph, |node| node.saturating_sub(8));
+        narrower += usize::from(at_once.total.0 - at_once.bound.0 > wider.total.0 - wider.bound.0);
+        assert!(wider.total.0 - wider.bound.0 <= 10 * (at_once.total.0 - at_once.bound.0));
+    }
+    assert!(missed > 50 && narrower > 50, "{missed} {narrower}");
+}
+
 fn unbounded(graph: &FlowGraph) -> Directions {
     Directions { velocities: vec![[0.0, 0.0]; graph.link_count()], threshold: 1.0 }
 }
@@ -133,6 +156,18 @@ proptest! {
         let count = used.len();
         used.dedup();
         prop_assert_eq!(used.len(), count, "a detection on two tracks");
+    }
+
+    #[test]
+    fn windows_cost_no_more_than_they_say_and_wide_ones_nothing(
+        nodes in 0usize..40, window in 0u32..12, values in prop::collection::vec(any::<u32>(), 97), is_coarse in any::<bool>()) {
+        let graph = random_graph(nodes, &values, is_coarse);
+        let least = textbook_minimum(&graph);
+        let found = exact::solve_in_windows(&graph, |node| node.saturating_sub(window));
+        prop_assert_eq!(cost_of(&graph, &found.tracks), found.total);
+        prop_assert!(found.bound.0 <= least && least <= found.total.0, "{} in {:?}", least, found);
+        let wide = exact::solve_in_windows(&graph, |node| node.saturating_sub(40));
+        prop_assert_eq!((wide.total.0, wide.bound.0), (least, least));
     }
 
     #[test]
@@ -207,7 +242,7 @@ const PEER: &str = include_str!("../../tests/peers/flow.json");
 fn an_independent_solver_finds_the_same_graph_and_the_same_least_cost() {
     let home = Path::new(env!("CARGO_MANIFEST_DIR"));
     let cases: Vec<serde_json::Value> = serde_json::from_str(PEER).unwrap();
-    let mut compared = 0;
+    let (mut compared, mut exact_in_windows) = (0, 0);
     for case in &cases {
         let name = case["file"].as_str().unwrap();
         let path = match name.strip_prefix("mot15/") {
@@ -237,6 +272,13 @@ fn an_independent_solver_finds_the_same_graph_and_the_same_least_cost() {
             "{name}: {report:?}"
         );
         assert!(report.is_optimal && report.lower_bound.to_bits() == report.total_cost.to_bits());
+        let windowed =
+            link(&detections, &LinkOptions { window: Some(60), ..options.clone() }).unwrap().report;
+        assert!(
+            windowed.lower_bound <= report.total_cost && report.total_cost <= windowed.total_cost,
+            "{name}"
+        );
+        exact_in_windows += usize::from(windowed.is_optimal);
         let greedy =
             link(&detections, &LinkOptions { solver: SolverKind::Greedy, ..options }).unwrap().report;
         assert!(greedy.total_cost <= 0.9 * report.total_cost, "{name}: {greedy:?}");
@@ -244,4 +286,6 @@ fn an_independent_solver_finds_the_same_graph_and_the_same_least_cost() {
         compared += 1;
     }
     assert!(compared >= 3);
+    // Two of the three kinds of prices; where tracks cost so much that they only pay over minutes, 60 frames are too few.
+    assert!(3 * exact_in_windows >= 2 * compared, "{exact_in_windows} of {compared}");
 }

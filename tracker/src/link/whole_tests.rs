@@ -146,6 +146,88 @@ fn scale_does_not_matter_where_nothing_is_said() {
 }
 
 #[test]
+fn every_second_frame_at_half_the_rate_is_linked_alike() {
+    // Three people pass each other at walking pace; two are not seen for half a second.
+    let walks = |stride: u32| {
+        boxes((1..=240).filter(|f| (f - 1) % stride == 0).flat_map(|f| {
+            let t = f64::from(f) / 30.0;
+            let seen = |from: f64| !(from..from + 0.5).contains(&t);
+            let all = [(100.0 + 60.0 * t, seen(3.0)), (640.0 - 70.0 * t, seen(5.0)), (250.0 + 4.0 * t, true)];
+            all.into_iter()
+                .filter(|(_, is_seen)| *is_seen)
+                .map(move |(x, _)| ((f - 1) / stride + 1, x))
+                .collect::<Vec<_>>()
+        }))
+    };
+    let ends = |stride: u32, rate: f64| {
+        let options = LinkOptions { frames_per_s: Some(rate), ..LinkOptions::default() };
+        let found = linked(&walks(stride), &options);
+        found
+            .tracks
+            .iter()
+            .map(|t| [t[0].place.x, t[t.len() - 1].place.x].map(|x| (x / 20.0).round() as i32))
+            .collect::<Vec<_>>()
+    };
+    let whole = ends(1, 30.0);
+    assert_eq!(whole.len(), 3, "{whole:?}");
+    assert_eq!((ends(2, 15.0), ends(3, 10.0)), (whole.clone(), whole));
+}
+
+#[test]
+fn gaps_are_bridged_for_so_many_seconds_whatever_the_rate() {
+    let tracks = |rate: f64, lost_s: f64, said: Option<f64>| {
+        let seen = |f: &u32| !(2.0..2.0 + lost_s).contains(&(f64::from(*f) / rate));
+        let frames = (1..=(8.0 * rate) as u32).filter(seen);
+        let text = boxes(frames.map(|f| (f, 100.0 + 40.0 * f64::from(f) / rate)));
+        linked(&text, &LinkOptions { frames_per_s: said, ..LinkOptions::default() }).tracks.len()
+    };
+    for rate in [8.0, 25.0, 60.0] {
+        assert_eq!((tracks(rate, 2.0, Some(rate)), tracks(rate, 3.5, Some(rate))), (1, 2), "{rate}");
+    }
+    // Where nothing is said, 25.
+    assert_eq!((tracks(25.0, 2.0, None), tracks(60.0, 2.0, None)), (1, 2));
+}
+
+#[test]
+fn colours_tell_apart_who_cannot_be_told_apart_by_place() {
+    use crate::identity::appearance::Histogram;
+    use std::sync::Arc;
+    // Two people stand at one place for a second and a half, and nobody can say by their ways who leaves on which side.
+    let text = boxes((1..=90).flat_map(|f| {
+        let t = f64::from(f);
+        let away = if f < 30 {
+            5.0 * (30.0 - t)
+        } else if f > 60 {
+            5.0 * (t - 60.0)
+        } else {
+            0.0
+        };
+        [(f, 300.0 + away), (f, 300.0 - away)]
+    }));
+    let clothes = |color: [u8; 3]| {
+        let mut histogram = Histogram::default();
+        histogram.count(image::Rgb(color));
+        Some(Arc::new(histogram))
+    };
+    let (red, blue) = (clothes([200, 10, 10]), clothes([10, 10, 200]));
+    for options in [LinkOptions::default(), published()] {
+        for changes_sides in [false, true] {
+            let mut found = Detections::from_rows(&rows(&text), &options).unwrap();
+            for (i, d) in found.all.iter_mut().enumerate() {
+                let is_red = (i % 2 == 0) != (changes_sides && d.frame > 45);
+                d.colours = if is_red { red.clone() } else { blue.clone() };
+            }
+            let tracks = link(&found, &options).unwrap().tracks;
+            assert_eq!(tracks.len(), 2);
+            for track in tracks {
+                let (first, last) = (track[0].place.x - 300.0, track[track.len() - 1].place.x - 300.0);
+                assert_eq!(first * last < 0.0, changes_sides);
+            }
+        }
+    }
+}
+
+#[test]
 fn floor_positions_are_linked_in_metres() {
     let text = (1..=30).filter(|f| f % 7 != 0).fold(String::new(), |mut text, f| {
         let t = f64::from(f);
@@ -181,6 +263,14 @@ fn options_that_mean_nothing_are_refused_by_name() {
     let some = LinkOptions::default;
     assert!(refused(LinkOptions { max_gap: Some(0), ..some() }).contains("--max-gap"));
     assert!(refused(LinkOptions { max_distance: Some(-1.0), ..some() }).contains("--max-distance"));
+    assert!(
+        refused(LinkOptions { max_colour_distance: Some(f64::NAN), ..some() })
+            .contains("--max-colour-distance")
+    );
+    assert!(refused(LinkOptions { window: Some(0), ..some() }).contains("--window"));
+    for rate in [0.0, -5.0, f64::NAN, f64::INFINITY] {
+        assert!(refused(LinkOptions { frames_per_s: Some(rate), ..some() }).contains("--rate"));
+    }
     assert!(refused(LinkOptions { link_cost: Some(f64::NAN), ..some() }).contains("--link-cost"));
     let both = LinkOptions { solver: SolverKind::Greedy, direction_threshold: Some(1.0), ..some() };
     assert!(refused(both).contains("greedy"));
@@ -224,14 +314,34 @@ fn a_run_is_mended_in_its_own_files() {
     }
     std::fs::write(out.path().join("tracks.txt"), floor).unwrap();
     std::fs::write(out.path().join("boxes/a.txt"), image).unwrap();
-    assert_eq!(mend_run(out.path(), 30).unwrap().tracks, 1);
+    let lines: String = (1..=40u32).map(moment).collect();
+    std::fs::write(out.path().join("tracks.jsonl"), lines).unwrap();
+    assert_eq!(mend_run(out.path(), 10.0).unwrap().tracks, 1);
     let read = |name: &str| RowFile::read(&out.path().join(name)).unwrap().rows;
     let frames = |name: &str| read(name).iter().map(|r| r.frame).collect::<Vec<_>>();
     assert_eq!(frames("tracks.txt"), (1..=40).collect::<Vec<_>>());
     assert_eq!(frames("boxes/a.txt"), (1..30).chain(34..=40).collect::<Vec<_>>());
     assert!(read("boxes/a.txt").iter().chain(&read("tracks.txt")).all(|r| r.id == Some(1)));
-    // Short losses only.
-    assert_eq!(mend_run(out.path(), 1).unwrap().tracks, 1);
+    let lines = crate::tracks::jsonl::read(&out.path().join("tracks.jsonl")).unwrap();
+    assert_eq!(lines.len(), 40);
+    for (line, f) in lines.iter().zip(1..) {
+        let [person] = line.people.as_slice() else { panic!("{line:?}") };
+        assert_eq!((line.frame, person.id.0, line.count.len()), (f, 1, 2));
+        assert!((person.x - 0.1 * f64::from(f)).abs() < 1e-4 && (person.vx - 1.0).abs() < 1e-3, "{person:?}");
+    }
+    // Halfway through the gap: between frames 14 and 20.
+    assert!((lines[16].people[0].visible["a"] - 0.7).abs() < 1e-9);
+}
+
+/// A line of `tracks.jsonl` at 10 frames a second: somebody walks, and is nobody in frames 15 to 19, and somebody else after.
+fn moment(f: u32) -> String {
+    let (id, visible) = if f < 15 { (1, 0.4) } else { (2, 1.0) };
+    let person = format!(
+        r#"{{"id":{id},"x":{:.4},"y":1,"radius":0.2,"height":1.7,"vx":1,"vy":0,"sigma":[0.1,0.1],"confidence":0.9,"visible":{{"a":{visible}}}}}"#,
+        0.1 * f64::from(f)
+    );
+    let people = if (15..20).contains(&f) { String::new() } else { person };
+    format!("{{\"frame\":{f},\"time\":{:.1},\"people\":[{people}]}}\n", 0.1 * f64::from(f - 1))
 }
 
 #[test]

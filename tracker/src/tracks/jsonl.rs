@@ -50,6 +50,16 @@ pub struct PersonLine {
     pub visible: BTreeMap<String, f64>,
 }
 
+impl FrameLine {
+    /// The line of the file `path`, with its end.
+    pub(crate) fn text(&self, path: &Path) -> Result<String> {
+        let json = serde_json::to_string(self).map_err(|e| {
+            Error::content(path, format!("frame {}", self.frame), format!("cannot be written ({e})"))
+        })?;
+        Ok(json + "\n")
+    }
+}
+
 impl PersonLine {
     /// The line of a person; numbers are rounded to what they are worth (0.1 mm, 0.1 ‰), `cameras` names the
     /// estimate's visible fractions.
@@ -79,7 +89,7 @@ impl PersonLine {
 }
 
 /// To four decimals, without a negative zero.
-pub(super) fn rounded(value: f64) -> f64 {
+pub(crate) fn rounded(value: f64) -> f64 {
     (value * 1e4).round() / 1e4 + 0.0
 }
 

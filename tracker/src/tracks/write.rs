@@ -87,10 +87,7 @@ impl TrackFiles {
         let count =
             count::distribution(people.iter().map(|p| p.confidence)).into_iter().map(rounded).collect();
         let line = FrameLine { frame, time: (time_s * 1e6).round() / 1e6, people: lines, count, set_aside };
-        let mut json = serde_json::to_string(&line).map_err(|e| {
-            Error::content(self.json.path(), format!("frame {frame}"), format!("cannot be written ({e})"))
-        })?;
-        json.push('\n');
+        let json = line.text(self.json.path())?;
         self.json.append(&json)
     }
 

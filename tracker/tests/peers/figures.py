@@ -4,6 +4,7 @@
     python3 -m venv venv && venv/bin/pip install trackeval==1.3.0 motmetrics==1.4.0
     venv/bin/python figures.py            # rewrites *.txt and figures.json, the same bytes every time
     venv/bin/python figures.py --mot15 FOLDER # rewrites mot15.json: figures of tracks made from MOT15 by `blurred`
+    venv/bin/python figures.py --time TRACKER MOT15_FOLDER TRACKS_FOLDER # TrackEval and TRACKER on the same files, CPU seconds
     venv/bin/python figures.py TRUTH TRACKS   # prints the peers' figures of any two files of boxes (MOTChallenge 2-D)
 
 MOT15 is not ours to ship: the crate's test makes the same tracks from it again, by the same rule.
@@ -13,8 +14,11 @@ TrackEval (https://github.com/JonathonLuiten/TrackEval) gives everything but the
 """
 import json
 import random
+import resource
+import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 import motmetrics
@@ -131,37 +135,51 @@ def blurred(folder):
     return "\n".join(lines) + "\n"
 
 
-def figures(truth_path, tracks_path):
-    truth, tracks = parse(truth_path), parse(tracks_path)
-    on_floor = len(next(iter(truth.values()))[1][0]) == 2
+def sequence_data(truth, tracks, on_floor):
+    """What TrackEval's metrics take."""
     ids = lambda frames: sorted({i for found, _ in frames.values() for i in found})
-    truth_ids, track_ids = ids(truth), ids(tracks)
-    data = dict(gt_ids=[], tracker_ids=[], similarity_scores=[], num_gt_ids=len(truth_ids), num_tracker_ids=len(track_ids))
-    accumulator = motmetrics.MOTAccumulator(auto_id=False)
-    distance_sum = []
+    truth_numbers, track_numbers = ({i: n for n, i in enumerate(ids(frames))} for frames in (truth, tracks))
+    data = dict(gt_ids=[], tracker_ids=[], similarity_scores=[], num_gt_ids=len(truth_numbers), num_tracker_ids=len(track_numbers))
+    width = 2 if on_floor else 4
     for frame in range(1, max([*truth, *tracks]) + 1):
         t_ids, t = truth.get(frame, ([], []))
         k_ids, k = tracks.get(frame, ([], []))
-        width = 2 if on_floor else 4
         t, k = np.array(t, float).reshape(-1, width), np.array(k, float).reshape(-1, width)
         if on_floor:
             similarity = _BaseDataset._calculate_euclidean_similarity(t, k, zero_distance=2 * GATE_M)
-            distance = np.linalg.norm(t[:, None] - k[None], axis=2)
-            distance[distance > GATE_M] = np.nan
         else:
             similarity = _BaseDataset._calculate_box_ious(t, k, box_format="xywh")
-            distance = 1 - similarity
-            distance[similarity < 0.5] = np.nan
-        data["gt_ids"].append(np.array([truth_ids.index(i) for i in t_ids], int))
-        data["tracker_ids"].append(np.array([track_ids.index(i) for i in k_ids], int))
+        data["gt_ids"].append(np.array([truth_numbers[i] for i in t_ids], int))
+        data["tracker_ids"].append(np.array([track_numbers[i] for i in k_ids], int))
         data["similarity_scores"].append(similarity)
-        accumulator.update(t_ids, k_ids, distance, frameid=frame)
     data["num_gt_dets"] = sum(map(len, data["gt_ids"]))
     data["num_tracker_dets"] = sum(map(len, data["tracker_ids"]))
     data["num_timesteps"] = len(data["gt_ids"])
-    clear = CLEAR({"PRINT_CONFIG": False}).eval_sequence(data)
-    identity = Identity({"PRINT_CONFIG": False}).eval_sequence(data)
-    hota = HOTA().eval_sequence(data)
+    return data
+
+
+def trackeval_figures(data):
+    """-> CLEAR, Identity, HOTA"""
+    quiet = {"PRINT_CONFIG": False}
+    return tuple(metric.eval_sequence(data) for metric in (CLEAR(quiet), Identity(quiet), HOTA()))
+
+
+def figures(truth_path, tracks_path):
+    truth, tracks = parse(truth_path), parse(tracks_path)
+    on_floor = len(next(iter(truth.values()))[1][0]) == 2
+    data = sequence_data(truth, tracks, on_floor)
+    accumulator = motmetrics.MOTAccumulator(auto_id=False)
+    for frame, similarity in enumerate(data["similarity_scores"], start=1):
+        t_ids, t = truth.get(frame, ([], []))
+        k_ids, k = tracks.get(frame, ([], []))
+        if on_floor:
+            distance = np.linalg.norm(np.array(t, float).reshape(-1, 2)[:, None] - np.array(k, float).reshape(-1, 2)[None], axis=2)
+            distance[distance > GATE_M] = np.nan
+        else:
+            distance = 1 - similarity
+            distance[similarity < 0.5] = np.nan
+        accumulator.update(t_ids, k_ids, distance, frameid=frame)
+    clear, identity, hota = trackeval_figures(data)
     peer = motmetrics.metrics.create().compute(
         accumulator,
         metrics=MOTMETRICS,
@@ -222,7 +240,34 @@ def record_mot15(folder):
     print(json.dumps(each["together"], indent=1))
 
 
+def race(tracker, truth_folder, tracks_folder, repeats=7):
+    """TrackEval's own work (reading, similarities, HOTA, CLEAR, Identity; Python has long started) against the whole process
+    of `tracker eval`, its start included. CPU seconds, the least of some repeats in turn: a busy machine slows both alike."""
+    def peer(names):
+        start = time.process_time()
+        for name in names:
+            truth, tracks = parse(f"{truth_folder}/{name}/truth.txt"), parse(f"{tracks_folder}/{name}.txt")
+            trackeval_figures(sequence_data(truth, tracks, on_floor=False))
+        return time.process_time() - start
+
+    def ours(truth, tracks):
+        spent = lambda: sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2])
+        before = spent()
+        subprocess.run([tracker, "eval", "--truth", truth, "--tracks", tracks], stdout=subprocess.DEVNULL, check=True)
+        return spent() - before
+
+    names = sorted(p.name for p in Path(truth_folder).iterdir() if p.is_dir())
+    cases = [([n], f"{truth_folder}/{n}/truth.txt", f"{tracks_folder}/{n}.txt") for n in names]
+    for chosen, truth, tracks in [*cases, (names, truth_folder, tracks_folder)]:
+        times = [(peer(chosen), ours(truth, tracks)) for _ in range(repeats)]
+        a, b = (min(t[i] for t in times) for i in (0, 1))
+        print(f"{chosen[0] if len(chosen) == 1 else 'together':16} TrackEval {a:.4f} s, here {b:.4f} s: {a / b:.1f} x")
+
+
 def main():
+    if len(sys.argv) == 5 and sys.argv[1] == "--time":
+        race(*sys.argv[2:])
+        return
     if len(sys.argv) == 3 and sys.argv[1] == "--mot15":
         record_mot15(sys.argv[2])
         return

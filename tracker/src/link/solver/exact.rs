@@ -15,6 +15,11 @@
 //! where the nearest way in is open or the nearest way out is better left open: within a few frames, not at the
 //! recording's ends. The prices are the certificate: where y ≥ 0 at all ways, and y(out) + y(in) ≥ gain for
 //! every possible joint, no joining gains more than Σ y.
+//!
+//! Ways out are taken in time order, so a long recording can be solved in windows ([`solve_in_windows`]): joints behind a
+//! window stay as they are. A search that comes to one turns away, and the price of that way in rises by what the path could
+//! have gained behind it. Prices then still allow for every joint, so Σ y still bounds all joinings: where the bound and
+//! the cost are equal the windows have changed nothing, and otherwise their difference is all that they can have cost.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -26,10 +31,16 @@ const NONE: u32 = u32::MAX;
 
 /// The tracks of least total cost, with the proof.
 pub fn solve(graph: &FlowGraph) -> Solution {
+    solve_in_windows(graph, |_| 0)
+}
+
+/// Tracks found in windows that move over the nodes: while node n is new, joints of nodes before `first_open(n)` are
+/// settled. Their cost is at most `total − bound` above the least; `bound` holds for the whole graph.
+pub fn solve_in_windows(graph: &FlowGraph, first_open: impl Fn(u32) -> u32) -> Solution {
     let mut joints = Joints::new(graph);
     for way_out in 0..graph.node_count() as u32 {
-        if joints.way_in_of[way_out as usize] == NONE {
-            joints.augment_from(way_out);
+        if !joints.take_first_choice(way_out) {
+            joints.augment_from(way_out, first_open(way_out));
         }
     }
     joints.solution()
@@ -55,8 +66,10 @@ struct Search {
     distance: Vec<Cost>,
     reached_from: Vec<u32>,
     queue: BinaryHeap<Reverse<(Cost, u32)>>,
-    /// Ways out in the tree with their distance, and ways in that were passed.
+    /// Ways out in the tree with their distance.
     tree: Vec<(u32, Cost)>,
+    /// Ways in that were reached, but are settled.
+    settled: Vec<u32>,
 }
 
 /// Where a shortest path ends.
@@ -69,10 +82,10 @@ enum End {
 }
 
 impl<'a> Joints<'a> {
-    /// No joints, and prices that allow for none better: every way out asks for its greatest gain.
+    /// No joints yet.
     fn new(graph: &'a FlowGraph) -> Self {
         let n = graph.node_count();
-        let mut joints = Self {
+        Self {
             graph,
             track_price: graph.birth() + graph.death(),
             way_in_of: vec![NONE; n],
@@ -86,23 +99,24 @@ impl<'a> Joints<'a> {
                 reached_from: vec![NONE; n],
                 queue: BinaryHeap::new(),
                 tree: Vec::new(),
+                settled: Vec::new(),
             },
-        };
-        for node in 0..n {
-            let greatest = joints.joints_of(node as u32).map(|(_, gain)| gain).max();
-            joints.price_out[node] = greatest.unwrap_or(0).max(0);
         }
-        // Whoever can have their first choice gets it without a search.
-        for node in 0..n as u32 {
-            let price = joints.price_out[node as usize];
-            let open = joints
-                .joints_of(node)
-                .find(|(way_in, gain)| *gain == price && joints.way_out_of[*way_in as usize] == NONE);
-            if let Some((way_in, _)) = open.filter(|_| price > 0) {
-                joints.join(node, way_in);
-            }
+    }
+
+    /// A way out begins with the price that no joint of its can beat, its greatest gain. If that is still
+    /// open, it gets it without a search.
+    fn take_first_choice(&mut self, way_out: u32) -> bool {
+        let price = self.joints_of(way_out).map(|(_, gain)| gain).max().unwrap_or(0).max(0);
+        self.price_out[way_out as usize] = price;
+        // Nobody has it, so nobody has raised its price above 0.
+        let is_open = |way_in: u32| self.way_out_of[way_in as usize] == NONE;
+        let open = self.joints_of(way_out).find(|(way_in, gain)| *gain == price && is_open(*way_in));
+        let found = open.filter(|_| price > 0);
+        if let Some((way_in, _)) = found {
+            self.join(way_out, way_in);
         }
-        joints
+        found.is_some()
     }
 
     /// Everything a way out can be joined with, and the gain of it.
@@ -119,12 +133,14 @@ impl<'a> Joints<'a> {
         self.way_out_of[way_in as usize] = way_out;
     }
 
-    /// One shortest augmenting path from an open way out (Dijkstra over reduced costs), and the prices after it.
-    fn augment_from(&mut self, root: u32) {
+    /// One shortest augmenting path from an open way out (Dijkstra over reduced costs) that leaves ways out before
+    /// `first_open` as they are, and the prices after it.
+    fn augment_from(&mut self, root: u32, first_open: u32) {
         let search = &mut self.search;
         search.stamp += 1;
         search.queue.clear();
         search.tree.clear();
+        search.settled.clear();
         let mut shortest = self.price_out[root as usize];
         let mut end = End::WayOut(root);
         let (mut way_out, mut distance) = (root, 0);
@@ -134,7 +150,7 @@ impl<'a> Joints<'a> {
                 shortest = distance + self.price_out[way_out as usize];
                 end = End::WayOut(way_out);
             }
-            self.look_around(way_out, distance, &mut shortest, &mut end);
+            self.look_around(way_out, distance, first_open, &mut shortest, &mut end);
             let Some(nearest) = self.search.pop(shortest) else { break };
             distance = nearest.0;
             way_out = self.way_out_of[nearest.1 as usize];
@@ -145,6 +161,13 @@ impl<'a> Joints<'a> {
             // The way in that the tree came through; the root has none.
             if *way_out != root {
                 self.price_in[self.way_in_of[*way_out as usize] as usize] += passed;
+            }
+        }
+        while let Some(way_in) = self.search.settled.pop() {
+            let missed = shortest - self.search.distance[way_in as usize];
+            if missed > 0 {
+                self.price_in[way_in as usize] += missed;
+                self.search.distance[way_in as usize] = shortest;
             }
         }
         let mut way_in = match end {
@@ -164,7 +187,14 @@ impl<'a> Joints<'a> {
     }
 
     /// Relaxes everything that a way out can be joined with.
-    fn look_around(&mut self, way_out: u32, distance: Cost, shortest: &mut Cost, end: &mut End) {
+    fn look_around(
+        &mut self,
+        way_out: u32,
+        distance: Cost,
+        first_open: u32,
+        shortest: &mut Cost,
+        end: &mut End,
+    ) {
         let price = self.price_out[way_out as usize];
         let joined = self.way_in_of[way_out as usize];
         for (way_in, gain) in self.joints_of(way_out) {
@@ -180,9 +210,12 @@ impl<'a> Joints<'a> {
             search.stamp_of[to] = search.stamp;
             search.distance[to] = reached;
             search.reached_from[to] = way_out;
-            if self.way_out_of[to] == NONE {
+            let holder = self.way_out_of[to];
+            if holder == NONE {
                 *shortest = reached;
                 *end = End::WayIn(way_in);
+            } else if holder < first_open {
+                search.settled.push(way_in);
             } else {
                 search.queue.push(Reverse((reached, way_in)));
             }

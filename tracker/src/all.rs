@@ -1,0 +1,21 @@
+//! `tracker-all`: every subcommand of `tracker`, with the libraries that read pictures and videos.
+//!
+//! People call `tracker`, which is here in a moment and comes to this program for what needs those libraries.
+//! Exit status: 0, or 2 when anything cannot be done; then one line on standard error says what and where.
+#![forbid(unsafe_code)]
+
+mod cli;
+
+use std::io::Write;
+use std::process::ExitCode;
+
+use calib::console::{CANNOT, Console};
+use clap::Parser;
+
+fn main() -> ExitCode {
+    let arguments = cli::Arguments::parse();
+    let console = Console::start(1 + arguments.verbose);
+    let printed =
+        cli::run(&arguments, &console).and_then(|text| Ok(std::io::stdout().write_all(text.as_bytes())?));
+    console.end(printed, CANNOT)
+}

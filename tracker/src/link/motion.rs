@@ -1,0 +1,260 @@
+//! How people move: how likely one detection, or a tracklet, goes on in another.
+//!
+//! Along each axis a person's place and velocity are followed by a Kalman filter with white-noise acceleration (Y. Bar-Shalom,
+//! X. R. Li, T. Kirubarajan, "Estimation with Applications to Tracking and Navigation", Wiley 2001, section 6.2). With m, P the
+//! state at the end of one tracklet, carried to the beginning of the other, and n, Q what the other alone tells of its
+//! beginning, a link costs
+//!
+//! ```text
+//! weight · −ln [ N(n − m; 0, P + Q) / (N(v; 0, V + Qvv) · N(0; 0, S₀)) ]
+//! ```
+//!
+//! per axis: how much less likely the second is as a continuation of the first than on its own (its velocity v from the
+//! prior V), measured against the surest link there is, of two detections one frame apart at one place (variance S₀). The
+//! uncertainty of a prediction grows with the gap, and so does the cost: no other price of a gap is needed. A single detection
+//! is a tracklet whose velocity nobody knows, so one model serves all graphs.
+//!
+//! Lengths are in heights of the person and times in frames; the constants are in heights and seconds, so that neither the
+//! size of the picture nor its rate needs other numbers.
+
+use super::build::Affinity;
+use super::detection::{Detection, Detections, colour_distance};
+use crate::identity::appearance::Histogram;
+
+/// Standard deviation of a detection's place, heights.
+const JITTER: f64 = 0.045;
+/// Standard deviation of a velocity that nobody knows, heights per second.
+const SPEED_PER_S: f64 = 0.9;
+/// Variance that a velocity gains in a second, heights² per second³.
+const TURN_PER_S3: f64 = 0.08;
+/// A floor is seen at a slant: what people walk up and down the picture looks so much shorter than what they walk across.
+const SLANT: f64 = 0.35;
+/// Standard deviation of the logarithm of a detection's height, and the variance that it gains in a second.
+const SIZE_JITTER: f64 = 0.09;
+const SIZE_GROWTH_PER_S: f64 = 0.025;
+/// What a unit of negative logarithmic likelihood costs.
+const WEIGHT: f64 = 0.25;
+/// Between detections, what a second without one costs: they are missed seldom, and more rarely for long.
+const MISS_COST_PER_S: f64 = 8.0;
+/// Links whose deviation from what is expected, in standard deviations over all axes together, is greater are left out.
+const DETECTION_GATE: f64 = 5.0;
+const TRACKLET_GATE: f64 = 2.7;
+/// So much of a tracklet's end tells where it is going.
+const WINDOW_S: f64 = 0.6;
+/// Squared Hellinger distance of the colours of one person a moment later, on average.
+const COLOUR_CHANGE: f64 = 0.1;
+
+/// Variance of what is not known at all, heights² (per frame²).
+const UNKNOWN: f64 = 1e6;
+
+/// Links by where people come from and where they are going; lengths in heights, times in frames.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MotionModel {
+    place_variance: f64,
+    /// Of a velocity that nobody knows, along each axis.
+    velocity_variance: [f64; 2],
+    /// What it gains in a frame.
+    turn_variance: [f64; 2],
+    size_variance: f64,
+    size_growth: f64,
+    gate: f64,
+    miss_cost: f64,
+    window: u32,
+}
+
+/// A tracklet at one of its ends, as its own detections tell.
+#[derive(Debug, Clone, PartialEq)]
+pub struct End {
+    /// The end's frame.
+    pub frame: u32,
+    axes: [AxisState; 2],
+    log_scale: f64,
+    log_scale_variance: f64,
+    colours: Option<Histogram>,
+}
+
+/// Place and velocity (per frame, in time's direction) along an axis, and their covariance in heights.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct AxisState {
+    place: f64,
+    velocity: f64,
+    place_variance: f64,
+    covariance: f64,
+    velocity_variance: f64,
+}
+
+impl AxisState {
+    fn at(place: f64, place_variance: f64, velocity_variance: f64) -> Self {
+        Self { place, velocity: 0.0, place_variance, covariance: 0.0, velocity_variance }
+    }
+
+    /// Where it is expected so many frames on.
+    fn after(&self, frames: f64, turn_variance: f64) -> Self {
+        let (pp, pv, vv) = (self.place_variance, self.covariance, self.velocity_variance);
+        Self {
+            place: self.place + self.velocity * frames,
+            velocity: self.velocity,
+            place_variance: pp + frames * (2.0 * pv + frames * (vv + turn_variance * frames / 3.0)),
+            covariance: pv + frames * (vv + 0.5 * turn_variance * frames),
+            velocity_variance: vv + turn_variance * frames,
+        }
+    }
+
+    /// With a detection there.
+    fn corrected(&self, place: f64, place_variance: f64) -> Self {
+        let all = self.place_variance + place_variance;
+        let (gain, velocity_gain) = (self.place_variance / all, self.covariance / all);
+        Self {
+            place: self.place + gain * (place - self.place),
+            velocity: self.velocity + velocity_gain * (place - self.place),
+            place_variance: self.place_variance * (1.0 - gain),
+            covariance: self.covariance * (1.0 - gain),
+            velocity_variance: self.velocity_variance - velocity_gain * self.covariance,
+        }
+    }
+
+    /// The same in the other direction of time.
+    fn reversed(&self) -> Self {
+        Self { velocity: -self.velocity, covariance: -self.covariance, ..*self }
+    }
+}
+
+impl MotionModel {
+    /// Of links between detections.
+    pub fn of_detections(frames_per_s: f64, on_floor: bool) -> Self {
+        Self {
+            miss_cost: MISS_COST_PER_S / frames_per_s,
+            gate: DETECTION_GATE,
+            ..Self::of_tracklets(frames_per_s, on_floor)
+        }
+    }
+
+    /// Of links between tracklets: who was lost for a second is as welcome as who was lost for two.
+    pub fn of_tracklets(frames_per_s: f64, on_floor: bool) -> Self {
+        let frame_s = 1.0 / frames_per_s;
+        let slant = if on_floor { 1.0 } else { SLANT };
+        let along = |variance: f64| [variance, variance * slant * slant];
+        Self {
+            place_variance: JITTER * JITTER,
+            velocity_variance: along((SPEED_PER_S * frame_s).powi(2)),
+            turn_variance: along(TURN_PER_S3 * frame_s.powi(3)),
+            size_variance: SIZE_JITTER * SIZE_JITTER,
+            size_growth: SIZE_GROWTH_PER_S * frame_s,
+            gate: TRACKLET_GATE,
+            miss_cost: 0.0,
+            window: (WINDOW_S * frames_per_s).round().max(2.0) as u32,
+        }
+    }
+
+    /// The last frame of a track: where it is going.
+    pub fn tail(&self, detections: &Detections, track: &[u32]) -> Option<End> {
+        let last = detections.all[*track.last()? as usize].frame;
+        let from = track.partition_point(|n| detections.all[*n as usize].frame + self.window <= last);
+        self.end(detections, track[from..].iter(), self.velocity_variance)
+    }
+
+    /// The first frame of a track: where it comes from, without a prior, which the track before it brings.
+    pub fn head(&self, detections: &Detections, track: &[u32]) -> Option<End> {
+        let first = detections.all[*track.first()? as usize].frame;
+        let to = track.partition_point(|n| detections.all[*n as usize].frame < first + self.window);
+        let mut end = self.end(detections, track[..to].iter().rev(), [UNKNOWN; 2])?;
+        end.axes = end.axes.map(|axis| axis.reversed());
+        Some(end)
+    }
+
+    /// Follows detections in the order in which they are given, with time or against it, to the last one.
+    fn end<'a>(
+        &self,
+        detections: &Detections,
+        nodes: impl Iterator<Item = &'a u32> + Clone,
+        velocity_variance: [f64; 2],
+    ) -> Option<End> {
+        let mut found = nodes.map(|n| &detections.all[*n as usize]);
+        let first = found.next()?;
+        let mut end = self.single(first, velocity_variance);
+        end.colours = first.colours.as_deref().cloned();
+        let mut count = 1.0;
+        for detection in found {
+            let frames = f64::from(detection.frame.abs_diff(end.frame));
+            for axis in 0..2 {
+                let expected = end.axes[axis].after(frames, self.turn_variance[axis]);
+                end.axes[axis] = expected.corrected(detection.place[axis], self.place_variance);
+            }
+            end.frame = detection.frame;
+            count += 1.0;
+            end.log_scale += (detection.scale().ln() - end.log_scale) / count;
+            if let (Some(all), Some(new)) = (&mut end.colours, &detection.colours) {
+                all.add(new, f64::INFINITY);
+            }
+        }
+        end.log_scale_variance /= count;
+        Some(end)
+    }
+
+    fn single(&self, detection: &Detection, velocity_variance: [f64; 2]) -> End {
+        let axis = |i: usize| AxisState::at(detection.place[i], self.place_variance, velocity_variance[i]);
+        End {
+            frame: detection.frame,
+            axes: [axis(0), axis(1)],
+            log_scale: detection.scale().ln(),
+            log_scale_variance: self.size_variance,
+            colours: None,
+        }
+    }
+
+    /// Cost of the link from a tracklet's end to a later one's beginning, `None` where it is none.
+    pub fn cost(&self, from: &End, to: &End) -> Option<f64> {
+        let colour_distance = from.colours.as_ref().zip(to.colours.as_ref()).map(|(a, b)| a.distance(b));
+        self.cost_with(from, to, colour_distance)
+    }
+
+    fn cost_with(&self, from: &End, to: &End, colour_distance: Option<f64>) -> Option<f64> {
+        let gap = f64::from(to.frame - from.frame);
+        let height = (0.5 * (from.log_scale + to.log_scale)).exp();
+        let size_variance = from.log_scale_variance + to.log_scale_variance + self.size_growth * gap;
+        let surest_size = 2.0 * self.size_variance + self.size_growth;
+        let mut deviation2 = (to.log_scale - from.log_scale).powi(2) / size_variance;
+        // Twice the negative logarithm of the ratio.
+        let mut unlikely = deviation2 + (size_variance / surest_size).ln();
+        for axis in 0..2 {
+            let velocity_variance = self.velocity_variance[axis];
+            let (expected, seen) = (from.axes[axis].after(gap, self.turn_variance[axis]), &to.axes[axis]);
+            let pp = expected.place_variance + seen.place_variance;
+            let pv = expected.covariance + seen.covariance;
+            let vv = expected.velocity_variance + seen.velocity_variance;
+            let determinant = pp * vv - pv * pv;
+            let place = (seen.place - expected.place) / height;
+            let velocity = (seen.velocity - expected.velocity) / height;
+            let off =
+                (vv * place * place - 2.0 * pv * place * velocity + pp * velocity * velocity) / determinant;
+            let alone = velocity_variance + seen.velocity_variance;
+            let surest = 2.0 * self.place_variance + velocity_variance;
+            deviation2 += off;
+            unlikely +=
+                off - (seen.velocity / height).powi(2) / alone + (determinant / (alone * surest)).ln();
+        }
+        if deviation2 > self.gate * self.gate {
+            return None;
+        }
+        // Exponentially distributed, so its negative logarithm is the distance itself.
+        unlikely += colour_distance.map_or(0.0, |d| 2.0 * d * d / COLOUR_CHANGE);
+        Some(0.5 * WEIGHT * unlikely.max(0.0) + self.miss_cost * (gap - 1.0))
+    }
+}
+
+impl Affinity for MotionModel {
+    fn link_cost(&self, from: &Detection, to: &Detection, _gap: u32) -> Option<f64> {
+        let distance = colour_distance(from, to);
+        let (from, to) = (self.single(from, self.velocity_variance), self.single(to, [UNKNOWN; 2]));
+        self.cost_with(&from, &to, distance)
+    }
+
+    fn reach(&self, from: &Detection, gap: u32) -> f64 {
+        let frames = f64::from(gap);
+        let still = AxisState::at(0.0, 2.0 * self.place_variance, self.velocity_variance[0]);
+        let variance = still.after(frames, self.turn_variance[0]).place_variance;
+        // The other box may be higher, as far as the gate lets it.
+        let size_variance = 2.0 * self.size_variance + self.size_growth * frames;
+        self.gate * variance.sqrt() * from.scale() * (0.5 * self.gate * size_variance.sqrt()).exp()
+    }
+}
