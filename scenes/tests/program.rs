@@ -137,3 +137,71 @@ fn a_reader_who_leaves_is_no_failure() {
     assert_eq!(output.status.code(), Some(0), "{said}");
     assert!(!said.contains("panicked"), "{said}");
 }
+
+#[test]
+fn a_scan_with_cameras_given_one_by_one_is_the_same_room() {
+    let folder = room();
+    let dir = folder.path();
+    let Room { cameras, geometry, .. } = Room::read(dir).unwrap();
+    let Some(Geometry::Discs(discs)) = geometry else { unreachable!() };
+    // A scanner's cloud: bare points; lens and pose as `calib` writes them.
+    let header = format!(
+        "ply\nformat ascii 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\nend_header\n",
+        discs.len()
+    );
+    let points: Vec<String> =
+        discs.iter().map(|d| format!("{} {} {}", d.center.x, d.center.y, d.center.z)).collect();
+    let named = |name: &str| dir.join(name);
+    std::fs::write(named("scan.ply"), header + &points.join("\n") + "\n").unwrap();
+    let camera = &cameras[0].camera;
+    calib::files::write_intrinsics(&named("lens.toml"), &camera.intrinsics).unwrap();
+    let rotation =
+        calib::files::rows_of_matrix(camera.camera_from_world.rotation.to_rotation_matrix().matrix());
+    let t = camera.camera_from_world.translation.vector;
+    let pose =
+        format!("rotation = {rotation:?}\ntranslation = [{:?}, {:?}, {:?}]\nrms_px = 0.3\n", t.x, t.y, t.z);
+    std::fs::write(named("pose.toml"), pose).unwrap();
+
+    let (copy, scan) = (named("copy"), named("scan.ply"));
+    let given = format!("up={},{}", path(&named("lens.toml")), path(&named("pose.toml")));
+    let import = |camera: &str| {
+        let geometry = ["--geometry", path(&scan), "--out", path(&copy)];
+        scenes(&[&["import", "--camera", camera], &geometry[..]].concat())
+    };
+    for wrong in ["up", "up=lens.toml", "=a,b", "up=,b"] {
+        let output = import(wrong);
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.code() == Some(2) && said.contains("NAME=LENS,POSE"), "{said}");
+    }
+    assert_eq!(scenes(&["import", "--out", path(&copy)]).status.code(), Some(2));
+    assert!(!copy.exists());
+    let output = import(&given);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let depth_of = |room: &Path, out: &str| {
+        let out = named(out);
+        assert!(scenes(&["depth", path(room), "--camera", "up", "--out", path(&out)]).status.success());
+        image::open(out).unwrap().into_luma16()
+    };
+    let (expected, found) = (depth_of(dir, "a.png"), depth_of(&copy, "b.png"));
+    // The floor comes back wherever it was; its outermost points stand for a little more than they did.
+    let floor = || expected.pixels().zip(found.pixels()).filter(|(a, _)| a[0] > 0);
+    assert!(floor().count() > 1000 && floor().all(|(a, b)| a[0].abs_diff(b[0]) <= 2));
+    let Some(Geometry::Discs(discs)) = Room::read(&copy).unwrap().geometry else { unreachable!() };
+    assert!(discs.iter().all(|d| d.normal.z > 0.999));
+    // A room that is there is not written over.
+    assert!(complaint(&["import", "--camera", &given, "--out", path(&copy)], 2).contains("a room already"));
+}
+
+#[test]
+fn a_room_goes_to_nerfstudio_and_comes_back() {
+    let folder = room();
+    let file = folder.path().join("transforms.json");
+    let copy = folder.path().join("copy");
+    let export = ["export", path(folder.path()), "--format", "nerfstudio", "--out", path(&file)];
+    assert!(scenes(&export).status.success());
+    assert!(scenes(&["import", path(&file), "--out", path(&copy)]).status.success());
+    let (before, after) = (Room::read(folder.path()).unwrap(), Room::read(&copy).unwrap());
+    let point = Point3::new(0.6, 0.7, 0.3);
+    let pixel = |room: &Room| room.camera("up").unwrap().camera.project(&point).unwrap();
+    assert!((pixel(&before) - pixel(&after)).norm() < 1e-6);
+}

@@ -1,24 +1,30 @@
-//! `scenes import`: a room from what another program reconstructed.
+//! `scenes import`: a room from what other programs reconstructed, scanned or calibrated.
 
 use std::path::PathBuf;
 
 use clap::Args;
-use scenes::exchange::colmap;
-use scenes::geometry::ply;
+use scenes::exchange::{self, given};
+use scenes::geometry::{ply, vec3_from_point};
 use scenes::room::{Room, SCENE_FILE};
 
-/// Make a room directory from a COLMAP model (text or binary) and a mesh or cloud.
+/// Make a room directory from cameras and a mesh or cloud.
 ///
-/// The model's world has to be the room's: metres, Z up, the floor at z = 0; `colmap model_aligner` brings it there. Each
-/// image becomes a camera of its name. A cloud without faces needs normals.
+/// Cameras come from a COLMAP model (text or binary), from nerfstudio's transforms.json, or one by one from what `calib
+/// intrinsics` and `calib pose` wrote. Their world has to be the room's: metres, Z up, the floor at z = 0, and that of the
+/// geometry, too; `colmap model_aligner` brings a model there. Images become cameras of their names. A laser scanner's
+/// cloud without normals gets them here.
 #[derive(Args)]
 #[command(after_help = "Examples:
-  scenes import sparse/0 --out myroom
-  scenes import sparse/0 --geometry meshed-poisson.ply --out myroom")]
+  scenes import sparse/0 --geometry meshed-poisson.ply --out myroom
+  scenes import transforms.json --out myroom
+  scenes import --camera door=lens1.toml,pose1.toml --camera desk=lens2.toml,pose2.toml --geometry scan.ply --out myroom")]
 pub(crate) struct Import {
-    /// The model's folder.
-    #[arg(value_name = "MODEL")]
-    model: PathBuf,
+    /// A COLMAP model's folder, or a transforms.json.
+    #[arg(value_name = "MODEL", required_unless_present = "camera")]
+    model: Option<PathBuf>,
+    /// A camera of its own: its lens (`calib intrinsics`) and its pose (`calib pose`); once a camera.
+    #[arg(long, value_name = "NAME=LENS,POSE", value_parser = camera)]
+    camera: Vec<(String, PathBuf, PathBuf)>,
     /// What stands in the room, as PLY; without it nothing is hidden by the room.
     #[arg(long, value_name = "FILE")]
     geometry: Option<PathBuf>,
@@ -27,10 +33,22 @@ pub(crate) struct Import {
     out: PathBuf,
 }
 
+fn camera(text: &str) -> Result<(String, PathBuf, PathBuf), String> {
+    text.split_once('=')
+        .and_then(|(name, files)| Some((name, files.split_once(',')?)))
+        .filter(|(name, (lens, pose))| ![name, lens, pose].iter().any(|part| part.is_empty()))
+        .map(|(name, (lens, pose))| (name.to_owned(), lens.into(), pose.into()))
+        .ok_or_else(|| "it is not of the form NAME=LENS,POSE, as in door=lens.toml,pose.toml".to_owned())
+}
+
 impl Import {
     pub(crate) fn run(&self) -> anyhow::Result<()> {
-        let cameras = colmap::read(&self.model)?;
-        let geometry = self.geometry.as_deref().map(ply::read).transpose()?;
+        let mut cameras = self.model.as_deref().map(exchange::cameras).transpose()?.unwrap_or_default();
+        for (name, lens, pose) in &self.camera {
+            cameras.push(given::camera(name, lens, pose)?);
+        }
+        let eyes: Vec<_> = cameras.iter().map(|c| vec3_from_point(&c.camera.center())).collect();
+        let geometry = self.geometry.as_deref().map(|file| ply::read_seen_from(file, &eyes)).transpose()?;
         anyhow::ensure!(
             !self.out.join(SCENE_FILE).exists(),
             "{}: --out: there is a room already; name a new directory",

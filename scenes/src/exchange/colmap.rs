@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use calib::{Camera, Intrinsics};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 
-use super::{CORNER_PX, binary, text};
+use super::{CORNER_PX, binary, camera_name, text};
 use crate::geometry::Geometry;
 use crate::room::{Room, RoomCamera};
 use crate::{Error, Result};
@@ -95,8 +95,7 @@ pub fn read(dir: &Path) -> Result<Vec<RoomCamera>> {
                 .intrinsics()
                 .map_err(|problem| Error::content(&lens_file, format!("camera {}", lens.id), problem))?;
             let camera_from_world = picture.pose().map_err(wrong)?;
-            let name =
-                Path::new(&picture.name).with_extension("").to_string_lossy().replace(['/', '\\', '='], "_");
+            let name = camera_name(&picture.name);
             Ok(RoomCamera { name, camera: Camera { intrinsics, camera_from_world }, reference: None })
         })
         .collect()

@@ -1,11 +1,36 @@
-//! Cameras (and points) of other programs: COLMAP's sparse models in and out, nerfstudio's `transforms.json` out.
+//! Cameras (and points) of other programs: COLMAP's sparse models and nerfstudio's `transforms.json` in and out, and
+//! cameras given one by one, as `calib` writes them.
 //!
 //! Both count pixels from the top-left pixel's corner, so their principal points are half a pixel larger than ours.
 
 mod binary;
 pub mod colmap;
+pub mod given;
 pub mod nerfstudio;
 mod text;
+
+use std::path::Path;
+
+use crate::Result;
+use crate::room::RoomCamera;
+
+/// The cameras of another program's file or folder: nerfstudio's `.json`, or else a COLMAP model.
+///
+/// # Errors
+/// As [`nerfstudio::read`] and [`colmap::read`].
+pub fn cameras(path: &Path) -> Result<Vec<RoomCamera>> {
+    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json")) {
+        nerfstudio::read(path)
+    } else {
+        colmap::read(path)
+    }
+}
+
+/// What a camera is called after its picture's name in another program: no folder separators, nothing that a command
+/// line would take apart.
+fn camera_name(picture: &str) -> String {
+    Path::new(picture).with_extension("").to_string_lossy().replace(['/', '\\', '='], "_")
+}
 
 /// From our pixels, counted from a pixel's centre, to pixels counted from its corner.
 const CORNER_PX: f64 = 0.5;

@@ -3,13 +3,17 @@
 
 use std::path::Path;
 
-use nalgebra::Matrix4;
-use serde::Serialize;
+use calib::{Camera, Intrinsics};
+use nalgebra::{Isometry3, Matrix3, Matrix4, Translation3};
+use serde::{Deserialize, Serialize};
 
-use super::CORNER_PX;
 use super::colmap::picture_name;
-use crate::room::Room;
+use super::{CORNER_PX, camera_name};
+use crate::room::{Room, RoomCamera};
 use crate::{Error, Result};
+
+/// Camera models without anything that ours lacks; distortion they do not have is zero in the file.
+const MODELS: [&str; 3] = ["OPENCV", "PINHOLE", "SIMPLE_PINHOLE"];
 
 #[derive(Serialize)]
 struct Transforms {
@@ -72,6 +76,147 @@ pub fn write(path: &Path, room: &Room) -> Result<()> {
     Ok(calib::files::write_atomic(path, format!("{text}\n").as_bytes())?)
 }
 
+/// What is read: a lens stands in each frame or once for all, and what is no lens of ours must not be there.
+#[derive(Deserialize)]
+struct Given {
+    camera_model: Option<String>,
+    #[serde(flatten)]
+    lens: GivenLens,
+    frames: Vec<GivenFrame>,
+}
+
+#[derive(Deserialize)]
+struct GivenFrame {
+    file_path: String,
+    #[serde(flatten)]
+    lens: GivenLens,
+    transform_matrix: Vec<Vec<f64>>,
+}
+
+#[derive(Deserialize, Clone, Copy)]
+struct GivenLens {
+    w: Option<f64>,
+    h: Option<f64>,
+    fl_x: Option<f64>,
+    fl_y: Option<f64>,
+    cx: Option<f64>,
+    cy: Option<f64>,
+    k1: Option<f64>,
+    k2: Option<f64>,
+    p1: Option<f64>,
+    p2: Option<f64>,
+    k3: Option<f64>,
+    k4: Option<f64>,
+}
+
+impl GivenLens {
+    /// Each number from here, or else from what stands there for all frames.
+    fn or(self, all: Self) -> Self {
+        Self {
+            w: self.w.or(all.w),
+            h: self.h.or(all.h),
+            fl_x: self.fl_x.or(all.fl_x),
+            fl_y: self.fl_y.or(all.fl_y),
+            cx: self.cx.or(all.cx),
+            cy: self.cy.or(all.cy),
+            k1: self.k1.or(all.k1),
+            k2: self.k2.or(all.k2),
+            p1: self.p1.or(all.p1),
+            p2: self.p2.or(all.p2),
+            k3: self.k3.or(all.k3),
+            k4: self.k4.or(all.k4),
+        }
+    }
+
+    fn intrinsics(self) -> std::result::Result<Intrinsics, String> {
+        let needed = |value: Option<f64>, key: &str| value.ok_or_else(|| format!("`{key}` is missing"));
+        let side = |value: Option<f64>, key: &str| {
+            let pixels = needed(value, key)?;
+            let whole = pixels >= 1.0 && pixels <= f64::from(u32::MAX) && pixels.fract() == 0.0;
+            if whole { Ok(pixels as u32) } else { Err(format!("`{key}` is {pixels}, no image's side")) }
+        };
+        if self.k4.is_some_and(|k4| k4 != 0.0) {
+            return Err("`k4` is not known here; undistort the pictures".into());
+        }
+        let fx = needed(self.fl_x, "fl_x")?;
+        let distortion = [self.k1, self.k2, self.p1, self.p2, self.k3].map(|k| k.unwrap_or(0.0));
+        let intrinsics = Intrinsics {
+            width: side(self.w, "w")?,
+            height: side(self.h, "h")?,
+            fx,
+            fy: self.fl_y.unwrap_or(fx),
+            cx: needed(self.cx, "cx")? - CORNER_PX,
+            cy: needed(self.cy, "cy")? - CORNER_PX,
+            distortion: distortion.into(),
+        };
+        intrinsics.validate().map_err(|e| e.to_string())?;
+        Ok(intrinsics)
+    }
+}
+
+impl GivenFrame {
+    fn pose(&self) -> std::result::Result<Isometry3<f64>, String> {
+        /// How far the last row may be from 0 0 0 1.
+        const TOLERANCE: f64 = 1e-6;
+        let m = &self.transform_matrix;
+        if m.len() < 3 || m.len() > 4 || m.iter().any(|row| row.len() != 4) {
+            return Err("`transform_matrix` has not 4 rows of 4 numbers".into());
+        }
+        if m.iter().flatten().any(|x| !x.is_finite())
+            || m.get(3).is_some_and(|row| {
+                row.iter().zip([0.0, 0.0, 0.0, 1.0]).any(|(x, e)| (x - e).abs() > TOLERANCE)
+            })
+        {
+            return Err("`transform_matrix` does not end in 0 0 0 1".into());
+        }
+        // OpenGL's axes up and backwards become down and forwards.
+        let rotation = Matrix3::from_fn(|r, c| if c == 0 { m[r][c] } else { -m[r][c] });
+        let rotation =
+            calib::rotation::from_matrix(&rotation).map_err(|e| format!("`transform_matrix`: {e}"))?;
+        let translation = Translation3::new(m[0][3], m[1][3], m[2][3]);
+        Ok(Isometry3::from_parts(translation, rotation).inverse())
+    }
+}
+
+/// The cameras of a `transforms.json`, in its order, named after their pictures. Its world has to be the room's:
+/// metres, Z up, the floor at z = 0.
+///
+/// # Errors
+/// [`Error::Calib`] when the file cannot be read, [`Error::Content`] naming the frame and what is wrong with it.
+pub fn read(path: &Path) -> Result<Vec<RoomCamera>> {
+    let text = calib::files::read_text(path)?;
+    let given: Given = serde_json::from_str(&text).map_err(|e| {
+        let place = if e.line() > 0 {
+            format!("line {}, column {}", e.line(), e.column())
+        } else {
+            "whole file".into()
+        };
+        let said = e.to_string();
+        let problem = said.split(" at line ").next().unwrap_or_default();
+        Error::content(path, place, format!("this is no transforms.json: {problem}"))
+    })?;
+    if let Some(model) = given.camera_model.as_deref().filter(|m| !MODELS.contains(m)) {
+        let problem = format!("the model {model} is not known here; undistort the pictures");
+        return Err(Error::content(path, "camera_model", problem));
+    }
+    if given.frames.is_empty() {
+        return Err(Error::content(path, "frames", "there is none; no camera was placed"));
+    }
+    given
+        .frames
+        .iter()
+        .zip(1..)
+        .map(|(frame, number)| {
+            let wrong =
+                |problem| Error::content(path, format!("frame {number} (`{}`)", frame.file_path), problem);
+            let intrinsics = frame.lens.or(given.lens).intrinsics().map_err(wrong)?;
+            let camera = Camera { intrinsics, camera_from_world: frame.pose().map_err(wrong)? };
+            let picture = Path::new(&frame.file_path).file_name().unwrap_or_default().to_string_lossy();
+            Ok(RoomCamera { name: camera_name(&picture), camera, reference: None })
+        })
+        .collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -99,5 +244,68 @@ mod tests {
             assert!((u - expected.x).abs() < 1e-6 && (v - expected.y).abs() < 1e-6, "{u} {v} {expected}");
             assert_eq!(frame["file_path"], format!("{}.jpg", entry.name));
         }
+    }
+
+    #[test]
+    fn cameras_come_back() {
+        let mut room = RoomOptions { cameras: 2, ..RoomOptions::default() }.build().unwrap().room;
+        room.cameras[1].camera.intrinsics.distortion = [-0.2, 0.1, 1e-3, -2e-3, 0.05].into();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("transforms.json");
+        write(&path, &room).unwrap();
+        let found = read(&path).unwrap();
+        assert_eq!(found.len(), 2);
+        for (f, e) in found.iter().zip(&room.cameras) {
+            let (a, b) = (&f.camera.intrinsics, &e.camera.intrinsics);
+            assert_eq!(
+                (&f.name, a.width, a.height, a.distortion),
+                (&e.name, b.width, b.height, b.distortion)
+            );
+            assert!((a.matrix() - b.matrix()).norm() < 1e-9);
+            let off = f.camera.camera_from_world * e.camera.camera_from_world.inverse();
+            assert!(off.translation.vector.norm() < 1e-9 && off.rotation.angle() < 1e-7, "{off}");
+        }
+    }
+
+    /// One lens for all frames; a camera 2 up that looks along the world's y.
+    const SHARED: &str = r#"{"camera_model": "PINHOLE", "w": 64, "h": 48, "fl_x": 60, "cx": 32, "cy": 24, "frames": [
+        {"file_path": "images/left.png", "transform_matrix": [[1,0,0,0],[0,0,-1,0],[0,1,0,2],[0,0,0,1]]}]}"#;
+
+    #[test]
+    fn one_lens_for_all_frames_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("transforms.json");
+        std::fs::write(&path, SHARED).unwrap();
+        let cameras = read(&path).unwrap();
+        assert_eq!(cameras[0].name, "left");
+        let pixel = cameras[0].camera.project(&Point3::new(0.5, 3.0, 2.1)).unwrap();
+        // 0.5 to the right and 0.1 up, 3 away.
+        assert!((pixel.x - 41.5).abs() < 1e-9 && (pixel.y - 21.5).abs() < 1e-9, "{pixel}");
+    }
+
+    #[test]
+    fn what_is_wrong_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("transforms.json");
+        for (from, to, words) in [
+            ("PINHOLE", "OPENCV_FISHEYE", &["camera_model", "OPENCV_FISHEYE"][..]),
+            ("\"w\": 64", "\"w\": 64.5", &["frame 1", "left.png", "`w`"]),
+            ("\"w\": 64,", "", &["frame 1", "`w` is missing"]),
+            ("\"fl_x\": 60", "\"fl_x\": -60", &["frame 1", "positive"]),
+            ("\"cy\": 24", "\"cy\": 24, \"k4\": 0.1", &["frame 1", "`k4`"]),
+            ("[0,0,-1,0]", "[0,0,-1]", &["frame 1", "4 numbers"]),
+            ("[0,0,-1,0]", "[0,0,-2,0]", &["frame 1", "transform_matrix"]),
+            ("[0,0,0,1]", "[0,0,0,2]", &["frame 1", "0 0 0 1"]),
+            ("[0,1,0,2]", "[0,1,0,\"2\"]", &["line 2", "no transforms.json"]),
+            ("\"frames\"", "\"pictures\"", &["line", "`frames`"]),
+        ] {
+            assert!(SHARED.contains(from), "{from}");
+            std::fs::write(&path, SHARED.replace(from, to)).unwrap();
+            let line = read(&path).unwrap_err().to_string();
+            assert!(words.iter().all(|word| line.contains(word)) && !line.contains('\n'), "{line}");
+        }
+        std::fs::write(&path, "{\"frames\": []}").unwrap();
+        assert!(read(&path).unwrap_err().to_string().contains("no camera"));
+        assert!(read(&folder.path().join("nowhere.json")).unwrap_err().to_string().contains("nowhere"));
     }
 }

@@ -1,6 +1,7 @@
 //! What stands in a room: triangles, or discs around oriented points. World coordinates, metres.
 
 mod defect;
+mod normals;
 pub mod ply;
 mod shape_hash;
 mod spacing;

@@ -8,6 +8,6 @@ mod read;
 mod row;
 mod write;
 
-pub use read::read;
+pub use read::{read, read_seen_from};
 pub(crate) use write::encode;
 pub use write::write;

@@ -7,7 +7,7 @@ use ply_rs::parser::{Parser, Reader};
 use ply_rs::ply::{ElementDef, Encoding, Header, PropertyAccess, PropertyType, ScalarType};
 
 use super::row::{CORNERS, FaceRow, SkippedRow, VertexRow};
-use crate::geometry::{Disc, Geometry, Mesh, spacing, triangulate};
+use crate::geometry::{Disc, Geometry, Mesh, normals, spacing, triangulate};
 use crate::{Error, Result};
 
 /// Reads a room's geometry from a PLY file, ASCII or binary.
@@ -15,15 +15,31 @@ use crate::{Error, Result};
 /// # Errors
 /// [`Error::Io`], or [`Error::Content`] naming the element and what is wrong with it.
 pub fn read(path: &Path) -> Result<Geometry> {
+    read_with(path, None)
+}
+
+/// [`read`], and a cloud without normals gets some, each towards the nearest of the places that it was seen from.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_seen_from(path: &Path, viewpoints: &[Vec3]) -> Result<Geometry> {
+    read_with(path, Some(viewpoints))
+}
+
+fn read_with(path: &Path, viewpoints: Option<&[Vec3]>) -> Result<Geometry> {
     let bytes = std::fs::read(path).map_err(|source| Error::Io { path: path.to_owned(), source })?;
-    decode(&bytes).map_err(|(place, problem)| Error::Content { path: path.to_owned(), place, problem })
+    decode(&bytes, viewpoints).map_err(|(place, problem)| Error::Content {
+        path: path.to_owned(),
+        place,
+        problem,
+    })
 }
 
 /// The place in the file, and the problem.
 type Defect = (String, String);
 type Decoded<T> = std::result::Result<T, Defect>;
 
-fn decode(bytes: &[u8]) -> Decoded<Geometry> {
+fn decode(bytes: &[u8], viewpoints: Option<&[Vec3]>) -> Decoded<Geometry> {
     if bytes.is_empty() {
         return Err(("whole file".into(), "the file is empty; write it again".into()));
     }
@@ -43,8 +59,13 @@ fn decode(bytes: &[u8]) -> Decoded<Geometry> {
     }
     require(&header, "vertex", &["x", "y", "z"], "a room's geometry needs positions")?;
     let geometry = if faces.is_empty() {
-        let normals = "a cloud without faces needs normals; estimate them in the program that made it";
-        require(&header, "vertex", &["nx", "ny", "nz"], normals)?;
+        if let Some(viewpoints) = viewpoints.filter(|_| !has(&header, "vertex", "nx")) {
+            face(&mut vertices, viewpoints)?;
+        } else {
+            let why =
+                "a cloud without faces needs normals; `scenes import` estimates them, with the cameras given";
+            require(&header, "vertex", &["nx", "ny", "nz"], why)?;
+        }
         Geometry::Discs(discs(&vertices, has(&header, "vertex", "radius"))?)
     } else {
         Geometry::Mesh(mesh(&vertices, &faces)?)
@@ -124,12 +145,28 @@ fn require(header: &Header, element: &str, properties: &[&str], why: &str) -> De
     }
 }
 
+/// Estimates the normals of a bare cloud.
+fn face(rows: &mut [VertexRow], viewpoints: &[Vec3]) -> Decoded<()> {
+    let centers: Vec<Vec3> = rows.iter().map(|row| Vec3::from(row.position)).collect();
+    if let Some(i) = centers.iter().position(|center| !center.is_finite()) {
+        return Err(not_finite(i));
+    }
+    for (row, normal) in rows.iter_mut().zip(normals::estimate(&centers, viewpoints)) {
+        row.normal = normal.to_array();
+    }
+    Ok(())
+}
+
+fn not_finite(vertex: usize) -> Defect {
+    (format!("vertex {vertex}"), "a number is not finite; remove the point".into())
+}
+
 fn discs(rows: &[VertexRow], radius_given: bool) -> Decoded<Vec<Disc>> {
     let mut discs = Vec::with_capacity(rows.len());
     for (i, row) in rows.iter().enumerate() {
         let (center, normal) = (Vec3::from(row.position), Vec3::from(row.normal));
         if !(center.is_finite() && normal.is_finite()) {
-            return Err((format!("vertex {i}"), "a number is not finite; remove the point".into()));
+            return Err(not_finite(i));
         }
         // `Geometry::defect` names the zero normals.
         let normal = normal.try_normalize().unwrap_or(Vec3::ZERO);
@@ -188,7 +225,7 @@ mod tests {
         end_header\r\n1 2 3 0 0 2 0.1\r\n";
 
     fn problem(text: &str) -> String {
-        let (place, problem) = decode(text.as_bytes()).unwrap_err();
+        let (place, problem) = decode(text.as_bytes(), None).unwrap_err();
         let line = format!("{place}: {problem}");
         assert!(!line.contains('\n'), "{line}");
         line
@@ -196,11 +233,15 @@ mod tests {
 
     #[test]
     fn ascii_faces_and_points_are_read() {
-        let Geometry::Mesh(mesh) = decode(TRIANGLE.as_bytes()).unwrap() else { panic!("faces make a mesh") };
+        let Geometry::Mesh(mesh) = decode(TRIANGLE.as_bytes(), None).unwrap() else {
+            panic!("faces make a mesh")
+        };
         assert_eq!(mesh.triangles, [[0, 1, 2]]);
         assert_eq!(mesh.vertices[2], Vec3::Y);
 
-        let Geometry::Discs(discs) = decode(POINT.as_bytes()).unwrap() else { panic!("points make discs") };
+        let Geometry::Discs(discs) = decode(POINT.as_bytes(), None).unwrap() else {
+            panic!("points make discs")
+        };
         assert_eq!((discs[0].normal, discs[0].radius), (Vec3::Z, 0.1));
         assert!(!discs[0].filled);
     }
@@ -212,7 +253,9 @@ mod tests {
             property float red\nproperty float green\nproperty float blue\n\
             element face 1\nproperty int flags\nproperty list uchar uint vertex_index\nend_header\n\
             2 5 6\n0\n0 0 0 9 1 0 0.5\n1 0 0 9 1 0 0.5\n1 1 0 9 1 0 0.5\n0 1 0 9 1 0 0.5\n7 4 0 1 2 3";
-        let Geometry::Mesh(mesh) = decode(text.as_bytes()).unwrap() else { panic!("faces make a mesh") };
+        let Geometry::Mesh(mesh) = decode(text.as_bytes(), None).unwrap() else {
+            panic!("faces make a mesh")
+        };
         assert_eq!(mesh.triangles.len(), 2);
         assert_eq!(mesh.colors[0], [255, 0, 127]);
     }
@@ -230,7 +273,7 @@ mod tests {
         for index in [0_i32, 1, 2] {
             bytes.extend(index.to_be_bytes());
         }
-        let Geometry::Mesh(mesh) = decode(&bytes).unwrap() else { panic!("faces make a mesh") };
+        let Geometry::Mesh(mesh) = decode(&bytes, None).unwrap() else { panic!("faces make a mesh") };
         assert_eq!(mesh.vertices[2], Vec3::Y * 2.0);
     }
 
@@ -244,12 +287,12 @@ mod tests {
         assert!(problem("ply\nformat ascii 1.0\nelement vertex 0\nend_header\n").contains("property x"));
         // Every truncation of a binary file, too, ends in a message.
         let whole = {
-            let Geometry::Mesh(mesh) = decode(TRIANGLE.as_bytes()).unwrap() else { panic!("a mesh") };
+            let Geometry::Mesh(mesh) = decode(TRIANGLE.as_bytes(), None).unwrap() else { panic!("a mesh") };
             super::super::encode(&Geometry::Mesh(mesh)).unwrap()
         };
-        assert!(decode(&whole).is_ok());
+        assert!(decode(&whole, None).is_ok());
         for length in 0..whole.len() {
-            assert!(decode(&whole[..length]).is_err(), "{length} of {} bytes", whole.len());
+            assert!(decode(&whole[..length], None).is_err(), "{length} of {} bytes", whole.len());
         }
     }
 
@@ -262,6 +305,30 @@ mod tests {
         assert!(problem(&many).contains("cut off"));
         let most = format!("element vertex {}\nproperty double x\n", u64::MAX);
         assert!(problem(&binary(&most)).contains("cut off"));
+    }
+
+    #[test]
+    fn a_bare_cloud_faces_who_saw_it() {
+        let bare = |points: &str| {
+            let count = points.lines().count();
+            format!(
+                "ply\nformat ascii 1.0\nelement vertex {count}\nproperty float x\nproperty float y\n\
+                property float z\nend_header\n{points}"
+            )
+        };
+        let corners: Vec<String> = (0..100).map(|i| format!("{} {} 0", i % 10, i / 10)).collect();
+        let floor = corners.join("\n") + "\n";
+        let below = [Vec3::new(0.5, 0.5, -2.0)];
+        let Geometry::Discs(discs) = decode(bare(&floor).as_bytes(), Some(&below)).unwrap() else {
+            panic!("points make discs")
+        };
+        assert!(discs.iter().all(|d| d.normal.distance(-Vec3::Z) < 1e-4 && d.radius > 0.5 && d.radius < 1.5));
+        // Without cameras nobody knows which side was seen; normals that are there stay as they are.
+        assert!(problem(&bare(&floor)).contains("scenes import"));
+        let Geometry::Discs(discs) = decode(POINT.as_bytes(), Some(&below)).unwrap() else { panic!("discs") };
+        assert_eq!(discs[0].normal, Vec3::Z);
+        let (place, said) = decode(bare("0 0 0\n1 1e99 0\n").as_bytes(), Some(&below)).unwrap_err();
+        assert!(place == "vertex 1" && said.contains("not finite"), "{place}: {said}");
     }
 
     #[test]
