@@ -20,6 +20,8 @@ pub struct Axis {
     pub name: String,
     /// What it begins and ends with.
     pub range: [f64; 2],
+    /// Whether only whole numbers mean something.
+    pub is_whole: bool,
 }
 
 /// One line, or a cloud of points.
@@ -47,19 +49,39 @@ pub struct Chart {
 }
 
 impl Axis {
-    /// An axis that holds some values, from `at_least` on.
-    pub fn fitting(name: &str, values: impl Iterator<Item = f64>, at_least: [f64; 2]) -> Self {
-        let range = values.filter(|v| v.is_finite()).fold(at_least, |r, v| [r[0].min(v), r[1].max(v)]);
-        Self { name: name.to_owned(), range }
+    /// An axis of a given range.
+    pub fn new(name: &str, range: [f64; 2]) -> Self {
+        Self { name: name.to_owned(), range, is_whole: false }
     }
 
-    /// Round values inside the range, six or so.
-    fn ticks(&self) -> Vec<f64> {
+    /// An axis that holds some values, from `at_least` on, and ends at a tick.
+    pub fn fitting(name: &str, values: impl Iterator<Item = f64>, at_least: [f64; 2]) -> Self {
+        let range = values.filter(|v| v.is_finite()).fold(at_least, |r, v| [r[0].min(v), r[1].max(v)]);
+        let mut axis = Self::new(name, range);
+        let step = axis.step();
+        axis.range = [(range[0] / step).floor() * step, (range[1] / step).ceil() * step];
+        axis
+    }
+
+    /// Whole numbers only.
+    #[must_use]
+    pub fn whole(self) -> Self {
+        Self { is_whole: true, ..self }
+    }
+
+    /// From one tick to the next: a round number.
+    fn step(&self) -> f64 {
         let span = (self.range[1] - self.range[0]).max(1e-12);
         let rough = span / 6.0;
         let power = 10f64.powf(rough.log10().floor());
         let step = [1.0, 2.0, 2.5, 5.0, 10.0].map(|s| s * power).into_iter().find(|s| *s >= rough);
         let step = step.unwrap_or(10.0 * power);
+        if self.is_whole { step.ceil() } else { step }
+    }
+
+    /// Round values inside the range, six or so.
+    pub(crate) fn ticks(&self) -> Vec<f64> {
+        let step = self.step();
         let first = (self.range[0] / step - 1e-9).ceil() as i64;
         let last = (self.range[1] / step + 1e-9).floor() as i64;
         (first..=last).map(|i| i as f64 * step).collect()
@@ -92,7 +114,7 @@ impl Chart {
             canvas.text(Point2::new(left - 10.0, at.y), &short(y), &TEXT.anchor(1.0, 0.5));
         }
         for (index, series) in self.series.iter().enumerate() {
-            let color = Color::of_id(index as u32 + 1);
+            let color = series_color(index);
             let points: Vec<Point2<f64>> = series
                 .points
                 .iter()
@@ -122,11 +144,17 @@ impl Chart {
     fn legend(&self, canvas: &mut Canvas, at: Point2<f64>) {
         let mut x = at.x;
         for (index, series) in self.series.iter().enumerate().filter(|(_, s)| !s.name.is_empty()) {
-            canvas.fill_circle(Point2::new(x + 6.0, at.y), 6.0, Color::of_id(index as u32 + 1));
+            canvas.fill_circle(Point2::new(x + 6.0, at.y), 6.0, series_color(index));
             let drawn = canvas.text(Point2::new(x + 18.0, at.y), &series.name, &TEXT.anchor(0.0, 0.5));
             x += 18.0 + f64::from(TEXT.size(&series.name)[0]).max(drawn[2] - drawn[0]) + 26.0;
         }
     }
+}
+
+/// Colours that show as lines on paper, too: no yellow.
+fn series_color(index: usize) -> Color {
+    const IDS: [u32; 5] = [5, 0, 2, 4, 6];
+    Color::of_id(IDS[index % IDS.len()])
 }
 
 /// A tick's number without noise behind the point.
@@ -142,11 +170,14 @@ mod tests {
 
     #[test]
     fn ticks_are_round_and_cover_the_range() {
-        let axis = |low: f64, high: f64| Axis { name: String::new(), range: [low, high] };
+        let axis = |low: f64, high: f64| Axis::new("", [low, high]);
         assert_eq!(axis(0.0, 1.0).ticks(), [0.0, 0.2, 0.4, 3.0 * 0.2, 0.8, 1.0]);
         assert_eq!(axis(0.0, 3.0).ticks().len(), 7);
         assert_eq!(axis(37.0, 1234.0).ticks(), [200.0, 400.0, 600.0, 800.0, 1000.0, 1200.0]);
         assert_eq!(axis(5.0, 5.0).ticks(), [5.0]);
+        assert_eq!(axis(0.0, 3.0).whole().ticks(), [0.0, 1.0, 2.0, 3.0]);
+        // Nothing lies on the rim unless it is a round number.
+        assert_eq!(Axis::fitting("", [42.4, f64::NAN].into_iter(), [0.0, 10.0]).range, [0.0, 50.0]);
         assert_eq!((short(3.0 * 0.2), short(-0.0), short(250.0)), ("0.6".into(), "0".into(), "250".into()));
     }
 
@@ -154,8 +185,8 @@ mod tests {
     fn points_land_where_they_belong_and_odd_ones_are_left_out() {
         let chart = Chart {
             title: "t".into(),
-            x: Axis { name: "x".into(), range: [0.0, 1.0] },
-            y: Axis { name: "y".into(), range: [0.0, 1.0] },
+            x: Axis::new("x", [0.0, 1.0]),
+            y: Axis::new("y", [0.0, 1.0]),
             series: vec![Series {
                 name: String::new(),
                 points: vec![[0.5, 0.5], [f64::NAN, 0.2]],
@@ -165,7 +196,7 @@ mod tests {
         let image = chart.draw();
         let u = (RIM_PX[0] + f64::from(WIDTH_PX) - RIM_PX[1]) / 2.0;
         let v = (RIM_PX[2] + f64::from(HEIGHT_PX) - RIM_PX[3]) / 2.0;
-        let color = Color::of_id(1);
+        let color = series_color(0);
         assert_eq!(image.get_pixel(u as u32, v as u32).0, [color.r, color.g, color.b]);
     }
 }

@@ -21,6 +21,8 @@ pub(super) struct Match {
 /// One frame: who is there, by index into the scenario's people and tracks.
 #[derive(Debug, Clone)]
 pub(super) struct Instant {
+    /// From 1.
+    pub(super) frame: u32,
     /// People of the truth.
     pub(super) truth: Vec<usize>,
     /// Tracks.

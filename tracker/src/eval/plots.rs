@@ -15,6 +15,7 @@ const LIFE_WIDTH_PX: f64 = 1200.0;
 const LIFE_HEIGHT_PX: f64 = 22.0;
 const LIFE_LEFT_PX: f64 = 90.0;
 const LIFE_TOP_PX: f64 = 46.0;
+const LIFE_FOOT_PX: f64 = 28.0;
 /// More people than this are not drawn: nobody could read it.
 const MOST_LIVES: usize = 400;
 
@@ -54,8 +55,8 @@ fn hota(hota: &Hota) -> Chart {
     };
     Chart {
         title: "HOTA over the strictness".to_owned(),
-        x: Axis { name: "least similarity of a match".to_owned(), range: [0.0, 1.0] },
-        y: Axis { name: "%".to_owned(), range: [0.0, 100.0] },
+        x: Axis::new("least similarity of a match", [0.0, 1.0]),
+        y: Axis::new("%", [0.0, 100.0]),
         series: vec![series("HOTA", |s| s.hota), series("DetA", |s| s.det_a), series("AssA", |s| s.ass_a)],
     }
 }
@@ -66,7 +67,7 @@ fn roc(curve: &DetectionCurve) -> Chart {
     Chart {
         title: format!("detections (average precision {:.1} %)", 100.0 * curve.average_precision),
         x: Axis::fitting("false positives per frame", points.iter().map(|p| p[0]), [0.0, 0.5]),
-        y: Axis { name: "found, % of the truth".to_owned(), range: [0.0, 100.0] },
+        y: Axis::new("found, % of the truth", [0.0, 100.0]),
         series: vec![Series { name: String::new(), points, is_line: true }],
     }
 }
@@ -75,23 +76,22 @@ fn roc(curve: &DetectionCurve) -> Chart {
 fn lives(evaluation: &Evaluation) -> RgbImage {
     let scenario = &evaluation.scenario;
     let people = scenario.people.min(MOST_LIVES);
-    let height = LIFE_TOP_PX + LIFE_HEIGHT_PX * people as f64 + 12.0;
-    let mut canvas = Canvas::new(LIFE_WIDTH_PX as u32, height as u32, Color::PAPER);
+    let bottom = LIFE_TOP_PX + LIFE_HEIGHT_PX * people as f64;
+    let mut canvas = Canvas::new(LIFE_WIDTH_PX as u32, (bottom + LIFE_FOOT_PX) as u32, Color::PAPER);
     let text = TextStyle::new(14.0).color(Color::INK);
     let title = "who stands for whom: a strip a person, a colour a track, grey where nobody stands for them";
     canvas.text(Point2::new(12.0, 12.0), title, &text.bold().anchor(0.0, 0.0));
-    let frames = scenario.instants.len().max(1) as f64;
-    let width = (LIFE_WIDTH_PX - LIFE_LEFT_PX - 12.0) / frames;
-    for (number, instant) in scenario.instants.iter().enumerate() {
-        let left = LIFE_LEFT_PX + number as f64 * width;
-        for person in instant.truth.iter().filter(|p| **p < people) {
-            let found = instant.matches.iter().find(|m| m.person == *person);
-            let color =
-                found.map_or(Color::PAPER.mix(Color::INK, 0.15), |m| Color::of_id(m.track as u32 + 1));
-            let top = LIFE_TOP_PX + LIFE_HEIGHT_PX * *person as f64;
-            // Half a pixel over the next one, or the seams between frames would show.
-            let (right, bottom) = (left + width + 0.5, top + LIFE_HEIGHT_PX - 4.0);
-            let corners = [[left, top], [right, top], [right, bottom], [left, bottom]];
+    let frames = scenario.instants.iter().map(|i| f64::from(i.frame));
+    let (first, last) = (frames.clone().next().unwrap_or(1.0), frames.last().unwrap_or(1.0));
+    let width = (LIFE_WIDTH_PX - LIFE_LEFT_PX - 12.0) / (last - first + 1.0);
+    let at = |frame: f64| LIFE_LEFT_PX + (frame - first) * width;
+    for person in 0..people {
+        let top = LIFE_TOP_PX + LIFE_HEIGHT_PX * person as f64;
+        for life in stretches(evaluation, person) {
+            let color = life.track.map_or(Color::PAPER.mix(Color::INK, 0.15), |t| Color::of_id(t as u32 + 1));
+            let (left, right) = (at(f64::from(life.first)), at(f64::from(life.last) + 1.0));
+            let low = top + LIFE_HEIGHT_PX - 4.0;
+            let corners = [[left, top], [right, top], [right, low], [left, low]];
             canvas.fill_polygon(&corners.map(|[x, y]| Point2::new(x, y)), color);
         }
     }
@@ -99,5 +99,57 @@ fn lives(evaluation: &Evaluation) -> RgbImage {
         let middle = LIFE_TOP_PX + LIFE_HEIGHT_PX * (person as f64 + 0.5) - 2.0;
         canvas.text(Point2::new(LIFE_LEFT_PX - 10.0, middle), &format!("{id}"), &text.anchor(1.0, 0.5));
     }
+    for frame in Axis::new("", [first, last]).whole().ticks() {
+        let x = at(frame + 0.5);
+        canvas.text(Point2::new(x, bottom + 2.0), &format!("{frame}"), &text.anchor(0.5, 0.0));
+    }
+    canvas.text(Point2::new(LIFE_LEFT_PX - 10.0, bottom + 2.0), "frame", &text.anchor(1.0, 0.0));
     canvas.into_image()
+}
+
+/// A part of somebody's life in which one track, or none, stands for them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Stretch {
+    first: u32,
+    last: u32,
+    track: Option<usize>,
+}
+
+/// A person's life. Frames in which they are absent part it.
+fn stretches(evaluation: &Evaluation, person: usize) -> Vec<Stretch> {
+    let mut life: Vec<Stretch> = Vec::new();
+    for instant in evaluation.scenario.instants.iter().filter(|i| i.truth.contains(&person)) {
+        let track = instant.matches.iter().find(|m| m.person == person).map(|m| m.track);
+        match life.last_mut() {
+            Some(now) if now.track == track && now.last + 1 == instant.frame => now.last = instant.frame,
+            _ => life.push(Stretch { first: instant.frame, last: instant.frame, track }),
+        }
+    }
+    life
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::eval::EvalOptions;
+    use crate::tracks::rows::RowFile;
+
+    #[test]
+    fn a_life_is_parted_where_another_track_or_none_stands_for_somebody() {
+        let rows = |frames: &[(u32, u32)]| {
+            let line = |(frame, id): &(u32, u32)| format!("{frame},{id},-1,-1,-1,-1,1,0,0,0\n");
+            RowFile::parse("rows.txt".as_ref(), &frames.iter().map(line).collect::<String>()).unwrap()
+        };
+        let truth = rows(&[3, 4, 5, 6, 7, 9, 10].map(|f| (f, 1)));
+        let tracks = rows(&[(3, 4), (4, 4), (6, 4), (7, 8), (9, 8), (10, 8)]);
+        let evaluation = Evaluation::of_rows(&truth, &tracks, &EvalOptions::default(), None).unwrap();
+        let found: Vec<_> = stretches(&evaluation, 0).iter().map(|s| (s.first, s.last, s.track)).collect();
+        let expected = [(3, 4, Some(0)), (5, 5, None), (6, 6, Some(0)), (7, 7, Some(1)), (9, 10, Some(1))];
+        assert_eq!(found, expected);
+        // The strips begin where the recording does.
+        let image = lives(&evaluation);
+        let middle = (LIFE_TOP_PX + 0.5 * LIFE_HEIGHT_PX) as u32;
+        let color = Color::of_id(1);
+        assert_eq!(image.get_pixel(LIFE_LEFT_PX as u32 + 3, middle).0, [color.r, color.g, color.b]);
+    }
 }

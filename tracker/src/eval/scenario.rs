@@ -95,11 +95,12 @@ impl Scenario {
         }
         let pair = |truth: &Row, track: &Row| similarity_and_distance(space, gate, to_truth, truth, track);
         let mut instants: Vec<Instant> = by_frame
-            .values()
-            .map(|(truth, tracks)| {
+            .iter()
+            .map(|(frame, (truth, tracks))| {
                 let (similarity, distance) =
                     Grid::pair_from_fn(truth.len(), tracks.len(), |i, j| pair(truth[i], tracks[j]));
                 Instant {
+                    frame: *frame,
                     truth: truth.iter().map(|r| people.of(r, has_identities)).collect(),
                     tracks: tracks.iter().map(|r| track_ids.of(r, has_identities)).collect(),
                     similarity,

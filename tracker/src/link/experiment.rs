@@ -86,7 +86,7 @@ pub fn figure(rows: &[Row]) -> Chart {
     let values = series.iter().flat_map(|s| &s.points).map(|p| p[1]);
     Chart {
         title: "people followed from their first frame to their last".to_owned(),
-        x: Axis { name: "skipped frames".to_owned(), range: [0.0, 3.0] },
+        x: Axis::new("skipped frames", [0.0, 3.0]).whole(),
         y: Axis::fitting("tracking success, %", values, [0.0, 10.0]),
         series,
     }
