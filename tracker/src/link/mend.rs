@@ -94,7 +94,7 @@ pub fn mend_run(out: &Path, frames_per_s: f64) -> Result<LinkReport> {
     let mut files = vec![(path, track_file(&linked))];
     let lines = out.join("tracks.jsonl");
     if lines.is_file() {
-        let mended = mend_lines::mended(jsonl::read(&lines)?, &linked, &filled);
+        let mended = mend_lines::mended(jsonl::read(&lines)?, &linked);
         let text: Result<String> = mended.iter().map(|line| line.text(&lines)).collect();
         files.push((lines, text?));
     }

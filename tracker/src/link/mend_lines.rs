@@ -1,18 +1,14 @@
 //! `tracks.jsonl` under the ids of the whole recording, with the moments filled in at which somebody was lost.
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::BTreeMap;
 
 use super::Linked;
 use crate::TrackId;
 use crate::tracks::count;
 use crate::tracks::jsonl::{FrameLine, PersonLine, rounded};
 
-/// Renames everybody, and puts them in at the frames of `filled` (id and frame), between where they were seen.
-pub(super) fn mended(
-    mut lines: Vec<FrameLine>,
-    linked: &Linked,
-    filled: &HashSet<(u32, u32)>,
-) -> Vec<FrameLine> {
+/// Renames everybody, and puts them in between where they were seen.
+pub(super) fn mended(mut lines: Vec<FrameLine>, linked: &Linked) -> Vec<FrameLine> {
     // Where each was seen last: the line, and what it says of them.
     let mut latest: BTreeMap<u32, (usize, PersonLine)> = BTreeMap::new();
     for index in 0..lines.len() {
@@ -23,13 +19,10 @@ pub(super) fn mended(
             if let Some((before, seen)) = latest.insert(id, (index, person.clone())) {
                 let (first, last) = (&lines[before], &lines[index]);
                 let ends = [(first.frame, first.time, &seen), (last.frame, last.time, &*person)];
-                let lost = before + 1..index;
-                let between: Vec<(usize, PersonLine)> = lost
-                    .filter(|i| filled.contains(&(id, lines[*i].frame)))
-                    .map(|i| (i, interpolated(ends, lines[i].frame)))
-                    .collect();
-                for (i, person) in between {
-                    lines[i].people.push(person);
+                let between: Vec<PersonLine> =
+                    lines[before + 1..index].iter().map(|lost| interpolated(ends, lost.frame)).collect();
+                for (line, person) in lines[before + 1..index].iter_mut().zip(between) {
+                    line.people.push(person);
                 }
             }
         }

@@ -198,6 +198,8 @@ fn chain(tracklets: &[Vec<u32>], track: &[u32]) -> Vec<u32> {
 }
 
 #[cfg(test)]
+mod motion_tests;
+#[cfg(test)]
 mod tests;
 #[cfg(test)]
 mod whole_tests;

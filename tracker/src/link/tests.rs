@@ -211,6 +211,14 @@ proptest! {
 }
 
 #[test]
+fn a_turn_is_the_change_of_velocity_along_both_axes() {
+    let directions = Directions { velocities: vec![[1.0, 1.0], [4.0, -3.0], [1.0, -3.5]], threshold: 5.0 };
+    assert!(directions.allow(0, 1) && directions.allow(0, 2) && directions.allow(1, 2));
+    let tight = Directions { threshold: 4.4, ..directions };
+    assert!(!tight.allow(0, 1) && !tight.allow(0, 2) && tight.allow(1, 2));
+}
+
+#[test]
 fn greedy_and_directions_miss_little_in_the_mean() {
     let (mut greedy_sum, mut optimum_sum, mut constrained, mut least) = (0i128, 0i128, 0i128, 0i128);
     let mut state = 7u32;

@@ -73,6 +73,13 @@ fn the_direction_constraint_carries_people_past_each_other() {
     assert_eq!(skipped.report.detections, 20);
     // The detections of skipped frames are given back: 20 frames of two people, none made up.
     assert_eq!(skipped.tracks.iter().flatten().filter(|r| r.is_seen).count(), 40);
+    // But not one that is nobody's, and none to two tracks.
+    let others = crossing() + &boxes([(6, 600.0)].into_iter());
+    let seen = |text: &str| linked(text, &skipping).tracks.iter().flatten().filter(|r| r.is_seen).count();
+    assert_eq!(seen(&others), 40);
+    let merged: String =
+        crossing().lines().enumerate().filter(|(i, _)| *i != 19).map(|(_, l)| format!("{l}\n")).collect();
+    assert_eq!(seen(&merged), 39);
 }
 
 #[test]
