@@ -6,6 +6,7 @@ use image::RgbImage;
 use nalgebra::Point2;
 use scenes::canvas::{Canvas, Color, TextStyle};
 
+use super::instant::Instant;
 use super::roc::DetectionCurve;
 use super::{Evaluation, Hota};
 use crate::chart::{Axis, Chart, Series};
@@ -81,8 +82,8 @@ fn lives(evaluation: &Evaluation) -> RgbImage {
     let text = TextStyle::new(14.0).color(Color::INK);
     let title = "who stands for whom: a strip a person, a colour a track, grey where nobody stands for them";
     canvas.text(Point2::new(12.0, 12.0), title, &text.bold().anchor(0.0, 0.0));
-    let frames = scenario.instants.iter().map(|i| f64::from(i.frame));
-    let (first, last) = (frames.clone().next().unwrap_or(1.0), frames.last().unwrap_or(1.0));
+    let frame = |instant: Option<&Instant>| instant.map_or(1.0, |i| f64::from(i.frame));
+    let (first, last) = (frame(scenario.instants.first()), frame(scenario.instants.last()));
     let width = (LIFE_WIDTH_PX - LIFE_LEFT_PX - 12.0) / (last - first + 1.0);
     let at = |frame: f64| LIFE_LEFT_PX + (frame - first) * width;
     for person in 0..people {

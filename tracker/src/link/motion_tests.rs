@@ -1,5 +1,6 @@
 //! The model of motion against the same model written out: one covariance of all places, without a filter.
 
+use std::fmt::Write;
 use std::path::Path;
 
 use nalgebra::{DMatrix, DVector};
@@ -21,10 +22,10 @@ const ANYWHERE: f64 = 1e5;
 
 /// Boxes by frame, middle and height.
 fn detections(places: &[(u32, f64, f64, f64)]) -> Detections {
-    let text: String = places
-        .iter()
-        .map(|(f, x, y, h)| format!("{f},-1,{},{},{},{h},0.9\n", x - 0.2 * h, y - 0.5 * h, 0.4 * h))
-        .collect();
+    let text = places.iter().fold(String::new(), |mut text, (f, x, y, h)| {
+        writeln!(text, "{f},-1,{},{},{},{h},0.9", x - 0.2 * h, y - 0.5 * h, 0.4 * h).unwrap();
+        text
+    });
     let file = RowFile::parse(Path::new("boxes.txt"), &text).unwrap();
     Detections::from_rows(&file, &LinkOptions::default()).unwrap()
 }
@@ -164,4 +165,5 @@ fn skipping_frames_is_a_lower_rate() {
     };
     assert_eq!(of(1, 30.0), of(0, 15.0));
     assert_ne!(of(0, 30.0), of(0, 15.0));
+    assert!((of(0, 15.0).2.smooth_frames - 3.0).abs() < 1e-12);
 }
