@@ -163,45 +163,40 @@ fn entries() -> Said<()> {
     Ok(())
 }
 
+/// People who come in one after the other and go around the hall.
+fn going_round(people: usize, interval_s: f64) -> WalkerOptions {
+    let ways = (0..people).map(|i| round_way(i, 1.0 + 0.3 * (i % 3) as f64)).collect();
+    WalkerOptions { seed: 31, people, first_s: 0.5, interval_s, ways, ..WalkerOptions::default() }
+}
+
 /// One person and six people on a way around the hall.
 fn accuracy() -> Said<()> {
     println!(
         "accuracy: head in space, cm (paper: 1 person 4.41, at most 34.7; 6 people 4.23, at most 18.5; asked: 4, 15)"
     );
+    const CAMERAS: usize = 6;
     for people in [1, 6] {
-        for cameras in [6] {
-            let room = hall(31, cameras, false)?;
-            let ways = (0..people).map(|i| round_way(i, 1.0 + 0.3 * (i % 3) as f64)).collect();
-            let walkers = WalkerOptions {
-                seed: 31,
-                people,
-                first_s: 0.5,
-                interval_s: 2.0,
-                ways,
-                ..WalkerOptions::default()
-            };
-            let sequence = recording(&room, &walkers, RATE_HZ, 16.0);
-            let variants = [
-                ("published", CondensationOptions::published()),
-                ("default", CondensationOptions::default()),
-            ];
-            let mut trackers = Vec::new();
-            for (name, options) in variants {
-                trackers.push((name, tracker(&room, options)?, Errors::default()));
-            }
-            for frame in sequence.frames() {
-                let pictures = pictures(&frame);
-                for (_, tracker, errors) in &mut trackers {
-                    let estimates = step(tracker, &frame, &pictures)?;
-                    for truth in frame.people.iter().filter(|p| p.inside) {
-                        errors.take(truth.id, nearest(&estimates, &truth.head).map(|(p, e)| (p.id, e)));
-                    }
-                    errors.reported += estimates.len();
+        let room = hall(31, CAMERAS, false)?;
+        let walkers = going_round(people, 2.0);
+        let sequence = recording(&room, &walkers, RATE_HZ, 16.0);
+        let variants =
+            [("published", CondensationOptions::published()), ("default", CondensationOptions::default())];
+        let mut trackers = Vec::new();
+        for (name, options) in variants {
+            trackers.push((name, tracker(&room, options)?, Errors::default()));
+        }
+        for frame in sequence.frames() {
+            let pictures = pictures(&frame);
+            for (_, tracker, errors) in &mut trackers {
+                let estimates = step(tracker, &frame, &pictures)?;
+                for truth in frame.people.iter().filter(|p| p.inside) {
+                    errors.take(truth.id, nearest(&estimates, &truth.head).map(|(p, e)| (p.id, e)));
                 }
+                errors.reported += estimates.len();
             }
-            for (name, _, errors) in &trackers {
-                errors.print(&format!("{people} people, {cameras} cameras, {name}"));
-            }
+        }
+        for (name, _, errors) in &trackers {
+            errors.print(&format!("{people} people, {CAMERAS} cameras, {name}"));
         }
     }
     Ok(())
@@ -239,11 +234,13 @@ impl Errors {
 
     fn print(&self, what: &str) {
         let mut sorted = self.on_head_m.clone();
+        if sorted.is_empty() {
+            println!("  {what:<34} nobody found; {} rows", self.reported);
+            return;
+        }
         sorted.sort_by(f64::total_cmp);
-        let mean = sorted.iter().sum::<f64>() / sorted.len().max(1) as f64;
-        let at = |share: f64| {
-            100.0 * sorted.get((share * (sorted.len() as f64 - 1.0)) as usize).copied().unwrap_or(0.0)
-        };
+        let mean = sorted.iter().sum::<f64>() / sorted.len() as f64;
+        let at = |share: f64| 100.0 * sorted[(share * (sorted.len() as f64 - 1.0)) as usize];
         println!(
             "  {what:<34} mean {:>5.2}  95 % {:>5.1}  maximum {:>5.1}; {} rows, {} of them nobody; {} moments before found, \
              {} lost; {} switches",
@@ -268,15 +265,7 @@ fn time() -> Said<()> {
     for cameras in [6, 12] {
         let room = hall(41, cameras, false)?;
         for people in [1, 2, 4, 6] {
-            let ways = (0..people).map(|i| round_way(i, 1.0 + 0.3 * (i % 3) as f64)).collect();
-            let walkers = WalkerOptions {
-                seed: 31,
-                people,
-                first_s: 0.0,
-                interval_s: 1.0,
-                ways,
-                ..WalkerOptions::default()
-            };
+            let walkers = going_round(people, 1.0);
             let sequence = recording(&room, &walkers, RATE_HZ, 10.0);
             let mut trackers = Vec::new();
             for options in [CondensationOptions::published(), CondensationOptions::default()] {
@@ -297,7 +286,11 @@ fn time() -> Said<()> {
                 }
             }
             for (layers, _, sums, moments) in &trackers {
-                let [h, w, i, e, g] = sums.map(|s| s / f64::from((*moments).max(1)));
+                if *moments == 0 {
+                    println!("  {cameras:>7} {people:>6} {layers:>6}  never all of them followed at once");
+                    continue;
+                }
+                let [h, w, i, e, g] = sums.map(|s| s / f64::from(*moments));
                 println!(
                     "  {cameras:>7} {people:>6} {layers:>6} {h:>11.3} {w:>8.3} {i:>12.3} {:>7.3} {e:>10.2} {g:>6.2}   ({moments} \
                      moments)",

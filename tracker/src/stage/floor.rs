@@ -105,16 +105,18 @@ mod tests {
         Floor::new(WalkableMap::of_polygons(&[rectangle(0.0, 0.0, 6.0, 5.0)]), &[zone], &[])
     }
 
+    /// A room of 6 × 5 m with more floor than that, and a door in its right side.
+    fn room_with(door_to_m: f64, more: &[Polygon]) -> Floor {
+        let door = rectangle(5.0, 1.0, door_to_m, 2.0);
+        let zone = Zone { name: "door".into(), polygon: door, kind: ZoneKind::Both };
+        let floor = [&[rectangle(0.0, 0.0, 6.0, 5.0)], more].concat();
+        Floor::new(WalkableMap::of_polygons(&floor), &[zone], &[])
+    }
+
     #[test]
     fn a_corridor_behind_a_zone_is_a_doorstep_too() {
-        let zone = Zone { name: "door".into(), polygon: rectangle(5.0, 1.0, 6.1, 2.0), kind: ZoneKind::Both };
         // A corridor of 2 × 4 m behind a wall, which the zone alone leads through.
-        let floor = WalkableMap::of_polygons(&[
-            rectangle(0.0, 0.0, 6.0, 5.0),
-            rectangle(5.5, 1.2, 6.5, 1.8),
-            rectangle(6.2, 0.0, 8.2, 4.0),
-        ]);
-        let floor = Floor::new(floor, &[zone], &[]);
+        let floor = room_with(6.1, &[rectangle(5.5, 1.2, 6.5, 1.8), rectangle(6.2, 0.0, 8.2, 4.0)]);
         assert!(floor.is_inside(5.5, 1.5) && floor.is_inside(5.5, 4.0) && floor.is_inside(0.1, 0.1));
         assert!(floor.is_standable(7.0, 3.0) && !floor.is_inside(7.0, 3.0) && !floor.is_inside(6.3, 1.5));
         assert!(floor.may_appear(6.8, 1.5) && floor.may_disappear(6.8, 1.5) && !floor.may_appear(7.9, 3.9));
@@ -122,14 +124,14 @@ mod tests {
 
     #[test]
     fn a_corridor_that_touches_the_room_around_a_corner_is_still_behind_the_zone() {
-        let zone = Zone { name: "door".into(), polygon: rectangle(5.0, 1.0, 6.1, 2.0), kind: ZoneKind::Both };
-        let floor = WalkableMap::of_polygons(&[
-            rectangle(0.0, 0.0, 6.0, 5.0),
-            rectangle(5.5, 1.2, 6.5, 1.8),
-            rectangle(6.2, 0.0, 8.2, 4.0),
-            rectangle(5.8, 3.8, 6.4, 3.9), // a hole in the wall
-        ]);
-        let floor = Floor::new(floor, &[zone], &[]);
+        let floor = room_with(
+            6.1,
+            &[
+                rectangle(5.5, 1.2, 6.5, 1.8),
+                rectangle(6.2, 0.0, 8.2, 4.0),
+                rectangle(5.8, 3.8, 6.4, 3.9), // a hole in the wall
+            ],
+        );
         assert!(!floor.is_inside(6.5, 1.5) && floor.may_disappear(6.5, 1.5));
         for (x, y) in [(5.5, 4.5), (4.5, 1.5), (5.9, 0.5), (5.9, 2.5)] {
             assert!(floor.is_inside(x, y), "{x} {y}");
@@ -138,28 +140,24 @@ mod tests {
 
     #[test]
     fn a_hole_in_the_wall_beside_a_door_is_wall() {
-        let zone = Zone { name: "door".into(), polygon: rectangle(5.0, 1.0, 6.0, 2.0), kind: ZoneKind::Both };
-        let floor = WalkableMap::of_polygons(&[
-            rectangle(0.0, 0.0, 6.0, 5.0),
-            rectangle(5.5, 1.0, 6.5, 2.0),
-            rectangle(6.2, 0.0, 8.2, 4.0),
-            rectangle(5.8, 2.0, 6.4, 2.6), // nothing was reconstructed of the wall beside the door
-        ]);
-        let floor = Floor::new(floor, &[zone], &[]);
+        let floor = room_with(
+            6.0,
+            &[
+                rectangle(5.5, 1.0, 6.5, 2.0),
+                rectangle(6.2, 0.0, 8.2, 4.0),
+                rectangle(5.8, 2.0, 6.4, 2.6), // nothing was reconstructed of the wall beside the door
+            ],
+        );
         assert!(!floor.is_inside(6.5, 1.5) && !floor.is_inside(7.0, 3.0) && floor.may_disappear(6.5, 1.5));
         assert!(floor.is_inside(5.5, 1.5) && floor.is_inside(5.5, 2.5) && floor.is_inside(0.5, 4.5));
     }
 
     #[test]
     fn a_room_that_goes_on_around_a_corner_beside_the_door_is_room_there() {
-        let zone = Zone { name: "door".into(), polygon: rectangle(5.0, 1.0, 6.0, 2.0), kind: ZoneKind::Both };
-        let floor = WalkableMap::of_polygons(&[
-            rectangle(0.0, 0.0, 6.0, 5.0),
-            rectangle(5.5, 1.0, 6.5, 2.0),
-            rectangle(6.2, 0.0, 8.2, 2.8),
-            rectangle(5.9, 3.4, 9.0, 5.0),
-        ]);
-        let floor = Floor::new(floor, &[zone], &[]);
+        let floor = room_with(
+            6.0,
+            &[rectangle(5.5, 1.0, 6.5, 2.0), rectangle(6.2, 0.0, 8.2, 2.8), rectangle(5.9, 3.4, 9.0, 5.0)],
+        );
         assert!(!floor.is_inside(6.5, 1.5) && !floor.is_inside(7.5, 2.5));
         for (x, y) in [(6.5, 3.6), (8.5, 3.6), (8.0, 4.5), (5.9, 3.0)] {
             assert!(floor.is_inside(x, y), "{x} {y}");

@@ -190,6 +190,8 @@ impl CondensationOptions {
                 seen_at: 0.06,
                 born_at: 0.09,
                 believed_after_s: 0.0,
+                // As far below what a birth needs as by default: edges in proportion to their strength are weak ones.
+                lost_at: 0.075,
                 ..LifeOptions::default()
             },
             ..Self::default()
