@@ -6,7 +6,7 @@
 
 use scenes::synthetic::{SyntheticRoom, WalkerOptions};
 use tests::chain::Said;
-use tests::hall::{hall, nearest, pictures, recording, round_way, step, tracker};
+use tests::hall::{going_round, hall, nearest, pictures, recording, step, tracker};
 use tracker::TrackId;
 use tracker::method::condensation::integration::Integration;
 use tracker::method::condensation::{Condensation, CondensationOptions};
@@ -161,12 +161,6 @@ fn entries() -> Said<()> {
         );
     }
     Ok(())
-}
-
-/// People who come in one after the other and go around the hall.
-fn going_round(people: usize, interval_s: f64) -> WalkerOptions {
-    let ways = (0..people).map(|i| round_way(i, 1.0 + 0.3 * (i % 3) as f64)).collect();
-    WalkerOptions { seed: 31, people, first_s: 0.5, interval_s, ways, ..WalkerOptions::default() }
 }
 
 /// One person and six people on a way around the hall.

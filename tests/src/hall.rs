@@ -34,11 +34,17 @@ pub fn hall(seed: u64, cameras: usize, screens: bool) -> Said<SyntheticRoom> {
 }
 
 /// A way twice around the hall's middle (figure 20: 1 → 2 → 3 → 4 → 1), beginning at one of its corners.
-pub fn round_way(first: usize, wide_m: f64) -> Vec<Point2<f64>> {
+fn round_way(first: usize, wide_m: f64) -> Vec<Point2<f64>> {
     let corners = [(-1.0, -0.6), (1.0, -0.6), (1.0, 0.6), (-1.0, 0.6)];
     let middle = Point2::new(0.5 * SIZE_M[0], 0.5 * SIZE_M[1]);
     let corner = |i: usize| middle + Vector2::new(corners[i % 4].0, corners[i % 4].1) * wide_m;
     (0..9).map(|i| corner(first + i)).collect()
+}
+
+/// People who come in one after the other and go around the hall.
+pub fn going_round(people: usize, interval_s: f64) -> WalkerOptions {
+    let ways = (0..people).map(|i| round_way(i, 1.0 + 0.3 * (i % 3) as f64)).collect();
+    WalkerOptions { seed: 31, people, first_s: 0.5, interval_s, ways, ..WalkerOptions::default() }
 }
 
 /// A recording of the hall, with the people's ways.

@@ -73,6 +73,13 @@ impl Filter {
         filter
     }
 
+    /// All hypotheses around another place from now on.
+    pub fn restart(&mut self, place: &Vector3<f64>, sigma_m: &Vector3<f64>, rng: &mut Pcg64Mcg) {
+        self.hypotheses.fill(*place);
+        self.weights.fill(1.0);
+        self.scatter(sigma_m, rng);
+    }
+
     /// Moves all hypotheses on by a drift and a normal step (p(Xₜ | Xₜ₋₁)), and remembers them as predicted.
     pub fn predict(&mut self, drift: &Vector3<f64>, sigma_m: &Vector3<f64>, rng: &mut Pcg64Mcg) {
         self.draw(rng);
@@ -118,6 +125,13 @@ impl Filter {
         self.hypotheses
             .get(self.best)
             .map_or(Support::default(), |head| sight.lookout.support(head, trust, sight))
+    }
+
+    /// The hypothesis of the largest weight; `None` when none has any.
+    pub fn heaviest(&self) -> Option<Vector3<f64>> {
+        let weighted = self.hypotheses.iter().zip(&self.weights);
+        let best = weighted.max_by(|a, b| a.1.total_cmp(b.1))?;
+        (*best.1 > 0.0).then_some(*best.0)
     }
 
     /// Nothing was seen: the hypotheses are the predicted ones again, and weigh alike.

@@ -1,7 +1,7 @@
 //! Heads by CONDENSATION with weights that survive occlusion (seed 002, Matsumoto et al.).
 //!
-//! Needs no room, no masks and no background: two or more calibrated cameras that see a head, and its edges in them. A moment
-//! goes like this:
+//! Needs no room and no masks: two or more calibrated cameras that see a head, and its edges in them; what a camera sees when
+//! nobody is there helps ([`Condensation::set_empty_scene`]). A moment goes like this:
 //!
 //! 1. every camera's picture becomes an edge image ([`edges`]);
 //! 2. everybody's hypotheses of where their head is are moved on ([`track`], [`filter`]);
@@ -22,6 +22,7 @@ pub mod gates;
 pub mod integration;
 mod options;
 pub mod search;
+mod shoulder;
 mod spent;
 mod track;
 pub mod weight;
@@ -240,6 +241,7 @@ impl Condensation {
         }
         for track in &mut self.tracks {
             track.settle(dt_s, &sight, options);
+            track.look_up(dt_s, &sight, options.life.highest_m);
         }
     }
 

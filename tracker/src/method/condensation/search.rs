@@ -7,6 +7,7 @@ use scenes::polygon::Polygon;
 
 use super::filter::{Expected, Filter, Sight};
 use super::options::CondensationOptions;
+use super::shoulder;
 use super::spent::Spent;
 use super::weight::Support;
 use crate::stage::Floor;
@@ -19,20 +20,14 @@ const MOST: usize = 4000;
 /// Two people's heads are at least this far apart on the floor plan, metres.
 pub const APART_M: f64 = 0.3;
 /// Hypotheses that follow a promising one to its peak, and how far each layer of them spreads, metres.
-const CLIMBERS: usize = 60;
-const CLIMB_SIGMA_M: [f64; 3] = [0.08, 0.04, 0.02];
+pub(super) const CLIMBERS: usize = 60;
+pub(super) const CLIMB_SIGMA_M: [f64; 3] = [0.08, 0.04, 0.02];
 /// The most promising places that are climbed in an area and moment.
 const MOST_CLIMBS: usize = 6;
-/// A promising place has this share of the support that a birth needs.
-const PROMISING: f32 = 0.6;
-
-/// A head is about so far above a shoulder, and to its side as far as the spread of what is tried, metres.
-const ABOVE_SHOULDER_M: f64 = 0.28;
-const ABOVE_SIGMA_M: Vector3<f64> = Vector3::new(0.12, 0.12, 0.1);
-/// What is above has to have this share of the support of what is below.
-const ABOVE: f32 = 0.7;
 /// From an arm to a shoulder to a head.
 const MOST_RISES: usize = 2;
+/// A promising place has this share of the support that a birth needs.
+const PROMISING: f32 = 0.6;
 
 /// An area with its hypotheses.
 #[derive(Debug, Clone)]
@@ -90,21 +85,15 @@ impl Search {
             self.keep(|s| (known.head - s).xy().norm() > APART_M);
         }
         for _ in 0..MOST_CLIMBS {
-            let Some(start) = self.best() else { break };
+            let Some(start) = self.filter.heaviest() else { break };
             self.keep(|s| (start - s).xy().norm() > APART_M);
             let Some((mut head, mut support)) = climb(&start, PROMISING * criteria.born_at, sight, rng)
             else {
                 continue;
             };
-            // What looks like a head below another is a shoulder.
             for _ in 0..MOST_RISES {
-                let Some(above) = above(&head, sight, rng) else { break };
-                let Some((higher, its)) = climb(&above, ABOVE * support.all, sight, rng) else { break };
-                let is_above = higher.z > head.z + CLIMB_SIGMA_M[0] && (higher - head).xy().norm() < APART_M;
-                if !is_above || its.all < ABOVE * support.all {
-                    break;
-                }
-                (head, support) = (higher, its);
+                let Some(above) = shoulder::head_above(&head, &support, sight, rng) else { break };
+                (head, support) = above;
             }
             let mut others = sight.everybody.iter().chain(&*found);
             let is_head = support.all >= criteria.born_at
@@ -138,16 +127,10 @@ impl Search {
             }
         }
     }
-
-    fn best(&self) -> Option<Vector3<f64>> {
-        let weighted = self.filter.hypotheses.iter().zip(&self.filter.weights);
-        let best = weighted.max_by(|a, b| a.1.total_cmp(b.1))?;
-        (*best.1 > 0.0).then_some(*best.0)
-    }
 }
 
 /// From a promising place to the peak it belongs to, and what supports it; `None` when that would be less than `least`.
-fn climb(
+pub(super) fn climb(
     start: &Vector3<f64>,
     least: f32,
     sight: &Sight<'_>,
@@ -164,14 +147,4 @@ fn climb(
         climb.weigh(sight, &mut spent);
     }
     Some((climb.gaussian().mean, climb.support(0.0, sight)))
-}
-
-/// The best place for a head above what may be a shoulder; `None` when nothing speaks for any.
-fn above(shoulder: &Vector3<f64>, sight: &Sight<'_>, rng: &mut Pcg64Mcg) -> Option<Vector3<f64>> {
-    let middle = shoulder + Vector3::z() * ABOVE_SHOULDER_M;
-    let mut column = Filter::around(&middle, &ABOVE_SIGMA_M, CLIMBERS, rng);
-    column.weigh(sight, &mut Spent::default());
-    let weighted = column.hypotheses.iter().zip(&column.weights);
-    let best = weighted.max_by(|a, b| a.1.total_cmp(b.1))?;
-    (*best.1 > 0.0).then_some(*best.0)
 }

@@ -7,6 +7,7 @@ use rand_pcg::Pcg64Mcg;
 use super::exclusion::Gaussian;
 use super::filter::{Expected, Filter, Sight};
 use super::options::{CondensationOptions, MotionOptions};
+use super::shoulder;
 use super::spent::Spent;
 use crate::TrackId;
 
@@ -16,6 +17,8 @@ const FASTEST_M_S: f64 = 3.0;
 const LEARNT_IN_S: f64 = 0.35;
 /// A new head is as far as this from where it was found, metres.
 const FOUND_SIGMA_M: f64 = 0.05;
+/// So often it is looked whether somebody is followed by a shoulder, seconds.
+const LOOKS_UP_EVERY_S: f64 = 0.25;
 
 /// A person.
 #[derive(Debug, Clone)]
@@ -36,6 +39,10 @@ pub(super) struct Track {
     pub(super) doubled_s: f64,
     /// How well cameras have agreed lately, 0 to 1.
     pub(super) trust: f32,
+    /// Since when nobody has looked whether there is a head above, seconds.
+    looked_up_s: f64,
+    /// There was one then.
+    seems_shoulder: bool,
     sigma_m: Vector3<f64>,
     expected: Vector3<f64>,
     rng: Pcg64Mcg,
@@ -57,6 +64,8 @@ impl Track {
             unseen_s: 0.0,
             doubled_s: 0.0,
             trust: found.trust,
+            looked_up_s: 0.0,
+            seems_shoulder: false,
             sigma_m: sigma,
             expected: found.head,
             rng,
@@ -109,6 +118,23 @@ impl Track {
             self.velocity += surprise * -(-dt_s / LEARNT_IN_S).exp_m1();
             self.velocity = self.velocity.cap_magnitude(FASTEST_M_S);
         }
+    }
+
+    /// Somebody who turns out, at two moments in a row, to be followed by a shoulder is followed by the head above it from now on.
+    pub(super) fn look_up(&mut self, dt_s: f64, sight: &Sight<'_>, highest_m: f64) {
+        self.looked_up_s += dt_s;
+        if self.unseen_s > 0.0 || (self.looked_up_s < LOOKS_UP_EVERY_S && !self.seems_shoulder) {
+            return;
+        }
+        self.looked_up_s = 0.0;
+        let support = self.filter.support(self.trust, sight);
+        let above = shoulder::head_above(&self.head(), &support, sight, &mut self.rng)
+            .filter(|(head, its)| its.all >= support.all && !its.is_doubtful() && head.z <= highest_m);
+        if let Some((head, _)) = above.filter(|_| self.seems_shoulder) {
+            self.filter.restart(&head, &Vector3::repeat(FOUND_SIGMA_M), &mut self.rng);
+            self.gaussian = self.filter.gaussian();
+        }
+        self.seems_shoulder = above.is_some() && !self.seems_shoulder;
     }
 
     /// Where the head's middle is believed to be.

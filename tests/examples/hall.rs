@@ -1,0 +1,66 @@
+//! Writes the hall of the head tracker's experiments (seed 002, section 5) as files: a room, a folder of pictures a camera, a
+//! picture of each camera without anybody, and the truth. For `tracker run`, its films, and `tracker weightmap`.
+//!
+//! `cargo run --release -p tests --example hall -- DIR [PEOPLE] [CAMERAS]`
+#![forbid(unsafe_code)]
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use scenes::synthetic::{RenderOptions, SequenceOptions};
+use tests::chain::Said;
+use tests::hall::{going_round, hall, recording};
+
+const RATE_HZ: f64 = 12.0;
+const SECONDS: f64 = 16.0;
+/// As in the bench.
+const SEED: u64 = 31;
+
+fn main() -> Said<()> {
+    let mut given = std::env::args().skip(1);
+    let folder = given.next().ok_or("which folder to write?")?;
+    let mut count = |what: &str, default: usize| match given.next() {
+        None => Ok(default),
+        Some(text) => text.parse().map_err(|e| format!("{what} {text}: {e}")),
+    };
+    let (people, cameras) = (count("PEOPLE", 6)?, count("CAMERAS", 6)?);
+    let folder = Path::new(&folder);
+    let room = hall(SEED, cameras, false)?;
+    room.room.write(&folder.join("room")).map_err(|e| e.to_string())?;
+    let make = |path: &Path| std::fs::create_dir_all(path).map_err(|e| format!("{}: {e}", path.display()));
+    let save = |image: &image::RgbImage, path: &Path| {
+        image.save(path).map_err(|e| format!("{}: {e}", path.display()))
+    };
+    let options = SequenceOptions {
+        frames: 1,
+        render: RenderOptions { samples: 1, ..RenderOptions::default() },
+        ..SequenceOptions::default()
+    };
+    let empty = room.sequence(Vec::new(), options).frame(1);
+    for (camera, seen) in room.room.cameras.iter().zip(&empty.cameras) {
+        make(&folder.join("video").join(&camera.name))?;
+        make(&folder.join("empty").join(&camera.name))?;
+        if let Some(image) = &seen.image {
+            save(image, &folder.join("empty").join(&camera.name).join("0001.png"))?;
+        }
+    }
+    let mut truth = String::new();
+    for frame in recording(&room, &going_round(people, 2.0), RATE_HZ, SECONDS).frames() {
+        for (camera, seen) in room.room.cameras.iter().zip(&frame.cameras) {
+            if let Some(image) = &seen.image {
+                let name = format!("{:04}.png", frame.frame);
+                save(image, &folder.join("video").join(&camera.name).join(name))?;
+            }
+        }
+        for person in frame.people.iter().filter(|p| p.inside) {
+            let head = &person.head;
+            let _ = writeln!(
+                truth,
+                "{},{},-1,-1,-1,-1,1,{:.4},{:.4},{:.4}",
+                frame.frame, person.id, head.x, head.y, head.z
+            );
+        }
+    }
+    let path = folder.join("truth.txt");
+    std::fs::write(&path, truth).map_err(|e| format!("{}: {e}", path.display()))
+}
