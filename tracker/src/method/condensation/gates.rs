@@ -1,4 +1,5 @@
-//! Where people are found (section 4.3, figure 13): over each gate, at every moment.
+//! Where people are found (section 4.3, figure 13): over each gate, at every moment, and as far into the room as they walk
+//! before two cameras have seen them for long enough.
 //!
 //! The paper spreads hypotheses over a gate anew each time and lets one person in at a time. Here half of them are those of the
 //! moment before, drawn by weight, so that they gather around whoever is coming; and whoever stands apart from those already
@@ -21,6 +22,11 @@ use super::weight::is_hidden;
 use crate::TrackId;
 use crate::stage::{Floor, Stage};
 
+/// So far into the room are people still found who came through a gate, metres: the way of [`LifeOptions::believed_after_s`]
+/// and a little more, at a walk.
+///
+/// [`LifeOptions::believed_after_s`]: super::options::LifeOptions::believed_after_s
+const FOUND_WITHIN_M: f64 = 1.0;
 /// Around where somebody was lost they are looked for as far as this, metres, and as much farther with time, up to…
 const LOST_REACH_M: f64 = 0.5;
 const LOST_SPEED_M_S: f64 = 1.0;
@@ -64,10 +70,12 @@ impl Gates {
         let height_m = 0.5 * (options.life.lowest_born_m + options.life.highest_m);
         for zone in stage.zones.iter().filter(|z| z.kind != ZoneKind::Exit) {
             let (is_seen_twice, cameras) = seen_from(stage, &zone.polygon, height_m, &mut rng);
-            if is_seen_twice {
-                areas.push(zone.polygon.clone());
-            } else {
+            if !is_seen_twice {
                 unseen.zones.push((zone.name.clone(), cameras));
+            }
+            let area = surroundings(&zone.polygon);
+            if is_seen_twice || seen_from(stage, &area, height_m, &mut rng).0 {
+                areas.push(area);
             }
         }
         if areas.is_empty() {
@@ -119,6 +127,14 @@ impl Gates {
     }
 }
 
+/// A gate with the way into the room.
+fn surroundings(gate: &Polygon) -> Polygon {
+    let reaches = [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)];
+    let corners = gate.0.iter();
+    let reached = corners.flat_map(|p| reaches.map(|(x, y)| p + FOUND_WITHIN_M * Vector2::new(x, y)));
+    Polygon::convex_hull(reached.collect())
+}
+
 fn around(place: &Point2<f64>, reach_m: f64) -> Polygon {
     let reach = Vector2::repeat(reach_m);
     Polygon::rectangle(place - reach, place + reach)
@@ -162,7 +178,8 @@ impl std::fmt::Display for Unseen {
         f.write_str(if self.is_all {
             "No zone is left, so people are looked for everywhere; turn a second camera to the zones, or use --method mcmc"
         } else {
-            "Nobody is found in it; turn a second camera to it, or use --method mcmc"
+            "There people are found late or not at all, where two cameras see them; turn a second camera to it, or use \
+             --method mcmc"
         })
     }
 }

@@ -58,6 +58,8 @@ const FIRST_STEP_S: f64 = 0.1;
 const LEAST_STEP_S: f64 = 1e-3;
 /// The body below a head, as it is drawn: half of a shoulder's width.
 const BODY_RADIUS_M: f64 = 0.25;
+/// Shoulders and elbows are nearer than this to the head, on the floor plan.
+const BODY_REACH_M: f64 = 0.5;
 /// Two who have been at one place for so long are one, seconds.
 const DOUBLED_FOR_S: f64 = 0.5;
 
@@ -273,7 +275,9 @@ impl Condensation {
         for (i, track) in self.tracks.iter_mut().enumerate() {
             let is_doubled = places.iter().enumerate().any(|(j, (place, trust))| {
                 let is_better = (*trust, i) > (track.trust, j);
-                j != i && is_better && (place - track.head()).xy().norm() < APART_M
+                let apart_m = (place - track.head()).xy().norm();
+                let is_shoulder = apart_m < BODY_REACH_M && place.z > track.head().z + shoulder::LOWER_M;
+                j != i && is_better && (apart_m < APART_M || is_shoulder)
             });
             track.doubled_s = if is_doubled { track.doubled_s + dt_s } else { 0.0 };
         }

@@ -14,6 +14,8 @@ const ABOVE_M: f64 = 0.28;
 const ABOVE_SIGMA_M: Vector3<f64> = Vector3::new(0.12, 0.12, 0.1);
 /// Hypotheses of where that head is.
 const TRIED: usize = 120;
+/// And lower than it by no less than this.
+pub(super) const LOWER_M: f64 = 0.12;
 /// It has to have this share of the support of what is below: a shoulder is seen past by fewer others than a head is.
 const ENOUGH: f32 = 0.7;
 
