@@ -18,6 +18,8 @@ const TRIED: usize = 120;
 pub(super) const LOWER_M: f64 = 0.12;
 /// It has to have this share of the support of what is below: a shoulder is seen past by fewer others than a head is.
 const ENOUGH: f32 = 0.7;
+/// And this share of it for somebody to go on there who has been followed by what is below.
+pub(super) const AS_GOOD: f32 = 0.9;
 
 /// The head above a place that looks like one, and what supports it; `None` when there is none, so that the place may be a
 /// head itself.

@@ -159,6 +159,61 @@ fn two_who_pass_each_other_keep_their_own_heads() {
     assert_eq!(ids(34), before);
 }
 
+/// A head, and what looks like another below it, to its side.
+const HEAD_AND_SHOULDER: [Vector3<f64>; 2] = [Vector3::new(3.0, 2.0, 1.7), Vector3::new(3.1, 2.1, 1.42)];
+
+#[test]
+fn what_looks_like_a_head_below_another_is_a_shoulder() {
+    let stage = stage(4);
+    let mut tracker = tracker(&stage, CondensationOptions::default());
+    let frame = |c: &StageCamera| CameraFrame { mask: None, image: Some(picture(c, &HEAD_AND_SHOULDER)) };
+    let cameras: Vec<CameraFrame> = stage.cameras.iter().map(frame).collect();
+    tracker.find_edges(&Moment { frame: 1, time_s: 0.0, cameras: &cameras }).unwrap();
+    let sight = Sight {
+        lookout: &tracker.lookout,
+        stage: &stage.cameras,
+        edges: &tracker.edges,
+        everybody: &[],
+        sharpness: 2.0,
+    };
+    let above = |place: Vector3<f64>| {
+        let support = tracker.lookout.support(&place, 0.0, &sight);
+        assert!(support.is_seen(0.25), "{support:?}");
+        let mut rng = rand_pcg::Pcg64Mcg::new(7);
+        shoulder::head_above(&place, &support, &sight, &mut rng).map(|(head, _)| head)
+    };
+    let [head, lower] = HEAD_AND_SHOULDER;
+    let found = above(lower).expect("a head above the shoulder");
+    assert!((found - head).norm() < 0.04, "{found}");
+    assert_eq!(above(head), None);
+}
+
+#[test]
+fn somebody_followed_by_a_shoulder_is_soon_followed_by_the_head() {
+    let stage = stage(4);
+    let options = CondensationOptions::default();
+    let mut tracker = tracker(&stage, options.clone());
+    let [head, lower] = HEAD_AND_SHOULDER;
+    tracker.tracks.push(Track::born(&Expected { head: lower, trust: 0.5 }, 1, &options));
+    let frame = |c: &StageCamera| CameraFrame { mask: None, image: Some(picture(c, &HEAD_AND_SHOULDER)) };
+    let cameras: Vec<CameraFrame> = stage.cameras.iter().map(frame).collect();
+    let mut step = |frame: u32| {
+        let moment = Moment { frame, time_s: f64::from(frame) / RATE_HZ, cameras: &cameras };
+        tracker.step(&moment).unwrap()
+    };
+    let people = (1..=20).map(&mut step).last().unwrap_or_default();
+    assert!(people.len() == 1 && error_m(&people[0], &head) < 0.04, "{people:?}");
+}
+
+#[test]
+fn people_are_found_a_step_past_their_gate_but_not_in_the_middle_of_the_room() {
+    for (x_m, is_found) in [(1.9, true), (3.0, false)] {
+        let standing = |_: f64| vec![Vector3::new(x_m, 2.0, 1.65)];
+        let people = followed(&stage(4), CondensationOptions::default(), 20, standing, |_, _| false);
+        assert_eq!(people[19].len(), usize::from(is_found), "{x_m} m: {:?}", people[19]);
+    }
+}
+
 #[test]
 fn the_same_bytes_at_any_number_of_threads() {
     let stage = stage(3);
