@@ -187,11 +187,12 @@ impl CondensationOptions {
             edges: EdgeOptions { strength: EdgeStrength::Linear, moving_only: false, dark_heads_only: true },
             motion: MotionOptions { memory_s: 0.0, speed_m_s: 1.0, ..MotionOptions::default() },
             life: LifeOptions {
-                seen_at: 0.06,
-                born_at: 0.09,
+                // Much lower, and edges of a textured wall become people; much higher, and nobody comes in.
+                born_at: 0.2,
+                // In proportion to the default's.
+                seen_at: 0.165,
+                lost_at: 0.165,
                 believed_after_s: 0.0,
-                // As far below what a birth needs as by default: edges in proportion to their strength are weak ones.
-                lost_at: 0.075,
                 ..LifeOptions::default()
             },
             ..Self::default()

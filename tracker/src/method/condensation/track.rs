@@ -128,8 +128,10 @@ impl Track {
         }
         self.looked_up_s = 0.0;
         let support = self.filter.support(self.trust, sight);
-        let above = shoulder::head_above(&self.head(), &support, sight, &mut self.rng)
-            .filter(|(head, its)| its.all >= shoulder::AS_GOOD * support.all && !its.is_doubtful() && head.z <= highest_m);
+        let above =
+            shoulder::head_above(&self.head(), &support, sight, &mut self.rng).filter(|(head, its)| {
+                its.all >= shoulder::AS_GOOD * support.all && !its.is_doubtful() && head.z <= highest_m
+            });
         if let Some((head, _)) = above.filter(|_| self.seems_shoulder) {
             self.filter.restart(&head, &Vector3::repeat(FOUND_SIGMA_M), &mut self.rng);
             self.gaussian = self.filter.gaussian();
