@@ -6,7 +6,7 @@
 
 use scenes::synthetic::{SyntheticRoom, WalkerOptions};
 use tests::chain::Said;
-use tests::hall::{going_round, hall, nearest, pictures, recording, step, tracker};
+use tests::hall::{going_round, hall, nearest, passing_through, pictures, recording, step, tracker};
 use tracker::TrackId;
 use tracker::method::condensation::integration::Integration;
 use tracker::method::condensation::{Condensation, CondensationOptions};
@@ -128,16 +128,7 @@ fn entries() -> Said<()> {
         [("published", CondensationOptions::published()), ("default", CondensationOptions::default())]
     {
         let room = hall(21, 6, false)?;
-        let walkers = WalkerOptions {
-            seed: 21,
-            people: PEOPLE,
-            first_s: 0.5,
-            interval_s: 2.5,
-            stops: 1,
-            longest_stay_s: 0.0,
-            ..WalkerOptions::default()
-        };
-        let sequence = recording(&room, &walkers, RATE_HZ, 60.0);
+        let sequence = recording(&room, &passing_through(PEOPLE), RATE_HZ, 60.0);
         let mut tracker = tracker(&room, options)?;
         let (mut found, mut came) = (vec![false; PEOPLE], vec![false; PEOPLE]);
         let mut nobody = 0;

@@ -1,7 +1,8 @@
 //! Writes the hall of the head tracker's experiments (seed 002, section 5) as files: a room, a folder of pictures a camera, a
 //! picture of each camera without anybody, and the truth. For `tracker run`, its films, and `tracker weightmap`.
 //!
-//! `cargo run --release -p tests --example hall -- DIR [PEOPLE] [CAMERAS]`
+//! `cargo run --release -p tests --example hall -- DIR [round|through] [PEOPLE] [CAMERAS]`: people who go round, or who come and
+//! leave.
 #![forbid(unsafe_code)]
 
 use std::fmt::Write as _;
@@ -9,23 +10,26 @@ use std::path::Path;
 
 use scenes::synthetic::{RenderOptions, SequenceOptions};
 use tests::chain::Said;
-use tests::hall::{going_round, hall, recording};
+use tests::hall::{going_round, hall, passing_through, recording};
 
 const RATE_HZ: f64 = 12.0;
-const SECONDS: f64 = 16.0;
-/// As in the bench.
-const SEED: u64 = 31;
 
 fn main() -> Said<()> {
     let mut given = std::env::args().skip(1);
     let folder = given.next().ok_or("which folder to write?")?;
+    let way = given.next().unwrap_or_else(|| "round".into());
     let mut count = |what: &str, default: usize| match given.next() {
         None => Ok(default),
         Some(text) => text.parse().map_err(|e| format!("{what} {text}: {e}")),
     };
     let (people, cameras) = (count("PEOPLE", 6)?, count("CAMERAS", 6)?);
+    let (walkers, seconds) = match way.as_str() {
+        "round" => (going_round(people, 2.0), 16.0),
+        "through" => (passing_through(people), 60.0),
+        _ => return Err(format!("{way}: `round` or `through`").into()),
+    };
     let folder = Path::new(&folder);
-    let room = hall(SEED, cameras, false)?;
+    let room = hall(walkers.seed, cameras, false)?;
     room.room.write(&folder.join("room")).map_err(|e| e.to_string())?;
     let make = |path: &Path| std::fs::create_dir_all(path).map_err(|e| format!("{}: {e}", path.display()));
     let save = |image: &image::RgbImage, path: &Path| {
@@ -45,7 +49,7 @@ fn main() -> Said<()> {
         }
     }
     let mut truth = String::new();
-    for frame in recording(&room, &going_round(people, 2.0), RATE_HZ, SECONDS).frames() {
+    for frame in recording(&room, &walkers, RATE_HZ, seconds).frames() {
         for (camera, seen) in room.room.cameras.iter().zip(&frame.cameras) {
             if let Some(image) = &seen.image {
                 let name = format!("{:04}.png", frame.frame);

@@ -47,6 +47,19 @@ pub fn going_round(people: usize, interval_s: f64) -> WalkerOptions {
     WalkerOptions { seed: 31, people, first_s: 0.5, interval_s, ways, ..WalkerOptions::default() }
 }
 
+/// People who come in one after the other, turn around somewhere, and leave.
+pub fn passing_through(people: usize) -> WalkerOptions {
+    WalkerOptions {
+        seed: 21,
+        people,
+        first_s: 0.5,
+        interval_s: 2.5,
+        stops: 1,
+        longest_stay_s: 0.0,
+        ..WalkerOptions::default()
+    }
+}
+
 /// A recording of the hall, with the people's ways.
 pub fn recording<'a>(
     room: &'a SyntheticRoom,

@@ -62,7 +62,7 @@ pub struct Contour {
 impl Contour {
     /// From the middle to the top, pixels.
     pub fn half_height_px(&self) -> f32 {
-        (self.u[POINTS / 2] - self.middle[0]).hypot(self.v[POINTS / 2] - self.middle[1])
+        length(self.u[POINTS / 2] - self.middle[0], self.v[POINTS / 2] - self.middle[1])
     }
 }
 
@@ -116,7 +116,7 @@ impl HeadCamera {
         ];
         let n = [q0, q1, q2].map(|q| single(self.image_from_normal * q.component_div(axes)));
         // The nearest point of the circle.
-        if p[0][2] <= p[1][2].hypot(p[2][2]) + f32::EPSILON {
+        if p[0][2] <= length(p[1][2], p[2][2]) + f32::EPSILON {
             return None;
         }
         let mut contour = Contour {
@@ -138,6 +138,11 @@ impl HeadCamera {
         }
         Some(contour)
     }
+}
+
+/// Unlike `hypot`, no call: pixels and metres neither overflow nor vanish when squared.
+fn length(x: f32, y: f32) -> f32 {
+    (x * x + y * y).sqrt()
 }
 
 impl HeadShape {

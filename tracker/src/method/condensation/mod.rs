@@ -23,6 +23,7 @@ pub mod integration;
 mod options;
 pub mod search;
 mod shoulder;
+mod sobel;
 mod spent;
 mod track;
 pub mod weight;
