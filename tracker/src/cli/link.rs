@@ -47,7 +47,7 @@ pub(crate) struct LinkArgs {
     options: LinkArguments,
     /// Frames per second [default: the frameRate of a seqinfo.ini beside DETECTIONS or a folder above, else that of --video,
     /// else 25].
-    #[arg(long, value_name = "FPS")]
+    #[arg(long, value_name = "FPS", allow_negative_numbers = true)]
     rate: Option<f64>,
     /// The video that the boxes were found in: whoever is linked must have like colours, too.
     #[arg(long, value_name = "VIDEO")]

@@ -198,6 +198,8 @@ fn chain(tracklets: &[Vec<u32>], track: &[u32]) -> Vec<u32> {
 }
 
 #[cfg(test)]
+mod mend_tests;
+#[cfg(test)]
 mod motion_tests;
 #[cfg(test)]
 mod tests;
