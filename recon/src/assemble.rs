@@ -9,6 +9,7 @@ use crate::floor::{self, FloorOptions, FloorReport, SurfacePoint};
 use crate::fusion::{self, FusionOptions, FusionReport};
 use crate::merge::{self, MergeOptions, MergeReport};
 use crate::project::Project;
+use crate::ray_depth::MeasuredPixel;
 use crate::surface::{Origin, Surface};
 use crate::{Result, scale};
 
@@ -39,7 +40,8 @@ pub struct AssembleReport {
 /// Puts a room together. Zones are left empty, reference images unnamed.
 ///
 /// # Arguments
-/// `surfaces` and `lenses` (intrinsics as filmed): one a camera of the project, in its order.
+/// `surfaces`, `lenses` (intrinsics as filmed) and `measured` (the project's pixels whose depth was measured on its own):
+/// one a camera of the project, in its order.
 ///
 /// # Errors
 /// Picks that do not fit, no depth where it is needed, no floor: each with its place.
@@ -47,9 +49,10 @@ pub fn assemble(
     project: &Project,
     surfaces: &[Surface],
     lenses: &[calib::Intrinsics],
+    measured: &[Vec<MeasuredPixel>],
     options: &AssembleOptions,
 ) -> Result<(Room, AssembleReport)> {
-    let (merged, merge_report) = merge::merge(project, surfaces, lenses, &options.merge)?;
+    let (merged, merge_report) = merge::merge(project, surfaces, lenses, measured, &options.merge)?;
     for (point, camera, off) in &merge_report.outliers {
         tracing::warn!(
             "{}: [[point]] {point}, {}: left out, {off:.1} pixels from where the other picks put it",
@@ -60,7 +63,8 @@ pub fn assemble(
     let poses: Vec<Isometry3<f64>> = merged.common_from_camera.iter().map(camera_pose).collect();
     let points = surface_points(surfaces, &merged.common_from_camera);
     let (plane, floor_report) = floor::find(&points, &poses, &options.floor)?;
-    let metres_per_unit = scale::metres_per_unit(project, surfaces, lenses, &merged, &poses, &plane)?;
+    let metres_per_unit =
+        scale::metres_per_unit(project, surfaces, lenses, measured, &merged, &poses, &plane)?;
     let world_from_common = floor::metric(&floor::world_frame(&plane, &poses[0]), metres_per_unit);
     let world_from_camera: Vec<Similarity3<f64>> =
         merged.common_from_camera.iter().map(|s| world_from_common * s).collect();
@@ -183,7 +187,9 @@ mod tests {
             let points = picks(&scene, truth, &mut Pcg64Mcg::seed_from_u64(seed));
             let height_m = truth[0].center().z;
             let project = project(points, Scale::Height { camera: 0, height_m });
-            let (room, report) = assemble(&project, &surfaces, &lenses, &AssembleOptions::default()).unwrap();
+            let (room, report) =
+                assemble(&project, &surfaces, &lenses, &[vec![], vec![]], &AssembleOptions::default())
+                    .unwrap();
 
             let found = [0, 1].map(|i| &room.cameras[i].camera);
             let second = |[a, b]: [&Camera; 2]| a.camera_from_world * b.camera_from_world.inverse();

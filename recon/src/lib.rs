@@ -11,6 +11,7 @@
 //! * [`bundle`] — Levenberg–Marquardt over poses, points and lens.
 //! * [`dense`] — depth and normal for each pixel of the reference view, by PatchMatch stereo.
 //! * [`surface`] — what a reference view is known to see: depth, normal, origin of each pixel.
+//! * [`ray_depth`] — the depth of single, picked pixels, from all frames.
 //! * [`planes`] — the room's planes: measured depths made exact on them, holes filled from them.
 //! * [`assemble`] — one room from all surfaces: [`merge`] (picked points, common surfaces), [`floor`] (Hough
 //!   transform, world frame), [`scale`] (metres), [`fusion`] (oriented discs).
@@ -31,6 +32,7 @@ pub mod merge;
 pub mod motion;
 pub mod planes;
 pub mod project;
+pub mod ray_depth;
 pub mod scale;
 pub mod surface;
 

@@ -3,8 +3,9 @@
 use nalgebra::{Isometry3, Point2, Point3};
 
 use crate::floor::Plane;
-use crate::merge::{Merged, pinhole_pixel};
+use crate::merge::{Merged, measured_at, pinhole_pixel};
 use crate::project::{Project, Scale};
+use crate::ray_depth::MeasuredPixel;
 use crate::surface::Surface;
 use crate::{Error, Result};
 
@@ -20,6 +21,7 @@ pub fn metres_per_unit(
     project: &Project,
     surfaces: &[Surface],
     lenses: &[calib::Intrinsics],
+    measured: &[Vec<MeasuredPixel>],
     merged: &Merged,
     common: &[Isometry3<f64>],
     floor: &Plane,
@@ -33,7 +35,11 @@ pub fn metres_per_unit(
             let end = |key: &str, pixel: &Point2<f64>| {
                 let seen = picked(project, merged, *camera, pixel).or_else(|| {
                     let pinhole = pinhole_pixel(&lenses[*camera], pixel)?;
-                    let point = surfaces[*camera].point_at(&pinhole)?;
+                    let own = measured_at(&measured[*camera], pixel).and_then(|own| {
+                        let ray = surfaces[*camera].intrinsics.unproject(&pinhole)?;
+                        Some(Point3::from(ray * own.depth))
+                    });
+                    let point = own.or_else(|| surfaces[*camera].point_at(&pinhole))?;
                     Some(merged.common_from_camera[*camera] * point)
                 });
                 seen.ok_or_else(|| {

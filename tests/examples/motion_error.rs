@@ -1,20 +1,23 @@
 //! Prints the error of `recon`'s camera motion against the true poses: office and, where at hand, hololens.
 //!
-//! `cargo run --release -p tests --example motion_error [SET/CAMERA…] [--seed N]`
+//! `cargo run --release -p tests --example motion_error [SET/CAMERA…] [--seed N | --seeds COUNT] [--no-intrinsics]`
+//!
+//! With `--seeds`, the worst of that many is printed too.
 
 use std::path::Path;
 use std::time::Instant;
 
 use recon::capture::{Capture, ReferenceFrame};
 use recon::motion::{self, MotionOptions};
-use tests::accuracy;
+use tests::accuracy::{self, MotionError};
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let mut options = MotionOptions::default();
-    if let Some(at) = arguments.iter().position(|a| a == "--seed") {
-        options.seed = arguments.get(at + 1).and_then(|s| s.parse().ok()).unwrap_or(options.seed);
-    }
+    let number = |name: &str| -> Option<u64> {
+        arguments.iter().position(|a| a == name).and_then(|at| arguments.get(at + 1)?.parse().ok())
+    };
+    let first = number("--seed").unwrap_or(MotionOptions::default().seed);
+    let seeds = first..first + number("--seeds").unwrap_or(1);
     let without_lens = arguments.iter().any(|a| a == "--no-intrinsics");
     let asked: Vec<&String> = arguments.iter().filter(|a| a.contains('/')).collect();
     // "shipped" is the office as compact video, beside this crate.
@@ -32,9 +35,22 @@ fn main() {
         }
         let folder = if set == "shipped" { Some(tests::data::office()) } else { tests::data::shared(set) };
         let Some(folder) = folder else { continue };
-        print!("{name:13} ");
-        if let Err(problem) = measure(&folder, camera, intrinsics, &options, without_lens) {
-            println!("{problem}");
+        let mut worst = (0.0_f64, 0.0_f64);
+        for seed in seeds.clone() {
+            print!("{name:13} ");
+            let options = MotionOptions { seed, ..MotionOptions::default() };
+            match measure(&folder, camera, intrinsics, &options, without_lens) {
+                Ok(error) => {
+                    worst = (worst.0.max(error.position_rms_cm), worst.1.max(error.rotation_rms_deg));
+                }
+                Err(problem) => {
+                    println!("{problem}");
+                    worst = (f64::INFINITY, f64::INFINITY);
+                }
+            }
+        }
+        if seeds.end - seeds.start > 1 {
+            println!("{name:13} worst of {}: {:.3} cm {:.3}°", seeds.end - seeds.start, worst.0, worst.1);
         }
     }
 }
@@ -45,7 +61,7 @@ fn measure(
     intrinsics: &str,
     options: &MotionOptions,
     without_lens: bool,
-) -> Result<(), Box<dyn std::error::Error>> {
+) -> Result<MotionError, Box<dyn std::error::Error>> {
     let lens = calib::files::read_intrinsics(&folder.join(intrinsics))?;
     let film = folder.join("capture").join(camera).with_extension("mp4");
     let source = if film.is_file() { film } else { folder.join("capture").join(camera) };
@@ -56,11 +72,12 @@ fn measure(
     let truth = accuracy::capture_truth(&folder.join("truth.json"), camera).ok_or("no truth")?;
     let error = accuracy::motion(&motion.camera_from_world, &truth).ok_or("too few frames")?;
     println!(
-        "{:6.3} cm {:6.3}° {:2}/{} frames, {} points, {} observations, rms {:.3} px, parallax {:.1}°, f {:.1}, {seconds:.1} s; starts: factorization {:.4}, two views {:.4} px",
+        "{:6.3} cm {:6.3}° {:2}/{} frames, {:.0} % stand still, {} points, {} observations, rms {:.3} px, parallax {:.1}°, f {:.1}, {seconds:.1} s; starts: factorization {:.4}, two views {:.4} px",
         error.position_rms_cm,
         error.rotation_rms_deg,
         error.frames,
         capture.frames.len(),
+        100.0 * report.explained_share,
         report.points,
         report.observations,
         report.rms_px,
@@ -69,5 +86,12 @@ fn measure(
         report.starts.factorization_px,
         report.starts.two_views_px,
     );
-    Ok(())
+    if let Some(sigma) = report.focal_sigma {
+        println!(
+            "              focal length {:.2} ± {:.2} px",
+            motion.intrinsics.fx,
+            sigma * motion.intrinsics.fx
+        );
+    }
+    Ok(error)
 }

@@ -4,13 +4,14 @@ use std::time::Instant;
 
 use calib::Intrinsics;
 use image::RgbImage;
-use nalgebra::Point3;
+use nalgebra::{Isometry3, Point2, Point3, Vector3};
 
 use super::{BuildOptions, CameraReport};
 use crate::capture::Capture;
 use crate::dense::{self, DenseOptions, PosedCapture};
 use crate::motion::{self, MotionOptions};
 use crate::planes::{self, PlaneOptions};
+use crate::ray_depth::{self, Asked, Filmed, MeasuredPixel};
 use crate::surface::Surface;
 use crate::{Error, Result};
 
@@ -20,6 +21,10 @@ pub(super) struct Seen {
     /// As filmed.
     pub(super) lens: Intrinsics,
     pub(super) surface: Surface,
+    /// One a frame; world = the reference frame's camera.
+    pub(super) camera_from_world: Vec<Option<Isometry3<f64>>>,
+    /// The nearest and the farthest depth of what is seen.
+    pub(super) range: (f64, f64),
     pub(super) report: CameraReport,
 }
 
@@ -58,6 +63,39 @@ pub(super) fn see(capture: &Capture, options: &BuildOptions, step: &mut dyn FnMu
         .ok_or_else(|| Error::capture(name, "no view was reconstructed"))?;
     tracing::info!("{name}: {plane_report:?}");
     let times = (motion_time, start.elapsed());
-    let report = CameraReport::new(capture, &motion_report, &dense_report, &surface, times);
-    Ok(Seen { lens: motion.intrinsics, surface, report })
+    let report =
+        CameraReport::new(capture, (&motion.intrinsics, &motion_report), &dense_report, &surface, times);
+    let range = depth_range(&points);
+    Ok(Seen { lens: motion.intrinsics, surface, camera_from_world: motion.camera_from_world, range, report })
+}
+
+/// Where points lie before the reference camera, with some room on both sides.
+fn depth_range(points: &[Point3<f64>]) -> (f64, f64) {
+    let mut depths: Vec<f64> = points.iter().map(|p| p.z).filter(|z| *z > 0.0).collect();
+    depths.sort_by(f64::total_cmp);
+    let (few, count) = (depths.len() / 50, depths.len());
+    match depths.get(few).zip(depths.get((count - few).saturating_sub(1))) {
+        Some((near, far)) => (near / 1.5, far * 1.5),
+        None => (0.0, 0.0),
+    }
+}
+
+/// Measures the depth of single pixels of the reference image from all frames; those that cannot be are left out.
+pub(super) fn measure(capture: &Capture, seen: &Seen, pixels: &[Point2<f64>]) -> Vec<MeasuredPixel> {
+    let film = Filmed {
+        frames: &capture.frames,
+        reference: capture.reference,
+        intrinsics: &seen.lens,
+        camera_from_world: &seen.camera_from_world,
+    };
+    let surface = &seen.surface;
+    let normal = |pixel: &Point2<f64>| {
+        let n = surface.normal_at(&crate::merge::pinhole_pixel(&seen.lens, pixel)?)?;
+        Some(Vector3::new(f64::from(n.x), f64::from(n.y), f64::from(n.z)))
+    };
+    let asked: Vec<Asked> = pixels.iter().map(|p| Asked { pixel: *p, normal: normal(p) }).collect();
+    let depths = ray_depth::measure(&film, &asked, seen.range);
+    let known =
+        |(pixel, depth): (&Point2<f64>, Option<_>)| Some(MeasuredPixel { pixel: *pixel, depth: depth? });
+    pixels.iter().zip(depths).filter_map(known).collect()
 }

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use calib::{Distortion, Intrinsics};
 use glam::Vec3;
 use image::RgbImage;
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use scenes::cache;
 use serde::{Deserialize, Serialize};
 
@@ -18,7 +19,7 @@ use crate::capture::Capture;
 use crate::surface::{Origin, Surface};
 
 /// Part of the key: changes when what is made of a capture does.
-const STAGE: &str = "capture to surface 1";
+const STAGE: &str = "capture to surface 2";
 
 /// Where finished cameras are kept.
 pub(super) struct Kept {
@@ -99,7 +100,24 @@ struct Head {
     step: f64,
     lens: Lens,
     pinhole: Lens,
+    /// Quaternion (i, j, k, w) and translation of each frame; empty where it has no pose.
+    poses: Vec<Vec<f64>>,
+    range: [f64; 2],
     report: CameraReport,
+}
+
+fn numbers_of(pose: Option<&Isometry3<f64>>) -> Vec<f64> {
+    let numbers =
+        |p: &Isometry3<f64>| [p.rotation.coords.as_slice(), p.translation.vector.as_slice()].concat();
+    pose.map_or(Vec::new(), numbers)
+}
+
+/// As [`numbers_of`] wrote it; `None` when these are not a pose's numbers.
+fn pose_of(numbers: &[f64]) -> Option<Isometry3<f64>> {
+    let [i, j, k, w, x, y, z] = *numbers else { return None };
+    // As it was, to the last bit: it was of length 1.
+    let rotation = UnitQuaternion::new_unchecked(Quaternion::new(w, i, j, k));
+    Some(Isometry3::from_parts(Translation3::new(x, y, z), rotation))
 }
 
 #[derive(Serialize, Deserialize)]
@@ -134,6 +152,8 @@ fn encode(seen: &Seen) -> Option<Vec<u8>> {
         step: f64::from(surface.step),
         lens: Lens::of(&seen.lens),
         pinhole: Lens::of(&surface.intrinsics),
+        poses: seen.camera_from_world.iter().map(|pose| numbers_of(pose.as_ref())).collect(),
+        range: seen.range.into(),
         report: seen.report.clone(),
     };
     let head = toml::to_string(&head).ok()?;
@@ -186,7 +206,11 @@ fn decode(bytes: &[u8]) -> Option<Seen> {
         intrinsics: pinhole,
         step: head.step as f32,
     };
-    Some(Seen { lens, surface, report: head.report })
+    if head.poses.iter().any(|numbers| !matches!(numbers.len(), 0 | 7)) {
+        return None;
+    }
+    let camera_from_world = head.poses.iter().map(|numbers| pose_of(numbers)).collect();
+    Some(Seen { lens, surface, camera_from_world, range: head.range.into(), report: head.report })
 }
 
 #[cfg(test)]
@@ -206,7 +230,8 @@ mod tests {
         lens.distortion = [-0.1, 0.02, 1e-4, -3e-5, 0.1 + 0.2].into();
         let report =
             CameraReport { name: "cam0".into(), reprojection_rms_px: 0.1 + 0.2, ..CameraReport::default() };
-        Seen { lens, surface, report }
+        let camera_from_world = vec![Some(Isometry3::rotation([0.1, -0.7, 0.3].into())), None];
+        Seen { lens, surface, camera_from_world, range: (0.1 + 0.2, 7.0), report }
     }
 
     fn capture() -> Capture {
@@ -223,6 +248,7 @@ mod tests {
         kept.keep("cam0", &key, &seen);
         let back = kept.find("cam0", &key).unwrap();
         assert_eq!((back.lens, back.report), (seen.lens, seen.report));
+        assert_eq!((back.camera_from_world, back.range), (seen.camera_from_world, seen.range));
         let (a, b) = (&back.surface, &seen.surface);
         assert_eq!((&a.picture, &a.depth, &a.normal), (&b.picture, &b.depth, &b.normal));
         assert_eq!((&a.agreeing, &a.origin, a.step), (&b.agreeing, &b.origin, b.step));

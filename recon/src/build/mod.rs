@@ -98,7 +98,8 @@ pub fn build(
     let kept = Kept::beside(out);
     let mut cameras = Vec::with_capacity(captures.len());
     let mut report = BuildReport::default();
-    for mut capture in captures {
+    let mut measured = Vec::with_capacity(captures.len());
+    for (index, mut capture) in captures.into_iter().enumerate() {
         let key = kept::key(&capture, options);
         let seen = if let Some(seen) = kept.find(&capture.name, &key) {
             step(format!("{}: camera motion kept from before", capture.name));
@@ -110,6 +111,8 @@ pub fn build(
             seen
         };
         report.cameras.push(seen.report.clone());
+        measured.push(camera::measure(&capture, &seen, &project.pixels_of(index)));
+        tracing::debug!("{}: depths at picks {:?}", capture.name, measured.last());
         let reference = capture.frames.swap_remove(capture.reference);
         cameras.push((Camera { name: capture.name, reference, seen }, key));
     }
@@ -117,7 +120,8 @@ pub fn build(
     let start = Instant::now();
     let surfaces: Vec<Surface> = cameras.iter().map(|(c, _)| c.seen.surface.clone()).collect();
     let lenses: Vec<Intrinsics> = cameras.iter().map(|(c, _)| c.seen.lens.clone()).collect();
-    let (mut room, assembled) = assemble::assemble(&project, &surfaces, &lenses, &options.assemble)?;
+    let (mut room, assembled) =
+        assemble::assemble(&project, &surfaces, &lenses, &measured, &options.assemble)?;
     report.assembled(&project, &assembled, start.elapsed());
     take_over(&mut room, before, zones);
 

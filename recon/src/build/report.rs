@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::time::Duration;
 
+use calib::Intrinsics;
 use serde::{Deserialize, Serialize};
 
 use crate::assemble::AssembleReport;
@@ -22,6 +23,8 @@ pub struct BuildReport {
     pub pick_rms_px: f64,
     /// Picks left out, each told as a sentence.
     pub picks_left_out: Vec<String>,
+    /// What the depths at each camera's picks turned out to be off by, as a share of them; empty for one camera.
+    pub pick_depth_sigma: Vec<f64>,
     /// Pairs of surface points of different cameras that were laid on each other.
     pub surface_pairs: usize,
     /// Their root mean square distance, metres.
@@ -66,6 +69,12 @@ pub struct CameraReport {
     pub points: usize,
     /// Their root mean square reprojection error, pixels.
     pub reprojection_rms_px: f64,
+    /// The share of what was followed that stood still.
+    pub explained_share: f64,
+    /// The focal length where it was estimated from the capture, pixels.
+    pub estimated_focal_px: Option<f64>,
+    /// Its standard deviation, pixels, where it can be told.
+    pub focal_sigma_px: Option<f64>,
     /// Frames matched densely, counted from 1.
     pub key_frames: Vec<usize>,
     /// Share of the reference image's pixels that stereo measured.
@@ -81,7 +90,7 @@ pub struct CameraReport {
 impl CameraReport {
     pub(super) fn new(
         capture: &Capture,
-        motion: &MotionReport,
+        (lens, motion): (&Intrinsics, &MotionReport),
         dense: &DenseReport,
         surface: &Surface,
         (motion_time, dense_time): (Duration, Duration),
@@ -97,6 +106,9 @@ impl CameraReport {
             registered: motion.registered,
             points: motion.points,
             reprojection_rms_px: motion.rms_px,
+            explained_share: motion.explained_share,
+            estimated_focal_px: capture.intrinsics.is_none().then_some(lens.fx),
+            focal_sigma_px: motion.focal_sigma.map(|sigma| sigma * lens.fx),
             key_frames: dense.key_frames.iter().map(|f| f + 1).collect(),
             measured_share: share(Origin::Stereo),
             filled_share: share(Origin::Filled),
@@ -118,6 +130,7 @@ impl BuildReport {
                 format!("[[point]] {point}, {name}: {off:.1} pixels from where the other picks put it")
             })
             .collect();
+        self.pick_depth_sigma.clone_from(&done.merge.depth_sigma);
         self.surface_pairs = done.merge.surface_pairs;
         self.surface_rms_m = done.merge.surface_rms * done.metres_per_unit;
         self.floor_rms_m = done.floor.rms * done.metres_per_unit;

@@ -218,5 +218,25 @@ pub fn adjust(problem: &mut Problem, options: &BundleOptions) -> BundleReport {
     report
 }
 
+/// Standard deviation of the focal length as a share of it, from the covariance at the problem's solution and what the
+/// residuals say of the observations' noise. `None` where the observations do not determine it.
+///
+/// `options.lens` says what of the lens was estimated along with it.
+pub fn focal_sigma(problem: &Problem, options: &BundleOptions) -> Option<f64> {
+    let variance = NormalEquations::build(problem, options).focal_variance(options.fixed_pose)?;
+    let (mut squares, mut weights) = (0.0, 0.0);
+    for (point, observations) in problem.observations.iter().enumerate() {
+        for observation in observations {
+            let squared = problem.error_px(point, observation).min(BEHIND_CAMERA_PX).powi(2);
+            let weight = options.loss.weight(squared);
+            squares += weight * squared;
+            weights += weight;
+        }
+    }
+    let unknowns = (6 * problem.poses.len() + 3 * problem.points.len()) as f64;
+    let freedom = 2.0 * weights - unknowns;
+    (freedom > 0.0).then(|| (variance * squares / freedom).sqrt())
+}
+
 #[cfg(test)]
 mod tests;

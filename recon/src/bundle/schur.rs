@@ -78,27 +78,8 @@ impl NormalEquations {
 
     /// The step for one damping (relative to the diagonal); `None` when the reduced matrix is not positive definite.
     pub(super) fn solve(&self, damping: f64, fixed_pose: usize) -> Option<Step> {
-        let inverses: Vec<Matrix3<f64>> =
-            self.points.iter().map(|p| damped(&p.v, damping).try_inverse()).collect::<Option<_>>()?;
-        let size = 6 * self.poses + self.lens_count;
-        let rows: Vec<(DMatrix<f64>, Vector6<f64>)> =
-            (0..self.poses).into_par_iter().map(|pose| self.reduced_row(pose, damping, &inverses)).collect();
-        let mut matrix = DMatrix::zeros(size, size);
-        let mut right = DVector::zeros(size);
-        for (pose, (row, gradient)) in rows.iter().enumerate() {
-            matrix.view_mut((6 * pose, 0), (6, size)).copy_from(row);
-            right.rows_mut(6 * pose, 6).copy_from(gradient);
-        }
-        self.add_lens(&mut matrix, &mut right, damping, &inverses);
-        // The lower triangle from the upper, which is all that was summed.
-        matrix.fill_lower_triangle_with_upper_triangle();
-        // The fixed pose: its rows and columns become the identity's, its step zero.
-        for k in 6 * fixed_pose..6 * fixed_pose + 6 {
-            matrix.row_mut(k).fill(0.0);
-            matrix.column_mut(k).fill(0.0);
-            matrix[(k, k)] = 1.0;
-            right[k] = 0.0;
-        }
+        let inverses = self.inverses(damping)?;
+        let (matrix, right) = self.reduced(&inverses, damping, fixed_pose);
         let cameras = matrix.cholesky()?.solve(&right);
         let lens_step = self.lens_step(&cameras);
         let points: Vec<Vector3<f64>> = self
@@ -116,6 +97,54 @@ impl NormalEquations {
             .collect();
         let predicted_gain = self.predicted_gain(&cameras, &lens_step, &points, damping);
         Some(Step { cameras: cameras.as_slice().to_vec(), points, predicted_gain })
+    }
+
+    fn inverses(&self, damping: f64) -> Option<Vec<Matrix3<f64>>> {
+        self.points.iter().map(|p| damped(&p.v, damping).try_inverse()).collect()
+    }
+
+    /// The reduced matrix and its right side, the fixed pose's step held at zero.
+    fn reduced(
+        &self,
+        inverses: &[Matrix3<f64>],
+        damping: f64,
+        fixed_pose: usize,
+    ) -> (DMatrix<f64>, DVector<f64>) {
+        let size = 6 * self.poses + self.lens_count;
+        let rows: Vec<(DMatrix<f64>, Vector6<f64>)> =
+            (0..self.poses).into_par_iter().map(|pose| self.reduced_row(pose, damping, inverses)).collect();
+        let mut matrix = DMatrix::zeros(size, size);
+        let mut right = DVector::zeros(size);
+        for (pose, (row, gradient)) in rows.iter().enumerate() {
+            matrix.view_mut((6 * pose, 0), (6, size)).copy_from(row);
+            right.rows_mut(6 * pose, 6).copy_from(gradient);
+        }
+        self.add_lens(&mut matrix, &mut right, damping, inverses);
+        // The lower triangle from the upper, which is all that was summed.
+        matrix.fill_lower_triangle_with_upper_triangle();
+        // The fixed pose: its rows and columns become the identity's, its step zero.
+        for k in 6 * fixed_pose..6 * fixed_pose + 6 {
+            matrix.row_mut(k).fill(0.0);
+            matrix.column_mut(k).fill(0.0);
+            matrix[(k, k)] = 1.0;
+            right[k] = 0.0;
+        }
+        (matrix, right)
+    }
+
+    /// The first diagonal entry of the lens's block in the inverse of the whole matrix: the variance of `ln f` for
+    /// observations of unit variance. `None` where the lens is fixed or nothing is determined.
+    pub(super) fn focal_variance(&self, fixed_pose: usize) -> Option<f64> {
+        /// Scale is free, so the matrix is singular; it does not touch the focal length.
+        const DAMPING: f64 = 1e-10;
+        if self.lens_count == 0 {
+            return None;
+        }
+        let (matrix, _) = self.reduced(&self.inverses(DAMPING)?, DAMPING, fixed_pose);
+        let mut unit = DVector::zeros(matrix.nrows());
+        unit[6 * self.poses] = 1.0;
+        let variance = matrix.cholesky()?.solve(&unit)[6 * self.poses];
+        (variance.is_finite() && variance > 0.0).then_some(variance)
     }
 
     fn lens_step(&self, cameras: &DVector<f64>) -> Vector3<f64> {
@@ -138,16 +167,19 @@ impl NormalEquations {
         for k in 0..6 {
             diagonal[(k, k)] += damping * u[(k, k)].max(1e-9);
         }
-        row.fixed_columns_mut::<6>(6 * pose).copy_from(&diagonal);
+        let mut blocks = vec![SMatrix::<f64, 6, 6>::zeros(); self.poses - pose];
+        blocks[0] = diagonal;
         for &(point, edge) in &self.seen[pose] {
             let block = &self.points[point];
             let y = block.edges[edge].w * inverses[point];
             right -= y * block.gradient;
             lens -= y * block.lens.transpose();
             for other in block.edges.iter().filter(|o| o.pose >= pose) {
-                let mut target = row.fixed_columns_mut::<6>(6 * other.pose);
-                target -= y * other.w.transpose();
+                subtract_product(&mut blocks[other.pose - pose], &y, &other.w);
             }
+        }
+        for (block, other) in blocks.iter().zip(pose..) {
+            row.fixed_columns_mut::<6>(6 * other).copy_from(block);
         }
         for k in 0..self.lens_count {
             row.set_column(6 * self.poses + k, &lens.column(k));
@@ -206,6 +238,16 @@ impl NormalEquations {
             }
         }
         gain
+    }
+}
+
+/// `block −= y wᵀ`, column by column: most of the time of a step is spent here.
+fn subtract_product(block: &mut SMatrix<f64, 6, 6>, y: &Block6x3, w: &Block6x3) {
+    for column in 0..6 {
+        for row in 0..6 {
+            block[(row, column)] -=
+                y[(row, 0)] * w[(column, 0)] + y[(row, 1)] * w[(column, 1)] + y[(row, 2)] * w[(column, 2)];
+        }
     }
 }
 

@@ -182,3 +182,35 @@ fn nothing_to_adjust_is_no_accident() {
     problem = Problem { points: vec![], observations: vec![], ..empty };
     assert_eq!(adjust(&mut problem, &BundleOptions::default()).steps, 0);
 }
+
+/// The predicted standard deviation is the one that repeated measurements show.
+#[test]
+fn the_focal_lengths_sigma_is_its_scatter() {
+    const REPEATS: u64 = 40;
+    let options = BundleOptions {
+        loss: Loss::Squares,
+        lens: LensFreedom::Focal,
+        max_steps: 100,
+        cost_end: 1e-12,
+        ..Default::default()
+    };
+    let (mut squares, mut predicted) = (0.0, 0.0);
+    let exact = scene(0.0, 11);
+    for seed in 0..REPEATS {
+        let mut rng = Pcg64Mcg::seed_from_u64(seed);
+        let noise = Normal::new(0.0, 0.4).unwrap();
+        let mut problem = exact.clone();
+        for observation in problem.observations.iter_mut().flatten() {
+            observation.pixel.x += noise.sample(&mut rng);
+            observation.pixel.y += noise.sample(&mut rng);
+        }
+        adjust(&mut problem, &options);
+        squares += (problem.intrinsics.fx / exact.intrinsics.fx).ln().powi(2);
+        predicted += focal_sigma(&problem, &options).unwrap() / REPEATS as f64;
+    }
+    let scatter = (squares / REPEATS as f64).sqrt();
+    let ratio = predicted / scatter;
+    // Forty repeats know a standard deviation to 11 %.
+    assert!((0.7..1.4).contains(&ratio), "predicted {predicted}, scatter {scatter}");
+    assert_eq!(focal_sigma(&exact, &BundleOptions { lens: LensFreedom::Fixed, ..options }), None);
+}

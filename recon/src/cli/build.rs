@@ -86,6 +86,13 @@ impl Build {
                 100.0 * camera.measured_share,
                 100.0 * camera.filled_share
             ));
+            if let Some(focal) = camera.estimated_focal_px {
+                let sigma = camera.focal_sigma_px.map_or("unknown".to_owned(), |s| format!("{s:.1}"));
+                console.line(&format!(
+                    "{}: focal length {focal:.1} ± {sigma} px, estimated from the capture; `calib intrinsics` does better",
+                    camera.name
+                ));
+            }
         }
         console.line(&format!(
             "picks to {:.2} px, floor to {:.1} cm, {} discs; the room is in {}",

@@ -8,6 +8,7 @@
 
 mod intensity;
 mod register;
+pub(crate) mod revisit;
 mod turn;
 
 use calib::Intrinsics;
@@ -17,8 +18,9 @@ use nalgebra::{Matrix2, Point2};
 use rayon::prelude::*;
 
 use crate::Result;
-use intensity::Intensity;
-use register::{Patch, Warp};
+pub(crate) use intensity::Intensity;
+pub(crate) use register::Patch;
+pub(crate) use register::Warp;
 use turn::CoarseScales;
 
 /// How features are found and followed.

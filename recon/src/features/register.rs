@@ -104,6 +104,27 @@ impl Patch {
         Some(self.weights.iter().zip(&values).zip(&self.values).map(|((w, i), t)| w * i * t).sum())
     }
 
+    /// Every second pixel of the patch, deformed: what is tried at many places before registration.
+    pub(crate) fn probe(&self, affine: &Matrix2<f64>) -> Probe {
+        let kept = |(x, y): &(i32, i32)| (x + self.radius) % 2 == 0 && (y + self.radius) % 2 == 0;
+        let taken: Vec<usize> =
+            window(self.radius).enumerate().filter(|(_, at)| kept(at)).map(|(index, _)| index).collect();
+        let at: Vec<(i32, i32)> = window(self.radius).collect();
+        let total: f64 = taken.iter().map(|i| self.weights[*i]).sum();
+        let mean = taken.iter().map(|i| self.weights[*i] * self.values[*i]).sum::<f64>() / total;
+        let samples: Vec<Sample> = taken
+            .iter()
+            .map(|&i| Sample {
+                aside: affine * nalgebra::Vector2::new(f64::from(at[i].0), f64::from(at[i].1)),
+                weight: (self.weights[i] / total) as f32,
+                value: (self.values[i] - mean) as f32,
+            })
+            .collect();
+        let reach = f64::from(self.radius) * (affine.row(0).abs().sum()).max(affine.row(1).abs().sum());
+        let deviation = samples.iter().map(|s| s.weight * s.value * s.value).sum::<f32>().sqrt();
+        Probe { samples, reach, deviation }
+    }
+
     /// Finds the patch in `image` near `start`. `None` when it leaves the image, wanders off or does not converge.
     pub(crate) fn register(&self, image: &Intensity, start: &Warp) -> Option<Registration> {
         let mut warp = *start;
@@ -147,6 +168,43 @@ impl Patch {
             }
         }
         None
+    }
+}
+
+/// A coarse, deformed patch.
+pub(crate) struct Probe {
+    samples: Vec<Sample>,
+    /// How far samples lie from the centre along an axis, pixels.
+    reach: f64,
+    deviation: f32,
+}
+
+struct Sample {
+    aside: nalgebra::Vector2<f64>,
+    /// All add up to 1.
+    weight: f32,
+    /// Weighted mean 0.
+    value: f32,
+}
+
+impl Probe {
+    /// Weighted normalised cross-correlation with the image around `center`, −1 … 1; `None` where it leaves the image.
+    pub(crate) fn correlation(&self, image: &Intensity, center: &Point2<f64>) -> Option<f32> {
+        let (x, y) = (center.x, center.y);
+        let held = |sign: f64| image.holds(x + sign * self.reach, y + sign * self.reach);
+        if !(held(-1.0) && held(1.0)) {
+            return None;
+        }
+        let (mut mean, mut square, mut shared) = (0.0_f32, 0.0_f32, 0.0_f32);
+        for s in &self.samples {
+            let read = image.at(x + s.aside.x, y + s.aside.y);
+            mean += s.weight * read;
+            square += s.weight * read * read;
+            shared += s.weight * s.value * read;
+        }
+        let deviation = (square - mean * mean).max(0.0).sqrt();
+        let contrast = f64::from(deviation) >= MIN_CONTRAST;
+        contrast.then(|| shared / (deviation * self.deviation).max(f32::MIN_POSITIVE))
     }
 }
 

@@ -1,7 +1,7 @@
 //! All cameras in one frame: picked points → similarities, chained over the cameras, then refined jointly.
 //!
 //! Each camera's reconstruction has its own frame and scale. Points picked in two reference images give, with the
-//! depth read there, two sets of 3-D points and so a similarity by Horn's closed form
+//! depth measured there ([`crate::ray_depth`]; where that fails, dense stereo's), two sets of 3-D points and so a similarity by Horn's closed form
 //! ([`calib::absolute_orientation`]); the best-joined pairs are chained from the first camera on ([`graph`]). The
 //! joint refinement ([`refine`]) then moves cameras and points until the picks fall where they were picked, and
 //! the surfaces that cameras see in common lie on each other.
@@ -15,6 +15,7 @@ mod tests;
 use nalgebra::{Point2, Point3, Similarity3};
 
 use crate::project::Project;
+use crate::ray_depth::{MeasuredPixel, RayDepth};
 use crate::surface::Surface;
 use crate::{Error, Result};
 
@@ -23,8 +24,11 @@ use crate::{Error, Result};
 pub struct MergeOptions {
     /// Standard deviation of a pick, pixels.
     pub pick_sigma_px: f64,
-    /// Standard deviation of the depth read at a pick, as a share of the depth.
+    /// Standard deviation of the depth that dense stereo has at a pick, as a share of the depth.
     pub depth_sigma: f64,
+    /// What a depth measured along a pick's ray is off by beyond its own standard deviation, as a share: the error of
+    /// the capture's motion.
+    pub motion_sigma: f64,
     /// A pick farther off than this after refinement is out, pixels.
     pub outlier_px: f64,
     /// Whether surfaces seen by two cameras are laid on each other (point-to-plane).
@@ -33,9 +37,18 @@ pub struct MergeOptions {
 
 impl Default for MergeOptions {
     fn default() -> Self {
-        Self { pick_sigma_px: 0.7, depth_sigma: 0.01, outlier_px: 6.0, align_surfaces: true }
+        Self {
+            pick_sigma_px: 0.5,
+            depth_sigma: 0.01,
+            motion_sigma: 0.003,
+            outlier_px: 6.0,
+            align_surfaces: true,
+        }
     }
 }
+
+/// Depths at picks that are off by more than this share are worth a word.
+const DOUBTFUL_DEPTH: f64 = 0.015;
 
 /// What merging did.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -44,6 +57,8 @@ pub struct MergeReport {
     pub pick_rms_px: f64,
     /// Picks left out: number of the point (from 1), index of the camera, distance in pixels.
     pub outliers: Vec<(usize, usize, f64)>,
+    /// What the depths at a camera's picks turned out to be off by, as a share of them; one a camera.
+    pub depth_sigma: Vec<f64>,
     /// Pairs of surface points that were laid on each other.
     pub surface_pairs: usize,
     /// Their root mean square distance, in units of the first camera's reconstruction.
@@ -67,12 +82,22 @@ pub fn merge(
     project: &Project,
     surfaces: &[Surface],
     lenses: &[calib::Intrinsics],
+    measured: &[Vec<MeasuredPixel>],
     options: &MergeOptions,
 ) -> Result<(Merged, MergeReport)> {
-    let picks = lift(project, surfaces, lenses)?;
+    let picks = lift(project, surfaces, lenses, measured, options)?;
     let start = graph::chain(project, &picks, surfaces.len())?;
     let (merged, report) = refine::refine(&picks, &start, surfaces, options);
     check_pairs(project, &picks, &report)?;
+    for (camera, sigma) in project.cameras.iter().zip(&report.depth_sigma) {
+        if *sigma > DOUBTFUL_DEPTH {
+            tracing::warn!(
+                "camera `{}`: its depths are off by about {:.1} % at the picks, so its space is bent; check the intrinsics, and film along a wider path",
+                camera.name,
+                100.0 * sigma
+            );
+        }
+    }
     Ok((merged, report))
 }
 
@@ -86,9 +111,17 @@ struct Pick {
     pixel: Point2<f64>,
     /// In the camera's frame, where its depth is known.
     seen: Option<Point3<f64>>,
+    /// The depth along z and its standard deviation as a share of it, where it is known.
+    depth: Option<(f64, f64)>,
 }
 
-fn lift(project: &Project, surfaces: &[Surface], lenses: &[calib::Intrinsics]) -> Result<Vec<Pick>> {
+fn lift(
+    project: &Project,
+    surfaces: &[Surface],
+    lenses: &[calib::Intrinsics],
+    measured: &[Vec<MeasuredPixel>],
+    options: &MergeOptions,
+) -> Result<Vec<Pick>> {
     let mut picks = Vec::new();
     for (point, picked) in project.points.iter().enumerate() {
         for (camera, pixel) in &picked.picks {
@@ -96,11 +129,21 @@ fn lift(project: &Project, surfaces: &[Surface], lenses: &[calib::Intrinsics]) -
                 let place = format!("[[point]] {}, {}", point + 1, project.cameras[*camera].name);
                 Error::content(&project.path, place, "the lens model gives no ray to this pixel")
             })?;
-            let seen = surfaces[*camera].point_at(&pinhole);
-            picks.push(Pick { point, camera: *camera, pixel: pinhole, seen });
+            let own = measured_at(&measured[*camera], pixel)
+                .map(|own| (own.depth, own.sigma.hypot(options.motion_sigma)));
+            let dense = || Some((surfaces[*camera].point_at(&pinhole)?.z, options.depth_sigma));
+            let depth = own.or_else(dense);
+            let ray = surfaces[*camera].intrinsics.unproject(&pinhole);
+            let seen = depth.zip(ray).map(|((depth, _), ray)| Point3::from(ray * depth));
+            picks.push(Pick { point, camera: *camera, pixel: pinhole, seen, depth });
         }
     }
     Ok(picks)
+}
+
+/// What was measured at exactly this pixel (as filmed).
+pub(crate) fn measured_at(measured: &[MeasuredPixel], pixel: &Point2<f64>) -> Option<RayDepth> {
+    measured.iter().find(|m| m.pixel == *pixel).map(|m| m.depth)
 }
 
 /// A pixel as filmed → the same ray's pixel in the pinhole image.

@@ -3,13 +3,17 @@
 //! Levenberg–Marquardt over seven numbers a camera (log scale, rotation, translation; the first camera stands still)
 //! and three a point. Residuals, each in standard deviations: a pick's pixel; the depth read at a pick, as a
 //! logarithm; the distance of one camera's surface point from another's surface, along that one's normal. All are robust
-//! (Cauchy), reweighted as they go. The problem is small and dense, so derivatives are central differences.
+//! (Cauchy), reweighted as they go. How good the depths are is estimated along with them ([`variance`]), since a
+//! capture's motion may bend its whole space. The problem is small and dense, so derivatives are central differences.
+
+mod variance;
 
 use nalgebra::{DMatrix, DVector, Point3, Similarity3, Translation3, UnitQuaternion, Vector3};
 
 use super::overlap::{self, Contact};
 use super::{MergeOptions, MergeReport, Merged, Pick};
 use crate::surface::Surface;
+use variance::Factors;
 
 /// Parameters a camera.
 const POSE: usize = 7;
@@ -17,6 +21,8 @@ const POSE: usize = 7;
 const POINT: usize = 3;
 /// Rounds of finding common surface points anew.
 const ASSOCIATIONS: usize = 6;
+/// Rounds of minimising and judging depths and picks anew.
+const VARIANCE_ROUNDS: usize = 8;
 /// A depth this far (logarithm) from where both cameras' rays meet is another surface's.
 const DEPTH_MISMATCH: f64 = 0.1;
 
@@ -27,13 +33,16 @@ struct State {
 
 enum Term<'a> {
     Pixel(&'a Pick),
-    Depth(&'a Pick, f64),
+    /// A depth and its standard deviation as a share of it.
+    Depth(&'a Pick, (f64, f64)),
     Surface(&'a Contact, f64),
 }
 
 struct Scene<'a> {
     surfaces: &'a [Surface],
     options: &'a MergeOptions,
+    /// How much worse depths and picks are than they claim.
+    factors: Factors,
 }
 
 /// Refines `start`; picks that do not fit are left out and reported.
@@ -43,12 +52,18 @@ pub(super) fn refine(
     surfaces: &[Surface],
     options: &MergeOptions,
 ) -> (Merged, MergeReport) {
-    let scene = Scene { surfaces, options };
+    let mut scene = Scene { surfaces, options, factors: Factors::loose(start.len()) };
     let mut report = MergeReport::default();
     let mut kept: Vec<Pick> = picks.to_vec();
     let mut state = State { poses: start.to_vec(), points: first_points(picks, start) };
     // Each round leaves out the worst point, since it may have pulled others off.
     loop {
+        scene.factors = Factors::loose(start.len());
+        for _ in 0..VARIANCE_ROUNDS {
+            scene.minimise(&mut state, &kept, &[]);
+            scene.factors = scene.variance_factors(&state, &kept);
+        }
+        scene.factors.leave_chance();
         scene.minimise(&mut state, &kept, &[]);
         let worst = kept
             .iter()
@@ -62,6 +77,7 @@ pub(super) fn refine(
         state.points[point] = None;
     }
     report.pick_rms_px = scene.pick_rms(&state, &kept);
+    report.depth_sigma = scene.depth_sigma(&kept);
     if options.align_surfaces && surfaces.len() > 1 {
         scene.lay_on_each_other(&mut state, &kept, &mut report);
     }
@@ -115,16 +131,16 @@ impl Scene<'_> {
                 let Some(point) = state.points[pick.point] else { return [0.0; 2] };
                 let seen = state.poses[pick.camera].inverse() * point;
                 let Some(pixel) = self.surfaces[pick.camera].intrinsics.project(&seen) else { return BEHIND };
-                let off = (pixel - pick.pixel) / self.options.pick_sigma_px;
+                let off = (pixel - pick.pixel) / self.pick_sigma_px();
                 [off.x, off.y]
             }
-            Term::Depth(pick, depth) => {
+            Term::Depth(pick, (depth, sigma)) => {
                 let Some(point) = state.points[pick.point] else { return [0.0; 2] };
                 let z = (state.poses[pick.camera].inverse() * point).z;
                 if z <= 0.0 {
                     return BEHIND;
                 }
-                [(z / depth).ln() / self.options.depth_sigma, 0.0]
+                [(z / depth).ln() / (sigma * self.factors.depth[pick.camera]), 0.0]
             }
             Term::Surface(contact, weight) => {
                 [weight * contact.relative(&state.poses) / self.options.depth_sigma, 0.0]
@@ -139,8 +155,7 @@ impl Scene<'_> {
 
     fn minimise(&self, state: &mut State, picks: &[Pick], contacts: &[Contact]) {
         const ITERATIONS: usize = 60;
-        const STEP: f64 = 1e-6;
-        let terms = terms(picks, contacts);
+        let terms = terms(picks, contacts, self.factors.independent_contacts());
         let cameras = state.poses.len();
         let size = (cameras - 1) * POSE + state.points.len() * POINT;
         if size == 0 {
@@ -155,14 +170,7 @@ impl Scene<'_> {
                 let residual = self.residual(state, term);
                 let weight = weight(residual, term);
                 let touched = touched(term, cameras);
-                let rows: Vec<[f64; 2]> = touched
-                    .iter()
-                    .map(|i| {
-                        let (plus, minus) = (state.nudged(*i, STEP), state.nudged(*i, -STEP));
-                        let (p, m) = (self.residual(&plus, term), self.residual(&minus, term));
-                        [(p[0] - m[0]) / (2.0 * STEP), (p[1] - m[1]) / (2.0 * STEP)]
-                    })
-                    .collect();
+                let rows = self.derivatives(state, term, &touched);
                 for (a, ja) in touched.iter().zip(&rows) {
                     gradient[*a] += weight * (ja[0] * residual[0] + ja[1] * residual[1]);
                     for (b, jb) in touched.iter().zip(&rows) {
@@ -197,14 +205,28 @@ impl Scene<'_> {
         }
     }
 
+    /// By the parameters that a term touches: central differences.
+    fn derivatives(&self, state: &State, term: &Term<'_>, touched: &[usize]) -> Vec<[f64; 2]> {
+        const STEP: f64 = 1e-6;
+        touched
+            .iter()
+            .map(|i| {
+                let (plus, minus) = (state.nudged(*i, STEP), state.nudged(*i, -STEP));
+                let (p, m) = (self.residual(&plus, term), self.residual(&minus, term));
+                [(p[0] - m[0]) / (2.0 * STEP), (p[1] - m[1]) / (2.0 * STEP)]
+            })
+            .collect()
+    }
+
     /// How far a pick is from where the others put its point. When its depths contradict each other although the
     /// rays meet, that is the distance between the pick and the other cameras' depths, seen from here.
     fn misfit_px(&self, state: &State, pick: &Pick, picks: &[Pick]) -> f64 {
-        let off = norm(self.residual(state, &Term::Pixel(pick))) * self.options.pick_sigma_px;
+        let off = norm(self.residual(state, &Term::Pixel(pick))) * self.pick_sigma_px();
         let mut of_point = picks.iter().filter(|p| p.point == pick.point);
         let contradicted = of_point.all(|p| {
             p.seen.is_some_and(|seen| {
-                let log = self.residual(state, &Term::Depth(p, seen.z))[0] * self.options.depth_sigma;
+                let z = (state.poses[p.camera].inverse() * state.points[p.point].unwrap_or(seen)).z;
+                let log = if z > 0.0 { (z / seen.z).ln() } else { f64::INFINITY };
                 log.abs() > DEPTH_MISMATCH
             })
         });
@@ -226,15 +248,14 @@ impl Scene<'_> {
 
     fn pick_rms(&self, state: &State, picks: &[Pick]) -> f64 {
         let squares: f64 = picks.iter().map(|p| norm(self.residual(state, &Term::Pixel(p))).powi(2)).sum();
-        self.options.pick_sigma_px * (squares / picks.len().max(1) as f64).sqrt()
+        self.pick_sigma_px() * (squares / picks.len().max(1) as f64).sqrt()
     }
 }
 
-fn terms<'a>(picks: &'a [Pick], contacts: &'a [Contact]) -> Vec<Term<'a>> {
-    // Neighbouring surface points err together: all of them count as much as this many independent ones.
-    const INDEPENDENT: f64 = 150.0;
-    let weight = (INDEPENDENT / contacts.len().max(1) as f64).min(1.0).sqrt();
-    let depths = picks.iter().filter_map(|p| Some(Term::Depth(p, p.seen?.z)));
+/// Contacts count as much as `independent` ones: neighbouring surface points err together.
+fn terms<'a>(picks: &'a [Pick], contacts: &'a [Contact], independent: f64) -> Vec<Term<'a>> {
+    let weight = (independent / contacts.len().max(1) as f64).min(1.0).sqrt();
+    let depths = picks.iter().filter_map(|p| Some(Term::Depth(p, p.depth?)));
     picks
         .iter()
         .map(Term::Pixel)

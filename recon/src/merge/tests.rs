@@ -95,7 +95,7 @@ fn project() -> Project {
 }
 
 fn merged(project: &Project, options: &MergeOptions) -> Result<(Merged, MergeReport)> {
-    merge(project, &[surface(0), surface(1)], &[lens(), lens()], options)
+    merge(project, &[surface(0), surface(1)], &[lens(), lens()], &[vec![], vec![]], options)
 }
 
 /// Error of the second camera's pose as seen from the first: share of their distance, degrees, share of the scale.
@@ -158,7 +158,34 @@ fn picks_without_depth_are_told() {
     let mut blind = surface(1);
     blind.depth.fill(0.0);
     let surfaces = [surface(0), blind];
-    let line =
-        merge(&project(), &surfaces, &[lens(), lens()], &MergeOptions::default()).unwrap_err().to_string();
+    let line = merge(&project(), &surfaces, &[lens(), lens()], &[vec![], vec![]], &MergeOptions::default())
+        .unwrap_err()
+        .to_string();
     assert!(line.contains("depth at only 0") && line.contains("[[point]] 1, b"), "{line}");
+}
+
+/// A surface as a capture reconstructs it whose lens or path bends its space: depth off by more and more across the image.
+fn bent(camera: usize, slope: f64) -> Surface {
+    let mut surface = surface(camera);
+    let lens = lens();
+    for (i, depth) in surface.depth.iter_mut().enumerate() {
+        let across = ((i as f64 / f64::from(lens.width)).floor() - lens.cy) / lens.fy;
+        *depth *= (1.0 + slope * across) as f32;
+    }
+    surface
+}
+
+#[test]
+fn bent_depths_are_noticed_and_trusted_less() {
+    let options = MergeOptions { align_surfaces: false, ..MergeOptions::default() };
+    let run = |slope: f64| {
+        let surfaces = [bent(0, slope), surface(1)];
+        merge(&project(), &surfaces, &[lens(), lens()], &[vec![], vec![]], &options).unwrap()
+    };
+    let (straight, straight_report) = run(0.0);
+    let (result, report) = run(0.5);
+    assert!(report.depth_sigma[0] > 2.0 * straight_report.depth_sigma[0], "{report:?} {straight_report:?}");
+    assert!(report.outliers.is_empty(), "{report:?}");
+    let (bent_errors, straight_errors) = (errors(&result), errors(&straight));
+    assert!(bent_errors.1 < 2.0 && straight_errors.1 < 0.6, "{bent_errors:?} {straight_errors:?}");
 }

@@ -86,6 +86,16 @@ pub(super) fn motion(
             ),
         ));
     }
+    if report.explained_share < options.min_explained {
+        return Err(Error::capture(
+            camera,
+            format!(
+                "only {:.0} % of what was followed stands still (at least {:.0} % must): people or things move through the                  capture; film the room while it is empty and nothing in it moves",
+                100.0 * report.explained_share,
+                100.0 * options.min_explained
+            ),
+        ));
+    }
     if report.parallax_deg < options.min_parallax_deg {
         return Err(Error::capture(
             camera,
@@ -98,4 +108,31 @@ pub(super) fn motion(
         ));
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::motion::Starts;
+
+    #[test]
+    fn what_moves_is_named_before_its_consequences() {
+        let options = MotionOptions::default();
+        let report = |explained_share| MotionReport {
+            features: FeatureReport::default(),
+            starts: Starts { factorization_px: 0.5, two_views_px: 0.5 },
+            registered: 20,
+            points: 500,
+            observations: 4000,
+            rms_px: 0.3,
+            parallax_deg: 0.2,
+            explained_share,
+            focal_sigma: None,
+        };
+        let said = |share| motion("hall", 20, 0.2, &report(share), &options).unwrap_err().to_string();
+        assert!(said(0.45).contains("45 %") && said(0.45).contains("empty"), "{}", said(0.45));
+        assert!(said(0.9).contains("sideways"), "{}", said(0.9));
+        let sound = MotionReport { parallax_deg: 4.0, ..report(0.9) };
+        assert!(motion("hall", 20, 0.2, &sound, &options).is_ok());
+    }
 }

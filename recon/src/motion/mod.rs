@@ -2,13 +2,15 @@
 //!
 //! Tracks ([`crate::features`]) start two competing reconstructions: by factorization, without any guess, and by two
 //! views and growth ([`incremental`]). Both are adjusted ([`crate::bundle`]); the one with the smaller robust
-//! reprojection error is polished by renewed triangulation and adjustment. A capture that cannot work is refused with
+//! reprojection error is polished by renewed triangulation and adjustment. It then tells where features lie that were
+//! lost ([`revisit`]): links between frames that are not neighbours, which hold the drift of long paths. A capture that cannot work is refused with
 //! what to film instead.
 
 mod diagnosis;
 mod five_point;
 mod incremental;
 mod resection;
+mod revisit;
 mod sketch;
 mod triangulation;
 mod two_views;
@@ -47,6 +49,8 @@ pub struct MotionOptions {
     pub min_parallax_deg: f64,
     /// Least share of the frames that must have a pose.
     pub min_registered: f64,
+    /// Least share of what was followed that must have stood still.
+    pub min_explained: f64,
 }
 
 impl Default for MotionOptions {
@@ -54,10 +58,11 @@ impl Default for MotionOptions {
         Self {
             features: FeatureOptions::default(),
             seed: 1,
-            polish_rounds: 4,
+            polish_rounds: 3,
             max_noise_px: 1.5,
             min_parallax_deg: 1.0,
             min_registered: 0.5,
+            min_explained: 0.6,
         }
     }
 }
@@ -99,6 +104,11 @@ pub struct MotionReport {
     pub rms_px: f64,
     /// Median of the widest angle between the rays to a point, degrees.
     pub parallax_deg: f64,
+    /// The share of what was followed that stood still, as the reconstruction before lost features were looked for has
+    /// it.
+    pub explained_share: f64,
+    /// Standard deviation of the focal length as a share of it, where it was estimated and can be told.
+    pub focal_sigma: Option<f64>,
 }
 
 /// Robust reprojection error of each start after adjustment, pixels: observations that are off or unexplained count
@@ -146,12 +156,14 @@ pub fn estimate(capture: &Capture, options: &MotionOptions) -> Result<(Motion, M
         return Err(diagnosis::no_start(&capture.name));
     };
     sketch.polish(lens, options.polish_rounds);
-    finish(capture, options, &sketch, features, starts)
+    let explained = sketch.explained_share(agreement_px(&sketch));
+    revisit::revisit(&mut sketch, &capture.frames, &options.features, lens, options.polish_rounds);
+    finish(capture, options, &sketch, lens, Before { features, starts, explained })
 }
 
 /// Poses from factorized windows; what they did not reach is resected.
 fn start_by_factorization<'a>(mut sketch: Sketch<'a>, seen: &Seen, lens: LensFreedom) -> Option<Sketch<'a>> {
-    sketch.poses = windows::reconstruct(sketch.tracks, &sketch.intrinsics, sketch.poses.len())?;
+    sketch.poses = windows::reconstruct(&sketch.tracks, &sketch.intrinsics, sketch.poses.len())?;
     // The chain of windows may be off by more than a track's noise: wide bounds first.
     for (max_error_px, scale_px) in [(16.0, 4.0), (8.0, 2.0), (4.0, 1.0)] {
         let accept = Acceptance { max_error_px, min_angle: 0.5_f64.to_radians(), min_sightings: 3 };
@@ -202,16 +214,28 @@ fn seen_points(points: &[SparsePoint], frames: usize) -> Vec<usize> {
     seen
 }
 
+/// What earlier stages report.
+struct Before {
+    features: FeatureReport,
+    starts: Starts,
+    explained: f64,
+}
+
+/// The distance to which an observation agrees with its point, pixels.
+fn agreement_px(sketch: &Sketch<'_>) -> f64 {
+    (6.0 * sketch.noise_px()).max(1.0)
+}
+
 /// Checks the result, makes the reference camera the world, and leaves out what disagrees.
 fn finish(
     capture: &Capture,
     options: &MotionOptions,
     sketch: &Sketch<'_>,
-    features: FeatureReport,
-    starts: Starts,
+    lens: LensFreedom,
+    before: Before,
 ) -> Result<(Motion, MotionReport)> {
     let noise = sketch.noise_px();
-    let agree_px = (6.0 * noise).max(1.0);
+    let agree_px = agreement_px(sketch);
     let Some(reference) = sketch.poses[capture.reference] else {
         return Err(diagnosis::reference_missing(&capture.name, capture.reference));
     };
@@ -245,13 +269,15 @@ fn finish(
         }
     }
     let report = MotionReport {
-        features,
-        starts,
+        features: before.features,
+        starts: before.starts,
         registered: sketch.registered(),
         points: points.len(),
         observations: count,
         rms_px: (squares / count.max(1) as f64).sqrt(),
         parallax_deg: two_views::median(&angles).unwrap_or(0.0),
+        explained_share: before.explained,
+        focal_sigma: sketch.focal_sigma(lens),
     };
     diagnosis::motion(&capture.name, capture.frames.len(), noise, &report, options)?;
     diagnosis::reference(&capture.name, capture.reference, &seen_points(&points, capture.frames.len()))?;

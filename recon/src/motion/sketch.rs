@@ -1,5 +1,7 @@
 //! The state of a reconstruction under way: which frames have poses, which tracks have points.
 
+use std::borrow::Cow;
+
 use calib::Intrinsics;
 use nalgebra::{Isometry3, Point2, Point3};
 use rayon::prelude::*;
@@ -15,7 +17,8 @@ const WRONG_PX: f64 = 3.0;
 /// Poses and points, in the frame and scale of whatever started them.
 #[derive(Debug, Clone)]
 pub(crate) struct Sketch<'a> {
-    pub(crate) tracks: &'a [Track],
+    /// Borrowed until lost features are seen again.
+    pub(crate) tracks: Cow<'a, [Track]>,
     pub(crate) intrinsics: Intrinsics,
     /// One a frame.
     pub(crate) poses: Vec<Option<Isometry3<f64>>>,
@@ -33,9 +36,36 @@ pub(crate) struct Adjustment {
     pub(crate) max_steps: usize,
 }
 
+impl Adjustment {
+    /// What only noise is left to: observations within ten, a loss that fades from two and a half standard deviations.
+    fn last(noise_px: f64, lens: LensFreedom) -> Self {
+        Self {
+            gate_px: (10.0 * noise_px).max(1.5),
+            loss: Loss::Cauchy((2.4 * noise_px).max(0.1)),
+            lens,
+            max_steps: 40,
+        }
+    }
+
+    fn options(&self) -> BundleOptions {
+        BundleOptions {
+            loss: self.loss,
+            lens: self.lens,
+            max_steps: self.max_steps,
+            cost_end: 1e-5,
+            ..BundleOptions::default()
+        }
+    }
+}
+
 impl<'a> Sketch<'a> {
     pub(crate) fn new(tracks: &'a [Track], intrinsics: Intrinsics, frames: usize) -> Self {
-        Self { tracks, intrinsics, poses: vec![None; frames], points: vec![None; tracks.len()] }
+        Self {
+            tracks: Cow::Borrowed(tracks),
+            intrinsics,
+            poses: vec![None; frames],
+            points: vec![None; tracks.len()],
+        }
     }
 
     /// Frames that have a pose.
@@ -105,6 +135,41 @@ impl<'a> Sketch<'a> {
 
     /// Bundle-adjusts everything that has pose and point; `None` when there is nothing to adjust.
     pub(crate) fn adjust(&mut self, how: &Adjustment) -> Option<BundleReport> {
+        let (mut problem, frames, tracks) = self.problem(how)?;
+        let report = bundle::adjust(&mut problem, &how.options());
+        self.intrinsics = problem.intrinsics;
+        for (frame, pose) in frames.into_iter().zip(problem.poses) {
+            self.poses[frame] = Some(pose);
+        }
+        for (track, point) in tracks.into_iter().zip(problem.points) {
+            self.points[track] = Some(point);
+        }
+        Some(report)
+    }
+
+    /// Standard deviation of the focal length as a share of it, once polished; `None` for a fixed lens.
+    pub(crate) fn focal_sigma(&self, lens: LensFreedom) -> Option<f64> {
+        let how = Adjustment::last(self.noise_px().clamp(0.05, 4.0), lens);
+        let (problem, ..) = self.problem(&how)?;
+        bundle::focal_sigma(&problem, &how.options())
+    }
+
+    /// The share of all observations of longer tracks that a point explains, to within `agree_px`.
+    pub(crate) fn explained_share(&self, agree_px: f64) -> f64 {
+        let (mut explained, mut count) = (0_usize, 0_usize);
+        for (track, point) in self.tracks.iter().zip(&self.points).filter(|(t, _)| t.observations.len() >= 3)
+        {
+            for (frame, pixel) in &track.observations {
+                let error = point.as_ref().and_then(|p| self.error_px(*frame, p, pixel));
+                explained += usize::from(error.is_some_and(|e| e <= agree_px));
+                count += 1;
+            }
+        }
+        explained as f64 / count.max(1) as f64
+    }
+
+    /// What is to be adjusted, with the frame of each of its poses and the track of each of its points.
+    fn problem(&self, how: &Adjustment) -> Option<(Problem, Vec<usize>, Vec<usize>)> {
         let frames: Vec<usize> = (0..self.poses.len()).filter(|&f| self.poses[f].is_some()).collect();
         let mut pose_of = vec![usize::MAX; self.poses.len()];
         for (index, frame) in frames.iter().enumerate() {
@@ -137,22 +202,7 @@ impl<'a> Sketch<'a> {
         if frames.len() < 2 || tracks.is_empty() {
             return None;
         }
-        let options = BundleOptions {
-            loss: how.loss,
-            lens: how.lens,
-            max_steps: how.max_steps,
-            cost_end: 1e-5,
-            ..BundleOptions::default()
-        };
-        let report = bundle::adjust(&mut problem, &options);
-        self.intrinsics = problem.intrinsics;
-        for (frame, pose) in frames.into_iter().zip(problem.poses) {
-            self.poses[frame] = Some(pose);
-        }
-        for (track, point) in tracks.into_iter().zip(problem.points) {
-            self.points[track] = Some(point);
-        }
-        Some(report)
+        Some((problem, frames, tracks))
     }
 
     /// Adjusts, triangulates anew and adjusts again with tighter bounds, until only noise is left.
@@ -169,12 +219,8 @@ impl<'a> Sketch<'a> {
                 self.triangulate(&accept, false);
             }
             let last = round + 1 == rounds;
-            let how = Adjustment {
-                gate_px: (10.0 * noise).max(1.5),
-                loss: Loss::Cauchy((2.4 * noise).max(0.1)),
-                lens,
-                max_steps: if last { 40 } else { 15 },
-            };
+            let whole = Adjustment::last(noise, lens);
+            let how = if last { whole } else { Adjustment { max_steps: 15, ..whole } };
             report = self.adjust(&how).or(report);
         }
         report

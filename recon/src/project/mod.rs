@@ -104,6 +104,15 @@ impl Project {
         Ok(project)
     }
 
+    /// All pixels of one camera whose depth matters: its picks, and the ends of a known distance.
+    pub fn pixels_of(&self, camera: usize) -> Vec<Point2<f64>> {
+        let ends = match &self.scale {
+            Scale::Distance { camera: measured, from, to, .. } if *measured == camera => vec![*from, *to],
+            _ => Vec::new(),
+        };
+        self.points.iter().filter_map(|p| p.pixel(camera)).chain(ends).collect()
+    }
+
     /// The points seen by both cameras, as pairs of pixels.
     pub fn shared(&self, a: usize, b: usize) -> Vec<(Point2<f64>, Point2<f64>)> {
         self.points.iter().filter_map(|p| Some((p.pixel(a)?, p.pixel(b)?))).collect()

@@ -124,6 +124,16 @@ impl Surface {
         None
     }
 
+    /// The normal at a pinhole pixel; `None` where nothing is known.
+    pub fn normal_at(&self, pixel: &Point2<f64>) -> Option<Vec3> {
+        let (x, y) = (pixel.x.round(), pixel.y.round());
+        if !(0.0..self.width() as f64).contains(&x) || !(0.0..self.height() as f64).contains(&y) {
+            return None;
+        }
+        let i = y as usize * self.width() + x as usize;
+        (self.depth[i] > 0.0).then(|| self.normal[i])
+    }
+
     /// The median depth of the nearer surface around a pixel; `None` when too little is known there.
     fn neighbourhood_depth(&self, pixel: &Point2<f64>, radius: isize) -> Option<f64> {
         let (cx, cy) = (pixel.x.round() as isize, pixel.y.round() as isize);

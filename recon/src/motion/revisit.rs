@@ -1,0 +1,78 @@
+//! Lost features, looked for where a first reconstruction predicts them ([`crate::features::revisit`]), and the
+//! adjustment that takes them in.
+//!
+//! Tracks alone tie each frame to its neighbours, so errors add up along the path; a feature that is seen again ties
+//! frames that are far apart in time, under wider angles. The better the reconstruction, the more of them are found, and
+//! the closer to it they must lie: so this is done more than once.
+
+use image::RgbImage;
+use nalgebra::{Isometry3, Matrix2, Point2, Point3, Vector2, Vector3};
+use rayon::prelude::*;
+
+use super::sketch::{Adjustment, Sketch};
+use super::triangulation::Acceptance;
+use crate::bundle::{LensFreedom, Loss};
+use crate::features::revisit::{RevisitOptions, seen_again};
+use crate::features::{FeatureOptions, Intensity, Track, Warp};
+
+/// How far from its prediction a feature is looked for, round after round, pixels.
+const SEARCH_PX: [i32; 2] = [12, LAST_SEARCH_PX];
+const LAST_SEARCH_PX: i32 = 6;
+/// Least correlation with a feature's first appearance: more than following asks for, as the place says less.
+const MIN_CORRELATION: f64 = 0.85;
+/// By how much all other places nearby must correlate less.
+const MIN_LEAD: f32 = 0.05;
+/// A patch seen from directions farther apart than this looks different, degrees.
+const WIDEST_DEG: f64 = 35.0;
+/// Largest error of an observation, and the scale of the loss, in the first adjustments, pixels: wide, as the new
+/// observations speak against the reconstruction that found them.
+const TAKING_IN_PX: [(f64, f64); 2] = [(12.0, 4.0), (8.0, 2.0)];
+
+/// Completes the sketch's tracks and adjusts it, until little more is found.
+pub(super) fn revisit(
+    sketch: &mut Sketch<'_>,
+    frames: &[RgbImage],
+    options: &FeatureOptions,
+    lens: LensFreedom,
+    polish_rounds: usize,
+) {
+    let images: Vec<Intensity> = frames.par_iter().map(Intensity::new).collect();
+    for search_px in SEARCH_PX {
+        let how = RevisitOptions { search_px, min_correlation: MIN_CORRELATION, min_lead: MIN_LEAD };
+        let predict = |track, frame| predicted(sketch, track, frame);
+        let tracks: Vec<Track> = seen_again(&images, &sketch.tracks, predict, &how, options);
+        sketch.tracks = tracks.into();
+        for (max_error_px, scale_px) in TAKING_IN_PX {
+            let accept = Acceptance { max_error_px, min_angle: 0.5_f64.to_radians(), min_sightings: 3 };
+            let loss = Loss::Cauchy(scale_px);
+            sketch.adjust(&Adjustment { gate_px: 2.0 * max_error_px, loss, lens, max_steps: 20 });
+            sketch.triangulate(&accept, false);
+        }
+        sketch.polish(lens, if search_px == LAST_SEARCH_PX { polish_rounds } else { 1 });
+    }
+}
+
+/// Where a track's first patch lies in a frame, taken as a piece of plane that faces its camera.
+fn predicted(sketch: &Sketch<'_>, track: usize, frame: usize) -> Option<Warp> {
+    let point = sketch.points[track]?;
+    let (first, home) = *sketch.tracks[track].observations.first()?;
+    let (from, to) = (sketch.poses[first]?, sketch.poses[frame]?);
+    let ray = |pose: &Isometry3<f64>| -> Vector3<f64> { point - pose.inverse() * Point3::origin() };
+    let depth = (from * point).z;
+    if depth <= 0.0 || ray(&from).angle(&ray(&to)) > WIDEST_DEG.to_radians() {
+        return None;
+    }
+    let center = sketch.intrinsics.project(&(to * point))?;
+    if !sketch.intrinsics.contains(&center) {
+        return None;
+    }
+    let to_from_from = to * from.inverse();
+    let carried = |pixel: &Point2<f64>| {
+        let ray = sketch.intrinsics.unproject(pixel)?;
+        sketch.intrinsics.project(&(to_from_from * Point3::from(ray * depth)))
+    };
+    let at = carried(&home)?;
+    let right = carried(&(home + Vector2::x()))? - at;
+    let below = carried(&(home + Vector2::y()))? - at;
+    Some(Warp { center, affine: Matrix2::from_columns(&[right, below]) })
+}
