@@ -26,7 +26,7 @@ fn main() -> Said<()> {
     let (walkers, seconds) = match way.as_str() {
         "round" => (going_round(people, 2.0), 16.0),
         "through" => (passing_through(people), 60.0),
-        _ => return Err(format!("{way}: `round` or `through`").into()),
+        _ => return Err(format!("{way}: `round` or `through`")),
     };
     let folder = Path::new(&folder);
     let room = hall(walkers.seed, cameras, false)?;

@@ -118,23 +118,6 @@ fn tuning_and_evaluating_name_what_is_missing() {
 }
 
 #[test]
-fn linking_and_evaluating_start_without_the_video_libraries_and_everything_else_goes_on_with_them() {
-    // How ldd asks: the loader names what it would load.
-    let loaded = |name: &str| {
-        let output = program(name).env("LD_TRACE_LOADED_OBJECTS", "1").output().unwrap();
-        String::from_utf8(output.stdout).unwrap()
-    };
-    assert!(loaded("tracker-all").contains("opencv_videoio"));
-    assert!(loaded("tracker").contains("libc.so") && !loaded("tracker").contains("opencv_videoio"));
-    let help = tracker(&["--help"], &[]);
-    let text = String::from_utf8(help.stdout).unwrap();
-    assert!(
-        help.status.success() && text.contains("weightmap") && text.contains("Usage: tracker "),
-        "{text}"
-    );
-}
-
-#[test]
 fn detecting_names_video_and_model() {
     let bench = Bench::new();
     let (out, model) = (bench.path("out.txt"), bench.file("model.json", "{\"format\":1,\"weights\":[1.0]}"));

@@ -7,7 +7,7 @@ use image::RgbImage;
 use tracker::link::{Detections, colours};
 
 /// Fills in the colours of detections from the video they were found in, and returns its rate.
-pub(crate) fn look_at_video(
+pub(super) fn look_at_video(
     video: &str,
     detections: &mut Detections,
     console: &Console,

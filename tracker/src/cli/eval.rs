@@ -22,7 +22,7 @@ use tracker::tracks::rows::RowFile;
   tracker eval --truth truth_boxes.txt --tracks out/boxes/view1.txt --frames 1-400
   tracker eval --truth truth.txt --tracks detections.txt --roc --plots plots
   tracker eval --truth mot15 --tracks linked --json")]
-pub(crate) struct EvalArgs {
+pub(super) struct EvalArgs {
     /// The truth: a file, or a folder of sequences.
     #[arg(long, value_name = "FILE")]
     truth: PathBuf,
@@ -56,7 +56,7 @@ pub(crate) struct EvalArgs {
 }
 
 /// Runs the subcommand and returns what to print.
-pub(crate) fn eval(args: &EvalArgs) -> anyhow::Result<String> {
+pub(super) fn eval(args: &EvalArgs) -> anyhow::Result<String> {
     let annotated = args.annotated.as_deref().map(FrameSelection::read_annotated).transpose()?;
     let alignment = match (&args.truth_room, &args.room) {
         (Some(truth), Some(tracks)) => Some(align::between(truth, tracks)?),

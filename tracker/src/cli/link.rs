@@ -10,6 +10,8 @@ use tracker::link::tune::{TuneOptions, cross_validate};
 use tracker::link::{self, Detections, LinkOptions, SolverKind, experiment, rate};
 use tracker::tracks::rows::RowFile;
 
+use super::colours;
+
 /// Links the detections of a whole recording to the tracks of least total cost.
 ///
 /// DETECTIONS holds MOTChallenge rows, boxes (frame,id,left,top,width,height,score) or places on the floor
@@ -34,7 +36,7 @@ use tracker::tracks::rows::RowFile;
   tracker link tune detections.txt --truth truth.txt --direction
   tracker link experiment detections.txt --truth truth.txt --out experiment"
 )]
-pub(crate) struct LinkArgs {
+pub(super) struct LinkArgs {
     #[command(subcommand)]
     command: Option<LinkCommand>,
     /// The detections.
@@ -123,7 +125,7 @@ struct ExperimentArgs {
 
 /// The options of linking itself.
 #[derive(Debug, clap::Args)]
-pub(crate) struct LinkArguments {
+pub(super) struct LinkArguments {
     /// Greatest distance of two linked boxes' centres, pixels (on the floor: metres) [default: a quarter of the height].
     #[arg(long, value_name = "PX")]
     max_distance: Option<f64>,
@@ -202,11 +204,8 @@ impl LinkArguments {
     }
 }
 
-/// Fills in the colours of detections from a video, and returns its rate.
-pub(crate) type LookAtVideo = fn(&str, &mut Detections, &Console) -> anyhow::Result<Option<f64>>;
-
-/// Runs the subcommand; `look` is what `--video` needs.
-pub(crate) fn link(args: &LinkArgs, console: &Console, look: Option<LookAtVideo>) -> anyhow::Result<String> {
+/// Runs the subcommand.
+pub(super) fn link(args: &LinkArgs, console: &Console) -> anyhow::Result<String> {
     match &args.command {
         Some(LinkCommand::Tune(args)) => return tune(args),
         Some(LinkCommand::Experiment(args)) => return run_experiment(args, console),
@@ -230,14 +229,14 @@ pub(crate) fn link(args: &LinkArgs, console: &Console, look: Option<LookAtVideo>
         link::link_tracklets(&file, &options)?
     } else {
         let mut found = Detections::from_rows(&file, &options)?;
-        if let (Some(video), Some(look)) = (&args.video, look) {
+        if let Some(video) = &args.video {
             if found.on_floor && !found.all.is_empty() {
                 bail!(
                     "--video: {} holds places on the floor; colours are those of boxes",
                     detections.display()
                 );
             }
-            let rate = look(video, &mut found, console)?;
+            let rate = colours::look_at_video(video, &mut found, console)?;
             options.frames_per_s = options.frames_per_s.or(rate);
         }
         link::link(&found, &options).with_context(|| format!("{}", detections.display()))?

@@ -43,7 +43,7 @@ pub(crate) fn run(arguments: &Arguments, console: &Console) -> anyhow::Result<St
     match &arguments.command {
         Command::Run(args) => run::run(args, console),
         Command::Detect(args) => detect::detect(args, console),
-        Command::Link(args) => link::link(args, console, Some(colours::look_at_video)),
+        Command::Link(args) => link::link(args, console),
         Command::Eval(args) => eval::eval(args),
         Command::Masks(args) => masks::masks(args, console),
         Command::Report(args) => report::report(args),

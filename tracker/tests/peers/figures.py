@@ -241,8 +241,16 @@ def record_mot15(folder):
 
 
 def race(tracker, truth_folder, tracks_folder, repeats=7):
-    """TrackEval's own work (reading, similarities, HOTA, CLEAR, Identity; Python has long started) against the whole process
-    of `tracker eval`, its start included. CPU seconds, the least of some repeats in turn: a busy machine slows both alike."""
+    """TrackEval's own work (reading, similarities, HOTA, CLEAR, Identity), alone and with its start (Python and its imports),
+    against the whole process of `tracker eval`. CPU seconds, the least of some repeats in turn: a busy machine slows both."""
+    def children():
+        return sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2])
+
+    def spent_by(*command):
+        before = children()
+        subprocess.run(command, stdout=subprocess.DEVNULL, check=True)
+        return children() - before
+
     def peer(names):
         start = time.process_time()
         for name in names:
@@ -250,18 +258,14 @@ def race(tracker, truth_folder, tracks_folder, repeats=7):
             trackeval_figures(sequence_data(truth, tracks, on_floor=False))
         return time.process_time() - start
 
-    def ours(truth, tracks):
-        spent = lambda: sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2])
-        before = spent()
-        subprocess.run([tracker, "eval", "--truth", truth, "--tracks", tracks], stdout=subprocess.DEVNULL, check=True)
-        return spent() - before
-
     names = sorted(p.name for p in Path(truth_folder).iterdir() if p.is_dir())
     cases = [([n], f"{truth_folder}/{n}/truth.txt", f"{tracks_folder}/{n}.txt") for n in names]
     for chosen, truth, tracks in [*cases, (names, truth_folder, tracks_folder)]:
-        times = [(peer(chosen), ours(truth, tracks)) for _ in range(repeats)]
-        a, b = (min(t[i] for t in times) for i in (0, 1))
-        print(f"{chosen[0] if len(chosen) == 1 else 'together':16} TrackEval {a:.4f} s, here {b:.4f} s: {a / b:.1f} x")
+        times = [(peer(chosen), spent_by(sys.executable, "-c", "import trackeval"),
+                  spent_by(tracker, "eval", "--truth", truth, "--tracks", tracks)) for _ in range(repeats)]
+        work, start, here = (min(t[i] for t in times) for i in range(3))
+        print(f"{chosen[0] if len(chosen) == 1 else 'together':16} TrackEval {work:.4f} s after {start:.4f} s to start, here {here:.4f} s: "
+              f"{work / here:.1f} x its work, {(work + start) / here:.1f} x all of it")
 
 
 def main():
