@@ -155,7 +155,7 @@ impl Scene<'_> {
 
     fn minimise(&self, state: &mut State, picks: &[Pick], contacts: &[Contact]) {
         const ITERATIONS: usize = 60;
-        let terms = terms(picks, contacts, self.factors.independent_contacts());
+        let terms = terms(picks, contacts, self.independent_contacts(picks));
         let cameras = state.poses.len();
         let size = (cameras - 1) * POSE + state.points.len() * POINT;
         if size == 0 {

@@ -12,8 +12,6 @@ use super::{POINT, POSE, Pick, Scene, State, Term, terms, touched};
 const PRIOR: f64 = 4.0;
 /// Depths that look worse than they claim by less than this do so by chance.
 const CHANCE: f64 = 1.5;
-/// Depths at picks are read at edges and on slanted things: up to this much worse than claimed, a space may be straight.
-const BENT: f64 = 2.0;
 /// Bounds of the factors of picks and of depths.
 const PICK_RANGE: (f64, f64) = (1.0, 3.0);
 const DEPTH_RANGE: (f64, f64) = (0.5, 30.0);
@@ -41,17 +39,6 @@ impl Factors {
                 *depth = 1.0;
             }
         }
-    }
-
-    /// How many independent observations all contacts of surfaces are worth. Where a space is bent, its surfaces err
-    /// together: that part of their variance is known as often as it can bend, however many contacts there are.
-    pub(super) fn independent_contacts(&self) -> f64 {
-        /// Of stereo's own errors, and of the bending.
-        const STEREO: f64 = 150.0;
-        const BENDS: f64 = 3.0;
-        let worst = self.depth.iter().fold(1.0_f64, |a, b| a.max(*b));
-        let bent = if worst > BENT { worst.powi(2) - 1.0 } else { 0.0 };
-        1.0 / (1.0 / STEREO + bent / BENDS)
     }
 }
 
@@ -136,6 +123,17 @@ impl Scene<'_> {
             pick: of_picks.factor().clamp(PICK_RANGE.0, PICK_RANGE.1),
             depth: of_depths.iter().map(|g| g.factor().clamp(DEPTH_RANGE.0, DEPTH_RANGE.1)).collect(),
         }
+    }
+
+    /// How many independent observations all contacts of surfaces are worth. Where a space is bent, its surfaces err
+    /// together: that part of their variance is known as often as it can bend, however many contacts there are. What the
+    /// claim for a single depth of dense stereo allows for is no bending.
+    pub(super) fn independent_contacts(&self, picks: &[Pick]) -> f64 {
+        /// Of stereo's own errors, and of the bending.
+        const STEREO: f64 = 150.0;
+        const BENDS: f64 = 3.0;
+        let worst = self.depth_sigma(picks).into_iter().fold(0.0, f64::max) / self.options.depth_sigma;
+        1.0 / (1.0 / STEREO + (worst.powi(2) - 1.0).max(0.0) / BENDS)
     }
 
     /// The depths' standard deviation as a share of them, in the median of each camera's picks; 0 without any.
