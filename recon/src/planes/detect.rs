@@ -21,9 +21,20 @@ pub struct ImagePlane {
     pub pixels: usize,
     /// Almost nothing lies behind it: a wall, the floor or the ceiling of the room.
     pub encloses: bool,
+    /// Its direction is that of the plane opposite to it, its distance what single pixels say.
+    pub(super) opposite: bool,
 }
 
 impl ImagePlane {
+    /// The plane with this unit normal towards the camera, at this distance from it, that bounds the room.
+    pub(super) fn facing(normal: Vec3, distance: f32, camera: &crate::dense::Pinhole, pixels: usize) -> Self {
+        // On the plane −normal · ray · z = distance.
+        let scaled = -normal / distance;
+        let (a, b) = (scaled.x / camera.fx, scaled.y / camera.fy);
+        let c = scaled.z - a * camera.cx - b * camera.cy;
+        Self { coefficients: [a, b, c], normal, pixels, encloses: true, opposite: true }
+    }
+
     /// Inverse depth at a pixel; not positive where the ray does not meet the plane.
     pub fn at(&self, u: f32, v: f32) -> f32 {
         self.coefficients[0] * u + self.coefficients[1] * v + self.coefficients[2]
@@ -68,8 +79,13 @@ pub(super) fn planes(surface: &Surface, cells: &Cells, step: f32, options: &Plan
             let (cell, support, normal) = left[rng.random_range(0..left.len())];
             let (u, v) = cells.middle(cell);
             let c = support.moved(-u, -v).w;
-            let plane =
-                ImagePlane { coefficients: [support.gu, support.gv, c], normal, pixels: 0, encloses: false };
+            let plane = ImagePlane {
+                coefficients: [support.gu, support.gv, c],
+                normal,
+                pixels: 0,
+                encloses: false,
+                opposite: false,
+            };
             let count = left.iter().filter(|cell| inside(cell, &plane)).count();
             if best.as_ref().is_none_or(|b| count > b.0) {
                 best = Some((count, plane));
@@ -115,7 +131,13 @@ fn least_squares(
         gu: coefficients[0],
         gv: coefficients[1],
     };
-    Some(ImagePlane { coefficients, normal: support.normal(u, v, camera), pixels: 0, encloses: false })
+    Some(ImagePlane {
+        coefficients,
+        normal: support.normal(u, v, camera),
+        pixels: 0,
+        encloses: false,
+        opposite: false,
+    })
 }
 
 /// The share of all neighbourhoods that lie well behind a plane.

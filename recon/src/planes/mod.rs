@@ -1,15 +1,16 @@
 //! The room's planes: what stereo measured is made exact on them, and what it could not see is filled from them.
 //!
 //! Indoors, untextured walls and floors leave holes in stereo, and a hole in a wall is a hole in the prediction of what
-//! it hides. Planes are found in the measured depths ([`detect`]); pixels on a plane take its depth; doubtful rims of
-//! near things, where patches reach over the edge, are forgotten ([`rims`]); what is unknown then takes the plane of
-//! the measured pixel that is nearest along paths which avoid edges in the picture ([`spread`]), unless another view
-//! looks past it ([`witness`]). Filled pixels are marked as such.
+//! it hides. Planes are found in the measured depths ([`detect`]), the ceiling opposite the floor ([`opposite`]); pixels
+//! on a plane take its depth; doubtful rims of near things, where patches reach over the edge, are forgotten ([`rims`]);
+//! what is unknown then takes the plane of the measured pixel that is nearest along paths which avoid edges in the
+//! picture ([`spread`]), unless another view looks past it ([`witness`]). Filled pixels are marked as such.
 //!
 //! Everything happens in inverse depth, where a plane is linear over the image and stereo's noise is the same everywhere.
 
 mod detect;
 mod local;
+mod opposite;
 mod rims;
 mod speckles;
 mod spread;
@@ -100,7 +101,8 @@ pub fn complete(views: &[DenseView], options: &PlaneOptions) -> Option<(Surface,
     speckles::remove(&mut surface, options);
 
     let cells = local::fit(&surface, view.step);
-    let planes = detect::planes(&surface, &cells, view.step, options);
+    let mut planes = detect::planes(&surface, &cells, view.step, options);
+    opposite::add(&surface, &mut planes, view.step, options);
     forget_behind(&mut surface, &planes, view.step);
     let mut labels = label(&surface, &cells, &planes, view.step, options);
     for _ in 0..3 {
@@ -163,7 +165,9 @@ fn label(
                 let fits = match around {
                     Some(normal) => off < options.tolerance_px && normal.dot(plane.normal) > facing,
                     None => off < 0.5 * options.tolerance_px,
-                };
+                } || (plane.opposite
+                    && off < options.loose_tolerance_px
+                    && surface.normal[i].dot(plane.normal) > opposite::LEAST_FACING);
                 if fits && best.is_none_or(|b| off < b.0) {
                     best = Some((off, k as u16));
                 }
@@ -215,6 +219,11 @@ fn snap(surface: &mut Surface, planes: &[ImagePlane], labels: &[Option<u16>]) ->
         if surface.depth[i] > 0.0 && w > 0.0 {
             surface.depth[i] = 1.0 / w;
             surface.normal[i] = plane.normal;
+            if plane.opposite {
+                // Its direction is assumed: good enough to fill, not to lay cameras' surfaces on each other.
+                surface.origin[i] = Origin::Filled;
+                surface.agreeing[i] = 0;
+            }
             count += 1;
         }
     }

@@ -37,23 +37,29 @@ pub(super) fn fill(
     for (i, seed) in seeds.into_iter().enumerate() {
         let Some(seed) = seed.filter(|_| surface.depth[i] <= 0.0) else { continue };
         let (u, v) = ((i % width) as f32, (i / width) as f32);
-        // Nothing real lies behind a wall that encloses the room: what other views see there is a reflection.
-        let mut certain = false;
-        let support = match seed {
+        let mut encloses = false;
+        let spread = match seed {
             Seed::Plane(k) => {
-                certain = planes.get(usize::from(k)).is_some_and(|p| p.encloses);
-                enclosed(planes, usize::from(k), u, v)
+                let plane = planes.get(usize::from(k));
+                encloses = plane.is_some_and(|p| p.encloses);
+                plane.map(|p| p.support(u, v))
             }
             Seed::Pixel(from) => {
                 let (fu, fv) = ((from as usize % width) as f32, (from as usize / width) as f32);
                 known[from as usize].map(|s| s.moved(u - fu, v - fv))
             }
         };
+        // Nothing real lies behind a wall that encloses the room.
+        let support = match (spread, nearest_enclosing(planes, u, v)) {
+            (Some(own), Some(shell)) if own.w < shell.w => Some(shell),
+            (own, _) => own,
+        };
         let Some(support) = support.filter(|s| s.w > 0.0 && 1.0 / s.w > nearest) else { continue };
         let normal = support.normal(u, v, &camera);
         let ray = camera.ray(u, v);
         let grazing = normal.dot(ray) > -Support::LEAST_COSINE * ray.length();
-        if grazing || (!certain && witnesses.contradict(ray / support.w, options.looked_past)) {
+        // What other views see behind the room's own walls is a reflection; anything else they may contradict.
+        if grazing || (!encloses && witnesses.contradict(ray / support.w, options.looked_past)) {
             continue;
         }
         surface.depth[i] = 1.0 / support.w;
@@ -69,18 +75,14 @@ fn nearest_depth(surface: &Surface) -> f32 {
     surface.depth.iter().copied().filter(|z| *z > 0.0).fold(f32::INFINITY, f32::min)
 }
 
-/// Plane `k` at a pixel; where it is one of the room's walls and another one stands before it, that one.
-fn enclosed(planes: &[ImagePlane], k: usize, u: f32, v: f32) -> Option<Support> {
-    let plane = planes.get(k)?;
-    let mut chosen = plane;
-    if plane.encloses {
-        for other in planes.iter().filter(|p| p.encloses) {
-            if other.at(u, v) > chosen.at(u, v) {
-                chosen = other;
-            }
-        }
-    }
-    Some(chosen.support(u, v))
+/// The room's shell at a pixel: the nearest of the planes that enclose it.
+fn nearest_enclosing(planes: &[ImagePlane], u: f32, v: f32) -> Option<Support> {
+    planes
+        .iter()
+        .filter(|p| p.encloses)
+        .map(|p| p.support(u, v))
+        .max_by(|a, b| a.w.total_cmp(&b.w))
+        .filter(|s| s.w > 0.0)
 }
 
 /// For each pixel the seed that reaches it at the least cost, if any is allowed to come so far.
@@ -97,7 +99,10 @@ fn reached(
     let (width, height) = (surface.width(), surface.height());
     let reach = |seed: &Seed| match seed {
         Seed::Plane(k) => {
-            let own = planes.get(usize::from(*k)).map_or(0.0, |p| 0.5 * (p.pixels as f32).sqrt());
+            let own = planes.get(usize::from(*k)).map_or(0.0, |p| {
+                // A ceiling is measured here and there only: it goes on until something stands before it.
+                if p.opposite { f32::INFINITY } else { 0.5 * (p.pixels as f32).sqrt() }
+            });
             own.clamp(options.surface_reach_px, options.reach_px)
         }
         Seed::Pixel(_) => options.surface_reach_px,
