@@ -126,14 +126,16 @@ impl Scene<'_> {
     }
 
     /// How many independent observations all contacts of surfaces are worth. Where a space is bent, its surfaces err
-    /// together: that part of their variance is known as often as it can bend, however many contacts there are. What the
-    /// claim for a single depth of dense stereo allows for is no bending.
+    /// together: that part of their variance is known as often as it can bend, however many contacts there are.
     pub(super) fn independent_contacts(&self, picks: &[Pick]) -> f64 {
         /// Of stereo's own errors, and of the bending.
         const STEREO: f64 = 150.0;
         const BENDS: f64 = 3.0;
+        /// Depths at picks are read at edges and on slanted things: up to so many times what stereo claims for a single one, a
+        /// space may be straight.
+        const BENT: f64 = 2.0;
         let worst = self.depth_sigma(picks).into_iter().fold(0.0, f64::max) / self.options.depth_sigma;
-        1.0 / (1.0 / STEREO + (worst.powi(2) - 1.0).max(0.0) / BENDS)
+        1.0 / (1.0 / STEREO + (worst.powi(2) - BENT.powi(2)).max(0.0) / BENDS)
     }
 
     /// The depths' standard deviation as a share of them, in the median of each camera's picks; 0 without any.
