@@ -1,10 +1,10 @@
 //! All cameras in one frame: picked points → similarities, chained over the cameras, then refined jointly.
 //!
 //! Each camera's reconstruction has its own frame and scale. Points picked in two reference images give, with the
-//! depth measured there ([`crate::ray_depth`]; where that fails, dense stereo's), two sets of 3-D points and so a similarity by Horn's closed form
-//! ([`calib::absolute_orientation`]); the best-joined pairs are chained from the first camera on ([`graph`]). The
-//! joint refinement ([`refine`]) then moves cameras and points until the picks fall where they were picked, and
-//! the surfaces that cameras see in common lie on each other.
+//! depth measured there ([`crate::ray_depth`]; where that fails, dense stereo's), two sets of 3-D points and so a
+//! similarity by Horn's closed form ([`calib::absolute_orientation`]); the best-joined pairs are chained from the
+//! first camera on ([`graph`]). The joint refinement ([`refine`]) then moves cameras and points until the picks fall
+//! where they were picked, and the surfaces that cameras see in common lie on each other.
 
 mod graph;
 mod overlap;

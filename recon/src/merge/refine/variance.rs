@@ -6,7 +6,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::{POINT, POSE, Pick, Scene, State, Term, terms, touched};
+use super::state::{POINT, POSE, State};
+use super::{Pick, Scene, Term, terms, touched};
 
 /// A claim counts as much as this many observations.
 const PRIOR: f64 = 4.0;

@@ -21,6 +21,7 @@ pub mod filter;
 pub mod gates;
 pub mod integration;
 mod options;
+mod report;
 pub mod search;
 mod shoulder;
 mod sobel;
@@ -48,8 +49,7 @@ use self::track::Track;
 use self::weight::Lookout;
 use self::weight_map::WeightMap;
 use super::Method;
-use crate::silhouette::visibility::visible_fractions;
-use crate::silhouette::{Body, View};
+use crate::silhouette::View;
 use crate::stage::Stage;
 use crate::{Error, Moment, PersonEstimate, Result, TrackId};
 
@@ -57,10 +57,6 @@ use crate::{Error, Moment, PersonEstimate, Result, TrackId};
 const FIRST_STEP_S: f64 = 0.1;
 /// Times that stand still or run backwards are the source's mistake; the tracker survives them.
 const LEAST_STEP_S: f64 = 1e-3;
-/// The body below a head, as it is drawn: half of a shoulder's width.
-const BODY_RADIUS_M: f64 = 0.25;
-/// Shoulders and elbows are nearer than this to the head, on the floor plan.
-const BODY_REACH_M: f64 = 0.5;
 /// Two who have been at one place for so long are one, seconds.
 const DOUBLED_FOR_S: f64 = 0.5;
 
@@ -277,8 +273,8 @@ impl Condensation {
             let is_doubled = places.iter().enumerate().any(|(j, (place, trust))| {
                 let is_better = (*trust, i) > (track.trust, j);
                 let apart_m = (place - track.head()).xy().norm();
-                let is_shoulder = apart_m < BODY_REACH_M && place.z > track.head().z + shoulder::LOWER_M;
-                j != i && is_better && (apart_m < APART_M || is_shoulder)
+                let is_same = apart_m < APART_M || shoulder::is_beside(&track.head(), place);
+                j != i && is_better && is_same
             });
             track.doubled_s = if is_doubled { track.doubled_s + dt_s } else { 0.0 };
         }
@@ -303,42 +299,6 @@ impl Condensation {
                 self.next_id += 1;
             }
         }
-    }
-
-    fn report(&self) -> Vec<PersonEstimate> {
-        let half_height_m = self.options.head.half_height_m;
-        let reported = || {
-            let inside = |t: &&Track| t.id.is_some() && self.stage.floor.is_inside(t.head().x, t.head().y);
-            self.tracks.iter().filter(inside)
-        };
-        let bodies: Vec<Body> = reported()
-            .map(|t| {
-                let head = t.head();
-                Body { x_m: head.x, y_m: head.y, radius_m: BODY_RADIUS_M, height_m: head.z + half_height_m }
-            })
-            .collect();
-        let visible = visible_fractions(&self.views, &bodies);
-        let people = reported().zip(&bodies).zip(visible);
-        let mut people: Vec<PersonEstimate> = people
-            .filter_map(|((track, body), visible)| {
-                let covariance = &track.gaussian.covariance;
-                Some(PersonEstimate {
-                    id: track.id?,
-                    x_m: body.x_m,
-                    y_m: body.y_m,
-                    z_m: track.head().z,
-                    radius_m: body.radius_m,
-                    height_m: body.height_m,
-                    vx: track.velocity.x,
-                    vy: track.velocity.y,
-                    sigma_m: [covariance[(0, 0)].sqrt(), covariance[(1, 1)].sqrt()],
-                    confidence: (-track.unseen_s / self.options.life.trusted_in_s).exp(),
-                    visible,
-                })
-            })
-            .collect();
-        people.sort_by_key(|p| p.id);
-        people
     }
 }
 

@@ -20,7 +20,7 @@ const MOST: usize = 4000;
 /// Two people's heads are at least this far apart on the floor plan, metres.
 pub const APART_M: f64 = 0.3;
 /// Hypotheses that follow a promising one to its peak, and how far each layer of them spreads, metres.
-pub(super) const CLIMBERS: usize = 60;
+const CLIMBERS: usize = 60;
 pub(super) const CLIMB_SIGMA_M: [f64; 3] = [0.08, 0.04, 0.02];
 /// The most promising places that are climbed in an area and moment.
 const MOST_CLIMBS: usize = 6;

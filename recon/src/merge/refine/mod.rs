@@ -6,30 +6,23 @@
 //! (Cauchy), reweighted as they go. How good the depths are is estimated along with them ([`variance`]), since a
 //! capture's motion may bend its whole space. The problem is small and dense, so derivatives are central differences.
 
+mod state;
 mod variance;
 
-use nalgebra::{DMatrix, DVector, Point3, Similarity3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, DVector, Point3, Similarity3, Vector3};
 
 use super::overlap::{self, Contact};
 use super::{MergeOptions, MergeReport, Merged, Pick};
 use crate::surface::Surface;
+use state::{POINT, POSE, State};
 use variance::Factors;
 
-/// Parameters a camera.
-const POSE: usize = 7;
-/// Parameters a point.
-const POINT: usize = 3;
 /// Rounds of finding common surface points anew.
 const ASSOCIATIONS: usize = 6;
 /// Rounds of minimising and judging depths and picks anew.
 const VARIANCE_ROUNDS: usize = 8;
 /// A depth this far (logarithm) from where both cameras' rays meet is another surface's.
 const DEPTH_MISMATCH: f64 = 0.1;
-
-struct State {
-    poses: Vec<Similarity3<f64>>,
-    points: Vec<Option<Point3<f64>>>,
-}
 
 enum Term<'a> {
     Pixel(&'a Pick),
@@ -302,56 +295,4 @@ fn weight(residual: [f64; 2], term: &Term<'_>) -> f64 {
 
 fn norm(residual: [f64; 2]) -> f64 {
     residual[0].hypot(residual[1])
-}
-
-impl State {
-    /// All parameters moved.
-    fn moved(&self, by: &DVector<f64>) -> Self {
-        let cameras = self.poses.len();
-        let poses = self
-            .poses
-            .iter()
-            .enumerate()
-            .map(|(i, pose)| {
-                if i == 0 {
-                    return *pose;
-                }
-                let at = (i - 1) * POSE;
-                move_pose(pose, &std::array::from_fn(|k| by[at + k]))
-            })
-            .collect();
-        let points = self
-            .points
-            .iter()
-            .enumerate()
-            .map(|(i, point)| {
-                let at = (cameras - 1) * POSE + i * POINT;
-                point.map(|p| p + Vector3::new(by[at], by[at + 1], by[at + 2]))
-            })
-            .collect();
-        Self { poses, points }
-    }
-
-    /// One parameter moved.
-    fn nudged(&self, parameter: usize, by: f64) -> Self {
-        let mut moved = Self { poses: self.poses.clone(), points: self.points.clone() };
-        let poses = (self.poses.len() - 1) * POSE;
-        if parameter < poses {
-            let mut delta = [0.0; POSE];
-            delta[parameter % POSE] = by;
-            let camera = 1 + parameter / POSE;
-            moved.poses[camera] = move_pose(&self.poses[camera], &delta);
-        } else if let Some(point) = &mut moved.points[(parameter - poses) / POINT] {
-            point[(parameter - poses) % POINT] += by;
-        }
-        moved
-    }
-}
-
-/// Scale, rotation about the camera's own centre, translation.
-fn move_pose(pose: &Similarity3<f64>, delta: &[f64; POSE]) -> Similarity3<f64> {
-    let [scale, rx, ry, rz, tx, ty, tz] = *delta;
-    let rotation = UnitQuaternion::from_scaled_axis(Vector3::new(rx, ry, rz)) * pose.isometry.rotation;
-    let translation = pose.isometry.translation.vector + Vector3::new(tx, ty, tz);
-    Similarity3::from_parts(Translation3::from(translation), rotation, pose.scaling() * scale.exp())
 }
