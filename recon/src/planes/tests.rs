@@ -148,3 +148,88 @@ fn two_views_that_look_past_a_point_contradict_it() {
     assert!(!witnesses.contradict(on_wall * 1.5, 0.04));
     assert!(!witness::Witnesses::new(&views[..1]).contradict(on_wall * 0.7, 0.04));
 }
+
+/// A plane `n · X = 1` of which that many pixels were seen.
+fn seen_plane(n: Vec3, pixels: usize) -> ImagePlane {
+    ImagePlane::facing(-n.normalize(), n.length().recip(), &camera(), pixels)
+}
+
+fn with(mut plane: ImagePlane, encloses: bool, opposite: bool) -> ImagePlane {
+    (plane.encloses, plane.opposite) = (encloses, opposite);
+    plane
+}
+
+#[test]
+fn a_plane_of_assumed_direction_is_filled_in_and_not_measured() {
+    let ordinary = with(seen_plane(WALL.0, 900), true, false);
+    let planes = [ordinary, seen_plane(BOX.0, 900)];
+    let mut surface = Surface::from_view(&view(|_, _| false));
+    let labels: Vec<Option<u16>> = (0..WIDTH * HEIGHT)
+        .map(|i| {
+            let (x, y) = (i % WIDTH, i / WIDTH);
+            is_box(x, y).then_some(1).or((shown(x, y).0 == WALL).then_some(0))
+        })
+        .collect();
+    let snapped = snap(&mut surface, &planes, &labels);
+    assert_eq!(snapped, labels.iter().flatten().count());
+    for (i, label) in labels.iter().enumerate() {
+        let (x, y) = (i % WIDTH, i / WIDTH);
+        let expected = if *label == Some(1) { (Origin::Filled, 0) } else { (Origin::Stereo, 4) };
+        assert_eq!((surface.origin[i], surface.agreeing[i]), expected, "{x}, {y}");
+        assert!(label.is_none() || relative_error(&surface, x, y) < 1e-4, "{x}, {y}");
+    }
+}
+
+/// Only column 10 is known, and lies on a plane `n · X = 1` of which few pixels were seen.
+fn a_line_of(n: Vec3) -> (Surface, ImagePlane, Vec<Option<u16>>) {
+    let mut surface = Surface::from_view(&view(|_, _| true));
+    surface.picture.fill(128);
+    let mut labels = vec![None; WIDTH * HEIGHT];
+    for i in (0..HEIGHT).map(|y| y * WIDTH + 10) {
+        let w = n.dot(camera().ray(10.0, (i / WIDTH) as f32));
+        (surface.depth[i], surface.normal[i], labels[i]) = (1.0 / w, -n.normalize(), Some(0));
+    }
+    // Nothing is filled in nearer than what was measured.
+    surface.depth[0] = 1.0;
+    (surface, seen_plane(n, 100), labels)
+}
+
+#[test]
+fn what_goes_on_behind_the_rooms_shell_lies_on_the_shell() {
+    // A side wall of something, that meets the room's wall at x = 60 or so, and goes on behind it.
+    let side = Vec3::new(-0.25, 0.0, 0.23);
+    let (surface, plane, labels) = a_line_of(side);
+    let shell = seen_plane(WALL.0, 5000);
+    let fill = |encloses: bool| {
+        let mut surface = surface.clone();
+        let planes = [with(plane, false, true), with(shell, encloses, false)];
+        spread::fill(&mut surface, &planes, &labels, &witness::Witnesses::new(&[]), &PlaneOptions::default());
+        surface
+    };
+    let (clipped, free) = (fill(true), fill(false));
+    let mut behind = 0;
+    for x in 11..100 {
+        let i = 60 * WIDTH + x;
+        let ray = camera().ray(x as f32, 60.0);
+        let (own, wall) = (side.dot(ray), WALL.0.dot(ray));
+        assert!((clipped.depth[i] * own.max(wall) - 1.0).abs() < 1e-3, "{x}: {}", clipped.depth[i]);
+        assert!(own < 0.1 || (free.depth[i] * own - 1.0).abs() < 1e-3, "{x}: {}", free.depth[i]);
+        behind += usize::from(own < 0.9 * wall);
+    }
+    assert!(behind > 10, "{behind}");
+}
+
+#[test]
+fn an_opposite_plane_goes_on_and_a_small_one_only_a_little() {
+    let options = PlaneOptions { reach_px: 90.0, surface_reach_px: 12.0, ..PlaneOptions::default() };
+    let (surface, plane, labels) = a_line_of(WALL.0);
+    for (opposite, reach) in [(false, 12), (true, 90)] {
+        let mut surface = surface.clone();
+        let planes = [with(plane, false, opposite)];
+        spread::fill(&mut surface, &planes, &labels, &witness::Witnesses::new(&[]), &options);
+        for x in 11..WIDTH {
+            let known = surface.depth[60 * WIDTH + x] > 0.0;
+            assert_eq!(known, x - 10 <= reach, "{opposite}: {x}");
+        }
+    }
+}
