@@ -72,11 +72,16 @@ impl Intensity {
 
     /// Bilinear reading; the point must be one that [`Self::holds`].
     pub(crate) fn at(&self, x: f64, y: f64) -> f32 {
-        let (left, top) = (x as usize, y as usize);
-        let (fx, fy) = ((x - left as f64) as f32, (y - top as f64) as f32);
-        let start = top * self.width + left;
-        let upper = &self.values[start..start + 2];
-        let lower = &self.values[start + self.width..start + self.width + 2];
+        // By way of `i32`, which processors convert at once; every pixel's index fits.
+        let (left, top) = (x as i32, y as i32);
+        let (fx, fy) = ((x - f64::from(left)) as f32, (y - f64::from(top)) as f32);
+        self.between(top as usize * self.width + left as usize, fx, fy)
+    }
+
+    /// Bilinear reading right of and below the pixel with an index, by fractions of a pixel.
+    pub(crate) fn between(&self, index: usize, fx: f32, fy: f32) -> f32 {
+        let upper = &self.values[index..index + 2];
+        let lower = &self.values[index + self.width..index + self.width + 2];
         let above = upper[0] + fx * (upper[1] - upper[0]);
         let below = lower[0] + fx * (lower[1] - lower[0]);
         above + fy * (below - above)

@@ -38,6 +38,17 @@ pub(crate) struct Patch {
     gradient: Vec<[f64; 2]>,
 }
 
+/// The image as a patch would see it.
+#[derive(Default)]
+struct Reading {
+    /// Brightness, a pixel wider on each side than the patch.
+    raw: Vec<f64>,
+    /// Weighted mean 0, deviation 1.
+    values: Vec<f64>,
+    /// Of the values, in patch coordinates.
+    gradient: Vec<[f64; 2]>,
+}
+
 /// What registration found.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Registration {
@@ -58,12 +69,14 @@ impl Patch {
             *w /= total;
         }
         let mut patch = Self { radius, weights, values: Vec::new(), gradient: Vec::new() };
-        (patch.values, patch.gradient) = patch.read(image, warp)?;
+        let mut reading = Reading::default();
+        patch.read(image, warp, &mut reading)?;
+        (patch.values, patch.gradient) = (reading.values, reading.gradient);
         Some(patch)
     }
 
-    /// The image as the patch would see it: normalised values and their gradient in patch coordinates.
-    fn read(&self, image: &Intensity, warp: &Warp) -> Option<(Vec<f64>, Vec<[f64; 2]>)> {
+    /// The image as the patch would see it, written over `reading`.
+    fn read(&self, image: &Intensity, warp: &Warp, reading: &mut Reading) -> Option<()> {
         let reach = f64::from(self.radius + 1);
         let to_image = |x: f64, y: f64| {
             let p = warp.center + warp.affine * nalgebra::Vector2::new(x, y);
@@ -76,12 +89,12 @@ impl Patch {
             }
         }
         let side = (2 * self.radius + 3) as usize;
-        let raw: Vec<f64> = window(self.radius + 1)
-            .map(|(x, y)| {
-                let (x, y) = to_image(f64::from(x), f64::from(y));
-                f64::from(image.at(x, y))
-            })
-            .collect();
+        let Reading { raw, values, gradient } = reading;
+        raw.clear();
+        raw.extend(window(self.radius + 1).map(|(x, y)| {
+            let (x, y) = to_image(f64::from(x), f64::from(y));
+            f64::from(image.at(x, y))
+        }));
         let at = |x: i32, y: i32| raw[(y + self.radius + 1) as usize * side + (x + self.radius + 1) as usize];
         let mean: f64 = window(self.radius).zip(&self.weights).map(|((x, y), w)| w * at(x, y)).sum();
         let variance: f64 =
@@ -90,18 +103,22 @@ impl Patch {
         if deviation.is_nan() || deviation < MIN_CONTRAST {
             return None;
         }
-        let values = window(self.radius).map(|(x, y)| (at(x, y) - mean) / deviation).collect();
+        values.clear();
+        values.extend(window(self.radius).map(|(x, y)| (at(x, y) - mean) / deviation));
         let half = 0.5 / deviation;
-        let gradient = window(self.radius)
-            .map(|(x, y)| [(at(x + 1, y) - at(x - 1, y)) * half, (at(x, y + 1) - at(x, y - 1)) * half])
-            .collect();
-        Some((values, gradient))
+        gradient.clear();
+        gradient.extend(
+            window(self.radius)
+                .map(|(x, y)| [(at(x + 1, y) - at(x - 1, y)) * half, (at(x, y + 1) - at(x, y - 1)) * half]),
+        );
+        Some(())
     }
 
     /// Weighted correlation with the image at a warp, without moving it.
     pub(crate) fn correlation(&self, image: &Intensity, warp: &Warp) -> Option<f64> {
-        let (values, _) = self.read(image, warp)?;
-        Some(self.weights.iter().zip(&values).zip(&self.values).map(|((w, i), t)| w * i * t).sum())
+        let mut reading = Reading::default();
+        self.read(image, warp, &mut reading)?;
+        Some(self.weights.iter().zip(&reading.values).zip(&self.values).map(|((w, i), t)| w * i * t).sum())
     }
 
     /// Every second pixel of the patch, deformed: what is tried at many places before registration.
@@ -121,6 +138,8 @@ impl Patch {
             })
             .collect();
         let reach = f64::from(self.radius) * (affine.row(0).abs().sum()).max(affine.row(1).abs().sum());
+        // Rounding must not carry a sample beyond it.
+        let reach = reach + 1e-9;
         let deviation = samples.iter().map(|s| s.weight * s.value * s.value).sum::<f32>().sqrt();
         Probe { samples, reach, deviation }
     }
@@ -128,8 +147,10 @@ impl Patch {
     /// Finds the patch in `image` near `start`. `None` when it leaves the image, wanders off or does not converge.
     pub(crate) fn register(&self, image: &Intensity, start: &Warp) -> Option<Registration> {
         let mut warp = *start;
+        let mut reading = Reading::default();
         for _ in 0..MAX_STEPS {
-            let (values, gradient) = self.read(image, &warp)?;
+            self.read(image, &warp, &mut reading)?;
+            let Reading { values, gradient, .. } = &reading;
             let (mut normal, mut right) = (Matrix6::<f64>::zeros(), Vector6::<f64>::zeros());
             for (index, (x, y)) in window(self.radius).enumerate() {
                 let (x, y) = (f64::from(x), f64::from(y));
@@ -190,21 +211,57 @@ struct Sample {
 impl Probe {
     /// Weighted normalised cross-correlation with the image around `center`, −1 … 1; `None` where it leaves the image.
     pub(crate) fn correlation(&self, image: &Intensity, center: &Point2<f64>) -> Option<f32> {
-        let (x, y) = (center.x, center.y);
-        let held = |sign: f64| image.holds(x + sign * self.reach, y + sign * self.reach);
+        self.placed(image, center).correlation(0, 0)
+    }
+
+    /// Ready to be tried at `center` and any whole number of pixels beside it.
+    pub(crate) fn placed<'a>(&'a self, image: &'a Intensity, center: &Point2<f64>) -> PlacedProbe<'a> {
+        let taps = self.samples.iter().map(|s| {
+            let (x, y) = (center.x + s.aside.x, center.y + s.aside.y);
+            let (left, top) = (x.floor(), y.floor());
+            let index = top as i64 * image.width as i64 + left as i64;
+            Tap { index, fraction: [(x - left) as f32, (y - top) as f32] }
+        });
+        PlacedProbe { probe: self, image, center: *center, taps: taps.collect() }
+    }
+}
+
+/// A probe over an image: whole steps leave the fractions of its samples as they are.
+pub(crate) struct PlacedProbe<'a> {
+    probe: &'a Probe,
+    image: &'a Intensity,
+    center: Point2<f64>,
+    /// One a sample.
+    taps: Vec<Tap>,
+}
+
+/// Where a sample is read.
+struct Tap {
+    /// Of the pixel left of and above it; outside the image perhaps, until the probe is moved.
+    index: i64,
+    fraction: [f32; 2],
+}
+
+impl PlacedProbe<'_> {
+    /// [`Probe::correlation`], `dx` and `dy` pixels beside the centre.
+    pub(crate) fn correlation(&self, dx: i32, dy: i32) -> Option<f32> {
+        let (x, y) = (self.center.x + f64::from(dx), self.center.y + f64::from(dy));
+        let held = |sign: f64| self.image.holds(x + sign * self.probe.reach, y + sign * self.probe.reach);
         if !(held(-1.0) && held(1.0)) {
             return None;
         }
+        let moved = i64::from(dy) * self.image.width as i64 + i64::from(dx);
         let (mut mean, mut square, mut shared) = (0.0_f32, 0.0_f32, 0.0_f32);
-        for s in &self.samples {
-            let read = image.at(x + s.aside.x, y + s.aside.y);
-            mean += s.weight * read;
-            square += s.weight * read * read;
-            shared += s.weight * s.value * read;
+        for (s, tap) in self.probe.samples.iter().zip(&self.taps) {
+            let read = self.image.between((tap.index + moved) as usize, tap.fraction[0], tap.fraction[1]);
+            let weighted = s.weight * read;
+            mean += weighted;
+            square += weighted * read;
+            shared += weighted * s.value;
         }
         let deviation = (square - mean * mean).max(0.0).sqrt();
         let contrast = f64::from(deviation) >= MIN_CONTRAST;
-        contrast.then(|| shared / (deviation * self.deviation).max(f32::MIN_POSITIVE))
+        contrast.then(|| shared / (deviation * self.probe.deviation).max(f32::MIN_POSITIVE))
     }
 }
 
@@ -245,6 +302,41 @@ mod tests {
         assert!((found.warp.center - truth.center).norm() < 0.01, "{:?}", found.warp);
         assert!((found.warp.affine - truth.affine).norm() < 0.01, "{:?}", found.warp);
         assert!(found.correlation > 0.999);
+    }
+
+    #[test]
+    fn a_placed_probe_reads_what_each_place_shows() {
+        let image = Intensity::from_fn(60, 50, |x, y| texture(x as f64, y as f64) as f32);
+        let home = Warp { center: Point2::new(30.0, 25.0), affine: Matrix2::identity() };
+        let affine = Matrix2::new(1.1, -0.2, 0.15, 0.9);
+        let probe = Patch::cut(&image, &home, 6).unwrap().probe(&affine);
+        let center = Point2::new(12.37, 20.81);
+        let placed = probe.placed(&image, &center);
+        for (dx, dy) in (-20..30).step_by(3).flat_map(|x| (-20..30).step_by(4).map(move |y| (x, y))) {
+            let at = center + nalgebra::Vector2::new(f64::from(dx), f64::from(dy));
+            let corners = [-probe.reach, probe.reach].map(|r| image.holds(at.x + r, at.y + r));
+            let (mut weights, mut reads, mut values) = (Vec::new(), Vec::new(), Vec::new());
+            if corners == [true, true] {
+                for s in &probe.samples {
+                    weights.push(f64::from(s.weight));
+                    reads.push(f64::from(image.at(at.x + s.aside.x, at.y + s.aside.y)));
+                    values.push(f64::from(s.value));
+                }
+            }
+            // Pearson's correlation as a textbook has it.
+            let mean = |of: &[f64]| of.iter().zip(&weights).map(|(v, w)| v * w).sum::<f64>();
+            let (m, n) = (mean(&reads), mean(&values));
+            let with = |a: &[f64], b: &[f64], m: f64, n: f64| {
+                a.iter().zip(b).zip(&weights).map(|((a, b), w)| w * (a - m) * (b - n)).sum::<f64>()
+            };
+            let wanted = with(&reads, &values, m, n)
+                / (with(&reads, &reads, m, m) * with(&values, &values, n, n)).sqrt();
+            match placed.correlation(dx, dy) {
+                Some(found) => assert!((f64::from(found) - wanted).abs() < 1e-4, "{found} {wanted}"),
+                None => assert!(reads.is_empty(), "{dx} {dy}"),
+            }
+        }
+        assert!(placed.correlation(0, 0).is_some() && placed.correlation(-20, 0).is_none());
     }
 
     #[test]

@@ -68,12 +68,13 @@ fn first_appearance(frames: &[Intensity], track: &Track, options: &FeatureOption
 
 fn look_for(patch: &Patch, image: &Intensity, start: &Warp, how: &RevisitOptions) -> Option<Warp> {
     let probe = patch.probe(&start.affine);
+    let placed = probe.placed(image, &start.center);
     let steps = how.search_px / STEP_PX;
     let places = (-steps..=steps).flat_map(|y| (-steps..=steps).map(move |x| (x, y)));
     let tried: Vec<(Point2<f64>, f32)> = places
         .filter_map(|(x, y)| {
-            let center = start.center + Vector2::new(f64::from(x * STEP_PX), f64::from(y * STEP_PX));
-            Some((center, probe.correlation(image, &center)?))
+            let (dx, dy) = (x * STEP_PX, y * STEP_PX);
+            Some((start.center + Vector2::new(f64::from(dx), f64::from(dy)), placed.correlation(dx, dy)?))
         })
         .collect();
     let (best, highest) = *tried.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
