@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::assemble::AssembleReport;
 use crate::capture::Capture;
 use crate::dense::DenseReport;
-use crate::motion::MotionReport;
+use crate::motion::{LensOrigin, MotionReport};
 use crate::project::Project;
 use crate::surface::{Origin, Surface};
 use crate::{Error, Result};
@@ -71,7 +71,7 @@ pub struct CameraReport {
     pub reprojection_rms_px: f64,
     /// The share of what was followed that stood still.
     pub explained_share: f64,
-    /// The focal length where it was estimated from the capture, pixels.
+    /// The focal length where it was estimated or refined from the capture, pixels.
     pub estimated_focal_px: Option<f64>,
     /// Its standard deviation, pixels, where it can be told.
     pub focal_sigma_px: Option<f64>,
@@ -107,7 +107,8 @@ impl CameraReport {
             points: motion.points,
             reprojection_rms_px: motion.rms_px,
             explained_share: motion.explained_share,
-            estimated_focal_px: capture.intrinsics.is_none().then_some(lens.fx),
+            estimated_focal_px: matches!(motion.lens, LensOrigin::Estimated | LensOrigin::Refined)
+                .then_some(lens.fx),
             focal_sigma_px: motion.focal_sigma.map(|sigma| sigma * lens.fx),
             key_frames: dense.key_frames.iter().map(|f| f + 1).collect(),
             measured_share: share(Origin::Stereo),

@@ -17,6 +17,7 @@
 //! Made for one capture: up to a few hundred frames and some ten thousand points. The reduced matrix is dense. All
 //! sums run in a fixed order, so the result does not depend on the number of threads.
 
+mod lens_evidence;
 mod loss;
 mod residual;
 mod schur;
@@ -25,6 +26,7 @@ use calib::Intrinsics;
 use nalgebra::{Isometry3, Point2, Point3};
 use rayon::prelude::*;
 
+pub use lens_evidence::{LensEvidence, lens_evidence};
 pub use loss::Loss;
 use schur::NormalEquations;
 
@@ -216,26 +218,6 @@ pub fn adjust(problem: &mut Problem, options: &BundleOptions) -> BundleReport {
         .sum();
     report.rms_px = (squares / problem.observation_count().max(1) as f64).sqrt();
     report
-}
-
-/// Standard deviation of the focal length as a share of it, from the covariance at the problem's solution and what the
-/// residuals say of the observations' noise. `None` where the observations do not determine it.
-///
-/// `options.lens` says what of the lens was estimated along with it.
-pub fn focal_sigma(problem: &Problem, options: &BundleOptions) -> Option<f64> {
-    let variance = NormalEquations::build(problem, options).focal_variance(options.fixed_pose)?;
-    let (mut squares, mut weights) = (0.0, 0.0);
-    for (point, observations) in problem.observations.iter().enumerate() {
-        for observation in observations {
-            let squared = problem.error_px(point, observation).min(BEHIND_CAMERA_PX).powi(2);
-            let weight = options.loss.weight(squared);
-            squares += weight * squared;
-            weights += weight;
-        }
-    }
-    let unknowns = (6 * problem.poses.len() + 3 * problem.points.len()) as f64;
-    let freedom = 2.0 * weights - unknowns;
-    (freedom > 0.0).then(|| (variance * squares / freedom).sqrt())
 }
 
 #[cfg(test)]

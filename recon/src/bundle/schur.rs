@@ -47,6 +47,15 @@ pub(super) struct Step {
     pub(super) predicted_gain: f64,
 }
 
+/// A column of the inverse matrix.
+pub(super) struct Column {
+    /// Six numbers a pose, then the lens's.
+    pub(super) cameras: Vec<f64>,
+    /// The lens's again, 0 where it is fixed.
+    pub(super) lens: Vector3<f64>,
+    pub(super) points: Vec<Vector3<f64>>,
+}
+
 impl NormalEquations {
     pub(super) fn build(problem: &Problem, options: &BundleOptions) -> Self {
         let linearised: Vec<(PointBlock, Vec<PosePart>)> = (0..problem.points.len())
@@ -82,19 +91,7 @@ impl NormalEquations {
         let (matrix, right) = self.reduced(&inverses, damping, fixed_pose);
         let cameras = matrix.cholesky()?.solve(&right);
         let lens_step = self.lens_step(&cameras);
-        let points: Vec<Vector3<f64>> = self
-            .points
-            .par_iter()
-            .with_min_len(64)
-            .zip(&inverses)
-            .map(|(block, inverse)| {
-                let mut rest = block.gradient - block.lens.transpose() * lens_step;
-                for edge in &block.edges {
-                    rest -= edge.w.transpose() * cameras.fixed_rows::<6>(6 * edge.pose);
-                }
-                inverse * rest
-            })
-            .collect();
+        let points = self.points_for(&cameras, &inverses, |block| block.gradient);
         let predicted_gain = self.predicted_gain(&cameras, &lens_step, &points, damping);
         Some(Step { cameras: cameras.as_slice().to_vec(), points, predicted_gain })
     }
@@ -132,19 +129,43 @@ impl NormalEquations {
         (matrix, right)
     }
 
-    /// The first diagonal entry of the lens's block in the inverse of the whole matrix: the variance of `ln f` for
-    /// observations of unit variance. `None` where the lens is fixed or nothing is determined.
-    pub(super) fn focal_variance(&self, fixed_pose: usize) -> Option<f64> {
-        /// Scale is free, so the matrix is singular; it does not touch the focal length.
+    /// The points' part of a solution: `V⁻¹ (right − Wᵀ cameras)`.
+    fn points_for(
+        &self,
+        cameras: &DVector<f64>,
+        inverses: &[Matrix3<f64>],
+        right: impl Fn(&PointBlock) -> Vector3<f64> + Sync,
+    ) -> Vec<Vector3<f64>> {
+        let lens_step = self.lens_step(cameras);
+        let of_point = |(block, inverse): (&PointBlock, &Matrix3<f64>)| {
+            let mut rest = right(block) - block.lens.transpose() * lens_step;
+            for edge in &block.edges {
+                rest -= edge.w.transpose() * cameras.fixed_rows::<6>(6 * edge.pose);
+            }
+            inverse * rest
+        };
+        self.points.par_iter().with_min_len(64).zip(inverses).map(of_point).collect()
+    }
+
+    /// The lens's columns of the inverse of the whole matrix. `None` where the lens is fixed or nothing is determined.
+    pub(super) fn lens_columns(&self, fixed_pose: usize) -> Option<Vec<Column>> {
+        /// Scale is free, so the matrix is singular; it does not touch the lens.
         const DAMPING: f64 = 1e-10;
         if self.lens_count == 0 {
             return None;
         }
-        let (matrix, _) = self.reduced(&self.inverses(DAMPING)?, DAMPING, fixed_pose);
-        let mut unit = DVector::zeros(matrix.nrows());
-        unit[6 * self.poses] = 1.0;
-        let variance = matrix.cholesky()?.solve(&unit)[6 * self.poses];
-        (variance.is_finite() && variance > 0.0).then_some(variance)
+        let inverses = self.inverses(DAMPING)?;
+        let (matrix, _) = self.reduced(&inverses, DAMPING, fixed_pose);
+        let factors = matrix.cholesky()?;
+        let column = |k: usize| {
+            let mut unit = DVector::zeros(6 * self.poses + self.lens_count);
+            unit[6 * self.poses + k] = 1.0;
+            let cameras = factors.solve(&unit);
+            let points = self.points_for(&cameras, &inverses, |_| Vector3::zeros());
+            let lens = self.lens_step(&cameras);
+            Column { cameras: cameras.as_slice().to_vec(), lens, points }
+        };
+        Some((0..self.lens_count).map(column).collect())
     }
 
     fn lens_step(&self, cameras: &DVector<f64>) -> Vector3<f64> {

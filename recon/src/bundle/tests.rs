@@ -184,8 +184,8 @@ fn nothing_to_adjust_is_no_accident() {
 }
 
 /// The predicted standard deviation is the one that repeated measurements show.
-#[test]
-fn the_focal_lengths_sigma_is_its_scatter() {
+/// The scatter of the focal length's logarithm over many repeats of `noise`, and the mean of what is said of it.
+fn focal_scatter_and_sigma(mut noise: impl FnMut(&mut Problem, &mut Pcg64Mcg)) -> (f64, f64) {
     const REPEATS: u64 = 40;
     let options = BundleOptions {
         loss: Loss::Squares,
@@ -194,23 +194,61 @@ fn the_focal_lengths_sigma_is_its_scatter() {
         cost_end: 1e-12,
         ..Default::default()
     };
-    let (mut squares, mut predicted) = (0.0, 0.0);
+    let (mut squares, mut said) = (0.0, 0.0);
     let exact = scene(0.0, 11);
     for seed in 0..REPEATS {
-        let mut rng = Pcg64Mcg::seed_from_u64(seed);
-        let noise = Normal::new(0.0, 0.4).unwrap();
         let mut problem = exact.clone();
-        for observation in problem.observations.iter_mut().flatten() {
-            observation.pixel.x += noise.sample(&mut rng);
-            observation.pixel.y += noise.sample(&mut rng);
-        }
+        noise(&mut problem, &mut Pcg64Mcg::seed_from_u64(seed));
         adjust(&mut problem, &options);
         squares += (problem.intrinsics.fx / exact.intrinsics.fx).ln().powi(2);
-        predicted += focal_sigma(&problem, &options).unwrap() / REPEATS as f64;
+        let evidence = lens_evidence(&problem, &options).unwrap();
+        assert!(evidence.step.x.abs() < 1e-2 * evidence.covariance[(0, 0)].sqrt(), "{evidence:?}");
+        said += evidence.covariance[(0, 0)] / REPEATS as f64;
     }
-    let scatter = (squares / REPEATS as f64).sqrt();
-    let ratio = predicted / scatter;
+    ((squares / REPEATS as f64).sqrt(), said.sqrt())
+}
+
+#[test]
+fn the_focal_lengths_sigma_is_its_scatter() {
+    let normal = Normal::new(0.0, 0.4).unwrap();
+    let (scatter, said) = focal_scatter_and_sigma(|problem, rng| {
+        for observation in problem.observations.iter_mut().flatten() {
+            observation.pixel.x += normal.sample(rng);
+            observation.pixel.y += normal.sample(rng);
+        }
+    });
     // Forty repeats know a standard deviation to 11 %.
-    assert!((0.7..1.4).contains(&ratio), "predicted {predicted}, scatter {scatter}");
-    assert_eq!(focal_sigma(&exact, &BundleOptions { lens: LensFreedom::Fixed, ..options }), None);
+    assert!((0.7..1.4).contains(&(said / scatter)), "said {said}, scatter {scatter}");
+}
+
+#[test]
+fn features_that_err_alike_in_all_their_frames_say_less() {
+    let normal = Normal::new(0.0, 0.1).unwrap();
+    let (scatter, said) = focal_scatter_and_sigma(|problem, rng| {
+        for observations in &mut problem.observations {
+            // A patch slips along as it is followed.
+            let slip: [f64; 2] = [normal.sample(rng), normal.sample(rng)];
+            for observation in observations {
+                let frame = observation.pose as f64;
+                observation.pixel.x += frame * slip[0] + 0.1 * normal.sample(rng);
+                observation.pixel.y += frame * slip[1] + 0.1 * normal.sample(rng);
+            }
+        }
+    });
+    assert!((0.6..1.6).contains(&(said / scatter)), "said {said}, scatter {scatter}");
+}
+
+#[test]
+fn a_step_of_evidence_points_at_the_true_lens() {
+    let truth = scene(0.05, 12);
+    let mut wrong = truth.clone();
+    wrong.intrinsics.fx *= 1.01;
+    wrong.intrinsics.fy *= 1.01;
+    let options = BundleOptions { loss: Loss::Squares, max_steps: 100, ..Default::default() };
+    adjust(&mut wrong, &options);
+    let free = BundleOptions { lens: LensFreedom::FocalRadial, ..options };
+    let evidence = lens_evidence(&wrong, &free).unwrap();
+    let off = evidence.step.x + 1.01_f64.ln();
+    assert!(off.abs() < 0.003 && evidence.covariance[(0, 0)].sqrt() < 0.006, "{evidence:?}");
+    assert_eq!(lens_evidence(&truth, &options), None);
 }

@@ -7,6 +7,7 @@ use calib::console::{Console, Stages};
 use clap::ValueEnum;
 use recon::build::{self, BuildOptions, BuildReport};
 use recon::dense::DenseOptions;
+use recon::motion::MotionOptions;
 
 /// Build a room directory from a capture project.
 ///
@@ -34,6 +35,9 @@ pub(crate) struct Build {
     /// How much stereo is done: a draft shows whether picks, floor and metres are right.
     #[arg(long, value_enum, default_value_t = Quality::Full)]
     quality: Quality,
+    /// Where a capture speaks clearly against its intrinsics file, take focal length and radial distortion from both.
+    #[arg(long)]
+    refine_intrinsics: bool,
     /// Seed of everything random.
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -64,7 +68,8 @@ impl Build {
             Quality::Full => DenseOptions::default(),
         };
         let zones = self.zones.clone();
-        let options = BuildOptions { zones, seed: self.seed, dense, ..BuildOptions::default() };
+        let motion = MotionOptions { refine_lens: self.refine_intrinsics, ..MotionOptions::default() };
+        let options = BuildOptions { zones, seed: self.seed, motion, dense, ..BuildOptions::default() };
         let mut stages: Option<Stages> = None;
         let report = build::build(&self.project, &self.out, &options, &mut |step| {
             stages.get_or_insert_with(|| console.stages(step.of)).show(step.number, &step.what);

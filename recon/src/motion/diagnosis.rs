@@ -90,7 +90,8 @@ pub(super) fn motion(
         return Err(Error::capture(
             camera,
             format!(
-                "only {:.0} % of what was followed stands still (at least {:.0} % must): people or things move through the                  capture; film the room while it is empty and nothing in it moves",
+                "only {:.0} % of what was followed stands still (at least {:.0} % must): people or things move through the \
+                 capture; film the room while it is empty and nothing in it moves",
                 100.0 * report.explained_share,
                 100.0 * options.min_explained
             ),
@@ -113,7 +114,7 @@ pub(super) fn motion(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::Starts;
+    use crate::motion::{LensOrigin, Starts};
 
     #[test]
     fn what_moves_is_named_before_its_consequences() {
@@ -127,6 +128,7 @@ mod tests {
             rms_px: 0.3,
             parallax_deg: 0.2,
             explained_share,
+            lens: LensOrigin::Given,
             focal_sigma: None,
         };
         let said = |share| motion("hall", 20, 0.2, &report(share), &options).unwrap_err().to_string();

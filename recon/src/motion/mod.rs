@@ -3,12 +3,13 @@
 //! Tracks ([`crate::features`]) start two competing reconstructions: by factorization, without any guess, and by two
 //! views and growth ([`incremental`]). Both are adjusted ([`crate::bundle`]); the one with the smaller robust
 //! reprojection error is polished by renewed triangulation and adjustment. It then tells where features lie that were
-//! lost ([`revisit`]): links between frames that are not neighbours, which hold the drift of long paths. A capture that cannot work is refused with
-//! what to film instead.
+//! lost ([`revisit`]): links between frames that are not neighbours, which hold the drift of long paths. What it says of
+//! the lens is weighed against what was known ([`lens`]). A capture that cannot work is refused with what to film instead.
 
 mod diagnosis;
 mod five_point;
 mod incremental;
+mod lens;
 mod resection;
 mod revisit;
 mod sketch;
@@ -26,6 +27,7 @@ use crate::factorization::windows;
 use crate::features::{self, FeatureOptions, FeatureReport, Track};
 use crate::{Error, Result};
 use incremental::Seen;
+pub use lens::LensOrigin;
 use sketch::{Adjustment, Sketch};
 use triangulation::Acceptance;
 
@@ -51,6 +53,8 @@ pub struct MotionOptions {
     pub min_registered: f64,
     /// Least share of what was followed that must have stood still.
     pub min_explained: f64,
+    /// Whether given intrinsics (focal length, k1, k2) are refined where the capture speaks clearly against them.
+    pub refine_lens: bool,
 }
 
 impl Default for MotionOptions {
@@ -63,6 +67,7 @@ impl Default for MotionOptions {
             min_parallax_deg: 1.0,
             min_registered: 0.5,
             min_explained: 0.6,
+            refine_lens: false,
         }
     }
 }
@@ -107,7 +112,9 @@ pub struct MotionReport {
     /// The share of what was followed that stood still, as the reconstruction before lost features were looked for has
     /// it.
     pub explained_share: f64,
-    /// Standard deviation of the focal length as a share of it, where it was estimated and can be told.
+    /// Where the intrinsics come from.
+    pub lens: LensOrigin,
+    /// Standard deviation of the focal length as a share of it, where it was estimated or refined and can be told.
     pub focal_sigma: Option<f64>,
 }
 
@@ -158,7 +165,8 @@ pub fn estimate(capture: &Capture, options: &MotionOptions) -> Result<(Motion, M
     sketch.polish(lens, options.polish_rounds);
     let explained = sketch.explained_share(agreement_px(&sketch));
     revisit::revisit(&mut sketch, &capture.frames, &options.features, lens, options.polish_rounds);
-    finish(capture, options, &sketch, lens, Before { features, starts, explained })
+    let lens = lens::settle(&mut sketch, &capture.name, capture.intrinsics.is_some(), options.refine_lens);
+    finish(capture, options, &sketch, Before { features, starts, explained, lens })
 }
 
 /// Poses from factorized windows; what they did not reach is resected.
@@ -219,6 +227,7 @@ struct Before {
     features: FeatureReport,
     starts: Starts,
     explained: f64,
+    lens: lens::Settled,
 }
 
 /// The distance to which an observation agrees with its point, pixels.
@@ -231,7 +240,6 @@ fn finish(
     capture: &Capture,
     options: &MotionOptions,
     sketch: &Sketch<'_>,
-    lens: LensFreedom,
     before: Before,
 ) -> Result<(Motion, MotionReport)> {
     let noise = sketch.noise_px();
@@ -277,7 +285,8 @@ fn finish(
         rms_px: (squares / count.max(1) as f64).sqrt(),
         parallax_deg: two_views::median(&angles).unwrap_or(0.0),
         explained_share: before.explained,
-        focal_sigma: sketch.focal_sigma(lens),
+        lens: before.lens.origin,
+        focal_sigma: before.lens.focal_sigma,
     };
     diagnosis::motion(&capture.name, capture.frames.len(), noise, &report, options)?;
     diagnosis::reference(&capture.name, capture.reference, &seen_points(&points, capture.frames.len()))?;

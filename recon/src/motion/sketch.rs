@@ -8,7 +8,9 @@ use rayon::prelude::*;
 
 use super::triangulation::{self, Acceptance, Sighting};
 use super::two_views::median;
-use crate::bundle::{self, BundleOptions, BundleReport, LensFreedom, Loss, Observation, Problem};
+use crate::bundle::{
+    self, BundleOptions, BundleReport, LensEvidence, LensFreedom, Loss, Observation, Problem,
+};
 use crate::features::Track;
 
 /// Error at which an observation counts as wrong when whole reconstructions are compared, pixels.
@@ -147,11 +149,11 @@ impl<'a> Sketch<'a> {
         Some(report)
     }
 
-    /// Standard deviation of the focal length as a share of it, once polished; `None` for a fixed lens.
-    pub(crate) fn focal_sigma(&self, lens: LensFreedom) -> Option<f64> {
+    /// What the polished sketch says of its lens.
+    pub(crate) fn lens_evidence(&self, lens: LensFreedom) -> Option<LensEvidence> {
         let how = Adjustment::last(self.noise_px().clamp(0.05, 4.0), lens);
         let (problem, ..) = self.problem(&how)?;
-        bundle::focal_sigma(&problem, &how.options())
+        bundle::lens_evidence(&problem, &how.options())
     }
 
     /// The share of all observations of longer tracks that a point explains, to within `agree_px`.

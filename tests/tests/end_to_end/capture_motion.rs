@@ -6,7 +6,7 @@ use calib::Intrinsics;
 use image::{Rgb, RgbImage};
 use nalgebra::{Point2, Point3, UnitQuaternion, Vector3};
 use recon::capture::{Capture, ReferenceFrame};
-use recon::motion::{Motion, MotionOptions, MotionReport, estimate};
+use recon::motion::{LensOrigin, Motion, MotionOptions, MotionReport, estimate};
 use tests::accuracy::{self, MotionError};
 
 fn lens(folder: &Path, file: &str) -> Intrinsics {
@@ -60,8 +60,39 @@ fn the_focal_length_is_found_where_no_intrinsics_are_given() {
     let truth = capture.intrinsics.take().unwrap();
     let (motion, report) = estimate(&capture, &MotionOptions::default()).unwrap();
     let error = measured(&tests::data::office(), &capture, &motion, &report);
-    assert!((motion.intrinsics.fx / truth.fx - 1.0).abs() < 0.01, "{:?}", motion.intrinsics);
+    let off = (motion.intrinsics.fx / truth.fx - 1.0).abs();
+    let sigma = report.focal_sigma.unwrap();
+    assert!(off < 0.01 && sigma < 0.01 && off < 4.0 * sigma, "{off}, sigma {sigma}");
     assert!(error.position_rms_cm <= 0.3 && error.rotation_rms_deg <= 0.1, "{error:?}");
+}
+
+#[test]
+fn wrong_intrinsics_are_contradicted_and_refined_when_asked() {
+    let mut capture = shipped("cam1");
+    capture.frames.drain(..25);
+    capture.reference = capture.frames.len() - 1;
+    let run = |factor: f64, refine_lens: bool| {
+        let mut capture = capture.clone();
+        let given = capture.intrinsics.as_mut().unwrap();
+        given.fx *= factor;
+        given.fy *= factor;
+        let given = given.clone();
+        let (motion, report) =
+            estimate(&capture, &MotionOptions { refine_lens, ..MotionOptions::default() }).unwrap();
+        (given, motion.intrinsics, report)
+    };
+    let truth = capture.intrinsics.clone().unwrap();
+    // The right lens stays as it is, though it may be refined.
+    let (given, used, report) = run(1.0, true);
+    assert_eq!((&used, report.lens), (&given, LensOrigin::Given));
+    let (given, used, report) = run(1.03, false);
+    assert_eq!((&used, report.lens, report.focal_sigma), (&given, LensOrigin::Contradicted, None));
+    let (_, used, report) = run(1.03, true);
+    let off = (used.fx / truth.fx - 1.0).abs();
+    let sigma = report.focal_sigma.unwrap();
+    eprintln!("{used:?} {sigma}");
+    assert_eq!(report.lens, LensOrigin::Refined);
+    assert!(off < 0.005 && sigma < 0.005 && off < 4.0 * sigma, "{used:?} {sigma}");
 }
 
 #[test]
@@ -123,6 +154,46 @@ fn a_camera_that_only_turns_is_told_to_move() {
     let said = said.map(|(_, report)| report).unwrap_err().to_string();
     eprintln!("{said}");
     assert!(said.contains("`turning`") && said.contains("sideways"), "{said}");
+}
+
+/// The capture with a poster carried through it that covers `share` of the image's width, moving by `step_px` a frame.
+fn with_a_moving_poster(mut capture: Capture, share: f64, step_px: i64) -> Capture {
+    let poster = shipped("cam1").frames.swap_remove(20);
+    let (width, height) = poster.dimensions();
+    let wide = (share * f64::from(width)) as u32;
+    for (index, frame) in capture.frames.iter_mut().enumerate() {
+        // To and fro, and up and down, as nothing that stands still could seem to move.
+        let s = index as i64;
+        let (dx, dy) = (step_px * (s % 7 - 3).abs(), step_px * ((s + 2) % 5 - 2).abs());
+        for v in 0..height {
+            for u in 0..wide {
+                let (x, y) = ((i64::from(u) + dx) as u32 + 10, (i64::from(v) + dy) as u32);
+                if x < width && y < height {
+                    *frame.get_pixel_mut(x.min(width - 1), v) = *poster.get_pixel((u + 30).min(width - 1), y);
+                }
+            }
+        }
+    }
+    capture
+}
+
+#[test]
+fn what_moves_is_left_out_and_when_most_moves_it_is_said() {
+    let mut capture = shipped("cam0");
+    capture.frames.drain(..30);
+    capture.reference = capture.frames.len() - 1;
+    let truth = accuracy::capture_truth(&tests::data::office().join("truth.json"), "cam0").unwrap();
+    let small = with_a_moving_poster(capture.clone(), 0.25, 4);
+    let (motion, report) = estimate(&small, &MotionOptions::default()).unwrap();
+    let error = accuracy::motion(&motion.camera_from_world, &truth[30..]).unwrap();
+    eprintln!("{error:?} {report:?}");
+    assert!(error.position_rms_cm < 0.3 && error.rotation_rms_deg < 0.06, "{error:?}");
+    assert!(report.explained_share < 0.97, "{report:?}");
+
+    let large = with_a_moving_poster(capture, 0.8, 4);
+    let said = estimate(&large, &MotionOptions::default()).map(|r| r.1).unwrap_err().to_string();
+    eprintln!("{said}");
+    assert!(said.contains("`cam0`") && said.contains("move"), "{said}");
 }
 
 #[test]

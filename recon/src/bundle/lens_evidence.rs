@@ -1,0 +1,71 @@
+//! How well a problem's observations know the lens, though they err together.
+//!
+//! The covariance that least squares gives, `σ² H⁻¹`, takes each observation's error as its own. Here they are not: a
+//! feature's patch looks a little different from everywhere, so all its observations err alike, and a blurred frame moves
+//! all that it saw. What each observation contributes to the lens, its influence `H⁻¹ Jᵀ w r`, is therefore summed over
+//! each feature, and over each frame, before it is squared: the covariance clustered two ways of A. C. Cameron,
+//! J. B. Gelbach, D. L. Miller, "Robust inference with multiway clustering" (Journal of Business & Economic Statistics
+//! 2011), equation 2.8, `features + frames − single observations`.
+
+use nalgebra::{Matrix3, Vector3, Vector6};
+
+use super::residual;
+use super::schur::NormalEquations;
+use super::{BundleOptions, Problem};
+
+/// What observations say of `(ln f, k1, k2)`; zero where a parameter is fixed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LensEvidence {
+    /// By how much the lens would change in the next step of adjustment, poses and points with it: nothing once it has
+    /// been adjusted.
+    pub step: Vector3<f64>,
+    /// Covariance of the lens so found.
+    pub covariance: Matrix3<f64>,
+}
+
+/// What a problem whose poses and points have been adjusted says of the lens; `options.lens` says what of it is
+/// unknown. `None` where the observations do not determine that.
+pub fn lens_evidence(problem: &Problem, options: &BundleOptions) -> Option<LensEvidence> {
+    let columns = NormalEquations::build(problem, options).lens_columns(options.fixed_pose)?;
+    let mut of_frames = vec![Vector3::zeros(); problem.poses.len()];
+    let (mut features, mut singles) = (Matrix3::zeros(), Matrix3::zeros());
+    let (mut step, mut weights) = (Vector3::zeros(), 0.0);
+    for (point, observations) in problem.observations.iter().enumerate() {
+        let mut of_feature = Vector3::zeros();
+        for observation in observations {
+            let pose = &problem.poses[observation.pose];
+            let position = &problem.points[point];
+            let Some(l) = residual::linearise(&problem.intrinsics, pose, position, &observation.pixel) else {
+                continue;
+            };
+            let weight = options.loss.weight(l.residual.norm_squared());
+            weights += weight;
+            let mut influence = Vector3::zeros();
+            for (k, column) in columns.iter().enumerate() {
+                let cameras = &column.cameras[6 * observation.pose..6 * observation.pose + 6];
+                let moved = l.pose * Vector6::from_column_slice(cameras)
+                    + l.point * column.points[point]
+                    + l.lens * column.lens;
+                influence[k] = -weight * moved.dot(&l.residual);
+            }
+            of_feature += influence;
+            of_frames[observation.pose] += influence;
+            singles += influence * influence.transpose();
+        }
+        step += of_feature;
+        features += of_feature * of_feature.transpose();
+    }
+    // Residuals are smaller than the errors, as the unknowns were fitted to them.
+    let unknowns = (6 * problem.poses.len() + 3 * problem.points.len()) as f64;
+    let freedom = 2.0 * weights - unknowns;
+    if freedom <= 0.0 {
+        return None;
+    }
+    let frames: Matrix3<f64> = of_frames.iter().map(|s| s * s.transpose()).sum();
+    let both = features + frames - singles;
+    let count = columns.len();
+    let is_covariance = |m: &Matrix3<f64>| m.view((0, 0), (count, count)).into_owned().cholesky().is_some();
+    // The difference need not be one where either kind of cluster hardly errs together.
+    let covariance = [both, features, singles].into_iter().find(is_covariance)?;
+    Some(LensEvidence { step, covariance: covariance * (2.0 * weights / freedom) })
+}

@@ -1,0 +1,167 @@
+//! The lens that a capture shows, against what was known of it beforehand.
+//!
+//! A wrong lens bends the space that is reconstructed with it. What was known beforehand is a measurement like others, with
+//! a standard deviation; together with what the capture says it gives `θ = θ₀ + P (P + C)⁻¹ (θ_capture − θ₀)` for
+//! `θ = (ln f, k1, k2)` with the covariances `P` of what was known and `C` of what the capture says
+//! ([`crate::bundle::lens_evidence`]). A lens of which nothing was given takes that. Given intrinsics stay as they are
+//! unless refining them is asked for and the capture speaks clearly against them: a rolling shutter speaks like a lens, too.
+
+use calib::Intrinsics;
+use nalgebra::{Matrix3, Vector3};
+
+use super::sketch::Sketch;
+use crate::bundle::{LensEvidence, LensFreedom};
+
+/// Standard deviations of `ln f`, `k1` and `k2` of given intrinsics: those of a calibration at another focus, or of
+/// another device of the kind.
+const GIVEN_SIGMA: [f64; 3] = [0.01, 0.1, 0.1];
+/// The same of a lens of which nothing is known but that it is no fisheye.
+const UNKNOWN_SIGMA: [f64; 3] = [1.0, 0.1, 0.1];
+/// Squared distance, in standard deviations of three parameters, that chance exceeds once in twenty: the lens is adjusted
+/// to see more.
+const WORTH_A_LOOK: f64 = 7.81;
+/// The same for once in a thousand: the capture speaks clearly against given intrinsics.
+const CLEAR: f64 = 16.27;
+/// Rounds of polish with a new lens.
+const ROUNDS: usize = 2;
+
+/// Where the intrinsics of a motion come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LensOrigin {
+    /// They were given, and the capture does not speak against them.
+    Given,
+    /// They were given and kept, though the capture speaks clearly against them.
+    Contradicted,
+    /// They were given, the capture spoke clearly against them, and refining them was asked for.
+    Refined,
+    /// Nothing was given.
+    Estimated,
+}
+
+/// What became of the lens.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Settled {
+    pub(super) origin: LensOrigin,
+    /// Standard deviation of the focal length as a share of it, where it is not as given and can be told.
+    pub(super) focal_sigma: Option<f64>,
+}
+
+/// Settles the lens of a polished sketch of the capture of `camera`. `given`: whether its intrinsics were; `refine`:
+/// whether these may be changed.
+pub(super) fn settle(sketch: &mut Sketch<'_>, camera: &str, given: bool, refine: bool) -> Settled {
+    let stays = |origin| Settled { origin, focal_sigma: None };
+    let unchanged = stays(if given { LensOrigin::Given } else { LensOrigin::Estimated });
+    let speaks = |change: &Vector3<f64>, covariance: &Matrix3<f64>, least: f64| {
+        distance(change, covariance).is_some_and(|d| d >= least)
+    };
+    if given {
+        // One step tells cheaply, which is all that most captures need.
+        match sketch.lens_evidence(LensFreedom::FocalRadial) {
+            Some(LensEvidence { step, covariance }) if speaks(&step, &covariance, WORTH_A_LOOK) => {}
+            _ => return unchanged,
+        }
+    }
+    let before = sketch.intrinsics.clone();
+    let mut adjusted = sketch.clone();
+    adjusted.polish(LensFreedom::FocalRadial, ROUNDS);
+    let Some(LensEvidence { covariance, .. }) = adjusted.lens_evidence(LensFreedom::FocalRadial) else {
+        return unchanged;
+    };
+    let moved = change(&before, &adjusted.intrinsics);
+    if given && !speaks(&moved, &covariance, CLEAR) {
+        return unchanged;
+    }
+    if given && !refine {
+        contradicted(camera, &before, &adjusted.intrinsics, covariance[(0, 0)].sqrt());
+        return stays(LensOrigin::Contradicted);
+    }
+    let known = Matrix3::from_diagonal(
+        &Vector3::from(if given { GIVEN_SIGMA } else { UNKNOWN_SIGMA }).map(|sigma| sigma * sigma),
+    );
+    let Some((moved, covariance)) = together(&known, &moved, &covariance) else { return unchanged };
+    adjusted.intrinsics = changed(&before, &moved);
+    if adjusted.intrinsics.validate().is_err() || adjusted.polish(LensFreedom::Fixed, ROUNDS).is_none() {
+        return unchanged;
+    }
+    *sketch = adjusted;
+    let origin = if given { LensOrigin::Refined } else { LensOrigin::Estimated };
+    Settled { origin, focal_sigma: Some(covariance[(0, 0)].max(0.0).sqrt()) }
+}
+
+fn contradicted(camera: &str, given: &Intrinsics, found: &Intrinsics, sigma: f64) {
+    tracing::warn!(
+        "camera `{camera}`: its capture speaks against its intrinsics, which give a focal length of {:.1} px, k1 {:.3}, k2 {:.3}; \
+         in the capture these are {:.1} ± {:.1} px, {:.3}, {:.3}; calibrate it anew at this focus, or try --refine-intrinsics",
+        given.fx,
+        given.distortion.k1,
+        given.distortion.k2,
+        found.fx,
+        sigma * found.fx,
+        found.distortion.k1,
+        found.distortion.k2
+    );
+}
+
+/// A change that was measured with a covariance, of what was known with another to be zero: the best of both, and its
+/// covariance.
+fn together(
+    known: &Matrix3<f64>,
+    measured: &Vector3<f64>,
+    covariance: &Matrix3<f64>,
+) -> Option<(Vector3<f64>, Matrix3<f64>)> {
+    let gain = known * (known + covariance).try_inverse()?;
+    Some((gain * measured, (Matrix3::identity() - gain) * known))
+}
+
+/// `δᵀ C⁻¹ δ`.
+fn distance(change: &Vector3<f64>, covariance: &Matrix3<f64>) -> Option<f64> {
+    Some(change.dot(&covariance.cholesky()?.solve(change)))
+}
+
+/// From one lens to another, in `(ln f, k1, k2)`.
+fn change(from: &Intrinsics, to: &Intrinsics) -> Vector3<f64> {
+    let (d, e) = (&from.distortion, &to.distortion);
+    Vector3::new((to.fx / from.fx).ln(), e.k1 - d.k1, e.k2 - d.k2)
+}
+
+/// The lens that [`change`] leads to.
+fn changed(from: &Intrinsics, by: &Vector3<f64>) -> Intrinsics {
+    let mut to = from.clone();
+    to.fx *= by.x.exp();
+    to.fy *= by.x.exp();
+    to.distortion.k1 += by.y;
+    to.distortion.k2 += by.z;
+    to
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_known_better_counts_more() {
+        let squares = |sigma: [f64; 3]| Matrix3::from_diagonal(&Vector3::from(sigma).map(|s| s * s));
+        let measured = Vector3::new(0.03, -0.2, 0.1);
+        // One parameter known four times better than measured, one as well, one four times worse.
+        let (best, covariance) =
+            together(&squares([0.01, 0.1, 0.4]), &measured, &squares([0.04, 0.1, 0.1])).unwrap();
+        let wanted = Vector3::new(0.03 / 17.0, -0.2 / 2.0, 0.1 * 16.0 / 17.0);
+        assert!((best - wanted).norm() < 1e-12, "{best}");
+        // 1/σ² = 1/σ₁² + 1/σ₂²
+        for (k, [a, b]) in [[0.01_f64, 0.04], [0.1, 0.1], [0.4, 0.1]].into_iter().enumerate() {
+            let sum = a.powi(-2) + b.powi(-2);
+            assert!((covariance[(k, k)] * sum - 1.0).abs() < 1e-9, "{covariance}");
+        }
+    }
+
+    #[test]
+    fn a_change_leads_where_it_was_taken_from() {
+        let mut from = Intrinsics::from_horizontal_fov(640, 480, 60.0);
+        from.distortion.k2 = 0.02;
+        let by = Vector3::new(-0.03, 0.05, -0.07);
+        let to = changed(&from, &by);
+        assert!((change(&from, &to) - by).norm() < 1e-12);
+        assert!((to.fx / from.fx - (-0.03_f64).exp()).abs() < 1e-12, "{to:?}");
+        assert!((to.fx / to.fy - 1.0).abs() < 1e-12, "{to:?}");
+    }
+}
