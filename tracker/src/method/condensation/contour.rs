@@ -11,29 +11,28 @@
 //! contour costs two dozen products for the head and a dozen for each point. The plane that is tangent at `q` holds the
 //! camera, so its image is a line: the tangent of the contour, with normal `N`.
 
-use nalgebra::{Matrix3, Matrix3x4, Point3, Vector3};
+use glam::{Mat3A, Vec3A};
+use nalgebra::{Matrix3, Point3, Vector3};
 
+use super::edges::Outline;
 use super::options::HeadModel;
 use crate::stage::StageCamera;
 
 /// Contour points of a head: a head of five pixels' radius has one every pixel of its upper part.
 pub const POINTS: usize = 16;
 
-/// A camera, made ready for contours.
+/// A camera, made ready for contours of heads of one shape. Estimating ends where it begins: single precision from here on.
 #[derive(Debug, Clone)]
 pub struct HeadCamera {
     /// The camera's centre.
     pub center: Point3<f64>,
-    /// From the world to homogeneous pixels.
-    projection: Matrix3x4<f64>,
-    /// From normals in the world to normals in the image (the first two rows matter).
-    image_from_normal: Matrix3<f64>,
-    /// The image's upwards, in the world.
-    up: Vector3<f64>,
-    /// Image width in pixels.
-    pub width: u32,
-    /// Image height in pixels.
-    pub height: u32,
+    shape: HeadShape,
+    /// From directions where the head is the unit sphere to homogeneous pixels.
+    projection: Mat3A,
+    /// From normals there to normals in the image (x and y matter).
+    image_from_normal: Mat3A,
+    /// The image's upwards, there.
+    up: Vec3A,
 }
 
 /// The shape that contours are made of.
@@ -44,100 +43,86 @@ pub struct HeadShape {
     sines: [f32; POINTS],
 }
 
-/// Contour points in the image of one camera, from one side over the top to the other: pixels and unit normals outwards.
+/// Contour points in the image of one camera, from one side over the top to the other, with their normals outwards (N).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contour {
     /// The pixel of the contour's middle.
     pub middle: [f32; 2],
-    /// Columns.
-    pub u: [f32; POINTS],
-    /// Rows.
-    pub v: [f32; POINTS],
-    /// N, along u.
-    pub normal_u: [f32; POINTS],
-    /// N, along v.
-    pub normal_v: [f32; POINTS],
+    /// The points.
+    pub outline: Outline<POINTS>,
 }
 
 impl Contour {
     /// From the middle to the top, pixels.
     pub fn half_height_px(&self) -> f32 {
-        length(self.u[POINTS / 2] - self.middle[0], self.v[POINTS / 2] - self.middle[1])
+        let Outline { u, v, .. } = &self.outline;
+        length(u[POINTS / 2] - self.middle[0], v[POINTS / 2] - self.middle[1])
     }
 }
 
 impl HeadCamera {
     /// The pinhole twin of a camera of the stage.
-    pub fn new(camera: &StageCamera) -> Self {
+    pub fn new(camera: &StageCamera, shape: &HeadShape) -> Self {
         let k = &camera.pinhole.intrinsics;
-        let pose = &camera.pinhole.camera_from_world;
-        let rotation = pose.rotation.to_rotation_matrix();
-        let matrix = k.matrix();
-        let scale = Matrix3::from_diagonal(&Vector3::new(1.0 / k.fx, 1.0 / k.fy, 1.0));
+        let rotation = camera.pinhole.camera_from_world.rotation.to_rotation_matrix();
+        let focal = Matrix3::from_diagonal(&Vector3::new(1.0 / k.fx, 1.0 / k.fy, 1.0));
+        let axes = Matrix3::from_diagonal(&shape.semi_axes);
+        let per_axis = Matrix3::from_diagonal(&shape.semi_axes.map(f64::recip));
         Self {
             center: camera.pinhole.center(),
-            projection: matrix * pose.to_homogeneous().fixed_view::<3, 4>(0, 0),
-            image_from_normal: scale * rotation.matrix(),
-            up: -(rotation.inverse() * Vector3::y()),
-            width: k.width,
-            height: k.height,
+            projection: single(&(k.matrix() * rotation.matrix() * axes)),
+            image_from_normal: single(&(focal * rotation.matrix() * per_axis)),
+            up: -single(&(per_axis * rotation.matrix().transpose())).y_axis,
+            shape: shape.clone(),
         }
     }
 
     /// The contour of a head whose middle is at `head`; `None` where the camera is inside it, or some of it is not in front of
     /// the camera.
-    pub fn contour(&self, shape: &HeadShape, head: &Vector3<f64>) -> Option<Contour> {
+    pub fn contour(&self, head: &Vector3<f64>) -> Option<Contour> {
         /// Seen from so straight above (the sine of the angle), the image's upwards is as good as the world's.
-        const STEEP: f64 = 0.1;
-        let axes = &shape.semi_axes;
-        let o = (self.center.coords - head).component_div(axes);
-        let distance = o.norm();
-        if distance.is_nan() || distance <= 1.0 {
+        const STEEP: f32 = 0.1;
+        let o = (self.center.coords - head).component_div(&self.shape.semi_axes);
+        let o = Vec3A::new(o.x as f32, o.y as f32, o.z as f32);
+        let squared = o.length_squared();
+        if squared.is_nan() || squared <= 1.0 {
             return None;
         }
-        let towards = o / distance;
-        let across = |v: Vector3<f64>| v - towards * towards.dot(&v);
-        let upwards = across(Vector3::z());
-        let e1 = if upwards.norm_squared() > STEEP * STEEP {
+        let per_squared = squared.recip();
+        let towards = o * per_squared.sqrt();
+        let upwards = Vec3A::Z - towards * towards.z;
+        let e1 = if upwards.length_squared() > STEEP * STEEP {
             upwards.normalize()
         } else {
-            across(self.up.component_div(axes)).try_normalize(1e-9)?
+            (self.up - towards * towards.dot(self.up)).try_normalize()?
         };
-        let e2 = towards.cross(&e1);
-        let radius = (1.0 - 1.0 / (distance * distance)).sqrt();
-        let [q0, q1, q2] = [towards / distance, e1 * radius, e2 * radius];
-        let linear = self.projection.fixed_view::<3, 3>(0, 0);
-        let single = |v: Vector3<f64>| [v.x as f32, v.y as f32, v.z as f32];
-        let middle = head + q0.component_mul(axes);
-        let p = [
-            single(linear * middle + self.projection.column(3)),
-            single(linear * q1.component_mul(axes)),
-            single(linear * q2.component_mul(axes)),
-        ];
-        let n = [q0, q1, q2].map(|q| single(self.image_from_normal * q.component_div(axes)));
+        let radius = (1.0 - per_squared).sqrt();
+        let [q0, q1, q2] = [o * per_squared, e1 * radius, towards.cross(e1) * radius];
+        // The camera's centre is the origin of homogeneous pixels.
+        let p = [q0 - o, q1, q2].map(|q| self.projection * q);
+        let n = [q0, q1, q2].map(|q| self.image_from_normal * q);
         // The nearest point of the circle.
-        if p[0][2] <= length(p[1][2], p[2][2]) + f32::EPSILON {
+        if p[0].z <= length(p[1].z, p[2].z) + f32::EPSILON {
             return None;
         }
-        let mut contour = Contour {
-            middle: [p[0][0] / p[0][2], p[0][1] / p[0][2]],
-            u: [0.0; POINTS],
-            v: [0.0; POINTS],
-            normal_u: [0.0; POINTS],
-            normal_v: [0.0; POINTS],
-        };
+        let mut outline = Outline::default();
         for i in 0..POINTS {
-            let (c, s) = (shape.cosines[i], shape.sines[i]);
-            let per_depth = 1.0 / (p[0][2] + c * p[1][2] + s * p[2][2]);
-            contour.u[i] = (p[0][0] + c * p[1][0] + s * p[2][0]) * per_depth;
-            contour.v[i] = (p[0][1] + c * p[1][1] + s * p[2][1]) * per_depth;
-            let (nu, nv) = (n[0][0] + c * n[1][0] + s * n[2][0], n[0][1] + c * n[1][1] + s * n[2][1]);
+            let (c, s) = (self.shape.cosines[i], self.shape.sines[i]);
+            let per_depth = 1.0 / (p[0].z + c * p[1].z + s * p[2].z);
+            outline.u[i] = (p[0].x + c * p[1].x + s * p[2].x) * per_depth;
+            outline.v[i] = (p[0].y + c * p[1].y + s * p[2].y) * per_depth;
+            let (nu, nv) = (n[0].x + c * n[1].x + s * n[2].x, n[0].y + c * n[1].y + s * n[2].y);
             let per_length = 1.0 / (nu * nu + nv * nv).sqrt();
-            contour.normal_u[i] = nu * per_length;
-            contour.normal_v[i] = nv * per_length;
+            outline.normal_u[i] = nu * per_length;
+            outline.normal_v[i] = nv * per_length;
         }
-        Some(contour)
+        Some(Contour { middle: [p[0].x / p[0].z, p[0].y / p[0].z], outline })
     }
+}
+
+fn single(m: &Matrix3<f64>) -> Mat3A {
+    let column = |i: usize| Vec3A::new(m[(0, i)] as f32, m[(1, i)] as f32, m[(2, i)] as f32);
+    Mat3A::from_cols(column(0), column(1), column(2))
 }
 
 /// Unlike `hypot`, no call: pixels and metres neither overflow nor vanish when squared.
@@ -190,7 +175,7 @@ mod tests {
         ] {
             let camera = camera(eye, aim);
             let head = Vector3::new(2.0, 1.0, 1.6);
-            let contour = HeadCamera::new(&camera).contour(&shape, &head).unwrap();
+            let contour = HeadCamera::new(&camera, &shape).contour(&head).unwrap().outline;
             let ellipsoid = Ellipsoid {
                 center: head.into(),
                 semi_axes: Vector3::new(model.radius_m, model.radius_m, model.half_height_m),
@@ -222,9 +207,9 @@ mod tests {
     #[test]
     fn the_arc_is_the_upper_part_of_a_head_seen_from_the_side() {
         let shape = HeadShape::new(&HeadModel { arc_deg: 90.0, ..HeadModel::default() });
-        let camera = HeadCamera::new(&camera([0.0, 0.0, 1.6], [5.0, 0.0, 1.6]));
-        let contour = camera.contour(&shape, &Vector3::new(5.0, 0.3, 1.6)).unwrap();
-        let middle = 0.5 * (f64::from(camera.height) - 1.0);
+        let camera = HeadCamera::new(&camera([0.0, 0.0, 1.6], [5.0, 0.0, 1.6]), &shape);
+        let contour = camera.contour(&Vector3::new(5.0, 0.3, 1.6)).unwrap().outline;
+        let middle = 0.5 * (480.0 - 1.0);
         assert!(contour.v.iter().all(|v| f64::from(*v) < middle + 1e-3), "{:?}", contour.v);
         let top = contour.v.iter().copied().fold(f32::MAX, f32::min);
         let focal = 320.0 / 30_f64.to_radians().tan();
@@ -235,9 +220,9 @@ mod tests {
     #[test]
     fn no_contour_where_there_is_none() {
         let shape = HeadShape::new(&HeadModel::default());
-        let camera = HeadCamera::new(&camera([0.0, 0.0, 1.6], [5.0, 0.0, 1.6]));
+        let camera = HeadCamera::new(&camera([0.0, 0.0, 1.6], [5.0, 0.0, 1.6]), &shape);
         for head in [[0.0, 0.0, 1.6], [-3.0, 0.0, 1.6], [0.05, 0.3, 1.6], [f64::NAN, 0.0, 1.6]] {
-            assert_eq!(camera.contour(&shape, &Vector3::from(head)), None, "{head:?}");
+            assert_eq!(camera.contour(&Vector3::from(head)), None, "{head:?}");
         }
     }
 }

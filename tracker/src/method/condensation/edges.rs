@@ -36,6 +36,19 @@ struct Level {
     gradient: Vec<[i16; 2]>,
 }
 
+/// Points in the image with their unit normals.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Outline<const N: usize> {
+    /// Columns.
+    pub u: [f32; N],
+    /// Rows.
+    pub v: [f32; N],
+    /// Normals, along u.
+    pub normal_u: [f32; N],
+    /// Normals, along v.
+    pub normal_v: [f32; N],
+}
+
 /// Makes the edge images of one camera.
 #[derive(Debug, Clone)]
 pub struct EdgeMaker {
@@ -80,9 +93,12 @@ impl EdgeImage {
         (inside > 0).then(|| sum as f32 / (255 * inside) as f32)
     }
 
-    /// Σ N·E over points of a head of this half height, in parts of an edge that counts fully, and how many of the points are
-    /// in the image.
-    pub fn along(&self, head_px: f32, points: impl Iterator<Item = ([f32; 2], [f32; 2])>) -> (f32, u32) {
+    /// Σ N·E over the outline of a head of this half height, in parts of an edge that counts fully, and how many of its points
+    /// are in the image.
+    pub fn along<const N: usize>(&self, head_px: f32, outline: &Outline<N>) -> (f32, u32) {
+        /// 3 · 2²²: added to a number, it leaves the nearest whole one in the lowest bits, without a branch or a call. What is
+        /// negative, far off, or no number ends up beyond any image.
+        const ROUNDS: f32 = 12_582_912.0;
         let level = match head_px / LARGEST_HEAD_PX {
             small if small <= 1.0 => 0,
             medium if medium <= 2.0 => 1,
@@ -90,18 +106,26 @@ impl EdgeImage {
         };
         let scale = 1.0 / (1 << level) as f32;
         let Level { width, height, gradient } = &self.levels[level];
+        // Pixels' edges, not their middles, fall together in all sizes.
+        let shift = 0.5 * scale - 0.5;
+        let pixel = |x: f32| (x * scale + shift + ROUNDS).to_bits().wrapping_sub(ROUNDS.to_bits());
+        let (columns, rows) = (outline.u.map(pixel), outline.v.map(pixel));
         let (mut sum, mut inside) = (0.0, 0);
-        for ([u, v], [normal_u, normal_v]) in points {
-            // Pixels' edges, not their middles, fall together in all sizes; truncation makes this the nearest pixel.
-            let (u, v) = ((u + 0.5) * scale, (v + 0.5) * scale);
-            let (column, row) = (u as i32 as usize, v as i32 as usize);
-            if u > 0.0 && v > 0.0 && column < *width && row < *height {
+        for i in 0..N {
+            let (column, row) = (columns[i] as usize, rows[i] as usize);
+            if column < *width && row < *height {
                 let [eu, ev] = gradient[row * width + column];
-                sum += normal_u * f32::from(eu) + normal_v * f32::from(ev);
+                sum += outline.normal_u[i] * f32::from(eu) + outline.normal_v[i] * f32::from(ev);
                 inside += 1;
             }
         }
         (sum / FULL, inside)
+    }
+}
+
+impl<const N: usize> Default for Outline<N> {
+    fn default() -> Self {
+        Self { u: [0.0; N], v: [0.0; N], normal_u: [0.0; N], normal_v: [0.0; N] }
     }
 }
 
@@ -206,6 +230,11 @@ mod tests {
         edges
     }
 
+    /// A point whose normal points to the right.
+    fn across(u: f32, v: f32) -> Outline<1> {
+        Outline { u: [u], v: [v], normal_u: [1.0], normal_v: [0.0] }
+    }
+
     fn linear() -> EdgeOptions {
         EdgeOptions { strength: EdgeStrength::Linear, ..EdgeOptions::default() }
     }
@@ -267,25 +296,31 @@ mod tests {
     #[test]
     fn sums_run_along_normals_and_count_what_is_inside() {
         let edges = edges(linear(), None, &picture(|u, _| (20 + 3 * u) as u8));
-        let along = [([10.2, 10.0], [1.0, 0.0]), ([20.0, 10.0], [0.0, 1.0]), ([30.0, 9.6], [-0.5, 0.0])];
-        let (sum, inside) = edges.along(6.0, along.into_iter());
+        let outline = Outline {
+            u: [10.2, 20.0, 30.0],
+            v: [10.0, 10.0, 9.6],
+            normal_u: [1.0, 0.0, -0.5],
+            normal_v: [0.0, 1.0, 0.0],
+        };
+        let (sum, inside) = edges.along(6.0, &outline);
         assert!((sum * STEEPEST - 1.5).abs() < 0.1 && inside == 3, "{sum} {inside}");
-        let outside = [[-0.6, 5.0], [39.6, 5.0], [5.0, 29.6], [f32::NAN, 5.0], [1e30, 5.0]];
-        assert_eq!(edges.along(6.0, outside.into_iter().map(|p| (p, [1.0, 0.0]))), (0.0, 0));
+        for (u, v) in [(-0.6, 5.0), (39.6, 5.0), (5.0, 29.6), (f32::NAN, 5.0), (1e30, 5.0), (5.0, -1e30)] {
+            assert_eq!(edges.along(6.0, &across(u, v)), (0.0, 0), "{u} {v}");
+        }
     }
 
     #[test]
     fn large_heads_are_looked_at_in_smaller_pictures() {
         let edges = edges(linear(), None, &picture(|u, _| (20 + 3 * u) as u8));
         // The same slope is twice as steep in half of the size.
-        let at = |head_px: f32| edges.along(head_px, [([20.0, 15.0], [1.0, 0.0])].into_iter()).0 * STEEPEST;
+        let at = |head_px: f32| edges.along(head_px, &across(20.0, 15.0)).0 * STEEPEST;
         assert!(
             (at(10.0) - 3.0).abs() < 0.1 && (at(20.0) - 6.0).abs() < 0.1 && (at(99.0) - 12.0).abs() < 0.2
         );
         // A step between columns 19 and 20 stays where it is.
         let step = self::edges(linear(), None, &picture(|u, _| if u < 20 { 60 } else { 160 }));
         let best = |head_px: f32| {
-            let at = |u: f32| step.along(head_px, [([u, 15.0], [1.0, 0.0])].into_iter()).0;
+            let at = |u: f32| step.along(head_px, &across(u, 15.0)).0;
             let most = (0..160).map(|i| at(i as f32 * 0.25)).fold(0.0, f32::max);
             let (sum, count) = (0..160)
                 .map(|i| i as f32 * 0.25)

@@ -80,9 +80,15 @@ impl Filter {
         self.scatter(sigma_m, rng);
     }
 
-    /// Moves all hypotheses on by a drift and a normal step (p(Xₜ | Xₜ₋₁)), and remembers them as predicted.
-    pub fn predict(&mut self, drift: &Vector3<f64>, sigma_m: &Vector3<f64>, rng: &mut Pcg64Mcg) {
-        self.draw(rng);
+    /// Moves so many hypotheses on by a drift and a normal step (p(Xₜ | Xₜ₋₁)), and remembers them as predicted.
+    pub fn predict(
+        &mut self,
+        count: usize,
+        drift: &Vector3<f64>,
+        sigma_m: &Vector3<f64>,
+        rng: &mut Pcg64Mcg,
+    ) {
+        self.draw(count, rng);
         for s in &mut self.hypotheses {
             *s += drift;
         }
@@ -93,19 +99,19 @@ impl Filter {
         self.predicted.clone_from(&self.hypotheses);
     }
 
-    /// Draws again by weight, and scatters what was drawn.
-    pub fn redraw(&mut self, sigma_m: &Vector3<f64>, rng: &mut Pcg64Mcg) {
-        self.draw(rng);
+    /// Draws so many again by weight, and scatters what was drawn.
+    pub fn redraw(&mut self, count: usize, sigma_m: &Vector3<f64>, rng: &mut Pcg64Mcg) {
+        self.draw(count, rng);
         self.scatter(sigma_m, rng);
     }
 
     /// Weighs every hypothesis by the moment's pictures.
     pub fn weigh(&mut self, sight: &Sight<'_>, spent: &mut Spent) {
         spent.weights.start();
-        self.looks.resize_with(self.hypotheses.len(), Looks::default);
-        for (s, looks) in self.hypotheses.iter().zip(&mut self.looks) {
-            sight.lookout.look(s, sight.stage, sight.edges, looks);
+        if self.looks.len() < self.hypotheses.len() {
+            self.looks.resize_with(self.hypotheses.len(), Looks::default);
         }
+        sight.lookout.look(&self.hypotheses, sight.stage, sight.edges, &mut self.looks);
         spent.weights.stop();
         spent.integration.start();
         let mut best = (-1.0, 0);
@@ -145,28 +151,30 @@ impl Filter {
         Gaussian::of(&self.hypotheses, &self.weights)
     }
 
-    /// Systematic resampling: as many hypotheses, each as often as its weight says. Weights of nothing: as they are.
-    fn draw(&mut self, rng: &mut Pcg64Mcg) {
-        let total: f64 = self.weights.iter().sum();
-        let count = self.hypotheses.len();
-        if total > 0.0 && total.is_finite() {
-            let step = total / count as f64;
-            let mut mark = rng.random::<f64>() * step;
-            let mut sum = 0.0;
-            self.drawn.clear();
-            for (s, weight) in self.hypotheses.iter().zip(&self.weights) {
-                sum += weight;
-                while mark < sum && self.drawn.len() < count {
-                    self.drawn.push(*s);
-                    mark += step;
-                }
-            }
-            // What rounding left out.
-            let last = self.drawn.last().copied();
-            self.drawn.resize(count, last.unwrap_or_default());
-            std::mem::swap(&mut self.drawn, &mut self.hypotheses);
+    /// Systematic resampling: so many hypotheses, each as often as its weight says. Weights of nothing: all alike.
+    fn draw(&mut self, count: usize, rng: &mut Pcg64Mcg) {
+        let mut total: f64 = self.weights.iter().sum();
+        if !(total > 0.0 && total.is_finite()) {
+            self.weights.fill(1.0);
+            total = self.weights.len() as f64;
         }
-        self.weights.fill(1.0);
+        let step = total / count as f64;
+        let mut mark = rng.random::<f64>() * step;
+        let mut sum = 0.0;
+        self.drawn.clear();
+        for (s, weight) in self.hypotheses.iter().zip(&self.weights) {
+            sum += weight;
+            while mark < sum && self.drawn.len() < count {
+                self.drawn.push(*s);
+                mark += step;
+            }
+        }
+        // What rounding left out.
+        let last = self.drawn.last().copied();
+        self.drawn.resize(count, last.unwrap_or_default());
+        std::mem::swap(&mut self.drawn, &mut self.hypotheses);
+        self.weights.clear();
+        self.weights.resize(count, 1.0);
     }
 
     fn scatter(&mut self, sigma_m: &Vector3<f64>, rng: &mut Pcg64Mcg) {

@@ -104,7 +104,7 @@ impl Condensation {
         let shape = HeadShape::new(&options.head);
         let lookout = Lookout::new(
             &stage.cameras,
-            shape,
+            &shape,
             &options.edges,
             options.integration,
             (options.rays, options.beta),

@@ -131,7 +131,8 @@ pub struct CondensationOptions {
     pub seed: u64,
     /// N: hypotheses a person.
     pub hypotheses: usize,
-    /// How often the hypotheses of a moment are weighed and drawn again around the best, closer each time (published: once).
+    /// How often the hypotheses of a moment are weighed and half of them drawn again around the best, closer each time
+    /// (published: once).
     pub layers: usize,
     /// The power of the integrated weight that hypotheses are drawn by (published: 1). A sum over pairs falls off slowly
     /// from its peak; its mean would lie where the prediction is.

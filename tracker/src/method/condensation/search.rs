@@ -110,7 +110,7 @@ impl Search {
 
     /// Half of the hypotheses go on, half are spread anew over the volume.
     fn spread(&mut self, lowest_m: f64, highest_m: f64, rng: &mut Pcg64Mcg) {
-        self.filter.redraw(&Vector3::repeat(CLIMB_SIGMA_M[0]), rng);
+        self.filter.redraw(self.filter.hypotheses.len(), &Vector3::repeat(CLIMB_SIGMA_M[0]), rng);
         for (i, s) in self.filter.hypotheses.iter_mut().enumerate() {
             if i % 2 == 0 || !self.area.contains(&Point2::new(s.x, s.y)) {
                 let place: Point2<f64> = self.area.sample(rng);
@@ -143,7 +143,7 @@ pub(super) fn climb(
         return None;
     }
     for sigma_m in &CLIMB_SIGMA_M[1..] {
-        climb.redraw(&Vector3::repeat(*sigma_m), rng);
+        climb.redraw(CLIMBERS, &Vector3::repeat(*sigma_m), rng);
         climb.weigh(sight, &mut spent);
     }
     Some((climb.gaussian().mean, climb.support(0.0, sight)))

@@ -20,6 +20,9 @@ const FOUND_SIGMA_M: f64 = 0.05;
 /// So often it is looked whether somebody is followed by a shoulder, seconds.
 const LOOKS_UP_EVERY_S: f64 = 0.25;
 
+/// From the second layer on, one hypothesis in so many is enough: they fill an eighth of the volume or less.
+const CLOSER: usize = 2;
+
 /// A person.
 #[derive(Debug, Clone)]
 pub(super) struct Track {
@@ -43,6 +46,8 @@ pub(super) struct Track {
     looked_up_s: f64,
     /// There was one then.
     seems_shoulder: bool,
+    /// N.
+    hypotheses: usize,
     sigma_m: Vector3<f64>,
     expected: Vector3<f64>,
     rng: Pcg64Mcg,
@@ -66,6 +71,7 @@ impl Track {
             trust: found.trust,
             looked_up_s: 0.0,
             seems_shoulder: false,
+            hypotheses: options.hypotheses,
             sigma_m: sigma,
             expected: found.head,
             rng,
@@ -80,7 +86,7 @@ impl Track {
         let sideways = motion.step_m + motion.speed_m_s * dt_s;
         self.sigma_m =
             Vector3::new(sideways, sideways, 0.5 * motion.step_m + motion.vertical_speed_m_s * dt_s);
-        self.filter.predict(&drift, &self.sigma_m, &mut self.rng);
+        self.filter.predict(self.hypotheses, &drift, &self.sigma_m, &mut self.rng);
         self.expected = self.gaussian.mean + drift;
         spent.hypotheses.stop();
     }
@@ -90,7 +96,7 @@ impl Track {
         if layer > 0 {
             spent.hypotheses.start();
             let sigma = self.sigma_m * 0.5_f64.powi(layer as i32);
-            self.filter.redraw(&sigma, &mut self.rng);
+            self.filter.redraw(self.hypotheses.div_ceil(CLOSER), &sigma, &mut self.rng);
             spent.hypotheses.stop();
         }
         self.filter.weigh(sight, spent);

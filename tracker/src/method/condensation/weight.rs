@@ -1,5 +1,6 @@
 //! The two-dimensional weight of a hypothesis in each camera (equation 9): the mean of N·E over its contour.
 
+use glam::Vec3A;
 use nalgebra::Vector3;
 
 use super::contour::{HeadCamera, HeadShape, POINTS};
@@ -22,7 +23,6 @@ const SAME_CONTOUR: f32 = 0.75;
 #[derive(Debug, Clone)]
 pub struct Lookout {
     cameras: Vec<HeadCamera>,
-    shape: HeadShape,
     dark_heads_only: bool,
     integration: Integration,
     rays: RayTest,
@@ -60,15 +60,14 @@ impl Lookout {
     /// For these cameras.
     pub fn new(
         cameras: &[StageCamera],
-        shape: HeadShape,
+        shape: &HeadShape,
         edges: &EdgeOptions,
         integration: Integration,
         (rays, beta): (RayTest, f64),
         seen_at: f64,
     ) -> Self {
         Self {
-            cameras: cameras.iter().map(HeadCamera::new).collect(),
-            shape,
+            cameras: cameras.iter().map(|c| HeadCamera::new(c, shape)).collect(),
             dark_heads_only: edges.dark_heads_only,
             integration,
             rays,
@@ -77,32 +76,33 @@ impl Lookout {
         }
     }
 
-    /// Every camera's weight of a head at a place, into `looks`: of the cameras that have a picture now and the place in their
-    /// image, and for [`Integration::Room`] only of those that the static room leaves a view of it.
+    /// Every camera's weight of a head at each of some places, into `looks`: of the cameras that have a picture now and the
+    /// place in their image, and for [`Integration::Room`] only of those that the static room leaves a view of it.
     pub fn look(
         &self,
-        head: &Vector3<f64>,
+        heads: &[Vector3<f64>],
         stage: &[StageCamera],
         edges: &[Option<EdgeImage>],
-        looks: &mut Looks,
+        looks: &mut [Looks],
     ) {
-        looks.clear();
+        looks.iter_mut().for_each(Looks::clear);
+        // Camera by camera: what one of them sees of a person fits the cache.
         for ((camera, edges), stage) in self.cameras.iter().zip(edges).zip(stage) {
             let Some(edges) = edges else { continue };
-            if self.integration == Integration::Room && is_hidden(stage, head) {
-                continue;
+            for (head, looks) in heads.iter().zip(&mut *looks) {
+                if self.integration == Integration::Room && is_hidden(stage, head) {
+                    continue;
+                }
+                let Some(weight) = self.weight(camera, edges, head) else { continue };
+                looks.push(Look { weight, ray: ray(camera, head) });
             }
-            let Some(weight) = self.weight(camera, edges, head) else { continue };
-            let ray = (head - camera.center.coords).normalize();
-            looks.push(Look { weight, ray: [ray.x as f32, ray.y as f32, ray.z as f32] });
         }
     }
 
     /// π of one camera, 0 to 1; `None` where most of the contour is outside the image.
     fn weight(&self, camera: &HeadCamera, edges: &EdgeImage, head: &Vector3<f64>) -> Option<f32> {
-        let c = camera.contour(&self.shape, head)?;
-        let points = (0..POINTS).map(|i| ([c.u[i], c.v[i]], [c.normal_u[i], c.normal_v[i]]));
-        let (sum, inside) = edges.along(c.half_height_px(), points);
+        let c = camera.contour(head)?;
+        let (sum, inside) = edges.along(c.half_height_px(), &c.outline);
         if 2 * inside < POINTS as u32 {
             return None;
         }
@@ -132,45 +132,45 @@ impl Lookout {
             let Some(edges) = edges else { continue };
             let Some(weight) = self.weight(camera, edges, head) else { continue };
             if weight >= self.seen_at {
-                if sight
-                    .everybody
-                    .iter()
-                    .any(|o| o.trust > trust && self.is_same_contour(camera, head, &o.head))
-                {
+                if sight.everybody.iter().any(|o| o.trust > trust && is_same_contour(camera, head, &o.head)) {
                     continue;
                 }
                 support.seeing += 1;
             } else {
                 // Something that is no head hides it, unless the camera sees the empty scene.
-                let is_empty =
-                    self.changed(camera, edges, head).is_some_and(|changed| changed < DENIED_BELOW);
+                let is_empty = changed(camera, edges, head).is_some_and(|changed| changed < DENIED_BELOW);
                 if !is_empty || is_hidden(stage, head) {
                     continue;
                 }
                 support.denying += 1;
             }
-            let ray = (head - camera.center.coords).normalize();
-            looks.push(Look { weight, ray: [ray.x as f32, ray.y as f32, ray.z as f32] });
+            looks.push(Look { weight, ray: ray(camera, head) });
         }
         let (best, mean) = looks.pairs(self.rays, self.beta);
         Support { pair: best.max(0.0).sqrt(), all: mean.max(0.0).sqrt(), ..support }
     }
+}
 
-    /// Whether two heads would have about the same contour in a camera.
-    fn is_same_contour(&self, camera: &HeadCamera, head: &Vector3<f64>, other: &Vector3<f64>) -> bool {
-        let contours = (camera.contour(&self.shape, head), camera.contour(&self.shape, other));
-        let (Some(own), Some(theirs)) = contours else { return false };
-        let apart_px = (own.middle[0] - theirs.middle[0]).hypot(own.middle[1] - theirs.middle[1]);
-        apart_px < SAME_CONTOUR * theirs.half_height_px()
-    }
+/// From a camera to a head, of length 1.
+fn ray(camera: &HeadCamera, head: &Vector3<f64>) -> [f32; 3] {
+    let ray = head - camera.center.coords;
+    Vec3A::new(ray.x as f32, ray.y as f32, ray.z as f32).normalize().to_array()
+}
 
-    /// The share of a head's inside that is not as in the empty scene.
-    fn changed(&self, camera: &HeadCamera, edges: &EdgeImage, head: &Vector3<f64>) -> Option<f32> {
-        let c = camera.contour(&self.shape, head)?;
-        let [mu, mv] = c.middle;
-        let half_way = |i: usize| [0.5 * (c.u[i] + mu), 0.5 * (c.v[i] + mv)];
-        edges.changed((0..POINTS).step_by(2).map(half_way))
-    }
+/// Whether two heads would have about the same contour in a camera.
+fn is_same_contour(camera: &HeadCamera, head: &Vector3<f64>, other: &Vector3<f64>) -> bool {
+    let contours = (camera.contour(head), camera.contour(other));
+    let (Some(own), Some(theirs)) = contours else { return false };
+    let apart_px = (own.middle[0] - theirs.middle[0]).hypot(own.middle[1] - theirs.middle[1]);
+    apart_px < SAME_CONTOUR * theirs.half_height_px()
+}
+
+/// The share of a head's inside that is not as in the empty scene.
+fn changed(camera: &HeadCamera, edges: &EdgeImage, head: &Vector3<f64>) -> Option<f32> {
+    let c = camera.contour(head)?;
+    let [mu, mv] = c.middle;
+    let half_way = |i: usize| [0.5 * (c.outline.u[i] + mu), 0.5 * (c.outline.v[i] + mv)];
+    edges.changed((0..POINTS).step_by(2).map(half_way))
 }
 
 /// Whether the static room hides a head from a camera; not so outside the image.

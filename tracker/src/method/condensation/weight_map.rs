@@ -38,13 +38,13 @@ impl WeightMap {
         let cell_m = (size.x.max(size.y) / MOST_CELLS).max(LEAST_CELL_M);
         let [columns, rows] = [size.x, size.y].map(|s| (s / cell_m).ceil().max(1.0) as usize);
         let lookout = sight.lookout.with(integration);
-        let mut looks = Looks::default();
+        let mut looks = [Looks::default()];
         let mut map = Self { integration, low, cell_m, columns, weights: Vec::with_capacity(columns * rows) };
         for i in 0..columns * rows {
             let place = map.middle(i);
             let head = Vector3::new(place.x, place.y, height_m);
-            lookout.look(&head, sight.stage, sight.edges, &mut looks);
-            map.weights.push(lookout.integrate(&looks));
+            lookout.look(&[head], sight.stage, sight.edges, &mut looks);
+            map.weights.push(lookout.integrate(&looks[0]));
         }
         map
     }
