@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use image::{DynamicImage, Rgb, RgbImage};
-use opencv::core::Mat;
+use opencv::core::{Mat, Vector};
 use opencv::prelude::*;
 use opencv::{imgproc, videoio};
 
@@ -14,6 +14,10 @@ use crate::{Error, Result};
 /// How many frames a container's header may promise beyond what decodes: headers count from durations, and
 /// rounding and edit lists make them one or two too many.
 const HEADER_SLACK_FRAMES: usize = 3;
+
+/// How long a stream may take to open, and between two of its frames, milliseconds.
+const OPENS_WITHIN_MS: i32 = 10_000;
+const READS_WITHIN_MS: i32 = 5_000;
 
 /// A sequence of colour images of one size.
 #[derive(Debug)]
@@ -39,6 +43,8 @@ enum Backend {
         buffer: Mat,
         is_file: bool,
         is_recording: bool,
+        /// A device, or a stream that does not say how long it is.
+        is_live: bool,
     },
 }
 
@@ -91,9 +97,18 @@ impl FrameSource {
             }
         }
         let opening = adapter::refused("opening a video");
+        let patience = Vector::from_slice(&[
+            videoio::CAP_PROP_OPEN_TIMEOUT_MSEC,
+            OPENS_WITHIN_MS,
+            videoio::CAP_PROP_READ_TIMEOUT_MSEC,
+            READS_WITHIN_MS,
+        ]);
         let mut capture = match device {
             Some(number) => videoio::VideoCapture::new(number, videoio::CAP_ANY),
             None if is_pattern => videoio::VideoCapture::from_file(spec, videoio::CAP_IMAGES),
+            None if is_stream => {
+                videoio::VideoCapture::from_file_with_params(spec, videoio::CAP_FFMPEG, &patience)
+            }
             None => videoio::VideoCapture::from_file(spec, videoio::CAP_FFMPEG),
         }
         .map_err(&opening)?;
@@ -108,12 +123,13 @@ impl FrameSource {
         }
         let property = |id: i32| capture.get(id).ok().filter(|v| v.is_finite() && *v > 0.0);
         let countable = is_file || is_pattern;
+        let length = property(videoio::CAP_PROP_FRAME_COUNT).map(|n| n as usize);
         Ok(Self {
             name: spec.to_owned(),
             width: first.cols() as u32,
             height: first.rows() as u32,
             rate: property(videoio::CAP_PROP_FPS),
-            expected: property(videoio::CAP_PROP_FRAME_COUNT).filter(|_| countable).map(|n| n as usize),
+            expected: length.filter(|_| countable),
             delivered: 0,
             backend: Backend::Video {
                 capture: Box::new(capture),
@@ -121,6 +137,7 @@ impl FrameSource {
                 buffer: Mat::default(),
                 is_file,
                 is_recording: countable,
+                is_live: !countable && length.is_none(),
             },
         })
     }
@@ -230,6 +247,12 @@ impl FrameSource {
             Backend::Folder(_) => true,
             Backend::Video { is_recording, .. } => *is_recording,
         }
+    }
+
+    /// Whether this has no end of its own: a device, or a stream that does not say how long it is. Where its frames end, it has
+    /// broken off.
+    pub fn is_live(&self) -> bool {
+        matches!(&self.backend, Backend::Video { is_live: true, .. })
     }
 
     /// All remaining frames.

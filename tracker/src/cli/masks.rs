@@ -8,7 +8,7 @@ use calib::vision::FrameSource;
 use clap::Args;
 use image::{GrayImage, RgbImage};
 use tracker::foreground::{Foreground, Verdict};
-use tracker::source::{Footage, NamedSource, Times};
+use tracker::source::{Footage, NamedSource, Next, Times};
 
 use super::background::{BackgroundArguments, KEEP_BYTES};
 
@@ -70,7 +70,7 @@ impl MasksArgs {
             .progress(&format!("masks of {}", named.name), video.source().frame_count().map(|n| n as u64));
         let (mut image, mut mask) = (RgbImage::default(), GrayImage::default());
         let mut frame = 0;
-        while video.read(&mut image)?.is_some() {
+        while let Next::Frame(_) = video.read(&mut image)? {
             frame += 1;
             let verdict = foreground.mask(&image, times.of(frame)?, &mut mask)?;
             if verdict != Verdict::Usable {

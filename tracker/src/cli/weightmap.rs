@@ -9,7 +9,7 @@ use scenes::room::Room;
 use tracker::foreground::Start;
 use tracker::method::condensation::Condensation;
 use tracker::method::condensation::integration::Integration;
-use tracker::source::{self, NamedSource};
+use tracker::source::{self, NamedSource, Next};
 use tracker::stage::{Stage, StageOptions};
 use tracker::{CameraFrame, Moment};
 
@@ -77,8 +77,11 @@ pub(crate) fn weightmap(args: &WeightMapArgs) -> anyhow::Result<String> {
         }
         let mut picture = RgbImage::default();
         for frame in 1..=args.frame {
-            let is_there =
-                if frame < args.frame { video.skip()? } else { video.read(&mut picture)?.is_some() };
+            let is_there = if frame < args.frame {
+                video.skip()?
+            } else {
+                matches!(video.read(&mut picture)?, Next::Frame(_))
+            };
             if !is_there {
                 bail!("--frame {}: the video of `{name}` ends after frame {}", args.frame, frame - 1);
             }

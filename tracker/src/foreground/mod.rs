@@ -83,6 +83,8 @@ pub enum Verdict {
     AllForeground,
     /// A background that is learnt while running has not seen enough yet.
     Learning,
+    /// A live stream has broken off; it is opened again.
+    Lost,
     /// The camera has no frame near this moment: its rate is lower than another's. Nothing is wrong with it.
     Between,
 }
@@ -102,6 +104,7 @@ impl std::fmt::Display for Verdict {
             Self::Dark => "dark",
             Self::AllForeground => "all foreground (light switched or camera moved)",
             Self::Learning => "learning its background",
+            Self::Lost => "its stream has broken off (it is opened again, once a second)",
             Self::Between => "between two of its frames",
         })
     }

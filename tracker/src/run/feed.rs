@@ -10,7 +10,7 @@ use image::{GrayImage, RgbImage};
 use crate::foreground::health::{self, Health};
 use crate::foreground::{Foreground, Verdict};
 use crate::moment::CameraFrame;
-use crate::source::{CameraSource, Footage, Schedule};
+use crate::source::{self, CameraSource, Footage, Schedule};
 use crate::stage::Stage;
 use crate::{Error, Result};
 
@@ -195,8 +195,14 @@ impl CameraFeed {
     ) -> Result<Option<Fed>> {
         let mut decode = Duration::ZERO;
         if let Some(video) = &mut self.source.video {
-            let Some(took) = video.read(&mut self.picture)? else { return Ok(None) };
-            decode += took;
+            match video.read(&mut self.picture)? {
+                source::Next::Frame(took) => decode += took,
+                source::Next::Missing => {
+                    self.frame += 1;
+                    return Ok(Some(Fed::nothing(Verdict::Lost)));
+                }
+                source::Next::End => return Ok(None),
+            }
         }
         let started = Instant::now();
         if let Some(masks) = &mut self.source.masks

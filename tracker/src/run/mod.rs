@@ -19,6 +19,9 @@ use crate::source::Schedule;
 use crate::tracks::{Stopwatch, Timings};
 use crate::{Error, Moment, PersonEstimate, Result};
 
+/// When no camera's stream has been there for so long, the run ends.
+const ALL_LOST_FOR: Duration = Duration::from_mins(1);
+
 /// One moment with what was made of it.
 #[derive(Debug, Clone, Copy)]
 pub struct Followed<'a> {
@@ -69,7 +72,8 @@ pub struct RunReport {
     pub frames: u32,
     /// From the first frame's decoding to the last output, seconds.
     pub wall_s: f64,
-    /// The camera that ended the run, when the others go on or end with it.
+    /// The camera that ended the run, when the others go on or end with it: the first whose source ended, or that of a stream
+    /// when all have been lost for a minute.
     pub ended_by: String,
     /// For each camera that was set aside at times, in how many frames, and why the first time.
     pub set_aside: BTreeMap<String, (u32, Verdict)>,
@@ -98,6 +102,7 @@ pub fn run(
     let mut log = CameraLog::new(names);
     let mut stopwatch = Stopwatch::default();
     let mut frame = options.schedule.first() - 1;
+    let mut all_lost_since: Option<Instant> = None;
     let ended_by = thread::scope(|scope| {
         let mut feeds = Feeds::start(scope, feeds, &options.schedule, options.threads);
         loop {
@@ -105,6 +110,11 @@ pub fn run(
                 Next::Moment(parts) => parts,
                 Next::Ended(camera) => return Ok::<_, Error>(camera),
             };
+            if parts.iter().any(|p| p.verdict != Verdict::Lost) {
+                all_lost_since = None;
+            } else if all_lost_since.get_or_insert_with(Instant::now).elapsed() > ALL_LOST_FOR {
+                return Ok(log.names[0].clone());
+            }
             frame += 1;
             log.note(frame, &parts);
             stopwatch.record("decode", parts.iter().map(|p| p.decode).sum::<Duration>());

@@ -9,6 +9,7 @@ use scenes::room::{Room, RoomCamera};
 use super::*;
 use crate::foreground::backdrop::Backdrop;
 use crate::foreground::{Foreground, ForegroundOptions, Start};
+use crate::source::reconnection::tests::film;
 use crate::source::{self, Clock, NamedSource, Times};
 use crate::stage::{Stage, StageOptions};
 
@@ -77,20 +78,28 @@ fn followed(folder: &Path, room: &Room, threads: usize, times: &Times) -> Result
 }
 
 fn scheduled(folder: &Path, room: &Room, threads: usize, schedule: Schedule) -> Result<(Witness, RunReport)> {
-    let stage = Stage::prepare(room, folder, &StageOptions::default())?;
     let named =
         |name: &str| NamedSource { name: name.to_owned(), spec: folder.join(name).display().to_string() };
     let videos: Vec<NamedSource> = room.cameras.iter().map(|c| named(&c.name)).collect();
+    filmed(folder, room, &videos, &RunOptions { schedule, threads })
+}
+
+fn filmed(
+    folder: &Path,
+    room: &Room,
+    videos: &[NamedSource],
+    options: &RunOptions,
+) -> Result<(Witness, RunReport)> {
+    let stage = Stage::prepare(room, folder, &StageOptions::default())?;
     let empty = Backdrop::learn(&[RgbImage::from_fn(SIZE.0, SIZE.1, floor)])?;
-    let feeds = source::open(room, &videos, &[])?.into_iter().map(|source| {
+    let feeds = source::open(room, videos, &[])?.into_iter().map(|source| {
         let start = Start::Backdrop(empty.clone());
         let foreground = Foreground::new(SIZE.0, SIZE.1, start, ForegroundOptions::default())?;
         CameraFeed::new(source, Some(foreground), &stage)
     });
     let feeds = feeds.collect::<Result<Vec<_>>>()?;
     let mut witness = Witness::default();
-    let options = RunOptions { schedule, threads };
-    let report = run(feeds, &mut witness, Vec::new(), &options, || {})?;
+    let report = run(feeds, &mut witness, Vec::new(), options, || {})?;
     Ok((witness, report))
 }
 
@@ -118,6 +127,28 @@ fn the_shortest_source_ends_the_run_at_any_number_of_threads() {
             followed(folder.path(), &room, threads, &Times::steady(10.0).unwrap()).unwrap();
         assert_eq!((witness.0.len(), report.frames, report.ended_by.as_str()), (4, 4, "b"));
     }
+}
+
+#[test]
+fn a_stream_that_breaks_off_is_set_aside_while_the_others_go_on() {
+    let (folder, room) = recorded(&[("a", 30), ("b", 0)]);
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let url = format!("http://{}/camera.mjpg", listener.local_addr().unwrap());
+    let server = thread::spawn(move || {
+        film(&mut listener.accept().unwrap().0, 120, 12).unwrap();
+    });
+    let spec = folder.path().join("a").display().to_string();
+    let videos =
+        [NamedSource { name: "a".to_owned(), spec }, NamedSource { name: "b".to_owned(), spec: url }];
+    let schedule = Schedule::frame_by_frame(&Times::steady(25.0).unwrap(), 2).unwrap();
+    let (witness, report) =
+        filmed(folder.path(), &room, &videos, &RunOptions { schedule, threads: 2 }).unwrap();
+    server.join().unwrap();
+    assert_eq!((witness.0.len(), report.ended_by.as_str()), (30, "a"));
+    // A mask and a picture of each camera; 7 and 9 stand for none.
+    assert!(witness.0[5].2[3] != 9 && witness.0[20].2[2..] == [7, 9], "{:?}", witness.0[20]);
+    assert!(witness.0.iter().all(|(_, _, seen)| seen[1] != 9));
+    assert_eq!(report.set_aside["b"], (30 - 12, Verdict::Lost));
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! One camera's pictures, frame by frame. A recording that fits into memory is decoded once, although it is needed
-//! twice: looked through for the empty scene, then followed.
+//! twice: looked through for the empty scene, then followed. A live stream that breaks off is opened again
+//! ([`Reconnection`]).
 
 use std::borrow::Cow;
 use std::collections::VecDeque;
@@ -8,6 +9,7 @@ use std::time::{Duration, Instant};
 use calib::vision::FrameSource;
 use image::RgbImage;
 
+use super::reconnection::Reconnection;
 use super::sampling;
 use crate::{Error, Result};
 
@@ -19,13 +21,26 @@ pub struct Footage {
     ahead: VecDeque<(RgbImage, Duration)>,
     /// Why decoding ahead stopped before the end: told in its turn, after the frames before it.
     failure: Option<Error>,
+    /// While a live stream is away.
+    reconnection: Option<Reconnection>,
     delivered: u32,
+}
+
+/// What comes next.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Next {
+    /// A frame, and how long decoding it took.
+    Frame(Duration),
+    /// A frame that a live stream would have had, had it not broken off.
+    Missing,
+    /// Nothing more.
+    End,
 }
 
 impl Footage {
     /// The frames of a source that has delivered none yet.
     pub fn new(source: FrameSource) -> Self {
-        Self { source, ahead: VecDeque::new(), failure: None, delivered: 0 }
+        Self { source, ahead: VecDeque::new(), failure: None, reconnection: None, delivered: 0 }
     }
 
     /// Where the frames come from.
@@ -33,7 +48,7 @@ impl Footage {
         &self.source
     }
 
-    /// Frames delivered or passed over so far.
+    /// Frames delivered, passed over or missed so far.
     pub fn delivered(&self) -> u32 {
         self.delivered
     }
@@ -80,23 +95,25 @@ impl Footage {
         false
     }
 
-    /// The next frame into `into` (its old buffer may go), and how long decoding it took. `None` at the end.
+    /// The next frame into `into` (its old buffer may go).
     ///
     /// # Errors
     /// As [`FrameSource::read`].
-    pub fn read(&mut self, into: &mut RgbImage) -> Result<Option<Duration>> {
+    pub fn read(&mut self, into: &mut RgbImage) -> Result<Next> {
         if let Some((frame, decoding)) = self.ahead.pop_front() {
             *into = frame;
             self.delivered += 1;
-            return Ok(Some(decoding));
+            return Ok(Next::Frame(decoding));
         }
         if let Some(failure) = self.failure.take() {
             return Err(failure);
         }
+        if !self.is_there() {
+            return Ok(Next::Missing);
+        }
         let started = Instant::now();
         let more = self.source.read(into)?;
-        self.delivered += u32::from(more);
-        Ok(more.then(|| started.elapsed()))
+        Ok(self.counted(more.then(|| started.elapsed())))
     }
 
     /// Passes over a frame. `false` when there are no more, or decoding fails; [`Self::read`] then says why.
@@ -104,9 +121,44 @@ impl Footage {
     /// # Errors
     /// As [`FrameSource::skip`].
     pub fn skip(&mut self) -> Result<bool> {
-        let more = self.ahead.pop_front().is_some() || (self.failure.is_none() && self.source.skip()?);
-        self.delivered += u32::from(more);
-        Ok(more)
+        if self.ahead.pop_front().is_some() {
+            self.delivered += 1;
+            return Ok(true);
+        }
+        if self.failure.is_some() {
+            return Ok(false);
+        }
+        if !self.is_there() {
+            return Ok(true);
+        }
+        let more = self.source.skip()?;
+        Ok(self.counted(more.then_some(Duration::ZERO)) != Next::End)
+    }
+
+    /// Whether the source is there, or there again; a frame of one that is not goes missing.
+    fn is_there(&mut self) -> bool {
+        let Some(reconnection) = &mut self.reconnection else { return true };
+        let Some(source) = reconnection.next() else {
+            self.delivered += 1;
+            return false;
+        };
+        (self.source, self.reconnection) = (source, None);
+        true
+    }
+
+    /// What came of asking for a frame. A live stream has no end.
+    fn counted(&mut self, took: Option<Duration>) -> Next {
+        if took.is_none() && !self.source.is_live() {
+            return Next::End;
+        }
+        self.delivered += 1;
+        took.map_or_else(
+            || {
+                self.reconnection = Some(Reconnection::start(&self.source));
+                Next::Missing
+            },
+            Next::Frame,
+        )
     }
 }
 
@@ -130,7 +182,7 @@ mod tests {
 
     fn rest(footage: &mut Footage) -> Result<Vec<u8>> {
         let (mut levels, mut frame) = (Vec::new(), RgbImage::default());
-        while footage.read(&mut frame)?.is_some() {
+        while footage.read(&mut frame)? != Next::End {
             levels.push(frame.get_pixel(0, 0)[0]);
         }
         Ok(levels)
@@ -159,7 +211,7 @@ mod tests {
         assert_eq!(looked.look_through(1 << 30).unwrap().len(), 4);
         let mut frame = RgbImage::default();
         for level in 0..4 {
-            assert!(looked.read(&mut frame).unwrap().is_some());
+            assert!(matches!(looked.read(&mut frame).unwrap(), Next::Frame(_)));
             assert_eq!(frame.get_pixel(0, 0)[0], level);
         }
         let said = looked.read(&mut frame).unwrap_err().to_string();

@@ -1,6 +1,7 @@
 //! Where the pictures come from: named videos and masks, matched with the room's cameras, and the time of each frame.
 
 pub mod footage;
+pub(crate) mod reconnection;
 pub mod sampling;
 pub mod schedule;
 pub mod times;
@@ -11,7 +12,7 @@ use std::str::FromStr;
 use calib::vision::FrameSource;
 use scenes::room::{Room, RoomCamera};
 
-pub use footage::Footage;
+pub use footage::{Footage, Next};
 pub use schedule::{Clock, Schedule};
 pub use times::Times;
 
