@@ -50,7 +50,8 @@ enum MethodName {
 pub(crate) struct RunArgs {
     /// The room directory, as `recon build` makes it.
     room: PathBuf,
-    /// A camera's video: a file, a folder of images, a printf pattern, a stream's URL or a device number.
+    /// A camera's video: a file, a folder of images, a printf pattern, a stream's URL or a device number. A stream
+    /// that breaks off is set aside, and taken back when it can be opened again.
     #[arg(long, value_name = "NAME=PATH")]
     video: Vec<NamedSource>,
     /// A camera's ready-made masks (folder of 8-bit images, 0 = background, or a video): no background subtraction.
