@@ -2,15 +2,18 @@
 //!
 //! Indoors, untextured walls and floors leave holes in stereo, and a hole in a wall is a hole in the prediction of what
 //! it hides. Planes are found in the measured depths ([`detect`]), the ceiling opposite the floor ([`opposite`]); pixels
-//! on a plane take its depth; doubtful rims of near things, where patches reach over the edge, are forgotten ([`rims`]);
+//! on a plane take its depth, and so do those beside them whose colours the plane explains better than stereo did ([`grow`],
+//! [`photo`]); doubtful rims of near things, where patches reach over the edge, are forgotten ([`rims`]);
 //! what is unknown then takes the plane of the measured pixel that is nearest along paths which avoid edges in the
 //! picture ([`spread`]), unless another view looks past it ([`witness`]). Filled pixels are marked as such.
 //!
 //! Everything happens in inverse depth, where a plane is linear over the image and stereo's noise is the same everywhere.
 
 mod detect;
+mod grow;
 mod local;
 mod opposite;
+mod photo;
 mod rims;
 mod speckles;
 mod spread;
@@ -31,7 +34,7 @@ pub use detect::ImagePlane;
 pub struct PlaneOptions {
     /// A measured pixel this close to a plane lies on it, pixels of disparity.
     pub tolerance_px: f32,
-    /// … and this close, if it lies amid pixels of the plane.
+    /// … and this close, if it lies amid pixels of the plane, or beside one and the colours in other views agree.
     pub loose_tolerance_px: f32,
     /// The former only if its neighbourhood faces the plane's way to within this, degrees.
     pub facing_deg: f32,
@@ -43,7 +46,9 @@ pub struct PlaneOptions {
     pub speckle_share: f32,
     /// Width of the doubtful rim of near things, pixels.
     pub rim_px: usize,
-    /// Depths of neighbouring pixels that differ by more than this share are an edge.
+    /// Pixels of disparity by which a surface lies before another where there is an edge between them.
+    pub edge_px: f32,
+    /// Depths of neighbouring pixels that differ by more than half this share do not hang together.
     pub edge: f32,
     /// How many pixels of smooth picture a step of one grey level counts as.
     pub edge_cost: f32,
@@ -67,10 +72,11 @@ impl Default for PlaneOptions {
             most_planes: 40,
             speckle_share: 0.0003,
             rim_px: 5,
+            edge_px: 1.5,
             edge: 0.04,
-            edge_cost: 0.7,
+            edge_cost: 0.4,
             reach_px: 160.0,
-            surface_reach_px: 12.0,
+            surface_reach_px: 24.0,
             looked_past: 0.04,
             seed: 0,
         }
@@ -108,11 +114,15 @@ pub fn complete(views: &[DenseView], options: &PlaneOptions) -> Option<(Surface,
     for _ in 0..3 {
         labels = agree_with_neighbours(&surface, &planes, &labels, view.step, options);
     }
-    rims::forget(&mut surface, options);
+    let witnesses = witness::Witnesses::new(&views[1..]);
+    if let Some(photo) = photo::PhotoConsistency::new(view, &witnesses) {
+        grow::grow(&surface, &planes, &mut labels, &photo, view.step, options);
+    }
+    let rims = rims::forget(&mut surface, &planes, &labels, &cells, view.step, options);
     let forgotten = measured - known(&surface);
     let on_planes = snap(&mut surface, &planes, &labels);
-    let witnesses = witness::Witnesses::new(&views[1..]);
     let filled = spread::fill(&mut surface, &planes, &labels, &witnesses, options);
+    rims.confirm(&mut surface, view.step, options);
     let report = PlaneReport {
         planes: planes.len(),
         on_planes: share(on_planes),

@@ -1,49 +1,169 @@
 //! The doubtful rims of near things. A patch beside an edge is matched by the near side's texture, so near surfaces
 //! come out fatter than they are by up to the patch's radius. Those rims are forgotten; the picture's own edges
-//! then decide whose they are.
+//! then decide whose they are, and where they decide as stereo did, what was measured stands.
 
-use super::PlaneOptions;
-use crate::surface::Surface;
+use rayon::prelude::*;
 
-/// Forgets the near side of depth edges, but never all of something thin.
-pub(super) fn forget(surface: &mut Surface, options: &PlaneOptions) {
-    let (width, height) = (surface.width(), surface.height());
-    let radius = options.rim_px as isize;
-    let disc: Vec<(isize, isize)> = (-radius..=radius)
-        .flat_map(|dy| (-radius..=radius).map(move |dx| (dx, dy)))
-        .filter(|(dx, dy)| dx * dx + dy * dy <= radius * radius)
+use super::local::Cells;
+use super::{ImagePlane, PlaneOptions};
+use crate::dense::Support;
+use crate::surface::{Origin, Surface};
+
+/// Directions in which a rim's edge is looked for.
+const DIRECTIONS: usize = 16;
+/// A pixel whose surface goes on at least this much farther from the edge is no middle of something thin, pixels.
+const THIN_PX: f32 = 2.0;
+
+/// What was measured on rims and is forgotten for now.
+pub(super) struct Rims {
+    pixels: Vec<Rim>,
+}
+
+struct Rim {
+    pixel: usize,
+    support: Support,
+    agreeing: u8,
+}
+
+/// Each pixel's plane, and how it goes on around it.
+struct Neighbourhood<'a> {
+    width: isize,
+    height: isize,
+    supports: &'a [Option<Support>],
+    labels: &'a [Option<u16>],
+    /// Inverse depth that makes an edge.
+    edge: f32,
+}
+
+/// Forgets the near side of depth edges; of something thin the middle stays.
+pub(super) fn forget(
+    surface: &mut Surface,
+    planes: &[ImagePlane],
+    labels: &[Option<u16>],
+    cells: &Cells,
+    step: f32,
+    options: &PlaneOptions,
+) -> Rims {
+    let supports: Vec<Option<Support>> = (0..surface.depth.len())
+        .into_par_iter()
+        .map(|i| support(surface, planes, labels, cells, step, i))
         .collect();
-    let inside = |x: isize, y: isize| x >= 0 && y >= 0 && x < width as isize && y < height as isize;
-    let depth = surface.depth.clone();
-    let on_rim = |i: usize| -> bool {
-        let (x, y) = ((i % width) as isize, (i / width) as isize);
-        disc.iter().any(|(dx, dy)| {
-            let (nx, ny) = (x + dx, y + dy);
-            inside(nx, ny) && {
-                let other = depth[ny as usize * width + nx as usize];
-                other > depth[i] * (1.0 + slope_allowance(options.edge, *dx, *dy))
-            }
-        })
+    let around = Neighbourhood {
+        width: surface.width() as isize,
+        height: surface.height() as isize,
+        supports: &supports,
+        labels,
+        edge: options.edge_px * step,
     };
-    let rim: Vec<bool> = (0..depth.len()).map(|i| depth[i] > 0.0 && on_rim(i)).collect();
-    // What no unrimmed pixel of the same depth is near to is thin: it stays as it is.
-    let has_core = |i: usize| -> bool {
-        let (x, y) = ((i % width) as isize, (i / width) as isize);
-        disc.iter().any(|(dx, dy)| {
-            let (nx, ny) = (x + dx, y + dy);
-            inside(nx, ny) && {
-                let j = ny as usize * width + nx as usize;
-                depth[j] > 0.0 && !rim[j] && (depth[j] / depth[i] - 1.0).abs() < options.edge
-            }
+    let rings = rings(options.rim_px);
+    let beyond = options.rim_px as f32 + 1.0;
+    // How far off the nearest edge is that a pixel is on the near side of, pixels.
+    let distance: Vec<f32> = (0..supports.len())
+        .into_par_iter()
+        .map(|i| {
+            let edge = rings.iter().find(|(offset, _)| around.edge(i, *offset));
+            edge.map_or(beyond, |(_, radius)| *radius)
         })
+        .collect();
+    let has_core = |i: usize| {
+        let needed = (distance[i] + THIN_PX).min(beyond);
+        rings.iter().any(|(offset, _)| around.continued(i, *offset).is_some_and(|j| distance[j] >= needed))
     };
-    let doubtful: Vec<usize> = (0..depth.len()).filter(|i| rim[*i] && has_core(*i)).collect();
-    for i in doubtful {
-        surface.forget(i);
+    let doubtful: Vec<usize> =
+        (0..supports.len()).into_par_iter().filter(|i| distance[*i] < beyond && has_core(*i)).collect();
+    let mut pixels = Vec::with_capacity(doubtful.len());
+    for pixel in doubtful {
+        // A plane of assumed direction was never measured as such.
+        let assumed = labels[pixel].and_then(|k| planes.get(usize::from(k))).is_some_and(|p| p.opposite);
+        if let Some(support) = supports[pixel].filter(|_| !assumed) {
+            pixels.push(Rim { pixel, support, agreeing: surface.agreeing[pixel] });
+        }
+        surface.forget(pixel);
+    }
+    Rims { pixels }
+}
+
+impl Rims {
+    /// Takes back what was measured where the same was filled in.
+    pub(super) fn confirm(&self, surface: &mut Surface, step: f32, options: &PlaneOptions) {
+        let (width, camera) = (surface.width(), surface.pinhole());
+        for Rim { pixel, support, agreeing } in &self.pixels {
+            let i = *pixel;
+            let filled = surface.depth[i] > 0.0;
+            if filled && (1.0 / surface.depth[i] - support.w).abs() < options.edge_px * step {
+                surface.depth[i] = 1.0 / support.w;
+                surface.normal[i] = support.normal((i % width) as f32, (i / width) as f32, &camera);
+                surface.agreeing[i] = *agreeing;
+                surface.origin[i] = Origin::Stereo;
+            }
+        }
     }
 }
 
-/// A slanted surface gets farther, too: more is allowed the farther away the neighbour is.
-fn slope_allowance(edge: f32, dx: isize, dy: isize) -> f32 {
-    edge + 0.01 * ((dx * dx + dy * dy) as f32).sqrt()
+impl Neighbourhood<'_> {
+    fn at(&self, i: usize, (dx, dy): (isize, isize)) -> Option<usize> {
+        let (x, y) = (i as isize % self.width + dx, i as isize / self.width + dy);
+        (x >= 0 && y >= 0 && x < self.width && y < self.height).then(|| (y * self.width + x) as usize)
+    }
+
+    /// By how much one pixel's surface lies before another's, in inverse depth: where both planes say so. Of two sides
+    /// that meet at a crease each lies behind the other's plane, or each before it, but never one before the other.
+    fn before(&self, i: usize, j: usize, (dx, dy): (isize, isize)) -> Option<f32> {
+        let (here, there) = (self.supports[i].as_ref()?, self.supports[j].as_ref()?);
+        let (dx, dy) = (dx as f32, dy as f32);
+        Some((here.moved(dx, dy).w - there.w).min(here.w - there.moved(-dx, -dy).w))
+    }
+
+    fn same_plane(&self, i: usize, j: usize) -> bool {
+        self.labels[i].is_some() && self.labels[i] == self.labels[j]
+    }
+
+    /// Whether a pixel lies on the near side of an edge between it and the other.
+    fn edge(&self, i: usize, offset: (isize, isize)) -> bool {
+        self.at(i, offset).is_some_and(|j| {
+            !self.same_plane(i, j) && self.before(i, j, offset).is_some_and(|off| off > self.edge)
+        })
+    }
+
+    /// The other pixel, if it shows the same surface.
+    fn continued(&self, i: usize, offset: (isize, isize)) -> Option<usize> {
+        self.at(i, offset).filter(|j| {
+            self.same_plane(i, *j) || self.before(i, *j, offset).is_some_and(|off| off.abs() < self.edge)
+        })
+    }
+}
+
+/// A measured pixel's plane: the room's, its neighbourhood's, or its own.
+fn support(
+    surface: &Surface,
+    planes: &[ImagePlane],
+    labels: &[Option<u16>],
+    cells: &Cells,
+    step: f32,
+    i: usize,
+) -> Option<Support> {
+    let (x, y) = (i % surface.width(), i / surface.width());
+    let own = surface.support(i)?;
+    if let Some(plane) = labels[i].and_then(|k| planes.get(usize::from(k))) {
+        return Some(plane.support(x as f32, y as f32));
+    }
+    match cells.near(x, y) {
+        Some(around) if (around.w - own.w).abs() < step => Some(Support { w: own.w, ..around }),
+        _ => Some(own),
+    }
+}
+
+/// Offsets on rings around a pixel, nearest first, with their radii in pixels.
+fn rings(largest: usize) -> Vec<((isize, isize), f32)> {
+    let mut out: Vec<((isize, isize), f32)> = Vec::new();
+    for radius in (1..=largest).map(|r| r as f32) {
+        for k in 0..DIRECTIONS {
+            let angle = std::f32::consts::TAU * k as f32 / DIRECTIONS as f32;
+            let offset = ((radius * angle.cos()).round() as isize, (radius * angle.sin()).round() as isize);
+            if out.iter().all(|(other, _)| *other != offset) {
+                out.push((offset, radius));
+            }
+        }
+    }
+    out
 }

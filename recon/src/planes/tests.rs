@@ -233,3 +233,50 @@ fn an_opposite_plane_goes_on_and_a_small_one_only_a_little() {
         }
     }
 }
+
+#[test]
+fn a_fat_rim_goes_back_to_what_lies_behind_and_the_things_own_stays_measured() {
+    const FAT: usize = 4;
+    let mut view = view(|_, _| false);
+    let plane = Support { w: 0.0, gu: BOX.0.x / camera().fx, gv: 0.0 };
+    let fat = |x: usize, y: usize| {
+        (60 - FAT..100 + FAT).contains(&x) && (40 - FAT..80 + FAT).contains(&y) && !is_box(x, y)
+    };
+    let all = || (0..HEIGHT).flat_map(|y| (0..WIDTH).map(move |x| (x, y)));
+    for (x, y) in all().filter(|(x, y)| fat(*x, *y)) {
+        let w = BOX.0.dot(camera().ray(x as f32, y as f32));
+        view.map.supports[y * WIDTH + x] = Support { w, ..plane };
+    }
+    let (surface, _) = complete(&[view], &PlaneOptions::default()).unwrap();
+    let right = |x: usize, y: usize| relative_error(&surface, x, y) < 0.02;
+    let rim = all().filter(|(x, y)| fat(*x, *y)).count();
+    let back = all().filter(|(x, y)| fat(*x, *y) && right(*x, *y)).count();
+    assert!(back > rim * 9 / 10, "{back} of {rim}");
+    let inside = all().filter(|(x, y)| is_box(*x, *y)).count();
+    let measured = |x: usize, y: usize| surface.origin[y * WIDTH + x] == Origin::Stereo;
+    let kept = all().filter(|(x, y)| is_box(*x, *y) && right(*x, *y) && measured(*x, *y)).count();
+    assert!(kept > inside * 97 / 100, "{kept} of {inside}");
+}
+
+#[test]
+fn of_something_thin_the_middle_stays_and_creases_are_no_edges() {
+    let mut view = view(|_, _| false);
+    let pole = |x: usize| (20..29).contains(&x);
+    for i in (0..WIDTH * HEIGHT).filter(|i| pole(i % WIDTH)) {
+        view.map.supports[i] = Support { w: 0.5, gu: 0.0, gv: 0.0 };
+    }
+    let mut surface = Surface::from_view(&view);
+    let labels = vec![None; WIDTH * HEIGHT];
+    let cells = local::fit(&surface, STEP);
+    rims::forget(&mut surface, &[], &labels, &cells, STEP, &PlaneOptions::default());
+    let known = |x: usize, y: usize| surface.depth[y * WIDTH + x] > 0.0;
+    for y in 10..50 {
+        assert!(known(24, y) && !known(20, y) && !known(28, y), "{y}");
+        assert!(known(18, y) && known(30, y), "the wall behind, {y}");
+    }
+    // Floor and wall meet in a crease: hardly anything is forgotten there.
+    let crease = |i: &usize| (110..155).contains(&(i % WIDTH)) && (60..118).contains(&(i / WIDTH));
+    let all = (0..WIDTH * HEIGHT).filter(crease).count();
+    let gone = (0..WIDTH * HEIGHT).filter(crease).filter(|i| surface.depth[*i] <= 0.0).count();
+    assert!(gone < all / 50, "{gone} of {all}");
+}

@@ -6,7 +6,7 @@ use crate::dense::{DenseView, Pinhole};
 
 /// The key frames' measured depths.
 pub(super) struct Witnesses<'a> {
-    views: Vec<(&'a DenseView, Pinhole, Affine3A)>,
+    pub(super) views: Vec<(&'a DenseView, Pinhole, Affine3A)>,
 }
 
 impl<'a> Witnesses<'a> {

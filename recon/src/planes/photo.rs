@@ -1,0 +1,129 @@
+//! Photo-consistency: how well a plane at a pixel explains what the key frames show there.
+//!
+//! Stereo compares correlations, which a smooth gradient satisfies at any depth and which a patch's brightest edge
+//! dominates. To tell two candidate planes apart, colours themselves are compared here, over a small neighbourhood of
+//! the pixel's own colour: nothing a hand's breadth away on another surface has a say.
+
+use glam::{Affine3A, Vec2, Vec3};
+use image::RgbImage;
+use image::imageops::{self, FilterType};
+
+use super::witness::Witnesses;
+use crate::dense::{DenseView, Pinhole, Support};
+
+/// Samples lie at these offsets in both directions, pixels, and in the middle.
+const OFFSETS: [f32; 4] = [-3.0, -1.0, 1.0, 3.0];
+const SAMPLES: usize = OFFSETS.len() * OFFSETS.len() + 1;
+/// More views than this bring nothing.
+const MOST_VIEWS: usize = 16;
+/// Fewer views than this prove nothing.
+const LEAST_VIEWS: usize = 2;
+/// Grey levels at which a sample's weight has fallen to 1/e.
+const COLOUR_SIGMA: f32 = 20.0;
+/// Grey levels by which exposure and shading may differ between views without being a difference.
+const EXPOSURE: f32 = 6.0;
+/// Grey levels at which a difference stops growing: a highlight, something else that stands before.
+const CAP: f32 = 30.0;
+
+/// The reference picture beside the key frames'.
+pub(super) struct PhotoConsistency<'a> {
+    /// As small as the key frames', so that both are equally sharp.
+    reference: RgbImage,
+    camera: Pinhole,
+    /// Pixels of `reference` a pixel of the surface.
+    scale: f32,
+    views: &'a [(&'a DenseView, Pinhole, Affine3A)],
+}
+
+impl<'a> PhotoConsistency<'a> {
+    /// `None` without key frames.
+    pub(super) fn new(view: &DenseView, witnesses: &'a Witnesses<'a>) -> Option<Self> {
+        let (first, small, _) = witnesses.views.first()?;
+        let (width, height) = first.picture.dimensions();
+        let camera = view.pinhole();
+        let reference = imageops::resize(&view.picture, width, height, FilterType::Triangle);
+        Some(Self { reference, camera, scale: small.fx / camera.fx, views: &witnesses.views })
+    }
+
+    /// Mean difference of colour, grey levels, in the better half of the key frames that see the pixel's whole
+    /// neighbourhood (something may stand before it in the others); `None` where fewer than two do.
+    pub(super) fn cost(&self, x: usize, y: usize, support: &Support) -> Option<f32> {
+        let samples = self.samples(x as f32, y as f32, support)?;
+        let mut costs = [0.0; MOST_VIEWS];
+        let mut seen = 0;
+        for (view, camera, camera_from_reference) in self.views.iter().take(MOST_VIEWS) {
+            if let Some(cost) = difference(&samples, &view.picture, camera, camera_from_reference) {
+                costs[seen] = cost;
+                seen += 1;
+            }
+        }
+        let costs = &mut costs[..seen];
+        costs.sort_unstable_by(f32::total_cmp);
+        let better = costs.get(..seen.div_ceil(2).max(LEAST_VIEWS))?;
+        Some(better.iter().sum::<f32>() / better.len() as f32)
+    }
+
+    /// The neighbourhood on the plane; `None` where it leaves the image or the plane lies behind.
+    fn samples(&self, u: f32, v: f32, support: &Support) -> Option<[Sample; SAMPLES]> {
+        let color_at = |u: f32, v: f32| {
+            let place = (Vec2::new(u, v) + 0.5) * self.scale - 0.5;
+            between(&self.reference, place)
+        };
+        let centre = color_at(u, v)?;
+        let mut samples = [Sample { point: Vec3::ZERO, color: centre, weight: 1.0 }; SAMPLES];
+        let around = OFFSETS.iter().flat_map(|dv| OFFSETS.iter().map(move |du| (*du, *dv)));
+        for (sample, (du, dv)) in samples.iter_mut().zip(std::iter::once((0.0, 0.0)).chain(around)) {
+            let w = Some(support.moved(du, dv).w).filter(|w| *w > 0.0)?;
+            let color = color_at(u + du, v + dv)?;
+            let weight = (-(color - centre).abs().max_element() / COLOUR_SIGMA).exp();
+            *sample = Sample { point: self.camera.ray(u + du, v + dv) / w, color, weight };
+        }
+        Some(samples)
+    }
+}
+
+/// A point of the plane, in the reference's frame, and what colour the reference picture shows there.
+#[derive(Clone, Copy)]
+struct Sample {
+    point: Vec3,
+    color: Vec3,
+    weight: f32,
+}
+
+/// Mean difference of colour in one view; `None` where it does not see all samples.
+fn difference(
+    samples: &[Sample; SAMPLES],
+    picture: &RgbImage,
+    camera: &Pinhole,
+    camera_from_reference: &Affine3A,
+) -> Option<f32> {
+    let mut differences = [Vec3::ZERO; SAMPLES];
+    let (mut sum, mut total) = (Vec3::ZERO, 0.0);
+    for (difference, sample) in differences.iter_mut().zip(samples) {
+        let p = Some(camera_from_reference.transform_point3(sample.point)).filter(|p| p.z > 0.0)?;
+        let pixel = Vec2::new(camera.fx * p.x, camera.fy * p.y) / p.z + Vec2::new(camera.cx, camera.cy);
+        *difference = between(picture, pixel)? - sample.color;
+        sum += *difference * sample.weight;
+        total += sample.weight;
+    }
+    let exposure = (sum / total).clamp(Vec3::splat(-EXPOSURE), Vec3::splat(EXPOSURE));
+    let of = |(d, s): (&Vec3, &Sample)| s.weight * ((*d - exposure).abs().element_sum() / 3.0).min(CAP);
+    Some(differences.iter().zip(samples).map(of).sum::<f32>() / total)
+}
+
+/// Colour between pixels, bilinear; `None` outside.
+fn between(picture: &RgbImage, at: Vec2) -> Option<Vec3> {
+    let last = Vec2::new(picture.width() as f32, picture.height() as f32) - 1.0;
+    if !(at.cmpge(Vec2::ZERO).all() && at.cmple(last).all()) {
+        return None;
+    }
+    let (x, y) = (at.x as u32, at.y as u32);
+    let color = |x: u32, y: u32| {
+        let pixel = picture.get_pixel(x.min(picture.width() - 1), y.min(picture.height() - 1));
+        Vec3::from(pixel.0.map(f32::from))
+    };
+    let part = at.fract();
+    let upper = color(x, y).lerp(color(x + 1, y), part.x);
+    let lower = color(x, y + 1).lerp(color(x + 1, y + 1), part.x);
+    Some(upper.lerp(lower, part.y))
+}
