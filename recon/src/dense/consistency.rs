@@ -20,7 +20,6 @@ pub(super) fn agreeing(problem: &Problem<'_>, map: &SupportMap, options: &DenseO
                 .sources
                 .iter()
                 .filter_map(|s| s.guide.as_ref()?.return_error_px(&s.pair, u, v, map.supports[i].w))
-                .take(problem.compared)
                 .filter(|error| *error < options.agreement_px)
                 .count();
             if agree < options.least_agreeing { 0 } else { agree.min(u8::MAX as usize) as u8 }

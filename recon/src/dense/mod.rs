@@ -27,9 +27,9 @@ use patchmatch::{Guide, Problem, Source};
 pub struct DenseOptions {
     /// Key frames besides the reference.
     pub key_frames: usize,
-    /// Views that a pixel is compared with: the farthest ones that see it.
+    /// Views that a key frame itself is compared with, at most 8.
     pub sources: usize,
-    /// A key frame must see at least this share of what the reference sees.
+    /// A key frame must see at least this share of the sparse points that the reference sees.
     pub least_shared_view: f64,
     /// It must not see them from a direction further off than this, in the median.
     pub largest_parallax_deg: f64,
@@ -148,7 +148,7 @@ pub fn reconstruct(
     let to_reference = reference_from_world.inverse();
     let points: Vec<Point3<f64>> =
         capture.points.iter().map(|p| reference_from_world * p).filter(|p| p.z > 0.0).collect();
-    let in_reference = keyframes::over_image(&points, capture.intrinsics);
+    let in_reference = keyframes::seen_by(&Isometry3::identity(), &points, capture.intrinsics);
     let frames = choose_frames(capture, &to_reference, &in_reference, options);
     if frames.is_empty() {
         return Err(Error::capture(
@@ -285,6 +285,7 @@ fn half_problem<'a>(
         .iter()
         .enumerate()
         .filter(|(i, _)| *i != index)
+        .take(options.sources)
         .map(|(i, other)| {
             let forward = other.camera_from_reference * view.camera_from_reference.inverse();
             let (from, to) = (&view.half_intrinsics, &other.half_intrinsics);
@@ -304,7 +305,6 @@ fn half_problem<'a>(
         sources,
         range: view.range,
         step: inverse_depth_step(views, index, view.half_intrinsics.fx),
-        compared: options.sources,
         best_views: options.best_views,
         color_sigma: options.color_sigma,
         iterations: options.iterations[usize::from(maps.is_some())],
@@ -351,7 +351,6 @@ fn refine_reference(
         sources,
         range: reference.range,
         step: inverse_depth_step(views, 0, pinhole.fx),
-        compared: options.sources,
         best_views: options.best_views,
         color_sigma: options.color_sigma,
         iterations: options.iterations[2],

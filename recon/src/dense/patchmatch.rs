@@ -73,10 +73,7 @@ impl Guide<'_> {
 /// One depth map to be estimated.
 pub(super) struct Problem<'a> {
     pub(super) reference: &'a Level,
-    /// The views that tell most first.
     pub(super) sources: Vec<Source<'a>>,
-    /// A pixel is compared with this many of them, the first that see it.
-    pub(super) compared: usize,
     /// Least and largest inverse depth.
     pub(super) range: (f32, f32),
     /// Inverse depth that shifts a pixel by one in the source that sees it shift most.
@@ -158,19 +155,14 @@ impl Problem<'_> {
         hypotheses: &[Support; N],
     ) -> (Views, [f32; N]) {
         let mut all = [([WORST; N], WORST, 0); MOST_VIEWS];
-        let mut count = 0;
-        let mut seen = 0;
+        let count = self.sources.len().min(MOST_VIEWS);
         for (i, (slot, source)) in all.iter_mut().zip(&self.sources).enumerate() {
             let costs = hypotheses.map(|h| source.cost(patch, x, y, &h));
             *slot = (costs, costs.iter().copied().fold(WORST, f32::min), i);
-            count += 1;
-            seen += usize::from(slot.1 < WORST);
-            if seen == self.compared {
-                break;
-            }
         }
         let all = &mut all[..count];
         all.sort_unstable_by(|a, b| a.1.total_cmp(&b.1).then(a.2.cmp(&b.2)));
+        let seen = all.iter().filter(|view| view.1 < WORST).count();
         let wanted = self.best_views.min(seen.max(LEAST_VIEWS)).min(count);
         let mut views = Views { indices: [0; MOST_VIEWS], count: wanted };
         let mut means = [0.0; N];

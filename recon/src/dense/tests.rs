@@ -34,9 +34,7 @@ fn a_rendered_room_has_the_depth_it_was_rendered_with() {
         points: &points,
     };
     let (views, report) =
-        reconstruct(&capture, &DenseOptions { key_frames: 5, sources: 4, ..DenseOptions::default() })
-            .unwrap();
-    assert_eq!(views[0].agreeing.iter().max(), Some(&4), "each pixel is compared with four views");
+        reconstruct(&capture, &DenseOptions { key_frames: 5, ..DenseOptions::default() }).unwrap();
     let (mut known, mut within) = (0.0, [0.0; 3]);
     for v in 0..150 {
         for u in 0..200 {
