@@ -7,7 +7,7 @@
 //! unless refining them is asked for and the capture speaks clearly against them: a rolling shutter speaks like a lens, too.
 
 use calib::Intrinsics;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Point2, Point3, Vector3};
 
 use super::sketch::Sketch;
 use crate::bundle::{LensEvidence, LensFreedom};
@@ -22,6 +22,8 @@ const UNKNOWN_SIGMA: [f64; 3] = [1.0, 0.1, 0.1];
 const WORTH_A_LOOK: f64 = 7.81;
 /// The same for once in a thousand: the capture speaks clearly against given intrinsics.
 const CLEAR: f64 = 16.27;
+/// Lenses whose pixels differ by less in the image's corner are the same for all that is made with them.
+const ALIKE_PX: f64 = 1.0;
 /// Rounds of polish with a new lens.
 const ROUNDS: usize = 2;
 
@@ -68,7 +70,7 @@ pub(super) fn settle(sketch: &mut Sketch<'_>, camera: &str, given: bool, refine:
         return unchanged;
     };
     let moved = change(&before, &adjusted.intrinsics);
-    if given && !speaks(&moved, &covariance, CLEAR) {
+    if given && (!speaks(&moved, &covariance, CLEAR) || alike(&before, &adjusted.intrinsics)) {
         return unchanged;
     }
     if given && !refine {
@@ -118,6 +120,13 @@ fn distance(change: &Vector3<f64>, covariance: &Matrix3<f64>) -> Option<f64> {
     Some(change.dot(&covariance.cholesky()?.solve(change)))
 }
 
+/// Whether two lenses show the same, to within [`ALIKE_PX`], in the corner of the image.
+fn alike(a: &Intrinsics, b: &Intrinsics) -> bool {
+    let corner = Point2::origin();
+    let of_b = a.unproject(&corner).and_then(|ray| b.project(&Point3::from(ray)));
+    of_b.is_some_and(|pixel| (pixel - corner).norm() < ALIKE_PX)
+}
+
 /// From one lens to another, in `(ln f, k1, k2)`.
 fn change(from: &Intrinsics, to: &Intrinsics) -> Vector3<f64> {
     let (d, e) = (&from.distortion, &to.distortion);
@@ -152,6 +161,15 @@ mod tests {
             let sum = a.powi(-2) + b.powi(-2);
             assert!((covariance[(k, k)] * sum - 1.0).abs() < 1e-9, "{covariance}");
         }
+    }
+
+    #[test]
+    fn lenses_are_alike_where_their_corners_are() {
+        let lens = Intrinsics::from_horizontal_fov(641, 481, 60.0);
+        // The corner lies 400 px from the principal point: a share of 1/500 of the focal length moves it by 0.8.
+        let by = |ln_f: f64, k1: f64| changed(&lens, &Vector3::new(ln_f, k1, 0.0));
+        assert!(alike(&lens, &by(0.002, 0.0)) && !alike(&lens, &by(0.003, 0.0)));
+        assert!(!alike(&lens, &by(0.0, 0.05)));
     }
 
     #[test]

@@ -12,6 +12,7 @@ mod incremental;
 mod lens;
 mod resection;
 mod revisit;
+mod rival;
 mod sketch;
 mod triangulation;
 mod two_views;
@@ -158,10 +159,15 @@ pub fn estimate(capture: &Capture, options: &MotionOptions) -> Result<(Motion, M
     let by_two_views = start_by_two_views(blank, &seen, lens, &mut rng);
     let error = |sketch: &Option<Sketch<'_>>| sketch.as_ref().map_or(f64::INFINITY, Sketch::robust_error_px);
     let starts = Starts { factorization_px: error(&by_factorization), two_views_px: error(&by_two_views) };
-    let winner = if starts.factorization_won() { by_factorization } else { by_two_views };
+    let (winner, other) = if starts.factorization_won() {
+        (by_factorization, by_two_views)
+    } else {
+        (by_two_views, by_factorization)
+    };
     let Some(mut sketch) = winner else {
         return Err(diagnosis::no_start(&capture.name));
     };
+    rival::warn(&capture.name, &sketch, other.as_ref());
     sketch.polish(lens, options.polish_rounds);
     let explained = sketch.explained_share(agreement_px(&sketch));
     revisit::revisit(&mut sketch, &capture.frames, &options.features, lens, options.polish_rounds);
