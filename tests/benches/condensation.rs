@@ -6,7 +6,10 @@
 
 use scenes::synthetic::{SyntheticRoom, WalkerOptions};
 use tests::chain::Said;
-use tests::hall::{going_round, hall, nearest, passing_through, pictures, recording, step, tracker};
+use tests::hall::{
+    behind_the_screen, going_round, hall, hidden_from, nearest, passing_through, pictures, recording, step,
+    tracker,
+};
 use tracker::TrackId;
 use tracker::method::condensation::integration::Integration;
 use tracker::method::condensation::{Condensation, CondensationOptions};
@@ -36,7 +39,7 @@ fn main() -> Said<()> {
     Ok(())
 }
 
-/// Ten people, one at a time, walk behind a screen that hides their heads from half of the cameras.
+/// Ten people, one at a time, walk behind a screen that hides their heads from half of the cameras, and turn around there.
 fn occlusion() -> Said<()> {
     const TRIALS: u64 = 10;
     let variants =
@@ -45,14 +48,7 @@ fn occlusion() -> Said<()> {
     let mut found = lost.clone();
     for trial in 1..=TRIALS {
         let room = hall(trial, 6, true)?;
-        let way = vec![nalgebra::Point2::new(1.2, 3.2), nalgebra::Point2::new(6.8, 3.2)];
-        let walkers = WalkerOptions {
-            seed: trial,
-            people: 1,
-            first_s: 0.5,
-            ways: vec![way],
-            ..WalkerOptions::default()
-        };
+        let walkers = behind_the_screen(trial);
         let mut trials = Vec::new();
         for (_, options) in &variants {
             for integration in Integration::ALL {
@@ -92,15 +88,14 @@ impl Trial {
     }
 }
 
-/// Follows somebody until they have passed the screen.
+/// Follows somebody through the hall.
 fn follow_behind_screen(room: &SyntheticRoom, walkers: &WalkerOptions, trials: &mut [Trial]) -> Said<()> {
-    let sequence = recording(room, walkers, RATE_HZ, 14.0);
+    let sequence = recording(room, walkers, RATE_HZ, 16.0);
     let mut is_hidden = false;
     for frame in sequence.frames() {
         let pictures = pictures(&frame);
         let truth = frame.people.first().filter(|p| p.inside);
-        let is_at_screen = truth.is_some_and(|p| (3.1..4.9).contains(&p.place.x) && p.place.y > 2.6);
-        is_hidden |= is_at_screen;
+        is_hidden |= truth.is_some_and(|p| 2 * hidden_from(room, &p.head) >= pictures.len());
         for trial in &mut *trials {
             let people = step(&mut trial.tracker, &frame, &pictures)?;
             let Some(truth) = truth else { continue };
@@ -112,9 +107,6 @@ fn follow_behind_screen(room: &SyntheticRoom, walkers: &WalkerOptions, trials: &
             }
             trial.off = if on_head.is_some() && on_head == trial.who { 0 } else { trial.off + 1 };
             trial.is_lost |= trial.off >= LOST_MOMENTS;
-        }
-        if is_hidden && truth.is_none_or(|p| !(2.4..=5.6).contains(&p.place.x)) {
-            break;
         }
     }
     Ok(())

@@ -15,22 +15,41 @@ use crate::chain::Said;
 /// The hall's width, depth and height, metres.
 const SIZE_M: [f64; 3] = [8.0, 6.0, 2.9];
 
-/// The hall with so many cameras. `screens` hide from the cameras behind them who walks along the hall's long axis.
-pub fn hall(seed: u64, cameras: usize, screens: bool) -> Said<SyntheticRoom> {
-    let screen =
-        |x: f64, y: f64| Screen { middle: Point2::new(x, y), yaw_deg: 0.0, width_m: 1.8, height_m: 2.1 };
+/// Along the hall's long axis.
+const SCREEN: Screen = Screen { middle: Point2::new(4.0, 2.55), yaw_deg: 0.0, width_m: 3.0, height_m: 2.1 };
+
+/// The hall with so many cameras. A screen hides from the cameras on one side who walks on the other.
+pub fn hall(seed: u64, cameras: usize, with_screen: bool) -> Said<SyntheticRoom> {
     let options = RoomOptions {
         seed,
         kind: RoomKind::Hall,
-        furniture: if screens { 0 } else { 3 },
+        furniture: if with_screen { 0 } else { 3 },
         cameras,
         size_m: Some(SIZE_M),
-        screens: if screens { vec![screen(4.0, 2.55)] } else { Vec::new() },
+        screens: if with_screen { vec![SCREEN] } else { Vec::new() },
         image_px: [640, 480],
         field_of_view_deg: 80.0,
         ..RoomOptions::default()
     };
     options.build().map_err(|e| e.to_string())
+}
+
+/// How many cameras the screen hides a head from: those whose rays to it meet the board.
+pub fn hidden_from(room: &SyntheticRoom, head: &Point3<f64>) -> usize {
+    let hides = |camera: Point3<f64>| {
+        let share = (SCREEN.middle.y - camera.y) / (head.y - camera.y);
+        let met = camera + (head - camera) * share;
+        (0.0..1.0).contains(&share)
+            && (met.x - SCREEN.middle.x).abs() < 0.5 * SCREEN.width_m
+            && met.z < SCREEN.height_m
+    };
+    room.room.cameras.iter().filter(|c| hides(c.camera.center())).count()
+}
+
+/// Somebody who walks behind the screen, turns around there, turns again, and walks on.
+pub fn behind_the_screen(seed: u64) -> WalkerOptions {
+    let way = [1.2, 4.6, 3.4, 6.8].map(|x| Point2::new(x, SCREEN.middle.y + 0.7)).to_vec();
+    WalkerOptions { seed, people: 1, first_s: 0.5, ways: vec![way], ..WalkerOptions::default() }
 }
 
 /// A way twice around the hall's middle (figure 20: 1 → 2 → 3 → 4 → 1), beginning at one of its corners.
