@@ -1,0 +1,64 @@
+//! Writes a rendered office that nobody has seen as files: a room with its geometry, a folder of pictures a camera, and where
+//! everybody truly is. `tracker run` on several seeds tells how far figures of the rooms at hand carry.
+//!
+//! `cargo run --release -p tests --example rendered -- DIR [SEED] [PEOPLE] [CAMERAS]`
+#![forbid(unsafe_code)]
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use scenes::synthetic::{RoomOptions, SequenceOptions, WalkerOptions};
+use tests::chain::Said;
+
+const RATE_HZ: f64 = 12.0;
+const SECONDS: f64 = 30.0;
+
+fn main() -> Said<()> {
+    let mut given = std::env::args().skip(1);
+    let folder = given.next().ok_or("which folder to write?")?;
+    let mut number = |what: &str, default: u64| match given.next() {
+        None => Ok(default),
+        Some(text) => text.parse().map_err(|e| format!("{what} {text}: {e}")),
+    };
+    let (seed, people, cameras) = (number("SEED", 1)?, number("PEOPLE", 4)?, number("CAMERAS", 2)?);
+    let folder = Path::new(&folder);
+    let room = RoomOptions {
+        seed,
+        cameras: cameras as usize,
+        image_px: [640, 480],
+        ..RoomOptions::default()
+    }
+    .build()
+    .map_err(|e| e.to_string())?;
+    room.room.write(&folder.join("room")).map_err(|e| e.to_string())?;
+    for camera in &room.room.cameras {
+        let path = folder.join("video").join(&camera.name);
+        std::fs::create_dir_all(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+    }
+    let walkers = WalkerOptions { seed, people: people as usize, ..WalkerOptions::default() };
+    let options = SequenceOptions {
+        seed,
+        rate_hz: RATE_HZ,
+        frames: (RATE_HZ * SECONDS) as u32,
+        ..SequenceOptions::default()
+    };
+    let mut truth = String::new();
+    for frame in room.sequence(room.walkers(&walkers), options).frames() {
+        for (camera, seen) in room.room.cameras.iter().zip(&frame.cameras) {
+            if let Some(image) = &seen.image {
+                let path = folder.join("video").join(&camera.name).join(format!("{:04}.jpg", frame.frame));
+                image.save(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+            }
+        }
+        for person in frame.people.iter().filter(|p| p.inside) {
+            let place = &person.place;
+            let _ = writeln!(
+                truth,
+                "{},{},-1,-1,-1,-1,1,{:.4},{:.4},0",
+                frame.frame, person.id, place.x, place.y
+            );
+        }
+    }
+    let path = folder.join("truth.txt");
+    std::fs::write(&path, truth).map_err(|e| format!("{}: {e}", path.display()))
+}
