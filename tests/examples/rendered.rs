@@ -22,14 +22,10 @@ fn main() -> Said<()> {
     };
     let (seed, people, cameras) = (number("SEED", 1)?, number("PEOPLE", 4)?, number("CAMERAS", 2)?);
     let folder = Path::new(&folder);
-    let room = RoomOptions {
-        seed,
-        cameras: cameras as usize,
-        image_px: [640, 480],
-        ..RoomOptions::default()
-    }
-    .build()
-    .map_err(|e| e.to_string())?;
+    let room =
+        RoomOptions { seed, cameras: cameras as usize, image_px: [640, 480], ..RoomOptions::default() }
+            .build()
+            .map_err(|e| e.to_string())?;
     room.room.write(&folder.join("room")).map_err(|e| e.to_string())?;
     for camera in &room.room.cameras {
         let path = folder.join("video").join(&camera.name);
