@@ -1,5 +1,5 @@
 //! Planes grow into what stereo measured a little before or behind them, wherever the key frames' colours fit the plane
-//! at least as well as the depth that was measured: soft shadows and shading match at any depth, so that a plain wall
+//! better than the depth that was measured: soft shadows and shading match at any depth, so that a plain wall
 //! beside a box leans towards the box. The box itself stops the plane: its own depth explains its outline better.
 
 use std::collections::VecDeque;
