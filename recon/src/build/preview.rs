@@ -23,9 +23,9 @@ const PLAN: &str = "plan.png";
 
 /// Writes `plan.png`, and `preview/NAME.png` for each camera.
 pub(super) fn write(dir: &Path, room: &Room, references: &[(&str, &RgbImage)]) -> Result<()> {
-    // Kept beside the room, so that the first `tracker run` in it need not draw the plan again.
+    // Of the room as it is read, and kept beside it: the first `tracker run` in it need not draw the plan again.
     let options = PlanOptions { room_dir: Some(dir.to_owned()), ..PlanOptions::default() };
-    write_png(&dir.join(PLAN), &FloorPlan::new(room, &options)?.into_image())?;
+    write_png(&dir.join(PLAN), &FloorPlan::new(&Room::read(dir)?, &options)?.into_image())?;
     let Some(geometry) = &room.geometry else { return Ok(()) };
     let scene = RayScene::new(geometry)?;
     for (camera, (name, reference)) in room.cameras.iter().zip(references) {
