@@ -183,7 +183,6 @@ fn nothing_to_adjust_is_no_accident() {
     assert_eq!(adjust(&mut problem, &BundleOptions::default()).steps, 0);
 }
 
-/// The predicted standard deviation is the one that repeated measurements show.
 /// The scatter of the focal length's logarithm over many repeats of `noise`, and the mean of what is said of it.
 fn focal_scatter_and_sigma(mut noise: impl FnMut(&mut Problem, &mut Pcg64Mcg)) -> (f64, f64) {
     const REPEATS: u64 = 40;
@@ -208,6 +207,7 @@ fn focal_scatter_and_sigma(mut noise: impl FnMut(&mut Problem, &mut Pcg64Mcg)) -
     ((squares / REPEATS as f64).sqrt(), said.sqrt())
 }
 
+/// The predicted standard deviation is the one that repeated measurements show.
 #[test]
 fn the_focal_lengths_sigma_is_its_scatter() {
     let normal = Normal::new(0.0, 0.4).unwrap();

@@ -9,7 +9,7 @@ use scenes::room::{Room, RoomCamera};
 use super::*;
 use crate::foreground::backdrop::Backdrop;
 use crate::foreground::{Foreground, ForegroundOptions, Start};
-use crate::source::reconnection::tests::film;
+use crate::source::network_camera::film;
 use crate::source::{self, Clock, NamedSource, Times};
 use crate::stage::{Stage, StageOptions};
 

@@ -1,7 +1,9 @@
 //! Where the pictures come from: named videos and masks, matched with the room's cameras, and the time of each frame.
 
 pub mod footage;
-pub(crate) mod reconnection;
+#[cfg(test)]
+pub(crate) mod network_camera;
+mod reconnection;
 pub mod sampling;
 pub mod schedule;
 pub mod times;
@@ -9,7 +11,7 @@ pub mod times;
 use std::path::Path;
 use std::str::FromStr;
 
-use calib::vision::FrameSource;
+use calib::video::FrameSource;
 use scenes::room::{Room, RoomCamera};
 
 pub use footage::{Footage, Next};
