@@ -14,7 +14,7 @@ help:
 	@echo "make test   all tests"
 	@echo "make lint   formatting, clippy, documentation"
 	@echo "make bench  accuracy and speed on the data with ground truth"
-	@echo "make setup  install what is missing (OpenCV and clang; every other target does this first)"
+	@echo "make setup  install what is missing (OpenCV, FFmpeg, clang; every other target does this first)"
 
 setup:
 	@./tests/setup.sh

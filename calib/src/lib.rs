@@ -8,8 +8,9 @@
 //! * [`resection`] — a camera's pose from known points and their pixels.
 //! * [`undistort`] — lookup maps between a distorted image and its pinhole twin.
 //! * [`console`] — how each of the project's programs begins and ends: log, progress, one line of error, exit status.
-//! * [`vision`] — the project's one door to OpenCV (feature `vision`): images, video, optical flow,
-//!   background models. The rest of the crate builds and tests without it.
+//! * [`vision`] — the project's one door to OpenCV: optical flow, background models, chessboards.
+//! * [`video`] — the project's one door to FFmpeg: frames in, films out. The rest of the crate builds and tests without
+//!   these two (feature `vision`).
 //!
 //! # Conventions
 //!
@@ -28,6 +29,8 @@ pub mod files;
 pub mod resection;
 pub mod rotation;
 pub mod undistort;
+#[cfg(feature = "vision")]
+pub mod video;
 #[cfg(feature = "vision")]
 pub mod vision;
 

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use anyhow::{Context, Result};
-use calib::vision::FrameSource;
+use calib::video::FrameSource;
 use image::{Luma, Rgb, RgbImage};
 use nalgebra::{Isometry3, Matrix3, Point3, Translation3, Vector3};
 use recon::dense::{DenseOptions, PosedCapture, reconstruct};

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::str::FromStr;
 
 use calib::Intrinsics;
-use calib::vision::FrameSource;
+use calib::video::FrameSource;
 use image::RgbImage;
 
 use crate::{Error, Result};

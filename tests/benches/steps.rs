@@ -6,7 +6,8 @@
 
 use std::time::Instant;
 
-use calib::vision::{AdaptiveBackground, AdaptiveKind, FrameSource};
+use calib::video::FrameSource;
+use calib::vision::{AdaptiveBackground, AdaptiveKind};
 use calib::{Camera, Intrinsics};
 use image::{GrayImage, Luma, RgbImage};
 use nalgebra::{Isometry3, Point2, Point3, Vector3};

@@ -9,14 +9,10 @@ pub mod chessboard;
 pub mod flow;
 mod morphology;
 pub mod people;
-pub mod source;
-pub mod writer;
 
 pub use background::{AdaptiveBackground, AdaptiveKind};
 pub use morphology::Morphology;
 pub use people::PeopleClassifier;
-pub use source::FrameSource;
-pub use writer::FilmWriter;
 
 /// Limits the threads OpenCV uses for its own loops; results do not depend on it.
 ///

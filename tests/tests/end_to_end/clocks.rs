@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-use calib::vision::{FilmWriter, FrameSource};
+use calib::video::{FilmWriter, FrameSource};
 use image::RgbImage;
 use scenes::synthetic::{RoomOptions, SequenceOptions, WalkerOptions};
 use tests::chain::{Said, Tracking, evaluate_against, track_videos};

@@ -1,7 +1,8 @@
 //! The options of background subtraction, shared by the subcommands that need it.
 
 use anyhow::bail;
-use calib::vision::{AdaptiveKind, FrameSource};
+use calib::video::FrameSource;
+use calib::vision::AdaptiveKind;
 use clap::Args;
 use tracker::foreground::backdrop::Backdrop;
 use tracker::foreground::{ForegroundOptions, Start};

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use calib::console::Console;
-use calib::vision::FrameSource;
+use calib::video::FrameSource;
 use clap::{Args, Subcommand};
 use image::RgbImage;
 use tracker::detect::train::{self, Labelled, TrainOptions};
@@ -192,7 +192,7 @@ fn labelled(args: &TrainArgs) -> anyhow::Result<Vec<Labelled>> {
     let (mut image, mut labelled) = (RgbImage::default(), Vec::new());
     let mut frame = 0;
     for wanted in chosen {
-        while frame + 1 < wanted && source.skip()? {
+        while frame + 1 < wanted && source.skip() {
             frame += 1;
         }
         frame += 1;
@@ -217,7 +217,7 @@ fn some_frames(video: &str, at_most: usize) -> anyhow::Result<Vec<RgbImage>> {
     while frames.len() < at_most && source.read(&mut image)? {
         frames.push(image.clone());
         for _ in 1..step {
-            source.skip()?;
+            source.skip();
         }
     }
     if frames.is_empty() {

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context, bail};
 use calib::console::Console;
-use calib::vision::FrameSource;
+use calib::video::FrameSource;
 use clap::Args;
 use image::{GrayImage, RgbImage};
 use tracker::foreground::{Foreground, Verdict};

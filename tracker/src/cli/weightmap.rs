@@ -78,7 +78,7 @@ pub(crate) fn weightmap(args: &WeightMapArgs) -> anyhow::Result<String> {
         let mut picture = RgbImage::default();
         for frame in 1..=args.frame {
             let is_there = if frame < args.frame {
-                video.skip()?
+                video.skip()
             } else {
                 matches!(video.read(&mut picture)?, Next::Frame(_))
             };

@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::thread::JoinHandle;
 
-use calib::vision::FilmWriter;
+use calib::video::FilmWriter;
 use image::{GrayImage, RgbImage};
 
 use crate::stage::Stage;

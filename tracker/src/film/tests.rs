@@ -4,7 +4,7 @@ use super::*;
 use crate::TrackId;
 use crate::silhouette::{Body, contour};
 use crate::stage::StageOptions;
-use calib::vision::FrameSource;
+use calib::video::FrameSource;
 use calib::{Camera, Intrinsics};
 use image::{Luma, Rgb};
 use nalgebra::{Isometry3, Point3, Vector3};

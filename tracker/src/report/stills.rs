@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use calib::vision::FrameSource;
+use calib::video::FrameSource;
 use image::RgbImage;
 
 use super::recording::Recording;
@@ -33,7 +33,7 @@ fn from_film(film: &str, wanted: &[usize]) -> Result<Vec<(usize, RgbImage)>> {
     let mut stills = Vec::new();
     let mut index = 0;
     for frame in wanted {
-        while index < *frame && source.skip()? {
+        while index < *frame && source.skip() {
             index += 1;
         }
         // A film may end early when its run was stopped.

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use calib::undistort::UndistortMap;
-use calib::vision::FrameSource;
+use calib::video::FrameSource;
 use image::{GrayImage, RgbImage};
 
 use crate::foreground::health::{self, Health};
@@ -159,7 +159,7 @@ impl CameraFeed {
         }
         let started = Instant::now();
         while self.frame + 1 < frame {
-            if !self.skip()? {
+            if !self.skip() {
                 return Ok(None);
             }
         }
@@ -179,11 +179,11 @@ impl CameraFeed {
     }
 
     /// Passes over a frame of every source; `false` at an end.
-    fn skip(&mut self) -> Result<bool> {
+    fn skip(&mut self) -> bool {
         self.frame += 1;
-        let video = self.source.video.as_mut().map_or(Ok(true), Footage::skip)?;
-        let masks = self.source.masks.as_mut().map_or(Ok(true), FrameSource::skip)?;
-        Ok(video && masks)
+        let video = self.source.video.as_mut().is_none_or(Footage::skip);
+        let masks = self.source.masks.as_mut().is_none_or(FrameSource::skip);
+        video && masks
     }
 
     /// The next frame of the sources.

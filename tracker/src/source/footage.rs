@@ -6,7 +6,7 @@ use std::borrow::Cow;
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-use calib::vision::FrameSource;
+use calib::video::FrameSource;
 use image::RgbImage;
 
 use super::reconnection::Reconnection;
@@ -117,22 +117,19 @@ impl Footage {
     }
 
     /// Passes over a frame. `false` when there are no more, or decoding fails; [`Self::read`] then says why.
-    ///
-    /// # Errors
-    /// As [`FrameSource::skip`].
-    pub fn skip(&mut self) -> Result<bool> {
+    pub fn skip(&mut self) -> bool {
         if self.ahead.pop_front().is_some() {
             self.delivered += 1;
-            return Ok(true);
+            return true;
         }
         if self.failure.is_some() {
-            return Ok(false);
+            return false;
         }
         if !self.is_there() {
-            return Ok(true);
+            return true;
         }
-        let more = self.source.skip()?;
-        Ok(self.counted(more.then_some(Duration::ZERO)) != Next::End)
+        let more = self.source.skip();
+        self.counted(more.then_some(Duration::ZERO)) != Next::End
     }
 
     /// Whether the source is there, or there again; a frame of one that is not goes missing.

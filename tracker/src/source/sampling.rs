@@ -1,6 +1,6 @@
 //! Frames spread over a recording, to learn its empty scene from.
 
-use calib::vision::FrameSource;
+use calib::video::FrameSource;
 use image::RgbImage;
 
 use crate::Result;
@@ -38,7 +38,7 @@ pub fn spread(spec: &str) -> Result<Vec<RgbImage>> {
                 });
                 stride *= 2;
             }
-        } else if !source.skip()? {
+        } else if !source.skip() {
             break;
         }
     }

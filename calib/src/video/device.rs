@@ -1,0 +1,142 @@
+//! A camera of this machine, by its number: `/dev/videoN`, read by Video4Linux.
+
+use std::time::Duration;
+
+use ffmpeg::format::Pixel;
+use ffmpeg::{codec, decoder, frame};
+use image::RgbImage;
+use v4l::buffer::Type;
+use v4l::io::traits::CaptureStream;
+use v4l::prelude::MmapStream;
+use v4l::video::Capture;
+use v4l::{FourCC, Fraction};
+
+use super::pixels;
+
+/// The formats that are understood: motion JPEG, and two bytes a pixel as nearly all of them can.
+const MOTION_JPEG: [u8; 4] = *b"MJPG";
+const YUYV: [u8; 4] = *b"YUYV";
+
+/// How long to wait for a picture.
+const READS_WITHIN: Duration = Duration::from_secs(5);
+/// Pictures that the driver may fill while one is looked at.
+const BUFFERS: u32 = 4;
+
+/// A device, and the picture of it that came last.
+pub(super) struct Device {
+    stream: MmapStream<'static>,
+    /// Of motion JPEG; the other format needs none.
+    decoder: Option<decoder::Video>,
+    picture: frame::Video,
+    rgb: frame::Video,
+    rate_hz: Option<f64>,
+}
+
+impl Device {
+    /// Opens a camera at the size and rate that it is set to (`v4l2-ctl` sets them).
+    pub(super) fn open(number: usize) -> Result<Self, String> {
+        let said = |error: std::io::Error| format!("/dev/video{number}: {error}");
+        let device = v4l::Device::new(number).map_err(said)?;
+        let mut format = device.format().map_err(said)?;
+        for known in [format.fourcc.repr, MOTION_JPEG, YUYV] {
+            if [MOTION_JPEG, YUYV].contains(&format.fourcc.repr) {
+                break;
+            }
+            format.fourcc = FourCC::new(&known);
+            format = device.set_format(&format).map_err(said)?;
+        }
+        let decoder = match format.fourcc.repr {
+            YUYV => None,
+            MOTION_JPEG => Some(motion_jpeg().map_err(|error| error.to_string())?),
+            _ => return Err(format!("gives {} only; motion JPEG or YUYV is needed", format.fourcc)),
+        };
+        let rate_hz = device.params().ok().and_then(|parameters| rate_hz(parameters.interval));
+        let mut stream = MmapStream::with_buffers(&device, Type::VideoCapture, BUFFERS).map_err(said)?;
+        stream.set_timeout(READS_WITHIN);
+        let picture = frame::Video::new(Pixel::YUYV422, format.width, format.height);
+        Ok(Self { stream, decoder, picture, rgb: frame::Video::empty(), rate_hz })
+    }
+
+    /// Frames a second, where the driver says so.
+    pub(super) fn rate_hz(&self) -> Option<f64> {
+        self.rate_hz
+    }
+
+    /// Width and height of the pictures.
+    pub(super) fn size(&self) -> (u32, u32) {
+        (self.picture.width(), self.picture.height())
+    }
+
+    /// Waits for the next picture. `false` when none comes any more.
+    pub(super) fn advance(&mut self) -> bool {
+        // A camera's first pictures are torn now and then.
+        const TRIES: usize = 10;
+        (0..TRIES).any(|_| {
+            let Ok((bytes, _)) = self.stream.next() else { return false };
+            let Some(decoder) = &mut self.decoder else { return paste_yuyv(bytes, &mut self.picture) };
+            let packet = codec::packet::Packet::copy(bytes);
+            decoder.send_packet(&packet).is_ok() && decoder.receive_frame(&mut self.picture).is_ok()
+        })
+    }
+
+    /// The picture that came last, into an image of its [`size`](Self::size).
+    pub(super) fn picture(&mut self, into: &mut RgbImage) -> Result<(), ffmpeg::Error> {
+        pixels::convert(&self.picture, &mut self.rgb, Pixel::RGB24)?;
+        pixels::copy_rgb(&self.rgb, into);
+        Ok(())
+    }
+}
+
+impl std::fmt::Debug for Device {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Device").field("size", &self.size()).finish_non_exhaustive()
+    }
+}
+
+fn motion_jpeg() -> Result<decoder::Video, ffmpeg::Error> {
+    super::start_ffmpeg()?;
+    let codec = decoder::find(codec::Id::MJPEG).ok_or(ffmpeg::Error::DecoderNotFound)?;
+    codec::context::Context::new().decoder().open_as(codec)?.video()
+}
+
+fn rate_hz(interval: Fraction) -> Option<f64> {
+    (interval.numerator > 0).then(|| f64::from(interval.denominator) / f64::from(interval.numerator))
+}
+
+/// `false` for bytes that are too few for a picture.
+fn paste_yuyv(bytes: &[u8], into: &mut frame::Video) -> bool {
+    let (row_bytes, stride) = (2 * into.width() as usize, into.stride(0));
+    if bytes.len() < row_bytes * into.height() as usize {
+        return false;
+    }
+    for (line, row) in into.data_mut(0).chunks_mut(stride).zip(bytes.chunks_exact(row_bytes)) {
+        line[..row_bytes].copy_from_slice(row);
+    }
+    true
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_bytes_a_pixel_are_luma_and_shared_chroma() {
+        let mut picture = frame::Video::new(Pixel::YUYV422, 6, 2);
+        // Mid grey, then BT.601's red.
+        let bytes = [[128, 128, 128, 128].repeat(3), [81, 90, 81, 240].repeat(3)].concat();
+        assert!(!paste_yuyv(&bytes[1..], &mut picture));
+        assert!(paste_yuyv(&bytes, &mut picture));
+        let (mut rgb, mut image) = (frame::Video::empty(), RgbImage::new(6, 2));
+        pixels::convert(&picture, &mut rgb, Pixel::RGB24).unwrap();
+        pixels::copy_rgb(&rgb, &mut image);
+        // (128 − 16) · 255 / 219
+        assert!(image.rows().next().unwrap().all(|p| p.0.iter().all(|v| v.abs_diff(130) <= 2)), "{image:?}");
+        assert!(image.rows().nth(1).unwrap().all(|p| p[0] > 250 && p[1] < 5 && p[2] < 5), "{image:?}");
+    }
+
+    #[test]
+    fn a_camera_that_is_not_there_is_named() {
+        let said = Device::open(4711).unwrap_err();
+        assert!(said.contains("/dev/video4711"), "{said}");
+    }
+}

@@ -1,0 +1,189 @@
+//! Images in files: a folder of them, or the numbered ones of a printf pattern.
+
+use std::path::{Path, PathBuf};
+
+use image::{DynamicImage, Rgb, RgbImage};
+
+use crate::{Error, Result};
+
+/// Images in the order in which they were taken, and the place of the one that is looked at.
+#[derive(Debug)]
+pub(super) struct Images {
+    paths: Vec<PathBuf>,
+    ahead: usize,
+}
+
+impl Images {
+    /// The images of a folder, in name order.
+    pub(super) fn in_folder(folder: &Path) -> Result<Self> {
+        let mut paths: Vec<PathBuf> = listed(folder)?.into_iter().filter(|path| is_image(path)).collect();
+        paths.sort();
+        if paths.is_empty() {
+            return Err(content(folder, "folder", "holds no .jpg, .jpeg or .png image"));
+        }
+        Ok(Self { paths, ahead: 0 })
+    }
+
+    /// The files of a pattern such as `frames/%04d.png`, from the lowest number on.
+    ///
+    /// # Errors
+    /// A pattern that does not have one `%d`, no file for it, or a number that is left out between two others.
+    pub(super) fn of_pattern(pattern: &str) -> Result<Self> {
+        let path = Path::new(pattern);
+        let (folder, name) = (path.parent().unwrap_or(Path::new("")), path.file_name().unwrap_or_default());
+        let Some(name) = name.to_str().and_then(Numbered::parse) else {
+            return Err(content(
+                path,
+                "pattern",
+                "the file's name needs one %d or %04d, where its number stands",
+            ));
+        };
+        let listing = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+        let mut numbers: Vec<u64> =
+            listed(listing)?.iter().filter_map(|file| name.number(file.file_name()?.to_str()?)).collect();
+        numbers.sort_unstable();
+        if numbers.is_empty() {
+            return Err(content(path, "pattern", "no file has such a name"));
+        }
+        if let Some(gap) = numbers.windows(2).find(|pair| pair[1] != pair[0] + 1) {
+            let problem = format!("is missing, between {} and {}", name.name(gap[0]), name.name(gap[1]));
+            return Err(content(&folder.join(name.name(gap[0] + 1)), "pattern", &problem));
+        }
+        let paths = numbers.into_iter().map(|number| folder.join(name.name(number))).collect();
+        Ok(Self { paths, ahead: 0 })
+    }
+
+    /// How many there are.
+    pub(super) fn len(&self) -> usize {
+        self.paths.len()
+    }
+
+    /// Width and height of the first.
+    pub(super) fn size(&self) -> Result<(u32, u32)> {
+        // There is at least one, or it would not have been opened.
+        let first = &self.paths[0];
+        image::image_dimensions(first).map_err(|error| unreadable(first, &error))
+    }
+
+    /// Goes on to the next. `false` when there are no more.
+    pub(super) fn advance(&mut self) -> bool {
+        let more = self.ahead < self.paths.len();
+        self.ahead += usize::from(more);
+        more
+    }
+
+    /// The image that is looked at, after [`advance`](Self::advance).
+    pub(super) fn picture(&self, into: &mut RgbImage) -> Result<()> {
+        let path = &self.paths[self.ahead - 1];
+        let picture = in_colour(image::open(path).map_err(|error| unreadable(path, &error))?);
+        let ((w, h), (width, height)) = (picture.dimensions(), into.dimensions());
+        if (w, h) != (width, height) {
+            let problem = format!("is {w} × {h}, the frames before it are {width} × {height}");
+            return Err(content(path, "image", &problem));
+        }
+        *into = picture;
+        Ok(())
+    }
+}
+
+/// A file's name with a number in it, as printf writes one.
+struct Numbered<'a> {
+    before: &'a str,
+    digits: usize,
+    after: &'a str,
+}
+
+impl<'a> Numbered<'a> {
+    fn parse(pattern: &'a str) -> Option<Self> {
+        let (before, rest) = pattern.split_once('%')?;
+        let (width, after) = rest.split_once('d')?;
+        let digits = if width.is_empty() { 0 } else { width.parse().ok()? };
+        (!after.contains('%')).then_some(Self { before, digits, after })
+    }
+
+    fn name(&self, number: u64) -> String {
+        format!("{}{number:0digits$}{}", self.before, self.after, digits = self.digits)
+    }
+
+    fn number(&self, name: &str) -> Option<u64> {
+        let number = name.strip_prefix(self.before)?.strip_suffix(self.after)?.parse().ok()?;
+        // `7` is not the name of `%04d`, nor is `+7`.
+        (self.name(number) == name).then_some(number)
+    }
+}
+
+fn listed(folder: &Path) -> Result<Vec<PathBuf>> {
+    let entries =
+        std::fs::read_dir(folder).map_err(|source| Error::Io { path: folder.to_owned(), source })?;
+    Ok(entries.filter_map(|entry| Some(entry.ok()?.path())).collect())
+}
+
+fn is_image(path: &Path) -> bool {
+    path.extension()
+        .and_then(|e| e.to_str())
+        .is_some_and(|e| ["jpg", "jpeg", "png"].iter().any(|known| e.eq_ignore_ascii_case(known)))
+}
+
+fn content(path: &Path, place: &str, problem: &str) -> Error {
+    Error::Content { path: path.to_owned(), place: place.to_owned(), problem: problem.to_owned() }
+}
+
+fn unreadable(path: &Path, error: &image::ImageError) -> Error {
+    content(path, "image", &format!("cannot be decoded ({error}); is the file whole?"))
+}
+
+/// The picture in three channels. Grey ones (masks) are copied three times: `image` converts their colour space pixel by
+/// pixel, which takes longer than everything else that is done with a mask.
+fn in_colour(picture: DynamicImage) -> RgbImage {
+    match picture {
+        DynamicImage::ImageLuma8(grey) => {
+            RgbImage::from_fn(grey.width(), grey.height(), |x, y| Rgb([grey.get_pixel(x, y)[0]; 3]))
+        }
+        other => other.into_rgb8(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pattern_is_a_name_with_one_number() {
+        for (pattern, name, number) in [
+            ("%04d.png", "0007.png", Some(7)),
+            ("%04d.png", "7.png", None),
+            ("%04d.png", "12345.png", Some(12345)),
+            ("im%d.jpg", "im10.jpg", Some(10)),
+            ("im%d.jpg", "im010.jpg", None),
+            ("im%d.jpg", "im+1.jpg", None),
+            ("im%d.jpg", "im.jpg", None),
+        ] {
+            assert_eq!(Numbered::parse(pattern).unwrap().number(name), number, "{pattern} {name}");
+        }
+        for no_pattern in ["a.png", "%s.png", "%d%d.png", "%-3d.png", "%"] {
+            assert!(Numbered::parse(no_pattern).is_none(), "{no_pattern}");
+        }
+    }
+
+    #[test]
+    fn numbered_images_start_anywhere_and_have_no_gap() {
+        let folder = tempfile::tempdir().unwrap();
+        for number in [9, 10, 11] {
+            RgbImage::from_pixel(4, 3, Rgb([number; 3]))
+                .save(folder.path().join(format!("{number}.png")))
+                .unwrap();
+        }
+        let pattern = folder.path().join("%d.png");
+        let mut images = Images::of_pattern(pattern.to_str().unwrap()).unwrap();
+        let mut picture = RgbImage::new(4, 3);
+        for number in [9, 10, 11] {
+            assert!(images.advance());
+            images.picture(&mut picture).unwrap();
+            assert_eq!(picture[(0, 0)][0], number);
+        }
+        assert!(!images.advance());
+        std::fs::remove_file(folder.path().join("10.png")).unwrap();
+        let said = Images::of_pattern(pattern.to_str().unwrap()).unwrap_err().to_string();
+        assert!(said.contains("10.png") && said.contains("missing"), "{said}");
+    }
+}

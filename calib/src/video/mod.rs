@@ -1,0 +1,28 @@
+//! Pictures in and films out: the project's one door to FFmpeg.
+//!
+//! Pictures cross this door as the `image` crate's [`image::RgbImage`]; no FFmpeg type appears in any signature.
+//!
+//! * [`FrameSource`] — frames from whatever a user points at: a video, a folder of images, a printf pattern, the URL of
+//!   a stream, the number of a device.
+//! * [`FilmWriter`] — an MP4 film, whole or not at all.
+
+use std::sync::Once;
+
+mod decoder;
+#[cfg(target_os = "linux")]
+mod device;
+mod images;
+mod pixels;
+mod source;
+mod writer;
+
+pub use source::FrameSource;
+pub use writer::FilmWriter;
+
+/// Makes FFmpeg ready, the first time; without this its errors have no words.
+fn start_ffmpeg() -> Result<(), ffmpeg::Error> {
+    static STARTED: Once = Once::new();
+    let mut started = Ok(());
+    STARTED.call_once(|| started = ffmpeg::init());
+    started
+}

@@ -1,0 +1,169 @@
+//! Films out: an MP4 that browsers and players open, whole or not at all.
+
+use std::path::{Path, PathBuf};
+
+use ffmpeg::codec::{self, encoder, packet::Packet};
+use ffmpeg::format::{self, Pixel, context::Output};
+use ffmpeg::{Dictionary, Rational, frame};
+use image::RgbImage;
+
+use super::pixels;
+use crate::{Error, Result};
+
+/// A film can be entered about every so many seconds.
+const KEY_FRAME_EVERY_S: f64 = 2.0;
+/// The finest fraction that a rate is rounded to.
+const FINEST_RATE: i32 = 100_000;
+
+/// Writes an MP4 film, frame by frame, under a temporary name until [`FilmWriter::finish`].
+pub struct FilmWriter {
+    target: PathBuf,
+    partial: PathBuf,
+    size: (u32, u32),
+    frames: i64,
+    rgb: frame::Video,
+    yuv: frame::Video,
+    packet: Packet,
+    encoder: encoder::Video,
+    /// Of one frame, in seconds.
+    tick: Rational,
+    output: Output,
+}
+
+impl FilmWriter {
+    /// Starts a film of `width` × `height` pixels (even numbers) at `rate` frames a second.
+    ///
+    /// H.264 where this FFmpeg has an encoder for it, MPEG-4 otherwise.
+    ///
+    /// # Errors
+    /// When the folder cannot be made or no encoder opens.
+    pub fn create(target: &Path, width: u32, height: u32, rate: f64) -> Result<Self> {
+        if let Some(folder) = target.parent() {
+            std::fs::create_dir_all(folder)
+                .map_err(|source| Error::Io { path: folder.to_owned(), source })?;
+        }
+        let partial = target.with_extension("partial.mp4");
+        let opened = Self::open(target, &partial, (width, height), rate);
+        if opened.is_err() {
+            // Opening has made the file; nothing half-written stays.
+            let _ = std::fs::remove_file(&partial);
+        }
+        opened.map_err(|error| Error::Content {
+            path: target.to_owned(),
+            place: format!("{width} × {height} at {rate} frames/s"),
+            problem: format!("cannot be encoded ({error}); run with --no-film"),
+        })
+    }
+
+    fn open(
+        target: &Path,
+        partial: &Path,
+        (width, height): (u32, u32),
+        rate: f64,
+    ) -> std::result::Result<Self, ffmpeg::Error> {
+        super::start_ffmpeg()?;
+        let mut output = format::output(partial)?;
+        let (codec, options) = best_codec()?;
+        let mut video = codec::context::Context::new_with_codec(codec).encoder().video()?;
+        let rate_fraction =
+            Rational::from(rate).reduce_with_limit(FINEST_RATE).unwrap_or_else(|nearest| nearest);
+        let tick = rate_fraction.invert();
+        video.set_width(width);
+        video.set_height(height);
+        video.set_format(Pixel::YUV420P);
+        video.set_time_base(tick);
+        video.set_frame_rate(Some(rate_fraction));
+        video.set_gop((KEY_FRAME_EVERY_S * rate).round().clamp(1.0, 600.0) as u32);
+        if output.format().flags().contains(format::Flags::GLOBAL_HEADER) {
+            video.set_flags(codec::Flags::GLOBAL_HEADER);
+        }
+        let encoder = video.open_as_with(codec, options)?;
+        let mut stream = output.add_stream(codec)?;
+        stream.set_parameters(&encoder);
+        stream.set_avg_frame_rate(rate_fraction);
+        // A player on a page begins before it has all of it.
+        output.write_header_with(ffmpeg::dict!("movflags" => "faststart"))?;
+        Ok(Self {
+            target: target.to_owned(),
+            partial: partial.to_owned(),
+            size: (width, height),
+            frames: 0,
+            rgb: frame::Video::new(Pixel::RGB24, width, height),
+            yuv: frame::Video::empty(),
+            packet: Packet::empty(),
+            encoder,
+            tick,
+            output,
+        })
+    }
+
+    /// Appends one frame.
+    ///
+    /// # Errors
+    /// A frame of another size than the film's, or a full disk.
+    pub fn write(&mut self, frame: &RgbImage) -> Result<()> {
+        if frame.dimensions() != self.size {
+            return Err(Error::Invalid(format!(
+                "a film of {:?} pixels was given a frame of {:?}",
+                self.size,
+                frame.dimensions()
+            )));
+        }
+        pixels::paste_rgb(frame, &mut self.rgb);
+        // The encoder may still look at the picture before.
+        self.yuv = frame::Video::empty();
+        pixels::convert(&self.rgb, &mut self.yuv, Pixel::YUV420P).map_err(|error| self.refused(error))?;
+        self.yuv.set_pts(Some(self.frames));
+        self.frames += 1;
+        self.encoder.send_frame(&self.yuv).map_err(|error| self.refused(error))?;
+        self.write_what_is_encoded()
+    }
+
+    fn write_what_is_encoded(&mut self) -> Result<()> {
+        while self.encoder.receive_packet(&mut self.packet).is_ok() {
+            // The muxer chooses the ticks of its stream when the header is written.
+            let stream_tick = self.output.stream(0).map_or(self.tick, |stream| stream.time_base());
+            self.packet.set_stream(0);
+            self.packet.set_duration(1);
+            self.packet.rescale_ts(self.tick, stream_tick);
+            self.packet.write_interleaved(&mut self.output).map_err(|error| self.refused(error))?;
+        }
+        Ok(())
+    }
+
+    /// Closes the film and gives it its name.
+    ///
+    /// # Errors
+    /// When it cannot be written to its end, or renamed.
+    pub fn finish(mut self) -> Result<()> {
+        self.encoder.send_eof().map_err(|error| self.refused(error))?;
+        self.write_what_is_encoded()?;
+        self.output.write_trailer().map_err(|error| self.refused(error))?;
+        std::fs::rename(&self.partial, &self.target)
+            .map_err(|source| Error::Io { path: self.target.clone(), source })
+    }
+
+    fn refused(&self, error: ffmpeg::Error) -> Error {
+        Error::Content {
+            path: self.target.clone(),
+            place: format!("frame {}", self.frames),
+            problem: format!("cannot be written: {error}"),
+        }
+    }
+}
+
+impl Drop for FilmWriter {
+    fn drop(&mut self) {
+        // After `finish` nothing is left under this name; after an error or a panic a torn film is.
+        let _ = std::fs::remove_file(&self.partial);
+    }
+}
+
+/// The best encoder at hand, and how it is to work: the quality of a film to look at, and quick.
+fn best_codec() -> std::result::Result<(ffmpeg::Codec, Dictionary<'static>), ffmpeg::Error> {
+    if let Some(codec) = encoder::find_by_name("libx264") {
+        return Ok((codec, ffmpeg::dict!("preset" => "veryfast", "crf" => "23")));
+    }
+    let codec = encoder::find(codec::Id::MPEG4).ok_or(ffmpeg::Error::EncoderNotFound)?;
+    Ok((codec, ffmpeg::dict!("b" => "4M")))
+}
