@@ -20,11 +20,15 @@ pub fn write_atomic(path: &Path, content: &[u8]) -> Result<()> {
 /// full disk or a refused folder leaves every one of them as it was. They take their names in the given order.
 ///
 /// # Errors
-/// [`Error::Io`] naming the file that could not be written.
+/// [`Error::Io`] naming the file that could not be written; [`Error::Content`] where a folder stands in its place.
 pub fn write_together(files: &[(&Path, &[u8])]) -> Result<()> {
     let mut staged = Vec::with_capacity(files.len());
     for &(path, content) in files {
         let io = |source| Error::Io { path: path.to_owned(), source };
+        if path.is_dir() {
+            let (place, problem) = ("output".to_owned(), "is a folder; name a file in it".to_owned());
+            return Err(Error::Content { path: path.to_owned(), place, problem });
+        }
         let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         std::fs::create_dir_all(folder).map_err(io)?;
         let mut file =
@@ -137,6 +141,17 @@ mod tests {
     }
 
     #[test]
+    fn a_folder_is_not_written_over_and_nothing_is_left_behind() {
+        let folder = tempfile::tempdir().unwrap();
+        let (file, taken) = (folder.path().join("a.txt"), folder.path().join("b"));
+        std::fs::create_dir(&taken).unwrap();
+        let said = write_together(&[(&file, b"1"), (&taken, b"2")]).unwrap_err().to_string();
+        assert!(said.contains("b: ") && said.contains("name a file in it"), "{said}");
+        assert!(!file.exists());
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
     fn errors_name_file_and_place() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("cam.toml");
@@ -152,14 +167,5 @@ mod tests {
         assert!(negative.contains("not positive"), "{negative}");
         std::fs::remove_file(&path).unwrap();
         assert!(read_intrinsics(&path).unwrap_err().to_string().contains("cam.toml"));
-    }
-
-    #[test]
-    fn a_failed_write_leaves_nothing_behind() {
-        let folder = tempfile::tempdir().unwrap();
-        let target = folder.path().join("taken");
-        std::fs::create_dir(&target).unwrap();
-        assert!(write_atomic(&target, b"text").is_err());
-        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 }

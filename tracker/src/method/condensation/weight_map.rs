@@ -26,7 +26,9 @@ pub struct WeightMap {
     pub cell_m: f64,
     /// Cells along x.
     pub columns: usize,
-    /// Row by row of growing y, at the cells' middles.
+    /// Row by row of growing y, at the cells' middles. A product of few cameras' weights is larger than one of many, so
+    /// of [`Integration::Product`] only the cells that the most cameras look at are compared, and the others are 0; the
+    /// paper's cameras see all of its hall.
     pub weights: Vec<f32>,
 }
 
@@ -40,11 +42,16 @@ impl WeightMap {
         let lookout = sight.lookout.with(integration);
         let mut looks = [Looks::default()];
         let mut map = Self { integration, low, cell_m, columns, weights: Vec::with_capacity(columns * rows) };
+        let mut lookers = Vec::with_capacity(columns * rows);
         for i in 0..columns * rows {
             let place = map.middle(i);
             let head = Vector3::new(place.x, place.y, height_m);
             lookout.look(&[head], sight.stage, sight.edges, &mut looks);
             map.weights.push(lookout.integrate(&looks[0]));
+            lookers.push(looks[0].all().len());
+        }
+        if integration == Integration::Product {
+            darken_less_looked_at(&mut map.weights, &lookers);
         }
         map
     }
@@ -92,12 +99,20 @@ impl WeightMap {
         }
         let title = match self.peak() {
             Some((p, weight)) => {
-                format!("{}: largest {weight:.4} at {:.2}, {:.2}", self.integration, p.x, p.y)
+                format!("{}: largest {weight:.1e} at {:.2}, {:.2}", self.integration, p.x, p.y)
             }
             None => self.integration.to_string(),
         };
         canvas.text(Point2::new(8.0, 8.0), &title, &TextStyle::new(17.0).on_plate(Color::INK.alpha(0.7)));
         canvas.into_image()
+    }
+}
+
+/// Leaves the weights of the cells that the most cameras look at.
+fn darken_less_looked_at(weights: &mut [f32], lookers: &[usize]) {
+    let most = lookers.iter().copied().max().unwrap_or(0);
+    for (weight, _) in weights.iter_mut().zip(lookers).filter(|(_, looking)| **looking < most) {
+        *weight = 0.0;
     }
 }
 
@@ -110,6 +125,14 @@ fn heat(share: f32) -> Rgb<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn one_cameras_large_weight_is_no_match_for_a_product_of_three() {
+        let mut weights = [0.9, 0.5, 0.125, 0.001, 0.0];
+        darken_less_looked_at(&mut weights, &[1, 2, 3, 3, 0]);
+        assert_eq!(weights.map(f32::to_bits), [0.0, 0.0, 0.125, 0.001, 0.0_f32].map(f32::to_bits));
+        darken_less_looked_at(&mut [], &[]);
+    }
 
     #[test]
     fn colours_grow_brighter_with_the_weight() {
