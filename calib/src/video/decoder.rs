@@ -34,7 +34,8 @@ pub(super) struct Decoder {
     rgb: frame::Video,
     quarter_turns: u8,
     torn: usize,
-    patience: Patience,
+    /// With the network.
+    patience: Option<Patience>,
     is_at_end: bool,
     rate_hz: Option<f64>,
     frames: Option<usize>,
@@ -43,23 +44,24 @@ pub(super) struct Decoder {
 impl Decoder {
     /// Opens a file.
     pub(super) fn open_file(path: &str) -> Result<Self, Error> {
+        super::start_ffmpeg()?;
         // The prefix keeps a name with a colon from being read as a protocol's.
-        Self::open(&format!("file:{path}"), threading::Type::Frame)
+        let input = format::input(&format!("file:{path}"))?;
+        Self::new(input, threading::Type::Frame, None)
     }
 
     /// Opens a network stream by its URL. Its pictures are not held back to be decoded side by side.
     pub(super) fn open_url(url: &str) -> Result<Self, Error> {
-        Self::open(url, threading::Type::Slice)
-    }
-
-    fn open(url: &str, kind: threading::Type) -> Result<Self, Error> {
         super::start_ffmpeg()?;
-        let patience = Patience::new();
+        let patience = Patience::new(OPENS_WITHIN);
         let asked = patience.clone();
         // Cameras that stream over UDP lose packets, and pictures with them.
         let options = ffmpeg::dict!("rtsp_transport" => "tcp");
-        patience.renew(OPENS_WITHIN);
         let input = format::input_with_interrupt_and_dictionary(url, move || asked.is_over(), options)?;
+        Self::new(input, threading::Type::Slice, Some(patience))
+    }
+
+    fn new(input: Input, kind: threading::Type, patience: Option<Patience>) -> Result<Self, Error> {
         let stream = input.streams().best(Type::Video).ok_or(Error::StreamNotFound)?;
         let mut context = codec::context::Context::from_parameters(stream.parameters())?;
         context.set_threading(threading::Config { kind, ..threading::Config::default() });
@@ -100,7 +102,9 @@ impl Decoder {
 
     /// Decodes the next picture. `false` when there are no more.
     pub(super) fn advance(&mut self) -> bool {
-        self.patience.renew(READS_WITHIN);
+        if let Some(patience) = &self.patience {
+            patience.renew(READS_WITHIN);
+        }
         while self.torn < TORN_IN_A_ROW {
             match self.codec.receive_frame(&mut self.picture) {
                 Ok(()) => {
@@ -201,8 +205,8 @@ fn quarter_turns(stream: &Stream) -> u8 {
 struct Patience(Arc<Mutex<Instant>>);
 
 impl Patience {
-    fn new() -> Self {
-        Self(Arc::new(Mutex::new(Instant::now())))
+    fn new(lasts: Duration) -> Self {
+        Self(Arc::new(Mutex::new(Instant::now() + lasts)))
     }
 
     fn renew(&self, lasts: Duration) {

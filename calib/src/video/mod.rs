@@ -14,6 +14,8 @@ mod device;
 mod images;
 mod pixels;
 mod source;
+#[cfg(test)]
+mod tests;
 mod writer;
 
 pub use source::FrameSource;
