@@ -1,5 +1,6 @@
-//! Writes a rendered office that nobody has seen as files: a room with its geometry, a folder of pictures a camera, and where
-//! everybody truly is. `tracker run` on several seeds tells how far figures of the rooms at hand carry.
+//! Writes a rendered office that nobody has seen as files: a room with its geometry, a folder of pictures a camera, where
+//! everybody truly is, and a capture project. `recon build` and `tracker run` on several seeds tell how far figures of the
+//! rooms at hand carry.
 //!
 //! `cargo run --release -p tests --example rendered -- DIR [SEED] [PEOPLE] [CAMERAS]`
 #![forbid(unsafe_code)]
@@ -12,6 +13,8 @@ use tests::chain::Said;
 
 const RATE_HZ: f64 = 12.0;
 const SECONDS: f64 = 30.0;
+/// Of a capture.
+const FRAMES: usize = 50;
 
 fn main() -> Said<()> {
     let mut given = std::env::args().skip(1);
@@ -27,6 +30,7 @@ fn main() -> Said<()> {
             .build()
             .map_err(|e| e.to_string())?;
     room.room.write(&folder.join("room")).map_err(|e| e.to_string())?;
+    tests::project::write(&folder.join("project"), &room, FRAMES)?;
     for camera in &room.room.cameras {
         let path = folder.join("video").join(&camera.name);
         std::fs::create_dir_all(&path).map_err(|e| format!("{}: {e}", path.display()))?;

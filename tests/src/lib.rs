@@ -3,6 +3,7 @@
 //! * [`data`] — the office shipped beside this crate, the larger data sets where they are at hand, the binaries.
 //! * [`chain`] — the programs, run as a person runs them, with what they measure.
 //! * [`hall`] — a synthetic hall with true heads, for the head tracker's experiments.
+//! * [`project`] — a synthetic room's captures, as `recon build` takes them.
 //! * [`accuracy`] — errors of camera motion, of a finished room and of its depth, against ground truth.
 #![forbid(unsafe_code)]
 
@@ -10,3 +11,4 @@ pub mod accuracy;
 pub mod chain;
 pub mod data;
 pub mod hall;
+pub mod project;

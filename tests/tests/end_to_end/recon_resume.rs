@@ -1,66 +1,15 @@
 //! `recon build` of a synthetic room that is interrupted: what was finished is kept, and the room comes out as if nothing
 //! had happened.
 
-use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-use calib::Camera;
-use glam::Vec3;
-use nalgebra::{Point2, Point3};
-use rand::{RngExt, SeedableRng};
-use rand_pcg::Pcg64Mcg;
-use scenes::raycast::RayScene;
 use scenes::room::Room;
-use scenes::synthetic::{CaptureOptions, RoomOptions, SyntheticRoom};
+use scenes::synthetic::RoomOptions;
 use tests::accuracy::{camera_against_floor, relative_pose};
 use tests::data::program;
-
-/// Films the room and writes a capture project with picks to within half a pixel.
-fn project(folder: &Path, room: &SyntheticRoom) {
-    let cameras: Vec<&Camera> = room.room.cameras.iter().map(|c| &c.camera).collect();
-    let mut text = String::new();
-    for (seed, entry) in (1..).zip(&room.room.cameras) {
-        let name = &entry.name;
-        let options = CaptureOptions { seed, frames: 24, ..CaptureOptions::default() };
-        let (frames, _) = room.capture(&entry.camera, &options);
-        fs::create_dir(folder.join(name)).unwrap();
-        for (i, frame) in frames.iter().enumerate() {
-            frame.save(folder.join(name).join(format!("{i:02}.png"))).unwrap();
-        }
-        calib::files::write_intrinsics(&folder.join(format!("{name}.toml")), &entry.camera.intrinsics)
-            .unwrap();
-        writeln!(text, "[[camera]]\nname = \"{name}\"\ncapture = \"{name}\"\nintrinsics = \"{name}.toml\"")
-            .unwrap();
-    }
-    for [a, b] in picks(room, [cameras[0], cameras[1]]) {
-        writeln!(text, "[[point]]\ncam0 = [{}, {}]\ncam1 = [{}, {}]", a.x, a.y, b.x, b.y).unwrap();
-    }
-    writeln!(text, "[scale]\ncamera = \"cam0\"\nheight = {}", cameras[0].center().z).unwrap();
-    fs::write(folder.join("room.toml"), text).unwrap();
-}
-
-/// Places that both cameras see, well inside both images.
-fn picks(room: &SyntheticRoom, [a, b]: [&Camera; 2]) -> Vec<[Point2<f64>; 2]> {
-    let scene = RayScene::new(room.room.geometry.as_ref().unwrap()).unwrap();
-    let single = |p: Point3<f64>| Vec3::new(p.x as f32, p.y as f32, p.z as f32);
-    let mut rng = Pcg64Mcg::seed_from_u64(1);
-    let mut picks = Vec::new();
-    while picks.len() < 14 {
-        let pixel = Point2::new(rng.random_range(16.0..240.0), rng.random_range(16.0..176.0));
-        let ray = a.camera_from_world.rotation.inverse() * a.intrinsics.unproject(&pixel).unwrap();
-        let Some(hit) = scene.cast(single(a.center()), single(Point3::from(ray))) else { continue };
-        let place = a.center() + ray * f64::from(hit.distance);
-        let inside = |p: &Point2<f64>| (16.0..240.0).contains(&p.x) && (16.0..176.0).contains(&p.y);
-        let Some(other) = b.project(&place).filter(inside) else { continue };
-        if !scene.is_blocked(single(b.center()), single(place)) {
-            picks.push([pixel, other]);
-        }
-    }
-    picks
-}
 
 fn recon(folder: &Path) -> Command {
     let mut recon = program("recon");
@@ -77,7 +26,7 @@ fn an_interrupted_build_goes_on_where_it_ended() {
     let scratch = tempfile::tempdir().unwrap();
     let folder = scratch.path();
     let truth = RoomOptions { seed: 4, image_px: [256, 192], ..RoomOptions::default() }.build().unwrap();
-    project(folder, &truth);
+    tests::project::write(folder, &truth, 24).unwrap();
 
     let mut interrupted = recon(folder).stderr(Stdio::null()).spawn().unwrap();
     let (first, started) = (folder.join("room.unfinished/cache/capture_cam0.bin"), Instant::now());
