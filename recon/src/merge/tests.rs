@@ -189,3 +189,41 @@ fn bent_depths_are_noticed_and_trusted_less() {
     let (bent_errors, straight_errors) = (errors(&result), errors(&straight));
     assert!(bent_errors.1 < 2.0 && straight_errors.1 < 0.6, "{bent_errors:?} {straight_errors:?}");
 }
+
+#[test]
+fn bent_surfaces_are_not_forced_on_each_other() {
+    let run = |align_surfaces: bool| {
+        let options = MergeOptions { align_surfaces, ..MergeOptions::default() };
+        let surfaces = [bent(0, 0.3), surface(1)];
+        merge(&project(), &surfaces, &[lens(), lens()], &[vec![], vec![]], &options).unwrap()
+    };
+    let ((picks_only, _), (laid, report)) = (run(false), run(true));
+    let (picks_only, laid) = (errors(&picks_only), errors(&laid));
+    // Taken at stereo's word, these surfaces turn the camera seven times as far.
+    assert!(report.surface_pairs > 100, "{report:?}");
+    assert!(laid.1 < 2.0 * picks_only.1 && laid.0 < picks_only.0, "{laid:?} {picks_only:?}");
+}
+
+#[test]
+fn picks_whose_depth_is_another_surfaces_do_not_make_a_space_bent() {
+    let project = project();
+    // Four of the seven, measured with confidence on what lies before or behind, as at the edge of a table.
+    let beside: Vec<MeasuredPixel> = project.points[..4]
+        .iter()
+        .zip([1.06, 0.95, 1.04, 0.93])
+        .map(|(point, off)| {
+            let pixel = point.pixel(1).unwrap();
+            let depth = off * surface(1).point_at(&pixel).unwrap().z;
+            MeasuredPixel { pixel, depth: RayDepth { depth, sigma: 0.008 } }
+        })
+        .collect();
+    let run = |align_surfaces: bool| {
+        let options = MergeOptions { align_surfaces, ..MergeOptions::default() };
+        let measured = [vec![], beside.clone()];
+        merge(&project, &[surface(0), surface(1)], &[lens(), lens()], &measured, &options).unwrap()
+    };
+    let ((without, _), (with, report)) = (run(false), run(true));
+    assert!(report.depth_sigma[1] > 0.02, "{report:?}");
+    let (without, with) = (errors(&without), errors(&with));
+    assert!(with.1 < 0.5 * without.1 && with.1 < 0.2, "{with:?} {without:?}");
+}

@@ -3,11 +3,13 @@
 //! Levenberg–Marquardt over seven numbers a camera (log scale, rotation, translation; the first camera stands still)
 //! and three a point. Residuals, each in standard deviations: a pick's pixel; the depth read at a pick, as a
 //! logarithm; the distance of one camera's surface point from another's surface, along that one's normal. All are robust
-//! (Cauchy), reweighted as they go. How good the depths are is estimated along with them ([`variance`]), since a
-//! capture's motion may bend its whole space. The problem is small and dense, so derivatives are central differences.
+//! (Cauchy), reweighted as they go. How good the depths are is estimated along with them ([`variance`]), and how far
+//! the surfaces can be laid on each other at all ([`worth`]), since a capture's motion may bend its whole space. The
+//! problem is small and dense, so derivatives are central differences.
 
 mod state;
 mod variance;
+mod worth;
 
 use nalgebra::{DMatrix, DVector, Point3, Similarity3, Vector3};
 
@@ -16,11 +18,14 @@ use super::{MergeOptions, MergeReport, Merged, Pick};
 use crate::surface::Surface;
 use state::{POINT, POSE, State};
 use variance::Factors;
+use worth::Worth;
 
 /// Rounds of finding common surface points anew.
 const ASSOCIATIONS: usize = 6;
 /// Rounds of minimising and judging depths and picks anew.
 const VARIANCE_ROUNDS: usize = 8;
+/// Surfaces are looked for within this share of the depth, at first.
+const WIDEST_GATE: f64 = 0.06;
 /// A depth this far (logarithm) from where both cameras' rays meet is another surface's.
 const DEPTH_MISMATCH: f64 = 0.1;
 
@@ -97,13 +102,12 @@ impl Scene<'_> {
     /// Lays common surfaces on each other, unless the picks suffer by it.
     fn lay_on_each_other(&self, state: &mut State, picks: &[Pick], report: &mut MergeReport) {
         let before = (state.poses.clone(), state.points.clone());
-        let mut contacts = Vec::new();
-        for round in 0..ASSOCIATIONS {
-            // The gate narrows as the surfaces come together.
-            let gate = 0.06 * 0.7f64.powi(round as i32);
-            contacts = overlap::contacts(self.surfaces, &state.poses, gate);
-            self.minimise(state, picks, &contacts);
-        }
+        // A first try, with surfaces taken at stereo's word, shows how far they can agree.
+        self.lay(state, picks, &Worth::straight(self.surfaces.len()));
+        let contacts = overlap::contacts(self.surfaces, &state.poses, WIDEST_GATE);
+        let worth = Worth::of(&contacts, &state.poses, self.options.depth_sigma);
+        (state.poses, state.points) = before.clone();
+        let contacts = self.lay(state, picks, &worth);
         let rms = self.pick_rms(state, picks);
         if rms > 1.5 * report.pick_rms_px + 0.5 {
             (state.poses, state.points) = before;
@@ -113,6 +117,20 @@ impl Scene<'_> {
         report.surface_pairs = contacts.len();
         let squares: f64 = contacts.iter().map(|c| c.distance(&state.poses).powi(2)).sum();
         report.surface_rms = (squares / contacts.len().max(1) as f64).sqrt();
+    }
+
+    /// Finds common surface points and minimises, round after round; the last round's points.
+    fn lay(&self, state: &mut State, picks: &[Pick], worth: &Worth) -> Vec<Contact> {
+        let mut contacts = Vec::new();
+        for round in 0..ASSOCIATIONS {
+            // The gate narrows as the surfaces come together.
+            let gate = WIDEST_GATE * 0.7f64.powi(round as i32);
+            contacts = overlap::contacts(self.surfaces, &state.poses, gate);
+            let weights = worth.weights(&contacts);
+            let weighted: Vec<(&Contact, f64)> = contacts.iter().zip(weights).collect();
+            self.minimise(state, picks, &weighted);
+        }
+        contacts
     }
 
     /// In standard deviations; the second number is 0 but for pixels.
@@ -146,9 +164,9 @@ impl Scene<'_> {
         terms.iter().map(|t| loss(self.residual(state, t), t)).sum()
     }
 
-    fn minimise(&self, state: &mut State, picks: &[Pick], contacts: &[Contact]) {
+    fn minimise(&self, state: &mut State, picks: &[Pick], contacts: &[(&Contact, f64)]) {
         const ITERATIONS: usize = 60;
-        let terms = terms(picks, contacts, self.independent_contacts(picks));
+        let terms = terms(picks, contacts);
         let cameras = state.poses.len();
         let size = (cameras - 1) * POSE + state.points.len() * POINT;
         if size == 0 {
@@ -245,15 +263,14 @@ impl Scene<'_> {
     }
 }
 
-/// Contacts count as much as `independent` ones: neighbouring surface points err together.
-fn terms<'a>(picks: &'a [Pick], contacts: &'a [Contact], independent: f64) -> Vec<Term<'a>> {
-    let weight = (independent / contacts.len().max(1) as f64).min(1.0).sqrt();
+/// All residuals; contacts come with their weights.
+fn terms<'a>(picks: &'a [Pick], contacts: &[(&'a Contact, f64)]) -> Vec<Term<'a>> {
     let depths = picks.iter().filter_map(|p| Some(Term::Depth(p, p.depth?)));
     picks
         .iter()
         .map(Term::Pixel)
         .chain(depths)
-        .chain(contacts.iter().map(|c| Term::Surface(c, weight)))
+        .chain(contacts.iter().map(|(contact, weight)| Term::Surface(contact, *weight)))
         .collect()
 }
 

@@ -86,7 +86,7 @@ impl Scene<'_> {
     pub(super) fn variance_factors(&self, state: &State, picks: &[Pick]) -> Factors {
         let cameras = state.poses.len();
         let size = (cameras - 1) * POSE + state.points.len() * POINT;
-        let terms = terms(picks, &[], 0.0);
+        let terms = terms(picks, &[]);
         let mut normal = DMatrix::<f64>::zeros(size, size);
         let mut rows: Vec<[DVector<f64>; 2]> = Vec::with_capacity(terms.len());
         for term in &terms {
@@ -124,19 +124,6 @@ impl Scene<'_> {
             pick: of_picks.factor().clamp(PICK_RANGE.0, PICK_RANGE.1),
             depth: of_depths.iter().map(|g| g.factor().clamp(DEPTH_RANGE.0, DEPTH_RANGE.1)).collect(),
         }
-    }
-
-    /// How many independent observations all contacts of surfaces are worth. Where a space is bent, its surfaces err
-    /// together: that part of their variance is known as often as it can bend, however many contacts there are.
-    pub(super) fn independent_contacts(&self, picks: &[Pick]) -> f64 {
-        /// Of stereo's own errors, and of the bending.
-        const STEREO: f64 = 150.0;
-        const BENDS: f64 = 3.0;
-        /// Depths at picks are read at edges and on slanted things: up to so many times what stereo claims for a single one, a
-        /// space may be straight.
-        const BENT: f64 = 2.0;
-        let worst = self.depth_sigma(picks).into_iter().fold(0.0, f64::max) / self.options.depth_sigma;
-        1.0 / (1.0 / STEREO + (worst.powi(2) - BENT.powi(2)).max(0.0) / BENDS)
     }
 
     /// The depths' standard deviation as a share of them, in the median of each camera's picks; 0 without any.

@@ -1,0 +1,63 @@
+//! How much the contacts of two cameras' surfaces are worth.
+//!
+//! Where a capture's motion has bent its space, its surfaces err together, however many contacts there are; laid on another
+//! camera's they then keep a distance that no turn or stretch takes away. Picks' depths tell little of that: they are read at
+//! edges, where the next surface begins.
+
+use nalgebra::Similarity3;
+
+use crate::merge::overlap::Contact;
+
+/// As many independent observations as stereo's own errors leave in the contacts of two cameras: neighbours err together.
+const STEREO: f64 = 150.0;
+/// In how many ways a space bends: by depth, across and along the image. What is bent is known as often.
+const BENDS: f64 = 3.0;
+
+/// The number of independent observations, of stereo's standard deviation, that the contacts of each pair of cameras count
+/// as.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Worth {
+    cameras: usize,
+    /// Row by row, the lower camera first.
+    independent: Vec<f64>,
+}
+
+impl Worth {
+    /// Only stereo errs.
+    pub(super) fn straight(cameras: usize) -> Self {
+        Self { cameras, independent: vec![STEREO; cameras * cameras] }
+    }
+
+    /// From what contacts keep between surfaces that were laid on each other; `depth_sigma` is stereo's own.
+    pub(super) fn of(contacts: &[Contact], poses: &[Similarity3<f64>], depth_sigma: f64) -> Self {
+        /// Of the absolute value of a normal variable.
+        const MEDIAN: f64 = 0.6745;
+        let mut worth = Self::straight(poses.len());
+        let mut errors: Vec<Vec<f64>> = vec![Vec::new(); worth.independent.len()];
+        for contact in contacts {
+            errors[worth.pair(contact)].push(contact.relative(poses).abs());
+        }
+        for (of_pair, independent) in errors.iter_mut().zip(&mut worth.independent) {
+            of_pair.sort_by(f64::total_cmp);
+            if let Some(median) = of_pair.get(of_pair.len() / 2) {
+                let bent = median / MEDIAN / depth_sigma;
+                *independent = 1.0 / (1.0 / STEREO + bent * bent / BENDS);
+            }
+        }
+        worth
+    }
+
+    /// A factor for each contact's residual.
+    pub(super) fn weights(&self, contacts: &[Contact]) -> Vec<f64> {
+        let mut counts = vec![0_usize; self.independent.len()];
+        for contact in contacts {
+            counts[self.pair(contact)] += 1;
+        }
+        let weight = |pair: usize| (self.independent[pair] / counts[pair].max(1) as f64).min(1.0).sqrt();
+        contacts.iter().map(|contact| weight(self.pair(contact))).collect()
+    }
+
+    fn pair(&self, contact: &Contact) -> usize {
+        contact.from.min(contact.onto) * self.cameras + contact.from.max(contact.onto)
+    }
+}
