@@ -12,6 +12,7 @@
 //! * [`dense`] — depth and normal for each pixel of the reference view, by PatchMatch stereo.
 //! * [`surface`] — what a reference view is known to see: depth, normal, origin of each pixel.
 //! * [`ray_depth`] — the depth of single, picked pixels, from all frames.
+//! * [`rolling_shutter`] — frames whose rows were read one after the other, as if filmed at once.
 //! * [`planes`] — the room's planes: measured depths made exact on them, holes filled from them.
 //! * [`assemble`] — one room from all surfaces: [`merge`] (picked points, common surfaces), [`floor`] (Hough
 //!   transform, world frame), [`scale`] (metres), [`fusion`] (oriented discs).
@@ -33,6 +34,7 @@ pub mod motion;
 pub mod planes;
 pub mod project;
 pub mod ray_depth;
+pub mod rolling_shutter;
 pub mod scale;
 pub mod surface;
 

@@ -12,6 +12,7 @@ use crate::dense::{self, DenseOptions, PosedCapture};
 use crate::motion::{self, MotionOptions};
 use crate::planes::{self, PlaneOptions};
 use crate::ray_depth::{self, Asked, Filmed, MeasuredPixel};
+use crate::rolling_shutter::RollingShutter;
 use crate::surface::Surface;
 use crate::{Error, Result};
 
@@ -36,13 +37,27 @@ pub(super) struct Camera {
     pub(super) seen: Seen,
 }
 
-/// Works through a capture; `step` is told what is being done.
-pub(super) fn see(capture: &Capture, options: &BuildOptions, step: &mut dyn FnMut(String)) -> Result<Seen> {
-    let name = &capture.name;
+/// Works through a capture; `step` is told what is being done. Frames of a rolling shutter become what they would be,
+/// filmed at once.
+pub(super) fn see(
+    capture: &mut Capture,
+    options: &BuildOptions,
+    step: &mut dyn FnMut(String),
+) -> Result<Seen> {
+    let name = &capture.name.clone();
     step(format!("{name}: camera motion"));
     let start = Instant::now();
     let motion_options = MotionOptions { seed: options.seed, ..options.motion.clone() };
     let (motion, motion_report) = motion::estimate(capture, &motion_options)?;
+    if motion_report.readout != 0.0 {
+        tracing::info!(
+            "{name}: its rows are read one after the other, over {:.2} of the time between frames",
+            motion_report.readout
+        );
+        let shutter =
+            RollingShutter::new(motion_report.readout, &motion.camera_from_world, motion.intrinsics.height);
+        at_once(capture, &motion.intrinsics, &shutter);
+    }
     let motion_time = start.elapsed();
 
     step(format!("{name}: depth"));
@@ -67,6 +82,21 @@ pub(super) fn see(capture: &Capture, options: &BuildOptions, step: &mut dyn FnMu
         CameraReport::new(capture, (&motion.intrinsics, &motion_report), &dense_report, &surface, times);
     let range = depth_range(&points);
     Ok(Seen { lens: motion.intrinsics, surface, camera_from_world: motion.camera_from_world, range, report })
+}
+
+impl Seen {
+    /// How the capture's rows were read; `None` for all at once.
+    pub(super) fn shutter(&self) -> Option<RollingShutter> {
+        let readout = self.report.readout;
+        (readout != 0.0).then(|| RollingShutter::new(readout, &self.camera_from_world, self.lens.height))
+    }
+}
+
+/// All frames of a capture as if filmed at once.
+pub(super) fn at_once(capture: &mut Capture, lens: &Intrinsics, shutter: &RollingShutter) {
+    for (index, frame) in capture.frames.iter_mut().enumerate() {
+        *frame = shutter.frame(lens, index, frame);
+    }
 }
 
 /// Where points lie before the reference camera, with some room on both sides.

@@ -72,7 +72,7 @@ pub fn build(
     options: &BuildOptions,
     progress: &mut dyn FnMut(&Step),
 ) -> Result<BuildReport> {
-    let project = Project::read(project_file)?;
+    let mut project = Project::read(project_file)?;
     let zones = options.zones.as_deref().map(scenes::room::read_zones).transpose()?;
     let before = output::check_target(out)?;
     let of = project.cameras.len() * STEPS_A_CAMERA + STEPS_A_ROOM;
@@ -101,19 +101,26 @@ pub fn build(
     let mut measured = Vec::with_capacity(captures.len());
     for (index, mut capture) in captures.into_iter().enumerate() {
         let key = kept::key(&capture, options);
+        let reference = capture.frames[capture.reference].clone();
         let seen = if let Some(seen) = kept.find(&capture.name, &key) {
             step(format!("{}: camera motion kept from before", capture.name));
             step(format!("{}: depth kept from before", capture.name));
+            if let Some(shutter) = seen.shutter() {
+                camera::at_once(&mut capture, &seen.lens, &shutter);
+            }
             seen
         } else {
-            let seen = camera::see(&capture, options, &mut step)?;
+            let seen = camera::see(&mut capture, options, &mut step)?;
             kept.keep(&capture.name, &key, &seen);
             seen
         };
         report.cameras.push(seen.report.clone());
+        if let Some(shutter) = seen.shutter() {
+            let at_once = |pixel: &_| shutter.rectified(&seen.lens, capture.reference, pixel);
+            project.move_pixels(index, &|pixel| at_once(pixel).unwrap_or(*pixel));
+        }
         measured.push(camera::measure(&capture, &seen, &project.pixels_of(index)));
         tracing::debug!("{}: depths at picks {:?}", capture.name, measured.last());
-        let reference = capture.frames.swap_remove(capture.reference);
         cameras.push((Camera { name: capture.name, reference, seen }, key));
     }
     step("the room: cameras, floor, metres".into());

@@ -71,6 +71,8 @@ pub struct CameraReport {
     pub reprojection_rms_px: f64,
     /// The share of what was followed that stood still.
     pub explained_share: f64,
+    /// The time from a frame's first row to its last, as a share of the time between frames; 0 for all at once.
+    pub readout: f64,
     /// The focal length where it was estimated or refined from the capture, pixels.
     pub estimated_focal_px: Option<f64>,
     /// Its standard deviation, pixels, where it can be told.
@@ -107,6 +109,7 @@ impl CameraReport {
             points: motion.points,
             reprojection_rms_px: motion.rms_px,
             explained_share: motion.explained_share,
+            readout: motion.readout,
             estimated_focal_px: matches!(motion.lens, LensOrigin::Estimated | LensOrigin::Refined)
                 .then_some(lens.fx),
             focal_sigma_px: motion.focal_sigma.map(|sigma| sigma * lens.fx),

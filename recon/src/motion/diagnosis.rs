@@ -128,6 +128,7 @@ mod tests {
             rms_px: 0.3,
             parallax_deg: 0.2,
             explained_share,
+            readout: 0.0,
             lens: LensOrigin::Given,
             focal_sigma: None,
         };

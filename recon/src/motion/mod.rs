@@ -3,13 +3,14 @@
 //! Tracks ([`crate::features`]) start two competing reconstructions: by factorization, without any guess, and by two
 //! views and growth ([`incremental`]). Both are adjusted ([`crate::bundle`]); the one with the smaller robust
 //! reprojection error is polished by renewed triangulation and adjustment. It then tells where features lie that were
-//! lost ([`revisit`]): links between frames that are not neighbours, which hold the drift of long paths. What it says of
-//! the lens is weighed against what was known ([`lens`]). A capture that cannot work is refused with what to film instead.
+//! lost ([`revisit`]): links between frames that are not neighbours, which hold the drift of long paths. It tells how long a
+//! frame's rows were read ([`readout`]); what it says of the lens is weighed against what was known ([`lens`]). A capture that cannot work is refused with what to film instead.
 
 mod diagnosis;
 mod five_point;
 mod incremental;
 mod lens;
+mod readout;
 mod resection;
 mod revisit;
 mod rival;
@@ -78,7 +79,8 @@ impl Default for MotionOptions {
 pub struct Motion {
     /// The capture's intrinsics, refined where they were not given.
     pub intrinsics: Intrinsics,
-    /// One a frame; `None` where the frame could not be placed. The reference frame's is the identity.
+    /// One a frame, at the instant of its middle row; `None` where the frame could not be placed. The reference frame's
+    /// is the identity.
     pub camera_from_world: Vec<Option<Isometry3<f64>>>,
     /// Points seen by three frames or more.
     pub points: Vec<SparsePoint>,
@@ -89,7 +91,8 @@ pub struct Motion {
 pub struct SparsePoint {
     /// In the world of [`Motion`].
     pub position: Point3<f64>,
-    /// Frame (from 0) and pixel, those that agree with the position.
+    /// Frame (from 0) and pixel, those that agree with the position; as if the frame had been filmed at once
+    /// ([`crate::rolling_shutter`]).
     pub observations: Vec<(usize, Point2<f64>)>,
 }
 
@@ -113,6 +116,8 @@ pub struct MotionReport {
     /// The share of what was followed that stood still, as the reconstruction before lost features were looked for has
     /// it.
     pub explained_share: f64,
+    /// The time from a frame's first row to its last, as a share of the time between frames; 0 for all at once.
+    pub readout: f64,
     /// Where the intrinsics come from.
     pub lens: LensOrigin,
     /// Standard deviation of the focal length as a share of it, where it was estimated or refined and can be told.
@@ -171,8 +176,9 @@ pub fn estimate(capture: &Capture, options: &MotionOptions) -> Result<(Motion, M
     sketch.polish(lens, options.polish_rounds);
     let explained = sketch.explained_share(agreement_px(&sketch));
     revisit::revisit(&mut sketch, &capture.frames, &options.features, lens, options.polish_rounds);
+    let readout = readout::settle(&mut sketch, lens);
     let lens = lens::settle(&mut sketch, &capture.name, capture.intrinsics.is_some(), options.refine_lens);
-    finish(capture, options, &sketch, Before { features, starts, explained, lens })
+    finish(capture, options, &sketch, Before { features, starts, explained, readout, lens })
 }
 
 /// Poses from factorized windows; what they did not reach is resected.
@@ -233,6 +239,7 @@ struct Before {
     features: FeatureReport,
     starts: Starts,
     explained: f64,
+    readout: f64,
     lens: lens::Settled,
 }
 
@@ -291,6 +298,7 @@ fn finish(
         rms_px: (squares / count.max(1) as f64).sqrt(),
         parallax_deg: two_views::median(&angles).unwrap_or(0.0),
         explained_share: before.explained,
+        readout: before.readout,
         lens: before.lens.origin,
         focal_sigma: before.lens.focal_sigma,
     };

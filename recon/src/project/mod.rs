@@ -113,6 +113,20 @@ impl Project {
         self.points.iter().filter_map(|p| p.pixel(camera)).chain(ends).collect()
     }
 
+    /// Moves all pixels of one camera, as when its reference image is rectified.
+    pub fn move_pixels(&mut self, of: usize, to: &dyn Fn(&Point2<f64>) -> Point2<f64>) {
+        if let Scale::Distance { camera, from: start, to: end, .. } = &mut self.scale
+            && *camera == of
+        {
+            (*start, *end) = (to(start), to(end));
+        }
+        for (camera, pixel) in self.points.iter_mut().flat_map(|point| &mut point.picks) {
+            if *camera == of {
+                *pixel = to(pixel);
+            }
+        }
+    }
+
     /// The points seen by both cameras, as pairs of pixels.
     pub fn shared(&self, a: usize, b: usize) -> Vec<(Point2<f64>, Point2<f64>)> {
         self.points.iter().filter_map(|p| Some((p.pixel(a)?, p.pixel(b)?))).collect()

@@ -105,7 +105,8 @@ impl Scene<'_> {
         // A first try, with surfaces taken at stereo's word, shows how far they can agree.
         self.lay(state, picks, &Worth::straight(self.surfaces.len()));
         let contacts = overlap::contacts(self.surfaces, &state.poses, WIDEST_GATE);
-        let worth = Worth::of(&contacts, &state.poses, self.options.depth_sigma);
+        let at_picks = report.depth_sigma.iter().copied().fold(0.0, f64::max);
+        let worth = Worth::of(&contacts, &state.poses, self.options.depth_sigma, at_picks);
         (state.poses, state.points) = before.clone();
         let contacts = self.lay(state, picks, &worth);
         let rms = self.pick_rms(state, picks);

@@ -1,8 +1,8 @@
 //! How much the contacts of two cameras' surfaces are worth.
 //!
 //! Where a capture's motion has bent its space, its surfaces err together, however many contacts there are; laid on another
-//! camera's they then keep a distance that no turn or stretch takes away. Picks' depths tell little of that: they are read at
-//! edges, where the next surface begins.
+//! camera's they then keep a distance that no turn or stretch takes away. Stereo's noise keeps them apart as well, and picks'
+//! depths are read at edges, where the next surface begins: a space is bent if both say so.
 
 use nalgebra::Similarity3;
 
@@ -28,10 +28,19 @@ impl Worth {
         Self { cameras, independent: vec![STEREO; cameras * cameras] }
     }
 
-    /// From what contacts keep between surfaces that were laid on each other; `depth_sigma` is stereo's own.
-    pub(super) fn of(contacts: &[Contact], poses: &[Similarity3<f64>], depth_sigma: f64) -> Self {
+    /// From what contacts keep between surfaces that were laid on each other; `depth_sigma` is stereo's own, and
+    /// `pick_sigma` what depths at picks turned out to be off by.
+    pub(super) fn of(
+        contacts: &[Contact],
+        poses: &[Similarity3<f64>],
+        depth_sigma: f64,
+        pick_sigma: f64,
+    ) -> Self {
         /// Of the absolute value of a normal variable.
         const MEDIAN: f64 = 0.6745;
+        /// Up to so many times what stereo claims for a single pick, a space may be straight.
+        const BENT: f64 = 2.0;
+        let at_picks = ((pick_sigma / depth_sigma).powi(2) - BENT.powi(2)).max(0.0);
         let mut worth = Self::straight(poses.len());
         let mut errors: Vec<Vec<f64>> = vec![Vec::new(); worth.independent.len()];
         for contact in contacts {
@@ -40,8 +49,8 @@ impl Worth {
         for (of_pair, independent) in errors.iter_mut().zip(&mut worth.independent) {
             of_pair.sort_by(f64::total_cmp);
             if let Some(median) = of_pair.get(of_pair.len() / 2) {
-                let bent = median / MEDIAN / depth_sigma;
-                *independent = 1.0 / (1.0 / STEREO + bent * bent / BENDS);
+                let bent = (median / MEDIAN / depth_sigma).powi(2).min(at_picks);
+                *independent = 1.0 / (1.0 / STEREO + bent / BENDS);
             }
         }
         worth

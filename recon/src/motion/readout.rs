@@ -1,0 +1,118 @@
+//! How long the rows of a frame were read: the readout that leaves the least error.
+//!
+//! A sensor that reads row after row bends what is reconstructed from a turning camera, without leaving much error: what
+//! error it leaves tells. Observations are brought to the instants of their frames' middle rows ([`RollingShutter`]) with a few
+//! readouts, the reconstruction is adjusted to each, and a parabola through the squared errors has the best one.
+
+use nalgebra::Point2;
+
+use super::sketch::Sketch;
+use crate::bundle::LensFreedom;
+use crate::features::Track;
+use crate::rolling_shutter::RollingShutter;
+
+/// Readouts are tried by this much on both sides of the best so far; shares of the time between frames.
+const STEP: f64 = 0.05;
+/// A better one is believed up to so many steps away.
+const FARTHEST_STEPS: f64 = 2.0;
+/// Rows are read before the next frame begins.
+const LONGEST: f64 = 1.0;
+/// What shifts no row by more than this, pixels, is not looked for.
+const LEAST_SHIFT_PX: f64 = 0.1;
+/// By this share the error's square must fall, or chance may have done it.
+const LEAST_GAIN: f64 = 0.1;
+/// Times the best readout is looked for anew: poses follow it only step by step.
+const SEARCHES: usize = 6;
+/// Rounds of polish with a better readout.
+const ROUNDS: usize = 2;
+
+/// Finds the readout of a polished sketch and brings its tracks to the middle rows' instants; 0 where none is seen.
+pub(super) fn settle(sketch: &mut Sketch<'_>, lens: LensFreedom) -> f64 {
+    let fast = RollingShutter::new(1.0, &sketch.poses, sketch.intrinsics.height).shift_px(&sketch.intrinsics);
+    let least = LEAST_SHIFT_PX / fast.max(f64::MIN_POSITIVE);
+    if STEP < least {
+        return 0.0;
+    }
+    let square = |sketch: &Sketch<'_>| sketch.noise_px().powi(2);
+    let Some(mut best) = adjusted(sketch, sketch, 0.0, lens, ROUNDS) else { return 0.0 };
+    let (none, mut readout) = (square(&best), 0.0);
+    for _ in 0..SEARCHES {
+        let around =
+            [-STEP, STEP].map(|step| adjusted(sketch, &best, readout + step, lens, 1).as_ref().map(square));
+        let [Some(low), Some(high)] = around else { break };
+        let Some(step) = lowest(low, square(&best), high) else { break };
+        if step.abs() < least {
+            break;
+        }
+        let farther = (readout + step).clamp(-LONGEST, LONGEST);
+        let Some(better) =
+            adjusted(sketch, &best, farther, lens, ROUNDS).filter(|b| square(b) < square(&best))
+        else {
+            break;
+        };
+        (best, readout) = (better, farther);
+    }
+    if square(&best) > (1.0 - LEAST_GAIN) * none {
+        return 0.0;
+    }
+    *sketch = best;
+    readout
+}
+
+/// How far the lowest point lies, given the squared errors a step before, here and a step after; `None` where there is
+/// nothing lower than here.
+fn lowest(low: f64, here: f64, high: f64) -> Option<f64> {
+    let curvature = low - 2.0 * here + high;
+    let downhill = STEP * (low - high).signum();
+    if curvature <= 0.0 {
+        return (low.min(high) < here).then_some(downhill);
+    }
+    let away = 0.5 * STEP * (low - high) / curvature;
+    away.is_finite().then(|| away.clamp(-FARTHEST_STEPS * STEP, FARTHEST_STEPS * STEP))
+}
+
+/// `posed` adjusted to the tracks of `filmed` with a readout.
+fn adjusted<'a>(
+    filmed: &Sketch<'a>,
+    posed: &Sketch<'a>,
+    readout: f64,
+    lens: LensFreedom,
+    rounds: usize,
+) -> Option<Sketch<'a>> {
+    let mut adjusted = rectified(filmed, posed, readout);
+    adjusted.polish(lens, rounds)?;
+    Some(adjusted)
+}
+
+/// `posed` with the tracks of `filmed`, as if each frame had been filmed at once.
+fn rectified<'a>(filmed: &Sketch<'a>, posed: &Sketch<'a>, readout: f64) -> Sketch<'a> {
+    let shutter = RollingShutter::new(readout, &posed.poses, posed.intrinsics.height);
+    let at_once = |(frame, pixel): &(usize, Point2<f64>)| {
+        let rectified = shutter.rectified(&posed.intrinsics, *frame, pixel);
+        (*frame, rectified.unwrap_or(*pixel))
+    };
+    let tracks: Vec<Track> = filmed
+        .tracks
+        .iter()
+        .map(|track| Track { observations: track.observations.iter().map(at_once).collect() })
+        .collect();
+    Sketch { tracks: tracks.into(), ..posed.clone() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_lowest_point_of_a_parabola_is_found() {
+        for at in [-0.09, 0.0, 0.02, 0.07] {
+            let square = |x: f64| 0.2 + 3.0 * (x - at).powi(2);
+            let found = lowest(square(-STEP), square(0.0), square(STEP)).unwrap();
+            assert!((found - at).abs() < 1e-9, "{found} for {at}");
+        }
+        // Far away it is gone towards, not jumped at; on a ridge, downhill.
+        assert!((lowest(2.0, 1.0, 0.01).unwrap() - FARTHEST_STEPS * STEP).abs() < 1e-9);
+        assert!((lowest(0.5, 1.0, 0.4).unwrap() - STEP).abs() < 1e-9);
+        assert!(lowest(1.0, 1.0, 1.0).is_none() && lowest(1.0, f64::NAN, 1.0).is_none());
+    }
+}
