@@ -4,7 +4,8 @@
 //! views and growth ([`incremental`]). Both are adjusted ([`crate::bundle`]); the one with the smaller robust
 //! reprojection error is polished by renewed triangulation and adjustment. It then tells where features lie that were
 //! lost ([`revisit`]): links between frames that are not neighbours, which hold the drift of long paths. It tells how long a
-//! frame's rows were read ([`readout`]); what it says of the lens is weighed against what was known ([`lens`]). A capture that cannot work is refused with what to film instead.
+//! frame's rows were read ([`readout`]); what it says of the lens is weighed against what was known ([`lens`]). A capture
+//! that cannot work is refused with what to film instead.
 
 mod diagnosis;
 mod five_point;
