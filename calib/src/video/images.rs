@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use image::{DynamicImage, Rgb, RgbImage};
 
+use super::content;
 use crate::{Error, Result};
 
 /// Images in the order in which they were taken, and the place of the one that is looked at.
@@ -122,10 +123,6 @@ fn is_image(path: &Path) -> bool {
     path.extension()
         .and_then(|e| e.to_str())
         .is_some_and(|e| ["jpg", "jpeg", "png"].iter().any(|known| e.eq_ignore_ascii_case(known)))
-}
-
-fn content(path: &Path, place: &str, problem: &str) -> Error {
-    Error::Content { path: path.to_owned(), place: place.to_owned(), problem: problem.to_owned() }
 }
 
 fn unreadable(path: &Path, error: &image::ImageError) -> Error {

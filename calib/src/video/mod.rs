@@ -6,7 +6,10 @@
 //!   a stream, the number of a device.
 //! * [`FilmWriter`] — an MP4 film, whole or not at all.
 
+use std::path::Path;
 use std::sync::Once;
+
+use crate::Error;
 
 mod decoder;
 #[cfg(target_os = "linux")]
@@ -27,4 +30,9 @@ fn start_ffmpeg() -> Result<(), ffmpeg::Error> {
     let mut started = Ok(());
     STARTED.call_once(|| started = ffmpeg::init());
     started
+}
+
+/// A source that was found, but cannot be used.
+fn content(path: &Path, place: &str, problem: &str) -> Error {
+    Error::Content { path: path.to_owned(), place: place.to_owned(), problem: problem.to_owned() }
 }

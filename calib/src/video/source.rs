@@ -5,6 +5,7 @@ use std::path::Path;
 
 use image::RgbImage;
 
+use super::content;
 use super::decoder::Decoder;
 #[cfg(target_os = "linux")]
 use super::device::Device;
@@ -267,8 +268,4 @@ impl FrameSource {
             frames.push(frame);
         }
     }
-}
-
-fn content(path: &Path, place: &str, problem: &str) -> Error {
-    Error::Content { path: path.to_owned(), place: place.to_owned(), problem: problem.to_owned() }
 }
