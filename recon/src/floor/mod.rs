@@ -5,10 +5,12 @@
 //! nearby things do not win. Peaks are thinned by non-maximum suppression and refined by weighted least squares.
 //! Osawa et al. take the plane of the largest area; in many rooms that is a wall. Here the floor is the largest
 //! plane that has almost nothing behind it, every camera above it, and lies below the way the images stand.
+//! Where little of it is seen, the other level planes say better which way is up ([`vertical`]).
 
 mod hough;
 #[cfg(test)]
 mod tests;
+mod vertical;
 
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Similarity3, Translation3, UnitQuaternion, Vector3};
 
@@ -48,6 +50,10 @@ pub struct FloorOptions {
     pub least_share: f64,
     /// Peaks looked at.
     pub peaks: usize,
+    /// Over this length residuals hang together.
+    pub correlated: f64,
+    /// How far level furniture and ceilings are from level, degrees (standard deviation).
+    pub level_sigma_deg: f64,
 }
 
 impl Default for FloorOptions {
@@ -62,6 +68,8 @@ impl Default for FloorOptions {
             largest_upward_deg: 25.0,
             least_share: 0.02,
             peaks: 100,
+            correlated: 0.3,
+            level_sigma_deg: 0.5,
         }
     }
 }
@@ -93,6 +101,24 @@ pub struct FloorReport {
     pub behind_share: f64,
     /// Root mean square distance of its points.
     pub rms: f64,
+    /// Planes that say which way is up: the floor and those parallel to it.
+    pub level_planes: usize,
+}
+
+/// A plane fitted to surface points.
+#[derive(Debug, Clone)]
+struct Fit {
+    plane: Plane,
+    /// The points' area.
+    area: f64,
+    /// Root mean square distance of the points.
+    rms: f64,
+    /// Weighted mean of what stereo says of its own standard deviation, squared.
+    sigma_squared: f64,
+    /// The points' weighted mean …
+    mean: Point3<f64>,
+    /// … and covariance.
+    spread: Matrix3<f64>,
 }
 
 /// The floor among `points`.
@@ -116,15 +142,16 @@ pub fn find(
         &points.iter().map(|p| SurfacePoint { area: p.area / vague(p), ..p.clone() }).collect::<Vec<_>>();
     let total: f64 = points.iter().map(|p| p.area).sum();
     let peaks = hough::peaks(points, size, options);
-    let mut best: Option<(f64, Plane, FloorReport)> = None;
+    let fits: Vec<Fit> = peaks.iter().filter_map(|peak| refine(points, peak, size, options)).collect();
+    let mut best: Option<(&Fit, FloorReport)> = None;
     let mut refusal = "no plane was found at all";
-    for peak in &peaks {
-        let Some((plane, area, rms)) = refine(points, peak, size, options) else { continue };
-        let upright = cameras.iter().filter(|c| stands_on(c, &plane, options)).count();
+    for fit in &fits {
+        let Fit { plane, area, rms, .. } = fit;
+        let upright = cameras.iter().filter(|c| stands_on(c, plane, options)).count();
         if 2 * upright <= cameras.len() {
             continue;
         }
-        if area < options.least_share * total {
+        if *area < options.least_share * total {
             refusal = "the planes that lie level are too small; let the cameras see more of the floor";
             continue;
         }
@@ -143,18 +170,24 @@ pub fn find(
             refusal = "each plane that lies level has too much below it; is the floor itself in view?";
             continue;
         }
-        if best.as_ref().is_none_or(|(most, ..)| area > *most) {
+        if best.as_ref().is_none_or(|(most, _)| *area > most.area) {
             let report = FloorReport {
                 peaks: peaks.len(),
-                area_share: area / total,
-                behind_share: behind / total,
-                rms,
+                area_share: share,
+                behind_share: low,
+                rms: *rms,
+                level_planes: 1,
             };
-            best = Some((area, plane, report));
+            best = Some((fit, report));
         }
     }
-    best.map(|(_, plane, report)| (plane, report))
-        .ok_or_else(|| Error::Room(format!("no floor found among {} planes: {refusal}", peaks.len())))
+    let (floor, mut report) =
+        best.ok_or_else(|| Error::Room(format!("no floor found among {} planes: {refusal}", peaks.len())))?;
+    let mut large: Vec<&Fit> = fits.iter().filter(|f| f.area >= options.least_share * total).collect();
+    large.sort_by(|a, b| b.area.total_cmp(&a.area));
+    let (normal, voters) = vertical::vote(floor, &large, size, options);
+    report.level_planes = voters;
+    Ok((Plane { normal, distance: normal.dot(&floor.mean.coords) }, report))
 }
 
 /// Whether the plane could be the floor by the way a camera's image stands: its normal goes up in the image or, when the
@@ -206,13 +239,8 @@ fn room_size(points: &[SurfacePoint], cameras: &[Point3<f64>]) -> Option<f64> {
     distances.get(distances.len() / 2).copied().filter(|size| *size > 0.0)
 }
 
-/// Least squares on what lies within an ever thinner slab; the plane, its area and the root mean square distance.
-fn refine(
-    points: &[SurfacePoint],
-    start: &Plane,
-    size: f64,
-    options: &FloorOptions,
-) -> Option<(Plane, f64, f64)> {
+/// Least squares on what lies within an ever thinner slab.
+fn refine(points: &[SurfacePoint], start: &Plane, size: f64, options: &FloorOptions) -> Option<Fit> {
     let near = options.normal_spread_deg.to_radians().cos();
     let mut plane = *start;
     let mut result = None;
@@ -236,14 +264,20 @@ fn refine(
                 d * d.transpose() * weight(p)
             })
             .sum();
-        let eigen = scatter.symmetric_eigen();
+        let spread = scatter / total;
+        let eigen = spread.symmetric_eigen();
         let smallest = eigen.eigenvalues.imin();
         let normal: Vector3<f64> = eigen.eigenvectors.column(smallest).into_owned();
         let normal = if normal.dot(&plane.normal) < 0.0 { -normal } else { normal };
         plane = Plane { normal, distance: normal.dot(&mean) };
-        let area = inside.iter().map(|p| p.area).sum();
-        let rms = (eigen.eigenvalues[smallest].max(0.0) / total).sqrt();
-        result = Some((plane, area, rms));
+        result = Some(Fit {
+            plane,
+            area: inside.iter().map(|p| p.area).sum(),
+            rms: eigen.eigenvalues[smallest].max(0.0).sqrt(),
+            sigma_squared: inside.iter().map(|p| p.sigma.powi(2) * weight(p)).sum::<f64>() / total,
+            mean: mean.into(),
+            spread,
+        });
     }
     result
 }
