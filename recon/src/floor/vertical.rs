@@ -9,15 +9,20 @@
 //! C_floor = Λ_floor⁻¹          C_k = Λ_k⁻¹ + σ² I          t = (Σ C_k⁻¹)⁻¹ Σ C_k⁻¹ t_k
 //! ```
 //!
-//! with tilts as seen from the floor (t_floor = 0). A plane only has a say where its tilt may be nothing:
-//! `t_kᵀ (C_k + C_floor)⁻¹ t_k` within the ellipse of one standard deviation. Sloped desks and roofs have none.
+//! with tilts as seen from the floor (t_floor = 0). Sloped desks and roofs have no say: of the planes that face up or
+//! down to within some angle, level ones are taken to be q times as many as sloped ones, and those to slope anywhere in
+//! the solid angle Ω about the floor's normal. A plane is the more likely level where, with `C = C_k + C_floor`,
+//!
+//! ```text
+//! t_kᵀ C⁻¹ t_k  <  2 ln (q Ω / 2π √det C)
+//! ```
 
 use nalgebra::{Matrix2, Matrix3x2, Vector2, Vector3};
 
 use super::{Fit, FloorOptions};
 
-/// Squared radius that holds 68 % of a two-dimensional normal distribution.
-const WITHIN: f64 = 2.3;
+/// Of planes that are almost level so many are level for each that slopes.
+const LEVEL_TO_SLOPED: f64 = 10.0;
 
 /// The upward normal that the floor and all planes parallel to it agree on, and how many these are.
 ///
@@ -32,26 +37,40 @@ pub(super) fn vote(floor: &Fit, planes: &[&Fit], size: f64, options: &FloorOptio
     let Some(floor_covariance) = covariance(floor, &across, patch) else { return alone };
     let Some(mut information) = floor_covariance.try_inverse() else { return alone };
     let unlevel = Matrix2::identity() * options.level_sigma_deg.to_radians().powi(2);
+    let widest = options.normal_spread_deg.to_radians();
     let mut weighted = Vector2::zeros();
-    let mut heights = vec![0.0];
+    let (mut heights, mut voters) = (vec![0.0], 1);
     for plane in planes {
         let height = up.dot(&(plane.mean - floor.mean));
         let facing = plane.plane.normal.dot(&up);
         let same = heights.iter().any(|other: &f64| (height - other).abs() < apart);
-        if same || facing.abs() < options.normal_spread_deg.to_radians().cos() {
+        if same || facing.abs() < widest.cos() {
             continue;
         }
+        // Smaller planes at this height are parts of it, and of what lies beside it.
+        heights.push(height);
         // A ceiling faces down.
         let tilt = across.transpose() * plane.plane.normal * facing.signum();
         let Some(own) = covariance(plane, &across, patch).map(|c| c + unlevel) else { continue };
-        let off = (own + floor_covariance).try_inverse().map(|known| tilt.dot(&(known * tilt)));
-        let Some(known) = own.try_inverse().filter(|_| off.is_some_and(|off| off < WITHIN)) else { continue };
+        if !is_level(&tilt, &(own + floor_covariance), widest) {
+            continue;
+        }
+        let Some(known) = own.try_inverse() else { continue };
         information += known;
         weighted += known * tilt;
-        heights.push(height);
+        voters += 1;
     }
     let tilt = information.try_inverse().map_or(Vector2::zeros(), |covariance| covariance * weighted);
-    ((up + across * tilt).normalize(), heights.len())
+    ((up + across * tilt).normalize(), voters)
+}
+
+/// Whether a plane whose tilt against the floor is known with this covariance is likelier level than sloped, given that
+/// it tilts by no more than `widest` (radians).
+fn is_level(tilt: &Vector2<f64>, covariance: &Matrix2<f64>, widest: f64) -> bool {
+    let Some(known) = covariance.try_inverse() else { return false };
+    let sloped = std::f64::consts::PI * widest.powi(2);
+    let odds = LEVEL_TO_SLOPED * sloped / (std::f64::consts::TAU * covariance.determinant().sqrt());
+    tilt.dot(&(known * tilt)) < 2.0 * odds.ln()
 }
 
 /// Two unit vectors across a unit vector.
@@ -149,11 +168,37 @@ mod tests {
             let desk = rectangle([0.7, 0.4], 0.7, tilt_deg, 0.004);
             assert_eq!(vote(&floor, &[&desk], SIZE, &options(0.5)), (Vector3::z(), 1), "{tilt_deg}°");
         }
+        // The level part of a desk is what its slope and something else make together.
+        let desk = rectangle([0.7, 0.4], 0.7, 12.0, 0.004);
+        let part = rectangle([0.4, 0.3], 0.72, 0.1, 0.004);
+        assert_eq!(vote(&floor, &[&part], SIZE, &options(0.5)).1, 2);
+        assert_eq!(vote(&floor, &[&desk, &part], SIZE, &options(0.5)), (Vector3::z(), 1));
         // Too little is known of a line's tilt, and of a floor that is a line.
         let line = rectangle([0.7, 0.0], 0.7, 0.5, 0.004);
         assert_eq!(vote(&floor, &[&line], SIZE, &options(0.5)), (Vector3::z(), 1));
         let table = rectangle([0.7, 0.5], 0.7, 0.5, 0.004);
         let strip = rectangle([0.7, 0.0], 0.0, 0.0, 0.004);
         assert_eq!(vote(&strip, &[&table], SIZE, &options(0.5)), (Vector3::z(), 1));
+    }
+
+    #[test]
+    fn a_plane_is_level_where_that_is_likelier_than_a_slope() {
+        let widest = 0.4;
+        for sigma in [0.005, 0.02, 0.05] {
+            // Densities of both at a tilt t: 10 exp(−t²/2σ²) / 2πσ² against 1 / (π · widest²).
+            let density = |tilt: f64| {
+                10.0 * (-0.5 * (tilt / sigma).powi(2)).exp() / (std::f64::consts::TAU * sigma.powi(2))
+            };
+            let slope = 1.0 / (std::f64::consts::PI * widest.powi(2));
+            for step in 1..100 {
+                let tilt = 0.003 * f64::from(step);
+                let level = is_level(
+                    &Vector2::new(0.6 * tilt, -0.8 * tilt),
+                    &(Matrix2::identity() * sigma.powi(2)),
+                    widest,
+                );
+                assert_eq!(level, density(tilt) > slope, "{tilt} of {sigma}");
+            }
+        }
     }
 }
