@@ -9,7 +9,7 @@
 //! C_floor = Λ_floor⁻¹          C_k = Λ_k⁻¹ + σ² I          t = (Σ C_k⁻¹)⁻¹ Σ C_k⁻¹ t_k
 //! ```
 //!
-//! with tilts as seen from the floor (t_floor = 0). Sloped desks and roofs have no say: of the planes that face up or
+//! with tilts as seen from the floor (`t_floor = 0`). Sloped desks and roofs have no say: of the planes that face up or
 //! down to within some angle, level ones are taken to be q times as many as sloped ones, and those to slope anywhere in
 //! the solid angle Ω about the floor's normal. A plane is the more likely level where, with `C = C_k + C_floor`,
 //!
@@ -183,8 +183,8 @@ mod tests {
 
     #[test]
     fn a_plane_is_level_where_that_is_likelier_than_a_slope() {
-        let widest = 0.4;
-        for sigma in [0.005, 0.02, 0.05] {
+        let widest: f64 = 0.4;
+        for sigma in [0.005_f64, 0.02, 0.05] {
             // Densities of both at a tilt t: 10 exp(−t²/2σ²) / 2πσ² against 1 / (π · widest²).
             let density = |tilt: f64| {
                 10.0 * (-0.5 * (tilt / sigma).powi(2)).exp() / (std::f64::consts::TAU * sigma.powi(2))
