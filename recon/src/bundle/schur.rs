@@ -25,12 +25,48 @@ struct PointBlock {
     lens: Matrix3<f64>,
 }
 
+/// One pose's part of the system.
+#[derive(Clone)]
+struct PoseBlock {
+    u: SMatrix<f64, 6, 6>,
+    gradient: Vector6<f64>,
+    /// With the lens.
+    border: Block6x3,
+}
+
+impl PoseBlock {
+    fn zero() -> Self {
+        Self { u: SMatrix::zeros(), gradient: Vector6::zeros(), border: Block6x3::zeros() }
+    }
+}
+
+/// Points whose parts of the camera side are summed together, so that sums do not depend on the number of threads.
+const CHUNK: usize = 128;
+
+/// What a chunk of points contributes.
+struct Chunk {
+    points: Vec<PointBlock>,
+    poses: Vec<PoseBlock>,
+    lens: Matrix3<f64>,
+    lens_gradient: Vector3<f64>,
+}
+
+impl Chunk {
+    fn new(poses: usize) -> Self {
+        Self {
+            points: Vec::with_capacity(CHUNK),
+            poses: vec![PoseBlock::zero(); poses],
+            lens: Matrix3::zeros(),
+            lens_gradient: Vector3::zeros(),
+        }
+    }
+}
+
 /// The system of one linearisation; solved for several dampings.
 pub(super) struct NormalEquations {
     poses: usize,
     lens_count: usize,
-    /// U of each pose, its gradient, and its border with the lens (6 × 3).
-    pose_blocks: Vec<(SMatrix<f64, 6, 6>, Vector6<f64>, Block6x3)>,
+    pose_blocks: Vec<PoseBlock>,
     lens_block: Matrix3<f64>,
     lens_gradient: Vector3<f64>,
     points: Vec<PointBlock>,
@@ -58,28 +94,37 @@ pub(super) struct Column {
 
 impl NormalEquations {
     pub(super) fn build(problem: &Problem, options: &BundleOptions) -> Self {
-        let linearised: Vec<(PointBlock, Vec<PosePart>)> = (0..problem.points.len())
-            .into_par_iter()
-            .with_min_len(32)
-            .map(|point| point_block(problem, options, point))
-            .collect();
         let poses = problem.poses.len();
-        let mut pose_blocks = vec![(SMatrix::zeros(), Vector6::zeros(), Block6x3::zeros()); poses];
+        let chunks: Vec<Chunk> = (0..problem.points.len().div_ceil(CHUNK))
+            .into_par_iter()
+            .map(|chunk| {
+                let last = ((chunk + 1) * CHUNK).min(problem.points.len());
+                let mut sums = Chunk::new(poses);
+                for point in chunk * CHUNK..last {
+                    let block = point_block(problem, options, point, &mut sums);
+                    sums.points.push(block);
+                }
+                sums
+            })
+            .collect();
+        let mut pose_blocks = vec![PoseBlock::zero(); poses];
         let (mut lens_block, mut lens_gradient) = (Matrix3::zeros(), Vector3::zeros());
         let mut seen = vec![Vec::new(); poses];
-        let mut points = Vec::with_capacity(linearised.len());
-        for (index, (block, parts)) in linearised.into_iter().enumerate() {
-            for (edge, part) in parts.into_iter().enumerate() {
-                let pose = block.edges[edge].pose;
-                let (u, gradient, border) = &mut pose_blocks[pose];
-                *u += part.u;
-                *gradient += part.gradient;
-                *border += part.border;
-                lens_block += part.lens;
-                lens_gradient += part.lens_gradient;
-                seen[pose].push((index, edge));
+        let mut points = Vec::with_capacity(problem.points.len());
+        for chunk in chunks {
+            for (sum, part) in pose_blocks.iter_mut().zip(&chunk.poses) {
+                sum.u += part.u;
+                sum.gradient += part.gradient;
+                sum.border += part.border;
             }
-            points.push(block);
+            lens_block += chunk.lens;
+            lens_gradient += chunk.lens_gradient;
+            for block in chunk.points {
+                for (edge, of) in block.edges.iter().enumerate() {
+                    seen[of.pose].push((points.len(), edge));
+                }
+                points.push(block);
+            }
         }
         let lens_count = options.lens.count();
         Self { poses, lens_count, pose_blocks, lens_block, lens_gradient, points, seen }
@@ -181,7 +226,7 @@ impl NormalEquations {
     ) -> (DMatrix<f64>, Vector6<f64>) {
         let size = 6 * self.poses + self.lens_count;
         let mut row = DMatrix::zeros(6, size);
-        let (u, gradient, border) = &self.pose_blocks[pose];
+        let PoseBlock { u, gradient, border } = &self.pose_blocks[pose];
         let mut right = *gradient;
         let mut lens = *border;
         let mut diagonal = *u;
@@ -194,8 +239,13 @@ impl NormalEquations {
             let block = &self.points[point];
             let y = block.edges[edge].w * inverses[point];
             right -= y * block.gradient;
-            lens -= y * block.lens.transpose();
-            for other in block.edges.iter().filter(|o| o.pose >= pose) {
+            if self.lens_count > 0 {
+                lens -= y * block.lens.transpose();
+            }
+            // Edges are in the order of poses.
+            let first =
+                block.edges[..edge].iter().rposition(|o| o.pose < pose).map_or(0, |before| before + 1);
+            for other in &block.edges[first..] {
                 subtract_product(&mut blocks[other.pose - pose], &y, &other.w);
             }
         }
@@ -243,7 +293,7 @@ impl NormalEquations {
         damping: f64,
     ) -> f64 {
         let mut gain = 0.0;
-        for (pose, (u, gradient, _)) in self.pose_blocks.iter().enumerate() {
+        for (pose, PoseBlock { u, gradient, .. }) in self.pose_blocks.iter().enumerate() {
             for k in 0..6 {
                 let step = cameras[6 * pose + k];
                 gain += step * (damping * u[(k, k)] * step + gradient[k]);
@@ -272,16 +322,8 @@ fn subtract_product(block: &mut SMatrix<f64, 6, 6>, y: &Block6x3, w: &Block6x3) 
     }
 }
 
-/// One observation's contribution to the camera side.
-struct PosePart {
-    u: SMatrix<f64, 6, 6>,
-    gradient: Vector6<f64>,
-    border: Block6x3,
-    lens: Matrix3<f64>,
-    lens_gradient: Vector3<f64>,
-}
-
-fn point_block(problem: &Problem, options: &BundleOptions, point: usize) -> (PointBlock, Vec<PosePart>) {
+/// A point's block, its edges by pose; what its observations say of poses and lens is added to `sums`.
+fn point_block(problem: &Problem, options: &BundleOptions, point: usize, sums: &mut Chunk) -> PointBlock {
     let observations = &problem.observations[point];
     let mut block = PointBlock {
         v: Matrix3::zeros(),
@@ -289,7 +331,6 @@ fn point_block(problem: &Problem, options: &BundleOptions, point: usize) -> (Poi
         edges: Vec::with_capacity(observations.len()),
         lens: Matrix3::zeros(),
     };
-    let mut parts = Vec::with_capacity(observations.len());
     for observation in observations {
         let pose = &problem.poses[observation.pose];
         let Some(l) =
@@ -298,25 +339,27 @@ fn point_block(problem: &Problem, options: &BundleOptions, point: usize) -> (Poi
             continue;
         };
         let weight = options.loss.weight(l.residual.norm_squared());
-        let mut lens: LensJacobian = l.lens;
-        for k in options.lens.count()..3 {
-            lens.column_mut(k).fill(0.0);
-        }
         let weighted_point = weight * l.point;
         let weighted_pose_t = weight * l.pose.transpose();
         block.v += l.point.transpose() * weighted_point;
         block.gradient -= weighted_point.transpose() * l.residual;
-        block.lens += lens.transpose() * weighted_point;
         block.edges.push(Edge { pose: observation.pose, w: l.pose.transpose() * weighted_point });
-        parts.push(PosePart {
-            u: weighted_pose_t * l.pose,
-            gradient: -weighted_pose_t * l.residual,
-            border: weighted_pose_t * lens,
-            lens: weight * lens.transpose() * lens,
-            lens_gradient: -weight * lens.transpose() * l.residual,
-        });
+        let sum = &mut sums.poses[observation.pose];
+        sum.u += weighted_pose_t * l.pose;
+        sum.gradient -= weighted_pose_t * l.residual;
+        if options.lens.count() > 0 {
+            let mut lens: LensJacobian = l.lens;
+            for k in options.lens.count()..3 {
+                lens.column_mut(k).fill(0.0);
+            }
+            block.lens += lens.transpose() * weighted_point;
+            sum.border += weighted_pose_t * lens;
+            sums.lens += weight * lens.transpose() * lens;
+            sums.lens_gradient -= weight * lens.transpose() * l.residual;
+        }
     }
-    (block, parts)
+    block.edges.sort_by_key(|edge| edge.pose);
+    block
 }
 
 /// A 3 × 3 block with its diagonal raised; a point nobody sees gets the identity.

@@ -25,6 +25,8 @@ const LEAST_GAIN: f64 = 0.1;
 const SEARCHES: usize = 6;
 /// Rounds of polish with a better readout.
 const ROUNDS: usize = 2;
+/// Points that one number is looked for with; all are adjusted once it is found.
+const POINTS: usize = 700;
 
 /// Finds the readout of a polished sketch and brings its tracks to the middle rows' instants; 0 where none is seen.
 pub(super) fn settle(sketch: &mut Sketch<'_>, lens: LensFreedom) -> f64 {
@@ -34,11 +36,12 @@ pub(super) fn settle(sketch: &mut Sketch<'_>, lens: LensFreedom) -> f64 {
         return 0.0;
     }
     let square = |sketch: &Sketch<'_>| sketch.noise_px().powi(2);
-    let Some(mut best) = adjusted(sketch, sketch, 0.0, lens, ROUNDS) else { return 0.0 };
+    let some = some_of(sketch);
+    let Some(mut best) = adjusted(&some, &some, 0.0, lens, ROUNDS) else { return 0.0 };
     let (none, mut readout) = (square(&best), 0.0);
     for _ in 0..SEARCHES {
         let around =
-            [-STEP, STEP].map(|step| adjusted(sketch, &best, readout + step, lens, 1).as_ref().map(square));
+            [-STEP, STEP].map(|step| adjusted(&some, &best, readout + step, lens, 1).as_ref().map(square));
         let [Some(low), Some(high)] = around else { break };
         let Some(step) = lowest(low, square(&best), high) else { break };
         if step.abs() < least {
@@ -46,7 +49,7 @@ pub(super) fn settle(sketch: &mut Sketch<'_>, lens: LensFreedom) -> f64 {
         }
         let farther = (readout + step).clamp(-LONGEST, LONGEST);
         let Some(better) =
-            adjusted(sketch, &best, farther, lens, ROUNDS).filter(|b| square(b) < square(&best))
+            adjusted(&some, &best, farther, lens, ROUNDS).filter(|b| square(b) < square(&best))
         else {
             break;
         };
@@ -55,8 +58,19 @@ pub(super) fn settle(sketch: &mut Sketch<'_>, lens: LensFreedom) -> f64 {
     if square(&best) > (1.0 - LEAST_GAIN) * none {
         return 0.0;
     }
-    *sketch = best;
+    let posed = Sketch { poses: best.poses, intrinsics: best.intrinsics, ..sketch.clone() };
+    let Some(all) = adjusted(sketch, &posed, readout, lens, ROUNDS) else { return 0.0 };
+    *sketch = all;
     readout
+}
+
+/// Every so many tracks that have a point, of all parts of the capture.
+fn some_of<'a>(sketch: &Sketch<'a>) -> Sketch<'a> {
+    let known: Vec<usize> = (0..sketch.points.len()).filter(|t| sketch.points[*t].is_some()).collect();
+    let kept = known.iter().step_by(known.len().div_ceil(POINTS).max(1));
+    let (tracks, points): (Vec<Track>, _) =
+        kept.map(|t| (sketch.tracks[*t].clone(), sketch.points[*t])).unzip();
+    Sketch { tracks: tracks.into(), points, ..sketch.clone() }
 }
 
 /// How far the lowest point lies, given the squared errors a step before, here and a step after; `None` where there is
