@@ -71,6 +71,7 @@ impl Intensity {
     }
 
     /// Bilinear reading; the point must be one that [`Self::holds`].
+    #[inline]
     pub(crate) fn at(&self, x: f64, y: f64) -> f32 {
         // By way of `i32`, which processors convert at once; every pixel's index fits.
         let (left, top) = (x as i32, y as i32);
@@ -79,6 +80,7 @@ impl Intensity {
     }
 
     /// Bilinear reading right of and below the pixel with an index, by fractions of a pixel.
+    #[inline]
     pub(crate) fn between(&self, index: usize, fx: f32, fy: f32) -> f32 {
         let upper = &self.values[index..index + 2];
         let lower = &self.values[index + self.width..index + self.width + 2];

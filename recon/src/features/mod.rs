@@ -7,6 +7,7 @@
 //! image, so tracks come and go.
 
 mod intensity;
+mod probe;
 mod register;
 pub(crate) mod revisit;
 mod turn;

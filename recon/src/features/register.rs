@@ -15,7 +15,7 @@ const MAX_STEPS: usize = 20;
 /// The centre's step at which registration has converged.
 const STEP_END_PX: f64 = 0.003;
 /// Deviation of the patch, in grey levels, below which there is only noise.
-const MIN_CONTRAST: f64 = 2.0;
+pub(super) const MIN_CONTRAST: f64 = 2.0;
 /// Damping of the affine part, relative: keeps `A` near its start where a patch hardly shows it.
 const AFFINE_DAMPING: f64 = 3e-3;
 /// A registration that wanders further than this from its start has found something else.
@@ -31,10 +31,10 @@ pub(crate) struct Warp {
 /// The appearance of a feature, cut from one image.
 #[derive(Debug, Clone)]
 pub(crate) struct Patch {
-    radius: i32,
-    weights: Vec<f64>,
+    pub(super) radius: i32,
+    pub(super) weights: Vec<f64>,
     /// Weighted mean 0, deviation 1.
-    values: Vec<f64>,
+    pub(super) values: Vec<f64>,
     gradient: Vec<[f64; 2]>,
 }
 
@@ -88,29 +88,37 @@ impl Patch {
                 return None;
             }
         }
-        let side = (2 * self.radius + 3) as usize;
+        let (side, wide) = ((2 * self.radius + 1) as usize, (2 * self.radius + 3) as usize);
         let Reading { raw, values, gradient } = reading;
         raw.clear();
-        raw.extend(window(self.radius + 1).map(|(x, y)| {
-            let (x, y) = to_image(f64::from(x), f64::from(y));
-            f64::from(image.at(x, y))
-        }));
-        let at = |x: i32, y: i32| raw[(y + self.radius + 1) as usize * side + (x + self.radius + 1) as usize];
-        let mean: f64 = window(self.radius).zip(&self.weights).map(|((x, y), w)| w * at(x, y)).sum();
-        let variance: f64 =
-            window(self.radius).zip(&self.weights).map(|((x, y), w)| w * (at(x, y) - mean).powi(2)).sum();
+        for y in -self.radius - 1..=self.radius + 1 {
+            let (row_x, row_y) = to_image(0.0, f64::from(y));
+            let along = warp.affine.column(0);
+            raw.extend((-self.radius - 1..=self.radius + 1).map(|x| {
+                let x = f64::from(x);
+                f64::from(image.at(row_x + along.x * x, row_y + along.y * x))
+            }));
+        }
+        // Row by row: the patch's pixels with those above, below and beside them.
+        let inner = |row: usize| &raw[(row + 1) * wide + 1..][..side];
+        let weighted = |row: usize| self.weights[row * side..][..side].iter().zip(inner(row));
+        let mean: f64 = (0..side).flat_map(weighted).map(|(w, v)| w * v).sum();
+        let variance: f64 = (0..side).flat_map(weighted).map(|(w, v)| w * (v - mean).powi(2)).sum();
         let deviation = variance.sqrt();
         if deviation.is_nan() || deviation < MIN_CONTRAST {
             return None;
         }
+        let (scale, half) = (1.0 / deviation, 0.5 / deviation);
         values.clear();
-        values.extend(window(self.radius).map(|(x, y)| (at(x, y) - mean) / deviation));
-        let half = 0.5 / deviation;
         gradient.clear();
-        gradient.extend(
-            window(self.radius)
-                .map(|(x, y)| [(at(x + 1, y) - at(x - 1, y)) * half, (at(x, y + 1) - at(x, y - 1)) * half]),
-        );
+        for row in 0..side {
+            values.extend(inner(row).iter().map(|v| (v - mean) * scale));
+            let beside = raw[(row + 1) * wide..][..wide].windows(3);
+            let upright = raw[row * wide + 1..][..side].iter().zip(&raw[(row + 2) * wide + 1..][..side]);
+            gradient.extend(
+                beside.zip(upright).map(|(x, (above, below))| [(x[2] - x[0]) * half, (below - above) * half]),
+            );
+        }
         Some(())
     }
 
@@ -121,27 +129,52 @@ impl Patch {
         Some(self.weights.iter().zip(&reading.values).zip(&self.values).map(|((w, i), t)| w * i * t).sum())
     }
 
-    /// Every second pixel of the patch, deformed: what is tried at many places before registration.
-    pub(crate) fn probe(&self, affine: &Matrix2<f64>) -> Probe {
-        let kept = |(x, y): &(i32, i32)| (x + self.radius) % 2 == 0 && (y + self.radius) % 2 == 0;
-        let taken: Vec<usize> =
-            window(self.radius).enumerate().filter(|(_, at)| kept(at)).map(|(index, _)| index).collect();
-        let at: Vec<(i32, i32)> = window(self.radius).collect();
-        let total: f64 = taken.iter().map(|i| self.weights[*i]).sum();
-        let mean = taken.iter().map(|i| self.weights[*i] * self.values[*i]).sum::<f64>() / total;
-        let samples: Vec<Sample> = taken
-            .iter()
-            .map(|&i| Sample {
-                aside: affine * nalgebra::Vector2::new(f64::from(at[i].0), f64::from(at[i].1)),
-                weight: (self.weights[i] / total) as f32,
-                value: (self.values[i] - mean) as f32,
-            })
-            .collect();
-        let reach = f64::from(self.radius) * (affine.row(0).abs().sum()).max(affine.row(1).abs().sum());
-        // Rounding must not carry a sample beyond it.
-        let reach = reach + 1e-9;
-        let deviation = samples.iter().map(|s| s.weight * s.value * s.value).sum::<f32>().sqrt();
-        Probe { samples, reach, deviation }
+    /// `Σ w Jᵀ J` and `−Σ w Jᵀ r` of `J = (gx, gy, gx x, gx y, gy x, gy y)`: all are sums of `gx²`, `gx gy`, `gy²` and of
+    /// `gx r`, `gy r` times powers of x and y, those of x summed along each row.
+    fn normal_equations(&self, reading: &Reading) -> (Matrix6<f64>, Vector6<f64>) {
+        let side = (2 * self.radius + 1) as usize;
+        // Of each product the sums with 1, x, y, x², xy, y².
+        let (mut squares, mut residuals) = ([[0.0; 6]; 3], [[0.0; 3]; 2]);
+        for (row, y) in (-self.radius..=self.radius).enumerate() {
+            let here = row * side..(row + 1) * side;
+            let own = self.gradient[here.clone()].iter().zip(&reading.gradient[here.clone()]);
+            let seen = self.values[here.clone()].iter().zip(&reading.values[here.clone()]);
+            let (mut rows, mut row_residuals) = ([[0.0; 3]; 3], [[0.0; 2]; 2]);
+            for (((g, h), (t, i)), (w, x)) in own.zip(seen).zip(self.weights[here].iter().zip(-self.radius..))
+            {
+                let x = f64::from(x);
+                let (gx, gy) = (0.5 * (g[0] + h[0]), 0.5 * (g[1] + h[1]));
+                let (wx, wy, off) = (w * gx, w * gy, i - t);
+                for (sum, product) in rows.iter_mut().zip([wx * gx, wx * gy, wy * gy]) {
+                    let with_x = product * x;
+                    *sum = [sum[0] + product, sum[1] + with_x, sum[2] + with_x * x];
+                }
+                for (sum, product) in row_residuals.iter_mut().zip([wx * off, wy * off]) {
+                    *sum = [sum[0] + product, sum[1] + product * x];
+                }
+            }
+            let y = f64::from(y);
+            for (sum, [one, x, xx]) in squares.iter_mut().zip(rows) {
+                for (sum, add) in sum.iter_mut().zip([one, x, one * y, xx, x * y, one * y * y]) {
+                    *sum += add;
+                }
+            }
+            for (sum, [one, x]) in residuals.iter_mut().zip(row_residuals) {
+                *sum = [sum[0] + one, sum[1] + x, sum[2] + one * y];
+            }
+        }
+        let [[a, ax, ay, axx, axy, ayy], [b, bx, by, bxx, bxy, byy], [c, cx, cy, cxx, cxy, cyy]] = squares;
+        #[rustfmt::skip]
+        let normal = Matrix6::new(
+            a,  b,  ax,  ay,  bx,  by,
+            b,  c,  bx,  by,  cx,  cy,
+            ax, bx, axx, axy, bxx, bxy,
+            ay, by, axy, ayy, bxy, byy,
+            bx, cx, bxx, bxy, cxx, cxy,
+            by, cy, bxy, byy, cxy, cyy,
+        );
+        let [[r, rx, ry], [s, sx, sy]] = residuals;
+        (normal, -Vector6::new(r, s, rx, ry, sx, sy))
     }
 
     /// Finds the patch in `image` near `start`. `None` when it leaves the image, wanders off or does not converge.
@@ -150,28 +183,7 @@ impl Patch {
         let mut reading = Reading::default();
         for _ in 0..MAX_STEPS {
             self.read(image, &warp, &mut reading)?;
-            let Reading { values, gradient, .. } = &reading;
-            let (mut normal, mut right) = (Matrix6::<f64>::zeros(), Vector6::<f64>::zeros());
-            for (index, (x, y)) in window(self.radius).enumerate() {
-                let (x, y) = (f64::from(x), f64::from(y));
-                let gx = 0.5 * (self.gradient[index][0] + gradient[index][0]);
-                let gy = 0.5 * (self.gradient[index][1] + gradient[index][1]);
-                let j = [gx, gy, gx * x, gx * y, gy * x, gy * y];
-                let weight = self.weights[index];
-                let residual = weight * (values[index] - self.values[index]);
-                for row in 0..6 {
-                    let scaled = weight * j[row];
-                    for column in row..6 {
-                        normal[(row, column)] += scaled * j[column];
-                    }
-                    right[row] -= j[row] * residual;
-                }
-            }
-            for row in 0..6 {
-                for column in 0..row {
-                    normal[(row, column)] = normal[(column, row)];
-                }
-            }
+            let (mut normal, right) = self.normal_equations(&reading);
             for k in 2..6 {
                 normal[(k, k)] *= 1.0 + AFFINE_DAMPING;
             }
@@ -192,79 +204,6 @@ impl Patch {
     }
 }
 
-/// A coarse, deformed patch.
-pub(crate) struct Probe {
-    samples: Vec<Sample>,
-    /// How far samples lie from the centre along an axis, pixels.
-    reach: f64,
-    deviation: f32,
-}
-
-struct Sample {
-    aside: nalgebra::Vector2<f64>,
-    /// All add up to 1.
-    weight: f32,
-    /// Weighted mean 0.
-    value: f32,
-}
-
-impl Probe {
-    /// Weighted normalised cross-correlation with the image around `center`, −1 … 1; `None` where it leaves the image.
-    pub(crate) fn correlation(&self, image: &Intensity, center: &Point2<f64>) -> Option<f32> {
-        self.placed(image, center).correlation(0, 0)
-    }
-
-    /// Ready to be tried at `center` and any whole number of pixels beside it.
-    pub(crate) fn placed<'a>(&'a self, image: &'a Intensity, center: &Point2<f64>) -> PlacedProbe<'a> {
-        let taps = self.samples.iter().map(|s| {
-            let (x, y) = (center.x + s.aside.x, center.y + s.aside.y);
-            let (left, top) = (x.floor(), y.floor());
-            let index = top as i64 * image.width as i64 + left as i64;
-            Tap { index, fraction: [(x - left) as f32, (y - top) as f32] }
-        });
-        PlacedProbe { probe: self, image, center: *center, taps: taps.collect() }
-    }
-}
-
-/// A probe over an image: whole steps leave the fractions of its samples as they are.
-pub(crate) struct PlacedProbe<'a> {
-    probe: &'a Probe,
-    image: &'a Intensity,
-    center: Point2<f64>,
-    /// One a sample.
-    taps: Vec<Tap>,
-}
-
-/// Where a sample is read.
-struct Tap {
-    /// Of the pixel left of and above it; outside the image perhaps, until the probe is moved.
-    index: i64,
-    fraction: [f32; 2],
-}
-
-impl PlacedProbe<'_> {
-    /// [`Probe::correlation`], `dx` and `dy` pixels beside the centre.
-    pub(crate) fn correlation(&self, dx: i32, dy: i32) -> Option<f32> {
-        let (x, y) = (self.center.x + f64::from(dx), self.center.y + f64::from(dy));
-        let held = |sign: f64| self.image.holds(x + sign * self.probe.reach, y + sign * self.probe.reach);
-        if !(held(-1.0) && held(1.0)) {
-            return None;
-        }
-        let moved = i64::from(dy) * self.image.width as i64 + i64::from(dx);
-        let (mut mean, mut square, mut shared) = (0.0_f32, 0.0_f32, 0.0_f32);
-        for (s, tap) in self.probe.samples.iter().zip(&self.taps) {
-            let read = self.image.between((tap.index + moved) as usize, tap.fraction[0], tap.fraction[1]);
-            let weighted = s.weight * read;
-            mean += weighted;
-            square += weighted * read;
-            shared += weighted * s.value;
-        }
-        let deviation = (square - mean * mean).max(0.0).sqrt();
-        let contrast = f64::from(deviation) >= MIN_CONTRAST;
-        contrast.then(|| shared / (deviation * self.probe.deviation).max(f32::MIN_POSITIVE))
-    }
-}
-
 /// Whether a warp still shows the same thing: not turned inside out, not squeezed or grown beyond threefold area.
 fn is_plausible(affine: &Matrix2<f64>) -> bool {
     let area = affine.determinant();
@@ -273,7 +212,7 @@ fn is_plausible(affine: &Matrix2<f64>) -> bool {
 }
 
 /// The patch's grid, row by row.
-fn window(radius: i32) -> impl Iterator<Item = (i32, i32)> {
+pub(super) fn window(radius: i32) -> impl Iterator<Item = (i32, i32)> {
     (-radius..=radius).flat_map(move |y| (-radius..=radius).map(move |x| (x, y)))
 }
 
@@ -305,41 +244,6 @@ mod tests {
     }
 
     #[test]
-    fn a_placed_probe_reads_what_each_place_shows() {
-        let image = Intensity::from_fn(60, 50, |x, y| texture(x as f64, y as f64) as f32);
-        let home = Warp { center: Point2::new(30.0, 25.0), affine: Matrix2::identity() };
-        let affine = Matrix2::new(1.1, -0.2, 0.15, 0.9);
-        let probe = Patch::cut(&image, &home, 6).unwrap().probe(&affine);
-        let center = Point2::new(12.37, 20.81);
-        let placed = probe.placed(&image, &center);
-        for (dx, dy) in (-20..30).step_by(3).flat_map(|x| (-20..30).step_by(4).map(move |y| (x, y))) {
-            let at = center + nalgebra::Vector2::new(f64::from(dx), f64::from(dy));
-            let corners = [-probe.reach, probe.reach].map(|r| image.holds(at.x + r, at.y + r));
-            let (mut weights, mut reads, mut values) = (Vec::new(), Vec::new(), Vec::new());
-            if corners == [true, true] {
-                for s in &probe.samples {
-                    weights.push(f64::from(s.weight));
-                    reads.push(f64::from(image.at(at.x + s.aside.x, at.y + s.aside.y)));
-                    values.push(f64::from(s.value));
-                }
-            }
-            // Pearson's correlation as a textbook has it.
-            let mean = |of: &[f64]| of.iter().zip(&weights).map(|(v, w)| v * w).sum::<f64>();
-            let (m, n) = (mean(&reads), mean(&values));
-            let with = |a: &[f64], b: &[f64], m: f64, n: f64| {
-                a.iter().zip(b).zip(&weights).map(|((a, b), w)| w * (a - m) * (b - n)).sum::<f64>()
-            };
-            let wanted = with(&reads, &values, m, n)
-                / (with(&reads, &reads, m, m) * with(&values, &values, n, n)).sqrt();
-            match placed.correlation(dx, dy) {
-                Some(found) => assert!((f64::from(found) - wanted).abs() < 1e-4, "{found} {wanted}"),
-                None => assert!(reads.is_empty(), "{dx} {dy}"),
-            }
-        }
-        assert!(placed.correlation(0, 0).is_some() && placed.correlation(-20, 0).is_none());
-    }
-
-    #[test]
     fn borders_and_blank_walls_give_nothing() {
         let blank = Intensity::from_fn(40, 40, |_, _| 90.0);
         let at = |x, y| Warp { center: Point2::new(x, y), affine: Matrix2::identity() };
@@ -349,5 +253,25 @@ mod tests {
         let patch = Patch::cut(&image, &at(20.0, 20.0), 6).unwrap();
         assert!(patch.register(&image, &at(f64::NAN, 20.0)).is_none());
         assert!(patch.register(&blank, &at(20.0, 20.0)).is_none());
+    }
+
+    #[test]
+    fn sums_along_rows_are_those_over_all_pixels() {
+        let image = Intensity::from_fn(60, 60, |x, y| texture(x as f64, y as f64) as f32);
+        let at = |x, y| Warp { center: Point2::new(x, y), affine: Matrix2::identity() };
+        let patch = Patch::cut(&image, &at(30.0, 29.0), 8).unwrap();
+        let mut reading = Reading::default();
+        patch.read(&image, &at(30.8, 28.1), &mut reading).unwrap();
+        let (mut normal, mut right) = (Matrix6::zeros(), Vector6::zeros());
+        for (i, (x, y)) in window(8).enumerate() {
+            let [gx, gy] = [0, 1].map(|k| 0.5 * (patch.gradient[i][k] + reading.gradient[i][k]));
+            let (x, y) = (f64::from(x), f64::from(y));
+            let j = Vector6::new(gx, gy, gx * x, gx * y, gy * x, gy * y);
+            normal += patch.weights[i] * j * j.transpose();
+            right -= patch.weights[i] * j * (reading.values[i] - patch.values[i]);
+        }
+        let (found, found_right) = patch.normal_equations(&reading);
+        assert!((found - normal).amax() < 1e-12 * normal.amax(), "{found} {normal}");
+        assert!((found_right - right).amax() < 1e-12 * normal.amax(), "{found_right} {right}");
     }
 }

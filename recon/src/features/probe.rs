@@ -1,0 +1,149 @@
+//! A patch thinned out, for looking through many places by correlation before it is registered at the best.
+
+use nalgebra::{Matrix2, Point2};
+
+use super::intensity::Intensity;
+use super::register::{MIN_CONTRAST, Patch, window};
+
+impl Patch {
+    /// Every second pixel of the patch, deformed: what is tried at many places before registration.
+    pub(crate) fn probe(&self, affine: &Matrix2<f64>) -> Probe {
+        let kept = |(x, y): &(i32, i32)| (x + self.radius) % 2 == 0 && (y + self.radius) % 2 == 0;
+        let taken: Vec<usize> =
+            window(self.radius).enumerate().filter(|(_, at)| kept(at)).map(|(index, _)| index).collect();
+        let at: Vec<(i32, i32)> = window(self.radius).collect();
+        let total: f64 = taken.iter().map(|i| self.weights[*i]).sum();
+        let mean = taken.iter().map(|i| self.weights[*i] * self.values[*i]).sum::<f64>() / total;
+        let samples: Vec<Sample> = taken
+            .iter()
+            .map(|&i| Sample {
+                aside: affine * nalgebra::Vector2::new(f64::from(at[i].0), f64::from(at[i].1)),
+                weight: (self.weights[i] / total) as f32,
+                value: (self.values[i] - mean) as f32,
+            })
+            .collect();
+        let reach = f64::from(self.radius) * (affine.row(0).abs().sum()).max(affine.row(1).abs().sum());
+        // Rounding must not carry a sample beyond it.
+        let reach = reach + 1e-9;
+        let deviation = samples.iter().map(|s| s.weight * s.value * s.value).sum::<f32>().sqrt();
+        Probe { samples, reach, deviation }
+    }
+}
+
+/// A coarse, deformed patch.
+pub(crate) struct Probe {
+    samples: Vec<Sample>,
+    /// How far samples lie from the centre along an axis, pixels.
+    reach: f64,
+    deviation: f32,
+}
+
+struct Sample {
+    aside: nalgebra::Vector2<f64>,
+    /// All add up to 1.
+    weight: f32,
+    /// Weighted mean 0.
+    value: f32,
+}
+
+impl Probe {
+    /// Weighted normalised cross-correlation with the image around `center`, −1 … 1; `None` where it leaves the image.
+    pub(crate) fn correlation(&self, image: &Intensity, center: &Point2<f64>) -> Option<f32> {
+        self.placed(image, center).correlation(0, 0)
+    }
+
+    /// Ready to be tried at `center` and any whole number of pixels beside it.
+    pub(crate) fn placed<'a>(&'a self, image: &'a Intensity, center: &Point2<f64>) -> PlacedProbe<'a> {
+        let taps = self.samples.iter().map(|s| {
+            let (x, y) = (center.x + s.aside.x, center.y + s.aside.y);
+            let (left, top) = (x.floor(), y.floor());
+            let index = top as i64 * image.width as i64 + left as i64;
+            Tap { index, fraction: [(x - left) as f32, (y - top) as f32] }
+        });
+        PlacedProbe { probe: self, image, center: *center, taps: taps.collect() }
+    }
+}
+
+/// A probe over an image: whole steps leave the fractions of its samples as they are.
+pub(crate) struct PlacedProbe<'a> {
+    probe: &'a Probe,
+    image: &'a Intensity,
+    center: Point2<f64>,
+    /// One a sample.
+    taps: Vec<Tap>,
+}
+
+/// Where a sample is read.
+struct Tap {
+    /// Of the pixel left of and above it; outside the image perhaps, until the probe is moved.
+    index: i64,
+    fraction: [f32; 2],
+}
+
+impl PlacedProbe<'_> {
+    /// [`Probe::correlation`], `dx` and `dy` pixels beside the centre.
+    pub(crate) fn correlation(&self, dx: i32, dy: i32) -> Option<f32> {
+        let (x, y) = (self.center.x + f64::from(dx), self.center.y + f64::from(dy));
+        let held = |sign: f64| self.image.holds(x + sign * self.probe.reach, y + sign * self.probe.reach);
+        if !(held(-1.0) && held(1.0)) {
+            return None;
+        }
+        let moved = i64::from(dy) * self.image.width as i64 + i64::from(dx);
+        let (mut mean, mut square, mut shared) = (0.0_f32, 0.0_f32, 0.0_f32);
+        for (s, tap) in self.probe.samples.iter().zip(&self.taps) {
+            let read = self.image.between((tap.index + moved) as usize, tap.fraction[0], tap.fraction[1]);
+            let weighted = s.weight * read;
+            mean += weighted;
+            square += weighted * read;
+            shared += weighted * s.value;
+        }
+        let deviation = (square - mean * mean).max(0.0).sqrt();
+        let contrast = f64::from(deviation) >= MIN_CONTRAST;
+        contrast.then(|| shared / (deviation * self.probe.deviation).max(f32::MIN_POSITIVE))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::features::Warp;
+
+    fn texture(x: f64, y: f64) -> f32 {
+        (120.0 + 30.0 * (0.29 * x + 0.003 * y * y).sin() + 25.0 * (0.37 * y - 0.002 * x * x).cos()) as f32
+    }
+
+    #[test]
+    fn a_placed_probe_reads_what_each_place_shows() {
+        let image = Intensity::from_fn(60, 50, |x, y| texture(x as f64, y as f64));
+        let home = Warp { center: Point2::new(30.0, 25.0), affine: Matrix2::identity() };
+        let affine = Matrix2::new(1.1, -0.2, 0.15, 0.9);
+        let probe = Patch::cut(&image, &home, 6).unwrap().probe(&affine);
+        let center = Point2::new(12.37, 20.81);
+        let placed = probe.placed(&image, &center);
+        for (dx, dy) in (-20..30).step_by(3).flat_map(|x| (-20..30).step_by(4).map(move |y| (x, y))) {
+            let at = center + nalgebra::Vector2::new(f64::from(dx), f64::from(dy));
+            let corners = [-probe.reach, probe.reach].map(|r| image.holds(at.x + r, at.y + r));
+            let (mut weights, mut reads, mut values) = (Vec::new(), Vec::new(), Vec::new());
+            if corners == [true, true] {
+                for s in &probe.samples {
+                    weights.push(f64::from(s.weight));
+                    reads.push(f64::from(image.at(at.x + s.aside.x, at.y + s.aside.y)));
+                    values.push(f64::from(s.value));
+                }
+            }
+            // Pearson's correlation as a textbook has it.
+            let mean = |of: &[f64]| of.iter().zip(&weights).map(|(v, w)| v * w).sum::<f64>();
+            let (m, n) = (mean(&reads), mean(&values));
+            let with = |a: &[f64], b: &[f64], m: f64, n: f64| {
+                a.iter().zip(b).zip(&weights).map(|((a, b), w)| w * (a - m) * (b - n)).sum::<f64>()
+            };
+            let wanted = with(&reads, &values, m, n)
+                / (with(&reads, &reads, m, m) * with(&values, &values, n, n)).sqrt();
+            match placed.correlation(dx, dy) {
+                Some(found) => assert!((f64::from(found) - wanted).abs() < 1e-4, "{found} {wanted}"),
+                None => assert!(reads.is_empty(), "{dx} {dy}"),
+            }
+        }
+        assert!(placed.correlation(0, 0).is_some() && placed.correlation(-20, 0).is_none());
+    }
+}
