@@ -44,6 +44,8 @@ pub struct BuildOptions {
     pub planes: PlaneOptions,
     /// Joining cameras, floor, discs.
     pub assemble: AssembleOptions,
+    /// Draws the plan at half its usual size, in a quarter of the time.
+    pub small_plan: bool,
 }
 
 /// What is being done, for a progress bar.
@@ -137,7 +139,7 @@ pub fn build(
     let references: Vec<(&str, &RgbImage)> =
         cameras.iter().map(|(c, _)| (c.name.as_str(), &c.reference)).collect();
     output::write(out, &mut room, &references, &mut |dir, room| {
-        preview::write(dir, room, &references)?;
+        preview::write(dir, room, &references, options.small_plan)?;
         for (camera, key) in &cameras {
             Kept::keep_in(dir, &camera.name, key, &camera.seen);
         }

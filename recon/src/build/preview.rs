@@ -21,10 +21,18 @@ const GAP: u32 = 6;
 /// The floor plan; not in `preview/`, where a camera may be called so.
 const PLAN: &str = "plan.png";
 
-/// Writes `plan.png`, and `preview/NAME.png` for each camera.
-pub(super) fn write(dir: &Path, room: &Room, references: &[(&str, &RgbImage)]) -> Result<()> {
+/// Writes `plan.png`, of half the size for a `small_plan`, and `preview/NAME.png` for each camera.
+pub(super) fn write(
+    dir: &Path,
+    room: &Room,
+    references: &[(&str, &RgbImage)],
+    small_plan: bool,
+) -> Result<()> {
     // Of the room as it is read, and kept beside it: the first `tracker run` in it need not draw the plan again.
-    let options = PlanOptions { room_dir: Some(dir.to_owned()), ..PlanOptions::default() };
+    let mut options = PlanOptions { room_dir: Some(dir.to_owned()), ..PlanOptions::default() };
+    if small_plan {
+        options.longest_side_px /= 2;
+    }
     write_png(&dir.join(PLAN), &FloorPlan::new(&Room::read(dir)?, &options)?.into_image())?;
     let Some(geometry) = &room.geometry else { return Ok(()) };
     let scene = RayScene::new(geometry)?;

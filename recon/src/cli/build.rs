@@ -69,7 +69,9 @@ impl Build {
         };
         let zones = self.zones.clone();
         let motion = MotionOptions { refine_lens: self.refine_intrinsics, ..MotionOptions::default() };
-        let options = BuildOptions { zones, seed: self.seed, motion, dense, ..BuildOptions::default() };
+        let small_plan = self.quality == Quality::Draft;
+        let options =
+            BuildOptions { zones, seed: self.seed, motion, dense, small_plan, ..BuildOptions::default() };
         let mut stages: Option<Stages> = None;
         let report = build::build(&self.project, &self.out, &options, &mut |step| {
             stages.get_or_insert_with(|| console.stages(step.of)).show(step.number, &step.what);

@@ -1,8 +1,9 @@
 //! Dense multi-view stereo: a depth and a normal for the reference image's pixels, where they can be had.
 //!
 //! The reference view and a few key frames of the capture ([`keyframes`]) each get a depth map by PatchMatch
-//! ([`patchmatch`]) at half size; each then checks the others ([`consistency`]); the reference's is refined at full
-//! size. Everything is in the capture's own frame and scale: the reference camera is the identity.
+//! ([`patchmatch`]) at half size, which in a draft starts from one at a quarter; each then checks the others
+//! ([`consistency`]); the reference's is refined at full size. Everything is in the capture's own frame and scale: the
+//! reference camera is the identity.
 
 mod consistency;
 mod keyframes;
@@ -37,7 +38,9 @@ pub struct DenseOptions {
     pub best_views: usize,
     /// Grey levels at which a neighbour's weight in a patch falls to 1/e.
     pub color_sigma: f32,
-    /// Rounds of propagation: from random hypotheses, with the other views' depths known, at full size.
+    /// How often images are halved for the first round, from random hypotheses: at least once.
+    pub halvings: usize,
+    /// Rounds of propagation: from random hypotheses, at half size with the other views' depths known, at full size.
     pub iterations: [usize; 3],
     /// A depth is reliable if at least this many key frames agree …
     pub least_agreeing: usize,
@@ -58,6 +61,7 @@ impl Default for DenseOptions {
             largest_parallax_deg: 35.0,
             best_views: 4,
             color_sigma: 10.0,
+            halvings: 1,
             iterations: [5, 2, 3],
             least_agreeing: 2,
             agreement_px: 1.0,
@@ -68,9 +72,16 @@ impl Default for DenseOptions {
 }
 
 impl DenseOptions {
-    /// For a first look: half the key frames and rounds.
+    /// For a first look: the first round at a quarter of the size, fewer key frames and rounds.
     pub fn draft() -> Self {
-        Self { key_frames: 4, sources: 4, best_views: 3, iterations: [3, 1, 1], ..Self::default() }
+        Self {
+            key_frames: 6,
+            sources: 4,
+            best_views: 3,
+            halvings: 2,
+            iterations: [4, 1, 1],
+            ..Self::default()
+        }
     }
 }
 
@@ -164,23 +175,26 @@ pub fn reconstruct(
         let camera_from_reference =
             capture.camera_from_world[frame].map_or_else(Isometry3::identity, |pose| pose * to_reference);
         let picture = undistort.image(&capture.frames[frame]);
-        let full = Level::new(&picture, &pinhole);
-        let (half, half_intrinsics) = full.halved(&pinhole);
+        let mut levels = vec![(Level::new(&picture, &pinhole), pinhole.clone())];
+        for halved in 0..options.halvings.max(1) {
+            let (level, intrinsics) = &levels[halved];
+            levels.push(level.halved(intrinsics));
+        }
         let range = inverse_depth_range(&points, &camera_from_reference).ok_or_else(|| {
             Error::capture(capture.name, "too few points are seen to tell the range of depths")
         })?;
-        views.push(View { picture, camera_from_reference, full, half, half_intrinsics, range });
+        views.push(View { picture, camera_from_reference, levels, range });
     }
     let maps = estimate_half(&views, options);
     let (reference_map, agreeing) = refine_reference(&views, &maps, &pinhole, options);
     let covered = agreeing.iter().filter(|a| **a > 0).count() as f64 / agreeing.len().max(1) as f64;
 
     let key_agreeing: Vec<Vec<u8>> = (1..views.len())
-        .map(|i| consistency::agreeing(&half_problem(&views, i, Some(&maps), options), &maps[i], options))
+        .map(|i| consistency::agreeing(&problem(&views, i, 1, Some(&maps), options), &maps[i], options))
         .collect();
     let steps: Vec<f32> = (0..views.len())
         .map(|i| {
-            let focal_px = if i == 0 { pinhole.fx } else { views[i].half_intrinsics.fx };
+            let focal_px = if i == 0 { pinhole.fx } else { views[i].levels[1].1.fx };
             inverse_depth_step(&views, i, focal_px)
         })
         .collect();
@@ -191,9 +205,10 @@ pub fn reconstruct(
             (reference_map.clone(), agreeing.clone(), pinhole.clone(), view.picture)
         } else {
             let Some((map, agreeing)) = maps.next() else { break };
-            let (w, h) = (view.half_intrinsics.width, view.half_intrinsics.height);
+            let half = view.levels[1].1.clone();
+            let (w, h) = (half.width, half.height);
             let small = image::imageops::resize(&view.picture, w, h, image::imageops::FilterType::Triangle);
-            (map, agreeing, view.half_intrinsics, small)
+            (map, agreeing, half, small)
         };
         result.push(DenseView {
             picture,
@@ -211,9 +226,8 @@ pub fn reconstruct(
 struct View {
     picture: RgbImage,
     camera_from_reference: Isometry3<f64>,
-    full: Level,
-    half: Level,
-    half_intrinsics: Intrinsics,
+    /// At full size, at half of it, and so on, each with its camera.
+    levels: Vec<(Level, Intrinsics)>,
     range: (f32, f32),
 }
 
@@ -264,18 +278,27 @@ fn inverse_depth_range(points: &[Point3<f64>], camera_from_reference: &Isometry3
     Some(((1.0 / (1.4 * at(0.99))) as f32, (1.0 / (0.4 * at(0.01))) as f32))
 }
 
-/// Photometric estimates of all views at half size, then again with each other's depths known.
+/// Photometric estimates of all views, then again at half size with each other's depths known.
 fn estimate_half(views: &[View], options: &DenseOptions) -> Vec<SupportMap> {
-    let photometric: Vec<SupportMap> =
-        (0..views.len()).map(|i| half_problem(views, i, None, options).solve(None)).collect();
-    (0..views.len())
-        .map(|i| half_problem(views, i, Some(&photometric), options).solve(Some(photometric[i].clone())))
+    let each = 0..views.len();
+    let smallest = options.halvings.max(1);
+    let mut photometric: Vec<SupportMap> =
+        each.clone().map(|i| problem(views, i, smallest, None, options).solve(None)).collect();
+    for halved in (1..smallest).rev() {
+        for (map, view) in photometric.iter_mut().zip(views) {
+            let level = &view.levels[halved].0;
+            *map = map.doubled(level.width, level.height);
+        }
+    }
+    each.map(|i| problem(views, i, 1, Some(&photometric), options).solve(Some(photometric[i].clone())))
         .collect()
 }
 
-fn half_problem<'a>(
+/// The depth map of one view, its image `halved` so often; `maps`: the depths of all, if known.
+fn problem<'a>(
     views: &'a [View],
     index: usize,
+    halved: usize,
     maps: Option<&'a [SupportMap]>,
     options: &DenseOptions,
 ) -> Problem<'a> {
@@ -288,9 +311,9 @@ fn half_problem<'a>(
         .take(options.sources)
         .map(|(i, other)| {
             let forward = other.camera_from_reference * view.camera_from_reference.inverse();
-            let (from, to) = (&view.half_intrinsics, &other.half_intrinsics);
+            let (from, to) = (&view.levels[halved].1, &other.levels[halved].1);
             Source {
-                image: &other.half,
+                image: &other.levels[halved].0,
                 pair: Pair::new(from, to, &forward),
                 guide: maps.map(|maps| Guide {
                     map: &maps[i],
@@ -301,10 +324,10 @@ fn half_problem<'a>(
         })
         .collect();
     Problem {
-        reference: &view.half,
+        reference: &view.levels[halved].0,
         sources,
         range: view.range,
-        step: inverse_depth_step(views, index, view.half_intrinsics.fx),
+        step: inverse_depth_step(views, index, view.levels[halved].1.fx),
         best_views: options.best_views,
         color_sigma: options.color_sigma,
         iterations: options.iterations[usize::from(maps.is_some())],
@@ -336,18 +359,18 @@ fn refine_reference(
         .map(|(other, map)| {
             let forward = other.camera_from_reference;
             Source {
-                image: &other.full,
+                image: &other.levels[0].0,
                 pair: Pair::new(pinhole, pinhole, &forward),
                 guide: Some(Guide {
                     map,
                     scale: 0.5,
-                    back: Pair::new(&other.half_intrinsics, pinhole, &forward.inverse()),
+                    back: Pair::new(&other.levels[1].1, pinhole, &forward.inverse()),
                 }),
             }
         })
         .collect();
     let problem = Problem {
-        reference: &reference.full,
+        reference: &reference.levels[0].0,
         sources,
         range: reference.range,
         step: inverse_depth_step(views, 0, pinhole.fx),
@@ -356,7 +379,7 @@ fn refine_reference(
         iterations: options.iterations[2],
         seed: options.seed.wrapping_add(views.len() as u64),
     };
-    let start = maps[0].doubled(reference.full.width, reference.full.height);
+    let start = maps[0].doubled(pinhole.width as usize, pinhole.height as usize);
     let map = problem.solve(Some(start));
     let agreeing = consistency::agreeing(&problem, &map, options);
     (map, agreeing)
