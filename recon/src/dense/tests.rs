@@ -61,7 +61,9 @@ fn a_rendered_room_has_the_depth_it_was_rendered_with() {
 }
 
 #[test]
-fn a_draft_has_it_in_the_rough() {
-    let (known, within) = depth_of_a_rendered_room(&DenseOptions::draft());
-    assert!(known > 0.8 && within[0] > 0.55 && within[2] > 0.85, "{known} {within:?}");
+fn a_quarter_of_the_size_tells_depth_in_the_rough() {
+    // Nothing is done at half and full size but to take over, and to ask who agrees.
+    let options = DenseOptions { iterations: [6, 0, 0], ..DenseOptions::draft() };
+    let (known, within) = depth_of_a_rendered_room(&options);
+    assert!(known > 0.5 && within[2] > 0.6, "{known} {within:?}");
 }
