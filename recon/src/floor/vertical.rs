@@ -11,10 +11,11 @@
 //!
 //! with tilts as seen from the floor (`t_floor = 0`). Sloped desks and roofs have no say: of the planes that face up or
 //! down to within some angle, level ones are taken to be q times as many as sloped ones, and those to slope anywhere in
-//! the solid angle Ω about the floor's normal. A plane is the more likely level where, with `C = C_k + C_floor`,
+//! the solid angle Ω about the floor's normal. The largest plane is asked first; one is the more likely level where, with t
+//! and its covariance `(Σ C⁻¹)⁻¹` of those that have voted before, and `C = C_k + (Σ C⁻¹)⁻¹`,
 //!
 //! ```text
-//! t_kᵀ C⁻¹ t_k  <  2 ln (q Ω / 2π √det C)
+//! (t_k − t)ᵀ C⁻¹ (t_k − t)  <  2 ln (q Ω / 2π √det C)
 //! ```
 
 use nalgebra::{Matrix2, Matrix3x2, Vector2, Vector3};
@@ -34,11 +35,12 @@ pub(super) fn vote(floor: &Fit, planes: &[&Fit], size: f64, options: &FloorOptio
     let apart = 4.0 * options.thickness * size;
     let patch = (options.correlated * size).powi(2);
     let Some(across) = tangents(&up) else { return alone };
-    let Some(floor_covariance) = covariance(floor, &across, patch) else { return alone };
-    let Some(mut information) = floor_covariance.try_inverse() else { return alone };
+    // What has been said so far of the tilt, and how well it is known.
+    let Some(mut so_far) = covariance(floor, &across, patch) else { return alone };
+    let Some(mut information) = so_far.try_inverse() else { return alone };
+    let mut tilt = Vector2::zeros();
     let unlevel = Matrix2::identity() * options.level_sigma_deg.to_radians().powi(2);
     let widest = options.normal_spread_deg.to_radians();
-    let mut weighted = Vector2::zeros();
     let (mut heights, mut voters) = (vec![0.0], 1);
     for plane in planes {
         let height = up.dot(&(plane.mean - floor.mean));
@@ -50,21 +52,22 @@ pub(super) fn vote(floor: &Fit, planes: &[&Fit], size: f64, options: &FloorOptio
         // Smaller planes at this height are parts of it, and of what lies beside it.
         heights.push(height);
         // A ceiling faces down.
-        let tilt = across.transpose() * plane.plane.normal * facing.signum();
+        let its = across.transpose() * plane.plane.normal * facing.signum();
         let Some(own) = covariance(plane, &across, patch).map(|c| c + unlevel) else { continue };
-        if !is_level(&tilt, &(own + floor_covariance), widest) {
+        if !is_level(&(its - tilt), &(own + so_far), widest) {
             continue;
         }
         let Some(known) = own.try_inverse() else { continue };
+        let Some(together) = (information + known).try_inverse() else { continue };
+        tilt = together * (information * tilt + known * its);
         information += known;
-        weighted += known * tilt;
+        so_far = together;
         voters += 1;
     }
-    let tilt = information.try_inverse().map_or(Vector2::zeros(), |covariance| covariance * weighted);
     ((up + across * tilt).normalize(), voters)
 }
 
-/// Whether a plane whose tilt against the floor is known with this covariance is likelier level than sloped, given that
+/// Whether a plane whose tilt against level ones is known with this covariance is likelier level than sloped, given that
 /// it tilts by no more than `widest` (radians).
 fn is_level(tilt: &Vector2<f64>, covariance: &Matrix2<f64>, widest: f64) -> bool {
     let Some(known) = covariance.try_inverse() else { return false };
@@ -179,6 +182,17 @@ mod tests {
         let table = rectangle([0.7, 0.5], 0.7, 0.5, 0.004);
         let strip = rectangle([0.7, 0.0], 0.0, 0.0, 0.004);
         assert_eq!(vote(&strip, &[&table], SIZE, &options(0.5)), (Vector3::z(), 1));
+    }
+
+    #[test]
+    fn what_contradicts_a_large_plane_has_no_say_however_little_is_known_of_the_floor() {
+        let floor = rectangle([0.15, 0.6], 0.0, 0.0, 0.014);
+        let table = rectangle([0.6, 0.4], 0.7, -2.0, 0.012);
+        let seat = rectangle([0.2, 0.2], 1.0, 9.0, 0.012);
+        assert_eq!(vote(&floor, &[&seat], SIZE, &options(0.5)).1, 2);
+        let without = vote(&floor, &[&table], SIZE, &options(0.5));
+        assert_eq!(without.1, 2);
+        assert_eq!(vote(&floor, &[&table, &seat], SIZE, &options(0.5)), without);
     }
 
     #[test]
