@@ -14,3 +14,4 @@ mod recon_resume;
 mod refusal;
 mod run_refusals;
 mod scenes_refusals;
+mod wide_masks;

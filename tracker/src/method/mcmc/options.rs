@@ -58,7 +58,7 @@ pub struct MotionOptions {
     pub velocity_memory_s: f64,
     /// The same for somebody out of sight, who walks on for about this long: they may as well have stopped there.
     pub unseen_velocity_memory_s: f64,
-    /// Standard deviation of the velocity of somebody who has just appeared, m/s.
+    /// Standard deviation of the velocity of somebody who has just appeared, m/s: people come in walking.
     pub initial_speed_sigma: f64,
     /// What a silhouette's place means beyond the sampler's own spread, metres: swinging arms and legs move it.
     pub gait_sigma_m: f64,
@@ -73,7 +73,7 @@ impl Default for MotionOptions {
             acceleration_density: 1.5,
             velocity_memory_s: 8.0,
             unseen_velocity_memory_s: 1.5,
-            initial_speed_sigma: 0.8,
+            initial_speed_sigma: 1.2,
             gait_sigma_m: 0.08,
             lean_s: 0.025,
         }

@@ -25,6 +25,13 @@ pub(super) struct Person {
     pub(super) tentative: bool,
 }
 
+impl Person {
+    /// Whether they were born in this moment.
+    pub(super) fn is_new(&self) -> bool {
+        self.known.is_none()
+    }
+}
+
 /// What the last moment says about a person now.
 #[derive(Debug, Clone)]
 pub(super) struct Known {

@@ -31,7 +31,7 @@ impl Chain<'_> {
             return;
         }
         let likelihood = self.likelihood_of(None, Some(&body));
-        let mut log_ratio = likelihood - self.log_likelihood + self.crowding(&body, None);
+        let mut log_ratio = likelihood - self.log_likelihood + self.crowding(&body, None, true);
         if options.acceptance == Acceptance::ReversibleJump {
             // The size is drawn from its prior: the two cancel. Somebody born now can be deleted wherever they are.
             let density = self.setting.births.density(body.x_m, body.y_m, options.informed_births);
@@ -69,7 +69,7 @@ impl Chain<'_> {
             return;
         }
         let likelihood = self.likelihood_of(None, Some(&body));
-        let mut log_ratio = likelihood - self.log_likelihood + self.crowding(&body, None);
+        let mut log_ratio = likelihood - self.log_likelihood + self.crowding(&body, None, false);
         if self.setting.options.acceptance == Acceptance::ReversibleJump {
             let (k, d) = (self.people.len(), self.deletable());
             let forth = self.probability_of(Move::Add, k, d) * REVIVE / self.gone.len() as f64;
@@ -106,7 +106,8 @@ impl Chain<'_> {
         let options = self.setting.options;
         let likelihood = self.likelihood_of(Some(which), None);
         let (person, body) = (&self.people[which], self.people[which].body);
-        let mut log_ratio = likelihood - self.log_likelihood - self.crowding(&body, Some(which));
+        let mut log_ratio =
+            likelihood - self.log_likelihood - self.crowding(&body, Some(which), person.is_new());
         if options.acceptance == Acceptance::ReversibleJump {
             let k = self.people.len();
             let forth = self.probability_of(Move::Delete, k, deletable) / deletable as f64;

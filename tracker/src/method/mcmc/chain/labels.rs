@@ -51,7 +51,8 @@ impl Chain<'_> {
             let body = person.body;
             let floor = self.setting.floor;
             let reversible = self.is_deletable(person, &body)
-                && (self.setting.settling || floor.may_appear(body.x_m, body.y_m));
+                && (self.setting.settling || floor.may_appear(body.x_m, body.y_m))
+                && self.stands_apart(&body, Some(k));
             let Some(of_person) = person.known.as_ref().filter(|_| reversible) else { return };
             let log_ratio = (known as f64).ln()
                 - advantage(of_person, &body)

@@ -7,6 +7,8 @@
 //! people born now:                    births · dt / region area         · N(r) · N(h)
 //! ```
 //!
+//! and 0 where somebody born now overlaps anybody.
+//!
 //! A jump that adds a person and the one that deletes them are each other's reverse, and the acceptance carries the ratio
 //! of their proposal probabilities (Green 2003; Khan, Balch & Dellaert 2005). ADD either bears somebody new or takes a
 //! deletion of this moment back, so that a person who is deleted on the way keeps their identity when they return.
@@ -170,12 +172,35 @@ impl<'a> Chain<'a> {
         log
     }
 
-    /// `log R` of one body against the others, in proportion to `log V`.
-    fn crowding(&self, body: &Body, except: Option<usize>) -> f64 {
-        let lambda = self.setting.options.repulsion_per_m;
-        let others = self.people.iter().enumerate().filter(|(i, _)| Some(*i) != except);
-        let log_r: f64 = others.map(|(_, p)| log_separation(body, &p.body, lambda)).sum();
+    /// `log R` of one body against the others, in proportion to `log V`; under reversible jump, who is born now stands a
+    /// body's width from everybody. `except` the one of the people who this is.
+    fn crowding(&self, body: &Body, except: Option<usize>, is_new: bool) -> f64 {
+        let options = self.setting.options;
+        let apart = options.acceptance == Acceptance::ReversibleJump;
+        let mut log_r = 0.0;
+        for other in self.others(except) {
+            if apart && (is_new || other.is_new()) && self.overlap(body, &other.body) {
+                return LOG_IMPOSSIBLE;
+            }
+            log_r += log_separation(body, &other.body, options.repulsion_per_m);
+        }
         (self.setting.repulsion_weight * log_r).max(LOG_IMPOSSIBLE)
+    }
+
+    /// Whether a body stands a body's width from everybody.
+    ///
+    /// Masks are wider than ellipsoids and cameras disagree by a hand's breadth, so two bodies inside one another explain
+    /// most people better than one does. People who are followed may come that close; nobody appears there.
+    fn stands_apart(&self, body: &Body, except: Option<usize>) -> bool {
+        self.others(except).all(|other| !self.overlap(body, &other.body))
+    }
+
+    fn overlap(&self, a: &Body, b: &Body) -> bool {
+        a.floor_distance_m(b) < 2.0 * self.setting.options.radius.mean_m
+    }
+
+    fn others(&self, except: Option<usize>) -> impl Iterator<Item = &Person> {
+        self.people.iter().enumerate().filter(move |(i, _)| Some(*i) != except).map(|(_, person)| person)
     }
 
     /// Draws the proposal (into `proposed`) and works out its `log V`.

@@ -44,10 +44,17 @@ impl Chain<'_> {
             Some(_) if kernel < 0.35 && self.setting.unexplained.is_some() => {
                 // To where foreground is left over: whoever was lost is found again.
                 let Some(map) = self.setting.unexplained else { return };
+                // Not into somebody else; so, to have its way back, not out of somebody either.
+                if !self.stands_apart(&body, Some(which)) {
+                    return;
+                }
                 let place = map.sample(TO_LEFT_OVER, rng);
                 log_proposal_ratio = map.density(body.x_m, body.y_m, TO_LEFT_OVER).ln()
                     - map.density(place.x, place.y, TO_LEFT_OVER).ln();
                 (body.x_m, body.y_m) = (place.x, place.y);
+                if !self.stands_apart(&body, Some(which)) {
+                    return;
+                }
             }
             _ => {
                 let scale = if kernel < 0.5 {
@@ -89,8 +96,8 @@ impl Chain<'_> {
         }
         let likelihood = self.likelihood_of(Some(which), Some(&body));
         let log_ratio = likelihood - self.log_likelihood + prior - old_prior
-            + self.crowding(&body, Some(which))
-            - self.crowding(&old, Some(which))
+            + self.crowding(&body, Some(which), self.people[which].is_new())
+            - self.crowding(&old, Some(which), self.people[which].is_new())
             + log_proposal_ratio;
         if accepted(log_ratio, rng) {
             self.simulation.commit(Some(&self.people[which].silhouettes), Some(&self.proposed));
