@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use tracker::eval::{
-    DetectionCurve, EvalOptions, Evaluation, FrameRange, FrameSelection, Sequences, align, plots,
+    DetectionCurve, EvalOptions, Evaluation, FrameRange, FrameSelection, JudgedArea, Sequences, align, plots,
 };
 use tracker::tracks::rows::RowFile;
 
@@ -20,6 +20,7 @@ use tracker::tracks::rows::RowFile;
   tracker eval --truth truth.txt --tracks out/tracks.txt
   tracker eval --truth truth.txt --tracks out/tracks.txt --truth-room office/room --room myroom --json
   tracker eval --truth truth_boxes.txt --tracks out/boxes/view1.txt --frames 1-400
+  tracker eval --truth truth.txt --tracks out/tracks.txt --area '2.1,0 7.6,3.4'
   tracker eval --truth truth.txt --tracks detections.txt --roc --plots plots
   tracker eval --truth mot15 --tracks linked --json")]
 pub(super) struct EvalArgs {
@@ -41,6 +42,10 @@ pub(super) struct EvalArgs {
     /// Judge only the frames listed in this file, one a line.
     #[arg(long, value_name = "FILE")]
     annotated: Option<PathBuf>,
+    /// Judge only this part of the floor: its corners in the truth's frame, or two opposite ones of a rectangle, metres. Tracks
+    /// outside do not count unless they are near enough to stand for somebody inside.
+    #[arg(long, value_name = "X,Y X,Y …", allow_hyphen_values = true)]
+    area: Option<JudgedArea>,
     /// Greatest distance of a match in metres, or its least overlap for boxes.
     #[arg(long, default_value_t = EvalOptions::GATE)]
     gate: f64,
@@ -67,7 +72,11 @@ pub(super) fn eval(args: &EvalArgs) -> anyhow::Result<String> {
     if args.truth.is_dir() {
         return sequences(args, &options);
     }
-    let (truth, tracks) = (RowFile::read(&args.truth)?, RowFile::read(&args.tracks)?);
+    let (mut truth, mut tracks) = (RowFile::read(&args.truth)?, RowFile::read(&args.tracks)?);
+    if let Some(area) = &args.area {
+        let to_truth = alignment.as_ref().map(|a| &a.truth_from_room);
+        (truth, tracks) = area.of(truth, tracks, options.gate, to_truth)?;
+    }
     let is_drawn = args.plots.is_some() && alignment.is_none();
     if args.roc && alignment.is_some() {
         anyhow::bail!("--roc: compares files of one room; leave --truth-room and --room out");
@@ -104,8 +113,11 @@ pub(super) fn eval(args: &EvalArgs) -> anyhow::Result<String> {
 
 /// Two folders.
 fn sequences(args: &EvalArgs, options: &EvalOptions) -> anyhow::Result<String> {
-    if args.truth_room.is_some() || args.roc {
-        anyhow::bail!("--truth {}: is a folder; --truth-room and --roc take files", args.truth.display());
+    if args.truth_room.is_some() || args.roc || args.area.is_some() {
+        anyhow::bail!(
+            "--truth {}: is a folder; --truth-room, --area and --roc take files",
+            args.truth.display()
+        );
     }
     let sequences = Sequences::of_folders(&args.truth, &args.tracks, options)?;
     if let Some(folder) = &args.plots {

@@ -19,6 +19,7 @@
 //! a figure is absent rather than 0.
 
 pub mod align;
+mod area;
 mod assignment;
 mod clear;
 mod correspondence;
@@ -37,6 +38,7 @@ mod table;
 
 use std::path::Path;
 
+pub use area::JudgedArea;
 pub use clear::{Clear, Continuity};
 pub use frames::{FrameRange, FrameSelection};
 pub use hota::{Hota, HotaScores};
