@@ -75,7 +75,14 @@ pub(super) fn eval(args: &EvalArgs) -> anyhow::Result<String> {
     let (mut truth, mut tracks) = (RowFile::read(&args.truth)?, RowFile::read(&args.tracks)?);
     if let Some(area) = &args.area {
         let to_truth = alignment.as_ref().map(|a| &a.truth_from_room);
+        let nobody = truth.rows.is_empty();
         (truth, tracks) = area.of(truth, tracks, options.gate, to_truth)?;
+        if truth.rows.is_empty() && !nobody {
+            tracing::warn!(
+                "{}: nobody is ever in --area; is it in metres of the truth's frame?",
+                args.truth.display()
+            );
+        }
     }
     let is_drawn = args.plots.is_some() && alignment.is_none();
     if args.roc && alignment.is_some() {

@@ -36,7 +36,7 @@ impl JudgedArea {
                 return Err(Error::content(
                     &file.path,
                     place,
-                    "has no place on the floor for --area to look at",
+                    "has no place on the floor; leave --area out, it is a part of one",
                 ));
             }
         }

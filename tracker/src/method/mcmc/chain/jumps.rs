@@ -127,7 +127,7 @@ impl Chain<'_> {
             self.simulation.commit(Some(&person.silhouettes), None);
             self.log_likelihood = likelihood;
             self.spare.push(std::mem::take(&mut person.silhouettes));
-            if person.known.is_some() {
+            if !person.is_new() {
                 self.gone.push(person);
             }
         }

@@ -18,7 +18,7 @@ impl Chain<'_> {
         if self.setting.options.acceptance == Acceptance::Published {
             return;
         }
-        let known = self.people.iter().filter(|p| p.known.is_some()).count();
+        let known = self.people.iter().filter(|p| !p.is_new()).count();
         let new = self.people.len() - known;
         let (options, births) = (self.setting.options, self.setting.log_birth_density);
         // How much more likely a body is as this known person than as somebody born now.
@@ -31,7 +31,7 @@ impl Chain<'_> {
             if new == 0 || self.gone.is_empty() {
                 return;
             }
-            let n = self.nth(rng.random_range(0..new), |p| p.known.is_none());
+            let n = self.nth(rng.random_range(0..new), Person::is_new);
             let g = rng.random_range(0..self.gone.len());
             let Some(of_gone) = &self.gone[g].known else { return };
             let log_ratio =
@@ -46,7 +46,7 @@ impl Chain<'_> {
             if known == 0 {
                 return;
             }
-            let k = self.nth(rng.random_range(0..known), |p| p.known.is_some());
+            let k = self.nth(rng.random_range(0..known), |p| !p.is_new());
             let person = &self.people[k];
             let body = person.body;
             let floor = self.setting.floor;
