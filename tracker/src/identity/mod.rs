@@ -24,7 +24,7 @@ const APART_M: f64 = 0.9;
 const ENOUGH_PX: f64 = 600.0;
 /// What was learnt in so many pixels outweighs a new moment's.
 const REMEMBERED_PX: f64 = 20_000.0;
-/// By how much the exchange has to fit better, in Hellinger distances summed over both people (each at most 1): noise,
+/// By how much the exchange has to fit better, in Hellinger distances summed over who was known (each at most 1): noise,
 /// shading and a turned back make some difference to the same clothes.
 const CLEARLY: f64 = 0.15;
 
@@ -96,7 +96,12 @@ impl Identities {
         let mut exchanged = Vec::new();
         for (a, b) in std::mem::take(&mut self.met) {
             let (Some(of_a), Some(of_b)) = (self.people.get(&a), self.people.get(&b)) else { continue };
-            if of_a.known.pixels() < ENOUGH_PX || of_b.known.pixels() < ENOUGH_PX {
+            // Whoever appeared beside somebody was never seen apart before: then the other's looks alone tell.
+            let known: Vec<(&Looks, &Looks)> = [(of_a, of_b), (of_b, of_a)]
+                .into_iter()
+                .filter(|(own, _)| own.known.pixels() >= ENOUGH_PX)
+                .collect();
+            if known.is_empty() {
                 // They met before anybody knew what they look like: nothing to compare with, ever.
                 continue;
             }
@@ -104,8 +109,8 @@ impl Identities {
                 self.met.push((a, b));
                 continue;
             }
-            let as_named = of_a.known.distance(&of_a.now) + of_b.known.distance(&of_b.now);
-            let exchange = of_a.known.distance(&of_b.now) + of_b.known.distance(&of_a.now);
+            let as_named: f64 = known.iter().map(|(own, _)| own.known.distance(&own.now)).sum();
+            let exchange: f64 = known.iter().map(|(own, other)| own.known.distance(&other.now)).sum();
             if exchange + CLEARLY < as_named {
                 let (of_a, of_b) = (of_a.now.clone(), of_b.now.clone());
                 for (id, now) in [(a, of_b), (b, of_a)] {

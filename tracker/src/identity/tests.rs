@@ -36,19 +36,25 @@ fn picture(view: &View, people: &[(Body, Rgb<u8>)]) -> CameraFrame {
 /// Two people walk towards each other, pass, and go on; after they have passed, the tracker takes each for the other if
 /// `confused`. Returns all exchanges that were asked for.
 fn pass_by(colours: [Rgb<u8>; 2], confused: bool, pictures: bool) -> Vec<(TrackId, TrackId)> {
+    walk_by(colours, confused, pictures, 0)
+}
+
+/// The same, but the second is there from a step on only; they are closest to each other at step 20.
+fn walk_by(colours: [Rgb<u8>; 2], confused: bool, pictures: bool, from: usize) -> Vec<(TrackId, TrackId)> {
     let (view, mut identities) = (view(), Identities::default());
     let mut asked = Vec::new();
-    for step in 0..=40 {
-        let x = -2.0 + 0.1 * f64::from(step);
+    for step in 0..=40_usize {
+        let x = -2.0 + 0.1 * step as f64;
         let (first, second) = (at(x, 0.2), at(-x, -0.2));
-        let frame = picture(&view, &[(first, colours[0]), (second, colours[1])]);
+        let there = if step < from { 1 } else { 2 };
+        let frame = picture(&view, &[(first, colours[0]), (second, colours[1])][..there]);
         let mut named = [(TrackId(1), first), (TrackId(2), second)];
         // Names are given back as soon as that is asked for.
         if confused && x > 0.0 && asked.is_empty() {
             (named[0].1, named[1].1) = (second, first);
         }
         let frame = CameraFrame { image: frame.image.filter(|_| pictures), ..frame };
-        asked.extend(identities.observe(&[frame], std::slice::from_ref(&view), &named));
+        asked.extend(identities.observe(&[frame], std::slice::from_ref(&view), &named[..there]));
     }
     asked
 }
@@ -61,6 +67,13 @@ fn names_exchanged_in_an_encounter_are_given_back_once() {
 #[test]
 fn names_that_were_kept_stay() {
     assert_eq!(pass_by([RED, BLUE], false, true), []);
+}
+
+#[test]
+fn somebody_who_appears_beside_another_does_not_keep_their_name() {
+    assert_eq!(walk_by([RED, BLUE], true, true, 20), [(TrackId(1), TrackId(2))]);
+    assert_eq!(walk_by([RED, BLUE], false, true, 20), []);
+    assert_eq!(walk_by([RED, RED], true, true, 20), []);
 }
 
 #[test]
