@@ -3,11 +3,9 @@
 //!
 //! Both count pixels from the top-left pixel's corner, so their principal points are half a pixel larger than ours.
 
-mod binary;
 pub mod colmap;
 pub mod given;
 pub mod nerfstudio;
-mod text;
 
 use std::path::Path;
 
@@ -30,6 +28,13 @@ pub fn cameras(path: &Path) -> Result<Vec<RoomCamera>> {
 /// line would take apart.
 fn camera_name(picture: &str) -> String {
     Path::new(picture).with_extension("").to_string_lossy().replace(['/', '\\', '='], "_")
+}
+
+/// The name of a camera's picture in other programs' files.
+fn picture_name(camera: &RoomCamera) -> String {
+    let extension =
+        camera.reference.as_ref().and_then(|r| r.extension()).map(|e| e.to_string_lossy().into_owned());
+    format!("{}.{}", camera.name, extension.unwrap_or_else(|| "jpg".into()))
 }
 
 /// From our pixels, counted from a pixel's centre, to pixels counted from its corner.

@@ -7,8 +7,7 @@ use calib::{Camera, Intrinsics};
 use nalgebra::{Isometry3, Matrix3, Matrix4, Translation3};
 use serde::{Deserialize, Serialize};
 
-use super::colmap::picture_name;
-use super::{CORNER_PX, camera_name};
+use super::{CORNER_PX, camera_name, picture_name};
 use crate::room::{Room, RoomCamera};
 use crate::{Error, Result};
 

@@ -228,7 +228,7 @@ pub(super) fn link(args: &LinkArgs, console: &Console) -> anyhow::Result<String>
     let linked = if args.tracklets {
         link::link_tracklets(&file, &options)?
     } else {
-        let mut found = Detections::from_rows(&file, &options)?;
+        let mut found = Detections::from_rows(&file, |row| options.wants(row))?;
         if let Some(video) = &args.video {
             if found.on_floor && !found.all.is_empty() {
                 bail!(

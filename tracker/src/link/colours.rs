@@ -58,7 +58,6 @@ fn middle(image: &RgbImage, pixel_box: &PixelBox) -> Option<Histogram> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::link::LinkOptions;
     use crate::tracks::rows::RowFile;
     use image::Rgb;
 
@@ -72,7 +71,7 @@ mod tests {
         let text = "1,-1,0,0,100,120,1\n1,-1,100,0,100,120,1\n1,-1,200,0,100,120,1\n";
         let read = |text: &str| {
             let file = RowFile::parse("boxes.txt".as_ref(), text).unwrap();
-            Detections::from_rows(&file, &LinkOptions::default()).unwrap()
+            Detections::from_rows(&file, |_| true).unwrap()
         };
         let mut found = read(text);
         look(&mut found, 0..3, &image).unwrap();

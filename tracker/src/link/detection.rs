@@ -5,9 +5,8 @@ use std::sync::Arc;
 
 use nalgebra::Point2;
 
-use super::options::LinkOptions;
 use crate::identity::appearance::Histogram;
-use crate::tracks::rows::{PixelBox, RowFile};
+use crate::tracks::rows::{PixelBox, Row, RowFile};
 use crate::{Error, Result};
 
 /// What stands for a box's height where there are floor positions: distances are then measured in people's heights, too.
@@ -57,11 +56,11 @@ pub struct Detections {
 }
 
 impl Detections {
-    /// Takes the detections out of a file of rows: those of the class and with the score that the options ask for.
+    /// Takes the detections out of a file of rows: those that are wanted.
     ///
     /// # Errors
     /// A file in which some rows are boxes and some floor positions.
-    pub fn from_rows(file: &RowFile, options: &LinkOptions) -> Result<Self> {
+    pub fn from_rows(file: &RowFile, is_wanted: impl Fn(&Row) -> bool) -> Result<Self> {
         let on_floor = !file.has_boxes();
         if on_floor && let Some(row) = file.rows.iter().find(|r| r.position.is_none()) {
             return Err(Error::content(
@@ -73,8 +72,7 @@ impl Detections {
         let mut all: Vec<Detection> = file
             .rows
             .iter()
-            .filter(|row| options.min_score.is_none_or(|least| row.confidence >= least))
-            .filter(|row| options.class.is_none_or(|class| row.class() == Some(class)))
+            .filter(|row| is_wanted(row))
             .map(|row| {
                 let pixel_box = row.pixel_box.filter(|_| !on_floor);
                 let middle = |b: PixelBox| Point2::new(b.left + 0.5 * b.width, b.top + 0.5 * b.height);

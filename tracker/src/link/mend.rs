@@ -31,7 +31,7 @@ pub fn link_tracklets(file: &RowFile, options: &LinkOptions) -> Result<Linked> {
         ));
     }
     let started = Instant::now();
-    let detections = Detections::from_rows(file, options)?;
+    let detections = Detections::from_rows(file, |row| options.wants(row))?;
     let mut by_id: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
     for (node, detection) in detections.all.iter().enumerate() {
         by_id.entry(detection.tracklet.unwrap_or_default()).or_default().push(node as u32);
@@ -115,7 +115,7 @@ pub fn mend_run(out: &Path, frames_per_s: f64) -> Result<LinkReport> {
 
 /// A camera's boxes under the mended ids; gaps are filled only where the track on the floor was.
 fn mended_boxes(file: &RowFile, linked: &Linked, filled: &HashSet<(u32, u32)>) -> Result<String> {
-    let detections = Detections::from_rows(file, &LinkOptions::default())?;
+    let detections = Detections::from_rows(file, |_| true)?;
     let mut by_id: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
     for (node, detection) in detections.all.iter().enumerate() {
         let id = detection.tracklet.unwrap_or_default();

@@ -49,7 +49,7 @@ use graph::FlowGraph;
 use options::Joining;
 use solution::Solution;
 use solver::direction::Directions;
-use solver::{direction, exact, greedy};
+use solver::{constrained, exact, greedy};
 use tracklet::Ends;
 
 /// The tracks of a recording.
@@ -156,7 +156,7 @@ fn solve(detections: &Detections, graph: &FlowGraph, options: &LinkOptions) -> S
     };
     if let Some(threshold) = options.direction_threshold {
         let directions = directions(detections, graph, threshold);
-        return direction::solve(graph, &directions, optimum.bound);
+        return constrained::solve(graph, &directions, optimum.bound);
     }
     match options.solver {
         SolverKind::Exact => optimum,

@@ -27,7 +27,7 @@ fn detections(places: &[(u32, f64, f64, f64)]) -> Detections {
         text
     });
     let file = RowFile::parse(Path::new("boxes.txt"), &text).unwrap();
-    Detections::from_rows(&file, &LinkOptions::default()).unwrap()
+    Detections::from_rows(&file, |_| true).unwrap()
 }
 
 /// Logarithm of the density of places (in heights) at some frames, of somebody whose velocity is unknown at the first.
@@ -126,7 +126,7 @@ fn what_is_too_far_or_too_high_is_no_link_and_missed_frames_cost() {
     let place = |f: u32, y: f64| {
         let text = format!("{f},-1,-1,-1,-1,-1,1,0,{y},0\n");
         let file = RowFile::parse(Path::new("places.txt"), &text).unwrap();
-        Detections::from_rows(&file, &LinkOptions::default()).unwrap().all[0].clone()
+        Detections::from_rows(&file, |_| true).unwrap().all[0].clone()
     };
     let farthest = reach(1.0, 1.0) / HEIGHT_PX * 1.75;
     assert!(floor.link_cost(&place(1, 0.0), &place(2, 0.999 * farthest), 1).is_some());

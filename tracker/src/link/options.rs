@@ -4,6 +4,7 @@ use super::affinity::{Gate, Thresholds};
 use super::build::Prices;
 use super::fill::FillOptions;
 use super::motion::MotionModel;
+use crate::tracks::rows::Row;
 use crate::{Error, Result};
 
 /// Which solver finds the tracks.
@@ -158,6 +159,12 @@ impl LinkOptions {
             ));
         }
         Ok(())
+    }
+
+    /// Whether a row of detections is of the class and has the score that is asked for.
+    pub fn wants(&self, row: &Row) -> bool {
+        self.min_score.is_none_or(|least| row.confidence >= least)
+            && self.class.is_none_or(|class| row.class() == Some(class))
     }
 
     pub(super) fn thresholds(&self) -> Thresholds {

@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use super::graph::{Cost, FlowGraph};
 use super::solution::{Total, cost_of};
 use super::solver::direction::Directions;
-use super::solver::{direction, exact, greedy};
+use super::solver::{constrained, exact, greedy};
 use super::*;
 use crate::tracks::rows::RowFile;
 
@@ -196,7 +196,7 @@ proptest! {
             (0..graph.link_count()).map(|l| [f64::from(values[l % 97] % 5), f64::from(values[(l + 50) % 97] % 3)]).collect();
         let directions = Directions { velocities, threshold: 1.5 };
         let optimum = exact::solve(&graph).total;
-        let found = direction::solve(&graph, &directions, optimum);
+        let found = constrained::solve(&graph, &directions, optimum);
         for track in &found.tracks {
             let links: Vec<usize> = track.windows(2)
                 .map(|p| graph.link_between(p[0] as usize, p[1] as usize).unwrap()).collect();
@@ -205,7 +205,7 @@ proptest! {
         let least = exhaustive_minimum(&graph, &directions);
         prop_assert!(found.total.0 >= least && least >= found.bound.0);
         // Without a limit on the turn the constraint is none, and paths that may turn back find the optimum.
-        let free = direction::solve(&graph, &unbounded(&graph), optimum);
+        let free = constrained::solve(&graph, &unbounded(&graph), optimum);
         prop_assert_eq!(free.total, optimum);
     }
 }
@@ -235,7 +235,7 @@ fn greedy_and_directions_miss_little_in_the_mean() {
         greedy_sum += greedy::solve(&graph, optimum).total.0;
         let velocities = (0..graph.link_count()).map(|l| [f64::from(values[l % 97] % 5), 0.0]).collect();
         let directions = Directions { velocities, threshold: 1.5 };
-        constrained += direction::solve(&graph, &directions, optimum).total.0;
+        constrained += constrained::solve(&graph, &directions, optimum).total.0;
         least += exhaustive_minimum(&graph, &directions);
     }
     let share = |found: i128, best: i128| found as f64 / best as f64;
@@ -271,7 +271,8 @@ fn an_independent_solver_finds_the_same_graph_and_the_same_least_cost() {
             max_gap: given("max_gap").map(|gap| gap as u32),
             ..LinkOptions::default()
         };
-        let detections = Detections::from_rows(&RowFile::read(&path).unwrap(), &options).unwrap();
+        let detections =
+            Detections::from_rows(&RowFile::read(&path).unwrap(), |row| options.wants(row)).unwrap();
         let report = link(&detections, &options).unwrap().report;
         assert_eq!(Some(report.detections as u64), case["detections"].as_u64(), "{name}");
         assert_eq!(Some(report.edges as u64), case["edges"].as_u64(), "{name}");

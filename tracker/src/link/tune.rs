@@ -95,7 +95,7 @@ pub fn cross_validate(
     // Where nobody wrote the truth down, nothing can be learnt or judged.
     let frames = truth.rows.iter().map(|r| r.frame);
     let known = frames.clone().min().unwrap_or(0)..=frames.max().unwrap_or(0);
-    let mut all = Detections::from_rows(detections, &options.link)?;
+    let mut all = Detections::from_rows(detections, |row| options.link.wants(row))?;
     all.all.retain(|d| known.contains(&d.frame));
     let ranges = fold_ranges(&all, options.folds)?;
     let settings = settings(&all, options);

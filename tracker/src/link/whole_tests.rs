@@ -11,7 +11,7 @@ pub(super) fn rows(text: &str) -> RowFile {
 }
 
 fn linked(text: &str, options: &LinkOptions) -> Linked {
-    link(&Detections::from_rows(&rows(text), options).unwrap(), options).unwrap()
+    link(&Detections::from_rows(&rows(text), |row| options.wants(row)).unwrap(), options).unwrap()
 }
 
 /// Boxes of 40 × 100 pixels around (x, 200) with a score of 0.9.
@@ -141,7 +141,7 @@ fn gaps_are_bridged_as_far_as_is_asked_for_and_filled() {
 fn scale_does_not_matter_where_nothing_is_said() {
     let scaled = |k: f64| {
         let text = rows(&crossing());
-        let mut detections = Detections::from_rows(&text, &LinkOptions::default()).unwrap();
+        let mut detections = Detections::from_rows(&text, |_| true).unwrap();
         for d in &mut detections.all {
             d.place *= k;
             d.pixel_box = d.pixel_box.map(|mut b| {
@@ -224,7 +224,7 @@ fn colours_tell_apart_who_cannot_be_told_apart_by_place() {
     let (red, blue) = (clothes([200, 10, 10]), clothes([10, 10, 200]));
     for options in [LinkOptions::default(), published()] {
         for changes_sides in [false, true] {
-            let mut found = Detections::from_rows(&rows(&text), &options).unwrap();
+            let mut found = Detections::from_rows(&rows(&text), |row| options.wants(row)).unwrap();
             for (i, d) in found.all.iter_mut().enumerate() {
                 let is_red = (i % 2 == 0) != (changes_sides && d.frame > 45);
                 d.colours = if is_red { red.clone() } else { blue.clone() };
@@ -257,7 +257,7 @@ fn floor_positions_are_linked_in_metres() {
     let written = rows(&track_file(&found));
     assert!(written.is_on_floor() && written.has_ids() && !written.has_boxes());
     let mixed = rows("1,-1,1,1,5,5,0.9\n1,-1,-1,-1,-1,-1,0.9,1,1,0\n");
-    let error = Detections::from_rows(&mixed, &LinkOptions::default()).unwrap_err().to_string();
+    let error = Detections::from_rows(&mixed, |_| true).unwrap_err().to_string();
     assert!(error.contains("detections.txt") && error.contains("line 1"), "{error}");
 }
 
@@ -265,7 +265,7 @@ fn floor_positions_are_linked_in_metres() {
 fn classes_and_scores_are_filtered() {
     let text = "1,-1,0,0,10,20,0.9,1,0.5\n1,-1,50,0,10,20,0.9,7,0.5\n1,-1,90,0,10,20,0.3,1,0.5\n";
     let options = LinkOptions { class: Some(1), min_score: Some(0.5), ..LinkOptions::default() };
-    let found = Detections::from_rows(&rows(text), &options).unwrap();
+    let found = Detections::from_rows(&rows(text), |row| options.wants(row)).unwrap();
     assert_eq!(found.all.iter().map(|d| d.place.x).collect::<Vec<_>>(), [5.0]);
 }
 
@@ -288,7 +288,7 @@ fn options_that_mean_nothing_are_refused_by_name() {
     assert!(refused(both).contains("greedy"));
     let huge = LinkOptions { birth_cost: Some(1e12), ..some() };
     assert!(refused(huge).contains("--birth-cost"));
-    let odd = Detections::from_rows(&rows("1,-1,0,0,10,20,1e300\n"), &some()).unwrap();
+    let odd = Detections::from_rows(&rows("1,-1,0,0,10,20,1e300\n"), |row| some().wants(row)).unwrap();
     assert!(link(&odd, &published()).unwrap_err().to_string().contains("--detection-offset"));
 }
 

@@ -29,6 +29,19 @@ pub(super) enum Freed {
     Dropped(u32),
 }
 
+/// Where a path ends, and what it costs in all.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum End {
+    /// A free node, with a death.
+    Node(u32),
+    /// A used node whose rest was given away, with a death.
+    FreedNode(u32),
+    /// A track's first node: its birth is saved.
+    TrackStart(u32),
+    /// A track's first node is dropped, after everything behind it.
+    DroppedStart(u32),
+}
+
 /// All labels of a search.
 pub(super) struct Labels {
     /// At each link: about to leave over it.

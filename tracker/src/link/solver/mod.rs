@@ -2,8 +2,9 @@
 //!
 //! * [`exact`] — the optimum, with its proof; what is used unless something else is asked for;
 //! * [`greedy`] — Pirsiavash's two-pass dynamic programming;
-//! * [`direction`] — with the moving-direction constraint.
+//! * [`constrained`] — with the constraint on moving directions ([`direction`]).
 
+pub mod constrained;
 pub mod direction;
 pub mod exact;
 pub mod greedy;

@@ -1,8 +1,8 @@
 //! Tracks while they are being changed, by the link that comes to each node and the one that goes on.
 
 use super::super::graph::FlowGraph;
-use super::direction::{Directions, End};
-use super::labels::{Arrived, Freed, Labels};
+use super::direction::Directions;
+use super::labels::{Arrived, End, Freed, Labels};
 
 /// Tracks by their links.
 pub(super) struct Tracks {

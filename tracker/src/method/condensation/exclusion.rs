@@ -11,6 +11,9 @@ use nalgebra::{Matrix3, Vector3};
 /// their covariance can be inverted.
 const LEAST_SIGMA_M: f64 = 0.03;
 
+/// Two people's heads are at least this far apart on the floor plan, metres.
+pub const APART_M: f64 = 0.3;
+
 /// A person's distribution.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gaussian {

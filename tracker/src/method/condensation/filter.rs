@@ -8,41 +8,15 @@ use rand::RngExt;
 use rand_distr::StandardNormal;
 use rand_pcg::Pcg64Mcg;
 
-use super::edges::EdgeImage;
 use super::exclusion::Gaussian;
 use super::integration::Looks;
 use super::spent::Spent;
-use super::weight::{Lookout, Support};
-use crate::stage::StageCamera;
+use super::weight::{Sight, Support};
 
 /// One hypothesis in this many is drawn much farther off: people stop and turn at once.
 const ASTRAY_EVERY: usize = 8;
 /// How much farther.
 const ASTRAY: f64 = 3.0;
-
-/// What hypotheses are weighed with.
-#[derive(Debug, Clone, Copy)]
-pub struct Sight<'a> {
-    /// Cameras and model.
-    pub lookout: &'a Lookout,
-    /// The same cameras with the static room.
-    pub stage: &'a [StageCamera],
-    /// The moment's edges; `None` for cameras that say nothing.
-    pub edges: &'a [Option<EdgeImage>],
-    /// Where everybody's head is expected.
-    pub everybody: &'a [Expected],
-    /// The power of the integrated weight.
-    pub sharpness: f64,
-}
-
-/// Where somebody's head is expected.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Expected {
-    /// Its middle.
-    pub head: Vector3<f64>,
-    /// How well cameras have agreed on it lately, 0 to 1.
-    pub trust: f32,
-}
 
 /// A set of weighted hypotheses. Metres, room frame.
 #[derive(Debug, Clone)]

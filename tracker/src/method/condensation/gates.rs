@@ -14,11 +14,10 @@ use rand_pcg::Pcg64Mcg;
 use scenes::polygon::Polygon;
 use scenes::room::ZoneKind;
 
-use super::filter::{Expected, Sight};
 use super::options::CondensationOptions;
 use super::search::{Criteria, Search};
 use super::spent::Spent;
-use super::weight::is_hidden;
+use super::weight::{Expected, Sight, is_hidden};
 use crate::TrackId;
 use crate::stage::{Floor, Stage};
 

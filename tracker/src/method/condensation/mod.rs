@@ -14,6 +14,7 @@
 //! What can be set is [`CondensationOptions`]; [`weight_map`] draws the paper's figures 5 to 8; [`Spent`] splits the time as
 //! its table 2.
 
+mod climb;
 pub mod contour;
 pub mod edges;
 pub mod exclusion;
@@ -36,17 +37,15 @@ use rayon::prelude::*;
 
 use self::contour::HeadShape;
 use self::edges::{EdgeImage, EdgeMaker};
-use self::exclusion::Gaussian;
-use self::filter::{Expected, Sight};
+use self::exclusion::{APART_M, Gaussian};
 use self::gates::Gates;
 use self::integration::{Integration, MOST_CAMERAS};
 pub use self::options::{
     CondensationOptions, EdgeOptions, EdgeStrength, HeadModel, LifeOptions, MotionOptions,
 };
-use self::search::APART_M;
 pub use self::spent::{Spent, Watch};
 use self::track::Track;
-use self::weight::Lookout;
+use self::weight::{Expected, Lookout, Sight};
 use self::weight_map::WeightMap;
 use super::Method;
 use crate::silhouette::View;

@@ -5,11 +5,13 @@ use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use scenes::polygon::Polygon;
 
-use super::filter::{Expected, Filter, Sight};
+use super::climb::{CLIMB_SIGMA_M, climb};
+use super::exclusion::APART_M;
+use super::filter::Filter;
 use super::options::CondensationOptions;
 use super::shoulder;
 use super::spent::Spent;
-use super::weight::Support;
+use super::weight::{Expected, Sight};
 use crate::stage::Floor;
 
 /// Hypotheses for each square metre of an area: one in 17 cm cubed over a metre's height, about.
@@ -17,11 +19,6 @@ const PER_M2: f64 = 150.0;
 /// And how many at least and at most.
 const LEAST: usize = 150;
 const MOST: usize = 4000;
-/// Two people's heads are at least this far apart on the floor plan, metres.
-pub const APART_M: f64 = 0.3;
-/// Hypotheses that follow a promising one to its peak, and how far each layer of them spreads, metres.
-const CLIMBERS: usize = 60;
-pub(super) const CLIMB_SIGMA_M: [f64; 3] = [0.08, 0.04, 0.02];
 /// The most promising places that are climbed in an area and moment.
 const MOST_CLIMBS: usize = 6;
 /// From an arm to a shoulder to a head.
@@ -127,24 +124,4 @@ impl Search {
             }
         }
     }
-}
-
-/// From a promising place to the peak it belongs to, and what supports it; `None` when that would be less than `least`.
-pub(super) fn climb(
-    start: &Vector3<f64>,
-    least: f32,
-    sight: &Sight<'_>,
-    rng: &mut Pcg64Mcg,
-) -> Option<(Vector3<f64>, Support)> {
-    let mut spent = Spent::default();
-    let mut climb = Filter::around(start, &Vector3::repeat(CLIMB_SIGMA_M[0]), CLIMBERS, rng);
-    climb.weigh(sight, &mut spent);
-    if climb.support(0.0, sight).all < least {
-        return None;
-    }
-    for sigma_m in &CLIMB_SIGMA_M[1..] {
-        climb.redraw(CLIMBERS, &Vector3::repeat(*sigma_m), rng);
-        climb.weigh(sight, &mut spent);
-    }
-    Some((climb.gaussian().mean, climb.support(0.0, sight)))
 }

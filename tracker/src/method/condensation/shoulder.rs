@@ -4,10 +4,11 @@
 use nalgebra::Vector3;
 use rand_pcg::Pcg64Mcg;
 
-use super::filter::{Filter, Sight};
-use super::search::{APART_M, CLIMB_SIGMA_M, climb};
+use super::climb::{CLIMB_SIGMA_M, climb};
+use super::exclusion::APART_M;
+use super::filter::Filter;
 use super::spent::Spent;
-use super::weight::Support;
+use super::weight::{Sight, Support};
 
 /// A head is about so far above a shoulder, and to its side as far as the spread of what is tried, metres.
 const ABOVE_M: f64 = 0.28;

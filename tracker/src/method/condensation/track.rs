@@ -5,10 +5,11 @@ use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 
 use super::exclusion::Gaussian;
-use super::filter::{Expected, Filter, Sight};
+use super::filter::Filter;
 use super::options::{CondensationOptions, MotionOptions};
 use super::shoulder;
 use super::spent::Spent;
+use super::weight::{Expected, Sight};
 use crate::TrackId;
 
 /// Nobody walks faster, m/s.

@@ -5,7 +5,6 @@ use nalgebra::Vector3;
 
 use super::contour::{HeadCamera, HeadShape, POINTS};
 use super::edges::EdgeImage;
-use super::filter::Sight;
 use super::integration::{Integration, Look, Looks, RayTest};
 use super::options::EdgeOptions;
 use crate::stage::StageCamera;
@@ -28,6 +27,30 @@ pub struct Lookout {
     rays: RayTest,
     beta: f32,
     seen_at: f32,
+}
+
+/// What hypotheses are weighed with.
+#[derive(Debug, Clone, Copy)]
+pub struct Sight<'a> {
+    /// Cameras and model.
+    pub lookout: &'a Lookout,
+    /// The same cameras with the static room.
+    pub stage: &'a [StageCamera],
+    /// The moment's edges; `None` for cameras that say nothing.
+    pub edges: &'a [Option<EdgeImage>],
+    /// Where everybody's head is expected.
+    pub everybody: &'a [Expected],
+    /// The power of the integrated weight.
+    pub sharpness: f64,
+}
+
+/// Where somebody's head is expected.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Expected {
+    /// Its middle.
+    pub head: Vector3<f64>,
+    /// How well cameras have agreed on it lately, 0 to 1.
+    pub trust: f32,
 }
 
 /// How well the cameras agree on a head.

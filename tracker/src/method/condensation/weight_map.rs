@@ -4,8 +4,8 @@ use image::{Rgb, RgbImage};
 use nalgebra::{Point2, Vector3};
 use scenes::canvas::{Canvas, Color, Stroke, TextStyle};
 
-use super::filter::Sight;
 use super::integration::{Integration, Looks};
+use super::weight::Sight;
 use crate::stage::Stage;
 
 /// Pixels of a cell's side in the picture.

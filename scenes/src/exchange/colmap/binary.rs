@@ -1,6 +1,6 @@
 //! `cameras.bin` and `images.bin` of a COLMAP model: little endian, without any mark of what they are.
 
-use super::colmap::{Defect, Lens, MODELS, Picture};
+use super::model::{Defect, Lens, MODELS, Picture};
 
 type Parsed<T> = Result<T, Defect>;
 

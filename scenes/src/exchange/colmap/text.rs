@@ -2,7 +2,7 @@
 
 use std::str::{FromStr, SplitWhitespace};
 
-use super::colmap::{Defect, Lens, MODELS, Picture};
+use super::model::{Defect, Lens, MODELS, Picture};
 
 type Parsed<T> = Result<T, Defect>;
 

@@ -1,0 +1,92 @@
+//! What a COLMAP model is made of: lenses, and pictures that were taken through them.
+
+use calib::Intrinsics;
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+
+use crate::exchange::CORNER_PX;
+
+/// A lens as the model has it.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Lens {
+    pub(super) id: u32,
+    pub(super) model: &'static Model,
+    pub(super) width: u64,
+    pub(super) height: u64,
+    pub(super) parameters: Vec<f64>,
+}
+
+/// A picture and where it was taken from.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Picture {
+    pub(super) name: String,
+    pub(super) lens: u32,
+    /// w, x, y, z.
+    pub(super) rotation: [f64; 4],
+    pub(super) translation: [f64; 3],
+}
+
+/// One of COLMAP's camera models.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) struct Model {
+    pub(super) id: i32,
+    pub(super) name: &'static str,
+    pub(super) parameters: usize,
+}
+
+/// All that have been given a number; the fisheyes are only known so that they can be told.
+pub(super) static MODELS: [Model; 11] = [
+    Model { id: 0, name: "SIMPLE_PINHOLE", parameters: 3 },
+    Model { id: 1, name: "PINHOLE", parameters: 4 },
+    Model { id: 2, name: "SIMPLE_RADIAL", parameters: 4 },
+    Model { id: 3, name: "RADIAL", parameters: 5 },
+    Model { id: 4, name: "OPENCV", parameters: 8 },
+    Model { id: 5, name: "OPENCV_FISHEYE", parameters: 8 },
+    Model { id: 6, name: "FULL_OPENCV", parameters: 12 },
+    Model { id: 7, name: "FOV", parameters: 5 },
+    Model { id: 8, name: "SIMPLE_RADIAL_FISHEYE", parameters: 4 },
+    Model { id: 9, name: "RADIAL_FISHEYE", parameters: 5 },
+    Model { id: 10, name: "THIN_PRISM_FISHEYE", parameters: 12 },
+];
+
+/// What is wrong in a file: the place and the problem.
+pub(super) type Defect = (String, String);
+
+impl Lens {
+    pub(super) fn intrinsics(&self) -> Result<Intrinsics, String> {
+        let p = &self.parameters;
+        let (fx, fy, cx, cy, distortion) = match self.model.name {
+            "SIMPLE_PINHOLE" => (p[0], p[0], p[1], p[2], [0.0; 5]),
+            "PINHOLE" => (p[0], p[1], p[2], p[3], [0.0; 5]),
+            "SIMPLE_RADIAL" => (p[0], p[0], p[1], p[2], [p[3], 0.0, 0.0, 0.0, 0.0]),
+            "RADIAL" => (p[0], p[0], p[1], p[2], [p[3], p[4], 0.0, 0.0, 0.0]),
+            "OPENCV" => (p[0], p[1], p[2], p[3], [p[4], p[5], p[6], p[7], 0.0]),
+            "FULL_OPENCV" if p[9..] == [0.0; 3] => (p[0], p[1], p[2], p[3], [p[4], p[5], p[6], p[7], p[8]]),
+            name => {
+                return Err(format!(
+                    "the model {name} is not known here; make pinhole pictures with `colmap image_undistorter`"
+                ));
+            }
+        };
+        let side =
+            |pixels: u64| u32::try_from(pixels).map_err(|_| format!("{pixels} pixels are no image's side"));
+        let (width, height) = (side(self.width)?, side(self.height)?);
+        let (cx, cy) = (cx - CORNER_PX, cy - CORNER_PX);
+        let intrinsics = Intrinsics { width, height, fx, fy, cx, cy, distortion: distortion.into() };
+        intrinsics.validate().map_err(|e| e.to_string())?;
+        Ok(intrinsics)
+    }
+}
+
+impl Picture {
+    pub(super) fn pose(&self) -> Result<Isometry3<f64>, String> {
+        let [w, x, y, z] = self.rotation;
+        let quaternion = Quaternion::new(w, x, y, z);
+        if !((quaternion.norm() - 1.0).abs() < 1e-3 && self.translation.iter().all(|t| t.is_finite())) {
+            return Err("its pose is no rotation (a quaternion of length 1) and finite translation".into());
+        }
+        Ok(Isometry3::from_parts(
+            Translation3::from(self.translation),
+            UnitQuaternion::from_quaternion(quaternion),
+        ))
+    }
+}
