@@ -16,6 +16,7 @@
 //! * [`planes`] — the room's planes: measured depths made exact on them, holes filled from them.
 //! * [`assemble`] — one room from all surfaces: [`merge`] (picked points, common surfaces), [`floor`] (Hough
 //!   transform, world frame), [`scale`] (metres), [`fusion`] (oriented discs).
+//! * [`proposals`] — `recon picks`: points that cameras have in common, for a person to confirm.
 //! * [`error`] — the one error type: each line names file, place and mend.
 #![forbid(unsafe_code)]
 
@@ -33,6 +34,7 @@ pub mod merge;
 pub mod motion;
 pub mod planes;
 pub mod project;
+pub mod proposals;
 pub mod ray_depth;
 pub mod rolling_shutter;
 pub mod scale;

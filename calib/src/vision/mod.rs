@@ -7,10 +7,12 @@ mod adapter;
 pub mod background;
 pub mod chessboard;
 pub mod flow;
+mod keypoints;
 mod morphology;
 pub mod people;
 
 pub use background::{AdaptiveBackground, AdaptiveKind};
+pub use keypoints::Keypoints;
 pub use morphology::Morphology;
 pub use people::PeopleClassifier;
 

@@ -8,6 +8,7 @@ mod camera;
 mod kept;
 mod output;
 mod preview;
+mod reference_view;
 mod report;
 
 use std::path::{Path, PathBuf};
@@ -25,8 +26,9 @@ use crate::motion::MotionOptions;
 use crate::planes::PlaneOptions;
 use crate::project::Project;
 use crate::surface::Surface;
-use camera::Camera;
+use camera::{Camera, Seen};
 use kept::Kept;
+pub use reference_view::{ReferenceView, reference_views};
 pub use report::{BuildReport, CameraReport};
 
 /// How a room is built.
@@ -84,47 +86,22 @@ pub fn build(
         number += 1;
     };
 
-    let mut captures = Vec::with_capacity(project.cameras.len());
-    for camera in &project.cameras {
-        step(format!("{}: reading the capture", camera.name));
-        captures.push(Capture::load(
-            &camera.name,
-            &camera.capture,
-            camera.reference,
-            camera.intrinsics.clone(),
-        )?);
-    }
+    let captures = Capture::load_all(&project.cameras, &mut step)?;
     let sizes: Vec<(u32, u32)> = captures.iter().map(|c| c.frames[c.reference].dimensions()).collect();
     project.check_pixels(&sizes)?;
 
     let kept = Kept::beside(out);
-    let mut cameras = Vec::with_capacity(captures.len());
     let mut report = BuildReport::default();
     let mut measured = Vec::with_capacity(captures.len());
-    for (index, mut capture) in captures.into_iter().enumerate() {
-        let key = kept::key(&capture, options);
-        let reference = capture.frames[capture.reference].clone();
-        let seen = if let Some(seen) = kept.find(&capture.name, &key) {
-            step(format!("{}: camera motion kept from before", capture.name));
-            step(format!("{}: depth kept from before", capture.name));
-            if let Some(shutter) = seen.shutter() {
-                camera::at_once(&mut capture, &seen.lens, &shutter);
-            }
-            seen
-        } else {
-            let seen = camera::see(&mut capture, options, &mut step)?;
-            kept.keep(&capture.name, &key, &seen);
-            seen
-        };
+    let cameras = worked_through(captures, Some(&kept), options, &mut step, &mut |index, capture, seen| {
         report.cameras.push(seen.report.clone());
         if let Some(shutter) = seen.shutter() {
             let at_once = |pixel: &_| shutter.rectified(&seen.lens, capture.reference, pixel);
             project.move_pixels(index, &|pixel| at_once(pixel).unwrap_or(*pixel));
         }
-        measured.push(camera::measure(&capture, &seen, &project.pixels_of(index)));
+        measured.push(camera::measure(capture, seen, &project.pixels_of(index)));
         tracing::debug!("{}: depths at picks {:?}", capture.name, measured.last());
-        cameras.push((Camera { name: capture.name, reference, seen }, key));
-    }
+    })?;
     step("the room: cameras, floor, metres".into());
     let start = Instant::now();
     let surfaces: Vec<Surface> = cameras.iter().map(|(c, _)| c.seen.surface.clone()).collect();
@@ -149,6 +126,39 @@ pub fn build(
     kept.done(cameras.iter().map(|(c, _)| c.name.as_str()));
     step("done".into());
     Ok(report)
+}
+
+/// Each capture becomes motion, depth and a surface, or is found among what was kept; with the key it is kept by. `each` is
+/// told of a camera while its frames, as if filmed at once, are still there.
+fn worked_through(
+    captures: Vec<Capture>,
+    kept: Option<&Kept>,
+    options: &BuildOptions,
+    step: &mut dyn FnMut(String),
+    each: &mut dyn FnMut(usize, &Capture, &Seen),
+) -> Result<Vec<(Camera, blake3::Hash)>> {
+    let mut cameras = Vec::with_capacity(captures.len());
+    for (index, mut capture) in captures.into_iter().enumerate() {
+        let key = kept::key(&capture, options);
+        let reference = capture.frames[capture.reference].clone();
+        let seen = if let Some(seen) = kept.and_then(|kept| kept.find(&capture.name, &key)) {
+            step(format!("{}: camera motion kept from before", capture.name));
+            step(format!("{}: depth kept from before", capture.name));
+            if let Some(shutter) = seen.shutter() {
+                camera::at_once(&mut capture, &seen.lens, &shutter);
+            }
+            seen
+        } else {
+            let seen = camera::see(&mut capture, options, step)?;
+            if let Some(kept) = kept {
+                kept.keep(&capture.name, &key, &seen);
+            }
+            seen
+        };
+        each(index, &capture, &seen);
+        cameras.push((Camera { name: capture.name, reference, seen }, key));
+    }
+    Ok(cameras)
 }
 
 /// What people have drawn into a room outlives its rebuilding: its coordinates stay.

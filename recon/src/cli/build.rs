@@ -47,26 +47,35 @@ pub(crate) struct Build {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Quality {
+pub(super) enum Quality {
     /// Fewer key frames and rounds
     Draft,
     /// What a room is followed in
     Full,
 }
 
+impl Quality {
+    pub(super) fn dense(self) -> DenseOptions {
+        match self {
+            Self::Draft => DenseOptions::draft(),
+            Self::Full => DenseOptions::default(),
+        }
+    }
+}
+
+/// Works with so many threads from now on, if it is said with how many.
+pub(super) fn limit_threads(threads: Option<u16>) -> anyhow::Result<()> {
+    if let Some(threads) = threads.map(usize::from) {
+        rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("--threads")?;
+        calib::vision::set_threads(threads)?;
+    }
+    Ok(())
+}
+
 impl Build {
     pub(crate) fn run(&self, console: &Console) -> anyhow::Result<()> {
-        if let Some(threads) = self.threads {
-            rayon::ThreadPoolBuilder::new()
-                .num_threads(usize::from(threads))
-                .build_global()
-                .context("--threads")?;
-            calib::vision::set_threads(usize::from(threads))?;
-        }
-        let dense = match self.quality {
-            Quality::Draft => DenseOptions::draft(),
-            Quality::Full => DenseOptions::default(),
-        };
+        limit_threads(self.threads)?;
+        let dense = self.quality.dense();
         let zones = self.zones.clone();
         let motion = MotionOptions { refine_lens: self.refine_intrinsics, ..MotionOptions::default() };
         let small_plan = self.quality == Quality::Draft;

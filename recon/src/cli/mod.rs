@@ -1,6 +1,7 @@
 //! The command line, one file a subcommand.
 
 mod build;
+mod picks;
 
 use calib::console::Console;
 use clap::{Parser, Subcommand};
@@ -19,12 +20,14 @@ pub(crate) struct Arguments {
 #[derive(Subcommand)]
 pub(crate) enum Command {
     Build(build::Build),
+    Picks(picks::Picks),
 }
 
 impl Command {
     pub(crate) fn run(&self, console: &Console) -> anyhow::Result<()> {
         match self {
             Self::Build(command) => command.run(console),
+            Self::Picks(command) => command.run(console),
         }
     }
 }

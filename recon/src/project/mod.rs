@@ -104,6 +104,17 @@ impl Project {
         Ok(project)
     }
 
+    /// Reads a project that is not picked yet: its cameras, and the points that are there.
+    ///
+    /// # Errors
+    /// As [`Self::read`]; but points and scale may be missing.
+    pub fn read_unpicked(path: &Path) -> Result<(Vec<ProjectCamera>, Vec<PickedPoint>)> {
+        let file: ProjectFile = calib::files::read_toml(path)?;
+        let cameras = file.cameras(path)?;
+        let points = file.points(path, &cameras)?;
+        Ok((cameras, points))
+    }
+
     /// All pixels of one camera whose depth matters: its picks, and the ends of a known distance.
     pub fn pixels_of(&self, camera: usize) -> Vec<Point2<f64>> {
         let ends = match &self.scale {

@@ -1,7 +1,11 @@
 //! The whole chain on the office: films → room → tracks, each against the truth.
 
+use std::path::Path;
+
+use nalgebra::{Point2, Point3};
+use scenes::room::Room;
 use tests::chain::{build_room, compare_rooms, evaluate, track};
-use tests::data::office;
+use tests::data::{office, program};
 
 #[test]
 fn people_are_followed_in_the_true_room() {
@@ -28,9 +32,50 @@ fn the_room_comes_out_right_and_people_are_followed_in_it() {
         assert!(depth.within >= 0.6, "{errors:?}");
     }
 
+    let misses = picks_miss_px(&office, &room, scratch.path());
+    assert!(misses.len() >= 8 && misses[misses.len() / 2] < 1.5, "{misses:?}");
+    assert!(misses.iter().all(|miss| *miss < 5.0), "{misses:?}");
+
     track(&office, &room, &out, &[]).unwrap();
     let tracking = evaluate(&office, &room, &out).unwrap();
     assert!(tracking.mota >= 88.0 && tracking.idf1 >= 90.0 && tracking.mean_m <= 0.12, "{tracking:?}");
+}
+
+/// How far the points that `recon picks` proposes are from where the renderer's depth puts them, the least first; the smaller of
+/// both ways, since a depth at an edge may be another surface's.
+fn picks_miss_px(office: &Path, room: &Path, scratch: &Path) -> Vec<f64> {
+    let picks = scratch.join("picks.toml");
+    let project = office.join("room.toml");
+    let mut command = program("recon");
+    command.arg("picks").arg(project).arg("--out").arg(&picks).arg("--room").arg(room);
+    let output = command.output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && said.contains("8 of 8 points picked before agree"), "{said}");
+    assert!(image::open(picks.with_extension("png")).unwrap().width() > 1200);
+
+    let truth = Room::read(&office.join("room")).unwrap();
+    let cameras = ["cam0", "cam1"].map(|name| truth.camera(name).unwrap().camera.clone());
+    let depth =
+        |name: &str| image::open(office.join(format!("room/depth_{name}.png"))).unwrap().into_luma16();
+    let depths = ["cam0", "cam1"].map(depth);
+    let miss = |from: usize, onto: usize, pixels: [Point2<f64>; 2]| {
+        let [u, v] = [pixels[from].x, pixels[from].y].map(|v| v.round() as u32);
+        let millimetres = f64::from(depths[from].get_pixel(u, v)[0]);
+        let ray = cameras[from].intrinsics.unproject(&pixels[from]).unwrap();
+        let place = cameras[from].camera_from_world.inverse() * Point3::from(ray * millimetres / 1000.0);
+        cameras[onto].project(&place).map_or(f64::INFINITY, |p| (p - pixels[onto]).norm())
+    };
+    let tables: toml::Table = std::fs::read_to_string(&picks).unwrap().parse().unwrap();
+    let pixels = |point: &toml::Value| {
+        ["cam0", "cam1"].map(|name| {
+            let number = |i: usize| point[name][i].as_float().unwrap();
+            Point2::new(number(0), number(1))
+        })
+    };
+    let points = tables["point"].as_array().unwrap().iter().map(pixels);
+    let mut misses: Vec<f64> = points.map(|p| miss(0, 1, p).min(miss(1, 0, p))).collect();
+    misses.sort_by(f64::total_cmp);
+    misses
 }
 
 #[test]

@@ -1,0 +1,85 @@
+//! What each capture of a project shows from its installed pose, without a room made of them: for `recon picks`.
+
+use std::path::Path;
+
+use calib::Intrinsics;
+use image::RgbImage;
+use nalgebra::Point2;
+
+use super::kept::Kept;
+use super::{BuildOptions, STEPS_A_CAMERA, Step, worked_through};
+use crate::Result;
+use crate::capture::Capture;
+use crate::merge::pinhole_pixel;
+use crate::project::ProjectCamera;
+use crate::rolling_shutter::RollingShutter;
+use crate::surface::Surface;
+
+/// A camera's reference image and its surface.
+#[derive(Debug, Clone)]
+pub struct ReferenceView {
+    /// The camera's name.
+    pub name: String,
+    /// The reference image as filmed.
+    pub picture: RgbImage,
+    /// What it shows, in the capture's own unit.
+    pub surface: Surface,
+    lens: Intrinsics,
+    /// How its rows were read, and the frame's index.
+    shutter: Option<(RollingShutter, usize)>,
+}
+
+impl ReferenceView {
+    /// Where a pixel of the surface's pinhole picture was filmed; `None` outside the image.
+    pub fn filmed(&self, pinhole: &Point2<f64>) -> Option<Point2<f64>> {
+        let ray = self.surface.intrinsics.unproject(pinhole)?;
+        let at_once = self.lens.project(&ray.into())?;
+        let filmed = match &self.shutter {
+            Some((shutter, frame)) => shutter.filmed(&self.lens, *frame, &at_once)?,
+            None => at_once,
+        };
+        self.lens.contains(&filmed).then_some(filmed)
+    }
+
+    /// Where a filmed pixel is in the surface's pinhole picture.
+    pub fn pinhole(&self, filmed: &Point2<f64>) -> Option<Point2<f64>> {
+        let at_once = match &self.shutter {
+            Some((shutter, frame)) => shutter.rectified(&self.lens, *frame, filmed)?,
+            None => *filmed,
+        };
+        pinhole_pixel(&self.lens, &at_once)
+    }
+}
+
+/// Works through the captures of all cameras. What was made of them for `room` before is taken from there, and what is
+/// made now is kept for it, as [`super::build`] does.
+///
+/// # Errors
+/// The first capture that cannot be read or worked through.
+pub fn reference_views(
+    cameras: &[ProjectCamera],
+    room: Option<&Path>,
+    options: &BuildOptions,
+    progress: &mut dyn FnMut(&Step),
+) -> Result<Vec<ReferenceView>> {
+    let of = cameras.len() * STEPS_A_CAMERA;
+    let mut number = 0;
+    let mut step = |what: String| {
+        progress(&Step { number, of, what });
+        number += 1;
+    };
+    let captures = Capture::load_all(cameras, &mut step)?;
+    let kept = room.map(Kept::beside);
+    let mut references = Vec::with_capacity(captures.len());
+    let done = worked_through(captures, kept.as_ref(), options, &mut step, &mut |_, capture, _| {
+        references.push(capture.reference);
+    })?;
+    let view = |((camera, _), reference): ((super::Camera, blake3::Hash), usize)| ReferenceView {
+        shutter: camera.seen.shutter().map(|shutter| (shutter, reference)),
+        name: camera.name,
+        picture: camera.reference,
+        surface: camera.seen.surface,
+        lens: camera.seen.lens,
+    };
+    Ok(done.into_iter().zip(references).map(view).collect())
+}

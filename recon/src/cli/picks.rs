@@ -1,0 +1,162 @@
+//! `recon picks`: corresponding points for a capture project, proposed for a person to confirm.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+use calib::console::{Console, Stages};
+use calib::files::write_atomic;
+use recon::build::{self, BuildOptions, ReferenceView};
+use recon::project::{PickedPoint, Project};
+use recon::proposals::{self, Found, Pair, ProposalOptions};
+use recon::surface::Surface;
+
+use super::build::Quality;
+
+/// A pick farther than this from where both captures put it is worth a line, pixels.
+const DOUBTFUL_PX: f64 = 6.0;
+
+/// Propose points that cameras have in common.
+///
+/// Works through the captures as `recon build` does, looks for the same physical points in the cameras' reference images,
+/// and writes those that both captures' geometry and pictures bear out as [[point]] tables, with a picture in which they are
+/// numbered. Look at them there before you copy them into ROOM.toml. Where nothing is borne out, nothing is proposed:
+/// pick at least three points of that pair by hand. Points that ROOM.toml has already are checked; neither they nor a
+/// scale are needed.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:
+  recon picks room.toml --out picks.toml
+  recon picks room.toml --out picks.toml --room myroom    # then `recon build room.toml --out myroom` takes seconds")]
+pub(crate) struct Picks {
+    /// The capture project; its cameras suffice.
+    #[arg(value_name = "ROOM.toml")]
+    project: PathBuf,
+    /// Where to write the [[point]] tables.
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Where to draw them; beside the tables, as PNG, when not given.
+    #[arg(long, value_name = "FILE")]
+    picture: Option<PathBuf>,
+    /// The room directory that `recon build` makes or made: what is made of the captures is taken from there, and kept for it.
+    #[arg(long, value_name = "DIR")]
+    room: Option<PathBuf>,
+    /// How much stereo is done, as for `recon build`.
+    #[arg(long, value_enum, default_value_t = Quality::Full)]
+    quality: Quality,
+    /// Points a pair of cameras, at most.
+    #[arg(long, value_name = "N", default_value_t = ProposalOptions::default().points)]
+    points: usize,
+    /// Seed of everything random.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Threads to work with; all processors by default. The points are the same for any number.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    threads: Option<u16>,
+}
+
+impl Picks {
+    pub(crate) fn run(&self, console: &Console) -> anyhow::Result<()> {
+        super::build::limit_threads(self.threads)?;
+        let (cameras, points) = Project::read_unpicked(&self.project)?;
+        if cameras.len() < 2 {
+            bail!("{}: one camera has no points in common with another", self.project.display());
+        }
+        let picture = self.picture.clone().unwrap_or_else(|| self.out.with_extension("png"));
+        if picture == self.out {
+            bail!("{}: tables and picture need files of their own; give --picture", self.out.display());
+        }
+        let options =
+            BuildOptions { seed: self.seed, dense: self.quality.dense(), ..BuildOptions::default() };
+        let mut stages: Option<Stages> = None;
+        let views = build::reference_views(&cameras, self.room.as_deref(), &options, &mut |step| {
+            stages.get_or_insert_with(|| console.stages(step.of)).show(step.number, &step.what);
+        });
+        drop(stages);
+        let views = views?;
+        let surfaces: Vec<&Surface> = views.iter().map(|v| &v.surface).collect();
+        let how = ProposalOptions { points: self.points, seed: self.seed, ..ProposalOptions::default() };
+        let pairs = proposals::propose(&surfaces, &how)?;
+        let mut proposed = Vec::new();
+        for pair in &pairs {
+            console.line(&told(pair, &views, &points, &mut proposed));
+        }
+        if proposed.is_empty() {
+            bail!(
+                "{}: no two cameras show enough of the same to propose points; pick at least 3 a pair by hand",
+                self.project.display()
+            );
+        }
+        self.write(&picture, &views, &proposed)?;
+        console.line(&format!(
+            "{} points to confirm are in {}, drawn in {}",
+            proposed.len(),
+            self.out.display(),
+            picture.display()
+        ));
+        Ok(())
+    }
+
+    fn write(
+        &self,
+        picture: &Path,
+        views: &[ReferenceView],
+        proposed: &[(PickedPoint, f64)],
+    ) -> anyhow::Result<()> {
+        let images: Vec<_> = views.iter().map(|v| (v.name.as_str(), &v.picture)).collect();
+        let points: Vec<PickedPoint> = proposed.iter().map(|(point, _)| point.clone()).collect();
+        let mut png = std::io::Cursor::new(Vec::new());
+        proposals::draw(&images, &points)
+            .write_to(&mut png, image::ImageFormat::Png)
+            .with_context(|| picture.display().to_string())?;
+        write_atomic(picture, png.get_ref())?;
+        let names: Vec<&str> = views.iter().map(|v| v.name.as_str()).collect();
+        write_atomic(&self.out, proposals::to_toml(proposed, &names).as_bytes())?;
+        Ok(())
+    }
+}
+
+/// Adds a pair's proposals, and says what is known of the pair.
+fn told(
+    pair: &Pair,
+    views: &[ReferenceView],
+    points: &[PickedPoint],
+    proposed: &mut Vec<(PickedPoint, f64)>,
+) -> String {
+    let [a, b] = pair.cameras;
+    let both = format!("{} and {}", views[a].name, views[b].name);
+    let Some(found) = &pair.found else {
+        return format!(
+            "{both}: nothing that both show could be borne out; pick at least 3 points by hand, on things that stand still \
+             and that both see"
+        );
+    };
+    let before = proposed.len();
+    for proposal in &found.proposals {
+        let [p, q] = proposal.pixels;
+        if let (Some(p), Some(q)) = (views[a].filmed(&p), views[b].filmed(&q)) {
+            proposed.push((PickedPoint { picks: vec![(a, p), (b, q)] }, proposal.correlation));
+        }
+    }
+    let count = proposed.len() - before;
+    let known = against(found, pair.cameras, views, points);
+    format!("{both}: {count} points proposed, of {} that agree{known}", found.matches)
+}
+
+/// What the proposals say of the points that are there already.
+fn against(found: &Found, [a, b]: [usize; 2], views: &[ReferenceView], points: &[PickedPoint]) -> String {
+    let misses: Vec<(usize, f64)> = points
+        .iter()
+        .enumerate()
+        .filter_map(|(index, point)| {
+            let pixels = [views[a].pinhole(&point.pixel(a)?)?, views[b].pinhole(&point.pixel(b)?)?];
+            Some((index + 1, found.miss_px([&views[a].surface, &views[b].surface], pixels)?))
+        })
+        .collect();
+    if misses.is_empty() {
+        return String::new();
+    }
+    let (fit, off): (Vec<_>, Vec<_>) = misses.iter().partition(|(_, miss)| *miss <= DOUBTFUL_PX);
+    let list: Vec<String> =
+        off.iter().map(|(number, miss)| format!("[[point]] {number} is {miss:.0} pixels off")).collect();
+    let list = if list.is_empty() { String::new() } else { format!("; {}", list.join(", ")) };
+    format!("; {} of {} points picked before agree with them{list}", fit.len(), misses.len())
+}

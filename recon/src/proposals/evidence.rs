@@ -1,0 +1,147 @@
+//! What both cameras' surfaces and pictures say of a similarity that features suggest.
+//!
+//! Rooms repeat: two corners with the same wallpaper, lamps and doors are each other's likeness, and features alone take
+//! one for the other, all of them together. But where two surfaces meet, they show the same; and what one camera looks
+//! through cannot be filled by what the other sees.
+
+use nalgebra::{Matrix2, Point2, Point3, Similarity3, Vector3};
+use rayon::prelude::*;
+
+use crate::features::{Intensity, Patch, Warp};
+use crate::surface::{Origin, Surface};
+
+/// Pixels between the places that are looked at.
+const STRIDE: usize = 6;
+/// Surfaces this close in depth, as a share of it, may be the same …
+const SAME: f64 = 0.04;
+/// … if they face the same way (cosine); and what lies nearer by this share stands in the other's way.
+const FACING: f64 = 0.85;
+const BEFORE: f64 = 0.06;
+/// Half the side of the patches that are compared.
+const RADIUS_PX: i32 = 7;
+
+/// A reference view, ready to be compared.
+pub(super) struct Seen<'a> {
+    pub(super) surface: &'a Surface,
+    pub(super) intensity: Intensity,
+}
+
+/// What was found.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Evidence {
+    /// The share of what one camera sees in the other's view that stands in the way of what that one sees.
+    pub(super) in_the_way: f64,
+    /// Places that both see and that have something to show.
+    pub(super) compared: usize,
+    /// The correlation of their pictures, in the median.
+    pub(super) correlation: f64,
+}
+
+/// What one camera's place is to the other's view.
+enum Told {
+    InTheWay,
+    Apart,
+    Correlation(Option<f64>),
+}
+
+/// Both ways.
+pub(super) fn of(seen: [&Seen<'_>; 2], first_from_second: &Similarity3<f64>) -> Evidence {
+    let mut told = one_way(seen[0], seen[1], &first_from_second.inverse());
+    told.extend(one_way(seen[1], seen[0], first_from_second));
+    let in_the_way = told.iter().filter(|t| matches!(t, Told::InTheWay)).count();
+    let mut correlations: Vec<f64> =
+        told.iter().filter_map(|t| if let Told::Correlation(c) = t { *c } else { None }).collect();
+    correlations.sort_by(f64::total_cmp);
+    Evidence {
+        in_the_way: in_the_way as f64 / told.len().max(1) as f64,
+        compared: correlations.len(),
+        correlation: correlations.get(correlations.len() / 2).copied().unwrap_or(0.0),
+    }
+}
+
+fn one_way(from: &Seen<'_>, onto: &Seen<'_>, onto_from: &Similarity3<f64>) -> Vec<Told> {
+    let (width, height) = (from.surface.width(), from.surface.height());
+    let rows: Vec<usize> = (STRIDE / 2..height).step_by(STRIDE).collect();
+    let tell = |x: usize, y: usize| tell(from, onto, onto_from, (x, y));
+    rows.par_iter()
+        .flat_map_iter(|y| (STRIDE / 2..width).step_by(STRIDE).filter_map(move |x| tell(x, *y)))
+        .collect()
+}
+
+/// `None` where either surface is unknown or the other camera does not look.
+fn tell(
+    from: &Seen<'_>,
+    onto: &Seen<'_>,
+    onto_from: &Similarity3<f64>,
+    (x, y): (usize, usize),
+) -> Option<Told> {
+    let i = y * from.surface.width() + x;
+    if from.surface.origin[i] != Origin::Stereo {
+        return None;
+    }
+    let point = from.surface.point(i)?;
+    let there = onto_from * Point3::new(point.x.into(), point.y.into(), point.z.into());
+    let pixel = onto.surface.intrinsics.project(&there).filter(|_| there.z > 0.0)?;
+    let (u, v) = (pixel.x.round(), pixel.y.round());
+    let (width, height) = (onto.surface.width(), onto.surface.height());
+    if u < 0.0 || v < 0.0 || u >= width as f64 || v >= height as f64 {
+        return None;
+    }
+    let j = v as usize * width + u as usize;
+    let depth = f64::from(onto.surface.depth[j]);
+    if depth <= 0.0 {
+        return None;
+    }
+    let ratio = there.z / depth;
+    if ratio < 1.0 - BEFORE {
+        return Some(Told::InTheWay);
+    }
+    let double = |n: glam::Vec3| Vector3::<f64>::new(n.x.into(), n.y.into(), n.z.into());
+    let turned = onto_from.isometry.rotation * double(from.surface.normal[i]);
+    if (ratio - 1.0).abs() > SAME || turned.dot(&double(onto.surface.normal[j])) < FACING {
+        return Some(Told::Apart);
+    }
+    let home = Point2::new(x as f64, y as f64);
+    Some(Told::Correlation(correlation(from, onto, onto_from, &home)))
+}
+
+/// `None` for what has nothing to show, or is cut by an image's border.
+fn correlation(
+    from: &Seen<'_>,
+    onto: &Seen<'_>,
+    onto_from: &Similarity3<f64>,
+    pixel: &Point2<f64>,
+) -> Option<f64> {
+    let warp = carried(from.surface, onto.surface, onto_from, pixel)?;
+    let reach = f64::from(RADIUS_PX + 1);
+    let corners = [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)];
+    let inside = corners.iter().all(|(x, y)| {
+        let corner = warp.center + warp.affine * nalgebra::Vector2::new(x * reach, y * reach);
+        onto.intensity.holds(corner.x, corner.y)
+    });
+    let home = Warp { center: *pixel, affine: Matrix2::identity() };
+    let patch = Patch::cut(&from.intensity, &home, RADIUS_PX).filter(|_| inside)?;
+    // What shows something here and nothing there is no likeness.
+    Some(patch.correlation(&onto.intensity, &warp).unwrap_or(0.0))
+}
+
+/// Where the surface around a pixel lies in the other camera's picture.
+pub(super) fn carried(
+    from: &Surface,
+    onto: &Surface,
+    onto_from: &Similarity3<f64>,
+    pixel: &Point2<f64>,
+) -> Option<Warp> {
+    let normal = from.normal_at(pixel)?;
+    let normal = Vector3::<f64>::new(normal.x.into(), normal.y.into(), normal.z.into());
+    let offset = normal.dot(&from.point_at(pixel)?.coords);
+    let project = |pixel: Point2<f64>| {
+        let ray = from.intrinsics.unproject(&pixel)?;
+        let depth = offset / normal.dot(&ray);
+        let there = onto_from * Point3::from(ray * depth);
+        onto.intrinsics.project(&there).filter(|_| depth > 0.0 && there.z > 0.0)
+    };
+    let center = project(*pixel)?;
+    let step = |x: f64, y: f64| Some(project(pixel + nalgebra::Vector2::new(x, y))? - center);
+    Some(Warp { center, affine: Matrix2::from_columns(&[step(1.0, 0.0)?, step(0.0, 1.0)?]) })
+}

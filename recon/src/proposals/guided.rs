@@ -1,0 +1,168 @@
+//! Once it is known how two cameras' spaces lie to each other, there is more to match than what looks alike at first sight: each
+//! corner of one picture is looked for where its surface lies in the other.
+
+use calib::absolute_orientation;
+use calib::vision::flow;
+use nalgebra::{Matrix2, Point2, Point3, Similarity3, Vector2};
+use rayon::prelude::*;
+
+use super::ProposalOptions;
+use super::alignment::miss_px;
+use super::evidence::{Seen, carried};
+use super::landmarks::Landmark;
+use crate::Result;
+use crate::features::{Patch, Warp};
+use crate::surface::Surface;
+
+/// Corners tried, as strong as this share of the strongest, and pixels between them.
+const CORNERS: usize = 3000;
+const QUALITY: f64 = 0.0005;
+const APART_PX: f64 = 7.0;
+const BLOCK_PX: u32 = 5;
+/// Surfaces this close in depth, as a share of it, may be the same.
+const SAME: f64 = 0.06;
+/// A surface is whole where so many of its depths are known, and so many of these on a plane, to within this share.
+const LEAST_WHOLE: f64 = 0.7;
+const WHOLE: f32 = 0.03;
+/// Followed back, a match must end where it began.
+const RETURN_PX: f64 = 1.0;
+/// What looks as alike, to within this correlation, but lies farther off than this, is a likeness too many.
+const LEAST_LEAD: f64 = 0.02;
+const ELSEWHERE_PX: f64 = 3.0;
+/// Rounds of matching, each with a similarity refitted to the matches before.
+const ROUNDS: usize = 3;
+/// What is off by more than so many times the median is no match.
+const OUTLYING: f64 = 3.0;
+
+/// A match to a fraction of a pixel: both pixels, and how well the pictures correlate.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Match {
+    pub(super) pixels: [Point2<f64>; 2],
+    pub(super) positions: [Point3<f64>; 2],
+    pub(super) correlation: f64,
+    /// How far it lies from where the similarity and the other camera's depth have it, pixels.
+    pub(super) off_px: f64,
+}
+
+/// All matches that a similarity leads to, and the similarity that they lead to.
+///
+/// # Errors
+/// When OpenCV refuses.
+pub(super) fn matches(
+    seen: [&Seen<'_>; 2],
+    start: &Similarity3<f64>,
+    tolerance_px: f64,
+    options: &ProposalOptions,
+) -> Result<(Similarity3<f64>, Vec<Match>)> {
+    let gray = image::imageops::grayscale(&seen[0].surface.picture);
+    let corners = flow::corners(&gray, CORNERS, QUALITY, APART_PX, BLOCK_PX)?;
+    let mut similarity = *start;
+    let mut matches: Vec<Match> = Vec::new();
+    let mut reach_px = tolerance_px;
+    for _ in 0..ROUNDS {
+        let inverse = similarity.inverse();
+        matches = corners
+            .par_iter()
+            .filter_map(|corner| follow(seen, [&similarity, &inverse], corner, reach_px, options))
+            .collect();
+        let mut off: Vec<f64> = matches.iter().map(|m| m.off_px).collect();
+        off.sort_by(f64::total_cmp);
+        let Some(median) = off.get(off.len() / 2).copied() else { break };
+        reach_px = (OUTLYING * median).min(tolerance_px);
+        matches.retain(|m| m.off_px <= reach_px);
+        let (a, b): (Vec<_>, Vec<_>) = matches.iter().map(|m| (m.positions[0], m.positions[1])).unzip();
+        // What is far off is known less well, and what fits badly may be no match.
+        let weight = |m: &Match| m.positions[0].z.powi(-2) / (1.0 + (m.off_px / median).powi(2));
+        let weights: Vec<f64> = matches.iter().map(weight).collect();
+        let Ok(refitted) = absolute_orientation::similarity_weighted(&b, &a, &weights) else { break };
+        similarity = refitted;
+    }
+    Ok((similarity, matches))
+}
+
+/// Looks for a corner of the first picture in the second.
+fn follow(
+    seen: [&Seen<'_>; 2],
+    [first_from_second, second_from_first]: [&Similarity3<f64>; 2],
+    corner: &Point2<f64>,
+    reach_px: f64,
+    options: &ProposalOptions,
+) -> Option<Match> {
+    let [here, there] = seen;
+    let position = here.surface.point_at(corner).filter(|_| is_whole(here.surface, corner, options))?;
+    let expected = carried(here.surface, there.surface, second_from_first, corner)?;
+    // Hidden things are behind what the other camera sees.
+    let meets = |surface: &Surface, pixel: &Point2<f64>, position: &Point3<f64>| {
+        let seen = surface.point_at(pixel)?;
+        ((position.z / seen.z - 1.0).abs() < SAME).then_some(seen)
+    };
+    meets(there.surface, &expected.center, &(second_from_first * position))?;
+    let (pixel, correlation) = register(here, there, corner, (&expected, reach_px), options)?;
+    let other = there.surface.point_at(&pixel).filter(|_| is_whole(there.surface, &pixel, options))?;
+    let back = carried(there.surface, here.surface, first_from_second, &pixel)?;
+    let (again, _) = register(there, here, &pixel, (&Warp { center: *corner, ..back }, 0.0), options)?;
+    let pair = [Landmark { pixel: *corner, position }, Landmark { pixel, position: other }];
+    let lenses = seen.map(|s| &s.surface.intrinsics);
+    let off_px = miss_px(&pair, lenses, first_from_second);
+    ((again - corner).norm() <= RETURN_PX).then_some(Match {
+        pixels: [*corner, pixel],
+        positions: [position, other],
+        correlation,
+        off_px,
+    })
+}
+
+/// Whether what a patch shows is one surface: an edge, with what lies behind it, looks otherwise from elsewhere.
+fn is_whole(surface: &Surface, pixel: &Point2<f64>, options: &ProposalOptions) -> bool {
+    let (width, height) = (surface.width() as i32, surface.height() as i32);
+    let (x, y) = (pixel.x.round() as i32, pixel.y.round() as i32);
+    let reach = options.patch_radius_px;
+    if x < reach || y < reach || x >= width - reach || y >= height - reach {
+        return false;
+    }
+    let Some(plane) = surface.support((y * width + x) as usize) else { return false };
+    let around = (-reach..=reach).flat_map(|v| (-reach..=reach).map(move |u| (u, v)));
+    let (mut known, mut on_plane) = (0, 0);
+    for (u, v) in around {
+        let depth = surface.depth[((y + v) * width + x + u) as usize];
+        if depth > 0.0 {
+            known += 1;
+            on_plane += i32::from((depth * plane.moved(u as f32, v as f32).w - 1.0).abs() < WHOLE);
+        }
+    }
+    let all = (2 * reach + 1).pow(2);
+    f64::from(known) > LEAST_WHOLE * f64::from(all) && f64::from(on_plane) > LEAST_WHOLE * f64::from(known)
+}
+
+/// Looks for what is around a pixel of one picture in the other: everywhere within `reach_px`, then to a fraction of a pixel.
+fn register(
+    from: &Seen<'_>,
+    onto: &Seen<'_>,
+    pixel: &Point2<f64>,
+    (start, reach_px): (&Warp, f64),
+    options: &ProposalOptions,
+) -> Option<(Point2<f64>, f64)> {
+    let home = Warp { center: *pixel, affine: Matrix2::identity() };
+    let patch = Patch::cut(&from.intensity, &home, options.patch_radius_px)?;
+    let reach = reach_px.ceil() as i32;
+    let (mut best, mut tried) = (None, Vec::new());
+    for (x, y) in (-reach..=reach).flat_map(|y| (-reach..=reach).map(move |x| (x, y))) {
+        let shift = Vector2::new(f64::from(x), f64::from(y));
+        if shift.norm() > reach_px {
+            continue;
+        }
+        let there = Warp { center: start.center + shift, ..*start };
+        let Some(correlation) = patch.correlation(&onto.intensity, &there) else { continue };
+        tried.push((shift, correlation));
+        if best.is_none_or(|(_, most)| correlation > most) {
+            best = Some((shift, correlation));
+        }
+    }
+    let (shift, most) = best?;
+    let elsewhere = tried.iter().filter(|(s, _)| (s - shift).norm() > ELSEWHERE_PX);
+    if elsewhere.map(|(_, c)| *c).fold(f64::NEG_INFINITY, f64::max) > most - LEAST_LEAD {
+        return None;
+    }
+    let found = patch.register(&onto.intensity, &Warp { center: start.center + shift, ..*start })?;
+    (found.correlation >= options.point_correlation).then_some((found.warp.center, found.correlation))
+}

@@ -1,0 +1,87 @@
+//! Few points for many: those that lie farthest apart in space.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::guided::Match;
+use crate::project::LEAST_SHARED_POINTS;
+
+/// Points on a line leave a turn about it open: the second principal spread, as a share of the distance.
+const LEAST_WIDTH: f64 = 0.03;
+
+/// At most `count` of them, one after the other the one farthest from all before; the best-correlated first.
+pub(super) fn choose(found: &[Match], count: usize) -> Vec<Match> {
+    let mut left = found.to_vec();
+    left.sort_by(|p, q| q.correlation.total_cmp(&p.correlation));
+    let mut chosen: Vec<Match> = Vec::new();
+    while chosen.len() < count && !left.is_empty() {
+        let apart = |m: &Match| {
+            let at = &m.positions[0];
+            let distance = |other: &Match| (other.positions[0] - at).norm() / at.coords.norm();
+            chosen.iter().map(distance).fold(f64::INFINITY, f64::min)
+        };
+        // The first of equals, which is the better correlated.
+        let farthest = (0..left.len()).rev().max_by(|i, j| apart(&left[*i]).total_cmp(&apart(&left[*j])));
+        let Some(farthest) = farthest else { break };
+        let next = left.remove(farthest);
+        if apart(&next) <= 0.0 {
+            break;
+        }
+        chosen.push(next);
+    }
+    chosen
+}
+
+/// Whether the points suffice to join two cameras: enough, and not on a line.
+pub(super) fn is_wide(chosen: &[Match]) -> bool {
+    if chosen.len() < LEAST_SHARED_POINTS {
+        return false;
+    }
+    let n = chosen.len() as f64;
+    let points = || chosen.iter().map(|m| m.positions[0].coords);
+    let mean = points().sum::<Vector3<f64>>() / n;
+    let scatter: Matrix3<f64> = points().map(|p| (p - mean) * (p - mean).transpose()).sum();
+    let mut spreads: [f64; 3] = scatter.symmetric_eigenvalues().into();
+    spreads.sort_by(f64::total_cmp);
+    (spreads[1].max(0.0) / n).sqrt() > LEAST_WIDTH * mean.norm()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Point2, Point3};
+
+    fn at(x: f64, y: f64, correlation: f64) -> Match {
+        let pixel = Point2::new(100.0 * x, 100.0 * y);
+        let position = Point3::new(x, y, 3.0);
+        Match { pixels: [pixel; 2], positions: [position; 2], correlation, off_px: 0.0 }
+    }
+
+    #[test]
+    fn what_lies_far_apart_is_chosen() {
+        let crowd = (0..20).map(|i| at(0.5 + 0.001 * f64::from(i), 0.5, 0.9));
+        let corners = [at(0.0, 0.0, 0.8), at(1.0, 0.0, 0.8), at(0.0, 1.0, 0.8), at(1.0, 1.0, 0.8)];
+        let all: Vec<Match> = crowd.chain(corners).collect();
+        let chosen = choose(&all, 5);
+        assert_eq!(chosen.len(), 5);
+        for corner in corners {
+            assert!(chosen.contains(&corner), "{chosen:?}");
+        }
+        assert!(choose(&[], 4).is_empty());
+        assert_eq!(choose(&[corners[0], corners[0], corners[1]], 9).len(), 2, "one place is proposed once");
+    }
+
+    #[test]
+    fn the_best_correlated_comes_first() {
+        assert_eq!(
+            choose(&[at(0.0, 0.0, 0.8), at(0.1, 0.0, 0.95), at(0.3, 0.0, 0.9)], 1),
+            [at(0.1, 0.0, 0.95)]
+        );
+    }
+
+    #[test]
+    fn points_on_a_line_do_not_join_cameras() {
+        let line: Vec<Match> = (0..6).map(|i| at(0.3 * f64::from(i), 0.1 * f64::from(i), 0.9)).collect();
+        assert!(!is_wide(&line) && !is_wide(&line[..2]) && !is_wide(&[]));
+        assert!(is_wide(&[line[0], line[5], at(0.0, 0.8, 0.9)]));
+    }
+}

@@ -1,0 +1,38 @@
+//! Proposed points as the `[[point]]` tables of `room.toml`.
+
+use std::fmt::Write;
+
+use crate::project::PickedPoint;
+
+/// Tables to copy into `room.toml`; `points`: each with the correlation of its pictures; `names`: one a camera.
+pub fn to_toml(points: &[(PickedPoint, f64)], names: &[&str]) -> String {
+    let mut text = String::from(
+        "# Proposed by `recon picks`. Look at the picture, delete what is not the same physical point in its images, and\n\
+         # copy the rest into room.toml. Correlation: how alike the pictures are there; 1 is equal.\n",
+    );
+    for (number, (point, correlation)) in points.iter().enumerate() {
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "\n[[point]]   # {}, correlation {correlation:.2}", number + 1);
+        for (camera, pixel) in &point.picks {
+            let name = toml::Value::from(names[*camera]);
+            let _ = writeln!(text, "{name} = [{:.1}, {:.1}]", pixel.x, pixel.y);
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Point2;
+
+    #[test]
+    fn tables_read_back_even_with_unusual_names() {
+        let picks = vec![(0, Point2::new(10.04, 20.0)), (1, Point2::new(3.0, 4.57))];
+        let text = to_toml(&[(PickedPoint { picks }, 0.9)], &["cam 1.a", "b"]);
+        let back: toml::Table = text.parse().unwrap();
+        let point = back["point"][0].as_table().unwrap();
+        assert_eq!(point["cam 1.a"][0].as_float(), Some(10.0));
+        assert_eq!(point["b"][1].as_float(), Some(4.6));
+    }
+}
