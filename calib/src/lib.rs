@@ -6,6 +6,7 @@
 //!   directions to pixels ([`Intrinsics`], with OpenCV's [`Distortion`]). Start here.
 //! * [`absolute_orientation`] — Horn's closed form: the similarity that takes one set of points to another.
 //! * [`resection`] — a camera's pose from known points and their pixels.
+//! * [`photograph`] — the lens that a photograph tells in its EXIF block.
 //! * [`undistort`] — lookup maps between a distorted image and its pinhole twin.
 //! * [`console`] — how each of the project's programs begins and ends: log, progress, one line of error, exit status.
 //! * [`vision`] — the project's one door to OpenCV: optical flow, background models, chessboards.
@@ -26,6 +27,7 @@ pub mod console;
 mod distortion;
 mod error;
 pub mod files;
+pub mod photograph;
 pub mod resection;
 pub mod rotation;
 pub mod undistort;

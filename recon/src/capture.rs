@@ -13,6 +13,9 @@ use crate::{Error, Result};
 /// Fewer frames than this hold no motion worth the name.
 const MIN_FRAMES: usize = 3;
 
+/// Horizontal field of view assumed where a capture tells nothing of its lens; adjustment finds the true one.
+pub const ASSUMED_FOV_DEG: f64 = 60.0;
+
 /// Which frame was taken at the installed pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum ReferenceFrame {
@@ -53,6 +56,8 @@ pub struct Capture {
     pub reference: usize,
     /// Calibrated intrinsics; `None` estimates the focal length from the motion.
     pub intrinsics: Option<Intrinsics>,
+    /// The focal length that photographs tell in EXIF where intrinsics are not given, pixels: where its estimation starts.
+    pub told_focal_px: Option<f64>,
 }
 
 impl Capture {
@@ -70,7 +75,9 @@ impl Capture {
         let spec = source.to_str().ok_or_else(|| {
             Error::content(source, "file name", "is not valid UTF-8; rename the capture's file or folder")
         })?;
-        let frames = FrameSource::open(spec)?.read_all()?;
+        let mut film = FrameSource::open(spec)?;
+        let told_focal_px = if intrinsics.is_none() { told_focal_px(name, &film) } else { None };
+        let frames = film.read_all()?;
         let count = frames.len();
         if count < MIN_FRAMES {
             let problem = format!("holds {count} frames, at least {MIN_FRAMES} are needed to see motion");
@@ -97,7 +104,17 @@ impl Capture {
                 return Err(Error::content(source, "frame 1", problem));
             }
         }
-        Ok(Self { name: name.to_owned(), frames, reference, intrinsics })
+        Ok(Self { name: name.to_owned(), frames, reference, intrinsics, told_focal_px })
+    }
+
+    /// The lens that motion starts with: the calibrated one, or one with the focal length that photographs tell, or that of a usual
+    /// field of view.
+    pub fn start_lens(&self, (width, height): (u32, u32)) -> Intrinsics {
+        self.intrinsics.clone().unwrap_or_else(|| {
+            let assumed = Intrinsics::from_horizontal_fov(width, height, ASSUMED_FOV_DEG);
+            let focal = self.told_focal_px.unwrap_or(assumed.fx);
+            Intrinsics { fx: focal, fy: focal, ..assumed }
+        })
     }
 
     /// Loads the captures of all cameras of a project; `step` is told of each.
@@ -111,6 +128,16 @@ impl Capture {
         };
         cameras.iter().map(load).collect()
     }
+}
+
+/// From the first photograph; what cannot be read is said, and no reason to stop.
+fn told_focal_px(camera: &str, film: &FrameSource) -> Option<f64> {
+    let photograph = film.first_image()?;
+    let (width, height) = film.size();
+    calib::photograph::focal_px(photograph, [width, height]).unwrap_or_else(|error| {
+        tracing::warn!("camera `{camera}`: {error}; its focal length is estimated without");
+        None
+    })
 }
 
 #[cfg(test)]
@@ -141,6 +168,47 @@ mod tests {
         assert!(other.unwrap_err().to_string().contains("64 × 48"));
         let missing = Capture::load("cam", &path.join("gone"), ReferenceFrame::Last, None).unwrap_err();
         assert!(missing.to_string().contains("gone"));
+    }
+
+    /// A JPEG whose EXIF block, big-endian, has one entry: `FocalLengthIn35mmFilm` of this value.
+    fn photograph(film_mm: u16, entries: u8) -> Vec<u8> {
+        let mut jpeg = Vec::new();
+        let encoder = image::codecs::jpeg::JpegEncoder::new(&mut jpeg);
+        RgbImage::new(32, 24).write_with_encoder(encoder).unwrap();
+        let mut block = b"Exif\0\0MM\0\x2a\0\0\0\x08\0".to_vec();
+        // The first directory points to EXIF's own, which has the tag.
+        block.extend([1, 0x87, 0x69, 0, 4, 0, 0, 0, 1, 0, 0, 0, 26, 0, 0, 0, 0, 0, entries]);
+        block.extend([0xa4, 0x05, 0, 3, 0, 0, 0, 1]);
+        block.extend(film_mm.to_be_bytes());
+        block.extend([0; 6]);
+        let length = (block.len() as u16 + 2).to_be_bytes();
+        [&jpeg[..2], &[0xff, 0xe1], &length, &block, &jpeg[2..]].concat()
+    }
+
+    #[test]
+    fn motion_starts_with_what_is_known_of_the_lens() {
+        let folder = tempfile::tempdir().unwrap();
+        let load = |first: &[u8], intrinsics| {
+            for index in 0..3 {
+                RgbImage::new(32, 24).save(folder.path().join(format!("{index}.jpg"))).unwrap();
+            }
+            std::fs::write(folder.path().join("0.jpg"), first).unwrap();
+            Capture::load("cam", folder.path(), ReferenceFrame::Last, intrinsics).unwrap()
+        };
+        // 40 px across the diagonal.
+        let told = load(&photograph(26, 1), None);
+        let lens = told.start_lens((32, 24));
+        assert!((lens.fx - 26.0 / 43.2666 * 40.0).abs() < 1e-3 && lens.fx.to_bits() == lens.fy.to_bits());
+        assert_eq!((lens.cx, lens.cy), (15.5, 11.5));
+
+        let assumed = Intrinsics::from_horizontal_fov(32, 24, ASSUMED_FOV_DEG);
+        for nothing in [photograph(0, 1), photograph(9000, 1), photograph(26, 200)] {
+            let capture = load(&nothing, None);
+            assert_eq!((capture.told_focal_px, capture.start_lens((32, 24))), (None, assumed.clone()));
+        }
+        let given = Intrinsics::from_horizontal_fov(32, 24, 40.0);
+        let capture = load(&photograph(26, 1), Some(given.clone()));
+        assert_eq!((capture.told_focal_px, capture.start_lens((32, 24))), (None, given));
     }
 
     #[test]

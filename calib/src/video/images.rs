@@ -59,10 +59,15 @@ impl Images {
         self.paths.len()
     }
 
+    /// The first file.
+    pub(super) fn first(&self) -> &Path {
+        // There is at least one, or it would not have been opened.
+        &self.paths[0]
+    }
+
     /// Width and height of the first.
     pub(super) fn size(&self) -> Result<(u32, u32)> {
-        // There is at least one, or it would not have been opened.
-        let first = &self.paths[0];
+        let first = self.first();
         image::image_dimensions(first).map_err(|error| unreadable(first, &error))
     }
 

@@ -167,6 +167,14 @@ impl FrameSource {
         &self.name
     }
 
+    /// The first file, of images in files.
+    pub fn first_image(&self) -> Option<&Path> {
+        match &self.pictures {
+            Pictures::Images(images) => Some(images.first()),
+            _ => None,
+        }
+    }
+
     /// Width and height in pixels.
     pub fn size(&self) -> (u32, u32) {
         (self.width, self.height)

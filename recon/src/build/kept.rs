@@ -77,10 +77,11 @@ pub(super) fn key(capture: &Capture, options: &BuildOptions) -> blake3::Hash {
     let mut hasher = blake3::Hasher::new();
     // Rust prints floats so that they read back as they were, so the text stands for the values.
     let made_from = format!(
-        "{STAGE} {} {} {:?} {} {:?} {:?} {:?}",
+        "{STAGE} {} {} {:?} {:?} {} {:?} {:?} {:?}",
         capture.name,
         capture.reference,
         capture.intrinsics,
+        capture.told_focal_px,
         options.seed,
         options.motion,
         options.dense,
@@ -236,7 +237,7 @@ mod tests {
 
     fn capture() -> Capture {
         let frames = vec![RgbImage::new(8, 6), RgbImage::new(8, 6)];
-        Capture { name: "cam0".into(), frames, reference: 1, intrinsics: None }
+        Capture { name: "cam0".into(), frames, reference: 1, intrinsics: None, told_focal_px: None }
     }
 
     #[test]
@@ -271,6 +272,7 @@ mod tests {
         other(&|capture, _| capture.frames[0].as_mut()[5] = 1);
         other(&|capture, _| capture.reference = 0);
         other(&|capture, _| capture.intrinsics = Some(Intrinsics::from_horizontal_fov(8, 6, 60.0)));
+        other(&|capture, _| capture.told_focal_px = Some(7.0));
         other(&|capture, _| capture.frames = vec![RgbImage::new(6, 8), RgbImage::new(6, 8)]);
         other(&|_, options| options.seed = 1);
         other(&|_, options| options.dense.key_frames = 3);

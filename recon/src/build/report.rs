@@ -7,7 +7,7 @@ use calib::Intrinsics;
 use serde::{Deserialize, Serialize};
 
 use crate::assemble::AssembleReport;
-use crate::capture::Capture;
+use crate::capture::{ASSUMED_FOV_DEG, Capture};
 use crate::dense::DenseReport;
 use crate::motion::{LensOrigin, MotionReport};
 use crate::project::Project;
@@ -75,6 +75,8 @@ pub struct CameraReport {
     pub explained_share: f64,
     /// The time from a frame's first row to its last, as a share of the time between frames; 0 for all at once.
     pub readout: f64,
+    /// Where the estimation of a focal length that was not given started: what the photographs tell, or an assumption.
+    pub focal_start: Option<String>,
     /// The focal length where it was estimated or refined from the capture, pixels.
     pub estimated_focal_px: Option<f64>,
     /// Its standard deviation, pixels, where it can be told.
@@ -112,6 +114,7 @@ impl CameraReport {
             reprojection_rms_px: motion.rms_px,
             explained_share: motion.explained_share,
             readout: motion.readout,
+            focal_start: focal_start(capture),
             estimated_focal_px: matches!(motion.lens, LensOrigin::Estimated | LensOrigin::Refined)
                 .then_some(lens.fx),
             focal_sigma_px: motion.focal_sigma.map(|sigma| sigma * lens.fx),
@@ -122,6 +125,13 @@ impl CameraReport {
             dense_seconds: dense_time.as_secs_f64(),
         }
     }
+}
+
+/// In words, for people.
+fn focal_start(capture: &Capture) -> Option<String> {
+    let told = capture.told_focal_px.map(|px| format!("EXIF, {px:.1} px"));
+    let assumed = || format!("a field of view of {ASSUMED_FOV_DEG}°");
+    capture.intrinsics.is_none().then(|| told.unwrap_or_else(assumed))
 }
 
 impl BuildReport {

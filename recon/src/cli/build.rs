@@ -103,9 +103,10 @@ impl Build {
                 100.0 * camera.filled_share
             ));
             if let Some(focal) = camera.estimated_focal_px {
+                let start = camera.focal_start.as_ref().map_or(String::new(), |s| format!(" (start: {s})"));
                 let sigma = camera.focal_sigma_px.map_or("unknown".to_owned(), |s| format!("{s:.1}"));
                 console.line(&format!(
-                    "{}: focal length {focal:.1} ± {sigma} px, estimated from the capture; `calib intrinsics` does better",
+                    "{}: focal length {focal:.1} ± {sigma} px, estimated from the capture{start}; `calib intrinsics` does better",
                     camera.name
                 ));
             }

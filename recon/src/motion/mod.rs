@@ -34,8 +34,6 @@ pub use lens::LensOrigin;
 use sketch::{Adjustment, Sketch};
 use triangulation::Acceptance;
 
-/// Horizontal field of view assumed where the capture has no intrinsics; adjustment finds the true one.
-const ASSUMED_FOV_DEG: f64 = 60.0;
 /// Rounds of polish before the competing starts are compared.
 const START_ROUNDS: usize = 2;
 
@@ -151,9 +149,7 @@ pub fn estimate(capture: &Capture, options: &MotionOptions) -> Result<(Motion, M
     let Some(first) = capture.frames.first() else {
         return Err(Error::capture(&capture.name, "the capture holds no frames"));
     };
-    let (width, height) = first.dimensions();
-    let assumed = || Intrinsics::from_horizontal_fov(width, height, ASSUMED_FOV_DEG);
-    let intrinsics = capture.intrinsics.clone().unwrap_or_else(assumed);
+    let intrinsics = capture.start_lens(first.dimensions());
     let lens = if capture.intrinsics.is_some() { LensFreedom::Fixed } else { LensFreedom::Focal };
     let (tracks, features) = features::track(&capture.frames, &intrinsics, &options.features)?;
     diagnosis::features(&capture.name, &features, capture.frames.len())?;

@@ -131,6 +131,7 @@ fn turning(picture: &RgbImage, wide: &Intrinsics, frames: u32) -> Capture {
         frames: turns.map(|t| seen(&t)).collect(),
         reference: frames as usize - 1,
         intrinsics: Some(narrow),
+        told_focal_px: None,
     }
 }
 
