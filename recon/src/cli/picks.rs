@@ -42,9 +42,9 @@ pub(crate) struct Picks {
     /// How much stereo is done, as for `recon build`.
     #[arg(long, value_enum, default_value_t = Quality::Full)]
     quality: Quality,
-    /// Points a pair of cameras, at most.
-    #[arg(long, value_name = "N", default_value_t = ProposalOptions::default().points)]
-    points: usize,
+    /// Points a pair of cameras, at most; three are the fewest that join two cameras.
+    #[arg(long, value_name = "N", default_value_t = ProposalOptions::default().points as u16, value_parser = clap::value_parser!(u16).range(3..))]
+    points: u16,
     /// Seed of everything random.
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -73,7 +73,8 @@ impl Picks {
         drop(stages);
         let views = views?;
         let surfaces: Vec<&Surface> = views.iter().map(|v| &v.surface).collect();
-        let how = ProposalOptions { points: self.points, seed: self.seed, ..ProposalOptions::default() };
+        let how =
+            ProposalOptions { points: self.points.into(), seed: self.seed, ..ProposalOptions::default() };
         let pairs = proposals::propose(&surfaces, &how)?;
         let mut proposed = Vec::new();
         for pair in &pairs {

@@ -14,11 +14,20 @@ pub fn to_toml(points: &[(PickedPoint, f64)], names: &[&str]) -> String {
         // Writing to a string cannot fail.
         let _ = writeln!(text, "\n[[point]]   # {}, correlation {correlation:.2}", number + 1);
         for (camera, pixel) in &point.picks {
-            let name = toml::Value::from(names[*camera]);
-            let _ = writeln!(text, "{name} = [{:.1}, {:.1}]", pixel.x, pixel.y);
+            let _ = writeln!(text, "{} = [{:.1}, {:.1}]", key(names[*camera]), pixel.x, pixel.y);
         }
     }
     text
+}
+
+/// A name as TOML writes it before an equals sign: quoted only where it has to be.
+fn key(name: &str) -> String {
+    let is_bare = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+    if !name.is_empty() && name.chars().all(is_bare) {
+        name.into()
+    } else {
+        toml::Value::from(name).to_string()
+    }
 }
 
 #[cfg(test)]
@@ -30,6 +39,7 @@ mod tests {
     fn tables_read_back_even_with_unusual_names() {
         let picks = vec![(0, Point2::new(10.04, 20.0)), (1, Point2::new(3.0, 4.57))];
         let text = to_toml(&[(PickedPoint { picks }, 0.9)], &["cam 1.a", "b"]);
+        assert!(text.contains("\nb = [3.0, 4.6]"), "{text}");
         let back: toml::Table = text.parse().unwrap();
         let point = back["point"][0].as_table().unwrap();
         assert_eq!(point["cam 1.a"][0].as_float(), Some(10.0));
