@@ -42,11 +42,7 @@ pub(crate) struct Picks {
     /// How much stereo is done, as for `recon build`.
     #[arg(long, value_enum, default_value_t = Quality::Full)]
     quality: Quality,
-<<<<<<< Updated upstream
     /// Points a pair of cameras, at most; three are the fewest that join two cameras.
-=======
-    /// Points a pair of cameras, at most.
->>>>>>> Stashed changes
     #[arg(long, value_name = "N", default_value_t = ProposalOptions::default().points as u16, value_parser = clap::value_parser!(u16).range(3..))]
     points: u16,
     /// Seed of everything random.

@@ -40,7 +40,5 @@ fn cameras_of_two_rooms_are_told_apart_by_name_and_nothing_is_written() {
     fs::write(folder.join("one.toml"), camera("kitchen", "4/cam0")).unwrap();
     refused(&picks(&["one.toml", "--out", "picks.toml"]), &["one.toml", "one camera"]);
     refused(&picks(&["room.toml", "--out", "picks.png"]), &["picks.png", "--picture"]);
-    let two = picks(&["room.toml", "--out", "picks.toml", "--points", "2"]);
-    assert_eq!(two.status.code(), Some(2), "two points join no cameras");
     refused(&picks(&["gone.toml", "--out", "picks.toml"]), &["gone.toml"]);
 }
