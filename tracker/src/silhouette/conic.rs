@@ -106,8 +106,7 @@ impl Row {
         let (u, z) = (f64::from(u), f64::from(static_z_m));
         let a = self.a0 + u * (2.0 * self.a1 + u * self.a2);
         let b = self.b0 + u * self.b1;
-        // Without branches: along an edge nobody can foresee them.
-        (z > 0.0) & ((z == f64::INFINITY) | ((a * z + 2.0 * b) * z + self.c < 0.0) | (a * z + b > 0.0))
+        z > 0.0 && (z == f64::INFINITY || (a * z + 2.0 * b) * z + self.c < 0.0 || a * z + b > 0.0)
     }
 
     /// Depth along z of the body's near surface at column `u`; only meaningful inside a span.
