@@ -7,7 +7,6 @@ use calib::Intrinsics;
 use calib::video::FrameSource;
 use image::RgbImage;
 
-use crate::project::ProjectCamera;
 use crate::{Error, Result};
 
 /// Fewer frames than this hold no motion worth the name.
@@ -115,18 +114,6 @@ impl Capture {
             let focal = self.told_focal_px.unwrap_or(assumed.fx);
             Intrinsics { fx: focal, fy: focal, ..assumed }
         })
-    }
-
-    /// Loads the captures of all cameras of a project; `step` is told of each.
-    ///
-    /// # Errors
-    /// As [`Self::load`].
-    pub fn load_all(cameras: &[ProjectCamera], step: &mut dyn FnMut(String)) -> Result<Vec<Self>> {
-        let load = |camera: &ProjectCamera| {
-            step(format!("{}: reading the capture", camera.name));
-            Self::load(&camera.name, &camera.capture, camera.reference, camera.intrinsics.clone())
-        };
-        cameras.iter().map(load).collect()
     }
 }
 

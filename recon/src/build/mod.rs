@@ -24,7 +24,7 @@ use crate::capture::Capture;
 use crate::dense::DenseOptions;
 use crate::motion::MotionOptions;
 use crate::planes::PlaneOptions;
-use crate::project::Project;
+use crate::project::{Project, ProjectCamera};
 use crate::surface::Surface;
 use camera::{Camera, Seen};
 use kept::Kept;
@@ -86,7 +86,7 @@ pub fn build(
         number += 1;
     };
 
-    let captures = Capture::load_all(&project.cameras, &mut step)?;
+    let captures = captures_of(&project.cameras, &mut step)?;
     let sizes: Vec<(u32, u32)> = captures.iter().map(|c| c.frames[c.reference].dimensions()).collect();
     project.check_pixels(&sizes)?;
 
@@ -126,6 +126,15 @@ pub fn build(
     kept.done(cameras.iter().map(|(c, _)| c.name.as_str()));
     step("done".into());
     Ok(report)
+}
+
+/// The captures of a project's cameras.
+fn captures_of(cameras: &[ProjectCamera], step: &mut dyn FnMut(String)) -> Result<Vec<Capture>> {
+    let load = |camera: &ProjectCamera| {
+        step(format!("{}: reading the capture", camera.name));
+        Capture::load(&camera.name, &camera.capture, camera.reference, camera.intrinsics.clone())
+    };
+    cameras.iter().map(load).collect()
 }
 
 /// Each capture becomes motion, depth and a surface, or is found among what was kept; with the key it is kept by. `each` is

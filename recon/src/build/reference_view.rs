@@ -7,9 +7,8 @@ use image::RgbImage;
 use nalgebra::Point2;
 
 use super::kept::Kept;
-use super::{BuildOptions, STEPS_A_CAMERA, Step, worked_through};
+use super::{BuildOptions, STEPS_A_CAMERA, Step, captures_of, worked_through};
 use crate::Result;
-use crate::capture::Capture;
 use crate::merge::pinhole_pixel;
 use crate::project::ProjectCamera;
 use crate::rolling_shutter::RollingShutter;
@@ -68,7 +67,7 @@ pub fn reference_views(
         progress(&Step { number, of, what });
         number += 1;
     };
-    let captures = Capture::load_all(cameras, &mut step)?;
+    let captures = captures_of(cameras, &mut step)?;
     let kept = room.map(Kept::beside);
     let mut references = Vec::with_capacity(captures.len());
     let done = worked_through(captures, kept.as_ref(), options, &mut step, &mut |_, capture, _| {
