@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use calib::console::{Console, Stages};
-use calib::files::write_atomic;
+use calib::files::write_together;
 use recon::build::{self, BuildOptions, ReferenceView};
 use recon::project::{PickedPoint, Project};
 use recon::proposals::{self, Found, Pair, ProposalOptions};
@@ -58,7 +58,10 @@ impl Picks {
         super::build::limit_threads(self.threads)?;
         let (cameras, points) = Project::read_unpicked(&self.project)?;
         if cameras.len() < 2 {
-            bail!("{}: one camera has no points in common with another", self.project.display());
+            bail!(
+                "{}: one camera has no points in common with another; add a second [[camera]]",
+                self.project.display()
+            );
         }
         let picture = self.picture.clone().unwrap_or_else(|| self.out.with_extension("png"));
         if picture == self.out {
@@ -108,10 +111,9 @@ impl Picks {
         proposals::draw(&images, &points)
             .write_to(&mut png, image::ImageFormat::Png)
             .with_context(|| picture.display().to_string())?;
-        write_atomic(picture, png.get_ref())?;
         let names: Vec<&str> = views.iter().map(|v| v.name.as_str()).collect();
-        write_atomic(&self.out, proposals::to_toml(proposed, &names).as_bytes())?;
-        Ok(())
+        let tables = proposals::to_toml(proposed, &names);
+        Ok(write_together(&[(picture, png.get_ref()), (&self.out, tables.as_bytes())])?)
     }
 }
 
