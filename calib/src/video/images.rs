@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use image::{DynamicImage, Rgb, RgbImage};
+use image::{DynamicImage, RgbImage};
 
 use super::content;
 use crate::{Error, Result};
@@ -81,13 +81,22 @@ impl Images {
     /// The image that is looked at, after [`advance`](Self::advance).
     pub(super) fn picture(&self, into: &mut RgbImage) -> Result<()> {
         let path = &self.paths[self.ahead - 1];
-        let picture = in_colour(image::open(path).map_err(|error| unreadable(path, &error))?);
-        let ((w, h), (width, height)) = (picture.dimensions(), into.dimensions());
+        let picture = image::open(path).map_err(|error| unreadable(path, &error))?;
+        let ((w, h), (width, height)) = ((picture.width(), picture.height()), into.dimensions());
         if (w, h) != (width, height) {
             let problem = format!("is {w} × {h}, the frames before it are {width} × {height}");
             return Err(content(path, "image", &problem));
         }
-        *into = picture;
+        match picture {
+            // Grey ones are masks. `image` would convert their colour space pixel by pixel, which takes longer than
+            // everything else that is done with a mask.
+            DynamicImage::ImageLuma8(grey) => {
+                for (colour, level) in into.chunks_exact_mut(3).zip(grey.iter()) {
+                    colour.fill(*level);
+                }
+            }
+            other => *into = other.into_rgb8(),
+        }
         Ok(())
     }
 }
@@ -134,20 +143,10 @@ fn unreadable(path: &Path, error: &image::ImageError) -> Error {
     content(path, "image", &format!("cannot be decoded ({error}); is the file whole?"))
 }
 
-/// The picture in three channels. Grey ones (masks) are copied three times: `image` converts their colour space pixel by
-/// pixel, which takes longer than everything else that is done with a mask.
-fn in_colour(picture: DynamicImage) -> RgbImage {
-    match picture {
-        DynamicImage::ImageLuma8(grey) => {
-            RgbImage::from_fn(grey.width(), grey.height(), |x, y| Rgb([grey.get_pixel(x, y)[0]; 3]))
-        }
-        other => other.into_rgb8(),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use image::Rgb;
 
     #[test]
     fn a_pattern_is_a_name_with_one_number() {
