@@ -81,9 +81,11 @@ impl Floor {
     /// In a zone that is not of the barred kind, or on its doorstep.
     fn near_zone(&self, x_m: f64, y_m: f64, barred: Option<ZoneKind>) -> bool {
         let p = Point2::new(x_m, y_m);
-        let outside = self.outline.as_ref().is_some_and(|o| !o.contains(&p)) || self.is_beyond(&p);
-        let reach = if outside { DOORSTEP_M } else { 0.0 };
-        self.zones.iter().any(|z| Some(z.kind) != barred && z.polygon.distance_m(&p) <= reach)
+        let open = self.zones.iter().filter(|z| Some(z.kind) != barred);
+        let nearest_m = open.map(|z| z.polygon.distance_m(&p)).fold(f64::INFINITY, f64::min);
+        // Nearly all places are far from every zone: what lies outside is looked up for the others alone.
+        let outside = || self.outline.as_ref().is_some_and(|o| !o.contains(&p)) || self.is_beyond(&p);
+        nearest_m <= 0.0 || (nearest_m <= DOORSTEP_M && outside())
     }
 
     fn is_beyond(&self, p: &Point2<f64>) -> bool {
