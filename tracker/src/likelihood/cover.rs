@@ -5,8 +5,8 @@
 //! things of a pixel: does *any* body cover it, do *several*?
 //!
 //! ```text
-//! newly covered   = new & !any
-//! newly uncovered = old & !several & !new          (old is one of those that cover it)
+//! uncovered when `old` goes  = old & !several          (old is one of those that cover it)
+//! covered when `new` comes   = new & !(any but old)    = new & (!any | uncovered)
 //! ```
 
 use crate::silhouette::Silhouette;
@@ -53,24 +53,26 @@ impl Cover {
         }
     }
 
-    /// What would change if `old` (now among the bodies) became `new`.
-    pub(super) fn change(&self, old: Option<&Silhouette>, new: Option<&Silhouette>) -> Change {
+    /// What changes when `old`, one of the bodies, goes.
+    pub(super) fn removal(&self, old: &Silhouette) -> Change {
         let mut change = Change::default();
-        if let Some(new) = new {
-            self.visit(new, |word, bits, _, _| {
-                let covered = bits & !word.any;
-                change.simulated += i64::from(covered.count_ones());
-                change.both += i64::from((covered & word.foreground).count_ones());
-            });
-        }
-        if let Some(old) = old {
-            self.visit(old, |word, bits, row, column| {
-                let kept = new.map_or(0, |new| new.bits_at(row, column));
-                let uncovered = bits & !word.several & !kept;
-                change.simulated -= i64::from(uncovered.count_ones());
-                change.both -= i64::from((uncovered & word.foreground).count_ones());
-            });
-        }
+        self.visit(old, |word, bits, _, _| {
+            let uncovered = bits & !word.several;
+            change.simulated -= i64::from(uncovered.count_ones());
+            change.both -= i64::from((uncovered & word.foreground).count_ones());
+        });
+        change
+    }
+
+    /// What changes when `new` comes, after `old`, one of the bodies, has gone.
+    pub(super) fn addition(&self, new: &Silhouette, old: Option<&Silhouette>) -> Change {
+        let mut change = Change::default();
+        self.visit(new, |word, bits, row, column| {
+            let gone = old.map_or(0, |old| old.bits_at(row, column) & !word.several);
+            let covered = bits & (gone | !word.any);
+            change.simulated += i64::from(covered.count_ones());
+            change.both += i64::from((covered & word.foreground).count_ones());
+        });
         change
     }
 

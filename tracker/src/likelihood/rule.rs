@@ -161,6 +161,28 @@ mod tests {
         assert_relative_eq!(rule.log_likelihood(std::iter::empty()), 0.0);
     }
 
+    /// What the best counts that are still possible come to is then a bound.
+    #[test]
+    fn what_is_found_never_harms_and_what_is_missed_never_helps() {
+        let rules = [
+            Rule::Overlap { exponent: 3.0 },
+            Rule::Bernoulli { inside: 0.8, rim: 0.3, outside: 0.05, independent_pixels: 20.0 },
+        ];
+        for rule in rules {
+            let shapes = rule.shapes().len();
+            let value = |found: i64, missed: i64, shape: usize| {
+                let seen = |both: i64, missed: i64| Counts { foreground: 40, simulated: both + missed, both };
+                let layers =
+                    (0..shapes).map(|s| (s, if s == shape { seen(found, missed) } else { seen(7, 5) }, 30.0));
+                rule.prepared().log_likelihood(layers)
+            };
+            for (shape, found, missed) in [(0, 0, 0), (0, 12, 3), (shapes - 1, 0, 30), (shapes - 1, 39, 1)] {
+                assert!(value(found + 1, missed, shape) > value(found, missed, shape));
+                assert!(value(found, missed + 1, shape) <= value(found, missed, shape));
+            }
+        }
+    }
+
     #[test]
     fn bernoulli_is_the_sum_over_pixels() {
         // 100 pixels, drawn out: 5 foreground and 3 background in the core, 4 and 6 in the rim, 2 stray, 80 empty.

@@ -162,6 +162,7 @@ impl Mcmc {
                 key: track.key,
                 body,
                 silhouettes,
+                at_exit: floor.may_disappear(body.x_m, body.y_m),
                 known: Some(track.known()),
                 tentative: track.is_tentative(),
             }

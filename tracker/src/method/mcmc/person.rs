@@ -19,6 +19,8 @@ pub(super) struct Person {
     pub(super) body: Body,
     /// One a layer, of `body`.
     pub(super) silhouettes: Vec<Silhouette>,
+    /// Whether people may disappear where `body` stands.
+    pub(super) at_exit: bool,
     /// The belief carried over from the last moment; `None` for somebody born in this one.
     pub(super) known: Option<Known>,
     /// Not yet reported: may vanish anywhere.
@@ -26,6 +28,11 @@ pub(super) struct Person {
 }
 
 impl Person {
+    /// Whether DELETE may take them.
+    pub(super) fn may_leave(&self) -> bool {
+        self.tentative || self.at_exit
+    }
+
     /// Whether they were born in this moment.
     pub(super) fn is_new(&self) -> bool {
         self.known.is_none()

@@ -5,7 +5,7 @@ use rand_pcg::Pcg64Mcg;
 
 use super::super::options::Acceptance;
 use super::super::person::Person;
-use super::{Chain, Move, accepted, is_a_size};
+use super::{Chain, Move, is_a_size};
 use crate::silhouette::{Body, Silhouette};
 
 /// With what probability ADD takes a deletion back, when there is one to take back.
@@ -30,8 +30,7 @@ impl Chain<'_> {
         if !allowed || !is_a_size(&body) || !floor.is_standable(body.x_m, body.y_m) {
             return;
         }
-        let likelihood = self.likelihood_of(None, Some(&body));
-        let mut log_ratio = likelihood - self.log_likelihood + self.crowding(&body, None, true);
+        let mut log_ratio = self.crowding(&body, None, true);
         if options.acceptance == Acceptance::ReversibleJump {
             // The size is drawn from its prior: the two cancel. Somebody born now can be deleted wherever they are.
             let density = self.setting.births.density(body.x_m, body.y_m, options.informed_births);
@@ -41,10 +40,11 @@ impl Chain<'_> {
             let back = self.probability_of(Move::Delete, k + 1, d + 1) / (d + 1) as f64;
             log_ratio += self.setting.log_birth_density + back.ln() - forth.ln();
         }
-        if accepted(log_ratio, rng) {
+        if let Some(likelihood) = self.decide(None, Some(&body), log_ratio, rng) {
             let key = *self.next_key;
             *self.next_key += 1;
-            let person = Person { key, body, silhouettes: Vec::new(), known: None, tentative: true };
+            let at_exit = self.is_exit(&body);
+            let person = Person { key, body, silhouettes: Vec::new(), at_exit, known: None, tentative: true };
             self.take_in(person, likelihood);
         }
     }
@@ -64,21 +64,21 @@ impl Chain<'_> {
         let floor = self.setting.floor;
         let log_odds = known.log_odds;
         // Where DELETE could not have taken them from, ADD cannot put them.
-        let reversible = self.is_deletable(person, &body);
+        let at_exit = self.is_exit(&body);
+        let reversible = person.tentative || at_exit;
         if !reversible || !is_a_size(&body) || !floor.is_standable(body.x_m, body.y_m) {
             return;
         }
-        let likelihood = self.likelihood_of(None, Some(&body));
-        let mut log_ratio = likelihood - self.log_likelihood + self.crowding(&body, None, false);
+        let mut log_ratio = self.crowding(&body, None, false);
         if self.setting.options.acceptance == Acceptance::ReversibleJump {
             let (k, d) = (self.people.len(), self.deletable());
             let forth = self.probability_of(Move::Add, k, d) * REVIVE / self.gone.len() as f64;
             let back = self.probability_of(Move::Delete, k + 1, d + 1) / (d + 1) as f64;
             log_ratio += log_odds + back.ln() - forth.ln();
         }
-        if accepted(log_ratio, rng) {
+        if let Some(likelihood) = self.decide(None, Some(&body), log_ratio, rng) {
             let mut person = self.gone.swap_remove(which);
-            person.body = body;
+            (person.body, person.at_exit) = (body, at_exit);
             self.take_in(person, likelihood);
         }
     }
@@ -97,17 +97,12 @@ impl Chain<'_> {
     pub(super) fn delete(&mut self, rng: &mut Pcg64Mcg) {
         let deletable = self.deletable();
         let nth = rng.random_range(0..deletable.max(1));
-        let Some(which) = (0..self.people.len())
-            .filter(|i| self.is_deletable(&self.people[*i], &self.people[*i].body))
-            .nth(nth)
-        else {
+        let Some(which) = (0..self.people.len()).filter(|i| self.people[*i].may_leave()).nth(nth) else {
             return;
         };
         let options = self.setting.options;
-        let likelihood = self.likelihood_of(Some(which), None);
         let (person, body) = (&self.people[which], self.people[which].body);
-        let mut log_ratio =
-            likelihood - self.log_likelihood - self.crowding(&body, Some(which), person.is_new());
+        let mut log_ratio = -self.crowding(&body, Some(which), person.is_new());
         if options.acceptance == Acceptance::ReversibleJump {
             let k = self.people.len();
             let forth = self.probability_of(Move::Delete, k, deletable) / deletable as f64;
@@ -122,7 +117,7 @@ impl Chain<'_> {
                 back.ln() - forth.ln() - self.setting.log_birth_density
             };
         }
-        if accepted(log_ratio, rng) {
+        if let Some(likelihood) = self.decide(Some(which), None, log_ratio, rng) {
             let mut person = self.people.swap_remove(which);
             self.simulation.commit(Some(&person.silhouettes), None);
             self.log_likelihood = likelihood;

@@ -50,7 +50,7 @@ impl Chain<'_> {
             let person = &self.people[k];
             let body = person.body;
             let floor = self.setting.floor;
-            let reversible = self.is_deletable(person, &body)
+            let reversible = person.may_leave()
                 && (self.setting.settling || floor.may_appear(body.x_m, body.y_m))
                 && self.stands_apart(&body, Some(k));
             let Some(of_person) = person.known.as_ref().filter(|_| reversible) else { return };
@@ -62,7 +62,14 @@ impl Chain<'_> {
                 let key = *self.next_key;
                 *self.next_key += 1;
                 let person = &mut self.people[k];
-                let mut left = Person { key, body, silhouettes: Vec::new(), known: None, tentative: true };
+                let mut left = Person {
+                    key,
+                    body,
+                    silhouettes: Vec::new(),
+                    at_exit: person.at_exit,
+                    known: None,
+                    tentative: true,
+                };
                 std::mem::swap(person, &mut left);
                 std::mem::swap(&mut person.silhouettes, &mut left.silhouettes);
                 self.gone.push(left);

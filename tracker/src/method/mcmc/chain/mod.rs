@@ -34,6 +34,9 @@ use crate::stage::Floor;
 const RADII_M: std::ops::RangeInclusive<f64> = 0.10..=0.60;
 const HEIGHTS_M: std::ops::RangeInclusive<f64> = 0.8..=2.3;
 
+/// Far above what sums of logarithms are rounded by, far below what matters to a decision.
+const ROUNDING: f64 = 1e-6;
+
 /// What stays the same during a moment.
 pub(super) struct Setting<'a> {
     pub(super) floor: &'a Floor,
@@ -146,12 +149,12 @@ impl<'a> Chain<'a> {
         self.moves(people, deletable).iter().filter(|(kind, _)| *kind == wanted).map(|(_, p)| p).sum()
     }
 
-    fn is_deletable(&self, person: &Person, body: &Body) -> bool {
-        person.tentative || self.setting.floor.may_disappear(body.x_m, body.y_m)
+    fn deletable(&self) -> usize {
+        self.people.iter().filter(|p| p.may_leave()).count()
     }
 
-    fn deletable(&self) -> usize {
-        self.people.iter().filter(|p| self.is_deletable(p, &p.body)).count()
+    fn is_exit(&self, body: &Body) -> bool {
+        self.setting.floor.may_disappear(body.x_m, body.y_m)
     }
 
     /// E of one body, and under reversible jump its motion and size prior.
@@ -203,18 +206,42 @@ impl<'a> Chain<'a> {
         self.people.iter().enumerate().filter(move |(i, _)| Some(*i) != except).map(|(_, person)| person)
     }
 
-    /// Draws the proposal (into `proposed`) and works out its `log V`.
-    fn likelihood_of(&mut self, old: Option<usize>, new: Option<&Body>) -> f64 {
-        if let Some(body) = new {
-            for (layer, silhouette) in self.proposed.iter_mut().enumerate() {
-                if self.simulation.in_use(layer) {
-                    self.setting.layers.draw(layer, body, silhouette);
-                }
-            }
-        }
+    /// The Metropolis–Hastings decision about a proposal (drawn into `proposed`, and the last thing the simulation tried):
+    /// its `log V` if it is taken. `log_ratio` is the logarithm of the acceptance ratio but for V.
+    fn decide(
+        &mut self,
+        old: Option<usize>,
+        new: Option<&Body>,
+        log_ratio: f64,
+        rng: &mut Pcg64Mcg,
+    ) -> Option<f64> {
+        // The number that decides is there before the proposal is weighed, and what is sure to fall short of it need not
+        // be weighed to the end: most proposals are bad ones.
+        let mark = rng.clone().random::<f64>().ln();
+        let least = self.log_likelihood - log_ratio + mark - ROUNDING;
+        let likelihood = self.likelihood_of(old, new, least).unwrap_or(f64::NEG_INFINITY);
+        accepted(likelihood - self.log_likelihood + log_ratio, rng).then_some(likelihood)
+    }
+
+    /// Draws the proposal (into `proposed`) and works out its `log V`, camera by camera; `None` as soon as it is sure to
+    /// be less than `least`.
+    fn likelihood_of(&mut self, old: Option<usize>, new: Option<&Body>, least: f64) -> Option<f64> {
+        let layers = self.setting.layers;
         let old = old.map(|i| self.people[i].silhouettes.as_slice());
-        self.simulation.try_change(old, new.map(|_| self.proposed.as_slice()));
-        self.rule_of(self.simulation.tried())
+        self.simulation.try_removal(old);
+        for layer in 0..layers.count() {
+            if !self.simulation.in_use(layer) {
+                continue;
+            }
+            if self.rule_of(self.simulation.tried()) < least {
+                return None;
+            }
+            if let Some(body) = new {
+                layers.draw(layer, body, &mut self.proposed[layer]);
+            }
+            self.simulation.try_addition(layer, old, new.map(|_| self.proposed.as_slice()));
+        }
+        Some(self.rule_of(self.simulation.tried()))
     }
 
     fn rule_of(&self, counts: impl Iterator<Item = Option<Counts>>) -> f64 {
@@ -232,7 +259,7 @@ fn is_a_size(body: &Body) -> bool {
     RADII_M.contains(&body.radius_m) && HEIGHTS_M.contains(&body.height_m)
 }
 
-/// The Metropolis–Hastings decision.
+/// Whether a change with this acceptance ratio is taken.
 fn accepted(log_ratio: f64, rng: &mut Pcg64Mcg) -> bool {
     log_ratio >= 0.0 || rng.random::<f64>() < log_ratio.exp()
 }

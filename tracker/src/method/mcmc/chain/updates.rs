@@ -5,7 +5,7 @@ use rand_distr::StandardNormal;
 use rand_pcg::Pcg64Mcg;
 
 use super::super::options::Acceptance;
-use super::{Chain, accepted, is_a_size};
+use super::{Chain, is_a_size};
 use crate::likelihood::prior::LOG_IMPOSSIBLE;
 use crate::silhouette::Body;
 
@@ -94,16 +94,16 @@ impl Chain<'_> {
         if prior <= LOG_IMPOSSIBLE && old_prior > LOG_IMPOSSIBLE {
             return;
         }
-        let likelihood = self.likelihood_of(Some(which), Some(&body));
-        let log_ratio = likelihood - self.log_likelihood + prior - old_prior
-            + self.crowding(&body, Some(which), self.people[which].is_new())
-            - self.crowding(&old, Some(which), self.people[which].is_new())
+        let is_new = self.people[which].is_new();
+        let log_ratio = prior - old_prior + self.crowding(&body, Some(which), is_new)
+            - self.crowding(&old, Some(which), is_new)
             + log_proposal_ratio;
-        if accepted(log_ratio, rng) {
+        if let Some(likelihood) = self.decide(Some(which), Some(&body), log_ratio, rng) {
             self.simulation.commit(Some(&self.people[which].silhouettes), Some(&self.proposed));
             self.log_likelihood = likelihood;
+            let at_exit = self.is_exit(&body);
             let person = &mut self.people[which];
-            person.body = body;
+            (person.body, person.at_exit) = (body, at_exit);
             std::mem::swap(&mut person.silhouettes, &mut self.proposed);
         }
     }
