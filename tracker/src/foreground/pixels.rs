@@ -156,10 +156,11 @@ impl PixelModel {
         let width = self.width;
         for y in (self.turn as usize..frame.height() as usize).step_by(ROWS_TURN as usize) {
             let row = y * width..(y + 1) * width;
-            let frame = &frame.as_raw()[3 * row.start..3 * row.end];
-            for (i, x) in row.zip(frame.chunks_exact(3)) {
+            let pixels = frame.as_raw()[3 * row.start..3 * row.end].as_chunks::<3>().0;
+            let judged = mask.as_raw()[row.clone()].iter().zip(&score.as_raw()[row.clone()]);
+            for ((i, x), (mask, score)) in row.zip(pixels).zip(judged) {
                 let seen: [u8; 3] = std::array::from_fn(|c| table[c][x[c] as usize]);
-                if mask.as_raw()[i] == 0 && score.as_raw()[i] == 0 {
+                if mask | score == 0 {
                     for (background, seen) in self.background[i].iter_mut().zip(seen) {
                         let old = i32::from(*background);
                         // Rounded, not cut off: a bias would drift, and the exposure's fit would follow it.

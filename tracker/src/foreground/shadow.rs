@@ -64,6 +64,8 @@ pub struct Shadows {
     /// For each cell its sums, and in which frame they were made.
     cells: Vec<(Sums, u32)>,
     columns: usize,
+    /// The highest score of each column of pixels within a row of cells.
+    highest: Vec<u8>,
     frame: u32,
 }
 
@@ -97,16 +99,18 @@ impl Shadows {
         self.cells.resize(self.columns * height.div_ceil(CELL_PX), (Sums::default(), 0));
         for top in (0..height).step_by(CELL_PX) {
             let rows = top..(top + CELL_PX).min(height);
-            for left in (0..width).step_by(CELL_PX) {
-                let columns = left..(left + CELL_PX).min(width);
-                let matters = |y: usize| {
-                    let scores = &score.as_raw()[y * width + columns.start..y * width + columns.end];
-                    // Nearly all of the image is background.
-                    scores.iter().fold(0, |all, s| all | s) >= least && scores.iter().any(|s| *s >= least)
-                };
-                if !rows.clone().any(matters) {
-                    continue;
+            let mut highest = std::mem::take(&mut self.highest);
+            highest.clear();
+            highest.resize(width, 0);
+            for row in score.as_raw()[rows.start * width..rows.end * width].chunks(width) {
+                for (highest, score) in highest.iter_mut().zip(row) {
+                    *highest = (*highest).max(*score);
                 }
+            }
+            // Nearly all of the image is background.
+            let changed = highest.chunks(CELL_PX).enumerate().filter(|(_, s)| s.iter().any(|s| *s >= least));
+            for left in changed.map(|(column, _)| column * CELL_PX) {
+                let columns = left..(left + CELL_PX).min(width);
                 let shade = match self.texture(
                     &scene,
                     (score.as_raw(), least),
@@ -123,6 +127,7 @@ impl Shadows {
                     }
                 }
             }
+            self.highest = highest;
         }
     }
 
