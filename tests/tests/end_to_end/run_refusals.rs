@@ -121,6 +121,8 @@ fn names_and_options() {
     refused(&small.run(&["--rate", "0"]), &["--rate"]);
     refused(&small.run(&["--rate", "NaN"]), &["--rate"]);
     refused(&small.run(&["--steps", "1"]), &["--steps"]);
+    refused(&small.run(&["--lag=-1"]), &["--lag", "0 to 5 seconds"]);
+    refused(&small.run(&["--lag", "NaN"]), &["--lag"]);
     refused(&small.run(&["--offset", "middle=1"]), &["middle", "left, right"]);
     refused(&small.run(&["--offset", "left=1", "--offset", "left=2"]), &["left", "already"]);
     refused(&small.run(&["--offset", "left=1000"]), &["--offset", "no moment"]);

@@ -105,7 +105,7 @@ pub(crate) fn run(args: &RunArgs, console: &Console) -> anyhow::Result<String> {
 
 fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<String> {
     let started = Instant::now();
-    let sampler = args.sampler.options(args.seed)?;
+    let mut sampler = args.sampler.options(args.seed)?;
     let heads = args.heads.options(args.seed, args.sampler.published)?;
     let room = Room::read(&args.room)?;
     let sources = source::open(&room, &args.video, &args.masks)?;
@@ -127,6 +127,9 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
     let rate = schedule.mean_rate();
     let (mut method, feeds): (Box<dyn Method>, _) = match args.method {
         MethodName::Mcmc => {
+            if args.sampler.lag.is_none() && sources.iter().any(CameraSource::is_live) {
+                sampler.lag_s = 0.0;
+            }
             let method = Mcmc::new(stage.clone(), sampler)?;
             (Box::new(method), feeds(args, sources, &stage)?)
         }

@@ -21,6 +21,9 @@ enum AcceptanceName {
     ReversibleJump,
 }
 
+/// What comes later than this tells nothing more.
+const MOST_LAG_S: f64 = 5.0;
+
 /// The sampler as the user asks for it.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Sampler (--method mcmc)")]
@@ -37,6 +40,10 @@ pub(super) struct SamplerArguments {
     /// When a proposal is taken.
     #[arg(long, value_enum, value_name = "NAME")]
     acceptance: Option<AcceptanceName>,
+    /// How long after a moment its people are told, in seconds: where they go tells where they were, and who had just come in.
+    /// 0 tells at once [default: 0.4 for recordings, 0 for streams]
+    #[arg(long, value_name = "SECONDS")]
+    pub(super) lag: Option<f64>,
     /// The method as published, in every choice (any --method); its other options still change it.
     #[arg(long)]
     pub(super) published: bool,
@@ -74,6 +81,12 @@ impl SamplerArguments {
             Some(AcceptanceName::Published) => options.acceptance = Acceptance::Published,
             Some(AcceptanceName::ReversibleJump) => options.acceptance = Acceptance::ReversibleJump,
             None => {}
+        }
+        if let Some(lag) = self.lag {
+            if !(0.0..=MOST_LAG_S).contains(&lag) {
+                bail!("--lag {lag}: give 0 to {MOST_LAG_S} seconds");
+            }
+            options.lag_s = lag;
         }
         options.validate()?;
         Ok(options)

@@ -18,4 +18,15 @@ pub trait Method {
     /// # Errors
     /// When a mask or image does not fit its camera ([`crate::Error::FrameSize`]).
     fn step(&mut self, moment: &Moment<'_>) -> Result<Vec<PersonEstimate>>;
+
+    /// How long it pays to wait after a moment before its people are told, in seconds.
+    fn lag_s(&self) -> f64 {
+        0.0
+    }
+
+    /// The people of an earlier moment, by ascending id, as they are known now. Asked at most once for each moment, in order; `None`
+    /// when nothing better is known than [`Self::step`] gave.
+    fn hindsight(&mut self, _frame: u32) -> Option<Vec<PersonEstimate>> {
+        None
+    }
 }

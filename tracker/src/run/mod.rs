@@ -3,8 +3,9 @@
 mod ahead;
 mod feed;
 mod outputs;
+mod waiting;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -12,6 +13,7 @@ use image::RgbImage;
 
 use ahead::{Feeds, Next};
 pub use feed::{CameraFeed, Fed};
+use waiting::{Waiting, due};
 
 use crate::foreground::Verdict;
 use crate::method::Method;
@@ -103,6 +105,8 @@ pub fn run(
     let mut stopwatch = Stopwatch::default();
     let mut frame = options.schedule.first() - 1;
     let mut all_lost_since: Option<Instant> = None;
+    let mut waiting: VecDeque<Waiting> = VecDeque::new();
+    let lag_s = method.lag_s();
     let ended_by = thread::scope(|scope| {
         let mut feeds = Feeds::start(scope, feeds, &options.schedule, options.threads);
         loop {
@@ -121,14 +125,22 @@ pub fn run(
             stopwatch.record("foreground", parts.iter().map(|p| p.foreground).sum::<Duration>());
             let verdicts: Vec<Verdict> = parts.iter().map(|p| p.verdict).collect();
             let (cameras, real): (Vec<_>, Vec<_>) = parts.into_iter().map(|p| (p.frame, p.real)).unzip();
-            let moment = Moment { frame, time_s: options.schedule.time_s(frame)?, cameras: &cameras };
+            let time_s = options.schedule.time_s(frame)?;
+            let moment = Moment { frame, time_s, cameras: &cameras };
             let people = stopwatch.time("inference", || method.step(&moment))?;
-            let followed = Followed { moment, people: &people, verdicts: &verdicts, real: &real };
-            stopwatch.time("output", || outputs.iter_mut().try_for_each(|o| o.put(&followed)))?;
-            feeds.recycle(cameras);
+            waiting.push_back(Waiting { frame, time_s, cameras, real, verdicts, people });
+            while let Some(first) = due(&mut waiting, lag_s, time_s) {
+                stopwatch.time("output", || first.tell(method, &mut outputs))?;
+                feeds.recycle(first.cameras);
+            }
             advance();
         }
-    })?;
+    });
+    // Also where a frame cannot be decoded: what came before it has been followed.
+    for last in waiting {
+        stopwatch.time("output", || last.tell(method, &mut outputs))?;
+    }
+    let ended_by = ended_by?;
     let finishing = Instant::now();
     outputs.into_iter().try_for_each(Output::finish)?;
     tracing::debug!("outputs finished in {:.1} ms", finishing.elapsed().as_secs_f64() * 1e3);

@@ -41,6 +41,56 @@ impl Method for Count {
     }
 }
 
+/// Knows 0.25 s later who was there: the one with the frame's number.
+struct Late(f64);
+impl Method for Late {
+    fn step(&mut self, _: &Moment<'_>) -> Result<Vec<PersonEstimate>> {
+        Ok(Vec::new())
+    }
+
+    fn lag_s(&self) -> f64 {
+        self.0
+    }
+
+    fn hindsight(&mut self, frame: u32) -> Option<Vec<PersonEstimate>> {
+        Some(vec![PersonEstimate {
+            id: crate::TrackId(frame),
+            x_m: 0.0,
+            y_m: 0.0,
+            z_m: 0.0,
+            radius_m: 0.25,
+            height_m: 1.7,
+            vx: 0.0,
+            vy: 0.0,
+            sigma_m: [0.1; 2],
+            confidence: 1.0,
+            visible: Vec::new(),
+        }])
+    }
+}
+
+/// The frame, its time, who is there, and what its pictures sum up to.
+type Told = (u32, f64, Vec<u32>, u64);
+
+/// Notes what it is given.
+struct Notes<'a>(&'a std::cell::RefCell<Vec<Told>>);
+impl Output for Notes<'_> {
+    fn put(&mut self, followed: &Followed<'_>) -> Result<()> {
+        let people = followed.people.iter().map(|p| p.id.0).collect();
+        let sum = (0..followed.moment.cameras.len())
+            .filter_map(|c| followed.real_picture(c))
+            .map(|picture| picture.as_raw().iter().map(|v| u64::from(*v)).sum::<u64>())
+            .sum();
+        let Moment { frame, time_s, .. } = followed.moment;
+        self.0.borrow_mut().push((frame, time_s, people, sum));
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
+        Ok(())
+    }
+}
+
 fn floor(u: u32, v: u32) -> Rgb<u8> {
     Rgb([100 + (u % 40) as u8, 110 + (v % 30) as u8, 90])
 }
@@ -90,6 +140,12 @@ fn filmed(
     videos: &[NamedSource],
     options: &RunOptions,
 ) -> Result<(Witness, RunReport)> {
+    let mut witness = Witness::default();
+    let report = run(camera_feeds(folder, room, videos)?, &mut witness, Vec::new(), options, || {})?;
+    Ok((witness, report))
+}
+
+fn camera_feeds(folder: &Path, room: &Room, videos: &[NamedSource]) -> Result<Vec<CameraFeed>> {
     let stage = Stage::prepare(room, folder, &StageOptions::default())?;
     let empty = Backdrop::learn(&[RgbImage::from_fn(SIZE.0, SIZE.1, floor)])?;
     let feeds = source::open(room, videos, &[])?.into_iter().map(|source| {
@@ -97,10 +153,7 @@ fn filmed(
         let foreground = Foreground::new(SIZE.0, SIZE.1, start, ForegroundOptions::default())?;
         CameraFeed::new(source, Some(foreground), &stage)
     });
-    let feeds = feeds.collect::<Result<Vec<_>>>()?;
-    let mut witness = Witness::default();
-    let report = run(feeds, &mut witness, Vec::new(), options, || {})?;
-    Ok((witness, report))
+    feeds.collect()
 }
 
 #[test]
@@ -178,6 +231,40 @@ fn a_torn_picture_is_named_after_the_frames_before_it() {
         let said = followed(folder.path(), &room, threads, &times).err().unwrap().to_string();
         assert!(said.contains("003.png") && said.contains("decoded"), "{said}");
     }
+}
+
+#[test]
+fn people_are_told_later_beside_the_pictures_of_their_moment() {
+    let (folder, room) = recorded(&[("a", 40), ("b", 40)]);
+    let videos = ["a", "b"].map(|name| NamedSource {
+        name: name.to_owned(),
+        spec: folder.path().join(name).display().to_string(),
+    });
+    let noted = |lag_s: f64, threads: usize, rate: f64| {
+        let notes = std::cell::RefCell::new(Vec::new());
+        let schedule = Schedule::frame_by_frame(&Times::steady(rate).unwrap(), 2).unwrap();
+        let feeds = camera_feeds(folder.path(), &room, &videos).unwrap();
+        let outputs: Vec<Box<dyn Output>> = vec![Box::new(Notes(&notes))];
+        let report = run(feeds, &mut Late(lag_s), outputs, &RunOptions { schedule, threads }, || {});
+        (notes.into_inner(), report)
+    };
+    let (at_once, _) = noted(0.0, 1, 10.0);
+    assert!(at_once.windows(2).any(|w| w[0].3 != w[1].3), "the block walks");
+    // So fast that no more moments may wait, and so long that all do until the end.
+    for (lag_s, threads, rate) in [(0.25, 1, 10.0), (0.25, 2, 10.0), (1.0, 2, 100.0), (100.0, 1, 10.0)] {
+        let (later, report) = noted(lag_s, threads, rate);
+        assert_eq!(later.len(), 40);
+        for (i, (now, then)) in at_once.iter().zip(&later).enumerate() {
+            assert_eq!((then.0, &then.2, then.3), (i as u32 + 1, &vec![i as u32 + 1], now.3));
+            assert!((then.1 - i as f64 / rate).abs() < 1e-9);
+        }
+        assert!(report.unwrap().timings.stages.iter().all(|(_, times)| times.count == 40));
+    }
+    // What was followed before a picture that cannot be read is told, too.
+    std::fs::write(folder.path().join("b/007.png"), "torn").unwrap();
+    let (told, report) = noted(0.25, 2, 10.0);
+    assert_eq!(told.iter().map(|(frame, ..)| *frame).collect::<Vec<_>>(), (1..=7).collect::<Vec<_>>());
+    assert!(report.unwrap_err().to_string().contains("007.png"));
 }
 
 #[test]

@@ -128,6 +128,11 @@ impl CameraSource {
         self.sources().find_map(FrameSource::rate)
     }
 
+    /// Whether it shows what happens now.
+    pub fn is_live(&self) -> bool {
+        self.sources().any(FrameSource::is_live)
+    }
+
     /// The video, the masks: what there is of them.
     pub fn sources(&self) -> impl Iterator<Item = &FrameSource> {
         self.video.as_ref().map(Footage::source).into_iter().chain(&self.masks)

@@ -6,7 +6,7 @@
 //! 2. a Markov chain changes one person a step (ADD, DELETE, UPDATE-P, UPDATE-S) and takes the change by how well the
 //!    simulated masks then fit the real ones ([`chain`]);
 //! 3. the mean over the last states is the estimate ([`tally`]), and becomes the belief of the next moment ([`belief`],
-//!    [`track`]); those who are believed in are told ([`report`]).
+//!    [`track`]); those who are believed in are told ([`report`]), at once or in [`hindsight`].
 //!
 //! Where people are proposed to appear is [`births`]; what can be set is [`McmcOptions`].
 
@@ -14,6 +14,7 @@ mod belief;
 mod births;
 mod chain;
 mod evidence;
+mod hindsight;
 mod motion;
 mod options;
 mod person;
@@ -28,6 +29,7 @@ use rand_pcg::Pcg64Mcg;
 
 use self::births::{BirthMap, LeftOver};
 use self::chain::{Chain, Setting};
+use self::hindsight::Hindsight;
 pub use self::options::{Acceptance, McmcOptions, MotionOptions, MoveWeights, Spread};
 use self::person::{Key, Person};
 use self::tally::Tally;
@@ -70,6 +72,7 @@ pub struct Mcmc {
     simulation: Simulation,
     tracks: Vec<Track>,
     identities: Identities,
+    hindsight: Hindsight,
     rng: Pcg64Mcg,
     next_key: Key,
     next_id: u32,
@@ -116,6 +119,7 @@ impl Mcmc {
             anywhere,
             tracks: Vec::new(),
             identities: Identities::default(),
+            hindsight: Hindsight::default(),
             next_key: 0,
             next_id: 1,
             last_time_s: None,
@@ -265,7 +269,23 @@ impl Method for Mcmc {
         self.take_in(&tally, settling);
         self.weigh(&masks, dt_s);
         self.tell_apart(moment.cameras);
-        Ok(self.report())
+        let traces = self.traces();
+        let believed =
+            traces.iter().filter_map(|trace| Some(trace.estimate(trace.id?, &trace.motion.belief)));
+        let now = self.in_the_room(believed.collect());
+        if self.options.lag_s > 0.0 {
+            self.hindsight.keep(moment.frame, moment.time_s, self.options.lag_s, traces);
+        }
+        Ok(now)
+    }
+
+    fn lag_s(&self) -> f64 {
+        self.options.lag_s
+    }
+
+    fn hindsight(&mut self, frame: u32) -> Option<Vec<PersonEstimate>> {
+        let people = self.hindsight.of(frame)?;
+        Some(self.in_the_room(people))
     }
 }
 

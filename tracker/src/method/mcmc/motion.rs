@@ -23,9 +23,40 @@ const NOTHING_LEARNT: f64 = 0.9;
 
 /// Place (m) and velocity (m/s) on the floor, with their covariance. Order: x, y, vx, vy.
 #[derive(Debug, Clone)]
-pub(super) struct Motion {
+pub(super) struct Belief {
     pub(super) mean: Vector4<f64>,
     pub(super) covariance: Matrix4<f64>,
+}
+
+impl Belief {
+    pub(super) fn place(&self) -> Vector2<f64> {
+        self.mean.fixed_rows::<2>(0).into()
+    }
+
+    pub(super) fn velocity(&self) -> Vector2<f64> {
+        self.mean.fixed_rows::<2>(2).into()
+    }
+
+    /// Covariance of the place.
+    pub(super) fn place_covariance(&self) -> Matrix2<f64> {
+        self.covariance.fixed_view::<2, 2>(0, 0).into()
+    }
+}
+
+/// How a belief came from the moment before.
+#[derive(Debug, Clone)]
+pub(super) struct Step {
+    pub(super) transition: Matrix4<f64>,
+    /// What was believed before anything was seen.
+    pub(super) predicted: Belief,
+}
+
+/// Where somebody is and goes.
+#[derive(Debug, Clone)]
+pub(super) struct Motion {
+    pub(super) belief: Belief,
+    /// `None` for somebody who has just appeared.
+    pub(super) arrived: Option<Step>,
     lean_s: f64,
 }
 
@@ -36,37 +67,29 @@ impl Motion {
         all.fixed_view_mut::<2, 2>(0, 0).copy_from(covariance);
         all.fixed_view_mut::<2, 2>(0, 2).fill(0.0);
         all.fixed_view_mut::<2, 2>(2, 0).fill(0.0);
-        Self { mean: Vector4::new(place.x, place.y, 0.0, 0.0), covariance: all, lean_s: options.lean_s }
+        let belief = Belief { mean: Vector4::new(place.x, place.y, 0.0, 0.0), covariance: all };
+        Self { belief, arrived: None, lean_s: options.lean_s }
     }
 
     pub(super) fn place(&self) -> Vector2<f64> {
-        self.mean.fixed_rows::<2>(0).into()
-    }
-
-    pub(super) fn velocity(&self) -> Vector2<f64> {
-        self.mean.fixed_rows::<2>(2).into()
+        self.belief.place()
     }
 
     /// Where the silhouette of somebody upright would be like theirs.
     pub(super) fn silhouette_place(&self) -> Vector2<f64> {
-        self.place() + self.velocity() * self.lean_s
+        self.place() + self.belief.velocity() * self.lean_s
     }
 
     /// Covariance of [`Self::silhouette_place`].
     pub(super) fn silhouette_covariance(&self) -> Matrix2<f64> {
         let c = self.silhouette_from_state();
-        c * self.covariance * c.transpose()
+        c * self.belief.covariance * c.transpose()
     }
 
     /// C.
     fn silhouette_from_state(&self) -> Matrix2x4<f64> {
         let l = self.lean_s;
         Matrix2x4::new(1.0, 0.0, l, 0.0, 0.0, 1.0, 0.0, l)
-    }
-
-    /// Covariance of the place.
-    pub(super) fn place_covariance(&self) -> Matrix2<f64> {
-        self.covariance.fixed_view::<2, 2>(0, 0).into()
     }
 
     /// Carries the belief `dt_s` seconds on, for somebody in sight or not.
@@ -89,8 +112,9 @@ impl Motion {
             noise[(axis + 2, axis)] = pv;
             noise[(axis + 2, axis + 2)] = vv;
         }
-        self.mean = step * self.mean;
-        self.covariance = step * self.covariance * step.transpose() + noise;
+        self.belief.mean = step * self.belief.mean;
+        self.belief.covariance = step * self.belief.covariance * step.transpose() + noise;
+        self.arrived = Some(Step { transition: step, predicted: self.belief.clone() });
     }
 
     /// Takes in where the sampler found the silhouette, this belief having been its prior: the posterior's mean and covariance.
@@ -110,7 +134,11 @@ impl Motion {
         let surprise = (prior + gait).try_inverse().map_or(0.0, |inverse| shift.dot(&(inverse * shift)));
         if surprise > SURPRISE {
             // They were not where they were predicted: the prediction was worth less than it said.
-            self.covariance.fixed_view_mut::<2, 2>(0, 0).add_assign(&(shift * shift.transpose()));
+            let more = shift * shift.transpose();
+            self.belief.covariance.fixed_view_mut::<2, 2>(0, 0).add_assign(&more);
+            if let Some(step) = &mut self.arrived {
+                step.predicted.covariance.copy_from(&self.belief.covariance);
+            }
             prior = self.silhouette_covariance();
         }
         let Some(root) = prior.cholesky().map(|c| c.l()) else { return };
@@ -134,14 +162,15 @@ impl Motion {
         }
         noise += measures * gait * measures.transpose();
         let observation = measures * self.silhouette_from_state();
-        let innovation = observation * self.covariance * observation.transpose() + noise;
+        let Belief { mean, covariance } = &mut self.belief;
+        let innovation = observation * *covariance * observation.transpose() + noise;
         let Some(inverse) = innovation.try_inverse() else { return };
-        let gain = self.covariance * observation.transpose() * inverse;
-        self.mean += gain * found;
+        let gain = *covariance * observation.transpose() * inverse;
+        *mean += gain * found;
         // Joseph's form keeps the covariance a covariance.
         let rest = Matrix4::identity() - gain * observation;
-        let updated = rest * self.covariance * rest.transpose() + gain * noise * gain.transpose();
-        self.covariance = 0.5 * (updated + updated.transpose());
+        let updated = rest * *covariance * rest.transpose() + gain * noise * gain.transpose();
+        *covariance = 0.5 * (updated + updated.transpose());
     }
 }
 
@@ -153,8 +182,8 @@ mod tests {
     fn start() -> Motion {
         let options = MotionOptions::default();
         let mut motion = Motion::appeared(Vector2::new(1.0, 2.0), &(Matrix2::identity() * 0.01), &options);
-        motion.mean[2] = 0.7;
-        motion.mean[3] = -0.4;
+        motion.belief.mean[2] = 0.7;
+        motion.belief.mean[3] = -0.4;
         motion.predict(0.3, true, &options);
         motion
     }
@@ -163,10 +192,10 @@ mod tests {
     fn with_infinite_memory_the_prediction_is_the_published_one() {
         let options = MotionOptions { velocity_memory_s: f64::INFINITY, ..MotionOptions::default() };
         let mut motion = Motion::appeared(Vector2::new(1.0, 2.0), &Matrix2::identity(), &options);
-        motion.mean[2] = 0.7;
-        motion.mean[3] = -0.4;
+        motion.belief.mean[2] = 0.7;
+        motion.belief.mean[3] = -0.4;
         motion.predict(0.5, true, &options);
-        assert_relative_eq!(motion.mean, Vector4::new(1.35, 1.8, 0.7, -0.4), epsilon = 1e-12);
+        assert_relative_eq!(motion.belief.mean, Vector4::new(1.35, 1.8, 0.7, -0.4), epsilon = 1e-12);
     }
 
     #[test]
@@ -178,9 +207,12 @@ mod tests {
         let lean = options.lean_s;
         let h = Matrix2x4::new(1.0, 0.0, lean, 0.0, 0.0, 1.0, 0.0, lean);
         let update = |r: Matrix2<f64>| {
-            let s = h * prior.covariance * h.transpose() + r;
-            let k = prior.covariance * h.transpose() * s.try_inverse().unwrap();
-            (prior.mean + k * (seen - h * prior.mean), (Matrix4::identity() - k * h) * prior.covariance)
+            let s = h * prior.belief.covariance * h.transpose() + r;
+            let k = prior.belief.covariance * h.transpose() * s.try_inverse().unwrap();
+            (
+                prior.belief.mean + k * (seen - h * prior.belief.mean),
+                (Matrix4::identity() - k * h) * prior.belief.covariance,
+            )
         };
         // The sampler knows nothing of gait; the belief does.
         let (mean, covariance) = update(noise);
@@ -189,8 +221,8 @@ mod tests {
         motion.condition(&(h * mean), &sampled, &options);
 
         let (mean, covariance) = update(noise + Matrix2::identity() * 0.0025);
-        assert_relative_eq!(motion.mean, mean, epsilon = 1e-9);
-        assert_relative_eq!(motion.covariance, covariance, epsilon = 1e-9);
+        assert_relative_eq!(motion.belief.mean, mean, epsilon = 1e-9);
+        assert_relative_eq!(motion.belief.covariance, covariance, epsilon = 1e-9);
     }
 
     #[test]
@@ -199,18 +231,18 @@ mod tests {
         let mut motion = prior.clone();
         let place = prior.silhouette_place() + Vector2::new(0.03, -0.05);
         motion.condition(&place, &(prior.silhouette_covariance() * 0.95), &MotionOptions::default());
-        assert_relative_eq!(motion.mean, prior.mean, epsilon = 1e-9);
-        assert_relative_eq!(motion.covariance, prior.covariance, epsilon = 1e-9);
+        assert_relative_eq!(motion.belief.mean, prior.belief.mean, epsilon = 1e-9);
+        assert_relative_eq!(motion.belief.covariance, prior.belief.covariance, epsilon = 1e-9);
     }
 
     #[test]
     fn unseen_people_become_uncertain_and_stop_walking() {
         let (mut motion, options) = (start(), MotionOptions::default());
-        let before = motion.place_covariance().trace();
+        let before = motion.belief.place_covariance().trace();
         for _ in 0..120 {
             motion.predict(1.0 / 12.0, false, &options);
         }
-        assert!(motion.place_covariance().trace() > before + 1.0);
-        assert!(motion.velocity().norm() < 0.05);
+        assert!(motion.belief.place_covariance().trace() > before + 1.0);
+        assert!(motion.belief.velocity().norm() < 0.05);
     }
 }

@@ -133,6 +133,9 @@ pub struct McmcOptions {
     /// What a new person has to have earned (nats beyond chance) to be believed in: to get an id, to be reported, and no
     /// longer to vanish outside zones. One moment is worth at most 4, so this sets the number of moments it takes.
     pub believed_at_nats: f64,
+    /// How long after a moment its people are told, seconds: what comes after it tells where they were, and who had just
+    /// come in (published: 0).
+    pub lag_s: f64,
     /// The most people at one time.
     pub max_people: usize,
 }
@@ -162,6 +165,7 @@ impl Default for McmcOptions {
             informed_births: 0.8,
             settling_s: 0.5,
             believed_at_nats: 8.0,
+            lag_s: 0.4,
             max_people: 24,
         }
     }
@@ -179,6 +183,7 @@ impl McmcOptions {
             steps_for_s: f64::INFINITY,
             surprise: 1.0,
             informed_births: 0.0,
+            lag_s: 0.0,
             motion: MotionOptions {
                 velocity_memory_s: f64::INFINITY,
                 unseen_velocity_memory_s: f64::INFINITY,
@@ -218,6 +223,9 @@ impl McmcOptions {
             if value.is_nan() || value <= 0.0 {
                 return Err(Error::option(name, format!("{value} is not positive")));
             }
+        }
+        if !(self.lag_s >= 0.0 && self.lag_s.is_finite()) {
+            return Err(Error::option("lag_s", format!("{} is no time to wait for", self.lag_s)));
         }
         if !self.motion.lean_s.is_finite() {
             return Err(Error::option("motion.lean_s", "has to be a number"));

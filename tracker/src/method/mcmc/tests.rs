@@ -7,7 +7,7 @@ use image::{GrayImage, Luma};
 use nalgebra::{Isometry3, Point3, Vector3};
 use scenes::polygon::Polygon;
 use scenes::room::{Zone, ZoneKind};
-use scenes::synthetic::{RoomOptions, SequenceOptions, WalkerOptions};
+use scenes::synthetic::{PersonTruth, RoomOptions, SequenceOptions, WalkerOptions};
 use scenes::walkable::WalkableMap;
 
 use super::*;
@@ -31,37 +31,65 @@ fn walkers_of_a_rendered_room_are_followed_through_furniture_and_each_other() {
         SequenceOptions { frames: 240, images: false, rate_hz: RATE_HZ, ..SequenceOptions::default() },
     );
     let mut mcmc = Mcmc::new(stage, McmcOptions::default()).unwrap();
-    let (mut truths, mut found, mut error_sum_m, mut strangers) = (0, 0, 0.0, 0);
-    let mut names: BTreeMap<u32, BTreeMap<TrackId, u32>> = BTreeMap::new();
+    let waits = (mcmc.lag_s() * RATE_HZ).ceil() as u32;
+    let (mut truths, mut at_once, mut later) = (Vec::new(), Vec::new(), Vec::new());
     for frame in sequence.frames() {
         let cameras: Vec<CameraFrame> =
             frame.cameras.into_iter().map(|c| CameraFrame { mask: Some(c.mask), image: None }).collect();
         let moment = Moment { frame: frame.frame, time_s: frame.time_s, cameras: &cameras };
-        let mut people = mcmc.step(&moment).unwrap();
-        for truth in frame.people.iter().filter(|p| p.inside) {
-            truths += 1;
+        at_once.push(mcmc.step(&moment).unwrap());
+        if frame.frame > waits {
+            later.push(mcmc.hindsight(frame.frame - waits).unwrap());
+        }
+        truths.push(frame.people);
+    }
+    later.extend((truths.len() as u32 - waits + 1..=truths.len() as u32).map(|f| mcmc.hindsight(f).unwrap()));
+    let (at_once, later) = (scored(&truths, at_once), scored(&truths, later));
+    for score in [&at_once, &later] {
+        let recall = f64::from(score.found) / f64::from(score.truths);
+        println!("{score:?}");
+        assert!(score.truths > 300, "the test needs people");
+        assert!(recall > 0.9 && score.mean_m < 0.08, "recall {recall}, mean {} m", score.mean_m);
+        assert!(score.strangers * 20 < score.truths, "{} of {}", score.strangers, score.truths);
+        for (person, names) in &score.names {
+            let (most, all) = (names.values().max().copied().unwrap_or(0), names.values().sum::<u32>());
+            assert!(most * 20 >= all * 19, "person {person} went by {names:?}");
+        }
+    }
+    assert!(later.mean_m < 0.95 * at_once.mean_m && later.found >= at_once.found);
+}
+
+#[derive(Debug)]
+struct Score {
+    truths: u32,
+    found: u32,
+    strangers: u32,
+    mean_m: f64,
+    /// How often each person went by which id.
+    names: BTreeMap<u32, BTreeMap<TrackId, u32>>,
+}
+
+fn scored(truths: &[Vec<PersonTruth>], people: Vec<Vec<PersonEstimate>>) -> Score {
+    assert_eq!(truths.len(), people.len());
+    let mut score = Score { truths: 0, found: 0, strangers: 0, mean_m: 0.0, names: BTreeMap::new() };
+    let mut sum_m = 0.0;
+    for (truths, mut people) in truths.iter().zip(people) {
+        for truth in truths.iter().filter(|p| p.inside) {
+            score.truths += 1;
             let distance = |p: &PersonEstimate| (p.x_m - truth.place.x).hypot(p.y_m - truth.place.y);
             let nearest =
                 (0..people.len()).min_by(|a, b| distance(&people[*a]).total_cmp(&distance(&people[*b])));
             if let Some(i) = nearest.filter(|i| distance(&people[*i]) < 0.5) {
-                found += 1;
-                error_sum_m += distance(&people[i]);
+                score.found += 1;
+                sum_m += distance(&people[i]);
                 let person = people.swap_remove(i);
-                *names.entry(truth.id).or_default().entry(person.id).or_default() += 1;
+                *score.names.entry(truth.id).or_default().entry(person.id).or_default() += 1;
             }
         }
-        strangers += people.len();
+        score.strangers += people.len() as u32;
     }
-    assert!(truths > 300, "the test needs people: {truths}");
-    let recall = f64::from(found) / f64::from(truths);
-    let mean_m = error_sum_m / f64::from(found);
-    println!("recall {recall:.3}, mean {mean_m:.3} m, {strangers} strangers, {names:?}");
-    assert!(recall > 0.9 && mean_m < 0.08, "recall {recall}, mean {mean_m} m");
-    assert!(strangers * 20 < truths as usize, "{strangers} of {truths}");
-    for (person, names) in &names {
-        let (most, all) = (names.values().max().copied().unwrap_or(0), names.values().sum::<u32>());
-        assert!(most * 20 >= all * 19, "person {person} went by {names:?}");
-    }
+    score.mean_m = sum_m / f64::from(score.found);
+    score
 }
 
 /// Two cameras in the corners of an empty room of 6 × 5 m, with a door in the wall x = 6.

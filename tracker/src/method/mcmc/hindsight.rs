@@ -1,0 +1,205 @@
+//! What is known of a moment a little later: fixed-lag smoothing (Rauch, Tung & Striebel 1965).
+//!
+//! Where somebody goes tells where they were, and who is believed in now was there when they were not yet. So a moment is
+//! kept for a while, and its beliefs `m, P` are then corrected backwards from the latest moment, with what they predicted
+//! for the one after (`m⁻, P⁻`, by the step F):
+//!
+//! ```text
+//! G = P Fᵀ (P⁻)⁻¹      mˢ = m + G (mˢ₊₁ − m⁻)      Pˢ = P + G (Pˢ₊₁ − P⁻) Gᵀ
+//! ```
+
+use std::collections::VecDeque;
+
+use super::motion::Belief;
+use super::report::Trace;
+use crate::PersonEstimate;
+
+/// The latest moments, the oldest first.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Hindsight {
+    moments: VecDeque<Past>,
+}
+
+#[derive(Debug, Clone)]
+struct Past {
+    frame: u32,
+    time_s: f64,
+    people: Vec<Trace>,
+}
+
+impl Hindsight {
+    /// Keeps a moment for `lag_s` seconds; older ones that nobody asked for are forgotten.
+    pub(super) fn keep(&mut self, frame: u32, time_s: f64, lag_s: f64, people: Vec<Trace>) {
+        if let Some(latest_s) = self.moments.back().map(|latest| latest.time_s) {
+            while self.moments.front().is_some_and(|first| first.time_s + lag_s < latest_s - 1e-6) {
+                self.moments.pop_front();
+            }
+        }
+        self.moments.push_back(Past { frame, time_s, people });
+    }
+
+    /// The people of a moment that is still kept, as they are known now; moments up to it are forgotten.
+    pub(super) fn of(&mut self, frame: u32) -> Option<Vec<PersonEstimate>> {
+        while self.moments.front()?.frame < frame {
+            self.moments.pop_front();
+        }
+        let asked = self.moments.front().filter(|first| first.frame == frame)?;
+        let people = asked.people.iter().filter_map(|person| self.known_now(person)).collect();
+        self.moments.pop_front();
+        Some(people)
+    }
+
+    /// Somebody of the first moment, `None` if they have not been believed in until now.
+    fn known_now(&self, person: &Trace) -> Option<PersonEstimate> {
+        // The same person from moment to moment, for as long as there is one.
+        let later = self.moments.iter().map_while(|m| m.people.iter().find(|p| p.key == person.key));
+        let life: Vec<&Trace> = later.collect();
+        let named = life.iter().find(|p| p.id.is_some())?;
+        let mut belief = life.last()?.motion.belief.clone();
+        for pair in life.windows(2).rev() {
+            belief = smoothed(pair[0], pair[1], &belief);
+        }
+        let confidence = if person.id.is_some() { person.confidence } else { named.confidence };
+        Some(PersonEstimate { confidence, ..person.estimate(named.id?, &belief) })
+    }
+}
+
+/// What is known of the earlier one, the later one being known so well.
+fn smoothed(earlier: &Trace, later: &Trace, known: &Belief) -> Belief {
+    let then = &earlier.motion.belief;
+    let Some(step) = &later.motion.arrived else { return then.clone() };
+    let Some(inverse) = step.predicted.covariance.try_inverse() else { return then.clone() };
+    let gain = then.covariance * step.transition.transpose() * inverse;
+    let covariance =
+        then.covariance + gain * (known.covariance - step.predicted.covariance) * gain.transpose();
+    Belief {
+        mean: then.mean + gain * (known.mean - step.predicted.mean),
+        covariance: 0.5 * (covariance + covariance.transpose()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::motion::Motion;
+    use super::super::options::MotionOptions;
+    use super::super::report::LASTING_SIGMA_M;
+    use super::*;
+    use crate::TrackId;
+    use approx::assert_relative_eq;
+    use nalgebra::{DMatrix, DVector, Matrix2, Matrix2x4, Matrix4, Vector2};
+
+    const LAG_S: f64 = 10.0;
+
+    fn trace(motion: &Motion, id: Option<u32>, confidence: f64) -> Trace {
+        Trace {
+            key: 7,
+            id: id.map(TrackId),
+            motion: motion.clone(),
+            radius_m: 0.25,
+            height_m: 1.7,
+            confidence,
+            visible: vec![1.0],
+        }
+    }
+
+    /// What all moments together say, by solving for all states at once.
+    #[test]
+    fn going_backwards_equals_solving_for_all_moments_at_once() {
+        const MOMENTS: usize = 6;
+        let options = MotionOptions::default();
+        let lean = options.lean_s;
+        let h = Matrix2x4::new(1.0, 0.0, lean, 0.0, 0.0, 1.0, 0.0, lean);
+        let noise = Matrix2::new(0.004, 0.001, 0.001, 0.006);
+        let gait = Matrix2::identity() * options.gait_sigma_m.powi(2);
+        let found = [(1.06, 2.03), (1.17, 2.01), (1.19, 2.09), (1.33, 2.16), (1.36, 2.19)];
+
+        let mut motion = Motion::appeared(Vector2::new(1.0, 2.0), &(Matrix2::identity() * 0.01), &options);
+        let mut information = DMatrix::<f64>::zeros(4 * MOMENTS, 4 * MOMENTS);
+        let mut weighed = DVector::<f64>::zeros(4 * MOMENTS);
+        let first = motion.belief.covariance.try_inverse().unwrap();
+        information.view_mut((0, 0), (4, 4)).copy_from(&first);
+        weighed.rows_mut(0, 4).copy_from(&(first * motion.belief.mean));
+
+        let mut hindsight = Hindsight::default();
+        hindsight.keep(1, 0.0, LAG_S, vec![trace(&motion, Some(3), 1.0)]);
+        for (k, (x, y)) in found.into_iter().enumerate() {
+            // Hidden for a while.
+            let is_seen = k != 2;
+            let before = motion.belief.covariance;
+            motion.predict(0.1 + 0.05 * k as f64, is_seen, &options);
+            let f = motion.arrived.as_ref().unwrap().transition;
+            let prior = motion.belief.clone();
+            let q = (prior.covariance - f * before * f.transpose()).try_inverse().unwrap();
+            let step = 4 * k;
+            for (at, block) in [
+                ((step, step), f.transpose() * q * f),
+                ((step, step + 4), -f.transpose() * q),
+                ((step + 4, step), -q * f),
+                ((step + 4, step + 4), q),
+            ] {
+                let sum = information.fixed_view::<4, 4>(at.0, at.1) + block;
+                information.view_mut(at, (4, 4)).copy_from(&sum);
+            }
+            if is_seen {
+                // The sampler's posterior, of which the belief then makes what gait leaves of it.
+                let seen = Vector2::new(x, y);
+                let s = h * prior.covariance * h.transpose() + noise;
+                let gain = prior.covariance * h.transpose() * s.try_inverse().unwrap();
+                let mean = prior.mean + gain * (seen - h * prior.mean);
+                let covariance = (Matrix4::identity() - gain * h) * prior.covariance;
+                motion.condition(&(h * mean), &(h * covariance * h.transpose()), &options);
+                let r = (noise + gait).try_inverse().unwrap();
+                let sum = information.fixed_view::<4, 4>(step + 4, step + 4) + h.transpose() * r * h;
+                information.view_mut((step + 4, step + 4), (4, 4)).copy_from(&sum);
+                let sum = weighed.fixed_rows::<4>(step + 4) + h.transpose() * r * seen;
+                weighed.rows_mut(step + 4, 4).copy_from(&sum);
+            }
+            let time_s = k as f64 + 1.0;
+            hindsight.keep(k as u32 + 2, time_s, LAG_S, vec![trace(&motion, Some(3), 1.0)]);
+        }
+        let covariance = information.try_inverse().unwrap();
+        let mean = &covariance * weighed;
+        for k in 0..MOMENTS {
+            let people = hindsight.of(k as u32 + 1).unwrap();
+            let [person] = people.as_slice() else { panic!("{people:?}") };
+            let found = [person.x_m, person.y_m, person.vx, person.vy];
+            for (i, value) in found.into_iter().enumerate() {
+                assert_relative_eq!(value, mean[4 * k + i], epsilon = 1e-8);
+            }
+            for (axis, sigma_m) in person.sigma_m.into_iter().enumerate() {
+                let variance = covariance[(4 * k + axis, 4 * k + axis)];
+                assert_relative_eq!(sigma_m, variance.sqrt().hypot(LASTING_SIGMA_M), epsilon = 1e-8);
+            }
+        }
+    }
+
+    #[test]
+    fn who_is_believed_in_later_was_there_before_and_who_never_is_was_not() {
+        let motion = Motion::appeared(Vector2::zeros(), &Matrix2::identity(), &MotionOptions::default());
+        let other = |key| Trace { key, ..trace(&motion, None, 0.5) };
+        let mut hindsight = Hindsight::default();
+        hindsight.keep(4, 0.4, LAG_S, vec![trace(&motion, None, 0.5), other(8)]);
+        hindsight.keep(5, 0.5, LAG_S, vec![trace(&motion, None, 0.6), other(8)]);
+        hindsight.keep(6, 0.6, LAG_S, vec![trace(&motion, Some(2), 0.9)]);
+        hindsight.keep(7, 0.7, LAG_S, vec![trace(&motion, Some(9), 0.7)]);
+        let told = |people: Vec<PersonEstimate>| -> Vec<(u32, f64)> {
+            people.iter().map(|p| (p.id.0, p.confidence)).collect()
+        };
+        // As sure as when they were first believed in; an exchange of names later on changes nothing.
+        assert_eq!(told(hindsight.of(4).unwrap()), [(2, 0.9)]);
+        assert_eq!(told(hindsight.of(6).unwrap()), [(2, 0.9)]);
+        assert!(hindsight.of(5).is_none(), "moments up to the one that was asked for are forgotten");
+        assert_eq!(told(hindsight.of(7).unwrap()), [(9, 0.7)]);
+        assert!(hindsight.of(8).is_none());
+    }
+
+    #[test]
+    fn moments_that_nobody_asks_for_are_not_kept() {
+        let mut hindsight = Hindsight::default();
+        for frame in 0..1000 {
+            hindsight.keep(frame, f64::from(frame) * 0.1, 0.4, Vec::new());
+        }
+        assert!(hindsight.moments.len() <= 6, "{}", hindsight.moments.len());
+        assert!(hindsight.of(995).is_some(), "0.4 s ago");
+    }
+}
