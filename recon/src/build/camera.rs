@@ -39,11 +39,7 @@ pub(super) struct Camera {
 
 /// Works through a capture; `step` is told what is being done. Frames of a rolling shutter become what they would be,
 /// filmed at once.
-pub(super) fn see(
-    capture: &mut Capture,
-    options: &BuildOptions,
-    step: &mut dyn FnMut(String),
-) -> Result<Seen> {
+pub(super) fn see(capture: &mut Capture, options: &BuildOptions, step: &dyn Fn(String)) -> Result<Seen> {
     let name = &capture.name.clone();
     step(format!("{name}: camera motion"));
     let start = Instant::now();

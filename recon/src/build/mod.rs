@@ -12,10 +12,13 @@ mod reference_view;
 mod report;
 
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use calib::Intrinsics;
 use image::RgbImage;
+use rayon::prelude::*;
 use scenes::room::{Room, Zone};
 
 use crate::Result;
@@ -74,7 +77,7 @@ pub fn build(
     project_file: &Path,
     out: &Path,
     options: &BuildOptions,
-    progress: &mut dyn FnMut(&Step),
+    progress: &mut (dyn FnMut(&Step) + Send),
 ) -> Result<BuildReport> {
     let mut project = Project::read(project_file)?;
     let zones = options.zones.as_deref().map(scenes::room::read_zones).transpose()?;
@@ -137,37 +140,74 @@ fn captures_of(cameras: &[ProjectCamera], step: &mut dyn FnMut(String)) -> Resul
     cameras.iter().map(load).collect()
 }
 
-/// Each capture becomes motion, depth and a surface, or is found among what was kept; with the key it is kept by. `each` is
-/// told of a camera while its frames, as if filmed at once, are still there.
+/// Each capture becomes motion, depth and a surface, or is found among what was kept; with the key it is kept by. Captures
+/// are worked through beside each other. `each` is then told of the cameras one after the other, while their frames, as if
+/// filmed at once, are still there.
+///
+/// # Errors
+/// The first capture's that fails; what was made of others is kept.
 fn worked_through(
     captures: Vec<Capture>,
     kept: Option<&Kept>,
     options: &BuildOptions,
-    step: &mut dyn FnMut(String),
+    step: &mut (dyn FnMut(String) + Send),
     each: &mut dyn FnMut(usize, &Capture, &Seen),
 ) -> Result<Vec<(Camera, blake3::Hash)>> {
-    let mut cameras = Vec::with_capacity(captures.len());
-    for (index, mut capture) in captures.into_iter().enumerate() {
+    let step = Mutex::new(step);
+    let first_failed = AtomicUsize::new(usize::MAX);
+    let work = |(index, mut capture): (usize, Capture)| {
+        // Who waits to hear what is wrong with a capture need not wait for those that come after it.
+        if first_failed.load(Ordering::Relaxed) < index {
+            return None;
+        }
         let key = kept::key(&capture, options);
         let reference = capture.frames[capture.reference].clone();
-        let seen = if let Some(seen) = kept.and_then(|kept| kept.find(&capture.name, &key)) {
-            step(format!("{}: camera motion kept from before", capture.name));
-            step(format!("{}: depth kept from before", capture.name));
-            if let Some(shutter) = seen.shutter() {
-                camera::at_once(&mut capture, &seen.lens, &shutter);
-            }
-            seen
-        } else {
-            let seen = camera::see(&mut capture, options, step)?;
-            if let Some(kept) = kept {
-                kept.keep(&capture.name, &key, &seen);
-            }
-            seen
-        };
-        each(index, &capture, &seen);
-        cameras.push((Camera { name: capture.name, reference, seen }, key));
+        let seen = seen(&mut capture, &key, kept, options, &step);
+        if seen.is_err() {
+            first_failed.fetch_min(index, Ordering::Relaxed);
+        }
+        Some(seen.map(|seen| {
+            let name = capture.name.clone();
+            (capture, Camera { name, reference, seen }, key)
+        }))
+    };
+    let done: Vec<_> = captures.into_par_iter().enumerate().with_max_len(1).map(work).collect();
+    let done: Vec<(Capture, Camera, blake3::Hash)> = done.into_iter().flatten().collect::<Result<_>>()?;
+    let mut cameras = Vec::with_capacity(done.len());
+    for (index, (capture, camera, key)) in done.into_iter().enumerate() {
+        each(index, &capture, &camera.seen);
+        cameras.push((camera, key));
     }
     Ok(cameras)
+}
+
+/// One capture, worked through now or before.
+fn seen(
+    capture: &mut Capture,
+    key: &blake3::Hash,
+    kept: Option<&Kept>,
+    options: &BuildOptions,
+    step: &Mutex<&mut (dyn FnMut(String) + Send)>,
+) -> Result<Seen> {
+    let step = |what: String| {
+        // A progress bar that panicked is of no use to anybody.
+        if let Ok(mut step) = step.lock() {
+            step(what);
+        }
+    };
+    if let Some(seen) = kept.and_then(|kept| kept.find(&capture.name, key)) {
+        step(format!("{}: camera motion kept from before", capture.name));
+        step(format!("{}: depth kept from before", capture.name));
+        if let Some(shutter) = seen.shutter() {
+            camera::at_once(capture, &seen.lens, &shutter);
+        }
+        return Ok(seen);
+    }
+    let seen = camera::see(capture, options, &step)?;
+    if let Some(kept) = kept {
+        kept.keep(&capture.name, key, &seen);
+    }
+    Ok(seen)
 }
 
 /// What people have drawn into a room outlives its rebuilding: its coordinates stay.

@@ -59,7 +59,7 @@ pub fn reference_views(
     cameras: &[ProjectCamera],
     room: Option<&Path>,
     options: &BuildOptions,
-    progress: &mut dyn FnMut(&Step),
+    progress: &mut (dyn FnMut(&Step) + Send),
 ) -> Result<Vec<ReferenceView>> {
     let of = cameras.len() * STEPS_A_CAMERA;
     let mut number = 0;
