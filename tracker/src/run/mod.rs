@@ -2,61 +2,26 @@
 
 mod ahead;
 mod feed;
-mod outputs;
+mod output;
 mod waiting;
 
 use std::collections::{BTreeMap, VecDeque};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use image::RgbImage;
-
 use ahead::{Feeds, Next};
 pub use feed::{CameraFeed, Fed};
+pub use output::{Followed, Output};
 use waiting::{Waiting, due};
 
 use crate::foreground::Verdict;
 use crate::method::Method;
 use crate::source::Schedule;
 use crate::tracks::{Stopwatch, Timings};
-use crate::{Error, Moment, PersonEstimate, Result};
+use crate::{Error, Moment, Result};
 
 /// When no camera's stream has been there for so long, the run ends.
 const ALL_LOST_FOR: Duration = Duration::from_mins(1);
-
-/// One moment with what was made of it.
-#[derive(Debug, Clone, Copy)]
-pub struct Followed<'a> {
-    /// What the method was given.
-    pub moment: Moment<'a>,
-    /// What it gave back.
-    pub people: &'a [PersonEstimate],
-    /// What each camera's mask was worth.
-    pub verdicts: &'a [Verdict],
-    real: &'a [Option<RgbImage>],
-}
-
-impl Followed<'_> {
-    /// A camera's picture as it was filmed, with distortion; `None` where only masks are given.
-    pub fn real_picture(&self, camera: usize) -> Option<&RgbImage> {
-        self.real[camera].as_ref().or(self.moment.cameras[camera].image.as_ref())
-    }
-}
-
-/// Something that is made of the tracks while they grow: files, a film, a plan.
-pub trait Output {
-    /// Takes in one moment and the people in it.
-    ///
-    /// # Errors
-    /// When something cannot be written.
-    fn put(&mut self, followed: &Followed<'_>) -> Result<()>;
-
-    /// Nothing more comes.
-    ///
-    /// # Errors
-    /// When something cannot be written.
-    fn finish(self: Box<Self>) -> Result<()>;
-}
 
 /// How to run.
 #[derive(Debug, Clone, PartialEq)]

@@ -3,10 +3,11 @@
 use std::path::Path;
 
 use calib::{Camera, Intrinsics};
-use image::{GrayImage, Luma, Rgb};
+use image::{GrayImage, Luma, Rgb, RgbImage};
 use scenes::room::{Room, RoomCamera};
 
 use super::*;
+use crate::PersonEstimate;
 use crate::foreground::backdrop::Backdrop;
 use crate::foreground::{Foreground, ForegroundOptions, Start};
 use crate::source::network_camera::film;

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use image::RgbImage;
 
-use super::{Followed, Output};
+use super::output::{Followed, Output};
 use crate::foreground::Verdict;
 use crate::method::Method;
 use crate::moment::CameraFrame;

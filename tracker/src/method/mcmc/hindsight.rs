@@ -11,7 +11,7 @@
 use std::collections::VecDeque;
 
 use super::motion::Belief;
-use super::report::Trace;
+use super::trace::Trace;
 use crate::PersonEstimate;
 
 /// The latest moments, the oldest first.
@@ -82,7 +82,7 @@ fn smoothed(earlier: &Trace, later: &Trace, known: &Belief) -> Belief {
 mod tests {
     use super::super::motion::Motion;
     use super::super::options::MotionOptions;
-    use super::super::report::LASTING_SIGMA_M;
+    use super::super::trace::LASTING_SIGMA_M;
     use super::*;
     use crate::TrackId;
     use approx::assert_relative_eq;

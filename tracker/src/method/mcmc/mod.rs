@@ -21,6 +21,7 @@ mod person;
 mod report;
 mod resolution;
 mod tally;
+mod trace;
 mod track;
 
 use nalgebra::Point2;

@@ -1,10 +1,46 @@
-//! What a run leaves behind, as outputs of the pipeline.
+//! What a run leaves behind: whatever is made of the tracks while they grow.
 
-use super::{Followed, Output};
-use crate::Result;
+use image::RgbImage;
+
 use crate::film::{Film, Shot};
+use crate::foreground::Verdict;
 use crate::plan::TrajectoryPlan;
 use crate::tracks::TrackFiles;
+use crate::{Moment, PersonEstimate, Result};
+
+/// One moment with what was made of it.
+#[derive(Debug, Clone, Copy)]
+pub struct Followed<'a> {
+    /// What the method was given.
+    pub moment: Moment<'a>,
+    /// What it gave back.
+    pub people: &'a [PersonEstimate],
+    /// What each camera's mask was worth.
+    pub verdicts: &'a [Verdict],
+    pub(super) real: &'a [Option<RgbImage>],
+}
+
+impl Followed<'_> {
+    /// A camera's picture as it was filmed, with distortion; `None` where only masks are given.
+    pub fn real_picture(&self, camera: usize) -> Option<&RgbImage> {
+        self.real[camera].as_ref().or(self.moment.cameras[camera].image.as_ref())
+    }
+}
+
+/// Something that is made of the tracks while they grow: files, a film, a plan.
+pub trait Output {
+    /// Takes in one moment and the people in it.
+    ///
+    /// # Errors
+    /// When something cannot be written.
+    fn put(&mut self, followed: &Followed<'_>) -> Result<()>;
+
+    /// Nothing more comes.
+    ///
+    /// # Errors
+    /// When something cannot be written.
+    fn finish(self: Box<Self>) -> Result<()>;
+}
 
 impl Output for TrackFiles {
     fn put(&mut self, followed: &Followed<'_>) -> Result<()> {
