@@ -108,8 +108,8 @@ impl PlacedProbe<'_> {
         let first = i64::from(dy) * self.image.width as i64 + i64::from(dx);
         let (mut mean, mut square, mut shared) = ([0.0_f32; PLACES], [0.0_f32; PLACES], [0.0_f32; PLACES]);
         for (s, tap) in self.probe.samples.iter().zip(&self.taps) {
-            let index = (tap.index + first) as usize;
-            let rows = [index, index + self.image.width].map(|i| self.pairs(i));
+            let index = tap.index + first;
+            let rows = [index, index + self.image.width as i64].map(|i| self.pairs(i));
             let [Some(upper), Some(lower)] = rows else {
                 // Beside the first or the last pixels of the image.
                 return std::array::from_fn(|k| self.correlation(dx + STEP_PX * k as i32, dy));
@@ -132,7 +132,8 @@ impl PlacedProbe<'_> {
     }
 
     /// The two pixels that each place of a row lies between.
-    fn pairs(&self, index: usize) -> Option<&[[f32; 2]; PLACES]> {
+    fn pairs(&self, index: i64) -> Option<&[[f32; 2]; PLACES]> {
+        let index = usize::try_from(index).ok()?;
         self.image.from(index, 2 * PLACES)?.as_chunks::<2>().0.try_into().ok()
     }
 
