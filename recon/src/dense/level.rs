@@ -3,7 +3,6 @@
 use calib::Intrinsics;
 use image::RgbImage;
 use nalgebra::{Isometry3, Matrix3, Vector3};
-use wide::{f32x4, i32x4};
 
 use super::support::Pinhole;
 
@@ -13,10 +12,9 @@ pub(super) struct Level {
     pub(super) width: usize,
     pub(super) height: usize,
     pub(super) camera: Pinhole,
-    /// Pixels a row of `padded`.
+    /// Row length of `padded`.
     stride: usize,
-    /// Each pixel with the one below it, so that the four around a place lie side by side.
-    padded: Vec<[f32; 2]>,
+    padded: Vec<f32>,
 }
 
 impl Level {
@@ -34,10 +32,9 @@ impl Level {
         let stride = width + 3;
         let mut padded = Vec::with_capacity(stride * (height + 3));
         for y in 0..height + 3 {
-            let [row, below] = [y, y + 1].map(|y| y.saturating_sub(1).min(height - 1) * width);
+            let row = y.saturating_sub(1).min(height - 1) * width;
             for x in 0..stride {
-                let column = x.saturating_sub(1).min(width - 1);
-                padded.push([gray[row + column], gray[below + column]]);
+                padded.push(gray[row + x.saturating_sub(1).min(width - 1)]);
             }
         }
         let camera = Pinhole {
@@ -79,29 +76,27 @@ impl Level {
     pub(super) fn at(&self, x: isize, y: isize) -> f32 {
         let x = (x + 1).clamp(0, self.width as isize + 1) as usize;
         let y = (y + 1).clamp(0, self.height as isize + 1) as usize;
-        self.padded[y * self.stride + x][0]
+        self.padded[y * self.stride + x]
     }
 
-    /// Brightness between pixels, bilinear, at four places. `x` must lie in `-1 ..= width`, `y` likewise: not checked
-    /// here.
+    /// Brightness between pixels, bilinear. `x` must lie in `-0.5 ..= width`, `y` likewise: not checked here.
     #[inline]
-    pub(super) fn between(&self, x: f32x4, y: f32x4) -> f32x4 {
-        // Rounded towards zero, which is down beyond the border.
-        let (x, y) = (x + f32x4::ONE, y + f32x4::ONE);
-        let (left, top) = (x.fast_trunc_int(), y.fast_trunc_int());
-        let (fx, fy) = (x - left.round_float(), y - top.round_float());
-        let index = (top * i32x4::splat(self.stride as i32) + left).to_array();
-        let around = |lane: usize| {
-            let index = index[lane] as u32 as usize;
-            match self.padded.get(index..index + 2) {
-                Some(&[[a, b], [c, d]]) => f32x4::new([a, b, c, d]),
-                _ => f32x4::ZERO,
-            }
+    pub(super) fn between(&self, x: f32, y: f32) -> f32 {
+        // 2²³ + x rounds x to an integer in the mantissa's last bits; minus one half makes that a floor. Unlike
+        // `as usize` this has no saturation to pay for. Ties may give the pixel before, with a fraction of one.
+        const MAGIC: f32 = 8_388_608.0;
+        let (mx, my) = (x + (0.5 + MAGIC), y + (0.5 + MAGIC));
+        let (fx, fy) = (x + 1.0 - (mx - MAGIC), y + 1.0 - (my - MAGIC));
+        let index =
+            (my.to_bits() & 0x007f_ffff) as usize * self.stride + (mx.to_bits() & 0x007f_ffff) as usize;
+        let below = index + self.stride;
+        let (Some(top), Some(bottom)) =
+            (self.padded.get(index..index + 2), self.padded.get(below..below + 2))
+        else {
+            return 0.0;
         };
-        let [upper, lower, upper_right, lower_right] =
-            f32x4::transpose([around(0), around(1), around(2), around(3)]);
-        let upper = upper + fx * (upper_right - upper);
-        let lower = lower + fx * (lower_right - lower);
+        let upper = top[0] + fx * (top[1] - top[0]);
+        let lower = bottom[0] + fx * (bottom[1] - bottom[0]);
         upper + fy * (lower - upper)
     }
 }
@@ -149,19 +144,11 @@ mod tests {
     fn interpolation_is_exact_on_a_ramp_and_repeats_the_border() {
         let picture = RgbImage::from_fn(20, 10, |x, y| image::Rgb([(3 * x + 7 * y) as u8; 3]));
         let level = Level::new(&picture, &Intrinsics::from_horizontal_fov(20, 10, 60.0));
-        let inside =
-            [(0.0, 0.0), (3.0, 4.0), (3.25, 4.75), (18.999, 8.5), (19.0, 9.0), (7.0, 8.999), (0.5, 0.0)];
-        let border = [((-0.5, 0.0), 0.0), ((20.0, 10.0), 120.0), ((3.0, -0.75), 9.0)];
-        let ramp = inside.map(|(x, y)| ((x, y), 3.0 * x + 7.0 * y));
-        // In all lanes, beside others.
-        let places: Vec<((f32, f32), f32)> = ramp.into_iter().chain(border).collect();
-        for first in 0..places.len() {
-            let four: [_; 4] = std::array::from_fn(|lane| places[(first + lane) % places.len()]);
-            let read = level.between(four.map(|p| p.0.0).into(), four.map(|p| p.0.1).into()).to_array();
-            for (value, ((x, y), wanted)) in read.into_iter().zip(four) {
-                assert!((value - wanted).abs() < 1e-2, "{value} at {x}, {y}, not {wanted}");
-            }
+        for (x, y) in [(0.0, 0.0), (3.0, 4.0), (3.25, 4.75), (18.999, 8.5), (19.0, 9.0), (7.0, 8.999)] {
+            assert_relative_eq!(level.between(x, y), 3.0 * x + 7.0 * y, epsilon = 1e-2);
         }
+        assert_relative_eq!(level.between(-0.5, 0.0), 0.0, epsilon = 1e-3);
+        assert_relative_eq!(level.between(20.0, 10.0), 3.0 * 19.0 + 7.0 * 9.0, epsilon = 1e-2);
     }
 
     #[test]

@@ -23,19 +23,14 @@ pub(super) struct Source<'a> {
 impl Source<'_> {
     /// Cost of a hypothesis in one view, geometric disagreement included where the view has depth.
     fn cost(&self, patch: &Patch, x: usize, y: usize, support: &Support) -> f32 {
-        self.cost_from(self.least_cost(x, y, support), patch, support)
-    }
-
-    /// What a hypothesis costs at least: the geometric disagreement alone, 0 where the view has no depth.
-    fn least_cost(&self, x: usize, y: usize, support: &Support) -> f32 {
-        let Some(guide) = &self.guide else { return 0.0 };
-        let error = guide.return_error_px(&self.pair, x as f32, y as f32, support.w);
-        GEOMETRIC_WEIGHT * error.unwrap_or(GEOMETRIC_CAP_PX).min(GEOMETRIC_CAP_PX)
-    }
-
-    /// [`Self::cost`] where the least cost is known.
-    fn cost_from(&self, least: f32, patch: &Patch, support: &Support) -> f32 {
-        (patch.cost(support, self.image, &self.pair) + least).min(WORST)
+        let cost = patch.cost(support, self.image, &self.pair);
+        match &self.guide {
+            Some(guide) if cost < WORST => {
+                let error = guide.return_error_px(&self.pair, x as f32, y as f32, support.w);
+                (cost + GEOMETRIC_WEIGHT * error.unwrap_or(GEOMETRIC_CAP_PX).min(GEOMETRIC_CAP_PX)).min(WORST)
+            }
+            _ => cost,
+        }
     }
 }
 
@@ -91,9 +86,6 @@ pub(super) struct Problem<'a> {
     pub(super) seed: u64,
 }
 
-/// A hypothesis that costs more by this in the most telling views is not followed into the others: what is better there by
-/// so much more is better there by chance.
-const CATCHING_UP: f32 = 0.1;
 /// Cost added a pixel of geometric disagreement, and the disagreement at which it stops growing.
 const GEOMETRIC_WEIGHT: f32 = 0.15;
 const GEOMETRIC_CAP_PX: f32 = 3.0;
@@ -113,7 +105,7 @@ impl Problem<'_> {
                 let (map, table) = (&map, &table);
                 (0..width).map(move |x| {
                     let patch = Patch::new(self.reference, x, y, table);
-                    self.choose_views(&patch, x, y, &[map.supports[y * width + x]]).1[0].mean
+                    self.choose_views(&patch, x, y, &[map.supports[y * width + x]]).1[0]
                 })
             })
             .collect();
@@ -161,7 +153,7 @@ impl Problem<'_> {
         x: usize,
         y: usize,
         hypotheses: &[Support; N],
-    ) -> (Views, [Costs; N]) {
+    ) -> (Views, [f32; N]) {
         let mut all = [([WORST; N], WORST, 0); MOST_VIEWS];
         let count = self.sources.len().min(MOST_VIEWS);
         for (i, (slot, source)) in all.iter_mut().zip(&self.sources).enumerate() {
@@ -173,44 +165,14 @@ impl Problem<'_> {
         let seen = all.iter().filter(|view| view.1 < WORST).count();
         let wanted = self.best_views.min(seen.max(LEAST_VIEWS)).min(count);
         let mut views = Views { indices: [0; MOST_VIEWS], count: wanted };
-        let mut each = [Costs::default(); N];
-        for (k, (costs, _, view)) in all[..wanted].iter().enumerate() {
-            views.indices[k] = *view;
-            for (of, cost) in each.iter_mut().zip(costs) {
-                of.in_view[k] = *cost;
-                of.mean += cost / wanted.max(1) as f32;
+        let mut means = [0.0; N];
+        for (index, (costs, _, view)) in views.indices.iter_mut().zip(&all[..wanted]) {
+            *index = *view;
+            for (mean, cost) in means.iter_mut().zip(costs) {
+                *mean += cost / wanted.max(1) as f32;
             }
         }
-        (views, each)
-    }
-
-    /// What a hypothesis costs in the views, if that is less than `least`: most cost more, and one or two views tell.
-    fn cost_below(
-        &self,
-        least: &Costs,
-        views: &Views,
-        patch: &Patch,
-        x: usize,
-        y: usize,
-        support: &Support,
-    ) -> Option<Costs> {
-        let indices = &views.indices[..views.count];
-        let mut costs = Costs::default();
-        for (cost, i) in costs.in_view.iter_mut().zip(indices) {
-            *cost = self.sources[*i].least_cost(x, y, support);
-        }
-        let mean = |costs: &[f32]| costs.iter().sum::<f32>() / views.count.max(1) as f32;
-        // Over the views so far; the most telling come first.
-        let mut behind = 0.0;
-        for (k, i) in indices.iter().enumerate() {
-            if behind > CATCHING_UP || mean(&costs.in_view[..views.count]) >= least.mean {
-                return None;
-            }
-            costs.in_view[k] = self.sources[*i].cost_from(costs.in_view[k], patch, support);
-            behind += costs.in_view[k] - least.in_view[k];
-        }
-        costs.mean = mean(&costs.in_view[..views.count]);
-        (costs.mean < least.mean).then_some(costs)
+        (views, means)
     }
 
     fn improve(
@@ -245,12 +207,17 @@ impl Problem<'_> {
             .min_by(|a, b| offered[*a].1.total_cmp(&offered[*b].1));
         let favourite = first.map_or(current, |i| offered[i].0);
         let (views, [own, other]) = self.choose_views(&patch, x, y, &[current, favourite]);
-        let mut best = if other.mean < own.mean { (favourite, other) } else { (current, own) };
-        let consider = |best: &mut (Support, Costs), candidate: Support| {
+        let mut best = if other < own { (favourite, other) } else { (current, own) };
+        let consider = |best: &mut (Support, f32), candidate: Support| {
             if !allowed(&candidate) || self.is_same(&candidate, &best.0) {
                 return;
             }
-            if let Some(cost) = self.cost_below(&best.1, &views, &patch, x, y, &candidate) {
+            let total: f32 = views.indices[..views.count]
+                .iter()
+                .map(|i| self.sources[*i].cost(&patch, x, y, &candidate))
+                .sum();
+            let cost = total / views.count.max(1) as f32;
+            if cost < best.1 {
                 *best = (candidate, cost);
             }
         };
@@ -264,7 +231,7 @@ impl Problem<'_> {
         let camera = &self.reference.camera;
         let ray = camera.ray(u, v);
         let reach = 0.5f32.powi(iteration as i32);
-        let with_normal = |best: &mut (Support, Costs), w: f32, normal| {
+        let with_normal = |best: &mut (Support, f32), w: f32, normal| {
             if let Some(candidate) = Support::from_normal(w, normal, ray, camera) {
                 consider(best, candidate);
             }
@@ -284,7 +251,7 @@ impl Problem<'_> {
             let w = best.0.w + 0.3 * shrink * reach * self.step * random.signed();
             with_normal(&mut best, w, normal);
         }
-        (best.0, best.1.mean)
+        best
     }
 
     /// Planes that differ by less than a hundredth of a pixel over a patch need no second look.
@@ -305,14 +272,6 @@ impl Problem<'_> {
 pub(super) const MOST_VIEWS: usize = 8;
 /// A hypothesis seen by one view alone proves nothing.
 const LEAST_VIEWS: usize = 2;
-
-/// What one hypothesis costs.
-#[derive(Debug, Clone, Copy, Default)]
-struct Costs {
-    mean: f32,
-    /// In each of the views chosen.
-    in_view: [f32; MOST_VIEWS],
-}
 
 /// The views chosen for one pixel.
 struct Views {
