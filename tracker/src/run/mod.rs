@@ -102,10 +102,11 @@ pub fn run(
         }
     });
     // Also where a frame cannot be decoded: what came before it has been followed.
-    for last in waiting {
-        stopwatch.time("output", || last.tell(method, &mut outputs))?;
-    }
+    let told =
+        waiting.iter().try_for_each(|last| stopwatch.time("output", || last.tell(method, &mut outputs)));
+    // What went wrong first is what to mend.
     let ended_by = ended_by?;
+    told?;
     let finishing = Instant::now();
     outputs.into_iter().try_for_each(Output::finish)?;
     tracing::debug!("outputs finished in {:.1} ms", finishing.elapsed().as_secs_f64() * 1e3);

@@ -223,7 +223,7 @@ impl<'a> Chain<'a> {
         accepted(likelihood - self.log_likelihood + log_ratio, rng).then_some(likelihood)
     }
 
-    /// Draws the proposal (into `proposed`) and works out its `log V`, camera by camera; `None` as soon as it is sure to
+    /// Draws the proposal (into `proposed`) and works out its `log V`, layer by layer; `None` as soon as it is sure to
     /// be less than `least`.
     fn likelihood_of(&mut self, old: Option<usize>, new: Option<&Body>, least: f64) -> Option<f64> {
         let layers = self.setting.layers;
