@@ -1,8 +1,7 @@
 //! One room from all cameras' surfaces: merged, with its floor found, in metres, fused.
 
-use glam::Vec3;
-use nalgebra::{Isometry3, Point3, Similarity3, Vector3};
-use scenes::geometry::{Disc, Geometry};
+use nalgebra::{Isometry3, Similarity3};
+use scenes::geometry::{Disc, Geometry, point_from_vec3, vector_from_vec3};
 use scenes::room::{Room, RoomCamera};
 
 use crate::floor::{self, FloorOptions, FloorReport, SurfacePoint};
@@ -113,8 +112,8 @@ fn surface_points(surfaces: &[Surface], common_from_camera: &[Similarity3<f64>])
                 let scale = common.scaling();
                 let z = f64::from(point.z);
                 points.push(SurfacePoint {
-                    position: common * Point3::from(double(point)),
-                    normal: common.isometry.rotation * double(surface.normal[i]),
+                    position: common * point_from_vec3(point),
+                    normal: common.isometry.rotation * vector_from_vec3(surface.normal[i]),
                     area: f64::from(surface.area(i)) * (STRIDE * STRIDE) as f64 * scale * scale,
                     sigma: NOISE_PX * f64::from(surface.step) * z * z * scale,
                 });
@@ -124,10 +123,6 @@ fn surface_points(surfaces: &[Surface], common_from_camera: &[Similarity3<f64>])
     points
 }
 
-fn double(v: Vec3) -> Vector3<f64> {
-    Vector3::new(f64::from(v.x), f64::from(v.y), f64::from(v.z))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -135,7 +130,8 @@ mod tests {
     use crate::project::{PickedPoint, ProjectCamera, Scale};
     use crate::surface::rendered::Rendering;
     use calib::{Camera, Intrinsics};
-    use nalgebra::{Point2, Vector2};
+    use glam::Vec3;
+    use nalgebra::{Point2, Point3, Vector2, Vector3};
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64Mcg;
     use scenes::raycast::RayScene;

@@ -4,7 +4,8 @@ use std::time::Instant;
 
 use calib::Intrinsics;
 use image::RgbImage;
-use nalgebra::{Isometry3, Point2, Point3, Vector3};
+use nalgebra::{Isometry3, Point2, Point3};
+use scenes::geometry::vector_from_vec3;
 
 use super::{BuildOptions, CameraReport};
 use crate::capture::Capture;
@@ -116,8 +117,7 @@ pub(super) fn measure(capture: &Capture, seen: &Seen, pixels: &[Point2<f64>]) ->
     };
     let surface = &seen.surface;
     let normal = |pixel: &Point2<f64>| {
-        let n = surface.normal_at(&crate::merge::pinhole_pixel(&seen.lens, pixel)?)?;
-        Some(Vector3::new(f64::from(n.x), f64::from(n.y), f64::from(n.z)))
+        surface.normal_at(&crate::merge::pinhole_pixel(&seen.lens, pixel)?).map(vector_from_vec3)
     };
     let asked: Vec<Asked> = pixels.iter().map(|p| Asked { pixel: *p, normal: normal(p) }).collect();
     let depths = ray_depth::measure(&film, &asked, seen.range);

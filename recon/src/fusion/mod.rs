@@ -8,7 +8,7 @@ mod blocks;
 use glam::{Affine3A, Vec3};
 use nalgebra::Similarity3;
 use rayon::prelude::*;
-use scenes::geometry::Disc;
+use scenes::geometry::{Disc, point_from_vec3, vec3_from_point, vec3_from_vector, vector_from_vec3};
 
 use crate::dense::Pinhole;
 use crate::surface::{Origin, Surface};
@@ -179,11 +179,10 @@ fn looks_past(witness: &Witness<'_>, u: usize, v: usize, z: f32, options: &Fusio
 }
 
 fn moved(disc: &Disc, world: &Similarity3<f64>) -> Disc {
-    let double = |v: Vec3| nalgebra::Vector3::new(f64::from(v.x), f64::from(v.y), f64::from(v.z));
-    let single = |v: nalgebra::Vector3<f64>| Vec3::new(v.x as f32, v.y as f32, v.z as f32);
     Disc {
-        center: single((world * nalgebra::Point3::from(double(disc.center))).coords),
-        normal: single(world.isometry.rotation * double(disc.normal)).normalize_or(Vec3::Z),
+        center: vec3_from_point(&(world * point_from_vec3(disc.center))),
+        normal: vec3_from_vector(&(world.isometry.rotation * vector_from_vec3(disc.normal)))
+            .normalize_or(Vec3::Z),
         radius: disc.radius * world.scaling() as f32,
         ..*disc
     }

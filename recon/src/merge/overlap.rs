@@ -1,7 +1,7 @@
 //! Surface points that two cameras both see, found by projecting one's into the other (projective association).
 
-use glam::Vec3;
 use nalgebra::{Point3, Similarity3, Vector3};
+use scenes::geometry::{point_from_vec3, vector_from_vec3};
 
 use crate::surface::{Origin, Surface};
 
@@ -64,7 +64,7 @@ fn between(
             let Some(point) = source.point(i).filter(|_| source.origin[i] == Origin::Stereo) else {
                 continue;
             };
-            let point = double(point);
+            let point = point_from_vec3(point);
             let there = onto_from * point;
             let Some(pixel) = target.intrinsics.project(&there) else { continue };
             let (u, v) = (pixel.x.round(), pixel.y.round());
@@ -75,19 +75,15 @@ fn between(
             let Some(surface) = target.point(j).filter(|_| target.origin[j] == Origin::Stereo) else {
                 continue;
             };
-            let normal = double(target.normal[j]).coords;
-            let turned = onto_from.isometry.rotation * double(source.normal[i]).coords;
+            let normal = vector_from_vec3(target.normal[j]);
+            let turned = onto_from.isometry.rotation * vector_from_vec3(source.normal[i]);
             if turned.dot(&normal) < f64::from(LEAST_FACING) {
                 continue;
             }
-            let contact = Contact { from, point, onto, surface: double(surface), normal };
+            let contact = Contact { from, point, onto, surface: point_from_vec3(surface), normal };
             if contact.relative(poses).abs() < gate {
                 found.push(contact);
             }
         }
     }
-}
-
-fn double(v: Vec3) -> Point3<f64> {
-    Point3::new(f64::from(v.x), f64::from(v.y), f64::from(v.z))
 }

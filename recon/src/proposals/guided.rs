@@ -31,8 +31,10 @@ const LEAST_LEAD: f64 = 0.02;
 const ELSEWHERE_PX: f64 = 3.0;
 /// Rounds of matching, each with a similarity refitted to the matches before.
 const ROUNDS: usize = 3;
-/// What is off by more than so many times the median is no match.
+/// What is off by more than so many times the median is no match …
 const OUTLYING: f64 = 3.0;
+/// … but nothing is known to be nearer than this.
+const EXACT_PX: f64 = 0.01;
 
 /// A match to a fraction of a pixel: both pixels, and how well the pictures correlate.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -67,7 +69,7 @@ pub(super) fn matches(
             .collect();
         let mut off: Vec<f64> = matches.iter().map(|m| m.off_px).collect();
         off.sort_by(f64::total_cmp);
-        let Some(median) = off.get(off.len() / 2).copied() else { break };
+        let Some(median) = off.get(off.len() / 2).map(|m| m.max(EXACT_PX)) else { break };
         reach_px = (OUTLYING * median).min(tolerance_px);
         matches.retain(|m| m.off_px <= reach_px);
         let (a, b): (Vec<_>, Vec<_>) = matches.iter().map(|m| (m.positions[0], m.positions[1])).unzip();

@@ -102,5 +102,10 @@ pub fn vec3_from_vector(v: &Vector3<f64>) -> Vec3 {
 
 /// A point that is rendered or intersected → `f64` for estimation.
 pub fn point_from_vec3(v: Vec3) -> Point3<f64> {
-    Point3::new(f64::from(v.x), f64::from(v.y), f64::from(v.z))
+    vector_from_vec3(v).into()
+}
+
+/// A direction that is rendered or intersected → `f64` for estimation.
+pub fn vector_from_vec3(v: Vec3) -> Vector3<f64> {
+    Vector3::new(f64::from(v.x), f64::from(v.y), f64::from(v.z))
 }

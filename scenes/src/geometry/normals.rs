@@ -8,6 +8,8 @@ use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 use rayon::prelude::*;
 
+use super::vector_from_vec3;
+
 /// Neighbours that make a surface, the point itself among them.
 const NEIGHBOURS: NonZero<usize> = NonZero::new(13).unwrap();
 /// Neighbours on a line tell no surface: their second largest spread as a share of the largest, both squared lengths.
@@ -38,10 +40,7 @@ pub(super) fn estimate(points: &[Vec3], viewpoints: &[Vec3]) -> Vec<Vec3> {
 /// The direction of the least spread of points; offsets are taken from `origin` first, so that coordinates far from
 /// zero lose no digits.
 fn least_spread(origin: Vec3, points: &[Vec3]) -> Option<Vec3> {
-    let offset = |p: &Vec3| {
-        let d = *p - origin;
-        Vector3::new(f64::from(d.x), f64::from(d.y), f64::from(d.z))
-    };
+    let offset = |p: &Vec3| vector_from_vec3(*p - origin);
     let mean = points.iter().map(offset).sum::<Vector3<f64>>() / points.len() as f64;
     let spread: Matrix3<f64> = points.iter().map(|p| offset(p) - mean).map(|d| d * d.transpose()).sum();
     let eigen = SymmetricEigen::new(spread);

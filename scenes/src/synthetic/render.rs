@@ -4,7 +4,7 @@
 use calib::Camera;
 use glam::{IVec2, Vec3};
 use image::{GrayImage, Luma, RgbImage};
-use nalgebra::{Point2, Point3};
+use nalgebra::Point2;
 use rayon::prelude::*;
 
 use super::light::Lamps;
@@ -13,6 +13,7 @@ use super::room::SyntheticRoom;
 use super::shape::Met;
 use super::texture::unit;
 use crate::depth::DepthMap;
+use crate::geometry::point_from_vec3;
 
 /// How pictures are made.
 #[derive(Debug, Clone, PartialEq)]
@@ -147,7 +148,7 @@ impl Still {
     fn bounds(&self, center: Vec3, radius: f32) -> [usize; 4] {
         /// For what the lens's distortion stretches.
         const SLACK: f64 = 1.3;
-        let world = Point3::new(f64::from(center.x), f64::from(center.y), f64::from(center.z));
+        let world = point_from_vec3(center);
         let in_camera = self.camera.camera_from_world * world;
         let radius = f64::from(radius);
         if in_camera.z < -radius {

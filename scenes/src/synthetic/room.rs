@@ -2,7 +2,7 @@
 
 use calib::{Camera, Distortion, Intrinsics};
 use glam::{Vec2, Vec3};
-use nalgebra::{Point2, Point3};
+use nalgebra::Point2;
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -14,7 +14,7 @@ use super::shell::{self, Door, ShellMaterials};
 use super::surface::{Surfaces, Tessellation};
 use super::texture::{Material, Pattern};
 use crate::Result;
-use crate::geometry::Geometry;
+use crate::geometry::{Geometry, point_from_vec3};
 use crate::raycast::RayScene;
 use crate::room::{Room, RoomCamera, Zone, ZoneKind};
 use crate::view::look_at;
@@ -159,12 +159,11 @@ impl RoomOptions {
                     size.y * (0.5 + jitter(0.06)),
                     0.75 + jitter(0.15),
                 );
-                let point = |p: Vec3| Point3::new(f64::from(p.x), f64::from(p.y), f64::from(p.z));
                 RoomCamera {
                     name: format!("cam{i}"),
                     camera: Camera {
                         intrinsics: intrinsics.clone(),
-                        camera_from_world: look_at(&point(eye), &point(target)),
+                        camera_from_world: look_at(&point_from_vec3(eye), &point_from_vec3(target)),
                     },
                     reference: None,
                 }

@@ -9,6 +9,7 @@ use super::gait::Pose;
 use super::path::{PLAN_STEP_S, Plan, Stop, Trajectory, plan};
 use super::person::{Body, Part};
 use super::room::SyntheticRoom;
+use crate::geometry::point_from_vec3;
 
 /// Who walks, and when.
 #[derive(Debug, Clone, PartialEq)]
@@ -85,8 +86,7 @@ impl Walker {
 
     /// The middle of their head; `None` when they are not there.
     pub fn head(&self, time_s: f64) -> Option<Point3<f64>> {
-        let head = self.body.head(&self.pose(time_s)?);
-        Some(Point3::new(f64::from(head.x), f64::from(head.y), f64::from(head.z)))
+        Some(point_from_vec3(self.body.head(&self.pose(time_s)?)))
     }
 
     pub(super) fn pose(&self, time_s: f64) -> Option<Pose> {

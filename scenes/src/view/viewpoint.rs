@@ -4,7 +4,7 @@ use calib::{Camera, Intrinsics};
 use glam::Vec3;
 use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
-use crate::geometry::Geometry;
+use crate::geometry::{Geometry, point_from_vec3};
 
 /// Share of a cloud's coordinates that counts as stray at either end: a reconstruction has some wild points.
 const STRAY_SHARE: f64 = 0.01;
@@ -58,8 +58,7 @@ pub fn birds_eye(
     const RIM: f64 = 0.03;
 
     let intrinsics = Intrinsics::from_horizontal_fov(width, height, FIELD_OF_VIEW_DEG);
-    let point = |p: Vec3| Point3::new(f64::from(p.x), f64::from(p.y), f64::from(p.z));
-    let (low, high) = (point(low), point(high));
+    let (low, high) = (point_from_vec3(low), point_from_vec3(high));
     let center = nalgebra::center(&low, &high);
     let (azimuth, elevation) = (azimuth_deg.to_radians(), elevation_deg.to_radians());
     let outwards =
