@@ -93,7 +93,7 @@ fn scored(truths: &[Vec<PersonTruth>], people: Vec<Vec<PersonEstimate>>) -> Scor
 }
 
 /// Two cameras in the corners of an empty room of 6 × 5 m, with a door in the wall x = 6.
-fn empty_room() -> Stage {
+pub(super) fn empty_room() -> Stage {
     let camera = |x: f64, y: f64| {
         let pose =
             Isometry3::face_towards(&Point3::new(x, y, 2.4), &Point3::new(3.0, 2.5, 0.9), &-Vector3::z());
@@ -110,12 +110,12 @@ fn empty_room() -> Stage {
     }
 }
 
-fn standing(x_m: f64, y_m: f64) -> Body {
+pub(super) fn standing(x_m: f64, y_m: f64) -> Body {
     Body { x_m, y_m, radius_m: 0.25, height_m: 1.75 }
 }
 
 /// What the cameras of the stage see of bodies before which nothing stands.
-fn masks(stage: &Stage, bodies: &[Body]) -> Vec<CameraFrame> {
+pub(super) fn masks(stage: &Stage, bodies: &[Body]) -> Vec<CameraFrame> {
     let seen = |camera: &StageCamera| {
         let mut mask = GrayImage::new(camera.width(), camera.height());
         for body in bodies {

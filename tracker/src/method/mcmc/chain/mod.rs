@@ -17,6 +17,8 @@
 
 mod jumps;
 mod labels;
+#[cfg(test)]
+mod tests;
 mod updates;
 
 use rand::RngExt;
