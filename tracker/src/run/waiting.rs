@@ -45,3 +45,36 @@ pub(super) fn due(waiting: &mut VecDeque<Waiting>, lag_s: f64, now_s: f64) -> Op
     let is_due = waiting.len() > MOST_MOMENTS || waiting.front().is_some_and(long_enough);
     if is_due { waiting.pop_front() } else { None }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// How many moments wait after each of 40, `step_s` apart.
+    fn queue(step_s: f64, lag_s: f64) -> Vec<usize> {
+        let mut waiting = VecDeque::new();
+        let mut told = 0;
+        (0..40)
+            .map(|frame| {
+                let time_s = f64::from(frame) * step_s;
+                let (cameras, real, verdicts, people) = (vec![], vec![], vec![], vec![]);
+                waiting.push_back(Waiting { frame, time_s, cameras, real, verdicts, people });
+                while let Some(first) = due(&mut waiting, lag_s, time_s) {
+                    assert_eq!(first.frame, told, "one after the other");
+                    told += 1;
+                }
+                waiting.len()
+            })
+            .collect()
+    }
+
+    #[test]
+    fn moments_wait_as_long_as_asked_but_never_too_many_at_once() {
+        assert_eq!(queue(0.1, 0.0), vec![0; 40]);
+        // 0.1 is no binary fraction: a third tenth may come out above three tenths.
+        let three: Vec<usize> = (0..40).map(|frame| (frame + 1).min(3)).collect();
+        assert_eq!(queue(0.1, 0.3), three);
+        let most: Vec<usize> = (0..40).map(|frame| (frame + 1).min(MOST_MOMENTS)).collect();
+        assert_eq!(queue(0.01, 10.0), most);
+    }
+}
