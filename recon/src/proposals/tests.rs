@@ -3,8 +3,8 @@
 use super::*;
 use crate::surface::rendered::Rendering;
 use calib::Camera;
-use glam::Vec3;
 use nalgebra::{Isometry3, Point3, Vector3};
+use scenes::geometry::{vec3_from_point, vec3_from_vector};
 use scenes::raycast::RayScene;
 use scenes::synthetic::{CaptureOptions, RoomOptions, SyntheticRoom};
 
@@ -25,9 +25,8 @@ fn surface(room: &SyntheticRoom, camera: &Camera, seed: u64) -> Surface {
 
 /// How far a proposal's second pixel is from where the place at its first one truly is; `None` for what is hidden there.
 fn miss_px(scene: &RayScene, [a, b]: [&Camera; 2], proposal: &Proposal) -> Option<f64> {
-    let single = |v: &Vector3<f64>| Vec3::new(v.x as f32, v.y as f32, v.z as f32);
     let ray = a.camera_from_world.rotation.inverse() * a.intrinsics.unproject(&proposal.pixels[0])?;
-    let hit = scene.cast(single(&a.center().coords), single(&ray))?;
+    let hit = scene.cast(vec3_from_point(&a.center()), vec3_from_vector(&ray))?;
     let place: Point3<f64> = a.center() + ray * f64::from(hit.distance);
     Some((b.project(&place)? - proposal.pixels[1]).norm())
 }
@@ -93,6 +92,21 @@ fn surfaces_and_pictures_bear_out_the_truth_alone() {
     let step = Similarity3::new(Vector3::new(0.0, 0.0, -2.0), Vector3::zeros(), 1.0);
     let behind = evidence::of([&seen[0], &seen[1]], &(step * truth));
     assert!(behind.in_the_way > options.most_in_the_way, "{behind:?}");
+}
+
+#[test]
+fn what_fits_exactly_stays_where_it_is() {
+    let room = room(1);
+    let surface = surface(&room, &room.room.cameras[0].camera, 1);
+    let seen = Seen { surface: &surface, intensity: Intensity::new(&surface.picture) };
+    let start = Similarity3::identity();
+    let (found, matches) = guided::matches([&seen, &seen], &start, 2.0, &ProposalOptions::default()).unwrap();
+    assert!(
+        matches.len() > 100 && matches.iter().all(|m| (m.pixels[0] - m.pixels[1]).norm() < 1e-3),
+        "{}",
+        matches.len()
+    );
+    approx::assert_relative_eq!(found, start, epsilon = 1e-6);
 }
 
 #[test]
