@@ -6,7 +6,7 @@
 //! mean between the frames before and after. Frames are taken to follow each other at equal times.
 
 use calib::Intrinsics;
-use image::{Rgb, RgbImage};
+use image::RgbImage;
 use nalgebra::{Isometry3, Point2, Point3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 
@@ -68,18 +68,33 @@ impl RollingShutter {
     /// The frame as if filmed at once, interpolated bilinearly.
     pub fn frame(&self, lens: &Intrinsics, frame: usize, picture: &RgbImage) -> RgbImage {
         let (width, height) = picture.dimensions();
-        let largest = Point2::new(f64::from(width) - 1.0, f64::from(height) - 1.0);
+        let largest = [width, height].map(|side| f64::from(side) - 1.0);
+        let field = self.field(lens, frame, (width, height));
         let mut rectified = RgbImage::new(width, height);
         rectified.par_chunks_exact_mut(3 * width as usize).enumerate().for_each(|(y, row)| {
+            let along = field.row(y);
             for (x, into) in row.chunks_exact_mut(3).enumerate() {
-                let pixel = Point2::new(x as f64, y as f64);
-                let from = self.filmed(lens, frame, &pixel).unwrap_or(pixel);
-                let (u, v) = (from.x.clamp(0.0, largest.x), from.y.clamp(0.0, largest.y));
-                let seen = image::imageops::interpolate_bilinear(picture, u as f32, v as f32);
-                into.copy_from_slice(&seen.unwrap_or(Rgb([0; 3])).0);
+                let from = between(&along, x);
+                into.copy_from_slice(&color(
+                    picture,
+                    from.x.clamp(0.0, largest[0]),
+                    from.y.clamp(0.0, largest[1]),
+                ));
             }
         });
         rectified
+    }
+
+    /// Where the pixels of a grid were filmed.
+    fn field(&self, lens: &Intrinsics, frame: usize, (width, height): (u32, u32)) -> Field {
+        let columns = (width as usize).div_ceil(CELL_PX) + 1;
+        let rows = (height as usize).div_ceil(CELL_PX) + 1;
+        let filmed = |index: usize| {
+            let [x, y] = [index % columns, index / columns].map(|i| (i * CELL_PX) as f64);
+            let pixel = Point2::new(x, y);
+            self.filmed(lens, frame, &pixel).unwrap_or(pixel)
+        };
+        Field { columns, filmed: (0..columns * rows).into_par_iter().map(filmed).collect() }
     }
 
     /// From the camera at the middle row to the camera at this one.
@@ -89,10 +104,51 @@ impl RollingShutter {
     }
 }
 
+/// Where a frame's pixels were filmed changes so evenly that a grid tells it.
+const CELL_PX: usize = 2;
+
+/// Where the corners of a grid's cells were filmed.
+struct Field {
+    columns: usize,
+    /// Row by row.
+    filmed: Vec<Point2<f64>>,
+}
+
+impl Field {
+    /// Where every [`CELL_PX`]th pixel of a row was filmed.
+    fn row(&self, y: usize) -> Vec<Point2<f64>> {
+        let share = (y % CELL_PX) as f64 / CELL_PX as f64;
+        let above = &self.filmed[y / CELL_PX * self.columns..][..2 * self.columns];
+        let (above, below) = above.split_at(self.columns);
+        above.iter().zip(below).map(|(a, b)| a + share * (b - a)).collect()
+    }
+}
+
+/// Where a pixel of a row was filmed.
+fn between(along: &[Point2<f64>], x: usize) -> Point2<f64> {
+    let (left, right) = (along[x / CELL_PX], along[x / CELL_PX + 1]);
+    left + (x % CELL_PX) as f64 / CELL_PX as f64 * (right - left)
+}
+
+/// A picture's colour between pixels, bilinear; the place must lie in it.
+fn color(picture: &RgbImage, x: f64, y: f64) -> [u8; 3] {
+    let (left, top) = (x as u32, y as u32);
+    let (right, below) = ((left + 1).min(picture.width() - 1), (top + 1).min(picture.height() - 1));
+    let (fx, fy) = ((x - f64::from(left)) as f32, (y - f64::from(top)) as f32);
+    let at = |x: u32, y: u32| picture.get_pixel(x, y).0.map(f32::from);
+    let [a, b, c, d] = [at(left, top), at(right, top), at(left, below), at(right, below)];
+    std::array::from_fn(|k| {
+        let (upper, lower) = (a[k] + fx * (b[k] - a[k]), c[k] + fx * (d[k] - c[k]));
+        (upper + fy * (lower - upper) + 0.5) as u8
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use approx::assert_relative_eq;
+    use calib::Distortion;
+    use image::Rgb;
 
     /// A camera that turns by 3° a frame, to the right and about its axis.
     fn turning(readout: f64) -> (Intrinsics, RollingShutter) {
@@ -144,6 +200,29 @@ mod tests {
         assert!(edge(&filmed, 2).abs_diff(edge(&filmed, 117)) >= 3);
         let upright = shutter.frame(&lens, 2, &filmed);
         assert!((2..118).all(|y| edge(&upright, y).abs_diff(80) <= 1));
+    }
+
+    #[test]
+    fn a_grid_tells_where_all_pixels_were_filmed() {
+        let (mut lens, shutter) = turning(0.6);
+        lens.distortion = Distortion { k1: -0.15, k2: 0.03, p1: 0.001, p2: 0.0, k3: 0.0 };
+        // Sizes that cells divide and others.
+        for size in [(160, 120), (157, 113), (1, 1)] {
+            let field = shutter.field(&lens, 2, size);
+            for (x, y) in (0..size.1).flat_map(|y| (0..size.0).map(move |x| (x, y))) {
+                let filmed = shutter.filmed(&lens, 2, &Point2::new(f64::from(x), f64::from(y))).unwrap();
+                let off = (between(&field.row(y as usize), x as usize) - filmed).norm();
+                assert!(off < 0.002, "{off} px at {x}, {y}");
+            }
+        }
+    }
+
+    #[test]
+    fn colours_between_pixels_are_weighted_by_nearness() {
+        let picture = RgbImage::from_fn(3, 2, |x, y| Rgb([(40 * x + 100 * y) as u8, 7, (20 * x) as u8]));
+        assert_eq!(color(&picture, 0.25, 0.5), [60, 7, 5]);
+        assert_eq!(color(&picture, 2.0, 1.0), [180, 7, 40]);
+        assert_eq!(color(&picture, 1.9, 0.0), [76, 7, 38]);
     }
 
     #[test]
