@@ -1,6 +1,7 @@
 //! Brightness as `f32`, slightly smoothed: what patches are cut from and registered in.
 
 use image::RgbImage;
+use wide::{f32x4, i32x4};
 
 /// Smoothing before patches are compared: enough that bilinear reading between pixels is unbiased, and that
 /// gradients rise above the sensor's noise.
@@ -38,15 +39,25 @@ impl Intensity {
         for k in &mut kernel {
             *k /= total;
         }
-        let clamp = |i: isize, n: usize| i.clamp(0, n as isize - 1) as usize;
-        let across = Self::from_fn(self.width, self.height, |x, y| {
-            let row = &self.values[y * self.width..(y + 1) * self.width];
-            kernel.iter().zip(-reach..).map(|(k, i)| k * row[clamp(x as isize + i, self.width)]).sum()
-        });
-        Self::from_fn(self.width, self.height, |x, y| {
-            let at = |i: isize| across.values[clamp(y as isize + i, self.height) * self.width + x];
-            kernel.iter().zip(-reach..).map(|(k, i)| k * at(i)).sum()
-        })
+        let (width, height, reach) = (self.width, self.height, reach as usize);
+        let mut across = vec![0.0; width * height];
+        let mut wider = vec![0.0; width + 2 * reach];
+        for (row, into) in self.values.chunks_exact(width).zip(across.chunks_exact_mut(width)) {
+            wider[..reach].fill(row[0]);
+            wider[reach..reach + width].copy_from_slice(row);
+            wider[reach + width..].fill(row[width - 1]);
+            for (k, from) in kernel.iter().zip(wider.windows(width)) {
+                add_times(into, *k, from);
+            }
+        }
+        let mut values = vec![0.0; width * height];
+        for (y, into) in values.chunks_exact_mut(width).enumerate() {
+            for (i, k) in kernel.iter().enumerate() {
+                let from = (y + i).saturating_sub(reach).min(height - 1);
+                add_times(into, *k, &across[from * width..][..width]);
+            }
+        }
+        Self { width, height, values }
     }
 
     /// Half the size, each pixel the mean of four.
@@ -79,6 +90,34 @@ impl Intensity {
         self.between(top as usize * self.width + left as usize, fx, fy)
     }
 
+    /// [`Self::at`] four places. What lies outside the image reads as something in it, or 0.
+    #[inline]
+    pub(crate) fn at_four(&self, x: f32x4, y: f32x4) -> f32x4 {
+        let (left, top) = (x.fast_trunc_int(), y.fast_trunc_int());
+        let (fx, fy) = (x - left.round_float(), y - top.round_float());
+        let index = (top * i32x4::splat(self.width as i32) + left).to_array();
+        let row = |down: usize| {
+            let pair = |lane: usize| {
+                let index = index[lane] as u32 as usize + down;
+                match self.values.get(index..index + 2) {
+                    Some(&[a, b]) => [a, b],
+                    _ => [0.0, 0.0],
+                }
+            };
+            let [a, b, c, d] = [pair(0), pair(1), pair(2), pair(3)];
+            let (left, right) = (f32x4::new([a[0], b[0], c[0], d[0]]), f32x4::new([a[1], b[1], c[1], d[1]]));
+            left + fx * (right - left)
+        };
+        let (above, below) = (row(0), row(self.width));
+        above + fy * (below - above)
+    }
+
+    /// The brightness of `count` pixels from the one with an index on, in rows; `None` beyond the image.
+    #[inline]
+    pub(crate) fn from(&self, index: usize, count: usize) -> Option<&[f32]> {
+        self.values.get(index..index + count)
+    }
+
     /// Bilinear reading right of and below the pixel with an index, by fractions of a pixel.
     #[inline]
     pub(crate) fn between(&self, index: usize, fx: f32, fy: f32) -> f32 {
@@ -87,5 +126,52 @@ impl Intensity {
         let above = upper[0] + fx * (upper[1] - upper[0]);
         let below = lower[0] + fx * (lower[1] - lower[0]);
         above + fy * (below - above)
+    }
+}
+
+/// `into += factor · from`.
+fn add_times(into: &mut [f32], factor: f32, from: &[f32]) {
+    for (sum, value) in into.iter_mut().zip(from) {
+        *sum += factor * value;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn uneven(width: usize, height: usize) -> Intensity {
+        Intensity::from_fn(width, height, |x, y| ((x * x * 7 + y * 31 + x * y * 3) % 200) as f32)
+    }
+
+    #[test]
+    fn smoothing_is_a_weighted_mean_with_the_border_repeated() {
+        let image = uneven(23, 9);
+        let smooth = image.smoothed(0.8);
+        let clamped =
+            |x: i32, y: i32| f64::from(image.pixel(x.clamp(0, 22) as usize, y.clamp(0, 8) as usize));
+        for (x, y) in (0..9).flat_map(|y| (0..23).map(move |x| (x, y))) {
+            let (mut sum, mut total) = (0.0, 0.0);
+            for (dx, dy) in (-3..=3).flat_map(|dy: i32| (-3..=3).map(move |dx: i32| (dx, dy))) {
+                let weight = (-0.5 * f64::from(dx * dx + dy * dy) / 0.64).exp();
+                sum += weight * clamped(x + dx, y + dy);
+                total += weight;
+            }
+            let found = f64::from(smooth.pixel(x as usize, y as usize));
+            assert!((found - sum / total).abs() < 1e-3, "{found} at {x}, {y}, not {}", sum / total);
+        }
+    }
+
+    #[test]
+    fn four_places_read_as_each_does() {
+        let image = uneven(30, 20);
+        let places = [(0.0, 0.0), (3.25, 7.5), (28.9, 18.9), (11.0, 0.125), (0.5, 18.0), (17.75, 3.0)];
+        for first in 0..places.len() {
+            let four: [(f64, f64); 4] = std::array::from_fn(|lane| places[(first + lane) % places.len()]);
+            let read = image.at_four(four.map(|p| p.0 as f32).into(), four.map(|p| p.1 as f32).into());
+            for (value, (x, y)) in read.to_array().into_iter().zip(four) {
+                assert!((value - image.at(x, y)).abs() < 1e-2, "{value} at {x}, {y}");
+            }
+        }
     }
 }

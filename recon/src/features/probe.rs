@@ -1,6 +1,6 @@
 //! A patch thinned out, for looking through many places by correlation before it is registered at the best.
 
-use nalgebra::{Matrix2, Point2};
+use nalgebra::{Matrix2, Point2, Vector2};
 
 use super::intensity::Intensity;
 use super::register::{MIN_CONTRAST, Patch, window};
@@ -9,18 +9,18 @@ impl Patch {
     /// Every second pixel of the patch, deformed: what is tried at many places before registration.
     pub(crate) fn probe(&self, affine: &Matrix2<f64>) -> Probe {
         let kept = |(x, y): &(i32, i32)| (x + self.radius) % 2 == 0 && (y + self.radius) % 2 == 0;
-        let taken: Vec<usize> =
-            window(self.radius).enumerate().filter(|(_, at)| kept(at)).map(|(index, _)| index).collect();
-        let at: Vec<(i32, i32)> = window(self.radius).collect();
-        let total: f64 = taken.iter().map(|i| self.weights[*i]).sum();
-        let mean = taken.iter().map(|i| self.weights[*i] * self.values[*i]).sum::<f64>() / total;
-        let samples: Vec<Sample> = taken
-            .iter()
-            .map(|&i| Sample {
-                aside: affine * nalgebra::Vector2::new(f64::from(at[i].0), f64::from(at[i].1)),
-                weight: (self.weights[i] / total) as f32,
-                value: (self.values[i] - mean) as f32,
+        let taken: Vec<(f32, f32, Vector2<f64>)> = window(self.radius)
+            .filter(kept)
+            .map(|(x, y)| {
+                let (weight, value) = self.at(x, y);
+                (weight, value, affine * Vector2::new(f64::from(x), f64::from(y)))
             })
+            .collect();
+        let total: f32 = taken.iter().map(|(weight, ..)| weight).sum();
+        let mean = taken.iter().map(|(weight, value, _)| weight * value).sum::<f32>() / total;
+        let samples: Vec<Sample> = taken
+            .into_iter()
+            .map(|(weight, value, aside)| Sample { aside, weight: weight / total, value: value - mean })
             .collect();
         let reach = f64::from(self.radius) * (affine.row(0).abs().sum()).max(affine.row(1).abs().sum());
         // Rounding must not carry a sample beyond it.
@@ -29,6 +29,11 @@ impl Patch {
         Probe { samples, reach, deviation }
     }
 }
+
+/// Pixels between the places of a [`PlacedProbe::row`].
+pub(crate) const STEP_PX: i32 = 2;
+/// Places of a [`PlacedProbe::row`].
+pub(crate) const PLACES: usize = 8;
 
 /// A coarse, deformed patch.
 pub(crate) struct Probe {
@@ -39,7 +44,7 @@ pub(crate) struct Probe {
 }
 
 struct Sample {
-    aside: nalgebra::Vector2<f64>,
+    aside: Vector2<f64>,
     /// All add up to 1.
     weight: f32,
     /// Weighted mean 0.
@@ -83,9 +88,7 @@ struct Tap {
 impl PlacedProbe<'_> {
     /// [`Probe::correlation`], `dx` and `dy` pixels beside the centre.
     pub(crate) fn correlation(&self, dx: i32, dy: i32) -> Option<f32> {
-        let (x, y) = (self.center.x + f64::from(dx), self.center.y + f64::from(dy));
-        let held = |sign: f64| self.image.holds(x + sign * self.probe.reach, y + sign * self.probe.reach);
-        if !(held(-1.0) && held(1.0)) {
+        if !self.holds(dx, dy) {
             return None;
         }
         let moved = i64::from(dy) * self.image.width as i64 + i64::from(dx);
@@ -97,6 +100,51 @@ impl PlacedProbe<'_> {
             square += weighted * read;
             shared += weighted * s.value;
         }
+        self.normalised(mean, square, shared)
+    }
+
+    /// [`Self::correlation`] at places [`STEP_PX`] apart, from `dx` on.
+    pub(crate) fn row(&self, dx: i32, dy: i32) -> [Option<f32>; PLACES] {
+        let first = i64::from(dy) * self.image.width as i64 + i64::from(dx);
+        let (mut mean, mut square, mut shared) = ([0.0_f32; PLACES], [0.0_f32; PLACES], [0.0_f32; PLACES]);
+        for (s, tap) in self.probe.samples.iter().zip(&self.taps) {
+            let index = tap.index + first;
+            let rows = [index, index + self.image.width as i64].map(|i| self.pairs(i));
+            let [Some(upper), Some(lower)] = rows else {
+                // Beside the first or the last pixels of the image.
+                return std::array::from_fn(|k| self.correlation(dx + STEP_PX * k as i32, dy));
+            };
+            let [fx, fy] = tap.fraction;
+            for k in 0..PLACES {
+                let above = upper[k][0] + fx * (upper[k][1] - upper[k][0]);
+                let below = lower[k][0] + fx * (lower[k][1] - lower[k][0]);
+                let read = above + fy * (below - above);
+                let weighted = s.weight * read;
+                mean[k] += weighted;
+                square[k] += weighted * read;
+                shared[k] += weighted * s.value;
+            }
+        }
+        std::array::from_fn(|k| {
+            let held = self.holds(dx + STEP_PX * k as i32, dy);
+            held.then(|| self.normalised(mean[k], square[k], shared[k]))?
+        })
+    }
+
+    /// The two pixels that each place of a row lies between.
+    fn pairs(&self, index: i64) -> Option<&[[f32; 2]; PLACES]> {
+        let index = usize::try_from(index).ok()?;
+        self.image.from(index, 2 * PLACES)?.as_chunks::<2>().0.try_into().ok()
+    }
+
+    /// Whether the whole probe lies in the image.
+    fn holds(&self, dx: i32, dy: i32) -> bool {
+        let (x, y) = (self.center.x + f64::from(dx), self.center.y + f64::from(dy));
+        let held = |sign: f64| self.image.holds(x + sign * self.probe.reach, y + sign * self.probe.reach);
+        held(-1.0) && held(1.0)
+    }
+
+    fn normalised(&self, mean: f32, square: f32, shared: f32) -> Option<f32> {
         let deviation = (square - mean * mean).max(0.0).sqrt();
         let contrast = f64::from(deviation) >= MIN_CONTRAST;
         contrast.then(|| shared / (deviation * self.probe.deviation).max(f32::MIN_POSITIVE))
@@ -121,7 +169,7 @@ mod tests {
         let center = Point2::new(12.37, 20.81);
         let placed = probe.placed(&image, &center);
         for (dx, dy) in (-20..30).step_by(3).flat_map(|x| (-20..30).step_by(4).map(move |y| (x, y))) {
-            let at = center + nalgebra::Vector2::new(f64::from(dx), f64::from(dy));
+            let at = center + Vector2::new(f64::from(dx), f64::from(dy));
             let corners = [-probe.reach, probe.reach].map(|r| image.holds(at.x + r, at.y + r));
             let (mut weights, mut reads, mut values) = (Vec::new(), Vec::new(), Vec::new());
             if corners == [true, true] {
@@ -145,5 +193,24 @@ mod tests {
             }
         }
         assert!(placed.correlation(0, 0).is_some() && placed.correlation(-20, 0).is_none());
+    }
+
+    #[test]
+    fn a_row_tells_what_its_places_do() {
+        let image = Intensity::from_fn(64, 40, |x, y| texture(x as f64, y as f64));
+        let home = Warp { center: Point2::new(30.0, 20.0), affine: Matrix2::identity() };
+        let probe = Patch::cut(&image, &home, 6).unwrap().probe(&Matrix2::new(1.1, -0.2, 0.15, 0.9));
+        // Inside, and at each border and corner of the image.
+        for (x, y) in
+            [(31.4, 19.2), (8.2, 20.0), (55.9, 19.0), (30.0, 7.9), (30.0, 32.3), (9.0, 8.5), (56.1, 31.6)]
+        {
+            let placed = probe.placed(&image, &Point2::new(x, y));
+            for (dx, dy) in (-20..9).flat_map(|dx| (-8..9).map(move |dy| (dx, dy))) {
+                for (k, found) in placed.row(dx, dy).into_iter().enumerate() {
+                    let wanted = placed.correlation(dx + STEP_PX * k as i32, dy);
+                    assert_eq!(found, wanted, "{k} from {dx}, {dy} at {x}, {y}");
+                }
+            }
+        }
     }
 }

@@ -10,6 +10,7 @@ use nalgebra::{Point2, Vector2};
 use rayon::prelude::*;
 
 use super::intensity::Intensity;
+use super::probe::{PLACES, STEP_PX};
 use super::register::{Patch, Warp};
 use super::{FeatureOptions, Track};
 
@@ -24,8 +25,6 @@ pub(crate) struct RevisitOptions {
     pub(crate) min_lead: f32,
 }
 
-/// Pixels between the places at which correlation is tried.
-const STEP_PX: i32 = 2;
 /// Places this close to the best belong to its peak.
 const PEAK_PX: f64 = 3.5;
 
@@ -70,13 +69,16 @@ fn look_for(patch: &Patch, image: &Intensity, start: &Warp, how: &RevisitOptions
     let probe = patch.probe(&start.affine);
     let placed = probe.placed(image, &start.center);
     let steps = how.search_px / STEP_PX;
-    let places = (-steps..=steps).flat_map(|y| (-steps..=steps).map(move |x| (x, y)));
-    let tried: Vec<(Point2<f64>, f32)> = places
-        .filter_map(|(x, y)| {
-            let (dx, dy) = (x * STEP_PX, y * STEP_PX);
-            Some((start.center + Vector2::new(f64::from(dx), f64::from(dy)), placed.correlation(dx, dy)?))
-        })
-        .collect();
+    let mut tried: Vec<(Point2<f64>, f32)> = Vec::with_capacity((2 * steps + 1).pow(2) as usize);
+    for y in -steps..=steps {
+        for first in (-steps..=steps).step_by(PLACES) {
+            let row = placed.row(STEP_PX * first, STEP_PX * y);
+            tried.extend((first..=steps).zip(row).filter_map(|(x, correlation)| {
+                let aside = Vector2::new(f64::from(STEP_PX * x), f64::from(STEP_PX * y));
+                Some((start.center + aside, correlation?))
+            }));
+        }
+    }
     let (best, highest) = *tried.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
     let rivalled =
         tried.iter().any(|(center, c)| (center - best).norm() > PEAK_PX && *c > highest - how.min_lead);
