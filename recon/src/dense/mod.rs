@@ -36,6 +36,8 @@ pub struct DenseOptions {
     pub largest_parallax_deg: f64,
     /// A hypothesis has to please this many views, the best ones.
     pub best_views: usize,
+    /// A hypothesis that costs more by this in the most telling views than the best one so far is not tried in the others.
+    pub catching_up: f32,
     /// Grey levels at which a neighbour's weight in a patch falls to 1/e.
     pub color_sigma: f32,
     /// How often images are halved for the first round, from random hypotheses: at least once.
@@ -60,6 +62,7 @@ impl Default for DenseOptions {
             least_shared_view: 0.6,
             largest_parallax_deg: 35.0,
             best_views: 4,
+            catching_up: f32::INFINITY,
             color_sigma: 10.0,
             halvings: 1,
             iterations: [5, 2, 3],
@@ -72,14 +75,16 @@ impl Default for DenseOptions {
 }
 
 impl DenseOptions {
-    /// For a first look: the first round at a quarter of the size, fewer key frames and rounds.
+    /// For a first look: the first round at a quarter of the size, fewer key frames and rounds, and hypotheses that fall
+    /// behind given up early.
     pub fn draft() -> Self {
         Self {
-            key_frames: 6,
+            key_frames: 5,
             sources: 4,
             best_views: 3,
+            catching_up: 0.1,
             halvings: 2,
-            iterations: [4, 1, 1],
+            iterations: [3, 1, 1],
             ..Self::default()
         }
     }
@@ -329,6 +334,7 @@ fn problem<'a>(
         range: view.range,
         step: inverse_depth_step(views, index, view.levels[halved].1.fx),
         best_views: options.best_views,
+        catching_up: options.catching_up,
         color_sigma: options.color_sigma,
         iterations: options.iterations[usize::from(maps.is_some())],
         seed: options.seed.wrapping_add(index as u64),
@@ -375,6 +381,7 @@ fn refine_reference(
         range: reference.range,
         step: inverse_depth_step(views, 0, pinhole.fx),
         best_views: options.best_views,
+        catching_up: options.catching_up,
         color_sigma: options.color_sigma,
         iterations: options.iterations[2],
         seed: options.seed.wrapping_add(views.len() as u64),

@@ -23,14 +23,19 @@ pub(super) struct Source<'a> {
 impl Source<'_> {
     /// Cost of a hypothesis in one view, geometric disagreement included where the view has depth.
     fn cost(&self, patch: &Patch, x: usize, y: usize, support: &Support) -> f32 {
-        let cost = patch.cost(support, self.image, &self.pair);
-        match &self.guide {
-            Some(guide) if cost < WORST => {
-                let error = guide.return_error_px(&self.pair, x as f32, y as f32, support.w);
-                (cost + GEOMETRIC_WEIGHT * error.unwrap_or(GEOMETRIC_CAP_PX).min(GEOMETRIC_CAP_PX)).min(WORST)
-            }
-            _ => cost,
-        }
+        self.cost_from(self.least_cost(x, y, support), patch, support)
+    }
+
+    /// What a hypothesis costs at least: the geometric disagreement alone, 0 where the view has no depth.
+    fn least_cost(&self, x: usize, y: usize, support: &Support) -> f32 {
+        let Some(guide) = &self.guide else { return 0.0 };
+        let error = guide.return_error_px(&self.pair, x as f32, y as f32, support.w);
+        GEOMETRIC_WEIGHT * error.unwrap_or(GEOMETRIC_CAP_PX).min(GEOMETRIC_CAP_PX)
+    }
+
+    /// [`Self::cost`] where the least cost is known.
+    fn cost_from(&self, least: f32, patch: &Patch, support: &Support) -> f32 {
+        (patch.cost(support, self.image, &self.pair) + least).min(WORST)
     }
 }
 
@@ -80,6 +85,8 @@ pub(super) struct Problem<'a> {
     pub(super) step: f32,
     /// How many of the sources, the best ones, a hypothesis has to please.
     pub(super) best_views: usize,
+    /// A hypothesis that costs more by this in the most telling views is not tried in the others.
+    pub(super) catching_up: f32,
     /// Grey levels at which a neighbour's weight in a patch falls to 1/e.
     pub(super) color_sigma: f32,
     pub(super) iterations: usize,
@@ -99,31 +106,33 @@ impl Problem<'_> {
             let supports = (0..width * height).map(|i| self.draw(i)).collect();
             SupportMap { width, height, supports, costs: Vec::new() }
         });
-        map.costs = (0..height)
+        let mut known: Vec<Costs> = (0..height)
             .into_par_iter()
             .flat_map_iter(|y| {
                 let (map, table) = (&map, &table);
                 (0..width).map(move |x| {
                     let patch = Patch::new(self.reference, x, y, table);
-                    self.choose_views(&patch, x, y, &[map.supports[y * width + x]]).1[0]
+                    self.choose_views(&patch, x, y, &[(map.supports[y * width + x], None)]).1[0]
                 })
             })
             .collect();
+        map.costs = known.iter().map(|costs| costs.mean).collect();
         for iteration in 0..self.iterations {
             for colour in 0..2 {
-                let rows: Vec<Vec<(Support, f32)>> = (0..height)
+                let rows: Vec<Vec<(Support, Costs)>> = (0..height)
                     .into_par_iter()
                     .map(|y| {
                         ((y + colour) % 2..width)
                             .step_by(2)
-                            .map(|x| self.improve(&map, x, y, iteration, &table))
+                            .map(|x| self.improve(&map, &known[y * width + x], x, y, iteration, &table))
                             .collect()
                     })
                     .collect();
                 for (y, row) in rows.into_iter().enumerate() {
-                    for (x, (support, cost)) in ((y + colour) % 2..width).step_by(2).zip(row) {
+                    for (x, (support, costs)) in ((y + colour) % 2..width).step_by(2).zip(row) {
                         map.supports[y * width + x] = support;
-                        map.costs[y * width + x] = cost;
+                        map.costs[y * width + x] = costs.mean;
+                        known[y * width + x] = costs;
                     }
                 }
             }
@@ -144,7 +153,8 @@ impl Problem<'_> {
         })
     }
 
-    /// The views in which at least one of `hypotheses` fares best, and the cost of each hypothesis over them.
+    /// The views in which at least one of `hypotheses` fares best, and the cost of each hypothesis over them. What one is
+    /// known to cost in a view is not told anew.
     ///
     /// Fewer than wanted where the image's border leaves fewer views, but at least two.
     fn choose_views<const N: usize>(
@@ -152,12 +162,19 @@ impl Problem<'_> {
         patch: &Patch,
         x: usize,
         y: usize,
-        hypotheses: &[Support; N],
-    ) -> (Views, [f32; N]) {
+        hypotheses: &[(Support, Option<&Costs>); N],
+    ) -> (Views, [Costs; N]) {
         let mut all = [([WORST; N], WORST, 0); MOST_VIEWS];
         let count = self.sources.len().min(MOST_VIEWS);
+        let mut each = [Costs::UNKNOWN; N];
         for (i, (slot, source)) in all.iter_mut().zip(&self.sources).enumerate() {
-            let costs = hypotheses.map(|h| source.cost(patch, x, y, &h));
+            let costs = hypotheses.map(|(support, known)| {
+                let known = known.map(|costs| costs.in_view[i]).filter(|cost| !cost.is_nan());
+                known.unwrap_or_else(|| source.cost(patch, x, y, &support))
+            });
+            for (of, cost) in each.iter_mut().zip(costs) {
+                of.in_view[i] = cost;
+            }
             *slot = (costs, costs.iter().copied().fold(WORST, f32::min), i);
         }
         let all = &mut all[..count];
@@ -165,24 +182,56 @@ impl Problem<'_> {
         let seen = all.iter().filter(|view| view.1 < WORST).count();
         let wanted = self.best_views.min(seen.max(LEAST_VIEWS)).min(count);
         let mut views = Views { indices: [0; MOST_VIEWS], count: wanted };
-        let mut means = [0.0; N];
-        for (index, (costs, _, view)) in views.indices.iter_mut().zip(&all[..wanted]) {
-            *index = *view;
-            for (mean, cost) in means.iter_mut().zip(costs) {
-                *mean += cost / wanted.max(1) as f32;
+        for (k, (costs, _, view)) in all[..wanted].iter().enumerate() {
+            views.indices[k] = *view;
+            for (of, cost) in each.iter_mut().zip(costs) {
+                of.mean += cost / wanted.max(1) as f32;
             }
         }
-        (views, means)
+        (views, each)
+    }
+
+    /// What a hypothesis costs in the views, if that is less than `least`: most cost more, and one or two views tell.
+    fn cost_below(
+        &self,
+        least: &Costs,
+        views: &Views,
+        patch: &Patch,
+        x: usize,
+        y: usize,
+        support: &Support,
+    ) -> Option<Costs> {
+        let indices = &views.indices[..views.count];
+        let mut in_views = [0.0; MOST_VIEWS];
+        for (cost, i) in in_views.iter_mut().zip(indices) {
+            *cost = self.sources[*i].least_cost(x, y, support);
+        }
+        let mean = |in_views: &[f32]| in_views[..views.count].iter().sum::<f32>() / views.count.max(1) as f32;
+        // Over the views so far; the most telling come first.
+        let mut behind = 0.0;
+        for (k, i) in indices.iter().enumerate() {
+            if behind > self.catching_up || mean(&in_views) >= least.mean {
+                return None;
+            }
+            in_views[k] = self.sources[*i].cost_from(in_views[k], patch, support);
+            behind += in_views[k] - least.in_view[*i];
+        }
+        let mut costs = Costs { mean: mean(&in_views), ..Costs::UNKNOWN };
+        for (cost, i) in in_views.iter().zip(indices) {
+            costs.in_view[*i] = *cost;
+        }
+        (costs.mean < least.mean).then_some(costs)
     }
 
     fn improve(
         &self,
         map: &SupportMap,
+        known: &Costs,
         x: usize,
         y: usize,
         iteration: usize,
         table: &Weights,
-    ) -> (Support, f32) {
+    ) -> (Support, Costs) {
         let width = self.reference.width;
         let pixel = y * width + x;
         let patch = Patch::new(self.reference, x, y, table);
@@ -206,18 +255,14 @@ impl Problem<'_> {
             .filter(|i| allowed(&offered[*i].0))
             .min_by(|a, b| offered[*a].1.total_cmp(&offered[*b].1));
         let favourite = first.map_or(current, |i| offered[i].0);
-        let (views, [own, other]) = self.choose_views(&patch, x, y, &[current, favourite]);
-        let mut best = if other < own { (favourite, other) } else { (current, own) };
-        let consider = |best: &mut (Support, f32), candidate: Support| {
+        let (views, [own, other]) =
+            self.choose_views(&patch, x, y, &[(current, Some(known)), (favourite, None)]);
+        let mut best = if other.mean < own.mean { (favourite, other) } else { (current, own) };
+        let consider = |best: &mut (Support, Costs), candidate: Support| {
             if !allowed(&candidate) || self.is_same(&candidate, &best.0) {
                 return;
             }
-            let total: f32 = views.indices[..views.count]
-                .iter()
-                .map(|i| self.sources[*i].cost(&patch, x, y, &candidate))
-                .sum();
-            let cost = total / views.count.max(1) as f32;
-            if cost < best.1 {
+            if let Some(cost) = self.cost_below(&best.1, &views, &patch, x, y, &candidate) {
                 *best = (candidate, cost);
             }
         };
@@ -231,7 +276,7 @@ impl Problem<'_> {
         let camera = &self.reference.camera;
         let ray = camera.ray(u, v);
         let reach = 0.5f32.powi(iteration as i32);
-        let with_normal = |best: &mut (Support, f32), w: f32, normal| {
+        let with_normal = |best: &mut (Support, Costs), w: f32, normal| {
             if let Some(candidate) = Support::from_normal(w, normal, ray, camera) {
                 consider(best, candidate);
             }
@@ -272,6 +317,19 @@ impl Problem<'_> {
 pub(super) const MOST_VIEWS: usize = 8;
 /// A hypothesis seen by one view alone proves nothing.
 const LEAST_VIEWS: usize = 2;
+
+/// What one hypothesis costs.
+#[derive(Debug, Clone, Copy)]
+struct Costs {
+    /// Over the views it was tried in, or over those it was chosen for.
+    mean: f32,
+    /// In each of the sources; NaN where it was not tried.
+    in_view: [f32; MOST_VIEWS],
+}
+
+impl Costs {
+    const UNKNOWN: Self = Self { mean: 0.0, in_view: [f32::NAN; MOST_VIEWS] };
+}
 
 /// The views chosen for one pixel.
 struct Views {
