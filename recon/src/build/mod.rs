@@ -49,8 +49,8 @@ pub struct BuildOptions {
     pub planes: PlaneOptions,
     /// Joining cameras, floor, discs.
     pub assemble: AssembleOptions,
-    /// Draws the plan at half its usual size, in a quarter of the time.
-    pub small_plan: bool,
+    /// Draws plan and previews at half their usual size, in a quarter of the time.
+    pub small_pictures: bool,
 }
 
 /// What is being done, for a progress bar.
@@ -119,7 +119,7 @@ pub fn build(
     let references: Vec<(&str, &RgbImage)> =
         cameras.iter().map(|(c, _)| (c.name.as_str(), &c.reference)).collect();
     output::write(out, &mut room, &references, &mut |dir, room| {
-        preview::write(dir, room, &references, options.small_plan)?;
+        preview::write(dir, room, &references, options.small_pictures)?;
         for (camera, key) in &cameras {
             Kept::keep_in(dir, &camera.name, key, &camera.seen);
         }

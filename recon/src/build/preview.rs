@@ -4,6 +4,7 @@
 use std::path::Path;
 
 use calib::undistort::UndistortMap;
+use image::imageops::{self, FilterType};
 use image::{Rgb, RgbImage};
 use scenes::canvas::{Canvas, Color};
 use scenes::depth::{self, DepthMap};
@@ -21,16 +22,11 @@ const GAP: u32 = 6;
 /// The floor plan; not in `preview/`, where a camera may be called so.
 const PLAN: &str = "plan.png";
 
-/// Writes `plan.png`, of half the size for a `small_plan`, and `preview/NAME.png` for each camera.
-pub(super) fn write(
-    dir: &Path,
-    room: &Room,
-    references: &[(&str, &RgbImage)],
-    small_plan: bool,
-) -> Result<()> {
+/// Writes `plan.png` and `preview/NAME.png` for each camera; at half their size if they are to be `small`.
+pub(super) fn write(dir: &Path, room: &Room, references: &[(&str, &RgbImage)], small: bool) -> Result<()> {
     // Of the room as it is read, and kept beside it: the first `tracker run` in it need not draw the plan again.
     let mut options = PlanOptions { room_dir: Some(dir.to_owned()), ..PlanOptions::default() };
-    if small_plan {
+    if small {
         options.longest_side_px /= 2;
     }
     write_png(&dir.join(PLAN), &FloorPlan::new(&Room::read(dir)?, &options)?.into_image())?;
@@ -39,7 +35,12 @@ pub(super) fn write(
     for (camera, (name, reference)) in room.cameras.iter().zip(references) {
         let mut pinhole = camera.camera.clone();
         pinhole.intrinsics = pinhole.intrinsics.pinhole();
-        let seen = UndistortMap::new(&camera.camera.intrinsics).image(reference);
+        let mut seen = UndistortMap::new(&camera.camera.intrinsics).image(reference);
+        if small {
+            let (width, height) = (seen.width().div_ceil(2), seen.height().div_ceil(2));
+            seen = imageops::resize(&seen, width, height, FilterType::Triangle);
+            pinhole.intrinsics = pinhole.intrinsics.resized(width, height);
+        }
         let depth = colored(&depth::render(&scene, &pinhole));
         let options = ViewOptions { samples: 1, shading: 0.0, brighten: false, ..ViewOptions::default() };
         let drawn = View::new(geometry, &scene, &pinhole, &options).image();

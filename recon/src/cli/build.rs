@@ -61,6 +61,13 @@ impl Quality {
             Self::Full => DenseOptions::default(),
         }
     }
+
+    pub(super) fn motion(self) -> MotionOptions {
+        match self {
+            Self::Draft => MotionOptions::draft(),
+            Self::Full => MotionOptions::default(),
+        }
+    }
 }
 
 /// Works with so many threads from now on, if it is said with how many.
@@ -77,10 +84,10 @@ impl Build {
         limit_threads(self.threads)?;
         let dense = self.quality.dense();
         let zones = self.zones.clone();
-        let motion = MotionOptions { refine_lens: self.refine_intrinsics, ..MotionOptions::default() };
-        let small_plan = self.quality == Quality::Draft;
+        let motion = MotionOptions { refine_lens: self.refine_intrinsics, ..self.quality.motion() };
+        let small_pictures = self.quality == Quality::Draft;
         let options =
-            BuildOptions { zones, seed: self.seed, motion, dense, small_plan, ..BuildOptions::default() };
+            BuildOptions { zones, seed: self.seed, motion, dense, small_pictures, ..BuildOptions::default() };
         let mut stages: Option<Stages> = None;
         let report = build::build(&self.project, &self.out, &options, &mut |step| {
             stages.get_or_insert_with(|| console.stages(step.of)).show(step.number, &step.what);
