@@ -42,7 +42,9 @@ fn proposals_are_given_up_early_only_where_they_would_be_refused() {
                 Person { key, body, silhouettes, at_exit: false, known: None, tentative: true }
             })
             .collect();
-        people.iter().for_each(|person| simulation.insert(&person.silhouettes));
+        for person in &people {
+            simulation.insert(&person.silhouettes);
+        }
         let setting = Setting {
             floor: &stage.floor,
             layers: &layers,
