@@ -1,6 +1,6 @@
 //! Prints the error of `recon`'s camera motion against the true poses: office and, where at hand, hololens.
 //!
-//! `cargo run --release -p tests --example motion_error [SET/CAMERA…] [--seed N | --seeds COUNT] [--no-intrinsics | --refine] [--draft]`
+//! `cargo run --release -p tests --example motion_error [SET/CAMERA…] [--seed N | --seeds COUNT] [--no-intrinsics | --refine]`
 //!
 //! With `--seeds`, the worst of that many is printed too.
 
@@ -19,11 +19,6 @@ fn main() {
     let first = number("--seed").unwrap_or(MotionOptions::default().seed);
     let seeds = first..first + number("--seeds").unwrap_or(1);
     let without_lens = arguments.iter().any(|a| a == "--no-intrinsics");
-    let usual = if arguments.iter().any(|a| a == "--draft") {
-        MotionOptions::draft()
-    } else {
-        MotionOptions::default()
-    };
     let refine_lens = arguments.iter().any(|a| a == "--refine");
     let asked: Vec<&String> = arguments.iter().filter(|a| a.contains('/')).collect();
     // "shipped" is the office as compact video, beside this crate.
@@ -44,7 +39,7 @@ fn main() {
         let mut worst = (0.0_f64, 0.0_f64);
         for seed in seeds.clone() {
             print!("{name:13} ");
-            let options = MotionOptions { seed, refine_lens, ..usual.clone() };
+            let options = MotionOptions { seed, refine_lens, ..MotionOptions::default() };
             match measure(&folder, camera, intrinsics, &options, without_lens) {
                 Ok(error) => {
                     worst = (worst.0.max(error.position_rms_cm), worst.1.max(error.rotation_rms_deg));

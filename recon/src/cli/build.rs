@@ -61,13 +61,6 @@ impl Quality {
             Self::Full => DenseOptions::default(),
         }
     }
-
-    pub(super) fn motion(self) -> MotionOptions {
-        match self {
-            Self::Draft => MotionOptions::draft(),
-            Self::Full => MotionOptions::default(),
-        }
-    }
 }
 
 /// Works with so many threads from now on, if it is said with how many.
@@ -84,7 +77,7 @@ impl Build {
         limit_threads(self.threads)?;
         let dense = self.quality.dense();
         let zones = self.zones.clone();
-        let motion = MotionOptions { refine_lens: self.refine_intrinsics, ..self.quality.motion() };
+        let motion = MotionOptions { refine_lens: self.refine_intrinsics, ..MotionOptions::default() };
         let small_pictures = self.quality == Quality::Draft;
         let options =
             BuildOptions { zones, seed: self.seed, motion, dense, small_pictures, ..BuildOptions::default() };

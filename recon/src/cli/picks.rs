@@ -67,8 +67,8 @@ impl Picks {
         if picture == self.out {
             bail!("{}: tables and picture need files of their own; give --picture", self.out.display());
         }
-        let (motion, dense) = (self.quality.motion(), self.quality.dense());
-        let options = BuildOptions { seed: self.seed, motion, dense, ..BuildOptions::default() };
+        let options =
+            BuildOptions { seed: self.seed, dense: self.quality.dense(), ..BuildOptions::default() };
         let mut stages: Option<Stages> = None;
         let views = build::reference_views(&cameras, self.room.as_deref(), &options, &mut |step| {
             stages.get_or_insert_with(|| console.stages(step.of)).show(step.number, &step.what);

@@ -79,12 +79,12 @@ impl DenseOptions {
     /// behind given up early.
     pub fn draft() -> Self {
         Self {
-            key_frames: 5,
+            key_frames: 6,
             sources: 4,
             best_views: 3,
             catching_up: 0.1,
             halvings: 2,
-            iterations: [3, 1, 1],
+            iterations: [4, 1, 1],
             ..Self::default()
         }
     }

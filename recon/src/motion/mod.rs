@@ -44,10 +44,6 @@ pub struct MotionOptions {
     pub features: FeatureOptions,
     /// Seed of the random samples.
     pub seed: u64,
-    /// Of so many lost features one is looked for again.
-    pub revisited_every: usize,
-    /// Points that the time in which a frame's rows are read is looked for with.
-    pub readout_points: usize,
     /// Rounds of adjustment and renewed triangulation at the end.
     pub polish_rounds: usize,
     /// Largest noise of a pixel coordinate that still counts as a rigid scene seen by this lens.
@@ -67,8 +63,6 @@ impl Default for MotionOptions {
         Self {
             features: FeatureOptions::default(),
             seed: 1,
-            revisited_every: 1,
-            readout_points: 700,
             polish_rounds: 3,
             max_noise_px: 1.5,
             min_parallax_deg: 1.0,
@@ -76,14 +70,6 @@ impl Default for MotionOptions {
             min_explained: 0.6,
             refine_lens: false,
         }
-    }
-}
-
-impl MotionOptions {
-    /// For a first look: fewer features, of which every second one is looked for again, and fewer rounds.
-    pub fn draft() -> Self {
-        let features = FeatureOptions { count: 500, grid: 14, ..FeatureOptions::default() };
-        Self { features, revisited_every: 2, readout_points: 400, polish_rounds: 2, ..Self::default() }
     }
 }
 
@@ -186,8 +172,8 @@ pub fn estimate(capture: &Capture, options: &MotionOptions) -> Result<(Motion, M
     rival::warn(&capture.name, &sketch, other.as_ref());
     sketch.polish(lens, options.polish_rounds);
     let explained = sketch.explained_share(agreement_px(&sketch));
-    revisit::revisit(&mut sketch, &capture.frames, options, lens);
-    let readout = readout::settle(&mut sketch, lens, options.readout_points);
+    revisit::revisit(&mut sketch, &capture.frames, &options.features, lens, options.polish_rounds);
+    let readout = readout::settle(&mut sketch, lens);
     let lens = lens::settle(&mut sketch, &capture.name, capture.intrinsics.is_some(), options.refine_lens);
     finish(capture, options, &sketch, Before { features, starts, explained, readout, lens })
 }

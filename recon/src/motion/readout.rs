@@ -25,17 +25,18 @@ const LEAST_GAIN: f64 = 0.1;
 const SEARCHES: usize = 6;
 /// Rounds of polish with a better readout.
 const ROUNDS: usize = 2;
+/// Points that one number is looked for with; all are adjusted once it is found.
+const POINTS: usize = 700;
 
-/// Finds the readout of a polished sketch and brings its tracks to the middle rows' instants; 0 where none is seen. It is
-/// looked for with so many `points`; all are adjusted once it is found.
-pub(super) fn settle(sketch: &mut Sketch<'_>, lens: LensFreedom, points: usize) -> f64 {
+/// Finds the readout of a polished sketch and brings its tracks to the middle rows' instants; 0 where none is seen.
+pub(super) fn settle(sketch: &mut Sketch<'_>, lens: LensFreedom) -> f64 {
     let fast = RollingShutter::new(1.0, &sketch.poses, sketch.intrinsics.height).shift_px(&sketch.intrinsics);
     let least = LEAST_SHIFT_PX / fast.max(f64::MIN_POSITIVE);
     if STEP < least {
         return 0.0;
     }
     let square = |sketch: &Sketch<'_>| sketch.noise_px().powi(2);
-    let some = some_of(sketch, points);
+    let some = some_of(sketch);
     let Some(mut best) = adjusted(&some, &some, 0.0, lens, ROUNDS) else { return 0.0 };
     let (none, mut readout) = (square(&best), 0.0);
     for _ in 0..SEARCHES {
@@ -63,10 +64,10 @@ pub(super) fn settle(sketch: &mut Sketch<'_>, lens: LensFreedom, points: usize) 
     readout
 }
 
-/// Every so many tracks that have a point, of all parts of the capture; `points` at most.
-fn some_of<'a>(sketch: &Sketch<'a>, points: usize) -> Sketch<'a> {
+/// Every so many tracks that have a point, of all parts of the capture.
+fn some_of<'a>(sketch: &Sketch<'a>) -> Sketch<'a> {
     let known: Vec<usize> = (0..sketch.points.len()).filter(|t| sketch.points[*t].is_some()).collect();
-    let kept = known.iter().step_by(known.len().div_ceil(points.max(1)).max(1));
+    let kept = known.iter().step_by(known.len().div_ceil(POINTS).max(1));
     let (tracks, points): (Vec<Track>, _) =
         kept.map(|t| (sketch.tracks[*t].clone(), sketch.points[*t])).unzip();
     Sketch { tracks: tracks.into(), points, ..sketch.clone() }
@@ -176,7 +177,7 @@ mod tests {
             sketch.points = points;
             sketch.polish(LensFreedom::Fixed, ROUNDS).unwrap();
             let noise = sketch.noise_px();
-            let found = settle(&mut sketch, LensFreedom::Fixed, 700);
+            let found = settle(&mut sketch, LensFreedom::Fixed);
             if readout == 0.0 {
                 assert!(found.abs() < f64::EPSILON, "{found} where all rows were read at once");
                 continue;

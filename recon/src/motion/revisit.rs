@@ -9,12 +9,11 @@ use image::RgbImage;
 use nalgebra::{Isometry3, Matrix2, Point2, Point3, Vector2, Vector3};
 use rayon::prelude::*;
 
-use super::MotionOptions;
 use super::sketch::{Adjustment, Sketch};
 use super::triangulation::Acceptance;
 use crate::bundle::{LensFreedom, Loss};
 use crate::features::revisit::{RevisitOptions, seen_again};
-use crate::features::{Intensity, Track, Warp};
+use crate::features::{FeatureOptions, Intensity, Track, Warp};
 
 /// How far from its prediction a feature is looked for, round after round, pixels.
 const SEARCH_PX: [i32; 2] = [12, LAST_SEARCH_PX];
@@ -33,15 +32,15 @@ const TAKING_IN_PX: [(f64, f64); 2] = [(12.0, 4.0), (8.0, 2.0)];
 pub(super) fn revisit(
     sketch: &mut Sketch<'_>,
     frames: &[RgbImage],
-    options: &MotionOptions,
+    options: &FeatureOptions,
     lens: LensFreedom,
+    polish_rounds: usize,
 ) {
     let images: Vec<Intensity> = frames.par_iter().map(Intensity::new).collect();
     for search_px in SEARCH_PX {
         let how = RevisitOptions { search_px, min_correlation: MIN_CORRELATION, min_lead: MIN_LEAD };
-        let looked_for = |track: usize| track.is_multiple_of(options.revisited_every);
-        let predict = |track, frame| looked_for(track).then(|| predicted(sketch, track, frame))?;
-        let tracks: Vec<Track> = seen_again(&images, &sketch.tracks, predict, &how, &options.features);
+        let predict = |track, frame| predicted(sketch, track, frame);
+        let tracks: Vec<Track> = seen_again(&images, &sketch.tracks, predict, &how, options);
         sketch.tracks = tracks.into();
         for (max_error_px, scale_px) in TAKING_IN_PX {
             let accept = Acceptance { max_error_px, min_angle: 0.5_f64.to_radians(), min_sightings: 3 };
@@ -49,7 +48,7 @@ pub(super) fn revisit(
             sketch.adjust(&Adjustment { gate_px: 2.0 * max_error_px, loss, lens, max_steps: 20 });
             sketch.triangulate(&accept, false);
         }
-        sketch.polish(lens, if search_px == LAST_SEARCH_PX { options.polish_rounds } else { 1 });
+        sketch.polish(lens, if search_px == LAST_SEARCH_PX { polish_rounds } else { 1 });
     }
 }
 
