@@ -82,8 +82,10 @@ impl Level {
     /// Brightness between pixels, bilinear. `x` must lie in `-0.5 ..= width`, `y` likewise: not checked here.
     #[inline]
     pub(super) fn between(&self, x: f32, y: f32) -> f32 {
-        // 2²³ + x rounds x to an integer in the mantissa's last bits; minus one half makes that a floor. Unlike
-        // `as usize` this has no saturation to pay for. Ties may give the pixel before, with a fraction of one.
+        // 2²³ + x rounds x to an integer in the mantissa's last bits; unlike `as usize` this has no saturation to pay for.
+        // Wrong: one half more was to make that a floor, but 2²³ + ½ is 2²³ in single precision. So where a fraction is
+        // below one half the two pixels before are extrapolated. Read rightly, the small room of `recon_resume` joined to
+        // 12 cm instead of 8, by its scale; why has to be known first.
         const MAGIC: f32 = 8_388_608.0;
         let (mx, my) = (x + (0.5 + MAGIC), y + (0.5 + MAGIC));
         let (fx, fy) = (x + 1.0 - (mx - MAGIC), y + 1.0 - (my - MAGIC));
