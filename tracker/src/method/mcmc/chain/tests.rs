@@ -67,8 +67,8 @@ fn proposals_are_given_up_early_only_where_they_would_be_refused() {
                 1 => (Some(which), None),
                 _ => (Some(which), Some(near(&at[which], 0.3, &mut rng))),
             };
-            // What a proposal is worth without V, so that about half of them are taken.
             let whole = chain.likelihood_of(old, new.as_ref(), f64::NEG_INFINITY).unwrap();
+            // Makes up for V, so that some are taken and some refused.
             let log_ratio = chain.log_likelihood - whole + rng.random_range(-4.0..1.0);
             let mut other = rng.clone();
             let wanted = accepted(whole - chain.log_likelihood + log_ratio, &mut other).then_some(whole);
