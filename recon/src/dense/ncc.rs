@@ -1,6 +1,8 @@
 //! How well a plane hypothesis explains a patch in another view: normalised cross-correlation, weighted so that
 //! pixels of another colour than the centre (another surface, as a rule) count little.
 
+use wide::f32x4;
+
 use super::level::{Level, Pair};
 use super::support::Support;
 
@@ -8,6 +10,10 @@ use super::support::Support;
 const OFFSETS: [i32; 6] = [-5, -3, -1, 1, 3, 5];
 /// Samples a patch.
 const SAMPLES: usize = OFFSETS.len() * OFFSETS.len();
+/// They are read by fours.
+const FOURS: usize = SAMPLES / 4;
+/// The samples' offsets to the right and downwards, row by row.
+const ASIDE: [[[f32; 4]; FOURS]; 2] = by_fours();
 /// Patch radius, pixels.
 const RADIUS: f32 = 5.0;
 /// Cost of a hypothesis that falls out of the source image, and of no correlation at all being possible.
@@ -32,6 +38,17 @@ impl Weights {
     }
 }
 
+const fn by_fours() -> [[[f32; 4]; FOURS]; 2] {
+    let mut aside = [[[0.0; 4]; FOURS]; 2];
+    let mut i = 0;
+    while i < SAMPLES {
+        aside[0][i / 4][i % 4] = OFFSETS[i % OFFSETS.len()] as f32;
+        aside[1][i / 4][i % 4] = OFFSETS[i / OFFSETS.len()] as f32;
+        i += 1;
+    }
+    aside
+}
+
 fn offset(i: usize) -> (f32, f32) {
     (OFFSETS[i % OFFSETS.len()] as f32, OFFSETS[i / OFFSETS.len()] as f32)
 }
@@ -39,9 +56,9 @@ fn offset(i: usize) -> (f32, f32) {
 /// A patch of the reference view, prepared once and compared with many hypotheses.
 pub(super) struct Patch {
     /// Weights, summing to one.
-    weights: [f32; SAMPLES],
+    weights: [f32x4; FOURS],
     /// Weight × (brightness − mean).
-    centred: [f32; SAMPLES],
+    centred: [f32x4; FOURS],
     /// The patch's weighted variance, grey levels squared.
     pub(super) variance: f32,
     u: f32,
@@ -76,7 +93,10 @@ impl Patch {
             centred[i] = weights[i] * (values[i] - mean);
             variance += centred[i] * (values[i] - mean);
         }
-        Self { weights, centred, variance, u: x as f32, v: y as f32 }
+        let fours = |all: [f32; SAMPLES]| {
+            std::array::from_fn(|k| f32x4::new(std::array::from_fn(|lane| all[4 * k + lane])))
+        };
+        Self { weights: fours(weights), centred: fours(centred), variance, u: x as f32, v: y as f32 }
     }
 
     /// 1 − correlation of the patch with where `support` puts it in `source`: 0 … [`WORST`].
@@ -103,7 +123,8 @@ impl Patch {
         if x >= reach_x && y >= reach_y && x + reach_x <= right && y + reach_y <= bottom {
             self.correlate(affine, source, |x, y| (x, y))
         } else if reach_x < 0.1 * right {
-            self.correlate(affine, source, |x, y| (x.clamp(0.0, right), y.clamp(0.0, bottom)))
+            let within = |x: f32x4, last: f32| x.fast_max(f32x4::ZERO).fast_min(f32x4::splat(last));
+            self.correlate(affine, source, |x, y| (within(x, right), within(y, bottom)))
         } else {
             WORST
         }
@@ -112,25 +133,22 @@ impl Patch {
     #[inline]
     fn correlate(
         &self,
-        [x, y, xu, yu, xv, yv]: [f32; 6],
+        affine: [f32; 6],
         source: &Level,
-        place: impl Fn(f32, f32) -> (f32, f32),
+        place: impl Fn(f32x4, f32x4) -> (f32x4, f32x4),
     ) -> f32 {
-        let (mut covariance, mut mean, mut square) = (0.0f32, 0.0f32, 0.0f32);
-        for (row, dv) in OFFSETS.iter().enumerate() {
-            let dv = *dv as f32;
-            let (rx, ry) = (x + xv * dv, y + yv * dv);
-            for (column, du) in OFFSETS.iter().enumerate() {
-                let du = *du as f32;
-                let (sx, sy) = place(rx + xu * du, ry + yu * du);
-                let value = source.between(sx, sy);
-                let i = row * OFFSETS.len() + column;
-                let weighted = self.weights[i] * value;
-                covariance += self.centred[i] * value;
-                mean += weighted;
-                square += weighted * value;
-            }
+        let [x, y, xu, yu, xv, yv] = affine.map(f32x4::splat);
+        let (mut covariance, mut mean, mut square) = (f32x4::ZERO, f32x4::ZERO, f32x4::ZERO);
+        for k in 0..FOURS {
+            let [du, dv] = ASIDE.map(|aside| f32x4::new(aside[k]));
+            let (sx, sy) = place(x + xv * dv + xu * du, y + yv * dv + yu * du);
+            let value = source.between(sx, sy);
+            let weighted = self.weights[k] * value;
+            covariance += self.centred[k] * value;
+            mean += weighted;
+            square += weighted * value;
         }
+        let [covariance, mean, square] = [covariance, mean, square].map(f32x4::reduce_add);
         let variance = square - mean * mean;
         // Below a grey level of noise nothing correlates; the constant makes flat patches cost one, not noise.
         let norm = (self.variance.max(0.05) * variance.max(0.05)).sqrt();
