@@ -99,8 +99,6 @@ fn camera_pose(frame_from_camera: &Similarity3<f64>) -> Isometry3<f64> {
 fn surface_points(surfaces: &[Surface], common_from_camera: &[Similarity3<f64>]) -> Vec<SurfacePoint> {
     /// Pixels between samples.
     const STRIDE: usize = 4;
-    /// Standard deviation of stereo, in pixels of shift in the farthest view.
-    const NOISE_PX: f64 = 0.3;
     let mut points = Vec::new();
     for (surface, common) in surfaces.iter().zip(common_from_camera) {
         for y in (0..surface.height()).step_by(STRIDE) {
@@ -110,12 +108,11 @@ fn surface_points(surfaces: &[Surface], common_from_camera: &[Similarity3<f64>])
                     continue;
                 };
                 let scale = common.scaling();
-                let z = f64::from(point.z);
                 points.push(SurfacePoint {
                     position: common * point_from_vec3(point),
                     normal: common.isometry.rotation * vector_from_vec3(surface.normal[i]),
                     area: f64::from(surface.area(i)) * (STRIDE * STRIDE) as f64 * scale * scale,
-                    sigma: NOISE_PX * f64::from(surface.step) * z * z * scale,
+                    sigma: surface.depth_sigma(point.z) * f64::from(point.z) * scale,
                 });
             }
         }

@@ -15,13 +15,20 @@ pub(super) struct Contact {
     pub(super) onto: usize,
     surface: Point3<f64>,
     normal: Vector3<f64>,
+    /// Standard deviation that stereo gives their distance, as a share of the depth.
+    sigma: f64,
 }
 
 impl Contact {
     /// Distance along the normal as a share of the depth.
-    pub(super) fn relative(&self, poses: &[Similarity3<f64>]) -> f64 {
+    fn relative(&self, poses: &[Similarity3<f64>]) -> f64 {
         let there = poses[self.onto].inverse() * (poses[self.from] * self.point);
         self.normal.dot(&(there - self.surface)) / self.surface.z
+    }
+
+    /// Distance along the normal in standard deviations.
+    pub(super) fn in_sigmas(&self, poses: &[Similarity3<f64>]) -> f64 {
+        self.relative(poses) / self.sigma
     }
 
     /// Distance along the normal in the common frame's unit.
@@ -80,7 +87,8 @@ fn between(
             if turned.dot(&normal) < f64::from(LEAST_FACING) {
                 continue;
             }
-            let contact = Contact { from, point, onto, surface: point_from_vec3(surface), normal };
+            let sigma = source.depth_sigma(source.depth[i]).hypot(target.depth_sigma(surface.z));
+            let contact = Contact { from, point, onto, surface: point_from_vec3(surface), normal, sigma };
             if contact.relative(poses).abs() < gate {
                 found.push(contact);
             }

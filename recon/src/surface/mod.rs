@@ -107,6 +107,11 @@ impl Surface {
         self.depth[i].powi(2) / (camera.fx * camera.fy * ray.length() * towards)
     }
 
+    /// Standard deviation of a depth that stereo measured, as a share of it: a fraction of a pixel in the farthest view.
+    pub fn depth_sigma(&self, depth: f32) -> f64 {
+        STEREO_SIGMA_PX * f64::from(self.step * depth)
+    }
+
     /// The share of pixels with a depth.
     pub fn coverage(&self) -> f64 {
         self.depth.iter().filter(|z| **z > 0.0).count() as f64 / self.depth.len().max(1) as f64
@@ -167,6 +172,8 @@ impl Surface {
 
 /// Surfaces seen flatter than this (84°) are drawn and weighted as if they were seen so.
 const LEAST_COSINE: f32 = 0.1;
+/// Standard deviation of stereo, in pixels of shift in the farthest view.
+const STEREO_SIGMA_PX: f64 = 0.3;
 /// Neighbouring pixels whose depths differ by more than this ratio show two surfaces.
 const SURFACE_GAP: f32 = 1.02;
 

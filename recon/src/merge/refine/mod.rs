@@ -154,9 +154,7 @@ impl Scene<'_> {
                 }
                 [(z / depth).ln() / (sigma * self.factors.depth[pick.camera]), 0.0]
             }
-            Term::Surface(contact, weight) => {
-                [weight * contact.relative(&state.poses) / self.options.depth_sigma, 0.0]
-            }
+            Term::Surface(contact, weight) => [weight * contact.in_sigmas(&state.poses), 0.0],
         }
     }
 

@@ -2,14 +2,16 @@
 //!
 //! Where a capture's motion has bent its space, its surfaces err together, however many contacts there are; laid on another
 //! camera's they then keep a distance that no turn or stretch takes away. Stereo's noise keeps them apart as well, and picks'
-//! depths are read at edges, where the next surface begins: a space is bent if both say so.
+//! depths are read at edges, where the next surface begins: a space is bent if both say so. Even a straight space has errors
+//! that all its surface shares, such as a tenth of a pixel by which features were drawn along, so contacts are never worth
+//! their number.
 
 use nalgebra::Similarity3;
 
 use crate::merge::overlap::Contact;
 
 /// As many independent observations as stereo's own errors leave in the contacts of two cameras: neighbours err together.
-const STEREO: f64 = 150.0;
+const STEREO: f64 = 64.0;
 /// In how many ways a space bends: by depth, across and along the image. What is bent is known as often.
 const BENDS: f64 = 3.0;
 
@@ -44,12 +46,12 @@ impl Worth {
         let mut worth = Self::straight(poses.len());
         let mut errors: Vec<Vec<f64>> = vec![Vec::new(); worth.independent.len()];
         for contact in contacts {
-            errors[worth.pair(contact)].push(contact.relative(poses).abs());
+            errors[worth.pair(contact)].push(contact.in_sigmas(poses).abs());
         }
         for (of_pair, independent) in errors.iter_mut().zip(&mut worth.independent) {
             of_pair.sort_by(f64::total_cmp);
             if let Some(median) = of_pair.get(of_pair.len() / 2) {
-                let bent = (median / MEDIAN / depth_sigma).powi(2).min(at_picks);
+                let bent = (median / MEDIAN).powi(2).min(at_picks);
                 *independent = 1.0 / (1.0 / STEREO + bent / BENDS);
             }
         }
