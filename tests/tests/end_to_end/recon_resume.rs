@@ -25,7 +25,7 @@ fn said(output: &Output) -> String {
 fn an_interrupted_build_goes_on_where_it_ended() {
     let scratch = tempfile::tempdir().unwrap();
     let folder = scratch.path();
-    let truth = RoomOptions { seed: 4, image_px: [256, 192], ..RoomOptions::default() }.build().unwrap();
+    let truth = RoomOptions { seed: 4, image_px: [320, 240], ..RoomOptions::default() }.build().unwrap();
     tests::project::write(folder, &truth, 24).unwrap();
 
     let mut interrupted = recon(folder).stderr(Stdio::null()).spawn().unwrap();
