@@ -33,8 +33,10 @@ pub struct BuildReport {
     pub floor_rms_m: f64,
     /// The floor's share of all area seen.
     pub floor_share: f64,
-    /// Planes that say which way is up: the floor and those parallel to it.
+    /// Planes that say which way is up: the floor and those parallel to it …
     pub level_planes: usize,
+    /// … and walls.
+    pub plumb_planes: usize,
     /// Discs in the room.
     pub discs: usize,
     /// Of these, filled in rather than measured.
@@ -152,6 +154,7 @@ impl BuildReport {
         self.floor_rms_m = done.floor.rms * done.metres_per_unit;
         self.floor_share = done.floor.area_share;
         self.level_planes = done.floor.level_planes;
+        self.plumb_planes = done.floor.plumb_planes;
         self.discs = done.fusion.discs;
         self.filled_discs = done.fusion.filled;
         self.duplicate_pixels = done.fusion.duplicates;

@@ -3,10 +3,13 @@
 //! A plane is a direction on the sphere (its normal, towards the cameras) and a distance. Every surface point votes for
 //! the planes through it whose normal is near its own, with the area it stands for, so that densely sampled
 //! nearby things do not win. Peaks are thinned by non-maximum suppression and refined by weighted least squares.
-//! Osawa et al. take the plane of the largest area; in many rooms that is a wall. Here the floor is the largest
-//! plane that has almost nothing behind it, every camera above it, and lies below the way the images stand.
-//! Where little of it is seen, the other level planes say better which way is up ([`vertical`]).
+//! Osawa et al. take the plane of the largest area; in many rooms that is a wall, and in bent space what looks like a large
+//! floor is a little of it and something else. Here each plane that could be level by the way the images stand is asked
+//! what would be the floor then: a plane that has almost nothing behind it and every camera above it. The area that is
+//! level or plumb with it ([`vertical`]) tells which way is up, and the floor's own area which plane at that, so the largest
+//! sum of both is taken, less what lies behind: in a polished floor there is another ceiling.
 
+mod fit;
 mod hough;
 #[cfg(test)]
 mod tests;
@@ -15,6 +18,8 @@ mod vertical;
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Similarity3, Translation3, UnitQuaternion, Vector3};
 
 use crate::{Error, Result};
+use fit::{Cloud, Fit};
+use vertical::Voices;
 
 /// A piece of surface.
 #[derive(Debug, Clone, PartialEq)]
@@ -101,24 +106,10 @@ pub struct FloorReport {
     pub behind_share: f64,
     /// Root mean square distance of its points.
     pub rms: f64,
-    /// Planes that say which way is up: the floor and those parallel to it.
+    /// Planes that say which way is up: the floor and those parallel to it …
     pub level_planes: usize,
-}
-
-/// A plane fitted to surface points.
-#[derive(Debug, Clone)]
-struct Fit {
-    plane: Plane,
-    /// The points' area.
-    area: f64,
-    /// Root mean square distance of the points.
-    rms: f64,
-    /// Weighted mean of what stereo says of its own standard deviation, squared.
-    sigma_squared: f64,
-    /// The points' weighted mean …
-    mean: Point3<f64>,
-    /// … and covariance.
-    spread: Matrix3<f64>,
+    /// … and walls.
+    pub plumb_planes: usize,
 }
 
 /// The floor among `points`.
@@ -138,56 +129,77 @@ pub fn find(
         .ok_or_else(|| Error::Room("no surface was reconstructed, so there is no floor to find".into()))?;
     // What is not known to within a plane's thickness says as much less about planes: far things are large and vague.
     let vague = |p: &SurfacePoint| 1.0 + (p.sigma / (options.thickness * size)).powi(2);
-    let points: &[SurfacePoint] =
-        &points.iter().map(|p| SurfacePoint { area: p.area / vague(p), ..p.clone() }).collect::<Vec<_>>();
-    let total: f64 = points.iter().map(|p| p.area).sum();
-    let peaks = hough::peaks(points, size, options);
-    let fits: Vec<Fit> = peaks.iter().filter_map(|peak| refine(points, peak, size, options)).collect();
-    let mut best: Option<(&Fit, FloorReport)> = None;
-    let mut refusal = "no plane was found at all";
-    for fit in &fits {
-        let Fit { plane, area, rms, .. } = fit;
-        let upright = cameras.iter().filter(|c| stands_on(c, plane, options)).count();
-        if 2 * upright <= cameras.len() {
-            continue;
-        }
-        if *area < options.least_share * total {
-            refusal = "the planes that lie level are too small; let the cameras see more of the floor";
-            continue;
-        }
-        if !centres.iter().all(|c| plane.height(c) > 3.0 * options.thickness * size) {
-            refusal = "the planes that lie level are not below every camera";
-            continue;
-        }
-        let behind: f64 = points
-            .iter()
-            .filter(|p| plane.height(&p.position) < -3.0 * options.thickness * size - 3.0 * p.sigma)
-            .map(|p| p.area)
-            .sum();
-        let (share, low) = (area / total, behind / total);
-        tracing::debug!("a level plane with {share:.3} of the area, {low:.3} below it, {rms:.4} rms");
-        if behind > options.largest_behind * total {
-            refusal = "each plane that lies level has too much below it; is the floor itself in view?";
-            continue;
-        }
-        if best.as_ref().is_none_or(|(most, _)| *area > most.area) {
+    let points: Vec<SurfacePoint> =
+        points.iter().map(|p| SurfacePoint { area: p.area / vague(p), ..p.clone() }).collect();
+    let cloud = Cloud { points: &points, size, options };
+    let total = cloud.area();
+    let peaks = hough::peaks(&points, size, options);
+    let fits = cloud.planes(&peaks);
+    let large: Vec<&Fit> = fits.iter().filter(|f| f.area >= options.least_share * total).collect();
+    let upright = |fit: &Fit| {
+        2 * cameras.iter().filter(|camera| stands_on(camera, &fit.plane, options)).count() > cameras.len()
+    };
+    let level: Vec<&Fit> = large.iter().copied().filter(|fit| upright(fit)).collect();
+    let mut refusal = if fits.iter().any(upright) {
+        "the planes that lie level are too small; let the cameras see more of the floor"
+    } else {
+        "no plane was found that lies level"
+    };
+    let mut best: Option<(f64, Plane, FloorReport)> = None;
+    for &up in &level {
+        for (floor, plane) in grounds(&cloud, up, &level) {
+            if floor.area < options.least_share * total {
+                continue;
+            }
+            if !centres.iter().all(|c| plane.height(c) > 3.0 * options.thickness * size) {
+                refusal = "the planes that lie level are not below every camera";
+                break;
+            }
+            let behind = cloud.area_behind(&plane);
+            if behind > options.largest_behind * total {
+                refusal = "each plane that lies level has too much below it; is the floor itself in view?";
+                break;
+            }
+            let Some(agreed) = Voices::new(&floor, &large, size, options).consensus(&plane.normal) else {
+                continue;
+            };
+            let worth = (agreed.area + floor.area - behind) / total;
             let report = FloorReport {
                 peaks: peaks.len(),
-                area_share: share,
-                behind_share: low,
-                rms: *rms,
-                level_planes: 1,
+                area_share: floor.area / total,
+                behind_share: behind / total,
+                rms: floor.rms,
+                level_planes: agreed.level,
+                plumb_planes: agreed.plumb,
             };
-            best = Some((fit, report));
+            tracing::debug!("up {:.3?}: worth {worth:.3} with {report:?}", agreed.up.as_slice());
+            if best.as_ref().is_none_or(|(most, ..)| worth > *most) {
+                let plane = Plane { normal: agreed.up, distance: agreed.up.dot(&floor.mean.coords) };
+                best = Some((worth, plane, report));
+            }
         }
     }
-    let (floor, mut report) =
-        best.ok_or_else(|| Error::Room(format!("no floor found among {} planes: {refusal}", peaks.len())))?;
-    let mut large: Vec<&Fit> = fits.iter().filter(|f| f.area >= options.least_share * total).collect();
-    large.sort_by(|a, b| b.area.total_cmp(&a.area));
-    let (normal, voters) = vertical::vote(floor, &large, size, options);
-    report.level_planes = voters;
-    Ok((Plane { normal, distance: normal.dot(&floor.mean.coords) }, report))
+    best.map(|(_, plane, report)| (plane, report))
+        .ok_or_else(|| Error::Room(format!("no floor found among {} planes: {refusal}", peaks.len())))
+}
+
+/// What could be the floor if a plane is level, the lowest first, each with the level plane through it: what lies parallel
+/// to the plane where others do, and the plane itself.
+fn grounds(cloud: &Cloud<'_>, up: &Fit, level: &[&Fit]) -> impl Iterator<Item = (Fit, Plane)> {
+    let normal = up.plane.normal;
+    let height = move |fit: &Fit| normal.dot(&fit.mean.coords);
+    let apart = cloud.options.thickness * cloud.size;
+    let its_own = move |distance: f64| (distance - height(up)).abs() < apart;
+    let mut heights: Vec<f64> = level.iter().map(|other| height(other)).filter(|h| !its_own(*h)).collect();
+    heights.push(height(up));
+    heights.sort_by(f64::total_cmp);
+    heights.dedup_by(|next, before| *next - *before < apart && !its_own(*next));
+    heights.into_iter().filter_map(move |distance| {
+        let start = Plane { normal, distance };
+        let fit = if its_own(distance) { up.clone() } else { cloud.refine_parallel(&start)? };
+        let plane = Plane { normal, distance: height(&fit) };
+        Some((fit, plane))
+    })
 }
 
 /// Whether the plane could be the floor by the way a camera's image stands: its normal goes up in the image or, when the
@@ -237,47 +249,4 @@ fn room_size(points: &[SurfacePoint], cameras: &[Point3<f64>]) -> Option<f64> {
     let mut distances: Vec<f64> = points.iter().map(|p| (p.position.coords - mean).norm()).collect();
     distances.sort_by(f64::total_cmp);
     distances.get(distances.len() / 2).copied().filter(|size| *size > 0.0)
-}
-
-/// Least squares on what lies within an ever thinner slab.
-fn refine(points: &[SurfacePoint], start: &Plane, size: f64, options: &FloorOptions) -> Option<Fit> {
-    let near = options.normal_spread_deg.to_radians().cos();
-    let mut plane = *start;
-    let mut result = None;
-    for thickness in [3.0, 2.0, 1.5, 1.0, 1.0, 1.0] {
-        let slab = thickness * options.thickness * size;
-        let inside: Vec<&SurfacePoint> = points
-            .iter()
-            .filter(|p| plane.height(&p.position).abs() < slab && p.normal.dot(&plane.normal) > near)
-            .collect();
-        if inside.len() < 10 {
-            return None;
-        }
-        // By area, so that every piece of floor has its say, and by what is known of it.
-        let weight = |p: &SurfacePoint| p.area / (p.sigma.powi(2) + (0.1 * slab).powi(2));
-        let total: f64 = inside.iter().map(|p| weight(p)).sum();
-        let mean = inside.iter().map(|p| p.position.coords * weight(p)).sum::<Vector3<f64>>() / total;
-        let scatter: Matrix3<f64> = inside
-            .iter()
-            .map(|p| {
-                let d = p.position.coords - mean;
-                d * d.transpose() * weight(p)
-            })
-            .sum();
-        let spread = scatter / total;
-        let eigen = spread.symmetric_eigen();
-        let smallest = eigen.eigenvalues.imin();
-        let normal: Vector3<f64> = eigen.eigenvectors.column(smallest).into_owned();
-        let normal = if normal.dot(&plane.normal) < 0.0 { -normal } else { normal };
-        plane = Plane { normal, distance: normal.dot(&mean) };
-        result = Some(Fit {
-            plane,
-            area: inside.iter().map(|p| p.area).sum(),
-            rms: eigen.eigenvalues[smallest].max(0.0).sqrt(),
-            sigma_squared: inside.iter().map(|p| p.sigma.powi(2) * weight(p)).sum::<f64>() / total,
-            mean: mean.into(),
-            spread,
-        });
-    }
-    result
 }

@@ -113,6 +113,64 @@ fn of_a_floor_hardly_seen_the_table_says_which_way_is_up() {
 }
 
 #[test]
+fn a_little_floor_with_something_else_makes_no_larger_floor() {
+    let mut points = Vec::new();
+    let mut rng = Pcg64Mcg::seed_from_u64(5);
+    // Ranges of x and y, height in the middle, slope along x.
+    let mut cells = |x: [f64; 2], y: [f64; 2], z: f64, slope_deg: f64| {
+        let slope = slope_deg.to_radians();
+        let normal = Vector3::new(-slope.sin(), 0.0, slope.cos());
+        for _ in 0..(2000.0 * (x[1] - x[0]) * (y[1] - y[0])) as usize {
+            let (across, y) =
+                (rng.random_range(x[0]..x[1]) - 0.5 * (x[0] + x[1]), rng.random_range(y[0]..y[1]));
+            let noise: f64 = StandardNormal.sample(&mut rng);
+            points.push(SurfacePoint {
+                position: Point3::new(
+                    0.5 * (x[0] + x[1]) + across,
+                    y,
+                    z + slope.tan() * across + 0.01 * noise,
+                ),
+                normal,
+                area: 0.0005,
+                sigma: 0.01,
+            });
+        }
+    };
+    cells([0.6, 1.1], [0.0, 1.0], 0.0, 0.0);
+    cells([1.0, 2.2], [1.0, 2.5], 0.75, 0.0);
+    // Far away, a heap of bags that slopes: with the floor before it, it makes a plane of 5°.
+    cells([3.6, 4.4], [0.0, 1.0], 0.28, 7.0);
+    let look = UnitQuaternion::face_towards(&Vector3::new(1.0, 0.3, -0.6), &-Vector3::z());
+    let camera = Isometry3::from_parts(Translation3::new(0.0, 0.0, 1.8), look).inverse();
+    let (plane, report) = find(&points, &[camera], &FloorOptions::default()).unwrap();
+    let tilt_deg = plane.normal.angle(&Vector3::z()).to_degrees();
+    assert!(tilt_deg < 0.7 && report.level_planes == 2, "{tilt_deg}, {report:?}");
+    assert_relative_eq!(plane.height(&Point3::new(0.85, 0.5, 0.0)), 0.0, epsilon = 0.01);
+}
+
+#[test]
+fn what_a_polished_floor_reflects_is_no_floor() {
+    for seed in 0..5 {
+        let (mut points, cameras) = room(seed, 1.0, &Similarity3::identity());
+        // A lamp on the ceiling, seen in the floor: as far below as the lamp is above.
+        let total: f64 = points.iter().map(|p| p.area).sum();
+        let mut rng = Pcg64Mcg::seed_from_u64(seed);
+        for _ in 0..500 {
+            let (x, y) = (rng.random_range(1.0..3.0), rng.random_range(1.0..2.0));
+            let noise: f64 = StandardNormal.sample(&mut rng);
+            points.push(SurfacePoint {
+                position: Point3::new(x, y, -2.5 + 0.01 * noise),
+                normal: Vector3::z(),
+                area: 0.03 * total / 500.0,
+                sigma: 0.01,
+            });
+        }
+        let (plane, report) = find(&points, &cameras, &FloorOptions::default()).unwrap();
+        assert!(plane.height(&Point3::origin()).abs() < 0.02, "room {seed}: {report:?}");
+    }
+}
+
+#[test]
 fn without_its_floor_a_room_has_none() {
     let (points, cameras) = room(3, 1.0, &Similarity3::identity());
     let without: Vec<SurfacePoint> = points.into_iter().filter(|p| p.position.z > 0.2).collect();

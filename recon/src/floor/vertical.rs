@@ -1,79 +1,190 @@
-//! Which way is up, from all level planes: of a floor that is mostly covered less is known than of the table on it.
+//! Which way is up: of a floor that is mostly covered less is known than of the table on it and the walls around it.
 //!
 //! A plane tilted by the small vector t moves a point at x from its mean by t · x. Residuals hang together over some
 //! length a (where a capture's space is bent, its surfaces are bent with it), so that a plane of area A is worth
 //! `n = max(1, A / a²)` observations. With the points' covariance S and the residuals' variance r², what plane k knows of
-//! its tilt is `Λ = n S / r²`. Things are level only within σ; the floor is what level means:
+//! its tilt is `Λ = n S / r²`. Things are level, or plumb, only within σ; the floor is what level means. Tilts are seen
+//! from the floor as it was fitted, so t is how far up tilts against its normal; of a wall, n is the normal across that one,
+//! and s what it has along it:
 //!
 //! ```text
-//! C_floor = Λ_floor⁻¹          C_k = Λ_k⁻¹ + σ² I          t = (Σ C_k⁻¹)⁻¹ Σ C_k⁻¹ t_k
+//! floor          0 = t     + N(0, Λ⁻¹)
+//! level plane  t_k = t     + N(0, Λ_k⁻¹ + σ² I)
+//! wall         −s_k = n · t + N(0, (Λ_k⁻¹ along up) + σ²)
 //! ```
 //!
-//! with tilts as seen from the floor (`t_floor = 0`). Sloped desks and roofs have no say: of the planes that face up or
-//! down to within some angle, level ones are taken to be q times as many as sloped ones, and those to slope anywhere in
-//! the solid angle Ω about the floor's normal. The largest plane is asked first; one is the more likely level where, with t
-//! and its covariance `(Σ C⁻¹)⁻¹` of those that have voted before, and `C = C_k + (Σ C⁻¹)⁻¹`,
+//! Sloped desks and leaning boards have no say: of the planes that face up, down or sideways to within some angle, true
+//! ones are taken to be q times as many as others, and those to stand anyhow within that angle. So a plane is the more
+//! likely true one where its density is the larger,
 //!
 //! ```text
-//! (t_k − t)ᵀ C⁻¹ (t_k − t)  <  2 ln (q Ω / 2π √det C)
+//! χ²_k(t) < 2 ln (q · peak density / even density)
 //! ```
+//!
+//! and those that are say together what t is. That has many answers; how much each is worth is the area that agrees, in shares
+//! of `1 − χ² / bound` (Blake & Zisserman's truncated quadratics, "Visual Reconstruction", 1987).
 
 use nalgebra::{Matrix2, Matrix3x2, Vector2, Vector3};
 
-use super::{Fit, FloorOptions};
+use super::FloorOptions;
+use super::fit::Fit;
 
-/// Of planes that are almost level so many are level for each that slopes.
-const LEVEL_TO_SLOPED: f64 = 10.0;
+/// Of planes that are almost level or plumb so many are for each that is not.
+const TRUE_TO_SLOPED: f64 = 10.0;
+/// Rounds in which planes may still change their minds.
+const ROUNDS: usize = 20;
 
-/// The upward normal that the floor and all planes parallel to it agree on, and how many these are.
-///
-/// # Arguments
-/// `planes`: any planes, the largest first; those hardly above one that has voted are the same again. `size`: the room's.
-pub(super) fn vote(floor: &Fit, planes: &[&Fit], size: f64, options: &FloorOptions) -> (Vector3<f64>, usize) {
-    let up = floor.plane.normal;
-    let alone = (up, 1);
-    let apart = 4.0 * options.thickness * size;
-    let patch = (options.correlated * size).powi(2);
-    let Some(across) = tangents(&up) else { return alone };
-    // What has been said so far of the tilt, and how well it is known.
-    let Some(mut so_far) = covariance(floor, &across, patch) else { return alone };
-    let Some(mut information) = so_far.try_inverse() else { return alone };
-    let mut tilt = Vector2::zeros();
-    let unlevel = Matrix2::identity() * options.level_sigma_deg.to_radians().powi(2);
-    let widest = options.normal_spread_deg.to_radians();
-    let (mut heights, mut voters) = (vec![0.0], 1);
-    for plane in planes {
-        let height = up.dot(&(plane.mean - floor.mean));
-        let facing = plane.plane.normal.dot(&up);
-        let same = heights.iter().any(|other: &f64| (height - other).abs() < apart);
-        if same || facing.abs() < widest.cos() {
-            continue;
-        }
-        // Smaller planes at this height are parts of it, and of what lies beside it.
-        heights.push(height);
-        // A ceiling faces down.
-        let its = across.transpose() * plane.plane.normal * facing.signum();
-        let Some(own) = covariance(plane, &across, patch).map(|c| c + unlevel) else { continue };
-        if !is_level(&(its - tilt), &(own + so_far), widest) {
-            continue;
-        }
-        let Some(known) = own.try_inverse() else { continue };
-        let Some(together) = (information + known).try_inverse() else { continue };
-        tilt = together * (information * tilt + known * its);
-        information += known;
-        so_far = together;
-        voters += 1;
-    }
-    ((up + across * tilt).normalize(), voters)
+/// What was agreed on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Consensus {
+    /// The normal of all that is level.
+    pub(super) up: Vector3<f64>,
+    /// Level planes that agree, the floor among them.
+    pub(super) level: usize,
+    /// Plumb planes that agree.
+    pub(super) plumb: usize,
+    /// The area of all that agree, each as much as it does.
+    pub(super) area: f64,
 }
 
-/// Whether a plane whose tilt against level ones is known with this covariance is likelier level than sloped, given that
-/// it tilts by no more than `widest` (radians).
-fn is_level(tilt: &Vector2<f64>, covariance: &Matrix2<f64>, widest: f64) -> bool {
-    let Some(known) = covariance.try_inverse() else { return false };
-    let sloped = std::f64::consts::PI * widest.powi(2);
-    let odds = LEVEL_TO_SLOPED * sloped / (std::f64::consts::TAU * covariance.determinant().sqrt());
-    tilt.dot(&(known * tilt)) < 2.0 * odds.ln()
+/// What one plane says of the tilt: `χ²(t) = (t − tilt)ᵀ information (t − tilt)`.
+#[derive(Debug)]
+struct Voice {
+    tilt: Vector2<f64>,
+    information: Matrix2<f64>,
+    /// χ² at which the plane is as likely to stand any other way.
+    bound: f64,
+    area: f64,
+}
+
+impl Voice {
+    /// Of a plane that ought to be level, whose normal tilts by `tilt`; `widest` (radians): how far it could.
+    fn level(tilt: Vector2<f64>, covariance: &Matrix2<f64>, area: f64, widest: f64) -> Option<Self> {
+        let information = covariance.try_inverse().filter(|m| m.iter().all(|v| v.is_finite()))?;
+        let peak = information.determinant().sqrt() / std::f64::consts::TAU;
+        let even = 1.0 / (std::f64::consts::PI * widest.powi(2));
+        Self::believed(tilt, information, peak / even, area)
+    }
+
+    /// Of one that ought to be plumb, whose normal is `across` along the axes of tilts and goes up by `rise`.
+    fn plumb(across: &Vector2<f64>, rise: f64, variance: f64, area: f64, widest: f64) -> Option<Self> {
+        let information = across * across.transpose() / variance;
+        let tilt = across * (-rise / across.norm_squared());
+        let peak = 1.0 / (std::f64::consts::TAU * variance).sqrt();
+        let even = 1.0 / (2.0 * widest);
+        let finite = information.iter().chain(&tilt).all(|v| v.is_finite());
+        finite.then(|| Self::believed(tilt, information, peak / even, area))?
+    }
+
+    /// `None` where so little is known that the plane may well stand any way.
+    fn believed(tilt: Vector2<f64>, information: Matrix2<f64>, peak: f64, area: f64) -> Option<Self> {
+        let bound = 2.0 * (TRUE_TO_SLOPED * peak).ln();
+        (bound > 0.0).then_some(Self { tilt, information, bound, area })
+    }
+
+    fn agrees(&self, tilt: &Vector2<f64>) -> bool {
+        self.agreement(tilt) > 0.0
+    }
+
+    /// From 1 where nothing is better to 0 where any other way is as likely.
+    fn agreement(&self, tilt: &Vector2<f64>) -> f64 {
+        let off = tilt - self.tilt;
+        (1.0 - off.dot(&(self.information * off)) / self.bound).max(0.0)
+    }
+}
+
+/// All that has a say, as seen from one floor.
+pub(super) struct Voices {
+    floor_normal: Vector3<f64>,
+    floor_area: f64,
+    /// The axes of tilts, and what the floor says: nothing can be said of a floor that is a line.
+    floor: Option<(Matrix3x2<f64>, Voice)>,
+    level: Vec<Voice>,
+    plumb: Vec<Voice>,
+}
+
+impl Voices {
+    /// # Arguments
+    /// `planes`: any planes, the largest first; one that hardly lies apart from an earlier one is the same again. `size`:
+    /// the room's.
+    pub(super) fn new(floor: &Fit, planes: &[&Fit], size: f64, options: &FloorOptions) -> Self {
+        let up = floor.plane.normal;
+        let widest = options.normal_spread_deg.to_radians();
+        let patch = (options.correlated * size).powi(2);
+        let mut voices = Self {
+            floor_normal: up,
+            floor_area: floor.area,
+            floor: None,
+            level: Vec::new(),
+            plumb: Vec::new(),
+        };
+        let Some(across) = tangents(&up) else { return voices };
+        let own = covariance(floor, &across, patch);
+        voices.floor = own
+            .and_then(|own| Voice::level(Vector2::zeros(), &own, floor.area, widest))
+            .map(|voice| (across, voice));
+        let apart = 4.0 * options.thickness * size;
+        let untrue = options.level_sigma_deg.to_radians().powi(2);
+        let (mut heights, mut walls) = (vec![0.0], Vec::<&Fit>::new());
+        for &plane in planes {
+            let normal = plane.plane.normal;
+            let facing = normal.dot(&up);
+            if facing.abs() > widest.cos() {
+                // Smaller planes at this height are parts of it, and of what lies beside it.
+                let height = up.dot(&(plane.mean - floor.mean));
+                if heights.iter().any(|other: &f64| (height - other).abs() < apart) {
+                    continue;
+                }
+                heights.push(height);
+                // A ceiling faces down.
+                let its = across.transpose() * normal * facing.signum();
+                let own = covariance(plane, &across, patch).map(|c| c + Matrix2::identity() * untrue);
+                voices.level.extend(own.and_then(|own| Voice::level(its, &own, plane.area, widest)));
+            } else if facing.abs() < widest.sin() {
+                let same = |wall: &&Fit| {
+                    wall.plane.normal.dot(&normal).abs() > widest.cos()
+                        && wall.plane.height(&plane.mean).abs() < apart
+                };
+                if walls.iter().any(same) {
+                    continue;
+                }
+                walls.push(plane);
+                let Some(rising) = (up - normal * facing).try_normalize(0.0) else { continue };
+                let along = Matrix3x2::from_columns(&[rising, normal.cross(&rising)]);
+                let own = covariance(plane, &along, patch).map(|c| c[(0, 0)] + untrue);
+                let its = across.transpose() * normal;
+                voices.plumb.extend(own.and_then(|own| Voice::plumb(&its, facing, own, plane.area, widest)));
+            }
+        }
+        voices
+    }
+
+    /// What those agree on that agree with `up`, more or less; `None` where the floor does not.
+    pub(super) fn consensus(&self, up: &Vector3<f64>) -> Option<Consensus> {
+        let Some((across, floor)) = &self.floor else {
+            return Some(Consensus { up: self.floor_normal, level: 1, plumb: 0, area: self.floor_area });
+        };
+        let all = || std::iter::once(floor).chain(&self.level).chain(&self.plumb);
+        let mut tilt = across.transpose() * up / up.dot(&self.floor_normal);
+        for _ in 0..ROUNDS {
+            let agreeing = || all().filter(|voice| voice.agrees(&tilt));
+            let information: Matrix2<f64> = agreeing().map(|v| v.information).sum();
+            let sum: Vector2<f64> = agreeing().map(|v| v.information * v.tilt).sum();
+            let next = information.try_inverse()? * sum;
+            let settled = (next - tilt).norm() < 1e-12;
+            tilt = next;
+            if settled {
+                break;
+            }
+        }
+        let count = |voices: &[Voice]| voices.iter().filter(|v| v.agrees(&tilt)).count();
+        floor.agrees(&tilt).then(|| Consensus {
+            up: (self.floor_normal + across * tilt).normalize(),
+            level: 1 + count(&self.level),
+            plumb: count(&self.plumb),
+            area: all().map(|v| v.area * v.agreement(&tilt)).sum(),
+        })
+    }
 }
 
 /// Two unit vectors across a unit vector.
@@ -121,6 +232,13 @@ mod tests {
         FloorOptions { level_sigma_deg, ..FloorOptions::default() }
     }
 
+    /// Asked as [`super::super::find`] asks: with each plane taken to be level.
+    fn vote(floor: &Fit, planes: &[&Fit], options: &FloorOptions) -> Consensus {
+        let voices = Voices::new(floor, planes, SIZE, options);
+        let ups = std::iter::once(&floor).chain(planes).map(|p| p.plane.normal * p.plane.normal.z.signum());
+        ups.filter_map(|up| voices.consensus(&up)).reduce(|a, b| if b.area > a.area { b } else { a }).unwrap()
+    }
+
     fn tilt_deg(normal: &Vector3<f64>) -> f64 {
         normal.x.atan2(normal.z).to_degrees()
     }
@@ -136,21 +254,22 @@ mod tests {
         for level_deg in [0.0, 0.5, 1.5] {
             let own = sigma[1].powi(2) + f64::to_radians(level_deg).powi(2);
             let expected_deg = (1.0 / own) / (1.0 / own + 1.0 / sigma[0].powi(2));
-            let (normal, voters) = vote(&floor, &[&table], SIZE, &options(level_deg));
-            assert_eq!(voters, 2);
-            assert_relative_eq!(tilt_deg(&normal), expected_deg, epsilon = 2e-3);
-            assert_relative_eq!(normal.y, 0.0, epsilon = 1e-12);
+            let agreed = vote(&floor, &[&table], &options(level_deg));
+            assert_eq!((agreed.level, agreed.plumb), (2, 0));
+            assert_relative_eq!(tilt_deg(&agreed.up), expected_deg, epsilon = 2e-3);
+            assert_relative_eq!(agreed.up.y, 0.0, epsilon = 1e-12);
+            assert!(agreed.area < floor.area + table.area);
         }
+        let level = rectangle([0.6, 0.4], 0.7, 0.0, 0.009);
+        let agreed = vote(&floor, &[&level], &options(0.5));
+        assert_relative_eq!(agreed.area, floor.area + level.area, epsilon = 1e-9);
         // Less than a patch is one observation.
         let whole = FloorOptions { correlated: 10.0, ..options(0.0) };
         let expected_deg = 1.0 / (1.0 + (0.009f64 / 0.6 * 0.3 / 0.012).powi(2));
-        assert_relative_eq!(tilt_deg(&vote(&floor, &[&table], SIZE, &whole).0), expected_deg, epsilon = 2e-3);
+        assert_relative_eq!(tilt_deg(&vote(&floor, &[&table], &whole).up), expected_deg, epsilon = 2e-3);
         // Where planes were made exact, nothing but stereo's own deviation is left to go by.
         let exact = Fit { rms: 0.0, sigma_squared: 0.009f64.powi(2), ..table.clone() };
-        assert_eq!(
-            vote(&floor, &[&exact], SIZE, &options(0.5)),
-            vote(&floor, &[&table], SIZE, &options(0.5))
-        );
+        assert_eq!(vote(&floor, &[&exact], &options(0.5)), vote(&floor, &[&table], &options(0.5)));
     }
 
     #[test]
@@ -158,30 +277,59 @@ mod tests {
         let floor = rectangle([0.3, 0.6], 0.0, 0.0, 0.012);
         let ceiling = rectangle([0.6, 0.4], 2.4, 1.5, 0.009);
         let below = Fit { plane: Plane { normal: -ceiling.plane.normal, distance: -2.4 }, ..ceiling.clone() };
-        let once = vote(&floor, &[&ceiling], SIZE, &options(0.5));
-        assert!(once.1 == 2 && tilt_deg(&once.0) > 0.5);
-        assert_eq!(vote(&floor, &[&below], SIZE, &options(0.5)), once);
-        assert_eq!(vote(&floor, &[&floor, &ceiling, &ceiling], SIZE, &options(0.5)), once);
+        let once = vote(&floor, &[&ceiling], &options(0.5));
+        assert!(once.level == 2 && tilt_deg(&once.up) > 0.5);
+        assert_eq!(vote(&floor, &[&below], &options(0.5)), once);
+        assert_eq!(vote(&floor, &[&floor, &ceiling, &ceiling], &options(0.5)), once);
+    }
+
+    #[test]
+    fn a_wall_says_how_its_normal_leans_and_nothing_else() {
+        let floor = rectangle([0.3, 0.3], 0.0, 0.0, 0.012);
+        let patches = |fit: &Fit| fit.area / (0.3 * SIZE).powi(2);
+        let wall = rectangle([0.8, 0.5], 1.2, 91.0, 0.009);
+        let level_deg: f64 = 0.5;
+        let own = (0.009_f64 / 0.8).powi(2) / patches(&wall) + level_deg.to_radians().powi(2);
+        let floors = (0.012_f64 / 0.3).powi(2) / patches(&floor);
+        // It leans as a floor would that is tilted by a degree.
+        let expected_deg = (1.0 / own) / (1.0 / own + 1.0 / floors);
+        let agreed = vote(&floor, &[&wall], &options(level_deg));
+        assert_eq!((agreed.level, agreed.plumb), (1, 1));
+        assert_relative_eq!(tilt_deg(&agreed.up), expected_deg, epsilon = 2e-3);
+        assert_relative_eq!(agreed.up.y, 0.0, epsilon = 1e-12);
+        // From behind it is the same wall, and once is enough.
+        let behind = Fit {
+            plane: Plane { normal: -wall.plane.normal, distance: -wall.plane.distance },
+            ..wall.clone()
+        };
+        assert_eq!(vote(&floor, &[&behind], &options(level_deg)), agreed);
+        assert_eq!(vote(&floor, &[&wall, &behind], &options(level_deg)), agreed);
+        // A board that leans has no say; nor has a wall of which only a level line is seen.
+        for wall in [rectangle([0.8, 0.5], 1.2, 102.0, 0.004), rectangle([0.0, 0.5], 1.2, 91.0, 0.004)] {
+            let alone = vote(&floor, &[&wall], &options(level_deg));
+            assert_eq!((alone.up, alone.plumb), (Vector3::z(), 0));
+        }
     }
 
     #[test]
     fn what_is_not_level_has_no_say() {
         let floor = rectangle([1.5, 1.0], 0.0, 0.0, 0.01);
-        for tilt_deg in [4.0, 12.0, 60.0, 90.0] {
+        let is_alone = |agreed: Consensus| agreed.up == Vector3::z() && agreed.level == 1;
+        for tilt_deg in [4.0, 12.0, 60.0] {
             let desk = rectangle([0.7, 0.4], 0.7, tilt_deg, 0.004);
-            assert_eq!(vote(&floor, &[&desk], SIZE, &options(0.5)), (Vector3::z(), 1), "{tilt_deg}°");
+            assert!(is_alone(vote(&floor, &[&desk], &options(0.5))), "{tilt_deg}°");
         }
         // The level part of a desk is what its slope and something else make together.
         let desk = rectangle([0.7, 0.4], 0.7, 12.0, 0.004);
         let part = rectangle([0.4, 0.3], 0.72, 0.1, 0.004);
-        assert_eq!(vote(&floor, &[&part], SIZE, &options(0.5)).1, 2);
-        assert_eq!(vote(&floor, &[&desk, &part], SIZE, &options(0.5)), (Vector3::z(), 1));
+        assert_eq!(vote(&floor, &[&part], &options(0.5)).level, 2);
+        assert!(is_alone(vote(&floor, &[&desk, &part], &options(0.5))));
         // Too little is known of a line's tilt, and of a floor that is a line.
         let line = rectangle([0.7, 0.0], 0.7, 0.5, 0.004);
-        assert_eq!(vote(&floor, &[&line], SIZE, &options(0.5)), (Vector3::z(), 1));
+        assert!(is_alone(vote(&floor, &[&line], &options(0.5))));
         let table = rectangle([0.7, 0.5], 0.7, 0.5, 0.004);
         let strip = rectangle([0.7, 0.0], 0.0, 0.0, 0.004);
-        assert_eq!(vote(&strip, &[&table], SIZE, &options(0.5)), (Vector3::z(), 1));
+        assert!(is_alone(vote(&strip, &[&table], &options(0.5))));
     }
 
     #[test]
@@ -189,29 +337,31 @@ mod tests {
         let floor = rectangle([0.15, 0.6], 0.0, 0.0, 0.014);
         let table = rectangle([0.6, 0.4], 0.7, -2.0, 0.012);
         let seat = rectangle([0.2, 0.2], 1.0, 9.0, 0.012);
-        assert_eq!(vote(&floor, &[&seat], SIZE, &options(0.5)).1, 2);
-        let without = vote(&floor, &[&table], SIZE, &options(0.5));
-        assert_eq!(without.1, 2);
-        assert_eq!(vote(&floor, &[&table, &seat], SIZE, &options(0.5)), without);
+        assert_eq!(vote(&floor, &[&seat], &options(0.5)).level, 2);
+        let without = vote(&floor, &[&table], &options(0.5));
+        assert_eq!(without.level, 2);
+        assert_eq!(vote(&floor, &[&table, &seat], &options(0.5)), without);
     }
 
     #[test]
-    fn a_plane_is_level_where_that_is_likelier_than_a_slope() {
+    fn a_plane_is_true_where_that_is_likelier_than_a_slope() {
         let widest: f64 = 0.4;
         for sigma in [0.005_f64, 0.02, 0.05] {
-            // Densities of both at a tilt t: 10 exp(−t²/2σ²) / 2πσ² against 1 / (π · widest²).
-            let density = |tilt: f64| {
-                10.0 * (-0.5 * (tilt / sigma).powi(2)).exp() / (std::f64::consts::TAU * sigma.powi(2))
-            };
-            let slope = 1.0 / (std::f64::consts::PI * widest.powi(2));
+            let variance = sigma.powi(2);
+            let level =
+                Voice::level(Vector2::zeros(), &(Matrix2::identity() * variance), 1.0, widest).unwrap();
+            let plumb = Voice::plumb(&Vector2::new(0.6, -0.8), 0.0, variance, 1.0, widest).unwrap();
             for step in 1..100 {
                 let tilt = 0.003 * f64::from(step);
-                let level = is_level(
-                    &Vector2::new(0.6 * tilt, -0.8 * tilt),
-                    &(Matrix2::identity() * sigma.powi(2)),
-                    widest,
-                );
-                assert_eq!(level, density(tilt) > slope, "{tilt} of {sigma}");
+                let bell = (-0.5 * (tilt / sigma).powi(2)).exp();
+                // Of level planes there are ten for each that slopes anywhere in a circle, of plumb ones for each that
+                // leans within as much to both sides.
+                let is_level = 10.0 * bell / (std::f64::consts::TAU * variance)
+                    > 1.0 / (std::f64::consts::PI * widest.powi(2));
+                let is_plumb = 10.0 * bell / (std::f64::consts::TAU.sqrt() * sigma) > 0.5 / widest;
+                let at = Vector2::new(0.6 * tilt, -0.8 * tilt);
+                assert_eq!((level.agrees(&at), plumb.agrees(&at)), (is_level, is_plumb), "{tilt} of {sigma}");
+                assert!(plumb.agrees(&Vector2::new(0.8 * tilt, 0.6 * tilt)), "along a wall nothing is said");
             }
         }
     }
