@@ -159,10 +159,11 @@ impl Voices {
         voices
     }
 
-    /// What those agree on that agree with `up`, more or less; `None` where the floor does not.
+    /// What those agree on that agree with `up`, more or less: `up` itself where the floor is a line. `None` where the floor
+    /// does not agree.
     pub(super) fn consensus(&self, up: &Vector3<f64>) -> Option<Consensus> {
         let Some((across, floor)) = &self.floor else {
-            return Some(Consensus { up: self.floor_normal, level: 1, plumb: 0, area: self.floor_area });
+            return Some(Consensus { up: *up, level: 1, plumb: 0, area: self.floor_area });
         };
         let all = || std::iter::once(floor).chain(&self.level).chain(&self.plumb);
         let mut tilt = across.transpose() * up / up.dot(&self.floor_normal);
@@ -330,6 +331,8 @@ mod tests {
         let table = rectangle([0.7, 0.5], 0.7, 0.5, 0.004);
         let strip = rectangle([0.7, 0.0], 0.0, 0.0, 0.004);
         assert!(is_alone(vote(&strip, &[&table], &options(0.5))));
+        let up = table.plane.normal;
+        assert_eq!(Voices::new(&strip, &[&table], SIZE, &options(0.5)).consensus(&up).unwrap().up, up);
     }
 
     #[test]
