@@ -8,8 +8,9 @@ use super::{FloorOptions, Plane, SurfacePoint};
 const SLABS: [f64; 6] = [3.0, 2.0, 1.5, 1.0, 1.0, 1.0];
 /// Fewer points make no plane.
 const LEAST_POINTS: usize = 10;
-/// Planes that turn by less than this, and move by less than this share of their thickness, are the same: degrees.
+/// Planes that differ in direction by less than this, degrees, are the same …
 const SAME_DEG: f64 = 0.05;
+/// … where they lie apart by less than this share of their thickness.
 const SAME_SHARE: f64 = 0.05;
 
 /// A plane fitted to surface points.

@@ -76,9 +76,9 @@ impl Voice {
         finite.then(|| Self::believed(tilt, information, peak / even, area))?
     }
 
-    /// `None` where so little is known that the plane may well stand any way.
-    fn believed(tilt: Vector2<f64>, information: Matrix2<f64>, peak: f64, area: f64) -> Option<Self> {
-        let bound = 2.0 * (TRUE_TO_SLOPED * peak).ln();
+    /// `None` where so little is known that the plane may well stand any way; `ratio`: of its density's peak to the even one.
+    fn believed(tilt: Vector2<f64>, information: Matrix2<f64>, ratio: f64, area: f64) -> Option<Self> {
+        let bound = 2.0 * (TRUE_TO_SLOPED * ratio).ln();
         (bound > 0.0).then_some(Self { tilt, information, bound, area })
     }
 
