@@ -27,13 +27,14 @@ pub struct LensEvidence {
 /// unknown. `None` where the observations do not determine that.
 pub fn lens_evidence(problem: &Problem, options: &BundleOptions) -> Option<LensEvidence> {
     let columns = NormalEquations::build(problem, options).lens_columns(options.fixed_pose)?;
+    let poses = problem.pose_matrices();
     let mut of_frames = vec![Vector3::zeros(); problem.poses.len()];
     let (mut features, mut singles) = (Matrix3::zeros(), Matrix3::zeros());
     let (mut step, mut weights) = (Vector3::zeros(), 0.0);
     for (point, observations) in problem.observations.iter().enumerate() {
         let mut of_feature = Vector3::zeros();
         for observation in observations {
-            let pose = &problem.poses[observation.pose];
+            let pose = &poses[observation.pose];
             let position = &problem.points[point];
             let Some(l) = residual::linearise(&problem.intrinsics, pose, position, &observation.pixel) else {
                 continue;
@@ -43,9 +44,9 @@ pub fn lens_evidence(problem: &Problem, options: &BundleOptions) -> Option<LensE
             let mut influence = Vector3::zeros();
             for (k, column) in columns.iter().enumerate() {
                 let cameras = &column.cameras[6 * observation.pose..6 * observation.pose + 6];
-                let moved = l.pose * Vector6::from_column_slice(cameras)
-                    + l.point * column.points[point]
-                    + l.lens * column.lens;
+                let moved = l.by_pose() * Vector6::from_column_slice(cameras)
+                    + l.by_point(pose) * column.points[point]
+                    + l.by_lens(&problem.intrinsics) * column.lens;
                 influence[k] = -weight * moved.dot(&l.residual);
             }
             of_feature += influence;

@@ -28,10 +28,11 @@ use rayon::prelude::*;
 
 pub use lens_evidence::{LensEvidence, lens_evidence};
 pub use loss::Loss;
+use residual::PoseMatrix;
 use schur::NormalEquations;
 
-/// The residual, in pixels, that an observation behind its camera counts with.
-const BEHIND_CAMERA_PX: f64 = 1000.0;
+/// The squared residual, in pixels, that an observation behind its camera counts with, and any at most.
+const SQUARED_BEHIND_CAMERA: f64 = 1e6;
 
 /// One point seen by one camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -126,21 +127,30 @@ impl Problem {
 
     /// The distance between projected and measured pixel; infinite behind the camera.
     pub fn error_px(&self, point: usize, observation: &Observation) -> f64 {
-        let pose = &self.poses[observation.pose];
-        residual::residual(&self.intrinsics, pose, &self.points[point], &observation.pixel)
+        let pose = PoseMatrix::new(&self.poses[observation.pose]);
+        residual::residual(&self.intrinsics, &pose, &self.points[point], &observation.pixel)
             .map_or(f64::INFINITY, |r| r.norm())
+    }
+
+    fn pose_matrices(&self) -> Vec<PoseMatrix> {
+        self.poses.iter().map(PoseMatrix::new).collect()
+    }
+
+    /// The squared distance between projected and measured pixel.
+    fn squared_error(&self, poses: &[PoseMatrix], point: usize, observation: &Observation) -> f64 {
+        let pose = &poses[observation.pose];
+        residual::residual(&self.intrinsics, pose, &self.points[point], &observation.pixel)
+            .map_or(SQUARED_BEHIND_CAMERA, |r| r.norm_squared().min(SQUARED_BEHIND_CAMERA))
     }
 
     /// Σ ρ over all observations, in a fixed order.
     fn cost(&self, loss: Loss) -> f64 {
+        let poses = self.pose_matrices();
         let each: Vec<f64> = (0..self.points.len())
             .into_par_iter()
             .with_min_len(64)
             .map(|point| {
-                let of = |o: &Observation| {
-                    let error = self.error_px(point, o).min(BEHIND_CAMERA_PX);
-                    loss.cost(error * error)
-                };
+                let of = |o: &Observation| loss.cost(self.squared_error(&poses, point, o));
                 self.observations[point].iter().map(of).sum()
             })
             .collect();
@@ -212,9 +222,10 @@ pub fn adjust(problem: &mut Problem, options: &BundleOptions) -> BundleReport {
         pose.rotation.renormalize();
     }
     report.final_cost = cost;
+    let poses = problem.pose_matrices();
     let squares: f64 = (0..problem.points.len())
         .flat_map(|p| problem.observations[p].iter().map(move |o| (p, o)))
-        .map(|(p, o)| problem.error_px(p, o).min(BEHIND_CAMERA_PX).powi(2))
+        .map(|(p, o)| problem.squared_error(&poses, p, o))
         .sum();
     report.rms_px = (squares / problem.observation_count().max(1) as f64).sqrt();
     report

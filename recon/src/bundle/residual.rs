@@ -4,7 +4,7 @@
 //! intrinsics are `(ln f, k1, k2)`: the focal lengths keep their ratio.
 
 use calib::Intrinsics;
-use nalgebra::{Isometry3, Matrix2x3, Point2, Point3, SMatrix, Vector2};
+use nalgebra::{Isometry3, Matrix2x3, Matrix3, Point2, Point3, SMatrix, Vector2, Vector3};
 
 /// Points nearer to the camera plane than this (in the scene's unit) have no image.
 const MIN_DEPTH: f64 = 1e-6;
@@ -14,62 +14,99 @@ pub(super) type PoseJacobian = SMatrix<f64, 2, 6>;
 /// Derivative of a pixel by `(ln f, k1, k2)`.
 pub(super) type LensJacobian = SMatrix<f64, 2, 3>;
 
-/// A residual with the derivatives of the projected pixel.
+/// A pose as the matrix that many points are multiplied by.
+pub(super) struct PoseMatrix {
+    pub(super) rotation: Matrix3<f64>,
+    translation: Vector3<f64>,
+}
+
+impl PoseMatrix {
+    pub(super) fn new(pose: &Isometry3<f64>) -> Self {
+        Self {
+            rotation: pose.rotation.to_rotation_matrix().into_inner(),
+            translation: pose.translation.vector,
+        }
+    }
+
+    /// A world point in the camera's coordinates; `None` behind the camera.
+    fn before(&self, point: &Point3<f64>) -> Option<Point3<f64>> {
+        let p = self.rotation * point.coords + self.translation;
+        (p.z >= MIN_DEPTH).then_some(Point3::from(p))
+    }
+}
+
+/// A residual with what the derivatives of the projected pixel are made of.
 pub(super) struct Linearised {
     pub(super) residual: Vector2<f64>,
-    pub(super) pose: PoseJacobian,
-    pub(super) point: Matrix2x3<f64>,
-    pub(super) lens: LensJacobian,
+    /// X_c.
+    pub(super) camera_point: Point3<f64>,
+    /// Derivative of the pixel by X_c.
+    pub(super) by_camera_point: Matrix2x3<f64>,
+}
+
+impl Linearised {
+    /// Derivative by the pose.
+    pub(super) fn by_pose(&self) -> PoseJacobian {
+        let mut by_pose = PoseJacobian::zeros();
+        by_pose.fixed_columns_mut::<3>(0).copy_from(&self.by_camera_point);
+        let by_turn = -self.by_camera_point * self.camera_point.coords.cross_matrix();
+        by_pose.fixed_columns_mut::<3>(3).copy_from(&by_turn);
+        by_pose
+    }
+
+    /// Derivative by the world point.
+    pub(super) fn by_point(&self, pose: &PoseMatrix) -> Matrix2x3<f64> {
+        self.by_camera_point * pose.rotation
+    }
+
+    /// Derivative by the lens.
+    pub(super) fn by_lens(&self, lens: &Intrinsics) -> LensJacobian {
+        let p = &self.camera_point;
+        let n = Vector2::new(p.x / p.z, p.y / p.z);
+        let (d, r2) = (lens.distortion.distort(n), n.norm_squared());
+        LensJacobian::new(
+            lens.fx * d.x,
+            lens.fx * n.x * r2,
+            lens.fx * n.x * r2 * r2,
+            lens.fy * d.y,
+            lens.fy * n.y * r2,
+            lens.fy * n.y * r2 * r2,
+        )
+    }
 }
 
 /// Projected minus measured pixel; `None` behind the camera.
 pub(super) fn residual(
     lens: &Intrinsics,
-    pose: &Isometry3<f64>,
+    pose: &PoseMatrix,
     point: &Point3<f64>,
     pixel: &Point2<f64>,
 ) -> Option<Vector2<f64>> {
-    let p = pose * point;
-    if p.z.is_nan() || p.z < MIN_DEPTH {
-        return None;
-    }
-    let d = lens.distortion.distort(Vector2::new(p.x / p.z, p.y / p.z));
-    Some(Vector2::new(lens.fx * d.x + lens.cx - pixel.x, lens.fy * d.y + lens.cy - pixel.y))
+    Some(off(lens, &pose.before(point)?, pixel))
 }
 
 /// [`residual`] with its derivatives.
 pub(super) fn linearise(
     lens: &Intrinsics,
-    pose: &Isometry3<f64>,
+    pose: &PoseMatrix,
     point: &Point3<f64>,
     pixel: &Point2<f64>,
 ) -> Option<Linearised> {
-    let residual = residual(lens, pose, point, pixel)?;
-    let p = pose * point;
-    let n = Vector2::new(p.x / p.z, p.y / p.z);
-    let by_camera_point = lens.project_jacobian(&p);
-    let mut by_pose = PoseJacobian::zeros();
-    by_pose.fixed_columns_mut::<3>(0).copy_from(&by_camera_point);
-    by_pose.fixed_columns_mut::<3>(3).copy_from(&(-by_camera_point * p.coords.cross_matrix()));
-    let by_point = by_camera_point * pose.rotation.to_rotation_matrix().matrix();
-    let d = lens.distortion.distort(n);
-    let r2 = n.norm_squared();
-    let by_lens = LensJacobian::new(
-        lens.fx * d.x,
-        lens.fx * n.x * r2,
-        lens.fx * n.x * r2 * r2,
-        lens.fy * d.y,
-        lens.fy * n.y * r2,
-        lens.fy * n.y * r2 * r2,
-    );
-    Some(Linearised { residual, pose: by_pose, point: by_point, lens: by_lens })
+    let camera_point = pose.before(point)?;
+    let by_camera_point = lens.project_jacobian(&camera_point);
+    Some(Linearised { residual: off(lens, &camera_point, pixel), camera_point, by_camera_point })
+}
+
+fn off(lens: &Intrinsics, p: &Point3<f64>, pixel: &Point2<f64>) -> Vector2<f64> {
+    let d = lens.distortion.distort(Vector2::new(p.x / p.z, p.y / p.z));
+    Vector2::new(lens.fx * d.x + lens.cx - pixel.x, lens.fy * d.y + lens.cy - pixel.y)
 }
 
 /// The pose after a step of its six parameters.
 pub(super) fn moved_pose(pose: &Isometry3<f64>, step: &[f64]) -> Isometry3<f64> {
-    let turn = Isometry3::rotation(nalgebra::Vector3::new(step[3], step[4], step[5]));
+    let turn = Isometry3::rotation(Vector3::new(step[3], step[4], step[5]));
     let mut moved = turn * pose;
-    moved.translation.vector += nalgebra::Vector3::new(step[0], step[1], step[2]);
+    moved.translation.vector += Vector3::new(step[0], step[1], step[2]);
     moved
 }
 
@@ -87,7 +124,6 @@ pub(super) fn moved_lens(lens: &Intrinsics, step: &[f64]) -> Intrinsics {
 mod tests {
     use super::*;
     use calib::Distortion;
-    use nalgebra::Vector3;
     use proptest::prelude::*;
 
     proptest! {
@@ -100,7 +136,8 @@ mod tests {
             lens.distortion = Distortion { k1: -0.1, k2: 0.03, p1: 0.001, p2: -0.002, k3: 0.0 };
             let pose = Isometry3::new(Vector3::from(shift), Vector3::from(turn));
             let (point, pixel) = (Point3::new(x, y, z), Point2::new(200.0, 300.0));
-            let analytic = linearise(&lens, &pose, &point, &pixel).unwrap();
+            let matrix = PoseMatrix::new(&pose);
+            let analytic = linearise(&lens, &matrix, &point, &pixel).unwrap();
             let h = 1e-6;
             let check = |column: Vector2<f64>, at: &dyn Fn(f64) -> Vector2<f64>| {
                 let numeric = (at(h) - at(-h)) / (2.0 * h);
@@ -110,23 +147,23 @@ mod tests {
                 let at = |s: f64| {
                     let mut step = [0.0; 6];
                     step[k] = s;
-                    residual(&lens, &moved_pose(&pose, &step), &point, &pixel).unwrap()
+                    residual(&lens, &PoseMatrix::new(&moved_pose(&pose, &step)), &point, &pixel).unwrap()
                 };
-                prop_assert!(check(analytic.pose.column(k).into(), &at), "pose {k}");
+                prop_assert!(check(analytic.by_pose().column(k).into(), &at), "pose {k}");
             }
             for k in 0..3 {
                 let by_point = |s: f64| {
                     let mut p = point;
                     p[k] += s;
-                    residual(&lens, &pose, &p, &pixel).unwrap()
+                    residual(&lens, &matrix, &p, &pixel).unwrap()
                 };
-                prop_assert!(check(analytic.point.column(k).into(), &by_point), "point {k}");
+                prop_assert!(check(analytic.by_point(&matrix).column(k).into(), &by_point), "point {k}");
                 let by_lens = |s: f64| {
                     let mut step = [0.0; 3];
                     step[k] = s;
-                    residual(&moved_lens(&lens, &step), &pose, &point, &pixel).unwrap()
+                    residual(&moved_lens(&lens, &step), &matrix, &point, &pixel).unwrap()
                 };
-                prop_assert!(check(analytic.lens.column(k).into(), &by_lens), "lens {k}");
+                prop_assert!(check(analytic.by_lens(&lens).column(k).into(), &by_lens), "lens {k}");
             }
         }
     }

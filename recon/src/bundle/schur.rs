@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, Vector3, Vector6};
 use rayon::prelude::*;
 
-use super::residual::{self, LensJacobian};
+use super::residual::{self, LensJacobian, PoseMatrix};
 use super::{BundleOptions, Problem};
 
 type Block6x3 = SMatrix<f64, 6, 3>;
@@ -28,6 +28,7 @@ struct PointBlock {
 /// One pose's part of the system.
 #[derive(Clone)]
 struct PoseBlock {
+    /// Its upper triangle.
     u: SMatrix<f64, 6, 6>,
     gradient: Vector6<f64>,
     /// With the lens.
@@ -95,13 +96,14 @@ pub(super) struct Column {
 impl NormalEquations {
     pub(super) fn build(problem: &Problem, options: &BundleOptions) -> Self {
         let poses = problem.poses.len();
+        let matrices = problem.pose_matrices();
         let chunks: Vec<Chunk> = (0..problem.points.len().div_ceil(CHUNK))
             .into_par_iter()
             .map(|chunk| {
                 let last = ((chunk + 1) * CHUNK).min(problem.points.len());
                 let mut sums = Chunk::new(poses);
                 for point in chunk * CHUNK..last {
-                    let block = point_block(problem, options, point, &mut sums);
+                    let block = point_block(problem, &matrices, options, point, &mut sums);
                     sums.points.push(block);
                 }
                 sums
@@ -323,7 +325,16 @@ fn subtract_product(block: &mut SMatrix<f64, 6, 6>, y: &Block6x3, w: &Block6x3) 
 }
 
 /// A point's block, its edges by pose; what its observations say of poses and lens is added to `sums`.
-fn point_block(problem: &Problem, options: &BundleOptions, point: usize, sums: &mut Chunk) -> PointBlock {
+///
+/// A pose's Jacobian is that by the point in camera coordinates times `[I, −[X_c]×]`, a point's the same times the
+/// rotation: so all blocks come from `A = w Jᵀ J` of 3 × 3.
+fn point_block(
+    problem: &Problem,
+    poses: &[PoseMatrix],
+    options: &BundleOptions,
+    point: usize,
+    sums: &mut Chunk,
+) -> PointBlock {
     let observations = &problem.observations[point];
     let mut block = PointBlock {
         v: Matrix3::zeros(),
@@ -332,34 +343,59 @@ fn point_block(problem: &Problem, options: &BundleOptions, point: usize, sums: &
         lens: Matrix3::zeros(),
     };
     for observation in observations {
-        let pose = &problem.poses[observation.pose];
+        let pose = &poses[observation.pose];
         let Some(l) =
             residual::linearise(&problem.intrinsics, pose, &problem.points[point], &observation.pixel)
         else {
             continue;
         };
         let weight = options.loss.weight(l.residual.norm_squared());
-        let weighted_point = weight * l.point;
-        let weighted_pose_t = weight * l.pose.transpose();
-        block.v += l.point.transpose() * weighted_point;
-        block.gradient -= weighted_point.transpose() * l.residual;
-        block.edges.push(Edge { pose: observation.pose, w: l.pose.transpose() * weighted_point });
+        let (j, at) = (&l.by_camera_point, &l.camera_point.coords);
+        let weighted = weight * j.transpose();
+        let (a, gradient) = (weighted * j, weighted * l.residual);
+        let by_point = a * pose.rotation;
+        block.v += pose.rotation.tr_mul(&by_point);
+        block.gradient -= pose.rotation.tr_mul(&gradient);
+        block.edges.push(Edge { pose: observation.pose, w: for_pose(at, &by_point) });
         let sum = &mut sums.poses[observation.pose];
-        sum.u += weighted_pose_t * l.pose;
-        sum.gradient -= weighted_pose_t * l.residual;
+        let turned = crossed(at, &a).transpose();
+        add(&mut sum.u, 0, 0, &a);
+        add(&mut sum.u, 0, 3, &turned);
+        add(&mut sum.u, 3, 3, &crossed(at, &turned));
+        sum.gradient -= Vector6::from_iterator(gradient.iter().chain(&at.cross(&gradient)).copied());
         if options.lens.count() > 0 {
-            let mut lens: LensJacobian = l.lens;
+            let mut lens: LensJacobian = l.by_lens(&problem.intrinsics);
             for k in options.lens.count()..3 {
                 lens.column_mut(k).fill(0.0);
             }
-            block.lens += lens.transpose() * weighted_point;
-            sum.border += weighted_pose_t * lens;
+            let by_lens = weighted * lens;
+            block.lens += by_lens.tr_mul(&pose.rotation);
+            sum.border += for_pose(at, &by_lens);
             sums.lens += weight * lens.transpose() * lens;
             sums.lens_gradient -= weight * lens.transpose() * l.residual;
         }
     }
     block.edges.sort_by_key(|edge| edge.pose);
     block
+}
+
+/// `[I, −[x]×]ᵀ m`: what a point in camera coordinates says of its camera's pose.
+fn for_pose(x: &Vector3<f64>, m: &Matrix3<f64>) -> Block6x3 {
+    let mut block = Block6x3::zeros();
+    block.fixed_rows_mut::<3>(0).copy_from(m);
+    block.fixed_rows_mut::<3>(3).copy_from(&crossed(x, m));
+    block
+}
+
+/// `[x]× m`.
+fn crossed(x: &Vector3<f64>, m: &Matrix3<f64>) -> Matrix3<f64> {
+    let column = |k: usize| x.cross(&m.fixed_view::<3, 1>(0, k).into_owned());
+    Matrix3::from_columns(&[column(0), column(1), column(2)])
+}
+
+fn add(sum: &mut SMatrix<f64, 6, 6>, row: usize, column: usize, m: &Matrix3<f64>) {
+    let mut block = sum.fixed_view_mut::<3, 3>(row, column);
+    block += m;
 }
 
 /// A 3 × 3 block with its diagonal raised; a point nobody sees gets the identity.

@@ -119,17 +119,12 @@ fn elimination_equals_the_dense_solution() {
     let (mut dense, mut right) = (DMatrix::<f64>::zeros(size, size), nalgebra::DVector::<f64>::zeros(size));
     for (index, observations) in problem.observations.iter().enumerate() {
         for o in observations {
-            let l = residual::linearise(
-                &problem.intrinsics,
-                &problem.poses[o.pose],
-                &problem.points[index],
-                &o.pixel,
-            )
-            .unwrap();
+            let (lens, pose) = (&problem.intrinsics, PoseMatrix::new(&problem.poses[o.pose]));
+            let l = residual::linearise(lens, &pose, &problem.points[index], &o.pixel).unwrap();
             let mut j = DMatrix::<f64>::zeros(2, size);
-            j.fixed_view_mut::<2, 6>(0, 6 * o.pose).copy_from(&l.pose);
-            j.fixed_view_mut::<2, 3>(0, 6 * poses).copy_from(&l.lens);
-            j.fixed_view_mut::<2, 3>(0, 6 * poses + 3 + 3 * index).copy_from(&l.point);
+            j.fixed_view_mut::<2, 6>(0, 6 * o.pose).copy_from(&l.by_pose());
+            j.fixed_view_mut::<2, 3>(0, 6 * poses).copy_from(&l.by_lens(lens));
+            j.fixed_view_mut::<2, 3>(0, 6 * poses + 3 + 3 * index).copy_from(&l.by_point(&pose));
             let w = options.loss.weight(l.residual.norm_squared());
             dense += w * j.transpose() * &j;
             right -= w * j.transpose() * l.residual;
