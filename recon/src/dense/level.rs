@@ -82,6 +82,11 @@ impl Level {
         self.padded[y * self.stride + x][0]
     }
 
+    /// `count` pixels to the right from one on, each with the one below it; all must lie in the image.
+    pub(super) fn row(&self, x: usize, y: usize, count: usize) -> &[[f32; 2]] {
+        &self.padded[(y + 1) * self.stride + x + 1..][..count]
+    }
+
     /// Brightness between pixels, bilinear, at four places. `x` must lie in `-1 ..= width`, `y` likewise: not checked
     /// here.
     #[inline]

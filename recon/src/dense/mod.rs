@@ -42,6 +42,8 @@ pub struct DenseOptions {
     pub color_sigma: f32,
     /// How often images are halved for the first round, from random hypotheses: at least once.
     pub halvings: usize,
+    /// Whether hypotheses come from far regions and out of nowhere even where a coarser map is at hand.
+    pub always_afar: bool,
     /// Rounds of propagation: from random hypotheses, at half size with the other views' depths known, at full size.
     pub iterations: [usize; 3],
     /// A depth is reliable if at least this many key frames agree …
@@ -65,6 +67,7 @@ impl Default for DenseOptions {
             catching_up: f32::INFINITY,
             color_sigma: 10.0,
             halvings: 1,
+            always_afar: true,
             iterations: [5, 2, 3],
             least_agreeing: 2,
             agreement_px: 1.0,
@@ -75,8 +78,8 @@ impl Default for DenseOptions {
 }
 
 impl DenseOptions {
-    /// For a first look: the first round at a quarter of the size, fewer key frames and rounds, and hypotheses that fall
-    /// behind given up early.
+    /// For a first look: the first round at a quarter of the size, fewer key frames, rounds and hypotheses, and those that
+    /// fall behind given up early.
     pub fn draft() -> Self {
         Self {
             key_frames: 6,
@@ -84,7 +87,8 @@ impl DenseOptions {
             best_views: 3,
             catching_up: 0.1,
             halvings: 2,
-            iterations: [4, 1, 1],
+            always_afar: false,
+            iterations: [3, 1, 1],
             ..Self::default()
         }
     }
@@ -336,6 +340,7 @@ fn problem<'a>(
         best_views: options.best_views,
         catching_up: options.catching_up,
         color_sigma: options.color_sigma,
+        afar: options.always_afar || maps.is_none(),
         iterations: options.iterations[usize::from(maps.is_some())],
         seed: options.seed.wrapping_add(index as u64),
     }
@@ -383,6 +388,7 @@ fn refine_reference(
         best_views: options.best_views,
         catching_up: options.catching_up,
         color_sigma: options.color_sigma,
+        afar: options.always_afar,
         iterations: options.iterations[2],
         seed: options.seed.wrapping_add(views.len() as u64),
     };

@@ -67,23 +67,46 @@ pub(super) struct Patch {
 
 impl Patch {
     pub(super) fn new(reference: &Level, x: usize, y: usize, table: &Weights) -> Self {
-        let centre = reference.at(x as isize, y as isize);
+        let reach = RADIUS as usize;
+        if x >= reach && y >= reach && x + reach < reference.width && y + reach < reference.height {
+            // Away from the border nothing need be asked of each sample.
+            let row = |dv: i32| reference.row(x - reach, (y as i32 + dv) as usize, 2 * reach + 1);
+            let rows = OFFSETS.map(row);
+            return Self::of_samples(x, y, table, reference.at(x as isize, y as isize), |i, j| {
+                Some(rows[j][2 * i][0])
+            });
+        }
+        let at = |du: i32, dv: i32| {
+            let (sx, sy) = (x as isize + du as isize, y as isize + dv as isize);
+            let inside =
+                sx >= 0 && sy >= 0 && sx < reference.width as isize && sy < reference.height as isize;
+            inside.then(|| reference.at(sx, sy))
+        };
+        Self::of_samples(x, y, table, reference.at(x as isize, y as isize), |i, j| at(OFFSETS[i], OFFSETS[j]))
+    }
+
+    /// `value`: of the sample at the i-th offset to the right and the j-th downwards; `None` outside the image.
+    #[inline]
+    fn of_samples(
+        x: usize,
+        y: usize,
+        table: &Weights,
+        centre: f32,
+        value: impl Fn(usize, usize) -> Option<f32>,
+    ) -> Self {
         let mut weights = [0.0; SAMPLES];
         let mut values = [0.0; SAMPLES];
         let (mut total, mut sum) = (0.0, 0.0);
-        for (i, (weight, value)) in weights.iter_mut().zip(&mut values).enumerate() {
-            let (du, dv) = (OFFSETS[i % OFFSETS.len()] as isize, OFFSETS[i / OFFSETS.len()] as isize);
-            let (sx, sy) = (x as isize + du, y as isize + dv);
-            let inside =
-                sx >= 0 && sy >= 0 && sx < reference.width as isize && sy < reference.height as isize;
-            if !inside {
-                continue;
+        for j in 0..OFFSETS.len() {
+            for i in 0..OFFSETS.len() {
+                let Some(value) = value(i, j) else { continue };
+                let k = j * OFFSETS.len() + i;
+                let difference = ((value - centre).abs() as usize).min(255);
+                let weight = table.by_difference[difference] * table.by_place[k];
+                (weights[k], values[k]) = (weight, value);
+                total += weight;
+                sum += weight * value;
             }
-            *value = reference.at(sx, sy);
-            let difference = ((*value - centre).abs() as usize).min(255);
-            *weight = table.by_difference[difference] * table.by_place[i];
-            total += *weight;
-            sum += *weight * *value;
         }
         let (scale, mean) = (1.0 / total, sum / total);
         let mut centred = [0.0; SAMPLES];

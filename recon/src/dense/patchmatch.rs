@@ -89,6 +89,8 @@ pub(super) struct Problem<'a> {
     pub(super) catching_up: f32,
     /// Grey levels at which a neighbour's weight in a patch falls to 1/e.
     pub(super) color_sigma: f32,
+    /// Whether hypotheses come from far regions and out of nowhere, too.
+    pub(super) afar: bool,
     pub(super) iterations: usize,
     pub(super) seed: u64,
 }
@@ -237,7 +239,8 @@ impl Problem<'_> {
         let patch = Patch::new(self.reference, x, y, table);
         let current = map.supports[pixel];
         let mut offered = [(current, f32::MAX); REGIONS.len()];
-        for (offer, region) in offered.iter_mut().zip(&REGIONS) {
+        let regions = if self.afar { &REGIONS[..] } else { &REGIONS[..NEAR_REGIONS] };
+        for (offer, region) in offered.iter_mut().zip(regions) {
             for &(dx, dy) in *region {
                 let (nx, ny) = (x as i32 + dx, y as i32 + dy);
                 if nx < 0 || ny < 0 || nx >= width as i32 || ny >= self.reference.height as i32 {
@@ -282,11 +285,13 @@ impl Problem<'_> {
             }
         };
         // Anything at all; then ever smaller changes of what is best so far.
-        let drawn = self.range.0 + random.unit() * (self.range.1 - self.range.0);
-        let normal = best.0.normal(u, v, camera);
-        with_normal(&mut best, drawn, normal);
-        let w = best.0.w;
-        with_normal(&mut best, w, random.normal_towards(ray));
+        if self.afar {
+            let drawn = self.range.0 + random.unit() * (self.range.1 - self.range.0);
+            let normal = best.0.normal(u, v, camera);
+            with_normal(&mut best, drawn, normal);
+            let w = best.0.w;
+            with_normal(&mut best, w, random.normal_towards(ray));
+        }
         for shrink in [2.0, 0.5] {
             let w = best.0.w + shrink * reach * self.step * random.signed();
             let normal = best.0.normal(u, v, camera);
@@ -338,7 +343,7 @@ struct Views {
 }
 
 /// Where hypotheses come from: of each region the neighbour that fares best hands on its plane. All offsets are odd
-/// in sum, so they lie on the other colour.
+/// in sum, so they lie on the other colour. The first [`NEAR_REGIONS`] are near.
 const REGIONS: [&[(i32, i32)]; 8] = [
     &[(0, -1), (-1, -2), (1, -2), (-2, -3), (2, -3)],
     &[(0, 1), (-1, 2), (1, 2), (-2, 3), (2, 3)],
@@ -349,6 +354,8 @@ const REGIONS: [&[(i32, i32)]; 8] = [
     &[(-3, 0), (-5, 0), (-7, 0), (-9, 0), (-13, 0), (-17, 0), (-23, 0)],
     &[(3, 0), (5, 0), (7, 0), (9, 0), (13, 0), (17, 0), (23, 0)],
 ];
+
+const NEAR_REGIONS: usize = 4;
 
 /// A pixel's own random numbers: `SplitMix64` (Steele et al. 2014), started from seed, pixel and iteration.
 struct PixelRandom(u64);
