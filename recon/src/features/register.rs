@@ -153,11 +153,16 @@ impl Patch {
     pub(crate) fn correlation(&self, image: &Intensity, warp: &Warp) -> Option<f64> {
         let mut reading = Reading::default();
         self.read(image, warp, &mut reading)?;
+        Some(self.likeness(&reading))
+    }
+
+    /// Weighted correlation with what was read.
+    fn likeness(&self, reading: &Reading) -> f64 {
         let mut sum = f32x4::ZERO;
         for ((w, i), t) in self.weights.iter().zip(&reading.values).zip(&self.values) {
             sum += *w * *i * *t;
         }
-        Some(f64::from(sum.reduce_add()))
+        f64::from(sum.reduce_add())
     }
 
     /// `Σ w Jᵀ J` and `−Σ w Jᵀ r` of `J = (gx, gy, gx x, gx y, gy x, gy y)`: all are sums of `gx²`, `gx gy`, `gy²` and of
@@ -230,8 +235,8 @@ impl Patch {
                 return None;
             }
             if shift.norm() < STEP_END_PX {
-                let correlation = self.correlation(image, &warp)?;
-                return Some(Registration { warp, correlation });
+                // As read before this last step, which is too short to matter.
+                return Some(Registration { warp, correlation: self.likeness(&reading) });
             }
         }
         None
