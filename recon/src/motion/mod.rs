@@ -2,10 +2,10 @@
 //!
 //! Tracks ([`crate::features`]) start two competing reconstructions: by factorization, without any guess, and by two
 //! views and growth ([`incremental`]). Both are adjusted ([`crate::bundle`]); the one with the smaller robust
-//! reprojection error is polished by renewed triangulation and adjustment. It then tells where features lie that were
-//! lost ([`revisit`]): links between frames that are not neighbours, which hold the drift of long paths. It tells how long a
-//! frame's rows were read ([`readout`]); what it says of the lens is weighed against what was known ([`lens`]). A capture
-//! that cannot work is refused with what to film instead.
+//! reprojection error is kept. It tells where features lie that were lost ([`revisit`]): links between frames that are
+//! not neighbours, which hold the drift of long paths. It tells how long a frame's rows were read ([`readout`]). Then it
+//! is polished by renewed triangulation and adjustment, and what it says of the lens is weighed against what was known
+//! ([`lens`]). A capture that cannot work is refused with what to film instead.
 
 mod diagnosis;
 mod five_point;
@@ -63,7 +63,7 @@ impl Default for MotionOptions {
         Self {
             features: FeatureOptions::default(),
             seed: 1,
-            polish_rounds: 3,
+            polish_rounds: 2,
             max_noise_px: 1.5,
             min_parallax_deg: 1.0,
             min_registered: 0.5,
@@ -170,10 +170,10 @@ pub fn estimate(capture: &Capture, options: &MotionOptions) -> Result<(Motion, M
         return Err(diagnosis::no_start(&capture.name));
     };
     rival::warn(&capture.name, &sketch, other.as_ref());
-    sketch.polish(lens, options.polish_rounds);
     let explained = sketch.explained_share(agreement_px(&sketch));
-    revisit::revisit(&mut sketch, &capture.frames, &options.features, lens, options.polish_rounds);
+    revisit::revisit(&mut sketch, &capture.frames, &options.features, lens);
     let readout = readout::settle(&mut sketch, lens);
+    sketch.polish(lens, options.polish_rounds);
     let lens = lens::settle(&mut sketch, &capture.name, capture.intrinsics.is_some(), options.refine_lens);
     finish(capture, options, &sketch, Before { features, starts, explained, readout, lens })
 }
@@ -206,8 +206,11 @@ fn start_by_two_views<'a>(
     }
     sketch.polish(lens, START_ROUNDS);
     // Frames that were refused on the way may fit the polished points.
+    let registered = sketch.registered();
     incremental::grow(&mut sketch, seen, lens);
-    sketch.polish(lens, START_ROUNDS);
+    if sketch.registered() > registered {
+        sketch.polish(lens, START_ROUNDS);
+    }
     Some(sketch)
 }
 

@@ -28,7 +28,8 @@ const ROUNDS: usize = 2;
 /// Points that one number is looked for with; all are adjusted once it is found.
 const POINTS: usize = 700;
 
-/// Finds the readout of a polished sketch and brings its tracks to the middle rows' instants; 0 where none is seen.
+/// Finds the readout of a sketch that nears its best, brings its tracks to the middle rows' instants and its poses near
+/// what these ask for; 0 where none is seen.
 pub(super) fn settle(sketch: &mut Sketch<'_>, lens: LensFreedom) -> f64 {
     let fast = RollingShutter::new(1.0, &sketch.poses, sketch.intrinsics.height).shift_px(&sketch.intrinsics);
     let least = LEAST_SHIFT_PX / fast.max(f64::MIN_POSITIVE);
@@ -59,8 +60,7 @@ pub(super) fn settle(sketch: &mut Sketch<'_>, lens: LensFreedom) -> f64 {
         return 0.0;
     }
     let posed = Sketch { poses: best.poses, intrinsics: best.intrinsics, ..sketch.clone() };
-    let Some(all) = adjusted(sketch, &posed, readout, lens, ROUNDS) else { return 0.0 };
-    *sketch = all;
+    *sketch = rectified(sketch, &posed, readout);
     readout
 }
 
@@ -178,6 +178,7 @@ mod tests {
             sketch.polish(LensFreedom::Fixed, ROUNDS).unwrap();
             let noise = sketch.noise_px();
             let found = settle(&mut sketch, LensFreedom::Fixed);
+            sketch.polish(LensFreedom::Fixed, ROUNDS).unwrap();
             if readout == 0.0 {
                 assert!(found.abs() < f64::EPSILON, "{found} where all rows were read at once");
                 continue;

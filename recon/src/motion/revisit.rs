@@ -16,8 +16,7 @@ use crate::features::revisit::{RevisitOptions, seen_again};
 use crate::features::{FeatureOptions, Intensity, Track, Warp};
 
 /// How far from its prediction a feature is looked for, round after round, pixels.
-const SEARCH_PX: [i32; 2] = [12, LAST_SEARCH_PX];
-const LAST_SEARCH_PX: i32 = 6;
+const SEARCH_PX: [i32; 2] = [12, 6];
 /// Least correlation with a feature's first appearance: more than following asks for, as the place says less.
 const MIN_CORRELATION: f64 = 0.85;
 /// By how much all other places nearby must correlate less.
@@ -34,7 +33,6 @@ pub(super) fn revisit(
     frames: &[RgbImage],
     options: &FeatureOptions,
     lens: LensFreedom,
-    polish_rounds: usize,
 ) {
     let images: Vec<Intensity> = frames.par_iter().map(Intensity::new).collect();
     for search_px in SEARCH_PX {
@@ -48,7 +46,6 @@ pub(super) fn revisit(
             sketch.adjust(&Adjustment { gate_px: 2.0 * max_error_px, loss, lens, max_steps: 20 });
             sketch.triangulate(&accept, false);
         }
-        sketch.polish(lens, if search_px == LAST_SEARCH_PX { polish_rounds } else { 1 });
     }
 }
 
