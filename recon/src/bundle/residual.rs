@@ -38,9 +38,9 @@ impl PoseMatrix {
 /// A residual with what the derivatives of the projected pixel are made of.
 pub(super) struct Linearised {
     pub(super) residual: Vector2<f64>,
-    /// X_c.
+    /// `X_c`.
     pub(super) camera_point: Point3<f64>,
-    /// Derivative of the pixel by X_c.
+    /// Derivative of the pixel by `X_c`.
     pub(super) by_camera_point: Matrix2x3<f64>,
 }
 
