@@ -139,7 +139,8 @@ mod tests {
         let single = |p: &Point3<f64>| Vec3::new(p.x as f32, p.y as f32, p.z as f32);
         let mut points: Vec<PickedPoint> = Vec::new();
         while points.len() < 10 {
-            let pixel = Point2::new(rng.random_range(8.0..312.0), rng.random_range(8.0..232.0));
+            let [width, height] = [a.intrinsics.width, a.intrinsics.height].map(f64::from);
+            let pixel = Point2::new(rng.random_range(8.0..width - 8.0), rng.random_range(8.0..height - 8.0));
             let ray = a.intrinsics.unproject(&pixel).unwrap();
             let direction = a.camera_from_world.rotation.inverse() * ray;
             let Some(hit) = scene.cast(single(&a.center()), single(&Point3::from(direction))) else {
@@ -197,5 +198,41 @@ mod tests {
                 assert!(tilt_deg < 0.2 && lift_m.abs() < 0.02, "seed {seed}: {tilt_deg}°, {lift_m} m");
             }
         }
+    }
+
+    /// What pictures have in common says how cameras stand where their spaces are bent: across the image here, by as much
+    /// as a hand-held capture of a real room was.
+    #[test]
+    fn pictures_hold_what_bent_depths_let_go() {
+        let mut turns_deg = [0.0; 2];
+        for seed in 1..=4 {
+            let built = RoomOptions { seed, image_px: [480, 360], ..RoomOptions::default() }.build().unwrap();
+            let scene = RayScene::new(built.room.geometry.as_ref().unwrap()).unwrap();
+            let truth = [0, 1].map(|i| &built.room.cameras[i].camera);
+            let surfaces = truth.map(|camera| {
+                let mut surface =
+                    Rendering { unit_m: 0.8, noise: 0.005, holes: 0.2, seed }.filmed(&built, camera);
+                let width = surface.width();
+                for (i, depth) in surface.depth.iter_mut().enumerate() {
+                    *depth *= 1.0 + 0.08 * ((i % width) as f32 / width as f32 - 0.5);
+                }
+                surface
+            });
+            let lenses = truth.map(|camera| camera.intrinsics.clone());
+            let mut points = picks(&scene, truth, &mut Pcg64Mcg::seed_from_u64(seed));
+            points.truncate(5);
+            let project = project(points, Scale::Height { camera: 0, height_m: truth[0].center().z });
+            let expected = truth[0].camera_from_world * truth[1].camera_from_world.inverse();
+            for (turn_deg, matches) in turns_deg.iter_mut().zip([0, MergeOptions::default().matches]) {
+                let options = MergeOptions { matches, ..MergeOptions::default() };
+                let (merged, report) =
+                    merge::merge(&project, &surfaces, &lenses, &[vec![], vec![]], &options).unwrap();
+                assert_eq!(report.matches > 0, matches > 0, "seed {seed}: {report:?}");
+                let found = merged.common_from_camera[0].inverse() * merged.common_from_camera[1];
+                *turn_deg += calib::rotation::angle_between_deg(&found.isometry.rotation, &expected.rotation);
+            }
+        }
+        let [without, with] = turns_deg;
+        assert!(with < 0.6 * without, "{with}° with, {without}° without what pictures have in common");
     }
 }

@@ -23,6 +23,8 @@ pub struct BuildReport {
     pub pick_rms_px: f64,
     /// Picks left out, each told as a sentence.
     pub picks_left_out: Vec<String>,
+    /// Places that pictures were found to have in common and that joined the cameras beside the picks.
+    pub matches: usize,
     /// What the depths at each camera's picks turned out to be off by, as a share of them; empty for one camera.
     pub pick_depth_sigma: Vec<f64>,
     /// Pairs of surface points of different cameras that were laid on each other.
@@ -148,6 +150,7 @@ impl BuildReport {
                 format!("[[point]] {point}, {name}: {off:.1} pixels from where the other picks put it")
             })
             .collect();
+        self.matches = done.merge.matches;
         self.pick_depth_sigma.clone_from(&done.merge.depth_sigma);
         self.surface_pairs = done.merge.surface_pairs;
         self.surface_rms_m = done.merge.surface_rms * done.metres_per_unit;

@@ -4,7 +4,8 @@
 //! depth measured there ([`crate::ray_depth`]; where that fails, dense stereo's), two sets of 3-D points and so a
 //! similarity by Horn's closed form ([`calib::absolute_orientation`]); the best-joined pairs are chained from the
 //! first camera on ([`graph`]). The joint refinement ([`refine`]) then moves cameras and points until the picks fall
-//! where they were picked, and the surfaces that cameras see in common lie on each other.
+//! where they were picked, and the surfaces that cameras see in common lie on each other. Once it is known how the
+//! cameras stand, their pictures are found to have more in common ([`crate::proposals`]): that refines them again.
 
 mod graph;
 mod overlap;
@@ -15,6 +16,7 @@ mod tests;
 use nalgebra::{Point2, Point3, Similarity3};
 
 use crate::project::Project;
+use crate::proposals;
 use crate::ray_depth::{MeasuredPixel, RayDepth};
 use crate::surface::Surface;
 use crate::{Error, Result};
@@ -31,6 +33,10 @@ pub struct MergeOptions {
     pub motion_sigma: f64,
     /// A pick farther off than this after refinement is out, pixels.
     pub outlier_px: f64,
+    /// Places that two cameras' pictures are found to have in common, at most so many a pair, join them beside the picks.
+    pub matches: usize,
+    /// Standard deviation of such a match, pixels.
+    pub match_sigma_px: f64,
     /// Whether surfaces seen by two cameras are laid on each other (point-to-plane).
     pub align_surfaces: bool,
 }
@@ -42,6 +48,8 @@ impl Default for MergeOptions {
             depth_sigma: 0.01,
             motion_sigma: 0.003,
             outlier_px: 6.0,
+            matches: 24,
+            match_sigma_px: 1.0,
             align_surfaces: true,
         }
     }
@@ -57,6 +65,8 @@ pub struct MergeReport {
     pub pick_rms_px: f64,
     /// Picks left out: number of the point (from 1), index of the camera, distance in pixels.
     pub outliers: Vec<(usize, usize, f64)>,
+    /// Places that pictures were found to have in common and that joined the cameras beside the picks.
+    pub matches: usize,
     /// What the depths at a camera's picks turned out to be off by, as a share of them; one a camera.
     pub depth_sigma: Vec<f64>,
     /// Pairs of surface points that were laid on each other.
@@ -70,7 +80,7 @@ pub struct MergeReport {
 pub struct Merged {
     /// One a camera; the first is the identity.
     pub common_from_camera: Vec<Similarity3<f64>>,
-    /// The picked points, `None` for those left out.
+    /// The picked points, `None` for those left out; beyond them, those that pictures have in common.
     pub points: Vec<Option<Point3<f64>>>,
 }
 
@@ -87,8 +97,20 @@ pub fn merge(
 ) -> Result<(Merged, MergeReport)> {
     let picks = lift(project, surfaces, lenses, measured, options)?;
     let start = graph::chain(project, &picks, surfaces.len())?;
-    let (merged, report) = refine::refine(&picks, &start, surfaces, options);
+    let (mut merged, mut report) = refine::refine(&picks, &start, surfaces, options);
     check_pairs(project, &picks, &report)?;
+    let matches = matches(surfaces, &merged, project.points.len(), options)?;
+    if !matches.is_empty() {
+        let count = matches.len() / 2;
+        let left_out = |pick: &Pick| report.outliers.iter().any(|(point, ..)| *point == pick.point + 1);
+        let all: Vec<Pick> = picks.into_iter().filter(|p| !left_out(p)).chain(matches).collect();
+        let (joined, told) = refine::refine(&all, &merged.common_from_camera, surfaces, options);
+        // What people picked is right: what contradicts it is not.
+        if told.outliers.is_empty() && !spoils(told.pick_rms_px, report.pick_rms_px) {
+            merged = joined;
+            report = MergeReport { outliers: report.outliers, matches: count, ..told };
+        }
+    }
     for (camera, sigma) in project.cameras.iter().zip(&report.depth_sigma) {
         if *sigma > DOUBTFUL_DEPTH {
             tracing::warn!(
@@ -99,6 +121,39 @@ pub fn merge(
         }
     }
     Ok((merged, report))
+}
+
+/// Whether something spoils the fit of the picks: their root mean square distance with it and without it, pixels.
+fn spoils(with_px: f64, without_px: f64) -> bool {
+    with_px > 1.5 * without_px + 0.5
+}
+
+/// What the pictures of each two cameras are found to have in common, as picks of points beyond those that were picked.
+fn matches(surfaces: &[Surface], merged: &Merged, first: usize, options: &MergeOptions) -> Result<Vec<Pick>> {
+    let mut picks = Vec::new();
+    if options.matches == 0 {
+        return Ok(picks);
+    }
+    let mut point = first;
+    for a in 0..surfaces.len() {
+        for b in a + 1..surfaces.len() {
+            let [a_pose, b_pose] = [a, b].map(|camera| merged.common_from_camera[camera]);
+            let found = proposals::in_common(
+                [&surfaces[a], &surfaces[b]],
+                &(a_pose.inverse() * b_pose),
+                options.matches,
+            )?;
+            for pixels in found {
+                for (camera, pixel) in [a, b].into_iter().zip(pixels) {
+                    let seen = surfaces[camera].point_at(&pixel);
+                    // Their depths say no more of two bent spaces than the surfaces do; where rays meet says what bends neither.
+                    picks.push(Pick { point, camera, pixel, seen, depth: None, by_hand: false });
+                }
+                point += 1;
+            }
+        }
+    }
+    Ok(picks)
 }
 
 /// A pick in three dimensions.
@@ -113,6 +168,8 @@ struct Pick {
     seen: Option<Point3<f64>>,
     /// The depth along z and its standard deviation as a share of it, where it is known.
     depth: Option<(f64, f64)>,
+    /// Whether a person picked it.
+    by_hand: bool,
 }
 
 fn lift(
@@ -135,7 +192,7 @@ fn lift(
             let depth = own.or_else(dense);
             let ray = surfaces[*camera].intrinsics.unproject(&pinhole);
             let seen = depth.zip(ray).map(|((depth, _), ray)| Point3::from(ray * depth));
-            picks.push(Pick { point, camera: *camera, pixel: pinhole, seen, depth });
+            picks.push(Pick { point, camera: *camera, pixel: pinhole, seen, depth, by_hand: true });
         }
     }
     Ok(picks)

@@ -71,6 +71,13 @@ impl Default for ProposalOptions {
     }
 }
 
+impl ProposalOptions {
+    fn tolerance_px(&self, seen: [&Seen<'_>; 2]) -> f64 {
+        let [a, b] = seen.map(|s| s.surface.intrinsics.width);
+        self.tolerance * f64::from(a.min(b))
+    }
+}
+
 /// A place that two cameras see.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Proposal {
@@ -131,6 +138,40 @@ pub fn propose(surfaces: &[&Surface], options: &ProposalOptions) -> Result<Vec<P
     Ok(pairs)
 }
 
+/// Where two surfaces, which lie to each other as `first_from_second` says, show the same: both pixels, in the pinhole
+/// pictures, of at most `count` places that lie far apart. None where surfaces and pictures do not bear that out.
+///
+/// # Errors
+/// When OpenCV refuses.
+pub(crate) fn in_common(
+    surfaces: [&Surface; 2],
+    first_from_second: &Similarity3<f64>,
+    count: usize,
+) -> Result<Vec<[Point2<f64>; 2]>> {
+    let options = ProposalOptions::default();
+    let seen = surfaces.map(|surface| Seen { surface, intensity: Intensity::new(&surface.picture) });
+    let seen = [&seen[0], &seen[1]];
+    if borne_out(seen, first_from_second, &options).is_none() {
+        return Ok(Vec::new());
+    }
+    let (_, matches) = guided::matches(seen, first_from_second, options.tolerance_px(seen), &options)?;
+    Ok(spread::choose(&matches, count).iter().map(|m| m.pixels).collect())
+}
+
+/// The correlation of both pictures under a similarity, in the median, where these and the surfaces bear it out.
+fn borne_out(
+    seen: [&Seen<'_>; 2],
+    first_from_second: &Similarity3<f64>,
+    options: &ProposalOptions,
+) -> Option<f64> {
+    let told = evidence::of(seen, first_from_second);
+    tracing::debug!("{told:?}");
+    let speaks_for_it = told.in_the_way <= options.most_in_the_way
+        && told.correlation >= options.least_correlation
+        && told.compared >= options.least_compared;
+    speaks_for_it.then_some(told.correlation)
+}
+
 fn compare(
     seen: [&Seen<'_>; 2],
     cameras: [usize; 2],
@@ -139,20 +180,13 @@ fn compare(
     rng: &mut Pcg64Mcg,
 ) -> Result<Option<Found>> {
     let lenses = seen.map(|s| &s.surface.intrinsics);
-    let tolerance_px = options.tolerance * f64::from(lenses[0].width.min(lenses[1].width));
+    let tolerance_px = options.tolerance_px(seen);
     let alignments = alignment::find(candidates, lenses, tolerance_px, options.least_agreeing, rng);
     tracing::debug!("{cameras:?}: {} candidates, {} alignments", candidates.len(), alignments.len());
     for Alignment { first_from_second, agreeing } in alignments {
-        let told = evidence::of(seen, &first_from_second);
-        tracing::debug!("{cameras:?}: {} agree, {told:?}", agreeing.len());
-        if told.in_the_way > options.most_in_the_way
-            || told.correlation < options.least_correlation
-            || told.compared < options.least_compared
-        {
-            continue;
-        }
+        let Some(correlation) = borne_out(seen, &first_from_second, options) else { continue };
         let (first_from_second, matches) = guided::matches(seen, &first_from_second, tolerance_px, options)?;
-        tracing::debug!("{cameras:?}: {} corners of one are found in the other", matches.len());
+        tracing::debug!("{cameras:?}: {} agree, {} corners are found", agreeing.len(), matches.len());
         let chosen = spread::choose(&matches, options.points);
         if spread::is_wide(&chosen) {
             let proposal = |m: &Match| Proposal { cameras, pixels: m.pixels, correlation: m.correlation };
@@ -160,7 +194,7 @@ fn compare(
                 first_from_second,
                 agreeing: agreeing.len(),
                 matches: matches.len(),
-                correlation: told.correlation,
+                correlation,
                 proposals: chosen.iter().map(proposal).collect(),
             }));
         }

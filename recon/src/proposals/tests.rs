@@ -6,7 +6,7 @@ use calib::Camera;
 use nalgebra::{Isometry3, Point3, Vector3};
 use scenes::geometry::{vec3_from_point, vec3_from_vector};
 use scenes::raycast::RayScene;
-use scenes::synthetic::{CaptureOptions, RoomOptions, SyntheticRoom};
+use scenes::synthetic::{RoomOptions, SyntheticRoom};
 
 fn room(seed: u64) -> SyntheticRoom {
     RoomOptions { seed, image_px: [480, 360], ..RoomOptions::default() }.build().unwrap()
@@ -14,13 +14,8 @@ fn room(seed: u64) -> SyntheticRoom {
 
 /// What a camera's capture would become: stereo with noise and holes in a unit of its own, under a picture with a sensor's noise.
 fn surface(room: &SyntheticRoom, camera: &Camera, seed: u64) -> Surface {
-    let scene = RayScene::new(room.room.geometry.as_ref().unwrap()).unwrap();
     let unit_m = 0.6 + 0.3 * seed as f64;
-    let mut surface = Rendering { unit_m, noise: 0.005, holes: 0.2, seed }.of(&scene, camera);
-    let (mut frames, _) =
-        room.capture(camera, &CaptureOptions { seed, frames: 1, ..CaptureOptions::default() });
-    surface.picture = frames.pop().unwrap();
-    surface
+    Rendering { unit_m, noise: 0.005, holes: 0.2, seed }.filmed(room, camera)
 }
 
 /// How far a proposal's second pixel is from where the place at its first one truly is; `None` for what is hidden there.

@@ -9,6 +9,7 @@ use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
 use scenes::raycast::RayScene;
+use scenes::synthetic::{CaptureOptions, SyntheticRoom};
 
 use super::{Origin, Surface};
 
@@ -56,6 +57,15 @@ impl Rendering {
             surface.origin[i] = Origin::Stereo;
         }
         surface
+    }
+
+    /// The same under the picture that the camera films, with a sensor's noise.
+    pub(crate) fn filmed(&self, room: &SyntheticRoom, camera: &Camera) -> Surface {
+        // A synthetic room is never without geometry, and a camera films as many frames as it is asked to.
+        let scene = RayScene::new(room.room.geometry.as_ref().unwrap()).unwrap();
+        let options = CaptureOptions { seed: self.seed, frames: 1, ..CaptureOptions::default() };
+        let picture = room.capture(camera, &options).0.pop().unwrap();
+        Surface { picture, ..self.of(&scene, camera) }
     }
 }
 

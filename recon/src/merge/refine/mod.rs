@@ -14,7 +14,7 @@ mod worth;
 use nalgebra::{DMatrix, DVector, Point3, Similarity3, Vector3};
 
 use super::overlap::{self, Contact};
-use super::{MergeOptions, MergeReport, Merged, Pick};
+use super::{MergeOptions, MergeReport, Merged, Pick, spoils};
 use crate::surface::Surface;
 use state::{POINT, POSE, State};
 use variance::Factors;
@@ -70,7 +70,9 @@ pub(super) fn refine(
             .max_by(|a, b| a.1.total_cmp(&b.1));
         let Some((pick, off)) = worst else { break };
         let point = pick.point;
-        report.outliers.push((point + 1, pick.camera, off));
+        if pick.by_hand {
+            report.outliers.push((point + 1, pick.camera, off));
+        }
         kept.retain(|p| p.point != point);
         state.points[point] = None;
     }
@@ -110,7 +112,7 @@ impl Scene<'_> {
         (state.poses, state.points) = before.clone();
         let contacts = self.lay(state, picks, &worth);
         let rms = self.pick_rms(state, picks);
-        if rms > 1.5 * report.pick_rms_px + 0.5 {
+        if spoils(rms, report.pick_rms_px) {
             (state.poses, state.points) = before;
             return;
         }
@@ -143,7 +145,7 @@ impl Scene<'_> {
                 let Some(point) = state.points[pick.point] else { return [0.0; 2] };
                 let seen = state.poses[pick.camera].inverse() * point;
                 let Some(pixel) = self.surfaces[pick.camera].intrinsics.project(&seen) else { return BEHIND };
-                let off = (pixel - pick.pixel) / self.pick_sigma_px();
+                let off = (pixel - pick.pixel) / self.sigma_px(pick);
                 [off.x, off.y]
             }
             Term::Depth(pick, (depth, sigma)) => {
@@ -231,7 +233,7 @@ impl Scene<'_> {
     /// How far a pick is from where the others put its point. When its depths contradict each other although the
     /// rays meet, that is the distance between the pick and the other cameras' depths, seen from here.
     fn misfit_px(&self, state: &State, pick: &Pick, picks: &[Pick]) -> f64 {
-        let off = norm(self.residual(state, &Term::Pixel(pick))) * self.pick_sigma_px();
+        let off = norm(self.residual(state, &Term::Pixel(pick))) * self.sigma_px(pick);
         let mut of_point = picks.iter().filter(|p| p.point == pick.point);
         let contradicted = of_point.all(|p| {
             p.seen.is_some_and(|seen| {
@@ -257,8 +259,9 @@ impl Scene<'_> {
     }
 
     fn pick_rms(&self, state: &State, picks: &[Pick]) -> f64 {
-        let squares: f64 = picks.iter().map(|p| norm(self.residual(state, &Term::Pixel(p))).powi(2)).sum();
-        self.pick_sigma_px() * (squares / picks.len().max(1) as f64).sqrt()
+        let by_hand = || picks.iter().filter(|p| p.by_hand);
+        let squares: f64 = by_hand().map(|p| norm(self.residual(state, &Term::Pixel(p))).powi(2)).sum();
+        self.pick_sigma_px() * (squares / by_hand().count().max(1) as f64).sqrt()
     }
 }
 

@@ -20,7 +20,7 @@ const DEPTH_RANGE: (f64, f64) = (0.5, 30.0);
 /// By how much standard deviations differ from what is claimed.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Factors {
-    /// Of all picks.
+    /// Of all picks by hand.
     pick: f64,
     /// Of the depths of each camera.
     pub(super) depth: Vec<f64>,
@@ -77,9 +77,14 @@ impl Group {
 }
 
 impl Scene<'_> {
-    /// Standard deviation of a pick's coordinate.
+    /// Standard deviation of a coordinate that a person picked.
     pub(super) fn pick_sigma_px(&self) -> f64 {
         self.options.pick_sigma_px * self.factors.pick
+    }
+
+    /// Standard deviation of a pick's coordinate, whoever picked it.
+    pub(super) fn sigma_px(&self, pick: &Pick) -> f64 {
+        if pick.by_hand { self.pick_sigma_px() } else { self.options.match_sigma_px }
     }
 
     /// The factors that the residuals of a minimum speak for.
@@ -112,6 +117,7 @@ impl Scene<'_> {
             let residual = self.residual(state, term);
             let predicted = |side: usize| row[side].dot(&solver.solve(&row[side]));
             let (group, factor, sides) = match term {
+                Term::Pixel(pick) if !pick.by_hand => continue,
                 Term::Pixel(_) => (&mut of_picks, self.factors.pick, 0..2),
                 Term::Depth(pick, _) => (&mut of_depths[pick.camera], self.factors.depth[pick.camera], 0..1),
                 Term::Surface(..) => continue,
