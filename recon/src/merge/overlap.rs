@@ -1,6 +1,6 @@
 //! Surface points that two cameras both see, found by projecting one's into the other (projective association).
 
-use nalgebra::{Point3, Similarity3, Vector3};
+use nalgebra::{Point3, RowVector3, Similarity3, Vector3};
 use scenes::geometry::{point_from_vec3, vector_from_vec3};
 
 use crate::surface::{Origin, Surface};
@@ -10,16 +10,21 @@ use crate::surface::{Origin, Surface};
 pub(super) struct Contact {
     /// Camera that has the point, and the point in its frame.
     pub(super) from: usize,
-    point: Point3<f64>,
+    pub(super) point: Point3<f64>,
     /// Camera that has the surface, with the surface's point and normal in its frame.
     pub(super) onto: usize,
-    surface: Point3<f64>,
-    normal: Vector3<f64>,
+    pub(super) surface: Point3<f64>,
+    pub(super) normal: Vector3<f64>,
     /// Standard deviation that stereo gives their distance, as a share of the depth.
-    sigma: f64,
+    pub(super) sigma: f64,
 }
 
 impl Contact {
+    /// What the distance in standard deviations changes by as the point moves in the frame of the surface's camera.
+    pub(super) fn by_point(&self) -> RowVector3<f64> {
+        self.normal.transpose() / (self.surface.z * self.sigma)
+    }
+
     /// Distance along the normal as a share of the depth.
     fn relative(&self, poses: &[Similarity3<f64>]) -> f64 {
         let there = poses[self.onto].inverse() * (poses[self.from] * self.point);

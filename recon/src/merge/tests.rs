@@ -36,7 +36,7 @@ fn exit(eye: &Point3<f64>, ray: &Vector3<f64>) -> (f64, Vector3<f64>) {
         .unwrap()
 }
 
-fn surface(camera: usize) -> Surface {
+pub(super) fn surface(camera: usize) -> Surface {
     let (lens, pose) = (lens(), poses()[camera]);
     let eye = pose.inverse() * Point3::origin();
     let (mut depth, mut normal) = (Vec::new(), Vec::new());

@@ -4,10 +4,11 @@
 //! and three a point. Residuals, each in standard deviations: a pick's pixel; the depth read at a pick, as a
 //! logarithm; the distance of one camera's surface point from another's surface, along that one's normal. All are robust
 //! (Cauchy), reweighted as they go. How good the depths are is estimated along with them ([`variance`]), and how far
-//! the surfaces can be laid on each other at all ([`worth`]), since a capture's motion may bend its whole space. The
-//! problem is small and dense, so derivatives are central differences.
+//! the surfaces can be laid on each other at all ([`worth`]), since a capture's motion may bend its whole space. Residuals
+//! and their derivatives are [`term`]'s; the problem is small enough to be solved densely.
 
 mod state;
+mod term;
 mod variance;
 mod worth;
 
@@ -16,7 +17,8 @@ use nalgebra::{DMatrix, DVector, Point3, Similarity3, Vector3};
 use super::overlap::{self, Contact};
 use super::{MergeOptions, MergeReport, Merged, Pick, spoils};
 use crate::surface::Surface;
-use state::{POINT, POSE, State};
+use state::State;
+use term::{Term, norm, terms};
 use variance::Factors;
 use worth::Worth;
 
@@ -28,13 +30,6 @@ const VARIANCE_ROUNDS: usize = 8;
 const WIDEST_GATE: f64 = 0.06;
 /// A depth this far (logarithm) from where both cameras' rays meet is another surface's.
 const DEPTH_MISMATCH: f64 = 0.1;
-
-enum Term<'a> {
-    Pixel(&'a Pick),
-    /// A depth and its standard deviation as a share of it.
-    Depth(&'a Pick, (f64, f64)),
-    Surface(&'a Contact, f64),
-}
 
 struct Scene<'a> {
     surfaces: &'a [Surface],
@@ -136,40 +131,15 @@ impl Scene<'_> {
         contacts
     }
 
-    /// In standard deviations; the second number is 0 but for pixels.
-    fn residual(&self, state: &State, term: &Term<'_>) -> [f64; 2] {
-        /// What a point behind a camera costs.
-        const BEHIND: [f64; 2] = [1e3, 1e3];
-        match term {
-            Term::Pixel(pick) => {
-                let Some(point) = state.points[pick.point] else { return [0.0; 2] };
-                let seen = state.poses[pick.camera].inverse() * point;
-                let Some(pixel) = self.surfaces[pick.camera].intrinsics.project(&seen) else { return BEHIND };
-                let off = (pixel - pick.pixel) / self.sigma_px(pick);
-                [off.x, off.y]
-            }
-            Term::Depth(pick, (depth, sigma)) => {
-                let Some(point) = state.points[pick.point] else { return [0.0; 2] };
-                let z = (state.poses[pick.camera].inverse() * point).z;
-                if z <= 0.0 {
-                    return BEHIND;
-                }
-                [(z / depth).ln() / (sigma * self.factors.depth[pick.camera]), 0.0]
-            }
-            Term::Surface(contact, weight) => [weight * contact.in_sigmas(&state.poses), 0.0],
-        }
-    }
-
     /// Robust cost: Cauchy's, of the squared residual.
     fn cost(&self, state: &State, terms: &[Term<'_>]) -> f64 {
-        terms.iter().map(|t| loss(self.residual(state, t), t)).sum()
+        terms.iter().map(|t| t.loss(self.residual(state, t))).sum()
     }
 
     fn minimise(&self, state: &mut State, picks: &[Pick], contacts: &[(&Contact, f64)]) {
         const ITERATIONS: usize = 60;
         let terms = terms(picks, contacts);
-        let cameras = state.poses.len();
-        let size = (cameras - 1) * POSE + state.points.len() * POINT;
+        let size = state.parameters();
         if size == 0 {
             return;
         }
@@ -179,13 +149,11 @@ impl Scene<'_> {
             let mut normal = DMatrix::<f64>::zeros(size, size);
             let mut gradient = DVector::<f64>::zeros(size);
             for term in &terms {
-                let residual = self.residual(state, term);
-                let weight = weight(residual, term);
-                let touched = touched(term, cameras);
-                let rows = self.derivatives(state, term, &touched);
-                for (a, ja) in touched.iter().zip(&rows) {
-                    gradient[*a] += weight * (ja[0] * residual[0] + ja[1] * residual[1]);
-                    for (b, jb) in touched.iter().zip(&rows) {
+                let told = self.linearised(state, term);
+                let weight = term.weight(told.residual);
+                for (a, ja) in &told.by {
+                    gradient[*a] += weight * (ja[0] * told.residual[0] + ja[1] * told.residual[1]);
+                    for (b, jb) in &told.by {
                         normal[(*a, *b)] += weight * (ja[0] * jb[0] + ja[1] * jb[1]);
                     }
                 }
@@ -215,19 +183,6 @@ impl Scene<'_> {
                 break;
             }
         }
-    }
-
-    /// By the parameters that a term touches: central differences.
-    fn derivatives(&self, state: &State, term: &Term<'_>, touched: &[usize]) -> Vec<[f64; 2]> {
-        const STEP: f64 = 1e-6;
-        touched
-            .iter()
-            .map(|i| {
-                let (plus, minus) = (state.nudged(*i, STEP), state.nudged(*i, -STEP));
-                let (p, m) = (self.residual(&plus, term), self.residual(&minus, term));
-                [(p[0] - m[0]) / (2.0 * STEP), (p[1] - m[1]) / (2.0 * STEP)]
-            })
-            .collect()
     }
 
     /// How far a pick is from where the others put its point. When its depths contradict each other although the
@@ -263,55 +218,4 @@ impl Scene<'_> {
         let squares: f64 = by_hand().map(|p| norm(self.residual(state, &Term::Pixel(p))).powi(2)).sum();
         self.pick_sigma_px() * (squares / by_hand().count().max(1) as f64).sqrt()
     }
-}
-
-/// All residuals; contacts come with their weights.
-fn terms<'a>(picks: &'a [Pick], contacts: &[(&'a Contact, f64)]) -> Vec<Term<'a>> {
-    let depths = picks.iter().filter_map(|p| Some(Term::Depth(p, p.depth?)));
-    picks
-        .iter()
-        .map(Term::Pixel)
-        .chain(depths)
-        .chain(contacts.iter().map(|(contact, weight)| Term::Surface(contact, *weight)))
-        .collect()
-}
-
-/// Indices of the parameters a term depends on.
-fn touched(term: &Term<'_>, cameras: usize) -> Vec<usize> {
-    let pose = |camera: usize| {
-        let first = camera.saturating_sub(1) * POSE;
-        let count = if camera == 0 { 0 } else { POSE };
-        first..first + count
-    };
-    let point = |point: usize| {
-        let first = (cameras - 1) * POSE + point * POINT;
-        first..first + POINT
-    };
-    match term {
-        Term::Pixel(p) | Term::Depth(p, _) => pose(p.camera).chain(point(p.point)).collect(),
-        Term::Surface(c, _) => pose(c.from).chain(pose(c.onto)).collect(),
-    }
-}
-
-/// Residuals beyond this many standard deviations pull less and less. Depths read at corners are often another
-/// surface's, so they give way earlier.
-fn softness(term: &Term<'_>) -> f64 {
-    match term {
-        Term::Pixel(_) => 3.0,
-        Term::Depth(..) => 1.5,
-        Term::Surface(_, weight) => 1.5 * weight,
-    }
-}
-
-fn loss(residual: [f64; 2], term: &Term<'_>) -> f64 {
-    let c = softness(term);
-    c * c * (1.0 + (norm(residual) / c).powi(2)).ln()
-}
-
-fn weight(residual: [f64; 2], term: &Term<'_>) -> f64 {
-    1.0 / (1.0 + (norm(residual) / softness(term)).powi(2))
-}
-
-fn norm(residual: [f64; 2]) -> f64 {
-    residual[0].hypot(residual[1])
 }

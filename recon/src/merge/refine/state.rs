@@ -18,17 +18,13 @@ pub(super) struct State {
 impl State {
     /// All parameters moved.
     pub(super) fn moved(&self, by: &DVector<f64>) -> Self {
-        let cameras = self.poses.len();
         let poses = self
             .poses
             .iter()
             .enumerate()
             .map(|(i, pose)| {
-                if i == 0 {
-                    return *pose;
-                }
-                let at = (i - 1) * POSE;
-                move_pose(pose, &std::array::from_fn(|k| by[at + k]))
+                let moved = |at: usize| move_pose(pose, &std::array::from_fn(|k| by[at + k]));
+                pose_at(i).map_or(*pose, moved)
             })
             .collect();
         let points = self
@@ -36,27 +32,27 @@ impl State {
             .iter()
             .enumerate()
             .map(|(i, point)| {
-                let at = (cameras - 1) * POSE + i * POINT;
+                let at = self.point_at(i);
                 point.map(|p| p + Vector3::new(by[at], by[at + 1], by[at + 2]))
             })
             .collect();
         Self { poses, points }
     }
 
-    /// One parameter moved.
-    pub(super) fn nudged(&self, parameter: usize, by: f64) -> Self {
-        let mut moved = Self { poses: self.poses.clone(), points: self.points.clone() };
-        let poses = (self.poses.len() - 1) * POSE;
-        if parameter < poses {
-            let mut delta = [0.0; POSE];
-            delta[parameter % POSE] = by;
-            let camera = 1 + parameter / POSE;
-            moved.poses[camera] = move_pose(&self.poses[camera], &delta);
-        } else if let Some(point) = &mut moved.points[(parameter - poses) / POINT] {
-            point[(parameter - poses) % POINT] += by;
-        }
-        moved
+    /// How many there are.
+    pub(super) fn parameters(&self) -> usize {
+        self.point_at(self.points.len())
     }
+
+    /// Where a point's parameters begin.
+    pub(super) fn point_at(&self, point: usize) -> usize {
+        (self.poses.len() - 1) * POSE + point * POINT
+    }
+}
+
+/// Where a camera's parameters begin; `None` for the first, which stands still.
+pub(super) fn pose_at(camera: usize) -> Option<usize> {
+    camera.checked_sub(1).map(|moving| moving * POSE)
 }
 
 /// Scale, rotation about the camera's own centre, translation.

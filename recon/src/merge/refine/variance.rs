@@ -6,8 +6,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::state::{POINT, POSE, State};
-use super::{Pick, Scene, Term, terms, touched};
+use super::state::State;
+use super::term::{Term, terms};
+use super::{Pick, Scene};
 
 /// A claim counts as much as this many observations.
 const PRIOR: f64 = 4.0;
@@ -90,16 +91,15 @@ impl Scene<'_> {
     /// The factors that the residuals of a minimum speak for.
     pub(super) fn variance_factors(&self, state: &State, picks: &[Pick]) -> Factors {
         let cameras = state.poses.len();
-        let size = (cameras - 1) * POSE + state.points.len() * POINT;
+        let size = state.parameters();
         let terms = terms(picks, &[]);
         let mut normal = DMatrix::<f64>::zeros(size, size);
         let mut rows: Vec<[DVector<f64>; 2]> = Vec::with_capacity(terms.len());
         for term in &terms {
-            let touched = touched(term, cameras);
             let mut row = [DVector::zeros(size), DVector::zeros(size)];
-            for (at, by) in touched.iter().zip(self.derivatives(state, term, &touched)) {
-                row[0][*at] = by[0];
-                row[1][*at] = by[1];
+            for (at, by) in self.linearised(state, term).by {
+                row[0][at] = by[0];
+                row[1][at] = by[1];
             }
             for side in &row {
                 normal.ger(1.0, side, side, 1.0);

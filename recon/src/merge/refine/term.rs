@@ -1,0 +1,258 @@
+//! One observation: its residual, in standard deviations, and what that changes by as cameras and points move.
+//!
+//! All residuals are functions of where a point stands in a camera's frame, `y = Rᵀ (X − t) / s`, so all derivatives
+//! are products of one row with those of `y` by the camera's log scale, rotation and translation, and by the point.
+
+use nalgebra::{Matrix3, Point3, RowVector3, SMatrix, Similarity3, Vector3};
+
+use super::state::{POINT, POSE, State, pose_at};
+use super::{Pick, Scene};
+use crate::merge::overlap::Contact;
+
+/// What a camera or a point is asked to agree with.
+pub(super) enum Term<'a> {
+    Pixel(&'a Pick),
+    /// A depth and its standard deviation as a share of it.
+    Depth(&'a Pick, (f64, f64)),
+    /// A contact and the weight of its residual.
+    Surface(&'a Contact, f64),
+}
+
+/// Derivatives of a point by the similarity that moves it.
+type ByPose = SMatrix<f64, 3, POSE>;
+
+/// A residual (the second number is 0 but for pixels) and its derivative by each parameter that it depends on.
+pub(super) struct Linearised {
+    pub(super) residual: [f64; 2],
+    pub(super) by: Vec<(usize, [f64; 2])>,
+}
+
+/// What a point behind a camera costs.
+const BEHIND: [f64; 2] = [1e3, 1e3];
+
+/// All observations; contacts come with their weights.
+pub(super) fn terms<'a>(picks: &'a [Pick], contacts: &[(&'a Contact, f64)]) -> Vec<Term<'a>> {
+    let depths = picks.iter().filter_map(|p| Some(Term::Depth(p, p.depth?)));
+    picks
+        .iter()
+        .map(Term::Pixel)
+        .chain(depths)
+        .chain(contacts.iter().map(|(contact, weight)| Term::Surface(contact, *weight)))
+        .collect()
+}
+
+impl Term<'_> {
+    /// Residuals beyond this many standard deviations pull less and less. Depths read at corners are often another
+    /// surface's, so they give way earlier.
+    fn softness(&self) -> f64 {
+        match self {
+            Term::Pixel(_) => 3.0,
+            Term::Depth(..) => 1.5,
+            Term::Surface(_, weight) => 1.5 * weight,
+        }
+    }
+
+    /// Cauchy's loss of the squared residual.
+    pub(super) fn loss(&self, residual: [f64; 2]) -> f64 {
+        let c = self.softness();
+        c * c * (1.0 + (norm(residual) / c).powi(2)).ln()
+    }
+
+    /// What the squared residual counts as in least squares.
+    pub(super) fn weight(&self, residual: [f64; 2]) -> f64 {
+        1.0 / (1.0 + (norm(residual) / self.softness()).powi(2))
+    }
+}
+
+impl Scene<'_> {
+    pub(super) fn residual(&self, state: &State, term: &Term<'_>) -> [f64; 2] {
+        match term {
+            Term::Pixel(pick) => {
+                let Some(seen) = state.seen(pick) else { return [0.0; 2] };
+                let Some(pixel) = self.surfaces[pick.camera].intrinsics.project(&seen) else { return BEHIND };
+                let off = (pixel - pick.pixel) / self.sigma_px(pick);
+                [off.x, off.y]
+            }
+            Term::Depth(pick, (depth, sigma)) => {
+                let Some(seen) = state.seen(pick) else { return [0.0; 2] };
+                if seen.z <= 0.0 {
+                    return BEHIND;
+                }
+                [(seen.z / depth).ln() / (sigma * self.factors.depth[pick.camera]), 0.0]
+            }
+            Term::Surface(contact, weight) => [weight * contact.in_sigmas(&state.poses), 0.0],
+        }
+    }
+
+    /// The residual with its derivatives; without any where it does not depend on anything, such as behind a camera.
+    pub(super) fn linearised(&self, state: &State, term: &Term<'_>) -> Linearised {
+        let mut told = Linearised { residual: self.residual(state, term), by: Vec::with_capacity(2 * POSE) };
+        if told.residual == BEHIND {
+            return told;
+        }
+        match term {
+            Term::Pixel(pick) => {
+                if let Some(seen) = state.seen(pick) {
+                    let rows =
+                        self.surfaces[pick.camera].intrinsics.project_jacobian(&seen) / self.sigma_px(pick);
+                    told.add_pick(state, pick, &seen, [rows.row(0).into(), rows.row(1).into()]);
+                }
+            }
+            Term::Depth(pick, (_, sigma)) => {
+                if let Some(seen) = state.seen(pick) {
+                    let sigma = sigma * self.factors.depth[pick.camera];
+                    let row = RowVector3::new(0.0, 0.0, 1.0 / (seen.z * sigma));
+                    told.add_pick(state, pick, &seen, [row, RowVector3::zeros()]);
+                }
+            }
+            Term::Surface(contact, weight) => {
+                let row = contact.by_point() * *weight;
+                let (from, onto) = (&state.poses[contact.from], &state.poses[contact.onto]);
+                let common = from * contact.point;
+                let there = onto.inverse() * common;
+                let none = RowVector3::zeros();
+                told.add_pose(contact.onto, [row, none], &by_seen_from(onto, &there));
+                told.add_pose(contact.from, [row * turned_back(onto), none], &by_moved(from, &common));
+            }
+        }
+        told
+    }
+}
+
+impl Linearised {
+    /// By the pose of a pick's camera and by its point, which is at `seen` there; `rows` are derivatives by the latter.
+    fn add_pick(&mut self, state: &State, pick: &Pick, seen: &Point3<f64>, rows: [RowVector3<f64>; 2]) {
+        let pose = &state.poses[pick.camera];
+        self.add_pose(pick.camera, rows, &by_seen_from(pose, seen));
+        let at = state.point_at(pick.point);
+        let [x, y] = rows.map(|row| row * turned_back(pose));
+        self.by.extend((0..POINT).map(|k| (at + k, [x[k], y[k]])));
+    }
+
+    /// By a camera's pose; `rows` are derivatives by a point that this moves by `point`.
+    fn add_pose(&mut self, camera: usize, rows: [RowVector3<f64>; 2], point: &ByPose) {
+        if let Some(at) = pose_at(camera) {
+            let [x, y] = rows.map(|row| row * point);
+            self.by.extend((0..POSE).map(|k| (at + k, [x[k], y[k]])));
+        }
+    }
+}
+
+impl State {
+    /// Where a pick's camera sees its point now; `None` when the point was left out.
+    fn seen(&self, pick: &Pick) -> Option<Point3<f64>> {
+        Some(self.poses[pick.camera].inverse() * self.points[pick.point]?)
+    }
+}
+
+/// What a point of the common frame changes by in a camera's: `Rᵀ / s`.
+fn turned_back(pose: &Similarity3<f64>) -> Matrix3<f64> {
+    pose.isometry.rotation.inverse().to_rotation_matrix().into_inner() / pose.scaling()
+}
+
+/// What a point that stands still changes by in a camera's frame, where it is at `seen`, as the camera moves.
+fn by_seen_from(pose: &Similarity3<f64>, seen: &Point3<f64>) -> ByPose {
+    let arm = pose * seen.coords;
+    let back = turned_back(pose);
+    let mut by = ByPose::zeros();
+    by.set_column(0, &-seen.coords);
+    for (k, axis) in [Vector3::x(), Vector3::y(), Vector3::z()].iter().enumerate() {
+        by.set_column(1 + k, &(back * arm.cross(axis)));
+        by.set_column(4 + k, &(back * -axis));
+    }
+    by
+}
+
+/// What a camera's point, at `common` in the common frame, changes by there as the camera moves and takes it along.
+fn by_moved(pose: &Similarity3<f64>, common: &Point3<f64>) -> ByPose {
+    let arm = common.coords - pose.isometry.translation.vector;
+    let mut by = ByPose::zeros();
+    by.set_column(0, &arm);
+    for (k, axis) in [Vector3::x(), Vector3::y(), Vector3::z()].iter().enumerate() {
+        by.set_column(1 + k, &axis.cross(&arm));
+        by.set_column(4 + k, axis);
+    }
+    by
+}
+
+pub(super) fn norm(residual: [f64; 2]) -> f64 {
+    residual[0].hypot(residual[1])
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{DVector, Point2};
+
+    use super::super::variance::Factors;
+    use super::*;
+    use crate::merge::MergeOptions;
+    use crate::merge::tests::surface;
+
+    fn pose(turn: [f64; 3], at: [f64; 3], scale: f64) -> Similarity3<f64> {
+        Similarity3::new(at.into(), turn.into(), scale)
+    }
+
+    #[test]
+    fn derivatives_are_those_of_central_differences() {
+        const STEP: f64 = 1e-6;
+        let surfaces = [0, 1, 0].map(surface);
+        let options = MergeOptions::default();
+        let scene = Scene { surfaces: &surfaces, options: &options, factors: Factors::loose(3) };
+        let state = State {
+            poses: vec![
+                Similarity3::identity(),
+                pose([0.3, -0.5, 0.2], [1.0, -0.4, 0.3], 1.7),
+                pose([-0.2, 0.4, 0.1], [-0.6, 0.2, -0.5], 0.6),
+            ],
+            points: vec![None, Some(Point3::new(0.4, -0.3, 5.0)), Some(Point3::new(0.2, 0.1, -30.0))],
+        };
+        let pick = |point: usize, camera: usize| Pick {
+            point,
+            camera,
+            pixel: Point2::new(300.0, 250.0),
+            seen: None,
+            depth: Some((4.0, 0.02)),
+            by_hand: camera == 1,
+        };
+        let picks: Vec<Pick> =
+            (0..3).flat_map(|point| (0..3).map(move |camera| pick(point, camera))).collect();
+        let contact = |from: usize, onto: usize| Contact {
+            from,
+            point: Point3::new(0.5, 0.3, 4.0),
+            onto,
+            surface: Point3::new(0.2, 0.4, 4.5),
+            normal: Vector3::new(0.3, -0.2, -0.9).normalize(),
+            sigma: 0.01,
+        };
+        let contacts = [contact(0, 1), contact(2, 1), contact(1, 0)];
+        let weighted: Vec<(&Contact, f64)> = contacts.iter().map(|c| (c, 0.7)).collect();
+        let size = 2 * POSE + 3 * POINT;
+        let mut compared = 0;
+        for term in terms(&picks, &weighted) {
+            let told = scene.linearised(&state, &term);
+            let mut analytic = vec![[0.0; 2]; size];
+            for (at, by) in &told.by {
+                analytic[*at] = *by;
+                compared += 1;
+            }
+            for (at, analytic) in analytic.iter().enumerate() {
+                let nudged = |by: f64| {
+                    let mut step = DVector::zeros(size);
+                    step[at] = by;
+                    scene.residual(&state.moved(&step), &term)
+                };
+                let (plus, minus) = (nudged(STEP), nudged(-STEP));
+                for side in 0..2 {
+                    let difference = (plus[side] - minus[side]) / (2.0 * STEP);
+                    let tolerance = 1e-5 * difference.abs().max(1.0);
+                    assert!(
+                        (difference - analytic[side]).abs() < tolerance,
+                        "parameter {at}: {difference} by differences, {} told",
+                        analytic[side]
+                    );
+                }
+            }
+        }
+        assert!(compared > 60, "only {compared} derivatives are not zero by construction");
+    }
+}
