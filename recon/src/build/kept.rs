@@ -19,7 +19,7 @@ use crate::capture::Capture;
 use crate::surface::{Origin, Surface};
 
 /// Part of the key: changes when what is made of a capture does.
-const STAGE: &str = "capture to surface 8";
+const STAGE: &str = "capture to surface 9";
 
 /// Where finished cameras are kept.
 pub(super) struct Kept {
