@@ -10,8 +10,9 @@ use nalgebra::Similarity3;
 
 use crate::merge::overlap::Contact;
 
-/// As many independent observations as stereo's own errors leave in the contacts of two cameras: neighbours err together.
-const STEREO: f64 = 64.0;
+/// As many independent observations as stereo's own errors leave in the contacts of two cameras: what a quarter of the
+/// picture shows errs together, being one surface mostly.
+const STEREO: f64 = 16.0;
 /// In how many ways a space bends: by depth, across and along the image. What is bent is known as often.
 const BENDS: f64 = 3.0;
 
