@@ -89,9 +89,15 @@ impl RayScene {
     /// The nearest surface along a ray, in front of its origin. `direction` need not be of unit length, but
     /// [`Hit::distance`] counts in its lengths. `None` also for a direction that is zero or not finite.
     pub fn cast(&self, origin: Vec3, direction: Vec3) -> Option<Hit> {
+        self.cast_within(origin, direction, f32::INFINITY)
+    }
+
+    /// The same if it is no further than `farthest`, in lengths of the direction.
+    pub fn cast_within(&self, origin: Vec3, direction: Vec3, farthest: f32) -> Option<Hit> {
+        let ray = checked(origin, direction, farthest)?;
         match &self.primitives {
-            Primitives::Triangles(triangles) => self.nearest(triangles, origin, direction),
-            Primitives::Discs(discs) => self.nearest(discs, origin, direction),
+            Primitives::Triangles(triangles) => self.nearest(triangles, ray),
+            Primitives::Discs(discs) => self.nearest(discs, ray),
         }
     }
 
@@ -103,8 +109,7 @@ impl RayScene {
         }
     }
 
-    fn nearest<P: Primitive>(&self, primitives: &[P], origin: Vec3, direction: Vec3) -> Option<Hit> {
-        let ray = checked(origin, direction, f32::INFINITY)?;
+    fn nearest<P: Primitive>(&self, primitives: &[P], ray: Ray) -> Option<Hit> {
         let (mut distance, mut primitive, mut position) = (f32::INFINITY, u32::MAX, 0);
         self.bvh.ray_traverse(ray, &mut RayHit::none(), |ray, i| {
             let t = primitives[i].distance(ray.origin, ray.direction);
@@ -114,9 +119,9 @@ impl RayScene {
             t
         });
         // A miss at infinity sorts below the index that stands for nothing, so the distance decides.
-        (distance < f32::INFINITY).then(|| {
+        (distance < f32::INFINITY && distance <= ray.tmax).then(|| {
             let normal: Vec3 = primitives[position].normal().into();
-            let normal = if normal.dot(direction) > 0.0 { -normal } else { normal };
+            let normal = if normal.dot(ray.direction.into()) > 0.0 { -normal } else { normal };
             Hit { distance, primitive, normal }
         })
     }

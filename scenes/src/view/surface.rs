@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use crate::geometry::{Geometry, Mesh};
+use crate::geometry::{Disc, Geometry, Mesh};
 use crate::raycast::RayScene;
 
 /// Discs this much further along the ray than the first, metres plus a share of the distance, are of the same surface:
@@ -59,7 +59,7 @@ pub(crate) fn first_seen(
         if keep(point, normal) {
             let color = match geometry {
                 Geometry::Mesh(_) => color,
-                Geometry::Discs(_) => mixed(geometry, scene, origin, direction, distance),
+                Geometry::Discs(discs) => mixed(discs, scene, (origin, direction), (hit.primitive, distance)),
             };
             return Some(Seen { distance, normal, color });
         }
@@ -68,25 +68,22 @@ pub(crate) fn first_seen(
     None
 }
 
-/// The colour of overlapping discs around the first one, each weighted by how near its middle the ray passes.
-fn mixed(geometry: &Geometry, scene: &RayScene, origin: Vec3, direction: Vec3, first: f32) -> Vec3 {
-    let Geometry::Discs(discs) = geometry else { return Vec3::ZERO };
-    let limit = first + SAME_SURFACE_M + SAME_SURFACE_SHARE * first;
-    let (mut sum, mut weights, mut start) = (Vec3::ZERO, 0.0, first - STEP_M);
+/// The colour of overlapping discs, from the first that the ray meets on, each weighted by how near its middle it passes.
+fn mixed(discs: &[Disc], scene: &RayScene, (origin, direction): (Vec3, Vec3), first: (u32, f32)) -> Vec3 {
+    let limit = first.1 + SAME_SURFACE_M + SAME_SURFACE_SHARE * first.1;
+    let (mut sum, mut weights, mut next) = (Vec3::ZERO, 0.0, Some(first));
     for _ in 0..MIXED_DISCS {
-        let Some(hit) = scene.cast(origin + direction * start, direction) else { break };
-        let distance = start + hit.distance;
-        if distance > limit {
-            break;
-        }
-        let disc = &discs[hit.primitive as usize];
+        let Some((disc, distance)) = next else { break };
+        let disc = &discs[disc as usize];
         let off = (origin + direction * distance).distance_squared(disc.center) / (disc.radius * disc.radius);
         let weight = (1.0 - off).max(0.0) + 0.02;
         sum += weight * rgb(disc.color);
         weights += weight;
-        start = distance + STEP_M;
+        let start = distance + STEP_M;
+        let behind = scene.cast_within(origin + direction * start, direction, limit - start);
+        next = behind.map(|hit| (hit.primitive, start + hit.distance));
     }
-    sum / weights.max(f32::MIN_POSITIVE)
+    sum / weights
 }
 
 /// Normal and colour of a primitive at a point on it.
