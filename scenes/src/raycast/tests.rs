@@ -86,6 +86,8 @@ fn casts_agree_with_the_oracle() {
                     continue;
                 };
                 hits += 1;
+                let within = |share: f32| scene.cast_within(origin, direction, share * hit.distance);
+                assert_eq!((within(0.999), within(1.001)), (None, Some(hit)));
                 let (t, tolerance) = (f64::from(hit.distance), 1e-4);
                 assert!(loose.is_some_and(|(near, _)| t > near - tolerance), "{t} is nearer than {loose:?}");
                 assert!(strict.is_none_or(|(far, _)| t < far + tolerance), "{t} is farther than {strict:?}");
