@@ -94,17 +94,14 @@ impl Scene<'_> {
         let size = state.parameters();
         let terms = terms(picks, &[]);
         let mut normal = DMatrix::<f64>::zeros(size, size);
-        let mut rows: Vec<[DVector<f64>; 2]> = Vec::with_capacity(terms.len());
-        for term in &terms {
-            let mut row = [DVector::zeros(size), DVector::zeros(size)];
-            for (at, by) in self.linearised(state, term).by {
-                row[0][at] = by[0];
-                row[1][at] = by[1];
+        let rows: Vec<Vec<(usize, [f64; 2])>> =
+            terms.iter().map(|term| self.linearised(state, term).by).collect();
+        for row in &rows {
+            for (a, ja) in row {
+                for (b, jb) in row {
+                    normal[(*a, *b)] += ja[0] * jb[0] + ja[1] * jb[1];
+                }
             }
-            for side in &row {
-                normal.ger(1.0, side, side, 1.0);
-            }
-            rows.push(row);
         }
         // Points that were left out have no terms.
         for i in 0..size {
@@ -115,7 +112,13 @@ impl Scene<'_> {
         let mut of_depths: Vec<Group> = (0..cameras).map(|_| Group::default()).collect();
         for (term, row) in terms.iter().zip(&rows) {
             let residual = self.residual(state, term);
-            let predicted = |side: usize| row[side].dot(&solver.solve(&row[side]));
+            let predicted = |side: usize| {
+                let mut dense = DVector::zeros(size);
+                for (at, by) in row {
+                    dense[*at] = by[side];
+                }
+                dense.dot(&solver.solve(&dense))
+            };
             let (group, factor, sides) = match term {
                 Term::Pixel(pick) if !pick.by_hand => continue,
                 Term::Pixel(_) => (&mut of_picks, self.factors.pick, 0..2),
