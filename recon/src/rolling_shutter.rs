@@ -105,7 +105,7 @@ impl RollingShutter {
 }
 
 /// Where a frame's pixels were filmed changes so evenly that a grid tells it.
-const CELL_PX: usize = 8;
+const CELL_PX: usize = 4;
 
 /// Where the corners of a grid's cells were filmed.
 struct Field {
@@ -212,7 +212,7 @@ mod tests {
             for (x, y) in (0..size.1).flat_map(|y| (0..size.0).map(move |x| (x, y))) {
                 let filmed = shutter.filmed(&lens, 2, &Point2::new(f64::from(x), f64::from(y))).unwrap();
                 let off = (between(&field.row(y as usize), x as usize) - filmed).norm();
-                assert!(off < 0.004, "{off} px at {x}, {y}");
+                assert!(off < 0.002, "{off} px at {x}, {y}");
             }
         }
     }

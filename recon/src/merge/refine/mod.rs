@@ -100,10 +100,11 @@ impl Scene<'_> {
     fn lay_on_each_other(&self, state: &mut State, picks: &[Pick], report: &mut MergeReport) {
         let before = (state.poses.clone(), state.points.clone());
         // A first try, with surfaces taken at stereo's word, shows how far they can agree.
-        self.lay(state, picks, &Worth::straight(self.surfaces.len()));
+        let straight = Worth::straight(self.surfaces.len(), picks.iter().any(|pick| !pick.by_hand));
+        self.lay(state, picks, &straight);
         let contacts = overlap::contacts(self.surfaces, &state.poses, WIDEST_GATE);
         let at_picks = report.depth_sigma.iter().copied().fold(0.0, f64::max);
-        let worth = Worth::of(&contacts, &state.poses, self.options.depth_sigma, at_picks);
+        let worth = straight.bent(&contacts, &state.poses, self.options.depth_sigma, at_picks);
         (state.poses, state.points) = before.clone();
         let contacts = self.lay(state, picks, &worth);
         let rms = self.pick_rms(state, picks);

@@ -10,9 +10,11 @@ use nalgebra::Similarity3;
 
 use crate::merge::overlap::Contact;
 
-/// As many independent observations as stereo's own errors leave in the contacts of two cameras: what a quarter of the
-/// picture shows errs together, being one surface mostly.
-const STEREO: f64 = 16.0;
+/// As many independent observations as stereo's own errors leave in the contacts of two cameras: neighbours err together.
+const STEREO: f64 = 64.0;
+/// The same where pictures' matches hold the cameras: two spaces that are bent alike agree and turn the cameras all the same,
+/// which a hand's picks are too coarse to tell, and matches are not.
+const STEREO_BESIDE_MATCHES: f64 = 16.0;
 /// In how many ways a space bends: by depth, across and along the image. What is bent is known as often.
 const BENDS: f64 = 3.0;
 
@@ -21,19 +23,23 @@ const BENDS: f64 = 3.0;
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Worth {
     cameras: usize,
+    /// What contacts of straight spaces count as.
+    stereo: f64,
     /// Row by row, the lower camera first.
     independent: Vec<f64>,
 }
 
 impl Worth {
-    /// Only stereo errs.
-    pub(super) fn straight(cameras: usize) -> Self {
-        Self { cameras, independent: vec![STEREO; cameras * cameras] }
+    /// Only stereo errs; `beside_matches`: whether pictures' matches hold the cameras.
+    pub(super) fn straight(cameras: usize, beside_matches: bool) -> Self {
+        let stereo = if beside_matches { STEREO_BESIDE_MATCHES } else { STEREO };
+        Self { cameras, stereo, independent: vec![stereo; cameras * cameras] }
     }
 
-    /// From what contacts keep between surfaces that were laid on each other; `depth_sigma` is stereo's own, and
+    /// The same from what contacts keep between surfaces that were laid on each other; `depth_sigma` is stereo's own, and
     /// `pick_sigma` what depths at picks turned out to be off by.
-    pub(super) fn of(
+    pub(super) fn bent(
+        mut self,
         contacts: &[Contact],
         poses: &[Similarity3<f64>],
         depth_sigma: f64,
@@ -44,19 +50,18 @@ impl Worth {
         /// Up to so many times what stereo claims for a single pick, a space may be straight.
         const BENT: f64 = 2.0;
         let at_picks = ((pick_sigma / depth_sigma).powi(2) - BENT.powi(2)).max(0.0);
-        let mut worth = Self::straight(poses.len());
-        let mut errors: Vec<Vec<f64>> = vec![Vec::new(); worth.independent.len()];
+        let mut errors: Vec<Vec<f64>> = vec![Vec::new(); self.independent.len()];
         for contact in contacts {
-            errors[worth.pair(contact)].push(contact.in_sigmas(poses).abs());
+            errors[self.pair(contact)].push(contact.in_sigmas(poses).abs());
         }
-        for (of_pair, independent) in errors.iter_mut().zip(&mut worth.independent) {
+        for (of_pair, independent) in errors.iter_mut().zip(&mut self.independent) {
             of_pair.sort_by(f64::total_cmp);
             if let Some(median) = of_pair.get(of_pair.len() / 2) {
                 let bent = (median / MEDIAN).powi(2).min(at_picks);
-                *independent = 1.0 / (1.0 / STEREO + bent / BENDS);
+                *independent = 1.0 / (1.0 / self.stereo + bent / BENDS);
             }
         }
-        worth
+        self
     }
 
     /// A factor for each contact's residual.
