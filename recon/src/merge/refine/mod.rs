@@ -5,18 +5,20 @@
 //! logarithm; the distance of one camera's surface point from another's surface, along that one's normal. All are robust
 //! (Cauchy), reweighted as they go. How good the depths are is estimated along with them ([`variance`]), and how far
 //! the surfaces can be laid on each other at all ([`worth`]), since a capture's motion may bend its whole space. Residuals
-//! and their derivatives are [`term`]'s; the problem is small enough to be solved densely.
+//! and their derivatives are [`term`]'s; what they make of a step is [`normal`]'s.
 
+mod normal;
 mod state;
 mod term;
 mod variance;
 mod worth;
 
-use nalgebra::{DMatrix, DVector, Point3, Similarity3, Vector3};
+use nalgebra::{Point3, Similarity3, Vector3};
 
 use super::overlap::{self, Contact};
 use super::{MergeOptions, MergeReport, Merged, Pick, spoils};
 use crate::surface::Surface;
+use normal::NormalEquations;
 use state::State;
 use term::{Term, norm, terms};
 use variance::Factors;
@@ -140,36 +142,24 @@ impl Scene<'_> {
     fn minimise(&self, state: &mut State, picks: &[Pick], contacts: &[(&Contact, f64)]) {
         const ITERATIONS: usize = 60;
         let terms = terms(picks, contacts);
-        let size = state.parameters();
-        if size == 0 {
+        if state.parameters() == 0 {
             return;
         }
         let mut damping = 1e-3;
         let mut cost = self.cost(state, &terms);
         for _ in 0..ITERATIONS {
-            let mut normal = DMatrix::<f64>::zeros(size, size);
-            let mut gradient = DVector::<f64>::zeros(size);
+            let mut normal = NormalEquations::new(state);
             for term in &terms {
                 let told = self.linearised(state, term);
-                let weight = term.weight(told.residual);
-                for (a, ja) in &told.by {
-                    gradient[*a] += weight * (ja[0] * told.residual[0] + ja[1] * told.residual[1]);
-                    for (b, jb) in &told.by {
-                        normal[(*a, *b)] += weight * (ja[0] * jb[0] + ja[1] * jb[1]);
-                    }
-                }
+                normal.add(&told, term.weight(told.residual));
             }
             let mut improved = false;
             for _ in 0..8 {
-                let mut damped = normal.clone();
-                for i in 0..size {
-                    damped[(i, i)] += damping * normal[(i, i)] + 1e-9;
-                }
-                let Some(solved) = damped.cholesky() else {
+                let Some(factored) = normal.factor(damping) else {
                     damping *= 10.0;
                     continue;
                 };
-                let candidate = state.moved(&-solved.solve(&gradient));
+                let candidate = state.moved(&-factored.solve(normal.gradient()));
                 let new_cost = self.cost(&candidate, &terms);
                 if new_cost < cost {
                     improved = cost - new_cost > 1e-9 * cost;

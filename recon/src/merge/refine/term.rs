@@ -21,10 +21,19 @@ pub(super) enum Term<'a> {
 /// Derivatives of a point by the similarity that moves it.
 type ByPose = SMatrix<f64, 3, POSE>;
 
-/// A residual (the second number is 0 but for pixels) and its derivative by each parameter that it depends on.
+/// Derivatives of a residual by a pose: a row for each of its numbers.
+pub(super) type ByCamera = SMatrix<f64, 2, POSE>;
+/// The same by a point.
+pub(super) type ByPoint = SMatrix<f64, 2, POINT>;
+
+/// A residual (the second number is 0 but for pixels) and its derivatives by what it depends on.
+#[derive(Default)]
 pub(super) struct Linearised {
     pub(super) residual: [f64; 2],
-    pub(super) by: Vec<(usize, [f64; 2])>,
+    /// With where the camera's parameters begin; none for a camera that stands still.
+    cameras: [Option<(usize, ByCamera)>; 2],
+    /// With the point's number.
+    pub(super) point: Option<(usize, ByPoint)>,
 }
 
 /// What a point behind a camera costs.
@@ -86,7 +95,7 @@ impl Scene<'_> {
 
     /// The residual with its derivatives; without any where it does not depend on anything, such as behind a camera.
     pub(super) fn linearised(&self, state: &State, term: &Term<'_>) -> Linearised {
-        let mut told = Linearised { residual: self.residual(state, term), by: Vec::with_capacity(2 * POSE) };
+        let mut told = Linearised { residual: self.residual(state, term), ..Linearised::default() };
         if told.residual == BEHIND {
             return told;
         }
@@ -95,14 +104,14 @@ impl Scene<'_> {
                 if let Some(seen) = state.seen(pick) {
                     let rows =
                         self.surfaces[pick.camera].intrinsics.project_jacobian(&seen) / self.sigma_px(pick);
-                    told.add_pick(state, pick, &seen, [rows.row(0).into(), rows.row(1).into()]);
+                    told.seen_by(state, pick, &seen, &rows);
                 }
             }
             Term::Depth(pick, (_, sigma)) => {
                 if let Some(seen) = state.seen(pick) {
                     let sigma = sigma * self.factors.depth[pick.camera];
-                    let row = RowVector3::new(0.0, 0.0, 1.0 / (seen.z * sigma));
-                    told.add_pick(state, pick, &seen, [row, RowVector3::zeros()]);
+                    let by_depth = RowVector3::new(0.0, 0.0, 1.0 / (seen.z * sigma));
+                    told.seen_by(state, pick, &seen, &alone(&by_depth));
                 }
             }
             Term::Surface(contact, weight) => {
@@ -110,9 +119,10 @@ impl Scene<'_> {
                 let (from, onto) = (&state.poses[contact.from], &state.poses[contact.onto]);
                 let common = from * contact.point;
                 let there = onto.inverse() * common;
-                let none = RowVector3::zeros();
-                told.add_pose(contact.onto, [row, none], &by_seen_from(onto, &there));
-                told.add_pose(contact.from, [row * turned_back(onto), none], &by_moved(from, &common));
+                told.cameras = [
+                    moving(contact.onto, alone(&row) * by_seen_from(onto, &there)),
+                    moving(contact.from, alone(&(row * turned_back(onto))) * by_moved(from, &common)),
+                ];
             }
         }
         told
@@ -120,22 +130,37 @@ impl Scene<'_> {
 }
 
 impl Linearised {
-    /// By the pose of a pick's camera and by its point, which is at `seen` there; `rows` are derivatives by the latter.
-    fn add_pick(&mut self, state: &State, pick: &Pick, seen: &Point3<f64>, rows: [RowVector3<f64>; 2]) {
-        let pose = &state.poses[pick.camera];
-        self.add_pose(pick.camera, rows, &by_seen_from(pose, seen));
-        let at = state.point_at(pick.point);
-        let [x, y] = rows.map(|row| row * turned_back(pose));
-        self.by.extend((0..POINT).map(|k| (at + k, [x[k], y[k]])));
+    /// From its parts; at most two cameras.
+    #[cfg(test)]
+    pub(super) fn of(
+        residual: [f64; 2],
+        cameras: &[(usize, ByCamera)],
+        point: Option<(usize, ByPoint)>,
+    ) -> Self {
+        Self { residual, cameras: std::array::from_fn(|i| cameras.get(i).copied()), point }
     }
 
-    /// By a camera's pose; `rows` are derivatives by a point that this moves by `point`.
-    fn add_pose(&mut self, camera: usize, rows: [RowVector3<f64>; 2], point: &ByPose) {
-        if let Some(at) = pose_at(camera) {
-            let [x, y] = rows.map(|row| row * point);
-            self.by.extend((0..POSE).map(|k| (at + k, [x[k], y[k]])));
-        }
+    /// What the cameras that move change it by.
+    pub(super) fn cameras(&self) -> impl Iterator<Item = &(usize, ByCamera)> + Clone {
+        self.cameras.iter().flatten()
     }
+
+    /// By the pose of a pick's camera and by its point, which is at `seen` there; `rows` are derivatives by the latter.
+    fn seen_by(&mut self, state: &State, pick: &Pick, seen: &Point3<f64>, rows: &SMatrix<f64, 2, 3>) {
+        let pose = &state.poses[pick.camera];
+        self.cameras[0] = moving(pick.camera, rows * by_seen_from(pose, seen));
+        self.point = Some((pick.point, rows * turned_back(pose)));
+    }
+}
+
+/// With where a camera's parameters begin.
+fn moving(camera: usize, by: ByCamera) -> Option<(usize, ByCamera)> {
+    Some((pose_at(camera)?, by))
+}
+
+/// The derivatives of a residual that is one number.
+fn alone(row: &RowVector3<f64>) -> SMatrix<f64, 2, 3> {
+    SMatrix::from_rows(&[*row, RowVector3::zeros()])
 }
 
 impl State {
@@ -231,8 +256,15 @@ mod tests {
         for term in terms(&picks, &weighted) {
             let told = scene.linearised(&state, &term);
             let mut analytic = vec![[0.0; 2]; size];
-            for (at, by) in &told.by {
-                analytic[*at] = *by;
+            let by_cameras = told
+                .cameras()
+                .flat_map(|(at, by)| (0..POSE).map(move |k| (at + k, by.column(k).into_owned())));
+            let by_point = told.point.iter().flat_map(|(point, by)| {
+                let at = state.point_at(*point);
+                (0..POINT).map(move |k| (at + k, by.column(k).into_owned()))
+            });
+            for (at, by) in by_cameras.chain(by_point) {
+                analytic[at] = by.into();
                 compared += 1;
             }
             for (at, analytic) in analytic.iter().enumerate() {

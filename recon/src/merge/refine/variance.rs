@@ -4,8 +4,7 @@
 //! off, bends the space it reconstructs, all depths at once. What residuals the joint fit leaves, compared with
 //! their redundancy (the share of an observation that the others could predict), tells.
 
-use nalgebra::{DMatrix, DVector};
-
+use super::normal::NormalEquations;
 use super::state::State;
 use super::term::{Term, terms};
 use super::{Pick, Scene};
@@ -91,34 +90,16 @@ impl Scene<'_> {
     /// The factors that the residuals of a minimum speak for.
     pub(super) fn variance_factors(&self, state: &State, picks: &[Pick]) -> Factors {
         let cameras = state.poses.len();
-        let size = state.parameters();
         let terms = terms(picks, &[]);
-        let mut normal = DMatrix::<f64>::zeros(size, size);
-        let rows: Vec<Vec<(usize, [f64; 2])>> =
-            terms.iter().map(|term| self.linearised(state, term).by).collect();
+        let rows: Vec<_> = terms.iter().map(|term| self.linearised(state, term)).collect();
+        let mut normal = NormalEquations::new(state);
         for row in &rows {
-            for (a, ja) in row {
-                for (b, jb) in row {
-                    normal[(*a, *b)] += ja[0] * jb[0] + ja[1] * jb[1];
-                }
-            }
+            normal.add(row, 1.0);
         }
-        // Points that were left out have no terms.
-        for i in 0..size {
-            normal[(i, i)] += 1e-9;
-        }
-        let Some(solver) = normal.cholesky() else { return self.factors.clone() };
+        let Some(factored) = normal.factor(0.0) else { return self.factors.clone() };
         let mut of_picks = Group::default();
         let mut of_depths: Vec<Group> = (0..cameras).map(|_| Group::default()).collect();
         for (term, row) in terms.iter().zip(&rows) {
-            let residual = self.residual(state, term);
-            let predicted = |side: usize| {
-                let mut dense = DVector::zeros(size);
-                for (at, by) in row {
-                    dense[*at] = by[side];
-                }
-                dense.dot(&solver.solve(&dense))
-            };
             let (group, factor, sides) = match term {
                 Term::Pixel(pick) if !pick.by_hand => continue,
                 Term::Pixel(_) => (&mut of_picks, self.factors.pick, 0..2),
@@ -126,7 +107,7 @@ impl Scene<'_> {
                 Term::Surface(..) => continue,
             };
             for side in sides {
-                group.add(residual[side] * factor, 1.0 - predicted(side));
+                group.add(row.residual[side] * factor, 1.0 - factored.variance(row, side));
             }
         }
         Factors {
