@@ -20,8 +20,7 @@ use rayon::prelude::*;
 
 use crate::Result;
 pub(crate) use intensity::Intensity;
-pub(crate) use register::Patch;
-pub(crate) use register::Warp;
+pub(crate) use register::{Patch, Reading, Warp};
 use turn::CoarseScales;
 
 /// How features are found and followed.

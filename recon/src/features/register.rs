@@ -39,9 +39,9 @@ pub(crate) struct Patch {
     gradient: Vec<[f32x4; 2]>,
 }
 
-/// The image as a patch would see it.
+/// The image as a patch would see it: buffers that are written over again and again.
 #[derive(Default)]
-struct Reading {
+pub(crate) struct Reading {
     /// Brightness, a pixel wider on each side than the patch.
     raw: Vec<f32>,
     /// Weighted mean 0, deviation 1.
@@ -86,6 +86,24 @@ impl Patch {
 
     /// The image as the patch would see it, written over `reading`.
     fn read(&self, image: &Intensity, warp: &Warp, reading: &mut Reading) -> Option<()> {
+        let deviation = self.read_values(image, warp, reading)?;
+        let (side, fours) = ((2 * self.radius + 1) as usize, fours(self.radius));
+        let wide = 4 * fours;
+        let Reading { raw, gradient, .. } = reading;
+        let half = f32x4::splat(0.5 / deviation);
+        gradient.clear();
+        gradient.reserve(side * fours);
+        for (row, k) in (0..side).flat_map(|row| (0..fours).map(move |k| (row, k))) {
+            let here = (row + 1) * wide + 4 * k;
+            let beside = four(raw, here + 2) - four(raw, here);
+            let upright = four(raw, here + 1 + wide) - four(raw, here + 1 - wide);
+            gradient.push([beside * half, upright * half]);
+        }
+        Some(())
+    }
+
+    /// All of a reading but its gradient, and the deviation it had before it was brought to 1.
+    fn read_values(&self, image: &Intensity, warp: &Warp, reading: &mut Reading) -> Option<f32> {
         let reach = f64::from(self.radius + 1);
         let to_image = |x: f64, y: f64| {
             let p = warp.center + warp.affine * nalgebra::Vector2::new(x, y);
@@ -99,7 +117,7 @@ impl Patch {
         }
         let (side, fours) = ((2 * self.radius + 1) as usize, fours(self.radius));
         let wide = 4 * fours;
-        let Reading { raw, values, gradient } = reading;
+        let Reading { raw, values, .. } = reading;
         raw.clear();
         raw.reserve((side + 2) * wide + 1);
         let [along_x, along_y] = [warp.affine[(0, 0)], warp.affine[(1, 0)]].map(|a| f32x4::splat(a as f32));
@@ -114,9 +132,8 @@ impl Patch {
         }
         // So that a row's last four may be read from its second pixel on.
         raw.push(0.0);
-        let four = |at: usize| f32x4::new([raw[at], raw[at + 1], raw[at + 2], raw[at + 3]]);
         // The patch's pixels, four at a time; those above, below and beside them.
-        let inner = |row: usize, k: usize| four((row + 1) * wide + 1 + 4 * k);
+        let inner = |row: usize, k: usize| four(raw, (row + 1) * wide + 1 + 4 * k);
         values.clear();
         values.reserve(side * fours);
         values.extend((0..side).flat_map(|row| (0..fours).map(move |k| inner(row, k))));
@@ -134,26 +151,17 @@ impl Patch {
         if deviation.is_nan() || f64::from(deviation) < MIN_CONTRAST {
             return None;
         }
-        let (scale, half) = (f32x4::splat(1.0 / deviation), f32x4::splat(0.5 / deviation));
+        let scale = f32x4::splat(1.0 / deviation);
         for v in values.iter_mut() {
             *v *= scale;
         }
-        gradient.clear();
-        gradient.reserve(side * fours);
-        for (row, k) in (0..side).flat_map(|row| (0..fours).map(move |k| (row, k))) {
-            let here = (row + 1) * wide + 4 * k;
-            let beside = four(here + 2) - four(here);
-            let upright = four(here + 1 + wide) - four(here + 1 - wide);
-            gradient.push([beside * half, upright * half]);
-        }
-        Some(())
+        Some(deviation)
     }
 
     /// Weighted correlation with the image at a warp, without moving it.
-    pub(crate) fn correlation(&self, image: &Intensity, warp: &Warp) -> Option<f64> {
-        let mut reading = Reading::default();
-        self.read(image, warp, &mut reading)?;
-        Some(self.likeness(&reading))
+    pub(crate) fn correlation(&self, image: &Intensity, warp: &Warp, reading: &mut Reading) -> Option<f64> {
+        self.read_values(image, warp, reading)?;
+        Some(self.likeness(reading))
     }
 
     /// Weighted correlation with what was read.
@@ -248,6 +256,11 @@ fn is_plausible(affine: &Matrix2<f64>) -> bool {
     let area = affine.determinant();
     let singular = affine.singular_values();
     (1.0 / 3.0..3.0).contains(&area) && singular.max() < 3.0 * singular.min()
+}
+
+/// Four that follow each other.
+fn four(raw: &[f32], at: usize) -> f32x4 {
+    f32x4::new([raw[at], raw[at + 1], raw[at + 2], raw[at + 3]])
 }
 
 /// Fours that hold a patch's row with a pixel more on each side.

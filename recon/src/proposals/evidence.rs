@@ -7,7 +7,7 @@
 use nalgebra::{Matrix2, Point2, Point3, Similarity3, Vector3};
 use rayon::prelude::*;
 
-use crate::features::{Intensity, Patch, Warp};
+use crate::features::{Intensity, Patch, Reading, Warp};
 use crate::surface::{Origin, Surface};
 
 /// Pixels between the places that are looked at.
@@ -122,7 +122,7 @@ fn correlation(
     let home = Warp { center: *pixel, affine: Matrix2::identity() };
     let patch = Patch::cut(&from.intensity, &home, RADIUS_PX).filter(|_| inside)?;
     // What shows something here and nothing there is no likeness.
-    Some(patch.correlation(&onto.intensity, &warp).unwrap_or(0.0))
+    Some(patch.correlation(&onto.intensity, &warp, &mut Reading::default()).unwrap_or(0.0))
 }
 
 /// Where the surface around a pixel lies in the other camera's picture.

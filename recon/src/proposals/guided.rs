@@ -11,7 +11,7 @@ use super::alignment::miss_px;
 use super::evidence::{Seen, carried};
 use super::landmarks::Landmark;
 use crate::Result;
-use crate::features::{Patch, Warp};
+use crate::features::{Patch, Reading, Warp};
 use crate::surface::Surface;
 
 /// Corners tried, as strong as this share of the strongest, and pixels between them.
@@ -147,14 +147,14 @@ fn register(
     let home = Warp { center: *pixel, affine: Matrix2::identity() };
     let patch = Patch::cut(&from.intensity, &home, options.patch_radius_px)?;
     let reach = reach_px.ceil() as i32;
-    let (mut best, mut tried) = (None, Vec::new());
+    let (mut best, mut tried, mut reading) = (None, Vec::new(), Reading::default());
     for (x, y) in (-reach..=reach).flat_map(|y| (-reach..=reach).map(move |x| (x, y))) {
         let shift = Vector2::new(f64::from(x), f64::from(y));
         if shift.norm() > reach_px {
             continue;
         }
         let there = Warp { center: start.center + shift, ..*start };
-        let Some(correlation) = patch.correlation(&onto.intensity, &there) else { continue };
+        let Some(correlation) = patch.correlation(&onto.intensity, &there, &mut reading) else { continue };
         tried.push((shift, correlation));
         if best.is_none_or(|(_, most)| correlation > most) {
             best = Some((shift, correlation));
