@@ -5,9 +5,9 @@
 //! logarithm; the distance of one camera's surface point from another's surface, along that one's normal. All are robust
 //! (Cauchy), reweighted as they go. How good the depths are is estimated along with them ([`variance`]), and how far
 //! the surfaces can be laid on each other at all ([`worth`]), since a capture's motion may bend its whole space. Residuals
-//! and their derivatives are [`term`]'s; what they make of a step is [`normal`]'s.
+//! and their derivatives are [`term`]'s; what they make of a step is [`schur`]'s.
 
-mod normal;
+mod schur;
 mod state;
 mod term;
 mod variance;
@@ -18,7 +18,7 @@ use nalgebra::{Point3, Similarity3, Vector3};
 use super::overlap::{self, Contact};
 use super::{MergeOptions, MergeReport, Merged, Pick, spoils};
 use crate::surface::Surface;
-use normal::NormalEquations;
+use schur::NormalEquations;
 use state::State;
 use term::{Term, norm, terms};
 use variance::Factors;

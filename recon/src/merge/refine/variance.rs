@@ -4,7 +4,7 @@
 //! off, bends the space it reconstructs, all depths at once. What residuals the joint fit leaves, compared with
 //! their redundancy (the share of an observation that the others could predict), tells.
 
-use super::normal::NormalEquations;
+use super::schur::NormalEquations;
 use super::state::State;
 use super::term::{Term, terms};
 use super::{Pick, Scene};
