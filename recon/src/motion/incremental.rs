@@ -5,7 +5,7 @@ use nalgebra::{Isometry3, Point2, Vector3};
 use rand_pcg::Pcg64Mcg;
 
 use super::resection::{Resection, resect};
-use super::sketch::{Adjustment, Sketch};
+use super::sketch::{Adjustment, PASSING, Sketch};
 use super::triangulation::Acceptance;
 use super::two_views::{TwoViews, parallax_beyond_rotation, relative_motion};
 use crate::bundle::{LensFreedom, Loss};
@@ -79,7 +79,13 @@ fn start(sketch: &mut Sketch<'_>, seen: &Seen, rng: &mut Pcg64Mcg) -> bool {
         &Acceptance { max_error_px: 3.0, min_angle: 0.5_f64.to_radians(), min_sightings: 2 },
         false,
     );
-    let how = Adjustment { gate_px: 4.0, loss: Loss::Cauchy(1.0), lens: LensFreedom::Fixed, max_steps: 15 };
+    let how = Adjustment {
+        gate_px: 4.0,
+        loss: Loss::Cauchy(1.0),
+        lens: LensFreedom::Fixed,
+        max_steps: 15,
+        cost_end: PASSING,
+    };
     sketch.adjust(&how).is_some()
 }
 
@@ -144,7 +150,8 @@ pub(crate) fn grow(sketch: &mut Sketch<'_>, seen: &Seen, lens: LensFreedom) {
             Acceptance { max_error_px: 3.0, min_angle: GROWING_ANGLE_DEG.to_radians(), min_sightings: 2 };
         sketch.triangulate(&accept, true);
         if sketch.registered() >= adjusted_at + (adjusted_at / 4).clamp(1, 6) {
-            let how = Adjustment { gate_px: 6.0, loss: Loss::Cauchy(1.0), lens, max_steps: 8 };
+            let how =
+                Adjustment { gate_px: 6.0, loss: Loss::Cauchy(1.0), lens, max_steps: 8, cost_end: PASSING };
             sketch.adjust(&how);
             sketch.triangulate(&accept, false);
             adjusted_at = sketch.registered();

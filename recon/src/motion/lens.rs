@@ -9,7 +9,7 @@
 use calib::Intrinsics;
 use nalgebra::{Matrix3, Point2, Point3, Vector3};
 
-use super::sketch::Sketch;
+use super::sketch::{FINAL, Sketch};
 use crate::bundle::{LensEvidence, LensFreedom};
 
 /// Standard deviations of `ln f`, `k1` and `k2` of given intrinsics: those of a calibration at another focus, or of
@@ -65,7 +65,7 @@ pub(super) fn settle(sketch: &mut Sketch<'_>, camera: &str, given: bool, refine:
     }
     let before = sketch.intrinsics.clone();
     let mut adjusted = sketch.clone();
-    adjusted.polish(LensFreedom::FocalRadial, ROUNDS);
+    adjusted.polish(LensFreedom::FocalRadial, ROUNDS, FINAL);
     let Some(LensEvidence { covariance, .. }) = adjusted.lens_evidence(LensFreedom::FocalRadial) else {
         return unchanged;
     };
@@ -82,7 +82,8 @@ pub(super) fn settle(sketch: &mut Sketch<'_>, camera: &str, given: bool, refine:
     );
     let Some((moved, covariance)) = together(&known, &moved, &covariance) else { return unchanged };
     adjusted.intrinsics = changed(&before, &moved);
-    if adjusted.intrinsics.validate().is_err() || adjusted.polish(LensFreedom::Fixed, ROUNDS).is_none() {
+    if adjusted.intrinsics.validate().is_err() || adjusted.polish(LensFreedom::Fixed, ROUNDS, FINAL).is_none()
+    {
         return unchanged;
     }
     *sketch = adjusted;

@@ -31,7 +31,7 @@ use crate::features::{self, FeatureOptions, FeatureReport, Track};
 use crate::{Error, Result};
 use incremental::Seen;
 pub use lens::LensOrigin;
-use sketch::{Adjustment, Sketch};
+use sketch::{Adjustment, FINAL, PASSING, Sketch};
 use triangulation::Acceptance;
 
 /// Rounds of polish before the competing starts are compared.
@@ -173,7 +173,7 @@ pub fn estimate(capture: &Capture, options: &MotionOptions) -> Result<(Motion, M
     let explained = sketch.explained_share(agreement_px(&sketch));
     revisit::revisit(&mut sketch, &capture.frames, &options.features, lens);
     let readout = readout::settle(&mut sketch, lens);
-    sketch.polish(lens, options.polish_rounds);
+    sketch.polish(lens, options.polish_rounds, FINAL);
     let lens = lens::settle(&mut sketch, &capture.name, capture.intrinsics.is_some(), options.refine_lens);
     finish(capture, options, &sketch, Before { features, starts, explained, readout, lens })
 }
@@ -185,12 +185,17 @@ fn start_by_factorization<'a>(mut sketch: Sketch<'a>, seen: &Seen, lens: LensFre
     for (max_error_px, scale_px) in [(16.0, 4.0), (8.0, 2.0), (4.0, 1.0)] {
         let accept = Acceptance { max_error_px, min_angle: 0.5_f64.to_radians(), min_sightings: 3 };
         sketch.triangulate(&accept, false);
-        let how =
-            Adjustment { gate_px: 2.0 * max_error_px, loss: Loss::Cauchy(scale_px), lens, max_steps: 15 };
+        let how = Adjustment {
+            gate_px: 2.0 * max_error_px,
+            loss: Loss::Cauchy(scale_px),
+            lens,
+            max_steps: 15,
+            cost_end: PASSING,
+        };
         sketch.adjust(&how)?;
     }
     incremental::grow(&mut sketch, seen, lens);
-    sketch.polish(lens, START_ROUNDS);
+    sketch.polish(lens, START_ROUNDS, PASSING);
     Some(sketch)
 }
 
@@ -204,12 +209,12 @@ fn start_by_two_views<'a>(
     if !incremental::reconstruct(&mut sketch, seen, lens, rng) {
         return None;
     }
-    sketch.polish(lens, START_ROUNDS);
+    sketch.polish(lens, START_ROUNDS, PASSING);
     // Frames that were refused on the way may fit the polished points.
     let registered = sketch.registered();
     incremental::grow(&mut sketch, seen, lens);
     if sketch.registered() > registered {
-        sketch.polish(lens, START_ROUNDS);
+        sketch.polish(lens, START_ROUNDS, PASSING);
     }
     Some(sketch)
 }

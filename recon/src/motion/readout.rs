@@ -6,7 +6,7 @@
 
 use nalgebra::Point2;
 
-use super::sketch::Sketch;
+use super::sketch::{FINAL, Sketch};
 use crate::bundle::LensFreedom;
 use crate::features::Track;
 use crate::rolling_shutter::RollingShutter;
@@ -94,7 +94,7 @@ fn adjusted<'a>(
     rounds: usize,
 ) -> Option<Sketch<'a>> {
     let mut adjusted = rectified(filmed, posed, readout);
-    adjusted.polish(lens, rounds)?;
+    adjusted.polish(lens, rounds, FINAL)?;
     Some(adjusted)
 }
 
@@ -175,10 +175,10 @@ mod tests {
             let mut sketch = Sketch::new(&tracks, lens, FRAMES);
             sketch.poses = (0..FRAMES).map(|frame| Some(hand(frame as f64))).collect();
             sketch.points = points;
-            sketch.polish(LensFreedom::Fixed, ROUNDS).unwrap();
+            sketch.polish(LensFreedom::Fixed, ROUNDS, FINAL).unwrap();
             let noise = sketch.noise_px();
             let found = settle(&mut sketch, LensFreedom::Fixed);
-            sketch.polish(LensFreedom::Fixed, ROUNDS).unwrap();
+            sketch.polish(LensFreedom::Fixed, ROUNDS, FINAL).unwrap();
             if readout == 0.0 {
                 assert!(found.abs() < f64::EPSILON, "{found} where all rows were read at once");
                 continue;

@@ -9,7 +9,7 @@ use image::RgbImage;
 use nalgebra::{Isometry3, Matrix2, Point2, Point3, Vector2, Vector3};
 use rayon::prelude::*;
 
-use super::sketch::{Adjustment, Sketch};
+use super::sketch::{Adjustment, PASSING, Sketch};
 use super::triangulation::Acceptance;
 use crate::bundle::{LensFreedom, Loss};
 use crate::features::revisit::{RevisitOptions, seen_again};
@@ -43,7 +43,13 @@ pub(super) fn revisit(
         for (max_error_px, scale_px) in TAKING_IN_PX {
             let accept = Acceptance { max_error_px, min_angle: 0.5_f64.to_radians(), min_sightings: 3 };
             let loss = Loss::Cauchy(scale_px);
-            sketch.adjust(&Adjustment { gate_px: 2.0 * max_error_px, loss, lens, max_steps: 20 });
+            sketch.adjust(&Adjustment {
+                gate_px: 2.0 * max_error_px,
+                loss,
+                lens,
+                max_steps: 20,
+                cost_end: PASSING,
+            });
             sketch.triangulate(&accept, false);
         }
     }

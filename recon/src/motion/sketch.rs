@@ -15,6 +15,10 @@ use crate::features::Track;
 
 /// Error at which an observation counts as wrong when whole reconstructions are compared, pixels.
 const WRONG_PX: f64 = 3.0;
+/// An adjustment that others follow ends where its cost falls by less than this share: what it leaves undone, they do.
+pub(super) const PASSING: f64 = 1e-3;
+/// The same for an adjustment whose outcome is kept or compared.
+pub(super) const FINAL: f64 = 1e-5;
 
 /// Poses and points, in the frame and scale of whatever started them.
 #[derive(Debug, Clone)]
@@ -36,16 +40,19 @@ pub(crate) struct Adjustment {
     pub(crate) loss: Loss,
     pub(crate) lens: LensFreedom,
     pub(crate) max_steps: usize,
+    /// Ends where the cost falls by less than this share: [`PASSING`] or [`FINAL`].
+    pub(crate) cost_end: f64,
 }
 
 impl Adjustment {
     /// What only noise is left to: observations within ten, a loss that fades from two and a half standard deviations.
-    fn last(noise_px: f64, lens: LensFreedom) -> Self {
+    fn last(noise_px: f64, lens: LensFreedom, cost_end: f64) -> Self {
         Self {
             gate_px: (10.0 * noise_px).max(1.5),
             loss: Loss::Cauchy((2.4 * noise_px).max(0.1)),
             lens,
             max_steps: 40,
+            cost_end,
         }
     }
 
@@ -54,7 +61,7 @@ impl Adjustment {
             loss: self.loss,
             lens: self.lens,
             max_steps: self.max_steps,
-            cost_end: 1e-5,
+            cost_end: self.cost_end,
             ..BundleOptions::default()
         }
     }
@@ -151,7 +158,7 @@ impl<'a> Sketch<'a> {
 
     /// What the polished sketch says of its lens.
     pub(crate) fn lens_evidence(&self, lens: LensFreedom) -> Option<LensEvidence> {
-        let how = Adjustment::last(self.noise_px().clamp(0.05, 4.0), lens);
+        let how = Adjustment::last(self.noise_px().clamp(0.05, 4.0), lens, FINAL);
         let (problem, ..) = self.problem(&how)?;
         bundle::lens_evidence(&problem, &how.options())
     }
@@ -208,7 +215,8 @@ impl<'a> Sketch<'a> {
     }
 
     /// Adjusts, triangulates anew and adjusts again with tighter bounds, until only noise is left.
-    pub(crate) fn polish(&mut self, lens: LensFreedom, rounds: usize) -> Option<BundleReport> {
+    /// The last adjustment ends by `cost_end`.
+    pub(crate) fn polish(&mut self, lens: LensFreedom, rounds: usize, cost_end: f64) -> Option<BundleReport> {
         let mut report = None;
         for round in 0..rounds {
             let noise = self.noise_px().clamp(0.05, 4.0);
@@ -221,8 +229,8 @@ impl<'a> Sketch<'a> {
                 self.triangulate(&accept, false);
             }
             let last = round + 1 == rounds;
-            let whole = Adjustment::last(noise, lens);
-            let how = if last { whole } else { Adjustment { max_steps: 15, ..whole } };
+            let whole = Adjustment::last(noise, lens, cost_end);
+            let how = if last { whole } else { Adjustment { max_steps: 15, cost_end: PASSING, ..whole } };
             report = self.adjust(&how).or(report);
         }
         report
