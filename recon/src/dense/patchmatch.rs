@@ -238,8 +238,8 @@ impl Problem<'_> {
         let pixel = y * width + x;
         let patch = Patch::new(self.reference, x, y, table);
         let current = map.supports[pixel];
-        let mut offered = [(current, f32::MAX); REGIONS.len()];
         let regions = if self.afar { &REGIONS[..] } else { &REGIONS[..NEAR_REGIONS] };
+        let offered = &mut [(current, f32::MAX); REGIONS.len()][..regions.len()];
         for (offer, region) in offered.iter_mut().zip(regions) {
             for &(dx, dy) in *region {
                 let (nx, ny) = (x as i32 + dx, y as i32 + dy);
