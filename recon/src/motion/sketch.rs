@@ -16,8 +16,9 @@ use crate::features::Track;
 /// Error at which an observation counts as wrong when whole reconstructions are compared, pixels.
 const WRONG_PX: f64 = 3.0;
 /// An adjustment that others follow ends where its cost falls by less than this share: what it leaves undone, they do.
+/// Competing starts end by it, too: the one that wins is adjusted again, and a tie this close may go either way.
 pub(super) const PASSING: f64 = 1e-3;
-/// The same for an adjustment whose outcome is kept or compared.
+/// The same for an adjustment whose outcome is kept, or measured by how little its error changes (readout, lens).
 pub(super) const FINAL: f64 = 1e-5;
 
 /// Poses and points, in the frame and scale of whatever started them.
