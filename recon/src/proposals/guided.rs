@@ -1,5 +1,5 @@
 //! Once it is known how two cameras' spaces lie to each other, there is more to match than what looks alike at first sight: each
-//! corner of one picture is looked for where its surface lies in the other.
+//! corner of either picture is looked for where its surface lies in the other.
 
 use calib::absolute_orientation;
 use calib::vision::flow;
@@ -46,6 +46,15 @@ pub(super) struct Match {
     pub(super) off_px: f64,
 }
 
+impl Match {
+    /// The same with the cameras in the other order.
+    fn swapped(mut self) -> Self {
+        self.pixels.reverse();
+        self.positions.reverse();
+        self
+    }
+}
+
 /// All matches that a similarity leads to, and the similarity that they lead to.
 ///
 /// # Errors
@@ -56,30 +65,54 @@ pub(super) fn matches(
     tolerance_px: f64,
     options: &ProposalOptions,
 ) -> Result<(Similarity3<f64>, Vec<Match>)> {
-    let gray = image::imageops::grayscale(&seen[0].surface.picture);
-    let corners = flow::corners(&gray, CORNERS, QUALITY, APART_PX, BLOCK_PX)?;
+    let corners = |seen: &Seen<'_>| {
+        let gray = image::imageops::grayscale(&seen.surface.picture);
+        flow::corners(&gray, CORNERS, QUALITY, APART_PX, BLOCK_PX)
+    };
+    let corners = [corners(seen[0])?, corners(seen[1])?];
     let mut similarity = *start;
     let mut matches: Vec<Match> = Vec::new();
     let mut reach_px = tolerance_px;
     for _ in 0..ROUNDS {
         let inverse = similarity.inverse();
-        matches = corners
-            .par_iter()
-            .filter_map(|corner| follow(seen, [&similarity, &inverse], corner, reach_px, options))
-            .collect();
+        let both = [&similarity, &inverse];
+        let there = |corner: &Point2<f64>| follow(seen, both, corner, reach_px, options);
+        let back = |corner: &Point2<f64>| {
+            follow([seen[1], seen[0]], [both[1], both[0]], corner, reach_px, options).map(Match::swapped)
+        };
+        matches = corners[0].par_iter().filter_map(there).collect();
+        matches.par_extend(corners[1].par_iter().filter_map(back));
         let mut off: Vec<f64> = matches.iter().map(|m| m.off_px).collect();
         off.sort_by(f64::total_cmp);
         let Some(median) = off.get(off.len() / 2).map(|m| m.max(EXACT_PX)) else { break };
         reach_px = (OUTLYING * median).min(tolerance_px);
         matches.retain(|m| m.off_px <= reach_px);
-        let (a, b): (Vec<_>, Vec<_>) = matches.iter().map(|m| (m.positions[0], m.positions[1])).unzip();
-        // What is far off is known less well, and what fits badly may be no match.
-        let weight = |m: &Match| m.positions[0].z.powi(-2) / (1.0 + (m.off_px / median).powi(2));
-        let weights: Vec<f64> = matches.iter().map(weight).collect();
-        let Ok(refitted) = absolute_orientation::similarity_weighted(&b, &a, &weights) else { break };
-        similarity = refitted;
+        let Some(again) = refitted(seen, &similarity, &matches, median) else { break };
+        similarity = again;
     }
     Ok((similarity, matches))
+}
+
+/// The similarity that matches lead to, those that are off by more than `median_px` counting less.
+fn refitted(
+    seen: [&Seen<'_>; 2],
+    first_from_second: &Similarity3<f64>,
+    matches: &[Match],
+    median_px: f64,
+) -> Option<Similarity3<f64>> {
+    // Either camera's depths err by the square of the distance.
+    let variance = |m: &Match| {
+        let error = |camera: usize| {
+            let depth = m.positions[camera].z;
+            depth * seen[camera].surface.depth_sigma(depth as f32)
+        };
+        error(0).powi(2) + (first_from_second.scaling() * error(1)).powi(2)
+    };
+    // What fits badly may be no match.
+    let weight = |m: &Match| 1.0 / (variance(m) * (1.0 + (m.off_px / median_px).powi(2)));
+    let weights: Vec<f64> = matches.iter().map(weight).collect();
+    let (a, b): (Vec<_>, Vec<_>) = matches.iter().map(|m| (m.positions[0], m.positions[1])).unzip();
+    absolute_orientation::similarity_weighted(&b, &a, &weights).ok()
 }
 
 /// Looks for a corner of the first picture in the second.
