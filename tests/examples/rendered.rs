@@ -1,5 +1,5 @@
-//! Writes a rendered office that nobody has seen as files: a room with its geometry, a folder of pictures a camera, where
-//! everybody truly is, and a capture project. `recon build` and `tracker run` on several seeds tell how far figures of the
+//! Writes a rendered office that nobody has seen as files: a room with its geometry and depths (what `room_error` compares
+//! with), a folder of pictures a camera, where everybody truly is, and a capture project. `recon build` and `tracker run` on several seeds tell how far figures of the
 //! rooms at hand carry.
 //!
 //! `cargo run --release -p tests --example rendered -- DIR [SEED] [PEOPLE] [CAMERAS]`
@@ -8,6 +8,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
+use scenes::raycast::RayScene;
 use scenes::synthetic::{RoomOptions, SequenceOptions, WalkerOptions};
 use tests::chain::Said;
 
@@ -31,7 +32,12 @@ fn main() -> Said<()> {
             .map_err(|e| e.to_string())?;
     room.room.write(&folder.join("room")).map_err(|e| e.to_string())?;
     tests::project::write(&folder.join("project"), &room, FRAMES)?;
+    let geometry = room.room.geometry.as_ref().ok_or("the room has no geometry")?;
+    let scene = RayScene::new(geometry).map_err(|e| e.to_string())?;
     for camera in &room.room.cameras {
+        let depth = folder.join("room").join(format!("depth_{}.png", camera.name));
+        scenes::depth::png::write(&depth, &scenes::depth::render(&scene, &camera.camera))
+            .map_err(|e| e.to_string())?;
         let path = folder.join("video").join(&camera.name);
         std::fs::create_dir_all(&path).map_err(|e| format!("{}: {e}", path.display()))?;
     }
