@@ -82,7 +82,7 @@ impl DenseOptions {
     /// fall behind given up early.
     pub fn draft() -> Self {
         Self {
-            key_frames: 6,
+            key_frames: 5,
             sources: 4,
             best_views: 3,
             catching_up: 0.1,
