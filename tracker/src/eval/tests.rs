@@ -195,7 +195,8 @@ proptest! {
         rows.sort_by_key(|row| (row.0, row.1));
         rows.dedup_by_key(|row| (row.0, row.1));
         let text = |rows: &[(u32, i64, [f64; 2])]| {
-            rows.iter().map(|(f, id, [x, y])| format!("{f},{id},-1,-1,-1,-1,1,{x},{y},0\n")).collect::<String>()
+            let line = |(f, id, [x, y]): &(u32, i64, [f64; 2])| format!("{f},{id},-1,-1,-1,-1,1,{x},{y},0\n");
+            rows.iter().map(line).collect::<Vec<_>>().concat()
         };
         let truth = text(&rows.iter().map(|&(f, id, at, _)| (f, id, at)).collect::<Vec<_>>());
         let judged = |tracks: &str| compare(&truth, tracks, &EvalOptions::default()).unwrap().json();
