@@ -49,7 +49,7 @@ impl Layers {
         let (axes, from_body) = (ellipsoid.semi_axes, view.center - ellipsoid.center);
         for v in rows {
             let row = conic.row(v);
-            for u in conic.spans(&row).into_iter().flatten().flat_map(|span| span.first..=span.last) {
+            for u in conic.spans(&row).into_iter().flatten().flatten() {
                 let (at, z) = (v as usize * self.width + u as usize, row.near_z_m(u));
                 if z as f32 >= nearest[at] || !row.is_in_front_of(u, view.static_z_m(u, v)) {
                     continue;

@@ -83,7 +83,8 @@ impl Appearance {
             let inset = (width.len() as f64 * 0.5 * (1.0 - MIDDLE)) as usize;
             for column in width.start + inset..width.end - inset {
                 if part.contains(column as u32, row as u32) {
-                    let at = |i: usize, size: u32| (i as u32 * view.block + view.block / 2).min(size - 1);
+                    let side = u32::from(view.block);
+                    let at = |i: usize, size: u32| (i as u32 * side + side / 2).min(size - 1);
                     histogram.count(*image.get_pixel(at(column, image.width()), at(row, image.height())));
                 }
             }

@@ -31,23 +31,32 @@ struct SimulatedLayer {
 /// A mask as packed words, row by row; bit 0 is the leftmost pixel. Any value but 0 is foreground; a view's pixel that
 /// stands for a block of the mask's is foreground when half of the block is.
 pub fn pack(mask: &GrayImage, view: &View) -> Vec<u64> {
-    let (width, block) = (mask.width() as usize, view.block as usize);
+    let (width, block) = (mask.width() as usize, usize::from(view.block));
     let mut packed = Vec::with_capacity(view.words_per_row * view.height as usize);
-    let mut found = vec![0_u16; width];
+    // Of a row of blocks: the foreground of each column, and of all columns to the left of each and one more.
+    let mut found = vec![0_u8; width];
+    let mut running = vec![0_u32; width + 1];
     for rows in mask.chunks(width * block) {
         found.fill(0);
         for row in rows.chunks(width) {
             for (sum, pixel) in found.iter_mut().zip(row) {
-                *sum += u16::from(*pixel != 0);
+                *sum += u8::from(*pixel != 0);
             }
         }
-        let height = (rows.len() / width) as u16;
-        packed.extend(found.chunks(64 * block).map(|of_word| {
-            of_word.chunks(block).rev().fold(0, |bits, sums| {
-                // The last block of a row may be narrower than the others.
-                let (set, all) = (sums.iter().sum::<u16>(), sums.len() as u16 * height);
-                bits << 1 | u64::from(2 * set >= all)
-            })
+        let mut sum = 0;
+        for (running, found) in running[1..].iter_mut().zip(&found) {
+            sum += u32::from(*found);
+            *running = sum;
+        }
+        let height = rows.len() / width;
+        let is_foreground = |first: usize| {
+            // The last block of a row may be narrower than the others.
+            let end = (first + block).min(width);
+            2 * (running[end] - running[first]) as usize >= (end - first) * height
+        };
+        packed.extend((0..view.words_per_row).map(|word| {
+            let blocks = (word * 64..((word + 1) * 64).min(view.width as usize)).rev();
+            blocks.fold(0, |bits, u| bits << 1 | u64::from(is_foreground(u * block)))
         }));
     }
     packed
@@ -321,7 +330,7 @@ mod tests {
     #[test]
     fn packed_masks_keep_every_pixel_or_most_of_every_block() {
         let mut rng = Pcg64Mcg::seed_from_u64(3);
-        for block in [1, 2, 3, 5] {
+        for block in [1, 2, 3, 5_u8] {
             let camera = StageCamera::new(
                 "c",
                 &Camera {
@@ -335,6 +344,7 @@ mod tests {
             });
             let packed = pack(&mask, &view);
             assert_eq!(packed.len(), view.words_per_row * view.height as usize);
+            let block = u32::from(block);
             for (u, v) in (0..view.height).flat_map(|v| (0..view.width).map(move |u| (u, v))) {
                 let members: Vec<bool> = (v * block..((v + 1) * block).min(31))
                     .flat_map(|y| (u * block..((u + 1) * block).min(131)).map(move |x| (x, y)))

@@ -67,21 +67,36 @@ pub struct Ellipse {
     widest: f64,
     /// What the square of half the width falls by, times the square of the rows from the middle.
     fall: f64,
-    last_column: f64,
 }
 
 impl Ellipse {
-    /// The pixels of a row.
-    pub fn span(&self, v: i32) -> Option<Span> {
-        let dv = f64::from(v) - self.middle_v;
-        let square = self.widest - self.fall * dv * dv;
-        if square < 0.0 {
-            return None;
+    /// The pixels of some rows, `v` being the first: all at once, so that they are worked out in vector registers.
+    pub fn spans<const ROWS: usize>(&self, v: i32) -> [Range<i32>; ROWS] {
+        let [from, to] = [self.columns.start, self.columns.end];
+        // Far enough outside to be outside after rounding.
+        let [low, high] = [f64::from(from - 2), f64::from(to + 2)];
+        let (mut starts, mut ends) = ([0; ROWS], [0; ROWS]);
+        for (i, (start, end)) in starts.iter_mut().zip(&mut ends).enumerate() {
+            let dv = f64::from(v + i as i32) - self.middle_v;
+            let square = self.widest - self.fall * dv * dv;
+            // Of a row that misses the ellipse, the start comes after the end.
+            let half = if square < 0.0 { -1.0 } else { square.sqrt() };
+            let middle = self.middle_u + self.slope * dv;
+            *start = -floor(-(middle - half).clamp(low, high)).clamp(-to, -from);
+            *end = (floor((middle + half).clamp(low, high)) + 1).clamp(from, to);
         }
-        let (middle, half) = (self.middle_u + self.slope * dv, square.sqrt());
-        let ends = [middle - half, middle + half];
-        Span::between(ends[0].max(0.0), ends[1].min(self.last_column), Some(ends))
+        std::array::from_fn(|i| starts[i]..ends[i])
     }
+}
+
+/// The largest whole number that is not larger than `x`, which is far from what 32 bits can hold: as `x.floor() as i32`,
+/// without what keeps that out of vector registers.
+fn floor(x: f64) -> i32 {
+    /// From here on, numbers are 1 apart, and their last bits count them.
+    const WHOLE: f64 = 1.5 * (1_u64 << 52) as f64;
+    let nearest = (x + WHOLE) - WHOLE;
+    let below = if nearest > x { nearest - 1.0 } else { nearest };
+    (below + WHOLE).to_bits() as i32
 }
 
 /// One row of the image of a body: `b² − c a` and what depth needs, as functions of u.
@@ -106,7 +121,10 @@ impl Row {
         let (u, z) = (f64::from(u), f64::from(static_z_m));
         let a = self.a0 + u * (2.0 * self.a1 + u * self.a2);
         let b = self.b0 + u * self.b1;
-        z > 0.0 && (z == f64::INFINITY || (a * z + 2.0 * b) * z + self.c < 0.0 || a * z + b > 0.0)
+        // All are worked out: which of them hold is anybody's guess, and a wrong guess costs more. At infinity the last does.
+        let (is_in_front, is_inside, is_beyond) =
+            (u8::from(z > 0.0), u8::from((a * z + 2.0 * b) * z + self.c < 0.0), u8::from(a * z + b > 0.0));
+        is_in_front & (is_inside | is_beyond) != 0
     }
 
     /// Depth along z of the body's near surface at column `u`; only meaningful inside a span.
@@ -117,49 +135,16 @@ impl Row {
         // c / (√(b² − c a) − b) is the near root (−b − √(b² − c a)) / a without its cancellation.
         self.c.max(0.0) / ((b * b - self.c * a).max(0.0).sqrt() - b)
     }
-
-    /// No near point of a span of this row is farther than this along z.
-    pub fn farthest_z_m(&self, span: &Span) -> f64 {
-        // The near surface is farthest where it turns away; of open conics that says nothing about the clipped ends.
-        span.ends.map_or(f64::INFINITY, |[low, high]| self.tangent_z_m(low).max(self.tangent_z_m(high)))
-    }
-
-    /// Depth along z where the outline crosses this row at (real) column `u`: the ray's point closest to the middle.
-    fn tangent_z_m(&self, u: f64) -> f64 {
-        let a = self.a0 + u * (2.0 * self.a1 + u * self.a2);
-        -(self.b0 + u * self.b1) / a
-    }
 }
 
-/// A run of pixels of one row, both ends included.
-#[derive(Debug, Clone, Copy)]
-pub struct Span {
-    /// First column.
-    pub first: i32,
-    /// Last column.
-    pub last: i32,
-    /// The (real) columns where the outline crosses the row; `None` where the image of the body is no ellipse.
-    ends: Option<[f64; 2]>,
-}
-
-impl Span {
-    /// The whole pixels of `[from, to]`.
-    ///
-    /// Both are clipped to the image, so that they round as whole numbers do, without a call to the library.
-    fn between(from: f64, to: f64, ends: Option<[f64; 2]>) -> Option<Self> {
-        // Refuses NaN, too.
-        if !(from >= 0.0 && from <= to) {
-            return None;
-        }
-        let (below, last) = (from as i32, to as i32);
-        let first = below + i32::from(f64::from(below) < from);
-        (first <= last).then_some(Self { first, last, ends })
+/// The whole pixels of `[from, to]`, which is clipped to the image.
+fn whole_pixels(from: f64, to: f64) -> Option<Range<i32>> {
+    // Refuses NaN, too.
+    if !(from >= 0.0 && from <= to) {
+        return None;
     }
-
-    /// How many pixels it has.
-    pub fn width(&self) -> u32 {
-        (self.last - self.first + 1) as u32
-    }
+    let pixels = from.ceil() as i32..to as i32 + 1;
+    (!pixels.is_empty()).then_some(pixels)
 }
 
 impl ImageConic {
@@ -236,7 +221,6 @@ impl ImageConic {
             slope: -b / a,
             widest: (rows[1] * v + rows[2]) * scale,
             fall: -rows[0] * scale,
-            last_column: f64::from(self.width - 1),
         })
     }
 
@@ -260,10 +244,10 @@ impl ImageConic {
     }
 
     /// The spans of a row, whatever the outline: none, one, or (for a body that reaches behind the image plane) up to two.
-    pub fn spans(&self, row: &Row) -> [Option<Span>; 2] {
+    pub fn spans(&self, row: &Row) -> [Option<Range<i32>>; 2] {
         let (start, end) = (0.0, f64::from(self.width - 1));
         if self.holds_camera() {
-            return [Some(Span { first: 0, last: self.width - 1, ends: None }), None];
+            return [Some(0..self.width), None];
         }
         let square = self.inside[3];
         let half_b = row.b0 * row.b1 - self.c * row.a1;
@@ -275,29 +259,28 @@ impl ImageConic {
             }
             let root = d.sqrt();
             let (low, high) = ((-half_b + root) / square, (-half_b - root) / square);
-            return [Self::span(row, low.max(start), high.min(end), Some([low, high])), None];
+            return [Self::span(row, low.max(start), high.min(end)), None];
         }
-        let open = None;
         if square == 0.0 {
             let root = -0.5 * constant / half_b;
             return match half_b.partial_cmp(&0.0) {
-                Some(std::cmp::Ordering::Greater) => [Self::span(row, root.max(start), end, open), None],
-                Some(std::cmp::Ordering::Less) => [Self::span(row, start, root.min(end), open), None],
-                _ if constant >= 0.0 => [Self::span(row, start, end, open), None],
+                Some(std::cmp::Ordering::Greater) => [Self::span(row, root.max(start), end), None],
+                Some(std::cmp::Ordering::Less) => [Self::span(row, start, root.min(end)), None],
+                _ if constant >= 0.0 => [Self::span(row, start, end), None],
                 _ => [None, None],
             };
         }
         if d < 0.0 {
-            return [Self::span(row, start, end, open), None];
+            return [Self::span(row, start, end), None];
         }
         let root = d.sqrt();
         let (low, high) = ((-half_b - root) / square, (-half_b + root) / square);
-        [Self::span(row, start, low.min(end), open), Self::span(row, high.max(start), end, open)]
+        [Self::span(row, start, low.min(end)), Self::span(row, high.max(start), end)]
     }
 
     /// The whole pixels of `[from, to]`, when they look at the body in front of the camera.
-    fn span(row: &Row, from: f64, to: f64, ends: Option<[f64; 2]>) -> Option<Span> {
-        Span::between(from, to, ends).filter(|span| row.b0 + row.b1 * f64::from(span.first) < 0.0)
+    fn span(row: &Row, from: f64, to: f64) -> Option<Range<i32>> {
+        whole_pixels(from, to).filter(|span| row.b0 + row.b1 * f64::from(span.start) < 0.0)
     }
 }
 

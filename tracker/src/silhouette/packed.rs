@@ -2,12 +2,50 @@
 
 use std::ops::Range;
 
-use super::conic::{Ellipse, Outline, Row, Span};
+use wide::f32x8;
+
+use super::conic::{Ellipse, Outline, Row};
 use super::view::{STRETCH, TILE_ROWS};
 use super::{Ellipsoid, ImageConic, View};
 
-/// A margin for the rounding of bounds that are met exactly, as where a body touches a wall.
-const ROUNDING: f64 = 1e-9;
+/// The pixels of a stretch.
+const STRETCH_BITS: u64 = (1 << STRETCH) - 1;
+
+/// How far along z the side of a body reaches that faces the camera.
+struct NearSide {
+    from_m: f64,
+    to_m: f64,
+}
+
+/// How much of a part of the image leaves a body visible.
+enum Sight {
+    /// All of it.
+    Clear,
+    /// Some of it, perhaps.
+    Partial,
+    /// Nothing.
+    Hidden,
+}
+
+impl NearSide {
+    /// The depths beyond which the static room leaves all of the body visible, and none of it: rounded to where they are
+    /// sure, also where they are met exactly, as when a body touches a wall.
+    fn rounded(&self) -> [f32; 2] {
+        [(self.to_m as f32).next_up(), (self.from_m as f32).next_down()]
+    }
+
+    /// What static depths from `near` to `far` leave of the body.
+    fn behind(&self, [near, far]: [f32; 2]) -> Sight {
+        let [beyond, reached] = self.rounded();
+        if near > beyond {
+            Sight::Clear
+        } else if far > reached {
+            Sight::Partial
+        } else {
+            Sight::Hidden
+        }
+    }
+}
 
 /// The pixels of a body that the static room leaves visible: a rectangle of 64-pixel words. Bit 0 is the leftmost.
 ///
@@ -54,92 +92,72 @@ impl Silhouette {
     }
 
     fn draw_ellipse(&mut self, view: &View, conic: &ImageConic, ellipse: &Ellipse) {
-        let near_side_to_m = conic.near_side_to_z_m * (1.0 + ROUNDING);
-        let nearest_m = conic.nearest_z_m * (1.0 - ROUNDING);
-        self.clear(ellipse.rows.clone(), ellipse.columns.clone());
-        let mut v = ellipse.rows.start;
-        while v < ellipse.rows.end {
-            // Rows of one tile together: most of a person is far in front of everything, or far behind something.
-            let end = ((v / TILE_ROWS + 1) * TILE_ROWS).min(ellipse.rows.end);
-            let [static_near, static_far] = view.tiles_range_m(v, &ellipse.columns).map(f64::from);
-            for v in v..end {
-                let Some(span) = ellipse.span(v) else { continue };
-                self.area_px += span.width();
-                if static_near > near_side_to_m {
-                    self.visible_px += span.width();
-                    self.fill(v, &span);
-                } else if static_far >= nearest_m {
-                    self.fill_visible(view, v, &conic.row(v), &span, nearest_m, near_side_to_m);
+        let rows = &ellipse.rows;
+        self.clear(rows.clone(), ellipse.columns.clone());
+        let side = NearSide { from_m: conic.nearest_z_m, to_m: conic.near_side_to_z_m };
+        // Rows of one tile together: most of a person is far in front of everything, or far behind something.
+        for tile in rows.start / TILE_ROWS..=(rows.end - 1) / TILE_ROWS {
+            let spans: [Range<i32>; TILE_ROWS as usize] = ellipse.spans(tile * TILE_ROWS);
+            let sight = side.behind(view.tiles_range_m(tile, &ellipse.columns));
+            for (v, span) in (tile * TILE_ROWS..).zip(&spans).filter(|(v, _)| rows.contains(v)) {
+                self.area_px += span.len() as u32;
+                match sight {
+                    Sight::Clear => self.fill(v, span, |_, pixels| pixels),
+                    Sight::Partial => self.fill_visible(view, v, &conic.row(v), span, &side),
+                    Sight::Hidden => {}
                 }
             }
-            v = end;
         }
     }
 
     fn draw_open(&mut self, view: &View, conic: &ImageConic) {
         let [rows, columns] = conic.image();
         self.clear(rows.clone(), columns);
+        // Around the camera, everything is behind the near side.
+        let side = if conic.holds_camera() {
+            NearSide { from_m: f64::NEG_INFINITY, to_m: 0.0 }
+        } else {
+            NearSide { from_m: conic.nearest_z_m, to_m: conic.near_side_to_z_m }
+        };
         for v in rows {
             let row = conic.row(v);
             for span in conic.spans(&row).into_iter().flatten() {
-                self.area_px += span.width();
-                // Around the camera, everything is behind the near side.
-                let (nearest_m, near_side_to_m) = if conic.holds_camera() {
-                    (f64::NEG_INFINITY, 0.0)
-                } else {
-                    (conic.nearest_z_m, conic.near_side_to_z_m * (1.0 + ROUNDING))
-                };
-                self.fill_visible(view, v, &row, &span, nearest_m, near_side_to_m);
+                self.area_px += span.len() as u32;
+                self.fill_visible(view, v, &row, &span, &side);
             }
         }
     }
 
-    /// Sets all pixels of a span.
-    fn fill(&mut self, v: i32, span: &Span) {
+    /// Sets the pixels of a span that are `seen`, which is given the number of each word and the span's pixels in it.
+    fn fill(&mut self, v: i32, span: &Range<i32>, mut seen: impl FnMut(usize, u64) -> u64) {
         let start = (v as usize - self.first_row) * self.words;
-        let (first, last) = (span.first as usize, span.last as usize);
-        let (from, to) = (first / 64 - self.first_word, last / 64 - self.first_word);
-        let (head, tail) = (u64::MAX << (first % 64), u64::MAX >> (63 - last % 64));
-        let row = &mut self.bits[start + from..=start + to];
-        if let [word] = row {
-            *word |= head & tail;
-        } else if let [first, middle @ .., last] = row {
-            *first |= head;
-            middle.fill(u64::MAX);
-            *last |= tail;
+        for (word, bits) in (self.first_word..).zip(&mut self.bits[start..start + self.words]) {
+            let seen = seen(word, span_bits(span, word));
+            self.visible_px += seen.count_ones();
+            *bits |= seen;
         }
     }
 
-    /// Sets the pixels of a span in which the body is in front of what is static, whose near side reaches from
-    /// `nearest_m` to `near_side_to_m`.
-    fn fill_visible(
-        &mut self,
-        view: &View,
-        v: i32,
-        row: &Row,
-        span: &Span,
-        nearest_m: f64,
-        near_side_to_m: f64,
-    ) {
-        let start = (v as usize - self.first_row) * self.words;
-        let mut row_to_m = None;
-        for stretch in span.first as usize / STRETCH..=span.last as usize / STRETCH {
-            let word = stretch * STRETCH / 64;
-            let covered = span_bits(span, stretch);
-            let [static_near, static_far] = view.stretch_range_m(v, stretch).map(f64::from);
-            let seen = if static_near > near_side_to_m {
-                covered
-            } else if static_far < nearest_m {
-                0
-            } else if static_near > *row_to_m.get_or_insert_with(|| row.farthest_z_m(span) * (1.0 + ROUNDING))
-            {
-                covered
-            } else {
-                in_front(row, view, v, word, covered)
-            };
-            self.visible_px += seen.count_ones();
-            self.bits[start + word - self.first_word] |= seen;
-        }
+    /// Sets the pixels of a span in which the body is in front of what is static.
+    fn fill_visible(&mut self, view: &View, v: i32, row: &Row, span: &Range<i32>, side: &NearSide) {
+        let [to_m, from_m] = side.rounded();
+        self.fill(v, span, |word, pixels| {
+            let (mut seen, mut rest) = (0, pixels);
+            while rest != 0 {
+                let part = rest.trailing_zeros() as usize / STRETCH * STRETCH;
+                let here = rest & (STRETCH_BITS << part);
+                let static_z_m = view.stretch_z_m(word * 64 + part, v);
+                let beyond = farther(static_z_m, to_m) << part;
+                seen |= here & beyond;
+                let doubtful = here & !beyond;
+                if doubtful != 0 {
+                    let reached = farther(static_z_m, from_m) << part;
+                    seen |= in_front(row, word * 64, static_z_m, doubtful & reached);
+                }
+                rest ^= here;
+            }
+            seen
+        });
     }
 
     /// The rows this silhouette has words for.
@@ -150,6 +168,11 @@ impl Silhouette {
     /// The words of a row this silhouette has bits for, as numbers of words of the image's row.
     pub fn word_range(&self) -> Range<usize> {
         self.first_word..self.first_word + self.words
+    }
+
+    /// Every row this silhouette has words for: its number and its bits, one entry for each of [`Self::word_range`].
+    pub fn rows(&self) -> impl Iterator<Item = (usize, &[u64])> {
+        (self.first_row..).zip(self.bits.chunks_exact(self.words.max(1)))
     }
 
     /// The bits of one row, one entry for each of [`Self::word_range`]; empty outside [`Self::row_range`].
@@ -184,8 +207,8 @@ impl Silhouette {
 
     /// All its pixels, row by row: column and row.
     pub fn pixels(&self) -> impl Iterator<Item = (u32, u32)> + '_ {
-        self.row_range().flat_map(move |row| {
-            self.row_bits(row).iter().zip(self.word_range()).flat_map(move |(bits, word)| {
+        self.rows().flat_map(move |(row, bits)| {
+            bits.iter().zip(self.word_range()).flat_map(move |(bits, word)| {
                 (0..64)
                     .filter(move |bit| bits >> bit & 1 == 1)
                     .map(move |bit| ((word * 64) as u32 + bit, row as u32))
@@ -213,22 +236,24 @@ impl Silhouette {
     }
 }
 
-/// The pixels of a span that fall into a stretch, as bits of the stretch's word.
-fn span_bits(span: &Span, stretch: usize) -> u64 {
-    let base = (stretch * STRETCH) as i32;
-    let low = (span.first - base).max(0);
-    let high = (span.last - base).min(STRETCH as i32 - 1);
-    let bits = (u64::MAX << low) & (u64::MAX >> (63 - high));
-    bits << (base % 64)
+/// The pixels of a span that fall into a word of the image, as bits of the word.
+fn span_bits(span: &Range<i32>, word: usize) -> u64 {
+    let base = (word * 64) as i32;
+    let before = |u: i32| if u < base + 64 { !(u64::MAX << (u - base).max(0)) } else { u64::MAX };
+    before(span.end) & !before(span.start)
 }
 
-/// Of the pixels of a word, those where the body is in front of what is static: one by one.
-fn in_front(row: &Row, view: &View, v: i32, word: usize, pixels: u64) -> u64 {
+/// The pixels of a stretch whose depth is more than `bound_m`.
+fn farther(static_z_m: &[f32; STRETCH], bound_m: f32) -> u64 {
+    u64::from(f32x8::new(*static_z_m).simd_gt(f32x8::splat(bound_m)).to_bitmask())
+}
+
+/// Of the pixels of a stretch, those where the body is in front of what is static: one by one.
+fn in_front(row: &Row, first: usize, static_z_m: &[f32; STRETCH], pixels: u64) -> u64 {
     let (mut seen, mut rest) = (0, pixels);
     while rest != 0 {
-        let bit = rest.trailing_zeros();
-        let u = (word * 64) as i32 + bit as i32;
-        seen |= u64::from(row.is_in_front_of(u, view.static_z_m(u, v))) << bit;
+        let bit = rest.trailing_zeros() as usize;
+        seen |= u64::from(row.is_in_front_of((first + bit) as i32, static_z_m[bit % STRETCH])) << bit;
         rest &= rest - 1;
     }
     seen

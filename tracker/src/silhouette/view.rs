@@ -6,10 +6,9 @@ use nalgebra::{Point3, Vector3};
 
 use crate::stage::StageCamera;
 
-/// Pixels of a row that share a range of static depth; a divisor of a word. Long ones would hold furniture beside what is
-/// behind it.
-pub(super) const STRETCH: usize = 16;
-/// Rows that share a range of static depth under each stretch.
+/// Pixels of a row whose static depths are looked at together; a divisor of a word.
+pub(super) const STRETCH: usize = 8;
+/// Rows that share a range of static depth under each stretch. Many would hold furniture beside what is behind it.
 pub(super) const TILE_ROWS: i32 = 8;
 
 /// The range of no depth at all.
@@ -26,7 +25,7 @@ pub struct View {
     /// Image height in (this view's) pixels.
     pub height: u32,
     /// Side of the block of the camera's pixels that is one pixel here.
-    pub block: u32,
+    pub block: u8,
     /// The camera's centre in the world.
     pub center: Point3<f64>,
     /// The camera's z axis in the world.
@@ -36,11 +35,9 @@ pub struct View {
     pub(super) ray_v: Vector3<f64>,
     /// Words of 64 pixels in a row of the image; the last may be partly used.
     pub(crate) words_per_row: usize,
-    /// Per pixel, as in [`StageCamera::static_z_m`].
-    static_z_m: Vec<f32>,
-    /// Smallest and largest static depth under each stretch, row by row.
-    stretch_range_m: Vec<[f32; 2]>,
-    /// The same under each tile: a stretch of several rows.
+    /// Per pixel, as in [`StageCamera::static_z_m`]; a row is filled up to whole stretches.
+    static_z_m: Vec<[f32; STRETCH]>,
+    /// Smallest and largest static depth under each tile: a stretch of several rows.
     tile_range_m: Vec<[f32; 2]>,
     stretches_per_row: usize,
 }
@@ -53,33 +50,31 @@ impl View {
 
     /// Prepares a camera with `block` × `block` of its pixels as one. Each looks along its block's middle, and has the
     /// static depth of the pixel there.
-    pub fn coarse(camera: &StageCamera, block: u32) -> Self {
+    pub fn coarse(camera: &StageCamera, block: u8) -> Self {
+        let side = u32::from(block);
         let k = &camera.pinhole.intrinsics;
-        let (width, height) = (k.width.div_ceil(block), k.height.div_ceil(block));
-        let step = f64::from(block);
+        let (width, height) = (k.width.div_ceil(side), k.height.div_ceil(side));
+        let step = f64::from(side);
         let world_from_camera = camera.pinhole.camera_from_world.rotation.inverse();
         let ray =
             |u: f64, v: f64| world_from_camera * Vector3::new((u - k.cx) / k.fx, (v - k.cy) / k.fy, 1.0);
         let middle = 0.5 * (step - 1.0);
         let ray_0 = ray(middle, middle);
-        let pixel = |i: u32, size: u32| (i * block + block / 2).min(size - 1) as usize;
-        let static_z_m: Vec<f32> = (0..height)
-            .flat_map(|v| (0..width).map(move |u| (u, v)))
-            .map(|(u, v)| camera.static_z_m[pixel(v, k.height) * k.width as usize + pixel(u, k.width)])
+        let pixel = |i: u32, size: u32| (i * side + side / 2).min(size - 1) as usize;
+        let stretches_per_row = (width as usize).div_ceil(STRETCH);
+        let depth =
+            |u: u32, v: u32| camera.static_z_m[pixel(v, k.height) * k.width as usize + pixel(u, k.width)];
+        let static_z_m: Vec<[f32; STRETCH]> = (0..height)
+            .flat_map(|v| (0..stretches_per_row).map(move |stretch| (stretch, v)))
+            .map(|(stretch, v)| std::array::from_fn(|i| depth((stretch * STRETCH + i) as u32, v)))
             .collect();
         let either = |[low, high]: [f32; 2], [near, far]: [f32; 2]| [near.min(low), far.max(high)];
-        let stretch_range_m: Vec<[f32; 2]> = static_z_m
-            .chunks(width as usize)
-            .flat_map(|row| row.chunks(STRETCH))
-            .map(|stretch| stretch.iter().map(|z| [*z; 2]).fold(NO_RANGE_M, either))
-            .collect();
-        let stretches_per_row = (width as usize).div_ceil(STRETCH);
-        let tile_range_m = stretch_range_m
+        let tile_range_m = static_z_m
             .chunks(stretches_per_row * TILE_ROWS as usize)
             .flat_map(|rows| {
                 (0..stretches_per_row).map(|first| rows.iter().skip(first).step_by(stretches_per_row))
             })
-            .map(|tile| tile.copied().fold(NO_RANGE_M, either))
+            .map(|tile| tile.flatten().map(|z| [*z; 2]).fold(NO_RANGE_M, either))
             .collect();
         Self {
             width,
@@ -92,7 +87,6 @@ impl View {
             ray_v: world_from_camera * Vector3::new(0.0, step / k.fy, 0.0),
             words_per_row: (width as usize).div_ceil(64),
             static_z_m,
-            stretch_range_m,
             tile_range_m,
             stretches_per_row,
         }
@@ -105,20 +99,20 @@ impl View {
 
     /// Static depth at a pixel, as in [`StageCamera::static_z_m`].
     pub fn static_z_m(&self, u: i32, v: i32) -> f32 {
-        self.static_z_m[v as usize * self.width as usize + u as usize]
+        self.stretch_z_m(u as usize, v)[u as usize % STRETCH]
     }
 
-    /// Smallest and largest static depth under the tiles that hold row `v` and these columns.
-    pub(super) fn tiles_range_m(&self, v: i32, columns: &Range<i32>) -> [f32; 2] {
-        let start = (v / TILE_ROWS) as usize * self.stretches_per_row;
+    /// Static depth under the stretch of row `v` that holds column `u`.
+    pub(super) fn stretch_z_m(&self, u: usize, v: i32) -> &[f32; STRETCH] {
+        &self.static_z_m[v as usize * self.stretches_per_row + u / STRETCH]
+    }
+
+    /// Smallest and largest static depth under these columns of a row of tiles.
+    pub(super) fn tiles_range_m(&self, tile: i32, columns: &Range<i32>) -> [f32; 2] {
+        let start = tile as usize * self.stretches_per_row;
         let tiles = columns.start as usize / STRETCH..(columns.end as usize).div_ceil(STRETCH);
         self.tile_range_m[start + tiles.start..start + tiles.end]
             .iter()
             .fold(NO_RANGE_M, |[low, high], [near, far]| [near.min(low), far.max(high)])
-    }
-
-    /// Smallest and largest static depth under one stretch of a row.
-    pub(super) fn stretch_range_m(&self, v: i32, stretch: usize) -> [f32; 2] {
-        self.stretch_range_m[v as usize * self.stretches_per_row + stretch]
     }
 }

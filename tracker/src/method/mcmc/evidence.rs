@@ -56,7 +56,9 @@ pub(super) fn worst_filled(
         .iter()
         .enumerate()
         .filter(|(layer, _)| simulation.in_use(*layer) && layers.shape(*layer) == 0)
-        .filter(|(layer, s)| s.visible_px * layers.views()[layers.camera(*layer)].block.pow(2) > CLEAR_PX)
+        .filter(|(layer, s)| {
+            s.visible_px * u32::from(layers.views()[layers.camera(*layer)].block).pow(2) > CLEAR_PX
+        })
         .filter(|(_, s)| f64::from(s.visible_px) >= CLEAR * f64::from(s.area_px))
         .map(|(camera, s)| f64::from(simulation.foreground_under(camera, s)) / f64::from(s.visible_px))
         .reduce(f64::min)
