@@ -56,7 +56,7 @@ impl Cover {
     /// What changes when `old`, one of the bodies, goes.
     pub(super) fn removal(&self, old: &Silhouette) -> Change {
         let mut change = Change::default();
-        self.visit(old, |word, bits, _, _| {
+        self.visit(old, |word, bits| {
             let uncovered = bits & !word.several;
             change.simulated -= i64::from(uncovered.count_ones());
             change.both -= i64::from((uncovered & word.foreground).count_ones());
@@ -67,12 +67,19 @@ impl Cover {
     /// What changes when `new` comes, after `old`, one of the bodies, has gone.
     pub(super) fn addition(&self, new: &Silhouette, old: Option<&Silhouette>) -> Change {
         let mut change = Change::default();
-        self.visit(new, |word, bits, row, column| {
-            let gone = old.map_or(0, |old| old.bits_at(row, column) & !word.several);
-            let covered = bits & (gone | !word.any);
-            change.simulated += i64::from(covered.count_ones());
-            change.both += i64::from((covered & word.foreground).count_ones());
-        });
+        let columns = new.word_range();
+        // Where the words of `old` begin, seen from the words of `new`.
+        let shift = old.map_or(0, |old| columns.start.wrapping_sub(old.word_range().start));
+        for (row, bits) in new.rows() {
+            let start = row * self.words_per_row + columns.start;
+            let old = old.map_or(&[][..], |old| old.row_bits(row));
+            for (i, (word, bits)) in self.words[start..start + bits.len()].iter().zip(bits).enumerate() {
+                let gone = old.get(i.wrapping_add(shift)).map_or(0, |old| old & !word.several);
+                let covered = bits & (gone | !word.any);
+                change.simulated += i64::from(covered.count_ones());
+                change.both += i64::from((covered & word.foreground).count_ones());
+            }
+        }
         change
     }
 
@@ -83,27 +90,23 @@ impl Cover {
 
     pub(super) fn foreground_under(&self, silhouette: &Silhouette) -> u32 {
         let mut found = 0;
-        self.visit(silhouette, |word, bits, _, _| found += (bits & word.foreground).count_ones());
+        self.visit(silhouette, |word, bits| found += (bits & word.foreground).count_ones());
         found
     }
 
-    /// Calls `each` with every word of the silhouette: the word, the silhouette's bits in it, its row and column.
-    fn visit(&self, silhouette: &Silhouette, mut each: impl FnMut(&Word, u64, usize, usize)) {
-        let columns = silhouette.word_range();
-        for row in silhouette.row_range() {
-            let start = row * self.words_per_row + columns.start;
-            let bits = silhouette.row_bits(row);
-            for (i, (word, bits)) in self.words[start..start + bits.len()].iter().zip(bits).enumerate() {
-                each(word, *bits, row, columns.start + i);
+    /// Calls `each` with every word under the silhouette, and the silhouette's bits in it.
+    fn visit(&self, silhouette: &Silhouette, mut each: impl FnMut(&Word, u64)) {
+        for (row, bits) in silhouette.rows() {
+            let start = row * self.words_per_row + silhouette.word_range().start;
+            for (word, bits) in self.words[start..start + bits.len()].iter().zip(bits) {
+                each(word, *bits);
             }
         }
     }
 
     fn visit_mut(&mut self, silhouette: &Silhouette, mut each: impl FnMut(&mut Word, u64)) {
-        let columns = silhouette.word_range();
-        for row in silhouette.row_range() {
-            let start = row * self.words_per_row + columns.start;
-            let bits = silhouette.row_bits(row);
+        for (row, bits) in silhouette.rows() {
+            let start = row * self.words_per_row + silhouette.word_range().start;
             for (word, bits) in self.words[start..start + bits.len()].iter_mut().zip(bits) {
                 each(word, *bits);
             }

@@ -31,6 +31,7 @@ impl Body {
 
     /// Distance between two bodies on the floor.
     pub fn floor_distance_m(&self, other: &Self) -> f64 {
-        (self.x_m - other.x_m).hypot(self.y_m - other.y_m)
+        let (x, y) = (self.x_m - other.x_m, self.y_m - other.y_m);
+        (x * x + y * y).sqrt()
     }
 }
