@@ -11,7 +11,8 @@ const DETOUR_M: f64 = 1.5;
 /// A door is in a wall: beside it the wall goes on about this far, whatever the reconstruction left of it. A room that goes
 /// on around a corner nearer than that is still reached with a small detour.
 const WALL_M: f64 = 2.0;
-/// So much of the wall beside a door must be there. A zone without it may stand for a staircase in the middle of a hall.
+/// So much of the wall must be there on either side of a door. A zone without it may stand for a staircase in the middle
+/// of a hall, and a side of a zone that has it at one end alone stands square on the wall and looks along it.
 const AT_WALL_M: f64 = 0.5;
 /// The wall's line is walked in steps of this many cells.
 const LINE_STEP: f64 = 0.5;
@@ -40,7 +41,7 @@ pub(super) fn beyond_zones(grid: &Grid, zones: &[Zone]) -> Vec<bool> {
 }
 
 /// The cells of the wall that a zone's door is in, on both sides of the zone; none for a zone that is in no wall. The door
-/// is the side of the zone that has floor beyond it and the most wall beside it.
+/// is the side of the zone that has floor beyond it and, of those with a wall at both ends, the most wall beside it.
 fn wall_beside(grid: &Grid, zone: &Zone) -> Vec<usize> {
     let leads_out = |a: &Point2<f64>, b: &Point2<f64>| {
         let Some(across) = Vector2::new(b.y - a.y, a.x - b.x).try_normalize(0.0) else { return false };
@@ -50,14 +51,14 @@ fn wall_beside(grid: &Grid, zone: &Zone) -> Vec<usize> {
             .any(|place| !zone.polygon.contains(place) && grid.contains(place))
     };
     let doors = zone.polygon.edges().filter(|(a, b)| leads_out(a, b));
-    let sides = doors.map(|(a, b)| {
-        let beside = [along(b, a, grid.cell_m), along(a, b, grid.cell_m)].concat();
-        let walls = beside.iter().filter(|place| !grid.contains(place)).count();
-        (walls, beside)
+    let at_wall = (AT_WALL_M / (LINE_STEP * grid.cell_m)).ceil() as usize;
+    let sides = doors.filter_map(|(a, b)| {
+        let ends = [along(b, a, grid.cell_m), along(a, b, grid.cell_m)];
+        let walls = ends.each_ref().map(|end| end.iter().filter(|place| !grid.contains(place)).count());
+        walls.iter().all(|wall| *wall >= at_wall).then(|| (walls.iter().sum::<usize>(), ends.concat()))
     });
-    let Some((walls, beside)) = sides.max_by_key(|(walls, _)| *walls) else { return Vec::new() };
-    let is_at_wall = walls as f64 * LINE_STEP * grid.cell_m >= AT_WALL_M;
-    if is_at_wall { beside.iter().filter_map(|place| grid.index_of(place)).collect() } else { Vec::new() }
+    let wall = sides.max_by_key(|(walls, _)| *walls);
+    wall.iter().flat_map(|(_, beside)| beside).filter_map(|place| grid.index_of(place)).collect()
 }
 
 /// Places on the line from a through b, from b on for the length of a wall, close enough to each other that no way from

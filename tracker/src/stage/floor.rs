@@ -166,6 +166,27 @@ mod tests {
         }
     }
 
+    /// The sides of a zone that stand square on the wall are in no wall: what lies along them is room.
+    #[test]
+    fn the_room_beside_a_zone_at_a_wall_with_nothing_behind_is_room() {
+        let rooms = [
+            (rectangle(5.0, 1.0, 6.0, 2.2), rectangle(0.0, 0.0, 6.0, 5.0)),
+            (rectangle(1.4, 0.0, 3.0, 1.4), rectangle(0.0, 0.0, 7.7, 3.4)),
+        ];
+        for (polygon, outline) in rooms {
+            let zone = Zone { name: "door".into(), polygon: polygon.clone(), kind: ZoneKind::Both };
+            let floor = Floor::new(WalkableMap::of_polygons(std::slice::from_ref(&outline)), &[zone], &[]);
+            for i in 0..76 * 49 {
+                let (x, y) = (0.05 + 0.1 * f64::from(i % 76), 0.05 + 0.1 * f64::from(i / 76));
+                let place = Point2::new(x, y);
+                if outline.contains(&place) {
+                    assert!(floor.is_inside(x, y), "{x} {y}");
+                    assert_eq!(floor.may_appear(x, y), polygon.contains(&place), "{x} {y}");
+                }
+            }
+        }
+    }
+
     #[test]
     fn a_zone_in_the_middle_of_a_hall_is_in_no_wall() {
         let zone =
