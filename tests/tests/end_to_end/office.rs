@@ -17,6 +17,23 @@ fn people_are_followed_in_the_true_room() {
     assert!(tracking.mean_m <= 0.10 && tracking.maximum_m <= 0.50, "{tracking:?}");
 }
 
+/// Where people go tells where they were: what is told 0.4 s later is nearer to the truth.
+#[test]
+fn hindsight_is_worth_its_wait() {
+    let (office, out) = (office(), tempfile::tempdir().unwrap());
+    let room = office.join("room");
+    let mean_m = |lag: &str| -> f64 {
+        let seeds = ["1", "2"];
+        let followed = seeds.map(|seed| {
+            track(&office, &room, out.path(), &["--lag", lag, "--seed", seed]).unwrap();
+            evaluate(&office, &room, out.path()).unwrap().mean_m
+        });
+        followed.iter().sum::<f64>() / seeds.len() as f64
+    };
+    let (at_once_m, later_m) = (mean_m("0"), mean_m("0.4"));
+    assert!(later_m < 0.95 * at_once_m, "{later_m} m after {at_once_m} m");
+}
+
 #[test]
 fn the_room_comes_out_right_and_people_are_followed_in_it() {
     let (office, scratch) = (office(), tempfile::tempdir().unwrap());

@@ -51,7 +51,7 @@ impl Layers {
             let row = conic.row(v);
             for u in conic.spans(&row).into_iter().flatten().flatten() {
                 let (at, z) = (v as usize * self.width + u as usize, row.near_z_m(u));
-                if z as f32 >= nearest[at] || !row.is_in_front_of(u, view.static_z_m(u, v)) {
+                if z as f32 >= nearest[at].min(view.static_z_m(u, v)) {
                     continue;
                 }
                 let ray = view.ray(f64::from(u), f64::from(v));

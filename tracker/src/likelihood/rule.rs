@@ -33,17 +33,19 @@ pub enum Rule {
         /// The power.
         exponent: f64,
     },
-    /// Every pixel is foreground with a probability of its own: `inside` where the core of some body is expected, `rim`
-    /// where only the reach of one is (arms, strides, the difference between people and ellipsoids), `outside` elsewhere.
+    /// Every pixel is foreground with a probability of its own: that of the innermost shape of any body that is expected to
+    /// be seen there ([`Shape::CORE`], [`Shape::LIMBS`], [`Shape::REACH`]), `outside` elsewhere.
     ///
     /// Neighbouring pixels fail together, so a silhouette is worth far fewer independent pixels than it has: counts are
     /// scaled so that a whole core of typical size in that camera weighs `independent_pixels`. A camera that sees people
     /// small then counts as much as one that sees them large.
     Bernoulli {
         /// Probability that a pixel of a person's core is foreground.
-        inside: f64,
-        /// Probability that a pixel around a person is.
-        rim: f64,
+        core: f64,
+        /// Probability that one around the core, where limbs mostly are, is.
+        limbs: f64,
+        /// Probability that one farther out, within the reach of limbs, is.
+        reach: f64,
         /// Probability that any other pixel is.
         outside: f64,
         /// What a typical core is worth in independent pixels.
@@ -56,7 +58,7 @@ impl Rule {
     pub fn shapes(&self) -> &'static [Shape] {
         match self {
             Self::Overlap { .. } => &[Shape::BODY],
-            Self::Bernoulli { .. } => &[Shape::CORE, Shape::REACH],
+            Self::Bernoulli { .. } => &[Shape::CORE, Shape::LIMBS, Shape::REACH],
         }
     }
 
@@ -64,9 +66,9 @@ impl Rule {
     pub fn prepared(&self) -> PreparedRule {
         match *self {
             Self::Overlap { exponent } => PreparedRule::Overlap { exponent },
-            Self::Bernoulli { inside, rim, outside, independent_pixels } => PreparedRule::Bernoulli {
-                // A pixel of the core is in the reach, too: each layer counts what it adds to the one around it.
-                weights: [odds(inside, rim), odds(rim, outside)]
+            Self::Bernoulli { core, limbs, reach, outside, independent_pixels } => PreparedRule::Bernoulli {
+                // A pixel of the core is in the others, too: each layer counts what it adds to the one around it.
+                weights: [odds(core, limbs), odds(limbs, reach), odds(reach, outside)]
                     .map(|o| o.map(|nats| nats * independent_pixels)),
             },
         }
@@ -77,8 +79,8 @@ impl Rule {
         match *self {
             // Beside the other half of the union.
             Self::Overlap { exponent } => exponent * part,
-            Self::Bernoulli { inside, outside, independent_pixels, .. } => {
-                part * independent_pixels * odds(inside, outside)[0]
+            Self::Bernoulli { core, outside, independent_pixels, .. } => {
+                part * independent_pixels * odds(core, outside)[0]
             }
         }
     }
@@ -88,10 +90,9 @@ impl Rule {
         match *self {
             Self::Overlap { exponent } => (!(exponent > 0.0 && exponent.is_finite()))
                 .then(|| "the exponent has to be positive".to_owned()),
-            Self::Bernoulli { inside, rim, outside, independent_pixels } => {
-                let ordered = 0.0 < outside && outside < rim && rim < inside && inside < 1.0;
-                if !ordered {
-                    return Some("needs 0 < outside < rim < inside < 1".to_owned());
+            Self::Bernoulli { core, limbs, reach, outside, independent_pixels } => {
+                if ![0.0, outside, reach, limbs, core, 1.0].is_sorted_by(|less, more| less < more) {
+                    return Some("needs 0 < outside < reach < limbs < core < 1".to_owned());
                 }
                 (!(independent_pixels > 0.0 && independent_pixels.is_finite()))
                     .then(|| "independent_pixels has to be positive".to_owned())
@@ -111,7 +112,7 @@ pub enum PreparedRule {
     /// [`Rule::Bernoulli`].
     Bernoulli {
         /// For each shape, what a typical core's foreground and background add to the shape around it, in nats.
-        weights: [[f64; 2]; 2],
+        weights: [[f64; 2]; 3],
     },
 }
 
@@ -166,7 +167,7 @@ mod tests {
     fn what_is_found_never_harms_and_what_is_missed_never_helps() {
         let rules = [
             Rule::Overlap { exponent: 3.0 },
-            Rule::Bernoulli { inside: 0.8, rim: 0.3, outside: 0.05, independent_pixels: 20.0 },
+            Rule::Bernoulli { core: 0.8, limbs: 0.6, reach: 0.3, outside: 0.05, independent_pixels: 20.0 },
         ];
         for rule in rules {
             let shapes = rule.shapes().len();
@@ -185,16 +186,21 @@ mod tests {
 
     #[test]
     fn bernoulli_is_the_sum_over_pixels() {
-        // 100 pixels, drawn out: 5 foreground and 3 background in the core, 4 and 6 in the rim, 2 stray, 80 empty.
-        let (i, r, o) = (0.8_f64, 0.3_f64, 0.05_f64);
-        let sure = 5.0 * i.ln() + 3.0 * (1.0 - i).ln();
-        let rim = 4.0 * r.ln() + 6.0 * (1.0 - r).ln();
-        let with = sure + rim + 2.0 * o.ln() + 80.0 * (1.0 - o).ln();
-        let without = 11.0 * o.ln() + 89.0 * (1.0 - o).ln();
-        let rule = Rule::Bernoulli { inside: i, rim: r, outside: o, independent_pixels: 8.0 };
-        let core = Counts { foreground: 11, simulated: 8, both: 5 };
-        let reach = Counts { foreground: 11, simulated: 18, both: 9 };
-        let found = rule.prepared().log_likelihood([(0, core, 8.0), (1, reach, 8.0)].into_iter());
+        // 100 pixels, drawn out: foreground and background are 5 and 3 in the core, 4 and 2 around it, 3 and 6 around that, and
+        // 2 and 75 elsewhere.
+        let [core, limbs, reach, outside] = [0.8_f64, 0.6, 0.3, 0.05];
+        let nats =
+            |p: f64, [foreground, background]: [f64; 2]| foreground * p.ln() + background * (1.0 - p).ln();
+        let with = nats(core, [5.0, 3.0])
+            + nats(limbs, [4.0, 2.0])
+            + nats(reach, [3.0, 6.0])
+            + nats(outside, [2.0, 75.0]);
+        let without = nats(outside, [14.0, 86.0]);
+        let rule = Rule::Bernoulli { core, limbs, reach, outside, independent_pixels: 8.0 };
+        let within = |simulated: i64, both: i64| Counts { foreground: 14, simulated, both };
+        let layers = [within(8, 5), within(14, 9), within(23, 12)];
+        let layers = layers.into_iter().enumerate().map(|(shape, counts)| (shape, counts, 8.0));
+        let found = rule.prepared().log_likelihood(layers);
         assert_relative_eq!(found, with - without, epsilon = 1e-9);
     }
 }

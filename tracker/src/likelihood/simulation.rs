@@ -133,6 +133,13 @@ impl Simulation {
     pub fn try_removal(&mut self, old: Option<&[Silhouette]>) {
         for (i, layer) in self.layers.iter_mut().enumerate().filter(|(_, l)| l.in_use) {
             layer.removal = old.map_or(Change::default(), |old| layer.cover.removal(&old[i]));
+        }
+        self.try_again();
+    }
+
+    /// Forgets the additions that were tried since [`Self::try_removal`], for another of the same body.
+    pub fn try_again(&mut self) {
+        for layer in self.layers.iter_mut().filter(|l| l.in_use) {
             let Counts { foreground, simulated, both } = layer.counts;
             let in_vain = simulated - both + layer.removal.simulated - layer.removal.both;
             layer.tried = Counts { foreground, simulated: foreground + in_vain, both: foreground };
@@ -246,9 +253,9 @@ mod tests {
         }
     }
 
-    fn by_rays(camera: &StageCamera, bodies: &[Body], mask: &GrayImage) -> Counts {
+    fn by_rays(camera: &StageCamera, shape: &Shape, bodies: &[Body], mask: &GrayImage) -> Counts {
         let width = camera.width();
-        let solids: Vec<_> = bodies.iter().map(Body::ellipsoid).collect();
+        let solids: Vec<_> = bodies.iter().map(|body| shape.of(body)).collect();
         oracle::counts(camera, &solids, mask, |u, v| camera.static_z_m[(v * width + u) as usize])
     }
 
@@ -256,15 +263,20 @@ mod tests {
     /// border, stand behind the camera, around it, in front of and behind what is static.
     #[test]
     fn every_change_counts_what_rays_count() {
+        const SHAPES: [&[Shape]; 4] = [&[Shape::BODY], &[Shape::CORE], &[Shape::LIMBS], &[Shape::REACH]];
         let mut rng = Pcg64Mcg::seed_from_u64(11);
-        let (mut around_camera, mut behind_plane, mut cut, mut hidden) = (0, 0, 0, 0);
-        for _ in 0..250 {
-            let camera = random_camera(&mut rng);
+        let (mut around_camera, mut behind_plane, mut cut, mut hidden, mut in_floor) = (0, 0, 0, 0, 0);
+        for scene in 0..300 {
+            let mut camera = random_camera(&mut rng);
+            let shapes = SHAPES[scene % SHAPES.len()];
+            if rng.random() {
+                camera.set_floor();
+            }
             let view = View::new(&camera);
             let mask = GrayImage::from_fn(camera.width(), camera.height(), |u, v| {
                 Luma([if (u / 9 + v / 7) % 3 == 0 || rng.random::<f32>() < 0.1 { 255 } else { 0 }])
             });
-            let layers = Layers::new(vec![view.clone()], &[Shape::BODY]);
+            let layers = Layers::new(vec![view.clone()], shapes);
             let mut simulation = Simulation::new(&layers);
             simulation.restart(&[Some(pack(&mask, &view))]);
             let mut bodies: Vec<Body> = Vec::new();
@@ -287,15 +299,19 @@ mod tests {
                 let (drawn_old, drawn_new) = (old.map(|i| draw(&bodies[i])), new.as_ref().map(draw));
                 if let (Some(body), Some(drawn)) = (&new, &drawn_new) {
                     let eye = camera.pinhole.center();
-                    let d = (eye - body.ellipsoid().center).component_div(&body.ellipsoid().semi_axes);
+                    let solid = shapes[0].of(body);
+                    let d = (eye - solid.center).component_div(&solid.semi_axes);
                     around_camera += u32::from(d.norm() <= 1.0);
                     behind_plane += u32::from(
-                        crate::silhouette::ImageConic::new(&view, &body.ellipsoid()).nearest_z_m <= 0.0
+                        crate::silhouette::ImageConic::new(&view, &solid).nearest_z_m <= 0.0
                             && drawn[0].area_px > 0,
                     );
                     cut +=
                         u32::from(drawn[0].area_px > 0 && drawn[0].row_range().end == view.height as usize);
                     hidden += u32::from(drawn[0].visible_px < drawn[0].area_px);
+                    in_floor += u32::from(
+                        drawn[0].area_px > 0 && view.first_row_below_floor(&solid) < view.height as i32,
+                    );
                 }
                 simulation.try_removal(drawn_old.as_deref());
                 let hoped = simulation.tried().next().flatten().unwrap();
@@ -305,7 +321,7 @@ mod tests {
                     changed.swap_remove(which);
                 }
                 changed.extend(new);
-                let expected = by_rays(&camera, &changed, &mask);
+                let expected = by_rays(&camera, &shapes[0], &changed, &mask);
                 assert_eq!(
                     simulation.tried().next().flatten(),
                     Some(expected),
@@ -323,7 +339,7 @@ mod tests {
             }
         }
         // The scenes are worth their name only if the rare cases are among them.
-        let rare = [around_camera, behind_plane, cut, hidden];
+        let rare = [around_camera, behind_plane, cut, hidden, in_floor];
         assert!(rare.iter().all(|n| *n > 40), "{rare:?}");
     }
 

@@ -76,7 +76,9 @@ impl Silhouette {
         let conic = ImageConic::new(view, body);
         match conic.outline() {
             Outline::Nowhere => self.clear(0..0, 0..0),
-            Outline::Ellipse(ellipse) => self.draw_ellipse(view, &conic, &ellipse),
+            Outline::Ellipse(ellipse) => {
+                self.draw_ellipse(view, &conic, &ellipse, view.first_row_below_floor(body));
+            }
             Outline::Open => self.draw_open(view, &conic),
         }
     }
@@ -91,16 +93,27 @@ impl Silhouette {
         self.bits.resize(self.rows * self.words, 0);
     }
 
-    fn draw_ellipse(&mut self, view: &View, conic: &ImageConic, ellipse: &Ellipse) {
+    /// Draws an ellipse of which nothing is visible from row `hidden_from` on.
+    fn draw_ellipse(&mut self, view: &View, conic: &ImageConic, ellipse: &Ellipse, hidden_from: i32) {
         let rows = &ellipse.rows;
-        self.clear(rows.clone(), ellipse.columns.clone());
+        let visible = rows.start..rows.end.min(hidden_from).max(rows.start);
+        self.clear(visible.clone(), ellipse.columns.clone());
         let side = NearSide { from_m: conic.nearest_z_m, to_m: conic.near_side_to_z_m };
         // Rows of one tile together: most of a person is far in front of everything, or far behind something.
         for tile in rows.start / TILE_ROWS..=(rows.end - 1) / TILE_ROWS {
             let spans: [Range<i32>; TILE_ROWS as usize] = ellipse.spans(tile * TILE_ROWS);
+            let within = |rows: &Range<i32>| {
+                [rows.start, rows.end].map(|v| (v - tile * TILE_ROWS).clamp(0, TILE_ROWS) as usize)
+            };
+            let [from, to] = within(rows);
+            self.area_px +=
+                spans[from..to].iter().map(|span| (span.end - span.start).max(0)).sum::<i32>() as u32;
+            let [from, to] = within(&visible);
+            if from == to {
+                continue;
+            }
             let sight = side.behind(view.tiles_range_m(tile, &ellipse.columns));
-            for (v, span) in (tile * TILE_ROWS..).zip(&spans).filter(|(v, _)| rows.contains(v)) {
-                self.area_px += span.len() as u32;
+            for (v, span) in (tile * TILE_ROWS + from as i32..).zip(&spans[from..to]) {
                 match sight {
                     Sight::Clear => self.fill(v, span, |_, pixels| pixels),
                     Sight::Partial => self.fill_visible(view, v, &conic.row(v), span, &side),
@@ -149,10 +162,10 @@ impl Silhouette {
                 let static_z_m = view.stretch_z_m(word * 64 + part, v);
                 let beyond = farther(static_z_m, to_m) << part;
                 seen |= here & beyond;
-                let doubtful = here & !beyond;
+                let doubtful = here & !beyond & farther(static_z_m, from_m) << part;
                 if doubtful != 0 {
-                    let reached = farther(static_z_m, from_m) << part;
-                    seen |= in_front(row, word * 64, static_z_m, doubtful & reached);
+                    let in_front = row.is_in_front_of((word * 64 + part) as i32, static_z_m);
+                    seen |= doubtful & u64::from(in_front) << part;
                 }
                 rest ^= here;
             }
@@ -246,15 +259,4 @@ fn span_bits(span: &Range<i32>, word: usize) -> u64 {
 /// The pixels of a stretch whose depth is more than `bound_m`.
 fn farther(static_z_m: &[f32; STRETCH], bound_m: f32) -> u64 {
     u64::from(f32x8::new(*static_z_m).simd_gt(f32x8::splat(bound_m)).to_bitmask())
-}
-
-/// Of the pixels of a stretch, those where the body is in front of what is static: one by one.
-fn in_front(row: &Row, first: usize, static_z_m: &[f32; STRETCH], pixels: u64) -> u64 {
-    let (mut seen, mut rest) = (0, pixels);
-    while rest != 0 {
-        let bit = rest.trailing_zeros() as usize;
-        seen |= u64::from(row.is_in_front_of((first + bit) as i32, static_z_m[bit % STRETCH])) << bit;
-        rest &= rest - 1;
-    }
-    seen
 }

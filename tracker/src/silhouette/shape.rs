@@ -1,7 +1,12 @@
-//! Ellipsoids in a body's own measures: the body itself, its sure core, and as far as its limbs reach.
+//! Ellipsoids in a body's own measures: the body itself, its sure core, where its limbs mostly are, and as far as they reach.
 //!
 //! A person is no ellipsoid. Torso and head fill the middle of one in every pose; arms and striding legs come and go
-//! around it, and feet stand beside its lower tip. A likelihood that knows the difference is not moved by a stride.
+//! around it. A likelihood that knows how often is not moved by a stride.
+//!
+//! The three nested shapes are those under which masks of walking people are the most probable, each ring with its own
+//! share of foreground. They go on below the floor, which cuts them off: people are as wide at their feet as at their hips,
+//! and one foot or the other is nearly always under them. That is what tells a lone camera how far away somebody is; heads
+//! do not, since a hand's breadth of height is a metre of distance to a camera not far above them.
 
 use nalgebra::{Point3, Vector3};
 
@@ -30,10 +35,12 @@ pub struct Shape {
 impl Shape {
     /// The body itself: the published ellipsoid `(x, y, r, h)`.
     pub const BODY: Self = Self { radius: 1.0, bottom: 0.0, top: 1.0 };
-    /// What a person fills in every pose: head, torso, thighs.
-    pub const CORE: Self = Self { radius: 0.83, bottom: 0.15, top: 1.0 };
-    /// What no limb leaves in any pose. It goes below the floor, so that it is wide where the feet stand.
-    pub const REACH: Self = Self { radius: 1.5, bottom: -0.3, top: 1.03 };
+    /// What a person fills in nearly every pose: head, torso, and between the feet.
+    pub const CORE: Self = Self { radius: 0.6, bottom: 0.05, top: 1.0 };
+    /// What shoulders, arms and legs fill more often than not.
+    pub const LIMBS: Self = Self { radius: 1.0, bottom: -0.11, top: 1.02 };
+    /// What no limb leaves in any pose.
+    pub const REACH: Self = Self { radius: 1.5, bottom: -0.5, top: 1.05 };
 
     /// This shape of one body.
     pub fn of(&self, body: &Body) -> Ellipsoid {

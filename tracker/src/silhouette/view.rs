@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use nalgebra::{Point3, Vector3};
 
+use super::Ellipsoid;
 use crate::stage::StageCamera;
 
 /// Pixels of a row whose static depths are looked at together; a divisor of a word.
@@ -33,6 +34,10 @@ pub struct View {
     pub(super) ray_0: Vector3<f64>,
     pub(super) ray_u: Vector3<f64>,
     pub(super) ray_v: Vector3<f64>,
+    /// A place `d` from the centre is in row `d · down / d · forward`.
+    down: Vector3<f64>,
+    /// Whether the static depth reaches nowhere below the floor.
+    is_floor_opaque: bool,
     /// Words of 64 pixels in a row of the image; the last may be partly used.
     pub(crate) words_per_row: usize,
     /// Per pixel, as in [`StageCamera::static_z_m`]; a row is filled up to whole stretches.
@@ -85,6 +90,8 @@ impl View {
             ray_0,
             ray_u: world_from_camera * Vector3::new(step / k.fx, 0.0, 0.0),
             ray_v: world_from_camera * Vector3::new(0.0, step / k.fy, 0.0),
+            down: world_from_camera * Vector3::new(0.0, k.fy, k.cy - middle) / step,
+            is_floor_opaque: camera.is_floor_opaque(),
             words_per_row: (width as usize).div_ceil(64),
             static_z_m,
             tile_range_m,
@@ -95,6 +102,35 @@ impl View {
     /// The ray of a pixel, of length 1 along the camera's z; world frame.
     pub fn ray(&self, u: f64, v: f64) -> Vector3<f64> {
         self.ray_0 + self.ray_u * u + self.ray_v * v
+    }
+
+    /// From which row on nothing of a body is above the floor, which hides what is below it; the largest number where that
+    /// cannot be told.
+    ///
+    /// A body that has its lowest point in the image below the floor has that of its part above the floor on the circle in
+    /// which it meets the floor. With `d` from the camera to the middle of the circle, ρ its radius, and `a`, `b` the
+    /// horizontal parts of `down` and `forward`, lines of the image through row v touch the circle where
+    ///
+    /// ```text
+    /// (down · d − v forward · d)² = ρ² |a − v b|²
+    /// ```
+    pub(crate) fn first_row_below_floor(&self, body: &Ellipsoid) -> i32 {
+        let part = body.center.z / body.semi_axes.z;
+        let stands_in_floor = part < 1.0 && self.center.z > 0.0 && self.is_floor_opaque;
+        let square = body.semi_axes.x.powi(2) * (1.0 - part * part);
+        let d = Point3::new(body.center.x, body.center.y, 0.0) - self.center;
+        let (down, forward) = (self.down.dot(&d), self.forward.dot(&d));
+        let (a, b) = (self.down.xy(), self.forward.xy());
+        // q2 v² − 2 q1 v + q0 = 0
+        let q2 = forward * forward - square * b.norm_squared();
+        if !stands_in_floor || forward <= 0.0 || q2 <= 0.0 {
+            return i32::MAX;
+        }
+        let q1 = down * forward - square * a.dot(&b);
+        let q0 = down * down - square * a.norm_squared();
+        let last = (q1 + (q1 * q1 - q2 * q0).max(0.0).sqrt()) / q2;
+        // A row more for rounding; the cast saturates.
+        last.ceil() as i32 + 2
     }
 
     /// Static depth at a pixel, as in [`StageCamera::static_z_m`].

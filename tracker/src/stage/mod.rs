@@ -127,20 +127,27 @@ impl StageCamera {
     }
 
     /// Puts the floor, z = 0, where nothing nearer is known: whatever the geometry lacks, nobody is seen below it.
-    fn set_floor(&mut self) {
-        let center = self.pinhole.center();
-        if center.z <= 0.0 {
-            return;
+    pub(crate) fn set_floor(&mut self) {
+        let floor: Vec<f32> = self.floor_z_m().collect();
+        for (z_m, floor_z_m) in self.static_z_m.iter_mut().zip(floor) {
+            *z_m = z_m.min(floor_z_m);
         }
-        let k = &self.pinhole.intrinsics;
+    }
+
+    /// Whether the floor hides what is below it, as after [`Self::set_floor`].
+    pub(crate) fn is_floor_opaque(&self) -> bool {
+        self.static_z_m.iter().zip(self.floor_z_m()).all(|(z_m, floor_z_m)| *z_m <= floor_z_m)
+    }
+
+    /// Distance along the camera's z to the floor, per pinhole pixel, row by row; infinite where it is not in front.
+    fn floor_z_m(&self) -> impl Iterator<Item = f32> {
+        let (center, k) = (self.pinhole.center(), &self.pinhole.intrinsics);
         let world_from_camera = self.pinhole.camera_from_world.rotation.inverse();
-        for (i, z_m) in (0..).zip(&mut self.static_z_m) {
+        (0..k.width * k.height).map(move |i| {
             let (u, v) = (f64::from(i % k.width), f64::from(i / k.width));
             let ray = world_from_camera * Vector3::new((u - k.cx) / k.fx, (v - k.cy) / k.fy, 1.0);
-            if ray.z < 0.0 {
-                *z_m = z_m.min((-center.z / ray.z) as f32);
-            }
-        }
+            if ray.z < 0.0 && center.z > 0.0 { (-center.z / ray.z) as f32 } else { f32::INFINITY }
+        })
     }
 
     /// Image width in pixels.

@@ -86,7 +86,7 @@ impl Chain<'_> {
     /// The proposed body becomes a person of the state.
     fn take_in(&mut self, mut person: Person, likelihood: f64) {
         self.simulation.commit(None, Some(&self.proposed));
-        self.log_likelihood = likelihood;
+        self.arrive(likelihood);
         let spare =
             self.spare.pop().unwrap_or_else(|| vec![Silhouette::default(); self.setting.layers.count()]);
         person.silhouettes = std::mem::replace(&mut self.proposed, spare);
@@ -120,7 +120,7 @@ impl Chain<'_> {
         if let Some(likelihood) = self.decide(Some(which), None, log_ratio, rng) {
             let mut person = self.people.swap_remove(which);
             self.simulation.commit(Some(&person.silhouettes), None);
-            self.log_likelihood = likelihood;
+            self.arrive(likelihood);
             self.spare.push(std::mem::take(&mut person.silhouettes));
             if !person.is_new() {
                 self.gone.push(person);

@@ -71,6 +71,8 @@ pub(super) struct Chain<'a> {
     pub(super) gone: Vec<Person>,
     /// `log V` of the state.
     log_likelihood: f64,
+    /// Of whom the simulation knows what the state loses without them.
+    removed: Option<usize>,
     next_key: &'a mut Key,
     /// Silhouettes of the proposed body.
     proposed: Vec<Silhouette>,
@@ -101,6 +103,7 @@ impl<'a> Chain<'a> {
             people,
             gone: Vec::new(),
             log_likelihood: 0.0,
+            removed: None,
             next_key,
             proposed,
             spare: Vec::new(),
@@ -229,8 +232,14 @@ impl<'a> Chain<'a> {
     /// be less than `least`.
     fn likelihood_of(&mut self, old: Option<usize>, new: Option<&Body>, least: f64) -> Option<f64> {
         let layers = self.setting.layers;
+        if old.is_some() && old == self.removed {
+            // Most proposals are refused, and the next is often about the same person.
+            self.simulation.try_again();
+        } else {
+            self.simulation.try_removal(old.map(|i| self.people[i].silhouettes.as_slice()));
+            self.removed = old;
+        }
         let old = old.map(|i| self.people[i].silhouettes.as_slice());
-        self.simulation.try_removal(old);
         for layer in 0..layers.count() {
             if !self.simulation.in_use(layer) {
                 continue;
@@ -244,6 +253,11 @@ impl<'a> Chain<'a> {
             self.simulation.try_addition(layer, old, new.map(|_| self.proposed.as_slice()));
         }
         Some(self.rule_of(self.simulation.tried()))
+    }
+
+    /// The state is the one last tried, whose `log V` is this.
+    fn arrive(&mut self, log_likelihood: f64) {
+        (self.log_likelihood, self.removed) = (log_likelihood, None);
     }
 
     fn rule_of(&self, counts: impl Iterator<Item = Option<Counts>>) -> f64 {

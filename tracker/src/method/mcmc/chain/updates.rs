@@ -100,7 +100,7 @@ impl Chain<'_> {
             + log_proposal_ratio;
         if let Some(likelihood) = self.decide(Some(which), Some(&body), log_ratio, rng) {
             self.simulation.commit(Some(&self.people[which].silhouettes), Some(&self.proposed));
-            self.log_likelihood = likelihood;
+            self.arrive(likelihood);
             let at_exit = self.is_exit(&body);
             let person = &mut self.people[which];
             (person.body, person.at_exit) = (body, at_exit);
