@@ -36,7 +36,7 @@ impl Shape {
     /// The body itself: the published ellipsoid `(x, y, r, h)`.
     pub const BODY: Self = Self { radius: 1.0, bottom: 0.0, top: 1.0 };
     /// What a person fills in nearly every pose: head, torso, and between the feet.
-    pub const CORE: Self = Self { radius: 0.6, bottom: 0.05, top: 1.0 };
+    pub const CORE: Self = Self { radius: 0.6, bottom: -0.03, top: 1.0 };
     /// What shoulders, arms and legs fill more often than not.
     pub const LIMBS: Self = Self { radius: 1.0, bottom: -0.11, top: 1.02 };
     /// What no limb leaves in any pose.
