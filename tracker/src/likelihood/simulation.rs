@@ -214,7 +214,11 @@ mod tests {
             Point3::new(rng.random_range(0.0..6.0), rng.random_range(0.0..5.0), rng.random_range(0.3..3.0));
         let aim =
             Point3::new(rng.random_range(0.0..6.0), rng.random_range(0.0..5.0), rng.random_range(0.0..2.0));
-        let up = Vector3::new(rng.random_range(-0.2..0.2), 0.1, 1.0);
+        let mut up = Vector3::new(rng.random_range(-0.2..0.2), 0.1, 1.0);
+        if rng.random::<f32>() < 0.3 {
+            // Hung in any way, upside down as well.
+            up = Vector3::from_fn(|_, _| rng.random_range(-1.0..1.0));
+        }
         // OpenCV's camera looks along +z with y down: the mirror image of what `look_at_rh` calls up.
         let camera_from_world = Isometry3::look_at_lh(&eye, &aim, &-up);
         let mut camera = StageCamera::new("c", &Camera { intrinsics, camera_from_world });

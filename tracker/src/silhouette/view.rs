@@ -107,30 +107,42 @@ impl View {
     /// From which row on nothing of a body is above the floor, which hides what is below it; the largest number where that
     /// cannot be told.
     ///
-    /// A body that has its lowest point in the image below the floor has that of its part above the floor on the circle in
-    /// which it meets the floor. With `d` from the camera to the middle of the circle, ρ its radius, and `a`, `b` the
-    /// horizontal parts of `down` and `forward`, lines of the image through row v touch the circle where
-    ///
-    /// ```text
-    /// (down · d − v forward · d)² = ρ² |a − v b|²
-    /// ```
+    /// A body that has its last row of the image below the floor has that of its part above the floor on the circle in which
+    /// it meets the floor. A camera that looks straight down, or hangs upside down, may have heads there instead.
     pub(crate) fn first_row_below_floor(&self, body: &Ellipsoid) -> i32 {
-        let part = body.center.z / body.semi_axes.z;
-        let stands_in_floor = part < 1.0 && self.center.z > 0.0 && self.is_floor_opaque;
-        let square = body.semi_axes.x.powi(2) * (1.0 - part * part);
-        let d = Point3::new(body.center.x, body.center.y, 0.0) - self.center;
-        let (down, forward) = (self.down.dot(&d), self.forward.dot(&d));
-        let (a, b) = (self.down.xy(), self.forward.xy());
-        // q2 v² − 2 q1 v + q0 = 0
-        let q2 = forward * forward - square * b.norm_squared();
-        if !stands_in_floor || forward <= 0.0 || q2 <= 0.0 {
+        let axes = &body.semi_axes;
+        let part = body.center.z / axes.z;
+        if !(part < 1.0 && self.center.z > 0.0 && self.is_floor_opaque) {
             return i32::MAX;
         }
-        let q1 = down * forward - square * a.dot(&b);
-        let q0 = down * down - square * a.norm_squared();
-        let last = (q1 + (q1 * q1 - q2 * q0).max(0.0).sqrt()) / q2;
-        // A row more for rounding; the cast saturates.
-        last.ceil() as i32 + 2
+        let Some(last) = self.last_row(&body.center, axes) else { return i32::MAX };
+        // The plane of that row touches the body here.
+        let across = (self.down - self.forward * last).component_mul(axes);
+        let touches_at_m = body.center.z + axes.z * across.z / across.norm();
+        let radius = axes.x * (1.0 - part * part).max(0.0).sqrt();
+        let circle = Vector3::new(radius, radius, 0.0);
+        match self.last_row(&Point3::new(body.center.x, body.center.y, 0.0), &circle) {
+            // A row more for rounding; the cast saturates.
+            Some(last) if touches_at_m < 0.0 => (last.ceil() + 2.0) as i32,
+            _ => i32::MAX,
+        }
+    }
+
+    /// The last (real) row of an ellipsoid's image, within or outside; `None` where it reaches behind the image plane. With
+    /// `d` from the camera to its middle and A its axes, the plane of row v touches it where
+    ///
+    /// ```text
+    /// (down · d − v forward · d)² = |A down − v A forward|²
+    /// ```
+    fn last_row(&self, center: &Point3<f64>, axes: &Vector3<f64>) -> Option<f64> {
+        let d = center - self.center;
+        let (down, forward) = (self.down.dot(&d), self.forward.dot(&d));
+        let (a, b) = (self.down.component_mul(axes), self.forward.component_mul(axes));
+        // q2 v² − 2 q1 v + q0 = 0
+        let q2 = forward * forward - b.norm_squared();
+        let q1 = down * forward - a.dot(&b);
+        let q0 = down * down - a.norm_squared();
+        (forward > 0.0 && q2 > 0.0).then(|| (q1 + (q1 * q1 - q2 * q0).max(0.0).sqrt()) / q2)
     }
 
     /// Static depth at a pixel, as in [`StageCamera::static_z_m`].
