@@ -197,7 +197,7 @@ impl Simulation {
 mod tests {
     use super::*;
     use crate::likelihood::oracle;
-    use crate::silhouette::{Body, Shape};
+    use crate::silhouette::{Body, ImageConic, Outline, Shape};
     use crate::stage::StageCamera;
     use calib::{Camera, Intrinsics};
     use image::Luma;
@@ -306,16 +306,15 @@ mod tests {
                     let solid = shapes[0].of(body);
                     let d = (eye - solid.center).component_div(&solid.semi_axes);
                     around_camera += u32::from(d.norm() <= 1.0);
-                    behind_plane += u32::from(
-                        crate::silhouette::ImageConic::new(&view, &solid).nearest_z_m <= 0.0
-                            && drawn[0].area_px > 0,
-                    );
+                    let conic = ImageConic::new(&view, &solid);
+                    behind_plane += u32::from(conic.nearest_z_m <= 0.0 && drawn[0].area_px > 0);
                     cut +=
                         u32::from(drawn[0].area_px > 0 && drawn[0].row_range().end == view.height as usize);
                     hidden += u32::from(drawn[0].visible_px < drawn[0].area_px);
-                    in_floor += u32::from(
-                        drawn[0].area_px > 0 && view.first_row_below_floor(&solid) < view.height as i32,
-                    );
+                    in_floor += u32::from(match conic.outline() {
+                        Outline::Ellipse(whole) => drawn[0].row_range().end < whole.rows.end as usize,
+                        Outline::Nowhere | Outline::Open => false,
+                    });
                 }
                 simulation.try_removal(drawn_old.as_deref());
                 let hoped = simulation.tried().next().flatten().unwrap();

@@ -60,6 +60,8 @@ pub struct Ellipse {
     pub rows: Range<i32>,
     /// The columns of the image that can hold pixels of it.
     pub columns: Range<i32>,
+    /// The last row of the whole image plane that holds a point of it.
+    pub last_row: f64,
     middle_u: f64,
     middle_v: f64,
     /// Columns that the middle of a row's span lies farther to the right than that of the row above.
@@ -210,7 +212,7 @@ impl ImageConic {
         if self.b[0] + self.b[1] * u + self.b[2] * v >= 0.0 {
             return Outline::Nowhere;
         }
-        let (Some(row_range), Some(column_range)) =
+        let (Some((row_range, last_row)), Some((column_range, _))) =
             (extent(&rows, self.height), extent(&columns, self.width))
         else {
             return Outline::Nowhere;
@@ -220,6 +222,7 @@ impl ImageConic {
             rows: row_range,
             // A pixel more on either side, so that no rounding puts the end of a span outside.
             columns: (column_range.start - 1).max(0)..(column_range.end + 1).min(self.width),
+            last_row,
             middle_u: u,
             middle_v: v,
             slope: -b / a,
@@ -288,11 +291,12 @@ impl ImageConic {
     }
 }
 
-/// Where `q2 x² + 2 q1 x + q0 ≥ 0` for a negative `q2`: whole numbers within `0..size`, or `None`.
-fn extent(&[q2, q1, q0]: &[f64; 3], size: i32) -> Option<Range<i32>> {
+/// Where `q2 x² + 2 q1 x + q0 ≥ 0` for a negative `q2`: whole numbers within `0..size`, or `None`; and the largest `x`.
+fn extent(&[q2, q1, q0]: &[f64; 3], size: i32) -> Option<(Range<i32>, f64)> {
     let d = q1 * q1 - q2 * q0;
     let root = (d >= 0.0).then(|| d.sqrt())?;
+    let largest = (-q1 - root) / q2;
     let first = ((-q1 + root) / q2).ceil().max(0.0);
-    let last = ((-q1 - root) / q2).floor().min(f64::from(size - 1));
-    (first <= last).then(|| first as i32..last as i32 + 1)
+    let last = largest.floor().min(f64::from(size - 1));
+    (first <= last).then(|| (first as i32..last as i32 + 1, largest))
 }

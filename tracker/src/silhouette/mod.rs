@@ -2,7 +2,7 @@
 //! the room hides of it (seed 001, section 3.1 and figure 5).
 //!
 //! * [`Body`] — the ellipsoid: place, radius, height. [`Shape`] — others around the same axis.
-//! * [`View`] — a camera made ready: rays of its pinhole pixels and the static depth, in blocks.
+//! * [`View`] — a camera made ready: rays of its pinhole pixels and the static depth along them.
 //! * [`Silhouette`] — the pixels of one body in one view that the static room leaves visible, packed 64 to a word.
 //! * [`contour`] — the outline as points in space, and the box around the whole body, for film and files.
 //! * [`visibility`] — how much of each body the room *and* the other bodies leave visible.
@@ -13,6 +13,7 @@
 mod body;
 mod conic;
 pub mod contour;
+mod depth;
 mod packed;
 mod shape;
 mod view;

@@ -2,50 +2,11 @@
 
 use std::ops::Range;
 
-use wide::f32x8;
-
-use super::conic::{Ellipse, Outline, Row};
-use super::view::{STRETCH, TILE_ROWS};
+use super::conic::{Ellipse, Outline};
 use super::{Ellipsoid, ImageConic, View};
 
-/// The pixels of a stretch.
-const STRETCH_BITS: u64 = (1 << STRETCH) - 1;
-
-/// How far along z the side of a body reaches that faces the camera.
-struct NearSide {
-    from_m: f64,
-    to_m: f64,
-}
-
-/// How much of a part of the image leaves a body visible.
-enum Sight {
-    /// All of it.
-    Clear,
-    /// Some of it, perhaps.
-    Partial,
-    /// Nothing.
-    Hidden,
-}
-
-impl NearSide {
-    /// The depths beyond which the static room leaves all of the body visible, and none of it: rounded to where they are
-    /// sure, also where they are met exactly, as when a body touches a wall.
-    fn rounded(&self) -> [f32; 2] {
-        [(self.to_m as f32).next_up(), (self.from_m as f32).next_down()]
-    }
-
-    /// What static depths from `near` to `far` leave of the body.
-    fn behind(&self, [near, far]: [f32; 2]) -> Sight {
-        let [beyond, reached] = self.rounded();
-        if near > beyond {
-            Sight::Clear
-        } else if far > reached {
-            Sight::Partial
-        } else {
-            Sight::Hidden
-        }
-    }
-}
+/// Rows whose spans are worked out together.
+const SPANS: usize = 8;
 
 /// The pixels of a body that the static room leaves visible: a rectangle of 64-pixel words. Bit 0 is the leftmost.
 ///
@@ -57,7 +18,7 @@ pub struct Silhouette {
     first_word: usize,
     words: usize,
     bits: Vec<u64>,
-    /// Pixels of the body within the image, hidden or not.
+    /// Pixels of the body within the image, hidden or not; rows of which all is below the floor do not count.
     pub area_px: u32,
     /// Pixels of the body within the image that the static room does not hide.
     pub visible_px: u32,
@@ -75,102 +36,66 @@ impl Silhouette {
     pub fn draw(&mut self, view: &View, body: &Ellipsoid) {
         let conic = ImageConic::new(view, body);
         match conic.outline() {
-            Outline::Nowhere => self.clear(0..0, 0..0),
+            Outline::Nowhere => self.resize(&(0..0), &(0..0)),
             Outline::Ellipse(ellipse) => {
-                self.draw_ellipse(view, &conic, &ellipse, view.first_row_below_floor(body));
+                let hidden_from = view.first_row_below_floor(body, ellipse.last_row);
+                self.draw_ellipse(view, &conic, &ellipse, hidden_from);
             }
             Outline::Open => self.draw_open(view, &conic),
         }
     }
 
-    /// Makes room for a rectangle of pixels, and empties it.
-    fn clear(&mut self, rows: Range<i32>, columns: Range<i32>) {
+    /// Makes room for a rectangle of pixels, whose bits are whatever was there.
+    fn resize(&mut self, rows: &Range<i32>, columns: &Range<i32>) {
         (self.area_px, self.visible_px) = (0, 0);
         (self.first_row, self.rows) = (rows.start as usize, rows.len());
         self.first_word = columns.start as usize / 64;
         self.words = (columns.end as usize).div_ceil(64) - self.first_word;
-        self.bits.clear();
         self.bits.resize(self.rows * self.words, 0);
     }
 
     /// Draws an ellipse of which nothing is visible from row `hidden_from` on.
     fn draw_ellipse(&mut self, view: &View, conic: &ImageConic, ellipse: &Ellipse, hidden_from: i32) {
-        let rows = &ellipse.rows;
-        let visible = rows.start..rows.end.min(hidden_from).max(rows.start);
-        self.clear(visible.clone(), ellipse.columns.clone());
-        let side = NearSide { from_m: conic.nearest_z_m, to_m: conic.near_side_to_z_m };
-        // Rows of one tile together: most of a person is far in front of everything, or far behind something.
-        for tile in rows.start / TILE_ROWS..=(rows.end - 1) / TILE_ROWS {
-            let spans: [Range<i32>; TILE_ROWS as usize] = ellipse.spans(tile * TILE_ROWS);
-            let within = |rows: &Range<i32>| {
-                [rows.start, rows.end].map(|v| (v - tile * TILE_ROWS).clamp(0, TILE_ROWS) as usize)
-            };
-            let [from, to] = within(rows);
-            self.area_px +=
-                spans[from..to].iter().map(|span| (span.end - span.start).max(0)).sum::<i32>() as u32;
-            let [from, to] = within(&visible);
-            if from == to {
-                continue;
-            }
-            let sight = side.behind(view.tiles_range_m(tile, &ellipse.columns));
-            for (v, span) in (tile * TILE_ROWS + from as i32..).zip(&spans[from..to]) {
-                match sight {
-                    Sight::Clear => self.fill(v, span, |_, pixels| pixels),
-                    Sight::Partial => self.fill_visible(view, v, &conic.row(v), span, &side),
-                    Sight::Hidden => {}
+        let rows = ellipse.rows.start..ellipse.rows.end.min(hidden_from).max(ellipse.rows.start);
+        self.resize(&rows, &ellipse.columns);
+        let sight = view.depth.sight(conic.nearest_z_m, conic.near_side_to_z_m);
+        let first_word = self.first_word;
+        let (mut area_px, mut visible_px) = (0, 0);
+        let mut rows_of_bits = self.bits.chunks_exact_mut(self.words.max(1));
+        for first in rows.clone().step_by(SPANS) {
+            let spans: [Range<i32>; SPANS] = ellipse.spans(first);
+            for ((v, span), bits) in (first..rows.end).zip(&spans).zip(&mut rows_of_bits) {
+                area_px += (span.end - span.start).max(0) as u32;
+                for (word, bits) in (first_word..).zip(bits) {
+                    *bits = sight.of(v, word, span_bits(span, word), conic);
+                    visible_px += bits.count_ones();
                 }
             }
         }
+        (self.area_px, self.visible_px) = (area_px, visible_px);
     }
 
+    /// Draws a body that may be anywhere in the image.
     fn draw_open(&mut self, view: &View, conic: &ImageConic) {
         let [rows, columns] = conic.image();
-        self.clear(rows.clone(), columns);
+        self.resize(&rows, &columns);
         // Around the camera, everything is behind the near side.
-        let side = if conic.holds_camera() {
-            NearSide { from_m: f64::NEG_INFINITY, to_m: 0.0 }
+        let sight = if conic.holds_camera() {
+            view.depth.sight(f64::NEG_INFINITY, 0.0)
         } else {
-            NearSide { from_m: conic.nearest_z_m, to_m: conic.near_side_to_z_m }
+            view.depth.sight(conic.nearest_z_m, conic.near_side_to_z_m)
         };
         for v in rows {
-            let row = conic.row(v);
-            for span in conic.spans(&row).into_iter().flatten() {
-                self.area_px += span.len() as u32;
-                self.fill_visible(view, v, &row, &span, &side);
+            let spans = conic.spans(&conic.row(v));
+            let spans = || spans.iter().flatten();
+            self.area_px += spans().map(|span| span.len() as u32).sum::<u32>();
+            let start = v as usize * self.words;
+            for (word, bits) in self.bits[start..start + self.words].iter_mut().enumerate() {
+                let pixels = spans().fold(0, |bits, span| bits | span_bits(span, word));
+                *bits = sight.of(v, word, pixels, conic);
+                self.visible_px += bits.count_ones();
             }
         }
-    }
-
-    /// Sets the pixels of a span that are `seen`, which is given the number of each word and the span's pixels in it.
-    fn fill(&mut self, v: i32, span: &Range<i32>, mut seen: impl FnMut(usize, u64) -> u64) {
-        let start = (v as usize - self.first_row) * self.words;
-        for (word, bits) in (self.first_word..).zip(&mut self.bits[start..start + self.words]) {
-            let seen = seen(word, span_bits(span, word));
-            self.visible_px += seen.count_ones();
-            *bits |= seen;
-        }
-    }
-
-    /// Sets the pixels of a span in which the body is in front of what is static.
-    fn fill_visible(&mut self, view: &View, v: i32, row: &Row, span: &Range<i32>, side: &NearSide) {
-        let [to_m, from_m] = side.rounded();
-        self.fill(v, span, |word, pixels| {
-            let (mut seen, mut rest) = (0, pixels);
-            while rest != 0 {
-                let part = rest.trailing_zeros() as usize / STRETCH * STRETCH;
-                let here = rest & (STRETCH_BITS << part);
-                let static_z_m = view.stretch_z_m(word * 64 + part, v);
-                let beyond = farther(static_z_m, to_m) << part;
-                seen |= here & beyond;
-                let doubtful = here & !beyond & farther(static_z_m, from_m) << part;
-                if doubtful != 0 {
-                    let in_front = row.is_in_front_of((word * 64 + part) as i32, static_z_m);
-                    seen |= doubtful & u64::from(in_front) << part;
-                }
-                rest ^= here;
-            }
-            seen
-        });
     }
 
     /// The rows this silhouette has words for.
@@ -254,9 +179,4 @@ fn span_bits(span: &Range<i32>, word: usize) -> u64 {
     let base = (word * 64) as i32;
     let before = |u: i32| if u < base + 64 { !(u64::MAX << (u - base).max(0)) } else { u64::MAX };
     before(span.end) & !before(span.start)
-}
-
-/// The pixels of a stretch whose depth is more than `bound_m`.
-fn farther(static_z_m: &[f32; STRETCH], bound_m: f32) -> u64 {
-    u64::from(f32x8::new(*static_z_m).simd_gt(f32x8::splat(bound_m)).to_bitmask())
 }

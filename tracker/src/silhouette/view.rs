@@ -1,19 +1,12 @@
-//! A camera made ready for simulation: the rays of its pixels, and the static depth in blocks.
-
-use std::ops::Range;
+//! A camera made ready for simulation: the rays of its pixels, and the static depth along them.
 
 use nalgebra::{Point3, Vector3};
 
 use super::Ellipsoid;
+#[cfg(doc)]
+use super::conic::Ellipse;
+use super::depth::StaticDepth;
 use crate::stage::StageCamera;
-
-/// Pixels of a row whose static depths are looked at together; a divisor of a word.
-pub(super) const STRETCH: usize = 8;
-/// Rows that share a range of static depth under each stretch. Many would hold furniture beside what is behind it.
-pub(super) const TILE_ROWS: i32 = 8;
-
-/// The range of no depth at all.
-const NO_RANGE_M: [f32; 2] = [f32::INFINITY, 0.0];
 
 /// A pinhole camera with the static room in front of it.
 ///
@@ -40,11 +33,8 @@ pub struct View {
     is_floor_opaque: bool,
     /// Words of 64 pixels in a row of the image; the last may be partly used.
     pub(crate) words_per_row: usize,
-    /// Per pixel, as in [`StageCamera::static_z_m`]; a row is filled up to whole stretches.
-    static_z_m: Vec<[f32; STRETCH]>,
-    /// Smallest and largest static depth under each tile: a stretch of several rows.
-    tile_range_m: Vec<[f32; 2]>,
-    stretches_per_row: usize,
+    /// As in [`StageCamera::static_z_m`].
+    pub(super) depth: StaticDepth,
 }
 
 impl View {
@@ -66,21 +56,8 @@ impl View {
         let middle = 0.5 * (step - 1.0);
         let ray_0 = ray(middle, middle);
         let pixel = |i: u32, size: u32| (i * side + side / 2).min(size - 1) as usize;
-        let stretches_per_row = (width as usize).div_ceil(STRETCH);
         let depth =
             |u: u32, v: u32| camera.static_z_m[pixel(v, k.height) * k.width as usize + pixel(u, k.width)];
-        let static_z_m: Vec<[f32; STRETCH]> = (0..height)
-            .flat_map(|v| (0..stretches_per_row).map(move |stretch| (stretch, v)))
-            .map(|(stretch, v)| std::array::from_fn(|i| depth((stretch * STRETCH + i) as u32, v)))
-            .collect();
-        let either = |[low, high]: [f32; 2], [near, far]: [f32; 2]| [near.min(low), far.max(high)];
-        let tile_range_m = static_z_m
-            .chunks(stretches_per_row * TILE_ROWS as usize)
-            .flat_map(|rows| {
-                (0..stretches_per_row).map(|first| rows.iter().skip(first).step_by(stretches_per_row))
-            })
-            .map(|tile| tile.flatten().map(|z| [*z; 2]).fold(NO_RANGE_M, either))
-            .collect();
         Self {
             width,
             height,
@@ -93,9 +70,7 @@ impl View {
             down: world_from_camera * Vector3::new(0.0, k.fy, k.cy - middle) / step,
             is_floor_opaque: camera.is_floor_opaque(),
             words_per_row: (width as usize).div_ceil(64),
-            static_z_m,
-            tile_range_m,
-            stretches_per_row,
+            depth: StaticDepth::new(width, height, depth),
         }
     }
 
@@ -105,27 +80,26 @@ impl View {
     }
 
     /// From which row on nothing of a body is above the floor, which hides what is below it; the largest number where that
-    /// cannot be told.
+    /// cannot be told. `last_row` is the body's own ([`Ellipse::last_row`]).
     ///
     /// A body that has its last row of the image below the floor has that of its part above the floor on the circle in which
     /// it meets the floor. A camera that looks straight down, or hangs upside down, may have heads there instead.
-    pub(crate) fn first_row_below_floor(&self, body: &Ellipsoid) -> i32 {
+    pub(super) fn first_row_below_floor(&self, body: &Ellipsoid, last_row: f64) -> i32 {
         let axes = &body.semi_axes;
         let part = body.center.z / axes.z;
         if !(part < 1.0 && self.center.z > 0.0 && self.is_floor_opaque) {
             return i32::MAX;
         }
-        let Some(last) = self.last_row(&body.center, axes) else { return i32::MAX };
         // The plane of that row touches the body here.
-        let across = (self.down - self.forward * last).component_mul(axes);
-        let touches_at_m = body.center.z + axes.z * across.z / across.norm();
+        let across = (self.down - self.forward * last_row).component_mul(axes);
+        if body.center.z + axes.z * across.z / across.norm() >= 0.0 {
+            return i32::MAX;
+        }
         let radius = axes.x * (1.0 - part * part).max(0.0).sqrt();
         let circle = Vector3::new(radius, radius, 0.0);
-        match self.last_row(&Point3::new(body.center.x, body.center.y, 0.0), &circle) {
-            // A row more for rounding; the cast saturates.
-            Some(last) if touches_at_m < 0.0 => (last.ceil() + 2.0) as i32,
-            _ => i32::MAX,
-        }
+        let last = self.last_row(&Point3::new(body.center.x, body.center.y, 0.0), &circle);
+        // A row more for rounding; the cast saturates.
+        last.map_or(i32::MAX, |last| (last.ceil() + 2.0) as i32)
     }
 
     /// The last (real) row of an ellipsoid's image, within or outside; `None` where it reaches behind the image plane. With
@@ -147,20 +121,6 @@ impl View {
 
     /// Static depth at a pixel, as in [`StageCamera::static_z_m`].
     pub fn static_z_m(&self, u: i32, v: i32) -> f32 {
-        self.stretch_z_m(u as usize, v)[u as usize % STRETCH]
-    }
-
-    /// Static depth under the stretch of row `v` that holds column `u`.
-    pub(super) fn stretch_z_m(&self, u: usize, v: i32) -> &[f32; STRETCH] {
-        &self.static_z_m[v as usize * self.stretches_per_row + u / STRETCH]
-    }
-
-    /// Smallest and largest static depth under these columns of a row of tiles.
-    pub(super) fn tiles_range_m(&self, tile: i32, columns: &Range<i32>) -> [f32; 2] {
-        let start = tile as usize * self.stretches_per_row;
-        let tiles = columns.start as usize / STRETCH..(columns.end as usize).div_ceil(STRETCH);
-        self.tile_range_m[start + tiles.start..start + tiles.end]
-            .iter()
-            .fold(NO_RANGE_M, |[low, high], [near, far]| [near.min(low), far.max(high)])
+        self.depth.z_m(u as u32, v as u32)
     }
 }
