@@ -24,6 +24,11 @@ use wide::f64x8;
 
 use super::{Ellipsoid, View};
 
+/// Rows whose spans are worked out together.
+pub(super) const SPANS: usize = 8;
+/// Where lanes are, seen from the first.
+const LANES: f64x8 = f64x8::new([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
+
 /// The image of one body in one view.
 #[derive(Debug, Clone)]
 pub struct ImageConic {
@@ -73,33 +78,21 @@ pub struct Ellipse {
 }
 
 impl Ellipse {
-    /// The pixels of some rows, `v` being the first: all at once, so that they are worked out in vector registers.
-    pub fn spans<const ROWS: usize>(&self, v: i32) -> [Range<i32>; ROWS] {
-        let [from, to] = [self.columns.start, self.columns.end];
-        // Far enough outside to be outside after rounding.
-        let [low, high] = [f64::from(from - 2), f64::from(to + 2)];
-        let (mut starts, mut ends) = ([0; ROWS], [0; ROWS]);
-        for (i, (start, end)) in starts.iter_mut().zip(&mut ends).enumerate() {
-            let dv = f64::from(v + i as i32) - self.middle_v;
-            let square = self.widest - self.fall * dv * dv;
-            // Of a row that misses the ellipse, the start comes after the end.
-            let half = if square < 0.0 { -1.0 } else { square.sqrt() };
-            let middle = self.middle_u + self.slope * dv;
-            *start = -floor(-(middle - half).clamp(low, high)).clamp(-to, -from);
-            *end = (floor((middle + half).clamp(low, high)) + 1).clamp(from, to);
-        }
-        std::array::from_fn(|i| starts[i]..ends[i])
+    /// The pixels of [`SPANS`] rows, `v` being the first: all at once, in vector registers.
+    pub fn spans(&self, v: i32) -> [Range<i32>; SPANS] {
+        /// From here on, numbers are 1 apart, and their last bits count them.
+        const WHOLE: f64 = 1.5 * (1_u64 << 52) as f64;
+        let [from, to] = [f64::from(self.columns.start), f64::from(self.columns.end)];
+        let dv = LANES + (f64::from(v) - self.middle_v);
+        let square = self.widest - dv * dv * self.fall;
+        // Of a row that misses the ellipse, the start comes after the end.
+        let half = square.simd_lt(f64x8::ZERO).select(f64x8::splat(-1.0), square.sqrt());
+        let middle = self.middle_u + dv * self.slope;
+        let start = (middle - half).fast_max(f64x8::splat(from)).fast_min(f64x8::splat(to)).ceil();
+        let end = (middle + half).fast_max(f64x8::splat(from - 1.0)).fast_min(f64x8::splat(to - 1.0)).floor();
+        let (starts, ends) = ((start + WHOLE).to_array(), (end + (WHOLE + 1.0)).to_array());
+        std::array::from_fn(|i| starts[i].to_bits() as i32..ends[i].to_bits() as i32)
     }
-}
-
-/// The largest whole number that is not larger than `x`, which is far from what 32 bits can hold: as `x.floor() as i32`,
-/// without what keeps that out of vector registers.
-fn floor(x: f64) -> i32 {
-    /// From here on, numbers are 1 apart, and their last bits count them.
-    const WHOLE: f64 = 1.5 * (1_u64 << 52) as f64;
-    let nearest = (x + WHOLE) - WHOLE;
-    let below = if nearest > x { nearest - 1.0 } else { nearest };
-    (below + WHOLE).to_bits() as i32
 }
 
 /// One row of the image of a body: `b² − c a` and what depth needs, as functions of u.
@@ -121,8 +114,9 @@ impl Row {
     ///
     /// The static point is past the near surface when it lies inside the ellipsoid or beyond its middle: no root needed.
     /// Only meaningful inside a span. All columns are worked out at once, since asking which are doubtful takes longer.
+    #[inline]
     pub fn is_in_front_of(&self, u: i32, static_z_m: &[f32; 8]) -> u8 {
-        let u = f64x8::splat(f64::from(u)) + f64x8::new([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
+        let u = LANES + f64::from(u);
         let z = f64x8::new(static_z_m.map(f64::from));
         let a = self.a0 + u * (2.0 * self.a1 + u * self.a2);
         let b = self.b0 + u * self.b1;

@@ -2,11 +2,8 @@
 
 use std::ops::Range;
 
-use super::conic::{Ellipse, Outline};
+use super::conic::{Ellipse, Outline, SPANS};
 use super::{Ellipsoid, ImageConic, View};
-
-/// Rows whose spans are worked out together.
-const SPANS: usize = 8;
 
 /// The pixels of a body that the static room leaves visible: a rectangle of 64-pixel words. Bit 0 is the leftmost.
 ///
@@ -63,8 +60,7 @@ impl Silhouette {
         let (mut area_px, mut visible_px) = (0, 0);
         let mut rows_of_bits = self.bits.chunks_exact_mut(self.words.max(1));
         for first in rows.clone().step_by(SPANS) {
-            let spans: [Range<i32>; SPANS] = ellipse.spans(first);
-            for ((v, span), bits) in (first..rows.end).zip(&spans).zip(&mut rows_of_bits) {
+            for ((v, span), bits) in (first..rows.end).zip(&ellipse.spans(first)).zip(&mut rows_of_bits) {
                 area_px += (span.end - span.start).max(0) as u32;
                 for (word, bits) in (first_word..).zip(bits) {
                     *bits = sight.of(v, word, span_bits(span, word), conic);
