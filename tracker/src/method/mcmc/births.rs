@@ -11,6 +11,7 @@ use nalgebra::Point2;
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 
+use super::person::Person;
 use crate::likelihood::{Layers, Simulation, SummedArea};
 use crate::silhouette::{Body, Silhouette, View};
 
@@ -18,6 +19,11 @@ use crate::silhouette::{Body, Silhouette, View};
 const CELL_M: f64 = 0.25;
 /// The most cells a region is cut into; a wide one gets larger cells.
 const MOST_CELLS: f64 = 12_000.0;
+
+/// A camera has a person whom nobody explains where this part of what they would fill is unexplained …
+const PLAIN: f64 = 0.75;
+/// … and says nothing of a place where somebody covers this part.
+const TAKEN: f64 = 0.5;
 
 /// A region of the floor in cells.
 #[derive(Debug, Clone)]
@@ -50,11 +56,28 @@ struct Filled {
     area_px: u32,
 }
 
-/// The foreground of a moment that a state leaves unexplained, ready to be counted.
+/// What a state leaves to be explained of a moment, ready to be counted.
 #[derive(Debug, Clone, Default)]
 pub(super) struct LeftOver {
     /// One a camera; `None` for those that are left out.
-    cameras: Vec<Option<SummedArea>>,
+    cameras: Vec<Option<LeftInCamera>>,
+    /// The packed image of those whom one camera alone sees: memory that is used again.
+    lone: Vec<u64>,
+}
+
+/// What there is in one camera where a person would be seen. Pixels.
+struct Under {
+    visible: u32,
+    unexplained: u32,
+    covered: u32,
+}
+
+#[derive(Debug, Clone, Default)]
+struct LeftInCamera {
+    /// Foreground that nobody explains.
+    unexplained: SummedArea,
+    /// Pixels on which somebody is expected whom no other camera sees, as far as limbs reach.
+    covered: SummedArea,
 }
 
 impl BirthMap {
@@ -125,24 +148,30 @@ impl BirthMap {
 
     /// Weighs the cells by what a person there would explain of the foreground that is left over.
     ///
+    /// A camera misses nobody where somebody is expected already, which speaks against a place. Not so where it sees them alone
+    /// and another camera has most of a person whom nobody explains: the one may well have that person, at a wrong distance.
+    ///
     /// `log_gain` turns the newly covered pixels (all, foreground) of each camera into nats.
     pub(super) fn weigh(&mut self, left_over: &LeftOver, log_gain: impl Fn(usize, [u32; 2]) -> f64) {
         let gains: Vec<f64> = self
             .cells
             .iter()
             .map(|cell| {
+                let cameras = || cell.filled.iter().zip(&left_over.cameras).enumerate();
                 let seen = || {
-                    let cameras = cell.filled.iter().zip(&left_over.cameras).enumerate();
-                    cameras.filter(|(_, (filled, _))| filled.visible_px > 0).filter_map(
-                        |(c, (filled, left))| {
-                            let found = left.as_ref()?.count(&filled.rows, &filled.columns);
-                            Some((c, [filled.visible_px, found.min(filled.visible_px)]))
-                        },
-                    )
+                    cameras()
+                        .filter(|(_, (filled, _))| filled.visible_px > 0)
+                        .filter_map(|(c, (filled, left))| Some((c, left.as_ref()?.under(filled))))
                 };
                 // Most places would explain nothing.
-                let explains = seen().any(|(_, [_, found])| found > 0);
-                if explains { seen().map(|(c, counts)| log_gain(c, counts)).sum() } else { 0.0 }
+                if seen().all(|(_, under)| under.unexplained == 0) {
+                    return 0.0;
+                }
+                let elsewhere = seen().any(|(_, under)| under.is_plain());
+                seen()
+                    .filter(|(_, under)| !(elsewhere && under.is_taken()))
+                    .map(|(c, under)| log_gain(c, [under.visible, under.unexplained]))
+                    .sum()
             })
             .collect();
         self.cumulative.clear();
@@ -226,18 +255,108 @@ impl Filled {
     }
 }
 
+impl LeftInCamera {
+    fn under(&self, filled: &Filled) -> Under {
+        let count = |sums: &SummedArea| sums.count(&filled.rows, &filled.columns).min(filled.visible_px);
+        Under {
+            visible: filled.visible_px,
+            unexplained: count(&self.unexplained),
+            covered: count(&self.covered),
+        }
+    }
+}
+
+impl Under {
+    fn is_plain(&self) -> bool {
+        f64::from(self.unexplained) >= PLAIN * f64::from(self.visible)
+    }
+
+    fn is_taken(&self) -> bool {
+        !self.is_plain() && f64::from(self.covered) >= TAKEN * f64::from(self.visible)
+    }
+}
+
 impl LeftOver {
-    /// Takes in what the simulation's present state leaves unexplained.
-    pub(super) fn restart(&mut self, layers: &Layers, simulation: &Simulation) {
+    /// Takes in what the simulation's present state, made up of these people, leaves unexplained.
+    pub(super) fn restart(&mut self, layers: &Layers, simulation: &Simulation, people: &[Person]) {
         self.cameras.resize_with(layers.views().len(), || None);
+        let is_seen = |person: &Person, camera: usize| {
+            let layer = layers.innermost(camera);
+            simulation.in_use(layer) && person.silhouettes[layer].visible_px > 0
+        };
+        let is_lone = |person: &&Person| {
+            (0..layers.views().len()).filter(|camera| is_seen(person, *camera)).count() == 1
+        };
         for (camera, (sums, view)) in self.cameras.iter_mut().zip(layers.views()).enumerate() {
             let layer = layers.outermost(camera);
             if simulation.in_use(layer) {
-                let sums = sums.get_or_insert_default();
-                sums.restart(view.width as usize, view.words_per_row, simulation.unexplained(layer));
+                let LeftInCamera { unexplained, covered } = sums.get_or_insert_default();
+                let (columns, words) = (view.width as usize, view.words_per_row);
+                unexplained.restart(columns, words, simulation.unexplained(layer));
+                self.lone.clear();
+                self.lone.resize(words * view.height as usize, 0);
+                for person in people.iter().filter(is_lone) {
+                    let silhouette = &person.silhouettes[layer];
+                    for (row, bits) in silhouette.rows() {
+                        let start = row * words + silhouette.word_range().start;
+                        for (word, bits) in self.lone[start..].iter_mut().zip(bits) {
+                            *word |= bits;
+                        }
+                    }
+                }
+                covered.restart(columns, words, self.lone.iter().copied());
             } else {
                 *sums = None;
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{empty_room, masks, standing};
+    use super::*;
+    use crate::likelihood::{Rule, pack};
+    use crate::method::mcmc::McmcOptions;
+    use crate::silhouette::Shape;
+
+    /// One camera has the right person at a wrong distance, where the other sees nobody because something stands there (or
+    /// could see that nobody is there): of the proposals, the density at the true place.
+    fn density_at_truth(is_hidden: bool) -> f64 {
+        let (truth, wrong) = (standing(3.125, 2.625), standing(3.71, 3.11));
+        let mut stage = empty_room();
+        let seen = masks(&stage, &[truth]);
+        if is_hidden {
+            let camera = &mut stage.cameras[1];
+            for (u, v) in Silhouette::new(&View::new(camera), &Shape::REACH.of(&wrong)).pixels() {
+                let at = (v * camera.width() + u) as usize;
+                camera.static_z_m[at] = 0.5;
+            }
+        }
+        let rule: Rule = McmcOptions::default().likelihood;
+        let views: Vec<View> = stage.cameras.iter().map(View::new).collect();
+        let packed: Vec<_> =
+            seen.iter().zip(&views).map(|(frame, view)| frame.mask.as_ref().map(|m| pack(m, view))).collect();
+        let layers = Layers::new(views, rule.shapes());
+        let mut simulation = Simulation::new(&layers);
+        simulation.restart(&packed);
+        let silhouettes = layers.silhouettes(&wrong, |_| true);
+        simulation.insert(&silhouettes);
+        let person =
+            Person { key: 0, body: wrong, silhouettes, at_exit: false, known: None, tentative: false };
+        let mut left_over = LeftOver::default();
+        left_over.restart(&layers, &simulation, &[person]);
+        let mut births = BirthMap::new(&layers, &standing(0.0, 0.0), stage.floor.bounds(), |_, _| true);
+        // Foreground is worth half of what its absence costs.
+        births.weigh(&left_over, |_, [all, found]| 3.0 * f64::from(found) - 2.0 * f64::from(all));
+        births.density(truth.x_m, truth.y_m, 1.0)
+    }
+
+    #[test]
+    fn who_is_at_a_wrong_distance_in_one_camera_is_proposed_where_another_sees_them() {
+        let even = 1.0 / 30.0;
+        assert!(density_at_truth(true) > 5.0 * even, "{}", density_at_truth(true));
+        // Where the other camera could see the wrong one, that one is where they seem to be.
+        assert!(density_at_truth(false) < density_at_truth(true) / 5.0, "{}", density_at_truth(false));
     }
 }

@@ -207,7 +207,7 @@ impl Mcmc {
             .filter_map(|(_, (counts, px))| counts.map(|c| (c.foreground - c.both) as f64 / px))
             .fold(0.0, f64::max);
         let is_left_over = left_over > LEFT_OVER;
-        self.left_over.restart(layers, &self.simulation);
+        self.left_over.restart(layers, &self.simulation, &people);
         if settling || is_left_over {
             self.anywhere.weigh(&self.left_over, worth);
         }
