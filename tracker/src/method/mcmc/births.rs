@@ -65,19 +65,20 @@ pub(super) struct LeftOver {
     lone: Vec<u64>,
 }
 
-/// What there is in one camera where a person would be seen. Pixels.
-struct Under {
-    visible: u32,
-    unexplained: u32,
-    covered: u32,
-}
-
+/// The same in one camera.
 #[derive(Debug, Clone, Default)]
 struct LeftInCamera {
     /// Foreground that nobody explains.
     unexplained: SummedArea,
     /// Pixels on which somebody is expected whom no other camera sees, as far as limbs reach.
     covered: SummedArea,
+}
+
+/// What there is in one camera where a person would be seen. Pixels.
+struct Under {
+    visible: u32,
+    unexplained: u32,
+    covered: u32,
 }
 
 impl BirthMap {
