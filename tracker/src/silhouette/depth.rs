@@ -13,7 +13,9 @@ const STRETCH_BITS: u64 = (1 << STRETCH) - 1;
 /// A level is what depths have in common when this many of their last bits are taken off: 32 levels from one power of two
 /// to the next, at 5 m an eighth of a metre apart.
 const FINEST_LEVEL_BITS: u32 = 18;
-/// Levels are made coarser until their bits take no more words than this (1 MiB): they have to stay in the cache.
+/// All positive numbers are of one level.
+const COARSEST_LEVEL_BITS: u32 = 31;
+/// Levels are made coarser until their bits take no more words than this (1 MiB), if they can: they have to stay in the cache.
 const MOST_WORDS: usize = 1 << 17;
 
 /// Per pixel, the depth along z at which the static room is; infinite where nothing is, 0 where everything is hidden.
@@ -46,9 +48,9 @@ impl StaticDepth {
         let farthest = finite().copied().reduce(f32::max).unwrap_or(1.0);
         let plane_words = words_per_row * height as usize;
         let planes = |bits: u32| (level(farthest, bits) - level(nearest, bits)) as usize + 2;
-        let level_bits = (FINEST_LEVEL_BITS..f32::MANTISSA_DIGITS + 8)
+        let level_bits = (FINEST_LEVEL_BITS..COARSEST_LEVEL_BITS)
             .find(|bits| planes(*bits) * plane_words <= MOST_WORDS)
-            .unwrap_or(f32::MANTISSA_DIGITS + 8);
+            .unwrap_or(COARSEST_LEVEL_BITS);
         let mut depth = Self {
             planes: vec![vec![0; plane_words]; planes(level_bits)],
             first_level: level(nearest, level_bits),
@@ -139,5 +141,63 @@ impl Sight<'_> {
             rest &= !(STRETCH_BITS << part);
         }
         seen & pixels
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+
+    /// Depths of which some are nothing, some infinite and some no number.
+    fn irregular(rng: &mut Pcg64Mcg) -> f32 {
+        match rng.random_range(0..10) {
+            0 => 0.0,
+            1 => f32::INFINITY,
+            2 => f32::NAN,
+            _ => rng.random_range(0.05..30.0),
+        }
+    }
+
+    /// From an image so small that its levels are the finest to one of which not even two planes are small enough.
+    #[test]
+    fn what_is_sure_is_so_whatever_the_size_of_the_image() {
+        let mut rng = Pcg64Mcg::seed_from_u64(3);
+        let mut bits_of_levels = Vec::new();
+        for (width, height) in [(1, 1), (70, 40), (640, 480), (1920, 1080), (3840, 2304)] {
+            let z_m: Vec<f32> = (0..width * height).map(|_| irregular(&mut rng)).collect();
+            let at = |u: u32, v: u32| z_m[(v * width + u) as usize];
+            let depth = StaticDepth::new(width, height, at);
+            bits_of_levels.push(depth.level_bits);
+            for _ in 0..5 {
+                let from_m = rng.random_range(-1.0..20.0);
+                // Now and then met exactly.
+                let to_m =
+                    if rng.random() { f64::from(at(0, 0)) } else { from_m + rng.random_range(0.0..2.0) };
+                let to_m = if to_m.is_nan() { from_m } else { to_m };
+                let sight = depth.sight(from_m, to_m);
+                for _ in 0..2000 {
+                    let (u, v) = (rng.random_range(0..width), rng.random_range(0..height));
+                    let word = v as usize * depth.words_per_row + u as usize / 64;
+                    let has = |plane: &[u64]| plane[word] >> (u % 64) & 1 == 1;
+                    let z_m = at(u, v);
+                    assert!(!has(sight.beyond) || f64::from(z_m) > to_m, "{z_m} is not beyond {to_m}");
+                    let is_before = !(z_m > 0.0 && f64::from(z_m) >= from_m);
+                    assert!(has(sight.reached) || is_before, "{z_m} is not before {from_m}");
+                }
+            }
+        }
+        assert_eq!(bits_of_levels[..2], [FINEST_LEVEL_BITS; 2]);
+        assert!(bits_of_levels.is_sorted() && bits_of_levels[2] > FINEST_LEVEL_BITS);
+    }
+
+    #[test]
+    fn a_body_is_told_from_what_is_a_hands_breadth_before_or_behind_it() {
+        let depth = StaticDepth::new(64, 1, |u, _| 3.0 + 0.05 * u as f32);
+        let sight = depth.sight(4.0, 4.5);
+        let first = |plane: &[u64]| 3.0 + 0.05 * f64::from(plane[0].trailing_zeros());
+        assert!((3.8..=4.0).contains(&first(sight.reached)), "{}", first(sight.reached));
+        assert!((4.5..4.7).contains(&first(sight.beyond)), "{}", first(sight.beyond));
     }
 }

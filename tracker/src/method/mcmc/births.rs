@@ -11,19 +11,14 @@ use nalgebra::Point2;
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 
-use super::person::Person;
-use crate::likelihood::{Layers, Simulation, SummedArea};
+use super::left_over::LeftOver;
+use crate::likelihood::Layers;
 use crate::silhouette::{Body, Silhouette, View};
 
 /// Side of a cell: half of a person's width. Finer places are found by UPDATE-P.
 const CELL_M: f64 = 0.25;
 /// The most cells a region is cut into; a wide one gets larger cells.
 const MOST_CELLS: f64 = 12_000.0;
-
-/// A camera has a person whom nobody explains where this part of what they would fill is unexplained …
-const PLAIN: f64 = 0.75;
-/// … and says nothing of a place where somebody covers this part.
-const TAKEN: f64 = 0.5;
 
 /// A region of the floor in cells.
 #[derive(Debug, Clone)]
@@ -47,38 +42,13 @@ struct Cell {
 
 /// What a person would fill of an image.
 #[derive(Debug, Clone)]
-struct Filled {
-    rows: Range<usize>,
-    columns: Range<usize>,
+pub(super) struct Filled {
+    pub(super) rows: Range<usize>,
+    pub(super) columns: Range<usize>,
     /// Pixels of the rectangle that the room does not hide.
-    visible_px: u32,
+    pub(super) visible_px: u32,
     /// Pixels of the person's innermost shape, hidden or not.
     area_px: u32,
-}
-
-/// What a state leaves to be explained of a moment, ready to be counted.
-#[derive(Debug, Clone, Default)]
-pub(super) struct LeftOver {
-    /// One a camera; `None` for those that are left out.
-    cameras: Vec<Option<LeftInCamera>>,
-    /// The packed image of those whom one camera alone sees: memory that is used again.
-    lone: Vec<u64>,
-}
-
-/// The same in one camera.
-#[derive(Debug, Clone, Default)]
-struct LeftInCamera {
-    /// Foreground that nobody explains.
-    unexplained: SummedArea,
-    /// Pixels on which somebody is expected whom no other camera sees, as far as limbs reach.
-    covered: SummedArea,
-}
-
-/// What there is in one camera where a person would be seen. Pixels.
-struct Under {
-    visible: u32,
-    unexplained: u32,
-    covered: u32,
 }
 
 impl BirthMap {
@@ -149,30 +119,16 @@ impl BirthMap {
 
     /// Weighs the cells by what a person there would explain of the foreground that is left over.
     ///
-    /// A camera misses nobody where somebody is expected already, which speaks against a place. Not so where it sees them alone
-    /// and another camera has most of a person whom nobody explains: the one may well have that person, at a wrong distance.
-    ///
     /// `log_gain` turns the newly covered pixels (all, foreground) of each camera into nats.
     pub(super) fn weigh(&mut self, left_over: &LeftOver, log_gain: impl Fn(usize, [u32; 2]) -> f64) {
         let gains: Vec<f64> = self
             .cells
             .iter()
             .map(|cell| {
-                let cameras = || cell.filled.iter().zip(&left_over.cameras).enumerate();
-                let seen = || {
-                    cameras()
-                        .filter(|(_, (filled, _))| filled.visible_px > 0)
-                        .filter_map(|(c, (filled, left))| Some((c, left.as_ref()?.under(filled))))
-                };
+                let seen = || left_over.at(&cell.filled);
                 // Most places would explain nothing.
-                if seen().all(|(_, under)| under.unexplained == 0) {
-                    return 0.0;
-                }
-                let elsewhere = seen().any(|(_, under)| under.is_plain());
-                seen()
-                    .filter(|(_, under)| !(elsewhere && under.is_taken()))
-                    .map(|(c, under)| log_gain(c, [under.visible, under.unexplained]))
-                    .sum()
+                let explains = seen().any(|(_, [_, found])| found > 0);
+                if explains { seen().map(|(camera, counts)| log_gain(camera, counts)).sum() } else { 0.0 }
             })
             .collect();
         self.cumulative.clear();
@@ -256,68 +212,12 @@ impl Filled {
     }
 }
 
-impl LeftInCamera {
-    fn under(&self, filled: &Filled) -> Under {
-        let count = |sums: &SummedArea| sums.count(&filled.rows, &filled.columns).min(filled.visible_px);
-        Under {
-            visible: filled.visible_px,
-            unexplained: count(&self.unexplained),
-            covered: count(&self.covered),
-        }
-    }
-}
-
-impl Under {
-    fn is_plain(&self) -> bool {
-        f64::from(self.unexplained) >= PLAIN * f64::from(self.visible)
-    }
-
-    fn is_taken(&self) -> bool {
-        !self.is_plain() && f64::from(self.covered) >= TAKEN * f64::from(self.visible)
-    }
-}
-
-impl LeftOver {
-    /// Takes in what the simulation's present state, made up of these people, leaves unexplained.
-    pub(super) fn restart(&mut self, layers: &Layers, simulation: &Simulation, people: &[Person]) {
-        self.cameras.resize_with(layers.views().len(), || None);
-        let is_seen = |person: &Person, camera: usize| {
-            let layer = layers.innermost(camera);
-            simulation.in_use(layer) && person.silhouettes[layer].visible_px > 0
-        };
-        let is_lone = |person: &&Person| {
-            (0..layers.views().len()).filter(|camera| is_seen(person, *camera)).count() == 1
-        };
-        for (camera, (sums, view)) in self.cameras.iter_mut().zip(layers.views()).enumerate() {
-            let layer = layers.outermost(camera);
-            if simulation.in_use(layer) {
-                let LeftInCamera { unexplained, covered } = sums.get_or_insert_default();
-                let (columns, words) = (view.width as usize, view.words_per_row);
-                unexplained.restart(columns, words, simulation.unexplained(layer));
-                self.lone.clear();
-                self.lone.resize(words * view.height as usize, 0);
-                for person in people.iter().filter(is_lone) {
-                    let silhouette = &person.silhouettes[layer];
-                    for (row, bits) in silhouette.rows() {
-                        let start = row * words + silhouette.word_range().start;
-                        for (word, bits) in self.lone[start..].iter_mut().zip(bits) {
-                            *word |= bits;
-                        }
-                    }
-                }
-                covered.restart(columns, words, self.lone.iter().copied());
-            } else {
-                *sums = None;
-            }
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::person::Person;
     use super::super::tests::{empty_room, masks, standing};
     use super::*;
-    use crate::likelihood::{Rule, pack};
+    use crate::likelihood::{Rule, Simulation, pack};
     use crate::method::mcmc::McmcOptions;
     use crate::silhouette::Shape;
 

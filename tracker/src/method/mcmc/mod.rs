@@ -8,13 +8,14 @@
 //! 3. the mean over the last states is the estimate ([`tally`]), and becomes the belief of the next moment ([`belief`],
 //!    [`track`]); those who are believed in are told ([`report`]), at once or in [`hindsight`].
 //!
-//! Where people are proposed to appear is [`births`]; what can be set is [`McmcOptions`].
+//! Where people are proposed to appear is [`births`], by what the predicted ones leave over ([`left_over`]); what can be set is [`McmcOptions`].
 
 mod belief;
 mod births;
 mod chain;
 mod evidence;
 mod hindsight;
+mod left_over;
 mod motion;
 mod options;
 mod person;
@@ -28,9 +29,10 @@ use nalgebra::Point2;
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 
-use self::births::{BirthMap, LeftOver};
+use self::births::BirthMap;
 use self::chain::{Chain, Setting};
 use self::hindsight::Hindsight;
+use self::left_over::LeftOver;
 pub use self::options::{Acceptance, McmcOptions, MotionOptions, MoveWeights, Spread};
 use self::person::{Key, Person};
 use self::tally::Tally;
