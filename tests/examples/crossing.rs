@@ -14,6 +14,7 @@ use scenes::room::{Room, RoomCamera};
 use scenes::synthetic::{RoomOptions, SequenceOptions, SyntheticRoom, Walker};
 use scenes::view::look_at;
 use tests::chain::Said;
+use tests::data::folder_to_write;
 use tracker::likelihood::Rule;
 use tracker::method::Method;
 use tracker::method::mcmc::{Mcmc, McmcOptions};
@@ -53,7 +54,7 @@ impl Outcome {
 }
 
 fn main() -> Said<()> {
-    let figures = std::env::args().nth(1).ok_or("FIGURES-DIR")?;
+    let figures = folder_to_write(std::env::args().nth(1))?;
     std::fs::create_dir_all(&figures).map_err(|e| format!("{figures}: {e}"))?;
     let published = McmcOptions { likelihood: Rule::Overlap { exponent: 100.0 }, ..McmcOptions::published() };
     println!(

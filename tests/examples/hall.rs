@@ -10,13 +10,14 @@ use std::path::Path;
 
 use scenes::synthetic::{RenderOptions, SequenceOptions};
 use tests::chain::Said;
+use tests::data::folder_to_write;
 use tests::hall::{going_round, hall, passing_through, recording};
 
 const RATE_HZ: f64 = 12.0;
 
 fn main() -> Said<()> {
     let mut given = std::env::args().skip(1);
-    let folder = given.next().ok_or("which folder to write?")?;
+    let folder = folder_to_write(given.next())?;
     let way = given.next().unwrap_or_else(|| "round".into());
     let mut count = |what: &str, default: usize| match given.next() {
         None => Ok(default),

@@ -12,13 +12,13 @@ use scenes::plan::{FloorPlan, PlanOptions};
 use scenes::room::Room;
 use tests::accuracy::{ALONE, ROUTE, office_route, places};
 use tests::chain::{Said, track};
-use tests::data::office;
+use tests::data::{folder_to_write, office};
 
 /// Frames of the videos.
 const RECORDED: f64 = 300.0;
 
 fn main() -> Said<()> {
-    let figures = std::env::args().nth(1).ok_or("FIGURES-DIR")?;
+    let figures = folder_to_write(std::env::args().nth(1))?;
     let (office, figures) = (office(), Path::new(&figures));
     std::fs::create_dir_all(figures).map_err(|e| format!("{}: {e}", figures.display()))?;
     println!("{:<34} {:>7} {:>9} {:>9} {:>9}", "", "places", "mean cm", "max. cm", "frames/s");

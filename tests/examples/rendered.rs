@@ -11,6 +11,7 @@ use std::path::Path;
 use scenes::raycast::RayScene;
 use scenes::synthetic::{RoomOptions, SequenceOptions, WalkerOptions};
 use tests::chain::Said;
+use tests::data::folder_to_write;
 
 const RATE_HZ: f64 = 12.0;
 const SECONDS: f64 = 30.0;
@@ -19,7 +20,7 @@ const FRAMES: usize = 50;
 
 fn main() -> Said<()> {
     let mut given = std::env::args().skip(1);
-    let folder = given.next().ok_or("which folder to write?")?;
+    let folder = folder_to_write(given.next())?;
     let mut number = |what: &str, default: u64| match given.next() {
         None => Ok(default),
         Some(text) => text.parse().map_err(|e| format!("{what} {text}: {e}")),

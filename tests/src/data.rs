@@ -34,3 +34,17 @@ pub fn program(name: &str) -> Command {
     };
     Command::new(program)
 }
+
+/// The folder that an example is to write, from its first argument.
+///
+/// # Errors
+/// When there is none, or an option in its place: `--help` would become a folder.
+pub fn folder_to_write(given: Option<String>) -> Result<String, String> {
+    match given {
+        Some(folder) if !folder.starts_with('-') => Ok(folder),
+        Some(option) => {
+            Err(format!("{option}: no folder; the top of the example's source says how to call it"))
+        }
+        None => Err("which folder to write?".into()),
+    }
+}
