@@ -1,5 +1,6 @@
 //! The solvers against slow, independent ones: every choice tried, and a textbook min-cost flow with source and sink.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use proptest::prelude::*;
@@ -11,9 +12,15 @@ use super::solver::{constrained, exact, greedy};
 use super::*;
 use crate::tracks::rows::RowFile;
 
-/// A graph as it is drawn in the paper: every arc with its capacity and cost, source 0, sink 1, two nodes a detection.
-/// Solved by Bellman–Ford paths through source and sink while they lower the cost: slow, and nothing like the crate's.
+/// The least cost of any tracks: a textbook min-cost flow with source and sink.
 fn textbook_minimum(graph: &FlowGraph) -> i128 {
+    textbook_flow(graph, usize::MAX, |_| true)
+}
+
+/// A graph as it is drawn in the paper: every arc with its capacity and cost, source 0, sink 1, two nodes a detection.
+/// Solved by Bellman–Ford paths through source and sink while they lower the cost, up to so many, over the nodes wanted:
+/// slow, and nothing like the crate's.
+fn textbook_flow(graph: &FlowGraph, max_paths: usize, wants: impl Fn(usize) -> bool) -> i128 {
     struct Arc {
         from: usize,
         to: usize,
@@ -25,7 +32,7 @@ fn textbook_minimum(graph: &FlowGraph) -> i128 {
         arcs.push(Arc { from, to, is_free: true, cost: i128::from(cost) });
         arcs.push(Arc { from: to, to: from, is_free: false, cost: -i128::from(cost) });
     };
-    for node in 0..graph.node_count() {
+    for node in (0..graph.node_count()).filter(|n| wants(*n)) {
         let (way_in, way_out) = (2 + 2 * node, 3 + 2 * node);
         add(0, way_in, graph.birth());
         add(way_in, way_out, graph.node_cost(node));
@@ -36,7 +43,7 @@ fn textbook_minimum(graph: &FlowGraph) -> i128 {
     }
     let nodes = 2 + 2 * graph.node_count();
     let mut total = 0;
-    loop {
+    for _ in 0..max_paths {
         let mut distance = vec![i128::MAX / 2; nodes];
         let mut by = vec![usize::MAX; nodes];
         distance[0] = 0;
@@ -60,6 +67,7 @@ fn textbook_minimum(graph: &FlowGraph) -> i128 {
             at = arcs[arc].from;
         }
     }
+    total
 }
 
 /// The least cost of tracks that keep the directions, by trying every way to go on from every node.
@@ -178,14 +186,20 @@ proptest! {
     }
 
     #[test]
-    fn greedy_is_feasible_near_the_optimum_and_never_below(
+    fn greedy_leaves_no_track_that_pays_and_is_never_below_the_optimum(
         nodes in 0usize..24, values in prop::collection::vec(any::<u32>(), 97), is_coarse in any::<bool>()) {
         let graph = random_graph(nodes, &values, is_coarse);
         let optimum = exact::solve(&graph).total;
         let found = greedy::solve(&graph, optimum);
-        prop_assert!(found.total >= optimum && found.total <= Total(0));
-        // Two passes see all but paths that turn back twice.
-        prop_assert!(found.total.0 as f64 <= 0.6 * optimum.0 as f64, "{:?} {:?}", found.total, optimum);
+        prop_assert_eq!(cost_of(&graph, &found.tracks), found.total);
+        prop_assert!(found.total >= optimum, "{:?} {:?}", found.total, optimum);
+        // What it guarantees: it begins with the cheapest of all tracks, each further one lowers the cost, and it ends
+        // when none of what is left does. Of the optimum itself it guarantees no share: how near it comes in the mean
+        // is another test's.
+        prop_assert!(found.total.0 <= textbook_flow(&graph, 1, |_| true), "{:?}", found);
+        let used: BTreeSet<usize> = found.tracks.iter().flatten().map(|n| *n as usize).collect();
+        prop_assert_eq!(used.len(), found.tracks.iter().map(Vec::len).sum::<usize>(), "a detection on two tracks");
+        prop_assert_eq!(textbook_flow(&graph, usize::MAX, |n| !used.contains(&n)), 0);
     }
 
     #[test]
