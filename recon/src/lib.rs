@@ -13,6 +13,7 @@
 //! * [`surface`] — what a reference view is known to see: depth, normal, origin of each pixel.
 //! * [`ray_depth`] — the depth of single, picked pixels, from all frames.
 //! * [`rolling_shutter`] — frames whose rows were read one after the other, as if filmed at once.
+//! * [`plumb`] — which way is up by the edges in the pictures.
 //! * [`planes`] — the room's planes: measured depths made exact on them, holes filled from them.
 //! * [`assemble`] — one room from all surfaces: [`merge`] (picked points, common surfaces), [`floor`] (Hough
 //!   transform, world frame), [`scale`] (metres), [`fusion`] (oriented discs).
@@ -33,6 +34,7 @@ pub mod fusion;
 pub mod merge;
 pub mod motion;
 pub mod planes;
+pub mod plumb;
 pub mod project;
 pub mod proposals;
 pub mod ray_depth;

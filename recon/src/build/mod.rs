@@ -22,11 +22,12 @@ use rayon::prelude::*;
 use scenes::room::{Room, Zone};
 
 use crate::Result;
-use crate::assemble::{self, AssembleOptions};
+use crate::assemble::{self, AssembleOptions, Captures};
 use crate::capture::Capture;
 use crate::dense::DenseOptions;
 use crate::motion::MotionOptions;
 use crate::planes::PlaneOptions;
+use crate::plumb;
 use crate::project::{Project, ProjectCamera};
 use crate::surface::Surface;
 use camera::{Camera, Seen};
@@ -95,7 +96,7 @@ pub fn build(
 
     let kept = Kept::beside(out);
     let mut report = BuildReport::default();
-    let mut measured = Vec::with_capacity(captures.len());
+    let (mut measured, mut edges) = (Vec::with_capacity(captures.len()), Vec::with_capacity(captures.len()));
     let cameras = worked_through(captures, Some(&kept), options, &mut step, &mut |index, capture, seen| {
         report.cameras.push(seen.report.clone());
         if let Some(shutter) = seen.shutter() {
@@ -103,14 +104,15 @@ pub fn build(
             project.move_pixels(index, &|pixel| at_once(pixel).unwrap_or(*pixel));
         }
         measured.push(camera::measure(capture, seen, &project.pixels_of(index)));
+        edges.push(plumb::edges::of_capture(&capture.frames, &seen.lens, &seen.camera_from_world));
         tracing::debug!("{}: depths at picks {:?}", capture.name, measured.last());
     })?;
     step("the room: cameras, floor, metres".into());
     let start = Instant::now();
     let surfaces: Vec<Surface> = cameras.iter().map(|(c, _)| c.seen.surface.clone()).collect();
     let lenses: Vec<Intrinsics> = cameras.iter().map(|(c, _)| c.seen.lens.clone()).collect();
-    let (mut room, assembled) =
-        assemble::assemble(&project, &surfaces, &lenses, &measured, &options.assemble)?;
+    let captures = Captures { surfaces: &surfaces, lenses: &lenses, measured: &measured, edges: &edges };
+    let (mut room, assembled) = assemble::assemble(&project, &captures, &options.assemble)?;
     report.assembled(&project, &assembled, start.elapsed());
     take_over(&mut room, before, zones);
 

@@ -22,14 +22,22 @@ const GAP: u32 = 6;
 /// The floor plan; not in `preview/`, where a camera may be called so.
 const PLAN: &str = "plan.png";
 
-/// Writes `plan.png` and `preview/NAME.png` for each camera; at half their size if they are to be `small`.
+/// Writes `plan.png` and `preview/NAME.png` for each camera, beside each other; at half their size if they are to be `small`.
 pub(super) fn write(dir: &Path, room: &Room, references: &[(&str, &RgbImage)], small: bool) -> Result<()> {
-    // Of the room as it is read, and kept beside it: the first `tracker run` in it need not draw the plan again.
+    let (plan, views) = rayon::join(|| write_plan(dir, small), || write_views(dir, room, references, small));
+    plan.and(views)
+}
+
+/// Of the room as it is read, and kept beside it: the first `tracker run` in it need not draw the plan again.
+fn write_plan(dir: &Path, small: bool) -> Result<()> {
     let mut options = PlanOptions { room_dir: Some(dir.to_owned()), ..PlanOptions::default() };
     if small {
         options.longest_side_px /= 2;
     }
-    write_png(&dir.join(PLAN), &FloorPlan::new(&Room::read(dir)?, &options)?.into_image())?;
+    write_png(&dir.join(PLAN), &FloorPlan::new(&Room::read(dir)?, &options)?.into_image())
+}
+
+fn write_views(dir: &Path, room: &Room, references: &[(&str, &RgbImage)], small: bool) -> Result<()> {
     let Some(geometry) = &room.geometry else { return Ok(()) };
     let scene = RayScene::new(geometry)?;
     for (camera, (name, reference)) in room.cameras.iter().zip(references) {

@@ -37,8 +37,10 @@ pub struct BuildReport {
     pub floor_share: f64,
     /// Planes that say which way is up: the floor and those parallel to it …
     pub level_planes: usize,
-    /// … and walls.
+    /// … and walls; …
     pub plumb_planes: usize,
+    /// … captures in whose pictures plumb lines do.
+    pub plumb_captures: usize,
     /// Discs in the room.
     pub discs: usize,
     /// Of these, filled in rather than measured.
@@ -158,6 +160,7 @@ impl BuildReport {
         self.floor_share = done.floor.area_share;
         self.level_planes = done.floor.level_planes;
         self.plumb_planes = done.floor.plumb_planes;
+        self.plumb_captures = done.floor.plumb_captures;
         self.discs = done.fusion.discs;
         self.filled_discs = done.fusion.filled;
         self.duplicate_pixels = done.fusion.duplicates;

@@ -26,20 +26,19 @@ pub(super) fn peaks(points: &[SurfacePoint], size: f64, options: &FloorOptions) 
     let mut cells: Vec<(f64, Plane)> = directions
         .par_iter()
         .flat_map_iter(|normal| {
-            let (mut low, mut high) = (f64::MAX, f64::MIN);
-            for p in points.iter().filter(|p| p.normal.dot(normal) > near) {
-                let d = normal.dot(&p.position.coords);
-                (low, high) = (low.min(d), high.max(d));
-            }
+            let facing = points.iter().filter(|p| p.normal.dot(normal) > near);
+            let voters: Vec<(f64, f64)> = facing.map(|p| (normal.dot(&p.position.coords), p.area)).collect();
+            let low = voters.iter().map(|v| v.0).fold(f64::MAX, f64::min);
+            let high = voters.iter().map(|v| v.0).fold(f64::MIN, f64::max);
             let count = if low <= high { ((high - low) / cell) as usize + 2 } else { 0 };
             let mut votes = vec![0.0; count];
-            for p in points.iter().filter(|p| p.normal.dot(normal) > near) {
+            for (distance, area) in voters {
                 // Shared between the two nearest cells, so that a plane on a border loses nothing.
-                let at = (normal.dot(&p.position.coords) - low) / cell;
+                let at = (distance - low) / cell;
                 let (below, share) = (at as usize, at.fract());
-                votes[below] += p.area * (1.0 - share);
+                votes[below] += area * (1.0 - share);
                 if below + 1 < count {
-                    votes[below + 1] += p.area * share;
+                    votes[below + 1] += area * share;
                 }
             }
             votes

@@ -6,7 +6,7 @@
 //! Osawa et al. take the plane of the largest area; in many rooms that is a wall, and in bent space what looks like a large
 //! floor is a little of it and something else. Here each plane that could be level by the way the images stand is asked
 //! what would be the floor then: a plane that has almost nothing behind it and every camera above it. The area that is
-//! level or plumb with it ([`vertical`]) tells which way is up, and the floor's own area which plane at that, so the largest
+//! level or plumb with it ([`vertical`]), with what runs up in the pictures ([`crate::plumb`]), tells which way is up, and the floor's own area which plane at that, so the largest
 //! sum of both is taken, less what lies behind: in a polished floor there is another ceiling.
 
 mod fit;
@@ -17,6 +17,7 @@ mod vertical;
 
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Similarity3, Translation3, UnitQuaternion, Vector3};
 
+use crate::plumb::Plumb;
 use crate::{Error, Result};
 use fit::{Cloud, Fit};
 use vertical::Voices;
@@ -108,20 +109,24 @@ pub struct FloorReport {
     pub rms: f64,
     /// Planes that say which way is up: the floor and those parallel to it …
     pub level_planes: usize,
-    /// … and walls.
+    /// … and walls; …
     pub plumb_planes: usize,
+    /// … captures in whose pictures plumb lines do.
+    pub plumb_captures: usize,
 }
 
 /// The floor among `points`.
 ///
 /// # Arguments
-/// `cameras`: each camera's pose (camera from the points' frame).
+/// `cameras`: each camera's pose (camera from the points' frame). `plumb`: which way is up there by the lines in each
+/// camera's pictures, of those that tell.
 ///
 /// # Errors
 /// [`Error::Room`] when no plane can be a floor, saying what was wrong with the best.
 pub fn find(
     points: &[SurfacePoint],
     cameras: &[Isometry3<f64>],
+    plumb: &[Plumb],
     options: &FloorOptions,
 ) -> Result<(Plane, FloorReport)> {
     let centres: Vec<Point3<f64>> = cameras.iter().map(|c| c.inverse() * Point3::origin()).collect();
@@ -160,9 +165,10 @@ pub fn find(
                 refusal = "each plane that lies level has too much below it; is the floor itself in view?";
                 break;
             }
-            let Some(agreed) = Voices::new(&floor, &large, size, options).consensus(&plane.normal) else {
-                continue;
-            };
+            let voices = Voices::new(&floor, &large, plumb, size, options);
+            let ups = std::iter::once(&plane.normal).chain(plumb.iter().map(|of| &of.up));
+            let agreed = ups.filter_map(|up| voices.consensus(up));
+            let Some(agreed) = agreed.reduce(|a, b| if b.area > a.area { b } else { a }) else { continue };
             let worth = (agreed.area + floor.area - behind) / total;
             let report = FloorReport {
                 peaks: peaks.len(),
@@ -171,6 +177,7 @@ pub fn find(
                 rms: floor.rms,
                 level_planes: agreed.level,
                 plumb_planes: agreed.plumb,
+                plumb_captures: agreed.lines,
             };
             tracing::debug!("up {:.3?}: worth {worth:.3} with {report:?}", agreed.up.as_slice());
             if best.as_ref().is_none_or(|(most, ..)| worth > *most) {

@@ -68,7 +68,7 @@ fn the_floors_of_a_thousand_rooms_are_found() {
         let scale = f64::exp(angle());
         let pose = Similarity3::from_parts(Translation3::from(shift), rotation, scale);
         let (points, cameras) = room(seed, 0.15, &pose);
-        let (plane, report) = find(&points, &cameras, &FloorOptions::default())
+        let (plane, report) = find(&points, &cameras, &[], &FloorOptions::default())
             .unwrap_or_else(|line| panic!("room {seed}: {line}"));
         // Upside down would be 180°; some 60 points a centimetre off, on a strip a metre wide, leave a fraction of one.
         let tilt_deg = plane.normal.angle(&(rotation * Vector3::z())).to_degrees();
@@ -105,11 +105,47 @@ fn of_a_floor_hardly_seen_the_table_says_which_way_is_up() {
     cells([1.0, 3.0], [0.0, 1.4], 0.75, 0.0);
     let look = UnitQuaternion::face_towards(&Vector3::new(1.0, 0.3, -1.0), &-Vector3::z());
     let camera = Isometry3::from_parts(Translation3::new(0.0, 0.0, 1.8), look).inverse();
-    let (plane, report) = find(&points, &[camera], &FloorOptions::default()).unwrap();
+    let (plane, report) = find(&points, &[camera], &[], &FloorOptions::default()).unwrap();
     let tilt_deg = plane.normal.angle(&Vector3::z()).to_degrees();
     assert!(report.level_planes == 2 && tilt_deg < 0.6, "{tilt_deg}, {report:?}");
     // How far down the floor is, it says itself.
     assert_relative_eq!(plane.height(&Point3::new(0.4, 0.7, 0.0)), 0.0, epsilon = 0.003);
+}
+
+#[test]
+fn of_a_sloping_strip_of_floor_plumb_lines_say_which_way_is_up() {
+    let mut rng = Pcg64Mcg::seed_from_u64(4);
+    let slope = 2f64.to_radians();
+    let points: Vec<SurfacePoint> = (0..800)
+        .map(|_| {
+            let (x, y) = (rng.random_range(0.0..0.8), rng.random_range(0.0..1.4));
+            let noise: f64 = StandardNormal.sample(&mut rng);
+            SurfacePoint {
+                position: Point3::new(x, y, slope * (x - 0.4) + 0.01 * noise),
+                normal: Vector3::z(),
+                area: 0.001,
+                sigma: 0.01,
+            }
+        })
+        .collect();
+    let look = UnitQuaternion::face_towards(&Vector3::new(1.0, 0.3, -1.0), &-Vector3::z());
+    let camera = Isometry3::from_parts(Translation3::new(0.0, 0.0, 1.8), look).inverse();
+    let with = |up: Vector3<f64>, sigma_deg: f64| {
+        let across = Matrix3::identity() - up * up.transpose();
+        let plumb = Plumb { up, covariance: across * sigma_deg.to_radians().powi(2) };
+        let (plane, report) = find(&points, &[camera], &[plumb], &FloorOptions::default()).unwrap();
+        (plane.normal.angle(&Vector3::z()).to_degrees(), report.plumb_captures)
+    };
+    let (alone_deg, _) = with(Vector3::x(), 0.3);
+    assert!(alone_deg > 1.5, "{alone_deg}");
+    let (tilt_deg, captures) = with(Vector3::z(), 0.3);
+    assert!(tilt_deg < 0.6 && captures == 1, "{tilt_deg} {captures}");
+    // What says little, and what runs another way, changes little, or nothing.
+    let (vague_deg, _) = with(Vector3::z(), 20.0);
+    assert!(vague_deg > 1.4, "{vague_deg}");
+    let aslant = Vector3::new(0.3, 0.2, 1.0).normalize();
+    assert_relative_eq!(with(aslant, 0.3).0, alone_deg);
+    assert_eq!(with(aslant, 0.3).1, 0);
 }
 
 #[test]
@@ -142,7 +178,7 @@ fn a_little_floor_with_something_else_makes_no_larger_floor() {
     cells([3.6, 4.4], [0.0, 1.0], 0.28, 7.0);
     let look = UnitQuaternion::face_towards(&Vector3::new(1.0, 0.3, -0.6), &-Vector3::z());
     let camera = Isometry3::from_parts(Translation3::new(0.0, 0.0, 1.8), look).inverse();
-    let (plane, report) = find(&points, &[camera], &FloorOptions::default()).unwrap();
+    let (plane, report) = find(&points, &[camera], &[], &FloorOptions::default()).unwrap();
     let tilt_deg = plane.normal.angle(&Vector3::z()).to_degrees();
     assert!(tilt_deg < 0.7 && report.level_planes == 2, "{tilt_deg}, {report:?}");
     assert_relative_eq!(plane.height(&Point3::new(0.85, 0.5, 0.0)), 0.0, epsilon = 0.01);
@@ -165,7 +201,7 @@ fn what_a_polished_floor_reflects_is_no_floor() {
                 sigma: 0.01,
             });
         }
-        let (plane, report) = find(&points, &cameras, &FloorOptions::default()).unwrap();
+        let (plane, report) = find(&points, &cameras, &[], &FloorOptions::default()).unwrap();
         assert!(plane.height(&Point3::origin()).abs() < 0.02, "room {seed}: {report:?}");
     }
 }
@@ -174,10 +210,10 @@ fn what_a_polished_floor_reflects_is_no_floor() {
 fn without_its_floor_a_room_has_none() {
     let (points, cameras) = room(3, 1.0, &Similarity3::identity());
     let without: Vec<SurfacePoint> = points.into_iter().filter(|p| p.position.z > 0.2).collect();
-    let line = find(&without, &cameras, &FloorOptions::default());
+    let line = find(&without, &cameras, &[], &FloorOptions::default());
     // The ceiling looks down, so at most the table is left, and walls reach below it.
     assert!(line.is_err(), "{line:?}");
-    assert!(find(&[], &cameras, &FloorOptions::default()).is_err());
+    assert!(find(&[], &cameras, &[], &FloorOptions::default()).is_err());
 }
 
 #[test]

@@ -11,7 +11,10 @@
 //! floor          0 = t     + N(0, Λ⁻¹)
 //! level plane  t_k = t     + N(0, Λ_k⁻¹ + σ² I)
 //! wall         −s_k = n · t + N(0, (Λ_k⁻¹ along up) + σ²)
+//! plumb lines  t_k = t     + N(0, C_k)
 //! ```
+//!
+//! The last are those of one capture's pictures, with the covariance C that [`crate::plumb`] tells.
 //!
 //! Sloped desks and leaning boards have no say: of the planes that face up, down or sideways to within some angle, true
 //! ones are taken to be q times as many as others, and those to stand anyhow within that angle. So a plane is the more
@@ -28,6 +31,7 @@ use nalgebra::{Matrix2, Matrix3x2, Vector2, Vector3};
 
 use super::FloorOptions;
 use super::fit::Fit;
+use crate::plumb::{Plumb, tangents};
 
 /// Of planes that are almost level or plumb so many are for each that is not.
 const TRUE_TO_SLOPED: f64 = 10.0;
@@ -43,6 +47,8 @@ pub(super) struct Consensus {
     pub(super) level: usize,
     /// Plumb planes that agree.
     pub(super) plumb: usize,
+    /// Captures whose plumb lines agree.
+    pub(super) lines: usize,
     /// The area of all that agree, each as much as it does.
     pub(super) area: f64,
 }
@@ -101,13 +107,20 @@ pub(super) struct Voices {
     floor: Option<(Matrix3x2<f64>, Voice)>,
     level: Vec<Voice>,
     plumb: Vec<Voice>,
+    lines: Vec<Voice>,
 }
 
 impl Voices {
     /// # Arguments
-    /// `planes`: any planes, the largest first; one that hardly lies apart from an earlier one is the same again. `size`:
-    /// the room's.
-    pub(super) fn new(floor: &Fit, planes: &[&Fit], size: f64, options: &FloorOptions) -> Self {
+    /// `planes`: any planes, the largest first; one that hardly lies apart from an earlier one is the same again. `plumb`:
+    /// what the edges in each capture's pictures agree on. `size`: the room's.
+    pub(super) fn new(
+        floor: &Fit,
+        planes: &[&Fit],
+        plumb: &[Plumb],
+        size: f64,
+        options: &FloorOptions,
+    ) -> Self {
         let up = floor.plane.normal;
         let widest = options.normal_spread_deg.to_radians();
         let patch = (options.correlated * size).powi(2);
@@ -117,6 +130,7 @@ impl Voices {
             floor: None,
             level: Vec::new(),
             plumb: Vec::new(),
+            lines: Vec::new(),
         };
         let Some(across) = tangents(&up) else { return voices };
         let own = covariance(floor, &across, patch);
@@ -125,6 +139,14 @@ impl Voices {
             .map(|voice| (across, voice));
         let apart = 4.0 * options.thickness * size;
         let untrue = options.level_sigma_deg.to_radians().powi(2);
+        // Lines have no area of their own. A capture shows them on many things, so they are worth what its largest plane is.
+        let largest = planes.iter().map(|plane| plane.area).fold(0.0, f64::max);
+        let said = |of: &Plumb| {
+            let tilt = across.tr_mul(&of.up) / of.up.dot(&up);
+            Voice::level(tilt, &(across.transpose() * of.covariance * across), largest, widest)
+        };
+        let near = |of: &&Plumb| of.up.dot(&up) > widest.cos();
+        voices.lines = plumb.iter().filter(near).filter_map(said).collect();
         let (mut heights, mut walls) = (vec![0.0], Vec::<&Fit>::new());
         for &plane in planes {
             let normal = plane.plane.normal;
@@ -163,10 +185,14 @@ impl Voices {
     /// does not agree.
     pub(super) fn consensus(&self, up: &Vector3<f64>) -> Option<Consensus> {
         let Some((across, floor)) = &self.floor else {
-            return Some(Consensus { up: *up, level: 1, plumb: 0, area: self.floor_area });
+            return Some(Consensus { up: *up, level: 1, plumb: 0, lines: 0, area: self.floor_area });
         };
-        let all = || std::iter::once(floor).chain(&self.level).chain(&self.plumb);
-        let mut tilt = across.transpose() * up / up.dot(&self.floor_normal);
+        let all = || std::iter::once(floor).chain(&self.level).chain(&self.plumb).chain(&self.lines);
+        let facing = up.dot(&self.floor_normal);
+        if facing <= 0.0 {
+            return None;
+        }
+        let mut tilt = across.transpose() * up / facing;
         for _ in 0..ROUNDS {
             let agreeing = || all().filter(|voice| voice.agrees(&tilt));
             let information: Matrix2<f64> = agreeing().map(|v| v.information).sum();
@@ -183,15 +209,10 @@ impl Voices {
             up: (self.floor_normal + across * tilt).normalize(),
             level: 1 + count(&self.level),
             plumb: count(&self.plumb),
+            lines: count(&self.lines),
             area: all().map(|v| v.area * v.agreement(&tilt)).sum(),
         })
     }
-}
-
-/// Two unit vectors across a unit vector.
-fn tangents(up: &Vector3<f64>) -> Option<Matrix3x2<f64>> {
-    let first = up.cross(&Vector3::ith(up.iamin(), 1.0)).try_normalize(0.0)?;
-    Some(Matrix3x2::from_columns(&[first, up.cross(&first)]))
 }
 
 /// Covariance of a plane's tilt along `across`, residuals being one observation a `patch` (an area); `None` when its
@@ -235,7 +256,7 @@ mod tests {
 
     /// Asked as [`super::super::find`] asks: with each plane taken to be level.
     fn vote(floor: &Fit, planes: &[&Fit], options: &FloorOptions) -> Consensus {
-        let voices = Voices::new(floor, planes, SIZE, options);
+        let voices = Voices::new(floor, planes, &[], SIZE, options);
         let ups = std::iter::once(&floor).chain(planes).map(|p| p.plane.normal * p.plane.normal.z.signum());
         ups.filter_map(|up| voices.consensus(&up)).reduce(|a, b| if b.area > a.area { b } else { a }).unwrap()
     }
@@ -332,7 +353,7 @@ mod tests {
         let strip = rectangle([0.7, 0.0], 0.0, 0.0, 0.004);
         assert!(is_alone(vote(&strip, &[&table], &options(0.5))));
         let up = table.plane.normal;
-        assert_eq!(Voices::new(&strip, &[&table], SIZE, &options(0.5)).consensus(&up).unwrap().up, up);
+        assert_eq!(Voices::new(&strip, &[&table], &[], SIZE, &options(0.5)).consensus(&up).unwrap().up, up);
     }
 
     #[test]

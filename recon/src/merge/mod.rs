@@ -4,7 +4,7 @@
 //! depth measured there ([`crate::ray_depth`]; where that fails, dense stereo's), two sets of 3-D points and so a
 //! similarity by Horn's closed form ([`calib::absolute_orientation`]); the best-joined pairs are chained from the
 //! first camera on ([`graph`]). The joint refinement ([`refine`]) then moves cameras and points until the picks fall
-//! where they were picked, and the surfaces that cameras see in common lie on each other. Once it is known how the
+//! where they were picked, the surfaces that cameras see in common lie on each other, and up is the same for all. Once it is known how the
 //! cameras stand, their pictures are found to have more in common ([`crate::proposals`]): that refines them again.
 
 mod graph;
@@ -13,8 +13,9 @@ mod refine;
 #[cfg(test)]
 mod tests;
 
-use nalgebra::{Point2, Point3, Similarity3};
+use nalgebra::{Isometry3, Point2, Point3, Similarity3};
 
+use crate::plumb::Plumb;
 use crate::project::Project;
 use crate::proposals;
 use crate::ray_depth::{MeasuredPixel, RayDepth};
@@ -55,9 +56,6 @@ impl Default for MergeOptions {
     }
 }
 
-/// Depths at picks that are off by more than this share are worth a word.
-const DOUBTFUL_DEPTH: f64 = 0.015;
-
 /// What merging did.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct MergeReport {
@@ -84,7 +82,22 @@ pub struct Merged {
     pub points: Vec<Option<Point3<f64>>>,
 }
 
+impl Merged {
+    /// Each camera from the common frame.
+    pub fn poses(&self) -> Vec<Isometry3<f64>> {
+        self.common_from_camera.iter().map(camera_pose).collect()
+    }
+}
+
+/// A camera's pose in the other frame, in that frame's units: the scale only stretches what the camera sees.
+pub(crate) fn camera_pose(frame_from_camera: &Similarity3<f64>) -> Isometry3<f64> {
+    frame_from_camera.isometry.inverse()
+}
+
 /// Joins all cameras.
+///
+/// # Arguments
+/// `plumb`: which way is up in each camera's frame by the lines in its pictures, where that is known; may be empty.
 ///
 /// # Errors
 /// [`Error::Content`] naming the pick that spoils a pair, or a pair without enough usable depth at its picks.
@@ -93,38 +106,30 @@ pub fn merge(
     surfaces: &[Surface],
     lenses: &[calib::Intrinsics],
     measured: &[Vec<MeasuredPixel>],
+    plumb: &[Option<Plumb>],
     options: &MergeOptions,
 ) -> Result<(Merged, MergeReport)> {
     let picks = lift(project, surfaces, lenses, measured, options)?;
     let start = graph::chain(project, &picks, surfaces.len())?;
-    let (mut merged, mut report) = refine::refine(&picks, &start, surfaces, options);
+    let (mut merged, mut report) = refine::refine(&picks, &start, surfaces, plumb, options);
     check_pairs(project, &picks, &report)?;
     let matches = matches(surfaces, &merged, project.points.len(), options)?;
     if !matches.is_empty() {
         let count = matches.len() / 2;
         let left_out = |pick: &Pick| report.outliers.iter().any(|(point, ..)| *point == pick.point + 1);
         let all: Vec<Pick> = picks.into_iter().filter(|p| !left_out(p)).chain(matches).collect();
-        let (joined, told) = refine::refine(&all, &merged.common_from_camera, surfaces, options);
+        let (joined, told) = refine::refine(&all, &merged.common_from_camera, surfaces, plumb, options);
         // What people picked is right: what contradicts it is not.
         if told.outliers.is_empty() && !spoils(told.pick_rms_px, report.pick_rms_px) {
             merged = joined;
             report = MergeReport { outliers: report.outliers, matches: count, ..told };
         }
     }
-    for (camera, sigma) in project.cameras.iter().zip(&report.depth_sigma) {
-        if *sigma > DOUBTFUL_DEPTH {
-            tracing::warn!(
-                "camera `{}`: its depths are off by about {:.1} % at the picks, so its space is bent; check the intrinsics, and film along a wider path",
-                camera.name,
-                100.0 * sigma
-            );
-        }
-    }
     Ok((merged, report))
 }
 
 /// Whether something spoils the fit of the picks: their root mean square distance with it and without it, pixels.
-fn spoils(with_px: f64, without_px: f64) -> bool {
+pub(crate) fn spoils(with_px: f64, without_px: f64) -> bool {
     with_px > 1.5 * without_px + 0.5
 }
 

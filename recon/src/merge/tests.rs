@@ -6,7 +6,7 @@ use crate::surface::Origin;
 use calib::{Intrinsics, rotation};
 use glam::Vec3;
 use image::RgbImage;
-use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, UnitQuaternion, Vector3};
 
 /// The room is a box of these half extents around the origin.
 const HALF: Vector3<f64> = Vector3::new(3.0, 2.0, 1.3);
@@ -95,7 +95,7 @@ fn project() -> Project {
 }
 
 fn merged(project: &Project, options: &MergeOptions) -> Result<(Merged, MergeReport)> {
-    merge(project, &[surface(0), surface(1)], &[lens(), lens()], &[vec![], vec![]], options)
+    merge(project, &[surface(0), surface(1)], &[lens(), lens()], &[vec![], vec![]], &[], options)
 }
 
 /// Error of the second camera's pose as seen from the first: share of their distance, degrees, share of the scale.
@@ -158,9 +158,10 @@ fn picks_without_depth_are_told() {
     let mut blind = surface(1);
     blind.depth.fill(0.0);
     let surfaces = [surface(0), blind];
-    let line = merge(&project(), &surfaces, &[lens(), lens()], &[vec![], vec![]], &MergeOptions::default())
-        .unwrap_err()
-        .to_string();
+    let line =
+        merge(&project(), &surfaces, &[lens(), lens()], &[vec![], vec![]], &[], &MergeOptions::default())
+            .unwrap_err()
+            .to_string();
     assert!(line.contains("depth at only 0") && line.contains("[[point]] 1, b"), "{line}");
 }
 
@@ -180,7 +181,7 @@ fn bent_depths_are_noticed_and_trusted_less() {
     let options = MergeOptions { align_surfaces: false, ..MergeOptions::default() };
     let run = |slope: f64| {
         let surfaces = [bent(0, slope), surface(1)];
-        merge(&project(), &surfaces, &[lens(), lens()], &[vec![], vec![]], &options).unwrap()
+        merge(&project(), &surfaces, &[lens(), lens()], &[vec![], vec![]], &[], &options).unwrap()
     };
     let (straight, straight_report) = run(0.0);
     let (result, report) = run(0.5);
@@ -195,7 +196,7 @@ fn bent_surfaces_are_not_forced_on_each_other() {
     let run = |align_surfaces: bool| {
         let options = MergeOptions { align_surfaces, ..MergeOptions::default() };
         let surfaces = [bent(0, 0.3), surface(1)];
-        merge(&project(), &surfaces, &[lens(), lens()], &[vec![], vec![]], &options).unwrap()
+        merge(&project(), &surfaces, &[lens(), lens()], &[vec![], vec![]], &[], &options).unwrap()
     };
     let ((picks_only, _), (laid, report)) = (run(false), run(true));
     let (picks_only, laid) = (errors(&picks_only), errors(&laid));
@@ -220,10 +221,43 @@ fn picks_whose_depth_is_another_surfaces_do_not_make_a_space_bent() {
     let run = |align_surfaces: bool| {
         let options = MergeOptions { align_surfaces, ..MergeOptions::default() };
         let measured = [vec![], beside.clone()];
-        merge(&project, &[surface(0), surface(1)], &[lens(), lens()], &measured, &options).unwrap()
+        merge(&project, &[surface(0), surface(1)], &[lens(), lens()], &measured, &[], &options).unwrap()
     };
     let ((without, _), (with, report)) = (run(false), run(true));
     assert!(report.depth_sigma[1] > 0.02, "{report:?}");
     let (without, with) = (errors(&without), errors(&with));
     assert!(with.1 < 0.5 * without.1 && with.1 < 0.2, "{with:?} {without:?}");
+}
+
+#[test]
+fn what_pictures_say_of_up_turns_a_camera_that_picks_leave_askew() {
+    // Picked as if the second camera had rolled.
+    let surfaces = [surface(0), surface(1)];
+    let mut project = project();
+    for point in &mut project.points {
+        let pixel = &mut point.picks[1].1;
+        pixel.y += 0.03 * (pixel.x - lens().cx);
+    }
+    let options = MergeOptions { align_surfaces: false, ..MergeOptions::default() };
+    let run = |plumb: &[Option<Plumb>]| {
+        merge(&project, &surfaces, &[lens(), lens()], &[vec![], vec![]], plumb, &options).unwrap().0
+    };
+    let plumb = poses().map(|pose| {
+        let up = pose.rotation * Vector3::z();
+        let across = Matrix3::identity() - up * up.transpose();
+        Some(Plumb { up, covariance: across * 0.1_f64.to_radians().powi(2) })
+    });
+    let askew_deg = |merged: &Merged| {
+        let [first, second] = [0, 1]
+            .map(|i| merged.common_from_camera[i].isometry.rotation * (poses()[i].rotation * Vector3::z()));
+        first.angle(&second).to_degrees()
+    };
+    let (without, with) = (run(&[]), run(&plumb));
+    assert!(askew_deg(&without) > 0.5, "{}", askew_deg(&without));
+    assert!(askew_deg(&with) < 0.2, "{}", askew_deg(&with));
+    assert!(errors(&with).1 < errors(&without).1, "{:?} {:?}", errors(&with), errors(&without));
+    // One that tells alone, or none, changes nothing.
+    for plumb in [[None, plumb[1]], [None, None]] {
+        assert_eq!(run(&plumb).common_from_camera, without.common_from_camera);
+    }
 }

@@ -6,7 +6,7 @@ use std::path::Path;
 use proptest::prelude::*;
 
 use super::graph::{Cost, FlowGraph};
-use super::solution::{Total, cost_of};
+use super::solution::cost_of;
 use super::solver::direction::Directions;
 use super::solver::{constrained, exact, greedy};
 use super::*;

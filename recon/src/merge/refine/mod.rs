@@ -2,11 +2,12 @@
 //!
 //! Levenberg–Marquardt over seven numbers a camera (log scale, rotation, translation; the first camera stands still)
 //! and three a point. Residuals, each in standard deviations: a pick's pixel; the depth read at a pick, as a
-//! logarithm; the distance of one camera's surface point from another's surface, along that one's normal. All are robust
-//! (Cauchy), reweighted as they go. How good the depths are is estimated along with them ([`variance`]), and how far
+//! logarithm; the distance of one camera's surface point from another's surface, along that one's normal; which way
+//! is up by the lines that two cameras' pictures show ([`level`]). All are robust (Cauchy), reweighted as they go. How good the depths are is estimated along with them ([`variance`]), and how far
 //! the surfaces can be laid on each other at all ([`worth`]), since a capture's motion may bend its whole space. Residuals
 //! and their derivatives are [`term`]'s; what they make of a step is [`schur`]'s.
 
+mod level;
 mod schur;
 mod state;
 mod term;
@@ -17,7 +18,9 @@ use nalgebra::{Point3, Similarity3, Vector3};
 
 use super::overlap::{self, Contact};
 use super::{MergeOptions, MergeReport, Merged, Pick, spoils};
+use crate::plumb::Plumb;
 use crate::surface::Surface;
+use level::Level;
 use schur::NormalEquations;
 use state::State;
 use term::{Term, norm, terms};
@@ -38,6 +41,7 @@ struct Scene<'a> {
     options: &'a MergeOptions,
     /// How much worse depths and picks are than they claim.
     factors: Factors,
+    levels: &'a [Level],
 }
 
 /// Refines `start`; picks that do not fit are left out and reported.
@@ -45,9 +49,11 @@ pub(super) fn refine(
     picks: &[Pick],
     start: &[Similarity3<f64>],
     surfaces: &[Surface],
+    plumb: &[Option<Plumb>],
     options: &MergeOptions,
 ) -> (Merged, MergeReport) {
-    let mut scene = Scene { surfaces, options, factors: Factors::loose(start.len()) };
+    let levels = Level::all(plumb, start);
+    let mut scene = Scene { surfaces, options, factors: Factors::loose(start.len()), levels: &levels };
     let mut report = MergeReport::default();
     let mut kept: Vec<Pick> = picks.to_vec();
     let mut state = State { poses: start.to_vec(), points: first_points(picks, start) };
@@ -141,7 +147,7 @@ impl Scene<'_> {
 
     fn minimise(&self, state: &mut State, picks: &[Pick], contacts: &[(&Contact, f64)]) {
         const ITERATIONS: usize = 60;
-        let terms = terms(picks, contacts);
+        let terms = terms(picks, contacts, self.levels);
         if state.parameters() == 0 {
             return;
         }

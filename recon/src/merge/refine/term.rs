@@ -5,6 +5,7 @@
 
 use nalgebra::{Matrix3, Point3, RowVector3, SMatrix, Similarity3, Vector3};
 
+use super::level::Level;
 use super::state::{POINT, POSE, State, pose_at};
 use super::{Pick, Scene};
 use crate::merge::overlap::Contact;
@@ -16,6 +17,8 @@ pub(super) enum Term<'a> {
     Depth(&'a Pick, (f64, f64)),
     /// A contact and the weight of its residual.
     Surface(&'a Contact, f64),
+    /// What two cameras' plumb lines say.
+    Level(&'a Level),
 }
 
 /// Derivatives of a point by the similarity that moves it.
@@ -26,7 +29,7 @@ pub(super) type ByCamera = SMatrix<f64, 2, POSE>;
 /// The same by a point.
 pub(super) type ByPoint = SMatrix<f64, 2, POINT>;
 
-/// A residual (the second number is 0 but for pixels) and its derivatives by what it depends on.
+/// A residual (the second number is 0 but for pixels and levels) and its derivatives by what it depends on.
 #[derive(Default)]
 pub(super) struct Linearised {
     pub(super) residual: [f64; 2],
@@ -40,13 +43,18 @@ pub(super) struct Linearised {
 const BEHIND: [f64; 2] = [1e3, 1e3];
 
 /// All observations; contacts come with their weights.
-pub(super) fn terms<'a>(picks: &'a [Pick], contacts: &[(&'a Contact, f64)]) -> Vec<Term<'a>> {
+pub(super) fn terms<'a>(
+    picks: &'a [Pick],
+    contacts: &[(&'a Contact, f64)],
+    levels: &'a [Level],
+) -> Vec<Term<'a>> {
     let depths = picks.iter().filter_map(|p| Some(Term::Depth(p, p.depth?)));
     picks
         .iter()
         .map(Term::Pixel)
         .chain(depths)
         .chain(contacts.iter().map(|(contact, weight)| Term::Surface(contact, *weight)))
+        .chain(levels.iter().map(Term::Level))
         .collect()
 }
 
@@ -55,7 +63,7 @@ impl Term<'_> {
     /// surface's, so they give way earlier.
     fn softness(&self) -> f64 {
         match self {
-            Term::Pixel(_) => 3.0,
+            Term::Pixel(_) | Term::Level(_) => 3.0,
             Term::Depth(..) => 1.5,
             Term::Surface(_, weight) => 1.5 * weight,
         }
@@ -90,6 +98,7 @@ impl Scene<'_> {
                 [(seen.z / depth).ln() / (sigma * self.factors.depth[pick.camera]), 0.0]
             }
             Term::Surface(contact, weight) => [weight * contact.in_sigmas(&state.poses), 0.0],
+            Term::Level(level) => level.residual(&state.poses).into(),
         }
     }
 
@@ -123,6 +132,10 @@ impl Scene<'_> {
                     moving(contact.onto, alone(&row) * by_seen_from(onto, &there)),
                     moving(contact.from, alone(&(row * turned_back(onto))) * by_moved(from, &common)),
                 ];
+            }
+            Term::Level(level) => {
+                let by = level.by_turning(&state.poses);
+                told.cameras = [moving(level.from, by), moving(level.onto, -by)];
             }
         }
         told
@@ -212,6 +225,7 @@ mod tests {
     use super::*;
     use crate::merge::MergeOptions;
     use crate::merge::tests::surface;
+    use crate::plumb::Plumb;
 
     fn pose(turn: [f64; 3], at: [f64; 3], scale: f64) -> Similarity3<f64> {
         Similarity3::new(at.into(), turn.into(), scale)
@@ -222,7 +236,7 @@ mod tests {
         const STEP: f64 = 1e-6;
         let surfaces = [0, 1, 0].map(surface);
         let options = MergeOptions::default();
-        let scene = Scene { surfaces: &surfaces, options: &options, factors: Factors::loose(3) };
+        let scene = Scene { surfaces: &surfaces, options: &options, factors: Factors::loose(3), levels: &[] };
         let state = State {
             poses: vec![
                 Similarity3::identity(),
@@ -251,9 +265,19 @@ mod tests {
         };
         let contacts = [contact(0, 1), contact(2, 1), contact(1, 0)];
         let weighted: Vec<(&Contact, f64)> = contacts.iter().map(|c| (c, 0.7)).collect();
+        let plumb = |up: [f64; 3]| {
+            let up = Vector3::from(up).normalize();
+            let sigma = Matrix3::from_diagonal(&Vector3::new(0.01, 0.02, 0.015));
+            let without = Matrix3::identity() - up * up.transpose();
+            Some(Plumb { up, covariance: without * sigma * sigma * without })
+        };
+        let ups = [[0.1, -0.9, 0.2], [0.5, -0.7, -0.3], [-0.3, -0.8, 0.4]].map(plumb);
+        let levels =
+            [Level::all(&ups, &state.poses), Level::all(&[None, ups[1], ups[2]], &state.poses)].concat();
+        assert_eq!(levels.len(), 3);
         let size = 2 * POSE + 3 * POINT;
         let mut compared = 0;
-        for term in terms(&picks, &weighted) {
+        for term in terms(&picks, &weighted, &levels) {
             let told = scene.linearised(&state, &term);
             let mut analytic = vec![[0.0; 2]; size];
             let by_cameras = told

@@ -90,7 +90,7 @@ impl Scene<'_> {
     /// The factors that the residuals of a minimum speak for.
     pub(super) fn variance_factors(&self, state: &State, picks: &[Pick]) -> Factors {
         let cameras = state.poses.len();
-        let terms = terms(picks, &[]);
+        let terms = terms(picks, &[], self.levels);
         let rows: Vec<_> = terms.iter().map(|term| self.linearised(state, term)).collect();
         let mut normal = NormalEquations::new(state);
         for row in &rows {
@@ -104,7 +104,7 @@ impl Scene<'_> {
                 Term::Pixel(pick) if !pick.by_hand => continue,
                 Term::Pixel(_) => (&mut of_picks, self.factors.pick, 0..2),
                 Term::Depth(pick, _) => (&mut of_depths[pick.camera], self.factors.depth[pick.camera], 0..1),
-                Term::Surface(..) => continue,
+                Term::Surface(..) | Term::Level(_) => continue,
             };
             for side in sides {
                 group.add(row.residual[side] * factor, 1.0 - factored.variance(row, side));

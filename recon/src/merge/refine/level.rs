@@ -1,0 +1,56 @@
+//! Up is the same for two cameras: what the plumb lines in the pictures of one ([`crate::plumb`]) say of it is, seen from the
+//! other, what its own lines say. It needs no place that both see, and holds where their spaces are bent.
+
+use nalgebra::{Matrix2x3, Matrix3, Similarity3, Vector2, Vector3};
+
+use super::term::ByCamera;
+use crate::plumb::{Plumb, tangents};
+
+/// What two cameras' lines say.
+#[derive(Debug, Clone)]
+pub(super) struct Level {
+    pub(super) from: usize,
+    pub(super) onto: usize,
+    /// In the frame of `from`.
+    up: Vector3<f64>,
+    /// Across the other's up, in standard deviations of both.
+    across: Matrix2x3<f64>,
+}
+
+impl Level {
+    /// Of all cameras whose pictures tell, each with the first that does; standard deviations are as they are seen where the
+    /// cameras stand now.
+    pub(super) fn all(plumb: &[Option<Plumb>], poses: &[Similarity3<f64>]) -> Vec<Self> {
+        let mut told = plumb.iter().enumerate().filter_map(|(camera, of)| Some((camera, of.as_ref()?)));
+        let Some(first) = told.next() else { return Vec::new() };
+        told.filter_map(|other| Self::between(first, other, poses)).collect()
+    }
+
+    fn between(
+        (onto, there): (usize, &Plumb),
+        (from, here): (usize, &Plumb),
+        poses: &[Similarity3<f64>],
+    ) -> Option<Self> {
+        let turn = poses[onto].isometry.rotation.inverse() * poses[from].isometry.rotation;
+        let tangents = tangents(&there.up)?;
+        let both = tangents.transpose() * (there.covariance + here.turned(&turn).covariance) * tangents;
+        let whitened = both.cholesky()?.l().try_inverse()? * tangents.transpose();
+        Some(Self { from, onto, up: here.up, across: whitened })
+    }
+
+    pub(super) fn residual(&self, poses: &[Similarity3<f64>]) -> Vector2<f64> {
+        let common = poses[self.from].isometry.rotation * self.up;
+        self.across * (poses[self.onto].isometry.rotation.inverse() * common)
+    }
+
+    /// The residual's derivatives as `from` turns; as `onto` does, they are the opposite.
+    pub(super) fn by_turning(&self, poses: &[Similarity3<f64>]) -> ByCamera {
+        let common: Vector3<f64> = poses[self.from].isometry.rotation * self.up;
+        let back: Matrix3<f64> =
+            poses[self.onto].isometry.rotation.inverse().to_rotation_matrix().into_inner();
+        let rows = self.across * back * -common.cross_matrix();
+        let mut by = ByCamera::zeros();
+        by.fixed_columns_mut::<3>(1).copy_from(&rows);
+        by
+    }
+}

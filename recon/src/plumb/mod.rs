@@ -1,0 +1,257 @@
+//! Which way is up by what runs up in the pictures: door frames, corners of the room, sides of furniture. It needs no
+//! depth, so it is exact where surfaces are bent, plain or covered.
+//!
+//! The interpretation plane of a plumb line ([`edges`]) has its normal n square to up. Few edges are plumb, so up
+//! is where the most are to within the deviation σ of an edge's own direction: the mode of
+//!
+//! ```text
+//! Σ exp(−r² / 2σ²),   r = n · (u + A t)
+//! ```
+//!
+//! over tilts t, A being the two axes across a first idea u of up. It is climbed from a wide σ to the narrow one (graduated
+//! non-convexity, Blake & Zisserman 1987), each step being weighted least squares. How exact that is tells the
+//! spread of what different lines say, not their pixels, of which many belong to one line: pixels are taken together by the
+//! direction in which their planes face, and the covariance is that of clustered scores (K.-Y. Liang, S. L. Zeger,
+//! "Longitudinal data analysis using generalized linear models", Biometrika 73, 1986).
+
+pub mod edges;
+
+use nalgebra::{Matrix2, Matrix3, Matrix3x2, UnitQuaternion, Vector2, Vector3};
+
+/// Standard deviations σ with which the mode is climbed, degrees; the last is that of an edge's direction.
+const SIGMAS_DEG: [f64; 5] = [4.0, 2.8, 2.0, 1.4, 1.0];
+/// Every fourth edge or so is enough to get near it.
+const ROUGHLY: usize = 4;
+/// Rounds at the last deviation, with all edges.
+const ROUNDS: usize = 20;
+/// Changes of the tilt that are none.
+const SETTLED: f64 = 1e-6;
+/// So many times as many edges as beside it must say that up is there: where more than half of them are not plumb, what they
+/// agree on is chance.
+const STANDS_OUT: f64 = 2.2;
+/// Edges farther off than so many σ weigh nothing, and will not by a last few steps.
+const OUT_OF_REACH: f64 = 8.0;
+/// Sectors of the half circle of horizontal directions; what faces the same way is one thing said once.
+const SECTORS: usize = 18;
+/// By how much a capture's motion turns all its lines together, and a building its own, degrees.
+const TURNED_DEG: f64 = 0.3;
+/// With so many independent ones nothing is left to tell how far they scatter.
+const UNKNOWNS: f64 = 2.0;
+
+/// What the edges of one capture agree on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Plumb {
+    /// Unit vector, in the frame of the normals it was found by.
+    pub up: Vector3<f64>,
+    /// Its covariance; nothing along itself.
+    pub covariance: Matrix3<f64>,
+}
+
+impl Plumb {
+    /// The same in another frame.
+    #[must_use]
+    pub fn turned(&self, by: &UnitQuaternion<f64>) -> Self {
+        let turn = by.to_rotation_matrix().into_inner();
+        Self { up: by * self.up, covariance: turn * self.covariance * turn.transpose() }
+    }
+}
+
+/// Where up is by the normals of interpretation planes, looked for near the unit vector `near`. `None` where too few lines
+/// are plumb to tell.
+pub fn agreed(normals: &[Vector3<f64>], near: &Vector3<f64>) -> Option<Plumb> {
+    let across = tangents(near)?;
+    let mut seen: Vec<(Vector2<f64>, f64)> =
+        normals.iter().map(|n| (across.tr_mul(n), n.dot(near))).collect();
+    let some: Vec<(Vector2<f64>, f64)> = seen.iter().step_by(ROUGHLY).copied().collect();
+    let mut tilt = Vector2::zeros();
+    for sigma_deg in SIGMAS_DEG {
+        tilt = step(&some, &tilt, sigma_deg.to_radians())?;
+    }
+    let sigma = SIGMAS_DEG[SIGMAS_DEG.len() - 1].to_radians();
+    // What is far off by now stays so.
+    seen.retain(|(axes, height)| (height + axes.dot(&tilt)).abs() < OUT_OF_REACH * sigma);
+    for _ in 0..ROUNDS {
+        let next = step(&seen, &tilt, sigma)?;
+        let settled = (next - tilt).norm() < SETTLED;
+        tilt = next;
+        if settled {
+            break;
+        }
+    }
+    let up = (near + across * tilt).normalize();
+    let across = tangents(&up)?;
+    let seen: Vec<(Vector2<f64>, f64)> = normals.iter().map(|n| (across.tr_mul(n), n.dot(&up))).collect();
+    if weight(&seen, &Vector2::zeros(), sigma) < STANDS_OUT * weight_beside(&seen, sigma) {
+        return None;
+    }
+    let covariance = covariance(&seen, sigma)? + Matrix2::identity() * TURNED_DEG.to_radians().powi(2);
+    Some(Plumb { up, covariance: across * covariance * across.transpose() })
+}
+
+/// Two unit vectors across a unit vector.
+pub(crate) fn tangents(up: &Vector3<f64>) -> Option<Matrix3x2<f64>> {
+    let first = up.cross(&Vector3::ith(up.iamin(), 1.0)).try_normalize(0.0)?;
+    Some(Matrix3x2::from_columns(&[first, up.cross(&first)]))
+}
+
+/// How many edges say that up is at a tilt.
+fn weight(seen: &[(Vector2<f64>, f64)], tilt: &Vector2<f64>, sigma: f64) -> f64 {
+    seen.iter().map(|(axes, height)| (-0.5 * ((height + axes.dot(tilt)) / sigma).powi(2)).exp()).sum()
+}
+
+/// The same on average beside the mode, which is at no tilt: as many happen to run like plumb lines.
+fn weight_beside(seen: &[(Vector2<f64>, f64)], sigma: f64) -> f64 {
+    const DIRECTIONS: u32 = 16;
+    const BESIDE: f64 = 4.0;
+    let at = |k: u32| {
+        let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / f64::from(DIRECTIONS)).sin_cos();
+        weight(seen, &(BESIDE * sigma * Vector2::new(cos, sin)), sigma)
+    };
+    (0..DIRECTIONS).map(at).sum::<f64>() / f64::from(DIRECTIONS)
+}
+
+/// Weighted least squares about a tilt.
+fn step(seen: &[(Vector2<f64>, f64)], tilt: &Vector2<f64>, sigma: f64) -> Option<Vector2<f64>> {
+    let (mut information, mut sum) = (Matrix2::zeros(), Vector2::zeros());
+    for (axes, height) in seen {
+        let off = (height + axes.dot(tilt)) / sigma;
+        let weighted = axes * (-0.5 * off * off).exp();
+        information += weighted * axes.transpose();
+        sum -= weighted * *height;
+    }
+    let tilt = information.try_inverse()? * sum;
+    // Beyond, the first idea was none.
+    (tilt.norm() < 1.0).then_some(tilt)
+}
+
+/// Of the mode, which is at no tilt. `None` where it is none, or too few say so.
+fn covariance(seen: &[(Vector2<f64>, f64)], sigma: f64) -> Option<Matrix2<f64>> {
+    let mut curvature = Matrix2::zeros();
+    let (mut scores, mut weights) = ([Vector2::zeros(); SECTORS], [0.0; SECTORS]);
+    for (axes, height) in seen {
+        let off = height / sigma;
+        let weight = (-0.5 * off * off).exp();
+        curvature += axes * axes.transpose() * (weight * (1.0 - off * off));
+        let turn = axes.y.atan2(axes.x).rem_euclid(std::f64::consts::PI) / std::f64::consts::PI;
+        let sector = ((turn * SECTORS as f64) as usize).min(SECTORS - 1);
+        scores[sector] += axes * (weight * off * sigma);
+        weights[sector] += weight;
+    }
+    let squares: f64 = weights.iter().map(|w| w * w).sum();
+    let independent = weights.iter().sum::<f64>().powi(2) / squares;
+    let scatter: Matrix2<f64> = scores.iter().map(|s| s * s.transpose()).sum();
+    let eigenvalues = curvature.symmetric_eigenvalues();
+    let is_told = eigenvalues.min() > 0.0 && independent > UNKNOWNS;
+    let inverse = curvature.try_inverse().filter(|_| is_told)?;
+    let covariance = inverse * scatter * inverse * (independent / (independent - UNKNOWNS));
+    covariance.iter().all(|v| v.is_finite()).then_some(covariance)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+    use nalgebra::Rotation3;
+    use rand::{RngExt, SeedableRng};
+    use rand_distr::{Distribution, StandardNormal};
+    use rand_pcg::Pcg64Mcg;
+
+    /// Normals of planes through `lines` plumb lines, each of so many pixels, and through as many edges of any direction
+    /// as `others` says; up is tilted by `tilt_deg`. Directions are off by `sigma_deg`, and each line's by `leaning_deg`.
+    fn normals(
+        seed: u64,
+        lines: usize,
+        others: usize,
+        tilt_deg: [f64; 2],
+        leaning_deg: f64,
+    ) -> Vec<Vector3<f64>> {
+        let mut rng = Pcg64Mcg::seed_from_u64(seed);
+        let turned = Rotation3::rotation_between(
+            &Vector3::z(),
+            &Vector3::new(tilt_deg[0].to_radians().tan(), tilt_deg[1].to_radians().tan(), 1.0),
+        )
+        .unwrap();
+        let gauss = |rng: &mut Pcg64Mcg| -> f64 { StandardNormal.sample(rng) };
+        let mut normals = Vec::new();
+        for _ in 0..lines {
+            let (facing, leans) = (rng.random_range(0.0..6.3_f64), leaning_deg * gauss(&mut rng));
+            for _ in 0..60 {
+                let off = (leans + 0.6 * gauss(&mut rng)).to_radians();
+                normals.push(turned * Vector3::new(facing.cos(), facing.sin(), off).normalize());
+            }
+        }
+        for _ in 0..others {
+            let any = Vector3::new(gauss(&mut rng), gauss(&mut rng), gauss(&mut rng)).normalize();
+            normals.extend([any; 3]);
+        }
+        normals
+    }
+
+    fn tilt_deg(found: &Plumb) -> [f64; 2] {
+        [found.up.x, found.up.y].map(|t| (t / found.up.z).atan().to_degrees())
+    }
+
+    #[test]
+    fn up_is_found_among_many_edges_that_are_not_plumb_from_wherever_it_is_thought() {
+        for (seed, true_deg) in [(1, [0.0, 0.0]), (2, [4.0, -3.0]), (3, [-3.0, 4.0]), (4, [3.0, -4.0])] {
+            let normals = normals(seed, 40, 3000, true_deg, 0.0);
+            let found = agreed(&normals, &Vector3::z()).unwrap();
+            let [x, y] = tilt_deg(&found);
+            assert!((x - true_deg[0]).abs() < 0.3 && (y - true_deg[1]).abs() < 0.3, "{true_deg:?}: {x} {y}");
+        }
+    }
+
+    #[test]
+    fn where_it_says_up_is_scatters_as_it_says() {
+        // Lines lean each on its own: many pixels on few lines are few observations.
+        let (mut squares, mut believed, runs) = (0.0, 0.0, 200);
+        for seed in 0..runs {
+            let found = agreed(&normals(seed, 30, 0, [0.0, 0.0], 0.4), &Vector3::z()).unwrap();
+            squares += found.up.xy().norm_squared();
+            believed += found.covariance.trace() - 2.0 * TURNED_DEG.to_radians().powi(2);
+        }
+        let ratio = (squares / believed).sqrt();
+        assert!((0.7..1.4).contains(&ratio), "{ratio}");
+        let sigma_deg = (squares / (2 * runs) as f64).sqrt().to_degrees();
+        assert!(sigma_deg > 0.08, "{sigma_deg}");
+    }
+
+    #[test]
+    fn without_lines_that_differ_nothing_is_said() {
+        let up = Vector3::z();
+        assert!(agreed(&[], &up).is_none());
+        // One line seen over and over, and two that face alike.
+        let one = normals(1, 1, 0, [0.0, 0.0], 0.0);
+        assert!(agreed(&one, &up).is_none());
+        assert!(agreed(&[Vector3::x(); 50], &up).is_none());
+        assert!(agreed(&[Vector3::repeat(f64::NAN); 50], &up).is_none());
+    }
+
+    #[test]
+    fn lines_in_one_wall_say_nothing_of_a_tilt_along_their_planes() {
+        // All face along x, to within 25°.
+        let mut rng = Pcg64Mcg::seed_from_u64(3);
+        let normals: Vec<Vector3<f64>> = (0..4000)
+            .map(|_| {
+                let (facing, off) = (rng.random_range(-0.45..0.45_f64), rng.random_range(-0.01..0.01_f64));
+                Vector3::new(facing.cos(), facing.sin(), off + 0.004 * (9.0 * facing).sin()).normalize()
+            })
+            .collect();
+        let found = agreed(&normals, &Vector3::z()).unwrap();
+        let own = |k: usize| found.covariance[(k, k)] - TURNED_DEG.to_radians().powi(2);
+        assert!(own(1) > 6.0 * own(0) && own(0) > 0.0, "{}", found.covariance);
+        assert_relative_eq!(found.covariance * found.up, Vector3::zeros(), epsilon = 1e-12);
+        assert_relative_eq!(found.covariance, found.covariance.transpose(), epsilon = 1e-12);
+    }
+
+    #[test]
+    fn what_is_said_turns_with_the_frame() {
+        let normals = normals(1, 40, 500, [2.0, 1.0], 0.3);
+        let turn = UnitQuaternion::from_euler_angles(0.4, -1.1, 2.0);
+        let found = agreed(&normals, &Vector3::z()).unwrap().turned(&turn);
+        let seen: Vec<Vector3<f64>> = normals.iter().map(|n| turn * n).collect();
+        let there = agreed(&seen, &(turn * Vector3::z())).unwrap();
+        assert_relative_eq!(found.up, there.up, epsilon = 1e-4);
+        assert_relative_eq!(found.covariance, there.covariance, max_relative = 0.3, epsilon = 3e-6);
+    }
+}
