@@ -6,7 +6,8 @@
 //! Osawa et al. take the plane of the largest area; in many rooms that is a wall, and in bent space what looks like a large
 //! floor is a little of it and something else. Here each plane that could be level by the way the images stand is asked
 //! what would be the floor then: a plane that has almost nothing behind it and every camera above it. The area that is
-//! level or plumb with it ([`vertical`]), with what runs up in the pictures ([`crate::plumb`]), tells which way is up, and the floor's own area which plane at that, so the largest
+//! level or plumb with it ([`vertical`]), and what runs up in the pictures ([`crate::plumb`]), tell which way is up, and the
+//! floor's own area which plane at that, so the largest
 //! sum of both is taken, less what lies behind: in a polished floor there is another ceiling.
 
 mod fit;

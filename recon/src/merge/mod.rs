@@ -4,8 +4,9 @@
 //! depth measured there ([`crate::ray_depth`]; where that fails, dense stereo's), two sets of 3-D points and so a
 //! similarity by Horn's closed form ([`calib::absolute_orientation`]); the best-joined pairs are chained from the
 //! first camera on ([`graph`]). The joint refinement ([`refine`]) then moves cameras and points until the picks fall
-//! where they were picked, the surfaces that cameras see in common lie on each other, and up is the same for all. Once it is known how the
-//! cameras stand, their pictures are found to have more in common ([`crate::proposals`]): that refines them again.
+//! where they were picked, the surfaces that cameras see in common lie on each other, and up is the same for all. Once it
+//! is known how the cameras stand, their pictures are found to have more in common ([`crate::proposals`]): that refines
+//! them again.
 
 mod graph;
 mod overlap;

@@ -15,6 +15,8 @@ use crate::features::Intensity;
 
 /// Pictures looked at, spread evenly over the capture: neighbours show much the same.
 const PICTURES: usize = 12;
+/// Pictures larger than this are halved, pixels: so long an edge is as much of each picture, and none takes much memory.
+const LARGEST_PX: usize = 1000;
 /// Edge pixels taken of a picture, spread evenly over it.
 const MOST: usize = 1500;
 /// Least gradient of an edge, grey levels a pixel: what a sensor's noise leaves is less.
@@ -41,11 +43,23 @@ pub fn of_capture(
     let of_picture = |index: usize| {
         let (picture, pose) = posed[index];
         let world_from_camera = pose.rotation.inverse();
-        let edges = in_picture(&Intensity::new(picture));
+        let edges = of_size(Intensity::new(picture));
         let chosen = evenly(edges.len(), MOST).filter_map(|k| edges[k].plane(lens));
         chosen.map(|normal| world_from_camera * normal).collect::<Vec<_>>()
     };
     taken.into_par_iter().map(of_picture).collect::<Vec<_>>().concat()
+}
+
+/// A picture's edges, looked for where it is no larger than it need be.
+fn of_size(mut picture: Intensity) -> Vec<EdgePixel> {
+    let mut px = 1.0;
+    while picture.width.max(picture.height) > LARGEST_PX {
+        picture = picture.halved();
+        px *= 2.0;
+    }
+    let middle = Vector2::repeat(0.5);
+    let whole = |edge: EdgePixel| EdgePixel { pixel: (edge.pixel + middle) * px - middle, ..edge };
+    in_picture(&picture).into_iter().map(whole).collect()
 }
 
 /// At most `most` of `count` indices, evenly spread, the last among them.
@@ -218,6 +232,39 @@ mod tests {
         let [half, nearly_all] = [0.5, 0.95].map(|share| off_deg[(share * off_deg.len() as f64) as usize]);
         assert!(half < 0.3 && nearly_all < 1.5, "{half}°, {nearly_all}°");
         assert!(of_capture(&frames, &lens, &[None, None, None, None, None]).is_empty());
+    }
+
+    #[test]
+    fn short_edges_are_left_out_however_many() {
+        // A wall of bars, each a few pixels long, and the same bars drawn through.
+        let bars = |length: usize| {
+            let bar = move |x: usize, y: usize| if x % 16 < 8 && y % 32 < length { 200.0 } else { 60.0 };
+            in_picture(&Intensity::from_fn(128, 96, bar).smoothed(0.8))
+        };
+        assert!(bars(16).is_empty(), "{}", bars(16).len());
+        assert!(bars(32).len() > 1000, "{}", bars(32).len());
+    }
+
+    #[test]
+    fn a_large_picture_tells_what_a_small_one_would_of_the_same_place() {
+        // A border that the middle of one of the smaller one's pixels is on.
+        const BORDER: f64 = 360.5 / 600.0;
+        let film = |width: u32, height: u32| {
+            RgbImage::from_fn(width, height, |x, _| {
+                let share = (BORDER * f64::from(width) - f64::from(x)).clamp(0.0, 1.0);
+                image::Rgb([(60.0 + 120.0 * share) as u8; 3])
+            })
+        };
+        let off_deg = [(600, 45), (2400, 180)].map(|(width, height)| {
+            let lens = Intrinsics::from_horizontal_fov(width, height, 60.0);
+            let planes = of_capture(&[film(width, height)], &lens, &[Some(Isometry3::identity())]);
+            let border = Point2::new(BORDER * f64::from(width) - 0.5, 0.0);
+            let border = lens.unproject(&border).unwrap().normalize();
+            assert!(planes.len() > 30 && planes.iter().all(|normal| normal.y.abs() < 1e-3));
+            let off = planes.iter().map(|normal| normal.dot(&border)).sum::<f64>() / planes.len() as f64;
+            off.to_degrees()
+        });
+        assert!(off_deg.iter().all(|off| off.abs() < 0.01), "{off_deg:?}");
     }
 
     #[test]

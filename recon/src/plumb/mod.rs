@@ -217,6 +217,12 @@ mod tests {
     }
 
     #[test]
+    fn edges_that_run_any_way_say_nothing() {
+        let said = (0..50).filter_map(|seed| agreed(&normals(seed, 0, 3000, [0.0, 0.0], 0.0), &Vector3::z()));
+        assert_eq!(said.count(), 0);
+    }
+
+    #[test]
     fn without_lines_that_differ_nothing_is_said() {
         let up = Vector3::z();
         assert!(agreed(&[], &up).is_none());

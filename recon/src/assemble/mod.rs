@@ -1,0 +1,114 @@
+//! One room from all cameras' surfaces: merged, with its floor found, in metres, fused.
+
+mod joined;
+#[cfg(test)]
+mod tests;
+
+use nalgebra::{Similarity3, Vector3};
+use scenes::geometry::{Disc, Geometry};
+use scenes::room::{Room, RoomCamera};
+
+use crate::floor::{self, FloorOptions, FloorReport};
+use crate::fusion::{self, FusionOptions, FusionReport};
+use crate::merge::{self, MergeOptions, MergeReport};
+use crate::project::Project;
+use crate::ray_depth::MeasuredPixel;
+use crate::surface::Surface;
+use crate::{Result, scale};
+use joined::Joined;
+
+/// Depths at picks that are off by more than this share are worth a word.
+const DOUBTFUL_DEPTH: f64 = 0.015;
+
+/// How a room is put together.
+#[derive(Debug, Clone, Default)]
+pub struct AssembleOptions {
+    /// Joining cameras.
+    pub merge: MergeOptions,
+    /// Finding the floor.
+    pub floor: FloorOptions,
+    /// Making discs.
+    pub fusion: FusionOptions,
+}
+
+/// What was done.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AssembleReport {
+    /// Joining cameras.
+    pub merge: MergeReport,
+    /// Finding the floor; lengths in units of the first camera's reconstruction.
+    pub floor: FloorReport,
+    /// Metres in a unit of the first camera's reconstruction.
+    pub metres_per_unit: f64,
+    /// Making discs.
+    pub fusion: FusionReport,
+}
+
+/// What was made of the captures: everything once a camera of the project, in its order.
+#[derive(Debug, Clone, Copy)]
+pub struct Captures<'a> {
+    /// What each sees from its reference view.
+    pub surfaces: &'a [Surface],
+    /// Intrinsics as filmed.
+    pub lenses: &'a [calib::Intrinsics],
+    /// The project's pixels whose depth was measured on its own.
+    pub measured: &'a [Vec<MeasuredPixel>],
+    /// Normals of the interpretation planes of edges in the pictures, in the reference view's frame; may be empty.
+    pub edges: &'a [Vec<Vector3<f64>>],
+}
+
+/// Puts a room together. Zones are left empty, reference images unnamed.
+///
+/// # Errors
+/// Picks that do not fit, no depth where it is needed, no floor: each with its place.
+pub fn assemble(
+    project: &Project,
+    captures: &Captures<'_>,
+    options: &AssembleOptions,
+) -> Result<(Room, AssembleReport)> {
+    let Captures { surfaces, lenses, measured, .. } = *captures;
+    let Joined { merged, report: merge_report, poses, floor } = captures.joined(project, options)?;
+    for (point, camera, off) in &merge_report.outliers {
+        tracing::warn!(
+            "{}: [[point]] {point}, {}: left out, {off:.1} pixels from where the other picks put it",
+            project.path.display(),
+            project.cameras[*camera].name
+        );
+    }
+    for (camera, sigma) in project.cameras.iter().zip(&merge_report.depth_sigma) {
+        if *sigma > DOUBTFUL_DEPTH {
+            tracing::warn!(
+                "camera `{}`: its depths are off by about {:.1} % at the picks, so its space is bent; check the intrinsics, and film along a wider path",
+                camera.name,
+                100.0 * sigma
+            );
+        }
+    }
+    let (floor, floor_report) = floor?;
+    let metres_per_unit =
+        scale::metres_per_unit(project, surfaces, lenses, measured, &merged, &poses, &floor)?;
+    let world_from_common = floor::metric(&floor::world_frame(&floor, &poses[0]), metres_per_unit);
+    let world_from_camera: Vec<Similarity3<f64>> =
+        merged.common_from_camera.iter().map(|s| world_from_common * s).collect();
+    let (discs, fusion_report) = fusion::fuse(surfaces, &world_from_camera, &options.fusion);
+    let cameras = project
+        .cameras
+        .iter()
+        .zip(lenses)
+        .zip(&world_from_camera)
+        .map(|((camera, lens), pose)| RoomCamera {
+            name: camera.name.clone(),
+            camera: calib::Camera { intrinsics: lens.clone(), camera_from_world: merge::camera_pose(pose) },
+            reference: None,
+        })
+        .collect();
+    let discs: Vec<Disc> = discs.into_iter().filter(is_finite).collect();
+    let room = Room { cameras, geometry: Some(Geometry::Discs(discs)), ..Room::default() };
+    let report =
+        AssembleReport { merge: merge_report, floor: floor_report, metres_per_unit, fusion: fusion_report };
+    Ok((room, report))
+}
+
+fn is_finite(disc: &Disc) -> bool {
+    disc.center.is_finite() && disc.normal.is_finite() && disc.radius.is_finite() && disc.radius > 0.0
+}

@@ -1,0 +1,158 @@
+//! Rooms put together from surfaces whose truth is known.
+
+use super::*;
+use crate::capture::ReferenceFrame;
+use crate::project::{PickedPoint, ProjectCamera, Scale};
+use crate::surface::rendered::Rendering;
+use calib::{Camera, Intrinsics};
+use glam::Vec3;
+use nalgebra::{Point2, Point3, Vector2, Vector3};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+use scenes::raycast::RayScene;
+use scenes::synthetic::RoomOptions;
+
+/// Points that both cameras see, picked to within a pixel.
+fn picks(scene: &RayScene, [a, b]: [&Camera; 2], rng: &mut Pcg64Mcg) -> Vec<PickedPoint> {
+    let single = |p: &Point3<f64>| Vec3::new(p.x as f32, p.y as f32, p.z as f32);
+    let mut points: Vec<PickedPoint> = Vec::new();
+    while points.len() < 10 {
+        let [width, height] = [a.intrinsics.width, a.intrinsics.height].map(f64::from);
+        let pixel = Point2::new(rng.random_range(8.0..width - 8.0), rng.random_range(8.0..height - 8.0));
+        let ray = a.intrinsics.unproject(&pixel).unwrap();
+        let direction = a.camera_from_world.rotation.inverse() * ray;
+        let Some(hit) = scene.cast(single(&a.center()), single(&Point3::from(direction))) else {
+            continue;
+        };
+        let place = a.center() + direction * f64::from(hit.distance);
+        let seen = b.project(&place).filter(|p| b.intrinsics.contains(p));
+        let Some(other) = seen.filter(|_| !scene.is_blocked(single(&b.center()), single(&place))) else {
+            continue;
+        };
+        let mut slip = || Vector2::new(rng.random_range(-0.6..0.6), rng.random_range(-0.6..0.6));
+        points.push(PickedPoint { picks: vec![(0, pixel + slip()), (1, other + slip())] });
+    }
+    points
+}
+
+fn project(points: Vec<PickedPoint>, scale: Scale) -> Project {
+    let camera = |name: &str| ProjectCamera {
+        name: name.into(),
+        capture: "unused".into(),
+        reference: ReferenceFrame::Last,
+        intrinsics: None,
+    };
+    Project { path: "room.toml".into(), cameras: vec![camera("a"), camera("b")], points, scale }
+}
+
+#[test]
+fn furnished_rooms_come_out_metric_and_upright() {
+    for seed in 1..=6 {
+        let built = RoomOptions { seed, ..RoomOptions::default() }.build().unwrap();
+        let scene = RayScene::new(built.room.geometry.as_ref().unwrap()).unwrap();
+        let truth = [0, 1].map(|i| &built.room.cameras[i].camera);
+        // Two captures know nothing of each other's unit.
+        let surfaces = [(0, 1.9), (1, 0.7)].map(|(i, unit_m)| {
+            Rendering { unit_m, noise: 0.005, holes: 0.2, seed: seed + i as u64 }.of(&scene, truth[i])
+        });
+        let lenses: [Intrinsics; 2] = truth.map(|camera| camera.intrinsics.clone());
+        let points = picks(&scene, truth, &mut Pcg64Mcg::seed_from_u64(seed));
+        let height_m = truth[0].center().z;
+        let project = project(points, Scale::Height { camera: 0, height_m });
+        let captures =
+            Captures { surfaces: &surfaces, lenses: &lenses, measured: &[vec![], vec![]], edges: &[] };
+        let (room, report) = assemble(&project, &captures, &AssembleOptions::default()).unwrap();
+
+        let found = [0, 1].map(|i| &room.cameras[i].camera);
+        let second = |[a, b]: [&Camera; 2]| a.camera_from_world * b.camera_from_world.inverse();
+        let (relative, expected) = (second(found), second(truth));
+        let off_m = (relative.translation.vector - expected.translation.vector).norm();
+        let off_deg = calib::rotation::angle_between_deg(&relative.rotation, &expected.rotation);
+        assert!(off_m < 0.03 && off_deg < 0.25, "seed {seed}: {off_m} m, {off_deg}°, {report:?}");
+        for (f, t) in found.iter().zip(truth) {
+            let up = |camera: &Camera| camera.camera_from_world.rotation * Vector3::z();
+            let tilt_deg = up(f).angle(&up(t)).to_degrees();
+            let lift_m = f.center().z - t.center().z;
+            assert!(tilt_deg < 0.2 && lift_m.abs() < 0.02, "seed {seed}: {tilt_deg}°, {lift_m} m");
+        }
+    }
+}
+
+/// What pictures have in common says how cameras stand where their spaces are bent: across the image here, by half as
+/// much as the capture of a real room was. Both are bent the same way, so that their surfaces agree all the same.
+#[test]
+fn pictures_hold_what_bent_depths_let_go() {
+    let mut turns_deg = [0.0; 2];
+    for seed in 4..=8 {
+        let built = RoomOptions { seed, image_px: [480, 360], ..RoomOptions::default() }.build().unwrap();
+        let scene = RayScene::new(built.room.geometry.as_ref().unwrap()).unwrap();
+        let truth = [0, 1].map(|i| &built.room.cameras[i].camera);
+        let surfaces = truth.map(|camera| {
+            let mut surface =
+                Rendering { unit_m: 0.8, noise: 0.005, holes: 0.2, seed }.filmed(&built, camera);
+            let width = surface.width();
+            for (i, depth) in surface.depth.iter_mut().enumerate() {
+                *depth *= 1.0 + 0.04 * ((i % width) as f32 / width as f32 - 0.5);
+            }
+            surface
+        });
+        let lenses = truth.map(|camera| camera.intrinsics.clone());
+        let mut points = picks(&scene, truth, &mut Pcg64Mcg::seed_from_u64(seed));
+        points.truncate(8);
+        let project = project(points, Scale::Height { camera: 0, height_m: truth[0].center().z });
+        let expected = truth[0].camera_from_world * truth[1].camera_from_world.inverse();
+        for (turn_deg, matches) in turns_deg.iter_mut().zip([0, MergeOptions::default().matches]) {
+            let options = MergeOptions { matches, ..MergeOptions::default() };
+            let (merged, report) =
+                merge::merge(&project, &surfaces, &lenses, &[vec![], vec![]], &[], &options).unwrap();
+            assert_eq!(report.matches > 0, matches > 0, "seed {seed}: {report:?}");
+            let found = merged.common_from_camera[0].inverse() * merged.common_from_camera[1];
+            *turn_deg += calib::rotation::angle_between_deg(&found.isometry.rotation, &expected.rotation);
+        }
+    }
+    let [without, with] = turns_deg;
+    assert!(with < 0.75 * without, "{with}° with, {without}° without what pictures have in common");
+}
+
+/// Where depths are bent, floors slope; what runs up in the pictures does not: a fourth of all edges here. From the top of
+/// the image to its bottom one camera's depths are stretched by 12 %, the other's by 6 %.
+#[test]
+fn what_runs_up_in_the_pictures_says_how_level_a_bent_room_is() {
+    let mut tilts_deg = [0.0; 2];
+    for seed in 1..=5 {
+        let built = RoomOptions { seed, image_px: [480, 360], ..RoomOptions::default() }.build().unwrap();
+        let scene = RayScene::new(built.room.geometry.as_ref().unwrap()).unwrap();
+        let truth = [0, 1].map(|i| &built.room.cameras[i].camera);
+        let surfaces = [(0, 0.12), (1, 0.06)].map(|(i, bent)| {
+            let mut surface = Rendering { unit_m: 0.8, noise: 0.005, holes: 0.2, seed }.of(&scene, truth[i]);
+            let (width, height) = (surface.width(), surface.height());
+            for (i, depth) in surface.depth.iter_mut().enumerate() {
+                *depth *= 1.0 + bent * ((i / width) as f32 / height as f32 - 0.5);
+            }
+            surface
+        });
+        let lenses = truth.map(|camera| camera.intrinsics.clone());
+        let mut rng = Pcg64Mcg::seed_from_u64(seed);
+        let mut normal = |camera: &Camera, is_plumb: bool| {
+            let up = camera.camera_from_world.rotation * Vector3::z();
+            let any = Vector3::from_fn(|_, _| rng.random_range(-1.0..1.0)).normalize();
+            if is_plumb { up.cross(&any).normalize() + 0.01 * any } else { any }.normalize()
+        };
+        let edges =
+            truth.map(|camera| (0..1500).map(|k| normal(camera, k % 4 == 0)).collect::<Vec<Vector3<f64>>>());
+        let points = picks(&scene, truth, &mut Pcg64Mcg::seed_from_u64(seed));
+        let project = project(points, Scale::Height { camera: 0, height_m: truth[0].center().z });
+        for (tilt_deg, edges) in tilts_deg.iter_mut().zip([&[][..], &edges]) {
+            let measured = &[vec![], vec![]];
+            let captures = Captures { surfaces: &surfaces, lenses: &lenses, measured, edges };
+            let (room, report) = assemble(&project, &captures, &AssembleOptions::default()).unwrap();
+            assert_eq!(report.floor.plumb_captures > 0, !edges.is_empty(), "seed {seed}: {report:?}");
+            for (found, truth) in room.cameras.iter().zip(truth) {
+                let up = |camera: &Camera| camera.camera_from_world.rotation * Vector3::z();
+                *tilt_deg += up(&found.camera).angle(&up(truth)).to_degrees() / 10.0;
+            }
+        }
+    }
+    let [without, with] = tilts_deg;
+    assert!(with < 0.9 * without, "{with}° with, {without}° without lines");
+}
