@@ -111,9 +111,14 @@ impl Build {
                 ));
             }
         }
+        // One camera alone is joined to none.
+        let picks = if report.cameras.len() > 1 {
+            format!("picks to {:.2} px, ", report.pick_rms_px)
+        } else {
+            String::new()
+        };
         console.line(&format!(
-            "picks to {:.2} px, floor to {:.1} cm, {} discs; the room is in {}",
-            report.pick_rms_px,
+            "{picks}floor to {:.1} cm, {} discs; the room is in {}",
             100.0 * report.floor_rms_m,
             report.discs,
             self.out.display()

@@ -261,3 +261,14 @@ fn what_pictures_say_of_up_turns_a_camera_that_picks_leave_askew() {
         assert_eq!(run(&plumb).common_from_camera, without.common_from_camera);
     }
 }
+
+#[test]
+fn one_camera_alone_stands_where_it_is_and_misses_no_pick() {
+    let mut project = project();
+    project.cameras.truncate(1);
+    project.points.clear();
+    let (result, report) =
+        merge(&project, &[surface(0)], &[lens()], &[vec![]], &[None], &MergeOptions::default()).unwrap();
+    assert_eq!(result.common_from_camera, [Similarity3::identity()]);
+    assert_eq!(report.pick_rms_px.to_bits(), 0.0_f64.to_bits());
+}

@@ -213,6 +213,7 @@ impl Scene<'_> {
     fn pick_rms(&self, state: &State, picks: &[Pick]) -> f64 {
         let by_hand = || picks.iter().filter(|p| p.by_hand);
         let squares: f64 = by_hand().map(|p| norm(self.residual(state, &Term::Pixel(p))).powi(2)).sum();
-        self.pick_sigma_px() * (squares / by_hand().count().max(1) as f64).sqrt()
+        // Of no picks the sum is −0.
+        self.pick_sigma_px() * (squares.abs() / by_hand().count().max(1) as f64).sqrt()
     }
 }
