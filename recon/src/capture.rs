@@ -1,6 +1,6 @@
 //! A capture: the frames one camera filmed on its way to its final pose, and which of them is the reference image.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use calib::Intrinsics;
@@ -11,6 +11,9 @@ use crate::{Error, Result};
 
 /// Fewer frames than this hold no motion worth the name.
 const MIN_FRAMES: usize = 3;
+
+/// Longer films are used in steps: beyond this, more frames of the same room cost time and memory and tell nothing new.
+const MOST_FRAMES: usize = 120;
 
 /// Horizontal field of view assumed where a capture tells nothing of its lens; adjustment finds the true one.
 pub const ASSUMED_FOV_DEG: f64 = 60.0;
@@ -44,43 +47,42 @@ impl FromStr for ReferenceFrame {
     }
 }
 
-/// The frames of one camera, all of one size.
+/// A capture as it lies on disk, looked through but not read yet: films of many cameras need not be held at once.
 #[derive(Debug, Clone)]
-pub struct Capture {
-    /// The camera's name in `room.toml`.
-    pub name: String,
-    /// In order of time.
-    pub frames: Vec<RgbImage>,
-    /// Index (from 0) of the frame at the installed pose.
-    pub reference: usize,
-    /// Calibrated intrinsics; `None` estimates the focal length from the motion.
-    pub intrinsics: Option<Intrinsics>,
-    /// The focal length that photographs tell in EXIF where intrinsics are not given, pixels: where its estimation starts.
-    pub told_focal_px: Option<f64>,
+pub struct CaptureFile {
+    name: String,
+    path: PathBuf,
+    size: (u32, u32),
+    /// Frames filmed.
+    count: usize,
+    /// Index of the frame at the installed pose.
+    reference: usize,
+    intrinsics: Option<Intrinsics>,
+    told_focal_px: Option<f64>,
 }
 
-impl Capture {
-    /// Loads a folder of images (in name order) or a video file.
+impl CaptureFile {
+    /// Looks through a folder of images (in name order) or a video file.
     ///
     /// # Errors
-    /// A file that cannot be read or decoded, too few frames, a reference frame that does not exist, or frames whose
-    /// size is not that of the intrinsics; each names the file.
-    pub fn load(
+    /// A file that cannot be opened, too few frames, a reference frame that does not exist, or frames whose size is not
+    /// that of the intrinsics; each names the file.
+    pub fn open(
         name: &str,
-        source: &Path,
+        path: &Path,
         reference: ReferenceFrame,
         intrinsics: Option<Intrinsics>,
     ) -> Result<Self> {
-        let spec = source.to_str().ok_or_else(|| {
-            Error::content(source, "file name", "is not valid UTF-8; rename the capture's file or folder")
-        })?;
-        let mut film = FrameSource::open(spec)?;
+        let mut film = opened(path)?;
         let told_focal_px = if intrinsics.is_none() { told_focal_px(name, &film) } else { None };
-        let frames = film.read_all()?;
-        let count = frames.len();
+        let size = film.size();
+        let mut count = 0;
+        while film.skip() {
+            count += 1;
+        }
         if count < MIN_FRAMES {
             let problem = format!("holds {count} frames, at least {MIN_FRAMES} are needed to see motion");
-            return Err(Error::content(source, "whole capture", problem));
+            return Err(Error::content(path, "whole capture", problem));
         }
         let reference = match reference {
             ReferenceFrame::First => 0,
@@ -89,21 +91,130 @@ impl Capture {
             ReferenceFrame::Number(number) => {
                 let problem =
                     format!("the reference is frame {number}, but there are {count} (counted from 1)");
-                return Err(Error::content(source, "reference", problem));
+                return Err(Error::content(path, "reference", problem));
             }
         };
-        if let Some(camera) = &intrinsics {
-            let (width, height) = frames[0].dimensions();
-            if (camera.width, camera.height) != (width, height) {
-                let problem = format!(
-                    "frames are {width} × {height}, the intrinsics of camera `{name}` are for {} × {}; \
-                     calibrate at the capture's size",
-                    camera.width, camera.height
-                );
-                return Err(Error::content(source, "frame 1", problem));
+        if let Some(camera) = &intrinsics
+            && (camera.width, camera.height) != size
+        {
+            let problem = format!(
+                "frames are {} × {}, the intrinsics of camera `{name}` are for {} × {}; calibrate at the capture's size",
+                size.0, size.1, camera.width, camera.height
+            );
+            return Err(Error::content(path, "frame 1", problem));
+        }
+        let (name, path) = (name.to_owned(), path.to_owned());
+        Ok(Self { name, path, size, count, reference, intrinsics, told_focal_px })
+    }
+
+    /// The camera's name.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Width and height of its frames, pixels.
+    pub fn size(&self) -> (u32, u32) {
+        self.size
+    }
+
+    /// Frames filmed.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// Of how many frames, counted from the reference frame, one is used: a film of half a minute shows no more than
+    /// some of its frames do.
+    pub fn stride(&self) -> usize {
+        self.count.div_ceil(MOST_FRAMES)
+    }
+
+    /// Reads the frames that are used.
+    ///
+    /// # Errors
+    /// A frame that cannot be decoded, or a file that ends before its header says; each names the file.
+    pub fn read(&self) -> Result<Capture> {
+        let mut film = opened(&self.path)?;
+        let stride = self.stride();
+        let first = self.reference % stride;
+        let mut frames = Vec::with_capacity(self.count / stride + 1);
+        for _ in 0..first {
+            film.skip();
+        }
+        let (width, height) = self.size;
+        loop {
+            let mut frame = RgbImage::new(width, height);
+            if !film.read(&mut frame)? {
+                break;
+            }
+            frames.push(frame);
+            for _ in 1..stride {
+                film.skip();
             }
         }
-        Ok(Self { name: name.to_owned(), frames, reference, intrinsics, told_focal_px })
+        let reference = (self.reference - first) / stride;
+        if frames.len() <= reference {
+            let problem = format!("it has changed since it was looked through ({} frames then)", self.count);
+            return Err(Error::content(&self.path, "whole capture", problem));
+        }
+        Ok(Capture {
+            name: self.name.clone(),
+            frames,
+            filmed: Filmed { first, stride },
+            reference,
+            intrinsics: self.intrinsics.clone(),
+            told_focal_px: self.told_focal_px,
+        })
+    }
+}
+
+/// Which of the frames that were filmed a capture holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Filmed {
+    /// Index (from 0) of its first.
+    pub first: usize,
+    /// From each to the next.
+    pub stride: usize,
+}
+
+impl Filmed {
+    /// All of them.
+    pub const ALL: Self = Self { first: 0, stride: 1 };
+
+    /// The number in the film, counted from 1, of a capture's frame, counted from 0.
+    pub fn number(self, frame: usize) -> usize {
+        self.first + frame * self.stride + 1
+    }
+}
+
+/// The frames of one camera, all of one size, and one as far from the next in time as any.
+#[derive(Debug, Clone)]
+pub struct Capture {
+    /// The camera's name in `room.toml`.
+    pub name: String,
+    /// In order of time.
+    pub frames: Vec<RgbImage>,
+    /// Which of the film's frames these are.
+    pub filmed: Filmed,
+    /// Index (from 0) in `frames` of the frame at the installed pose.
+    pub reference: usize,
+    /// Calibrated intrinsics; `None` estimates the focal length from the motion.
+    pub intrinsics: Option<Intrinsics>,
+    /// The focal length that photographs tell in EXIF where intrinsics are not given, pixels: where its estimation starts.
+    pub told_focal_px: Option<f64>,
+}
+
+impl Capture {
+    /// Opens and reads a capture, see [`CaptureFile`].
+    ///
+    /// # Errors
+    /// As [`CaptureFile::open`] and [`CaptureFile::read`].
+    pub fn load(
+        name: &str,
+        source: &Path,
+        reference: ReferenceFrame,
+        intrinsics: Option<Intrinsics>,
+    ) -> Result<Self> {
+        CaptureFile::open(name, source, reference, intrinsics)?.read()
     }
 
     /// The lens that motion starts with: the calibrated one, or one with the focal length that photographs tell, or that of a usual
@@ -115,6 +226,13 @@ impl Capture {
             Intrinsics { fx: focal, fy: focal, ..assumed }
         })
     }
+}
+
+fn opened(path: &Path) -> Result<FrameSource> {
+    let spec = path.to_str().ok_or_else(|| {
+        Error::content(path, "file name", "is not valid UTF-8; rename the capture's file or folder")
+    })?;
+    Ok(FrameSource::open(spec)?)
 }
 
 /// From the first photograph; what cannot be read is said, and no reason to stop.
@@ -155,6 +273,31 @@ mod tests {
         assert!(other.unwrap_err().to_string().contains("64 × 48"));
         let missing = Capture::load("cam", &path.join("gone"), ReferenceFrame::Last, None).unwrap_err();
         assert!(missing.to_string().contains("gone"));
+    }
+
+    #[test]
+    fn long_films_are_used_in_even_steps_that_meet_the_reference() {
+        let folder = tempfile::tempdir().unwrap();
+        let count = 2 * MOST_FRAMES + 7;
+        for index in 0..count {
+            let shade = image::Rgb([(index % 251) as u8, 0, 0]);
+            RgbImage::from_pixel(4, 3, shade).save(folder.path().join(format!("{index:04}.png"))).unwrap();
+        }
+        for (reference, number) in
+            [(ReferenceFrame::First, 1), (ReferenceFrame::Last, count), (ReferenceFrame::Number(102), 102)]
+        {
+            let file = CaptureFile::open("cam", folder.path(), reference, None).unwrap();
+            assert_eq!((file.count(), file.stride(), file.size()), (count, 3, (4, 3)));
+            let capture = file.read().unwrap();
+            assert!(capture.frames.len() <= MOST_FRAMES, "{}", capture.frames.len());
+            assert_eq!(capture.filmed.number(capture.reference), number);
+            for (index, frame) in capture.frames.iter().enumerate() {
+                let shade = ((capture.filmed.number(index) - 1) % 251) as u8;
+                assert_eq!(frame.get_pixel(0, 0).0, [shade, 0, 0], "frame {index} of {reference:?}");
+            }
+            let last = capture.filmed.number(capture.frames.len() - 1);
+            assert!(capture.filmed.first < 3 && last + 3 > count, "{:?}", capture.filmed);
+        }
     }
 
     /// A JPEG whose EXIF block, big-endian, has one entry: `FocalLengthIn35mmFilm` of this value.

@@ -25,6 +25,7 @@ fn room() -> TempDir {
         radius: 0.08,
         color: [100; 3],
         filled: false,
+        confidence: 1.0,
     };
     let zone = |name: &str, x: f64| Zone {
         name: name.into(),

@@ -30,7 +30,7 @@ fn cloud(room: &Room, scene: &RayScene) -> Geometry {
                 let center = vec3_from_point(&place);
                 let radius = z / camera.intrinsics.fx as f32;
                 let normal = (eye - center).normalize();
-                discs.push(Disc { center, normal, radius, color: [0; 3], filled: false });
+                discs.push(Disc { center, normal, radius, color: [0; 3], filled: false, confidence: 1.0 });
             }
         }
     }

@@ -17,6 +17,19 @@ use crate::rolling_shutter::RollingShutter;
 use crate::surface::Surface;
 use crate::{Error, Result};
 
+/// A camera once it is known how it moved.
+#[derive(Debug, Clone)]
+pub(super) struct Moved {
+    /// As filmed.
+    pub(super) lens: Intrinsics,
+    /// One a frame; world = the reference frame's camera.
+    pub(super) camera_from_world: Vec<Option<Isometry3<f64>>>,
+    /// Sparse points.
+    pub(super) points: Vec<Point3<f64>>,
+    /// What is known so far.
+    pub(super) report: CameraReport,
+}
+
 /// A camera once its capture has been worked through.
 #[derive(Debug, Clone)]
 pub(super) struct Seen {
@@ -38,34 +51,46 @@ pub(super) struct Camera {
     pub(super) seen: Seen,
 }
 
-/// Works through a capture; `step` is told what is being done. Frames of a rolling shutter become what they would be,
-/// filmed at once.
-pub(super) fn see(capture: &mut Capture, options: &BuildOptions, step: &dyn Fn(String)) -> Result<Seen> {
-    let name = &capture.name.clone();
+/// How the camera of a capture moved; `step` is told what is being done.
+pub(super) fn follow(capture: &Capture, options: &BuildOptions, step: &dyn Fn(String)) -> Result<Moved> {
+    let name = &capture.name;
     step(format!("{name}: camera motion"));
     let start = Instant::now();
     let motion_options = MotionOptions { seed: options.seed, ..options.motion.clone() };
-    let (motion, motion_report) = motion::estimate(capture, &motion_options)?;
-    if motion_report.readout != 0.0 {
+    let (motion, told) = motion::estimate(capture, &motion_options)?;
+    if told.readout != 0.0 {
         tracing::info!(
             "{name}: its rows are read one after the other, over {:.2} of the time between frames",
-            motion_report.readout
+            told.readout
         );
-        let shutter =
-            RollingShutter::new(motion_report.readout, &motion.camera_from_world, motion.intrinsics.height);
-        at_once(capture, &motion.intrinsics, &shutter);
     }
-    let motion_time = start.elapsed();
+    let report = CameraReport::of_motion(capture, &motion.intrinsics, &told, start.elapsed());
+    Ok(Moved {
+        lens: motion.intrinsics,
+        camera_from_world: motion.camera_from_world,
+        points: motion.points.iter().map(|p| p.position).collect(),
+        report,
+    })
+}
 
+/// What a capture shows, once its camera's motion is known and its frames are as if filmed at once; `step` is told what is
+/// being done.
+pub(super) fn see(
+    capture: &Capture,
+    moved: Moved,
+    options: &BuildOptions,
+    step: &dyn Fn(String),
+) -> Result<Seen> {
+    let name = &capture.name;
     step(format!("{name}: depth"));
     let start = Instant::now();
-    let points: Vec<Point3<f64>> = motion.points.iter().map(|p| p.position).collect();
+    let Moved { lens, camera_from_world, points, report } = moved;
     let posed = PosedCapture {
         name,
         frames: &capture.frames,
         reference: capture.reference,
-        intrinsics: &motion.intrinsics,
-        camera_from_world: &motion.camera_from_world,
+        intrinsics: &lens,
+        camera_from_world: &camera_from_world,
         points: &points,
     };
     let dense_options = DenseOptions { seed: options.seed, ..options.dense.clone() };
@@ -74,23 +99,37 @@ pub(super) fn see(capture: &mut Capture, options: &BuildOptions, step: &dyn Fn(S
     let (surface, plane_report) = planes::complete(&views, &plane_options)
         .ok_or_else(|| Error::capture(name, "no view was reconstructed"))?;
     tracing::info!("{name}: {plane_report:?}");
-    let times = (motion_time, start.elapsed());
-    let report =
-        CameraReport::new(capture, (&motion.intrinsics, &motion_report), &dense_report, &surface, times);
+    let report = report.with_depth(capture.filmed, &dense_report, &surface, start.elapsed());
     let range = depth_range(&points);
-    Ok(Seen { lens: motion.intrinsics, surface, camera_from_world: motion.camera_from_world, range, report })
+    Ok(Seen { lens, surface, camera_from_world, range, report })
+}
+
+impl Moved {
+    /// How the capture's rows were read; `None` for all at once.
+    pub(super) fn shutter(&self) -> Option<RollingShutter> {
+        shutter(&self.report, &self.camera_from_world, &self.lens)
+    }
 }
 
 impl Seen {
     /// How the capture's rows were read; `None` for all at once.
     pub(super) fn shutter(&self) -> Option<RollingShutter> {
-        let readout = self.report.readout;
-        (readout != 0.0).then(|| RollingShutter::new(readout, &self.camera_from_world, self.lens.height))
+        shutter(&self.report, &self.camera_from_world, &self.lens)
     }
 }
 
-/// All frames of a capture as if filmed at once.
-pub(super) fn at_once(capture: &mut Capture, lens: &Intrinsics, shutter: &RollingShutter) {
+fn shutter(
+    report: &CameraReport,
+    camera_from_world: &[Option<Isometry3<f64>>],
+    lens: &Intrinsics,
+) -> Option<RollingShutter> {
+    let readout = report.readout;
+    (readout != 0.0).then(|| RollingShutter::new(readout, camera_from_world, lens.height))
+}
+
+/// All frames of a capture become what they would be, filmed at once; without a shutter they are.
+pub(super) fn all_at_once(capture: &mut Capture, lens: &Intrinsics, shutter: Option<RollingShutter>) {
+    let Some(shutter) = shutter else { return };
     for (index, frame) in capture.frames.iter_mut().enumerate() {
         *frame = shutter.frame(lens, index, frame);
     }

@@ -18,12 +18,13 @@ use std::time::Instant;
 
 use calib::Intrinsics;
 use image::RgbImage;
+use nalgebra::Point2;
 use rayon::prelude::*;
 use scenes::room::{Room, Zone};
 
 use crate::Result;
 use crate::assemble::{self, AssembleOptions, Captures};
-use crate::capture::Capture;
+use crate::capture::{Capture, CaptureFile};
 use crate::dense::DenseOptions;
 use crate::motion::MotionOptions;
 use crate::planes::PlaneOptions;
@@ -31,9 +32,9 @@ use crate::plumb;
 use crate::project::{Project, ProjectCamera};
 use crate::surface::Surface;
 use camera::{Camera, Seen};
-use kept::Kept;
+use kept::{Kept, Keys};
 pub use reference_view::{ReferenceView, reference_views};
-pub use report::{BuildReport, CameraReport};
+pub use report::{BuildReport, CameraReport, StartErrors};
 
 /// How a room is built.
 #[derive(Debug, Clone, Default)]
@@ -90,23 +91,30 @@ pub fn build(
         number += 1;
     };
 
-    let captures = captures_of(&project.cameras, &mut step)?;
-    let sizes: Vec<(u32, u32)> = captures.iter().map(|c| c.frames[c.reference].dimensions()).collect();
+    let files = files_of(&project.cameras)?;
+    let sizes: Vec<(u32, u32)> = files.iter().map(CaptureFile::size).collect();
     project.check_pixels(&sizes)?;
 
     let kept = Kept::beside(out);
     let mut report = BuildReport::default();
-    let (mut measured, mut edges) = (Vec::with_capacity(captures.len()), Vec::with_capacity(captures.len()));
-    let cameras = worked_through(captures, Some(&kept), options, &mut step, &mut |index, capture, seen| {
-        report.cameras.push(seen.report.clone());
-        if let Some(shutter) = seen.shutter() {
-            let at_once = |pixel: &_| shutter.rectified(&seen.lens, capture.reference, pixel);
-            project.move_pixels(index, &|pixel| at_once(pixel).unwrap_or(*pixel));
-        }
-        measured.push(camera::measure(capture, seen, &project.pixels_of(index)));
-        edges.push(plumb::edges::of_capture(&capture.frames, &seen.lens, &seen.camera_from_world));
-        tracing::debug!("{}: depths at picks {:?}", capture.name, measured.last());
-    })?;
+    let (mut measured, mut edges) = (Vec::with_capacity(files.len()), Vec::with_capacity(files.len()));
+    let picks = |index: usize, capture: &Capture, seen: &Seen| {
+        let pixels: Vec<Point2<f64>> =
+            project.pixels_of(index).iter().map(|p| at_once(seen, capture.reference, p)).collect();
+        let measured = camera::measure(capture, seen, &pixels);
+        let edges = plumb::edges::of_capture(&capture.frames, &seen.lens, &seen.camera_from_world);
+        (capture.reference, measured, edges)
+    };
+    let done = worked_through(&files, Some(&kept), options, &mut step, &picks)?;
+    let mut cameras = Vec::with_capacity(done.len());
+    for (index, (camera, keys, (reference, depths, lines))) in done.into_iter().enumerate() {
+        tracing::debug!("{}: depths at picks {depths:?}", camera.name);
+        report.cameras.push(camera.seen.report.clone());
+        project.move_pixels(index, &|pixel| at_once(&camera.seen, reference, pixel));
+        measured.push(depths);
+        edges.push(lines);
+        cameras.push((camera, keys));
+    }
     step("the room: cameras, floor, metres".into());
     let start = Instant::now();
     let surfaces: Vec<Surface> = cameras.iter().map(|(c, _)| c.seen.surface.clone()).collect();
@@ -122,8 +130,8 @@ pub fn build(
         cameras.iter().map(|(c, _)| (c.name.as_str(), &c.reference)).collect();
     output::write(out, &mut room, &references, &mut |dir, room| {
         preview::write(dir, room, &references, options.small_pictures)?;
-        for (camera, key) in &cameras {
-            Kept::keep_in(dir, &camera.name, key, &camera.seen);
+        for (camera, keys) in &cameras {
+            kept.hand_over(dir, &camera.name, keys);
         }
         report.seconds.writing = start.elapsed().as_secs_f64();
         report.write(dir)
@@ -133,83 +141,107 @@ pub fn build(
     Ok(report)
 }
 
-/// The captures of a project's cameras.
-fn captures_of(cameras: &[ProjectCamera], step: &mut dyn FnMut(String)) -> Result<Vec<Capture>> {
-    let load = |camera: &ProjectCamera| {
-        step(format!("{}: reading the capture", camera.name));
-        Capture::load(&camera.name, &camera.capture, camera.reference, camera.intrinsics.clone())
+/// The captures of a project's cameras, all looked through before the first is worked on.
+fn files_of(cameras: &[ProjectCamera]) -> Result<Vec<CaptureFile>> {
+    let open = |camera: &ProjectCamera| {
+        CaptureFile::open(&camera.name, &camera.capture, camera.reference, camera.intrinsics.clone())
     };
-    cameras.iter().map(load).collect()
+    cameras.iter().map(open).collect()
 }
 
-/// Each capture becomes motion, depth and a surface, or is found among what was kept; with the key it is kept by. Captures
-/// are worked through beside each other. `each` is then told of the cameras one after the other, while their frames, as if
-/// filmed at once, are still there.
+/// Where a filmed pixel of a frame would be, had the frame been filmed at once.
+fn at_once(seen: &Seen, frame: usize, pixel: &Point2<f64>) -> Point2<f64> {
+    let rectified = seen.shutter().and_then(|shutter| shutter.rectified(&seen.lens, frame, pixel));
+    rectified.unwrap_or(*pixel)
+}
+
+/// Each capture is read and becomes motion, depth and a surface, or is found among what was kept; with the keys it is kept
+/// by. Captures are worked through beside each other, and their frames let go one after the other: before that, `each` is
+/// asked of them, as if filmed at once.
 ///
 /// # Errors
 /// The first capture's that fails; what was made of others is kept.
-fn worked_through(
-    captures: Vec<Capture>,
+fn worked_through<T: Send>(
+    files: &[CaptureFile],
     kept: Option<&Kept>,
     options: &BuildOptions,
     step: &mut (dyn FnMut(String) + Send),
-    each: &mut dyn FnMut(usize, &Capture, &Seen),
-) -> Result<Vec<(Camera, blake3::Hash)>> {
+    each: &(dyn Fn(usize, &Capture, &Seen) -> T + Sync),
+) -> Result<Vec<(Camera, Keys, T)>> {
     let step = Mutex::new(step);
-    let first_failed = AtomicUsize::new(usize::MAX);
-    let work = |(index, mut capture): (usize, Capture)| {
-        // Who waits to hear what is wrong with a capture need not wait for those that come after it.
-        if first_failed.load(Ordering::Relaxed) < index {
-            return None;
-        }
-        let key = kept::key(&capture, options);
-        let reference = capture.frames[capture.reference].clone();
-        let seen = seen(&mut capture, &key, kept, options, &step);
-        if seen.is_err() {
-            first_failed.fetch_min(index, Ordering::Relaxed);
-        }
-        Some(seen.map(|seen| {
-            let name = capture.name.clone();
-            (capture, Camera { name, reference, seen }, key)
-        }))
-    };
-    let done: Vec<_> = captures.into_par_iter().enumerate().with_max_len(1).map(work).collect();
-    let done: Vec<(Capture, Camera, blake3::Hash)> = done.into_iter().flatten().collect::<Result<_>>()?;
-    let mut cameras = Vec::with_capacity(done.len());
-    for (index, (capture, camera, key)) in done.into_iter().enumerate() {
-        each(index, &capture, &camera.seen);
-        cameras.push((camera, key));
-    }
-    Ok(cameras)
-}
-
-/// One capture, worked through now or before.
-fn seen(
-    capture: &mut Capture,
-    key: &blake3::Hash,
-    kept: Option<&Kept>,
-    options: &BuildOptions,
-    step: &Mutex<&mut (dyn FnMut(String) + Send)>,
-) -> Result<Seen> {
     let step = |what: String| {
         // A progress bar that panicked is of no use to anybody.
         if let Ok(mut step) = step.lock() {
             step(what);
         }
     };
-    if let Some(seen) = kept.and_then(|kept| kept.find(&capture.name, key)) {
-        step(format!("{}: camera motion kept from before", capture.name));
-        step(format!("{}: depth kept from before", capture.name));
-        if let Some(shutter) = seen.shutter() {
-            camera::at_once(capture, &seen.lens, &shutter);
+    let first_failed = AtomicUsize::new(usize::MAX);
+    let work = |(index, file): (usize, &CaptureFile)| {
+        // Who waits to hear what is wrong with a capture need not wait for those that come after it.
+        if first_failed.load(Ordering::Relaxed) < index {
+            return None;
         }
-        return Ok(seen);
+        let done = one(file, kept, options, &step, &|capture, seen| each(index, capture, seen));
+        if done.is_err() {
+            first_failed.fetch_min(index, Ordering::Relaxed);
+        }
+        Some(done)
+    };
+    let done: Vec<_> = files.par_iter().enumerate().with_max_len(1).map(work).collect();
+    done.into_iter().flatten().collect()
+}
+
+/// One capture, worked through now or before.
+fn one<T>(
+    file: &CaptureFile,
+    kept: Option<&Kept>,
+    options: &BuildOptions,
+    step: &dyn Fn(String),
+    each: &dyn Fn(&Capture, &Seen) -> T,
+) -> Result<(Camera, Keys, T)> {
+    step(reading(file));
+    let mut capture = file.read()?;
+    let name = capture.name.clone();
+    let keys = Keys::of(&capture, options);
+    let reference = capture.frames[capture.reference].clone();
+    let before = kept.and_then(|kept| kept.seen(&name, &keys));
+    let seen = if let Some(seen) = before {
+        step(format!("{name}: camera motion kept from before"));
+        step(format!("{name}: depth kept from before"));
+        camera::all_at_once(&mut capture, &seen.lens, seen.shutter());
+        seen
+    } else {
+        let moved = if let Some(moved) = kept.and_then(|kept| kept.moved(&name, &keys)) {
+            step(format!("{name}: camera motion kept from before"));
+            moved
+        } else {
+            let moved = camera::follow(&capture, options, step)?;
+            if let Some(kept) = kept {
+                kept.keep_moved(&name, &keys, &moved);
+            }
+            moved
+        };
+        camera::all_at_once(&mut capture, &moved.lens, moved.shutter());
+        let seen = camera::see(&capture, moved, options, step)?;
+        if let Some(kept) = kept {
+            kept.keep_seen(&name, &keys, &seen);
+        }
+        seen
+    };
+    for doubt in &seen.report.doubts {
+        tracing::warn!("camera `{name}`: {doubt}");
     }
-    let seen = camera::see(capture, options, &step)?;
-    if let Some(kept) = kept {
-        kept.keep(&capture.name, key, &seen);
+    let told = each(&capture, &seen);
+    Ok((Camera { name, reference, seen }, keys, told))
+}
+
+/// For people: what is read of a capture.
+fn reading(file: &CaptureFile) -> String {
+    let name = file.name();
+    match file.stride() {
+        1 => format!("{name}: reading the capture"),
+        stride => format!("{name}: reading the capture, one in {stride} of its {} frames", file.count()),
     }
-    Ok(seen)
 }
 
 /// What people have drawn into a room outlives its rebuilding: its coordinates stay.

@@ -1,11 +1,21 @@
 //! The room directory: made beside its target, then put in its place.
+//!
+//! In one step, where the file system knows how to exchange two names: whoever reads the room meanwhile has the old one or
+//! the new one. What other programs and people have put into the old one (tracks, notes) stays.
 
+use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use image::RgbImage;
-use scenes::room::{Room, SCENE_FILE};
+use scenes::room::{GEOMETRY_FILE, Room, SCENE_FILE};
 
 use crate::{Error, Result};
+
+/// What building a room makes, and so replaces; everything else in a room's directory is somebody's.
+const OURS: [&str; 7] =
+    [SCENE_FILE, GEOMETRY_FILE, REFERENCES, "preview", "cache", "plan.png", "report.json"];
+const REFERENCES: &str = "reference";
 
 /// Quality of the reference images.
 const JPEG_QUALITY: u8 = 95;
@@ -24,7 +34,16 @@ pub(super) fn check_target(out: &Path) -> Result<Option<Room>> {
         return refuse("is a file; name a directory for the room");
     }
     check_creatable(out)?;
-    let mut entries = std::fs::read_dir(out).map_err(|source| Error::Io { path: out.to_owned(), source })?;
+    let whole = out.canonicalize().map_err(|source| Error::Io { path: out.to_owned(), source })?;
+    if std::env::current_dir().is_ok_and(|here| here.starts_with(&whole)) {
+        return refuse(
+            "is where this program was started, and would be replaced under it; start it from elsewhere or name a new directory",
+        );
+    }
+    if is_mount_point(&whole) {
+        return refuse("is a mount point, which cannot be replaced; name a directory in it");
+    }
+    let mut entries = fs::read_dir(out).map_err(|source| Error::Io { path: out.to_owned(), source })?;
     if entries.next().is_none() {
         return Ok(None);
     }
@@ -58,28 +77,73 @@ pub(super) fn write(
         let path = path.to_owned();
         move |source| Error::Io { path, source }
     };
+    let out = &std::path::absolute(out).map_err(io(out))?;
     let parent = out.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    std::fs::create_dir_all(parent).map_err(io(parent))?;
+    fs::create_dir_all(parent).map_err(io(parent))?;
     let beside = tempfile::Builder::new().prefix(".recon-").tempdir_in(parent).map_err(io(parent))?;
     let fresh = beside.path().join("room");
-    std::fs::create_dir(&fresh).map_err(io(&fresh))?;
+    fs::create_dir(&fresh).map_err(io(&fresh))?;
     for (camera, (name, image)) in room.cameras.iter_mut().zip(references) {
-        let relative = PathBuf::from("reference").join(format!("{name}.jpg"));
+        let relative = PathBuf::from(REFERENCES).join(format!("{name}.jpg"));
         write_jpeg(&fresh.join(&relative), image)?;
         camera.reference = Some(relative);
     }
     room.write(&fresh)?;
     more(&fresh, room)?;
-    let replaced = beside.path().join("before");
-    if out.exists() {
-        std::fs::rename(out, &replaced).map_err(io(out))?;
+    if !out.exists() {
+        return fs::rename(&fresh, out).map_err(io(out));
     }
-    if let Err(source) = std::fs::rename(&fresh, out) {
-        // Best effort: the old room comes back under its name.
-        let _ = std::fs::rename(&replaced, out);
-        return Err(Error::Io { path: out.to_owned(), source });
+    let before = exchange(&fresh, out, &beside.path().join("before")).map_err(io(out))?;
+    if let Err(source) = take_over_foreign(&before, out) {
+        // Nothing that is not ours is lost: the old room stays where it is.
+        let kept = beside.keep();
+        let problem = format!("the room is finished, but {source}; the old one is in {}", kept.display());
+        return Err(Error::content(out, "files of others", problem));
     }
     Ok(())
+}
+
+/// The fresh room takes the name of the old one; where the old one is then.
+fn exchange(fresh: &Path, out: &Path, elsewhere: &Path) -> io::Result<PathBuf> {
+    #[cfg(target_os = "linux")]
+    {
+        use rustix::fs::{CWD, RenameFlags, renameat_with};
+        if renameat_with(CWD, fresh, CWD, out, RenameFlags::EXCHANGE).is_ok() {
+            return Ok(fresh.to_owned());
+        }
+    }
+    // Not every file system can; then there is a moment without a room.
+    fs::rename(out, elsewhere)?;
+    if let Err(error) = fs::rename(fresh, out) {
+        // Best effort: the old room comes back under its name.
+        let _ = fs::rename(elsewhere, out);
+        return Err(error);
+    }
+    Ok(elsewhere.to_owned())
+}
+
+/// What somebody else has put into the old room moves into the new one.
+fn take_over_foreign(before: &Path, out: &Path) -> io::Result<()> {
+    for entry in fs::read_dir(before)? {
+        let name = entry?.file_name();
+        if !OURS.iter().any(|ours| name == *ours) {
+            fs::rename(before.join(&name), out.join(&name))?;
+        }
+    }
+    Ok(())
+}
+
+/// Whether a directory is on another device than the one it lies in.
+#[cfg(unix)]
+fn is_mount_point(dir: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    let device = |path: &Path| path.metadata().map(|m| m.dev()).ok();
+    dir.parent().is_none_or(|above| device(above) != device(dir))
+}
+
+#[cfg(not(unix))]
+fn is_mount_point(dir: &Path) -> bool {
+    dir.parent().is_none()
 }
 
 fn write_jpeg(path: &Path, image: &RgbImage) -> Result<()> {
@@ -92,7 +156,7 @@ fn write_jpeg(path: &Path, image: &RgbImage) -> Result<()> {
 
 /// A picture as PNG.
 pub(super) fn write_png(path: &Path, image: &RgbImage) -> Result<()> {
-    let mut bytes = std::io::Cursor::new(Vec::new());
+    let mut bytes = io::Cursor::new(Vec::new());
     image
         .write_to(&mut bytes, image::ImageFormat::Png)
         .map_err(|e| Error::content(path, "image", e.to_string()))?;
@@ -125,15 +189,51 @@ mod tests {
         write(&out, &mut room(), &references, &mut |_, _| Ok(())).unwrap();
         assert!(out.join("reference/a.jpg").is_file());
         assert_eq!(Room::read(&out).unwrap().cameras[0].reference, Some("reference/a.jpg".into()));
-        std::fs::write(out.join("old.txt"), "from before").unwrap();
+        fs::create_dir(out.join("tracks")).unwrap();
+        fs::write(out.join("tracks/tracks.txt"), "an afternoon").unwrap();
+        fs::create_dir(out.join("preview")).unwrap();
+        fs::write(out.join("preview/gone.png"), "of a camera that is no more").unwrap();
 
         check_target(&out).unwrap();
         let failed = write(&out, &mut room(), &references, &mut |_, _| Err(Error::Room("no".into())));
-        assert!(failed.is_err() && out.join("old.txt").is_file(), "a failed build must leave the room alone");
+        assert!(
+            failed.is_err() && out.join("preview/gone.png").is_file(),
+            "a failed build must leave the room alone"
+        );
         write(&out, &mut room(), &references, &mut |_, _| Ok(())).unwrap();
-        assert!(!out.join("old.txt").exists());
-        let left: Vec<_> = std::fs::read_dir(out.parent().unwrap()).unwrap().collect();
+        assert!(!out.join("preview").exists());
+        assert_eq!(fs::read(out.join("tracks/tracks.txt")).unwrap(), b"an afternoon", "not ours to lose");
+        let left: Vec<_> = fs::read_dir(out.parent().unwrap()).unwrap().collect();
         assert_eq!(left.len(), 1, "{left:?}");
+    }
+
+    #[test]
+    fn a_fresh_room_takes_the_name_of_the_old_one_or_leaves_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let dir = |name: &str| {
+            let dir = folder.path().join(name);
+            fs::create_dir(&dir).unwrap();
+            fs::write(dir.join("mark"), name).unwrap();
+            dir
+        };
+        let (fresh, out) = (dir("fresh"), dir("out"));
+        let before = exchange(&fresh, &out, &folder.path().join("elsewhere")).unwrap();
+        assert_eq!(fs::read(out.join("mark")).unwrap(), b"fresh");
+        assert_eq!(fs::read(before.join("mark")).unwrap(), b"out");
+        // Nothing to put there: the old one stays.
+        let gone = exchange(&folder.path().join("nothing"), &out, &folder.path().join("elsewhere"));
+        assert!(gone.is_err());
+        assert_eq!(fs::read(out.join("mark")).unwrap(), b"fresh");
+    }
+
+    #[test]
+    fn what_cannot_be_replaced_is_refused_beforehand() {
+        // Tests run in their crate's folder.
+        let said = check_target(Path::new(".")).unwrap_err().to_string();
+        assert!(said.contains("started"), "{said}");
+        if Path::new("/proc/self").is_dir() {
+            assert!(is_mount_point(Path::new("/proc")) && !is_mount_point(Path::new("/proc/self")));
+        }
     }
 
     #[test]
@@ -141,7 +241,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         check_target(folder.path()).unwrap();
         let file = folder.path().join("thesis.txt");
-        std::fs::write(&file, "years of work").unwrap();
+        fs::write(&file, "years of work").unwrap();
         assert!(check_target(folder.path()).unwrap_err().to_string().contains("no room"));
         assert!(check_target(&file).unwrap_err().to_string().contains("is a file"));
     }

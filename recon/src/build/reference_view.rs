@@ -6,8 +6,8 @@ use calib::Intrinsics;
 use image::RgbImage;
 use nalgebra::Point2;
 
-use super::kept::Kept;
-use super::{BuildOptions, STEPS_A_CAMERA, Step, captures_of, worked_through};
+use super::kept::{Kept, Keys};
+use super::{BuildOptions, STEPS_A_CAMERA, Step, files_of, worked_through};
 use crate::Result;
 use crate::merge::pinhole_pixel;
 use crate::project::ProjectCamera;
@@ -67,18 +67,15 @@ pub fn reference_views(
         progress(&Step { number, of, what });
         number += 1;
     };
-    let captures = captures_of(cameras, &mut step)?;
+    let files = files_of(cameras)?;
     let kept = room.map(Kept::beside);
-    let mut references = Vec::with_capacity(captures.len());
-    let done = worked_through(captures, kept.as_ref(), options, &mut step, &mut |_, capture, _| {
-        references.push(capture.reference);
-    })?;
-    let view = |((camera, _), reference): ((super::Camera, blake3::Hash), usize)| ReferenceView {
+    let done = worked_through(&files, kept.as_ref(), options, &mut step, &|_, capture, _| capture.reference)?;
+    let view = |(camera, _, reference): (super::Camera, Keys, usize)| ReferenceView {
         shutter: camera.seen.shutter().map(|shutter| (shutter, reference)),
         name: camera.name,
         picture: camera.reference,
         surface: camera.seen.surface,
         lens: camera.seen.lens,
     };
-    Ok(done.into_iter().zip(references).map(view).collect())
+    Ok(done.into_iter().map(view).collect())
 }

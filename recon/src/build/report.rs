@@ -7,9 +7,9 @@ use calib::Intrinsics;
 use serde::{Deserialize, Serialize};
 
 use crate::assemble::AssembleReport;
-use crate::capture::{ASSUMED_FOV_DEG, Capture};
+use crate::capture::{ASSUMED_FOV_DEG, Capture, Filmed};
 use crate::dense::DenseReport;
-use crate::motion::{LensOrigin, MotionReport};
+use crate::motion::{LensOrigin, MotionReport, Starts};
 use crate::project::Project;
 use crate::surface::{Origin, Surface};
 use crate::{Error, Result};
@@ -67,10 +67,14 @@ pub struct RoomSeconds {
 pub struct CameraReport {
     /// The camera.
     pub name: String,
-    /// Frames filmed.
+    /// Frames used.
     pub frames: usize,
-    /// The frame at the installed pose, counted from 1.
+    /// The frame at the installed pose, by its number in the film, counted from 1.
     pub reference: usize,
+    /// How its motion began: by "factorization" or from "two views", whichever came to the smaller error.
+    pub start: String,
+    /// The robust reprojection error that each start came to, pixels.
+    pub start_error_px: StartErrors,
     /// Frames whose pose was found.
     pub registered: usize,
     /// Sparse points.
@@ -87,7 +91,9 @@ pub struct CameraReport {
     pub estimated_focal_px: Option<f64>,
     /// Its standard deviation, pixels, where it can be told.
     pub focal_sigma_px: Option<f64>,
-    /// Frames matched densely, counted from 1.
+    /// What the capture leaves in doubt though a motion was found, a sentence each; they are warned of, too.
+    pub doubts: Vec<String>,
+    /// Frames matched densely, by their numbers in the film, counted from 1.
     pub key_frames: Vec<usize>,
     /// Share of the reference image's pixels that stereo measured.
     pub measured_share: f64,
@@ -99,22 +105,34 @@ pub struct CameraReport {
     pub dense_seconds: f64,
 }
 
+/// What each start of a motion came to, pixels; none where it came to nothing.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct StartErrors {
+    /// Factorization of windows, chained.
+    pub factorization: Option<f64>,
+    /// The essential matrix of two views, then frame after frame.
+    pub two_views: Option<f64>,
+}
+
 impl CameraReport {
-    pub(super) fn new(
+    /// What is known once a capture's motion is.
+    pub(super) fn of_motion(
         capture: &Capture,
-        (lens, motion): (&Intrinsics, &MotionReport),
-        dense: &DenseReport,
-        surface: &Surface,
-        (motion_time, dense_time): (Duration, Duration),
+        lens: &Intrinsics,
+        motion: &MotionReport,
+        took: Duration,
     ) -> Self {
-        let share = |origin: Origin| {
-            let count = surface.origin.iter().filter(|o| **o == origin).count();
-            count as f64 / surface.origin.len().max(1) as f64
-        };
+        let Starts { factorization_px, two_views_px } = motion.starts;
+        let finite = |px: f64| px.is_finite().then_some(px);
         Self {
             name: capture.name.clone(),
             frames: capture.frames.len(),
-            reference: capture.reference + 1,
+            reference: capture.filmed.number(capture.reference),
+            start: if motion.starts.factorization_won() { "factorization" } else { "two views" }.into(),
+            start_error_px: StartErrors {
+                factorization: finite(factorization_px),
+                two_views: finite(two_views_px),
+            },
             registered: motion.registered,
             points: motion.points,
             reprojection_rms_px: motion.rms_px,
@@ -124,11 +142,30 @@ impl CameraReport {
             estimated_focal_px: matches!(motion.lens, LensOrigin::Estimated | LensOrigin::Refined)
                 .then_some(lens.fx),
             focal_sigma_px: motion.focal_sigma.map(|sigma| sigma * lens.fx),
-            key_frames: dense.key_frames.iter().map(|f| f + 1).collect(),
+            doubts: motion.doubts.clone(),
+            motion_seconds: took.as_secs_f64(),
+            ..Self::default()
+        }
+    }
+
+    /// The same once its depths are known, too.
+    pub(super) fn with_depth(
+        self,
+        filmed: Filmed,
+        dense: &DenseReport,
+        surface: &Surface,
+        took: Duration,
+    ) -> Self {
+        let share = |origin: Origin| {
+            let count = surface.origin.iter().filter(|o| **o == origin).count();
+            count as f64 / surface.origin.len().max(1) as f64
+        };
+        Self {
+            key_frames: dense.key_frames.iter().map(|f| filmed.number(*f)).collect(),
             measured_share: share(Origin::Stereo),
             filled_share: share(Origin::Filled),
-            motion_seconds: motion_time.as_secs_f64(),
-            dense_seconds: dense_time.as_secs_f64(),
+            dense_seconds: took.as_secs_f64(),
+            ..self
         }
     }
 }

@@ -53,6 +53,7 @@ fn single(surface: &Surface, i: usize) -> Option<Disc> {
         radius: surface.radius(i),
         color: surface.picture.get_pixel(u, v).0,
         filled: surface.origin[i] == Origin::Filled,
+        confidence: confidence(surface, std::iter::once(i)),
     })
 }
 
@@ -110,7 +111,15 @@ fn block(
         radius: half_diagonal / (w * camera.fx.min(camera.fy)) / cosine.sqrt(),
         color: color.round().to_array().map(|c| c as u8),
         filled: first == Origin::Filled,
+        confidence: confidence(surface, pixels().map(|(u, v)| v * width + u)),
     })
+}
+
+/// How many views agree with what is measured at pixels of one origin, on average.
+fn confidence(surface: &Surface, pixels: impl Iterator<Item = usize> + Clone) -> f32 {
+    let measured = pixels.clone().filter(|i| surface.origin[*i] == Origin::Stereo);
+    let agreeing: u32 = measured.map(|i| u32::from(surface.agreeing[i])).sum();
+    agreeing as f32 / pixels.count().max(1) as f32
 }
 
 #[cfg(test)]

@@ -235,6 +235,23 @@ mod tests {
     }
 
     #[test]
+    fn a_disc_tells_how_many_views_agree_with_it() {
+        // The upper half, 16 rows or four blocks, was seen by one view more in each second column.
+        let mut measured = wall(2.0, 32, Origin::Stereo);
+        for (i, agreeing) in measured.agreeing.iter_mut().enumerate().take(16 * 32) {
+            *agreeing += (i % 2) as u8;
+        }
+        let (discs, _) = fuse(&[measured], &[Similarity3::identity()], &FusionOptions::default());
+        for disc in &discs {
+            let expected = if disc.center.y < 0.0 { 4.5 } else { 4.0 };
+            assert!((disc.confidence - expected).abs() < 1e-6, "{disc:?}");
+        }
+        let filled = wall(2.0, 32, Origin::Filled);
+        let (discs, _) = fuse(&[filled], &[Similarity3::identity()], &FusionOptions::default());
+        assert!(discs.iter().all(|d| d.filled && d.confidence.to_bits() == 0));
+    }
+
+    #[test]
     fn discs_stand_in_the_world_with_its_scale() {
         let world = Similarity3::new(nalgebra::Vector3::new(1.0, 2.0, 3.0), nalgebra::Vector3::zeros(), 2.0);
         let (discs, report) = fuse(&[wall(2.0, 32, Origin::Stereo)], &[world], &FusionOptions::default());

@@ -2,8 +2,10 @@
 
 use calib::absolute_orientation;
 use nalgebra::{Point3, Similarity3};
+use rand::SeedableRng;
+use rand_pcg::Pcg64Mcg;
 
-use super::Pick;
+use super::{Pick, is_wide};
 use crate::project::{LEAST_SHARED_POINTS, Project};
 use crate::{Error, Result};
 
@@ -15,6 +17,21 @@ struct Edge {
     support: usize,
     /// Median distance of the supporting picks as a share of their depth.
     spread: f64,
+}
+
+/// Two cameras that share enough points, and are not joined by them.
+struct Failure {
+    a: usize,
+    b: usize,
+    /// Points of which both know the depth.
+    usable: usize,
+    why: Why,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Why {
+    Disagree,
+    OnALine,
 }
 
 /// Two picks of one point agree if they fall together to within this share of their depth.
@@ -33,8 +50,8 @@ pub(super) fn chain(project: &Project, picks: &[Pick], cameras: usize) -> Result
                 continue;
             }
             match pair(&shared) {
-                Some((a_from_b, support, spread)) => edges.push(Edge { a, b, a_from_b, support, spread }),
-                None => failures.push((a, b, shared.len())),
+                Ok((a_from_b, support, spread)) => edges.push(Edge { a, b, a_from_b, support, spread }),
+                Err(why) => failures.push(Failure { a, b, usable: shared.len(), why }),
             }
         }
     }
@@ -58,9 +75,10 @@ pub(super) fn chain(project: &Project, picks: &[Pick], cameras: usize) -> Result
         .collect()
 }
 
-fn unjoined(project: &Project, picks: &[Pick], failures: &[(usize, usize, usize)], camera: usize) -> Error {
+fn unjoined(project: &Project, picks: &[Pick], failures: &[Failure], camera: usize) -> Error {
     let name = |i: usize| &project.cameras[i].name;
-    let Some((a, b, usable)) = failures.iter().find(|(a, b, _)| *a == camera || *b == camera) else {
+    let of_camera = failures.iter().find(|f| f.a == camera || f.b == camera);
+    let Some(Failure { a, b, usable, why }) = of_camera else {
         let problem = format!("`{}` is joined to no other camera", name(camera));
         return Error::content(&project.path, "[[point]]", problem);
     };
@@ -73,6 +91,15 @@ fn unjoined(project: &Project, picks: &[Pick], failures: &[(usize, usize, usize)
         let problem = format!(
             "`{}` and `{}` share {picked} points, but both have depth at only {usable} of them{without}; pick points \
              on textured things that the camera moved past",
+            name(*a),
+            name(*b)
+        );
+        return Error::content(&project.path, "[[point]]", problem);
+    }
+    if *why == Why::OnALine {
+        let problem = format!(
+            "the points shared by `{}` and `{}` lie on a line, almost, which leaves a turn about it open; pick some well \
+             beside it",
             name(*a),
             name(*b)
         );
@@ -99,20 +126,31 @@ fn shared(picks: &[Pick], a: usize, b: usize) -> Vec<(Point3<f64>, Point3<f64>)>
         .collect()
 }
 
-/// The similarity that most picks agree on, from all triples; `None` if not even three do.
-fn pair(shared: &[(Point3<f64>, Point3<f64>)]) -> Option<(Similarity3<f64>, usize, f64)> {
-    let n = shared.len();
-    let mut best: Option<(usize, f64, Vec<usize>)> = None;
-    let triples = (0..n).flat_map(|i| (i + 1..n).flat_map(move |j| (j + 1..n).map(move |k| [i, j, k])));
-    for triple in triples.take(MOST_TRIPLES) {
+/// The similarity that most picks agree on, from triples of them.
+fn pair(shared: &[(Point3<f64>, Point3<f64>)]) -> std::result::Result<(Similarity3<f64>, usize, f64), Why> {
+    let (similarity, inside) = most_agreed(shared).ok_or(Why::Disagree)?;
+    // All of them: where depths are bent, few agree yet.
+    let (in_a, in_b): (Vec<_>, Vec<_>) = shared.iter().copied().unzip();
+    if !is_wide(&in_a) && !is_wide(&in_b) {
+        return Err(Why::OnALine);
+    }
+    let mut spread: Vec<f64> = inside.iter().map(|i| distance(&shared[*i], &similarity)).collect();
+    spread.sort_by(f64::total_cmp);
+    let median = spread.get(spread.len() / 2).copied().ok_or(Why::Disagree)?;
+    Ok((similarity, inside.len(), median))
+}
+
+/// The similarity with those that agree with it; `None` if not even three do.
+fn most_agreed(shared: &[(Point3<f64>, Point3<f64>)]) -> Option<(Similarity3<f64>, Vec<usize>)> {
+    let mut best: Option<(f64, Vec<usize>)> = None;
+    for triple in triples(shared.len()) {
         let Some(candidate) = fit(shared, &triple) else { continue };
-        let inside = agreeing(shared, &candidate);
-        let distances: f64 = (0..n).map(|i| distance(&shared[i], &candidate).min(AGREEMENT)).sum();
-        if best.as_ref().is_none_or(|(_, least, _)| distances < *least) {
-            best = Some((inside.len(), distances, inside));
+        let distances: f64 = shared.iter().map(|points| distance(points, &candidate).min(AGREEMENT)).sum();
+        if best.as_ref().is_none_or(|(least, _)| distances < *least) {
+            best = Some((distances, agreeing(shared, &candidate)));
         }
     }
-    let (_, _, mut inside) = best?;
+    let (_, mut inside) = best?;
     let mut similarity = None;
     // The inliers of a triple are enlarged by refitting to all of them.
     for _ in 0..3 {
@@ -123,11 +161,26 @@ fn pair(shared: &[(Point3<f64>, Point3<f64>)]) -> Option<(Similarity3<f64>, usiz
         similarity = Some(refined);
         inside = agreeing(shared, &refined);
     }
-    let similarity = similarity?;
-    let mut spread: Vec<f64> = inside.iter().map(|i| distance(&shared[*i], &similarity)).collect();
-    spread.sort_by(f64::total_cmp);
-    let median = spread.get(spread.len() / 2).copied()?;
-    Some((similarity, inside.len(), median))
+    Some((similarity?, inside))
+}
+
+/// All triples of so many points, or, where these are too many, some at random.
+fn triples(n: usize) -> Vec<[usize; 3]> {
+    if n < 3 {
+        return Vec::new();
+    }
+    if n * (n - 1) * (n - 2) / 6 <= MOST_TRIPLES {
+        return (0..n)
+            .flat_map(|i| (i + 1..n).flat_map(move |j| (j + 1..n).map(move |k| [i, j, k])))
+            .collect();
+    }
+    let mut rng = Pcg64Mcg::seed_from_u64(0);
+    (0..MOST_TRIPLES)
+        .map(|_| {
+            let drawn = rand::seq::index::sample(&mut rng, n, 3);
+            [0, 1, 2].map(|k| drawn.index(k))
+        })
+        .collect()
 }
 
 fn fit(shared: &[(Point3<f64>, Point3<f64>)], chosen: &[usize]) -> Option<Similarity3<f64>> {
@@ -144,4 +197,34 @@ fn distance((a, b): &(Point3<f64>, Point3<f64>), a_from_b: &Similarity3<f64>) ->
     let gap = (a_from_b * b - a).norm();
     let depth = a.coords.norm().min(b.coords.norm() * a_from_b.scaling());
     gap / depth.max(1e-12)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Vector3;
+
+    #[test]
+    fn the_first_of_many_points_may_be_wrong() {
+        let a_from_b = Similarity3::new(Vector3::new(1.0, -2.0, 0.5), Vector3::new(0.2, -0.9, 0.4), 1.7);
+        let mut shared: Vec<(Point3<f64>, Point3<f64>)> = (0..90)
+            .map(|i| {
+                let turn = 2.4 * f64::from(i);
+                let b = Point3::new(turn.cos(), (1.7 * turn).sin(), 3.0 + (0.3 * turn).sin());
+                (a_from_b * b, b)
+            })
+            .collect();
+        shared[0].0 += Vector3::new(1.0, 1.0, -1.0);
+        let (found, inside) = most_agreed(&shared).unwrap();
+        assert!((found.to_homogeneous() - a_from_b.to_homogeneous()).norm() < 1e-9, "{found}");
+        assert_eq!(inside, (1..90).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn few_points_are_tried_in_all_triples() {
+        assert!(triples(0).is_empty() && triples(2).is_empty());
+        assert_eq!(triples(4), [[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]);
+        assert_eq!((triples(25).len(), triples(26).len()), (2300, MOST_TRIPLES));
+        assert!(triples(60).iter().all(|[i, j, k]| i != j && j != k && i != k));
+    }
 }

@@ -13,6 +13,7 @@ mod overlap;
 mod refine;
 #[cfg(test)]
 mod tests;
+mod width;
 
 use nalgebra::{Isometry3, Point2, Point3, Similarity3};
 
@@ -22,6 +23,7 @@ use crate::proposals;
 use crate::ray_depth::{MeasuredPixel, RayDepth};
 use crate::surface::Surface;
 use crate::{Error, Result};
+pub(crate) use width::is_wide;
 
 /// How cameras are joined.
 #[derive(Debug, Clone)]

@@ -165,6 +165,59 @@ fn picks_without_depth_are_told() {
     assert!(line.contains("depth at only 0") && line.contains("[[point]] 1, b"), "{line}");
 }
 
+/// Surfaces whose depth is not known at some of the project's points, in either camera.
+fn blind_at(project: &Project, points: &[usize]) -> [Surface; 2] {
+    [0, 1].map(|camera| {
+        let mut surface = surface(camera);
+        for point in points {
+            let pixel = project.points[*point].pixel(camera).unwrap();
+            let width = surface.width();
+            for (i, depth) in surface.depth.iter_mut().enumerate() {
+                let at = Point2::new((i % width) as f64, (i / width) as f64);
+                if (at - pixel).norm() < 4.0 {
+                    *depth = 0.0;
+                }
+            }
+        }
+        surface
+    })
+}
+
+#[test]
+fn picks_without_depth_still_count_by_where_their_rays_meet() {
+    let options = MergeOptions { align_surfaces: false, ..MergeOptions::default() };
+    let run = |project: &Project| {
+        let surfaces = blind_at(project, &[1, 5]);
+        merge(project, &surfaces, &[lens(), lens()], &[vec![], vec![]], &[], &options).unwrap()
+    };
+    let mut project = project();
+    let (result, report) = run(&project);
+    assert!(report.outliers.is_empty(), "{report:?}");
+    let there = poses()[0] * Point3::new(1.2, -0.8, -HALF.z) / UNITS[0];
+    assert!((result.points[1].unwrap() - there).norm() < 0.05, "{:?} {there}", result.points[1]);
+    // One that is wrong is noticed as any other is: the cameras face each other, so rays pass beside each other.
+    project.points[1].picks[1].1.x += 30.0;
+    let (_, report) = run(&project);
+    assert!(report.outliers.iter().any(|(point, ..)| *point == 2), "{report:?}");
+}
+
+#[test]
+fn picks_almost_on_a_line_are_refused() {
+    let mut project = project();
+    project.points.truncate(6);
+    for (i, point) in project.points.iter_mut().enumerate() {
+        // Along a skirting board, picked to a pixel or so.
+        let world = Point3::new(0.4 * i as f64 - 1.0, 0.3 * i as f64 - 0.8, -HALF.z);
+        for (camera, pixel) in &mut point.picks {
+            let off =
+                nalgebra::Vector2::new((5 * i + *camera) as f64, (3 * i + 7 * *camera) as f64).map(f64::sin);
+            *pixel = lens().project(&(poses()[*camera] * world)).unwrap() + 1.2 * off;
+        }
+    }
+    let line = merged(&project, &MergeOptions::default()).unwrap_err().to_string();
+    assert!(line.contains("on a line") && line.contains("`a` and `b`"), "{line}");
+}
+
 /// A surface as a capture reconstructs it whose lens or path bends its space: depth off by more and more across the image.
 fn bent(camera: usize, slope: f64) -> Surface {
     let mut surface = surface(camera);

@@ -1,6 +1,7 @@
 //! Captures that cannot work, and what to film instead.
 
 use super::{MotionOptions, MotionReport};
+use crate::capture::Capture;
 use crate::features::FeatureReport;
 use crate::{Error, Result};
 
@@ -34,13 +35,13 @@ pub(super) fn no_start(camera: &str) -> Error {
 }
 
 /// The frame that matters most has no pose.
-pub(super) fn reference_missing(camera: &str, reference: usize) -> Error {
+pub(super) fn reference_missing(capture: &Capture) -> Error {
+    let number = capture.filmed.number(capture.reference);
     Error::capture(
-        camera,
+        &capture.name,
         format!(
-            "the reference frame (frame {}) could not be placed among the others; is it of this capture? bring the camera \
-             to its final pose slowly, and let it rest there for the last frames",
-            reference + 1
+            "the reference frame (frame {number}) could not be placed among the others; is it of this capture? bring the \
+             camera to its final pose slowly, and let it rest there for the last frames"
         ),
     )
 }
@@ -48,14 +49,14 @@ pub(super) fn reference_missing(camera: &str, reference: usize) -> Error {
 /// Whether the reference frame shows what the others show. A few chance likenesses suffice to place a frame somewhere.
 ///
 /// `seen`: how many points each frame saw where they are.
-pub(super) fn reference(camera: &str, reference: usize, seen: &[usize]) -> Result<()> {
+pub(super) fn reference(capture: &Capture, seen: &[usize]) -> Result<()> {
     /// Least share of what a frame sees in the median.
     const LEAST_SHARE: f64 = 0.1;
     let mut sorted = seen.to_vec();
     sorted.sort_unstable();
     let typical = sorted.get(sorted.len() / 2).copied().unwrap_or(0);
     let least = (LEAST_SHARE * typical as f64).max(MIN_CARRIED as f64);
-    if (seen[reference] as f64) < least { Err(reference_missing(camera, reference)) } else { Ok(()) }
+    if (seen[capture.reference] as f64) < least { Err(reference_missing(capture)) } else { Ok(()) }
 }
 
 /// Whether the result may be trusted.
@@ -131,6 +132,7 @@ mod tests {
             readout: 0.0,
             lens: LensOrigin::Given,
             focal_sigma: None,
+            doubts: Vec::new(),
         };
         let said = |share| motion("hall", 20, 0.2, &report(share), &options).unwrap_err().to_string();
         assert!(said(0.45).contains("45 %") && said(0.45).contains("empty"), "{}", said(0.45));

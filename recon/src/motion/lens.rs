@@ -41,18 +41,19 @@ pub enum LensOrigin {
 }
 
 /// What became of the lens.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(super) struct Settled {
     pub(super) origin: LensOrigin,
+    /// What to tell where the capture speaks against given intrinsics that are kept.
+    pub(super) doubt: Option<String>,
     /// Standard deviation of the focal length as a share of it, where it is not as given and can be told.
     pub(super) focal_sigma: Option<f64>,
 }
 
-/// Settles the lens of a polished sketch of the capture of `camera`. `given`: whether its intrinsics were; `refine`:
-/// whether these may be changed.
-pub(super) fn settle(sketch: &mut Sketch<'_>, camera: &str, given: bool, refine: bool) -> Settled {
-    let stays = |origin| Settled { origin, focal_sigma: None };
-    let unchanged = stays(if given { LensOrigin::Given } else { LensOrigin::Estimated });
+/// Settles the lens of a polished sketch. `given`: whether its intrinsics were; `refine`: whether these may be changed.
+pub(super) fn settle(sketch: &mut Sketch<'_>, given: bool, refine: bool) -> Settled {
+    let origin = if given { LensOrigin::Given } else { LensOrigin::Estimated };
+    let unchanged = Settled { origin, doubt: None, focal_sigma: None };
     let speaks = |change: &Vector3<f64>, covariance: &Matrix3<f64>, least: f64| {
         distance(change, covariance).is_some_and(|d| d >= least)
     };
@@ -74,8 +75,8 @@ pub(super) fn settle(sketch: &mut Sketch<'_>, camera: &str, given: bool, refine:
         return unchanged;
     }
     if given && !refine {
-        contradicted(camera, &before, &adjusted.intrinsics, covariance[(0, 0)].sqrt());
-        return stays(LensOrigin::Contradicted);
+        let doubt = contradicted(&before, &adjusted.intrinsics, covariance[(0, 0)].sqrt());
+        return Settled { origin: LensOrigin::Contradicted, doubt: Some(doubt), focal_sigma: None };
     }
     let known = Matrix3::from_diagonal(
         &Vector3::from(if given { GIVEN_SIGMA } else { UNKNOWN_SIGMA }).map(|sigma| sigma * sigma),
@@ -88,12 +89,12 @@ pub(super) fn settle(sketch: &mut Sketch<'_>, camera: &str, given: bool, refine:
     }
     *sketch = adjusted;
     let origin = if given { LensOrigin::Refined } else { LensOrigin::Estimated };
-    Settled { origin, focal_sigma: Some(covariance[(0, 0)].max(0.0).sqrt()) }
+    Settled { origin, doubt: None, focal_sigma: Some(covariance[(0, 0)].max(0.0).sqrt()) }
 }
 
-fn contradicted(camera: &str, given: &Intrinsics, found: &Intrinsics, sigma: f64) {
-    tracing::warn!(
-        "camera `{camera}`: its capture speaks against its intrinsics, which give a focal length of {:.1} px, k1 {:.3}, k2 {:.3}; \
+fn contradicted(given: &Intrinsics, found: &Intrinsics, sigma: f64) -> String {
+    format!(
+        "its capture speaks against its intrinsics, which give a focal length of {:.1} px, k1 {:.3}, k2 {:.3}; \
          in the capture these are {:.1} ± {:.1} px, {:.3}, {:.3}; calibrate it anew at this focus, or try --refine-intrinsics",
         given.fx,
         given.distortion.k1,
@@ -102,7 +103,7 @@ fn contradicted(camera: &str, given: &Intrinsics, found: &Intrinsics, sigma: f64
         sigma * found.fx,
         found.distortion.k1,
         found.distortion.k2
-    );
+    )
 }
 
 /// A change that was measured with a covariance, of what was known with another to be zero: the best of both, and its

@@ -121,6 +121,8 @@ pub struct MotionReport {
     pub lens: LensOrigin,
     /// Standard deviation of the focal length as a share of it, where it was estimated or refined and can be told.
     pub focal_sigma: Option<f64>,
+    /// What the capture leaves in doubt though a motion was found, a sentence each, with its mend.
+    pub doubts: Vec<String>,
 }
 
 /// Robust reprojection error of each start after adjustment, pixels: observations that are off or unexplained count
@@ -169,13 +171,13 @@ pub fn estimate(capture: &Capture, options: &MotionOptions) -> Result<(Motion, M
     let Some(mut sketch) = winner else {
         return Err(diagnosis::no_start(&capture.name));
     };
-    rival::warn(&capture.name, &sketch, other.as_ref());
+    let rival = rival::doubt(&sketch, other.as_ref());
     let explained = sketch.explained_share(agreement_px(&sketch));
     revisit::revisit(&mut sketch, &capture.frames, &options.features, lens);
     let readout = readout::settle(&mut sketch, lens);
     sketch.polish(lens, options.polish_rounds, FINAL);
-    let lens = lens::settle(&mut sketch, &capture.name, capture.intrinsics.is_some(), options.refine_lens);
-    finish(capture, options, &sketch, Before { features, starts, explained, readout, lens })
+    let lens = lens::settle(&mut sketch, capture.intrinsics.is_some(), options.refine_lens);
+    finish(capture, options, &sketch, Before { features, starts, rival, explained, readout, lens })
 }
 
 /// Poses from factorized windows; what they did not reach is resected.
@@ -243,6 +245,7 @@ fn seen_points(points: &[SparsePoint], frames: usize) -> Vec<usize> {
 struct Before {
     features: FeatureReport,
     starts: Starts,
+    rival: Option<String>,
     explained: f64,
     readout: f64,
     lens: lens::Settled,
@@ -263,7 +266,7 @@ fn finish(
     let noise = sketch.noise_px();
     let agree_px = agreement_px(sketch);
     let Some(reference) = sketch.poses[capture.reference] else {
-        return Err(diagnosis::reference_missing(&capture.name, capture.reference));
+        return Err(diagnosis::reference_missing(capture));
     };
     let reference_from_world = reference;
     let world_from_reference = reference.inverse();
@@ -306,8 +309,9 @@ fn finish(
         readout: before.readout,
         lens: before.lens.origin,
         focal_sigma: before.lens.focal_sigma,
+        doubts: before.rival.into_iter().chain(before.lens.doubt).collect(),
     };
     diagnosis::motion(&capture.name, capture.frames.len(), noise, &report, options)?;
-    diagnosis::reference(&capture.name, capture.reference, &seen_points(&points, capture.frames.len()))?;
+    diagnosis::reference(capture, &seen_points(&points, capture.frames.len()))?;
     Ok((Motion { intrinsics: sketch.intrinsics.clone(), camera_from_world, points }, report))
 }

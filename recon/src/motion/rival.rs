@@ -23,22 +23,22 @@ struct Difference {
     position_share: f64,
 }
 
-/// Warns when the start that lost fits almost as well as the one that was kept, and says something else.
-pub(super) fn warn(camera: &str, kept: &Sketch<'_>, lost: Option<&Sketch<'_>>) {
-    let Some(lost) = lost else { return };
+/// What to tell when the start that lost fits almost as well as the one that was kept, and says something else.
+pub(super) fn doubt(kept: &Sketch<'_>, lost: Option<&Sketch<'_>>) -> Option<String> {
+    let lost = lost?;
     let errors = [kept.robust_error_px(), lost.robust_error_px()];
-    let Some(difference) = difference(&kept.poses, &lost.poses) else { return };
-    if is_rival(errors, &difference) {
-        tracing::warn!(
-            "camera `{camera}`: two different motions fit its capture almost equally well ({:.2} and {:.2} px; they differ by \
-             {:.1}° and {:.0} % of the path), so the one kept may be wrong: look at its preview, and film along a wider path, \
-             with more different things in view",
+    let difference = difference(&kept.poses, &lost.poses)?;
+    is_rival(errors, &difference).then(|| {
+        format!(
+            "two different motions fit its capture almost equally well ({:.2} and {:.2} px; they differ by {:.1}° and {:.0} % of \
+             the path), so the one kept may be wrong: look at its preview, and film along a wider path, with more different \
+             things in view",
             errors[0],
             errors[1],
             difference.rotation_deg,
             100.0 * difference.position_share
-        );
-    }
+        )
+    })
 }
 
 fn is_rival([kept_px, lost_px]: [f64; 2], difference: &Difference) -> bool {

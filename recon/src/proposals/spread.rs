@@ -1,12 +1,10 @@
 //! Few points for many: those that lie farthest apart in space.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Point3;
 
 use super::guided::Match;
+use crate::merge;
 use crate::project::LEAST_SHARED_POINTS;
-
-/// Points on a line leave a turn about it open: the second principal spread, as a share of the distance.
-const LEAST_WIDTH: f64 = 0.03;
 
 /// At most `count` of them, one after the other the one farthest from all before; the best-correlated first.
 pub(super) fn choose(found: &[Match], count: usize) -> Vec<Match> {
@@ -33,22 +31,14 @@ pub(super) fn choose(found: &[Match], count: usize) -> Vec<Match> {
 
 /// Whether the points suffice to join two cameras: enough, and not on a line.
 pub(super) fn is_wide(chosen: &[Match]) -> bool {
-    if chosen.len() < LEAST_SHARED_POINTS {
-        return false;
-    }
-    let n = chosen.len() as f64;
-    let points = || chosen.iter().map(|m| m.positions[0].coords);
-    let mean = points().sum::<Vector3<f64>>() / n;
-    let scatter: Matrix3<f64> = points().map(|p| (p - mean) * (p - mean).transpose()).sum();
-    let mut spreads: [f64; 3] = scatter.symmetric_eigenvalues().into();
-    spreads.sort_by(f64::total_cmp);
-    (spreads[1].max(0.0) / n).sqrt() > LEAST_WIDTH * mean.norm()
+    let points: Vec<Point3<f64>> = chosen.iter().map(|m| m.positions[0]).collect();
+    points.len() >= LEAST_SHARED_POINTS && merge::is_wide(&points)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::{Point2, Point3};
+    use nalgebra::Point2;
 
     fn at(x: f64, y: f64, correlation: f64) -> Match {
         let pixel = Point2::new(100.0 * x, 100.0 * y);

@@ -113,8 +113,14 @@ mod tests {
 
     /// A disc of 1 m, two metres in front of a camera that looks along the world's z.
     fn room() -> Room {
-        let disc =
-            Disc { center: Vec3::Z * 2.0, normal: -Vec3::Z, radius: 1.0, color: [0; 3], filled: false };
+        let disc = Disc {
+            center: Vec3::Z * 2.0,
+            normal: -Vec3::Z,
+            radius: 1.0,
+            color: [0; 3],
+            filled: false,
+            confidence: 1.0,
+        };
         let mut intrinsics = Intrinsics::from_horizontal_fov(64, 48, 80.0);
         intrinsics.distortion.k1 = -0.2;
         let camera = Camera { intrinsics, camera_from_world: Isometry3::identity() };

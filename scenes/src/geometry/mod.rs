@@ -43,6 +43,9 @@ pub struct Disc {
     pub color: [u8; 3],
     /// Not measured: filled in from a plane of the room that stereo could not see.
     pub filled: bool,
+    /// Confidence: how many views measured the same surface there beside the one it is told from, on average over the
+    /// disc; 0 for what is filled in.
+    pub confidence: f32,
 }
 
 impl Geometry {

@@ -19,6 +19,7 @@ fn discs(count: usize, rng: &mut Pcg64Mcg) -> Geometry {
         radius: rng.random_range(0.05..0.5),
         color: [0; 3],
         filled: false,
+        confidence: 1.0,
     };
     Geometry::Discs((0..count).map(|_| disc(rng)).collect())
 }

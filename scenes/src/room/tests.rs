@@ -41,6 +41,7 @@ fn room() -> Room {
             radius: 0.05,
             color: [1, 2, 3],
             filled: true,
+            confidence: 1.0,
         }])),
     }
 }

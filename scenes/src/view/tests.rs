@@ -115,6 +115,7 @@ fn overlapping_discs_mix_and_a_lone_disc_keeps_its_colour() {
         radius: 0.5,
         color,
         filled: false,
+        confidence: 1.0,
     };
     let camera = Camera {
         intrinsics: Intrinsics::from_horizontal_fov(161, 121, 60.0),

@@ -154,6 +154,7 @@ mod tests {
             radius: 0.1,
             color: [0; 3],
             filled: false,
+            confidence: 1.0,
         };
         let mut discs: Vec<Disc> =
             (0..3000).map(|i| disc((i % 60) as f32 / 59.0, (i / 60) as f32 / 49.0)).collect();

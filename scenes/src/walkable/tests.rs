@@ -30,8 +30,14 @@ fn sheet(corner: Vec3, along: Vec3, across: Vec3) -> Vec<Disc> {
     let place = |i: u32, j: u32| {
         corner + along * ((i as f32 + 0.5) / n as f32) + across * ((j as f32 + 0.5) / m as f32)
     };
-    let disc =
-        |i, j| Disc { center: place(i, j), normal, radius: 0.75 * SPACING, color: [9; 3], filled: false };
+    let disc = |i, j| Disc {
+        center: place(i, j),
+        normal,
+        radius: 0.75 * SPACING,
+        color: [9; 3],
+        filled: false,
+        confidence: 1.0,
+    };
     (0..n).flat_map(|i| (0..m).map(move |j| (i, j))).map(|(i, j)| disc(i, j)).collect()
 }
 
@@ -98,6 +104,7 @@ fn strays_and_zones_and_seen_floor_beyond_count_as_they_should() {
         radius: 0.03,
         color: [0; 3],
         filled: false,
+        confidence: 1.0,
     };
     discs.extend((0..4).map(|i| stray(1.7 + 0.03 * i as f32, 0.5, 1.1, Vec3::X)));
     discs.push(stray(60.0, -80.0, 0.0, Vec3::Z));
@@ -205,6 +212,7 @@ fn as_reconstructed(room: &Room, rng: &mut Pcg64Mcg) -> Geometry {
                     radius: 0.75 * STEP_PX as f32 * distance / camera.intrinsics.fx as f32,
                     color: [0; 3],
                     filled: false,
+                    confidence: 1.0,
                 });
             }
         }

@@ -7,6 +7,7 @@
 //! the surfaces can be laid on each other at all ([`worth`]), since a capture's motion may bend its whole space. Residuals
 //! and their derivatives are [`term`]'s; what they make of a step is [`schur`]'s.
 
+mod first_points;
 mod level;
 mod schur;
 mod state;
@@ -14,12 +15,13 @@ mod term;
 mod variance;
 mod worth;
 
-use nalgebra::{Point3, Similarity3, Vector3};
+use nalgebra::Similarity3;
 
 use super::overlap::{self, Contact};
 use super::{MergeOptions, MergeReport, Merged, Pick, spoils};
 use crate::plumb::Plumb;
 use crate::surface::Surface;
+use first_points::first_points;
 use level::Level;
 use schur::NormalEquations;
 use state::State;
@@ -55,8 +57,10 @@ pub(super) fn refine(
     let levels = Level::all(plumb, start);
     let mut scene = Scene { surfaces, options, factors: Factors::loose(start.len()), levels: &levels };
     let mut report = MergeReport::default();
-    let mut kept: Vec<Pick> = picks.to_vec();
-    let mut state = State { poses: start.to_vec(), points: first_points(picks, start) };
+    let points = first_points(picks, start, surfaces);
+    // Where nothing tells a point, its picks say nothing.
+    let mut kept: Vec<Pick> = picks.iter().filter(|p| points[p.point].is_some()).cloned().collect();
+    let mut state = State { poses: start.to_vec(), points };
     // Each round leaves out the worst point, since it may have pulled others off.
     loop {
         scene.factors = Factors::loose(start.len());
@@ -85,22 +89,6 @@ pub(super) fn refine(
         scene.lay_on_each_other(&mut state, &kept, &mut report);
     }
     (Merged { common_from_camera: state.poses, points: state.points }, report)
-}
-
-/// Mean of where the cameras' depths put each point.
-fn first_points(picks: &[Pick], poses: &[Similarity3<f64>]) -> Vec<Option<Point3<f64>>> {
-    let count = picks.iter().map(|p| p.point + 1).max().unwrap_or(0);
-    (0..count)
-        .map(|point| {
-            let seen: Vec<Vector3<f64>> = picks
-                .iter()
-                .filter(|p| p.point == point)
-                .filter_map(|p| Some((poses[p.camera] * p.seen?).coords))
-                .collect();
-            let n = seen.len();
-            (n > 0).then(|| Point3::from(seen.into_iter().sum::<Vector3<f64>>() / n as f64))
-        })
-        .collect()
 }
 
 impl Scene<'_> {

@@ -170,7 +170,10 @@ fn discs(rows: &[VertexRow], radius_given: bool) -> Decoded<Vec<Disc>> {
         }
         // `Geometry::defect` names the zero normals.
         let normal = normal.try_normalize().unwrap_or(Vec3::ZERO);
-        discs.push(Disc { center, normal, radius: row.radius, color: row.color, filled: row.filled });
+        // Nothing rests on how sure a point is, so that a file is not refused for it.
+        let confidence = if row.confidence.is_finite() { row.confidence } else { 0.0 };
+        let VertexRow { radius, color, filled, .. } = *row;
+        discs.push(Disc { center, normal, radius, color, filled, confidence });
     }
     if !radius_given {
         let centers: Vec<Vec3> = discs.iter().map(|d| d.center).collect();
@@ -243,7 +246,7 @@ mod tests {
             panic!("points make discs")
         };
         assert_eq!((discs[0].normal, discs[0].radius), (Vec3::Z, 0.1));
-        assert!(!discs[0].filled);
+        assert_eq!((discs[0].filled, discs[0].confidence), (false, 1.0));
     }
 
     #[test]

@@ -13,11 +13,19 @@ pub(super) struct VertexRow {
     pub(super) color: [u8; 3],
     pub(super) radius: f32,
     pub(super) filled: bool,
+    pub(super) confidence: f32,
 }
 
 impl PropertyAccess for VertexRow {
     fn new() -> Self {
-        Self { position: [0.0; 3], normal: [0.0; 3], color: [GREY; 3], radius: 0.0, filled: false }
+        Self {
+            position: [0.0; 3],
+            normal: [0.0; 3],
+            color: [GREY; 3],
+            radius: 0.0,
+            filled: false,
+            confidence: 1.0,
+        }
     }
 
     fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
@@ -29,6 +37,7 @@ impl PropertyAccess for VertexRow {
             "ny" => &mut self.normal[1],
             "nz" => &mut self.normal[2],
             "radius" => &mut self.radius,
+            "confidence" => &mut self.confidence,
             "red" | "green" | "blue" => {
                 let Some(value) = property.to_u8_color_lossy() else {
                     return PropertyAccessResult::UnsupportedType;
@@ -63,6 +72,7 @@ impl PropertyAccess for VertexRow {
             "ny" => self.normal[1],
             "nz" => self.normal[2],
             "radius" => self.radius,
+            "confidence" => self.confidence,
             _ => return None,
         })
     }

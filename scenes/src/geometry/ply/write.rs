@@ -66,17 +66,18 @@ fn encode_discs(discs: &[Disc]) -> std::io::Result<Vec<u8>> {
             color: d.color,
             radius: d.radius,
             filled: d.filled,
+            confidence: d.confidence,
         })
         .collect();
     let vertex = element(
         "vertex",
         rows.len(),
-        &["x", "y", "z", "nx", "ny", "nz", "radius"],
+        &["x", "y", "z", "nx", "ny", "nz", "radius", "confidence"],
         &["red", "green", "blue", "filled"],
     );
     let mut header = Header { encoding: Encoding::BinaryLittleEndian, ..Header::new() };
     header.elements.add(vertex.clone());
-    let mut bytes = Vec::with_capacity(400 + 32 * rows.len());
+    let mut bytes = Vec::with_capacity(400 + 36 * rows.len());
     let writer = Writer::<VertexRow>::new();
     writer.write_header(&mut bytes, &header)?;
     writer.write_payload_of_element(&mut bytes, &rows, &vertex, &header)?;
@@ -105,13 +106,15 @@ mod tests {
 
     fn disc() -> impl Strategy<Value = Disc> {
         let center = (number(), number(), number());
-        (center, -3.0_f32..3.0, 1e-3_f32..1.0, any::<[u8; 3]>(), any::<bool>()).prop_map(
-            |(c, angle, radius, color, filled)| Disc {
+        let seen = (any::<bool>(), 0.0_f32..9.0);
+        (center, -3.0_f32..3.0, 1e-3_f32..1.0, any::<[u8; 3]>(), seen).prop_map(
+            |(c, angle, radius, color, (filled, confidence))| Disc {
                 center: c.into(),
                 normal: Vec3::new(angle.sin(), 0.0, angle.cos()).normalize(),
                 radius,
                 color,
                 filled,
+                confidence,
             },
         )
     }
@@ -144,7 +147,14 @@ mod tests {
     fn defects_are_refused_and_nothing_is_written() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("room.ply");
-        let good = Disc { center: Vec3::ZERO, normal: Vec3::Z, radius: 0.1, color: [0; 3], filled: false };
+        let good = Disc {
+            center: Vec3::ZERO,
+            normal: Vec3::Z,
+            radius: 0.1,
+            color: [0; 3],
+            filled: false,
+            confidence: 1.0,
+        };
         for bad in [
             Disc { center: Vec3::NAN, ..good },
             Disc { normal: Vec3::ZERO, ..good },

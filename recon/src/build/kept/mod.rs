@@ -1,0 +1,213 @@
+//! Finished stages of each capture are kept, so that a build that was interrupted or refused (a pick that is out, most
+//! often) goes on where it ended, and a room is built anew from other picks without its films being worked through again.
+//!
+//! While a room is unfinished they lie in `OUT.unfinished`, afterwards in the room's cache ([`scenes::cache`]), each
+//! keyed by all that it was made from: the camera's motion ([`moved`]) by frames, lens, its options, seed; what the capture
+//! shows ([`seen`]) by these and the options of stereo and planes.
+
+mod moved;
+mod numbers;
+mod seen;
+
+use std::path::{Path, PathBuf};
+
+use scenes::cache;
+
+use super::BuildOptions;
+use super::camera::{Moved, Seen};
+use crate::capture::Capture;
+
+/// Parts of the keys: they change when what is made of a capture does.
+const MOTION: &str = "capture to motion 1";
+const SURFACE: &str = "motion to surface 1";
+
+/// Where finished stages are kept.
+pub(super) struct Kept {
+    unfinished: PathBuf,
+    room: PathBuf,
+}
+
+/// By what a capture's stages are kept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Keys {
+    motion: blake3::Hash,
+    surface: blake3::Hash,
+}
+
+impl Keys {
+    /// Of everything that decides what becomes of a capture as it was filmed.
+    pub(super) fn of(capture: &Capture, options: &BuildOptions) -> Self {
+        let mut hasher = blake3::Hasher::new();
+        // Rust prints floats so that they read back as they were, so the text stands for the values.
+        let made_from = format!(
+            "{MOTION} {} {:?} {} {:?} {:?} {} {:?}",
+            capture.name,
+            capture.filmed,
+            capture.reference,
+            capture.intrinsics,
+            capture.told_focal_px,
+            options.seed,
+            options.motion,
+        );
+        hasher.update(made_from.as_bytes());
+        for frame in &capture.frames {
+            hasher.update(&frame.width().to_le_bytes());
+            hasher.update(blake3::hash(frame.as_raw()).as_bytes());
+        }
+        let motion = hasher.finalize();
+        let made_from = format!("{SURFACE} {motion} {:?} {:?}", options.dense, options.planes);
+        Self { motion, surface: blake3::hash(made_from.as_bytes()) }
+    }
+}
+
+impl Kept {
+    pub(super) fn beside(room: &Path) -> Self {
+        let mut name = room.file_name().unwrap_or_default().to_owned();
+        name.push(".unfinished");
+        Self { unfinished: room.with_file_name(name), room: room.to_owned() }
+    }
+
+    /// How the camera of the same capture moved by the same options, if that is still there.
+    pub(super) fn moved(&self, camera: &str, keys: &Keys) -> Option<Moved> {
+        moved::decode(&self.read(&motion_file(camera), &keys.motion)?)
+    }
+
+    /// What was made of the same capture in the same way, if it is still there.
+    pub(super) fn seen(&self, camera: &str, keys: &Keys) -> Option<Seen> {
+        seen::decode(&self.read(&surface_file(camera), &keys.surface)?)
+    }
+
+    /// Keeps a camera's motion until the room is finished.
+    pub(super) fn keep_moved(&self, camera: &str, keys: &Keys, moved: &Moved) {
+        if let Some(content) = moved::encode(moved) {
+            cache::write(&self.unfinished, &motion_file(camera), &keys.motion, &content);
+        }
+    }
+
+    /// Keeps what a capture shows until the room is finished.
+    pub(super) fn keep_seen(&self, camera: &str, keys: &Keys, seen: &Seen) {
+        if let Some(content) = seen::encode(seen) {
+            cache::write(&self.unfinished, &surface_file(camera), &keys.surface, &content);
+        }
+    }
+
+    /// Hands what is kept of a camera over to the finished room in `dir`.
+    pub(super) fn hand_over(&self, dir: &Path, camera: &str, keys: &Keys) {
+        for (file, key) in [(motion_file(camera), &keys.motion), (surface_file(camera), &keys.surface)] {
+            if let Some(content) = self.read(&file, key) {
+                cache::write(dir, &file, key, &content);
+            }
+        }
+    }
+
+    /// The room is finished: nothing of ours stays beside it.
+    pub(super) fn done<'a>(&self, cameras: impl Iterator<Item = &'a str>) {
+        for file in cameras.flat_map(|camera| [motion_file(camera), surface_file(camera)]) {
+            let file = cache::file_of(&self.unfinished, &file);
+            // What is not there, or cannot be removed, does no harm.
+            let _ = std::fs::remove_file(&file);
+            let _ = file.parent().map(std::fs::remove_dir);
+        }
+        let _ = std::fs::remove_dir(&self.unfinished);
+    }
+
+    fn read(&self, file: &str, key: &blake3::Hash) -> Option<Vec<u8>> {
+        [&self.unfinished, &self.room].into_iter().find_map(|dir| cache::read(dir, file, key))
+    }
+}
+
+fn motion_file(camera: &str) -> String {
+    format!("motion_{camera}")
+}
+
+fn surface_file(camera: &str) -> String {
+    format!("capture_{camera}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::capture::Filmed;
+    use calib::Intrinsics;
+    use image::RgbImage;
+
+    fn capture() -> Capture {
+        let frames = vec![RgbImage::new(8, 6), RgbImage::new(8, 6)];
+        Capture {
+            name: "cam0".into(),
+            frames,
+            filmed: Filmed::ALL,
+            reference: 1,
+            intrinsics: None,
+            told_focal_px: None,
+        }
+    }
+
+    #[test]
+    fn what_is_kept_comes_back_to_the_last_bit() {
+        let folder = tempfile::tempdir().unwrap();
+        let kept = Kept::beside(&folder.path().join("room"));
+        let (seen, moved) = (seen::tests::seen(), moved::tests::moved());
+        let keys = Keys::of(&capture(), &BuildOptions::default());
+        assert!(kept.seen("cam0", &keys).is_none() && kept.moved("cam0", &keys).is_none());
+        kept.keep_moved("cam0", &keys, &moved);
+        let back = kept.moved("cam0", &keys).unwrap();
+        assert_eq!((back.lens, back.report), (moved.lens, moved.report));
+        assert_eq!((back.camera_from_world, back.points), (moved.camera_from_world, moved.points));
+
+        kept.keep_seen("cam0", &keys, &seen);
+        let whole = |back: Seen| {
+            assert_eq!((&back.lens, &back.report), (&seen.lens, &seen.report));
+            assert_eq!((&back.camera_from_world, back.range), (&seen.camera_from_world, seen.range));
+            let (a, b) = (&back.surface, &seen.surface);
+            assert_eq!((&a.picture, &a.depth, &a.normal), (&b.picture, &b.depth, &b.normal));
+            assert_eq!((&a.agreeing, &a.origin, a.step), (&b.agreeing, &b.origin, b.step));
+            assert_eq!(a.intrinsics, b.intrinsics);
+        };
+        whole(kept.seen("cam0", &keys).unwrap());
+
+        // The finished room has both; nothing is left beside it.
+        let room = folder.path().join("room");
+        kept.hand_over(&room, "cam0", &keys);
+        kept.done(["cam0"].into_iter());
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "something was left behind");
+        whole(kept.seen("cam0", &keys).unwrap());
+        assert!(kept.moved("cam0", &keys).is_some());
+    }
+
+    #[test]
+    fn another_capture_or_other_options_have_another_key() {
+        let same = Keys::of(&capture(), &BuildOptions::default());
+        assert_eq!(same, Keys::of(&capture(), &BuildOptions::default()));
+        let mut others = Vec::new();
+        let mut other = |change: &dyn Fn(&mut Capture, &mut BuildOptions)| {
+            let (mut capture, mut options) = (capture(), BuildOptions::default());
+            change(&mut capture, &mut options);
+            others.push(Keys::of(&capture, &options));
+        };
+        other(&|capture, _| capture.frames[0].as_mut()[5] = 1);
+        other(&|capture, _| capture.reference = 0);
+        other(&|capture, _| capture.filmed = Filmed { first: 0, stride: 2 });
+        other(&|capture, _| capture.intrinsics = Some(Intrinsics::from_horizontal_fov(8, 6, 60.0)));
+        other(&|capture, _| capture.told_focal_px = Some(7.0));
+        other(&|capture, _| capture.frames = vec![RgbImage::new(6, 8), RgbImage::new(6, 8)]);
+        other(&|_, options| options.seed = 1);
+        let all = |others: &[Keys], of: fn(&Keys) -> blake3::Hash| {
+            let all: std::collections::BTreeSet<[u8; 32]> =
+                others.iter().map(|k| *of(k).as_bytes()).collect();
+            all.len()
+        };
+        others.push(same);
+        assert_eq!(all(&others, |keys| keys.motion), others.len());
+        assert_eq!(all(&others, |keys| keys.surface), others.len());
+        // How densely is measured does not concern the motion: a draft's serves the full room.
+        let mut dense = BuildOptions::default();
+        dense.dense.key_frames = 3;
+        let dense = Keys::of(&capture(), &dense);
+        assert!(dense.motion == same.motion && dense.surface != same.surface);
+        // Picks, metres and zones concern the room alone.
+        let mut options = BuildOptions { zones: Some("zones.toml".into()), ..BuildOptions::default() };
+        options.assemble.merge.outlier_px = 3.0;
+        assert_eq!(Keys::of(&capture(), &options), same);
+    }
+}

@@ -1,0 +1,119 @@
+//! A capture's surface, with the motion it was seen from, as bytes.
+
+use glam::Vec3;
+use image::RgbImage;
+use serde::{Deserialize, Serialize};
+
+use super::numbers::{Lens, head_of, numbers_of, poses_of, with_head};
+use crate::build::CameraReport;
+use crate::build::camera::Seen;
+use crate::surface::{Origin, Surface};
+
+/// What comes before the pixels, as text.
+#[derive(Serialize, Deserialize)]
+struct Head {
+    step: f64,
+    lens: Lens,
+    pinhole: Lens,
+    /// Quaternion (i, j, k, w) and translation of each frame; empty where it has no pose.
+    poses: Vec<Vec<f64>>,
+    range: [f64; 2],
+    report: CameraReport,
+}
+
+/// The head, then pixel by pixel colour, depth and normal (four
+/// bytes a number), agreeing views, origin.
+pub(super) fn encode(seen: &Seen) -> Option<Vec<u8>> {
+    let surface = &seen.surface;
+    let head = Head {
+        step: f64::from(surface.step),
+        lens: Lens::of(&seen.lens),
+        pinhole: Lens::of(&surface.intrinsics),
+        poses: seen.camera_from_world.iter().map(|pose| numbers_of(pose.as_ref())).collect(),
+        range: seen.range.into(),
+        report: seen.report.clone(),
+    };
+    let mut bytes = with_head(&head, BYTES_A_PIXEL * surface.depth.len())?;
+    bytes.extend(surface.picture.as_raw());
+    bytes.extend(surface.depth.iter().flat_map(|z| z.to_le_bytes()));
+    bytes.extend(surface.normal.iter().flat_map(Vec3::to_array).flat_map(f32::to_le_bytes));
+    bytes.extend(&surface.agreeing);
+    bytes.extend(surface.origin.iter().map(|origin| match origin {
+        Origin::Unknown => 0,
+        Origin::Stereo => 1,
+        Origin::Filled => 2,
+    }));
+    Some(bytes)
+}
+
+const BYTES_A_PIXEL: usize = 3 + 4 + 12 + 1 + 1;
+
+pub(super) fn decode(bytes: &[u8]) -> Option<Seen> {
+    let (head, rest): (Head, &[u8]) = head_of(bytes)?;
+    let (lens, pinhole) = (head.lens.intrinsics(), head.pinhole.intrinsics());
+    let pixels = (pinhole.width as usize).checked_mul(pinhole.height as usize)?;
+    if rest.len() != pixels.checked_mul(BYTES_A_PIXEL)? {
+        return None;
+    }
+    let (picture, rest) = rest.split_at(3 * pixels);
+    let (depth, rest) = rest.split_at(4 * pixels);
+    let (normal, rest) = rest.split_at(12 * pixels);
+    let (agreeing, origin) = rest.split_at(pixels);
+    let floats = |bytes: &[u8]| -> Vec<f32> {
+        bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect()
+    };
+    let surface = Surface {
+        picture: RgbImage::from_raw(pinhole.width, pinhole.height, picture.to_vec())?,
+        depth: floats(depth),
+        normal: floats(normal).as_chunks::<3>().0.iter().map(|n| Vec3::from_array(*n)).collect(),
+        agreeing: agreeing.to_vec(),
+        origin: origin
+            .iter()
+            .map(|code| match code {
+                1 => Origin::Stereo,
+                2 => Origin::Filled,
+                _ => Origin::Unknown,
+            })
+            .collect(),
+        intrinsics: pinhole,
+        step: head.step as f32,
+    };
+    let camera_from_world = poses_of(&head.poses)?;
+    Some(Seen { lens, surface, camera_from_world, range: head.range.into(), report: head.report })
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use crate::surface::rendered::Rendering;
+    use nalgebra::Isometry3;
+    use scenes::raycast::RayScene;
+    use scenes::synthetic::RoomOptions;
+
+    pub(in super::super) fn seen() -> Seen {
+        let room = RoomOptions { image_px: [64, 48], ..RoomOptions::default() }.build().unwrap();
+        let scene = RayScene::new(room.room.geometry.as_ref().unwrap()).unwrap();
+        let rendering = Rendering { unit_m: 0.7, noise: 0.01, holes: 0.1, seed: 1 };
+        let mut surface = rendering.of(&scene, &room.room.cameras[0].camera);
+        surface.origin[7] = Origin::Filled;
+        let mut lens = surface.intrinsics.clone();
+        lens.distortion = [-0.1, 0.02, 1e-4, -3e-5, 0.1 + 0.2].into();
+        let report =
+            CameraReport { name: "cam0".into(), reprojection_rms_px: 0.1 + 0.2, ..CameraReport::default() };
+        let camera_from_world = vec![Some(Isometry3::rotation([0.1, -0.7, 0.3].into())), None];
+        Seen { lens, surface, camera_from_world, range: (0.1 + 0.2, 7.0), report }
+    }
+
+    #[test]
+    fn damaged_contents_count_as_missing() {
+        let whole = encode(&seen()).unwrap();
+        assert!(decode(&whole).is_some());
+        for length in [0, 7, 8, 100, whole.len() - 1] {
+            assert!(decode(&whole[..length]).is_none(), "{length}");
+        }
+        assert!(decode(&[&whole[..], &[0]].concat()).is_none());
+        let mut long_head = whole.clone();
+        long_head[..8].fill(0xff);
+        assert!(decode(&long_head).is_none());
+    }
+}

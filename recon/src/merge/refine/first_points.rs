@@ -1,0 +1,81 @@
+//! Where picked points are thought to be before the refinement.
+
+use nalgebra::{Matrix3, Point3, Similarity3, Vector3};
+
+use crate::merge::Pick;
+use crate::surface::Surface;
+
+/// Rays that meet at less than this angle, degrees, do not tell how far away.
+const LEAST_ANGLE_DEG: f64 = 1.0;
+
+/// One a point: the mean of where the cameras' depths put it, or, where no camera knows a depth, where the rays meet; `None`
+/// where nothing tells.
+pub(super) fn first_points(
+    picks: &[Pick],
+    poses: &[Similarity3<f64>],
+    surfaces: &[Surface],
+) -> Vec<Option<Point3<f64>>> {
+    let count = picks.iter().map(|p| p.point + 1).max().unwrap_or(0);
+    (0..count)
+        .map(|point| {
+            let of_point = || picks.iter().filter(move |p| p.point == point);
+            let seen: Vec<Vector3<f64>> =
+                of_point().filter_map(|p| Some((poses[p.camera] * p.seen?).coords)).collect();
+            if !seen.is_empty() {
+                let n = seen.len() as f64;
+                return Some(Point3::from(seen.into_iter().sum::<Vector3<f64>>() / n));
+            }
+            let ray = |pick: &Pick| {
+                let ray = surfaces[pick.camera].intrinsics.unproject(&pick.pixel)?;
+                let pose = &poses[pick.camera].isometry;
+                Some((Point3::from(pose.translation.vector), (pose.rotation * ray).normalize()))
+            };
+            where_rays_meet(&of_point().filter_map(ray).collect::<Vec<_>>())
+        })
+        .collect()
+}
+
+/// The point nearest to rays, each from a point in a direction of length 1, in least squares; `None` if they are almost
+/// parallel or meet behind where one begins.
+fn where_rays_meet(rays: &[(Point3<f64>, Vector3<f64>)]) -> Option<Point3<f64>> {
+    let across = |direction: &Vector3<f64>| Matrix3::identity() - direction * direction.transpose();
+    let normal: Matrix3<f64> = rays.iter().map(|(_, direction)| across(direction)).sum();
+    let moment: Vector3<f64> = rays.iter().map(|(from, direction)| across(direction) * from.coords).sum();
+    // For two rays at an angle α the smallest eigenvalue is 1 − cos α.
+    if rays.len() < 2 || normal.symmetric_eigenvalues().min() < 1.0 - LEAST_ANGLE_DEG.to_radians().cos() {
+        return None;
+    }
+    let point = Point3::from(normal.cholesky()?.solve(&moment));
+    rays.iter().all(|(from, direction)| (point - from).dot(direction) > 0.0).then_some(point)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn towards(from: [f64; 3], to: [f64; 3]) -> (Point3<f64>, Vector3<f64>) {
+        let (from, to) = (Point3::from(from), Point3::from(to));
+        (from, (to - from).normalize())
+    }
+
+    #[test]
+    fn rays_meet_at_what_they_look_at() {
+        let rays = [towards([0.0; 3], [1.0, 2.0, 4.0]), towards([3.0, 0.0, 0.5], [1.0, 2.0, 4.0])];
+        let met = where_rays_meet(&rays).unwrap();
+        assert!((met - Point3::new(1.0, 2.0, 4.0)).norm() < 1e-12, "{met}");
+        // Two that pass each other: in the middle of their shortest connection.
+        let crossing = [towards([0.0; 3], [1.0, 0.0, 0.0]), towards([2.0, -1.0, 0.4], [2.0, 1.0, 0.4])];
+        assert!((where_rays_meet(&crossing).unwrap() - Point3::new(2.0, 0.0, 0.2)).norm() < 1e-12);
+    }
+
+    #[test]
+    fn rays_that_tell_no_place_tell_none() {
+        let away = [towards([0.0; 3], [-1.0, 0.1, 0.0]), towards([0.0, 1.0, 0.0], [-1.0, 0.5, 0.0])];
+        let behind: Vec<_> = away.iter().map(|(from, direction)| (*from, -direction)).collect();
+        assert!(where_rays_meet(&away).is_some() && where_rays_meet(&behind).is_none());
+        let parallel = [towards([0.0; 3], [1.0, 0.0, 0.0]), towards([0.0, 0.1, 0.0], [10.0, 0.2, 0.0])];
+        assert_eq!(where_rays_meet(&parallel), None);
+        assert_eq!(where_rays_meet(&parallel[..1]), None);
+        assert_eq!(where_rays_meet(&[]), None);
+    }
+}

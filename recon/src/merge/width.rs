@@ -1,0 +1,37 @@
+//! Whether points are spread widely enough to join two cameras.
+
+use nalgebra::{Matrix3, Point3, Vector3};
+
+/// Points on a line leave a turn about it open: the second principal spread, as a share of the distance. Depths are off by
+/// about as much.
+const LEAST_WIDTH: f64 = 0.03;
+
+/// Whether points, in a camera's frame, lie beside a line as well.
+pub(crate) fn is_wide(points: &[Point3<f64>]) -> bool {
+    let n = points.len().max(1) as f64;
+    let mean = points.iter().map(|p| p.coords).sum::<Vector3<f64>>() / n;
+    let scatter: Matrix3<f64> =
+        points.iter().map(|p| (p.coords - mean) * (p.coords - mean).transpose()).sum();
+    let mut spreads: [f64; 3] = scatter.symmetric_eigenvalues().into();
+    spreads.sort_by(f64::total_cmp);
+    (spreads[1].max(0.0) / n).sqrt() > LEAST_WIDTH * mean.norm()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_lies_on_a_line_is_not_wide() {
+        let line: Vec<Point3<f64>> =
+            (0..6).map(|i| Point3::new(0.3 * f64::from(i), 0.1 * f64::from(i), 3.0)).collect();
+        assert!(!is_wide(&line) && !is_wide(&line[..1]) && !is_wide(&[]));
+        assert!(is_wide(&[line[0], line[5], Point3::new(0.0, 0.8, 3.0)]));
+        // Ten centimetres beside a line that is three metres away say little, at a hundred they say nothing.
+        let beside = |depth: f64| {
+            let zigzag = |i: i32| Point3::new(0.3 * f64::from(i), 0.1 * f64::from(i % 2), depth);
+            is_wide(&(0..8).map(zigzag).collect::<Vec<_>>())
+        };
+        assert!(beside(1.0) && !beside(3.0));
+    }
+}
