@@ -64,14 +64,14 @@ fn rebuilt(office: &Path, built: &Path) -> Said<()> {
 
     build_room(office, built)?;
     let errors = compare_rooms(built, &office.join("room"), 50)?;
-    row("room: cam1 seen from cam0, position", errors.relative.position_cm, "cm", "<= 3");
-    row("room: cam1 seen from cam0, orientation", errors.relative.rotation_deg, "degrees", "<= 0.5");
+    row("room: cam1 seen from cam0, position", errors.relative.position_cm, "cm", "<= 2");
+    row("room: cam1 seen from cam0, orientation", errors.relative.rotation_deg, "degrees", "<= 0.25");
     for (name, camera) in &errors.cameras {
-        row(&format!("room: floor tilt seen from {name}"), camera.tilt_deg, "degrees", "<= 0.3");
-        row(&format!("room: height of {name} above the floor, error"), camera.height_cm, "cm", "within 2");
+        row(&format!("room: floor tilt seen from {name}"), camera.tilt_deg, "degrees", "<= 0.2");
+        row(&format!("room: height of {name} above the floor, error"), camera.height_cm, "cm", "within 1");
     }
     for (name, depth) in &errors.depth {
-        row(&format!("room: depth of {name} within 5 cm"), 100.0 * depth.within, "%", ">= 60");
+        row(&format!("room: depth of {name} within 5 cm"), 100.0 * depth.within, "%", ">= 80");
         row(&format!("room: depth of {name} covered"), 100.0 * depth.covered, "%", "");
     }
     Ok(())
@@ -116,12 +116,12 @@ fn capture_motion(office: &Path, camera: &str) -> Said<()> {
         accuracy::capture_truth(&office.join("truth.json"), camera).ok_or("truth.json: no capture poses")?;
     let error =
         accuracy::motion(&motion.camera_from_world, &truth).ok_or("fewer than three frames placed")?;
-    row(&format!("capture of {camera}: camera position, rms"), error.position_rms_cm, "cm", "<= 1");
+    row(&format!("capture of {camera}: camera position, rms"), error.position_rms_cm, "cm", "<= 0.3");
     row(
         &format!("capture of {camera}: camera orientation, rms"),
         error.rotation_rms_deg,
         "degrees",
-        "<= 0.2",
+        "<= 0.06",
     );
     row(&format!("capture of {camera}: frames placed"), error.frames as f64, "frames", "of 50");
     Ok(())

@@ -14,7 +14,7 @@ use crate::merge::{self, MergeOptions, MergeReport};
 use crate::project::Project;
 use crate::ray_depth::MeasuredPixel;
 use crate::surface::Surface;
-use crate::{Result, scale};
+use crate::{Error, Result, scale};
 use joined::Joined;
 
 /// Depths at picks that are off by more than this share are worth a word.
@@ -84,7 +84,10 @@ pub fn assemble(
             );
         }
     }
-    let (floor, floor_report) = floor?;
+    let (floor, floor_report) = floor.map_err(|error| match error {
+        Error::Room(problem) => Error::content(&project.path, "floor", problem),
+        other => other,
+    })?;
     let metres_per_unit =
         scale::metres_per_unit(project, surfaces, lenses, measured, &merged, &poses, &floor)?;
     let world_from_common = floor::metric(&floor::world_frame(&floor, &poses[0]), metres_per_unit);

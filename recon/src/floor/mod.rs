@@ -147,9 +147,10 @@ pub fn find(
     };
     let level: Vec<&Fit> = large.iter().copied().filter(|fit| upright(fit)).collect();
     let mut refusal = if fits.iter().any(upright) {
-        "the planes that lie level are too small; let the cameras see more of the floor"
+        "the planes that lie level are too small; let the captures show more of the floor"
     } else {
-        "no plane was found that lies level"
+        "no plane was found that lies level; let the captures show the floor, and put the cameras up as pictures are meant to \
+         be seen"
     };
     let mut best: Option<(f64, Plane, FloorReport)> = None;
     for &up in &level {
@@ -158,7 +159,7 @@ pub fn find(
                 continue;
             }
             if !centres.iter().all(|c| plane.height(c) > 3.0 * options.thickness * size) {
-                refusal = "the planes that lie level are not below every camera";
+                refusal = "the planes that lie level are not below every camera; check the picks, and let a capture show the floor itself";
                 break;
             }
             let behind = cloud.area_behind(&plane);
