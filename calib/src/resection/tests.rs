@@ -260,3 +260,18 @@ fn an_equilateral_triangle_seen_head_on_has_its_pose() {
     let found = three_points::from_triples(&seen, &rays);
     assert!(found.iter().any(|p| (p.translation.vector - Vector3::z() * 3.0).norm() < 0.05), "{found:?}");
 }
+
+#[test]
+fn any_four_points_in_space_give_the_exact_pose() {
+    for turn in 0..6 {
+        let azimuth = f64::from(turn);
+        let camera =
+            Camera { intrinsics: lens(), camera_from_world: facing(pose(azimuth, 0.6, 0.5 * azimuth)) };
+        for left_out in 0..SPACE.len() {
+            let four: Vec<[f64; 3]> = (1..5).map(|i| SPACE[(left_out + i) % SPACE.len()]).collect();
+            let found = resect(&camera.intrinsics, &picks(&camera, &four)).unwrap();
+            let off = (found.camera.center() - camera.center()).norm();
+            assert!(off < 1e-4, "turn {turn}, without {left_out}: {off} m, {} px", found.rms_px());
+        }
+    }
+}
