@@ -1,12 +1,13 @@
-//! Files: whole or not at all, and the intrinsics file that `calib intrinsics` writes.
+//! Files: whole or not at all, never in place of an input, and those that `calib intrinsics` and `calib pose` write.
 
 use std::io::Write;
 use std::path::Path;
 
 use nalgebra::Matrix3;
+use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 
-use crate::{Distortion, Error, Intrinsics, Result};
+use crate::{Camera, Distortion, Error, Intrinsics, Result};
 
 /// Writes a file whole or not at all: into a temporary file beside it, which then takes its name.
 ///
@@ -38,6 +39,21 @@ pub fn write_together(files: &[(&Path, &[u8])]) -> Result<()> {
     }
     for (path, file) in staged {
         file.persist(path).map_err(|e| Error::Io { path: path.to_owned(), source: e.error })?;
+    }
+    Ok(())
+}
+
+/// Refuses to write an output where an input stands, by whatever name it is called: the input would be lost.
+///
+/// # Errors
+/// [`Error::Content`] naming the output.
+pub fn refuse_input_as_output<'a>(output: &Path, inputs: impl IntoIterator<Item = &'a Path>) -> Result<()> {
+    // What is not there yet is no input.
+    let Ok(real) = output.canonicalize() else { return Ok(()) };
+    if inputs.into_iter().any(|input| input.canonicalize().is_ok_and(|input| input == real)) {
+        let (place, problem) =
+            ("output".to_owned(), "is an input and would be lost; name another".to_owned());
+        return Err(Error::Content { path: output.to_owned(), place, problem });
     }
     Ok(())
 }
@@ -85,9 +101,59 @@ struct IntrinsicsFile {
     matrix: [[f64; 3]; 3],
     #[serde(default)]
     distortion: Distortion,
+    /// `calib pose` writes a lens that it found itself beside its pose; what else is there is misspelt.
+    #[serde(default, skip_serializing)]
+    #[expect(dead_code, reason = "only known, so that it is not called a mistake")]
+    rotation: IgnoredAny,
+    #[serde(default, skip_serializing)]
+    #[expect(dead_code, reason = "only known, so that it is not called a mistake")]
+    translation: IgnoredAny,
+    #[serde(default, skip_serializing)]
+    #[expect(dead_code, reason = "only known, so that it is not called a mistake")]
+    rms_px: IgnoredAny,
 }
 
-/// Reads a camera's intrinsics as `calib intrinsics` writes them.
+impl IntrinsicsFile {
+    fn of(intrinsics: &Intrinsics) -> Self {
+        Self {
+            width: intrinsics.width,
+            height: intrinsics.height,
+            matrix: rows_of_matrix(&intrinsics.matrix()),
+            distortion: intrinsics.distortion,
+            rotation: IgnoredAny,
+            translation: IgnoredAny,
+            rms_px: IgnoredAny,
+        }
+    }
+}
+
+/// The pose file: what stands in `scene.toml` under a camera, on its own.
+#[derive(Serialize)]
+struct PoseFile {
+    #[serde(flatten)]
+    lens: Option<IntrinsicsFile>,
+    rotation: [[f64; 3]; 3],
+    translation: [f64; 3],
+    rms_px: f64,
+}
+
+/// The text of a pose file: the pose and the residual, pixels, that it left. With `with_lens` the camera's intrinsics
+/// come before them, so that the file is one of intrinsics, too.
+///
+/// # Errors
+/// [`Error::Invalid`] for numbers that cannot be written.
+pub fn pose_text(camera: &Camera, rms_px: f64, with_lens: bool) -> Result<String> {
+    let pose = &camera.camera_from_world;
+    let file = PoseFile {
+        lens: with_lens.then(|| IntrinsicsFile::of(&camera.intrinsics)),
+        rotation: rows_of_matrix(pose.rotation.to_rotation_matrix().matrix()),
+        translation: pose.translation.vector.into(),
+        rms_px,
+    };
+    toml::to_string(&file).map_err(|e| Error::Invalid(e.to_string()))
+}
+
+/// Reads a camera's intrinsics as `calib intrinsics` writes them, or `calib pose` where it found the lens itself.
 ///
 /// # Errors
 /// [`Error::Io`] or [`Error::Content`], naming file and place.
@@ -106,13 +172,7 @@ pub fn read_intrinsics(path: &Path) -> Result<Intrinsics> {
 /// # Errors
 /// [`Error::Io`].
 pub fn write_intrinsics(path: &Path, intrinsics: &Intrinsics) -> Result<()> {
-    let file = IntrinsicsFile {
-        width: intrinsics.width,
-        height: intrinsics.height,
-        matrix: rows_of_matrix(&intrinsics.matrix()),
-        distortion: intrinsics.distortion,
-    };
-    let text = toml::to_string(&file).map_err(|e| Error::Invalid(e.to_string()))?;
+    let text = toml::to_string(&IntrinsicsFile::of(intrinsics)).map_err(|e| Error::Invalid(e.to_string()))?;
     write_atomic(path, text.as_bytes())
 }
 
@@ -138,6 +198,38 @@ mod tests {
         camera.distortion = [-0.2, 0.1, 0.001, -0.002, 0.03].into();
         write_intrinsics(&path, &camera).unwrap();
         assert_eq!(read_intrinsics(&path).unwrap(), camera);
+    }
+
+    #[test]
+    fn a_lens_beside_its_pose_is_read_as_a_lens() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("pose.toml");
+        let intrinsics = Intrinsics::from_horizontal_fov(640, 480, 70.0);
+        let camera =
+            Camera { intrinsics, camera_from_world: nalgebra::Isometry3::translation(1.0, 2.0, 3.0) };
+        std::fs::write(&path, pose_text(&camera, 0.5, true).unwrap()).unwrap();
+        assert_eq!(read_intrinsics(&path).unwrap(), camera.intrinsics);
+        let pose = pose_text(&camera, 0.5, false).unwrap();
+        let written: toml::Table = toml::from_str(&pose).unwrap();
+        assert_eq!(written.keys().collect::<Vec<_>>(), ["rms_px", "rotation", "translation"]);
+        assert_eq!(written["translation"].as_array().unwrap()[2].as_float(), Some(3.0));
+        std::fs::write(&path, pose).unwrap();
+        assert!(read_intrinsics(&path).unwrap_err().to_string().contains("width"));
+    }
+
+    #[test]
+    fn an_input_is_no_output_by_any_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let named = |name: &str| folder.path().join(name);
+        std::fs::write(named("a.png"), "a").unwrap();
+        std::fs::create_dir(named("deep")).unwrap();
+        let (input, other) = (named("a.png"), named("b.png"));
+        let refused =
+            |output: &Path| refuse_input_as_output(output, [other.as_path(), input.as_path()]).is_err();
+        assert!(refused(&input) && refused(&named("deep/../a.png")));
+        assert!(!refused(&other) && !refused(&named("deep/a.png")));
+        let said = refuse_input_as_output(&input, [input.as_path()]).unwrap_err().to_string();
+        assert!(said.contains("a.png") && said.contains("name another"), "{said}");
     }
 
     #[test]

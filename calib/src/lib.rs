@@ -5,7 +5,8 @@
 //! * [`Camera`] — where a camera stands ([`nalgebra::Isometry3`], `camera_from_world`) and how it maps
 //!   directions to pixels ([`Intrinsics`], with OpenCV's [`Distortion`]). Start here.
 //! * [`absolute_orientation`] — Horn's closed form: the similarity that takes one set of points to another.
-//! * [`resection`] — a camera's pose from known points and their pixels.
+//! * [`resection`] — a camera's pose, and its lens if need be, from known points and their pixels.
+//! * [`picture`] — pictures in files: photographs upright, drawings whole or not at all.
 //! * [`photograph`] — the lens that a photograph tells in its EXIF block.
 //! * [`undistort`] — lookup maps between a distorted image and its pinhole twin.
 //! * [`console`] — how each of the project's programs begins and ends: log, progress, one line of error, exit status.
@@ -28,6 +29,7 @@ mod distortion;
 mod error;
 pub mod files;
 pub mod photograph;
+pub mod picture;
 pub mod resection;
 pub mod rotation;
 pub mod undistort;

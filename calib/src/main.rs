@@ -11,7 +11,7 @@ use calib::console::{CANNOT, Console};
 use clap::Parser;
 
 fn main() -> ExitCode {
-    let command = cli::Command::parse();
-    let console = Console::start(0);
-    console.end(command.run(), CANNOT)
+    let arguments = cli::Arguments::parse();
+    let console = Console::start(arguments.verbose);
+    console.end(arguments.command.run(), CANNOT)
 }

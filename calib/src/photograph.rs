@@ -68,17 +68,21 @@ fn positive(exif: &Exif, tag: Tag) -> Option<f64> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use exif::experimental::Writer;
     use exif::{Field, Rational};
     use image::RgbImage;
 
-    /// A photograph with this EXIF block.
     fn photograph(folder: &Path, block: &[u8]) -> std::path::PathBuf {
+        photograph_of(folder, &RgbImage::new(64, 48), block)
+    }
+
+    /// A photograph that shows this, with this EXIF block.
+    pub(crate) fn photograph_of(folder: &Path, shown: &RgbImage, block: &[u8]) -> std::path::PathBuf {
         let mut jpeg = Vec::new();
         let encoder = image::codecs::jpeg::JpegEncoder::new(&mut jpeg);
-        RgbImage::new(64, 48).write_with_encoder(encoder).unwrap();
+        shown.write_with_encoder(encoder).unwrap();
         let mut content = jpeg[..2].to_vec();
         if !block.is_empty() {
             content.extend([0xff, 0xe1]);
@@ -92,7 +96,7 @@ mod tests {
         path
     }
 
-    fn block(values: &[(Tag, Value)]) -> Vec<u8> {
+    pub(crate) fn block(values: &[(Tag, Value)]) -> Vec<u8> {
         let fields: Vec<Field> = values
             .iter()
             .map(|(tag, value)| Field { tag: *tag, ifd_num: In::PRIMARY, value: value.clone() })

@@ -2,9 +2,10 @@
 //!
 //! A file is `b"roomtrack cache 1\n"`, the key (a BLAKE3 hash of everything that the content was made from), the
 //! content, and the BLAKE3 hash of all before. A file that is broken, or of another key, counts as missing; a folder
-//! that cannot be written only costs the time of working things out again.
+//! that cannot be written costs the time of working things out again, and a warning.
 
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// The folder in the room directory.
 const FOLDER: &str = "cache";
@@ -33,8 +34,19 @@ pub fn write(room_dir: &Path, name: &str, key: &blake3::Hash, content: &[u8]) {
     let hash = blake3::hash(&bytes);
     bytes.extend(hash.as_bytes());
     if let Err(e) = calib::files::write_atomic(&file_of(room_dir, name), &bytes) {
-        tracing::debug!("{name} is not cached: {e}");
+        static WARNED: AtomicBool = AtomicBool::new(false);
+        if let Some(warning) = first_warning(&WARNED, room_dir, &e) {
+            tracing::warn!("{warning}");
+        }
     }
+}
+
+/// One folder's reason is every file's: it is told once.
+fn first_warning(warned: &AtomicBool, room_dir: &Path, why: &calib::Error) -> Option<String> {
+    let room = room_dir.display();
+    (!warned.swap(true, Ordering::Relaxed)).then(|| {
+        format!("{room}: nothing is kept for the next run, which works it out again and takes longer: {why}")
+    })
 }
 
 #[cfg(test)]
@@ -74,5 +86,14 @@ mod tests {
         let key = blake3::hash(b"");
         write(folder.path(), "map", &key, b"content");
         assert_eq!(read(folder.path(), "map", &key), None);
+    }
+
+    #[test]
+    fn the_first_failure_is_told_with_its_reason() {
+        let (warned, dir) = (AtomicBool::new(false), Path::new("myroom"));
+        let why = calib::Error::Invalid("the disk is full".into());
+        let said = first_warning(&warned, dir, &why).unwrap();
+        assert!(said.contains("myroom") && said.contains("takes longer") && said.contains("disk is full"));
+        assert_eq!(first_warning(&warned, dir, &why), None);
     }
 }

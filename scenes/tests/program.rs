@@ -206,3 +206,63 @@ fn a_room_goes_to_nerfstudio_and_comes_back() {
     let pixel = |room: &Room| room.camera("up").unwrap().camera.project(&point).unwrap();
     assert!((pixel(&before) - pixel(&after)).norm() < 1e-6);
 }
+
+#[test]
+fn a_room_goes_to_colmap_and_comes_back_with_its_points() {
+    let folder = room();
+    let (model, copy) = (folder.path().join("sparse"), folder.path().join("copy"));
+    let export = ["export", path(folder.path()), "--format", "colmap", "--out", path(&model)];
+    assert!(scenes(&export).status.success());
+    let output = scenes(&["import", path(&model), "--out", path(&copy)]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let (before, after) = (Room::read(folder.path()).unwrap(), Room::read(&copy).unwrap());
+    let (Some(Geometry::Discs(before)), Some(Geometry::Discs(after))) = (before.geometry, after.geometry)
+    else {
+        panic!("discs come back as discs")
+    };
+    assert_eq!(after.len(), before.len());
+    for (a, b) in after.iter().zip(&before) {
+        assert_eq!((a.center, a.color), (b.center, b.color));
+        assert!(a.normal.z > 0.999 && a.radius > 0.05 && a.radius < 0.2, "{a:?}");
+    }
+}
+
+#[test]
+fn import_leaves_a_geometry_that_is_not_the_rooms_alone() {
+    let folder = room();
+    let transforms = folder.path().join("transforms.json");
+    assert!(
+        scenes(&["export", path(folder.path()), "--format", "nerfstudio", "--out", path(&transforms)])
+            .status
+            .success()
+    );
+    // What is left is a scan and cameras in a folder of the user's own.
+    std::fs::remove_file(folder.path().join("scene.toml")).unwrap();
+    let scan = folder.path().join("room.ply");
+    let before = std::fs::read(&scan).unwrap();
+    let import = ["import", path(&transforms), "--geometry", path(&scan), "--out", path(folder.path())];
+    let said = complaint(&import, 2);
+    assert!(said.contains("room.ply") && said.contains("name a new directory"), "{said}");
+    assert_eq!(std::fs::read(&scan).unwrap(), before);
+    assert!(!folder.path().join("scene.toml").exists());
+}
+
+#[test]
+fn a_telephones_reference_image_is_as_large_as_it_stands() {
+    let folder = room();
+    std::fs::create_dir(folder.path().join("reference")).unwrap();
+    let jpeg = |width, height, orientation: u8| {
+        let mut plain = std::io::Cursor::new(Vec::new());
+        image::RgbImage::new(width, height).write_to(&mut plain, image::ImageFormat::Jpeg).unwrap();
+        let plain = plain.into_inner();
+        // An EXIF block of one entry: Orientation (0x0112), one short.
+        let tiff = [b"MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0", &[orientation][..], &[0; 6]].concat();
+        let length = (tiff.len() as u16 + 8).to_be_bytes();
+        let bytes = [&plain[..2], &[0xff, 0xe1], &length, b"Exif\0\0", &tiff, &plain[2..]].concat();
+        std::fs::write(folder.path().join("reference/up.jpg"), bytes).unwrap();
+        String::from_utf8(scenes(&["check", path(folder.path())]).stderr).unwrap()
+    };
+    assert_eq!(jpeg(48, 64, 6), "");
+    let said = jpeg(64, 48, 6);
+    assert!(said.contains("up.jpg is 48 × 64, not 64 × 48"), "{said}");
+}

@@ -1,12 +1,14 @@
 //! `calib intrinsics`: focal lengths, principal point and distortion from pictures of a chessboard.
 
+use std::collections::HashSet;
 use std::io::Write;
 use std::path::PathBuf;
 
-use anyhow::{Context, bail};
+use anyhow::bail;
+use calib::files::refuse_input_as_output;
+use calib::picture;
 use calib::vision::chessboard::Chessboard;
 use clap::Args;
-use image::RgbImage;
 
 /// Estimate a camera's intrinsics from pictures of a chessboard.
 #[derive(Args)]
@@ -29,7 +31,7 @@ pub(crate) struct Intrinsics {
     /// Where to write the intrinsics (TOML, as `room.toml` names it)
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Where to write the found corners, drawn on each picture
+    /// Where to write the found corners, drawn on each picture: the second of a name gets a number
     #[arg(long, value_name = "FOLDER")]
     pictures: Option<PathBuf>,
 }
@@ -42,12 +44,14 @@ impl Intrinsics {
         if !(self.square > 0.0 && self.square.is_finite()) {
             bail!("--square {}: a square's side is a positive number of metres", self.square);
         }
+        let drawings = self.drawings();
+        for output in drawings.iter().chain([&self.out]) {
+            refuse_input_as_output(output, self.images.iter().map(PathBuf::as_path))?;
+        }
         let mut out = std::io::stdout().lock();
         let (mut views, mut names, mut size) = (Vec::new(), Vec::new(), None);
-        for path in &self.images {
-            let picture = image::open(path)
-                .with_context(|| format!("{}: cannot be read as an image", path.display()))?;
-            let picture = picture.into_rgb8();
+        for (index, path) in self.images.iter().enumerate() {
+            let mut picture = picture::read(path)?.into_rgb8();
             let expected = *size.get_or_insert(picture.dimensions());
             if picture.dimensions() != expected {
                 let (w, h) = picture.dimensions();
@@ -60,7 +64,10 @@ impl Intrinsics {
             }
             match self.pattern.find(&image::imageops::grayscale(&picture))? {
                 Some(corners) => {
-                    self.draw(path, picture, &corners)?;
+                    if let Some(drawing) = drawings.get(index) {
+                        self.pattern.draw(&mut picture, &corners)?;
+                        picture::write(drawing, &picture)?;
+                    }
                     views.push(corners);
                     names.push(path);
                 }
@@ -75,7 +82,7 @@ impl Intrinsics {
         let found = self.pattern.calibrate(&views, size.unwrap_or((0, 0)), self.square)?;
         calib::files::write_intrinsics(&self.out, &found.intrinsics)?;
 
-        let (k, s) = (&found.intrinsics, found.sigma_px);
+        let k = &found.intrinsics;
         let mut sorted = found.view_rms_px.clone();
         sorted.sort_by(f64::total_cmp);
         let median = sorted[sorted.len() / 2];
@@ -87,8 +94,7 @@ impl Intrinsics {
             };
             writeln!(out, "{}: {rms:.3} px{note}", path.display())?;
         }
-        writeln!(out, "focal length     {:.2} ± {:.2}, {:.2} ± {:.2} px", k.fx, s[0], k.fy, s[1])?;
-        writeln!(out, "principal point  {:.2} ± {:.2}, {:.2} ± {:.2} px", k.cx, s[2], k.cy, s[3])?;
+        super::print_lens(&mut out, k, found.sigma_px)?;
         let [k1, k2, p1, p2, k3] = k.distortion.into();
         writeln!(out, "distortion       k1 {k1:.4}  k2 {k2:.4}  p1 {p1:.5}  p2 {p2:.5}  k3 {k3:.4}")?;
         writeln!(out, "residual         {:.3} px rms over {} views", found.rms_px, views.len())?;
@@ -96,16 +102,21 @@ impl Intrinsics {
         Ok(())
     }
 
-    fn draw(
-        &self,
-        path: &std::path::Path,
-        mut picture: RgbImage,
-        corners: &[nalgebra::Point2<f64>],
-    ) -> anyhow::Result<()> {
-        let Some(folder) = &self.pictures else { return Ok(()) };
-        self.pattern.draw(&mut picture, corners)?;
-        std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
-        let target = folder.join(path.file_name().unwrap_or(path.as_os_str())).with_extension("png");
-        picture.save(&target).with_context(|| target.display().to_string())
+    /// Where the drawing of each picture goes, if anywhere: named after it, with a number where several have one name.
+    fn drawings(&self) -> Vec<PathBuf> {
+        let Some(folder) = &self.pictures else { return Vec::new() };
+        let mut taken = HashSet::new();
+        let named = |path: &PathBuf| {
+            let stem = path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy();
+            let mut name = format!("{stem}.png");
+            for number in 2.. {
+                if taken.insert(name.clone()) {
+                    break;
+                }
+                name = format!("{stem}_{number}.png");
+            }
+            folder.join(name)
+        };
+        self.images.iter().map(named).collect()
     }
 }

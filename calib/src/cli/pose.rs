@@ -4,12 +4,13 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use calib::files::{read_intrinsics, rows_of_matrix, write_atomic};
-use calib::resection::{Pick, resect};
+use calib::files::{read_intrinsics, refuse_input_as_output, write_together};
+use calib::picture;
+use calib::resection::{Pick, Resection, resect, resect_with_lens};
 use clap::Args;
 use image::Rgb;
 use nalgebra::Point2;
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 
 /// Estimate a camera's pose from known points and their pixels.
 #[derive(Args)]
@@ -20,26 +21,37 @@ picks.csv has a header and a line a point: metres in the world, then the pixel (
   0.00,0.00,0.00,312.5,407.0
   1.20,0.00,0.00,455.1,398.2
 
-6 points in space or 4 on a plane suffice; more are better.
+4 points suffice; more are better, and not all on one plane. Of two poses that fit, the better is taken, and the other is
+told of. Without --intrinsics 6 points in space and the image's size tell the lens, too, but not its distortion; the file
+then holds both, and serves as either.
 
-Example:
-  calib pose --intrinsics cam1.toml --picks picks.csv --out pose.toml --image reference.jpg --picture check.png")]
+Examples:
+  calib pose --intrinsics cam1.toml --picks picks.csv --out pose.toml --image reference.jpg --picture check.png
+  calib pose --size 640x480 --picks picks.csv --out camera.toml")]
 pub(crate) struct Pose {
-    /// The camera, as `calib intrinsics` writes it
+    /// The camera, as `calib intrinsics` writes it; without it the picks tell the lens, too
     #[arg(long, value_name = "FILE")]
-    intrinsics: PathBuf,
+    intrinsics: Option<PathBuf>,
     /// Known points and their pixels
     #[arg(long, value_name = "FILE")]
     picks: PathBuf,
     /// Where to write the pose: `rotation` and `translation` (world to camera) as `scene.toml` has them
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// The image that the pixels were picked in, for --picture
-    #[arg(long, value_name = "FILE", requires = "picture")]
+    /// The image that the pixels were picked in: its size is checked, or taken, and --picture draws on it
+    #[arg(long, value_name = "FILE")]
     image: Option<PathBuf>,
+    /// The size of the image that the pixels were picked in, without --intrinsics and --image
+    #[arg(long, value_name = "WxH", value_parser = size, conflicts_with_all = ["intrinsics", "image"])]
+    size: Option<(u32, u32)>,
     /// Where to draw the picks (green) and the projections of their points (red)
     #[arg(long, value_name = "FILE", requires = "image")]
     picture: Option<PathBuf>,
+}
+
+fn size(text: &str) -> Result<(u32, u32), &'static str> {
+    let sides = text.split_once('x').and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
+    sides.filter(|(w, h)| *w > 0 && *h > 0).ok_or("a size is width and height in pixels, such as 640x480")
 }
 
 #[derive(Deserialize)]
@@ -51,44 +63,90 @@ struct Row {
     v: f64,
 }
 
-#[derive(Serialize)]
-struct PoseFile {
-    rotation: [[f64; 3]; 3],
-    translation: [f64; 3],
-    rms_px: f64,
+/// What is found: the camera, and how well its lens is known where the picks had to tell it, too.
+struct Found {
+    resection: Resection,
+    lens_sigma_px: Option<[f64; 4]>,
 }
 
 impl Pose {
     pub(crate) fn run(&self) -> anyhow::Result<()> {
-        let intrinsics = read_intrinsics(&self.intrinsics)?;
+        self.refuse_lost_inputs()?;
         let picks = read_picks(&self.picks)?;
-        let found = resect(&intrinsics, &picks).with_context(|| self.picks.display().to_string())?;
-        let pose = &found.camera.camera_from_world;
-        let file = PoseFile {
-            rotation: rows_of_matrix(pose.rotation.to_rotation_matrix().matrix()),
-            translation: pose.translation.vector.into(),
-            rms_px: found.rms_px(),
+        let found = self.resect(&picks)?;
+        let camera = &found.resection.camera;
+        let rms_px = found.resection.rms_px();
+        let text = calib::files::pose_text(camera, rms_px, found.lens_sigma_px.is_some())?;
+        let picture = match (&self.image, &self.picture) {
+            (Some(image), Some(picture)) => Some((picture, draw(image, picture, &picks, camera)?)),
+            _ => None,
         };
-        if let (Some(image), Some(picture)) = (&self.image, &self.picture) {
-            draw(image, picture, &picks, &found.camera)?;
-        }
-        write_atomic(&self.out, toml::to_string(&file)?.as_bytes())?;
+        let mut files = vec![(self.out.as_path(), text.as_bytes())];
+        files.extend(picture.iter().map(|(path, bytes)| (path.as_path(), bytes.as_slice())));
+        write_together(&files)?;
 
         let mut out = std::io::stdout().lock();
-        for (index, residual) in found.residuals_px.iter().enumerate() {
+        for (index, residual) in found.resection.residuals_px.iter().enumerate() {
             writeln!(out, "pick {:2}  {residual:6.2} px", index + 1)?;
         }
-        let c = found.camera.center();
-        writeln!(
-            out,
-            "camera   at {:.3} {:.3} {:.3} m; residual {:.2} px rms",
-            c.x,
-            c.y,
-            c.z,
-            found.rms_px()
-        )?;
+        if let Some(sigma) = found.lens_sigma_px {
+            super::print_lens(&mut out, &camera.intrinsics, sigma)?;
+        }
+        let c = camera.center();
+        writeln!(out, "camera   at {:.3} {:.3} {:.3} m; residual {rms_px:.2} px rms", c.x, c.y, c.z)?;
         writeln!(out, "written  {}", self.out.display())?;
+        if let Some(rival) = &found.resection.rival {
+            let c = rival.camera.center();
+            tracing::warn!(
+                "{}: a camera at {:.3} {:.3} {:.3} m explains the picks almost as well ({:.2} px rms): pick more points, \
+                 off the others' plane and nearer to the camera",
+                self.picks.display(),
+                c.x,
+                c.y,
+                c.z,
+                rival.rms_px
+            );
+        }
         Ok(())
+    }
+
+    fn refuse_lost_inputs(&self) -> anyhow::Result<()> {
+        let inputs =
+            || [Some(&self.picks), self.intrinsics.as_ref(), self.image.as_ref()].into_iter().flatten();
+        for output in [Some(&self.out), self.picture.as_ref()].into_iter().flatten() {
+            refuse_input_as_output(output, inputs().map(PathBuf::as_path))?;
+        }
+        if self.picture.as_ref() == Some(&self.out) {
+            bail!("{}: --out and --picture name the same file; name two", self.out.display());
+        }
+        Ok(())
+    }
+
+    fn resect(&self, picks: &[Pick]) -> anyhow::Result<Found> {
+        let shown = match &self.image {
+            Some(image) => Some((image, picture::size(image)?)),
+            None => None,
+        };
+        let of_picks = || self.picks.display().to_string();
+        let Some(lens) = &self.intrinsics else {
+            let size = shown.map(|(_, size)| size).or(self.size);
+            let size = size.context(
+                "without --intrinsics the image's size is needed: give --size, as in --size 640x480, or the --image itself",
+            )?;
+            let found = resect_with_lens(size, picks).with_context(of_picks)?;
+            return Ok(Found { resection: found.resection, lens_sigma_px: Some(found.sigma_px) });
+        };
+        let intrinsics = read_intrinsics(lens)?;
+        let (width, height) = (intrinsics.width, intrinsics.height);
+        if let Some((image, (w, h))) = shown.filter(|(_, size)| *size != (width, height)) {
+            bail!(
+                "{}: is {w} × {h}, {} is for {width} × {height}; calibrate at the image's size",
+                image.display(),
+                lens.display()
+            );
+        }
+        let resection = resect(&intrinsics, picks).with_context(of_picks)?;
+        Ok(Found { resection, lens_sigma_px: None })
     }
 }
 
@@ -107,10 +165,9 @@ fn read_picks(path: &Path) -> anyhow::Result<Vec<Pick>> {
     Ok(picks)
 }
 
-fn draw(image: &Path, picture: &Path, picks: &[Pick], camera: &calib::Camera) -> anyhow::Result<()> {
-    let mut canvas = image::open(image)
-        .with_context(|| format!("{}: cannot be read as an image", image.display()))?
-        .into_rgb8();
+/// The bytes of the drawing.
+fn draw(image: &Path, drawing: &Path, picks: &[Pick], camera: &calib::Camera) -> calib::Result<Vec<u8>> {
+    let mut canvas = picture::read(image)?.into_rgb8();
     let mut cross = |at: Point2<f64>, color: Rgb<u8>, arm: i64| {
         for step in -arm..=arm {
             for (dx, dy) in [(step, step), (step, -step)] {
@@ -127,5 +184,5 @@ fn draw(image: &Path, picture: &Path, picks: &[Pick], camera: &calib::Camera) ->
             cross(projected, Rgb([240, 0, 0]), 3);
         }
     }
-    canvas.save(picture).with_context(|| picture.display().to_string())
+    picture::encode(drawing, &canvas)
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use image::{DynamicImage, RgbImage};
 
 use super::content;
-use crate::{Error, Result};
+use crate::{Error, Result, picture};
 
 /// Images in the order in which they were taken, and the place of the one that is looked at.
 #[derive(Debug)]
@@ -65,10 +65,9 @@ impl Images {
         &self.paths[0]
     }
 
-    /// Width and height of the first.
+    /// Width and height of the first, upright.
     pub(super) fn size(&self) -> Result<(u32, u32)> {
-        let first = self.first();
-        image::image_dimensions(first).map_err(|error| unreadable(first, &error))
+        picture::size(self.first())
     }
 
     /// Goes on to the next. `false` when there are no more.
@@ -81,7 +80,7 @@ impl Images {
     /// The image that is looked at, after [`advance`](Self::advance).
     pub(super) fn picture(&self, into: &mut RgbImage) -> Result<()> {
         let path = &self.paths[self.ahead - 1];
-        let picture = image::open(path).map_err(|error| unreadable(path, &error))?;
+        let picture = picture::read(path)?;
         let ((w, h), (width, height)) = ((picture.width(), picture.height()), into.dimensions());
         if (w, h) != (width, height) {
             let problem = format!("is {w} × {h}, the frames before it are {width} × {height}");
@@ -137,10 +136,6 @@ fn is_image(path: &Path) -> bool {
     path.extension()
         .and_then(|e| e.to_str())
         .is_some_and(|e| ["jpg", "jpeg", "png"].iter().any(|known| e.eq_ignore_ascii_case(known)))
-}
-
-fn unreadable(path: &Path, error: &image::ImageError) -> Error {
-    content(path, "image", &format!("cannot be decoded ({error}); is the file whole?"))
 }
 
 #[cfg(test)]

@@ -5,13 +5,21 @@ use std::fmt;
 use std::str::FromStr;
 
 use image::{GrayImage, RgbImage};
-use nalgebra::{Point2, Vector2};
-use opencv::core::{Mat, Point2f, Point3f, Size, TermCriteria, TermCriteria_Type, Vector};
+use nalgebra::{Point2, Rotation3, Vector2, Vector3};
+use opencv::core::{Mat, Point2f, Point3f, Size, TermCriteria, TermCriteria_Type, Vec3d, Vector};
 use opencv::prelude::*;
 use opencv::{calib3d, imgproc};
 
 use super::adapter;
 use crate::{Error, Intrinsics, Result};
+
+/// Corners are found to about this; an estimate that fits better is no better known.
+const CORNER_SIGMA_PX: f64 = 0.1;
+/// A focal length that is not known to this share of it is not told by the views.
+const LARGEST_FOCAL_SIGMA: f64 = 0.05;
+
+/// Boards whose normals are all within this of each other count as parallel.
+const LEAST_TILT_DEG: f64 = 10.0;
 
 /// A chessboard, told by its inner corners.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -47,7 +55,7 @@ impl fmt::Display for Chessboard {
 pub struct Calibration {
     /// The camera.
     pub intrinsics: Intrinsics,
-    /// One standard deviation of fx, fy, cx, cy, pixels.
+    /// One standard deviation of fx, fy, cx, cy, pixels, as the residuals tell it.
     pub sigma_px: [f64; 4],
     /// Root mean square reprojection error over all views, pixels.
     pub rms_px: f64,
@@ -96,7 +104,8 @@ impl Chessboard {
     /// Intrinsics from the corners of several views; squares of `square_m` metres.
     ///
     /// # Errors
-    /// Fewer than three views, or views that do not determine the camera.
+    /// [`Error::Degenerate`] for fewer than three views, or views that do not tell the focal length: copies of one, or
+    /// boards that are all parallel (section 4 of the paper).
     pub fn calibrate(
         self,
         views: &[Vec<Point2<f64>>],
@@ -140,6 +149,18 @@ impl Chessboard {
         let numbers =
             |mat: &Mat| -> Result<Vec<f64>> { Ok(mat.data_typed::<f64>().map_err(&calibrating)?.to_vec()) };
         let (k, d, s) = (numbers(&matrix)?, numbers(&distortion)?, numbers(&sigma)?);
+        // Exact corners leave no residual, whatever the views are worth.
+        let noise = (CORNER_SIGMA_PX / rms_px).max(1.0);
+        let certain = |sigma: f64, focal: f64| noise * sigma <= LARGEST_FOCAL_SIGMA * focal;
+        // The deviations come from a pseudo-inverse, which knows nothing of what is not determined at all.
+        let tilt_deg = largest_tilt_deg(rotations.data_typed::<Vec3d>().map_err(&calibrating)?);
+        if !(tilt_deg >= LEAST_TILT_DEG && certain(s[0], k[0]) && certain(s[1], k[4])) {
+            return Err(Error::Degenerate(format!(
+                "{} views of the {self} board do not tell the focal length; tilt the board by 30° in some of them, \
+                 each time another way, and leave out copies",
+                views.len()
+            )));
+        }
         let intrinsics = Intrinsics {
             width: size.0,
             height: size.1,
@@ -159,6 +180,16 @@ impl Chessboard {
     }
 }
 
+/// The largest angle between the normals of two boards, degrees; a rotation vector a board.
+fn largest_tilt_deg(rotation_vectors: &[Vec3d]) -> f64 {
+    let normals: Vec<Vector3<f64>> = rotation_vectors
+        .iter()
+        .map(|v| Rotation3::from_scaled_axis(Vector3::from(v.0)) * Vector3::z())
+        .collect();
+    let angles = normals.iter().flat_map(|a| normals.iter().map(|b| a.angle(b)));
+    angles.fold(0.0, f64::max).to_degrees()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -169,6 +200,41 @@ mod tests {
         for bad in ["", "9", "9x", "x6", "2x9", "9x-6", "9 x 6"] {
             assert!(bad.parse::<Chessboard>().is_err(), "{bad}");
         }
+    }
+
+    /// The exact corners of a board of 25 mm squares half a metre away, turned by these angles, at (x, y) from the axis.
+    fn seen(tilts_deg: &[[f64; 2]], places_m: &[[f64; 2]]) -> Vec<Vec<Point2<f64>>> {
+        let camera = Intrinsics::from_horizontal_fov(640, 480, 60.0);
+        let view = |([around_x, around_y], [x, y]): (&[f64; 2], &[f64; 2])| {
+            let turn = Rotation3::from_euler_angles(around_x.to_radians(), around_y.to_radians(), 0.0);
+            let corner = |i: u32| {
+                let on_board = Vector3::new(f64::from(i % 9) - 4.0, f64::from(i / 9) - 2.5, 0.0);
+                let at = turn * (on_board * 0.025) + Vector3::new(*x, *y, 0.5);
+                camera.project(&at.into()).unwrap()
+            };
+            (0..54).map(corner).collect()
+        };
+        tilts_deg.iter().zip(places_m).map(view).collect()
+    }
+
+    const PLACES_M: [[f64; 2]; 5] = [[0.0, 0.0], [0.08, 0.03], [-0.07, 0.05], [0.05, -0.06], [-0.05, -0.04]];
+
+    #[test]
+    fn views_that_tell_no_lens_are_refused() {
+        let board: Chessboard = "9x6".parse().unwrap();
+        let tilted = [[0.0, 0.0], [30.0, 0.0], [-25.0, 20.0], [0.0, 30.0], [10.0, -30.0]];
+        let found = board.calibrate(&seen(&tilted, &PLACES_M), (640, 480), 0.025).unwrap();
+        let expected = Intrinsics::from_horizontal_fov(640, 480, 60.0).fx;
+        assert!((found.intrinsics.fx / expected - 1.0).abs() < 0.01, "{found:?}");
+        let refused = |views: &[Vec<Point2<f64>>]| {
+            let said = board.calibrate(views, (640, 480), 0.025).unwrap_err().to_string();
+            assert!(said.contains("focal length") && said.contains("tilt the board"), "{said}");
+        };
+        // All parallel, facing the camera or aslant; one view three times.
+        refused(&seen(&[[0.0, 0.0]; 5], &PLACES_M));
+        refused(&seen(&[[2.0, -1.0], [0.0, 2.0], [-1.0, 0.0], [1.0, 1.0], [-2.0, 0.0]], &PLACES_M));
+        refused(&seen(&[[20.0, 10.0]; 5], &PLACES_M));
+        refused(&seen(&[[30.0, 10.0]; 3], &[[0.02, 0.01]; 3]));
     }
 
     #[test]
@@ -198,6 +264,14 @@ mod tests {
             "{found:?}"
         );
         assert!(found.rms_px < 0.45 && found.view_rms_px.len() == 13, "{found:?}");
+        for view in &views {
+            let copies = [view.clone(), view.clone(), view.clone()];
+            let said = board.calibrate(&copies, (640, 480), 0.025).unwrap_err().to_string();
+            assert!(said.contains("tilt the board"), "{said}");
+        }
+        for three in views.windows(3) {
+            board.calibrate(three, (640, 480), 0.025).unwrap();
+        }
     }
 
     #[test]

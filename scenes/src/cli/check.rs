@@ -111,14 +111,14 @@ impl Check {
     fn reference_defect(&self, entry: &RoomCamera) -> Option<String> {
         let path = self.room.join(entry.reference.as_ref()?);
         let (expected, shown) = (&entry.camera.intrinsics, path.display());
-        match image::image_dimensions(&path) {
+        match calib::picture::size(&path) {
             _ if !path.is_file() => None,
             Ok((width, height)) if (width, height) == (expected.width, expected.height) => None,
             Ok((width, height)) => Some(format!(
                 "its reference image {shown} is {width} × {height}, not {} × {}",
                 expected.width, expected.height
             )),
-            Err(e) => Some(format!("its reference image {shown} cannot be decoded ({e})")),
+            Err(e) => Some(format!("its reference image cannot be used: {e}")),
         }
     }
 

@@ -5,14 +5,14 @@ use std::path::PathBuf;
 use clap::Args;
 use scenes::exchange::{self, given};
 use scenes::geometry::{ply, vec3_from_point};
-use scenes::room::{Room, SCENE_FILE};
+use scenes::room::{GEOMETRY_FILE, Room, SCENE_FILE};
 
 /// Make a room directory from cameras and a mesh or cloud.
 ///
 /// Cameras come from a COLMAP model (text or binary), from nerfstudio's transforms.json, or one by one from what `calib
 /// intrinsics` and `calib pose` wrote. Their world has to be the room's: metres, Z up, the floor at z = 0, and that of the
 /// geometry, too; `colmap model_aligner` brings a model there. Images become cameras of their names. A laser scanner's
-/// cloud without normals gets them here.
+/// cloud without normals gets them here; so do a COLMAP model's own points, which are taken where no geometry is given.
 #[derive(Args)]
 #[command(after_help = "Examples:
   scenes import sparse/0 --geometry meshed-poisson.ply --out myroom
@@ -25,7 +25,7 @@ pub(crate) struct Import {
     /// A camera of its own: its lens (`calib intrinsics`) and its pose (`calib pose`); once a camera.
     #[arg(long, value_name = "NAME=LENS,POSE", value_parser = camera)]
     camera: Vec<(String, PathBuf, PathBuf)>,
-    /// What stands in the room, as PLY; without it nothing is hidden by the room.
+    /// What stands in the room, as PLY; without it a COLMAP model's points, or nothing.
     #[arg(long, value_name = "FILE")]
     geometry: Option<PathBuf>,
     /// The room directory to make.
@@ -48,10 +48,19 @@ impl Import {
             cameras.push(given::camera(name, lens, pose)?);
         }
         let eyes: Vec<_> = cameras.iter().map(|c| vec3_from_point(&c.camera.center())).collect();
-        let geometry = self.geometry.as_deref().map(|file| ply::read_seen_from(file, &eyes)).transpose()?;
+        let geometry = match (&self.geometry, &self.model) {
+            (Some(file), _) => Some(ply::read_seen_from(file, &eyes)?),
+            (None, Some(model)) => exchange::points(model, &eyes)?,
+            (None, None) => None,
+        };
         anyhow::ensure!(
             !self.out.join(SCENE_FILE).exists(),
             "{}: --out: there is a room already; name a new directory",
+            self.out.display()
+        );
+        anyhow::ensure!(
+            geometry.is_none() || !self.out.join(GEOMETRY_FILE).exists(),
+            "{}: --out: a {GEOMETRY_FILE} of no room stands there and would be lost; name a new directory",
             self.out.display()
         );
         Ok(Room { cameras, geometry, ..Room::default() }.write(&self.out)?)

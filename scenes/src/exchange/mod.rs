@@ -9,7 +9,10 @@ pub mod nerfstudio;
 
 use std::path::Path;
 
+use glam::Vec3;
+
 use crate::Result;
+use crate::geometry::Geometry;
 use crate::room::RoomCamera;
 
 /// The cameras of another program's file or folder: nerfstudio's `.json`, or else a COLMAP model.
@@ -17,11 +20,19 @@ use crate::room::RoomCamera;
 /// # Errors
 /// As [`nerfstudio::read`] and [`colmap::read`].
 pub fn cameras(path: &Path) -> Result<Vec<RoomCamera>> {
-    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json")) {
-        nerfstudio::read(path)
-    } else {
-        colmap::read(path)
-    }
+    if is_nerfstudio(path) { nerfstudio::read(path) } else { colmap::read(path) }
+}
+
+/// The points of another program's model, as [`colmap::read_points`]; nerfstudio's file has none.
+///
+/// # Errors
+/// As [`colmap::read_points`].
+pub fn points(path: &Path, viewpoints: &[Vec3]) -> Result<Option<Geometry>> {
+    if is_nerfstudio(path) { Ok(None) } else { colmap::read_points(path, viewpoints) }
+}
+
+fn is_nerfstudio(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"))
 }
 
 /// What a camera is called after its picture's name in another program: no folder separators, nothing that a command

@@ -1,5 +1,6 @@
 //! What stands in a room: triangles, or discs around oriented points. World coordinates, metres.
 
+pub(crate) mod cloud;
 mod defect;
 mod normals;
 pub mod ply;

@@ -1,6 +1,6 @@
-//! `cameras.bin` and `images.bin` of a COLMAP model: little endian, without any mark of what they are.
+//! `cameras.bin`, `images.bin` and `points3D.bin` of a COLMAP model: little endian, without any mark of what they are.
 
-use super::model::{Defect, Lens, MODELS, Picture};
+use super::model::{Defect, Lens, MODELS, Picture, Point};
 
 type Parsed<T> = Result<T, Defect>;
 
@@ -84,4 +84,23 @@ pub(super) fn pictures(bytes: &[u8]) -> Parsed<Vec<Picture>> {
         pictures.push(Picture { name, lens, rotation, translation });
     }
     Ok(pictures)
+}
+
+pub(super) fn points(bytes: &[u8]) -> Parsed<Vec<Point>> {
+    /// A sighting: the numbers of its picture and of its pixel there.
+    const SIGHTING_BYTES: usize = 8;
+    let mut bytes = Bytes { left: bytes, place: "number of points".into() };
+    let count = bytes.u64()?;
+    let mut points = Vec::new();
+    for i in 1..=count {
+        bytes.place = format!("point {i} of {count}");
+        bytes.u64()?;
+        let place = [bytes.f64()?, bytes.f64()?, bytes.f64()?];
+        let color = bytes.take()?;
+        let _error_px = bytes.f64()?;
+        let sightings = bytes.u64()?;
+        bytes.skip(sightings, SIGHTING_BYTES)?;
+        points.push(Point { place, color });
+    }
+    Ok(points)
 }

@@ -9,9 +9,10 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use calib::Camera;
+use glam::Vec3;
 
 use super::{CORNER_PX, camera_name, picture_name};
-use crate::geometry::Geometry;
+use crate::geometry::{Geometry, cloud, vec3_from_point};
 use crate::room::{Room, RoomCamera};
 use crate::{Error, Result};
 
@@ -58,6 +59,38 @@ pub fn read(dir: &Path) -> Result<Vec<RoomCamera>> {
         .collect()
 }
 
+/// The model's points as discs that face the cameras, which stand at `viewpoints`; `None` without any. They are as sparse
+/// as the model: what stands between them hides nobody.
+///
+/// # Errors
+/// As [`read`]; for a point that is not finite, too.
+pub fn read_points(dir: &Path, viewpoints: &[Vec3]) -> Result<Option<Geometry>> {
+    let (file, points) = if dir.join("cameras.bin").is_file() {
+        let file = dir.join("points3D.bin");
+        if !file.is_file() {
+            return Ok(None);
+        }
+        let bytes = bytes_of(&file)?;
+        (file, binary::points(&bytes))
+    } else {
+        let file = dir.join("points3D.txt");
+        if !file.is_file() {
+            return Ok(None);
+        }
+        let text = calib::files::read_text(&file)?;
+        (file, text::points(&text))
+    };
+    let points = points.map_err(|(place, problem)| Error::content(&file, place, problem))?;
+    let places: Vec<Vec3> = points.iter().map(|p| vec3_from_point(&p.place.into())).collect();
+    if let Some(i) = places.iter().position(|place| !place.is_finite()) {
+        let problem = "a coordinate is not finite; remove the point";
+        return Err(Error::content(&file, format!("point {} of {}", i + 1, places.len()), problem));
+    }
+    let colors: Vec<[u8; 3]> = points.iter().map(|p| p.color).collect();
+    let discs = cloud::discs(&places, &colors, viewpoints);
+    Ok((!discs.is_empty()).then_some(Geometry::Discs(discs)))
+}
+
 /// Writes the room as a model in text: its cameras, and its vertices or disc centres as points.
 ///
 /// # Errors
@@ -96,7 +129,7 @@ pub fn write(dir: &Path, room: &Room) -> Result<()> {
             picture_name(entry)
         );
     }
-    let mut point = |id: usize, p: glam::Vec3, [r, g, b]: [u8; 3]| {
+    let mut point = |id: usize, p: Vec3, [r, g, b]: [u8; 3]| {
         let _ = writeln!(points, "{id} {} {} {} {r} {g} {b} 0", p.x, p.y, p.z);
     };
     match &room.geometry {
@@ -197,6 +230,95 @@ mod tests {
             std::fs::write(&path, many).unwrap();
             assert!(read(folder.path()).is_err());
             std::fs::write(&path, whole).unwrap();
+        }
+    }
+
+    /// What pycolmap wrote (`tests/peers/colmap.py`), and where it says that the points are seen.
+    #[derive(serde::Deserialize)]
+    struct Peer {
+        points: Vec<PeerPoint>,
+        pixels: std::collections::BTreeMap<String, Vec<[f64; 2]>>,
+    }
+
+    #[derive(serde::Deserialize)]
+    struct PeerPoint {
+        place: [f64; 3],
+        color: [u8; 3],
+    }
+
+    fn peers() -> PathBuf {
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/peers")
+    }
+
+    #[test]
+    fn what_colmap_writes_is_seen_as_colmap_sees_it() {
+        let expected = std::fs::read_to_string(peers().join("colmap.json")).unwrap();
+        let expected: Peer = serde_json::from_str(&expected).unwrap();
+        for folder in ["colmap_binary", "colmap_text"] {
+            let folder = peers().join(folder);
+            let cameras = read(&folder).unwrap();
+            assert_eq!(cameras.len(), expected.pixels.len());
+            for (picture, pixels) in &expected.pixels {
+                let camera = cameras.iter().find(|c| c.name == camera_name(picture)).unwrap();
+                for (point, pixel) in expected.points.iter().zip(pixels) {
+                    let seen = camera.camera.project(&point.place.into()).unwrap();
+                    let off = (seen.x + CORNER_PX - pixel[0]).hypot(seen.y + CORNER_PX - pixel[1]);
+                    assert!(off < 1e-9, "{picture}: {off} px");
+                }
+            }
+            let eyes: Vec<Vec3> = cameras.iter().map(|c| vec3_from_point(&c.camera.center())).collect();
+            let Some(Geometry::Discs(discs)) = read_points(&folder, &eyes).unwrap() else {
+                panic!("no discs")
+            };
+            assert_eq!(discs.len(), expected.points.len());
+            for (disc, point) in discs.iter().zip(&expected.points) {
+                assert!(disc.center.distance(vec3_from_point(&point.place.into())) < 1e-6, "{disc:?}");
+                assert_eq!(disc.color, point.color);
+                assert!(disc.normal.z > 0.999, "{disc:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn every_cut_of_points_is_refused_and_none_are_no_geometry() {
+        for (from, name) in [("colmap_binary", "points3D.bin"), ("colmap_text", "points3D.txt")] {
+            let folder = tempfile::tempdir().unwrap();
+            for entry in std::fs::read_dir(peers().join(from)).unwrap() {
+                let entry = entry.unwrap();
+                std::fs::copy(entry.path(), folder.path().join(entry.file_name())).unwrap();
+            }
+            let path = folder.path().join(name);
+            let whole = std::fs::read(&path).unwrap();
+            let said = |bytes: &[u8]| {
+                std::fs::write(&path, bytes).unwrap();
+                read_points(folder.path(), &[]).unwrap_err().to_string()
+            };
+            if name == "points3D.bin" {
+                for length in 0..whole.len() {
+                    assert!(said(&whole[..length]).contains("points3D.bin"), "cut to {length}");
+                }
+                let mut many = whole.clone();
+                many[..8].fill(0xff);
+                assert!(said(&many).contains("ends here"));
+                let mut wild = whole.clone();
+                wild[16..24].copy_from_slice(&f64::NAN.to_le_bytes());
+                assert!(said(&wild).contains("point 1 of 42: a coordinate is not finite"));
+                std::fs::write(&path, 0_u64.to_le_bytes()).unwrap();
+            } else {
+                for (line, words) in [
+                    ("1 0 0", "line 1: coordinate is missing"),
+                    ("# a comment\n1 0 zero 0 1 2 3 0", "line 2: `zero` is no coordinate"),
+                    ("1 0 0 0 1 256 3 0", "line 1: `256` is no colour"),
+                    ("1 0 1e300 0 1 2 3 0", "point 1 of 1: a coordinate is not finite"),
+                ] {
+                    let said = said(line.as_bytes());
+                    assert!(said.contains("points3D.txt") && said.contains(words), "{said}");
+                }
+                std::fs::write(&path, "# nothing\n").unwrap();
+            }
+            assert_eq!(read_points(folder.path(), &[]).unwrap(), None);
+            std::fs::remove_file(&path).unwrap();
+            assert_eq!(read_points(folder.path(), &[]).unwrap(), None);
         }
     }
 

@@ -25,6 +25,13 @@ pub(super) struct Picture {
     pub(super) translation: [f64; 3],
 }
 
+/// A point of the model; what saw it is not kept.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Point {
+    pub(super) place: [f64; 3],
+    pub(super) color: [u8; 3],
+}
+
 /// One of COLMAP's camera models.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Model {

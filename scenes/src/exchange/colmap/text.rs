@@ -1,8 +1,8 @@
-//! `cameras.txt` and `images.txt` of a COLMAP model.
+//! `cameras.txt`, `images.txt` and `points3D.txt` of a COLMAP model.
 
 use std::str::{FromStr, SplitWhitespace};
 
-use super::model::{Defect, Lens, MODELS, Picture};
+use super::model::{Defect, Lens, MODELS, Picture, Point};
 
 type Parsed<T> = Result<T, Defect>;
 
@@ -81,4 +81,19 @@ pub(super) fn pictures(text: &str) -> Parsed<Vec<Picture>> {
         lines.next();
     }
     Ok(pictures)
+}
+
+pub(super) fn points(text: &str) -> Parsed<Vec<Point>> {
+    lines(text)
+        .filter(|(_, line)| !line.is_empty())
+        .map(|(line, text)| {
+            let mut words = Words { line, words: text.split_whitespace() };
+            let _: u64 = words.number("point number")?;
+            let mut coordinate = || words.number("coordinate");
+            let place = [coordinate()?, coordinate()?, coordinate()?];
+            let mut level = || words.number("colour from 0 to 255");
+            let color = [level()?, level()?, level()?];
+            Ok(Point { place, color })
+        })
+        .collect()
 }
