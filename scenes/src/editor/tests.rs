@@ -75,7 +75,9 @@ fn scene(boxes: &[(Vec3, Vec3)]) -> Geometry {
     let mut mesh = Mesh::default();
     // The floor, a little uneven, as reconstructed ones are.
     push_box(&mut mesh, Vec3::new(-9.0, -9.0, -0.1), Vec3::new(9.0, 9.0, 0.04));
-    boxes.iter().for_each(|(low, high)| push_box(&mut mesh, *low, *high));
+    for (low, high) in boxes {
+        push_box(&mut mesh, *low, *high);
+    }
     Geometry::Mesh(mesh)
 }
 
