@@ -23,6 +23,12 @@ pub enum Error {
         /// What is wrong and what to do about it.
         problem: String,
     },
+    /// A file that is to be changed is no longer the one that the changes were made to.
+    #[error("{path}: it has changed on disk since it was loaded; load it again, then make the change again")]
+    Changed {
+        /// The file.
+        path: PathBuf,
+    },
     /// A camera was asked for that the room does not have.
     #[error("no camera is called `{name}`; the room has {known}")]
     UnknownCamera {
@@ -36,6 +42,14 @@ pub enum Error {
     Room {
         /// The part of the room: a camera, a zone, the geometry.
         place: String,
+        /// What is wrong and what to do about it.
+        problem: String,
+    },
+    /// An address at which no page can be served.
+    #[error("{address}: {problem}")]
+    Listen {
+        /// Host and port.
+        address: String,
         /// What is wrong and what to do about it.
         problem: String,
     },

@@ -10,6 +10,7 @@
 //! * [`walkable`] — [`walkable::WalkableMap`]: where a person can stand.
 //! * [`canvas`] — the one place that draws: shapes and text over pictures; [`view`] — the room seen from anywhere,
 //!   with people in it; [`plan`] — its floor plan.
+//! * [`editor`] — the page on which people draw zones, and its server.
 //! * [`cache`] — what is worked out once and kept beside a room.
 //! * [`synthetic`] — seeded rooms and walking people with everything known about them, for tests.
 #![forbid(unsafe_code)]
@@ -17,6 +18,7 @@
 pub mod cache;
 pub mod canvas;
 pub mod depth;
+pub mod editor;
 mod error;
 pub mod exchange;
 pub mod geometry;

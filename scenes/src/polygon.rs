@@ -50,6 +50,23 @@ impl Polygon {
         (self.area() < 1e-6).then(|| "the polygon has no area".into())
     }
 
+    /// The first two edges, counted from 0, that meet where they should not: that cross, touch, or run back over each
+    /// other. `None` for a simple polygon.
+    pub fn crossing(&self) -> Option<(usize, usize)> {
+        let edges: Vec<_> = self.edges().collect();
+        let meet = |i: usize, j: usize| {
+            let ((a, b), (c, d)) = (edges[i], edges[j]);
+            if b == c {
+                return runs_back(a, b, d);
+            }
+            if d == a {
+                return runs_back(c, d, b);
+            }
+            segments_meet(a, b, c, d)
+        };
+        (0..edges.len()).find_map(|i| (i + 1..edges.len()).find(|j| meet(i, *j)).map(|j| (i, j)))
+    }
+
     /// Edges, in order, the closing one last.
     pub fn edges(&self) -> impl Iterator<Item = (Point2<f64>, Point2<f64>)> + '_ {
         self.0.iter().copied().zip(self.0.iter().copied().cycle().skip(1))
@@ -113,6 +130,27 @@ impl Polygon {
     }
 }
 
+/// Whether the way from `a` over `b` to `c` turns on the spot and goes back where it came from.
+fn runs_back(a: Point2<f64>, b: Point2<f64>, c: Point2<f64>) -> bool {
+    let (onto, from) = (b - a, c - b);
+    onto.perp(&from) == 0.0 && onto.dot(&from) <= 0.0
+}
+
+/// Whether two segments share a point, ends included.
+fn segments_meet(a: Point2<f64>, b: Point2<f64>, c: Point2<f64>, d: Point2<f64>) -> bool {
+    let side = |p: Point2<f64>, q: Point2<f64>, r: Point2<f64>| {
+        let turn = (q - p).perp(&(r - p));
+        if turn == 0.0 { 0.0 } else { turn.signum() }
+    };
+    let within = |p: Point2<f64>, q: Point2<f64>, r: Point2<f64>| r == r.sup(&p.inf(&q)).inf(&p.sup(&q));
+    let sides = [side(a, b, c), side(a, b, d), side(c, d, a), side(c, d, b)];
+    (sides[0] * sides[1] < 0.0 && sides[2] * sides[3] < 0.0)
+        || (sides[0] == 0.0 && within(a, b, c))
+        || (sides[1] == 0.0 && within(a, b, d))
+        || (sides[2] == 0.0 && within(c, d, a))
+        || (sides[3] == 0.0 && within(c, d, b))
+}
+
 fn distance_to_segment(p: &Point2<f64>, a: &Point2<f64>, b: &Point2<f64>) -> f64 {
     let along = b - a;
     let t = if along.norm_squared() > 0.0 { (p - a).dot(&along) / along.norm_squared() } else { 0.0 };
@@ -123,6 +161,7 @@ fn distance_to_segment(p: &Point2<f64>, a: &Point2<f64>, b: &Point2<f64>) -> f64
 mod tests {
     use super::*;
     use approx::assert_relative_eq;
+    use proptest::prelude::*;
     use rand::SeedableRng;
     use rand_pcg::Pcg64Mcg;
 
@@ -167,6 +206,43 @@ mod tests {
             assert!(bad.defect().is_some());
         }
         assert_eq!(corner().defect(), None);
+    }
+
+    #[test]
+    fn outlines_that_cross_touch_or_run_back_are_not_simple() {
+        let crossing = |corners: &[(f64, f64)]| {
+            Polygon(corners.iter().map(|(x, y)| Point2::new(*x, *y)).collect()).crossing()
+        };
+        assert_eq!(corner().crossing(), None);
+        assert_eq!(crossing(&[(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)]), None);
+        // A corner in the middle of a straight edge is no defect.
+        assert_eq!(crossing(&[(0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (0.0, 1.0)]), None);
+        let bow_tie = [(0.0, 0.0), (1.0, 1.0), (1.0, 0.0), (0.0, 1.0)];
+        assert_eq!(crossing(&bow_tie), Some((0, 2)));
+        // A corner on another edge; a corner twice; an edge there and back; edges that lie on each other.
+        assert_eq!(crossing(&[(0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (1.0, 0.0), (0.0, 1.0)]), Some((0, 2)));
+        assert!(crossing(&[(0.0, 0.0), (1.0, 0.0), (1.0, 0.0), (0.0, 1.0)]).is_some());
+        assert_eq!(crossing(&[(0.0, 0.0), (2.0, 0.0), (1.0, 0.0), (0.0, 1.0)]), Some((0, 1)));
+        let on_each_other = [(0.0, 0.0), (3.0, 0.0), (3.0, 1.0), (2.0, 0.0), (1.0, 0.0), (0.0, 1.0)];
+        assert!(crossing(&on_each_other).is_some());
+    }
+
+    proptest! {
+        /// Corners in order around a point make a simple polygon; two of a circle exchanged, one that crosses itself.
+        #[test]
+        fn stars_are_simple_until_two_corners_are_exchanged(
+            radii in prop::collection::vec(0.5..2.0, 5..12),
+            first in 0_usize..5,
+        ) {
+            let turn = std::f64::consts::TAU / radii.len() as f64;
+            let at = |i: usize, r: f64| Point2::new(r * (turn * i as f64).cos(), r * (turn * i as f64).sin());
+            let star = radii.iter().enumerate().map(|(i, r)| at(i, *r)).collect();
+            prop_assert_eq!(Polygon(star).crossing(), None);
+            let mut circle: Vec<_> = (0..radii.len()).map(|i| at(i, 1.0)).collect();
+            let n = circle.len();
+            circle.swap(first, (first + 1) % n);
+            prop_assert!(Polygon(circle).crossing().is_some());
+        }
     }
 
     #[test]

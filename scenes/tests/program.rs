@@ -1,6 +1,8 @@
 //! The program `scenes` as a person runs it: output, exit status, and what it says when something is wrong.
 #![allow(clippy::unwrap_used)] // a test that cannot go on should stop
 
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
@@ -121,6 +123,45 @@ fn misuse_exits_with_2_and_writes_nothing() {
     assert_eq!(scenes(&["depth", dir]).status.code(), Some(2));
     assert_eq!(scenes(&[]).status.code(), Some(2));
     assert_eq!(scenes(&["--help"]).status.code(), Some(0));
+}
+
+#[test]
+fn edit_serves_the_room_where_it_says() {
+    let folder = room();
+    let mut child = Command::new(env!("CARGO_BIN_EXE_scenes"))
+        .args(["edit", path(folder.path()), "--port", "0"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let mut line = String::new();
+    BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
+    let address = line.split("http://").nth(1).unwrap().split('/').next().unwrap();
+    let mut answer = String::new();
+    let mut stream = TcpStream::connect(address).unwrap();
+    write!(stream, "GET /room.json HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n").unwrap();
+    stream.read_to_string(&mut answer).unwrap();
+
+    // A second one at the same place says so, before it does anything else.
+    let port = address.rsplit(':').next().unwrap();
+    let taken = complaint(&["edit", "/nowhere", "--port", port], 2);
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert!(line.contains("Ctrl-C") && address.starts_with("127.0.0.1:"), "{line}");
+    assert!(answer.starts_with("HTTP/1.1 200") && answer.contains("\"door\""), "{answer}");
+    assert!(taken.contains(address) && taken.contains("in use") && taken.contains("--port"), "{taken}");
+}
+
+#[test]
+fn edit_says_what_is_in_its_way() {
+    let folder = room();
+    let dir = path(folder.path());
+    assert!(complaint(&["edit", "/nowhere", "--port", "0"], 2).contains("no such room directory"));
+    let elsewhere = complaint(&["edit", dir, "--port", "0", "--host", "192.0.2.1"], 2);
+    assert!(elsewhere.contains("192.0.2.1") && elsewhere.contains("--host"), "{elsewhere}");
+    assert_eq!(scenes(&["edit", dir, "--port", "70000"]).status.code(), Some(2));
+    std::fs::write(folder.path().join("room.ply"), "ply").unwrap();
+    assert!(complaint(&["edit", dir, "--port", "0"], 2).contains("room.ply"));
 }
 
 #[test]

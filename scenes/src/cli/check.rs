@@ -7,7 +7,6 @@ use clap::Args;
 use nalgebra::{Point2, Vector3};
 use scenes::depth::render;
 use scenes::geometry::Geometry;
-use scenes::polygon::Polygon;
 use scenes::raycast::RayScene;
 use scenes::room::{Room, RoomCamera, ZoneKind};
 use scenes::walkable::WalkableMap;
@@ -48,7 +47,7 @@ impl Check {
             None => writeln!(out, "floor     people can stand anywhere")?,
         }
         for zone in &room.zones {
-            if !holds_walkable_floor(&zone.polygon, &walkable) {
+            if !walkable.reaches_into(&zone.polygon) {
                 let problem = "nobody can stand in it; move it, or mend [floor]";
                 tracing::warn!("{}: zone `{}`: {problem}", self.room.display(), zone.name);
             }
@@ -125,12 +124,6 @@ impl Check {
     fn warn(&self, camera: &str, problem: &str) {
         tracing::warn!("{}: camera `{camera}`: {problem}", self.room.display());
     }
-}
-
-/// Whether somebody could stand somewhere in a zone.
-fn holds_walkable_floor(zone: &Polygon, walkable: &WalkableMap) -> bool {
-    let Some(grid) = walkable.grid() else { return true };
-    (0..grid.bits.len()).any(|cell| grid.bits[cell] && zone.contains(&grid.center(cell)))
 }
 
 /// Between the middles of the left and the right edge.

@@ -2,6 +2,7 @@
 
 mod check;
 mod depth;
+mod edit;
 mod export;
 mod import;
 mod plan;
@@ -27,6 +28,7 @@ pub(crate) enum Command {
     Check(check::Check),
     Depth(depth::Depth),
     Plan(plan::Plan),
+    Edit(edit::Edit),
     Import(import::Import),
     Export(export::Export),
 }
@@ -37,6 +39,7 @@ impl Command {
             Self::Check(command) => command.run(out),
             Self::Depth(command) => command.run(),
             Self::Plan(command) => command.run(),
+            Self::Edit(command) => command.run(out),
             Self::Import(command) => command.run(),
             Self::Export(command) => command.run(),
         }

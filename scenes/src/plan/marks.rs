@@ -1,11 +1,9 @@
 //! Zones, cameras with what they look at, and the walkable floor, on a plan.
 
-use std::path::Path;
-
 use nalgebra::{Point2, Rotation2, Vector2, Vector3};
 
-use super::FloorPlan;
 use super::outline::outlines;
+use super::{FloorPlan, PlanOptions};
 use crate::Result;
 use crate::canvas::{Color, Stroke, TextStyle};
 use crate::room::{Room, RoomCamera, Zone, ZoneKind};
@@ -23,8 +21,12 @@ const CONE_SHARE: f64 = 0.1;
 /// Cells in which the walkable floor is looked up.
 const CELL_M: f64 = 0.05;
 
-pub(super) fn draw(plan: &mut FloorPlan, room: &Room, room_dir: Option<&Path>) -> Result<()> {
-    draw_walkable(plan, room, room_dir)?;
+pub(super) fn draw(plan: &mut FloorPlan, room: &Room, options: &PlanOptions) -> Result<()> {
+    match (&options.walkable, &options.room_dir) {
+        (Some(map), _) => draw_walkable(plan, map),
+        (None, Some(room_dir)) => draw_walkable(plan, &walkable::cached(room_dir, room)?),
+        (None, None) => draw_walkable(plan, &WalkableMap::of_room(room)?),
+    }
     room.zones.iter().for_each(|zone| draw_zone(plan, zone));
     room.cameras.iter().for_each(|camera| draw_cone(plan, camera));
     // Names last, over everything.
@@ -33,13 +35,9 @@ pub(super) fn draw(plan: &mut FloorPlan, room: &Room, room_dir: Option<&Path>) -
     Ok(())
 }
 
-fn draw_walkable(plan: &mut FloorPlan, room: &Room, room_dir: Option<&Path>) -> Result<()> {
-    let map = match room_dir {
-        Some(room_dir) => walkable::cached(room_dir, room)?,
-        None => WalkableMap::of_room(room)?,
-    };
+fn draw_walkable(plan: &mut FloorPlan, map: &WalkableMap) {
     if map.area_m2().is_none() {
-        return Ok(()); // Everywhere is walkable: there is no rim.
+        return; // Everywhere is walkable: there is no rim.
     }
     let mapping = plan.mapping;
     // Large sites do not need cells finer than two pixels.
@@ -50,7 +48,6 @@ fn draw_walkable(plan: &mut FloorPlan, room: &Room, room_dir: Option<&Path>) -> 
         let rim = Stroke { color: WALKABLE, width_px: 1.4, dash_px: Some([6.0, 4.0]) };
         plan.canvas.stroke_polygon(&line, &rim);
     }
-    Ok(())
 }
 
 fn draw_zone(plan: &mut FloorPlan, zone: &Zone) {

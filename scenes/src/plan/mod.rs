@@ -17,6 +17,7 @@ use crate::Result;
 use crate::canvas::{Canvas, Color, Stroke, TextStyle};
 use crate::room::Room;
 use crate::view::extent;
+use crate::walkable::WalkableMap;
 
 pub use mapping::Mapping;
 
@@ -29,6 +30,8 @@ pub struct PlanOptions {
     pub cut_height_m: Option<f64>,
     /// Draw zones, cameras and the outline of the walkable floor.
     pub marks: bool,
+    /// The walkable floor to outline among the marks; by default what the room says, or its geometry.
+    pub walkable: Option<WalkableMap>,
     /// Written above the plan.
     pub title: Option<String>,
     /// Places on the floor that have to be on the plan besides the room, metres: where people went.
@@ -44,6 +47,7 @@ impl Default for PlanOptions {
             longest_side_px: 1200,
             cut_height_m: None,
             marks: true,
+            walkable: None,
             title: None,
             places: Vec::new(),
             room_dir: None,
@@ -88,7 +92,7 @@ impl FloorPlan {
         plan.draw_ground(room, options)?;
         plan.draw_grid();
         if options.marks {
-            marks::draw(&mut plan, room, options.room_dir.as_deref())?;
+            marks::draw(&mut plan, room, options)?;
         }
         plan.draw_frame(options.title.as_deref());
         Ok(plan)

@@ -106,6 +106,31 @@ fn marks_are_drawn_where_cameras_and_zones_are() {
 }
 
 #[test]
+fn a_given_walkable_floor_is_outlined_and_no_other() {
+    let draw = |walkable: WalkableMap| {
+        let plan =
+            FloorPlan::new(&room(), &PlanOptions { walkable: Some(walkable), ..PlanOptions::default() })
+                .unwrap();
+        (plan.mapping(), plan.into_image())
+    };
+    let region = Polygon::rectangle(Point2::new(2.5, 0.3), Point2::new(4.5, 1.7));
+    let (mapping, bare) = draw(WalkableMap::everywhere());
+    let (_, outlined) = draw(WalkableMap::of_polygons(&[region]));
+    let changed = |x: f64, y: f64| {
+        let p = mapping.pixel(&Point2::new(x, y));
+        let (u, v) = (p.x.round() as u32, p.y.round() as u32);
+        bare.get_pixel(u, v) != outlined.get_pixel(u, v)
+    };
+    assert!((0..=10).all(|i| changed(2.7 + 0.15 * f64::from(i), 0.3)), "its rim");
+    // Not its middle, nor around the table and along the walls, where the geometry would have one.
+    let is_far = |x: f64, y: f64| {
+        (x - 3.5).abs() < 0.9 && (y - 1.0).abs() < 0.6 || (x - 3.5).abs() > 1.1 || (y - 1.0).abs() > 0.8
+    };
+    let places = (0..240).flat_map(|i| (0..160).map(move |j| (0.025 * f64::from(i), 0.025 * f64::from(j))));
+    assert!(places.filter(|(x, y)| is_far(*x, *y)).all(|(x, y)| !changed(x, y)));
+}
+
+#[test]
 fn trajectories_are_drawn_at_their_places() {
     let mut plan = FloorPlan::new(&room(), &PlanOptions { marks: false, ..PlanOptions::default() }).unwrap();
     let color = Color::of_id(1);

@@ -1,6 +1,7 @@
 //! The room: cameras, zones, floor and geometry, and the directory that holds them.
 
 mod read;
+mod rezone;
 mod scene_file;
 #[cfg(test)]
 mod tests;
@@ -17,6 +18,7 @@ use crate::polygon::Polygon;
 use crate::{Error, Result};
 
 pub use read::read_zones;
+pub use rezone::{SceneVersion, replace_zones};
 
 /// The file of a room directory that names all others.
 pub const SCENE_FILE: &str = "scene.toml";

@@ -6,7 +6,7 @@ use calib::files::{read_text, read_toml};
 use serde::Deserialize;
 
 use super::scene_file::{FORMAT, SceneFile, Version};
-use super::validate::camera_place;
+use super::validate::{camera_place, zone_place};
 use super::{Room, SCENE_FILE, Zone};
 use crate::geometry::ply;
 use crate::{Error, Result};
@@ -72,7 +72,7 @@ impl Room {
     }
 }
 
-fn scene_file_in(dir: &Path) -> Result<PathBuf> {
+pub(super) fn scene_file_in(dir: &Path) -> Result<PathBuf> {
     let path = dir.join(SCENE_FILE);
     let problem = if !dir.exists() {
         "there is no such room directory; make one with `recon build`"
@@ -102,7 +102,7 @@ pub fn read_zones(file: &Path) -> Result<Vec<Zone>> {
     }
     for (i, zone) in zones.iter().enumerate() {
         if let Some(problem) = zone.polygon.defect() {
-            return Err(Error::content(file, format!("zone {} (`{}`)", i + 1, zone.name), problem));
+            return Err(Error::content(file, zone_place(i, &zone.name), problem));
         }
     }
     Ok(zones)

@@ -1,10 +1,12 @@
 //! What every other part of the program relies on in a room.
 
-use super::{Room, RoomCamera};
+use super::{Room, RoomCamera, Zone};
 use crate::{Error, Result};
 
 /// No camera is larger; a misplaced digit must not exhaust memory.
 const LARGEST_SIDE_PX: u32 = 20_000;
+/// Nobody draws more; every pair of edges is looked at.
+const MOST_CORNERS: usize = 1000;
 
 impl Room {
     /// Checks what every other part of the program relies on.
@@ -32,7 +34,7 @@ impl Room {
         }
         for (i, zone) in self.zones.iter().enumerate() {
             if let Some(problem) = zone.polygon.defect() {
-                return Some((format!("zone {} (`{}`)", i + 1, zone.name), problem));
+                return Some((zone_place(i, &zone.name), problem));
             }
         }
         if let Some(polygons) = &self.walkable {
@@ -56,6 +58,44 @@ impl Room {
         }
         geometry.defect().map(|(place, problem)| (format!("geometry, {place}"), problem))
     }
+}
+
+/// The first thing that is wrong with zones that somebody draws: besides what every room is checked for, names that are
+/// empty or doubled, and outlines that cross themselves. Rooms on disk may have them; nothing new should.
+pub(super) fn drawn_zones_defect(zones: &[Zone]) -> Option<(String, String)> {
+    zones.iter().enumerate().find_map(|(i, zone)| {
+        let problem = drawn_zone_defect(zone).or_else(|| {
+            let doubled = zones[..i].iter().any(|other| other.name == zone.name);
+            doubled.then(|| "another zone has the same name; rename one".into())
+        })?;
+        Some((zone_place(i, &zone.name), problem))
+    })
+}
+
+fn drawn_zone_defect(zone: &Zone) -> Option<String> {
+    if zone.name.trim().is_empty() {
+        return Some("it has no name; give it one".into());
+    }
+    if zone.name.contains(char::is_control) {
+        return Some("its name holds a line break or another control character; rename it".into());
+    }
+    let corners = zone.polygon.0.len();
+    if corners > MOST_CORNERS {
+        return Some(format!("it has {corners} corners; {MOST_CORNERS} are the most"));
+    }
+    // A bow tie may have no area, too, but that is not what is wrong with it.
+    let Some((a, b)) = zone.polygon.crossing().filter(|_| corners >= 3) else { return zone.polygon.defect() };
+    let edge = |i: usize| format!("{} to {}", i + 1, (i + 1) % corners + 1);
+    Some(format!(
+        "its outline meets itself: the edge from corner {} and the one from {} cross or touch; move a corner",
+        edge(a),
+        edge(b)
+    ))
+}
+
+/// How a zone is named in messages: by its place in the list, and by its name.
+pub(super) fn zone_place(index: usize, name: &str) -> String {
+    format!("zone {} (`{name}`)", index + 1)
 }
 
 /// How a camera is named in messages: by its place in the file, and by its name.

@@ -124,6 +124,12 @@ impl WalkableMap {
         self.grid.as_ref().map_or(x_m.is_finite() && y_m.is_finite(), |grid| grid.contains(&place))
     }
 
+    /// Whether a person can stand somewhere in a region of the floor.
+    pub fn reaches_into(&self, region: &Polygon) -> bool {
+        let Some(grid) = &self.grid else { return true };
+        (0..grid.bits.len()).any(|cell| grid.bits[cell] && region.contains(&grid.center(cell)))
+    }
+
     /// The cells, unless everywhere is walkable.
     pub fn grid(&self) -> Option<&Grid> {
         self.grid.as_ref()

@@ -1,0 +1,94 @@
+//! The pictures that zones are drawn on: the floor plan, and an image for each camera.
+
+use std::io::Cursor;
+use std::path::Path;
+
+use image::{ImageFormat, Rgb, RgbImage};
+
+use crate::plan::{FloorPlan, Mapping, PlanOptions};
+use crate::raycast::RayScene;
+use crate::room::{Room, RoomCamera, Zone};
+use crate::view::{View, ViewOptions};
+use crate::walkable::WalkableMap;
+use crate::{Error, Result};
+
+/// Pictures made here are no wider: nobody looks closer.
+const WIDEST_PX: u32 = 960;
+/// Where neither an image nor geometry shows anything.
+const GREY: Rgb<u8> = Rgb([128; 3]);
+
+/// An encoded picture.
+pub(super) struct Picture {
+    /// PNG or JPEG.
+    pub bytes: Vec<u8>,
+    /// What HTTP calls that.
+    pub media_type: &'static str,
+}
+
+/// A floor plan, and where places of the floor are on it.
+pub(super) struct Plan {
+    pub picture: Picture,
+    pub width: u32,
+    pub height: u32,
+    pub mapping: Mapping,
+}
+
+/// The plan of a room without the zones, which the page draws, but with the floor that they cover.
+pub(super) fn plan(dir: &Path, room: &Room, zones: &[Zone], walkable: &WalkableMap) -> Result<Plan> {
+    let options = PlanOptions {
+        walkable: Some(walkable.clone()),
+        places: zones.iter().flat_map(|zone| zone.polygon.0.iter().copied()).collect(),
+        room_dir: Some(dir.to_owned()),
+        ..PlanOptions::default()
+    };
+    let plan = FloorPlan::new(room, &options)?;
+    let mapping = plan.mapping();
+    let image = plan.into_image();
+    Ok(Plan { width: image.width(), height: image.height(), mapping, picture: png(&image)? })
+}
+
+/// A camera's reference image; where there is none that can be shown, the room as the camera sees it.
+///
+/// # Errors
+/// [`Error::Room`] when a picture cannot be encoded.
+pub(super) fn of_camera(
+    dir: &Path,
+    room: &Room,
+    scene: Option<&RayScene>,
+    camera: &RoomCamera,
+) -> Result<Picture> {
+    if let Some(picture) = camera.reference.as_ref().and_then(|path| reference(&dir.join(path))) {
+        return Ok(picture);
+    }
+    let k = &camera.camera.intrinsics;
+    let width = k.width.min(WIDEST_PX);
+    let height = (u64::from(k.height) * u64::from(width) / u64::from(k.width)).max(1) as u32;
+    let image = match (&room.geometry, scene) {
+        (Some(geometry), Some(scene)) => {
+            let small = calib::Camera { intrinsics: k.resized(width, height), ..camera.camera.clone() };
+            View::new(geometry, scene, &small, &ViewOptions::default()).image()
+        }
+        _ => RgbImage::from_pixel(width, height, GREY),
+    };
+    png(&image)
+}
+
+/// The bytes of a file, if it is a picture that browsers show.
+fn reference(path: &Path) -> Option<Picture> {
+    let bytes = std::fs::read(path).ok()?;
+    let media_type = match image::guess_format(&bytes).ok()? {
+        ImageFormat::Png => "image/png",
+        ImageFormat::Jpeg => "image/jpeg",
+        _ => return None,
+    };
+    image::load_from_memory(&bytes).ok()?;
+    Some(Picture { bytes, media_type })
+}
+
+fn png(image: &RgbImage) -> Result<Picture> {
+    let mut bytes = Cursor::new(Vec::new());
+    image
+        .write_to(&mut bytes, ImageFormat::Png)
+        .map_err(|e| Error::Room { place: "picture".into(), problem: e.to_string() })?;
+    Ok(Picture { bytes: bytes.into_inner(), media_type: "image/png" })
+}
