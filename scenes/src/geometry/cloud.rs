@@ -10,7 +10,14 @@ pub(crate) fn discs(points: &[Vec3], colors: &[[u8; 3]], viewpoints: &[Vec3]) ->
     let faces = normals::estimate(points, viewpoints).into_iter().zip(spacing::radii(points));
     std::iter::zip(points, colors)
         .zip(faces)
-        .map(|((&center, &color), (normal, radius))| Disc { center, normal, radius, color, filled: false })
+        .map(|((&center, &color), (normal, radius))| Disc {
+            center,
+            normal,
+            radius,
+            color,
+            filled: false,
+            confidence: 1.0,
+        })
         .collect()
 }
 
