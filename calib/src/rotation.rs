@@ -24,12 +24,13 @@ pub fn from_matrix(m: &Matrix3<f64>) -> Result<UnitQuaternion<f64>> {
     if m.determinant() < 0.0 {
         return Err(Error::Invalid("the rotation mirrors (its determinant is −1); negate one axis".into()));
     }
-    Ok(UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_eps(
-        m,
-        1e-12,
-        100,
-        Rotation3::identity(),
-    )))
+    Ok(UnitQuaternion::from_rotation_matrix(&nearest(m)))
+}
+
+/// The rotation nearest to a matrix, which is what turns one bundle of directions into another where the matrix is the sum
+/// of their products. Of a matrix that is nearest to no rotation, any: without a limit the iteration might not end.
+pub fn nearest(m: &Matrix3<f64>) -> Rotation3<f64> {
+    Rotation3::from_matrix_eps(m, 1e-12, 100, Rotation3::identity())
 }
 
 /// The angle of the rotation between two orientations, in degrees.
@@ -41,6 +42,7 @@ pub fn angle_between_deg(a: &UnitQuaternion<f64>, b: &UnitQuaternion<f64>) -> f6
 mod tests {
     use super::*;
     use approx::assert_relative_eq;
+    use nalgebra::Vector3;
 
     #[test]
     fn rounded_digits_are_repaired_and_mirrors_refused() {
@@ -58,5 +60,21 @@ mod tests {
     fn angles_are_in_degrees() {
         let quarter = UnitQuaternion::from_euler_angles(0.0, 0.0, std::f64::consts::FRAC_PI_2);
         assert_relative_eq!(angle_between_deg(&UnitQuaternion::identity(), &quarter), 90.0, epsilon = 1e-9);
+    }
+
+    #[test]
+    fn the_nearest_rotation_turns_one_bundle_into_the_other_and_the_search_ends() {
+        let truth = UnitQuaternion::from_euler_angles(2.1, -0.7, 2.9);
+        let bundle =
+            [Vector3::new(0.3, -0.2, 1.0), Vector3::new(-0.5, 0.4, 1.0), Vector3::new(0.1, 0.6, 1.0)];
+        let sum: Matrix3<f64> = bundle.iter().map(|ray| (truth * ray) * ray.transpose()).sum();
+        let found = UnitQuaternion::from_rotation_matrix(&nearest(&sum));
+        assert!(angle_between_deg(&found, &truth) < 1e-6, "{found}");
+        // Nearest to no rotation, or to many.
+        for m in
+            [Matrix3::zeros(), -Matrix3::identity(), Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, 1.0))]
+        {
+            assert!(nearest(&m).matrix().iter().all(|v| v.is_finite()));
+        }
     }
 }

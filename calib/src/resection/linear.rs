@@ -11,9 +11,6 @@ use crate::{Error, Result};
 
 /// Points count as collinear when their middle principal spread is below this fraction of the largest.
 const COLLINEARITY_RATIO: f64 = 1e-3;
-/// How exactly, in radians and steps, the rotation nearest to a matrix is sought.
-const ROTATION_TOLERANCE: f64 = 1e-12;
-const MAX_ROTATION_STEPS: usize = 100;
 
 /// The picks' points seen from their centroid along their principal axes, the flattest last, with unit mean spread.
 pub(super) struct PrincipalFrame {
@@ -52,14 +49,7 @@ impl PrincipalFrame {
 
     /// `camera_from_world`, from a rotation (roughly) and a translation in normalised units.
     pub(super) fn pose(&self, rotation: &Matrix3<f64>, translation: Vector3<f64>) -> Isometry3<f64> {
-        // From another start than this the iteration may never end: a start for the refinement need not be exact.
-        let nearest = Rotation3::from_matrix_eps(
-            rotation,
-            ROTATION_TOLERANCE,
-            MAX_ROTATION_STEPS,
-            Rotation3::identity(),
-        );
-        let nearest = UnitQuaternion::from_rotation_matrix(&nearest);
+        let nearest = UnitQuaternion::from_rotation_matrix(&crate::rotation::nearest(rotation));
         Isometry3::from_parts(Translation3::from(translation * self.spread), nearest)
             * self.principal_from_world
     }

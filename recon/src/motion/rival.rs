@@ -56,7 +56,7 @@ fn difference(a: &[Option<Isometry3<f64>>], b: &[Option<Isometry3<f64>>]) -> Opt
     // World a from world b, by the mean of what each frame says.
     let turns: Matrix3<f64> =
         both.iter().map(|(a, b)| (a.rotation.inverse() * b.rotation).to_rotation_matrix().into_inner()).sum();
-    let turn = UnitQuaternion::from_matrix(&turns);
+    let turn = UnitQuaternion::from_rotation_matrix(&calib::rotation::nearest(&turns));
     let center = |pose: &Isometry3<f64>| (pose.inverse() * Point3::origin()).coords;
     let mut ours: Vec<Vector3<f64>> = both.iter().map(|(a, _)| center(a)).collect();
     let mut theirs: Vec<Vector3<f64>> = both.iter().map(|(_, b)| turn * center(b)).collect();

@@ -109,7 +109,7 @@ pub(crate) fn parallax_beyond_rotation(first: &[Vector3<f64>], second: &[Vector3
         }
         let cross: Matrix3<f64> =
             keep.iter().map(|&i| second[i].normalize() * first[i].normalize().transpose()).sum();
-        let rotation = Rotation3::from_matrix(&cross);
+        let rotation = calib::rotation::nearest(&cross);
         left = (0..first.len())
             .map(|i| {
                 let turned = rotation * first[i];

@@ -64,9 +64,7 @@ fn drawn(recording: &Recording, camera: &str, wanted: &[usize]) -> Result<Vec<(u
 }
 
 fn picture(path: &Path) -> Result<RgbImage> {
-    let decoded = image::open(path)
-        .map_err(|e| Error::content(path, "image", format!("cannot be decoded ({e}); is the file whole?")))?;
-    Ok(decoded.into_rgb8())
+    Ok(calib::picture::read(path)?.into_rgb8())
 }
 
 /// The people of a line as one camera's painter wants them.
