@@ -1,8 +1,8 @@
 //! Writes a rendered office that nobody has seen as files: a room with its geometry and depths (what `room_error` compares
-//! with), a folder of pictures a camera, where everybody truly is, and a capture project. `recon build` and `tracker run` on several seeds tell how far figures of the
-//! rooms at hand carry.
+//! with), a folder of pictures a camera, where everybody truly is, and a capture project of so many frames a camera.
+//! `recon build` and `tracker run` on several seeds tell how far figures of the rooms at hand carry.
 //!
-//! `cargo run --release -p tests --example rendered -- DIR [SEED] [PEOPLE] [CAMERAS]`
+//! `cargo run --release -p tests --example rendered -- DIR [SEED] [PEOPLE] [CAMERAS] [FRAMES]`
 #![forbid(unsafe_code)]
 
 use std::fmt::Write as _;
@@ -15,8 +15,6 @@ use tests::data::folder_to_write;
 
 const RATE_HZ: f64 = 12.0;
 const SECONDS: f64 = 30.0;
-/// Of a capture.
-const FRAMES: usize = 50;
 
 fn main() -> Said<()> {
     let mut given = std::env::args().skip(1);
@@ -26,13 +24,14 @@ fn main() -> Said<()> {
         Some(text) => text.parse().map_err(|e| format!("{what} {text}: {e}")),
     };
     let (seed, people, cameras) = (number("SEED", 1)?, number("PEOPLE", 4)?, number("CAMERAS", 2)?);
+    let frames = number("FRAMES", 50)?;
     let folder = Path::new(&folder);
     let room =
         RoomOptions { seed, cameras: cameras as usize, image_px: [640, 480], ..RoomOptions::default() }
             .build()
             .map_err(|e| e.to_string())?;
     room.room.write(&folder.join("room")).map_err(|e| e.to_string())?;
-    tests::project::write(&folder.join("project"), &room, FRAMES)?;
+    tests::project::write(&folder.join("project"), &room, frames as usize)?;
     let geometry = room.room.geometry.as_ref().ok_or("the room has no geometry")?;
     let scene = RayScene::new(geometry).map_err(|e| e.to_string())?;
     for camera in &room.room.cameras {
