@@ -136,7 +136,7 @@ pub struct McmcOptions {
     /// How long after a moment its people are told, seconds: what comes after it tells where they were, and who had just
     /// come in (published: 0).
     pub lag_s: f64,
-    /// The most people at one time.
+    /// The most people at one time, up to [`Simulation::MAX_BODIES`]; whoever comes beyond that is not found.
     pub max_people: usize,
 }
 
@@ -248,8 +248,12 @@ impl McmcOptions {
         }
         if self.max_people == 0 || self.max_people > Simulation::MAX_BODIES {
             return Err(Error::option(
-                "max_people",
-                format!("has to lie between 1 and {}", Simulation::MAX_BODIES),
+                "--most-people",
+                format!(
+                    "the sampler follows 1 to {} people, not {}",
+                    Simulation::MAX_BODIES,
+                    self.max_people
+                ),
             ));
         }
         self.likelihood.defect().map_or(Ok(()), |defect| Err(Error::option("likelihood", defect)))
