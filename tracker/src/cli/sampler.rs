@@ -24,6 +24,9 @@ enum AcceptanceName {
 /// What comes later than this tells nothing more.
 const MOST_LAG_S: f64 = 5.0;
 
+/// Nobody waits for longer frames than these make.
+const MOST_STEPS: u32 = 1_000_000;
+
 /// The sampler as the user asks for it.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Sampler (--method mcmc)")]
@@ -55,8 +58,8 @@ impl SamplerArguments {
         let mut options = if self.published { McmcOptions::published() } else { McmcOptions::default() };
         options.seed = seed;
         if let Some(steps) = self.steps {
-            if steps < 2 {
-                bail!("--steps {steps}: give at least 2");
+            if !(2..=MOST_STEPS).contains(&steps) {
+                bail!("--steps {steps}: give 2 to {MOST_STEPS}");
             }
             options.burn_in_steps = steps / 2;
             options.kept_steps = steps - steps / 2;

@@ -132,6 +132,28 @@ impl Schedule {
         Ok((frame > 0 && is_near).then_some(frame))
     }
 
+    /// Whether there is a time for every frame of the run, when each camera has at most so many frames; `None` where one
+    /// cannot know. A file may end early where the run does.
+    ///
+    /// # Errors
+    /// Names the first line that is missing.
+    pub fn check_times(&self, frames: &[Option<usize>]) -> Result<()> {
+        let known = || self.clocks.iter().zip(frames).filter_map(|(clock, frames)| Some((clock, (*frames)?)));
+        if self.is_even {
+            let moments =
+                frames.iter().copied().collect::<Option<Vec<_>>>().and_then(|f| f.into_iter().min());
+            return moments.map_or(Ok(()), |moments| self.clocks[self.lead].times.check_count(moments));
+        }
+        let is_whole = |clock: &Clock, frames: usize| clock.times.check_count(frames).is_ok();
+        let ends_s = known().filter(|(clock, frames)| is_whole(clock, *frames));
+        let ends_s = ends_s.filter_map(|(clock, frames)| clock.of(u32::try_from(frames.max(1)).ok()?).ok());
+        let end_s = ends_s.fold(f64::INFINITY, f64::min);
+        known().try_for_each(|(clock, frames)| match clock.times.end_s() {
+            Some(last_s) if last_s + clock.offset_s < end_s => clock.times.check_count(frames),
+            _ => Ok(()),
+        })
+    }
+
     /// How many moments there are when each camera has at most so many frames; 0 where the recordings do not overlap.
     /// A camera of which nothing is known has `None`.
     pub fn moments(&self, frames: &[Option<usize>]) -> Option<usize> {
