@@ -47,7 +47,9 @@ pub(super) struct SamplerArguments {
     /// 0 tells at once [default: 0.4 for recordings, 0 for streams]
     #[arg(long, value_name = "SECONDS")]
     pub(super) lag: Option<f64>,
-    /// The method as published, in every choice (any --method); its other options still change it.
+    /// The method as published (any --method); its other options still change it. Of the sampler that is likelihood, moves,
+    /// acceptance, steps and prediction. What its paper leaves open stays: identities, who is believed in, and how the mean of
+    /// a person's states becomes their next place and speed (as a measurement with its covariance)
     #[arg(long)]
     pub(super) published: bool,
 }

@@ -269,7 +269,9 @@ impl Method for Mcmc {
         }
         let dt_s = self.last_time_s.map_or(FIRST_STEP_S, |last| moment.time_s - last).max(LEAST_STEP_S);
         self.last_time_s = Some(moment.time_s);
-        let settling = self.started_s.is_none_or(|start| moment.time_s - start < self.options.settling_s);
+        let settling_s = self.options.settling_s;
+        let settling =
+            settling_s > 0.0 && self.started_s.is_none_or(|start| moment.time_s - start < settling_s);
 
         let people = self.predicted(dt_s);
         // The birth map weighs what the predicted people leave unexplained.
