@@ -140,7 +140,10 @@ pub fn run(
         .try_for_each(|last| stopwatch.time("output", || last.tell(method, &mut outputs)));
     let finishing = Instant::now();
     // Each of them, also where another cannot be written.
-    let finished = outputs.into_iter().fold(Ok(()), |before, output| before.and(output.finish()));
+    let mut finished = Ok(());
+    for output in outputs {
+        finished = finished.and(output.finish());
+    }
     tracing::debug!("outputs finished in {:.1} ms", finishing.elapsed().as_secs_f64() * 1e3);
     // What went wrong first is what to mend.
     let ended = ended.and_then(|ended| told.and(finished).map(|()| ended)).unwrap_or_else(Ended::Failed);

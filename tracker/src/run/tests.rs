@@ -338,3 +338,75 @@ fn each_camera_shows_the_frame_of_the_moment_at_any_number_of_threads() {
     // `b` ends first: after its sixth frame nothing of it is near.
     assert_eq!(ended_by(&report), "b");
 }
+
+/// Whether it was finished, and after how many moments.
+struct Finish<'a>(u32, &'a std::cell::Cell<Option<u32>>);
+impl Output for Finish<'_> {
+    fn put(&mut self, _: &Followed<'_>) -> Result<()> {
+        self.0 += 1;
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
+        self.1.set(Some(self.0));
+        Ok(())
+    }
+}
+
+/// Cannot be finished.
+struct Unfinished;
+impl Output for Unfinished {
+    fn put(&mut self, _: &Followed<'_>) -> Result<()> {
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
+        Err(Error::option("unfinished", "the disk is full"))
+    }
+}
+
+#[test]
+fn outputs_are_finished_however_a_run_ends() {
+    let (folder, room) = recorded(&[("a", 9), ("b", 9)]);
+    let videos = ["a", "b"].map(|name| NamedSource {
+        name: name.to_owned(),
+        spec: folder.path().join(name).display().to_string(),
+    });
+    let run_until = |last: u32, threads: usize| {
+        let schedule = Schedule::frame_by_frame(&Times::steady(10.0).unwrap(), 2).unwrap();
+        let (finished, mut moments) = (std::cell::Cell::new(None), 0);
+        let report = run(
+            camera_feeds(folder.path(), &room, &videos).unwrap(),
+            &mut Late(0.25),
+            vec![Box::new(Unfinished), Box::new(Finish(0, &finished))],
+            &RunOptions { schedule, threads },
+            || {
+                moments += 1;
+                if moments == last { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            },
+        );
+        (
+            report.map(|r| (r.frames, r.timings.frames, r.unless_failed().unwrap_err().to_string())),
+            finished.get(),
+        )
+    };
+    for threads in [1, 2] {
+        let (report, finished) = run_until(4, threads);
+        let (frames, timed, said) = report.unwrap();
+        assert_eq!((frames, timed, finished), (4, 4, Some(4)));
+        assert!(said.contains("disk is full"), "{said}");
+    }
+    std::fs::write(folder.path().join("b/005.png"), "torn").unwrap();
+    for threads in [1, 2] {
+        let (report, finished) = run_until(u32::MAX, threads);
+        let (frames, timed, said) = report.unwrap();
+        assert_eq!((frames, timed, finished), (5, 5, Some(5)));
+        assert!(said.contains("005.png"), "what went wrong first is told: {said}");
+    }
+    let first = folder.path().join("a/000.png");
+    let whole = std::fs::read(&first).unwrap();
+    std::fs::write(first, &whole[..whole.len() / 2]).unwrap();
+    let (report, finished) = run_until(u32::MAX, 1);
+    assert!(report.unwrap_err().to_string().contains("000.png"));
+    assert_eq!(finished, None, "there is nothing to be written");
+}

@@ -256,6 +256,29 @@ mod tests {
     }
 
     #[test]
+    fn a_file_may_end_early_only_where_the_run_does() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("few.txt");
+        let lines: Vec<String> = (0..20).map(|i| (f64::from(i) * 0.1).to_string()).collect();
+        std::fs::write(&file, lines.join("\n")).unwrap();
+        let few = || Clock { times: Times::read(&file).unwrap(), offset_s: 0.0 };
+        let said = |clocks: Vec<Clock>, frames: &[Option<usize>]| {
+            Schedule::new(clocks).unwrap().check_times(frames).err().map(|e| e.to_string())
+        };
+        for other in [clock(10.0, 0.0), clock(25.0, 0.0), clock(4.0, 0.5)] {
+            // The other goes on for 10 s, or ends after 1 s; headers may promise a few frames too many.
+            let [long, short] = [10.0, 1.0].map(|s: f64| Some((s * other.times.mean_rate()) as usize));
+            let refused = said(vec![other.clone(), few()], &[long, Some(40)]).unwrap();
+            assert!(refused.contains("few.txt") && refused.contains("line 21"), "{refused}");
+            assert_eq!(said(vec![other.clone(), few()], &[short, Some(40)]), None);
+            assert_eq!(said(vec![other.clone(), few()], &[long, Some(22)]), None);
+            assert_eq!(said(vec![other.clone(), few()], &[long, None]), None, "a stream");
+        }
+        assert!(said(vec![few(), few()], &[Some(40), Some(40)]).unwrap().contains("line 21"));
+        assert_eq!(said(vec![few(), few()], &[Some(40), Some(20)]), None);
+    }
+
+    #[test]
     fn what_makes_no_schedule_is_refused() {
         assert!(Schedule::new(Vec::new()).is_err());
         assert!(Schedule::new(vec![clock(3.0, f64::NAN)]).is_err());
