@@ -291,6 +291,7 @@ fn people_leave_through_a_door_that_is_an_exit_alone() {
         }
         let [stays] = people.as_slice() else { panic!("one of two has left: {people:?}") };
         assert!((stays.x_m - 2.4).hypot(stays.y_m - 3.5) < 0.1, "{stays:?}");
+        assert_eq!(feeder.mcmc.tracks.len(), 1, "whoever has left is not followed on the doorstep either");
     }
 }
 
