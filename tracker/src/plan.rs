@@ -14,6 +14,8 @@ use crate::{Error, PersonEstimate, Result, TrackId};
 
 /// A track that was away longer than this is drawn in parts, seconds.
 const BREAK_S: f64 = 1.0;
+/// A stream may run for weeks: of more places than these the first tracks are forgotten.
+const MOST_PLACES: usize = 2_000_000;
 
 /// Gathers the ways of a run and draws them at its end.
 #[derive(Debug, Clone)]
@@ -22,6 +24,8 @@ pub struct TrajectoryPlan {
     room_dir: PathBuf,
     path: PathBuf,
     ways: BTreeMap<TrackId, Vec<(f64, Point2<f64>)>>,
+    /// In all ways together.
+    places: usize,
 }
 
 impl TrajectoryPlan {
@@ -32,6 +36,7 @@ impl TrajectoryPlan {
             room_dir: room_dir.to_owned(),
             path: out.join("plan.png"),
             ways: BTreeMap::new(),
+            places: 0,
         }
     }
 
@@ -40,6 +45,12 @@ impl TrajectoryPlan {
         for person in people {
             let way = self.ways.entry(person.id).or_default();
             way.push((time_s, Point2::new(person.x_m, person.y_m)));
+        }
+        self.places += people.len();
+        while self.places > MOST_PLACES
+            && let Some((_, way)) = self.ways.pop_first()
+        {
+            self.places -= way.len();
         }
     }
 
@@ -124,6 +135,19 @@ mod tests {
         };
         assert!(is_drawn(1.5) && is_drawn(4.5));
         assert!(!is_drawn(3.0), "nobody was seen to go there");
+    }
+
+    #[test]
+    fn a_plan_of_an_endless_run_forgets_its_first_tracks() {
+        let mut plan = TrajectoryPlan::new(Path::new("."), &Room::default(), Path::new("."));
+        let long = MOST_PLACES / 4 - 1;
+        for id in 1..=9 {
+            for i in 0..long {
+                plan.extend(i as f64, &[person(id, 0.0, 0.0)]);
+            }
+        }
+        let kept: Vec<(u32, usize)> = plan.ways.iter().map(|(id, way)| (id.0, way.len())).collect();
+        assert_eq!(kept, [6, 7, 8, 9].map(|id| (id, long)));
     }
 
     #[test]

@@ -121,6 +121,9 @@ fn names_and_options() {
     refused(&small.run(&["--rate", "0"]), &["--rate"]);
     refused(&small.run(&["--rate", "NaN"]), &["--rate"]);
     refused(&small.run(&["--steps", "1"]), &["--steps"]);
+    refused(&small.run(&["--steps", "2000000000"]), &["--steps", "1000000"]);
+    refused(&small.run(&["--most-people", "0"]), &["--most-people", "1 to 31"]);
+    refused(&small.run(&["--most-people", "32"]), &["--most-people", "1 to 31"]);
     refused(&small.run(&["--lag=-1"]), &["--lag", "0 to 5 seconds"]);
     refused(&small.run(&["--lag", "NaN"]), &["--lag"]);
     refused(&small.run(&["--offset", "middle=1"]), &["middle", "left, right"]);
@@ -131,6 +134,13 @@ fn names_and_options() {
     refused(&small.run(&["--absorb", "0"]), &["--absorb"]);
     refused(&small.run(&["--background", "left=nowhere"]), &["nowhere"]);
     refused(&small.run(&["--background", "middle=left"]), &["middle", "left, right"]);
+    small.picture("large.png", &noise(80, 60, 50));
+    refused(
+        &small.run(&["--background", "right=large.png"]),
+        &["large.png", "`right`", "80 × 60", "64 × 48"],
+    );
+    let masked = ["--masks", "left=masks", "--background", "left=nowhere.mp4"];
+    refused(&small.run(&masked), &["--background left=nowhere.mp4", "--masks"]);
     assert!(!small.path("out").exists(), "something was written before everything was read");
     small.write("out", "a file where the folder should be");
     refused(&small.run(&[]), &["out"]);
@@ -188,6 +198,24 @@ fn a_film_that_ends_too_early() {
     whole_lines(&small.path("out/tracks.jsonl"));
 }
 
+/// Of what can be told of the frames before an error, all is there; nothing is half-written.
+#[test]
+fn films_plan_and_times_of_the_frames_before_an_error() {
+    let small = Small::new();
+    small.write("left/04.png", "torn");
+    let arguments = ["run", "room", "--out", "out", "--video", "left=left", "--video", "right=right"];
+    refused(&small.run_program("tracker", &arguments), &["04.png"]);
+    let frames = fs::read_to_string(small.path("out/tracks.jsonl")).expect("the tracks").lines().count();
+    let timings = fs::read_to_string(small.path("out/timings.json")).expect("the times");
+    assert!(frames == 3 && timings.contains("\"frames\":3"), "{timings}");
+    assert!(small.path("out/plan.png").is_file());
+    let films: Vec<String> = fs::read_dir(small.path("out/overlay"))
+        .expect("the films")
+        .map(|entry| entry.expect("an entry").file_name().to_string_lossy().into_owned())
+        .collect();
+    assert!(films.len() == 2 && films.iter().all(|name| !name.contains("partial")), "{films:?}");
+}
+
 /// What was written before the error is whole.
 fn whole_lines(path: &Path) {
     if let Ok(text) = fs::read_to_string(path) {
@@ -208,6 +236,12 @@ fn times() {
     refuses("0\nNaN\n", &["times.txt", "line 2"]);
     refuses("0\n0.2\n0.2\n", &["times.txt", "line 3", "grow"]);
     refuses("0\n0.2\n", &["times.txt", "line 3", "missing"]);
+    small.write("all.txt", "0\n0.2\n0.4\n0.6\n0.8\n1.0\n");
+    small.write("few.txt", "0\n0.2\n");
+    refused(
+        &small.run(&["--times", "left=all.txt", "--times", "right=few.txt"]),
+        &["few.txt", "line 3", "missing"],
+    );
     small.write("times.txt", [0xff, 0xfe, 0x00]);
     refused(&small.run(&["--times", "times.txt"]), &["times.txt"]);
     assert!(!small.path("out").exists(), "something was written before everything was read");

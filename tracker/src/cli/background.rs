@@ -1,9 +1,12 @@
 //! The options of background subtraction, shared by the subcommands that need it.
 
+use std::path::Path;
+
 use anyhow::bail;
 use calib::video::FrameSource;
 use calib::vision::AdaptiveKind;
 use clap::Args;
+use tracker::Error;
 use tracker::foreground::backdrop::Backdrop;
 use tracker::foreground::{ForegroundOptions, Start};
 use tracker::source::{Footage, NamedSource};
@@ -63,8 +66,8 @@ impl BackgroundArguments {
         options
     }
 
-    /// Whether every clip belongs to one of these cameras, and the rest makes sense.
-    pub(super) fn check_names(&self, videos: &[NamedSource]) -> anyhow::Result<()> {
+    /// Whether every clip belongs to one of these cameras, none of which has masks already, and the rest makes sense.
+    pub(super) fn check_names(&self, videos: &[NamedSource], masks: &[NamedSource]) -> anyhow::Result<()> {
         if self.absorb.is_nan() || self.absorb <= 0.0 {
             bail!("--absorb {}: give seconds, above 0", self.absorb);
         }
@@ -73,6 +76,15 @@ impl BackgroundArguments {
             bail!("--background: give one kind for all cameras, and NAME=PATH for single ones");
         }
         for choice in &self.background {
+            if let Choice::Clip(clip) = choice
+                && masks.iter().any(|m| m.name == clip.name)
+            {
+                bail!(
+                    "--background {0}={1}: --masks {0} is there already, and takes the place of a background; leave one out",
+                    clip.name,
+                    clip.spec
+                );
+            }
             if let Choice::Clip(clip) = choice
                 && !videos.iter().any(|v| v.name == clip.name)
             {
@@ -102,7 +114,20 @@ impl BackgroundArguments {
             _ => None,
         });
         if let Some(clip) = clip {
-            return learnt(&mut Footage::new(FrameSource::open(clip)?), 0);
+            let opened = FrameSource::open(clip)?;
+            let ((width, height), (own_width, own_height)) = (opened.size(), video.source().size());
+            if (width, height) != (own_width, own_height) {
+                return Err(Error::content(
+                    Path::new(clip),
+                    "frame 1",
+                    format!(
+                        "is {width} × {height} pixels, but the images of camera `{camera}` are {own_width} × {own_height}; \
+                         give --background {camera} a clip of that size"
+                    ),
+                )
+                .into());
+            }
+            return learnt(&mut Footage::new(opened), 0);
         }
         let kind = self.background.iter().find(|c| !matches!(c, Choice::Clip(_))).unwrap_or(&Choice::Auto);
         match kind {

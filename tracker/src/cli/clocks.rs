@@ -107,9 +107,7 @@ impl ClockArguments {
                 "--offset, --times: there is no moment at which all cameras film; leave one out, or mend its offset"
             );
         }
-        if let (Some(common), Some(moments), true) = (&common, moments, schedule.is_frame_by_frame()) {
-            common.check_count(moments)?;
-        }
+        schedule.check_times(&counts)?;
         if !schedule.is_frame_by_frame() {
             tracing::info!(
                 "the cameras differ in rate or start: synchronised by time, at the frames of `{}` from frame {}",

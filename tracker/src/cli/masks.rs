@@ -42,7 +42,7 @@ pub(crate) struct MasksArgs {
 
 /// Runs the subcommand.
 pub(crate) fn masks(args: &MasksArgs, console: &Console) -> anyhow::Result<String> {
-    args.background.check_names(&args.video)?;
+    args.background.check_names(&args.video, &[])?;
     for named in &args.video {
         args.one(named, console)?;
     }

@@ -6,6 +6,7 @@ mod colours;
 mod detect;
 mod eval;
 mod heads;
+mod interrupt;
 mod link;
 mod masks;
 mod report;

@@ -1,6 +1,8 @@
 //! `tracker run`: from videos to tracks.
 
+use std::ops::ControlFlow;
 use std::path::PathBuf;
+use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 use anyhow::{Context, bail};
@@ -15,7 +17,7 @@ use tracker::method::Method;
 use tracker::method::condensation::Condensation;
 use tracker::method::mcmc::Mcmc;
 use tracker::plan::TrajectoryPlan;
-use tracker::run::{self, CameraFeed, Output, RunOptions, RunReport};
+use tracker::run::{self, CameraFeed, Ended, Output, RunOptions, RunReport};
 use tracker::source::{self, CameraSource, NamedSource};
 use tracker::stage::{Stage, StageOptions};
 use tracker::tracks::TrackFiles;
@@ -23,6 +25,7 @@ use tracker::tracks::TrackFiles;
 use super::background::{BackgroundArguments, KEEP_BYTES};
 use super::clocks::ClockArguments;
 use super::heads::HeadArguments;
+use super::interrupt;
 use super::sampler::SamplerArguments;
 
 /// The published trackers.
@@ -39,7 +42,8 @@ enum MethodName {
 /// Writes OUT/tracks.txt (floor positions, MOTChallenge rows), OUT/tracks.jsonl (a line a frame, as it is made),
 /// OUT/boxes/NAME.txt, OUT/timings.json and, unless told otherwise, the films OUT/overlay/NAME.mp4. The cameras are
 /// synchronised frame by frame where they have the same rate and start, by time otherwise; the shortest source ends the
-/// run. Cameras without a source are left out.
+/// run, or Ctrl-C: films, plan and times are then those of the frames so far (Ctrl-C again ends it at once). Cameras
+/// without a source are left out.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   tracker run myroom --video cam0=cam0.mp4 --video cam1=cam1.mp4 --out out
@@ -71,6 +75,9 @@ pub(crate) struct RunArgs {
     threads: Option<usize>,
     #[command(flatten)]
     clocks: ClockArguments,
+    /// The most people who are followed at once; the sampler takes up to 31 [default: 24]
+    #[arg(long, value_name = "N")]
+    most_people: Option<usize>,
     /// Ignore the room's geometry: nothing but the floor hides anybody. For comparison.
     #[arg(long)]
     no_occlusion: bool,
@@ -106,10 +113,18 @@ pub(crate) fn run(args: &RunArgs, console: &Console) -> anyhow::Result<String> {
 fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<String> {
     let started = Instant::now();
     let mut sampler = args.sampler.options(args.seed)?;
-    let heads = args.heads.options(args.seed, args.sampler.published)?;
+    let mut heads = args.heads.options(args.seed, args.sampler.published)?;
+    if let Some(most) = args.most_people {
+        (sampler.max_people, heads.life.max_people) = (most, most);
+    }
     let room = Room::read(&args.room)?;
     let sources = source::open(&room, &args.video, &args.masks)?;
-    args.background.check_names(&args.video)?;
+    let masks = match args.method {
+        MethodName::Mcmc => args.masks.as_slice(),
+        // It looks at pictures alone.
+        MethodName::Condensation => &[],
+    };
+    args.background.check_names(&args.video, masks)?;
     for camera in room.cameras.iter().filter(|c| !sources.iter().any(|s| s.name == c.name)) {
         tracing::warn!("camera `{}` has no source and is left out", camera.name);
     }
@@ -156,11 +171,16 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
     if !args.no_film {
         outputs.push(Box::new(Film::start(&args.out, &stage, rate, &FilmOptions::default())?));
     }
+    let interrupted = interrupt::watch().context("the signals that end a run")?;
     let mut progress = console.progress("tracking", promised.map(|n| n as u64));
     let options = RunOptions { schedule, threads };
-    let report = run::run(feeds, method.as_mut(), outputs, &options, || progress.advance())?;
+    let report = run::run(feeds, method.as_mut(), outputs, &options, || {
+        progress.advance();
+        if interrupted.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    })?;
     drop(progress);
     report.timings.write(&args.out.join("timings.json"))?;
+    let report = report.unless_failed()?;
     if args.smooth {
         let mended = tracker::link::mend_run(&args.out, rate)?;
         tracing::info!("{} tracks after linking over the whole recording", mended.tracks);
@@ -220,7 +240,12 @@ fn tell(report: &RunReport, prepared_s: f64, all_s: f64) {
         };
         tracing::info!("camera `{name}` was set aside in {frames} of {} frames ({why})", report.frames);
     }
-    tracing::info!("the run ended where `{}` ended", report.ended_by);
+    match &report.ended {
+        Ended::Source(name) => tracing::info!("the run ended where `{name}` ended"),
+        Ended::Asked => tracing::info!("the run ended where it was interrupted"),
+        // What it failed of is the one line of error.
+        Ended::Failed(_) => {}
+    }
     tracing::info!(
         "{} frames in {all_s:.2} s, {:.1} frames/s ({prepared_s:.2} s of it to read the room and learn the backgrounds)",
         report.frames,

@@ -24,6 +24,9 @@ enum AcceptanceName {
 /// What comes later than this tells nothing more.
 const MOST_LAG_S: f64 = 5.0;
 
+/// Nobody waits for longer frames than these make.
+const MOST_STEPS: u32 = 1_000_000;
+
 /// The sampler as the user asks for it.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Sampler (--method mcmc)")]
@@ -44,7 +47,9 @@ pub(super) struct SamplerArguments {
     /// 0 tells at once [default: 0.4 for recordings, 0 for streams]
     #[arg(long, value_name = "SECONDS")]
     pub(super) lag: Option<f64>,
-    /// The method as published, in every choice (any --method); its other options still change it.
+    /// The method as published (any --method); its other options still change it. Of the sampler that is likelihood, moves,
+    /// acceptance, steps and prediction. What its paper leaves open stays: identities, who is believed in, and how the mean of
+    /// a person's states becomes their next place and speed (as a measurement with its covariance)
     #[arg(long)]
     pub(super) published: bool,
 }
@@ -55,8 +60,8 @@ impl SamplerArguments {
         let mut options = if self.published { McmcOptions::published() } else { McmcOptions::default() };
         options.seed = seed;
         if let Some(steps) = self.steps {
-            if steps < 2 {
-                bail!("--steps {steps}: give at least 2");
+            if !(2..=MOST_STEPS).contains(&steps) {
+                bail!("--steps {steps}: give 2 to {MOST_STEPS}");
             }
             options.burn_in_steps = steps / 2;
             options.kept_steps = steps - steps / 2;

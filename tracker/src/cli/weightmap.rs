@@ -60,7 +60,7 @@ pub(crate) fn weightmap(args: &WeightMapArgs) -> anyhow::Result<String> {
     let needs_empty = options.edges.moving_only;
     let room = Room::read(&args.room)?;
     let sources = source::open(&room, &args.video, &[])?;
-    args.background.check_names(&args.video)?;
+    args.background.check_names(&args.video, &[])?;
     let names = sources.iter().map(|s| s.name.clone()).collect();
     let stage =
         Stage::prepare(&room, &args.room, &StageOptions { cameras: names, ..StageOptions::default() })?;

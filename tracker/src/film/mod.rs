@@ -58,7 +58,7 @@ struct Scene {
     people: Vec<PersonEstimate>,
 }
 
-/// The films of a run, one a camera: `overlay/NAME.mp4`.
+/// The films of a run, one a camera: `overlay/NAME.mp4`. A film without a frame is no file.
 #[derive(Debug)]
 pub struct Film {
     workers: Vec<Worker>,
@@ -87,10 +87,13 @@ impl Film {
             let mut writer = FilmWriter::create(&path, width, height, rate)?;
             let (scenes, received) = sync_channel::<Scene>(QUEUE);
             let thread = std::thread::spawn(move || {
+                let mut frames = 0_u64;
                 for scene in received {
                     writer.write(&painter.paint(scene.frame, scene.time_s, &scene.shot, &scene.people))?;
+                    frames += 1;
                 }
-                Ok(writer.finish()?)
+                // No player opens a film of nothing; dropped, it leaves no file.
+                if frames > 0 { Ok(writer.finish()?) } else { Ok(()) }
             });
             Ok(Worker { path, scenes, thread })
         });
@@ -125,9 +128,13 @@ impl Film {
     ///
     /// # Errors
     /// The first that any of them met.
-    pub fn finish(self) -> Result<()> {
+    pub fn finish(mut self) -> Result<()> {
+        self.wait()
+    }
+
+    fn wait(&mut self) -> Result<()> {
         let mut outcome = Ok(());
-        for Worker { path, scenes, thread } in self.workers {
+        for Worker { path, scenes, thread } in self.workers.drain(..) {
             drop(scenes);
             let ended = thread.join().unwrap_or_else(|_| {
                 Err(Error::content(&path, "whole film", "its painter failed; run with --no-film"))
@@ -135,6 +142,14 @@ impl Film {
             outcome = outcome.and(ended);
         }
         outcome
+    }
+}
+
+impl Drop for Film {
+    fn drop(&mut self) {
+        // A program that ends before its painters leaves their files half-written. What failed has been told by whoever
+        // gave the film up.
+        let _ = self.wait();
     }
 }
 

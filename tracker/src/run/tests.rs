@@ -92,6 +92,15 @@ impl Output for Notes<'_> {
     }
 }
 
+fn go_on() -> ControlFlow<()> {
+    ControlFlow::Continue(())
+}
+
+fn ended_by(report: &RunReport) -> &str {
+    let Ended::Source(name) = &report.ended else { panic!("{:?}", report.ended) };
+    name
+}
+
 fn floor(u: u32, v: u32) -> Rgb<u8> {
     Rgb([100 + (u % 40) as u8, 110 + (v % 30) as u8, 90])
 }
@@ -142,8 +151,8 @@ fn filmed(
     options: &RunOptions,
 ) -> Result<(Witness, RunReport)> {
     let mut witness = Witness::default();
-    let report = run(camera_feeds(folder, room, videos)?, &mut witness, Vec::new(), options, || {})?;
-    Ok((witness, report))
+    let report = run(camera_feeds(folder, room, videos)?, &mut witness, Vec::new(), options, go_on)?;
+    Ok((witness, report.unless_failed()?))
 }
 
 fn camera_feeds(folder: &Path, room: &Room, videos: &[NamedSource]) -> Result<Vec<CameraFeed>> {
@@ -179,7 +188,7 @@ fn the_shortest_source_ends_the_run_at_any_number_of_threads() {
     for threads in [1, 2, 3] {
         let (witness, report) =
             followed(folder.path(), &room, threads, &Times::steady(10.0).unwrap()).unwrap();
-        assert_eq!((witness.0.len(), report.frames, report.ended_by.as_str()), (4, 4, "b"));
+        assert_eq!((witness.0.len(), report.frames, ended_by(&report)), (4, 4, "b"));
     }
 }
 
@@ -198,7 +207,7 @@ fn a_stream_that_breaks_off_is_set_aside_while_the_others_go_on() {
     let (witness, report) =
         filmed(folder.path(), &room, &videos, &RunOptions { schedule, threads: 2 }).unwrap();
     server.join().unwrap();
-    assert_eq!((witness.0.len(), report.ended_by.as_str()), (30, "a"));
+    assert_eq!((witness.0.len(), ended_by(&report)), (30, "a"));
     // A mask and a picture of each camera; 7 and 9 stand for none.
     assert!(witness.0[5].2[3] != 9 && witness.0[20].2[2..] == [7, 9], "{:?}", witness.0[20]);
     assert!(witness.0.iter().all(|(_, _, seen)| seen[1] != 9));
@@ -246,12 +255,12 @@ fn people_are_told_later_beside_the_pictures_of_their_moment() {
         let schedule = Schedule::frame_by_frame(&Times::steady(rate).unwrap(), 2).unwrap();
         let feeds = camera_feeds(folder.path(), &room, &videos).unwrap();
         let outputs: Vec<Box<dyn Output>> = vec![Box::new(Notes(&notes))];
-        let report = run(feeds, &mut Late(lag_s), outputs, &RunOptions { schedule, threads }, || {});
-        (notes.into_inner(), report)
+        let report = run(feeds, &mut Late(lag_s), outputs, &RunOptions { schedule, threads }, go_on);
+        (notes.into_inner(), report.unwrap())
     };
     let (at_once, _) = noted(0.0, 1, 10.0);
     assert!(at_once.windows(2).any(|w| w[0].3 != w[1].3), "the block walks");
-    // So fast that no more moments may wait, and so long that all do until the end.
+    // So fast that many moments wait, and so long that all do until the end.
     for (lag_s, threads, rate) in [(0.25, 1, 10.0), (0.25, 2, 10.0), (1.0, 2, 100.0), (100.0, 1, 10.0)] {
         let (later, report) = noted(lag_s, threads, rate);
         assert_eq!(later.len(), 40);
@@ -259,13 +268,14 @@ fn people_are_told_later_beside_the_pictures_of_their_moment() {
             assert_eq!((then.0, &then.2, then.3), (i as u32 + 1, &vec![i as u32 + 1], now.3));
             assert!((then.1 - i as f64 / rate).abs() < 1e-9);
         }
-        assert!(report.unwrap().timings.stages.iter().all(|(_, times)| times.count == 40));
+        assert!(report.timings.stages.iter().all(|(_, times)| times.count == 40));
     }
     // What was followed before a picture that cannot be read is told, too.
     std::fs::write(folder.path().join("b/007.png"), "torn").unwrap();
     let (told, report) = noted(0.25, 2, 10.0);
     assert_eq!(told.iter().map(|(frame, ..)| *frame).collect::<Vec<_>>(), (1..=7).collect::<Vec<_>>());
-    assert!(report.unwrap_err().to_string().contains("007.png"));
+    assert_eq!(report.frames, 7);
+    assert!(report.unless_failed().unwrap_err().to_string().contains("007.png"));
 }
 
 #[test]
@@ -286,7 +296,7 @@ fn masks_alone_are_enough_and_a_full_one_is_set_aside() {
         schedule: Schedule::frame_by_frame(&Times::steady(4.0).unwrap(), 1).unwrap(),
         threads: 2,
     };
-    let report = run(vec![feed], &mut count, Vec::new(), &options, || {}).unwrap();
+    let report = run(vec![feed], &mut count, Vec::new(), &options, go_on).unwrap();
     assert_eq!(count.0, [Some(480), None, Some(480)]);
     assert_eq!(report.set_aside["a"], (1, Verdict::AllForeground));
 }
@@ -326,5 +336,77 @@ fn each_camera_shows_the_frame_of_the_moment_at_any_number_of_threads() {
     assert!(one.0.iter().any(|(_, _, seen)| seen[3] == 9), "`b` has no frame at some moments");
     assert!(report.set_aside.is_empty(), "having no frame is no failure: {:?}", report.set_aside);
     // `b` ends first: after its sixth frame nothing of it is near.
-    assert_eq!(report.ended_by, "b");
+    assert_eq!(ended_by(&report), "b");
+}
+
+/// Whether it was finished, and after how many moments.
+struct Finish<'a>(u32, &'a std::cell::Cell<Option<u32>>);
+impl Output for Finish<'_> {
+    fn put(&mut self, _: &Followed<'_>) -> Result<()> {
+        self.0 += 1;
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
+        self.1.set(Some(self.0));
+        Ok(())
+    }
+}
+
+/// Cannot be finished.
+struct Unfinished;
+impl Output for Unfinished {
+    fn put(&mut self, _: &Followed<'_>) -> Result<()> {
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
+        Err(Error::option("unfinished", "the disk is full"))
+    }
+}
+
+#[test]
+fn outputs_are_finished_however_a_run_ends() {
+    let (folder, room) = recorded(&[("a", 9), ("b", 9)]);
+    let videos = ["a", "b"].map(|name| NamedSource {
+        name: name.to_owned(),
+        spec: folder.path().join(name).display().to_string(),
+    });
+    let run_until = |last: u32, threads: usize| {
+        let schedule = Schedule::frame_by_frame(&Times::steady(10.0).unwrap(), 2).unwrap();
+        let (finished, mut moments) = (std::cell::Cell::new(None), 0);
+        let report = run(
+            camera_feeds(folder.path(), &room, &videos).unwrap(),
+            &mut Late(0.25),
+            vec![Box::new(Unfinished), Box::new(Finish(0, &finished))],
+            &RunOptions { schedule, threads },
+            || {
+                moments += 1;
+                if moments == last { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            },
+        );
+        (
+            report.map(|r| (r.frames, r.timings.frames, r.unless_failed().unwrap_err().to_string())),
+            finished.get(),
+        )
+    };
+    for threads in [1, 2] {
+        let (report, finished) = run_until(4, threads);
+        let (frames, timed, said) = report.unwrap();
+        assert_eq!((frames, timed, finished), (4, 4, Some(4)));
+        assert!(said.contains("disk is full"), "{said}");
+    }
+    std::fs::write(folder.path().join("b/005.png"), "torn").unwrap();
+    for threads in [1, 2] {
+        let (report, finished) = run_until(u32::MAX, threads);
+        let (frames, timed, said) = report.unwrap();
+        assert_eq!((frames, timed, finished), (5, 5, Some(5)));
+        assert!(said.contains("005.png"), "what went wrong first is told: {said}");
+    }
+    let first = folder.path().join("a/000.png");
+    let whole = std::fs::read(&first).unwrap();
+    std::fs::write(first, &whole[..whole.len() / 2]).unwrap();
+    let (report, finished) = run_until(u32::MAX, 1);
+    assert!(report.unwrap_err().to_string().contains("000.png"));
+    assert_eq!(finished, None, "there is nothing to be written");
 }

@@ -43,3 +43,72 @@ fn overlap(a: &Silhouette, b: &Silhouette) -> bool {
     let meet = |a: std::ops::Range<usize>, b: std::ops::Range<usize>| a.start < b.end && b.start < a.end;
     meet(a.row_range(), b.row_range()) && meet(a.word_range(), b.word_range())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::likelihood::oracle::near_z_m;
+    use crate::stage::StageCamera;
+    use calib::{Camera, Intrinsics};
+    use glam::Vec3;
+    use nalgebra::{Isometry3, Point3, Vector3};
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+    use scenes::depth;
+    use scenes::geometry::{Disc, Geometry};
+    use scenes::raycast::RayScene;
+
+    /// Discs that stand about a room, seen by a camera, and people among them: every pixel's nearest surface by rays.
+    #[test]
+    fn what_is_visible_is_what_rays_meet_first() {
+        let mut rng = Pcg64Mcg::seed_from_u64(2);
+        let (mut behind_room, mut behind_others) = (0, 0);
+        for _ in 0..60 {
+            let discs = (0..4).map(|_| Disc {
+                center: Vec3::new(
+                    rng.random_range(1.0..4.0),
+                    rng.random_range(0.0..4.0),
+                    rng.random_range(0.0..1.5),
+                ),
+                normal: Vec3::new(rng.random_range(0.5..1.0), rng.random_range(-0.5..0.5), 0.0).normalize(),
+                radius: rng.random_range(0.2..0.6),
+                color: [0; 3],
+                filled: false,
+            });
+            let scene = RayScene::new(&Geometry::Discs(discs.collect())).unwrap();
+            let eye = Point3::new(0.0, rng.random_range(0.0..4.0), rng.random_range(1.0..2.5));
+            let camera_from_world =
+                Isometry3::face_towards(&eye, &Point3::new(3.0, 2.0, 0.8), &-Vector3::z()).inverse();
+            let intrinsics = Intrinsics::from_horizontal_fov(90, 70, 80.0);
+            let mut camera = StageCamera::new("c", &Camera { intrinsics, camera_from_world });
+            for (z_m, met_m) in camera.static_z_m.iter_mut().zip(depth::render(&scene, &camera.pinhole).z_m) {
+                *z_m = if met_m > 0.0 { met_m } else { f32::INFINITY };
+            }
+            let bodies: Vec<Body> = (0..4)
+                .map(|_| Body {
+                    x_m: rng.random_range(1.0..5.0),
+                    y_m: rng.random_range(0.5..3.5),
+                    radius_m: rng.random_range(0.2..0.35),
+                    height_m: rng.random_range(1.2..2.0),
+                })
+                .collect();
+            let told = visible_fractions(&[View::new(&camera)], &bodies);
+            let near = |i: usize, u: u32, v: u32| near_z_m(&camera, &bodies[i].ellipsoid(), u, v);
+            for (i, told) in told.iter().enumerate() {
+                let (mut area, mut seen) = (0, 0);
+                for (u, v) in (0..70).flat_map(|v| (0..90).map(move |u| (u, v))) {
+                    let Some(own) = near(i, u, v) else { continue };
+                    area += 1;
+                    let is_room = f64::from(camera.static_z_m[(v * 90 + u) as usize]) <= own;
+                    let is_other = (0..4).any(|j| j != i && near(j, u, v).is_some_and(|z| z < own));
+                    behind_room += u32::from(is_room);
+                    behind_others += u32::from(is_other);
+                    seen += u32::from(!is_room && !is_other);
+                }
+                let expected = if area == 0 { 0.0 } else { f64::from(seen) / f64::from(area) };
+                assert!((told[0] - expected).abs() < 1e-12, "{} told, {expected} by rays", told[0]);
+            }
+        }
+        assert!(behind_room > 1000 && behind_others > 1000, "{behind_room}, {behind_others}");
+    }
+}

@@ -132,6 +132,28 @@ impl Schedule {
         Ok((frame > 0 && is_near).then_some(frame))
     }
 
+    /// Whether there is a time for every frame of the run, when each camera has at most so many frames; `None` where one
+    /// cannot know. A file may end early where the run does.
+    ///
+    /// # Errors
+    /// Names the first line that is missing.
+    pub fn check_times(&self, frames: &[Option<usize>]) -> Result<()> {
+        let known = || self.clocks.iter().zip(frames).filter_map(|(clock, frames)| Some((clock, (*frames)?)));
+        if self.is_even {
+            let moments =
+                frames.iter().copied().collect::<Option<Vec<_>>>().and_then(|f| f.into_iter().min());
+            return moments.map_or(Ok(()), |moments| self.clocks[self.lead].times.check_count(moments));
+        }
+        let is_whole = |clock: &Clock, frames: usize| clock.times.check_count(frames).is_ok();
+        let ends_s = known().filter(|(clock, frames)| is_whole(clock, *frames));
+        let ends_s = ends_s.filter_map(|(clock, frames)| clock.of(u32::try_from(frames.max(1)).ok()?).ok());
+        let end_s = ends_s.fold(f64::INFINITY, f64::min);
+        known().try_for_each(|(clock, frames)| match clock.times.end_s() {
+            Some(last_s) if last_s + clock.offset_s < end_s => clock.times.check_count(frames),
+            _ => Ok(()),
+        })
+    }
+
     /// How many moments there are when each camera has at most so many frames; 0 where the recordings do not overlap.
     /// A camera of which nothing is known has `None`.
     pub fn moments(&self, frames: &[Option<usize>]) -> Option<usize> {
@@ -231,6 +253,29 @@ mod tests {
         // After the last line the source decides whether anything is left.
         assert_eq!(schedule.frame(0, 15).unwrap(), Some(5));
         assert!(schedule.frame_time_s(0, 5).is_err());
+    }
+
+    #[test]
+    fn a_file_may_end_early_only_where_the_run_does() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("few.txt");
+        let lines: Vec<String> = (0..20).map(|i| (f64::from(i) * 0.1).to_string()).collect();
+        std::fs::write(&file, lines.join("\n")).unwrap();
+        let few = || Clock { times: Times::read(&file).unwrap(), offset_s: 0.0 };
+        let said = |clocks: Vec<Clock>, frames: &[Option<usize>]| {
+            Schedule::new(clocks).unwrap().check_times(frames).err().map(|e| e.to_string())
+        };
+        for other in [clock(10.0, 0.0), clock(25.0, 0.0), clock(4.0, 0.5)] {
+            // The other goes on for 10 s, or ends after 1 s; headers may promise a few frames too many.
+            let [long, short] = [10.0, 1.0].map(|s: f64| Some((s * other.times.mean_rate()) as usize));
+            let refused = said(vec![other.clone(), few()], &[long, Some(40)]).unwrap();
+            assert!(refused.contains("few.txt") && refused.contains("line 21"), "{refused}");
+            assert_eq!(said(vec![other.clone(), few()], &[short, Some(40)]), None);
+            assert_eq!(said(vec![other.clone(), few()], &[long, Some(22)]), None);
+            assert_eq!(said(vec![other.clone(), few()], &[long, None]), None, "a stream");
+        }
+        assert!(said(vec![few(), few()], &[Some(40), Some(40)]).unwrap().contains("line 21"));
+        assert_eq!(said(vec![few(), few()], &[Some(40), Some(20)]), None);
     }
 
     #[test]

@@ -86,6 +86,14 @@ impl Times {
         }
     }
 
+    /// How long the last line lasts, seconds: until half a frame after it; `None` without a file.
+    pub fn end_s(&self) -> Option<f64> {
+        match self {
+            Self::Rate(_) => None,
+            Self::File { seconds, .. } => Some(seconds.last()? + 0.5 / self.mean_rate()),
+        }
+    }
+
     /// The time of a frame (from 1), in seconds.
     ///
     /// # Errors

@@ -48,6 +48,7 @@ use self::track::Track;
 use self::weight::{Expected, Lookout, Sight};
 use self::weight_map::WeightMap;
 use super::Method;
+use super::capacity::Capacity;
 use crate::silhouette::View;
 use crate::stage::Stage;
 use crate::{Error, Moment, PersonEstimate, Result, TrackId};
@@ -70,6 +71,7 @@ pub struct Condensation {
     spare: Vec<EdgeImage>,
     views: Vec<View>,
     gates: Gates,
+    capacity: Capacity,
     tracks: Vec<Track>,
     gaussians: Vec<Gaussian>,
     expected: Vec<Expected>,
@@ -120,6 +122,7 @@ impl Condensation {
             spare: Vec::new(),
             views: stage.cameras.iter().map(View::new).collect(),
             gates,
+            capacity: Capacity::new(options.life.max_people),
             tracks: Vec::new(),
             gaussians: Vec::new(),
             expected: Vec::new(),
@@ -255,13 +258,14 @@ impl Condensation {
             sharpness: self.options.sharpness,
         };
         for (found, name) in self.gates.newcomers(dt_s, &self.stage.floor, &sight, &mut self.spent) {
-            if self.tracks.len() < self.options.life.max_people {
+            if self.capacity.has_room(self.tracks.len()) {
                 let mut track = Track::born(&found, self.next_key, &self.options);
                 track.id = name;
                 self.tracks.push(track);
                 self.next_key += 1;
             }
         }
+        self.capacity.note(self.tracks.len());
     }
 
     /// Gives up whoever has left, was lost, or is somebody else; believes in who has been seen for long enough.

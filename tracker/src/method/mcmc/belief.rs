@@ -25,10 +25,13 @@ impl Mcmc {
             }
         }
         for sums in tally.all().iter().filter(|s| lives(s.states)) {
-            if self.tracks.iter().all(|t| t.key != sums.key) {
+            let is_new = self.tracks.iter().all(|t| t.key != sums.key);
+            // More may live in most of the states than in any one of them.
+            if is_new && self.capacity.has_room(self.tracks.len()) {
                 self.tracks.push(Track::born(sums, settling, &self.options));
             }
         }
+        self.capacity.note(self.tracks.len());
     }
 
     /// Takes in, for each person, how much better the masks are explained with them than without; believes in those who
@@ -55,6 +58,7 @@ impl Mcmc {
                 support_nats: with - nats(&mut self.simulation.tried()),
                 chance_nats: rule.worth_of(self.options.birth_evidence),
                 worst_filled: worst_filled(&self.simulation, &self.layers, silhouettes),
+                in_sight: track.in_sight,
             };
             track.weigh(&evidence, dt_s);
             if track.id.is_none() && track.is_believable(&self.options) {

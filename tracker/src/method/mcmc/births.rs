@@ -220,6 +220,7 @@ mod tests {
     use crate::likelihood::{Rule, Simulation, pack};
     use crate::method::mcmc::McmcOptions;
     use crate::silhouette::Shape;
+    use rand::SeedableRng;
 
     /// One camera has the right person at a wrong distance, where the other sees nobody because something stands there (or
     /// could see that nobody is there): of the proposals, the density at the true place.
@@ -251,6 +252,48 @@ mod tests {
         // Foreground is worth half of what its absence costs.
         births.weigh(&left_over, |_, [all, found]| 3.0 * f64::from(found) - 2.0 * f64::from(all));
         births.density(truth.x_m, truth.y_m, 1.0)
+    }
+
+    /// Draws fall into each cell as often as the density says, within five standard deviations of a binomial.
+    #[test]
+    fn places_are_drawn_as_the_density_says() {
+        let stage = empty_room();
+        let layers = Layers::new(stage.cameras.iter().map(View::new).collect(), &[Shape::CORE]);
+        let inside = |x: f64, y: f64| (1.0..3.0).contains(&x) && (x + y) % 2.0 < 1.4;
+        let mut births = BirthMap::new(&layers, &standing(0.0, 0.0), stage.floor.bounds(), inside);
+        let mut rng = Pcg64Mcg::seed_from_u64(7);
+        for is_weighed in [false, true] {
+            if is_weighed {
+                let mut sum = 0.0;
+                births.cumulative = births
+                    .cells
+                    .iter()
+                    .map(|_| {
+                        sum += rng.random::<f64>().powi(3);
+                        sum
+                    })
+                    .collect();
+                births.cumulative.iter_mut().for_each(|c| *c /= sum);
+            }
+            for informed in [0.0, 0.3, 0.8, 1.0] {
+                const DRAWS: u32 = 200_000;
+                let mut found = vec![0_u32; births.cells.len()];
+                for _ in 0..DRAWS {
+                    let place = births.sample(informed, &mut rng);
+                    found[births.cell_at(place.x, place.y).unwrap()] += 1;
+                }
+                let (n, area) = (f64::from(DRAWS), births.cell_m * births.cell_m);
+                let mut all = 0.0;
+                for (cell, found) in births.cells.iter().zip(&found) {
+                    let p = area * births.density(cell.center.x, cell.center.y, informed);
+                    all += p;
+                    let off = (f64::from(*found) - n * p).abs();
+                    assert!(off <= 5.0 * (n * p * (1.0 - p)).sqrt() + 1.0, "{found} of {} expected", n * p);
+                }
+                assert!((all - 1.0).abs() < 1e-9, "a density sums up to 1, not {all}");
+            }
+        }
+        assert!(births.density(-50.0, 0.0, 0.5) == 0.0 && births.density(4.0, 0.0, 0.5) == 0.0);
     }
 
     #[test]

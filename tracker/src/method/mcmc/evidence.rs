@@ -22,6 +22,8 @@ pub(super) struct Evidence {
     /// The foreground part of the visible core, in the camera where it is smallest of those that see this person clearly;
     /// `None` when none does.
     pub(super) worst_filled: Option<f64>,
+    /// Whether a camera sees any of the body.
+    pub(super) in_sight: bool,
 }
 
 impl Evidence {
@@ -37,11 +39,18 @@ impl Evidence {
 
     fn bounded(&self, nats: f64) -> f64 {
         let nats = if self.is_contradicted() { -MOST_EVIDENCE_NATS } else { nats };
-        nats.clamp(-MOST_EVIDENCE_NATS, MOST_EVIDENCE_NATS)
+        // Limbs that reach beyond what hides a body may as well be held close to it.
+        let least = if self.in_sight { -MOST_EVIDENCE_NATS } else { 0.0 };
+        nats.clamp(least, MOST_EVIDENCE_NATS)
+    }
+
+    /// Whether all this is less likely with somebody there than without.
+    pub(super) fn is_against(&self) -> bool {
+        self.for_presence() < 0.0
     }
 
     /// Whether a camera that should see this person clearly does not.
-    pub(super) fn is_contradicted(&self) -> bool {
+    fn is_contradicted(&self) -> bool {
         self.worst_filled.is_some_and(|part| part < LEAST_FILLED)
     }
 }

@@ -38,6 +38,7 @@ use self::person::{Key, Person};
 use self::tally::Tally;
 use self::track::Track;
 use super::Method;
+use super::capacity::Capacity;
 use crate::identity::Identities;
 use crate::likelihood::{Counts, Layers, PreparedRule, Simulation, pack};
 use crate::silhouette::{Body, View};
@@ -73,6 +74,7 @@ pub struct Mcmc {
     anywhere: BirthMap,
     left_over: LeftOver,
     simulation: Simulation,
+    capacity: Capacity,
     tracks: Vec<Track>,
     identities: Identities,
     hindsight: Hindsight,
@@ -116,6 +118,7 @@ impl Mcmc {
             rng: Pcg64Mcg::seed_from_u64(options.seed),
             stage,
             rule: options.likelihood.prepared(),
+            capacity: Capacity::new(options.max_people),
             options,
             views,
             zones,
@@ -154,7 +157,7 @@ impl Mcmc {
             (&self.layers, &self.stage.floor, &self.options, &self.simulation);
         let left = -(-options.deaths_per_s * dt_s).exp_m1();
         let person = |track: &mut Track| {
-            let before = track.body();
+            let (before, stood) = (track.body(), track.motion.place());
             track.predict(dt_s, options);
             let mut body = track.body();
             if track.is_tentative() || floor.may_disappear(body.x_m, body.y_m) {
@@ -163,6 +166,10 @@ impl Mcmc {
             if !floor.is_standable(body.x_m, body.y_m) && floor.is_standable(before.x_m, before.y_m) {
                 // Walked into a wall: they rather stopped.
                 (body.x_m, body.y_m) = (before.x_m, before.y_m);
+                if !track.in_sight {
+                    // Nothing that is seen would bring them back.
+                    track.motion.halt(stood);
+                }
             }
             let silhouettes = layers.silhouettes(&body, |layer| simulation.in_use(layer));
             Person {
@@ -233,11 +240,12 @@ impl Mcmc {
         };
         let patience = self.patience(dt_s, is_left_over);
         let steps = |least: u32| {
-            let least = least.max(self.options.steps_per_person * people.len() as u32);
+            let least = least.max(self.options.steps_per_person.saturating_mul(people.len() as u32));
             (f64::from(least) * patience).round() as u32
         };
         let kept = steps(self.options.kept_steps);
-        let settling_steps = if settling { SETTLING_STEPS * self.options.burn_in_steps } else { 0 };
+        let settling_steps =
+            if settling { SETTLING_STEPS.saturating_mul(self.options.burn_in_steps) } else { 0 };
         let burn_in = steps(self.options.burn_in_steps).max(settling_steps);
         let mut chain = Chain::new(setting, &mut self.simulation, people, &mut self.next_key);
         for _ in 0..burn_in {
@@ -261,7 +269,9 @@ impl Method for Mcmc {
         }
         let dt_s = self.last_time_s.map_or(FIRST_STEP_S, |last| moment.time_s - last).max(LEAST_STEP_S);
         self.last_time_s = Some(moment.time_s);
-        let settling = self.started_s.is_none_or(|start| moment.time_s - start < self.options.settling_s);
+        let settling_s = self.options.settling_s;
+        let settling =
+            settling_s > 0.0 && self.started_s.is_none_or(|start| moment.time_s - start < settling_s);
 
         let people = self.predicted(dt_s);
         // The birth map weighs what the predicted people leave unexplained.

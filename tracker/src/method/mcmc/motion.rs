@@ -117,6 +117,14 @@ impl Motion {
         self.arrived = Some(Step { transition: step, predicted: self.belief.clone() });
     }
 
+    /// They went no farther than this since the moment before, and stand.
+    pub(super) fn halt(&mut self, place: Vector2<f64>) {
+        self.belief.mean = Vector4::new(place.x, place.y, 0.0, 0.0);
+        if let Some(step) = &mut self.arrived {
+            step.predicted.mean = self.belief.mean;
+        }
+    }
+
     /// Takes in where the sampler found the silhouette, this belief having been its prior: the posterior's mean and covariance.
     ///
     /// The likelihood behind that posterior is `N(z, R)` with `R⁻¹ = Σ⁻¹ − P⁻¹`; what the silhouette's place means beyond

@@ -128,7 +128,7 @@ pub struct McmcOptions {
     /// The part of ADD's proposals that goes where unexplained foreground is; the rest is uniform over the zones
     /// (published: 0).
     pub informed_births: f64,
-    /// For this long from the first moment with a mask, people may appear anywhere: they were inside already.
+    /// For this long from the first moment with a mask, people may appear anywhere: they were inside already (published: 0).
     pub settling_s: f64,
     /// What a new person has to have earned (nats beyond chance) to be believed in: to get an id, to be reported, and no
     /// longer to vanish outside zones. One moment is worth at most 4, so this sets the number of moments it takes.
@@ -136,7 +136,7 @@ pub struct McmcOptions {
     /// How long after a moment its people are told, seconds: what comes after it tells where they were, and who had just
     /// come in (published: 0).
     pub lag_s: f64,
-    /// The most people at one time.
+    /// The most people at one time, up to [`Simulation::MAX_BODIES`]; whoever comes beyond that is not found.
     pub max_people: usize,
 }
 
@@ -178,8 +178,12 @@ impl Default for McmcOptions {
 }
 
 impl McmcOptions {
-    /// The sampler as published: overlap ratio, no prior, no proposal ratio, births uniform over the zones, constant
-    /// velocity. For comparison.
+    /// The sampler as published: overlap ratio, no prior, no proposal ratio, births uniform over the zones and nowhere else,
+    /// UPDATE-P by normal steps alone, constant velocity. For comparison.
+    ///
+    /// What the paper leaves open stays as it is here: identities (a person deleted and added again in one moment is the
+    /// same; names go by appearance after an encounter), whom to believe in, and how equation 9's mean over states of
+    /// different people becomes the next moment's S and V (person by person, as a measurement of a belief with covariance).
     #[must_use]
     pub fn published() -> Self {
         Self {
@@ -189,6 +193,7 @@ impl McmcOptions {
             steps_for_s: f64::INFINITY,
             surprise: 1.0,
             informed_births: 0.0,
+            settling_s: 0.0,
             lag_s: 0.0,
             motion: MotionOptions {
                 velocity_memory_s: f64::INFINITY,
@@ -248,8 +253,12 @@ impl McmcOptions {
         }
         if self.max_people == 0 || self.max_people > Simulation::MAX_BODIES {
             return Err(Error::option(
-                "max_people",
-                format!("has to lie between 1 and {}", Simulation::MAX_BODIES),
+                "--most-people",
+                format!(
+                    "the sampler follows 1 to {} people, not {}",
+                    Simulation::MAX_BODIES,
+                    self.max_people
+                ),
             ));
         }
         self.likelihood.defect().map_or(Ok(()), |defect| Err(Error::option("likelihood", defect)))

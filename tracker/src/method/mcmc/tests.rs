@@ -5,7 +5,10 @@ use std::collections::BTreeMap;
 use calib::{Camera, Intrinsics};
 use image::{GrayImage, Luma};
 use nalgebra::{Isometry3, Point3, Vector3};
+use scenes::depth;
+use scenes::geometry::{Geometry, Mesh};
 use scenes::polygon::Polygon;
+use scenes::raycast::RayScene;
 use scenes::room::{Zone, ZoneKind};
 use scenes::synthetic::{PersonTruth, RoomOptions, Sequence, SequenceOptions, WalkerOptions};
 use scenes::walkable::WalkableMap;
@@ -120,19 +123,24 @@ fn scored(truths: &[Vec<PersonTruth>], people: Vec<Vec<PersonEstimate>>) -> Scor
 
 /// Two cameras in the corners of an empty room of 6 × 5 m, with a door in the wall x = 6.
 pub(super) fn empty_room() -> Stage {
-    let camera = |x: f64, y: f64| {
+    room(&[(0.2, 0.2), (0.2, 4.8)], ZoneKind::Both)
+}
+
+/// The same with cameras at these places, 2.4 m above the floor, and a door of this kind.
+fn room(cameras: &[(f64, f64)], kind: ZoneKind) -> Stage {
+    let camera = |(x, y): &(f64, f64)| {
         let pose =
-            Isometry3::face_towards(&Point3::new(x, y, 2.4), &Point3::new(3.0, 2.5, 0.9), &-Vector3::z());
+            Isometry3::face_towards(&Point3::new(*x, *y, 2.4), &Point3::new(3.0, 2.5, 0.9), &-Vector3::z());
         let intrinsics = Intrinsics::from_horizontal_fov(240, 180, 80.0);
         let mut camera = StageCamera::new("c", &Camera { intrinsics, camera_from_world: pose.inverse() });
         camera.set_floor();
         camera
     };
     let rectangle = |x0, y0, x1, y1| Polygon::rectangle(Point2::new(x0, y0), Point2::new(x1, y1));
-    let door = Zone { name: "door".into(), polygon: rectangle(5.0, 1.0, 6.0, 2.2), kind: ZoneKind::Both };
+    let door = Zone { name: "door".into(), polygon: rectangle(5.0, 1.0, 6.0, 2.2), kind };
     let floor = WalkableMap::of_polygons(&[rectangle(0.0, 0.0, 6.0, 5.0)]);
     Stage {
-        cameras: vec![camera(0.2, 0.2), camera(0.2, 4.8)],
+        cameras: cameras.iter().map(camera).collect(),
         floor: Floor::new(floor, std::slice::from_ref(&door), &[]),
         zones: vec![door],
     }
@@ -164,11 +172,19 @@ struct Feeder {
 }
 
 impl Feeder {
-    /// After a second of nobody.
+    /// At the first frame.
+    fn at_first(stage: Stage, options: McmcOptions) -> Self {
+        Self { mcmc: Mcmc::new(stage.clone(), options).unwrap(), stage, frame: 0 }
+    }
+
+    /// After a second of nobody in the empty room.
     fn new(seed: u64) -> Self {
-        let stage = empty_room();
-        let mcmc = Mcmc::new(stage.clone(), McmcOptions { seed, ..McmcOptions::default() }).unwrap();
-        let mut feeder = Self { stage, mcmc, frame: 0 };
+        Self::after_nobody(empty_room(), McmcOptions { seed, ..McmcOptions::default() })
+    }
+
+    /// After a second of nobody.
+    fn after_nobody(stage: Stage, options: McmcOptions) -> Self {
+        let mut feeder = Self::at_first(stage, options);
         for _ in 0..12 {
             assert_eq!(feeder.see(&[]), []);
         }
@@ -244,9 +260,7 @@ fn people_leave_through_zones() {
 
 #[test]
 fn whoever_was_inside_from_the_beginning_is_found_once_they_move() {
-    let stage = empty_room();
-    let mcmc = Mcmc::new(stage.clone(), McmcOptions::default()).unwrap();
-    let mut feeder = Feeder { stage, mcmc, frame: 0 };
+    let mut feeder = Feeder::at_first(empty_room(), McmcOptions::default());
     for _ in 0..12 {
         let people = feeder.see(&[standing(2.0, 3.0)]);
         assert_eq!(people, [], "what has always stood there may be anything");
@@ -256,4 +270,70 @@ fn whoever_was_inside_from_the_beginning_is_found_once_they_move() {
         people = feeder.see(&[standing(2.0 + 0.08 * f64::from(step), 3.0)]);
     }
     assert_eq!(people.len(), 1, "{people:?}");
+}
+
+#[test]
+fn people_leave_through_a_door_that_is_an_exit_alone() {
+    for seed in 1..=3 {
+        let stage = room(&[(0.2, 0.2), (0.2, 4.8)], ZoneKind::Exit);
+        let mut feeder = Feeder::at_first(stage, McmcOptions { seed, ..McmcOptions::default() });
+        let mut people = Vec::new();
+        let there = |step: u32| 0.1 * f64::from(step);
+        for step in 0..30 {
+            people = feeder.see(&[standing(2.0 + there(step), 1.6), standing(1.5 + 0.3 * there(step), 3.5)]);
+        }
+        assert_eq!(people.len(), 2, "they were inside: {people:?}");
+        for step in 30..55 {
+            feeder.see(&[standing(2.0 + there(step), 1.6), standing(2.4, 3.5)]);
+        }
+        for _ in 0..36 {
+            people = feeder.see(&[standing(2.4, 3.5)]);
+        }
+        let [stays] = people.as_slice() else { panic!("one of two has left: {people:?}") };
+        assert!((stays.x_m - 2.4).hypot(stays.y_m - 3.5) < 0.1, "{stays:?}");
+        assert_eq!(feeder.mcmc.tracks.len(), 1, "whoever has left is not followed on the doorstep either");
+    }
+}
+
+/// Puts an upright box before the cameras.
+fn stand(stage: &mut Stage, low: [f32; 3], high: [f32; 3]) {
+    let vertices = (0..8).map(|corner| {
+        glam::Vec3::from_array(std::array::from_fn(|axis| {
+            if corner >> axis & 1 == 0 { low[axis] } else { high[axis] }
+        }))
+    });
+    let side = |[a, b, c, d]: [u32; 4]| [[a, b, c], [c, b, d]];
+    let sides = [[0, 1, 2, 3], [4, 5, 6, 7], [0, 1, 4, 5], [2, 3, 6, 7], [0, 2, 4, 6], [1, 3, 5, 7]];
+    let triangles = sides.into_iter().flat_map(side).collect();
+    let mesh = Mesh { vertices: vertices.collect(), triangles, colors: vec![[0; 3]; 8] };
+    let scene = RayScene::new(&Geometry::Mesh(mesh)).unwrap();
+    for camera in &mut stage.cameras {
+        let depth = depth::render(&scene, &camera.pinhole);
+        for (z_m, met_m) in camera.static_z_m.iter_mut().zip(depth.z_m).filter(|(_, met_m)| *met_m > 0.0) {
+            *z_m = z_m.min(met_m);
+        }
+    }
+}
+
+/// A pillar hides the body, but not all that arms could reach beyond it. What nobody sees neither ends nor walks out.
+#[test]
+fn whoever_stands_behind_a_pillar_no_wider_than_they_is_still_there() {
+    for (seed, width_m) in (1..=4).zip([0.50, 0.54, 0.58, 0.62]) {
+        let mut stage = room(&[(0.2, 2.5)], ZoneKind::Both);
+        stand(&mut stage, [2.6, 3.24 - 0.5 * width_m, 0.0], [2.9, 3.24 + 0.5 * width_m, 2.5]);
+        let mut feeder = Feeder::after_nobody(stage, McmcOptions { seed, ..McmcOptions::default() });
+        let walk = |from: [f64; 2], to: [f64; 2], part: f64| {
+            let [x, y]: [f64; 2] = std::array::from_fn(|i| from[i] + part * (to[i] - from[i]));
+            standing(x, y)
+        };
+        let parts = || (0..=24).map(|step| f64::from(step) / 24.0);
+        parts().for_each(|part| drop(feeder.see(&[walk([6.0, 1.6], [3.7, 1.6], part)])));
+        let last = parts().map(|part| feeder.see(&[walk([3.7, 1.6], [3.3, 3.4], part)])).last().unwrap();
+        let [person] = last.as_slice() else { panic!("{last:?}") };
+        for frame in 0..10 * 12 {
+            let people = feeder.see(&[standing(3.3, 3.4)]);
+            let ids: Vec<TrackId> = people.iter().map(|p| p.id).collect();
+            assert_eq!(ids, [person.id], "{width_m} m wide, frame {frame}");
+        }
+    }
 }

@@ -55,7 +55,7 @@ pub(super) struct Track {
     /// What has spoken for this person since birth, beyond what chance explains, nats.
     pub(super) earned_nats: f64,
     /// Whether some camera saw this person at the last moment.
-    in_sight: bool,
+    pub(super) in_sight: bool,
     /// Where somebody was found who was there from the beginning, until they move.
     still_at: Option<Vector2<f64>>,
 }
@@ -122,11 +122,7 @@ impl Track {
         let new = (dt_s / INDEPENDENT_AFTER_S).min(1.0);
         self.log_odds = (self.log_odds + new * evidence.for_presence()).clamp(-SUREST_NATS, SUREST_NATS);
         self.earned_nats += new * evidence.beyond_chance();
-        self.contradicted_s = if evidence.is_contradicted() || evidence.support_nats < 0.0 {
-            self.contradicted_s + dt_s
-        } else {
-            0.0
-        };
+        self.contradicted_s = if evidence.is_against() { self.contradicted_s + dt_s } else { 0.0 };
         let place = self.motion.place();
         self.still_at = self.still_at.filter(|found| (place - found).norm() < MOVED_M);
     }

@@ -35,9 +35,9 @@ impl Chain<'_> {
             // The size is drawn from its prior: the two cancel. Somebody born now can be deleted wherever they are.
             let density = self.setting.births.density(body.x_m, body.y_m, options.informed_births);
             let new = if self.gone.is_empty() { 1.0 } else { 1.0 - REVIVE };
-            let (k, d) = (self.people.len(), self.deletable());
-            let forth = self.probability_of(Move::Add, k, d) * new * density;
-            let back = self.probability_of(Move::Delete, k + 1, d + 1) / (d + 1) as f64;
+            let (k, d, g) = (self.people.len(), self.deletable(), self.gone.len());
+            let forth = self.probability_of(Move::Add, k, d, g) * new * density;
+            let back = self.probability_of(Move::Delete, k + 1, d + 1, g) / (d + 1) as f64;
             log_ratio += self.setting.log_birth_density + back.ln() - forth.ln();
         }
         if let Some(likelihood) = self.decide(None, Some(&body), log_ratio, rng) {
@@ -71,9 +71,9 @@ impl Chain<'_> {
         }
         let mut log_ratio = self.crowding(&body, None, false);
         if self.setting.options.acceptance == Acceptance::ReversibleJump {
-            let (k, d) = (self.people.len(), self.deletable());
-            let forth = self.probability_of(Move::Add, k, d) * REVIVE / self.gone.len() as f64;
-            let back = self.probability_of(Move::Delete, k + 1, d + 1) / (d + 1) as f64;
+            let (k, d, g) = (self.people.len(), self.deletable(), self.gone.len());
+            let forth = self.probability_of(Move::Add, k, d, g) * REVIVE / g as f64;
+            let back = self.probability_of(Move::Delete, k + 1, d + 1, g - 1) / (d + 1) as f64;
             log_ratio += log_odds + back.ln() - forth.ln();
         }
         if let Some(likelihood) = self.decide(None, Some(&body), log_ratio, rng) {
@@ -104,16 +104,16 @@ impl Chain<'_> {
         let (person, body) = (&self.people[which], self.people[which].body);
         let mut log_ratio = -self.crowding(&body, Some(which), person.is_new());
         if options.acceptance == Acceptance::ReversibleJump {
-            let k = self.people.len();
-            let forth = self.probability_of(Move::Delete, k, deletable) / deletable as f64;
-            let add = self.probability_of(Move::Add, k - 1, deletable - 1);
+            let (k, g) = (self.people.len(), self.gone.len());
+            let forth = self.probability_of(Move::Delete, k, deletable, g) / deletable as f64;
+            let add = |gone: usize| self.probability_of(Move::Add, k - 1, deletable - 1, gone);
             log_ratio += if let Some(known) = &person.known {
-                let back = add * REVIVE / (self.gone.len() + 1) as f64;
+                let back = add(g + 1) * REVIVE / (g + 1) as f64;
                 back.ln() - forth.ln() - known.log_odds
             } else {
                 let new = if self.gone.is_empty() { 1.0 } else { 1.0 - REVIVE };
                 let density = self.setting.births.density(body.x_m, body.y_m, options.informed_births);
-                let back = add * new * density;
+                let back = add(g) * new * density;
                 back.ln() - forth.ln() - self.setting.log_birth_density
             };
         }

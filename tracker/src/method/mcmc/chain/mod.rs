@@ -118,7 +118,7 @@ impl<'a> Chain<'a> {
             self.relabel(rng);
         }
         let mut mark = rng.random::<f64>();
-        for (kind, probability) in self.moves(self.people.len(), self.deletable()) {
+        for (kind, probability) in self.moves(self.people.len(), self.deletable(), self.gone.len()) {
             mark -= probability;
             if mark < 0.0 {
                 match kind {
@@ -135,23 +135,26 @@ impl<'a> Chain<'a> {
         }
     }
 
-    /// The moves on offer and their probabilities, for a state of so many people of whom so many can be deleted.
-    fn moves(&self, people: usize, deletable: usize) -> [(Move, f64); 4] {
+    /// The moves on offer and their probabilities, for a state of so many people of whom so many can be deleted, after so
+    /// many were.
+    fn moves(&self, people: usize, deletable: usize, gone: usize) -> [(Move, f64); 4] {
         let w = &self.setting.options.moves;
-        let full = people >= self.setting.options.max_people || self.setting.births.is_empty();
+        // Where nobody can be born, a deletion can still be taken back: without its way back DELETE would never be taken.
+        let anybody = gone > 0 || !self.setting.births.is_empty();
+        let add = if people < self.setting.options.max_people && anybody { w.add } else { 0.0 };
         let weights = if people == 0 {
-            // ADD is always chosen when there is nobody; where nobody can be born, only a deletion can be taken back.
+            // ADD is always chosen when there is nobody.
             [1.0, 0.0, 0.0, 0.0]
         } else {
-            [if full { 0.0 } else { w.add }, if deletable == 0 { 0.0 } else { w.delete }, w.position, w.size]
+            [add, if deletable == 0 { 0.0 } else { w.delete }, w.position, w.size]
         };
         let sum: f64 = weights.iter().sum();
         let kinds = [Move::Add, Move::Delete, Move::Position, Move::Size];
         std::array::from_fn(|i| (kinds[i], weights[i] / sum))
     }
 
-    fn probability_of(&self, wanted: Move, people: usize, deletable: usize) -> f64 {
-        self.moves(people, deletable).iter().filter(|(kind, _)| *kind == wanted).map(|(_, p)| p).sum()
+    fn probability_of(&self, wanted: Move, people: usize, deletable: usize, gone: usize) -> f64 {
+        self.moves(people, deletable, gone).iter().filter(|(kind, _)| *kind == wanted).map(|(_, p)| p).sum()
     }
 
     fn deletable(&self) -> usize {

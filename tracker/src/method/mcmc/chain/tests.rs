@@ -1,10 +1,15 @@
-//! A proposal that is given up early must be one that would have been refused.
+//! A proposal that is given up early must be one that would have been refused; and where nothing is seen, the states are
+//! those of the prior, whatever is proposed.
 
+use super::super::left_over::LeftOver;
+use super::super::person::{Known, Place};
 use super::super::tests::{empty_room, masks, standing};
 use super::*;
 use crate::likelihood::{Rule, pack};
 use crate::silhouette::View;
+use nalgebra::{Matrix2, Vector2};
 use rand::SeedableRng;
+use rand_distr::{Distribution, Poisson};
 
 /// A body not far from another, of about a person's size.
 fn near(body: &Body, reach_m: f64, rng: &mut Pcg64Mcg) -> Body {
@@ -84,5 +89,132 @@ fn proposals_are_given_up_early_only_where_they_would_be_refused() {
         }
         assert!(taken > 500 && refused > 500, "{likelihood:?}: {taken} taken, {refused} refused");
         assert!(given_up > 200, "{likelihood:?}: {given_up} given up");
+    }
+}
+
+/// Of a state: whether there are none, one, two or more; whether the known one is there, how far along x; radii and places
+/// of those born now.
+fn told(people: &[(Body, bool)]) -> [f64; 9] {
+    let of = |is_new: bool| people.iter().filter(move |p| p.1 == is_new).map(|p| p.0);
+    let is = |truth: bool| f64::from(u8::from(truth));
+    let n = people.len();
+    [
+        is(n == 0),
+        is(n == 1),
+        is(n == 2),
+        is(of(false).count() == 1),
+        of(false).map(|b| b.x_m).sum(),
+        of(false).map(|b| b.height_m).sum(),
+        of(true).map(|b| b.radius_m).sum(),
+        of(true).map(|b| b.x_m).sum(),
+        of(true).map(|b| is(b.y_m > 2.5)).sum(),
+    ]
+}
+
+/// Means of what is told of many states, and how far they may be off: the standard deviation of the mean by batches, within
+/// which neighbours may depend on each other.
+fn means(states: &[[f64; 9]]) -> [(f64, f64); 9] {
+    const BATCHES: usize = 100;
+    std::array::from_fn(|i| {
+        let mean = |part: &[[f64; 9]]| part.iter().map(|t| t[i]).sum::<f64>() / part.len() as f64;
+        let all = mean(states);
+        let batches = states.chunks_exact(states.len() / BATCHES);
+        let spread = batches.map(|batch| (mean(batch) - all).powi(2)).sum::<f64>() / BATCHES as f64;
+        (all, (spread / BATCHES as f64).sqrt())
+    })
+}
+
+#[test]
+fn where_nothing_is_seen_the_states_are_those_of_the_prior() {
+    let stage = empty_room();
+    let options = McmcOptions { repulsion_per_m: f64::INFINITY, max_people: 3, ..McmcOptions::default() };
+    let layers = Layers::new(stage.cameras.iter().map(View::new).collect(), options.likelihood.shapes());
+    let (low, high) = stage.floor.bounds();
+    let standable = |x: f64, y: f64| stage.floor.is_standable(x, y);
+    let mut births = BirthMap::new(&layers, &standing(0.0, 0.0), (low, high), standable);
+    // Weighed by a moment with somebody in it, so that ADD and the jumps prefer some places.
+    let mut simulation = Simulation::new(&layers);
+    let seen = masks(&stage, &[standing(2.0, 1.5)]);
+    let packed =
+        seen.iter().zip(layers.views()).map(|(frame, view)| frame.mask.as_ref().map(|m| pack(m, view)));
+    simulation.restart(&packed.collect::<Vec<_>>());
+    let mut left_over = LeftOver::default();
+    left_over.restart(&layers, &simulation, &[]);
+    births.weigh(&left_over, |_, [_, found]| f64::from(found));
+    assert!(births.is_weighed());
+    simulation.restart(&[None, None]);
+
+    let (log_odds, per_m2) = (0.4_f64, 0.03);
+    let place = Place::new(Vector2::new(3.0, 2.0), &(Matrix2::identity() * 0.04), 0.35);
+    let known = Known {
+        place: place.clone(),
+        radius: Spread { mean_m: 0.3, sigma_m: 0.03 },
+        height: Spread { mean_m: 1.6, sigma_m: 0.05 },
+        log_odds,
+    };
+    let person = Person {
+        key: 0,
+        body: Body { x_m: 3.0, y_m: 2.0, radius_m: 0.3, height_m: 1.6 },
+        silhouettes: layers.silhouettes(&standing(3.0, 2.0), |_| false),
+        at_exit: false,
+        known: Some(known.clone()),
+        tentative: true,
+    };
+    let setting = Setting {
+        floor: &stage.floor,
+        layers: &layers,
+        options: &options,
+        rule: options.likelihood.prepared(),
+        births: &births,
+        unexplained: Some(&births),
+        settling: true,
+        typical_px: &births.typical_px(&layers),
+        repulsion_weight: 1.0,
+        log_birth_density: f64::ln(per_m2),
+    };
+    let (mut next_key, mut rng) = (1, Pcg64Mcg::seed_from_u64(4));
+    let mut chain = Chain::new(setting, &mut simulation, vec![person], &mut next_key);
+    let sampled: Vec<_> = (0..600_000)
+        .map(|_| {
+            chain.step(&mut rng);
+            told(&chain.people.iter().map(|p| (p.body, p.is_new())).collect::<Vec<_>>())
+        })
+        .collect();
+
+    // The prior itself, by rejection: births are a Poisson process, and states with an overlap or too many are none.
+    let born = Poisson::new(per_m2 * (high.x - low.x) * (high.y - low.y)).unwrap();
+    let there = 1.0 / (1.0 + (-log_odds).exp());
+    let mut drawn = Vec::new();
+    while drawn.len() < 300_000 {
+        let mut people: Vec<(Body, bool)> = Vec::new();
+        for _ in 0..born.sample(&mut rng) as u32 {
+            let body = Body {
+                x_m: rng.random_range(low.x..high.x),
+                y_m: rng.random_range(low.y..high.y),
+                radius_m: options.radius.sample(&mut rng),
+                height_m: options.height.sample(&mut rng),
+            };
+            if standable(body.x_m, body.y_m) {
+                people.push((body, true));
+            }
+        }
+        if rng.random::<f64>() < there {
+            let at = known.place.sample(&mut rng);
+            let (radius_m, height_m) = (known.radius.sample(&mut rng), known.height.sample(&mut rng));
+            people.push((Body { x_m: at.x, y_m: at.y, radius_m, height_m }, false));
+        }
+        let apart = (0..people.len()).all(|i| {
+            (0..i).all(|j| people[i].0.floor_distance_m(&people[j].0) >= 2.0 * options.radius.mean_m)
+        });
+        if people.len() <= options.max_people && apart && people.iter().all(|p| is_a_size(&p.0)) {
+            drawn.push(told(&people));
+        }
+    }
+    for (i, ((found, off), (expected, by))) in means(&sampled).into_iter().zip(means(&drawn)).enumerate() {
+        assert!(
+            (found - expected).abs() < 4.0 * off.hypot(by),
+            "{i}: {found} ± {off}, not {expected} ± {by}"
+        );
+        assert!(off < 0.03 * expected.max(0.3), "{i}: {off} tells little");
     }
 }

@@ -16,8 +16,8 @@ const TO_LEFT_OVER: f64 = 0.9;
 const LINE_OF_SIGHT_STEP_M: f64 = 0.15;
 
 impl Chain<'_> {
-    /// UPDATE-P: a step of one of three lengths, or, for somebody known, a place drawn from the prediction or a step along
-    /// a line of sight.
+    /// UPDATE-P: a step of one of three lengths; under reversible jump, for somebody known, also a place drawn from the
+    /// prediction, a step along a line of sight, or a jump to what is left over.
     pub(super) fn update_position(&mut self, rng: &mut Pcg64Mcg) {
         let which = rng.random_range(0..self.people.len());
         let (kernel, person) = (rng.random::<f64>(), &self.people[which]);
@@ -31,7 +31,7 @@ impl Chain<'_> {
                     known.place.log_density(body.x_m, body.y_m) - known.place.log_density(place.x, place.y);
                 (body.x_m, body.y_m) = (place.x, place.y);
             }
-            Some(known) if kernel < 0.3 => {
+            Some(known) if reversible && kernel < 0.3 => {
                 // Along the line of sight of some camera, as seen to the prediction so that there and back are alike.
                 let views = self.setting.layers.views();
                 let eye = views[rng.random_range(0..views.len())].center.xy().coords;
@@ -41,7 +41,7 @@ impl Chain<'_> {
                 body.x_m += step.x;
                 body.y_m += step.y;
             }
-            Some(_) if kernel < 0.35 && self.setting.unexplained.is_some() => {
+            Some(_) if reversible && kernel < 0.35 && self.setting.unexplained.is_some() => {
                 // To where foreground is left over: whoever was lost is found again.
                 let Some(map) = self.setting.unexplained else { return };
                 // Not into somebody else; so, to have its way back, not out of somebody either.
