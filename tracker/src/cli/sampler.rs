@@ -37,7 +37,7 @@ pub(super) struct SamplerArguments {
     /// How masks are compared.
     #[arg(long, value_enum, value_name = "NAME")]
     likelihood: Option<LikelihoodName>,
-    /// The power of the overlap ratio (published: 1, which hardly tells right from wrong; 100 follows people).
+    /// The power of the overlap ratio (published: 1, which hardly tells right from wrong; 40 to 100 do).
     #[arg(long, value_name = "POWER")]
     overlap_power: Option<f64>,
     /// When a proposal is taken.
@@ -47,9 +47,10 @@ pub(super) struct SamplerArguments {
     /// 0 tells at once [default: 0.4 for recordings, 0 for streams]
     #[arg(long, value_name = "SECONDS")]
     pub(super) lag: Option<f64>,
-    /// The method as published (any --method); its other options still change it. Of the sampler that is likelihood, moves,
-    /// acceptance, steps and prediction. What its paper leaves open stays: identities, who is believed in, and how the mean of
-    /// a person's states becomes their next place and speed (as a measurement with its covariance)
+    /// The method as published (any --method); its other options still change it. Of the sampler that is likelihood,
+    /// acceptance, number of steps, births in zones alone and prediction. What its paper leaves open stays: identities (who was
+    /// deleted may come back as the same), how long steps are, who is believed in, and how the mean of a person's states becomes
+    /// their next place and speed (as a measurement with its covariance)
     #[arg(long)]
     pub(super) published: bool,
 }

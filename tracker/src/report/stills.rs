@@ -9,7 +9,7 @@ use super::recording::Recording;
 use crate::film::{FilmOptions, Painter, Shot};
 use crate::stage::{Stage, StageOptions};
 use crate::tracks::jsonl::{FrameLine, PersonLine};
-use crate::{Error, PersonEstimate, Result};
+use crate::{PersonEstimate, Result};
 
 /// One picture for each of `wanted` (indices of frames, growing), as far as the film goes.
 ///

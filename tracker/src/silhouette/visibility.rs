@@ -74,6 +74,7 @@ mod tests {
                 radius: rng.random_range(0.2..0.6),
                 color: [0; 3],
                 filled: false,
+                confidence: 1.0,
             });
             let scene = RayScene::new(&Geometry::Discs(discs.collect())).unwrap();
             let eye = Point3::new(0.0, rng.random_range(0.0..4.0), rng.random_range(1.0..2.5));
