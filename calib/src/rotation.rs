@@ -1,6 +1,6 @@
 //! Rotation matrices from files, and angles between rotations.
 
-use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 use crate::{Error, Result};
 
@@ -24,13 +24,29 @@ pub fn from_matrix(m: &Matrix3<f64>) -> Result<UnitQuaternion<f64>> {
     if m.determinant() < 0.0 {
         return Err(Error::Invalid("the rotation mirrors (its determinant is −1); negate one axis".into()));
     }
-    Ok(UnitQuaternion::from_rotation_matrix(&nearest(m)))
+    Ok(UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_eps(
+        m,
+        1e-12,
+        100,
+        Rotation3::identity(),
+    )))
 }
 
 /// The rotation nearest to a matrix, which is what turns one bundle of directions into another where the matrix is the sum
-/// of their products. Of a matrix that is nearest to no rotation, any: without a limit the iteration might not end.
+/// of their products (W. Kabsch, Acta Crystallographica A 32, 1976): `U diag(1, 1, det U Vᵀ) Vᵀ` of its singular value
+/// decomposition. The identity where that does not come to its end.
 pub fn nearest(m: &Matrix3<f64>) -> Rotation3<f64> {
-    Rotation3::from_matrix_eps(m, 1e-12, 100, Rotation3::identity())
+    /// A dozen suffice.
+    const MOST_STEPS: usize = 200;
+    let found = m.try_svd(true, true, f64::EPSILON, MOST_STEPS);
+    let Some((u, v_t)) = found.and_then(|svd| svd.u.zip(svd.v_t)) else { return Rotation3::identity() };
+    let sign = (u.determinant() * v_t.determinant()).signum();
+    let turn = u * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, sign)) * v_t;
+    if turn.iter().all(|v| v.is_finite()) {
+        Rotation3::from_matrix_unchecked(turn)
+    } else {
+        Rotation3::identity()
+    }
 }
 
 /// The angle of the rotation between two orientations, in degrees.
@@ -42,7 +58,6 @@ pub fn angle_between_deg(a: &UnitQuaternion<f64>, b: &UnitQuaternion<f64>) -> f6
 mod tests {
     use super::*;
     use approx::assert_relative_eq;
-    use nalgebra::Vector3;
 
     #[test]
     fn rounded_digits_are_repaired_and_mirrors_refused() {
