@@ -65,7 +65,7 @@ impl CaptureFile {
     /// Looks through a folder of images (in name order) or a video file.
     ///
     /// # Errors
-    /// A file that cannot be opened, too few frames, a reference frame that does not exist, or frames whose size is not
+    /// A file that cannot be opened, a frame that cannot be decoded, too few frames, a reference frame that does not exist, or frames whose size is not
     /// that of the intrinsics; each names the file.
     pub fn open(
         name: &str,
@@ -76,8 +76,9 @@ impl CaptureFile {
         let mut film = opened(path)?;
         let told_focal_px = if intrinsics.is_none() { told_focal_px(name, &film) } else { None };
         let size = film.size();
-        let mut count = 0;
-        while film.skip() {
+        // Each frame: what is wrong with the last of many captures is better told before the first is worked on.
+        let (mut count, mut frame) = (0, RgbImage::new(size.0, size.1));
+        while film.read(&mut frame)? {
             count += 1;
         }
         if count < MIN_FRAMES {

@@ -160,6 +160,7 @@ fn where_nothing_is_seen_the_states_are_those_of_the_prior() {
         known: Some(known.clone()),
         tentative: true,
     };
+    simulation.insert(&person.silhouettes);
     let setting = Setting {
         floor: &stage.floor,
         layers: &layers,
