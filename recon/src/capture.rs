@@ -160,7 +160,7 @@ impl CaptureFile {
         Ok(Capture {
             name: self.name.clone(),
             frames,
-            filmed: Filmed { first, stride },
+            sampled: Sampled { first, stride },
             reference,
             intrinsics: self.intrinsics.clone(),
             told_focal_px: self.told_focal_px,
@@ -170,14 +170,14 @@ impl CaptureFile {
 
 /// Which of the frames that were filmed a capture holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Filmed {
+pub struct Sampled {
     /// Index (from 0) of its first.
     pub first: usize,
     /// From each to the next.
     pub stride: usize,
 }
 
-impl Filmed {
+impl Sampled {
     /// All of them.
     pub const ALL: Self = Self { first: 0, stride: 1 };
 
@@ -195,7 +195,7 @@ pub struct Capture {
     /// In order of time.
     pub frames: Vec<RgbImage>,
     /// Which of the film's frames these are.
-    pub filmed: Filmed,
+    pub sampled: Sampled,
     /// Index (from 0) in `frames` of the frame at the installed pose.
     pub reference: usize,
     /// Calibrated intrinsics; `None` estimates the focal length from the motion.
@@ -291,13 +291,13 @@ mod tests {
             assert_eq!((file.count(), file.stride(), file.size()), (count, 3, (4, 3)));
             let capture = file.read().unwrap();
             assert!(capture.frames.len() <= MOST_FRAMES, "{}", capture.frames.len());
-            assert_eq!(capture.filmed.number(capture.reference), number);
+            assert_eq!(capture.sampled.number(capture.reference), number);
             for (index, frame) in capture.frames.iter().enumerate() {
-                let shade = ((capture.filmed.number(index) - 1) % 251) as u8;
+                let shade = ((capture.sampled.number(index) - 1) % 251) as u8;
                 assert_eq!(frame.get_pixel(0, 0).0, [shade, 0, 0], "frame {index} of {reference:?}");
             }
-            let last = capture.filmed.number(capture.frames.len() - 1);
-            assert!(capture.filmed.first < 3 && last + 3 > count, "{:?}", capture.filmed);
+            let last = capture.sampled.number(capture.frames.len() - 1);
+            assert!(capture.sampled.first < 3 && last + 3 > count, "{:?}", capture.sampled);
         }
     }
 

@@ -26,6 +26,7 @@ pub mod plan;
 pub mod polygon;
 pub mod raycast;
 pub mod room;
+mod sight;
 pub mod synthetic;
 pub mod view;
 pub mod walkable;

@@ -1,16 +1,14 @@
 //! `plan.png`: the floor plan of the room with everybody's way on it.
 
 use std::collections::BTreeMap;
-use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
-use image::ImageFormat;
 use nalgebra::Point2;
 use scenes::canvas::Color;
 use scenes::plan::{FloorPlan, PlanOptions};
 use scenes::room::Room;
 
-use crate::{Error, PersonEstimate, Result, TrackId};
+use crate::{PersonEstimate, Result, TrackId};
 
 /// A track that was away longer than this is drawn in parts, seconds.
 const BREAK_S: f64 = 1.0;
@@ -74,11 +72,7 @@ impl TrajectoryPlan {
                 plan.trajectory(&places, Color::of_id(id.0), &label);
             }
         }
-        let mut bytes = Cursor::new(Vec::new());
-        plan.into_image()
-            .write_to(&mut bytes, ImageFormat::Png)
-            .map_err(|e| Error::content(&self.path, "picture", format!("cannot be encoded ({e})")))?;
-        Ok(calib::files::write_atomic(&self.path, bytes.get_ref())?)
+        Ok(calib::picture::write(&self.path, &plan.into_image())?)
     }
 }
 

@@ -99,7 +99,7 @@ pub(super) fn see(
     let (surface, plane_report) = planes::complete(&views, &plane_options)
         .ok_or_else(|| Error::capture(name, "no view was reconstructed"))?;
     tracing::info!("{name}: {plane_report:?}");
-    let report = report.with_depth(capture.filmed, &dense_report, &surface, start.elapsed());
+    let report = report.with_depth(capture.sampled, &dense_report, &surface, start.elapsed());
     let range = depth_range(&points);
     Ok(Seen { lens, surface, camera_from_world, range, report })
 }
@@ -112,6 +112,15 @@ impl Moved {
 }
 
 impl Seen {
+    /// Where filmed pixels of a frame would be, had the frame been filmed at once.
+    pub(super) fn at_once(&self, frame: usize) -> impl Fn(&Point2<f64>) -> Point2<f64> {
+        let shutter = self.shutter();
+        move |pixel| {
+            let rectified = shutter.as_ref().and_then(|s| s.rectified(&self.lens, frame, pixel));
+            rectified.unwrap_or(*pixel)
+        }
+    }
+
     /// How the capture's rows were read; `None` for all at once.
     pub(super) fn shutter(&self) -> Option<RollingShutter> {
         shutter(&self.report, &self.camera_from_world, &self.lens)

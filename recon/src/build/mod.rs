@@ -99,8 +99,8 @@ pub fn build(
     let mut report = BuildReport::default();
     let (mut measured, mut edges) = (Vec::with_capacity(files.len()), Vec::with_capacity(files.len()));
     let picks = |index: usize, capture: &Capture, seen: &Seen| {
-        let pixels: Vec<Point2<f64>> =
-            project.pixels_of(index).iter().map(|p| at_once(seen, capture.reference, p)).collect();
+        let at_once = seen.at_once(capture.reference);
+        let pixels: Vec<Point2<f64>> = project.pixels_of(index).iter().map(at_once).collect();
         let measured = camera::measure(capture, seen, &pixels);
         let edges = plumb::edges::of_capture(&capture.frames, &seen.lens, &seen.camera_from_world);
         (capture.reference, measured, edges)
@@ -110,7 +110,7 @@ pub fn build(
     for (index, (camera, keys, (reference, depths, lines))) in done.into_iter().enumerate() {
         tracing::debug!("{}: depths at picks {depths:?}", camera.name);
         report.cameras.push(camera.seen.report.clone());
-        project.move_pixels(index, &|pixel| at_once(&camera.seen, reference, pixel));
+        project.move_pixels(index, &camera.seen.at_once(reference));
         measured.push(depths);
         edges.push(lines);
         cameras.push((camera, keys));
@@ -147,12 +147,6 @@ fn files_of(cameras: &[ProjectCamera]) -> Result<Vec<CaptureFile>> {
         CaptureFile::open(&camera.name, &camera.capture, camera.reference, camera.intrinsics.clone())
     };
     cameras.iter().map(open).collect()
-}
-
-/// Where a filmed pixel of a frame would be, had the frame been filmed at once.
-fn at_once(seen: &Seen, frame: usize, pixel: &Point2<f64>) -> Point2<f64> {
-    let rectified = seen.shutter().and_then(|shutter| shutter.rectified(&seen.lens, frame, pixel));
-    rectified.unwrap_or(*pixel)
 }
 
 /// Each capture is read and becomes motion, depth and a surface, or is found among what was kept; with the keys it is kept

@@ -8,13 +8,10 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use image::RgbImage;
-use scenes::room::{GEOMETRY_FILE, Room, SCENE_FILE};
+use scenes::room::{Room, SCENE_FILE};
 
 use crate::{Error, Result};
 
-/// What building a room makes, and so replaces; everything else in a room's directory is somebody's.
-const OURS: [&str; 7] =
-    [SCENE_FILE, GEOMETRY_FILE, REFERENCES, "preview", "cache", "plan.png", "report.json"];
 const REFERENCES: &str = "reference";
 
 /// Quality of the reference images.
@@ -122,11 +119,11 @@ fn exchange(fresh: &Path, out: &Path, elsewhere: &Path) -> io::Result<PathBuf> {
     Ok(elsewhere.to_owned())
 }
 
-/// What somebody else has put into the old room moves into the new one.
+/// What the new room does not have is somebody else's, and moves into it.
 fn take_over_foreign(before: &Path, out: &Path) -> io::Result<()> {
     for entry in fs::read_dir(before)? {
         let name = entry?.file_name();
-        if !OURS.iter().any(|ours| name == *ours) {
+        if out.join(&name).symlink_metadata().is_err() {
             fs::rename(before.join(&name), out.join(&name))?;
         }
     }
@@ -152,15 +149,6 @@ fn write_jpeg(path: &Path, image: &RgbImage) -> Result<()> {
         .encode_image(image)
         .map_err(|e| Error::content(path, "image", e.to_string()))?;
     Ok(calib::files::write_atomic(path, &bytes)?)
-}
-
-/// A picture as PNG.
-pub(super) fn write_png(path: &Path, image: &RgbImage) -> Result<()> {
-    let mut bytes = io::Cursor::new(Vec::new());
-    image
-        .write_to(&mut bytes, image::ImageFormat::Png)
-        .map_err(|e| Error::content(path, "image", e.to_string()))?;
-    Ok(calib::files::write_atomic(path, bytes.get_ref())?)
 }
 
 #[cfg(test)]
@@ -191,17 +179,16 @@ mod tests {
         assert_eq!(Room::read(&out).unwrap().cameras[0].reference, Some("reference/a.jpg".into()));
         fs::create_dir(out.join("tracks")).unwrap();
         fs::write(out.join("tracks/tracks.txt"), "an afternoon").unwrap();
-        fs::create_dir(out.join("preview")).unwrap();
-        fs::write(out.join("preview/gone.png"), "of a camera that is no more").unwrap();
+        fs::write(out.join("reference/gone.jpg"), "of a camera that is no more").unwrap();
 
         check_target(&out).unwrap();
         let failed = write(&out, &mut room(), &references, &mut |_, _| Err(Error::Room("no".into())));
         assert!(
-            failed.is_err() && out.join("preview/gone.png").is_file(),
+            failed.is_err() && out.join("reference/gone.jpg").is_file(),
             "a failed build must leave the room alone"
         );
         write(&out, &mut room(), &references, &mut |_, _| Ok(())).unwrap();
-        assert!(!out.join("preview").exists());
+        assert!(out.join("reference/a.jpg").is_file() && !out.join("reference/gone.jpg").exists());
         assert_eq!(fs::read(out.join("tracks/tracks.txt")).unwrap(), b"an afternoon", "not ours to lose");
         let left: Vec<_> = fs::read_dir(out.parent().unwrap()).unwrap().collect();
         assert_eq!(left.len(), 1, "{left:?}");

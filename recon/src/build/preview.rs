@@ -13,7 +13,6 @@ use scenes::raycast::RayScene;
 use scenes::room::Room;
 use scenes::view::{View, ViewOptions};
 
-use super::output::write_png;
 use crate::Result;
 
 /// Space between the pictures, pixels.
@@ -34,7 +33,7 @@ fn write_plan(dir: &Path, small: bool) -> Result<()> {
     if small {
         options.longest_side_px /= 2;
     }
-    write_png(&dir.join(PLAN), &FloorPlan::new(&Room::read(dir)?, &options)?.into_image())
+    Ok(calib::picture::write(&dir.join(PLAN), &FloorPlan::new(&Room::read(dir)?, &options)?.into_image())?)
 }
 
 fn write_views(dir: &Path, room: &Room, references: &[(&str, &RgbImage)], small: bool) -> Result<()> {
@@ -57,7 +56,7 @@ fn write_views(dir: &Path, room: &Room, references: &[(&str, &RgbImage)], small:
         for (i, picture) in [&seen, &depth, &drawn].into_iter().enumerate() {
             canvas.blit(picture, i64::from((width + GAP) * i as u32), 0);
         }
-        write_png(&dir.join("preview").join(format!("{name}.png")), &canvas.into_image())?;
+        calib::picture::write(&dir.join("preview").join(format!("{name}.png")), &canvas.into_image())?;
     }
     Ok(())
 }

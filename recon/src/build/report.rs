@@ -7,7 +7,7 @@ use calib::Intrinsics;
 use serde::{Deserialize, Serialize};
 
 use crate::assemble::AssembleReport;
-use crate::capture::{ASSUMED_FOV_DEG, Capture, Filmed};
+use crate::capture::{ASSUMED_FOV_DEG, Capture, Sampled};
 use crate::dense::DenseReport;
 use crate::motion::{LensOrigin, MotionReport, Starts};
 use crate::project::Project;
@@ -127,7 +127,7 @@ impl CameraReport {
         Self {
             name: capture.name.clone(),
             frames: capture.frames.len(),
-            reference: capture.filmed.number(capture.reference),
+            reference: capture.sampled.number(capture.reference),
             start: if motion.starts.factorization_won() { "factorization" } else { "two views" }.into(),
             start_error_px: StartErrors {
                 factorization: finite(factorization_px),
@@ -151,7 +151,7 @@ impl CameraReport {
     /// The same once its depths are known, too.
     pub(super) fn with_depth(
         self,
-        filmed: Filmed,
+        sampled: Sampled,
         dense: &DenseReport,
         surface: &Surface,
         took: Duration,
@@ -161,7 +161,7 @@ impl CameraReport {
             count as f64 / surface.origin.len().max(1) as f64
         };
         Self {
-            key_frames: dense.key_frames.iter().map(|f| filmed.number(*f)).collect(),
+            key_frames: dense.key_frames.iter().map(|f| sampled.number(*f)).collect(),
             measured_share: share(Origin::Stereo),
             filled_share: share(Origin::Filled),
             dense_seconds: took.as_secs_f64(),

@@ -36,7 +36,7 @@ pub(super) fn no_start(camera: &str) -> Error {
 
 /// The frame that matters most has no pose.
 pub(super) fn reference_missing(capture: &Capture) -> Error {
-    let number = capture.filmed.number(capture.reference);
+    let number = capture.sampled.number(capture.reference);
     Error::capture(
         &capture.name,
         format!(

@@ -6,7 +6,7 @@
 //!
 //! * [`server`] — [`Server`]: listens, refuses what is not the page's, and finds who answers. Start here.
 //! * [`session`] — the room that is edited: loaded, asked, saved.
-//! * [`outline`] — an outline on the floor, as lines in an image; [`sight`] — what an eye sees of the floor.
+//! * [`outline`] — an outline on the floor, as lines in an image.
 //! * [`picture`] — the plan and the cameras' images; [`page`] — the page's own files.
 
 mod outline;
@@ -14,7 +14,6 @@ mod page;
 mod picture;
 mod server;
 mod session;
-mod sight;
 #[cfg(test)]
 mod tests;
 

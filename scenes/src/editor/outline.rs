@@ -8,9 +8,9 @@ use calib::Camera;
 use nalgebra::{Point2, Point3, Vector2};
 use serde::Serialize;
 
-use super::sight::is_hidden;
 use crate::polygon::Polygon;
 use crate::raycast::RayScene;
+use crate::sight::is_hidden;
 
 /// Length of a step along an edge, in pixels at the image's middle.
 const STEP_PX: f64 = 3.0;

@@ -9,11 +9,11 @@ use serde::{Deserialize, Serialize};
 
 use super::outline::{Drawer, Outline};
 use super::picture::{self, Picture, Plan};
-use super::sight::{floor_under, is_hidden};
 use crate::Result;
 use crate::polygon::Polygon;
 use crate::raycast::RayScene;
 use crate::room::{Room, RoomCamera, SceneVersion, Zone, replace_zones};
+use crate::sight::{floor_under, is_hidden};
 use crate::walkable::WalkableMap;
 
 /// A room directory while its zones are edited. Several pages may look at it; who saves first wins.

@@ -13,12 +13,12 @@ use serde_json::{Value, json};
 use tempfile::TempDir;
 
 use super::outline::{Drawer, Outline};
-use super::sight::floor_under;
 use super::{Server, Session};
 use crate::geometry::{Geometry, Mesh};
 use crate::polygon::Polygon;
 use crate::raycast::RayScene;
 use crate::room::{Room, RoomCamera, Zone, ZoneKind};
+use crate::sight::floor_under;
 use crate::view::look_at;
 
 /// Focal length and principal point of the cameras below.

@@ -16,6 +16,7 @@ use nalgebra::{Point2, Vector2};
 use crate::Result;
 use crate::canvas::{Canvas, Color, Stroke, TextStyle};
 use crate::room::Room;
+use crate::sight::floor_nearby;
 use crate::view::extent;
 use crate::walkable::WalkableMap;
 
@@ -195,13 +196,18 @@ impl FloorPlan {
     }
 }
 
-/// The floor to show: what the geometry, the cameras, the zones and the walkable regions cover, and a rim.
+/// The floor to show: what the geometry, the cameras, the zones and the walkable regions cover, and a rim; without either
+/// geometry or walkable regions also what the cameras see.
 fn shown(room: &Room, places: &[Point2<f64>]) -> (Point2<f64>, Point2<f64>) {
     let is_finite = |p: &&Point2<f64>| p.x.is_finite() && p.y.is_finite();
     let mut places: Vec<Point2<f64>> = places.iter().filter(is_finite).copied().collect();
     places.extend(room.cameras.iter().map(|c| c.camera.center().xy()));
     if let Some((a, b)) = room.geometry.as_ref().and_then(extent) {
         places.extend([a, b].map(|p| Point2::new(f64::from(p.x), f64::from(p.y))));
+    }
+    if room.geometry.is_none() && room.walkable.is_none() {
+        // Nothing tells how far the room goes: as far as its cameras see somebody.
+        places.extend(room.cameras.iter().flat_map(|c| floor_nearby(&c.camera)));
     }
     let regions = room.zones.iter().map(|z| &z.polygon).chain(room.walkable.iter().flatten());
     places.extend(regions.flat_map(|polygon| &polygon.0));

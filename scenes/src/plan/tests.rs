@@ -169,3 +169,17 @@ fn a_kept_ground_is_the_same_until_the_room_changes() {
     let larger = PlanOptions { longest_side_px: 340, ..kept.clone() };
     assert!(draw(&room, &larger) == draw(&room, &PlanOptions { room_dir: None, ..larger.clone() }));
 }
+
+#[test]
+fn without_geometry_a_plan_reaches_as_far_as_cameras_see_somebody() {
+    let bare = Room { zones: Vec::new(), geometry: None, ..room() };
+    let reach = |room: &Room| {
+        let mapping = FloorPlan::new(room, &PlanOptions::default()).unwrap().mapping();
+        (mapping.high - mapping.low).amax()
+    };
+    // The camera in its corner looks across the whole room, and sees its floor from two metres on.
+    assert!((10.0..20.0).contains(&reach(&bare)), "{}", reach(&bare));
+    let told = Polygon::rectangle(Point2::new(0.0, 0.0), Point2::new(3.0, 2.0));
+    let told = Room { walkable: Some(vec![told]), ..bare };
+    assert!(reach(&told) < 4.0, "{}", reach(&told));
+}

@@ -6,7 +6,7 @@ use std::path::Path;
 use calib::Intrinsics;
 use image::{Rgb, RgbImage};
 use nalgebra::{Point2, Point3, UnitQuaternion, Vector3};
-use recon::capture::{Capture, Filmed, ReferenceFrame};
+use recon::capture::{Capture, ReferenceFrame, Sampled};
 use recon::motion::{LensOrigin, Motion, MotionOptions, MotionReport, estimate};
 use tests::accuracy::{self, MotionError};
 
@@ -129,7 +129,7 @@ fn turning(picture: &RgbImage, wide: &Intrinsics, frames: u32) -> Capture {
     Capture {
         name: "turning".into(),
         frames: turns.map(|t| seen(&t)).collect(),
-        filmed: Filmed::ALL,
+        sampled: Sampled::ALL,
         reference: frames as usize - 1,
         intrinsics: Some(narrow),
         told_focal_px: None,

@@ -67,4 +67,13 @@ fn an_interrupted_build_goes_on_where_it_ended() {
     eprintln!("{relative:?} {floor:?}");
     assert!(relative.position_cm < 9.0 && relative.rotation_deg < 1.0, "{relative:?}");
     assert!(floor.tilt_deg < 1.0 && floor.height_cm.abs() < 6.0, "{floor:?}");
+
+    // The motion serves a draft, too.
+    let draft = recon(folder).args(["--quality", "draft"]).output().unwrap();
+    let text = said(&draft);
+    assert!(draft.status.success(), "{text}");
+    for name in captures {
+        let kept = |what: &str| text.contains(&format!("{name}: {what} kept"));
+        assert!(kept("camera motion") && !kept("depth"), "{text}");
+    }
 }

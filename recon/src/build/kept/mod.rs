@@ -42,7 +42,7 @@ impl Keys {
         let made_from = format!(
             "{MOTION} {} {:?} {} {:?} {:?} {} {:?}",
             capture.name,
-            capture.filmed,
+            capture.sampled,
             capture.reference,
             capture.intrinsics,
             capture.told_focal_px,
@@ -127,7 +127,7 @@ fn surface_file(camera: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::capture::Filmed;
+    use crate::capture::Sampled;
     use calib::Intrinsics;
     use image::RgbImage;
 
@@ -136,7 +136,7 @@ mod tests {
         Capture {
             name: "cam0".into(),
             frames,
-            filmed: Filmed::ALL,
+            sampled: Sampled::ALL,
             reference: 1,
             intrinsics: None,
             told_focal_px: None,
@@ -187,7 +187,7 @@ mod tests {
         };
         other(&|capture, _| capture.frames[0].as_mut()[5] = 1);
         other(&|capture, _| capture.reference = 0);
-        other(&|capture, _| capture.filmed = Filmed { first: 0, stride: 2 });
+        other(&|capture, _| capture.sampled = Sampled { first: 0, stride: 2 });
         other(&|capture, _| capture.intrinsics = Some(Intrinsics::from_horizontal_fov(8, 6, 60.0)));
         other(&|capture, _| capture.told_focal_px = Some(7.0));
         other(&|capture, _| capture.frames = vec![RgbImage::new(6, 8), RgbImage::new(6, 8)]);

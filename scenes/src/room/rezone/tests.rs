@@ -1,0 +1,212 @@
+//! What stays and what changes in a `scene.toml`, byte for byte.
+
+use super::*;
+use crate::room::{Room, SCENE_FILE};
+use nalgebra::Point2;
+use proptest::prelude::*;
+use tempfile::TempDir;
+
+/// As somebody may have written it: comments everywhere, cameras between zones, odd spaces, no line end at the end.
+const SCENE: &str = r#"# my room
+format = 1   # of the file
+
+# The doors.
+
+# north
+[[zone]]  # 1
+name = 'door "A"'   # painted
+# measured twice
+polygon = [
+  [0, 0],   # hinge
+  [1.0, 0], [1, 1],
+]
+kind="exit"
+
+[[camera]]
+name = "cam"
+width = 640
+height = 480
+matrix = [[430.0, 0.0, 319.5], [0.0, 430.0, 239.5], [0.0, 0.0, 1.0]]
+rotation = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
+translation = [0, 0, 0]
+
+  [[ zone ]]
+  polygon = [[3.0, 0.0], [4.0, 0.0], [4.0, 1.0]]
+  name = "gate"
+# after the gate
+[floor]
+walkable = [[[-9.0, -9.0], [9.0, -9.0], [9.0, 9.0]]] # all of it"#;
+
+fn room(text: &str) -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join(SCENE_FILE), text).unwrap();
+    folder
+}
+
+fn text(dir: &Path) -> String {
+    std::fs::read_to_string(dir.join(SCENE_FILE)).unwrap()
+}
+
+fn zones(dir: &Path) -> Vec<Zone> {
+    Room::read(dir).unwrap().zones
+}
+
+fn replace(dir: &Path, zones: &[Zone]) -> Result<SceneVersion> {
+    replace_zones(dir, zones, &SceneVersion::of(dir).unwrap())
+}
+
+fn zone(name: &str, x: f64, kind: ZoneKind) -> Zone {
+    let polygon = Polygon::rectangle(Point2::new(x, 0.1), Point2::new(x + 1.0, 1.0 / 3.0));
+    Zone { name: name.into(), polygon, kind }
+}
+
+#[test]
+fn zones_that_stay_leave_every_byte() {
+    for layout in [SCENE.to_owned(), SCENE.replace('\n', "\r\n"), format!("{SCENE}\n\n# end\n")] {
+        let folder = room(&layout);
+        replace(folder.path(), &zones(folder.path())).unwrap();
+        assert_eq!(text(folder.path()), layout);
+    }
+}
+
+#[test]
+fn only_what_a_zone_says_differently_is_written() {
+    let folder = room(SCENE);
+    let mut changed = zones(folder.path());
+    changed[0].kind = ZoneKind::Both;
+    changed[0].polygon.0[2].y = 2.5;
+    changed[1].name = "gate\t\"B\"".replace('\t', " ");
+    changed[1].kind = ZoneKind::Entry;
+    replace(folder.path(), &changed).unwrap();
+    let expected = SCENE
+        .replace("kind=\"exit\"", "kind=\"both\"")
+        .replace("[\n  [0, 0],   # hinge\n  [1.0, 0], [1, 1],\n]", "[[0.0, 0.0], [1.0, 0.0], [1.0, 2.5]]")
+        .replace("name = \"gate\"\n", "name = 'gate \"B\"'\nkind = \"entry\"\n");
+    assert_eq!(text(folder.path()), expected);
+    assert_eq!(zones(folder.path()), changed);
+}
+
+#[test]
+fn zones_come_after_the_last_and_go_with_their_lines() {
+    let folder = room(SCENE);
+    let mut all = zones(folder.path());
+    let gate = all.remove(1);
+    all.push(zone("new", 5.0, ZoneKind::Entry));
+    replace(folder.path(), &all).unwrap();
+    let table = "\n  [[ zone ]]\n  polygon = [[3.0, 0.0], [4.0, 0.0], [4.0, 1.0]]\n  name = \"gate\"\n";
+    let new = "\n[[zone]]\nname = \"new\"\n\
+               polygon = [[5.0, 0.1], [6.0, 0.1], [6.0, 0.3333333333333333], [5.0, 0.3333333333333333]]\n\
+               kind = \"entry\"\n";
+    assert_eq!(text(folder.path()), SCENE.replace(table, new));
+    assert_eq!(zones(folder.path()), all);
+    // The other way round, and down to none: everything that is no zone's stays.
+    replace(folder.path(), &[gate]).unwrap();
+    replace(folder.path(), &[]).unwrap();
+    let first = &SCENE[SCENE.find("[[zone]]").unwrap()..SCENE.find("\n[[camera]]").unwrap()];
+    assert_eq!(text(folder.path()), SCENE.replace(table, "").replace(first, ""));
+    assert!(zones(folder.path()).is_empty());
+}
+
+#[test]
+fn zones_in_one_line_become_tables() {
+    for list in ["[{ name = \"a\", polygon = [[0, 0], [1, 0], [1, 1]] }]", "[]"] {
+        let layout = format!("zone = {list} # all\n{}", without_zones());
+        let folder = room(&layout);
+        let mut all = zones(folder.path());
+        all.push(zone("b", 2.0, ZoneKind::Both));
+        replace(folder.path(), &all).unwrap();
+        assert_eq!(zones(folder.path()), all);
+        assert!(text(folder.path()).starts_with(&without_zones()));
+    }
+}
+
+fn without_zones() -> String {
+    let (first, gate) = (SCENE.find("[[zone]]").unwrap(), SCENE.find("  [[ zone ]]").unwrap());
+    let (camera, after) = (SCENE.find("[[camera]]").unwrap(), SCENE.find("# after").unwrap());
+    [&SCENE[..first], &SCENE[camera..gate], &SCENE[after..]].concat()
+}
+
+#[test]
+fn what_nobody_should_draw_is_refused_by_name_and_nothing_is_written() {
+    let folder = room(SCENE);
+    let bow_tie =
+        Polygon([(0.0, 0.0), (1.0, 1.0), (1.0, 0.0), (0.0, 1.0)].map(|(x, y)| Point2::new(x, y)).to_vec());
+    let door = zone("door", 0.0, ZoneKind::Both);
+    let round = Polygon((0..1001).map(|i| Point2::new(f64::from(i).cos(), f64::from(i).sin())).collect());
+    for (bad, words) in [
+        (
+            vec![door.clone(), Zone { polygon: bow_tie, ..zone("knot", 0.0, ZoneKind::Both) }],
+            "zone 2 (`knot`): its outline meets itself: the edge from corner 1 to 2 and the one from 3 to 4",
+        ),
+        (vec![Zone { name: " ".into(), ..door.clone() }], "zone 1 (` `): it has no name"),
+        (vec![door.clone(), door.clone()], "zone 2 (`door`): another zone has the same name"),
+        (vec![Zone { name: "a\nb".into(), ..door.clone() }], "line break"),
+        (vec![Zone { polygon: Polygon(door.polygon.0[..2].to_vec()), ..door.clone() }], "3 corners"),
+        (vec![Zone { polygon: round, ..door.clone() }], "1001 corners"),
+    ] {
+        let said = replace(folder.path(), &bad).unwrap_err().to_string();
+        assert!(said.contains(words), "{said}");
+        assert_eq!(text(folder.path()), SCENE);
+    }
+}
+
+#[test]
+fn a_file_that_changed_meanwhile_is_left_alone() {
+    let folder = room(SCENE);
+    let version = SceneVersion::of(folder.path()).unwrap();
+    let second = replace_zones(folder.path(), &[zone("a", 0.0, ZoneKind::Both)], &version).unwrap();
+    assert_eq!(second, SceneVersion::of(folder.path()).unwrap());
+    let before = text(folder.path());
+    let said = replace_zones(folder.path(), &[], &version).unwrap_err();
+    assert!(matches!(said, Error::Changed { .. }) && said.to_string().contains("scene.toml: "), "{said}");
+    assert_eq!(text(folder.path()), before);
+    replace_zones(folder.path(), &[], &second).unwrap();
+}
+
+#[cfg(unix)]
+#[test]
+fn links_and_protected_files_are_named_and_left_alone() {
+    use std::os::unix::fs::{PermissionsExt, symlink};
+    let (folder, linked) = (room(SCENE), tempfile::tempdir().unwrap());
+    let link = linked.path().join(SCENE_FILE);
+    symlink(folder.path().join(SCENE_FILE), &link).unwrap();
+    let said = replace(linked.path(), &[]).unwrap_err().to_string();
+    assert!(said.contains("symbolic link") && said.contains(&*link.to_string_lossy()), "{said}");
+    assert!(link.is_symlink());
+    let protected = std::fs::Permissions::from_mode(0o444);
+    std::fs::set_permissions(folder.path().join(SCENE_FILE), protected).unwrap();
+    let said = replace(folder.path(), &[]).unwrap_err().to_string();
+    assert!(said.contains("chmod u+w"), "{said}");
+    assert_eq!(text(folder.path()), SCENE);
+}
+
+fn some_zones() -> impl Strategy<Value = Vec<Zone>> {
+    let kind = prop_oneof![Just(ZoneKind::Entry), Just(ZoneKind::Exit), Just(ZoneKind::Both)];
+    let names = prop::sample::subsequence(vec!["door \"A\"", "gate", "b'", "ü\\", "[[zone]]"], 0..5);
+    (names, prop::collection::vec((-9.0..9.0, kind), 5)).prop_map(|(names, rest)| {
+        names.iter().zip(rest).map(|(name, (x, kind))| zone(name, x, kind)).collect()
+    })
+}
+
+proptest! {
+    /// Whatever zones follow each other, they are read back, and what is no zone's stays.
+    #[test]
+    fn zones_read_back_as_they_were_saved(steps in prop::collection::vec(some_zones(), 1..4), crlf: bool) {
+        let newline = if crlf { "\r\n" } else { "\n" };
+        let folder = room(&SCENE.replace('\n', newline));
+        for step in &steps {
+            replace(folder.path(), step).unwrap();
+            let mut back = zones(folder.path());
+            let mut asked = step.clone();
+            back.sort_by(|a, b| a.name.cmp(&b.name));
+            asked.sort_by(|a, b| a.name.cmp(&b.name));
+            prop_assert_eq!(back, asked);
+            let saved = text(folder.path());
+            let of_two = if crlf { saved.matches('\n').count() } else { 0 };
+            prop_assert_eq!(saved.matches("\r\n").count(), of_two, "line ends are mixed");
+        }
+        replace(folder.path(), &[]).unwrap();
+        let squeezed = |text: &str| text.lines().filter(|l| !l.trim().is_empty()).map(String::from).collect::<Vec<_>>();
+        prop_assert_eq!(squeezed(&text(folder.path())), squeezed(&without_zones()));
+    }
+}
