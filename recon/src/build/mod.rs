@@ -146,7 +146,9 @@ fn files_of(cameras: &[ProjectCamera]) -> Result<Vec<CaptureFile>> {
     let open = |camera: &ProjectCamera| {
         CaptureFile::open(&camera.name, &camera.capture, camera.reference, camera.intrinsics.clone())
     };
-    cameras.iter().map(open).collect()
+    let opened: Vec<Result<CaptureFile>> = cameras.par_iter().map(open).collect();
+    // The first that is wrong is told, not the first that was found to be.
+    opened.into_iter().collect()
 }
 
 /// Each capture is read and becomes motion, depth and a surface, or is found among what was kept; with the keys it is kept
