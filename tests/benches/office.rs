@@ -74,6 +74,12 @@ fn rebuilt(office: &Path, built: &Path) -> Said<()> {
         row(&format!("room: depth of {name} within 5 cm"), 100.0 * depth.within, "%", ">= 80");
         row(&format!("room: depth of {name} covered"), 100.0 * depth.covered, "%", "");
     }
+    for (name, lengths) in &errors.lengths {
+        let (what, off) =
+            (format!("room: {} lengths seen by {name}", lengths.count), 100.0 * (lengths.median - 1.0));
+        row(&format!("{what}, median too long by"), off, "%", "within 1");
+        row(&format!("{what}, nine in ten within"), 100.0 * lengths.ninety_off, "%", "");
+    }
     Ok(())
 }
 

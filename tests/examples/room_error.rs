@@ -1,4 +1,4 @@
-//! Prints how far a built room is from the true one: relative camera poses, floor, depth.
+//! Prints how far a built room is from the true one: relative camera poses, floor, depth, metres.
 //!
 //! `cargo run --release -p tests --example room_error -- ROOM-DIR TRUTH-DIR`
 //!
@@ -19,13 +19,18 @@ fn main() -> Said<()> {
         "second camera seen from the first: {:.2} cm, {:.3}°",
         relative.position_cm, relative.rotation_deg
     );
-    for ((name, camera), (_, depth)) in errors.cameras.iter().zip(&errors.depth) {
+    let each = errors.cameras.iter().zip(&errors.depth).zip(&errors.lengths);
+    for (((name, camera), (_, depth)), (_, lengths)) in each {
         println!(
-            "{name}: tilt {:.3}°, height {:+.2} cm off; depth within 5 cm {:.1} %, covered {:.1} %",
+            "{name}: tilt {:.3}°, height {:+.2} cm off; depth within 5 cm {:.1} %, covered {:.1} %; {} lengths {:+.2} % \
+             off in the median, nine in ten within {:.2} %",
             camera.tilt_deg,
             camera.height_cm,
             100.0 * depth.within,
-            100.0 * depth.covered
+            100.0 * depth.covered,
+            lengths.count,
+            100.0 * (lengths.median - 1.0),
+            100.0 * lengths.ninety_off
         );
     }
     Ok(())

@@ -8,8 +8,8 @@ use nalgebra::Isometry3;
 use scenes::room::{Room, RoomCamera};
 
 use crate::accuracy::{
-    CameraError, DepthAgreement, RelativePoseError, camera_against_floor, depth, installed_truth,
-    relative_pose,
+    CameraError, DepthAgreement, LengthAgreement, RelativePoseError, camera_against_floor, depth,
+    installed_truth, lengths, relative_pose,
 };
 use crate::data::program;
 
@@ -104,6 +104,8 @@ pub struct RoomErrors {
     pub cameras: Vec<(String, CameraError)>,
     /// Each camera's static depth, with its name.
     pub depth: Vec<(String, DepthAgreement)>,
+    /// Lengths between things that each camera sees, with its name.
+    pub lengths: Vec<(String, LengthAgreement)>,
 }
 
 /// Measures a built room against the truth in a directory: `depth_NAME.png` for each camera, and the true cameras in
@@ -125,19 +127,22 @@ pub fn compare_rooms(built: &Path, truth: &Path, tolerance_mm: u16) -> Said<Room
     let relative = relative_pose([first, second], [true_first, true_second]);
     let cameras = pairs.iter().map(|(name, b, t)| (name.clone(), camera_against_floor(b, t))).collect();
     let scratch = tempfile::tempdir().map_err(|e| e.to_string())?;
-    let mut agreements = Vec::new();
-    for (name, ..) in &pairs {
+    let (mut depths, mut metres) = (Vec::new(), Vec::new());
+    for (name, camera, _) in &pairs {
         let png = scratch.path().join("depth.png");
         run(program("scenes").arg("depth").arg(built).args(["--camera", name, "--out"]).arg(&png))?;
         let pixels = |path: &Path| -> Said<Vec<u16>> {
             let picture = image::open(path).map_err(|e| format!("{}: {e}", path.display()))?;
             Ok(picture.into_luma16().into_raw())
         };
-        let agreement =
-            depth(&pixels(&png)?, &pixels(&truth.join(format!("depth_{name}.png")))?, tolerance_mm);
-        agreements.push((name.clone(), agreement.ok_or("the depth maps are of different sizes")?));
+        let (built_mm, true_mm) = (pixels(&png)?, pixels(&truth.join(format!("depth_{name}.png")))?);
+        let agreement = depth(&built_mm, &true_mm, tolerance_mm);
+        depths.push((name.clone(), agreement.ok_or("the depth maps are of different sizes")?));
+        let agreement = lengths(&camera.intrinsics, &built_mm, &true_mm);
+        metres
+            .push((name.clone(), agreement.ok_or("nothing is seen in the built room and in the true one")?));
     }
-    Ok(RoomErrors { relative, cameras, depth: agreements })
+    Ok(RoomErrors { relative, cameras, depth: depths, lengths: metres })
 }
 
 fn true_pose(truth: &Path, camera: &str) -> Said<Isometry3<f64>> {

@@ -3,6 +3,7 @@
 mod coverage;
 mod depth;
 mod hidden;
+mod lengths;
 mod matched;
 mod motion;
 mod room;
@@ -11,6 +12,7 @@ mod route;
 pub use coverage::coverage;
 pub use depth::{DepthAgreement, depth};
 pub use hidden::{HiddenPeople, hidden_people};
+pub use lengths::{LengthAgreement, lengths};
 pub use matched::{Matched, matched};
 pub use motion::{MotionError, capture_truth, installed_truth, motion};
 pub use room::{CameraError, RelativePoseError, camera_against_floor, relative_pose};

@@ -48,6 +48,9 @@ fn the_room_comes_out_right_and_people_are_followed_in_it() {
     for (_, depth) in &errors.depth {
         assert!(depth.within >= 0.8, "{errors:?}");
     }
+    for (_, lengths) in &errors.lengths {
+        assert!((lengths.median - 1.0).abs() <= 0.01, "{errors:?}");
+    }
 
     let misses = picks_miss_px(&office, &room, scratch.path());
     assert!(misses.len() >= 8 && misses[misses.len() / 2] < 1.5, "{misses:?}");
