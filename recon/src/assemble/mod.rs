@@ -13,6 +13,7 @@ use crate::fusion::{self, FusionOptions, FusionReport};
 use crate::merge::{self, MergeOptions, MergeReport};
 use crate::project::Project;
 use crate::ray_depth::MeasuredPixel;
+use crate::scale::board::Square;
 use crate::surface::Surface;
 use crate::{Error, Result, scale};
 use joined::Joined;
@@ -55,6 +56,8 @@ pub struct Captures<'a> {
     pub measured: &'a [Vec<MeasuredPixel>],
     /// Normals of the interpretation planes of edges in the pictures, in the reference view's frame; may be empty.
     pub edges: &'a [Vec<Vector3<f64>>],
+    /// The side of the project's calibration board, in its camera's unit, if the metres come from one.
+    pub square: Option<Square>,
 }
 
 /// Puts a room together. Zones are left empty, reference images unnamed.
@@ -66,7 +69,7 @@ pub fn assemble(
     captures: &Captures<'_>,
     options: &AssembleOptions,
 ) -> Result<(Room, AssembleReport)> {
-    let Captures { surfaces, lenses, measured, .. } = *captures;
+    let Captures { surfaces, lenses, .. } = *captures;
     let Joined { merged, report: merge_report, poses, floor } = captures.joined(project, options)?;
     for (point, camera, off) in &merge_report.outliers {
         tracing::warn!(
@@ -88,8 +91,7 @@ pub fn assemble(
         Error::Room(problem) => Error::content(&project.path, "floor", problem),
         other => other,
     })?;
-    let metres_per_unit =
-        scale::metres_per_unit(project, surfaces, lenses, measured, &merged, &poses, &floor)?;
+    let metres_per_unit = scale::metres_per_unit(project, captures, &merged, &poses, &floor)?;
     let world_from_common = floor::metric(&floor::world_frame(&floor, &poses[0]), metres_per_unit);
     let world_from_camera: Vec<Similarity3<f64>> =
         merged.common_from_camera.iter().map(|s| world_from_common * s).collect();

@@ -59,8 +59,13 @@ fn furnished_rooms_come_out_metric_and_upright() {
         let points = picks(&scene, truth, &mut Pcg64Mcg::seed_from_u64(seed));
         let height_m = truth[0].center().z;
         let project = project(points, Scale::Height { camera: 0, height_m });
-        let captures =
-            Captures { surfaces: &surfaces, lenses: &lenses, measured: &[vec![], vec![]], edges: &[] };
+        let captures = Captures {
+            surfaces: &surfaces,
+            lenses: &lenses,
+            measured: &[vec![], vec![]],
+            edges: &[],
+            square: None,
+        };
         let (room, report) = assemble(&project, &captures, &AssembleOptions::default()).unwrap();
 
         let found = [0, 1].map(|i| &room.cameras[i].camera);
@@ -144,7 +149,7 @@ fn what_runs_up_in_the_pictures_says_how_level_a_bent_room_is() {
         let project = project(points, Scale::Height { camera: 0, height_m: truth[0].center().z });
         for (tilt_deg, edges) in tilts_deg.iter_mut().zip([&[][..], &edges]) {
             let measured = &[vec![], vec![]];
-            let captures = Captures { surfaces: &surfaces, lenses: &lenses, measured, edges };
+            let captures = Captures { surfaces: &surfaces, lenses: &lenses, measured, edges, square: None };
             let (room, report) = assemble(&project, &captures, &AssembleOptions::default()).unwrap();
             assert_eq!(report.floor.plumb_captures > 0, !edges.is_empty(), "seed {seed}: {report:?}");
             for (found, truth) in room.cameras.iter().zip(truth) {

@@ -125,6 +125,16 @@ impl Seen {
     pub(super) fn shutter(&self) -> Option<RollingShutter> {
         shutter(&self.report, &self.camera_from_world, &self.lens)
     }
+
+    /// The capture that this was seen in, its frames as if filmed at once.
+    pub(super) fn filmed<'a>(&'a self, capture: &'a Capture) -> Filmed<'a> {
+        Filmed {
+            frames: &capture.frames,
+            reference: capture.reference,
+            intrinsics: &self.lens,
+            camera_from_world: &self.camera_from_world,
+        }
+    }
 }
 
 fn shutter(
@@ -157,12 +167,7 @@ fn depth_range(points: &[Point3<f64>]) -> (f64, f64) {
 
 /// Measures the depth of single pixels of the reference image from all frames; those that cannot be are left out.
 pub(super) fn measure(capture: &Capture, seen: &Seen, pixels: &[Point2<f64>]) -> Vec<MeasuredPixel> {
-    let film = Filmed {
-        frames: &capture.frames,
-        reference: capture.reference,
-        intrinsics: &seen.lens,
-        camera_from_world: &seen.camera_from_world,
-    };
+    let film = seen.filmed(capture);
     let surface = &seen.surface;
     let normal = |pixel: &Point2<f64>| {
         surface.normal_at(&crate::merge::pinhole_pixel(&seen.lens, pixel)?).map(vector_from_vec3)

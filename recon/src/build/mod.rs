@@ -22,7 +22,6 @@ use nalgebra::Point2;
 use rayon::prelude::*;
 use scenes::room::{Room, Zone};
 
-use crate::Result;
 use crate::assemble::{self, AssembleOptions, Captures};
 use crate::capture::{Capture, CaptureFile};
 use crate::dense::DenseOptions;
@@ -30,7 +29,9 @@ use crate::motion::MotionOptions;
 use crate::planes::PlaneOptions;
 use crate::plumb;
 use crate::project::{Project, ProjectCamera};
+use crate::scale;
 use crate::surface::Surface;
+use crate::{Error, Result};
 use camera::{Camera, Seen};
 use kept::{Kept, Keys};
 pub use reference_view::{ReferenceView, reference_views};
@@ -103,15 +104,21 @@ pub fn build(
         let pixels: Vec<Point2<f64>> = project.pixels_of(index).iter().map(at_once).collect();
         let measured = camera::measure(capture, seen, &pixels);
         let edges = plumb::edges::of_capture(&capture.frames, &seen.lens, &seen.camera_from_world);
-        (capture.reference, measured, edges)
+        let square = project.board_of(index).map(|board| scale::board::square(&seen.filmed(capture), board));
+        (capture.reference, measured, edges, square)
     };
     let done = worked_through(&files, Some(&kept), options, &mut step, &picks)?;
-    let mut cameras = Vec::with_capacity(done.len());
-    for (index, (camera, keys, (reference, depths, lines))) in done.into_iter().enumerate() {
+    let (mut cameras, mut square) = (Vec::with_capacity(done.len()), None);
+    for (index, (camera, keys, (reference, depths, lines, board))) in done.into_iter().enumerate() {
         tracing::debug!("{}: depths at picks {depths:?}", camera.name);
         report.cameras.push(camera.seen.report.clone());
         project.move_pixels(index, &camera.seen.at_once(reference));
         measured.push(depths);
+        if let Some(board) = board {
+            let board = board.map_err(|problem| Error::content(&project.path, "[scale], board", problem))?;
+            tracing::info!("{}: metres by the board in it: {board:?}", camera.name);
+            square = Some(board);
+        }
         edges.push(lines);
         cameras.push((camera, keys));
     }
@@ -119,7 +126,8 @@ pub fn build(
     let start = Instant::now();
     let surfaces: Vec<Surface> = cameras.iter().map(|(c, _)| c.seen.surface.clone()).collect();
     let lenses: Vec<Intrinsics> = cameras.iter().map(|(c, _)| c.seen.lens.clone()).collect();
-    let captures = Captures { surfaces: &surfaces, lenses: &lenses, measured: &measured, edges: &edges };
+    let captures =
+        Captures { surfaces: &surfaces, lenses: &lenses, measured: &measured, edges: &edges, square };
     let (mut room, assembled) = assemble::assemble(&project, &captures, &options.assemble)?;
     report.assembled(&project, &assembled, start.elapsed());
     take_over(&mut room, before, zones);

@@ -16,7 +16,7 @@ mod resection;
 mod revisit;
 mod rival;
 mod sketch;
-mod triangulation;
+pub(crate) mod triangulation;
 mod two_views;
 
 use calib::Intrinsics;

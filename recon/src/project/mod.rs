@@ -11,6 +11,7 @@ mod tests;
 use std::path::{Path, PathBuf};
 
 use calib::Intrinsics;
+use calib::vision::chessboard::Chessboard;
 use nalgebra::Point2;
 
 use crate::Result;
@@ -81,6 +82,15 @@ pub enum Scale {
         /// Metres above the floor.
         height_m: f64,
     },
+    /// A calibration board that lies still in a camera's capture.
+    Board {
+        /// Index of the camera.
+        camera: usize,
+        /// Its inner corners.
+        board: Chessboard,
+        /// Side of a square, metres.
+        square_m: f64,
+    },
 }
 
 impl Project {
@@ -122,6 +132,14 @@ impl Project {
             _ => Vec::new(),
         };
         self.points.iter().filter_map(|p| p.pixel(camera)).chain(ends).collect()
+    }
+
+    /// The calibration board in one camera's capture, if the metres come from there.
+    pub fn board_of(&self, camera: usize) -> Option<Chessboard> {
+        match self.scale {
+            Scale::Board { camera: of, board, .. } if of == camera => Some(board),
+            _ => None,
+        }
     }
 
     /// Moves all pixels of one camera, as when its reference image is rectified.

@@ -15,7 +15,7 @@ impl Project {
             Scale::Distance { camera, from, to, .. } => {
                 vec![("[scale], from".to_owned(), *camera, *from), ("[scale], to".to_owned(), *camera, *to)]
             }
-            Scale::Height { .. } => Vec::new(),
+            Scale::Height { .. } | Scale::Board { .. } => Vec::new(),
         };
         let picks = self.points.iter().enumerate().flat_map(|(i, point)| {
             point.picks.iter().map(move |(camera, pixel)| {

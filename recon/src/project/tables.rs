@@ -51,6 +51,8 @@ struct ScaleTable {
     to: Option<[f64; 2]>,
     metres: Option<f64>,
     height: Option<f64>,
+    board: Option<String>,
+    square: Option<f64>,
 }
 
 impl ProjectFile {
@@ -80,7 +82,8 @@ impl ProjectFile {
     /// What fixes the metres.
     pub(super) fn scale(&self, path: &Path, cameras: &[ProjectCamera]) -> Result<Scale> {
         let Some(table) = &self.scale else {
-            let problem = "missing; a known distance or camera height fixes the metres";
+            let problem =
+                "missing; a known distance, a camera's height or a calibration board fixes the metres";
             return Err(Error::content(path, "[scale]", problem));
         };
         scale_of(path, table, cameras)
@@ -144,8 +147,10 @@ fn scale_of(path: &Path, table: &ScaleTable, cameras: &[ProjectCamera]) -> Resul
             format!("{value} is not a positive number of metres"),
         ))
     };
-    match (table.from, table.to, table.metres, table.height) {
-        (Some(from), Some(to), Some(metres), None) => {
+    let distance = (table.from, table.to, table.metres);
+    let board = (table.board.as_deref(), table.square);
+    match (distance, table.height, board) {
+        ((Some(from), Some(to), Some(metres)), None, (None, None)) => {
             let from = finite(path, "[scale], from", from)?;
             let to = finite(path, "[scale], to", to)?;
             if (from - to).norm() < 1.0 {
@@ -154,13 +159,19 @@ fn scale_of(path: &Path, table: &ScaleTable, cameras: &[ProjectCamera]) -> Resul
             }
             Ok(Scale::Distance { camera, from, to, metres: positive("metres", metres)? })
         }
-        (None, None, None, Some(height)) => {
+        ((None, None, None), Some(height), (None, None)) => {
             Ok(Scale::Height { camera, height_m: positive("height", height)? })
+        }
+        ((None, None, None), None, (Some(board), Some(square))) => {
+            let board =
+                board.parse().map_err(|problem: String| Error::content(path, "[scale], board", problem))?;
+            Ok(Scale::Board { camera, board, square_m: positive("square", square)? })
         }
         _ => Err(Error::content(
             path,
             "[scale]",
-            "give either `from`, `to` and `metres`, or `height` (of the camera above the floor)",
+            "give either `from`, `to` and `metres`, or `height` (of the camera above the floor), or `board` and `square` (a \
+             calibration board's inner corners, like \"9x6\", and the side of its squares in metres)",
         )),
     }
 }

@@ -58,6 +58,10 @@ fn a_whole_project_is_read() {
     assert_eq!((camera, metres), (1, 1.5));
     let height = read(&format!("{CAMERAS}{POINTS}[scale]\ncamera = \"a\"\nheight = 2.4\n")).unwrap();
     assert_eq!(height.scale, Scale::Height { camera: 0, height_m: 2.4 });
+    let board = "[scale]\ncamera = \"a\"\nboard = \"9x6\"\nsquare = 0.03\n";
+    let project = read(&format!("{CAMERAS}{POINTS}{board}")).unwrap();
+    assert!(matches!(project.scale, Scale::Board { camera: 0, square_m: 0.03, .. }));
+    assert_eq!([0, 1].map(|i| project.board_of(i).map(|b| b.to_string())), [Some("9x6".to_owned()), None]);
 }
 
 #[test]
@@ -134,5 +138,11 @@ fn a_scale_needs_a_length() {
         assert!(refusal("metres = 1.5", &format!("metres = {bad}")).contains("[scale], metres"), "{bad}");
     }
     assert!(refusal("metres = 1.5", "").contains("either"));
+    let scale = "from = [1, 2]\nto = [30, 4]\nmetres = 1.5";
+    let board = |board: &str, square: &str| format!("board = \"{board}\"\nsquare = {square}");
+    assert!(refusal(scale, &board("9x6", "0")).contains("[scale], square"));
+    assert!(refusal(scale, &board("9", "0.03")).contains("inner corners"));
+    assert!(refusal(scale, "board = \"9x6\"").contains("either"));
+    assert!(refusal(scale, &format!("{scale}\n{}", board("9x6", "0.03"))).contains("either"));
     assert!(read(&format!("{CAMERAS}{POINTS}")).unwrap_err().contains("[scale]"));
 }

@@ -9,6 +9,7 @@ mod failing_cameras;
 mod folder;
 mod link_refusals;
 mod office;
+mod recon_board;
 mod recon_picks;
 mod recon_refusals;
 mod recon_resume;

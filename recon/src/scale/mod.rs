@@ -1,32 +1,38 @@
 //! Metres: how long a unit of the common frame is, from one known length.
 
+pub mod board;
+
 use nalgebra::{Isometry3, Point2, Point3};
 
+use crate::assemble::Captures;
 use crate::floor::Plane;
 use crate::merge::{Merged, measured_at, pinhole_pixel};
 use crate::project::{Project, Scale};
-use crate::ray_depth::MeasuredPixel;
-use crate::surface::Surface;
 use crate::{Error, Result};
 
 /// Metres a unit of the common frame.
 ///
 /// # Arguments
-/// `lenses`: each camera's intrinsics as filmed. `common`: each camera's pose in the common frame. `floor`: the floor
-/// in the common frame, for a known height.
+/// `common`: each camera's pose in the common frame. `floor`: the floor in the common frame, for a known height.
 ///
 /// # Errors
-/// [`Error::Content`] naming the pixel at which there is no depth.
+/// [`Error::Content`] naming the pixel at which there is no depth, or the board that was not measured.
 pub fn metres_per_unit(
     project: &Project,
-    surfaces: &[Surface],
-    lenses: &[calib::Intrinsics],
-    measured: &[Vec<MeasuredPixel>],
+    captures: &Captures<'_>,
     merged: &Merged,
     common: &[Isometry3<f64>],
     floor: &Plane,
 ) -> Result<f64> {
+    let Captures { surfaces, lenses, measured, square, .. } = *captures;
     match &project.scale {
+        Scale::Board { camera, board, square_m } => {
+            let side = square.map(|s| s.side * merged.common_from_camera[*camera].scaling());
+            side.map(|side| square_m / side).ok_or_else(|| {
+                let problem = format!("the {board} board was not measured");
+                Error::content(&project.path, "[scale], board", problem)
+            })
+        }
         Scale::Height { camera, height_m } => {
             let centre = common[*camera].inverse() * Point3::origin();
             Ok(height_m / floor.height(&centre))

@@ -1,0 +1,312 @@
+//! A calibration board in a capture: how long a side of its squares is in the capture's own unit.
+//!
+//! The board lies still while the camera moves. Its corners are found in every frame, their points triangulated, and the
+//! board's pose and the side of its squares are then what makes all sightings most probable together: seven numbers from
+//! twice as many equations as there are corners in all frames, by damped Gauss–Newton on the reprojection errors.
+
+use calib::absolute_orientation;
+use calib::vision::chessboard::Chessboard;
+use nalgebra::{Isometry3, Point2, Point3, SMatrix, SVector, Translation3, UnitQuaternion, Vector2, Vector3};
+use rayon::prelude::*;
+
+use crate::bundle::Loss;
+use crate::motion::triangulation::{Acceptance, triangulate};
+use crate::ray_depth::Filmed;
+
+/// Corners are found to about this, pixels; a board that fits better is no better known.
+const CORNER_SIGMA_PX: f64 = 0.1;
+/// Beyond this a board moved while it was filmed, is bent, or is not what it is said to be.
+const LARGEST_RMS_PX: f64 = 2.0;
+/// A side that is not known to this share of itself gives no metres.
+const LARGEST_SIGMA: f64 = 0.03;
+const STEPS: usize = 30;
+
+/// The side of a board's squares.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Square {
+    /// In the capture's unit.
+    pub side: f64,
+    /// Standard deviation as a share of the side.
+    pub sigma: f64,
+    /// Frames in which the board was seen whole.
+    pub frames: usize,
+    /// Root mean square distance of corners from where the board puts them, pixels.
+    pub rms_px: f64,
+}
+
+/// How long a side of the board's squares is.
+///
+/// # Errors
+/// What to film instead: a board that is seen whole in fewer than two frames, moves, is bent, or whose distance the
+/// camera's motion does not tell.
+pub fn square(film: &Filmed<'_>, board: Chessboard) -> Result<Square, String> {
+    let find = |(frame, pose): (&image::RgbImage, &Option<Isometry3<f64>>)| {
+        // What OpenCV refuses to look at shows no board.
+        let corners = board.find(&image::imageops::grayscale(frame)).ok().flatten();
+        pose.zip(corners)
+    };
+    let views: Vec<View> = film.frames.par_iter().zip(film.camera_from_world).filter_map(find).collect();
+    fitted(film.intrinsics, board, views)
+}
+
+/// A frame's pose, camera from world, and the board's corners in it, row by row from any of its corners.
+type View = (Isometry3<f64>, Vec<Point2<f64>>);
+
+fn fitted(lens: &calib::Intrinsics, board: Chessboard, mut views: Vec<View>) -> Result<Square, String> {
+    if views.len() < 2 {
+        return Err(format!(
+            "the {board} board is seen whole in {} frames of the capture; lay it where the camera sees it from several places",
+            views.len()
+        ));
+    }
+    same_order(lens, board, &mut views);
+    let on_board: Vec<Point3<f64>> = (0..board.rows)
+        .flat_map(|row| (0..board.columns).map(move |column| (f64::from(column), f64::from(row))))
+        .map(|(column, row)| Point3::new(column, row, 0.0))
+        .collect();
+    let start = triangulated(lens, &on_board, &views).ok_or_else(|| {
+        format!(
+            "the {board} board's distance is not told by the {} frames that see it whole; film it from places further \
+             apart, and let it lie still",
+            views.len()
+        )
+    })?;
+    let square = polished(lens, &on_board, &views, start);
+    match square {
+        Some(square) if square.rms_px > LARGEST_RMS_PX => Err(format!(
+            "the {board} board's corners are {:.1} pixels from where they belong; let it lie still and flat, and count \
+             its inner corners",
+            square.rms_px
+        )),
+        Some(square) if square.sigma <= LARGEST_SIGMA => Ok(square),
+        _ => Err(format!(
+            "the {board} board tells the metres to no better than {:.0} %; film it from nearer, and from places \
+             further apart",
+            100.0 * square.map_or(1.0, |s| s.sigma.min(1.0))
+        )),
+    }
+}
+
+/// Which corner of a board comes first is the detector's choice: all views get the order of the first. A board looks the
+/// same turned by half, square ones by a quarter; a camera that moves by hand is turned by less.
+fn same_order(lens: &calib::Intrinsics, board: Chessboard, views: &mut [View]) {
+    // Directions in the world, from the board's middle: parallax moves all alike.
+    let shape = |(pose, corners): &View| -> Vec<Vector3<f64>> {
+        let rays: Vec<Vector3<f64>> = corners
+            .iter()
+            .map(|c| {
+                lens.unproject(c).map_or_else(Vector3::zeros, |ray| pose.rotation.inverse() * ray.normalize())
+            })
+            .collect();
+        let middle = rays.iter().sum::<Vector3<f64>>() / rays.len().max(1) as f64;
+        rays.into_iter().map(|ray| ray - middle).collect()
+    };
+    let Some((first, others)) = views.split_first_mut() else { return };
+    let expected = shape(first);
+    for view in others {
+        let found = shape(view);
+        let miss = |order: &Vec<usize>| -> f64 {
+            order.iter().zip(&expected).map(|(i, e)| (found[*i] - e).norm_squared()).sum()
+        };
+        if let Some(order) = orders(board).into_iter().min_by(|a, b| miss(a).total_cmp(&miss(b))) {
+            view.1 = order.iter().map(|i| view.1[*i]).collect();
+        }
+    }
+}
+
+/// The orders in which a detector may tell a board's corners.
+fn orders(board: Chessboard) -> Vec<Vec<usize>> {
+    let (columns, rows) = (board.columns as usize, board.rows as usize);
+    let count = columns * rows;
+    let mut orders = vec![(0..count).collect(), (0..count).rev().collect()];
+    if columns == rows {
+        let quarter: Vec<usize> =
+            (0..count).map(|i| (i % columns) * columns + columns - 1 - i / columns).collect();
+        orders.push(quarter.iter().rev().copied().collect());
+        orders.push(quarter);
+    }
+    orders
+}
+
+/// A board's place and size.
+#[derive(Debug, Clone, Copy)]
+struct Board {
+    world_from_board: Isometry3<f64>,
+    side: f64,
+}
+
+impl Board {
+    fn point(&self, on_board: &Point3<f64>) -> Point3<f64> {
+        self.world_from_board * (on_board * self.side)
+    }
+
+    /// Turned about the board's first corner, moved, scaled.
+    fn moved(&self, step: &SVector<f64, 7>) -> Self {
+        let turn = UnitQuaternion::from_scaled_axis(step.fixed_rows::<3>(0).into_owned());
+        let shift = Translation3::from(self.world_from_board.translation.vector + step.fixed_rows::<3>(3));
+        let world_from_board = Isometry3::from_parts(shift, turn * self.world_from_board.rotation);
+        Self { world_from_board, side: self.side * step[6].exp() }
+    }
+}
+
+/// Where the corners' sightings meet, one corner after the other.
+fn triangulated(lens: &calib::Intrinsics, on_board: &[Point3<f64>], views: &[View]) -> Option<Board> {
+    const ACCEPT: Acceptance = Acceptance { max_error_px: 3.0, min_angle: 0.003, min_sightings: 2 };
+    let point = |(i, corner): (usize, &Point3<f64>)| {
+        let sightings: Vec<_> = views.iter().map(|(pose, corners)| (pose, corners[i])).collect();
+        Some((*corner, triangulate(lens, &sightings, &ACCEPT)?))
+    };
+    let (corners, points): (Vec<_>, Vec<_>) = on_board.iter().enumerate().filter_map(point).unzip();
+    let fit = absolute_orientation::similarity(&corners, &points).ok()?;
+    Some(Board { world_from_board: fit.isometry, side: fit.scaling() })
+}
+
+/// Where all sightings together put the board, and how well they tell its size.
+fn polished(
+    lens: &calib::Intrinsics,
+    on_board: &[Point3<f64>],
+    views: &[View],
+    start: Board,
+) -> Option<Square> {
+    let loss = Loss::Cauchy(1.0);
+    let sightings = || {
+        views.iter().flat_map(|(pose, seen)| {
+            on_board.iter().zip(seen).map(move |(corner, pixel)| (pose, corner, pixel))
+        })
+    };
+    let residual = |board: &Board, pose: &Isometry3<f64>, corner: &Point3<f64>, pixel: &Point2<f64>| {
+        Some(lens.project(&(pose * board.point(corner)))? - pixel)
+    };
+    let cost = |board: &Board| -> f64 {
+        let each = sightings().map(|(pose, corner, pixel)| {
+            residual(board, pose, corner, pixel).map_or(1e6, |r: Vector2<f64>| r.norm_squared())
+        });
+        each.map(|squared| loss.cost(squared)).sum()
+    };
+    let (mut board, mut best, mut damping) = (start, cost(&start), 1e-4);
+    let mut normal = SMatrix::<f64, 7, 7>::zeros();
+    for _ in 0..STEPS {
+        normal.fill(0.0);
+        let mut right = SVector::<f64, 7>::zeros();
+        for (pose, corner, pixel) in sightings() {
+            let Some(off) = residual(&board, pose, corner, pixel) else { continue };
+            let arm = board.point(corner) - board.world_from_board.translation.vector;
+            let mut moves = SMatrix::<f64, 3, 7>::zeros();
+            moves.fixed_view_mut::<3, 3>(0, 0).copy_from(&-arm.coords.cross_matrix());
+            moves.fixed_view_mut::<3, 3>(0, 3).fill_with_identity();
+            moves.fixed_view_mut::<3, 1>(0, 6).copy_from(&arm.coords);
+            let projected = lens.project_jacobian(&(pose * board.point(corner)));
+            let jacobian = projected * pose.rotation.to_rotation_matrix().matrix() * moves;
+            let weight = loss.weight(off.norm_squared());
+            normal += weight * jacobian.transpose() * jacobian;
+            right -= weight * jacobian.transpose() * off;
+        }
+        let mut damped = normal;
+        for k in 0..7 {
+            damped[(k, k)] *= 1.0 + damping;
+        }
+        let moved = board.moved(&damped.cholesky()?.solve(&right));
+        let moved_cost = cost(&moved);
+        if moved_cost >= best {
+            damping *= 10.0;
+            if damping > 1e3 {
+                break;
+            }
+            continue;
+        }
+        let fell = (best - moved_cost) / best;
+        (board, best) = (moved, moved_cost);
+        damping *= 0.1;
+        if fell < 1e-9 {
+            break;
+        }
+    }
+    let squares = sightings().map(|(pose, corner, pixel)| {
+        residual(&board, pose, corner, pixel).map_or(f64::INFINITY, |r: Vector2<f64>| r.norm_squared())
+    });
+    let rms_px = (squares.sum::<f64>() / sightings().count().max(1) as f64).sqrt();
+    // One corner's error is another's: of a blurred or bent board all are off together, so a frame counts once.
+    let noise_px = rms_px.max(CORNER_SIGMA_PX) * (on_board.len() as f64).sqrt();
+    let variance = normal.try_inverse()?[(6, 6)];
+    Some(Square { side: board.side, sigma: noise_px * variance.sqrt(), frames: views.len(), rms_px })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use calib::Intrinsics;
+    use rand::RngExt;
+
+    const SIDE: f64 = 0.06;
+
+    /// A board of squares of 0.06 units, 1.5 units away, seen by a camera that moves `step` aside from frame to frame.
+    fn views(lens: &Intrinsics, board: Chessboard, step: f64, noise_px: f64) -> Vec<View> {
+        let world_from_board = Isometry3::new(Vector3::new(-0.25, -0.1, 1.5), Vector3::new(0.5, -0.3, 0.2));
+        let truth = Board { world_from_board, side: SIDE };
+        let mut rng = rand_pcg::Pcg64Mcg::new(7);
+        let mut near = |p: Point2<f64>| {
+            p + Vector2::new(rng.random_range(-1.0..1.0), rng.random_range(-1.0..1.0)) * noise_px
+        };
+        let mut view = |i: u32| {
+            let along = f64::from(i) * step;
+            let pose = Isometry3::new(
+                Vector3::new(along, -0.3 * along, 0.1 * along),
+                Vector3::new(0.0, 0.02 * f64::from(i), 0.0),
+            );
+            let corner =
+                |k: u32| Point3::new(f64::from(k % board.columns), f64::from(k / board.columns), 0.0);
+            let corners = (0..board.columns * board.rows)
+                .map(|k| near(lens.project(&(pose * truth.point(&corner(k)))).unwrap()));
+            (pose, corners.collect())
+        };
+        (0..8).map(&mut view).collect()
+    }
+
+    fn lens() -> Intrinsics {
+        let mut lens = Intrinsics::from_horizontal_fov(640, 480, 60.0);
+        lens.distortion = [-0.1, 0.02, 0.001, -0.001, 0.0].into();
+        lens
+    }
+
+    #[test]
+    fn a_square_is_as_long_as_it_was_made() {
+        let board = Chessboard { columns: 9, rows: 6 };
+        let exact = fitted(&lens(), board, views(&lens(), board, 0.05, 0.0)).unwrap();
+        assert!((exact.side / SIDE - 1.0).abs() < 1e-6 && exact.frames == 8, "{exact:?}");
+        let noisy = fitted(&lens(), board, views(&lens(), board, 0.05, 0.3)).unwrap();
+        let off = (noisy.side / SIDE - 1.0).abs();
+        assert!(off < 0.004 && off < 4.0 * noisy.sigma && noisy.sigma < 0.03, "{noisy:?}");
+    }
+
+    #[test]
+    fn the_detectors_first_corner_does_not_matter() {
+        for (columns, rows) in [(9, 6), (5, 5)] {
+            let board = Chessboard { columns, rows };
+            let mut views = views(&lens(), board, 0.05, 0.1);
+            let orders = orders(board);
+            for (view, order) in views.iter_mut().skip(1).zip(orders.iter().cycle().skip(1)) {
+                view.1 = order.iter().map(|i| view.1[*i]).collect();
+            }
+            let found = fitted(&lens(), board, views).unwrap();
+            assert!((found.side / SIDE - 1.0).abs() < 0.004, "{found:?}");
+        }
+    }
+
+    #[test]
+    fn what_gives_no_metres_says_what_to_film() {
+        let board = Chessboard { columns: 9, rows: 6 };
+        let said = |views: Vec<View>| fitted(&lens(), board, views).unwrap_err();
+        assert!(said(Vec::new()).contains("seen whole in 0 frames"));
+        assert!(said(views(&lens(), board, 0.05, 0.0)[..1].to_vec()).contains("seen whole in 1 frames"));
+        assert!(said(views(&lens(), board, 0.0, 0.1)).contains("further apart"));
+        // Somebody carries the board along: it is where it was for the first four frames, then elsewhere.
+        let mut carried = views(&lens(), board, 0.05, 0.1);
+        for (i, (_, corners)) in carried.iter_mut().enumerate() {
+            for corner in corners {
+                *corner += Vector2::new(0.0, 12.0) * i as f64;
+            }
+        }
+        let heard = said(carried);
+        assert!(heard.contains("still"), "{heard}");
+    }
+}
