@@ -56,7 +56,9 @@ fn main() -> Result<()> {
     println!("{:.1} s, {report:?}", start.elapsed().as_secs_f64());
     let view = &views[0];
     let start = Instant::now();
-    if let Some((surface, report)) = planes::complete(&views, &PlaneOptions::default()) {
+    if let Some(planes::Completed { surface, report, .. }) =
+        planes::complete(&views, &PlaneOptions::default())
+    {
         println!("{:.1} s, {report:?}", start.elapsed().as_secs_f64());
         completed(name, &surface, &depth, rest.first().map(Path::new))?;
     }

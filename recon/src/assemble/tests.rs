@@ -61,6 +61,7 @@ fn furnished_rooms_come_out_metric_and_upright() {
         let project = project(points, Scale::Height { camera: 0, height_m });
         let captures = Captures {
             surfaces: &surfaces,
+            beside: &[],
             lenses: &lenses,
             measured: &[vec![], vec![]],
             edges: &[],
@@ -149,7 +150,8 @@ fn what_runs_up_in_the_pictures_says_how_level_a_bent_room_is() {
         let project = project(points, Scale::Height { camera: 0, height_m: truth[0].center().z });
         for (tilt_deg, edges) in tilts_deg.iter_mut().zip([&[][..], &edges]) {
             let measured = &[vec![], vec![]];
-            let captures = Captures { surfaces: &surfaces, lenses: &lenses, measured, edges, square: None };
+            let captures =
+                Captures { surfaces: &surfaces, beside: &[], lenses: &lenses, measured, edges, square: None };
             let (room, report) = assemble(&project, &captures, &AssembleOptions::default()).unwrap();
             assert_eq!(report.floor.plumb_captures > 0, !edges.is_empty(), "seed {seed}: {report:?}");
             for (found, truth) in room.cameras.iter().zip(truth) {

@@ -5,13 +5,14 @@ use std::time::Instant;
 use calib::Intrinsics;
 use image::RgbImage;
 use nalgebra::{Isometry3, Point2, Point3};
-use scenes::geometry::vector_from_vec3;
+use scenes::geometry::{Disc, vector_from_vec3};
 
 use super::{BuildOptions, CameraReport};
 use crate::capture::Capture;
 use crate::dense::{self, DenseOptions, PosedCapture};
+use crate::fusion::beside;
 use crate::motion::{self, MotionOptions};
-use crate::planes::{self, PlaneOptions};
+use crate::planes::{self, Completed, PlaneOptions};
 use crate::ray_depth::{self, Asked, Filmed, MeasuredPixel};
 use crate::rolling_shutter::RollingShutter;
 use crate::surface::Surface;
@@ -36,6 +37,8 @@ pub(super) struct Seen {
     /// As filmed.
     pub(super) lens: Intrinsics,
     pub(super) surface: Surface,
+    /// What only the capture's key frames saw, in the reference camera's frame and the capture's unit.
+    pub(super) beside: Vec<Disc>,
     /// One a frame; world = the reference frame's camera.
     pub(super) camera_from_world: Vec<Option<Isometry3<f64>>>,
     /// The nearest and the farthest depth of what is seen.
@@ -96,12 +99,18 @@ pub(super) fn see(
     let dense_options = DenseOptions { seed: options.seed, ..options.dense.clone() };
     let (views, dense_report) = dense::reconstruct(&posed, &dense_options)?;
     let plane_options = PlaneOptions { seed: options.seed, ..options.planes.clone() };
-    let (surface, plane_report) = planes::complete(&views, &plane_options)
+    let completed = planes::complete(&views, &plane_options)
         .ok_or_else(|| Error::capture(name, "no view was reconstructed"))?;
-    tracing::info!("{name}: {plane_report:?}");
+    let beside = if options.dense.beside {
+        beside::discs(&views, &completed, &plane_options, &options.assemble.fusion)
+    } else {
+        Vec::new()
+    };
+    let Completed { surface, report: plane_report, .. } = completed;
+    tracing::info!("{name}: {plane_report:?}, {} discs seen by key frames alone", beside.len());
     let report = report.with_depth(capture.sampled, &dense_report, &surface, start.elapsed());
     let range = depth_range(&points);
-    Ok(Seen { lens, surface, camera_from_world, range, report })
+    Ok(Seen { lens, surface, beside, camera_from_world, range, report })
 }
 
 impl Moved {

@@ -20,6 +20,7 @@ use calib::Intrinsics;
 use image::RgbImage;
 use nalgebra::Point2;
 use rayon::prelude::*;
+use scenes::geometry::Disc;
 use scenes::room::{Room, Zone};
 
 use crate::assemble::{self, AssembleOptions, Captures};
@@ -125,9 +126,16 @@ pub fn build(
     step("the room: cameras, floor, metres".into());
     let start = Instant::now();
     let surfaces: Vec<Surface> = cameras.iter().map(|(c, _)| c.seen.surface.clone()).collect();
+    let beside: Vec<&[Disc]> = cameras.iter().map(|(c, _)| c.seen.beside.as_slice()).collect();
     let lenses: Vec<Intrinsics> = cameras.iter().map(|(c, _)| c.seen.lens.clone()).collect();
-    let captures =
-        Captures { surfaces: &surfaces, lenses: &lenses, measured: &measured, edges: &edges, square };
+    let captures = Captures {
+        surfaces: &surfaces,
+        beside: &beside,
+        lenses: &lenses,
+        measured: &measured,
+        edges: &edges,
+        square,
+    };
     let (mut room, assembled) = assemble::assemble(&project, &captures, &options.assemble)?;
     report.assembled(&project, &assembled, start.elapsed());
     take_over(&mut room, before, zones);

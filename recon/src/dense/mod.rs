@@ -52,6 +52,8 @@ pub struct DenseOptions {
     pub agreement_px: f32,
     /// … and its patch correlates: 1 − NCC, geometric disagreement included, below this.
     pub largest_cost: f32,
+    /// Whether what only key frames see comes into the room, too.
+    pub beside: bool,
     /// Seed of the random hypotheses.
     pub seed: u64,
 }
@@ -72,6 +74,7 @@ impl Default for DenseOptions {
             least_agreeing: 2,
             agreement_px: 1.0,
             largest_cost: 0.6,
+            beside: true,
             seed: 0,
         }
     }
@@ -89,6 +92,7 @@ impl DenseOptions {
             halvings: 2,
             always_afar: false,
             iterations: [3, 1, 1],
+            beside: false,
             ..Self::default()
         }
     }

@@ -1,17 +1,20 @@
 //! Surfaces of all cameras → the room's oriented, coloured discs, in the world frame.
 //!
 //! What two cameras see alike is kept once, from the one that resolves it finer ([`Witness`]); what one camera looks
-//! through is dropped. Smooth regions become larger discs ([`blocks`]), so that a wall does not cost a disc a pixel.
+//! through is dropped. Smooth regions become larger discs ([`blocks`]), so that a wall does not cost a disc a pixel. What
+//! only key frames saw ([`beside`]) comes along where no camera sees the place itself.
 
+pub(crate) mod beside;
 mod blocks;
+mod witness;
 
-use glam::{Affine3A, Vec3};
+use glam::Vec3;
 use nalgebra::Similarity3;
 use rayon::prelude::*;
 use scenes::geometry::{Disc, point_from_vec3, vec3_from_point, vec3_from_vector, vector_from_vec3};
 
-use crate::dense::Pinhole;
 use crate::surface::{Origin, Surface};
+use witness::Witness;
 
 /// How surfaces are fused.
 #[derive(Debug, Clone)]
@@ -46,11 +49,15 @@ pub struct FusionReport {
     pub discs: usize,
     /// Of these, not measured but filled in.
     pub filled: usize,
+    /// Of these, seen by key frames alone.
+    pub beside: usize,
 }
 
-/// Fuses all surfaces; `world_from_camera` in metres, one a surface.
+/// Fuses all surfaces; `world_from_camera` in metres, one a surface. `beside`: for each what only its key frames saw
+/// ([`beside::discs`]), in its camera's frame and unit.
 pub fn fuse(
     surfaces: &[Surface],
+    beside: &[&[Disc]],
     world_from_camera: &[Similarity3<f64>],
     options: &FusionOptions,
 ) -> (Vec<Disc>, FusionReport) {
@@ -80,6 +87,11 @@ pub fn fuse(
         discs.extend(
             blocks::discs(surface, &keep, options.flatness).into_iter().map(|disc| moved(&disc, world)),
         );
+        let unseen = |disc: &&Disc| others.iter().all(|other| beside::is_new(disc, other, options));
+        let found = beside.get(index).copied().unwrap_or_default().iter().filter(unseen);
+        let before = discs.len();
+        discs.extend(found.map(|disc| moved(disc, world)));
+        report.beside += discs.len() - before;
     }
     report.discs = discs.len();
     report.filled = discs.iter().filter(|d| d.filled).count();
@@ -93,44 +105,6 @@ enum Verdict {
     Duplicate,
     SeenThrough,
     TooCoarse,
-}
-
-/// Another camera that may have seen the same.
-struct Witness<'a> {
-    surface: &'a Surface,
-    camera: Pinhole,
-    from_camera: Affine3A,
-    /// Length of a unit of this camera in the witness's.
-    scale: f32,
-    /// Whether it has precedence where both see equally well.
-    first: bool,
-}
-
-impl<'a> Witness<'a> {
-    fn new(surface: &'a Surface, witness_from_camera: &Similarity3<f64>, first: bool) -> Self {
-        let (t, r) = (witness_from_camera.isometry.translation.vector, witness_from_camera.isometry.rotation);
-        let scale = witness_from_camera.scaling() as f32;
-        let rotation = glam::Quat::from_xyzw(r.i as f32, r.j as f32, r.k as f32, r.w as f32);
-        let translation = Vec3::new(t.x as f32, t.y as f32, t.z as f32);
-        let from_camera =
-            Affine3A::from_scale_rotation_translation(Vec3::splat(scale), rotation, translation);
-        Self { camera: surface.pinhole(), surface, from_camera, scale, first }
-    }
-
-    /// The witness's pixel that a point falls into, and the point's depth there.
-    fn pixel(&self, point: Vec3) -> Option<(usize, usize, f32)> {
-        let p = self.from_camera.transform_point3(point);
-        if p.z <= 0.0 {
-            return None;
-        }
-        let u = (self.camera.fx * p.x / p.z + self.camera.cx).round();
-        let v = (self.camera.fy * p.y / p.z + self.camera.cy).round();
-        let inside = u >= 1.0
-            && v >= 1.0
-            && u < self.surface.width() as f32 - 1.0
-            && v < self.surface.height() as f32 - 1.0;
-        inside.then_some((u as usize, v as usize, p.z))
-    }
 }
 
 fn judge(surface: &Surface, i: usize, others: &[Witness<'_>], options: &FusionOptions) -> Verdict {
@@ -158,7 +132,7 @@ fn judge(surface: &Surface, i: usize, others: &[Witness<'_>], options: &FusionOp
             if other_better {
                 return Verdict::Duplicate;
             }
-        } else if measured && z < seen && looks_past(witness, u, v, z, options) {
+        } else if measured && z < seen && witness.looks_past((u, v), z, options.same_surface) {
             let filled = surface.origin[i] == Origin::Filled;
             if filled || surface.agreeing[i] <= witness.surface.agreeing[j] {
                 return Verdict::SeenThrough;
@@ -166,16 +140,6 @@ fn judge(surface: &Surface, i: usize, others: &[Witness<'_>], options: &FusionOp
         }
     }
     Verdict::Keep
-}
-
-/// Whether everything that the witness measured around a pixel lies well behind `z`.
-fn looks_past(witness: &Witness<'_>, u: usize, v: usize, z: f32, options: &FusionOptions) -> bool {
-    (v - 1..=v + 1).all(|y| {
-        (u - 1..=u + 1).all(|x| {
-            let seen = witness.surface.depth[y * witness.surface.width() + x];
-            seen <= 0.0 || z < seen * (1.0 - options.same_surface)
-        })
-    })
 }
 
 fn moved(disc: &Disc, world: &Similarity3<f64>) -> Disc {
@@ -212,7 +176,7 @@ mod tests {
     fn what_two_cameras_see_alike_is_kept_once_from_the_finer() {
         let views = [wall(2.0, 32, Origin::Stereo), wall(2.0, 64, Origin::Stereo)];
         let still = [Similarity3::identity(), Similarity3::identity()];
-        let (discs, report) = fuse(&views, &still, &FusionOptions::default());
+        let (discs, report) = fuse(&views, &[], &still, &FusionOptions::default());
         // The coarse camera keeps its outermost ring, where the fine one's lookup would leave its image.
         assert!(report.duplicates >= 900, "{report:?}");
         assert!(
@@ -227,11 +191,11 @@ mod tests {
     fn what_another_camera_looks_through_is_dropped() {
         let views = [wall(1.0, 32, Origin::Filled), wall(2.0, 32, Origin::Stereo)];
         let still = [Similarity3::identity(), Similarity3::identity()];
-        let (_, report) = fuse(&views, &still, &FusionOptions::default());
+        let (_, report) = fuse(&views, &[], &still, &FusionOptions::default());
         assert!(report.seen_through >= 900, "{report:?}");
         // The other way round nothing is contradicted: a filled wall behind a measured one is only hidden.
         let views = [wall(1.0, 32, Origin::Stereo), wall(2.0, 32, Origin::Filled)];
-        assert_eq!(fuse(&views, &still, &FusionOptions::default()).1.seen_through, 0);
+        assert_eq!(fuse(&views, &[], &still, &FusionOptions::default()).1.seen_through, 0);
     }
 
     #[test]
@@ -241,20 +205,40 @@ mod tests {
         for (i, agreeing) in measured.agreeing.iter_mut().enumerate().take(16 * 32) {
             *agreeing += (i % 2) as u8;
         }
-        let (discs, _) = fuse(&[measured], &[Similarity3::identity()], &FusionOptions::default());
+        let (discs, _) = fuse(&[measured], &[], &[Similarity3::identity()], &FusionOptions::default());
         for disc in &discs {
             let expected = if disc.center.y < 0.0 { 4.5 } else { 4.0 };
             assert!((disc.confidence - expected).abs() < 1e-6, "{disc:?}");
         }
         let filled = wall(2.0, 32, Origin::Filled);
-        let (discs, _) = fuse(&[filled], &[Similarity3::identity()], &FusionOptions::default());
+        let (discs, _) = fuse(&[filled], &[], &[Similarity3::identity()], &FusionOptions::default());
         assert!(discs.iter().all(|d| d.filled && d.confidence.to_bits() == 0));
+    }
+
+    #[test]
+    fn what_key_frames_saw_comes_along_unless_another_camera_sees_the_place() {
+        let disc = |z: f32| Disc {
+            center: Vec3::new(0.0, 0.0, z),
+            normal: -Vec3::Z,
+            radius: 0.01,
+            color: [1, 2, 3],
+            filled: false,
+            confidence: 2.0,
+        };
+        // Behind the second camera's wall, before it, and behind its back.
+        let beside = [disc(5.0), disc(1.0), disc(-1.0)];
+        let views = [wall(4.0, 32, Origin::Stereo), wall(2.0, 32, Origin::Stereo)];
+        let twice = Similarity3::from_scaling(2.0);
+        let (discs, report) = fuse(&views, &[&beside, &[]], &[twice, twice], &FusionOptions::default());
+        let told: Vec<f32> = discs.iter().filter(|d| d.color == [1, 2, 3]).map(|d| d.center.z).collect();
+        assert_eq!((told, report.beside), (vec![10.0, -2.0], 2));
     }
 
     #[test]
     fn discs_stand_in_the_world_with_its_scale() {
         let world = Similarity3::new(nalgebra::Vector3::new(1.0, 2.0, 3.0), nalgebra::Vector3::zeros(), 2.0);
-        let (discs, report) = fuse(&[wall(2.0, 32, Origin::Stereo)], &[world], &FusionOptions::default());
+        let (discs, report) =
+            fuse(&[wall(2.0, 32, Origin::Stereo)], &[], &[world], &FusionOptions::default());
         assert_eq!((report.discs, report.filled, report.pixels), (discs.len(), 0, 1024));
         assert!(discs.iter().all(|d| (d.center.z - 7.0).abs() < 1e-5 && d.color == [90, 120, 150]));
         // All discs together cover the wall: 2 · 2 · tan 30° · 2 wide.

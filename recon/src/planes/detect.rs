@@ -40,6 +40,14 @@ impl ImagePlane {
         self.coefficients[0] * u + self.coefficients[1] * v + self.coefficients[2]
     }
 
+    /// Whether what is seen at a pixel at this depth lies behind the plane, by more than stereo's noise. `step`: inverse depth
+    /// of a pixel of disparity.
+    pub(crate) fn hides(&self, u: f32, v: f32, depth: f32, step: f32) -> bool {
+        /// Pixels of disparity beyond noise.
+        const BEHIND_PX: f32 = 1.5;
+        self.at(u, v) - 1.0 / depth > BEHIND_PX * step
+    }
+
     /// The plane as a support at a pixel.
     pub fn support(&self, u: f32, v: f32) -> Support {
         Support { w: self.at(u, v), gu: self.coefficients[0], gv: self.coefficients[1] }

@@ -96,8 +96,20 @@ pub struct PlaneReport {
     pub filled: f64,
 }
 
-/// The reference view's surface, cleaned and completed. `views`: the reference first, then the key frames.
-pub fn complete(views: &[DenseView], options: &PlaneOptions) -> Option<(Surface, PlaneReport)> {
+/// A reference view with its room's planes known.
+#[derive(Debug, Clone)]
+pub struct Completed {
+    /// What the view sees, cleaned and completed.
+    pub surface: Surface,
+    /// The planes that enclose the room: nothing real lies behind them.
+    pub enclosing: Vec<ImagePlane>,
+    /// What was done.
+    pub report: PlaneReport,
+}
+
+/// The reference view's surface, cleaned and completed; `None` without a view. `views`: the reference first, then the key
+/// frames.
+pub fn complete(views: &[DenseView], options: &PlaneOptions) -> Option<Completed> {
     let view = views.first()?;
     let mut surface = Surface::from_view(view);
     let total = surface.depth.len().max(1) as f64;
@@ -129,21 +141,19 @@ pub fn complete(views: &[DenseView], options: &PlaneOptions) -> Option<(Surface,
         forgotten: share(forgotten),
         filled: share(filled),
     };
-    Some((surface, report))
+    let enclosing = planes.into_iter().filter(|p| p.encloses).collect();
+    Some(Completed { surface, enclosing, report })
 }
 
 /// What lies behind a wall that nothing else lies behind is a reflection, or a mistake.
 fn forget_behind(surface: &mut Surface, planes: &[ImagePlane], step: f32) {
-    /// Pixels of disparity beyond noise.
-    const BEHIND_PX: f32 = 1.5;
     let width = surface.width();
     for i in 0..surface.depth.len() {
         if surface.depth[i] <= 0.0 {
             continue;
         }
         let (u, v) = ((i % width) as f32, (i / width) as f32);
-        let w = 1.0 / surface.depth[i];
-        if planes.iter().any(|p| p.encloses && p.at(u, v) - w > BEHIND_PX * step) {
+        if planes.iter().any(|p| p.encloses && p.hides(u, v, surface.depth[i], step)) {
             surface.forget(i);
         }
     }

@@ -81,7 +81,7 @@ fn holes_in_planes_are_filled_exactly_and_marked() {
             || (110..150).contains(&x) && (55..90).contains(&y)
             || (90..110).contains(&x) && (45..60).contains(&y)
     };
-    let (surface, report) = complete(&[view(hole)], &PlaneOptions::default()).unwrap();
+    let Completed { surface, report, .. } = complete(&[view(hole)], &PlaneOptions::default()).unwrap();
     assert!(report.planes >= 3 && report.filled > 0.05, "{report:?}");
     let wrong = (0..WIDTH * HEIGHT)
         .map(|i| (i % WIDTH, i / WIDTH))
@@ -98,7 +98,8 @@ fn holes_in_planes_are_filled_exactly_and_marked() {
 
 #[test]
 fn planes_take_the_noise_away() {
-    let (surface, report) = complete(&[view(|_, _| false)], &PlaneOptions::default()).unwrap();
+    let Completed { surface, report, .. } =
+        complete(&[view(|_, _| false)], &PlaneOptions::default()).unwrap();
     assert!(report.on_planes > 0.85, "{report:?}");
     for (x, y) in [(20, 20), (140, 30), (30, 110), (80, 60)] {
         assert!(relative_error(&surface, x, y) < 0.003, "{x}, {y}: {}", relative_error(&surface, x, y));
@@ -112,7 +113,7 @@ fn speckles_in_free_space_go() {
         view.map.supports[y * WIDTH + x] = Support { w: 0.8, gu: 0.0, gv: 0.0 };
     }
     let options = PlaneOptions { speckle_share: 0.0005, ..PlaneOptions::default() };
-    let (surface, _) = complete(&[view], &options).unwrap();
+    let Completed { surface, .. } = complete(&[view], &options).unwrap();
     assert!(relative_error(&surface, 20, 20) < 0.01);
     assert_eq!(surface.origin[20 * WIDTH + 20], Origin::Filled);
 }
@@ -126,13 +127,13 @@ fn what_lies_behind_the_rooms_walls_is_a_reflection() {
             view.map.supports[y * WIDTH + x].w *= 0.6;
         }
     }
-    let (surface, _) = complete(&[view], &PlaneOptions::default()).unwrap();
+    let Completed { surface, .. } = complete(&[view], &PlaneOptions::default()).unwrap();
     assert!(relative_error(&surface, 40, 110) < 0.01, "{}", relative_error(&surface, 40, 110));
 }
 
 #[test]
 fn an_empty_view_stays_empty() {
-    let (surface, report) = complete(&[view(|_, _| true)], &PlaneOptions::default()).unwrap();
+    let Completed { surface, report, .. } = complete(&[view(|_, _| true)], &PlaneOptions::default()).unwrap();
     assert_eq!((surface.coverage(), report.planes), (0.0, 0));
     assert!(complete(&[], &PlaneOptions::default()).is_none());
 }
@@ -247,7 +248,7 @@ fn a_fat_rim_goes_back_to_what_lies_behind_and_the_things_own_stays_measured() {
         let w = BOX.0.dot(camera().ray(x as f32, y as f32));
         view.map.supports[y * WIDTH + x] = Support { w, ..plane };
     }
-    let (surface, _) = complete(&[view], &PlaneOptions::default()).unwrap();
+    let Completed { surface, .. } = complete(&[view], &PlaneOptions::default()).unwrap();
     let right = |x: usize, y: usize| relative_error(&surface, x, y) < 0.02;
     let rim = all().filter(|(x, y)| fat(*x, *y)).count();
     let back = all().filter(|(x, y)| fat(*x, *y) && right(*x, *y)).count();

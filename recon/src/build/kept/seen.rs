@@ -2,6 +2,7 @@
 
 use glam::Vec3;
 use image::RgbImage;
+use scenes::geometry::Disc;
 use serde::{Deserialize, Serialize};
 
 use super::numbers::{Lens, head_of, numbers_of, poses_of, with_head};
@@ -18,11 +19,13 @@ struct Head {
     /// Quaternion (i, j, k, w) and translation of each frame; empty where it has no pose.
     poses: Vec<Vec<f64>>,
     range: [f64; 2],
+    /// How many discs come after the pixels.
+    discs: usize,
     report: CameraReport,
 }
 
-/// The head, then pixel by pixel colour, depth and normal (four
-/// bytes a number), agreeing views, origin.
+/// The head, then pixel by pixel colour, depth and normal (four bytes a number), agreeing views, origin; then the discs that
+/// only key frames saw: centre, normal, radius, confidence, colour.
 pub(super) fn encode(seen: &Seen) -> Option<Vec<u8>> {
     let surface = &seen.surface;
     let head = Head {
@@ -31,9 +34,10 @@ pub(super) fn encode(seen: &Seen) -> Option<Vec<u8>> {
         pinhole: Lens::of(&surface.intrinsics),
         poses: seen.camera_from_world.iter().map(|pose| numbers_of(pose.as_ref())).collect(),
         range: seen.range.into(),
+        discs: seen.beside.len(),
         report: seen.report.clone(),
     };
-    let mut bytes = with_head(&head, BYTES_A_PIXEL * surface.depth.len())?;
+    let mut bytes = with_head(&head, BYTES_A_PIXEL * surface.depth.len() + BYTES_A_DISC * seen.beside.len())?;
     bytes.extend(surface.picture.as_raw());
     bytes.extend(surface.depth.iter().flat_map(|z| z.to_le_bytes()));
     bytes.extend(surface.normal.iter().flat_map(Vec3::to_array).flat_map(f32::to_le_bytes));
@@ -43,18 +47,27 @@ pub(super) fn encode(seen: &Seen) -> Option<Vec<u8>> {
         Origin::Stereo => 1,
         Origin::Filled => 2,
     }));
+    for disc in &seen.beside {
+        let numbers = [disc.center.to_array(), disc.normal.to_array()].concat();
+        let numbers = numbers.into_iter().chain([disc.radius, disc.confidence]);
+        bytes.extend(numbers.flat_map(f32::to_le_bytes));
+        bytes.extend(disc.color);
+    }
     Some(bytes)
 }
 
 const BYTES_A_PIXEL: usize = 3 + 4 + 12 + 1 + 1;
+const BYTES_A_DISC: usize = 4 * 8 + 3;
 
 pub(super) fn decode(bytes: &[u8]) -> Option<Seen> {
     let (head, rest): (Head, &[u8]) = head_of(bytes)?;
     let (lens, pinhole) = (head.lens.intrinsics(), head.pinhole.intrinsics());
     let pixels = (pinhole.width as usize).checked_mul(pinhole.height as usize)?;
-    if rest.len() != pixels.checked_mul(BYTES_A_PIXEL)? {
+    let discs = head.discs.checked_mul(BYTES_A_DISC)?;
+    if rest.len() != pixels.checked_mul(BYTES_A_PIXEL)?.checked_add(discs)? {
         return None;
     }
+    let (rest, discs) = rest.split_at(rest.len() - discs);
     let (picture, rest) = rest.split_at(3 * pixels);
     let (depth, rest) = rest.split_at(4 * pixels);
     let (normal, rest) = rest.split_at(12 * pixels);
@@ -79,7 +92,24 @@ pub(super) fn decode(bytes: &[u8]) -> Option<Seen> {
         step: head.step as f32,
     };
     let camera_from_world = poses_of(&head.poses)?;
-    Some(Seen { lens, surface, camera_from_world, range: head.range.into(), report: head.report })
+    let beside = discs.as_chunks::<BYTES_A_DISC>().0.iter().map(disc).collect();
+    Some(Seen { lens, surface, beside, camera_from_world, range: head.range.into(), report: head.report })
+}
+
+fn disc(bytes: &[u8; BYTES_A_DISC]) -> Disc {
+    let (numbers, color) = bytes.split_at(4 * 8);
+    let mut n = [0.0; 8];
+    for (number, bytes) in n.iter_mut().zip(numbers.as_chunks::<4>().0) {
+        *number = f32::from_le_bytes(*bytes);
+    }
+    Disc {
+        center: Vec3::new(n[0], n[1], n[2]),
+        normal: Vec3::new(n[3], n[4], n[5]),
+        radius: n[6],
+        confidence: n[7],
+        color: [color[0], color[1], color[2]],
+        filled: false,
+    }
 }
 
 #[cfg(test)]
@@ -101,7 +131,16 @@ pub(super) mod tests {
         let report =
             CameraReport { name: "cam0".into(), reprojection_rms_px: 0.1 + 0.2, ..CameraReport::default() };
         let camera_from_world = vec![Some(Isometry3::rotation([0.1, -0.7, 0.3].into())), None];
-        Seen { lens, surface, camera_from_world, range: (0.1 + 0.2, 7.0), report }
+        let disc = Disc {
+            center: Vec3::new(0.1, -0.7, 3.0),
+            normal: -Vec3::Z,
+            radius: 0.02,
+            color: [7, 80, 255],
+            filled: false,
+            confidence: 3.5,
+        };
+        let beside = vec![disc, Disc { center: Vec3::ONE, ..disc }];
+        Seen { lens, surface, beside, camera_from_world, range: (0.1 + 0.2, 7.0), report }
     }
 
     #[test]

@@ -1,0 +1,62 @@
+//! Another view as a witness: what did it see where a point falls into its picture?
+
+use glam::{Affine3A, Vec3};
+use nalgebra::Similarity3;
+
+use crate::dense::Pinhole;
+use crate::surface::Surface;
+
+/// Another camera that may have seen the same.
+pub(super) struct Witness<'a> {
+    pub(super) surface: &'a Surface,
+    pub(super) camera: Pinhole,
+    pub(super) from_camera: Affine3A,
+    /// Length of a unit of this camera in the witness's.
+    pub(super) scale: f32,
+    /// Whether it has precedence where both see equally well.
+    pub(super) first: bool,
+}
+
+impl<'a> Witness<'a> {
+    pub(super) fn new(surface: &'a Surface, witness_from_camera: &Similarity3<f64>, first: bool) -> Self {
+        let (t, r) = (witness_from_camera.isometry.translation.vector, witness_from_camera.isometry.rotation);
+        let scale = witness_from_camera.scaling() as f32;
+        let rotation = glam::Quat::from_xyzw(r.i as f32, r.j as f32, r.k as f32, r.w as f32);
+        let translation = Vec3::new(t.x as f32, t.y as f32, t.z as f32);
+        let from_camera =
+            Affine3A::from_scale_rotation_translation(Vec3::splat(scale), rotation, translation);
+        Self { camera: surface.pinhole(), surface, from_camera, scale, first }
+    }
+
+    /// The witness's pixel that a point falls into, and the point's depth there.
+    pub(super) fn pixel(&self, point: Vec3) -> Option<(usize, usize, f32)> {
+        let p = self.from_camera.transform_point3(point);
+        if p.z <= 0.0 {
+            return None;
+        }
+        let u = (self.camera.fx * p.x / p.z + self.camera.cx).round();
+        let v = (self.camera.fy * p.y / p.z + self.camera.cy).round();
+        let inside = u >= 1.0
+            && v >= 1.0
+            && u < self.surface.width() as f32 - 1.0
+            && v < self.surface.height() as f32 - 1.0;
+        inside.then_some((u as usize, v as usize, p.z))
+    }
+
+    /// The depth that the witness sees where a point falls, and the point's own depth there; `None` where it sees nothing.
+    pub(super) fn seen_at(&self, point: Vec3) -> Option<(f32, f32)> {
+        let (u, v, z) = self.pixel(point)?;
+        let seen = self.surface.depth[v * self.surface.width() + u];
+        (seen > 0.0).then_some((seen, z))
+    }
+
+    /// Whether everything that the witness measured around a pixel lies well behind `z`.
+    pub(super) fn looks_past(&self, (u, v): (usize, usize), z: f32, same_surface: f32) -> bool {
+        (v - 1..=v + 1).all(|y| {
+            (u - 1..=u + 1).all(|x| {
+                let seen = self.surface.depth[y * self.surface.width() + x];
+                seen <= 0.0 || z < seen * (1.0 - same_surface)
+            })
+        })
+    }
+}
