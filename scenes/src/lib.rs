@@ -10,7 +10,7 @@
 //! * [`walkable`] — [`walkable::WalkableMap`]: where a person can stand.
 //! * [`canvas`] — the one place that draws: shapes and text over pictures; [`view`] — the room seen from anywhere,
 //!   with people in it; [`plan`] — its floor plan.
-//! * [`editor`] — the page on which people draw zones, and its server.
+//! * [`loopback`] — pages that a program serves to its own machine; [`editor`] — that on which people draw zones.
 //! * [`cache`] — what is worked out once and kept beside a room.
 //! * [`synthetic`] — seeded rooms and walking people with everything known about them, for tests.
 #![forbid(unsafe_code)]
@@ -22,6 +22,7 @@ pub mod editor;
 mod error;
 pub mod exchange;
 pub mod geometry;
+pub mod loopback;
 pub mod plan;
 pub mod polygon;
 pub mod raycast;

@@ -14,6 +14,7 @@
 //! * [`run`] — the pipeline through all of these.
 //! * [`tracks`] — the files of tracks that a run writes, and their readers.
 //! * [`film`] — what each camera saw, with what the tracker believes, beside the simulated view.
+//! * [`view`] — the same in the browser, while the run goes on.
 //! * [`plan`] — the floor plan with everybody's way on it.
 //! * [`detect`] — people in one camera's pictures: what is linked where nobody else detects them.
 //! * [`link`] — a whole recording's detections to the tracks of least total cost.
@@ -40,6 +41,7 @@ pub mod silhouette;
 pub mod source;
 pub mod stage;
 pub mod tracks;
+pub mod view;
 
 pub use error::{Error, Result};
 pub use moment::{CameraFrame, Moment, PersonEstimate, TrackId};

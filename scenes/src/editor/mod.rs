@@ -4,7 +4,8 @@
 //! The page only draws. Where a zone's outline runs in an image, lens and furniture included, and which place of the
 //! floor a pixel shows, the server answers, so that there is one camera model. From outside to inside:
 //!
-//! * [`server`] — [`Server`]: listens, refuses what is not the page's, and finds who answers. Start here.
+//! * [`server`] — [`Server`]: refuses what is not the page's, and finds who answers; it listens by
+//!   [`crate::loopback`]. Start here.
 //! * [`session`] — the room that is edited: loaded, asked, saved.
 //! * [`outline`] — an outline on the floor, as lines in an image.
 //! * [`picture`] — the plan and the cameras' images; [`page`] — the page's own files.

@@ -12,6 +12,7 @@ mod masks;
 mod report;
 mod run;
 mod sampler;
+mod view;
 mod weightmap;
 
 use calib::console::Console;

@@ -21,12 +21,14 @@ use tracker::run::{self, CameraFeed, Ended, Output, RunOptions, RunReport};
 use tracker::source::{self, CameraSource, NamedSource};
 use tracker::stage::{Stage, StageOptions};
 use tracker::tracks::TrackFiles;
+use tracker::view::{Drawer, Screens, Server};
 
 use super::background::{BackgroundArguments, KEEP_BYTES};
 use super::clocks::ClockArguments;
 use super::heads::HeadArguments;
 use super::interrupt;
 use super::sampler::SamplerArguments;
+use super::view::{self, ViewArguments};
 
 /// The published trackers.
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -49,6 +51,7 @@ enum MethodName {
   tracker run myroom --video cam0=cam0.mp4 --video cam1=cam1.mp4 --out out
   tracker run myroom --video a='frames/%04d.jpg' --times times.txt --out out --no-film
   tracker run myroom --video a=a.mp4 --video b=b.mp4 --offset b=2.4 --out out
+  tracker run myroom --video a=a.mp4 --video b=b.mp4 --out out --view
   tracker run myroom --masks a=masks/a --masks b=masks/b --rate 4 --out out
   tracker run myroom --video a=rtsp://camera/stream --background a=empty.mp4 --out out")]
 pub(crate) struct RunArgs {
@@ -90,6 +93,8 @@ pub(crate) struct RunArgs {
     #[arg(long)]
     no_film: bool,
     #[command(flatten)]
+    view: ViewArguments,
+    #[command(flatten)]
     background: BackgroundArguments,
     #[command(flatten)]
     sampler: SamplerArguments,
@@ -117,6 +122,8 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
     if let Some(most) = args.most_people {
         (sampler.max_people, heads.life.max_people) = (most, most);
     }
+    // The port before what takes its time to read.
+    let listener = args.view.listener()?;
     let room = Room::read(&args.room)?;
     let sources = source::open(&room, &args.video, &args.masks)?;
     let masks = match args.method {
@@ -168,8 +175,14 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
     // Everything that was given has been looked at: now something may be written.
     let mut outputs: Vec<Box<dyn Output>> = vec![Box::new(TrackFiles::new(&args.out, &stage))];
     outputs.push(Box::new(TrajectoryPlan::new(&args.out, &room, &args.room)));
+    let looks = FilmOptions::default();
+    let mut page = listener.map(|listener| view::serve(listener, &args.room, &stage)).transpose()?;
+    let screens = page.as_ref().map(Server::screens);
     if !args.no_film {
-        outputs.push(Box::new(Film::start(&args.out, &stage, rate, &FilmOptions::default())?));
+        let audience = screens.map(Screens::audience);
+        outputs.push(Box::new(Film::start(&args.out, &stage, rate, &looks, audience.as_ref())?));
+    } else if let Some(screens) = screens {
+        outputs.push(Box::new(Drawer::start(&stage, &looks, screens)));
     }
     let interrupted = interrupt::watch().context("the signals that end a run")?;
     let mut progress = console.progress("tracking", promised.map(|n| n as u64));
@@ -179,6 +192,9 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
         if interrupted.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })?;
     drop(progress);
+    if let Some(page) = &mut page {
+        page.tell_the_end();
+    }
     report.timings.write(&args.out.join("timings.json"))?;
     let report = report.unless_failed()?;
     if args.smooth {

@@ -15,6 +15,7 @@ mod simulated;
 mod trails;
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::thread::JoinHandle;
 
@@ -58,6 +59,24 @@ struct Scene {
     people: Vec<PersonEstimate>,
 }
 
+/// A frame as it is in a film.
+#[derive(Debug, Clone)]
+pub struct Painted {
+    /// The camera's number in the stage.
+    pub camera: usize,
+    /// The moment's number, from 1.
+    pub frame: u32,
+    /// Its time, seconds.
+    pub time_s: f64,
+    /// How many people are followed.
+    pub people: usize,
+    /// Both panels.
+    pub picture: RgbImage,
+}
+
+/// Who is given each frame once the film has it; called by the painters, which wait for it.
+pub type Audience = Arc<dyn Fn(Painted) + Send + Sync>;
+
 /// The films of a run, one a camera: `overlay/NAME.mp4`. A film without a frame is no file.
 #[derive(Debug)]
 pub struct Film {
@@ -75,22 +94,33 @@ struct Worker {
 const QUEUE: usize = 8;
 
 impl Film {
-    /// Starts the films of a run into `out/overlay`, at `rate` frames a second.
+    /// Starts the films of a run into `out/overlay`, at `rate` frames a second, which an audience may see meanwhile.
     ///
     /// # Errors
     /// When a folder cannot be made or no encoder opens: told here, not after an hour of tracking.
-    pub fn start(out: &Path, stage: &Stage, rate: f64, options: &FilmOptions) -> Result<Self> {
+    pub fn start(
+        out: &Path,
+        stage: &Stage,
+        rate: f64,
+        options: &FilmOptions,
+        audience: Option<&Audience>,
+    ) -> Result<Self> {
         let workers = (0..stage.cameras.len()).map(|index| {
             let mut painter = Painter::new(stage, index, options);
             let path = out.join("overlay").join(format!("{}.mp4", stage.cameras[index].name));
             let (width, height) = painter.size();
             let mut writer = FilmWriter::create(&path, width, height, rate)?;
             let (scenes, received) = sync_channel::<Scene>(QUEUE);
+            let audience = audience.cloned();
             let thread = std::thread::spawn(move || {
                 let mut frames = 0_u64;
-                for scene in received {
-                    writer.write(&painter.paint(scene.frame, scene.time_s, &scene.shot, &scene.people))?;
+                for Scene { frame, time_s, shot, people } in received {
+                    let picture = painter.paint(frame, time_s, &shot, &people);
+                    writer.write(&picture)?;
                     frames += 1;
+                    if let Some(show) = &audience {
+                        show(Painted { camera: index, frame, time_s, people: people.len(), picture });
+                    }
                 }
                 // No player opens a film of nothing; dropped, it leaves no file.
                 if frames > 0 { Ok(writer.finish()?) } else { Ok(()) }

@@ -125,7 +125,7 @@ fn silhouettes_follow_the_lens() {
 fn films_are_written_for_pictures_and_for_masks_alone() {
     let stage = stage([0.0; 5]);
     let folder = tempfile::tempdir().unwrap();
-    let mut film = Film::start(folder.path(), &stage, 12.0, &FilmOptions::default()).unwrap();
+    let mut film = Film::start(folder.path(), &stage, 12.0, &FilmOptions::default(), None).unwrap();
     let mask = GrayImage::from_pixel(640, 480, Luma([255]));
     for frame in 1..=20 {
         let shot = if frame % 2 == 0 { gray(&stage) } else { Shot { image: None, mask: Some(mask.clone()) } };
@@ -141,6 +141,6 @@ fn films_are_written_for_pictures_and_for_masks_alone() {
 fn a_film_that_cannot_be_written_says_so_at_the_start() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("overlay"), "in the way").unwrap();
-    let error = Film::start(folder.path(), &stage([0.0; 5]), 12.0, &FilmOptions::default()).unwrap_err();
+    let error = Film::start(folder.path(), &stage([0.0; 5]), 12.0, &FilmOptions::default(), None).unwrap_err();
     assert!(error.to_string().contains("overlay"), "{error}");
 }

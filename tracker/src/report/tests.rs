@@ -51,7 +51,7 @@ fn run_in(folder: &Path, with_film: bool) -> ReportSources {
     room.write(&room_dir).unwrap();
     let stage = Stage::prepare(&room, &room_dir, &StageOptions::default()).unwrap();
     let mut files = TrackFiles::new(&run, &stage);
-    let mut film = with_film.then(|| Film::start(&run, &stage, 10.0, &FilmOptions::default()).unwrap());
+    let mut film = with_film.then(|| Film::start(&run, &stage, 10.0, &FilmOptions::default(), None).unwrap());
     let (mut truth, mut watch) = (String::new(), Stopwatch::default());
     for frame in 1..=FRAMES {
         let (who, time) = (person(frame), f64::from(frame - 1) / 10.0);

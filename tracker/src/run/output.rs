@@ -6,7 +6,8 @@ use crate::film::{Film, Shot};
 use crate::foreground::Verdict;
 use crate::plan::TrajectoryPlan;
 use crate::tracks::TrackFiles;
-use crate::{Moment, PersonEstimate, Result};
+use crate::view::Drawer;
+use crate::{CameraFrame, Moment, PersonEstimate, Result};
 
 /// One moment with what was made of it.
 #[derive(Debug, Clone, Copy)]
@@ -24,6 +25,16 @@ impl Followed<'_> {
     /// A camera's picture as it was filmed, with distortion; `None` where only masks are given.
     pub fn real_picture(&self, camera: usize) -> Option<&RgbImage> {
         self.real[camera].as_ref().or(self.moment.cameras[camera].image.as_ref())
+    }
+
+    /// Copies of all cameras' pictures and masks, for painters.
+    fn shots(&self) -> Vec<Shot> {
+        let cameras = self.moment.cameras.iter().enumerate();
+        let shot = |(i, camera): (usize, &CameraFrame)| Shot {
+            image: self.real_picture(i).cloned(),
+            mask: camera.mask.clone(),
+        };
+        cameras.map(shot).collect()
     }
 }
 
@@ -56,13 +67,8 @@ impl Output for TrackFiles {
 
 impl Output for Film {
     fn put(&mut self, followed: &Followed<'_>) -> Result<()> {
-        let moment = &followed.moment;
-        let shots = moment
-            .cameras
-            .iter()
-            .enumerate()
-            .map(|(i, camera)| Shot { image: followed.real_picture(i).cloned(), mask: camera.mask.clone() });
-        self.push(moment.frame, moment.time_s, shots.collect(), followed.people)
+        let Moment { frame, time_s, .. } = followed.moment;
+        self.push(frame, time_s, followed.shots(), followed.people)
     }
 
     fn finish(self: Box<Self>) -> Result<()> {
@@ -78,5 +84,17 @@ impl Output for TrajectoryPlan {
 
     fn finish(self: Box<Self>) -> Result<()> {
         TrajectoryPlan::finish(&self)
+    }
+}
+
+impl Output for Drawer {
+    fn put(&mut self, followed: &Followed<'_>) -> Result<()> {
+        let Moment { frame, time_s, .. } = followed.moment;
+        self.offer(frame, time_s, followed.people, || followed.shots());
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
+        Ok(())
     }
 }

@@ -1,0 +1,91 @@
+//! The socket of a server, and who may ask it.
+
+use std::io::{self, ErrorKind};
+use std::net::{SocketAddr, TcpListener};
+
+use axum::Router;
+use axum::body::Body;
+use axum::extract::Request;
+use axum::http::header::HOST;
+use axum::http::{HeaderMap, Response};
+
+use super::Answer;
+use crate::Error;
+
+/// An address of this machine that is listened to.
+#[derive(Debug)]
+pub struct Listener {
+    listener: TcpListener,
+    address: SocketAddr,
+}
+
+impl Listener {
+    /// Listens on an address of this machine, by name or number; port 0 is any free one. `option` is the one by which a
+    /// person names the port.
+    ///
+    /// # Errors
+    /// [`Error::Listen`] when the address is not this machine's, or the port is in use or reserved.
+    pub fn bind(host: &str, port: u16, option: &str) -> crate::Result<Self> {
+        let listen = || {
+            let listener = TcpListener::bind((host, port))?;
+            // What the runtime asks of a socket that it takes over.
+            listener.set_nonblocking(true)?;
+            Ok(Self { address: listener.local_addr()?, listener })
+        };
+        listen().map_err(|e: io::Error| {
+            let problem = match e.kind() {
+                ErrorKind::AddrInUse => {
+                    format!("the port is in use; name another by {option}, or take any free one by {option} 0")
+                }
+                ErrorKind::PermissionDenied => {
+                    format!("the port is reserved; name one above 1023 by {option}")
+                }
+                ErrorKind::AddrNotAvailable => {
+                    "this machine has no such address; leave out --host, or name one it has".into()
+                }
+                _ => format!("{e}; leave out --host, or name an address of this machine"),
+            };
+            Error::Listen { address: format!("{host}:{port}"), problem }
+        })
+    }
+
+    /// Where it listens.
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Answers whoever may ask, in the runtime that this is called in, until that ends.
+    ///
+    /// # Errors
+    /// When the system takes the socket away.
+    pub async fn serve<A, F>(self, answer: A) -> io::Result<()>
+    where
+        A: Fn(Request) -> F + Clone + Send + Sync + 'static,
+        F: Future<Output = Answer> + Send + 'static,
+    {
+        let is_local = self.address.ip().is_loopback();
+        let router = Router::new().fallback(move |request: Request| {
+            let asked = (!is_local || names_loopback(request.headers())).then(|| answer(request));
+            async move {
+                let answer = match asked {
+                    Some(answer) => answer.await,
+                    None => Answer::error(403, "this server answers to localhost and 127.0.0.1 alone"),
+                };
+                Response::<Body>::from(answer)
+            }
+        });
+        axum::serve(tokio::net::TcpListener::from_std(self.listener)?, router).await
+    }
+}
+
+/// Whether the `Host`, with or without a port, is the loopback.
+fn names_loopback(headers: &HeaderMap) -> bool {
+    let Some(host) = headers.get(HOST).and_then(|value| value.to_str().ok()) else { return false };
+    let name = match host.strip_prefix('[') {
+        Some(rest) => rest.split(']').next(),
+        None => host.split(':').next(),
+    };
+    name.is_some_and(|name| {
+        ["127.0.0.1", "localhost", "::1"].iter().any(|own| name.eq_ignore_ascii_case(own))
+    })
+}

@@ -1,0 +1,83 @@
+//! Draws for those who watch a run that makes no film.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::thread;
+
+use super::Screens;
+use crate::PersonEstimate;
+use crate::film::{FilmOptions, Painted, Painter, Shot};
+use crate::stage::Stage;
+
+/// Draws a moment for all screens when somebody waits for one, on a thread of its own; it passes over the moments that
+/// come while it draws.
+#[derive(Debug)]
+pub struct Drawer {
+    screens: Screens,
+    scenes: SyncSender<Scene>,
+    is_free: Arc<AtomicBool>,
+}
+
+/// A moment to be drawn.
+struct Scene {
+    frame: u32,
+    time_s: f64,
+    shots: Vec<Shot>,
+    people: Vec<PersonEstimate>,
+}
+
+impl Drawer {
+    /// Draws what the cameras of the stage see, which the screens are for.
+    pub fn start(stage: &Stage, options: &FilmOptions, screens: &Screens) -> Self {
+        let (scenes, received) = sync_channel(1);
+        let is_free = Arc::new(AtomicBool::new(true));
+        let (stage, options) = (stage.clone(), options.clone());
+        let (own_screens, own_is_free) = (screens.clone(), Arc::clone(&is_free));
+        // It ends with the channel, unless the program does first: nothing of it is to be kept.
+        thread::spawn(move || draw(&stage, &options, &received, &own_screens, &own_is_free));
+        Self { screens: screens.clone(), scenes, is_free }
+    }
+
+    /// Hands over one moment if it is wanted: only then are the shots made, one a camera in the stage's order.
+    pub fn offer(
+        &self,
+        frame: u32,
+        time_s: f64,
+        people: &[PersonEstimate],
+        shots: impl FnOnce() -> Vec<Shot>,
+    ) {
+        if !self.screens.is_awaited() || !self.is_free.swap(false, Ordering::AcqRel) {
+            return;
+        }
+        let scene = Scene { frame, time_s, shots: shots(), people: people.to_vec() };
+        // There is room for the one that a free drawer is given; one that has failed takes no more.
+        let _ = self.scenes.try_send(scene);
+    }
+}
+
+fn draw(
+    stage: &Stage,
+    options: &FilmOptions,
+    scenes: &Receiver<Scene>,
+    screens: &Screens,
+    is_free: &AtomicBool,
+) {
+    let mut painters: Vec<Painter> = Vec::new();
+    for Scene { frame, time_s, shots, people } in scenes {
+        if painters.is_empty() {
+            painters = (0..stage.cameras.len()).map(|index| Painter::new(stage, index, options)).collect();
+        }
+        let painted = painters.iter_mut().zip(shots).enumerate().map(|(camera, (painter, shot))| Painted {
+            camera,
+            frame,
+            time_s,
+            people: people.len(),
+            picture: painter.paint(frame, time_s, &shot, &people),
+        });
+        // Not inside `show`, which must not keep anybody.
+        let painted: Vec<Painted> = painted.collect();
+        screens.show(painted);
+        is_free.store(true, Ordering::Release);
+    }
+}

@@ -1,0 +1,130 @@
+//! What there is to see now, between those who draw and those who watch.
+
+use std::io::Cursor;
+use std::sync::{Arc, OnceLock};
+
+use axum::body::Bytes;
+use image::RgbImage;
+use image::codecs::jpeg::JpegEncoder;
+use serde::Serialize;
+use tokio::sync::watch::{Receiver, Sender};
+
+use crate::film::{Audience, Painted};
+
+/// Quality of the pictures: what is drawn in them keeps its edges.
+const JPEG_QUALITY: u8 = 85;
+
+/// A screen for each camera, on which the newest picture takes the older one's place.
+#[derive(Debug, Clone)]
+pub struct Screens(Sender<Now>);
+
+/// What there is to see now, as the page is told.
+#[derive(Debug, Serialize)]
+pub(super) struct Now {
+    /// Counts the changes, from 1.
+    pub(super) number: u64,
+    /// What is watched.
+    title: String,
+    /// Of the newest picture; none before the first.
+    moment: Option<Told>,
+    cameras: Vec<Screen>,
+    pub(super) has_ended: bool,
+}
+
+/// What is told of a moment.
+#[derive(Debug, Serialize)]
+struct Told {
+    frame: u32,
+    time_s: f64,
+    people: usize,
+}
+
+#[derive(Debug, Serialize)]
+struct Screen {
+    name: String,
+    /// The number of the change that brought it.
+    picture: Option<u64>,
+    #[serde(skip)]
+    shown: Option<Arc<Picture>>,
+}
+
+/// A picture, encoded when it is first asked for.
+#[derive(Debug)]
+pub(super) struct Picture {
+    pixels: RgbImage,
+    jpeg: OnceLock<Bytes>,
+}
+
+impl Picture {
+    /// As JPEG; empty when it has no pixels or too many.
+    pub(super) fn jpeg(&self) -> Bytes {
+        let encoded = || {
+            let mut bytes = Cursor::new(Vec::new());
+            match JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY).encode_image(&self.pixels) {
+                Ok(()) => bytes.into_inner().into(),
+                Err(_) => Bytes::new(),
+            }
+        };
+        self.jpeg.get_or_init(encoded).clone()
+    }
+}
+
+impl Screens {
+    /// Empty screens of cameras with these names. `title` is what the page is headed by.
+    pub fn new<'a>(title: String, names: impl Iterator<Item = &'a str>) -> Self {
+        let cameras = names.map(|name| Screen { name: name.to_owned(), picture: None, shown: None }).collect();
+        Self(Sender::new(Now { number: 1, title, moment: None, cameras, has_ended: false }))
+    }
+
+    /// Whether somebody waits for something new.
+    pub fn is_awaited(&self) -> bool {
+        self.0.receiver_count() > 0
+    }
+
+    /// Shows pictures, together. Never waits for who looks at them.
+    pub fn show(&self, pictures: impl IntoIterator<Item = Painted>) {
+        self.0.send_modify(|now| {
+            now.number += 1;
+            for Painted { camera, frame, time_s, people, picture } in pictures {
+                let Some(screen) = now.cameras.get_mut(camera) else { continue };
+                screen.shown = Some(Arc::new(Picture { pixels: picture, jpeg: OnceLock::new() }));
+                screen.picture = Some(now.number);
+                // One camera's film may be a few frames behind another's.
+                if now.moment.as_ref().is_none_or(|told| told.frame <= frame) {
+                    now.moment = Some(Told { frame, time_s, people });
+                }
+            }
+        });
+    }
+
+    /// As the audience of a film.
+    pub fn audience(&self) -> Audience {
+        let screens = self.clone();
+        Arc::new(move |painted| screens.show([painted]))
+    }
+
+    /// Says that nothing more comes.
+    pub(super) fn end(&self) {
+        self.0.send_modify(|now| {
+            now.number += 1;
+            now.has_ended = true;
+        });
+    }
+
+    /// To wait by; who holds it is somebody who waits.
+    pub(super) fn wait(&self) -> Receiver<Now> {
+        self.0.subscribe()
+    }
+
+    /// Looks at what there is now.
+    pub(super) fn look<T>(&self, look: impl FnOnce(&Now) -> T) -> T {
+        look(&self.0.borrow())
+    }
+}
+
+impl Now {
+    /// The newest picture of the camera with that number, where there is one.
+    pub(super) fn picture(&self, camera: usize) -> Option<Arc<Picture>> {
+        self.cameras.get(camera)?.shown.clone()
+    }
+}
