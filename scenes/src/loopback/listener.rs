@@ -35,7 +35,9 @@ impl Listener {
         listen().map_err(|e: io::Error| {
             let problem = match e.kind() {
                 ErrorKind::AddrInUse => {
-                    format!("the port is in use; name another by {option}, or take any free one by {option} 0")
+                    format!(
+                        "the port is in use; name another by {option}, or take any free one by {option} 0"
+                    )
                 }
                 ErrorKind::PermissionDenied => {
                     format!("the port is reserved; name one above 1023 by {option}")

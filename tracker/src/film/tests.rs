@@ -138,9 +138,38 @@ fn films_are_written_for_pictures_and_for_masks_alone() {
 }
 
 #[test]
+fn an_audience_is_given_every_frame_of_the_film() {
+    let stage = stage([0.0; 5]);
+    let folder = tempfile::tempdir().unwrap();
+    let seen = Arc::new(std::sync::Mutex::new(Vec::new()));
+    let note = Arc::clone(&seen);
+    let audience: Audience = Arc::new(move |painted| note.lock().unwrap().push(painted));
+    let options = FilmOptions::default();
+    let mut film = Film::start(folder.path(), &stage, 12.0, &options, Some(&audience)).unwrap();
+    let people = |frame: u32| [person(1, 3.0, 0.05 * f64::from(frame)), person(2, 4.0, -1.0)];
+    for frame in 3..=6 {
+        film.push(frame, f64::from(frame) / 12.0, vec![gray(&stage)], &people(frame)).unwrap();
+    }
+    film.finish().unwrap();
+    let mut painter = Painter::new(&stage, 0, &options);
+    let seen = seen.lock().unwrap();
+    assert_eq!(
+        seen.iter().map(|p| (p.camera, p.frame, p.people)).collect::<Vec<_>>(),
+        [(0, 3, 2), (0, 4, 2), (0, 5, 2), (0, 6, 2)]
+    );
+    for painted in seen.iter() {
+        let time_s = f64::from(painted.frame) / 12.0;
+        assert_eq!(painted.time_s, time_s);
+        let expected = painter.paint(painted.frame, time_s, &gray(&stage), &people(painted.frame));
+        assert!(painted.picture == expected, "frame {}", painted.frame);
+    }
+}
+
+#[test]
 fn a_film_that_cannot_be_written_says_so_at_the_start() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("overlay"), "in the way").unwrap();
-    let error = Film::start(folder.path(), &stage([0.0; 5]), 12.0, &FilmOptions::default(), None).unwrap_err();
+    let error =
+        Film::start(folder.path(), &stage([0.0; 5]), 12.0, &FilmOptions::default(), None).unwrap_err();
     assert!(error.to_string().contains("overlay"), "{error}");
 }

@@ -72,7 +72,8 @@ impl Picture {
 impl Screens {
     /// Empty screens of cameras with these names. `title` is what the page is headed by.
     pub fn new<'a>(title: String, names: impl Iterator<Item = &'a str>) -> Self {
-        let cameras = names.map(|name| Screen { name: name.to_owned(), picture: None, shown: None }).collect();
+        let cameras =
+            names.map(|name| Screen { name: name.to_owned(), picture: None, shown: None }).collect();
         Self(Sender::new(Now { number: 1, title, moment: None, cameras, has_ended: false }))
     }
 

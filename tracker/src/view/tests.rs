@@ -178,7 +178,8 @@ fn requests_that_are_not_the_pages_are_refused() {
             assert!(head.contains("cache-control: no-store"), "{head}");
         }
     }
-    for path in ["/camera/1.jpg", "/camera/-1.jpg", "/camera/a.jpg", "/camera/", "/scene.toml", "//", "/%2e"] {
+    for path in ["/camera/1.jpg", "/camera/-1.jpg", "/camera/a.jpg", "/camera/", "/scene.toml", "//", "/%2e"]
+    {
         assert!(get(address, path).0.starts_with("HTTP/1.1 404"), "{path}");
     }
     let head = ask("POST /moment HTTP/1.1\nHost: localhost\nConnection: close\nContent-Length: 0\n\n");
