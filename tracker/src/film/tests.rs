@@ -159,7 +159,7 @@ fn an_audience_is_given_every_frame_of_the_film() {
     );
     for painted in seen.iter() {
         let time_s = f64::from(painted.frame) / 12.0;
-        assert_eq!(painted.time_s, time_s);
+        approx::assert_relative_eq!(painted.time_s, time_s);
         let expected = painter.paint(painted.frame, time_s, &gray(&stage), &people(painted.frame));
         assert!(painted.picture == expected, "frame {}", painted.frame);
     }
