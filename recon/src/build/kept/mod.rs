@@ -19,7 +19,7 @@ use crate::capture::Capture;
 
 /// Parts of the keys: they change when what is made of a capture does.
 const MOTION: &str = "capture to motion 1";
-const SURFACE: &str = "motion to surface 2";
+const SURFACE: &str = "motion to surface 3";
 
 /// Where finished stages are kept.
 pub(super) struct Kept {

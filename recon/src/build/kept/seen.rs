@@ -25,7 +25,7 @@ struct Head {
 }
 
 /// The head, then pixel by pixel colour, depth and normal (four bytes a number), agreeing views, origin; then the discs that
-/// only key frames saw: centre, normal, radius, confidence, colour.
+/// only key frames saw: centre, normal, radius, confidence, colour, whether it was filled.
 pub(super) fn encode(seen: &Seen) -> Option<Vec<u8>> {
     let surface = &seen.surface;
     let head = Head {
@@ -52,12 +52,13 @@ pub(super) fn encode(seen: &Seen) -> Option<Vec<u8>> {
         let numbers = numbers.into_iter().chain([disc.radius, disc.confidence]);
         bytes.extend(numbers.flat_map(f32::to_le_bytes));
         bytes.extend(disc.color);
+        bytes.push(u8::from(disc.filled));
     }
     Some(bytes)
 }
 
 const BYTES_A_PIXEL: usize = 3 + 4 + 12 + 1 + 1;
-const BYTES_A_DISC: usize = 4 * 8 + 3;
+const BYTES_A_DISC: usize = 4 * 8 + 3 + 1;
 
 pub(super) fn decode(bytes: &[u8]) -> Option<Seen> {
     let (head, rest): (Head, &[u8]) = head_of(bytes)?;
@@ -108,7 +109,7 @@ fn disc(bytes: &[u8; BYTES_A_DISC]) -> Disc {
         radius: n[6],
         confidence: n[7],
         color: [color[0], color[1], color[2]],
-        filled: false,
+        filled: color[3] != 0,
     }
 }
 
@@ -139,7 +140,7 @@ pub(super) mod tests {
             filled: false,
             confidence: 3.5,
         };
-        let beside = vec![disc, Disc { center: Vec3::ONE, ..disc }];
+        let beside = vec![disc, Disc { center: Vec3::ONE, filled: true, ..disc }];
         Seen { lens, surface, beside, camera_from_world, range: (0.1 + 0.2, 7.0), report }
     }
 
