@@ -51,7 +51,7 @@ pub struct Captures<'a> {
     /// What each sees from its reference view.
     pub surfaces: &'a [Surface],
     /// What only each one's key frames saw, in its reference view's frame and unit.
-    pub beside: &'a [&'a [Disc]],
+    pub key_frame_discs: &'a [&'a [Disc]],
     /// Intrinsics as filmed.
     pub lenses: &'a [calib::Intrinsics],
     /// The project's pixels whose depth was measured on its own.
@@ -97,7 +97,8 @@ pub fn assemble(
     let world_from_common = floor::metric(&floor::world_frame(&floor, &poses[0]), metres_per_unit);
     let world_from_camera: Vec<Similarity3<f64>> =
         merged.common_from_camera.iter().map(|s| world_from_common * s).collect();
-    let (discs, fusion_report) = fusion::fuse(surfaces, captures.beside, &world_from_camera, &options.fusion);
+    let (discs, fusion_report) =
+        fusion::fuse(surfaces, captures.key_frame_discs, &world_from_camera, &options.fusion);
     let cameras = project
         .cameras
         .iter()

@@ -61,7 +61,7 @@ fn furnished_rooms_come_out_metric_and_upright() {
         let project = project(points, Scale::Height { camera: 0, height_m });
         let captures = Captures {
             surfaces: &surfaces,
-            beside: &[],
+            key_frame_discs: &[],
             lenses: &lenses,
             measured: &[vec![], vec![]],
             edges: &[],
@@ -82,6 +82,44 @@ fn furnished_rooms_come_out_metric_and_upright() {
             assert!(tilt_deg < 0.2 && lift_m.abs() < 0.02, "seed {seed}: {tilt_deg}°, {lift_m} m");
         }
     }
+}
+
+#[test]
+fn a_board_gives_the_metres_in_whichever_camera_it_is_seen() {
+    const UNITS_M: [f64; 2] = [1.9, 0.7];
+    const SQUARE_M: f64 = 0.05;
+    let built = RoomOptions { seed: 1, ..RoomOptions::default() }.build().unwrap();
+    let scene = RayScene::new(built.room.geometry.as_ref().unwrap()).unwrap();
+    let truth = [0, 1].map(|i| &built.room.cameras[i].camera);
+    let surfaces = [0, 1].map(|i| {
+        Rendering { unit_m: UNITS_M[i], noise: 0.005, holes: 0.2, seed: 1 + i as u64 }.of(&scene, truth[i])
+    });
+    let lenses: [Intrinsics; 2] = truth.map(|camera| camera.intrinsics.clone());
+    let points = picks(&scene, truth, &mut Pcg64Mcg::seed_from_u64(1));
+    let by = |camera: usize, square: Option<Square>| {
+        let board = "9x6".parse().unwrap();
+        let project = project(points.clone(), Scale::Board { camera, board, square_m: SQUARE_M });
+        let captures = Captures {
+            surfaces: &surfaces,
+            key_frame_discs: &[],
+            lenses: &lenses,
+            measured: &[vec![], vec![]],
+            edges: &[],
+            square,
+        };
+        assemble(&project, &captures, &AssembleOptions::default())
+    };
+    for (camera, unit_m) in UNITS_M.into_iter().enumerate() {
+        let square = Square { side: SQUARE_M / unit_m, sigma: 0.001, frames: 9, rms_px: 0.1 };
+        let (room, report) = by(camera, Some(square)).unwrap();
+        assert!((report.metres_per_unit / UNITS_M[0] - 1.0).abs() < 0.01, "camera {camera}: {report:?}");
+        for (found, truth) in room.cameras.iter().zip(truth) {
+            let lift_m = found.camera.center().z - truth.center().z;
+            assert!(lift_m.abs() < 0.03, "camera {camera}: {lift_m} m");
+        }
+    }
+    let refused = by(1, None).unwrap_err().to_string();
+    assert!(refused.contains("[scale], board"), "{refused}");
 }
 
 /// What pictures have in common says how cameras stand where their spaces are bent: across the image here, by half as
@@ -150,8 +188,14 @@ fn what_runs_up_in_the_pictures_says_how_level_a_bent_room_is() {
         let project = project(points, Scale::Height { camera: 0, height_m: truth[0].center().z });
         for (tilt_deg, edges) in tilts_deg.iter_mut().zip([&[][..], &edges]) {
             let measured = &[vec![], vec![]];
-            let captures =
-                Captures { surfaces: &surfaces, beside: &[], lenses: &lenses, measured, edges, square: None };
+            let captures = Captures {
+                surfaces: &surfaces,
+                key_frame_discs: &[],
+                lenses: &lenses,
+                measured,
+                edges,
+                square: None,
+            };
             let (room, report) = assemble(&project, &captures, &AssembleOptions::default()).unwrap();
             assert_eq!(report.floor.plumb_captures > 0, !edges.is_empty(), "seed {seed}: {report:?}");
             for (found, truth) in room.cameras.iter().zip(truth) {

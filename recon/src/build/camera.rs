@@ -10,7 +10,7 @@ use scenes::geometry::{Disc, vector_from_vec3};
 use super::{BuildOptions, CameraReport};
 use crate::capture::Capture;
 use crate::dense::{self, DenseOptions, PosedCapture};
-use crate::fusion::beside;
+use crate::fusion::key_frames;
 use crate::motion::{self, MotionOptions};
 use crate::planes::{self, Completed, PlaneOptions};
 use crate::ray_depth::{self, Asked, Filmed, MeasuredPixel};
@@ -38,7 +38,7 @@ pub(super) struct Seen {
     pub(super) lens: Intrinsics,
     pub(super) surface: Surface,
     /// What only the capture's key frames saw, in the reference camera's frame and the capture's unit.
-    pub(super) beside: Vec<Disc>,
+    pub(super) key_frame_discs: Vec<Disc>,
     /// One a frame; world = the reference frame's camera.
     pub(super) camera_from_world: Vec<Option<Isometry3<f64>>>,
     /// The nearest and the farthest depth of what is seen.
@@ -101,16 +101,16 @@ pub(super) fn see(
     let plane_options = PlaneOptions { seed: options.seed, ..options.planes.clone() };
     let completed = planes::complete(&views, &plane_options)
         .ok_or_else(|| Error::capture(name, "no view was reconstructed"))?;
-    let beside = if options.dense.beside {
-        beside::discs(&views, &completed, &plane_options, &options.assemble.fusion)
+    let key_frame_discs = if options.dense.fuse_key_frames {
+        key_frames::discs(&views, &completed, &plane_options, &options.assemble.fusion)
     } else {
         Vec::new()
     };
     let Completed { surface, report: plane_report, .. } = completed;
-    tracing::info!("{name}: {plane_report:?}, {} discs seen by key frames alone", beside.len());
+    tracing::info!("{name}: {plane_report:?}, {} discs seen by key frames alone", key_frame_discs.len());
     let report = report.with_depth(capture.sampled, &dense_report, &surface, start.elapsed());
     let range = depth_range(&points);
-    Ok(Seen { lens, surface, beside, camera_from_world, range, report })
+    Ok(Seen { lens, surface, key_frame_discs, camera_from_world, range, report })
 }
 
 impl Moved {

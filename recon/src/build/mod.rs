@@ -117,7 +117,7 @@ pub fn build(
         measured.push(depths);
         if let Some(board) = board {
             let board = board.map_err(|problem| Error::content(&project.path, "[scale], board", problem))?;
-            tracing::info!("{}: metres by the board in it: {board:?}", camera.name);
+            tracing::info!("{}: the board that gives the metres is seen whole in {board}", camera.name);
             square = Some(board);
         }
         edges.push(lines);
@@ -126,11 +126,12 @@ pub fn build(
     step("the room: cameras, floor, metres".into());
     let start = Instant::now();
     let surfaces: Vec<Surface> = cameras.iter().map(|(c, _)| c.seen.surface.clone()).collect();
-    let beside: Vec<&[Disc]> = cameras.iter().map(|(c, _)| c.seen.beside.as_slice()).collect();
+    let key_frame_discs: Vec<&[Disc]> =
+        cameras.iter().map(|(c, _)| c.seen.key_frame_discs.as_slice()).collect();
     let lenses: Vec<Intrinsics> = cameras.iter().map(|(c, _)| c.seen.lens.clone()).collect();
     let captures = Captures {
         surfaces: &surfaces,
-        beside: &beside,
+        key_frame_discs: &key_frame_discs,
         lenses: &lenses,
         measured: &measured,
         edges: &edges,

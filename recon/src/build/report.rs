@@ -46,7 +46,7 @@ pub struct BuildReport {
     /// Of these, filled in rather than measured.
     pub filled_discs: usize,
     /// Of these, seen only from key frames, beside what the cameras see from where they are installed.
-    pub discs_beside: usize,
+    pub key_frame_discs: usize,
     /// Pixels dropped since another camera showed the same finer.
     pub duplicate_pixels: usize,
     /// Pixels dropped since another camera looks through them.
@@ -202,7 +202,7 @@ impl BuildReport {
         self.plumb_captures = done.floor.plumb_captures;
         self.discs = done.fusion.discs;
         self.filled_discs = done.fusion.filled;
-        self.discs_beside = done.fusion.beside;
+        self.key_frame_discs = done.fusion.key_frame_discs;
         self.duplicate_pixels = done.fusion.duplicates;
         self.seen_through_pixels = done.fusion.seen_through;
         self.seconds.assembling = took.as_secs_f64();

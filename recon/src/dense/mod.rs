@@ -53,7 +53,7 @@ pub struct DenseOptions {
     /// … and its patch correlates: 1 − NCC, geometric disagreement included, below this.
     pub largest_cost: f32,
     /// Whether what only key frames see comes into the room, too.
-    pub beside: bool,
+    pub fuse_key_frames: bool,
     /// Seed of the random hypotheses.
     pub seed: u64,
 }
@@ -74,7 +74,7 @@ impl Default for DenseOptions {
             least_agreeing: 2,
             agreement_px: 1.0,
             largest_cost: 0.6,
-            beside: true,
+            fuse_key_frames: true,
             seed: 0,
         }
     }
@@ -92,7 +92,7 @@ impl DenseOptions {
             halvings: 2,
             always_afar: false,
             iterations: [3, 1, 1],
-            beside: false,
+            fuse_key_frames: false,
             ..Self::default()
         }
     }

@@ -2,10 +2,10 @@
 //!
 //! What two cameras see alike is kept once, from the one that resolves it finer ([`Witness`]); what one camera looks
 //! through is dropped. Smooth regions become larger discs ([`blocks`]), so that a wall does not cost a disc a pixel. What
-//! only key frames saw ([`beside`]) comes along where no camera sees the place itself.
+//! only key frames saw ([`key_frames`]) comes along where no camera sees the place itself.
 
-pub(crate) mod beside;
 mod blocks;
+pub(crate) mod key_frames;
 mod witness;
 
 use glam::Vec3;
@@ -50,14 +50,14 @@ pub struct FusionReport {
     /// Of these, not measured but filled in.
     pub filled: usize,
     /// Of these, seen by key frames alone.
-    pub beside: usize,
+    pub key_frame_discs: usize,
 }
 
-/// Fuses all surfaces; `world_from_camera` in metres, one a surface. `beside`: for each what only its key frames saw
-/// ([`beside::discs`]), in its camera's frame and unit.
+/// Fuses all surfaces; `world_from_camera` in metres, one a surface. `key_frame_discs`: for each what only its key
+/// frames saw ([`key_frames::discs`]), in its camera's frame and unit.
 pub fn fuse(
     surfaces: &[Surface],
-    beside: &[&[Disc]],
+    key_frame_discs: &[&[Disc]],
     world_from_camera: &[Similarity3<f64>],
     options: &FusionOptions,
 ) -> (Vec<Disc>, FusionReport) {
@@ -87,11 +87,11 @@ pub fn fuse(
         discs.extend(
             blocks::discs(surface, &keep, options.flatness).into_iter().map(|disc| moved(&disc, world)),
         );
-        let unseen = |disc: &&Disc| others.iter().all(|other| beside::is_new(disc, other, options));
-        let found = beside.get(index).copied().unwrap_or_default().iter().filter(unseen);
+        let unseen = |disc: &&Disc| others.iter().all(|other| key_frames::is_new(disc, other, options));
+        let found = key_frame_discs.get(index).copied().unwrap_or_default().iter().filter(unseen);
         let before = discs.len();
         discs.extend(found.map(|disc| moved(disc, world)));
-        report.beside += discs.len() - before;
+        report.key_frame_discs += discs.len() - before;
     }
     report.discs = discs.len();
     report.filled = discs.iter().filter(|d| d.filled).count();
@@ -226,12 +226,13 @@ mod tests {
             confidence: 2.0,
         };
         // Behind the second camera's wall, before it, and behind its back.
-        let beside = [disc(5.0), disc(1.0), disc(-1.0)];
+        let key_frame_discs = [disc(5.0), disc(1.0), disc(-1.0)];
         let views = [wall(4.0, 32, Origin::Stereo), wall(2.0, 32, Origin::Stereo)];
         let twice = Similarity3::from_scaling(2.0);
-        let (discs, report) = fuse(&views, &[&beside, &[]], &[twice, twice], &FusionOptions::default());
+        let (discs, report) =
+            fuse(&views, &[&key_frame_discs, &[]], &[twice, twice], &FusionOptions::default());
         let told: Vec<f32> = discs.iter().filter(|d| d.color == [1, 2, 3]).map(|d| d.center.z).collect();
-        assert_eq!((told, report.beside), (vec![10.0, -2.0], 2));
+        assert_eq!((told, report.key_frame_discs), (vec![10.0, -2.0], 2));
     }
 
     #[test]

@@ -4,6 +4,8 @@
 //! board's pose and the side of its squares are then what makes all sightings most probable together: seven numbers from
 //! twice as many equations as there are corners in all frames, by damped Gauss–Newton on the reprojection errors.
 
+use std::fmt;
+
 use calib::absolute_orientation;
 use calib::vision::chessboard::Chessboard;
 use nalgebra::{Isometry3, Point2, Point3, SMatrix, SVector, Translation3, UnitQuaternion, Vector2, Vector3};
@@ -32,6 +34,13 @@ pub struct Square {
     pub frames: usize,
     /// Root mean square distance of corners from where the board puts them, pixels.
     pub rms_px: f64,
+}
+
+impl fmt::Display for Square {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { sigma, frames, rms_px, .. } = self;
+        write!(f, "{frames} frames, its corners to {rms_px:.2} px, its size to {:.1} %", 100.0 * sigma)
+    }
 }
 
 /// How long a side of the board's squares is.

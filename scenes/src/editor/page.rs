@@ -3,9 +3,10 @@
 use crate::loopback::PageFile;
 
 /// All of them.
-pub(super) const FILES: [PageFile; 10] = [
+pub(super) const FILES: [PageFile; 11] = [
     PageFile::html("/", include_str!("page/index.html")),
     PageFile::svg("/icon.svg", include_str!("page/icon.svg")),
+    PageFile::PALETTE,
     PageFile::css("/style.css", include_str!("page/style.css")),
     PageFile::script("/editor.js", include_str!("page/editor.js")),
     PageFile::script("/drawing.js", include_str!("page/drawing.js")),

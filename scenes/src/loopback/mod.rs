@@ -5,7 +5,8 @@
 //!
 //! * [`listener`] — [`Listener`]: the socket, and the refusal of what is not asked by name. Start here.
 //! * [`answer`] — [`Answer`]: what goes back, with the headers that all answers have.
-//! * [`page_file`] — [`PageFile`]: a page's own files, part of the program: it works without a network.
+//! * [`page_file`] — [`PageFile`]: a page's own files, part of the program: it works without a network; and the
+//!   colours that all pages have.
 
 mod answer;
 mod listener;

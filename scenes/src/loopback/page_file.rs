@@ -12,6 +12,9 @@ pub struct PageFile {
 }
 
 impl PageFile {
+    /// The colours and letters that all pages have.
+    pub const PALETTE: Self = Self::css("/palette.css", include_str!("palette.css"));
+
     /// A page.
     pub const fn html(path: &'static str, text: &'static str) -> Self {
         Self { path, media_type: "text/html; charset=utf-8", text }

@@ -15,8 +15,8 @@ pub struct LengthAgreement {
     pub ninety_off: f64,
 }
 
-/// Compares lengths of half a metre and more between pixels that lie half the picture's rows apart, by two depth images in
-/// millimetres along z; corners are left out, since there a hundredth of a pixel decides what is seen. `None` when the
+/// Compares lengths of half a metre and more between pixels of the upper and of the lower half of what is seen, by two depth
+/// images in millimetres along z; edges are left out, since there a hundredth of a pixel decides what is seen. `None` when the
 /// sizes differ or nothing is seen in both.
 pub fn lengths(lens: &Intrinsics, built_mm: &[u16], truth_mm: &[u16]) -> Option<LengthAgreement> {
     const STRIDE: usize = 8;

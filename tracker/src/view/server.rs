@@ -17,9 +17,10 @@ use super::Screens;
 use crate::{Error, Result};
 
 /// The page's own files.
-const FILES: [PageFile; 4] = [
+const FILES: [PageFile; 5] = [
     PageFile::html("/", include_str!("page/index.html")),
     PageFile::svg("/icon.svg", include_str!("page/icon.svg")),
+    PageFile::PALETTE,
     PageFile::css("/style.css", include_str!("page/style.css")),
     PageFile::script("/view.js", include_str!("page/view.js")),
 ];

@@ -19,7 +19,7 @@ use crate::capture::Capture;
 
 /// Parts of the keys: they change when what is made of a capture does.
 const MOTION: &str = "capture to motion 1";
-const SURFACE: &str = "motion to surface 3";
+const SURFACE: &str = "motion to surface 2";
 
 /// Where finished stages are kept.
 pub(super) struct Kept {
@@ -165,7 +165,7 @@ mod tests {
             let (a, b) = (&back.surface, &seen.surface);
             assert_eq!((&a.picture, &a.depth, &a.normal), (&b.picture, &b.depth, &b.normal));
             assert_eq!((&a.agreeing, &a.origin, a.step), (&b.agreeing, &b.origin, b.step));
-            assert_eq!((&a.intrinsics, &back.beside), (&b.intrinsics, &seen.beside));
+            assert_eq!((&a.intrinsics, &back.key_frame_discs), (&b.intrinsics, &seen.key_frame_discs));
         };
         whole(kept.seen("cam0", &keys).unwrap());
 

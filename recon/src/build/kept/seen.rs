@@ -34,10 +34,11 @@ pub(super) fn encode(seen: &Seen) -> Option<Vec<u8>> {
         pinhole: Lens::of(&surface.intrinsics),
         poses: seen.camera_from_world.iter().map(|pose| numbers_of(pose.as_ref())).collect(),
         range: seen.range.into(),
-        discs: seen.beside.len(),
+        discs: seen.key_frame_discs.len(),
         report: seen.report.clone(),
     };
-    let mut bytes = with_head(&head, BYTES_A_PIXEL * surface.depth.len() + BYTES_A_DISC * seen.beside.len())?;
+    let mut bytes =
+        with_head(&head, BYTES_A_PIXEL * surface.depth.len() + BYTES_A_DISC * seen.key_frame_discs.len())?;
     bytes.extend(surface.picture.as_raw());
     bytes.extend(surface.depth.iter().flat_map(|z| z.to_le_bytes()));
     bytes.extend(surface.normal.iter().flat_map(Vec3::to_array).flat_map(f32::to_le_bytes));
@@ -47,7 +48,7 @@ pub(super) fn encode(seen: &Seen) -> Option<Vec<u8>> {
         Origin::Stereo => 1,
         Origin::Filled => 2,
     }));
-    for disc in &seen.beside {
+    for disc in &seen.key_frame_discs {
         let numbers = [disc.center.to_array(), disc.normal.to_array()].concat();
         let numbers = numbers.into_iter().chain([disc.radius, disc.confidence]);
         bytes.extend(numbers.flat_map(f32::to_le_bytes));
@@ -93,12 +94,19 @@ pub(super) fn decode(bytes: &[u8]) -> Option<Seen> {
         step: head.step as f32,
     };
     let camera_from_world = poses_of(&head.poses)?;
-    let beside = discs.as_chunks::<BYTES_A_DISC>().0.iter().map(disc).collect();
-    Some(Seen { lens, surface, beside, camera_from_world, range: head.range.into(), report: head.report })
+    let key_frame_discs = discs.as_chunks::<BYTES_A_DISC>().0.iter().map(disc).collect();
+    Some(Seen {
+        lens,
+        surface,
+        key_frame_discs,
+        camera_from_world,
+        range: head.range.into(),
+        report: head.report,
+    })
 }
 
 fn disc(bytes: &[u8; BYTES_A_DISC]) -> Disc {
-    let (numbers, color) = bytes.split_at(4 * 8);
+    let (numbers, rest) = bytes.split_at(4 * 8);
     let mut n = [0.0; 8];
     for (number, bytes) in n.iter_mut().zip(numbers.as_chunks::<4>().0) {
         *number = f32::from_le_bytes(*bytes);
@@ -108,8 +116,8 @@ fn disc(bytes: &[u8; BYTES_A_DISC]) -> Disc {
         normal: Vec3::new(n[3], n[4], n[5]),
         radius: n[6],
         confidence: n[7],
-        color: [color[0], color[1], color[2]],
-        filled: color[3] != 0,
+        color: [rest[0], rest[1], rest[2]],
+        filled: rest[3] != 0,
     }
 }
 
@@ -140,8 +148,8 @@ pub(super) mod tests {
             filled: false,
             confidence: 3.5,
         };
-        let beside = vec![disc, Disc { center: Vec3::ONE, filled: true, ..disc }];
-        Seen { lens, surface, beside, camera_from_world, range: (0.1 + 0.2, 7.0), report }
+        let key_frame_discs = vec![disc, Disc { center: Vec3::ONE, filled: true, ..disc }];
+        Seen { lens, surface, key_frame_discs, camera_from_world, range: (0.1 + 0.2, 7.0), report }
     }
 
     #[test]

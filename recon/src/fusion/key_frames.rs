@@ -184,7 +184,7 @@ mod tests {
         }
     }
 
-    fn beside(views: &[DenseView]) -> Vec<Disc> {
+    fn found(views: &[DenseView]) -> Vec<Disc> {
         let planes = PlaneOptions::default();
         discs(views, &complete(views, &planes).unwrap(), &planes, &FusionOptions::default())
     }
@@ -202,7 +202,7 @@ mod tests {
 
     #[test]
     fn key_frames_tell_what_the_board_hides_and_what_lies_past_the_border() {
-        let found = beside(&true_views());
+        let found = found(&true_views());
         let k = lens();
         let is_past =
             |p: Vec3| !k.contains(&k.project(&nalgebra::Point3::from(p.as_dvec3().to_array())).unwrap());
@@ -229,12 +229,12 @@ mod tests {
             let mut views = vec![view(0.0, false)];
             views.extend(with_thing.iter().map(key).chain(without.iter().map(|x| view(*x, false))));
             let in_mid_air = |d: &&Disc| (d.center.z - THING.0).abs() < 0.1 && d.center.y < FLOOR_Y - 0.3;
-            beside(&views).iter().filter(in_mid_air).count()
+            found(&views).iter().filter(in_mid_air).count()
         };
         assert!(things(&[0.8, 0.7, 0.6], &[-0.6]) > 5, "three see it, the fourth looks elsewhere");
         assert_eq!(things(&[0.8, 0.7], &[-0.6]), 0, "two see it");
         assert_eq!(things(&[0.8, 0.7, 0.6], &[0.5, 0.4]), 0, "two look past it");
-        assert!(beside(&true_views()[..1]).is_empty());
+        assert!(found(&true_views()[..1]).is_empty());
     }
 
     #[test]
