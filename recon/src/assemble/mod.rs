@@ -71,7 +71,7 @@ pub fn assemble(
     captures: &Captures<'_>,
     options: &AssembleOptions,
 ) -> Result<(Room, AssembleReport)> {
-    let Captures { surfaces, lenses, .. } = *captures;
+    let Captures { surfaces, lenses, measured, square, .. } = *captures;
     let Joined { merged, report: merge_report, poses, floor } = captures.joined(project, options)?;
     for (point, camera, off) in &merge_report.outliers {
         tracing::warn!(
@@ -93,7 +93,8 @@ pub fn assemble(
         Error::Room(problem) => Error::content(&project.path, "floor", problem),
         other => other,
     })?;
-    let metres_per_unit = scale::metres_per_unit(project, captures, &merged, &poses, &floor)?;
+    let metres_per_unit =
+        scale::metres_per_unit(project, surfaces, lenses, measured, square, &merged, &floor)?;
     let world_from_common = floor::metric(&floor::world_frame(&floor, &poses[0]), metres_per_unit);
     let world_from_camera: Vec<Similarity3<f64>> =
         merged.common_from_camera.iter().map(|s| world_from_common * s).collect();

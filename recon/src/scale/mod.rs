@@ -2,29 +2,33 @@
 
 pub mod board;
 
-use nalgebra::{Isometry3, Point2, Point3};
+use nalgebra::{Point2, Point3};
 
-use crate::assemble::Captures;
 use crate::floor::Plane;
 use crate::merge::{Merged, measured_at, pinhole_pixel};
 use crate::project::{Project, Scale};
+use crate::ray_depth::MeasuredPixel;
+use crate::surface::Surface;
 use crate::{Error, Result};
+use board::Square;
 
 /// Metres a unit of the common frame.
 ///
 /// # Arguments
-/// `common`: each camera's pose in the common frame. `floor`: the floor in the common frame, for a known height.
+/// `lenses`: each camera's intrinsics as filmed. `square`: the side of the project's board, in its camera's unit. `floor`: the
+/// floor in the common frame, for a known height.
 ///
 /// # Errors
 /// [`Error::Content`] naming the pixel at which there is no depth, or the board that was not measured.
 pub fn metres_per_unit(
     project: &Project,
-    captures: &Captures<'_>,
+    surfaces: &[Surface],
+    lenses: &[calib::Intrinsics],
+    measured: &[Vec<MeasuredPixel>],
+    square: Option<Square>,
     merged: &Merged,
-    common: &[Isometry3<f64>],
     floor: &Plane,
 ) -> Result<f64> {
-    let Captures { surfaces, lenses, measured, square, .. } = *captures;
     match &project.scale {
         Scale::Board { camera, board, square_m } => {
             let side = square.map(|s| s.side * merged.common_from_camera[*camera].scaling());
@@ -34,7 +38,7 @@ pub fn metres_per_unit(
             })
         }
         Scale::Height { camera, height_m } => {
-            let centre = common[*camera].inverse() * Point3::origin();
+            let centre = merged.poses()[*camera].inverse() * Point3::origin();
             Ok(height_m / floor.height(&centre))
         }
         Scale::Distance { camera, from, to, metres } => {
