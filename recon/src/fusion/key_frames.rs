@@ -49,7 +49,8 @@ pub(crate) fn discs(
         let keep: Vec<bool> =
             (0..key.surface.depth.len()).map(|i| key.surface.point(i).is_some_and(is_beside)).collect();
         let found = blocks::discs(&key.surface, &keep, options.flatness);
-        found.into_iter().map(|disc| moved(&disc, &reference_from_key)).collect::<Vec<_>>()
+        let free = found.into_iter().filter(|disc| !hangs_before(disc, &installed, options));
+        free.map(|disc| moved(&disc, &reference_from_key)).collect::<Vec<_>>()
     };
     (0..keys.len()).into_par_iter().flat_map_iter(each).collect()
 }
@@ -83,7 +84,18 @@ pub(super) fn is_new(disc: &Disc, other: &Witness<'_>, options: &FusionOptions) 
     let is_blot = other
         .pixel(disc.center)
         .is_some_and(|(_, _, z)| disc.radius * other.scale * other.camera.fx > options.largest_radius_px * z);
-    !is_blot && is_unseen(other, disc.center, options)
+    !is_blot && is_unseen(other, disc.center, options) && !hangs_before(disc, other, options)
+}
+
+/// Whether a disc that belongs beside what a view sees reaches before it: past the border of its picture, or round an edge.
+fn hangs_before(disc: &Disc, view: &Witness<'_>, options: &FusionOptions) -> bool {
+    const RIM: u8 = 8;
+    let (right, up) = disc.normal.any_orthonormal_pair();
+    (0..RIM).any(|k| {
+        let (sin, cos) = (std::f32::consts::TAU * f32::from(k) / f32::from(RIM)).sin_cos();
+        let rim = disc.center + disc.radius * (cos * right + sin * up);
+        view.seen_at(rim).is_some_and(|(seen, z)| z < seen * (1.0 - options.same_surface))
+    })
 }
 
 /// Whether a view has no word in what is at a point: it lies outside its picture, behind what it sees, or where it sees
@@ -257,5 +269,9 @@ mod tests {
         assert!(is_new(&disc(4.5, 0.02), &other, &options), "behind the wall");
         assert!(!is_new(&disc(4.5, 0.4), &other, &options), "a blot");
         assert!(is_new(&disc(-1.0, 0.02), &other, &options), "behind the camera");
+        // Its picture ends at x = 0.8 there: tan 35° · 1.6 less the 0.3 it stands aside.
+        let at_border = |radius| Disc { center: Vec3::new(0.85, 0.0, 1.6), ..disc(1.6, radius) };
+        assert!(is_new(&at_border(0.02), &other, &options), "past the border");
+        assert!(!is_new(&at_border(0.08), &other, &options), "hangs into the picture");
     }
 }
