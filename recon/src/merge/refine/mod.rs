@@ -7,6 +7,7 @@
 //! the surfaces can be laid on each other at all ([`worth`]), since a capture's motion may bend its whole space. Residuals
 //! and their derivatives are [`term`]'s; what they make of a step is [`schur`]'s.
 
+mod confidence;
 mod first_points;
 mod level;
 mod schur;
@@ -18,9 +19,10 @@ mod worth;
 use nalgebra::Similarity3;
 
 use super::overlap::{self, Contact};
-use super::{MergeOptions, MergeReport, Merged, Pick, spoils};
+use super::{MergeOptions, MergeReport, Merged, Pick};
 use crate::plumb::Plumb;
 use crate::surface::Surface;
+use confidence::picks_rule_out;
 use first_points::first_points;
 use level::Level;
 use schur::NormalEquations;
@@ -92,23 +94,24 @@ pub(super) fn refine(
 }
 
 impl Scene<'_> {
-    /// Lays common surfaces on each other, unless the picks suffer by it.
+    /// Lays common surfaces on each other, unless the picks rule out where that puts the cameras.
     fn lay_on_each_other(&self, state: &mut State, picks: &[Pick], report: &mut MergeReport) {
-        let before = (state.poses.clone(), state.points.clone());
+        let before = state.clone();
         // A first try, with surfaces taken at stereo's word, shows how far they can agree.
         let straight = Worth::straight(self.surfaces.len(), picks.iter().any(|pick| !pick.by_hand));
         self.lay(state, picks, &straight);
         let contacts = overlap::contacts(self.surfaces, &state.poses, WIDEST_GATE);
         let at_picks = report.depth_sigma.iter().copied().fold(0.0, f64::max);
         let worth = straight.bent(&contacts, &state.poses, self.options.depth_sigma, at_picks);
-        (state.poses, state.points) = before.clone();
+        state.clone_from(&before);
         let contacts = self.lay(state, picks, &worth);
-        let rms = self.pick_rms(state, picks);
-        if spoils(rms, report.pick_rms_px) {
-            (state.poses, state.points) = before;
+        let told = terms(picks, &[], self.levels);
+        let alone = self.cost(&before, &told);
+        if picks_rule_out(self.cost(state, &told) - alone, self.surfaces.len() - 1) {
+            *state = before;
             return;
         }
-        report.pick_rms_px = rms;
+        report.pick_rms_px = self.pick_rms(state, picks);
         report.surface_pairs = contacts.len();
         let squares: f64 = contacts.iter().map(|c| c.distance(&state.poses).powi(2)).sum();
         report.surface_rms = (squares / contacts.len().max(1) as f64).sqrt();

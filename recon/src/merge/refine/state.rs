@@ -8,6 +8,7 @@ pub(super) const POSE: usize = 7;
 pub(super) const POINT: usize = 3;
 
 /// Cameras and points as they are now.
+#[derive(Clone)]
 pub(super) struct State {
     /// From each camera's own frame into the common one.
     pub(super) poses: Vec<Similarity3<f64>>,

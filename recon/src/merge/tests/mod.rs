@@ -1,11 +1,12 @@
 //! Two cameras in a room of known geometry, each with a frame and a scale of its own.
 
+mod boxes;
+mod rooms;
+
 use super::*;
 use crate::project::{PickedPoint, ProjectCamera, Scale};
-use crate::surface::Origin;
+use boxes::Boxes;
 use calib::{Intrinsics, rotation};
-use glam::Vec3;
-use image::RgbImage;
 use nalgebra::{Isometry3, Matrix3, UnitQuaternion, Vector3};
 
 /// The room is a box of these half extents around the origin.
@@ -25,40 +26,9 @@ fn poses() -> [Isometry3<f64>; 2] {
     })
 }
 
-/// Where a ray from inside leaves the box, and the wall's normal there.
-fn exit(eye: &Point3<f64>, ray: &Vector3<f64>) -> (f64, Vector3<f64>) {
-    (0..3)
-        .map(|axis| {
-            let t = (HALF[axis].copysign(ray[axis]) - eye[axis]) / ray[axis];
-            (t, -Vector3::ith(axis, ray[axis].signum()))
-        })
-        .min_by(|a, b| a.0.total_cmp(&b.0))
-        .unwrap()
-}
-
 pub(super) fn surface(camera: usize) -> Surface {
-    let (lens, pose) = (lens(), poses()[camera]);
-    let eye = pose.inverse() * Point3::origin();
-    let (mut depth, mut normal) = (Vec::new(), Vec::new());
-    for v in 0..lens.height {
-        for u in 0..lens.width {
-            let ray = lens.unproject(&Point2::new(u as f64, v as f64)).unwrap();
-            let (t, n) = exit(&eye, &(pose.rotation.inverse() * ray));
-            let n = pose.rotation * n;
-            depth.push((t / UNITS[camera]) as f32);
-            normal.push(Vec3::new(n.x as f32, n.y as f32, n.z as f32));
-        }
-    }
-    let count = depth.len();
-    Surface {
-        picture: RgbImage::new(lens.width, lens.height),
-        intrinsics: lens,
-        depth,
-        normal,
-        agreeing: vec![4; count],
-        origin: vec![Origin::Stereo; count],
-        step: 0.005,
-    }
+    let boxes = Boxes { room: [Point3::from(-HALF), Point3::from(HALF)], furniture: Vec::new() };
+    boxes.seen(&lens(), &poses()[camera], UNITS[camera])
 }
 
 /// Points on the floor, picked in both cameras with half a pixel of error.
@@ -84,12 +54,16 @@ fn picked(places: &[(f64, f64)]) -> Vec<PickedPoint> {
 /// Points that both cameras see.
 fn project() -> Project {
     let places = [(-1.0, -1.0), (1.2, -0.8), (0.3, 0.9), (-0.6, 0.7), (0.9, 0.3), (-0.2, -0.4), (1.5, 0.8)];
-    let points = picked(&places);
+    project_of(picked(&places), &lens())
+}
+
+/// Two cameras with these points.
+fn project_of(points: Vec<PickedPoint>, lens: &Intrinsics) -> Project {
     let camera = |name: &str| ProjectCamera {
         name: name.into(),
         capture: "unused".into(),
         reference: crate::capture::ReferenceFrame::Last,
-        intrinsics: Some(lens()),
+        intrinsics: Some(lens.clone()),
     };
     Project {
         path: "room.toml".into(),
