@@ -44,7 +44,8 @@ pub struct DenseOptions {
     pub halvings: usize,
     /// Whether hypotheses come from far regions and out of nowhere even where a coarser map is at hand.
     pub always_afar: bool,
-    /// Rounds of propagation: from random hypotheses, at half size with the other views' depths known, at full size.
+    /// Rounds of propagation: from random hypotheses, at half size with the other views' depths known, at full size (where
+    /// without any, what half size found is compared in full).
     pub iterations: [usize; 3],
     /// A depth is reliable if at least this many key frames agree …
     pub least_agreeing: usize,
@@ -81,8 +82,8 @@ impl Default for DenseOptions {
 }
 
 impl DenseOptions {
-    /// For a first look: the first round at a quarter of the size, fewer key frames, rounds and hypotheses, and those that
-    /// fall behind given up early.
+    /// For a first look: the first round at a quarter of the size, fewer key frames, rounds and hypotheses, those that fall
+    /// behind given up early, and planes found at half size only compared at full size.
     pub fn draft() -> Self {
         Self {
             key_frames: 5,
@@ -91,7 +92,7 @@ impl DenseOptions {
             catching_up: 0.1,
             halvings: 2,
             always_afar: false,
-            iterations: [3, 1, 1],
+            iterations: [3, 1, 0],
             fuse_key_frames: false,
             ..Self::default()
         }
