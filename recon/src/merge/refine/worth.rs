@@ -14,7 +14,7 @@ use crate::merge::overlap::Contact;
 const STEREO: f64 = 64.0;
 /// The same where pictures' matches hold the cameras: two spaces that are bent alike agree and turn the cameras all the same,
 /// which a hand's picks are too coarse to tell, and matches are not.
-const STEREO_BESIDE_MATCHES: f64 = 16.0;
+const STEREO_BESIDE_MATCHES: f64 = 4.0;
 /// In how many ways a space bends: by depth, across and along the image. What is bent is known as often.
 const BENDS: f64 = 3.0;
 

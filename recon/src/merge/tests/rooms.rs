@@ -9,7 +9,7 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
 
 use super::boxes::Boxes;
-use super::{MergeOptions, MergeReport, Merged, merge, project_of};
+use super::{MergeOptions, MergeReport, Merged, Pick, graph, lift, project_of, refine};
 use crate::project::PickedPoint;
 use crate::surface::{Origin, Surface};
 
@@ -24,6 +24,18 @@ struct Scene {
     units: [f64; 2],
     surfaces: [Surface; 2],
     picks: Vec<PickedPoint>,
+    /// What pictures are found to have in common.
+    matches: Vec<PickedPoint>,
+}
+
+/// As many as are sought of two cameras' pictures.
+const MATCHES: usize = 24;
+
+/// What joins the cameras beside their surfaces.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Joined {
+    ByPicks,
+    ByMatchesToo,
 }
 
 fn normal(rng: &mut Pcg64Mcg) -> f64 {
@@ -70,19 +82,34 @@ impl Scene {
             let units = [(); 2].map(|()| rng.random_range(0.3..3.0));
             let truth = [0, 1].map(|camera| boxes.seen(&lens, &poses[camera], units[camera]));
             let count = rng.random_range(4..13);
-            let picks = picked(&truth, &poses, &units, count, pick_px, rng);
-            if let Some(picks) = picks.filter(|_| (a - b).norm() > 1.0) {
+            let picks = in_common(&truth, &poses, &units, count, pick_px, rng);
+            let matches = in_common(&truth, &poses, &units, MATCHES, 0.5, rng);
+            if let (Some(picks), Some(matches), true) = (picks, matches, (a - b).norm() > 1.0) {
                 let surfaces = truth.map(|surface| reconstructed(surface, bend, rng));
-                return Self { boxes, lens, poses, units, surfaces, picks };
+                return Self { boxes, lens, poses, units, surfaces, picks, matches };
             }
         }
     }
 
-    fn merged(&self, align_surfaces: bool) -> (Merged, MergeReport) {
+    fn merged(&self, by: Joined, align_surfaces: bool) -> (Merged, MergeReport) {
         let options = MergeOptions { align_surfaces, ..MergeOptions::default() };
         let project = project_of(self.picks.clone(), &self.lens);
         let lenses = [self.lens.clone(), self.lens.clone()];
-        merge(&project, &self.surfaces, &lenses, &[vec![], vec![]], &[], &options).unwrap()
+        let mut picks = lift(&project, &self.surfaces, &lenses, &[vec![], vec![]], &options).unwrap();
+        let start = graph::chain(&project, &picks, 2).unwrap();
+        if by == Joined::ByMatchesToo {
+            for (point, in_common) in self.matches.iter().enumerate() {
+                picks.extend(in_common.picks.iter().map(|(camera, pixel)| Pick {
+                    point: self.picks.len() + point,
+                    camera: *camera,
+                    pixel: *pixel,
+                    seen: self.surfaces[*camera].point_at(pixel),
+                    depth: None,
+                    by_hand: false,
+                }));
+            }
+        }
+        refine::refine(&picks, &start, &self.surfaces, &[], &options)
     }
 
     /// How far what the second camera sees comes out from where it is, both seen from the first: root mean square, metres.
@@ -140,8 +167,8 @@ fn reconstructed(mut surface: Surface, bend: f64, rng: &mut Pcg64Mcg) -> Surface
     surface
 }
 
-/// Points that both cameras see, picked by hand; `None` where they see too little in common.
-fn picked(
+/// Points that both cameras see, picked with an error; `None` where they see too little in common.
+fn in_common(
     truth: &[Surface; 2],
     poses: &[Isometry3<f64>; 2],
     units: &[f64; 2],
@@ -188,14 +215,14 @@ struct Told {
     laid: f64,
 }
 
-fn over_rooms(bend: f64, pick_px: f64) -> Told {
+fn over_rooms(by: Joined, bend: f64, pick_px: f64) -> Told {
     const ROOMS: usize = 80;
     let mut rng = Pcg64Mcg::seed_from_u64(5);
     let mut errors = Vec::new();
     let mut laid = 0;
     for _ in 0..ROOMS {
         let scene = Scene::random(bend, pick_px, &mut rng);
-        let ((without, _), (with, report)) = (scene.merged(false), scene.merged(true));
+        let ((without, _), (with, report)) = (scene.merged(by, false), scene.merged(by, true));
         laid += usize::from(report.surface_pairs > 0);
         errors.push([without, with].map(|merged| scene.error_m(&merged)));
     }
@@ -214,7 +241,7 @@ fn over_rooms(bend: f64, pick_px: f64) -> Told {
 #[test]
 fn surfaces_halve_the_error_of_straight_spaces() {
     for (bend, pick_px) in [(0.0, 0.5), (0.003, 1.0)] {
-        let told = over_rooms(bend, pick_px);
+        let told = over_rooms(Joined::ByPicks, bend, pick_px);
         println!("bend {bend}, picks to {pick_px} px: {told:?}");
         assert!(told.mean_ratio < 0.5 && told.rms_m[1] < 0.7 * told.rms_m[0], "{told:?}");
         assert!(told.worst < 1.2 && told.laid > 0.95, "{told:?}");
@@ -227,9 +254,19 @@ fn surfaces_of_bent_spaces_are_better_than_picks_alone_or_as_good() {
     for (bend, pick_px, ratio) in
         [(0.01, 0.5, 0.85), (0.01, 1.0, 0.7), (0.03, 0.5, 1.05), (0.03, 1.0, 1.0), (0.1, 0.5, 1.1)]
     {
-        let told = over_rooms(bend, pick_px);
+        let told = over_rooms(Joined::ByPicks, bend, pick_px);
         println!("bend {bend}, picks to {pick_px} px: {told:?}");
         assert!(told.mean_ratio < ratio && told.rms_m[1] < ratio.max(1.1) * told.rms_m[0], "{told:?}");
         assert!(told.much_worse < 0.15, "{told:?}");
+    }
+}
+
+#[test]
+fn surfaces_beside_matches_are_better_than_those_alone() {
+    for (bend, ratio) in [(0.0, 0.85), (0.01, 0.95), (0.03, 1.0)] {
+        let told = over_rooms(Joined::ByMatchesToo, bend, 0.7);
+        println!("bend {bend}, beside matches: {told:?}");
+        assert!(told.mean_ratio < ratio && told.rms_m[1] < ratio * told.rms_m[0], "{told:?}");
+        assert!(told.much_worse < 0.02, "{told:?}");
     }
 }
