@@ -46,6 +46,8 @@ impl From<Distortion> for [f64; 5] {
 const MAX_NEWTON_STEPS: usize = 50;
 /// Residual on the normalised plane at which an undistortion counts as exact (1e-12 is 1e-9 px at f = 1000).
 const NEWTON_TOLERANCE: f64 = 1e-12;
+/// A step is shortened to a thousandth at most.
+const NEWTON_HALVINGS: i32 = 10;
 
 impl Distortion {
     /// No distortion.
@@ -95,10 +97,17 @@ impl Distortion {
             return Some(distorted);
         }
         let limit = self.max_radius();
-        let mut p = distorted;
-        if p.norm() > limit {
-            p *= 0.9 * limit / p.norm();
+        let mut start = distorted;
+        if start.norm() > limit {
+            start *= 0.9 * limit / start.norm();
         }
+        // Where the lens pulls far outwards before it folds, steps from there can leap to and fro about the root for ever.
+        self.newton(distorted, start, limit)
+            .or_else(|| self.newton(distorted, self.radial_inverse(distorted, limit), limit))
+    }
+
+    fn newton(&self, distorted: Vector2<f64>, start: Vector2<f64>, limit: f64) -> Option<Vector2<f64>> {
+        let mut p = start;
         for _ in 0..MAX_NEWTON_STEPS {
             let residual = self.distort(p) - distorted;
             if residual.norm() < NEWTON_TOLERANCE {
@@ -112,6 +121,21 @@ impl Distortion {
             }
         }
         None
+    }
+
+    /// The pinhole point that the radial part alone moves to `distorted`, or the last before the fold, by halving: up to the
+    /// fold that part only grows, and the tangential one is small beside it.
+    fn radial_inverse(&self, distorted: Vector2<f64>, limit: f64) -> Vector2<f64> {
+        let radial = Self { p1: 0.0, p2: 0.0, ..*self };
+        let image = |r: f64| radial.distort(Vector2::new(r, 0.0)).x;
+        let target = distorted.norm();
+        // Far beyond any lens; finite where there is no fold.
+        let (mut low, mut high) = (0.0, (0.99 * limit).min(1e3));
+        for _ in 0..64 {
+            let middle = 0.5 * (low + high);
+            if image(middle) < target { low = middle } else { high = middle }
+        }
+        if target > 0.0 { distorted * (low / target) } else { distorted }
     }
 
     /// The normalised radius up to which the radial polynomial grows, so that images are unique:
@@ -174,6 +198,20 @@ mod tests {
             prop_assert!((back - p).norm() < 1e-9, "{p:?} came back as {back:?}");
         }
 
+        /// Lenses of all kinds, up to where their images fold: some have slopes that lead Newton's whole steps astray.
+        #[test]
+        fn every_image_has_its_ray(
+            (k1, k2, k3) in (-0.4..0.25, -0.1..0.15, -0.02..0.02),
+            (p1, p2) in (-0.01..0.01, -0.01..0.01),
+            (x, y) in (-1.4..1.4, -1.0..1.0),
+        ) {
+            let d = Distortion { k1, k2, p1, p2, k3 };
+            let p = Vector2::new(x, y);
+            prop_assume!(p.norm() < 0.9 * d.max_radius());
+            let back = d.undistort(d.distort(p)).unwrap();
+            prop_assert!((back - p).norm() < 1e-8, "{p:?} came back as {back:?}");
+        }
+
         #[test]
         fn jacobian_matches_finite_differences(d in lens(), x in -0.8..0.8, y in -0.6..0.6) {
             let (p, step) = (Vector2::new(x, y), 1e-6);
@@ -211,6 +249,18 @@ mod tests {
                 let (before, at, after) = (image(0.999 * fold), image(fold), image(1.001 * fold));
                 prop_assert!(at >= before && (after <= at || (after - at) < 1e-5 * at.abs()));
             }
+        }
+    }
+
+    /// Far from its fold, and Newton's steps from the distorted point go to and fro between this lens's centre and its fold.
+    #[test]
+    fn a_lens_that_pulls_outwards_before_it_folds_round_trips() {
+        let d = Distortion::from([-0.0956, 0.144, 0.00907, 0.00734, -0.0189]);
+        for i in 0..3600 {
+            let (sin, cos) = (std::f64::consts::TAU * f64::from(i % 36) / 36.0).sin_cos();
+            let p = Vector2::new(cos, sin) * (0.0098 * f64::from(i / 36) * d.max_radius());
+            let back = d.undistort(d.distort(p));
+            assert!(back.is_some_and(|back| (back - p).norm() < 1e-9), "{p:?} came back as {back:?}");
         }
     }
 

@@ -10,6 +10,8 @@ mod cover;
 mod layers;
 pub mod oracle;
 pub mod prior;
+#[cfg(test)]
+mod property;
 mod rule;
 mod simulation;
 mod summed_area;

@@ -1,0 +1,234 @@
+//! A room, a camera with a lens in it and what that films: made ready as a run does, and beside it ray by ray.
+
+use std::ops::RangeInclusive;
+use std::path::Path;
+
+use calib::{Camera, Distortion, Intrinsics};
+use image::{GrayImage, Luma};
+use nalgebra::{Isometry3, Point2, Point3, Vector3};
+use rand::RngExt;
+use rand_pcg::Pcg64Mcg;
+use scenes::polygon::Polygon;
+use scenes::room::{Room as RoomModel, RoomCamera};
+
+use super::lens::{Filmed, Lens};
+use super::room::{Depth, Room, floor_depth};
+use crate::likelihood::pack;
+use crate::silhouette::{Ellipsoid, View};
+use crate::stage::{Stage, StageCamera, StageOptions};
+
+/// How near the middle between two filmed pixels (in pixels) it is left open which is the nearest: places are f32 there.
+const BETWEEN_PX: f64 = 2e-5;
+/// How near its outline it is left open whether a ray meets a body, in parts of the square that decides.
+const OUTLINE: f64 = 1e-9;
+
+pub(super) struct Scene {
+    pub(super) room: Room,
+    lens: Lens,
+    pub(super) stage: StageCamera,
+    pub(super) view: View,
+    /// Where each pixel of the view looks, row by row.
+    pub(super) sights: Vec<Sight>,
+}
+
+/// Where a pixel of the view looks, through the lens.
+pub(super) struct Sight {
+    /// World frame, of length 1 along the camera's z.
+    pub(super) ray: Vector3<f64>,
+    pub(super) furniture: Depth,
+    pub(super) floor: Depth,
+    /// Whether the film shows anything there.
+    pub(super) is_shown: Option<bool>,
+}
+
+impl Scene {
+    /// A lens in two scenes of three, `block` × `block` of its pixels to one of the view.
+    pub(super) fn random(block: u8, has_lens: bool, rng: &mut Pcg64Mcg) -> Self {
+        let real = random_camera(has_lens, rng);
+        let room = Room::random(rng);
+        let model = RoomModel {
+            cameras: vec![RoomCamera { name: "c".into(), camera: real, reference: None }],
+            walkable: Some(vec![Polygon::rectangle(Point2::new(0.0, 0.0), Point2::new(1.0, 1.0))]),
+            geometry: room.geometry(),
+            ..RoomModel::default()
+        };
+        // No folder, so that no scene leaves a depth map behind.
+        let nowhere = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/Cargo.toml"));
+        let mut stage = Stage::prepare(&model, nowhere, &StageOptions::default()).unwrap();
+        let stage = stage.cameras.remove(0);
+        let view = View::coarse(&stage, block);
+        let lens = Lens::new(&stage.real.intrinsics);
+        let mut scene = Self { room, lens, stage, view, sights: Vec::new() };
+        scene.sights = scene.pixels().map(|(u, v)| scene.sight(u, v)).collect();
+        scene
+    }
+
+    /// A scene whose film is 1 × 1 pixels of the view's: the pixels of the view, row by row.
+    pub(super) fn pixels(&self) -> impl Iterator<Item = (i32, i32)> + use<> {
+        let (width, height) = (self.size()[0], self.size()[1]);
+        (0..height).flat_map(move |v| (0..width).map(move |u| (u, v)))
+    }
+
+    /// Width and height of the view, from what is filmed.
+    pub(super) fn size(&self) -> [i32; 2] {
+        let k = &self.stage.real.intrinsics;
+        [k.width, k.height].map(|size| size.div_ceil(u32::from(self.view.block)) as i32)
+    }
+
+    pub(super) fn eye(&self) -> Point3<f64> {
+        self.stage.real.center()
+    }
+
+    /// The world's direction of one in the camera's frame.
+    pub(super) fn to_world(&self, ray: &Vector3<f64>) -> Vector3<f64> {
+        self.stage.real.camera_from_world.rotation.inverse() * ray
+    }
+
+    /// What the lens makes of the middle of a pixel of the view, in the image or beside it.
+    pub(super) fn middle(&self, u: i32, v: i32) -> Filmed {
+        let block = f64::from(self.view.block);
+        let at = |i: i32| (f64::from(i) + 0.5) * block - 0.5;
+        self.lens.of(&Point2::new(at(u), at(v)))
+    }
+
+    /// A body is looked for along the middle of a block; the room is at the depth of the pixel there, which is the lower
+    /// right of four when the block's side is even, and the image's last where the block ends before its middle.
+    fn sight(&self, u: i32, v: i32) -> Sight {
+        let block = i32::from(self.view.block);
+        let k = &self.stage.real.intrinsics;
+        let at = |i: i32, size: u32| f64::from((i * block + block / 2).min(size as i32 - 1));
+        let pixel = self.lens.of(&Point2::new(at(u, k.width), at(v, k.height)));
+        let room_ray = self.to_world(&pixel.ray);
+        Sight {
+            ray: self.to_world(&self.middle(u, v).ray),
+            furniture: self.room.depth(&self.eye(), &room_ray),
+            floor: floor_depth(&self.eye(), &room_ray),
+            is_shown: pixel.is_shown,
+        }
+    }
+
+    /// The foreground of the view as the tracker has it, and, pixel by pixel, as the film says.
+    pub(super) fn foreground(&self, film: &GrayImage) -> (Vec<u64>, Vec<Option<bool>>) {
+        let mut twin = GrayImage::new(film.width(), film.height());
+        self.stage.undistort.mask(film, &mut twin);
+        let by_film = self.pixels().map(|(u, v)| self.is_foreground(film, u, v)).collect();
+        (pack(&twin, &self.view), by_film)
+    }
+
+    /// Whether at least half of a block's pixels are foreground: each is what the nearest filmed pixel says.
+    fn is_foreground(&self, film: &GrayImage, u: i32, v: i32) -> Option<bool> {
+        let block = u32::from(self.view.block);
+        let members = |i: i32, size: u32| (i as u32 * block)..((i as u32 + 1) * block).min(size);
+        let (mut all, mut surely, mut perhaps) = (0, 0, 0);
+        for y in members(v, film.height()) {
+            for x in members(u, film.width()) {
+                let filmed = self.lens.of(&Point2::new(f64::from(x), f64::from(y)));
+                let is_set = match filmed.is_shown {
+                    Some(false) => Some(false),
+                    Some(true) => nearest(film, &filmed.place),
+                    None => None,
+                };
+                all += 1;
+                surely += u32::from(is_set == Some(true));
+                perhaps += u32::from(is_set != Some(false));
+            }
+        }
+        match () {
+            () if 2 * surely >= all => Some(true),
+            () if 2 * perhaps < all => Some(false),
+            () => None,
+        }
+    }
+}
+
+/// What the nearest filmed pixel says; left open where two are as near and differ.
+fn nearest(film: &GrayImage, place: &Point2<f64>) -> Option<bool> {
+    let beside = |x: f64, size: u32| -> RangeInclusive<u32> {
+        let last = f64::from(size - 1);
+        let [low, high] = [x - BETWEEN_PX, x + BETWEEN_PX].map(|x| (x + 0.5).floor().clamp(0.0, last) as u32);
+        low..=high
+    };
+    let mut values = beside(place.y, film.height())
+        .flat_map(|y| beside(place.x, film.width()).map(move |x| film.get_pixel(x, y)[0] != 0));
+    let first = values.next()?;
+    values.all(|value| value == first).then_some(first)
+}
+
+impl Sight {
+    /// Whether a body is met at all, and whether it is seen there: in front of furniture and floor.
+    pub(super) fn of(&self, eye: &Point3<f64>, body: &Ellipsoid) -> [Option<bool>; 2] {
+        let Some(met) = meet(eye, &self.ray, body) else {
+            return [None, self.is_shown.filter(|shown| !shown)];
+        };
+        let Some(z_m) = met else { return [Some(false); 2] };
+        let room = self.furniture.first(self.floor);
+        let is_in_front = match () {
+            () if z_m < room.from_m => Some(true),
+            () if z_m >= room.to_m => Some(false),
+            () => None,
+        };
+        let is_seen = match (self.is_shown, is_in_front) {
+            (Some(false), _) | (_, Some(false)) => Some(false),
+            (Some(true), Some(true)) => Some(true),
+            _ => None,
+        };
+        [Some(true), is_seen]
+    }
+}
+
+/// The depth at which a ray enters a body, 0 from inside; `Some(None)` for a miss, `None` where that is left open.
+pub(super) fn meet(eye: &Point3<f64>, ray: &Vector3<f64>, body: &Ellipsoid) -> Option<Option<f64>> {
+    // Scaled so that the body is the unit sphere around the origin.
+    let o = (eye - body.center).component_div(&body.semi_axes);
+    let w = ray.component_div(&body.semi_axes);
+    let power = o.norm_squared() - 1.0;
+    if power.abs() < OUTLINE {
+        return None;
+    }
+    if power < 0.0 {
+        return Some(Some(0.0));
+    }
+    // Half the chord along the ray by Pythagoras, from the point of the ray that is nearest to the middle.
+    let nearest = -o.dot(&w) / w.norm_squared();
+    let half_squared = (1.0 - (o + w * nearest).norm_squared()) / w.norm_squared();
+    if nearest <= 0.0 {
+        return Some(None);
+    }
+    if half_squared.abs() < OUTLINE * nearest * nearest {
+        return None;
+    }
+    Some((half_squared > 0.0).then(|| nearest - half_squared.sqrt()))
+}
+
+/// A small camera somewhere in a room of 6 × 5 m, looking somewhere.
+fn random_camera(has_lens: bool, rng: &mut Pcg64Mcg) -> Camera {
+    let (width, height) = (rng.random_range(24..100), rng.random_range(20..60));
+    let mut intrinsics = Intrinsics::from_horizontal_fov(width, height, rng.random_range(40.0..100.0));
+    intrinsics.fy *= rng.random_range(0.8..1.2);
+    intrinsics.cx += rng.random_range(-0.1..0.1) * f64::from(width);
+    intrinsics.cy += rng.random_range(-0.1..0.1) * f64::from(height);
+    if has_lens {
+        intrinsics.distortion = Distortion {
+            k1: rng.random_range(-0.4..0.25),
+            k2: rng.random_range(-0.1..0.15),
+            p1: rng.random_range(-0.01..0.01),
+            p2: rng.random_range(-0.01..0.01),
+            k3: rng.random_range(-0.02..0.02),
+        };
+    }
+    let eye = Point3::new(rng.random_range(0.0..6.0), rng.random_range(0.0..5.0), rng.random_range(0.3..3.0));
+    let aim = Point3::new(rng.random_range(0.0..6.0), rng.random_range(0.0..5.0), rng.random_range(0.0..2.0));
+    let mut down = Vector3::new(rng.random_range(-0.2..0.2), 0.1, -1.0);
+    if rng.random::<f32>() < 0.3 {
+        // Hung in any way, upside down as well.
+        down = Vector3::from_fn(|_, _| rng.random_range(-1.0..1.0));
+    }
+    Camera { intrinsics, camera_from_world: Isometry3::look_at_lh(&eye, &aim, &down) }
+}
+
+/// A film of nothing in particular, so that every pixel counts.
+pub(super) fn random_film(camera: &StageCamera, rng: &mut Pcg64Mcg) -> GrayImage {
+    GrayImage::from_fn(camera.width(), camera.height(), |u, v| {
+        Luma([if (u / 9 + v / 7) % 3 == 0 || rng.random::<f32>() < 0.1 { 255 } else { 0 }])
+    })
+}

@@ -1,0 +1,197 @@
+//! The counts of a changing state, kept up to date by looking only at the pixels that change.
+
+#[cfg(test)]
+mod tests;
+
+use image::GrayImage;
+
+use super::cover::{Change, Cover, MAX_BODIES};
+use super::{Counts, Layers};
+use crate::silhouette::{Silhouette, View};
+
+/// The simulated masks of all layers beside the foreground masks of the moment.
+///
+/// A state's bodies are [`Self::insert`]ed once a frame; after that each step asks [`Self::try_change`] for the counts
+/// that a change of one body would give, and [`Self::commit`]s what is accepted. Nothing allocates after the first frames.
+#[derive(Debug, Clone)]
+pub struct Simulation {
+    layers: Vec<SimulatedLayer>,
+    bodies: usize,
+}
+
+#[derive(Debug, Clone)]
+struct SimulatedLayer {
+    cover: Cover,
+    camera: usize,
+    /// Whether the camera has a mask at this moment.
+    in_use: bool,
+    counts: Counts,
+    /// What the body that is tried without takes with it.
+    removal: Change,
+    tried: Counts,
+}
+
+/// A mask as packed words, row by row; bit 0 is the leftmost pixel. Any value but 0 is foreground; a view's pixel that
+/// stands for a block of the mask's is foreground when half of the block is.
+pub fn pack(mask: &GrayImage, view: &View) -> Vec<u64> {
+    let (width, block) = (mask.width() as usize, usize::from(view.block));
+    let mut packed = Vec::with_capacity(view.words_per_row * view.height as usize);
+    // Of a row of blocks: the foreground of each column, and of all columns to the left of each and one more.
+    let mut found = vec![0_u8; width];
+    let mut running = vec![0_u32; width + 1];
+    for rows in mask.chunks(width * block) {
+        found.fill(0);
+        for row in rows.chunks(width) {
+            for (sum, pixel) in found.iter_mut().zip(row) {
+                *sum += u8::from(*pixel != 0);
+            }
+        }
+        let mut sum = 0;
+        for (running, found) in running[1..].iter_mut().zip(&found) {
+            sum += u32::from(*found);
+            *running = sum;
+        }
+        let height = rows.len() / width;
+        let is_foreground = |first: usize| {
+            // The last block of a row may be narrower than the others.
+            let end = (first + block).min(width);
+            2 * (running[end] - running[first]) as usize >= (end - first) * height
+        };
+        packed.extend((0..view.words_per_row).map(|word| {
+            let blocks = (word * 64..((word + 1) * 64).min(view.width as usize)).rev();
+            blocks.fold(0, |bits, u| bits << 1 | u64::from(is_foreground(u * block)))
+        }));
+    }
+    packed
+}
+
+impl Simulation {
+    /// The most bodies a state may hold.
+    pub const MAX_BODIES: usize = MAX_BODIES;
+
+    /// An empty simulation of these layers.
+    pub fn new(layers: &Layers) -> Self {
+        let layer = |i: usize| {
+            let camera = layers.camera(i);
+            let view = &layers.views()[camera];
+            SimulatedLayer {
+                cover: Cover::new(view.words_per_row, view.height as usize),
+                camera,
+                in_use: false,
+                counts: Counts::default(),
+                removal: Change::default(),
+                tried: Counts::default(),
+            }
+        };
+        Self { layers: (0..layers.count()).map(layer).collect(), bodies: 0 }
+    }
+
+    /// Takes the masks of a new moment, one a camera, packed by [`pack`]; `None` leaves a camera out. Forgets all bodies.
+    pub fn restart(&mut self, masks: &[Option<Vec<u64>>]) {
+        self.bodies = 0;
+        for layer in &mut self.layers {
+            let mask = &masks[layer.camera];
+            layer.in_use = mask.is_some();
+            if let Some(mask) = mask {
+                layer.cover.restart(mask);
+                let foreground = mask.iter().map(|w| i64::from(w.count_ones())).sum();
+                layer.counts = Counts { foreground, ..Counts::default() };
+                layer.tried = layer.counts;
+            }
+        }
+    }
+
+    /// Whether a layer's camera takes part in this moment.
+    pub fn in_use(&self, layer: usize) -> bool {
+        self.layers[layer].in_use
+    }
+
+    /// Whether any camera takes part in this moment.
+    pub fn sees_anything(&self) -> bool {
+        self.layers.iter().any(|l| l.in_use)
+    }
+
+    /// The counts of the present state in each layer; `None` for a camera that is left out.
+    pub fn counts(&self) -> impl Iterator<Item = Option<Counts>> + '_ {
+        self.layers.iter().map(|l| l.in_use.then_some(l.counts))
+    }
+
+    /// The counts that the change last tried would give.
+    pub fn tried(&self) -> impl Iterator<Item = Option<Counts>> + '_ {
+        self.layers.iter().map(|l| l.in_use.then_some(l.tried))
+    }
+
+    /// Works out the counts that would follow if the body drawn as `old` (one silhouette a layer; now in the state) were
+    /// drawn as `new`. Without `old` a body is added, without `new` removed.
+    pub fn try_change(&mut self, old: Option<&[Silhouette]>, new: Option<&[Silhouette]>) {
+        self.try_removal(old);
+        for layer in 0..self.layers.len() {
+            self.try_addition(layer, old, new);
+        }
+    }
+
+    /// The first half of a change: takes `old` out of every layer. What then counts as tried in a layer, until
+    /// [`Self::try_addition`] tells, is the best that any addition could come to: it explains all foreground, and nothing
+    /// else is expected.
+    pub fn try_removal(&mut self, old: Option<&[Silhouette]>) {
+        for (i, layer) in self.layers.iter_mut().enumerate().filter(|(_, l)| l.in_use) {
+            layer.removal = old.map_or(Change::default(), |old| layer.cover.removal(&old[i]));
+        }
+        self.try_again();
+    }
+
+    /// Forgets the additions that were tried since [`Self::try_removal`], for another of the same body.
+    pub fn try_again(&mut self) {
+        for layer in self.layers.iter_mut().filter(|l| l.in_use) {
+            let Counts { foreground, simulated, both } = layer.counts;
+            let in_vain = simulated - both + layer.removal.simulated - layer.removal.both;
+            layer.tried = Counts { foreground, simulated: foreground + in_vain, both: foreground };
+        }
+    }
+
+    /// The second half, in one layer: adds `new` after [`Self::try_removal`] of the same `old`. Nothing happens in a layer
+    /// that is not in use.
+    pub fn try_addition(&mut self, layer: usize, old: Option<&[Silhouette]>, new: Option<&[Silhouette]>) {
+        let SimulatedLayer { cover, in_use, counts, tried, removal, .. } = &mut self.layers[layer];
+        if *in_use {
+            let old = old.map(|s| &s[layer]);
+            let addition = new.map_or(Change::default(), |new| cover.addition(&new[layer], old));
+            *tried = Counts {
+                foreground: counts.foreground,
+                simulated: counts.simulated + removal.simulated + addition.simulated,
+                both: counts.both + removal.both + addition.both,
+            };
+        }
+    }
+
+    /// Makes the change last tried, with the same arguments.
+    pub fn commit(&mut self, old: Option<&[Silhouette]>, new: Option<&[Silhouette]>) {
+        self.bodies = self.bodies + usize::from(new.is_some()) - usize::from(old.is_some());
+        debug_assert!(self.bodies <= MAX_BODIES, "more bodies than the digits of a pixel can count");
+        for (i, layer) in self.layers.iter_mut().enumerate().filter(|(_, l)| l.in_use) {
+            if let Some(old) = old {
+                layer.cover.remove(&old[i]);
+            }
+            if let Some(new) = new {
+                layer.cover.add(&new[i]);
+            }
+            layer.counts = layer.tried;
+        }
+    }
+
+    /// Adds a body.
+    pub fn insert(&mut self, silhouettes: &[Silhouette]) {
+        self.try_change(None, Some(silhouettes));
+        self.commit(None, Some(silhouettes));
+    }
+
+    /// How many of a silhouette's visible pixels are foreground in one layer, whoever else covers them.
+    pub fn foreground_under(&self, layer: usize, silhouette: &Silhouette) -> u32 {
+        self.layers[layer].cover.foreground_under(silhouette)
+    }
+
+    /// The foreground that the present state leaves unexplained in one layer, packed as the masks are.
+    pub fn unexplained(&self, layer: usize) -> impl Iterator<Item = u64> + '_ {
+        self.layers[layer].cover.unexplained()
+    }
+}
