@@ -27,6 +27,8 @@ pub(super) struct Instant {
     pub(super) truth: Vec<usize>,
     /// Tracks.
     pub(super) tracks: Vec<usize>,
+    /// What the tracks' rows say about how sure they are.
+    pub(super) confidence: Vec<f64>,
     /// Similarity of each truth row (down) with each track row (across), 0 to 1.
     pub(super) similarity: Grid,
     /// Distance of each pair: metres on the floor, pixels between the boxes' foot points in the image.

@@ -8,6 +8,8 @@
 //! * [`Hota`] — HOTA, DetA, AssA and their parts;
 //! * [`LastingPairs`] — CLEAR as `motmetrics` counts it;
 //! * [`PositionError`] — mean, median and maximum distance;
+//! * [`Existence`] — whether rows are somebody as often as their confidences say;
+//! * [`PeopleCount`] — whether the true number of people is among those that they make likely;
 //! * [`Sequences`] — several recordings, each and together;
 //! * [`DetectionCurve`] — found against falsely found, as ever less sure detections are taken;
 //! * [`plots`] — pictures of all this;
@@ -23,12 +25,14 @@ mod area;
 mod assignment;
 mod clear;
 mod correspondence;
+mod existence;
 mod frames;
 mod grid;
 mod hota;
 mod identity;
 mod instant;
 mod lasting;
+mod people_count;
 pub mod plots;
 mod position;
 mod roc;
@@ -40,10 +44,12 @@ use std::path::Path;
 
 pub use area::JudgedArea;
 pub use clear::{Clear, Continuity};
+pub use existence::{Existence, ReliabilityBin};
 pub use frames::{FrameRange, FrameSelection};
 pub use hota::{Hota, HotaScores};
 pub use identity::Identity;
 pub use lasting::LastingPairs;
+pub use people_count::PeopleCount;
 pub use position::{PositionError, PositionStatistics};
 pub use roc::{DetectionCurve, DetectionPoint};
 pub use scenario::{Scenario, Space};
@@ -94,6 +100,8 @@ pub enum Unit {
     Metres,
     /// In the image.
     Pixels,
+    /// A plain number.
+    None,
 }
 
 impl Figure {
@@ -143,6 +151,10 @@ pub struct Evaluation {
     pub hota: Hota,
     /// Position error.
     pub position: PositionError,
+    /// Whether confidences are true.
+    pub existence: Existence,
+    /// Whether the number of people is.
+    pub people_count: PeopleCount,
     /// CLEAR MOT as `motmetrics` counts it.
     pub lasting: LastingPairs,
     /// How the two rooms were brought together, if there were two.
@@ -181,6 +193,8 @@ impl Evaluation {
             identity: Identity::of(&scenario),
             hota: Hota::of(&scenario),
             position: PositionError::of(&scenario),
+            existence: Existence::of(&scenario),
+            people_count: PeopleCount::of(&scenario),
             lasting: LastingPairs::of(&scenario),
             scenario,
             alignment,
@@ -189,9 +203,15 @@ impl Evaluation {
 
     /// All figures, in the order of the table.
     pub fn figures(&self) -> Vec<Figure> {
-        let metrics =
-            [self.clear.figures(), self.identity.figures(), self.hota.figures(), self.position.figures()];
-        metrics.into_iter().flatten().collect()
+        [
+            self.clear.figures(),
+            self.identity.figures(),
+            self.hota.figures(),
+            self.position.figures(),
+            self.existence.figures(),
+            self.people_count.figures(),
+        ]
+        .concat()
     }
 }
 

@@ -103,6 +103,7 @@ impl Scenario {
                     frame: *frame,
                     truth: truth.iter().map(|r| people.of(r, has_identities)).collect(),
                     tracks: tracks.iter().map(|r| track_ids.of(r, has_identities)).collect(),
+                    confidence: tracks.iter().map(|r| r.confidence).collect(),
                     similarity,
                     distance,
                     matches: Vec::new(),
@@ -122,6 +123,11 @@ impl Scenario {
             people_ids: if has_identities { people.ids } else { Vec::new() },
             instants,
         })
+    }
+
+    /// Whether the tracks' confidences can be probabilities; detectors write scores of other kinds there.
+    pub(super) fn has_probabilities(&self) -> bool {
+        self.instants.iter().flat_map(|i| &i.confidence).all(|c| (0.0..=1.0).contains(c))
     }
 
     /// The least similarity of a match.

@@ -5,7 +5,10 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Map, Value as Json, json};
 
-use super::{Clear, EvalOptions, Evaluation, Figure, Hota, Identity, LastingPairs, Metric, PositionError};
+use super::{
+    Clear, EvalOptions, Evaluation, Existence, Figure, Hota, Identity, LastingPairs, Metric, PeopleCount,
+    PositionError,
+};
 use crate::{Error, Result};
 
 /// Names under which a sequence's folder may hold its truth: this project's and MOTChallenge's.
@@ -26,6 +29,8 @@ struct Together {
     identity: Identity,
     hota: Hota,
     position: PositionError,
+    existence: Existence,
+    people_count: PeopleCount,
     lasting: LastingPairs,
 }
 
@@ -73,6 +78,8 @@ impl Sequences {
             identity: Identity::together(all().map(|e| &e.identity)),
             hota: Hota::together(all().map(|e| &e.hota)),
             position: PositionError::together(all().map(|e| &e.position)),
+            existence: Existence::together(all().map(|e| &e.existence)),
+            people_count: PeopleCount::together(all().map(|e| &e.people_count)),
             lasting: LastingPairs::together(all().map(|e| &e.lasting)),
         };
         Self { each, together }
@@ -81,7 +88,15 @@ impl Sequences {
     /// All figures of all recordings together.
     pub fn figures(&self) -> Vec<Figure> {
         let t = &self.together;
-        [t.clear.figures(), t.identity.figures(), t.hota.figures(), t.position.figures()].concat()
+        [
+            t.clear.figures(),
+            t.identity.figures(),
+            t.hota.figures(),
+            t.position.figures(),
+            t.existence.figures(),
+            t.people_count.figures(),
+        ]
+        .concat()
     }
 
     /// A line a figure, a column a sequence, the last one for all together.
@@ -123,6 +138,7 @@ impl Sequences {
         together.insert("truth_rows".into(), json!(sum(|e| e.scenario.truth_rows)));
         together.insert("track_rows".into(), json!(sum(|e| e.scenario.track_rows)));
         super::table::insert_figures(&mut together, &self.figures());
+        together.insert("reliability".into(), self.together.existence.json());
         together.insert("motmetrics".into(), super::table::figures_json(&self.together.lasting.figures()));
         json!({ "sequences": sequences, "together": together })
     }

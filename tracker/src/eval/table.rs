@@ -13,6 +13,7 @@ impl Figure {
             Value::Real(Some(value), Unit::Percent) => format!("{value:.2} %"),
             Value::Real(Some(value), Unit::Metres) => format!("{value:.4} m"),
             Value::Real(Some(value), Unit::Pixels) => format!("{value:.2} px"),
+            Value::Real(Some(value), Unit::None) => format!("{value:.4}"),
             Value::Count(None) | Value::Real(None, _) => "–".into(),
         }
     }
@@ -78,6 +79,7 @@ impl Evaluation {
             object.insert("alignment_rms_m".into(), json!(alignment.center_rms_m));
         }
         insert_figures(&mut object, &self.figures());
+        object.insert("reliability".into(), self.existence.json());
         object.insert("motmetrics".into(), figures_json(&self.lasting.figures()));
         Json::Object(object)
     }

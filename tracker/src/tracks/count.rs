@@ -14,6 +14,13 @@ pub fn distribution(present: impl IntoIterator<Item = f64>) -> Vec<f64> {
     counts
 }
 
+/// Whether a number is in the smallest set of the most probable numbers that together have this share; of equally probable
+/// ones all are.
+pub fn is_likely(distribution: &[f64], number: usize, share: f64) -> bool {
+    let own = distribution.get(number).copied().unwrap_or(0.0);
+    own > 0.0 && distribution.iter().filter(|p| **p > own).sum::<f64>() < share
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -44,5 +51,20 @@ mod tests {
             assert_relative_eq!(*found, expected, epsilon = 1e-12);
         }
         assert_eq!(distribution([]), vec![1.0]);
+    }
+
+    #[test]
+    fn likely_numbers_are_the_most_probable_ones_up_to_the_share() {
+        let likely = |distribution: &[f64]| -> Vec<usize> {
+            (0..7).filter(|n| is_likely(distribution, *n, 0.9)).collect()
+        };
+        assert_eq!(likely(&[0.05, 0.6, 0.25, 0.1]), [1, 2, 3], "0.85 are too little");
+        assert_eq!(likely(&[0.04, 0.01, 0.95]), [2]);
+        assert_eq!(likely(&[0.5, 0.25, 0.25]), [0, 1, 2], "equals go together");
+        assert_eq!(
+            likely(&[0.0, 1.0]),
+            [1],
+            "what is impossible is not likely, nor more people than anybody told of"
+        );
     }
 }

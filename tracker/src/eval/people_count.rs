@@ -1,0 +1,80 @@
+//! How many are there: whether the true number is among those that the tracks' confidences make likely.
+//!
+//! The confidences of a frame's rows say how probable every number of people is ([`count`]). Judged are frames with a row in
+//! either file: by how often the true number is in the 90 % set, and by the logarithm of its probability (I. J. Good,
+//! "Rational decisions", J. Royal Statistical Society B 1952). Numbers come whole, so a calibrated set covers more than it
+//! has to: with two or three people who are nearly certain, nearly always.
+
+use super::scenario::Scenario;
+use super::{Figure, Metric, Unit, Value, percent};
+use crate::tracks::count;
+
+/// The set that is judged holds this much.
+const SHARE: f64 = 0.9;
+/// Confidences are written to three decimals: what is called impossible may be as probable as this.
+const LEAST: f64 = 5e-4;
+
+/// How well the number of people is known.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PeopleCount {
+    frames: usize,
+    /// Frames whose true number is likely.
+    covered: usize,
+    /// Sum over the frames of the log probability of the true number, nats.
+    log_score: f64,
+    has_probabilities: bool,
+}
+
+impl Metric for PeopleCount {
+    fn of(scenario: &Scenario) -> Self {
+        let has_probabilities = scenario.has_probabilities();
+        let (mut covered, mut log_score) = (0, 0.0);
+        for instant in scenario.instants.iter().filter(|_| has_probabilities) {
+            let told = count::distribution(instant.confidence.iter().copied());
+            let people = instant.truth.len();
+            covered += usize::from(count::is_likely(&told, people, SHARE));
+            log_score += told.get(people).map_or(LEAST, |p| p.max(LEAST)).ln();
+        }
+        Self { frames: scenario.instants.len(), covered, log_score, has_probabilities }
+    }
+
+    fn together<'a>(parts: impl Iterator<Item = &'a Self> + Clone) -> Self {
+        Self {
+            frames: parts.clone().map(|p| p.frames).sum(),
+            covered: parts.clone().map(|p| p.covered).sum(),
+            log_score: parts.clone().map(|p| p.log_score).sum(),
+            has_probabilities: parts.clone().all(|p| p.has_probabilities),
+        }
+    }
+
+    fn figures(&self) -> Vec<Figure> {
+        vec![
+            Figure::new(
+                "count coverage",
+                percent(self.coverage()),
+                "frames whose true number of people is in the 90 % set of what the confidences say",
+            ),
+            Figure::new(
+                "count log score",
+                Value::real(self.log_score(), Unit::None),
+                "mean log probability of the true number, nats: 0 is sure and right",
+            ),
+        ]
+    }
+}
+
+impl PeopleCount {
+    /// Share of the frames whose true number is in the 90 % set; `None` without frames or probabilities.
+    pub fn coverage(&self) -> Option<f64> {
+        self.per_frame(self.covered as f64)
+    }
+
+    /// Mean log probability of the true number, nats, at least ln 0.0005; `None` without frames or probabilities.
+    pub fn log_score(&self) -> Option<f64> {
+        self.per_frame(self.log_score)
+    }
+
+    fn per_frame(&self, sum: f64) -> Option<f64> {
+        (self.has_probabilities && self.frames > 0).then(|| sum / self.frames as f64)
+    }
+}
