@@ -46,8 +46,6 @@ impl From<Distortion> for [f64; 5] {
 const MAX_NEWTON_STEPS: usize = 50;
 /// Residual on the normalised plane at which an undistortion counts as exact (1e-12 is 1e-9 px at f = 1000).
 const NEWTON_TOLERANCE: f64 = 1e-12;
-/// A step is shortened to a thousandth at most.
-const NEWTON_HALVINGS: i32 = 10;
 
 impl Distortion {
     /// No distortion.
