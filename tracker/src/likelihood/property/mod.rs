@@ -22,8 +22,7 @@ mod lens;
 mod room;
 mod scene;
 
-use image::{GrayImage, Luma};
-use nalgebra::{Point2, Point3};
+use nalgebra::Point3;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 

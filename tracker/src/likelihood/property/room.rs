@@ -3,7 +3,6 @@
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-use glam::Vec3;
 use nalgebra::{Point3, Rotation3, Vector3};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
@@ -174,7 +173,7 @@ fn discs_over(surface: &Surface, rng: &mut Pcg64Mcg) -> Vec<Disc> {
             Vector3::from_fn(|i, _| f64::from(u8::from(i == axis)) * sign + rng.random_range(-0.1..0.1));
         Disc {
             center: vec3_from_point(&(center + turn * place)),
-            normal: Vec3::from(vec3_from_point(&(turn * normal).into())).normalize(),
+            normal: vec3_from_point(&(turn * normal).into()).normalize(),
             radius: rng.random_range(0.05..0.4),
             color: [0; 3],
             filled: false,

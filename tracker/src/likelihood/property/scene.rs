@@ -157,10 +157,11 @@ fn nearest(film: &GrayImage, place: &Point2<f64>) -> Option<bool> {
 impl Sight {
     /// Whether a body is met at all, and whether it is seen there: in front of furniture and floor.
     pub(super) fn of(&self, eye: &Point3<f64>, body: &Ellipsoid) -> [Option<bool>; 2] {
-        let Some(met) = meet(eye, &self.ray, body) else {
-            return [None, self.is_shown.filter(|shown| !shown)];
+        let z_m = match meet(eye, &self.ray, body) {
+            Meeting::At(z_m) => z_m,
+            Meeting::Nowhere => return [Some(false); 2],
+            Meeting::LeftOpen => return [None, self.is_shown.filter(|shown| !shown)],
         };
-        let Some(z_m) = met else { return [Some(false); 2] };
         let room = self.furniture.first(self.floor);
         let is_in_front = match () {
             () if z_m < room.from_m => Some(true),
@@ -176,28 +177,37 @@ impl Sight {
     }
 }
 
-/// The depth at which a ray enters a body, 0 from inside; `Some(None)` for a miss, `None` where that is left open.
-pub(super) fn meet(eye: &Point3<f64>, ray: &Vector3<f64>, body: &Ellipsoid) -> Option<Option<f64>> {
+/// Where a ray meets a body.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Meeting {
+    /// At this depth along the camera's z; 0 from inside.
+    At(f64),
+    Nowhere,
+    /// Too near its outline to say.
+    LeftOpen,
+}
+
+pub(super) fn meet(eye: &Point3<f64>, ray: &Vector3<f64>, body: &Ellipsoid) -> Meeting {
     // Scaled so that the body is the unit sphere around the origin.
     let o = (eye - body.center).component_div(&body.semi_axes);
     let w = ray.component_div(&body.semi_axes);
     let power = o.norm_squared() - 1.0;
     if power.abs() < OUTLINE {
-        return None;
+        return Meeting::LeftOpen;
     }
     if power < 0.0 {
-        return Some(Some(0.0));
+        return Meeting::At(0.0);
     }
     // Half the chord along the ray by Pythagoras, from the point of the ray that is nearest to the middle.
     let nearest = -o.dot(&w) / w.norm_squared();
     let half_squared = (1.0 - (o + w * nearest).norm_squared()) / w.norm_squared();
     if nearest <= 0.0 {
-        return Some(None);
+        return Meeting::Nowhere;
     }
     if half_squared.abs() < OUTLINE * nearest * nearest {
-        return None;
+        return Meeting::LeftOpen;
     }
-    Some((half_squared > 0.0).then(|| nearest - half_squared.sqrt()))
+    if half_squared > 0.0 { Meeting::At(nearest - half_squared.sqrt()) } else { Meeting::Nowhere }
 }
 
 /// A small camera somewhere in a room of 6 × 5 m, looking somewhere.
