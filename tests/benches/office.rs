@@ -41,6 +41,13 @@ fn main() -> Said<()> {
         row(&format!("tracks, {what}: mean error"), 100.0 * tracking.mean_m, "cm", &format!("<= {mean_cm}"));
         row(&format!("tracks, {what}: maximum error"), 100.0 * tracking.maximum_m, "cm", maximum);
         row(&format!("tracks, {what}: whole run without film"), frames_per_second, "frames/s", ">= 100");
+        row(&format!("tracks, {what}: confidence off by"), tracking.existence_error, "%", "");
+        row(
+            &format!("tracks, {what}: true number of people is likely"),
+            tracking.count_coverage,
+            "%",
+            ">= 90",
+        );
         if room == &truth {
             let route = accuracy::office_route(&office, &out.join("tracks.txt"))?;
             row(

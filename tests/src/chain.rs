@@ -66,6 +66,10 @@ pub struct Tracking {
     pub mean_m: f64,
     /// Maximum distance from the truth, metres.
     pub maximum_m: f64,
+    /// How far confidences are from the share of tracks that are somebody, percent.
+    pub existence_error: f64,
+    /// Frames whose true number of people is likely by the confidences, percent.
+    pub count_coverage: f64,
 }
 
 /// `tracker eval` against the office's truth; the tracks' room is aligned with the true one by their cameras.
@@ -92,6 +96,8 @@ pub fn evaluate_against(truth: &Path, truth_room: &Path, room: &Path, out: &Path
         idf1: figure("IDF1")?,
         mean_m: figure("mean_error_m")?,
         maximum_m: figure("maximum_error_m")?,
+        existence_error: figure("existence_error")?,
+        count_coverage: figure("count_coverage")?,
     })
 }
 

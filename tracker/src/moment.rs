@@ -57,7 +57,7 @@ pub struct PersonEstimate {
     pub vy: f64,
     /// Standard deviation of the position along x and y, metres.
     pub sigma_m: [f64; 2],
-    /// Probability that this person is there, 0 to 1.
+    /// Probability that this person is there, in the room, 0 to 1.
     pub confidence: f64,
     /// One entry a camera, in the stage's order: the fraction of the person's silhouette within the image that the room
     /// and the other people leave visible; 0 when no part of it is in the image.

@@ -15,6 +15,7 @@ fn people_are_followed_in_the_true_room() {
     let tracking = evaluate(&office, &room, out.path()).unwrap();
     assert!(tracking.mota >= 97.0 && tracking.idf1 >= 98.0, "{tracking:?}");
     assert!(tracking.mean_m <= 0.06 && tracking.maximum_m <= 0.30, "{tracking:?}");
+    assert!(tracking.existence_error <= 3.0 && tracking.count_coverage >= 90.0, "{tracking:?}");
 }
 
 /// Where people go tells where they were: what is told 0.4 s later is nearer to the truth.

@@ -7,7 +7,10 @@ use tracker::eval::{
 };
 use tracker::tracks::rows::RowFile;
 
-/// Measures tracks against the truth: MOTA, MOTP, MODA, IDF1, HOTA, errors in metres.
+/// Measures tracks against the truth: MOTA, MOTP, MODA, IDF1, HOTA, errors in metres, calibration.
+///
+/// Where the tracks' confidences are probabilities (0 to 1), they are judged too: how far they are from the share of rows that
+/// is somebody, and whether the true number of people is in the 90 % set of what they say of it.
 ///
 /// Both files hold MOTChallenge rows, either on the floor (frame,id,-1,-1,-1,-1,confidence,x,y,z; matched on distance) or in
 /// an image (frame,id,left,top,width,height,confidence; matched on overlap). Rows of the truth whose 7th column is 0

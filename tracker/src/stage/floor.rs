@@ -16,6 +16,12 @@ use super::doorway::beyond_zones;
 /// How far an unseen doorstep reaches from a zone: about as far as one sees through a door at an angle.
 const DOORSTEP_M: f64 = 1.5;
 
+/// The middles of eleven equally probable parts of the standard normal distribution: its quantiles at 1/22, 3/22, … 21/22.
+const EQUAL_PARTS: [f64; 11] = [
+    -1.690_622, -1.096_804, -0.747_859, -0.472_789, -0.229_884, 0.0, 0.229_884, 0.472_789, 0.747_859,
+    1.096_804, 1.690_622,
+];
+
 /// Where people can be.
 #[derive(Debug, Clone)]
 pub struct Floor {
@@ -56,6 +62,24 @@ impl Floor {
         let p = Point2::new(x_m, y_m);
         (self.walkable.contains(x_m, y_m) && !self.is_beyond(&p))
             || self.zones.iter().any(|z| z.polygon.contains(&p))
+    }
+
+    /// The probability that somebody is in the room and not on a doorstep, whose place is normally distributed around this
+    /// one: of the places where somebody can stand, the share that is inside. 0 where nobody can stand.
+    pub fn share_inside(&self, x_m: f64, y_m: f64, sigma_m: [f64; 2]) -> f64 {
+        let (mut standable, mut inside) = (0_u32, 0_u32);
+        for u in EQUAL_PARTS {
+            for v in EQUAL_PARTS {
+                let (x, y) = (x_m + u * sigma_m[0], y_m + v * sigma_m[1]);
+                if self.is_inside(x, y) {
+                    inside += 1;
+                    standable += 1;
+                } else if self.is_standable(x, y) {
+                    standable += 1;
+                }
+            }
+        }
+        f64::from(inside) / f64::from(standable.max(1))
     }
 
     /// Whether somebody can stand at a place, in the room or on a doorstep.
@@ -207,6 +231,26 @@ mod tests {
         assert!(!floor.is_standable(6.5, 4.8) && !floor.is_standable(-0.1, 2.0));
         let (low, high) = floor.bounds();
         assert!(low.x <= 0.0 && high.x >= 6.5);
+    }
+
+    /// Along the wall with the door the share is that of the normal distribution; walls take nothing away.
+    #[test]
+    fn who_may_be_on_the_doorstep_is_in_the_room_with_the_probability_of_its_side() {
+        let floor = room(ZoneKind::Both);
+        // Standard deviations from the door's outer edge, and the distribution function there.
+        for (sigmas, inside) in
+            [(0.0, 0.5), (0.6, 0.725_75), (-1.0, 0.158_66), (2.5, 0.993_79), (-3.0, 0.001_35)]
+        {
+            let found = floor.share_inside(6.0 - 0.1 * sigmas, 1.5, [0.1, 0.03]);
+            assert!((found - inside).abs() < 0.5 / 11.0 + 1e-9, "{found} of {inside}");
+        }
+        for (x, y) in [(3.0, 2.5), (5.5, 4.98), (0.02, 0.02), (5.97, 4.0)] {
+            assert!((floor.share_inside(x, y, [0.1, 0.1]) - 1.0).abs() < 1e-12, "no door at {x} {y}");
+        }
+        assert!(
+            floor.share_inside(-5.0, 2.5, [0.1, 0.1]) < 1e-12
+                && floor.share_inside(6.5, 1.5, [0.1, 0.1]) < 1e-12
+        );
     }
 
     #[test]

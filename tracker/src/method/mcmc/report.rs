@@ -24,9 +24,13 @@ impl Mcmc {
         self.tracks.iter().zip(visible).map(trace).collect()
     }
 
-    /// Of people who are believed in, those in the room: on a doorstep nobody is.
+    /// Of people who are believed in, those in the room: on a doorstep nobody is, and who may stand on either is in the room
+    /// with the probability of that.
     pub(super) fn in_the_room(&self, mut people: Vec<PersonEstimate>) -> Vec<PersonEstimate> {
         people.retain(|person| self.stage.floor.is_inside(person.x_m, person.y_m));
+        for person in &mut people {
+            person.confidence *= self.stage.floor.share_inside(person.x_m, person.y_m, person.sigma_m);
+        }
         people.sort_by_key(|person| person.id);
         people
     }

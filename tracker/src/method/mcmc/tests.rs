@@ -258,6 +258,26 @@ fn people_leave_through_zones() {
     assert_eq!(people, [], "person {} has left", person.id);
 }
 
+/// With a foot on the doorstep they are told, and not as if they were surely in the room.
+#[test]
+fn who_goes_out_is_less_and_less_surely_in_the_room() {
+    let mut feeder = Feeder::new(3);
+    feeder.bring_in();
+    let mut on_the_edge = 0;
+    for step in 0..90 {
+        for person in feeder.see(&[standing(3.1 + 0.04 * f64::from(step), 1.6)]) {
+            let sigmas = (6.0 - person.x_m) / person.sigma_m[0];
+            if sigmas < 1.0 {
+                on_the_edge += 1;
+                assert!((0.4..0.9).contains(&person.confidence), "{person:?}");
+            } else if person.x_m < 4.9 {
+                assert!(person.confidence > 0.99, "{person:?}");
+            }
+        }
+    }
+    assert!(on_the_edge > 0);
+}
+
 #[test]
 fn whoever_was_inside_from_the_beginning_is_found_once_they_move() {
     let mut feeder = Feeder::at_first(empty_room(), McmcOptions::default());
