@@ -12,6 +12,8 @@ pub mod oracle;
 pub mod prior;
 #[cfg(test)]
 mod property;
+#[cfg(test)]
+mod random_body;
 mod rule;
 mod simulation;
 mod summed_area;

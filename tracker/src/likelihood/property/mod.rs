@@ -28,6 +28,7 @@ use rand_pcg::Pcg64Mcg;
 
 use self::cases::Cases;
 use self::scene::{Scene, random_film};
+use super::random_body::random_body;
 use super::{Counts, Layers, Simulation};
 use crate::silhouette::{Body, Shape};
 
@@ -60,19 +61,6 @@ fn is_within(counts: &Counts, [low, high]: &[Counts; 2]) -> bool {
     (low.foreground..=high.foreground).contains(&counts.foreground)
         && (low.simulated..=high.simulated).contains(&counts.simulated)
         && (low.both..=high.both).contains(&counts.both)
-}
-
-/// Anywhere in the room, one time in six close to the camera.
-fn random_body(eye: &Point3<f64>, rng: &mut Pcg64Mcg) -> Body {
-    let near = rng.random::<f32>() < 0.17;
-    let (x, y) =
-        if near { (eye.x - 0.4..eye.x + 0.4, eye.y - 0.4..eye.y + 0.4) } else { (-0.5..6.5, -0.5..5.5) };
-    Body {
-        x_m: rng.random_range(x),
-        y_m: rng.random_range(y),
-        radius_m: rng.random_range(0.12..0.5),
-        height_m: rng.random_range(0.9..2.2),
-    }
 }
 
 /// A change as the sampler makes them: somebody comes, goes or moves. The number of who goes, and who comes.

@@ -187,6 +187,7 @@ pub(super) enum Meeting {
     LeftOpen,
 }
 
+/// Where a ray, of length 1 along the camera's z, enters a body.
 pub(super) fn meet(eye: &Point3<f64>, ray: &Vector3<f64>, body: &Ellipsoid) -> Meeting {
     // Scaled so that the body is the unit sphere around the origin.
     let o = (eye - body.center).component_div(&body.semi_axes);

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::likelihood::oracle;
+use crate::likelihood::random_body::random_body;
 use crate::silhouette::{Body, ImageConic, Outline, Shape};
 use crate::stage::StageCamera;
 use calib::{Camera, Intrinsics};
@@ -45,19 +46,6 @@ fn random_camera(rng: &mut Pcg64Mcg) -> StageCamera {
         }
     }
     camera
-}
-
-/// Anywhere in the room, one time in six close to the camera.
-fn random_body(eye: &Point3<f64>, rng: &mut Pcg64Mcg) -> Body {
-    let near = rng.random::<f32>() < 0.17;
-    let (x, y) =
-        if near { (eye.x - 0.4..eye.x + 0.4, eye.y - 0.4..eye.y + 0.4) } else { (-0.5..6.5, -0.5..5.5) };
-    Body {
-        x_m: rng.random_range(x),
-        y_m: rng.random_range(y),
-        radius_m: rng.random_range(0.12..0.5),
-        height_m: rng.random_range(0.9..2.2),
-    }
 }
 
 fn by_rays(camera: &StageCamera, shape: &Shape, bodies: &[Body], mask: &GrayImage) -> Counts {
