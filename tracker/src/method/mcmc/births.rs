@@ -7,7 +7,7 @@
 
 use std::ops::Range;
 
-use nalgebra::Point2;
+use nalgebra::{Point2, Vector2};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 
@@ -78,7 +78,7 @@ impl BirthMap {
             let belongs = (0..9)
                 .any(|s| inside(corner.x + at(s % 3, 3, 0.0, cell_m), corner.y + at(s / 3, 3, 0.0, cell_m)));
             if belongs {
-                let center = corner + nalgebra::Vector2::repeat(0.5 * cell_m);
+                let center = corner + Vector2::repeat(0.5 * cell_m);
                 let body = Body { x_m: center.x, y_m: center.y, ..*average };
                 let filled = (0..layers.views().len()).map(|c| Filled::of(layers, c, &body)).collect();
                 *cell = Some(cells.len() as u32);
@@ -121,10 +121,40 @@ impl BirthMap {
     ///
     /// `log_gain` turns the newly covered pixels (all, foreground) of each camera into nats.
     pub(super) fn weigh(&mut self, left_over: &LeftOver, log_gain: impl Fn(usize, [u32; 2]) -> f64) {
+        self.weigh_where(left_over, log_gain, |_| true);
+    }
+
+    /// The same for the cells alone whose middle is within `reach_m` of one of these places, and in which some camera has most
+    /// of a person whom nobody explains.
+    pub(super) fn weigh_near(
+        &mut self,
+        places: &[Vector2<f64>],
+        reach_m: f64,
+        left_over: &LeftOver,
+        log_gain: impl Fn(usize, [u32; 2]) -> f64,
+    ) {
+        let near = |cell: &Cell| places.iter().any(|place| (cell.center.coords - place).norm() < reach_m);
+        self.weigh_where(left_over, log_gain, |cell| near(cell) && left_over.is_plain(&cell.filled));
+    }
+
+    /// Nothing is unexplained.
+    pub(super) fn forget(&mut self) {
+        self.cumulative.clear();
+    }
+
+    fn weigh_where(
+        &mut self,
+        left_over: &LeftOver,
+        log_gain: impl Fn(usize, [u32; 2]) -> f64,
+        counts: impl Fn(&Cell) -> bool,
+    ) {
         let gains: Vec<f64> = self
             .cells
             .iter()
             .map(|cell| {
+                if !counts(cell) {
+                    return 0.0;
+                }
                 let seen = || left_over.at(&cell.filled);
                 // Most places would explain nothing.
                 let explains = seen().any(|(_, [_, found])| found > 0);
@@ -160,7 +190,7 @@ impl BirthMap {
         };
         let offset = |rng: &mut Pcg64Mcg| (rng.random::<f64>() - 0.5) * self.cell_m;
         let (dx, dy) = (offset(rng), offset(rng));
-        self.cells[i].center + nalgebra::Vector2::new(dx, dy)
+        self.cells[i].center + Vector2::new(dx, dy)
     }
 
     /// The density of [`Self::sample`] at a place, 1/m².

@@ -80,6 +80,12 @@ impl LeftOver {
             .map(|(camera, under)| (camera, [under.visible, under.unexplained]))
     }
 
+    /// Whether some camera has most of a person who fills the images so, and whom nobody explains.
+    pub(super) fn is_plain(&self, filled: &[Filled]) -> bool {
+        let seen = filled.iter().zip(&self.cameras).filter(|(filled, _)| filled.visible_px > 0);
+        seen.filter_map(|(filled, left)| Some(left.as_ref()?.under(filled))).any(|under| under.is_plain())
+    }
+
     /// Takes in what the simulation's present state, made up of these people, leaves unexplained.
     pub(super) fn restart(&mut self, layers: &Layers, simulation: &Simulation, people: &[Person]) {
         self.cameras.resize_with(layers.views().len(), || None);

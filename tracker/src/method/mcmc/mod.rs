@@ -8,8 +8,10 @@
 //! 3. the mean over the last states is the estimate ([`tally`]), and becomes the belief of the next moment ([`belief`],
 //!    [`track`]); those who are believed in are told ([`report`]), at once or in [`hindsight`].
 //!
-//! Where people are proposed to appear is [`births`], by what the predicted ones leave over ([`left_over`]); what can be set is [`McmcOptions`].
+//! Where people are expected and proposed to appear is [`appearance`], with the floor in cells ([`births`]) weighed by what the
+//! predicted ones leave over ([`left_over`]); what can be set is [`McmcOptions`].
 
+mod appearance;
 mod belief;
 mod births;
 mod chain;
@@ -29,6 +31,7 @@ use nalgebra::Point2;
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 
+use self::appearance::Appearance;
 use self::births::BirthMap;
 use self::chain::{Chain, Setting};
 use self::hindsight::Hindsight;
@@ -55,6 +58,11 @@ const MOST_PATIENCE: f64 = 12.0;
 /// When more than this part of a typical silhouette is left unexplained by the predicted people, in some camera, somebody
 /// may have gone where they were not expected.
 const LEFT_OVER: f64 = 0.3;
+/// Two people who were taken for one until now are no farther apart than this.
+const COMPANY_M: f64 = 1.2;
+/// The one of them who is new has to explain so many times what somebody in a zone does: what is left over beside a person
+/// is mostly theirs, in every camera.
+const COMPANY_EVIDENCE: f64 = 3.0;
 /// What stands for the time before the first moment.
 const FIRST_STEP_S: f64 = 0.1;
 /// Times that stand still or run backwards are the source's mistake; the tracker survives them.
@@ -72,6 +80,8 @@ pub struct Mcmc {
     typical_px: Vec<f64>,
     zones: BirthMap,
     anywhere: BirthMap,
+    /// Where somebody turns out to be two.
+    company: BirthMap,
     left_over: LeftOver,
     simulation: Simulation,
     capacity: Capacity,
@@ -122,6 +132,7 @@ impl Mcmc {
             options,
             views,
             zones,
+            company: anywhere.clone(),
             anywhere,
             tracks: Vec::new(),
             identities: Identities::default(),
@@ -223,20 +234,37 @@ impl Mcmc {
         if !settling {
             self.zones.weigh(&self.left_over, worth);
         }
+        self.company.forget();
+        // Without zones people are born anywhere, company or not.
+        let in_zones_alone = !settling && !self.stage.zones.is_empty();
+        if in_zones_alone && is_left_over && self.options.companions_per_s > 0.0 {
+            let seen = self.tracks.iter().filter(|t| t.in_sight && !t.is_tentative());
+            let places: Vec<_> = seen.map(|t| t.motion.silhouette_place()).collect();
+            self.company.weigh_near(&places, COMPANY_M, &self.left_over, worth);
+        }
         let births = if settling { &self.anywhere } else { &self.zones };
         let unexplained = (is_left_over && self.anywhere.is_weighed()).then_some(&self.anywhere);
+        let company_m2 = std::f64::consts::PI * COMPANY_M.powi(2);
+        let chance = rule.worth_of(self.options.birth_evidence);
+        let appearance = Appearance {
+            floor: &self.stage.floor,
+            anywhere: settling,
+            births,
+            informed: self.options.informed_births,
+            log_density: (self.options.births_per_s * dt_s / births.area_m2().max(1e-3)).ln() - chance,
+            company: &self.company,
+            log_company_density: (self.options.companions_per_s * dt_s / company_m2).ln()
+                - COMPANY_EVIDENCE * chance,
+        };
         let setting = Setting {
             floor: &self.stage.floor,
             layers: &self.layers,
             options: &self.options,
             rule: self.rule,
-            births,
+            appearance,
             unexplained,
-            settling,
             typical_px,
             repulsion_weight: rule.worth_of(0.5).max(1.0),
-            log_birth_density: (self.options.births_per_s * dt_s / births.area_m2().max(1e-3)).ln()
-                - rule.worth_of(self.options.birth_evidence),
         };
         let patience = self.patience(dt_s, is_left_over);
         let steps = |least: u32| {

@@ -120,6 +120,9 @@ pub struct McmcOptions {
     pub motion: MotionOptions,
     /// How often people appear, per second over all zones together.
     pub births_per_s: f64,
+    /// How often somebody turns out to be two people, per second and person in sight: who came in beside them, or hidden by
+    /// them. They may appear outside zones (published: 0).
+    pub companions_per_s: f64,
     /// What a new person has to explain beyond chance: this part of a typical silhouette in one camera. Shadows, swinging
     /// limbs and reflections leave pieces of foreground that nobody explains, and they are no people.
     pub birth_evidence: f64,
@@ -166,6 +169,7 @@ impl Default for McmcOptions {
             height_step_m: 0.03,
             motion: MotionOptions::default(),
             births_per_s: 0.05,
+            companions_per_s: 0.02,
             birth_evidence: 0.2,
             deaths_per_s: 0.5,
             informed_births: 0.8,
@@ -193,6 +197,7 @@ impl McmcOptions {
             steps_for_s: f64::INFINITY,
             surprise: 1.0,
             informed_births: 0.0,
+            companions_per_s: 0.0,
             settling_s: 0.0,
             lag_s: 0.0,
             motion: MotionOptions {
@@ -240,6 +245,9 @@ impl McmcOptions {
         }
         if !self.motion.lean_s.is_finite() {
             return Err(Error::option("motion.lean_s", "has to be a number"));
+        }
+        if !(self.companions_per_s >= 0.0 && self.companions_per_s.is_finite()) {
+            return Err(Error::option("companions_per_s", "has to be a number, 0 or more"));
         }
         let weights = [self.moves.add, self.moves.delete, self.moves.position, self.moves.size];
         if !weights.iter().all(|w| *w > 0.0 && w.is_finite()) {

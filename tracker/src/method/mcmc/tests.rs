@@ -357,3 +357,42 @@ fn whoever_stands_behind_a_pillar_no_wider_than_they_is_still_there() {
         }
     }
 }
+
+/// Two who come in as one: abreast or one behind the other, so far apart. Whether both are told of, where they are, a second
+/// and a half after they began to part in the middle of the room.
+fn both_are_told(gap_m: f64, abreast: bool, options: McmcOptions) -> bool {
+    let mut feeder = Feeder::after_nobody(empty_room(), options);
+    let (mut people, mut bodies) = (Vec::new(), [standing(0.0, 0.0); 2]);
+    for step in (0..=50).map(f64::from) {
+        let x_m = (6.2 - 0.1 * step).max(3.0);
+        let apart_m = 0.05 * (step - 32.0).max(0.0);
+        bodies = if abreast {
+            let (y_m, other_m) = (1.6 - 0.5 * gap_m - apart_m, 1.6 + 0.5 * gap_m + apart_m);
+            [standing(x_m, y_m), standing(x_m, other_m)]
+        } else {
+            [standing(x_m - apart_m, 1.6), standing(x_m + gap_m, 1.6 + apart_m)]
+        };
+        people = feeder.see(&bodies);
+    }
+    let is_told = |body: &Body| {
+        people.iter().any(|p: &PersonEstimate| (p.x_m - body.x_m).hypot(p.y_m - body.y_m) < 0.2)
+    };
+    people.len() == 2 && bodies.iter().all(is_told)
+}
+
+#[test]
+fn two_who_came_in_as_one_are_two_once_they_part() {
+    let pairs = || [0.25, 0.35, 0.45].into_iter().flat_map(|gap_m| [(gap_m, true), (gap_m, false)]);
+    let told = |companions_per_s: f64| {
+        let runs = (1..=4).flat_map(|seed| pairs().map(move |pair| (seed, pair)));
+        let both = runs.filter(|(seed, (gap_m, abreast))| {
+            let options = McmcOptions { seed: *seed, companions_per_s, ..McmcOptions::default() };
+            both_are_told(*gap_m, *abreast, options)
+        });
+        both.count()
+    };
+    let (with, without) = (told(McmcOptions::default().companions_per_s), told(0.0));
+    println!("of 24 pairs both are told: {with}, and {without} where nobody turns out to be two");
+    assert!(with >= 20, "{with} of 24");
+    assert!(without <= 12, "{without} of 24: the pairs are too easy");
+}

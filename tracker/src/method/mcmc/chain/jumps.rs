@@ -6,6 +6,7 @@ use rand_pcg::Pcg64Mcg;
 use super::super::options::Acceptance;
 use super::super::person::Person;
 use super::{Chain, Move, is_a_size};
+use crate::likelihood::prior::LOG_IMPOSSIBLE;
 use crate::silhouette::{Body, Silhouette};
 
 /// With what probability ADD takes a deletion back, when there is one to take back.
@@ -15,30 +16,30 @@ impl Chain<'_> {
     /// ADD somebody new.
     pub(super) fn bear(&mut self, rng: &mut Pcg64Mcg) {
         let options = self.setting.options;
-        if self.setting.births.is_empty() {
+        if self.setting.appearance.is_nowhere() {
             return;
         }
-        let place = self.setting.births.sample(options.informed_births, rng);
+        let place = self.setting.appearance.sample(rng);
         let body = Body {
             x_m: place.x,
             y_m: place.y,
             radius_m: options.radius.sample(rng),
             height_m: options.height.sample(rng),
         };
+        let appears = self.setting.appearance.log_density(body.x_m, body.y_m);
         let floor = self.setting.floor;
-        let allowed = self.setting.settling || floor.may_appear(body.x_m, body.y_m);
-        if !allowed || !is_a_size(&body) || !floor.is_standable(body.x_m, body.y_m) {
+        if appears <= LOG_IMPOSSIBLE || !is_a_size(&body) || !floor.is_standable(body.x_m, body.y_m) {
             return;
         }
         let mut log_ratio = self.crowding(&body, None, true);
         if options.acceptance == Acceptance::ReversibleJump {
             // The size is drawn from its prior: the two cancel. Somebody born now can be deleted wherever they are.
-            let density = self.setting.births.density(body.x_m, body.y_m, options.informed_births);
+            let density = self.setting.appearance.proposal_density(body.x_m, body.y_m);
             let new = if self.gone.is_empty() { 1.0 } else { 1.0 - REVIVE };
             let (k, d, g) = (self.people.len(), self.deletable(), self.gone.len());
             let forth = self.probability_of(Move::Add, k, d, g) * new * density;
             let back = self.probability_of(Move::Delete, k + 1, d + 1, g) / (d + 1) as f64;
-            log_ratio += self.setting.log_birth_density + back.ln() - forth.ln();
+            log_ratio += appears + back.ln() - forth.ln();
         }
         if let Some(likelihood) = self.decide(None, Some(&body), log_ratio, rng) {
             let key = *self.next_key;
@@ -112,9 +113,9 @@ impl Chain<'_> {
                 back.ln() - forth.ln() - known.log_odds
             } else {
                 let new = if self.gone.is_empty() { 1.0 } else { 1.0 - REVIVE };
-                let density = self.setting.births.density(body.x_m, body.y_m, options.informed_births);
+                let density = self.setting.appearance.proposal_density(body.x_m, body.y_m);
                 let back = add(g) * new * density;
-                back.ln() - forth.ln() - self.setting.log_birth_density
+                back.ln() - forth.ln() - self.setting.appearance.log_density(body.x_m, body.y_m)
             };
         }
         if let Some(likelihood) = self.decide(Some(which), None, log_ratio, rng) {

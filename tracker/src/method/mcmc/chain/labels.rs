@@ -20,11 +20,11 @@ impl Chain<'_> {
         }
         let known = self.people.iter().filter(|p| !p.is_new()).count();
         let new = self.people.len() - known;
-        let (options, births) = (self.setting.options, self.setting.log_birth_density);
+        let (options, appearance) = (self.setting.options, &self.setting.appearance);
         // How much more likely a body is as this known person than as somebody born now.
         let advantage = |known: &Known, body: &Body| {
             known.log_odds + known.log_density(body)
-                - births
+                - appearance.log_density(body.x_m, body.y_m)
                 - log_size(&options.radius, &options.height, body)
         };
         if rng.random::<bool>() {
@@ -49,9 +49,8 @@ impl Chain<'_> {
             let k = self.nth(rng.random_range(0..known), |p| !p.is_new());
             let person = &self.people[k];
             let body = person.body;
-            let floor = self.setting.floor;
             let reversible = person.may_leave()
-                && (self.setting.settling || floor.may_appear(body.x_m, body.y_m))
+                && appearance.is_possible(body.x_m, body.y_m)
                 && self.stands_apart(&body, Some(k));
             let Some(of_person) = person.known.as_ref().filter(|_| reversible) else { return };
             let log_ratio = (known as f64).ln()

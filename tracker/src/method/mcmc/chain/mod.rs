@@ -24,6 +24,7 @@ mod updates;
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 
+use super::appearance::Appearance;
 use super::births::BirthMap;
 use super::options::{Acceptance, McmcOptions, Spread};
 use super::person::{Key, Person};
@@ -46,19 +47,15 @@ pub(super) struct Setting<'a> {
     pub(super) options: &'a McmcOptions,
     /// V.
     pub(super) rule: PreparedRule,
-    /// Where ADD may put people, weighed for this moment.
-    pub(super) births: &'a BirthMap,
+    /// Where people are expected and proposed to appear.
+    pub(super) appearance: Appearance<'a>,
     /// Where foreground is left over by the predicted people; `None` when it is too little to be a person.
     pub(super) unexplained: Option<&'a BirthMap>,
-    /// People may appear anywhere.
-    pub(super) settling: bool,
     /// Pixels of a typical silhouette, one entry a layer.
     pub(super) typical_px: &'a [f64],
     /// What multiplies `log R`. As published, R stands beside a V that goes from 0 to 1; beside a V that counts for
     /// hundreds of nats it has to weigh as much more.
     pub(super) repulsion_weight: f64,
-    /// Expected births of this moment per m² of the region.
-    pub(super) log_birth_density: f64,
 }
 
 /// The state and what is kept about it.
@@ -140,7 +137,7 @@ impl<'a> Chain<'a> {
     fn moves(&self, people: usize, deletable: usize, gone: usize) -> [(Move, f64); 4] {
         let w = &self.setting.options.moves;
         // Where nobody can be born, a deletion can still be taken back: without its way back DELETE would never be taken.
-        let anybody = gone > 0 || !self.setting.births.is_empty();
+        let anybody = gone > 0 || !self.setting.appearance.is_nowhere();
         let add = if people < self.setting.options.max_people && anybody { w.add } else { 0.0 };
         let weights = if people == 0 {
             // ADD is always chosen when there is nobody.
@@ -174,10 +171,10 @@ impl<'a> Chain<'a> {
                 Some(known) => {
                     known.place.log_density(body.x_m, body.y_m) + log_size(&known.radius, &known.height, body)
                 }
-                None if self.setting.settling || floor.may_appear(body.x_m, body.y_m) => {
-                    log_size(&self.setting.options.radius, &self.setting.options.height, body)
+                None => {
+                    self.setting.appearance.log_density(body.x_m, body.y_m)
+                        + log_size(&self.setting.options.radius, &self.setting.options.height, body)
                 }
-                None => LOG_IMPOSSIBLE,
             };
         }
         log

@@ -7,9 +7,28 @@ use super::super::tests::{empty_room, masks, standing};
 use super::*;
 use crate::likelihood::{Rule, pack};
 use crate::silhouette::View;
+use crate::stage::Stage;
 use nalgebra::{Matrix2, Vector2};
 use rand::SeedableRng;
 use rand_distr::{Distribution, Poisson};
+
+/// People appear anywhere on the floor.
+fn everywhere<'a>(
+    stage: &'a Stage,
+    births: &'a BirthMap,
+    options: &McmcOptions,
+    log_density: f64,
+) -> Appearance<'a> {
+    Appearance {
+        floor: &stage.floor,
+        anywhere: true,
+        births,
+        informed: options.informed_births,
+        log_density,
+        company: births,
+        log_company_density: LOG_IMPOSSIBLE,
+    }
+}
 
 /// A body not far from another, of about a person's size.
 fn near(body: &Body, reach_m: f64, rng: &mut Pcg64Mcg) -> Body {
@@ -55,12 +74,10 @@ fn proposals_are_given_up_early_only_where_they_would_be_refused() {
             layers: &layers,
             options: &options,
             rule: likelihood.prepared(),
-            births: &births,
+            appearance: everywhere(&stage, &births, &options, 0.0),
             unexplained: None,
-            settling: true,
             typical_px: &births.typical_px(&layers),
             repulsion_weight: 1.0,
-            log_birth_density: 0.0,
         };
         let mut next_key = 3;
         let mut chain = Chain::new(setting, &mut simulation, people, &mut next_key);
@@ -166,12 +183,10 @@ fn where_nothing_is_seen_the_states_are_those_of_the_prior() {
         layers: &layers,
         options: &options,
         rule: options.likelihood.prepared(),
-        births: &births,
+        appearance: everywhere(&stage, &births, &options, f64::ln(per_m2)),
         unexplained: Some(&births),
-        settling: true,
         typical_px: &births.typical_px(&layers),
         repulsion_weight: 1.0,
-        log_birth_density: f64::ln(per_m2),
     };
     let (mut next_key, mut rng) = (1, Pcg64Mcg::seed_from_u64(4));
     let mut chain = Chain::new(setting, &mut simulation, vec![person], &mut next_key);
