@@ -13,8 +13,22 @@ use super::births::BirthMap;
 use crate::likelihood::prior::LOG_IMPOSSIBLE;
 use crate::stage::Floor;
 
+/// Two people who were taken for one until now are no farther apart than this.
+pub(super) const COMPANY_M: f64 = 1.2;
+
+/// The one of them who is new has to explain so many times what somebody in a zone does: what is left over beside a person
+/// is mostly theirs, in every camera.
+const COMPANY_EVIDENCE: f64 = 3.0;
+
 /// The part of ADD's proposals that go to company, where there is any.
 const TO_COMPANY: f64 = 0.5;
+
+/// The logarithm of the density of those who come out of somebody's company, 1/m², where so many are expected of everybody
+/// and chance explains so many nats of whoever appears in a zone.
+pub(super) fn log_company_density(expected: f64, chance_nats: f64) -> f64 {
+    let around_m2 = std::f64::consts::PI * COMPANY_M.powi(2);
+    (expected / around_m2).ln() - COMPANY_EVIDENCE * chance_nats
+}
 
 /// The density of births at a moment, a Poisson process over the floor, and that of their proposals.
 pub(super) struct Appearance<'a> {

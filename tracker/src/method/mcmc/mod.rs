@@ -58,11 +58,6 @@ const MOST_PATIENCE: f64 = 12.0;
 /// When more than this part of a typical silhouette is left unexplained by the predicted people, in some camera, somebody
 /// may have gone where they were not expected.
 const LEFT_OVER: f64 = 0.3;
-/// Two people who were taken for one until now are no farther apart than this.
-const COMPANY_M: f64 = 1.2;
-/// The one of them who is new has to explain so many times what somebody in a zone does: what is left over beside a person
-/// is mostly theirs, in every camera.
-const COMPANY_EVIDENCE: f64 = 3.0;
 /// What stands for the time before the first moment.
 const FIRST_STEP_S: f64 = 0.1;
 /// Times that stand still or run backwards are the source's mistake; the tracker survives them.
@@ -240,11 +235,10 @@ impl Mcmc {
         if in_zones_alone && is_left_over && self.options.companions_per_s > 0.0 {
             let seen = self.tracks.iter().filter(|t| t.in_sight && !t.is_tentative());
             let places: Vec<_> = seen.map(|t| t.motion.silhouette_place()).collect();
-            self.company.weigh_near(&places, COMPANY_M, &self.left_over, worth);
+            self.company.weigh_near(&places, appearance::COMPANY_M, &self.left_over, worth);
         }
         let births = if settling { &self.anywhere } else { &self.zones };
         let unexplained = (is_left_over && self.anywhere.is_weighed()).then_some(&self.anywhere);
-        let company_m2 = std::f64::consts::PI * COMPANY_M.powi(2);
         let chance = rule.worth_of(self.options.birth_evidence);
         let appearance = Appearance {
             floor: &self.stage.floor,
@@ -253,8 +247,10 @@ impl Mcmc {
             informed: self.options.informed_births,
             log_density: (self.options.births_per_s * dt_s / births.area_m2().max(1e-3)).ln() - chance,
             company: &self.company,
-            log_company_density: (self.options.companions_per_s * dt_s / company_m2).ln()
-                - COMPANY_EVIDENCE * chance,
+            log_company_density: appearance::log_company_density(
+                self.options.companions_per_s * dt_s,
+                chance,
+            ),
         };
         let setting = Setting {
             floor: &self.stage.floor,

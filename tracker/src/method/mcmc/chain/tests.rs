@@ -1,6 +1,7 @@
 //! A proposal that is given up early must be one that would have been refused; and where nothing is seen, the states are
 //! those of the prior, whatever is proposed.
 
+use super::super::appearance::COMPANY_M;
 use super::super::left_over::LeftOver;
 use super::super::person::{Known, Place};
 use super::super::tests::{empty_room, masks, standing};
@@ -13,7 +14,7 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, Poisson};
 
 /// People appear anywhere on the floor.
-fn everywhere<'a>(
+fn on_all_the_floor<'a>(
     stage: &'a Stage,
     births: &'a BirthMap,
     options: &McmcOptions,
@@ -74,7 +75,7 @@ fn proposals_are_given_up_early_only_where_they_would_be_refused() {
             layers: &layers,
             options: &options,
             rule: likelihood.prepared(),
-            appearance: everywhere(&stage, &births, &options, 0.0),
+            appearance: on_all_the_floor(&stage, &births, &options, 0.0),
             unexplained: None,
             typical_px: &births.typical_px(&layers),
             repulsion_weight: 1.0,
@@ -111,7 +112,7 @@ fn proposals_are_given_up_early_only_where_they_would_be_refused() {
 
 /// Of a state: whether there are none, one, two or more; whether the known one is there, how far along x; radii and places
 /// of those born now.
-fn told(people: &[(Body, bool)]) -> [f64; 9] {
+fn told(people: &[(Body, bool)]) -> [f64; 10] {
     let of = |is_new: bool| people.iter().filter(move |p| p.1 == is_new).map(|p| p.0);
     let is = |truth: bool| f64::from(u8::from(truth));
     let n = people.len();
@@ -125,15 +126,16 @@ fn told(people: &[(Body, bool)]) -> [f64; 9] {
         of(true).map(|b| b.radius_m).sum(),
         of(true).map(|b| b.x_m).sum(),
         of(true).map(|b| is(b.y_m > 2.5)).sum(),
+        of(true).map(|b| is(b.x_m < 4.0)).sum(),
     ]
 }
 
 /// Means of what is told of many states, and how far they may be off: the standard deviation of the mean by batches, within
 /// which neighbours may depend on each other.
-fn means(states: &[[f64; 9]]) -> [(f64, f64); 9] {
+fn means(states: &[[f64; 10]]) -> [(f64, f64); 10] {
     const BATCHES: usize = 100;
     std::array::from_fn(|i| {
-        let mean = |part: &[[f64; 9]]| part.iter().map(|t| t[i]).sum::<f64>() / part.len() as f64;
+        let mean = |part: &[[f64; 10]]| part.iter().map(|t| t[i]).sum::<f64>() / part.len() as f64;
         let all = mean(states);
         let batches = states.chunks_exact(states.len() / BATCHES);
         let spread = batches.map(|batch| (mean(batch) - all).powi(2)).sum::<f64>() / BATCHES as f64;
@@ -141,14 +143,71 @@ fn means(states: &[[f64; 9]]) -> [(f64, f64); 9] {
     })
 }
 
+/// What is told of states of the prior itself, by rejection: births are a Poisson process, thinned where fewer than the most
+/// are expected a m², and states with an overlap or too many are none.
+fn drawn_by_rejection(
+    stage: &Stage,
+    options: &McmcOptions,
+    known: &Known,
+    (most_per_m2, expected_per_m2): (f64, impl Fn(f64, f64) -> f64),
+    rng: &mut Pcg64Mcg,
+) -> Vec<[f64; 10]> {
+    let (low, high) = stage.floor.bounds();
+    let born = Poisson::new(most_per_m2 * (high.x - low.x) * (high.y - low.y)).unwrap();
+    let there = 1.0 / (1.0 + (-known.log_odds).exp());
+    let mut drawn = Vec::new();
+    while drawn.len() < 300_000 {
+        let mut people: Vec<(Body, bool)> = Vec::new();
+        for _ in 0..born.sample(rng) as u32 {
+            let body = Body {
+                x_m: rng.random_range(low.x..high.x),
+                y_m: rng.random_range(low.y..high.y),
+                radius_m: options.radius.sample(rng),
+                height_m: options.height.sample(rng),
+            };
+            let is_born = rng.random::<f64>() * most_per_m2 < expected_per_m2(body.x_m, body.y_m);
+            if is_born && stage.floor.is_standable(body.x_m, body.y_m) {
+                people.push((body, true));
+            }
+        }
+        if rng.random::<f64>() < there {
+            let at = known.place.sample(rng);
+            let (radius_m, height_m) = (known.radius.sample(rng), known.height.sample(rng));
+            people.push((Body { x_m: at.x, y_m: at.y, radius_m, height_m }, false));
+        }
+        let apart = (0..people.len()).all(|i| {
+            (0..i).all(|j| people[i].0.floor_distance_m(&people[j].0) >= 2.0 * options.radius.mean_m)
+        });
+        if people.len() <= options.max_people && apart && people.iter().all(|p| is_a_size(&p.0)) {
+            drawn.push(told(&people));
+        }
+    }
+    drawn
+}
+
 #[test]
 fn where_nothing_is_seen_the_states_are_those_of_the_prior() {
+    states_are_those_of_the_prior(true, [0.03; 2], 600_000);
+}
+
+/// The same where people appear through the door, and more a m² out of somebody's company.
+#[test]
+fn where_nothing_is_seen_people_come_in_and_out_of_company_as_often_as_expected() {
+    states_are_those_of_the_prior(false, [0.3, 1.0], 2_000_000);
+}
+
+/// So many people are expected a m², and out of company.
+fn states_are_those_of_the_prior(anywhere: bool, [per_m2, of_company_per_m2]: [f64; 2], steps: u32) {
     let stage = empty_room();
     let options = McmcOptions { repulsion_per_m: f64::INFINITY, max_people: 3, ..McmcOptions::default() };
     let layers = Layers::new(stage.cameras.iter().map(View::new).collect(), options.likelihood.shapes());
     let (low, high) = stage.floor.bounds();
     let standable = |x: f64, y: f64| stage.floor.is_standable(x, y);
-    let mut births = BirthMap::new(&layers, &standing(0.0, 0.0), (low, high), standable);
+    let mut everywhere = BirthMap::new(&layers, &standing(0.0, 0.0), (low, high), standable);
+    let may_appear = |x: f64, y: f64| anywhere || stage.floor.may_appear(x, y);
+    let mut births =
+        BirthMap::new(&layers, &standing(0.0, 0.0), (low, high), |x, y| standable(x, y) && may_appear(x, y));
+    let mut company = everywhere.clone();
     // Weighed by a moment with somebody in it, so that ADD and the jumps prefer some places.
     let mut simulation = Simulation::new(&layers);
     let seen = masks(&stage, &[standing(2.0, 1.5)]);
@@ -157,11 +216,23 @@ fn where_nothing_is_seen_the_states_are_those_of_the_prior() {
     simulation.restart(&packed.collect::<Vec<_>>());
     let mut left_over = LeftOver::default();
     left_over.restart(&layers, &simulation, &[]);
-    births.weigh(&left_over, |_, [_, found]| f64::from(found));
-    assert!(births.is_weighed());
+    let explained = |_: usize, [_, found]: [u32; 2]| f64::from(found);
+    everywhere.weigh(&left_over, explained);
+    births.weigh(&left_over, explained);
+    company.weigh_near(&[Vector2::new(2.6, 1.8)], COMPANY_M, &left_over, explained);
+    assert!(everywhere.is_weighed() && company.is_weighed());
     simulation.restart(&[None, None]);
+    let expected_per_m2 = |x: f64, y: f64| {
+        if may_appear(x, y) {
+            per_m2
+        } else if company.density(x, y, 1.0) > 0.0 {
+            of_company_per_m2
+        } else {
+            0.0
+        }
+    };
 
-    let (log_odds, per_m2) = (0.4_f64, 0.03);
+    let log_odds = 0.4_f64;
     let place = Place::new(Vector2::new(3.0, 2.0), &(Matrix2::identity() * 0.04), 0.35);
     let known = Known {
         place: place.clone(),
@@ -183,49 +254,30 @@ fn where_nothing_is_seen_the_states_are_those_of_the_prior() {
         layers: &layers,
         options: &options,
         rule: options.likelihood.prepared(),
-        appearance: everywhere(&stage, &births, &options, f64::ln(per_m2)),
-        unexplained: Some(&births),
-        typical_px: &births.typical_px(&layers),
+        appearance: Appearance {
+            floor: &stage.floor,
+            anywhere,
+            births: &births,
+            informed: options.informed_births,
+            log_density: per_m2.ln(),
+            company: &company,
+            log_company_density: of_company_per_m2.ln(),
+        },
+        unexplained: Some(&everywhere),
+        typical_px: &everywhere.typical_px(&layers),
         repulsion_weight: 1.0,
     };
     let (mut next_key, mut rng) = (1, Pcg64Mcg::seed_from_u64(4));
     let mut chain = Chain::new(setting, &mut simulation, vec![person], &mut next_key);
-    let sampled: Vec<_> = (0..600_000)
+    let sampled: Vec<_> = (0..steps)
         .map(|_| {
             chain.step(&mut rng);
             told(&chain.people.iter().map(|p| (p.body, p.is_new())).collect::<Vec<_>>())
         })
         .collect();
 
-    // The prior itself, by rejection: births are a Poisson process, and states with an overlap or too many are none.
-    let born = Poisson::new(per_m2 * (high.x - low.x) * (high.y - low.y)).unwrap();
-    let there = 1.0 / (1.0 + (-log_odds).exp());
-    let mut drawn = Vec::new();
-    while drawn.len() < 300_000 {
-        let mut people: Vec<(Body, bool)> = Vec::new();
-        for _ in 0..born.sample(&mut rng) as u32 {
-            let body = Body {
-                x_m: rng.random_range(low.x..high.x),
-                y_m: rng.random_range(low.y..high.y),
-                radius_m: options.radius.sample(&mut rng),
-                height_m: options.height.sample(&mut rng),
-            };
-            if standable(body.x_m, body.y_m) {
-                people.push((body, true));
-            }
-        }
-        if rng.random::<f64>() < there {
-            let at = known.place.sample(&mut rng);
-            let (radius_m, height_m) = (known.radius.sample(&mut rng), known.height.sample(&mut rng));
-            people.push((Body { x_m: at.x, y_m: at.y, radius_m, height_m }, false));
-        }
-        let apart = (0..people.len()).all(|i| {
-            (0..i).all(|j| people[i].0.floor_distance_m(&people[j].0) >= 2.0 * options.radius.mean_m)
-        });
-        if people.len() <= options.max_people && apart && people.iter().all(|p| is_a_size(&p.0)) {
-            drawn.push(told(&people));
-        }
-    }
+    let most_per_m2 = per_m2.max(of_company_per_m2);
+    let drawn = drawn_by_rejection(&stage, &options, &known, (most_per_m2, expected_per_m2), &mut rng);
     for (i, ((found, off), (expected, by))) in means(&sampled).into_iter().zip(means(&drawn)).enumerate() {
         assert!(
             (found - expected).abs() < 4.0 * off.hypot(by),
