@@ -1,0 +1,5 @@
+//! Observations of all stations → moments.
+
+mod port;
+
+pub use port::{Inbox, Port};

@@ -1,0 +1,65 @@
+//! What one camera's station saw at one time: all that the trackers need of a picture, and all that leaves a station.
+//!
+//! * [`Mask`] — the foreground, one bit a pixel, in the camera's pinhole image at the working size.
+//! * [`Colours`] — the colours of that foreground on a coarse grid, for appearance.
+//! * [`Observation`] — both with capture time, sequence number and health.
+//! * [`Feedback`] — what flows back: the people believed to be there, so that they are not learnt as background.
+
+mod colours;
+mod mask;
+
+use nalgebra::Vector2;
+
+pub use self::colours::Colours;
+pub use self::mask::Mask;
+use crate::foreground::Verdict;
+use crate::silhouette::Body;
+
+/// What one camera saw at one time. Pictures are no part of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Observation {
+    /// Number of the frame among those that its camera delivered, from 1.
+    pub sequence: u64,
+    /// Capture time on the run's clock, seconds.
+    pub time_s: f64,
+    /// Whether the camera shows anything that can be used.
+    pub health: Verdict,
+    /// Foreground in the pinhole image at the working size; `None` unless the health is [`Verdict::Usable`], and for
+    /// methods that need no masks.
+    pub mask: Option<Mask>,
+    /// Colours of the foreground; `None` without a picture.
+    pub colours: Option<Colours>,
+}
+
+impl Observation {
+    /// An observation of a camera that shows nothing usable.
+    pub fn unusable(sequence: u64, time_s: f64, health: Verdict) -> Self {
+        Self { sequence, time_s, health, mask: None, colours: None }
+    }
+}
+
+/// The people whom the tracker believes in after an observation was used, or passed over.
+///
+/// A station of a recording makes at most [`Feedback::WINDOW`] observations more than it has had feedback for: so what flows
+/// back is the same in every run, and no queue grows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Feedback {
+    /// The observation's sequence number.
+    pub sequence: u64,
+    /// Bodies of the people, as last believed.
+    pub people: Vec<Body>,
+}
+
+impl Feedback {
+    /// Observations that a station may be ahead of its feedback.
+    pub const WINDOW: u64 = 8;
+
+    /// Whether everybody stands within a millimetre of where they stood in `other`, which then need not be drawn anew.
+    pub fn is_like(&self, other: &[Body]) -> bool {
+        self.people.len() == other.len()
+            && self.people.iter().zip(other).all(|(a, b)| {
+                let moved = Vector2::new(a.x_m - b.x_m, a.y_m - b.y_m).norm();
+                moved < 1e-3 && (a.height_m - b.height_m).abs() < 1e-3
+            })
+    }
+}
