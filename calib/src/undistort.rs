@@ -50,6 +50,12 @@ impl UndistortMap {
         self.source.is_empty()
     }
 
+    /// For each pixel of the pinhole image, row by row, the index of the distorted image's nearest pixel, beyond every image
+    /// where the lens shows nothing. Empty for an identity.
+    pub fn nearest(&self) -> &[u32] {
+        &self.nearest
+    }
+
     /// A mask in the pinhole image: the nearest pixel's value, 0 where the lens shows nothing.
     pub fn mask(&self, distorted: &GrayImage, into: &mut GrayImage) {
         if self.is_identity() {

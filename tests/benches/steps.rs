@@ -20,6 +20,7 @@ use tests::data::{office, program};
 use tracker::likelihood::{Layers, Simulation, oracle, pack};
 use tracker::method::Method;
 use tracker::method::mcmc::{Mcmc, McmcOptions};
+use tracker::observation::Mask;
 use tracker::silhouette::{Body, Shape, Silhouette, View};
 use tracker::stage::{Stage, StageCamera, StageOptions};
 use tracker::{CameraFrame, Moment};
@@ -83,7 +84,7 @@ fn on_the_office() -> Said<()> {
             let mask = image::open(&file).map_err(told)?.into_luma8();
             let mut straight = GrayImage::new(mask.width(), mask.height());
             undistort[camera].mask(&mask, &mut straight);
-            cameras.push(CameraFrame { mask: Some(straight), image: None });
+            cameras.push(CameraFrame::of_mask(&straight));
         }
         subtraction.push(1e3 * spent);
         let moment = Moment { frame, time_s: f64::from(frame - 1) / 12.0, cameras: &cameras };
@@ -160,7 +161,7 @@ fn step_us(people: usize) -> Said<f64> {
                     mask.put_pixel(u, v, Luma([255]));
                 }
             }
-            CameraFrame { mask: Some(mask), image: None }
+            CameraFrame::of_mask(&mask)
         };
         let cameras: Vec<CameraFrame> = views.iter().map(drawn).collect();
         let moment = Moment { frame, time_s, cameras: &cameras };
@@ -201,7 +202,7 @@ fn beside_the_oracle() -> Said<()> {
         }
     }
     let mut simulation = Simulation::new(&layers);
-    simulation.restart(&[Some(pack(&mask, &view))]);
+    simulation.restart(&[Some(pack(&Mask::from(&mask), &view))]);
     let drawn: Vec<Vec<Silhouette>> = bodies.iter().map(|b| layers.silhouettes(b, |_| true)).collect();
     for silhouettes in &drawn {
         simulation.insert(silhouettes);

@@ -18,6 +18,7 @@ use tests::data::folder_to_write;
 use tracker::likelihood::Rule;
 use tracker::method::Method;
 use tracker::method::mcmc::{Mcmc, McmcOptions};
+use tracker::observation::{Colours, Mask};
 use tracker::stage::{Stage, StageOptions};
 use tracker::{CameraFrame, Moment};
 
@@ -136,8 +137,12 @@ fn cross(pair: u64, options: &McmcOptions) -> Said<Outcome> {
     );
     let mut outcome = Outcome { least_visible: 1.0, ..Outcome::default() };
     for frame in sequence.frames() {
-        let cameras: Vec<CameraFrame> =
-            frame.cameras.into_iter().map(|c| CameraFrame { mask: Some(c.mask), image: c.image }).collect();
+        let seen = |c: &CameraPicture| {
+            let mask = Mask::from(&c.mask);
+            let colours = c.image.as_ref().map(|image| Colours::of_picture(&mask, 1, image));
+            CameraFrame { mask: Some(mask), colours, image: None }
+        };
+        let cameras: Vec<CameraFrame> = frame.cameras.iter().map(seen).collect();
         let moment = Moment { frame: frame.frame, time_s: frame.time_s, cameras: &cameras };
         let people = tracker.step(&moment).map_err(|e| e.to_string())?;
         // Whoever was inside from the beginning is found once they have moved.

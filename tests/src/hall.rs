@@ -1,5 +1,6 @@
 //! The head tracker's experiments on a synthetic hall: six cameras around 8 × 6 m, people on known ways, true heads.
 
+use image::RgbImage;
 use nalgebra::{Point2, Point3, Vector2};
 use scenes::synthetic::{
     Frame, RenderOptions, RoomKind, RoomOptions, Screen, Sequence, SequenceOptions, SyntheticRoom,
@@ -125,7 +126,8 @@ pub fn tracker(room: &SyntheticRoom, options: CondensationOptions) -> Said<Conde
 
 /// A moment's pictures as a tracker takes them.
 pub fn pictures(frame: &Frame) -> Vec<CameraFrame> {
-    frame.cameras.iter().map(|c| CameraFrame { mask: None, image: c.image.clone() }).collect()
+    let seen = |image: &RgbImage| CameraFrame::of_image(image.clone());
+    frame.cameras.iter().map(|c| c.image.as_ref().map(seen).unwrap_or_default()).collect()
 }
 
 /// One step of a tracker.

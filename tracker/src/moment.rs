@@ -1,7 +1,11 @@
-//! What a tracker is given (the masks and images of one time) and what it gives back (the people).
+//! What a tracker is given (the observations of one time) and what it gives back (the people).
 
-use image::{GrayImage, RgbImage};
+use std::sync::Arc;
+
+use image::RgbImage;
 use serde::{Deserialize, Serialize};
+
+use crate::observation::{Colours, Mask};
 
 /// A person's number: given once, never given again in the same run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
@@ -14,15 +18,29 @@ impl std::fmt::Display for TrackId {
     }
 }
 
-/// One camera's part of one moment. Both pictures are in the camera's *pinhole* image
-/// ([`calib::undistort::UndistortMap`] takes them there) and have the camera's size.
+/// One camera's part of one moment. All of it is in the camera's *pinhole* image at the working size
+/// ([`crate::stage::StageCamera`]).
 #[derive(Debug, Clone, Default)]
 pub struct CameraFrame {
-    /// Foreground: 255, background: 0. `None` when the camera has nothing usable now: the frame is missing, frozen, or
-    /// all foreground (lights switched). It is then left out of every likelihood.
-    pub mask: Option<GrayImage>,
-    /// The picture, for appearance; `None` when only masks are given.
-    pub image: Option<RgbImage>,
+    /// Foreground. `None` when the camera has nothing usable now: the frame is missing, frozen, or all foreground (lights
+    /// switched). It is then left out of every likelihood.
+    pub mask: Option<Mask>,
+    /// Colours of the foreground, for appearance; `None` when only masks are given.
+    pub colours: Option<Colours>,
+    /// The picture, for methods that ask for it ([`crate::method::Needs`]).
+    pub image: Option<Arc<RgbImage>>,
+}
+
+impl CameraFrame {
+    /// A camera of which only the mask is known.
+    pub fn of_mask(mask: impl Into<Mask>) -> Self {
+        Self { mask: Some(mask.into()), ..Self::default() }
+    }
+
+    /// A camera of which only the picture is known.
+    pub fn of_image(image: RgbImage) -> Self {
+        Self { image: Some(Arc::new(image)), ..Self::default() }
+    }
 }
 
 /// All cameras at one time.

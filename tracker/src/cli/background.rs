@@ -9,10 +9,7 @@ use clap::Args;
 use tracker::Error;
 use tracker::foreground::backdrop::Backdrop;
 use tracker::foreground::{ForegroundOptions, Start};
-use tracker::source::{Footage, NamedSource};
-
-/// How much memory the frames of all recordings together may take, to be decoded only once, in bytes.
-pub(super) const KEEP_BYTES: usize = 1 << 30;
+use tracker::source::{NamedSource, VideoSource, sampling};
 
 /// What the background is learnt from.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -100,49 +97,51 @@ impl BackgroundArguments {
         Ok(())
     }
 
-    /// What a camera's foreground starts from. A recording is looked through, and its frames are kept if they fit into
-    /// `memory_bytes`.
+    /// What a camera's foreground starts from, at the size of its masks. A recording is looked through. `filmed` is the size of
+    /// the camera's pictures.
     pub(super) fn start(
         &self,
         camera: &str,
-        video: &mut Footage,
-        memory_bytes: usize,
+        video: &VideoSource,
+        filmed: (u32, u32),
+        size: (u32, u32),
     ) -> anyhow::Result<Start> {
-        let is_recording = video.source().is_recording();
+        let recording = match video {
+            VideoSource::Recorded(source) if source.is_recording() => Some(source.name()),
+            _ => None,
+        };
         let clip = self.background.iter().find_map(|choice| match choice {
             Choice::Clip(clip) if clip.name == camera => Some(clip.spec.as_str()),
             _ => None,
         });
         if let Some(clip) = clip {
-            let opened = FrameSource::open(clip)?;
-            let ((width, height), (own_width, own_height)) = (opened.size(), video.source().size());
-            if (width, height) != (own_width, own_height) {
+            let (width, height) = FrameSource::open(clip)?.size();
+            if (width, height) != filmed {
                 return Err(Error::content(
                     Path::new(clip),
                     "frame 1",
                     format!(
-                        "is {width} × {height} pixels, but the images of camera `{camera}` are {own_width} × {own_height}; \
-                         give --background {camera} a clip of that size"
+                        "is {width} × {height} pixels, but the images of camera `{camera}` are {} × {}; give --background \
+                         {camera} a clip of that size",
+                        filmed.0, filmed.1
                     ),
                 )
                 .into());
             }
-            return learnt(&mut Footage::new(opened), 0);
+            return learnt(clip, size);
         }
         let kind = self.background.iter().find(|c| !matches!(c, Choice::Clip(_))).unwrap_or(&Choice::Auto);
-        match kind {
-            Choice::Adaptive(kind) => Ok(Start::Nothing(*kind)),
-            Choice::Median if !is_recording => {
-                bail!(
-                    "--background median: camera `{camera}` is a stream; use online, or NAME=PATH with a clip"
-                )
-            }
-            _ if is_recording => learnt(video, memory_bytes),
+        match (kind, recording) {
+            (Choice::Adaptive(kind), _) => Ok(Start::Nothing(*kind)),
+            (_, Some(recording)) => learnt(recording, size),
+            (Choice::Median, None) => bail!(
+                "--background median: camera `{camera}` is a stream; use online, or NAME=PATH with a clip"
+            ),
             _ => Ok(Start::Nothing(AdaptiveKind::default())),
         }
     }
 }
 
-fn learnt(video: &mut Footage, memory_bytes: usize) -> anyhow::Result<Start> {
-    Ok(Start::Backdrop(Backdrop::learn(&video.look_through(memory_bytes)?)?))
+fn learnt(recording: &str, size: (u32, u32)) -> anyhow::Result<Start> {
+    Ok(Start::Backdrop(Backdrop::learn(&sampling::spread(recording, size)?)?))
 }

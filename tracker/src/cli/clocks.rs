@@ -6,7 +6,9 @@ use std::str::FromStr;
 use anyhow::bail;
 use clap::Args;
 use tracker::source::times::DEFAULT_RATE;
-use tracker::source::{CameraSource, Clock, Schedule, Times};
+use calib::video::FrameSource;
+use tracker::gathering::Alignment;
+use tracker::source::{CameraSource, CaptureTimes, Times};
 
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Times")]
@@ -44,8 +46,8 @@ impl FromStr for Offset {
 }
 
 impl ClockArguments {
-    /// When the moments are, and which frames belong to them; a clock for each source.
-    pub(super) fn schedule(&self, sources: &[CameraSource]) -> anyhow::Result<Schedule> {
+    /// When each source's frames were taken.
+    pub(super) fn clocks(&self, sources: &[CameraSource]) -> anyhow::Result<Clocks> {
         let is_camera = |name: &str| sources.iter().any(|s| s.name == name);
         let names = || sources.iter().map(|s| s.name.as_str()).collect::<Vec<_>>().join(", ");
         for (i, offset) in self.offset.iter().enumerate() {
@@ -76,58 +78,63 @@ impl ClockArguments {
                 (first, None) => Ok(first.map(|(_, path)| PathBuf::from(path))),
             }
         };
-        let mut clocks = Vec::new();
-        let mut unknown = Vec::new();
+        let (mut times, mut alignments) = (Vec::new(), Vec::new());
         for source in sources {
-            let times = match (own_file(&source.name)?, &common, self.rate.or(source.rate())) {
-                (Some(path), ..) => Times::read(&path)?,
-                (None, Some(common), _) => common.clone(),
-                (None, None, rate) => {
-                    if rate.is_none() {
-                        unknown.push(source.name.as_str());
-                    }
-                    Times::steady(rate.unwrap_or(DEFAULT_RATE))?
-                }
+            let name = source.sources().next().map_or(source.name.as_str(), FrameSource::name);
+            let given = match (own_file(&source.name)?, &common, self.rate) {
+                (Some(path), ..) => Some(Times::read(&path)?),
+                (None, Some(common), _) => Some(common.clone()),
+                (None, None, rate) => rate.map(Times::steady).transpose()?,
             };
+            times.push(match (given, source.rate()) {
+                (Some(given), _) => {
+                    if let Some(frames) = source.frame_count().filter(|_| sources.len() == 1) {
+                        given.check_count(frames)?;
+                    }
+                    CaptureTimes::given(name, given)
+                }
+                (None, Some(rate_hz)) => CaptureTimes::presentation(name, rate_hz),
+                (None, None) => {
+                    if !source.is_live() {
+                        tracing::warn!(
+                            "{} does not say its frame rate; taking {DEFAULT_RATE} frames/s (--rate or --times decide \
+                             otherwise)",
+                            source.name
+                        );
+                    }
+                    CaptureTimes::given(name, Times::steady(DEFAULT_RATE)?)
+                }
+            });
             let offset = self.offset.iter().find(|o| o.camera == source.name);
-            clocks.push(Clock { times, offset_s: offset.map_or(0.0, |o| o.seconds) });
+            alignments.push(Alignment { offset_s: offset.map_or(0.0, |o| o.seconds), ..Alignment::default() });
         }
-        one_rate_where_containers_round(&mut clocks);
-        if !unknown.is_empty() {
-            tracing::warn!(
-                "{} does not say its frame rate; taking {DEFAULT_RATE} frames/s (--rate or --times decide otherwise)",
-                unknown.join(", ")
-            );
-        }
-        let schedule = Schedule::new(clocks)?;
-        let counts: Vec<Option<usize>> = sources.iter().map(CameraSource::frame_count).collect();
-        let moments = schedule.moments(&counts);
-        if moments == Some(0) && counts.iter().all(|c| c.is_some_and(|c| c > 0)) {
-            bail!(
-                "--offset, --times: there is no moment at which all cameras film; leave one out, or mend its offset"
-            );
-        }
-        schedule.check_times(&counts)?;
-        if !schedule.is_frame_by_frame() {
-            tracing::info!(
-                "the cameras differ in rate or start: synchronised by time, at the frames of `{}` from frame {}",
-                sources[schedule.lead()].name,
-                schedule.first()
-            );
-        }
-        Ok(schedule)
+        Ok(Clocks { times, alignments })
     }
 }
 
-/// Rates that containers round differently (29.97 and 30000/1001) are one rate: by the end of an hour they would
-/// differ by frames, and frames recorded together would be torn apart.
-fn one_rate_where_containers_round(clocks: &mut [Clock]) {
-    const SAME: f64 = 1e-3;
-    for i in 1..clocks.len() {
-        if let (Times::Rate(first), Times::Rate(rate)) = (&clocks[0].times, &clocks[i].times)
-            && (rate / first - 1.0).abs() < SAME
-        {
-            clocks[i].times = clocks[0].times.clone();
+/// When the frames of each source were taken, on its own clock, and how the clocks are brought together.
+pub(super) struct Clocks {
+    times: Vec<CaptureTimes>,
+    alignments: Vec<Alignment>,
+}
+
+impl Clocks {
+    /// Frames a second of the fastest source.
+    pub(super) fn lead_rate(&self) -> f64 {
+        self.times.iter().map(CaptureTimes::mean_rate).fold(0.0, f64::max)
+    }
+
+    /// About how many moments there will be; `None` where one cannot know.
+    pub(super) fn moments(&self, sources: &[CameraSource]) -> Option<usize> {
+        let mut shortest_s = f64::INFINITY;
+        for (source, times) in sources.iter().zip(&self.times) {
+            shortest_s = shortest_s.min(source.frame_count()? as f64 / times.mean_rate());
         }
+        Some((shortest_s * self.lead_rate()).round() as usize)
+    }
+
+    /// The times and the alignments, one of each a source.
+    pub(super) fn into_parts(self) -> (Vec<CaptureTimes>, Vec<Alignment>) {
+        (self.times, self.alignments)
     }
 }

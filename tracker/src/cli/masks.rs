@@ -8,9 +8,9 @@ use calib::video::FrameSource;
 use clap::Args;
 use image::{GrayImage, RgbImage};
 use tracker::foreground::{Foreground, Verdict};
-use tracker::source::{Footage, NamedSource, Next, Times};
+use tracker::source::{CaptureTimes, NamedSource, Times, VideoSource};
 
-use super::background::{BackgroundArguments, KEEP_BYTES};
+use super::background::BackgroundArguments;
 
 /// Write the foreground masks of videos as pictures, to look at or to give to `tracker run --masks`.
 ///
@@ -54,25 +54,34 @@ impl MasksArgs {
         if named.name.contains(['/', '\\']) || named.name == ".." {
             bail!("--video {}: the name becomes a folder; it must not hold a slash", named.name);
         }
-        let mut video = Footage::new(FrameSource::open(&named.spec)?);
-        let times = match (&self.times, self.rate) {
-            (Some(path), _) => Times::read(path)?,
-            (None, rate) => {
-                Times::steady(rate.or(video.source().rate()).unwrap_or(tracker::source::times::DEFAULT_RATE))?
+        let video = FrameSource::open(&named.spec)?;
+        let (width, height) = video.size();
+        let (count, rate) = (video.frame_count(), video.rate());
+        let mut times = match (&self.times, self.rate, rate) {
+            (Some(path), ..) => CaptureTimes::given(&named.spec, Times::read(path)?),
+            (None, None, Some(rate)) => CaptureTimes::presentation(&named.spec, rate),
+            (None, given, _) => {
+                let rate = given.unwrap_or(tracker::source::times::DEFAULT_RATE);
+                CaptureTimes::given(&named.spec, Times::steady(rate)?)
             }
         };
-        let (width, height) = video.source().size();
-        let start = self.background.start(&named.name, &mut video, KEEP_BYTES)?;
+        let (start, mut video) = {
+            let source = VideoSource::Recorded(video);
+            let start = self.background.start(&named.name, &source, (width, height), (width, height))?;
+            let VideoSource::Recorded(video) = source else { return Ok(()) };
+            (start, video)
+        };
         let mut foreground = Foreground::new(width, height, start, self.background.options())?;
         let folder = self.out.join(&named.name);
         std::fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
         let mut progress = console
-            .progress(&format!("masks of {}", named.name), video.source().frame_count().map(|n| n as u64));
+            .progress(&format!("masks of {}", named.name), count.map(|n| n as u64));
         let (mut image, mut mask) = (RgbImage::default(), GrayImage::default());
         let mut frame = 0;
-        while let Next::Frame(_) = video.read(&mut image)? {
+        while video.read(&mut image)? {
             frame += 1;
-            let verdict = foreground.mask(&image, times.of(frame)?, &mut mask)?;
+            let time_s = times.next(video.stamp().presentation_s)?;
+            let verdict = foreground.mask(&image, time_s, &mut mask)?;
             if verdict != Verdict::Usable {
                 tracing::warn!("{}: frame {frame}: {verdict}", named.name);
                 mask.fill(0);

@@ -12,6 +12,7 @@ mod masks;
 mod report;
 mod run;
 mod sampler;
+mod stations;
 mod view;
 mod weightmap;
 

@@ -2,32 +2,35 @@
 
 use std::ops::ControlFlow;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
+use std::sync::mpsc::channel;
 use std::time::Instant;
 
 use anyhow::{Context, bail};
 use calib::console::Console;
 use clap::{Args, ValueEnum};
-use image::RgbImage;
-use rayon::prelude::*;
 use scenes::room::Room;
 use tracker::film::{Film, FilmOptions};
-use tracker::foreground::{Foreground, Start, Verdict};
+use tracker::foreground::Verdict;
+use tracker::gathering::{Gathering, GatheringOptions};
 use tracker::method::Method;
 use tracker::method::condensation::Condensation;
 use tracker::method::mcmc::Mcmc;
 use tracker::plan::TrajectoryPlan;
-use tracker::run::{self, CameraFeed, Ended, Output, RunOptions, RunReport};
+use tracker::run::{self, Ended, Output, Progress, RunReport};
 use tracker::source::{self, CameraSource, NamedSource};
-use tracker::stage::{Stage, StageOptions};
+use tracker::stage::{Stage, StageOptions, WORKING_WIDTH_PX};
+use tracker::station::{self, Permits, PictureDemand};
 use tracker::tracks::TrackFiles;
 use tracker::view::{Drawer, Screens, Server};
 
-use super::background::{BackgroundArguments, KEEP_BYTES};
+use super::background::BackgroundArguments;
 use super::clocks::ClockArguments;
 use super::heads::HeadArguments;
 use super::interrupt;
 use super::sampler::SamplerArguments;
+use super::stations::{Drawing, StationBuilder};
 use super::view::{self, ViewArguments};
 
 /// The published trackers.
@@ -92,6 +95,15 @@ pub(crate) struct RunArgs {
     /// Write no films.
     #[arg(long)]
     no_film: bool,
+    /// Width of the films, both panels together, pixels
+    #[arg(long, value_name = "PX", default_value_t = 960, value_parser = clap::value_parser!(u32).range(64..=7680))]
+    film_width: u32,
+    /// Width at which masks are made and compared, pixels: pictures that are wider are scaled while they are decoded
+    #[arg(long, value_name = "PX", default_value_t = WORKING_WIDTH_PX)]
+    mask_width: u32,
+    /// How long live cameras wait for one that is late, seconds
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.3)]
+    latency: f64,
     #[command(flatten)]
     view: ViewArguments,
     #[command(flatten)]
@@ -135,60 +147,72 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
     for camera in room.cameras.iter().filter(|c| !sources.iter().any(|s| s.name == c.name)) {
         tracing::warn!("camera `{}` has no source and is left out", camera.name);
     }
-    let schedule = args.clocks.schedule(&sources)?;
-    let frames: Vec<Option<usize>> = sources.iter().map(CameraSource::frame_count).collect();
-    let promised = schedule.moments(&frames);
-    let stage = Stage::prepare(
-        &room,
-        &args.room,
-        &StageOptions {
-            cameras: sources.iter().map(|s| s.name.clone()).collect(),
-            occlusion: !args.no_occlusion,
-        },
-    )?;
-    let rate = schedule.mean_rate();
-    let (mut method, feeds): (Box<dyn Method>, _) = match args.method {
+    let clocks = args.clocks.clocks(&sources)?;
+    let has_pictures = sources.iter().any(|s| s.video.is_some());
+    let is_live = sources.iter().any(CameraSource::is_live);
+    let options = StageOptions {
+        cameras: sources.iter().map(|s| s.name.clone()).collect(),
+        occlusion: !args.no_occlusion,
+        working_width_px: args.mask_width,
+    };
+    let stage = Stage::prepare(&room, &args.room, &options)?;
+    let mut method: Box<dyn Method> = match args.method {
         MethodName::Mcmc => {
-            if args.sampler.lag.is_none() && sources.iter().any(CameraSource::is_live) {
+            if args.sampler.lag.is_none() && is_live {
                 sampler.lag_s = 0.0;
             }
-            let method = Mcmc::new(stage.clone(), sampler)?;
-            (Box::new(method), feeds(args, sources, &stage)?)
+            Box::new(Mcmc::new(stage.clone(), sampler)?)
         }
-        MethodName::Condensation => {
-            let needs_empty = heads.edges.moving_only;
-            let mut method = Condensation::new(stage.clone(), heads)?;
-            let mut feeds = Vec::new();
-            for (camera, (feed, empty)) in
-                pictures(args, sources, &stage, needs_empty)?.into_iter().enumerate()
-            {
-                if let Some(empty) = empty {
-                    method.set_empty_scene(camera, &stage.cameras[camera].undistort.image(&empty));
-                }
-                feeds.push(feed);
-            }
-            (Box::new(method), feeds)
-        }
+        MethodName::Condensation => Box::new(Condensation::new(stage.clone(), heads)?),
     };
+    let looks = FilmOptions { width_px: args.film_width, is_live, ..FilmOptions::default() };
+    let mut page = listener.map(|listener| view::serve(listener, &args.room, &stage)).transpose()?;
+    let screens = page.as_ref().map(Server::screens);
+    let demand = match screens {
+        _ if !args.no_film => PictureDemand::Always,
+        Some(screens) => {
+            let screens = screens.clone();
+            PictureDemand::While(Arc::new(move || screens.is_watched()))
+        }
+        None => PictureDemand::Never,
+    };
+    let (rate, promised) = (clocks.lead_rate(), clocks.moments(&sources));
+    let builder = StationBuilder {
+        stage: &stage,
+        background: &args.background,
+        needs: method.needs(),
+        drawing: Drawing { looks: &looks, demand },
+        is_live,
+    };
+    let (times, alignments) = clocks.into_parts();
+    let stations = builder.build(sources, times, method.as_mut())?;
     let prepared = started.elapsed().as_secs_f64();
     tracing::debug!("room and backgrounds ready after {prepared:.2} s");
     // Everything that was given has been looked at: now something may be written.
     let mut outputs: Vec<Box<dyn Output>> = vec![Box::new(TrackFiles::new(&args.out, &stage))];
     outputs.push(Box::new(TrajectoryPlan::new(&args.out, &room, &args.room)));
-    let looks = FilmOptions::default();
-    let mut page = listener.map(|listener| view::serve(listener, &args.room, &stage)).transpose()?;
-    let screens = page.as_ref().map(Server::screens);
     if !args.no_film {
         let audience = screens.map(Screens::audience);
         outputs.push(Box::new(Film::start(&args.out, &stage, rate, &looks, audience.as_ref())?));
     } else if let Some(screens) = screens {
-        outputs.push(Box::new(Drawer::start(&stage, &looks, screens)));
+        outputs.push(Box::new(Drawer::start(&stage, &looks, screens, has_pictures)));
     }
     let interrupted = interrupt::watch().context("the signals that end a run")?;
     let mut progress = console.progress("tracking", promised.map(|n| n as u64));
-    let options = RunOptions { schedule, threads };
-    let report = run::run(feeds, method.as_mut(), outputs, &options, || {
-        progress.advance();
+    let (inbox, events) = channel();
+    let permits = Permits::new(threads);
+    let ports = stations
+        .into_iter()
+        .enumerate()
+        .map(|(camera, station)| station::start(station, camera, inbox.clone(), &permits));
+    let ports = ports.collect();
+    drop(inbox);
+    let options = GatheringOptions { alignments, latency_s: args.latency };
+    let gathering = Gathering::new(ports, events, &options)?;
+    let report = run::run(gathering, method.as_mut(), outputs, threads, |step| {
+        if step == Progress::Moment {
+            progress.advance();
+        }
         if interrupted.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })?;
     drop(progress);
@@ -205,48 +229,6 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
     Ok(String::new())
 }
 
-/// Learns the backgrounds, cameras in parallel, and makes the feeds in the cameras' order.
-fn feeds(args: &RunArgs, sources: Vec<CameraSource>, stage: &Stage) -> anyhow::Result<Vec<CameraFeed>> {
-    let memory_bytes = KEEP_BYTES / sources.len().max(1);
-    let feed = |mut source: CameraSource| {
-        let foreground = match &mut source.video {
-            Some(video) if source.masks.is_none() => {
-                let (width, height) = video.source().size();
-                let start = args.background.start(&source.name, video, memory_bytes)?;
-                Some(Foreground::new(width, height, start, args.background.options())?)
-            }
-            _ => None,
-        };
-        Ok(CameraFeed::new(source, foreground, stage)?)
-    };
-    // All are made before the first failure is told, so that it is the first camera's.
-    let feeds: Vec<anyhow::Result<CameraFeed>> = sources.into_par_iter().map(feed).collect();
-    feeds.into_iter().collect()
-}
-
-/// The feeds of pictures alone in the cameras' order, each with the empty scene where it is asked for and known.
-fn pictures(
-    args: &RunArgs,
-    sources: Vec<CameraSource>,
-    stage: &Stage,
-    needs_empty: bool,
-) -> anyhow::Result<Vec<(CameraFeed, Option<RgbImage>)>> {
-    let memory_bytes = KEEP_BYTES / sources.len().max(1);
-    let feed = |mut source: CameraSource| {
-        let start = match &mut source.video {
-            Some(video) if needs_empty => Some(args.background.start(&source.name, video, memory_bytes)?),
-            _ => None,
-        };
-        let empty = match start {
-            Some(Start::Backdrop(backdrop)) => Some(backdrop.picture),
-            _ => None,
-        };
-        Ok((CameraFeed::pictures(source, stage)?, empty))
-    };
-    let feeds: Vec<anyhow::Result<_>> = sources.into_par_iter().map(feed).collect();
-    feeds.into_iter().collect()
-}
-
 fn tell(report: &RunReport, prepared_s: f64, all_s: f64) {
     for (name, (frames, why)) in &report.set_aside {
         let why = if *why == Verdict::Learning {
@@ -255,6 +237,14 @@ fn tell(report: &RunReport, prepared_s: f64, all_s: f64) {
             format!("first: {why}")
         };
         tracing::info!("camera `{name}` was set aside in {frames} of {} frames ({why})", report.frames);
+    }
+    let left_out = report.left_out;
+    if left_out.late + left_out.skipped > 0 {
+        tracing::info!(
+            "{} frames came after their moment (--latency), {} moments were skipped to keep up",
+            left_out.late,
+            left_out.skipped
+        );
     }
     match &report.ended {
         Ended::Source(name) => tracing::info!("the run ended where `{name}` ended"),

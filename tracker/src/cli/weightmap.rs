@@ -9,11 +9,12 @@ use scenes::room::Room;
 use tracker::foreground::Start;
 use tracker::method::condensation::Condensation;
 use tracker::method::condensation::integration::Integration;
-use tracker::source::{self, NamedSource, Next};
+use tracker::method::Method;
+use tracker::source::{self, NamedSource, VideoSource};
 use tracker::stage::{Stage, StageOptions};
 use tracker::{CameraFrame, Moment};
 
-use super::background::{BackgroundArguments, KEEP_BYTES};
+use super::background::BackgroundArguments;
 use super::heads::HeadArguments;
 
 /// Draw the weights of heads over a horizontal plane, for one frame and each integration.
@@ -65,28 +66,27 @@ pub(crate) fn weightmap(args: &WeightMapArgs) -> anyhow::Result<String> {
     let stage =
         Stage::prepare(&room, &args.room, &StageOptions { cameras: names, ..StageOptions::default() })?;
     let mut method = Condensation::new(stage.clone(), options)?;
-    let memory_bytes = KEEP_BYTES / sources.len().max(1);
     let mut cameras = Vec::new();
     for (i, source) in sources.into_iter().enumerate() {
-        let (name, undistort) = (source.name, &stage.cameras[i].undistort);
-        let mut video = source.video.with_context(|| format!("camera `{name}` has no video"))?;
-        if needs_empty
-            && let Start::Backdrop(backdrop) = args.background.start(&name, &mut video, memory_bytes)?
-        {
-            method.set_empty_scene(i, &undistort.image(&backdrop.picture));
+        let (name, camera) = (source.name, &stage.cameras[i]);
+        let size = (camera.width(), camera.height());
+        let filmed = (camera.filmed.intrinsics.width, camera.filmed.intrinsics.height);
+        let video = source.video.with_context(|| format!("camera `{name}` has no video"))?;
+        if needs_empty && let Start::Backdrop(backdrop) = args.background.start(&name, &video, filmed, size)? {
+            method.set_empty_scene(i, &camera.undistort.image(&backdrop.picture));
         }
-        let mut picture = RgbImage::default();
+        let VideoSource::Recorded(mut video) = video else {
+            bail!("--video {name}: is a stream; give a recording");
+        };
+        let mut picture = RgbImage::new(size.0, size.1);
         for frame in 1..=args.frame {
-            let is_there = if frame < args.frame {
-                video.skip()
-            } else {
-                matches!(video.read(&mut picture)?, Next::Frame(_))
-            };
+            let is_there = if frame < args.frame { video.skip() } else { video.advance()? };
             if !is_there {
                 bail!("--frame {}: the video of `{name}` ends after frame {}", args.frame, frame - 1);
             }
         }
-        cameras.push(CameraFrame { mask: None, image: Some(undistort.image(&picture)) });
+        video.picture(&mut picture)?;
+        cameras.push(CameraFrame::of_image(camera.undistort.image(&picture)));
     }
     let moment = Moment { frame: args.frame, time_s: 0.0, cameras: &cameras };
     let chosen: Vec<Integration> = match args.heads.integration() {

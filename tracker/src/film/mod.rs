@@ -16,13 +16,14 @@ mod trails;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::mpsc::{SyncSender, sync_channel};
+use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};
 use std::thread::JoinHandle;
 
 use calib::video::FilmWriter;
-use image::{GrayImage, RgbImage};
+use image::RgbImage;
 
-use crate::stage::Stage;
+use crate::observation::Mask;
+use crate::stage::{Stage, StageCamera};
 use crate::{Error, PersonEstimate, Result};
 pub use painter::Painter;
 
@@ -31,23 +32,36 @@ pub use painter::Painter;
 pub struct FilmOptions {
     /// How long a trail reaches back, seconds. Default 4.
     pub trail_s: f64,
-    /// Panels narrower than this are enlarged by whole numbers, so that labels stay readable. Default 480.
-    pub least_width_px: u32,
+    /// Width of the film, both panels together, pixels. Default 960.
+    pub width_px: u32,
+    /// Of live input: frames that the painter cannot keep up with are left out, and the one before is shown for longer.
+    /// Otherwise, the default, the tracker waits for it.
+    pub is_live: bool,
 }
 
 impl Default for FilmOptions {
     fn default() -> Self {
-        Self { trail_s: 4.0, least_width_px: 480 }
+        Self { trail_s: 4.0, width_px: 960, is_live: false }
+    }
+}
+
+impl FilmOptions {
+    /// Width and height of the picture that a film of this camera takes, pixels: that of one panel. Even, as encoders want.
+    pub fn panel_px(&self, camera: &StageCamera) -> (u32, u32) {
+        let k = &camera.filmed.intrinsics;
+        let width = (self.width_px / 4 * 2).max(2);
+        let height = f64::from(width) * f64::from(k.height) / f64::from(k.width.max(1));
+        (width, ((0.5 * height).round() as u32).max(1) * 2)
     }
 }
 
 /// One camera's pictures of one moment.
 #[derive(Debug, Clone, Default)]
 pub struct Shot {
-    /// As it was filmed, with distortion. Without one the mask is shown.
-    pub image: Option<RgbImage>,
-    /// The foreground, in the pinhole image.
-    pub mask: Option<GrayImage>,
+    /// As it was filmed, with distortion, at the [panel's size](FilmOptions::panel_px). Without one the mask is shown.
+    pub image: Option<Arc<RgbImage>>,
+    /// The foreground, in the pinhole image at the working size.
+    pub mask: Option<Mask>,
 }
 
 /// A moment as the painters need it.
@@ -57,6 +71,8 @@ struct Scene {
     time_s: f64,
     shot: Shot,
     people: Vec<PersonEstimate>,
+    /// Frames before it that were left out.
+    left_out: u32,
 }
 
 /// A frame as it is in a film.
@@ -81,6 +97,7 @@ pub type Audience = Arc<dyn Fn(Painted) + Send + Sync>;
 #[derive(Debug)]
 pub struct Film {
     workers: Vec<Worker>,
+    is_live: bool,
 }
 
 #[derive(Debug)]
@@ -88,6 +105,8 @@ struct Worker {
     path: PathBuf,
     scenes: SyncSender<Scene>,
     thread: JoinHandle<Result<()>>,
+    /// Frames that were left out since the last one.
+    left_out: u32,
 }
 
 /// Moments that may wait for a painter before the tracker has to.
@@ -105,6 +124,7 @@ impl Film {
         options: &FilmOptions,
         audience: Option<&Audience>,
     ) -> Result<Self> {
+        let is_live = options.is_live;
         let workers = (0..stage.cameras.len()).map(|index| {
             let mut painter = Painter::new(stage, index, options);
             let path = out.join("overlay").join(format!("{}.mp4", stage.cameras[index].name));
@@ -114,10 +134,18 @@ impl Film {
             let audience = audience.cloned();
             let thread = std::thread::spawn(move || {
                 let mut frames = 0_u64;
-                for Scene { frame, time_s, shot, people } in received {
+                let mut latest: Option<RgbImage> = None;
+                for Scene { frame, time_s, shot, people, left_out } in received {
+                    // Left-out frames keep their time in the film.
+                    for _ in 0..left_out {
+                        latest.as_ref().map_or(Ok(()), |latest| writer.write(latest))?;
+                    }
                     let picture = painter.paint(frame, time_s, &shot, &people);
                     writer.write(&picture)?;
                     frames += 1;
+                    if is_live {
+                        latest = Some(picture.clone());
+                    }
                     if let Some(show) = &audience {
                         show(Painted { camera: index, frame, time_s, people: people.len(), picture });
                     }
@@ -125,12 +153,13 @@ impl Film {
                 // No player opens a film of nothing; dropped, it leaves no file.
                 if frames > 0 { Ok(writer.finish()?) } else { Ok(()) }
             });
-            Ok(Worker { path, scenes, thread })
+            Ok(Worker { path, scenes, thread, left_out: 0 })
         });
-        Ok(Self { workers: workers.collect::<Result<_>>()? })
+        Ok(Self { workers: workers.collect::<Result<_>>()?, is_live })
     }
 
-    /// Hands over one moment: a shot a camera, in the stage's order. Waits when a painter is far behind.
+    /// Hands over one moment: a shot a camera, in the stage's order. When a painter is far behind, the frame is left out (live
+    /// input) or waits for it.
     ///
     /// # Errors
     /// When a painter has stopped; the reason is what [`Self::finish`] returns.
@@ -141,9 +170,24 @@ impl Film {
         shots: Vec<Shot>,
         people: &[PersonEstimate],
     ) -> Result<()> {
-        for (worker, shot) in self.workers.iter().zip(shots) {
-            let scene = Scene { frame, time_s, shot, people: people.to_vec() };
-            if worker.scenes.send(scene).is_err() {
+        for (worker, shot) in self.workers.iter_mut().zip(shots) {
+            let scene = Scene { frame, time_s, shot, people: people.to_vec(), left_out: worker.left_out };
+            let has_stopped = if self.is_live {
+                match worker.scenes.try_send(scene) {
+                    Ok(()) => {
+                        worker.left_out = 0;
+                        false
+                    }
+                    Err(TrySendError::Full(_)) => {
+                        worker.left_out += 1;
+                        false
+                    }
+                    Err(TrySendError::Disconnected(_)) => true,
+                }
+            } else {
+                worker.scenes.send(scene).is_err()
+            };
+            if has_stopped {
                 return Err(Error::content(
                     &worker.path,
                     format!("frame {frame}"),
@@ -164,7 +208,7 @@ impl Film {
 
     fn wait(&mut self) -> Result<()> {
         let mut outcome = Ok(());
-        for Worker { path, scenes, thread } in self.workers.drain(..) {
+        for Worker { path, scenes, thread, .. } in self.workers.drain(..) {
             drop(scenes);
             let ended = thread.join().unwrap_or_else(|_| {
                 Err(Error::content(&path, "whole film", "its painter failed; run with --no-film"))

@@ -40,7 +40,7 @@ impl Panel<'_> {
     }
 
     fn panel_of_pinhole(&self, pixel: &Point2<f64>) -> Option<Point2<f64>> {
-        self.camera.to_real(pixel).map(|real| self.lens.panel(real))
+        self.camera.to_real(pixel)
     }
 
     /// Tints what is predicted visible of everybody.
@@ -104,7 +104,7 @@ impl Panel<'_> {
                 .map(|(age, place)| {
                     let floor = Point3::new(place.x, place.y, 0.0);
                     let band = ((1.0 - age) * f64::from(TRAIL_BANDS)).ceil().max(0.0) as u32;
-                    let at = self.camera.real.project(&floor).map(|real| self.lens.panel(real));
+                    let at = self.camera.real.project(&floor);
                     (2 * band + u32::from(self.is_hidden(&floor)), at)
                 })
                 .collect();
@@ -141,7 +141,7 @@ impl Panel<'_> {
                 continue;
             }
             let head = Point3::new(body.x_m, body.y_m, body.height_m);
-            let Some(at) = self.camera.real.project(&head).map(|real| self.lens.panel(real)) else {
+            let Some(at) = self.camera.real.project(&head) else {
                 continue;
             };
             let visible = person.visible.get(self.index).copied().unwrap_or(0.0);

@@ -9,6 +9,7 @@ use super::overlay::Panel;
 use super::trails::Trails;
 use super::{FilmOptions, Shot, simulated};
 use crate::PersonEstimate;
+use crate::observation::Mask;
 use crate::silhouette::{Body, View};
 use crate::stage::{Stage, StageCamera};
 
@@ -27,9 +28,9 @@ pub struct Painter {
 impl Painter {
     /// A painter for the stage's camera of that index.
     pub fn new(stage: &Stage, index: usize, options: &FilmOptions) -> Self {
-        let camera = stage.cameras[index].clone();
-        let scale = options.least_width_px.div_ceil(camera.width().max(1)).clamp(1, 4);
-        let lens = Lens::new(&camera, scale);
+        let (width, height) = options.panel_px(&stage.cameras[index]);
+        let camera = stage.cameras[index].resized(width, height);
+        let lens = Lens::new(&camera);
         Self {
             view: View::new(&camera),
             empty_room: simulated::empty_room(&camera, &lens),
@@ -69,8 +70,8 @@ impl Painter {
         panel.labels(&mut real);
         panel.caption(&mut real, &format!("{}  frame {frame}  {time_s:.2} s", self.camera.name));
 
-        let mask = shot.mask.as_ref();
-        let picture = simulated::picture(&self.empty_room, &self.lens, &layers, &order, mask);
+        let mask = shot.mask.as_ref().map(|mask| self.resized(mask));
+        let picture = simulated::picture(&self.empty_room, &self.lens, &layers, &order, mask.as_deref());
         let mut simulated = Canvas::from_image(&picture);
         panel.silhouettes(&mut simulated, false);
         let seen = if mask.is_some() { "; white: what was seen" } else { "" };
@@ -87,14 +88,23 @@ impl Painter {
         (self.camera.pinhole.camera_from_world * body.ellipsoid().center).z
     }
 
+    /// A mask at the panel's size: for each pixel of its pinhole image, row by row, whether there is foreground.
+    fn resized(&self, mask: &Mask) -> Vec<bool> {
+        let (width, height) = (self.lens.width, self.lens.height);
+        let nearest = |i: u32, size: u32, whole: u32| ((2 * i + 1) * size / (2 * whole)).min(size.saturating_sub(1));
+        let columns: Vec<u32> = (0..width).map(|x| nearest(x, mask.width(), width)).collect();
+        let rows = (0..height).map(|y| nearest(y, mask.height(), height));
+        rows.flat_map(|row| columns.iter().map(move |column| mask.is_set(*column, row))).collect()
+    }
+
     /// The real picture; without one the foreground, pale on dark.
     fn backdrop(&self, shot: &Shot) -> RgbImage {
-        let size = (self.camera.width(), self.camera.height());
+        let size = (self.lens.width, self.lens.height);
         match (&shot.image, &shot.mask) {
-            (Some(image), _) if image.dimensions() == size => self.lens.enlarge(image),
-            (_, Some(mask)) if mask.dimensions() == size => {
-                let pale = |m: &u8| if *m == 0 { [24, 26, 31] } else { [168, 172, 180] };
-                self.lens.picture(&mask.as_raw().iter().map(pale).collect::<Vec<_>>(), [24, 26, 31])
+            (Some(image), _) if image.dimensions() == size => image.as_ref().clone(),
+            (_, Some(mask)) => {
+                let pale = |set: &bool| if *set { [168, 172, 180] } else { [24, 26, 31] };
+                self.lens.picture(&self.resized(mask).iter().map(pale).collect::<Vec<_>>(), [24, 26, 31])
             }
             _ => RgbImage::from_pixel(self.lens.width, self.lens.height, Rgb([24, 26, 31])),
         }

@@ -1,6 +1,6 @@
 //! The right panel: the room as its geometry says, the people in it, and the foreground that was really seen.
 
-use image::{GrayImage, Rgb, RgbImage};
+use image::{Rgb, RgbImage};
 use nalgebra::Point3;
 use scenes::canvas::{Canvas, Color, Stroke};
 
@@ -26,10 +26,9 @@ pub(super) fn empty_room(camera: &StageCamera, lens: &Lens) -> RgbImage {
     let mut canvas = Canvas::from_image(&room);
     let below = camera.pinhole.center();
     let (x0, y0) = (below.x.round() as i32, below.y.round() as i32);
-    let stroke = Stroke::solid(Color::WHITE.alpha(0.16), lens.scale as f32);
+    let stroke = Stroke::solid(Color::WHITE.alpha(0.16), 1.0);
     let project = |x: i32, y: i32| {
-        let real = camera.real.project(&Point3::new(f64::from(x0 + x), f64::from(y0 + y), 0.0))?;
-        Some(lens.panel(real))
+        camera.real.project(&Point3::new(f64::from(x0 + x), f64::from(y0 + y), 0.0))
     };
     for i in -GRID_REACH_M..=GRID_REACH_M {
         for j in -GRID_REACH_M..GRID_REACH_M {
@@ -49,7 +48,7 @@ pub(super) fn picture(
     lens: &Lens,
     layers: &Layers,
     people: &[(&PersonEstimate, Body)],
-    mask: Option<&GrayImage>,
+    mask: Option<&[bool]>,
 ) -> RgbImage {
     let mut panel = empty_room.clone();
     let colors: Vec<Color> = people.iter().map(|(person, _)| Color::of_id(person.id.0)).collect();
@@ -60,7 +59,7 @@ pub(super) fn picture(
         }
     });
     if let Some(mask) = mask.filter(|mask| mask.len() == layers.surfaces.len()) {
-        lens.for_each_pixel(&mut panel, &rim(mask), |pixel, is_rim| {
+        lens.for_each_pixel(&mut panel, &rim(mask, lens.width as usize), |pixel, is_rim| {
             if *is_rim {
                 *pixel = SEEN;
             }
@@ -69,18 +68,17 @@ pub(super) fn picture(
     panel
 }
 
-/// Pixels just outside what is set in a mask, row by row.
-fn rim(mask: &GrayImage) -> Vec<bool> {
-    let (width, height) = (mask.width() as usize, mask.height() as usize);
-    let set = mask.as_raw();
+/// Pixels just outside what is set in a mask of this width, row by row.
+fn rim(set: &[bool], width: usize) -> Vec<bool> {
+    let height = set.len() / width.max(1);
     let mut rim = vec![false; set.len()];
     for v in 1..height.saturating_sub(1) {
-        if set[(v - 1) * width..(v + 2) * width].iter().all(|m| *m == 0) {
+        if set[(v - 1) * width..(v + 2) * width].iter().all(|set| !set) {
             continue;
         }
         for at in v * width + 1..(v + 1) * width - 1 {
-            let is_beside = [at - 1, at + 1, at - width, at + width].iter().any(|n| set[*n] != 0);
-            rim[at] = set[at] == 0 && is_beside;
+            let is_beside = [at - 1, at + 1, at - width, at + width].iter().any(|beside| set[*beside]);
+            rim[at] = !set[at] && is_beside;
         }
     }
     rim

@@ -85,6 +85,10 @@ pub enum Verdict {
     Learning,
     /// A live stream has broken off; it is opened again.
     Lost,
+    /// A live camera has sent no picture for a while.
+    Silent,
+    /// The camera sends pictures of another shape than the room was calibrated for.
+    OtherShape,
     /// The camera has no frame near this moment: its rate is lower than another's. Nothing is wrong with it.
     Between,
 }
@@ -105,6 +109,8 @@ impl std::fmt::Display for Verdict {
             Self::AllForeground => "all foreground (light switched or camera moved)",
             Self::Learning => "learning its background",
             Self::Lost => "its stream has broken off (it is opened again, once a second)",
+            Self::Silent => "sends no pictures",
+            Self::OtherShape => "sends pictures of another shape than the room was calibrated for",
             Self::Between => "between two of its frames",
         })
     }
@@ -253,6 +259,9 @@ impl Foreground {
         self.learn(frame, into, elapsed_s)?;
         Ok(Verdict::Usable)
     }
+
+    /// Takes in where people are believed to be seen.
+    pub fn expect(&mut self, _people: &GrayImage) {}
 
     /// The background as the model sees it now, in its own exposure.
     pub fn background(&mut self) -> &RgbImage {

@@ -1,5 +1,195 @@
 //! Observations of all stations → moments.
+//!
+//! A moment has the time of the leading camera's frame, the fastest one's, and of every other camera the observation nearest
+//! in time, or none: one that is too far away says where people were, not where they are.
+//!
+//! * [`recorded`] waits for every camera: the same moments in every run.
+//! * [`live`] waits for nobody longer than the latency: a silent or slow camera neither delays nor shifts another, and what
+//!   the tracker cannot keep up with is skipped.
+//!
+//! Feedback goes the other way: when an observation is given up, its station hears of the people who are believed in
+//! ([`Gathering::believe`]).
 
+mod camera;
+mod live;
 mod port;
+mod recorded;
+#[cfg(test)]
+mod tests;
 
+use std::sync::mpsc::Receiver;
+use std::time::Duration;
+
+pub use camera::Alignment;
+use camera::Camera;
+use live::Live;
 pub use port::{Inbox, Port};
+use recorded::Recorded;
+
+use crate::foreground::Verdict;
+use crate::silhouette::Body;
+use crate::station::{Event, Seen};
+use crate::{Error, Result};
+
+/// A frame this near belongs to a moment even where the moments are closer together: somebody walking has gone 5 cm.
+const NEAR_S: f64 = 0.04;
+
+/// One camera's part of a moment.
+#[derive(Debug, Clone)]
+pub enum Part {
+    /// The observation nearest in time.
+    Seen(Box<Seen>),
+    /// There is none near, for this reason.
+    Nothing(Verdict),
+}
+
+/// The observations of one time.
+#[derive(Debug, Clone)]
+pub struct Gathered {
+    /// Number of the moment, from 1; that of the leading camera's frame in a recording.
+    pub frame: u32,
+    /// Time on the run's clock, seconds.
+    pub time_s: f64,
+    /// One a camera, in the order of the ports.
+    pub parts: Vec<Part>,
+}
+
+/// What comes next.
+#[derive(Debug)]
+pub enum Next {
+    /// A moment.
+    Moment(Gathered),
+    /// Nothing yet; ask again.
+    Idle,
+    /// The camera of this name has ended first.
+    Ended(String),
+}
+
+/// How moments are gathered.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GatheringOptions {
+    /// How each camera's clock is brought to the run's, in the order of the ports.
+    pub alignments: Vec<Alignment>,
+    /// How long live input waits for the cameras that are late, seconds. Default 0.3.
+    pub latency_s: f64,
+}
+
+/// What was left out of a live run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct LeftOut {
+    /// Observations that came after their moment.
+    pub late: u64,
+    /// Moments that were skipped because the tracker was behind.
+    pub skipped: u64,
+}
+
+/// Puts observations together to moments.
+#[derive(Debug)]
+pub struct Gathering {
+    cameras: Vec<Camera>,
+    events: Receiver<(usize, Event)>,
+    believed: Vec<Body>,
+    mode: Mode,
+}
+
+#[derive(Debug)]
+enum Mode {
+    Recorded(Recorded),
+    Live(Live),
+}
+
+impl Gathering {
+    /// Gathers from these stations, whose events come by `events`. Live when one of them is.
+    ///
+    /// # Errors
+    /// Without stations, or with another number of alignments, or a latency that is no time.
+    pub fn new(ports: Vec<Port>, events: Receiver<(usize, Event)>, options: &GatheringOptions) -> Result<Self> {
+        if ports.is_empty() {
+            return Err(Error::option("--video", "no camera has a source"));
+        }
+        if options.alignments.len() != ports.len() {
+            let problem = format!("{} clocks for {} cameras", options.alignments.len(), ports.len());
+            return Err(Error::option("--offset", problem));
+        }
+        if let Some(odd) = options.alignments.iter().find(|a| !(a.offset_s.is_finite() && a.drift.is_finite())) {
+            return Err(Error::option("--offset", format!("{} is no time; give seconds", odd.offset_s)));
+        }
+        if !(options.latency_s >= 0.0 && options.latency_s.is_finite()) {
+            let problem = format!("{} is no time; give seconds, 0 or more", options.latency_s);
+            return Err(Error::option("--latency", problem));
+        }
+        let is_live = ports.iter().any(|port| port.is_live);
+        let cameras: Vec<Camera> =
+            ports.into_iter().zip(&options.alignments).map(|(port, a)| Camera::new(port, *a)).collect();
+        let mode = if is_live {
+            Mode::Live(Live::new(options.latency_s))
+        } else {
+            Mode::Recorded(Recorded::new(&cameras))
+        };
+        Ok(Self { cameras, events, believed: Vec::new(), mode })
+    }
+
+    /// Names of the cameras, in the order of the ports.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.cameras.iter().map(|camera| camera.port.name.as_str())
+    }
+
+    /// Whether it gathers what happens now.
+    pub fn is_live(&self) -> bool {
+        matches!(self.mode, Mode::Live(_))
+    }
+
+    /// The next moment. Waits a moment for it, not for ever.
+    ///
+    /// # Errors
+    /// What a camera failed of, in its turn.
+    pub fn next(&mut self) -> Result<Next> {
+        match &mut self.mode {
+            Mode::Recorded(recorded) => recorded.next(&mut self.cameras, &self.events, &self.believed),
+            Mode::Live(live) => live.next(&mut self.cameras, &self.events, &self.believed),
+        }
+    }
+
+    /// Tells the stations who is believed to be there.
+    pub fn believe(&mut self, people: Vec<Body>) {
+        self.believed = people;
+        if self.is_live() {
+            for camera in &mut self.cameras {
+                camera.acknowledge(0, &self.believed);
+            }
+        }
+    }
+
+    /// Brings the cameras' clocks to the run's anew, from the next observation on.
+    pub fn align(&mut self, alignments: &[Alignment]) {
+        for (camera, alignment) in self.cameras.iter_mut().zip(alignments) {
+            camera.alignment = *alignment;
+        }
+    }
+
+    /// How the cameras' clocks are brought to the run's.
+    pub fn alignments(&self) -> Vec<Alignment> {
+        self.cameras.iter().map(|camera| camera.alignment).collect()
+    }
+
+    /// What was left out so far.
+    pub fn left_out(&self) -> LeftOut {
+        match &self.mode {
+            Mode::Recorded(_) => LeftOut::default(),
+            Mode::Live(live) => live.left_out(),
+        }
+    }
+}
+
+/// How long the gathering waits before it looks whether it is still wanted.
+const WAIT: Duration = Duration::from_millis(100);
+
+/// The part of a camera whose nearest observation is its oldest.
+fn nearest_part(camera: &Camera, time_s: f64, near_s: f64) -> Part {
+    match camera.pending.front() {
+        Some(pending) if (pending.time_s - time_s).abs() <= near_s + 1e-9 => {
+            Part::Seen(Box::new(pending.seen.clone()))
+        }
+        _ => Part::Nothing(Verdict::Between),
+    }
+}

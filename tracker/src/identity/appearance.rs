@@ -3,9 +3,10 @@
 //! Sampled only from the pixels in which a camera is predicted to see this person and nobody else, and compared by the
 //! Hellinger distance `√(1 − Σ √(p q))` (Comaniciu, Ramesh & Meer, "Kernel-based object tracking", PAMI 2003).
 
-use image::{Rgb, RgbImage};
+use image::Rgb;
 
 use crate::CameraFrame;
+use crate::observation::Colours;
 use crate::silhouette::visibility::{fraction, visible_parts};
 use crate::silhouette::{Body, Silhouette, View};
 
@@ -57,10 +58,10 @@ impl Appearance {
 pub fn sample(cameras: &[CameraFrame], views: &[View], people: &[Body]) -> Vec<Appearance> {
     let mut looks = vec![Appearance::default(); people.len()];
     for (camera, view) in cameras.iter().zip(views) {
-        let Some(image) = &camera.image else { continue };
+        let Some(colours) = &camera.colours else { continue };
         for (look, part) in looks.iter_mut().zip(visible_parts(view, people)) {
             if fraction(&part) >= LEAST_VISIBLE {
-                look.look_at(image, view, &part);
+                look.look_at(colours, view, &part);
             }
         }
     }
@@ -68,7 +69,7 @@ pub fn sample(cameras: &[CameraFrame], views: &[View], people: &[Body]) -> Vec<A
 }
 
 impl Appearance {
-    fn look_at(&mut self, image: &RgbImage, view: &View, part: &Silhouette) {
+    fn look_at(&mut self, colours: &Colours, view: &View, part: &Silhouette) {
         let rows = part.row_range();
         for row in rows.clone() {
             let height = (row - rows.start) as f64 / rows.len() as f64;
@@ -82,10 +83,12 @@ impl Appearance {
             let width = part.row_width(row);
             let inset = (width.len() as f64 * 0.5 * (1.0 - MIDDLE)) as usize;
             for column in width.start + inset..width.end - inset {
-                if part.contains(column as u32, row as u32) {
-                    let side = u32::from(view.block);
-                    let at = |i: usize, size: u32| (i as u32 * side + side / 2).min(size - 1);
-                    histogram.count(*image.get_pixel(at(column, image.width()), at(row, image.height())));
+                let side = u32::from(view.block);
+                let middle = |i: usize| i as u32 * side + side / 2;
+                if part.contains(column as u32, row as u32)
+                    && let Some(color) = colours.at(middle(column), middle(row))
+                {
+                    histogram.count(color);
                 }
             }
         }

@@ -2,6 +2,7 @@ use image::{Rgb, RgbImage};
 use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::*;
+use crate::observation::{Colours, Mask};
 use crate::silhouette::Silhouette;
 use crate::stage::StageCamera;
 use calib::{Camera, Intrinsics};
@@ -30,7 +31,8 @@ fn picture(view: &View, people: &[(Body, Rgb<u8>)]) -> CameraFrame {
             image.put_pixel(u, v, *colour);
         }
     }
-    CameraFrame { mask: None, image: Some(image) }
+    let mask = Mask::from_fn(320, 240, |_, _| true);
+    CameraFrame { colours: Some(Colours::of_picture(&mask, 1, &image)), ..CameraFrame::default() }
 }
 
 /// Two people walk towards each other, pass, and go on; after they have passed, the tracker takes each for the other if
@@ -53,7 +55,7 @@ fn walk_by(colours: [Rgb<u8>; 2], confused: bool, pictures: bool, from: usize) -
         if confused && x > 0.0 && asked.is_empty() {
             (named[0].1, named[1].1) = (second, first);
         }
-        let frame = CameraFrame { image: frame.image.filter(|_| pictures), ..frame };
+        let frame = CameraFrame { colours: frame.colours.filter(|_| pictures), ..frame };
         asked.extend(identities.observe(&[frame], std::slice::from_ref(&view), &named[..there]));
     }
     asked

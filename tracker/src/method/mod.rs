@@ -7,7 +7,22 @@ mod capacity;
 pub mod condensation;
 pub mod mcmc;
 
+use image::RgbImage;
+
 use crate::{Moment, PersonEstimate, Result};
+
+/// What a method needs of the cameras.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Needs {
+    /// Foreground masks.
+    pub masks: bool,
+    /// Colours of the foreground, where there are pictures.
+    pub colours: bool,
+    /// Whole pictures, in the pinhole image.
+    pub pictures: bool,
+    /// What each camera sees of the empty room, where that is known ([`Method::set_empty_scene`]).
+    pub empty_scene: bool,
+}
 
 /// A tracker that is fed one moment at a time, in order.
 ///
@@ -19,6 +34,12 @@ pub trait Method {
     /// # Errors
     /// When a mask or image does not fit its camera ([`crate::Error::FrameSize`]).
     fn step(&mut self, moment: &Moment<'_>) -> Result<Vec<PersonEstimate>>;
+
+    /// What it needs of the cameras; the same for all its life.
+    fn needs(&self) -> Needs;
+
+    /// Takes in what a camera sees when nobody is there, in its pinhole image at the working size.
+    fn set_empty_scene(&mut self, _camera: usize, _picture: &RgbImage) {}
 
     /// How long it pays to wait after a moment before its people are told, in seconds.
     fn lag_s(&self) -> f64 {

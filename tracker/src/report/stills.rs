@@ -1,8 +1,10 @@
 //! Pictures of single frames: from the film, or drawn anew on the reference image where no film was made.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use calib::video::FrameSource;
+use image::imageops::{self, FilterType};
 use image::RgbImage;
 
 use super::recording::Recording;
@@ -54,8 +56,11 @@ fn drawn(recording: &Recording, camera: &str, wanted: &[usize]) -> Result<Vec<(u
         Some(path) => Some(picture(&path)?),
         None => None,
     };
+    let options = FilmOptions::default();
+    let (width, height) = options.panel_px(&stage.cameras[0]);
+    let image = image.map(|image| Arc::new(imageops::resize(&image, width, height, FilterType::Triangle)));
     let shot = Shot { image, mask: None };
-    let mut painter = Painter::new(&stage, 0, &FilmOptions::default());
+    let mut painter = Painter::new(&stage, 0, &options);
     let paint = |index: &usize| {
         let frame = recording.frames.get(*index)?;
         Some((*index, painter.paint(frame.frame, frame.time, &shot, &estimates(frame, camera))))

@@ -1,49 +1,36 @@
-//! The pipeline: sources → foreground → method → outputs, one moment after the other, each stage timed.
+//! The pipeline behind the stations: moments → method → estimates → outputs, and feedback to the stations.
 
-mod ahead;
-mod feed;
+mod camera_log;
+mod lag;
 mod output;
-mod waiting;
 
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
-use std::thread;
 use std::time::{Duration, Instant};
 
-use ahead::{Feeds, Next};
-pub use feed::{CameraFeed, Fed};
+use camera_log::CameraLog;
+use lag::{Held, LagBuffer};
 pub use output::{Followed, Output};
-use waiting::{Waiting, WaitingRoom};
 
 use crate::foreground::Verdict;
+use crate::gathering::{Gathered, Gathering, LeftOut, Next, Part};
 use crate::method::Method;
-use crate::source::Schedule;
+use crate::silhouette::Body;
+use crate::station::{Pictures, Seen};
 use crate::tracks::{Stopwatch, Timings};
-use crate::{Error, Moment, Result};
+use crate::{CameraFrame, Error, Moment, Result};
 
-/// When no camera's stream has been there for so long, the run ends.
-const ALL_LOST_FOR: Duration = Duration::from_mins(1);
-/// What the pictures of the moments that wait to be told may take of memory, bytes.
-const MOST_WAITING_BYTES: usize = 1 << 30;
-
-/// How to run.
-#[derive(Debug, Clone, PartialEq)]
-pub struct RunOptions {
-    /// When the moments are, and which frames belong to them; a clock for each feed.
-    pub schedule: Schedule,
-    /// Worker threads; the result is the same for any number.
-    pub threads: usize,
-}
+/// Memory that the pictures of held moments may take, bytes.
+const MOST_HELD_BYTES: usize = 1 << 30;
 
 /// What ended a run.
 #[derive(Debug)]
 pub enum Ended {
-    /// The camera whose source ended first, when the others go on or end with it; the first of all cameras when all streams
-    /// have been lost for a minute.
+    /// The camera whose source ended first, when the others go on or end with it.
     Source(String),
     /// Whoever watches its progress.
     Asked,
-    /// A frame that cannot be decoded, has no time or the wrong size; an output that cannot be written.
+    /// A frame that cannot be decoded or has no time; an output that cannot be written.
     Failed(Error),
 }
 
@@ -58,6 +45,8 @@ pub struct RunReport {
     pub ended: Ended,
     /// For each camera that was set aside at times, in how many frames, and why the first time.
     pub set_aside: BTreeMap<String, (u32, Verdict)>,
+    /// Observations and moments that a live run left out.
+    pub left_out: LeftOut,
     /// Time of each stage: `decode`, `foreground`, `inference`, `output`.
     pub timings: Timings,
 }
@@ -75,69 +64,54 @@ impl RunReport {
     }
 }
 
-/// Follows everybody through all moments of the feeds. `feeds` are in the order of the stage's cameras. `advance` is
-/// called after each moment, and says whether to go on.
+/// Follows everybody through all moments that are gathered; the cameras are those of the method's stage, in its order.
+/// `advance` is called after each moment, and while there is none, and says whether to go on.
 ///
 /// A run that fails on its way has followed the moments before: the outputs have them, and are finished.
 ///
 /// # Errors
 /// A failure before the first moment was followed.
 pub fn run(
-    feeds: Vec<CameraFeed>,
+    mut gathering: Gathering,
     method: &mut dyn Method,
     mut outputs: Vec<Box<dyn Output + '_>>,
-    options: &RunOptions,
-    mut advance: impl FnMut() -> ControlFlow<()>,
+    threads: usize,
+    mut advance: impl FnMut(Progress) -> ControlFlow<()>,
 ) -> Result<RunReport> {
-    if feeds.is_empty() {
-        return Err(Error::option("--video", "no camera has a source"));
-    }
-    let names: Vec<String> = feeds.iter().map(|f| f.name().to_owned()).collect();
     let started = Instant::now();
-    let mut log = CameraLog::new(names);
-    let mut stopwatch = Stopwatch::default();
-    let mut frame = options.schedule.first() - 1;
-    let mut all_lost_since: Option<Instant> = None;
-    let mut waiting = WaitingRoom::new(method.lag_s(), MOST_WAITING_BYTES);
-    let ended = thread::scope(|scope| {
-        let mut feeds = Feeds::start(scope, feeds, &options.schedule, options.threads);
-        loop {
-            let parts = match feeds.next()? {
-                Next::Moment(parts) => parts,
-                Next::Ended(camera) => return Ok::<_, Error>(Ended::Source(camera)),
-            };
-            if parts.iter().any(|p| p.verdict != Verdict::Lost) {
-                all_lost_since = None;
-            } else if all_lost_since.get_or_insert_with(Instant::now).elapsed() > ALL_LOST_FOR {
-                return Ok(Ended::Source(log.names[0].clone()));
-            }
-            log.note(frame + 1, &parts);
-            stopwatch.record("decode", parts.iter().map(|p| p.decode).sum::<Duration>());
-            stopwatch.record("foreground", parts.iter().map(|p| p.foreground).sum::<Duration>());
-            let verdicts: Vec<Verdict> = parts.iter().map(|p| p.verdict).collect();
-            let (cameras, real): (Vec<_>, Vec<_>) = parts.into_iter().map(|p| (p.frame, p.real)).unzip();
-            let time_s = options.schedule.time_s(frame + 1)?;
-            let moment = Moment { frame: frame + 1, time_s, cameras: &cameras };
-            let people = stopwatch.time("inference", || method.step(&moment))?;
-            frame += 1;
-            waiting.enter(Waiting { frame, time_s, cameras, real, verdicts, people });
-            while let Some(first) = waiting.due(time_s) {
-                stopwatch.time("output", || first.tell(method, &mut outputs))?;
-                feeds.recycle(first.cameras);
-            }
-            if advance().is_break() {
-                return Ok(Ended::Asked);
-            }
+    let mut pipeline = Pipeline {
+        log: CameraLog::new(gathering.names().map(str::to_owned).collect()),
+        stopwatch: Stopwatch::default(),
+        held: LagBuffer::new(method.lag_s(), MOST_HELD_BYTES),
+        frames: 0,
+    };
+    let ended = loop {
+        let step = match gathering.next() {
+            Ok(Next::Moment(gathered)) => pipeline
+                .follow(gathered, method, &mut outputs)
+                .map(|believed| gathering.believe(believed))
+                .map(|()| Progress::Moment),
+            Ok(Next::Idle) => Ok(Progress::Idle),
+            Ok(Next::Ended(camera)) => break Ok(Ended::Source(camera)),
+            Err(error) => Err(error),
+        };
+        match step {
+            Ok(progress) if advance(progress).is_break() => break Ok(Ended::Asked),
+            Ok(_) => {}
+            Err(error) => break Err(error),
         }
-    });
-    let frames = frame + 1 - options.schedule.first();
+    };
     let ended = match ended {
-        Err(error) if frames == 0 => return Err(error),
+        Err(error) if pipeline.frames == 0 => return Err(error),
         ended => ended,
     };
+    let left_out = gathering.left_out();
+    // The stations end with it.
+    drop(gathering);
     // Also where a frame cannot be decoded: what came before it has been followed.
-    let told = std::iter::from_fn(|| waiting.leave())
-        .try_for_each(|last| stopwatch.time("output", || last.tell(method, &mut outputs)));
+    let Pipeline { log, mut stopwatch, mut held, frames } = pipeline;
+    let emitted = std::iter::from_fn(|| held.pop())
+        .try_for_each(|last| stopwatch.time("output", || last.emit(method, &mut outputs)));
     let finishing = Instant::now();
     // Each of them, also where another cannot be written.
     let mut finished = Ok(());
@@ -146,44 +120,74 @@ pub fn run(
     }
     tracing::debug!("outputs finished in {:.1} ms", finishing.elapsed().as_secs_f64() * 1e3);
     // What went wrong first is what to mend.
-    let ended = ended.and_then(|ended| told.and(finished).map(|()| ended)).unwrap_or_else(Ended::Failed);
+    let ended = ended.and_then(|ended| emitted.and(finished).map(|()| ended)).unwrap_or_else(Ended::Failed);
     Ok(RunReport {
         frames,
         wall_s: started.elapsed().as_secs_f64(),
         ended,
-        set_aside: log.set_aside,
-        timings: stopwatch.timings(options.threads, frames as usize),
+        set_aside: log.into_set_aside(),
+        left_out,
+        timings: stopwatch.timings(threads, frames as usize),
     })
 }
 
-/// Says when a camera is set aside and taken back.
-struct CameraLog {
-    names: Vec<String>,
-    latest: Vec<Verdict>,
-    set_aside: BTreeMap<String, (u32, Verdict)>,
+/// What a run has just done.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Progress {
+    /// Followed a moment.
+    Moment,
+    /// Waited for one.
+    Idle,
 }
 
-impl CameraLog {
-    fn new(names: Vec<String>) -> Self {
-        Self { latest: vec![Verdict::Usable; names.len()], names, set_aside: BTreeMap::new() }
-    }
+struct Pipeline {
+    log: CameraLog,
+    stopwatch: Stopwatch,
+    held: LagBuffer,
+    frames: u32,
+}
 
-    fn note(&mut self, frame: u32, parts: &[Fed]) {
-        for ((name, latest), part) in self.names.iter().zip(&mut self.latest).zip(parts) {
-            if part.verdict == Verdict::Between {
-                continue;
-            }
-            if part.verdict.is_set_aside() {
-                self.set_aside.entry(name.clone()).or_insert((0, part.verdict)).0 += 1;
-            }
-            if part.verdict != *latest {
-                match part.verdict {
-                    Verdict::Usable => tracing::info!("camera `{name}`: taken back at frame {frame}"),
-                    why => tracing::warn!("camera `{name}`: set aside from frame {frame}: {why}"),
+impl Pipeline {
+    /// Follows everybody through one moment; the bodies of those who are believed in.
+    fn follow(
+        &mut self,
+        gathered: Gathered,
+        method: &mut dyn Method,
+        outputs: &mut [Box<dyn Output + '_>],
+    ) -> Result<Vec<Body>> {
+        let Gathered { frame, time_s, parts } = gathered;
+        let count = parts.len();
+        let (mut cameras, mut pictures, mut health) =
+            (Vec::with_capacity(count), Vec::with_capacity(count), Vec::with_capacity(count));
+        let (mut decode, mut foreground) = (Duration::ZERO, Duration::ZERO);
+        for part in parts {
+            let (camera, shown, verdict) = match part {
+                Part::Seen(seen) => {
+                    let Seen { observation, pictures, decode: decoding, foreground: observing } = *seen;
+                    decode += decoding;
+                    foreground += observing;
+                    let image = pictures.pinhole.clone();
+                    let camera = CameraFrame { mask: observation.mask, colours: observation.colours, image };
+                    (camera, pictures, observation.health)
                 }
-                *latest = part.verdict;
-            }
+                Part::Nothing(why) => (CameraFrame::default(), Pictures::default(), why),
+            };
+            cameras.push(camera);
+            pictures.push(shown);
+            health.push(verdict);
         }
+        self.log.note(frame, &health);
+        self.stopwatch.record("decode", decode);
+        self.stopwatch.record("foreground", foreground);
+        let moment = Moment { frame, time_s, cameras: &cameras };
+        let people = self.stopwatch.time("inference", || method.step(&moment))?;
+        self.frames += 1;
+        let believed = people.iter().map(Body::from).collect();
+        self.held.push(Held { frame, time_s, cameras, pictures, health, people });
+        while let Some(first) = self.held.pop_due(time_s) {
+            self.stopwatch.time("output", || first.emit(method, outputs))?;
+        }
+        Ok(believed)
     }
 }
 

@@ -1,10 +1,13 @@
-//! What a run leaves behind: whatever is made of the tracks while they grow.
+//! What is made of the estimates while they are made: files, films, a plan, a page.
+
+use std::sync::Arc;
 
 use image::RgbImage;
 
 use crate::film::{Film, Shot};
 use crate::foreground::Verdict;
 use crate::plan::TrajectoryPlan;
+use crate::station::Pictures;
 use crate::tracks::TrackFiles;
 use crate::view::Drawer;
 use crate::{CameraFrame, Moment, PersonEstimate, Result};
@@ -16,29 +19,31 @@ pub struct Followed<'a> {
     pub moment: Moment<'a>,
     /// What it gave back.
     pub people: &'a [PersonEstimate],
-    /// What each camera's mask was worth.
+    /// Health of each camera.
     pub verdicts: &'a [Verdict],
-    pub(super) real: &'a [Option<RgbImage>],
+    pub(super) pictures: &'a [Pictures],
 }
 
 impl Followed<'_> {
-    /// A camera's picture as it was filmed, with distortion; `None` where only masks are given.
-    pub fn real_picture(&self, camera: usize) -> Option<&RgbImage> {
-        self.real[camera].as_ref().or(self.moment.cameras[camera].image.as_ref())
+    /// A camera's picture as it was filmed, at the size at which it is drawn; `None` where nobody asked for it
+    /// ([`crate::station::PictureDemand`]), or only masks are given.
+    pub fn filmed(&self, camera: usize) -> Option<&Arc<RgbImage>> {
+        self.pictures[camera].filmed.as_ref()
     }
 
-    /// Copies of all cameras' pictures and masks, for painters.
+    /// All cameras' pictures and masks, for painters.
     fn shots(&self) -> Vec<Shot> {
         let cameras = self.moment.cameras.iter().enumerate();
         let shot = |(i, camera): (usize, &CameraFrame)| Shot {
-            image: self.real_picture(i).cloned(),
+            image: self.filmed(i).cloned(),
             mask: camera.mask.clone(),
         };
         cameras.map(shot).collect()
     }
 }
 
-/// Something that is made of the tracks while they grow: files, a film, a plan.
+/// Something that is made of the estimates while they are made. An output that draws gets pictures where the stations were
+/// told that they are wanted.
 pub trait Output {
     /// Takes in one moment and the people in it.
     ///

@@ -16,6 +16,11 @@ pub struct Body {
     pub height_m: f64,
 }
 
+impl Body {
+    /// An average adult, at the origin.
+    pub const ADULT: Self = Self { x_m: 0.0, y_m: 0.0, radius_m: 0.25, height_m: 1.72 };
+}
+
 impl From<&PersonEstimate> for Body {
     /// The body of an estimate. Methods that follow a head say how high that is; the body stands on the floor all the same.
     fn from(person: &PersonEstimate) -> Self {

@@ -1,11 +1,8 @@
 //! Where the pictures come from: named videos and masks, matched with the room's cameras, and the time of each frame.
 
-pub mod footage;
-#[cfg(test)]
-pub(crate) mod network_camera;
-mod reconnection;
+mod arrival;
+mod capture_times;
 pub mod sampling;
-pub mod schedule;
 pub mod times;
 
 use std::path::Path;
@@ -14,8 +11,8 @@ use std::str::FromStr;
 use calib::video::FrameSource;
 use scenes::room::{Room, RoomCamera};
 
-pub use footage::{Footage, Next};
-pub use schedule::{Clock, Schedule};
+pub use arrival::{ArrivalClock, utc_s};
+pub use capture_times::CaptureTimes;
 pub use times::Times;
 
 use crate::{Error, Result};
@@ -48,9 +45,34 @@ pub struct CameraSource {
     /// The camera's name in the room.
     pub name: String,
     /// Its pictures.
-    pub video: Option<Footage>,
+    pub video: Option<VideoSource>,
     /// Ready-made masks; they take the place of background subtraction.
     pub masks: Option<FrameSource>,
+}
+
+/// The pictures of one camera.
+#[derive(Debug)]
+pub enum VideoSource {
+    /// A recording: every frame counts.
+    Recorded(FrameSource),
+    /// A stream or a device: what it shows now counts.
+    Live(LiveSource),
+}
+
+/// A stream or a device, which may be away.
+#[derive(Debug)]
+pub struct LiveSource {
+    /// What the user called it.
+    pub spec: String,
+    /// The stream, where it could be opened.
+    pub opened: Option<FrameSource>,
+    /// Whether the log has said why it could not.
+    pub has_warned: bool,
+}
+
+/// Whether what a user pointed at may show what happens now: a URL or a device number.
+fn may_be_live(spec: &str) -> bool {
+    spec.contains("://") || spec.parse::<usize>().is_ok()
 }
 
 /// Opens the sources and matches them with the room's cameras; in the room's order. Cameras without a source are left
@@ -73,13 +95,26 @@ pub fn open(room: &Room, videos: &[NamedSource], masks: &[NamedSource]) -> Resul
         }
     }
     let mut sources = Vec::new();
+    let mut failure = None;
     for camera in &room.cameras {
         let find = |named: &[NamedSource]| named.iter().find(|s| s.name == camera.name).cloned();
-        let open = |source: Option<NamedSource>| source.map(|s| open_one(camera, &s)).transpose();
-        let (video, masks) = (open(find(videos))?.map(Footage::new), open(find(masks))?);
+        let video = match find(videos) {
+            Some(source) if may_be_live(&source.spec) => Some(open_live(&source, camera, &mut failure)?),
+            Some(source) => Some(VideoSource::Recorded(open_one(camera, &source)?)),
+            None => None,
+        };
+        let masks = find(masks).map(|source| open_one(camera, &source)).transpose()?;
         if video.is_some() || masks.is_some() {
             sources.push(CameraSource { name: camera.name.clone(), video, masks });
         }
+    }
+    // One camera that is away keeps nobody from following people in the others; where none is there, something is wrong.
+    let is_there = |source: &CameraSource| match &source.video {
+        Some(VideoSource::Live(live)) => live.opened.is_some(),
+        _ => true,
+    };
+    if let Some(failure) = failure.take_if(|_| !sources.iter().any(is_there)) {
+        return Err(failure);
     }
     if sources.is_empty() {
         let names: Vec<&str> = room.cameras.iter().map(|c| c.name.as_str()).collect();
@@ -99,7 +134,11 @@ fn written(source: &NamedSource) -> String {
 }
 
 fn open_one(camera: &RoomCamera, source: &NamedSource) -> Result<FrameSource> {
-    let opened = FrameSource::open(&source.spec)?;
+    of_size(FrameSource::open(&source.spec)?, camera, source)
+}
+
+/// A recording, if it has the size of its camera.
+fn of_size(opened: FrameSource, camera: &RoomCamera, source: &NamedSource) -> Result<FrameSource> {
     let (width, height) = opened.size();
     let intrinsics = &camera.camera.intrinsics;
     if (width, height) != (intrinsics.width, intrinsics.height) {
@@ -116,9 +155,28 @@ fn open_one(camera: &RoomCamera, source: &NamedSource) -> Result<FrameSource> {
     Ok(opened)
 }
 
+/// Opens a stream or device; one that cannot be opened now is told, and its error kept if it is the first.
+fn open_live(source: &NamedSource, camera: &RoomCamera, failure: &mut Option<Error>) -> Result<VideoSource> {
+    let spec = source.spec.clone();
+    match FrameSource::open(&spec) {
+        Ok(opened) if opened.is_live() => {
+            Ok(VideoSource::Live(LiveSource { spec, opened: Some(opened), has_warned: false }))
+        }
+        Ok(opened) => of_size(opened, camera, source).map(VideoSource::Recorded),
+        Err(error) => {
+            tracing::warn!("camera `{}`: {error}; it is tried again, once a second", camera.name);
+            failure.get_or_insert(error.into());
+            Ok(VideoSource::Live(LiveSource { spec, opened: None, has_warned: true }))
+        }
+    }
+}
+
 impl CameraSource {
     /// Frames in all, the shorter of video and masks; `None` where one cannot know.
     pub fn frame_count(&self) -> Option<usize> {
+        if self.is_live() {
+            return None;
+        }
         let counts: Option<Vec<usize>> = self.sources().map(FrameSource::frame_count).collect();
         counts?.into_iter().min()
     }
@@ -130,12 +188,17 @@ impl CameraSource {
 
     /// Whether it shows what happens now.
     pub fn is_live(&self) -> bool {
-        self.sources().any(FrameSource::is_live)
+        matches!(self.video, Some(VideoSource::Live(_)))
     }
 
     /// The video, the masks: what there is of them.
     pub fn sources(&self) -> impl Iterator<Item = &FrameSource> {
-        self.video.as_ref().map(Footage::source).into_iter().chain(&self.masks)
+        let video = match &self.video {
+            Some(VideoSource::Recorded(source)) => Some(source),
+            Some(VideoSource::Live(live)) => live.opened.as_ref(),
+            None => None,
+        };
+        video.into_iter().chain(&self.masks)
     }
 }
 

@@ -12,21 +12,24 @@ const MEMORY: usize = 400 << 20;
 /// A recording is looked through up to this frame: the background follows later change while running.
 const LOOK_THROUGH_FRAMES: usize = 20_000;
 
-/// Opens a recording anew and takes up to 41 frames, evenly spread over it.
+/// Opens a recording anew and takes up to 41 frames, evenly spread over it, at this width and height.
 ///
 /// # Errors
-/// As [`FrameSource::read`].
-pub fn spread(spec: &str) -> Result<Vec<RgbImage>> {
+/// As [`FrameSource::advance`].
+pub fn spread(spec: &str, (width, height): (u32, u32)) -> Result<Vec<RgbImage>> {
     let mut source = FrameSource::open(spec)?;
-    let (width, height) = source.size();
     let most = most((width, height));
     let mut stride = stride(source.frame_count().unwrap_or(0).min(LOOK_THROUGH_FRAMES), (width, height));
     let mut frames: Vec<RgbImage> = Vec::with_capacity(2 * most);
     for frame in 0..LOOK_THROUGH_FRAMES {
         if frame.is_multiple_of(stride) {
             let mut picture = RgbImage::new(width, height);
-            if !source.read(&mut picture)? {
-                break;
+            match source.advance().and_then(|more| more.then(|| source.picture(&mut picture)).transpose()) {
+                Ok(Some(())) => {}
+                Ok(None) => break,
+                Err(error) if frames.is_empty() => return Err(error.into()),
+                // The run is told in its turn, after the frames before.
+                Err(_) => break,
             }
             frames.push(picture);
             // The source did not know its length: keep every other frame.
@@ -46,7 +49,7 @@ pub fn spread(spec: &str) -> Result<Vec<RgbImage>> {
 }
 
 /// Every how many frames of a recording one is taken.
-pub fn stride(frames: usize, size: (u32, u32)) -> usize {
+fn stride(frames: usize, size: (u32, u32)) -> usize {
     (frames / most(size)).max(1)
 }
 
@@ -68,7 +71,7 @@ mod tests {
                 let picture = RgbImage::from_pixel(8, 6, Rgb([i as u8; 3]));
                 picture.save(folder.path().join(format!("{i:03}.png"))).unwrap();
             }
-            let frames = spread(folder.path().to_str().unwrap()).unwrap();
+            let frames = spread(folder.path().to_str().unwrap(), (8, 6)).unwrap();
             let taken: Vec<usize> = frames.iter().map(|f| f.get_pixel(0, 0)[0] as usize).collect();
             let step = taken.get(1).map_or(1, |second| second - taken[0]);
             assert!(taken.len() <= 62 && taken.len() >= count.min(31), "{count}: {taken:?}");

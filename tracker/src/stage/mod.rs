@@ -1,11 +1,12 @@
 //! A room made ready for simulation: its cameras as pinholes, what each of them can see past, floor and zones.
 //!
-//! All simulation happens in pinhole images. Masks and pictures are brought there once a frame by
-//! [`StageCamera::undistort`]; boxes and outlines are taken back to real pixels by [`StageCamera::to_real`].
+//! All simulation happens in pinhole images at a working size, which may be smaller than what the camera films. Pictures are
+//! scaled while they are decoded; masks are brought from there to the pinhole image by [`StageCamera::undistort`].
 
 mod doorway;
 mod floor;
 mod footprint;
+pub mod resolution;
 
 use std::path::Path;
 
@@ -27,11 +28,17 @@ pub struct StageOptions {
     pub cameras: Vec<String>,
     /// Whether the room's geometry hides people (default). Without it only the floor does.
     pub occlusion: bool,
+    /// Width in pixels of the images in which people are simulated and masks are made; a camera that films fewer keeps its
+    /// size. Default 640.
+    pub working_width_px: u32,
 }
+
+/// Width of the images in which people are simulated where nothing else is asked for, pixels.
+pub const WORKING_WIDTH_PX: u32 = 640;
 
 impl Default for StageOptions {
     fn default() -> Self {
-        Self { cameras: Vec::new(), occlusion: true }
+        Self { cameras: Vec::new(), occlusion: true, working_width_px: WORKING_WIDTH_PX }
     }
 }
 
@@ -40,16 +47,21 @@ impl Default for StageOptions {
 pub struct StageCamera {
     /// Its name in the room.
     pub name: String,
-    /// As it films, with distortion.
+    /// As it films, with distortion, at full size.
+    pub filmed: Camera,
+    /// The same at the working size.
     pub real: Camera,
-    /// Its pinhole twin, where everything is simulated. Same size as `real`.
+    /// The pinhole twin of `real`, of the same size, where everything is simulated.
     pub pinhole: Camera,
-    /// From the real image to the pinhole image.
+    /// From the image of `real` to that of `pinhole`.
     pub undistort: UndistortMap,
     /// Distance along the camera's z to the nearest static surface, per pinhole pixel, row by row, metres. Infinite where
     /// nothing is hit; 0 where the lens shows nothing, so that nothing is ever expected to be seen there.
     pub static_z_m: Vec<f32>,
 }
+
+/// Narrower images show nobody.
+const LEAST_WORKING_PX: u32 = 32;
 
 /// A room made ready for simulation.
 #[derive(Debug, Clone)]
@@ -79,9 +91,16 @@ impl Stage {
                 "the room has no camera; add a [[camera]] table to scene.toml",
             ));
         }
+        if options.working_width_px < LEAST_WORKING_PX {
+            return Err(Error::option(
+                "--mask-width",
+                format!("{} pixels show nobody; give {LEAST_WORKING_PX} or more", options.working_width_px),
+            ));
+        }
         let mut cameras = Vec::new();
         for name in names {
-            let mut camera = StageCamera::new(name, &room.camera(name)?.camera);
+            let filmed = &room.camera(name)?.camera;
+            let mut camera = StageCamera::at_width(name, filmed, options.working_width_px);
             if options.occlusion && room.geometry.is_some() {
                 camera.set_static_depth(&depth::cached(room_dir, room, name)?);
             }
@@ -105,23 +124,61 @@ impl Stage {
 }
 
 impl StageCamera {
-    /// A camera before which nothing stands.
-    pub fn new(name: &str, real: &Camera) -> Self {
-        let k = &real.intrinsics;
-        let pinhole = Camera { intrinsics: k.pinhole(), camera_from_world: real.camera_from_world };
-        let undistort = UndistortMap::new(k);
+    /// A camera before which nothing stands, worked on at full size.
+    pub fn new(name: &str, filmed: &Camera) -> Self {
+        Self::at_width(name, filmed, filmed.intrinsics.width)
+    }
+
+    /// A camera before which nothing stands, worked on at no more than this width.
+    fn at_width(name: &str, filmed: &Camera, width_px: u32) -> Self {
+        let k = &filmed.intrinsics;
+        let width = width_px.min(k.width);
+        Self::at_size(name, filmed, (width, height_at(k.width, k.height, width)))
+    }
+
+    fn at_size(name: &str, filmed: &Camera, (width, height): (u32, u32)) -> Self {
+        let k = if (width, height) == (filmed.intrinsics.width, filmed.intrinsics.height) {
+            filmed.intrinsics.clone()
+        } else {
+            filmed.intrinsics.resized(width, height)
+        };
+        let camera_from_world = filmed.camera_from_world;
+        let pinhole = Camera { intrinsics: k.pinhole(), camera_from_world };
+        let undistort = UndistortMap::new(&k);
         let mut shown = GrayImage::new(k.width, k.height);
         undistort.mask(&GrayImage::from_pixel(k.width, k.height, Luma([255])), &mut shown);
         let static_z_m = shown.iter().map(|shown| if *shown == 0 { 0.0 } else { f32::INFINITY }).collect();
-        Self { name: name.to_owned(), real: real.clone(), pinhole, undistort, static_z_m }
+        let real = Camera { intrinsics: k, camera_from_world };
+        Self { name: name.to_owned(), filmed: filmed.clone(), real, pinhole, undistort, static_z_m }
     }
 
-    /// Takes over what a camera sees of the empty room. Both maps are of the pinhole image.
+    /// The same camera worked on at another size, which may be larger than what it films; for drawing. What it sees of the
+    /// empty room is taken from the nearest pixel.
+    #[must_use]
+    pub fn resized(&self, width_px: u32, height_px: u32) -> Self {
+        if (width_px, height_px) == (self.width(), self.height()) {
+            return self.clone();
+        }
+        let mut other = Self::at_size(&self.name, &self.filmed, (width_px, height_px));
+        let map = DepthMap { width: self.width(), height: self.height(), z_m: self.static_z_m.clone() };
+        other.set_static_depth(&map);
+        other
+    }
+
+    /// Takes over what a camera sees of the empty room, in a pinhole image of any size: of each pixel's middle.
     fn set_static_depth(&mut self, map: &DepthMap) {
-        for (own, seen) in self.static_z_m.iter_mut().zip(&map.z_m) {
-            // Nothing hit is infinitely far; where the lens shows nothing, it stays so.
-            if *own > 0.0 && *seen > 0.0 {
-                *own = *seen;
+        let (width, height) = (self.width(), self.height());
+        let nearest =
+            |i: u32, size: u32, seen: u32| ((2 * i + 1) * seen / (2 * size)).min(seen.saturating_sub(1));
+        let columns: Vec<u32> = (0..width).map(|u| nearest(u, width, map.width)).collect();
+        for (v, row) in (0..height).zip(self.static_z_m.chunks_exact_mut(width.max(1) as usize)) {
+            let seen_row = nearest(v, height, map.height);
+            for (own, column) in row.iter_mut().zip(&columns) {
+                let seen = map.at(*column, seen_row);
+                // Nothing hit is infinitely far; where the lens shows nothing, it stays so.
+                if *own > 0.0 && seen > 0.0 {
+                    *own = seen;
+                }
             }
         }
     }
@@ -165,4 +222,10 @@ impl StageCamera {
         let ray = self.pinhole.intrinsics.unproject(pinhole_pixel)?;
         self.real.intrinsics.project(&ray.into())
     }
+}
+
+/// The height of an image of this size when it is scaled to a width; at least 1.
+fn height_at(width: u32, height: u32, scaled_width: u32) -> u32 {
+    let exact = f64::from(height) * f64::from(scaled_width) / f64::from(width.max(1));
+    (exact.round() as u32).max(1)
 }

@@ -1,5 +1,74 @@
 //! One camera's work, alone: source → picture with its capture time → mask → observation.
+//!
+//! * [`Observer`] — one picture → one [`crate::observation::Observation`].
+//! * [`RecordedStation`] — every frame of a recording in order, as fast as the gathering takes them.
+//! * [`LiveStation`] — what a camera shows now; what it cannot keep up with is passed over.
+//! * [`start`] — a station on a thread of this process, and the [`Port`] by which the gathering reaches it. A station in a
+//!   process of its own does the same work and sends its events over the network ([`crate::wire`]).
 
+mod live;
+mod observer;
+mod permits;
+mod recorded;
 mod seen;
 
+use std::sync::mpsc::{Receiver, channel};
+use std::thread;
+
+pub use live::LiveStation;
+pub use observer::{Masks, Observer, pinhole_picture};
+pub use permits::Permits;
+pub use recorded::RecordedStation;
 pub use seen::{Event, PictureDemand, Pictures, Seen};
+
+use crate::gathering::{Inbox, Port};
+use crate::observation::Feedback;
+
+/// A station that has not begun.
+pub struct Station {
+    /// Name of its camera.
+    pub name: String,
+    /// Frames a second, on average, where the source says so.
+    pub rate_hz: Option<f64>,
+    /// What it does.
+    pub work: Work,
+}
+
+/// The two kinds of stations.
+pub enum Work {
+    /// Of a recording.
+    Recorded(Box<RecordedStation>),
+    /// Of a live camera.
+    Live(Box<LiveStation>),
+}
+
+impl Station {
+    /// Whether it shows what happens now.
+    pub fn is_live(&self) -> bool {
+        match &self.work {
+            Work::Recorded(station) => station.paced,
+            Work::Live(_) => true,
+        }
+    }
+
+    /// Works until the source ends, fails, or nobody listens; `send` says whether somebody does.
+    pub fn run(self, feedback: &Receiver<Feedback>, permits: &Permits, send: impl FnMut(Event) -> bool) {
+        match self.work {
+            Work::Recorded(station) => station.run(feedback, permits, send),
+            Work::Live(station) => station.run(feedback, permits, send),
+        }
+    }
+}
+
+/// Starts a station on a thread of its own, as the camera of this number. It ends when its port is dropped.
+pub fn start(station: Station, camera: usize, inbox: Inbox, permits: &Permits) -> Port {
+    let (give_feedback, feedback) = channel();
+    let (name, is_live, rate_hz) = (station.name.clone(), station.is_live(), station.rate_hz);
+    let permits = permits.clone();
+    thread::spawn(move || station.run(&feedback, &permits, |event| inbox.send((camera, event)).is_ok()));
+    let feedback = Box::new(move |feedback| {
+        // A station that has ended needs no more.
+        let _ = give_feedback.send(feedback);
+    });
+    Port { name, is_live, rate_hz, feedback }
+}

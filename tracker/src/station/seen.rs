@@ -1,7 +1,6 @@
 //! What a station hands to the gathering: an observation, and the pictures that somebody asked for.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use image::RgbImage;
@@ -43,15 +42,25 @@ pub enum Event {
 }
 
 /// When a station keeps the picture as it was filmed.
-#[derive(Debug, Clone, Default)]
+#[derive(Clone, Default)]
 pub enum PictureDemand {
     /// Nobody draws.
     #[default]
     Never,
     /// A film is made of every frame.
     Always,
-    /// While somebody watches.
-    While(Arc<AtomicBool>),
+    /// While somebody watches, as this tells.
+    While(Arc<dyn Fn() -> bool + Send + Sync>),
+}
+
+impl std::fmt::Debug for PictureDemand {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Never => "Never",
+            Self::Always => "Always",
+            Self::While(_) => "While",
+        })
+    }
 }
 
 impl PictureDemand {
@@ -60,7 +69,7 @@ impl PictureDemand {
         match self {
             Self::Never => false,
             Self::Always => true,
-            Self::While(is_watched) => is_watched.load(Ordering::Relaxed),
+            Self::While(is_watched) => is_watched(),
         }
     }
 }

@@ -29,7 +29,7 @@ impl TrackFiles {
         Self {
             floor: LineFile::new(out.join("tracks.txt")),
             json: LineFile::new(out.join("tracks.jsonl")),
-            boxes: stage.cameras.iter().map(|c| (c.real.clone(), boxes(&c.name))).collect(),
+            boxes: stage.cameras.iter().map(|c| (c.filmed.clone(), boxes(&c.name))).collect(),
             names: stage.cameras.iter().map(|c| c.name.clone()).collect(),
         }
     }

@@ -17,6 +17,8 @@ pub struct Drawer {
     screens: Screens,
     scenes: SyncSender<Scene>,
     is_free: Arc<AtomicBool>,
+    /// Whether some camera has pictures, when somebody watches.
+    has_pictures: bool,
 }
 
 /// A moment to be drawn.
@@ -28,15 +30,16 @@ struct Scene {
 }
 
 impl Drawer {
-    /// Draws what the cameras of the stage see, which the screens are for.
-    pub fn start(stage: &Stage, options: &FilmOptions, screens: &Screens) -> Self {
+    /// Draws what the cameras of the stage see, which the screens are for. `has_pictures` says whether some of them have more
+    /// than masks.
+    pub fn start(stage: &Stage, options: &FilmOptions, screens: &Screens, has_pictures: bool) -> Self {
         let (scenes, received) = sync_channel(1);
         let is_free = Arc::new(AtomicBool::new(true));
         let (stage, options) = (stage.clone(), options.clone());
         let (own_screens, own_is_free) = (screens.clone(), Arc::clone(&is_free));
         // It ends with the channel, unless the program does first: nothing of it is to be kept.
         thread::spawn(move || draw(&stage, &options, &received, &own_screens, &own_is_free));
-        Self { screens: screens.clone(), scenes, is_free }
+        Self { screens: screens.clone(), scenes, is_free, has_pictures }
     }
 
     /// Hands over one moment if it is wanted: only then are the shots made, one a camera in the stage's order.
@@ -50,7 +53,13 @@ impl Drawer {
         if !self.screens.is_awaited() || !self.is_free.swap(false, Ordering::AcqRel) {
             return;
         }
-        let scene = Scene { frame, time_s, shots: shots(), people: people.to_vec() };
+        let shots = shots();
+        // What was filmed before anybody watched has left no picture.
+        if self.has_pictures && shots.iter().all(|shot| shot.image.is_none()) {
+            self.is_free.store(true, Ordering::Release);
+            return;
+        }
+        let scene = Scene { frame, time_s, shots, people: people.to_vec() };
         // There is room for the one that a free drawer is given; one that has failed takes no more.
         let _ = self.scenes.try_send(scene);
     }

@@ -1,7 +1,8 @@
 //! What there is to see now, between those who draw and those who watch.
 
 use std::io::Cursor;
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::time::{Duration, Instant};
 
 use axum::body::Bytes;
 use image::RgbImage;
@@ -14,9 +15,16 @@ use crate::film::{Audience, Painted};
 /// Quality of the pictures: what is drawn in them keeps its edges.
 const JPEG_QUALITY: u8 = 85;
 
+/// Between two questions of the page somebody still watches.
+const WATCHING: Duration = Duration::from_secs(2);
+
 /// A screen for each camera, on which the newest picture takes the older one's place.
 #[derive(Debug, Clone)]
-pub struct Screens(Sender<Now>);
+pub struct Screens {
+    now: Sender<Now>,
+    /// When somebody last asked for something new.
+    asked: Arc<Mutex<Option<Instant>>>,
+}
 
 /// What there is to see now, as the page is told.
 #[derive(Debug, Serialize)]
@@ -74,17 +82,24 @@ impl Screens {
     pub fn new<'a>(title: String, names: impl Iterator<Item = &'a str>) -> Self {
         let cameras =
             names.map(|name| Screen { name: name.to_owned(), picture: None, shown: None }).collect();
-        Self(Sender::new(Now { number: 1, title, moment: None, cameras, has_ended: false }))
+        let now = Now { number: 1, title, moment: None, cameras, has_ended: false };
+        Self { now: Sender::new(now), asked: Arc::default() }
     }
 
     /// Whether somebody waits for something new.
     pub fn is_awaited(&self) -> bool {
-        self.0.receiver_count() > 0
+        self.now.receiver_count() > 0
+    }
+
+    /// Whether somebody waits for something new, or did so just now: what is filmed now will be looked at.
+    pub fn is_watched(&self) -> bool {
+        let asked = *self.asked.lock().unwrap_or_else(PoisonError::into_inner);
+        self.is_awaited() || asked.is_some_and(|at| at.elapsed() < WATCHING)
     }
 
     /// Shows pictures, together. Never waits for who looks at them.
     pub fn show(&self, pictures: impl IntoIterator<Item = Painted>) {
-        self.0.send_modify(|now| {
+        self.now.send_modify(|now| {
             now.number += 1;
             for Painted { camera, frame, time_s, people, picture } in pictures {
                 let Some(screen) = now.cameras.get_mut(camera) else { continue };
@@ -106,7 +121,7 @@ impl Screens {
 
     /// Says that nothing more comes.
     pub(super) fn end(&self) {
-        self.0.send_modify(|now| {
+        self.now.send_modify(|now| {
             now.number += 1;
             now.has_ended = true;
         });
@@ -114,12 +129,13 @@ impl Screens {
 
     /// To wait by; who holds it is somebody who waits.
     pub(super) fn wait(&self) -> Receiver<Now> {
-        self.0.subscribe()
+        *self.asked.lock().unwrap_or_else(PoisonError::into_inner) = Some(Instant::now());
+        self.now.subscribe()
     }
 
     /// Looks at what there is now.
     pub(super) fn look<T>(&self, look: impl FnOnce(&Now) -> T) -> T {
-        look(&self.0.borrow())
+        look(&self.now.borrow())
     }
 }
 

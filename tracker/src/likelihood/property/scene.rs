@@ -14,6 +14,7 @@ use scenes::room::{Room as RoomModel, RoomCamera};
 use super::lens::{Filmed, Lens};
 use super::room::{Depth, Room, floor_depth};
 use crate::likelihood::pack;
+use crate::observation::Mask;
 use crate::silhouette::{Ellipsoid, View};
 use crate::stage::{Stage, StageCamera, StageOptions};
 
@@ -112,7 +113,7 @@ impl Scene {
         let mut twin = GrayImage::new(film.width(), film.height());
         self.stage.undistort.mask(film, &mut twin);
         let by_film = self.pixels().map(|(u, v)| self.is_foreground(film, u, v)).collect();
-        (pack(&twin, &self.view), by_film)
+        (pack(&Mask::from(&twin), &self.view), by_film)
     }
 
     /// Whether at least half of a block's pixels are foreground: each is what the nearest filmed pixel says.

@@ -3,10 +3,9 @@
 #[cfg(test)]
 mod tests;
 
-use image::GrayImage;
-
 use super::cover::{Change, Cover, MAX_BODIES};
 use super::{Counts, Layers};
+use crate::observation::Mask;
 use crate::silhouette::{Silhouette, View};
 
 /// The simulated masks of all layers beside the foreground masks of the moment.
@@ -31,35 +30,35 @@ struct SimulatedLayer {
     tried: Counts,
 }
 
-/// A mask as packed words, row by row; bit 0 is the leftmost pixel. Any value but 0 is foreground; a view's pixel that
-/// stands for a block of the mask's is foreground when half of the block is.
-pub fn pack(mask: &GrayImage, view: &View) -> Vec<u64> {
-    let (width, block) = (mask.width() as usize, usize::from(view.block));
+/// A mask in the resolution of a view, as packed words, row by row; bit 0 is the leftmost pixel. A view's pixel that stands
+/// for a block of the mask's is foreground when half of the block is.
+pub fn pack(mask: &Mask, view: &View) -> Vec<u64> {
+    let block = u32::from(view.block);
+    if block == 1 {
+        return mask.words().to_vec();
+    }
     let mut packed = Vec::with_capacity(view.words_per_row * view.height as usize);
-    // Of a row of blocks: the foreground of each column, and of all columns to the left of each and one more.
-    let mut found = vec![0_u8; width];
-    let mut running = vec![0_u32; width + 1];
-    for rows in mask.chunks(width * block) {
+    // Pixels of foreground in each block of a row of blocks.
+    let mut found = vec![0_u32; view.width as usize];
+    for first in (0..mask.height()).step_by(block as usize) {
+        let rows = first..(first + block).min(mask.height());
         found.fill(0);
-        for row in rows.chunks(width) {
-            for (sum, pixel) in found.iter_mut().zip(row) {
-                *sum += u8::from(*pixel != 0);
+        for row in rows.clone() {
+            for (word, mut bits) in (0_u32..).zip(mask.row(row).iter().copied()) {
+                while bits != 0 {
+                    found[((word * 64 + bits.trailing_zeros()) / block) as usize] += 1;
+                    bits &= bits - 1;
+                }
             }
         }
-        let mut sum = 0;
-        for (running, found) in running[1..].iter_mut().zip(&found) {
-            sum += u32::from(*found);
-            *running = sum;
-        }
-        let height = rows.len() / width;
-        let is_foreground = |first: usize| {
+        let is_foreground = |column: u32| {
             // The last block of a row may be narrower than the others.
-            let end = (first + block).min(width);
-            2 * (running[end] - running[first]) as usize >= (end - first) * height
+            let width = block.min(mask.width() - column * block);
+            2 * found[column as usize] >= width * rows.len() as u32
         };
-        packed.extend((0..view.words_per_row).map(|word| {
-            let blocks = (word * 64..((word + 1) * 64).min(view.width as usize)).rev();
-            blocks.fold(0, |bits, u| bits << 1 | u64::from(is_foreground(u * block)))
+        packed.extend((0..view.words_per_row as u32).map(|word| {
+            let blocks = (word * 64..((word + 1) * 64).min(view.width)).rev();
+            blocks.fold(0, |word, column| word << 1 | u64::from(is_foreground(column)))
         }));
     }
     packed

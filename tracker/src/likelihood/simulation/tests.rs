@@ -6,7 +6,7 @@ use crate::likelihood::random_body::random_body;
 use crate::silhouette::{Body, ImageConic, Outline, Shape};
 use crate::stage::StageCamera;
 use calib::{Camera, Intrinsics};
-use image::Luma;
+use image::{GrayImage, Luma};
 use nalgebra::{Isometry3, Point3, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -73,7 +73,7 @@ fn every_change_counts_what_rays_count() {
         });
         let layers = Layers::new(vec![view.clone()], shapes);
         let mut simulation = Simulation::new(&layers);
-        simulation.restart(&[Some(pack(&mask, &view))]);
+        simulation.restart(&[Some(pack(&Mask::from(&mask), &view))]);
         let mut bodies: Vec<Body> = Vec::new();
         let draw = |body: &Body| layers.silhouettes(body, |_| true);
         for _ in 0..16 {
@@ -146,7 +146,7 @@ fn packed_masks_keep_every_pixel_or_most_of_every_block() {
         let mask = GrayImage::from_fn(131, 31, |u, v| {
             Luma([if (u / 4 + v / 3) % 3 == 0 || rng.random::<f32>() < 0.3 { 255 } else { 0 }])
         });
-        let packed = pack(&mask, &view);
+        let packed = pack(&Mask::from(&mask), &view);
         assert_eq!(packed.len(), view.words_per_row * view.height as usize);
         let block = u32::from(block);
         for (u, v) in (0..view.height).flat_map(|v| (0..view.width).map(move |u| (u, v))) {

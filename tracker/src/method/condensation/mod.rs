@@ -1,7 +1,7 @@
 //! Heads by CONDENSATION with weights that survive occlusion (seed 002, Matsumoto et al.).
 //!
 //! Needs no room and no masks: two or more calibrated cameras that see a head, and its edges in them; what a camera sees when
-//! nobody is there helps ([`Condensation::set_empty_scene`]). A moment goes like this:
+//! nobody is there helps ([`Method::set_empty_scene`]). A moment goes like this:
 //!
 //! 1. every camera's picture becomes an edge image ([`edges`]);
 //! 2. everybody's hypotheses of where their head is are moved on ([`track`], [`filter`]);
@@ -47,7 +47,7 @@ pub use self::spent::{Spent, Watch};
 use self::track::Track;
 use self::weight::{Expected, Lookout, Sight};
 use self::weight_map::WeightMap;
-use super::Method;
+use super::{Method, Needs};
 use super::capacity::Capacity;
 use crate::silhouette::View;
 use crate::stage::Stage;
@@ -133,13 +133,6 @@ impl Condensation {
             stage,
             options,
         })
-    }
-
-    /// Tells what a camera sees when nobody is there (its pinhole picture): those edges are no heads.
-    pub fn set_empty_scene(&mut self, camera: usize, picture: &RgbImage) {
-        if let Some(maker) = self.makers.get_mut(camera) {
-            maker.set_empty_scene(picture);
-        }
     }
 
     /// The weights of heads at a height over the whole floor, at a moment, by each of some integrations. Nobody moves.
@@ -306,6 +299,18 @@ impl Condensation {
 }
 
 impl Method for Condensation {
+    fn needs(&self) -> Needs {
+        let empty_scene = self.options.edges.moving_only;
+        Needs { masks: false, colours: false, pictures: true, empty_scene }
+    }
+
+    /// The edges of an empty scene are no heads.
+    fn set_empty_scene(&mut self, camera: usize, picture: &RgbImage) {
+        if let Some(maker) = self.makers.get_mut(camera) {
+            maker.set_empty_scene(picture);
+        }
+    }
+
     fn step(&mut self, moment: &Moment<'_>) -> Result<Vec<PersonEstimate>> {
         let dt_s = self.last_time_s.map_or(FIRST_STEP_S, |last| moment.time_s - last).max(LEAST_STEP_S);
         self.last_time_s = Some(moment.time_s);

@@ -83,9 +83,12 @@ fn followed(
         .map(|frame| {
             let time_s = f64::from(frame) / RATE_HZ;
             let heads = heads(time_s);
-            let frame_of = |(i, camera): (usize, &StageCamera)| CameraFrame {
-                mask: None,
-                image: (!is_blind(frame, i)).then(|| picture(camera, &heads)),
+            let frame_of = |(i, camera): (usize, &StageCamera)| {
+                if is_blind(frame, i) {
+                    CameraFrame::default()
+                } else {
+                    CameraFrame::of_image(picture(camera, &heads))
+                }
             };
             let cameras: Vec<CameraFrame> = stage.cameras.iter().enumerate().map(frame_of).collect();
             tracker.step(&Moment { frame, time_s, cameras: &cameras }).unwrap()
@@ -166,7 +169,7 @@ const HEAD_AND_SHOULDER: [Vector3<f64>; 2] = [Vector3::new(3.0, 2.0, 1.7), Vecto
 fn what_looks_like_a_head_below_another_is_a_shoulder() {
     let stage = stage(4);
     let mut tracker = tracker(&stage, CondensationOptions::default());
-    let frame = |c: &StageCamera| CameraFrame { mask: None, image: Some(picture(c, &HEAD_AND_SHOULDER)) };
+    let frame = |c: &StageCamera| CameraFrame::of_image(picture(c, &HEAD_AND_SHOULDER));
     let cameras: Vec<CameraFrame> = stage.cameras.iter().map(frame).collect();
     tracker.find_edges(&Moment { frame: 1, time_s: 0.0, cameras: &cameras }).unwrap();
     let sight = Sight {
@@ -195,7 +198,7 @@ fn somebody_followed_by_a_shoulder_is_soon_followed_by_the_head() {
     let mut tracker = tracker(&stage, options.clone());
     let [head, lower] = HEAD_AND_SHOULDER;
     tracker.tracks.push(Track::born(&Expected { head: lower, trust: 0.5 }, 1, &options));
-    let frame = |c: &StageCamera| CameraFrame { mask: None, image: Some(picture(c, &HEAD_AND_SHOULDER)) };
+    let frame = |c: &StageCamera| CameraFrame::of_image(picture(c, &HEAD_AND_SHOULDER));
     let cameras: Vec<CameraFrame> = stage.cameras.iter().map(frame).collect();
     let mut step = |frame: u32| {
         let moment = Moment { frame, time_s: f64::from(frame) / RATE_HZ, cameras: &cameras };
@@ -240,7 +243,7 @@ fn one_camera_and_odd_options_are_refused() {
         assert!(error.contains(name), "{error}");
     }
     let mut tracker = tracker(&stage(2), CondensationOptions::default());
-    let odd = CameraFrame { mask: None, image: Some(RgbImage::new(3, 3)) };
+    let odd = CameraFrame::of_image(RgbImage::new(3, 3));
     let error = tracker.step(&Moment { frame: 7, time_s: 0.0, cameras: &[odd, CameraFrame::default()] });
     assert!(error.unwrap_err().to_string().contains("frame 7 is 3 × 3"));
 }
@@ -260,7 +263,7 @@ fn a_map_peaks_at_the_head() {
     let stage = stage(4);
     let mut tracker = tracker(&stage, CondensationOptions::default());
     let head = Vector3::new(1.7, 2.4, 1.6);
-    let frame = |c: &StageCamera| CameraFrame { mask: None, image: Some(picture(c, &[head])) };
+    let frame = |c: &StageCamera| CameraFrame::of_image(picture(c, &[head]));
     let cameras: Vec<CameraFrame> = stage.cameras.iter().map(frame).collect();
     let moment = Moment { frame: 1, time_s: 0.0, cameras: &cameras };
     for map in tracker.weight_maps(&moment, &Integration::ALL, head.z).unwrap() {

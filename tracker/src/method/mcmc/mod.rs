@@ -22,7 +22,6 @@ mod motion;
 mod options;
 mod person;
 mod report;
-mod resolution;
 mod tally;
 mod trace;
 mod track;
@@ -40,12 +39,12 @@ pub use self::options::{Acceptance, McmcOptions, MotionOptions, MoveWeights, Spr
 use self::person::{Key, Person};
 use self::tally::Tally;
 use self::track::Track;
-use super::Method;
+use super::{Method, Needs};
 use super::capacity::Capacity;
 use crate::identity::Identities;
 use crate::likelihood::{Counts, Layers, PreparedRule, Simulation, pack};
 use crate::silhouette::{Body, View};
-use crate::stage::{Stage, StageCamera};
+use crate::stage::{Stage, StageCamera, resolution};
 use crate::{CameraFrame, Error, Moment, PersonEstimate, Result};
 
 /// While people who were inside already are being found, a moment gets this many times the steps.
@@ -285,6 +284,10 @@ impl Mcmc {
 }
 
 impl Method for Mcmc {
+    fn needs(&self) -> Needs {
+        Needs { masks: true, colours: true, pictures: false, empty_scene: false }
+    }
+
     fn step(&mut self, moment: &Moment<'_>) -> Result<Vec<PersonEstimate>> {
         let masks = self.packed_masks(moment)?;
         self.simulation.restart(&masks);

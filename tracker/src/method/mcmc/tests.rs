@@ -73,7 +73,7 @@ fn follow(mut mcmc: Mcmc, sequence: &Sequence) -> [Score; 2] {
     let (mut truths, mut at_once, mut later) = (Vec::new(), Vec::new(), Vec::new());
     for frame in sequence.frames() {
         let cameras: Vec<CameraFrame> =
-            frame.cameras.into_iter().map(|c| CameraFrame { mask: Some(c.mask), image: None }).collect();
+            frame.cameras.into_iter().map(|c| CameraFrame::of_mask(&c.mask)).collect();
         let moment = Moment { frame: frame.frame, time_s: frame.time_s, cameras: &cameras };
         at_once.push(mcmc.step(&moment).unwrap());
         if frame.frame > waits {
@@ -159,7 +159,7 @@ pub(super) fn masks(stage: &Stage, bodies: &[Body]) -> Vec<CameraFrame> {
                 mask.put_pixel(u, v, Luma([255]));
             }
         }
-        CameraFrame { mask: Some(mask), image: None }
+        CameraFrame::of_mask(&mask)
     };
     stage.cameras.iter().map(seen).collect()
 }

@@ -1,0 +1,174 @@
+//! One camera's observations as the gathering holds them.
+
+use std::collections::VecDeque;
+use std::time::Instant;
+
+use super::port::Port;
+use crate::Error;
+use crate::foreground::Verdict;
+use crate::observation::Feedback;
+use crate::silhouette::Body;
+use crate::station::{Event, Seen};
+
+/// Frames a second of a camera that does not say.
+const USUAL_RATE_HZ: f64 = 25.0;
+/// The rates that a camera may have; what a header says beyond is the ticking of its clock.
+const RATES_HZ: std::ops::RangeInclusive<f64> = 0.01..=1000.0;
+/// How fast a live camera's measured interval follows, as a share of each new one.
+const FOLLOW: f64 = 0.1;
+
+/// How a camera's own clock is brought to the run's: `time + offset_s + drift · (time − since_s)`.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Alignment {
+    /// Added to the camera's times, seconds.
+    pub offset_s: f64,
+    /// Added for each second since [`Self::since_s`], seconds.
+    pub drift: f64,
+    /// The camera's time at which the offset holds, seconds.
+    pub since_s: f64,
+}
+
+impl Alignment {
+    /// A camera's time on the run's clock, seconds.
+    pub fn apply(&self, time_s: f64) -> f64 {
+        time_s + self.offset_s + self.drift * (time_s - self.since_s)
+    }
+}
+
+/// An observation that has come.
+#[derive(Debug)]
+pub(super) struct Pending {
+    /// Capture time on the run's clock, seconds.
+    pub(super) time_s: f64,
+    pub(super) arrived: Instant,
+    pub(super) seen: Seen,
+}
+
+/// Why there are no more observations.
+#[derive(Debug)]
+pub(super) enum End {
+    Ended,
+    Failed(Error),
+}
+
+/// One camera's observations.
+#[derive(Debug)]
+pub(super) struct Camera {
+    pub(super) port: Port,
+    pub(super) alignment: Alignment,
+    /// Observations that may still belong to a moment, by time.
+    pub(super) pending: VecDeque<Pending>,
+    pub(super) end: Option<End>,
+    /// Between two frames, seconds.
+    pub(super) interval_s: f64,
+    /// Time of the newest observation.
+    pub(super) newest_s: Option<f64>,
+    /// When it arrived.
+    pub(super) latest_arrival: Option<Instant>,
+    /// How long after its capture an observation is here, seconds; as seen lately.
+    pub(super) delay_s: f64,
+    /// What is wrong with the camera, while nothing usable comes.
+    pub(super) health: Verdict,
+    /// Time of the newest observation that belonged to a moment.
+    pub(super) used_s: Option<f64>,
+}
+
+impl Camera {
+    pub(super) fn new(port: Port, alignment: Alignment) -> Self {
+        let rate_hz = port.rate_hz.filter(|hz| RATES_HZ.contains(hz)).unwrap_or(USUAL_RATE_HZ);
+        Self {
+            port,
+            alignment,
+            pending: VecDeque::new(),
+            end: None,
+            interval_s: rate_hz.recip(),
+            newest_s: None,
+            latest_arrival: None,
+            delay_s: 0.0,
+            health: Verdict::Usable,
+            used_s: None,
+        }
+    }
+
+    /// Takes in what its station says. `now_s` is the time on the run's clock, for live cameras.
+    pub(super) fn take(&mut self, event: Event, now_s: Option<f64>) {
+        let seen = match event {
+            Event::Seen(seen) => *seen,
+            Event::Ended => {
+                self.end = Some(End::Ended);
+                return;
+            }
+            Event::Failed(error) => {
+                self.end = Some(End::Failed(error));
+                return;
+            }
+        };
+        let arrived = Instant::now();
+        let time_s = self.alignment.apply(seen.observation.time_s);
+        if self.port.is_live {
+            self.health = seen.observation.health;
+            if matches!(self.health, Verdict::Lost | Verdict::OtherShape) {
+                // No frame: the stream is away.
+                return;
+            }
+            if let Some(newest_s) = self.newest_s {
+                let step_s = time_s - newest_s;
+                if step_s > 0.0 && step_s < 4.0 * self.interval_s.max(0.04) {
+                    self.interval_s += FOLLOW * (step_s - self.interval_s);
+                }
+            }
+            let delay_s = (now_s.unwrap_or(time_s) - time_s).max(0.0);
+            self.delay_s += FOLLOW * (delay_s - self.delay_s);
+        }
+        self.newest_s = Some(self.newest_s.map_or(time_s, |newest| newest.max(time_s)));
+        self.latest_arrival = Some(arrived);
+        self.pending.push_back(Pending { time_s, arrived, seen });
+    }
+
+    /// Whether a live camera shows something now: within three intervals, or `patience_s`.
+    pub(super) fn is_present(&self, now: Instant, patience_s: f64) -> bool {
+        let for_s = (3.0 * self.interval_s).max(patience_s);
+        self.latest_arrival.is_some_and(|at| now.saturating_duration_since(at).as_secs_f64() <= for_s)
+    }
+
+    /// Gives up the oldest observation, and tells the station so.
+    pub(super) fn drop_oldest(&mut self, believed: &[Body]) {
+        if let Some(oldest) = self.pending.pop_front() {
+            self.acknowledge(oldest.seen.observation.sequence, believed);
+        }
+    }
+
+    pub(super) fn acknowledge(&mut self, sequence: u64, believed: &[Body]) {
+        (self.port.feedback)(Feedback { sequence, people: believed.to_vec() });
+    }
+
+    /// Gives up what is farther from a time than the observation after it; then the oldest is the nearest.
+    pub(super) fn keep_nearest(&mut self, time_s: f64, believed: &[Body]) {
+        while let [first, second, ..] = self.pending.make_contiguous()
+            && (second.time_s - time_s).abs() <= (first.time_s - time_s).abs()
+        {
+            self.drop_oldest(believed);
+        }
+    }
+
+    /// Notes that the oldest observation belongs to a moment.
+    pub(super) fn mark_used(&mut self) {
+        self.used_s = self.pending.front().map(|pending| pending.time_s).or(self.used_s);
+    }
+
+    /// Whether the oldest observation, or a later one, has belonged to a moment.
+    pub(super) fn has_been_used(&self) -> bool {
+        let oldest_s = self.pending.front().map(|pending| pending.time_s);
+        oldest_s.zip(self.used_s).is_some_and(|(oldest, used)| oldest <= used)
+    }
+
+    /// Whether an observation of this time or later is here.
+    pub(super) fn reaches(&self, time_s: f64) -> bool {
+        self.pending.back().is_some_and(|newest| newest.time_s >= time_s)
+    }
+
+    /// The first observation later than a time.
+    pub(super) fn first_after(&self, time_s: f64) -> Option<&Pending> {
+        self.pending.iter().find(|pending| pending.time_s > time_s)
+    }
+}

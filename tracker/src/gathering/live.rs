@@ -1,0 +1,219 @@
+//! Moments of live cameras: nobody is waited for longer than the latency.
+//!
+//! The fastest camera that is there leads; its frames are the moments. A moment is complete when no other camera can be
+//! expected to have a nearer frame than the one that is here: half way from its latest frame to the next, that is. Otherwise
+//! it is waited for, until the frame should have come, but no longer than the latency after the leading frame.
+
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::time::{Duration, Instant, SystemTime};
+
+use super::camera::{Camera, End};
+use super::{Gathered, LeftOut, NEAR_S, Next, Part, WAIT, nearest_part};
+use crate::foreground::Verdict;
+use crate::silhouette::Body;
+use crate::source::utc_s;
+use crate::station::Event;
+use crate::{Error, Result};
+
+/// A camera that is silent for longer is not there, seconds; a slow one for three of its intervals.
+const PATIENCE_S: f64 = 0.5;
+/// A camera has to be faster by this factor to take the lead from one that is there.
+const FASTER: f64 = 1.2;
+/// A frame is expected this part of an interval after the one before at the earliest.
+const NOT_BEFORE: f64 = 0.8;
+/// Added to a camera's usual delay before it is given up, seconds.
+const SLACK_S: f64 = 0.02;
+/// A moment that is older than the latency and this is skipped where a newer one is there, seconds.
+const BEHIND_S: f64 = 0.2;
+
+#[derive(Debug)]
+pub(super) struct Live {
+    latency_s: f64,
+    lead: Option<usize>,
+    /// Capture time of the first moment, which is the run's zero, in seconds since 1970.
+    start_s: Option<f64>,
+    latest_s: f64,
+    frame: u32,
+    left_out: LeftOut,
+}
+
+impl Live {
+    pub(super) fn new(latency_s: f64) -> Self {
+        let latest_s = f64::NEG_INFINITY;
+        Self { latency_s, lead: None, start_s: None, latest_s, frame: 0, left_out: LeftOut::default() }
+    }
+
+    pub(super) fn left_out(&self) -> LeftOut {
+        self.left_out
+    }
+
+    pub(super) fn next(
+        &mut self,
+        cameras: &mut [Camera],
+        events: &Receiver<(usize, Event)>,
+        believed: &[Body],
+    ) -> Result<Next> {
+        loop {
+            let is_open = drain(cameras, events);
+            if let Some(ended) = ended(cameras, self.latest_s)? {
+                return Ok(ended);
+            }
+            self.drop_late(cameras, believed);
+            let now = Instant::now();
+            let wait = match self.candidate(cameras, now) {
+                None => WAIT,
+                Some((lead, time_s, arrived)) => match self.complete_in(cameras, lead, time_s, arrived, now) {
+                    Some(wait) => wait,
+                    None if self.is_behind(&cameras[lead], time_s, arrived, now) => {
+                        self.left_out.skipped += 1;
+                        self.latest_s = time_s;
+                        continue;
+                    }
+                    None => return Ok(Next::Moment(self.moment(cameras, lead, time_s, now, believed))),
+                },
+            };
+            if !is_open {
+                return Err(Error::option("--video", "all stations have gone"));
+            }
+            match events.recv_timeout(wait.min(WAIT)) {
+                Ok((camera, event)) => take(cameras, camera, event),
+                // Nothing to be waited for: the caller looks whether the run is to go on.
+                Err(RecvTimeoutError::Timeout) if wait >= WAIT => return Ok(Next::Idle),
+                Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => {}
+            }
+        }
+    }
+
+    /// Gives up what belongs to no moment to come.
+    fn drop_late(&mut self, cameras: &mut [Camera], believed: &[Body]) {
+        for camera in cameras.iter_mut() {
+            let over_s = self.latest_s - (0.5 * camera.interval_s).max(NEAR_S);
+            while camera.pending.front().is_some_and(|first| first.time_s < over_s) {
+                // What was used once, or replaced, is not late; what arrived after its moment was decided is.
+                if !camera.has_been_used() {
+                    self.left_out.late += 1;
+                }
+                camera.drop_oldest(believed);
+            }
+        }
+    }
+
+    /// The leading camera, and time and arrival of its first frame after the latest moment.
+    fn candidate(&mut self, cameras: &[Camera], now: Instant) -> Option<(usize, f64, Instant)> {
+        let is_present = |camera: &usize| cameras[*camera].is_present(now, PATIENCE_S);
+        let present = (0..cameras.len()).filter(is_present);
+        let fastest = present.min_by(|a, b| cameras[*a].interval_s.total_cmp(&cameras[*b].interval_s))?;
+        let keeps = |lead: &usize| {
+            is_present(lead) && cameras[*lead].interval_s <= FASTER * cameras[fastest].interval_s
+        };
+        let lead = self.lead.filter(keeps).unwrap_or(fastest);
+        self.lead = Some(lead);
+        // A new leader's frames may have been used in the moments before.
+        let from_s = self.latest_s + 0.4 * cameras[lead].interval_s;
+        cameras[lead].first_after(from_s).map(|first| (lead, first.time_s, first.arrived))
+    }
+
+    /// How long to wait for the other cameras; `None` when nothing better is to be expected.
+    fn complete_in(
+        &self,
+        cameras: &[Camera],
+        lead: usize,
+        time_s: f64,
+        arrived: Instant,
+        now: Instant,
+    ) -> Option<Duration> {
+        let waited_s = now.saturating_duration_since(arrived).as_secs_f64();
+        let others = cameras.iter().enumerate().filter(|(i, camera)| *i != lead && camera.is_present(now, PATIENCE_S));
+        let wait_s = others
+            .filter_map(|(_, camera)| {
+                let newest_s = camera.newest_s?;
+                let behind_s = time_s - newest_s;
+                if behind_s <= 0.0 || NOT_BEFORE * camera.interval_s - behind_s >= behind_s {
+                    return None;
+                }
+                // When its next frame should be here, seconds after the leading one was.
+                let due_s = (camera.interval_s - behind_s) + (camera.delay_s - cameras[lead].delay_s).max(0.0) + SLACK_S;
+                Some(due_s.clamp(0.0, self.latency_s) - waited_s)
+            })
+            .fold(0.0, f64::max);
+        (wait_s > 0.0).then(|| Duration::from_secs_f64(wait_s))
+    }
+
+    /// Whether the tracker is so far behind that a moment is passed over for the next one.
+    fn is_behind(&self, lead: &Camera, time_s: f64, arrived: Instant, now: Instant) -> bool {
+        let age_s = now.saturating_duration_since(arrived).as_secs_f64();
+        age_s > self.latency_s + BEHIND_S && lead.first_after(time_s).is_some()
+    }
+
+    fn moment(
+        &mut self,
+        cameras: &mut [Camera],
+        lead: usize,
+        time_s: f64,
+        now: Instant,
+        believed: &[Body],
+    ) -> Gathered {
+        let near_s = (0.5 * cameras[lead].interval_s).max(NEAR_S);
+        let parts = cameras.iter_mut().map(|camera| {
+            camera.keep_nearest(time_s, believed);
+            let part = nearest_part(camera, time_s, near_s);
+            match part {
+                Part::Seen(_) => {
+                    camera.mark_used();
+                    part
+                }
+                Part::Nothing(_) => Part::Nothing(reason(camera, now)),
+            }
+        });
+        let parts = parts.collect();
+        self.latest_s = time_s;
+        self.frame = self.frame.saturating_add(1);
+        let start_s = *self.start_s.get_or_insert(time_s);
+        Gathered { frame: self.frame, time_s: time_s - start_s, parts }
+    }
+}
+
+/// Why a camera has nothing at a moment.
+fn reason(camera: &Camera, now: Instant) -> Verdict {
+    match camera.health {
+        health @ (Verdict::Lost | Verdict::OtherShape) => health,
+        _ if camera.latest_arrival.is_none() => Verdict::Lost,
+        _ if !camera.is_present(now, PATIENCE_S) => Verdict::Silent,
+        _ => Verdict::Between,
+    }
+}
+
+/// Takes in all that has come; whether more can come.
+fn drain(cameras: &mut [Camera], events: &Receiver<(usize, Event)>) -> bool {
+    loop {
+        match events.try_recv() {
+            Ok((camera, event)) => take(cameras, camera, event),
+            Err(std::sync::mpsc::TryRecvError::Empty) => return true,
+            Err(std::sync::mpsc::TryRecvError::Disconnected) => return false,
+        }
+    }
+}
+
+fn take(cameras: &mut [Camera], camera: usize, event: Event) {
+    if let Some(camera) = cameras.get_mut(camera) {
+        camera.take(event, Some(utc_s(SystemTime::now())));
+    }
+}
+
+/// A recording beside live cameras ends the run where it ends.
+fn ended(cameras: &mut [Camera], latest_s: f64) -> Result<Option<Next>> {
+    for camera in cameras {
+        match camera.end.take() {
+            None => {}
+            Some(End::Failed(error)) => return Err(error),
+            Some(End::Ended) => {
+                // What is here still belongs to moments.
+                if camera.newest_s.is_none_or(|newest| newest <= latest_s + 0.5 * camera.interval_s) {
+                    return Ok(Some(Next::Ended(camera.port.name.clone())));
+                }
+                camera.end = Some(End::Ended);
+            }
+        }
+    }
+    Ok(None)
+}

@@ -1,0 +1,239 @@
+//! Moments of recordings: every camera is waited for, so the moments do not depend on how fast anybody works.
+
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+
+use super::camera::{Camera, End};
+use super::{Gathered, NEAR_S, Next, WAIT, nearest_part};
+use crate::silhouette::Body;
+use crate::station::Event;
+use crate::{Error, Result};
+
+/// Where the leading camera lacks frames for so many of its intervals, another one's frames are the moments.
+const GAP: f64 = 2.5;
+
+#[derive(Debug)]
+pub(super) struct Recorded {
+    /// The cameras, the fastest first; of several that are equally fast, in their own order.
+    order: Vec<usize>,
+    near_s: f64,
+    /// Number and time of the latest moment.
+    latest: Option<(u32, f64)>,
+}
+
+/// Whether a camera has come as far as it was asked for.
+enum Reached {
+    Yes,
+    /// It has ended, or failed, before.
+    No,
+    /// Not yet.
+    Waiting,
+}
+
+impl Recorded {
+    pub(super) fn new(cameras: &[Camera]) -> Self {
+        let mut order: Vec<usize> = (0..cameras.len()).collect();
+        order.sort_by(|a, b| cameras[*a].interval_s.total_cmp(&cameras[*b].interval_s));
+        let near_s = order.first().map_or(NEAR_S, |lead| (0.5 * cameras[*lead].interval_s).max(NEAR_S));
+        Self { order, near_s, latest: None }
+    }
+
+    pub(super) fn next(
+        &mut self,
+        cameras: &mut [Camera],
+        events: &Receiver<(usize, Event)>,
+        believed: &[Body],
+    ) -> Result<Next> {
+        if self.latest.is_none() {
+            match start_s(cameras, events, believed)? {
+                Start::At(start_s) => self.skip_to(start_s, cameras, believed),
+                Start::Waiting => return Ok(Next::Idle),
+                Start::Never(next) => return Ok(next),
+            }
+        }
+        let after_s = self.latest.map_or(f64::NEG_INFINITY, |(_, time_s)| time_s);
+        let Some((lead, time_s)) = self.next_time(after_s, cameras, events) else {
+            return self.waiting_or_ended(cameras, after_s);
+        };
+        for camera in 0..cameras.len() {
+            if let Reached::Waiting = reach(cameras, events, camera, time_s) {
+                return Ok(Next::Idle);
+            }
+        }
+        if let Some(ended) = ended_before(cameras, time_s)? {
+            return Ok(ended);
+        }
+        let mut parts = Vec::with_capacity(cameras.len());
+        for camera in cameras.iter_mut() {
+            camera.keep_nearest(time_s, believed);
+            parts.push(nearest_part(camera, time_s, self.near_s));
+        }
+        let own = cameras[lead].pending.front().map_or(0, |p| p.seen.observation.sequence);
+        let following = self.latest.map_or(1, |(frame, _)| frame.saturating_add(1));
+        // Only the leading camera's frames have the moments' numbers.
+        let own = if lead == self.order[0] { u32::try_from(own).unwrap_or(u32::MAX) } else { 0 };
+        let frame = own.max(following);
+        self.latest = Some((frame, time_s));
+        Ok(Next::Moment(Gathered { frame, time_s, parts }))
+    }
+
+    /// Gives up the leading camera's frames before all have begun.
+    fn skip_to(&mut self, start_s: f64, cameras: &mut [Camera], believed: &[Body]) {
+        let lead = &mut cameras[self.order[0]];
+        let first_s = start_s - 0.5 * lead.interval_s - 1e-9;
+        while lead.pending.front().is_some_and(|first| first.time_s < first_s) {
+            lead.drop_oldest(believed);
+        }
+    }
+
+    /// The camera whose next frame is the next moment, and its time; `None` when that is not known, or there is none.
+    fn next_time(
+        &self,
+        after_s: f64,
+        cameras: &mut [Camera],
+        events: &Receiver<(usize, Event)>,
+    ) -> Option<(usize, f64)> {
+        let mut earliest: Option<(usize, f64)> = None;
+        for &camera in &self.order {
+            // Frames that have been used belong to moments up to half an interval later.
+            let from_s = if earliest.is_none() { after_s + 1e-9 } else { after_s + 0.5 * cameras[camera].interval_s };
+            let found = loop {
+                if let Some(next) = cameras[camera].first_after(from_s) {
+                    break Some(next.time_s);
+                }
+                if cameras[camera].end.is_some() {
+                    break None;
+                }
+                if !receive(cameras, events) {
+                    return None;
+                }
+            };
+            let Some(time_s) = found else {
+                // Nobody goes on without the leading camera.
+                if camera == self.order[0] {
+                    return None;
+                }
+                continue;
+            };
+            let is_there = after_s.is_infinite() || time_s - after_s <= GAP * cameras[camera].interval_s;
+            if earliest.is_none_or(|(_, earliest_s)| time_s < earliest_s) {
+                earliest = Some((camera, time_s));
+            }
+            if is_there {
+                return earliest;
+            }
+        }
+        earliest
+    }
+
+    /// What is to be said where no next moment is known.
+    fn waiting_or_ended(&self, cameras: &mut [Camera], after_s: f64) -> Result<Next> {
+        let lead = self.order[0];
+        if cameras[lead].end.is_none() {
+            return Ok(Next::Idle);
+        }
+        // Where the leading camera ends, another may have ended before.
+        if let Some(ended) = ended_before(cameras, after_s + cameras[lead].interval_s)? {
+            return Ok(ended);
+        }
+        take_end(&mut cameras[lead])
+    }
+}
+
+/// Whether it is known when all cameras have begun.
+enum Start {
+    At(f64),
+    Waiting,
+    /// One has ended before.
+    Never(Next),
+}
+
+/// When all cameras have begun: the latest of their first frames. The leading camera's frames until then stay.
+fn start_s(cameras: &mut [Camera], events: &Receiver<(usize, Event)>, believed: &[Body]) -> Result<Start> {
+    for camera in 0..cameras.len() {
+        while cameras[camera].pending.is_empty() {
+            if cameras[camera].end.is_some() {
+                return take_end(&mut cameras[camera]).map(Start::Never);
+            }
+            if !receive(cameras, events) {
+                return Ok(Start::Waiting);
+            }
+        }
+    }
+    let start_s = cameras.iter().filter_map(|c| Some(c.pending.front()?.time_s)).fold(f64::NEG_INFINITY, f64::max);
+    for camera in 0..cameras.len() {
+        // All frames but the last before the start are over; the stations go on meanwhile.
+        loop {
+            while cameras[camera].pending.len() > 1 && cameras[camera].pending[1].time_s < start_s {
+                cameras[camera].drop_oldest(believed);
+            }
+            if cameras[camera].reaches(start_s) || cameras[camera].end.is_some() {
+                break;
+            }
+            if !receive(cameras, events) {
+                return Ok(Start::Waiting);
+            }
+        }
+    }
+    if let Some(ended) = ended_before(cameras, start_s)? {
+        return Ok(Start::Never(ended));
+    }
+    Ok(Start::At(start_s))
+}
+
+/// Waits until a camera has an observation of this time or later.
+fn reach(cameras: &mut [Camera], events: &Receiver<(usize, Event)>, camera: usize, time_s: f64) -> Reached {
+    loop {
+        if cameras[camera].reaches(time_s) {
+            return Reached::Yes;
+        }
+        if cameras[camera].end.is_some() {
+            return Reached::No;
+        }
+        if !receive(cameras, events) {
+            return Reached::Waiting;
+        }
+    }
+}
+
+/// The first camera that has ended for good before a time; the error of one that has failed.
+fn ended_before(cameras: &mut [Camera], time_s: f64) -> Result<Option<Next>> {
+    let is_over = |camera: &Camera| {
+        let last_s = camera.newest_s.unwrap_or(f64::NEG_INFINITY);
+        camera.end.is_some() && time_s > last_s + 0.5 * camera.interval_s
+    };
+    // The shortest source ends the run, even where another has an error there.
+    let over = |camera: &&mut Camera| is_over(camera) && matches!(camera.end, Some(End::Ended));
+    if let Some(camera) = cameras.iter_mut().find(over) {
+        return Ok(Some(Next::Ended(camera.port.name.clone())));
+    }
+    cameras.iter_mut().find(|camera| is_over(camera)).map(take_end).transpose()
+}
+
+fn take_end(camera: &mut Camera) -> Result<Next> {
+    match camera.end.replace(End::Ended) {
+        Some(End::Failed(error)) => Err(error),
+        _ => Ok(Next::Ended(camera.port.name.clone())),
+    }
+}
+
+/// Takes in one event; `false` when none has come for a while.
+fn receive(cameras: &mut [Camera], events: &Receiver<(usize, Event)>) -> bool {
+    match events.recv_timeout(WAIT) {
+        Ok((camera, event)) => {
+            if let Some(camera) = cameras.get_mut(camera) {
+                camera.take(event, None);
+            }
+            true
+        }
+        Err(RecvTimeoutError::Timeout) => false,
+        Err(RecvTimeoutError::Disconnected) => {
+            // Every station has gone; one that said nothing before has failed.
+            for camera in cameras.iter_mut().filter(|camera| camera.end.is_none()) {
+                let problem = "its station has gone without a word; is its machine still there?";
+                let name = format!("camera `{}`", camera.port.name);
+                camera.end = Some(End::Failed(Error::option(name, problem)));
+            }
+            true
+        }
+    }
+}

@@ -1,0 +1,253 @@
+//! Capture times of a live stream, from what its frames say and when they arrive.
+//!
+//! Best first:
+//! 1. The sender's wall clock (RTCP sender reports), where it agrees with this machine's to within [`PLAUSIBLE_S`].
+//! 2. The stream's own time stamps, which tick evenly but from an unknown zero: put where the fastest frame of the latest
+//!    half minute arrived the moment it was taken.
+//! 3. Arrival alone. A camera films evenly and the network delays by more or less: a line through the arrivals over the
+//!    frames' numbers gives the interval, its lower envelope the capture times; lost frames are gaps of whole intervals.
+//!
+//! All times are seconds since 1970 by this machine's clock. What the network always takes is not known and stays in them.
+
+use std::collections::VecDeque;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// A sender's clock that is off by more is not set.
+const PLAUSIBLE_S: f64 = 2.0;
+/// Of so many latest seconds the fastest frame counts.
+const WINDOW_S: f64 = 30.0;
+/// Frames whose arrivals a line is fitted to.
+const LINE_FRAMES: usize = 64;
+/// Fewer make no line.
+const LEAST_FRAMES: usize = 8;
+/// A frame that arrives this part of an interval before the next is due is late by that much less: jitter may nearly fill an
+/// interval, and the line is not exact.
+const EARLY: f64 = 0.15;
+/// Where arrivals scatter around the line by more than this part of an interval, the camera does not film evenly.
+const UNEVEN: f64 = 0.6;
+/// A stream's clock that jumps by more has been set anew.
+const JUMP_S: f64 = 1.0;
+
+/// Seconds since 1970.
+pub fn utc_s(time: SystemTime) -> f64 {
+    match time.duration_since(UNIX_EPOCH) {
+        Ok(since) => since.as_secs_f64(),
+        Err(before) => -before.duration().as_secs_f64(),
+    }
+}
+
+/// Turns the stamps of one stream's frames into capture times, frame by frame.
+#[derive(Debug, Clone, Default)]
+pub struct ArrivalClock {
+    name: String,
+    /// Arrival minus the stream's own time, of the frames of the latest half minute: arrival and difference.
+    lags: VecDeque<(f64, f64)>,
+    line: Line,
+    latest_s: Option<f64>,
+    has_warned: bool,
+}
+
+impl ArrivalClock {
+    /// The clock of the stream of this name.
+    pub fn new(name: impl Into<String>) -> Self {
+        Self { name: name.into(), ..Self::default() }
+    }
+
+    /// The capture time of the next frame: its presentation time on the stream's clock and its sender's wall clock, where it
+    /// has them, and its arrival. Times grow.
+    pub fn next(&mut self, presentation_s: Option<f64>, sender_s: Option<f64>, arrival_s: f64) -> f64 {
+        let by_sender = sender_s.filter(|s| self.is_plausible(*s, arrival_s));
+        let time_s = match (by_sender, presentation_s) {
+            (Some(sender_s), _) => sender_s,
+            (None, Some(stamp_s)) => self.by_stamp(stamp_s, arrival_s),
+            (None, None) => self.line.next(arrival_s),
+        };
+        // Nobody knows of a frame before it was taken.
+        let time_s = if by_sender.is_some() { time_s } else { time_s.min(arrival_s) };
+        let time_s = self.latest_s.map_or(time_s, |latest| time_s.max(latest + 1e-3));
+        self.latest_s = Some(time_s);
+        time_s
+    }
+
+    fn is_plausible(&mut self, sender_s: f64, arrival_s: f64) -> bool {
+        let off_s = sender_s - arrival_s;
+        let is_plausible = off_s.abs() <= PLAUSIBLE_S;
+        if !is_plausible && !self.has_warned {
+            self.has_warned = true;
+            tracing::warn!(
+                "{}: its clock is {:.1} s {} this machine's; frames are timed by their arrival (set its clock by NTP)",
+                self.name,
+                off_s.abs(),
+                if off_s > 0.0 { "ahead of" } else { "behind" }
+            );
+        }
+        is_plausible
+    }
+
+    fn by_stamp(&mut self, stamp_s: f64, arrival_s: f64) -> f64 {
+        let lag_s = arrival_s - stamp_s;
+        if self.lags.back().is_some_and(|(_, latest)| (latest - lag_s).abs() > JUMP_S) {
+            self.lags.clear();
+        }
+        while self.lags.front().is_some_and(|(arrived, _)| arrival_s - arrived > WINDOW_S) {
+            self.lags.pop_front();
+        }
+        self.lags.push_back((arrival_s, lag_s));
+        stamp_s + self.lags.iter().map(|(_, lag)| *lag).fold(f64::INFINITY, f64::min)
+    }
+}
+
+/// A line through the arrivals of the latest frames over their numbers.
+#[derive(Debug, Clone, Default)]
+struct Line {
+    /// Number and arrival.
+    frames: VecDeque<(f64, f64)>,
+}
+
+/// `time = start_s + interval_s · number`, below all arrivals.
+#[derive(Debug, Clone, Copy)]
+struct Envelope {
+    start_s: f64,
+    interval_s: f64,
+    /// Standard deviation of the arrivals around the line.
+    scatter_s: f64,
+}
+
+impl Line {
+    fn next(&mut self, arrival_s: f64) -> f64 {
+        let Some((latest, latest_arrival_s)) = self.frames.back().copied() else {
+            self.frames.push_back((0.0, arrival_s));
+            return arrival_s;
+        };
+        let number = match self.envelope() {
+            Some(line) => {
+                let due = (arrival_s - line.start_s) / line.interval_s;
+                // The same number again says that the one before was counted one too high.
+                (due + EARLY).floor().max(if due < latest + 0.5 { latest } else { latest + 1.0 })
+            }
+            // The first frames: none is lost.
+            None => latest + 1.0,
+        };
+        let interval_s = self.envelope().map_or(arrival_s - latest_arrival_s, |line| line.interval_s);
+        if (number - latest) * interval_s > WINDOW_S || arrival_s < latest_arrival_s {
+            // Away for long.
+            self.frames.clear();
+        }
+        self.frames.push_back((number, arrival_s));
+        if self.frames.len() > LINE_FRAMES {
+            self.frames.pop_front();
+        }
+        match self.envelope() {
+            Some(line) if line.scatter_s < UNEVEN * line.interval_s => line.start_s + line.interval_s * number,
+            _ => arrival_s,
+        }
+    }
+
+    /// The least-squares line, moved down until it is below all arrivals; `None` while there are too few.
+    fn envelope(&self) -> Option<Envelope> {
+        if self.frames.len() < LEAST_FRAMES {
+            return None;
+        }
+        let count = self.frames.len() as f64;
+        let (first, first_s) = self.frames[0];
+        let frames = || self.frames.iter().map(|(n, s)| (n - first, s - first_s));
+        let (sum_n, sum_s) = frames().fold((0.0, 0.0), |(a, b), (n, s)| (a + n, b + s));
+        let (mean_n, mean_s) = (sum_n / count, sum_s / count);
+        let (mut nn, mut ns) = (0.0, 0.0);
+        for (n, s) in frames() {
+            nn += (n - mean_n) * (n - mean_n);
+            ns += (n - mean_n) * (s - mean_s);
+        }
+        let interval_s = ns / nn;
+        if !(interval_s.is_finite() && interval_s > 0.0) {
+            return None;
+        }
+        let above = || frames().map(|(n, s)| s - interval_s * n);
+        let lowest_s = above().fold(f64::INFINITY, f64::min);
+        let mean_above_s = above().sum::<f64>() / count;
+        let scatter_s = (above().map(|s| (s - mean_above_s).powi(2)).sum::<f64>() / count).sqrt();
+        Some(Envelope { start_s: first_s + lowest_s - interval_s * first, interval_s, scatter_s })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+
+    const INTERVAL_S: f64 = 1.0 / 12.0;
+
+    /// Errors of the capture times of a stream, seconds, after its first 100 frames: less the network's least delay of 20 ms.
+    fn errors(seed: u64, jitter_s: f64, lost: f64, stamped: bool) -> Vec<f64> {
+        let mut rng = Pcg64Mcg::seed_from_u64(seed);
+        let (mut clock, mut errors, mut latest_s) = (ArrivalClock::new("a"), Vec::new(), 0.0_f64);
+        for frame in 0..1200 {
+            let taken_s = 1.7e9 + f64::from(frame) * INTERVAL_S * 1.0002;
+            // Frames arrive in their order.
+            latest_s = latest_s.max(taken_s + 0.02 + jitter_s * rng.random::<f64>());
+            if rng.random::<f64>() < lost {
+                continue;
+            }
+            let stamp_s = stamped.then_some(f64::from(frame) * INTERVAL_S + 77.0);
+            let found_s = clock.next(stamp_s, None, latest_s);
+            if frame > 100 {
+                errors.push(found_s - taken_s - 0.02);
+            }
+        }
+        errors
+    }
+
+    fn deviation(errors: &[f64]) -> f64 {
+        let mean = errors.iter().sum::<f64>() / errors.len() as f64;
+        (errors.iter().map(|e| (e - mean).powi(2)).sum::<f64>() / errors.len() as f64).sqrt()
+    }
+
+    #[test]
+    fn jitter_is_smoothed_and_lost_frames_shift_nothing() {
+        for (seed, jitter_s) in (0..10).flat_map(|seed| [0.0, 0.02, 0.08].map(|jitter| (seed, jitter))) {
+            for stamped in [false, true] {
+                let errors = errors(seed, jitter_s, 0.02, stamped);
+                let (low, high) = errors.iter().fold((0.0_f64, 0.0_f64), |(l, h), e| (l.min(*e), h.max(*e)));
+                let spread_s = deviation(&errors);
+                assert!(spread_s <= 0.008, "{seed}, {jitter_s}, {stamped}: {spread_s} s");
+                assert!(low > -0.05 && high < 0.05, "{seed}, {jitter_s}, {stamped}: {low} to {high}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_camera_that_films_unevenly_is_timed_by_arrival() {
+        let mut rng = Pcg64Mcg::seed_from_u64(1);
+        let (mut clock, mut taken_s) = (ArrivalClock::new("a"), 0.0);
+        for _ in 0..300 {
+            taken_s += 0.02 + 0.4 * rng.random::<f64>().powi(2);
+            let found_s = clock.next(None, None, taken_s);
+            assert!((found_s - taken_s).abs() < 0.25, "{found_s} for {taken_s}");
+        }
+    }
+
+    #[test]
+    fn a_sender_is_believed_unless_its_clock_is_wrong() {
+        let mut clock = ArrivalClock::new("a");
+        assert!((clock.next(Some(5.0), Some(1000.0), 1000.3) - 1000.0).abs() < 1e-9);
+        let mut wrong = ArrivalClock::new("b");
+        assert!((wrong.next(Some(5.0), Some(4600.0), 1000.3) - 1000.3).abs() < 1e-9);
+        // Whatever comes, times grow.
+        assert!(wrong.next(Some(2.0), None, 1000.1) > 1000.3);
+    }
+
+    #[test]
+    fn a_stream_that_was_away_is_timed_anew() {
+        for stamped in [false, true] {
+            let mut clock = ArrivalClock::new("a");
+            for (start_s, zero_s) in [(0.0, 0.0), (100.0, 5000.0), (900.0, 3.0)] {
+                for frame in 0..50 {
+                    let time_s = start_s + f64::from(frame) * INTERVAL_S;
+                    let found_s = clock.next(stamped.then_some(time_s + zero_s), None, time_s);
+                    assert!((found_s - time_s).abs() < 1e-3 * f64::from(frame + 2), "{stamped}: {found_s} for {time_s}");
+                }
+            }
+        }
+    }
+}

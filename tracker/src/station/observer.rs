@@ -1,0 +1,222 @@
+//! One picture → one [`Observation`]: health, mask, colours.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use calib::undistort::UndistortMap;
+use image::{GrayImage, RgbImage};
+
+use crate::foreground::health::{self, Health};
+use crate::foreground::{Foreground, Verdict};
+use crate::method::Needs;
+use crate::observation::{Colours, Feedback, Mask, Observation};
+use crate::silhouette::{Body, Silhouette, View};
+use crate::stage::{Stage, StageCamera, resolution};
+use crate::{Error, Result};
+
+/// A ready-made mask with more foreground than this fraction says nothing.
+const MOST_FOREGROUND: f64 = 0.9;
+/// Colours are sampled once in this many of the sampler's pixels, along each side.
+const COLOUR_BLOCKS: u8 = 2;
+/// Around a believed person this part of their width belongs to them as well: limbs and errors of place.
+const MARGIN: f64 = 0.35;
+
+/// How a camera's masks come about.
+pub enum Masks {
+    /// By background subtraction.
+    Subtracted(Box<Foreground>),
+    /// Ready-made; foreground from this value on, in any channel.
+    Ready {
+        /// 1 for masks that hold exactly what was written, 128 for those that were compressed.
+        from: u8,
+    },
+    /// Not made; pictures alone are looked at.
+    Unneeded(Health),
+}
+
+impl Masks {
+    /// Ready-made masks of a source: PNG holds exactly what was written, video and JPEG smear.
+    pub fn ready(spec: &str) -> Self {
+        let is_png = |path: &Path| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("png"));
+        let path = Path::new(spec);
+        let is_exact = match std::fs::read_dir(path) {
+            Ok(entries) => entries.filter_map(std::result::Result::ok).any(|entry| is_png(&entry.path())),
+            Err(_) => is_png(path),
+        };
+        Self::Ready { from: if is_exact { 1 } else { 128 } }
+    }
+}
+
+/// Makes the observations of one camera, frame by frame.
+pub struct Observer {
+    masks: Masks,
+    needs: Needs,
+    size: (u32, u32),
+    undistort: UndistortMap,
+    colour_step: u8,
+    /// The camera at the sampler's resolution, for the silhouettes of believed people.
+    view: View,
+    silhouette: Silhouette,
+    /// Believed people as they are drawn into `expected`.
+    believed: Vec<Body>,
+    /// Where believed people are seen, in the image with distortion.
+    expected: GrayImage,
+    /// The same in the pinhole image.
+    expected_pinhole: GrayImage,
+    mask: GrayImage,
+    pinhole: GrayImage,
+}
+
+/// What became of one picture.
+#[derive(Debug)]
+pub struct Observed {
+    /// What the trackers get.
+    pub observation: Observation,
+    /// In the pinhole image, for methods that read pictures.
+    pub pinhole: Option<Arc<RgbImage>>,
+}
+
+impl Observer {
+    /// The observer of one of the stage's cameras, for a method with these needs.
+    ///
+    /// # Errors
+    /// When the stage does not have the camera.
+    pub fn new(stage: &Stage, camera: &str, masks: Masks, needs: Needs) -> Result<Self> {
+        let Some(camera) = stage.camera_index(camera).map(|i| &stage.cameras[i]) else {
+            return Err(Error::option("room", format!("the stage has no camera `{camera}`")));
+        };
+        let block = resolution::block(camera, &Body::ADULT, &stage.floor);
+        let size = (camera.width(), camera.height());
+        Ok(Self {
+            masks,
+            needs,
+            size,
+            undistort: camera.undistort.clone(),
+            colour_step: block.saturating_mul(COLOUR_BLOCKS),
+            view: View::coarse(camera, block),
+            silhouette: Silhouette::default(),
+            believed: Vec::new(),
+            expected: GrayImage::new(size.0, size.1),
+            expected_pinhole: GrayImage::new(size.0, size.1),
+            mask: GrayImage::new(size.0, size.1),
+            pinhole: GrayImage::new(size.0, size.1),
+        })
+    }
+
+    /// Width and height of the pictures and masks it takes, pixels.
+    pub fn size(&self) -> (u32, u32) {
+        self.size
+    }
+
+    /// Observes one frame. `picture` and `mask` (for ready-made masks) have this observer's [size](Self::size).
+    ///
+    /// # Errors
+    /// When OpenCV refuses.
+    pub fn observe(
+        &mut self,
+        sequence: u64,
+        time_s: f64,
+        picture: Option<&RgbImage>,
+        mask: Option<&RgbImage>,
+    ) -> Result<Observed> {
+        let health = match (&mut self.masks, picture, mask) {
+            (Masks::Subtracted(foreground), Some(picture), _) => {
+                foreground.mask(picture, time_s, &mut self.mask)?
+            }
+            (Masks::Ready { from }, _, Some(given)) => take_mask(given, *from, &mut self.mask),
+            (Masks::Unneeded(health), Some(picture), _) => match () {
+                () if health::is_dark(picture) => Verdict::Dark,
+                () if health.is_frozen(picture, time_s) => Verdict::Frozen,
+                () => Verdict::Usable,
+            },
+            _ => Verdict::Lost,
+        };
+        let mut observation = Observation::unusable(sequence, time_s, health);
+        if health != Verdict::Usable {
+            return Ok(Observed { observation, pinhole: None });
+        }
+        if self.needs.masks {
+            let mask = self.pinhole_mask();
+            if let (true, Some(picture)) = (self.needs.colours, picture) {
+                observation.colours = Some(self.colours(&mask, picture));
+            }
+            observation.mask = Some(mask);
+        }
+        let pinhole = picture.filter(|_| self.needs.pictures).map(|p| Arc::new(self.undistort.image(p)));
+        Ok(Observed { observation, pinhole })
+    }
+
+    /// The mask of the latest frame in the pinhole image.
+    fn pinhole_mask(&mut self) -> Mask {
+        if self.undistort.is_identity() {
+            return Mask::from(&self.mask);
+        }
+        self.undistort.mask(&self.mask, &mut self.pinhole);
+        Mask::from(&self.pinhole)
+    }
+
+    /// Colours of the foreground, read through the lens where there is one.
+    fn colours(&self, mask: &Mask, picture: &RgbImage) -> Colours {
+        if self.undistort.is_identity() {
+            return Colours::of_picture(mask, self.colour_step, picture);
+        }
+        let (width, nearest) = (self.size.0, self.undistort.nearest());
+        Colours::sample(mask, self.colour_step, |x, y| {
+            // Foreground is where the lens shows something.
+            let index = nearest[(y * width + x) as usize];
+            *picture.get_pixel(index % width, index / width)
+        })
+    }
+
+    /// Takes in who is believed to be there: what lies under them is not learnt as background.
+    pub fn expect(&mut self, feedback: &Feedback) {
+        let Masks::Subtracted(foreground) = &mut self.masks else { return };
+        if feedback.is_like(&self.believed) {
+            return;
+        }
+        self.believed.clone_from(&feedback.people);
+        self.expected_pinhole.fill(0);
+        let (width, height) = self.size;
+        let block = u32::from(self.view.block);
+        for body in &self.believed {
+            let wide = Body { radius_m: body.radius_m * (1.0 + MARGIN), ..*body };
+            self.silhouette.draw(&self.view, &wide.ellipsoid());
+            for (column, row) in self.silhouette.pixels() {
+                for y in row * block..((row + 1) * block).min(height) {
+                    let start = (y * width + column * block) as usize;
+                    let end = (y * width + ((column + 1) * block).min(width)) as usize;
+                    self.expected_pinhole.as_flat_samples_mut().samples[start..end].fill(255);
+                }
+            }
+        }
+        if self.undistort.is_identity() {
+            self.expected.copy_from_slice(&self.expected_pinhole);
+        } else {
+            self.expected.fill(0);
+            let places = self.undistort.nearest().iter().zip(self.expected_pinhole.iter());
+            for (index, _) in places.filter(|(_, set)| **set != 0) {
+                if let Some(pixel) = self.expected.as_flat_samples_mut().samples.get_mut(*index as usize) {
+                    *pixel = 255;
+                }
+            }
+        }
+        foreground.expect(&self.expected);
+    }
+}
+
+/// The pinhole image of a picture at the working size, for what is asked of a picture once.
+pub fn pinhole_picture(camera: &StageCamera, picture: &RgbImage) -> RgbImage {
+    camera.undistort.image(picture)
+}
+
+/// A ready-made mask: pixels of at least `from` in some channel are foreground.
+fn take_mask(given: &RgbImage, from: u8, mask: &mut GrayImage) -> Verdict {
+    let mut foreground = 0;
+    for (mask, p) in mask.iter_mut().zip(given.as_raw().chunks_exact(3)) {
+        // No short cut: the compiler then takes many pixels at once.
+        let set = p[0].max(p[1]).max(p[2]) >= from;
+        *mask = if set { 255 } else { 0 };
+        foreground += usize::from(set);
+    }
+    if foreground as f64 > MOST_FOREGROUND * mask.len() as f64 { Verdict::AllForeground } else { Verdict::Usable }
+}

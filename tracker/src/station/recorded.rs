@@ -1,0 +1,120 @@
+//! The station of a recording: every frame in order, as fast as the gathering takes them.
+
+use std::sync::mpsc::Receiver;
+use std::thread;
+use std::time::{Duration, Instant, SystemTime};
+
+use calib::video::FrameSource;
+use image::RgbImage;
+
+use super::observer::Observer;
+use super::permits::Permits;
+use super::seen::{Event, PictureDemand, Pictures, Seen};
+use crate::Result;
+use crate::observation::Feedback;
+use crate::source::{CaptureTimes, utc_s};
+
+/// One camera's recording, with what is made of it.
+pub struct RecordedStation {
+    /// The pictures.
+    pub video: Option<FrameSource>,
+    /// Ready-made masks.
+    pub masks: Option<FrameSource>,
+    /// When the frames were taken.
+    pub times: CaptureTimes,
+    /// What makes the observations.
+    pub observer: Observer,
+    /// The size of the pictures that are drawn, and when they are wanted.
+    pub drawn: ((u32, u32), PictureDemand),
+    /// Play it as fast as it was filmed, with the capture times of a camera that films now: beside live cameras.
+    pub paced: bool,
+}
+
+impl RecordedStation {
+    /// Observes frame after frame until the recording ends, fails, or nobody listens; `send` says whether somebody does.
+    ///
+    /// Of `feedback` there is one for each observation. It is taken in exactly [`Feedback::WINDOW`] observations later, so
+    /// that what it changes does not depend on how fast anybody works; where the recording is paced, as it comes.
+    pub fn run(mut self, feedback: &Receiver<Feedback>, permits: &Permits, mut send: impl FnMut(Event) -> bool) {
+        let mut sequence = 0;
+        let started = (Instant::now(), utc_s(SystemTime::now()));
+        loop {
+            sequence += 1;
+            if self.paced {
+                feedback.try_iter().for_each(|newest| self.observer.expect(&newest));
+            } else if sequence > Feedback::WINDOW {
+                match feedback.recv() {
+                    Ok(newest) => self.observer.expect(&newest),
+                    Err(_) => return,
+                }
+            }
+            let permit = permits.acquire();
+            let event = match self.next(sequence) {
+                Ok(Some(seen)) => Event::Seen(Box::new(seen)),
+                Ok(None) => Event::Ended,
+                Err(error) => Event::Failed(error),
+            };
+            drop(permit);
+            let (is_last, event) = match event {
+                Event::Seen(seen) if self.paced => (false, Event::Seen(Box::new(pace(*seen, started)))),
+                Event::Seen(seen) => (false, Event::Seen(seen)),
+                last => (true, last),
+            };
+            if !send(event) || is_last {
+                return;
+            }
+        }
+    }
+
+    /// The next frame; `None` at the end of the shorter of pictures and masks.
+    fn next(&mut self, sequence: u64) -> Result<Option<Seen>> {
+        let started = Instant::now();
+        let (mut picture, mut mask) = (None, None);
+        let (width, height) = self.observer.size();
+        let mut filmed = None;
+        let mut stamp_s = None;
+        if let Some(video) = &mut self.video {
+            if !video.advance()? {
+                return Ok(None);
+            }
+            stamp_s = video.stamp().presentation_s;
+            let mut scaled = RgbImage::new(width, height);
+            video.picture(&mut scaled)?;
+            picture = Some(scaled);
+            let ((width, height), demand) = &self.drawn;
+            if demand.is_wanted() {
+                let mut drawn = RgbImage::new(*width, *height);
+                video.picture(&mut drawn)?;
+                filmed = Some(drawn.into());
+            }
+        }
+        if let Some(masks) = &mut self.masks {
+            if !masks.advance()? {
+                return Ok(None);
+            }
+            if self.video.is_none() {
+                stamp_s = masks.stamp().presentation_s;
+            }
+            let mut scaled = RgbImage::new(width, height);
+            masks.picture(&mut scaled)?;
+            mask = Some(scaled);
+        }
+        let decode = started.elapsed();
+        let time_s = self.times.next(stamp_s)?;
+        let observed = self.observer.observe(sequence, time_s, picture.as_ref(), mask.as_ref())?;
+        Ok(Some(Seen {
+            observation: observed.observation,
+            pictures: Pictures { pinhole: observed.pinhole, filmed },
+            decode,
+            foreground: started.elapsed().saturating_sub(decode),
+        }))
+    }
+}
+
+/// Waits until a frame would have been filmed, had the recording started when this station did.
+fn pace(mut seen: Seen, (started, started_utc_s): (Instant, f64)) -> Seen {
+    let due = Duration::try_from_secs_f64(seen.observation.time_s.max(0.0)).unwrap_or_default();
+    thread::sleep(due.saturating_sub(started.elapsed()));
+    seen.observation.time_s += started_utc_s;
+    seen
+}
