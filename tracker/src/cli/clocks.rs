@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use anyhow::bail;
-use clap::Args;
-use tracker::source::times::DEFAULT_RATE;
 use calib::video::FrameSource;
+use clap::Args;
 use tracker::gathering::Alignment;
+use tracker::source::times::DEFAULT_RATE;
 use tracker::source::{CameraSource, CaptureTimes, Times};
 
 #[derive(Debug, Args)]
@@ -106,7 +106,8 @@ impl ClockArguments {
                 }
             });
             let offset = self.offset.iter().find(|o| o.camera == source.name);
-            alignments.push(Alignment { offset_s: offset.map_or(0.0, |o| o.seconds), ..Alignment::default() });
+            alignments
+                .push(Alignment { offset_s: offset.map_or(0.0, |o| o.seconds), ..Alignment::default() });
         }
         Ok(Clocks { times, alignments })
     }

@@ -74,8 +74,7 @@ impl MasksArgs {
         let mut foreground = Foreground::new(width, height, start, self.background.options())?;
         let folder = self.out.join(&named.name);
         std::fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
-        let mut progress = console
-            .progress(&format!("masks of {}", named.name), count.map(|n| n as u64));
+        let mut progress = console.progress(&format!("masks of {}", named.name), count.map(|n| n as u64));
         let (mut image, mut mask) = (RgbImage::default(), GrayImage::default());
         let mut frame = 0;
         while video.read(&mut image)? {

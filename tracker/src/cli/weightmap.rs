@@ -7,9 +7,9 @@ use clap::Args;
 use image::RgbImage;
 use scenes::room::Room;
 use tracker::foreground::Start;
+use tracker::method::Method;
 use tracker::method::condensation::Condensation;
 use tracker::method::condensation::integration::Integration;
-use tracker::method::Method;
 use tracker::source::{self, NamedSource, VideoSource};
 use tracker::stage::{Stage, StageOptions};
 use tracker::{CameraFrame, Moment};
@@ -72,7 +72,9 @@ pub(crate) fn weightmap(args: &WeightMapArgs) -> anyhow::Result<String> {
         let size = (camera.width(), camera.height());
         let filmed = (camera.filmed.intrinsics.width, camera.filmed.intrinsics.height);
         let video = source.video.with_context(|| format!("camera `{name}` has no video"))?;
-        if needs_empty && let Start::Backdrop(backdrop) = args.background.start(&name, &video, filmed, size)? {
+        if needs_empty
+            && let Start::Backdrop(backdrop) = args.background.start(&name, &video, filmed, size)?
+        {
             method.set_empty_scene(i, &camera.undistort.image(&backdrop.picture));
         }
         let VideoSource::Recorded(mut video) = video else {

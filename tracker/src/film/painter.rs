@@ -91,7 +91,8 @@ impl Painter {
     /// A mask at the panel's size: for each pixel of its pinhole image, row by row, whether there is foreground.
     fn resized(&self, mask: &Mask) -> Vec<bool> {
         let (width, height) = (self.lens.width, self.lens.height);
-        let nearest = |i: u32, size: u32, whole: u32| ((2 * i + 1) * size / (2 * whole)).min(size.saturating_sub(1));
+        let nearest =
+            |i: u32, size: u32, whole: u32| ((2 * i + 1) * size / (2 * whole)).min(size.saturating_sub(1));
         let columns: Vec<u32> = (0..width).map(|x| nearest(x, mask.width(), width)).collect();
         let rows = (0..height).map(|y| nearest(y, mask.height(), height));
         rows.flat_map(|row| columns.iter().map(move |column| mask.is_set(*column, row))).collect()

@@ -27,9 +27,8 @@ pub(super) fn empty_room(camera: &StageCamera, lens: &Lens) -> RgbImage {
     let below = camera.pinhole.center();
     let (x0, y0) = (below.x.round() as i32, below.y.round() as i32);
     let stroke = Stroke::solid(Color::WHITE.alpha(0.16), 1.0);
-    let project = |x: i32, y: i32| {
-        camera.real.project(&Point3::new(f64::from(x0 + x), f64::from(y0 + y), 0.0))
-    };
+    let project =
+        |x: i32, y: i32| camera.real.project(&Point3::new(f64::from(x0 + x), f64::from(y0 + y), 0.0));
     for i in -GRID_REACH_M..=GRID_REACH_M {
         for j in -GRID_REACH_M..GRID_REACH_M {
             for (from, to) in [((i, j), (i, j + 1)), ((j, i), (j + 1, i))] {

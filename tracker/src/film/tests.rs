@@ -6,7 +6,7 @@ use crate::silhouette::{Body, contour};
 use crate::stage::StageOptions;
 use calib::video::FrameSource;
 use calib::{Camera, Intrinsics};
-use image::{Luma, Rgb};
+use image::Rgb;
 use nalgebra::{Isometry3, Point3, Vector3};
 use scenes::canvas::Color;
 use scenes::room::{Room, RoomCamera};
@@ -23,6 +23,11 @@ fn stage(distortion: [f64; 5]) -> Stage {
     };
     let room = Room { cameras: vec![camera], ..Room::default() };
     Stage::prepare(&room, Path::new("."), &StageOptions::default()).unwrap()
+}
+
+/// Panels of the pictures' own size.
+fn large() -> FilmOptions {
+    FilmOptions { width_px: 1280, ..FilmOptions::default() }
 }
 
 fn person(id: u32, x_m: f64, y_m: f64) -> PersonEstimate {
@@ -43,7 +48,8 @@ fn person(id: u32, x_m: f64, y_m: f64) -> PersonEstimate {
 
 fn gray(stage: &Stage) -> Shot {
     let camera = &stage.cameras[0];
-    Shot { image: Some(RgbImage::from_pixel(camera.width(), camera.height(), Rgb([128; 3]))), mask: None }
+    let image = RgbImage::from_pixel(camera.width(), camera.height(), Rgb([128; 3]));
+    Shot { image: Some(image.into()), mask: None }
 }
 
 /// How far a pixel has moved from the grey picture towards a colour: 0 to 1.
@@ -69,7 +75,7 @@ fn visible_parts_are_tinted_and_hidden_parts_dimmed() {
     let who = person(1, 4.0, 0.0);
     let bounds = contour::bounding_box(&Body::from(&who), &stage.cameras[0].real).unwrap();
     let (middle, quarter) = (bounds.left + 0.5 * bounds.width, 0.25 * bounds.height);
-    let frame = Painter::new(&stage, 0, &FilmOptions::default()).paint(1, 0.0, &gray(&stage), &[who]);
+    let frame = Painter::new(&stage, 0, &large()).paint(1, 0.0, &gray(&stage), &[who]);
     assert_eq!(frame.dimensions(), (1280, 480));
     let color = Color::of_id(1);
     let at = |dx: u32, y: f64| tint(*frame.get_pixel(middle as u32 + dx, y as u32), color);
@@ -90,9 +96,7 @@ fn the_nearer_person_is_seen_whatever_the_order() {
     let stage = stage([0.0; 5]);
     let (near, far) = (person(1, 3.0, 0.0), person(2, 5.0, 0.05));
     let shot = gray(&stage);
-    let paint = |people: &[PersonEstimate]| {
-        Painter::new(&stage, 0, &FilmOptions::default()).paint(1, 0.0, &shot, people)
-    };
+    let paint = |people: &[PersonEstimate]| Painter::new(&stage, 0, &large()).paint(1, 0.0, &shot, people);
     let one = paint(&[near.clone(), far.clone()]);
     assert_eq!(one, paint(&[far.clone(), near.clone()]));
     let middle = stage.cameras[0].real.project(&Point3::new(3.0, 0.0, 0.9)).unwrap();
@@ -104,12 +108,7 @@ fn the_nearer_person_is_seen_whatever_the_order() {
 fn silhouettes_follow_the_lens() {
     let stage = stage([-0.3, 0.08, 0.0, 0.0, 0.0]);
     let who = person(1, 3.0, 1.6);
-    let frame = Painter::new(&stage, 0, &FilmOptions::default()).paint(
-        1,
-        0.0,
-        &gray(&stage),
-        std::slice::from_ref(&who),
-    );
+    let frame = Painter::new(&stage, 0, &large()).paint(1, 0.0, &gray(&stage), std::slice::from_ref(&who));
     // The tinted pixels' bounds are the box in real pixels.
     let bounds = contour::bounding_box(&Body::from(&who), &stage.cameras[0].real).unwrap();
     let color = Color::of_id(1);
@@ -125,8 +124,8 @@ fn silhouettes_follow_the_lens() {
 fn films_are_written_for_pictures_and_for_masks_alone() {
     let stage = stage([0.0; 5]);
     let folder = tempfile::tempdir().unwrap();
-    let mut film = Film::start(folder.path(), &stage, 12.0, &FilmOptions::default(), None).unwrap();
-    let mask = GrayImage::from_pixel(640, 480, Luma([255]));
+    let mut film = Film::start(folder.path(), &stage, 12.0, &large(), None).unwrap();
+    let mask = Mask::from_fn(640, 480, |_, _| true);
     for frame in 1..=20 {
         let shot = if frame % 2 == 0 { gray(&stage) } else { Shot { image: None, mask: Some(mask.clone()) } };
         let people = [person(1, 3.0, 0.05 * f64::from(frame)), person(2, -3.0, 0.0), person(3, 0.1, 0.0)];
@@ -144,7 +143,7 @@ fn an_audience_is_given_every_frame_of_the_film() {
     let seen = Arc::new(std::sync::Mutex::new(Vec::new()));
     let note = Arc::clone(&seen);
     let audience: Audience = Arc::new(move |painted| note.lock().unwrap().push(painted));
-    let options = FilmOptions::default();
+    let options = large();
     let mut film = Film::start(folder.path(), &stage, 12.0, &options, Some(&audience)).unwrap();
     let people = |frame: u32| [person(1, 3.0, 0.05 * f64::from(frame)), person(2, 4.0, -1.0)];
     for frame in 3..=6 {
@@ -169,7 +168,6 @@ fn an_audience_is_given_every_frame_of_the_film() {
 fn a_film_that_cannot_be_written_says_so_at_the_start() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("overlay"), "in the way").unwrap();
-    let error =
-        Film::start(folder.path(), &stage([0.0; 5]), 12.0, &FilmOptions::default(), None).unwrap_err();
+    let error = Film::start(folder.path(), &stage([0.0; 5]), 12.0, &large(), None).unwrap_err();
     assert!(error.to_string().contains("overlay"), "{error}");
 }

@@ -62,15 +62,17 @@ impl Live {
             let now = Instant::now();
             let wait = match self.candidate(cameras, now) {
                 None => WAIT,
-                Some((lead, time_s, arrived)) => match self.complete_in(cameras, lead, time_s, arrived, now) {
-                    Some(wait) => wait,
-                    None if self.is_behind(&cameras[lead], time_s, arrived, now) => {
-                        self.left_out.skipped += 1;
-                        self.latest_s = time_s;
-                        continue;
+                Some((lead, time_s, arrived)) => {
+                    match self.complete_in(cameras, lead, time_s, arrived, now) {
+                        Some(wait) => wait,
+                        None if self.is_behind(&cameras[lead], time_s, arrived, now) => {
+                            self.left_out.skipped += 1;
+                            self.latest_s = time_s;
+                            continue;
+                        }
+                        None => return Ok(Next::Moment(self.moment(cameras, lead, time_s, now, believed))),
                     }
-                    None => return Ok(Next::Moment(self.moment(cameras, lead, time_s, now, believed))),
-                },
+                }
             };
             if !is_open {
                 return Err(Error::option("--video", "all stations have gone"));
@@ -123,7 +125,8 @@ impl Live {
         now: Instant,
     ) -> Option<Duration> {
         let waited_s = now.saturating_duration_since(arrived).as_secs_f64();
-        let others = cameras.iter().enumerate().filter(|(i, camera)| *i != lead && camera.is_present(now, PATIENCE_S));
+        let others =
+            cameras.iter().enumerate().filter(|(i, camera)| *i != lead && camera.is_present(now, PATIENCE_S));
         let wait_s = others
             .filter_map(|(_, camera)| {
                 let newest_s = camera.newest_s?;
@@ -132,7 +135,9 @@ impl Live {
                     return None;
                 }
                 // When its next frame should be here, seconds after the leading one was.
-                let due_s = (camera.interval_s - behind_s) + (camera.delay_s - cameras[lead].delay_s).max(0.0) + SLACK_S;
+                let due_s = (camera.interval_s - behind_s)
+                    + (camera.delay_s - cameras[lead].delay_s).max(0.0)
+                    + SLACK_S;
                 Some(due_s.clamp(0.0, self.latency_s) - waited_s)
             })
             .fold(0.0, f64::max);

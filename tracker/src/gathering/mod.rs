@@ -103,7 +103,11 @@ impl Gathering {
     ///
     /// # Errors
     /// Without stations, or with another number of alignments, or a latency that is no time.
-    pub fn new(ports: Vec<Port>, events: Receiver<(usize, Event)>, options: &GatheringOptions) -> Result<Self> {
+    pub fn new(
+        ports: Vec<Port>,
+        events: Receiver<(usize, Event)>,
+        options: &GatheringOptions,
+    ) -> Result<Self> {
         if ports.is_empty() {
             return Err(Error::option("--video", "no camera has a source"));
         }
@@ -111,7 +115,9 @@ impl Gathering {
             let problem = format!("{} clocks for {} cameras", options.alignments.len(), ports.len());
             return Err(Error::option("--offset", problem));
         }
-        if let Some(odd) = options.alignments.iter().find(|a| !(a.offset_s.is_finite() && a.drift.is_finite())) {
+        if let Some(odd) =
+            options.alignments.iter().find(|a| !(a.offset_s.is_finite() && a.drift.is_finite()))
+        {
             return Err(Error::option("--offset", format!("{} is no time; give seconds", odd.offset_s)));
         }
         if !(options.latency_s >= 0.0 && options.latency_s.is_finite()) {
@@ -143,7 +149,7 @@ impl Gathering {
     ///
     /// # Errors
     /// What a camera failed of, in its turn.
-    pub fn next(&mut self) -> Result<Next> {
+    pub fn next_moment(&mut self) -> Result<Next> {
         match &mut self.mode {
             Mode::Recorded(recorded) => recorded.next(&mut self.cameras, &self.events, &self.believed),
             Mode::Live(live) => live.next(&mut self.cameras, &self.events, &self.believed),

@@ -95,7 +95,8 @@ impl Recorded {
         let mut earliest: Option<(usize, f64)> = None;
         for &camera in &self.order {
             // Frames that have been used belong to moments up to half an interval later.
-            let from_s = if earliest.is_none() { after_s + 1e-9 } else { after_s + 0.5 * cameras[camera].interval_s };
+            let from_s =
+                if earliest.is_none() { after_s + 1e-9 } else { after_s + 0.5 * cameras[camera].interval_s };
             let found = loop {
                 if let Some(next) = cameras[camera].first_after(from_s) {
                     break Some(next.time_s);
@@ -159,7 +160,8 @@ fn start_s(cameras: &mut [Camera], events: &Receiver<(usize, Event)>, believed: 
             }
         }
     }
-    let start_s = cameras.iter().filter_map(|c| Some(c.pending.front()?.time_s)).fold(f64::NEG_INFINITY, f64::max);
+    let start_s =
+        cameras.iter().filter_map(|c| Some(c.pending.front()?.time_s)).fold(f64::NEG_INFINITY, f64::max);
     for camera in 0..cameras.len() {
         // All frames but the last before the start are over; the stations go on meanwhile.
         loop {

@@ -14,10 +14,8 @@ use crate::{Moment, PersonEstimate, Result};
 /// What a method needs of the cameras.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Needs {
-    /// Foreground masks.
+    /// Foreground masks, and where there are pictures the colours of the foreground.
     pub masks: bool,
-    /// Colours of the foreground, where there are pictures.
-    pub colours: bool,
     /// Whole pictures, in the pinhole image.
     pub pictures: bool,
     /// What each camera sees of the empty room, where that is known ([`Method::set_empty_scene`]).

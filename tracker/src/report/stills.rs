@@ -4,8 +4,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use calib::video::FrameSource;
-use image::imageops::{self, FilterType};
 use image::RgbImage;
+use image::imageops::{self, FilterType};
 
 use super::recording::Recording;
 use crate::film::{FilmOptions, Painter, Shot};

@@ -60,7 +60,7 @@ fn run_in(folder: &Path, with_film: bool) -> ReportSources {
         watch.record("inference", Duration::from_millis(4));
         if let Some(film) = &mut film {
             let image = Some(RgbImage::from_pixel(160, 120, Rgb([120, 130, 140])));
-            film.push(frame, time, vec![Shot { image, mask: None }], &[who]).unwrap();
+            film.push(frame, time, vec![Shot { image: image.map(Into::into), mask: None }], &[who]).unwrap();
         }
     }
     files.finish().unwrap();

@@ -86,7 +86,7 @@ pub fn run(
         frames: 0,
     };
     let ended = loop {
-        let step = match gathering.next() {
+        let step = match gathering.next_moment() {
             Ok(Next::Moment(gathered)) => pipeline
                 .follow(gathered, method, &mut outputs)
                 .map(|believed| gathering.believe(believed))

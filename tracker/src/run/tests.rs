@@ -2,19 +2,26 @@
 
 use std::path::Path;
 
+use calib::video::FrameSource;
 use calib::{Camera, Intrinsics};
 use image::{GrayImage, Luma, Rgb, RgbImage};
 use scenes::room::{Room, RoomCamera};
 
 use super::*;
 use crate::PersonEstimate;
+use crate::film::FilmOptions;
 use crate::foreground::backdrop::Backdrop;
 use crate::foreground::{Foreground, ForegroundOptions, Start};
-use crate::source::network_camera::film;
-use crate::source::{self, Clock, NamedSource, Times};
+use crate::gathering::{Alignment, GatheringOptions};
+use crate::method::Needs;
+use crate::source::{self, CaptureTimes, NamedSource, Times, VideoSource};
 use crate::stage::{Stage, StageOptions};
+use crate::station::{self, Masks, Observer, Permits, PictureDemand, RecordedStation, Station, Work};
 
 const SIZE: (u32, u32) = (64, 48);
+
+const EVERYTHING: Needs = Needs { masks: true, pictures: true, empty_scene: false };
+const MASKS: Needs = Needs { masks: true, pictures: false, empty_scene: false };
 
 /// Notes everything it is shown.
 #[derive(Default)]
@@ -24,10 +31,15 @@ impl Method for Witness {
     fn step(&mut self, moment: &Moment<'_>) -> Result<Vec<PersonEstimate>> {
         let sum = |bytes: &[u8]| bytes.iter().enumerate().map(|(i, b)| (i as u64 + 1) * *b as u64).sum();
         let seen = moment.cameras.iter().flat_map(|c| {
-            [c.mask.as_ref().map_or(7, |m| sum(m.as_raw())), c.image.as_ref().map_or(9, |i| sum(i.as_raw()))]
+            let mask = c.mask.as_ref().map_or(7, |m| sum(m.to_image().as_raw()));
+            [mask, c.image.as_ref().map_or(9, |i| sum(i.as_raw()))]
         });
         self.0.push((moment.frame, moment.time_s, seen.collect()));
         Ok(Vec::new())
+    }
+
+    fn needs(&self) -> Needs {
+        EVERYTHING
     }
 }
 
@@ -37,8 +49,12 @@ impl Method for Count {
     fn step(&mut self, moment: &Moment<'_>) -> Result<Vec<PersonEstimate>> {
         let camera = &moment.cameras[0];
         assert!(camera.image.is_none());
-        self.0.push(camera.mask.as_ref().map(|m| m.iter().map(|v| usize::from(*v == 255)).sum()));
+        self.0.push(camera.mask.as_ref().map(|mask| mask.count() as usize));
         Ok(Vec::new())
+    }
+
+    fn needs(&self) -> Needs {
+        MASKS
     }
 }
 
@@ -47,6 +63,10 @@ struct Late(f64);
 impl Method for Late {
     fn step(&mut self, _: &Moment<'_>) -> Result<Vec<PersonEstimate>> {
         Ok(Vec::new())
+    }
+
+    fn needs(&self) -> Needs {
+        MASKS
     }
 
     fn lag_s(&self) -> f64 {
@@ -79,7 +99,7 @@ impl Output for Notes<'_> {
     fn put(&mut self, followed: &Followed<'_>) -> Result<()> {
         let people = followed.people.iter().map(|p| p.id.0).collect();
         let sum = (0..followed.moment.cameras.len())
-            .filter_map(|c| followed.real_picture(c))
+            .filter_map(|c| followed.filmed(c))
             .map(|picture| picture.as_raw().iter().map(|v| u64::from(*v)).sum::<u64>())
             .sum();
         let Moment { frame, time_s, .. } = followed.moment;
@@ -92,7 +112,7 @@ impl Output for Notes<'_> {
     }
 }
 
-fn go_on() -> ControlFlow<()> {
+fn go_on(_: Progress) -> ControlFlow<()> {
     ControlFlow::Continue(())
 }
 
@@ -134,36 +154,75 @@ fn recorded(cameras: &[(&str, u32)]) -> (tempfile::TempDir, Room) {
 }
 
 fn followed(folder: &Path, room: &Room, threads: usize, times: &Times) -> Result<(Witness, RunReport)> {
-    scheduled(folder, room, threads, Schedule::frame_by_frame(times, room.cameras.len())?)
+    let clocks = vec![(times.clone(), 0.0); room.cameras.len()];
+    clocked(folder, room, threads, &clocks)
 }
 
-fn scheduled(folder: &Path, room: &Room, threads: usize, schedule: Schedule) -> Result<(Witness, RunReport)> {
-    let named =
-        |name: &str| NamedSource { name: name.to_owned(), spec: folder.join(name).display().to_string() };
-    let videos: Vec<NamedSource> = room.cameras.iter().map(|c| named(&c.name)).collect();
-    filmed(folder, room, &videos, &RunOptions { schedule, threads })
-}
-
-fn filmed(
+/// The same with times and an offset, in seconds, of each camera.
+fn clocked(
     folder: &Path,
     room: &Room,
-    videos: &[NamedSource],
-    options: &RunOptions,
+    threads: usize,
+    clocks: &[(Times, f64)],
 ) -> Result<(Witness, RunReport)> {
     let mut witness = Witness::default();
-    let report = run(camera_feeds(folder, room, videos)?, &mut witness, Vec::new(), options, go_on)?;
+    let gathering = gathered(folder, room, threads, clocks, EVERYTHING)?;
+    let report = run(gathering, &mut witness, Vec::new(), threads, go_on)?;
     Ok((witness, report.unless_failed()?))
 }
 
-fn camera_feeds(folder: &Path, room: &Room, videos: &[NamedSource]) -> Result<Vec<CameraFeed>> {
+/// Stations of the cameras' folders, which have begun, and what gathers from them.
+fn gathered(
+    folder: &Path,
+    room: &Room,
+    threads: usize,
+    clocks: &[(Times, f64)],
+    needs: Needs,
+) -> Result<Gathering> {
     let stage = Stage::prepare(room, folder, &StageOptions::default())?;
     let empty = Backdrop::learn(&[RgbImage::from_fn(SIZE.0, SIZE.1, floor)])?;
-    let feeds = source::open(room, videos, &[])?.into_iter().map(|source| {
+    let named =
+        |name: &str| NamedSource { name: name.to_owned(), spec: folder.join(name).display().to_string() };
+    let videos: Vec<NamedSource> = room.cameras.iter().map(|c| named(&c.name)).collect();
+    let (permits, (inbox, events)) = (Permits::new(threads), std::sync::mpsc::channel());
+    let mut ports = Vec::new();
+    for (camera, (source, (times, _))) in
+        source::open(room, &videos, &[])?.into_iter().zip(clocks).enumerate()
+    {
         let start = Start::Backdrop(empty.clone());
         let foreground = Foreground::new(SIZE.0, SIZE.1, start, ForegroundOptions::default())?;
-        CameraFeed::new(source, Some(foreground), &stage)
-    });
-    feeds.collect()
+        let masks = Masks::Subtracted(Box::new(foreground));
+        let Some(VideoSource::Recorded(video)) = source.video else { panic!("a folder is a recording") };
+        let station = recorded_station(&stage, &source.name, Some(video), None, masks, (times, needs))?;
+        ports.push(station::start(station, camera, inbox.clone(), &permits));
+    }
+    let alignment = |(_, offset_s): &(Times, f64)| Alignment { offset_s: *offset_s, ..Alignment::default() };
+    let options = GatheringOptions { alignments: clocks.iter().map(alignment).collect(), latency_s: 0.3 };
+    Gathering::new(ports, events, &options)
+}
+
+fn recorded_station(
+    stage: &Stage,
+    name: &str,
+    video: Option<FrameSource>,
+    masks: Option<FrameSource>,
+    made: Masks,
+    (times, needs): (&Times, Needs),
+) -> Result<Station> {
+    let panel = FilmOptions::default().panel_px(&stage.cameras[0]);
+    let work = RecordedStation {
+        video,
+        masks,
+        times: CaptureTimes::given(name, times.clone()),
+        observer: Observer::new(stage, name, made, needs)?,
+        drawn: (panel, PictureDemand::Always),
+        paced: false,
+    };
+    Ok(Station {
+        name: name.to_owned(),
+        rate_hz: Some(times.mean_rate()),
+        work: Work::Recorded(Box::new(work)),
+    })
 }
 
 #[test]
@@ -190,28 +249,6 @@ fn the_shortest_source_ends_the_run_at_any_number_of_threads() {
             followed(folder.path(), &room, threads, &Times::steady(10.0).unwrap()).unwrap();
         assert_eq!((witness.0.len(), report.frames, ended_by(&report)), (4, 4, "b"));
     }
-}
-
-#[test]
-fn a_stream_that_breaks_off_is_set_aside_while_the_others_go_on() {
-    let (folder, room) = recorded(&[("a", 30), ("b", 0)]);
-    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
-    let url = format!("http://{}/camera.mjpg", listener.local_addr().unwrap());
-    let server = thread::spawn(move || {
-        film(&mut listener.accept().unwrap().0, 120, 12).unwrap();
-    });
-    let spec = folder.path().join("a").display().to_string();
-    let videos =
-        [NamedSource { name: "a".to_owned(), spec }, NamedSource { name: "b".to_owned(), spec: url }];
-    let schedule = Schedule::frame_by_frame(&Times::steady(25.0).unwrap(), 2).unwrap();
-    let (witness, report) =
-        filmed(folder.path(), &room, &videos, &RunOptions { schedule, threads: 2 }).unwrap();
-    server.join().unwrap();
-    assert_eq!((witness.0.len(), ended_by(&report)), (30, "a"));
-    // A mask and a picture of each camera; 7 and 9 stand for none.
-    assert!(witness.0[5].2[3] != 9 && witness.0[20].2[2..] == [7, 9], "{:?}", witness.0[20]);
-    assert!(witness.0.iter().all(|(_, _, seen)| seen[1] != 9));
-    assert_eq!(report.set_aside["b"], (30 - 12, Verdict::Lost));
 }
 
 #[test]
@@ -246,16 +283,12 @@ fn a_torn_picture_is_named_after_the_frames_before_it() {
 #[test]
 fn people_are_told_later_beside_the_pictures_of_their_moment() {
     let (folder, room) = recorded(&[("a", 40), ("b", 40)]);
-    let videos = ["a", "b"].map(|name| NamedSource {
-        name: name.to_owned(),
-        spec: folder.path().join(name).display().to_string(),
-    });
     let noted = |lag_s: f64, threads: usize, rate: f64| {
         let notes = std::cell::RefCell::new(Vec::new());
-        let schedule = Schedule::frame_by_frame(&Times::steady(rate).unwrap(), 2).unwrap();
-        let feeds = camera_feeds(folder.path(), &room, &videos).unwrap();
+        let clocks = vec![(Times::steady(rate).unwrap(), 0.0); 2];
+        let gathering = gathered(folder.path(), &room, threads, &clocks, MASKS).unwrap();
         let outputs: Vec<Box<dyn Output>> = vec![Box::new(Notes(&notes))];
-        let report = run(feeds, &mut Late(lag_s), outputs, &RunOptions { schedule, threads }, go_on);
+        let report = run(gathering, &mut Late(lag_s), outputs, threads, go_on);
         (notes.into_inner(), report.unwrap())
     };
     let (at_once, _) = noted(0.0, 1, 10.0);
@@ -290,13 +323,15 @@ fn masks_alone_are_enough_and_a_full_one_is_set_aside() {
     let stage = Stage::prepare(&room, folder.path(), &StageOptions::default()).unwrap();
     let named: NamedSource = format!("a={}", masks.display()).parse().unwrap();
     let source = source::open(&room, &[], &[named]).unwrap().remove(0);
-    let feed = CameraFeed::new(source, None, &stage).unwrap();
+    let times = Times::steady(4.0).unwrap();
+    let made = Masks::ready(&masks.display().to_string());
+    let station = recorded_station(&stage, "a", None, source.masks, made, (&times, MASKS)).unwrap();
+    let (inbox, events) = std::sync::mpsc::channel();
+    let port = station::start(station, 0, inbox, &Permits::new(2));
+    let options = GatheringOptions { alignments: vec![Alignment::default()], latency_s: 0.3 };
+    let gathering = Gathering::new(vec![port], events, &options).unwrap();
     let mut count = Count(Vec::new());
-    let options = RunOptions {
-        schedule: Schedule::frame_by_frame(&Times::steady(4.0).unwrap(), 1).unwrap(),
-        threads: 2,
-    };
-    let report = run(vec![feed], &mut count, Vec::new(), &options, go_on).unwrap();
+    let report = run(gathering, &mut count, Vec::new(), 2, go_on).unwrap();
     assert_eq!(count.0, [Some(480), None, Some(480)]);
     assert_eq!(report.set_aside["a"], (1, Verdict::AllForeground));
 }
@@ -305,11 +340,10 @@ fn masks_alone_are_enough_and_a_full_one_is_set_aside() {
 fn each_camera_shows_the_frame_of_the_moment_at_any_number_of_threads() {
     // Fifteen, six and thirty frames a second; the last begins 0.4 s before the others.
     let (folder, room) = recorded(&[("a", 20), ("b", 6), ("c", 60)]);
-    let clock = |rate: f64, offset_s: f64| Clock { times: Times::steady(rate).unwrap(), offset_s };
-    let schedule = Schedule::new(vec![clock(15.0, 0.0), clock(6.0, 0.0), clock(30.0, -0.4)]).unwrap();
-    let (one, report) = scheduled(folder.path(), &room, 1, schedule.clone()).unwrap();
+    let clocks = [(15.0, 0.0), (6.0, 0.0), (30.0, -0.4)].map(|(hz, s)| (Times::steady(hz).unwrap(), s));
+    let (one, report) = clocked(folder.path(), &room, 1, &clocks).unwrap();
     for threads in [2, 3, 8] {
-        let (other, _) = scheduled(folder.path(), &room, threads, schedule.clone()).unwrap();
+        let (other, _) = clocked(folder.path(), &room, threads, &clocks).unwrap();
         assert_eq!(one.0, other.0, "{threads} threads");
     }
     // Each camera by itself, frame by frame, shows what its pictures sum up to.
@@ -368,20 +402,16 @@ impl Output for Unfinished {
 #[test]
 fn outputs_are_finished_however_a_run_ends() {
     let (folder, room) = recorded(&[("a", 9), ("b", 9)]);
-    let videos = ["a", "b"].map(|name| NamedSource {
-        name: name.to_owned(),
-        spec: folder.path().join(name).display().to_string(),
-    });
     let run_until = |last: u32, threads: usize| {
-        let schedule = Schedule::frame_by_frame(&Times::steady(10.0).unwrap(), 2).unwrap();
+        let clocks = vec![(Times::steady(10.0).unwrap(), 0.0); 2];
         let (finished, mut moments) = (std::cell::Cell::new(None), 0);
         let report = run(
-            camera_feeds(folder.path(), &room, &videos).unwrap(),
+            gathered(folder.path(), &room, threads, &clocks, MASKS).unwrap(),
             &mut Late(0.25),
             vec![Box::new(Unfinished), Box::new(Finish(0, &finished))],
-            &RunOptions { schedule, threads },
-            || {
-                moments += 1;
+            threads,
+            |step| {
+                moments += u32::from(step == Progress::Moment);
                 if moments == last { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
             },
         );

@@ -104,13 +104,15 @@ struct Line {
     frames: VecDeque<(f64, f64)>,
 }
 
-/// `time = start_s + interval_s · number`, below all arrivals.
+/// `time = start + interval · number`, below all arrivals.
 #[derive(Debug, Clone, Copy)]
 struct Envelope {
-    start_s: f64,
-    interval_s: f64,
-    /// Standard deviation of the arrivals around the line.
-    scatter_s: f64,
+    /// Time of frame 0, seconds.
+    start: f64,
+    /// Between two frames, seconds.
+    interval: f64,
+    /// Standard deviation of the arrivals around the line, seconds.
+    scatter: f64,
 }
 
 impl Line {
@@ -121,14 +123,14 @@ impl Line {
         };
         let number = match self.envelope() {
             Some(line) => {
-                let due = (arrival_s - line.start_s) / line.interval_s;
+                let due = (arrival_s - line.start) / line.interval;
                 // The same number again says that the one before was counted one too high.
                 (due + EARLY).floor().max(if due < latest + 0.5 { latest } else { latest + 1.0 })
             }
             // The first frames: none is lost.
             None => latest + 1.0,
         };
-        let interval_s = self.envelope().map_or(arrival_s - latest_arrival_s, |line| line.interval_s);
+        let interval_s = self.envelope().map_or(arrival_s - latest_arrival_s, |line| line.interval);
         if (number - latest) * interval_s > WINDOW_S || arrival_s < latest_arrival_s {
             // Away for long.
             self.frames.clear();
@@ -138,7 +140,7 @@ impl Line {
             self.frames.pop_front();
         }
         match self.envelope() {
-            Some(line) if line.scatter_s < UNEVEN * line.interval_s => line.start_s + line.interval_s * number,
+            Some(line) if line.scatter < UNEVEN * line.interval => line.start + line.interval * number,
             _ => arrival_s,
         }
     }
@@ -166,7 +168,11 @@ impl Line {
         let lowest_s = above().fold(f64::INFINITY, f64::min);
         let mean_above_s = above().sum::<f64>() / count;
         let scatter_s = (above().map(|s| (s - mean_above_s).powi(2)).sum::<f64>() / count).sqrt();
-        Some(Envelope { start_s: first_s + lowest_s - interval_s * first, interval_s, scatter_s })
+        Some(Envelope {
+            start: first_s + lowest_s - interval_s * first,
+            interval: interval_s,
+            scatter: scatter_s,
+        })
     }
 }
 
@@ -245,7 +251,10 @@ mod tests {
                 for frame in 0..50 {
                     let time_s = start_s + f64::from(frame) * INTERVAL_S;
                     let found_s = clock.next(stamped.then_some(time_s + zero_s), None, time_s);
-                    assert!((found_s - time_s).abs() < 1e-3 * f64::from(frame + 2), "{stamped}: {found_s} for {time_s}");
+                    assert!(
+                        (found_s - time_s).abs() < 1e-3 * f64::from(frame + 2),
+                        "{stamped}: {found_s} for {time_s}"
+                    );
                 }
             }
         }

@@ -57,7 +57,8 @@ impl CaptureTimes {
             Clock::Given(times) => times.of(self.frames)?,
             Clock::Presentation { rate_hz } => {
                 let expected_s = self.latest_s.map_or(0.0, |latest| latest + rate_hz.recip());
-                let found_s = stamp_s.filter(|s| s.is_finite() && self.latest_s.is_none_or(|latest| *s > latest));
+                let found_s =
+                    stamp_s.filter(|s| s.is_finite() && self.latest_s.is_none_or(|latest| *s > latest));
                 if found_s.is_none() && !self.has_warned {
                     self.has_warned = true;
                     let what = match stamp_s {
@@ -96,7 +97,8 @@ mod tests {
     #[test]
     fn given_times_outweigh_the_recording() {
         let mut times = CaptureTimes::given("a.mp4", Times::steady(4.0).unwrap());
-        let found: Vec<f64> = [Some(7.0), None, Some(1.0)].into_iter().map(|s| times.next(s).unwrap()).collect();
+        let found: Vec<f64> =
+            [Some(7.0), None, Some(1.0)].into_iter().map(|s| times.next(s).unwrap()).collect();
         assert!(found.iter().zip([0.0, 0.25, 0.5]).all(|(a, b)| (a - b).abs() < 1e-9), "{found:?}");
     }
 }

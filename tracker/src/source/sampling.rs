@@ -26,10 +26,9 @@ pub fn spread(spec: &str, (width, height): (u32, u32)) -> Result<Vec<RgbImage>> 
             let mut picture = RgbImage::new(width, height);
             match source.advance().and_then(|more| more.then(|| source.picture(&mut picture)).transpose()) {
                 Ok(Some(())) => {}
-                Ok(None) => break,
                 Err(error) if frames.is_empty() => return Err(error.into()),
-                // The run is told in its turn, after the frames before.
-                Err(_) => break,
+                // The end, or an error that the run meets in its turn, after the frames before.
+                Ok(None) | Err(_) => break,
             }
             frames.push(picture);
             // The source did not know its length: keep every other frame.

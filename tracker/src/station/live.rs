@@ -165,7 +165,8 @@ impl Reader {
         let mut opened = source.opened;
         let mut has_warned = source.has_warned;
         while self.is_wanted.load(Ordering::Relaxed) {
-            let attempt = opened.take().map_or_else(|| FrameSource::open(&source.spec).map_err(Error::from), Ok);
+            let attempt =
+                opened.take().map_or_else(|| FrameSource::open(&source.spec).map_err(Error::from), Ok);
             match attempt {
                 Ok(stream) => {
                     has_warned = false;
@@ -230,7 +231,8 @@ impl Reader {
         let ((width, height), (drawn_width, drawn_height)) = self.sizes;
         let mut picture = RgbImage::new(width, height);
         let mut filmed = self.demand.is_wanted().then(|| RgbImage::new(drawn_width, drawn_height));
-        let made = stream.picture(&mut picture).and_then(|()| filmed.as_mut().map_or(Ok(()), |f| stream.picture(f)));
+        let made =
+            stream.picture(&mut picture).and_then(|()| filmed.as_mut().map_or(Ok(()), |f| stream.picture(f)));
         if let Err(error) = made {
             tracing::debug!("{error}");
             return true;

@@ -137,9 +137,7 @@ impl Observer {
         }
         if self.needs.masks {
             let mask = self.pinhole_mask();
-            if let (true, Some(picture)) = (self.needs.colours, picture) {
-                observation.colours = Some(self.colours(&mask, picture));
-            }
+            observation.colours = picture.map(|picture| self.colours(&mask, picture));
             observation.mask = Some(mask);
         }
         let pinhole = picture.filter(|_| self.needs.pictures).map(|p| Arc::new(self.undistort.image(p)));
@@ -218,5 +216,9 @@ fn take_mask(given: &RgbImage, from: u8, mask: &mut GrayImage) -> Verdict {
         *mask = if set { 255 } else { 0 };
         foreground += usize::from(set);
     }
-    if foreground as f64 > MOST_FOREGROUND * mask.len() as f64 { Verdict::AllForeground } else { Verdict::Usable }
+    if foreground as f64 > MOST_FOREGROUND * mask.len() as f64 {
+        Verdict::AllForeground
+    } else {
+        Verdict::Usable
+    }
 }

@@ -35,13 +35,20 @@ impl RecordedStation {
     ///
     /// Of `feedback` there is one for each observation. It is taken in exactly [`Feedback::WINDOW`] observations later, so
     /// that what it changes does not depend on how fast anybody works; where the recording is paced, as it comes.
-    pub fn run(mut self, feedback: &Receiver<Feedback>, permits: &Permits, mut send: impl FnMut(Event) -> bool) {
+    pub fn run(
+        mut self,
+        feedback: &Receiver<Feedback>,
+        permits: &Permits,
+        mut send: impl FnMut(Event) -> bool,
+    ) {
         let mut sequence = 0;
         let started = (Instant::now(), utc_s(SystemTime::now()));
         loop {
             sequence += 1;
             if self.paced {
-                feedback.try_iter().for_each(|newest| self.observer.expect(&newest));
+                for newest in feedback.try_iter() {
+                    self.observer.expect(&newest);
+                }
             } else if sequence > Feedback::WINDOW {
                 match feedback.recv() {
                     Ok(newest) => self.observer.expect(&newest),

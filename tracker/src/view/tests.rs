@@ -224,8 +224,9 @@ fn what_somebody_waits_for_is_drawn_and_nothing_else() {
     let stage = stage();
     let screens = Screens::new(String::new(), ["a", "b"].into_iter());
     let options = FilmOptions::default();
-    let drawer = Drawer::start(&stage, &options, &screens);
-    let shot = |level: u8| Shot { image: Some(RgbImage::from_pixel(64, 48, Rgb([level; 3]))), mask: None };
+    let drawer = Drawer::start(&stage, &options, &screens, true);
+    let shot =
+        |level: u8| Shot { image: Some(RgbImage::from_pixel(480, 360, Rgb([level; 3])).into()), mask: None };
     let nothing = || -> Vec<Shot> { panic!("nobody asked for it") };
     for frame in 1..100 {
         drawer.offer(frame, 0.0, &[], nothing);

@@ -47,8 +47,8 @@ pub use self::spent::{Spent, Watch};
 use self::track::Track;
 use self::weight::{Expected, Lookout, Sight};
 use self::weight_map::WeightMap;
-use super::{Method, Needs};
 use super::capacity::Capacity;
+use super::{Method, Needs};
 use crate::silhouette::View;
 use crate::stage::Stage;
 use crate::{Error, Moment, PersonEstimate, Result, TrackId};
@@ -301,7 +301,7 @@ impl Condensation {
 impl Method for Condensation {
     fn needs(&self) -> Needs {
         let empty_scene = self.options.edges.moving_only;
-        Needs { masks: false, colours: false, pictures: true, empty_scene }
+        Needs { masks: false, pictures: true, empty_scene }
     }
 
     /// The edges of an empty scene are no heads.

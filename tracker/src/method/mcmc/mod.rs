@@ -39,8 +39,8 @@ pub use self::options::{Acceptance, McmcOptions, MotionOptions, MoveWeights, Spr
 use self::person::{Key, Person};
 use self::tally::Tally;
 use self::track::Track;
-use super::{Method, Needs};
 use super::capacity::Capacity;
+use super::{Method, Needs};
 use crate::identity::Identities;
 use crate::likelihood::{Counts, Layers, PreparedRule, Simulation, pack};
 use crate::silhouette::{Body, View};
@@ -285,7 +285,7 @@ impl Mcmc {
 
 impl Method for Mcmc {
     fn needs(&self) -> Needs {
-        Needs { masks: true, colours: true, pictures: false, empty_scene: false }
+        Needs { masks: true, pictures: false, empty_scene: false }
     }
 
     fn step(&mut self, moment: &Moment<'_>) -> Result<Vec<PersonEstimate>> {
