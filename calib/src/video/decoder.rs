@@ -3,16 +3,16 @@
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use ffmpeg::codec::packet::side_data;
 use ffmpeg::codec::threading;
 use ffmpeg::error::EAGAIN;
 use ffmpeg::format::context::Input;
-use ffmpeg::format::{Pixel, stream::Stream};
 use ffmpeg::media::Type;
-use ffmpeg::{Error, Packet, Rational, codec, decoder, format, frame};
-use image::{RgbImage, imageops};
+use ffmpeg::{Error, Packet, codec, decoder, format, frame};
+use image::RgbImage;
 
-use super::pixels;
+use super::container;
+use super::pixels::{self, RgbBuffers};
+use super::stamp::{FrameStamp, PacketTimes, PresentationClock};
 
 /// How long a stream may take to open, and between two of its frames.
 const OPENS_WITHIN: Duration = Duration::from_secs(10);
@@ -21,24 +21,42 @@ const READS_WITHIN: Duration = Duration::from_secs(5);
 /// So many torn packets in a row end a video: noise, not a film.
 const TORN_IN_A_ROW: usize = 500;
 
-/// Above this, what a header calls frames a second is the ticking of its clock.
-const FASTEST_HZ: f64 = 500.0;
-
 /// A video, and the picture of it that was decoded last.
 pub(super) struct Decoder {
     input: Input,
     stream: usize,
     codec: decoder::Video,
-    packet: Packet,
     picture: frame::Video,
-    rgb: frame::Video,
+    rgb: RgbBuffers,
     quarter_turns: u8,
+    /// Packets that the decoder has refused since the last picture.
     torn: usize,
     /// With the network.
     patience: Option<Patience>,
-    is_at_end: bool,
+    end: Option<End>,
+    /// Whether the packet that was read last is shorter than the container says.
+    is_short: bool,
+    /// Of sources that have one.
+    clock: Option<PresentationClock>,
+    packets: PacketTimes,
+    /// The time stamp at which the stream ends as it is shown: an edit list may leave packets behind it.
+    shown_until: i64,
+    /// The latest time stamp of a picture.
+    last_ticks: Option<i64>,
+    stamp: FrameStamp,
     rate_hz: Option<f64>,
     frames: Option<usize>,
+}
+
+/// How a video's packets have ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum End {
+    /// As a file or stream should.
+    Regular,
+    /// In the middle of a packet; of MPEG-TS after one that was damaged on its way.
+    InPacket,
+    /// With an error, or a stream that has broken off.
+    Broken(Error),
 }
 
 impl Decoder {
@@ -55,8 +73,9 @@ impl Decoder {
         super::start_ffmpeg()?;
         let patience = Patience::new(OPENS_WITHIN);
         let asked = patience.clone();
-        // Cameras that stream over UDP lose packets, and pictures with them.
-        let options = ffmpeg::dict!("rtsp_transport" => "tcp");
+        // Cameras that stream over UDP lose packets, and pictures with them. Sound would be thrown away; and where there
+        // is some, FFmpeg moves the time stamps of both when the first sender report comes.
+        let options = ffmpeg::dict!("rtsp_transport" => "tcp", "allowed_media_types" => "video");
         let input = format::input_with_interrupt_and_dictionary(url, move || asked.is_over(), options)?;
         Self::new(input, threading::Type::Slice, Some(patience))
     }
@@ -65,20 +84,31 @@ impl Decoder {
         let stream = input.streams().best(Type::Video).ok_or(Error::StreamNotFound)?;
         let mut context = codec::context::Context::from_parameters(stream.parameters())?;
         context.set_threading(threading::Config { kind, ..threading::Config::default() });
-        let rate_hz = rate_hz(&stream);
-        let (index, frames) = (stream.index(), frames(&stream, &input, rate_hz));
-        let quarter_turns = quarter_turns(&stream);
+        let (index, tick, codec) = (stream.index(), stream.time_base(), stream.parameters().id());
+        let rate_hz = container::rate_hz(&stream);
+        let frames = container::frames(&stream, &input);
+        let quarter_turns = container::quarter_turns(&stream);
+        let zero_s = container::zero_s(&input, patience.is_none() || frames.is_some());
+        let is_end_known = stream.duration() > 0 && stream.start_time() != i64::MIN;
+        let shown_until = if is_end_known { stream.start_time() + stream.duration() } else { i64::MAX };
+        let mut decoder = context.decoder();
+        decoder.set_packet_time_base(tick);
         Ok(Self {
-            codec: context.decoder().video()?,
+            codec: decoder.video()?,
             input,
             stream: index,
-            packet: Packet::empty(),
             picture: frame::Video::empty(),
-            rgb: frame::Video::empty(),
+            rgb: RgbBuffers::new(),
             quarter_turns,
             torn: 0,
             patience,
-            is_at_end: false,
+            end: None,
+            is_short: false,
+            clock: zero_s.map(|zero_s| PresentationClock::new(tick, zero_s, rate_hz)),
+            packets: PacketTimes::new(tick, codec),
+            shown_until,
+            last_ticks: None,
+            stamp: FrameStamp::now(),
             rate_hz,
             frames,
         })
@@ -89,15 +119,35 @@ impl Decoder {
         self.rate_hz
     }
 
-    /// Frames in all, where the container says so or says how long it lasts.
+    /// About how many frames there are, where the container says so or says how long it lasts.
     pub(super) fn frames(&self) -> Option<usize> {
         self.frames
     }
 
     /// Width and height of the picture that was decoded last, as it is to be seen.
     pub(super) fn size(&self) -> (u32, u32) {
-        let (width, height) = (self.picture.width(), self.picture.height());
-        if self.quarter_turns.is_multiple_of(2) { (width, height) } else { (height, width) }
+        pixels::turned((self.picture.width(), self.picture.height()), self.quarter_turns)
+    }
+
+    /// Times of the picture that was decoded last.
+    pub(super) fn stamp(&self) -> FrameStamp {
+        self.stamp
+    }
+
+    /// FFmpeg's name of the container's format.
+    pub(super) fn format(&self) -> String {
+        self.input.format().name().to_owned()
+    }
+
+    /// How the packets have ended, if they have.
+    pub(super) fn end(&self) -> Option<End> {
+        self.end
+    }
+
+    /// How many packets, up to a few dozen, were to be shown after the last picture and have given none.
+    pub(super) fn undecodable(&self) -> usize {
+        let silent = self.last_ticks.map_or(0, |ticks| self.packets.between(ticks, self.shown_until));
+        silent.max(self.torn)
     }
 
     /// Decodes the next picture. `false` when there are no more.
@@ -109,9 +159,14 @@ impl Decoder {
             match self.codec.receive_frame(&mut self.picture) {
                 Ok(()) => {
                     self.torn = 0;
+                    let ticks = self.picture.pts().or_else(|| self.picture.timestamp());
+                    self.last_ticks = ticks.max(self.last_ticks);
+                    let (sender_s, arrival) = self.packets.of_frame(&self.picture);
+                    let presentation_s = self.clock.as_mut().and_then(|clock| clock.next_s(ticks));
+                    self.stamp = FrameStamp { presentation_s, sender_s, arrival };
                     return true;
                 }
-                Err(Error::Other { errno: EAGAIN }) if !self.is_at_end => self.feed(),
+                Err(Error::Other { errno: EAGAIN }) if self.end.is_none() => self.feed(),
                 Err(Error::InvalidData) => self.torn += 1,
                 Err(_) => return false,
             }
@@ -121,38 +176,34 @@ impl Decoder {
 
     /// Hands the decoder the next packet, or tells it that there are no more.
     fn feed(&mut self) {
-        let sent = match self.packet.read(&mut self.input) {
-            Ok(()) if self.packet.stream() != self.stream => Ok(()),
-            Ok(()) => self.codec.send_packet(&self.packet),
+        // A new one each time: FFmpeg's reading overwrites a packet and does not give back what it held; dropping does.
+        let mut packet = Packet::empty();
+        let read = packet.read(&mut self.input);
+        if read.is_ok() {
+            self.is_short = packet.is_corrupt();
+        }
+        let sent = match read {
+            Ok(()) if packet.stream() != self.stream => Ok(()),
+            Ok(()) => {
+                self.packets.remember(&packet);
+                self.codec.send_packet(&packet)
+            }
             Err(Error::InvalidData) => Err(Error::InvalidData),
-            // Its end, or a stream that has broken off.
-            Err(_) => {
-                self.is_at_end = true;
+            Err(error) => {
+                self.end = Some(match error {
+                    Error::Eof if self.is_short => End::InPacket,
+                    Error::Eof => End::Regular,
+                    _ => End::Broken(error),
+                });
                 self.codec.send_eof()
             }
         };
         self.torn += usize::from(sent.is_err());
     }
 
-    /// The picture that was decoded last, into an image of its [`size`](Self::size).
+    /// The picture that was decoded last, into an image of any size.
     pub(super) fn picture(&mut self, into: &mut RgbImage) -> Result<(), Error> {
-        if (self.rgb.width(), self.rgb.height()) != (self.picture.width(), self.picture.height()) {
-            self.rgb = frame::Video::empty();
-        }
-        pixels::convert(&self.picture, &mut self.rgb, Pixel::RGB24)?;
-        if self.quarter_turns == 0 {
-            pixels::copy_rgb(&self.rgb, into);
-            return Ok(());
-        }
-        let mut lying = RgbImage::new(self.rgb.width(), self.rgb.height());
-        pixels::copy_rgb(&self.rgb, &mut lying);
-        // The image has the right size: these fail for another only.
-        let _ = match self.quarter_turns {
-            1 => imageops::rotate90_in(&lying, into),
-            2 => imageops::rotate180_in(&lying, into),
-            _ => imageops::rotate270_in(&lying, into),
-        };
-        Ok(())
+        self.rgb.picture(&self.picture, self.quarter_turns, into)
     }
 }
 
@@ -163,41 +214,6 @@ impl std::fmt::Debug for Decoder {
             .field("size", &self.size())
             .finish_non_exhaustive()
     }
-}
-
-fn rate_hz(stream: &Stream) -> Option<f64> {
-    // The rate that all time stamps fit on, unless that is the clock's; then the mean.
-    [stream.rate(), stream.avg_frame_rate()]
-        .into_iter()
-        .map(hertz)
-        .find(|hz| (f64::MIN_POSITIVE..FASTEST_HZ).contains(hz))
-}
-
-/// 0 where it is not known.
-fn hertz(rate: Rational) -> f64 {
-    if rate.denominator() == 0 { 0.0 } else { f64::from(rate) }
-}
-
-fn frames(stream: &Stream, input: &Input, rate_hz: Option<f64>) -> Option<usize> {
-    if stream.frames() > 0 {
-        return usize::try_from(stream.frames()).ok();
-    }
-    let seconds = input.duration() as f64 / f64::from(ffmpeg::ffi::AV_TIME_BASE);
-    let frames = (seconds * rate_hz?).round();
-    (frames >= 1.0).then_some(frames as usize)
-}
-
-/// How often a picture is to be turned clockwise by a quarter before it is seen: telephones film lying and say so.
-fn quarter_turns(stream: &Stream) -> u8 {
-    let matrix = stream.side_data().find(|data| data.kind() == side_data::Type::DisplayMatrix);
-    let Some(matrix) = matrix else { return 0 };
-    // The first two entries of the first row, as 16.16 fixed point: where the picture's x goes, in an image's axes.
-    let entry = |index: usize| {
-        let bytes = matrix.data().get(4 * index..4 * index + 4)?;
-        Some(f64::from(i32::from_ne_bytes(bytes.try_into().ok()?)))
-    };
-    let (Some(x), Some(y)) = (entry(0), entry(1)) else { return 0 };
-    (y.atan2(x) / std::f64::consts::FRAC_PI_2).round().rem_euclid(4.0) as u8
 }
 
 /// Until when FFmpeg may wait for the network; it asks between its own waits.

@@ -5,13 +5,14 @@ use std::time::Duration;
 use ffmpeg::format::Pixel;
 use ffmpeg::{codec, decoder, frame};
 use image::RgbImage;
-use v4l::buffer::Type;
+use v4l::buffer::{Flags, Metadata, Type};
 use v4l::io::traits::CaptureStream;
 use v4l::prelude::MmapStream;
 use v4l::video::Capture;
 use v4l::{FourCC, Fraction};
 
-use super::pixels;
+use super::pixels::RgbBuffers;
+use super::stamp::FrameStamp;
 
 /// The formats that are understood: motion JPEG, and two bytes a pixel as nearly all of them can.
 const MOTION_JPEG: [u8; 4] = *b"MJPG";
@@ -28,7 +29,8 @@ pub(super) struct Device {
     /// Of motion JPEG; the other format needs none.
     decoder: Option<decoder::Video>,
     picture: frame::Video,
-    rgb: frame::Video,
+    rgb: RgbBuffers,
+    stamp: FrameStamp,
     rate_hz: Option<f64>,
 }
 
@@ -54,7 +56,7 @@ impl Device {
         let mut stream = MmapStream::with_buffers(&device, Type::VideoCapture, BUFFERS).map_err(said)?;
         stream.set_timeout(READS_WITHIN);
         let picture = frame::Video::new(Pixel::YUYV422, format.width, format.height);
-        Ok(Self { stream, decoder, picture, rgb: frame::Video::empty(), rate_hz })
+        Ok(Self { stream, decoder, picture, rgb: RgbBuffers::new(), stamp: FrameStamp::now(), rate_hz })
     }
 
     /// Frames a second, where the driver says so.
@@ -72,18 +74,22 @@ impl Device {
         // A camera's first pictures are torn now and then.
         const TRIES: usize = 10;
         (0..TRIES).any(|_| {
-            let Ok((bytes, _)) = self.stream.next() else { return false };
+            let Ok((bytes, metadata)) = self.stream.next() else { return false };
+            self.stamp = FrameStamp { presentation_s: driver_s(*metadata), ..FrameStamp::now() };
             let Some(decoder) = &mut self.decoder else { return paste_yuyv(bytes, &mut self.picture) };
             let packet = codec::packet::Packet::copy(bytes);
             decoder.send_packet(&packet).is_ok() && decoder.receive_frame(&mut self.picture).is_ok()
         })
     }
 
-    /// The picture that came last, into an image of its [`size`](Self::size).
+    /// Times of the picture that came last.
+    pub(super) fn stamp(&self) -> FrameStamp {
+        self.stamp
+    }
+
+    /// The picture that came last, into an image of any size.
     pub(super) fn picture(&mut self, into: &mut RgbImage) -> Result<(), ffmpeg::Error> {
-        pixels::convert(&self.picture, &mut self.rgb, Pixel::RGB24)?;
-        pixels::copy_rgb(&self.rgb, into);
-        Ok(())
+        self.rgb.picture(&self.picture, 0, into)
     }
 }
 
@@ -97,6 +103,13 @@ fn motion_jpeg() -> Result<decoder::Video, ffmpeg::Error> {
     super::start_ffmpeg()?;
     let codec = decoder::find(codec::Id::MJPEG).ok_or(ffmpeg::Error::DecoderNotFound)?;
     codec::context::Context::new().decoder().open_as(codec)?.video()
+}
+
+/// When the driver says that a picture was taken, seconds of the machine's monotonic clock; `None` where it does not say.
+fn driver_s(metadata: Metadata) -> Option<f64> {
+    let is_monotonic = metadata.flags & Flags::TIMESTAMP_MASK == Flags::TIMESTAMP_MONOTONIC;
+    let seconds = metadata.timestamp.sec as f64 + metadata.timestamp.usec as f64 / 1e6;
+    (is_monotonic && seconds > 0.0).then_some(seconds)
 }
 
 fn rate_hz(interval: Fraction) -> Option<f64> {
@@ -126,12 +139,22 @@ mod tests {
         let bytes = [[128, 128, 128, 128].repeat(3), [81, 90, 81, 240].repeat(3)].concat();
         assert!(!paste_yuyv(&bytes[1..], &mut picture));
         assert!(paste_yuyv(&bytes, &mut picture));
-        let (mut rgb, mut image) = (frame::Video::empty(), RgbImage::new(6, 2));
-        pixels::convert(&picture, &mut rgb, Pixel::RGB24).unwrap();
-        pixels::copy_rgb(&rgb, &mut image);
+        let mut image = RgbImage::new(6, 2);
+        RgbBuffers::new().picture(&picture, 0, &mut image).unwrap();
         // (128 − 16) · 255 / 219
         assert!(image.rows().next().unwrap().all(|p| p.0.iter().all(|v| v.abs_diff(130) <= 2)), "{image:?}");
         assert!(image.rows().nth(1).unwrap().all(|p| p[0] > 250 && p[1] < 5 && p[2] < 5), "{image:?}");
+    }
+
+    #[test]
+    fn the_drivers_time_is_taken_from_a_monotonic_clock_only() {
+        let told = |flags, sec| {
+            let timestamp = v4l::Timestamp::new(sec, 250_000);
+            driver_s(Metadata { flags, timestamp, ..Metadata::default() })
+        };
+        assert_eq!(told(Flags::TIMESTAMP_MONOTONIC | Flags::DONE, 12), Some(12.25));
+        assert_eq!(told(Flags::TIMESTAMP_COPY, 12), None);
+        assert_eq!(told(Flags::TIMESTAMP_UNKNOWN, 12), None);
     }
 
     #[test]

@@ -2,19 +2,36 @@
 
 use std::path::{Path, PathBuf};
 
+use ffmpeg::format::Pixel;
+use ffmpeg::frame;
 use image::{DynamicImage, RgbImage};
 
 use super::content;
+use super::pixels::{self, RgbBuffers};
 use crate::{Error, Result, picture};
 
 /// Images in the order in which they were taken, and the place of the one that is looked at.
-#[derive(Debug)]
 pub(super) struct Images {
     paths: Vec<PathBuf>,
     ahead: usize,
+    decoded: Option<Decoded>,
+    rgb: RgbBuffers,
+}
+
+/// The pixels of the image that was decoded last.
+struct Decoded {
+    /// How many images had been passed over or looked at with it.
+    ahead: usize,
+    pixels: RgbImage,
+    /// The same for libswscale, once another size has been asked for.
+    frame: Option<frame::Video>,
 }
 
 impl Images {
+    fn new(paths: Vec<PathBuf>) -> Self {
+        Self { paths, ahead: 0, decoded: None, rgb: RgbBuffers::new() }
+    }
+
     /// The images of a folder, in name order.
     pub(super) fn in_folder(folder: &Path) -> Result<Self> {
         let mut paths: Vec<PathBuf> = listed(folder)?.into_iter().filter(|path| is_image(path)).collect();
@@ -22,7 +39,7 @@ impl Images {
         if paths.is_empty() {
             return Err(content(folder, "folder", "holds no .jpg, .jpeg or .png image"));
         }
-        Ok(Self { paths, ahead: 0 })
+        Ok(Self::new(paths))
     }
 
     /// The files of a pattern such as `frames/%04d.png`, from the lowest number on.
@@ -51,7 +68,7 @@ impl Images {
             return Err(content(&folder.join(name.name(gap[0] + 1)), "pattern", &problem));
         }
         let paths = numbers.into_iter().map(|number| folder.join(name.name(number))).collect();
-        Ok(Self { paths, ahead: 0 })
+        Ok(Self::new(paths))
     }
 
     /// How many there are.
@@ -77,26 +94,66 @@ impl Images {
         more
     }
 
-    /// The image that is looked at, after [`advance`](Self::advance).
-    pub(super) fn picture(&self, into: &mut RgbImage) -> Result<()> {
-        let path = &self.paths[self.ahead - 1];
-        let picture = picture::read(path)?;
-        let ((w, h), (width, height)) = ((picture.width(), picture.height()), into.dimensions());
-        if (w, h) != (width, height) {
-            let problem = format!("is {w} × {h}, the frames before it are {width} × {height}");
-            return Err(content(path, "image", &problem));
+    /// The file that is looked at, after [`advance`](Self::advance).
+    pub(super) fn path(&self) -> &Path {
+        &self.paths[self.ahead - 1]
+    }
+
+    /// Decodes the image that is looked at, after [`advance`](Self::advance), and tells its width and height.
+    pub(super) fn decode(&mut self) -> Result<(u32, u32)> {
+        Ok(self.decoded()?.pixels.dimensions())
+    }
+
+    /// The image that is looked at, after [`advance`](Self::advance), into an image of any size.
+    pub(super) fn picture(&mut self, into: &mut RgbImage) -> Result<()> {
+        let size = into.dimensions();
+        let decoded = self.decoded()?;
+        if decoded.pixels.dimensions() == size {
+            into.copy_from_slice(&decoded.pixels);
+            return Ok(());
         }
-        match picture {
-            // Grey ones are masks. `image` would convert their colour space pixel by pixel, which takes longer than
-            // everything else that is done with a mask.
-            DynamicImage::ImageLuma8(grey) => {
-                for (colour, level) in into.chunks_exact_mut(3).zip(grey.iter()) {
-                    colour.fill(*level);
-                }
+        let Decoded { pixels, frame, .. } = decoded;
+        let frame = frame.take().unwrap_or_else(|| {
+            let mut frame = frame::Video::new(Pixel::RGB24, pixels.width(), pixels.height());
+            pixels::paste_rgb(pixels, &mut frame);
+            frame
+        });
+        let scaled = self.rgb.picture(&frame, 0, into);
+        if let Some(decoded) = &mut self.decoded {
+            decoded.frame = Some(frame);
+        }
+        scaled.map_err(|error| content(self.path(), "image", &error.to_string()))
+    }
+
+    fn decoded(&mut self) -> Result<&mut Decoded> {
+        let decoded = match self.decoded.take() {
+            Some(decoded) if decoded.ahead == self.ahead => decoded,
+            _ => {
+                let pixels = match picture::read(self.path())? {
+                    // Grey ones are masks. `image` would convert their colour space pixel by pixel, which takes longer
+                    // than everything else that is done with a mask.
+                    DynamicImage::ImageLuma8(grey) => {
+                        let mut pixels = RgbImage::new(grey.width(), grey.height());
+                        for (colour, level) in pixels.chunks_exact_mut(3).zip(grey.iter()) {
+                            colour.fill(*level);
+                        }
+                        pixels
+                    }
+                    other => other.into_rgb8(),
+                };
+                Decoded { ahead: self.ahead, pixels, frame: None }
             }
-            other => *into = other.into_rgb8(),
-        }
-        Ok(())
+        };
+        Ok(self.decoded.insert(decoded))
+    }
+}
+
+impl std::fmt::Debug for Images {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Images")
+            .field("paths", &self.paths)
+            .field("ahead", &self.ahead)
+            .finish_non_exhaustive()
     }
 }
 

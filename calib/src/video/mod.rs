@@ -4,6 +4,7 @@
 //!
 //! * [`FrameSource`] — frames from whatever a user points at: a video, a folder of images, a printf pattern, the URL of
 //!   a stream, the number of a device.
+//! * [`FrameStamp`] — when a frame was taken, on its source's clock, the sender's and ours.
 //! * [`FilmWriter`] — an MP4 film, whole or not at all.
 
 use std::path::Path;
@@ -11,17 +12,21 @@ use std::sync::Once;
 
 use crate::Error;
 
+mod container;
 mod decoder;
 #[cfg(target_os = "linux")]
 mod device;
+mod extent;
 mod images;
 mod pixels;
 mod source;
+mod stamp;
 #[cfg(test)]
 mod tests;
 mod writer;
 
 pub use source::FrameSource;
+pub use stamp::FrameStamp;
 pub use writer::FilmWriter;
 
 /// Makes FFmpeg ready, the first time; without this its errors have no words.

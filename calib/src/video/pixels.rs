@@ -8,46 +8,109 @@ use std::cell::RefCell;
 use ffmpeg::format::Pixel;
 use ffmpeg::frame;
 use ffmpeg::software::scaling::{Context, Flags};
-use image::RgbImage;
+use image::{Rgb, RgbImage};
 
 thread_local! {
-    /// libswscale's tables for the last few kinds of picture that this thread has converted. They cannot move between
-    /// threads as film sources do, hence they do not live there.
+    /// libswscale's tables for the last few kinds of conversion that this thread has made, the latest last. They cannot
+    /// move between threads as film sources do, hence they do not live there.
     static CONVERTERS: RefCell<Vec<Context>> = const { RefCell::new(Vec::new()) };
 }
 
-/// As many as a thread may need by turns: a rig of cameras of different makes, and a film that is written.
-const CONVERTERS_KEPT: usize = 8;
+/// As many as a thread may need by turns: a rig of cameras of different makes, each at the size of its masks and at that of a film.
+const CONVERTERS_KEPT: usize = 32;
 
-/// Converts `from` into `to`, which has the same size; an empty `to` is given one, in `format`.
-pub(super) fn convert(
-    from: &frame::Video,
-    to: &mut frame::Video,
-    format: Pixel,
-) -> Result<(), ffmpeg::Error> {
+/// Sizes at which one source's pictures are usually asked for: its own, that of the masks, that of a film; one to spare.
+const SIZES_KEPT: usize = 4;
+
+/// Converts `from` into `to` at `to`'s size, which has to be set and its format, too.
+pub(super) fn convert(from: &frame::Video, to: &mut frame::Video) -> Result<(), ffmpeg::Error> {
     CONVERTERS.with_borrow_mut(|converters| {
-        let (width, height) = (from.width(), from.height());
         let found = converters.iter().position(|converter| {
             let (input, output) = (converter.input(), converter.output());
-            (input.format, input.width, input.height) == (from.format(), width, height)
-                && output.format == format
+            (input.format, input.width, input.height) == (from.format(), from.width(), from.height())
+                && (output.format, output.width, output.height) == (to.format(), to.width(), to.height())
         });
-        let place = if let Some(place) = found {
-            place
-        } else {
-            let made = Context::get(from.format(), width, height, format, width, height, Flags::BICUBIC)?;
-            if converters.len() == CONVERTERS_KEPT {
-                converters.remove(0);
-            }
-            converters.push(made);
-            converters.len() - 1
+        let mut converter = match found {
+            Some(place) => converters.remove(place),
+            None => converter(from, to)?,
         };
-        converters[place].run(from, to)
+        if converters.len() == CONVERTERS_KEPT {
+            converters.remove(0);
+        }
+        let converted = converter.run(from, to);
+        converters.push(converter);
+        converted
     })
 }
 
+/// Area averaging where a picture shrinks; bicubic otherwise, which at the same size is the chroma's only.
+fn converter(from: &frame::Video, to: &frame::Video) -> Result<Context, ffmpeg::Error> {
+    let ((w, h), (width, height)) = ((from.width(), from.height()), (to.width(), to.height()));
+    let shrinks = (w, h) != (width, height) && width <= w && height <= h;
+    let flags = if shrinks { Flags::AREA | Flags::ACCURATE_RND } else { Flags::BICUBIC };
+    Context::get(from.format(), w, h, to.format(), width, height, flags)
+}
+
+/// Buffers through which a source's frames become images, one for each size that is asked for.
+pub(super) struct RgbBuffers(Vec<frame::Video>);
+
+impl RgbBuffers {
+    pub(super) const fn new() -> Self {
+        Self(Vec::new())
+    }
+
+    /// Converts `from` into `into` at `into`'s size, turned clockwise by quarters afterwards: its colours and its size in
+    /// one pass of libswscale.
+    pub(super) fn picture(
+        &mut self,
+        from: &frame::Video,
+        quarter_turns: u8,
+        into: &mut RgbImage,
+    ) -> Result<(), ffmpeg::Error> {
+        let (width, height) = turned(into.dimensions(), quarter_turns);
+        let found = self.0.iter().position(|buffer| (buffer.width(), buffer.height()) == (width, height));
+        let mut buffer = match found {
+            Some(place) => self.0.remove(place),
+            None => frame::Video::new(Pixel::RGB24, width, height),
+        };
+        if self.0.len() == SIZES_KEPT {
+            self.0.remove(0);
+        }
+        let converted = convert(from, &mut buffer);
+        if converted.is_ok() {
+            copy_turned(&buffer, quarter_turns, into);
+        }
+        self.0.push(buffer);
+        converted
+    }
+}
+
+/// Width and height of a picture after it has been turned by quarters.
+pub(super) fn turned((width, height): (u32, u32), quarter_turns: u8) -> (u32, u32) {
+    if quarter_turns.is_multiple_of(2) { (width, height) } else { (height, width) }
+}
+
+/// The pixels of a frame of [`Pixel::RGB24`], turned clockwise by quarters, into an image of the size that it has then.
+fn copy_turned(frame: &frame::Video, quarter_turns: u8, into: &mut RgbImage) {
+    if quarter_turns == 0 {
+        copy_rgb(frame, into);
+        return;
+    }
+    let (width, height) = (frame.width(), frame.height());
+    for (y, line) in (0..height).zip(frame.data(0).chunks(frame.stride(0))) {
+        for (x, pixel) in (0..width).zip(line.as_chunks::<3>().0) {
+            let (column, row) = match quarter_turns {
+                1 => (height - 1 - y, x),
+                2 => (width - 1 - x, height - 1 - y),
+                _ => (y, width - 1 - x),
+            };
+            into.put_pixel(column, row, Rgb(*pixel));
+        }
+    }
+}
+
 /// The pixels of a frame of [`Pixel::RGB24`] into an image of its size.
-pub(super) fn copy_rgb(frame: &frame::Video, into: &mut RgbImage) {
+fn copy_rgb(frame: &frame::Video, into: &mut RgbImage) {
     let row_bytes = 3 * frame.width() as usize;
     let lines = frame.data(0).chunks(frame.stride(0));
     for (row, line) in into.chunks_exact_mut(row_bytes).zip(lines) {

@@ -6,17 +6,24 @@ use std::path::Path;
 use image::RgbImage;
 
 use super::content;
-use super::decoder::Decoder;
+use super::decoder::{Decoder, End};
 #[cfg(target_os = "linux")]
 use super::device::Device;
+use super::extent;
 use super::images::Images;
+use super::stamp::FrameStamp;
 use crate::{Error, Result};
 
-/// How many frames a container's header may promise beyond what decodes: headers count from durations, and
-/// rounding and edit lists make them one or two too many.
-const HEADER_SLACK_FRAMES: usize = 3;
+/// Frames at the end of a file that may be lost in decoding without a word: players do not show them, either.
+const TORN_SLACK_FRAMES: usize = 3;
 
-/// A sequence of colour images of one size.
+/// FFmpeg's names of formats made for recordings that are switched off at any time, in the middle of a frame, too.
+const ENDS_ANYWHERE: &[&str] = &["mpegts", "mpeg"];
+
+/// A sequence of colour images.
+///
+/// [`advance`](Self::advance) goes on to the next frame, [`picture`](Self::picture) converts it, at any size and more
+/// than once. [`read`](Self::read) does both, for callers that need one size from the first frame to the last.
 #[derive(Debug)]
 pub struct FrameSource {
     name: String,
@@ -27,8 +34,11 @@ pub struct FrameSource {
     /// Frames in all, where the source can know.
     expected: Option<usize>,
     delivered: usize,
+    frame_size: (u32, u32),
+    stamp: FrameStamp,
     /// The first frame of a video is decoded when it is opened: its size is known then, and that it can be decoded.
     is_ahead: bool,
+    is_at_end: bool,
     origin: Origin,
     pictures: Pictures,
 }
@@ -84,7 +94,10 @@ impl FrameSource {
             rate: None,
             expected: Some(images.len()),
             delivered: 0,
+            frame_size: (width, height),
+            stamp: FrameStamp::now(),
             is_ahead: false,
+            is_at_end: false,
             origin: Origin::Images,
             pictures: Pictures::Images(images),
         })
@@ -129,7 +142,10 @@ impl FrameSource {
             rate: decoder.rate_hz(),
             expected: decoder.frames().filter(|_| origin == Origin::File),
             delivered: 0,
+            frame_size: (width, height),
+            stamp: FrameStamp::now(),
             is_ahead: true,
+            is_at_end: false,
             origin,
             pictures: Pictures::Video(Box::new(decoder)),
         })
@@ -150,7 +166,10 @@ impl FrameSource {
             rate: device.rate_hz(),
             expected: None,
             delivered: 0,
+            frame_size: (width, height),
+            stamp: FrameStamp::now(),
             is_ahead: true,
+            is_at_end: false,
             origin: Origin::Live,
             pictures: Pictures::Device(Box::new(device)),
         })
@@ -175,9 +194,20 @@ impl FrameSource {
         }
     }
 
-    /// Width and height in pixels.
+    /// Width and height of the first frame, pixels.
     pub fn size(&self) -> (u32, u32) {
         (self.width, self.height)
+    }
+
+    /// Width and height of the frame that was decoded last, as it is to be seen, pixels; before the first, that of the
+    /// first.
+    pub fn frame_size(&self) -> (u32, u32) {
+        self.frame_size
+    }
+
+    /// Times of the frame that was read, decoded or passed over last; before the first, those of opening.
+    pub fn stamp(&self) -> FrameStamp {
+        self.stamp
     }
 
     /// Frames a second, where the source says so (a folder of images does not).
@@ -185,70 +215,132 @@ impl FrameSource {
         self.rate
     }
 
-    /// Frames in all, where the source can know; a container's header may be off by a few.
+    /// Frames in all, where the source can know. Of a video it is an estimate from the container's header: frames may have been
+    /// lost, or come at an uneven rate.
     pub fn frame_count(&self) -> Option<usize> {
         self.expected
     }
 
-    /// Frames delivered so far.
+    /// Frames delivered or passed over so far.
     pub fn delivered(&self) -> usize {
         self.delivered
+    }
+
+    /// Decodes the next frame, to be converted by [`picture`](Self::picture). `false` when there are no more. A frame may have
+    /// another size than those before it: [`frame_size`](Self::frame_size).
+    ///
+    /// # Errors
+    /// An image that cannot be decoded, or a file that is torn: it ends before the frames that its own header promises, or
+    /// its last frames cannot be decoded. The line names source and frame. Frames that a whole file has lost, or does
+    /// not show, are no error.
+    pub fn advance(&mut self) -> Result<bool> {
+        if !self.step() {
+            return self.whole().map(|()| false);
+        }
+        self.frame_size = match &mut self.pictures {
+            Pictures::Images(images) => images.decode()?,
+            Pictures::Video(decoder) => decoder.size(),
+            #[cfg(target_os = "linux")]
+            Pictures::Device(device) => device.size(),
+        };
+        self.delivered += 1;
+        Ok(true)
+    }
+
+    /// The frame that was decoded or passed over last, into `into` at `into`'s own size: areas are averaged where it is
+    /// smaller than the frame, in the same pass as the conversion of colours. At [`frame_size`](Self::frame_size) the result is
+    /// that of [`read`](Self::read).
+    ///
+    /// # Errors
+    /// Before the first frame, an image without pixels, or a frame that cannot be converted.
+    pub fn picture(&mut self, into: &mut RgbImage) -> Result<()> {
+        let place = format!("frame {}", self.delivered);
+        let refused = |problem: &str| content(Path::new(&self.name), &place, problem);
+        if self.delivered == 0 || self.is_at_end || into.is_empty() {
+            let problem =
+                if into.is_empty() { "is asked for without a size" } else { "is none; advance first" };
+            return Err(refused(problem));
+        }
+        match &mut self.pictures {
+            Pictures::Images(images) => images.picture(into),
+            Pictures::Video(decoder) => decoder.picture(into).map_err(|error| refused(&error.to_string())),
+            #[cfg(target_os = "linux")]
+            Pictures::Device(device) => device.picture(into).map_err(|error| refused(&error.to_string())),
+        }
     }
 
     /// The next frame into `into`, which is resized if need be. `false` when there are no more.
     ///
     /// # Errors
-    /// A frame that cannot be decoded, one of another size, or a file that ends before the frame its own header
-    /// promises; the line names source and frame.
+    /// As [`advance`](Self::advance), and a frame of another size than the first.
     pub fn read(&mut self, into: &mut RgbImage) -> Result<bool> {
-        let size = (self.width, self.height);
-        if into.dimensions() != size {
-            *into = RgbImage::new(self.width, self.height);
-        }
-        let place = format!("frame {}", self.delivered + 1);
-        if !self.advance() {
-            let promised = self.expected.unwrap_or(0);
-            if self.origin == Origin::File && self.delivered + HEADER_SLACK_FRAMES < promised {
-                let problem =
-                    format!("the file ends here, but its header promises {promised} frames; copy it again");
-                return Err(content(Path::new(&self.name), &place, &problem));
-            }
+        if !self.advance()? {
             return Ok(false);
         }
-        let refused = |error: ffmpeg::Error| content(Path::new(&self.name), &place, &error.to_string());
-        match &mut self.pictures {
-            Pictures::Images(images) => images.picture(into)?,
-            Pictures::Video(decoder) if decoder.size() != size => {
-                let ((w, h), (width, height)) = (decoder.size(), size);
-                let problem = format!("is {w} × {h}, the frames before it are {width} × {height}");
-                return Err(content(Path::new(&self.name), &place, &problem));
-            }
-            Pictures::Video(decoder) => decoder.picture(into).map_err(refused)?,
-            #[cfg(target_os = "linux")]
-            Pictures::Device(device) => device.picture(into).map_err(refused)?,
+        let ((w, h), (width, height)) = (self.frame_size, self.size());
+        if (w, h) != (width, height) {
+            let problem = format!("is {w} × {h}, the frames before it are {width} × {height}");
+            return Err(match &self.pictures {
+                Pictures::Images(images) => content(images.path(), "image", &problem),
+                _ => content(Path::new(&self.name), &format!("frame {}", self.delivered), &problem),
+            });
         }
-        self.delivered += 1;
+        if into.dimensions() != (width, height) {
+            *into = RgbImage::new(width, height);
+        }
+        self.picture(into)?;
         Ok(true)
     }
 
-    /// Passes over a frame without converting it: cheaper than [`Self::read`]. `false` when there are no more; a torn
-    /// file ends early here, and [`Self::read`] says so.
+    /// Passes over a frame: cheaper than [`Self::advance`] for images, which are not decoded. `false` when there are no more; a
+    /// torn file ends early here, and [`Self::advance`] and [`Self::read`] say so.
     pub fn skip(&mut self) -> bool {
-        let more = self.advance();
+        let more = self.step();
         self.delivered += usize::from(more);
         more
     }
 
-    fn advance(&mut self) -> bool {
-        if std::mem::take(&mut self.is_ahead) {
-            return true;
-        }
-        match &mut self.pictures {
-            Pictures::Images(images) => images.advance(),
-            Pictures::Video(decoder) => decoder.advance(),
+    /// Goes on to the next frame.
+    fn step(&mut self) -> bool {
+        let is_ahead = std::mem::take(&mut self.is_ahead);
+        let (more, stamp) = match &mut self.pictures {
+            Pictures::Images(images) => (images.advance(), FrameStamp::now()),
+            Pictures::Video(decoder) => (is_ahead || decoder.advance(), decoder.stamp()),
             #[cfg(target_os = "linux")]
-            Pictures::Device(device) => device.advance(),
+            Pictures::Device(device) => (is_ahead || device.advance(), device.stamp()),
+        };
+        if more {
+            self.stamp = stamp;
         }
+        self.is_at_end = !more;
+        more
+    }
+
+    /// Whether a file has ended as it should, once it has ended. What it promises is the bytes that its container's sizes add up to,
+    /// not frames: an edit list shows fewer than there are, and recorders lose some.
+    fn whole(&self) -> Result<()> {
+        let Pictures::Video(decoder) = &self.pictures else { return Ok(()) };
+        if self.origin != Origin::File {
+            return Ok(());
+        }
+        let path = Path::new(&self.name);
+        let format = decoder.format();
+        let is_cut_off = extent::is_cut_off(path, &format)
+            .map_err(|source| Error::Io { path: path.to_owned(), source })?
+            || (decoder.end() == Some(End::InPacket) && !ENDS_ANYWHERE.contains(&format.as_str()));
+        let promised = self.expected.filter(|promised| *promised > self.delivered);
+        let problem = match (decoder.end(), promised) {
+            (Some(End::Broken(error)), _) => format!("cannot be read ({error}); copy the file again"),
+            (_, Some(promised)) if is_cut_off => {
+                format!("the file ends here, but its header promises {promised} frames; copy it again")
+            }
+            _ if is_cut_off => "the file ends here, but its header promises more; copy it again".to_owned(),
+            _ if decoder.undecodable() > TORN_SLACK_FRAMES => {
+                "the rest of the file cannot be decoded; copy it again".to_owned()
+            }
+            _ => return Ok(()),
+        };
+        Err(content(path, &format!("frame {}", self.delivered + 1), &problem))
     }
 
     /// Whether this is a recording that can be opened and read again, not a stream or a device.

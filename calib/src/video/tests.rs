@@ -6,6 +6,14 @@ use image::{Rgb, RgbImage};
 
 use super::{FilmWriter, FrameSource};
 
+mod films;
+mod live;
+mod memory;
+mod rtsp;
+mod sizes;
+mod stamps;
+mod torn;
+
 fn flat(level: u8) -> RgbImage {
     RgbImage::from_pixel(64, 48, Rgb([level, 128, 255 - level]))
 }
@@ -124,17 +132,7 @@ fn a_telephones_film_is_turned_the_way_it_was_held() {
 fn a_film_that_is_cut_off_is_told_at_the_frame_where_it_ends() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("film.mp4");
-    let mut writer = FilmWriter::create(&path, 64, 48, 10.0).unwrap();
-    let mut noise = 1_u32;
-    for _ in 0..60 {
-        let mut grain = RgbImage::new(64, 48);
-        for value in grain.iter_mut() {
-            noise = noise.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            *value = (noise >> 24) as u8;
-        }
-        writer.write(&grain).unwrap();
-    }
-    writer.finish().unwrap();
+    films::noisy_film(&path, 64, 48, 60);
     let whole = std::fs::read(&path).unwrap();
     std::fs::write(&path, &whole[..whole.len() / 2]).unwrap();
     let mut source = FrameSource::open(path.to_str().unwrap()).unwrap();

@@ -111,8 +111,8 @@ impl FilmWriter {
         }
         pixels::paste_rgb(frame, &mut self.rgb);
         // The encoder may still look at the picture before.
-        self.yuv = frame::Video::empty();
-        pixels::convert(&self.rgb, &mut self.yuv, Pixel::YUV420P).map_err(|error| self.refused(error))?;
+        self.yuv = frame::Video::new(Pixel::YUV420P, self.size.0, self.size.1);
+        pixels::convert(&self.rgb, &mut self.yuv).map_err(|error| self.refused(error))?;
         self.yuv.set_pts(Some(self.frames));
         self.frames += 1;
         self.encoder.send_frame(&self.yuv).map_err(|error| self.refused(error))?;
@@ -160,7 +160,7 @@ impl Drop for FilmWriter {
 }
 
 /// The best encoder at hand, and how it is to work: the quality of a film to look at, and quick.
-fn best_codec() -> std::result::Result<(ffmpeg::Codec, Dictionary<'static>), ffmpeg::Error> {
+pub(super) fn best_codec() -> std::result::Result<(ffmpeg::Codec, Dictionary<'static>), ffmpeg::Error> {
     if let Some(codec) = encoder::find_by_name("libx264") {
         return Ok((codec, ffmpeg::dict!("preset" => "veryfast", "crf" => "23")));
     }

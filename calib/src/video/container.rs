@@ -1,0 +1,88 @@
+//! What a container says of its video before a frame of it is read.
+
+use ffmpeg::codec::packet::side_data;
+use ffmpeg::format::context::Input;
+use ffmpeg::format::stream::Stream;
+use ffmpeg::{Rational, media};
+
+use super::stamp::seconds;
+
+/// Above this, what a header calls frames a second is the ticking of its clock.
+const FASTEST_HZ: f64 = 500.0;
+
+/// FFmpeg's names of the formats whose time stamps are those of a clock, and count from the file's own zero.
+const FROM_ZERO: &[&str] =
+    &["mov", "matroska", "avi", "flv", "asf", "asf_o", "nut", "ogg", "gif", "apng", "ivf", "mxf", "gxf"];
+/// The same of formats whose clock starts anywhere. Of all others FFmpeg makes time stamps up: of motion JPEG over HTTP,
+/// of raw streams, of images.
+const FROM_ANYWHERE: &[&str] =
+    &["mpegts", "mpeg", "rtsp", "rtp", "sdp", "live_flv", "hls", "dash", "concat", "dv", "wtv", "rm"];
+
+/// Where the clock of a container's time stamps has its zero, in seconds of their own. `None` where no clock has made
+/// them.
+pub(super) fn zero_s(input: &Input, is_recording: bool) -> Option<f64> {
+    let format = input.format();
+    let is_in = |names: &[&str]| format.name().split(',').any(|name| names.contains(&name));
+    match (is_in(FROM_ZERO), is_in(FROM_ANYWHERE)) {
+        (true, _) if is_recording => Some(0.0),
+        (false, false) => None,
+        _ => Some(start_s(input).unwrap_or(0.0)),
+    }
+}
+
+/// The earliest start of a container's pictures and sounds.
+fn start_s(input: &Input) -> Option<f64> {
+    let is_played =
+        |stream: &Stream| [media::Type::Video, media::Type::Audio].contains(&stream.parameters().medium());
+    let starts = input.streams().filter(|stream| is_played(stream) && stream.start_time() != i64::MIN);
+    starts.map(|stream| seconds(stream.start_time(), stream.time_base())).min_by(f64::total_cmp)
+}
+
+/// Frames a second, where the container says so.
+pub(super) fn rate_hz(stream: &Stream) -> Option<f64> {
+    // The rate that all time stamps fit on, unless that is the clock's; then the mean.
+    [stream.rate(), stream.avg_frame_rate()].into_iter().find_map(plausible_hz)
+}
+
+fn plausible_hz(rate: Rational) -> Option<f64> {
+    let hz = if rate.denominator() == 0 { 0.0 } else { f64::from(rate) };
+    (f64::MIN_POSITIVE..FASTEST_HZ).contains(&hz).then_some(hz)
+}
+
+/// About how many frames are shown, where the container says so or says how long it lasts: an edit list shows fewer than
+/// there are, and the mean rate may be off.
+pub(super) fn frames(stream: &Stream, input: &Input) -> Option<usize> {
+    let mean_hz = plausible_hz(stream.avg_frame_rate()).or_else(|| rate_hz(stream));
+    let lasts_s = lasts_s(stream, input);
+    let lasting = lasts_s.zip(mean_hz).map(|(lasts_s, hz)| (lasts_s * hz).round() as usize);
+    let stored = usize::try_from(stream.frames()).ok().filter(|stored| *stored > 0);
+    match (stored, lasting.filter(|frames| *frames > 0)) {
+        (Some(stored), Some(lasting)) => Some(stored.min(lasting)),
+        (stored, lasting) => stored.or(lasting),
+    }
+}
+
+/// Seconds that a stream is shown, without what comes before its start.
+fn lasts_s(stream: &Stream, input: &Input) -> Option<f64> {
+    if stream.duration() > 0 {
+        return Some(seconds(stream.duration(), stream.time_base()));
+    }
+    let lasts_s = input.duration() as f64 / f64::from(ffmpeg::ffi::AV_TIME_BASE);
+    // Matroska's duration counts from zero.
+    let is_from_zero = input.format().name().starts_with("matroska") && stream.start_time() > 0;
+    let before_s = if is_from_zero { seconds(stream.start_time(), stream.time_base()) } else { 0.0 };
+    (lasts_s > before_s).then_some(lasts_s - before_s)
+}
+
+/// How often a picture is to be turned clockwise by a quarter before it is seen: telephones film lying and say so.
+pub(super) fn quarter_turns(stream: &Stream) -> u8 {
+    let matrix = stream.side_data().find(|data| data.kind() == side_data::Type::DisplayMatrix);
+    let Some(matrix) = matrix else { return 0 };
+    // The first two entries of the first row, as 16.16 fixed point: where the picture's x goes, in an image's axes.
+    let entry = |index: usize| {
+        let bytes = matrix.data().get(4 * index..4 * index + 4)?;
+        Some(f64::from(i32::from_ne_bytes(bytes.try_into().ok()?)))
+    };
+    let (Some(x), Some(y)) = (entry(0), entry(1)) else { return 0 };
+    (y.atan2(x) / std::f64::consts::FRAC_PI_2).round().rem_euclid(4.0) as u8
+}
