@@ -20,11 +20,11 @@ const FROM_ANYWHERE: &[&str] =
 
 /// Where the clock of a container's time stamps has its zero, in seconds of their own. `None` where no clock has made
 /// them.
-pub(super) fn zero_s(input: &Input, is_file: bool) -> Option<f64> {
+pub(super) fn zero_s(input: &Input, is_recording: bool) -> Option<f64> {
     let format = input.format();
     let is_in = |names: &[&str]| format.name().split(',').any(|name| names.contains(&name));
     match (is_in(FROM_ZERO), is_in(FROM_ANYWHERE)) {
-        (true, _) if is_file => Some(0.0),
+        (true, _) if is_recording => Some(0.0),
         (false, false) => None,
         _ => Some(start_s(input).unwrap_or(0.0)),
     }

@@ -29,7 +29,7 @@ pub(super) struct Decoder {
     picture: frame::Video,
     rgb: RgbBuffers,
     quarter_turns: u8,
-    /// Packets that could not be decoded since the last picture.
+    /// Packets that the decoder has refused since the last picture.
     torn: usize,
     /// With the network.
     patience: Option<Patience>,
@@ -39,6 +39,10 @@ pub(super) struct Decoder {
     /// Of sources that have one.
     clock: Option<PresentationClock>,
     packets: PacketTimes,
+    /// The time stamp at which the stream ends as it is shown: an edit list may leave packets behind it.
+    shown_until: i64,
+    /// The latest time stamp of a picture.
+    last_ticks: Option<i64>,
     stamp: FrameStamp,
     rate_hz: Option<f64>,
     frames: Option<usize>,
@@ -84,7 +88,9 @@ impl Decoder {
         let rate_hz = container::rate_hz(&stream);
         let frames = container::frames(&stream, &input);
         let quarter_turns = container::quarter_turns(&stream);
-        let zero_s = container::zero_s(&input, patience.is_none());
+        let zero_s = container::zero_s(&input, patience.is_none() || frames.is_some());
+        let is_end_known = stream.duration() > 0 && stream.start_time() != i64::MIN;
+        let shown_until = if is_end_known { stream.start_time() + stream.duration() } else { i64::MAX };
         let mut decoder = context.decoder();
         decoder.set_packet_time_base(tick);
         Ok(Self {
@@ -100,6 +106,8 @@ impl Decoder {
             is_short: false,
             clock: zero_s.map(|zero_s| PresentationClock::new(tick, zero_s, rate_hz)),
             packets: PacketTimes::new(tick, codec),
+            shown_until,
+            last_ticks: None,
             stamp: FrameStamp::now(),
             rate_hz,
             frames,
@@ -131,9 +139,15 @@ impl Decoder {
         self.input.format().name().to_owned()
     }
 
-    /// How the packets have ended, if they have, and how many could not be decoded since the last picture.
-    pub(super) fn end(&self) -> (Option<End>, usize) {
-        (self.end, self.torn)
+    /// How the packets have ended, if they have.
+    pub(super) fn end(&self) -> Option<End> {
+        self.end
+    }
+
+    /// How many packets, up to a few dozen, were to be shown after the last picture and have given none.
+    pub(super) fn undecodable(&self) -> usize {
+        let silent = self.last_ticks.map_or(0, |ticks| self.packets.between(ticks, self.shown_until));
+        silent.max(self.torn)
     }
 
     /// Decodes the next picture. `false` when there are no more.
@@ -146,6 +160,7 @@ impl Decoder {
                 Ok(()) => {
                     self.torn = 0;
                     let ticks = self.picture.pts().or_else(|| self.picture.timestamp());
+                    self.last_ticks = ticks.max(self.last_ticks);
                     let (sender_s, arrival) = self.packets.of_frame(&self.picture);
                     let presentation_s = self.clock.as_mut().and_then(|clock| clock.next_s(ticks));
                     self.stamp = FrameStamp { presentation_s, sender_s, arrival };

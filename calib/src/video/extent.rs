@@ -1,7 +1,7 @@
 //! Whether a file is as long as its container's own sizes say: a copy that broke off is not.
 
 use std::fs::File;
-use std::io::{self, Read, Seek, SeekFrom};
+use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
 /// Segment and header of Matroska, RFC 9559 and RFC 8794.
@@ -10,6 +10,9 @@ const EBML_SEGMENT: [u8; 4] = [0x18, 0x53, 0x80, 0x67];
 /// Boxes of ISO 14496-12 that a film cannot do without; anything else at the end of a file is somebody's addition.
 const FILM_BOXES: [&[u8; 4]; 3] = [b"moov", b"moof", b"mdat"];
 
+/// Sound, pictures and scripts of FLV.
+const FLV_TAGS: [u8; 3] = [8, 9, 18];
+
 /// Whether the container, named as FFmpeg names its format, says that the file goes on after its end. `false` for formats
 /// that do not say how long they are.
 pub(super) fn is_cut_off(path: &Path, format: &str) -> io::Result<bool> {
@@ -17,6 +20,7 @@ pub(super) fn is_cut_off(path: &Path, format: &str) -> io::Result<bool> {
         Some("mov") => boxes_end,
         Some("matroska") => segment_end,
         Some("avi") => riff_end,
+        Some("flv") => tags_end,
         _ => return Ok(false),
     };
     let mut file = File::open(path)?;
@@ -69,6 +73,24 @@ fn riff_end(file: &mut File, length: u64) -> io::Result<u64> {
     Ok(at.min(length))
 }
 
+/// FLV: a header that says how long it is, then tags, each with its size in front and once more behind.
+fn tags_end(file: &mut File, length: u64) -> io::Result<u64> {
+    let mut file = BufReader::new(file);
+    let mut at = u64::from(u32::from_be_bytes(bytes_at(&mut file, 5)?)) + 4;
+    while at < length {
+        let Ok([kind, size @ ..]) = bytes_at::<4>(&mut file, at) else { return Ok(length + 1) };
+        if !FLV_TAGS.contains(&(kind & 0x1f)) {
+            return Ok(length);
+        }
+        let end = at + 11 + u64::from(u32::from_be_bytes([0, size[0], size[1], size[2]]));
+        if end > length {
+            return Ok(end);
+        }
+        at = end + 4;
+    }
+    Ok(length)
+}
+
 /// Matroska and `WebM`: a header, then one segment with everything else.
 fn segment_end(file: &mut File, length: u64) -> io::Result<u64> {
     let mut at = 0;
@@ -100,7 +122,7 @@ fn element_size(file: &mut File, at: u64) -> io::Result<(u64, Option<u64>)> {
     Ok((u64::from(more) + 1, Some(size).filter(|size| *size != unknown)))
 }
 
-fn bytes_at<const N: usize>(file: &mut File, at: u64) -> io::Result<[u8; N]> {
+fn bytes_at<const N: usize>(file: &mut (impl Read + Seek), at: u64) -> io::Result<[u8; N]> {
     let mut bytes = [0; N];
     file.seek(SeekFrom::Start(at))?;
     file.read_exact(&mut bytes)?;
@@ -139,6 +161,18 @@ mod tests {
         let film = b"RIFF\x05\0\0\0AVI x\0RIFF\x04\0\0\0AVIX";
         assert_eq!(is_cut_off("avi", film), [false, true]);
         assert_eq!(is_cut_off("avi", b"RIFF\0\0\0\0AVI LIST"), [false, false]);
+    }
+
+    #[test]
+    fn tags_end_where_the_file_does() {
+        let tag = |kind: u8| [kind, 0, 0, 3, 0, 0, 0, 0, 0, 0, 0, 1, 2, 3, 0, 0, 0, 14];
+        let film = [b"FLV\x01\x01\0\0\0\x09\0\0\0\0".as_slice(), &tag(18), &tag(9)].concat();
+        // The last tag's size behind it says nothing new.
+        assert_eq!(is_cut_off("flv", &film), [false, false]);
+        let film = &film[..film.len() - 4];
+        assert_eq!(is_cut_off("flv", film), [false, true]);
+        assert_eq!(is_cut_off("flv", &film[..film.len() - 12]), [true, true]);
+        assert_eq!(is_cut_off("flv", &[film, &[0; 40]].concat()), [false, false]);
     }
 
     #[test]

@@ -325,25 +325,20 @@ impl FrameSource {
         }
         let path = Path::new(&self.name);
         let format = decoder.format();
-        let (end, torn) = decoder.end();
-        let problem = match end {
-            Some(End::Broken(error)) => format!("cannot be read ({error}); copy the file again"),
-            _ if torn > TORN_SLACK_FRAMES => {
-                format!("the last {torn} frames of the file cannot be decoded; copy it again")
+        let is_cut_off = extent::is_cut_off(path, &format)
+            .map_err(|source| Error::Io { path: path.to_owned(), source })?
+            || (decoder.end() == Some(End::InPacket) && !ENDS_ANYWHERE.contains(&format.as_str()));
+        let promised = self.expected.filter(|promised| *promised > self.delivered);
+        let problem = match (decoder.end(), promised) {
+            (Some(End::Broken(error)), _) => format!("cannot be read ({error}); copy the file again"),
+            (_, Some(promised)) if is_cut_off => {
+                format!("the file ends here, but its header promises {promised} frames; copy it again")
             }
-            _ => {
-                let is_cut_off = extent::is_cut_off(path, &format)
-                    .map_err(|source| Error::Io { path: path.to_owned(), source })?;
-                if !is_cut_off && (end != Some(End::InPacket) || ENDS_ANYWHERE.contains(&format.as_str())) {
-                    return Ok(());
-                }
-                match self.expected.filter(|promised| *promised > self.delivered) {
-                    Some(promised) => format!(
-                        "the file ends here, but its header promises {promised} frames; copy it again"
-                    ),
-                    None => "the file ends here, but its header promises more; copy it again".to_owned(),
-                }
+            _ if is_cut_off => "the file ends here, but its header promises more; copy it again".to_owned(),
+            _ if decoder.undecodable() > TORN_SLACK_FRAMES => {
+                "the rest of the file cannot be decoded; copy it again".to_owned()
             }
+            _ => return Ok(()),
         };
         Err(content(path, &format!("frame {}", self.delivered + 1), &problem))
     }

@@ -21,18 +21,19 @@ const ROUND_FITS_WITHIN_S: f64 = 1.0;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrameStamp {
     /// Presentation time on the source's own clock, seconds. `None` where the source has no clock: images, raw streams, motion
-    /// JPEG over HTTP.
+    /// JPEG over HTTP. Also `None` for the first frames of a stream that start without a time stamp, as those of RTSP may.
     ///
-    /// * A file of a format whose times count from the file's zero (MP4, MOV, MKV, `WebM`, AVI, FLV and the like): as a player
+    /// * A recording (a file, or a URL that says how long it lasts) of a format whose times count from the file's zero (MP4, MOV, MKV, `WebM`, AVI, FLV and the like): as a player
     ///   shows it, edit lists applied. The first frame may be later than 0.
-    /// * Other files (MPEG-TS, whose clock starts anywhere) and live streams: since the earliest start of any of the
+    /// * Other recordings (MPEG-TS, whose clock starts anywhere) and live streams: since the earliest start of any of the
     ///   source's streams, picture or sound.
     /// * A device: the driver's monotonic clock, which all devices of a machine share.
     pub presentation_s: Option<f64>,
     /// The sender's wall clock when the frame was taken, seconds since 1970 UTC: of RTSP and RTP, from the sender
     /// reports of RTCP. `None` until the first of them has come, and for all other sources.
     pub sender_s: Option<f64>,
-    /// When the last packet of the frame had been read, before it was decoded.
+    /// When the last packet of the frame had been read, before it was decoded. FFmpeg knows that a frame of H.264 or H.265
+    /// over RTP is complete when the next one begins, so that these are a frame late.
     pub arrival: Instant,
 }
 
@@ -100,6 +101,12 @@ impl PacketTimes {
             self.recent.pop_front();
         }
         self.recent.push_back(PacketTime { pts, dts, sender_s, arrival: Instant::now() });
+    }
+
+    /// How many of the packets that were read last are to be shown after one time stamp and before another.
+    pub(super) fn between(&self, after: i64, until: i64) -> usize {
+        let shown = self.recent.iter().filter_map(|packet| packet.pts.or(packet.dts));
+        shown.filter(|ticks| (after + 1..until).contains(ticks)).count()
     }
 
     /// The sender's time and the arrival of the packet that a frame was decoded from.

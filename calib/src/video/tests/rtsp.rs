@@ -113,7 +113,12 @@ fn seen(media: &'static str, payload_type: u8, film: Vec<Sent>) -> Vec<(f64, Opt
     assert!(source.is_live());
     let mut times = Vec::new();
     while source.advance().unwrap() {
-        times.push((source.stamp().presentation_s.unwrap(), source.stamp().sender_s));
+        let stamp = source.stamp();
+        match stamp.presentation_s {
+            Some(presentation_s) => times.push((presentation_s, stamp.sender_s)),
+            // FFmpeg may give the first frame of a stream no time stamp.
+            None => assert!(times.is_empty()),
+        }
     }
     drop(source);
     serving.join().unwrap();

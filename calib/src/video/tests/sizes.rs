@@ -29,9 +29,16 @@ fn area_averaged(picture: &RgbImage, width: u32, height: u32) -> RgbImage {
     })
 }
 
-fn largest_difference(a: &RgbImage, b: &RgbImage) -> u8 {
-    assert_eq!(a.dimensions(), b.dimensions());
-    a.iter().zip(b.iter()).map(|(a, b)| a.abs_diff(*b)).max().unwrap()
+fn largest_difference(a: &[u8], b: &[u8]) -> u8 {
+    a.iter().zip(b).map(|(a, b)| a.abs_diff(*b)).max().unwrap()
+}
+
+/// Brightness, which films hold at full resolution; their colours they do not.
+fn luma(picture: &RgbImage) -> Vec<u8> {
+    let level = |Rgb([r, g, b]): &Rgb<u8>| {
+        (0.299 * f64::from(*r) + 0.587 * f64::from(*g) + 0.114 * f64::from(*b)).round() as u8
+    };
+    picture.pixels().map(level).collect()
 }
 
 fn mean_difference(a: &RgbImage, b: &RgbImage) -> f64 {
@@ -61,17 +68,16 @@ fn smaller_pictures_are_area_averages_of_films_and_of_folders() {
                     scaled.picture(picture).unwrap();
                     let (width, height) = picture.dimensions();
                     let expected = area_averaged(&full, width, height);
+                    let place = format!("{} at {width} × {height}", spec.display());
+                    // A film's colours are interpolated between its pixels, where that is done once and not twice.
+                    let (most_luma, most) = match (width, height) {
+                        (192, 128) => (0, 0),
+                        _ if *spec == film => (4, 14),
+                        _ => (2, 2),
+                    };
+                    let luma = largest_difference(&luma(picture), &luma(&expected));
                     let largest = largest_difference(picture, &expected);
-                    let mean = mean_difference(picture, &expected);
-                    println!("{} {width} x {height}: {largest} {mean:.2}", spec.display());
-                    if (width, height) == (192, 128) {
-                        assert_eq!(largest, 0, "{}", spec.display());
-                    }
-                    assert!(
-                        largest <= 6 && mean < 1.5,
-                        "{} {width} × {height}: {largest}, {mean}",
-                        spec.display()
-                    );
+                    assert!(luma <= most_luma && largest <= most, "{place}: {luma}, {largest}");
                 }
             }
             assert_eq!(scaled.stamp().presentation_s, whole.stamp().presentation_s);

@@ -50,7 +50,7 @@ fn a_stream_that_starts_after_the_others_of_a_transport_stream_is_late() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("two.ts");
     let late = Track::of_times(Id::H264, MILLISECONDS, (0..30).map(|frame| 5000 + 100 * frame));
-    let other = Track::of_times(Id::H264, MILLISECONDS, (0..60).map(|frame| 3000 + 100 * frame));
+    let other = Track::of_times(Id::H264, MILLISECONDS, (0..6).map(|frame| 3000 + 500 * frame));
     mux(&path, &[late, other], &[]);
     assert_eq!(times_ms(&path), (0..30).map(|frame| 2000 + 100 * frame).collect::<Vec<_>>());
 }
@@ -79,8 +79,9 @@ fn times_of_raw_streams_are_made_up_and_therefore_none() {
     let path = folder.path().join("film.mjpeg");
     mux(&path, &[Track::of_times(Id::MJPEG, Rational(1, 10), 0..5)], &[]);
     let mut source = FrameSource::open(path.to_str().unwrap()).unwrap();
+    assert!(source.skip());
     let mut arrival = source.stamp().arrival;
-    for _ in 0..5 {
+    for _ in 1..5 {
         assert!(source.skip());
         assert_eq!((source.stamp().presentation_s, source.stamp().sender_s), (None, None));
         assert!(source.stamp().arrival >= arrival);
@@ -93,7 +94,7 @@ fn times_of_raw_streams_are_made_up_and_therefore_none() {
 fn times_that_run_backwards_are_told_as_they_are() {
     let folder = tempfile::tempdir().unwrap();
     let (path, again) = (folder.path().join("film.ts"), folder.path().join("again.ts"));
-    mux(&path, &[Track::of_times(Id::MPEG4, MILLISECONDS, (0..20).map(|frame| 50 * frame))], &[]);
+    mux(&path, &[Track::of_times(Id::H264, MILLISECONDS, (0..20).map(|frame| 50 * frame))], &[]);
     let film = std::fs::read(&path).unwrap();
     std::fs::write(&again, [film.as_slice(), &film].concat()).unwrap();
     let times = times_ms(&again);
