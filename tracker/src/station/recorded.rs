@@ -1,5 +1,6 @@
 //! The station of a recording: every frame in order, as fast as the gathering takes them.
 
+use std::path::Path;
 use std::sync::mpsc::Receiver;
 use std::thread;
 use std::time::{Duration, Instant, SystemTime};
@@ -10,7 +11,7 @@ use image::RgbImage;
 use super::observer::Observer;
 use super::permits::Permits;
 use super::seen::{Event, PictureDemand, Pictures, Seen};
-use crate::Result;
+use crate::{Error, Result};
 use crate::observation::Feedback;
 use crate::source::{CaptureTimes, utc_s};
 
@@ -85,6 +86,7 @@ impl RecordedStation {
                 return Ok(None);
             }
             stamp_s = video.stamp().presentation_s;
+            check_size(video)?;
             let mut scaled = RgbImage::new(width, height);
             video.picture(&mut scaled)?;
             picture = Some(scaled);
@@ -116,6 +118,21 @@ impl RecordedStation {
             foreground: started.elapsed().saturating_sub(decode),
         }))
     }
+}
+
+/// A recording has one size: a part of another was filmed otherwise than the room was calibrated for.
+///
+/// # Errors
+/// Names recording and frame.
+fn check_size(video: &FrameSource) -> Result<()> {
+    let ((width, height), (first_width, first_height)) = (video.frame_size(), video.size());
+    if (width, height) == (first_width, first_height) {
+        return Ok(());
+    }
+    let problem = format!(
+        "is {width} × {height} pixels, the frames before it are {first_width} × {first_height}; give a recording of one size"
+    );
+    Err(Error::content(Path::new(video.name()), format!("frame {}", video.delivered()), problem))
 }
 
 /// Waits until a frame would have been filmed, had the recording started when this station did.
