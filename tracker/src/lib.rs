@@ -34,6 +34,7 @@ pub mod likelihood;
 pub mod link;
 pub mod method;
 pub mod moment;
+pub mod offsets;
 pub mod plan;
 pub mod report;
 pub mod run;

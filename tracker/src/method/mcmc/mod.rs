@@ -22,7 +22,7 @@ mod motion;
 mod options;
 mod person;
 mod report;
-mod resolution;
+pub(crate) mod resolution;
 mod tally;
 mod trace;
 mod track;

@@ -12,7 +12,7 @@ const LOOKS: usize = 20;
 
 /// The side of the blocks of pixels that are simulated as one: a typical person is about [`ROWS`] of them tall, whatever
 /// the camera's resolution. More rows would say the same over again.
-pub(super) fn block(camera: &StageCamera, average: &Body, floor: &Floor) -> u8 {
+pub(crate) fn block(camera: &StageCamera, average: &Body, floor: &Floor) -> u8 {
     let (low, high) = floor.bounds();
     let at = |i: usize, from: f64, to: f64| from + (to - from) * (i as f64 + 0.5) / LOOKS as f64;
     let mut tall_px: Vec<f64> = (0..LOOKS * LOOKS)
