@@ -55,6 +55,11 @@ pub(super) struct Line {
 }
 
 impl Line {
+    /// The inverse of the covariance; zero where there is none.
+    pub(super) fn precision(&self) -> Matrix2<f64> {
+        self.covariance.try_inverse().unwrap_or_default()
+    }
+
     /// The same line, its offset at another time.
     pub(super) fn at(&self, time_s: f64) -> Self {
         let step = Matrix2::new(1.0, time_s - self.at_s, 0.0, 1.0);
@@ -103,9 +108,6 @@ pub(super) fn fit(pair: &PairCorrelation, interval_s: f64, options: &OffsetOptio
     let is_real = peak.correlation >= LEAST_CORRELATION
         && peak.second <= MOST_SECOND * peak.correlation
         && peak.value.x.abs() <= options.reach_s;
-    if std::env::var("FITLOG").is_ok() {
-        eprintln!("peak {:?} {:.3} {:.3}", peak.value, peak.correlation, peak.second);
-    }
     if !is_real {
         return None;
     }
@@ -217,21 +219,6 @@ fn refine(
         if step.x.abs() < CONVERGED_S {
             break;
         }
-    }
-    if std::env::var("FITLOG").is_ok() {
-        let w: Vec<String> = windows
-            .iter()
-            .filter_map(|w| {
-                let l = Local::at(w.bins, value.x + value.y * w.time_s, half_s)?;
-                Some(format!("{:.1}:{:.2}", w.time_s, l.energy / walker))
-            })
-            .collect();
-        eprintln!(
-            "refined {value:?} sigma {:.1} ms {:.0} ppm; {}",
-            covariance.m11.sqrt() * 1e3,
-            covariance.m22.sqrt() * 1e6,
-            w.join(" ")
-        );
     }
     let is_near = (value.x - start.x).abs() < PEAK_WIDTH_S;
     (is_near && covariance.m11 > 0.0).then_some((value, covariance))

@@ -86,7 +86,7 @@ impl Scene {
     }
 
     fn walkers(&self, seed: u64, people: usize, interval_s: f64) -> Vec<Walker> {
-        let options = WalkerOptions { seed, people, first_s: 0.5, interval_s, ..WalkerOptions::default() };
+        let options = WalkerOptions { seed, people, first_s: 0.5, interval_s, stops: 6, ..WalkerOptions::default() };
         self.made.walkers(&options)
     }
 
