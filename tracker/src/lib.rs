@@ -36,6 +36,7 @@ pub mod link;
 pub mod method;
 pub mod moment;
 pub mod observation;
+pub mod offsets;
 pub mod plan;
 pub mod report;
 pub mod run;

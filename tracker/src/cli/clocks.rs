@@ -19,14 +19,21 @@ pub(super) struct ClockArguments {
     /// Frames a second of all cameras, where the sources do not say (default then: 25) or say wrong
     #[arg(long)]
     rate: Option<f64>,
-    /// A camera's first frame was taken so many seconds after the others' (before them: negative); may be repeated
-    #[arg(long, value_name = "NAME=SECONDS", allow_hyphen_values = true)]
+    /// A camera's first frame was taken so many seconds after the others' (before them: negative); may be repeated. auto: found
+    /// from the people that several cameras see, up to 3 s between recordings, and up to 0.5 s live
+    #[arg(long, value_name = "NAME=SECONDS|auto", allow_hyphen_values = true)]
     offset: Vec<Offset>,
 }
 
-/// `NAME=SECONDS`.
+/// `NAME=SECONDS`, or `auto`.
 #[derive(Debug, Clone, PartialEq)]
-struct Offset {
+enum Offset {
+    Auto,
+    Given(GivenOffset),
+}
+
+#[derive(Debug, Clone, PartialEq)]
+struct GivenOffset {
     camera: String,
     seconds: f64,
 }
@@ -35,27 +42,47 @@ impl FromStr for Offset {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
+        if text == "auto" {
+            return Ok(Self::Auto);
+        }
         let Some((camera, seconds)) = text.split_once('=').filter(|(camera, _)| !camera.is_empty()) else {
-            return Err(format!("`{text}` is not NAME=SECONDS, with a camera's name before the `=`"));
+            return Err(format!(
+                "`{text}` is neither NAME=SECONDS, with a camera's name before the `=`, nor auto"
+            ));
         };
         match seconds.parse() {
-            Ok(seconds) if f64::is_finite(seconds) => Ok(Self { camera: camera.to_owned(), seconds }),
+            Ok(seconds) if f64::is_finite(seconds) => {
+                Ok(Self::Given(GivenOffset { camera: camera.to_owned(), seconds }))
+            }
             _ => Err(format!("`{seconds}` is no time; give seconds, as in {camera}=1.25")),
         }
     }
 }
 
 impl ClockArguments {
+    /// Whether the offsets are to be found from the people seen.
+    pub(super) fn is_auto(&self) -> bool {
+        self.offset.contains(&Offset::Auto)
+    }
+
+    fn given_offsets(&self) -> impl Iterator<Item = &GivenOffset> {
+        self.offset.iter().filter_map(|offset| match offset {
+            Offset::Given(given) => Some(given),
+            Offset::Auto => None,
+        })
+    }
+
     /// When each source's frames were taken.
     pub(super) fn clocks(&self, sources: &[CameraSource]) -> anyhow::Result<Clocks> {
         let is_camera = |name: &str| sources.iter().any(|s| s.name == name);
         let names = || sources.iter().map(|s| s.name.as_str()).collect::<Vec<_>>().join(", ");
-        for (i, offset) in self.offset.iter().enumerate() {
-            let Offset { camera, seconds } = offset;
+        let given: Vec<&GivenOffset> = self.given_offsets().collect();
+        for (i, offset) in given.iter().enumerate() {
+            let GivenOffset { camera, seconds } = offset;
             if !is_camera(camera) {
                 bail!("--offset {camera}={seconds}: no source has that name; there are {}", names());
             }
-            if self.offset[..i].iter().any(|earlier| earlier.camera == *camera) {
+            if given[..i].iter().any(|earlier| earlier.camera == *camera) {
                 bail!("--offset {camera}={seconds}: the camera already has one; give each camera once");
             }
         }
@@ -78,21 +105,20 @@ impl ClockArguments {
                 (first, None) => Ok(first.map(|(_, path)| PathBuf::from(path))),
             }
         };
-        let (mut times, mut alignments) = (Vec::new(), Vec::new());
+        let (mut times, mut alignments, mut files) = (Vec::new(), Vec::new(), Vec::new());
         for source in sources {
             let name = source.sources().next().map_or(source.name.as_str(), FrameSource::name);
-            let given = match (own_file(&source.name)?, &common, self.rate) {
-                (Some(path), ..) => Some(Times::read(&path)?),
-                (None, Some(common), _) => Some(common.clone()),
-                (None, None, rate) => rate.map(Times::steady).transpose()?,
+            let file = match (own_file(&source.name)?, &common) {
+                (Some(path), _) => Some(Times::read(&path)?),
+                (None, common) => common.clone(),
+            };
+            files.push(file.clone());
+            let given = match file {
+                Some(file) => Some(file),
+                None => self.rate.map(Times::steady).transpose()?,
             };
             times.push(match (given, source.rate()) {
-                (Some(given), _) => {
-                    if let Some(frames) = source.frame_count().filter(|_| sources.len() == 1) {
-                        given.check_count(frames)?;
-                    }
-                    CaptureTimes::given(name, given)
-                }
+                (Some(given), _) => CaptureTimes::given(name, given),
                 (None, Some(rate_hz)) => CaptureTimes::presentation(name, rate_hz),
                 (None, None) => {
                     if !source.is_live() {
@@ -105,11 +131,13 @@ impl ClockArguments {
                     CaptureTimes::given(name, Times::steady(DEFAULT_RATE)?)
                 }
             });
-            let offset = self.offset.iter().find(|o| o.camera == source.name);
+            let offset = self.given_offsets().find(|o| o.camera == source.name);
             alignments
                 .push(Alignment { offset_s: offset.map_or(0.0, |o| o.seconds), ..Alignment::default() });
         }
-        Ok(Clocks { times, alignments })
+        let clocks = Clocks { times, alignments };
+        clocks.check_files(sources, &files)?;
+        Ok(clocks)
     }
 }
 
@@ -132,6 +160,32 @@ impl Clocks {
             shortest_s = shortest_s.min(source.frame_count()? as f64 / times.mean_rate());
         }
         Some((shortest_s * self.lead_rate()).round() as usize)
+    }
+
+    /// Whether there is a line for every frame of the run in every file of times. A file may end early where the run does.
+    fn check_files(&self, sources: &[CameraSource], files: &[Option<Times>]) -> anyhow::Result<()> {
+        let mut end_s = f64::INFINITY;
+        let mut short = Vec::new();
+        for (camera, (source, file)) in sources.iter().zip(files).enumerate() {
+            let Some(frames) = source.frame_count().filter(|frames| *frames > 0) else { continue };
+            let last_s = match file {
+                Some(file) if file.check_count(frames).is_err() => {
+                    short.push((camera, file, frames));
+                    continue;
+                }
+                // A header may promise a few frames more than there are lines.
+                Some(file) => file.of(u32::try_from(frames)?).ok().or(file.end_s()).unwrap_or(f64::INFINITY),
+                None => (frames - 1) as f64 / self.times[camera].mean_rate(),
+            };
+            end_s = end_s.min(last_s + self.alignments[camera].offset_s);
+        }
+        for (camera, file, frames) in short {
+            let file_end_s = file.end_s().unwrap_or(f64::INFINITY) + self.alignments[camera].offset_s;
+            if file_end_s < end_s {
+                file.check_count(frames)?;
+            }
+        }
+        Ok(())
     }
 
     /// The times and the alignments, one of each a source.

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use std::sync::mpsc::channel;
+use std::sync::mpsc::{Receiver, channel};
 use std::time::Instant;
 
 use anyhow::{Context, bail};
@@ -13,15 +13,15 @@ use clap::{Args, ValueEnum};
 use scenes::room::Room;
 use tracker::film::{Film, FilmOptions};
 use tracker::foreground::Verdict;
-use tracker::gathering::{Gathering, GatheringOptions};
+use tracker::gathering::{Gathering, GatheringOptions, Port};
 use tracker::method::Method;
 use tracker::method::condensation::Condensation;
 use tracker::method::mcmc::Mcmc;
 use tracker::plan::TrajectoryPlan;
-use tracker::run::{self, Ended, Output, Progress, RunReport};
+use tracker::run::{self, ClockOffsets, Ended, Output, Progress, RunReport};
 use tracker::source::{self, CameraSource, NamedSource};
 use tracker::stage::{Stage, StageOptions, WORKING_WIDTH_PX};
-use tracker::station::{self, Permits, PictureDemand};
+use tracker::station::{self, Event, Permits, PictureDemand, Station};
 use tracker::tracks::TrackFiles;
 use tracker::view::{Drawer, Screens, Server};
 
@@ -185,7 +185,7 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
         is_live,
     };
     let (times, alignments) = clocks.into_parts();
-    let stations = builder.build(sources, times, method.as_mut())?;
+    let stations = builder.build(sources, times.clone(), method.as_mut())?;
     let prepared = started.elapsed().as_secs_f64();
     tracing::debug!("room and backgrounds ready after {prepared:.2} s");
     // Everything that was given has been looked at: now something may be written.
@@ -199,17 +199,14 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
     }
     let interrupted = interrupt::watch().context("the signals that end a run")?;
     let mut progress = console.progress("tracking", promised.map(|n| n as u64));
-    let (inbox, events) = channel();
-    let permits = Permits::new(threads);
-    let ports = stations
-        .into_iter()
-        .enumerate()
-        .map(|(camera, station)| station::start(station, camera, inbox.clone(), &permits));
-    let ports = ports.collect();
-    drop(inbox);
+    let (ports, events) = start(stations, threads);
+    let clocks = match stage.cameras.len() {
+        0 | 1 => None,
+        _ => Some(ClockOffsets::new(&stage, alignments.clone(), is_live, args.clocks.is_auto())?),
+    };
     let options = GatheringOptions { alignments, latency_s: args.latency };
     let gathering = Gathering::new(ports, events, &options)?;
-    let report = run::run(gathering, method.as_mut(), outputs, threads, |step| {
+    let report = run::run(gathering, method.as_mut(), outputs, clocks, threads, |step| {
         if step == Progress::Moment {
             progress.advance();
         }
@@ -227,6 +224,14 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
     }
     tell(&report, prepared, started.elapsed().as_secs_f64());
     Ok(String::new())
+}
+
+/// Starts the stations on threads of this process.
+fn start(stations: Vec<Station>, threads: usize) -> (Vec<Port>, Receiver<(usize, Event)>) {
+    let (inbox, events) = channel();
+    let permits = Permits::new(threads);
+    let start = |(camera, station)| station::start(station, camera, inbox.clone(), &permits);
+    (stations.into_iter().enumerate().map(start).collect(), events)
 }
 
 fn tell(report: &RunReport, prepared_s: f64, all_s: f64) {

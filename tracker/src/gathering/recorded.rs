@@ -9,7 +9,7 @@ use crate::station::Event;
 use crate::{Error, Result};
 
 /// Where the leading camera lacks frames for so many of its intervals, another one's frames are the moments.
-const GAP: f64 = 2.5;
+const GAP: f64 = 1.5;
 
 #[derive(Debug)]
 pub(super) struct Recorded {

@@ -1,16 +1,20 @@
 //! The pipeline behind the stations: moments → method → estimates → outputs, and feedback to the stations.
 
 mod camera_log;
+mod clock_offsets;
 mod lag;
 mod output;
+mod search_offsets;
 
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use camera_log::CameraLog;
+pub use clock_offsets::{ClockOffsets, ClockReport};
 use lag::{Held, LagBuffer};
 pub use output::{Followed, Output};
+pub use search_offsets::search_offsets;
 
 use crate::foreground::Verdict;
 use crate::gathering::{Gathered, Gathering, LeftOut, Next, Part};
@@ -65,7 +69,8 @@ impl RunReport {
 }
 
 /// Follows everybody through all moments that are gathered; the cameras are those of the method's stage, in its order.
-/// `advance` is called after each moment, and while there is none, and says whether to go on.
+/// `advance` is called after each moment, and while there is none, and says whether to go on. `clocks` watches the cameras'
+/// clocks, and may correct them.
 ///
 /// A run that fails on its way has followed the moments before: the outputs have them, and are finished.
 ///
@@ -75,6 +80,7 @@ pub fn run(
     mut gathering: Gathering,
     method: &mut dyn Method,
     mut outputs: Vec<Box<dyn Output + '_>>,
+    clocks: Option<ClockOffsets>,
     threads: usize,
     mut advance: impl FnMut(Progress) -> ControlFlow<()>,
 ) -> Result<RunReport> {
@@ -83,14 +89,19 @@ pub fn run(
         log: CameraLog::new(gathering.names().map(str::to_owned).collect()),
         stopwatch: Stopwatch::default(),
         held: LagBuffer::new(method.lag_s(), MOST_HELD_BYTES),
+        clocks,
         frames: 0,
     };
     let ended = loop {
         let step = match gathering.next_moment() {
-            Ok(Next::Moment(gathered)) => pipeline
-                .follow(gathered, method, &mut outputs)
-                .map(|believed| gathering.believe(believed))
-                .map(|()| Progress::Moment),
+            Ok(Next::Moment(gathered)) => {
+                let time_s = gathered.time_s;
+                let believed = pipeline.follow(gathered, method, &mut outputs);
+                if let Some(alignments) = pipeline.clocks.as_mut().and_then(|clocks| clocks.changed(time_s)) {
+                    gathering.align(&alignments);
+                }
+                believed.map(|believed| gathering.believe(believed)).map(|()| Progress::Moment)
+            }
             Ok(Next::Idle) => Ok(Progress::Idle),
             Ok(Next::Ended(camera)) => break Ok(Ended::Source(camera)),
             Err(error) => Err(error),
@@ -109,7 +120,7 @@ pub fn run(
     // The stations end with it.
     drop(gathering);
     // Also where a frame cannot be decoded: what came before it has been followed.
-    let Pipeline { log, mut stopwatch, mut held, frames } = pipeline;
+    let Pipeline { log, mut stopwatch, mut held, clocks, frames } = pipeline;
     let emitted = std::iter::from_fn(|| held.pop())
         .try_for_each(|last| stopwatch.time("output", || last.emit(method, &mut outputs)));
     let finishing = Instant::now();
@@ -127,7 +138,10 @@ pub fn run(
         ended,
         set_aside: log.into_set_aside(),
         left_out,
-        timings: stopwatch.timings(threads, frames as usize),
+        timings: Timings {
+            offsets: clocks.map(ClockOffsets::finish).unwrap_or_default(),
+            ..stopwatch.timings(threads, frames as usize)
+        },
     })
 }
 
@@ -144,6 +158,7 @@ struct Pipeline {
     log: CameraLog,
     stopwatch: Stopwatch,
     held: LagBuffer,
+    clocks: Option<ClockOffsets>,
     frames: u32,
 }
 
@@ -160,7 +175,10 @@ impl Pipeline {
         let (mut cameras, mut pictures, mut health) =
             (Vec::with_capacity(count), Vec::with_capacity(count), Vec::with_capacity(count));
         let (mut decode, mut foreground) = (Duration::ZERO, Duration::ZERO);
-        for part in parts {
+        for (camera, part) in parts.into_iter().enumerate() {
+            if let (Some(clocks), Part::Seen(seen)) = (&mut self.clocks, &part) {
+                clocks.observe(camera, &seen.observation)?;
+            }
             let (camera, shown, verdict) = match part {
                 Part::Seen(seen) => {
                     let Seen { observation, pictures, decode: decoding, foreground: observing } = *seen;

@@ -167,7 +167,7 @@ fn clocked(
 ) -> Result<(Witness, RunReport)> {
     let mut witness = Witness::default();
     let gathering = gathered(folder, room, threads, clocks, EVERYTHING)?;
-    let report = run(gathering, &mut witness, Vec::new(), threads, go_on)?;
+    let report = run(gathering, &mut witness, Vec::new(), None, threads, go_on)?;
     Ok((witness, report.unless_failed()?))
 }
 
@@ -288,7 +288,7 @@ fn people_are_told_later_beside_the_pictures_of_their_moment() {
         let clocks = vec![(Times::steady(rate).unwrap(), 0.0); 2];
         let gathering = gathered(folder.path(), &room, threads, &clocks, MASKS).unwrap();
         let outputs: Vec<Box<dyn Output>> = vec![Box::new(Notes(&notes))];
-        let report = run(gathering, &mut Late(lag_s), outputs, threads, go_on);
+        let report = run(gathering, &mut Late(lag_s), outputs, None, threads, go_on);
         (notes.into_inner(), report.unwrap())
     };
     let (at_once, _) = noted(0.0, 1, 10.0);
@@ -331,7 +331,7 @@ fn masks_alone_are_enough_and_a_full_one_is_set_aside() {
     let options = GatheringOptions { alignments: vec![Alignment::default()], latency_s: 0.3 };
     let gathering = Gathering::new(vec![port], events, &options).unwrap();
     let mut count = Count(Vec::new());
-    let report = run(gathering, &mut count, Vec::new(), 2, go_on).unwrap();
+    let report = run(gathering, &mut count, Vec::new(), None, 2, go_on).unwrap();
     assert_eq!(count.0, [Some(480), None, Some(480)]);
     assert_eq!(report.set_aside["a"], (1, Verdict::AllForeground));
 }
@@ -409,6 +409,7 @@ fn outputs_are_finished_however_a_run_ends() {
             gathered(folder.path(), &room, threads, &clocks, MASKS).unwrap(),
             &mut Late(0.25),
             vec![Box::new(Unfinished), Box::new(Finish(0, &finished))],
+            None,
             threads,
             |step| {
                 moments += u32::from(step == Progress::Moment);

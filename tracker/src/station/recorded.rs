@@ -11,9 +11,9 @@ use image::RgbImage;
 use super::observer::Observer;
 use super::permits::Permits;
 use super::seen::{Event, PictureDemand, Pictures, Seen};
-use crate::{Error, Result};
 use crate::observation::Feedback;
 use crate::source::{CaptureTimes, utc_s};
+use crate::{Error, Result};
 
 /// One camera's recording, with what is made of it.
 pub struct RecordedStation {

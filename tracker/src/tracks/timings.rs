@@ -8,6 +8,7 @@ use rand_pcg::Pcg64Mcg;
 use serde::de::{MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
+use crate::run::ClockReport;
 use crate::{Error, Result};
 
 /// The file.
@@ -20,6 +21,9 @@ pub struct Timings {
     /// Stages by name, in the order of the data's way.
     #[serde(serialize_with = "in_order", deserialize_with = "as_written")]
     pub stages: Vec<(String, StageTimes)>,
+    /// What is known of the cameras' clocks; not written where there is one camera.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub offsets: Vec<ClockReport>,
 }
 
 /// Wall time of one stage; one count a frame, all cameras together.
@@ -76,7 +80,7 @@ impl Stopwatch {
     /// The times so far.
     pub fn timings(&self, threads: usize, frames: usize) -> Timings {
         let stages = self.stages.iter().map(|(name, laps)| ((*name).to_owned(), StageTimes::of(laps)));
-        Timings { threads, frames, stages: stages.collect() }
+        Timings { threads, frames, stages: stages.collect(), offsets: Vec::new() }
     }
 }
 

@@ -1,0 +1,221 @@
+//! Matched filter: at which cells of the floor a mask has a person of average build.
+//!
+//! The response of a cell is the share of foreground in what such a person would fill of the image, less the share in what
+//! the same person would fill half a metre to either side, nearer or farther, and they would not: so it is localised in
+//! bearing by the person's sides and in range by feet and head. Both count visible pixels alone: what the room hides says
+//! nothing. Responses are squared, which leaves little of the flanks.
+
+use nalgebra::{Point2, Vector2};
+
+use crate::likelihood::pack;
+use crate::observation::Mask;
+use crate::silhouette::{Body, Shape, Silhouette, View};
+use crate::stage::{Stage, resolution};
+use crate::{Error, Result};
+
+/// Side of a cell: half of a person's width …
+const CELL_M: f64 = 0.25;
+/// … and more where the floor would have more cells than this.
+const MOST_CELLS: f64 = 2500.0;
+/// Cells around a cell are compared with it at this distance: about a person's width, on the flank of the response.
+const SURROUND_M: f64 = 0.6;
+/// A camera sees a cell where at least this part of a person's pixels in its image is visible.
+const LEAST_VISIBLE: f64 = 0.4;
+/// Nobody stands where less than this share is foreground.
+const LEAST_FILLED: f32 = 0.2;
+/// A person of average build, at the origin.
+const AVERAGE: Body = Body { x_m: 0.0, y_m: 0.0, radius_m: 0.25, height_m: 1.72 };
+/// A response of 1 as it is kept.
+const FULL: f32 = 127.0;
+
+/// The matched filters of all cameras, on the cells of the floor that at least two of them see.
+#[derive(Debug, Clone)]
+pub(super) struct PersonFilters {
+    cameras: Vec<CameraFilter>,
+}
+
+#[derive(Debug, Clone)]
+struct CameraFilter {
+    name: String,
+    size: (u32, u32),
+    view: View,
+    /// One a cell; `None` where this camera does not see it.
+    cells: Vec<Option<Templates>>,
+}
+
+/// What is counted of a mask for one cell.
+#[derive(Debug, Clone)]
+struct Templates {
+    person: Template,
+    surround: Template,
+}
+
+/// Pixels of a packed mask.
+#[derive(Debug, Clone)]
+struct Template {
+    /// The words that have some, by their place in the mask, and the pixels in each.
+    words: Vec<(u32, u64)>,
+    pixels: u32,
+}
+
+impl PersonFilters {
+    pub(super) fn new(stage: &Stage) -> Self {
+        let views = stage.cameras.iter().map(|camera| {
+            let block = resolution::block(camera, &AVERAGE, &stage.floor);
+            let size = (camera.width(), camera.height());
+            CameraFilter {
+                name: camera.name.clone(),
+                size,
+                view: View::coarse(camera, block),
+                cells: Vec::new(),
+            }
+        });
+        let mut cameras: Vec<CameraFilter> = views.collect();
+        for place in places(stage) {
+            let body = Body { x_m: place.x, y_m: place.y, ..AVERAGE };
+            let seen: Vec<_> = cameras.iter().map(|camera| Templates::of(&camera.view, &body)).collect();
+            if seen.iter().flatten().count() >= 2 {
+                cameras.iter_mut().zip(seen).for_each(|(camera, seen)| camera.cells.push(seen));
+            }
+        }
+        Self { cameras }
+    }
+
+    /// Whether two cameras see some place both.
+    pub(super) fn share_floor(&self, a: usize, b: usize) -> bool {
+        let cells = self.cameras[a].cells.iter().zip(&self.cameras[b].cells);
+        cells.into_iter().any(|(a, b)| a.is_some() && b.is_some())
+    }
+
+    /// # Errors
+    /// [`Error::FrameSize`] when the mask has not the size of the camera's images.
+    pub(super) fn check(&self, camera: usize, frame: u32, mask: &Mask) -> Result<()> {
+        let CameraFilter { name, size: (width, height), .. } = &self.cameras[camera];
+        let (found_width, found_height) = mask.dimensions();
+        if (found_width, found_height) == (*width, *height) {
+            return Ok(());
+        }
+        let camera = name.clone();
+        Err(Error::FrameSize { camera, frame, found_width, found_height, width: *width, height: *height })
+    }
+
+    /// The responses of a camera's cells to a mask, 0 to 1.
+    pub(super) fn responses(&self, camera: usize, mask: &Mask) -> Vec<f32> {
+        let camera = &self.cameras[camera];
+        let packed = pack(mask, &camera.view);
+        let response = |cell: &Option<Templates>| cell.as_ref().map_or(0.0, |cell| cell.response(&packed));
+        camera.cells.iter().map(response).collect()
+    }
+
+    /// For each camera, the norm of responses (as they are kept) of `camera` over the cells that both see.
+    pub(super) fn norms(&self, camera: usize, responses: &[i8]) -> Vec<f32> {
+        let norm = |other: &CameraFilter| {
+            let shared = responses.iter().zip(&other.cells).filter(|(_, seen)| seen.is_some());
+            let squares: i32 = shared.map(|(response, _)| i32::from(*response).pow(2)).sum();
+            (squares as f32).sqrt() / FULL
+        };
+        self.cameras
+            .iter()
+            .enumerate()
+            .map(|(i, other)| if i == camera { 0.0 } else { norm(other) })
+            .collect()
+    }
+}
+
+/// A response, or its difference from a mean, as it is kept: in one byte.
+pub(super) fn quantized(response: f32) -> i8 {
+    (FULL * response).round() as i8
+}
+
+/// The scalar product of two cameras' responses that were [`quantized`]. Cells that one of them does not see are 0.
+pub(super) fn product(a: &[i8], b: &[i8]) -> f32 {
+    let sum: i32 = a.iter().zip(b).map(|(a, b)| i32::from(*a) * i32::from(*b)).sum();
+    sum as f32 / (FULL * FULL)
+}
+
+/// The middles of the cells of the floor.
+fn places(stage: &Stage) -> impl Iterator<Item = Point2<f64>> {
+    let (low, high) = stage.floor.bounds();
+    let size = high - low;
+    let cell_m = (size.x * size.y / MOST_CELLS).sqrt().max(CELL_M);
+    let (columns, rows) = ((size.x / cell_m).ceil() as usize, (size.y / cell_m).ceil() as usize);
+    (0..columns * rows)
+        .map(move |i| low + Vector2::new((i % columns) as f64 + 0.5, (i / columns) as f64 + 0.5) * cell_m)
+        .filter(|place| stage.floor.is_standable(place.x, place.y))
+}
+
+impl Templates {
+    /// What a body and its surround fill of the image; `None` where too little of the body is seen.
+    fn of(view: &View, body: &Body) -> Option<Self> {
+        let person = Silhouette::new(view, &Shape::CORE.of(body));
+        if person.visible_px == 0 || f64::from(person.visible_px) < LEAST_VISIBLE * f64::from(person.area_px)
+        {
+            return None;
+        }
+        let away = (Vector2::new(body.x_m, body.y_m) - view.center.coords.xy()).try_normalize(0.0)?;
+        let side = Vector2::new(-away.y, away.x);
+        let mut surround = Packed::new(view);
+        for step in [away, -away, side, -side].map(|direction| direction * SURROUND_M) {
+            let moved = Body { x_m: body.x_m + step.x, y_m: body.y_m + step.y, ..*body };
+            surround.insert(&Silhouette::new(view, &Shape::LIMBS.of(&moved)));
+        }
+        surround.remove(&Silhouette::new(view, &Shape::LIMBS.of(body)));
+        let surround = surround.template();
+        let mut own = Packed::new(view);
+        own.insert(&person);
+        (surround.pixels > 0).then(|| Self { person: own.template(), surround })
+    }
+
+    /// 0 to 1.
+    fn response(&self, mask: &[u64]) -> f32 {
+        let filled = self.person.share(mask);
+        if filled < LEAST_FILLED {
+            return 0.0;
+        }
+        (filled - self.surround.share(mask)).max(0.0).powi(2)
+    }
+}
+
+impl Template {
+    /// The share of the pixels that are foreground.
+    fn share(&self, mask: &[u64]) -> f32 {
+        let found: u32 = self.words.iter().map(|(at, bits)| (mask[*at as usize] & bits).count_ones()).sum();
+        found as f32 / self.pixels as f32
+    }
+}
+
+/// A whole packed image, to draw silhouettes into.
+struct Packed {
+    words_per_row: usize,
+    words: Vec<u64>,
+}
+
+impl Packed {
+    fn new(view: &View) -> Self {
+        let words_per_row = view.words_per_row;
+        Self { words_per_row, words: vec![0; words_per_row * view.height as usize] }
+    }
+
+    fn insert(&mut self, silhouette: &Silhouette) {
+        self.change(silhouette, |word, bits| *word |= bits);
+    }
+
+    fn remove(&mut self, silhouette: &Silhouette) {
+        self.change(silhouette, |word, bits| *word &= !bits);
+    }
+
+    fn change(&mut self, silhouette: &Silhouette, change: impl Fn(&mut u64, u64)) {
+        for (row, bits) in silhouette.rows() {
+            let start = row * self.words_per_row + silhouette.word_range().start;
+            for (word, bits) in self.words[start..].iter_mut().zip(bits) {
+                change(word, *bits);
+            }
+        }
+    }
+
+    fn template(&self) -> Template {
+        let words = self.words.iter().enumerate().filter(|(_, word)| **word != 0);
+        let words: Vec<(u32, u64)> = words.map(|(at, word)| (at as u32, *word)).collect();
+        Template { pixels: words.iter().map(|(_, word)| word.count_ones()).sum(), words }
+    }
+}

@@ -1,0 +1,110 @@
+//! The offsets between recordings, found in a pass of their own before the run: seconds, where a live run corrects parts of one.
+
+use std::ops::ControlFlow;
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::time::Duration;
+
+use super::clock_offsets::alignments;
+use crate::gathering::{Alignment, Port};
+use crate::observation::Feedback;
+use crate::offsets::{OffsetEstimator, OffsetOptions};
+use crate::stage::Stage;
+use crate::station::{Event, Seen};
+use crate::{Error, Result};
+
+/// Recordings are looked at for so long: offsets do not change.
+const LOOK_S: f64 = 300.0;
+/// How long it is waited for a station before it is looked whether to go on.
+const WAIT: Duration = Duration::from_millis(200);
+
+/// Looks through the recordings of these stations for the offsets between their clocks, on top of what is `given`.
+/// `advance` is called after each observation, and says whether to go on.
+///
+/// # Errors
+/// What a station failed of before any observation; masks of another size than their camera's.
+pub fn search_offsets(
+    stage: &Stage,
+    mut ports: Vec<Port>,
+    events: &Receiver<(usize, Event)>,
+    given: &[Alignment],
+    mut advance: impl FnMut() -> ControlFlow<()>,
+) -> Result<Vec<Alignment>> {
+    let options = OffsetOptions { keep_s: LOOK_S, ..OffsetOptions::recording() };
+    let mut estimator = OffsetEstimator::new(stage, options)?;
+    let mut cameras: Vec<Recording> = ports.iter().map(|_| Recording::default()).collect();
+    // The one whose next observation is the earliest comes first, so that the order is that of times.
+    while let Some(camera) = next(&mut cameras, events, &mut advance)? {
+        let Some(seen) = cameras[camera].pending.pop_front() else { break };
+        let time_s = given[camera].apply(seen.observation.time_s);
+        let start_s = *cameras[camera].start_s.get_or_insert(time_s);
+        (ports[camera].feedback)(Feedback { sequence: seen.observation.sequence, people: Vec::new() });
+        if time_s - start_s > LOOK_S {
+            cameras[camera].is_over = true;
+            cameras[camera].pending.clear();
+            continue;
+        }
+        if let Some(mask) = &seen.observation.mask {
+            estimator.observe(camera, time_s, mask)?;
+        }
+    }
+    let found = estimator.estimate();
+    for (camera, offset) in found.cameras.iter().enumerate() {
+        let name = &stage.cameras[camera].name;
+        let reference = &stage.cameras[offset.reference].name;
+        if !offset.is_known {
+            tracing::warn!(
+                "--offset auto: the people seen by `{name}` and others do not tell its offset; taking {:.2} s",
+                given[camera].offset_s
+            );
+        } else if offset.reference != camera {
+            tracing::info!(
+                "camera `{name}`: its first frame was taken {:+.3} ± {:.3} s after that of `{reference}`, by the people seen",
+                given[camera].offset_s + offset.offset_s,
+                offset.sigma_s
+            );
+        }
+    }
+    Ok(alignments(given, &found))
+}
+
+/// One recording on the way.
+#[derive(Default)]
+struct Recording {
+    pending: std::collections::VecDeque<Seen>,
+    start_s: Option<f64>,
+    is_over: bool,
+}
+
+/// The camera whose observation comes next in time; `None` when all are over, or nobody wants more.
+fn next(
+    cameras: &mut [Recording],
+    events: &Receiver<(usize, Event)>,
+    advance: &mut impl FnMut() -> ControlFlow<()>,
+) -> Result<Option<usize>> {
+    while cameras.iter().any(|camera| camera.pending.is_empty() && !camera.is_over) {
+        match events.recv_timeout(WAIT) {
+            Ok((camera, Event::Seen(seen))) if !cameras[camera].is_over => {
+                cameras[camera].pending.push_back(*seen)
+            }
+            Ok((_, Event::Seen(_))) | Err(RecvTimeoutError::Timeout) => {}
+            Ok((camera, Event::Ended)) => cameras[camera].is_over = true,
+            Ok((camera, Event::Failed(error))) => fail(&mut cameras[camera], error)?,
+            Err(RecvTimeoutError::Disconnected) => {
+                cameras.iter_mut().for_each(|camera| camera.is_over = true)
+            }
+        }
+        if advance().is_break() {
+            return Ok(None);
+        }
+    }
+    let time_s =
+        |camera: &usize| cameras[*camera].pending.front().map_or(f64::INFINITY, |s| s.observation.time_s);
+    let earliest = (0..cameras.len()).min_by(|a, b| time_s(a).total_cmp(&time_s(b)));
+    Ok(earliest.filter(|camera| time_s(camera).is_finite()))
+}
+
+/// A recording that is torn later on still tells its offset.
+fn fail(camera: &mut Recording, error: Error) -> Result<()> {
+    camera.is_over = true;
+    if camera.start_s.is_none() && camera.pending.is_empty() { Err(error) } else { Ok(()) }
+}
