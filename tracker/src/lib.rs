@@ -46,6 +46,7 @@ pub mod stage;
 pub mod station;
 pub mod tracks;
 pub mod view;
+pub mod wire;
 
 pub use error::{Error, Result};
 pub use moment::{CameraFrame, Moment, PersonEstimate, TrackId};

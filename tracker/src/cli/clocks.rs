@@ -72,20 +72,27 @@ impl ClockArguments {
         })
     }
 
-    /// When each source's frames were taken.
-    pub(super) fn clocks(&self, sources: &[CameraSource]) -> anyhow::Result<Clocks> {
-        let is_camera = |name: &str| sources.iter().any(|s| s.name == name);
-        let names = || sources.iter().map(|s| s.name.as_str()).collect::<Vec<_>>().join(", ");
+    /// How the clocks of cameras with these names are brought together, as far as it was said.
+    pub(super) fn alignments(&self, names: &[&str]) -> anyhow::Result<Vec<Alignment>> {
         let given: Vec<&GivenOffset> = self.given_offsets().collect();
         for (i, offset) in given.iter().enumerate() {
             let GivenOffset { camera, seconds } = offset;
-            if !is_camera(camera) {
-                bail!("--offset {camera}={seconds}: no source has that name; there are {}", names());
+            if !names.contains(&camera.as_str()) {
+                bail!("--offset {camera}={seconds}: no source has that name; there are {}", names.join(", "));
             }
             if given[..i].iter().any(|earlier| earlier.camera == *camera) {
                 bail!("--offset {camera}={seconds}: the camera already has one; give each camera once");
             }
         }
+        let offset_s = |name: &&str| given.iter().find(|o| o.camera == **name).map_or(0.0, |o| o.seconds);
+        Ok(names.iter().map(|name| Alignment { offset_s: offset_s(name), ..Alignment::default() }).collect())
+    }
+
+    /// When each source's frames were taken.
+    pub(super) fn clocks(&self, sources: &[CameraSource]) -> anyhow::Result<Clocks> {
+        let names: Vec<&str> = sources.iter().map(|s| s.name.as_str()).collect();
+        let alignments = self.alignments(&names)?;
+        let is_camera = |name: &str| names.contains(&name);
         // A file's name may hold `=`, too.
         let (own, common): (Vec<_>, Vec<_>) = self.times.iter().partition(|text| {
             text.split_once('=').is_some_and(|(name, _)| is_camera(name) && !Path::new(text).exists())
@@ -105,7 +112,7 @@ impl ClockArguments {
                 (first, None) => Ok(first.map(|(_, path)| PathBuf::from(path))),
             }
         };
-        let (mut times, mut alignments, mut files) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut times, mut files) = (Vec::new(), Vec::new());
         for source in sources {
             let name = source.sources().next().map_or(source.name.as_str(), FrameSource::name);
             let file = match (own_file(&source.name)?, &common) {
@@ -131,9 +138,6 @@ impl ClockArguments {
                     CaptureTimes::given(name, Times::steady(DEFAULT_RATE)?)
                 }
             });
-            let offset = self.given_offsets().find(|o| o.camera == source.name);
-            alignments
-                .push(Alignment { offset_s: offset.map_or(0.0, |o| o.seconds), ..Alignment::default() });
         }
         let clocks = Clocks { times, alignments };
         clocks.check_files(sources, &files)?;

@@ -4,14 +4,17 @@ mod background;
 mod clocks;
 mod colours;
 mod detect;
+mod endpoints;
 mod eval;
 mod heads;
+mod input;
 mod interrupt;
 mod link;
 mod masks;
 mod report;
 mod run;
 mod sampler;
+mod station;
 mod stations;
 mod view;
 mod weightmap;
@@ -33,6 +36,7 @@ pub(crate) struct Arguments {
 #[derive(Debug, Subcommand)]
 enum Command {
     Run(Box<run::RunArgs>),
+    Station(Box<station::StationArgs>),
     Detect(Box<detect::DetectArgs>),
     Link(Box<link::LinkArgs>),
     Eval(eval::EvalArgs),
@@ -45,6 +49,7 @@ enum Command {
 pub(crate) fn run(arguments: &Arguments, console: &Console) -> anyhow::Result<String> {
     match &arguments.command {
         Command::Run(args) => run::run(args, console),
+        Command::Station(args) => station::station(args, console),
         Command::Detect(args) => detect::detect(args, console),
         Command::Link(args) => link::link(args, console),
         Command::Eval(args) => eval::eval(args),

@@ -4,7 +4,6 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use std::sync::mpsc::{Receiver, channel};
 use std::time::Instant;
 
 use anyhow::{Context, bail};
@@ -13,21 +12,24 @@ use clap::{Args, ValueEnum};
 use scenes::room::Room;
 use tracker::film::{Film, FilmOptions};
 use tracker::foreground::Verdict;
-use tracker::gathering::{Gathering, GatheringOptions, Port};
+use tracker::gathering::{Gathering, GatheringOptions};
 use tracker::method::Method;
 use tracker::method::condensation::Condensation;
 use tracker::method::mcmc::Mcmc;
 use tracker::plan::TrajectoryPlan;
 use tracker::run::{self, ClockOffsets, Ended, Output, Progress, RunReport};
-use tracker::source::{self, CameraSource, NamedSource};
+use tracker::source::NamedSource;
 use tracker::stage::{Stage, StageOptions, WORKING_WIDTH_PX};
-use tracker::station::{self, Event, Permits, PictureDemand, Station};
+use tracker::station::PictureDemand;
 use tracker::tracks::TrackFiles;
 use tracker::view::{Drawer, Screens, Server};
+use tracker::wire::Endpoint;
 
 use super::background::BackgroundArguments;
 use super::clocks::ClockArguments;
+use super::endpoints::EndpointArguments;
 use super::heads::HeadArguments;
+use super::input::{Given, Started};
 use super::interrupt;
 use super::sampler::SamplerArguments;
 use super::stations::{Drawing, StationBuilder};
@@ -56,17 +58,21 @@ enum MethodName {
   tracker run myroom --video a=a.mp4 --video b=b.mp4 --offset b=2.4 --out out
   tracker run myroom --video a=a.mp4 --video b=b.mp4 --out out --view
   tracker run myroom --masks a=masks/a --masks b=masks/b --rate 4 --out out
-  tracker run myroom --video a=rtsp://camera/stream --background a=empty.mp4 --out out")]
+  tracker run myroom --video a=rtsp://camera/stream --background a=empty.mp4 --out out
+  tracker run myroom --stations hall.local:7447,shop.local:7447 --out out")]
 pub(crate) struct RunArgs {
     /// The room directory, as `recon build` makes it.
-    room: PathBuf,
+    pub(super) room: PathBuf,
     /// A camera's video: a file, a folder of images, a printf pattern, a stream's URL or a device number. A stream
     /// that breaks off is set aside, and taken back when it can be opened again.
     #[arg(long, value_name = "NAME=PATH")]
-    video: Vec<NamedSource>,
+    pub(super) video: Vec<NamedSource>,
+    /// Gather from stations on other machines (`tracker station`), at these addresses: host:port, or tls/host:port
+    #[arg(long, value_name = "ENDPOINT[,…]", value_delimiter = ',')]
+    pub(super) stations: Option<Vec<Endpoint>>,
     /// A camera's ready-made masks (folder of 8-bit images, 0 = background, or a video): no background subtraction.
     #[arg(long, value_name = "NAME=PATH")]
-    masks: Vec<NamedSource>,
+    pub(super) masks: Vec<NamedSource>,
     /// The folder to write to.
     #[arg(long)]
     out: PathBuf,
@@ -80,7 +86,9 @@ pub(crate) struct RunArgs {
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
     #[command(flatten)]
-    clocks: ClockArguments,
+    pub(super) clocks: ClockArguments,
+    #[command(flatten)]
+    pub(super) endpoints: EndpointArguments,
     /// The most people who are followed at once; the sampler takes up to 31 [default: 24]
     #[arg(long, value_name = "N")]
     most_people: Option<usize>,
@@ -107,7 +115,7 @@ pub(crate) struct RunArgs {
     #[command(flatten)]
     view: ViewArguments,
     #[command(flatten)]
-    background: BackgroundArguments,
+    pub(super) background: BackgroundArguments,
     #[command(flatten)]
     sampler: SamplerArguments,
     #[command(flatten)]
@@ -127,44 +135,54 @@ pub(crate) fn run(args: &RunArgs, console: &Console) -> anyhow::Result<String> {
     pool.install(|| follow(args, threads, console))
 }
 
+impl RunArgs {
+    /// The masks that the method uses.
+    pub(super) fn used_masks(&self) -> &[NamedSource] {
+        match self.method {
+            MethodName::Mcmc => &self.masks,
+            // It looks at pictures alone.
+            MethodName::Condensation => &[],
+        }
+    }
+
+    fn method(&self, stage: &Stage, is_live: bool) -> anyhow::Result<Box<dyn Method>> {
+        Ok(match self.method {
+            MethodName::Mcmc => {
+                let mut options = self.sampler.options(self.seed)?;
+                options.max_people = self.most_people.unwrap_or(options.max_people);
+                if self.sampler.lag.is_none() && is_live {
+                    options.lag_s = 0.0;
+                }
+                Box::new(Mcmc::new(stage.clone(), options)?)
+            }
+            MethodName::Condensation => {
+                let mut options = self.heads.options(self.seed, self.sampler.published)?;
+                options.life.max_people = self.most_people.unwrap_or(options.life.max_people);
+                Box::new(Condensation::new(stage.clone(), options)?)
+            }
+        })
+    }
+}
+
 fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<String> {
     let started = Instant::now();
-    let mut sampler = args.sampler.options(args.seed)?;
-    let mut heads = args.heads.options(args.seed, args.sampler.published)?;
-    if let Some(most) = args.most_people {
-        (sampler.max_people, heads.life.max_people) = (most, most);
-    }
+    // What is wrong with the options is told before anything is read.
+    args.sampler.options(args.seed)?;
+    args.heads.options(args.seed, args.sampler.published)?;
     // The port before what takes its time to read.
     let listener = args.view.listener()?;
     let room = Room::read(&args.room)?;
-    let sources = source::open(&room, &args.video, &args.masks)?;
-    let masks = match args.method {
-        MethodName::Mcmc => args.masks.as_slice(),
-        // It looks at pictures alone.
-        MethodName::Condensation => &[],
-    };
-    args.background.check_names(&args.video, masks)?;
-    for camera in room.cameras.iter().filter(|c| !sources.iter().any(|s| s.name == c.name)) {
-        tracing::warn!("camera `{}` has no source and is left out", camera.name);
-    }
-    let clocks = args.clocks.clocks(&sources)?;
-    let has_pictures = sources.iter().any(|s| s.video.is_some());
-    let is_live = sources.iter().any(CameraSource::is_live);
+    let given = Given::open(args, &room)?;
     let options = StageOptions {
-        cameras: sources.iter().map(|s| s.name.clone()).collect(),
+        cameras: given.cameras(),
         occlusion: !args.no_occlusion,
         working_width_px: args.mask_width,
     };
     let stage = Stage::prepare(&room, &args.room, &options)?;
-    let mut method: Box<dyn Method> = match args.method {
-        MethodName::Mcmc => {
-            if args.sampler.lag.is_none() && is_live {
-                sampler.lag_s = 0.0;
-            }
-            Box::new(Mcmc::new(stage.clone(), sampler)?)
-        }
-        MethodName::Condensation => Box::new(Condensation::new(stage.clone(), heads)?),
-    };
+    let interrupted = interrupt::watch().context("the signals that end a run")?;
+    let mut input = given.connect(args, &room, &stage, &interrupted)?;
+    let is_live = input.is_live;
+    let mut method = args.method(&stage, is_live)?;
     let looks = FilmOptions { width_px: args.film_width, is_live, ..FilmOptions::default() };
     let mut page = listener.map(|listener| view::serve(listener, &args.room, &stage)).transpose()?;
     let screens = page.as_ref().map(Server::screens);
@@ -176,7 +194,6 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
         }
         None => PictureDemand::Never,
     };
-    let (rate, promised) = (clocks.lead_rate(), clocks.moments(&sources));
     let builder = StationBuilder {
         stage: &stage,
         background: &args.background,
@@ -184,8 +201,7 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
         drawing: Drawing { looks: &looks, demand },
         is_live,
     };
-    let (times, alignments) = clocks.into_parts();
-    let stations = builder.build(sources, times.clone(), method.as_mut())?;
+    let Started { ports, events, downlink } = input.start(args, &builder, method.as_mut(), threads)?;
     let prepared = started.elapsed().as_secs_f64();
     tracing::debug!("room and backgrounds ready after {prepared:.2} s");
     // Everything that was given has been looked at: now something may be written.
@@ -193,16 +209,18 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
     outputs.push(Box::new(TrajectoryPlan::new(&args.out, &room, &args.room)));
     if !args.no_film {
         let audience = screens.map(Screens::audience);
-        outputs.push(Box::new(Film::start(&args.out, &stage, rate, &looks, audience.as_ref())?));
+        outputs.push(Box::new(Film::start(&args.out, &stage, input.rate_hz, &looks, audience.as_ref())?));
     } else if let Some(screens) = screens {
-        outputs.push(Box::new(Drawer::start(&stage, &looks, screens, has_pictures)));
+        outputs.push(Box::new(Drawer::start(&stage, &looks, screens, input.has_pictures)));
     }
-    let interrupted = interrupt::watch().context("the signals that end a run")?;
-    let mut progress = console.progress("tracking", promised.map(|n| n as u64));
-    let (ports, events) = start(stations, threads);
+    let mut progress = console.progress("tracking", input.promised.map(|n| n as u64));
+    let alignments = input.alignments;
     let clocks = match stage.cameras.len() {
         0 | 1 => None,
-        _ => Some(ClockOffsets::new(&stage, alignments.clone(), is_live, args.clocks.is_auto())?),
+        _ => {
+            let applies = args.clocks.is_auto() && is_live;
+            Some(ClockOffsets::new(&stage, alignments.clone(), is_live, applies)?)
+        }
     };
     let options = GatheringOptions { alignments, latency_s: args.latency };
     let gathering = Gathering::new(ports, events, &options)?;
@@ -212,26 +230,18 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
         }
         if interrupted.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })?;
-    drop(progress);
+    drop((progress, downlink));
     if let Some(page) = &mut page {
         page.tell_the_end();
     }
     report.timings.write(&args.out.join("timings.json"))?;
     let report = report.unless_failed()?;
     if args.smooth {
-        let mended = tracker::link::mend_run(&args.out, rate)?;
+        let mended = tracker::link::mend_run(&args.out, input.rate_hz)?;
         tracing::info!("{} tracks after linking over the whole recording", mended.tracks);
     }
     tell(&report, prepared, started.elapsed().as_secs_f64());
     Ok(String::new())
-}
-
-/// Starts the stations on threads of this process.
-fn start(stations: Vec<Station>, threads: usize) -> (Vec<Port>, Receiver<(usize, Event)>) {
-    let (inbox, events) = channel();
-    let permits = Permits::new(threads);
-    let start = |(camera, station)| station::start(station, camera, inbox.clone(), &permits);
-    (stations.into_iter().enumerate().map(start).collect(), events)
 }
 
 fn tell(report: &RunReport, prepared_s: f64, all_s: f64) {

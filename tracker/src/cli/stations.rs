@@ -3,12 +3,14 @@
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 
+use anyhow::Context;
+use image::RgbImage;
 use rayon::prelude::*;
 use tracker::Error;
 use tracker::film::FilmOptions;
 use tracker::foreground::health::Health;
 use tracker::foreground::{Foreground, Start};
-use tracker::method::{Method, Needs};
+use tracker::method::Needs;
 use tracker::source::{CameraSource, CaptureTimes, VideoSource};
 use tracker::stage::Stage;
 use tracker::station::{LiveStation, Masks, Observer, PictureDemand, RecordedStation, Station, Work};
@@ -32,41 +34,27 @@ pub(super) struct StationBuilder<'a> {
     pub(super) is_live: bool,
 }
 
+/// A station, with what is known beside it.
+pub(super) struct Built {
+    pub(super) station: Station,
+    /// What its camera sees of the empty room, in the pinhole image, where the method asks for that and it is known.
+    pub(super) empty_scene: Option<RgbImage>,
+}
+
 impl StationBuilder<'_> {
-    /// The stations in the sources' order; backgrounds are learnt in parallel. The method is told of the empty scenes that it
-    /// asks for.
+    /// The stations in the sources' order; backgrounds are learnt in parallel.
     pub(super) fn build(
         &self,
         sources: Vec<CameraSource>,
         times: Vec<CaptureTimes>,
-        method: &mut dyn Method,
-    ) -> anyhow::Result<Vec<Station>> {
-        let made: Vec<anyhow::Result<(Station, Option<Start>)>> = sources
-            .into_par_iter()
-            .zip(times)
-            .enumerate()
-            .map(|(camera, (source, times))| self.station(camera, source, times))
-            .collect();
+    ) -> anyhow::Result<Vec<Built>> {
+        let made: Vec<anyhow::Result<Built>> =
+            sources.into_par_iter().zip(times).map(|(source, times)| self.station(source, times)).collect();
         // All are made before the first failure is told, so that it is the first camera's.
-        let mut stations = Vec::new();
-        for (camera, made) in made.into_iter().enumerate() {
-            let (station, start) = made?;
-            if let Some(Start::Backdrop(backdrop)) = start {
-                let undistort = &self.stage.cameras[camera].undistort;
-                method.set_empty_scene(camera, &undistort.image(&backdrop.picture));
-            }
-            stations.push(station);
-        }
-        Ok(stations)
+        made.into_iter().collect()
     }
 
-    /// The station of one source, and its background where the method asks for that.
-    fn station(
-        &self,
-        camera: usize,
-        source: CameraSource,
-        times: CaptureTimes,
-    ) -> anyhow::Result<(Station, Option<Start>)> {
+    fn station(&self, source: CameraSource, times: CaptureTimes) -> anyhow::Result<Built> {
         let rate_hz = source.rate().or_else(|| (!source.is_live()).then(|| times.mean_rate()));
         let CameraSource { name, video, masks } = source;
         let masks = masks.filter(|_| self.needs.masks);
@@ -74,7 +62,9 @@ impl StationBuilder<'_> {
             let problem = format!("camera `{name}` has masks alone; give --video {name}=PATH");
             return Err(Error::option("--video", problem).into());
         }
-        let of_stage = &self.stage.cameras[camera];
+        let camera = self.stage.camera_index(&name);
+        let of_stage = camera.map(|i| &self.stage.cameras[i]);
+        let of_stage = of_stage.with_context(|| format!("the room has no camera `{name}`"))?;
         let size = (of_stage.width(), of_stage.height());
         let filmed_size = (of_stage.filmed.intrinsics.width, of_stage.filmed.intrinsics.height);
         let is_subtracted = self.needs.masks && masks.is_none();
@@ -111,6 +101,12 @@ impl StationBuilder<'_> {
                 Work::Recorded(Box::new(RecordedStation { video, masks, times, observer, drawn, paced }))
             }
         };
-        Ok((Station { name, rate_hz, work }, start.filter(|_| self.needs.empty_scene)))
+        let empty_scene = match start {
+            Some(Start::Backdrop(backdrop)) if self.needs.empty_scene => {
+                Some(of_stage.undistort.image(&backdrop.picture))
+            }
+            _ => None,
+        };
+        Ok(Built { station: Station { name, rate_hz, work }, empty_scene })
     }
 }

@@ -1,8 +1,6 @@
 //! The offsets between recordings, found in a pass of their own before the run: seconds, where a live run corrects parts of one.
 
-use std::ops::ControlFlow;
-use std::sync::mpsc::{Receiver, RecvTimeoutError};
-use std::time::Duration;
+use std::sync::mpsc::Receiver;
 
 use super::clock_offsets::alignments;
 use crate::gathering::{Alignment, Port};
@@ -14,11 +12,8 @@ use crate::{Error, Result};
 
 /// Recordings are looked at for so long: offsets do not change.
 const LOOK_S: f64 = 300.0;
-/// How long it is waited for a station before it is looked whether to go on.
-const WAIT: Duration = Duration::from_millis(200);
 
 /// Looks through the recordings of these stations for the offsets between their clocks, on top of what is `given`.
-/// `advance` is called after each observation, and says whether to go on.
 ///
 /// # Errors
 /// What a station failed of before any observation; masks of another size than their camera's.
@@ -27,13 +22,12 @@ pub fn search_offsets(
     mut ports: Vec<Port>,
     events: &Receiver<(usize, Event)>,
     given: &[Alignment],
-    mut advance: impl FnMut() -> ControlFlow<()>,
 ) -> Result<Vec<Alignment>> {
     let options = OffsetOptions { keep_s: LOOK_S, ..OffsetOptions::recording() };
     let mut estimator = OffsetEstimator::new(stage, options)?;
     let mut cameras: Vec<Recording> = ports.iter().map(|_| Recording::default()).collect();
     // The one whose next observation is the earliest comes first, so that the order is that of times.
-    while let Some(camera) = next(&mut cameras, events, &mut advance)? {
+    while let Some(camera) = next(&mut cameras, events)? {
         let Some(seen) = cameras[camera].pending.pop_front() else { break };
         let time_s = given[camera].apply(seen.observation.time_s);
         let start_s = *cameras[camera].start_s.get_or_insert(time_s);
@@ -75,26 +69,17 @@ struct Recording {
     is_over: bool,
 }
 
-/// The camera whose observation comes next in time; `None` when all are over, or nobody wants more.
-fn next(
-    cameras: &mut [Recording],
-    events: &Receiver<(usize, Event)>,
-    advance: &mut impl FnMut() -> ControlFlow<()>,
-) -> Result<Option<usize>> {
+/// The camera whose observation comes next in time; `None` when all are over.
+fn next(cameras: &mut [Recording], events: &Receiver<(usize, Event)>) -> Result<Option<usize>> {
     while cameras.iter().any(|camera| camera.pending.is_empty() && !camera.is_over) {
-        match events.recv_timeout(WAIT) {
+        match events.recv() {
             Ok((camera, Event::Seen(seen))) if !cameras[camera].is_over => {
                 cameras[camera].pending.push_back(*seen)
             }
-            Ok((_, Event::Seen(_))) | Err(RecvTimeoutError::Timeout) => {}
+            Ok((_, Event::Seen(_))) => {}
             Ok((camera, Event::Ended)) => cameras[camera].is_over = true,
             Ok((camera, Event::Failed(error))) => fail(&mut cameras[camera], error)?,
-            Err(RecvTimeoutError::Disconnected) => {
-                cameras.iter_mut().for_each(|camera| camera.is_over = true)
-            }
-        }
-        if advance().is_break() {
-            return Ok(None);
+            Err(_) => cameras.iter_mut().for_each(|camera| camera.is_over = true),
         }
     }
     let time_s =

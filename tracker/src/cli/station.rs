@@ -1,0 +1,128 @@
+//! `tracker station`: one camera's work in a process of its own.
+
+use std::path::PathBuf;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use anyhow::Context;
+use calib::console::Console;
+use clap::Args;
+use scenes::room::Room;
+use tracker::film::FilmOptions;
+use tracker::method::Needs;
+use tracker::source::{self, NamedSource};
+use tracker::stage::{Stage, StageOptions, WORKING_WIDTH_PX};
+use tracker::station::{Event, Permits, PictureDemand};
+use tracker::wire::{Endpoint, Fingerprint, Hello, Uplink};
+
+use super::background::BackgroundArguments;
+use super::clocks::ClockArguments;
+use super::endpoints::EndpointArguments;
+use super::interrupt;
+use super::stations::{Drawing, StationBuilder};
+
+/// A station of a recording waits for its gatherer for so long.
+const GATHERER_WITHIN: Duration = Duration::from_secs(600);
+
+/// Observe one camera on this machine, for a `tracker run --stations` on another.
+///
+/// Masks and the colours of the foreground leave the station, pictures do not, unless --pictures is given. Both machines have
+/// the same room directory. A live station goes on whoever listens; that of a recording waits for the gatherer and keeps to
+/// its pace.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  tracker station myroom --camera cam0 --video rtsp://camera/stream --listen 0.0.0.0:7447
+  tracker run myroom --stations camerahost0:7447,camerahost1:7447 --out out
+  tracker station myroom --camera cam0 --video 0 --connect gatherer:7447
+  tracker run myroom --stations '' --listen 0.0.0.0:7447 --out out
+  tracker station myroom --camera cam0 --video rtsp://camera/stream --listen tls/0.0.0.0:7447 \\
+      --tls-certificate cam0.pem --tls-key cam0.key --tls-authority ca.pem --allow gatherer")]
+pub(crate) struct StationArgs {
+    /// The room directory, as `recon build` makes it.
+    room: PathBuf,
+    /// The camera's name in the room.
+    #[arg(long, value_name = "NAME")]
+    camera: String,
+    /// The camera's video: a file, a folder of images, a printf pattern, a stream's URL or a device number.
+    #[arg(long, value_name = "PATH|URL", required_unless_present = "masks")]
+    video: Option<String>,
+    /// Ready-made masks (folder of 8-bit images, 0 = background, or a video): no background subtraction.
+    #[arg(long, value_name = "PATH")]
+    masks: Option<String>,
+    /// Connect to the gatherer, or to a Zenoh router, at this address; may be repeated
+    #[arg(long, value_name = "ENDPOINT", value_delimiter = ',')]
+    connect: Vec<Endpoint>,
+    /// Width at which masks are made, pixels; as the gatherer has it
+    #[arg(long, value_name = "PX", default_value_t = WORKING_WIDTH_PX)]
+    mask_width: u32,
+    /// Send the pictures as well, at the size of films: for films and the page
+    #[arg(long)]
+    pictures: bool,
+    #[command(flatten)]
+    endpoints: EndpointArguments,
+    #[command(flatten)]
+    clocks: ClockArguments,
+    #[command(flatten)]
+    background: BackgroundArguments,
+}
+
+/// Runs the subcommand.
+pub(crate) fn station(args: &StationArgs, console: &Console) -> anyhow::Result<String> {
+    calib::vision::set_threads(1)?;
+    let endpoints = args.endpoints.endpoints(&args.connect)?;
+    let room = Room::read(&args.room)?;
+    let named = |spec: &Option<String>| -> Vec<NamedSource> {
+        let one = spec.iter().map(|spec| NamedSource { name: args.camera.clone(), spec: spec.clone() });
+        one.collect()
+    };
+    let (videos, masks) = (named(&args.video), named(&args.masks));
+    let sources = source::open(&room, &videos, &masks)?;
+    args.background.check_names(&videos, &masks)?;
+    let clocks = args.clocks.clocks(&sources)?;
+    let is_live = sources.iter().any(source::CameraSource::is_live);
+    let promised = clocks.moments(&sources);
+    // All of the room's cameras, as the gatherer has it: what is sampled depends on the floor that they see together.
+    let options = StageOptions { working_width_px: args.mask_width, ..StageOptions::default() };
+    let stage = Stage::prepare(&room, &args.room, &options)?;
+    let demand = if args.pictures { PictureDemand::Always } else { PictureDemand::Never };
+    let builder = StationBuilder {
+        stage: &stage,
+        background: &args.background,
+        needs: Needs { masks: true, pictures: false, empty_scene: false },
+        drawing: Drawing { looks: &FilmOptions::default(), demand },
+        is_live,
+    };
+    let (times, _) = clocks.into_parts();
+    let station = builder.build(sources, times)?.remove(0).station;
+    let of_stage = stage.camera_index(&args.camera).map(|i| &stage.cameras[i]);
+    let of_stage =
+        of_stage.with_context(|| format!("--camera {}: the room has no such camera", args.camera))?;
+    let hello = Hello {
+        room: Fingerprint::of(&room),
+        camera: args.camera.clone(),
+        width: of_stage.width(),
+        height: of_stage.height(),
+        is_live: station.is_live(),
+        rate_hz: station.rate_hz,
+    };
+    let interrupted = interrupt::watch().context("the signals that end a station")?;
+    let (mut uplink, feedback) = Uplink::open(hello, &endpoints)?;
+    if !is_live {
+        tracing::info!("waiting for the gatherer");
+        uplink.wait_for_start(Some(GATHERER_WITHIN), &interrupted)?;
+    }
+    let mut progress = console.progress("observing", promised.map(|n| n as u64));
+    let mut failure = None;
+    station.run(&feedback, &Permits::new(1), |event| {
+        if matches!(event, Event::Seen(_)) {
+            progress.advance();
+        }
+        if let Err(error) = uplink.send(event) {
+            failure = Some(error);
+            return false;
+        }
+        !interrupted.load(Ordering::Relaxed)
+    });
+    drop(progress);
+    failure.map_or(Ok(String::new()), |error| Err(error.into()))
+}
