@@ -4,10 +4,10 @@
 //! choose scenarios, in seconds where there is an `=`; `all` measures with the durations that the figures are asked for
 //! (about 2 hours):
 //!
-//! * `a=SEED,…` — the office from two network cameras of different clocks; each with `--offset auto` and without.
+//! * `a=SEED,…` — the office from two network cameras of different clocks; each with `--offset auto`, without, and told the rate.
 //! * `b=S,…` — one camera silent for so long.
 //! * `c=S,…` — all cameras away for so long.
-//! * `d=S` — latency from capture to row, measured for so long.
+//! * `d=S` — latency from capture to row, measured for so long; without and told the rate.
 //! * `e=S,S` — memory at two times.
 //! * `f=N,…` — 1920 × 1080 through a wide lens, with so many cameras.
 //! * `g` — the office from files.
@@ -30,13 +30,15 @@ fn measure(scenario: &str, parameters: &[f64]) -> Result<Vec<Figure>, String> {
     let or = |default: f64| if parameters.is_empty() { vec![default] } else { parameters.to_vec() };
     Ok(match (scenario, parameters) {
         ("a", _) => each(&or(1.0), &|seed| {
-            let mut figures = accuracy::live(seed as u64, &["--offset", "auto"]);
-            figures.extend(accuracy::live(seed as u64, &[]));
-            figures
+            let given: [&[&str]; 3] = [&["--offset", "auto"], &[], &["--rate", "12"]];
+            given.iter().flat_map(|arguments| accuracy::live(seed as u64, arguments)).collect()
         }),
         ("b", _) => each(&or(5.0), &outages::silent),
         ("c", _) => each(&or(20.0), &outages::away),
-        ("d", _) => each(&or(20.0), &latency::capture_to_row),
+        ("d", _) => each(&or(20.0), &|measured_s| {
+            let given: [&[&str]; 2] = [&[], &["--rate", "12"]];
+            given.iter().flat_map(|arguments| latency::capture_to_row(measured_s, arguments)).collect()
+        }),
         ("e", []) => memory::growth(60.0, 180.0),
         ("e", [early_s, late_s]) => memory::growth(*early_s, *late_s),
         ("f", _) => {

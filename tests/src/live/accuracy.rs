@@ -18,7 +18,7 @@ const EMPTY_S: f64 = 8.0;
 /// Frames by which the second recording begins later: 1.33 s.
 const LATER_FRAMES: usize = 16;
 /// A run of recordings may take so long.
-const LONGEST: Duration = Duration::from_secs(300);
+const LONGEST: Duration = Duration::from_mins(5);
 
 /// Evaluates rows of a run against the truth at their times. The time of the film's first frame on the run's clock is
 /// estimated.

@@ -11,7 +11,7 @@ use crate::live::office::FRAMES;
 use crate::live::run::{Ended, LiveRun, Scratch, videos};
 
 /// A run may take so long.
-const LONGEST: Duration = Duration::from_secs(1800);
+const LONGEST: Duration = Duration::from_mins(30);
 /// Frames a second of the cameras that are to be followed.
 const CAMERA_RATE_HZ: f64 = 15.0;
 /// The rate of moments counts from this row on: by then the backgrounds are learnt.

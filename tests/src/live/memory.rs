@@ -35,7 +35,8 @@ pub fn resident(early_s: f64, late_s: f64, arguments: &[&str]) -> Said<[f64; 2]>
     given.extend(arguments.iter().map(|argument| (*argument).to_owned()));
     let mut run = LiveRun::start(&office::room(), &scratch.path("out"), &given)?;
     let mut median = |at_s: f64| -> Said<f64> {
-        let first = epoch + Duration::from_secs_f64(at_s) - EVERY * (LOOKS / 2);
+        let half_s = EVERY.as_secs_f64() * f64::from(LOOKS / 2);
+        let first = epoch + Duration::from_secs_f64((at_s - half_s).max(0.0));
         let mut seen = Vec::new();
         for look in 0..LOOKS {
             run.wait_until(first + EVERY * look)?;

@@ -15,7 +15,7 @@ use crate::live::rows::{Row, RowWatch};
 /// Interval at which a wait looks again.
 const POLL: Duration = Duration::from_millis(20);
 /// A run that was interrupted has so long to write what it has.
-const FAREWELL: Duration = Duration::from_secs(60);
+const FAREWELL: Duration = Duration::from_mins(1);
 
 /// A run that goes on until it is interrupted or dropped.
 #[derive(Debug)]

@@ -20,7 +20,7 @@ use crate::network_camera::CameraOptions;
 /// A station has so long to listen.
 const READY: Duration = Duration::from_secs(20);
 /// A run may take so long.
-const LONGEST: Duration = Duration::from_secs(300);
+const LONGEST: Duration = Duration::from_mins(5);
 /// Frames of the office, from 0, with all three people inside.
 const THREE_INSIDE: std::ops::Range<usize> = 225..265;
 
@@ -58,7 +58,7 @@ impl CountingProxy {
 }
 
 fn forward(mut from: TcpStream, mut to: TcpStream, counted: &AtomicU64) {
-    let mut chunk = [0; 65536];
+    let mut chunk = [0; 16384];
     while let Ok(count) = from.read(&mut chunk) {
         counted.fetch_add(count as u64, Ordering::Relaxed);
         if count == 0 || to.write_all(&chunk[..count]).is_err() {
