@@ -8,6 +8,7 @@ mod clocks;
 mod failing_cameras;
 mod folder;
 mod link_refusals;
+mod live_cameras;
 mod live_view;
 mod office;
 mod recon_board;

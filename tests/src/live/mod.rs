@@ -1,0 +1,86 @@
+//! The measuring stand for live input: fake network cameras on one side, `tracker run` as a black box on the other.
+//!
+//! Each scenario gives [`Figure`]s; what the program does not have yet is a figure with the program's own error line. The
+//! scenarios' durations are parameters: the benchmark `live` measures with long ones, tests with short ones.
+//!
+//! * [`accuracy`] — tracks from live cameras with clocks of their own, and from recordings of unknown start, against the truth.
+//! * [`outages`] — a silent camera, and all cameras away.
+//! * [`latency`] — from capture to row on disk.
+//! * [`memory`] — growth of a long run.
+//! * [`capacity`] — cameras that are followed in real time.
+//! * [`stations`] — cameras' work in processes of their own.
+//!
+//! What they are made of:
+//!
+//! * [`office`] — the office as films of network cameras, and its truth at any time.
+//! * [`run`] — `tracker run` as a child process; [`rows`] — its `tracks.jsonl` as it grows; [`page`] — its page.
+//! * [`films`] — recordings that are made for the measurement, and kept beside the programs.
+
+pub mod accuracy;
+pub mod capacity;
+pub mod films;
+pub mod latency;
+pub mod memory;
+pub mod office;
+pub mod outages;
+pub mod page;
+pub mod rows;
+pub mod run;
+pub mod stations;
+
+use crate::chain::Said;
+
+/// One measured figure.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Figure {
+    /// What was measured, and under which conditions.
+    pub what: String,
+    /// The value; an error where the program cannot do this yet, in the program's words.
+    pub value: Said<f64>,
+    /// Unit of the value.
+    pub unit: &'static str,
+    /// The bound that is asked for; empty for a figure that only informs.
+    pub asked: &'static str,
+}
+
+impl Figure {
+    /// A value.
+    pub fn new(what: impl Into<String>, value: f64, unit: &'static str, asked: &'static str) -> Self {
+        Self { what: what.into(), value: Ok(value), unit, asked }
+    }
+
+    /// A value that could not be measured, with the reason.
+    pub fn unavailable(what: impl Into<String>, why: impl Into<String>, asked: &'static str) -> Self {
+        Self { what: what.into(), value: Err(why.into()), unit: "", asked }
+    }
+
+    /// The row of a table: `what | measured | asked`.
+    pub fn row(&self) -> String {
+        let measured = match &self.value {
+            Ok(value) => format!("{value:.2} {}", self.unit),
+            Err(why) => format!("not available: {why}"),
+        };
+        format!("{} | {measured} | {}", self.what, self.asked)
+    }
+
+    /// The same as a line of JSON.
+    pub fn json(&self, scenario: &str) -> String {
+        let (value, error) = match &self.value {
+            Ok(value) => (Some(value), None),
+            Err(why) => (None, Some(why)),
+        };
+        serde_json::json!({
+            "scenario": scenario, "what": self.what, "value": value, "unit": self.unit, "asked": self.asked,
+            "unavailable": error,
+        })
+        .to_string()
+    }
+}
+
+/// The nearest-rank quantile of some values, `share` from 0 to 1; `None` of none.
+pub fn quantile(values: impl IntoIterator<Item = f64>, share: f64) -> Option<f64> {
+    let mut sorted: Vec<f64> = values.into_iter().collect();
+    sorted.sort_by(f64::total_cmp);
+    let rank = (share * sorted.len() as f64).ceil() as usize;
+    sorted.get(rank.max(1) - 1).copied()
+}

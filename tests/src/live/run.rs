@@ -1,0 +1,231 @@
+//! `tracker run` as a child process: its log, its rows as they come, its end.
+
+use std::io::{BufRead, BufReader};
+use std::net::{Ipv4Addr, SocketAddr, TcpListener};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+use crate::chain::Said;
+use crate::data::program;
+use crate::live::rows::{Row, RowWatch};
+
+/// Interval at which a wait looks again.
+const POLL: Duration = Duration::from_millis(20);
+/// A run that was interrupted has so long to write what it has.
+const FAREWELL: Duration = Duration::from_mins(1);
+
+/// A run that goes on until it is interrupted or dropped.
+#[derive(Debug)]
+pub struct LiveRun {
+    child: Child,
+    log: Arc<Mutex<Vec<String>>>,
+    reader: Option<JoinHandle<()>>,
+    rows: RowWatch,
+    /// Where its page will be, if it was asked for one.
+    page: Option<SocketAddr>,
+}
+
+/// A run that is over.
+#[derive(Debug)]
+pub struct Ended {
+    /// How the process ended.
+    pub status: ExitStatus,
+    /// The lines of its standard error.
+    pub log: Vec<String>,
+    /// Its rows.
+    pub rows: Vec<Row>,
+}
+
+/// `--video NAME=SPEC` for each camera.
+pub fn videos<'a>(cameras: impl IntoIterator<Item = (&'a str, String)>) -> Vec<String> {
+    cameras.into_iter().flat_map(|(name, spec)| ["--video".to_owned(), format!("{name}={spec}")]).collect()
+}
+
+impl LiveRun {
+    /// Starts `tracker run ROOM --out OUT` with further arguments.
+    ///
+    /// # Errors
+    /// When the process does not start.
+    pub fn start(room: &Path, out: &Path, arguments: &[String]) -> Said<Self> {
+        let mut command = program("tracker");
+        command.arg("run").arg(room).arg("--out").arg(out).args(arguments);
+        Self::spawn(&mut command, out, None)
+    }
+
+    /// The same with a page at a free port (`--view`).
+    ///
+    /// # Errors
+    /// As [`Self::start`]; when no port is free.
+    pub fn start_with_page(room: &Path, out: &Path, arguments: &[String]) -> Said<Self> {
+        let page = free_address()?;
+        let mut command = program("tracker");
+        command.arg("run").arg(room).arg("--out").arg(out).args(arguments);
+        command.args(["--view", "--view-port", &page.port().to_string()]);
+        Self::spawn(&mut command, out, Some(page))
+    }
+
+    fn spawn(command: &mut Command, out: &Path, page: Option<SocketAddr>) -> Said<Self> {
+        let started = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn();
+        let mut child = started.map_err(|e| format!("{command:?}: {e}"))?;
+        let log = Arc::<Mutex<Vec<String>>>::default();
+        let own = Arc::clone(&log);
+        let reader = child.stderr.take().map(|errors| {
+            thread::spawn(move || {
+                for line in BufReader::new(errors).lines().map_while(Result::ok) {
+                    own.lock().unwrap_or_else(PoisonError::into_inner).push(line);
+                }
+            })
+        });
+        let rows = RowWatch::start(out.join("tracks.jsonl"));
+        Ok(Self { child, log, reader, rows, page })
+    }
+
+    /// The process's id.
+    pub fn pid(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// Where the page is, of a run that was started with one.
+    pub fn page(&self) -> Option<SocketAddr> {
+        self.page
+    }
+
+    /// The rows so far.
+    pub fn rows(&self) -> Vec<Row> {
+        self.rows.rows()
+    }
+
+    /// Whether the process goes on.
+    pub fn is_running(&mut self) -> bool {
+        matches!(self.child.try_wait(), Ok(None))
+    }
+
+    /// Waits until a time.
+    ///
+    /// # Errors
+    /// The run's last line, if the run ends before.
+    pub fn wait_until(&mut self, time: Instant) -> Said<()> {
+        self.wait_for(time, |_| false).map(|_| ())
+    }
+
+    /// Waits until something is true of the rows, `false` if it is not until a time.
+    ///
+    /// # Errors
+    /// The run's last line, if the run ends before.
+    pub fn wait_for(&mut self, until: Instant, mut is_true: impl FnMut(&[Row]) -> bool) -> Said<bool> {
+        loop {
+            if is_true(&self.rows.rows()) {
+                return Ok(true);
+            }
+            if !self.is_running() {
+                return Err(self.failure());
+            }
+            let rest = until.saturating_duration_since(Instant::now());
+            if rest.is_zero() {
+                return Ok(false);
+            }
+            thread::sleep(rest.min(POLL));
+        }
+    }
+
+    /// Waits for the end of a run that ends of itself.
+    ///
+    /// # Errors
+    /// The run's last line, if it fails; a run that goes on until then.
+    pub fn finish(mut self, until: Instant) -> Said<Ended> {
+        while self.is_running() {
+            if Instant::now() > until {
+                return Err(format!("the run has not ended in time; {}", self.failure()));
+            }
+            thread::sleep(POLL);
+        }
+        self.ended()
+    }
+
+    /// Interrupts the run as Ctrl-C does, and waits for its end.
+    ///
+    /// # Errors
+    /// The run's last line, if it fails or does not end.
+    pub fn interrupt(mut self) -> Said<Ended> {
+        if self.is_running() {
+            let killed = Command::new("kill").args(["-INT", &self.pid().to_string()]).status();
+            killed.map_err(|e| format!("kill: {e}"))?;
+        }
+        self.finish(Instant::now() + FAREWELL)
+    }
+
+    fn ended(&mut self) -> Said<Ended> {
+        let status = self.child.wait().map_err(|e| e.to_string())?;
+        if !status.success() {
+            return Err(self.failure());
+        }
+        if let Some(reader) = self.reader.take() {
+            // A thread that panicked has printed why.
+            let _ = reader.join();
+        }
+        // The last rows are found at the next look.
+        thread::sleep(POLL);
+        Ok(Ended { status, log: self.log(), rows: self.rows() })
+    }
+
+    /// The lines of the log so far.
+    pub fn log(&self) -> Vec<String> {
+        self.log.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// How the run failed, in its own words.
+    fn failure(&mut self) -> String {
+        if !self.is_running()
+            && let Some(reader) = self.reader.take()
+        {
+            let _ = reader.join();
+        }
+        error_line(&self.log())
+    }
+}
+
+impl Drop for LiveRun {
+    fn drop(&mut self) {
+        // An error means that it has ended.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// The line of a program's log that says what is wrong: the first that begins with `error`, else the last.
+pub fn error_line<S: AsRef<str>>(log: &[S]) -> String {
+    let lines = || log.iter().map(|line| line.as_ref().trim()).filter(|line| !line.is_empty());
+    let error = lines().find(|line| line.to_lowercase().starts_with("error"));
+    error.or_else(|| lines().last()).unwrap_or("ended without a word").to_owned()
+}
+
+/// An address of the loopback that nobody listens at.
+///
+/// # Errors
+/// When there is none.
+pub fn free_address() -> Said<SocketAddr> {
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).map_err(|e| e.to_string())?;
+    listener.local_addr().map_err(|e| e.to_string())
+}
+
+/// A folder for one scenario's files, removed with it.
+#[derive(Debug)]
+pub struct Scratch(tempfile::TempDir);
+
+impl Scratch {
+    /// A new one.
+    ///
+    /// # Errors
+    /// When the system has no room for it.
+    pub fn new() -> Said<Self> {
+        tempfile::tempdir().map(Self).map_err(|e| e.to_string())
+    }
+
+    /// A path in it.
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+}
