@@ -47,14 +47,18 @@ impl Colours {
         (step > 0 && samples.len() as u64 == expected).then_some(Self { samples, ..colours })
     }
 
+    /// Which cells have a sample: those whose middle pixel is foreground.
+    pub(crate) fn sampled_cells(mask: &Mask, step: u8) -> Mask {
+        let side = u32::from(step.max(1));
+        Mask::from_fn(mask.width().div_ceil(side), mask.height().div_ceil(side), |column, row| {
+            let (x, y) = middle(mask, step.max(1), column, row);
+            mask.is_set(x, y)
+        })
+    }
+
     fn empty(mask: &Mask, step: u8) -> Self {
         let step = step.max(1);
-        let side = u32::from(step);
-        let cells =
-            Mask::from_fn(mask.width().div_ceil(side), mask.height().div_ceil(side), |column, row| {
-                let (x, y) = middle(mask, step, column, row);
-                mask.is_set(x, y)
-            });
+        let cells = Self::sampled_cells(mask, step);
         let mut before = 0;
         let row_starts = (0..cells.height())
             .map(|row| {

@@ -1,0 +1,90 @@
+//! What stands for the two ends in a build without the feature `zenoh`.
+
+use std::convert::Infallible;
+use std::sync::atomic::AtomicBool;
+use std::sync::mpsc::Receiver;
+use std::time::Duration;
+
+use super::{Endpoints, Expected, Hello};
+use crate::gathering::{Inbox, Port};
+use crate::observation::Feedback;
+use crate::station::Event;
+use crate::{Error, Result};
+
+fn absent() -> Error {
+    Error::option(
+        "stations",
+        "this program was built without stations in processes of their own; install it with them: cargo install --path \
+         tracker --features zenoh",
+    )
+}
+
+/// A station's end. This build has none.
+#[derive(Debug)]
+pub struct Uplink(Infallible);
+
+impl Uplink {
+    /// Joins the network as the station of one camera.
+    ///
+    /// # Errors
+    /// Always: this build has no network.
+    pub fn open(_: Hello, _: &Endpoints) -> Result<(Self, Receiver<Feedback>)> {
+        Err(absent())
+    }
+
+    /// Waits until the gatherer wants observations.
+    pub fn wait_for_start(&self, _: Option<Duration>, _: &AtomicBool) -> Result<()> {
+        match self.0 {}
+    }
+
+    /// Sends what the station has observed.
+    pub fn send(&mut self, _: Event) -> Result<()> {
+        match self.0 {}
+    }
+}
+
+/// A gatherer's end. This build has none.
+#[derive(Debug)]
+pub struct Downlink(Infallible);
+
+impl Downlink {
+    /// Joins the network as the gatherer of a room.
+    ///
+    /// # Errors
+    /// Always: this build has no network.
+    pub fn open(
+        _: Expected,
+        _: &Endpoints,
+        _: Duration,
+        _: &AtomicBool,
+        _: Inbox,
+    ) -> Result<(Vec<Port>, Self)> {
+        Err(absent())
+    }
+
+    /// Messages that were refused.
+    pub fn garbage(&self) -> u64 {
+        match self.0 {}
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc;
+
+    use super::*;
+    use crate::wire::Fingerprint;
+
+    #[test]
+    fn both_ends_say_how_to_get_stations() {
+        let room = Fingerprint([0; Fingerprint::BYTES]);
+        let hello = Hello { room, camera: "a".into(), width: 1, height: 1, is_live: true, rate_hz: None };
+        let line = Uplink::open(hello, &Endpoints::default()).unwrap_err().to_string();
+        assert!(line.contains("--features zenoh") && !line.contains('\n'), "{line}");
+        let expected = Expected { room, cameras: Vec::new() };
+        let (inbox, _events) = mpsc::channel();
+        let stop = AtomicBool::new(false);
+        let opened = Downlink::open(expected, &Endpoints::default(), Duration::ZERO, &stop, inbox);
+        assert_eq!(opened.unwrap_err().to_string(), line);
+    }
+}

@@ -1,0 +1,286 @@
+//! Round trips, hostile bytes, and what the office's observations take.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use calib::video::FrameSource;
+use image::{GrayImage, Rgb, RgbImage};
+use proptest::prelude::*;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+
+use super::*;
+use crate::foreground::backdrop::Backdrop;
+use crate::foreground::{Foreground, ForegroundOptions, Start};
+use crate::observation::{Colours, Mask};
+
+const HEALTHS: [Verdict; 7] = [
+    Verdict::Usable,
+    Verdict::Frozen,
+    Verdict::Dark,
+    Verdict::AllForeground,
+    Verdict::Learning,
+    Verdict::Lost,
+    Verdict::Between,
+];
+
+fn limits_of(seen: &Seen) -> Limits {
+    let (width, height) = seen.observation.mask.as_ref().map_or((0, 0), Mask::dimensions);
+    Limits { width, height }
+}
+
+fn decoded(bytes: &[u8], limits: Limits) -> Seen {
+    match Message::decode(bytes, limits) {
+        Ok(Message::Seen(seen)) => *seen,
+        other => panic!("{other:?}"),
+    }
+}
+
+/// An observation of noise in blobs of about `grain` pixels.
+fn noise(seed: u64, width: u32, height: u32, grain: u32, step: u8) -> Seen {
+    let mut rng = Pcg64Mcg::seed_from_u64(seed);
+    let columns = width.div_ceil(grain).max(1);
+    let blobs: Vec<bool> = (0..columns * height.div_ceil(grain)).map(|_| rng.random_bool(0.5)).collect();
+    let mask = Mask::from_fn(width, height, |x, y| blobs[(y / grain * columns + x / grain) as usize]);
+    let picture = RgbImage::from_fn(width, height, |_, _| Rgb(rng.random()));
+    Seen {
+        observation: Observation {
+            sequence: rng.random(),
+            time_s: rng.random_range(-1e6..1e6),
+            health: HEALTHS[rng.random_range(0..HEALTHS.len())],
+            colours: (step > 0).then(|| Colours::of_picture(&mask, step, &picture)),
+            mask: Some(mask),
+        },
+        pictures: Pictures::default(),
+        decode: Duration::from_nanos(rng.random_range(0..1 << 40)),
+        foreground: Duration::from_nanos(rng.random_range(0..1 << 30)),
+    }
+}
+
+proptest! {
+    #[test]
+    fn observations_return_bit_for_bit(
+        seed in any::<u64>(), width in 0_u32..150, height in 0_u32..40, grain in 1_u32..20, step in 0_u8..6,
+    ) {
+        let seen = noise(seed, width, height, grain, step);
+        let bytes = Message::Seen(Box::new(seen.clone())).encode()?;
+        let limits = limits_of(&seen);
+        let again = decoded(&bytes, limits);
+        prop_assert_eq!(&again.observation, &seen.observation);
+        prop_assert_eq!((again.decode, again.foreground), (seen.decode, seen.foreground));
+        prop_assert!(bytes.len() <= limits.longest_message() - LONGEST_PICTURE);
+        for end in 0..bytes.len() {
+            prop_assert!(Message::decode(&bytes[..end], limits).is_err(), "cut at {}", end);
+        }
+        let longer = [&bytes[..], &[0]].concat();
+        prop_assert!(Message::decode(&longer, limits).is_err());
+        let others = Limits { width: width + 1, height };
+        prop_assert!(Message::decode(&bytes, others).is_err());
+    }
+
+    #[test]
+    fn random_bytes_never_panic(kind in 0_u8..24, bytes in prop::collection::vec(any::<u8>(), 0..300)) {
+        let limits = Limits { width: 64, height: 8 };
+        let _ = Message::decode(&bytes, limits);
+        let _ = Message::decode(&[&[VERSION, kind], &bytes[..]].concat(), limits);
+    }
+
+    #[test]
+    fn small_messages_return(
+        camera in "[^\\p{Cc}]{0,60}", size in (1_u32..=LARGEST_SIDE, 1_u32..=LARGEST_SIDE), is_live in any::<bool>(),
+        rate_hz in prop::option::of(0.1..240.0), sequence in any::<u64>(), bodies in prop::collection::vec(any::<[i32; 4]>(), 0..9),
+    ) {
+        let room = Fingerprint([7; Fingerprint::BYTES]);
+        let hello = Hello { room, camera, width: size.0, height: size.1, is_live, rate_hz };
+        let bytes = Message::Hello(hello.clone()).encode()?;
+        match Message::decode(&bytes, Limits::NO_MASK)? {
+            Message::Hello(again) => prop_assert_eq!(again, hello),
+            other => prop_assert!(false, "{:?}", other),
+        }
+        let people = bodies.iter().map(|b| b.map(|v| f64::from(v) / 3.0)).map(|[x_m, y_m, radius_m, height_m]| {
+            Body { x_m, y_m, radius_m, height_m }
+        });
+        let feedback = Feedback { sequence, people: people.collect() };
+        match Message::decode(&Message::Feedback(feedback.clone()).encode()?, Limits::NO_MASK)? {
+            Message::Feedback(again) => prop_assert_eq!(again, feedback),
+            other => prop_assert!(false, "{:?}", other),
+        }
+    }
+}
+
+#[test]
+fn every_health_returns_and_others_are_refused() {
+    for health in HEALTHS {
+        let observation = Observation::unusable(3, 0.25, health);
+        let seen = Seen {
+            observation: observation.clone(),
+            pictures: Pictures::default(),
+            decode: Duration::ZERO,
+            foreground: Duration::ZERO,
+        };
+        let mut bytes = Message::Seen(Box::new(seen)).encode().unwrap();
+        assert_eq!(decoded(&bytes, Limits::NO_MASK).observation, observation);
+        bytes[11] = 7;
+        let refused = Message::decode(&bytes, Limits::NO_MASK).unwrap_err();
+        assert_eq!(refused, Malformed("an observation's health is unknown"));
+    }
+}
+
+#[test]
+fn lines_are_cut_at_their_limit_and_stay_one_line() {
+    let long = "é".repeat(LONGEST_LINE);
+    for (line, expected) in [("a\nb\u{1b}[31m", "a b [31m"), (&long, &long[..LONGEST_LINE])] {
+        match Message::decode(&Message::Failure(line.into()).encode().unwrap(), Limits::NO_MASK).unwrap() {
+            Message::Failure(again) => assert_eq!(again, expected),
+            other => panic!("{other:?}"),
+        }
+    }
+}
+
+#[test]
+fn what_cannot_be_decoded_is_not_encoded() {
+    let seen = noise(1, 40, 30, 4, 2);
+    let other = noise(2, 40, 30, 4, 2).observation.colours;
+    let refused = |change: &dyn Fn(&mut Seen)| {
+        let mut seen = seen.clone();
+        change(&mut seen);
+        Message::Seen(Box::new(seen)).encode().unwrap_err()
+    };
+    refused(&|seen| seen.observation.time_s = f64::NAN);
+    refused(&|seen| seen.observation.mask = None);
+    refused(&|seen| seen.observation.colours.clone_from(&other));
+    refused(&|seen| seen.pictures.filmed = Some(Arc::new(RgbImage::new(4097, 1))));
+    let hello = Hello {
+        room: Fingerprint([0; Fingerprint::BYTES]),
+        camera: "a".repeat(LONGEST_NAME + 1),
+        width: 1,
+        height: 1,
+        is_live: true,
+        rate_hz: None,
+    };
+    Message::Hello(hello).encode().unwrap_err();
+}
+
+#[test]
+fn filmed_pictures_cross_as_jpeg() {
+    let mut seen = noise(3, 64, 48, 8, 4);
+    let picture = RgbImage::from_fn(64, 48, |x, y| Rgb([(x * 3) as u8, (y * 4) as u8, 90]));
+    seen.pictures.filmed = Some(Arc::new(picture.clone()));
+    let limits = limits_of(&seen);
+    let bytes = Message::Seen(Box::new(seen)).encode().unwrap();
+    let again = decoded(&bytes, limits).pictures.filmed.unwrap();
+    assert_eq!(again.dimensions(), picture.dimensions());
+    let off = again.iter().zip(picture.iter()).map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>();
+    assert!(off / (picture.len() as f64) < 3.0, "{off}");
+}
+
+/// Changes a message in one of the ways that hostile or broken senders do.
+fn mutate(bytes: &mut Vec<u8>, rng: &mut Pcg64Mcg) {
+    let at = |rng: &mut Pcg64Mcg, length: usize| rng.random_range(0..length.max(1));
+    match rng.random_range(0..5) {
+        // Lengths and flags stand near the start.
+        0 => {
+            let i = at(rng, bytes.len().min(40));
+            bytes[i] = rng.random();
+        }
+        1 => {
+            let i = at(rng, bytes.len());
+            bytes[i] ^= 1 << rng.random_range(0..8);
+        }
+        2 => bytes.truncate(1 + at(rng, bytes.len())),
+        3 => {
+            let i = at(rng, bytes.len());
+            bytes.splice(i..i, [0xff; 9]);
+        }
+        _ => {
+            let (from, to) = (at(rng, bytes.len()), at(rng, bytes.len()));
+            let part = bytes[from.min(to)..from.max(to)].to_vec();
+            let i = at(rng, bytes.len());
+            bytes.splice(i..i, part);
+        }
+    }
+}
+
+#[test]
+fn mutated_messages_are_refused_or_stay_within_their_limits() {
+    let mut rng = Pcg64Mcg::seed_from_u64(20);
+    let mut with_picture = noise(4, 96, 64, 9, 4);
+    with_picture.pictures.filmed = Some(Arc::new(RgbImage::from_pixel(96, 64, Rgb([9, 99, 199]))));
+    let originals = [noise(5, 96, 64, 9, 2), noise(6, 96, 64, 1, 1), with_picture];
+    let originals: Vec<_> =
+        originals.map(|seen| (limits_of(&seen), Message::Seen(Box::new(seen)).encode().unwrap())).into();
+    let mut refused = 0;
+    for round in 0..6000 {
+        let (limits, mut bytes) = originals[round % originals.len()].clone();
+        for _ in 0..rng.random_range(1..4) {
+            mutate(&mut bytes, &mut rng);
+        }
+        match Message::decode(&bytes, limits) {
+            Err(_) => refused += 1,
+            Ok(Message::Seen(seen)) => {
+                let mask = seen.observation.mask.as_ref();
+                assert!(mask.is_none_or(|mask| mask.dimensions() == (limits.width, limits.height)));
+            }
+            Ok(_) => {}
+        }
+    }
+    assert!(refused > 3000, "{refused}");
+}
+
+/// The office's camera from frame 200 on, where three people walk: masks as stations make them, colours every `step` pixels.
+fn office(camera: &str, step: u8) -> Vec<Seen> {
+    let path: PathBuf = [env!("CARGO_MANIFEST_DIR"), "../tests/office/video"].iter().collect();
+    let path: &Path = &path.join(camera).with_extension("mp4");
+    let frames = FrameSource::open(path.to_str().unwrap()).unwrap().read_all().unwrap();
+    let (width, height) = frames[0].dimensions();
+    let start = Start::Backdrop(Backdrop::learn(&frames[..20]).unwrap());
+    let mut foreground = Foreground::new(width, height, start, ForegroundOptions::default()).unwrap();
+    let mut image = GrayImage::new(width, height);
+    let mut seen = Vec::new();
+    for (i, frame) in frames.iter().enumerate() {
+        let time_s = i as f64 / 12.0;
+        let health = foreground.mask(frame, time_s, &mut image).unwrap();
+        if i >= 200 && health == Verdict::Usable {
+            let mask = Mask::from(&image);
+            let colours = (step > 0).then(|| Colours::of_picture(&mask, step, frame));
+            let observation =
+                Observation { sequence: i as u64 + 1, time_s, health, colours, mask: Some(mask) };
+            let (decode, foreground) = (Duration::from_micros(700), Duration::from_micros(4100));
+            seen.push(Seen { observation, pictures: Pictures::default(), decode, foreground });
+        }
+    }
+    seen
+}
+
+#[test]
+fn office_observations_of_three_people_fit_forty_kilobytes_a_second() {
+    for camera in ["cam0", "cam1"] {
+        for step in [0, 1, 2, 3, 4, 8] {
+            let seen = office(camera, step);
+            let started = std::time::Instant::now();
+            let messages: Vec<_> =
+                seen.iter().map(|seen| Message::Seen(Box::new(seen.clone())).encode().unwrap()).collect();
+            let encoding = started.elapsed() / messages.len() as u32;
+            let started = std::time::Instant::now();
+            for (message, seen) in messages.iter().zip(&seen) {
+                assert_eq!(decoded(message, limits_of(seen)).observation, seen.observation);
+            }
+            let decoding = started.elapsed() / messages.len() as u32;
+            let total: usize = messages.iter().map(Vec::len).sum();
+            let longest = messages.iter().map(Vec::len).max().unwrap();
+            let mean = total as f64 / messages.len() as f64;
+            let samples =
+                seen.iter().filter_map(|s| s.observation.colours.as_ref()).map(|c| c.samples().len());
+            let samples = samples.sum::<usize>() / seen.len();
+            let rate = mean * 12.0 / 1000.0;
+            println!(
+                "{camera}, {} frames, step {step}: {mean:.0} bytes (longest {longest}), {samples} samples, {rate:.1} kB/s at 12/s, \
+                 {encoding:.0?} to encode, {decoding:.0?} to decode",
+                seen.len(),
+            );
+            if step != 1 {
+                assert!(rate < 40.0, "{camera}, step {step}: {rate} kB/s");
+            }
+        }
+    }
+}

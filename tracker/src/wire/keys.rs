@@ -1,0 +1,154 @@
+//! Keys under which stations and gatherers find each other and exchange messages.
+//!
+//! | key | what |
+//! |---|---|
+//! | `roomtrack/station/VERSION/ROOM/CAMERA/STATION` | liveliness token of a station |
+//! | `roomtrack/gatherer/VERSION/ROOM/GATHERER` | liveliness token of a gatherer |
+//! | `roomtrack/VERSION/ROOM/up/CAMERA/STATION/GATHERER` | messages of a station |
+//! | `roomtrack/VERSION/ROOM/down/CAMERA/STATION/GATHERER` | messages to a station |
+//!
+//! VERSION is the encoding's, ROOM the [`Fingerprint`] in hexadecimal digits, STATION and GATHERER the Zenoh ids of their
+//! sessions. CAMERA is the camera's name with every byte but ASCII letters, digits, `-` and `_` written as `%XX`.
+//! The tokens' keys stay as they are in all versions, so that other versions are noticed.
+
+use super::Fingerprint;
+use super::encoding::VERSION;
+
+/// Every token of a station.
+pub(super) const STATIONS: &str = "roomtrack/station/*/*/*/*";
+/// Every token of a gatherer.
+pub(super) const GATHERERS: &str = "roomtrack/gatherer/*/*/*";
+/// Every key of this program.
+pub(super) const ALL: &str = "roomtrack/**";
+
+/// What a token says.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Token {
+    /// Version of the encoding that its owner speaks.
+    pub version: String,
+    /// Its owner's room.
+    pub room: String,
+    /// A station's camera; of a gatherer none.
+    pub camera: Option<String>,
+    /// Its owner's id.
+    pub id: String,
+}
+
+impl Token {
+    /// The token of a station or, without a camera, of a gatherer of this version.
+    pub(super) fn new(room: Fingerprint, camera: Option<&str>, id: &str) -> Self {
+        Self {
+            version: VERSION.to_string(),
+            room: room.to_string(),
+            camera: camera.map(str::to_owned),
+            id: id.to_owned(),
+        }
+    }
+
+    /// Its key.
+    pub(super) fn key(&self) -> String {
+        let Self { version, room, camera, id } = self;
+        match camera {
+            Some(camera) => format!("roomtrack/station/{version}/{room}/{}/{id}", escaped(camera)),
+            None => format!("roomtrack/gatherer/{version}/{room}/{id}"),
+        }
+    }
+
+    /// The token of a key; `None` for other keys.
+    pub(super) fn of(key: &str) -> Option<Self> {
+        let parts: Vec<&str> = key.split('/').collect();
+        let (version, room, camera, id) = match parts[..] {
+            ["roomtrack", "station", version, room, camera, id] => {
+                (version, room, Some(unescaped(camera)?), id)
+            }
+            ["roomtrack", "gatherer", version, room, id] => (version, room, None, id),
+            _ => return None,
+        };
+        Some(Self { version: version.into(), room: room.into(), camera, id: id.into() })
+    }
+}
+
+/// The key of the messages from (`up`) or to (`down`) a station.
+pub(super) fn messages(room: Fingerprint, way: &str, camera: &str, station: &str, gatherer: &str) -> String {
+    format!("roomtrack/{VERSION}/{room}/{way}/{}/{station}/{gatherer}", escaped(camera))
+}
+
+/// The keys of all messages to one gatherer.
+pub(super) fn messages_to_gatherer(room: Fingerprint, gatherer: &str) -> String {
+    format!("roomtrack/{VERSION}/{room}/up/*/*/{gatherer}")
+}
+
+/// The keys of all messages to one station.
+pub(super) fn messages_to_station(room: Fingerprint, camera: &str, station: &str) -> String {
+    format!("roomtrack/{VERSION}/{room}/down/{}/{station}/*", escaped(camera))
+}
+
+/// Camera, station and gatherer of a message's key.
+pub(super) fn parties(key: &str) -> Option<(String, String, String)> {
+    let mut parts = key.rsplit('/');
+    let (gatherer, station, camera) = (parts.next()?, parts.next()?, parts.next()?);
+    Some((unescaped(camera)?, station.to_owned(), gatherer.to_owned()))
+}
+
+fn escaped(name: &str) -> String {
+    let mut key = String::new();
+    for byte in name.bytes() {
+        if byte.is_ascii_alphanumeric() || byte == b'-' || byte == b'_' {
+            key.push(char::from(byte));
+        } else {
+            key.push_str(&format!("%{byte:02X}"));
+        }
+    }
+    key
+}
+
+fn unescaped(key: &str) -> Option<String> {
+    let mut bytes = Vec::new();
+    let mut rest = key.as_bytes();
+    while let Some((first, after)) = rest.split_first() {
+        if *first == b'%' {
+            let (digits, after) = after.split_at_checked(2)?;
+            bytes.push(u8::from_str_radix(std::str::from_utf8(digits).ok()?, 16).ok()?);
+            rest = after;
+        } else {
+            bytes.push(*first);
+            rest = after;
+        }
+    }
+    String::from_utf8(bytes).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const ROOM: Fingerprint = Fingerprint([0xab; Fingerprint::BYTES]);
+
+    proptest! {
+        #[test]
+        fn every_camera_name_returns_from_its_keys(camera in ".{1,30}") {
+            let token = Token::new(ROOM, Some(&camera), "1f2e");
+            prop_assert!(!token.key().contains(['*', '$', '?', '#', '@', ' ']));
+            prop_assert_eq!(Token::of(&token.key()), Some(token));
+            let key = messages(ROOM, "up", &camera, "1f2e", "9a");
+            prop_assert_eq!(parties(&key), Some((camera, "1f2e".to_owned(), "9a".to_owned())));
+        }
+    }
+
+    #[test]
+    fn other_keys_are_no_tokens() {
+        let gatherer = Token::new(ROOM, None, "77");
+        assert_eq!(gatherer.key(), "roomtrack/gatherer/1/abababababababab/77");
+        assert_eq!(Token::of(&gatherer.key()), Some(gatherer));
+        for key in [
+            "",
+            "roomtrack/station/1/ab/cam0",
+            "roomtrack/station/1/ab/%C3%28/7",
+            "roomtrack/station/1/ab/%4/7",
+            "a/b/c/d/e/f",
+        ] {
+            assert_eq!(Token::of(key), None, "{key}");
+        }
+    }
+}

@@ -1,0 +1,107 @@
+//! Stations in processes of their own, on other machines.
+//!
+//! A *station* observes one camera and sends its observations; a *gatherer* (`tracker run --stations`) receives those of
+//! all cameras and sends back whom it believes to be there. Only observations leave a station: masks, colours of the
+//! foreground, health and times; and the filmed picture, where the station was asked for it.
+//!
+//! * [`encoding`] — the bytes that cross. Lossless, versioned, limited; hostile bytes are refused.
+//! * [`Fingerprint`] — what both sides must agree on about the room.
+//! * [`Endpoints`] — where they meet; TLS, and who is let in.
+//! * [`Uplink`] — a station's end: takes [`Event`](crate::station::Event)s out and brings feedback in.
+//! * [`Downlink`] — a gatherer's end: one [`Port`](crate::gathering::Port) a camera, events into the
+//!   [`Inbox`](crate::gathering::Inbox).
+//!
+//! The engine is Zenoh, behind the cargo feature `zenoh`. Without it [`Uplink::open`] and [`Downlink::open`] return an error
+//! that says how to get it; everything else is the same. Both ends must be used from threads that run no async runtime.
+//!
+//! ```no_run
+//! use std::sync::{atomic::AtomicBool, mpsc};
+//! use std::time::Duration;
+//! use tracker::wire::{Downlink, Endpoints, Expected, ExpectedCamera, Fingerprint, Hello, Uplink};
+//! # fn observe() -> Option<tracker::station::Event> { None }
+//! # fn main() -> tracker::Result<()> {
+//! # let room = scenes::room::Room::default();
+//! let is_interrupted = AtomicBool::new(false);
+//! let room = Fingerprint::of(&room);
+//!
+//! // On the gatherer's machine: waits for all stations, then starts them together.
+//! let endpoints = Endpoints { listen: vec!["0.0.0.0:7447".parse().unwrap()], ..Endpoints::default() };
+//! let cameras = vec![ExpectedCamera { name: "cam0".into(), width: 640, height: 480 }];
+//! let (inbox, events) = mpsc::channel();
+//! let bound = Duration::from_secs(60);
+//! let (ports, downlink) = Downlink::open(Expected { room, cameras }, &endpoints, bound, &is_interrupted, inbox)?;
+//! // … gather `events`, give feedback through `ports`; at last:
+//! drop(downlink);
+//!
+//! // On the camera's machine.
+//! let endpoints = Endpoints { connect: vec!["gatherer:7447".parse().unwrap()], ..Endpoints::default() };
+//! let hello =
+//!     Hello { room, camera: "cam0".into(), width: 640, height: 480, is_live: false, rate_hz: Some(12.0) };
+//! let (mut uplink, feedback) = Uplink::open(hello, &endpoints)?;
+//! uplink.wait_for_start(Some(bound), &is_interrupted)?;
+//! while let Some(event) = observe() {
+//!     // … take `feedback` before an observation, as a station in the gatherer's process does.
+//!     uplink.send(event)?;
+//! }
+//! # Ok(())
+//! # }
+//! ```
+
+pub mod encoding;
+mod endpoints;
+mod fingerprint;
+
+#[cfg(not(feature = "zenoh"))]
+mod absent;
+#[cfg(feature = "zenoh")]
+mod enrolment;
+#[cfg(feature = "zenoh")]
+mod keys;
+#[cfg(feature = "zenoh")]
+mod network;
+#[cfg(feature = "zenoh")]
+mod roster;
+
+#[cfg(not(feature = "zenoh"))]
+pub use self::absent::{Downlink, Uplink};
+pub use self::endpoints::{Endpoint, Endpoints, Tls};
+pub use self::fingerprint::Fingerprint;
+#[cfg(feature = "zenoh")]
+pub use self::network::{Downlink, Uplink};
+
+/// What a station is: the first that it says.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Hello {
+    /// The room that the station's camera belongs to.
+    pub room: Fingerprint,
+    /// The camera's name in that room, at most [`encoding::LONGEST_NAME`] bytes.
+    pub camera: String,
+    /// Width of the station's masks in pixels.
+    pub width: u32,
+    /// Height of the station's masks in pixels.
+    pub height: u32,
+    /// Whether the source shows what happens now; else it is a recording.
+    pub is_live: bool,
+    /// Frames a second, on average, where the source says so.
+    pub rate_hz: Option<f64>,
+}
+
+/// The stations that a gatherer works with.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Expected {
+    /// The room; stations of others are left out.
+    pub room: Fingerprint,
+    /// The stage's cameras, in its order.
+    pub cameras: Vec<ExpectedCamera>,
+}
+
+/// One camera of a stage, and the size in which its masks are wanted.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ExpectedCamera {
+    /// Its name in the room.
+    pub name: String,
+    /// Width of its masks in pixels.
+    pub width: u32,
+    /// Height of its masks in pixels.
+    pub height: u32,
+}

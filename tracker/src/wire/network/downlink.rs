@@ -1,0 +1,215 @@
+//! A gatherer's end.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{self, Receiver, Sender};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+use super::super::encoding::Limits;
+use super::super::keys::{self, Token};
+use super::super::roster::{Action, Roster};
+use super::super::{Endpoints, Expected, Fingerprint};
+use super::session::{Arrival, Member, Subscriptions};
+use crate::gathering::{Inbox, Port};
+use crate::observation::Feedback;
+use crate::{Error, Result};
+
+/// How often the roster's clock ticks.
+const TICK: Duration = Duration::from_millis(50);
+/// Where all stations that are there are live, others are waited for so long; they may come at any time.
+const LIVE_GRACE: Duration = Duration::from_secs(1);
+/// After so long a wait is told.
+const QUIET: Duration = Duration::from_secs(1);
+
+/// A gatherer's end of the network. Dropping it leaves the network, within 2 s.
+pub struct Downlink {
+    stop: Sender<Input>,
+    driver: Option<JoinHandle<()>>,
+    garbage: Arc<AtomicU64>,
+}
+
+enum Input {
+    Arrival(Arrival),
+    Feedback(usize, Feedback),
+    Stop,
+}
+
+/// The driver's part: everything that happens, one after the other.
+struct Driver {
+    member: Member,
+    id: String,
+    room: Fingerprint,
+    roster: Roster,
+    inputs: Receiver<Input>,
+    inbox: Inbox,
+    garbage: Arc<AtomicU64>,
+    ticked: Instant,
+}
+
+impl Downlink {
+    /// Joins the network as the gatherer of a room, waits for the stations of all cameras, and starts them together. From
+    /// then on their events come into the inbox, and their ports take feedback: one a camera, in the order of `expected`.
+    ///
+    /// Where every station that is there is live, others are waited for only a second: live stations may come late, go and
+    /// come back. A live station that goes is an observation of [`Verdict::Lost`](crate::foreground::Verdict::Lost), once;
+    /// sequence numbers go on growing when it is back. A recording's station that goes before its end is an
+    /// [`Event::Failed`](crate::station::Event::Failed).
+    ///
+    /// # Errors
+    /// When an endpoint or a certificate cannot be used, when stations are missing after `bound`, and when `is_interrupted`
+    /// is set.
+    pub fn open(
+        expected: Expected,
+        endpoints: &Endpoints,
+        bound: Duration,
+        is_interrupted: &AtomicBool,
+        inbox: Inbox,
+    ) -> Result<(Vec<Port>, Self)> {
+        let (arrivals, inputs) = mpsc::channel();
+        let room = expected.room;
+        let longest =
+            expected.cameras.iter().map(|c| Limits { width: c.width, height: c.height }.longest_message());
+        let subscriptions = |id: &str| Subscriptions {
+            token: Token::new(room, None, id),
+            tokens: keys::STATIONS,
+            messages: keys::messages_to_gatherer(room, id),
+        };
+        let arrived = {
+            let arrivals = arrivals.clone();
+            move |arrival| drop(arrivals.send(Input::Arrival(arrival)))
+        };
+        let member = Member::join(endpoints, longest.max().unwrap_or(0), subscriptions, arrived)?;
+        let garbage = Arc::new(AtomicU64::new(0));
+        let names: Vec<String> = expected.cameras.iter().map(|camera| camera.name.clone()).collect();
+        let mut driver = Driver {
+            id: member.id(),
+            member,
+            room,
+            roster: Roster::new(expected),
+            inputs,
+            inbox,
+            garbage: Arc::clone(&garbage),
+            ticked: Instant::now(),
+        };
+        driver.wait_for_stations(bound, is_interrupted)?;
+        let ports = driver.roster.hellos().zip(names).enumerate().map(|(camera, (hello, name))| {
+            let feedback = arrivals.clone();
+            Port {
+                name,
+                is_live: hello.is_none_or(|hello| hello.is_live),
+                rate_hz: hello.and_then(|hello| hello.rate_hz),
+                feedback: Box::new(move |told| drop(feedback.send(Input::Feedback(camera, told)))),
+            }
+        });
+        let ports = ports.collect();
+        let actions = driver.roster.start(Instant::now());
+        driver.act(actions);
+        let driver = thread::Builder::new().name("downlink".to_owned()).spawn(move || while driver.step() {});
+        let driver =
+            driver.map_err(|e| Error::option("stations", format!("no thread can be started: {e}")))?;
+        Ok((ports, Self { stop: arrivals, driver: Some(driver), garbage }))
+    }
+
+    /// Messages that were refused: of unknown senders, malformed, out of order.
+    pub fn garbage(&self) -> u64 {
+        self.garbage.load(Ordering::Relaxed)
+    }
+}
+
+impl Driver {
+    fn wait_for_stations(&mut self, bound: Duration, is_interrupted: &AtomicBool) -> Result<()> {
+        let begun = Instant::now();
+        let mut first: Option<Instant> = None;
+        let mut is_told = false;
+        loop {
+            self.step();
+            let missing = self.roster.missing();
+            if missing.is_empty() {
+                return Ok(());
+            }
+            let there: Vec<_> = self.roster.hellos().flatten().collect();
+            let are_live = !there.is_empty() && there.iter().all(|hello| hello.is_live);
+            if are_live && first.get_or_insert_with(Instant::now).elapsed() >= LIVE_GRACE {
+                tracing::warn!("begins without the stations of {}; they may come later", listed(&missing));
+                return Ok(());
+            }
+            if is_interrupted.load(Ordering::Relaxed) {
+                return Err(Error::option("--stations", "interrupted while waiting for stations"));
+            }
+            if begun.elapsed() >= bound {
+                let problem = format!(
+                    "no station of {} within {} s; start `tracker station … --camera NAME`, and check its endpoints and \
+                     messages",
+                    listed(&missing),
+                    bound.as_secs_f64()
+                );
+                return Err(Error::option("--stations", problem));
+            }
+            if begun.elapsed() >= QUIET && !is_told {
+                tracing::info!("waits for the stations of {}", listed(&missing));
+                is_told = true;
+            }
+        }
+    }
+
+    /// Takes one input, or lets a tick pass; false when there is nothing more to do.
+    fn step(&mut self) -> bool {
+        let input = self.inputs.recv_timeout(TICK);
+        let now = Instant::now();
+        let actions = match input {
+            Ok(Input::Arrival(Arrival::Appeared(token))) => self.roster.token_appeared(&token, now),
+            Ok(Input::Arrival(Arrival::Vanished(token))) => self.roster.token_vanished(&token.id, now),
+            Ok(Input::Arrival(Arrival::Message { camera, station, bytes, .. })) => {
+                self.roster.message(&camera, &station, &bytes, now)
+            }
+            Ok(Input::Feedback(camera, feedback)) => self.roster.feedback(camera, feedback, now),
+            Err(mpsc::RecvTimeoutError::Timeout) => Vec::new(),
+            Ok(Input::Stop) | Err(mpsc::RecvTimeoutError::Disconnected) => return false,
+        };
+        self.act(actions);
+        if now - self.ticked >= TICK {
+            self.ticked = now;
+            let actions = self.roster.tick(now);
+            self.act(actions);
+        }
+        self.garbage.store(self.roster.garbage(), Ordering::Relaxed);
+        true
+    }
+
+    fn act(&self, actions: Vec<Action>) {
+        for action in actions {
+            match action {
+                Action::Tell(line) => tracing::warn!("{line}"),
+                // A gathering that has ended takes no more.
+                Action::Deliver(camera, event) => drop(self.inbox.send((camera, event))),
+                Action::Send { camera, station, message, may_drop } => match message.encode() {
+                    Ok(bytes) => {
+                        let key = keys::messages(self.room, "down", &camera, &station, &self.id);
+                        self.member.send(&key, bytes, may_drop);
+                    }
+                    Err(malformed) => tracing::warn!("nothing is sent to station `{camera}`: {malformed}"),
+                },
+            }
+        }
+    }
+}
+
+fn listed(cameras: &[&str]) -> String {
+    cameras.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ")
+}
+
+impl Drop for Downlink {
+    fn drop(&mut self) {
+        let _ = self.stop.send(Input::Stop);
+        if let Some(driver) = self.driver.take() {
+            let _ = driver.join();
+        }
+    }
+}
+
+impl std::fmt::Debug for Downlink {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Downlink").field("garbage", &self.garbage()).finish_non_exhaustive()
+    }
+}

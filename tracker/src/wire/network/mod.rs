@@ -1,0 +1,10 @@
+//! The two ends in the network: [`Uplink`] and [`Downlink`] over Zenoh.
+
+mod downlink;
+mod session;
+#[cfg(test)]
+mod tests;
+mod uplink;
+
+pub use self::downlink::Downlink;
+pub use self::uplink::Uplink;

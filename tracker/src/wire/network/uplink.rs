@@ -1,0 +1,235 @@
+//! A station's end.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{self, Receiver, Sender};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+use super::super::encoding::{Limits, Message};
+use super::super::enrolment::{Action, Enrolment};
+use super::super::keys::{self, Token};
+use super::super::{Endpoints, Fingerprint, Hello};
+use super::session::{Arrival, Member, Subscriptions};
+use crate::observation::Feedback;
+use crate::station::Event;
+use crate::{Error, Result};
+
+/// Feedback that may wait for the station; in a recording more than ever can.
+const FEEDBACK_QUEUE: usize = 4 * Feedback::WINDOW as usize;
+/// How long the gatherer may take to confirm that a recording's end has arrived.
+const END_BOUND: Duration = Duration::from_secs(5);
+/// How often a wait looks whether it is over.
+const LOOK: Duration = Duration::from_millis(50);
+/// After so long a wait is told.
+const QUIET: Duration = Duration::from_secs(1);
+/// An end that is not confirmed is repeated this often.
+const REPEAT: Duration = Duration::from_millis(500);
+
+/// A station's end of the network. Dropping it leaves the network, within 2 s.
+pub struct Uplink {
+    shared: Arc<Shared>,
+    stop: Sender<Input>,
+    driver: Option<JoinHandle<()>>,
+}
+
+struct Shared {
+    member: Member,
+    id: String,
+    room: Fingerprint,
+    camera: String,
+    is_live: bool,
+    enrolment: Mutex<Enrolment>,
+    changed: Condvar,
+}
+
+enum Input {
+    Arrival(Arrival),
+    Stop,
+}
+
+impl Uplink {
+    /// Joins the network as the station of one camera. Feedback comes through the receiver; it ends when a recording's
+    /// station cannot go on, and [`Self::send`] then says why. Live stations that do not take feedback in time miss some.
+    ///
+    /// # Errors
+    /// When an endpoint or a certificate cannot be used.
+    pub fn open(hello: Hello, endpoints: &Endpoints) -> Result<(Self, Receiver<Feedback>)> {
+        // Whether others can read the hello shows before anybody waits for it.
+        Message::Hello(hello.clone()).encode().map_err(|malformed| {
+            Error::option(format!("station `{}`", hello.camera), malformed.to_string())
+        })?;
+        let (arrivals, inputs) = mpsc::channel();
+        let (feedback_in, feedback) = mpsc::sync_channel(FEEDBACK_QUEUE);
+        let (room, camera, is_live) = (hello.room, hello.camera.clone(), hello.is_live);
+        let subscriptions = |id: &str| Subscriptions {
+            token: Token::new(room, Some(&camera), id),
+            tokens: keys::GATHERERS,
+            messages: keys::messages_to_station(room, &camera, id),
+        };
+        let arrived = {
+            let arrivals = arrivals.clone();
+            move |arrival| drop(arrivals.send(Input::Arrival(arrival)))
+        };
+        let member = Member::join(endpoints, Limits::NO_MASK.longest_message(), subscriptions, arrived)?;
+        let shared = Arc::new(Shared {
+            id: member.id(),
+            member,
+            room,
+            camera,
+            is_live,
+            enrolment: Mutex::new(Enrolment::new(hello, feedback_in)),
+            changed: Condvar::new(),
+        });
+        let driver = {
+            let shared = Arc::clone(&shared);
+            thread::Builder::new().name("uplink".to_owned()).spawn(move || shared.drive(&inputs))
+        };
+        let driver =
+            driver.map_err(|e| Error::option("stations", format!("no thread can be started: {e}")))?;
+        Ok((Self { shared, stop: arrivals, driver: Some(driver) }, feedback))
+    }
+
+    /// Waits until the gatherer wants observations: of a recording the first frame must not be sent before. Without a bound
+    /// it waits for ever.
+    ///
+    /// # Errors
+    /// When the gatherer refuses this station, when there is none within the bound, and when `is_interrupted` is set.
+    pub fn wait_for_start(&self, bound: Option<Duration>, is_interrupted: &AtomicBool) -> Result<()> {
+        let begun = Instant::now();
+        let mut is_told = false;
+        let mut enrolment = self.shared.lock();
+        loop {
+            if let Some(failure) = enrolment.failure() {
+                return Err(self.shared.error(failure));
+            }
+            if enrolment.started_by().is_some() {
+                return Ok(());
+            }
+            if is_interrupted.load(Ordering::Relaxed) {
+                return Err(self.shared.error("interrupted while it waited for the gatherer"));
+            }
+            if let Some(bound) = bound.filter(|bound| begun.elapsed() >= *bound) {
+                let hint = enrolment
+                    .hint()
+                    .unwrap_or("start `tracker run` with --stations, and check the endpoints");
+                return Err(self
+                    .shared
+                    .error(&format!("no gatherer within {} s: {hint}", bound.as_secs_f64())));
+            }
+            if begun.elapsed() >= QUIET && !std::mem::replace(&mut is_told, true) {
+                tracing::info!("station `{}` waits for its gatherer", self.shared.camera);
+            }
+            enrolment = self.shared.wait(enrolment);
+        }
+    }
+
+    /// Sends what the station has observed. A recording's waits for the network and is never lost; a live one's is dropped
+    /// where the network is slower than the camera or nobody gathers. An end or failure is waited for to arrive, at most
+    /// 5 s.
+    ///
+    /// # Errors
+    /// When the gatherer refuses this station, and when that of a recording has gone.
+    pub fn send(&mut self, event: Event) -> Result<()> {
+        let message = match event {
+            Event::Seen(seen) => Message::Seen(seen),
+            Event::Ended => Message::End,
+            Event::Failed(error) => Message::Failure(error.to_string()),
+        };
+        let gatherer = {
+            let enrolment = self.shared.lock();
+            if let Some(failure) = enrolment.failure() {
+                return Err(self.shared.error(failure));
+            }
+            match enrolment.started_by() {
+                Some(gatherer) => gatherer.to_owned(),
+                None if self.shared.is_live => return Ok(()),
+                None => {
+                    return Err(self.shared.error("its observations are not wanted yet; wait for the start"));
+                }
+            }
+        };
+        let bytes = message.encode().map_err(|malformed| self.shared.error(&malformed.to_string()))?;
+        if matches!(message, Message::Seen(_)) {
+            self.shared.send(&gatherer, bytes, self.shared.is_live);
+            return Ok(());
+        }
+        self.send_last(&gatherer, &bytes);
+        Ok(())
+    }
+
+    fn send_last(&self, gatherer: &str, bytes: &[u8]) {
+        let begun = Instant::now();
+        let mut sent: Option<Instant> = None;
+        loop {
+            if sent.is_none_or(|sent| sent.elapsed() >= REPEAT) {
+                self.shared.send(gatherer, bytes.to_vec(), false);
+                sent = Some(Instant::now());
+            }
+            let enrolment = self.shared.lock();
+            let is_alone = enrolment.started_by() != Some(gatherer);
+            if enrolment.is_done() || is_alone || begun.elapsed() >= END_BOUND {
+                return;
+            }
+            drop(self.shared.wait(enrolment));
+        }
+    }
+}
+
+impl Shared {
+    fn lock(&self) -> MutexGuard<'_, Enrolment> {
+        self.enrolment.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Waits for a change, or a little.
+    fn wait<'a>(&self, enrolment: MutexGuard<'a, Enrolment>) -> MutexGuard<'a, Enrolment> {
+        self.changed.wait_timeout(enrolment, LOOK).unwrap_or_else(PoisonError::into_inner).0
+    }
+
+    fn send(&self, gatherer: &str, bytes: Vec<u8>, may_drop: bool) {
+        self.member.send(&keys::messages(self.room, "up", &self.camera, &self.id, gatherer), bytes, may_drop);
+    }
+
+    fn error(&self, problem: &str) -> Error {
+        Error::option(format!("station `{}`", self.camera), problem)
+    }
+
+    fn drive(&self, inputs: &Receiver<Input>) {
+        while let Ok(Input::Arrival(arrival)) = inputs.recv() {
+            let actions = {
+                let mut enrolment = self.lock();
+                match arrival {
+                    Arrival::Appeared(token) => enrolment.token_appeared(&token),
+                    Arrival::Vanished(token) => enrolment.token_vanished(&token.id),
+                    Arrival::Message { gatherer, bytes, .. } => enrolment.message(&gatherer, &bytes),
+                }
+            };
+            self.changed.notify_all();
+            for action in actions {
+                match action {
+                    Action::Tell(line) => tracing::warn!("station `{}`: {line}", self.camera),
+                    Action::Send(gatherer, message) => {
+                        if let Ok(bytes) = message.encode() {
+                            self.send(&gatherer, bytes, false);
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl Drop for Uplink {
+    fn drop(&mut self) {
+        let _ = self.stop.send(Input::Stop);
+        if let Some(driver) = self.driver.take() {
+            let _ = driver.join();
+        }
+    }
+}
+
+impl std::fmt::Debug for Uplink {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Uplink").field("camera", &self.shared.camera).finish_non_exhaustive()
+    }
+}

@@ -1,0 +1,423 @@
+//! The stations that a gatherer knows: who is let in, started, refused, gone.
+//!
+//! A state machine without a network: tokens, messages, feedback and the passage of time go in, [`Action`]s come out. One
+//! camera has one *holder*, the station whose observations count. A station is called as soon as its token appears; its
+//! hello makes it the holder, a rival, or refused. A rival is refused when the holder answers a call, and takes its place
+//! when the holder is silent or goes: so a station that died without a word never locks its successor out.
+
+#[cfg(test)]
+mod tests;
+
+use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
+
+use super::encoding::{Limits, Malformed, Message, VERSION};
+use super::keys::Token;
+use super::{Expected, Hello};
+use crate::Error;
+use crate::foreground::Verdict;
+use crate::observation::{Feedback, Observation};
+use crate::station::{Event, Pictures, Seen};
+
+/// Calls and starts that are not answered are repeated this often.
+const REPEAT: Duration = Duration::from_millis(200);
+/// A holder that does not answer for so long has gone: longer than a lease of the network.
+const SILENCE: Duration = Duration::from_secs(3);
+/// The most stations that are known at a time; more are not listened to.
+const MOST_STATIONS: usize = 1024;
+
+/// What a gatherer is to do.
+#[derive(Debug)]
+pub(super) enum Action {
+    /// Send a message to a station.
+    Send {
+        /// Name of its camera.
+        camera: String,
+        /// Its id.
+        station: String,
+        /// The message.
+        message: Message,
+        /// Whether it may be lost where the network is slow, so that no other station waits for this one.
+        may_drop: bool,
+    },
+    /// Put an event of a camera, by its number, into the inbox.
+    Deliver(usize, Event),
+    /// Write a line into the log.
+    Tell(String),
+}
+
+/// Stations by id, and who holds each camera.
+pub(super) struct Roster {
+    expected: Expected,
+    slots: Vec<Slot>,
+    stations: BTreeMap<String, Station>,
+    is_running: bool,
+    garbage: u64,
+    is_full: bool,
+}
+
+/// One camera.
+#[derive(Default)]
+struct Slot {
+    holder: Option<String>,
+    hello: Option<Hello>,
+    /// Added to a station's sequence numbers, so that they grow across restarts.
+    offset: u64,
+    latest: Option<Latest>,
+    /// Whether a recording has come to its end or failed.
+    is_over: bool,
+}
+
+/// The latest observation of a camera.
+struct Latest {
+    sequence: u64,
+    time_s: f64,
+    at: Instant,
+    /// Whether it stands for a station that has gone.
+    is_loss: bool,
+}
+
+/// One station in the network.
+struct Station {
+    camera: usize,
+    hello: Option<Hello>,
+    /// When it was asked last for what it owes: its hello or, once started, its first observation.
+    asked: Instant,
+    heard: Instant,
+    has_observed: bool,
+    /// Since when it waits for another station of its camera to answer.
+    rival_since: Option<Instant>,
+    has_failed: bool,
+    /// Why it is refused.
+    refusal: Option<String>,
+    has_sent_garbage: bool,
+}
+
+impl Roster {
+    /// A roster without stations.
+    pub(super) fn new(expected: Expected) -> Self {
+        let slots = expected.cameras.iter().map(|_| Slot::default()).collect();
+        Self { expected, slots, stations: BTreeMap::new(), is_running: false, garbage: 0, is_full: false }
+    }
+
+    /// Messages that were refused.
+    pub(super) fn garbage(&self) -> u64 {
+        self.garbage
+    }
+
+    /// The hello of each camera's holder, or of the holder before.
+    pub(super) fn hellos(&self) -> impl Iterator<Item = Option<&Hello>> {
+        self.slots.iter().map(|slot| slot.hello.as_ref())
+    }
+
+    /// The cameras that no station holds.
+    pub(super) fn missing(&self) -> Vec<&str> {
+        let cameras = self.expected.cameras.iter().zip(&self.slots);
+        cameras.filter(|(_, slot)| slot.holder.is_none()).map(|(camera, _)| camera.name.as_str()).collect()
+    }
+
+    /// Starts all holders together; stations that come later start when they come.
+    pub(super) fn start(&mut self, now: Instant) -> Vec<Action> {
+        self.is_running = true;
+        let holders: Vec<String> = self.slots.iter().filter_map(|slot| slot.holder.clone()).collect();
+        holders.iter().filter_map(|id| self.send(id, Message::Start, now)).collect()
+    }
+
+    /// A station's token has appeared.
+    pub(super) fn token_appeared(&mut self, token: &Token, now: Instant) -> Vec<Action> {
+        let Some(name) = &token.camera else { return Vec::new() };
+        if token.version != VERSION.to_string() {
+            return vec![Action::Tell(format!(
+                "station `{name}` speaks version {} of the encoding, this gatherer {VERSION}: it is left out; install the \
+                 same version on both machines",
+                token.version
+            ))];
+        }
+        if token.room != self.expected.room.to_string() {
+            return vec![Action::Tell(format!(
+                "station `{name}` belongs to another room ({}, here {}): it is left out; if it should not, give both \
+                 machines the same scene.toml",
+                token.room, self.expected.room
+            ))];
+        }
+        let Some(camera) = self.expected.cameras.iter().position(|camera| camera.name == *name) else {
+            let line = format!("station `{name}`: its camera is not in use here: it is left out");
+            return vec![Action::Tell(line)];
+        };
+        if self.stations.len() >= MOST_STATIONS {
+            let is_news = !std::mem::replace(&mut self.is_full, true);
+            let line = format!("{MOST_STATIONS} stations are there: others are left out");
+            return is_news.then_some(Action::Tell(line)).into_iter().collect();
+        }
+        self.stations.entry(token.id.clone()).or_insert(Station {
+            camera,
+            hello: None,
+            asked: now,
+            heard: now,
+            has_observed: false,
+            rival_since: None,
+            has_failed: false,
+            refusal: None,
+            has_sent_garbage: false,
+        });
+        self.send(&token.id, Message::Call, now).into_iter().collect()
+    }
+
+    /// A station's token has vanished: it has ended, died, or cannot be reached.
+    pub(super) fn token_vanished(&mut self, id: &str, now: Instant) -> Vec<Action> {
+        let Some(station) = self.stations.remove(id) else { return Vec::new() };
+        let mut actions = Vec::new();
+        if self.slots[station.camera].holder.as_deref() == Some(id) {
+            actions.extend(self.release(station.camera, now));
+            let rival =
+                self.stations.iter().find(|(_, s)| s.camera == station.camera && s.rival_since.is_some());
+            if let Some(rival) = rival.map(|(id, _)| id.clone()) {
+                actions.extend(self.admit(&rival, now));
+            }
+        }
+        actions
+    }
+
+    /// A message has come under the key of a camera and a station.
+    pub(super) fn message(&mut self, camera: &str, id: &str, bytes: &[u8], now: Instant) -> Vec<Action> {
+        let Some(station) = self.stations.get_mut(id) else {
+            return self.count_garbage(camera, None, Malformed("the station is unknown"));
+        };
+        let expected = &self.expected.cameras[station.camera];
+        if expected.name != camera {
+            return self.count_garbage(camera, Some(id), Malformed("the station has another camera"));
+        }
+        let limits = Limits { width: expected.width, height: expected.height };
+        let message = match Message::decode(bytes, limits) {
+            Ok(message) => message,
+            Err(malformed) => return self.count_garbage(camera, Some(id), malformed),
+        };
+        station.heard = now;
+        let index = station.camera;
+        let is_holder = self.slots[index].holder.as_deref() == Some(id);
+        match message {
+            Message::Hello(hello) => self.hello(id, hello, now),
+            Message::Seen(seen) if is_holder && self.is_running => {
+                station.has_observed = true;
+                self.observed(index, seen, now)
+            }
+            Message::End | Message::Failure(_) if self.slots[index].is_over => {
+                self.send(id, Message::Done, now).into_iter().collect()
+            }
+            Message::End if is_holder => self.end(id, Event::Ended, now),
+            Message::Failure(line) if is_holder => {
+                let failed = Event::Failed(Error::option(format!("station `{camera}`"), line));
+                self.end(id, failed, now)
+            }
+            Message::Failure(line) => {
+                let is_news = !std::mem::replace(&mut station.has_failed, true);
+                let line = format!("station `{camera}`: {line}");
+                is_news.then_some(Action::Tell(line)).into_iter().collect()
+            }
+            // What a station sends that was refused, replaced or not yet started.
+            Message::Seen(_) | Message::End => Vec::new(),
+            _ => self.count_garbage(camera, Some(id), Malformed("stations do not send this kind")),
+        }
+    }
+
+    /// Feedback of the tracker for a camera's station.
+    pub(super) fn feedback(&mut self, camera: usize, feedback: Feedback, now: Instant) -> Vec<Action> {
+        let slot = &self.slots[camera];
+        // Feedback for a station that has gone is not its successor's.
+        let (Some(id), Some(sequence)) = (slot.holder.clone(), feedback.sequence.checked_sub(slot.offset))
+        else {
+            return Vec::new();
+        };
+        if sequence == 0 {
+            return Vec::new();
+        }
+        self.send(&id, Message::Feedback(Feedback { sequence, ..feedback }), now).into_iter().collect()
+    }
+
+    /// Time has passed: repeats what was not answered, and decides between rivals.
+    pub(super) fn tick(&mut self, now: Instant) -> Vec<Action> {
+        let mut actions = Vec::new();
+        let due: Vec<String> =
+            self.stations.iter().filter(|(_, s)| now - s.asked >= REPEAT).map(|(id, _)| id.clone()).collect();
+        for id in due {
+            let station = &self.stations[&id];
+            let slot = &self.slots[station.camera];
+            let is_holder = slot.holder.as_deref() == Some(&id);
+            let is_challenged = is_holder
+                && self.stations.values().any(|s| s.camera == station.camera && s.rival_since.is_some());
+            let owes_observation = is_holder && self.is_running && !station.has_observed && !slot.is_over;
+            if let Some(line) = &station.refusal {
+                actions.extend(self.send(&id, Message::Refusal(line.clone()), now));
+            } else if station.hello.is_none() || is_challenged {
+                actions.extend(self.send(&id, Message::Call, now));
+            } else if owes_observation {
+                actions.extend(self.send(&id, Message::Start, now));
+            }
+        }
+        actions.extend(self.decide_rivals(now));
+        actions
+    }
+
+    fn decide_rivals(&mut self, now: Instant) -> Vec<Action> {
+        let rivals = self.stations.iter().filter_map(|(id, s)| Some((id.clone(), s.camera, s.rival_since?)));
+        let rivals: Vec<_> = rivals.collect();
+        let mut actions = Vec::new();
+        for (rival, camera, since) in rivals {
+            let holder = self.slots[camera].holder.clone();
+            match holder.and_then(|id| self.stations.get(&id)) {
+                None => actions.extend(self.admit(&rival, now)),
+                Some(holder) if holder.heard > since => {
+                    let line = format!(
+                        "another station has camera `{}`: this one is refused; stop one of the two",
+                        self.expected.cameras[camera].name
+                    );
+                    actions.extend(self.refuse(&rival, &line, now));
+                }
+                Some(_) if now - since >= SILENCE => {
+                    actions.extend(self.release(camera, now));
+                    actions.extend(self.admit(&rival, now));
+                }
+                Some(_) => {}
+            }
+        }
+        actions
+    }
+
+    fn hello(&mut self, id: &str, hello: Hello, now: Instant) -> Vec<Action> {
+        let Some(station) = self.stations.get_mut(id) else { return Vec::new() };
+        let camera = &self.expected.cameras[station.camera];
+        let slot = &self.slots[station.camera];
+        if station.hello.is_some() {
+            return Vec::new();
+        }
+        let problem = if hello.room != self.expected.room || hello.camera != camera.name {
+            Some("its hello and its key disagree".to_owned())
+        } else if (hello.width, hello.height) != (camera.width, camera.height) {
+            Some(format!(
+                "its masks are {} × {} pixels, here {} × {}; give both the same --mask-width",
+                hello.width, hello.height, camera.width, camera.height
+            ))
+        } else if slot.is_over {
+            Some(format!("the recording of camera `{}` is over", camera.name))
+        } else if self.is_running && !hello.is_live {
+            Some("the run has begun, and recordings begin together; start it before the run".to_owned())
+        } else {
+            None
+        };
+        station.hello = Some(hello);
+        if let Some(problem) = problem {
+            return self.refuse(id, &problem, now);
+        }
+        if slot.holder.is_some() {
+            station.rival_since = Some(now);
+            return self.decide_rivals(now);
+        }
+        self.admit(id, now)
+    }
+
+    /// Makes a station its camera's holder.
+    fn admit(&mut self, id: &str, now: Instant) -> Vec<Action> {
+        let Some(station) = self.stations.get_mut(id) else { return Vec::new() };
+        station.rival_since = None;
+        let slot = &mut self.slots[station.camera];
+        let is_back = slot.hello.is_some();
+        slot.hello.clone_from(&station.hello);
+        slot.holder = Some(id.to_owned());
+        slot.offset = slot.latest.as_ref().map_or(0, |latest| latest.sequence);
+        let name = &self.expected.cameras[station.camera].name;
+        let line = format!("station `{name}` is {}", if is_back { "back" } else { "there" });
+        let mut actions = vec![Action::Tell(line)];
+        if self.is_running {
+            actions.extend(self.send(id, Message::Start, now));
+        }
+        actions
+    }
+
+    /// Takes a camera from its holder, which has gone.
+    fn release(&mut self, camera: usize, now: Instant) -> Vec<Action> {
+        let slot = &mut self.slots[camera];
+        let name = &self.expected.cameras[camera].name;
+        slot.holder = None;
+        if slot.is_over {
+            return Vec::new();
+        }
+        let is_recording = slot.hello.as_ref().is_some_and(|hello| !hello.is_live);
+        if is_recording && self.is_running {
+            slot.is_over = true;
+            let problem = "it has gone before its recording's end; see its own messages, and run again";
+            return vec![Action::Deliver(
+                camera,
+                Event::Failed(Error::option(format!("station `{name}`"), problem)),
+            )];
+        }
+        let mut actions = vec![Action::Tell(format!("station `{name}` has gone"))];
+        if let Some(latest) = slot.latest.as_mut().filter(|latest| !latest.is_loss) {
+            let time_s = latest.time_s + (now - latest.at).as_secs_f64();
+            *latest = Latest { sequence: latest.sequence + 1, time_s, at: now, is_loss: true };
+            let lost = Observation::unusable(latest.sequence, time_s, Verdict::Lost);
+            let seen = Seen {
+                observation: lost,
+                pictures: Pictures::default(),
+                decode: Duration::ZERO,
+                foreground: Duration::ZERO,
+            };
+            actions.push(Action::Deliver(camera, Event::Seen(Box::new(seen))));
+        }
+        actions
+    }
+
+    fn observed(&mut self, camera: usize, mut seen: Box<Seen>, now: Instant) -> Vec<Action> {
+        let slot = &mut self.slots[camera];
+        let sequence = seen.observation.sequence.checked_add(slot.offset);
+        let before = slot.latest.as_ref().map_or(0, |latest| latest.sequence);
+        let Some(sequence) = sequence.filter(|sequence| *sequence > before && !slot.is_over) else {
+            let (name, id) = (self.expected.cameras[camera].name.clone(), slot.holder.clone());
+            return self.count_garbage(&name, id.as_deref(), Malformed("a sequence number does not grow"));
+        };
+        seen.observation.sequence = sequence;
+        slot.latest = Some(Latest { sequence, time_s: seen.observation.time_s, at: now, is_loss: false });
+        vec![Action::Deliver(camera, Event::Seen(seen))]
+    }
+
+    fn end(&mut self, id: &str, event: Event, now: Instant) -> Vec<Action> {
+        let Some(station) = self.stations.get_mut(id) else { return Vec::new() };
+        let camera = station.camera;
+        self.slots[camera].is_over = true;
+        let mut actions = vec![Action::Deliver(camera, event)];
+        actions.extend(self.send(id, Message::Done, now));
+        actions
+    }
+
+    fn refuse(&mut self, id: &str, problem: &str, now: Instant) -> Vec<Action> {
+        let Some(station) = self.stations.get_mut(id) else { return Vec::new() };
+        station.rival_since = None;
+        station.refusal = Some(problem.to_owned());
+        let name = &self.expected.cameras[station.camera].name;
+        let line = format!("a station of camera `{name}` is refused: {problem}");
+        [Action::Tell(line)]
+            .into_iter()
+            .chain(self.send(id, Message::Refusal(problem.to_owned()), now))
+            .collect()
+    }
+
+    fn send(&mut self, id: &str, message: Message, now: Instant) -> Option<Action> {
+        let station = self.stations.get_mut(id)?;
+        station.asked = now;
+        let is_recording = station.hello.as_ref().is_some_and(|hello| !hello.is_live);
+        // All but a recording's feedback is repeated until it is answered, or is replaced by the next.
+        let may_drop = !(is_recording && matches!(message, Message::Feedback(_)));
+        let camera = self.expected.cameras[station.camera].name.clone();
+        Some(Action::Send { camera, station: id.to_owned(), message, may_drop })
+    }
+
+    fn count_garbage(&mut self, camera: &str, id: Option<&str>, malformed: Malformed) -> Vec<Action> {
+        let station = id.and_then(|id| self.stations.get_mut(id));
+        let is_news = match station {
+            Some(station) => !std::mem::replace(&mut station.has_sent_garbage, true),
+            None => self.garbage == 0,
+        };
+        self.garbage += 1;
+        let line = format!("a message of station `{camera}` is refused: {malformed}; more are counted");
+        is_news.then_some(Action::Tell(line)).into_iter().collect()
+    }
+}
