@@ -19,6 +19,7 @@
 //! * [`detect`] — people in one camera's pictures: what is linked where nobody else detects them.
 //! * [`link`] — a whole recording's detections to the tracks of least total cost.
 //! * [`eval`] — tracks against the truth: CLEAR MOT, identity, HOTA, position error.
+//! * [`wire`] — stations in processes of their own, on other machines.
 //! * [`chart`] — line charts.
 //! * [`report`] — one self-contained page about a run.
 #![forbid(unsafe_code)]

@@ -10,7 +10,8 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 use super::*;
-use crate::foreground::{Backdrop, Foreground, ForegroundOptions, Start};
+use crate::foreground::backdrop::Backdrop;
+use crate::foreground::{Foreground, ForegroundOptions, Start};
 use crate::observation::{Colours, Mask};
 
 const HEALTHS: [Verdict; 7] = [
@@ -73,7 +74,8 @@ proptest! {
         }
         let longer = [&bytes[..], &[0]].concat();
         prop_assert!(Message::decode(&longer, limits).is_err());
-        prop_assert!(Message::decode(&bytes, Limits { width: width + 1, height }).is_err());
+        let others = Limits { width: width + 1, height };
+        prop_assert!(Message::decode(&bytes, others).is_err());
     }
 
     #[test]
