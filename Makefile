@@ -24,14 +24,14 @@ demo: setup
 	@./tests/demo.sh $(OFFICE) $(DEMO)
 
 test: setup
-	cargo build --locked --workspace --bins
-	$(CARGO_TEST) --locked --workspace
+	cargo build --locked --workspace --bins --features tracker/zenoh
+	$(CARGO_TEST) --locked --workspace --features tracker/zenoh
 
 lint: setup
 	cargo fmt --all --check
-	cargo clippy --locked --workspace --all-targets -- -D warnings
-	RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --no-deps --document-private-items
+	cargo clippy --locked --workspace --all-targets --features tracker/zenoh -- -D warnings
+	RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --features tracker/zenoh --no-deps --document-private-items
 
 bench: setup
-	cargo build --release --locked --workspace --bins
-	cargo bench --locked --workspace
+	cargo build --release --locked --workspace --bins --features tracker/zenoh
+	cargo bench --locked --workspace --features tracker/zenoh

@@ -137,7 +137,7 @@ fn cross(pair: u64, options: &McmcOptions) -> Said<Outcome> {
     );
     let mut outcome = Outcome { least_visible: 1.0, ..Outcome::default() };
     for frame in sequence.frames() {
-        let seen = |c: &CameraPicture| {
+        let seen = |c: &scenes::synthetic::CameraFrame| {
             let mask = Mask::from(&c.mask);
             let colours = c.image.as_ref().map(|image| Colours::of_picture(&mask, 1, image));
             CameraFrame { mask: Some(mask), colours, image: None }

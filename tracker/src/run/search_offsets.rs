@@ -74,7 +74,7 @@ fn next(cameras: &mut [Recording], events: &Receiver<(usize, Event)>) -> Result<
     while cameras.iter().any(|camera| camera.pending.is_empty() && !camera.is_over) {
         match events.recv() {
             Ok((camera, Event::Seen(seen))) if !cameras[camera].is_over => {
-                cameras[camera].pending.push_back(*seen)
+                cameras[camera].pending.push_back(*seen);
             }
             Ok((_, Event::Seen(_))) => {}
             Ok((camera, Event::Ended)) => cameras[camera].is_over = true,
