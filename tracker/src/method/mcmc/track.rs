@@ -5,6 +5,7 @@ use nalgebra::{Matrix2, Vector2};
 use super::evidence::Evidence;
 use super::motion::Motion;
 use super::options::{McmcOptions, Spread};
+use super::outage::OUTAGE_S;
 use super::person::{Key, Known, Place};
 use super::tally::Sums;
 use crate::TrackId;
@@ -36,8 +37,22 @@ const MOVED_M: f64 = 0.5;
 const ASTRAY_M: f64 = 0.35;
 const ASTRAY_SPEED_M_S: f64 = 1.0;
 
+/// Part of the visible core that somebody fills in every camera that sees them clearly; a chair fills half.
+const PERSON_FILLED: f64 = 0.65;
+
 /// Somebody who for this long is not where a camera sees clearly was never there.
 const CONTRADICTED_FOR_S: f64 = 3.0;
+
+/// When somebody was found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Found {
+    /// At the start: what has always stood there may be anything.
+    AtStart,
+    /// After an outage of all cameras: what was put there meanwhile may be furniture.
+    AfterOutage,
+    /// In between.
+    Appearing,
+}
 
 /// A person the sampler follows.
 #[derive(Debug, Clone)]
@@ -56,13 +71,16 @@ pub(super) struct Track {
     pub(super) earned_nats: f64,
     /// Whether some camera saw this person at the last moment.
     pub(super) in_sight: bool,
-    /// Where somebody was found who was there from the beginning, until they move.
+    found: Found,
+    /// Where somebody was found who did not appear before the cameras' eyes, until they move.
     still_at: Option<Vector2<f64>>,
+    /// Whether every camera that sees the place clearly shows a person's whole shape.
+    is_whole: bool,
 }
 
 impl Track {
     /// Somebody born in this moment.
-    pub(super) fn born(sums: &Sums, from_the_beginning: bool, options: &McmcOptions) -> Self {
+    pub(super) fn born(sums: &Sums, found: Found, options: &McmcOptions) -> Self {
         let gait = Matrix2::identity() * options.motion.gait_sigma_m.powi(2);
         let mut track = Self {
             key: sums.key,
@@ -74,7 +92,9 @@ impl Track {
             contradicted_s: 0.0,
             earned_nats: 0.0,
             in_sight: true,
-            still_at: from_the_beginning.then(|| sums.place()),
+            found,
+            still_at: (found != Found::Appearing).then(|| sums.place()),
+            is_whole: false,
         };
         track.resize(sums, 1.0);
         track
@@ -82,7 +102,8 @@ impl Track {
 
     /// Carries the belief on in time.
     pub(super) fn predict(&mut self, dt_s: f64, options: &McmcOptions) {
-        self.motion.predict(dt_s, self.in_sight, &options.motion);
+        let in_sight = self.in_sight && dt_s < OUTAGE_S;
+        self.motion.predict(dt_s, in_sight, &options.motion);
         let drifted = |s: &Spread, drift: f64, most: f64| Spread {
             sigma_m: (s.sigma_m.powi(2) + drift.powi(2) * dt_s).sqrt().min(most),
             ..*s
@@ -123,13 +144,19 @@ impl Track {
         self.log_odds = (self.log_odds + new * evidence.for_presence()).clamp(-SUREST_NATS, SUREST_NATS);
         self.earned_nats += new * evidence.beyond_chance();
         self.contradicted_s = if evidence.is_against() { self.contradicted_s + dt_s } else { 0.0 };
+        self.is_whole = evidence.worst_filled.is_some_and(|part| part >= PERSON_FILLED);
         let place = self.motion.place();
         self.still_at = self.still_at.filter(|found| (place - found).norm() < MOVED_M);
     }
 
     /// Whether there is reason enough to believe that this is a person.
     pub(super) fn is_believable(&self, options: &McmcOptions) -> bool {
-        self.earned_nats >= options.believed_at_nats && self.still_at.is_none()
+        let may_be_furniture = match self.found {
+            Found::AtStart => self.still_at.is_some(),
+            Found::AfterOutage => self.still_at.is_some() && !self.is_whole,
+            Found::Appearing => false,
+        };
+        self.earned_nats >= options.believed_at_nats && !may_be_furniture
     }
 
     /// Whether this person may be a mistake: not believed in yet, or for long not where cameras see clearly.
