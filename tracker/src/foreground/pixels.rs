@@ -165,7 +165,8 @@ impl PixelModel {
         for y in (self.turn as usize..frame.height() as usize).step_by(ROWS_TURN as usize) {
             let row = y * width..(y + 1) * width;
             let pixels = frame.as_raw()[3 * row.start..3 * row.end].as_chunks::<3>().0;
-            let [mask, score, people] = [judged.mask, judged.score, judged.people].map(|image| &image.as_raw()[row.clone()]);
+            let [mask, score, people] =
+                [judged.mask, judged.score, judged.people].map(|image| &image.as_raw()[row.clone()]);
             let known = mask.iter().zip(score).zip(people);
             for ((i, x), ((mask, score), person)) in row.zip(pixels).zip(known) {
                 let seen: [u8; 3] = std::array::from_fn(|c| table[c][x[c] as usize]);

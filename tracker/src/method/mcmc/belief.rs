@@ -1,7 +1,8 @@
 //! From a moment's states to what is believed: who lives, how sure that is, who is who.
 
 use super::Mcmc;
-use super::evidence::{Evidence, worst_filled};
+use super::evidence::{Evidence, worst_filled, worst_upper_filled};
+use super::rescue::UPPER;
 use super::tally::Tally;
 use super::track::{Found, Track};
 use crate::likelihood::Counts;
@@ -57,9 +58,12 @@ impl Mcmc {
         let with = nats(&mut self.simulation.counts());
         for (track, silhouettes) in self.tracks.iter_mut().zip(&drawn) {
             self.simulation.try_change(Some(silhouettes), None);
+            let average = Body { height_m: self.options.height.mean_m, ..track.body() };
             let evidence = Evidence {
                 support_nats: with - nats(&mut self.simulation.tried()),
                 chance_nats: rule.worth_of(self.options.birth_evidence),
+                is_upright: worst_upper_filled(&self.simulation, &self.layers, &average)
+                    .is_some_and(|p| p >= UPPER),
                 worst_filled: worst_filled(&self.simulation, &self.layers, silhouettes),
                 in_sight: track.in_sight,
             };

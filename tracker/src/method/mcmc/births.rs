@@ -20,6 +20,9 @@ const CELL_M: f64 = 0.25;
 /// The most cells a region is cut into; a wide one gets larger cells.
 const MOST_CELLS: f64 = 12_000.0;
 
+/// Part of a person's height that a chair never reaches, and somebody who sits does.
+pub(super) const UPPER_BODY: f64 = 0.4;
+
 /// A region of the floor in cells.
 #[derive(Debug, Clone)]
 pub(super) struct BirthMap {
@@ -47,6 +50,9 @@ pub(super) struct Filled {
     pub(super) columns: Range<usize>,
     /// Pixels of the rectangle that the room does not hide.
     pub(super) visible_px: u32,
+    /// The upper rows of the rectangle, [`UPPER_BODY`] of them, and the pixels there that the room does not hide.
+    pub(super) upper_rows: Range<usize>,
+    pub(super) upper_visible_px: u32,
     /// Pixels of the person's innermost shape, hidden or not.
     pub(super) area_px: u32,
 }
@@ -279,12 +285,19 @@ impl Filled {
         let inset = columns.len() / 6;
         let columns = (columns.start + inset)..(columns.end - inset).min(view.width as usize);
         let rows = core.row_range();
-        let visible_px = rows
-            .clone()
-            .flat_map(|v| columns.clone().map(move |u| (u, v)))
-            .filter(|(u, v)| core.contains(*u as u32, *v as u32))
-            .count() as u32;
-        Self { rows, columns, visible_px, area_px: core.area_px }
+        let upper_rows = rows.start..rows.start + (UPPER_BODY * rows.len() as f64).round() as usize;
+        let visible_px = |rows: &Range<usize>| {
+            let pixels = rows.clone().flat_map(|v| columns.clone().map(move |u| (u, v)));
+            pixels.filter(|(u, v)| core.contains(*u as u32, *v as u32)).count() as u32
+        };
+        Self {
+            visible_px: visible_px(&rows),
+            upper_visible_px: visible_px(&upper_rows),
+            area_px: core.area_px,
+            rows,
+            upper_rows,
+            columns,
+        }
     }
 }
 

@@ -7,7 +7,7 @@
 //!
 //! A camera supports a cell when most of what a person there would fill, beside what the followed people cover, is
 //! unexplained foreground. Every camera that sees part of the place has to support it, so that neither a chair (half as
-//! tall as a person in all cameras) nor the intersection of two people's rays opens a cell.
+//! tall as a person in all cameras; seen steeply from above only the upper body tells) nor the intersection of two people's rays opens a cell.
 
 use super::births::{BirthMap, Filled};
 use super::left_over::paint;
@@ -18,11 +18,12 @@ use crate::silhouette::Silhouette;
 const SEVERAL_S: f64 = 1.0;
 /// Seconds for which the evidence of a camera has to last that sees the place alone.
 const LONE_S: f64 = 2.0;
-/// Part of a person's visible core that has to be unexplained foreground: a person who sits fills 0.7 of a standing one's, a
-/// chair 0.5.
-const PERSON: f64 = 0.65;
+/// Part of a person's visible core that has to be unexplained foreground: a person who sits fills 0.7 of a standing one's.
+const PERSON: f64 = 0.6;
 /// The same where one camera alone sees the place, and so knows the distance badly.
 const LONE_PERSON: f64 = 0.75;
+/// Part of the upper body that has to be: a person who sits fills 0.3 of it, a chair nothing but what perspective adds.
+pub(super) const UPPER: f64 = 0.2;
 /// A camera sees a place when this part of a person there would be visible …
 const SEES: f64 = 0.1;
 /// … and clearly, when this part would be, and so many pixels of the full image.
@@ -64,6 +65,8 @@ struct Uncovered {
     unexplained: SummedArea,
     /// Pixels that somebody followed covers, as far as limbs reach.
     covered: SummedArea,
+    /// Rows of the view.
+    rows: usize,
     /// Pixels of the full image in one of the view's.
     full_px: u32,
 }
@@ -159,6 +162,7 @@ impl Rescue {
             let left = left.get_or_insert_default();
             left.unexplained.restart(columns, words, simulation.unexplained(layer));
             left.covered.restart(columns, words, self.covered.iter().copied());
+            left.rows = view.height as usize;
             left.full_px = u32::from(view.block).pow(2);
         }
     }
@@ -169,8 +173,12 @@ fn support(filled: &[Filled], cameras: &[Option<Uncovered>]) -> Support {
     let (mut seeing, mut clear, mut least) = (0, 0, f64::INFINITY);
     for (filled, camera) in filled.iter().zip(cameras) {
         let Some(camera) = camera.as_ref().filter(|_| filled.visible_px > 0) else { continue };
-        let count = |sums: &SummedArea| sums.count(&filled.rows, &filled.columns).min(filled.visible_px);
-        let free_px = filled.visible_px - count(&camera.covered);
+        let parts = [(&filled.rows, filled.visible_px), (&filled.upper_rows, filled.upper_visible_px)];
+        let [(free_px, found), (_, found_above)] = parts.map(|(rows, visible_px)| {
+            let count = |sums: &SummedArea| sums.count(rows, &filled.columns).min(visible_px);
+            let free_px = visible_px - count(&camera.covered);
+            (free_px, f64::from(count(&camera.unexplained).min(free_px)) / f64::from(free_px.max(1)))
+        });
         let whole_px = RECTANGLE * f64::from(filled.area_px);
         let visible = f64::from(filled.visible_px) / whole_px;
         if visible < SEES {
@@ -182,8 +190,14 @@ fn support(filled: &[Filled], cameras: &[Option<Uncovered>]) -> Support {
             // Somebody followed hides the place from this camera, which supports nothing.
             return Support::Missing;
         }
-        clear += u32::from(free >= CLEAR && free_px * camera.full_px >= CLEAR_PX);
-        least = least.min(f64::from(count(&camera.unexplained)) / f64::from(free_px));
+        // Without the feet a camera does not know how far away somebody is.
+        let has_feet = filled.rows.end < camera.rows;
+        clear += u32::from(has_feet && free >= CLEAR && free_px * camera.full_px >= CLEAR_PX);
+        // Where the upper body is hidden, nothing tells a person from a chair.
+        if found_above < UPPER {
+            return Support::Missing;
+        }
+        least = least.min(found);
     }
     match (seeing, clear) {
         (1, 1) if least >= LONE_PERSON => Support::Lone,

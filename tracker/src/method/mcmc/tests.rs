@@ -124,7 +124,9 @@ impl Feeder {
 
 #[test]
 fn people_come_in_through_zones_and_nowhere_else() {
-    let mut feeder = Feeder::new(1);
+    // What persists is another matter.
+    let options = McmcOptions { rescues_per_s: 0.0, ..McmcOptions::default() };
+    let mut feeder = Feeder::after_nobody(empty_room(), options);
     for _ in 0..24 {
         assert_eq!(feeder.see(&[standing(2.0, 3.5)]), [], "nobody appears in the middle of a room");
     }

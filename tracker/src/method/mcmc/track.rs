@@ -37,9 +37,6 @@ const MOVED_M: f64 = 0.5;
 const ASTRAY_M: f64 = 0.35;
 const ASTRAY_SPEED_M_S: f64 = 1.0;
 
-/// Part of the visible core that somebody fills in every camera that sees them clearly; a chair fills half.
-const PERSON_FILLED: f64 = 0.65;
-
 /// Somebody who for this long is not where a camera sees clearly was never there.
 const CONTRADICTED_FOR_S: f64 = 3.0;
 
@@ -74,8 +71,8 @@ pub(super) struct Track {
     found: Found,
     /// Where somebody was found who did not appear before the cameras' eyes, until they move.
     still_at: Option<Vector2<f64>>,
-    /// Whether every camera that sees the place clearly shows a person's whole shape.
-    is_whole: bool,
+    /// Whether every camera that sees the place clearly shows an upper body there.
+    is_upright: bool,
 }
 
 impl Track {
@@ -94,7 +91,7 @@ impl Track {
             in_sight: true,
             found,
             still_at: (found != Found::Appearing).then(|| sums.place()),
-            is_whole: false,
+            is_upright: false,
         };
         track.resize(sums, 1.0);
         track
@@ -144,7 +141,7 @@ impl Track {
         self.log_odds = (self.log_odds + new * evidence.for_presence()).clamp(-SUREST_NATS, SUREST_NATS);
         self.earned_nats += new * evidence.beyond_chance();
         self.contradicted_s = if evidence.is_against() { self.contradicted_s + dt_s } else { 0.0 };
-        self.is_whole = evidence.worst_filled.is_some_and(|part| part >= PERSON_FILLED);
+        self.is_upright = evidence.is_upright;
         let place = self.motion.place();
         self.still_at = self.still_at.filter(|found| (place - found).norm() < MOVED_M);
     }
@@ -153,7 +150,7 @@ impl Track {
     pub(super) fn is_believable(&self, options: &McmcOptions) -> bool {
         let may_be_furniture = match self.found {
             Found::AtStart => self.still_at.is_some(),
-            Found::AfterOutage => self.still_at.is_some() && !self.is_whole,
+            Found::AfterOutage => self.still_at.is_some() && !self.is_upright,
             Found::Appearing => false,
         };
         self.earned_nats >= options.believed_at_nats && !may_be_furniture
