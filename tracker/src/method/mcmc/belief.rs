@@ -1,8 +1,8 @@
 //! From a moment's states to what is believed: who lives, how sure that is, who is who.
 
 use super::Mcmc;
-use super::evidence::{Evidence, worst_filled, worst_upper_filled};
-use super::rescue::UPPER;
+use super::evidence::{Evidence, worst_filled};
+use super::rescue::is_person_shown;
 use super::tally::Tally;
 use super::track::{Found, Track};
 use crate::likelihood::Counts;
@@ -62,8 +62,8 @@ impl Mcmc {
             let evidence = Evidence {
                 support_nats: with - nats(&mut self.simulation.tried()),
                 chance_nats: rule.worth_of(self.options.birth_evidence),
-                is_upright: worst_upper_filled(&self.simulation, &self.layers, &average)
-                    .is_some_and(|p| p >= UPPER),
+                is_upright: track.may_be_furniture()
+                    && is_person_shown(&self.simulation, &self.layers, &average),
                 worst_filled: worst_filled(&self.simulation, &self.layers, silhouettes),
                 in_sight: track.in_sight,
             };

@@ -1,8 +1,7 @@
 //! What a moment's masks say about whether a person is there at all.
 
-use super::births::UPPER_BODY;
 use crate::likelihood::{Layers, Simulation};
-use crate::silhouette::{Body, Shape, Silhouette};
+use crate::silhouette::Silhouette;
 
 /// One moment's masks err together: they are worth no more than this about whether somebody is there.
 const MOST_EVIDENCE_NATS: f64 = 4.0;
@@ -23,7 +22,7 @@ pub(super) struct Evidence {
     /// The foreground part of the visible core, in the camera where it is smallest of those that see this person clearly;
     /// `None` when none does.
     pub(super) worst_filled: Option<f64>,
-    /// Whether every camera that sees the place clearly shows an upper body there; `false` when none does.
+    /// Whether the cameras show an average person there, and not furniture.
     pub(super) is_upright: bool,
     /// Whether a camera sees any of the body.
     pub(super) in_sight: bool,
@@ -56,20 +55,6 @@ impl Evidence {
     fn is_contradicted(&self) -> bool {
         self.worst_filled.is_some_and(|part| part < LEAST_FILLED)
     }
-}
-
-/// Of the cameras that see the upper body of an average person clearly who stands where this body does, the smallest
-/// foreground part of it; `None` when none does.
-pub(super) fn worst_upper_filled(simulation: &Simulation, layers: &Layers, body: &Body) -> Option<f64> {
-    const UPPER: Shape = Shape { bottom: 1.0 - UPPER_BODY, ..Shape::CORE };
-    let seen = layers.views().iter().enumerate().filter_map(|(camera, view)| {
-        let layer = layers.innermost(camera);
-        let upper = Silhouette::new(view, &UPPER.of(body));
-        let is_clear = f64::from(upper.visible_px) >= CLEAR * f64::from(upper.area_px);
-        (simulation.in_use(layer) && is_clear && upper.visible_px > 0)
-            .then(|| f64::from(simulation.foreground_under(layer, &upper)) / f64::from(upper.visible_px))
-    });
-    seen.reduce(f64::min)
 }
 
 /// Of the cameras that see a body clearly, the smallest foreground part of its core; `None` when none does.

@@ -400,4 +400,6 @@ mod presence_tests;
 #[cfg(test)]
 mod rendered_tests;
 #[cfg(test)]
+mod stillness_tests;
+#[cfg(test)]
 mod tests;

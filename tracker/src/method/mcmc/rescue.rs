@@ -9,10 +9,10 @@
 //! unexplained foreground. Every camera that sees part of the place has to support it, so that neither a chair (half as
 //! tall as a person in all cameras; seen steeply from above only the upper body tells) nor the intersection of two people's rays opens a cell.
 
-use super::births::{BirthMap, Filled};
+use super::births::{BirthMap, Filled, UPPER_BODY};
 use super::left_over::paint;
 use crate::likelihood::{Layers, Simulation, SummedArea};
-use crate::silhouette::Silhouette;
+use crate::silhouette::{Body, Shape, Silhouette};
 
 /// Seconds for which the evidence of several cameras has to last.
 const SEVERAL_S: f64 = 1.0;
@@ -23,7 +23,7 @@ const PERSON: f64 = 0.6;
 /// The same where one camera alone sees the place, and so knows the distance badly.
 const LONE_PERSON: f64 = 0.75;
 /// Part of the upper body that has to be: a person who sits fills 0.3 of it, a chair nothing but what perspective adds.
-pub(super) const UPPER: f64 = 0.2;
+const UPPER: f64 = 0.2;
 /// A camera sees a place when this part of a person there would be visible …
 const SEES: f64 = 0.1;
 /// … and clearly, when this part would be, and so many pixels of the full image.
@@ -170,38 +170,100 @@ impl Rescue {
 
 /// Which cameras show an unexplained person who would fill the images so.
 fn support(filled: &[Filled], cameras: &[Option<Uncovered>]) -> Support {
-    let (mut seeing, mut clear, mut least) = (0, 0, f64::INFINITY);
+    let mut shown = Shown::default();
     for (filled, camera) in filled.iter().zip(cameras) {
         let Some(camera) = camera.as_ref().filter(|_| filled.visible_px > 0) else { continue };
         let parts = [(&filled.rows, filled.visible_px), (&filled.upper_rows, filled.upper_visible_px)];
-        let [(free_px, found), (_, found_above)] = parts.map(|(rows, visible_px)| {
+        let [whole, upper] = parts.map(|(rows, visible_px)| {
             let count = |sums: &SummedArea| sums.count(rows, &filled.columns).min(visible_px);
             let free_px = visible_px - count(&camera.covered);
-            (free_px, f64::from(count(&camera.unexplained).min(free_px)) / f64::from(free_px.max(1)))
+            Part { free_px, found_px: count(&camera.unexplained).min(free_px) }
         });
         let whole_px = RECTANGLE * f64::from(filled.area_px);
-        let visible = f64::from(filled.visible_px) / whole_px;
-        if visible < SEES {
+        if f64::from(filled.visible_px) >= SEES * whole_px {
+            shown.take_in(whole, upper, whole_px, camera.full_px, filled.rows.end < camera.rows);
+        }
+    }
+    shown.support()
+}
+
+/// Whether the cameras show an average person at the place of `body`, whoever explains the foreground there.
+pub(super) fn is_person_shown(simulation: &Simulation, layers: &Layers, body: &Body) -> bool {
+    const UPPER_CORE: Shape = Shape { bottom: 1.0 - UPPER_BODY, ..Shape::CORE };
+    let mut shown = Shown::default();
+    for (camera, view) in layers.views().iter().enumerate() {
+        let layer = layers.innermost(camera);
+        if !simulation.in_use(layer) {
             continue;
         }
-        seeing += 1;
-        let free = f64::from(free_px) / whole_px;
-        if free < SEES {
-            // Somebody followed hides the place from this camera, which supports nothing.
-            return Support::Missing;
+        let core = Silhouette::new(view, &Shape::CORE.of(body));
+        let upper = Silhouette::new(view, &UPPER_CORE.of(body));
+        let part =
+            |s: &Silhouette| Part { free_px: s.visible_px, found_px: simulation.foreground_under(layer, s) };
+        let whole_px = f64::from(core.area_px);
+        if core.visible_px > 0 && f64::from(core.visible_px) >= SEES * whole_px {
+            let full_px = u32::from(view.block).pow(2);
+            let has_feet = core.row_range().end < view.height as usize;
+            shown.take_in(part(&core), part(&upper), whole_px, full_px, has_feet);
         }
-        // Without the feet a camera does not know how far away somebody is.
-        let has_feet = filled.rows.end < camera.rows;
-        clear += u32::from(has_feet && free >= CLEAR && free_px * camera.full_px >= CLEAR_PX);
-        // Where the upper body is hidden, nothing tells a person from a chair.
-        if found_above < UPPER {
-            return Support::Missing;
-        }
-        least = least.min(found);
     }
-    match (seeing, clear) {
-        (1, 1) if least >= LONE_PERSON => Support::Lone,
-        (2.., 1..) if least >= PERSON => Support::Several,
-        _ => Support::Missing,
+    shown.support() != Support::Missing
+}
+
+/// What one camera shows of a part of a person, pixels.
+#[derive(Debug, Clone, Copy)]
+struct Part {
+    /// Neither hidden by the room nor covered by somebody followed.
+    free_px: u32,
+    /// Foreground of these.
+    found_px: u32,
+}
+
+impl Part {
+    fn found(&self) -> f64 {
+        f64::from(self.found_px) / f64::from(self.free_px.max(1))
+    }
+}
+
+/// What the cameras show of a person, gathered camera by camera.
+#[derive(Debug, Clone, Copy)]
+struct Shown {
+    seeing: u32,
+    clearly: u32,
+    /// The smallest part found of the whole.
+    least: f64,
+    /// The smallest part found of the upper body, by the cameras that see some of it.
+    least_upper: Option<f64>,
+}
+
+impl Default for Shown {
+    fn default() -> Self {
+        Self { seeing: 0, clearly: 0, least: 1.0, least_upper: None }
+    }
+}
+
+impl Shown {
+    /// Takes in a camera that sees some of the place. Without the feet it does not know how far away somebody is.
+    fn take_in(&mut self, whole: Part, upper: Part, whole_px: f64, full_px: u32, has_feet: bool) {
+        let free = f64::from(whole.free_px) / whole_px;
+        // Somebody followed may hide the place from a camera that sees it: then it shows nobody.
+        let found = if free < SEES { 0.0 } else { whole.found() };
+        self.seeing += 1;
+        self.clearly += u32::from(has_feet && free >= CLEAR && whole.free_px * full_px >= CLEAR_PX);
+        self.least = self.least.min(found);
+        if f64::from(upper.free_px) >= SEES * whole_px {
+            let found = upper.found();
+            self.least_upper = Some(self.least_upper.map_or(found, |least| least.min(found)));
+        }
+    }
+
+    fn support(&self) -> Support {
+        match (self.seeing, self.clearly) {
+            // Where the upper body is hidden, nothing tells a person from a chair.
+            _ if self.least_upper.is_none_or(|found| found < UPPER) => Support::Missing,
+            (1, 1) if self.least >= LONE_PERSON => Support::Lone,
+            (2.., 1..) if self.least >= PERSON => Support::Several,
+            _ => Support::Missing,
+        }
     }
 }

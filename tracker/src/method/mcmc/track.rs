@@ -71,7 +71,7 @@ pub(super) struct Track {
     found: Found,
     /// Where somebody was found who did not appear before the cameras' eyes, until they move.
     still_at: Option<Vector2<f64>>,
-    /// Whether every camera that sees the place clearly shows an upper body there.
+    /// Whether the cameras showed an average person there at the last moment.
     is_upright: bool,
 }
 
@@ -148,12 +148,13 @@ impl Track {
 
     /// Whether there is reason enough to believe that this is a person.
     pub(super) fn is_believable(&self, options: &McmcOptions) -> bool {
-        let may_be_furniture = match self.found {
-            Found::AtStart => self.still_at.is_some(),
-            Found::AfterOutage => self.still_at.is_some() && !self.is_upright,
-            Found::Appearing => false,
-        };
-        self.earned_nats >= options.believed_at_nats && !may_be_furniture
+        self.earned_nats >= options.believed_at_nats
+            && (!self.may_be_furniture() || (self.found == Found::AfterOutage && self.is_upright))
+    }
+
+    /// Whether this may be what was there before the cameras looked, for all that its motion says.
+    pub(super) fn may_be_furniture(&self) -> bool {
+        self.still_at.is_some()
     }
 
     /// Whether this person may be a mistake: not believed in yet, or for long not where cameras see clearly.
