@@ -2,7 +2,8 @@
 //! from absorbing people.
 //!
 //! OpenCV's models learn from everything they are shown. So they are only shown foreground that has stayed for
-//! [`PixelOptions::absorb_s`](super::pixels::PixelOptions); before that they are shown their own background in its place.
+//! [`PixelOptions::absorb_s`](super::pixels::PixelOptions); before that, and under people whom the tracker believes in, they
+//! are shown their own background in its place.
 
 use calib::vision::{AdaptiveBackground, AdaptiveKind};
 use image::{GrayImage, RgbImage};
@@ -77,27 +78,33 @@ impl AdaptiveModel {
         Ok(())
     }
 
-    /// Learns from the frame that was scored last.
-    pub fn learn(&mut self, mask: &GrayImage, elapsed_s: f32) -> Result<()> {
+    /// Learns from the frame that was scored last. `people`: where believed people are seen (not 0); foreground there is not
+    /// learnt.
+    pub fn learn(&mut self, mask: &GrayImage, people: &GrayImage, elapsed_s: f32) -> Result<()> {
         self.learning_s += elapsed_s;
         self.unlearnt_s += elapsed_s;
         let everything = self.learning_s < LEARN_ALL_S;
         if !everything && !self.seen.is_multiple_of(LEARN_EVERY) {
             return Ok(());
         }
-        for (age, m) in self.age_s.iter_mut().zip(mask.iter()) {
-            *age = if *m == 0 { 0.0 } else { *age + self.unlearnt_s };
+        let absorb_s = self.absorb_s;
+        let pixels = self.even.chunks_exact_mut(3).zip(self.picture.chunks_exact(3));
+        let known = mask.iter().zip(people.iter()).zip(&mut self.age_s);
+        for ((even, background), ((mask, person), age_s)) in pixels.zip(known) {
+            let is_person = *mask > 0 && *person > 0;
+            *age_s = match (*mask > 0, is_person) {
+                (false, _) => 0.0,
+                (true, false) => *age_s + self.unlearnt_s,
+                (true, true) => (*age_s - self.unlearnt_s).max(0.0),
+            };
+            let is_young = !everything && *age_s > 0.0 && *age_s < absorb_s;
+            if is_person || is_young {
+                even.copy_from_slice(background);
+            }
         }
         let rate = if everything {
             1.0 / self.seen.clamp(1, 50) as f64
         } else {
-            let hidden = self.age_s.iter().map(|age| *age > 0.0 && *age < self.absorb_s);
-            let pixels = self.even.chunks_exact_mut(3).zip(self.picture.chunks_exact(3));
-            for ((even, background), hidden) in pixels.zip(hidden) {
-                if hidden {
-                    even.copy_from_slice(background);
-                }
-            }
             LEARN_EVERY as f64 / HISTORY_FRAMES as f64
         };
         self.unlearnt_s = 0.0;

@@ -6,7 +6,8 @@
 //!    each pixel is from the background.
 //! 4. [`shadow`]: pixels that show the background's surface darker or brighter are no foreground.
 //! 5. [`regions`] and OpenCV's morphology: one clean silhouette a person.
-//! 6. A frame that is nearly all foreground is a switched light: it says nothing, and if it stays the background is
+//! 6. [`Foreground::expect`]: what lies under people whom the tracker believes in is not absorbed.
+//! 7. A frame that is nearly all foreground is a switched light: it says nothing, and if it stays the background is
 //!    learnt anew ([`relight`]: also behind people).
 //!
 //! Everything happens in the real image; [`calib::undistort::UndistortMap`] takes the mask to the pinhole image after.
@@ -28,7 +29,7 @@ use adaptive::AdaptiveModel;
 use backdrop::Backdrop;
 use exposure::Exposure;
 use health::Health;
-use pixels::{PixelModel, PixelOptions, THRESHOLD};
+use pixels::{Judged, PixelModel, PixelOptions, THRESHOLD};
 use regions::Regions;
 use shadow::{SHADOW, ShadowOptions, Shadows};
 
@@ -134,6 +135,8 @@ pub struct Foreground {
     morphology: Morphology,
     regions: Regions,
     shadows: Shadows,
+    /// Where believed people are seen (not 0), with a margin.
+    people: GrayImage,
     /// The background in the model's exposure, for fitting the frame's.
     background: RgbImage,
     /// The background in the frame's exposure.
@@ -167,6 +170,8 @@ const WEAK: u8 = THRESHOLD / 8 * 5;
 const STRONG: u8 = 160;
 /// The longest run of shadow in a body that is given back is the image's height by this.
 const LONGEST_STRIPE: u32 = 16;
+/// Silhouettes are ellipsoids and of an earlier moment: people are expected this part of the image's height around them.
+const PEOPLE_MARGIN: f64 = 0.01;
 /// Learning never sees a gap longer than this, in seconds.
 const LONGEST_GAP_S: f64 = 1.0;
 
@@ -206,6 +211,7 @@ impl Foreground {
             morphology: Morphology::default(),
             regions: Regions::default(),
             shadows: Shadows::default(),
+            people: GrayImage::new(width, height),
             background,
             expected: RgbImage::new(width, height),
             score: GrayImage::new(width, height),
@@ -260,8 +266,24 @@ impl Foreground {
         Ok(Verdict::Usable)
     }
 
-    /// Takes in where people are believed to be seen.
-    pub fn expect(&mut self, _people: &GrayImage) {}
+    /// Takes in where believed people are seen in the real image (255; 0 elsewhere): their silhouettes as far as limbs reach,
+    /// at the latest moment that is known. Foreground there is not absorbed into the background for as long as it is
+    /// expected. Holds until it is replaced; an image of zeros expects nobody.
+    ///
+    /// # Errors
+    /// When the image has another size than the camera's, or OpenCV refuses.
+    pub fn expect(&mut self, people: &GrayImage) -> Result<()> {
+        let (found, size) = (people.dimensions(), self.people.dimensions());
+        if found != size {
+            return Err(Error::option(
+                "people",
+                format!("{} × {} pixels, the camera's images are {} × {}", found.0, found.1, size.0, size.1),
+            ));
+        }
+        self.people.copy_from_slice(people);
+        let margin = (f64::from(size.1) * PEOPLE_MARGIN).ceil() as u32;
+        Ok(self.morphology.dilate(&mut self.people, margin)?)
+    }
 
     /// The background as the model sees it now, in its own exposure.
     pub fn background(&mut self) -> &RgbImage {
@@ -378,8 +400,11 @@ impl Foreground {
 
     fn learn(&mut self, frame: &RgbImage, mask: &GrayImage, elapsed_s: f32) -> Result<()> {
         match &mut self.model {
-            Model::Pixels(model) => model.learn(frame, &self.exposure, &self.score, mask, elapsed_s),
-            Model::Adaptive(model) => model.learn(mask, elapsed_s)?,
+            Model::Pixels(model) => {
+                let judged = Judged { score: &self.score, mask, people: &self.people };
+                model.learn(frame, &self.exposure, judged, elapsed_s);
+            }
+            Model::Adaptive(model) => model.learn(mask, &self.people, elapsed_s)?,
         }
         if self.frames.is_multiple_of(REFRESH_EVERY) || self.frames == 1 {
             self.background();

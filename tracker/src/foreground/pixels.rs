@@ -40,6 +40,17 @@ impl Default for PixelOptions {
     }
 }
 
+/// What is known of a frame's pixels when the model learns from it, one value a pixel.
+#[derive(Debug, Clone, Copy)]
+pub struct Judged<'a> {
+    /// How far from the background ([`PixelModel::score`]).
+    pub score: &'a GrayImage,
+    /// The foreground: 255, else 0.
+    pub mask: &'a GrayImage,
+    /// Where believed people are seen: not 0.
+    pub people: &'a GrayImage,
+}
+
 /// The model of one camera.
 #[derive(Debug, Clone)]
 pub struct PixelModel {
@@ -57,6 +68,8 @@ pub struct PixelModel {
     /// The background before the present one, if there was one.
     former: Vec<Option<[u8; 3]>>,
     has_former: bool,
+    /// Whether a believed person has been seen at a pixel since it last showed its background.
+    had_person: Vec<bool>,
     options: PixelOptions,
     /// Which rows learn next.
     turn: u32,
@@ -80,6 +93,7 @@ impl PixelModel {
             age_s: vec![0.0; pixels],
             former: vec![None; pixels],
             has_former: false,
+            had_person: vec![false; pixels],
             background,
             options: options.clone(),
             turn: 0,
@@ -141,15 +155,9 @@ impl PixelModel {
     }
 
     /// Learns from a frame: the background follows where it shows (`score` 0 and not in `mask`); elsewhere what is seen
-    /// instead gathers age. `elapsed_s` is the time since the last frame.
-    pub fn learn(
-        &mut self,
-        frame: &RgbImage,
-        exposure: &Exposure,
-        score: &GrayImage,
-        mask: &GrayImage,
-        elapsed_s: f32,
-    ) {
+    /// instead gathers age, but under believed people. Where such a person has gone and the former background shows, it
+    /// is the background again. `elapsed_s` is the time since the last frame.
+    pub fn learn(&mut self, frame: &RgbImage, exposure: &Exposure, judged: Judged<'_>, elapsed_s: f32) {
         let table = exposure.inverse_table();
         let elapsed_s = elapsed_s * ROWS_TURN as f32;
         let follow = (65536.0 * (elapsed_s / FOLLOW_S).clamp(0.0, 0.5)) as i32;
@@ -157,8 +165,10 @@ impl PixelModel {
         for y in (self.turn as usize..frame.height() as usize).step_by(ROWS_TURN as usize) {
             let row = y * width..(y + 1) * width;
             let pixels = frame.as_raw()[3 * row.start..3 * row.end].as_chunks::<3>().0;
-            let judged = mask.as_raw()[row.clone()].iter().zip(&score.as_raw()[row.clone()]);
-            for ((i, x), (mask, score)) in row.zip(pixels).zip(judged) {
+            let [mask, score, people] =
+                [judged.mask, judged.score, judged.people].map(|image| &image.as_raw()[row.clone()]);
+            let known = mask.iter().zip(score).zip(people);
+            for ((i, x), ((mask, score), person)) in row.zip(pixels).zip(known) {
                 let seen: [u8; 3] = std::array::from_fn(|c| table[c][x[c] as usize]);
                 if mask | score == 0 {
                     for (background, seen) in self.background[i].iter_mut().zip(seen) {
@@ -168,7 +178,11 @@ impl PixelModel {
                         *background = (old + step).clamp(0, 65535) as u16;
                     }
                     self.age_s[i] = 0.0;
-                } else {
+                    self.had_person[i] = *person > 0;
+                } else if *person > 0 {
+                    self.had_person[i] = true;
+                    self.age_s[i] = (self.age_s[i] - elapsed_s).max(0.0);
+                } else if !(self.had_person[i] && self.restore_former(i, seen)) {
                     self.gather(i, seen, elapsed_s);
                 }
             }
@@ -191,6 +205,19 @@ impl PixelModel {
             let candidate = *candidate;
             self.replace(i, candidate);
         }
+    }
+
+    /// Makes the former background the background again if that is what a pixel shows; whether it did. What was absorbed
+    /// instead of it was a person, and is forgotten, so that it is foreground when it comes back.
+    fn restore_former(&mut self, i: usize, seen: [u8; 3]) -> bool {
+        let Some(former) = self.former[i].filter(|former| is_near(&seen, *former, self.tolerance[i])) else {
+            return false;
+        };
+        self.background[i] = former.map(|v| u16::from(v) << 8);
+        self.former[i] = None;
+        self.age_s[i] = 0.0;
+        self.had_person[i] = false;
+        true
     }
 
     /// Gives a pixel a new background. The old one stays known: it may be a body that is now behind a door, or the light
@@ -297,6 +324,11 @@ mod tests {
 
     /// Shows a colour for a time at 10 frames a second; returns the last score of a pixel.
     fn show(model: &mut PixelModel, color: [u8; 3], seconds: f32) -> u8 {
+        show_under(model, color, seconds, 0)
+    }
+
+    /// The same where a believed person is seen (255) or not (0).
+    fn show_under(model: &mut PixelModel, color: [u8; 3], seconds: f32, people: u8) -> u8 {
         let (mut expected, mut score) = (flat([0; 3]), GrayImage::new(16, 12));
         for _ in 0..(10.0 * seconds) as usize {
             let frame = flat(color);
@@ -304,7 +336,9 @@ mod tests {
             let mask = GrayImage::from_fn(16, 12, |u, v| {
                 Luma([255 * u8::from(score.get_pixel(u, v)[0] >= THRESHOLD)])
             });
-            model.learn(&frame, &Exposure::default(), &score, &mask, 0.1);
+            let people = GrayImage::from_pixel(16, 12, Luma([people]));
+            let judged = Judged { score: &score, mask: &mask, people: &people };
+            model.learn(&frame, &Exposure::default(), judged, 0.1);
         }
         score.get_pixel(3, 3)[0]
     }
@@ -384,6 +418,37 @@ mod tests {
         assert_eq!(show(&mut model, [30, 30, 60], 65.0), 0, "a chair does not after two");
         // When it goes, the old background is known at once.
         assert!(show(&mut model, [100, 110, 120], 0.1) < THRESHOLD / 8);
+    }
+
+    #[test]
+    fn what_lies_under_a_believed_person_is_not_absorbed_and_the_background_shows_when_they_leave() {
+        const CLOTHES: [u8; 3] = [30, 30, 60];
+        const FLOOR: [u8; 3] = [100, 110, 120];
+        let mut model = model(120.0);
+        show(&mut model, CLOTHES, 100.0);
+        for minutes in 1..=20 {
+            assert_eq!(show_under(&mut model, CLOTHES, 60.0, 255), 255, "after {minutes} minutes");
+        }
+        // Lost for a minute and a half, and found again.
+        assert_eq!(show(&mut model, CLOTHES, 90.0), 255);
+        show_under(&mut model, CLOTHES, 120.0, 255);
+        assert_eq!(show(&mut model, FLOOR, 0.1), 0);
+        show(&mut model, FLOOR, 1.0);
+        assert_eq!(show(&mut model, CLOTHES, 100.0), 255, "who comes back stands out");
+    }
+
+    #[test]
+    fn a_person_who_was_absorbed_stands_out_again_after_leaving_once() {
+        const CLOTHES: [u8; 3] = [30, 30, 60];
+        const FLOOR: [u8; 3] = [100, 110, 120];
+        for believed in [255, 0] {
+            let mut model = model(120.0);
+            assert_eq!(show(&mut model, CLOTHES, 130.0), 0, "nobody believed in them");
+            show_under(&mut model, CLOTHES, 1.0, believed);
+            assert!(show(&mut model, FLOOR, 1.0) < THRESHOLD / 8, "no ghost");
+            let again = show(&mut model, CLOTHES, 1.0);
+            assert_eq!(again, if believed > 0 { 255 } else { 0 }, "a door that opens again is known");
+        }
     }
 
     #[test]

@@ -59,6 +59,8 @@ pub struct Observer {
     silhouette: Silhouette,
     /// Believed people as they are drawn into `expected`.
     believed: Vec<Body>,
+    /// Whether they have moved since.
+    has_moved: bool,
     /// Where believed people are seen, in the image with distortion.
     expected: GrayImage,
     /// The same in the pinhole image.
@@ -96,6 +98,7 @@ impl Observer {
             view: View::coarse(camera, block),
             silhouette: Silhouette::default(),
             believed: Vec::new(),
+            has_moved: false,
             expected: GrayImage::new(size.0, size.1),
             expected_pinhole: GrayImage::new(size.0, size.1),
             mask: GrayImage::new(size.0, size.1),
@@ -119,6 +122,7 @@ impl Observer {
         picture: Option<&RgbImage>,
         mask: Option<&RgbImage>,
     ) -> Result<Observed> {
+        self.draw_believed()?;
         let health = match (&mut self.masks, picture, mask) {
             (Masks::Subtracted(foreground), Some(picture), _) => {
                 foreground.mask(picture, time_s, &mut self.mask)?
@@ -166,13 +170,20 @@ impl Observer {
         })
     }
 
-    /// Takes in who is believed to be there: what lies under them is not learnt as background.
+    /// Takes in who is believed to be there: what lies under them is not learnt as background from the next frame on.
     pub fn expect(&mut self, feedback: &Feedback) {
-        let Masks::Subtracted(foreground) = &mut self.masks else { return };
-        if feedback.is_like(&self.believed) {
-            return;
+        if !feedback.is_like(&self.believed) {
+            self.believed.clone_from(&feedback.people);
+            self.has_moved = true;
         }
-        self.believed.clone_from(&feedback.people);
+    }
+
+    /// Draws the believed people, where they have moved, and tells the background subtraction.
+    fn draw_believed(&mut self) -> Result<()> {
+        let Masks::Subtracted(foreground) = &mut self.masks else { return Ok(()) };
+        if !std::mem::take(&mut self.has_moved) {
+            return Ok(());
+        }
         self.expected_pinhole.fill(0);
         let (width, height) = self.size;
         let block = u32::from(self.view.block);
@@ -198,7 +209,7 @@ impl Observer {
                 }
             }
         }
-        foreground.expect(&self.expected);
+        foreground.expect(&self.expected)
     }
 }
 
