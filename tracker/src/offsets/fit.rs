@@ -27,11 +27,11 @@ const LEAST_OVERLAP: f64 = 0.25;
 /// Another peak is at least this far away.
 const PEAK_WIDTH_S: f64 = 0.6;
 /// A peak is real when its correlation is at least this …
-const LEAST_CORRELATION: f64 = 0.12;
+const LEAST_CORRELATION: f64 = 0.07;
 /// … and the greatest correlation away from it at most this part of it.
 const MOST_SECOND: f64 = 0.7;
 /// Mean energy of a pair of frames while one person walks where both cameras see them, on generated scenes.
-const WALKER_ENERGY: f64 = 0.5;
+pub(super) const WALKER_ENERGY: f64 = 0.5;
 /// Standard deviation of a window's peak while one person walks, on generated scenes, and how many windows' observations
 /// it is worth.
 const WINDOW_SIGMA_S: f64 = 0.055;

@@ -156,7 +156,10 @@ mod tests {
         ];
         let found = solve(3, &lines, &OffsetOptions::recording());
         // The triangle does not close by 3 ms, of which each side takes a third.
-        assert!((found[1].offset_s - 0.499).abs() < 1e-9 && (found[2].offset_s + 0.302).abs() < 1e-9, "{found:?}");
+        assert!(
+            (found[1].offset_s - 0.499).abs() < 1e-9 && (found[2].offset_s + 0.302).abs() < 1e-9,
+            "{found:?}"
+        );
         assert!((found[1].drift_ppm - 100.0).abs() < 1e-6 && found[2].drift_ppm.abs() < 1e-6, "{found:?}");
         // One side, and the two others one after the other: variances of 1 and 2 in parallel.
         let expected_s = 0.01 * (2.0_f64 / 3.0).sqrt();
