@@ -14,6 +14,7 @@
 //!   Start here.
 //! * [`silhouette`] — what a person would look like to a camera, cut by what the room hides.
 //! * [`likelihood`] — how well a set of people explains the masks: fast counts, and the slow oracle they are held to.
+//! * [`offsets`] — how far the cameras' clocks are apart, estimated from the people whom several of them see.
 //! * [`identity`] — who is who after an encounter, by what people look like.
 //! * [`method`] — the [`method::Method`] trait, and one folder for each published tracker behind it.
 //! * [`run`] — the pipeline behind the stations: moments → method → outputs, and feedback to the stations.

@@ -23,6 +23,9 @@ const SURROUND_M: f64 = 0.6;
 const LEAST_VISIBLE: f64 = 0.4;
 /// Nobody stands where less than this share is foreground.
 const LEAST_FILLED: f32 = 0.2;
+/// Masks are compared in blocks of this part of the sampler's: half of a block at the feet is 10 cm in range, which is 0.1 s
+/// of a way towards a camera.
+const FINER: u8 = 2;
 /// A person of average build, at the origin.
 const AVERAGE: Body = Body { x_m: 0.0, y_m: 0.0, radius_m: 0.25, height_m: 1.72 };
 /// A response of 1 as it is kept.
@@ -61,7 +64,7 @@ struct Template {
 impl PersonFilters {
     pub(super) fn new(stage: &Stage) -> Self {
         let views = stage.cameras.iter().map(|camera| {
-            let block = resolution::block(camera, &AVERAGE, &stage.floor);
+            let block = (resolution::block(camera, &AVERAGE, &stage.floor) / FINER).max(1);
             let size = (camera.width(), camera.height());
             CameraFilter {
                 name: camera.name.clone(),

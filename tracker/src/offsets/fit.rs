@@ -27,17 +27,18 @@ const LEAST_OVERLAP: f64 = 0.25;
 /// Another peak is at least this far away.
 const PEAK_WIDTH_S: f64 = 0.6;
 /// A peak is real when its correlation is at least this …
-const LEAST_CORRELATION: f64 = 0.12;
+const LEAST_CORRELATION: f64 = 0.07;
 /// … and the greatest correlation away from it at most this part of it.
 const MOST_SECOND: f64 = 0.7;
 /// Mean energy of a pair of frames while one person walks where both cameras see them, on generated scenes.
-const WALKER_ENERGY: f64 = 0.5;
-/// Standard deviation of a window's peak while one person walks, on generated scenes, and how many windows' observations
-/// it is worth.
-const WINDOW_SIGMA_S: f64 = 0.055;
-const WINDOW_SIGMA_COUNT: f64 = 4.0;
+pub(super) const WALKER_ENERGY: f64 = 1.0;
+/// Standard deviation of the slope that one walker's window has at the true offset, 1/s, on generated scenes, and how many
+/// windows' observations that is worth. The flatter the peak, the farther such a slope moves it: two cameras that look at
+/// right angles to each other tell time by range alone, and have flat peaks.
+const SLOPE_SIGMA: f64 = 0.11;
+const SLOPE_SIGMA_COUNT: f64 = 4.0;
 /// More people than this in a window say no more: they share the room's errors of range.
-const MOST_WALKERS: f64 = 2.0;
+const MOST_WALKERS: f64 = 1.0;
 /// Residuals beyond as many standard deviations count less (Huber).
 const HUBER: f64 = 2.0;
 /// Newton's steps, and when they end.
@@ -204,8 +205,9 @@ fn refine(
             .collect();
         let squares: f64 =
             residuals.iter().map(|(_, r, weight)| weight * r.min(half_s).max(-half_s).powi(2)).sum();
-        let variance = (WINDOW_SIGMA_COUNT * WINDOW_SIGMA_S.powi(2) + squares)
-            / (WINDOW_SIGMA_COUNT + residuals.len() as f64);
+        let expected_s = SLOPE_SIGMA / (2.0 * half_curvature);
+        let variance =
+            (SLOPE_SIGMA_COUNT * expected_s.powi(2) + squares) / (SLOPE_SIGMA_COUNT + residuals.len() as f64);
         let (mut normal, mut right) = (prior, -prior * value);
         for (x, residual, weight) in residuals {
             let sigmas = residual.abs() * (weight / variance).sqrt();

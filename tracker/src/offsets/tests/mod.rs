@@ -97,7 +97,7 @@ impl Scene {
         self.made.sequence(walkers, options)
     }
 
-    /// What the estimator says after cameras with these clocks have filmed the walkers until `end_s`, with noisy masks.
+    /// What is estimated after cameras with these clocks have filmed the walkers until `end_s`, with noisy masks.
     fn estimate(
         &self,
         walkers: Vec<Walker>,
@@ -105,6 +105,17 @@ impl Scene {
         end_s: f64,
         options: OffsetOptions,
     ) -> Offsets {
+        self.observed(walkers, clocks, end_s, options).estimate()
+    }
+
+    /// The estimator after that.
+    fn observed(
+        &self,
+        walkers: Vec<Walker>,
+        clocks: &[Clock],
+        end_s: f64,
+        options: OffsetOptions,
+    ) -> OffsetEstimator {
         let sequence = self.sequence(walkers);
         let mut rng = Pcg64Mcg::seed_from_u64(71);
         let mut frames: Vec<(f64, usize, f64)> = Vec::new();
@@ -119,7 +130,7 @@ impl Scene {
             spoil(&mut mask, &mut rng);
             estimator.observe(camera, time_s, &Mask::from(&mask)).unwrap();
         }
-        estimator.estimate()
+        estimator
     }
 }
 
@@ -166,6 +177,29 @@ fn observations_cost_little_memory_in_a_live_run() {
     }
     let windows = estimator.pairs[0].windows().count();
     assert!(windows <= 6, "20 s in windows of 4 s, not {windows}");
+}
+
+/// The energy by which windows are weighted is that of one walker.
+#[test]
+fn one_walker_has_the_energy_that_the_fit_takes_for_one() {
+    const INTERVAL_S: f64 = 1.0 / 12.0;
+    let mut energies = Vec::new();
+    for seed in 21..=28 {
+        let scene = Scene::seeded(seed);
+        let clocks = [Clock::new(12.0, 0.0); 2];
+        let walkers = scene.walkers(seed, 1, 4.0);
+        let estimator = scene.observed(walkers, &clocks, 25.0, OffsetOptions::live());
+        let pair = &estimator.pairs[0];
+        let whole = 2.0 * pair.largest_lag_s * PairCorrelation::window_pairs(INTERVAL_S);
+        let of_windows =
+            pair.windows().map(|(_, bins)| bins.iter().map(|bin| bin.energy).sum::<f64>() / whole);
+        // Windows in which somebody is seen by both cameras.
+        energies.extend(of_windows.filter(|energy| *energy > 0.05));
+    }
+    energies.sort_by(f64::total_cmp);
+    let median = energies[energies.len() / 2];
+    println!("median {median} of {} windows, the fit takes {}", energies.len(), fit::WALKER_ENERGY);
+    assert!((0.67..1.5).contains(&(median / fit::WALKER_ENERGY)), "{median}");
 }
 
 #[test]

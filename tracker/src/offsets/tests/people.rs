@@ -72,18 +72,29 @@ fn a_drift_is_found_in_ten_minutes() {
     assert!(was_s.abs() <= 0.04, "{was_s} at the beginning");
 }
 
+/// The first two cameras face each other; the third looks across, which tells less about time.
 #[test]
 fn three_cameras_are_brought_to_the_clock_of_the_first() {
-    let scene = Scene::new(&RoomOptions { seed: 61, cameras: 3, ..RoomOptions::default() });
     let clocks = [0.0, 0.9, -0.6].map(|offset_s| Clock::new(10.0, offset_s));
-    let walkers = scene.walkers(6, 3, 4.0);
-    let found = scene.estimate(walkers, &clocks, 27.0, OffsetOptions::recording());
-    for camera in [1, 2] {
-        let error_s = error_s(&found, camera, &clocks[camera]);
-        println!("{:.1} ± {:.1} ms off", 1e3 * error_s, 1e3 * found.cameras[camera].sigma_s);
-        assert!(found.cameras[camera].is_known && error_s.abs() <= 0.04, "{found:?}");
-        assert_eq!(found.cameras[camera].reference, 0);
+    let mut joined = 0;
+    for seed in 61..=63 {
+        let scene = Scene::new(&RoomOptions { seed, cameras: 3, ..RoomOptions::default() });
+        let walkers = scene.walkers(seed, 8, 10.0);
+        let found = scene.estimate(walkers, &clocks, 80.0, OffsetOptions::recording());
+        for (camera, most_s) in [(1, 0.04_f64), (2, 0.15)] {
+            let (offset, error_s) = (&found.cameras[camera], error_s(&found, camera, &clocks[camera]));
+            println!("camera {camera}: {:.1} ± {:.1} ms off", 1e3 * error_s, 1e3 * offset.sigma_s);
+            assert!(offset.is_known || camera == 2, "{found:?}");
+            // The third camera may have no peak that is real, and is then its own reference.
+            if offset.reference == 0 {
+                joined += 1;
+                assert!(error_s.abs() <= most_s.min(3.0 * offset.sigma_s), "{found:?}");
+            } else {
+                assert!(!offset.is_known, "{found:?}");
+            }
+        }
     }
+    assert!(joined >= 5, "{joined} of 6 cameras are compared with the first");
 }
 
 /// Whether an offset is known after nobody has walked.
