@@ -36,7 +36,8 @@ impl OffsetOptions {
 
     /// For live cameras whose clocks are about right: ± 0.5 s, the latest ten minutes count.
     pub fn live() -> Self {
-        Self { reach_s: 0.5, window_s: 600.0, keep_s: 5.0, ..Self::recording() }
+        // Half a second of error is worse than one of a tenth, which is corrected further as more is seen.
+        Self { reach_s: 0.5, window_s: 600.0, keep_s: 5.0, known_sigma_s: 0.1, ..Self::recording() }
     }
 
     /// Whether the options make sense.

@@ -9,7 +9,7 @@ use crate::offsets::{OffsetEstimator, OffsetOptions, Offsets};
 use crate::stage::Stage;
 
 /// Between two looks at the estimate, seconds of the run.
-const EVERY_S: f64 = 1.0;
+const EVERY_S: f64 = 0.5;
 /// A step of an applied offset that is smaller than this is not taken, seconds.
 const LEAST_STEP_S: f64 = 0.005;
 /// An offset that is this large, and three standard deviations, is worth a warning where it is not applied, seconds.

@@ -18,6 +18,8 @@ use crate::{Error, Result};
 const MOST_FOREGROUND: f64 = 0.9;
 /// Colours are sampled once in this many of the sampler's pixels, along each side.
 const COLOUR_BLOCKS: u8 = 2;
+/// Believed people are drawn anew after so long: nothing is absorbed within a minute.
+const DRAW_EVERY_S: f64 = 1.0;
 /// Around a believed person this part of their width belongs to them as well: limbs and errors of place.
 const MARGIN: f64 = 0.35;
 
@@ -61,6 +63,8 @@ pub struct Observer {
     believed: Vec<Body>,
     /// Whether they have moved since.
     has_moved: bool,
+    /// When they were drawn, by the frames' times.
+    drawn_s: Option<f64>,
     /// Where believed people are seen, in the image with distortion.
     expected: GrayImage,
     /// The same in the pinhole image.
@@ -99,6 +103,7 @@ impl Observer {
             silhouette: Silhouette::default(),
             believed: Vec::new(),
             has_moved: false,
+            drawn_s: None,
             expected: GrayImage::new(size.0, size.1),
             expected_pinhole: GrayImage::new(size.0, size.1),
             mask: GrayImage::new(size.0, size.1),
@@ -122,7 +127,7 @@ impl Observer {
         picture: Option<&RgbImage>,
         mask: Option<&RgbImage>,
     ) -> Result<Observed> {
-        self.draw_believed()?;
+        self.draw_believed(time_s)?;
         let health = match (&mut self.masks, picture, mask) {
             (Masks::Subtracted(foreground), Some(picture), _) => {
                 foreground.mask(picture, time_s, &mut self.mask)?
@@ -179,11 +184,14 @@ impl Observer {
     }
 
     /// Draws the believed people, where they have moved, and tells the background subtraction.
-    fn draw_believed(&mut self) -> Result<()> {
+    fn draw_believed(&mut self, time_s: f64) -> Result<()> {
         let Masks::Subtracted(foreground) = &mut self.masks else { return Ok(()) };
-        if !std::mem::take(&mut self.has_moved) {
+        if !self.has_moved
+            || self.drawn_s.is_some_and(|drawn| (0.0..DRAW_EVERY_S).contains(&(time_s - drawn)))
+        {
             return Ok(());
         }
+        (self.has_moved, self.drawn_s) = (false, Some(time_s));
         self.expected_pinhole.fill(0);
         let (width, height) = self.size;
         let block = u32::from(self.view.block);
