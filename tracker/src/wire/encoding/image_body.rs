@@ -127,7 +127,7 @@ fn packed(mask: &Mask, samples: &[u16]) -> Vec<u8> {
 
 fn unpacked(width: u32, height: u32, rows: &[u8]) -> Decoded<Mask> {
     let row_bytes = width.div_ceil(8) as usize;
-    let beyond = if width % 8 == 0 { 0 } else { u8::MAX << (width % 8) };
+    let beyond = if width.is_multiple_of(8) { 0 } else { u8::MAX << (width % 8) };
     if row_bytes > 0 && rows.chunks_exact(row_bytes).any(|row| row[row_bytes - 1] & beyond != 0) {
         return Err(Malformed("the packed mask has foreground beyond its width"));
     }
