@@ -7,6 +7,8 @@ SHELL := /bin/bash
 
 OFFICE := tests/office
 DEMO   := target/demo
+# Stations in processes of their own: in tests, lint and packages, not in the demo, whose build they would make longer.
+FEATURES := --features tracker/zenoh
 CARGO_TEST := $(shell cargo nextest --version >/dev/null 2>&1 && echo "cargo nextest run" || echo "cargo test")
 
 help:
@@ -24,14 +26,14 @@ demo: setup
 	@./tests/demo.sh $(OFFICE) $(DEMO)
 
 test: setup
-	cargo build --locked --workspace --bins --features tracker/zenoh
-	$(CARGO_TEST) --locked --workspace --features tracker/zenoh
+	cargo build --locked --workspace --bins $(FEATURES)
+	$(CARGO_TEST) --locked --workspace $(FEATURES)
 
 lint: setup
 	cargo fmt --all --check
-	cargo clippy --locked --workspace --all-targets --features tracker/zenoh -- -D warnings
-	RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --features tracker/zenoh --no-deps --document-private-items
+	cargo clippy --locked --workspace --all-targets $(FEATURES) -- -D warnings
+	RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace $(FEATURES) --no-deps --document-private-items
 
 bench: setup
-	cargo build --release --locked --workspace --bins --features tracker/zenoh
-	cargo bench --locked --workspace --features tracker/zenoh
+	cargo build --release --locked --workspace --bins $(FEATURES)
+	cargo bench --locked --workspace $(FEATURES)

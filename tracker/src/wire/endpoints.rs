@@ -67,8 +67,10 @@ pub struct Tls {
 pub struct Endpoints {
     /// Addresses at which the other side may connect.
     pub listen: Vec<Endpoint>,
-    /// Addresses of the other side, or of a Zenoh router. Of two peers one listens and the other connects.
+    /// Addresses of the other side. Of two machines one listens and the other connects.
     pub connect: Vec<Endpoint>,
+    /// Whether the addresses to connect to are those of a Zenoh router, to which the other side connects, too.
+    pub via_router: bool,
     /// Certificate, key and authority for `tls/` endpoints.
     pub tls: Option<Tls>,
     /// Common names of the certificates that are let in; empty: all that the authority has signed. Others are refused,
@@ -89,6 +91,11 @@ impl Endpoints {
                 "--listen",
                 "there is no endpoint; give --listen or --connect host:port, or --discover",
             ));
+        }
+        if self.via_router && (self.connect.is_empty() || !self.listen.is_empty() || self.discover) {
+            let problem =
+                "both sides only connect to a router; give --connect without --listen and --discover";
+            return Err(Error::option("--router", problem));
         }
         if let Some(zero) = self.connect.iter().find(|endpoint| endpoint.port == 0) {
             return Err(Error::option(
@@ -201,6 +208,7 @@ mod tests {
         let swapped = Tls { authority: tls.key.clone(), ..tls };
         let cases = [
             (Endpoints::default(), "--listen: there is no endpoint"),
+            (Endpoints { via_router: true, ..tcp.clone() }, "--router: both sides only connect"),
             (Endpoints { connect: vec![endpoint("host:0")], ..tcp.clone() }, "--connect: tcp/host:0: port 0"),
             (
                 Endpoints { tls: None, ..encrypted.clone() },

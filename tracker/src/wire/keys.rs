@@ -90,13 +90,17 @@ pub(super) fn parties(key: &str) -> Option<(String, String, String)> {
     Some((unescaped(camera)?, station.to_owned(), gatherer.to_owned()))
 }
 
+/// Digits of `%XX`.
+const HEXADECIMAL: &[u8; 16] = b"0123456789ABCDEF";
+
 fn escaped(name: &str) -> String {
     let mut key = String::new();
     for byte in name.bytes() {
         if byte.is_ascii_alphanumeric() || byte == b'-' || byte == b'_' {
             key.push(char::from(byte));
         } else {
-            key.push_str(&format!("%{byte:02X}"));
+            key.push('%');
+            key.extend([byte >> 4, byte & 15].map(|digit| char::from(HEXADECIMAL[usize::from(digit)])));
         }
     }
     key

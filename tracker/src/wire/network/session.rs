@@ -18,6 +18,9 @@ use crate::{Error, Result};
 /// Closing a session that its peers do not let go takes at most so long.
 const CLOSE_BOUND: Duration = Duration::from_secs(2);
 
+/// A router that does not answer within this is an error.
+const ROUTER_BOUND: Duration = Duration::from_secs(5);
+
 /// What comes from the network.
 #[derive(Debug)]
 pub(super) enum Arrival {
@@ -137,7 +140,9 @@ fn config(endpoints: &Endpoints, longest_message: usize) -> zenoh::Result<Config
         listen.push(format!("{}/[::]:0", if endpoints.tls.is_some() { "tls" } else { "tcp" }));
     }
     let mut settings = vec![
-        ("mode", json!("peer")),
+        ("mode", json!(if endpoints.via_router { "client" } else { "peer" })),
+        // A peer connects in the background, for ever; a client when it joins.
+        ("connect/timeout_ms", json!({ "peer": -1, "client": ROUTER_BOUND.as_millis() as u64 })),
         ("listen/endpoints", json!(listen)),
         ("connect/endpoints", json!(addresses(&endpoints.connect))),
         (
@@ -146,7 +151,6 @@ fn config(endpoints: &Endpoints, longest_message: usize) -> zenoh::Result<Config
         ),
         ("open/return_conditions/connect_scouted", json!(false)),
         ("scouting/multicast/enabled", json!(endpoints.discover)),
-        ("scouting/gossip/enabled", json!(endpoints.discover)),
         ("transport/unicast/open_timeout", json!(3000)),
         ("transport/unicast/accept_timeout", json!(3000)),
         ("transport/link/tx/lease", json!(2000)),
@@ -168,6 +172,10 @@ fn config(endpoints: &Endpoints, longest_message: usize) -> zenoh::Result<Config
     }
     if !endpoints.allow.is_empty() {
         settings.push(("access_control", access(&endpoints.allow)));
+    }
+    if !endpoints.discover {
+        // Peers tell of others, but nobody connects to those.
+        settings.push(("scouting/gossip/autoconnect", json!({ "peer": [] })));
     }
     let mut config = Config::default();
     for (key, value) in settings {

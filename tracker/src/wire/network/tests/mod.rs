@@ -86,7 +86,8 @@ impl Gatherer {
 fn seen(camera: &str, sequence: u64) -> Seen {
     let grain = 3 + camera.len() as u32;
     let shift = sequence as u32;
-    let mask = Mask::from_fn(SIZE.0, SIZE.1, |x, y| ((x + shift) / grain * 7 + y / grain * 5) % 3 == 0);
+    let mask =
+        Mask::from_fn(SIZE.0, SIZE.1, |x, y| ((x + shift) / grain * 7 + y / grain * 5).is_multiple_of(3));
     let colours = Colours::sample(&mask, 4, |x, y| image::Rgb([x as u8, y as u8, shift as u8]));
     let observation = Observation {
         sequence,

@@ -96,12 +96,15 @@ fn a_router_may_stand_between() {
         config.insert_json5(key, &value).unwrap();
     }
     let router = zenoh::open(config).wait().unwrap();
-    let station = play("cam0", connecting(&address), frames);
-    let mut gatherer = gather(&["cam0"], connecting(&address), BOUND).join().unwrap().unwrap();
+    let through = || Endpoints { via_router: true, ..connecting(&address) };
+    let station = play("cam0", through(), frames);
+    let mut gatherer = gather(&["cam0"], through(), BOUND).join().unwrap().unwrap();
     gather_all(&mut gatherer, &["cam0"], frames);
     check_feedback(&station.join().unwrap(), frames);
     drop(gatherer);
     router.close().wait().unwrap();
+    let line = Uplink::open(hello("cam0", true), &through()).unwrap_err().to_string();
+    assert!(line.contains(&address) && !line.contains('\n'), "{line}");
 }
 
 #[test]
@@ -167,7 +170,7 @@ fn a_recording_whose_station_goes_fails_and_a_failure_is_told() {
     second.send(Event::Failed(crate::Error::option("--video", "b.mp4: no such file"))).unwrap();
     match gatherer.next() {
         (1, Event::Failed(error)) => {
-            assert_eq!(error.to_string(), "station `cam1`: --video: b.mp4: no such file")
+            assert_eq!(error.to_string(), "station `cam1`: --video: b.mp4: no such file");
         }
         got => panic!("{got:?}"),
     }

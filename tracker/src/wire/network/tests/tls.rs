@@ -37,7 +37,7 @@ impl Authority {
     }
 }
 
-fn encrypted(address: &str, tls: Tls) -> (Endpoints, Endpoints) {
+fn encrypted(address: &str, tls: &Tls) -> (Endpoints, Endpoints) {
     let address: String = format!("tls/localhost:{}", address.rsplit(':').next().unwrap());
     let with = |endpoints: Endpoints| Endpoints { tls: Some(tls.clone()), ..endpoints };
     (with(listening(&address)), with(connecting(&address)))
@@ -48,11 +48,11 @@ fn certificates_decide_who_is_let_in() {
     let folder = tempfile::tempdir().unwrap();
     let (own, foreign) = (Authority::new(folder.path(), "own"), Authority::new(folder.path(), "foreign"));
     let address = free_address();
-    let (listen, _) = encrypted(&address, own.sign("gatherer", &own));
+    let (listen, _) = encrypted(&address, &own.sign("gatherer", &own));
     let listen = Endpoints { allow: vec!["camera 0".into(), "camera 1".into()], ..listen };
     let gatherer = gather(&["cam0"], listen, BOUND);
     let wait = |tls: Tls| {
-        let (_, connect) = encrypted(&address, tls);
+        let (_, connect) = encrypted(&address, &tls);
         let (uplink, feedback) = Uplink::open(hello("cam0", false), &connect).unwrap();
         uplink.wait_for_start(Some(Duration::from_secs(2)), &GO_ON).map(|()| (uplink, feedback))
     };
@@ -60,7 +60,7 @@ fn certificates_decide_who_is_let_in() {
         ("signed by another authority", foreign.sign("camera 0", &own)),
         ("with a name that is not allowed", own.sign("camera 7", &own)),
     ] {
-        let line = wait(tls).err().expect(name).to_string();
+        let line = wait(tls).expect_err(name).to_string();
         assert!(line.starts_with("station `cam0`: no gatherer within 2 s"), "{name}: {line}");
     }
     let (mut uplink, feedback) = wait(own.sign("camera 1", &own)).unwrap();
@@ -79,7 +79,7 @@ fn files_that_are_no_certificates_are_told_in_one_line() {
     let tls = authority.sign("camera 0", &authority);
     let broken = folder.path().join("broken.pem");
     std::fs::write(&broken, "-----BEGIN CERTIFICATE-----\n!!!\n-----END CERTIFICATE-----\n").unwrap();
-    let (listen, _) = encrypted(&free_address(), Tls { certificate: broken, ..tls });
+    let (listen, _) = encrypted(&free_address(), &Tls { certificate: broken, ..tls });
     let line = gather(&["cam0"], listen, BOUND).join().unwrap().err().unwrap().to_string();
     println!("{line}");
     assert!(line.starts_with("stations: the network cannot be joined: ") && !line.contains('\n'), "{line}");
