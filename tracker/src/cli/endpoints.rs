@@ -15,6 +15,9 @@ pub(super) struct EndpointArguments {
     /// Look for the other side by multicast in the local network
     #[arg(long)]
     discover: bool,
+    /// The addresses to connect to are those of Zenoh routers, which lead to the other side
+    #[arg(long = "router")]
+    via_router: bool,
     /// Certificate of this machine in PEM form, for tls/ endpoints; both sides show one
     #[arg(long, value_name = "FILE", requires_all = ["tls_key", "tls_authority"])]
     tls_certificate: Option<PathBuf>,
@@ -44,6 +47,7 @@ impl EndpointArguments {
             tls,
             allow: self.allow.clone(),
             discover: self.discover,
+            via_router: self.via_router,
         };
         endpoints.check()?;
         Ok(endpoints)

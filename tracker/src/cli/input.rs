@@ -19,7 +19,7 @@ use super::run::RunArgs;
 use super::stations::StationBuilder;
 
 /// Stations on other machines are waited for so long.
-const STATIONS_WITHIN: Duration = Duration::from_secs(60);
+const STATIONS_WITHIN: Duration = Duration::from_mins(1);
 /// Frames a second of stations that do not say.
 const USUAL_RATE_HZ: f64 = 25.0;
 

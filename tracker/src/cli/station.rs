@@ -22,7 +22,7 @@ use super::interrupt;
 use super::stations::{Drawing, StationBuilder};
 
 /// A station of a recording waits for its gatherer for so long.
-const GATHERER_WITHIN: Duration = Duration::from_secs(600);
+const GATHERER_WITHIN: Duration = Duration::from_mins(10);
 
 /// Observe one camera on this machine, for a `tracker run --stations` on another.
 ///
