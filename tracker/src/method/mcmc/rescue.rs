@@ -220,7 +220,7 @@ struct Part {
 }
 
 impl Part {
-    fn found(&self) -> f64 {
+    fn found(self) -> f64 {
         f64::from(self.found_px) / f64::from(self.free_px.max(1))
     }
 }
