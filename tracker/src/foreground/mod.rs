@@ -135,8 +135,12 @@ pub struct Foreground {
     morphology: Morphology,
     regions: Regions,
     shadows: Shadows,
-    /// Where believed people are seen (not 0), with a margin.
+    /// Where believed people are expected (not 0), with a margin.
     people: GrayImage,
+    /// The same with all of the regions that are mostly theirs.
+    seen_people: GrayImage,
+    /// Whether anybody is expected.
+    expects_people: bool,
     /// The background in the model's exposure, for fitting the frame's.
     background: RgbImage,
     /// The background in the frame's exposure.
@@ -172,6 +176,9 @@ const STRONG: u8 = 160;
 const LONGEST_STRIPE: u32 = 16;
 /// Silhouettes are ellipsoids and of an earlier moment: people are expected this part of the image's height around them.
 const PEOPLE_MARGIN: f64 = 0.01;
+/// A region of foreground is a person's as a whole when this share of it is where people are expected: with one camera a
+/// person may be believed to stand half a metre from where they do.
+const PEOPLE_SHARE: f64 = 0.5;
 /// Learning never sees a gap longer than this, in seconds.
 const LONGEST_GAP_S: f64 = 1.0;
 
@@ -212,6 +219,8 @@ impl Foreground {
             regions: Regions::default(),
             shadows: Shadows::default(),
             people: GrayImage::new(width, height),
+            seen_people: GrayImage::new(width, height),
+            expects_people: false,
             background,
             expected: RgbImage::new(width, height),
             score: GrayImage::new(width, height),
@@ -281,6 +290,7 @@ impl Foreground {
             ));
         }
         self.people.copy_from_slice(people);
+        self.expects_people = people.iter().any(|p| *p > 0);
         let margin = (f64::from(size.1) * PEOPLE_MARGIN).ceil() as u32;
         Ok(self.morphology.dilate(&mut self.people, margin)?)
     }
@@ -399,12 +409,16 @@ impl Foreground {
     }
 
     fn learn(&mut self, frame: &RgbImage, mask: &GrayImage, elapsed_s: f32) -> Result<()> {
+        self.seen_people.copy_from_slice(&self.people);
+        if self.expects_people {
+            self.regions.spread(mask, &mut self.seen_people, PEOPLE_SHARE);
+        }
         match &mut self.model {
             Model::Pixels(model) => {
-                let judged = Judged { score: &self.score, mask, people: &self.people };
+                let judged = Judged { score: &self.score, mask, people: &self.seen_people };
                 model.learn(frame, &self.exposure, judged, elapsed_s);
             }
-            Model::Adaptive(model) => model.learn(mask, &self.people, elapsed_s)?,
+            Model::Adaptive(model) => model.learn(mask, &self.seen_people, elapsed_s)?,
         }
         if self.frames.is_multiple_of(REFRESH_EVERY) || self.frames == 1 {
             self.background();

@@ -61,6 +61,26 @@ impl Regions {
         left
     }
 
+    /// Adds to `marks` every foreground region (8-connected) of which at least `least` is marked (not 0) already.
+    pub fn spread(&mut self, mask: &GrayImage, marks: &mut GrayImage, least: f64) {
+        self.find(mask, true);
+        let width = mask.width();
+        for i in 0..self.runs.len() {
+            let run = self.runs[i];
+            let from = (run.row * width + run.from) as usize;
+            let marked = &marks.as_raw()[from..from + (run.to - run.from) as usize];
+            let root = self.root(i as u32) as usize;
+            self.regions[root].strong += marked.iter().filter(|m| **m > 0).count() as u32;
+        }
+        for i in 0..self.runs.len() {
+            let root = self.root(i as u32) as usize;
+            let region = self.regions[root];
+            if region.strong > 0 && f64::from(region.strong) >= least * f64::from(region.area) {
+                paint(marks, self.runs[i], 255);
+            }
+        }
+    }
+
     /// Fills background regions (4-connected) of at most `largest` pixels that do not touch the image's border.
     pub fn fill_holes(&mut self, mask: &mut GrayImage, largest: u32) {
         self.find(mask, false);

@@ -63,6 +63,9 @@ pub(super) struct Appearance<'a> {
     /// Where else they may appear: at persistent evidence, and where company comes apart. The first that holds a place
     /// decides about it.
     pub(super) openings: [Opening<'a>; 2],
+    /// Logarithm of the density everywhere else, 1/m². Nobody is proposed there; above [`LOG_IMPOSSIBLE`], a newcomer may be
+    /// moved there by UPDATE-P, who has gone a step beyond the zone by the time they are found.
+    pub(super) log_elsewhere: f64,
 }
 
 impl Appearance<'_> {
@@ -73,7 +76,7 @@ impl Appearance<'_> {
             self.log_density
         } else {
             let mut holding = self.open().filter(|opening| opening.map.density(x_m, y_m, 1.0) > 0.0);
-            holding.next().map_or(LOG_IMPOSSIBLE, |opening| opening.log_density)
+            holding.next().map_or(self.log_elsewhere, |opening| opening.log_density)
         }
     }
 

@@ -47,6 +47,7 @@ use self::track::{Found, Track};
 use super::capacity::Capacity;
 use super::{Method, Needs};
 use crate::identity::Identities;
+use crate::likelihood::prior::LOG_IMPOSSIBLE;
 use crate::likelihood::{Counts, Layers, PreparedRule, Simulation, pack};
 use crate::silhouette::{Body, View};
 use crate::stage::{Stage, StageCamera, resolution};
@@ -306,6 +307,8 @@ impl Mcmc {
             informed: self.options.informed_births,
             log_density: (expected(self.options.births_per_s) / births.area_m2().max(1e-3)).ln() - chance,
             openings,
+            // Where somebody turns out to be two, the newcomer is looked for close to them.
+            log_elsewhere: if self.company.is_weighed() { LOG_IMPOSSIBLE } else { openings[1].log_density },
         };
         let setting = Setting {
             floor: &self.stage.floor,

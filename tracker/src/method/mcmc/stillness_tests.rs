@@ -33,6 +33,9 @@ const PASSING_S: f64 = 150.0;
 /// Somebody who "sits" creeps so far in all, since a walker always walks.
 const CREEP_M: f64 = 0.02;
 
+/// Pixels that each camera shows of somebody in full view, at least.
+const LEAST_PX: usize = 80;
+
 /// What happens in the room: one person walks to a place in view and stays, others walk past.
 struct Scenario {
     people: Vec<Walker>,
@@ -54,34 +57,50 @@ fn length_m(way: &[Point2<f64>]) -> f64 {
     way.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum()
 }
 
+/// The place on a way that the camera that sees it least sees best, away from all zones; `None` when none is in full view.
+fn best_seen(made: &SyntheticRoom, stage: &Stage, seed: u64, way: &[Point2<f64>]) -> Option<usize> {
+    let walker = Walker::along(1, seed, 0.0, SPEED_M_S, way);
+    let frames = (length_m(way) * 4.0) as u32;
+    let options = SequenceOptions { rate_hz: 4.0, frames, images: false, ..SequenceOptions::default() };
+    let sequence = made.sequence(vec![walker], options);
+    let seen = sequence.frames().filter_map(|frame| {
+        let person = frame.people.into_iter().find(|p| p.inside)?;
+        let place = person.place;
+        let around = [(0.5, 0.0), (-0.5, 0.0), (0.0, 0.5), (0.0, -0.5)];
+        let in_zone = around.iter().any(|(x, y)| stage.floor.may_disappear(place.x + x, place.y + y));
+        let is_large =
+            frame.cameras.iter().all(|seen| seen.mask.iter().filter(|p| **p > 0).count() > LEAST_PX);
+        (!in_zone && is_large).then(|| (person.visible.iter().copied().fold(f64::INFINITY, f64::min), place))
+    });
+    let (visible, place) = seen.max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let distance = |i: &usize| (way[*i] - place).norm();
+    let nearest = (1..way.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
+    (visible > 0.8).then_some(nearest)
+}
+
 impl Scenario {
-    /// Of a seed: the place is the one on somebody's way that all cameras together see best.
-    fn new(made: &SyntheticRoom, seed: u64, stays_s: f64) -> Self {
+    /// Of a seed: the place is the one on somebody's way, away from the doors, that all cameras together see best.
+    fn new(made: &SyntheticRoom, stage: &Stage, seed: u64, stays_s: f64) -> Self {
         let way = |seed: u64| {
             let options = WalkerOptions { seed, people: 1, longest_stay_s: 0.0, ..WalkerOptions::default() };
             made.walkers(&options).first().map(way_of).filter(|way| way.len() > 8)
         };
-        let sits = (0..50).find_map(|k| way(1000 * seed + k)).expect("somebody finds a way");
-        let all_the_way = vec![Walker::along(1, seed, 0.0, 1.0, &sits)];
-        let frames = (length_m(&sits) * 4.0) as u32;
-        let options = SequenceOptions { rate_hz: 4.0, frames, images: false, ..SequenceOptions::default() };
-        let sequence = made.sequence(all_the_way, options);
-        let seen = sequence.frames().filter_map(|frame| {
-            let person = frame.people.into_iter().find(|p| p.inside)?;
-            Some((person.visible.iter().copied().fold(f64::INFINITY, f64::min), person.place))
-        });
-        let (_, place) = seen.max_by(|a, b| a.0.total_cmp(&b.0)).expect("somebody is inside");
-        let nearest =
-            (0..sits.len()).min_by(|a, b| (sits[*a] - place).norm().total_cmp(&(sits[*b] - place).norm()));
-        let at = nearest.expect("the way has places");
+        let (sits, at) = (0..50)
+            .filter_map(|k| way(1000 * seed + k))
+            .find_map(|sits| {
+                let at = best_seen(made, stage, seed, &sits)?;
+                Some((sits, at))
+            })
+            .expect("somebody's way passes a place in full view");
         let (to, from) = (&sits[..=at], &sits[at..]);
-        let arrives_s = EMPTY_S + length_m(to) / SPEED_M_S;
+        let comes = Walker::along(1, seed, EMPTY_S, SPEED_M_S, to);
+        let arrives_s = comes.span_s().1;
         let leaves_s = arrives_s + stays_s;
         let aside = sits[at] + (sits[at] - sits[at - 1]).normalize() * CREEP_M;
         let mut people = vec![
-            Walker::along(1, seed, EMPTY_S, SPEED_M_S, to),
-            Walker::along(1, seed, arrives_s + 0.25, CREEP_M / stays_s, &[sits[at], aside]),
-            Walker::along(1, seed, leaves_s + 0.25, SPEED_M_S, from),
+            comes,
+            Walker::along(1, seed, arrives_s, CREEP_M / stays_s, &[sits[at], aside]),
+            Walker::along(1, seed, leaves_s, SPEED_M_S, from),
         ];
         let passing = (1..500).filter_map(|k| way(1000 * seed + 100 + k));
         let mut passing =
@@ -206,7 +225,7 @@ fn sit(seed: u64, minutes: f64, feedback: bool, folder: &Path) -> Outcome {
     made.room.write(folder).unwrap();
     let stage = Stage::prepare(&Room::read(folder).unwrap(), folder, &StageOptions::default()).unwrap();
     assert!(!stage.zones.is_empty());
-    let scenario = Scenario::new(&made, seed, 60.0 * minutes);
+    let scenario = Scenario::new(&made, &stage, seed, 60.0 * minutes);
     let render = RenderOptions { samples: 1, ..RenderOptions::default() };
     let options = SequenceOptions { seed, rate_hz: f64::from(RATE_HZ), render, ..SequenceOptions::default() };
     let sequence = made.sequence(scenario.people.clone(), options);

@@ -27,6 +27,7 @@ fn on_all_the_floor<'a>(
         informed: options.informed_births,
         log_density,
         openings: [Opening { map: births, log_density: LOG_IMPOSSIBLE }; 2],
+        log_elsewhere: LOG_IMPOSSIBLE,
     }
 }
 
@@ -270,6 +271,7 @@ fn states_are_those_of_the_prior(
             log_density: per_m2.ln(),
             openings: [(&rescued, rescued_per_m2), (&company, of_company_per_m2)]
                 .map(|(map, per_m2)| Opening { map, log_density: per_m2.ln() }),
+            log_elsewhere: LOG_IMPOSSIBLE,
         },
         unexplained: Some(&everywhere),
         typical_px: &everywhere.typical_px(&layers),
