@@ -126,7 +126,7 @@ fn the_office_is_watched_without_films_and_its_tracks_are_the_same() {
     let watched = run_watched(run(&seen).args(["--view", "--view-port", "0"]));
     let [rows, lines] = tracks(&alone);
     assert!(!rows.is_empty());
-    saw(&watched, (2 * 640, 480), 2, FRAMES);
+    saw(&watched, (2 * 480, 360), 2, FRAMES);
     assert!(watched.frames[0] < *watched.frames.last().unwrap(), "one moment alone: {:?}", watched.frames);
     assert!([rows, lines] == tracks(&seen), "the tracks of a run that is watched are others");
 }
