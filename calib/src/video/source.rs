@@ -186,6 +186,14 @@ impl FrameSource {
         &self.name
     }
 
+    /// The file of the image that was read last, of images in files.
+    pub fn image_path(&self) -> Option<&Path> {
+        match &self.pictures {
+            Pictures::Images(images) => Some(images.path()),
+            _ => None,
+        }
+    }
+
     /// The first file, of images in files.
     pub fn first_image(&self) -> Option<&Path> {
         match &self.pictures {

@@ -169,9 +169,12 @@ impl Clocks {
     /// Whether there is a line for every frame of the run in every file of times. A file may end early where the run does.
     fn check_files(&self, sources: &[CameraSource], files: &[Option<Times>]) -> anyhow::Result<()> {
         let mut end_s = f64::INFINITY;
+        let mut start_s = f64::NEG_INFINITY;
         let mut short = Vec::new();
         for (camera, (source, file)) in sources.iter().zip(files).enumerate() {
             let Some(frames) = source.frame_count().filter(|frames| *frames > 0) else { continue };
+            let first_s = file.as_ref().map_or(Ok(0.0), |file| file.of(1))?;
+            start_s = start_s.max(first_s + self.alignments[camera].offset_s);
             let last_s = match file {
                 Some(file) if file.check_count(frames).is_err() => {
                     short.push((camera, file, frames));
@@ -182,6 +185,11 @@ impl Clocks {
                 None => (frames - 1) as f64 / self.times[camera].mean_rate(),
             };
             end_s = end_s.min(last_s + self.alignments[camera].offset_s);
+        }
+        if start_s > end_s {
+            bail!(
+                "--offset, --times: there is no moment at which all cameras film; leave one out, or mend its offset"
+            );
         }
         for (camera, file, frames) in short {
             let file_end_s = file.end_s().unwrap_or(f64::INFINITY) + self.alignments[camera].offset_s;

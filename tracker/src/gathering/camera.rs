@@ -16,6 +16,8 @@ const USUAL_RATE_HZ: f64 = 25.0;
 const RATES_HZ: std::ops::RangeInclusive<f64> = 0.01..=1000.0;
 /// How fast a live camera's measured interval follows, as a share of each new one.
 const FOLLOW: f64 = 0.1;
+/// By how much the least delay may grow with each observation, seconds: clocks drift, networks change.
+const FORGET_S: f64 = 1e-3;
 
 /// How a camera's own clock is brought to the run's: `time + offset_s + drift · (time − since_s)`.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -67,6 +69,8 @@ pub(super) struct Camera {
     pub(super) latest_arrival: Option<Instant>,
     /// How long after its capture an observation is here, seconds; as seen lately.
     pub(super) delay_s: f64,
+    /// The least delay lately: how long an observation takes that waits nowhere, seconds.
+    pub(super) least_delay_s: f64,
     /// What is wrong with the camera, while nothing usable comes.
     pub(super) health: Verdict,
     /// Time of the newest observation that belonged to a moment.
@@ -85,6 +89,7 @@ impl Camera {
             newest_s: None,
             latest_arrival: None,
             delay_s: 0.0,
+            least_delay_s: f64::INFINITY,
             health: Verdict::Usable,
             used_s: None,
         }
@@ -119,6 +124,7 @@ impl Camera {
             }
             let delay_s = (now_s.unwrap_or(time_s) - time_s).max(0.0);
             self.delay_s += FOLLOW * (delay_s - self.delay_s);
+            self.least_delay_s = delay_s.min(self.least_delay_s + FORGET_S);
         }
         self.newest_s = Some(self.newest_s.map_or(time_s, |newest| newest.max(time_s)));
         self.latest_arrival = Some(arrived);

@@ -65,7 +65,7 @@ impl Live {
                 Some((lead, time_s, arrived)) => {
                     match self.complete_in(cameras, lead, time_s, arrived, now) {
                         Some(wait) => wait,
-                        None if self.is_behind(&cameras[lead], time_s, arrived, now) => {
+                        None if self.is_behind(&cameras[lead], time_s) => {
                             self.left_out.skipped += 1;
                             self.latest_s = time_s;
                             continue;
@@ -145,8 +145,8 @@ impl Live {
     }
 
     /// Whether the tracker is so far behind that a moment is passed over for the next one.
-    fn is_behind(&self, lead: &Camera, time_s: f64, arrived: Instant, now: Instant) -> bool {
-        let age_s = now.saturating_duration_since(arrived).as_secs_f64();
+    fn is_behind(&self, lead: &Camera, time_s: f64) -> bool {
+        let age_s = utc_s(SystemTime::now()) - time_s - lead.least_delay_s;
         age_s > self.latency_s + BEHIND_S && lead.first_after(time_s).is_some()
     }
 

@@ -132,7 +132,8 @@ fn check_size(video: &FrameSource) -> Result<()> {
     let problem = format!(
         "is {width} × {height} pixels, the frames before it are {first_width} × {first_height}; give a recording of one size"
     );
-    Err(Error::content(Path::new(video.name()), format!("frame {}", video.delivered()), problem))
+    let path = video.image_path().unwrap_or(Path::new(video.name()));
+    Err(Error::content(path, format!("frame {}", video.delivered()), problem))
 }
 
 /// Waits until a frame would have been filmed, had the recording started when this station did.
