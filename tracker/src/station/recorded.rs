@@ -101,6 +101,7 @@ impl RecordedStation {
             if !masks.advance()? {
                 return Ok(None);
             }
+            check_size(masks)?;
             if self.video.is_none() {
                 stamp_s = masks.stamp().presentation_s;
             }
