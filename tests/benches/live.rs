@@ -1,19 +1,21 @@
-//! What `tracker run` makes of live cameras, each figure beside what is asked for: a table, and a line of JSON each.
+//! Figures of `tracker run` on live cameras, each beside the bound that is asked for: a table, and a line of JSON for
+//! each.
 //!
-//! `cargo build --release --bins && cargo bench -p tests --bench live` measures everything with short durations. Arguments
-//! choose scenarios, in seconds where there is an `=`; `all` measures with the durations that the figures are asked for
-//! (about 2 hours):
+//! `cargo build --release --bins && cargo bench -p tests --bench live` measures everything with short durations.
+//! Arguments choose scenarios, in seconds where there is an `=`; `all` measures with the durations that the figures
+//! are asked for (about 2 hours):
 //!
-//! * `a=SEED,…` — the office from two network cameras of different clocks; each with `--offset auto`, without, and told the rate.
-//! * `b=S,…` — one camera silent for so long.
-//! * `c=S,…` — all cameras away for so long.
-//! * `d=S` — latency from capture to row, measured for so long; without and told the rate.
+//! * `a=SEED,…` — the office from two network cameras of different clocks; with `--offset auto`, without, and with a
+//!   given rate.
+//! * `b=S,…` — one camera silent for S seconds.
+//! * `c=S,…` — all cameras away for S seconds.
+//! * `d=S` — latency from capture to row, measured for S seconds; without and with a given rate.
 //! * `e=S,S` — memory at two times.
-//! * `f=N,…` — 1920 × 1080 through a wide lens, with so many cameras.
+//! * `f=N,…` — 1920 × 1080 through a wide lens, with N cameras.
 //! * `g` — the office from files.
 //! * `h` — six cameras with distortion.
 //! * `i` — two recordings of unknown offset.
-//! * `j=S` — stations, their traffic measured for so long.
+//! * `j=S` — stations, their traffic measured for S seconds.
 #![forbid(unsafe_code)]
 
 use tests::live::{Figure, accuracy, capacity, latency, memory, outages, stations};

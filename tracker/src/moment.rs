@@ -1,4 +1,4 @@
-//! What a tracker is given (the observations of one time) and what it gives back (the people).
+//! Input of a tracker (the observations of one time) and its output (the people).
 
 use std::sync::Arc;
 

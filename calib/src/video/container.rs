@@ -1,4 +1,4 @@
-//! What a container says of its video before a frame of it is read.
+//! Facts about a video from its container's header: rate, length, rotation, clock.
 
 use ffmpeg::codec::packet::side_data;
 use ffmpeg::format::context::Input;
@@ -7,19 +7,18 @@ use ffmpeg::{Rational, media};
 
 use super::stamp::seconds;
 
-/// Above this, what a header calls frames a second is the ticking of its clock.
+/// Highest plausible frame rate; a header that claims more states the tick rate of its clock.
 const FASTEST_HZ: f64 = 500.0;
 
 /// FFmpeg's names of the formats whose time stamps are those of a clock, and count from the file's own zero.
 const FROM_ZERO: &[&str] =
     &["mov", "matroska", "avi", "flv", "asf", "asf_o", "nut", "ogg", "gif", "apng", "ivf", "mxf", "gxf"];
-/// The same of formats whose clock starts anywhere. Of all others FFmpeg makes time stamps up: of motion JPEG over HTTP,
-/// of raw streams, of images.
+/// FFmpeg's names of the formats whose clock starts at any value. For all other formats (motion JPEG over HTTP, raw
+/// streams, images) FFmpeg invents the time stamps.
 const FROM_ANYWHERE: &[&str] =
     &["mpegts", "mpeg", "rtsp", "rtp", "sdp", "live_flv", "hls", "dash", "concat", "dv", "wtv", "rm"];
 
-/// Where the clock of a container's time stamps has its zero, in seconds of their own. `None` where no clock has made
-/// them.
+/// Zero of the container's clock, in seconds of its time stamps; `None` where FFmpeg invents the time stamps.
 pub(super) fn zero_s(input: &Input, is_recording: bool) -> Option<f64> {
     let format = input.format();
     let is_in = |names: &[&str]| format.name().split(',').any(|name| names.contains(&name));
@@ -30,7 +29,7 @@ pub(super) fn zero_s(input: &Input, is_recording: bool) -> Option<f64> {
     }
 }
 
-/// The earliest start of a container's pictures and sounds.
+/// Earliest start of the container's video and audio streams, seconds.
 fn start_s(input: &Input) -> Option<f64> {
     let is_played =
         |stream: &Stream| [media::Type::Video, media::Type::Audio].contains(&stream.parameters().medium());
@@ -40,7 +39,7 @@ fn start_s(input: &Input) -> Option<f64> {
 
 /// Frames a second, where the container says so.
 pub(super) fn rate_hz(stream: &Stream) -> Option<f64> {
-    // The rate that all time stamps fit on, unless that is the clock's; then the mean.
+    // The rate whose grid fits all time stamps, unless it is the tick rate of the clock; then the mean rate.
     [stream.rate(), stream.avg_frame_rate()].into_iter().find_map(plausible_hz)
 }
 
@@ -49,8 +48,8 @@ fn plausible_hz(rate: Rational) -> Option<f64> {
     (f64::MIN_POSITIVE..FASTEST_HZ).contains(&hz).then_some(hz)
 }
 
-/// About how many frames are shown, where the container says so or says how long it lasts: an edit list shows fewer than
-/// there are, and the mean rate may be off.
+/// Estimated number of frames that are shown; `None` where the container states neither their number nor its
+/// duration. An edit list shows fewer frames than are stored, and the mean rate may be off.
 pub(super) fn frames(stream: &Stream, input: &Input) -> Option<usize> {
     let mean_hz = plausible_hz(stream.avg_frame_rate()).or_else(|| rate_hz(stream));
     let lasts_s = lasts_s(stream, input);
@@ -62,7 +61,7 @@ pub(super) fn frames(stream: &Stream, input: &Input) -> Option<usize> {
     }
 }
 
-/// Seconds that a stream is shown, without what comes before its start.
+/// Duration for which the stream is shown, seconds, without the time before its start.
 fn lasts_s(stream: &Stream, input: &Input) -> Option<f64> {
     if stream.duration() > 0 {
         return Some(seconds(stream.duration(), stream.time_base()));
@@ -74,11 +73,12 @@ fn lasts_s(stream: &Stream, input: &Input) -> Option<f64> {
     (lasts_s > before_s).then_some(lasts_s - before_s)
 }
 
-/// How often a picture is to be turned clockwise by a quarter before it is seen: telephones film lying and say so.
+/// Number of clockwise quarter turns to show a picture upright; telephones store it lying and say so.
 pub(super) fn quarter_turns(stream: &Stream) -> u8 {
     let matrix = stream.side_data().find(|data| data.kind() == side_data::Type::DisplayMatrix);
     let Some(matrix) = matrix else { return 0 };
-    // The first two entries of the first row, as 16.16 fixed point: where the picture's x goes, in an image's axes.
+    // First two entries of the matrix's first row, 16.16 fixed point: direction of the picture's x axis, in image
+    // axes.
     let entry = |index: usize| {
         let bytes = matrix.data().get(4 * index..4 * index + 4)?;
         Some(f64::from(i32::from_ne_bytes(bytes.try_into().ok()?)))

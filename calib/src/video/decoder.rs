@@ -36,26 +36,26 @@ pub(super) struct Decoder {
     end: Option<End>,
     /// Whether the packet that was read last is shorter than the container says.
     is_short: bool,
-    /// Of sources that have one.
+    /// Clock of the time stamps; `None` for sources without one.
     clock: Option<PresentationClock>,
     packets: PacketTimes,
-    /// The time stamp at which the stream ends as it is shown: an edit list may leave packets behind it.
+    /// Time stamp at which the shown part of the stream ends, ticks; an edit list may leave packets after it.
     shown_until: i64,
-    /// The latest time stamp of a picture.
+    /// Latest time stamp of a picture, ticks.
     last_ticks: Option<i64>,
     stamp: FrameStamp,
     rate_hz: Option<f64>,
     frames: Option<usize>,
 }
 
-/// How a video's packets have ended.
+/// Ways in which a video's packets can end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum End {
-    /// As a file or stream should.
+    /// Regular end of a file or stream.
     Regular,
-    /// In the middle of a packet; of MPEG-TS after one that was damaged on its way.
+    /// End in the middle of a packet; in MPEG-TS, after a packet that was damaged in transmission.
     InPacket,
-    /// With an error, or a stream that has broken off.
+    /// Read error, or a stream that has broken off.
     Broken(Error),
 }
 
@@ -73,8 +73,8 @@ impl Decoder {
         super::start_ffmpeg()?;
         let patience = Patience::new(OPENS_WITHIN);
         let asked = patience.clone();
-        // Cameras that stream over UDP lose packets, and pictures with them. Sound would be thrown away; and where there
-        // is some, FFmpeg moves the time stamps of both when the first sender report comes.
+        // Cameras that stream over UDP lose packets, and pictures with them. Audio is not requested: it would be
+        // discarded, and with it FFmpeg moves the time stamps of both when the first sender report comes.
         let options = ffmpeg::dict!("rtsp_transport" => "tcp", "allowed_media_types" => "video");
         let input = format::input_with_interrupt_and_dictionary(url, move || asked.is_over(), options)?;
         Self::new(input, threading::Type::Slice, Some(patience))
@@ -119,7 +119,7 @@ impl Decoder {
         self.rate_hz
     }
 
-    /// About how many frames there are, where the container says so or says how long it lasts.
+    /// Estimated number of frames, where the container states the number or its duration.
     pub(super) fn frames(&self) -> Option<usize> {
         self.frames
     }
@@ -139,12 +139,12 @@ impl Decoder {
         self.input.format().name().to_owned()
     }
 
-    /// How the packets have ended, if they have.
+    /// End of the packets; `None` while there are more.
     pub(super) fn end(&self) -> Option<End> {
         self.end
     }
 
-    /// How many packets, up to a few dozen, were to be shown after the last picture and have given none.
+    /// Number of packets (counted up to a few dozen) that should be shown after the last picture but gave no picture.
     pub(super) fn undecodable(&self) -> usize {
         let silent = self.last_ticks.map_or(0, |ticks| self.packets.between(ticks, self.shown_until));
         silent.max(self.torn)
@@ -176,7 +176,8 @@ impl Decoder {
 
     /// Hands the decoder the next packet, or tells it that there are no more.
     fn feed(&mut self) {
-        // A new one each time: FFmpeg's reading overwrites a packet and does not give back what it held; dropping does.
+        // A new packet for each read: FFmpeg overwrites a reused packet without freeing its contents; dropping it
+        // frees them.
         let mut packet = Packet::empty();
         let read = packet.read(&mut self.input);
         if read.is_ok() {
@@ -201,7 +202,7 @@ impl Decoder {
         self.torn += usize::from(sent.is_err());
     }
 
-    /// The picture that was decoded last, into an image of any size.
+    /// Converts the picture that was decoded last into an image of any size.
     pub(super) fn picture(&mut self, into: &mut RgbImage) -> Result<(), Error> {
         self.rgb.picture(&self.picture, self.quarter_turns, into)
     }

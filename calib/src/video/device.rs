@@ -87,7 +87,7 @@ impl Device {
         self.stamp
     }
 
-    /// The picture that came last, into an image of any size.
+    /// Converts the picture that came last into an image of any size.
     pub(super) fn picture(&mut self, into: &mut RgbImage) -> Result<(), ffmpeg::Error> {
         self.rgb.picture(&self.picture, 0, into)
     }
@@ -105,7 +105,7 @@ fn motion_jpeg() -> Result<decoder::Video, ffmpeg::Error> {
     codec::context::Context::new().decoder().open_as(codec)?.video()
 }
 
-/// When the driver says that a picture was taken, seconds of the machine's monotonic clock; `None` where it does not say.
+/// Capture time by the driver, seconds of the machine's monotonic clock; `None` where the driver has none.
 fn driver_s(metadata: Metadata) -> Option<f64> {
     let is_monotonic = metadata.flags & Flags::TIMESTAMP_MASK == Flags::TIMESTAMP_MONOTONIC;
     let seconds = metadata.timestamp.sec as f64 + metadata.timestamp.usec as f64 / 1e6;

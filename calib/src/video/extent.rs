@@ -1,20 +1,20 @@
-//! Whether a file is as long as its container's own sizes say: a copy that broke off is not.
+//! Check for truncated files: shorter than the sizes in their own container say, as after an interrupted copy.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
-/// Segment and header of Matroska, RFC 9559 and RFC 8794.
+/// Element ids of Matroska's header and segment, RFC 9559 and RFC 8794.
 const EBML_HEADER: [u8; 4] = [0x1a, 0x45, 0xdf, 0xa3];
 const EBML_SEGMENT: [u8; 4] = [0x18, 0x53, 0x80, 0x67];
-/// Boxes of ISO 14496-12 that a film cannot do without; anything else at the end of a file is somebody's addition.
+/// Boxes of ISO 14496-12 that a film needs; anything else at the end of a file was appended by another program.
 const FILM_BOXES: [&[u8; 4]; 3] = [b"moov", b"moof", b"mdat"];
 
-/// Sound, pictures and scripts of FLV.
+/// Tag types of FLV: audio, video and script.
 const FLV_TAGS: [u8; 3] = [8, 9, 18];
 
-/// Whether the container, named as FFmpeg names its format, says that the file goes on after its end. `false` for formats
-/// that do not say how long they are.
+/// Whether the sizes in a container say that the file should be longer than it is; `format` is FFmpeg's name. `false`
+/// for formats that do not state their length.
 pub(super) fn is_cut_off(path: &Path, format: &str) -> io::Result<bool> {
     let walk = match format.split(',').next() {
         Some("mov") => boxes_end,
@@ -26,20 +26,20 @@ pub(super) fn is_cut_off(path: &Path, format: &str) -> io::Result<bool> {
     let mut file = File::open(path)?;
     let length = file.metadata()?.len();
     let end = match walk(&mut file, length) {
-        // A size that is cut off itself is no promise.
+        // A size field that is itself truncated states no length.
         Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => return Ok(false),
         end => end?,
     };
     Ok(end > length)
 }
 
-/// MP4 and MOV: boxes side by side, each with its size and name in front.
+/// End of an MP4 or MOV file by its boxes, bytes: they stand side by side, each with its size and name in front.
 fn boxes_end(file: &mut File, length: u64) -> io::Result<u64> {
     let mut at = 0;
     while at + 8 <= length {
         let [header @ .., n, a, m, e] = bytes_at::<8>(file, at)?;
         let size = match u32::from_be_bytes(header) {
-            // To the end of the file.
+            // A size of 0: the box reaches to the end of the file.
             0 => return Ok(length),
             1 => u64::from_be_bytes(bytes_at(file, at + 8)?),
             size => u64::from(size),
@@ -53,13 +53,13 @@ fn boxes_end(file: &mut File, length: u64) -> io::Result<u64> {
     Ok(at)
 }
 
-/// AVI: a RIFF chunk, and more of them behind it where the film is long.
+/// End of an AVI file by its RIFF chunks, bytes; a long film has more than one.
 fn riff_end(file: &mut File, length: u64) -> io::Result<u64> {
     let mut at = 0;
     while at + 8 <= length {
         let [name @ .., a, b, c, d] = bytes_at::<8>(file, at)?;
         let size = u32::from_le_bytes([a, b, c, d]);
-        // A recorder that was switched off has not come to writing the size.
+        // A recorder that was switched off has not written the size.
         if &name != b"RIFF" || size == 0 || size == u32::MAX {
             return Ok(length);
         }
@@ -73,7 +73,8 @@ fn riff_end(file: &mut File, length: u64) -> io::Result<u64> {
     Ok(at.min(length))
 }
 
-/// FLV: a header that says how long it is, then tags, each with its size in front and once more behind.
+/// End of an FLV file by its tags, bytes: a header that states its own length, then tags, each with its size before
+/// and after it.
 fn tags_end(file: &mut File, length: u64) -> io::Result<u64> {
     let mut file = BufReader::new(file);
     let mut at = u64::from(u32::from_be_bytes(bytes_at(&mut file, 5)?)) + 4;
@@ -91,7 +92,7 @@ fn tags_end(file: &mut File, length: u64) -> io::Result<u64> {
     Ok(length)
 }
 
-/// Matroska and `WebM`: a header, then one segment with everything else.
+/// End of a Matroska or `WebM` file, bytes: a header, then one segment with everything else.
 fn segment_end(file: &mut File, length: u64) -> io::Result<u64> {
     let mut at = 0;
     for name in [EBML_HEADER, EBML_SEGMENT] {
@@ -105,7 +106,7 @@ fn segment_end(file: &mut File, length: u64) -> io::Result<u64> {
     Ok(at)
 }
 
-/// How many bytes the size of an element takes, and the size; `None` where it is not known.
+/// Length of an element's size field, bytes, and the size that the field states; `None` where the size is unknown.
 fn element_size(file: &mut File, at: u64) -> io::Result<(u64, Option<u64>)> {
     let [first] = bytes_at(file, at)?;
     let more = first.leading_zeros();
@@ -133,7 +134,7 @@ fn bytes_at<const N: usize>(file: &mut (impl Read + Seek), at: u64) -> io::Resul
 mod tests {
     use super::*;
 
-    /// Whether a file of these bytes is cut off, and the same file without its last byte.
+    /// Whether a file of these bytes, and the same file without its last byte, is cut off.
     fn is_cut_off(format: &str, bytes: &[u8]) -> [bool; 2] {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("film");
@@ -149,9 +150,9 @@ mod tests {
         assert_eq!(is_cut_off("mov,mp4", &film), [false, true]);
         let long = [b"\0\0\0\x08moov".as_slice(), b"\0\0\0\x01mdat\0\0\0\0\0\0\0\x12ab"].concat();
         assert_eq!(is_cut_off("mov,mp4", &long), [false, true]);
-        // To the end of the file, wherever that is.
+        // A box of size 0 reaches to the end of the file, wherever that is.
         assert_eq!(is_cut_off("mov,mp4", b"\0\0\0\x08moov\0\0\0\0mdatabc"), [false, false]);
-        // What somebody wrote behind the film.
+        // Bytes appended after the film by another program.
         assert_eq!(is_cut_off("mov,mp4", &[&film, b"a note of many words".as_slice()].concat()), [false; 2]);
         assert_eq!(is_cut_off("mpegts", &film), [false, false]);
     }
@@ -167,7 +168,7 @@ mod tests {
     fn tags_end_where_the_file_does() {
         let tag = |kind: u8| [kind, 0, 0, 3, 0, 0, 0, 0, 0, 0, 0, 1, 2, 3, 0, 0, 0, 14];
         let film = [b"FLV\x01\x01\0\0\0\x09\0\0\0\0".as_slice(), &tag(18), &tag(9)].concat();
-        // The last tag's size behind it says nothing new.
+        // The repeated size after the last tag is not needed.
         assert_eq!(is_cut_off("flv", &film), [false, false]);
         let film = &film[..film.len() - 4];
         assert_eq!(is_cut_off("flv", film), [false, true]);
@@ -181,7 +182,7 @@ mod tests {
             |size: &[u8]| [EBML_HEADER.as_slice(), b"\x82ab", &EBML_SEGMENT, size, b"cluster"].concat();
         assert_eq!(is_cut_off("matroska,webm", &film(b"\x87")), [false, true]);
         assert_eq!(is_cut_off("matroska,webm", &film(b"\x01\0\0\0\0\0\0\x07")), [false, true]);
-        // Of a stream nobody knows how long it will be.
+        // The length of a stream is not known in advance.
         assert_eq!(is_cut_off("matroska,webm", &film(b"\xff")), [false, false]);
         assert_eq!(is_cut_off("matroska,webm", &film(b"\x01\xff\xff\xff\xff\xff\xff\xff")), [false, false]);
     }

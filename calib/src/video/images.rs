@@ -20,10 +20,10 @@ pub(super) struct Images {
 
 /// The pixels of the image that was decoded last.
 struct Decoded {
-    /// How many images had been passed over or looked at with it.
+    /// Value of `Images::ahead` when these pixels were decoded: identifies their image.
     ahead: usize,
     pixels: RgbImage,
-    /// The same for libswscale, once another size has been asked for.
+    /// The same pixels as an FFmpeg frame, made when another size is first asked for.
     frame: Option<frame::Video>,
 }
 
@@ -94,17 +94,17 @@ impl Images {
         more
     }
 
-    /// The file that is looked at, after [`advance`](Self::advance).
+    /// Path of the current image; call [`advance`](Self::advance) first.
     pub(super) fn path(&self) -> &Path {
         &self.paths[self.ahead - 1]
     }
 
-    /// Decodes the image that is looked at, after [`advance`](Self::advance), and tells its width and height.
+    /// Decodes the current image and returns its width and height; call [`advance`](Self::advance) first.
     pub(super) fn decode(&mut self) -> Result<(u32, u32)> {
         Ok(self.decoded()?.pixels.dimensions())
     }
 
-    /// The image that is looked at, after [`advance`](Self::advance), into an image of any size.
+    /// Converts the current image into an image of any size; call [`advance`](Self::advance) first.
     pub(super) fn picture(&mut self, into: &mut RgbImage) -> Result<()> {
         let size = into.dimensions();
         let decoded = self.decoded()?;
@@ -130,8 +130,8 @@ impl Images {
             Some(decoded) if decoded.ahead == self.ahead => decoded,
             _ => {
                 let pixels = match picture::read(self.path())? {
-                    // Grey ones are masks. `image` would convert their colour space pixel by pixel, which takes longer
-                    // than everything else that is done with a mask.
+                    // Grey images are masks. `image` would convert their colour space pixel by pixel, which takes
+                    // longer than all other work on a mask.
                     DynamicImage::ImageLuma8(grey) => {
                         let mut pixels = RgbImage::new(grey.width(), grey.height());
                         for (colour, level) in pixels.chunks_exact_mut(3).zip(grey.iter()) {

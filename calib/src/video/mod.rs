@@ -4,7 +4,7 @@
 //!
 //! * [`FrameSource`] — frames from whatever a user points at: a video, a folder of images, a printf pattern, the URL of
 //!   a stream, the number of a device.
-//! * [`FrameStamp`] — when a frame was taken, on its source's clock, the sender's and ours.
+//! * [`FrameStamp`] — times of a frame on its source's clock, the sender's and ours.
 //! * [`FilmWriter`] — an MP4 film, whole or not at all.
 
 use std::path::Path;

@@ -11,18 +11,19 @@ use ffmpeg::software::scaling::{Context, Flags};
 use image::{Rgb, RgbImage};
 
 thread_local! {
-    /// libswscale's tables for the last few kinds of conversion that this thread has made, the latest last. They cannot
-    /// move between threads as film sources do, hence they do not live there.
+    /// libswscale's tables for the last few kinds of conversion on this thread, the latest last. They cannot move
+    /// between threads as film sources do, so film sources do not hold them.
     static CONVERTERS: RefCell<Vec<Context>> = const { RefCell::new(Vec::new()) };
 }
 
-/// As many as a thread may need by turns: a rig of cameras of different makes, each at the size of its masks and at that of a film.
+/// Number of tables kept for a thread: enough for a rig of cameras of different makes, each at the size of its masks
+/// and at that of a film.
 const CONVERTERS_KEPT: usize = 32;
 
-/// Sizes at which one source's pictures are usually asked for: its own, that of the masks, that of a film; one to spare.
+/// Number of sizes kept for one source: its own, that of the masks, that of a film, and one to spare.
 const SIZES_KEPT: usize = 4;
 
-/// Converts `from` into `to` at `to`'s size, which has to be set and its format, too.
+/// Converts `from` into `to` at the size and format that `to` already has.
 pub(super) fn convert(from: &frame::Video, to: &mut frame::Video) -> Result<(), ffmpeg::Error> {
     CONVERTERS.with_borrow_mut(|converters| {
         let found = converters.iter().position(|converter| {
@@ -43,7 +44,8 @@ pub(super) fn convert(from: &frame::Video, to: &mut frame::Video) -> Result<(), 
     })
 }
 
-/// Area averaging where a picture shrinks; bicubic otherwise, which at the same size is the chroma's only.
+/// Chooses area averaging where a picture shrinks, bicubic otherwise; at the same size bicubic affects the chroma
+/// only.
 fn converter(from: &frame::Video, to: &frame::Video) -> Result<Context, ffmpeg::Error> {
     let ((w, h), (width, height)) = ((from.width(), from.height()), (to.width(), to.height()));
     let shrinks = (w, h) != (width, height) && width <= w && height <= h;
@@ -59,8 +61,8 @@ impl RgbBuffers {
         Self(Vec::new())
     }
 
-    /// Converts `from` into `into` at `into`'s size, turned clockwise by quarters afterwards: its colours and its size in
-    /// one pass of libswscale.
+    /// Converts `from` into `into` at the size of `into`, colours and size in one pass of libswscale, and turns it
+    /// clockwise by quarters afterwards.
     pub(super) fn picture(
         &mut self,
         from: &frame::Video,
@@ -85,12 +87,12 @@ impl RgbBuffers {
     }
 }
 
-/// Width and height of a picture after it has been turned by quarters.
+/// Width and height of a picture after clockwise quarter turns.
 pub(super) fn turned((width, height): (u32, u32), quarter_turns: u8) -> (u32, u32) {
     if quarter_turns.is_multiple_of(2) { (width, height) } else { (height, width) }
 }
 
-/// The pixels of a frame of [`Pixel::RGB24`], turned clockwise by quarters, into an image of the size that it has then.
+/// Copies a frame of [`Pixel::RGB24`], turned clockwise by quarters, into an image of the turned size.
 fn copy_turned(frame: &frame::Video, quarter_turns: u8, into: &mut RgbImage) {
     if quarter_turns == 0 {
         copy_rgb(frame, into);

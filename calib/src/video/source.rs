@@ -14,10 +14,10 @@ use super::images::Images;
 use super::stamp::FrameStamp;
 use crate::{Error, Result};
 
-/// Frames at the end of a file that may be lost in decoding without a word: players do not show them, either.
+/// Number of frames at the end of a file that may fail to decode without an error: players do not show them, either.
 const TORN_SLACK_FRAMES: usize = 3;
 
-/// FFmpeg's names of formats made for recordings that are switched off at any time, in the middle of a frame, too.
+/// FFmpeg's names of formats made for recordings that stop at any time, also in the middle of a frame.
 const ENDS_ANYWHERE: &[&str] = &["mpegts", "mpeg"];
 
 /// A sequence of colour images.
@@ -186,7 +186,7 @@ impl FrameSource {
         &self.name
     }
 
-    /// The file of the image that was read last, of images in files.
+    /// Path of the image that was read last; `None` for sources that are not image files.
     pub fn image_path(&self) -> Option<&Path> {
         match &self.pictures {
             Pictures::Images(images) => Some(images.path()),
@@ -207,13 +207,14 @@ impl FrameSource {
         (self.width, self.height)
     }
 
-    /// Width and height of the frame that was decoded last, as it is to be seen, pixels; before the first, that of the
+    /// Width and height of the frame that was decoded last, upright, pixels; before the first frame, those of the
     /// first.
     pub fn frame_size(&self) -> (u32, u32) {
         self.frame_size
     }
 
-    /// Times of the frame that was read, decoded or passed over last; before the first, those of opening.
+    /// Times of the frame that was read, decoded or skipped last; before the first frame, those of opening the
+    /// source.
     pub fn stamp(&self) -> FrameStamp {
         self.stamp
     }
@@ -223,24 +224,24 @@ impl FrameSource {
         self.rate
     }
 
-    /// Frames in all, where the source can know. Of a video it is an estimate from the container's header: frames may have been
-    /// lost, or come at an uneven rate.
+    /// Frames in all, where the source can know. For a video this is an estimate from the container's header: frames
+    /// may be lost, or come at an uneven rate.
     pub fn frame_count(&self) -> Option<usize> {
         self.expected
     }
 
-    /// Frames delivered or passed over so far.
+    /// Number of frames delivered or skipped so far.
     pub fn delivered(&self) -> usize {
         self.delivered
     }
 
-    /// Decodes the next frame, to be converted by [`picture`](Self::picture). `false` when there are no more. A frame may have
-    /// another size than those before it: [`frame_size`](Self::frame_size).
+    /// Decodes the next frame, which [`picture`](Self::picture) then converts. `false` when there are no more. A
+    /// frame may differ in size from those before it: see [`frame_size`](Self::frame_size).
     ///
     /// # Errors
-    /// An image that cannot be decoded, or a file that is torn: it ends before the frames that its own header promises, or
-    /// its last frames cannot be decoded. The line names source and frame. Frames that a whole file has lost, or does
-    /// not show, are no error.
+    /// An image that cannot be decoded, or a torn file: it ends before the frames that its own header promises, or
+    /// its last frames cannot be decoded. The line names source and frame. Frames that a complete file has lost, or
+    /// does not show, are not an error.
     pub fn advance(&mut self) -> Result<bool> {
         if !self.step() {
             return self.whole().map(|()| false);
@@ -255,9 +256,9 @@ impl FrameSource {
         Ok(true)
     }
 
-    /// The frame that was decoded or passed over last, into `into` at `into`'s own size: areas are averaged where it is
-    /// smaller than the frame, in the same pass as the conversion of colours. At [`frame_size`](Self::frame_size) the result is
-    /// that of [`read`](Self::read).
+    /// Converts the frame that was decoded or skipped last into `into`, at the size of `into`. Where that is smaller
+    /// than the frame, areas are averaged, in the same pass as the conversion of colours. At
+    /// [`frame_size`](Self::frame_size) the result equals that of [`read`](Self::read).
     ///
     /// # Errors
     /// Before the first frame, an image without pixels, or a frame that cannot be converted.
@@ -277,7 +278,7 @@ impl FrameSource {
         }
     }
 
-    /// The next frame into `into`, which is resized if need be. `false` when there are no more.
+    /// Reads the next frame into `into`, which is resized if need be. `false` when there are no more.
     ///
     /// # Errors
     /// As [`advance`](Self::advance), and a frame of another size than the first.
@@ -300,8 +301,8 @@ impl FrameSource {
         Ok(true)
     }
 
-    /// Passes over a frame: cheaper than [`Self::advance`] for images, which are not decoded. `false` when there are no more; a
-    /// torn file ends early here, and [`Self::advance`] and [`Self::read`] say so.
+    /// Skips a frame; cheaper than [`Self::advance`] for images, which are not decoded. `false` when there are no
+    /// more; a torn file ends early here, and [`Self::advance`] and [`Self::read`] report it.
     pub fn skip(&mut self) -> bool {
         let more = self.step();
         self.delivered += usize::from(more);
@@ -324,8 +325,8 @@ impl FrameSource {
         more
     }
 
-    /// Whether a file has ended as it should, once it has ended. What it promises is the bytes that its container's sizes add up to,
-    /// not frames: an edit list shows fewer than there are, and recorders lose some.
+    /// Checks that a file which has ended is complete. The check compares bytes with the sizes in the container, not
+    /// numbers of frames: an edit list shows fewer frames than there are, and recorders lose some.
     fn whole(&self) -> Result<()> {
         let Pictures::Video(decoder) = &self.pictures else { return Ok(()) };
         if self.origin != Origin::File {

@@ -6,50 +6,52 @@ use std::time::Instant;
 use ffmpeg::codec::packet::side_data;
 use ffmpeg::{Packet, Rational, codec, frame};
 
-/// Packets whose times are remembered until their frames come out of the decoder: more than any codec reorders.
+/// Number of packets whose times are kept until their frames leave the decoder: more than any codec reorders.
 const PACKETS_REMEMBERED: usize = 64;
 
-/// The clock of RTP counts in 32 bits.
+/// Ticks in one round of RTP's 32-bit clock.
 const RTP_CLOCK_TICKS: f64 = 4_294_967_296.0;
-/// How well a step of the sender's clock fits the length of one round of RTP's before it is taken for one, seconds.
+/// Tolerance within which a step of the sender's clock counts as one round of RTP's clock, seconds.
 const ROUND_FITS_WITHIN_S: f64 = 1.0;
 
 /// Times of one frame, as far as its source knows them.
 ///
-/// Times are given as they come. They may repeat or run backwards when a source is faulty or starts anew; compare with
+/// Times are given as they come. They may repeat or run backwards when a source is faulty or restarts; compare with
 /// the frame before.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrameStamp {
-    /// Presentation time on the source's own clock, seconds. `None` where the source has no clock: images, raw streams, motion
-    /// JPEG over HTTP. Also `None` for the first frames of a stream that start without a time stamp, as those of RTSP may.
+    /// Presentation time on the source's own clock, seconds. `None` where the source has no clock: images, raw
+    /// streams, motion JPEG over HTTP. Also `None` for the first frames of a stream that start without a time stamp,
+    /// as those of RTSP may.
     ///
-    /// * A recording (a file, or a URL that says how long it lasts) of a format whose times count from the file's zero (MP4, MOV, MKV, `WebM`, AVI, FLV and the like): as a player
-    ///   shows it, edit lists applied. The first frame may be later than 0.
-    /// * Other recordings (MPEG-TS, whose clock starts anywhere) and live streams: since the earliest start of any of the
-    ///   source's streams, picture or sound.
+    /// * A recording (a file, or a URL that states its duration) of a format whose times count from the file's zero
+    ///   (MP4, MOV, MKV, `WebM`, AVI, FLV and the like): the time that a player shows, edit lists applied. The first
+    ///   frame may be later than 0.
+    /// * Other recordings (MPEG-TS, whose clock starts anywhere) and live streams: since the earliest start of any of
+    ///   the source's streams, picture or sound.
     /// * A device: the driver's monotonic clock, which all devices of a machine share.
     pub presentation_s: Option<f64>,
-    /// The sender's wall clock when the frame was taken, seconds since 1970 UTC: of RTSP and RTP, from the sender
-    /// reports of RTCP. `None` until the first of them has come, and for all other sources.
+    /// Sender's wall clock when the frame was taken, seconds since 1970 UTC, from the RTCP sender reports of RTSP and
+    /// RTP sources. `None` until the first report has come, and for all other sources.
     pub sender_s: Option<f64>,
-    /// When the last packet of the frame had been read, before it was decoded. FFmpeg knows that a frame of H.264 or H.265
-    /// over RTP is complete when the next one begins, so that these are a frame late.
+    /// Time at which the last packet of the frame had been read, before decoding. FFmpeg knows that a frame of H.264
+    /// or H.265 over RTP is complete only when the next one begins, so these arrivals are one frame late.
     pub arrival: Instant,
 }
 
 impl FrameStamp {
-    /// Of something without a clock that is read now.
+    /// Stamp of a frame that is read now from a source without a clock.
     pub(super) fn now() -> Self {
         Self { presentation_s: None, sender_s: None, arrival: Instant::now() }
     }
 }
 
-/// Seconds of a source's clock from the ticks of its stream.
+/// Converter from the ticks of a stream to seconds of its source's clock.
 #[derive(Debug)]
 pub(super) struct PresentationClock {
     tick: Rational,
     zero_s: f64,
-    /// Of one frame, where the source says so.
+    /// Duration of one frame, where the source states its rate.
     frame_s: Option<f64>,
     previous_s: Option<f64>,
 }
@@ -59,7 +61,8 @@ impl PresentationClock {
         Self { tick, zero_s, frame_s: rate_hz.map(f64::recip), previous_s: None }
     }
 
-    /// The time of the next frame. One without a time stamp follows the one before it at the source's rate.
+    /// Presentation time of the next frame, seconds. A frame without a time stamp follows the one before it at the
+    /// source's rate.
     pub(super) fn next_s(&mut self, ticks: Option<i64>) -> Option<f64> {
         let told_s = ticks.map(|ticks| seconds(ticks, self.tick) - self.zero_s);
         let next_s = told_s.or_else(|| Some(self.previous_s? + self.frame_s?));
@@ -68,12 +71,12 @@ impl PresentationClock {
     }
 }
 
-/// Seconds of so many ticks.
+/// Converts a number of ticks, each of `tick` seconds, to seconds.
 pub(super) fn seconds(ticks: i64, tick: Rational) -> f64 {
     ticks as f64 * f64::from(tick.numerator()) / f64::from(tick.denominator())
 }
 
-/// Times of the packets that were read last, to be found again when their frames come out of the decoder.
+/// Times of the packets that were read last, looked up when their frames come out of the decoder.
 #[derive(Debug)]
 pub(super) struct PacketTimes {
     recent: VecDeque<PacketTime>,
@@ -103,13 +106,13 @@ impl PacketTimes {
         self.recent.push_back(PacketTime { pts, dts, sender_s, arrival: Instant::now() });
     }
 
-    /// How many of the packets that were read last are to be shown after one time stamp and before another.
+    /// Number of remembered packets whose time stamp lies after `after` and before `until`, ticks.
     pub(super) fn between(&self, after: i64, until: i64) -> usize {
         let shown = self.recent.iter().filter_map(|packet| packet.pts.or(packet.dts));
         shown.filter(|ticks| (after + 1..until).contains(ticks)).count()
     }
 
-    /// The sender's time and the arrival of the packet that a frame was decoded from.
+    /// Sender's time (seconds since 1970) and arrival of the packet that a frame was decoded from.
     pub(super) fn of_frame(&self, frame: &frame::Video) -> (Option<f64>, Instant) {
         let (pts, dts) = (frame.pts(), Some(frame.packet().dts).filter(|dts| *dts != i64::MIN));
         let newest_first = || self.recent.iter().rev();
@@ -121,24 +124,24 @@ impl PacketTimes {
     }
 }
 
-/// The sender's wall clock that comes with a packet, seconds since 1970: FFmpeg's `AVProducerReferenceTime`, which begins with
-/// microseconds in 64 bits.
+/// Sender's wall clock attached to a packet, seconds since 1970: FFmpeg's `AVProducerReferenceTime`, which begins
+/// with microseconds in 64 bits.
 fn wall_clock_s(packet: &Packet) -> Option<f64> {
     let reference = packet.side_data().find(|data| data.kind() == side_data::Type::PRFT)?;
     let microseconds = reference.data().first_chunk::<8>()?;
     Some(i64::from_ne_bytes(*microseconds) as f64 / 1e6)
 }
 
-/// The sender's wall clock at each packet, from what FFmpeg attaches to the packets of an RTP stream.
+/// Sender's wall clock at each packet, from the times that FFmpeg attaches to the packets of an RTP stream.
 #[derive(Debug)]
 struct SenderClock {
     tick: Rational,
-    /// Whether what is attached to a packet is the time of the one after it. A stream that FFmpeg's parser cuts into
-    /// frames gives a frame when the next one begins, and with it what came with that beginning.
+    /// Whether the time attached to a packet belongs to the packet after it. Where FFmpeg's parser cuts a stream into
+    /// frames, a frame comes out when the next one begins, with the time attached to that beginning.
     is_one_ahead: bool,
-    /// Of the next packet, where `is_one_ahead`.
+    /// Sender's time of the next packet, used where `is_one_ahead`.
     ahead_s: Option<f64>,
-    /// The sender's time and the time stamp of the packet before.
+    /// Sender's time and time stamp of the packet before.
     previous: Option<(f64, i64)>,
 }
 
@@ -157,7 +160,7 @@ impl SenderClock {
         Self { tick, is_one_ahead, ahead_s: None, previous: None }
     }
 
-    /// The sender's time of the next packet.
+    /// Sender's time of the next packet, seconds since 1970.
     fn next_s(&mut self, attached_s: Option<f64>, pts: Option<i64>) -> Option<f64> {
         let told_s =
             if self.is_one_ahead { std::mem::replace(&mut self.ahead_s, attached_s) } else { attached_s }?;
@@ -167,8 +170,8 @@ impl SenderClock {
         Some(sender_s)
     }
 
-    /// FFmpeg before 6 loses or gains one round of RTP's clock (13 hours of 90 kHz) when that starts anew, until the
-    /// next sender report.
+    /// Corrects the sender's time by one round of RTP's clock (13 hours at 90 kHz), which FFmpeg before 6 loses or
+    /// gains when that clock wraps, until the next sender report.
     fn same_round_s(&self, told_s: f64, pts: i64) -> f64 {
         let Some((previous_s, previous_pts)) = self.previous else { return told_s };
         let step_s = told_s - previous_s - seconds(pts.wrapping_sub(previous_pts), self.tick);
@@ -209,11 +212,11 @@ mod tests {
         let mut clock = SenderClock::new(TICK, codec::Id::MJPEG);
         let mut at = |told_s: f64, frame: i64| clock.next_s(Some(told_s), Some(3600 * frame)).unwrap();
         assert!((at(1000.0, 0) - 1000.0).abs() < 1e-6);
-        // The clock of the packets has started anew, that of the last report has not.
+        // The clock of the packets has wrapped, that of the last report has not.
         assert!((at(1000.04 - round_s, 1) - 1000.04).abs() < 1e-6);
         assert!((at(1000.08 - round_s, 2) - 1000.08).abs() < 1e-6);
         assert!((at(1000.12, 3) - 1000.12).abs() < 1e-6);
-        // A camera's clock that is set to another time has moved.
+        // A camera's clock that was set to another time is followed.
         assert!((at(1.7e9, 4) - 1.7e9).abs() < 1e-6);
     }
 

@@ -1,4 +1,4 @@
-//! Tracks of the office against the truth, where the cameras' clocks are not one: live, and from recordings.
+//! Accuracy of the office's tracks, from cameras whose clocks disagree: live, and from recordings.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -13,11 +13,11 @@ use crate::live::rows::{self, Row};
 use crate::live::run::{LiveRun, Scratch, videos};
 use crate::network_camera::{AtEnd, CameraOptions};
 
-/// The cameras show the empty room for so long, seconds, before the film begins.
+/// Time for which the cameras show the empty room before the film begins, seconds.
 const EMPTY_S: f64 = 8.0;
-/// Frames by which the second recording begins later: 1.33 s.
+/// Number of frames by which the second recording begins later: 1.33 s.
 const LATER_FRAMES: usize = 16;
-/// A run of recordings may take so long.
+/// Longest time that a run of recordings may take.
 const LONGEST: Duration = Duration::from_mins(5);
 
 /// Evaluates rows of a run against the truth at their times. The time of the film's first frame on the run's clock is
@@ -44,8 +44,8 @@ fn figures(what: &str, tracking: Said<Tracking>, asked: [&'static str; 3]) -> Ve
     }
 }
 
-/// The office from two network cameras: clocks 0.4 s apart, one drifting by 200 ppm, 80 ms of jitter, 2 % of the pictures
-/// lost. Further arguments go to `tracker run`.
+/// The office from two network cameras: clocks 0.4 s apart, one drifting by 200 ppm, 80 ms of jitter, 2 % of the
+/// pictures lost. Further arguments go to `tracker run`.
 pub fn live(seed: u64, arguments: &[&str]) -> Vec<Figure> {
     let what =
         ["office, two network cameras of different clocks"].into_iter().chain(arguments.iter().copied());
@@ -70,13 +70,13 @@ fn follow_live(seed: u64, arguments: &[&str]) -> Said<Tracking> {
     given.push("--no-film".to_owned());
     given.extend(arguments.iter().map(|argument| (*argument).to_owned()));
     let mut run = LiveRun::start(&office::room(), &scratch.path("out"), &given)?;
-    // Before the later camera shows its last picture.
+    // The run ends before the later camera shows its last picture.
     run.wait_until(epoch + Duration::from_secs_f64(order.len() as f64 / RATE_HZ))?;
     let ended = run.interrupt()?;
     judged(&ended.rows, &office::room(), &scratch)
 }
 
-/// Two recordings of the office, the second begun 1.33 s later, of which nothing is said: the offset that is found, and the
+/// Two recordings of the office with unknown offset, the second begun 1.33 s later: the estimated offset, and the
 /// tracks.
 pub fn recordings() -> Vec<Figure> {
     let what = "two recordings, one begun 1.33 s later, --offset auto";
@@ -110,7 +110,7 @@ fn follow_recordings() -> Said<(Said<f64>, Said<Tracking>)> {
     Ok((offset_s(&out), judged(&rows, &office::room(), &scratch)))
 }
 
-/// A video without its first frames.
+/// Writes a video without its first frames.
 fn trimmed(video: &Path, frames: usize, to: &Path) -> Said<()> {
     let spec = video.to_str().ok_or("the video's path is not UTF-8")?;
     let mut source = FrameSource::open(spec).map_err(|e| e.to_string())?;
@@ -126,18 +126,16 @@ fn trimmed(video: &Path, frames: usize, to: &Path) -> Said<()> {
     film.finish().map_err(|e| e.to_string())
 }
 
-/// The second camera's offset against the first's, seconds, as `timings.json` has it.
+/// Offset of the second camera against the first, seconds, from `timings.json`.
 fn offset_s(out: &Path) -> Said<f64> {
     let path = out.join("timings.json");
     let text = std::fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
     let json: serde_json::Value = serde_json::from_str(&text).map_err(|e| e.to_string())?;
-    let of = |camera: &str| {
-        let offset = &json["offsets"][camera];
-        offset.as_f64().or_else(|| offset["offset_s"].as_f64()).or_else(|| offset["seconds"].as_f64())
-    };
-    // The camera that the others are measured against may be left out.
+    let clocks = json["offsets"].as_array().ok_or("timings.json has no offsets")?;
+    let of = |camera: &str| clocks.iter().find(|clock| clock["camera"] == camera)?["offset_s"].as_f64();
+    // The reference camera may be left out.
     match CAMERAS.map(of) {
-        [None, None] => Err("timings.json has no offsets".into()),
+        [None, None] => Err("timings.json: no offset is known".into()),
         [first, second] => Ok(second.unwrap_or(0.0) - first.unwrap_or(0.0)),
     }
 }

@@ -1,4 +1,4 @@
-//! Cameras that are followed in real time, and moments a second.
+//! Capacity: number of cameras followed in real time, and moments a second.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -10,14 +10,14 @@ use crate::live::films::{self, Recorded};
 use crate::live::office::FRAMES;
 use crate::live::run::{Ended, LiveRun, Scratch, videos};
 
-/// A run may take so long.
+/// Longest time that a run may take.
 const LONGEST: Duration = Duration::from_mins(30);
 /// Frames a second of the cameras that are to be followed.
 const CAMERA_RATE_HZ: f64 = 15.0;
-/// The rate of moments counts from this row on: by then the backgrounds are learnt.
+/// First row that counts for the rate of moments: by then the backgrounds are learnt.
 const FIRST_ROWS: usize = 25;
 
-/// Runs over recordings to their end; also the seconds that it took, from the start of the process.
+/// Runs over recordings to their end; returns also the duration of the process, seconds.
 fn follow(recorded: &Recorded, out: &Path, arguments: &[&str]) -> Said<(Ended, f64)> {
     let specs = recorded.videos.iter().map(|(name, film)| (name.as_str(), film.display().to_string()));
     let mut given = videos(specs);
@@ -27,7 +27,7 @@ fn follow(recorded: &Recorded, out: &Path, arguments: &[&str]) -> Said<(Ended, f
     Ok((ended, started.elapsed().as_secs_f64()))
 }
 
-/// Moments a second, as the rows came to the disk after the first ones.
+/// Moments a second, by the times at which the rows came to the disk, without the first rows.
 fn moments_per_s(ended: &Ended) -> Said<f64> {
     match (ended.rows.get(FIRST_ROWS), ended.rows.last()) {
         (Some(first), Some(last)) if last.found > first.found => {
@@ -38,8 +38,9 @@ fn moments_per_s(ended: &Ended) -> Said<f64> {
     }
 }
 
-/// Cameras of 1920 × 1080 and 15 frames/s with a wide lens that are followed in real time, by a run of so many; and the
-/// loss of MOTA against masks at full size. The films are H.264 where this FFmpeg has an encoder for it.
+/// Number of cameras of 1920 × 1080 and 15 frames/s with a wide lens that are followed in real time, from a run with
+/// `cameras` of them; and the loss of MOTA against masks at full size. The films are H.264 where this FFmpeg has an
+/// encoder for it.
 pub fn full_hd(cameras: usize) -> Vec<Figure> {
     let what = format!("{cameras} cameras of 1920 × 1080, k1 = −0.3");
     let rate = |arguments: &[&str]| -> Said<f64> {
@@ -81,8 +82,8 @@ pub fn working_size() -> Vec<Figure> {
     ]
 }
 
-/// The office from its files: frames a second of the whole run without and with films, and whether one thread and two give
-/// the same bytes.
+/// Office from its files: frames a second of the whole run without and with films, and whether one thread and two
+/// give the same bytes.
 pub fn office_from_files() -> Vec<Figure> {
     let recorded = films::office_recorded();
     let rate = |arguments: &[&str]| -> Said<f64> {
@@ -130,7 +131,7 @@ pub fn track_bytes(out: &Path) -> Said<[Vec<u8>; 2]> {
     Ok([read("tracks.txt")?, read("tracks.jsonl")?])
 }
 
-/// A synthetic hall with six people, six cameras of 640 × 480 with distortion: moments a second.
+/// Moments a second in a synthetic hall with six people and six cameras of 640 × 480 with distortion.
 pub fn hall() -> Vec<Figure> {
     let what = "six cameras with distortion, 640 × 480, six people";
     let rate = || -> Said<f64> {

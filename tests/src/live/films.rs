@@ -1,5 +1,5 @@
-//! Recordings that are made for the measurement, and kept beside the programs: the office through a wide lens at full high
-//! definition, and a synthetic hall.
+//! Recordings that are made for the measurement and kept beside the programs: the office through a wide lens at full
+//! high definition, and a synthetic hall.
 
 use std::path::{Path, PathBuf};
 
@@ -16,7 +16,7 @@ use crate::chain::Said;
 use crate::data::office;
 use crate::live::office::{CAMERAS, RATE_HZ, video};
 
-/// Where films are kept between measurements: `target/PROFILE/live-films`.
+/// Path of a film or room that is kept between measurements: `target/PROFILE/live-films/NAME`.
 fn kept(name: &str) -> Said<PathBuf> {
     let program = std::env::current_exe().map_err(|e| e.to_string())?;
     let profile = program.parent().and_then(Path::parent).ok_or("the program is in no folder")?;
@@ -35,12 +35,12 @@ pub struct Recorded {
 /// Width and height in pixels of full high definition.
 const FULL_HD: [u32; 2] = [1920, 1080];
 
-/// A lens with k1 = −0.3. With k1 alone the image of the plane folds back 46° from the axis, within a picture of this shape;
-/// lenses that see so far have a positive k2.
+/// A lens with k1 = −0.3. With k1 alone the image of the plane folds back 46° from the axis, within a picture of this
+/// shape; lenses that see so far have a positive k2.
 const WIDE_LENS: Distortion = Distortion { k1: -0.3, k2: 0.09, p1: 0.0, p2: 0.0, k3: 0.0 };
 
-/// A camera of full high definition at the place of another, with the wide lens; the other's picture fills its height. Beside
-/// the other's picture its own is black.
+/// Camera of full high definition at the place of another, with the wide lens. The other camera's picture fills its
+/// height; beside that picture its own is black.
 fn wide(camera: &Intrinsics) -> Intrinsics {
     let [width, height] = FULL_HD;
     let edge = WIDE_LENS.distort(nalgebra::Vector2::new(0.0, 0.5 * f64::from(camera.height) / camera.fy)).y;
@@ -56,7 +56,7 @@ fn wide(camera: &Intrinsics) -> Intrinsics {
     }
 }
 
-/// For each pixel of `to`, row by row, the place in `from`'s picture where the same is seen; `None` outside it.
+/// Place in `from`'s picture that shows the same as each pixel of `to`, row by row; `None` outside that picture.
 fn places(to: &Intrinsics, from: &Intrinsics) -> Vec<Option<Point2<f32>>> {
     let pixels = (0..to.height).flat_map(|y| (0..to.width).map(move |x| (x, y)));
     let place = |(x, y): (u32, u32)| {
@@ -69,7 +69,7 @@ fn places(to: &Intrinsics, from: &Intrinsics) -> Vec<Option<Point2<f32>>> {
     pixels.map(place).collect()
 }
 
-/// A picture seen at those places, interpolated.
+/// Picture sampled at these places, interpolated.
 fn seen(picture: &RgbImage, places: &[Option<Point2<f32>>], [width, height]: [u32; 2]) -> RgbImage {
     let mut seen = RgbImage::new(width, height);
     for (pixel, place) in seen.pixels_mut().zip(places) {
@@ -89,8 +89,8 @@ fn seen(picture: &RgbImage, places: &[Option<Point2<f32>>], [width, height]: [u3
     seen
 }
 
-/// The office at full high definition through the wide lens, with `copies` of each camera under further names. The films
-/// play `times` times; H.264 where this FFmpeg can.
+/// Office at full high definition through the wide lens, with `copies` of each camera under further names. The films
+/// play `times` times; they are H.264 where this FFmpeg has an encoder for it.
 ///
 /// # Errors
 /// A film that cannot be written.
@@ -120,7 +120,7 @@ pub fn office_full_hd(copies: usize, times: usize) -> Said<Recorded> {
     Ok(Recorded { room: folder, videos })
 }
 
-/// A video seen at other places, several times over.
+/// Writes a video as seen at other places, `times` times over.
 fn remade(video: &Path, film: &Path, places: &[Option<Point2<f32>>], times: usize) -> Said<()> {
     let [width, height] = FULL_HD;
     let mut writer = FilmWriter::create(film, width, height, RATE_HZ).map_err(|e| e.to_string())?;
@@ -141,10 +141,10 @@ pub fn office_recorded() -> Recorded {
     Recorded { room: office().join("room"), videos: videos.to_vec() }
 }
 
-/// Seconds and people of the hall's recording.
+/// Duration of the hall's recording, seconds, and the number of people in it.
 const HALL_S: f64 = 20.0;
 const HALL_PEOPLE: usize = 6;
-/// The hall's cameras.
+/// Number of cameras in the hall, and the seed of its scene.
 const HALL_CAMERAS: usize = 6;
 const HALL_SEED: u64 = 1031;
 
@@ -217,10 +217,10 @@ mod tests {
         let places = places(&wide, plain);
         let at = |x: u32, y: u32| places[(y * wide.width + x) as usize];
         assert_eq!(at(0, 540), None);
-        // The highest row of the plain picture is the highest of the wide one.
+        // The top row of the plain picture lies at the top row of the wide one.
         let top = at(960, 2).unwrap();
         assert!((0.0..1.5).contains(&top.y) && (top.x - 319.7).abs() < 0.5, "{top}");
-        // A ramp is seen as a ramp of directions.
+        // A ramp of colours shows that each pixel has the colour of its viewing direction.
         let ramp = RgbImage::from_fn(640, 480, |x, y| Rgb([(x / 3) as u8, (y / 2) as u8, 7]));
         let picture = seen(&ramp, &places, FULL_HD);
         for (x, y) in [(960, 540), (700, 200), (1300, 1000)] {

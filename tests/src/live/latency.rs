@@ -1,4 +1,4 @@
-//! From a picture's capture to the row on disk that it is part of.
+//! Latency from a picture's capture to the row on disk that contains it.
 
 use std::time::{Duration, Instant};
 
@@ -12,20 +12,20 @@ use crate::network_camera::CameraOptions;
 
 /// Time for the run to start, seconds from the epoch.
 const START_S: f64 = 7.0;
-/// For so long, seconds, the page is watched: it tells which picture belongs to which row.
+/// Time for which the page is watched, seconds: it shows which picture belongs to which row.
 const WATCHED_S: f64 = 6.0;
-/// After that the run draws nothing for the page any more; rows count from so many seconds later on.
+/// Time from then until rows count, seconds: the run does not draw for the page any more.
 const QUIET_S: f64 = 2.0;
 
-/// Ages of what a run gives out, seconds from the capture of its newest picture.
+/// Ages of a run's output, seconds from the capture of its newest picture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Latencies {
-    /// Of each row when it was found on disk, in order.
+    /// Age of each row when it was found on disk, in order.
     pub rows_s: Vec<f64>,
-    /// Of the pictures on the page when they were told.
+    /// Ages of the pictures on the page when they were seen there.
     pub page_s: Vec<f64>,
-    /// Seconds of the rows' times in one second: 1 if the run knows its cameras' times. Rows of a run whose clock is wrong have
-    /// no known age.
+    /// Rate of the run's clock: seconds of the rows' times in one second, 1 if the run knows its cameras' times. Rows
+    /// of a run whose clock is wrong have no known age.
     pub clock_rate: f64,
 }
 
@@ -66,8 +66,8 @@ pub fn latencies(measured_s: f64, arguments: &[&str]) -> Said<Latencies> {
     Ok(Latencies { rows_s, page_s, clock_rate })
 }
 
-/// A clock counts as right if it is off by less than this share: jitter of the first and the last row makes up some of it, a
-/// rate that was assumed instead of measured is far off.
+/// Share by which a clock may be off and still counts as right: jitter of the first and the last row makes up some of
+/// it, while a rate that was assumed instead of measured is far off.
 const CLOCK_TOLERANCE: f64 = 0.05;
 
 /// [`latencies`] as figures. Further arguments go to `tracker run`.

@@ -1,4 +1,4 @@
-//! Memory of a run that goes on for long.
+//! Memory of a long run.
 
 use std::time::Duration;
 
@@ -8,9 +8,9 @@ use crate::live::run::{LiveRun, Scratch};
 use crate::live::{Figure, quantile};
 use crate::network_camera::CameraOptions;
 
-/// The resident set is the median of this many looks at it…
+/// Number of samples of the resident set, of which the median is taken…
 const LOOKS: u32 = 11;
-/// …one a second.
+/// …and the interval between them.
 const EVERY: Duration = Duration::from_secs(1);
 
 /// Resident set of a process, bytes.

@@ -1,20 +1,22 @@
 //! The measuring stand for live input: fake network cameras on one side, `tracker run` as a black box on the other.
 //!
-//! Each scenario gives [`Figure`]s; what the program does not have yet is a figure with the program's own error line. The
-//! scenarios' durations are parameters: the benchmark `live` measures with long ones, tests with short ones.
+//! Each scenario gives [`Figure`]s; a feature that the program does not have yet gives a figure with the program's
+//! own error line. The scenarios' durations are parameters: the benchmark `live` measures with long ones, tests with
+//! short ones.
 //!
-//! * [`accuracy`] — tracks from live cameras with clocks of their own, and from recordings of unknown start, against the truth.
-//! * [`outages`] — a silent camera, and all cameras away.
+//! * [`accuracy`] — tracks from live cameras with separate clocks, and from recordings of unknown start, against the
+//!   truth.
+//! * [`outages`] — a camera that falls silent, and all cameras away.
 //! * [`latency`] — from capture to row on disk.
 //! * [`memory`] — growth of a long run.
-//! * [`capacity`] — cameras that are followed in real time.
-//! * [`stations`] — cameras' work in processes of their own.
+//! * [`capacity`] — number of cameras that are followed in real time.
+//! * [`stations`] — one process for each camera.
 //!
-//! What they are made of:
+//! Parts that the scenarios share:
 //!
 //! * [`office`] — the office as films of network cameras, and its truth at any time.
 //! * [`run`] — `tracker run` as a child process; [`rows`] — its `tracks.jsonl` as it grows; [`page`] — its page.
-//! * [`films`] — recordings that are made for the measurement, and kept beside the programs.
+//! * [`films`] — recordings that are made for the measurement and kept beside the programs.
 
 pub mod accuracy;
 pub mod capacity;
@@ -33,7 +35,7 @@ use crate::chain::Said;
 /// One measured figure.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Figure {
-    /// What was measured, and under which conditions.
+    /// Measured quantity, and its conditions.
     pub what: String,
     /// The value; an error where the program cannot do this yet, in the program's words.
     pub value: Said<f64>,
@@ -77,7 +79,7 @@ impl Figure {
     }
 }
 
-/// The nearest-rank quantile of some values, `share` from 0 to 1; `None` of none.
+/// Nearest-rank quantile of some values, `share` from 0 to 1; `None` without values.
 pub fn quantile(values: impl IntoIterator<Item = f64>, share: f64) -> Option<f64> {
     let mut sorted: Vec<f64> = values.into_iter().collect();
     sorted.sort_by(f64::total_cmp);

@@ -17,14 +17,14 @@ use crate::network_camera::{CameraOptions, NetworkCamera};
 pub const RATE_HZ: f64 = 12.0;
 /// Frames of the office's videos.
 pub const FRAMES: usize = 300;
-/// The first frames show the empty room.
+/// Number of first frames that show the empty room.
 const EMPTY_FRAMES: usize = 20;
 /// The room's cameras.
 pub const CAMERAS: [&str; 2] = ["cam0", "cam1"];
-/// An estimate farther away than this is of somebody else, metres: the gate of `tracker eval`.
+/// Gate of `tracker eval`, metres: an estimate farther away than this belongs to another person.
 const GATE_M: f64 = 0.5;
 
-/// Frames (from 0) of the empty room for so many pictures: to and fro through the first frames.
+/// Frames (from 0) of the empty room, `pictures` in all: to and fro through the first frames.
 pub fn empty(pictures: usize) -> impl Iterator<Item = usize> {
     to_and_fro(0..EMPTY_FRAMES).take(pictures)
 }
@@ -35,13 +35,13 @@ pub fn to_and_fro(frames: std::ops::Range<usize>) -> impl Iterator<Item = usize>
     frames.chain((first + 1..last).rev()).cycle()
 }
 
-/// The empty room for `empty_s` seconds, then the film again and again, `pictures` in all.
+/// Frames of the empty room for `empty_s` seconds, then the film again and again, `pictures` in all.
 pub fn repeated(empty_s: f64, pictures: usize) -> Vec<usize> {
     let lead = (empty_s * RATE_HZ) as usize;
     empty(lead).chain((0..FRAMES).cycle()).take(pictures).collect()
 }
 
-/// Both cameras with the same epoch, which is now. Each plays the frames of `order`.
+/// Starts both cameras with the same epoch, which is now. Each plays the frames of `order`.
 ///
 /// # Errors
 /// As [`NetworkCamera::start`].
@@ -68,7 +68,7 @@ pub fn videos(cameras: &[NetworkCamera; 2]) -> Vec<String> {
     super::run::videos(CAMERAS.into_iter().zip(cameras.iter().map(NetworkCamera::url)))
 }
 
-/// Where everybody is in the office.
+/// Positions of all people in the office.
 #[derive(Debug, Clone)]
 pub struct Truth {
     /// For each frame (from 0) ids and places on the floor, metres.
@@ -76,7 +76,7 @@ pub struct Truth {
 }
 
 impl Truth {
-    /// The office's.
+    /// Reads the truth of the office.
     ///
     /// # Errors
     /// A file that cannot be read, a row that is none.
@@ -96,8 +96,8 @@ impl Truth {
         Ok(Self { frames })
     }
 
-    /// Where everybody is at a time since the first frame, seconds; between two frames, those who are there in both, in
-    /// between. `None` before the first frame and after the last.
+    /// Positions of all people at a time since the first frame, seconds. Between two frames, the people who are in
+    /// both are interpolated. `None` before the first frame and after the last.
     pub fn at(&self, time_s: f64) -> Option<Vec<(u32, Point2<f64>)>> {
         let frame = time_s * RATE_HZ;
         if frame < 0.0 {
@@ -115,9 +115,10 @@ impl Truth {
     }
 }
 
-/// How well rows fit the truth, if the film's first frame is at `first_s` on the run's clock: the number of people who are
-/// found; of shifts that find as many, the one with the smaller distances is greater. (Everything else that MOTA counts but
-/// changes of identity, which no shift alters, follows from it: all rows together have a fixed number of estimates.)
+/// Score of the fit between rows and truth, if the film's first frame is at `first_s` on the run's clock: the number
+/// of people who are found; of shifts that find as many, the one with the smaller distances scores higher.
+/// (Everything else that MOTA counts, except changes of identity, which no shift alters, follows from it: all rows
+/// together have a fixed number of estimates.)
 fn score(rows: &[Row], truth: &Truth, first_s: f64) -> f64 {
     let (mut distance_m, mut found) = (0.0, 0);
     for row in rows {
@@ -137,12 +138,12 @@ fn score(rows: &[Row], truth: &Truth, first_s: f64) -> f64 {
             }
         }
     }
-    // A mean distance is at most the gate: less than one person found.
+    // The mean distance is at most the gate, which is less than one person found.
     f64::from(found) - distance_m / f64::from(found.max(1))
 }
 
-/// Time of the film's first frame on the clock of a run's rows, seconds: the shift, on a grid of 10 ms, that makes the rows
-/// fit best.
+/// Time of the film's first frame on the clock of a run's rows, seconds: the shift, on a grid of 10 ms, that makes
+/// the rows fit best.
 pub fn first_frame_s(rows: &[Row], truth: &Truth) -> f64 {
     let (first, last) = match (rows.first(), rows.last()) {
         (Some(first), Some(last)) => (first.time_s, last.time_s),
@@ -158,8 +159,8 @@ pub fn first_frame_s(rows: &[Row], truth: &Truth) -> f64 {
     best(&mut (-15..=15).map(|i| coarse_s + 0.01 * f64::from(i)))
 }
 
-/// `MOTChallenge` rows of truth and of tracks for the rows within the film, whose first frame is at `first_s` on the run's
-/// clock; frames are the run's.
+/// `MOTChallenge` rows of truth and of tracks for the rows within the film, whose first frame is at `first_s` on the
+/// run's clock; frames are the run's.
 pub fn matched_rows(rows: &[Row], truth: &Truth, first_s: f64) -> (String, String) {
     let (mut true_rows, mut tracks) = (String::new(), String::new());
     for row in rows {
@@ -184,7 +185,7 @@ pub fn room() -> std::path::PathBuf {
     office().join("room")
 }
 
-/// Path of one of its films.
+/// Path of one camera's film.
 pub fn video(camera: &str) -> std::path::PathBuf {
     office().join("video").join(Path::new(camera).with_extension("mp4"))
 }
@@ -193,7 +194,7 @@ pub fn video(camera: &str) -> std::path::PathBuf {
 mod tests {
     use super::*;
 
-    /// Rows of a run that is right, `late_s` after the film on its own clock, at moments between the frames.
+    /// Rows of a perfect run, on whose clock the film begins at `first_s`, at moments between the frames.
     fn perfect(truth: &Truth, first_s: f64) -> Vec<Row> {
         let row = |i: u32| {
             let time_s = f64::from(i) * 0.09;

@@ -1,4 +1,4 @@
-//! A camera that falls silent and comes back, and all cameras away.
+//! Outages: a camera that falls silent and comes back, and all cameras away.
 
 use std::time::{Duration, Instant};
 
@@ -10,21 +10,21 @@ use crate::live::rows::Row;
 use crate::live::run::{LiveRun, Scratch};
 use crate::network_camera::{CameraOptions, Fault, Outage};
 
-/// Both cameras are well for so long, seconds, before one fails…
+/// Time for which both cameras work before one fails, seconds…
 const BEFORE_S: f64 = 12.0;
 /// …of which the first seconds are for the run to start…
 const START_S: f64 = 7.0;
-/// …and after it is back so long passes before its pictures are judged…
+/// …time after its return before its pictures are judged…
 const SETTLE_S: f64 = 2.0;
-/// …for so long.
+/// …and time for which they are judged.
 const JUDGED_S: f64 = 10.0;
 
 /// Misalignment of two cameras in pictures, before and after an outage of one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Misalignment {
-    /// The greatest before; `None` if no moment was seen.
+    /// Greatest misalignment before the outage; `None` if no moment was seen.
     pub before: Option<f64>,
-    /// The greatest after; `None` if no moment was seen.
+    /// Greatest misalignment after the outage; `None` if no moment was seen.
     pub after: Option<f64>,
 }
 
@@ -37,15 +37,15 @@ fn greatest<'a>(sightings: impl Iterator<Item = &'a Sighting>) -> Option<f64> {
     differences.max_by(f64::total_cmp)
 }
 
-/// Follows the office while `cam1` is silent for so long, its connection open, and reads from the page which pictures are
-/// taken for one moment.
+/// Follows the office while `cam1` is silent for `silent_s` seconds with its connection open, and reads from the page
+/// which pictures are taken for one moment.
 ///
 /// # Errors
 /// The run's line, if it fails.
 pub fn misalignment(silent_s: f64) -> Said<Misalignment> {
     let back_s = BEFORE_S + silent_s;
     let until_s = back_s + SETTLE_S + JUDGED_S;
-    // Longer than the run: the film never begins anew, and stamps are unique.
+    // The film is longer than the run, so it never repeats, and stamps are unique.
     let order = office::repeated(START_S, ((until_s + JUDGED_S) * RATE_HZ) as usize);
     let silence = Outage { from_s: BEFORE_S, until_s: back_s, fault: Fault::Silent };
     let silent = CameraOptions { faults: vec![silence], ..CameraOptions::default() };
@@ -87,21 +87,22 @@ pub fn silent(silent_s: f64) -> Vec<Figure> {
 
 /// Frames of the office, from 0, with all three people inside, away from the doors.
 const ALL_INSIDE: std::ops::Range<usize> = 225..265;
-/// People who are not told after so long count as never told, seconds.
+/// Time after which people who have not been reported count as never reported, seconds.
 const LONGEST_S: f64 = 20.0;
 
-/// A run while all cameras were away.
+/// Result of a run while all cameras were away.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Absence {
     /// Rows before the cameras went away.
     pub rows_before: usize,
-    /// Time from the cameras' return to the first row with somebody, seconds; `None` if there is none.
+    /// Time from the cameras' return to the first row with any person, seconds; `None` if there is none.
     pub first_s: Option<f64>,
-    /// Time from the cameras' return to the first row with everybody, seconds; `None` if there is none.
+    /// Time from the cameras' return to the first row with all people, seconds; `None` if there is none.
     pub all_s: Option<f64>,
 }
 
-/// Follows the empty office, whose cameras refuse connections for so long; when they are back, three people are inside.
+/// Follows the empty office, whose cameras refuse connections for `away_s` seconds; when they are back, three people
+/// are inside.
 ///
 /// # Errors
 /// The run's line, if it ends.

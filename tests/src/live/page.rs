@@ -1,4 +1,4 @@
-//! A run's page (`--view`) as a program reads it: which pictures, by their stamps, belong to one moment.
+//! Client of a run's page (`--view`): reads which pictures, by their stamps, belong to one moment.
 
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
@@ -10,7 +10,7 @@ use serde_json::Value;
 use crate::chain::Said;
 use crate::network_camera::stamp;
 
-/// A page that says nothing for so long has gone.
+/// Time without an answer after which the page counts as gone.
 const PATIENCE: Duration = Duration::from_secs(20);
 /// Interval at which a page that does not answer is asked again.
 const AGAIN: Duration = Duration::from_millis(100);
@@ -24,14 +24,14 @@ pub struct Sighting {
     pub time_s: f64,
     /// The number painted into each camera's picture, in the page's order; `None` where there is none.
     pub stamps: Vec<Option<u32>>,
-    /// When it was seen.
+    /// Time at which it was seen.
     pub seen: Instant,
 }
 
 /// Head and body of the answer to a request.
 ///
 /// # Errors
-/// When nobody answers, or no HTTP.
+/// When the connection fails, or the answer is not HTTP.
 pub fn get(address: SocketAddr, path: &str) -> Said<(String, Vec<u8>)> {
     let request = || -> std::io::Result<Vec<u8>> {
         let mut stream = TcpStream::connect_timeout(&address, PATIENCE)?;
@@ -52,13 +52,13 @@ fn moment(address: SocketAddr, query: &str) -> Said<Value> {
     serde_json::from_slice(&body).map_err(|e| e.to_string())
 }
 
-/// The numbers of the changes that brought the cameras' pictures; `None` while a camera has none.
+/// Numbers of the changes that brought the cameras' pictures; `None` while a camera has none.
 fn pictures(now: &Value) -> Option<Vec<u64>> {
     now["cameras"].as_array()?.iter().map(|camera| camera["picture"].as_u64()).collect()
 }
 
-/// Watches the page until a time, and gives every moment that it shows whole. A page that is not there yet, or shows
-/// nothing new, is asked again.
+/// Watches the page until a time, and returns every moment that it shows complete. A page that does not exist yet, or
+/// shows nothing new, is asked again.
 pub fn watch(address: SocketAddr, until: Instant) -> Vec<Sighting> {
     let (mut sightings, mut latest) = (Vec::new(), String::new());
     while Instant::now() < until {
@@ -73,7 +73,7 @@ pub fn watch(address: SocketAddr, until: Instant) -> Vec<Sighting> {
     sightings
 }
 
-/// The number of the newest change after `latest`, and its moment, if its pictures were not replaced while they were
+/// Number of the newest change after `latest`, and its moment if its pictures were not replaced while they were
 /// fetched.
 fn look(address: SocketAddr, latest: &str) -> Said<(u64, Option<Sighting>)> {
     let now = moment(address, latest)?;
@@ -90,7 +90,7 @@ fn look(address: SocketAddr, latest: &str) -> Said<(u64, Option<Sighting>)> {
     if pictures(&moment(address, "")?) != Some(before) {
         return Ok((number, None));
     }
-    // The left one of two panels is what the camera filmed.
+    // The left one of two panels is the camera's picture.
     let read = |jpeg: &[u8]| {
         let picture = image::load_from_memory(jpeg).ok()?.into_rgb8();
         stamp::read(&picture, picture.width() / 2)

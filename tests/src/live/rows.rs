@@ -1,4 +1,4 @@
-//! `tracks.jsonl`, line by line, each with the time at which it was found on disk.
+//! Reader of `tracks.jsonl`, line by line, with the time at which each line was found on disk.
 
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -12,19 +12,19 @@ use nalgebra::Point2;
 
 use crate::chain::Said;
 
-/// Interval at which the file is looked at: the error of the times.
+/// Polling interval of the file, which is the error of the times.
 const POLL: Duration = Duration::from_millis(2);
 
 /// One line of `tracks.jsonl`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Row {
-    /// From 1.
+    /// Number of the frame, from 1.
     pub frame: u32,
-    /// Of the moment, seconds.
+    /// Time of the moment, seconds.
     pub time_s: f64,
     /// Ids and positions on the floor, metres.
     pub people: Vec<(u32, Point2<f64>)>,
-    /// When the line was found on disk.
+    /// Time at which the line was found on disk.
     pub found: Instant,
 }
 
@@ -47,7 +47,7 @@ impl Row {
 /// The rows of a finished run.
 ///
 /// # Errors
-/// A file that cannot be read, a line that is none of a run's.
+/// A file that cannot be read, or a line that is not a row.
 pub fn read(path: &Path) -> Said<Vec<Row>> {
     let (text, found) = (std::fs::read_to_string(path), Instant::now());
     let text = text.map_err(|e| format!("{}: {e}", path.display()))?;
@@ -55,7 +55,7 @@ pub fn read(path: &Path) -> Said<Vec<Row>> {
     text.lines().map(row).collect()
 }
 
-/// Follows the file while it grows, until it is dropped.
+/// Watcher that follows the file while it grows, until it is dropped.
 #[derive(Debug)]
 pub struct RowWatch {
     rows: Arc<Mutex<Vec<Row>>>,
@@ -64,7 +64,7 @@ pub struct RowWatch {
 }
 
 impl RowWatch {
-    /// Starts to follow a file that need not exist yet.
+    /// Starts to follow a file, which need not exist yet.
     pub fn start(path: PathBuf) -> Self {
         let (rows, has_ended) = (Arc::<Mutex<Vec<Row>>>::default(), Arc::<AtomicBool>::default());
         let (found, end) = (Arc::clone(&rows), Arc::clone(&has_ended));
@@ -101,7 +101,7 @@ impl Drop for RowWatch {
     }
 }
 
-/// What has been appended since; nothing where the file cannot be read yet.
+/// Text appended since the last call; empty where the file cannot be read yet.
 fn new_text(path: &Path, at: &mut u64) -> String {
     let mut read = || -> std::io::Result<String> {
         if std::fs::metadata(path)?.len() <= *at {

@@ -12,9 +12,9 @@ use crate::chain::Said;
 use crate::data::program;
 use crate::live::rows::{Row, RowWatch};
 
-/// Interval at which a wait looks again.
+/// Polling interval of a wait.
 const POLL: Duration = Duration::from_millis(20);
-/// A run that was interrupted has so long to write what it has.
+/// Time that an interrupted run has to write its results.
 const FAREWELL: Duration = Duration::from_mins(1);
 
 /// A run that goes on until it is interrupted or dropped.
@@ -24,18 +24,18 @@ pub struct LiveRun {
     log: Arc<Mutex<Vec<String>>>,
     reader: Option<JoinHandle<()>>,
     rows: RowWatch,
-    /// Where its page will be, if it was asked for one.
+    /// Address of the run's page, if one was asked for.
     page: Option<SocketAddr>,
 }
 
 /// A run that is over.
 #[derive(Debug)]
 pub struct Ended {
-    /// How the process ended.
+    /// Exit status of the process.
     pub status: ExitStatus,
     /// The lines of its standard error.
     pub log: Vec<String>,
-    /// Its rows.
+    /// Rows of the run.
     pub rows: Vec<Row>,
 }
 
@@ -55,7 +55,7 @@ impl LiveRun {
         Self::spawn(&mut command, out, None)
     }
 
-    /// The same with a page at a free port (`--view`).
+    /// Starts the same run with a page at a free port (`--view`).
     ///
     /// # Errors
     /// As [`Self::start`]; when no port is free.
@@ -88,7 +88,7 @@ impl LiveRun {
         self.child.id()
     }
 
-    /// Where the page is, of a run that was started with one.
+    /// Address of the page, if the run was started with one.
     pub fn page(&self) -> Option<SocketAddr> {
         self.page
     }
@@ -98,7 +98,7 @@ impl LiveRun {
         self.rows.rows()
     }
 
-    /// Whether the process goes on.
+    /// Whether the process is running.
     pub fn is_running(&mut self) -> bool {
         matches!(self.child.try_wait(), Ok(None))
     }
@@ -111,7 +111,7 @@ impl LiveRun {
         self.wait_for(time, |_| false).map(|_| ())
     }
 
-    /// Waits until something is true of the rows, `false` if it is not until a time.
+    /// Waits until `is_true` holds for the rows; `false` if it does not before `until`.
     ///
     /// # Errors
     /// The run's last line, if the run ends before.
@@ -131,7 +131,7 @@ impl LiveRun {
         }
     }
 
-    /// Waits for the end of a run that ends of itself.
+    /// Waits for the end of a run that ends by itself.
     ///
     /// # Errors
     /// The run's last line, if it fails; a run that goes on until then.
@@ -176,7 +176,7 @@ impl LiveRun {
         self.log.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// How the run failed, in its own words.
+    /// Error line of a failed run, in its own words.
     fn failure(&mut self) -> String {
         if !self.is_running()
             && let Some(reader) = self.reader.take()
@@ -189,42 +189,42 @@ impl LiveRun {
 
 impl Drop for LiveRun {
     fn drop(&mut self) {
-        // An error means that it has ended.
+        // An error means that the process has ended.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
 }
 
-/// The line of a program's log that says what is wrong: the first that begins with `error`, else the last.
+/// Line of a program's log that states the problem: the first that begins with `error`, else the last.
 pub fn error_line<S: AsRef<str>>(log: &[S]) -> String {
     let lines = || log.iter().map(|line| line.as_ref().trim()).filter(|line| !line.is_empty());
     let error = lines().find(|line| line.to_lowercase().starts_with("error"));
     error.or_else(|| lines().last()).unwrap_or("ended without a word").to_owned()
 }
 
-/// An address of the loopback that nobody listens at.
+/// Free address of the loopback: no process listens there.
 ///
 /// # Errors
-/// When there is none.
+/// When no port is free.
 pub fn free_address() -> Said<SocketAddr> {
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).map_err(|e| e.to_string())?;
     listener.local_addr().map_err(|e| e.to_string())
 }
 
-/// A folder for one scenario's files, removed with it.
+/// Folder for one scenario's files, removed when it is dropped.
 #[derive(Debug)]
 pub struct Scratch(tempfile::TempDir);
 
 impl Scratch {
-    /// A new one.
+    /// Makes a new folder.
     ///
     /// # Errors
-    /// When the system has no room for it.
+    /// When the folder cannot be made.
     pub fn new() -> Said<Self> {
         tempfile::tempdir().map(Self).map_err(|e| e.to_string())
     }
 
-    /// A path in it.
+    /// Path of a file in the folder.
     pub fn path(&self, name: &str) -> PathBuf {
         self.0.path().join(name)
     }

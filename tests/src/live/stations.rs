@@ -1,4 +1,4 @@
-//! Cameras' work in processes of their own: what it costs on the network, and whether the tracks are the same.
+//! Stations, one process for each camera: their traffic on the network, and whether the tracks are the same.
 
 use std::io::{Read, Write};
 use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
@@ -17,14 +17,14 @@ use crate::live::office::{self, CAMERAS, RATE_HZ};
 use crate::live::run::{LiveRun, Scratch, error_line, free_address, videos};
 use crate::network_camera::CameraOptions;
 
-/// A station has so long to listen.
+/// Time within which a station must listen.
 const READY: Duration = Duration::from_secs(20);
-/// A run may take so long.
+/// Longest time that a run may take.
 const LONGEST: Duration = Duration::from_mins(5);
 /// Frames of the office, from 0, with all three people inside.
 const THREE_INSIDE: std::ops::Range<usize> = 225..265;
 
-/// Forwards connections to an address, and counts what comes back from there.
+/// Proxy that forwards connections to an address, and counts the bytes that come back from there.
 #[derive(Debug)]
 struct CountingProxy {
     address: SocketAddr,
@@ -37,7 +37,7 @@ impl CountingProxy {
         let address = listener.local_addr().map_err(|e| e.to_string())?;
         let bytes = Arc::<AtomicU64>::default();
         let counted = Arc::clone(&bytes);
-        // Waits for connections until the process ends.
+        // The thread waits for connections until the process ends.
         thread::spawn(move || {
             for client in listener.incoming().flatten() {
                 let Ok(server) = TcpStream::connect(to) else { continue };
@@ -69,7 +69,7 @@ fn forward(mut from: TcpStream, mut to: TcpStream, counted: &AtomicU64) {
     let _ = to.shutdown(Shutdown::Both);
 }
 
-/// `tracker station` of one camera.
+/// Process of `tracker station` for one camera.
 struct Station {
     child: Child,
     address: SocketAddr,
@@ -99,7 +99,7 @@ impl Station {
     fn failure(&mut self) -> String {
         let mut text = String::new();
         if let Some(errors) = &mut self.child.stderr {
-            // What cannot be read is not told.
+            // Output that cannot be read is left out.
             let _ = errors.read_to_string(&mut text);
         }
         error_line(&text.lines().collect::<Vec<_>>())
@@ -108,7 +108,7 @@ impl Station {
 
 impl Drop for Station {
     fn drop(&mut self) {
-        // An error means that it has ended.
+        // An error means that the process has ended.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
@@ -160,7 +160,7 @@ fn equal_tracks() -> Said<bool> {
     Ok(track_bytes(&scratch.path("one"))? == track_bytes(&scratch.path("two"))?)
 }
 
-/// What stations cost and give, as figures.
+/// Figures of stations: traffic in kB/s, and whether their tracks equal those of one process.
 pub fn stations(measured_s: f64) -> Vec<Figure> {
     let cost = "a station with three people, 640 × 480, 12/s";
     let same = "two stations on recordings: the tracks of one process, to the byte";

@@ -1,4 +1,4 @@
-//! The pictures that a camera plays, encoded before it starts.
+//! Film of a camera: its pictures, encoded before it starts.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -12,19 +12,19 @@ use image::imageops::{FilterType, resize};
 use super::stamp;
 use crate::chain::Said;
 
-/// Quality of the JPEGs, as cameras choose it.
+/// Quality of the JPEGs, 1 to 100, as cameras choose it.
 const QUALITY: u8 = 85;
 
 /// A film as JPEGs in the order in which they are played.
 #[derive(Debug, Clone)]
 pub struct Film {
-    /// At the pictures' own size.
+    /// JPEGs at the pictures' own size.
     jpegs: Jpegs,
-    /// At the other sizes that a camera is to have.
+    /// JPEGs at the other sizes that the camera can switch to.
     resized: BTreeMap<(u32, u32), Jpegs>,
 }
 
-/// A JPEG for each place of the film, and the black one.
+/// JPEG for each place of the film, and the black one.
 #[derive(Debug, Clone)]
 struct Jpegs {
     places: Vec<Arc<[u8]>>,
@@ -32,8 +32,8 @@ struct Jpegs {
 }
 
 impl Film {
-    /// Encodes pictures of one size, played in the order of `order` (indices into `pictures`, which may be repeated). Stamped
-    /// films have each place's number painted into its picture (see [`stamp`]).
+    /// Encodes pictures of one size, played in the order of `order` (indices into `pictures`, which may be repeated).
+    /// Stamped films have each place's number painted into its picture (see [`stamp`]).
     ///
     /// # Errors
     /// No pictures, an index beyond them, or too many places to number.
@@ -47,7 +47,8 @@ impl Film {
         Ok(Self { jpegs: Jpegs::encode(pictures, order, is_stamped)?, resized: BTreeMap::new() })
     }
 
-    /// The film at further sizes, too, for cameras whose pictures change their size: width and height in pixels.
+    /// Encodes the film at further sizes, too, for cameras whose pictures change their size: width and height in
+    /// pixels.
     ///
     /// # Errors
     /// As [`Self::encode`], with the same arguments.
@@ -66,7 +67,7 @@ impl Film {
         Ok(film)
     }
 
-    /// Every frame of a video.
+    /// Decodes every frame of a video.
     ///
     /// # Errors
     /// As [`FrameSource`].

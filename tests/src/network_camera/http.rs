@@ -10,7 +10,7 @@ use super::{POLL, Shared};
 /// Plays to one client until either side ends.
 pub(super) fn stream(shared: &Shared, mut client: TcpStream) -> std::io::Result<()> {
     let mut request = [0; 4096];
-    // Any request is answered by the film.
+    // Any request is answered with the film.
     if client.read(&mut request)? == 0 {
         return Ok(());
     }

@@ -3,10 +3,10 @@
 //! * [`NetworkCamera`] — the server; start here.
 //! * [`film`] — pictures encoded before the camera starts, so that playing them costs next to no CPU time.
 //! * [`stamp`] — a picture's number painted into it, readable from a page or a film.
-//! * [`schedule`] — when each picture is captured, when it is sent, and which fault is in force.
+//! * [`schedule`] — times at which each picture is captured and sent, and the fault in force.
 //!
-//! Every random number depends on the seed and the picture's number alone: each client, and each run, sees the same losses
-//! and the same jitter.
+//! Every random number depends on the seed and the picture's number alone: each client, and each run, sees the same
+//! losses and the same jitter.
 
 pub mod film;
 mod http;
@@ -29,7 +29,7 @@ use schedule::{Playback, Step};
 /// Interval at which the server looks for new clients, ends and faults.
 const POLL: Duration = Duration::from_millis(10);
 
-/// A camera that plays a film to everybody who connects, until it is dropped.
+/// Camera that plays a film to every client, until it is dropped.
 #[derive(Debug)]
 pub struct NetworkCamera {
     address: SocketAddr,
@@ -37,7 +37,7 @@ pub struct NetworkCamera {
     server: Option<JoinHandle<()>>,
 }
 
-/// What the server and its clients' threads share.
+/// State that the server shares with its clients' threads.
 #[derive(Debug)]
 struct Shared {
     film: Film,
@@ -48,8 +48,8 @@ struct Shared {
 }
 
 impl NetworkCamera {
-    /// Starts a camera at a free port of the loopback. Picture 0 is captured at `epoch`; cameras with the same epoch film the
-    /// same scene.
+    /// Starts a camera at a free port of the loopback. Picture 0 is captured at `epoch`; cameras with the same epoch
+    /// film the same scene.
     ///
     /// # Errors
     /// Options outside their ranges, a fault that needs pictures of a size that the film does not have, no free port.
@@ -79,8 +79,8 @@ impl NetworkCamera {
         self.shared.connections.load(Ordering::Relaxed)
     }
 
-    /// Time from the epoch at which the picture of this number is captured: of the scene, not of this camera's clock, and
-    /// before any jitter of the network.
+    /// Time from the epoch at which the picture of this number is captured, seconds: of the scene, not of this
+    /// camera's clock, and before any jitter of the network.
     pub fn captured_at_s(&self, number: u64) -> f64 {
         self.shared.options.captured_at_s(number)
     }
@@ -119,7 +119,8 @@ impl Shared {
         self.fault() == Some(Fault::Refused) || self.options.is_closed_at(self.now_s(), self.film.len())
     }
 
-    /// Sleeps until that time from the epoch; `false` if the camera ends before, or breaks its connections off.
+    /// Sleeps until `time_s` seconds from the epoch; `false` if the camera ends, or breaks its connections off,
+    /// before that time.
     fn sleep_until(&self, time_s: f64) -> bool {
         loop {
             let rest_s = time_s - self.now_s();
@@ -133,8 +134,9 @@ impl Shared {
         }
     }
 
-    /// Plays the film from now on: calls `send` with each picture when it is due. Ends when the camera ends or breaks off. Faults
-    /// of single pictures go by the time at which these are due, so that they are the same on a slow machine.
+    /// Plays the film from now on: calls `send` with each picture when it is due. Ends when the camera ends or breaks
+    /// off. Faults of single pictures are chosen by the time at which the pictures are due, so that they are the same
+    /// on a slow machine.
     fn play(&self, mut send: impl FnMut(&[u8]) -> std::io::Result<()>) -> std::io::Result<()> {
         let mut playback = Playback::new(&self.options, self.film.len(), self.now_s());
         loop {
@@ -162,10 +164,10 @@ impl Shared {
     }
 }
 
-/// A picture that is later than this, seconds, is not sent any more.
+/// Delay after which a picture is not sent any more, seconds.
 const LATEST_S: f64 = 1.0;
 
-/// Accepts clients until the camera ends. While it is away the port is closed.
+/// Accepts clients until the camera ends. The port is closed while the camera refuses connections.
 fn serve(shared: &Arc<Shared>, address: SocketAddr, first: TcpListener) {
     let mut listener = Some(first);
     while !shared.has_ended() {
@@ -187,7 +189,7 @@ fn serve(shared: &Arc<Shared>, address: SocketAddr, first: TcpListener) {
     }
 }
 
-/// A client, if one is waiting.
+/// Accepts a client, if one is waiting.
 fn accept(listener: &TcpListener) -> Option<TcpStream> {
     listener.set_nonblocking(true).ok()?;
     let (client, _) = listener.accept().ok()?;

@@ -1,28 +1,28 @@
-//! When each picture is captured and sent, and which fault is in force.
+//! Schedule of a camera: times at which each picture is captured and sent, and the fault in force.
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 use crate::chain::Said;
 
-/// How a camera plays its film.
+/// Options of a camera: its clock, its network, its faults.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CameraOptions {
     /// Pictures a second of the camera's own clock.
     pub rate_hz: f64,
-    /// Time by which the camera shows everything late, seconds, 0 or more.
+    /// Delay of every picture, seconds, 0 or more.
     pub delay_s: f64,
     /// Error of the camera's clock: its pictures come at `rate_hz · (1 + drift_ppm · 10⁻⁶)`.
     pub drift_ppm: f64,
-    /// The network delays each picture by up to this, seconds, uniformly; their order is kept.
+    /// Largest delay of a picture by the network, seconds, uniform from 0; the order of pictures is kept.
     pub jitter_s: f64,
     /// Share of the pictures that are lost, from 0 to below 1.
     pub loss: f64,
-    /// Decides jitter and losses.
+    /// Seed of jitter and losses.
     pub seed: u64,
-    /// What follows the film's last picture.
+    /// Behaviour after the film's last picture.
     pub at_end: AtEnd,
-    /// Scripted faults. Of several at one time the first of the list is in force.
+    /// Scripted faults. Where several overlap, the first of the list is in force.
     pub faults: Vec<Outage>,
 }
 
@@ -41,18 +41,18 @@ impl Default for CameraOptions {
     }
 }
 
-/// What follows the film's last picture.
+/// Behaviour after the film's last picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum AtEnd {
-    /// The film's first.
+    /// The film starts again.
     Repeat,
-    /// Black pictures.
+    /// Black pictures are sent.
     Black,
-    /// Nothing: connections are closed, and refused from then on.
+    /// Connections are closed, and refused from then on.
     Close,
 }
 
-/// Something that a camera does instead of sending its pictures.
+/// Fault of a camera that replaces its regular pictures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fault {
     /// Connections stay open, and nothing is sent.
@@ -63,28 +63,28 @@ pub enum Fault {
     Torn,
     /// The pictures have another size.
     Resized {
-        /// Pixels.
+        /// Width, pixels.
         width: u32,
-        /// Pixels.
+        /// Height, pixels.
         height: u32,
     },
     /// Connections are accepted, and no request is answered. Clients that are connected already get no pictures.
     Unanswered,
 }
 
-/// A fault and when it is in force, seconds from the epoch.
+/// Fault, and the time during which it is in force, seconds from the epoch.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outage {
     /// Beginning.
     pub from_s: f64,
     /// End; infinity for a fault that stays.
     pub until_s: f64,
-    /// What is wrong.
+    /// Kind of the fault.
     pub fault: Fault,
 }
 
 impl Outage {
-    /// The size of the pictures, where the fault is another one.
+    /// Size of the pictures, pixels, while the fault changes it; `None` for other faults.
     pub(super) fn size(&self) -> Option<(u32, u32)> {
         match self.fault {
             Fault::Resized { width, height } => Some((width, height)),
@@ -110,17 +110,18 @@ impl CameraOptions {
         }
     }
 
-    /// Pictures a second as anybody else counts them.
+    /// Pictures a second of true time.
     fn true_rate_hz(&self) -> f64 {
         self.rate_hz * (1.0 + 1e-6 * self.drift_ppm)
     }
 
-    /// Time from the epoch at which the picture of this number is captured, before the camera's delay.
+    /// Time from the epoch at which the picture of this number is captured, before the camera's delay, seconds.
     pub(super) fn captured_at_s(&self, number: u64) -> f64 {
         number as f64 / self.true_rate_hz()
     }
 
-    /// Time from the epoch at which the picture of this number leaves the camera, before the network's jitter.
+    /// Time from the epoch at which the picture of this number leaves the camera, before the network's jitter,
+    /// seconds.
     fn shown_at_s(&self, number: u64) -> f64 {
         self.captured_at_s(number) + self.delay_s
     }
@@ -131,20 +132,20 @@ impl CameraOptions {
         now.map(|outage| outage.fault)
     }
 
-    /// Whether connections are refused at some time between two.
+    /// Whether connections are refused at any time between these two.
     pub(super) fn is_refusing_within(&self, from_s: f64, until_s: f64) -> bool {
         let overlaps = |outage: &Outage| outage.from_s <= until_s && outage.until_s > from_s;
         self.faults.iter().any(|outage| outage.fault == Fault::Refused && overlaps(outage))
     }
 
-    /// Whether a film of so many pictures is over at that time, and the camera closed with it.
+    /// Whether a film of `pictures` pictures is over at `time_s`, and the camera has closed with it.
     pub(super) fn is_closed_at(&self, time_s: f64, pictures: usize) -> bool {
         self.at_end == AtEnd::Close && time_s > self.shown_at_s(pictures as u64) + self.jitter_s
     }
 
     /// Jitter in seconds of the picture of this number; `None` if it is lost.
     fn jitter_s(&self, number: u64) -> Option<f64> {
-        // Seeds that are neighbours give unrelated streams only after mixing.
+        // Neighbouring seeds give unrelated streams only after mixing.
         let mixed = (self.seed << 40 ^ number).wrapping_mul(0x9E37_79B9_7F4A_7C15);
         let mut rng = Pcg64Mcg::seed_from_u64(mixed);
         let is_lost = rng.random::<f64>() < self.loss;
@@ -153,34 +154,34 @@ impl CameraOptions {
     }
 }
 
-/// The pictures in order, for one client.
+/// Sequence of pictures for one client.
 #[derive(Debug)]
 pub(super) struct Playback<'a> {
     options: &'a CameraOptions,
     pictures: u64,
     next: u64,
-    /// When the latest picture was due.
+    /// Time at which the latest picture was due, seconds from the epoch.
     latest_s: f64,
 }
 
-/// One picture's turn.
+/// Turn of one picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Step {
-    /// The picture's place in the film; `None` for black.
+    /// Place of the picture in the film; `None` for black.
     pub(super) shown: Option<usize>,
-    /// When it is to be sent, seconds from the epoch.
+    /// Time at which it is to be sent, seconds from the epoch.
     pub(super) due_s: f64,
 }
 
 impl<'a> Playback<'a> {
-    /// From the first picture that the camera has not shown yet at `now_s`.
+    /// Starts with the first picture that the camera has not shown yet at `now_s`.
     pub(super) fn new(options: &'a CameraOptions, pictures: usize, now_s: f64) -> Self {
         let mut playback = Self { options, pictures: pictures as u64, next: 0, latest_s: f64::NEG_INFINITY };
         playback.catch_up(now_s);
         playback
     }
 
-    /// Passes over the pictures that were shown before `now_s`.
+    /// Skips the pictures that were shown before `now_s`.
     pub(super) fn catch_up(&mut self, now_s: f64) {
         let shown = ((now_s - self.options.delay_s) * self.options.true_rate_hz()).ceil();
         self.next = self.next.max(shown.max(0.0) as u64);

@@ -1,13 +1,15 @@
-//! A picture's number painted into it as bars of bits, large enough to survive JPEG and a film at a fraction of the size.
+//! A picture's number painted into it as bars of bits, large enough to survive JPEG and a film at a fraction of the
+//! size.
 //!
-//! The bars stand at the top right: people's heads do not reach there, and the caption of films and of the page stands at the
-//! top left. From left to right: white, black, sixteen bits of the number, six bits of a check, the highest bits first.
+//! The bars stand at the top right: people's heads do not reach there, and the caption of films and of the page
+//! stands at the top left. From left to right: white, black, sixteen bits of the number, six bits of a check, the
+//! highest bits first.
 
 use image::{Rgb, RgbImage};
 
 /// Bits of the number.
 const NUMBER_BITS: u32 = 16;
-/// Bits of the check: of the pictures without a stamp one in 64 passes for one.
+/// Bits of the check: one in 64 pictures without a stamp passes as stamped.
 const CHECK_BITS: u32 = 6;
 /// Bars, the white and the black one included.
 const BARS: u32 = NUMBER_BITS + CHECK_BITS + 2;
@@ -17,7 +19,7 @@ const BAR: f64 = 0.022;
 /// Upper and lower edge, as shares of the picture's height.
 const TOP: f64 = 0.012;
 const BOTTOM: f64 = 0.045;
-/// White and black must differ by so many grey levels.
+/// Least difference between white and black, grey levels.
 const LEAST_CONTRAST: f64 = 80.0;
 
 /// The largest number that can be painted.
@@ -54,8 +56,8 @@ pub fn paint(picture: &mut RgbImage, number: u32) {
     }
 }
 
-/// The number painted into the leftmost `width` pixels of a picture: the panel of a film that shows what was filmed. `None`
-/// where there is none that can be read.
+/// Number painted into the leftmost `width` pixels of a picture (the camera's panel of a film); `None` where no
+/// number can be read.
 pub fn read(picture: &RgbImage, width: u32) -> Option<u32> {
     let height = picture.height();
     let level = |bar: u32| -> f64 {

@@ -21,8 +21,8 @@ fn address(camera: &NetworkCamera) -> SocketAddr {
     camera.url().trim_start_matches("http://").split('/').next().unwrap().parse().unwrap()
 }
 
-/// Number and width of the first `most` pictures that a client gets, or of those until the camera breaks off. A picture that is
-/// no whole JPEG has neither.
+/// Number and width of the first `most` pictures that a client gets, or of those until the camera breaks off. A
+/// picture that is not a whole JPEG has number `None` and width 0.
 fn watch(address: SocketAddr, most: usize) -> Vec<(Option<u32>, u32)> {
     let mut socket = TcpStream::connect(address).unwrap();
     socket.write_all(b"GET / HTTP/1.1\r\n\r\n").unwrap();
@@ -35,7 +35,7 @@ fn watch(address: SocketAddr, most: usize) -> Vec<(Option<u32>, u32)> {
             _ => break,
         }
         while let Some(jpeg) = take_part(&mut bytes) {
-            // Decoders make something of half a JPEG: the mark of its end tells whether it is whole.
+            // Decoders accept half a JPEG: the marker at its end shows whether it is whole.
             let whole = Some(&jpeg).filter(|jpeg| jpeg.ends_with(&[0xFF, 0xD9]));
             let picture =
                 whole.and_then(|jpeg| image::load_from_memory(jpeg).ok()).map(image::DynamicImage::into_rgb8);
@@ -46,7 +46,7 @@ fn watch(address: SocketAddr, most: usize) -> Vec<(Option<u32>, u32)> {
     seen
 }
 
-/// The first whole part's body.
+/// Takes the body of the first whole part.
 fn take_part(bytes: &mut Vec<u8>) -> Option<Vec<u8>> {
     let text = String::from_utf8_lossy(bytes);
     let named = "Content-Length: ";
@@ -100,7 +100,7 @@ fn pictures_come_at_the_drifting_rate_late_by_the_delay_with_jitter_in_order() {
     assert!(seen.is_sorted_by(|a, b| a.0 < b.0 && a.1 <= b.1));
     let late: Vec<f64> =
         seen.iter().map(|(number, due_s)| due_s - 0.4 - *number as f64 / (12.0 * 1.0002)).collect();
-    // Successive pictures are farther apart (83 ms) than the jitter, so that their order costs nothing.
+    // Successive pictures are farther apart (83 ms) than the jitter, so that keeping their order adds no delay.
     assert!(late.iter().all(|late_s| (-1e-9..=0.08).contains(late_s)));
     let mean = late.iter().sum::<f64>() / f64::from(count);
     // Five standard deviations of the mean of uniform numbers.
@@ -159,7 +159,7 @@ fn scripted_faults_are_in_force_in_their_time_alone() {
         ],
         ..CameraOptions::default()
     };
-    // Encoded before the camera's time begins.
+    // The film is encoded before the camera's time begins.
     let (film, epoch) = (film(60), Instant::now());
     let camera = NetworkCamera::start(film, options, epoch).unwrap();
     let seen = watch(address(&camera), usize::MAX);
@@ -174,7 +174,7 @@ fn scripted_faults_are_in_force_in_their_time_alone() {
         assert_eq!(width, if (30..35).contains(&number) { 320 } else { 640 }, "picture {number}");
     }
     let is_open = || TcpStream::connect(address(&camera)).is_ok();
-    // Its port closes a moment after its connections.
+    // The camera's port closes a moment after its connections.
     while is_open() {
         assert!(epoch.elapsed() < Duration::from_secs_f64(4.99), "it does not refuse connections");
         thread::sleep(POLL);

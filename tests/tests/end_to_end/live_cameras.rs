@@ -1,4 +1,4 @@
-//! Runs on network cameras, in the short form of what the benchmark `live` measures.
+//! Runs on network cameras: short forms of the measurements of the benchmark `live`.
 
 use tests::live::{latency, outages};
 

@@ -129,6 +129,10 @@ fn names_and_options() {
     refused(&small.run(&["--offset", "middle=1"]), &["middle", "left, right"]);
     refused(&small.run(&["--offset", "left=1", "--offset", "left=2"]), &["left", "already"]);
     refused(&small.run(&["--offset", "left=1000"]), &["--offset", "no moment"]);
+    refused(&small.run(&["--mask-width", "5"]), &["--mask-width", "32 or more"]);
+    refused(&small.run(&["--latency=-1"]), &["--latency", "seconds"]);
+    refused(&small.run(&["--stations", "host:7447"]), &["--stations", "takes the place of --video"]);
+    refused(&small.run(&["--allow", "somebody"]), &["--allow", "--stations"]);
     refused(&small.run(&["--times", "left=nowhere.txt"]), &["nowhere.txt"]);
     refused(&small.run(&["--times", "a.txt", "--times", "b.txt"]), &["b.txt", "already"]);
     refused(&small.run(&["--absorb", "0"]), &["--absorb"]);

@@ -97,8 +97,8 @@ impl BackgroundArguments {
         Ok(())
     }
 
-    /// What a camera's foreground starts from, at the size of its masks. A recording is looked through. `filmed` is the size of
-    /// the camera's pictures.
+    /// The start of a camera's foreground model, at the size of its masks. A recording is looked through for its empty scene.
+    /// `filmed` is the size of the camera's pictures.
     pub(super) fn start(
         &self,
         camera: &str,

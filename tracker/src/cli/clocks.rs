@@ -72,7 +72,7 @@ impl ClockArguments {
         })
     }
 
-    /// How the clocks of cameras with these names are brought together, as far as it was said.
+    /// The alignments that were given for the clocks of cameras with these names.
     pub(super) fn alignments(&self, names: &[&str]) -> anyhow::Result<Vec<Alignment>> {
         let given: Vec<&GivenOffset> = self.given_offsets().collect();
         for (i, offset) in given.iter().enumerate() {
@@ -88,7 +88,15 @@ impl ClockArguments {
         Ok(names.iter().map(|name| Alignment { offset_s: offset_s(name), ..Alignment::default() }).collect())
     }
 
-    /// When each source's frames were taken.
+    /// Refuses an offset, which is told where observations are gathered.
+    pub(super) fn refuse_offsets(&self) -> anyhow::Result<()> {
+        if !self.offset.is_empty() {
+            bail!("--offset: a station has its camera's own clock; give it to `tracker run --stations`");
+        }
+        Ok(())
+    }
+
+    /// Capture times and alignment of each source.
     pub(super) fn clocks(&self, sources: &[CameraSource]) -> anyhow::Result<Clocks> {
         let names: Vec<&str> = sources.iter().map(|s| s.name.as_str()).collect();
         let alignments = self.alignments(&names)?;
@@ -119,6 +127,12 @@ impl ClockArguments {
                 (Some(path), _) => Some(Times::read(&path)?),
                 (None, common) => common.clone(),
             };
+            if source.is_live() && file.is_some() {
+                bail!("--times: camera `{}` is live, its frames have no lines; leave it out", source.name);
+            }
+            if source.is_live() && self.rate.is_some() {
+                tracing::warn!("--rate: camera `{}` is live, and timed as its frames come", source.name);
+            }
             files.push(file.clone());
             let given = match file {
                 Some(file) => Some(file),
@@ -145,7 +159,7 @@ impl ClockArguments {
     }
 }
 
-/// When the frames of each source were taken, on its own clock, and how the clocks are brought together.
+/// Capture times of each source, on its own clock, and the alignments that bring the clocks together.
 pub(super) struct Clocks {
     times: Vec<CaptureTimes>,
     alignments: Vec<Alignment>,
@@ -169,12 +183,9 @@ impl Clocks {
     /// Whether there is a line for every frame of the run in every file of times. A file may end early where the run does.
     fn check_files(&self, sources: &[CameraSource], files: &[Option<Times>]) -> anyhow::Result<()> {
         let mut end_s = f64::INFINITY;
-        let mut start_s = f64::NEG_INFINITY;
         let mut short = Vec::new();
         for (camera, (source, file)) in sources.iter().zip(files).enumerate() {
             let Some(frames) = source.frame_count().filter(|frames| *frames > 0) else { continue };
-            let first_s = file.as_ref().map_or(Ok(0.0), |file| file.of(1))?;
-            start_s = start_s.max(first_s + self.alignments[camera].offset_s);
             let last_s = match file {
                 Some(file) if file.check_count(frames).is_err() => {
                     short.push((camera, file, frames));
@@ -185,11 +196,6 @@ impl Clocks {
                 None => (frames - 1) as f64 / self.times[camera].mean_rate(),
             };
             end_s = end_s.min(last_s + self.alignments[camera].offset_s);
-        }
-        if start_s > end_s {
-            bail!(
-                "--offset, --times: there is no moment at which all cameras film; leave one out, or mend its offset"
-            );
         }
         for (camera, file, frames) in short {
             let file_end_s = file.end_s().unwrap_or(f64::INFINITY) + self.alignments[camera].offset_s;

@@ -1,4 +1,4 @@
-//! What a run's observations come from: stations in this process, one for each source, or stations on other machines.
+//! Input of a run: stations in this process, one for each source, or stations on other machines.
 
 use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::{Receiver, channel};
@@ -6,16 +6,16 @@ use std::time::Duration;
 
 use anyhow::bail;
 use scenes::room::Room;
-use tracker::gathering::{Alignment, Port};
+use tracker::gathering::Alignment;
 use tracker::method::Method;
 use tracker::run::search_offsets;
 use tracker::source::{self, CameraSource, CaptureTimes};
 use tracker::stage::Stage;
-use tracker::station::{self, Event, Permits, Station};
+use tracker::station::{self, Event, Permits, Port, Station};
 use tracker::wire::{Downlink, Endpoints, Expected, ExpectedCamera, Fingerprint};
 
 use super::clocks::Clocks;
-use super::run::RunArgs;
+use super::run_arguments::RunArgs;
 use super::stations::StationBuilder;
 
 /// Stations on other machines are waited for so long.
@@ -41,7 +41,7 @@ pub(super) struct Input {
     pub(super) rate_hz: f64,
     /// About how many moments there will be, where one can know.
     pub(super) promised: Option<usize>,
-    /// How the cameras' clocks are brought together, as far as it was said.
+    /// Given alignments of the cameras' clocks, one a camera.
     pub(super) alignments: Vec<Alignment>,
     origin: Origin,
 }

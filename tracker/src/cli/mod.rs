@@ -13,6 +13,7 @@ mod link;
 mod masks;
 mod report;
 mod run;
+mod run_arguments;
 mod sampler;
 mod station;
 mod stations;
@@ -35,7 +36,7 @@ pub(crate) struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    Run(Box<run::RunArgs>),
+    Run(Box<run_arguments::RunArgs>),
     Station(Box<station::StationArgs>),
     Detect(Box<detect::DetectArgs>),
     Link(Box<link::LinkArgs>),

@@ -34,7 +34,7 @@ const GATHERER_WITHIN: Duration = Duration::from_mins(10);
   tracker station myroom --camera cam0 --video rtsp://camera/stream --listen 0.0.0.0:7447
   tracker run myroom --stations camerahost0:7447,camerahost1:7447 --out out
   tracker station myroom --camera cam0 --video 0 --connect gatherer:7447
-  tracker run myroom --stations '' --listen 0.0.0.0:7447 --out out
+  tracker run myroom --listen 0.0.0.0:7447 --out out
   tracker station myroom --camera cam0 --video rtsp://camera/stream --listen tls/0.0.0.0:7447 \\
       --tls-certificate cam0.pem --tls-key cam0.key --tls-authority ca.pem --allow gatherer")]
 pub(crate) struct StationArgs {
@@ -78,6 +78,7 @@ pub(crate) fn station(args: &StationArgs, console: &Console) -> anyhow::Result<S
     let (videos, masks) = (named(&args.video), named(&args.masks));
     let sources = source::open(&room, &videos, &masks)?;
     args.background.check_names(&videos, &masks)?;
+    args.clocks.refuse_offsets()?;
     let clocks = args.clocks.clocks(&sources)?;
     let is_live = sources.iter().any(source::CameraSource::is_live);
     let promised = clocks.moments(&sources);

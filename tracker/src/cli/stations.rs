@@ -1,8 +1,5 @@
 //! From opened sources to stations: backgrounds, observers, and what each of them is asked for.
 
-use std::sync::Arc;
-use std::sync::atomic::AtomicU64;
-
 use anyhow::Context;
 use image::RgbImage;
 use rayon::prelude::*;
@@ -17,7 +14,7 @@ use tracker::station::{LiveStation, Masks, Observer, PictureDemand, RecordedStat
 
 use super::background::BackgroundArguments;
 
-/// What pictures are drawn for, and when.
+/// Films or page that pictures are drawn for, and the frames in which they are wanted.
 #[derive(Clone)]
 pub(super) struct Drawing<'a> {
     pub(super) looks: &'a FilmOptions,
@@ -37,7 +34,7 @@ pub(super) struct StationBuilder<'a> {
 /// A station, with what is known beside it.
 pub(super) struct Built {
     pub(super) station: Station,
-    /// What its camera sees of the empty room, in the pinhole image, where the method asks for that and it is known.
+    /// Empty room as its camera sees it, in the pinhole image, where the method asks for that and it is known.
     pub(super) empty_scene: Option<RgbImage>,
 }
 
@@ -67,6 +64,12 @@ impl StationBuilder<'_> {
         let of_stage = of_stage.with_context(|| format!("the room has no camera `{name}`"))?;
         let size = (of_stage.width(), of_stage.height());
         let filmed_size = (of_stage.filmed.intrinsics.width, of_stage.filmed.intrinsics.height);
+        if masks.is_some() && matches!(video, Some(VideoSource::Live(_))) {
+            let problem = format!(
+                "camera `{name}` is a stream, whose frames no file of masks belongs to; leave one out"
+            );
+            return Err(Error::option("--masks", problem).into());
+        }
         let is_subtracted = self.needs.masks && masks.is_none();
         let start = match &video {
             Some(video) if is_subtracted || self.needs.empty_scene => {
@@ -85,13 +88,9 @@ impl StationBuilder<'_> {
         let observer = Observer::new(self.stage, &name, made, self.needs)?;
         let drawn = (self.drawing.looks.panel_px(of_stage), self.drawing.demand.clone());
         let work = match video {
-            Some(VideoSource::Live(source)) => Work::Live(Box::new(LiveStation {
-                source,
-                observer,
-                filmed_size,
-                drawn,
-                passed_over: Arc::new(AtomicU64::new(0)),
-            })),
+            Some(VideoSource::Live(source)) => {
+                Work::Live(Box::new(LiveStation { source, observer, filmed_size, drawn }))
+            }
             video => {
                 let video = video.and_then(|video| match video {
                     VideoSource::Recorded(source) => Some(source),

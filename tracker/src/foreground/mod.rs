@@ -135,7 +135,7 @@ pub struct Foreground {
     morphology: Morphology,
     regions: Regions,
     shadows: Shadows,
-    /// Where believed people are expected (not 0), with a margin.
+    /// Pixels where believed people are expected (not 0), with a margin.
     people: GrayImage,
     /// The same with all of the regions that are mostly theirs.
     seen_people: GrayImage,

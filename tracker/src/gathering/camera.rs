@@ -3,23 +3,22 @@
 use std::collections::VecDeque;
 use std::time::Instant;
 
-use super::port::Port;
 use crate::Error;
 use crate::foreground::Verdict;
 use crate::observation::Feedback;
 use crate::silhouette::Body;
-use crate::station::{Event, Seen};
+use crate::station::{Event, Port, Seen};
 
 /// Frames a second of a camera that does not say.
 const USUAL_RATE_HZ: f64 = 25.0;
 /// The rates that a camera may have; what a header says beyond is the ticking of its clock.
 const RATES_HZ: std::ops::RangeInclusive<f64> = 0.01..=1000.0;
-/// How fast a live camera's measured interval follows, as a share of each new one.
+/// Weight of each new interval in a live camera's mean interval.
 const FOLLOW: f64 = 0.1;
 /// By how much the least delay may grow with each observation, seconds: clocks drift, networks change.
 const FORGET_S: f64 = 1e-3;
 
-/// How a camera's own clock is brought to the run's: `time + offset_s + drift · (time − since_s)`.
+/// Correction from a camera's own clock to the run's: `time + offset_s + drift · (time − since_s)`.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Alignment {
     /// Added to the camera's times, seconds.
@@ -46,7 +45,7 @@ pub(super) struct Pending {
     pub(super) seen: Seen,
 }
 
-/// Why there are no more observations.
+/// Reason why no more observations come.
 #[derive(Debug)]
 pub(super) enum End {
     Ended,
@@ -65,16 +64,20 @@ pub(super) struct Camera {
     pub(super) interval_s: f64,
     /// Time of the newest observation.
     pub(super) newest_s: Option<f64>,
-    /// When it arrived.
+    /// Arrival of that observation.
     pub(super) latest_arrival: Option<Instant>,
-    /// How long after its capture an observation is here, seconds; as seen lately.
+    /// Mean delay from capture to arrival, seconds; of the latest observations.
     pub(super) delay_s: f64,
-    /// The least delay lately: how long an observation takes that waits nowhere, seconds.
+    /// Least delay of the latest observations, seconds: that of an observation that waits nowhere.
     pub(super) least_delay_s: f64,
-    /// What is wrong with the camera, while nothing usable comes.
+    /// Latest health that its station reported.
     pub(super) health: Verdict,
     /// Time of the newest observation that belonged to a moment.
     pub(super) used_s: Option<f64>,
+    /// Sequence number of the newest observation.
+    newest_sequence: u64,
+    /// Frames of a live camera that its station or the network passed over.
+    pub(super) passed_over: u64,
 }
 
 impl Camera {
@@ -92,10 +95,12 @@ impl Camera {
             least_delay_s: f64::INFINITY,
             health: Verdict::Usable,
             used_s: None,
+            newest_sequence: 0,
+            passed_over: 0,
         }
     }
 
-    /// Takes in what its station says. `now_s` is the time on the run's clock, for live cameras.
+    /// Takes in an event of its station. `now_s` is the time on the run's clock, for live cameras.
     pub(super) fn take(&mut self, event: Event, now_s: Option<f64>) {
         let seen = match event {
             Event::Seen(seen) => *seen,
@@ -116,6 +121,11 @@ impl Camera {
                 // No frame: the stream is away.
                 return;
             }
+            let sequence = seen.observation.sequence;
+            if self.newest_sequence > 0 {
+                self.passed_over += sequence.saturating_sub(self.newest_sequence + 1);
+            }
+            self.newest_sequence = sequence;
             if let Some(newest_s) = self.newest_s {
                 let step_s = time_s - newest_s;
                 if step_s > 0.0 && step_s < 4.0 * self.interval_s.max(0.04) {
@@ -148,7 +158,7 @@ impl Camera {
         (self.port.feedback)(Feedback { sequence, people: believed.to_vec() });
     }
 
-    /// Gives up what is farther from a time than the observation after it; then the oldest is the nearest.
+    /// Gives up observations that are farther from a time than the one after them; then the oldest is the nearest.
     pub(super) fn keep_nearest(&mut self, time_s: f64, believed: &[Body]) {
         while let [first, second, ..] = self.pending.make_contiguous()
             && (second.time_s - time_s).abs() <= (first.time_s - time_s).abs()

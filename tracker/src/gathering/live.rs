@@ -4,7 +4,7 @@
 //! expected to have a nearer frame than the one that is here: half way from its latest frame to the next, that is. Otherwise
 //! it is waited for, until the frame should have come, but no longer than the latency after the leading frame.
 
-use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, TryRecvError};
 use std::time::{Duration, Instant, SystemTime};
 
 use super::camera::{Camera, End};
@@ -86,12 +86,12 @@ impl Live {
         }
     }
 
-    /// Gives up what belongs to no moment to come.
+    /// Gives up observations that belong to no moment to come.
     fn drop_late(&mut self, cameras: &mut [Camera], believed: &[Body]) {
         for camera in cameras.iter_mut() {
             let over_s = self.latest_s - (0.5 * camera.interval_s).max(NEAR_S);
             while camera.pending.front().is_some_and(|first| first.time_s < over_s) {
-                // What was used once, or replaced, is not late; what arrived after its moment was decided is.
+                // An observation that was used, or that a nearer one replaced, is not late; one that came after its moment was.
                 if !camera.has_been_used() {
                     self.left_out.late += 1;
                 }
@@ -115,7 +115,7 @@ impl Live {
         cameras[lead].first_after(from_s).map(|first| (lead, first.time_s, first.arrived))
     }
 
-    /// How long to wait for the other cameras; `None` when nothing better is to be expected.
+    /// Time for which the other cameras are still waited for; `None` when no nearer observation is to be expected.
     fn complete_in(
         &self,
         cameras: &[Camera],
@@ -161,14 +161,7 @@ impl Live {
         let near_s = (0.5 * cameras[lead].interval_s).max(NEAR_S);
         let parts = cameras.iter_mut().map(|camera| {
             camera.keep_nearest(time_s, believed);
-            let part = nearest_part(camera, time_s, near_s);
-            match part {
-                Part::Seen(_) => {
-                    camera.mark_used();
-                    part
-                }
-                Part::Nothing(_) => Part::Nothing(reason(camera, now)),
-            }
+            nearest_part(camera, time_s, near_s).unwrap_or_else(|| Part::Nothing(reason(camera, now)))
         });
         let parts = parts.collect();
         self.latest_s = time_s;
@@ -178,7 +171,7 @@ impl Live {
     }
 }
 
-/// Why a camera has nothing at a moment.
+/// Reason why a camera has no observation at a moment.
 fn reason(camera: &Camera, now: Instant) -> Verdict {
     match camera.health {
         health @ (Verdict::Lost | Verdict::OtherShape) => health,
@@ -188,13 +181,13 @@ fn reason(camera: &Camera, now: Instant) -> Verdict {
     }
 }
 
-/// Takes in all that has come; whether more can come.
+/// Takes in all events that have come. Returns whether more can come.
 fn drain(cameras: &mut [Camera], events: &Receiver<(usize, Event)>) -> bool {
     loop {
         match events.try_recv() {
             Ok((camera, event)) => take(cameras, camera, event),
-            Err(std::sync::mpsc::TryRecvError::Empty) => return true,
-            Err(std::sync::mpsc::TryRecvError::Disconnected) => return false,
+            Err(TryRecvError::Empty) => return true,
+            Err(TryRecvError::Disconnected) => return false,
         }
     }
 }

@@ -4,15 +4,14 @@
 //! in time, or none: one that is too far away says where people were, not where they are.
 //!
 //! * [`recorded`] waits for every camera: the same moments in every run.
-//! * [`live`] waits for nobody longer than the latency: a silent or slow camera neither delays nor shifts another, and what
-//!   the tracker cannot keep up with is skipped.
+//! * [`live`] waits for nobody longer than the latency: a silent or slow camera neither delays nor shifts another, and moments
+//!   that the tracker cannot keep up with are skipped.
 //!
 //! Feedback goes the other way: when an observation is given up, its station hears of the people who are believed in
 //! ([`Gathering::believe`]).
 
 mod camera;
 mod live;
-mod port;
 mod recorded;
 #[cfg(test)]
 mod tests;
@@ -23,12 +22,11 @@ use std::time::Duration;
 pub use camera::Alignment;
 use camera::Camera;
 use live::Live;
-pub use port::{Inbox, Port};
 use recorded::Recorded;
 
 use crate::foreground::Verdict;
 use crate::silhouette::Body;
-use crate::station::{Event, Seen};
+use crate::station::{Event, Port, Seen};
 use crate::{Error, Result};
 
 /// A frame this near belongs to a moment even where the moments are closer together: somebody walking has gone 5 cm.
@@ -54,7 +52,7 @@ pub struct Gathered {
     pub parts: Vec<Part>,
 }
 
-/// What comes next.
+/// Result of asking for the next moment.
 #[derive(Debug)]
 pub enum Next {
     /// A moment.
@@ -65,18 +63,20 @@ pub enum Next {
     Ended(String),
 }
 
-/// How moments are gathered.
+/// Options of the gathering.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GatheringOptions {
-    /// How each camera's clock is brought to the run's, in the order of the ports.
+    /// Correction of each camera's clock, in the order of the ports.
     pub alignments: Vec<Alignment>,
-    /// How long live input waits for the cameras that are late, seconds. Default 0.3.
+    /// Longest wait of live input for cameras that are late, seconds. Default 0.3.
     pub latency_s: f64,
 }
 
-/// What was left out of a live run.
+/// Counts of what a live run left out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct LeftOut {
+    /// Frames that a station or the network passed over because it was busy.
+    pub passed_over: u64,
     /// Observations that came after their moment.
     pub late: u64,
     /// Moments that were skipped because the tracker was behind.
@@ -148,7 +148,7 @@ impl Gathering {
     /// The next moment. Waits a moment for it, not for ever.
     ///
     /// # Errors
-    /// What a camera failed of, in its turn.
+    /// The error of a camera, after the moments before it.
     pub fn next_moment(&mut self) -> Result<Next> {
         match &mut self.mode {
             Mode::Recorded(recorded) => recorded.next(&mut self.cameras, &self.events, &self.believed),
@@ -173,29 +173,36 @@ impl Gathering {
         }
     }
 
-    /// How the cameras' clocks are brought to the run's.
+    /// Present corrections of the cameras' clocks.
     pub fn alignments(&self) -> Vec<Alignment> {
         self.cameras.iter().map(|camera| camera.alignment).collect()
     }
 
-    /// What was left out so far.
+    /// Counts of what was left out so far.
     pub fn left_out(&self) -> LeftOut {
         match &self.mode {
             Mode::Recorded(_) => LeftOut::default(),
-            Mode::Live(live) => live.left_out(),
+            Mode::Live(live) => {
+                let passed_over = self.cameras.iter().map(|camera| camera.passed_over).sum();
+                LeftOut { passed_over, ..live.left_out() }
+            }
         }
     }
 }
 
-/// How long the gathering waits before it looks whether it is still wanted.
+/// Longest wait before the caller is asked whether to go on.
 const WAIT: Duration = Duration::from_millis(100);
 
-/// The part of a camera whose nearest observation is its oldest.
-fn nearest_part(camera: &Camera, time_s: f64, near_s: f64) -> Part {
-    match camera.pending.front() {
-        Some(pending) if (pending.time_s - time_s).abs() <= near_s + 1e-9 => {
-            Part::Seen(Box::new(pending.seen.clone()))
-        }
-        _ => Part::Nothing(Verdict::Between),
+/// The part of a camera whose nearest observation is its oldest; `None` where that is not near.
+fn nearest_part(camera: &mut Camera, time_s: f64, near_s: f64) -> Option<Part> {
+    let was_used = camera.has_been_used();
+    let nearest =
+        camera.pending.front().filter(|pending| (pending.time_s - time_s).abs() <= near_s + 1e-9)?;
+    let mut seen = nearest.seen.clone();
+    if was_used {
+        // A frame that belongs to several moments is worked on once.
+        (seen.decode, seen.foreground) = (Duration::ZERO, Duration::ZERO);
     }
+    camera.mark_used();
+    Some(Part::Seen(Box::new(seen)))
 }

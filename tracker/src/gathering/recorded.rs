@@ -3,12 +3,13 @@
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 
 use super::camera::{Camera, End};
-use super::{Gathered, NEAR_S, Next, WAIT, nearest_part};
+use super::{Gathered, NEAR_S, Next, Part, WAIT, nearest_part};
+use crate::foreground::Verdict;
 use crate::silhouette::Body;
 use crate::station::Event;
 use crate::{Error, Result};
 
-/// Where the leading camera lacks frames for so many of its intervals, another one's frames are the moments.
+/// Gap in the leading camera's frames, in its intervals, in which another camera's frames become the moments.
 const GAP: f64 = 1.5;
 
 #[derive(Debug)]
@@ -18,15 +19,6 @@ pub(super) struct Recorded {
     near_s: f64,
     /// Number and time of the latest moment.
     latest: Option<(u32, f64)>,
-}
-
-/// Whether a camera has come as far as it was asked for.
-enum Reached {
-    Yes,
-    /// It has ended, or failed, before.
-    No,
-    /// Not yet.
-    Waiting,
 }
 
 impl Recorded {
@@ -52,10 +44,10 @@ impl Recorded {
         }
         let after_s = self.latest.map_or(f64::NEG_INFINITY, |(_, time_s)| time_s);
         let Some((lead, time_s)) = self.next_time(after_s, cameras, events) else {
-            return self.waiting_or_ended(cameras, after_s);
+            return self.waiting_or_ended(cameras, events, after_s);
         };
         for camera in 0..cameras.len() {
-            if let Reached::Waiting = reach(cameras, events, camera, time_s) {
+            if !reach(cameras, events, camera, time_s) {
                 return Ok(Next::Idle);
             }
         }
@@ -65,7 +57,8 @@ impl Recorded {
         let mut parts = Vec::with_capacity(cameras.len());
         for camera in cameras.iter_mut() {
             camera.keep_nearest(time_s, believed);
-            parts.push(nearest_part(camera, time_s, self.near_s));
+            let part = nearest_part(camera, time_s, self.near_s);
+            parts.push(part.unwrap_or(Part::Nothing(Verdict::Between)));
         }
         let own = cameras[lead].pending.front().map_or(0, |p| p.seen.observation.sequence);
         let following = self.latest.map_or(1, |(frame, _)| frame.saturating_add(1));
@@ -126,29 +119,43 @@ impl Recorded {
         earliest
     }
 
-    /// What is to be said where no next moment is known.
-    fn waiting_or_ended(&self, cameras: &mut [Camera], after_s: f64) -> Result<Next> {
+    /// The outcome where no next moment is known.
+    fn waiting_or_ended(
+        &self,
+        cameras: &mut [Camera],
+        events: &Receiver<(usize, Event)>,
+        after_s: f64,
+    ) -> Result<Next> {
         let lead = self.order[0];
         if cameras[lead].end.is_none() {
             return Ok(Next::Idle);
         }
-        // Where the leading camera ends, another may have ended before.
-        if let Some(ended) = ended_before(cameras, after_s + cameras[lead].interval_s)? {
+        // Where the leading camera ends, another may have ended before, and its station not yet have said so.
+        let missed_s = after_s + cameras[lead].interval_s;
+        for camera in 0..cameras.len() {
+            if !reach(cameras, events, camera, missed_s) {
+                return Ok(Next::Idle);
+            }
+        }
+        if let Some(ended) = ended_before(cameras, missed_s)? {
             return Ok(ended);
         }
         take_end(&mut cameras[lead])
     }
 }
 
-/// Whether it is known when all cameras have begun.
+/// The time at which all cameras have begun, as far as it is known.
 enum Start {
     At(f64),
     Waiting,
-    /// One has ended before.
+    /// A camera has no frame.
     Never(Next),
 }
 
-/// When all cameras have begun: the latest of their first frames. The leading camera's frames until then stay.
+/// The time at which all cameras have begun: the latest of their first frames.
+///
+/// # Errors
+/// When a camera ends before another begins.
 fn start_s(cameras: &mut [Camera], events: &Receiver<(usize, Event)>, believed: &[Body]) -> Result<Start> {
     for camera in 0..cameras.len() {
         while cameras[camera].pending.is_empty() {
@@ -176,25 +183,24 @@ fn start_s(cameras: &mut [Camera], events: &Receiver<(usize, Event)>, believed: 
             }
         }
     }
-    if let Some(ended) = ended_before(cameras, start_s)? {
-        return Ok(Start::Never(ended));
+    if let Some(Next::Ended(name)) = ended_before(cameras, start_s)? {
+        let problem = format!(
+            "there is no moment at which all cameras film: `{name}` ends before another begins; leave one out, or mend its \
+             offset"
+        );
+        return Err(Error::option("--offset, --times", problem));
     }
     Ok(Start::At(start_s))
 }
 
-/// Waits until a camera has an observation of this time or later.
-fn reach(cameras: &mut [Camera], events: &Receiver<(usize, Event)>, camera: usize, time_s: f64) -> Reached {
-    loop {
-        if cameras[camera].reaches(time_s) {
-            return Reached::Yes;
-        }
-        if cameras[camera].end.is_some() {
-            return Reached::No;
-        }
+/// Waits until a camera has an observation of this time or later, or has ended. `false` when neither has come for a while.
+fn reach(cameras: &mut [Camera], events: &Receiver<(usize, Event)>, camera: usize, time_s: f64) -> bool {
+    while !cameras[camera].reaches(time_s) && cameras[camera].end.is_none() {
         if !receive(cameras, events) {
-            return Reached::Waiting;
+            return false;
         }
     }
+    true
 }
 
 /// The first camera that has ended for good before a time; the error of one that has failed.

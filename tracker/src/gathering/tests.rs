@@ -6,7 +6,7 @@ use std::time::{Duration, SystemTime};
 use super::*;
 use crate::observation::{Feedback, Observation};
 use crate::source::utc_s;
-use crate::station::Pictures;
+use crate::station::{Pictures, Port};
 
 /// Stations that say what a test lets them say.
 struct Stations {
@@ -138,7 +138,11 @@ fn moments_begin_when_all_have_begun_and_end_with_the_first() {
     };
     assert_eq!(frames([100, 30], [0.0, 2.0], [10.0; 2]), (Some(21), 30, "cam1".to_owned()));
     assert_eq!(frames([40, 30], [0.0, 2.0], [10.0; 2]), (Some(21), 20, "cam0".to_owned()));
-    assert_eq!(frames([15, 30], [0.0, 2.0], [10.0; 2]).1, 0, "one ends before the other begins");
+    let (mut stations, mut apart) = gathering(&[10.0; 2], &[0.0, 2.0], false);
+    stations.record(0, steady(10.0, 15));
+    stations.record(1, steady(10.0, 30));
+    let refused = apart.next_moment().unwrap_err().to_string();
+    assert!(refused.contains("no moment") && refused.contains("cam0"), "{refused}");
     // The lead itself begins later.
     assert_eq!(frames([30, 50], [2.0, 0.0], [10.0, 5.0]).0, Some(1));
 }

@@ -11,14 +11,14 @@ use image::RgbImage;
 
 use crate::{Moment, PersonEstimate, Result};
 
-/// What a method needs of the cameras.
+/// Kinds of observations that a method needs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Needs {
     /// Foreground masks, and where there are pictures the colours of the foreground.
     pub masks: bool,
     /// Whole pictures, in the pinhole image.
     pub pictures: bool,
-    /// What each camera sees of the empty room, where that is known ([`Method::set_empty_scene`]).
+    /// Each camera's view of the empty room, where that is known ([`Method::set_empty_scene`]).
     pub empty_scene: bool,
 }
 
@@ -33,10 +33,10 @@ pub trait Method {
     /// When a mask or image does not fit its camera ([`crate::Error::FrameSize`]).
     fn step(&mut self, moment: &Moment<'_>) -> Result<Vec<PersonEstimate>>;
 
-    /// What it needs of the cameras; the same for all its life.
+    /// Kinds of observations that the method needs; constant during a run.
     fn needs(&self) -> Needs;
 
-    /// Takes in what a camera sees when nobody is there, in its pinhole image at the working size.
+    /// Sets a camera's view of the empty room, in its pinhole image at the working size.
     fn set_empty_scene(&mut self, _camera: usize, _picture: &RgbImage) {}
 
     /// How long it pays to wait after a moment before its people are told, in seconds.

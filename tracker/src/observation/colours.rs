@@ -1,4 +1,4 @@
-//! Colours of a foreground on a coarse grid: what appearance needs of a picture, at a small part of its size.
+//! Colours of a foreground on a coarse grid: as much of a picture as appearance needs, at a small part of its size.
 
 use image::{Rgb, RgbImage};
 
@@ -11,7 +11,7 @@ use super::Mask;
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Colours {
     step: u8,
-    /// Which cells have a sample.
+    /// Cells that have a sample.
     cells: Mask,
     /// One a cell that has one, row by row.
     samples: Vec<u16>,
@@ -47,7 +47,7 @@ impl Colours {
         (step > 0 && samples.len() as u64 == expected).then_some(Self { samples, ..colours })
     }
 
-    /// Which cells have a sample: those whose middle pixel is foreground.
+    /// Cells that have a sample: those whose middle pixel is foreground.
     pub(crate) fn sampled_cells(mask: &Mask, step: u8) -> Mask {
         let side = u32::from(step.max(1));
         Mask::from_fn(mask.width().div_ceil(side), mask.height().div_ceil(side), |column, row| {

@@ -1,9 +1,9 @@
-//! What one camera's station saw at one time: all that the trackers need of a picture, and all that leaves a station.
+//! Observations: everything that the trackers need of one picture, and everything that leaves a station.
 //!
 //! * [`Mask`] — the foreground, one bit a pixel, in the camera's pinhole image at the working size.
 //! * [`Colours`] — the colours of that foreground on a coarse grid, for appearance.
 //! * [`Observation`] — both with capture time, sequence number and health.
-//! * [`Feedback`] — what flows back: the people believed to be there, so that they are not learnt as background.
+//! * [`Feedback`] — the people believed to be there, sent back so that they are not learnt as background.
 
 mod colours;
 mod mask;
@@ -15,7 +15,7 @@ pub use self::mask::Mask;
 use crate::foreground::Verdict;
 use crate::silhouette::Body;
 
-/// What one camera saw at one time. Pictures are no part of it.
+/// Observation of one camera at one time, without its picture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Observation {
     /// Number of the frame among those that its camera delivered, from 1.

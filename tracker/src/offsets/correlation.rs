@@ -1,4 +1,4 @@
-//! How two cameras' responses correlate, by time and by lag.
+//! Correlation of two cameras' responses, by time and by lag.
 
 use std::collections::BTreeMap;
 
@@ -6,39 +6,39 @@ use super::OffsetOptions;
 use super::filter::product;
 use super::history::{History, Observation};
 
-/// Observations are gathered over windows of this length: about a way through a room in one direction, so that what one
-/// window says is nearly independent of what the next says.
+/// Length of the windows over which observations are gathered, seconds: about one walk through a room in one
+/// direction, so that the windows' results are nearly independent.
 const WINDOW_S: f64 = 4.0;
-/// Lags are gathered in bins of this width, each with the mean of its lags.
+/// Width of a bin of lags, seconds; each bin keeps the mean of its lags.
 const BIN_S: f64 = 0.02;
-/// Lags are gathered as far beyond the largest offset, to compare the peak with.
+/// Margin beyond the largest offset within which lags are gathered, too, seconds, to compare the peak with them.
 pub(super) const MARGIN_S: f64 = 1.0;
 
-/// The correlation of two cameras. The lag of two frames is what has to be added to the second camera's time to get the
-/// first one's.
+/// Correlation of two cameras. The lag of two frames is the time to add to the second camera's time to get the first
+/// one's, seconds.
 #[derive(Debug, Clone)]
 pub(super) struct PairCorrelation {
-    /// The two cameras, the lower number first.
+    /// Indices of the two cameras, the lower first.
     pub(super) cameras: [usize; 2],
-    /// The largest lag that is gathered, seconds.
+    /// Largest lag that is gathered, seconds.
     pub(super) largest_lag_s: f64,
-    /// By their number: the time of their middle, divided by their length.
+    /// Bins of each window by its number: the time of its start, divided by its length.
     windows: BTreeMap<i64, Vec<Bin>>,
 }
 
 /// Pairs of frames of about the same lag.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Bin {
-    /// Sum of the products of the two norms: what `product` would be if the responses were equal but for a factor.
+    /// Sum of the products of the two norms: equals `product` if the responses are equal but for a factor.
     pub(super) energy: f64,
-    /// Sum of lag times energy.
+    /// Sum of lag times energy, seconds.
     lag_s: f64,
     /// Sum of the scalar products.
     pub(super) product: f64,
 }
 
 impl Bin {
-    /// The mean lag; `None` of an empty bin.
+    /// Mean lag, seconds; `None` for an empty bin.
     pub(super) fn lag_s(&self) -> Option<f64> {
         (self.energy > 0.0).then(|| self.lag_s / self.energy)
     }
@@ -49,7 +49,7 @@ impl PairCorrelation {
         Self { cameras, largest_lag_s: options.reach_s + MARGIN_S, windows: BTreeMap::new() }
     }
 
-    /// The other camera of the pair; `None` of a camera that is not in it.
+    /// The other camera of the pair; `None` for a camera that is not in it.
     pub(super) fn other(&self, camera: usize) -> Option<usize> {
         match self.cameras {
             [a, b] if a == camera => Some(b),
@@ -58,7 +58,7 @@ impl PairCorrelation {
         }
     }
 
-    /// Takes in a camera's new observation beside those of the other camera.
+    /// Correlates a camera's new observation with those of the other camera.
     pub(super) fn add(&mut self, camera: usize, new: &Observation, other: &History) {
         let [first, second] = self.cameras;
         let is_first = camera == first;
@@ -84,17 +84,17 @@ impl PairCorrelation {
         bin.product += product;
     }
 
-    /// How many pairs of frames a window has for each second of lags, with this interval between frames.
+    /// Number of pairs of frames in a window for each second of lags, with this interval between frames, seconds.
     pub(super) fn window_pairs(interval_s: f64) -> f64 {
         WINDOW_S / (interval_s * interval_s)
     }
 
-    /// The windows in order: the time of the middle, and bins in order of lag.
+    /// The windows in order: time of the middle, seconds, and bins in order of lag.
     pub(super) fn windows(&self) -> impl Iterator<Item = (f64, &[Bin])> {
         self.windows.iter().map(|(number, bins)| ((*number as f64 + 0.5) * WINDOW_S, bins.as_slice()))
     }
 
-    /// Drops the windows that end before this time.
+    /// Drops the windows that end before this time, seconds.
     pub(super) fn forget_before(&mut self, time_s: f64) {
         while let Some(first) = self.windows.first_entry() {
             if (*first.key() as f64 + 1.0) * WINDOW_S > time_s {

@@ -1,9 +1,10 @@
-//! Matched filter: at which cells of the floor a mask has a person of average build.
+//! Matched filter: finds the cells of the floor where a mask shows a person of average build.
 //!
-//! The response of a cell is the share of foreground in what such a person would fill of the image, less the share in what
-//! the same person would fill half a metre to either side, nearer or farther, and they would not: so it is localised in
-//! bearing by the person's sides and in range by feet and head. Both count visible pixels alone: what the room hides says
-//! nothing. Responses are squared, which leaves little of the flanks.
+//! The response of a cell is the share of foreground in the part of the image that such a person would fill, less the
+//! share in the part that the same person would fill half a metre to either side, nearer or farther, but not at the
+//! cell itself. So the response is localised in bearing by the person's sides and in range by feet and head. Both
+//! shares count visible pixels alone: hidden pixels carry no information. Responses are squared, which leaves little
+//! of the flanks.
 
 use nalgebra::{Point2, Vector2};
 
@@ -13,22 +14,21 @@ use crate::silhouette::{Body, Shape, Silhouette, View};
 use crate::stage::{Stage, resolution};
 use crate::{Error, Result};
 
-/// Side of a cell: half of a person's width …
+/// Side of a cell, metres: half of a person's width …
 const CELL_M: f64 = 0.25;
 /// … and more where the floor would have more cells than this.
 const MOST_CELLS: f64 = 2500.0;
-/// Cells around a cell are compared with it at this distance: about a person's width, on the flank of the response.
+/// Distance of the surrounding cells that a cell is compared with, metres: about a person's width, on the flank of
+/// the response.
 const SURROUND_M: f64 = 0.6;
-/// A camera sees a cell where at least this part of a person's pixels in its image is visible.
+/// Least share of a person's pixels that must be visible for a camera to see the cell.
 const LEAST_VISIBLE: f64 = 0.4;
-/// Nobody stands where less than this share is foreground.
+/// Least share of foreground in a person's pixels; below it the response is 0.
 const LEAST_FILLED: f32 = 0.2;
-/// Masks are compared in blocks of this part of the sampler's: half of a block at the feet is 10 cm in range, which is 0.1 s
-/// of a way towards a camera.
+/// Factor by which blocks of the masks are finer than the sampler's: half of a block at the feet is 10 cm in range,
+/// which is 0.1 s of a walk towards a camera.
 const FINER: u8 = 2;
-/// A person of average build, at the origin.
-const AVERAGE: Body = Body { x_m: 0.0, y_m: 0.0, radius_m: 0.25, height_m: 1.72 };
-/// A response of 1 as it is kept.
+/// Quantized value of a response of 1.
 const FULL: f32 = 127.0;
 
 /// The matched filters of all cameras, on the cells of the floor that at least two of them see.
@@ -42,11 +42,11 @@ struct CameraFilter {
     name: String,
     size: (u32, u32),
     view: View,
-    /// One a cell; `None` where this camera does not see it.
+    /// Templates of each cell; `None` where this camera does not see it.
     cells: Vec<Option<Templates>>,
 }
 
-/// What is counted of a mask for one cell.
+/// Pixels of a mask that are counted for one cell.
 #[derive(Debug, Clone)]
 struct Templates {
     person: Template,
@@ -56,7 +56,7 @@ struct Templates {
 /// Pixels of a packed mask.
 #[derive(Debug, Clone)]
 struct Template {
-    /// The words that have some, by their place in the mask, and the pixels in each.
+    /// Words of the mask that hold any of the pixels: index of the word, and its pixels.
     words: Vec<(u32, u64)>,
     pixels: u32,
 }
@@ -64,7 +64,7 @@ struct Template {
 impl PersonFilters {
     pub(super) fn new(stage: &Stage) -> Self {
         let views = stage.cameras.iter().map(|camera| {
-            let block = (resolution::block(camera, &AVERAGE, &stage.floor) / FINER).max(1);
+            let block = (resolution::block(camera, &Body::ADULT, &stage.floor) / FINER).max(1);
             let size = (camera.width(), camera.height());
             CameraFilter {
                 name: camera.name.clone(),
@@ -75,7 +75,7 @@ impl PersonFilters {
         });
         let mut cameras: Vec<CameraFilter> = views.collect();
         for place in places(stage) {
-            let body = Body { x_m: place.x, y_m: place.y, ..AVERAGE };
+            let body = Body { x_m: place.x, y_m: place.y, ..Body::ADULT };
             let seen: Vec<_> = cameras.iter().map(|camera| Templates::of(&camera.view, &body)).collect();
             if seen.iter().flatten().count() >= 2 {
                 cameras.iter_mut().zip(seen).for_each(|(camera, seen)| camera.cells.push(seen));
@@ -84,7 +84,7 @@ impl PersonFilters {
         Self { cameras }
     }
 
-    /// Whether two cameras see some place both.
+    /// Whether two cameras see a common cell of the floor.
     pub(super) fn share_floor(&self, a: usize, b: usize) -> bool {
         let cells = self.cameras[a].cells.iter().zip(&self.cameras[b].cells);
         cells.into_iter().any(|(a, b)| a.is_some() && b.is_some())
@@ -102,7 +102,7 @@ impl PersonFilters {
         Err(Error::FrameSize { camera, frame, found_width, found_height, width: *width, height: *height })
     }
 
-    /// The responses of a camera's cells to a mask, 0 to 1.
+    /// Responses of a camera's cells to a mask, 0 to 1.
     pub(super) fn responses(&self, camera: usize, mask: &Mask) -> Vec<f32> {
         let camera = &self.cameras[camera];
         let packed = pack(mask, &camera.view);
@@ -110,7 +110,8 @@ impl PersonFilters {
         camera.cells.iter().map(response).collect()
     }
 
-    /// For each camera, the norm of responses (as they are kept) of `camera` over the cells that both see.
+    /// Norms of `camera`'s quantized responses, one for each camera, over the cells that both see; 0 for `camera`
+    /// itself.
     pub(super) fn norms(&self, camera: usize, responses: &[i8]) -> Vec<f32> {
         let norm = |other: &CameraFilter| {
             let shared = responses.iter().zip(&other.cells).filter(|(_, seen)| seen.is_some());
@@ -125,18 +126,18 @@ impl PersonFilters {
     }
 }
 
-/// A response, or its difference from a mean, as it is kept: in one byte.
+/// Response, or its difference from a mean, quantized to one byte.
 pub(super) fn quantized(response: f32) -> i8 {
     (FULL * response).round() as i8
 }
 
-/// The scalar product of two cameras' responses that were [`quantized`]. Cells that one of them does not see are 0.
+/// Scalar product of two cameras' [`quantized`] responses; cells that one of them does not see are 0.
 pub(super) fn product(a: &[i8], b: &[i8]) -> f32 {
     let sum: i32 = a.iter().zip(b).map(|(a, b)| i32::from(*a) * i32::from(*b)).sum();
     sum as f32 / (FULL * FULL)
 }
 
-/// The middles of the cells of the floor.
+/// Centres of the floor's cells, metres.
 fn places(stage: &Stage) -> impl Iterator<Item = Point2<f64>> {
     let (low, high) = stage.floor.bounds();
     let size = high - low;
@@ -148,7 +149,7 @@ fn places(stage: &Stage) -> impl Iterator<Item = Point2<f64>> {
 }
 
 impl Templates {
-    /// What a body and its surround fill of the image; `None` where too little of the body is seen.
+    /// Pixels that a body and its surround fill in the image; `None` where too little of the body is visible.
     fn of(view: &View, body: &Body) -> Option<Self> {
         let person = Silhouette::new(view, &Shape::CORE.of(body));
         if person.visible_px == 0 || f64::from(person.visible_px) < LEAST_VISIBLE * f64::from(person.area_px)
@@ -169,7 +170,7 @@ impl Templates {
         (surround.pixels > 0).then(|| Self { person: own.template(), surround })
     }
 
-    /// 0 to 1.
+    /// Response of the cell to a packed mask, 0 to 1.
     fn response(&self, mask: &[u64]) -> f32 {
         let filled = self.person.share(mask);
         if filled < LEAST_FILLED {
@@ -180,14 +181,14 @@ impl Templates {
 }
 
 impl Template {
-    /// The share of the pixels that are foreground.
+    /// Share of the template's pixels that are foreground, 0 to 1.
     fn share(&self, mask: &[u64]) -> f32 {
         let found: u32 = self.words.iter().map(|(at, bits)| (mask[*at as usize] & bits).count_ones()).sum();
         found as f32 / self.pixels as f32
     }
 }
 
-/// A whole packed image, to draw silhouettes into.
+/// Packed image into which silhouettes are drawn.
 struct Packed {
     words_per_row: usize,
     words: Vec<u64>,

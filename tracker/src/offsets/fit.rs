@@ -1,54 +1,56 @@
-//! The straight line through lag over time along which two cameras correlate best.
+//! Straight line of lag over time along which two cameras correlate best.
 //!
-//! A search over a grid of offsets and drifts finds the peak. It is refined by Newton's method on the sum over all windows
-//! of local quadratic fits of the correlation. A window's slope at the line, divided by the curvature of all windows
-//! together, is how far that window's own peak is away: these residuals tell the uncertainty, and the fit to them is robust.
+//! A search over a grid of offsets and drifts finds the peak. It is refined by Newton's method on the sum over all
+//! windows of local quadratic fits of the correlation. The distance from the line to a window's own peak is the
+//! window's slope at the line, divided by the curvature of all windows together. These residuals give the
+//! uncertainty, and the fit to them is robust.
 
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
 use super::OffsetOptions;
 use super::correlation::{Bin, PairCorrelation};
 
-/// Step of the search over offsets.
+/// Step of the search over offsets, seconds.
 const STEP_S: f64 = 0.04;
-/// The search smooths over lags by a triangle of at least this half-width …
+/// Least half-width of the triangle by which the search smooths over lags, seconds …
 const SMOOTHING_S: f64 = 0.12;
-/// … and of this many intervals between frames: frames at the same rate have lags one interval apart.
+/// … and the same in intervals between frames: frames at the same rate have lags one interval apart.
 const SMOOTHING_INTERVALS: f64 = 0.75;
-/// Half-width of the local quadratic fit, and the same in intervals. The peak of people who walk is about 0.4 s wide.
+/// Half-width of the local quadratic fit, seconds, and the same in intervals. The peak of people who walk is about
+/// 0.4 s wide.
 const FIT_S: f64 = 0.25;
 const FIT_INTERVALS: f64 = 1.75;
-/// The search over drifts reaches as many standard deviations …
+/// Reach of the search over drifts, standard deviations …
 const DRIFT_SIGMAS: f64 = 3.0;
-/// … in steps that move the ends of the line by this.
+/// … and its step, as the movement of the line's ends, seconds.
 const DRIFT_STEP_S: f64 = 0.08;
-/// Lags of less energy than this part of the greatest are not searched: recordings that hardly overlap.
+/// Least share of the greatest energy for a lag to be searched; with less, recordings hardly overlap.
 const LEAST_OVERLAP: f64 = 0.25;
-/// Another peak is at least this far away.
+/// Least distance of another peak, seconds.
 const PEAK_WIDTH_S: f64 = 0.6;
-/// A peak is real when its correlation is at least this …
+/// Least correlation of a real peak …
 const LEAST_CORRELATION: f64 = 0.07;
-/// … and the greatest correlation away from it at most this part of it.
+/// … and greatest correlation allowed away from the peak, as a share of the peak's.
 const MOST_SECOND: f64 = 0.7;
 /// Mean energy of a pair of frames while one person walks where both cameras see them, on generated scenes.
 pub(super) const WALKER_ENERGY: f64 = 1.0;
-/// Standard deviation of the slope that one walker's window has at the true offset, 1/s, on generated scenes, and how many
-/// windows' observations that is worth. The flatter the peak, the farther such a slope moves it: two cameras that look at
-/// right angles to each other tell time by range alone, and have flat peaks.
+/// Standard deviation of the slope that one walker's window has at the true offset, 1/s, on generated scenes, and the
+/// number of windows for which this expectation counts. The flatter the peak, the farther such a slope moves it: two
+/// cameras that look at right angles to each other measure time by range alone, and have flat peaks.
 const SLOPE_SIGMA: f64 = 0.11;
 const SLOPE_SIGMA_COUNT: f64 = 4.0;
-/// More people than this in a window say no more: they share the room's errors of range.
+/// Number of people in a window beyond which more add no information: they share the room's errors of range.
 const MOST_WALKERS: f64 = 1.0;
-/// Residuals beyond as many standard deviations count less (Huber).
+/// Number of standard deviations beyond which residuals count less (Huber).
 const HUBER: f64 = 2.0;
-/// Newton's steps, and when they end.
+/// Largest number of Newton's steps, and the step at which they end, seconds.
 const MOST_STEPS: usize = 12;
 const CONVERGED_S: f64 = 1e-4;
 
 /// An offset that changes at a constant rate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Line {
-    /// The time of `offset_s`.
+    /// Time at which the offset of `value` holds, seconds.
     pub(super) at_s: f64,
     /// Offset in seconds, and its drift in seconds a second.
     pub(super) value: Vector2<f64>,
@@ -56,19 +58,19 @@ pub(super) struct Line {
 }
 
 impl Line {
-    /// The inverse of the covariance; zero where there is none.
+    /// Inverse of the covariance; zero where there is none.
     pub(super) fn precision(&self) -> Matrix2<f64> {
         self.covariance.try_inverse().unwrap_or_default()
     }
 
-    /// The same line, its offset at another time.
+    /// The same line, with its offset at another time, seconds.
     pub(super) fn at(&self, time_s: f64) -> Self {
         let step = Matrix2::new(1.0, time_s - self.at_s, 0.0, 1.0);
         Self { at_s: time_s, value: step * self.value, covariance: step * self.covariance * step.transpose() }
     }
 }
 
-/// A window of time, its middle counted from the middle of all energy.
+/// Window of time; its middle is relative to the energy-weighted mean time, seconds.
 struct Window<'a> {
     time_s: f64,
     bins: &'a [Bin],
@@ -79,7 +81,7 @@ struct Window<'a> {
 struct Peak {
     value: Vector2<f64>,
     correlation: f64,
-    /// The greatest correlation away from the peak.
+    /// Greatest correlation away from the peak.
     second: f64,
 }
 
@@ -90,7 +92,7 @@ struct Local {
     half_curvature: f64,
 }
 
-/// The line of a pair whose cameras have `interval_s` between their frames; `None` while there is no peak that is real.
+/// Fits the line of a pair whose cameras have `interval_s` between their frames; `None` while there is no real peak.
 pub(super) fn fit(pair: &PairCorrelation, interval_s: f64, options: &OffsetOptions) -> Option<Line> {
     let energy_of = |bins: &[Bin]| bins.iter().map(|bin| bin.energy).sum::<f64>();
     let (mut all, mut moment) = (0.0, 0.0);
@@ -116,7 +118,7 @@ pub(super) fn fit(pair: &PairCorrelation, interval_s: f64, options: &OffsetOptio
     Some(Line { at_s, value, covariance })
 }
 
-/// The greatest correlation on a grid of offsets and drifts.
+/// Finds the greatest correlation on a grid of offsets and drifts.
 fn search(windows: &[Window], largest_s: f64, interval_s: f64, options: &OffsetOptions) -> Option<Peak> {
     let half_s = SMOOTHING_S.max(SMOOTHING_INTERVALS * interval_s);
     let count = (2.0 * largest_s / STEP_S) as usize + 1;
@@ -170,7 +172,7 @@ fn smoothed(bins: &[Bin], largest_s: f64, count: usize, half_s: f64) -> Vec<[f64
     grid
 }
 
-/// The line near a peak at which the correlation is greatest, and its covariance.
+/// Finds the line near a peak at which the correlation is greatest, and its covariance.
 fn refine(
     windows: &[Window],
     start: Vector2<f64>,
@@ -196,7 +198,8 @@ fn refine(
         if half_curvature.is_nan() || half_curvature >= 0.0 {
             return None;
         }
-        // How far each window's own peak is from the line, and how many walkers' windows it counts for.
+        // Distance of each window's own peak from the line, seconds, and the number of walkers' windows that it
+        // counts for.
         let residuals: Vec<(Vector2<f64>, f64, f64)> = locals
             .iter()
             .map(|(x, local)| {
@@ -227,12 +230,12 @@ fn refine(
 }
 
 impl Local {
-    /// The fit by least squares, weighted by energy and by a kernel (Epanechnikov's) of this half-width; `None` where there
-    /// are too few lags.
+    /// Fits by least squares, weighted by energy and by a kernel (Epanechnikov's) of this half-width, seconds; `None`
+    /// where there are too few lags.
     fn at(bins: &[Bin], lag_s: f64, half_s: f64) -> Option<Self> {
         let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
         for (bin, bin_lag_s) in bins.iter().filter_map(|bin| Some((bin, bin.lag_s()?))) {
-            // In half-widths, so that the matrix is well scaled.
+            // Lags are in half-widths, so that the matrix is well scaled.
             let x = (bin_lag_s - lag_s) / half_s;
             if x.abs() < 1.0 {
                 let kernel = 1.0 - x * x;

@@ -1,54 +1,55 @@
-//! One camera's responses over time, with what stands still taken out.
+//! Responses of one camera over time, with their static part removed.
 
 use std::collections::VecDeque;
 
 use super::filter::quantized;
 
-/// Frames are taken in at most this often, on average.
+/// Least mean interval at which frames are taken in, seconds.
 const LEAST_INTERVAL_S: f64 = 1.0 / 16.0;
-/// Time constant of the running mean that is taken out of the responses: somebody who stays for longer is furniture.
+/// Time constant of the running mean that is subtracted from the responses, seconds: a person who stays for longer
+/// counts as furniture.
 const MEAN_S: f64 = 5.0;
-/// The mean begins as that of this many seconds, which are not used: otherwise somebody who is there at the beginning would
-/// mark in each camera when *it* began.
+/// Time over which the mean is first formed, seconds. Its frames are not used: otherwise a person who is there at the
+/// beginning would mark in each camera when *it* began.
 const WARM_UP_S: f64 = 2.0;
-/// After a gap longer than this, the mean begins anew.
+/// Longest gap that the mean survives, seconds; after a longer one it begins anew.
 const LONGEST_GAP_S: f64 = 2.0;
 /// Share of the newest interval in the running mean of intervals.
 const NEWEST: f64 = 0.05;
 
-/// What one camera has observed.
+/// Observations of one camera.
 #[derive(Debug, Clone, Default)]
 pub(super) struct History {
     observations: VecDeque<Observation>,
     latest_s: Option<f64>,
-    /// From when on the next frame is taken in.
+    /// Time from which on the next frame is taken in, seconds.
     due_s: Option<f64>,
-    /// When the mean began.
+    /// Time at which the mean began, seconds.
     begun_s: f64,
     mean: Vec<f32>,
     interval_s: Option<f64>,
 }
 
-/// A camera's responses at one time.
+/// Responses of a camera at one time.
 #[derive(Debug, Clone)]
 pub(super) struct Observation {
     pub(super) time_s: f64,
     /// Differences from the mean, quantized.
     pub(super) responses: Vec<i8>,
-    /// For each other camera, the norm over the cells that it sees, too.
+    /// Norms over the cells that each other camera sees, too.
     pub(super) norms: Vec<f32>,
 }
 
 impl History {
-    /// Whether a frame of this time is to be taken in.
+    /// Whether a frame of this time, seconds, is to be taken in.
     pub(super) fn is_due(&self, time_s: f64) -> bool {
         time_s.is_finite()
             && self.latest_s.is_none_or(|latest_s| time_s > latest_s)
             && self.due_s.is_none_or(|due_s| time_s >= due_s)
     }
 
-    /// Takes in the responses of a frame that is due. Returns whether it can be compared with other cameras' frames: not
-    /// while the mean begins.
+    /// Takes in the responses of a frame that is due. Returns whether it can be compared with other cameras' frames:
+    /// `false` while the mean begins.
     pub(super) fn push(&mut self, time_s: f64, responses: &[f32], norms: impl Fn(&[i8]) -> Vec<f32>) -> bool {
         let elapsed_s = self.latest_s.map_or(f64::INFINITY, |latest_s| time_s - latest_s);
         // Jitter may bring two frames close together: a frame can be early by one interval.
@@ -63,7 +64,7 @@ impl History {
         }
         let interval_s = self.interval_s.get_or_insert(elapsed_s);
         *interval_s += NEWEST * (elapsed_s - *interval_s);
-        // The plain mean so far, until it is as long as the running mean reaches.
+        // The plain mean, until its span is that of the running mean.
         let share = elapsed_s / (time_s - self.begun_s).min(MEAN_S);
         for (mean, response) in self.mean.iter_mut().zip(responses) {
             *mean += share as f32 * (response - *mean);
@@ -88,12 +89,12 @@ impl History {
         self.observations.range(first..).take_while(move |o| o.time_s <= to_s)
     }
 
-    /// Mean time between two frames, of late; 0 before there were two.
+    /// Mean interval between the latest frames, seconds; 0 before there were two.
     pub(super) fn interval_s(&self) -> f64 {
         self.interval_s.unwrap_or(0.0)
     }
 
-    /// Drops what is older than this.
+    /// Drops the observations before this time, seconds.
     pub(super) fn forget_before(&mut self, time_s: f64) {
         let old = self.observations.partition_point(|o| o.time_s < time_s);
         self.observations.drain(..old);

@@ -1,22 +1,23 @@
 //! Time offsets and clock drifts between cameras, estimated from the people that several cameras see.
 //!
-//! A person stands at one place of the floor at one time, whichever camera looks. So for each camera a matched filter
-//! ([`filter`]) responds, frame by frame, at the cells of the floor where the mask has a person of average build; and two
-//! cameras' responses correlate best when the times of one are shifted by the offset between their clocks.
+//! A person stands at one place of the floor at one time in every camera's view. So for each camera a matched filter
+//! ([`filter`]) responds, frame by frame, at the cells of the floor where the mask has a person of average build; and
+//! two cameras' responses correlate best when the times of one are shifted by the offset between their clocks.
 //!
 //! 1. [`filter`] — masks to responses on the cells of the floor.
-//! 2. [`history`] — one camera's responses over time, with what stands still taken out: it says nothing about time.
-//! 3. [`correlation`] — two cameras' responses, correlated by lag and by time. Every pair of frames counts at its own lag
-//!    (the discrete correlation function of Edelson and Krolik, "The discrete correlation function: a new method for
-//!    analyzing unevenly sampled variability data", Astrophysical Journal 333, 1988), so that rates may differ, frames may
-//!    be lost and times may jitter without anything being interpolated.
-//! 4. [`fit`] — the straight line through lag over time on which a pair correlates best, its uncertainty, and whether the
+//! 2. [`history`] — one camera's responses over time, without their static part, which carries no information about
+//!    time.
+//! 3. [`correlation`] — two cameras' responses, correlated by lag and by time. Every pair of frames counts at its own
+//!    lag (the discrete correlation function of Edelson and Krolik, "The discrete correlation function: a new method
+//!    for analyzing unevenly sampled variability data", Astrophysical Journal 333, 1988), so that rates may differ,
+//!    frames may be lost and times may jitter without anything being interpolated.
+//! 4. [`fit`] — the straight line of lag over time on which a pair correlates best, its uncertainty, and whether the
 //!    peak is real.
 //! 5. [`network`] — the offsets of all cameras together, from those of the pairs.
 //!
-//! The error that remains is one of range: a person whose legs are hidden, or who is tall, seems to be nearer or farther
-//! than they are, which looks like being early or late, depending on their direction. It averages out over directions, and
-//! the uncertainty is that of independent ways through the room, not of frames.
+//! The error that remains is one of range: a person whose legs are hidden, or who is tall, seems to be nearer or
+//! farther than they are, which looks like being early or late, depending on their direction. It averages out over
+//! directions, and the uncertainty is that of independent ways through the room, not of frames.
 
 mod correlation;
 mod filter;
@@ -39,17 +40,17 @@ use crate::stage::Stage;
 pub use self::network::CameraOffset;
 pub use self::options::OffsetOptions;
 
-/// The offsets of all cameras, as they are known at one time.
+/// Offsets of all cameras, as estimated at one time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Offsets {
-    /// The time the offsets are of: the latest observed, seconds.
+    /// Time for which the offsets hold: the latest observed, seconds.
     pub at_s: f64,
     /// One for each camera of the stage.
     pub cameras: Vec<CameraOffset>,
 }
 
 impl Offsets {
-    /// What to add to a time of this camera, so that it agrees with the reference camera's clock. 0 while it is not known.
+    /// Seconds to add to a time of this camera to get the reference camera's clock; 0 while the offset is not known.
     pub fn correction_s(&self, camera: usize, time_s: f64) -> f64 {
         let offset = &self.cameras[camera];
         if offset.is_known { offset.offset_s + 1e-6 * offset.drift_ppm * (time_s - self.at_s) } else { 0.0 }
@@ -59,30 +60,28 @@ impl Offsets {
 /// Estimates the offsets between the cameras of a stage from their foreground masks.
 ///
 /// ```no_run
-/// # fn main() -> tracker::Result<()> {
-/// # let stage: tracker::stage::Stage = todo!();
-/// # let masks: Vec<(usize, f64, tracker::observation::Mask)> = todo!();
-/// use tracker::offsets::{OffsetEstimator, OffsetOptions};
+/// use tracker::observation::Mask;
+/// use tracker::offsets::{OffsetEstimator, OffsetOptions, Offsets};
+/// use tracker::stage::Stage;
 ///
-/// let mut estimator = OffsetEstimator::new(&stage, OffsetOptions::recording())?;
-/// for (camera, time_s, mask) in masks {
-///     estimator.observe(camera, time_s, &mask)?;
+/// fn offsets(stage: &Stage, masks: Vec<(usize, f64, Mask)>) -> tracker::Result<Offsets> {
+///     let mut estimator = OffsetEstimator::new(stage, OffsetOptions::recording())?;
+///     for (camera, time_s, mask) in masks {
+///         estimator.observe(camera, time_s, &mask)?;
+///     }
+///     Ok(estimator.estimate())
 /// }
-/// let offsets = estimator.estimate();
-/// let corrected_s = 12.5 + offsets.correction_s(1, 12.5);
-/// # Ok(())
-/// # }
 /// ```
 #[derive(Debug, Clone)]
 pub struct OffsetEstimator {
     options: OffsetOptions,
     filters: PersonFilters,
-    /// How many masks have come, by camera.
+    /// Number of masks so far, by camera.
     frames: Vec<u32>,
     histories: Vec<History>,
-    /// Every two cameras that share floor, the lower number first.
+    /// Pairs of cameras that share floor, the lower number first.
     pairs: Vec<PairCorrelation>,
-    /// The latest time observed, of any camera.
+    /// Latest time observed by any camera, seconds.
     latest_s: f64,
 }
 
@@ -107,11 +106,12 @@ impl OffsetEstimator {
         })
     }
 
-    /// Takes in a camera's mask: of its pinhole image, 0 where there is background. Times are the camera's own, in seconds.
+    /// Takes in a camera's mask, of its pinhole image; 0 is background. Times are the camera's own, in seconds.
     ///
-    /// Cameras may come in any order, also one after the other as far as [`OffsetOptions::keep_s`] reaches; the frames of one
-    /// camera come in order of time, and one that does not is left out. Frames beyond 15 a second are left out, too. Where a
-    /// recording is only sampled, runs of consecutive frames are wanted, 10 s and longer, not single frames.
+    /// Cameras may come in any order, also one after the other as far as [`OffsetOptions::keep_s`] reaches. The
+    /// frames of one camera come in order of time, and one that does not is left out. Frames beyond 15 a second are
+    /// left out, too. Where a recording is only sampled, give runs of consecutive frames, 10 s and longer, not single
+    /// frames.
     ///
     /// # Errors
     /// [`Error::FrameSize`] when the mask has not the size of the camera's images.
@@ -139,7 +139,7 @@ impl OffsetEstimator {
         Ok(())
     }
 
-    /// The offsets by all that has been observed within [`OffsetOptions::window_s`].
+    /// Estimates the offsets from all observations within [`OffsetOptions::window_s`].
     pub fn estimate(&self) -> Offsets {
         let lines = self.pairs.iter().filter_map(|pair| {
             let interval_s =

@@ -1,41 +1,42 @@
-//! The offsets of all cameras, from those of the pairs: weighted least squares, for each group of cameras that pairs join.
+//! The offsets of all cameras, from those of the pairs: weighted least squares, for each group of cameras that pairs
+//! join.
 //!
-//! Around a triangle of cameras the pairs' offsets should add up to 0. Where they contradict each other by more than their
-//! uncertainties, all uncertainties grow by as much (Birge, "The calculation of errors by the method of least squares",
-//! Physical Review 40, 1932).
+//! Around a triangle of cameras the pairs' offsets should add up to 0. Where they contradict each other by more than
+//! their uncertainties, all uncertainties grow by as much (Birge, "The calculation of errors by the method of least
+//! squares", Physical Review 40, 1932).
 
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 
 use super::OffsetOptions;
 use super::fit::Line;
 
-/// What is known of the clock of one camera.
+/// Estimated offset and drift of the clock of one camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CameraOffset {
-    /// The camera whose clock this one is compared with: of all cameras that are joined by people whom two of them see, the
-    /// first. A camera that is its own reference has offset 0.
+    /// Camera whose clock this one is compared with: the first of all cameras that are joined by people whom two of
+    /// them see. A camera that is its own reference has offset 0.
     pub reference: usize,
-    /// What to add to this camera's times, so that they agree with the reference's clock: seconds, at [`super::Offsets::at_s`].
+    /// Seconds to add to this camera's times to get the reference's clock, at [`super::Offsets::at_s`].
     pub offset_s: f64,
     /// Standard deviation of the offset, seconds; infinite where nothing is observed.
     pub sigma_s: f64,
-    /// How fast the offset changes, microseconds a second. Drawn to 0 while little is observed.
+    /// Rate at which the offset changes, microseconds a second; drawn towards 0 while little is observed.
     pub drift_ppm: f64,
-    /// Standard deviation of the drift.
+    /// Standard deviation of the drift, microseconds a second.
     pub drift_sigma_ppm: f64,
-    /// Whether the offset can be used: it is that of a real peak, well enough determined; or the camera is the reference of
-    /// others.
+    /// Whether the offset can be used: it comes from a real peak and is well enough determined, or the camera is the
+    /// reference of others.
     pub is_known: bool,
 }
 
 impl CameraOffset {
-    /// The drift, once it has been observed for long enough to be worth telling.
+    /// Drift, microseconds a second; `None` until it is known well enough to be reported.
     pub fn known_drift_ppm(&self) -> Option<f64> {
         (self.is_known && self.drift_sigma_ppm < TOLD_DRIFT_SIGMA_PPM).then_some(self.drift_ppm)
     }
 }
 
-/// A drift is told when its standard deviation is below this: a quarter of what clocks differ by at most.
+/// Standard deviation below which a drift is reported: a quarter of the largest difference between clocks.
 const TOLD_DRIFT_SIGMA_PPM: f64 = 50.0;
 
 /// Solves for the offsets of `count` cameras from the lines of pairs, all of the same time.
@@ -71,7 +72,7 @@ pub(super) fn solve(
     let groups = (0..count).filter(|camera| reference[*camera] == *camera).count();
     let birge = solution.as_ref().map_or(1.0, |solution| {
         let squares: f64 = lines.iter().map(|(cameras, line)| contradiction(*cameras, line, solution)).sum();
-        // Each pair tells two numbers, and each camera that is no reference takes two.
+        // Each pair gives two numbers, and each camera that is no reference takes two.
         let freedom = 2 * (lines.len() + groups).saturating_sub(count);
         if freedom > 0 { (squares / freedom as f64).sqrt().max(1.0) } else { 1.0 }
     });
@@ -99,7 +100,8 @@ pub(super) fn solve(
 }
 
 impl CameraOffset {
-    /// A camera that is its own reference, because others are compared with it or because it is with none.
+    /// Offset of a camera that is its own reference: others are compared with it (`is_used`), or it is compared with
+    /// none.
     fn of_reference(camera: usize, is_used: bool) -> Self {
         let sigma = if is_used { 0.0 } else { f64::INFINITY };
         Self {
@@ -113,7 +115,7 @@ impl CameraOffset {
     }
 }
 
-/// The squared number of standard deviations between a pair's own line and the solution.
+/// Squared distance between a pair's own line and the solution, in standard deviations.
 fn contradiction([a, b]: [usize; 2], line: &Line, solution: &DVector<f64>) -> f64 {
     let of = |camera: usize| -> Vector2<f64> { solution.fixed_rows::<2>(2 * camera).into() };
     let apart = line.value - (of(b) - of(a));
@@ -125,10 +127,10 @@ fn add(matrix: &mut DMatrix<f64>, row: usize, column: usize, block: &Matrix2<f64
     view += block;
 }
 
-/// For each camera the first one that pairs join it with.
+/// First camera that pairs join each camera with.
 fn references(count: usize, lines: &[([usize; 2], Line)]) -> Vec<usize> {
     let mut reference: Vec<usize> = (0..count).collect();
-    // As many rounds as the longest chain has links.
+    // One round for each link of the longest possible chain.
     for _ in 0..count {
         for ([a, b], _) in lines {
             let first = reference[*a].min(reference[*b]);

@@ -1,28 +1,29 @@
-//! What can be set about the estimation of offsets.
+//! Options of the estimation of offsets.
 
 use serde::{Deserialize, Serialize};
 
 use crate::{Error, Result};
 
-/// How offsets are estimated. [`Self::recording`] and [`Self::live`] are the two that are meant to be used.
+/// Options of the estimation of offsets. Use [`Self::recording`] or [`Self::live`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct OffsetOptions {
-    /// The largest offset between two cameras that is looked for, in seconds either way.
+    /// Largest offset between two cameras that is searched, in seconds either way.
     pub reach_s: f64,
-    /// How far back observations count, in seconds. Long enough to tell a drift, short enough that it is constant.
+    /// Age up to which observations count, in seconds. Long enough to measure a drift, short enough that it is
+    /// constant.
     pub window_s: f64,
-    /// How long a camera's observations wait for those of the other cameras of about the same time, in seconds; at least
-    /// `reach_s` and as much as one camera's frames come later than another's.
+    /// Time for which a camera's observations wait for those of the other cameras of about the same time, in seconds;
+    /// at least `reach_s` and as much as one camera's frames come later than another's.
     pub keep_s: f64,
     /// Standard deviation of the drift between two cameras' clocks before anything is observed, parts per million.
     pub drift_sigma_ppm: f64,
-    /// An offset counts as known when its standard deviation is below this, in seconds.
+    /// Standard deviation below which an offset counts as known, in seconds.
     pub known_sigma_s: f64,
 }
 
 impl OffsetOptions {
-    /// For recordings, of which nobody says when they began: ± 3 s, everything counts.
+    /// Options for recordings whose start times are unknown: ± 3 s, all observations count.
     pub fn recording() -> Self {
         Self {
             reach_s: 3.0,
@@ -34,13 +35,13 @@ impl OffsetOptions {
         }
     }
 
-    /// For live cameras whose clocks are about right: ± 0.5 s, the latest ten minutes count.
+    /// Options for live cameras whose clocks are about right: ± 0.5 s, the latest ten minutes count.
     pub fn live() -> Self {
-        // Half a second of error is worse than one of a tenth, which is corrected further as more is seen.
+        // An error of half a second is worse than one of a tenth, which is corrected further as more is observed.
         Self { reach_s: 0.5, window_s: 600.0, keep_s: 5.0, known_sigma_s: 0.1, ..Self::recording() }
     }
 
-    /// Whether the options make sense.
+    /// Checks that the options make sense.
     ///
     /// # Errors
     /// [`Error::Option`] for the first that does not.

@@ -14,23 +14,24 @@ const EVERY_S: f64 = 0.5;
 const LEAST_STEP_S: f64 = 0.005;
 /// An offset that is this large, and three standard deviations, is worth a warning where it is not applied, seconds.
 const TELLING_S: f64 = 0.04;
-/// How long a camera's observations are kept for those of others in a run whose offsets are not searched for, seconds.
+/// Time for which a camera's observations are kept to be compared with others', in a run whose offsets are not searched for,
+/// seconds.
 const KEEP_S: f64 = 10.0;
 
-/// What is known of one camera's clock at the end of a run, as `timings.json` has it.
+/// Knowledge of one camera's clock at the end of a run, as `timings.json` has it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ClockReport {
     /// The camera.
     pub camera: String,
     /// The camera whose clock it is compared with.
     pub reference: String,
-    /// What was added to its times, seconds.
+    /// Offset that was added to its times, seconds.
     pub applied_s: f64,
-    /// What is to be added to them by the people that were seen, seconds; `null` where they do not tell.
+    /// Offset that the people seen speak for, seconds; `null` where they do not tell.
     pub offset_s: Option<f64>,
     /// Standard deviation of that, seconds.
     pub sigma_s: Option<f64>,
-    /// How fast it changes, microseconds a second, where the run was long enough to tell.
+    /// Change of the offset, microseconds a second, where the run was long enough to tell.
     pub drift_ppm: Option<f64>,
 }
 
@@ -39,7 +40,7 @@ pub struct ClockReport {
 pub struct ClockOffsets {
     estimator: OffsetEstimator,
     names: Vec<String>,
-    /// What was said about the clocks beforehand.
+    /// Alignments that the user gave.
     given: Vec<Alignment>,
     applied: Vec<Alignment>,
     applies: bool,
@@ -82,7 +83,7 @@ impl ClockOffsets {
         }
     }
 
-    /// How the clocks are to be brought together from now on, where that has changed.
+    /// Alignments from now on, where they have changed.
     pub fn changed(&mut self, now_s: f64) -> Option<Vec<Alignment>> {
         if !self.applies || now_s < self.next_look_s {
             return None;
@@ -98,7 +99,7 @@ impl ClockOffsets {
         })
     }
 
-    /// What is known at the end, told in the log.
+    /// Reports of all cameras' clocks; the log tells them as well.
     pub fn finish(self) -> Vec<ClockReport> {
         let offsets = self.estimator.estimate();
         let mut reports = Vec::new();

@@ -32,7 +32,7 @@ impl Held {
         outputs.iter_mut().try_for_each(|output| output.put(&followed))
     }
 
-    /// What its pictures take of memory.
+    /// Memory of its pictures, bytes.
     fn bytes(&self) -> usize {
         let pictures = self.pictures.iter().flat_map(|p| [&p.pinhole, &p.filmed]);
         pictures.flatten().map(|picture| picture.as_raw().len()).sum()
@@ -42,7 +42,7 @@ impl Held {
 /// The moments that are held, the oldest first.
 pub(super) struct LagBuffer {
     lag_s: f64,
-    /// What the pictures of all of them may take of memory; a moment that would not fit sends the oldest out early.
+    /// Most memory of all held pictures, bytes; a moment that would not fit sends the oldest out early.
     most_bytes: usize,
     bytes: usize,
     moments: VecDeque<Held>,

@@ -145,7 +145,7 @@ pub fn run(
     })
 }
 
-/// What a run has just done.
+/// Latest step of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Progress {
     /// Followed a moment.

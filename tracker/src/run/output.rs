@@ -1,4 +1,4 @@
-//! What is made of the estimates while they are made: files, films, a plan, a page.
+//! Outputs that grow with the estimates: files, films, a plan, a page.
 
 use std::sync::Arc;
 

@@ -3,11 +3,11 @@
 use std::sync::mpsc::Receiver;
 
 use super::clock_offsets::alignments;
-use crate::gathering::{Alignment, Port};
+use crate::gathering::Alignment;
 use crate::observation::Feedback;
 use crate::offsets::{OffsetEstimator, OffsetOptions};
 use crate::stage::Stage;
-use crate::station::{Event, Seen};
+use crate::station::{Event, Port, Seen};
 use crate::{Error, Result};
 
 /// Recordings are looked at for so long: offsets do not change.
@@ -16,7 +16,7 @@ const LOOK_S: f64 = 300.0;
 /// Looks through the recordings of these stations for the offsets between their clocks, on top of what is `given`.
 ///
 /// # Errors
-/// What a station failed of before any observation; masks of another size than their camera's.
+/// The error of a station before its first observation; masks of another size than their camera's.
 pub fn search_offsets(
     stage: &Stage,
     mut ports: Vec<Port>,

@@ -1,9 +1,9 @@
-//! When each frame of a recording was taken, frame by frame.
+//! Capture times of a recording, frame by frame.
 
 use super::Times;
 use crate::Result;
 
-/// What says when the frames of a recording were taken.
+/// Origin of a recording's capture times.
 #[derive(Debug, Clone, PartialEq)]
 enum Clock {
     /// A rate or a file, whatever the recording says.

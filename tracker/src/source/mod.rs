@@ -62,7 +62,7 @@ pub enum VideoSource {
 /// A stream or a device, which may be away.
 #[derive(Debug)]
 pub struct LiveSource {
-    /// What the user called it.
+    /// URL or device number as the user gave it.
     pub spec: String,
     /// The stream, where it could be opened.
     pub opened: Option<FrameSource>,

@@ -1,11 +1,11 @@
-//! The station of a live camera: what it shows now, whatever happened before.
+//! The station of a live camera: it observes what the camera shows now, and never works off a backlog.
 //!
 //! A reader thread empties the stream as fast as it comes, so that nothing waits in a socket, and hands over at most
-//! [`READY`] pictures; while the station is busy, pictures are passed over and counted. A stream that breaks off is opened
-//! again, once a second, for as long as it takes.
+//! [`READY`] pictures; while the station is busy, pictures are passed over, and missing in the sequence of its observations.
+//! A stream that breaks off is opened again, once a second, for as long as it takes.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, TryRecvError, channel};
 use std::thread;
 use std::time::{Duration, Instant, SystemTime};
@@ -25,26 +25,24 @@ use crate::{Error, Result};
 const READY: usize = 1;
 /// Between two attempts to open a stream.
 const RETRY: Duration = Duration::from_secs(1);
-/// How often a station that sees nothing looks whether anybody still listens.
+/// Interval at which a station without pictures checks whether anybody still listens.
 const LISTEN: Duration = Duration::from_millis(200);
 /// Width by height of a picture may differ by this part from what the room was calibrated for.
 const SAME_SHAPE: f64 = 0.01;
 
-/// One live camera, with what is made of it.
+/// Station of one live camera.
 pub struct LiveStation {
-    /// Where the pictures come from.
+    /// Stream or device.
     pub source: LiveSource,
-    /// What makes the observations.
+    /// Maker of the observations.
     pub observer: Observer,
     /// Width and height of the camera as the room has it, pixels.
     pub filmed_size: (u32, u32),
     /// The size of the pictures that are drawn, and when they are wanted.
     pub drawn: ((u32, u32), PictureDemand),
-    /// Frames that were passed over because the station was busy.
-    pub passed_over: Arc<AtomicU64>,
 }
 
-/// What the reader hands over.
+/// A message from the reader to the station.
 enum Read {
     Frame(Box<Frame>),
     /// The stream is not there, or shows what the room was not calibrated for.
@@ -62,7 +60,7 @@ struct Frame {
 impl LiveStation {
     /// Observes until nobody listens; `send` says whether somebody does. Feedback is taken in as it comes.
     pub fn run(self, feedback: &Receiver<Feedback>, permits: &Permits, mut send: impl FnMut(Event) -> bool) {
-        let Self { source, mut observer, filmed_size, drawn, passed_over } = self;
+        let Self { source, mut observer, filmed_size, drawn } = self;
         let (give, take) = channel();
         let is_wanted = Arc::new(AtomicBool::new(true));
         let waiting = Arc::new(AtomicUsize::new(0));
@@ -74,7 +72,6 @@ impl LiveStation {
             give,
             waiting: Arc::clone(&waiting),
             is_wanted: Arc::clone(&is_wanted),
-            passed_over,
             sequence: 0,
             latest_health: Verdict::Usable,
         };
@@ -134,7 +131,7 @@ fn observe(observer: &mut Observer, frame: Frame) -> Result<Seen> {
     })
 }
 
-/// What a camera shows whose stream is away.
+/// The observation of a camera whose stream is away.
 fn nothing(health: Verdict) -> Seen {
     Seen {
         observation: Observation::unusable(0, utc_s(SystemTime::now()), health),
@@ -155,7 +152,6 @@ struct Reader {
     /// Pictures that wait for the station.
     waiting: Arc<AtomicUsize>,
     is_wanted: Arc<AtomicBool>,
-    passed_over: Arc<AtomicU64>,
     sequence: u64,
     latest_health: Verdict,
 }
@@ -198,7 +194,6 @@ impl Reader {
                     return;
                 }
             }
-            self.sequence += 1;
             let stamp = stream.stamp();
             let arrived_s = utc_s(SystemTime::now()) - stamp.arrival.elapsed().as_secs_f64();
             let time_s = clock.next(stamp.presentation_s, stamp.sender_s, arrived_s);
@@ -208,6 +203,7 @@ impl Reader {
                 }
                 continue;
             }
+            self.sequence += 1;
             if !self.hand_over(&mut stream, time_s, started) {
                 return;
             }
@@ -222,10 +218,10 @@ impl Reader {
         (ratio - 1.0).abs() <= SAME_SHAPE
     }
 
-    /// Hands the frame over that was decoded last if the station has room for it; whether the station is still there.
+    /// Hands over the frame that was decoded last, if the station has room for it. Returns whether the station is still there.
     fn hand_over(&mut self, stream: &mut FrameSource, time_s: f64, started: Instant) -> bool {
         if self.waiting.load(Ordering::Acquire) >= READY {
-            self.passed_over.fetch_add(1, Ordering::Relaxed);
+            // The gathering counts what is missing in the sequence.
             return self.is_wanted.load(Ordering::Relaxed);
         }
         let ((width, height), (drawn_width, drawn_height)) = self.sizes;
@@ -243,7 +239,7 @@ impl Reader {
         self.give.send(Read::Frame(Box::new(frame))).is_ok()
     }
 
-    /// Says what is wrong, once; whether the station is still there.
+    /// Tells the station what is wrong with the stream, once. Returns whether the station is still there.
     fn say(&mut self, health: Verdict) -> bool {
         if std::mem::replace(&mut self.latest_health, health) == health {
             return true;

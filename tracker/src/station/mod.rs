@@ -2,13 +2,14 @@
 //!
 //! * [`Observer`] — one picture → one [`crate::observation::Observation`].
 //! * [`RecordedStation`] — every frame of a recording in order, as fast as the gathering takes them.
-//! * [`LiveStation`] — what a camera shows now; what it cannot keep up with is passed over.
+//! * [`LiveStation`] — the picture that a camera shows now; frames that it cannot keep up with are passed over.
 //! * [`start`] — a station on a thread of this process, and the [`Port`] by which the gathering reaches it. A station in a
 //!   process of its own does the same work and sends its events over the network ([`crate::wire`]).
 
 mod live;
 mod observer;
 mod permits;
+mod port;
 mod recorded;
 mod seen;
 
@@ -16,12 +17,12 @@ use std::sync::mpsc::{Receiver, channel};
 use std::thread;
 
 pub use live::LiveStation;
-pub use observer::{Masks, Observer, pinhole_picture};
+pub use observer::{Masks, Observer};
 pub use permits::Permits;
+pub use port::{Inbox, Port};
 pub use recorded::RecordedStation;
 pub use seen::{Event, PictureDemand, Pictures, Seen};
 
-use crate::gathering::{Inbox, Port};
 use crate::observation::Feedback;
 
 /// A station that has not begun.
@@ -30,7 +31,7 @@ pub struct Station {
     pub name: String,
     /// Frames a second, on average, where the source says so.
     pub rate_hz: Option<f64>,
-    /// What it does.
+    /// Its kind, with everything that it works with.
     pub work: Work,
 }
 

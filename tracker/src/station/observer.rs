@@ -11,7 +11,7 @@ use crate::foreground::{Foreground, Verdict};
 use crate::method::Needs;
 use crate::observation::{Colours, Feedback, Mask, Observation};
 use crate::silhouette::{Body, Silhouette, View};
-use crate::stage::{Stage, StageCamera, resolution};
+use crate::stage::{Stage, resolution};
 use crate::{Error, Result};
 
 /// A ready-made mask with more foreground than this fraction says nothing.
@@ -23,7 +23,7 @@ const DRAW_EVERY_S: f64 = 1.0;
 /// Around a believed person this part of their width belongs to them as well: limbs and errors of place.
 const MARGIN: f64 = 0.35;
 
-/// How a camera's masks come about.
+/// Origin of a camera's masks.
 pub enum Masks {
     /// By background subtraction.
     Subtracted(Box<Foreground>),
@@ -63,9 +63,9 @@ pub struct Observer {
     believed: Vec<Body>,
     /// Whether they have moved since.
     has_moved: bool,
-    /// When they were drawn, by the frames' times.
+    /// Time of the frame at which they were drawn, seconds.
     drawn_s: Option<f64>,
-    /// Where believed people are seen, in the image with distortion.
+    /// Silhouettes of believed people, in the image with distortion.
     expected: GrayImage,
     /// The same in the pinhole image.
     expected_pinhole: GrayImage,
@@ -73,10 +73,10 @@ pub struct Observer {
     pinhole: GrayImage,
 }
 
-/// What became of one picture.
+/// Result of observing one picture.
 #[derive(Debug)]
 pub struct Observed {
-    /// What the trackers get.
+    /// Input of the trackers.
     pub observation: Observation,
     /// In the pinhole image, for methods that read pictures.
     pub pinhole: Option<Arc<RgbImage>>,
@@ -219,11 +219,6 @@ impl Observer {
         }
         foreground.expect(&self.expected)
     }
-}
-
-/// The pinhole image of a picture at the working size, for what is asked of a picture once.
-pub fn pinhole_picture(camera: &StageCamera, picture: &RgbImage) -> RgbImage {
-    camera.undistort.image(picture)
 }
 
 /// A ready-made mask: pixels of at least `from` in some channel are foreground.

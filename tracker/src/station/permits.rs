@@ -1,4 +1,4 @@
-//! How many stations of this process work at the same time.
+//! Limit on the number of stations of this process that work at the same time.
 
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 

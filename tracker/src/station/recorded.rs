@@ -15,15 +15,15 @@ use crate::observation::Feedback;
 use crate::source::{CaptureTimes, utc_s};
 use crate::{Error, Result};
 
-/// One camera's recording, with what is made of it.
+/// Station of one camera's recording.
 pub struct RecordedStation {
     /// The pictures.
     pub video: Option<FrameSource>,
     /// Ready-made masks.
     pub masks: Option<FrameSource>,
-    /// When the frames were taken.
+    /// Capture times of the frames.
     pub times: CaptureTimes,
-    /// What makes the observations.
+    /// Maker of the observations.
     pub observer: Observer,
     /// The size of the pictures that are drawn, and when they are wanted.
     pub drawn: ((u32, u32), PictureDemand),

@@ -1,4 +1,4 @@
-//! What a station hands to the gathering: an observation, and the pictures that somebody asked for.
+//! Messages from a station to the gathering: an observation, and the pictures that somebody asked for.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -11,7 +11,7 @@ use crate::observation::Observation;
 /// One frame of a camera, after its station's work.
 #[derive(Debug, Clone)]
 pub struct Seen {
-    /// What the trackers get.
+    /// Input of the trackers.
     pub observation: Observation,
     /// The pictures that were asked for.
     pub pictures: Pictures,
@@ -30,7 +30,7 @@ pub struct Pictures {
     pub filmed: Option<Arc<RgbImage>>,
 }
 
-/// What a station tells the gathering.
+/// Message from a station to the gathering.
 #[derive(Debug)]
 pub enum Event {
     /// A frame was observed.
@@ -41,7 +41,7 @@ pub enum Event {
     Failed(Error),
 }
 
-/// When a station keeps the picture as it was filmed.
+/// Frames of which a station keeps the picture as it was filmed.
 #[derive(Clone, Default)]
 pub enum PictureDemand {
     /// Nobody draws.

@@ -21,7 +21,7 @@ pub struct Timings {
     /// Stages by name, in the order of the data's way.
     #[serde(serialize_with = "in_order", deserialize_with = "as_written")]
     pub stages: Vec<(String, StageTimes)>,
-    /// What is known of the cameras' clocks; not written where there is one camera.
+    /// Knowledge of the cameras' clocks; not written where there is one camera.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub offsets: Vec<ClockReport>,
 }

@@ -22,7 +22,7 @@ const WATCHING: Duration = Duration::from_secs(2);
 #[derive(Debug, Clone)]
 pub struct Screens {
     now: Sender<Now>,
-    /// When somebody last asked for something new.
+    /// Time of the latest question for something new.
     asked: Arc<Mutex<Option<Instant>>>,
 }
 

@@ -1,4 +1,4 @@
-//! What stands for the two ends in a build without the feature `zenoh`.
+//! Replacements for the two ends in a build without the feature `zenoh`.
 
 use std::convert::Infallible;
 use std::sync::atomic::AtomicBool;
@@ -6,9 +6,9 @@ use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
 use super::{Endpoints, Expected, Hello};
-use crate::gathering::{Inbox, Port};
 use crate::observation::Feedback;
 use crate::station::Event;
+use crate::station::{Inbox, Port};
 use crate::{Error, Result};
 
 fn absent() -> Error {
@@ -19,7 +19,7 @@ fn absent() -> Error {
     )
 }
 
-/// A station's end. This build has none.
+/// A station's end of the network; it cannot be opened in this build.
 #[derive(Debug)]
 pub struct Uplink(Infallible);
 
@@ -37,13 +37,13 @@ impl Uplink {
         match self.0 {}
     }
 
-    /// Sends what the station has observed.
+    /// Sends an event of the station.
     pub fn send(&mut self, _: Event) -> Result<()> {
         match self.0 {}
     }
 }
 
-/// A gatherer's end. This build has none.
+/// A gatherer's end of the network; it cannot be opened in this build.
 #[derive(Debug)]
 pub struct Downlink(Infallible);
 
@@ -62,7 +62,7 @@ impl Downlink {
         Err(absent())
     }
 
-    /// Messages that were refused.
+    /// Number of messages that were refused.
     pub fn garbage(&self) -> u64 {
         match self.0 {}
     }

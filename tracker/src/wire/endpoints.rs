@@ -1,18 +1,18 @@
-//! Where a station and a gatherer meet: addresses, certificates, and who is let in.
+//! Addresses and certificates of the link between a station and a gatherer, and the peers that are accepted.
 
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use crate::{Error, Result};
 
-/// An address to listen at or to connect to: `host:port`, `tcp/host:port` or `tls/host:port`.
+/// Address to listen at or to connect to: `host:port`, `tcp/host:port` or `tls/host:port`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Endpoint {
     /// Whether the link is encrypted, and certificates are checked.
     pub is_tls: bool,
     /// Name or address; IPv6 in brackets.
     pub host: String,
-    /// TCP port; 0, for a listener: a free one.
+    /// TCP port; 0 means a free port, for a listener only.
     pub port: u16,
 }
 
@@ -62,7 +62,7 @@ pub struct Tls {
     pub authority: PathBuf,
 }
 
-/// How a station and its gatherer reach each other.
+/// Options of the link between a station and its gatherer.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Endpoints {
     /// Addresses at which the other side may connect.
@@ -73,8 +73,8 @@ pub struct Endpoints {
     pub via_router: bool,
     /// Certificate, key and authority for `tls/` endpoints.
     pub tls: Option<Tls>,
-    /// Common names of the certificates that are let in; empty: all that the authority has signed. Others are refused,
-    /// and so is everybody who comes without TLS.
+    /// Common names of the certificates that are accepted; empty: all that the authority has signed. Other peers are
+    /// refused, and so is every peer without TLS.
     pub allow: Vec<String>,
     /// Whether to look for the other side by multicast in the local network.
     pub discover: bool,

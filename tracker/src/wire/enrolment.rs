@@ -1,7 +1,7 @@
-//! A station's side of the way in: which gatherer it works for, whether it has been started, refused, left.
+//! A station's side of enrolment: its gatherer, and whether it has been started, refused or left by it.
 //!
-//! A state machine without a network, as [`super::roster`] is the gatherer's. A station works for the first gatherer that
-//! calls it, until that gatherer has gone; others are told so.
+//! A state machine without a network, as [`super::roster`] is the gatherer's. A station works for the first gatherer
+//! that calls it, until that gatherer has gone; other gatherers get a failure that says so.
 
 use std::collections::BTreeSet;
 use std::sync::mpsc::{SyncSender, TrySendError};
@@ -11,7 +11,7 @@ use super::encoding::{Limits, Message, VERSION};
 use super::keys::Token;
 use crate::observation::Feedback;
 
-/// What a station is to do.
+/// Action that the caller must carry out for the station.
 #[derive(Debug)]
 pub(super) enum Action {
     /// Send a message to the gatherer of this id.
@@ -27,7 +27,7 @@ pub(super) struct Enrolment {
     is_started: bool,
     is_done: bool,
     failure: Option<String>,
-    /// Takes feedback to the station; dropped with a failure, so that nobody waits for more.
+    /// Sender of feedback to the station; dropped with a failure, so that nobody waits for more.
     feedback: Option<SyncSender<Feedback>>,
     /// The latest line about a gatherer for which this station does not work.
     hint: Option<String>,
@@ -61,17 +61,17 @@ impl Enrolment {
         self.is_done
     }
 
-    /// Why this station cannot go on.
+    /// Reason why this station cannot go on; `None` while it can.
     pub(super) fn failure(&self) -> Option<&str> {
         self.failure.as_deref()
     }
 
-    /// Why a gatherer that is there may not have called.
+    /// Possible reason why a gatherer that is present has not called.
     pub(super) fn hint(&self) -> Option<&str> {
         self.hint.as_deref()
     }
 
-    /// A gatherer's token has appeared.
+    /// Handles the token of a gatherer that has appeared.
     pub(super) fn token_appeared(&mut self, token: &Token) -> Vec<Action> {
         let line = if token.version != VERSION.to_string() {
             format!(
@@ -91,7 +91,7 @@ impl Enrolment {
         self.told.insert(line.clone()).then_some(Action::Tell(line)).into_iter().collect()
     }
 
-    /// A gatherer's token has vanished.
+    /// Handles the token of a gatherer that has vanished.
     pub(super) fn token_vanished(&mut self, id: &str) -> Vec<Action> {
         if self.gatherer.as_deref() != Some(id) {
             return Vec::new();
@@ -110,7 +110,7 @@ impl Enrolment {
         Vec::new()
     }
 
-    /// A gatherer's message has come.
+    /// Handles a message of a gatherer.
     pub(super) fn message(&mut self, gatherer: &str, bytes: &[u8]) -> Vec<Action> {
         let message = match Message::decode(bytes, Limits::NO_MASK) {
             Ok(message) => message,
@@ -153,7 +153,7 @@ impl Enrolment {
         }
     }
 
-    /// Takes note that this station cannot go on.
+    /// Records the reason why this station cannot go on.
     pub(super) fn fail(&mut self, line: String) {
         self.failure.get_or_insert(line);
         self.feedback = None;

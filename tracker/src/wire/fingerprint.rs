@@ -1,19 +1,20 @@
-//! What two machines must agree on about a room, in 16 bytes.
+//! Digest of the facts about a room that two machines must agree on, 16 bytes.
 
 use scenes::room::Room;
 
-/// Digest of what a station and its gatherer must agree on: names, lenses and poses of all cameras of a room.
+/// Digest of the facts that a station and its gatherer must agree on: names, lenses and poses of all cameras of a
+/// room.
 ///
 /// Zones, floor and geometry are the gatherer's alone and are no part of it; nor is the cameras' order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Fingerprint(pub(crate) [u8; Fingerprint::BYTES]);
 
-/// Steps in which numbers are compared (pixels, metres and rotation matrices' entries): what rounds differently on another
-/// processor is still the same room.
+/// Step to which numbers are rounded before hashing (pixels, metres and rotation matrices' entries), so that rounding
+/// errors of another processor give the same room.
 const STEP: f64 = 1e-6;
 
 impl Fingerprint {
-    /// Its length.
+    /// Length in bytes.
     pub(crate) const BYTES: usize = 16;
 
     /// The fingerprint of a room.
@@ -40,7 +41,7 @@ impl Fingerprint {
     }
 }
 
-/// Its first 8 bytes as 16 hexadecimal digits, as they stand in keys and log lines.
+/// Writes the first 8 bytes as 16 hexadecimal digits, as they stand in keys and log lines.
 impl std::fmt::Display for Fingerprint {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         self.0[..8].iter().try_for_each(|byte| write!(f, "{byte:02x}"))

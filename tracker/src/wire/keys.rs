@@ -7,9 +7,9 @@
 //! | `roomtrack/VERSION/ROOM/up/CAMERA/STATION/GATHERER` | messages of a station |
 //! | `roomtrack/VERSION/ROOM/down/CAMERA/STATION/GATHERER` | messages to a station |
 //!
-//! VERSION is the encoding's, ROOM the [`Fingerprint`] in hexadecimal digits, STATION and GATHERER the Zenoh ids of their
-//! sessions. CAMERA is the camera's name with every byte but ASCII letters, digits, `-` and `_` written as `%XX`.
-//! The tokens' keys stay as they are in all versions, so that other versions are noticed.
+//! VERSION is the encoding's, ROOM the [`Fingerprint`] in hexadecimal digits, STATION and GATHERER the Zenoh ids of
+//! their sessions. CAMERA is the camera's name with every byte but ASCII letters, digits, `-` and `_` written as
+//! `%XX`. The tokens' keys stay as they are in all versions, so that other versions are noticed.
 
 use super::Fingerprint;
 use super::encoding::VERSION;
@@ -21,14 +21,14 @@ pub(super) const GATHERERS: &str = "roomtrack/gatherer/*/*/*";
 /// Every key of this program.
 pub(super) const ALL: &str = "roomtrack/**";
 
-/// What a token says.
+/// Contents of a liveliness token's key.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Token {
     /// Version of the encoding that its owner speaks.
     pub version: String,
     /// Its owner's room.
     pub room: String,
-    /// A station's camera; of a gatherer none.
+    /// Camera of a station; `None` for a gatherer.
     pub camera: Option<String>,
     /// Its owner's id.
     pub id: String,
@@ -45,7 +45,7 @@ impl Token {
         }
     }
 
-    /// Its key.
+    /// Key of the token.
     pub(super) fn key(&self) -> String {
         let Self { version, room, camera, id } = self;
         match camera {
@@ -54,7 +54,7 @@ impl Token {
         }
     }
 
-    /// The token of a key; `None` for other keys.
+    /// Parses the token of a key; `None` for other keys.
     pub(super) fn of(key: &str) -> Option<Self> {
         let parts: Vec<&str> = key.split('/').collect();
         let (version, room, camera, id) = match parts[..] {

@@ -1,18 +1,19 @@
 //! Stations in processes of their own, on other machines.
 //!
-//! A *station* observes one camera and sends its observations; a *gatherer* (`tracker run --stations`) receives those of
-//! all cameras and sends back whom it believes to be there. Only observations leave a station: masks, colours of the
-//! foreground, health and times; and the filmed picture, where the station was asked for it.
+//! A *station* observes one camera and sends its observations; a *gatherer* (`tracker run --stations`) receives those
+//! of all cameras and sends back its estimate of the people who are present. Only observations leave a station:
+//! masks, colours of the foreground, health and times; and the filmed picture, where the station was asked for it.
 //!
-//! * [`encoding`] — the bytes that cross. Lossless, versioned, limited; hostile bytes are refused.
-//! * [`Fingerprint`] — what both sides must agree on about the room.
-//! * [`Endpoints`] — where they meet; TLS, and who is let in.
+//! * [`encoding`] — the bytes of the messages. Lossless, versioned, limited; hostile bytes are refused.
+//! * [`Fingerprint`] — digest of the facts about the room that both sides must agree on.
+//! * [`Endpoints`] — addresses, TLS, and the peers that are accepted.
 //! * [`Uplink`] — a station's end: takes [`Event`](crate::station::Event)s out and brings feedback in.
-//! * [`Downlink`] — a gatherer's end: one [`Port`](crate::gathering::Port) a camera, events into the
-//!   [`Inbox`](crate::gathering::Inbox).
+//! * [`Downlink`] — a gatherer's end: one [`Port`](crate::station::Port) a camera, events into the
+//!   [`Inbox`](crate::station::Inbox).
 //!
-//! The engine is Zenoh, behind the cargo feature `zenoh`. Without it [`Uplink::open`] and [`Downlink::open`] return an error
-//! that says how to get it; everything else is the same. Both ends must be used from threads that run no async runtime.
+//! The engine is Zenoh, behind the cargo feature `zenoh`. Without it [`Uplink::open`] and [`Downlink::open`] return
+//! an error that says how to get it; everything else is the same. Both ends must be used from threads that run no
+//! async runtime.
 //!
 //! ```no_run
 //! use std::sync::{atomic::AtomicBool, mpsc};
@@ -69,7 +70,7 @@ pub use self::fingerprint::Fingerprint;
 #[cfg(feature = "zenoh")]
 pub use self::network::{Downlink, Uplink};
 
-/// What a station is: the first that it says.
+/// Properties of a station: its first message.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Hello {
     /// The room that the station's camera belongs to.
@@ -80,16 +81,16 @@ pub struct Hello {
     pub width: u32,
     /// Height of the station's masks in pixels.
     pub height: u32,
-    /// Whether the source shows what happens now; else it is a recording.
+    /// Whether the source is live; otherwise it is a recording.
     pub is_live: bool,
-    /// Frames a second, on average, where the source says so.
+    /// Mean frames a second, where the source states them.
     pub rate_hz: Option<f64>,
 }
 
 /// The stations that a gatherer works with.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Expected {
-    /// The room; stations of others are left out.
+    /// The room; stations of other rooms are left out.
     pub room: Fingerprint,
     /// The stage's cameras, in its order.
     pub cameras: Vec<ExpectedCamera>,

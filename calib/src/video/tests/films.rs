@@ -11,7 +11,7 @@ use crate::video::{FilmWriter, pixels};
 
 pub(super) const MILLISECONDS: Rational = Rational(1, 1000);
 
-/// A picture of random colours, always the same of one seed.
+/// Picture of random colours, determined by its seed.
 pub(super) fn noise(width: u32, height: u32, seed: u32) -> RgbImage {
     let mut state = seed.wrapping_mul(2_654_435_761).wrapping_add(1);
     let mut picture = RgbImage::new(width, height);
@@ -22,7 +22,7 @@ pub(super) fn noise(width: u32, height: u32, seed: u32) -> RgbImage {
     picture
 }
 
-/// A picture of large soft shapes, another of each seed.
+/// Picture of large soft shapes, different for each seed.
 pub(super) fn smooth(width: u32, height: u32, seed: u32) -> RgbImage {
     RgbImage::from_fn(width, height, |x, y| {
         let wave = |scale: f64, phase: f64| {
@@ -91,7 +91,7 @@ impl Track {
                 packets.push(packet);
             }
         }
-        // Each is shown until the next; the last for as long as the one before it.
+        // Each picture is shown until the next; the last for as long as the one before it.
         let times: Vec<i64> = shown.iter().map(|(time, _)| *time).collect();
         for packet in &mut packets {
             let place = times.iter().position(|time| Some(*time) == packet.pts()).unwrap();
@@ -101,7 +101,7 @@ impl Track {
         Self { packets, parameters, tick }
     }
 
-    /// Smooth pictures of one size that are shown at these times.
+    /// Encodes smooth pictures of one size, shown at these times.
     pub(super) fn of_times(codec: codec::Id, tick: Rational, times: impl Iterator<Item = i64>) -> Self {
         let shown: Vec<(i64, RgbImage)> =
             times.zip(0..).map(|(time, seed)| (time, smooth(64, 48, seed))).collect();

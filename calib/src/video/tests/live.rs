@@ -10,7 +10,7 @@ use image::{ImageFormat, RgbImage};
 use super::films::smooth;
 use crate::video::FrameSource;
 
-/// A camera that serves one viewer, and its URL.
+/// Starts a camera that serves one viewer; returns its URL and its thread.
 pub(super) fn camera(
     scheme: &str,
     serve: impl FnOnce(TcpStream) -> std::io::Result<()> + Send + 'static,
@@ -19,13 +19,13 @@ pub(super) fn camera(
     let url = format!("{scheme}://{}/camera", listener.local_addr().unwrap());
     let serving = std::thread::spawn(move || {
         let (viewer, _) = listener.accept().unwrap();
-        // A viewer that has seen enough hangs up.
+        // An error here is a viewer that has seen enough and hangs up.
         let _ = serve(viewer);
     });
     (url, serving)
 }
 
-/// Motion JPEG as network cameras send it.
+/// Sends motion JPEG as network cameras do.
 fn send(viewer: &mut TcpStream, pictures: &[RgbImage]) -> std::io::Result<()> {
     let _ = viewer.read(&mut [0; 4096])?;
     write!(viewer, "HTTP/1.0 200 OK\r\nContent-Type: multipart/x-mixed-replace;boundary=frame\r\n\r\n")?;

@@ -1,4 +1,4 @@
-//! What reading leaves behind.
+//! Memory that stays allocated after reading.
 
 use super::films::noisy_film;
 use crate::video::FrameSource;
@@ -30,6 +30,6 @@ fn reading_films_again_and_again_takes_no_more_memory() {
     (0..FILMS).for_each(|_| decode());
     let grown = resident_bytes().saturating_sub(before);
     println!("a film of {film_bytes} bytes, read {FILMS} times: {grown} bytes more");
-    // One that is kept each time would be as much as all of them.
+    // A leak of each film's packets would grow memory by all films together.
     assert!(grown < FILMS * film_bytes / 4, "{grown} bytes more after {FILMS} films of {film_bytes}");
 }

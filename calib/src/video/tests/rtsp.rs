@@ -15,8 +15,8 @@ const NTP_EPOCH_S: f64 = 2_208_988_800.0;
 /// The camera's RTP clock when its first frame is taken.
 const FIRST_TICK: u32 = 123_456_789;
 
-/// One frame of a camera: when it is taken, its RTP payloads, and what the camera's wall clock shows where it sends a
-/// report before the frame.
+/// One frame of a camera: capture time, RTP payloads, and the camera's wall clock in the sender report before the
+/// frame, if one is sent.
 struct Sent {
     time_ms: i64,
     payloads: Vec<Vec<u8>>,
@@ -27,7 +27,7 @@ fn rtp_tick(time_ms: i64) -> u32 {
     FIRST_TICK.wrapping_add((90 * time_ms) as u32)
 }
 
-/// Answers requests until the viewer wants to see something.
+/// Answers requests until the viewer asks to play.
 fn negotiate(viewer: &mut TcpStream, media: &str) -> std::io::Result<()> {
     loop {
         let mut request = Vec::new();
@@ -86,7 +86,8 @@ fn play(viewer: &mut TcpStream, payload_type: u8, film: &[Sent]) -> std::io::Res
     Ok(())
 }
 
-/// Uneven times, with reports before some frames; from the second on the camera's clock is half a second ahead of what it was.
+/// Film with uneven times and with reports before some frames; from the second report on the camera's clock is half a
+/// second ahead.
 fn film(payloads: impl Fn(usize) -> Vec<Vec<u8>>) -> Vec<Sent> {
     let mut time_ms = 0;
     (0..60)
@@ -103,7 +104,7 @@ fn film(payloads: impl Fn(usize) -> Vec<Vec<u8>>) -> Vec<Sent> {
         .collect()
 }
 
-/// The film as it is seen over RTSP: presentation and sender's time of each frame.
+/// Presentation and sender's time of each frame, as received over RTSP.
 fn seen(media: &'static str, payload_type: u8, film: Vec<Sent>) -> Vec<(f64, Option<f64>)> {
     let (url, serving) = camera("rtsp", move |mut viewer| {
         negotiate(&mut viewer, media)?;
@@ -125,8 +126,8 @@ fn seen(media: &'static str, payload_type: u8, film: Vec<Sent>) -> Vec<(f64, Opt
     times
 }
 
-/// Holds what was seen against the camera's own clock; `least` frames have to have come, and have a sender's time if they
-/// were sent after the first report.
+/// Compares received times with the camera's own clock. At least `least` frames must have come, and those sent after
+/// the first report must have a sender's time.
 fn assert_on_time(seen: &[(f64, Option<f64>)], film: &[Sent], least: usize) {
     assert!(seen.len() >= least, "{seen:?}");
     let first = &film[film.len() - seen.len()..];
@@ -140,7 +141,7 @@ fn assert_on_time(seen: &[(f64, Option<f64>)], film: &[Sent], least: usize) {
             (Some(offset_s), Some(sender_s)) => {
                 assert!((sender_s - offset_s - taken_s).abs() < 1e-3, "{taken_s}: {sender_s}");
             }
-            // The one with which the report comes may have been on its way.
+            // The frame with which the report comes may already have been on its way.
             (Some(_), None) => assert!(sent.report_s.is_some(), "{taken_s}"),
             (None, told) => assert_eq!(*told, None, "{taken_s}"),
         }

@@ -33,7 +33,7 @@ fn largest_difference(a: &[u8], b: &[u8]) -> u8 {
     a.iter().zip(b).map(|(a, b)| a.abs_diff(*b)).max().unwrap()
 }
 
-/// Brightness, which films hold at full resolution; their colours they do not.
+/// Brightness of each pixel, which films store at full resolution, unlike their colours.
 fn luma(picture: &RgbImage) -> Vec<u8> {
     let level = |Rgb([r, g, b]): &Rgb<u8>| {
         (0.299 * f64::from(*r) + 0.587 * f64::from(*g) + 0.114 * f64::from(*b)).round() as u8
@@ -69,7 +69,7 @@ fn smaller_pictures_are_area_averages_of_films_and_of_folders() {
                     let (width, height) = picture.dimensions();
                     let expected = area_averaged(&full, width, height);
                     let place = format!("{} at {width} × {height}", spec.display());
-                    // A film's colours are interpolated between its pixels, where that is done once and not twice.
+                    // A film's colours are interpolated between its pixels: once in one pass, twice in two passes.
                     let (most_luma, most) = match (width, height) {
                         (192, 128) => (0, 0),
                         _ if *spec == film => (4, 14),
@@ -143,7 +143,7 @@ fn a_stream_may_change_its_size_between_frames() {
         if sizes.is_empty() {
             first = picture.clone();
         }
-        // The same scene, whatever the size of its frames.
+        // Every frame shows the same scene, whatever its size.
         assert!(mean_difference(&picture, &first) < 6.0);
         sizes.push(source.frame_size());
     }

@@ -19,7 +19,7 @@ fn times_ms(path: &Path) -> Vec<i64> {
     times
 }
 
-/// Late, with frames lost in the middle.
+/// Frame times in milliseconds of a film that begins late and loses frames in the middle.
 fn late_and_lossy() -> Vec<i64> {
     (0..40).filter(|frame| !(15..22).contains(frame)).map(|frame| 2000 + 100 * frame).collect()
 }
@@ -33,12 +33,12 @@ fn times_are_the_files_own_where_frames_are_late_or_lost() {
         mux(&path, &[Track::of_times(Id::H264, MILLISECONDS, expected.iter().copied())], &[]);
         assert_eq!(times_ms(&path), expected, "{name}");
     }
-    // MPEG-TS has no zero.
+    // MPEG-TS has no zero: times count from the first frame.
     let path = folder.path().join("film.ts");
     mux(&path, &[Track::of_times(Id::H264, MILLISECONDS, expected.iter().copied())], &[]);
     let from_start: Vec<i64> = expected.iter().map(|time| time - 2000).collect();
     assert_eq!(times_ms(&path), from_start);
-    // AVI counts frames and has empty ones for those that were lost.
+    // AVI counts frames and stores empty ones for those that were lost.
     let path = folder.path().join("film.avi");
     let frames = (0..40).filter(|frame| !(15..22).contains(frame));
     mux(&path, &[Track::of_times(Id::MJPEG, Rational(1, 10), frames)], &[]);

@@ -8,14 +8,14 @@ use ffmpeg::codec::Id;
 use super::films::{Track, mux, noise, noisy_film};
 use crate::video::FrameSource;
 
-/// Frames of a file that can be read, and what is said at its end if it is not whole.
+/// Number of frames that can be read from a file, and the error at its end if it is not complete.
 fn frames(path: &Path) -> (usize, Option<String>) {
     let mut source = FrameSource::open(path.to_str().unwrap()).unwrap();
     let said = source.read_all().err().map(|error| error.to_string());
     (source.delivered(), said)
 }
 
-/// Films of 60 frames in one container each, of which six are lost in the middle.
+/// Writes films of 60 frames, of which six are lost in the middle, one in each container.
 fn lossy_films(folder: &Path) -> Vec<PathBuf> {
     let shown: Vec<_> =
         (0..60).filter(|k| !(30..36).contains(k)).map(|k| (k, noise(64, 48, k as u32))).collect();
@@ -69,7 +69,7 @@ fn an_end_without_pictures_is_told() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("film.mp4");
     noisy_film(&path, 64, 48, 60);
-    // As a download that was broken off leaves it where the space had been reserved.
+    // State of a file after an interrupted download for which the space had been reserved.
     let mut film = std::fs::read(&path).unwrap();
     let kept = film.len() / 2;
     film[kept..].fill(0);
@@ -87,7 +87,7 @@ fn frames_behind_the_end_of_an_edit_list_are_not_missed() {
     let path = folder.path().join("film.mp4");
     let shown: Vec<_> = (0..60).map(|k| (k, noise(64, 48, k as u32))).collect();
     mux(&path, &[Track::new(Id::H264, &[], Rational(1, 10), &shown)], &[("movflags", "faststart")]);
-    // As telephones trim a film: the edit list (ISO 14496-12, `elst`) shows half of it.
+    // Trim as by telephones: the edit list (ISO 14496-12, `elst`) shows half of the film.
     let mut film = std::fs::read(&path).unwrap();
     let list = film.windows(4).position(|name| name == b"elst").unwrap();
     let lasts = film[list + 12..list + 16].as_chunks::<4>().0[0];

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::likelihood::{Rule, Simulation};
+use crate::silhouette::Body;
 use crate::{Error, Result};
 
 /// When a proposed state is taken.
@@ -162,8 +163,8 @@ impl Default for McmcOptions {
             },
             acceptance: Acceptance::ReversibleJump,
             repulsion_per_m: 6.0,
-            radius: Spread { mean_m: 0.25, sigma_m: 0.05 },
-            height: Spread { mean_m: 1.72, sigma_m: 0.10 },
+            radius: Spread { mean_m: Body::ADULT.radius_m, sigma_m: 0.05 },
+            height: Spread { mean_m: Body::ADULT.height_m, sigma_m: 0.10 },
             position_step_m: 0.05,
             radius_step_m: 0.015,
             height_step_m: 0.03,

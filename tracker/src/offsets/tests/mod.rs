@@ -14,7 +14,7 @@ use super::*;
 use crate::observation::Mask;
 use crate::stage::StageOptions;
 
-/// Frames are asked for at whole multiples of a part of a second this small.
+/// Ticks a second: frames are asked for at whole multiples of a tick.
 const TICKS_HZ: f64 = 1200.0;
 
 /// A generated room, prepared.
@@ -23,19 +23,19 @@ struct Scene {
     stage: Stage,
 }
 
-/// When a camera films, and what its clock says.
+/// Clock of a camera: true times at which it films, and times that it reports.
 #[derive(Debug, Clone, Copy)]
 struct Clock {
-    /// The first frame, in true time.
+    /// True time of the first frame, seconds.
     first_s: f64,
     rate_hz: f64,
-    /// True time less the camera's at true time 0: what has to be added to the camera's times.
+    /// True time less the camera's at true time 0, seconds: to be added to the camera's times.
     offset_s: f64,
-    /// How fast that grows.
+    /// Growth of the offset, microseconds a second.
     drift_ppm: f64,
-    /// Frames are filmed at most so much later than the rate says, and their times are right.
+    /// Largest delay of filming behind the rate, seconds; the reported times are right.
     jitter_s: f64,
-    /// Times are late by at most so much, as the arrival of frames is.
+    /// Largest delay of the reported times, seconds, as of frames that arrive late.
     delay_s: f64,
     /// Probability of a frame to get lost.
     loss: f64,
@@ -46,7 +46,7 @@ impl Clock {
         Self { first_s: 0.0, rate_hz, offset_s, drift_ppm: 0.0, jitter_s: 0.0, delay_s: 0.0, loss: 0.0 }
     }
 
-    /// The true times of the frames of a recording until `end_s`, and the times by the camera.
+    /// True times of the frames of a recording until `end_s`, and the times by the camera, seconds.
     fn frames(&self, end_s: f64, rng: &mut Pcg64Mcg) -> Vec<(f64, f64)> {
         let mut frames = Vec::new();
         let count = ((end_s - self.first_s) * self.rate_hz) as u32;
@@ -97,7 +97,7 @@ impl Scene {
         self.made.sequence(walkers, options)
     }
 
-    /// What is estimated after cameras with these clocks have filmed the walkers until `end_s`, with noisy masks.
+    /// Estimate after cameras with these clocks have filmed the walkers until `end_s`, with noisy masks.
     fn estimate(
         &self,
         walkers: Vec<Walker>,
@@ -108,7 +108,7 @@ impl Scene {
         self.observed(walkers, clocks, end_s, options).estimate()
     }
 
-    /// The estimator after that.
+    /// Estimator after the same observations.
     fn observed(
         &self,
         walkers: Vec<Walker>,
@@ -152,9 +152,9 @@ fn spoil(mask: &mut GrayImage, rng: &mut Pcg64Mcg) {
     }
 }
 
-/// The error of a camera's offset at the time it is of, seconds.
+/// Error of a camera's offset at the time for which it holds, seconds.
 fn error_s(offsets: &Offsets, camera: usize, clock: &Clock) -> f64 {
-    // Offsets are of a time by the cameras' clocks, which are the true time but for a few seconds.
+    // Offsets hold at a time by the cameras' clocks, which are a few seconds from true time at most.
     offsets.cameras[camera].offset_s - clock.offset_at(offsets.at_s)
 }
 
@@ -193,7 +193,7 @@ fn one_walker_has_the_energy_that_the_fit_takes_for_one() {
         let whole = 2.0 * pair.largest_lag_s * PairCorrelation::window_pairs(INTERVAL_S);
         let of_windows =
             pair.windows().map(|(_, bins)| bins.iter().map(|bin| bin.energy).sum::<f64>() / whole);
-        // Windows in which somebody is seen by both cameras.
+        // Windows in which both cameras see a person.
         energies.extend(of_windows.filter(|energy| *energy > 0.05));
     }
     energies.sort_by(f64::total_cmp);

@@ -1,4 +1,4 @@
-//! The office's films, of which one is taken to have begun later.
+//! The office's films, one of which is treated as begun later.
 
 use std::path::Path;
 
@@ -13,7 +13,7 @@ use crate::source::sampling;
 
 const RATE_HZ: f64 = 12.0;
 
-/// The masks of a film, in the pinhole image; `None` where a frame says nothing.
+/// Masks of a film, in the pinhole image; `None` where the foreground of a frame is not usable.
 fn masks(video: &Path, camera: &crate::stage::StageCamera) -> Vec<Option<Mask>> {
     let path = video.to_str().unwrap();
     let (width, height) = (camera.width(), camera.height());
@@ -45,8 +45,8 @@ fn an_office_film_that_began_later_is_found_to_40_ms() {
         .iter()
         .map(|camera| masks(&office.join(format!("video/{}.mp4", camera.name)), camera))
         .collect();
-    // A film without its first frames begins at time 0 all the same. 1.3 s is not a whole number of frames, so that is
-    // filmed in part by clocks that disagree from the beginning.
+    // A film without its first frames still begins at time 0. 1.3 s is not a whole number of frames, so part of that
+    // shift is a disagreement of the clocks from the beginning.
     for shift_s in [0.0, 0.4, 1.3, 2.5] {
         for late in [0, 1] {
             let options = OffsetOptions::recording();

@@ -1,4 +1,4 @@
-//! Offsets and drifts of cameras that film walking people; and of cameras that could not tell.
+//! Offsets and drifts of cameras that film walking people; and of cameras that cannot determine them.
 
 use super::*;
 
@@ -72,7 +72,7 @@ fn a_drift_is_found_in_ten_minutes() {
     assert!(was_s.abs() <= 0.04, "{was_s} at the beginning");
 }
 
-/// The first two cameras face each other; the third looks across, which tells less about time.
+/// The first two cameras face each other; the third looks across, which determines time less well.
 #[test]
 fn three_cameras_are_brought_to_the_clock_of_the_first() {
     let clocks = [0.0, 0.9, -0.6].map(|offset_s| Clock::new(10.0, offset_s));
@@ -85,7 +85,7 @@ fn three_cameras_are_brought_to_the_clock_of_the_first() {
             let (offset, error_s) = (&found.cameras[camera], error_s(&found, camera, &clocks[camera]));
             println!("camera {camera}: {:.1} ± {:.1} ms off", 1e3 * error_s, 1e3 * offset.sigma_s);
             assert!(offset.is_known || camera == 2, "{found:?}");
-            // The third camera may have no peak that is real, and is then its own reference.
+            // The third camera may have no real peak, and is then its own reference.
             if offset.reference == 0 {
                 joined += 1;
                 assert!(error_s.abs() <= most_s.min(3.0 * offset.sigma_s), "{found:?}");
@@ -97,7 +97,7 @@ fn three_cameras_are_brought_to_the_clock_of_the_first() {
     assert!(joined >= 5, "{joined} of 6 cameras are compared with the first");
 }
 
-/// Whether an offset is known after nobody has walked.
+/// Whether an offset counts as known although nobody walks.
 fn is_known(scene: &Scene, walkers: Vec<Walker>, options: OffsetOptions) -> bool {
     let clocks = [Clock::new(8.0, 0.0), Clock::new(8.0, 0.2)];
     let found = scene.estimate(walkers, &clocks, 25.0, options);
@@ -116,7 +116,7 @@ fn an_offset_is_not_known_in_an_empty_room() {
 fn an_offset_is_not_known_while_somebody_stands_still() {
     let scene = Scene::seeded(72);
     let middle = Point2::new(0.5 * scene.made.size_m[0], 0.5 * scene.made.size_m[1]);
-    // Forty seconds for the width of a hand.
+    // The person takes forty seconds for 10 cm.
     let stands = Walker::along(1, 4, -1.0, 0.0025, &[middle, middle + nalgebra::Vector2::new(0.1, 0.0)]);
     assert!(stands.place(0.0).is_some() && stands.place(30.0).is_some());
     for options in [OffsetOptions::recording(), OffsetOptions::live()] {

@@ -1,6 +1,7 @@
-//! Integers, numbers, texts and byte strings within a message; the reader refuses whatever the bytes do not hold.
+//! Integers, numbers, texts and byte strings within a message. Reading beyond the bytes, or an invalid value, is an
+//! error.
 
-/// Why a message is refused, or cannot be made.
+/// Reason why a message is refused, or cannot be made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct Malformed(pub(crate) &'static str);

@@ -17,11 +17,11 @@ const JPEG_QUALITY: u8 = 85;
 /// The largest width and height of a filmed picture.
 const LARGEST_PICTURE_SIDE: u32 = 4096;
 
-/// Forms of the mask and its colours.
+/// Bytes that name the form of the mask and its colours.
 const PACKED: u8 = 0;
 const CODED: u8 = 1;
 
-/// Bytes of a mask with so many samples in the packed form.
+/// Number of bytes of a mask with `samples` samples in the packed form.
 pub(super) fn packed_bytes(width: u32, height: u32, samples: usize) -> usize {
     width.div_ceil(8) as usize * height as usize + 2 * samples
 }

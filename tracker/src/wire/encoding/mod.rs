@@ -1,8 +1,9 @@
 //! The bytes that cross between a station and its gatherer, version 1.
 //!
-//! A message is a byte of version, a byte of kind and a body. *Varint*: LEB128, up to 64 bits. *Number*: IEEE 754, 8 bytes,
-//! lowest first, finite. *Block*, *text*: a varint of length and so many bytes (a text's are UTF-8). Bytes after the end
-//! are an error, and so are a wrong version, an unknown kind, flag or health, and sizes above [`Limits`].
+//! A message is a byte of version, a byte of kind and a body. *Varint*: LEB128, up to 64 bits. *Number*: IEEE 754, 8
+//! bytes, lowest first, finite. *Block*, *text*: a varint of length and so many bytes (a text's are UTF-8). Bytes
+//! after the end are an error, and so are a wrong version, an unknown kind, flag or health, and sizes above
+//! [`Limits`].
 //!
 //! | kind | from | body |
 //! |---|---|---|
@@ -16,17 +17,18 @@
 //! | 19 feedback | gatherer | varint: sequence; varint: bodies (≤ 4096); for each four numbers: x, y, radius, height, metres |
 //! | 20 done | gatherer | – (an end or a failure has arrived) |
 //!
-//! **Seen.** Varint: sequence. Number: capture time, seconds. Byte: health, 0 usable, 1 frozen, 2 dark, 3 all foreground,
-//! 4 learning, 5 lost, 6 between. Varints: nanoseconds of decoding, and of foreground. Byte of flags: 1 with a mask, 2 with
-//! colours (only with a mask), 4 with the filmed picture. With a mask: varints width and height, which must be the working
-//! size. With colours: a byte, the step. With a mask: a byte of form, and a block:
+//! **Seen.** Varint: sequence. Number: capture time, seconds. Byte: health, 0 usable, 1 frozen, 2 dark, 3 all
+//! foreground, 4 learning, 5 lost, 6 between. Varints: nanoseconds of decoding, and of foreground. Byte of flags: 1
+//! with a mask, 2 with colours (only with a mask), 4 with the filmed picture. With a mask: varints width and height,
+//! which must be the working size. With colours: a byte, the step. With a mask: a byte of form, and a block:
 //!
-//! * form 0, *packed*: the mask's rows, each ⌈width / 8⌉ bytes, bit 0 of a row's first byte its leftmost pixel; then the
-//!   colours' samples, two bytes each, lowest first.
-//! * form 1, *coded*: the outline of the mask (see `outline`), then the samples (see `samples`), through one range coder.
+//! * form 0, *packed*: the mask's rows, each ⌈width / 8⌉ bytes, bit 0 of a row's first byte its leftmost pixel; then
+//!   the colours' samples, two bytes each, lowest first.
+//! * form 1, *coded*: the outline of the mask (see `outline`), then the samples (see `samples`), through one range
+//!   coder.
 //!
-//! An encoder takes the shorter form, so that no mask whatever makes a message longer than its limit. With the filmed
-//! picture: a block, a JPEG file of at most 4096 × 4096 pixels. Everything but that picture is lossless.
+//! An encoder takes the shorter form, so that no mask makes a message longer than its limit. With the filmed picture:
+//! a block, a JPEG file of at most 4096 × 4096 pixels. Everything but that picture is lossless.
 
 mod bytes;
 mod image_body;
@@ -51,9 +53,9 @@ pub use self::bytes::Malformed;
 pub const VERSION: u8 = 1;
 /// The longest camera name, in bytes.
 pub const LONGEST_NAME: usize = 256;
-/// The longest line of a failure or a refusal, in bytes; longer ones are cut.
+/// Longest line of a failure or a refusal, in bytes; longer ones are cut.
 const LONGEST_LINE: usize = 1024;
-/// The most bodies that a feedback holds.
+/// Largest number of bodies in a feedback.
 const MOST_BODIES: u32 = 4096;
 /// The largest working width and height.
 const LARGEST_SIDE: u32 = 16_384;
@@ -63,9 +65,9 @@ const LONGEST_PICTURE: usize = 8 << 20;
 /// One message, in either direction.
 #[derive(Debug, Clone)]
 pub enum Message {
-    /// What a station is.
+    /// First message of a station: its camera, size and rate.
     Hello(Hello),
-    /// A frame that a station observed. Of its pictures only the filmed one crosses.
+    /// A frame that a station observed. Of its pictures only the filmed one is sent.
     Seen(Box<Seen>),
     /// A station's recording has no more frames.
     End,
@@ -77,13 +79,13 @@ pub enum Message {
     Start,
     /// A gatherer does not want a station: one line that says why.
     Refusal(String),
-    /// The people whom the tracker believes in.
+    /// Estimate of the people who are present, by the tracker.
     Feedback(Feedback),
     /// A gatherer has received a station's end or failure.
     Done,
 }
 
-/// What a message may hold at most. It is checked before anything is allocated.
+/// Upper limits of a message's contents, checked before anything is allocated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Limits {
     /// Width of the camera's masks in pixels.
@@ -108,8 +110,8 @@ impl Message {
     /// The message's bytes.
     ///
     /// # Errors
-    /// When the message cannot be decoded on the other side: a name or picture that is too long, colours without a mask, a
-    /// number that is not finite.
+    /// When the message cannot be decoded on the other side: a name or picture that is too long, colours without a
+    /// mask, a number that is not finite.
     pub fn encode(&self) -> Result<Vec<u8>, Malformed> {
         let mut out = vec![VERSION, self.kind()];
         match self {

@@ -1,33 +1,36 @@
-//! A mask as the columns where its rows change, coded against the row above.
+//! Coding of a mask as the columns where its rows change, relative to the row above.
 //!
-//! As fax machines do (ITU-T T.6, "group 4"): `b1` is the first change of the row above to the right of the latest change
-//! `a0` of this row that goes the same way as the next change `a1`, and `b2` the one after it. A change is coded as one of
+//! The method is that of fax machines (ITU-T T.6, "group 4"): `b1` is the first change of the row above to the right
+//! of the latest change `a0` of this row that goes the same way as the next change `a1`, and `b2` the one after it. A
+//! change is coded as one of
 //!
 //! * `a1 − b1`, where that is at most 6 columns;
 //! * *pass*: the row above changes and changes back (`b1`, `b2`) before this row changes;
 //! * *alone*: `a1 − a0 − 1`, as an integer.
 //!
-//! A row that has no more changes changes at its width. The modes go through the adaptive range coder instead of T.6's
-//! fixed codes, with the latest mode and what is known of `b1` as their context.
+//! A row without further changes has its next change at its width. The modes go through the adaptive range coder
+//! instead of T.6's fixed codes, with the latest mode and the position of `b1` (inside the row or at its end) as
+//! their context.
 
 use super::bytes::{Decoded, Malformed};
 use super::range_coder::{Coder, Length, Symbol};
 use crate::observation::Mask;
 
-/// The farthest that a change lies from the row above's to be coded by the distance.
+/// Largest distance in columns from the change `b1` at which a change is coded by that distance.
 const NEAR: i32 = 6;
 /// Modes 0 to 12 are distances from −6 to 6.
 const PASS: usize = 13;
 const ALONE: usize = 14;
 
-/// How probable each mode is, by context.
+/// Probability of each mode, by context.
 #[derive(Default)]
 pub(super) struct OutlineModel {
     modes: [Symbol<16>; CONTEXTS],
     alone: [Length; 2],
 }
 
-/// Inside or outside a run, `b1` before the row's end or not, and what the latest mode was.
+/// Number of contexts: inside or outside a run, `b1` before the row's end or not, and five classes of the latest
+/// mode.
 const CONTEXTS: usize = 2 * 2 * 5;
 
 /// One row's changes; even ones begin a run, odd ones end it.

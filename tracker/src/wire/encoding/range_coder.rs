@@ -1,4 +1,4 @@
-//! Adaptive binary range coder: bits that are likely cost little, and how likely they are is learnt from those before.
+//! Adaptive binary range coder: likely bits cost little, and the probabilities are learnt from the bits before.
 //!
 //! The coder of LZMA (I. Pavlov, "LZMA specification", 2015; after G. N. N. Martin, "Range encoding", 1979): 11-bit
 //! probabilities, 32-bit range, a carry that runs back over bytes of 255. Integers only, so it is the same everywhere.
@@ -9,9 +9,9 @@ use super::bytes::{Decoded, Malformed};
 
 /// Bits of a probability.
 const PROBABILITY_BITS: u32 = 11;
-/// How slowly probabilities follow what is seen: by a 2⁻⁴th of the way. Few symbols make a message.
+/// Speed at which probabilities follow the bits, by 2⁻⁴ of the way for each: fast, because a message has few symbols.
 const ADAPTATION: u32 = 4;
-/// Below this the range is made wider by a byte.
+/// Range below which it is made wider by a byte.
 const LEAST_RANGE: u32 = 1 << 24;
 
 /// The probability that a bit is 0, in parts of 2¹¹.
@@ -39,18 +39,18 @@ impl Bit {
     }
 }
 
-/// One direction of the coder. An encoder takes the value that it is given and returns it; a decoder returns the value that
-/// was given to the encoder.
+/// One direction of the coder. An encoder takes the value that it is given and returns it; a decoder returns the
+/// value that was given to the encoder.
 pub(super) trait Coder {
-    /// One bit.
+    /// Codes one bit.
     fn bit(&mut self, model: &mut Bit, bit: bool) -> Decoded<bool>;
 }
 
-/// Writes.
+/// Coder that writes.
 pub(super) struct Encoder {
     low: u64,
     range: u32,
-    /// The last byte that a carry may still change, and the bytes of 255 after it.
+    /// Last byte that a carry may still change, and the number of bytes of 255 after it.
     cache: u8,
     pending: usize,
     out: Vec<u8>,
@@ -103,7 +103,7 @@ impl Coder for Encoder {
     }
 }
 
-/// Reads what an [`Encoder`] wrote.
+/// Coder that reads the output of an [`Encoder`].
 pub(super) struct Decoder<'a> {
     code: u32,
     range: u32,
@@ -153,7 +153,7 @@ impl Coder for Decoder<'_> {
     }
 }
 
-/// A symbol of up to `SIZE` values, a power of two: its bits from the highest, each with a model for all bits above it.
+/// Symbol of up to `SIZE` values, a power of two: its bits from the highest, each with a model for all bits above it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Symbol<const SIZE: usize>([Bit; SIZE]);
 
@@ -164,7 +164,7 @@ impl<const SIZE: usize> Default for Symbol<SIZE> {
 }
 
 impl<const SIZE: usize> Symbol<SIZE> {
-    /// One symbol; of `value` the bits below `SIZE` count.
+    /// Codes one symbol; only the bits of `value` below `SIZE` count.
     pub(super) fn code(&mut self, coder: &mut impl Coder, value: usize) -> Decoded<usize> {
         let mut node = 1;
         for shift in (0..SIZE.ilog2()).rev() {
@@ -175,7 +175,7 @@ impl<const SIZE: usize> Symbol<SIZE> {
     }
 }
 
-/// An integer of up to 15 bits: how many bits it has, then those below the highest.
+/// Integer of up to 15 bits: the number of its bits, then those below the highest.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Length {
     bits: Symbol<16>,
@@ -183,7 +183,7 @@ pub(super) struct Length {
 }
 
 impl Length {
-    /// One integer below 2¹⁵.
+    /// Codes one integer below 2¹⁵.
     pub(super) fn code(&mut self, coder: &mut impl Coder, value: u32) -> Decoded<u32> {
         let bits = self.bits.code(coder, (u32::BITS - value.leading_zeros()) as usize)?;
         let mut read = u32::from(bits > 0);

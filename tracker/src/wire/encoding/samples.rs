@@ -1,9 +1,9 @@
-//! The colours of a foreground, each predicted from those around it.
+//! Coding of the colours of a foreground, each predicted from those around it.
 //!
-//! The prediction is that of LOCO-I (M. Weinberger, G. Seroussi & G. Sapiro, IEEE Trans. Image Processing 9(8), 2000):
-//! the median of the cell to the left, the one above, and their sum less the one between them; of fewer neighbours, the one
-//! there is. The rest, modulo the channel's levels, goes through the adaptive range coder: green first, then red and blue
-//! in the context of green's.
+//! The prediction is that of LOCO-I (M. Weinberger, G. Seroussi & G. Sapiro, IEEE Trans. Image Processing 9(8),
+//! 2000): the median of the cell to the left, the one above, and their sum less the one between them; with one
+//! neighbour only, that neighbour. The residual, modulo the channel's levels, goes through the adaptive range coder:
+//! green first, then red and blue in the context of green's.
 
 use super::bytes::Decoded;
 use super::range_coder::{Coder, Symbol};
@@ -12,19 +12,20 @@ use crate::observation::Mask;
 /// Red, green and blue of a sample.
 type Levels = [i32; 3];
 
-/// How probable each rest is, by context.
+/// Probability of each residual, by context.
 #[derive(Default)]
 pub(super) struct SampleModel {
     green: [Symbol<64>; 3],
-    /// Red and blue.
+    /// Models of red and blue, by the class of green's residual.
     others: [[Symbol<32>; GREEN_CLASSES]; 2],
 }
 
-/// Classes of green's rest: by its sign and size.
+/// Number of classes of green's residual, by its sign and size.
 const GREEN_CLASSES: usize = 7;
 
 impl SampleModel {
-    /// Codes one sample a set cell, row by row: an encoder is given them and returns their equal, a decoder is given none.
+    /// Codes one sample for each set cell, row by row: an encoder is given them and returns their equal, a decoder is
+    /// given none.
     pub(super) fn code(&mut self, coder: &mut impl Coder, cells: &Mask, given: &[u16]) -> Decoded<Vec<u16>> {
         let mut coded = Vec::new();
         let width = cells.width() as usize;
@@ -56,7 +57,7 @@ impl SampleModel {
         let green = (sample[1] - expected[1]) & 63;
         let green = self.green[neighbours].code(coder, green as usize)? as i32;
         let class = class_of(green);
-        // Brightness changes all three: red and blue have half of green's levels.
+        // Brightness changes all three channels; red and blue have half of green's levels.
         let shift = signed(green) / 2;
         let mut rest_of = |model: usize, channel: usize| -> Decoded<i32> {
             let rest = (sample[channel] - expected[channel] - shift) & 31;
@@ -67,7 +68,7 @@ impl SampleModel {
     }
 }
 
-/// What a cell is expected to have, and how many neighbours (0, 1, 2 or more) say so.
+/// Predicted levels of a cell, and the number of neighbours (0, 1, or 2 for more) that they come from.
 fn predict(
     left: Option<Levels>,
     above: Option<Levels>,
@@ -87,7 +88,7 @@ fn predict(
     }
 }
 
-/// −32 to 31 of the 6 bits.
+/// Signed value of 6 bits, −32 to 31.
 fn signed(green: i32) -> i32 {
     if green < 32 { green } else { green - 64 }
 }

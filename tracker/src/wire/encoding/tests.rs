@@ -1,4 +1,4 @@
-//! Round trips, hostile bytes, and what the office's observations take.
+//! Round trips, hostile bytes, and the size of the office's messages.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -15,7 +15,7 @@ use crate::foreground::backdrop::Backdrop;
 use crate::foreground::{Foreground, ForegroundOptions, Start};
 use crate::observation::{Colours, Mask};
 
-const HEALTHS: [Verdict; 7] = [
+const HEALTHS: [Verdict; 9] = [
     Verdict::Usable,
     Verdict::Frozen,
     Verdict::Dark,
@@ -23,6 +23,8 @@ const HEALTHS: [Verdict; 7] = [
     Verdict::Learning,
     Verdict::Lost,
     Verdict::Between,
+    Verdict::Silent,
+    Verdict::OtherShape,
 ];
 
 fn limits_of(seen: &Seen) -> Limits {
@@ -121,7 +123,7 @@ fn every_health_returns_and_others_are_refused() {
         };
         let mut bytes = Message::Seen(Box::new(seen)).encode().unwrap();
         assert_eq!(decoded(&bytes, Limits::NO_MASK).observation, observation);
-        bytes[11] = 7;
+        bytes[11] = 9;
         let refused = Message::decode(&bytes, Limits::NO_MASK).unwrap_err();
         assert_eq!(refused, Malformed("an observation's health is unknown"));
     }
@@ -228,7 +230,7 @@ fn mutated_messages_are_refused_or_stay_within_their_limits() {
     assert!(refused > 3000, "{refused}");
 }
 
-/// The office's camera in frames 200 to 300, where three people walk: what a station makes of each, and the picture.
+/// Office's camera in frames 200 to 300, where three people walk: the observation of each frame, and its picture.
 fn office(camera: &str) -> Vec<(Seen, RgbImage)> {
     let path: PathBuf = [env!("CARGO_MANIFEST_DIR"), "../tests/office/video"].iter().collect();
     let path = path.join(camera).with_extension("mp4");
@@ -282,7 +284,7 @@ fn office_observations_of_three_people_fit_forty_kilobytes_a_second() {
                 encoding / count as u32,
                 decoding / count as u32,
             );
-            // Finer grids are shown with their price.
+            // Finer grids are only printed, with their rate.
             if step == 0 || step >= 4 {
                 assert!(rate < 40.0, "{camera}, step {step}: {rate} kB/s");
             }

@@ -1,4 +1,4 @@
-//! A gatherer's end.
+//! A gatherer's end of the network.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -11,15 +11,15 @@ use super::super::keys::{self, Token};
 use super::super::roster::{Action, Roster};
 use super::super::{Endpoints, Expected, Fingerprint};
 use super::session::{Arrival, Member, Subscriptions};
-use crate::gathering::{Inbox, Port};
 use crate::observation::Feedback;
+use crate::station::{Inbox, Port};
 use crate::{Error, Result};
 
-/// How often the roster's clock ticks.
+/// Interval of the roster's clock.
 const TICK: Duration = Duration::from_millis(50);
-/// Where all stations that are there are live, others are waited for so long; they may come at any time.
+/// Time to wait for further stations where all that are present are live; they may come at any time.
 const LIVE_GRACE: Duration = Duration::from_secs(1);
-/// After so long a wait is told.
+/// Time after which a wait is logged.
 const QUIET: Duration = Duration::from_secs(1);
 
 /// A gatherer's end of the network. Dropping it leaves the network, within 2 s.
@@ -35,7 +35,7 @@ enum Input {
     Stop,
 }
 
-/// The driver's part: everything that happens, one after the other.
+/// Thread that runs the roster: handles all inputs, one after the other.
 struct Driver {
     member: Member,
     id: String,
@@ -48,17 +48,18 @@ struct Driver {
 }
 
 impl Downlink {
-    /// Joins the network as the gatherer of a room, waits for the stations of all cameras, and starts them together. From
-    /// then on their events come into the inbox, and their ports take feedback: one a camera, in the order of `expected`.
+    /// Joins the network as the gatherer of a room, waits for the stations of all cameras, and starts them together.
+    /// From then on their events come into the inbox, and their ports take feedback: one a camera, in the order of
+    /// `expected`.
     ///
-    /// Where every station that is there is live, others are waited for only a second: live stations may come late, go and
-    /// come back. A live station that goes is an observation of [`Verdict::Lost`](crate::foreground::Verdict::Lost), once;
-    /// sequence numbers go on growing when it is back. A recording's station that goes before its end is an
-    /// [`Event::Failed`](crate::station::Event::Failed).
+    /// Further stations are waited for only a second where all that are present are live: live stations may come
+    /// late, go and come back. A live station that goes gives one observation of
+    /// [`Verdict::Lost`](crate::foreground::Verdict::Lost); sequence numbers go on growing when it is back. A
+    /// recording's station that goes before its end gives an [`Event::Failed`](crate::station::Event::Failed).
     ///
     /// # Errors
-    /// When an endpoint or a certificate cannot be used, when stations are missing after `bound`, and when `is_interrupted`
-    /// is set.
+    /// When an endpoint or a certificate cannot be used, when stations are missing after `bound`, and when
+    /// `is_interrupted` is set.
     pub fn open(
         expected: Expected,
         endpoints: &Endpoints,
@@ -111,7 +112,7 @@ impl Downlink {
         Ok((ports, Self { stop: arrivals, driver: Some(driver), garbage }))
     }
 
-    /// Messages that were refused: of unknown senders, malformed, out of order.
+    /// Number of messages that were refused: of unknown senders, malformed, out of order.
     pub fn garbage(&self) -> u64 {
         self.garbage.load(Ordering::Relaxed)
     }
@@ -153,7 +154,7 @@ impl Driver {
         }
     }
 
-    /// Takes one input, or lets a tick pass; false when there is nothing more to do.
+    /// Handles one input, or lets a tick pass; `false` when there is nothing more to do.
     fn step(&mut self) -> bool {
         let input = self.inputs.recv_timeout(TICK);
         let now = Instant::now();
@@ -181,7 +182,7 @@ impl Driver {
         for action in actions {
             match action {
                 Action::Tell(line) => tracing::warn!("{line}"),
-                // A gathering that has ended takes no more.
+                // A gathering that has ended takes no more events.
                 Action::Deliver(camera, event) => drop(self.inbox.send((camera, event))),
                 Action::Send { camera, station, message, may_drop } => match message.encode() {
                     Ok(bytes) => {

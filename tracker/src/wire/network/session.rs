@@ -1,4 +1,4 @@
-//! One Zenoh session: its settings, its token, what comes in, and an end that is bounded in time.
+//! One Zenoh session: its settings, its token, its arrivals, and an end that is bounded in time.
 
 use std::sync::mpsc;
 use std::thread;
@@ -15,13 +15,13 @@ use super::super::keys::{self, Token};
 use super::super::{Endpoint, Endpoints};
 use crate::{Error, Result};
 
-/// Closing a session that its peers do not let go takes at most so long.
+/// Longest time for closing a session that its peers do not let go.
 const CLOSE_BOUND: Duration = Duration::from_secs(2);
 
-/// A router that does not answer within this is an error.
+/// Time within which a router must answer.
 const ROUTER_BOUND: Duration = Duration::from_secs(5);
 
-/// What comes from the network.
+/// Arrival from the network.
 #[derive(Debug)]
 pub(super) enum Arrival {
     /// A token of the watched kind has appeared.
@@ -35,11 +35,11 @@ pub(super) enum Arrival {
 /// A member of the network.
 pub(super) struct Member {
     session: Option<Session>,
-    /// In the order in which they are taken back: the token first.
+    /// Token and subscribers, in the order in which they are undeclared: the token first.
     declared: Option<(LivelinessToken, Vec<Subscriber<()>>)>,
 }
 
-/// What a member shows and hears.
+/// Token that a member declares, and keys that it subscribes to.
 pub(super) struct Subscriptions {
     /// Its own token.
     pub token: Token,
@@ -86,7 +86,7 @@ impl Member {
                 }
             });
             let tokens = tokens.wait()?;
-            // Last, so that whoever sees the token can be heard.
+            // The token is declared last, so that a peer that sees it can already be heard.
             let token = session.liveliness().declare_token(subscriptions.token.key()).wait()?;
             Ok((token, vec![messages, tokens]))
         };
@@ -99,8 +99,8 @@ impl Member {
         self.session.as_ref().map(|session| session.zid().to_string()).unwrap_or_default()
     }
 
-    /// Sends a message at once. One that `may_drop` is dropped where the network is slower than its sender; else this
-    /// waits. What cannot be sent is lost: a peer that has gone is told by its token.
+    /// Sends a message at once. One that `may_drop` is dropped where the network is slower than its sender; otherwise
+    /// this waits. A message that cannot be sent is lost: the token shows that a peer has gone.
     pub(super) fn send(&self, key: &str, bytes: Vec<u8>, may_drop: bool) {
         let congestion = if may_drop { CongestionControl::Drop } else { CongestionControl::Block };
         let Some(session) = &self.session else { return };
@@ -131,8 +131,9 @@ impl Drop for Member {
     }
 }
 
-/// Zenoh's defaults listen on every interface, look around by multicast, take messages of 1 GiB and notice a dead peer after
-/// 10 s. Here only what was asked for is open, and peers are missed after 2 s.
+/// Settings of the session. Zenoh's defaults listen on every interface, look around by multicast, take messages of 1
+/// GiB and notice a dead peer after 10 s. Here only the endpoints that were asked for are open, and a dead peer is
+/// noticed after 2 s.
 fn config(endpoints: &Endpoints, longest_message: usize) -> zenoh::Result<Config> {
     let addresses = |endpoints: &[Endpoint]| endpoints.iter().map(Endpoint::to_string).collect::<Vec<_>>();
     let mut listen = addresses(&endpoints.listen);
@@ -141,7 +142,7 @@ fn config(endpoints: &Endpoints, longest_message: usize) -> zenoh::Result<Config
     }
     let mut settings = vec![
         ("mode", json!(if endpoints.via_router { "client" } else { "peer" })),
-        // A peer connects in the background, for ever; a client when it joins.
+        // A peer connects in the background, without a time limit; a client when it joins.
         ("connect/timeout_ms", json!({ "peer": -1, "client": ROUTER_BOUND.as_millis() as u64 })),
         ("listen/endpoints", json!(listen)),
         ("connect/endpoints", json!(addresses(&endpoints.connect))),
@@ -174,7 +175,7 @@ fn config(endpoints: &Endpoints, longest_message: usize) -> zenoh::Result<Config
         settings.push(("access_control", access(&endpoints.allow)));
     }
     if !endpoints.discover {
-        // Peers tell of others, but nobody connects to those.
+        // Peers announce other peers, but no connections are made to those.
         settings.push(("scouting/gossip/autoconnect", json!({ "peer": [] })));
     }
     let mut config = Config::default();
@@ -184,7 +185,7 @@ fn config(endpoints: &Endpoints, longest_message: usize) -> zenoh::Result<Config
     Ok(config)
 }
 
-/// Nobody may do anything but the owners of certificates with these names.
+/// Access control: only owners of certificates with these names may do anything.
 fn access(names: &[String]) -> Value {
     json!({
         "enabled": true,
@@ -203,7 +204,7 @@ fn access(names: &[String]) -> Value {
     })
 }
 
-/// Checks that an address can be listened at, which Zenoh says less clearly.
+/// Checks that an address is free to listen at; Zenoh's own error is less clear.
 fn check_free(endpoint: &Endpoint) -> Result<()> {
     let address = format!("{}:{}", endpoint.host, endpoint.port);
     std::net::TcpListener::bind(&address).map(drop).map_err(|e| {
@@ -211,10 +212,10 @@ fn check_free(endpoint: &Endpoint) -> Result<()> {
     })
 }
 
-/// A session cannot be opened.
+/// Error for a session that cannot be opened.
 fn refused(endpoints: &Endpoints, error: &(dyn std::error::Error + Send + Sync)) -> Error {
     let text = error.to_string();
-    // Zenoh appends the places in its own source.
+    // Zenoh appends places in its own source code.
     let problem = text.split(" at /").next().unwrap_or(&text).replace('\n', " ");
     let mend = if endpoints.tls.is_some() { "; check the endpoints and the certificates" } else { "" };
     Error::option("stations", format!("the network cannot be joined: {problem}{mend}"))

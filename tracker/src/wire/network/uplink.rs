@@ -1,4 +1,4 @@
-//! A station's end.
+//! A station's end of the network.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver, Sender};
@@ -15,15 +15,15 @@ use crate::observation::Feedback;
 use crate::station::Event;
 use crate::{Error, Result};
 
-/// Feedback that may wait for the station; in a recording more than ever can.
+/// Capacity for feedback that waits for the station; in a recording more than can ever wait.
 const FEEDBACK_QUEUE: usize = 4 * Feedback::WINDOW as usize;
-/// How long the gatherer may take to confirm that a recording's end has arrived.
+/// Time within which the gatherer must confirm that a recording's end has arrived.
 const END_BOUND: Duration = Duration::from_secs(5);
-/// How often a wait looks whether it is over.
+/// Interval at which a wait checks whether it is over.
 const LOOK: Duration = Duration::from_millis(50);
-/// After so long a wait is told.
+/// Time after which a wait is logged.
 const QUIET: Duration = Duration::from_secs(1);
-/// An end that is not confirmed is repeated this often.
+/// Interval at which an end is repeated until it is confirmed.
 const REPEAT: Duration = Duration::from_millis(500);
 
 /// A station's end of the network. Dropping it leaves the network, within 2 s.
@@ -49,13 +49,14 @@ enum Input {
 }
 
 impl Uplink {
-    /// Joins the network as the station of one camera. Feedback comes through the receiver; it ends when a recording's
-    /// station cannot go on, and [`Self::send`] then says why. Live stations that do not take feedback in time miss some.
+    /// Joins the network as the station of one camera. Feedback comes through the receiver; it ends when a
+    /// recording's station cannot go on, and [`Self::send`] then says why. Live stations that do not take feedback in
+    /// time miss some.
     ///
     /// # Errors
     /// When an endpoint or a certificate cannot be used.
     pub fn open(hello: Hello, endpoints: &Endpoints) -> Result<(Self, Receiver<Feedback>)> {
-        // Whether others can read the hello shows before anybody waits for it.
+        // A hello that cannot be encoded is an error now, before anybody waits for it.
         Message::Hello(hello.clone()).encode().map_err(|malformed| {
             Error::option(format!("station `{}`", hello.camera), malformed.to_string())
         })?;
@@ -90,8 +91,8 @@ impl Uplink {
         Ok((Self { shared, stop: arrivals, driver: Some(driver) }, feedback))
     }
 
-    /// Waits until the gatherer wants observations: of a recording the first frame must not be sent before. Without a bound
-    /// it waits for ever.
+    /// Waits until the gatherer wants observations; a recording's first frame must not be sent before. Without a
+    /// bound it waits for ever.
     ///
     /// # Errors
     /// When the gatherer refuses this station, when there is none within the bound, and when `is_interrupted` is set.
@@ -124,9 +125,9 @@ impl Uplink {
         }
     }
 
-    /// Sends what the station has observed. A recording's waits for the network and is never lost; a live one's is dropped
-    /// where the network is slower than the camera or nobody gathers. An end or failure is waited for to arrive, at most
-    /// 5 s.
+    /// Sends an event of the station. A recording's observation waits for the network and is never lost; a live one's
+    /// is dropped where the network is slower than the camera or nobody gathers. For an end or a failure this waits
+    /// until it has arrived, at most 5 s.
     ///
     /// # Errors
     /// When the gatherer refuses this station, and when that of a recording has gone.
@@ -181,7 +182,7 @@ impl Shared {
         self.enrolment.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Waits for a change, or a little.
+    /// Waits for a change, at most `LOOK`.
     fn wait<'a>(&self, enrolment: MutexGuard<'a, Enrolment>) -> MutexGuard<'a, Enrolment> {
         self.changed.wait_timeout(enrolment, LOOK).unwrap_or_else(PoisonError::into_inner).0
     }

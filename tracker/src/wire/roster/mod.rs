@@ -1,9 +1,10 @@
-//! The stations that a gatherer knows: who is let in, started, refused, gone.
+//! Roster of a gatherer: its stations, enrolled, started, refused or gone.
 //!
-//! A state machine without a network: tokens, messages, feedback and the passage of time go in, [`Action`]s come out. One
-//! camera has one *holder*, the station whose observations count. A station is called as soon as its token appears; its
-//! hello makes it the holder, a rival, or refused. A rival is refused when the holder answers a call, and takes its place
-//! when the holder is silent or goes: so a station that died without a word never locks its successor out.
+//! A state machine without a network: tokens, messages, feedback and the passage of time go in, [`Action`]s come out.
+//! One camera has one *holder*, the station whose observations count. A station is called as soon as its token
+//! appears; its hello makes it the holder, a rival, or refused. A rival is refused when the holder answers a call,
+//! and takes its place when the holder is silent or goes: so a station that died without a word never locks its
+//! successor out.
 
 #[cfg(test)]
 mod tests;
@@ -19,14 +20,14 @@ use crate::foreground::Verdict;
 use crate::observation::{Feedback, Observation};
 use crate::station::{Event, Pictures, Seen};
 
-/// Calls and starts that are not answered are repeated this often.
+/// Interval at which calls and starts are repeated until they are answered.
 const REPEAT: Duration = Duration::from_millis(200);
-/// A holder that does not answer for so long has gone: longer than a lease of the network.
+/// Time without an answer after which a holder counts as gone: longer than a lease of the network.
 const SILENCE: Duration = Duration::from_secs(3);
-/// The most stations that are known at a time; more are not listened to.
+/// Largest number of stations that are known at a time; further ones are ignored.
 const MOST_STATIONS: usize = 1024;
 
-/// What a gatherer is to do.
+/// Action that the caller must carry out for the gatherer.
 #[derive(Debug)]
 pub(super) enum Action {
     /// Send a message to a station.
@@ -46,7 +47,7 @@ pub(super) enum Action {
     Tell(String),
 }
 
-/// Stations by id, and who holds each camera.
+/// Stations by id, and the holder of each camera.
 pub(super) struct Roster {
     expected: Expected,
     slots: Vec<Slot>,
@@ -56,12 +57,12 @@ pub(super) struct Roster {
     is_full: bool,
 }
 
-/// One camera.
+/// Entry of one camera.
 #[derive(Default)]
 struct Slot {
     holder: Option<String>,
     hello: Option<Hello>,
-    /// Added to a station's sequence numbers, so that they grow across restarts.
+    /// Offset added to a station's sequence numbers, so that they grow across restarts.
     offset: u64,
     latest: Option<Latest>,
     /// Whether a recording has come to its end or failed.
@@ -73,7 +74,7 @@ struct Latest {
     sequence: u64,
     time_s: f64,
     at: Instant,
-    /// Whether it stands for a station that has gone.
+    /// Whether it reports the loss of a station that has gone.
     is_loss: bool,
 }
 
@@ -81,14 +82,15 @@ struct Latest {
 struct Station {
     camera: usize,
     hello: Option<Hello>,
-    /// When it was asked last for what it owes: its hello or, once started, its first observation.
+    /// Time at which the station was last asked for the message that it owes: its hello or, once started, its first
+    /// observation.
     asked: Instant,
     heard: Instant,
     has_observed: bool,
-    /// Since when it waits for another station of its camera to answer.
+    /// Start of the wait for another station of its camera to answer; `None` without a rival.
     rival_since: Option<Instant>,
     has_failed: bool,
-    /// Why it is refused.
+    /// Reason why it is refused; `None` if it is not.
     refusal: Option<String>,
     has_sent_garbage: bool,
 }
@@ -100,17 +102,17 @@ impl Roster {
         Self { expected, slots, stations: BTreeMap::new(), is_running: false, garbage: 0, is_full: false }
     }
 
-    /// Messages that were refused.
+    /// Number of messages that were refused.
     pub(super) fn garbage(&self) -> u64 {
         self.garbage
     }
 
-    /// The hello of each camera's holder, or of the holder before.
+    /// Hello of each camera's holder, or of its holder before.
     pub(super) fn hellos(&self) -> impl Iterator<Item = Option<&Hello>> {
         self.slots.iter().map(|slot| slot.hello.as_ref())
     }
 
-    /// The cameras that no station holds.
+    /// Names of the cameras that no station holds.
     pub(super) fn missing(&self) -> Vec<&str> {
         let cameras = self.expected.cameras.iter().zip(&self.slots);
         cameras.filter(|(_, slot)| slot.holder.is_none()).map(|(camera, _)| camera.name.as_str()).collect()
@@ -123,7 +125,7 @@ impl Roster {
         holders.iter().filter_map(|id| self.send(id, Message::Start, now)).collect()
     }
 
-    /// A station's token has appeared.
+    /// Handles the token of a station that has appeared.
     pub(super) fn token_appeared(&mut self, token: &Token, now: Instant) -> Vec<Action> {
         let Some(name) = &token.camera else { return Vec::new() };
         if token.version != VERSION.to_string() {
@@ -163,7 +165,7 @@ impl Roster {
         self.send(&token.id, Message::Call, now).into_iter().collect()
     }
 
-    /// A station's token has vanished: it has ended, died, or cannot be reached.
+    /// Handles the token of a station that has vanished: the station has ended, died, or cannot be reached.
     pub(super) fn token_vanished(&mut self, id: &str, now: Instant) -> Vec<Action> {
         let Some(station) = self.stations.remove(id) else { return Vec::new() };
         let mut actions = Vec::new();
@@ -178,7 +180,7 @@ impl Roster {
         actions
     }
 
-    /// A message has come under the key of a camera and a station.
+    /// Handles a message under the key of a camera and a station.
     pub(super) fn message(&mut self, camera: &str, id: &str, bytes: &[u8], now: Instant) -> Vec<Action> {
         let Some(station) = self.stations.get_mut(id) else {
             return self.count_garbage(camera, None, Malformed("the station is unknown"));
@@ -214,16 +216,16 @@ impl Roster {
                 let line = format!("station `{camera}`: {line}");
                 is_news.then_some(Action::Tell(line)).into_iter().collect()
             }
-            // What a station sends that was refused, replaced or not yet started.
+            // Observations of a station that was refused, replaced or not yet started are ignored.
             Message::Seen(_) | Message::End => Vec::new(),
             _ => self.count_garbage(camera, Some(id), Malformed("stations do not send this kind")),
         }
     }
 
-    /// Feedback of the tracker for a camera's station.
+    /// Passes feedback of the tracker on to a camera's station.
     pub(super) fn feedback(&mut self, camera: usize, feedback: Feedback, now: Instant) -> Vec<Action> {
         let slot = &self.slots[camera];
-        // Feedback for a station that has gone is not its successor's.
+        // Feedback for a station that has gone is not for its successor.
         let (Some(id), Some(sequence)) = (slot.holder.clone(), feedback.sequence.checked_sub(slot.offset))
         else {
             return Vec::new();
@@ -234,7 +236,7 @@ impl Roster {
         self.send(&id, Message::Feedback(Feedback { sequence, ..feedback }), now).into_iter().collect()
     }
 
-    /// Time has passed: repeats what was not answered, and decides between rivals.
+    /// Lets time pass: repeats messages that were not answered, and decides between rivals.
     pub(super) fn tick(&mut self, now: Instant) -> Vec<Action> {
         let mut actions = Vec::new();
         let due: Vec<String> =
@@ -333,7 +335,7 @@ impl Roster {
         actions
     }
 
-    /// Takes a camera from its holder, which has gone.
+    /// Takes a camera from its holder, when the holder has gone.
     fn release(&mut self, camera: usize, now: Instant) -> Vec<Action> {
         let slot = &mut self.slots[camera];
         let name = &self.expected.cameras[camera].name;
@@ -404,7 +406,7 @@ impl Roster {
         let station = self.stations.get_mut(id)?;
         station.asked = now;
         let is_recording = station.hello.as_ref().is_some_and(|hello| !hello.is_live);
-        // All but a recording's feedback is repeated until it is answered, or is replaced by the next.
+        // All messages but a recording's feedback are repeated until they are answered, or replaced by the next one.
         let may_drop = !(is_recording && matches!(message, Message::Feedback(_)));
         let camera = self.expected.cameras[station.camera].name.clone();
         Some(Action::Send { camera, station: id.to_owned(), message, may_drop })

@@ -5,7 +5,7 @@ use crate::wire::{ExpectedCamera, Fingerprint};
 
 const ROOM: Fingerprint = Fingerprint([9; Fingerprint::BYTES]);
 
-/// A roster with a clock, and everything that it did.
+/// Roster with a clock, and the actions that it took.
 struct Scene {
     roster: Roster,
     now: Instant,
@@ -51,7 +51,7 @@ impl Scene {
         self.take(actions);
     }
 
-    /// A station that appears and answers its call.
+    /// Lets a station appear and answer its call.
     fn join(&mut self, camera: &str, id: &str, is_live: bool) {
         self.appear(camera, id);
         self.say(camera, id, &Message::Hello(hello(camera, is_live)));

@@ -1,4 +1,4 @@
-//! Live stations that come, go and come back; and everybody who should not be there.
+//! Live stations that come, go and come back; and peers that must not take part.
 
 use std::io::{Read, Write};
 use std::net::TcpStream;
@@ -8,7 +8,7 @@ use zenoh::{Session, Wait};
 
 use super::*;
 
-/// A live station that observes all the time; what it could not do at last.
+/// Thread of a live station that observes all the time; its result is the error that ended it.
 fn observe_live(camera: &'static str, address: &str, stop: &'static AtomicBool) -> JoinHandle<Result<()>> {
     let endpoints = connecting(address);
     thread::spawn(move || {
@@ -131,7 +131,7 @@ fn stations_of_another_room_and_missing_ones_are_told_in_one_line() {
     assert_eq!(line, "station `cam1`: interrupted while it waited for the gatherer");
 }
 
-/// A session that may do everything that Zenoh lets it.
+/// Session of a stranger that may do everything that Zenoh allows.
 fn stranger(address: &str) -> Session {
     let mut config = zenoh::Config::default();
     for (key, value) in [
@@ -196,7 +196,7 @@ fn garbage_on_keys_and_port_is_counted_and_the_rest_goes_on() {
     }
     assert_eq!(gatherer.downlink.garbage(), 12);
 
-    // A message that is larger than any may be does not get as far as the roster.
+    // A message larger than the limit does not reach the roster.
     let key = crate::wire::keys::messages(ROOM, "up", "cam0", "dead", &gatherer_id);
     stranger.put(key.as_str(), vec![7; 16 << 20]).wait().unwrap();
     let deadline = Instant::now() + Duration::from_secs(1);

@@ -14,20 +14,20 @@ use std::time::Duration;
 use super::{Downlink, Uplink};
 use crate::Result;
 use crate::foreground::Verdict;
-use crate::gathering::Port;
 use crate::observation::{Colours, Feedback, Mask, Observation};
 use crate::silhouette::Body;
+use crate::station::Port;
 use crate::station::{Event, Pictures, Seen};
 use crate::wire::{Endpoints, Expected, ExpectedCamera, Fingerprint, Hello};
 
-/// Nothing in these tests takes so long.
+/// Bound of every wait in these tests.
 const BOUND: Duration = Duration::from_secs(20);
 const ROOM: Fingerprint = Fingerprint([5; Fingerprint::BYTES]);
 const SIZE: (u32, u32) = (96, 72);
-/// Nobody interrupts.
+/// Interrupt flag that is never set.
 static GO_ON: AtomicBool = AtomicBool::new(false);
 
-/// An address on the loopback that nobody listens at.
+/// Free address of the loopback: no process listens there.
 fn free_address() -> String {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     format!("127.0.0.1:{}", listener.local_addr().unwrap().port())
@@ -51,7 +51,7 @@ fn expected(cameras: &[&str]) -> Expected {
     Expected { room: ROOM, cameras: cameras.iter().map(camera).collect() }
 }
 
-/// A gatherer that has its stations.
+/// Gatherer with all its stations.
 struct Gatherer {
     ports: Vec<Port>,
     downlink: Downlink,
@@ -82,7 +82,7 @@ impl Gatherer {
     }
 }
 
-/// What a camera saw in its `sequence`th frame.
+/// Observation of a camera's `sequence`th frame.
 fn seen(camera: &str, sequence: u64) -> Seen {
     let grain = 3 + camera.len() as u32;
     let shift = sequence as u32;

@@ -1,11 +1,11 @@
-//! Recordings: everything arrives, in order, and within the window; a side that goes is told.
+//! Recordings: everything arrives, in order, and within the window; a side that goes is reported.
 
 use std::time::Instant;
 
 use super::*;
 
-/// A station as the product's: it makes at most a window of observations more than it has had feedback for. Returns the
-/// feedback that it got.
+/// Station like the product's: it makes at most a window of observations more than it has had feedback for. Returns
+/// the feedback that it got.
 fn play(camera: &'static str, endpoints: Endpoints, frames: u64) -> JoinHandle<Vec<Feedback>> {
     thread::spawn(move || {
         let (mut uplink, feedback) = Uplink::open(hello(camera, false), &endpoints).unwrap();

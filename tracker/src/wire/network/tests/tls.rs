@@ -1,4 +1,4 @@
-//! Encrypted links: who has a certificate of the right authority, and the right name, is let in.
+//! Encrypted links: a peer with a certificate of the right authority, and the right name, is accepted.
 
 use std::path::{Path, PathBuf};
 
@@ -7,7 +7,7 @@ use rcgen::{BasicConstraints, CertificateParams, DnType, IsCa, Issuer, KeyPair};
 use super::*;
 use crate::wire::Tls;
 
-/// An authority, and the folder in which its files lie.
+/// Authority, and the folder that holds its files.
 struct Authority {
     issuer: Issuer<'static, KeyPair>,
     file: PathBuf,
@@ -25,7 +25,7 @@ impl Authority {
         Self { issuer: Issuer::new(params, key), file, folder: folder.to_owned() }
     }
 
-    /// Files of somebody of this name, who accepts what `trusted` has signed.
+    /// Files of a peer of this name, which accepts certificates that `trusted` has signed.
     fn sign(&self, name: &str, trusted: &Self) -> Tls {
         let mut params = CertificateParams::new(vec!["localhost".to_owned()]).unwrap();
         params.distinguished_name.push(DnType::CommonName, name);

@@ -4,27 +4,21 @@
 //! 1. The sender's wall clock (RTCP sender reports), where it agrees with this machine's to within [`PLAUSIBLE_S`].
 //! 2. The stream's own time stamps, which tick evenly but from an unknown zero: put where the fastest frame of the latest
 //!    half minute arrived the moment it was taken.
-//! 3. Arrival alone. A camera films evenly and the network delays by more or less: a line through the arrivals over the
-//!    frames' numbers gives the interval, its lower envelope the capture times; lost frames are gaps of whole intervals.
+//! 3. Arrival alone: a camera films evenly and the network delays by more or less ([`cadence`]).
 //!
 //! All times are seconds since 1970 by this machine's clock. What the network always takes is not known and stays in them.
 
+mod cadence;
+
 use std::collections::VecDeque;
 use std::time::{SystemTime, UNIX_EPOCH};
+
+use cadence::Cadence;
 
 /// A sender's clock that is off by more is not set.
 const PLAUSIBLE_S: f64 = 2.0;
 /// Of so many latest seconds the fastest frame counts.
 const WINDOW_S: f64 = 30.0;
-/// Frames whose arrivals a line is fitted to.
-const LINE_FRAMES: usize = 64;
-/// Fewer make no line.
-const LEAST_FRAMES: usize = 8;
-/// A frame that arrives this part of an interval before the next is due is late by that much less: jitter may nearly fill an
-/// interval, and the line is not exact.
-const EARLY: f64 = 0.15;
-/// Where arrivals scatter around the line by more than this part of an interval, the camera does not film evenly.
-const UNEVEN: f64 = 0.6;
 /// A stream's clock that jumps by more has been set anew.
 const JUMP_S: f64 = 1.0;
 
@@ -42,7 +36,7 @@ pub struct ArrivalClock {
     name: String,
     /// Arrival minus the stream's own time, of the frames of the latest half minute: arrival and difference.
     lags: VecDeque<(f64, f64)>,
-    line: Line,
+    cadence: Cadence,
     latest_s: Option<f64>,
     has_warned: bool,
 }
@@ -60,7 +54,7 @@ impl ArrivalClock {
         let time_s = match (by_sender, presentation_s) {
             (Some(sender_s), _) => sender_s,
             (None, Some(stamp_s)) => self.by_stamp(stamp_s, arrival_s),
-            (None, None) => self.line.next(arrival_s),
+            (None, None) => self.cadence.next(arrival_s),
         };
         // Nobody knows of a frame before it was taken.
         let time_s = if by_sender.is_some() { time_s } else { time_s.min(arrival_s) };
@@ -94,85 +88,6 @@ impl ArrivalClock {
         }
         self.lags.push_back((arrival_s, lag_s));
         stamp_s + self.lags.iter().map(|(_, lag)| *lag).fold(f64::INFINITY, f64::min)
-    }
-}
-
-/// A line through the arrivals of the latest frames over their numbers.
-#[derive(Debug, Clone, Default)]
-struct Line {
-    /// Number and arrival.
-    frames: VecDeque<(f64, f64)>,
-}
-
-/// `time = start + interval · number`, below all arrivals.
-#[derive(Debug, Clone, Copy)]
-struct Envelope {
-    /// Time of frame 0, seconds.
-    start: f64,
-    /// Between two frames, seconds.
-    interval: f64,
-    /// Standard deviation of the arrivals around the line, seconds.
-    scatter: f64,
-}
-
-impl Line {
-    fn next(&mut self, arrival_s: f64) -> f64 {
-        let Some((latest, latest_arrival_s)) = self.frames.back().copied() else {
-            self.frames.push_back((0.0, arrival_s));
-            return arrival_s;
-        };
-        let number = match self.envelope() {
-            Some(line) => {
-                let due = (arrival_s - line.start) / line.interval;
-                // The same number again says that the one before was counted one too high.
-                (due + EARLY).floor().max(if due < latest + 0.5 { latest } else { latest + 1.0 })
-            }
-            // The first frames: none is lost.
-            None => latest + 1.0,
-        };
-        let interval_s = self.envelope().map_or(arrival_s - latest_arrival_s, |line| line.interval);
-        if (number - latest) * interval_s > WINDOW_S || arrival_s < latest_arrival_s {
-            // Away for long.
-            self.frames.clear();
-        }
-        self.frames.push_back((number, arrival_s));
-        if self.frames.len() > LINE_FRAMES {
-            self.frames.pop_front();
-        }
-        match self.envelope() {
-            Some(line) if line.scatter < UNEVEN * line.interval => line.start + line.interval * number,
-            _ => arrival_s,
-        }
-    }
-
-    /// The least-squares line, moved down until it is below all arrivals; `None` while there are too few.
-    fn envelope(&self) -> Option<Envelope> {
-        if self.frames.len() < LEAST_FRAMES {
-            return None;
-        }
-        let count = self.frames.len() as f64;
-        let (first, first_s) = self.frames[0];
-        let frames = || self.frames.iter().map(|(n, s)| (n - first, s - first_s));
-        let (sum_n, sum_s) = frames().fold((0.0, 0.0), |(a, b), (n, s)| (a + n, b + s));
-        let (mean_n, mean_s) = (sum_n / count, sum_s / count);
-        let (mut nn, mut ns) = (0.0, 0.0);
-        for (n, s) in frames() {
-            nn += (n - mean_n) * (n - mean_n);
-            ns += (n - mean_n) * (s - mean_s);
-        }
-        let interval_s = ns / nn;
-        if !(interval_s.is_finite() && interval_s > 0.0) {
-            return None;
-        }
-        let above = || frames().map(|(n, s)| s - interval_s * n);
-        let lowest_s = above().fold(f64::INFINITY, f64::min);
-        let mean_above_s = above().sum::<f64>() / count;
-        let scatter_s = (above().map(|s| (s - mean_above_s).powi(2)).sum::<f64>() / count).sqrt();
-        Some(Envelope {
-            start: first_s + lowest_s - interval_s * first,
-            interval: interval_s,
-            scatter: scatter_s,
-        })
     }
 }
 
@@ -211,13 +126,16 @@ mod tests {
 
     #[test]
     fn jitter_is_smoothed_and_lost_frames_shift_nothing() {
-        for (seed, jitter_s) in (0..10).flat_map(|seed| [0.0, 0.02, 0.08].map(|jitter| (seed, jitter))) {
+        for (seed, jitter_s) in (0..10).flat_map(|seed| [0.0, 0.02, 0.06, 0.08].map(|jitter| (seed, jitter)))
+        {
             for stamped in [false, true] {
                 let errors = errors(seed, jitter_s, 0.02, stamped);
                 let (low, high) = errors.iter().fold((0.0_f64, 0.0_f64), |(l, h), e| (l.min(*e), h.max(*e)));
                 let spread_s = deviation(&errors);
                 assert!(spread_s <= 0.008, "{seed}, {jitter_s}, {stamped}: {spread_s} s");
-                assert!(low > -0.05 && high < 0.05, "{seed}, {jitter_s}, {stamped}: {low} to {high}");
+                // Where delays vary by nearly an interval, a few frames cannot be numbered for certain.
+                let most_s = if jitter_s > 0.9 * INTERVAL_S { INTERVAL_S } else { 0.015 };
+                assert!(low > -most_s && high < most_s, "{seed}, {jitter_s}, {stamped}: {low} to {high}");
             }
         }
     }

@@ -2,13 +2,13 @@
 
 use std::sync::mpsc::Sender;
 
+use super::seen::Event;
 use crate::observation::Feedback;
-use crate::station::Event;
 
 /// The channel into which all stations put what they observe, with the number of their camera in the stage.
 pub type Inbox = Sender<(usize, Event)>;
 
-/// What is known of a station before its first observation, and the way back to it.
+/// Facts about a station before its first observation, and the channel back to it.
 pub struct Port {
     /// Name of its camera.
     pub name: String,

@@ -1,0 +1,187 @@
+//! Capture times of a camera whose frames say nothing but that they arrive.
+//!
+//! The camera films evenly, the network delays each frame by more or less and loses a few. So frame `n` arrives at
+//! `start + interval · n + delay`, and what is to be found is each frame's number:
+//! - From time to time all remembered frames are numbered together: of all intervals and phases the likeliest is taken, where
+//!   a frame that is lost or that comes in its neighbour's interval costs [`IRREGULAR_COST`] and the delays are uniform.
+//! - The line under the arrivals over the numbers (the edge of their lower convex hull below their middle, as in Moon, Skelly
+//!   and Towsley, "Estimation and removal of clock skew from network delay measurements", 1999) is where a frame arrives that
+//!   the network did not delay.
+//!
+//! Delays that vary by nearly a whole interval leave some frames' numbers open; such a frame's time is off by an interval.
+
+use std::collections::VecDeque;
+
+/// Remembered frames: 20 seconds of 12 frames/s.
+const FRAMES: usize = 256;
+/// Fewer are not numbered.
+const LEAST_FRAMES: usize = 8;
+/// All frames are numbered anew whenever so many have come.
+const RENUMBER_EVERY: usize = 16;
+/// Phases that are tried for each interval.
+const PHASES: usize = 32;
+/// So many remembered frames make the interval certain enough to be searched near the last one.
+const CERTAIN_FRAMES: usize = 64;
+/// Negative logarithm of how seldom a frame is lost.
+const IRREGULAR_COST: f64 = 4.0;
+/// Least width of the delays in the likelihood, and least tolerance of the line, as parts of an interval.
+const LEAST_WIDTH: f64 = 0.01;
+const LEAST_TOLERANCE: f64 = 0.02;
+/// The interval is uncertain if more than this part of the frames is lost or doubled, and the camera films unevenly if it is
+/// more than that.
+const UNCERTAIN: f64 = 0.12;
+const UNEVEN: f64 = 0.2;
+/// A silence of so many seconds begins anew.
+const SILENCE_S: f64 = 30.0;
+
+/// The even clock of a camera, found from when its frames arrive.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Cadence {
+    /// Number and arrival (seconds) of the latest frames.
+    frames: VecDeque<(f64, f64)>,
+    /// Frames since the last numbering.
+    since_numbered: usize,
+    /// How all frames were numbered last.
+    numbering: Option<Numbering>,
+}
+
+/// One way to number the remembered frames.
+#[derive(Debug, Clone, Copy)]
+struct Numbering {
+    /// Between two frames, seconds.
+    interval_s: f64,
+    /// Part of an interval by which the first remembered frame is late.
+    phase: f64,
+    /// Latest less earliest delay, intervals.
+    width: f64,
+    /// Steps from one frame to the next that are not one.
+    irregular: usize,
+    /// Negative logarithm of the likelihood.
+    cost: f64,
+}
+
+/// `time = start + interval · number`, below all arrivals.
+#[derive(Debug, Clone, Copy)]
+struct Envelope {
+    start_s: f64,
+    interval_s: f64,
+}
+
+impl Cadence {
+    /// When the frame that arrives now was taken; its arrival as long as the camera's interval is not known.
+    pub(super) fn next(&mut self, arrival_s: f64) -> f64 {
+        let latest = self.frames.back().copied();
+        if latest.is_some_and(|(_, latest_s)| arrival_s < latest_s || arrival_s > latest_s + SILENCE_S) {
+            *self = Self::default();
+        }
+        if self.frames.len() >= LEAST_FRAMES && self.since_numbered % RENUMBER_EVERY == 0 {
+            self.number_all();
+        }
+        self.since_numbered += 1;
+        let number = self.number(arrival_s);
+        self.frames.push_back((number, arrival_s));
+        if self.frames.len() > FRAMES {
+            self.frames.pop_front();
+        }
+        match (self.envelope(), self.numbering) {
+            (Some(line), Some(numbering)) if !self.exceeds(numbering, UNEVEN) => {
+                line.start_s + line.interval_s * number
+            }
+            _ => arrival_s,
+        }
+    }
+
+    fn exceeds(&self, numbering: Numbering, part: f64) -> bool {
+        numbering.irregular as f64 > part * self.frames.len() as f64
+    }
+
+    /// The number of the next frame by the line under the latest ones.
+    fn number(&self, arrival_s: f64) -> f64 {
+        let latest = self.frames.back().map_or(-1.0, |(number, _)| *number);
+        match (self.envelope(), self.numbering) {
+            (Some(line), Some(numbering)) => {
+                // Half of what the delays leave free of the interval: the line is not exact.
+                let tolerance = (0.5 * (1.0 - numbering.width)).max(LEAST_TOLERANCE);
+                ((arrival_s - line.start_s) / line.interval_s + tolerance).floor().max(latest)
+            }
+            _ => latest + 1.0,
+        }
+    }
+
+    fn number_all(&mut self) {
+        let count = self.frames.len();
+        let near = self.envelope().filter(|_| {
+            count >= CERTAIN_FRAMES && self.numbering.is_some_and(|last| !self.exceeds(last, UNCERTAIN))
+        });
+        // One step turns the phase by 0.15 (near) or 0.3 intervals from the first to the last frame.
+        let (middle_s, step, steps) = match near {
+            Some(line) => (line.interval_s, 0.15 / count as f64, 3),
+            None => (self.median_interval_s(), 0.3 / count as f64, count as i64 / 2),
+        };
+        let intervals_s = (-steps..=steps).map(|i| middle_s * (1.0 + step * i as f64)).filter(|s| *s > 0.0);
+        let numberings = intervals_s
+            .flat_map(|interval_s| (0..PHASES).map(move |i| (interval_s, i as f64 / PHASES as f64)));
+        let Some(best) = numberings
+            .map(|(interval_s, phase)| self.numbering(interval_s, phase))
+            .min_by(|a, b| a.cost.total_cmp(&b.cost))
+        else {
+            return;
+        };
+        let first_s = self.frames[0].1;
+        for (number, arrival_s) in &mut self.frames {
+            *number = ((*arrival_s - first_s) / best.interval_s + best.phase).floor();
+        }
+        self.numbering = Some(best);
+    }
+
+    fn numbering(&self, interval_s: f64, phase: f64) -> Numbering {
+        let first_s = self.frames[0].1;
+        let (mut irregular, mut latest) = (0, -1.0);
+        let (mut earliest_delay, mut latest_delay) = (1.0_f64, 0.0_f64);
+        for (_, arrival_s) in &self.frames {
+            let due = (arrival_s - first_s) / interval_s + phase;
+            let number = due.floor();
+            irregular += usize::from(number - latest != 1.0);
+            latest = number;
+            earliest_delay = earliest_delay.min(due - number);
+            latest_delay = latest_delay.max(due - number);
+        }
+        let width = latest_delay - earliest_delay;
+        let cost = IRREGULAR_COST * irregular as f64 + self.frames.len() as f64 * width.max(LEAST_WIDTH).ln();
+        Numbering { interval_s, phase, width, irregular, cost }
+    }
+
+    fn median_interval_s(&self) -> f64 {
+        let arrivals_s = || self.frames.iter().map(|(_, arrival_s)| *arrival_s);
+        let mut intervals_s: Vec<f64> = arrivals_s().skip(1).zip(arrivals_s()).map(|(b, a)| b - a).collect();
+        let middle = intervals_s.len() / 2;
+        *intervals_s.select_nth_unstable_by(middle, f64::total_cmp).1
+    }
+
+    /// The edge of the arrivals' lower hull below their mean number; `None` while there are too few of them.
+    fn envelope(&self) -> Option<Envelope> {
+        if self.frames.len() < LEAST_FRAMES {
+            return None;
+        }
+        let (first, first_s) = self.frames[0];
+        let mut hull: Vec<(f64, f64)> = Vec::new();
+        for (number, arrival_s) in &self.frames {
+            let (n, s) = (number - first, arrival_s - first_s);
+            if hull.last().is_some_and(|(latest, _)| *latest == n) {
+                continue; // The same number again arrives later.
+            }
+            while let [.., (n0, s0), (n1, s1)] = hull[..] {
+                if (n1 - n0) * (s - s0) > (s1 - s0) * (n - n0) {
+                    break;
+                }
+                hull.pop();
+            }
+            hull.push((n, s));
+        }
+        let middle = self.frames.iter().map(|(n, _)| n - first).sum::<f64>() / self.frames.len() as f64;
+        let edge = hull.windows(2).find(|edge| edge[1].0 >= middle)?;
+        let interval_s = (edge[1].1 - edge[0].1) / (edge[1].0 - edge[0].0);
+        let start_s = first_s + edge[0].1 - interval_s * (edge[0].0 + first);
+        (interval_s > 0.0).then_some(Envelope { start_s, interval_s })
+    }
+}
