@@ -38,7 +38,7 @@ const SILENCE_S: f64 = 30.0;
 #[derive(Debug, Clone, Default)]
 pub(super) struct Cadence {
     /// Number and arrival (seconds) of the latest frames.
-    frames: VecDeque<(f64, f64)>,
+    frames: VecDeque<(i64, f64)>,
     /// Frames since the last numbering.
     since_numbered: usize,
     /// How all frames were numbered last.
@@ -74,7 +74,7 @@ impl Cadence {
         if latest.is_some_and(|(_, latest_s)| arrival_s < latest_s || arrival_s > latest_s + SILENCE_S) {
             *self = Self::default();
         }
-        if self.frames.len() >= LEAST_FRAMES && self.since_numbered % RENUMBER_EVERY == 0 {
+        if self.frames.len() >= LEAST_FRAMES && self.since_numbered.is_multiple_of(RENUMBER_EVERY) {
             self.number_all();
         }
         self.since_numbered += 1;
@@ -85,7 +85,7 @@ impl Cadence {
         }
         match (self.envelope(), self.numbering) {
             (Some(line), Some(numbering)) if !self.exceeds(numbering, UNEVEN) => {
-                line.start_s + line.interval_s * number
+                line.start_s + line.interval_s * number as f64
             }
             _ => arrival_s,
         }
@@ -96,15 +96,15 @@ impl Cadence {
     }
 
     /// The number of the next frame by the line under the latest ones.
-    fn number(&self, arrival_s: f64) -> f64 {
-        let latest = self.frames.back().map_or(-1.0, |(number, _)| *number);
+    fn number(&self, arrival_s: f64) -> i64 {
+        let latest = self.frames.back().map_or(-1, |(number, _)| *number);
         match (self.envelope(), self.numbering) {
             (Some(line), Some(numbering)) => {
                 // Half of what the delays leave free of the interval: the line is not exact.
                 let tolerance = (0.5 * (1.0 - numbering.width)).max(LEAST_TOLERANCE);
-                ((arrival_s - line.start_s) / line.interval_s + tolerance).floor().max(latest)
+                (((arrival_s - line.start_s) / line.interval_s + tolerance).floor() as i64).max(latest)
             }
-            _ => latest + 1.0,
+            _ => latest + 1,
         }
     }
 
@@ -129,22 +129,23 @@ impl Cadence {
         };
         let first_s = self.frames[0].1;
         for (number, arrival_s) in &mut self.frames {
-            *number = ((*arrival_s - first_s) / best.interval_s + best.phase).floor();
+            *number = ((*arrival_s - first_s) / best.interval_s + best.phase).floor() as i64;
         }
         self.numbering = Some(best);
     }
 
     fn numbering(&self, interval_s: f64, phase: f64) -> Numbering {
         let first_s = self.frames[0].1;
-        let (mut irregular, mut latest) = (0, -1.0);
+        let (mut irregular, mut latest) = (0, -1);
         let (mut earliest_delay, mut latest_delay) = (1.0_f64, 0.0_f64);
         for (_, arrival_s) in &self.frames {
             let due = (arrival_s - first_s) / interval_s + phase;
-            let number = due.floor();
-            irregular += usize::from(number - latest != 1.0);
+            let number = due.floor() as i64;
+            irregular += usize::from(number - latest != 1);
             latest = number;
-            earliest_delay = earliest_delay.min(due - number);
-            latest_delay = latest_delay.max(due - number);
+            let delay = due - number as f64;
+            earliest_delay = earliest_delay.min(delay);
+            latest_delay = latest_delay.max(delay);
         }
         let width = latest_delay - earliest_delay;
         let cost = IRREGULAR_COST * irregular as f64 + self.frames.len() as f64 * width.max(LEAST_WIDTH).ln();
@@ -164,24 +165,24 @@ impl Cadence {
             return None;
         }
         let (first, first_s) = self.frames[0];
-        let mut hull: Vec<(f64, f64)> = Vec::new();
+        let mut hull: Vec<(i64, f64)> = Vec::new();
         for (number, arrival_s) in &self.frames {
             let (n, s) = (number - first, arrival_s - first_s);
             if hull.last().is_some_and(|(latest, _)| *latest == n) {
                 continue; // The same number again arrives later.
             }
             while let [.., (n0, s0), (n1, s1)] = hull[..] {
-                if (n1 - n0) * (s - s0) > (s1 - s0) * (n - n0) {
+                if (n1 - n0) as f64 * (s - s0) > (s1 - s0) * (n - n0) as f64 {
                     break;
                 }
                 hull.pop();
             }
             hull.push((n, s));
         }
-        let middle = self.frames.iter().map(|(n, _)| n - first).sum::<f64>() / self.frames.len() as f64;
+        let middle = self.frames.iter().map(|(n, _)| n - first).sum::<i64>() / self.frames.len() as i64;
         let edge = hull.windows(2).find(|edge| edge[1].0 >= middle)?;
-        let interval_s = (edge[1].1 - edge[0].1) / (edge[1].0 - edge[0].0);
-        let start_s = first_s + edge[0].1 - interval_s * (edge[0].0 + first);
+        let interval_s = (edge[1].1 - edge[0].1) / (edge[1].0 - edge[0].0) as f64;
+        let start_s = first_s + edge[0].1 - interval_s * (edge[0].0 + first) as f64;
         (interval_s > 0.0).then_some(Envelope { start_s, interval_s })
     }
 }
