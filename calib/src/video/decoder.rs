@@ -7,7 +7,7 @@ use ffmpeg::codec::threading;
 use ffmpeg::error::EAGAIN;
 use ffmpeg::format::context::Input;
 use ffmpeg::media::Type;
-use ffmpeg::{Error, Packet, codec, decoder, format, frame};
+use ffmpeg::{Discard, Error, Packet, codec, decoder, format, frame};
 use image::RgbImage;
 
 use super::container;
@@ -112,6 +112,11 @@ impl Decoder {
             rate_hz,
             frames,
         })
+    }
+
+    /// From now on passes over pictures that no other picture refers to.
+    pub(super) fn only_references(&mut self) {
+        self.codec.skip_frame(Discard::NonReference);
     }
 
     /// Frames a second, where the container says so.

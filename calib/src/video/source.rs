@@ -301,6 +301,16 @@ impl FrameSource {
         Ok(true)
     }
 
+    /// From now on passes over the frames of a video that no other frame refers to: half of the frames of most files,
+    /// which then take little more than half of the time. Images and devices deliver every frame.
+    ///
+    /// For looks at a recording as a whole. A torn end is then not always told.
+    pub fn only_references(&mut self) {
+        if let Pictures::Video(decoder) = &mut self.pictures {
+            decoder.only_references();
+        }
+    }
+
     /// Skips a frame; cheaper than [`Self::advance`] for images, which are not decoded. `false` when there are no
     /// more; a torn file ends early here, and [`Self::advance`] and [`Self::read`] report it.
     pub fn skip(&mut self) -> bool {

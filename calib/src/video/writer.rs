@@ -162,7 +162,7 @@ impl Drop for FilmWriter {
 /// The best encoder at hand, and how it is to work: the quality of a film to look at, and quick.
 pub(super) fn best_codec() -> std::result::Result<(ffmpeg::Codec, Dictionary<'static>), ffmpeg::Error> {
     if let Some(codec) = encoder::find_by_name("libx264") {
-        return Ok((codec, ffmpeg::dict!("preset" => "veryfast", "crf" => "23")));
+        return Ok((codec, ffmpeg::dict!("preset" => "superfast", "crf" => "23")));
     }
     let codec = encoder::find(codec::Id::MPEG4).ok_or(ffmpeg::Error::EncoderNotFound)?;
     Ok((codec, ffmpeg::dict!("b" => "4M")))

@@ -132,12 +132,9 @@ impl PixelModel {
                 let length = expected.len();
                 expected.copy_from_slice(&looks[..length]);
             }
-            for ((squares, scale), score) in
-                squares.as_chunks::<3>().0.iter().zip(scale).zip(score.iter_mut())
-            {
-                let squared = squares.iter().map(|s| *s as f32).sum::<f32>();
+            for ((squared, scale), score) in sums_of_three(&squares).iter().zip(scale).zip(score.iter_mut()) {
                 // What is just at a whole score must not fall below it by rounding.
-                let times = squared * scale + 0.01;
+                let times = f32::from(*squared) * scale + 0.01;
                 *score = if times < LEAST { 0 } else { times.min(255.0) as u8 };
             }
             if !self.has_former {
@@ -289,6 +286,16 @@ impl PixelModel {
             into.copy_from_slice(&background.map(level));
         }
     }
+}
+
+/// The sum of each pixel's three values; 65535 where it is more, which scores 255 at a tolerance up to 128 levels.
+fn sums_of_three(values: &[u16; 3 * LANES]) -> [u16; LANES] {
+    // Of all neighbours first, which runs in vector registers.
+    let mut sums = *values;
+    for (sum, (second, third)) in sums.iter_mut().zip(values[1..].iter().zip(&values[2..])) {
+        *sum = sum.saturating_add(*second).saturating_add(*third);
+    }
+    std::array::from_fn(|pixel| sums[3 * pixel])
 }
 
 /// Whether two colours are no further apart than a pixel's tolerance.

@@ -18,8 +18,12 @@ const LOOK_THROUGH_FRAMES: usize = 20_000;
 /// As [`FrameSource::advance`].
 pub fn spread(spec: &str, (width, height): (u32, u32)) -> Result<Vec<RgbImage>> {
     let mut source = FrameSource::open(spec)?;
+    source.only_references();
     let most = most((width, height));
-    let mut stride = stride(source.frame_count().unwrap_or(0).min(LOOK_THROUGH_FRAMES), (width, height));
+    // As if half of the frames of a video were delivered.
+    let known = source.frame_count().unwrap_or(0).min(LOOK_THROUGH_FRAMES);
+    let delivered = if source.first_image().is_some() { known } else { known / 2 };
+    let mut stride = stride(delivered, (width, height));
     let mut frames: Vec<RgbImage> = Vec::with_capacity(2 * most);
     for frame in 0..LOOK_THROUGH_FRAMES {
         if frame.is_multiple_of(stride) {
@@ -31,7 +35,7 @@ pub fn spread(spec: &str, (width, height): (u32, u32)) -> Result<Vec<RgbImage>> 
                 Ok(None) | Err(_) => break,
             }
             frames.push(picture);
-            // The source did not know its length: keep every other frame.
+            // There are more than was known: keep every other frame.
             if frames.len() > most + most / 2 {
                 let mut index = 0;
                 frames.retain(|_| {

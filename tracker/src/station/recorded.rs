@@ -42,6 +42,8 @@ impl RecordedStation {
         permits: &Permits,
         mut send: impl FnMut(Event) -> bool,
     ) {
+        let (width, height) = self.observer.size();
+        let [mut picture, mut mask] = [(); 2].map(|()| RgbImage::new(width, height));
         let mut sequence = 0;
         let started = (Instant::now(), utc_s(SystemTime::now()));
         loop {
@@ -57,7 +59,7 @@ impl RecordedStation {
                 }
             }
             let permit = permits.acquire();
-            let event = match self.next(sequence) {
+            let event = match self.next(sequence, &mut picture, &mut mask) {
                 Ok(Some(seen)) => Event::Seen(Box::new(seen)),
                 Ok(None) => Event::Ended,
                 Err(error) => Event::Failed(error),
@@ -74,11 +76,10 @@ impl RecordedStation {
         }
     }
 
-    /// The next frame; `None` at the end of the shorter of pictures and masks.
-    fn next(&mut self, sequence: u64) -> Result<Option<Seen>> {
+    /// The next frame; `None` at the end of the shorter of pictures and masks. Picture and mask of the frame go into the
+    /// buffers.
+    fn next(&mut self, sequence: u64, picture: &mut RgbImage, mask: &mut RgbImage) -> Result<Option<Seen>> {
         let started = Instant::now();
-        let (mut picture, mut mask) = (None, None);
-        let (width, height) = self.observer.size();
         let mut filmed = None;
         let mut stamp_s = None;
         if let Some(video) = &mut self.video {
@@ -87,9 +88,7 @@ impl RecordedStation {
             }
             stamp_s = video.stamp().presentation_s;
             check_size(video)?;
-            let mut scaled = RgbImage::new(width, height);
-            video.picture(&mut scaled)?;
-            picture = Some(scaled);
+            video.picture(picture)?;
             let ((width, height), demand) = &self.drawn;
             if demand.is_wanted() {
                 let mut drawn = RgbImage::new(*width, *height);
@@ -105,13 +104,13 @@ impl RecordedStation {
             if self.video.is_none() {
                 stamp_s = masks.stamp().presentation_s;
             }
-            let mut scaled = RgbImage::new(width, height);
-            masks.picture(&mut scaled)?;
-            mask = Some(scaled);
+            masks.picture(mask)?;
         }
         let decode = started.elapsed();
         let time_s = self.times.next(stamp_s)?;
-        let observed = self.observer.observe(sequence, time_s, picture.as_ref(), mask.as_ref())?;
+        let picture = self.video.is_some().then_some(&*picture);
+        let mask = self.masks.is_some().then_some(&*mask);
+        let observed = self.observer.observe(sequence, time_s, picture, mask)?;
         Ok(Some(Seen {
             observation: observed.observation,
             pictures: Pictures { pinhole: observed.pinhole, filmed },
