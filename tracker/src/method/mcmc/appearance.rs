@@ -1,5 +1,6 @@
-//! Where and how often people are expected to appear, and where they are proposed to: through the zones, and out of the
-//! company of somebody with whom they were taken for one.
+//! Where and how often people are expected to appear, and where they are proposed to: through the zones, at persistent
+//! evidence for a person whom nobody explains ([`super::rescue`]), and out of the company of somebody with whom they were
+//! taken for one.
 //!
 //! Who comes in beside somebody, or hidden by them, cannot be born there: births keep a body's width from everybody. Once the
 //! two part, nobody is in a zone any more. So somebody may also appear where, close to a person who is followed in sight, a
@@ -20,14 +21,32 @@ pub(super) const COMPANY_M: f64 = 1.2;
 /// is mostly theirs, in every camera.
 const COMPANY_EVIDENCE: f64 = 3.0;
 
-/// The part of ADD's proposals that go to company, where there is any.
-const TO_COMPANY: f64 = 0.5;
+/// A person whom persistent evidence shows has to explain so many times what somebody in a zone does.
+const RESCUE_EVIDENCE: f64 = 1.0;
+
+/// The part of ADD's proposals that go to openings, where there are any.
+const TO_OPENINGS: f64 = 0.5;
 
 /// The logarithm of the density of those who come out of somebody's company, 1/m², where so many are expected of everybody
 /// and chance explains so many nats of whoever appears in a zone.
 pub(super) fn log_company_density(expected: f64, chance_nats: f64) -> f64 {
     let around_m2 = std::f64::consts::PI * COMPANY_M.powi(2);
     (expected / around_m2).ln() - COMPANY_EVIDENCE * chance_nats
+}
+
+/// The logarithm of the density of births at persistent evidence that fills such an area, 1/m², where so many are expected
+/// there together and chance explains so many nats.
+pub(super) fn log_rescue_density(expected: f64, area_m2: f64, chance_nats: f64) -> f64 {
+    (expected / area_m2.max(1e-3)).ln() - RESCUE_EVIDENCE * chance_nats
+}
+
+/// Cells away from the zones where people may appear in a moment.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Opening<'a> {
+    /// The cells: those that are weighed for this moment.
+    pub(super) map: &'a BirthMap,
+    /// Logarithm of the density of births there, 1/m².
+    pub(super) log_density: f64,
 }
 
 /// The density of births at a moment, a Poisson process over the floor, and that of their proposals.
@@ -41,10 +60,9 @@ pub(super) struct Appearance<'a> {
     pub(super) informed: f64,
     /// Of the expected number a m² there.
     pub(super) log_density: f64,
-    /// Where company comes apart, weighed for this moment.
-    pub(super) company: &'a BirthMap,
-    /// Of the expected number a m² there.
-    pub(super) log_company_density: f64,
+    /// Where else they may appear: at persistent evidence, and where company comes apart. The first that holds a place
+    /// decides about it.
+    pub(super) openings: [Opening<'a>; 2],
 }
 
 impl Appearance<'_> {
@@ -53,10 +71,9 @@ impl Appearance<'_> {
     pub(super) fn log_density(&self, x_m: f64, y_m: f64) -> f64 {
         if self.anywhere || self.floor.may_appear(x_m, y_m) {
             self.log_density
-        } else if self.company.density(x_m, y_m, 1.0) > 0.0 {
-            self.log_company_density
         } else {
-            LOG_IMPOSSIBLE
+            let mut holding = self.open().filter(|opening| opening.map.density(x_m, y_m, 1.0) > 0.0);
+            holding.next().map_or(LOG_IMPOSSIBLE, |opening| opening.log_density)
         }
     }
 
@@ -67,39 +84,43 @@ impl Appearance<'_> {
 
     /// Whether there is nowhere to appear.
     pub(super) fn is_nowhere(&self) -> bool {
-        self.births.is_empty() && !self.company.is_weighed()
+        self.births.is_empty() && self.open().next().is_none()
     }
 
     /// Proposes a place, which need not be a possible one. There must be somewhere to appear.
     pub(super) fn sample(&self, rng: &mut Pcg64Mcg) -> Point2<f64> {
-        let to_company = self.to_company();
-        if to_company > 0.0 && rng.random::<f64>() < to_company {
-            self.company.sample(1.0, rng)
-        } else {
-            self.births.sample(self.informed, rng)
+        let share = self.share_of_opening();
+        let mut mark = if share > 0.0 { rng.random::<f64>() } else { 1.0 };
+        for opening in self.open() {
+            if mark < share {
+                return opening.map.sample(1.0, rng);
+            }
+            mark -= share;
         }
+        self.births.sample(self.informed, rng)
     }
 
     /// The density of [`Self::sample`] at a place, 1/m².
     pub(super) fn proposal_density(&self, x_m: f64, y_m: f64) -> f64 {
-        let to_company = self.to_company();
-        let mut density = 0.0;
-        if to_company > 0.0 {
-            density += to_company * self.company.density(x_m, y_m, 1.0);
-        }
-        if to_company < 1.0 {
-            density += (1.0 - to_company) * self.births.density(x_m, y_m, self.informed);
-        }
-        density
+        let share = self.share_of_opening();
+        let of_openings: f64 = self.open().map(|opening| opening.map.density(x_m, y_m, 1.0)).sum();
+        let rest = 1.0 - share * self.open().count() as f64;
+        let of_births =
+            if self.births.is_empty() { 0.0 } else { self.births.density(x_m, y_m, self.informed) };
+        share * of_openings + rest * of_births
     }
 
-    fn to_company(&self) -> f64 {
-        if !self.company.is_weighed() {
-            0.0
-        } else if self.births.is_empty() {
-            1.0
-        } else {
-            TO_COMPANY
+    /// The openings in which a person would explain something.
+    fn open(&self) -> impl Iterator<Item = &Opening<'_>> {
+        self.openings.iter().filter(|opening| opening.map.is_weighed())
+    }
+
+    /// The part of the proposals that goes to each of the openings.
+    fn share_of_opening(&self) -> f64 {
+        let together = if self.births.is_empty() { 1.0 } else { TO_OPENINGS };
+        match self.open().count() {
+            0 => 0.0,
+            n => together / n as f64,
         }
     }
 }

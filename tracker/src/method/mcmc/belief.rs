@@ -2,8 +2,9 @@
 
 use super::Mcmc;
 use super::evidence::{Evidence, worst_filled};
+use super::rescue::is_person_shown;
 use super::tally::Tally;
-use super::track::Track;
+use super::track::{Found, Track};
 use crate::likelihood::Counts;
 use crate::silhouette::visibility::visible_fractions;
 use crate::silhouette::{Body, Silhouette};
@@ -11,7 +12,7 @@ use crate::{CameraFrame, TrackId};
 
 impl Mcmc {
     /// Turns the tally into tracks: people in most of the states live, the others are gone.
-    pub(super) fn take_in(&mut self, tally: &Tally, settling: bool) {
+    pub(super) fn take_in(&mut self, tally: &Tally, found: Found) {
         let lives = |states: u32| states * 2 > tally.states();
         self.tracks.retain(|track| tally.of(track.key).is_some_and(|s| lives(s.states)));
         let bodies: Vec<Body> = self.tracks.iter().map(Track::body).collect();
@@ -28,7 +29,7 @@ impl Mcmc {
             let is_new = self.tracks.iter().all(|t| t.key != sums.key);
             // More may live in most of the states than in any one of them.
             if is_new && self.capacity.has_room(self.tracks.len()) {
-                self.tracks.push(Track::born(sums, settling, &self.options));
+                self.tracks.push(Track::born(sums, found, &self.options));
             }
         }
         self.capacity.note(self.tracks.len());
@@ -46,6 +47,9 @@ impl Mcmc {
         for silhouettes in &drawn {
             self.simulation.insert(silhouettes);
         }
+        if self.may_rescue() {
+            self.rescue.observe(&self.layers, &self.simulation, &drawn, &self.anywhere, dt_s);
+        }
         let rule = self.options.likelihood;
         let nats = |counts: &mut dyn Iterator<Item = Option<Counts>>| {
             let counts = counts.zip(&self.typical_px).enumerate();
@@ -54,9 +58,12 @@ impl Mcmc {
         let with = nats(&mut self.simulation.counts());
         for (track, silhouettes) in self.tracks.iter_mut().zip(&drawn) {
             self.simulation.try_change(Some(silhouettes), None);
+            let average = Body { height_m: self.options.height.mean_m, ..track.body() };
             let evidence = Evidence {
                 support_nats: with - nats(&mut self.simulation.tried()),
                 chance_nats: rule.worth_of(self.options.birth_evidence),
+                is_upright: track.may_be_furniture()
+                    && is_person_shown(&self.simulation, &self.layers, &average),
                 worst_filled: worst_filled(&self.simulation, &self.layers, silhouettes),
                 in_sight: track.in_sight,
             };

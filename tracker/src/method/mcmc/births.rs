@@ -20,6 +20,9 @@ const CELL_M: f64 = 0.25;
 /// The most cells a region is cut into; a wide one gets larger cells.
 const MOST_CELLS: f64 = 12_000.0;
 
+/// Part of a person's height that a chair never reaches, and somebody who sits does.
+pub(super) const UPPER_BODY: f64 = 0.4;
+
 /// A region of the floor in cells.
 #[derive(Debug, Clone)]
 pub(super) struct BirthMap {
@@ -47,8 +50,11 @@ pub(super) struct Filled {
     pub(super) columns: Range<usize>,
     /// Pixels of the rectangle that the room does not hide.
     pub(super) visible_px: u32,
+    /// The upper rows of the rectangle, [`UPPER_BODY`] of them, and the pixels there that the room does not hide.
+    pub(super) upper_rows: Range<usize>,
+    pub(super) upper_visible_px: u32,
     /// Pixels of the person's innermost shape, hidden or not.
-    area_px: u32,
+    pub(super) area_px: u32,
 }
 
 impl BirthMap {
@@ -98,9 +104,37 @@ impl BirthMap {
         !self.cumulative.is_empty()
     }
 
+    /// How many cells there are.
+    pub(super) fn len(&self) -> usize {
+        self.cells.len()
+    }
+
+    /// What an average person in the middle of a cell would fill, one a camera.
+    pub(super) fn filled(&self, cell: usize) -> &[Filled] {
+        &self.cells[cell].filled
+    }
+
+    /// The cells of the square around one, itself included: as far as this, and at least those that touch it.
+    pub(super) fn near(&self, cell: usize, reach_m: f64) -> impl Iterator<Item = usize> {
+        let reach = (reach_m / self.cell_m).round().max(1.0) as isize;
+        let (column, row) = self.square_of(&self.cells[cell].center);
+        (-reach..=reach)
+            .flat_map(move |rows| (-reach..=reach).map(move |columns| (columns, rows)))
+            .filter_map(move |(columns, rows)| {
+                let column = column.checked_add_signed(columns).filter(|c| *c < self.columns)?;
+                let square = row.checked_add_signed(rows)? * self.columns + column;
+                self.cell_of.get(square).copied().flatten().map(|i| i as usize)
+            })
+    }
+
+    /// Area of one cell, m².
+    pub(super) fn cell_area_m2(&self) -> f64 {
+        self.cell_m * self.cell_m
+    }
+
     /// Area of all cells, m².
     pub(super) fn area_m2(&self) -> f64 {
-        self.cells.len() as f64 * self.cell_m * self.cell_m
+        self.cells.len() as f64 * self.cell_area_m2()
     }
 
     /// For each layer, the mean area in pixels of an average person's innermost shape in its camera, over the cells from
@@ -121,7 +155,7 @@ impl BirthMap {
     ///
     /// `log_gain` turns the newly covered pixels (all, foreground) of each camera into nats.
     pub(super) fn weigh(&mut self, left_over: &LeftOver, log_gain: impl Fn(usize, [u32; 2]) -> f64) {
-        self.weigh_where(left_over, log_gain, |_| true);
+        self.weigh_where(left_over, log_gain, |_, _| true);
     }
 
     /// The same for the cells alone whose middle is within `reach_m` of one of these places, and in which some camera has most
@@ -134,7 +168,17 @@ impl BirthMap {
         log_gain: impl Fn(usize, [u32; 2]) -> f64,
     ) {
         let near = |cell: &Cell| places.iter().any(|place| (cell.center.coords - place).norm() < reach_m);
-        self.weigh_where(left_over, log_gain, |cell| near(cell) && left_over.is_plain(&cell.filled));
+        self.weigh_where(left_over, log_gain, |_, cell| near(cell) && left_over.is_plain(&cell.filled));
+    }
+
+    /// The same for the cells alone that are open, one entry a cell.
+    pub(super) fn weigh_open(
+        &mut self,
+        is_open: &[bool],
+        left_over: &LeftOver,
+        log_gain: impl Fn(usize, [u32; 2]) -> f64,
+    ) {
+        self.weigh_where(left_over, log_gain, |i, _| is_open[i]);
     }
 
     /// Nothing is unexplained.
@@ -146,13 +190,14 @@ impl BirthMap {
         &mut self,
         left_over: &LeftOver,
         log_gain: impl Fn(usize, [u32; 2]) -> f64,
-        counts: impl Fn(&Cell) -> bool,
+        counts: impl Fn(usize, &Cell) -> bool,
     ) {
         let gains: Vec<f64> = self
             .cells
             .iter()
-            .map(|cell| {
-                if !counts(cell) {
+            .enumerate()
+            .map(|(i, cell)| {
+                if !counts(i, cell) {
                     return 0.0;
                 }
                 let seen = || left_over.at(&cell.filled);
@@ -203,15 +248,22 @@ impl BirthMap {
             let weight = self.cumulative[i] - if i == 0 { 0.0 } else { self.cumulative[i - 1] };
             informed * weight + (1.0 - informed) * uniform
         };
-        share / (self.cell_m * self.cell_m)
+        share / self.cell_area_m2()
+    }
+
+    /// Column and row of the square that holds a place of the box.
+    fn square_of(&self, place: &Point2<f64>) -> (usize, usize) {
+        let offset = (place - self.low) / self.cell_m;
+        (offset.x as usize, offset.y as usize)
     }
 
     fn cell_at(&self, x_m: f64, y_m: f64) -> Option<usize> {
-        let place = (Point2::new(x_m, y_m) - self.low) / self.cell_m;
-        if place.x < 0.0 || place.y < 0.0 || place.x >= self.columns as f64 {
+        let place = Point2::new(x_m, y_m);
+        let (column, row) = self.square_of(&place);
+        if x_m < self.low.x || y_m < self.low.y || column >= self.columns {
             return None;
         }
-        let square = place.y as usize * self.columns + place.x as usize;
+        let square = row * self.columns + column;
         self.cell_of.get(square).copied().flatten().map(|i| i as usize)
     }
 }
@@ -233,12 +285,19 @@ impl Filled {
         let inset = columns.len() / 6;
         let columns = (columns.start + inset)..(columns.end - inset).min(view.width as usize);
         let rows = core.row_range();
-        let visible_px = rows
-            .clone()
-            .flat_map(|v| columns.clone().map(move |u| (u, v)))
-            .filter(|(u, v)| core.contains(*u as u32, *v as u32))
-            .count() as u32;
-        Self { rows, columns, visible_px, area_px: core.area_px }
+        let upper_rows = rows.start..rows.start + (UPPER_BODY * rows.len() as f64).round() as usize;
+        let visible_px = |rows: &Range<usize>| {
+            let pixels = rows.clone().flat_map(|v| columns.clone().map(move |u| (u, v)));
+            pixels.filter(|(u, v)| core.contains(*u as u32, *v as u32)).count() as u32
+        };
+        Self {
+            visible_px: visible_px(&rows),
+            upper_visible_px: visible_px(&upper_rows),
+            area_px: core.area_px,
+            rows,
+            upper_rows,
+            columns,
+        }
     }
 }
 

@@ -22,6 +22,8 @@ pub(super) struct Evidence {
     /// The foreground part of the visible core, in the camera where it is smallest of those that see this person clearly;
     /// `None` when none does.
     pub(super) worst_filled: Option<f64>,
+    /// Whether the cameras show an average person there, and not furniture.
+    pub(super) is_upright: bool,
     /// Whether a camera sees any of the body.
     pub(super) in_sight: bool,
 }

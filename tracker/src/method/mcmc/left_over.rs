@@ -6,6 +6,7 @@
 use super::births::Filled;
 use super::person::Person;
 use crate::likelihood::{Layers, Simulation, SummedArea};
+use crate::silhouette::Silhouette;
 
 /// A camera has a person whom nobody explains where this part of what they would fill is unexplained …
 const PLAIN: f64 = 0.75;
@@ -105,18 +106,22 @@ impl LeftOver {
                 self.lone.clear();
                 self.lone.resize(words * view.height as usize, 0);
                 for person in people.iter().filter(is_lone) {
-                    let silhouette = &person.silhouettes[layer];
-                    for (row, bits) in silhouette.rows() {
-                        let start = row * words + silhouette.word_range().start;
-                        for (word, bits) in self.lone[start..].iter_mut().zip(bits) {
-                            *word |= bits;
-                        }
-                    }
+                    paint(&person.silhouettes[layer], words, &mut self.lone);
                 }
                 covered.restart(columns, words, self.lone.iter().copied());
             } else {
                 *sums = None;
             }
+        }
+    }
+}
+
+/// Paints a silhouette into a packed image of so many words a row.
+pub(super) fn paint(silhouette: &Silhouette, words_per_row: usize, image: &mut [u64]) {
+    for (row, bits) in silhouette.rows() {
+        let start = row * words_per_row + silhouette.word_range().start;
+        for (word, bits) in image[start..].iter_mut().zip(bits) {
+            *word |= bits;
         }
     }
 }

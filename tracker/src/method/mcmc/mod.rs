@@ -8,7 +8,8 @@
 //! 3. the mean over the last states is the estimate ([`tally`]), and becomes the belief of the next moment ([`belief`],
 //!    [`track`]); those who are believed in are told ([`report`]), at once or in [`hindsight`].
 //!
-//! Where people are expected and proposed to appear is [`appearance`], with the floor in cells ([`births`]) weighed by what the
+//! Where people are expected and proposed to appear is [`appearance`] ([`outage`]: anywhere for a while; [`rescue`]: at
+//! persistent evidence), with the floor in cells ([`births`]) weighed by what the
 //! predicted ones leave over ([`left_over`]); what can be set is [`McmcOptions`].
 
 mod appearance;
@@ -20,8 +21,10 @@ mod hindsight;
 mod left_over;
 mod motion;
 mod options;
+mod outage;
 mod person;
 mod report;
+mod rescue;
 mod tally;
 mod trace;
 mod track;
@@ -30,15 +33,17 @@ use nalgebra::Point2;
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 
-use self::appearance::Appearance;
+use self::appearance::{Appearance, Opening};
 use self::births::BirthMap;
 use self::chain::{Chain, Setting};
 use self::hindsight::Hindsight;
 use self::left_over::LeftOver;
 pub use self::options::{Acceptance, McmcOptions, MotionOptions, MoveWeights, Spread};
+use self::outage::{FORGOTTEN_AFTER_S, OUTAGE_S, Settling};
 use self::person::{Key, Person};
+use self::rescue::Rescue;
 use self::tally::Tally;
-use self::track::Track;
+use self::track::{Found, Track};
 use super::capacity::Capacity;
 use super::{Method, Needs};
 use crate::identity::Identities;
@@ -57,6 +62,8 @@ const MOST_PATIENCE: f64 = 12.0;
 /// When more than this part of a typical silhouette is left unexplained by the predicted people, in some camera, somebody
 /// may have gone where they were not expected.
 const LEFT_OVER: f64 = 0.3;
+/// However long the step, no more people are expected to appear than in so many seconds.
+const LONGEST_BIRTHS_S: f64 = 10.0;
 /// What stands for the time before the first moment.
 const FIRST_STEP_S: f64 = 0.1;
 /// Times that stand still or run backwards are the source's mistake; the tracker survives them.
@@ -76,6 +83,10 @@ pub struct Mcmc {
     anywhere: BirthMap,
     /// Where somebody turns out to be two.
     company: BirthMap,
+    /// Where evidence has persisted.
+    rescued: BirthMap,
+    rescue: Rescue,
+    settling: Settling,
     left_over: LeftOver,
     simulation: Simulation,
     capacity: Capacity,
@@ -86,8 +97,6 @@ pub struct Mcmc {
     next_key: Key,
     next_id: u32,
     last_time_s: Option<f64>,
-    /// Time of the first moment with a mask.
-    started_s: Option<f64>,
 }
 
 impl Mcmc {
@@ -127,6 +136,9 @@ impl Mcmc {
             views,
             zones,
             company: anywhere.clone(),
+            rescued: anywhere.clone(),
+            rescue: Rescue::default(),
+            settling: Settling::default(),
             anywhere,
             tracks: Vec::new(),
             identities: Identities::default(),
@@ -134,7 +146,6 @@ impl Mcmc {
             next_key: 0,
             next_id: 1,
             last_time_s: None,
-            started_s: None,
         })
     }
 
@@ -156,8 +167,27 @@ impl Mcmc {
         self.stage.cameras.iter().zip(self.layers.views()).zip(moment.cameras).map(packed).collect()
     }
 
-    /// What the last moment says about everybody now, drawn.
-    fn predicted(&mut self, dt_s: f64) -> Vec<Person> {
+    /// Whether people may be born away from the zones, where evidence for them persists; without zones they are born anywhere.
+    fn may_rescue(&self) -> bool {
+        self.options.rescues_per_s > 0.0 && !self.stage.zones.is_empty()
+    }
+
+    /// Takes in that no camera had a mask for so long, seconds: people may have left unseen, and after a while nobody is known
+    /// any more.
+    fn forget_after(&mut self, unseen_s: f64, sees_anything: bool) {
+        if unseen_s > FORGOTTEN_AFTER_S {
+            self.tracks.clear();
+        } else if unseen_s >= OUTAGE_S && sees_anything {
+            let left = -(-unseen_s / FORGOTTEN_AFTER_S).exp_m1();
+            self.tracks.iter_mut().for_each(|track| track.may_have_left(left));
+        }
+        if unseen_s >= OUTAGE_S {
+            self.rescue.forget();
+        }
+    }
+
+    /// What the last moment says about everybody now, drawn. `in_doubt`: after an outage anybody may have left.
+    fn predicted(&mut self, dt_s: f64, in_doubt: bool) -> Vec<Person> {
         let (layers, floor, options, simulation) =
             (&self.layers, &self.stage.floor, &self.options, &self.simulation);
         let left = -(-options.deaths_per_s * dt_s).exp_m1();
@@ -183,7 +213,7 @@ impl Mcmc {
                 silhouettes,
                 at_exit: floor.may_disappear(body.x_m, body.y_m),
                 known: Some(track.known()),
-                tentative: track.is_tentative(),
+                tentative: in_doubt || track.is_tentative(),
             }
         };
         self.tracks.iter_mut().map(person).collect()
@@ -197,11 +227,9 @@ impl Mcmc {
         ((dt_s / self.options.steps_for_s).max(1.0) * surprise).min(MOST_PATIENCE)
     }
 
-    /// Runs the chain of one moment and returns the tally of its kept states.
-    fn sample(&mut self, people: Vec<Person>, dt_s: f64, settling: bool) -> Tally {
-        let (rule, prepared) = (self.options.likelihood, self.rule);
-        let typical_px = &self.typical_px;
-        let layers = &self.layers;
+    /// Weighs the maps of births by what the predicted people leave over. Returns the area open to rescue, m².
+    fn weigh_births(&mut self, people: &[Person], settling: bool, is_left_over: bool) -> f64 {
+        let (prepared, layers, typical_px) = (self.rule, &self.layers, &self.typical_px);
         let worth = |camera: usize, [simulated, both]: [u32; 2]| {
             let counts = Counts {
                 foreground: i64::from(both.max(1)),
@@ -211,6 +239,36 @@ impl Mcmc {
             let shapes = layers.innermost(camera)..=layers.outermost(camera);
             prepared.log_likelihood(shapes.map(|layer| (layers.shape(layer), counts, typical_px[layer])))
         };
+        self.left_over.restart(layers, &self.simulation, people);
+        if settling || is_left_over {
+            self.anywhere.weigh(&self.left_over, worth);
+        }
+        if !settling {
+            self.zones.weigh(&self.left_over, worth);
+        }
+        self.company.forget();
+        self.rescued.forget();
+        // Without zones people are born anywhere, company or not.
+        if settling || self.stage.zones.is_empty() || !is_left_over {
+            return 0.0;
+        }
+        if self.options.companions_per_s > 0.0 {
+            let seen = self.tracks.iter().filter(|t| t.in_sight && !t.is_tentative());
+            let places: Vec<_> = seen.map(|t| t.motion.silhouette_place()).collect();
+            self.company.weigh_near(&places, appearance::COMPANY_M, &self.left_over, worth);
+        }
+        if !self.rescue.is_open_anywhere() {
+            return 0.0;
+        }
+        let (rescue, map) = (&self.rescue, &self.anywhere);
+        let is_open: Vec<bool> = (0..map.len()).map(|cell| rescue.is_open(map, cell)).collect();
+        self.rescued.weigh_open(&is_open, &self.left_over, worth);
+        map.cell_area_m2() * is_open.iter().filter(|is_open| **is_open).count() as f64
+    }
+
+    /// Runs the chain of one moment and returns the tally of its kept states.
+    fn sample(&mut self, people: Vec<Person>, dt_s: f64, settling: bool) -> Tally {
+        let (rule, typical_px, layers) = (self.options.likelihood, &self.typical_px, &self.layers);
         // The outermost shape has the least left over.
         let left_over = self
             .simulation
@@ -221,35 +279,33 @@ impl Mcmc {
             .filter_map(|(_, (counts, px))| counts.map(|c| (c.foreground - c.both) as f64 / px))
             .fold(0.0, f64::max);
         let is_left_over = left_over > LEFT_OVER;
-        self.left_over.restart(layers, &self.simulation, &people);
-        if settling || is_left_over {
-            self.anywhere.weigh(&self.left_over, worth);
-        }
-        if !settling {
-            self.zones.weigh(&self.left_over, worth);
-        }
-        self.company.forget();
-        // Without zones people are born anywhere, company or not.
-        let in_zones_alone = !settling && !self.stage.zones.is_empty();
-        if in_zones_alone && is_left_over && self.options.companions_per_s > 0.0 {
-            let seen = self.tracks.iter().filter(|t| t.in_sight && !t.is_tentative());
-            let places: Vec<_> = seen.map(|t| t.motion.silhouette_place()).collect();
-            self.company.weigh_near(&places, appearance::COMPANY_M, &self.left_over, worth);
-        }
+        let open_m2 = self.weigh_births(&people, settling, is_left_over);
         let births = if settling { &self.anywhere } else { &self.zones };
         let unexplained = (is_left_over && self.anywhere.is_weighed()).then_some(&self.anywhere);
         let chance = rule.worth_of(self.options.birth_evidence);
+        let births_s = dt_s.min(LONGEST_BIRTHS_S);
+        let expected = |per_s: f64| per_s * births_s;
+        let openings = [
+            Opening {
+                map: &self.rescued,
+                log_density: appearance::log_rescue_density(
+                    expected(self.options.rescues_per_s),
+                    open_m2,
+                    chance,
+                ),
+            },
+            Opening {
+                map: &self.company,
+                log_density: appearance::log_company_density(expected(self.options.companions_per_s), chance),
+            },
+        ];
         let appearance = Appearance {
             floor: &self.stage.floor,
             anywhere: settling,
             births,
             informed: self.options.informed_births,
-            log_density: (self.options.births_per_s * dt_s / births.area_m2().max(1e-3)).ln() - chance,
-            company: &self.company,
-            log_company_density: appearance::log_company_density(
-                self.options.companions_per_s * dt_s,
-                chance,
-            ),
+            log_density: (expected(self.options.births_per_s) / births.area_m2().max(1e-3)).ln() - chance,
+            openings,
         };
         let setting = Setting {
             floor: &self.stage.floor,
@@ -258,7 +314,7 @@ impl Mcmc {
             rule: self.rule,
             appearance,
             unexplained,
-            typical_px,
+            typical_px: &self.typical_px,
             repulsion_weight: rule.worth_of(0.5).max(1.0),
         };
         let patience = self.patience(dt_s, is_left_over);
@@ -291,22 +347,25 @@ impl Method for Mcmc {
     fn step(&mut self, moment: &Moment<'_>) -> Result<Vec<PersonEstimate>> {
         let masks = self.packed_masks(moment)?;
         self.simulation.restart(&masks);
-        if self.started_s.is_none() && self.simulation.sees_anything() {
-            self.started_s = Some(moment.time_s);
-        }
         let dt_s = self.last_time_s.map_or(FIRST_STEP_S, |last| moment.time_s - last).max(LEAST_STEP_S);
         self.last_time_s = Some(moment.time_s);
-        let settling_s = self.options.settling_s;
-        let settling =
-            settling_s > 0.0 && self.started_s.is_none_or(|start| moment.time_s - start < settling_s);
+        let sees_anything = self.simulation.sees_anything();
+        let unseen_s = self.settling.observe(moment.time_s, sees_anything);
+        self.forget_after(unseen_s, sees_anything);
+        let settling = self.settling.is_on(moment.time_s, self.options.settling_s);
+        let found = match (settling, self.settling.had_outage()) {
+            (false, _) => Found::Appearing,
+            (true, false) => Found::AtStart,
+            (true, true) => Found::AfterOutage,
+        };
 
-        let people = self.predicted(dt_s);
+        let people = self.predicted(dt_s, found == Found::AfterOutage);
         // The birth map weighs what the predicted people leave unexplained.
         for person in &people {
             self.simulation.insert(&person.silhouettes);
         }
         let tally = self.sample(people, dt_s, settling);
-        self.take_in(&tally, settling);
+        self.take_in(&tally, found);
         self.weigh(&masks, dt_s);
         self.tell_apart(moment.cameras);
         let traces = self.traces();
@@ -339,5 +398,11 @@ fn is_seen(stage: &Stage, x_m: f64, y_m: f64, height_m: f64) -> bool {
     })
 }
 
+#[cfg(test)]
+mod presence_tests;
+#[cfg(test)]
+mod rendered_tests;
+#[cfg(test)]
+mod stillness_tests;
 #[cfg(test)]
 mod tests;

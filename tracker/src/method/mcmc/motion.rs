@@ -18,6 +18,10 @@ use super::options::MotionOptions;
 /// Squared distance from the prediction, in standard deviations, beyond which the prediction is not believed: one in a
 /// thousand by chance.
 const SURPRISE: f64 = 13.8;
+/// A step no longer than this part of the velocity's memory is short.
+const LONGEST_PART: f64 = 0.25;
+/// The most parts of one step.
+const MOST_PARTS: f64 = 1000.0;
 /// An axis whose posterior variance is more than this part of the prior's has taught nothing but the sampler's own noise.
 const NOTHING_LEARNT: f64 = 0.9;
 
@@ -92,29 +96,19 @@ impl Motion {
         Matrix2x4::new(1.0, 0.0, l, 0.0, 0.0, 1.0, 0.0, l)
     }
 
-    /// Carries the belief `dt_s` seconds on, for somebody in sight or not.
+    /// Carries the belief `dt_s` seconds on, for somebody in sight or not. A step that is long against the memory of the
+    /// velocity goes in parts, over each of which the acceleration is white.
     pub(super) fn predict(&mut self, dt_s: f64, in_sight: bool, options: &MotionOptions) {
         let memory_s = if in_sight { options.velocity_memory_s } else { options.unseen_velocity_memory_s };
-        let beta = 1.0 / memory_s;
-        // How much of the velocity is left, and how far it carries.
-        let left = (-beta * dt_s).exp();
-        let carries = if beta * dt_s < 1e-6 { dt_s } else { (1.0 - left) / beta };
-        let mut step = Matrix4::identity();
-        let mut noise = Matrix4::zeros();
-        // White acceleration over a step that is short against the memory.
-        let q = options.acceleration_density;
-        let (pp, pv, vv) = (q * dt_s.powi(3) / 3.0, q * dt_s.powi(2) / 2.0, q * dt_s);
-        for axis in 0..2 {
-            step[(axis, axis + 2)] = carries;
-            step[(axis + 2, axis + 2)] = left;
-            noise[(axis, axis)] = pp;
-            noise[(axis, axis + 2)] = pv;
-            noise[(axis + 2, axis)] = pv;
-            noise[(axis + 2, axis + 2)] = vv;
+        let parts = (dt_s / (LONGEST_PART * memory_s)).ceil().clamp(1.0, MOST_PARTS);
+        let (step, noise) = carried(dt_s / parts, memory_s, options.acceleration_density);
+        let mut transition = Matrix4::identity();
+        for _ in 0..parts as u32 {
+            transition = step * transition;
+            self.belief.mean = step * self.belief.mean;
+            self.belief.covariance = step * self.belief.covariance * step.transpose() + noise;
         }
-        self.belief.mean = step * self.belief.mean;
-        self.belief.covariance = step * self.belief.covariance * step.transpose() + noise;
-        self.arrived = Some(Step { transition: step, predicted: self.belief.clone() });
+        self.arrived = Some(Step { transition, predicted: self.belief.clone() });
     }
 
     /// They went no farther than this since the moment before, and stand.
@@ -180,6 +174,27 @@ impl Motion {
         let updated = rest * *covariance * rest.transpose() + gain * noise * gain.transpose();
         *covariance = 0.5 * (updated + updated.transpose());
     }
+}
+
+/// How the state is carried over a step that is short against the memory of the velocity, and the covariance that white
+/// acceleration of this density (m²/s³) adds.
+fn carried(dt_s: f64, memory_s: f64, density: f64) -> (Matrix4<f64>, Matrix4<f64>) {
+    let beta = 1.0 / memory_s;
+    // How much of the velocity is left, and how far it carries.
+    let left = (-beta * dt_s).exp();
+    let carries = if beta * dt_s < 1e-6 { dt_s } else { (1.0 - left) / beta };
+    let (pp, pv, vv) = (density * dt_s.powi(3) / 3.0, density * dt_s.powi(2) / 2.0, density * dt_s);
+    let mut step = Matrix4::identity();
+    let mut noise = Matrix4::zeros();
+    for axis in 0..2 {
+        step[(axis, axis + 2)] = carries;
+        step[(axis + 2, axis + 2)] = left;
+        noise[(axis, axis)] = pp;
+        noise[(axis, axis + 2)] = pv;
+        noise[(axis + 2, axis)] = pv;
+        noise[(axis + 2, axis + 2)] = vv;
+    }
+    (step, noise)
 }
 
 #[cfg(test)]
@@ -252,5 +267,24 @@ mod tests {
         }
         assert!(motion.belief.place_covariance().trace() > before + 1.0);
         assert!(motion.belief.velocity().norm() < 0.05);
+    }
+
+    /// The Ornstein–Uhlenbeck process in closed form (Uhlenbeck & Ornstein 1930): the variance of a place that was known.
+    #[test]
+    fn people_wander_over_minutes_as_far_as_the_process_says() {
+        let options = MotionOptions::default();
+        for (seconds, in_sight) in [(10.0, false), (120.0, true), (400.0, false)] {
+            let memory_s =
+                if in_sight { options.velocity_memory_s } else { options.unseen_velocity_memory_s };
+            let mut motion = Motion::appeared(Vector2::zeros(), &(Matrix2::identity() * 1e-4), &options);
+            motion.belief.covariance.fixed_view_mut::<2, 2>(2, 2).fill(0.0);
+            motion.predict(seconds, in_sight, &options);
+            let (once, twice) = ((-seconds / memory_s).exp(), (-2.0 * seconds / memory_s).exp());
+            let way_s = seconds - 2.0 * memory_s * (1.0 - once) + 0.5 * memory_s * (1.0 - twice);
+            let variance = options.acceleration_density * memory_s.powi(2) * way_s;
+            // Parts of a quarter of the memory make some more of the acceleration than it is.
+            let found = motion.belief.covariance[(0, 0)] / variance;
+            assert!((0.95..1.3).contains(&found), "{seconds} s: {found}");
+        }
     }
 }

@@ -124,6 +124,9 @@ pub struct McmcOptions {
     /// How often somebody turns out to be two people, per second and person in sight: who came in beside them, or hidden by
     /// them. They may appear outside zones (published: 0).
     pub companions_per_s: f64,
+    /// How often a person is found in the middle of a room with zones, per second in which cameras show one persistently whom
+    /// no track explains (published: 0).
+    pub rescues_per_s: f64,
     /// What a new person has to explain beyond chance: this part of a typical silhouette in one camera. Shadows, swinging
     /// limbs and reflections leave pieces of foreground that nobody explains, and they are no people.
     pub birth_evidence: f64,
@@ -132,7 +135,8 @@ pub struct McmcOptions {
     /// The part of ADD's proposals that goes where unexplained foreground is; the rest is uniform over the zones
     /// (published: 0).
     pub informed_births: f64,
-    /// For this long from the first moment with a mask, people may appear anywhere: they were inside already (published: 0).
+    /// For this long from the first moment with a mask, and from the first after an outage of all cameras for two seconds or
+    /// more, people may appear anywhere: they were inside already (published: 0).
     pub settling_s: f64,
     /// What a new person has to have earned (nats beyond chance) to be believed in: to get an id, to be reported, and no
     /// longer to vanish outside zones. One moment is worth at most 4, so this sets the number of moments it takes.
@@ -171,6 +175,7 @@ impl Default for McmcOptions {
             motion: MotionOptions::default(),
             births_per_s: 0.05,
             companions_per_s: 0.02,
+            rescues_per_s: 0.05,
             birth_evidence: 0.2,
             deaths_per_s: 0.5,
             informed_births: 0.8,
@@ -199,6 +204,7 @@ impl McmcOptions {
             surprise: 1.0,
             informed_births: 0.0,
             companions_per_s: 0.0,
+            rescues_per_s: 0.05,
             settling_s: 0.0,
             lag_s: 0.0,
             motion: MotionOptions {
@@ -247,8 +253,12 @@ impl McmcOptions {
         if !self.motion.lean_s.is_finite() {
             return Err(Error::option("motion.lean_s", "has to be a number"));
         }
-        if !(self.companions_per_s >= 0.0 && self.companions_per_s.is_finite()) {
-            return Err(Error::option("companions_per_s", "has to be a number, 0 or more"));
+        for (name, rate) in
+            [("companions_per_s", self.companions_per_s), ("rescues_per_s", self.rescues_per_s)]
+        {
+            if !(rate >= 0.0 && rate.is_finite()) {
+                return Err(Error::option(name, "has to be a number, 0 or more"));
+            }
         }
         let weights = [self.moves.add, self.moves.delete, self.moves.position, self.moves.size];
         if !weights.iter().all(|w| *w > 0.0 && w.is_finite()) {

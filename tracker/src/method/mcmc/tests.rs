@@ -1,6 +1,4 @@
-//! The sampler as a whole: on rendered people whose places are known, and on moments made to try one rule each.
-
-use std::collections::BTreeMap;
+//! The sampler as a whole, on moments made to try one rule each.
 
 use calib::{Camera, Intrinsics};
 use image::{GrayImage, Luma};
@@ -10,116 +8,14 @@ use scenes::geometry::{Geometry, Mesh};
 use scenes::polygon::Polygon;
 use scenes::raycast::RayScene;
 use scenes::room::{Zone, ZoneKind};
-use scenes::synthetic::{PersonTruth, RoomOptions, Sequence, SequenceOptions, WalkerOptions};
 use scenes::walkable::WalkableMap;
 
 use super::*;
 use crate::TrackId;
 use crate::silhouette::Silhouette;
-use crate::stage::{Floor, StageOptions};
+use crate::stage::Floor;
 
 const RATE_HZ: f64 = 12.0;
-
-#[test]
-fn walkers_of_a_rendered_room_are_followed_through_furniture_and_each_other() {
-    let options = RoomOptions { seed: 5, image_px: [200, 150], ..RoomOptions::default() };
-    let made = options.build().unwrap();
-    let folder = tempfile::tempdir().unwrap();
-    made.room.write(folder.path()).unwrap();
-    let room = scenes::room::Room::read(folder.path()).unwrap();
-    let stage = Stage::prepare(&room, folder.path(), &StageOptions::default()).unwrap();
-    let walkers = made.walkers(&WalkerOptions { seed: 3, people: 3, ..WalkerOptions::default() });
-    let sequence = made.sequence(
-        walkers,
-        SequenceOptions { frames: 240, images: false, rate_hz: RATE_HZ, ..SequenceOptions::default() },
-    );
-    // Of those who are found at once as well as later, so that the means are of the same people at the same moments.
-    let (mut at_once_m, mut later_m) = (0.0, 0.0);
-    for seed in 1..=2 {
-        let [at_once, later] = follow(
-            Mcmc::new(stage.clone(), McmcOptions { seed, ..McmcOptions::default() }).unwrap(),
-            &sequence,
-        );
-        for score in [&at_once, &later] {
-            let (found, mean_m) = (score.errors_m.len(), score.mean_m());
-            let recall = found as f64 / f64::from(score.truths);
-            println!(
-                "{found} of {}, {} m, {} strangers, {:?}",
-                score.truths, mean_m, score.strangers, score.names
-            );
-            assert!(score.truths > 300, "the test needs people");
-            assert!(recall > 0.9 && mean_m < 0.08, "recall {recall}, mean {mean_m} m");
-            assert!(score.strangers * 20 < score.truths, "{} of {}", score.strangers, score.truths);
-            for (person, names) in &score.names {
-                let (most, all) = (names.values().max().copied().unwrap_or(0), names.values().sum::<u32>());
-                assert!(most * 20 >= all * 19, "person {person} went by {names:?}");
-            }
-        }
-        assert!(later.errors_m.len() >= at_once.errors_m.len());
-        for (at, error_m) in &at_once.errors_m {
-            if let Some(later) = later.errors_m.get(at) {
-                at_once_m += error_m;
-                later_m += later;
-            }
-        }
-    }
-    // How much less is a matter of how masks err, and these do not: on the office's film (tests/end_to_end) it is more.
-    assert!(later_m < at_once_m, "{later_m} after {at_once_m}");
-}
-
-/// How well people are followed at once, and in hindsight.
-fn follow(mut mcmc: Mcmc, sequence: &Sequence) -> [Score; 2] {
-    let waits = (mcmc.lag_s() * RATE_HZ).ceil() as u32;
-    let (mut truths, mut at_once, mut later) = (Vec::new(), Vec::new(), Vec::new());
-    for frame in sequence.frames() {
-        let cameras: Vec<CameraFrame> =
-            frame.cameras.into_iter().map(|c| CameraFrame::of_mask(&c.mask)).collect();
-        let moment = Moment { frame: frame.frame, time_s: frame.time_s, cameras: &cameras };
-        at_once.push(mcmc.step(&moment).unwrap());
-        if frame.frame > waits {
-            later.push(mcmc.hindsight(frame.frame - waits).unwrap());
-        }
-        truths.push(frame.people);
-    }
-    later.extend((truths.len() as u32 - waits + 1..=truths.len() as u32).map(|f| mcmc.hindsight(f).unwrap()));
-    [scored(&truths, at_once), scored(&truths, later)]
-}
-
-#[derive(Debug)]
-struct Score {
-    truths: u32,
-    strangers: u32,
-    /// How far from the truth everybody is who is found, by moment and person.
-    errors_m: BTreeMap<(usize, u32), f64>,
-    /// How often each person went by which id.
-    names: BTreeMap<u32, BTreeMap<TrackId, u32>>,
-}
-
-impl Score {
-    fn mean_m(&self) -> f64 {
-        self.errors_m.values().sum::<f64>() / self.errors_m.len() as f64
-    }
-}
-
-fn scored(truths: &[Vec<PersonTruth>], people: Vec<Vec<PersonEstimate>>) -> Score {
-    assert_eq!(truths.len(), people.len());
-    let mut score = Score { truths: 0, strangers: 0, errors_m: BTreeMap::new(), names: BTreeMap::new() };
-    for (moment, (truths, mut people)) in truths.iter().zip(people).enumerate() {
-        for truth in truths.iter().filter(|p| p.inside) {
-            score.truths += 1;
-            let distance = |p: &PersonEstimate| (p.x_m - truth.place.x).hypot(p.y_m - truth.place.y);
-            let nearest =
-                (0..people.len()).min_by(|a, b| distance(&people[*a]).total_cmp(&distance(&people[*b])));
-            if let Some(i) = nearest.filter(|i| distance(&people[*i]) < 0.5) {
-                score.errors_m.insert((moment, truth.id), distance(&people[i]));
-                let person = people.swap_remove(i);
-                *score.names.entry(truth.id).or_default().entry(person.id).or_default() += 1;
-            }
-        }
-        score.strangers += people.len() as u32;
-    }
-    score
-}
 
 /// Two cameras in the corners of an empty room of 6 × 5 m, with a door in the wall x = 6.
 pub(super) fn empty_room() -> Stage {
@@ -127,7 +23,7 @@ pub(super) fn empty_room() -> Stage {
 }
 
 /// The same with cameras at these places, 2.4 m above the floor, and a door of this kind.
-fn room(cameras: &[(f64, f64)], kind: ZoneKind) -> Stage {
+pub(super) fn room(cameras: &[(f64, f64)], kind: ZoneKind) -> Stage {
     let camera = |(x, y): &(f64, f64)| {
         let pose =
             Isometry3::face_towards(&Point3::new(*x, *y, 2.4), &Point3::new(3.0, 2.5, 0.9), &-Vector3::z());
@@ -165,16 +61,31 @@ pub(super) fn masks(stage: &Stage, bodies: &[Body]) -> Vec<CameraFrame> {
 }
 
 /// A tracker that is fed frame by frame.
-struct Feeder {
-    stage: Stage,
-    mcmc: Mcmc,
+pub(super) struct Feeder {
+    pub(super) stage: Stage,
+    pub(super) mcmc: Mcmc,
     frame: u32,
+    /// Time at which the present rate began, seconds, and frames since.
+    since_s: f64,
+    frames: u32,
+    rate_hz: f64,
 }
 
 impl Feeder {
     /// At the first frame.
-    fn at_first(stage: Stage, options: McmcOptions) -> Self {
-        Self { mcmc: Mcmc::new(stage.clone(), options).unwrap(), stage, frame: 0 }
+    pub(super) fn at_first(stage: Stage, options: McmcOptions) -> Self {
+        let mcmc = Mcmc::new(stage.clone(), options).unwrap();
+        Self { mcmc, stage, frame: 0, since_s: 0.0, frames: 0, rate_hz: RATE_HZ }
+    }
+
+    /// The same at another rate.
+    pub(super) fn at_rate(self, rate_hz: f64) -> Self {
+        Self { since_s: self.time_s(), frames: 0, rate_hz, ..self }
+    }
+
+    /// Lets time pass without any moment.
+    pub(super) fn skip(&mut self, seconds: f64) {
+        self.since_s += seconds;
     }
 
     /// After a second of nobody in the empty room.
@@ -183,7 +94,7 @@ impl Feeder {
     }
 
     /// After a second of nobody.
-    fn after_nobody(stage: Stage, options: McmcOptions) -> Self {
+    pub(super) fn after_nobody(stage: Stage, options: McmcOptions) -> Self {
         let mut feeder = Self::at_first(stage, options);
         for _ in 0..12 {
             assert_eq!(feeder.see(&[]), []);
@@ -191,19 +102,23 @@ impl Feeder {
         feeder
     }
 
-    fn feed(&mut self, cameras: &[CameraFrame]) -> Vec<PersonEstimate> {
+    pub(super) fn feed(&mut self, cameras: &[CameraFrame]) -> Vec<PersonEstimate> {
         self.frame += 1;
-        let time_s = f64::from(self.frame) / RATE_HZ;
-        self.mcmc.step(&Moment { frame: self.frame, time_s, cameras }).unwrap()
+        self.frames += 1;
+        self.mcmc.step(&Moment { frame: self.frame, time_s: self.time_s(), cameras }).unwrap()
     }
 
-    fn see(&mut self, bodies: &[Body]) -> Vec<PersonEstimate> {
+    fn time_s(&self) -> f64 {
+        self.since_s + f64::from(self.frames) / self.rate_hz
+    }
+
+    pub(super) fn see(&mut self, bodies: &[Body]) -> Vec<PersonEstimate> {
         let cameras = masks(&self.stage, bodies);
         self.feed(&cameras)
     }
 
     /// Somebody comes in through the door and walks to (3, 1.6), where they stay for a second.
-    fn bring_in(&mut self) -> PersonEstimate {
+    pub(super) fn bring_in(&mut self) -> PersonEstimate {
         for step in 0..30 {
             self.see(&[standing(6.0 - 0.1 * f64::from(step), 1.6)]);
         }
@@ -215,7 +130,9 @@ impl Feeder {
 
 #[test]
 fn people_come_in_through_zones_and_nowhere_else() {
-    let mut feeder = Feeder::new(1);
+    // What persists is another matter.
+    let options = McmcOptions { rescues_per_s: 0.0, ..McmcOptions::default() };
+    let mut feeder = Feeder::after_nobody(empty_room(), options);
     for _ in 0..24 {
         assert_eq!(feeder.see(&[standing(2.0, 3.5)]), [], "nobody appears in the middle of a room");
     }
@@ -316,7 +233,18 @@ fn people_leave_through_a_door_that_is_an_exit_alone() {
 }
 
 /// Puts an upright box before the cameras.
-fn stand(stage: &mut Stage, low: [f32; 3], high: [f32; 3]) {
+pub(super) fn stand(stage: &mut Stage, low: [f32; 3], high: [f32; 3]) {
+    let scene = RayScene::new(&Geometry::Mesh(cuboid(low, high))).unwrap();
+    for camera in &mut stage.cameras {
+        let depth = depth::render(&scene, &camera.pinhole);
+        for (z_m, met_m) in camera.static_z_m.iter_mut().zip(depth.z_m).filter(|(_, met_m)| *met_m > 0.0) {
+            *z_m = z_m.min(met_m);
+        }
+    }
+}
+
+/// An upright box.
+pub(super) fn cuboid(low: [f32; 3], high: [f32; 3]) -> Mesh {
     let vertices = (0..8).map(|corner| {
         glam::Vec3::from_array(std::array::from_fn(|axis| {
             if corner >> axis & 1 == 0 { low[axis] } else { high[axis] }
@@ -325,14 +253,7 @@ fn stand(stage: &mut Stage, low: [f32; 3], high: [f32; 3]) {
     let side = |[a, b, c, d]: [u32; 4]| [[a, b, c], [c, b, d]];
     let sides = [[0, 1, 2, 3], [4, 5, 6, 7], [0, 1, 4, 5], [2, 3, 6, 7], [0, 2, 4, 6], [1, 3, 5, 7]];
     let triangles = sides.into_iter().flat_map(side).collect();
-    let mesh = Mesh { vertices: vertices.collect(), triangles, colors: vec![[0; 3]; 8] };
-    let scene = RayScene::new(&Geometry::Mesh(mesh)).unwrap();
-    for camera in &mut stage.cameras {
-        let depth = depth::render(&scene, &camera.pinhole);
-        for (z_m, met_m) in camera.static_z_m.iter_mut().zip(depth.z_m).filter(|(_, met_m)| *met_m > 0.0) {
-            *z_m = z_m.min(met_m);
-        }
-    }
+    Mesh { vertices: vertices.collect(), triangles, colors: vec![[0; 3]; 8] }
 }
 
 /// A pillar hides the body, but not all that arms could reach beyond it. What nobody sees neither ends nor walks out.

@@ -5,6 +5,7 @@ use nalgebra::{Matrix2, Vector2};
 use super::evidence::Evidence;
 use super::motion::Motion;
 use super::options::{McmcOptions, Spread};
+use super::outage::OUTAGE_S;
 use super::person::{Key, Known, Place};
 use super::tally::Sums;
 use crate::TrackId;
@@ -39,6 +40,17 @@ const ASTRAY_SPEED_M_S: f64 = 1.0;
 /// Somebody who for this long is not where a camera sees clearly was never there.
 const CONTRADICTED_FOR_S: f64 = 3.0;
 
+/// When somebody was found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Found {
+    /// At the start: what has always stood there may be anything.
+    AtStart,
+    /// After an outage of all cameras: what was put there meanwhile may be furniture.
+    AfterOutage,
+    /// In between.
+    Appearing,
+}
+
 /// A person the sampler follows.
 #[derive(Debug, Clone)]
 pub(super) struct Track {
@@ -56,13 +68,16 @@ pub(super) struct Track {
     pub(super) earned_nats: f64,
     /// Whether some camera saw this person at the last moment.
     pub(super) in_sight: bool,
-    /// Where somebody was found who was there from the beginning, until they move.
+    found: Found,
+    /// Where somebody was found who did not appear before the cameras' eyes, until they move.
     still_at: Option<Vector2<f64>>,
+    /// Whether the cameras showed an average person there at the last moment.
+    is_upright: bool,
 }
 
 impl Track {
     /// Somebody born in this moment.
-    pub(super) fn born(sums: &Sums, from_the_beginning: bool, options: &McmcOptions) -> Self {
+    pub(super) fn born(sums: &Sums, found: Found, options: &McmcOptions) -> Self {
         let gait = Matrix2::identity() * options.motion.gait_sigma_m.powi(2);
         let mut track = Self {
             key: sums.key,
@@ -74,7 +89,9 @@ impl Track {
             contradicted_s: 0.0,
             earned_nats: 0.0,
             in_sight: true,
-            still_at: from_the_beginning.then(|| sums.place()),
+            found,
+            still_at: (found != Found::Appearing).then(|| sums.place()),
+            is_upright: false,
         };
         track.resize(sums, 1.0);
         track
@@ -82,7 +99,8 @@ impl Track {
 
     /// Carries the belief on in time.
     pub(super) fn predict(&mut self, dt_s: f64, options: &McmcOptions) {
-        self.motion.predict(dt_s, self.in_sight, &options.motion);
+        let in_sight = self.in_sight && dt_s < OUTAGE_S;
+        self.motion.predict(dt_s, in_sight, &options.motion);
         let drifted = |s: &Spread, drift: f64, most: f64| Spread {
             sigma_m: (s.sigma_m.powi(2) + drift.powi(2) * dt_s).sqrt().min(most),
             ..*s
@@ -123,13 +141,20 @@ impl Track {
         self.log_odds = (self.log_odds + new * evidence.for_presence()).clamp(-SUREST_NATS, SUREST_NATS);
         self.earned_nats += new * evidence.beyond_chance();
         self.contradicted_s = if evidence.is_against() { self.contradicted_s + dt_s } else { 0.0 };
+        self.is_upright = evidence.is_upright;
         let place = self.motion.place();
         self.still_at = self.still_at.filter(|found| (place - found).norm() < MOVED_M);
     }
 
     /// Whether there is reason enough to believe that this is a person.
     pub(super) fn is_believable(&self, options: &McmcOptions) -> bool {
-        self.earned_nats >= options.believed_at_nats && self.still_at.is_none()
+        self.earned_nats >= options.believed_at_nats
+            && (!self.may_be_furniture() || (self.found == Found::AfterOutage && self.is_upright))
+    }
+
+    /// Whether this may be what was there before the cameras looked, for all that its motion says.
+    pub(super) fn may_be_furniture(&self) -> bool {
+        self.still_at.is_some()
     }
 
     /// Whether this person may be a mistake: not believed in yet, or for long not where cameras see clearly.

@@ -1,7 +1,7 @@
 //! A proposal that is given up early must be one that would have been refused; and where nothing is seen, the states are
 //! those of the prior, whatever is proposed.
 
-use super::super::appearance::COMPANY_M;
+use super::super::appearance::{COMPANY_M, Opening};
 use super::super::left_over::LeftOver;
 use super::super::person::{Known, Place};
 use super::super::tests::{empty_room, masks, standing};
@@ -26,8 +26,7 @@ fn on_all_the_floor<'a>(
         births,
         informed: options.informed_births,
         log_density,
-        company: births,
-        log_company_density: LOG_IMPOSSIBLE,
+        openings: [Opening { map: births, log_density: LOG_IMPOSSIBLE }; 2],
     }
 }
 
@@ -187,17 +186,21 @@ fn drawn_by_rejection(
 
 #[test]
 fn where_nothing_is_seen_the_states_are_those_of_the_prior() {
-    states_are_those_of_the_prior(true, [0.03; 2], 600_000);
+    states_are_those_of_the_prior(true, [0.03; 3], 600_000);
 }
 
-/// The same where people appear through the door, and more a m² out of somebody's company.
+/// The same where people appear through the door, and more a m² at persistent evidence and out of somebody's company.
 #[test]
-fn where_nothing_is_seen_people_come_in_and_out_of_company_as_often_as_expected() {
-    states_are_those_of_the_prior(false, [0.3, 1.0], 2_000_000);
+fn where_nothing_is_seen_people_come_in_and_out_of_openings_as_often_as_expected() {
+    states_are_those_of_the_prior(false, [0.3, 0.6, 1.0], 2_000_000);
 }
 
-/// So many people are expected a m², and out of company.
-fn states_are_those_of_the_prior(anywhere: bool, [per_m2, of_company_per_m2]: [f64; 2], steps: u32) {
+/// So many people are expected a m²: in zones or anywhere, at persistent evidence, and out of company.
+fn states_are_those_of_the_prior(
+    anywhere: bool,
+    [per_m2, rescued_per_m2, of_company_per_m2]: [f64; 3],
+    steps: u32,
+) {
     let stage = empty_room();
     let options = McmcOptions { repulsion_per_m: f64::INFINITY, max_people: 3, ..McmcOptions::default() };
     let layers = Layers::new(stage.cameras.iter().map(View::new).collect(), options.likelihood.shapes());
@@ -207,7 +210,7 @@ fn states_are_those_of_the_prior(anywhere: bool, [per_m2, of_company_per_m2]: [f
     let may_appear = |x: f64, y: f64| anywhere || stage.floor.may_appear(x, y);
     let mut births =
         BirthMap::new(&layers, &standing(0.0, 0.0), (low, high), |x, y| standable(x, y) && may_appear(x, y));
-    let mut company = everywhere.clone();
+    let (mut company, mut rescued) = (everywhere.clone(), everywhere.clone());
     // Weighed by a moment with somebody in it, so that ADD and the jumps prefer some places.
     let mut simulation = Simulation::new(&layers);
     let seen = masks(&stage, &[standing(2.0, 1.5)]);
@@ -220,11 +223,16 @@ fn states_are_those_of_the_prior(anywhere: bool, [per_m2, of_company_per_m2]: [f
     everywhere.weigh(&left_over, explained);
     births.weigh(&left_over, explained);
     company.weigh_near(&[Vector2::new(2.6, 1.8)], COMPANY_M, &left_over, explained);
-    assert!(everywhere.is_weighed() && company.is_weighed());
+    // One of the openings overlaps the other.
+    let is_open: Vec<bool> = (0..rescued.len()).map(|cell| cell % 3 == 0).collect();
+    rescued.weigh_open(&is_open, &left_over, explained);
+    assert!(everywhere.is_weighed() && company.is_weighed() && rescued.is_weighed());
     simulation.restart(&[None, None]);
     let expected_per_m2 = |x: f64, y: f64| {
         if may_appear(x, y) {
             per_m2
+        } else if rescued.density(x, y, 1.0) > 0.0 {
+            rescued_per_m2
         } else if company.density(x, y, 1.0) > 0.0 {
             of_company_per_m2
         } else {
@@ -260,8 +268,8 @@ fn states_are_those_of_the_prior(anywhere: bool, [per_m2, of_company_per_m2]: [f
             births: &births,
             informed: options.informed_births,
             log_density: per_m2.ln(),
-            company: &company,
-            log_company_density: of_company_per_m2.ln(),
+            openings: [(&rescued, rescued_per_m2), (&company, of_company_per_m2)]
+                .map(|(map, per_m2)| Opening { map, log_density: per_m2.ln() }),
         },
         unexplained: Some(&everywhere),
         typical_px: &everywhere.typical_px(&layers),
@@ -276,7 +284,7 @@ fn states_are_those_of_the_prior(anywhere: bool, [per_m2, of_company_per_m2]: [f
         })
         .collect();
 
-    let most_per_m2 = per_m2.max(of_company_per_m2);
+    let most_per_m2 = per_m2.max(rescued_per_m2).max(of_company_per_m2);
     let drawn = drawn_by_rejection(&stage, &options, &known, (most_per_m2, expected_per_m2), &mut rng);
     for (i, ((found, off), (expected, by))) in means(&sampled).into_iter().zip(means(&drawn)).enumerate() {
         assert!(
