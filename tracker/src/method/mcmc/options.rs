@@ -204,7 +204,7 @@ impl McmcOptions {
             surprise: 1.0,
             informed_births: 0.0,
             companions_per_s: 0.0,
-            rescues_per_s: 0.05,
+            rescues_per_s: 0.0,
             settling_s: 0.0,
             lag_s: 0.0,
             motion: MotionOptions {
