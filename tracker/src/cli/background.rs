@@ -38,7 +38,7 @@ fn parse(text: &str) -> Result<Choice, String> {
 pub(super) struct BackgroundArguments {
     /// What the empty room looks like: the recording's own median over time (median), learnt while running by OpenCV
     /// (online = mog2, knn), or a clip or picture of the empty room for one camera (NAME=PATH, may be repeated). auto:
-    /// median for recordings, online for streams
+    /// median for recordings; for streams online, begun from the room's reference picture of the camera where there is one
     #[arg(long, value_parser = parse, default_value = "auto", value_name = "KIND|NAME=PATH")]
     background: Vec<Choice>,
     /// Leave shadows and reflections in the masks
@@ -95,6 +95,11 @@ impl BackgroundArguments {
             }
         }
         Ok(())
+    }
+
+    /// Whether nothing is said about backgrounds.
+    pub(super) fn is_auto(&self) -> bool {
+        self.background.iter().all(|choice| matches!(choice, Choice::Auto | Choice::Clip(_)))
     }
 
     /// The start of a camera's foreground model, at the size of its masks. A recording is looked through for its empty scene.

@@ -1,6 +1,9 @@
 //! From opened sources to stations: backgrounds, observers, and what each of them is asked for.
 
+use std::path::Path;
+
 use anyhow::Context;
+use calib::video::FrameSource;
 use image::RgbImage;
 use rayon::prelude::*;
 use tracker::Error;
@@ -9,7 +12,7 @@ use tracker::foreground::health::Health;
 use tracker::foreground::{Foreground, Start};
 use tracker::method::Needs;
 use tracker::source::{CameraSource, CaptureTimes, VideoSource};
-use tracker::stage::Stage;
+use tracker::stage::{Stage, StageCamera};
 use tracker::station::{LiveStation, Masks, Observer, PictureDemand, RecordedStation, Station, Work};
 
 use super::background::BackgroundArguments;
@@ -73,7 +76,16 @@ impl StationBuilder<'_> {
         let is_subtracted = self.needs.masks && masks.is_none();
         let start = match &video {
             Some(video) if is_subtracted || self.needs.empty_scene => {
-                Some(self.background.start(&name, video, filmed_size, size)?)
+                match self.background.start(&name, video, filmed_size, size)? {
+                    Start::Nothing(kind) if self.background.is_auto() => {
+                        let reference =
+                            of_stage.reference.as_deref().and_then(|path| reference(path, of_stage));
+                        Some(
+                            reference.map_or(Start::Nothing(kind), |picture| Start::Reference(kind, picture)),
+                        )
+                    }
+                    start => Some(start),
+                }
             }
             _ => None,
         };
@@ -108,4 +120,26 @@ impl StationBuilder<'_> {
         };
         Ok(Built { station: Station { name, rate_hz, work }, empty_scene })
     }
+}
+
+/// The room's reference picture of a camera at the working size; `None` where it is missing or shows something else.
+fn reference(path: &Path, camera: &StageCamera) -> Option<RgbImage> {
+    let name = &camera.name;
+    let mut source = FrameSource::open(path.to_str()?)
+        .inspect_err(|error| tracing::warn!("camera `{name}`: its background is learnt anew: {error}"))
+        .ok()?;
+    let filmed = (camera.filmed.intrinsics.width, camera.filmed.intrinsics.height);
+    if source.size() != filmed {
+        let (width, height) = source.size();
+        tracing::warn!(
+            "{}: is {width} × {height} pixels, camera `{name}` films {} × {}; its background is learnt anew",
+            path.display(),
+            filmed.0,
+            filmed.1
+        );
+        return None;
+    }
+    let mut picture = RgbImage::new(camera.width(), camera.height());
+    source.advance().and_then(|_| source.picture(&mut picture)).ok()?;
+    Some(picture)
 }

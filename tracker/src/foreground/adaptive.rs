@@ -29,6 +29,8 @@ pub struct AdaptiveModel {
     /// A frame in the model's exposure.
     even: RgbImage,
     scratch: GrayImage,
+    /// Picture of the room of another time, until the first frame comes.
+    reference: Option<RgbImage>,
     /// For how long each pixel has been foreground, in seconds.
     age_s: Vec<f32>,
     absorb_s: f32,
@@ -45,12 +47,19 @@ impl AdaptiveModel {
             picture: RgbImage::new(width, height),
             even: RgbImage::new(width, height),
             scratch: GrayImage::new(width, height),
+            reference: None,
             age_s: vec![0.0; width as usize * height as usize],
             absorb_s,
             seen: 0,
             learning_s: 0.0,
             unlearnt_s: 0.0,
         })
+    }
+
+    /// The same, which learns on from a picture of the room of another time and light. What the first frame shows instead of it
+    /// is foreground.
+    pub fn begun_from(self, reference: RgbImage) -> Self {
+        Self { reference: Some(reference), ..self }
     }
 
     /// Whether enough has been seen for the labels to mean something.
@@ -65,6 +74,9 @@ impl AdaptiveModel {
 
     /// Scores every pixel: 0 for the background, 255 for all else, shadows included.
     pub fn score(&mut self, frame: &RgbImage, exposure: &Exposure, score: &mut GrayImage) -> Result<()> {
+        if let Some(reference) = self.reference.take() {
+            self.begin(&reference, frame)?;
+        }
         self.make_even(frame, exposure);
         let rate = if self.seen == 0 { 1.0 } else { 0.0 };
         self.model.label(&self.even, rate, score)?;
@@ -118,19 +130,44 @@ impl AdaptiveModel {
     pub fn restart(&mut self, frame: &RgbImage) -> Result<()> {
         self.even.copy_from_slice(frame);
         if let Some(relit) = relight::relit(&self.picture, frame) {
-            let pixels = self.even.chunks_exact_mut(3).zip(relit.expected.chunks_exact(3));
-            for ((even, expected), explained) in pixels.zip(&relit.explained) {
-                if !explained {
-                    even.copy_from_slice(expected);
-                }
+            self.replace_unexplained(&relit);
+        }
+        self.show_first()?;
+        self.learning_s = 0.0;
+        Ok(())
+    }
+
+    /// Begins with the reference in the first frame's light. Where light does not explain the difference, the camera was moved:
+    /// everything is learnt.
+    fn begin(&mut self, reference: &RgbImage, frame: &RgbImage) -> Result<()> {
+        let Some(relit) = relight::relit(reference, frame) else {
+            tracing::warn!(
+                "a camera sees another scene than on its reference picture: has it been moved? Its background is learnt anew"
+            );
+            return Ok(());
+        };
+        self.even.copy_from_slice(frame);
+        self.replace_unexplained(&relit);
+        self.show_first()?;
+        self.learning_s = LEARN_ALL_S;
+        Ok(())
+    }
+
+    fn replace_unexplained(&mut self, relit: &relight::Relit) {
+        let pixels = self.even.chunks_exact_mut(3).zip(relit.expected.chunks_exact(3));
+        for ((even, expected), explained) in pixels.zip(&relit.explained) {
+            if !explained {
+                even.copy_from_slice(expected);
             }
         }
+    }
+
+    /// Makes `even` the model's first picture.
+    fn show_first(&mut self) -> Result<()> {
         self.model.label(&self.even, 1.0, &mut self.scratch)?;
         self.age_s.fill(0.0);
         self.seen = 1;
-        self.learning_s = 0.0;
-        self.model.picture(&mut self.picture)?;
-        Ok(())
+        Ok(self.model.picture(&mut self.picture)?)
     }
 
     fn make_even(&mut self, frame: &RgbImage, exposure: &Exposure) {

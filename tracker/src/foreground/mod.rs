@@ -124,6 +124,9 @@ pub enum Start {
     Backdrop(Backdrop),
     /// Nothing: an adaptive model learns while running.
     Nothing(AdaptiveKind),
+    /// A picture of the room of another time and light, in which no more than things may have moved: an adaptive model learns
+    /// on from it.
+    Reference(AdaptiveKind, RgbImage),
 }
 
 /// The foreground of one camera, frame by frame.
@@ -191,21 +194,17 @@ impl Foreground {
         let mut background = RgbImage::new(width, height);
         let model = match start {
             Start::Backdrop(backdrop) => {
-                let found = backdrop.picture.dimensions();
-                if found != (width, height) {
-                    return Err(Error::option(
-                        "--background",
-                        format!(
-                            "the empty scene is {} × {} pixels, the camera's images are {width} × {height}",
-                            found.0, found.1
-                        ),
-                    ));
-                }
+                check_size(&backdrop.picture, (width, height))?;
                 background.copy_from_slice(&backdrop.picture);
                 Model::Pixels(PixelModel::new(&backdrop, &options.pixels))
             }
             Start::Nothing(kind) => {
                 Model::Adaptive(AdaptiveModel::new(kind, width, height, options.pixels.absorb_s)?)
+            }
+            Start::Reference(kind, picture) => {
+                check_size(&picture, (width, height))?;
+                let model = AdaptiveModel::new(kind, width, height, options.pixels.absorb_s)?;
+                Model::Adaptive(model.begun_from(picture))
             }
         };
         let flat = if matches!(model, Model::Adaptive(_)) { width as usize * height as usize } else { 0 };
@@ -425,6 +424,18 @@ impl Foreground {
         }
         Ok(())
     }
+}
+
+fn check_size(empty: &RgbImage, (width, height): (u32, u32)) -> Result<()> {
+    let found = empty.dimensions();
+    if found == (width, height) {
+        return Ok(());
+    }
+    let problem = format!(
+        "the empty scene is {} × {} pixels, the camera's images are {width} × {height}",
+        found.0, found.1
+    );
+    Err(Error::option("--background", problem))
 }
 
 #[cfg(test)]

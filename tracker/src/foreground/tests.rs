@@ -127,6 +127,48 @@ fn who_stands_for_a_minute_is_still_there_and_a_moved_chair_is_not() {
 }
 
 #[test]
+fn who_stands_in_the_first_frame_is_seen_where_a_picture_of_the_room_is_known() {
+    let (mut camera, block) = (Camera::new(), (30, 20));
+    let options = ForegroundOptions::default;
+    // In evening light, with a chair that has gone since.
+    let evening = |u: u32, _: u32| 0.6 + 0.002 * f64::from(u);
+    let (reference, _) = camera.look(Some((75, 30)), evening);
+    for kind in [AdaptiveKind::Mog2, AdaptiveKind::Knn] {
+        let known = Start::Reference(kind, reference.clone());
+        let mut known = Foreground::new(SIZE.0, SIZE.1, known, options()).unwrap();
+        let mut unknown = Foreground::new(SIZE.0, SIZE.1, Start::Nothing(kind), options()).unwrap();
+        for seconds in [0.2, 60.0] {
+            let (verdict, mut mask) = watch(&mut known, &mut camera, seconds, Some(block), even);
+            assert_eq!(verdict, Verdict::Usable, "{kind:?}");
+            // Where the chair was the room is not known.
+            let gone = mask.enumerate_pixels_mut().filter(|(u, ..)| *u >= 70);
+            gone.for_each(|(.., pixel)| pixel[0] = 0);
+            assert!(overlap(&mask, block) > 0.85, "{kind:?}, {seconds} s: {}", overlap(&mask, block));
+        }
+        let (_, mask) = watch(&mut unknown, &mut camera, 10.0, Some(block), even);
+        assert!(overlap(&mask, block) < 0.1, "{kind:?}: the test needs no reference");
+    }
+}
+
+#[test]
+fn a_picture_of_another_view_is_left_aside() {
+    let mut camera = Camera::new();
+    let other = RgbImage::from_fn(SIZE.0, SIZE.1, |u, v| {
+        let stripe = ((u * 13 + v * 29) % 97) as u8;
+        Rgb([200 - stripe, 2 * stripe, 90 + stripe])
+    });
+    let start = |picture: RgbImage| {
+        let start = Start::Reference(AdaptiveKind::Mog2, picture);
+        Foreground::new(SIZE.0, SIZE.1, start, ForegroundOptions::default())
+    };
+    let mut foreground = start(other).unwrap();
+    let (verdict, mask) = watch(&mut foreground, &mut camera, 5.0, None, even);
+    assert!(verdict == Verdict::Usable && is_empty(&mask));
+    let small = start(RgbImage::new(9, 9)).err().unwrap().to_string();
+    assert!(small.contains("9 × 9") && small.contains("96 × 72"), "{small}");
+}
+
+#[test]
 fn exposure_and_shadows_leave_no_trace() {
     let (mut camera, block) = (Camera::new(), (50, 25));
     let mut foreground = known(&mut camera, ForegroundOptions::default());

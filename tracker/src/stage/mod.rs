@@ -8,7 +8,7 @@ mod floor;
 mod footprint;
 pub mod resolution;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use calib::Camera;
 use calib::undistort::UndistortMap;
@@ -58,6 +58,8 @@ pub struct StageCamera {
     /// Distance along the camera's z to the nearest static surface, per pinhole pixel, row by row, metres. Infinite where
     /// nothing is hit; 0 where the lens shows nothing, so that nothing is ever expected to be seen there.
     pub static_z_m: Vec<f32>,
+    /// File of the picture that the room keeps of this camera, at full size.
+    pub reference: Option<PathBuf>,
 }
 
 /// Narrower images show nobody.
@@ -99,8 +101,9 @@ impl Stage {
         }
         let mut cameras = Vec::new();
         for name in names {
-            let filmed = &room.camera(name)?.camera;
-            let mut camera = StageCamera::at_width(name, filmed, options.working_width_px);
+            let of_room = room.camera(name)?;
+            let mut camera = StageCamera::at_width(name, &of_room.camera, options.working_width_px);
+            camera.reference = of_room.reference.as_ref().map(|path| room_dir.join(path));
             if options.occlusion && room.geometry.is_some() {
                 camera.set_static_depth(&depth::cached(room_dir, room, name)?);
             }
@@ -149,7 +152,15 @@ impl StageCamera {
         undistort.mask(&GrayImage::from_pixel(k.width, k.height, Luma([255])), &mut shown);
         let static_z_m = shown.iter().map(|shown| if *shown == 0 { 0.0 } else { f32::INFINITY }).collect();
         let real = Camera { intrinsics: k, camera_from_world };
-        Self { name: name.to_owned(), filmed: filmed.clone(), real, pinhole, undistort, static_z_m }
+        Self {
+            name: name.to_owned(),
+            filmed: filmed.clone(),
+            real,
+            pinhole,
+            undistort,
+            static_z_m,
+            reference: None,
+        }
     }
 
     /// The same camera worked on at another size, which may be larger than what it films; for drawing. What it sees of the

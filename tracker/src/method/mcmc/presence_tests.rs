@@ -167,22 +167,39 @@ fn chair_masks(stage: &Stage, x_m: f32, y_m: f32) -> Vec<CameraFrame> {
 
 #[test]
 fn nobody_is_born_of_a_chair_that_was_moved() {
-    for (cameras, after_outage) in [(2, false), (2, true), (1, false), (1, true)] {
+    // Put there before the cameras' eyes, during an outage, before the start.
+    let ways = ["seen", "outage", "start"];
+    for (cameras, way) in [1, 2].into_iter().flat_map(|cameras| ways.map(|way| (cameras, way))) {
         let stage = room(&BOTH_CORNERS[..cameras], ZoneKind::Both);
         for (seed, (x_m, y_m)) in (1..).zip([(1.4, 2.0), (2.4, 3.4), (3.2, 2.5), (4.2, 3.8), (3.9, 1.2)]) {
-            let mut feeder = Feeder::after_nobody(stage.clone(), seeded(seed));
-            if after_outage {
+            let mut feeder = match way {
+                "start" => Feeder::at_first(stage.clone(), seeded(seed)),
+                _ => Feeder::after_nobody(stage.clone(), seeded(seed)),
+            };
+            if way == "outage" {
                 feeder.skip(60.0);
             }
             let chair = chair_masks(&stage, x_m, y_m);
             for moment in 0..120 {
                 let people = feeder.feed(&chair);
-                assert_eq!(
-                    people,
-                    [],
-                    "{cameras} cameras, outage {after_outage}, {x_m} {y_m}, moment {moment}"
-                );
+                assert_eq!(people, [], "{cameras} cameras, {way}, {x_m} {y_m}, moment {moment}");
             }
+        }
+    }
+}
+
+#[test]
+fn who_stands_there_at_the_start_is_told_in_the_end() {
+    for seed in 1..=4 {
+        for body in [standing(2.0, 3.0), standing(3.4, 1.4)] {
+            let mut feeder = Feeder::at_first(empty_room(), seeded(seed));
+            let told = (0..60).map(|_| feeder.see(&[body])).map(|people| is_told(&people, &body));
+            let told: Vec<bool> = told.collect();
+            assert!(!told[..12].iter().any(|told| *told), "seed {seed}: what stands there may be anything");
+            assert!(
+                told[42..].iter().all(|told| *told),
+                "seed {seed}: not told after three and a half seconds"
+            );
         }
     }
 }

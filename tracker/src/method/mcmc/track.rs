@@ -32,6 +32,9 @@ const INDEPENDENT_AFTER_S: f64 = 0.08;
 /// What was there at the beginning and has never been farther than this from its place may be anything.
 const MOVED_M: f64 = 0.5;
 
+/// What was there at the beginning, stays in its place and is as tall as a person for so many seconds is a person.
+const STANDS_FOR_S: f64 = 2.0;
+
 /// How far from their prediction people are at most (a third of it, metres), and how much farther for every second in which they
 /// are not where they are believed to be.
 const ASTRAY_M: f64 = 0.35;
@@ -49,6 +52,16 @@ pub(super) enum Found {
     AfterOutage,
     /// In between.
     Appearing,
+}
+
+impl Found {
+    /// Seconds for which cameras have to show an average person before one is believed in who has not moved.
+    fn stands_for_s(self) -> f64 {
+        match self {
+            Self::AtStart => STANDS_FOR_S,
+            Self::AfterOutage | Self::Appearing => 0.0,
+        }
+    }
 }
 
 /// A person the sampler follows.
@@ -71,8 +84,8 @@ pub(super) struct Track {
     found: Found,
     /// Where somebody was found who did not appear before the cameras' eyes, until they move.
     still_at: Option<Vector2<f64>>,
-    /// Whether the cameras showed an average person there at the last moment.
-    is_upright: bool,
+    /// Seconds for which the cameras have shown an average person there; `None` when they did not at the last moment.
+    upright_s: Option<f64>,
 }
 
 impl Track {
@@ -91,7 +104,7 @@ impl Track {
             in_sight: true,
             found,
             still_at: (found != Found::Appearing).then(|| sums.place()),
-            is_upright: false,
+            upright_s: None,
         };
         track.resize(sums, 1.0);
         track
@@ -141,7 +154,7 @@ impl Track {
         self.log_odds = (self.log_odds + new * evidence.for_presence()).clamp(-SUREST_NATS, SUREST_NATS);
         self.earned_nats += new * evidence.beyond_chance();
         self.contradicted_s = if evidence.is_against() { self.contradicted_s + dt_s } else { 0.0 };
-        self.is_upright = evidence.is_upright;
+        self.upright_s = evidence.is_upright.then(|| self.upright_s.map_or(0.0, |since_s| since_s + dt_s));
         let place = self.motion.place();
         self.still_at = self.still_at.filter(|found| (place - found).norm() < MOVED_M);
     }
@@ -149,7 +162,7 @@ impl Track {
     /// Whether there is reason enough to believe that this is a person.
     pub(super) fn is_believable(&self, options: &McmcOptions) -> bool {
         self.earned_nats >= options.believed_at_nats
-            && (!self.may_be_furniture() || (self.found == Found::AfterOutage && self.is_upright))
+            && (!self.may_be_furniture() || self.upright_s.is_some_and(|s| s >= self.found.stands_for_s()))
     }
 
     /// Whether this may be what was there before the cameras looked, for all that its motion says.
