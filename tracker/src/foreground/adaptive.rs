@@ -58,6 +58,7 @@ impl AdaptiveModel {
 
     /// The same, which learns on from a picture of the room of another time and light. What the first frame shows instead of it
     /// is foreground.
+    #[must_use]
     pub fn begun_from(self, reference: RgbImage) -> Self {
         Self { reference: Some(reference), ..self }
     }
