@@ -6,6 +6,7 @@ use opencv::core::{self, Mat, Point2f, Scalar, Size, Vector};
 use opencv::imgproc;
 use opencv::objdetect::HOGDescriptor;
 use opencv::prelude::*;
+use rayon::prelude::*;
 
 use super::adapter;
 use crate::{Error, Result};
@@ -16,6 +17,8 @@ pub const WINDOW_PX: (u32, u32) = (64, 128);
 pub const PERSON_HEIGHT_PX: u32 = 96;
 /// Windows are tried every so many pixels.
 const STRIDE_PX: i32 = 8;
+/// Most sizes of an image that are tried.
+const MOST_LEVELS: usize = 64;
 
 /// A rectangle of an image, pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -33,6 +36,7 @@ pub struct Window {
 /// A classifier of windows.
 pub struct PeopleClassifier {
     hog: HOGDescriptor,
+    weights: Vec<f32>,
 }
 
 impl PeopleClassifier {
@@ -41,18 +45,7 @@ impl PeopleClassifier {
     /// # Errors
     /// A wrong number of weights; when OpenCV refuses.
     pub fn new(weights: &[f32]) -> Result<Self> {
-        let refused = adapter::refused("making a detector");
-        let mut hog = HOGDescriptor::default().map_err(&refused)?;
-        let expected = hog.get_descriptor_size().map_err(&refused)? + 1;
-        if weights.len() != expected {
-            return Err(Error::Invalid(format!(
-                "a detector of people has {expected} weights, but these are {}",
-                weights.len()
-            )));
-        }
-        let weights = Mat::from_slice(weights).map_err(&refused)?.try_clone().map_err(&refused)?;
-        hog.set_svm_detector_input_array(&weights).map_err(&refused)?;
-        Ok(Self { hog })
+        Ok(Self { hog: hog(weights)?, weights: weights.to_vec() })
     }
 
     /// OpenCV's weights for people, trained on the INRIA Person Dataset.
@@ -114,34 +107,28 @@ impl PeopleClassifier {
         let kind = if zoom < 1.0 { imgproc::INTER_AREA } else { imgproc::INTER_LINEAR };
         imgproc::resize(&adapter::rgb(image)?, &mut zoomed, Size::default(), zoom, zoom, kind)
             .map_err(&refused)?;
-        let (mut places, mut scores) = (Vector::new(), Vector::<f64>::new());
         if zoomed.cols() < WINDOW_PX.0 as i32 || zoomed.rows() < WINDOW_PX.1 as i32 {
             return Ok(Vec::new());
         }
-        self.hog
-            .detect_multi_scale_weights(
-                &zoomed,
-                &mut places,
-                &mut scores,
-                least,
-                Size::new(STRIDE_PX, STRIDE_PX),
-                Size::default(),
-                scale_step,
-                0.0, // What overlaps is sorted out by whoever asks.
-                false,
-            )
-            .map_err(&refused)?;
+        let size = (zoomed.cols() as u32, zoomed.rows() as u32);
+        let bytes = zoomed.data_bytes().map_err(&refused)?.to_vec();
+        let Some(zoomed) = RgbImage::from_raw(size.0, size.1, bytes) else { return Ok(Vec::new()) };
+        // Not by OpenCV's detectMultiScale: its threads mix up the scores of different windows.
+        let weights = &self.weights;
+        let levels: Result<Vec<Vec<(core::Rect, f64)>>> = levels(size, scale_step)
+            .into_par_iter()
+            .map(|scale| level(&hog(weights)?, &zoomed, scale, least))
+            .collect();
         let real = |pixels: i32| f64::from(pixels) / zoom;
-        let mut found: Vec<(Window, f64)> = places
-            .iter()
-            .zip(scores.iter())
+        let mut found: Vec<(Window, f64)> = levels?
+            .into_iter()
+            .flatten()
             .map(|(r, score)| {
                 let window =
                     Window { left: real(r.x), top: real(r.y), width: real(r.width), height: real(r.height) };
                 (window, score)
             })
             .collect();
-        // OpenCV's threads leave them in any order.
         let key = |(w, s): &(Window, f64)| [-*s, w.top, w.left, w.height];
         found.sort_by(|a, b| {
             let (a, b) = (key(a), key(b));
@@ -153,6 +140,71 @@ impl PeopleClassifier {
         });
         Ok(found)
     }
+}
+
+/// OpenCV's classifier with these weights.
+fn hog(weights: &[f32]) -> Result<HOGDescriptor> {
+    let refused = adapter::refused("making a detector");
+    let mut hog = HOGDescriptor::default().map_err(&refused)?;
+    let expected = hog.get_descriptor_size().map_err(&refused)? + 1;
+    if weights.len() != expected {
+        return Err(Error::Invalid(format!(
+            "a detector of people has {expected} weights, but these are {}",
+            weights.len()
+        )));
+    }
+    let weights = Mat::from_slice(weights).map_err(&refused)?.try_clone().map_err(&refused)?;
+    hog.set_svm_detector_input_array(&weights).map_err(&refused)?;
+    Ok(hog)
+}
+
+/// The factors by which an image of this width and height is reduced, as long as a window fits.
+fn levels((width, height): (u32, u32), step: f64) -> Vec<f64> {
+    let scales = std::iter::successors(Some(1.0), |scale| (step > 1.0).then_some(scale * step));
+    let fits = |scale: &f64| reduced(width, *scale) >= WINDOW_PX.0 && reduced(height, *scale) >= WINDOW_PX.1;
+    scales.take_while(fits).take(MOST_LEVELS).collect()
+}
+
+/// A length in the image that is reduced by this factor, pixels.
+fn reduced(pixels: u32, scale: f64) -> u32 {
+    (f64::from(pixels) / scale).round_ties_even() as u32
+}
+
+/// The windows of an image reduced by this factor that are classified above `least`, in pixels of the image, with their
+/// scores.
+fn level(hog: &HOGDescriptor, image: &RgbImage, scale: f64, least: f64) -> Result<Vec<(core::Rect, f64)>> {
+    let refused = adapter::refused("looking for people");
+    let (width, height) = (image.width() as i32, image.height() as i32);
+    let size = [width, height].map(|pixels| reduced(pixels as u32, scale) as i32);
+    let mut smaller = Mat::default();
+    imgproc::resize(
+        &adapter::rgb(image)?,
+        &mut smaller,
+        Size::new(size[0], size[1]),
+        0.0,
+        0.0,
+        imgproc::INTER_LINEAR_EXACT,
+    )
+    .map_err(&refused)?;
+    let (mut places, mut scores) = (Vector::new(), Vector::<f64>::new());
+    let stride = Size::new(STRIDE_PX, STRIDE_PX);
+    hog.detect_weights(
+        &smaller,
+        &mut places,
+        &mut scores,
+        least,
+        stride,
+        Size::default(),
+        &Vector::<core::Point>::new(),
+    )
+    .map_err(&refused)?;
+    let enlarged = |pixels: i32| (f64::from(pixels) * scale).round_ties_even() as i32;
+    let rectangle = |place: core::Point| {
+        let (left, top) = (enlarged(place.x), enlarged(place.y));
+        let [window_width, window_height] = [WINDOW_PX.0, WINDOW_PX.1].map(|pixels| enlarged(pixels as i32));
+        core::Rect::new(left, top, window_width.min(width - left), window_height.min(height - top))
+    };
+    Ok(places.iter().map(rectangle).zip(scores.iter()).collect())
 }
 
 #[cfg(test)]

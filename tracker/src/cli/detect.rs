@@ -107,8 +107,9 @@ impl LookArguments {
             Some(threads) => threads,
             None => std::thread::available_parallelism().map_or(1, std::num::NonZero::get),
         };
-        // OpenCV tries the sizes of one picture in parallel.
-        calib::vision::set_threads(threads)?;
+        // The sizes of one picture are tried in parallel; OpenCV's own loops stay on their threads.
+        calib::vision::set_threads(1)?;
+        rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("--threads")?;
         let options = DetectOptions {
             min_height_px: self.min_height,
             max_height_px: self.max_height,

@@ -124,9 +124,9 @@ pub enum Start {
     Backdrop(Backdrop),
     /// Nothing: an adaptive model learns while running.
     Nothing(AdaptiveKind),
-    /// A picture of the room of another time and light, in which no more than things may have moved: an adaptive model learns
-    /// on from it.
-    Reference(AdaptiveKind, RgbImage),
+    /// A picture of the room of another time and light, in which no more than things may have moved: the default adaptive
+    /// model learns on from it.
+    Reference(RgbImage),
 }
 
 /// The foreground of one camera, frame by frame.
@@ -201,8 +201,9 @@ impl Foreground {
             Start::Nothing(kind) => {
                 Model::Adaptive(AdaptiveModel::new(kind, width, height, options.pixels.absorb_s)?)
             }
-            Start::Reference(kind, picture) => {
+            Start::Reference(picture) => {
                 check_size(&picture, (width, height))?;
+                let kind = AdaptiveKind::default();
                 let model = AdaptiveModel::new(kind, width, height, options.pixels.absorb_s)?;
                 Model::Adaptive(model.begun_from(picture))
             }
