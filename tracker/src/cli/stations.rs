@@ -80,7 +80,7 @@ impl StationBuilder<'_> {
                     Start::Nothing(kind) if self.background.is_auto() => {
                         let reference =
                             of_stage.reference.as_deref().and_then(|path| reference(path, of_stage));
-                        Some(reference.map_or(Start::Nothing(kind), |picture| Start::Reference(picture)))
+                        Some(reference.map_or(Start::Nothing(kind), Start::Reference))
                     }
                     start => Some(start),
                 }

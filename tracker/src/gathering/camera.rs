@@ -141,6 +141,16 @@ impl Camera {
         self.pending.push_back(Pending { time_s, arrived, seen });
     }
 
+    /// Brings its clock to the run's anew, from the next observation on.
+    pub(super) fn align(&mut self, alignment: Alignment) {
+        let change_s = alignment.apply(alignment.since_s) - self.alignment.apply(alignment.since_s);
+        self.alignment = alignment;
+        // Its frames come as they did, and are of another time.
+        self.delay_s -= change_s;
+        self.least_delay_s -= change_s;
+        self.newest_s = self.newest_s.map(|newest_s| newest_s + change_s);
+    }
+
     /// Whether a live camera shows something now: within three intervals, or `patience_s`.
     pub(super) fn is_present(&self, now: Instant, patience_s: f64) -> bool {
         let for_s = (3.0 * self.interval_s).max(patience_s);

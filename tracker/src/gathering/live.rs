@@ -1,6 +1,7 @@
 //! Moments of live cameras: nobody is waited for longer than the latency.
 //!
-//! The fastest camera that is there leads; its frames are the moments. A moment is complete when no other camera can be
+//! The fastest camera that is there leads; its frames are the moments. Of cameras that are equally fast the one leads whose
+//! frames come last, as seen by the aligned clocks: whoever waits for nobody drops nothing. A moment is complete when no other camera can be
 //! expected to have a nearer frame than the one that is here: half way from its latest frame to the next, that is. Otherwise
 //! it is waited for, until the frame should have come, but no longer than the latency after the leading frame.
 
@@ -19,6 +20,9 @@ use crate::{Error, Result};
 const PATIENCE_S: f64 = 0.5;
 /// A camera has to be faster by this factor to take the lead from one that is there.
 const FASTER: f64 = 1.2;
+/// A camera whose frames come later than the others' by up to so many seconds may lead: what `--offset auto` corrects. One
+/// that is later still delays nobody.
+const LATEST_LEAD_S: f64 = 0.5;
 /// A frame is expected this part of an interval after the one before at the earliest.
 const NOT_BEFORE: f64 = 0.8;
 /// Added to a camera's usual delay before it is given up, seconds.
@@ -104,11 +108,22 @@ impl Live {
     fn candidate(&mut self, cameras: &[Camera], now: Instant) -> Option<(usize, f64, Instant)> {
         let is_present = |camera: &usize| cameras[*camera].is_present(now, PATIENCE_S);
         let present = (0..cameras.len()).filter(is_present);
-        let fastest = present.min_by(|a, b| cameras[*a].interval_s.total_cmp(&cameras[*b].interval_s))?;
-        let keeps = |lead: &usize| {
-            is_present(lead) && cameras[*lead].interval_s <= FASTER * cameras[fastest].interval_s
+        let fastest =
+            present.clone().min_by(|a, b| cameras[*a].interval_s.total_cmp(&cameras[*b].interval_s))?;
+        let least_s = present.clone().map(|i| cameras[i].delay_s).fold(f64::INFINITY, f64::min);
+        let may_lead = |camera: &usize| {
+            cameras[*camera].interval_s <= FASTER * cameras[fastest].interval_s
+                && cameras[*camera].delay_s <= least_s + LATEST_LEAD_S
         };
-        let lead = self.lead.filter(keeps).unwrap_or(fastest);
+        let last =
+            present.filter(may_lead).max_by(|a, b| cameras[*a].delay_s.total_cmp(&cameras[*b].delay_s));
+        let is_last = |lead: &usize| {
+            last.is_none_or(|last| {
+                cameras[*lead].delay_s + 0.5 * cameras[*lead].interval_s >= cameras[last].delay_s
+            })
+        };
+        let keeps = |lead: &usize| is_present(lead) && may_lead(lead) && is_last(lead);
+        let lead = self.lead.filter(&keeps).or(Some(fastest).filter(&keeps)).or(last).unwrap_or(fastest);
         self.lead = Some(lead);
         // A new leader's frames may have been used in the moments before.
         let from_s = self.latest_s + 0.4 * cameras[lead].interval_s;

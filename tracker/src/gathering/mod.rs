@@ -169,7 +169,7 @@ impl Gathering {
     /// Brings the cameras' clocks to the run's anew, from the next observation on.
     pub fn align(&mut self, alignments: &[Alignment]) {
         for (camera, alignment) in self.cameras.iter_mut().zip(alignments) {
-            camera.alignment = *alignment;
+            camera.align(*alignment);
         }
     }
 

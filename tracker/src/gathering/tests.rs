@@ -238,6 +238,29 @@ fn a_silent_camera_delays_and_shifts_nobody() {
     }
 }
 
+/// Later than the latency: the others' frames wait where that camera leads.
+#[test]
+fn frames_that_always_come_later_than_the_latency_are_in_moments_all_the_same() {
+    for delay_s in [0.2, 0.45] {
+        let (stations, mut gathering) = gathering(&[10.0, 10.0], &[0.0; 2], true);
+        let mut script: Vec<(f64, usize, f64)> = Vec::new();
+        for frame in 0..50_u32 {
+            let (s, jitter_s) = (f64::from(frame) * 0.1, 0.01 * f64::from(frame % 5));
+            script.push((s + 0.01 + jitter_s, 0, s));
+            script.push((s + delay_s + jitter_s, 1, s + 0.02));
+        }
+        script.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let moments = played(&mut gathering, stations, script);
+        let settled: Vec<_> = moments.iter().filter(|(at_s, _)| (2.5..4.9).contains(at_s)).collect();
+        assert!((22..=25).contains(&settled.len()), "{delay_s} s: {}", settled.len());
+        for (at_s, seen) in settled {
+            let (Some(first_s), Some(second_s)) = (seen[0], seen[1]) else { panic!("{delay_s} s: {seen:?}") };
+            assert!((first_s - second_s).abs() <= 0.05 + 1e-6, "{delay_s} s: {seen:?}");
+            assert!(at_s - second_s < delay_s + 0.15, "{delay_s} s: {seen:?} at {at_s}");
+        }
+    }
+}
+
 #[test]
 fn what_a_slow_tracker_cannot_keep_up_with_is_skipped() {
     let (mut stations, mut gathering) = gathering(&[10.0], &[0.0], true);
