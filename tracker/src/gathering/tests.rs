@@ -252,11 +252,11 @@ fn frames_that_always_come_later_than_the_latency_are_in_moments_all_the_same() 
         script.sort_by(|a, b| a.0.total_cmp(&b.0));
         let moments = played(&mut gathering, stations, script);
         let settled: Vec<_> = moments.iter().filter(|(at_s, _)| (2.5..4.9).contains(at_s)).collect();
-        assert!((22..=25).contains(&settled.len()), "{delay_s} s: {}", settled.len());
+        assert!((20..=27).contains(&settled.len()), "{delay_s} s: {}", settled.len());
         for (at_s, seen) in settled {
             let (Some(first_s), Some(second_s)) = (seen[0], seen[1]) else { panic!("{delay_s} s: {seen:?}") };
             assert!((first_s - second_s).abs() <= 0.05 + 1e-6, "{delay_s} s: {seen:?}");
-            assert!(at_s - second_s < delay_s + 0.15, "{delay_s} s: {seen:?} at {at_s}");
+            assert!(at_s - second_s < delay_s + 0.3, "{delay_s} s: {seen:?} at {at_s}");
         }
     }
 }
