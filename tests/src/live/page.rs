@@ -31,7 +31,7 @@ pub struct Sighting {
 /// Head and body of the answer to a request.
 ///
 /// # Errors
-/// When the connection fails, or the answer is not HTTP.
+/// The connection fails, or the answer is not HTTP.
 pub fn get(address: SocketAddr, path: &str) -> Said<(String, Vec<u8>)> {
     let request = || -> std::io::Result<Vec<u8>> {
         let mut stream = TcpStream::connect_timeout(&address, PATIENCE)?;

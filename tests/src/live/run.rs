@@ -205,7 +205,7 @@ pub fn error_line<S: AsRef<str>>(log: &[S]) -> String {
 /// Free address of the loopback: no process listens there.
 ///
 /// # Errors
-/// When no port is free.
+/// No port is free.
 pub fn free_address() -> Said<SocketAddr> {
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).map_err(|e| e.to_string())?;
     listener.local_addr().map_err(|e| e.to_string())
@@ -219,7 +219,7 @@ impl Scratch {
     /// Makes a new folder.
     ///
     /// # Errors
-    /// When the folder cannot be made.
+    /// The folder cannot be made.
     pub fn new() -> Said<Self> {
         tempfile::tempdir().map(Self).map_err(|e| e.to_string())
     }

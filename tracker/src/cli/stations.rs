@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use calib::video::FrameSource;
 use image::RgbImage;
 use rayon::prelude::*;
@@ -80,7 +80,8 @@ impl StationBuilder<'_> {
                     Start::Nothing(kind) if self.background.is_auto() => {
                         let reference =
                             of_stage.reference.as_deref().and_then(|path| reference(path, of_stage));
-                        Some(reference.map_or(Start::Nothing(kind), Start::Reference))
+                        let of_reference = |picture| Start::Reference { camera: name.clone(), picture };
+                        Some(reference.map_or(Start::Nothing(kind), of_reference))
                     }
                     start => Some(start),
                 }
@@ -120,24 +121,24 @@ impl StationBuilder<'_> {
     }
 }
 
-/// The room's reference picture of a camera at the working size; `None` where it is missing or shows something else.
+/// The room's reference picture of a camera at the working size; `None`, with a warning, where it cannot be used.
 fn reference(path: &Path, camera: &StageCamera) -> Option<RgbImage> {
-    let name = &camera.name;
-    let mut source = FrameSource::open(path.to_str()?)
-        .inspect_err(|error| tracing::warn!("camera `{name}`: its background is learnt anew: {error}"))
-        .ok()?;
-    let filmed = (camera.filmed.intrinsics.width, camera.filmed.intrinsics.height);
-    if source.size() != filmed {
-        let (width, height) = source.size();
-        tracing::warn!(
-            "{}: is {width} × {height} pixels, camera `{name}` films {} × {}; its background is learnt anew",
-            path.display(),
-            filmed.0,
-            filmed.1
-        );
-        return None;
+    read_reference(path, camera)
+        .inspect_err(|error| {
+            tracing::warn!("camera `{}`: its background is learnt without a picture: {error:#}", camera.name);
+        })
+        .ok()
+}
+
+fn read_reference(path: &Path, camera: &StageCamera) -> anyhow::Result<RgbImage> {
+    let spec = path.to_str().with_context(|| format!("{}: is no UTF-8", path.display()))?;
+    let mut source = FrameSource::open(spec)?;
+    let (filmed, (width, height)) = (&camera.filmed.intrinsics, source.size());
+    if (width, height) != (filmed.width, filmed.height) {
+        bail!("{spec}: is {width} × {height} pixels, the camera films {} × {}", filmed.width, filmed.height);
     }
     let mut picture = RgbImage::new(camera.width(), camera.height());
-    source.advance().and_then(|_| source.picture(&mut picture)).ok()?;
-    Some(picture)
+    source.advance()?;
+    source.picture(&mut picture)?;
+    Ok(picture)
 }

@@ -29,8 +29,8 @@ pub struct AdaptiveModel {
     /// A frame in the model's exposure.
     even: RgbImage,
     scratch: GrayImage,
-    /// Picture of the room of another time, until the first frame comes.
-    reference: Option<RgbImage>,
+    /// Name of the camera and picture of the room of another time, until the first frame comes.
+    reference: Option<(String, RgbImage)>,
     /// For how long each pixel has been foreground, in seconds.
     age_s: Vec<f32>,
     absorb_s: f32,
@@ -59,8 +59,8 @@ impl AdaptiveModel {
     /// The same, which learns on from a picture of the room of another time and light. What the first frame shows instead of it
     /// is foreground.
     #[must_use]
-    pub fn begun_from(self, reference: RgbImage) -> Self {
-        Self { reference: Some(reference), ..self }
+    pub fn begun_from(self, camera: String, reference: RgbImage) -> Self {
+        Self { reference: Some((camera, reference)), ..self }
     }
 
     /// Whether enough has been seen for the labels to mean something.
@@ -75,8 +75,8 @@ impl AdaptiveModel {
 
     /// Scores every pixel: 0 for the background, 255 for all else, shadows included.
     pub fn score(&mut self, frame: &RgbImage, exposure: &Exposure, score: &mut GrayImage) -> Result<()> {
-        if let Some(reference) = self.reference.take() {
-            self.begin(&reference, frame)?;
+        if let Some((camera, reference)) = self.reference.take() {
+            self.begin(&camera, &reference, frame)?;
         }
         self.make_even(frame, exposure);
         let rate = if self.seen == 0 { 1.0 } else { 0.0 };
@@ -140,10 +140,11 @@ impl AdaptiveModel {
 
     /// Begins with the reference in the first frame's light. Where light does not explain the difference, the camera was moved:
     /// everything is learnt.
-    fn begin(&mut self, reference: &RgbImage, frame: &RgbImage) -> Result<()> {
+    fn begin(&mut self, camera: &str, reference: &RgbImage, frame: &RgbImage) -> Result<()> {
         let Some(relit) = relight::relit(reference, frame) else {
             tracing::warn!(
-                "a camera sees another scene than on its reference picture: has it been moved? Its background is learnt anew"
+                "camera `{camera}` sees another scene than its reference picture in the room shows: has it been moved? Its \
+                 background is learnt anew"
             );
             return Ok(());
         };

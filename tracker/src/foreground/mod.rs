@@ -126,7 +126,12 @@ pub enum Start {
     Nothing(AdaptiveKind),
     /// A picture of the room of another time and light, in which no more than things may have moved: the default adaptive
     /// model learns on from it.
-    Reference(RgbImage),
+    Reference {
+        /// Name of the camera, for the log.
+        camera: String,
+        /// The picture, at the size of the masks.
+        picture: RgbImage,
+    },
 }
 
 /// The foreground of one camera, frame by frame.
@@ -201,11 +206,11 @@ impl Foreground {
             Start::Nothing(kind) => {
                 Model::Adaptive(AdaptiveModel::new(kind, width, height, options.pixels.absorb_s)?)
             }
-            Start::Reference(picture) => {
+            Start::Reference { camera, picture } => {
                 check_size(&picture, (width, height))?;
                 let kind = AdaptiveKind::default();
                 let model = AdaptiveModel::new(kind, width, height, options.pixels.absorb_s)?;
-                Model::Adaptive(model.begun_from(picture))
+                Model::Adaptive(model.begun_from(camera, picture))
             }
         };
         let flat = if matches!(model, Model::Adaptive(_)) { width as usize * height as usize } else { 0 };

@@ -126,6 +126,10 @@ fn who_stands_for_a_minute_is_still_there_and_a_moved_chair_is_not() {
     assert!(left.is_empty(), "a ghost of the chair: {left:?}");
 }
 
+fn of_reference(picture: RgbImage) -> Start {
+    Start::Reference { camera: "cam0".to_owned(), picture }
+}
+
 #[test]
 fn who_stands_in_the_first_frame_is_seen_where_a_picture_of_the_room_is_known() {
     let (mut camera, block) = (Camera::new(), (30, 20));
@@ -134,12 +138,11 @@ fn who_stands_in_the_first_frame_is_seen_where_a_picture_of_the_room_is_known() 
     let evening = |u: u32, _: u32| 0.6 + 0.002 * f64::from(u);
     let (reference, _) = camera.look(Some((75, 30)), evening);
     let made = |start: Start| Foreground::new(SIZE.0, SIZE.1, start, options()).unwrap();
-    let (mut known, mut unknown) =
-        (made(Start::Reference(reference)), made(Start::Nothing(AdaptiveKind::Mog2)));
+    let (mut known, mut unknown) = (made(of_reference(reference)), made(Start::Nothing(AdaptiveKind::Mog2)));
     for seconds in [0.2, 60.0] {
         let (verdict, mut mask) = watch(&mut known, &mut camera, seconds, Some(block), even);
         assert_eq!(verdict, Verdict::Usable);
-        // Where the chair was the room is not known.
+        // The reference picture does not show the floor behind the chair.
         let gone = mask.enumerate_pixels_mut().filter(|(u, ..)| *u >= 70);
         gone.for_each(|(.., pixel)| pixel[0] = 0);
         assert!(overlap(&mask, block) > 0.85, "{seconds} s: {}", overlap(&mask, block));
@@ -156,7 +159,7 @@ fn a_picture_of_another_view_is_left_aside() {
         Rgb([200 - stripe, 2 * stripe, 90 + stripe])
     });
     let start = |picture: RgbImage| {
-        Foreground::new(SIZE.0, SIZE.1, Start::Reference(picture), ForegroundOptions::default())
+        Foreground::new(SIZE.0, SIZE.1, of_reference(picture), ForegroundOptions::default())
     };
     let mut foreground = start(other).unwrap();
     let (verdict, mask) = watch(&mut foreground, &mut camera, 5.0, None, even);

@@ -106,28 +106,33 @@ impl Live {
 
     /// The leading camera, and time and arrival of its first frame after the latest moment.
     fn candidate(&mut self, cameras: &[Camera], now: Instant) -> Option<(usize, f64, Instant)> {
-        let is_present = |camera: &usize| cameras[*camera].is_present(now, PATIENCE_S);
-        let present = (0..cameras.len()).filter(is_present);
-        let fastest =
-            present.clone().min_by(|a, b| cameras[*a].interval_s.total_cmp(&cameras[*b].interval_s))?;
-        let least_s = present.clone().map(|i| cameras[i].delay_s).fold(f64::INFINITY, f64::min);
-        let may_lead = |camera: &usize| {
-            cameras[*camera].interval_s <= FASTER * cameras[fastest].interval_s
-                && cameras[*camera].delay_s <= least_s + LATEST_LEAD_S
-        };
-        let last =
-            present.filter(may_lead).max_by(|a, b| cameras[*a].delay_s.total_cmp(&cameras[*b].delay_s));
-        let is_last = |lead: &usize| {
-            last.is_none_or(|last| {
-                cameras[*lead].delay_s + 0.5 * cameras[*lead].interval_s >= cameras[last].delay_s
-            })
-        };
-        let keeps = |lead: &usize| is_present(lead) && may_lead(lead) && is_last(lead);
-        let lead = self.lead.filter(&keeps).or(Some(fastest).filter(&keeps)).or(last).unwrap_or(fastest);
+        let lead = self.choose_lead(cameras, now)?;
         self.lead = Some(lead);
         // A new leader's frames may have been used in the moments before.
         let from_s = self.latest_s + 0.4 * cameras[lead].interval_s;
         cameras[lead].first_after(from_s).map(|first| (lead, first.time_s, first.arrived))
+    }
+
+    /// The camera that is to lead; the one that leads already where the rules allow it.
+    fn choose_lead(&self, cameras: &[Camera], now: Instant) -> Option<usize> {
+        let present = || (0..cameras.len()).filter(|camera| cameras[*camera].is_present(now, PATIENCE_S));
+        let least =
+            |value: fn(&Camera) -> f64| present().map(|i| value(&cameras[i])).fold(f64::INFINITY, f64::min);
+        let (interval_s, delay_s) = (least(|camera| camera.interval_s), least(|camera| camera.delay_s));
+        let may_lead = || {
+            present().filter(|i| {
+                cameras[*i].interval_s <= FASTER * interval_s
+                    && cameras[*i].delay_s <= delay_s + LATEST_LEAD_S
+            })
+        };
+        let latest_s = may_lead().map(|i| cameras[i].delay_s).fold(f64::NEG_INFINITY, f64::max);
+        // Half an interval is no difference: moments would go from one camera's frames to another's and back.
+        let comes_last = |i: &usize| cameras[*i].delay_s + 0.5 * cameras[*i].interval_s >= latest_s;
+        let fastest_first = |a: &usize, b: &usize| cameras[*a].interval_s.total_cmp(&cameras[*b].interval_s);
+        self.lead
+            .filter(|lead| may_lead().filter(comes_last).any(|i| i == *lead))
+            .or_else(|| may_lead().filter(comes_last).min_by(fastest_first))
+            .or_else(|| present().min_by(fastest_first))
     }
 
     /// Time for which the other cameras are still waited for; `None` when no nearer observation is to be expected.

@@ -130,7 +130,7 @@ impl Recorded {
         if cameras[lead].end.is_none() {
             return Ok(Next::Idle);
         }
-        // Where the leading camera ends, another may have ended before, and its station not yet have said so.
+        // Another camera may have ended before the leading one, and the message of its station be still under way.
         let missed_s = after_s + cameras[lead].interval_s;
         for camera in 0..cameras.len() {
             if !reach(cameras, events, camera, missed_s) {
@@ -155,7 +155,7 @@ enum Start {
 /// The time at which all cameras have begun: the latest of their first frames.
 ///
 /// # Errors
-/// When a camera ends before another begins.
+/// A camera ends before another begins.
 fn start_s(cameras: &mut [Camera], events: &Receiver<(usize, Event)>, believed: &[Body]) -> Result<Start> {
     for camera in 0..cameras.len() {
         while cameras[camera].pending.is_empty() {

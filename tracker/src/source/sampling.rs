@@ -9,7 +9,7 @@ use crate::Result;
 const FRAMES: usize = 41;
 /// How much memory the frames of one recording may take, in bytes.
 const MEMORY: usize = 400 << 20;
-/// A recording is looked through up to this frame: the background follows later change while running.
+/// Frames of a recording, as many as are delivered, that are looked through: the background follows later change while running.
 const LOOK_THROUGH_FRAMES: usize = 20_000;
 
 /// Opens a recording anew and takes up to 41 frames, evenly spread over it, at this width and height.

@@ -104,7 +104,7 @@ fn a_person_who_stands_for_a_minute_stays_and_a_chair_is_absorbed_in_the_end() {
     let mut model = model(120.0);
     assert_eq!(show(&mut model, [30, 30, 60], 60.0), 255, "a person still stands out after a minute");
     assert_eq!(show(&mut model, [30, 30, 60], 65.0), 0, "a chair does not after two");
-    // When it goes, the old background is known at once.
+    // The old background is known at once where the chair is taken away.
     assert!(show(&mut model, [100, 110, 120], 0.1) < THRESHOLD / 8);
 }
 

@@ -1,6 +1,6 @@
-//! Somebody who sits still for an hour in a room with zones, through real background subtraction, with the believed
-//! people's silhouettes fed back to it: pictures of a rendered room, a
-//! frame a second, and more while others walk past.
+//! Somebody who sits still for a quarter of an hour (in the ignored test for an hour) in a room with zones, through real
+//! background subtraction, with the believed people's silhouettes fed back to it: pictures of a rendered room, a frame a second,
+//! and more while others walk past.
 
 use std::path::Path;
 

@@ -32,7 +32,7 @@ const INDEPENDENT_AFTER_S: f64 = 0.08;
 /// What was there at the beginning and has never been farther than this from its place may be anything.
 const MOVED_M: f64 = 0.5;
 
-/// What was there at the beginning, stays in its place and is as tall as a person for so many seconds is a person.
+/// A track found at the start whose person has not moved is believed once the cameras have shown a person for so long, seconds.
 const STANDS_FOR_S: f64 = 2.0;
 
 /// How far from their prediction people are at most (a third of it, metres), and how much farther for every second in which they

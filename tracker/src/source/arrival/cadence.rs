@@ -1,4 +1,4 @@
-//! Capture times of a camera whose frames say nothing but that they arrive.
+//! Capture times of a camera whose frames have no time stamps: only their arrivals are known.
 //!
 //! The camera films evenly, the network delays each frame by more or less and loses a few. So frame `n` arrives at
 //! `start + interval · n + delay`, and what is to be found is each frame's number:
@@ -14,15 +14,13 @@ use std::collections::VecDeque;
 
 /// Remembered frames: 20 seconds of 12 frames/s.
 const FRAMES: usize = 256;
-/// Fewer are not numbered.
-const LEAST_FRAMES: usize = 8;
-/// All frames are numbered anew whenever so many have come.
+/// All remembered frames are numbered together once in so many frames, for the first time when there are as many.
 const RENUMBER_EVERY: usize = 16;
 /// Phases that are tried for each interval.
 const PHASES: usize = 32;
-/// So many remembered frames make the interval certain enough to be searched near the last one.
+/// From this number of frames on, the interval is searched for near the last one only.
 const CERTAIN_FRAMES: usize = 64;
-/// Negative logarithm of how seldom a frame is lost.
+/// Negative logarithm of the probability that a frame is lost: one in fifty.
 const IRREGULAR_COST: f64 = 4.0;
 /// Least width of the delays in the likelihood, and least tolerance of the line, as parts of an interval.
 const LEAST_WIDTH: f64 = 0.01;
@@ -39,9 +37,9 @@ const SILENCE_S: f64 = 30.0;
 pub(super) struct Cadence {
     /// Number and arrival (seconds) of the latest frames.
     frames: VecDeque<(i64, f64)>,
-    /// Frames since the last numbering.
-    since_numbered: usize,
-    /// How all frames were numbered last.
+    /// Number of frames that have come.
+    count: usize,
+    /// Latest numbering of all remembered frames.
     numbering: Option<Numbering>,
 }
 
@@ -68,16 +66,17 @@ struct Envelope {
 }
 
 impl Cadence {
-    /// When the frame that arrives now was taken; its arrival as long as the camera's interval is not known.
+    /// Capture time of the next frame, which arrives at this time, seconds. The arrival itself as long as the interval is not
+    /// known, and where the camera films unevenly.
     pub(super) fn next(&mut self, arrival_s: f64) -> f64 {
         let latest = self.frames.back().copied();
         if latest.is_some_and(|(_, latest_s)| arrival_s < latest_s || arrival_s > latest_s + SILENCE_S) {
             *self = Self::default();
         }
-        if self.frames.len() >= LEAST_FRAMES && self.since_numbered.is_multiple_of(RENUMBER_EVERY) {
+        if self.frames.len() >= RENUMBER_EVERY && self.count.is_multiple_of(RENUMBER_EVERY) {
             self.number_all();
         }
-        self.since_numbered += 1;
+        self.count += 1;
         let number = self.number(arrival_s);
         self.frames.push_back((number, arrival_s));
         if self.frames.len() > FRAMES {
@@ -161,7 +160,7 @@ impl Cadence {
 
     /// The edge of the arrivals' lower hull below their mean number; `None` while there are too few of them.
     fn envelope(&self) -> Option<Envelope> {
-        if self.frames.len() < LEAST_FRAMES {
+        if self.frames.len() < RENUMBER_EVERY {
             return None;
         }
         let (first, first_s) = self.frames[0];
