@@ -3,7 +3,7 @@
 //! How far away somebody is whom one camera alone sees is known badly: where their feet are hidden, by a metre. Another camera
 //! that comes to see them has foreground that nobody explains, where by the first camera nobody is missing.
 
-use super::births::Filled;
+use super::filled::Filled;
 use super::person::Person;
 use crate::likelihood::{Layers, Simulation, SummedArea};
 use crate::silhouette::Silhouette;

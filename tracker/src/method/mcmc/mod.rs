@@ -17,6 +17,7 @@ mod belief;
 mod births;
 mod chain;
 mod evidence;
+mod filled;
 mod hindsight;
 mod left_over;
 mod motion;

@@ -9,7 +9,8 @@
 //! unexplained foreground. Every camera that sees part of the place has to support it, so that neither a chair (half as
 //! tall as a person in all cameras; seen steeply from above only the upper body tells) nor the intersection of two people's rays opens a cell.
 
-use super::births::{BirthMap, Filled, UPPER_BODY};
+use super::births::BirthMap;
+use super::filled::{Filled, UPPER_BODY};
 use super::left_over::paint;
 use crate::likelihood::{Layers, Simulation, SummedArea};
 use crate::silhouette::{Body, Shape, Silhouette};

@@ -1,0 +1,47 @@
+//! Whether a camera's picture or mask can be used in a moment, and why not.
+
+/// What a camera's frame is worth.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Verdict {
+    /// The mask can be used.
+    Usable,
+    /// The camera repeats the same picture.
+    Frozen,
+    /// The picture is dark.
+    Dark,
+    /// Nearly everything is foreground, suddenly: a switched light, a moved camera.
+    AllForeground,
+    /// A background that is learnt while running has not seen enough yet.
+    Learning,
+    /// A live stream has broken off; it is opened again.
+    Lost,
+    /// A live camera has sent no picture for a while.
+    Silent,
+    /// The camera sends pictures of another shape than the room was calibrated for.
+    OtherShape,
+    /// The camera has no frame near this moment: its rate is lower than another's. Nothing is wrong with it.
+    Between,
+}
+
+impl Verdict {
+    /// Whether something is wrong with the camera now.
+    pub fn is_set_aside(self) -> bool {
+        !matches!(self, Self::Usable | Self::Between)
+    }
+}
+
+impl std::fmt::Display for Verdict {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Usable => "usable",
+            Self::Frozen => "frozen",
+            Self::Dark => "dark",
+            Self::AllForeground => "all foreground (light switched or camera moved)",
+            Self::Learning => "learning its background",
+            Self::Lost => "its stream has broken off (it is opened again, once a second)",
+            Self::Silent => "sends no pictures",
+            Self::OtherShape => "sends pictures of another shape than the room was calibrated for",
+            Self::Between => "between two of its frames",
+        })
+    }
+}
