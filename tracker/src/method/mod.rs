@@ -3,6 +3,7 @@
 //! What comes before (sources, synchronisation, masks) and after (files, film, page, evaluation) is shared; a method
 //! only turns one [`Moment`] into the people it believes are there.
 
+pub mod agents;
 mod capacity;
 pub mod condensation;
 pub mod mcmc;

@@ -1,0 +1,21 @@
+//! Distributed vision agents: stations that follow everybody together, with no server (seed 000).
+//!
+//! A *station* is one camera with its computer. Its image tracking finds people in its own mask, in metres on the
+//! floor ([`Sighting`]s). A *rule* turns these, and what the station hears from others, into *agents* with target ids;
+//! agents of several stations with one target id are an *agency*. Only [`Packet`]s pass between stations, one a moment
+//! and station; nobody fuses anything for others, and nothing fused is fed back.
+//!
+//! * [`Sighting`] — measurement of one person by one station's image tracking.
+//! * [`Looks`] — representative colours of a person.
+//! * [`Packet`] — what a station tells the others at one moment.
+//! * [`Rule`] — from sightings and packets to agents, by one of two rules.
+
+mod looks;
+mod packet;
+mod rule;
+mod sighting;
+
+pub use looks::{Colour, Looks};
+pub use packet::{AgentId, MediatorMessage, Packet, Report, StationId, TargetId};
+pub use rule::{Belief, FieldOfView, Restart, Rule, Step};
+pub use sighting::{Sighting, Sightings};
