@@ -1,5 +1,10 @@
 //! Representative colours of a person (seed 000, section 3.1).
 
+use image::Rgb;
+
+use crate::observation::Colours;
+use crate::silhouette::{Silhouette, View};
+
 /// A colour of cloth: hue and saturation, which shade changes little, and brightness, which it does.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Colour {
@@ -16,4 +21,88 @@ pub struct Colour {
 pub struct Looks {
     /// Three colours, from the head down.
     pub colours: [Colour; 3],
+}
+
+/// Bands of the body that the colours are those of, in parts of the visible silhouette from its top: chest, hip, legs.
+/// Head and feet are small and alike.
+const BANDS: [std::ops::Range<f64>; 3] = [0.18..0.38, 0.38..0.55, 0.58..0.88];
+/// Around the middle of a row this part of its width is the person in every pose.
+const MIDDLE: f64 = 0.5;
+/// Samples that a band needs.
+const LEAST_SAMPLES: u32 = 6;
+
+impl Colour {
+    /// The colour of mean red, green and blue levels, 0 to 255 (hexcone model; Smith, "Color gamut transform pairs",
+    /// SIGGRAPH 1978).
+    pub fn of_levels([r, g, b]: [f64; 3]) -> Self {
+        let (most, least) = (r.max(g).max(b), r.min(g).min(b));
+        let range = most - least;
+        let sixths = if range <= 0.0 {
+            0.0
+        } else if most == r {
+            ((g - b) / range).rem_euclid(6.0)
+        } else if most == g {
+            (b - r) / range + 2.0
+        } else {
+            (r - g) / range + 4.0
+        };
+        let saturation = if most > 0.0 { range / most } else { 0.0 };
+        Self { hue_deg: (60.0 * sixths) as f32, saturation: saturation as f32, value: (most / 255.0) as f32 }
+    }
+}
+
+impl Looks {
+    /// The mean colours of the bands of somebody whose visible part is given; `None` where a band shows too little.
+    pub fn of_part(colours: &Colours, view: &View, part: &Silhouette) -> Option<Self> {
+        let mut sums = [([0.0; 3], 0_u32); 3];
+        let rows = part.row_range();
+        for row in rows.clone() {
+            let height = (row - rows.start) as f64 / rows.len() as f64;
+            let Some(band) = BANDS.iter().position(|band| band.contains(&height)) else { continue };
+            let width = part.row_width(row);
+            let inset = (width.len() as f64 * 0.5 * (1.0 - MIDDLE)) as usize;
+            for column in width.start + inset..width.end - inset {
+                let side = u32::from(view.block);
+                let middle = |i: usize| i as u32 * side + side / 2;
+                if part.contains(column as u32, row as u32)
+                    && let Some(Rgb(levels)) = colours.at(middle(column), middle(row))
+                {
+                    let (sum, count) = &mut sums[band];
+                    sum.iter_mut().zip(levels).for_each(|(sum, level)| *sum += f64::from(level));
+                    *count += 1;
+                }
+            }
+        }
+        if sums.iter().any(|(_, count)| *count < LEAST_SAMPLES) {
+            return None;
+        }
+        let colours = sums.map(|(sum, count)| Colour::of_levels(sum.map(|level| level / f64::from(count))));
+        Some(Self { colours })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_are_those_of_the_hexcone() {
+        // Corners of the cube, and a colour worked out by hand: range 100 of 200, a quarter of the way from red to yellow.
+        let of = Colour::of_levels;
+        let cases = [
+            ([255.0, 0.0, 0.0], [0.0, 1.0, 1.0]),
+            ([255.0, 255.0, 0.0], [60.0, 1.0, 1.0]),
+            ([0.0, 255.0, 255.0], [180.0, 1.0, 1.0]),
+            ([255.0, 0.0, 255.0], [300.0, 1.0, 1.0]),
+            ([51.0, 51.0, 51.0], [0.0, 0.0, 0.2]),
+            ([0.0, 0.0, 0.0], [0.0, 0.0, 0.0]),
+            ([204.0, 127.5, 102.0], [15.0, 0.5, 0.8]),
+        ];
+        for (levels, expected) in cases {
+            let Colour { hue_deg, saturation, value } = of(levels);
+            for (found, expected) in [hue_deg, saturation, value].into_iter().zip(expected) {
+                assert!((found - expected).abs() < 1e-4, "{levels:?}: {:?}", of(levels));
+            }
+        }
+    }
 }

@@ -5,16 +5,20 @@
 //! agents of several stations with one target id are an *agency*. Only [`Packet`]s pass between stations, one a moment
 //! and station; nobody fuses anything for others, and nothing fused is fed back.
 //!
-//! * [`Sighting`] — measurement of one person by one station's image tracking.
-//! * [`Looks`] — representative colours of a person.
+//! * [`ImageTracking`] — from one camera's masks to [`Sighting`]s, with [`Looks`]: representative colours.
 //! * [`Packet`] — what a station tells the others at one moment.
 //! * [`Rule`] — from sightings and packets to agents, by one of two rules.
+//! * [`FieldOfView`] — which station should see whom; [`StageView`] by the room.
 
+mod field_of_view;
+mod image_tracking;
 mod looks;
 mod packet;
 mod rule;
 mod sighting;
 
+pub use field_of_view::StageView;
+pub use image_tracking::ImageTracking;
 pub use looks::{Colour, Looks};
 pub use packet::{AgentId, MediatorMessage, Packet, Report, StationId, TargetId};
 pub use rule::{Belief, FieldOfView, Restart, Rule, Step};

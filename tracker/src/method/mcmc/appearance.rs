@@ -21,6 +21,9 @@ pub(super) const COMPANY_M: f64 = 1.2;
 /// is mostly theirs, in every camera.
 const COMPANY_EVIDENCE: f64 = 3.0;
 
+/// People are this near to where others see them, metres.
+pub(super) const EXPECTED_M: f64 = 0.8;
+
 /// A person whom persistent evidence shows has to explain so many times what somebody in a zone does.
 const RESCUE_EVIDENCE: f64 = 1.0;
 
@@ -38,6 +41,13 @@ pub(super) fn log_company_density(expected: f64, chance_nats: f64) -> f64 {
 /// there together and chance explains so many nats.
 pub(super) fn log_rescue_density(expected: f64, area_m2: f64, chance_nats: f64) -> f64 {
     (expected / area_m2.max(1e-3)).ln() - RESCUE_EVIDENCE * chance_nats
+}
+
+/// The logarithm of the density of people where others see somebody, 1/m²: one is there, and chance explains so many nats
+/// of whoever appears in a zone.
+pub(super) fn log_expected_density(chance_nats: f64) -> f64 {
+    let around_m2 = std::f64::consts::PI * EXPECTED_M.powi(2);
+    (1.0 / around_m2).ln() - chance_nats
 }
 
 /// Cells away from the zones where people may appear in a moment.
@@ -60,9 +70,9 @@ pub(super) struct Appearance<'a> {
     pub(super) informed: f64,
     /// Of the expected number a m² there.
     pub(super) log_density: f64,
-    /// Where else they may appear: at persistent evidence, and where company comes apart. The first that holds a place
-    /// decides about it.
-    pub(super) openings: [Opening<'a>; 2],
+    /// Where else they may appear: where others see them, at persistent evidence, and where company comes apart. The first
+    /// that holds a place decides about it.
+    pub(super) openings: [Opening<'a>; 3],
 }
 
 impl Appearance<'_> {

@@ -20,6 +20,7 @@ mod evidence;
 mod filled;
 mod hindsight;
 mod left_over;
+mod measured;
 mod motion;
 mod options;
 mod outage;
@@ -30,7 +31,7 @@ mod tally;
 mod trace;
 mod track;
 
-use nalgebra::Point2;
+use nalgebra::{Point2, Vector2};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 
@@ -39,6 +40,7 @@ use self::births::BirthMap;
 use self::chain::{Chain, Setting};
 use self::hindsight::Hindsight;
 use self::left_over::LeftOver;
+pub use self::measured::Measured;
 pub use self::options::{Acceptance, McmcOptions, MotionOptions, MoveWeights, Spread};
 use self::outage::{FORGOTTEN_AFTER_S, OUTAGE_S, Settling};
 use self::person::{Key, Person};
@@ -86,6 +88,9 @@ pub struct Mcmc {
     company: BirthMap,
     /// Where evidence has persisted.
     rescued: BirthMap,
+    /// Where others see people.
+    expected: BirthMap,
+    expected_at: Vec<Vector2<f64>>,
     rescue: Rescue,
     settling: Settling,
     left_over: LeftOver,
@@ -138,6 +143,8 @@ impl Mcmc {
             zones,
             company: anywhere.clone(),
             rescued: anywhere.clone(),
+            expected: anywhere.clone(),
+            expected_at: Vec::new(),
             rescue: Rescue::default(),
             settling: Settling::default(),
             anywhere,
@@ -249,6 +256,8 @@ impl Mcmc {
         }
         self.company.forget();
         self.rescued.forget();
+        self.expected.forget();
+        let expected_at = std::mem::take(&mut self.expected_at);
         // Without zones people are born anywhere, company or not.
         if settling || self.stage.zones.is_empty() || !is_left_over {
             return 0.0;
@@ -257,6 +266,9 @@ impl Mcmc {
             let seen = self.tracks.iter().filter(|t| t.in_sight && !t.is_tentative());
             let places: Vec<_> = seen.map(|t| t.motion.silhouette_place()).collect();
             self.company.weigh_near(&places, appearance::COMPANY_M, &self.left_over, worth);
+        }
+        if !expected_at.is_empty() {
+            self.expected.weigh_near(&expected_at, appearance::EXPECTED_M, &self.left_over, worth);
         }
         if !self.rescue.is_open_anywhere() {
             return 0.0;
@@ -287,6 +299,7 @@ impl Mcmc {
         let births_s = dt_s.min(LONGEST_BIRTHS_S);
         let expected = |per_s: f64| per_s * births_s;
         let openings = [
+            Opening { map: &self.expected, log_density: appearance::log_expected_density(chance) },
             Opening {
                 map: &self.rescued,
                 log_density: appearance::log_rescue_density(

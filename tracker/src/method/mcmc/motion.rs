@@ -22,6 +22,8 @@ const SURPRISE: f64 = 13.8;
 const LONGEST_PART: f64 = 0.25;
 /// The most parts of one step.
 const MOST_PARTS: f64 = 1000.0;
+/// Standard deviation of a measurement along an axis of which a moment taught nothing, metres.
+const UNLEARNT_M: f64 = 5.0;
 /// An axis whose posterior variance is more than this part of the prior's has taught nothing but the sampler's own noise.
 const NOTHING_LEARNT: f64 = 0.9;
 
@@ -55,10 +57,20 @@ pub(super) struct Step {
     pub(super) predicted: Belief,
 }
 
+/// What one moment alone says of where somebody stands.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Measurement {
+    pub(super) place: Vector2<f64>,
+    /// As wide as [`UNLEARNT_M`] along an axis of which nothing was learnt.
+    pub(super) covariance: Matrix2<f64>,
+}
+
 /// Where somebody is and goes.
 #[derive(Debug, Clone)]
 pub(super) struct Motion {
     pub(super) belief: Belief,
+    /// The measurement behind the last posterior; `None` when the moment taught nothing.
+    pub(super) measured: Option<Measurement>,
     /// `None` for somebody who has just appeared.
     pub(super) arrived: Option<Step>,
     lean_s: f64,
@@ -72,7 +84,8 @@ impl Motion {
         all.fixed_view_mut::<2, 2>(0, 2).fill(0.0);
         all.fixed_view_mut::<2, 2>(2, 0).fill(0.0);
         let belief = Belief { mean: Vector4::new(place.x, place.y, 0.0, 0.0), covariance: all };
-        Self { belief, arrived: None, lean_s: options.lean_s }
+        let measured = Some(Measurement { place, covariance: *covariance });
+        Self { belief, measured, arrived: None, lean_s: options.lean_s }
     }
 
     pub(super) fn place(&self) -> Vector2<f64> {
@@ -109,6 +122,7 @@ impl Motion {
             self.belief.covariance = step * self.belief.covariance * step.transpose() + noise;
         }
         self.arrived = Some(Step { transition, predicted: self.belief.clone() });
+        self.measured = None;
     }
 
     /// They went no farther than this since the moment before, and stand.
@@ -163,6 +177,7 @@ impl Motion {
             }
         }
         noise += measures * gait * measures.transpose();
+        self.measured = self.measurement(&measures, &found, &noise);
         let observation = measures * self.silhouette_from_state();
         let Belief { mean, covariance } = &mut self.belief;
         let innovation = observation * *covariance * observation.transpose() + noise;
@@ -173,6 +188,25 @@ impl Motion {
         let rest = Matrix4::identity() - gain * observation;
         let updated = rest * *covariance * rest.transpose() + gain * noise * gain.transpose();
         *covariance = 0.5 * (updated + updated.transpose());
+    }
+}
+
+impl Motion {
+    /// The place of which `measures · (silhouette − predicted silhouette) = found ± noise`, for somebody who leans as
+    /// predicted.
+    fn measurement(
+        &self,
+        measures: &Matrix2<f64>,
+        found: &Vector2<f64>,
+        noise: &Matrix2<f64>,
+    ) -> Option<Measurement> {
+        if measures.norm_squared() == 0.0 {
+            return None;
+        }
+        let weighted = measures.transpose() * noise.try_inverse()?;
+        let information = weighted * measures + Matrix2::from_diagonal_element(UNLEARNT_M.powi(-2));
+        let covariance = information.try_inverse()?;
+        Some(Measurement { place: self.place() + covariance * weighted * found, covariance })
     }
 }
 
@@ -246,6 +280,12 @@ mod tests {
         let (mean, covariance) = update(noise + Matrix2::identity() * 0.0025);
         assert_relative_eq!(motion.belief.mean, mean, epsilon = 1e-9);
         assert_relative_eq!(motion.belief.covariance, covariance, epsilon = 1e-9);
+
+        // The measurement itself is that of the silhouette, for somebody who leans as predicted.
+        let measured = motion.measured.unwrap();
+        let stands = seen - prior.belief.velocity() * lean;
+        assert_relative_eq!(measured.place, stands, epsilon = 2e-3);
+        assert_relative_eq!(measured.covariance, noise + Matrix2::identity() * 0.0025, epsilon = 1e-4);
     }
 
     #[test]
@@ -256,6 +296,7 @@ mod tests {
         motion.condition(&place, &(prior.silhouette_covariance() * 0.95), &MotionOptions::default());
         assert_relative_eq!(motion.belief.mean, prior.belief.mean, epsilon = 1e-9);
         assert_relative_eq!(motion.belief.covariance, prior.belief.covariance, epsilon = 1e-9);
+        assert_eq!(motion.measured, None);
     }
 
     #[test]

@@ -26,7 +26,7 @@ fn on_all_the_floor<'a>(
         births,
         informed: options.informed_births,
         log_density,
-        openings: [Opening { map: births, log_density: LOG_IMPOSSIBLE }; 2],
+        openings: [Opening { map: births, log_density: LOG_IMPOSSIBLE }; 3],
     }
 }
 
@@ -223,6 +223,8 @@ fn states_are_those_of_the_prior(
     everywhere.weigh(&left_over, explained);
     births.weigh(&left_over, explained);
     company.weigh_near(&[Vector2::new(2.6, 1.8)], COMPANY_M, &left_over, explained);
+    let mut unopened = company.clone();
+    unopened.forget();
     // One of the openings overlaps the other.
     let is_open: Vec<bool> = (0..rescued.len()).map(|cell| cell % 3 == 0).collect();
     rescued.weigh_open(&is_open, &left_over, explained);
@@ -268,7 +270,7 @@ fn states_are_those_of_the_prior(
             births: &births,
             informed: options.informed_births,
             log_density: per_m2.ln(),
-            openings: [(&rescued, rescued_per_m2), (&company, of_company_per_m2)]
+            openings: [(&unopened, 1.0), (&rescued, rescued_per_m2), (&company, of_company_per_m2)]
                 .map(|(map, per_m2)| Opening { map, log_density: per_m2.ln() }),
         },
         unexplained: Some(&everywhere),

@@ -1,0 +1,98 @@
+//! Which station should see a person where, by the room's cameras and geometry.
+
+use nalgebra::{Point2, Point3};
+
+use super::{FieldOfView, StationId};
+use crate::stage::{Stage, StageCamera};
+
+/// Side of a cell of the floor, metres.
+const CELL_M: f64 = 0.25;
+/// The most cells; a larger floor has larger ones.
+const MOST_CELLS: f64 = 20_000.0;
+/// Heights of an average adult that are looked at, metres, and half of their width.
+const HEIGHTS_M: [f64; 7] = [0.1, 0.4, 0.7, 1.0, 1.3, 1.5, 1.7];
+const HALF_WIDTH_M: f64 = 0.15;
+/// Distance by which a point may lie behind a surface and still be seen: surfaces are uncertain, metres.
+const TOLERANCE_M: f64 = 0.1;
+/// Part of a person that two stations must both see somewhere for their fields of view to overlap.
+const OVERLAP: f64 = 0.25;
+
+/// Visible part of an average adult in each cell of the floor, for each camera of a stage.
+#[derive(Debug, Clone)]
+pub struct StageView {
+    low: Point2<f64>,
+    cell_m: f64,
+    columns: usize,
+    /// One map a camera, row by row, in 255ths; 0 where nobody can stand.
+    visible: Vec<Vec<u8>>,
+}
+
+impl StageView {
+    /// Looks at every cell of the floor from every camera.
+    pub fn new(stage: &Stage) -> Self {
+        let (low, high) = stage.floor.bounds();
+        let size = high - low;
+        let cell_m = (size.x * size.y / MOST_CELLS).sqrt().max(CELL_M);
+        let columns = (size.x / cell_m).ceil().max(1.0) as usize;
+        let rows = (size.y / cell_m).ceil().max(1.0) as usize;
+        let center = |i: usize| {
+            let (column, row) = ((i % columns) as f64 + 0.5, (i / columns) as f64 + 0.5);
+            Point2::new(low.x + column * cell_m, low.y + row * cell_m)
+        };
+        let map = |camera: &StageCamera| -> Vec<u8> {
+            let cell = |i: usize| {
+                let place = center(i);
+                let stands = stage.floor.is_standable(place.x, place.y);
+                if stands { (255.0 * visible_part(camera, place)).round() as u8 } else { 0 }
+            };
+            (0..columns * rows).map(cell).collect()
+        };
+        Self { low, cell_m, columns, visible: stage.cameras.iter().map(map).collect() }
+    }
+
+    fn cell(&self, place: Point2<f64>) -> Option<usize> {
+        let offset = (place - self.low) / self.cell_m;
+        if !(offset.x >= 0.0 && offset.y >= 0.0) || offset.x >= self.columns as f64 {
+            return None;
+        }
+        Some(offset.y as usize * self.columns + offset.x as usize)
+    }
+}
+
+impl FieldOfView for StageView {
+    fn visible(&self, station: StationId, place: Point2<f64>, _height_m: f64) -> f64 {
+        let map = self.visible.get(usize::from(station.0));
+        let cell = self.cell(place).and_then(|cell| map?.get(cell));
+        cell.map_or(0.0, |part| f64::from(*part) / 255.0)
+    }
+
+    fn overlap(&self, a: StationId, b: StationId) -> bool {
+        let map = |station: StationId| self.visible.get(usize::from(station.0));
+        let (Some(a), Some(b)) = (map(a), map(b)) else { return false };
+        let sees = |part: u8| f64::from(part) >= 255.0 * OVERLAP;
+        a.iter().zip(b).any(|(a, b)| sees(*a) && sees(*b))
+    }
+}
+
+/// Part of an average adult's middle and sides that a camera sees.
+fn visible_part(camera: &StageCamera, place: Point2<f64>) -> f64 {
+    let center = camera.pinhole.center();
+    let away = place - Point2::new(center.x, center.y);
+    let side = away
+        .try_normalize(1e-9)
+        .map_or(nalgebra::Vector2::zeros(), |away| nalgebra::Vector2::new(-away.y, away.x) * HALF_WIDTH_M);
+    let (width, height) = (camera.width(), camera.height());
+    let is_seen = |point: Point3<f64>| {
+        let depth_m = camera.pinhole.camera_from_world.transform_point(&point).z;
+        let Some(pixel) = camera.pinhole.project(&point) else { return false };
+        let (u, v) = (pixel.x.round(), pixel.y.round());
+        if !(u >= 0.0 && v >= 0.0 && u < f64::from(width) && v < f64::from(height)) {
+            return false;
+        }
+        let surface_m = camera.static_z_m[v as usize * width as usize + u as usize];
+        depth_m <= f64::from(surface_m) + TOLERANCE_M
+    };
+    let points = HEIGHTS_M.iter().flat_map(|z| [-1.0, 0.0, 1.0].map(|part| (place + side * part, *z)));
+    let seen = points.filter(|(at, z)| is_seen(Point3::new(at.x, at.y, *z))).count();
+    seen as f64 / (3 * HEIGHTS_M.len()) as f64
+}

@@ -1,0 +1,108 @@
+//! Image tracking of one station: from its foreground mask to sightings, in metres on the floor (seed 000, section 3.1).
+//!
+//! The paper fits an upright ellipsoid to the mask of each person. Here the ellipsoids of all people in the image are
+//! fitted together, their number included, by the trans-dimensional sampler ([`crate::method::mcmc`]) with this camera
+//! alone. What leaves it is not the belief of its filter but the measurement of the moment, so that stations do not hear
+//! again what was already said.
+
+use nalgebra::{Matrix2, Point2};
+
+use super::{Looks, Restart, Sighting, Sightings};
+use crate::method::Method;
+use crate::method::mcmc::{Mcmc, McmcOptions, Measured};
+use crate::silhouette::visibility::{fraction, visible_parts};
+use crate::silhouette::{Body, Silhouette, View};
+use crate::stage::{Stage, resolution};
+use crate::{CameraFrame, Moment, Result};
+
+/// People nearer to each other than this on the floor may be taken for each other, metres.
+const CROWDED_M: f64 = 0.9;
+/// Part of a person covered by others from which on the two may be taken for each other in the image.
+const COVERED: f64 = 0.1;
+/// Standard deviation of errors along the line of sight that last for seconds, metres: a stride, a bent back and hidden
+/// legs look like being nearer or farther.
+const RANGE_SIGMA_M: f64 = 0.2;
+/// Only of whom a camera sees this part are colours taken.
+const LEAST_VISIBLE: f64 = 0.6;
+
+/// Image tracking of one camera.
+#[derive(Debug, Clone)]
+pub struct ImageTracking {
+    sampler: Mcmc,
+    /// The camera as the sampler works with it.
+    view: View,
+}
+
+impl ImageTracking {
+    /// Prepares the tracking of one camera of a stage.
+    ///
+    /// # Errors
+    /// [`crate::Error::Option`] when an option makes no sense.
+    pub fn new(stage: &Stage, camera: usize, options: McmcOptions) -> Result<Self> {
+        let of_camera = &stage.cameras[camera];
+        let average =
+            Body { radius_m: options.radius.mean_m, height_m: options.height.mean_m, ..Body::ADULT };
+        let view = View::coarse(of_camera, resolution::block(of_camera, &average, &stage.floor));
+        let alone = Stage { cameras: vec![of_camera.clone()], ..stage.clone() };
+        Ok(Self { sampler: Mcmc::new(alone, McmcOptions { lag_s: 0.0, ..options })?, view })
+    }
+
+    /// Finds people in one frame. At the places to look again people may appear.
+    ///
+    /// # Errors
+    /// When the mask does not fit the camera ([`crate::Error::FrameSize`]).
+    pub fn track(
+        &mut self,
+        frame: u32,
+        time_s: f64,
+        camera: &CameraFrame,
+        restarts: &[Restart],
+    ) -> Result<Sightings> {
+        self.sampler.expect(restarts.iter().map(|restart| restart.position));
+        let cameras = std::slice::from_ref(camera);
+        self.sampler.step(&Moment { frame, time_s, cameras })?;
+        let measured = self.sampler.measured();
+        let bodies: Vec<Body> = measured.iter().map(|person| person.body).collect();
+        let parts = visible_parts(&self.view, &bodies);
+        let people = measured.iter().zip(&parts).map(|(person, part)| {
+            let whole = Silhouette::new(&self.view, &person.body.ellipsoid());
+            self.sighting(person, &bodies, &whole, part, camera)
+        });
+        Ok(Sightings { time_s, people: people.collect(), is_usable: camera.mask.is_some() })
+    }
+
+    fn sighting(
+        &self,
+        person: &Measured,
+        bodies: &[Body],
+        whole: &Silhouette,
+        part: &Silhouette,
+        camera: &CameraFrame,
+    ) -> Sighting {
+        let near = |other: &&Body| person.body.floor_distance_m(other) < CROWDED_M;
+        let covered = 1.0 - f64::from(part.visible_px) / f64::from(whole.visible_px.max(1));
+        // The person is near themselves.
+        let is_crowded = bodies.iter().filter(near).count() > 1 || covered > COVERED;
+        let is_seen = !is_crowded && fraction(part) >= LEAST_VISIBLE;
+        let colours = camera.colours.as_ref().filter(|_| is_seen);
+        Sighting {
+            track: person.id.0,
+            position: person.place,
+            covariance: person.covariance + self.range_error(&person.place),
+            height_m: person.body.height_m,
+            looks: colours.and_then(|colours| Looks::of_part(colours, &self.view, part)),
+            is_crowded,
+        }
+    }
+
+    /// Covariance of the errors of range at a place.
+    fn range_error(&self, place: &Point2<f64>) -> Matrix2<f64> {
+        let away = (place - self.view.center.xy()).try_normalize(0.0).unwrap_or_default();
+        away * away.transpose() * RANGE_SIGMA_M.powi(2)
+    }
+
+    /// Bodies of the people whom image tracking follows.
+    pub fn bodies(&self) -> Vec<Body> {
+        self.sampler.measured().iter().map(|person| person.body).collect()
+    }
+}
