@@ -96,3 +96,61 @@ fn visible_part(camera: &StageCamera, place: Point2<f64>) -> f64 {
     let seen = points.filter(|(at, z)| is_seen(Point3::new(at.x, at.y, *z))).count();
     seen as f64 / (3 * HEIGHTS_M.len()) as f64
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::method::mcmc::test_room::empty_room;
+    use crate::silhouette::{Body, Silhouette, View};
+
+    /// A wall before the first camera hides what is behind it from that camera alone.
+    #[test]
+    fn visible_parts_are_those_of_the_silhouette() {
+        let mut stage = empty_room();
+        // Everything in the right half of the first image is hidden by something 1 m away.
+        let width = stage.cameras[0].width() as usize;
+        for (i, z_m) in stage.cameras[0].static_z_m.iter_mut().enumerate() {
+            if i % width >= width / 2 {
+                *z_m = 1.0;
+            }
+        }
+        let fields = StageView::new(&stage);
+        let (mut hidden, mut seen) = (0, 0);
+        for (camera, station) in stage.cameras.iter().zip([StationId(0), StationId(1)]) {
+            let view = View::new(camera);
+            for (x, y) in (1..12).flat_map(|i| (1..10).map(move |j| (0.5 * f64::from(i), 0.5 * f64::from(j))))
+            {
+                let silhouette = Silhouette::new(&view, &Body { x_m: x, y_m: y, ..Body::ADULT }.ellipsoid());
+                let part = fields.visible(station, Point2::new(x, y), 1.72);
+                if silhouette.area_px > 0 && silhouette.visible_px == 0 {
+                    hidden += 1;
+                    assert!(part < 0.35, "{part} of nobody at {x}, {y}");
+                }
+                // The image shows all of them when no edge of it is touched.
+                let rows = silhouette.row_range();
+                let is_whole = rows.start > 0 && rows.end < view.height as usize;
+                if is_whole && silhouette.visible_px == silhouette.area_px && silhouette.area_px > 0 {
+                    let columns = rows.map(|row| silhouette.row_width(row));
+                    if columns.clone().all(|c| c.start > 0 && c.end < width) {
+                        seen += 1;
+                        assert!(part > 0.65, "{part} of somebody at {x}, {y}");
+                    }
+                }
+            }
+        }
+        assert!(hidden > 10 && seen > 30, "{hidden} hidden, {seen} seen");
+        let outside = Point2::new(-3.0, 40.0);
+        assert!(fields.visible(StationId(0), outside, 1.72) == 0.0);
+        assert!(fields.visible(StationId(9), Point2::new(3.0, 2.0), 1.72) == 0.0);
+    }
+
+    #[test]
+    fn cameras_of_one_room_overlap_and_those_behind_walls_do_not() {
+        let mut stage = empty_room();
+        let ids = [StationId(0), StationId(1)];
+        assert!(StageView::new(&stage).overlap(ids[0], ids[1]));
+        stage.cameras[1].static_z_m.fill(0.5);
+        let fields = StageView::new(&stage);
+        assert!(!fields.overlap(ids[0], ids[1]) && !fields.overlap(ids[0], StationId(7)));
+    }
+}

@@ -38,13 +38,13 @@ impl ImageTracking {
     ///
     /// # Errors
     /// [`crate::Error::Option`] when an option makes no sense.
-    pub fn new(stage: &Stage, camera: usize, options: McmcOptions) -> Result<Self> {
+    pub fn new(stage: &Stage, camera: usize, options: &McmcOptions) -> Result<Self> {
         let of_camera = &stage.cameras[camera];
         let average =
             Body { radius_m: options.radius.mean_m, height_m: options.height.mean_m, ..Body::ADULT };
         let view = View::coarse(of_camera, resolution::block(of_camera, &average, &stage.floor));
         let alone = Stage { cameras: vec![of_camera.clone()], ..stage.clone() };
-        Ok(Self { sampler: Mcmc::new(alone, McmcOptions { lag_s: 0.0, ..options })?, view })
+        Ok(Self { sampler: Mcmc::new(alone, McmcOptions { lag_s: 0.0, ..options.clone() })?, view })
     }
 
     /// Finds people in one frame. At the places to look again people may appear.
@@ -104,5 +104,62 @@ impl ImageTracking {
     /// Bodies of the people whom image tracking follows.
     pub fn bodies(&self) -> Vec<Body> {
         self.sampler.measured().iter().map(|person| person.body).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::method::mcmc::test_room::{empty_room, masks, standing};
+
+    const RATE_HZ: f64 = 12.0;
+
+    /// Two who stand away from the zones before the first camera of an empty room, one of them behind the other.
+    fn track(people: [Body; 2], restarts: &[Restart]) -> Sightings {
+        let stage = empty_room();
+        let mut tracking = ImageTracking::new(&stage, 0, &McmcOptions::default()).unwrap();
+        let mut last = Sightings::default();
+        for frame in 1..=60 {
+            // The room is empty at first, so that nobody is found as having been there.
+            let there: &[Body] = if frame > 24 { &people } else { &[] };
+            let time_s = f64::from(frame) / RATE_HZ;
+            let frames = masks(&stage, there);
+            let given = if frame > 24 { restarts } else { &[] };
+            last = tracking.track(frame, time_s, &frames[0], given).unwrap();
+        }
+        last
+    }
+
+    #[test]
+    fn people_whom_others_see_are_found_away_from_zones_and_measured_within_their_uncertainty() {
+        let people = [standing(2.0, 3.4), standing(3.6, 1.4)];
+        let restarts = people.map(|p| Restart { position: Point2::new(p.x_m + 0.3, p.y_m), height_m: 1.75 });
+        let found = track(people, &restarts);
+        assert!(found.is_usable);
+        assert_eq!(found.people.len(), 2, "{found:?}");
+        for person in &people {
+            let at = Point2::new(person.x_m, person.y_m);
+            let of = |s: &&Sighting| (s.position - at).norm() < 0.6;
+            let sighting = found.people.iter().find(of).unwrap_or_else(|| panic!("{at} in {found:?}"));
+            let error = sighting.position - at;
+            let squared = error.dot(&(sighting.covariance.try_inverse().unwrap() * error));
+            // Chi-squared of two degrees of freedom: one in a thousand.
+            assert!(squared < 13.8, "{error:?}, {:?}", sighting.covariance);
+            // Longer along the line of sight, from the corner (0.2, 0.2), than across.
+            let away = (at - Point2::new(0.2, 0.2)).normalize();
+            let across = nalgebra::Vector2::new(-away.y, away.x);
+            let variance = |axis: nalgebra::Vector2<f64>| axis.dot(&(sighting.covariance * axis));
+            assert!(variance(away) > 4.0 * variance(across), "{:?}", sighting.covariance);
+            assert!(!sighting.is_crowded && sighting.looks.is_none());
+        }
+    }
+
+    #[test]
+    fn someone_behind_another_is_crowded() {
+        let people = [standing(1.8, 1.8), standing(3.0, 3.0)];
+        let restarts = people.map(|p| Restart { position: Point2::new(p.x_m, p.y_m), height_m: 1.75 });
+        let found = track(people, &restarts);
+        let behind = found.people.iter().find(|s| s.position.x > 2.5);
+        assert!(behind.is_none_or(|sighting| sighting.is_crowded), "{found:?}");
     }
 }

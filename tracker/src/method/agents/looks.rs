@@ -39,9 +39,9 @@ impl Colour {
         let range = most - least;
         let sixths = if range <= 0.0 {
             0.0
-        } else if most == r {
+        } else if r >= most {
             ((g - b) / range).rem_euclid(6.0)
-        } else if most == g {
+        } else if g >= most {
             (b - r) / range + 2.0
         } else {
             (r - g) / range + 4.0

@@ -420,3 +420,9 @@ mod rendered_tests;
 mod stillness_tests;
 #[cfg(test)]
 mod tests;
+
+/// A room of two cameras, and masks of people in it.
+#[cfg(test)]
+pub(super) mod test_room {
+    pub(crate) use super::tests::{empty_room, masks, standing};
+}

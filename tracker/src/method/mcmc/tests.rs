@@ -18,7 +18,7 @@ use crate::stage::Floor;
 const RATE_HZ: f64 = 12.0;
 
 /// Two cameras in the corners of an empty room of 6 × 5 m, with a door in the wall x = 6.
-pub(super) fn empty_room() -> Stage {
+pub(crate) fn empty_room() -> Stage {
     room(&[(0.2, 0.2), (0.2, 4.8)], ZoneKind::Both)
 }
 
@@ -42,12 +42,12 @@ pub(super) fn room(cameras: &[(f64, f64)], kind: ZoneKind) -> Stage {
     }
 }
 
-pub(super) fn standing(x_m: f64, y_m: f64) -> Body {
+pub(crate) fn standing(x_m: f64, y_m: f64) -> Body {
     Body { x_m, y_m, radius_m: 0.25, height_m: 1.75 }
 }
 
 /// What the cameras of the stage see of bodies before which nothing stands.
-pub(super) fn masks(stage: &Stage, bodies: &[Body]) -> Vec<CameraFrame> {
+pub(crate) fn masks(stage: &Stage, bodies: &[Body]) -> Vec<CameraFrame> {
     let seen = |camera: &StageCamera| {
         let mut mask = GrayImage::new(camera.width(), camera.height());
         for body in bodies {
