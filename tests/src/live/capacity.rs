@@ -135,7 +135,7 @@ pub fn track_bytes(out: &Path) -> Said<[Vec<u8>; 2]> {
 pub fn hall() -> Vec<Figure> {
     let what = "six cameras with distortion, 640 × 480, six people";
     let rate = || -> Said<f64> {
-        let (recorded, scratch) = (films::hall_recorded()?, Scratch::new()?);
+        let (recorded, scratch) = (films::Hall::SIX_WIDE_CAMERAS.recorded()?, Scratch::new()?);
         moments_per_s(&follow(&recorded, &scratch.path("out"), &["--no-film"])?.0)
     };
     match rate() {

@@ -9,7 +9,7 @@ use image::{Rgb, RgbImage};
 use nalgebra::{Point2, Point3};
 use scenes::room::Room;
 use scenes::synthetic::{
-    RenderOptions, RoomKind, RoomOptions, SequenceOptions, SyntheticRoom, WalkerOptions,
+    RenderOptions, RoomKind, RoomOptions, Sequence, SequenceOptions, SyntheticRoom, WalkerOptions,
 };
 
 use crate::chain::Said;
@@ -141,60 +141,86 @@ pub fn office_recorded() -> Recorded {
     Recorded { room: office().join("room"), videos: videos.to_vec() }
 }
 
-/// Duration of the hall's recording, seconds, and the number of people in it.
+/// Duration of a hall's recording, seconds.
 const HALL_S: f64 = 20.0;
-const HALL_PEOPLE: usize = 6;
-/// Number of cameras in the hall, and the seed of its scene.
-const HALL_CAMERAS: usize = 6;
-const HALL_SEED: u64 = 1031;
+/// Size of a hall's films, pixels.
+const HALL_PX: [u32; 2] = [640, 480];
 
-/// A synthetic hall of 8 × 6 m with six people, seen by six cameras of 640 × 480 with wide lenses.
-///
-/// # Errors
-/// A room or a film that cannot be written.
-pub fn hall_recorded() -> Said<Recorded> {
-    let options = RoomOptions {
-        seed: HALL_SEED,
-        kind: RoomKind::Hall,
-        furniture: 3,
-        cameras: HALL_CAMERAS,
-        size_m: Some([8.0, 6.0, 2.9]),
-        image_px: [640, 480],
-        field_of_view_deg: 80.0,
-        distortion: WIDE_LENS,
-        ..RoomOptions::default()
-    };
-    let made = options.build().map_err(|e| e.to_string())?;
-    let folder = kept("hall")?;
-    made.room.write(&folder).map_err(|e| e.to_string())?;
-    let name = |camera: &scenes::room::RoomCamera| camera.name.clone();
-    let names: Vec<String> = made.room.cameras.iter().map(name).collect();
-    let films = names.iter().map(|name| kept(&format!("hall_{name}.mp4"))).collect::<Said<Vec<_>>>()?;
-    if !films.iter().all(|film| film.is_file()) {
-        record_hall(&made, &films)?;
-    }
-    Ok(Recorded { room: folder, videos: names.into_iter().zip(films).collect() })
+/// A synthetic hall of 8 × 6 m.
+#[derive(Debug, Clone, Copy)]
+pub struct Hall {
+    /// Seed of the scene, the people and their ways.
+    pub seed: u64,
+    /// Number of cameras, of 640 × 480.
+    pub cameras: usize,
+    /// Number of people, who come in one after the other.
+    pub people: usize,
+    /// Lens of all cameras.
+    pub lens: Distortion,
 }
 
-fn record_hall(made: &SyntheticRoom, films: &[PathBuf]) -> Said<()> {
-    let walkers = made.walkers(&WalkerOptions {
-        seed: HALL_SEED,
-        people: HALL_PEOPLE,
-        first_s: 1.5,
-        interval_s: 0.7,
-        ..WalkerOptions::default()
-    });
-    let sequence = made.sequence(
-        walkers,
-        SequenceOptions {
-            seed: HALL_SEED,
+impl Hall {
+    /// Six people, seen by six cameras with wide lenses.
+    pub const SIX_WIDE_CAMERAS: Self = Self { seed: 1031, cameras: 6, people: 6, lens: WIDE_LENS };
+
+    fn file(&self, what: &str) -> Said<PathBuf> {
+        let Self { seed, cameras, people, lens } = self;
+        let bent = if *lens == Distortion::NONE { "" } else { "_wide" };
+        kept(&format!("hall_{seed}_{cameras}_{people}{bent}_{what}"))
+    }
+
+    /// Writes the room, the films and the true positions (`truth.txt` in the room's folder), where they are not kept.
+    ///
+    /// # Errors
+    /// A room or a film that cannot be written.
+    pub fn recorded(&self) -> Said<Recorded> {
+        let options = RoomOptions {
+            seed: self.seed,
+            kind: RoomKind::Hall,
+            furniture: 3,
+            cameras: self.cameras,
+            size_m: Some([8.0, 6.0, 2.9]),
+            image_px: HALL_PX,
+            field_of_view_deg: 80.0,
+            distortion: self.lens,
+            ..RoomOptions::default()
+        };
+        let made = options.build().map_err(|e| e.to_string())?;
+        let folder = self.file("room")?;
+        made.room.write(&folder).map_err(|e| e.to_string())?;
+        let name = |camera: &scenes::room::RoomCamera| camera.name.clone();
+        let names: Vec<String> = made.room.cameras.iter().map(name).collect();
+        let films = names.iter().map(|name| self.file(&format!("{name}.mp4"))).collect::<Said<Vec<_>>>()?;
+        let sequence = self.sequence(&made);
+        std::fs::write(folder.join("truth.txt"), sequence.truth_rows()).map_err(|e| e.to_string())?;
+        if !films.iter().all(|film| film.is_file()) {
+            record(&sequence, &films)?;
+        }
+        Ok(Recorded { room: folder, videos: names.into_iter().zip(films).collect() })
+    }
+
+    fn sequence<'a>(&self, made: &'a SyntheticRoom) -> Sequence<'a> {
+        let walkers = made.walkers(&WalkerOptions {
+            seed: self.seed,
+            people: self.people,
+            first_s: 1.5,
+            interval_s: 0.7,
+            ..WalkerOptions::default()
+        });
+        let options = SequenceOptions {
+            seed: self.seed,
             rate_hz: RATE_HZ,
             frames: (HALL_S * RATE_HZ) as u32,
             render: RenderOptions { samples: 1, ..RenderOptions::default() },
             ..SequenceOptions::default()
-        },
-    );
-    let writer = |film: &PathBuf| FilmWriter::create(film, 640, 480, RATE_HZ).map_err(|e| e.to_string());
+        };
+        made.sequence(walkers, options)
+    }
+}
+
+fn record(sequence: &Sequence<'_>, films: &[PathBuf]) -> Said<()> {
+    let [width, height] = HALL_PX;
+    let writer = |film: &PathBuf| FilmWriter::create(film, width, height, RATE_HZ).map_err(|e| e.to_string());
     let mut writers = films.iter().map(writer).collect::<Said<Vec<_>>>()?;
     for frame in sequence.frames() {
         for (writer, seen) in writers.iter_mut().zip(&frame.cameras) {
