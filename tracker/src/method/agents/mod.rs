@@ -9,8 +9,10 @@
 //! * [`Looks`] — representative colours of a person.
 //! * [`Packet`] — what a station tells the others at one moment.
 //! * [`Rule`] — from sightings and packets to agents, by one of two rules.
+//! * [`modern`] — the rule that is used unless another is asked for.
 
 mod looks;
+pub mod modern;
 mod packet;
 mod rule;
 mod sighting;
