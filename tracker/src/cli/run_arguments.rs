@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use tracker::method::Method;
+use tracker::method::agents::modern::ModernOptions;
+use tracker::method::agents::{Agents, AgentsOptions, RuleOptions};
 use tracker::method::condensation::Condensation;
 use tracker::method::mcmc::Mcmc;
 use tracker::source::NamedSource;
@@ -24,6 +26,8 @@ pub(super) enum MethodName {
     Mcmc,
     /// Heads by their edges, a particle filter a person; needs no room geometry, but two cameras that see the head.
     Condensation,
+    /// Distributed vision agents: a tracker a camera, which tell each other what they see; no camera depends on another.
+    Agents,
 }
 
 /// Follow everybody in a room from the videos of its cameras.
@@ -108,7 +112,7 @@ impl RunArgs {
     /// The masks that the method uses.
     pub(super) fn used_masks(&self) -> &[NamedSource] {
         match self.method {
-            MethodName::Mcmc => &self.masks,
+            MethodName::Mcmc | MethodName::Agents => &self.masks,
             // It looks at pictures alone.
             MethodName::Condensation => &[],
         }
@@ -124,6 +128,12 @@ impl RunArgs {
                     options.lag_s = 0.0;
                 }
                 Box::new(Mcmc::new(stage.clone(), options)?)
+            }
+            MethodName::Agents => {
+                let mut sampler = self.sampler.options(self.seed)?;
+                sampler.max_people = self.most_people.unwrap_or(sampler.max_people);
+                let rule = RuleOptions::Modern(ModernOptions::default());
+                Box::new(Agents::new(stage.clone(), &AgentsOptions { sampler, rule })?)
             }
             MethodName::Condensation => {
                 let mut options = self.heads.options(self.seed, self.sampler.published)?;

@@ -8,18 +8,28 @@
 //! * [`ImageTracking`] — from one camera's masks to [`Sighting`]s, with [`Looks`]: representative colours.
 //! * [`Packet`] — what a station tells the others at one moment.
 //! * [`Rule`] — from sightings and packets to agents, by one of two rules.
+//! * [`modern`] — the rule that is used unless another is asked for.
 //! * [`FieldOfView`] — which station should see whom; [`StageView`] by the room.
+//! * [`AgentStation`] — one station: all of these together.
+//! * [`Agents`] — all stations of a site in one process.
 
 mod field_of_view;
 mod image_tracking;
 mod looks;
+pub mod modern;
+mod options;
 mod packet;
 mod rule;
 mod sighting;
+mod station;
+mod system;
 
 pub use field_of_view::StageView;
 pub use image_tracking::ImageTracking;
 pub use looks::{Colour, Looks};
+pub use options::{AgentsOptions, RuleOptions};
 pub use packet::{AgentId, MediatorMessage, Packet, Report, StationId, TargetId};
 pub use rule::{Belief, FieldOfView, Restart, Rule, Step};
 pub use sighting::{Sighting, Sightings};
+pub use station::AgentStation;
+pub use system::Agents;

@@ -39,6 +39,8 @@ pub struct Packet {
     pub time_s: f64,
     /// The greatest target id that the sender knows of: a station that comes back gives none that was given before.
     pub greatest: TargetId,
+    /// Whether its camera shows nothing usable now: that it reports nobody says nothing then.
+    pub is_blind: bool,
     /// What its agents see now, at most one report of each target id above 0.
     pub reports: Vec<Report>,
     /// Messages of its mediator.

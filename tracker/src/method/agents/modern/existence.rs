@@ -1,0 +1,274 @@
+//! Who is in the room: newcomers, people one too many, people who have gone, and people whom nobody can see.
+
+use nalgebra::{Point2, Vector2};
+
+use super::super::{FieldOfView, StationId, TargetId};
+use super::ModernOptions;
+use super::measurement::Measurement;
+use super::nursery::Newcomer;
+use super::people::{People, bits};
+use super::person::Person;
+
+/// Fraction of a person that a station has to see so that it should measure the person.
+pub(super) const PLAINLY_VISIBLE: f64 = 0.6;
+/// Fraction of a person below which nobody is seen.
+const HIDDEN: f64 = 0.15;
+/// Distance below which two people's bodies cannot be, metres.
+const BODY_M: f64 = 0.5;
+/// Distance below which a person may hide another, metres.
+const COVER_M: f64 = 1.0;
+/// Time for which somebody who is one too many may be hiding behind the other, seconds.
+const SPARE_S: f64 = 3.0;
+/// Time after which somebody whom only stations see that this one does not hear is theirs, seconds.
+const HANDED_OVER_S: f64 = 10.0;
+/// Speed at which somebody lost may have walked on, m/s.
+const WALK_M_S: f64 = 2.0;
+/// Square of the distance of looks beyond which a newcomer is not somebody lost: three standard deviations.
+const LOOKS_ALIKE: f64 = 9.0;
+
+/// Whose measurements one packet, or the station's own moment, gave: a set of people.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Measured {
+    pub(super) by: StationId,
+    pub(super) people: u64,
+}
+
+/// Sets aside the one of two people on one place whom the looks fit worse, where stations that see both places measure
+/// one person only.
+pub(super) fn set_twins_aside(
+    people: &mut People,
+    measured: &[Measured],
+    fields: &dyn FieldOfView,
+    dt: f64,
+    options: &ModernOptions,
+) {
+    for i in 0..people.len() {
+        let mut is_twin = false;
+        for j in 0..people.len() {
+            let (a, b) = (&people[i], &people[j]);
+            if i == j
+                || b.spare_s.is_some()
+                || (a.motion.position - b.motion.position).norm() >= BODY_M
+                || a.measured_with >> j & 1 == 1
+            {
+                continue;
+            }
+            let sees_one = |m: &Measured| {
+                (m.people >> i ^ m.people >> j) & 1 == 1
+                    && [a, b]
+                        .iter()
+                        .all(|p| fields.visible(m.by, p.motion.position, p.height_m) >= PLAINLY_VISIBLE)
+            };
+            if !measured.iter().any(sees_one) {
+                continue;
+            }
+            is_twin = true;
+            if a.twin_s > options.birth_s && b.twin_s > options.birth_s && is_worse(a, b) {
+                people[i].spare_s = Some(0.0);
+                break;
+            }
+        }
+        let person = &mut people[i];
+        person.twin_s = if is_twin { person.twin_s + dt } else { (person.twin_s - 2.0 * dt).max(0.0) };
+        if let Some(spare_s) = &mut person.spare_s {
+            *spare_s += dt;
+        }
+    }
+}
+
+/// Whether the looks fit somebody's identity worse than they fit the other's; the younger where they do not tell.
+fn is_worse(a: &Person, b: &Person) -> bool {
+    let fit = |p: &Person| {
+        if p.is_learnt() && p.evidence.weight >= 1.0 {
+            p.log_likelihood(&p.identity) / p.evidence.weight
+        } else {
+            0.0
+        }
+    };
+    let (of_a, of_b) = (fit(a), fit(b));
+    if (of_a - of_b).abs() > 0.1 { of_a < of_b } else { a.identity.target > b.identity.target }
+}
+
+/// Who of the people lost is the newcomer, and who else it may be, as a set.
+pub(super) fn find_lost(
+    people: &People,
+    newcomer: &Newcomer,
+    options: &ModernOptions,
+) -> Option<(usize, u64)> {
+    let mut alike: u64 = 0;
+    let mut best: Option<(usize, f64)> = None;
+    for (i, person) in people.iter().enumerate().filter(|(_, p)| p.is_lost(options.birth_s)) {
+        let away_m = (newcomer.measurement.position - person.motion.position).norm();
+        let reach_m =
+            1.0 + WALK_M_S * person.missed_s.max(options.birth_s).min(5.0) + person.motion.sigma_m();
+        if away_m > reach_m {
+            continue;
+        }
+        let mut cost = (away_m / reach_m).powi(2);
+        if person.is_learnt() && newcomer.looks.weight > 0.5 {
+            let distance = -2.0
+                * newcomer.looks.log_likelihood(&person.identity.learnt)
+                * (1.0 / newcomer.looks.weight + 1.0 / person.identity.learnt.weight);
+            if distance > LOOKS_ALIKE {
+                continue;
+            }
+            cost += distance * newcomer.looks.weight.min(10.0);
+        }
+        alike |= 1 << i;
+        if best.is_none_or(|b| cost < b.1) {
+            best = Some((i, cost));
+        }
+    }
+    best.map(|(i, _)| (i, alike & !(1 << i)))
+}
+
+/// Whether a measurement is surely of nobody known.
+pub(super) fn is_apart(people: &People, measurement: &Measurement) -> bool {
+    !measurement.is_crowded
+        && people
+            .iter()
+            .all(|p| p.missed_s > 0.3 || (p.motion.position - measurement.position).norm() >= BODY_M)
+}
+
+/// The stations that look at the room, as the caller hears them.
+pub(super) struct Watch<'a> {
+    /// Fields of view.
+    pub(super) fields: &'a dyn FieldOfView,
+    /// Stations that run and see, the own one among them if it does.
+    pub(super) watching: &'a [StationId],
+    /// Number of stations of the room.
+    pub(super) stations: u8,
+}
+
+/// Removes people who have gone; `dt` seconds after the last time. Lets people who may have stepped behind something
+/// do so.
+pub(super) fn remove_gone(people: &mut People, watch: &Watch, dt: f64, options: &ModernOptions) {
+    for i in (0..people.len()).rev() {
+        let person = &people[i];
+        if person.missed_s < 0.3 {
+            continue;
+        }
+        let is_covered = person.spare_s.is_none()
+            && people.iter().enumerate().any(|(j, other)| {
+                j != i
+                    && other.missed_s < 0.3
+                    && (other.motion.position - person.motion.position).norm() < COVER_M
+            });
+        let is_gone = match look_for(person, watch) {
+            View::Plain => {
+                let overdue_s = person.overdue_s + if is_covered { dt / 4.0 } else { dt };
+                people[i].overdue_s = overdue_s;
+                overdue_s >= options.death_s
+            }
+            View::Partly(hidden) => {
+                let person = &mut people[i];
+                let step = (hidden - person.motion.position) * (dt / 0.5).min(1.0);
+                person.motion.position += step;
+                person.overdue_s = (person.overdue_s - dt).max(0.0);
+                person.missed_s >= options.carry_s
+            }
+            View::Hidden => {
+                person.missed_s >= options.carry_s
+                    || person.missed_s >= HANDED_OVER_S && is_seen_elsewhere(person, watch)
+            }
+        };
+        if is_gone || people[i].spare_s.is_some_and(|s| s > SPARE_S) {
+            people.remove(i);
+        }
+    }
+}
+
+/// How somebody whom nobody measures should be seen.
+enum View {
+    /// At every place where the person may be.
+    Plain,
+    /// At some places; the mean of the places where nobody sees the person.
+    Partly(Point2<f64>),
+    /// Nowhere, nearly.
+    Hidden,
+}
+
+fn look_for(person: &Person, watch: &Watch) -> View {
+    let spread_m = person.motion.sigma_m().clamp(0.3, 1.0);
+    let centre = person.motion.position;
+    let around = [Vector2::x(), -Vector2::x(), Vector2::y(), -Vector2::y()];
+    let best_at = |place: Point2<f64>| {
+        let mut best = 0.0f64;
+        for station in watch.watching {
+            best = best.max(watch.fields.visible(*station, place, person.height_m));
+            if best >= PLAINLY_VISIBLE {
+                break;
+            }
+        }
+        best
+    };
+    let at_centre = best_at(centre);
+    if at_centre < PLAINLY_VISIBLE {
+        return View::Hidden;
+    }
+    let mut hidden = Vector2::zeros();
+    let mut count = 0.0;
+    for direction in around {
+        let place = centre + direction * spread_m;
+        if best_at(place) < HIDDEN {
+            hidden += place.coords;
+            count += 1.0;
+        }
+    }
+    if count > 0.0 { View::Partly(Point2::from(hidden / count)) } else { View::Plain }
+}
+
+/// Whether a station that is not heard sees the place.
+fn is_seen_elsewhere(person: &Person, watch: &Watch) -> bool {
+    (0..watch.stations).map(StationId).any(|station| {
+        !watch.watching.contains(&station)
+            && watch.fields.visible(station, person.motion.position, person.height_m) >= PLAINLY_VISIBLE
+    })
+}
+
+/// The id after all others that no other station gives: each station has its own remainder.
+pub(super) fn mint(greatest: TargetId, station: StationId, stations: u8, people: &People) -> TargetId {
+    let (station, stations) = (u32::from(station.0), u32::from(stations.max(1)));
+    let first = |above: u32| above.saturating_sub(station).div_ceil(stations) * stations + station + 1;
+    let mut id = first(greatest.0);
+    if id > super::measurement::LARGEST_TARGET {
+        // All have been given: the first again that nobody has.
+        id = first(0);
+        while people.index_of(TargetId(id)).is_some() {
+            id += stations;
+        }
+    }
+    TargetId(id)
+}
+
+/// People whom others measure and this station should see, and does not.
+pub(super) fn find_restarts(
+    people: &mut People,
+    fields: &dyn FieldOfView,
+    station: StationId,
+    mut ask: impl FnMut(&Person),
+) {
+    /// Time after which image tracking is asked, and asked again, seconds.
+    const ASK_S: f64 = 0.5;
+    for person in people.iter_mut() {
+        let is_missing = person.unheard_s < ASK_S
+            && person.unseen_s >= ASK_S
+            && person.asked_s >= ASK_S
+            && person.spare_s.is_none()
+            && !person.is_crowded;
+        if is_missing {
+            person.asked_s = 0.0;
+            if fields.visible(station, person.motion.position, person.height_m) >= PLAINLY_VISIBLE {
+                ask(person);
+            }
+        }
+    }
+}
+
+/// Notes who may be whom, for somebody found again and those who may be meant as well.
+pub(super) fn put_in_question(people: &mut People, index: usize, others: u64) {
+    let all = others | 1 << index;
+    for i in bits(all) {
+        people[i].met |= all & !(1 << i);
+    }
+}

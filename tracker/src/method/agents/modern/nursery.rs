@@ -1,0 +1,61 @@
+//! Sightings that belong to nobody yet.
+
+use super::measurement::Measurement;
+use super::signature::MeanLook;
+
+/// Time after which an image track that is no longer seen is forgotten, seconds.
+const FORGOTTEN_S: f64 = 0.5;
+
+/// An image track that nobody's state takes.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Newcomer {
+    /// Its last measurement.
+    pub(super) measurement: Measurement,
+    /// Time for which it has been there apart from others, seconds.
+    pub(super) lasting_s: f64,
+    /// Its looks.
+    pub(super) looks: MeanLook,
+    missed_s: f64,
+}
+
+/// Image tracks that nobody's state takes.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Nursery {
+    pub(super) list: Vec<Newcomer>,
+}
+
+impl Nursery {
+    /// Lets `dt` seconds pass.
+    pub(super) fn wait(&mut self, dt: f64) {
+        for newcomer in &mut self.list {
+            newcomer.missed_s += dt;
+        }
+        self.list.retain(|n| n.missed_s <= FORGOTTEN_S);
+    }
+
+    /// A sighting that nobody takes; `is_apart`: it is surely not of somebody known.
+    pub(super) fn add(&mut self, measurement: &Measurement, is_apart: bool, dt: f64) {
+        let index =
+            self.list.iter().position(|n| n.measurement.track == measurement.track).unwrap_or_else(|| {
+                let looks = MeanLook::none();
+                self.list.push(Newcomer { measurement: *measurement, lasting_s: 0.0, looks, missed_s: 0.0 });
+                self.list.len() - 1
+            });
+        let newcomer = &mut self.list[index];
+        newcomer.measurement = *measurement;
+        newcomer.missed_s = 0.0;
+        if is_apart {
+            newcomer.lasting_s += dt;
+            if let Some(signature) = &measurement.signature {
+                newcomer.looks.add(signature, 1.0);
+            }
+        } else {
+            newcomer.lasting_s = 0.0;
+        }
+    }
+
+    /// Forgets a track that somebody's state takes.
+    pub(super) fn remove(&mut self, track: u32) {
+        self.list.retain(|n| n.measurement.track != track);
+    }
+}

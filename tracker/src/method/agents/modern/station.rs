@@ -1,0 +1,434 @@
+//! One station under the modern rule.
+
+use std::sync::Arc;
+
+use super::super::{
+    AgentId, Belief, FieldOfView, Packet, Report, Restart, Rule, Sightings, StationId, Step, TargetId,
+};
+use super::ModernOptions;
+use super::assignment::{Assignment, Pair};
+use super::existence::{self, Measured, Watch};
+use super::measurement::{self, LARGEST_TARGET, Measurement};
+use super::nursery::Nursery;
+use super::peer::{Claim, Peer};
+use super::people::{People, bits};
+use super::person::{LEARNT, Person};
+use super::{identity, naming};
+
+/// Oldest and newest reports that are used, seconds before now.
+const AGE_RANGE_S: (f64, f64) = (-0.5, 1.0);
+/// Longest step of time that is counted at once, seconds: nothing is known of what happened in a longer one.
+const LONGEST_STEP_S: f64 = 1.0;
+/// Time between two looks at who is who, and at who has gone, seconds.
+const REVIEW_S: f64 = 0.2;
+
+/// The modern rule at one station.
+pub struct Modern {
+    station: StationId,
+    life: u32,
+    fields: Arc<dyn FieldOfView>,
+    options: ModernOptions,
+    people: People,
+    peers: Vec<Peer>,
+    nursery: Nursery,
+    started_s: Option<f64>,
+    now_s: f64,
+    reviewed_s: f64,
+    greatest: TargetId,
+    sequence: u32,
+    last_agent: u32,
+    refused: u64,
+    /// Whose measurements this moment gave.
+    measured: Vec<Measured>,
+    /// Person of each of the station's own sightings, as ids.
+    seen: Vec<(Measurement, Option<usize>)>,
+    scratch: Scratch,
+}
+
+/// Memory that is kept from moment to moment.
+#[derive(Default)]
+struct Scratch {
+    assignment: Assignment,
+    measurements: Vec<Measurement>,
+    pairs: Vec<Pair>,
+    /// Person of each measurement.
+    of: Vec<Option<usize>>,
+    watching: Vec<StationId>,
+}
+
+impl Modern {
+    /// A station that has just started and knows of nobody.
+    pub fn new(
+        station: StationId,
+        stations: u8,
+        fields: Arc<dyn FieldOfView>,
+        options: ModernOptions,
+    ) -> Self {
+        Self {
+            station,
+            life: 0,
+            fields,
+            options,
+            people: People::default(),
+            peers: vec![Peer::default(); usize::from(stations)],
+            nursery: Nursery::default(),
+            started_s: None,
+            now_s: 0.0,
+            reviewed_s: f64::NEG_INFINITY,
+            greatest: TargetId::ALONE,
+            sequence: 0,
+            last_agent: 0,
+            refused: 0,
+            measured: Vec::new(),
+            seen: Vec::new(),
+            scratch: Scratch::default(),
+        }
+    }
+
+    /// The same station with the number of this life of it, by which others tell its packets from those of another.
+    #[must_use]
+    pub fn with_life(self, life: u32) -> Self {
+        Self { life, ..self }
+    }
+
+    /// Number of reports and packets refused so far: not of a person's measures, too old, repeated or of nobody.
+    pub fn refused(&self) -> u64 {
+        self.refused
+    }
+
+    /// Takes a packet in.
+    fn hear(&mut self, packet: &Packet) {
+        let index = usize::from(packet.station.0);
+        let age_s = self.now_s - packet.time_s;
+        if packet.station == self.station
+            || index >= self.peers.len()
+            || !(AGE_RANGE_S.0..=AGE_RANGE_S.1).contains(&age_s)
+        {
+            self.refused += 1;
+            return;
+        }
+        let Some(since_s) = self.peers[index].note(packet, self.now_s) else {
+            self.refused += 1;
+            return;
+        };
+        if packet.greatest.0 <= LARGEST_TARGET {
+            self.greatest = self.greatest.max(packet.greatest);
+        }
+        let mut measurements = std::mem::take(&mut self.scratch.measurements);
+        measurements.clear();
+        self.refused += measurement::of_packet(packet, age_s, &self.options, &mut measurements) as u64;
+        self.assign(&measurements);
+        self.take_in(packet.station, &measurements, since_s);
+        for (i, measurement) in measurements.iter().enumerate() {
+            self.greatest = self.greatest.max(measurement.target);
+            if measurement.target == TargetId::ALONE || measurement.is_crowded {
+                continue;
+            }
+            match self.scratch.of[i] {
+                Some(person) => self.note_claim(index, measurement, person, since_s),
+                None => self.meet_stranger(measurement),
+            }
+        }
+        self.scratch.measurements = measurements;
+    }
+
+    /// A peer has an id for somebody here.
+    fn note_claim(&mut self, peer: usize, measurement: &Measurement, person: usize, since_s: f64) {
+        let claim = Claim {
+            theirs: measurement.target,
+            mine: self.people[person].identity.target,
+            lasting_s: 0.0,
+            confidence: measurement.confidence,
+            made_s: self.now_s,
+        };
+        self.peers[peer].claim(claim, since_s, 3.0 * self.options.naming_s);
+    }
+
+    /// A peer reports somebody whom nobody here is.
+    fn meet_stranger(&mut self, measurement: &Measurement) {
+        if !existence::is_apart(&self.people, measurement) {
+            return;
+        }
+        match self.people.index_of(measurement.target) {
+            None => {
+                let mut person = Person::new(measurement.target, measurement);
+                person.unheard_s = 0.0;
+                self.people.add(person);
+            }
+            Some(lost) if self.people[lost].is_lost(self.options.birth_s) => {
+                self.people[lost].move_to(measurement);
+                self.people[lost].unheard_s = 0.0;
+            }
+            // The id is somebody else's here, whom others measure: the report helps nobody.
+            Some(_) => self.refused += 1,
+        }
+    }
+
+    /// Takes the station's own sightings in.
+    fn see(&mut self, sightings: &Sightings, dt: f64) {
+        let mut measurements = std::mem::take(&mut self.scratch.measurements);
+        measurements.clear();
+        self.refused += measurement::of_sightings(sightings, &self.options, &mut measurements) as u64;
+        self.assign(&measurements);
+        self.take_in(self.station, &measurements, dt.clamp(0.02, 0.5));
+        for (i, measurement) in measurements.iter().enumerate() {
+            let person = self.scratch.of[i];
+            match person {
+                Some(index) => {
+                    self.nursery.remove(measurement.track);
+                    if self.people[index].agent.is_none() {
+                        self.last_agent += 1;
+                        self.people[index].agent = Some(self.last_agent);
+                    }
+                }
+                None => {
+                    let is_apart = existence::is_apart(&self.people, measurement);
+                    self.nursery.add(measurement, is_apart, dt);
+                }
+            }
+            self.seen.push((*measurement, person));
+        }
+        self.scratch.measurements = measurements;
+    }
+
+    /// Finds the person of each measurement of one sender.
+    fn assign(&mut self, measurements: &[Measurement]) {
+        let scratch = &mut self.scratch;
+        scratch.pairs.clear();
+        for (row, measurement) in measurements.iter().enumerate() {
+            let spread = measurement.covariance.trace();
+            for (column, person) in self.people.iter().enumerate() {
+                // The largest eigenvalue is no more than the trace: most pairs need no more than this.
+                let away = (measurement.position - person.motion.position).norm_squared();
+                if away > self.options.gate * (spread + person.motion.place.trace())
+                    || person.spare_s.is_some()
+                {
+                    continue;
+                }
+                if let Some(cost) = pair_cost(measurement, person, &self.options) {
+                    scratch.pairs.push(Pair { row, column, cost });
+                }
+            }
+        }
+        scratch.of.clear();
+        scratch.of.resize(measurements.len(), None);
+        for pair in scratch.assignment.solve(&scratch.pairs, measurements.len(), self.people.len()) {
+            scratch.of[pair.row] = Some(pair.column);
+        }
+    }
+
+    /// Updates the people to whom measurements were assigned; `since_s` seconds after the sender's last.
+    fn take_in(&mut self, sender: StationId, measurements: &[Measurement], since_s: f64) {
+        let options = &self.options;
+        let inflation = (2.0 * options.correlation_s / since_s).max(1.0);
+        let look_weight = 1.0 / (2.0 * options.look_correlation_s / since_s).max(1.0);
+        let mut set = 0u64;
+        for (measurement, of) in measurements.iter().zip(&self.scratch.of) {
+            let Some(index) = *of else { continue };
+            let person = &mut self.people[index];
+            person.take_in(measurement, inflation, look_weight);
+            if sender == self.station {
+                person.unseen_s = 0.0;
+            } else {
+                person.unheard_s = 0.0;
+            }
+            set |= 1 << index;
+        }
+        for index in bits(set) {
+            self.people[index].measured_with |= set & !(1 << index);
+        }
+        self.measured.push(Measured { by: sender, people: set });
+    }
+
+    /// Makes newcomers who have lasted somebody: whom we lost, or somebody new.
+    fn welcome(&mut self) {
+        let listened = self.started_s.is_some_and(|s| self.now_s - s >= self.options.listen_s - 1e-6);
+        let mut i = 0;
+        while i < self.nursery.list.len() {
+            let newcomer = self.nursery.list[i];
+            if !listened || newcomer.lasting_s < self.options.birth_s - 1e-6 {
+                i += 1;
+                continue;
+            }
+            self.nursery.list.swap_remove(i);
+            let index =
+                if let Some((lost, others)) = existence::find_lost(&self.people, &newcomer, &self.options) {
+                    self.people[lost].move_to(&newcomer.measurement);
+                    existence::put_in_question(&mut self.people, lost, others);
+                    self.people[lost].evidence = newcomer.looks;
+                    Some(lost)
+                } else {
+                    let target =
+                        existence::mint(self.greatest, self.station, self.peers.len() as u8, &self.people);
+                    let mut person = Person::new(target, &newcomer.measurement);
+                    person.identity.learnt = newcomer.looks;
+                    self.greatest = self.greatest.max(target);
+                    self.people.add(person)
+                };
+            let Some(index) = index else { continue };
+            self.last_agent += 1;
+            let person = &mut self.people[index];
+            person.agent = Some(self.last_agent);
+            person.unseen_s = 0.0;
+            for (measurement, of) in &mut self.seen {
+                if measurement.track == newcomer.measurement.track {
+                    *of = Some(index);
+                }
+            }
+        }
+    }
+
+    /// Settles who is who, and who has gone, `dt` seconds after the last time.
+    fn review(&mut self, dt: f64, is_usable: bool) {
+        identity::decide(&mut self.people, &mut self.scratch.assignment, &self.options);
+        self.scratch.watching.clear();
+        if is_usable {
+            self.scratch.watching.push(self.station);
+        }
+        for (index, peer) in self.peers.iter().enumerate() {
+            if peer.is_watching(self.now_s) {
+                self.scratch.watching.push(StationId(index as u8));
+            }
+        }
+        let watch = Watch {
+            fields: self.fields.as_ref(),
+            watching: &self.scratch.watching,
+            stations: self.peers.len() as u8,
+        };
+        existence::remove_gone(&mut self.people, &watch, dt, &self.options);
+    }
+
+    /// What the station tells the others.
+    fn packet(&mut self, is_usable: bool) -> Packet {
+        self.sequence += 1;
+        let mut packet = Packet {
+            station: self.station,
+            life: self.life,
+            sequence: self.sequence,
+            time_s: self.now_s,
+            greatest: self.greatest,
+            is_blind: !is_usable,
+            ..Packet::default()
+        };
+        packet.reports.reserve_exact(self.seen.len());
+        for (measurement, of) in &self.seen {
+            let person = of.map(|i| &self.people[i]);
+            let confidence = of.map_or(0.0, |i| self.confidence(i));
+            packet.reports.push(Report {
+                agent: AgentId {
+                    station: self.station,
+                    number: person.and_then(|p| p.agent).unwrap_or_default(),
+                },
+                target: person.map_or(TargetId::ALONE, |p| p.identity.target),
+                position: measurement.position,
+                covariance: measurement.covariance,
+                velocity: person.map_or_else(Default::default, |p| p.motion.velocity),
+                height_m: measurement.height_m,
+                looks: measurement.looks,
+                confidence,
+                is_crowded: measurement.is_crowded,
+            });
+        }
+        packet
+    }
+
+    /// How sure the station is that somebody is there and is who the id says.
+    fn confidence(&self, index: usize) -> f64 {
+        /// Time after which somebody unmeasured is there with a probability e times less, seconds.
+        const UNMEASURED_S: f64 = 20.0;
+        let person = &self.people[index];
+        let is_there = (-person.missed_s / UNMEASURED_S).exp();
+        let is_one = if person.spare_s.is_some() { 0.3 } else { 1.0 };
+        let is_plain = if person.is_crowded { 0.7 } else { 1.0 };
+        self.people.certainty(index) * is_there * is_one * is_plain
+    }
+}
+
+/// Cost of taking a measurement for somebody's, `None` beyond the gate.
+fn pair_cost(measurement: &Measurement, person: &Person, options: &ModernOptions) -> Option<f64> {
+    /// Determinant at which the covariance's share of the cost is 0, m⁴.
+    const SMALLEST_DETERMINANT: f64 = 1e-4;
+    /// Largest share of the looks in the cost.
+    const MOST_OF_LOOKS: f64 = 25.0;
+    let fit = person.motion.fit(&measurement.position, &measurement.covariance)?;
+    if fit.distance >= options.gate {
+        return None;
+    }
+    let place = fit.distance + fit.log_determinant - SMALLEST_DETERMINANT.ln();
+    let looks = match &measurement.signature {
+        Some(signature) if person.identity.learnt.weight >= LEARNT => {
+            let factor = if measurement.is_crowded { options.crowded_factor } else { 1.0 };
+            person.identity.learnt.distance(signature, factor).min(MOST_OF_LOOKS)
+        }
+        _ => 0.0,
+    };
+    Some(place + looks)
+}
+
+impl Rule for Modern {
+    fn step(&mut self, sightings: &Sightings, heard: &[Packet]) -> Step {
+        let is_first = self.started_s.is_none();
+        let now_s = sightings.time_s;
+        let dt = if is_first { 0.0 } else { (now_s - self.now_s).clamp(0.0, LONGEST_STEP_S) };
+        self.now_s = now_s;
+        self.started_s.get_or_insert(now_s);
+
+        let kept = (-dt / self.options.memory_s).exp();
+        for person in self.people.iter_mut() {
+            person.predict(dt, self.options.acceleration_m_s2, kept);
+        }
+        self.nursery.wait(dt);
+        self.measured.clear();
+        self.seen.clear();
+        for packet in heard {
+            self.hear(packet);
+        }
+        if sightings.is_usable {
+            self.see(sightings, dt);
+        }
+        for person in self.people.iter_mut().filter(|p| p.unseen_s > 1.0) {
+            person.agent = None;
+        }
+
+        identity::note_meetings(&mut self.people, self.options.meet_m);
+        existence::set_twins_aside(&mut self.people, &self.measured, self.fields.as_ref(), dt, &self.options);
+        self.welcome();
+        let packet = self.packet(sightings.is_usable);
+
+        let since_s = now_s - self.reviewed_s;
+        if since_s >= REVIEW_S - 1e-6 {
+            self.reviewed_s = now_s;
+            self.review(since_s.min(LONGEST_STEP_S), sightings.is_usable);
+            naming::settle(&mut self.people, &mut self.peers, self.station, now_s, &self.options);
+        }
+        let mut restarts = Vec::new();
+        if sightings.is_usable {
+            existence::find_restarts(&mut self.people, self.fields.as_ref(), self.station, |person| {
+                restarts.push(Restart { position: person.motion.position, height_m: person.height_m });
+            });
+        }
+        Step { packet, restarts }
+    }
+
+    fn people(&self) -> Vec<Belief> {
+        let mut beliefs: Vec<Belief> = self
+            .people
+            .iter()
+            .enumerate()
+            .map(|(i, person)| Belief {
+                target: person.identity.target,
+                agent: person
+                    .agent
+                    .filter(|_| person.unseen_s == 0.0)
+                    .map(|number| AgentId { station: self.station, number }),
+                position: person.motion.position,
+                covariance: person.covariance(),
+                velocity: person.motion.velocity,
+                height_m: person.height_m,
+                confidence: self.confidence(i),
+            })
+            .collect();
+        beliefs.sort_unstable_by_key(|b| b.target);
+        beliefs
+    }
+}

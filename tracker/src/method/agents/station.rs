@@ -1,0 +1,76 @@
+//! One station: image tracking of its camera, and the agents that follow from it and from what others say.
+
+use std::sync::Arc;
+
+use super::{
+    AgentsOptions, Belief, FieldOfView, ImageTracking, Packet, Restart, Rule, RuleOptions, Sightings,
+    StationId,
+};
+use crate::method::agents::modern::Modern;
+use crate::method::mcmc::McmcOptions;
+use crate::silhouette::Body;
+use crate::stage::Stage;
+use crate::{CameraFrame, Result};
+
+/// One camera's image tracking and agents.
+pub struct AgentStation {
+    tracking: ImageTracking,
+    rule: Box<dyn Rule>,
+    restarts: Vec<Restart>,
+}
+
+impl AgentStation {
+    /// Prepares the station of a camera of the stage. `fields` are the fields of view of all its cameras.
+    ///
+    /// # Errors
+    /// [`crate::Error::Option`] when an option makes no sense.
+    pub fn new(
+        stage: &Stage,
+        station: StationId,
+        fields: Arc<dyn FieldOfView>,
+        options: &AgentsOptions,
+    ) -> Result<Self> {
+        let camera = usize::from(station.0);
+        let seed = options.sampler.seed.wrapping_add(camera as u64);
+        let sampler = McmcOptions { seed, ..options.sampler.clone() };
+        let stations = stage.cameras.len() as u8;
+        let rule: Box<dyn Rule> = match &options.rule {
+            RuleOptions::Modern(modern) => Box::new(Modern::new(station, stations, fields, *modern)),
+        };
+        Ok(Self { tracking: ImageTracking::new(stage, camera, &sampler)?, rule, restarts: Vec::new() })
+    }
+
+    /// Takes in one frame and the packets heard since the last one, with times on this station's clock. Returns what is
+    /// to be sent.
+    ///
+    /// # Errors
+    /// When the mask does not fit the camera ([`crate::Error::FrameSize`]).
+    pub fn step(
+        &mut self,
+        frame: u32,
+        time_s: f64,
+        camera: &CameraFrame,
+        heard: &[Packet],
+    ) -> Result<(Sightings, Packet)> {
+        let sightings = self.tracking.track(frame, time_s, camera, &self.restarts)?;
+        let step = self.rule.step(&sightings, heard);
+        self.restarts = step.restarts;
+        Ok((sightings, step.packet))
+    }
+
+    /// Everybody whom the station knows of, by ascending target.
+    pub fn people(&self) -> Vec<Belief> {
+        self.rule.people()
+    }
+
+    /// Bodies of the people whom its image tracking follows.
+    pub fn bodies(&self) -> Vec<Body> {
+        self.tracking.bodies()
+    }
+}
+
+impl std::fmt::Debug for AgentStation {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("AgentStation").field("tracking", &self.tracking).finish_non_exhaustive()
+    }
+}

@@ -1,0 +1,118 @@
+//! All stations of a site in one process, as a [`Method`]: the same stations that run on machines of their own, whose
+//! packets pass in memory. Deterministic: packets of one moment are heard at the next.
+
+use std::sync::Arc;
+
+use nalgebra::Point2;
+use rayon::prelude::*;
+
+use super::{AgentStation, AgentsOptions, Belief, FieldOfView, Packet, StageView, StationId};
+use crate::method::{Method, Needs};
+use crate::silhouette::visibility::visible_fractions;
+use crate::silhouette::{Body, View};
+use crate::stage::Stage;
+use crate::{Error, Moment, PersonEstimate, Result, TrackId};
+
+/// The most stations of a system: their numbers are bytes.
+const MOST_STATIONS: usize = 255;
+
+/// All stations of a site.
+#[derive(Debug)]
+pub struct Agents {
+    stage: Stage,
+    views: Vec<View>,
+    stations: Vec<AgentStation>,
+    /// For each station those that it hears.
+    neighbours: Vec<Vec<usize>>,
+    /// Packets of the last moment, one a station.
+    sent: Vec<Packet>,
+}
+
+impl Agents {
+    /// Prepares one station for each camera of the stage.
+    ///
+    /// # Errors
+    /// [`Error::Option`] when an option makes no sense, or there are more cameras than stations can be.
+    pub fn new(stage: Stage, options: &AgentsOptions) -> Result<Self> {
+        let count = stage.cameras.len();
+        if count > MOST_STATIONS {
+            return Err(Error::option(
+                "--method agents",
+                format!("{count} cameras; give at most {MOST_STATIONS}"),
+            ));
+        }
+        let fields: Arc<dyn FieldOfView> = Arc::new(StageView::new(&stage));
+        let id = |i: usize| StationId(i as u8);
+        let station = |i: usize| AgentStation::new(&stage, id(i), Arc::clone(&fields), options);
+        let stations = (0..count).map(station).collect::<Result<Vec<_>>>()?;
+        let hears = |i: usize| (0..count).filter(|j| *j != i && fields.overlap(id(i), id(*j))).collect();
+        Ok(Self {
+            views: stage.cameras.iter().map(View::new).collect(),
+            neighbours: (0..count).map(hears).collect(),
+            stations,
+            stage,
+            sent: Vec::new(),
+        })
+    }
+
+    /// Packets of the last moment, one a station.
+    pub fn sent(&self) -> &[Packet] {
+        &self.sent
+    }
+
+    /// The agencies of this moment: of each target the belief of the station that knows best.
+    fn agencies(&self) -> Vec<Belief> {
+        let mut best: Vec<Belief> = self.stations.iter().flat_map(AgentStation::people).collect();
+        let spread = |belief: &Belief| belief.covariance.determinant();
+        best.sort_by(|a, b| {
+            (a.target.cmp(&b.target))
+                .then(b.agent.is_some().cmp(&a.agent.is_some()))
+                .then(spread(a).total_cmp(&spread(b)))
+        });
+        best.dedup_by_key(|belief| belief.target);
+        best.retain(|belief| self.stage.floor.is_inside(belief.position.x, belief.position.y));
+        best
+    }
+}
+
+impl Method for Agents {
+    fn needs(&self) -> Needs {
+        Needs { masks: true, pictures: false, empty_scene: false }
+    }
+
+    fn step(&mut self, moment: &Moment<'_>) -> Result<Vec<PersonEstimate>> {
+        let (sent, neighbours) = (&self.sent, &self.neighbours);
+        let step = |(i, station): (usize, &mut AgentStation)| {
+            let heard: Vec<Packet> = neighbours[i].iter().filter_map(|j| sent.get(*j).cloned()).collect();
+            station.step(moment.frame, moment.time_s, &moment.cameras[i], &heard).map(|(_, packet)| packet)
+        };
+        let packets = self.stations.par_iter_mut().enumerate().map(step).collect::<Result<Vec<Packet>>>()?;
+        self.sent = packets;
+        let agencies = self.agencies();
+        let bodies: Vec<Body> = agencies.iter().map(|b| body(b.position, b.height_m)).collect();
+        let visible = visible_fractions(&self.views, &bodies);
+        Ok(agencies.iter().zip(visible).map(|(belief, visible)| estimate(belief, visible)).collect())
+    }
+}
+
+/// The body of somebody of average width.
+fn body(position: Point2<f64>, height_m: f64) -> Body {
+    Body { x_m: position.x, y_m: position.y, height_m, ..Body::ADULT }
+}
+
+fn estimate(belief: &Belief, visible: Vec<f64>) -> PersonEstimate {
+    let sigma_m = |axis: usize| belief.covariance[(axis, axis)].sqrt();
+    PersonEstimate {
+        id: TrackId(belief.target.0),
+        x_m: belief.position.x,
+        y_m: belief.position.y,
+        z_m: 0.0,
+        radius_m: Body::ADULT.radius_m,
+        height_m: belief.height_m,
+        vx: belief.velocity.x,
+        vy: belief.velocity.y,
+        sigma_m: [sigma_m(0), sigma_m(1)],
+        confidence: belief.confidence,
+        visible,
+    }
+}
