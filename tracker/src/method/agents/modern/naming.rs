@@ -9,6 +9,7 @@
 
 use super::super::{StationId, TargetId};
 use super::ModernOptions;
+use super::existence;
 use super::peer::{Claim, Peer};
 use super::people::People;
 
@@ -86,11 +87,7 @@ fn take_name(people: &mut People, here: usize, claim: &Claim, options: &ModernOp
     match people.index_of(claim.theirs) {
         None => people[here].identity.target = claim.theirs,
         Some(other) if people[other].is_lost(options.birth_s) => {
-            // One person: the looks of both.
-            let mut learnt = people[other].identity.learnt;
-            learnt.merge(&people[here].identity.learnt);
-            people[here].identity.target = claim.theirs;
-            people[here].identity.learnt = learnt;
+            existence::take_over(people, here, other);
             people.remove(other);
         }
         Some(other) => people.exchange(here, other),

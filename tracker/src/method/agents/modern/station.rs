@@ -8,12 +8,13 @@ use super::super::{
 use super::ModernOptions;
 use super::assignment::{Assignment, Pair};
 use super::existence::{self, Measured, Watch};
+use super::identity::{self, Meetings};
 use super::measurement::{self, LARGEST_TARGET, Measurement};
 use super::nursery::Nursery;
 use super::peer::{Claim, Peer};
 use super::people::{People, bits};
 use super::person::{LEARNT, Person};
-use super::{identity, naming};
+use super::naming;
 
 /// Oldest and newest reports that are used, seconds before now.
 const AGE_RANGE_S: (f64, f64) = (-0.5, 1.0);
@@ -31,6 +32,7 @@ pub struct Modern {
     people: People,
     peers: Vec<Peer>,
     nursery: Nursery,
+    meetings: Meetings,
     started_s: Option<f64>,
     now_s: f64,
     reviewed_s: f64,
@@ -72,6 +74,7 @@ impl Modern {
             people: People::default(),
             peers: vec![Peer::default(); usize::from(stations)],
             nursery: Nursery::default(),
+            meetings: Meetings::default(),
             started_s: None,
             now_s: 0.0,
             reviewed_s: f64::NEG_INFINITY,
@@ -254,7 +257,7 @@ impl Modern {
             let index =
                 if let Some((lost, others)) = existence::find_lost(&self.people, &newcomer, &self.options) {
                     self.people[lost].move_to(&newcomer.measurement);
-                    existence::put_in_question(&mut self.people, lost, others);
+                    identity::put_in_question(&mut self.people, lost, others);
                     self.people[lost].evidence = newcomer.looks;
                     Some(lost)
                 } else {
@@ -390,7 +393,7 @@ impl Rule for Modern {
             person.agent = None;
         }
 
-        identity::note_meetings(&mut self.people, self.options.meet_m);
+        self.meetings.note(&mut self.people, now_s, &self.options);
         existence::set_twins_aside(&mut self.people, &self.measured, self.fields.as_ref(), dt, &self.options);
         self.welcome();
         let packet = self.packet(sightings.is_usable);
