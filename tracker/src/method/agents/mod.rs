@@ -10,12 +10,14 @@
 //! * [`Packet`] — what a station tells the others at one moment.
 //! * [`Rule`] — from sightings and packets to agents, by one of two rules.
 //! * [`modern`] — the rule that is used unless another is asked for.
+//! * [`simulate`] — simulated stations and people, to compare rules.
 
 mod looks;
 pub mod modern;
 mod packet;
 mod rule;
 mod sighting;
+pub mod simulate;
 
 pub use looks::{Colour, Looks};
 pub use packet::{AgentId, MediatorMessage, Packet, Report, StationId, TargetId};
