@@ -194,7 +194,7 @@ fn find_young(people: &People, gone: usize) -> Option<usize> {
             && p.identity.target > old.identity.target
             && p.missed_s < 0.3
             && p.is_learnt()
-            && (p.motion.position - old.motion.position).norm() <= 3.0 + WALK_M_S * p.age_s
+            && (p.motion.position - old.motion.position).norm() <= 2.0 * WALK_M_S * (p.age_s + 2.0)
     };
     let likely = people.iter().enumerate().filter(|(i, p)| *i != gone && is_young(p));
     likely
@@ -202,6 +202,22 @@ fn find_young(people: &People, gone: usize) -> Option<usize> {
         .filter(|(_, distance)| *distance <= LOOKS_ALIKE / 2.0)
         .min_by(|a, b| a.1.total_cmp(&b.1))
         .map(|(i, _)| i)
+}
+
+/// Gives somebody the id of a body that follows somebody else now: by looks the body is not whom its id says, and
+/// somebody taken for new is.
+pub(super) fn reclaim(people: &mut People) {
+    for i in 0..people.len() {
+        if people[i].is_misfit
+            && let Some(young) = find_young(people, i)
+        {
+            people.exchange(i, young);
+            people.be_sure(i);
+            people.be_sure(young);
+            people[i].identity.learnt = people[i].evidence;
+            people[i].is_misfit = false;
+        }
+    }
 }
 
 /// Gives somebody the id of another, who is the same person and goes.

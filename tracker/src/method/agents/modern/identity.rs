@@ -68,6 +68,7 @@ impl Meetings {
 /// Gives each body the identity of the best permutation, where it is better than what is by the margin; and where there
 /// is no doubt about a body, its looks are learnt.
 pub(super) fn decide(people: &mut People, assignment: &mut Assignment, options: &ModernOptions) {
+    question_misfits(people, options);
     let mut in_doubt: u64 = 0;
     let mut is_suspicious = false;
     for (i, person) in people.iter().enumerate() {
@@ -84,6 +85,25 @@ pub(super) fn decide(people: &mut People, assignment: &mut Assignment, options: 
     }
     for i in bits(in_doubt) {
         learn(people, i);
+    }
+}
+
+/// Puts bodies in question whose looks are not those of their identity though they met nobody: what they may have met is
+/// somebody whom nobody followed at that time.
+fn question_misfits(people: &mut People, options: &ModernOptions) {
+    for i in 0..people.len() {
+        let own = people[i].log_likelihood(&people[i].identity);
+        people[i].is_misfit = own < -options.margin_nats && people[i].evidence.weight >= ENOUGH_LOOKS;
+        if !people[i].is_misfit {
+            continue;
+        }
+        for j in 0..people.len() {
+            let is_better = people[j].is_learnt()
+                && people[i].log_likelihood(&people[j].identity) - own > options.margin_nats;
+            if is_better {
+                people.suspect(i, j);
+            }
+        }
     }
 }
 

@@ -127,6 +127,15 @@ impl People {
         }
     }
 
+    /// Lets a body perhaps be somebody else, and the other way around, however unlikely.
+    pub(super) fn suspect(&mut self, i: usize, j: usize) {
+        for (a, b) in [(i, j), (j, i)] {
+            let person = &mut self.list[a];
+            person.may_be |= 1 << b;
+            person.prior[b] = person.prior[b].max(IMPOSSIBLE);
+        }
+    }
+
     /// Takes the looks since the last meeting into the prior.
     fn fold(&mut self, index: usize) {
         if self.list[index].may_be != 1 << index && self.list[index].evidence.weight >= 0.5 {

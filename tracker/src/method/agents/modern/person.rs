@@ -39,6 +39,8 @@ pub(super) struct Person {
     pub(super) evidence: MeanLook,
     /// People who were told from this one in one packet, now.
     pub(super) measured_with: u64,
+    /// Whether its looks lately are not those of its identity.
+    pub(super) is_misfit: bool,
     /// Time since it is known, seconds.
     pub(super) age_s: f64,
     /// Time since anybody measured this body, seconds.
@@ -73,6 +75,7 @@ impl Person {
             height_m: measurement.height_m,
             evidence: MeanLook::none(),
             measured_with: 0,
+            is_misfit: false,
             age_s: 0.0,
             missed_s: 0.0,
             unseen_s: f64::INFINITY,
@@ -125,7 +128,7 @@ impl Person {
         self.overdue_s = 0.0;
         if let (Some(signature), false) = (&measurement.signature, measurement.is_crowded) {
             self.evidence.add(signature, look_weight);
-            if self.may_be.is_power_of_two() {
+            if self.may_be.is_power_of_two() && !self.is_misfit {
                 self.identity.learnt.add(signature, look_weight);
             }
         }
