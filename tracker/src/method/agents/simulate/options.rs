@@ -12,7 +12,7 @@ pub enum Layout {
     Sequence,
     /// Four people walk side by side for 2.5 s; one of them stays and meets two others.
     Along,
-    /// Any number of people walk to and fro in the hall between the stations.
+    /// Any number of people walk from spot to spot in the hall between the stations.
     Hall,
     /// Any number of people walk along a corridor that closes to a ring, with the stations along it.
     Corridor,
@@ -102,6 +102,7 @@ impl Options {
         Self {
             stations: 8,
             people: 20,
+            seconds: 30.0,
             loss: 0.2,
             attribute_gap: 0.03,
             has_partial_views: true,

@@ -1,14 +1,16 @@
 //! One trial's people: where they walk and what they look like.
 
+use std::f64::consts::TAU;
+use std::ops::Range;
 use std::sync::Arc;
 
 use nalgebra::{Point2, Vector2, point, vector};
-use rand::seq::SliceRandom;
+use rand::seq::{IndexedRandom, SliceRandom};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 use super::site::{HALF_WIDTH_M, HALL_RADIUS_M, is_crossed};
-use super::{Layout, Options, Site, layout};
+use super::{Layout, Options, Site, Wall, layout};
 
 /// People nearer than this cannot be told apart: the paper's radius of tracking, metres.
 pub const CLOSE_M: f64 = 1.0;
@@ -19,6 +21,12 @@ const JITTER: f64 = 0.15;
 /// Any number of people stand apart from each other for this long before they walk, seconds: the paper's stations know
 /// everybody at the beginning, and these have to get to know them.
 const STANDING_S: f64 = 4.0;
+/// In a hall nobody sets out any more for this long before the end, seconds: as in the layouts of six, meetings are over.
+const LAST_WALK_S: f64 = 10.0;
+/// Lengths of the ways in a hall, metres.
+const WALK_M: Range<f64> = 3.0..8.0;
+/// Rests between them, seconds.
+const REST_S: Range<f64> = 0.5..2.0;
 
 /// One trial: the site, and people on their ways.
 #[derive(Debug, Clone)]
@@ -49,7 +57,8 @@ impl World {
         world.attributes = attributes(options, &mut rng);
         world.paths = match layout::place(options.layout) {
             Some(place) => jittered(place, options, &mut rng),
-            None => walks(options, site, &mut rng),
+            None if options.layout == Layout::Corridor => along_corridor(options, site.radius_m, &mut rng),
+            None => in_hall(options, &site.walls, &mut rng),
         };
         world
     }
@@ -128,41 +137,111 @@ fn jittered(
         .collect()
 }
 
-/// Ways of any number of people: straight from one place to the next, at a speed of one's own.
-fn walks(options: &Options, site: &Site, rng: &mut impl Rng) -> Vec<Vec<Point2<f64>>> {
-    let mut starts: Vec<Point2<f64>> = Vec::new();
-    // People who cannot find a place of their own in so many tries begin near others.
-    const TRIES: usize = 1000;
-    for _ in 0..options.people {
-        let mut start = anywhere(options, site, rng);
-        for _ in 0..TRIES {
-            if starts.iter().all(|other| (other - start).norm() > 1.5 * CLOSE_M) {
-                break;
+/// Ways along a corridor: straight from one place to the next, without end, at a speed of one's own.
+fn along_corridor(options: &Options, radius_m: f64, rng: &mut impl Rng) -> Vec<Vec<Point2<f64>>> {
+    let on_ring = |angle: f64, rng: &mut dyn Rng| {
+        let radius = radius_m + rng.random_range(-HALF_WIDTH_M..HALF_WIDTH_M);
+        point![radius * angle.cos(), radius * angle.sin()]
+    };
+    let anywhere = |rng: &mut dyn Rng| on_ring(rng.random_range(0.0..TAU), rng);
+    let mut walkers: Vec<Walker> = apart_from_each_other(options.people, rng, anywhere)
+        .into_iter()
+        .map(|place| Walker { place, goal: place, speed: walking_speed(rng) })
+        .collect();
+    let mut senses: Vec<f64> =
+        walkers.iter().map(|_| if rng.random_bool(0.5) { 1.0 } else { -1.0 }).collect();
+    frame_by_frame(options, |_| {
+        for (walker, sense) in walkers.iter_mut().zip(&mut senses) {
+            if walker.place == walker.goal {
+                if rng.random_bool(0.1) {
+                    *sense = -*sense;
+                }
+                let on = *sense * rng.random_range(3.0..8.0) / radius_m;
+                walker.goal = on_ring(walker.place.y.atan2(walker.place.x) + on, rng);
             }
-            start = anywhere(options, site, rng);
+            walker.walk(1.0 / options.rate_hz);
         }
-        starts.push(start);
-    }
-    let mut walkers: Vec<Walker> = starts.into_iter().map(|start| Walker::new(start, rng)).collect();
-    (0..options.frames())
-        .map(|frame| {
-            let places = walkers.iter().map(|walker| walker.place).collect();
-            if frame as f64 >= STANDING_S * options.rate_hz {
-                walkers.iter_mut().for_each(|w| w.walk(1.0 / options.rate_hz, options, site, rng));
-            }
-            places
-        })
-        .collect()
+        walkers.iter().map(|walker| walker.place).collect()
+    })
 }
 
-/// A place where people walk, metres.
-fn anywhere(options: &Options, site: &Site, rng: &mut impl Rng) -> Point2<f64> {
-    let angle = rng.random_range(0.0..std::f64::consts::TAU);
-    let radius = match options.layout {
-        Layout::Corridor => site.radius_m + rng.random_range(-HALF_WIDTH_M..HALF_WIDTH_M),
-        _ => 0.7 * HALL_RADIUS_M * rng.random_range(0.0..1.0f64).sqrt(),
+/// Ways in a hall: from one spot to another that is free, with a rest at each; the last rest lasts until the end. Spots are
+/// apart from each other, and no way crosses a wall.
+fn in_hall(options: &Options, walls: &[Wall], rng: &mut impl Rng) -> Vec<Vec<Point2<f64>>> {
+    let count = options.people;
+    let anywhere = |rng: &mut dyn Rng| {
+        let (angle, radius) = (rng.random_range(0.0..TAU), rng.random_range(0.0..1.0f64).sqrt());
+        point![angle.cos(), angle.sin()] * (radius * 0.8 * HALL_RADIUS_M)
     };
-    point![radius * angle.cos(), radius * angle.sin()]
+    let spots = apart_from_each_other(count + count / 2, rng, anywhere);
+    let mut taken: Vec<usize> = (0..count).collect();
+    let mut walkers: Vec<Walker> = spots[..count]
+        .iter()
+        .map(|place| Walker { place: *place, goal: *place, speed: walking_speed(rng) })
+        .collect();
+    let mut rest_until_s = vec![STANDING_S; count];
+    frame_by_frame(options, |time_s| {
+        for person in 0..count {
+            let walker = &mut walkers[person];
+            let is_resting = walker.place == walker.goal;
+            if is_resting && time_s >= rest_until_s[person] && time_s < options.seconds - LAST_WALK_S {
+                let is_free = |spot: &usize| {
+                    let distance = (spots[*spot] - walker.place).norm();
+                    !taken.contains(spot)
+                        && WALK_M.contains(&distance)
+                        && !walls.iter().any(|wall| is_crossed(wall, walker.place, spots[*spot]))
+                };
+                let free: Vec<usize> = (0..spots.len()).filter(is_free).collect();
+                if let Some(spot) = free.choose(rng) {
+                    (taken[person], walker.goal) = (*spot, spots[*spot]);
+                }
+            }
+            if walker.place != walker.goal {
+                walker.walk(1.0 / options.rate_hz);
+                rest_until_s[person] = time_s + rng.random_range(REST_S);
+            }
+        }
+        walkers.iter().map(|walker| walker.place).collect()
+    })
+}
+
+/// Places at each frame; people stand still at first.
+fn frame_by_frame(options: &Options, mut walk: impl FnMut(f64) -> Vec<Point2<f64>>) -> Vec<Vec<Point2<f64>>> {
+    let mut paths: Vec<Vec<Point2<f64>>> = Vec::with_capacity(options.frames());
+    for frame in 0..options.frames() {
+        let time_s = frame as f64 / options.rate_hz;
+        let places = match paths.last() {
+            Some(last) if time_s < STANDING_S => last.clone(),
+            _ => walk(time_s),
+        };
+        paths.push(places);
+    }
+    paths
+}
+
+/// Random places at least 1.5 m apart; those that find no room in many tries are near others.
+fn apart_from_each_other(
+    count: usize,
+    rng: &mut impl Rng,
+    mut anywhere: impl FnMut(&mut dyn Rng) -> Point2<f64>,
+) -> Vec<Point2<f64>> {
+    const TRIES: usize = 1000;
+    let mut places: Vec<Point2<f64>> = Vec::new();
+    for _ in 0..count {
+        let mut place = anywhere(rng);
+        for _ in 0..TRIES {
+            if places.iter().all(|other| (other - place).norm() > 1.5 * CLOSE_M) {
+                break;
+            }
+            place = anywhere(rng);
+        }
+        places.push(place);
+    }
+    places
+}
+
+fn walking_speed(rng: &mut impl Rng) -> f64 {
+    layout::SPEED * rng.random_range(0.8..1.2)
 }
 
 /// Somebody who walks from one place to the next.
@@ -170,48 +249,14 @@ struct Walker {
     place: Point2<f64>,
     goal: Point2<f64>,
     speed: f64,
-    /// Sense in which the person goes around a corridor.
-    sense: f64,
 }
 
 impl Walker {
-    fn new(place: Point2<f64>, rng: &mut impl Rng) -> Self {
-        let sense = if rng.random_bool(0.5) { 1.0 } else { -1.0 };
-        Self { place, goal: place, speed: layout::SPEED * rng.random_range(0.7..1.2), sense }
-    }
-
-    fn walk(&mut self, seconds: f64, options: &Options, site: &Site, rng: &mut impl Rng) {
-        let mut length = self.speed * seconds;
-        let mut way = self.goal - self.place;
-        if way.norm() <= length {
-            length -= way.norm();
-            self.place = self.goal;
-            self.goal = self.next_goal(options, site, rng);
-            way = self.goal - self.place;
-        }
-        if way.norm() > 1e-9 {
-            self.place += way.normalize() * length;
-        }
-    }
-
-    /// Somewhere else, in a straight line that crosses no wall.
-    fn next_goal(&mut self, options: &Options, site: &Site, rng: &mut impl Rng) -> Point2<f64> {
-        if options.layout == Layout::Corridor {
-            if rng.random_bool(0.1) {
-                self.sense = -self.sense;
-            }
-            let on = self.sense * rng.random_range(3.0..8.0) / site.radius_m;
-            let angle = self.place.y.atan2(self.place.x) + on;
-            let radius = site.radius_m + rng.random_range(-HALF_WIDTH_M..HALF_WIDTH_M);
-            return point![radius * angle.cos(), radius * angle.sin()];
-        }
-        loop {
-            let goal = anywhere(options, site, rng);
-            let is_far = (goal - self.place).norm() > 3.0;
-            if is_far && !site.walls.iter().any(|wall| is_crossed(wall, self.place, goal)) {
-                return goal;
-            }
-        }
+    /// Walks towards the goal, and no further.
+    fn walk(&mut self, seconds: f64) {
+        let way = self.goal - self.place;
+        let length = self.speed * seconds;
+        self.place = if way.norm() <= length { self.goal } else { self.place + way.normalize() * length };
     }
 }
 
