@@ -7,13 +7,13 @@
 
 use nalgebra::{Matrix2, Point2};
 
-use super::{Looks, Restart, Sighting, Sightings};
+use super::{Followed, Looks, Restart, Sighting, Sightings};
 use crate::method::Method;
 use crate::method::mcmc::{Mcmc, McmcOptions, Measured};
 use crate::silhouette::visibility::{fraction, visible_parts};
 use crate::silhouette::{Body, Silhouette, View};
 use crate::stage::{Stage, resolution};
-use crate::{CameraFrame, Moment, Result};
+use crate::{CameraFrame, Moment, Result, TrackId};
 
 /// People nearer to each other than this on the floor may be taken for each other, metres.
 const CROWDED_M: f64 = 0.9;
@@ -71,6 +71,13 @@ impl ImageTracking {
         Ok(Sightings { time_s, people: people.collect(), is_usable: camera.mask.is_some() })
     }
 
+    /// Takes over the station's states of those whom it follows, as prediction of the next frame. Image tracks of nobody
+    /// among them end once they are out of sight.
+    pub fn follow(&mut self, followed: &[Followed]) {
+        let known = followed.iter().map(|f| (TrackId(f.track), f.mean, f.covariance));
+        self.sampler.follow(&known.collect::<Vec<_>>());
+    }
+
     fn sighting(
         &self,
         person: &Measured,
@@ -98,7 +105,10 @@ impl ImageTracking {
     /// Covariance of the errors of range at a place.
     fn range_error(&self, place: &Point2<f64>) -> Matrix2<f64> {
         let away = (place - self.view.center.xy()).try_normalize(0.0).unwrap_or_default();
-        away * away.transpose() * RANGE_SIGMA_M.powi(2)
+        let r: f64 = std::env::var("RANGE").ok().and_then(|v| v.parse().ok()).unwrap_or(RANGE_SIGMA_M);
+        let a: f64 = std::env::var("ACROSS").ok().and_then(|v| v.parse().ok()).unwrap_or(0.0);
+        let side = nalgebra::Vector2::new(-away.y, away.x);
+        away * away.transpose() * r.powi(2) + side * side.transpose() * a.powi(2)
     }
 
     /// Bodies of the people whom image tracking follows.

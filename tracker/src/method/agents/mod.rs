@@ -12,6 +12,7 @@
 //! * [`FieldOfView`] — which station should see whom; [`StageView`] by the room.
 //! * [`AgentStation`] — one station: all of these together.
 //! * [`Agents`] — all stations of a site in one process.
+//! * [`simulate`] — simulated stations and people, to compare rules.
 
 mod field_of_view;
 mod image_tracking;
@@ -21,6 +22,7 @@ mod options;
 mod packet;
 mod rule;
 mod sighting;
+pub mod simulate;
 mod station;
 mod system;
 
@@ -29,7 +31,7 @@ pub use image_tracking::ImageTracking;
 pub use looks::{Colour, Looks};
 pub use options::{AgentsOptions, RuleOptions};
 pub use packet::{AgentId, MediatorMessage, Packet, Report, StationId, TargetId};
-pub use rule::{Belief, FieldOfView, Restart, Rule, Step};
+pub use rule::{Belief, FieldOfView, Followed, Restart, Rule, Step};
 pub use sighting::{Sighting, Sightings};
 pub use station::AgentStation;
 pub use system::Agents;

@@ -1,6 +1,6 @@
 //! How a station's sightings and what it hears become agents.
 
-use nalgebra::{Matrix2, Point2, Vector2};
+use nalgebra::{Matrix2, Matrix4, Point2, Vector2, Vector4};
 
 use super::{AgentId, Packet, Sightings, StationId, TargetId};
 
@@ -13,6 +13,23 @@ pub trait Rule: Send {
     /// Everybody whom this station knows of after the last step, by ascending target: whom it sees, and whom it only
     /// hears of.
     fn people(&self) -> Vec<Belief>;
+
+    /// The station's own states of those whom its image tracks follow, by which image tracking looks for them in the next
+    /// frame; `None` for rules under which image tracks go their own way.
+    fn followed(&self) -> Option<Vec<Followed>> {
+        None
+    }
+}
+
+/// A station's state of somebody whom an image track follows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Followed {
+    /// The image track.
+    pub track: u32,
+    /// Place on the floor, metres, and velocity, m/s: x, y, vx, vy.
+    pub mean: Vector4<f64>,
+    /// Covariance of the mean.
+    pub covariance: Matrix4<f64>,
 }
 
 /// What follows from one moment at one station.

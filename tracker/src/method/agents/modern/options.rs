@@ -35,6 +35,9 @@ pub struct ModernOptions {
     pub memory_s: f64,
     /// Distance below which two people may be mistaken for each other, metres.
     pub meet_m: f64,
+    /// Factor of the covariances in the probability of mistaking people who meet: they turn and slow down there more than
+    /// elsewhere.
+    pub confusion: f64,
     /// Time for which a sighting that nobody's track takes has to last until it becomes a new person, seconds.
     pub birth_s: f64,
     /// Time for which a station that has just started listens before it gives ids, seconds.
@@ -63,14 +66,14 @@ impl Default for ModernOptions {
 }
 
 impl ModernOptions {
-    /// Options for the published simulation: errors independent from frame to frame, the attribute in ± 0.15 as hue of
-    /// three equal colours, on 180 degrees.
+    /// Options for the published simulation: errors independent from frame to frame; the attribute, ± 0.15, is the hue of
+    /// three equal colours of saturation 0.6, on 110 degrees.
     pub fn simulation() -> Self {
         Self {
             acceleration_m_s2: 1.5,
             correlation_s: 0.0,
             look_correlation_s: 0.0,
-            hue_noise_deg: 0.15 * 180.0 / 3f64.sqrt(),
+            hue_noise_deg: 0.6 * 110.0 * 0.15 / 3f64.sqrt(),
             value_noise: 0.25,
             height_noise_m: 0.1,
             independent_colours: 1.0,
@@ -79,6 +82,7 @@ impl ModernOptions {
             margin_nats: 8.0,
             memory_s: 6.0,
             meet_m: 1.0,
+            confusion: 2.0,
             birth_s: 1.0,
             listen_s: 1.0,
             death_s: 1.2,
@@ -101,6 +105,7 @@ impl ModernOptions {
             ("margin_nats", self.margin_nats),
             ("memory_s", self.memory_s),
             ("meet_m", self.meet_m),
+            ("confusion", self.confusion),
         ];
         for (name, value) in above_0 {
             if !(value > 0.0 && value.is_finite()) {
