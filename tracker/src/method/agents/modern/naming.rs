@@ -43,7 +43,9 @@ pub(super) fn settle(
         .iter()
         .enumerate()
         .flat_map(|(index, peer)| peer.claims.iter().map(move |c| (index, *c)))
-        .filter(|(_, c)| c.theirs != c.mine && c.lasting_s >= options.naming_s && now_s - c.made_s <= FRESH_S)
+        .filter(|(_, c)| {
+            c.theirs != c.mine && c.lasting_s >= options.naming_s.min(NEW_S) && now_s - c.made_s <= FRESH_S
+        })
         .map(|(index, claim)| Dispute { peer: StationId(index as u8), claim })
         .collect();
     // Stations take their decisions at different times, so that two never give way to each other at once.
@@ -63,15 +65,16 @@ pub(super) fn settle(
                         && is_outweighed(people, own, peer, &claim, 0.0)
             }
             Some(other) if people[other].is_lost(options.birth_s) => {
-                claim.lasting_s >= options.naming_s && (claim.theirs < claim.mine || is_used_there)
+                claim.lasting_s >= options.naming_s
+                    && (claim.theirs < claim.mine || is_used_there)
                     && people[here].log_likelihood(&people[other].identity)
                         - people[here].log_likelihood(&people[here].identity)
                         > -options.margin_nats
             }
             Some(other) => {
                 let gain = people.gain(here, other);
-                let gives_way = claim.lasting_s >= patience_s
-                    && is_outweighed(people, own, peer, &claim, gain);
+                let gives_way =
+                    claim.lasting_s >= patience_s && is_outweighed(people, own, peer, &claim, gain);
                 if claim.lasting_s >= patience_s {
                     restart(peers, &claim);
                 }

@@ -184,8 +184,7 @@ impl People {
         let looks_of = |k: usize| self.list[k].is_learnt();
         // Somebody whose looks nobody knows fits as well as the one whom the body is taken for.
         let compared = if looks_of(identity) { identity } else { body };
-        person.prior[identity].max(IMPOSSIBLE).ln()
-            + person.log_likelihood(&self.list[compared].identity)
+        person.prior[identity].max(IMPOSSIBLE).ln() + person.log_likelihood(&self.list[compared].identity)
     }
 
     /// What a pair of bodies gains in log-likelihood of their looks by exchanging their identities, nats.

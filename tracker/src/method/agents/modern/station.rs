@@ -10,11 +10,11 @@ use super::assignment::{Assignment, Pair};
 use super::existence::{self, Measured, Watch};
 use super::identity::{self, Meetings};
 use super::measurement::{self, LARGEST_TARGET, Measurement};
+use super::naming;
 use super::nursery::Nursery;
 use super::peer::{Claim, Peer};
 use super::people::{People, bits};
 use super::person::{LEARNT, Person};
-use super::naming;
 
 /// Oldest and newest reports that are used, seconds before now.
 const AGE_RANGE_S: (f64, f64) = (-0.5, 1.0);
