@@ -6,12 +6,17 @@
 
 use super::ModernOptions;
 use super::assignment::{Assignment, Pair};
-use super::people::{People, bits};
+use super::people::{MOST_PEOPLE, People, bits};
 
 /// Weight of looks since a meeting from which a body is compared with identities.
 const ENOUGH_LOOKS: f64 = 3.0;
 /// Time after which two people who meet again do so anew, seconds.
 const ANEW_S: f64 = 1.0;
+
+/// Distance beyond which nobody meets, however little is known of where they are, metres.
+const FARTHEST_M: f64 = 3.0;
+/// Probability of being mistaken for somebody as near as a meeting, however different the ways.
+const LEAST_CONFUSED: f64 = 0.002;
 
 /// Two bodies that are near each other.
 #[derive(Debug, Clone, Copy)]
@@ -36,14 +41,20 @@ impl Meetings {
             for j in 0..i {
                 let (a, b) = (&people[i], &people[j]);
                 let away = (a.motion.position - b.motion.position).norm_squared();
-                if away >= options.meet_m * options.meet_m {
+                if away >= FARTHEST_M * FARTHEST_M {
+                    continue;
+                }
+                let unsure_m: f64 =
+                    [a, b].iter().filter(|p| p.missed_s > 0.0).map(|p| p.motion.sigma_m()).sum();
+                if away >= (options.meet_m + unsure_m).powi(2) {
                     continue;
                 }
                 // The Bhattacharyya bound of the error of telling two normal distributions apart.
-                let confused = 0.5 * (-a.motion.distance(&b.motion) / (8.0 * options.confusion)).exp();
+                let bound = 0.5 * (-a.motion.distance(&b.motion) / (8.0 * options.confusion)).exp();
+                let confused = bound.max(LEAST_CONFUSED);
                 let meeting = self.between(a.serial, b.serial);
                 meeting.near_s = now_s;
-                if confused <= meeting.confused + 0.005 {
+                if confused < 1.2 * meeting.confused {
                     continue;
                 }
                 // Mixing by what is new and by what was before makes one mixing by `confused`.
@@ -68,53 +79,58 @@ impl Meetings {
 /// Gives each body the identity of the best permutation, where it is better than what is by the margin; and where there
 /// is no doubt about a body, its looks are learnt.
 pub(super) fn decide(people: &mut People, assignment: &mut Assignment, options: &ModernOptions) {
-    question_misfits(people, options);
-    let mut in_doubt: u64 = 0;
-    let mut is_suspicious = false;
-    for (i, person) in people.iter().enumerate() {
-        if person.may_be == 1 << i {
-            continue;
+    let mut is_known: u64 = 0;
+    for (i, person) in people.iter_mut().enumerate() {
+        if person.is_learnt() && person.evidence.weight >= ENOUGH_LOOKS {
+            is_known |= 1 << i;
         }
-        in_doubt |= person.may_be | 1 << i;
+    }
+    question_misfits(people, is_known, options);
+    let is_suspicious = bits(is_known).any(|i| {
         let own = people.log_fit(i, i);
-        is_suspicious |= person.evidence.weight >= ENOUGH_LOOKS
-            && bits(person.may_be).any(|j| people.log_fit(i, j) - own > options.margin_nats / 4.0);
-    }
+        let others = people[i].may_be & is_known & !(1 << i);
+        bits(others).any(|j| people.log_fit(i, j) - own > options.margin_nats / 4.0)
+    });
     if is_suspicious {
-        permute(people, assignment, in_doubt, options);
+        permute(people, assignment, is_known, options);
     }
-    for i in bits(in_doubt) {
+    for i in 0..people.len() {
         learn(people, i);
     }
 }
 
 /// Puts bodies in question whose looks are not those of their identity though they met nobody: what they may have met is
 /// somebody whom nobody followed at that time.
-fn question_misfits(people: &mut People, options: &ModernOptions) {
+fn question_misfits(people: &mut People, is_known: u64, options: &ModernOptions) {
+    /// Distance up to which two bodies may have been mistaken for each other a little while ago, metres.
+    const NEAR_M: f64 = 4.0;
     for i in 0..people.len() {
-        let own = people[i].log_likelihood(&people[i].identity);
-        people[i].is_misfit = own < -options.margin_nats && people[i].evidence.weight >= ENOUGH_LOOKS;
-        if !people[i].is_misfit {
+        people[i].is_misfit = false;
+        if is_known >> i & 1 == 0 {
             continue;
         }
-        for j in 0..people.len() {
-            let is_better = people[j].is_learnt()
-                && people[i].log_likelihood(&people[j].identity) - own > options.margin_nats;
-            if is_better {
+        let own = people[i].log_likelihood(&people[i].identity);
+        if own >= -options.margin_nats {
+            continue;
+        }
+        people[i].is_misfit = true;
+        for j in bits(is_known & !people[i].may_be) {
+            let away_m = (people[i].motion.position - people[j].motion.position).norm();
+            if away_m < NEAR_M && people[i].log_likelihood(&people[j].identity) - own > options.margin_nats {
                 people.suspect(i, j);
             }
         }
     }
 }
 
-/// Exchanges identities where the best permutation is better than what is by the margin.
-fn permute(people: &mut People, assignment: &mut Assignment, in_doubt: u64, options: &ModernOptions) {
+/// Exchanges identities along each cycle of the best permutation that is better than what is by the margin.
+fn permute(people: &mut People, assignment: &mut Assignment, is_known: u64, options: &ModernOptions) {
     /// Log-likelihood below the best at which nothing counts further: costs stay below those of no assignment.
     const LARGEST: f64 = 100.0;
     let mut pairs = Vec::new();
-    for i in bits(in_doubt) {
+    for i in bits(is_known) {
         let fits: Vec<(usize, f64)> =
-            bits(people[i].may_be | 1 << i).map(|j| (j, people.log_fit(i, j))).collect();
+            bits(people[i].may_be & is_known).map(|j| (j, people.log_fit(i, j))).collect();
         let best = fits.iter().map(|f| f.1).fold(f64::NEG_INFINITY, f64::max);
         pairs.extend(fits.iter().map(|(j, fit)| Pair {
             row: i,
@@ -122,15 +138,28 @@ fn permute(people: &mut People, assignment: &mut Assignment, in_doubt: u64, opti
             cost: (best - fit).min(LARGEST),
         }));
     }
-    let cost_now: f64 = pairs.iter().filter(|p| p.row == p.column).map(|p| p.cost).sum();
-    let chosen = assignment.solve(&pairs, people.len(), people.len());
-    let cost: f64 = chosen.iter().map(|p| p.cost).sum();
-    if chosen.len() != in_doubt.count_ones() as usize || cost_now - cost <= options.margin_nats {
-        return;
+    let mut gets = [usize::MAX; MOST_PEOPLE];
+    for pair in assignment.solve(&pairs, people.len(), people.len()) {
+        gets[pair.row] = pair.column;
     }
-    let changed: Vec<(usize, usize)> =
-        chosen.iter().filter(|p| p.row != p.column).map(|p| (p.row, p.column)).collect();
-    people.permute(&changed);
+    let mut left = is_known;
+    while left != 0 {
+        let first = left.trailing_zeros() as usize;
+        let (mut cycle, mut gain, mut body) = (Vec::new(), 0.0, first);
+        // A body that gets nobody's identity ends the walk: its identity stays where it is.
+        while body < people.len() && left >> body & 1 == 1 {
+            left &= !(1 << body);
+            let from = gets[body];
+            if from < people.len() {
+                gain += people.log_fit(body, from) - people.log_fit(body, body);
+                cycle.push((body, from));
+            }
+            body = from;
+        }
+        if body == first && cycle.len() > 1 && gain > options.margin_nats {
+            people.permute(&cycle);
+        }
+    }
 }
 
 /// Ends the doubt about a body where there is next to none left, and learns its looks.

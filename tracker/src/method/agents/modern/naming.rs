@@ -43,7 +43,9 @@ pub(super) fn settle(
         .iter()
         .enumerate()
         .flat_map(|(index, peer)| peer.claims.iter().map(move |c| (index, *c)))
-        .filter(|(_, c)| c.theirs != c.mine && c.lasting_s >= options.naming_s && now_s - c.made_s <= FRESH_S)
+        .filter(|(_, c)| {
+            c.theirs != c.mine && c.lasting_s >= options.naming_s.min(NEW_S) && now_s - c.made_s <= FRESH_S
+        })
         .map(|(index, claim)| Dispute { peer: StationId(index as u8), claim })
         .collect();
     // Stations take their decisions at different times, so that two never give way to each other at once.

@@ -67,13 +67,13 @@ impl Default for ModernOptions {
 
 impl ModernOptions {
     /// Options for the published simulation: errors independent from frame to frame; the attribute, ± 0.15, is the hue of
-    /// three equal colours of saturation 0.6, on 110 degrees.
+    /// three equal colours of saturation 1, on 180 degrees.
     pub fn simulation() -> Self {
         Self {
             acceleration_m_s2: 1.5,
             correlation_s: 0.0,
             look_correlation_s: 0.0,
-            hue_noise_deg: 0.6 * 110.0 * 0.15 / 3f64.sqrt(),
+            hue_noise_deg: 0.15 * 180.0 / 3f64.sqrt(),
             value_noise: 0.25,
             height_noise_m: 0.1,
             independent_colours: 1.0,
