@@ -132,19 +132,7 @@ impl RunArgs {
             MethodName::Agents => {
                 let mut sampler = self.sampler.options(self.seed)?;
                 sampler.max_people = self.most_people.unwrap_or(sampler.max_people);
-                let e = |n: &str, d: f64| std::env::var(n).ok().and_then(|v| v.parse().ok()).unwrap_or(d);
-                let d = ModernOptions::default();
-                let rule = RuleOptions::Modern(ModernOptions {
-                    correlation_s: e("CORR", d.correlation_s),
-                    acceleration_m_s2: e("ACC", d.acceleration_m_s2),
-                    birth_s: e("BIRTH", d.birth_s),
-                    listen_s: e("LISTEN", d.listen_s),
-                    death_s: e("DEATH", d.death_s),
-                    naming_s: e("NAMING", d.naming_s),
-                    gate: e("GATE", d.gate),
-                    hue_noise_deg: e("HUE", d.hue_noise_deg),
-                    ..d
-                });
+                let rule = RuleOptions::Modern(ModernOptions::default());
                 Box::new(Agents::new(stage.clone(), &AgentsOptions { sampler, rule })?)
             }
             MethodName::Condensation => {

@@ -21,7 +21,7 @@ const CROWDED_M: f64 = 0.9;
 const COVERED: f64 = 0.1;
 /// Standard deviation of errors along the line of sight that last for seconds, metres: a stride, a bent back and hidden
 /// legs look like being nearer or farther.
-const RANGE_SIGMA_M: f64 = 0.2;
+const RANGE_SIGMA_M: f64 = 0.25;
 /// Only of whom a camera sees this part are colours taken.
 const LEAST_VISIBLE: f64 = 0.6;
 
@@ -105,10 +105,7 @@ impl ImageTracking {
     /// Covariance of the errors of range at a place.
     fn range_error(&self, place: &Point2<f64>) -> Matrix2<f64> {
         let away = (place - self.view.center.xy()).try_normalize(0.0).unwrap_or_default();
-        let r: f64 = std::env::var("RANGE").ok().and_then(|v| v.parse().ok()).unwrap_or(RANGE_SIGMA_M);
-        let a: f64 = std::env::var("ACROSS").ok().and_then(|v| v.parse().ok()).unwrap_or(0.0);
-        let side = nalgebra::Vector2::new(-away.y, away.x);
-        away * away.transpose() * r.powi(2) + side * side.transpose() * a.powi(2)
+        away * away.transpose() * RANGE_SIGMA_M.powi(2)
     }
 
     /// Bodies of the people whom image tracking follows.

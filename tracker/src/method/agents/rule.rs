@@ -75,6 +75,11 @@ pub trait FieldOfView: Send + Sync {
     /// by other people.
     fn visible(&self, station: StationId, place: Point2<f64>, height_m: f64) -> f64;
 
+    /// Whether somebody at this place may be on the way out of the room: who is no longer seen there has left.
+    fn may_leave(&self, _place: Point2<f64>) -> bool {
+        false
+    }
+
     /// Whether the fields of view of two stations overlap.
     fn overlap(&self, a: StationId, b: StationId) -> bool;
 }

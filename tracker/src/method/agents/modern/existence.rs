@@ -255,6 +255,9 @@ fn look_for(person: &Person, watch: &Watch) -> View {
         }
         best
     };
+    if watch.fields.may_leave(centre) {
+        return View::Plain;
+    }
     let at_centre = best_at(centre);
     if at_centre < PLAINLY_VISIBLE {
         return View::Hidden;

@@ -53,8 +53,10 @@ pub struct ModernOptions {
 impl Default for ModernOptions {
     fn default() -> Self {
         Self {
-            acceleration_m_s2: 1.5,
-            correlation_s: 0.5,
+            // People in rooms turn within a step; image tracking tells the lasting part of its errors in its covariance, and
+            // only of people whom it believes in.
+            acceleration_m_s2: 2.5,
+            birth_s: 0.1,
             look_correlation_s: 1.0,
             hue_noise_deg: 20.0,
             value_noise: 0.25,

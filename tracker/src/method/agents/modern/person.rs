@@ -55,6 +55,8 @@ pub(super) struct Person {
     pub(super) twin_s: f64,
     /// Time for which it has been set aside as one too many, seconds; `None`: it is followed.
     pub(super) spare_s: Option<f64>,
+    /// Time for which somebody whom this station alone sees seems to be another whom others see, seconds.
+    pub(super) contradicted_s: f64,
     /// Time since image tracking was asked to look for it, seconds.
     pub(super) asked_s: f64,
     /// Image track of this station that follows it, seen now or not.
@@ -85,6 +87,7 @@ impl Person {
             overdue_s: 0.0,
             twin_s: 0.0,
             spare_s: None,
+            contradicted_s: 0.0,
             asked_s: f64::INFINITY,
             track: None,
             agent: None,

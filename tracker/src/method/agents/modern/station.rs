@@ -8,6 +8,7 @@ use super::super::{
 };
 use super::ModernOptions;
 use super::assignment::{Assignment, Pair};
+use super::contradiction;
 use super::existence::{self, Measured, Watch};
 use super::identity::{self, Meetings};
 use super::measurement::{self, LARGEST_TARGET, Measurement};
@@ -297,6 +298,14 @@ impl Modern {
                 self.scratch.watching.push(StationId(index as u8));
             }
         }
+        contradiction::settle(
+            &mut self.people,
+            &self.seen,
+            self.fields.as_ref(),
+            self.station,
+            &self.scratch.watching,
+            dt,
+        );
         let watch = Watch {
             fields: self.fields.as_ref(),
             watching: &self.scratch.watching,
