@@ -3,7 +3,8 @@
 //! Each station gives its own ids, and may carry an id on with the wrong body. Where a peer measures for some time under
 //! one id whom this station knows under another, one of the two gives way, and both find the same one:
 //!
-//! * the peer's id is nobody's here: the lower id, which is the older, stays;
+//! * the peer's id is nobody's here: the lower id, which is the older, stays; a station that only hears of a person goes
+//!   by those who see the person;
 //! * the peer's id is somebody else's here: whose looks fit better, and which of the two stations is surer; in doubt the
 //!   station with the lower number is right.
 
@@ -59,7 +60,8 @@ pub(super) fn settle(
                 // Ids just given have had no time to become somebody's.
                 let is_new = people[here].age_s < 5.0;
                 let enough_s = if is_new { options.naming_s.min(NEW_S) } else { options.naming_s };
-                claim.theirs < claim.mine && claim.lasting_s >= enough_s
+                let gives_way = claim.theirs < claim.mine || is_only_heard(people, peers, here, now_s);
+                gives_way && claim.lasting_s >= enough_s
                     || is_used_there
                         && claim.lasting_s >= patience_s
                         && is_outweighed(people, peers, own, &claim, 0.0, now_s)
@@ -101,6 +103,13 @@ fn take_name(people: &mut People, here: usize, claim: &Claim, options: &ModernOp
         }
         Some(other) => people.exchange(here, other),
     }
+}
+
+/// Whether nobody who sees a person gives it this station's id: neither the station itself nor a peer.
+fn is_only_heard(people: &People, peers: &[Peer], here: usize, now_s: f64) -> bool {
+    let mine = people[here].identity.target;
+    people[here].unseen_s > 1.0
+        && !peers.iter().flat_map(|p| &p.claims).any(|c| c.theirs == mine && now_s - c.made_s <= FRESH_S)
 }
 
 /// Whether the peer gives this station's id to somebody else.
