@@ -173,7 +173,7 @@ pub(super) fn remove_gone(people: &mut People, watch: &Watch, dt: f64, options: 
             }
         };
         if is_gone || people[i].spare_s.is_some_and(|s| s > SPARE_S) {
-            if let Some(young) = find_young(people, i) {
+            if let Some(young) = find_young(people, i, person_gone_s(&people[i])) {
                 take_over(people, young, i);
             }
             people.remove(i);
@@ -181,16 +181,22 @@ pub(super) fn remove_gone(people: &mut People, watch: &Watch, dt: f64, options: 
     }
 }
 
-/// Somebody who was taken for new not long ago, and is the one who goes by looks and place.
-fn find_young(people: &People, gone: usize) -> Option<usize> {
-    /// Time for which somebody is new, seconds.
-    const YOUNG_S: f64 = 20.0;
+/// Time since which somebody who goes may have been somewhere else, seconds.
+fn person_gone_s(person: &Person) -> f64 {
+    person.missed_s.max(person.spare_s.unwrap_or(0.0))
+}
+
+/// Somebody who was taken for new since a body followed nobody, or somebody else, and is by looks and place whom the body
+/// was taken for.
+fn find_young(people: &People, gone: usize, since_s: f64) -> Option<usize> {
+    /// Time that it takes to note that a body follows somebody else, seconds.
+    const NOTING_S: f64 = 4.0;
     let old = &people[gone];
     if !old.is_learnt() {
         return None;
     }
     let is_young = |p: &Person| {
-        p.age_s < YOUNG_S.min(old.age_s)
+        p.age_s < (since_s + NOTING_S).min(old.age_s)
             && p.identity.target > old.identity.target
             && p.missed_s < 0.3
             && p.is_learnt()
@@ -208,14 +214,14 @@ fn find_young(people: &People, gone: usize) -> Option<usize> {
 /// somebody taken for new is.
 pub(super) fn reclaim(people: &mut People) {
     for i in 0..people.len() {
-        if people[i].is_misfit
-            && let Some(young) = find_young(people, i)
+        if people[i].misfit_s > 0.0
+            && let Some(young) = find_young(people, i, people[i].misfit_s)
         {
             people.exchange(i, young);
             people.be_sure(i);
             people.be_sure(young);
             people[i].identity.learnt = people[i].evidence;
-            people[i].is_misfit = false;
+            people[i].misfit_s = 0.0;
         }
     }
 }

@@ -78,14 +78,14 @@ impl Meetings {
 
 /// Gives each body the identity of the best permutation, where it is better than what is by the margin; and where there
 /// is no doubt about a body, its looks are learnt.
-pub(super) fn decide(people: &mut People, assignment: &mut Assignment, options: &ModernOptions) {
+pub(super) fn decide(people: &mut People, assignment: &mut Assignment, dt: f64, options: &ModernOptions) {
     let mut is_known: u64 = 0;
     for (i, person) in people.iter_mut().enumerate() {
         if person.is_learnt() && person.evidence.weight >= ENOUGH_LOOKS {
             is_known |= 1 << i;
         }
     }
-    question_misfits(people, is_known, options);
+    question_misfits(people, is_known, dt, options);
     let is_suspicious = bits(is_known).any(|i| {
         let own = people.log_fit(i, i);
         let others = people[i].may_be & is_known & !(1 << i);
@@ -101,19 +101,22 @@ pub(super) fn decide(people: &mut People, assignment: &mut Assignment, options: 
 
 /// Puts bodies in question whose looks are not those of their identity though they met nobody: what they may have met is
 /// somebody whom nobody followed at that time.
-fn question_misfits(people: &mut People, is_known: u64, options: &ModernOptions) {
+fn question_misfits(people: &mut People, is_known: u64, dt: f64, options: &ModernOptions) {
+    /// Time after which somebody who is nobody else has changed looks, as by other light, seconds.
+    const CHANGED_S: f64 = 5.0;
     /// Distance up to which two bodies may have been mistaken for each other a little while ago, metres.
     const NEAR_M: f64 = 4.0;
     for i in 0..people.len() {
-        people[i].is_misfit = false;
-        if is_known >> i & 1 == 0 {
-            continue;
-        }
         let own = people[i].log_likelihood(&people[i].identity);
-        if own >= -options.margin_nats {
+        if is_known >> i & 1 == 0 || own >= -options.margin_nats {
+            people[i].misfit_s = 0.0;
             continue;
         }
-        people[i].is_misfit = true;
+        people[i].misfit_s += dt;
+        if people[i].misfit_s > CHANGED_S {
+            people[i].identity.learnt = people[i].evidence;
+            continue;
+        }
         for j in bits(is_known & !people[i].may_be) {
             let away_m = (people[i].motion.position - people[j].motion.position).norm();
             if away_m < NEAR_M && people[i].log_likelihood(&people[j].identity) - own > options.margin_nats {
@@ -156,10 +159,19 @@ fn permute(people: &mut People, assignment: &mut Assignment, is_known: u64, opti
             }
             body = from;
         }
-        if body == first && cycle.len() > 1 && gain > options.margin_nats {
+        if body == first && cycle.len() > 1 && gain > margin(people, &cycle, options) {
             people.permute(&cycle);
         }
     }
+}
+
+/// What a cycle of identities has to gain, nats. At first it is much, as looks from near a meeting may be of the other;
+/// later there is no more to wait for.
+fn margin(people: &People, cycle: &[(usize, usize)], options: &ModernOptions) -> f64 {
+    /// Time for which bodies have to be apart until half of the margin does, seconds.
+    const HALF_S: f64 = 3.0;
+    let apart_s = cycle.iter().map(|(body, _)| people[*body].apart_s).fold(f64::INFINITY, f64::min);
+    options.margin_nats * (HALF_S / (HALF_S + apart_s)).max(0.25)
 }
 
 /// Ends the doubt about a body where there is next to none left, and learns its looks.

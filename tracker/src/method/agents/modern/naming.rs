@@ -3,7 +3,8 @@
 //! Each station gives its own ids, and may carry an id on with the wrong body. Where a peer measures for some time under
 //! one id whom this station knows under another, one of the two gives way, and both find the same one:
 //!
-//! * the peer's id is nobody's here: the lower id, which is the older, stays;
+//! * the peer's id is nobody's here: the lower id, which is the older, stays; a station that only hears of a person goes
+//!   by those who see the person;
 //! * the peer's id is somebody else's here: whose looks fit better, and which of the two stations is surer; in doubt the
 //!   station with the lower number is right.
 
@@ -59,10 +60,11 @@ pub(super) fn settle(
                 // Ids just given have had no time to become somebody's.
                 let is_new = people[here].age_s < 5.0;
                 let enough_s = if is_new { options.naming_s.min(NEW_S) } else { options.naming_s };
-                claim.theirs < claim.mine && claim.lasting_s >= enough_s
+                let gives_way = claim.theirs < claim.mine || is_only_heard(people, peers, here, now_s);
+                gives_way && claim.lasting_s >= enough_s
                     || is_used_there
                         && claim.lasting_s >= patience_s
-                        && is_outweighed(people, own, peer, &claim, 0.0)
+                        && is_outweighed(people, peers, own, &claim, 0.0, now_s)
             }
             Some(other) if people[other].is_lost(options.birth_s) => {
                 claim.lasting_s >= options.naming_s
@@ -72,9 +74,10 @@ pub(super) fn settle(
                         > -options.margin_nats
             }
             Some(other) => {
-                let gain = people.gain(here, other);
+                let limit = 1.5 * options.margin_nats;
+                let gain = people.gain(here, other).clamp(-limit, limit);
                 let gives_way =
-                    claim.lasting_s >= patience_s && is_outweighed(people, own, peer, &claim, gain);
+                    claim.lasting_s >= patience_s && is_outweighed(people, peers, own, &claim, gain, now_s);
                 if claim.lasting_s >= patience_s {
                     restart(peers, &claim);
                 }
@@ -102,17 +105,39 @@ fn take_name(people: &mut People, here: usize, claim: &Claim, options: &ModernOp
     }
 }
 
+/// Whether nobody who sees a person gives it this station's id: neither the station itself nor a peer.
+fn is_only_heard(people: &People, peers: &[Peer], here: usize, now_s: f64) -> bool {
+    let mine = people[here].identity.target;
+    people[here].unseen_s > 1.0
+        && !peers.iter().flat_map(|p| &p.claims).any(|c| c.theirs == mine && now_s - c.made_s <= FRESH_S)
+}
+
 /// Whether the peer gives this station's id to somebody else.
 fn is_used(peer: &Peer, claim: &Claim, now_s: f64) -> bool {
     peer.claims.iter().any(|c| c.theirs == claim.mine && c.mine != claim.mine && now_s - c.made_s <= FRESH_S)
 }
 
-/// Whether looks, and how sure the peer and this station are, speak for the peer's id of a body; in doubt the station
-/// with the lower number is right, so that all come to agree with the lowest.
-fn is_outweighed(people: &People, own: StationId, peer: StationId, claim: &Claim, gain_nats: f64) -> bool {
+/// Whether looks, and the stations that call a body as the peer does, outweigh this station's own word; in doubt the
+/// station with the lower number is right, so that all come to agree with the lowest.
+fn is_outweighed(
+    people: &People,
+    peers: &[Peer],
+    own: StationId,
+    claim: &Claim,
+    gain_nats: f64,
+    now_s: f64,
+) -> bool {
     let own_certainty = people.index_of(claim.mine).map_or(0.0, |i| people.certainty(i));
-    let score = gain_nats + WORD_NATS * (claim.confidence - own_certainty);
-    if score.abs() < DOUBT_NATS { peer < own } else { score > 0.0 }
+    let mut score = gain_nats - WORD_NATS * own_certainty;
+    let mut first = own;
+    for (index, peer) in peers.iter().enumerate().rev() {
+        let same = |c: &&Claim| c.theirs == claim.theirs && c.mine == claim.mine;
+        if let Some(c) = peer.claims.iter().filter(same).find(|c| now_s - c.made_s <= FRESH_S) {
+            score += WORD_NATS * c.confidence;
+            first = first.min(StationId(index as u8));
+        }
+    }
+    if score.abs() < DOUBT_NATS { first < own } else { score > 0.0 }
 }
 
 /// Lets a claim prove itself anew.

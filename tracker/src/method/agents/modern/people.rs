@@ -125,6 +125,7 @@ impl People {
         for (index, own, other) in [(i, &a, &b), (j, &b, &a)] {
             let person = &mut self.list[index];
             person.may_be = 0;
+            person.apart_s = 0.0;
             for k in 0..MOST_PEOPLE {
                 let mixed = own[k] * (1.0 - probability) + other[k] * probability;
                 let kept = mixed >= IMPOSSIBLE || k == index;

@@ -39,8 +39,10 @@ pub(super) struct Person {
     pub(super) evidence: MeanLook,
     /// People who were told from this one in one packet, now.
     pub(super) measured_with: u64,
-    /// Whether its looks lately are not those of its identity.
-    pub(super) is_misfit: bool,
+    /// Time since it last met somebody, seconds.
+    pub(super) apart_s: f64,
+    /// Time for which its looks have not been those of its identity, seconds.
+    pub(super) misfit_s: f64,
     /// Time since it is known, seconds.
     pub(super) age_s: f64,
     /// Time since anybody measured this body, seconds.
@@ -79,7 +81,8 @@ impl Person {
             height_m: measurement.height_m,
             evidence: MeanLook::none(),
             measured_with: 0,
-            is_misfit: false,
+            apart_s: 0.0,
+            misfit_s: 0.0,
             age_s: 0.0,
             missed_s: 0.0,
             unseen_s: f64::INFINITY,
@@ -104,6 +107,7 @@ impl Person {
         self.evidence.fade(kept);
         self.measured_with = 0;
         self.age_s += dt;
+        self.apart_s += dt;
         self.missed_s += dt;
         self.unseen_s += dt;
         self.unheard_s += dt;
@@ -134,7 +138,7 @@ impl Person {
         self.overdue_s = 0.0;
         if let (Some(signature), false) = (&measurement.signature, measurement.is_crowded) {
             self.evidence.add(signature, look_weight);
-            if self.may_be.is_power_of_two() && !self.is_misfit {
+            if self.may_be.is_power_of_two() && self.misfit_s == 0.0 {
                 self.identity.learnt.add(signature, look_weight);
             }
         }

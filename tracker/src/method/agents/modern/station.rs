@@ -287,7 +287,7 @@ impl Modern {
 
     /// Settles who is who, and who has gone, `dt` seconds after the last time.
     fn review(&mut self, dt: f64, is_usable: bool) {
-        identity::decide(&mut self.people, &mut self.scratch.assignment, &self.options);
+        identity::decide(&mut self.people, &mut self.scratch.assignment, dt, &self.options);
         existence::reclaim(&mut self.people);
         self.scratch.watching.clear();
         if is_usable {
