@@ -3,7 +3,7 @@
 use nalgebra::{Point2, Point3};
 
 use super::{FieldOfView, StationId};
-use crate::stage::{Stage, StageCamera};
+use crate::stage::{Floor, Stage, StageCamera};
 
 /// Side of a cell of the floor, metres.
 const CELL_M: f64 = 0.25;
@@ -25,6 +25,8 @@ pub struct StageView {
     columns: usize,
     /// One map a camera, row by row, in 255ths; 0 where nobody can stand.
     visible: Vec<Vec<u8>>,
+    /// Zones by which people leave; `None` in a room without zones.
+    exits: Option<Floor>,
 }
 
 impl StageView {
@@ -47,7 +49,8 @@ impl StageView {
             };
             (0..columns * rows).map(cell).collect()
         };
-        Self { low, cell_m, columns, visible: stage.cameras.iter().map(map).collect() }
+        let exits = (!stage.zones.is_empty()).then(|| stage.floor.clone());
+        Self { low, cell_m, columns, visible: stage.cameras.iter().map(map).collect(), exits }
     }
 
     fn cell(&self, place: Point2<f64>) -> Option<usize> {
@@ -64,6 +67,10 @@ impl FieldOfView for StageView {
         let map = self.visible.get(usize::from(station.0));
         let cell = self.cell(place).and_then(|cell| map?.get(cell));
         cell.map_or(0.0, |part| f64::from(*part) / 255.0)
+    }
+
+    fn may_leave(&self, place: Point2<f64>) -> bool {
+        self.exits.as_ref().is_some_and(|floor| floor.may_disappear(place.x, place.y))
     }
 
     fn overlap(&self, a: StationId, b: StationId) -> bool {

@@ -7,13 +7,13 @@
 
 use nalgebra::{Matrix2, Point2};
 
-use super::{Looks, Restart, Sighting, Sightings};
+use super::{Followed, Looks, Restart, Sighting, Sightings};
 use crate::method::Method;
 use crate::method::mcmc::{Mcmc, McmcOptions, Measured};
 use crate::silhouette::visibility::{fraction, visible_parts};
 use crate::silhouette::{Body, Silhouette, View};
 use crate::stage::{Stage, resolution};
-use crate::{CameraFrame, Moment, Result};
+use crate::{CameraFrame, Moment, Result, TrackId};
 
 /// People nearer to each other than this on the floor may be taken for each other, metres.
 const CROWDED_M: f64 = 0.9;
@@ -21,7 +21,7 @@ const CROWDED_M: f64 = 0.9;
 const COVERED: f64 = 0.1;
 /// Standard deviation of errors along the line of sight that last for seconds, metres: a stride, a bent back and hidden
 /// legs look like being nearer or farther.
-const RANGE_SIGMA_M: f64 = 0.2;
+const RANGE_SIGMA_M: f64 = 0.25;
 /// Only of whom a camera sees this part are colours taken.
 const LEAST_VISIBLE: f64 = 0.6;
 
@@ -69,6 +69,13 @@ impl ImageTracking {
             self.sighting(person, &bodies, &whole, part, camera)
         });
         Ok(Sightings { time_s, people: people.collect(), is_usable: camera.mask.is_some() })
+    }
+
+    /// Takes over the station's states of those whom it follows, as prediction of the next frame. Image tracks of nobody
+    /// among them end once they are out of sight.
+    pub fn follow(&mut self, followed: &[Followed]) {
+        let known = followed.iter().map(|f| (TrackId(f.track), f.mean, f.covariance));
+        self.sampler.follow(&known.collect::<Vec<_>>());
     }
 
     fn sighting(

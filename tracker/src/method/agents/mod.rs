@@ -15,6 +15,7 @@
 //! * [`SoloStation`] — one station in a process of its own.
 //! * [`Overview`] — who tracks whom now, for a terminal.
 //! * [`AgencyRecord`] — figures of agents and agencies over time.
+//! * [`simulate`] — simulated stations and people, to compare rules.
 
 mod field_of_view;
 mod figures;
@@ -26,6 +27,7 @@ mod overview;
 mod packet;
 mod rule;
 mod sighting;
+pub mod simulate;
 mod solo;
 mod station;
 mod system;
@@ -37,7 +39,7 @@ pub use looks::{Colour, Looks};
 pub use options::{AgentsOptions, RuleOptions};
 pub use overview::Overview;
 pub use packet::{AgentId, MediatorMessage, Packet, Report, StationId, TargetId};
-pub use rule::{Belief, FieldOfView, Restart, Rule, Step};
+pub use rule::{Belief, FieldOfView, Followed, Restart, Rule, Step};
 pub use sighting::{Sighting, Sightings};
 pub use solo::SoloStation;
 pub use station::AgentStation;

@@ -1,6 +1,6 @@
 //! How a station's sightings and what it hears become agents.
 
-use nalgebra::{Matrix2, Point2, Vector2};
+use nalgebra::{Matrix2, Matrix4, Point2, Vector2, Vector4};
 
 use super::{AgentId, Packet, Sightings, StationId, TargetId};
 
@@ -13,6 +13,23 @@ pub trait Rule: Send {
     /// Everybody whom this station knows of after the last step, by ascending target: whom it sees, and whom it only
     /// hears of.
     fn people(&self) -> Vec<Belief>;
+
+    /// The station's own states of those whom its image tracks follow, by which image tracking looks for them in the next
+    /// frame; `None` for rules under which image tracks go their own way.
+    fn followed(&self) -> Option<Vec<Followed>> {
+        None
+    }
+}
+
+/// A station's state of somebody whom an image track follows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Followed {
+    /// The image track.
+    pub track: u32,
+    /// Place on the floor, metres, and velocity, m/s: x, y, vx, vy.
+    pub mean: Vector4<f64>,
+    /// Covariance of the mean.
+    pub covariance: Matrix4<f64>,
 }
 
 /// What follows from one moment at one station.
@@ -57,6 +74,11 @@ pub trait FieldOfView: Send + Sync {
     /// Fraction of a person at this place that a station sees, 0 to 1: cut by its image and by what the room hides, not
     /// by other people.
     fn visible(&self, station: StationId, place: Point2<f64>, height_m: f64) -> f64;
+
+    /// Whether somebody at this place may be on the way out of the room: who is no longer seen there has left.
+    fn may_leave(&self, _place: Point2<f64>) -> bool {
+        false
+    }
 
     /// Whether the fields of view of two stations overlap.
     fn overlap(&self, a: StationId, b: StationId) -> bool;

@@ -55,6 +55,12 @@ impl AgentStation {
         let sightings = self.tracking.track(frame, time_s, camera, &self.restarts)?;
         let step = self.rule.step(&sightings, heard);
         self.restarts = step.restarts;
+        if let Some(followed) = self.rule.followed() {
+            self.tracking.follow(&followed);
+        }
+        let unseen = self.rule.people().into_iter().filter(|person| person.agent.is_none());
+        self.restarts
+            .extend(unseen.map(|person| Restart { position: person.position, height_m: person.height_m }));
         Ok((sightings, step.packet))
     }
 

@@ -6,8 +6,8 @@ use super::super::{FieldOfView, StationId, TargetId};
 use super::ModernOptions;
 use super::measurement::Measurement;
 use super::nursery::Newcomer;
-use super::people::{People, bits};
-use super::person::Person;
+use super::people::People;
+use super::person::{Identity, Person};
 
 /// Fraction of a person that a station has to see so that it should measure the person.
 pub(super) const PLAINLY_VISIBLE: f64 = 0.6;
@@ -173,9 +173,68 @@ pub(super) fn remove_gone(people: &mut People, watch: &Watch, dt: f64, options: 
             }
         };
         if is_gone || people[i].spare_s.is_some_and(|s| s > SPARE_S) {
+            if let Some(young) = find_young(people, i, person_gone_s(&people[i])) {
+                take_over(people, young, i);
+            }
             people.remove(i);
         }
     }
+}
+
+/// Time since which somebody who goes may have been somewhere else, seconds.
+fn person_gone_s(person: &Person) -> f64 {
+    person.missed_s.max(person.spare_s.unwrap_or(0.0))
+}
+
+/// Somebody who was taken for new since a body followed nobody, or somebody else, and is by looks and place whom the body
+/// was taken for.
+fn find_young(people: &People, gone: usize, since_s: f64) -> Option<usize> {
+    /// Time that it takes to note that a body follows somebody else, seconds.
+    const NOTING_S: f64 = 4.0;
+    let old = &people[gone];
+    if !old.is_learnt() {
+        return None;
+    }
+    let is_young = |p: &Person| {
+        p.age_s < (since_s + NOTING_S).min(old.age_s)
+            && p.identity.target > old.identity.target
+            && p.missed_s < 0.3
+            && p.is_learnt()
+            && (p.motion.position - old.motion.position).norm() <= 2.0 * WALK_M_S * (p.age_s + 2.0)
+    };
+    let likely = people.iter().enumerate().filter(|(i, p)| *i != gone && is_young(p));
+    likely
+        .map(|(i, p)| (i, p.identity.learnt.mean_distance(&old.identity.learnt)))
+        .filter(|(_, distance)| *distance <= LOOKS_ALIKE / 2.0)
+        .min_by(|a, b| a.1.total_cmp(&b.1))
+        .map(|(i, _)| i)
+}
+
+/// Gives somebody the id of a body that follows somebody else now: by looks the body is not whom its id says, and
+/// somebody taken for new is.
+pub(super) fn reclaim(people: &mut People) {
+    for i in 0..people.len() {
+        if people[i].misfit_s > 0.0
+            && let Some(young) = find_young(people, i, people[i].misfit_s)
+        {
+            people.exchange(i, young);
+            people.be_sure(i);
+            people.be_sure(young);
+            people[i].identity.learnt = people[i].evidence;
+            people[i].misfit_s = 0.0;
+        }
+    }
+}
+
+/// Gives somebody the id of another, who is the same person and goes.
+pub(super) fn take_over(people: &mut People, person: usize, gone: usize) {
+    let mut learnt = people[gone].identity.learnt;
+    learnt.merge(&people[person].identity.learnt);
+    let target = people[gone].identity.target;
+    // The other has to have some id until it is removed.
+    people[gone].identity.target = people[person].identity.target;
+    people[person].identity = Identity { target, learnt };
+    people[person].age_s = people[gone].age_s;
 }
 
 /// How somebody whom nobody measures should be seen.
@@ -202,6 +261,9 @@ fn look_for(person: &Person, watch: &Watch) -> View {
         }
         best
     };
+    if watch.fields.may_leave(centre) {
+        return View::Plain;
+    }
     let at_centre = best_at(centre);
     if at_centre < PLAINLY_VISIBLE {
         return View::Hidden;
@@ -262,13 +324,5 @@ pub(super) fn find_restarts(
                 ask(person);
             }
         }
-    }
-}
-
-/// Notes who may be whom, for somebody found again and those who may be meant as well.
-pub(super) fn put_in_question(people: &mut People, index: usize, others: u64) {
-    let all = others | 1 << index;
-    for i in bits(all) {
-        people[i].met |= all & !(1 << i);
     }
 }

@@ -46,7 +46,7 @@ pub(super) struct Measurement {
     pub(super) track: u32,
 }
 
-/// The station's own sightings.
+/// The station's own sightings. Two image tracks on one person give one measurement. Returns how many were refused.
 pub(super) fn of_sightings(
     sightings: &Sightings,
     options: &ModernOptions,
@@ -60,6 +60,9 @@ pub(super) fn of_sightings(
         };
         if !is_place(&sighting.position) || !is_height(sighting.height_m) {
             refused += 1;
+            continue;
+        }
+        if into.iter().any(|m| m.position == sighting.position) {
             continue;
         }
         into.push(Measurement {

@@ -2,7 +2,7 @@
 //!
 //! The covariance is kept as its 2 x 2 blocks, which needs a quarter of the arithmetic of a 4 x 4 matrix.
 
-use nalgebra::{Matrix2, Point2, Vector2};
+use nalgebra::{Matrix2, Matrix4, Point2, Vector2, Vector4};
 
 /// Time for which an acceleration lasts, seconds: one frame of the published simulation.
 const ACCELERATION_LASTS_S: f64 = 0.1;
@@ -49,6 +49,21 @@ impl Motion {
             cross: Matrix2::zeros(),
             speed: Matrix2::identity() * (UNKNOWN_SPEED_M_S * UNKNOWN_SPEED_M_S),
         }
+    }
+
+    /// Place and velocity: x, y, vx, vy.
+    pub(super) fn mean(&self) -> Vector4<f64> {
+        Vector4::new(self.position.x, self.position.y, self.velocity.x, self.velocity.y)
+    }
+
+    /// Covariance of [`Self::mean`].
+    pub(super) fn covariance(&self) -> Matrix4<f64> {
+        let mut covariance = Matrix4::zeros();
+        covariance.fixed_view_mut::<2, 2>(0, 0).copy_from(&self.place);
+        covariance.fixed_view_mut::<2, 2>(0, 2).copy_from(&self.cross);
+        covariance.fixed_view_mut::<2, 2>(2, 0).copy_from(&self.cross.transpose());
+        covariance.fixed_view_mut::<2, 2>(2, 2).copy_from(&self.speed);
+        covariance
     }
 
     /// Prediction `dt` seconds ahead.
@@ -101,6 +116,19 @@ impl Motion {
         self.speed = (self.speed + self.speed.transpose()) * 0.5;
     }
 
+    /// Square of the Mahalanobis distance of two people's places and velocities.
+    pub(super) fn distance(&self, other: &Self) -> f64 {
+        let mut covariance = Matrix4::zeros();
+        covariance.fixed_view_mut::<2, 2>(0, 0).copy_from(&(self.place + other.place));
+        covariance.fixed_view_mut::<2, 2>(0, 2).copy_from(&(self.cross + other.cross));
+        covariance.fixed_view_mut::<2, 2>(2, 0).copy_from(&(self.cross + other.cross).transpose());
+        covariance.fixed_view_mut::<2, 2>(2, 2).copy_from(&(self.speed + other.speed));
+        let (place, speed) = (self.position - other.position, self.velocity - other.velocity);
+        let difference = Vector4::new(place.x, place.y, speed.x, speed.y);
+        // A covariance that rounding has made indefinite tells nobody apart.
+        covariance.cholesky().map_or(0.0, |c| difference.dot(&c.solve(&difference)))
+    }
+
     /// Standard deviation of the place, metres: the mean over directions.
     pub(super) fn sigma_m(&self) -> f64 {
         (self.place.trace() / 2.0).max(0.0).sqrt()
@@ -119,7 +147,7 @@ fn shrink(covariance: &mut Matrix2<f64>, cross: &mut Matrix2<f64>, largest_sigma
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{Matrix2x4, Matrix4, SMatrix, Vector4};
+    use nalgebra::{Matrix2x4, SMatrix};
 
     use super::*;
 

@@ -3,12 +3,14 @@
 //! Each station gives its own ids, and may carry an id on with the wrong body. Where a peer measures for some time under
 //! one id whom this station knows under another, one of the two gives way, and both find the same one:
 //!
-//! * the peer's id is nobody's here: the lower id, which is the older, stays;
-//! * the peer's id is somebody else's here: whose looks fit better, and which stations are surer; in doubt the station
-//!   with the lower number.
+//! * the peer's id is nobody's here: the lower id, which is the older, stays; a station that only hears of a person goes
+//!   by those who see the person;
+//! * the peer's id is somebody else's here: whose looks fit better, and which of the two stations is surer; in doubt the
+//!   station with the lower number is right.
 
 use super::super::{StationId, TargetId};
 use super::ModernOptions;
+use super::existence;
 use super::peer::{Claim, Peer};
 use super::people::People;
 
@@ -16,6 +18,8 @@ use super::people::People;
 const WORD_NATS: f64 = 3.0;
 /// Difference below which the station with the lower number is right, nats.
 const DOUBT_NATS: f64 = 1.0;
+/// Time after which somebody new gets the id that a peer gives, seconds.
+const NEW_S: f64 = 0.3;
 /// Time for which a claim counts after it was made, seconds.
 const FRESH_S: f64 = 0.5;
 
@@ -40,7 +44,9 @@ pub(super) fn settle(
         .iter()
         .enumerate()
         .flat_map(|(index, peer)| peer.claims.iter().map(move |c| (index, *c)))
-        .filter(|(_, c)| c.theirs != c.mine && c.lasting_s >= options.naming_s && now_s - c.made_s <= FRESH_S)
+        .filter(|(_, c)| {
+            c.theirs != c.mine && c.lasting_s >= options.naming_s.min(NEW_S) && now_s - c.made_s <= FRESH_S
+        })
         .map(|(index, claim)| Dispute { peer: StationId(index as u8), claim })
         .collect();
     // Stations take their decisions at different times, so that two never give way to each other at once.
@@ -51,21 +57,27 @@ pub(super) fn settle(
         let is_used_there = is_used(&peers[peer.0 as usize], &claim, now_s);
         let gives_way = match people.index_of(claim.theirs) {
             None => {
-                claim.theirs < claim.mine
+                // Ids just given have had no time to become somebody's.
+                let is_new = people[here].age_s < 5.0;
+                let enough_s = if is_new { options.naming_s.min(NEW_S) } else { options.naming_s };
+                let gives_way = claim.theirs < claim.mine || is_only_heard(people, peers, here, now_s);
+                gives_way && claim.lasting_s >= enough_s
                     || is_used_there
                         && claim.lasting_s >= patience_s
-                        && is_outvoted(people, peers, own, &claim, 0.0, now_s)
+                        && is_outweighed(people, peers, own, &claim, 0.0, now_s)
             }
             Some(other) if people[other].is_lost(options.birth_s) => {
-                (claim.theirs < claim.mine || is_used_there)
+                claim.lasting_s >= options.naming_s
+                    && (claim.theirs < claim.mine || is_used_there)
                     && people[here].log_likelihood(&people[other].identity)
                         - people[here].log_likelihood(&people[here].identity)
                         > -options.margin_nats
             }
             Some(other) => {
-                let gain = people.gain(here, other);
-                let gives_way = claim.lasting_s >= patience_s
-                    && (gain > options.margin_nats || is_outvoted(people, peers, own, &claim, gain, now_s));
+                let limit = 1.5 * options.margin_nats;
+                let gain = people.gain(here, other).clamp(-limit, limit);
+                let gives_way =
+                    claim.lasting_s >= patience_s && is_outweighed(people, peers, own, &claim, gain, now_s);
                 if claim.lasting_s >= patience_s {
                     restart(peers, &claim);
                 }
@@ -86,15 +98,18 @@ fn take_name(people: &mut People, here: usize, claim: &Claim, options: &ModernOp
     match people.index_of(claim.theirs) {
         None => people[here].identity.target = claim.theirs,
         Some(other) if people[other].is_lost(options.birth_s) => {
-            // One person: the looks of both.
-            let mut learnt = people[other].identity.learnt;
-            learnt.merge(&people[here].identity.learnt);
-            people[here].identity.target = claim.theirs;
-            people[here].identity.learnt = learnt;
+            existence::take_over(people, here, other);
             people.remove(other);
         }
         Some(other) => people.exchange(here, other),
     }
+}
+
+/// Whether nobody who sees a person gives it this station's id: neither the station itself nor a peer.
+fn is_only_heard(people: &People, peers: &[Peer], here: usize, now_s: f64) -> bool {
+    let mine = people[here].identity.target;
+    people[here].unseen_s > 1.0
+        && !peers.iter().flat_map(|p| &p.claims).any(|c| c.theirs == mine && now_s - c.made_s <= FRESH_S)
 }
 
 /// Whether the peer gives this station's id to somebody else.
@@ -102,8 +117,9 @@ fn is_used(peer: &Peer, claim: &Claim, now_s: f64) -> bool {
     peer.claims.iter().any(|c| c.theirs == claim.mine && c.mine != claim.mine && now_s - c.made_s <= FRESH_S)
 }
 
-/// Whether looks and the stations that call this body as the peer does outweigh those that call it as this station does.
-fn is_outvoted(
+/// Whether looks, and the stations that call a body as the peer does, outweigh this station's own word; in doubt the
+/// station with the lower number is right, so that all come to agree with the lowest.
+fn is_outweighed(
     people: &People,
     peers: &[Peer],
     own: StationId,
@@ -113,23 +129,15 @@ fn is_outvoted(
 ) -> bool {
     let own_certainty = people.index_of(claim.mine).map_or(0.0, |i| people.certainty(i));
     let mut score = gain_nats - WORD_NATS * own_certainty;
-    let (mut first_for, mut first_against) = (StationId(u8::MAX), own);
-    for (index, peer) in peers.iter().enumerate() {
-        let station = StationId(index as u8);
-        let fresh = peer.claims.iter().filter(|c| now_s - c.made_s <= FRESH_S && c.lasting_s > 0.3);
-        let mut word: f64 = 0.0;
-        for c in fresh {
-            if c.theirs == claim.theirs && c.mine == claim.mine {
-                word = WORD_NATS * c.confidence;
-                first_for = first_for.min(station);
-            } else if c.theirs == c.mine && (c.mine == claim.mine || c.mine == claim.theirs) {
-                word = -WORD_NATS * c.confidence;
-                first_against = first_against.min(station);
-            }
+    let mut first = own;
+    for (index, peer) in peers.iter().enumerate().rev() {
+        let same = |c: &&Claim| c.theirs == claim.theirs && c.mine == claim.mine;
+        if let Some(c) = peer.claims.iter().filter(same).find(|c| now_s - c.made_s <= FRESH_S) {
+            score += WORD_NATS * c.confidence;
+            first = first.min(StationId(index as u8));
         }
-        score += word;
     }
-    if score.abs() < DOUBT_NATS { first_for < first_against } else { score > 0.0 }
+    if score.abs() < DOUBT_NATS { first < own } else { score > 0.0 }
 }
 
 /// Lets a claim prove itself anew.

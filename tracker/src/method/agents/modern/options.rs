@@ -35,6 +35,9 @@ pub struct ModernOptions {
     pub memory_s: f64,
     /// Distance below which two people may be mistaken for each other, metres.
     pub meet_m: f64,
+    /// Factor of the covariances in the probability of mistaking people who meet: they turn and slow down there more than
+    /// elsewhere.
+    pub confusion: f64,
     /// Time for which a sighting that nobody's track takes has to last until it becomes a new person, seconds.
     pub birth_s: f64,
     /// Time for which a station that has just started listens before it gives ids, seconds.
@@ -50,8 +53,10 @@ pub struct ModernOptions {
 impl Default for ModernOptions {
     fn default() -> Self {
         Self {
-            acceleration_m_s2: 1.5,
-            correlation_s: 0.5,
+            // People in rooms turn within a step; image tracking tells the lasting part of its errors in its covariance, and
+            // only of people whom it believes in.
+            acceleration_m_s2: 2.5,
+            birth_s: 0.1,
             look_correlation_s: 1.0,
             hue_noise_deg: 20.0,
             value_noise: 0.25,
@@ -63,8 +68,8 @@ impl Default for ModernOptions {
 }
 
 impl ModernOptions {
-    /// Options for the published simulation: errors independent from frame to frame, the attribute in ± 0.15 as hue of
-    /// three equal colours, on 180 degrees.
+    /// Options for the published simulation: errors independent from frame to frame; the attribute, ± 0.15, is the hue of
+    /// three equal colours of saturation 1, on 180 degrees.
     pub fn simulation() -> Self {
         Self {
             acceleration_m_s2: 1.5,
@@ -79,6 +84,7 @@ impl ModernOptions {
             margin_nats: 8.0,
             memory_s: 6.0,
             meet_m: 1.0,
+            confusion: 2.0,
             birth_s: 1.0,
             listen_s: 1.0,
             death_s: 1.2,
@@ -101,6 +107,7 @@ impl ModernOptions {
             ("margin_nats", self.margin_nats),
             ("memory_s", self.memory_s),
             ("meet_m", self.meet_m),
+            ("confusion", self.confusion),
         ];
         for (name, value) in above_0 {
             if !(value > 0.0 && value.is_finite()) {

@@ -1,34 +1,43 @@
 //! Everybody whom one station knows of.
 
 use super::super::TargetId;
-use super::person::Person;
+use super::person::{Identity, Person};
+use super::signature::MeanLook;
 
 /// Most people whom a station knows of: one bit each.
 pub(super) const MOST_PEOPLE: usize = 64;
+/// Probability below which a body is not somebody.
+const IMPOSSIBLE: f64 = 1e-4;
 
-/// People, no two with one id.
+/// Bodies, and the identities that they carry: no two with one id. A body's identity has the body's index.
 #[derive(Debug, Clone, Default)]
 pub(super) struct People {
     list: Vec<Person>,
+    last_serial: u32,
 }
 
 impl People {
     /// Adds somebody whose id nobody has. Where there are too many, the one missed for longest makes room; `None` if
     /// everybody is measured.
-    pub(super) fn add(&mut self, person: Person) -> Option<usize> {
+    pub(super) fn add(&mut self, mut person: Person) -> Option<usize> {
         debug_assert!(self.index_of(person.identity.target).is_none());
-        if self.list.len() >= MOST_PEOPLE {
-            let (index, longest) =
-                self.list.iter().enumerate().max_by(|a, b| a.1.missed_s.total_cmp(&b.1.missed_s))?;
+        self.last_serial += 1;
+        person.serial = self.last_serial;
+        let index = if self.list.len() < MOST_PEOPLE {
+            self.list.push(person);
+            self.list.len() - 1
+        } else {
+            let missed = self.list.iter().enumerate().max_by(|a, b| a.1.missed_s.total_cmp(&b.1.missed_s));
+            let (index, longest) = missed?;
             if longest.missed_s < 1.0 {
                 return None;
             }
             self.forget(index);
             self.list[index] = person;
-            return Some(index);
-        }
-        self.list.push(person);
-        Some(self.list.len() - 1)
+            index
+        };
+        self.be_sure(index);
+        Some(index)
     }
 
     /// Removes somebody; the last one gets that index.
@@ -36,16 +45,28 @@ impl People {
         self.forget(index);
         self.list.swap_remove(index);
         let last = self.list.len();
-        for set in self.list.iter_mut().flat_map(|p| [&mut p.met, &mut p.measured_with]) {
-            let had_last = *set >> last & 1;
-            *set = *set & !(1 << last) | had_last << index;
+        for person in &mut self.list {
+            for set in [&mut person.may_be, &mut person.measured_with] {
+                let had_last = *set >> last & 1;
+                *set = *set & !(1 << last) | had_last << index;
+            }
+            if last != index {
+                person.prior[index] = std::mem::take(&mut person.prior[last]);
+            }
         }
     }
 
     /// Takes somebody out of everybody's sets.
     fn forget(&mut self, index: usize) {
-        for set in self.list.iter_mut().flat_map(|p| [&mut p.met, &mut p.measured_with]) {
-            *set &= !(1 << index);
+        for person in &mut self.list {
+            person.may_be &= !(1 << index);
+            person.measured_with &= !(1 << index);
+            person.prior[index] = 0.0;
+        }
+        for i in 0..self.list.len() {
+            if i != index {
+                self.normalise(i);
+            }
         }
     }
 
@@ -54,28 +75,141 @@ impl People {
         self.list.iter().position(|p| p.identity.target == target)
     }
 
-    /// Exchanges the identities of two bodies, which are in question from now on.
-    pub(super) fn exchange(&mut self, i: usize, j: usize) {
-        let identity = self.list[i].identity;
-        self.list[i].identity = self.list[j].identity;
-        self.list[j].identity = identity;
+    /// Notes that an image track follows a body, and no other.
+    pub(super) fn follow(&mut self, index: usize, track: u32) {
+        for person in self.list.iter_mut().filter(|person| person.track == Some(track)) {
+            person.track = None;
+        }
+        self.list[index].track = Some(track);
     }
 
-    /// What a pair of bodies gains in log-likelihood by exchanging their identities, nats.
+    /// Lets a body be who it is taken for, without doubt.
+    pub(super) fn be_sure(&mut self, index: usize) {
+        let person = &mut self.list[index];
+        person.prior = [0.0; MOST_PEOPLE];
+        person.prior[index] = 1.0;
+        person.may_be = 1 << index;
+    }
+
+    /// Gives each body of a permutation the identity of another: pairs of body and the index whose identity it gets.
+    pub(super) fn permute(&mut self, pairs: &[(usize, usize)]) {
+        let identities: Vec<Identity> = pairs.iter().map(|(_, from)| self.list[*from].identity).collect();
+        for ((body, _), identity) in pairs.iter().zip(identities) {
+            self.list[*body].identity = identity;
+        }
+        for person in &mut self.list {
+            let (prior, may_be) = (person.prior, person.may_be);
+            for (to, from) in pairs {
+                person.prior[*to] = prior[*from];
+                person.may_be = person.may_be & !(1 << to) | (may_be >> from & 1) << to;
+            }
+        }
+    }
+
+    /// Exchanges the identities of two bodies, as somebody else had it: each is now at least as likely its new one.
+    pub(super) fn exchange(&mut self, i: usize, j: usize) {
+        self.permute(&[(i, j), (j, i)]);
+        for index in [i, j] {
+            let person = &mut self.list[index];
+            person.prior.iter_mut().for_each(|p| *p *= 0.5);
+            person.prior[index] += 0.5;
+            person.may_be |= 1 << index;
+        }
+    }
+
+    /// Mixes two bodies up: with this probability each is whom the other was taken for.
+    pub(super) fn mix(&mut self, i: usize, j: usize, probability: f64) {
+        self.fold(i);
+        self.fold(j);
+        let (a, b) = (self.list[i].prior, self.list[j].prior);
+        for (index, own, other) in [(i, &a, &b), (j, &b, &a)] {
+            let person = &mut self.list[index];
+            person.may_be = 0;
+            person.apart_s = 0.0;
+            for k in 0..MOST_PEOPLE {
+                let mixed = own[k] * (1.0 - probability) + other[k] * probability;
+                let kept = mixed >= IMPOSSIBLE || k == index;
+                person.prior[k] = if kept { mixed.max(IMPOSSIBLE) } else { 0.0 };
+                person.may_be |= u64::from(kept) << k;
+            }
+            self.normalise(index);
+        }
+    }
+
+    /// Lets a body perhaps be somebody else, and the other way around, however unlikely.
+    pub(super) fn suspect(&mut self, i: usize, j: usize) {
+        for (a, b) in [(i, j), (j, i)] {
+            let person = &mut self.list[a];
+            person.may_be |= 1 << b;
+            person.prior[b] = person.prior[b].max(IMPOSSIBLE);
+        }
+    }
+
+    /// Takes the looks since the last meeting into the prior.
+    fn fold(&mut self, index: usize) {
+        if self.list[index].may_be != 1 << index && self.list[index].evidence.weight >= 0.5 {
+            let posterior = self.posterior(index);
+            let person = &mut self.list[index];
+            for k in bits(person.may_be) {
+                person.prior[k] = posterior[k].max(IMPOSSIBLE);
+            }
+            self.normalise(index);
+        }
+        self.list[index].evidence = MeanLook::none();
+    }
+
+    fn normalise(&mut self, index: usize) {
+        let person = &mut self.list[index];
+        let sum: f64 = bits(person.may_be).map(|k| person.prior[k]).sum();
+        if sum > 0.0 {
+            bits(person.may_be).for_each(|k| person.prior[k] /= sum);
+        }
+    }
+
+    /// Probability that a body is each person, by index.
+    pub(super) fn posterior(&self, index: usize) -> [f64; MOST_PEOPLE] {
+        let person = &self.list[index];
+        if person.may_be == 1 << index || person.evidence.weight < 0.5 {
+            return person.prior;
+        }
+        let mut posterior = [0.0; MOST_PEOPLE];
+        let mut best = f64::NEG_INFINITY;
+        for k in bits(person.may_be) {
+            posterior[k] = self.log_fit(index, k);
+            best = best.max(posterior[k]);
+        }
+        let mut sum = 0.0;
+        for k in bits(person.may_be) {
+            posterior[k] = (posterior[k] - best).exp();
+            sum += posterior[k];
+        }
+        bits(person.may_be).for_each(|k| posterior[k] /= sum);
+        posterior
+    }
+
+    /// Logarithm of how well a body fits an identity, by what was known when it last met somebody and by its looks since.
+    pub(super) fn log_fit(&self, body: usize, identity: usize) -> f64 {
+        let person = &self.list[body];
+        let looks_of = |k: usize| self.list[k].is_learnt();
+        // Somebody whose looks nobody knows fits as well as the one whom the body is taken for.
+        let compared = if looks_of(identity) { identity } else { body };
+        person.prior[identity].max(IMPOSSIBLE).ln() + person.log_likelihood(&self.list[compared].identity)
+    }
+
+    /// What a pair of bodies gains in log-likelihood of their looks by exchanging their identities, nats.
     pub(super) fn gain(&self, i: usize, j: usize) -> f64 {
         let (a, b) = (&self.list[i], &self.list[j]);
+        if !a.is_learnt() || !b.is_learnt() {
+            return 0.0;
+        }
         a.log_likelihood(&b.identity) + b.log_likelihood(&a.identity)
             - a.log_likelihood(&a.identity)
             - b.log_likelihood(&b.identity)
     }
 
-    /// Probability that a body carries its own identity and not that of somebody whom it met, by looks.
+    /// Probability that a body carries its own identity and not that of somebody whom it met.
     pub(super) fn certainty(&self, index: usize) -> f64 {
-        /// Log-odds of a body's having kept its identity through a crossing, before any look.
-        const CONTINUITY_NATS: f64 = 1.0;
-        let others: f64 =
-            bits(self.list[index].met).map(|j| (self.gain(index, j) - CONTINUITY_NATS).min(50.0).exp()).sum();
-        1.0 / (1.0 + others)
+        if self.list[index].may_be == 1 << index { 1.0 } else { self.posterior(index)[index] }
     }
 }
 

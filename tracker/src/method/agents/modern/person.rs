@@ -5,6 +5,7 @@ use nalgebra::Matrix2;
 use super::super::TargetId;
 use super::measurement::Measurement;
 use super::motion::Motion;
+use super::people::MOST_PEOPLE;
 use super::signature::MeanLook;
 
 /// Weight of learnt looks from which they tell people apart.
@@ -22,18 +23,28 @@ pub(super) struct Identity {
 /// Somebody in the room. Sets of people are bits by index.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Person {
-    /// Who it is.
+    /// Number of the body, never given again.
+    pub(super) serial: u32,
+    /// Who it is taken for.
     pub(super) identity: Identity,
+    /// Probability of being each person, when the body last met somebody.
+    pub(super) prior: [f64; MOST_PEOPLE],
+    /// Who it may be: those with a probability.
+    pub(super) may_be: u64,
     /// Place and velocity.
     pub(super) motion: Motion,
     /// Height, metres.
     pub(super) height_m: f64,
-    /// Looks since the last crossing, the older the fainter.
+    /// Looks since it last met somebody, the older the fainter.
     pub(super) evidence: MeanLook,
-    /// People for whom this body may be mistaken since they met.
-    pub(super) met: u64,
     /// People who were told from this one in one packet, now.
     pub(super) measured_with: u64,
+    /// Time since it last met somebody, seconds.
+    pub(super) apart_s: f64,
+    /// Time for which its looks have not been those of its identity, seconds.
+    pub(super) misfit_s: f64,
+    /// Time since it is known, seconds.
+    pub(super) age_s: f64,
     /// Time since anybody measured this body, seconds.
     pub(super) missed_s: f64,
     /// Time since this station measured it, seconds.
@@ -46,8 +57,12 @@ pub(super) struct Person {
     pub(super) twin_s: f64,
     /// Time for which it has been set aside as one too many, seconds; `None`: it is followed.
     pub(super) spare_s: Option<f64>,
+    /// Time for which somebody whom this station alone sees seems to be another whom others see, seconds.
+    pub(super) contradicted_s: f64,
     /// Time since image tracking was asked to look for it, seconds.
     pub(super) asked_s: f64,
+    /// Image track of this station that follows it, seen now or not.
+    pub(super) track: Option<u32>,
     /// Number of this station's agent that follows it.
     pub(super) agent: Option<u32>,
     /// Whether it is measured this moment, and only by measurements that may be of somebody near.
@@ -58,19 +73,26 @@ impl Person {
     /// Somebody measured for the first time.
     pub(super) fn new(target: TargetId, measurement: &Measurement) -> Self {
         Self {
+            serial: 0,
             identity: Identity { target, learnt: MeanLook::none() },
+            prior: [0.0; MOST_PEOPLE],
+            may_be: 0,
             motion: Motion::new(measurement.position, measurement.velocity, measurement.covariance),
             height_m: measurement.height_m,
             evidence: MeanLook::none(),
-            met: 0,
             measured_with: 0,
+            apart_s: 0.0,
+            misfit_s: 0.0,
+            age_s: 0.0,
             missed_s: 0.0,
             unseen_s: f64::INFINITY,
             unheard_s: f64::INFINITY,
             overdue_s: 0.0,
             twin_s: 0.0,
             spare_s: None,
+            contradicted_s: 0.0,
             asked_s: f64::INFINITY,
+            track: None,
             agent: None,
             is_crowded: measurement.is_crowded,
         }
@@ -84,6 +106,8 @@ impl Person {
         }
         self.evidence.fade(kept);
         self.measured_with = 0;
+        self.age_s += dt;
+        self.apart_s += dt;
         self.missed_s += dt;
         self.unseen_s += dt;
         self.unheard_s += dt;
@@ -114,7 +138,7 @@ impl Person {
         self.overdue_s = 0.0;
         if let (Some(signature), false) = (&measurement.signature, measurement.is_crowded) {
             self.evidence.add(signature, look_weight);
-            if self.met == 0 {
+            if self.may_be.is_power_of_two() && self.misfit_s == 0.0 {
                 self.identity.learnt.add(signature, look_weight);
             }
         }

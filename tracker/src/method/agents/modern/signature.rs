@@ -86,6 +86,11 @@ impl MeanLook {
         look.distance(&self.mean) / (factor * factor + 1.0 / self.weight)
     }
 
+    /// Square of the distance of two means.
+    pub(super) fn mean_distance(&self, other: &Self) -> f64 {
+        self.mean.distance(&other.mean)
+    }
+
     /// Log-likelihood of having seen `self` if `learnt` is the person's, up to what is the same for everybody.
     pub(super) fn log_likelihood(&self, learnt: &Self) -> f64 {
         -0.5 * self.mean.distance(&learnt.mean) / (1.0 / self.weight + 1.0 / learnt.weight)

@@ -3,17 +3,20 @@
 use std::sync::Arc;
 
 use super::super::{
-    AgentId, Belief, FieldOfView, Packet, Report, Restart, Rule, Sightings, StationId, Step, TargetId,
+    AgentId, Belief, FieldOfView, Followed, Packet, Report, Restart, Rule, Sightings, StationId, Step,
+    TargetId,
 };
 use super::ModernOptions;
 use super::assignment::{Assignment, Pair};
+use super::contradiction;
 use super::existence::{self, Measured, Watch};
+use super::identity::{self, Meetings};
 use super::measurement::{self, LARGEST_TARGET, Measurement};
+use super::naming;
 use super::nursery::Nursery;
 use super::peer::{Claim, Peer};
 use super::people::{People, bits};
 use super::person::{LEARNT, Person};
-use super::{identity, naming};
 
 /// Oldest and newest reports that are used, seconds before now.
 const AGE_RANGE_S: (f64, f64) = (-0.5, 1.0);
@@ -31,6 +34,7 @@ pub struct Modern {
     people: People,
     peers: Vec<Peer>,
     nursery: Nursery,
+    meetings: Meetings,
     started_s: Option<f64>,
     now_s: f64,
     reviewed_s: f64,
@@ -72,6 +76,7 @@ impl Modern {
             people: People::default(),
             peers: vec![Peer::default(); usize::from(stations)],
             nursery: Nursery::default(),
+            meetings: Meetings::default(),
             started_s: None,
             now_s: 0.0,
             reviewed_s: f64::NEG_INFINITY,
@@ -176,6 +181,7 @@ impl Modern {
             match person {
                 Some(index) => {
                     self.nursery.remove(measurement.track);
+                    self.people.follow(index, measurement.track);
                     if self.people[index].agent.is_none() {
                         self.last_agent += 1;
                         self.people[index].agent = Some(self.last_agent);
@@ -254,7 +260,7 @@ impl Modern {
             let index =
                 if let Some((lost, others)) = existence::find_lost(&self.people, &newcomer, &self.options) {
                     self.people[lost].move_to(&newcomer.measurement);
-                    existence::put_in_question(&mut self.people, lost, others);
+                    identity::put_in_question(&mut self.people, lost, others);
                     self.people[lost].evidence = newcomer.looks;
                     Some(lost)
                 } else {
@@ -270,6 +276,7 @@ impl Modern {
             let person = &mut self.people[index];
             person.agent = Some(self.last_agent);
             person.unseen_s = 0.0;
+            self.people.follow(index, newcomer.measurement.track);
             for (measurement, of) in &mut self.seen {
                 if measurement.track == newcomer.measurement.track {
                     *of = Some(index);
@@ -280,7 +287,8 @@ impl Modern {
 
     /// Settles who is who, and who has gone, `dt` seconds after the last time.
     fn review(&mut self, dt: f64, is_usable: bool) {
-        identity::decide(&mut self.people, &mut self.scratch.assignment, &self.options);
+        identity::decide(&mut self.people, &mut self.scratch.assignment, dt, &self.options);
+        existence::reclaim(&mut self.people);
         self.scratch.watching.clear();
         if is_usable {
             self.scratch.watching.push(self.station);
@@ -290,6 +298,14 @@ impl Modern {
                 self.scratch.watching.push(StationId(index as u8));
             }
         }
+        contradiction::settle(
+            &mut self.people,
+            &self.seen,
+            self.fields.as_ref(),
+            self.station,
+            &self.scratch.watching,
+            dt,
+        );
         let watch = Watch {
             fields: self.fields.as_ref(),
             watching: &self.scratch.watching,
@@ -390,7 +406,7 @@ impl Rule for Modern {
             person.agent = None;
         }
 
-        identity::note_meetings(&mut self.people, self.options.meet_m);
+        self.meetings.note(&mut self.people, now_s, &self.options);
         existence::set_twins_aside(&mut self.people, &self.measured, self.fields.as_ref(), dt, &self.options);
         self.welcome();
         let packet = self.packet(sightings.is_usable);
@@ -430,5 +446,13 @@ impl Rule for Modern {
             .collect();
         beliefs.sort_unstable_by_key(|b| b.target);
         beliefs
+    }
+
+    fn followed(&self) -> Option<Vec<Followed>> {
+        let followed = self.people.iter().filter_map(|person| {
+            let motion = &person.motion;
+            Some(Followed { track: person.track?, mean: motion.mean(), covariance: motion.covariance() })
+        });
+        Some(followed.collect())
     }
 }

@@ -1,0 +1,194 @@
+//! One person whom two stations see at different distances, and so take for two.
+//!
+//! A camera knows the direction of somebody well and the distance badly, above all where feet are hidden. This station
+//! then follows somebody whom no other station has, though some should; and somebody whom others have, in the same
+//! direction, is not seen here, though he should be. The image track is brought to the place that the others give; in the
+//! next frames it measures there, or is lost.
+
+use nalgebra::Matrix2;
+
+use super::super::{FieldOfView, StationId};
+use super::existence::PLAINLY_VISIBLE;
+use super::measurement::Measurement;
+use super::people::People;
+
+/// Time without another station's measurement after which nobody else has somebody, seconds.
+const ALONE_S: f64 = 0.6;
+/// Time without one's own measurement after which somebody is not seen here, seconds.
+const UNSEEN_S: f64 = 0.4;
+/// Age up to which others' measurements are of now, seconds.
+const FRESH_S: f64 = 0.3;
+/// Distance across the line of sight below which two are in one direction, metres.
+const ACROSS_M: f64 = 0.4;
+/// Distance up to which one camera errs, metres.
+const FARTHEST_M: f64 = 3.0;
+/// Time after which the station with the younger id gives way, and the other, seconds: so that two never give way at once.
+const GIVES_WAY_S: [f64; 2] = [0.3, 1.2];
+/// Square of the distance of looks beyond which two are not one: three standard deviations.
+const LOOKS_ALIKE: f64 = 9.0;
+
+/// Brings image tracks of people whom this station alone has to the place where others have them, `dt` seconds after the
+/// last moment. `seen`: this station's measurements, with the index of whose they are. `watching`: the other stations
+/// that see. Returns the number of people who turned out to be another.
+pub(super) fn settle(
+    people: &mut People,
+    seen: &[(Measurement, Option<usize>)],
+    fields: &dyn FieldOfView,
+    own: StationId,
+    watching: &[StationId],
+    dt: f64,
+) -> usize {
+    let mut settled = Vec::new();
+    for (measurement, of) in seen {
+        let Some(alone) = *of else { continue };
+        let other = find_other(people, alone, measurement, fields, own, watching);
+        let person = &mut people[alone];
+        person.contradicted_s = if other.is_some() { person.contradicted_s + dt } else { 0.0 };
+        let Some(other) = other else { continue };
+        let is_younger = people[alone].identity.target > people[other].identity.target;
+        if people[alone].contradicted_s >= GIVES_WAY_S[usize::from(!is_younger)] {
+            settled.push((people[alone].identity.target, people[other].identity.target, measurement.track));
+        }
+    }
+    let mut count = 0;
+    for (alone, other, track) in settled {
+        if let (Some(alone), Some(other)) = (people.index_of(alone), people.index_of(other)) {
+            people.follow(other, track);
+            people.remove(alone);
+            count += 1;
+        }
+    }
+    count
+}
+
+/// Somebody whom others see and this station does not, in the direction of a measurement of whom this station alone sees.
+fn find_other(
+    people: &People,
+    alone: usize,
+    measurement: &Measurement,
+    fields: &dyn FieldOfView,
+    own: StationId,
+    watching: &[StationId],
+) -> Option<usize> {
+    let person = &people[alone];
+    let should_see = |station: StationId, of: usize| {
+        let p = &people[of];
+        fields.visible(station, p.motion.position, p.height_m) >= PLAINLY_VISIBLE
+    };
+    if person.unheard_s < ALONE_S || !watching.iter().any(|s| *s != own && should_see(*s, alone)) {
+        return None;
+    }
+    let across = short_axis(&measurement.covariance);
+    let candidates = people.iter().enumerate().filter(|(i, p)| {
+        let offset = p.motion.position - measurement.position;
+        *i != alone
+            && p.unheard_s < FRESH_S
+            && p.unseen_s >= UNSEEN_S
+            && p.spare_s.is_none()
+            && offset.norm() < FARTHEST_M
+            && across.dot(&offset).abs() < ACROSS_M
+            && should_see(own, *i)
+            && !(p.is_learnt()
+                && person.is_learnt()
+                && p.identity.learnt.mean_distance(&person.identity.learnt) > LOOKS_ALIKE)
+    });
+    let away = |i: usize| (people[i].motion.position - measurement.position).norm();
+    candidates.map(|(i, _)| i).min_by(|a, b| away(*a).total_cmp(&away(*b)))
+}
+
+/// Unit vector across the line of sight: along which a covariance is shortest.
+fn short_axis(covariance: &Matrix2<f64>) -> nalgebra::Vector2<f64> {
+    let eigen = covariance.symmetric_eigen();
+    let shorter = if eigen.eigenvalues[0] <= eigen.eigenvalues[1] { 0 } else { 1 };
+    eigen.eigenvectors.column(shorter).into()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use nalgebra::{Point2, Vector2};
+
+    use super::super::super::{AgentId, Packet, Report, Rule, Sighting, Sightings, TargetId};
+    use super::super::{Modern, ModernOptions};
+    use super::*;
+
+    /// A hall in which every station sees everything but what lies beyond `hidden_from_x_m` for station 1.
+    struct Hall {
+        hidden_from_x_m: f64,
+    }
+
+    impl FieldOfView for Hall {
+        fn visible(&self, station: StationId, place: Point2<f64>, _height_m: f64) -> f64 {
+            if station.0 == 1 && place.x > self.hidden_from_x_m { 0.0 } else { 1.0 }
+        }
+
+        fn overlap(&self, _a: StationId, _b: StationId) -> bool {
+            true
+        }
+    }
+
+    /// Station 0 looks along x and sees somebody 1.2 m too far; station 1 looks along y and has the place right. Returns
+    /// the targets that station 0 knows after 3 s, and where its image track is to look.
+    fn follow(hall: Hall) -> (Vec<TargetId>, Option<f64>) {
+        let options = ModernOptions { listen_s: 0.0, ..ModernOptions::default() };
+        let mut station = Modern::new(StationId(0), 2, Arc::new(hall), options);
+        let covariance = |along_x_m: f64, along_y_m: f64| {
+            Matrix2::from_diagonal(&Vector2::new(along_x_m.powi(2), along_y_m.powi(2)))
+        };
+        for frame in 0..36_u32 {
+            let time_s = f64::from(frame) / 12.0;
+            let sighting = Sighting {
+                track: 1,
+                position: Point2::new(4.2, 2.0),
+                covariance: covariance(0.3, 0.05),
+                height_m: 1.7,
+                looks: None,
+                is_crowded: false,
+            };
+            let report = Report {
+                agent: AgentId { station: StationId(1), number: 1 },
+                target: TargetId(2),
+                position: Point2::new(3.0, 2.0),
+                covariance: covariance(0.05, 0.3),
+                velocity: Vector2::zeros(),
+                height_m: 1.7,
+                looks: None,
+                confidence: 1.0,
+                is_crowded: false,
+            };
+            let heard = Packet {
+                station: StationId(1),
+                life: 1,
+                sequence: frame + 1,
+                time_s: time_s - 0.05,
+                greatest: TargetId(2),
+                reports: vec![report],
+                ..Packet::default()
+            };
+            // Once it is shown where to look, image tracking measures there.
+            let tracked = station.followed().into_iter().flatten().find(|f| f.track == 1);
+            let position = tracked.map_or(sighting.position, |f| {
+                if (f.mean.x - 3.0).abs() < 0.3 { Point2::new(3.0, 2.0) } else { sighting.position }
+            });
+            let people = vec![Sighting { position, ..sighting }];
+            station.step(&Sightings { time_s, people, is_usable: true }, &[heard]);
+        }
+        let tracked = station.followed().into_iter().flatten().find(|f| f.track == 1);
+        (station.people().iter().map(|p| p.target).collect(), tracked.map(|f| f.mean.x))
+    }
+
+    #[test]
+    fn someone_seen_too_far_away_is_brought_to_where_another_station_has_them() {
+        let (targets, x_m) = follow(Hall { hidden_from_x_m: 9.0 });
+        assert_eq!(targets, [TargetId(2)]);
+        assert!((x_m.unwrap() - 3.0).abs() < 0.1, "{x_m:?}");
+    }
+
+    #[test]
+    fn someone_whom_no_other_station_could_see_is_somebody_else() {
+        let (targets, x_m) = follow(Hall { hidden_from_x_m: 3.8 });
+        assert_eq!(targets.len(), 2);
+        assert!((x_m.unwrap() - 4.2).abs() < 0.1, "{x_m:?}");
+    }
+}

@@ -1,0 +1,181 @@
+//! Simulated image tracking of one station (section 4.2.1).
+
+use std::collections::BTreeMap;
+
+use nalgebra::{Matrix2, Point2, Vector2};
+use rand::RngExt;
+use rand_pcg::Pcg64Mcg;
+
+use super::super::{Colour, Looks, Restart, Sighting, Sightings};
+use super::{CLOSE_M, World};
+
+/// A person whom no track follows, apart from others, gets a track after this time, seconds.
+const BIRTH_S: f64 = 1.0;
+/// Most tracks on one person.
+const MAX_TRACKS: usize = 2;
+/// Hue of attribute 0, and degrees of hue from attribute 0 to 1. From -0.3 to 1.3, with all noise, it does not wrap.
+const HUE_DEG: [f64; 2] = [60.0, 180.0];
+/// Height of everybody, metres.
+const HEIGHT_M: f64 = 1.7;
+
+/// Degrees of hue for a difference of attributes.
+pub fn hue_difference_deg(attribute: f64) -> f64 {
+    HUE_DEG[1] * attribute
+}
+
+/// How image tracks behave where people are close.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Crossing {
+    /// Each track follows a person within 1 m at random, whatever the other tracks do: as published. A look at a place
+    /// gives a track of its own.
+    Random,
+    /// Each person has at most one track, and the tracks of two people who are close are swapped at random: as tracking
+    /// in regions of a mask does.
+    Swapped,
+}
+
+/// Image tracking of one station.
+#[derive(Debug, Clone)]
+pub struct ImageTracking {
+    station: usize,
+    crossing: Crossing,
+    rng: Pcg64Mcg,
+    /// Person whom each track follows.
+    tracks: BTreeMap<u32, usize>,
+    next: u32,
+    /// Frames for which no track has followed each person, who was seen and apart from others.
+    untracked: Vec<u32>,
+    seen: Vec<(Point2<f64>, usize)>,
+}
+
+impl ImageTracking {
+    /// The tracking of a station; at the beginning a track follows each person in view, numbered as the people are.
+    pub fn new(world: &World, station: usize, crossing: Crossing) -> Self {
+        let in_view = |person: &usize| world.site.sees(station, world.places(0)[*person]);
+        let tracks =
+            (0..world.options.people).filter(in_view).map(|person| (person as u32, person)).collect();
+        Self {
+            station,
+            crossing,
+            rng: world.random(1 + station as u64),
+            tracks,
+            next: world.options.people as u32,
+            untracked: vec![0; world.options.people],
+            seen: Vec::new(),
+        }
+    }
+
+    /// What the station sees at a frame, after looks at the places that its rule asked for.
+    pub fn step(&mut self, world: &World, frame: usize, restarts: &[Restart]) -> Sightings {
+        let places = world.places(frame);
+        let visible: Vec<usize> =
+            (0..places.len()).filter(|p| world.site.sees(self.station, places[*p])).collect();
+        self.follow(places, &visible);
+        self.look_again(places, &visible, restarts);
+        let apart = |person: usize| visible.iter().all(|o| *o == person || !is_close(places, person, *o));
+        self.bear(world.options.rate_hz, &visible, apart);
+        let measured: Vec<(usize, Sighting)> =
+            visible.iter().map(|p| (*p, self.measure(world, places[*p], *p, !apart(*p)))).collect();
+        let sighting = |(track, person): (&u32, &usize)| {
+            let found = measured.binary_search_by_key(person, |(p, _)| *p).ok()?;
+            Some(Sighting { track: *track, ..measured[found].1 })
+        };
+        let people: Vec<Sighting> = self.tracks.iter().filter_map(sighting).collect();
+        self.seen = measured.iter().map(|(person, sighting)| (sighting.position, *person)).collect();
+        Sightings { time_s: world.time_s(frame), people, is_usable: true }
+    }
+
+    /// Person whose measurement a position was, at the last frame.
+    pub fn person_at(&self, position: Point2<f64>) -> Option<usize> {
+        self.seen.iter().find(|(p, _)| *p == position).map(|(_, person)| *person)
+    }
+
+    /// Lets every track follow somebody within 1 m of the person whom it followed, or end.
+    fn follow(&mut self, places: &[Point2<f64>], visible: &[usize]) {
+        if self.crossing == Crossing::Random {
+            let rng = &mut self.rng;
+            self.tracks.retain(|_, person| {
+                let near: Vec<usize> =
+                    visible.iter().copied().filter(|p| is_close(places, *person, *p)).collect();
+                if !near.is_empty() {
+                    *person = near[rng.random_range(0..near.len())];
+                }
+                !near.is_empty()
+            });
+            return;
+        }
+        self.tracks.retain(|_, person| visible.binary_search(person).is_ok());
+        let of_person = |tracks: &BTreeMap<u32, usize>, person: usize| {
+            tracks.iter().find(|(_, p)| **p == person).map(|(track, _)| *track)
+        };
+        for (index, a) in visible.iter().enumerate() {
+            for b in &visible[..index] {
+                if is_close(places, *a, *b) && self.rng.random_bool(0.5) {
+                    let pair = (of_person(&self.tracks, *a), of_person(&self.tracks, *b));
+                    pair.0.map(|track| self.tracks.insert(track, *b));
+                    pair.1.map(|track| self.tracks.insert(track, *a));
+                }
+            }
+        }
+    }
+
+    /// Begins tracks where the rule asks for a look: on the nearest person within 1 m who may have one more.
+    fn look_again(&mut self, places: &[Point2<f64>], visible: &[usize], restarts: &[Restart]) {
+        let most = if self.crossing == Crossing::Random { MAX_TRACKS } else { 1 };
+        for restart in restarts {
+            let distance = |person: usize| (places[person] - restart.position).norm();
+            let may_begin =
+                |p: usize| distance(p) < CLOSE_M && self.tracks.values().filter(|o| **o == p).count() < most;
+            let nearest = visible.iter().copied().filter(|p| may_begin(*p));
+            if let Some(person) = nearest.min_by(|a, b| distance(*a).total_cmp(&distance(*b))) {
+                self.begin(person);
+            }
+        }
+    }
+
+    /// Begins tracks on people whom nobody has followed for some time.
+    fn bear(&mut self, rate_hz: f64, visible: &[usize], apart: impl Fn(usize) -> bool) {
+        let mut counts = vec![0; self.untracked.len()];
+        for person in visible {
+            if apart(*person) && !self.tracks.values().any(|p| p == person) {
+                counts[*person] = self.untracked[*person] + 1;
+                if f64::from(counts[*person]) > BIRTH_S * rate_hz {
+                    counts[*person] = 0;
+                    self.begin(*person);
+                }
+            }
+        }
+        self.untracked = counts;
+    }
+
+    fn begin(&mut self, person: usize) {
+        self.tracks.insert(self.next, person);
+        self.next += 1;
+    }
+
+    fn measure(&mut self, world: &World, place: Point2<f64>, person: usize, is_crowded: bool) -> Sighting {
+        let noise = &world.options.noise;
+        let factor = if is_crowded { noise.close_factor } else { 1.0 };
+        let [along, across, colour] = [(); 3].map(|()| factor * self.rng.random_range(-1.0..1.0));
+        let sight = (place - world.site.stations[self.station].position).normalize();
+        let aside = Vector2::new(-sight.y, sight.x);
+        // The variance of a uniform error within ± a is a² / 3.
+        let variance = |limit: f64| (factor * limit).powi(2) / 3.0;
+        let covariance: Matrix2<f64> = sight * sight.transpose() * variance(noise.along_m)
+            + aside * aside.transpose() * variance(noise.across_m);
+        let attribute = world.attributes[person] + colour * noise.attribute;
+        let hue_deg = (HUE_DEG[0] + hue_difference_deg(attribute)) as f32;
+        Sighting {
+            track: 0,
+            position: place + sight * along * noise.along_m + aside * across * noise.across_m,
+            covariance,
+            height_m: HEIGHT_M,
+            looks: Some(Looks { colours: [Colour { hue_deg, saturation: 1.0, value: 0.6 }; 3] }),
+            is_crowded,
+        }
+    }
+}
+
+fn is_close(places: &[Point2<f64>], a: usize, b: usize) -> bool {
+    (places[a] - places[b]).norm() < CLOSE_M
+}

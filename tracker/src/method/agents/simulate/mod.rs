@@ -1,0 +1,25 @@
+//! Simulated stations and people: experiment 2 of the paper (section 4.2) and larger ones.
+//!
+//! * [`Options`], [`Layout`] — what is simulated; the published experiment and a harder one.
+//! * [`Site`] — stations with their views, and walls; a [`super::FieldOfView`].
+//! * [`World`] — one trial's people.
+//! * [`ImageTracking`] — what one station sees of them, with all errors.
+//! * [`run_trial`], [`Judge`] — a trial of any [`super::Rule`], and who is kept, lost or confused in the end.
+//! * [`run_centralised`] — the paper's centralised variant.
+
+mod centralised;
+mod image_tracking;
+mod judge;
+mod layout;
+mod options;
+mod site;
+mod trial;
+mod world;
+
+pub use centralised::{CentralisedOptions, run_centralised};
+pub use image_tracking::{Crossing, ImageTracking, hue_difference_deg};
+pub use judge::{Fates, Judge};
+pub use options::{Layout, Noise, Options};
+pub use site::{SimulatedStation, Site, Wall};
+pub use trial::{Moment, run_trial};
+pub use world::{CLOSE_M, World};
