@@ -11,14 +11,17 @@
 //! * [`memory`] — growth of a long run.
 //! * [`capacity`] — number of cameras that are followed in real time.
 //! * [`stations`] — one process for each camera.
+//! * [`agents`] — one process for each camera, which track together without a gatherer.
 //!
 //! Parts that the scenarios share:
 //!
 //! * [`office`] — the office as films of network cameras, and its truth at any time.
 //! * [`run`] — `tracker run` as a child process; [`rows`] — its `tracks.jsonl` as it grows; [`page`] — its page.
+//! * [`proxy`] — a network between two programs that counts bytes and can be cut.
 //! * [`films`] — recordings that are made for the measurement and kept beside the programs.
 
 pub mod accuracy;
+pub mod agents;
 pub mod capacity;
 pub mod films;
 pub mod latency;
@@ -26,6 +29,7 @@ pub mod memory;
 pub mod office;
 pub mod outages;
 pub mod page;
+pub mod proxy;
 pub mod rows;
 pub mod run;
 pub mod stations;

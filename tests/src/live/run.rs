@@ -67,6 +67,17 @@ impl LiveRun {
         Self::spawn(&mut command, out, Some(page))
     }
 
+    /// Starts `tracker station ROOM --method agents --camera CAMERA --out OUT` with further arguments.
+    ///
+    /// # Errors
+    /// When the process does not start.
+    pub fn start_agents(room: &Path, camera: &str, out: &Path, arguments: &[String]) -> Said<Self> {
+        let mut command = program("tracker");
+        command.arg("station").arg(room).args(["--method", "agents", "--camera", camera]);
+        command.arg("--out").arg(out).args(arguments);
+        Self::spawn(&mut command, out, None)
+    }
+
     fn spawn(command: &mut Command, out: &Path, page: Option<SocketAddr>) -> Said<Self> {
         let started = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn();
         let mut child = started.map_err(|e| format!("{command:?}: {e}"))?;
@@ -145,14 +156,22 @@ impl LiveRun {
         self.ended()
     }
 
+    /// Sends the process a signal, as in `STOP`.
+    ///
+    /// # Errors
+    /// When there is no `kill`.
+    pub fn signal(&self, name: &str) -> Said<()> {
+        let sent = Command::new("kill").args([&format!("-{name}"), &self.pid().to_string()]).status();
+        sent.map(drop).map_err(|e| format!("kill: {e}"))
+    }
+
     /// Interrupts the run as Ctrl-C does, and waits for its end.
     ///
     /// # Errors
     /// The run's last line, if it fails or does not end.
     pub fn interrupt(mut self) -> Said<Ended> {
         if self.is_running() {
-            let killed = Command::new("kill").args(["-INT", &self.pid().to_string()]).status();
-            killed.map_err(|e| format!("kill: {e}"))?;
+            self.signal("INT")?;
         }
         self.finish(Instant::now() + FAREWELL)
     }

@@ -1,11 +1,9 @@
 //! Stations, one process for each camera: their traffic on the network, and whether the tracks are the same.
 
-use std::io::{Read, Write};
-use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
+use std::io::Read;
+use std::net::{SocketAddr, TcpStream};
 use std::path::Path;
 use std::process::{Child, Stdio};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -14,6 +12,7 @@ use crate::data::program;
 use crate::live::Figure;
 use crate::live::capacity::track_bytes;
 use crate::live::office::{self, CAMERAS, RATE_HZ};
+use crate::live::proxy::Proxy;
 use crate::live::run::{LiveRun, Scratch, error_line, free_address, videos};
 use crate::network_camera::CameraOptions;
 
@@ -23,51 +22,6 @@ const READY: Duration = Duration::from_secs(20);
 const LONGEST: Duration = Duration::from_mins(5);
 /// Frames of the office, from 0, with all three people inside.
 const THREE_INSIDE: std::ops::Range<usize> = 225..265;
-
-/// Proxy that forwards connections to an address, and counts the bytes that come back from there.
-#[derive(Debug)]
-struct CountingProxy {
-    address: SocketAddr,
-    bytes: Arc<AtomicU64>,
-}
-
-impl CountingProxy {
-    fn start(to: SocketAddr) -> Said<Self> {
-        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).map_err(|e| e.to_string())?;
-        let address = listener.local_addr().map_err(|e| e.to_string())?;
-        let bytes = Arc::<AtomicU64>::default();
-        let counted = Arc::clone(&bytes);
-        // The thread waits for connections until the process ends.
-        thread::spawn(move || {
-            for client in listener.incoming().flatten() {
-                let Ok(server) = TcpStream::connect(to) else { continue };
-                let (Ok(client_too), Ok(server_too)) = (client.try_clone(), server.try_clone()) else {
-                    continue;
-                };
-                let counted = Arc::clone(&counted);
-                thread::spawn(move || forward(client, server, &AtomicU64::default()));
-                thread::spawn(move || forward(server_too, client_too, &counted));
-            }
-        });
-        Ok(Self { address, bytes })
-    }
-
-    fn bytes(&self) -> u64 {
-        self.bytes.load(Ordering::Relaxed)
-    }
-}
-
-fn forward(mut from: TcpStream, mut to: TcpStream, counted: &AtomicU64) {
-    let mut chunk = [0; 16384];
-    while let Ok(count) = from.read(&mut chunk) {
-        counted.fetch_add(count as u64, Ordering::Relaxed);
-        if count == 0 || to.write_all(&chunk[..count]).is_err() {
-            break;
-        }
-    }
-    // The other side may have closed it already.
-    let _ = to.shutdown(Shutdown::Both);
-}
 
 /// Process of `tracker station` for one camera.
 struct Station {
@@ -132,7 +86,7 @@ fn bytes_per_s(measured_s: f64) -> Said<f64> {
     let (room, scratch) = (office::room(), Scratch::new()?);
     let station = |camera: usize| Station::start(&room, CAMERAS[camera], &cameras[camera].url());
     let stations = [station(0)?, station(1)?];
-    let proxy = CountingProxy::start(stations[0].address)?;
+    let proxy = Proxy::start(stations[0].address)?;
     let mut given = stations_argument(&[proxy.address, stations[1].address]).to_vec();
     given.push("--no-film".to_owned());
     let mut run = LiveRun::start(&room, &scratch.path("out"), &given)?;

@@ -3,6 +3,7 @@
 // Whoever calls a test's helpers is a test: a failure there is the test's.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
+mod agents;
 mod capture_motion;
 mod clocks;
 mod failing_cameras;

@@ -31,6 +31,8 @@ pub mod simulate;
 mod solo;
 mod station;
 mod system;
+#[cfg(test)]
+mod together_tests;
 
 pub use field_of_view::StageView;
 pub use figures::AgencyRecord;

@@ -7,6 +7,8 @@ use super::{AgentId, Packet, Report, StationId, TargetId};
 
 /// Time after which a station that sends nothing is silent, seconds.
 const SILENCE_S: f64 = 2.0;
+/// Time after which an agent that reports nothing no longer sees anybody, seconds: for a frame or two it may be unsure.
+const GONE_S: f64 = 1.0;
 /// People in the table; of more the first are shown.
 const MOST_ROWS: usize = 40;
 
@@ -23,7 +25,8 @@ struct Told {
     time_s: f64,
     is_silent: bool,
     is_blind: bool,
-    agents: BTreeMap<AgentId, Report>,
+    /// Latest report of each agent, and its time in seconds.
+    agents: BTreeMap<AgentId, (Report, f64)>,
 }
 
 impl Overview {
@@ -40,11 +43,11 @@ impl Overview {
             let state = if packet.is_blind { "sees nothing that can be used" } else { "sees again" };
             lines.push(format!("{camera} {state}"));
         }
-        let agents: BTreeMap<AgentId, Report> =
-            packet.reports.iter().map(|report| (report.agent, *report)).collect();
-        for (agent, report) in &agents {
-            let name = format!("{camera} agent {}", agent.number);
-            match told.agents.get(agent).map(|before| before.target) {
+        told.time_s = packet.time_s;
+        for report in &packet.reports {
+            let name = format!("{camera} agent {}", report.agent.number);
+            let before = told.agents.insert(report.agent, (*report, packet.time_s));
+            match before.map(|(before, _)| before.target) {
                 Some(before) if before == report.target => {}
                 None if report.target == TargetId::ALONE => lines.push(format!("{name} tracks alone")),
                 None => lines.push(format!("{name} tracks person {}", report.target.0)),
@@ -54,14 +57,15 @@ impl Overview {
                 Some(_) => lines.push(format!("{name} tracks person {} now", report.target.0)),
             }
         }
-        for (agent, before) in told.agents.iter().filter(|(agent, _)| !agents.contains_key(agent)) {
+        for (agent, (before, _)) in
+            told.agents.extract_if(.., |_, (_, seen_s)| packet.time_s - *seen_s > GONE_S)
+        {
             let whom = match before.target {
                 TargetId::ALONE => "whom it tracked alone".to_owned(),
                 target => format!("person {}", target.0),
             };
             lines.push(format!("{camera} agent {} no longer sees {whom}", agent.number));
         }
-        (told.agents, told.time_s) = (agents, packet.time_s);
         lines
     }
 
@@ -85,7 +89,7 @@ impl Overview {
             return String::new();
         }
         let mut people: Vec<TargetId> =
-            heard.iter().flat_map(|told| told.agents.values()).map(|report| report.target).collect();
+            heard.iter().flat_map(|told| told.agents.values()).map(|(report, _)| report.target).collect();
         people.sort_unstable();
         people.dedup();
         // Writing to a string cannot fail.
@@ -102,7 +106,8 @@ impl Overview {
         if people.contains(&TargetId::ALONE) {
             let _ = write!(table, "\n{:<10}", "alone");
             for told in &heard {
-                let count = told.agents.values().filter(|report| report.target == TargetId::ALONE).count();
+                let count =
+                    told.agents.values().filter(|(report, _)| report.target == TargetId::ALONE).count();
                 let _ = write!(table, " {:>20}", if count == 0 { String::new() } else { count.to_string() });
             }
         }
@@ -112,8 +117,8 @@ impl Overview {
 
 /// `0.97 at 1.2 3.4` for the agent of a station that tracks a target.
 fn cell(told: &Told, target: TargetId) -> String {
-    let report = told.agents.values().find(|report| report.target == target);
-    report.map_or(String::new(), |report| {
+    let report = told.agents.values().find(|(report, _)| report.target == target);
+    report.map_or(String::new(), |(report, _)| {
         format!("{:.2} at {:.1} {:.1}", report.confidence, report.position.x, report.position.y)
     })
 }
@@ -143,30 +148,28 @@ mod tests {
     #[test]
     fn every_change_is_one_line() {
         let mut overview = Overview::default();
-        for (agents, expected) in [
-            (&[(1, 0)][..], &["front is heard", "front agent 1 tracks alone"][..]),
-            (&[(1, 0)], &[]),
-            (&[(1, 7), (2, 8)], &["front agent 1 tracks person 7 now", "front agent 2 tracks person 8"]),
+        for (time_s, agents, expected) in [
+            (1.0, &[(1, 0)][..], &["front is heard", "front agent 1 tracks alone"][..]),
+            (1.1, &[(1, 0)], &[]),
+            (1.2, &[(1, 7), (2, 8)], &["front agent 1 tracks person 7 now", "front agent 2 tracks person 8"]),
+            (1.3, &[], &[]),
             (
+                1.4,
                 &[(1, 0), (2, 9)],
                 &["front agent 1 leaves person 7, and tracks alone", "front agent 2 tracks person 9 now"],
             ),
-            (
-                &[],
-                &[
-                    "front agent 1 no longer sees whom it tracked alone",
-                    "front agent 2 no longer sees person 9",
-                ],
-            ),
+            (2.3, &[(2, 9)], &[]),
+            (2.5, &[(2, 9)], &["front agent 1 no longer sees whom it tracked alone"]),
+            (3.6, &[], &["front agent 2 no longer sees person 9"]),
         ] {
-            assert_eq!(overview.extend(&packet(0, 1.0, agents), "front"), expected);
+            assert_eq!(overview.extend(&packet(0, time_s, agents), "front"), expected, "{time_s}");
         }
-        let blind = Packet { is_blind: true, ..packet(0, 1.0, &[]) };
+        let blind = Packet { is_blind: true, ..packet(0, 4.0, &[]) };
         assert_eq!(overview.extend(&blind, "front"), ["front sees nothing that can be used"]);
-        assert!(overview.pass(2.9).is_empty());
-        assert_eq!(overview.pass(3.1), ["front is silent"]);
-        assert!(overview.pass(4.0).is_empty() && overview.table().is_empty());
-        assert_eq!(overview.extend(&packet(0, 5.0, &[]), "front"), ["front is heard"]);
+        assert!(overview.pass(5.9).is_empty());
+        assert_eq!(overview.pass(6.1), ["front is silent"]);
+        assert!(overview.pass(7.0).is_empty() && overview.table().is_empty());
+        assert_eq!(overview.extend(&packet(0, 8.0, &[]), "front"), ["front is heard"]);
     }
 
     #[test]

@@ -1,0 +1,159 @@
+//! Stations that track together, each in a process of its own, and what may happen to them: the others go on.
+
+use std::collections::BTreeSet;
+use std::net::SocketAddr;
+use std::time::{Duration, Instant};
+
+use scenes::room::Room;
+use tests::live::agents::{FIRST_FRAME, Pair, ids, restart};
+use tests::live::office;
+use tests::live::rows::Row;
+use tracker::wire::Fingerprint;
+use zenoh::{Session, Wait};
+
+/// Asserts that a station never gave one id to two people in a row.
+fn assert_no_duplicates(rows: &[Row]) {
+    for row in rows {
+        assert_eq!(ids(row).len(), row.people.len(), "{row:?}");
+    }
+}
+
+#[test]
+fn a_killed_and_a_stalled_station_come_back_and_the_other_keeps_its_ids() {
+    let mut pair = Pair::start(FIRST_FRAME).unwrap();
+    let found = restart(&mut pair, Duration::from_secs(2)).unwrap();
+    println!("back after {} s", found.back_s);
+    assert!(found.meanwhile.len() > 10 && found.back_s < 5.0, "{found:?}");
+    assert!(found.meanwhile.iter().all(|people| *people == found.before), "{found:?}");
+
+    // It stands still for 5 s with its connections open.
+    let stalled = Instant::now();
+    pair.station(1).unwrap().signal("STOP").unwrap();
+    pair.pass(0, Duration::from_secs(5)).unwrap();
+    pair.station(1).unwrap().signal("CONT").unwrap();
+    let people = pair.agreement(3).unwrap();
+    assert_eq!(people, found.before);
+    let rows = pair.station(0).unwrap().rows();
+    let since: Vec<&Row> = rows.iter().filter(|row| row.found > stalled).collect();
+    assert!(since.len() > 30 && since.iter().all(|row| ids(row) == people), "{since:?}");
+    for camera in [0, 1] {
+        assert_no_duplicates(&pair.station(camera).unwrap().rows());
+    }
+}
+
+/// Session of a stranger that may do everything that Zenoh allows.
+fn stranger(addresses: &[SocketAddr]) -> Session {
+    let mut config = zenoh::Config::default();
+    let connect: Vec<String> = addresses.iter().map(|address| format!("\"tcp/{address}\"")).collect();
+    for (key, value) in [
+        ("connect/endpoints", format!("[{}]", connect.join(","))),
+        ("listen/endpoints", "[]".to_owned()),
+        ("scouting/multicast/enabled", "false".to_owned()),
+    ] {
+        config.insert_json5(key, &value).unwrap();
+    }
+    zenoh::open(config).wait().unwrap()
+}
+
+#[test]
+fn nonsense_is_told_once_and_wrong_clocks_are_corrected_or_left_out() {
+    let mut pair = Pair::start(FIRST_FRAME).unwrap();
+    let people = pair.agreement(3).unwrap();
+    let hostile = stranger(&pair.addresses);
+    let key = format!("roomtrack/1/{}/agents/cam1", Fingerprint::of(&Room::read(&office::room()).unwrap()));
+    let overheard = hostile.declare_subscriber(&key).wait().unwrap();
+    let packet =
+        overheard.recv_timeout(Duration::from_secs(20)).unwrap().unwrap().payload().to_bytes().to_vec();
+    drop(overheard);
+    let version = [&[99], &packet[1..]].concat();
+    let camera = [&packet[..1], &[7], &packet[2..]].concat();
+    for _ in 0..50 {
+        for bytes in
+            [&packet[..], &version, &camera, &packet[..packet.len() / 2], &[1; 7000], b"", &[1; 200_000]]
+        {
+            hostile.put(&key, bytes).wait().unwrap();
+        }
+    }
+    let lines =
+        ["sends packets again", "version 99 of the packets", "number 7", "cannot be read", "7000 bytes"];
+    for line in lines {
+        pair.line(0, line).unwrap();
+    }
+    let _token = hostile.liveliness().declare_token("roomtrack/agents/99/ff/cam1/1").wait().unwrap();
+    pair.pass(0, Duration::from_secs(2)).unwrap();
+    let log = pair.station(0).unwrap().log();
+    for line in lines {
+        assert_eq!(log.iter().filter(|told| told.contains(line)).count(), 1, "{line}: {log:#?}");
+    }
+    assert_eq!(pair.agreement(3).unwrap(), people);
+
+    // The same station with a clock half a second ahead is corrected…
+    pair.kill(1);
+    pair.begin(1, &["--clock-shift", "0.5"]).unwrap();
+    pair.line(0, "`cam1` has a clock that is 0.5").unwrap();
+    assert_eq!(pair.agreement(3).unwrap(), people);
+    // …and with one an hour ahead left out: the other goes on alone.
+    pair.kill(1);
+    pair.begin(1, &["--clock-shift", "3600"]).unwrap();
+    pair.line(0, "`cam1` has a clock that is 3600.0").unwrap();
+    pair.line(1, "`cam0` has a clock that is 3600.0").unwrap();
+    pair.pass(0, Duration::from_secs(1)).unwrap();
+    let rows = pair.station(0).unwrap().rows();
+    assert!(rows.iter().rev().take(10).all(|row| ids(row) == people));
+    assert_no_duplicates(&rows);
+}
+
+#[test]
+fn a_network_that_is_cut_and_healed_leaves_each_person_one_id() {
+    let mut pair = Pair::start(FIRST_FRAME).unwrap();
+    // The cut comes when one person is inside; two come in while it lasts, and get ids from both stations.
+    let first = pair.agreement(1).unwrap();
+    pair.network.cut();
+    pair.station(1)
+        .unwrap()
+        .wait_for(Instant::now() + Duration::from_secs(20), |rows| has_three(rows))
+        .unwrap();
+    pair.station(0)
+        .unwrap()
+        .wait_for(Instant::now() + Duration::from_secs(20), |rows| has_three(rows))
+        .unwrap();
+    let apart = [pair.people(0).unwrap(), pair.people(1).unwrap()];
+    pair.network.heal();
+    let people = pair.agreement(3).unwrap();
+    println!("{first:?}, apart {apart:?}, together {people:?}");
+    assert!(people.is_superset(&first), "{first:?}, {people:?}");
+    pair.pass(0, Duration::from_secs(2)).unwrap();
+    assert_eq!(pair.agreement(3).unwrap(), people);
+    for camera in [0, 1] {
+        assert_no_duplicates(&pair.station(camera).unwrap().rows());
+    }
+}
+
+fn has_three(rows: &[Row]) -> bool {
+    rows.len() > 10 && rows[rows.len() - 10..].iter().map(ids).all(|people: BTreeSet<u32>| people.len() == 3)
+}
+
+#[test]
+fn options_that_do_not_fit_are_told_in_one_line() {
+    let room = office::room().display().to_string();
+    let video = office::video("cam0").display().to_string();
+    let station = ["station", &room, "--camera", "cam0", "--video", &video, "--method", "agents"];
+    let cases: [(&[&str], &str); 4] = [
+        (&["--listen", "127.0.0.1:0"], "--method agents: give --out DIR"),
+        (&["--out", "out"], "--listen: there is no endpoint"),
+        (&["--out", "out", "--connect", "127.0.0.1:1", "--pictures"], "cannot be used with"),
+        (&["--out", "out", "--connect", "127.0.0.1:1", "--steps", "1"], "--steps 1: give 2 to"),
+    ];
+    let folder = tempfile::tempdir().unwrap();
+    for (further, problem) in cases {
+        let output = tests::data::program("tracker")
+            .current_dir(folder.path())
+            .args(station)
+            .args(further)
+            .output()
+            .unwrap();
+        let told = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.code() == Some(2) && told.contains(problem), "{told}");
+    }
+    assert!(std::fs::read_dir(folder.path()).unwrap().next().is_none());
+}
