@@ -99,7 +99,7 @@ fn find_other(
 /// Unit vector across the line of sight: along which a covariance is shortest.
 fn short_axis(covariance: &Matrix2<f64>) -> nalgebra::Vector2<f64> {
     let eigen = covariance.symmetric_eigen();
-    let shorter = if eigen.eigenvalues[0] <= eigen.eigenvalues[1] { 0 } else { 1 };
+    let shorter = eigen.eigenvalues.imin();
     eigen.eigenvectors.column(shorter).into()
 }
 

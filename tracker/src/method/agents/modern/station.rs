@@ -178,19 +178,16 @@ impl Modern {
         self.take_in(self.station, &measurements, dt.clamp(0.02, 0.5));
         for (i, measurement) in measurements.iter().enumerate() {
             let person = self.scratch.of[i];
-            match person {
-                Some(index) => {
-                    self.nursery.remove(measurement.track);
-                    self.people.follow(index, measurement.track);
-                    if self.people[index].agent.is_none() {
-                        self.last_agent += 1;
-                        self.people[index].agent = Some(self.last_agent);
-                    }
+            if let Some(index) = person {
+                self.nursery.remove(measurement.track);
+                self.people.follow(index, measurement.track);
+                if self.people[index].agent.is_none() {
+                    self.last_agent += 1;
+                    self.people[index].agent = Some(self.last_agent);
                 }
-                None => {
-                    let is_apart = existence::is_apart(&self.people, measurement);
-                    self.nursery.add(measurement, is_apart, dt);
-                }
+            } else {
+                let is_apart = existence::is_apart(&self.people, measurement);
+                self.nursery.add(measurement, is_apart, dt);
             }
             self.seen.push((*measurement, person));
         }
