@@ -10,11 +10,13 @@
 //! * [`Packet`] — what a station tells the others at one moment.
 //! * [`Rule`] — from sightings and packets to agents, by one of two rules.
 //! * [`modern`] — the rule that is used unless another is asked for.
+//! * [`published`] — the paper's rule.
 //! * [`simulate`] — simulated stations and people, to compare rules.
 
 mod looks;
 pub mod modern;
 mod packet;
+pub mod published;
 mod rule;
 mod sighting;
 pub mod simulate;
