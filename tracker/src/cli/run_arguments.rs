@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use tracker::method::Method;
 use tracker::method::agents::modern::ModernOptions;
+use tracker::method::agents::published::PublishedOptions;
 use tracker::method::agents::{Agents, AgentsOptions, RuleOptions};
 use tracker::method::condensation::Condensation;
 use tracker::method::mcmc::Mcmc;
@@ -130,9 +131,13 @@ impl RunArgs {
                 Box::new(Mcmc::new(stage.clone(), options)?)
             }
             MethodName::Agents => {
-                let mut sampler = self.sampler.options(self.seed)?;
+                let mut sampler = self.sampler.image_tracking(self.seed)?;
                 sampler.max_people = self.most_people.unwrap_or(sampler.max_people);
-                let rule = RuleOptions::Modern(ModernOptions::default());
+                let rule = if self.sampler.published {
+                    RuleOptions::Published(PublishedOptions::default())
+                } else {
+                    RuleOptions::Modern(ModernOptions::default())
+                };
                 Box::new(Agents::new(stage.clone(), &AgentsOptions { sampler, rule })?)
             }
             MethodName::Condensation => {

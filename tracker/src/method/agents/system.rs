@@ -16,6 +16,9 @@ use crate::{Error, Moment, PersonEstimate, Result, TrackId};
 /// The most stations of a system: their numbers are bytes.
 const MOST_STATIONS: usize = 255;
 
+/// Two bodies are not nearer to each other than this, metres.
+const SAME_M: f64 = 0.35;
+
 /// All stations of a site.
 #[derive(Debug)]
 pub struct Agents {
@@ -71,7 +74,21 @@ impl Agents {
         });
         best.dedup_by_key(|belief| belief.target);
         best.retain(|belief| self.stage.floor.is_inside(belief.position.x, belief.position.y));
-        best
+        let mut told: Vec<Belief> = Vec::with_capacity(best.len());
+        for belief in best {
+            if !told.iter().any(|older| self.is_same(older, &belief)) {
+                told.push(belief);
+            }
+        }
+        told
+    }
+
+    /// Whether two targets are one person whom stations have not agreed on yet: at one place, and no station sees two
+    /// people there.
+    fn is_same(&self, a: &Belief, b: &Belief) -> bool {
+        let sees = |packet: &Packet, target| packet.reports.iter().any(|report| report.target == target);
+        (a.position - b.position).norm() < SAME_M
+            && !self.sent.iter().any(|packet| sees(packet, a.target) && sees(packet, b.target))
     }
 }
 

@@ -27,6 +27,8 @@ mod people;
 mod person;
 mod signature;
 mod station;
+#[cfg(test)]
+mod tests;
 
 pub use options::ModernOptions;
 pub use station::Modern;

@@ -46,6 +46,8 @@ pub struct Modern {
     measured: Vec<Measured>,
     /// Person of each of the station's own sightings, as ids.
     seen: Vec<(Measurement, Option<usize>)>,
+    /// Image tracks that follow nobody.
+    ended: Vec<u32>,
     scratch: Scratch,
 }
 
@@ -86,6 +88,7 @@ impl Modern {
             refused: 0,
             measured: Vec::new(),
             seen: Vec::new(),
+            ended: Vec::new(),
             scratch: Scratch::default(),
         }
     }
@@ -295,14 +298,13 @@ impl Modern {
                 self.scratch.watching.push(StationId(index as u8));
             }
         }
-        contradiction::settle(
-            &mut self.people,
-            &self.seen,
-            self.fields.as_ref(),
-            self.station,
-            &self.scratch.watching,
-            dt,
-        );
+        let moment = contradiction::Moment {
+            seen: &self.seen,
+            fields: self.fields.as_ref(),
+            own: self.station,
+            watching: &self.scratch.watching,
+        };
+        self.ended = contradiction::settle(&mut self.people, &moment, dt);
         let watch = Watch {
             fields: self.fields.as_ref(),
             watching: &self.scratch.watching,
@@ -420,7 +422,7 @@ impl Rule for Modern {
                 restarts.push(Restart { position: person.motion.position, height_m: person.height_m });
             });
         }
-        Step { packet, restarts }
+        Step { packet, restarts, ended: std::mem::take(&mut self.ended) }
     }
 
     fn people(&self) -> Vec<Belief> {
