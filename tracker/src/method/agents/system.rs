@@ -16,6 +16,8 @@ use crate::{Error, Moment, PersonEstimate, Result, TrackId};
 /// The most stations of a system: their numbers are bytes.
 const MOST_STATIONS: usize = 255;
 
+/// Somebody whom no station sees now is told while that is likely.
+const LIKELY: f64 = 0.5;
 /// Two bodies are not nearer to each other than this, metres.
 const SAME_M: f64 = 0.35;
 
@@ -73,7 +75,9 @@ impl Agents {
                 .then(spread(a).total_cmp(&spread(b)))
         });
         best.dedup_by_key(|belief| belief.target);
-        best.retain(|belief| self.stage.floor.is_inside(belief.position.x, belief.position.y));
+        let is_there = |belief: &Belief| belief.agent.is_some() || belief.confidence > LIKELY;
+        let floor = &self.stage.floor;
+        best.retain(|belief| is_there(belief) && floor.is_inside(belief.position.x, belief.position.y));
         let mut told: Vec<Belief> = Vec::with_capacity(best.len());
         for belief in best {
             if !told.iter().any(|older| self.is_same(older, &belief)) {

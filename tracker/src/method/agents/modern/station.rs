@@ -351,8 +351,10 @@ impl Modern {
     fn confidence(&self, index: usize) -> f64 {
         /// Time after which somebody unmeasured is there with a probability e times less, seconds.
         const UNMEASURED_S: f64 = 20.0;
+        /// The same for somebody whom a station should see, seconds.
+        const OVERDUE_S: f64 = 0.5;
         let person = &self.people[index];
-        let is_there = (-person.missed_s / UNMEASURED_S).exp();
+        let is_there = (-person.missed_s / UNMEASURED_S - person.overdue_s / OVERDUE_S).exp();
         let is_one = if person.spare_s.is_some() { 0.3 } else { 1.0 };
         let is_plain = if person.is_crowded { 0.7 } else { 1.0 };
         self.people.certainty(index) * is_there * is_one * is_plain
