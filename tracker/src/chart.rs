@@ -4,8 +4,10 @@ use image::RgbImage;
 use nalgebra::Point2;
 use scenes::canvas::{Canvas, Color, Stroke, TextStyle};
 
-const WIDTH_PX: u32 = 900;
-const HEIGHT_PX: u32 = 560;
+/// Width of a chart, pixels.
+pub(crate) const WIDTH_PX: u32 = 900;
+/// Height of a chart, pixels.
+pub(crate) const HEIGHT_PX: u32 = 560;
 /// Room around the axes: left, right, top, bottom, pixels.
 const RIM_PX: [f64; 4] = [84.0, 28.0, 58.0, 66.0];
 const TEXT: TextStyle = TextStyle::new(16.0).color(Color::INK);
@@ -33,6 +35,8 @@ pub struct Series {
     pub points: Vec<[f64; 2]>,
     /// Whether the points are joined.
     pub is_line: bool,
+    /// Its colour; `None` for one by its place among the series.
+    pub color: Option<Color>,
 }
 
 /// A chart.
@@ -94,6 +98,12 @@ impl Axis {
 }
 
 impl Chart {
+    /// Width of the axes' rectangle over its height.
+    pub(crate) fn aspect() -> f64 {
+        let [left, right, top, bottom] = RIM_PX;
+        (f64::from(WIDTH_PX) - left - right) / (f64::from(HEIGHT_PX) - top - bottom)
+    }
+
     /// Draws it.
     pub fn draw(&self) -> RgbImage {
         let mut canvas = Canvas::new(WIDTH_PX, HEIGHT_PX, Color::PAPER);
@@ -114,7 +124,7 @@ impl Chart {
             canvas.text(Point2::new(left - 10.0, at.y), &short(y), &TEXT.anchor(1.0, 0.5));
         }
         for (index, series) in self.series.iter().enumerate() {
-            let color = series_color(index);
+            let color = series.color(index);
             let points: Vec<Point2<f64>> = series
                 .points
                 .iter()
@@ -144,10 +154,16 @@ impl Chart {
     fn legend(&self, canvas: &mut Canvas, at: Point2<f64>) {
         let mut x = at.x;
         for (index, series) in self.series.iter().enumerate().filter(|(_, s)| !s.name.is_empty()) {
-            canvas.fill_circle(Point2::new(x + 6.0, at.y), 6.0, series_color(index));
+            canvas.fill_circle(Point2::new(x + 6.0, at.y), 6.0, series.color(index));
             let drawn = canvas.text(Point2::new(x + 18.0, at.y), &series.name, &TEXT.anchor(0.0, 0.5));
             x += 18.0 + f64::from(TEXT.size(&series.name)[0]).max(drawn[2] - drawn[0]) + 26.0;
         }
+    }
+}
+
+impl Series {
+    fn color(&self, index: usize) -> Color {
+        self.color.unwrap_or_else(|| series_color(index))
     }
 }
 
@@ -192,6 +208,7 @@ mod tests {
                 name: String::new(),
                 points: vec![[0.5, 0.5], [f64::NAN, 0.2]],
                 is_line: true,
+                color: None,
             }],
         };
         let image = chart.draw();

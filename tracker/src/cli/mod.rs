@@ -1,5 +1,7 @@
 //! The program's subcommands, one a file: each maps its options onto the library's, one to one.
 
+mod agent_station;
+mod agent_options;
 mod background;
 mod clocks;
 mod colours;
@@ -18,6 +20,7 @@ mod sampler;
 mod station;
 mod stations;
 mod view;
+mod watch;
 mod weightmap;
 
 use calib::console::Console;
@@ -38,6 +41,7 @@ pub(crate) struct Arguments {
 enum Command {
     Run(Box<run_arguments::RunArgs>),
     Station(Box<station::StationArgs>),
+    Watch(watch::WatchArgs),
     Detect(Box<detect::DetectArgs>),
     Link(Box<link::LinkArgs>),
     Eval(eval::EvalArgs),
@@ -51,6 +55,7 @@ pub(crate) fn run(arguments: &Arguments, console: &Console) -> anyhow::Result<St
     match &arguments.command {
         Command::Run(args) => run::run(args, console),
         Command::Station(args) => station::station(args, console),
+        Command::Watch(args) => watch::watch(args),
         Command::Detect(args) => detect::detect(args, console),
         Command::Link(args) => link::link(args, console),
         Command::Eval(args) => eval::eval(args),

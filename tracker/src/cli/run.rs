@@ -14,7 +14,7 @@ use tracker::gathering::{Gathering, GatheringOptions};
 use tracker::plan::TrajectoryPlan;
 use tracker::run::{self, ClockOffsets, Ended, Output, Progress, RunReport};
 use tracker::stage::{Stage, StageOptions};
-use tracker::station::PictureDemand;
+use tracker::station::{Pace, PictureDemand};
 use tracker::tracks::TrackFiles;
 use tracker::view::{Drawer, Screens, Server};
 use tracker::wire::Downlink;
@@ -77,7 +77,7 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
         background: &args.background,
         needs: method.needs(),
         drawing: Drawing { looks: &looks, demand },
-        is_live,
+        pace: if is_live { Pace::Live } else { Pace::Free },
     };
     let Started { ports, events, downlink } = input.start(args, &builder, method.as_mut(), threads)?;
     let prepared = started.elapsed().as_secs_f64();

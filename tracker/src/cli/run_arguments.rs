@@ -4,9 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use tracker::method::Method;
-use tracker::method::agents::modern::ModernOptions;
-use tracker::method::agents::published::PublishedOptions;
-use tracker::method::agents::{Agents, AgentsOptions, RuleOptions};
+use tracker::method::agents::Agents;
 use tracker::method::condensation::Condensation;
 use tracker::method::mcmc::Mcmc;
 use tracker::source::NamedSource;
@@ -131,14 +129,8 @@ impl RunArgs {
                 Box::new(Mcmc::new(stage.clone(), options)?)
             }
             MethodName::Agents => {
-                let mut sampler = self.sampler.image_tracking(self.seed)?;
-                sampler.max_people = self.most_people.unwrap_or(sampler.max_people);
-                let rule = if self.sampler.published {
-                    RuleOptions::Published(PublishedOptions::default())
-                } else {
-                    RuleOptions::Modern(ModernOptions::default())
-                };
-                Box::new(Agents::new(stage.clone(), &AgentsOptions { sampler, rule })?)
+                let options = super::agent_options::options(&self.sampler, self.seed, self.most_people)?;
+                Box::new(Agents::new(stage.clone(), &options)?)
             }
             MethodName::Condensation => {
                 let mut options = self.heads.options(self.seed, self.sampler.published)?;

@@ -6,15 +6,16 @@ use std::time::Duration;
 
 use anyhow::Context;
 use calib::console::Console;
-use clap::Args;
+use clap::{Args, ValueEnum};
 use scenes::room::Room;
 use tracker::film::FilmOptions;
 use tracker::method::Needs;
 use tracker::source::{self, NamedSource};
 use tracker::stage::{Stage, StageOptions, WORKING_WIDTH_PX};
-use tracker::station::{Event, Permits, PictureDemand};
+use tracker::station::{Event, Pace, Permits, PictureDemand};
 use tracker::wire::{Endpoint, Fingerprint, Hello, Uplink};
 
+use super::agent_station::{AgentStationArguments, Place};
 use super::background::BackgroundArguments;
 use super::clocks::ClockArguments;
 use super::endpoints::EndpointArguments;
@@ -24,11 +25,25 @@ use super::stations::{Drawing, StationBuilder};
 /// A station of a recording waits for its gatherer for so long.
 const GATHERER_WITHIN: Duration = Duration::from_mins(10);
 
-/// Observe one camera on this machine, for a `tracker run --stations` on another.
+/// A tracker that works in the stations themselves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum StationMethod {
+    /// Distributed vision agents: each station tracks, and they tell each other what they see.
+    Agents,
+}
+
+/// Observe one camera on this machine, for a `tracker run --stations` on another; or track with other stations, without one.
 ///
-/// Masks and the colours of the foreground leave the station, pictures do not, unless --pictures is given. Both machines have
-/// the same room directory. A live station goes on whoever listens; that of a recording waits for the gatherer and keeps to
-/// its pace.
+/// For a gatherer masks and the colours of the foreground leave the station, pictures do not, unless --pictures is given. A
+/// live station goes on whoever listens; that of a recording waits for the gatherer and keeps to its pace.
+///
+/// With --method agents there is no gatherer: each station tracks, sends about 40 bytes a person and frame to the stations
+/// that see the same places, and writes its own OUT/tracks.txt, tracks.jsonl, boxes/NAME.txt, plan.png and timings.json, with
+/// everybody whom it sees or hears of. Of each two stations one listens and the other connects, or both --discover each
+/// other. A recording is played as fast as it was filmed; of a camera that is too fast frames are passed over. `tracker watch`
+/// shows who tracks whom.
+///
+/// All machines have the same room directory.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   tracker station myroom --camera cam0 --video rtsp://camera/stream --listen 0.0.0.0:7447
@@ -36,7 +51,9 @@ const GATHERER_WITHIN: Duration = Duration::from_mins(10);
   tracker station myroom --camera cam0 --video 0 --connect gatherer:7447
   tracker run myroom --listen 0.0.0.0:7447 --out out
   tracker station myroom --camera cam0 --video rtsp://camera/stream --listen tls/0.0.0.0:7447 \\
-      --tls-certificate cam0.pem --tls-key cam0.key --tls-authority ca.pem --allow gatherer")]
+      --tls-certificate cam0.pem --tls-key cam0.key --tls-authority ca.pem --allow gatherer
+  tracker station myroom --camera cam0 --video 0 --method agents --out out0 --listen 0.0.0.0:7447
+  tracker station myroom --camera cam1 --video 0 --method agents --out out1 --connect camerahost0:7447")]
 pub(crate) struct StationArgs {
     /// The room directory, as `recon build` makes it.
     room: PathBuf,
@@ -49,7 +66,10 @@ pub(crate) struct StationArgs {
     /// Ready-made masks (folder of 8-bit images, 0 = background, or a video): no background subtraction.
     #[arg(long, value_name = "PATH")]
     masks: Option<String>,
-    /// Connect to the gatherer, or to a Zenoh router, at this address; may be repeated
+    /// Track on this machine, together with the stations of the other cameras
+    #[arg(long, value_enum, conflicts_with = "pictures")]
+    method: Option<StationMethod>,
+    /// Connect to the gatherer, to another station, or to a Zenoh router, at this address; may be repeated
     #[arg(long, value_name = "ENDPOINT", value_delimiter = ',')]
     connect: Vec<Endpoint>,
     /// Width at which masks are made, pixels; as the gatherer has it
@@ -64,6 +84,8 @@ pub(crate) struct StationArgs {
     clocks: ClockArguments,
     #[command(flatten)]
     background: BackgroundArguments,
+    #[command(flatten)]
+    agents: AgentStationArguments,
 }
 
 /// Runs the subcommand.
@@ -91,10 +113,17 @@ pub(crate) fn station(args: &StationArgs, console: &Console) -> anyhow::Result<S
         background: &args.background,
         needs: Needs { masks: true, pictures: false, empty_scene: false },
         drawing: Drawing { looks: &FilmOptions::default(), demand },
-        is_live,
+        pace: if is_live || args.method.is_some() { Pace::Live } else { Pace::Free },
     };
     let (times, _) = clocks.into_parts();
     let station = builder.build(sources, times)?.remove(0).station;
+    let interrupted = interrupt::watch().context("the signals that end a station")?;
+    if args.method.is_some() {
+        let progress = console.progress("tracking", promised.map(|n| n as u64));
+        let place = Place { room: &room, room_dir: &args.room, stage: stage.clone() };
+        args.agents.follow(place, station, &endpoints, (&interrupted, progress))?;
+        return Ok(String::new());
+    }
     let of_stage = stage.camera_index(&args.camera).map(|i| &stage.cameras[i]);
     let of_stage =
         of_stage.with_context(|| format!("--camera {}: the room has no such camera", args.camera))?;
@@ -106,7 +135,6 @@ pub(crate) fn station(args: &StationArgs, console: &Console) -> anyhow::Result<S
         is_live: station.is_live(),
         rate_hz: station.rate_hz,
     };
-    let interrupted = interrupt::watch().context("the signals that end a station")?;
     let (mut uplink, feedback) = Uplink::open(hello, &endpoints)?;
     if !is_live {
         tracing::info!("waiting for the gatherer");

@@ -13,7 +13,7 @@ use tracker::foreground::{Foreground, Start};
 use tracker::method::Needs;
 use tracker::source::{CameraSource, CaptureTimes, VideoSource};
 use tracker::stage::{Stage, StageCamera};
-use tracker::station::{LiveStation, Masks, Observer, PictureDemand, RecordedStation, Station, Work};
+use tracker::station::{LiveStation, Masks, Observer, Pace, PictureDemand, RecordedStation, Station, Work};
 
 use super::background::BackgroundArguments;
 
@@ -30,8 +30,8 @@ pub(super) struct StationBuilder<'a> {
     pub(super) background: &'a BackgroundArguments,
     pub(super) needs: Needs,
     pub(super) drawing: Drawing<'a>,
-    /// Whether some camera of the run is live: recordings are then played as fast as they were filmed.
-    pub(super) is_live: bool,
+    /// Speed at which recordings are played: beside live cameras as fast as they were filmed.
+    pub(super) pace: Pace,
 }
 
 /// A station, with what is known beside it.
@@ -107,8 +107,8 @@ impl StationBuilder<'_> {
                     VideoSource::Recorded(source) => Some(source),
                     VideoSource::Live(_) => None,
                 });
-                let paced = self.is_live;
-                Work::Recorded(Box::new(RecordedStation { video, masks, times, observer, drawn, paced }))
+                let pace = self.pace;
+                Work::Recorded(Box::new(RecordedStation { video, masks, times, observer, drawn, pace }))
             }
         };
         let empty_scene = match start {

@@ -53,6 +53,7 @@ fn hota(hota: &Hota) -> Chart {
         name: name.to_owned(),
         points: Hota::thresholds().zip(&hota.by_threshold).map(|(a, s)| [a, 100.0 * part(s)]).collect(),
         is_line: true,
+        color: None,
     };
     Chart {
         title: "HOTA over the strictness".to_owned(),
@@ -69,7 +70,7 @@ fn roc(curve: &DetectionCurve) -> Chart {
         title: format!("detections (average precision {:.1} %)", 100.0 * curve.average_precision),
         x: Axis::fitting("false positives per frame", points.iter().map(|p| p[0]), [0.0, 0.5]),
         y: Axis::new("found, % of the truth", [0.0, 100.0]),
-        series: vec![Series { name: String::new(), points, is_line: true }],
+        series: vec![Series { name: String::new(), points, is_line: true, color: None }],
     }
 }
 

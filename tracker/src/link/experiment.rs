@@ -78,6 +78,7 @@ pub fn figure(rows: &[Row]) -> Chart {
         name: name.to_owned(),
         points: rows.iter().map(|r| [f64::from(r.skip), of(r)]).collect(),
         is_line: true,
+        color: None,
     };
     let series = vec![
         series("without the direction constraint", |r| r.without.score.success),

@@ -1,7 +1,7 @@
 //! One camera's work, alone: source → picture with its capture time → mask → observation.
 //!
 //! * [`Observer`] — one picture → one [`crate::observation::Observation`].
-//! * [`RecordedStation`] — every frame of a recording in order, as fast as the gathering takes them.
+//! * [`RecordedStation`] — every frame of a recording in order, as fast as the gathering takes them or it was filmed.
 //! * [`LiveStation`] — the picture that a camera shows now; frames that it cannot keep up with are passed over.
 //! * [`start`] — a station on a thread of this process, and the [`Port`] by which the gathering reaches it. A station in a
 //!   process of its own does the same work and sends its events over the network ([`crate::wire`]).
@@ -20,7 +20,7 @@ pub use live::LiveStation;
 pub use observer::{Masks, Observer};
 pub use permits::Permits;
 pub use port::{Inbox, Port};
-pub use recorded::RecordedStation;
+pub use recorded::{Pace, RecordedStation};
 pub use seen::{Event, PictureDemand, Pictures, Seen};
 
 use crate::observation::Feedback;
@@ -47,7 +47,7 @@ impl Station {
     /// Whether it shows what happens now.
     pub fn is_live(&self) -> bool {
         match &self.work {
-            Work::Recorded(station) => station.paced,
+            Work::Recorded(station) => station.pace != Pace::Free,
             Work::Live(_) => true,
         }
     }

@@ -27,8 +27,31 @@ pub struct RecordedStation {
     pub observer: Observer,
     /// The size of the pictures that are drawn, and when they are wanted.
     pub drawn: ((u32, u32), PictureDemand),
-    /// Play it as fast as it was filmed, with the capture times of a camera that films now: beside live cameras.
-    pub paced: bool,
+    /// Its speed.
+    pub pace: Pace,
+}
+
+/// Speed at which a recording is played.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Pace {
+    /// As fast as it is worked on.
+    Free,
+    /// As fast as it was filmed, with the capture times of a camera that films now, from the station's start on: beside
+    /// live cameras.
+    Live,
+    /// As [`Self::Live`], but time 0 of the recording is this time, seconds since 1970; frames that come too late are
+    /// passed over, so that a slow station never lags.
+    From(f64),
+}
+
+/// A frame that is later than this is passed over, seconds.
+const LATE_S: f64 = 0.1;
+
+/// What became of a frame.
+enum Next {
+    Seen(Box<Seen>),
+    PassedOver,
+    Ended,
 }
 
 impl RecordedStation {
@@ -45,10 +68,14 @@ impl RecordedStation {
         let (width, height) = self.observer.size();
         let [mut picture, mut mask] = [(); 2].map(|()| RgbImage::new(width, height));
         let mut sequence = 0;
-        let started = (Instant::now(), utc_s(SystemTime::now()));
+        let first_s = match self.pace {
+            Pace::Free => None,
+            Pace::Live => Some(utc_s(SystemTime::now())),
+            Pace::From(first_s) => Some(first_s),
+        };
         loop {
             sequence += 1;
-            if self.paced {
+            if first_s.is_some() {
                 for newest in feedback.try_iter() {
                     self.observer.expect(&newest);
                 }
@@ -60,15 +87,19 @@ impl RecordedStation {
             }
             let permit = permits.acquire();
             let event = match self.next(sequence, &mut picture, &mut mask) {
-                Ok(Some(seen)) => Event::Seen(Box::new(seen)),
-                Ok(None) => Event::Ended,
+                Ok(Next::Seen(seen)) => Event::Seen(seen),
+                Ok(Next::PassedOver) => continue,
+                Ok(Next::Ended) => Event::Ended,
                 Err(error) => Event::Failed(error),
             };
             drop(permit);
-            let (is_last, event) = match event {
-                Event::Seen(seen) if self.paced => (false, Event::Seen(Box::new(pace(*seen, started)))),
-                Event::Seen(seen) => (false, Event::Seen(seen)),
-                last => (true, last),
+            let (is_last, event) = match (event, first_s) {
+                (Event::Seen(mut seen), Some(first_s)) => {
+                    wait(&mut seen, first_s);
+                    (false, Event::Seen(seen))
+                }
+                (Event::Seen(seen), None) => (false, Event::Seen(seen)),
+                (last, _) => (true, last),
             };
             if !send(event) || is_last {
                 return;
@@ -76,17 +107,31 @@ impl RecordedStation {
         }
     }
 
-    /// The next frame; `None` at the end of the shorter of pictures and masks. Picture and mask of the frame go into the
+    /// The next frame; the end is that of the shorter of pictures and masks. Picture and mask of the frame go into the
     /// buffers.
-    fn next(&mut self, sequence: u64, picture: &mut RgbImage, mask: &mut RgbImage) -> Result<Option<Seen>> {
+    fn next(&mut self, sequence: u64, picture: &mut RgbImage, mask: &mut RgbImage) -> Result<Next> {
         let started = Instant::now();
-        let mut filmed = None;
         let mut stamp_s = None;
         if let Some(video) = &mut self.video {
             if !video.advance()? {
-                return Ok(None);
+                return Ok(Next::Ended);
             }
             stamp_s = video.stamp().presentation_s;
+        }
+        if let Some(masks) = &mut self.masks {
+            if !masks.advance()? {
+                return Ok(Next::Ended);
+            }
+            if self.video.is_none() {
+                stamp_s = masks.stamp().presentation_s;
+            }
+        }
+        let time_s = self.times.next(stamp_s)?;
+        if matches!(self.pace, Pace::From(first_s) if utc_s(SystemTime::now()) > first_s + time_s + LATE_S) {
+            return Ok(Next::PassedOver);
+        }
+        let mut filmed = None;
+        if let Some(video) = &mut self.video {
             check_size(video)?;
             video.picture(picture)?;
             let ((width, height), demand) = &self.drawn;
@@ -97,26 +142,19 @@ impl RecordedStation {
             }
         }
         if let Some(masks) = &mut self.masks {
-            if !masks.advance()? {
-                return Ok(None);
-            }
             check_size(masks)?;
-            if self.video.is_none() {
-                stamp_s = masks.stamp().presentation_s;
-            }
             masks.picture(mask)?;
         }
         let decode = started.elapsed();
-        let time_s = self.times.next(stamp_s)?;
         let picture = self.video.is_some().then_some(&*picture);
         let mask = self.masks.is_some().then_some(&*mask);
         let observed = self.observer.observe(sequence, time_s, picture, mask)?;
-        Ok(Some(Seen {
+        Ok(Next::Seen(Box::new(Seen {
             observation: observed.observation,
             pictures: Pictures { pinhole: observed.pinhole, filmed },
             decode,
             foreground: started.elapsed().saturating_sub(decode),
-        }))
+        })))
     }
 }
 
@@ -136,10 +174,11 @@ fn check_size(video: &FrameSource) -> Result<()> {
     Err(Error::content(path, format!("frame {}", video.delivered()), problem))
 }
 
-/// Waits until a frame would have been filmed, had the recording started when this station did.
-fn pace(mut seen: Seen, (started, started_utc_s): (Instant, f64)) -> Seen {
-    let due = Duration::try_from_secs_f64(seen.observation.time_s.max(0.0)).unwrap_or_default();
-    thread::sleep(due.saturating_sub(started.elapsed()));
-    seen.observation.time_s += started_utc_s;
-    seen
+/// Waits until a frame would have been filmed, had the recording started at `first_s`, seconds since 1970, and makes
+/// that its capture time.
+fn wait(seen: &mut Seen, first_s: f64) {
+    let due_s = first_s + seen.observation.time_s.max(0.0);
+    let rest = Duration::try_from_secs_f64(due_s - utc_s(SystemTime::now())).unwrap_or_default();
+    thread::sleep(rest);
+    seen.observation.time_s += first_s;
 }

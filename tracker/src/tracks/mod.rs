@@ -2,9 +2,11 @@
 //!
 //! * [`TrackFiles`] — writes `tracks.txt`, `boxes/NAME.txt` and `tracks.jsonl`, frame by frame;
 //! * [`count`] — how many people are there, with what probability;
+//! * [`AgentsFile`] — writes `agents.jsonl`, packet by packet;
 //! * [`Stopwatch`] — `timings.json`;
 //! * [`rows`] — reads MOTChallenge rows, floor or image; [`jsonl`] — reads `tracks.jsonl`.
 
+mod agents;
 pub mod count;
 pub mod jsonl;
 mod line_file;
@@ -12,5 +14,6 @@ pub mod rows;
 mod timings;
 mod write;
 
+pub use agents::AgentsFile;
 pub use timings::{StageTimes, Stopwatch, Timings};
 pub use write::TrackFiles;

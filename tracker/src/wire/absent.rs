@@ -1,11 +1,13 @@
-//! Replacements for the two ends in a build without the feature `zenoh`.
+//! Replacements for the ends in a build without the feature `zenoh`.
 
 use std::convert::Infallible;
 use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
+use super::mesh::{Membership, MeshCounts};
 use super::{Endpoints, Expected, Hello};
+use crate::method::agents::{Packet, StationId};
 use crate::observation::Feedback;
 use crate::station::Event;
 use crate::station::{Inbox, Port};
@@ -68,6 +70,45 @@ impl Downlink {
     }
 }
 
+/// A member of the mesh; it cannot be opened in this build.
+#[derive(Debug)]
+pub struct Mesh(Infallible);
+
+impl Mesh {
+    /// Joins the network.
+    ///
+    /// # Errors
+    /// Always: this build has no network.
+    pub fn open(_: &Membership, _: &Endpoints) -> Result<Self> {
+        Err(absent())
+    }
+
+    /// Sends a packet at once.
+    pub fn publish(&mut self, _: &Packet) -> Result<()> {
+        match self.0 {}
+    }
+
+    /// The packets that have arrived since the last call.
+    pub fn heard(&self) -> Vec<Packet> {
+        match self.0 {}
+    }
+
+    /// The same; while there are none, this waits for one.
+    pub fn wait_heard(&self, _: Duration) -> Vec<Packet> {
+        match self.0 {}
+    }
+
+    /// Names of the cameras that have been heard, with their numbers.
+    pub fn names(&self) -> Vec<(StationId, String)> {
+        match self.0 {}
+    }
+
+    /// What was sent, heard and left out.
+    pub fn counts(&self) -> MeshCounts {
+        match self.0 {}
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use std::sync::mpsc;
@@ -76,7 +117,7 @@ mod tests {
     use crate::wire::Fingerprint;
 
     #[test]
-    fn both_ends_say_how_to_get_stations() {
+    fn all_ends_say_how_to_get_stations() {
         let room = Fingerprint([0; Fingerprint::BYTES]);
         let hello = Hello { room, camera: "a".into(), width: 1, height: 1, is_live: true, rate_hz: None };
         let line = Uplink::open(hello, &Endpoints::default()).unwrap_err().to_string();
@@ -86,5 +127,8 @@ mod tests {
         let stop = AtomicBool::new(false);
         let opened = Downlink::open(expected, &Endpoints::default(), Duration::ZERO, &stop, inbox);
         assert_eq!(opened.unwrap_err().to_string(), line);
+        let (hears, clock) = (Vec::new(), crate::wire::mesh::OwnClock::default());
+        let member = Membership { room: Some(room), cameras: Vec::new(), station: None, hears, clock };
+        assert_eq!(Mesh::open(&member, &Endpoints::default()).unwrap_err().to_string(), line);
     }
 }

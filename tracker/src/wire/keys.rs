@@ -1,4 +1,4 @@
-//! Keys under which stations and gatherers find each other and exchange messages.
+//! Keys under which stations and gatherers, and stations that track together, find each other and exchange messages.
 //!
 //! | key | what |
 //! |---|---|
@@ -6,18 +6,23 @@
 //! | `roomtrack/gatherer/VERSION/ROOM/GATHERER` | liveliness token of a gatherer |
 //! | `roomtrack/VERSION/ROOM/up/CAMERA/STATION/GATHERER` | messages of a station |
 //! | `roomtrack/VERSION/ROOM/down/CAMERA/STATION/GATHERER` | messages to a station |
+//! | `roomtrack/agents/VERSION/ROOM/CAMERA/LIFE` | liveliness token of a station that tracks with others |
+//! | `roomtrack/VERSION/ROOM/agents/CAMERA` | its packets |
 //!
-//! VERSION is the encoding's, ROOM the [`Fingerprint`] in hexadecimal digits, STATION and GATHERER the Zenoh ids of
+//! VERSION is the encoding's (of agents: the packets'), LIFE a number drawn at the start, ROOM the [`Fingerprint`] in hexadecimal digits, STATION and GATHERER the Zenoh ids of
 //! their sessions. CAMERA is the camera's name with every byte but ASCII letters, digits, `-` and `_` written as
 //! `%XX`. The tokens' keys stay as they are in all versions, so that other versions are noticed.
 
 use super::Fingerprint;
 use super::encoding::VERSION;
+use super::packet::PACKET_VERSION;
 
 /// Every token of a station.
 pub(super) const STATIONS: &str = "roomtrack/station/*/*/*/*";
 /// Every token of a gatherer.
 pub(super) const GATHERERS: &str = "roomtrack/gatherer/*/*/*";
+/// Every token of a station that tracks with others.
+pub(super) const AGENTS: &str = "roomtrack/agents/*/*/*/*";
 /// Every key of this program.
 pub(super) const ALL: &str = "roomtrack/**";
 
@@ -90,6 +95,53 @@ pub(super) fn parties(key: &str) -> Option<(String, String, String)> {
     Some((unescaped(camera)?, station.to_owned(), gatherer.to_owned()))
 }
 
+/// Contents of the key of the liveliness token of a station that tracks with others.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct AgentsToken {
+    /// Version of the packets that it speaks.
+    pub version: String,
+    /// Its room.
+    pub room: String,
+    /// Its camera.
+    pub camera: String,
+    /// Number drawn at its start.
+    pub life: u32,
+}
+
+impl AgentsToken {
+    /// The token of a station of this version.
+    pub(super) fn new(room: Fingerprint, camera: &str, life: u32) -> Self {
+        Self { version: PACKET_VERSION.to_string(), room: room.to_string(), camera: camera.to_owned(), life }
+    }
+
+    /// Key of the token.
+    pub(super) fn key(&self) -> String {
+        let Self { version, room, camera, life } = self;
+        format!("roomtrack/agents/{version}/{room}/{}/{life:x}", escaped(camera))
+    }
+
+    /// Parses the token of a key; `None` for other keys.
+    pub(super) fn of(key: &str) -> Option<Self> {
+        let parts: Vec<&str> = key.split('/').collect();
+        let ["roomtrack", "agents", version, room, camera, life] = parts[..] else { return None };
+        let life = u32::from_str_radix(life, 16).ok()?;
+        Some(Self { version: version.into(), room: room.into(), camera: unescaped(camera)?, life })
+    }
+}
+
+/// The key of the packets of one camera's station, or of all where there is none; of all rooms where there is none.
+pub(super) fn packets(room: Option<Fingerprint>, camera: Option<&str>) -> String {
+    let room = room.map_or("*".to_owned(), |room| room.to_string());
+    format!("roomtrack/{PACKET_VERSION}/{room}/agents/{}", camera.map_or("*".to_owned(), escaped))
+}
+
+/// Room and camera of a packet's key.
+pub(super) fn room_and_camera(key: &str) -> Option<(String, String)> {
+    let mut parts = key.rsplit('/');
+    let (camera, _, room) = (parts.next()?, parts.next()?, parts.next()?);
+    Some((room.to_owned(), unescaped(camera)?))
+}
+
 /// Digits of `%XX`.
 const HEXADECIMAL: &[u8; 16] = b"0123456789ABCDEF";
 
@@ -136,7 +188,12 @@ mod tests {
             prop_assert!(!token.key().contains(['*', '$', '?', '#', '@', ' ']));
             prop_assert_eq!(Token::of(&token.key()), Some(token));
             let key = messages(ROOM, "up", &camera, "1f2e", "9a");
-            prop_assert_eq!(parties(&key), Some((camera, "1f2e".to_owned(), "9a".to_owned())));
+            prop_assert_eq!(parties(&key), Some((camera.clone(), "1f2e".to_owned(), "9a".to_owned())));
+            let token = AgentsToken::new(ROOM, &camera, 0xdead_beef);
+            prop_assert!(!token.key().contains(['*', '$', '?', '#', '@', ' ']));
+            prop_assert_eq!(AgentsToken::of(&token.key()), Some(token));
+            let key = packets(Some(ROOM), Some(&camera));
+            prop_assert_eq!(room_and_camera(&key), Some((ROOM.to_string(), camera)));
         }
     }
 
@@ -153,6 +210,7 @@ mod tests {
             "a/b/c/d/e/f",
         ] {
             assert_eq!(Token::of(key), None, "{key}");
+            assert_eq!(AgentsToken::of(key), None, "{key}");
         }
     }
 }

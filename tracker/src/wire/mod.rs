@@ -4,6 +4,9 @@
 //! of all cameras and sends back its estimate of the people who are present. Only observations leave a station:
 //! masks, colours of the foreground, health and times; and the filmed picture, where the station was asked for it.
 //!
+//! Or stations track together, without a gatherer: then only packets leave them ([`mesh`]).
+//!
+//! * [`mesh`], [`packet`] — stations that track together, and the bytes of their packets.
 //! * [`encoding`] — the bytes of the messages. Lossless, versioned, limited; hostile bytes are refused.
 //! * [`Fingerprint`] — digest of the facts about the room that both sides must agree on.
 //! * [`Endpoints`] — addresses, TLS, and the peers that are accepted.
@@ -11,8 +14,8 @@
 //! * [`Downlink`] — a gatherer's end: one [`Port`](crate::station::Port) a camera, events into the
 //!   [`Inbox`](crate::station::Inbox).
 //!
-//! The engine is Zenoh, behind the cargo feature `zenoh`. Without it [`Uplink::open`] and [`Downlink::open`] return
-//! an error that says how to get it; everything else is the same. Both ends must be used from threads that run no
+//! The engine is Zenoh, behind the cargo feature `zenoh`. Without it [`Uplink::open`], [`Downlink::open`] and
+//! [`Mesh::open`] return an error that says how to get it; everything else is the same. Both ends must be used from threads that run no
 //! async runtime.
 //!
 //! ```no_run
@@ -51,6 +54,8 @@
 pub mod encoding;
 mod endpoints;
 mod fingerprint;
+pub mod mesh;
+pub mod packet;
 
 #[cfg(not(feature = "zenoh"))]
 mod absent;
@@ -64,9 +69,11 @@ mod network;
 mod roster;
 
 #[cfg(not(feature = "zenoh"))]
-pub use self::absent::{Downlink, Uplink};
+pub use self::absent::{Downlink, Mesh, Uplink};
 pub use self::endpoints::{Endpoint, Endpoints, Tls};
 pub use self::fingerprint::Fingerprint;
+#[cfg(feature = "zenoh")]
+pub use self::mesh::Mesh;
 #[cfg(feature = "zenoh")]
 pub use self::network::{Downlink, Uplink};
 

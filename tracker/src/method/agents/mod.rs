@@ -13,27 +13,36 @@
 //! * [`FieldOfView`] — which station should see whom; [`StageView`] by the room.
 //! * [`AgentStation`] — one station: all of these together.
 //! * [`Agents`] — all stations of a site in one process.
+//! * [`SoloStation`] — one station in a process of its own.
+//! * [`Overview`] — who tracks whom now, for a terminal.
+//! * [`AgencyRecord`] — figures of agents and agencies over time.
 //! * [`simulate`] — simulated stations and people, to compare rules.
 
 mod field_of_view;
+mod figures;
 mod image_tracking;
 mod looks;
 pub mod modern;
 mod options;
+mod overview;
 mod packet;
 pub mod published;
 mod rule;
 mod sighting;
 pub mod simulate;
+mod solo;
 mod station;
 mod system;
 
 pub use field_of_view::StageView;
+pub use figures::AgencyRecord;
 pub use image_tracking::ImageTracking;
 pub use looks::{Colour, Looks};
 pub use options::{AgentsOptions, RuleOptions};
+pub use overview::Overview;
 pub use packet::{AgentId, MediatorMessage, Packet, Report, StationId, TargetId};
 pub use rule::{Belief, FieldOfView, Followed, Restart, Rule, Step};
 pub use sighting::{Sighting, Sightings};
+pub use solo::SoloStation;
 pub use station::AgentStation;
 pub use system::Agents;

@@ -117,11 +117,11 @@ impl Method for Agents {
 }
 
 /// The body of somebody of average width.
-fn body(position: Point2<f64>, height_m: f64) -> Body {
+pub(super) fn body(position: Point2<f64>, height_m: f64) -> Body {
     Body { x_m: position.x, y_m: position.y, height_m, ..Body::ADULT }
 }
 
-fn estimate(belief: &Belief, visible: Vec<f64>) -> PersonEstimate {
+pub(super) fn estimate(belief: &Belief, visible: Vec<f64>) -> PersonEstimate {
     let sigma_m = |axis: usize| belief.covariance[(axis, axis)].sqrt();
     PersonEstimate {
         id: TrackId(belief.target.0),

@@ -7,10 +7,10 @@
 pub struct Malformed(pub(crate) &'static str);
 
 /// `Result` of the encoding.
-pub(crate) type Decoded<T> = Result<T, Malformed>;
+pub(in crate::wire) type Decoded<T> = Result<T, Malformed>;
 
 /// Appends a variable-length integer: 7 bits a byte, lowest first, the top bit set in all bytes but the last (LEB128).
-pub(super) fn put_varint(out: &mut Vec<u8>, mut value: u64) {
+pub(in crate::wire) fn put_varint(out: &mut Vec<u8>, mut value: u64) {
     while value >= 0x80 {
         out.push(value as u8 | 0x80);
         value >>= 7;
@@ -19,47 +19,54 @@ pub(super) fn put_varint(out: &mut Vec<u8>, mut value: u64) {
 }
 
 /// Appends a number: 8 bytes, IEEE 754, lowest byte first.
-pub(super) fn put_f64(out: &mut Vec<u8>, value: f64) {
+pub(in crate::wire) fn put_f64(out: &mut Vec<u8>, value: f64) {
     out.extend_from_slice(&value.to_le_bytes());
 }
 
 /// Appends a byte string after its length.
-pub(super) fn put_block(out: &mut Vec<u8>, bytes: &[u8]) {
+pub(in crate::wire) fn put_block(out: &mut Vec<u8>, bytes: &[u8]) {
     put_varint(out, bytes.len() as u64);
     out.extend_from_slice(bytes);
 }
 
 /// Appends a text after its length, cut at a character so that it has at most `longest` bytes.
-pub(super) fn put_text(out: &mut Vec<u8>, text: &str, longest: usize) {
+pub(in crate::wire) fn put_text(out: &mut Vec<u8>, text: &str, longest: usize) {
     let end = text.char_indices().map(|(at, c)| at + c.len_utf8()).take_while(|end| *end <= longest).last();
     put_block(out, &text.as_bytes()[..end.unwrap_or(0)]);
 }
 
 /// Reads a message from its start.
-pub(super) struct Reader<'a> {
+pub(in crate::wire) struct Reader<'a> {
     rest: &'a [u8],
 }
 
 impl<'a> Reader<'a> {
     /// A reader of these bytes.
-    pub(super) fn new(bytes: &'a [u8]) -> Self {
+    pub(in crate::wire) fn new(bytes: &'a [u8]) -> Self {
         Self { rest: bytes }
     }
 
     /// The next `count` bytes.
-    pub(super) fn take(&mut self, count: usize) -> Decoded<&'a [u8]> {
+    pub(in crate::wire) fn take(&mut self, count: usize) -> Decoded<&'a [u8]> {
         let (taken, rest) = self.rest.split_at_checked(count).ok_or(Malformed("the message is cut off"))?;
         self.rest = rest;
         Ok(taken)
     }
 
+    /// The next `N` bytes.
+    pub(in crate::wire) fn array<const N: usize>(&mut self) -> Decoded<[u8; N]> {
+        let mut bytes = [0; N];
+        bytes.copy_from_slice(self.take(N)?);
+        Ok(bytes)
+    }
+
     /// The next byte.
-    pub(super) fn byte(&mut self) -> Decoded<u8> {
+    pub(in crate::wire) fn byte(&mut self) -> Decoded<u8> {
         Ok(self.take(1)?[0])
     }
 
     /// The next variable-length integer.
-    pub(super) fn varint(&mut self) -> Decoded<u64> {
+    pub(in crate::wire) fn varint(&mut self) -> Decoded<u64> {
         let mut value = 0;
         for shift in (0..64).step_by(7) {
             let byte = self.byte()?;
@@ -76,32 +83,32 @@ impl<'a> Reader<'a> {
     }
 
     /// The next variable-length integer, which must not be above `most`.
-    pub(super) fn size(&mut self, most: u32) -> Decoded<u32> {
+    pub(in crate::wire) fn size(&mut self, most: u32) -> Decoded<u32> {
         let value = self.varint()?;
         u32::try_from(value).ok().filter(|v| *v <= most).ok_or(Malformed("a size is above its limit"))
     }
 
     /// The next number, which must be finite.
-    pub(super) fn finite(&mut self) -> Decoded<f64> {
-        let mut bytes = [0; 8];
-        bytes.copy_from_slice(self.take(8)?);
-        Some(f64::from_le_bytes(bytes)).filter(|v| v.is_finite()).ok_or(Malformed("a number is not finite"))
+    pub(in crate::wire) fn finite(&mut self) -> Decoded<f64> {
+        Some(f64::from_le_bytes(self.array()?))
+            .filter(|v| v.is_finite())
+            .ok_or(Malformed("a number is not finite"))
     }
 
     /// The next byte string, of at most `longest` bytes.
-    pub(super) fn block(&mut self, longest: usize) -> Decoded<&'a [u8]> {
+    pub(in crate::wire) fn block(&mut self, longest: usize) -> Decoded<&'a [u8]> {
         let length = self.size(u32::try_from(longest).unwrap_or(u32::MAX))?;
         self.take(length as usize)
     }
 
     /// The next text, of at most `longest` bytes; control characters become spaces, so that it stays one line of a log.
-    pub(super) fn text(&mut self, longest: usize) -> Decoded<String> {
+    pub(in crate::wire) fn text(&mut self, longest: usize) -> Decoded<String> {
         let text = std::str::from_utf8(self.block(longest)?).map_err(|_| Malformed("a text is not UTF-8"))?;
         Ok(text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect())
     }
 
     /// Checks that nothing is left.
-    pub(super) fn finish(self) -> Decoded<()> {
+    pub(in crate::wire) fn finish(self) -> Decoded<()> {
         if self.rest.is_empty() { Ok(()) } else { Err(Malformed("bytes follow the message's end")) }
     }
 }

@@ -30,7 +30,7 @@
 //! An encoder takes the shorter form, so that no mask makes a message longer than its limit. With the filmed picture:
 //! a block, a JPEG file of at most 4096 × 4096 pixels. Everything but that picture is lossless.
 
-mod bytes;
+pub(super) mod bytes;
 mod image_body;
 mod outline;
 mod range_coder;

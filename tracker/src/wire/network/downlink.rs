@@ -72,9 +72,9 @@ impl Downlink {
         let longest =
             expected.cameras.iter().map(|c| Limits { width: c.width, height: c.height }.longest_message());
         let subscriptions = |id: &str| Subscriptions {
-            token: Token::new(room, None, id),
+            token: Some(Token::new(room, None, id).key()),
             tokens: keys::STATIONS,
-            messages: keys::messages_to_gatherer(room, id),
+            messages: vec![keys::messages_to_gatherer(room, id)],
         };
         let arrived = {
             let arrivals = arrivals.clone();
@@ -159,11 +159,7 @@ impl Driver {
         let input = self.inputs.recv_timeout(TICK);
         let now = Instant::now();
         let actions = match input {
-            Ok(Input::Arrival(Arrival::Appeared(token))) => self.roster.token_appeared(&token, now),
-            Ok(Input::Arrival(Arrival::Vanished(token))) => self.roster.token_vanished(&token.id, now),
-            Ok(Input::Arrival(Arrival::Message { camera, station, bytes, .. })) => {
-                self.roster.message(&camera, &station, &bytes, now)
-            }
+            Ok(Input::Arrival(arrival)) => self.arrived(arrival, now),
             Ok(Input::Feedback(camera, feedback)) => self.roster.feedback(camera, feedback, now),
             Err(mpsc::RecvTimeoutError::Timeout) => Vec::new(),
             Ok(Input::Stop) | Err(mpsc::RecvTimeoutError::Disconnected) => return false,
@@ -176,6 +172,17 @@ impl Driver {
         }
         self.garbage.store(self.roster.garbage(), Ordering::Relaxed);
         true
+    }
+
+    /// Handles an arrival; keys of nobody known are passed over.
+    fn arrived(&mut self, arrival: Arrival, now: Instant) -> Vec<Action> {
+        let actions = match arrival {
+            Arrival::Appeared(key) => Token::of(&key).map(|token| self.roster.token_appeared(&token, now)),
+            Arrival::Vanished(key) => Token::of(&key).map(|token| self.roster.token_vanished(&token.id, now)),
+            Arrival::Message { key, bytes } => keys::parties(&key)
+                .map(|(camera, station, _)| self.roster.message(&camera, &station, &bytes, now)),
+        };
+        actions.unwrap_or_default()
     }
 
     fn act(&self, actions: Vec<Action>) {

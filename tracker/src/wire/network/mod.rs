@@ -1,7 +1,7 @@
 //! The two ends in the network: [`Uplink`] and [`Downlink`] over Zenoh.
 
 mod downlink;
-mod session;
+pub(super) mod session;
 #[cfg(test)]
 mod tests;
 mod uplink;

@@ -11,7 +11,7 @@ use zenoh::qos::CongestionControl;
 use zenoh::sample::SampleKind;
 use zenoh::{Config, Session, Wait};
 
-use super::super::keys::{self, Token};
+use super::super::keys;
 use super::super::{Endpoint, Endpoints};
 use crate::{Error, Result};
 
@@ -23,36 +23,36 @@ const ROUTER_BOUND: Duration = Duration::from_secs(5);
 
 /// Arrival from the network.
 #[derive(Debug)]
-pub(super) enum Arrival {
-    /// A token of the watched kind has appeared.
-    Appeared(Token),
-    /// A token of the watched kind has vanished.
-    Vanished(Token),
-    /// A message of a camera's station to a gatherer, or back.
-    Message { camera: String, station: String, gatherer: String, bytes: Vec<u8> },
+pub(in crate::wire) enum Arrival {
+    /// A token of the watched kind has appeared: its key.
+    Appeared(String),
+    /// A token of the watched kind has vanished: its key.
+    Vanished(String),
+    /// A message to this member.
+    Message { key: String, bytes: Vec<u8> },
 }
 
 /// A member of the network.
-pub(super) struct Member {
+pub(in crate::wire) struct Member {
     session: Option<Session>,
     /// Token and subscribers, in the order in which they are undeclared: the token first.
-    declared: Option<(LivelinessToken, Vec<Subscriber<()>>)>,
+    declared: Option<(Option<LivelinessToken>, Vec<Subscriber<()>>)>,
 }
 
 /// Token that a member declares, and keys that it subscribes to.
-pub(super) struct Subscriptions {
-    /// Its own token.
-    pub token: Token,
+pub(in crate::wire) struct Subscriptions {
+    /// Key of its own token; `None` for a member that only listens.
+    pub token: Option<String>,
     /// Keys of the tokens that it watches.
     pub tokens: &'static str,
     /// Keys of the messages to it.
-    pub messages: String,
+    pub messages: Vec<String>,
 }
 
 impl Member {
     /// Joins the network. Only messages of at most `longest_message` bytes are received. The arrivals come from Zenoh's
     /// threads and must not wait.
-    pub(super) fn join(
+    pub(in crate::wire) fn join(
         endpoints: &Endpoints,
         longest_message: usize,
         subscriptions: impl FnOnce(&str) -> Subscriptions,
@@ -66,42 +66,41 @@ impl Member {
         let session = zenoh::open(config).wait().map_err(|e| refused(endpoints, &*e))?;
         let subscriptions = subscriptions(&session.zid().to_string());
         let declare = || -> zenoh::Result<_> {
-            let messages = session.declare_subscriber(subscriptions.messages).callback({
+            let mut subscribers = Vec::new();
+            for key in subscriptions.messages {
                 let arrived = arrived.clone();
-                move |sample| {
-                    if let Some((camera, station, gatherer)) = keys::parties(sample.key_expr().as_str()) {
-                        let bytes = sample.payload().to_bytes().into_owned();
-                        arrived(Arrival::Message { camera, station, gatherer, bytes });
-                    }
-                }
-            });
-            let messages = messages.wait()?;
+                let messages = session.declare_subscriber(key).callback(move |sample| {
+                    let bytes = sample.payload().to_bytes().into_owned();
+                    arrived(Arrival::Message { key: sample.key_expr().to_string(), bytes });
+                });
+                subscribers.push(messages.wait()?);
+            }
             let tokens = session.liveliness().declare_subscriber(subscriptions.tokens).history(true);
             let tokens = tokens.callback(move |sample| {
-                if let Some(token) = Token::of(sample.key_expr().as_str()) {
-                    arrived(match sample.kind() {
-                        SampleKind::Put => Arrival::Appeared(token),
-                        SampleKind::Delete => Arrival::Vanished(token),
-                    });
-                }
+                let key = sample.key_expr().to_string();
+                arrived(match sample.kind() {
+                    SampleKind::Put => Arrival::Appeared(key),
+                    SampleKind::Delete => Arrival::Vanished(key),
+                });
             });
-            let tokens = tokens.wait()?;
+            subscribers.push(tokens.wait()?);
             // The token is declared last, so that a peer that sees it can already be heard.
-            let token = session.liveliness().declare_token(subscriptions.token.key()).wait()?;
-            Ok((token, vec![messages, tokens]))
+            let token =
+                subscriptions.token.map(|key| session.liveliness().declare_token(key).wait()).transpose()?;
+            Ok((token, subscribers))
         };
         let declared = Some(declare().map_err(|e| refused(endpoints, &*e))?);
         Ok(Self { session: Some(session), declared })
     }
 
     /// This member's id.
-    pub(super) fn id(&self) -> String {
+    pub(in crate::wire) fn id(&self) -> String {
         self.session.as_ref().map(|session| session.zid().to_string()).unwrap_or_default()
     }
 
     /// Sends a message at once. One that `may_drop` is dropped where the network is slower than its sender; otherwise
     /// this waits. A message that cannot be sent is lost: the token shows that a peer has gone.
-    pub(super) fn send(&self, key: &str, bytes: Vec<u8>, may_drop: bool) {
+    pub(in crate::wire) fn send(&self, key: &str, bytes: Vec<u8>, may_drop: bool) {
         let congestion = if may_drop { CongestionControl::Drop } else { CongestionControl::Block };
         let Some(session) = &self.session else { return };
         if let Err(error) = session.put(key, bytes).congestion_control(congestion).express(true).wait() {
@@ -117,7 +116,9 @@ impl Drop for Member {
         // Closing can block for ever (zenoh issue 2675); the thread is then left behind.
         let closing = thread::Builder::new().name("zenoh-close".to_owned()).spawn(move || {
             if let Some((token, subscribers)) = declared {
-                let _ = token.undeclare().wait();
+                if let Some(token) = token {
+                    let _ = token.undeclare().wait();
+                }
                 drop(subscribers);
             }
             if let Some(session) = session {

@@ -64,9 +64,9 @@ impl Uplink {
         let (feedback_in, feedback) = mpsc::sync_channel(FEEDBACK_QUEUE);
         let (room, camera, is_live) = (hello.room, hello.camera.clone(), hello.is_live);
         let subscriptions = |id: &str| Subscriptions {
-            token: Token::new(room, Some(&camera), id),
+            token: Some(Token::new(room, Some(&camera), id).key()),
             tokens: keys::GATHERERS,
-            messages: keys::messages_to_station(room, &camera, id),
+            messages: vec![keys::messages_to_station(room, &camera, id)],
         };
         let arrived = {
             let arrivals = arrivals.clone();
@@ -200,9 +200,14 @@ impl Shared {
             let actions = {
                 let mut enrolment = self.lock();
                 match arrival {
-                    Arrival::Appeared(token) => enrolment.token_appeared(&token),
-                    Arrival::Vanished(token) => enrolment.token_vanished(&token.id),
-                    Arrival::Message { gatherer, bytes, .. } => enrolment.message(&gatherer, &bytes),
+                    Arrival::Appeared(key) => {
+                        Token::of(&key).map_or_else(Vec::new, |token| enrolment.token_appeared(&token))
+                    }
+                    Arrival::Vanished(key) => {
+                        Token::of(&key).map_or_else(Vec::new, |token| enrolment.token_vanished(&token.id))
+                    }
+                    Arrival::Message { key, bytes } => keys::parties(&key)
+                        .map_or_else(Vec::new, |(_, _, gatherer)| enrolment.message(&gatherer, &bytes)),
                 }
             };
             self.changed.notify_all();

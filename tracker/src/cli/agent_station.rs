@@ -1,0 +1,239 @@
+//! `tracker station --method agents`: one station that tracks together with those of the other cameras.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel, sync_channel};
+use std::thread;
+use std::time::Duration;
+
+use anyhow::{Context, bail};
+use calib::console::Progress;
+use clap::Args;
+use scenes::room::Room;
+use tracker::CameraFrame;
+use tracker::foreground::Verdict;
+use tracker::method::agents::{SoloStation, StationId};
+use tracker::observation::{Feedback, Observation};
+use tracker::plan::TrajectoryPlan;
+use tracker::stage::Stage;
+use tracker::station::{Event, Pace, Permits, Pictures, Seen, Station, Work};
+use tracker::tracks::{Stopwatch, TrackFiles};
+use tracker::wire::mesh::{Membership, OwnClock};
+use tracker::wire::{Endpoints, Fingerprint, Mesh};
+
+use super::sampler::SamplerArguments;
+
+/// Time without a picture after which a live station tells others that it is blind.
+const BLIND: Duration = Duration::from_secs(1);
+
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Agents (--method agents)")]
+pub(super) struct AgentStationArguments {
+    /// The folder to write this station's tracks to
+    #[arg(long, value_name = "DIR", requires = "method")]
+    out: Option<PathBuf>,
+    /// Wall-clock time at which the recording begins, seconds since 1970: the same for all stations of recordings. Frames that
+    /// come too late are passed over, so that a station may start, or start again, in the middle [default: now]
+    #[arg(long, value_name = "SECONDS", requires = "method")]
+    start: Option<f64>,
+    /// Seed of all random numbers
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// The most people who are followed at once; the sampler takes up to 31 [default: 24]
+    #[arg(long, value_name = "N", requires = "method")]
+    most_people: Option<usize>,
+    /// Seconds by which this machine's clock is wrong: for tests
+    #[arg(long, value_name = "SECONDS", hide = true, allow_negative_numbers = true, default_value_t = 0.0)]
+    clock_shift: f64,
+    #[command(flatten)]
+    sampler: SamplerArguments,
+}
+
+/// Where a station works.
+pub(super) struct Place<'a> {
+    pub(super) room: &'a Room,
+    pub(super) room_dir: &'a Path,
+    /// With all cameras of the room.
+    pub(super) stage: Stage,
+}
+
+/// Outputs of one station.
+struct Outputs {
+    files: TrackFiles,
+    plan: TrajectoryPlan,
+    stopwatch: Stopwatch,
+    frames: usize,
+    out: PathBuf,
+}
+
+/// A station at work.
+struct Follower {
+    tracker: SoloStation,
+    mesh: Mesh,
+    clock: OwnClock,
+    outputs: Outputs,
+    frame: u32,
+    /// Latest capture time, seconds.
+    time_s: f64,
+    has_warned: bool,
+}
+
+impl AgentStationArguments {
+    /// Tracks with the station's camera, and with the others', until its source ends or it is interrupted.
+    pub(super) fn follow(
+        &self,
+        Place { room, room_dir, stage }: Place<'_>,
+        station: Station,
+        endpoints: &Endpoints,
+        (interrupted, progress): (&Arc<AtomicBool>, Progress),
+    ) -> anyhow::Result<()> {
+        let Some(out) = self.out.clone() else { bail!("--method agents: give --out DIR for its tracks") };
+        let camera = stage.camera_index(&station.name).context("the room has no such camera")?;
+        let id = StationId(u8::try_from(camera).context("the room has more than 255 cameras")?);
+        let options = super::agent_options::options(&self.sampler, self.seed, self.most_people)?;
+        let cameras: Vec<String> = stage.cameras.iter().map(|camera| camera.name.clone()).collect();
+        let own = Stage { cameras: vec![stage.cameras[camera].clone()], ..stage.clone() };
+        let tracker = SoloStation::new(stage, id, &options)?;
+        let clock = OwnClock { shift_s: self.clock_shift };
+        let hears = tracker.hears().to_vec();
+        let names: Vec<&str> = hears.iter().map(|other| cameras[usize::from(other.0)].as_str()).collect();
+        tracing::info!("camera `{}` sees the same places as {}", station.name, listed(&names));
+        let membership =
+            Membership { room: Some(Fingerprint::of(room)), cameras, station: Some(id), hears, clock };
+        let mesh = Mesh::open(&membership, endpoints)?;
+        let outputs = Outputs {
+            files: TrackFiles::new(&out, &own),
+            plan: TrajectoryPlan::new(&out, room, room_dir),
+            stopwatch: Stopwatch::default(),
+            frames: 0,
+            out,
+        };
+        let follower = Follower {
+            tracker,
+            mesh,
+            clock,
+            outputs,
+            frame: 0,
+            time_s: f64::NEG_INFINITY,
+            has_warned: false,
+        };
+        follower.run(station, interrupted, self.start, progress)
+    }
+}
+
+impl Follower {
+    fn run(
+        mut self,
+        mut station: Station,
+        interrupted: &Arc<AtomicBool>,
+        start_s: Option<f64>,
+        mut progress: Progress,
+    ) -> anyhow::Result<()> {
+        let has_recording = matches!(station.work, Work::Recorded(_));
+        if let Work::Recorded(recorded) = &mut station.work {
+            recorded.pace = Pace::From(start_s.unwrap_or_else(|| OwnClock::default().now_s()));
+        }
+        let (give_feedback, feedback) = channel();
+        // Without room for a frame, the station passes frames over until the last one has been worked on.
+        let (give, events) = sync_channel(0);
+        let is_wanted = Arc::clone(interrupted);
+        // It ends with the receiver, or by itself: a stream that does not answer keeps it for seconds.
+        thread::spawn(move || {
+            let send = |event| give.send(event).is_ok() && !is_wanted.load(Ordering::Relaxed);
+            station.run(&feedback, &Permits::new(1), send);
+        });
+        let followed = self.follow(&events, &give_feedback, has_recording, interrupted, &mut progress);
+        drop(progress);
+        let counts = self.mesh.counts();
+        tracing::info!("{} packets sent ({} bytes), {} heard", counts.sent, counts.sent_bytes, counts.heard);
+        for (refusal, count) in &counts.refused {
+            tracing::warn!("{count} packets or stations were left out: {refusal:?}");
+        }
+        if counts.dropped > 0 {
+            tracing::warn!("{} packets came faster than frames, and were dropped", counts.dropped);
+        }
+        self.outputs.finish()?;
+        followed
+    }
+
+    fn follow(
+        &mut self,
+        events: &Receiver<Event>,
+        feedback: &Sender<Feedback>,
+        has_recording: bool,
+        interrupted: &AtomicBool,
+        progress: &mut Progress,
+    ) -> anyhow::Result<()> {
+        while !interrupted.load(Ordering::Relaxed) {
+            match events.recv_timeout(BLIND) {
+                Ok(Event::Seen(seen)) => {
+                    let sequence = seen.observation.sequence;
+                    self.step(*seen)?;
+                    progress.advance();
+                    // A station that has ended needs no more.
+                    let _ = feedback.send(Feedback { sequence, people: self.tracker.bodies() });
+                }
+                Ok(Event::Failed(error)) => return Err(error.into()),
+                Err(RecvTimeoutError::Timeout) if !has_recording => self.step(self.nothing())?,
+                Err(RecvTimeoutError::Timeout) => {}
+                Ok(Event::Ended) | Err(RecvTimeoutError::Disconnected) => break,
+            }
+        }
+        Ok(())
+    }
+
+    /// A frame of a camera that sends no pictures.
+    fn nothing(&self) -> Seen {
+        let time_s = self.clock.now_s() - self.clock.shift_s;
+        Seen {
+            observation: Observation::unusable(0, time_s, Verdict::Silent),
+            pictures: Pictures::default(),
+            decode: Duration::ZERO,
+            foreground: Duration::ZERO,
+        }
+    }
+
+    fn step(&mut self, seen: Seen) -> anyhow::Result<()> {
+        let Seen { observation, decode, foreground, .. } = seen;
+        let time_s = observation.time_s + self.clock.shift_s;
+        if time_s <= self.time_s {
+            return Ok(());
+        }
+        self.time_s = time_s;
+        self.frame =
+            u32::try_from(observation.sequence).unwrap_or(u32::MAX).max(self.frame.saturating_add(1));
+        let camera = CameraFrame { mask: observation.mask, colours: observation.colours, image: None };
+        let heard = self.mesh.heard();
+        let (tracker, outputs, frame) = (&mut self.tracker, &mut self.outputs, self.frame);
+        outputs.stopwatch.record("decode", decode);
+        outputs.stopwatch.record("foreground", foreground);
+        let packet = outputs.stopwatch.time("inference", || tracker.step(frame, time_s, &camera, &heard))?;
+        if let Err(error) = self.mesh.publish(&packet)
+            && !std::mem::replace(&mut self.has_warned, true)
+        {
+            tracing::warn!("{error}: a packet is not sent");
+        }
+        let people = self.tracker.people();
+        let set_aside: &[usize] = if observation.health.is_set_aside() { &[0] } else { &[] };
+        let Outputs { files, plan, stopwatch, frames, .. } = &mut self.outputs;
+        *frames += 1;
+        plan.extend(time_s, &people);
+        Ok(stopwatch.time("output", || files.write(frame, time_s, &people, set_aside))?)
+    }
+}
+
+impl Outputs {
+    fn finish(self) -> anyhow::Result<()> {
+        self.stopwatch.timings(1, self.frames).write(&self.out.join("timings.json"))?;
+        self.files.finish()?;
+        Ok(self.plan.finish()?)
+    }
+}
+
+fn listed(cameras: &[&str]) -> String {
+    match cameras {
+        [] => "no other".to_owned(),
+        cameras => cameras.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", "),
+    }
+}

@@ -1,0 +1,156 @@
+//! `tracker watch`: who tracks whom, told by the stations themselves.
+
+use std::collections::BTreeMap;
+use std::io::Write;
+use std::path::PathBuf;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
+
+use anyhow::Context;
+use clap::Args;
+use scenes::room::Room;
+use tracker::method::agents::{AgencyRecord, Overview, Packet, StationId};
+use tracker::tracks::AgentsFile;
+use tracker::wire::mesh::{Membership, OwnClock};
+use tracker::wire::{Endpoint, Fingerprint, Mesh};
+
+use super::endpoints::EndpointArguments;
+use super::interrupt;
+
+/// Longest wait for packets.
+const TICK: Duration = Duration::from_millis(100);
+/// Interval of the table.
+const TABLE_EVERY: Duration = Duration::from_secs(1);
+
+/// Listen to stations that track together (`tracker station --method agents`), and tell who tracks whom.
+///
+/// Prints a line for each change, and each second a table: people, and with what confidence and where each station's agent
+/// sees them. Sends nothing. With --out it writes OUT/agents.jsonl (a line for each packet heard) and, at the end, the
+/// figures positions.png (measured places by station), confidences.png (confidence of each agent over time) and
+/// agencies.png (which agents belong together over time). Ends with Ctrl-C, or after --for.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  tracker watch hall.local:7447,shop.local:7447
+  tracker watch hall.local:7447,shop.local:7447 --room myroom --out out --for 60
+  tracker watch --discover")]
+pub(crate) struct WatchArgs {
+    /// Addresses of the stations, or of a Zenoh router: each station that is to be heard
+    #[arg(value_name = "ENDPOINT", value_delimiter = ',')]
+    connect: Vec<Endpoint>,
+    /// The room directory: stations of other rooms are left out [default: the room of the first station heard]
+    #[arg(long, value_name = "DIR")]
+    room: Option<PathBuf>,
+    /// The folder to write to
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Listen for so long, seconds
+    #[arg(long = "for", value_name = "SECONDS", value_parser = seconds)]
+    longest: Option<f64>,
+    #[command(flatten)]
+    endpoints: EndpointArguments,
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if seconds > 0.0 && seconds.is_finite() => Ok(seconds),
+        _ => Err("give a number of seconds above 0".to_owned()),
+    }
+}
+
+/// Runs the subcommand.
+pub(crate) fn watch(args: &WatchArgs) -> anyhow::Result<String> {
+    let endpoints = args.endpoints.endpoints(&args.connect)?;
+    let room = args.room.as_deref().map(Room::read).transpose()?;
+    let cameras: Vec<String> =
+        room.iter().flat_map(|room| &room.cameras).map(|camera| camera.name.clone()).collect();
+    let membership = Membership {
+        room: room.as_ref().map(Fingerprint::of),
+        cameras,
+        station: None,
+        hears: Vec::new(),
+        clock: OwnClock::default(),
+    };
+    let interrupted = interrupt::watch().context("the signals that end this program")?;
+    let mesh = Mesh::open(&membership, &endpoints)?;
+    let mut watch = Watch {
+        mesh,
+        names: BTreeMap::new(),
+        overview: Overview::default(),
+        record: AgencyRecord::default(),
+        file: args.out.as_deref().map(AgentsFile::new),
+    };
+    let begun = Instant::now();
+    let mut table = Instant::now();
+    let is_over = || args.longest.is_some_and(|longest| begun.elapsed().as_secs_f64() >= longest);
+    while !interrupted.load(Ordering::Relaxed) && !is_over() {
+        let is_due = table.elapsed() >= TABLE_EVERY;
+        if is_due {
+            table = Instant::now();
+        }
+        // A reader who closes the pipe has seen enough.
+        if !watch.listen(is_due)? {
+            break;
+        }
+    }
+    if let Some(out) = &args.out {
+        let most = watch.names.keys().map(|station| usize::from(station.0) + 1).max().unwrap_or(0);
+        let name = |i: usize| watch.names.get(&StationId(i as u8)).cloned().unwrap_or_default();
+        watch.record.write(out, &(0..most).map(name).collect::<Vec<String>>())?;
+    }
+    let counts = watch.mesh.counts();
+    for (refusal, count) in &counts.refused {
+        tracing::warn!("{count} packets or stations were left out: {refusal:?}");
+    }
+    Ok(format!("{} packets heard\n", counts.heard))
+}
+
+/// What is known so far.
+struct Watch {
+    mesh: Mesh,
+    /// Names of the stations' cameras.
+    names: BTreeMap<StationId, String>,
+    overview: Overview,
+    record: AgencyRecord,
+    file: Option<AgentsFile>,
+}
+
+impl Watch {
+    /// Waits for packets, and prints what follows; returns whether anybody reads it.
+    fn listen(&mut self, with_table: bool) -> anyhow::Result<bool> {
+        let heard = self.mesh.wait_heard(TICK);
+        if heard.iter().any(|packet| !self.names.contains_key(&packet.station)) {
+            self.names = self.mesh.names().into_iter().collect();
+        }
+        let mut text = String::new();
+        for packet in &heard {
+            for line in self.take_in(packet)? {
+                text += &format!("{}  {line}\n", time_of_day(packet.time_s));
+            }
+        }
+        let now_s = OwnClock::default().now_s();
+        for line in self.overview.pass(now_s) {
+            text += &format!("{}  {line}\n", time_of_day(now_s));
+        }
+        if with_table {
+            text += &self.overview.table();
+        }
+        let mut out = std::io::stdout().lock();
+        Ok(out.write_all(text.as_bytes()).and_then(|()| out.flush()).is_ok())
+    }
+
+    fn take_in(&mut self, packet: &Packet) -> anyhow::Result<Vec<String>> {
+        let camera = self.names.get(&packet.station).map_or("?", String::as_str);
+        if let Some(file) = &mut self.file {
+            file.write(packet, camera)?;
+        }
+        self.record.extend(packet);
+        Ok(self.overview.extend(packet, camera))
+    }
+}
+
+/// `12:30:05.25`, UTC.
+fn time_of_day(time_s: f64) -> String {
+    let s = time_s.rem_euclid(86_400.0);
+    let (hours, minutes) = ((s / 3600.0).floor(), (s / 60.0).floor() % 60.0);
+    format!("{hours:02}:{minutes:02}:{:05.2}", s % 60.0)
+}

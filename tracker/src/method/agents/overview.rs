@@ -1,0 +1,185 @@
+//! Who tracks whom now, as lines for a terminal.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+use super::{AgentId, Packet, Report, StationId, TargetId};
+
+/// Time after which a station that sends nothing is silent, seconds.
+const SILENCE_S: f64 = 2.0;
+/// People in the table; of more the first are shown.
+const MOST_ROWS: usize = 40;
+
+/// What all stations told last.
+#[derive(Debug, Clone, Default)]
+pub struct Overview {
+    stations: BTreeMap<StationId, Told>,
+}
+
+#[derive(Debug, Clone, Default)]
+struct Told {
+    name: String,
+    /// Time of the last packet, seconds.
+    time_s: f64,
+    is_silent: bool,
+    is_blind: bool,
+    agents: BTreeMap<AgentId, Report>,
+}
+
+impl Overview {
+    /// Takes in a packet of the station of a camera of this name. Returns a line for each change.
+    pub fn extend(&mut self, packet: &Packet, camera: &str) -> Vec<String> {
+        let mut lines = Vec::new();
+        let is_new = !self.stations.contains_key(&packet.station);
+        let told = self.stations.entry(packet.station).or_default();
+        camera.clone_into(&mut told.name);
+        if is_new || std::mem::take(&mut told.is_silent) {
+            lines.push(format!("{camera} is heard"));
+        }
+        if std::mem::replace(&mut told.is_blind, packet.is_blind) != packet.is_blind {
+            let state = if packet.is_blind { "sees nothing that can be used" } else { "sees again" };
+            lines.push(format!("{camera} {state}"));
+        }
+        let agents: BTreeMap<AgentId, Report> =
+            packet.reports.iter().map(|report| (report.agent, *report)).collect();
+        for (agent, report) in &agents {
+            let name = format!("{camera} agent {}", agent.number);
+            match told.agents.get(agent).map(|before| before.target) {
+                Some(before) if before == report.target => {}
+                None if report.target == TargetId::ALONE => lines.push(format!("{name} tracks alone")),
+                None => lines.push(format!("{name} tracks person {}", report.target.0)),
+                Some(before) if report.target == TargetId::ALONE => {
+                    lines.push(format!("{name} leaves person {}, and tracks alone", before.0));
+                }
+                Some(_) => lines.push(format!("{name} tracks person {} now", report.target.0)),
+            }
+        }
+        for (agent, before) in told.agents.iter().filter(|(agent, _)| !agents.contains_key(agent)) {
+            let whom = match before.target {
+                TargetId::ALONE => "whom it tracked alone".to_owned(),
+                target => format!("person {}", target.0),
+            };
+            lines.push(format!("{camera} agent {} no longer sees {whom}", agent.number));
+        }
+        (told.agents, told.time_s) = (agents, packet.time_s);
+        lines
+    }
+
+    /// Notes that time passes. Returns a line for each station that has fallen silent.
+    pub fn pass(&mut self, now_s: f64) -> Vec<String> {
+        let mut lines = Vec::new();
+        for told in self.stations.values_mut().filter(|told| !told.is_silent) {
+            if now_s - told.time_s > SILENCE_S {
+                (told.is_silent, told.is_blind) = (true, false);
+                told.agents.clear();
+                lines.push(format!("{} is silent", told.name));
+            }
+        }
+        lines
+    }
+
+    /// A table of people by stations: confidence and place of the agent that tracks them. Empty where nobody is heard.
+    pub fn table(&self) -> String {
+        let heard: Vec<&Told> = self.stations.values().filter(|told| !told.is_silent).collect();
+        if heard.is_empty() {
+            return String::new();
+        }
+        let mut people: Vec<TargetId> =
+            heard.iter().flat_map(|told| told.agents.values()).map(|report| report.target).collect();
+        people.sort_unstable();
+        people.dedup();
+        // Writing to a string cannot fail.
+        let mut table = format!("{:<10}", "person");
+        for told in &heard {
+            let _ = write!(table, " {:>20}", told.name.chars().take(20).collect::<String>());
+        }
+        for target in people.iter().filter(|target| **target != TargetId::ALONE).take(MOST_ROWS) {
+            let _ = write!(table, "\n{:<10}", target.0);
+            for told in &heard {
+                let _ = write!(table, " {:>20}", cell(told, *target));
+            }
+        }
+        if people.contains(&TargetId::ALONE) {
+            let _ = write!(table, "\n{:<10}", "alone");
+            for told in &heard {
+                let count = told.agents.values().filter(|report| report.target == TargetId::ALONE).count();
+                let _ = write!(table, " {:>20}", if count == 0 { String::new() } else { count.to_string() });
+            }
+        }
+        table.lines().map(|line| format!("{}\n", line.trim_end())).collect()
+    }
+}
+
+/// `0.97 at 1.2 3.4` for the agent of a station that tracks a target.
+fn cell(told: &Told, target: TargetId) -> String {
+    let report = told.agents.values().find(|report| report.target == target);
+    report.map_or(String::new(), |report| {
+        format!("{:.2} at {:.1} {:.1}", report.confidence, report.position.x, report.position.y)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Matrix2, Point2, Vector2};
+
+    use super::*;
+
+    fn packet(station: u8, time_s: f64, agents: &[(u32, u32)]) -> Packet {
+        let station = StationId(station);
+        let report = |(number, target): &(u32, u32)| Report {
+            agent: AgentId { station, number: *number },
+            target: TargetId(*target),
+            position: Point2::new(1.25, -2.0),
+            covariance: Matrix2::identity(),
+            velocity: Vector2::zeros(),
+            height_m: 1.7,
+            looks: None,
+            confidence: 0.9,
+            is_crowded: false,
+        };
+        Packet { station, time_s, reports: agents.iter().map(report).collect(), ..Packet::default() }
+    }
+
+    #[test]
+    fn every_change_is_one_line() {
+        let mut overview = Overview::default();
+        for (agents, expected) in [
+            (&[(1, 0)][..], &["front is heard", "front agent 1 tracks alone"][..]),
+            (&[(1, 0)], &[]),
+            (&[(1, 7), (2, 8)], &["front agent 1 tracks person 7 now", "front agent 2 tracks person 8"]),
+            (
+                &[(1, 0), (2, 9)],
+                &["front agent 1 leaves person 7, and tracks alone", "front agent 2 tracks person 9 now"],
+            ),
+            (
+                &[],
+                &[
+                    "front agent 1 no longer sees whom it tracked alone",
+                    "front agent 2 no longer sees person 9",
+                ],
+            ),
+        ] {
+            assert_eq!(overview.extend(&packet(0, 1.0, agents), "front"), expected);
+        }
+        let blind = Packet { is_blind: true, ..packet(0, 1.0, &[]) };
+        assert_eq!(overview.extend(&blind, "front"), ["front sees nothing that can be used"]);
+        assert!(overview.pass(2.9).is_empty());
+        assert_eq!(overview.pass(3.1), ["front is silent"]);
+        assert!(overview.pass(4.0).is_empty() && overview.table().is_empty());
+        assert_eq!(overview.extend(&packet(0, 5.0, &[]), "front"), ["front is heard"]);
+    }
+
+    #[test]
+    fn the_table_has_a_row_a_person_and_a_column_a_station() {
+        let mut overview = Overview::default();
+        overview.extend(&packet(0, 1.0, &[(1, 7), (2, 0), (3, 0)]), "front");
+        overview.extend(&packet(1, 1.0, &[(4, 9), (5, 7)]), "back");
+        let expected = "\
+person                    front                 back
+7              0.90 at 1.2 -2.0     0.90 at 1.2 -2.0
+9                                   0.90 at 1.2 -2.0
+alone                         2
+";
+        assert_eq!(overview.table(), expected);
+    }
+}

@@ -1,0 +1,77 @@
+//! Stations that track together without a centre: each sends its packets to those whose fields of view overlap its own.
+//!
+//! * [`Membership`] — the station's room, camera, and the stations that it hears.
+//! * [`Mesh`](super::Mesh) — a member of the network: packets out, the others' packets in, on this station's clock.
+//! * [`PeerClock`] — offset of a peer's clock.
+//! * [`MeshCounts`], [`Refusal`] — what was heard, and what was left out and why.
+//!
+//! Every pair of stations that are to hear each other needs a link: one of the two listens and the other connects, or
+//! both look for others by multicast. Nobody forwards for others, unless all connect to a router.
+//!
+//! A station is told from others of its camera by its *life*, a number drawn when it starts. While a life is heard,
+//! another is left out; a second after its last packet, or when its token is gone, the other takes its place. Packets
+//! whose sequence number does not grow are left out, so that nothing counts twice.
+
+mod clock;
+#[cfg(feature = "zenoh")]
+mod link;
+#[cfg(feature = "zenoh")]
+mod peers;
+mod refusal;
+#[cfg(all(test, feature = "zenoh"))]
+mod tests;
+
+use std::collections::BTreeMap;
+use std::time::SystemTime;
+
+pub use self::clock::PeerClock;
+#[cfg(feature = "zenoh")]
+pub use self::link::Mesh;
+pub use self::refusal::Refusal;
+use super::Fingerprint;
+use crate::method::agents::StationId;
+use crate::source::utc_s;
+
+/// Part of a member in the mesh.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Membership {
+    /// The room; `None` to listen to any: to that of the first station heard.
+    pub room: Option<Fingerprint>,
+    /// Names of the room's cameras; their places in this list are the stations' numbers. Empty where no room is known.
+    pub cameras: Vec<String>,
+    /// Number of this station; `None` for a member that only listens.
+    pub station: Option<StationId>,
+    /// Numbers of the stations that are heard; a member that only listens hears all.
+    pub hears: Vec<StationId>,
+    /// The member's clock.
+    pub clock: OwnClock,
+}
+
+/// Clock of this machine.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct OwnClock {
+    /// Seconds that are added to it: for tests of wrong clocks.
+    pub shift_s: f64,
+}
+
+impl OwnClock {
+    /// Seconds since 1970, UTC.
+    pub fn now_s(self) -> f64 {
+        utc_s(SystemTime::now()) + self.shift_s
+    }
+}
+
+/// Counts of a mesh.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct MeshCounts {
+    /// Packets that were sent.
+    pub sent: u64,
+    /// Their bytes, for one receiver, without what the network adds.
+    pub sent_bytes: u64,
+    /// Packets that were taken in.
+    pub heard: u64,
+    /// Packets that waited until there was no room for them.
+    pub dropped: u64,
+    /// Packets and stations that were left out, by reason.
+    pub refused: BTreeMap<Refusal, u64>,
+}
