@@ -317,7 +317,8 @@ fn a_restarted_station_takes_the_ids_that_it_hears() {
     let mut room = Room::new(3, everywhere);
     room.run(4.0, &three());
     let ids = room.ids(0, &three());
-    room.rules[1] = Modern::new(StationId(1), 3, room.views.clone(), ModernOptions::simulation()).with_life(7);
+    room.rules[1] =
+        Modern::new(StationId(1), 3, room.views.clone(), ModernOptions::simulation()).with_life(7);
     room.run(0.5, &three());
     assert_eq!(room.ids(1, &three()), ids);
     room.run(3.0, &three());
@@ -356,8 +357,7 @@ fn what_a_station_knows_is_bounded() {
     for frame in 0..60u32 {
         room.sent.retain(|p| p.station != StationId(1));
         let mut anywhere = || rng.random_range(-50.0..50.0);
-        let reports =
-            (0..500).map(|i| report(1 + 500 * frame + i, point![anywhere(), anywhere()])).collect();
+        let reports = (0..500).map(|i| report(1 + 500 * frame + i, point![anywhere(), anywhere()])).collect();
         room.sent.push(Packet {
             station: StationId(1),
             life: 3,
