@@ -1,5 +1,6 @@
 //! The program's subcommands, one a file: each maps its options onto the library's, one to one.
 
+mod agents;
 mod background;
 mod clocks;
 mod colours;
@@ -40,6 +41,7 @@ enum Command {
     Station(Box<station::StationArgs>),
     Detect(Box<detect::DetectArgs>),
     Link(Box<link::LinkArgs>),
+    Agents(agents::AgentsArgs),
     Eval(eval::EvalArgs),
     Masks(masks::MasksArgs),
     Report(report::ReportArgs),
@@ -53,6 +55,7 @@ pub(crate) fn run(arguments: &Arguments, console: &Console) -> anyhow::Result<St
         Command::Station(args) => station::station(args, console),
         Command::Detect(args) => detect::detect(args, console),
         Command::Link(args) => link::link(args, console),
+        Command::Agents(args) => agents::agents(args, console),
         Command::Eval(args) => eval::eval(args),
         Command::Masks(args) => masks::masks(args, console),
         Command::Report(args) => report::report(args),
