@@ -18,6 +18,8 @@ mod mediator;
 mod options;
 mod reference;
 mod station;
+#[cfg(test)]
+mod tests;
 
 pub use options::PublishedOptions;
 pub use station::Published;
