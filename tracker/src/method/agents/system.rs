@@ -60,11 +60,6 @@ impl Agents {
         })
     }
 
-    /// Packets of the last moment, one a station.
-    pub fn sent(&self) -> &[Packet] {
-        &self.sent
-    }
-
     /// The agencies of this moment: of each target the belief of the station that knows best.
     fn agencies(&self) -> Vec<Belief> {
         let mut best: Vec<Belief> = self.stations.iter().flat_map(AgentStation::people).collect();
@@ -97,6 +92,10 @@ impl Agents {
 }
 
 impl Method for Agents {
+    fn packets(&self) -> &[Packet] {
+        &self.sent
+    }
+
     fn needs(&self) -> Needs {
         Needs { masks: true, pictures: false, empty_scene: false }
     }

@@ -31,7 +31,7 @@ const FARTHEST_M: f64 = 3.0;
 /// Time after which the station with the younger id gives way, and the other, seconds: so that two never give way at once.
 const GIVES_WAY_S: [f64; 2] = [0.3, 1.2];
 /// Time for which somebody who was leaving has to be seen in company by this station alone until they have left, seconds.
-const HAS_LEFT_S: f64 = 0.5;
+const HAS_LEFT_S: f64 = 0.15;
 /// Square of the distance of looks beyond which two are not one: three standard deviations.
 const LOOKS_ALIKE: f64 = 9.0;
 
