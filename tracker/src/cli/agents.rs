@@ -157,3 +157,45 @@ impl SimulateArgs {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+
+    #[derive(Debug, Parser)]
+    struct Line {
+        #[command(flatten)]
+        args: SimulateArgs,
+    }
+
+    fn options(line: &str) -> Result<Vec<Options>, String> {
+        let words = ["simulate", "--out", "out"].into_iter().chain(line.split_whitespace());
+        Line::parse_from(words).args.options().map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn presets_are_changed_by_single_options() {
+        let six = options("--loss 0.3").unwrap();
+        assert_eq!(six.iter().map(|o| o.layout).collect::<Vec<_>>(), Layout::SIX);
+        assert!(six.iter().all(|o| o.stations == 6 && (o.loss - 0.3).abs() < 1e-12));
+        let hard = options("--preset hard --people 12").unwrap();
+        assert_eq!((hard[0].people, hard[0].stations, hard[0].layout), (12, 8, Layout::Hall));
+        let corridor = options("--stations 50 --people 100").unwrap();
+        assert_eq!(
+            (corridor[0].people, corridor[0].stations, corridor[0].layout),
+            (100, 50, Layout::Corridor)
+        );
+    }
+
+    #[test]
+    fn senseless_numbers_are_refused() {
+        for line in
+            ["--trials 0", "--people 0", "--stations 256", "--loss 1.5", "--preset hard --layout once"]
+        {
+            let refusal = options(line).unwrap_err();
+            assert!(refusal.starts_with("--"), "{refusal}");
+        }
+    }
+}

@@ -44,8 +44,8 @@ fn the_figure_shows_each_system_and_where_people_were() {
     assert!(picture.width() > 3 * 500);
     // The traces of the first second lie on the people.
     for (name, trace) in &comparison.traces {
-        for person in 0..6 {
-            let place = trace[20][person].unwrap_or_else(|| panic!("{name}: person {person}"));
+        for (person, found) in trace[20].iter().enumerate() {
+            let place = found.unwrap_or_else(|| panic!("{name}: person {person}"));
             assert!((place - world.places(20)[person]).norm() < 0.9, "{name}: person {person}");
         }
     }
