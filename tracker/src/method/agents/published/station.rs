@@ -33,7 +33,7 @@ pub struct Published {
     mediator: Mediator,
     /// Image tracks of the last moment.
     tracks: BTreeSet<u32>,
-    /// Targets that tracks were introduced with, until they are seen.
+    /// Targets that tracks were introduced with, until the first moment.
     introduced: Vec<(u32, TargetId)>,
     /// Time of the last moment, seconds.
     now_s: Option<f64>,
@@ -71,7 +71,8 @@ impl Published {
         Self { life, ..self }
     }
 
-    /// Tells beforehand which target an image track follows, as in experiment 2, where everybody is known at the start.
+    /// Tells beforehand which target an image track of the first moment follows, as in experiment 2, where everybody is
+    /// known at the start.
     pub fn introduce(&mut self, track: u32, target: TargetId) {
         self.introduced.push((track, target));
         self.mediator.note(target);
@@ -99,6 +100,7 @@ impl Published {
             }
         }
         self.begin_tracks(people);
+        self.introduced.clear();
         for agent in &mut self.agents {
             let sighting = agent.sighting;
             agent.filter.step(sighting.as_ref(), dt_s, self.options.filter_s);

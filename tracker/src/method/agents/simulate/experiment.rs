@@ -89,7 +89,7 @@ pub struct Speed {
     pub name: &'static str,
     /// Simulated time over time taken, with everything around the rule.
     pub real_time_factor: f64,
-    /// Time that the rule took at one station for one frame, microseconds, mean.
+    /// Time that the rule took at one station for one frame, microseconds, median.
     pub station_frame_us: f64,
 }
 
@@ -140,13 +140,12 @@ pub fn compare(options: &Options, seed: u64, trials: usize, step: impl Fn() + Sy
     for (rule, name) in [(RuleName::Published, "A published"), (RuleName::Modern, "C modern")] {
         let first_world = world(0);
         let begin = Instant::now();
-        let (first, rule_s) = run(&first_world, rule, true);
+        let (first, station_frame_s) = run(&first_world, rule, true);
         let wall_s = begin.elapsed().as_secs_f64();
-        let steps = (options.stations * first_world.frames()) as f64;
         speeds.push(Speed {
             name,
             real_time_factor: options.seconds / wall_s,
-            station_frame_us: 1e6 * rule_s / steps,
+            station_frame_us: 1e6 * station_frame_s,
         });
         step();
         let mut judged = vec![first];
@@ -182,7 +181,7 @@ pub fn compare(options: &Options, seed: u64, trials: usize, step: impl Fn() + Sy
     Comparison { options: options.clone(), seed, rows, sweep, speeds, traces }
 }
 
-/// Runs a trial of a rule. Returns also the time that the rule took, in all stations together, seconds.
+/// Runs a trial of a rule. Returns also the median time that the rule took at a station for a frame, seconds.
 fn run(world: &World, rule: RuleName, is_traced: bool) -> (Judged, f64) {
     let mut judge = Judge::new(world);
     let mut seen: Vec<Vec<(TargetId, Point2<f64>)>> = Vec::new();
@@ -199,7 +198,7 @@ fn run(world: &World, rule: RuleName, is_traced: bool) -> (Judged, f64) {
     };
     let (stations, people) = (world.options.stations, world.options.people);
     let ids = (0..stations).map(|station| StationId(station as u8));
-    let rule_s = match rule {
+    let station_frame_s = match rule {
         RuleName::Published => {
             let options =
                 PublishedOptions::simulation(hue_difference_deg(1.0), world.options.noise.attribute);
@@ -223,7 +222,7 @@ fn run(world: &World, rule: RuleName, is_traced: bool) -> (Judged, f64) {
         places.iter().find(|(t, _)| *t == target).map(|(_, place)| *place)
     };
     let trace = seen.iter().map(|places| (0..people).map(|person| place(places, person)).collect()).collect();
-    (Judged { leader: judge.leader(), mean: judge.mean(), each: judge.each(), trace }, rule_s)
+    (Judged { leader: judge.leader(), mean: judge.mean(), each: judge.each(), trace }, station_frame_s)
 }
 
 /// Mean place of the members of each agency.
