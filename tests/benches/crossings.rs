@@ -11,7 +11,9 @@ use nalgebra::{Point2, Vector2};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use scenes::room::Room;
-use scenes::synthetic::{RoomKind, RoomOptions, Sequence, SequenceOptions, SyntheticRoom, Walker};
+use scenes::synthetic::{
+    PersonTruth, RoomKind, RoomOptions, Sequence, SequenceOptions, SyntheticRoom, Walker,
+};
 use tests::chain::Said;
 use tracker::method::Method;
 use tracker::method::agents::modern::ModernOptions;
@@ -20,7 +22,7 @@ use tracker::method::agents::{Agents, AgentsOptions, RuleOptions};
 use tracker::method::mcmc::McmcOptions;
 use tracker::observation::{Colours, Mask};
 use tracker::stage::{Stage, StageOptions};
-use tracker::{CameraFrame, Moment};
+use tracker::{CameraFrame, Moment, PersonEstimate, TrackId};
 
 const RATE_HZ: f64 = 12.0;
 const SIZE_M: [f64; 3] = [8.0, 6.0, 2.9];
@@ -47,8 +49,10 @@ fn main() -> Said<()> {
     for seed in first..first + count {
         let made = hall(seed)?;
         let crossing = Crossing::new(seed, &made);
-        for (i, (_, rule)) in rules.iter().enumerate() {
-            if crossing.follow(&made, rule.clone())? {
+        for (i, is_right) in
+            crossing.follow(&made, &rules.clone().map(|(_, rule)| rule))?.into_iter().enumerate()
+        {
+            if is_right {
                 right[i] += 1;
             } else {
                 wrong[i].push(seed);
@@ -122,17 +126,20 @@ impl Crossing {
         made.sequence(vec![walker(0), walker(1)], options)
     }
 
-    /// Whether both people go by their own ids in the end.
-    fn follow(&self, made: &SyntheticRoom, rule: RuleOptions) -> Said<bool> {
+    /// Whether both people go by their own ids in the end, by each rule.
+    fn follow(&self, made: &SyntheticRoom, rules: &[RuleOptions; 2]) -> Said<[bool; 2]> {
         let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
         made.room.write(folder.path()).map_err(|e| e.to_string())?;
         let room = Room::read(folder.path()).map_err(|e| e.to_string())?;
-        let stage = Stage::prepare(&room, folder.path(), &StageOptions::default());
-        let sampler = McmcOptions { seed: self.seed, ..McmcOptions::default() };
-        let mut agents = Agents::new(stage.map_err(|e| e.to_string())?, &AgentsOptions { sampler, rule })
-            .map_err(|e| e.to_string())?;
-        // How often each person went by each id, before the meeting and in the last second.
-        let mut ids = [[BTreeMap::new(), BTreeMap::new()], [BTreeMap::new(), BTreeMap::new()]];
+        let stage =
+            Stage::prepare(&room, folder.path(), &StageOptions::default()).map_err(|e| e.to_string())?;
+        let agents = |rule: &RuleOptions| {
+            let sampler = McmcOptions { seed: self.seed, ..McmcOptions::default() };
+            Agents::new(stage.clone(), &AgentsOptions { sampler, rule: rule.clone() })
+                .map_err(|e| e.to_string())
+        };
+        let mut systems = [agents(&rules[0])?, agents(&rules[1])?];
+        let mut ids = [Ids::default(), Ids::default()];
         for frame in self.sequence(made).frames() {
             let seen = |c: &scenes::synthetic::CameraFrame| {
                 let mask = Mask::from(&c.mask);
@@ -141,27 +148,39 @@ impl Crossing {
             };
             let cameras: Vec<CameraFrame> = frame.cameras.iter().map(seen).collect();
             let moment = Moment { frame: frame.frame, time_s: frame.time_s, cameras: &cameras };
-            let people = agents.step(&moment).map_err(|e| e.to_string())?;
-            let when = if frame.time_s < self.met_s - 0.2 {
-                0
-            } else if frame.time_s > self.met_s + AFTER_S - 1.0 {
-                1
-            } else {
-                continue;
-            };
-            for truth in &frame.people {
-                let away = |x: f64, y: f64| (Point2::new(x, y) - truth.place).norm();
-                let nearest = people.iter().min_by(|a, b| away(a.x_m, a.y_m).total_cmp(&away(b.x_m, b.y_m)));
-                if let Some(found) = nearest.filter(|p| away(p.x_m, p.y_m) <= GATE_M) {
-                    *ids[truth.id as usize - 1][when].entry(found.id).or_insert(0) += 1;
+            for (system, ids) in systems.iter_mut().zip(&mut ids) {
+                let people = system.step(&moment).map_err(|e| e.to_string())?;
+                if frame.time_s < self.met_s - 0.2 {
+                    ids.count(0, &frame.people, &people);
+                } else if frame.time_s > self.met_s + AFTER_S - 1.0 {
+                    ids.count(1, &frame.people, &people);
                 }
             }
         }
-        let usual = |counts: &BTreeMap<_, i32>| counts.iter().max_by_key(|(_, n)| **n).map(|(id, _)| *id);
-        let kept = |person: usize| {
-            let [before, after] = [&ids[person][0], &ids[person][1]].map(usual);
-            before.is_some() && before == after
+        Ok(ids.map(|ids| ids.are_kept()))
+    }
+}
+
+/// How often each of two people went by each id, before the meeting and in the last second.
+#[derive(Default)]
+struct Ids([[BTreeMap<TrackId, u32>; 2]; 2]);
+
+impl Ids {
+    fn count(&mut self, when: usize, truth: &[PersonTruth], people: &[PersonEstimate]) {
+        for truth in truth {
+            let away = |p: &PersonEstimate| (Point2::new(p.x_m, p.y_m) - truth.place).norm();
+            let nearest = people.iter().min_by(|a, b| away(a).total_cmp(&away(b)));
+            if let Some(found) = nearest.filter(|p| away(p) <= GATE_M) {
+                *self.0[truth.id as usize - 1][when].entry(found.id).or_default() += 1;
+            }
+        }
+    }
+
+    fn are_kept(&self) -> bool {
+        let usual = |person: usize, when: usize| {
+            self.0[person][when].iter().max_by_key(|(_, count)| **count).map(|(id, _)| *id)
         };
-        Ok(kept(0) && kept(1) && usual(&ids[0][1]) != usual(&ids[1][1]))
+        let is_kept = |person: usize| usual(person, 0).is_some() && usual(person, 0) == usual(person, 1);
+        is_kept(0) && is_kept(1) && usual(0, 1) != usual(1, 1)
     }
 }
