@@ -91,7 +91,7 @@ impl AgentStationArguments {
         let Some(out) = self.out.clone() else { bail!("--method agents: give --out DIR for its tracks") };
         let camera = stage.camera_index(&station.name).context("the room has no such camera")?;
         let id = StationId(u8::try_from(camera).context("the room has more than 255 cameras")?);
-        let options = super::agents::options(&self.sampler, self.seed, self.most_people)?;
+        let options = super::agent_options::options(&self.sampler, self.seed, self.most_people)?;
         let cameras: Vec<String> = stage.cameras.iter().map(|camera| camera.name.clone()).collect();
         let own = Stage { cameras: vec![stage.cameras[camera].clone()], ..stage.clone() };
         let tracker = SoloStation::new(stage, id, &options)?;

@@ -1,5 +1,6 @@
 //! The program's subcommands, one a file: each maps its options onto the library's, one to one.
 
+mod agent_options;
 mod agent_station;
 mod agents;
 mod background;
@@ -44,6 +45,7 @@ enum Command {
     Watch(watch::WatchArgs),
     Detect(Box<detect::DetectArgs>),
     Link(Box<link::LinkArgs>),
+    Agents(agents::AgentsArgs),
     Eval(eval::EvalArgs),
     Masks(masks::MasksArgs),
     Report(report::ReportArgs),
@@ -58,6 +60,7 @@ pub(crate) fn run(arguments: &Arguments, console: &Console) -> anyhow::Result<St
         Command::Watch(args) => watch::watch(args),
         Command::Detect(args) => detect::detect(args, console),
         Command::Link(args) => link::link(args, console),
+        Command::Agents(args) => agents::agents(args, console),
         Command::Eval(args) => eval::eval(args),
         Command::Masks(args) => masks::masks(args, console),
         Command::Report(args) => report::report(args),

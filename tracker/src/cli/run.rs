@@ -12,7 +12,7 @@ use tracker::film::{Film, FilmOptions};
 use tracker::foreground::Verdict;
 use tracker::gathering::{Gathering, GatheringOptions};
 use tracker::plan::TrajectoryPlan;
-use tracker::run::{self, ClockOffsets, Ended, Output, Progress, RunReport};
+use tracker::run::{self, AgencyLog, ClockOffsets, Ended, Output, Progress, RunReport};
 use tracker::stage::{Stage, StageOptions};
 use tracker::station::{Pace, PictureDemand};
 use tracker::tracks::TrackFiles;
@@ -21,7 +21,7 @@ use tracker::wire::Downlink;
 
 use super::input::{Given, Started};
 use super::interrupt;
-use super::run_arguments::RunArgs;
+use super::run_arguments::{MethodName, RunArgs};
 use super::stations::{Drawing, StationBuilder};
 use super::view;
 
@@ -85,6 +85,9 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
     // Everything that was given has been looked at: now something may be written.
     let mut outputs: Vec<Box<dyn Output>> = vec![Box::new(TrackFiles::new(&args.out, &stage))];
     outputs.push(Box::new(TrajectoryPlan::new(&args.out, &room, &args.room)));
+    if args.method == MethodName::Agents {
+        outputs.push(Box::new(AgencyLog::new(&args.out, &stage)));
+    }
     if !args.no_film {
         let audience = screens.map(Screens::audience);
         outputs.push(Box::new(Film::start(&args.out, &stage, input.rate_hz, &looks, audience.as_ref())?));

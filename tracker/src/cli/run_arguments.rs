@@ -19,7 +19,7 @@ use super::sampler::SamplerArguments;
 use super::view::ViewArguments;
 
 /// The published trackers.
-#[derive(Debug, Clone, Copy, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(super) enum MethodName {
     /// Trans-dimensional MCMC with occlusion predicted from the room.
     Mcmc,
@@ -32,7 +32,8 @@ pub(super) enum MethodName {
 /// Follow everybody in a room from the videos of its cameras.
 ///
 /// Writes OUT/tracks.txt (floor positions, MOTChallenge rows), OUT/tracks.jsonl (a line a frame, as it is made),
-/// OUT/boxes/NAME.txt, OUT/timings.json and, unless told otherwise, the films OUT/overlay/NAME.mp4. A moment is
+/// OUT/boxes/NAME.txt, OUT/timings.json and, unless told otherwise, the films OUT/overlay/NAME.mp4; with --method agents also
+/// OUT/agents: what the stations told each other, and figures of it. A moment is
 /// a frame of the fastest camera with the frames of the others that were taken nearest to it in time. The shortest recording
 /// ends the run, or Ctrl-C: films, plan and times are then those of the frames so far (Ctrl-C again ends it at once).
 /// Cameras without a source are left out.
@@ -129,7 +130,7 @@ impl RunArgs {
                 Box::new(Mcmc::new(stage.clone(), options)?)
             }
             MethodName::Agents => {
-                let options = super::agents::options(&self.sampler, self.seed, self.most_people)?;
+                let options = super::agent_options::options(&self.sampler, self.seed, self.most_people)?;
                 Box::new(Agents::new(stage.clone(), &options)?)
             }
             MethodName::Condensation => {

@@ -56,9 +56,17 @@ pub(super) struct SamplerArguments {
 }
 
 impl SamplerArguments {
-    /// The sampler's options.
+    /// The sampler's options as the method.
     pub(super) fn options(&self, seed: u64) -> anyhow::Result<McmcOptions> {
-        let mut options = if self.published { McmcOptions::published() } else { McmcOptions::default() };
+        self.changed(if self.published { McmcOptions::published() } else { McmcOptions::default() }, seed)
+    }
+
+    /// The sampler's options as the image tracking of agents, whatever rule these follow.
+    pub(super) fn image_tracking(&self, seed: u64) -> anyhow::Result<McmcOptions> {
+        self.changed(McmcOptions::default(), seed)
+    }
+
+    fn changed(&self, mut options: McmcOptions, seed: u64) -> anyhow::Result<McmcOptions> {
         options.seed = seed;
         if let Some(steps) = self.steps {
             if !(2..=MOST_STEPS).contains(&steps) {

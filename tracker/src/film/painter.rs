@@ -77,10 +77,19 @@ impl Painter {
         let seen = if mask.is_some() { "; white: what was seen" } else { "" };
         panel.caption(&mut simulated, &format!("simulated{seen}"));
 
+        self.beside_each_other(&real.into_image(), &simulated.into_image())
+    }
+
+    fn beside_each_other(&self, left: &RgbImage, right: &RgbImage) -> RgbImage {
         let (width, height) = self.size();
         let mut both = RgbImage::new(width, height);
-        image::imageops::replace(&mut both, &real.into_image(), 0, 0);
-        image::imageops::replace(&mut both, &simulated.into_image(), i64::from(self.lens.width), 0);
+        let row_bytes = 3 * self.lens.width as usize;
+        let rows = left.chunks_exact(row_bytes).zip(right.chunks_exact(row_bytes));
+        for (both, (left, right)) in both.chunks_exact_mut(2 * row_bytes).zip(rows) {
+            let (to_left, to_right) = both.split_at_mut(row_bytes);
+            to_left.copy_from_slice(left);
+            to_right.copy_from_slice(right);
+        }
         both
     }
 
@@ -93,9 +102,15 @@ impl Painter {
         let (width, height) = (self.lens.width, self.lens.height);
         let nearest =
             |i: u32, size: u32, whole: u32| ((2 * i + 1) * size / (2 * whole)).min(size.saturating_sub(1));
+        if mask.width() == 0 || mask.height() == 0 {
+            return vec![false; width as usize * height as usize];
+        }
         let columns: Vec<u32> = (0..width).map(|x| nearest(x, mask.width(), width)).collect();
-        let rows = (0..height).map(|y| nearest(y, mask.height(), height));
-        rows.flat_map(|row| columns.iter().map(move |column| mask.is_set(*column, row))).collect()
+        let mut resized = Vec::with_capacity(width as usize * height as usize);
+        for words in (0..height).map(|y| mask.row(nearest(y, mask.height(), height))) {
+            resized.extend(columns.iter().map(|x| words[*x as usize / 64] >> (x % 64) & 1 == 1));
+        }
+        resized
     }
 
     /// The real picture; without one the foreground, pale on dark.

@@ -6,11 +6,13 @@ use std::borrow::Borrow;
 use image::{GrayImage, Luma, RgbImage};
 use rayon::prelude::*;
 
-use super::exposure::Exposure;
+use super::exposure::{self, Exposure};
 use crate::{Error, Result};
 
-/// Pixels' bytes handled together, so that the counting runs in vector registers.
-const LANES: usize = 64;
+/// Bytes handled together, so that the counting runs in vector registers: whole pixels.
+const LANES: usize = 48;
+/// Groups of bytes that a thread takes at least.
+const LEAST_GROUPS: usize = 64;
 /// The quantile of the deviations that tells the noise: low enough that a pixel covered by people for half of the time
 /// still shows its own noise.
 const NOISE_QUANTILE: f64 = 0.35;
@@ -48,60 +50,69 @@ impl Backdrop {
         if frames.len() > 255 || frames.iter().any(|f| f.dimensions() != (width, height)) {
             return Err(Error::option("--background", "needs at most 255 frames, all of the same size"));
         }
-        let raw: Vec<&[u8]> = frames.iter().map(|f| f.as_raw().as_slice()).collect();
-        let mut picture = RgbImage::new(width, height);
-        quantile(&raw, 0.5, None, &mut picture);
-        let even: Vec<RgbImage> = frames.par_iter().map(|frame| compensated(&picture, frame)).collect();
-        let raw: Vec<&[u8]> = even.iter().map(|f| f.as_raw().as_slice()).collect();
-        quantile(&raw, 0.5, None, &mut picture);
-        let mut deviation = RgbImage::new(width, height);
-        quantile(&raw, NOISE_QUANTILE, Some(&picture), &mut deviation);
+        // The exposures are fitted to few of the pixels, so the first median is taken of those alone.
+        let samples: Vec<Vec<[u8; 3]>> = frames.par_iter().map(|frame| exposure::samples(frame)).collect();
+        let mut median = vec![[0; 3]; samples[0].len()];
+        let mut lanes = Vec::new();
+        for (group, into) in median.as_flattened_mut().chunks_mut(LANES).enumerate() {
+            lanes.clear();
+            lanes.extend(samples.iter().map(|samples| lane(samples.as_flattened(), group)));
+            into.copy_from_slice(&quantile(&lanes, 0.5)[..into.len()]);
+        }
+        let even = |samples: &Vec<[u8; 3]>| {
+            Exposure::fit_samples(&median, samples, &Exposure::default()).inverse_table()
+        };
+        let tables: Vec<[[u8; 256]; 3]> = samples.par_iter().map(even).collect();
+        let (mut picture, mut deviation) = (RgbImage::new(width, height), RgbImage::new(width, height));
+        let groups = picture.par_chunks_mut(LANES).zip(deviation.par_chunks_mut(LANES)).enumerate();
+        groups.with_min_len(LEAST_GROUPS).for_each_init(Vec::new, |lanes, (group, (middle, spread))| {
+            lanes.resize(frames.len(), [0; LANES]);
+            for ((even, frame), table) in lanes.iter_mut().zip(&frames).zip(&tables) {
+                let lane = lane(frame.as_raw(), group);
+                for (even, pixel) in even.as_chunks_mut::<3>().0.iter_mut().zip(lane.as_chunks::<3>().0) {
+                    *even = std::array::from_fn(|c| table[c][pixel[c] as usize]);
+                }
+            }
+            let found = quantile(lanes, 0.5);
+            middle.copy_from_slice(&found[..middle.len()]);
+            for lane in lanes.iter_mut() {
+                lane.iter_mut().zip(&found).for_each(|(value, middle)| *value = value.abs_diff(*middle));
+            }
+            spread.copy_from_slice(&quantile(lanes, NOISE_QUANTILE)[..spread.len()]);
+        });
         Ok(Self { noise: noise(&deviation), picture })
     }
 }
 
-/// A frame in the exposure of `reference`.
-fn compensated(reference: &RgbImage, frame: &RgbImage) -> RgbImage {
-    let table = Exposure::fit(reference, frame, &Exposure::default()).inverse_table();
-    let mut even = frame.clone();
-    for pixel in even.pixels_mut() {
-        for (value, table) in pixel.0.iter_mut().zip(&table) {
-            *value = table[*value as usize];
-        }
-    }
-    even
+/// A group of a picture's bytes; zeros beyond its end.
+fn lane(bytes: &[u8], group: usize) -> [u8; LANES] {
+    let rest = &bytes[group * LANES..];
+    rest.first_chunk().copied().unwrap_or_else(|| {
+        let mut lane = [0; LANES];
+        lane[..rest.len()].copy_from_slice(rest);
+        lane
+    })
 }
 
-/// The `fraction` quantile over the frames, byte by byte: of the values, or of their distances from `centre`.
+/// The `fraction` quantile over the frames' lanes, byte by byte.
 ///
 /// Found bit by bit from the top: the largest value below which no more than `fraction` of the frames lie.
-fn quantile(frames: &[&[u8]], fraction: f64, centre: Option<&RgbImage>, into: &mut RgbImage) {
-    let rank = ((frames.len() - 1) as f64 * fraction).round() as u8;
-    let centre = centre.map(|c| c.as_raw().as_slice());
-    into.par_chunks_mut(LANES).enumerate().for_each(|(chunk, into)| {
-        let from = chunk * LANES;
-        let mut lanes = [0_u8; LANES];
-        let mut middle = [0_u8; LANES];
-        if let Some(centre) = centre {
-            middle[..into.len()].copy_from_slice(&centre[from..from + into.len()]);
-        }
-        let mut found = [0_u8; LANES];
-        for bit in (0..8).rev() {
-            let mut below = [0_u8; LANES];
-            for frame in frames {
-                lanes[..into.len()].copy_from_slice(&frame[from..from + into.len()]);
-                for lane in 0..LANES {
-                    let value =
-                        if centre.is_some() { lanes[lane].abs_diff(middle[lane]) } else { lanes[lane] };
-                    below[lane] += u8::from(value < found[lane] | (1 << bit));
-                }
-            }
-            for lane in 0..LANES {
-                found[lane] |= if below[lane] <= rank { 1 << bit } else { 0 };
+fn quantile(lanes: &[[u8; LANES]], fraction: f64) -> [u8; LANES] {
+    let rank = ((lanes.len() - 1) as f64 * fraction).round() as u8;
+    let mut found = [0_u8; LANES];
+    for bit in (0..8).rev() {
+        let tried = found.map(|value| value | (1 << bit));
+        let mut below = [0_u8; LANES];
+        for lane in lanes {
+            for ((below, value), tried) in below.iter_mut().zip(lane).zip(&tried) {
+                *below += u8::from(value < tried);
             }
         }
-        into.copy_from_slice(&found[..into.len()]);
-    });
+        for ((found, below), tried) in found.iter_mut().zip(below).zip(tried) {
+            *found = if below <= rank { tried } else { *found };
+        }
+    }
+    found
 }
 
 /// Deviations of the three channels → one standard deviation a pixel, averaged over its neighbours.
@@ -146,18 +157,16 @@ mod tests {
             let frames: Vec<RgbImage> = (0..count)
                 .map(|_| RgbImage::from_fn(13, 7, |_, _| Rgb(std::array::from_fn(|_| rng.random()))))
                 .collect();
-            let raw: Vec<&[u8]> = frames.iter().map(|f| f.as_raw().as_slice()).collect();
             for fraction in [0.0, 0.35, 0.5, 1.0] {
-                let mut found = RgbImage::new(13, 7);
-                quantile(&raw, fraction, None, &mut found);
-                for (i, found) in found.as_raw().iter().enumerate() {
-                    let mut values: Vec<u8> = raw.iter().map(|f| f[i]).collect();
-                    values.sort_unstable();
-                    assert_eq!(
-                        *found,
-                        values[((count - 1) as f64 * fraction).round() as usize],
-                        "{count}, {fraction}"
-                    );
+                for group in 0..(13 * 7 * 3_usize).div_ceil(LANES) {
+                    let lanes: Vec<[u8; LANES]> = frames.iter().map(|f| lane(f.as_raw(), group)).collect();
+                    for (i, found) in quantile(&lanes, fraction).iter().enumerate() {
+                        let at = |frame: &RgbImage| frame.as_raw().get(group * LANES + i).copied();
+                        let mut values: Vec<u8> = frames.iter().map(|f| at(f).unwrap_or(0)).collect();
+                        values.sort_unstable();
+                        let expected = values[((count - 1) as f64 * fraction).round() as usize];
+                        assert_eq!(*found, expected, "{count}, {fraction}");
+                    }
                 }
             }
         }

@@ -41,16 +41,18 @@ impl Exposure {
     /// that explains little, the line is also sought from no change and from the commonest brightness ratio, and the one
     /// that explains most is taken. A channel that cannot be fitted keeps the start's values.
     pub fn fit(background: &RgbImage, frame: &RgbImage, start: &Self) -> Self {
-        let stride = (background.len() / 3 / GRID_PIXELS).max(1);
+        Self::fit_samples(&samples(background), &samples(frame), start)
+    }
+
+    /// As [`Self::fit`], of the [`samples`] of both pictures.
+    pub(super) fn fit_samples(background: &[[u8; 3]], frame: &[[u8; 3]], start: &Self) -> Self {
         let mut fitted = *start;
-        let mut pairs: Vec<(f32, f32)> = Vec::with_capacity(GRID_PIXELS + 1);
+        let mut pairs = Pairs::default();
         for channel in 0..3 {
             pairs.clear();
-            let values = |image: &RgbImage, pixel: usize| image.as_raw()[3 * pixel + channel];
-            for pixel in grid(background.width() as usize, background.height() as usize, stride) {
-                let (b, x) = (values(background, pixel), values(frame, pixel));
+            for (b, x) in background.iter().zip(frame).map(|(b, x)| (b[channel], x[channel])) {
                 if UNCLIPPED.contains(&b) && UNCLIPPED.contains(&x) {
-                    pairs.push((b as f32, x as f32));
+                    pairs.push(b, x);
                 }
             }
             if let Some((gain, bias)) = fit_from_anywhere(&pairs, (start.gain[channel], start.bias[channel]))
@@ -86,6 +88,13 @@ impl Exposure {
     }
 }
 
+/// The pixels of a picture that take part in a fit.
+pub(super) fn samples(image: &RgbImage) -> Vec<[u8; 3]> {
+    let stride = (image.len() / 3 / GRID_PIXELS).max(1);
+    let pixels = image.as_raw().as_chunks::<3>().0;
+    grid(image.width() as usize, image.height() as usize, stride).map(|pixel| pixels[pixel]).collect()
+}
+
 /// Pixels spread over the image, row by row, each row shifted so that no column pattern is hit again and again.
 fn grid(width: usize, height: usize, stride: usize) -> impl Iterator<Item = usize> {
     let step = (stride as f64).sqrt().round().max(1.0) as usize;
@@ -94,13 +103,62 @@ fn grid(width: usize, height: usize, stride: usize) -> impl Iterator<Item = usiz
         .flat_map(move |y| ((y * 7 / step) % step..width).step_by(step).map(move |x| y * width + x))
 }
 
+/// Levels of one channel in the background and in the frame, pixel by pixel.
+#[derive(Default)]
+struct Pairs {
+    b: Vec<u8>,
+    x: Vec<u8>,
+}
+
+impl Pairs {
+    fn clear(&mut self) {
+        self.b.clear();
+        self.x.clear();
+    }
+
+    fn push(&mut self, b: u8, x: u8) {
+        self.b.push(b);
+        self.x.push(x);
+    }
+
+    fn iter(&self) -> impl Iterator<Item = (u8, u8)> {
+        self.b.iter().copied().zip(self.x.iter().copied())
+    }
+
+    /// Sums over the pairs that lie no further than `levels` off a line. Whole numbers: exact in any order.
+    fn near(&self, line: (f32, f32), levels: f32) -> Sums {
+        let mut all = Sums::default();
+        for (b, x) in self.iter() {
+            // 0 or all bits: without branches, it runs in vector registers.
+            let near = u32::from(is_near((f32::from(b), f32::from(x)), line, levels)).wrapping_neg();
+            let (b, x) = (u32::from(b), u32::from(x));
+            all.n += near & 1;
+            all.b += near & b;
+            all.x += near & x;
+            all.bb += near & (b * b);
+            all.bx += near & (b * x);
+        }
+        all
+    }
+}
+
+/// Sums over pairs; those of products stay below 2³² up to 66,000 pairs.
+#[derive(Default)]
+struct Sums {
+    n: u32,
+    b: u32,
+    x: u32,
+    bb: u32,
+    bx: u32,
+}
+
 /// The line through the pairs that explains most of them.
-fn fit_from_anywhere(pairs: &[(f32, f32)], start: (f32, f32)) -> Option<(f32, f32)> {
-    if pairs.len() < 32 {
+fn fit_from_anywhere(pairs: &Pairs, start: (f32, f32)) -> Option<(f32, f32)> {
+    if pairs.b.len() < 32 {
         return None;
     }
-    let enough = (CONVINCING * pairs.len() as f64) as usize;
-    let mut best: Option<(usize, (f32, f32))> = None;
+    let enough = (CONVINCING * pairs.b.len() as f64) as u32;
+    let mut best: Option<(u32, (f32, f32))> = None;
     for attempt in 0..3 {
         let start = match attempt {
             0 => start,
@@ -108,7 +166,7 @@ fn fit_from_anywhere(pairs: &[(f32, f32)], start: (f32, f32)) -> Option<(f32, f3
             _ => (commonest_ratio(pairs), 0.0),
         };
         if let Some(line) = fit_line(pairs, start) {
-            let explained = pairs.iter().filter(|pair| is_near(**pair, line, 8.0)).count();
+            let explained = pairs.near(line, 8.0).n;
             if best.is_none_or(|(most, _)| explained > most) {
                 best = Some((explained, line));
             }
@@ -125,11 +183,11 @@ fn is_near((b, x): (f32, f32), (gain, bias): (f32, f32), levels: f32) -> bool {
 }
 
 /// The middle of the fullest stretch of three bins in the histogram of frame by background.
-fn commonest_ratio(pairs: &[(f32, f32)]) -> f32 {
+fn commonest_ratio(pairs: &Pairs) -> f32 {
     const BINS: usize = 96;
     let mut histogram = [0_u32; BINS];
-    for (b, x) in pairs {
-        let bin = (x / b).ln() / RATIO_BIN.ln() + BINS as f32 / 2.0;
+    for (b, x) in pairs.iter() {
+        let bin = (f32::from(x) / f32::from(b)).ln() / RATIO_BIN.ln() + BINS as f32 / 2.0;
         if (0.0..BINS as f32).contains(&bin) {
             histogram[bin as usize] += 1;
         }
@@ -139,18 +197,11 @@ fn commonest_ratio(pairs: &[(f32, f32)]) -> f32 {
     RATIO_BIN.powf(fullest as f32 + 0.5 - BINS as f32 / 2.0)
 }
 
-fn fit_line(pairs: &[(f32, f32)], start: (f32, f32)) -> Option<(f32, f32)> {
+fn fit_line(pairs: &Pairs, start: (f32, f32)) -> Option<(f32, f32)> {
     let mut line = start;
     for levels in ROUNDS_LEVELS {
-        let [mut n, mut sb, mut sx, mut sbb, mut sbx] = [0.0_f64; 5];
-        for pair in pairs.iter().filter(|pair| is_near(**pair, line, levels)) {
-            let (b, x) = (pair.0 as f64, pair.1 as f64);
-            n += 1.0;
-            sb += b;
-            sx += x;
-            sbb += b * b;
-            sbx += b * x;
-        }
+        let sums = pairs.near(line, levels);
+        let [n, sb, sx, mut sbb, mut sbx] = [sums.n, sums.b, sums.x, sums.bb, sums.bx].map(f64::from);
         sbb += n * GAIN_PRIOR;
         sbx += n * GAIN_PRIOR;
         let n_bias = n * (1.0 + BIAS_PRIOR);

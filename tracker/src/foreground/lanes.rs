@@ -1,5 +1,7 @@
 //! A frame against the background in the frame's exposure, many pixels at once, in whole numbers.
 
+use wide::u8x16;
+
 use super::exposure::Exposure;
 
 /// Pixels handled together, so that the comparison runs in vector registers.
@@ -23,22 +25,72 @@ impl ExposureLanes {
         Self { gain, bias: [bias(1.0), bias(-1.0)] }
     }
 
-    /// What the background (1/256 levels) looks like in this exposure, and each byte's squared distance from it.
+    /// What the background (1/256 levels) looks like in this exposure, and each pixel's squared distance from it;
+    /// 65535 where it is more, which scores 255 at a tolerance up to 128 levels.
     pub(super) fn compare(
         &self,
-        background: &[u16],
+        background: &[u16; 3 * LANES],
         frame: &[u8; 3 * LANES],
         looks: &mut [u8; 3 * LANES],
-        squares: &mut [u16; 3 * LANES],
-    ) {
-        let Some(background) = background.first_chunk::<{ 3 * LANES }>() else { return };
+    ) -> [u16; LANES] {
+        let mut off = [0; 3 * LANES];
         for i in 0..3 * LANES {
             // 8 and 14 binary places less 16 are 6.
             let scaled = ((u32::from(background[i]) * u32::from(self.gain[i])) >> 16) as u16;
             let level = scaled.saturating_add(self.bias[0][i]).saturating_sub(self.bias[1][i]);
             looks[i] = (level.saturating_add(32) >> 6).min(255) as u8;
-            let off = u16::from(frame[i].abs_diff(looks[i]));
-            squares[i] = off * off;
+            off[i] = frame[i].abs_diff(looks[i]);
+        }
+        let [red, green, blue] = planes(&off);
+        let square = |off: u8| u16::from(off) * u16::from(off);
+        let mut sums = [0; LANES];
+        for (i, sum) in sums.iter_mut().enumerate() {
+            *sum = square(red[i]).saturating_add(square(green[i])).saturating_add(square(blue[i]));
+        }
+        sums
+    }
+}
+
+/// Bytes in a vector register.
+const REGISTER: usize = 16;
+
+/// For each channel and each of three registers of pixels: where in the register the channel's values stand.
+const PLACES: [[[u8; REGISTER]; 3]; 3] = {
+    /// No place: gives 0.
+    const ELSEWHERE: u8 = 0x80;
+    let mut places = [[[ELSEWHERE; REGISTER]; 3]; 3];
+    let mut byte = 0;
+    while byte < 3 * REGISTER {
+        places[byte % 3][byte / REGISTER][byte / 3] = (byte % REGISTER) as u8;
+        byte += 1;
+    }
+    places
+};
+
+/// Values of each channel, from pixels.
+fn planes(pixels: &[u8; 3 * LANES]) -> [[u8; LANES]; 3] {
+    let mut planes = [[0; LANES]; 3];
+    for (group, registers) in pixels.as_chunks::<REGISTER>().0.as_chunks::<3>().0.iter().enumerate() {
+        let registers = registers.map(u8x16::new);
+        for (plane, places) in planes.iter_mut().zip(&PLACES) {
+            let [a, b, c] = std::array::from_fn(|i| registers[i].shuffle(u8x16::new(places[i])));
+            plane[group * REGISTER..][..REGISTER].copy_from_slice((a | b | c).as_array());
+        }
+    }
+    planes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn planes_hold_every_third_value() {
+        let pixels: [u8; 3 * LANES] = std::array::from_fn(|i| (i * 7 % 251) as u8);
+        for (c, plane) in planes(&pixels).iter().enumerate() {
+            for (i, value) in plane.iter().enumerate() {
+                assert_eq!(*value, pixels[3 * i + c]);
+            }
         }
     }
 }

@@ -55,12 +55,16 @@ pub struct Judged<'a> {
 #[derive(Debug, Clone)]
 pub struct PixelModel {
     width: usize,
+    /// Number of pixels; the vectors below go on to a whole number of chunks.
+    pixels: usize,
     /// Red, green, blue of each pixel, in 1/256 levels, in the exposure of the backdrop.
     background: Vec<[u16; 3]>,
     /// The distance from the background at which a pixel is foreground, in levels.
     tolerance: Vec<u8>,
     /// [`THRESHOLD`] by the tolerance's square: the score of one squared level.
     scale: Vec<f32>,
+    /// The least squared distance from the background that scores more than 0, in squared levels.
+    unlike: Vec<u16>,
     /// What a pixel shows when it does not show its background…
     candidates: Vec<[u8; 3]>,
     /// …and for how long, in seconds.
@@ -78,16 +82,24 @@ pub struct PixelModel {
 impl PixelModel {
     /// A model that starts from an empty scene.
     pub fn new(backdrop: &Backdrop, options: &PixelOptions) -> Self {
-        let pixels = backdrop.picture.pixels().len();
-        let background = backdrop.picture.pixels().map(|p| p.0.map(|v| (v as u16) << 8)).collect();
+        // Up to a whole chunk.
+        let pixels = backdrop.noise.len().next_multiple_of(LANES);
+        let mut background: Vec<[u16; 3]> =
+            backdrop.picture.pixels().map(|p| p.0.map(|v| (v as u16) << 8)).collect();
+        background.resize(pixels, [0; 3]);
         let tolerance = |noise: u8| {
             let levels = options.sensitivity * noise as f32 * NOISE_UNIT;
             levels.clamp(options.least_levels, options.most_levels).round() as u8
         };
-        let tolerance: Vec<u8> = backdrop.noise.iter().map(|noise| tolerance(*noise)).collect();
+        let mut tolerance: Vec<u8> = backdrop.noise.iter().map(|noise| tolerance(*noise)).collect();
+        tolerance.resize(pixels, u8::MAX);
+        let scale: Vec<f32> =
+            tolerance.iter().map(|t| THRESHOLD as f32 / (*t as f32).max(1.0).powi(2)).collect();
         Self {
             width: backdrop.picture.width() as usize,
-            scale: tolerance.iter().map(|t| THRESHOLD as f32 / (*t as f32).max(1.0).powi(2)).collect(),
+            pixels: backdrop.noise.len(),
+            unlike: scale.iter().map(|scale| least_unlike(*scale)).collect(),
+            scale,
             tolerance,
             candidates: vec![[0; 3]; pixels],
             age_s: vec![0.0; pixels],
@@ -110,43 +122,56 @@ impl PixelModel {
         expected: &mut RgbImage,
         score: &mut GrayImage,
     ) {
-        /// Within half the tolerance a pixel shows the background.
-        const LEAST: f32 = THRESHOLD as f32 / 4.0;
         let line = ExposureLanes::new(exposure);
         let table = exposure.table();
-        let chunks = frame.as_raw().chunks(3 * LANES).zip(self.background.chunks(LANES));
-        let out = expected.chunks_mut(3 * LANES).zip(score.chunks_mut(LANES));
-        let known = self.scale.chunks(LANES).zip(self.former.chunks(LANES));
-        for (((x, background), (expected, score)), (scale, former)) in chunks.zip(out).zip(known) {
-            let mut squares = [0_u16; 3 * LANES];
-            if let (Ok(x), Ok(expected)) = (x.try_into(), (&mut *expected).try_into()) {
-                line.compare(background.as_flattened(), x, expected, &mut squares);
-            } else {
-                // The image's last pixels.
-                let mut whole = [[0; 3 * LANES]; 2];
-                whole[0][..x.len()].copy_from_slice(x);
-                let mut levels = [0; 3 * LANES];
-                levels[..x.len()].copy_from_slice(background.as_flattened());
-                let [x, looks] = &mut whole;
-                line.compare(&levels, x, looks, &mut squares);
-                let length = expected.len();
-                expected.copy_from_slice(&looks[..length]);
-            }
-            for ((squared, scale), score) in sums_of_three(&squares).iter().zip(scale).zip(score.iter_mut()) {
-                // What is just at a whole score must not fall below it by rounding.
-                let times = f32::from(*squared) * scale + 0.01;
-                *score = if times < LEAST { 0 } else { times.min(255.0) as u8 };
-            }
-            if !self.has_former {
-                continue;
-            }
-            for (i, score) in score.iter_mut().enumerate() {
-                if let (Some(former), 1..) = (former[i], *score) {
-                    let former: [u8; 3] = std::array::from_fn(|c| table[c][former[c] as usize]);
-                    let again = squared_distance(&x[3 * i..], former) as f32 * scale[i];
-                    // The former background is no 0: it is not what the background may follow. And 1 is a shadow's mark.
-                    *score = (*score).min(again.clamp(2.0, 255.0) as u8);
-                }
+        let (chunks, rest) = frame.as_raw().as_chunks::<{ 3 * LANES }>();
+        let (looks, rest_looks) = expected.as_chunks_mut::<{ 3 * LANES }>();
+        let (scores, rest_scores) = score.as_chunks_mut::<LANES>();
+        for (chunk, ((x, looks), scores)) in chunks.iter().zip(looks).zip(scores).enumerate() {
+            self.score_chunk(chunk, (&line, &table), x, looks, scores);
+        }
+        if !rest.is_empty() {
+            let (mut x, mut looks, mut scores) = ([0; 3 * LANES], [0; 3 * LANES], [0; LANES]);
+            x[..rest.len()].copy_from_slice(rest);
+            self.score_chunk(chunks.len(), (&line, &table), &x, &mut looks, &mut scores);
+            rest_looks.copy_from_slice(&looks[..rest_looks.len()]);
+            rest_scores.copy_from_slice(&scores[..rest_scores.len()]);
+        }
+    }
+
+    /// Scores the pixels of one of the image's chunks.
+    fn score_chunk(
+        &self,
+        chunk: usize,
+        (line, table): (&ExposureLanes, &[[u8; 256]; 3]),
+        x: &[u8; 3 * LANES],
+        looks: &mut [u8; 3 * LANES],
+        scores: &mut [u8; LANES],
+    ) {
+        let squares = line.compare(&self.background.as_flattened().as_chunks().0[chunk], x, looks);
+        let unlike = &self.unlike.as_chunks::<LANES>().0[chunk];
+        // Nearly all of the image is background.
+        let any = squares
+            .iter()
+            .zip(unlike)
+            .fold(0, |any, (squared, unlike)| any | if squared >= unlike { u16::MAX } else { 0 });
+        if any == 0 {
+            *scores = [0; LANES];
+            return;
+        }
+        let scale = &self.scale.as_chunks::<LANES>().0[chunk];
+        for ((squared, scale), score) in squares.iter().zip(scale).zip(&mut *scores) {
+            *score = score_of(*squared, *scale);
+        }
+        if !self.has_former {
+            return;
+        }
+        for (i, former) in self.former[chunk * LANES..][..LANES].iter().enumerate() {
+            if let (Some(former), 1..) = (former, scores[i]) {
+                let former: [u8; 3] = std::array::from_fn(|c| table[c][former[c] as usize]);
+                let again = squared_distance(&x[3 * i..], former) as f32 * scale[i];
+                // The former background is no 0: it is not what the background may follow. And 1 is a shadow's mark.
+                scores[i] = scores[i].min(again.clamp(2.0, 255.0) as u8);
             }
         }
     }
@@ -277,7 +302,7 @@ impl PixelModel {
 
     /// Where a pixel is too far from its background, in levels.
     pub fn tolerance(&self) -> &[u8] {
-        &self.tolerance
+        &self.tolerance[..self.pixels]
     }
 
     /// The background in the backdrop's exposure.
@@ -288,14 +313,27 @@ impl PixelModel {
     }
 }
 
-/// The sum of each pixel's three values; 65535 where it is more, which scores 255 at a tolerance up to 128 levels.
-fn sums_of_three(values: &[u16; 3 * LANES]) -> [u16; LANES] {
-    // Of all neighbours first, which runs in vector registers.
-    let mut sums = *values;
-    for (sum, (second, third)) in sums.iter_mut().zip(values[1..].iter().zip(&values[2..])) {
-        *sum = sum.saturating_add(*second).saturating_add(*third);
-    }
-    std::array::from_fn(|pixel| sums[3 * pixel])
+/// The score of a pixel so far from its background: 0 where that is within half the tolerance.
+fn score_of(squared: u16, scale: f32) -> u8 {
+    /// Whole numbers stand in a float's lowest bits where this is added; unlike a cast, that runs in vector registers.
+    const WHOLE: f32 = (1 << 23) as f32;
+    let times = times(squared, scale);
+    let score = if times < LEAST { 0.0 } else { times.min(255.0) };
+    (score.floor() + WHOLE).to_bits() as u8
+}
+
+/// Within half the tolerance a pixel shows the background.
+const LEAST: f32 = THRESHOLD as f32 / 4.0;
+
+fn times(squared: u16, scale: f32) -> f32 {
+    // What is just at a whole score must not fall below it by rounding.
+    f32::from(squared) * scale + 0.01
+}
+
+/// The least squared distance that scores more than 0.
+fn least_unlike(scale: f32) -> u16 {
+    let about = ((LEAST / scale) as u16).saturating_sub(2);
+    (about..u16::MAX).find(|squared| times(*squared, scale) >= LEAST).unwrap_or(u16::MAX)
 }
 
 /// Whether two colours are no further apart than a pixel's tolerance.

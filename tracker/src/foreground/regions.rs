@@ -1,6 +1,7 @@
 //! Connected regions of a mask, as runs of pixels joined row by row: small ones are removed, small holes are filled.
 
 use image::GrayImage;
+use wide::u8x16;
 
 /// Pixels `from..to` of one row.
 #[derive(Debug, Clone, Copy)]
@@ -156,17 +157,18 @@ impl Regions {
 
 /// The first foreground (or background) pixel from `start` on; the end if there is none.
 fn next(pixels: &[u8], start: usize, foreground: bool) -> usize {
-    const CHUNK: usize = 32;
+    const CHUNK: usize = 16;
     let is_it = |p: &u8| (*p != 0) == foreground;
-    let mut x = start;
-    // Whole chunks at once: runs are long.
-    while let Some(chunk) = pixels.get(x..x + CHUNK) {
-        if chunk.iter().fold(false, |any, p| any | is_it(p)) {
-            break;
+    let all = (1 << CHUNK) - 1;
+    let (chunks, rest) = pixels[start..].as_chunks::<CHUNK>();
+    for (nth, chunk) in chunks.iter().enumerate() {
+        let background = u8x16::new(*chunk).simd_eq(u8x16::ZERO).to_bitmask();
+        let found = if foreground { background ^ all } else { background };
+        if found != 0 {
+            return start + nth * CHUNK + found.trailing_zeros() as usize;
         }
-        x += CHUNK;
     }
-    x + pixels[x..].iter().position(is_it).unwrap_or(pixels.len() - x)
+    pixels.len() - rest.len() + rest.iter().position(is_it).unwrap_or(rest.len())
 }
 
 fn paint(mask: &mut GrayImage, run: Run, value: u8) {

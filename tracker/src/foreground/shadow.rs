@@ -5,6 +5,7 @@
 //! grey trousers before a grey floor pass the first test and fail the second wherever the floor has any texture.
 
 use image::{GrayImage, RgbImage};
+use wide::{f32x4, i32x4, u8x16};
 
 /// How shadows are told.
 #[derive(Debug, Clone, PartialEq)]
@@ -61,22 +62,12 @@ const FOREIGN_TEXTURE: f32 = 16.0;
 /// Tells shadows; keeps its buffers between frames.
 #[derive(Debug, Default)]
 pub struct Shadows {
-    /// For each cell its sums, and in which frame they were made.
-    cells: Vec<(Sums, u32)>,
-    columns: usize,
+    /// The image's cells, row by row, with empty ones around them.
+    cells: Vec<Cell>,
+    /// Numbers of the cells in which pixels have changed.
+    changed: Vec<usize>,
     /// The highest score of each column of pixels within a row of cells.
     highest: Vec<u8>,
-    frame: u32,
-}
-
-/// What a shadow is sought in.
-#[derive(Clone, Copy)]
-struct Scene<'a> {
-    frame: &'a [u8],
-    expected: &'a [u8],
-    tolerance: &'a [u8],
-    width: usize,
-    height: usize,
 }
 
 impl Shadows {
@@ -93,114 +84,190 @@ impl Shadows {
         score: &mut GrayImage,
     ) {
         let (width, height) = (frame.width() as usize, frame.height() as usize);
-        let scene = Scene { frame: frame.as_raw(), expected: expected.as_raw(), tolerance, width, height };
-        self.columns = width.div_ceil(CELL_PX);
-        self.frame += 1;
-        self.cells.resize(self.columns * height.div_ceil(CELL_PX), (Sums::default(), 0));
-        for top in (0..height).step_by(CELL_PX) {
-            let rows = top..(top + CELL_PX).min(height);
-            let mut highest = std::mem::take(&mut self.highest);
-            highest.clear();
-            highest.resize(width, 0);
-            for row in score.as_raw()[rows.start * width..rows.end * width].chunks(width) {
-                for (highest, score) in highest.iter_mut().zip(row) {
+        let scene = Scene { frame: frame.as_raw(), expected: expected.as_raw(), tolerance, width };
+        // With a cell to each side.
+        let stride = width.div_ceil(CELL_PX) + 2;
+        for cell in self.changed.drain(..) {
+            self.cells[cell] = Cell::default();
+        }
+        self.cells.resize(stride * (height.div_ceil(CELL_PX) + 2), Cell::default());
+        for (row, lines) in score.chunks((CELL_PX * width).max(1)).enumerate() {
+            self.highest.clear();
+            self.highest.resize(width.next_multiple_of(CELL_PX), 0);
+            for line in lines.chunks(width) {
+                for (highest, score) in self.highest.iter_mut().zip(line) {
                     *highest = (*highest).max(*score);
                 }
             }
             // Nearly all of the image is background.
-            let changed = highest.chunks(CELL_PX).enumerate().filter(|(_, s)| s.iter().any(|s| *s >= least));
-            for left in changed.map(|(column, _)| column * CELL_PX) {
-                let columns = left..(left + CELL_PX).min(width);
-                let shade = match self.texture(
-                    &scene,
-                    (score.as_raw(), least),
-                    (left / CELL_PX, top / CELL_PX),
-                    options,
-                ) {
-                    Texture::Same => &options.textured,
-                    Texture::None => &options.plain,
-                    Texture::Different => continue,
-                };
-                for i in rows.clone().flat_map(|y| columns.clone().map(move |x| y * width + x)) {
-                    if score.as_raw()[i] >= least && scene.is_explained(i, shade) {
-                        score.as_mut()[i] = SHADOW;
-                    }
-                }
+            let columns = self.highest.as_chunks::<CELL_PX>().0.iter().enumerate();
+            for (column, _) in columns.filter(|(_, scores)| scores.iter().any(|score| *score >= least)) {
+                let cell = (row + 1) * stride + column + 1;
+                self.changed.push(cell);
+                self.cells[cell] = scene.cell((score.as_raw(), least), (column, row), options);
             }
-            self.highest = highest;
+        }
+        for cell in &self.changed {
+            let explained = match self.texture(*cell, stride, options.correlation) {
+                Texture::Same => self.cells[*cell].textured,
+                Texture::None => self.cells[*cell].plain,
+                Texture::Different => continue,
+            };
+            let (left, top) = ((cell % stride - 1) * CELL_PX, (cell / stride - 1) * CELL_PX);
+            for bit in (0..CELL_PX * CELL_PX).filter(|bit| explained >> bit & 1 == 1) {
+                score.as_mut()[(top + bit / CELL_PX) * width + left + bit % CELL_PX] = SHADOW;
+            }
         }
     }
 
     /// How the textures compare around a cell: over it and its eight neighbours, or else, beside somebody's leg, in the
     /// one of the four squares of four cells that agrees best.
-    fn texture(
-        &mut self,
-        scene: &Scene<'_>,
-        score: (&[u8], u8),
-        (column, row): (usize, usize),
-        options: &ShadowOptions,
-    ) -> Texture {
-        let (columns, rows) = (self.columns, self.cells.len() / self.columns);
-        let mut around = [[Sums::default(); 3]; 3];
-        for (dy, line) in around.iter_mut().enumerate() {
-            for (dx, sums) in line.iter_mut().enumerate() {
-                let (x, y) = ((column + dx).wrapping_sub(1), (row + dy).wrapping_sub(1));
-                if x < columns && y < rows {
-                    *sums = self.cell(scene, score, x, y, &options.textured);
-                }
-            }
-        }
+    fn texture(&self, cell: usize, stride: usize, correlation: f32) -> Texture {
+        let first = cell - stride - 1;
         let square = |x: usize, y: usize, side: usize| {
-            let cells = around[y..y + side].iter().flat_map(|line| &line[x..x + side]);
-            cells.fold(Sums::default(), |sum, cell| sum.plus(cell))
+            let lines = (y..y + side).map(|y| &self.cells[first + y * stride + x..][..side]);
+            lines.flatten().fold(Sums::default(), |sum, cell| sum.plus(&cell.sums))
         };
-        let whole = square(0, 0, 3).compare(options.correlation);
+        let whole = square(0, 0, 3).compare(correlation);
         if !matches!(whole, Texture::Different) {
             return whole;
         }
         let corners = [(0, 0), (1, 0), (0, 1), (1, 1)];
         let same = corners.iter().any(|(x, y)| {
-            matches!(square(*x, *y, 2).compare(CORNER_CORRELATION.max(options.correlation)), Texture::Same)
+            matches!(square(*x, *y, 2).compare(CORNER_CORRELATION.max(correlation)), Texture::Same)
         });
         if same { Texture::Same } else { Texture::Different }
     }
+}
 
-    /// A cell's sums, made at most once a frame.
-    fn cell(
-        &mut self,
-        scene: &Scene<'_>,
-        (score, least): (&[u8], u8),
-        column: usize,
-        row: usize,
-        shade: &Shade,
-    ) -> Sums {
-        let (sums, made) = &mut self.cells[row * self.columns + column];
-        if *made != self.frame {
-            *made = self.frame;
-            *sums = Sums::default();
-            let (left, top) = (column * CELL_PX, row * CELL_PX);
-            for y in top..(top + CELL_PX).min(scene.height) {
-                let row = y * scene.width + left..y * scene.width + (left + CELL_PX).min(scene.width);
-                for (i, score) in row.clone().zip(&score[row]) {
-                    // Only what has changed, also where that has been marked since: a shadow's rim has two brightnesses.
-                    if *score < least && *score != SHADOW {
-                        continue;
-                    }
-                    sums.pixels += 1;
-                    if scene.is_explained(i, shade) {
-                        sums.add(gray(&scene.frame[3 * i..]), gray(&scene.expected[3 * i..]));
-                    }
-                }
-            }
-        }
-        *sums
-    }
+/// Some of an image's pixels, squared.
+#[derive(Debug, Clone, Copy, Default)]
+struct Cell {
+    /// Over the pixels that have changed.
+    sums: Sums,
+    /// Pixels that have changed and show their background in other light, judged as where there is texture; row by row from
+    /// the lowest bit on.
+    textured: u16,
+    /// The same, judged as where there is none.
+    plain: u16,
+}
+
+/// What a shadow is sought in.
+#[derive(Clone, Copy)]
+struct Scene<'a> {
+    frame: &'a [u8],
+    expected: &'a [u8],
+    tolerance: &'a [u8],
+    width: usize,
 }
 
 impl Scene<'_> {
-    /// Whether a pixel shows its background, darker or brighter.
-    fn is_explained(&self, i: usize, shade: &Shade) -> bool {
-        shade.explains(&self.frame[3 * i..], &self.expected[3 * i..], self.tolerance[i])
+    fn cell(
+        &self,
+        (score, least): (&[u8], u8),
+        (column, row): (usize, usize),
+        options: &ShadowOptions,
+    ) -> Cell {
+        let mut cell = Cell::default();
+        let mut sums = [i32x4::ZERO; 6];
+        let left = column * CELL_PX;
+        let count = CELL_PX.min(self.width - left);
+        let rows = (row * CELL_PX..).take_while(|y| y * self.width < score.len()).take(CELL_PX);
+        for (nth, y) in rows.enumerate() {
+            let start = y * self.width + left;
+            let scores = first(&score[start..start + count]);
+            let changed: [i32; CELL_PX] = scores.map(|score| -i32::from(score >= least));
+            if changed == [0; CELL_PX] {
+                continue;
+            }
+            let changed = i32x4::new(changed);
+            let (x, e) = (Four::load(self.frame, start), Four::load(self.expected, start));
+            let tolerance = f32x4::new(first(&self.tolerance[start..start + count]).map(f32::from));
+            let light = Light::of(&x, &e);
+            let of = |shade: &Shade| changed & light.is_within(shade, tolerance);
+            let (textured, plain) = (of(&options.textured), of(&options.plain));
+            cell.textured |= (textured.to_bitmask() << (nth * CELL_PX)) as u16;
+            cell.plain |= (plain.to_bitmask() << (nth * CELL_PX)) as u16;
+            cell.sums.pixels += changed.to_bitmask().count_ones() as i32;
+            // Only those where the frame may show the background's surface.
+            let (x, e) = (x.gray() & textured, e.gray() & textured);
+            let all = [textured & i32x4::ONE, x, e, x * x, e * e, x * e];
+            sums.iter_mut().zip(all).for_each(|(sum, one)| *sum += one);
+        }
+        let [n, x, e, xx, ee, xe] = sums.map(i32x4::reduce_add);
+        cell.sums = Sums { n, x, e, xx, ee, xe, ..cell.sums };
+        cell
+    }
+}
+
+/// The first values of an array; zeros where there are no more.
+fn first<const N: usize>(values: &[u8]) -> [u8; N] {
+    values.first_chunk().copied().unwrap_or_else(|| {
+        let mut first = [0; N];
+        first[..values.len()].copy_from_slice(values);
+        first
+    })
+}
+
+/// Red, green and blue of four pixels beside each other.
+struct Four([i32x4; 3]);
+
+impl Four {
+    /// Pixels from this one on; black beyond the image's last.
+    fn load(image: &[u8], pixel: usize) -> Self {
+        /// For each channel, places of its values among the bytes, each as a whole number's lowest byte.
+        const PLACES: [[u8; 16]; 3] = {
+            let mut places = [[0x80; 16]; 3];
+            let mut byte = 0;
+            while byte < 3 * CELL_PX {
+                places[byte % 3][byte / 3 * 4] = byte as u8;
+                byte += 1;
+            }
+            places
+        };
+        let rest = &image[3 * pixel..];
+        let bytes = u8x16::new(first(&rest[..rest.len().min(16)]));
+        Self(PLACES.map(|places| {
+            let spread = bytes.shuffle(u8x16::new(places)).to_array();
+            let [a, b, c, d] = *spread.as_chunks::<4>().0.first_chunk().unwrap_or(&[[0; 4]; 4]);
+            i32x4::new([a, b, c, d].map(i32::from_le_bytes))
+        }))
+    }
+
+    /// Brightness, 0 to 255.
+    fn gray(&self) -> i32x4 {
+        (self.0[0] + (self.0[1] << 1) + self.0[2]) >> 2
+    }
+
+    fn dot(&self, other: &Self) -> f32x4 {
+        let product = |c: usize| self.0[c].round_float() * other.0[c].round_float();
+        product(0) + product(1) + product(2)
+    }
+}
+
+/// Products of the colours of four pixels (x) with those of their background (e).
+struct Light {
+    ee: f32x4,
+    xe: f32x4,
+    xx: f32x4,
+}
+
+impl Light {
+    fn of(x: &Four, e: &Four) -> Self {
+        Self { ee: e.dot(e).max(f32x4::ONE), xe: x.dot(e), xx: x.dot(x) }
+    }
+
+    /// Where x is e, darker or brighter: all bits.
+    fn is_within(&self, shade: &Shade, tolerance: f32x4) -> i32x4 {
+        let Self { ee, xe, xx } = *self;
+        // What is left of x beside its part along e, times e's square; no division.
+        let off = xx * ee - xe * xe;
+        let noise = tolerance * f32x4::splat(shade.noise);
+        let most = (ee * f32x4::splat(shade.chromaticity * shade.chromaticity)).max(noise * noise) * ee;
+        let within = xe.simd_ge(ee * f32x4::splat(shade.darkest))
+            & xe.simd_le(ee * f32x4::splat(shade.brightest))
+            & off.simd_le(most);
+        i32x4::new(within.to_array().map(|lane| lane.to_bits() as i32))
     }
 }
 
@@ -208,7 +275,8 @@ impl Scene<'_> {
 /// long, right between two foreground pixels (a white stripe of a sweater before a white wall). Shadows lie below
 /// people or beside them. `above` is a buffer of any length.
 pub fn restore_enclosed(score: &mut GrayImage, foreground: u8, longest_px: u32, above: &mut Vec<u32>) {
-    const NOTHING: u32 = u32::MAX;
+    /// Further above than any run is long.
+    const NOTHING: u32 = 1 << 31;
     const CHUNK_PX: usize = 32;
     let (width, height) = (score.width() as usize, score.height() as usize);
     // For each column the row of the foreground pixel above the present run of shadow.
@@ -217,44 +285,31 @@ pub fn restore_enclosed(score: &mut GrayImage, foreground: u8, longest_px: u32, 
     for y in 0..height {
         for (start, above) in above.chunks_mut(CHUNK_PX).enumerate().map(|(i, above)| (i * CHUNK_PX, above)) {
             let from = y * width + start;
+            let here = &score.as_raw()[from..from + above.len()];
             // Nearly all of the image is background.
-            if score.as_raw()[from..from + above.len()].iter().fold(0, |all, s| all | s) == 0 {
+            if here.iter().fold(0, |all, s| all | s) == 0 {
                 above.fill(NOTHING);
                 continue;
             }
-            for (x, above) in (start..).zip(above) {
-                let here = score.as_raw()[y * width + x];
-                if here >= foreground {
-                    let top = *above;
-                    let run = (y as u32).wrapping_sub(top).wrapping_sub(1);
-                    if top != NOTHING && (1..=longest_px).contains(&run) {
-                        for row in top as usize + 1..y {
+            let row = y as u32;
+            let run = |top: u32| row.wrapping_sub(top).wrapping_sub(1);
+            let is_enclosed =
+                |here: u8, top: u32| (here >= foreground) & (run(top).wrapping_sub(1) < longest_px);
+            let any = here.iter().zip(&*above).fold(false, |any, (here, top)| any | is_enclosed(*here, *top));
+            if any {
+                for (x, above) in (start..).zip(&*above) {
+                    if is_enclosed(score.as_raw()[y * width + x], *above) {
+                        for row in *above as usize + 1..y {
                             score.as_mut()[row * width + x] = foreground;
                         }
                     }
-                    *above = y as u32;
-                } else if here != SHADOW {
-                    *above = NOTHING;
                 }
             }
+            for (above, here) in above.iter_mut().zip(&score.as_raw()[from..]) {
+                let kept = if *here == SHADOW { *above } else { NOTHING };
+                *above = if *here >= foreground { row } else { kept };
+            }
         }
-    }
-}
-
-impl Shade {
-    /// Whether `x` is `e`, darker or brighter.
-    fn explains(&self, x: &[u8], e: &[u8], tolerance: u8) -> bool {
-        let (x, e) = (rgb(x), rgb(e));
-        let dot = |a: &[f32; 3], b: &[f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-        let squared = dot(&e, &e).max(1.0);
-        let both = dot(&x, &e);
-        if both < self.darkest * squared || both > self.brightest * squared {
-            return false;
-        }
-        // What is left of x beside its part along e, times e's square; no division.
-        let off = dot(&x, &x) * squared - both * both;
-        let noise = self.noise * tolerance as f32;
-        off <= (self.chromaticity * self.chromaticity * squared).max(noise * noise) * squared
     }
 }
 
@@ -281,15 +336,6 @@ struct Sums {
 }
 
 impl Sums {
-    fn add(&mut self, x: i32, e: i32) {
-        self.n += 1;
-        self.x += x;
-        self.e += e;
-        self.xx += x * x;
-        self.ee += e * e;
-        self.xe += x * e;
-    }
-
     fn plus(&self, other: &Self) -> Self {
         Self {
             pixels: self.pixels + other.pixels,
@@ -319,15 +365,6 @@ impl Sums {
             && (factor / SAME_FACTOR..=factor * SAME_FACTOR).contains(&of_texture);
         if same { Texture::Same } else { Texture::Different }
     }
-}
-
-fn rgb(p: &[u8]) -> [f32; 3] {
-    [p[0] as f32, p[1] as f32, p[2] as f32]
-}
-
-/// Brightness, 0 to 255.
-fn gray(p: &[u8]) -> i32 {
-    (p[0] as i32 + 2 * p[1] as i32 + p[2] as i32) / 4
 }
 
 #[cfg(test)]

@@ -10,6 +10,7 @@ pub mod mcmc;
 
 use image::RgbImage;
 
+use self::agents::Packet;
 use crate::{Moment, PersonEstimate, Result};
 
 /// Kinds of observations that a method needs.
@@ -43,6 +44,11 @@ pub trait Method {
     /// How long it pays to wait after a moment before its people are told, in seconds.
     fn lag_s(&self) -> f64 {
         0.0
+    }
+
+    /// Packets that the stations of a distributed method sent at the last moment; other methods have none.
+    fn packets(&self) -> &[Packet] {
+        &[]
     }
 
     /// The people of an earlier moment, by ascending id, as they are known now. Asked at most once for each moment, in order; `None`

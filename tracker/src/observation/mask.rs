@@ -1,6 +1,7 @@
 //! A foreground mask, one bit a pixel.
 
 use image::{GrayImage, Luma};
+use wide::u8x16;
 
 /// A binary image in packed rows. Bit 0 of a row's first word is its leftmost pixel; bits beyond the width are 0.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -123,7 +124,13 @@ impl From<&GrayImage> for Mask {
         let rows = image.as_raw().chunks_exact(width as usize);
         for (row, words) in rows.zip(mask.words.chunks_exact_mut(words_per_row(width))) {
             for (pixels, word) in row.chunks(64).zip(words) {
-                *word = pixels.iter().rev().fold(0, |word, pixel| word << 1 | u64::from(*pixel != 0));
+                let (groups, rest) = pixels.as_chunks::<16>();
+                let zeros = groups.iter().map(|group| u8x16::new(*group).simd_eq(u8x16::ZERO).to_bitmask());
+                let last = rest.iter().rev().fold(0, |bits, pixel| bits << 1 | u64::from(*pixel != 0));
+                let all = zeros.map(|zeros| u64::from(zeros as u16 ^ u16::MAX)).chain([last]);
+                *word = all
+                    .zip((0..).step_by(16))
+                    .fold(0, |word, (bits, shift)| word | bits.unbounded_shl(shift));
             }
         }
         mask

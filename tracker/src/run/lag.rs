@@ -28,6 +28,7 @@ impl Held {
             people: later.as_ref().unwrap_or(&self.people),
             verdicts: &self.health,
             pictures: &self.pictures,
+            packets: method.packets(),
         };
         outputs.iter_mut().try_for_each(|output| output.put(&followed))
     }

@@ -1,5 +1,6 @@
 //! The pipeline behind the stations: moments → method → estimates → outputs, and feedback to the stations.
 
+mod agency_log;
 mod camera_log;
 mod clock_offsets;
 mod lag;
@@ -10,6 +11,7 @@ use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
+pub use agency_log::AgencyLog;
 use camera_log::CameraLog;
 pub use clock_offsets::{ClockOffsets, ClockReport};
 use lag::{Held, LagBuffer};

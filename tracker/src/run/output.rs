@@ -6,6 +6,7 @@ use image::RgbImage;
 
 use crate::film::{Film, Shot};
 use crate::foreground::Verdict;
+use crate::method::agents::Packet;
 use crate::plan::TrajectoryPlan;
 use crate::station::Pictures;
 use crate::tracks::TrackFiles;
@@ -22,6 +23,8 @@ pub struct Followed<'a> {
     /// Health of each camera.
     pub verdicts: &'a [Verdict],
     pub(super) pictures: &'a [Pictures],
+    /// What the stations of a distributed method told each other at the last moment.
+    pub packets: &'a [Packet],
 }
 
 impl Followed<'_> {

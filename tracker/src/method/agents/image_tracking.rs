@@ -78,6 +78,11 @@ impl ImageTracking {
         self.sampler.follow(&known.collect::<Vec<_>>());
     }
 
+    /// Ends image tracks that follow nobody.
+    pub fn end(&mut self, tracks: &[u32]) {
+        self.sampler.end(&tracks.iter().copied().map(TrackId).collect::<Vec<_>>());
+    }
+
     fn sighting(
         &self,
         person: &Measured,

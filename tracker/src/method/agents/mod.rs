@@ -9,6 +9,7 @@
 //! * [`Packet`] — what a station tells the others at one moment.
 //! * [`Rule`] — from sightings and packets to agents, by one of two rules.
 //! * [`modern`] — the rule that is used unless another is asked for.
+//! * [`published`] — the paper's rule.
 //! * [`FieldOfView`] — which station should see whom; [`StageView`] by the room.
 //! * [`AgentStation`] — one station: all of these together.
 //! * [`Agents`] — all stations of a site in one process.
@@ -25,6 +26,7 @@ pub mod modern;
 mod options;
 mod overview;
 mod packet;
+pub mod published;
 mod rule;
 mod sighting;
 pub mod simulate;

@@ -1,6 +1,7 @@
 //! What can be set of the agents.
 
 use super::modern::ModernOptions;
+use super::published::PublishedOptions;
 use crate::method::mcmc::McmcOptions;
 
 /// Options of all stations.
@@ -17,4 +18,6 @@ pub struct AgentsOptions {
 pub enum RuleOptions {
     /// Each station assigns what it hears by itself: the default.
     Modern(ModernOptions),
+    /// Confidences, agencies and mediators, as published.
+    Published(PublishedOptions),
 }

@@ -39,6 +39,8 @@ pub struct Step {
     pub packet: Packet,
     /// Places at which image tracking is to look again.
     pub restarts: Vec<Restart>,
+    /// Image tracks that follow nobody.
+    pub ended: Vec<u32>,
 }
 
 /// Somebody whom image tracking has lost, or does not know of yet.

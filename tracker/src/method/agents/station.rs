@@ -7,6 +7,7 @@ use super::{
     StationId,
 };
 use crate::method::agents::modern::Modern;
+use crate::method::agents::published::Published;
 use crate::method::mcmc::McmcOptions;
 use crate::silhouette::Body;
 use crate::stage::Stage;
@@ -35,7 +36,14 @@ impl AgentStation {
         let sampler = McmcOptions { seed, ..options.sampler.clone() };
         let stations = stage.cameras.len() as u8;
         let rule: Box<dyn Rule> = match &options.rule {
-            RuleOptions::Modern(modern) => Box::new(Modern::new(station, stations, fields, *modern)),
+            RuleOptions::Modern(modern) => {
+                modern.validate()?;
+                Box::new(Modern::new(station, stations, fields, *modern))
+            }
+            RuleOptions::Published(published) => {
+                published.validate()?;
+                Box::new(Published::new(station, stations, fields, *published))
+            }
         };
         Ok(Self { tracking: ImageTracking::new(stage, camera, &sampler)?, rule, restarts: Vec::new() })
     }
@@ -55,6 +63,7 @@ impl AgentStation {
         let sightings = self.tracking.track(frame, time_s, camera, &self.restarts)?;
         let step = self.rule.step(&sightings, heard);
         self.restarts = step.restarts;
+        self.tracking.end(&step.ended);
         if let Some(followed) = self.rule.followed() {
             self.tracking.follow(&followed);
         }

@@ -16,6 +16,11 @@ use crate::{Error, Moment, PersonEstimate, Result, TrackId};
 /// The most stations of a system: their numbers are bytes.
 const MOST_STATIONS: usize = 255;
 
+/// Somebody whom no station sees now is told while that is likely.
+const LIKELY: f64 = 0.5;
+/// Two bodies are not nearer to each other than this, metres.
+const SAME_M: f64 = 0.35;
+
 /// All stations of a site.
 #[derive(Debug)]
 pub struct Agents {
@@ -55,11 +60,6 @@ impl Agents {
         })
     }
 
-    /// Packets of the last moment, one a station.
-    pub fn sent(&self) -> &[Packet] {
-        &self.sent
-    }
-
     /// The agencies of this moment: of each target the belief of the station that knows best.
     fn agencies(&self) -> Vec<Belief> {
         let mut best: Vec<Belief> = self.stations.iter().flat_map(AgentStation::people).collect();
@@ -70,12 +70,32 @@ impl Agents {
                 .then(spread(a).total_cmp(&spread(b)))
         });
         best.dedup_by_key(|belief| belief.target);
-        best.retain(|belief| self.stage.floor.is_inside(belief.position.x, belief.position.y));
-        best
+        let is_there = |belief: &Belief| belief.agent.is_some() || belief.confidence > LIKELY;
+        let floor = &self.stage.floor;
+        best.retain(|belief| is_there(belief) && floor.is_inside(belief.position.x, belief.position.y));
+        let mut told: Vec<Belief> = Vec::with_capacity(best.len());
+        for belief in best {
+            if !told.iter().any(|older| self.is_same(older, &belief)) {
+                told.push(belief);
+            }
+        }
+        told
+    }
+
+    /// Whether two targets are one person whom stations have not agreed on yet: at one place, and no station sees two
+    /// people there.
+    fn is_same(&self, a: &Belief, b: &Belief) -> bool {
+        let sees = |packet: &Packet, target| packet.reports.iter().any(|report| report.target == target);
+        (a.position - b.position).norm() < SAME_M
+            && !self.sent.iter().any(|packet| sees(packet, a.target) && sees(packet, b.target))
     }
 }
 
 impl Method for Agents {
+    fn packets(&self) -> &[Packet] {
+        &self.sent
+    }
+
     fn needs(&self) -> Needs {
         Needs { masks: true, pictures: false, empty_scene: false }
     }

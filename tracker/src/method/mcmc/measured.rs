@@ -65,4 +65,9 @@ impl Mcmc {
             true
         });
     }
+
+    /// Follows these people no more: they are nobody.
+    pub fn end(&mut self, people: &[TrackId]) {
+        self.tracks.retain(|track| !track.id.is_some_and(|id| people.contains(&id)));
+    }
 }

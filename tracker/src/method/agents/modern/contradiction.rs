@@ -1,9 +1,14 @@
-//! One person whom two stations see at different distances, and so take for two.
+//! Image tracks that are not where they should be, by what other stations see.
 //!
+//! # One person at two distances
 //! A camera knows the direction of somebody well and the distance badly, above all where feet are hidden. This station
 //! then follows somebody whom no other station has, though some should; and somebody whom others have, in the same
 //! direction, is not seen here, though he should be. The image track is brought to the place that the others give; in the
 //! next frames it measures there, or is lost.
+//!
+//! # Somebody who has left
+//! The image track of somebody who leaves beside others may go on with one of those. Nobody else has such a person, who
+//! was last seen apart on the way out.
 
 use nalgebra::Matrix2;
 
@@ -11,6 +16,7 @@ use super::super::{FieldOfView, StationId};
 use super::existence::PLAINLY_VISIBLE;
 use super::measurement::Measurement;
 use super::people::People;
+use super::person::Person;
 
 /// Time without another station's measurement after which nobody else has somebody, seconds.
 const ALONE_S: f64 = 0.6;
@@ -24,52 +30,71 @@ const ACROSS_M: f64 = 0.4;
 const FARTHEST_M: f64 = 3.0;
 /// Time after which the station with the younger id gives way, and the other, seconds: so that two never give way at once.
 const GIVES_WAY_S: [f64; 2] = [0.3, 1.2];
+/// Time for which somebody who was leaving has to be seen in company by this station alone until they have left, seconds.
+const HAS_LEFT_S: f64 = 0.15;
 /// Square of the distance of looks beyond which two are not one: three standard deviations.
 const LOOKS_ALIKE: f64 = 9.0;
 
-/// Brings image tracks of people whom this station alone has to the place where others have them, `dt` seconds after the
-/// last moment. `seen`: this station's measurements, with the index of whose they are. `watching`: the other stations
-/// that see. Returns the number of people who turned out to be another.
-pub(super) fn settle(
-    people: &mut People,
-    seen: &[(Measurement, Option<usize>)],
-    fields: &dyn FieldOfView,
-    own: StationId,
-    watching: &[StationId],
-    dt: f64,
-) -> usize {
-    let mut settled = Vec::new();
-    for (measurement, of) in seen {
+/// What one station knows at one moment.
+pub(super) struct Moment<'a> {
+    /// The station's own measurements, with the index of whose they are.
+    pub(super) seen: &'a [(Measurement, Option<usize>)],
+    /// Fields of view.
+    pub(super) fields: &'a dyn FieldOfView,
+    /// The station.
+    pub(super) own: StationId,
+    /// Stations that see.
+    pub(super) watching: &'a [StationId],
+}
+
+/// Brings image tracks of people whom this station alone has to the place where others have them, and removes people who
+/// have left; `dt` seconds after the last time. Returns the image tracks of those who have left.
+pub(super) fn settle(people: &mut People, moment: &Moment, dt: f64) -> Vec<u32> {
+    let (mut elsewhere, mut left) = (Vec::new(), Vec::new());
+    for (measurement, of) in moment.seen {
         let Some(alone) = *of else { continue };
-        let other = find_other(people, alone, measurement, fields, own, watching);
+        let has_left = may_have_left(&mut people[alone], measurement, moment.fields);
+        let other = find_other(people, alone, measurement, moment);
+        let target = people[alone].identity.target;
         let person = &mut people[alone];
-        person.contradicted_s = if other.is_some() { person.contradicted_s + dt } else { 0.0 };
-        let Some(other) = other else { continue };
-        let is_younger = people[alone].identity.target > people[other].identity.target;
-        if people[alone].contradicted_s >= GIVES_WAY_S[usize::from(!is_younger)] {
-            settled.push((people[alone].identity.target, people[other].identity.target, measurement.track));
+        person.contradicted_s = if has_left || other.is_some() { person.contradicted_s + dt } else { 0.0 };
+        let lasting_s = person.contradicted_s;
+        if let Some(other) = other.map(|i| people[i].identity.target) {
+            if lasting_s >= GIVES_WAY_S[usize::from(target < other)] {
+                elsewhere.push((target, other, measurement.track));
+            }
+        } else if has_left && lasting_s >= HAS_LEFT_S {
+            left.push((target, measurement.track));
         }
     }
-    let mut count = 0;
-    for (alone, other, track) in settled {
+    for (alone, other, track) in elsewhere {
         if let (Some(alone), Some(other)) = (people.index_of(alone), people.index_of(other)) {
             people.follow(other, track);
             people.remove(alone);
-            count += 1;
         }
     }
-    count
+    for (target, _) in &left {
+        if let Some(index) = people.index_of(*target) {
+            people.remove(index);
+        }
+    }
+    left.into_iter().map(|(_, track)| track).collect()
+}
+
+/// Whether somebody who was on the way out is seen in company by this station alone.
+fn may_have_left(person: &mut Person, measurement: &Measurement, fields: &dyn FieldOfView) -> bool {
+    if !measurement.is_crowded {
+        let is_leaving = fields.may_leave(measurement.position);
+        person.was_inside |= !is_leaving;
+        person.was_leaving = is_leaving && person.was_inside;
+        return false;
+    }
+    person.was_leaving && person.unheard_s >= ALONE_S
 }
 
 /// Somebody whom others see and this station does not, in the direction of a measurement of whom this station alone sees.
-fn find_other(
-    people: &People,
-    alone: usize,
-    measurement: &Measurement,
-    fields: &dyn FieldOfView,
-    own: StationId,
-    watching: &[StationId],
-) -> Option<usize> {
+fn find_other(people: &People, alone: usize, measurement: &Measurement, moment: &Moment) -> Option<usize> {
+    let Moment { fields, own, watching, .. } = *moment;
     let person = &people[alone];
     let should_see = |station: StationId, of: usize| {
         let p = &people[of];
@@ -99,7 +124,7 @@ fn find_other(
 /// Unit vector across the line of sight: along which a covariance is shortest.
 fn short_axis(covariance: &Matrix2<f64>) -> nalgebra::Vector2<f64> {
     let eigen = covariance.symmetric_eigen();
-    let shorter = if eigen.eigenvalues[0] <= eigen.eigenvalues[1] { 0 } else { 1 };
+    let shorter = eigen.eigenvalues.imin();
     eigen.eigenvectors.column(shorter).into()
 }
 

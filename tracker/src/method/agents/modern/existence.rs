@@ -124,10 +124,7 @@ pub(super) fn find_lost(
 
 /// Whether a measurement is surely of nobody known.
 pub(super) fn is_apart(people: &People, measurement: &Measurement) -> bool {
-    !measurement.is_crowded
-        && people
-            .iter()
-            .all(|p| p.missed_s > 0.3 || (p.motion.position - measurement.position).norm() >= BODY_M)
+    people.iter().all(|p| p.missed_s > 0.3 || (p.motion.position - measurement.position).norm() >= BODY_M)
 }
 
 /// The stations that look at the room, as the caller hears them.

@@ -15,8 +15,10 @@ const ANEW_S: f64 = 1.0;
 
 /// Distance beyond which nobody meets, however little is known of where they are, metres.
 const FARTHEST_M: f64 = 3.0;
-/// Probability of being mistaken for somebody as near as a meeting, however different the ways.
-const LEAST_CONFUSED: f64 = 0.002;
+/// Probability of being mistaken for somebody at the greatest distance of a meeting, however different the ways; and what
+/// comes to it at no distance.
+const LEAST_CONFUSED: f64 = 0.005;
+const TURNED: f64 = 0.2;
 
 /// Two bodies that are near each other.
 #[derive(Debug, Clone, Copy)]
@@ -51,7 +53,9 @@ impl Meetings {
                 }
                 // The Bhattacharyya bound of the error of telling two normal distributions apart.
                 let bound = 0.5 * (-a.motion.distance(&b.motion) / (8.0 * options.confusion)).exp();
-                let confused = bound.max(LEAST_CONFUSED);
+                // People turn where they meet, so that the ways that they come and go tell less than the filters know.
+                let near = (1.0 - away.sqrt() / options.meet_m).max(0.0);
+                let confused = bound.max(LEAST_CONFUSED + TURNED * near);
                 let meeting = self.between(a.serial, b.serial);
                 meeting.near_s = now_s;
                 if confused < 1.2 * meeting.confused {

@@ -7,13 +7,14 @@
 //!
 //! One moment:
 //! * [`measurement`] — checks what is heard and brings it to this station's time.
-//! * [`assignment`], [`person`], [`motion`] — which measurement is of whom; the filters.
+//! * [`association`], [`assignment`], [`person`], [`motion`] — which measurement is of whom; the filters.
 //! * [`identity`], [`signature`] — who is who after a meeting.
 //! * [`contradiction`] — one person whom two stations see at different distances.
 //! * [`naming`], [`peer`] — one id for one person at all stations.
 //! * [`existence`], [`nursery`] — newcomers, people who have gone, and people whom nobody can see.
 
 mod assignment;
+mod association;
 mod contradiction;
 mod existence;
 mod identity;
@@ -27,6 +28,8 @@ mod people;
 mod person;
 mod signature;
 mod station;
+#[cfg(test)]
+mod tests;
 
 pub use options::ModernOptions;
 pub use station::Modern;

@@ -33,8 +33,11 @@ impl Nursery {
         self.list.retain(|n| n.missed_s <= FORGOTTEN_S);
     }
 
-    /// A sighting that nobody takes; `is_apart`: it is surely not of somebody known.
+    /// A sighting that nobody takes; `is_apart`: it is surely not of somebody known. People who come in together are
+    /// crowded all the time: they take longer.
     pub(super) fn add(&mut self, measurement: &Measurement, is_apart: bool, dt: f64) {
+        /// Share of the time that counts where other people are near.
+        const CROWDED: f64 = 1.0 / 3.0;
         let index =
             self.list.iter().position(|n| n.measurement.track == measurement.track).unwrap_or_else(|| {
                 let looks = MeanLook::none();
@@ -45,12 +48,10 @@ impl Nursery {
         newcomer.measurement = *measurement;
         newcomer.missed_s = 0.0;
         if is_apart {
-            newcomer.lasting_s += dt;
-            if let Some(signature) = &measurement.signature {
+            newcomer.lasting_s += if measurement.is_crowded { CROWDED * dt } else { dt };
+            if let (Some(signature), false) = (&measurement.signature, measurement.is_crowded) {
                 newcomer.looks.add(signature, 1.0);
             }
-        } else {
-            newcomer.lasting_s = 0.0;
         }
     }
 

@@ -57,6 +57,10 @@ pub(super) struct Person {
     pub(super) twin_s: f64,
     /// Time for which it has been set aside as one too many, seconds; `None`: it is followed.
     pub(super) spare_s: Option<f64>,
+    /// Whether the body was measured inside the room, apart from others.
+    pub(super) was_inside: bool,
+    /// Whether it was on its way out after that, when it was last measured apart from others.
+    pub(super) was_leaving: bool,
     /// Time for which somebody whom this station alone sees seems to be another whom others see, seconds.
     pub(super) contradicted_s: f64,
     /// Time since image tracking was asked to look for it, seconds.
@@ -90,6 +94,8 @@ impl Person {
             overdue_s: 0.0,
             twin_s: 0.0,
             spare_s: None,
+            was_inside: false,
+            was_leaving: false,
             contradicted_s: 0.0,
             asked_s: f64::INFINITY,
             track: None,

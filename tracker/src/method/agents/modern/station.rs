@@ -7,7 +7,7 @@ use super::super::{
     TargetId,
 };
 use super::ModernOptions;
-use super::assignment::{Assignment, Pair};
+use super::association::Association;
 use super::contradiction;
 use super::existence::{self, Measured, Watch};
 use super::identity::{self, Meetings};
@@ -16,7 +16,7 @@ use super::naming;
 use super::nursery::Nursery;
 use super::peer::{Claim, Peer};
 use super::people::{People, bits};
-use super::person::{LEARNT, Person};
+use super::person::Person;
 
 /// Oldest and newest reports that are used, seconds before now.
 const AGE_RANGE_S: (f64, f64) = (-0.5, 1.0);
@@ -44,19 +44,13 @@ pub struct Modern {
     refused: u64,
     /// Whose measurements this moment gave.
     measured: Vec<Measured>,
-    /// Person of each of the station's own sightings, as ids.
+    /// The station's own sightings of this moment, and the indices of their people.
     seen: Vec<(Measurement, Option<usize>)>,
-    scratch: Scratch,
-}
-
-/// Memory that is kept from moment to moment.
-#[derive(Default)]
-struct Scratch {
-    assignment: Assignment,
+    /// Image tracks that follow nobody.
+    ended: Vec<u32>,
+    association: Association,
+    /// Measurements of one sender, and stations that run and see: memory kept from moment to moment.
     measurements: Vec<Measurement>,
-    pairs: Vec<Pair>,
-    /// Person of each measurement.
-    of: Vec<Option<usize>>,
     watching: Vec<StationId>,
 }
 
@@ -86,7 +80,10 @@ impl Modern {
             refused: 0,
             measured: Vec::new(),
             seen: Vec::new(),
-            scratch: Scratch::default(),
+            ended: Vec::new(),
+            association: Association::default(),
+            measurements: Vec::new(),
+            watching: Vec::new(),
         }
     }
 
@@ -119,22 +116,24 @@ impl Modern {
         if packet.greatest.0 <= LARGEST_TARGET {
             self.greatest = self.greatest.max(packet.greatest);
         }
-        let mut measurements = std::mem::take(&mut self.scratch.measurements);
+        let mut measurements = std::mem::take(&mut self.measurements);
         measurements.clear();
         self.refused += measurement::of_packet(packet, age_s, &self.options, &mut measurements) as u64;
-        self.assign(&measurements);
+        self.association.solve(&measurements, &self.people, &self.options);
         self.take_in(packet.station, &measurements, since_s);
         for (i, measurement) in measurements.iter().enumerate() {
             self.greatest = self.greatest.max(measurement.target);
-            if measurement.target == TargetId::ALONE || measurement.is_crowded {
+            if measurement.target == TargetId::ALONE {
                 continue;
             }
-            match self.scratch.of[i] {
+            match self.association.person_of(i) {
+                // Where people are near each other it may be of another.
+                Some(_) if measurement.is_crowded => {}
                 Some(person) => self.note_claim(index, measurement, person, since_s),
                 None => self.meet_stranger(measurement),
             }
         }
-        self.scratch.measurements = measurements;
+        self.measurements = measurements;
     }
 
     /// A peer has an id for somebody here.
@@ -171,56 +170,27 @@ impl Modern {
 
     /// Takes the station's own sightings in.
     fn see(&mut self, sightings: &Sightings, dt: f64) {
-        let mut measurements = std::mem::take(&mut self.scratch.measurements);
+        let mut measurements = std::mem::take(&mut self.measurements);
         measurements.clear();
         self.refused += measurement::of_sightings(sightings, &self.options, &mut measurements) as u64;
-        self.assign(&measurements);
+        self.association.solve(&measurements, &self.people, &self.options);
         self.take_in(self.station, &measurements, dt.clamp(0.02, 0.5));
         for (i, measurement) in measurements.iter().enumerate() {
-            let person = self.scratch.of[i];
-            match person {
-                Some(index) => {
-                    self.nursery.remove(measurement.track);
-                    self.people.follow(index, measurement.track);
-                    if self.people[index].agent.is_none() {
-                        self.last_agent += 1;
-                        self.people[index].agent = Some(self.last_agent);
-                    }
+            let person = self.association.person_of(i);
+            if let Some(index) = person {
+                self.nursery.remove(measurement.track);
+                self.people.follow(index, measurement.track);
+                if self.people[index].agent.is_none() {
+                    self.last_agent += 1;
+                    self.people[index].agent = Some(self.last_agent);
                 }
-                None => {
-                    let is_apart = existence::is_apart(&self.people, measurement);
-                    self.nursery.add(measurement, is_apart, dt);
-                }
+            } else {
+                let is_apart = existence::is_apart(&self.people, measurement);
+                self.nursery.add(measurement, is_apart, dt);
             }
             self.seen.push((*measurement, person));
         }
-        self.scratch.measurements = measurements;
-    }
-
-    /// Finds the person of each measurement of one sender.
-    fn assign(&mut self, measurements: &[Measurement]) {
-        let scratch = &mut self.scratch;
-        scratch.pairs.clear();
-        for (row, measurement) in measurements.iter().enumerate() {
-            let spread = measurement.covariance.trace();
-            for (column, person) in self.people.iter().enumerate() {
-                // The largest eigenvalue is no more than the trace: most pairs need no more than this.
-                let away = (measurement.position - person.motion.position).norm_squared();
-                if away > self.options.gate * (spread + person.motion.place.trace())
-                    || person.spare_s.is_some()
-                {
-                    continue;
-                }
-                if let Some(cost) = pair_cost(measurement, person, &self.options) {
-                    scratch.pairs.push(Pair { row, column, cost });
-                }
-            }
-        }
-        scratch.of.clear();
-        scratch.of.resize(measurements.len(), None);
-        for pair in scratch.assignment.solve(&scratch.pairs, measurements.len(), self.people.len()) {
-            scratch.of[pair.row] = Some(pair.column);
-        }
+        self.measurements = measurements;
     }
 
     /// Updates the people to whom measurements were assigned; `since_s` seconds after the sender's last.
@@ -229,7 +199,7 @@ impl Modern {
         let inflation = (2.0 * options.correlation_s / since_s).max(1.0);
         let look_weight = 1.0 / (2.0 * options.look_correlation_s / since_s).max(1.0);
         let mut set = 0u64;
-        for (measurement, of) in measurements.iter().zip(&self.scratch.of) {
+        for (measurement, of) in measurements.iter().zip(self.association.people()) {
             let Some(index) = *of else { continue };
             let person = &mut self.people[index];
             person.take_in(measurement, inflation, look_weight);
@@ -287,28 +257,27 @@ impl Modern {
 
     /// Settles who is who, and who has gone, `dt` seconds after the last time.
     fn review(&mut self, dt: f64, is_usable: bool) {
-        identity::decide(&mut self.people, &mut self.scratch.assignment, dt, &self.options);
+        identity::decide(&mut self.people, self.association.solver(), dt, &self.options);
         existence::reclaim(&mut self.people);
-        self.scratch.watching.clear();
+        self.watching.clear();
         if is_usable {
-            self.scratch.watching.push(self.station);
+            self.watching.push(self.station);
         }
         for (index, peer) in self.peers.iter().enumerate() {
             if peer.is_watching(self.now_s) {
-                self.scratch.watching.push(StationId(index as u8));
+                self.watching.push(StationId(index as u8));
             }
         }
-        contradiction::settle(
-            &mut self.people,
-            &self.seen,
-            self.fields.as_ref(),
-            self.station,
-            &self.scratch.watching,
-            dt,
-        );
+        let moment = contradiction::Moment {
+            seen: &self.seen,
+            fields: self.fields.as_ref(),
+            own: self.station,
+            watching: &self.watching,
+        };
+        self.ended = contradiction::settle(&mut self.people, &moment, dt);
         let watch = Watch {
             fields: self.fields.as_ref(),
-            watching: &self.scratch.watching,
+            watching: &self.watching,
             stations: self.peers.len() as u8,
         };
         existence::remove_gone(&mut self.people, &watch, dt, &self.options);
@@ -352,33 +321,14 @@ impl Modern {
     fn confidence(&self, index: usize) -> f64 {
         /// Time after which somebody unmeasured is there with a probability e times less, seconds.
         const UNMEASURED_S: f64 = 20.0;
+        /// The same for somebody whom a station should see, seconds.
+        const OVERDUE_S: f64 = 0.5;
         let person = &self.people[index];
-        let is_there = (-person.missed_s / UNMEASURED_S).exp();
+        let is_there = (-person.missed_s / UNMEASURED_S - person.overdue_s / OVERDUE_S).exp();
         let is_one = if person.spare_s.is_some() { 0.3 } else { 1.0 };
         let is_plain = if person.is_crowded { 0.7 } else { 1.0 };
         self.people.certainty(index) * is_there * is_one * is_plain
     }
-}
-
-/// Cost of taking a measurement for somebody's, `None` beyond the gate.
-fn pair_cost(measurement: &Measurement, person: &Person, options: &ModernOptions) -> Option<f64> {
-    /// Determinant at which the covariance's share of the cost is 0, m⁴.
-    const SMALLEST_DETERMINANT: f64 = 1e-4;
-    /// Largest share of the looks in the cost.
-    const MOST_OF_LOOKS: f64 = 25.0;
-    let fit = person.motion.fit(&measurement.position, &measurement.covariance)?;
-    if fit.distance >= options.gate {
-        return None;
-    }
-    let place = fit.distance + fit.log_determinant - SMALLEST_DETERMINANT.ln();
-    let looks = match &measurement.signature {
-        Some(signature) if person.identity.learnt.weight >= LEARNT => {
-            let factor = if measurement.is_crowded { options.crowded_factor } else { 1.0 };
-            person.identity.learnt.distance(signature, factor).min(MOST_OF_LOOKS)
-        }
-        _ => 0.0,
-    };
-    Some(place + looks)
 }
 
 impl Rule for Modern {
@@ -411,6 +361,8 @@ impl Rule for Modern {
         self.welcome();
         let packet = self.packet(sightings.is_usable);
 
+        // A clock that is set back begins anew.
+        self.reviewed_s = self.reviewed_s.min(now_s);
         let since_s = now_s - self.reviewed_s;
         if since_s >= REVIEW_S - 1e-6 {
             self.reviewed_s = now_s;
@@ -423,7 +375,7 @@ impl Rule for Modern {
                 restarts.push(Restart { position: person.motion.position, height_m: person.height_m });
             });
         }
-        Step { packet, restarts }
+        Step { packet, restarts, ended: std::mem::take(&mut self.ended) }
     }
 
     fn people(&self) -> Vec<Belief> {

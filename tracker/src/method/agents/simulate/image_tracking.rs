@@ -179,3 +179,84 @@ impl ImageTracking {
 fn is_close(places: &[Point2<f64>], a: usize, b: usize) -> bool {
     (places[a] - places[b]).norm() < CLOSE_M
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::method::agents::simulate::{Layout, Options, Site};
+
+    fn world(options: &Options) -> World {
+        World::new(options, &Arc::new(Site::new(options)), 5, 0)
+    }
+
+    #[test]
+    fn errors_are_within_their_limits_along_and_across_the_sight_and_as_large_as_their_covariance() {
+        let world = world(&Options::published(Layout::Once));
+        let mut tracking = ImageTracking::new(&world, 2, Crossing::Swapped);
+        let camera = world.site.stations[2].position;
+        let (mut sum, mut count) = (0.0, 0.0);
+        for frame in 0..world.frames() {
+            for sighting in tracking.step(&world, frame, &[]).people {
+                let person = tracking.person_at(sighting.position).unwrap();
+                let place = world.places(frame)[person];
+                let sight = (place - camera).normalize();
+                let error = sighting.position - place;
+                let factor = if sighting.is_crowded { 2.0 } else { 1.0 };
+                assert!(error.dot(&sight).abs() <= 0.6 * factor + 1e-9);
+                assert!(sight.perp(&error).abs() <= 0.3 * factor + 1e-9);
+                let inverse = sighting.covariance.try_inverse().unwrap();
+                sum += (error.transpose() * inverse * error).x;
+                count += 1.0;
+                let nearest =
+                    (0..6).filter(|p| *p != person).map(|p| (world.places(frame)[p] - place).norm());
+                assert_eq!(sighting.is_crowded, nearest.fold(f64::INFINITY, f64::min) < CLOSE_M);
+            }
+        }
+        // The square of the Mahalanobis distance is 2 on average.
+        assert!((sum / count - 2.0f64).abs() < 0.1, "{}", sum / count);
+    }
+
+    #[test]
+    fn swapped_tracks_stay_one_a_person_and_random_ones_do_not() {
+        let world = world(&Options::published(Layout::Once));
+        let most = |crossing| {
+            let mut tracking = ImageTracking::new(&world, 0, crossing);
+            let double = |frame| {
+                tracking.step(&world, frame, &[]);
+                let followed: BTreeSet<usize> = tracking.tracks.values().copied().collect();
+                tracking.tracks.len() - followed.len()
+            };
+            (0..world.frames()).map(double).max()
+        };
+        assert_eq!(most(Crossing::Swapped), Some(0));
+        assert!(most(Crossing::Random) > Some(0));
+    }
+
+    #[test]
+    fn somebody_without_a_track_gets_one_after_a_second_or_by_a_look_at_the_place() {
+        let world = world(&Options::published(Layout::Once));
+        let restart = Restart { position: world.places(0)[3], height_m: 1.7 };
+        for (restarts, first) in [(vec![], 10), (vec![restart], 0)] {
+            let mut tracking = ImageTracking::new(&world, 0, Crossing::Swapped);
+            tracking.tracks.remove(&3);
+            let tracks: Vec<usize> =
+                (0..15).map(|frame| tracking.step(&world, frame, &restarts).people.len()).collect();
+            assert_eq!(tracks.iter().position(|count| *count == 6), Some(first), "{tracks:?}");
+        }
+    }
+
+    #[test]
+    fn nobody_is_seen_through_a_wall() {
+        let world = world(&Options::hard());
+        let mut tracking = ImageTracking::new(&world, 1, Crossing::Random);
+        for frame in 0..world.frames() {
+            for sighting in tracking.step(&world, frame, &[]).people {
+                let person = tracking.person_at(sighting.position).unwrap();
+                assert!(world.site.sees(1, world.places(frame)[person]));
+            }
+        }
+    }
+}

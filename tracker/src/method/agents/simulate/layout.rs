@@ -101,7 +101,7 @@ mod tests {
     fn encounter(paths: &[Vec<Point2<f64>>], a: usize, b: usize, rate_hz: f64) -> Option<[f64; 2]> {
         let mut close = (0..paths.len()).filter(|f| (paths[*f][a] - paths[*f][b]).norm() < 1.0);
         let first = close.next()?;
-        Some([first as f64 / rate_hz, close.last().unwrap_or(first) as f64 / rate_hz])
+        Some([first as f64 / rate_hz, close.next_back().unwrap_or(first) as f64 / rate_hz])
     }
 
     #[test]

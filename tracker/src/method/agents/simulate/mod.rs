@@ -6,20 +6,29 @@
 //! * [`ImageTracking`] — what one station sees of them, with all errors.
 //! * [`run_trial`], [`Judge`] — a trial of any [`super::Rule`], and who is kept, lost or confused in the end.
 //! * [`run_centralised`] — the paper's centralised variant.
+//! * [`compare`] — many trials of all three; [`text`] and [`draw`] show what came out.
 
 mod centralised;
+mod experiment;
+mod figure;
 mod image_tracking;
 mod judge;
 mod layout;
 mod options;
 mod site;
+mod table;
+#[cfg(test)]
+mod tests;
 mod trial;
 mod world;
 
 pub use centralised::{CentralisedOptions, run_centralised};
+pub use experiment::{Comparison, Row, Speed, SweepRow, Tally, Trace, compare};
+pub use figure::draw;
 pub use image_tracking::{Crossing, ImageTracking, hue_difference_deg};
 pub use judge::{Fates, Judge};
 pub use options::{Layout, Noise, Options};
 pub use site::{SimulatedStation, Site, Wall};
+pub use table::text;
 pub use trial::{Moment, run_trial};
 pub use world::{CLOSE_M, World};

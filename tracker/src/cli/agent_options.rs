@@ -1,0 +1,23 @@
+//! Options of the distributed agents, for all stations in one process and for one station a process.
+
+use tracker::method::agents::modern::ModernOptions;
+use tracker::method::agents::published::PublishedOptions;
+use tracker::method::agents::{AgentsOptions, RuleOptions};
+
+use super::sampler::SamplerArguments;
+
+/// The options of all stations.
+pub(super) fn options(
+    sampler: &SamplerArguments,
+    seed: u64,
+    most_people: Option<usize>,
+) -> anyhow::Result<AgentsOptions> {
+    let rule = if sampler.published {
+        RuleOptions::Published(PublishedOptions::default())
+    } else {
+        RuleOptions::Modern(ModernOptions::default())
+    };
+    let mut sampler = sampler.image_tracking(seed)?;
+    sampler.max_people = most_people.unwrap_or(sampler.max_people);
+    Ok(AgentsOptions { sampler, rule })
+}

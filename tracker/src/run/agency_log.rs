@@ -1,0 +1,60 @@
+//! What the stations of a distributed method told each other in a run: `agents/agents.jsonl`, and the paper's figures.
+
+use std::path::{Path, PathBuf};
+
+use super::{Followed, Output};
+use crate::method::agents::AgencyRecord;
+use crate::stage::Stage;
+use crate::tracks::AgentsFile;
+use crate::wire::packet;
+use crate::{Error, Result};
+
+/// The packets of all stations of a run: a file that grows, and figures at its end, in the folder `agents`.
+#[derive(Debug)]
+pub struct AgencyLog {
+    folder: PathBuf,
+    /// Names of the stations' cameras, by number.
+    names: Vec<String>,
+    file: AgentsFile,
+    record: AgencyRecord,
+    bytes: usize,
+    span_s: Option<[f64; 2]>,
+}
+
+impl AgencyLog {
+    /// The log of a run that writes to the folder `out`.
+    pub fn new(out: &Path, stage: &Stage) -> Self {
+        let folder = out.join("agents");
+        Self {
+            file: AgentsFile::new(&folder),
+            names: stage.cameras.iter().map(|camera| camera.name.clone()).collect(),
+            folder,
+            record: AgencyRecord::default(),
+            bytes: 0,
+            span_s: None,
+        }
+    }
+}
+
+impl Output for AgencyLog {
+    fn put(&mut self, followed: &Followed<'_>) -> Result<()> {
+        let time_s = followed.moment.time_s;
+        self.span_s = Some([self.span_s.map_or(time_s, |[first, _]| first), time_s]);
+        for packet in followed.packets {
+            let name = self.names.get(usize::from(packet.station.0)).map_or("?", String::as_str);
+            self.file.write(packet, name)?;
+            self.record.extend(packet);
+            let sent = packet::encode(packet, packet.time_s);
+            self.bytes += sent.map_err(|e| Error::option("--method agents", e.to_string()))?.len();
+        }
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
+        if let Some([first_s, last_s]) = self.span_s.filter(|[first_s, last_s]| last_s > first_s) {
+            let kb_s = 1e-3 * self.bytes as f64 / (last_s - first_s) / self.names.len().max(1) as f64;
+            tracing::info!("each station would send {kb_s:.2} kB/s to each neighbour");
+        }
+        self.record.write(&self.folder, &self.names)
+    }
+}
