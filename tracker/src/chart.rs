@@ -1,8 +1,12 @@
 //! Line charts: numbers against numbers, for people to look at.
 
+use std::path::Path;
+
 use image::RgbImage;
 use nalgebra::Point2;
 use scenes::canvas::{Canvas, Color, Stroke, TextStyle};
+
+use crate::{Error, Result};
 
 /// Width of a chart, pixels.
 pub(crate) const WIDTH_PX: u32 = 900;
@@ -178,6 +182,18 @@ fn short(value: f64) -> String {
     let text = format!("{value:.4}");
     let text = text.trim_end_matches('0').trim_end_matches('.');
     if text == "-0" { "0".to_owned() } else { text.to_owned() }
+}
+
+/// Writes a picture, whole or not at all.
+///
+/// # Errors
+/// Naming the file.
+pub fn save(image: &RgbImage, path: &Path) -> Result<()> {
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    image
+        .write_to(&mut bytes, image::ImageFormat::Png)
+        .map_err(|e| Error::content(path, "whole file", format!("cannot be written ({e})")))?;
+    Ok(calib::files::write_atomic(path, bytes.get_ref())?)
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Context, bail};
 use calib::console::Console;
 use clap::{Subcommand, ValueEnum};
-use tracker::eval::plots;
+use tracker::chart;
 use tracker::link::tune::{TuneOptions, cross_validate};
 use tracker::link::{self, Detections, LinkOptions, SolverKind, experiment, rate};
 use tracker::tracks::rows::RowFile;
@@ -283,6 +283,6 @@ fn run_experiment(args: &ExperimentArgs, console: &Console) -> anyhow::Result<St
     drop(progress);
     let json = serde_json::to_string(&rows)? + "\n";
     calib::files::write_atomic(&args.out.join("experiment.json"), json.as_bytes())?;
-    plots::save(&experiment::figure(&rows).draw(), &args.out.join("figure9.png"))?;
+    chart::save(&experiment::figure(&rows).draw(), &args.out.join("figure9.png"))?;
     Ok(experiment::table(&rows))
 }

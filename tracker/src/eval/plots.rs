@@ -9,8 +9,8 @@ use scenes::canvas::{Canvas, Color, TextStyle};
 use super::instant::Instant;
 use super::roc::DetectionCurve;
 use super::{Evaluation, Hota};
-use crate::chart::{Axis, Chart, Series};
-use crate::{Error, Result};
+use crate::Result;
+use crate::chart::{self, Axis, Chart, Series};
 
 const LIFE_WIDTH_PX: f64 = 1200.0;
 const LIFE_HEIGHT_PX: f64 = 22.0;
@@ -26,26 +26,15 @@ const MOST_LIVES: usize = 400;
 /// Naming the file that could not be written.
 pub fn write(folder: &Path, evaluation: &Evaluation, curve: Option<&DetectionCurve>) -> Result<()> {
     if !evaluation.hota.by_threshold.is_empty() {
-        save(&hota(&evaluation.hota).draw(), &folder.join("hota.png"))?;
+        chart::save(&hota(&evaluation.hota).draw(), &folder.join("hota.png"))?;
     }
     if let Some(curve) = curve {
-        save(&roc(curve).draw(), &folder.join("roc.png"))?;
+        chart::save(&roc(curve).draw(), &folder.join("roc.png"))?;
     }
     if evaluation.scenario.has_identities {
-        save(&lives(evaluation), &folder.join("lives.png"))?;
+        chart::save(&lives(evaluation), &folder.join("lives.png"))?;
     }
     Ok(())
-}
-
-/// Writes a picture, whole or not at all.
-/// # Errors
-/// Naming the file.
-pub fn save(image: &RgbImage, path: &Path) -> Result<()> {
-    let mut bytes = std::io::Cursor::new(Vec::new());
-    image
-        .write_to(&mut bytes, image::ImageFormat::Png)
-        .map_err(|e| Error::content(path, "whole file", format!("cannot be written ({e})")))?;
-    Ok(calib::files::write_atomic(path, bytes.get_ref())?)
 }
 
 fn hota(hota: &Hota) -> Chart {

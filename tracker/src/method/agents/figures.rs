@@ -11,8 +11,7 @@ use scenes::canvas::{Canvas, Color, TextStyle};
 
 use super::{AgentId, Packet, StationId, TargetId};
 use crate::Result;
-use crate::chart::{Axis, Chart, HEIGHT_PX, Series, WIDTH_PX};
-use crate::eval::plots;
+use crate::chart::{self, Axis, Chart, HEIGHT_PX, Series, WIDTH_PX};
 
 /// Reports that are kept; of a longer time the first are forgotten.
 const MOST_REPORTS: usize = 1_000_000;
@@ -80,10 +79,10 @@ impl AgencyRecord {
         let stretches = self.stretches(begin_s);
         let times = Axis::fitting("s", [end_s - begin_s].into_iter(), [0.0, 0.0]);
         let positions = panels(&stretches, names, |station, own| positions(&stretches, station, own));
-        plots::save(&positions, &folder.join("positions.png"))?;
+        chart::save(&positions, &folder.join("positions.png"))?;
         let confidences = panels(&stretches, names, |station, own| confidences(&times, station, own));
-        plots::save(&confidences, &folder.join("confidences.png"))?;
-        plots::save(&strips(&stretches, &times, names), &folder.join("agencies.png"))
+        chart::save(&confidences, &folder.join("confidences.png"))?;
+        chart::save(&strips(&stretches, &times, names), &folder.join("agencies.png"))
     }
 
     fn time(&self, choose: fn(f64, f64) -> f64) -> Option<f64> {

@@ -6,7 +6,8 @@
 
 use super::ModernOptions;
 use super::assignment::{Assignment, Pair};
-use super::people::{MOST_PEOPLE, People, bits};
+use super::people::{People, bits};
+use super::person::MOST_PEOPLE;
 
 /// Weight of looks since a meeting from which a body is compared with identities.
 const ENOUGH_LOOKS: f64 = 3.0;

@@ -1,11 +1,9 @@
 //! Everybody whom one station knows of.
 
 use super::super::TargetId;
-use super::person::{Identity, Person};
+use super::person::{Identity, MOST_PEOPLE, Person};
 use super::signature::MeanLook;
 
-/// Most people whom a station knows of: one bit each.
-pub(super) const MOST_PEOPLE: usize = 64;
 /// Probability below which a body is not somebody.
 const IMPOSSIBLE: f64 = 1e-4;
 

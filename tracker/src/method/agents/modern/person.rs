@@ -5,9 +5,10 @@ use nalgebra::Matrix2;
 use super::super::TargetId;
 use super::measurement::Measurement;
 use super::motion::Motion;
-use super::people::MOST_PEOPLE;
 use super::signature::MeanLook;
 
+/// Most people whom a station knows of: one bit each.
+pub(super) const MOST_PEOPLE: usize = 64;
 /// Weight of learnt looks from which they tell people apart.
 pub(super) const LEARNT: f64 = 10.0;
 
