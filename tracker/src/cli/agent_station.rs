@@ -148,7 +148,7 @@ impl Follower {
         let counts = self.mesh.counts();
         tracing::info!("{} packets sent ({} bytes), {} heard", counts.sent, counts.sent_bytes, counts.heard);
         for (refusal, count) in &counts.refused {
-            tracing::warn!("{count} packets or stations were left out: {refusal:?}");
+            tracing::warn!("{count} packets or stations were left out: {refusal}");
         }
         if counts.dropped > 0 {
             tracing::warn!("{} packets came faster than frames, and were dropped", counts.dropped);

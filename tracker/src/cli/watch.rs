@@ -99,7 +99,7 @@ pub(crate) fn watch(args: &WatchArgs) -> anyhow::Result<String> {
     }
     let counts = watch.mesh.counts();
     for (refusal, count) in &counts.refused {
-        tracing::warn!("{count} packets or stations were left out: {refusal:?}");
+        tracing::warn!("{count} packets or stations were left out: {refusal}");
     }
     Ok(format!("{} packets heard\n", counts.heard))
 }
@@ -124,12 +124,12 @@ impl Watch {
         let mut text = String::new();
         for packet in &heard {
             for line in self.take_in(packet)? {
-                text += &format!("{}  {line}\n", time_of_day(packet.time_s));
+                text.push_str(&stamped(packet.time_s, &line));
             }
         }
         let now_s = OwnClock::default().now_s();
         for line in self.overview.pass(now_s) {
-            text += &format!("{}  {line}\n", time_of_day(now_s));
+            text.push_str(&stamped(now_s, &line));
         }
         if with_table {
             text += &self.overview.table();
@@ -148,9 +148,9 @@ impl Watch {
     }
 }
 
-/// `12:30:05.25`, UTC.
-fn time_of_day(time_s: f64) -> String {
+/// A line after its time of day, UTC: `12:30:05.25  cam0 is heard`.
+fn stamped(time_s: f64, line: &str) -> String {
     let s = time_s.rem_euclid(86_400.0);
     let (hours, minutes) = ((s / 3600.0).floor(), (s / 60.0).floor() % 60.0);
-    format!("{hours:02}:{minutes:02}:{:05.2}", s % 60.0)
+    format!("{hours:02}:{minutes:02}:{:05.2}  {line}\n", s % 60.0)
 }

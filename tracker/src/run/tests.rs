@@ -216,7 +216,7 @@ fn recorded_station(
         times: CaptureTimes::given(name, times.clone()),
         observer: Observer::new(stage, name, made, needs)?,
         drawn: (panel, PictureDemand::Always),
-        pace: crate::station::Pace::Free,
+        pace: station::Pace::Free,
     };
     Ok(Station {
         name: name.to_owned(),

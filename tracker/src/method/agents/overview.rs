@@ -111,7 +111,7 @@ impl Overview {
                 let _ = write!(table, " {:>20}", if count == 0 { String::new() } else { count.to_string() });
             }
         }
-        table.lines().map(|line| format!("{}\n", line.trim_end())).collect()
+        table.lines().flat_map(|line| [line.trim_end(), "\n"]).collect()
     }
 }
 

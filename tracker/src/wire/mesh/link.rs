@@ -132,10 +132,14 @@ impl Shared {
         let mut peers = self.lock();
         match arrival {
             Arrival::Appeared(key) => {
-                AgentsToken::of(&key).iter().for_each(|token| peers.token_appeared(token))
+                if let Some(token) = AgentsToken::of(&key) {
+                    peers.token_appeared(&token);
+                }
             }
             Arrival::Vanished(key) => {
-                AgentsToken::of(&key).iter().for_each(|token| peers.token_vanished(token))
+                if let Some(token) = AgentsToken::of(&key) {
+                    peers.token_vanished(&token);
+                }
             }
             Arrival::Message { key, bytes } => {
                 if let Some((room, camera)) = keys::room_and_camera(&key) {

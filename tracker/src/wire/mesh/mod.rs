@@ -18,7 +18,10 @@ mod link;
 #[cfg(feature = "zenoh")]
 mod peers;
 mod refusal;
-#[cfg(all(test, feature = "zenoh"))]
+#[cfg(feature = "zenoh")]
+mod refusals;
+#[cfg(feature = "zenoh")]
+#[cfg(test)]
 mod tests;
 
 use std::collections::BTreeMap;

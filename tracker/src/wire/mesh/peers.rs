@@ -9,9 +9,9 @@ use std::time::{Duration, Instant};
 
 use super::super::keys::AgentsToken;
 use super::super::packet::{LONGEST_PACKET, PACKET_VERSION, decode};
-use super::MeshCounts;
 use super::clock::PeerClock;
-use super::refusal::{Refusal, Refusals};
+use super::refusals::Refusals;
+use super::{MeshCounts, Refusal};
 use crate::method::agents::{Packet, StationId};
 
 /// Time after which a silent holder may be replaced.
@@ -44,7 +44,8 @@ pub(super) struct Peers {
     cameras: Vec<String>,
     /// Camera and life of this station; `None` where it only listens.
     own: Option<(String, u32)>,
-    peers: BTreeMap<String, Peer>,
+    /// By camera.
+    known: BTreeMap<String, Peer>,
     waiting: VecDeque<Packet>,
     heard: u64,
     dropped: u64,
@@ -75,7 +76,7 @@ impl Peers {
             room,
             cameras,
             own,
-            peers: BTreeMap::new(),
+            known: BTreeMap::new(),
             waiting: VecDeque::new(),
             heard: 0,
             dropped: 0,
@@ -106,7 +107,7 @@ impl Peers {
 
     /// Names of the cameras that have been heard, with their numbers.
     pub(super) fn names(&self) -> Vec<(StationId, String)> {
-        self.peers.iter().map(|(camera, peer)| (peer.station, camera.clone())).collect()
+        self.known.iter().map(|(camera, peer)| (peer.station, camera.clone())).collect()
     }
 
     /// Handles the token of a station that has appeared.
@@ -130,7 +131,7 @@ impl Peers {
 
     /// Handles the token of a station that has vanished.
     pub(super) fn token_vanished(&mut self, token: &AgentsToken) {
-        if let Some(peer) = self.peers.get_mut(&token.camera).filter(|peer| peer.life == token.life) {
+        if let Some(peer) = self.known.get_mut(&token.camera).filter(|peer| peer.life == token.life) {
             peer.has_gone = true;
         }
     }
@@ -180,7 +181,7 @@ impl Peers {
         }
         self.room.get_or_insert_with(|| room.to_owned());
         self.enrol(camera, &packet, now)?;
-        let Some(peer) = self.peers.get_mut(camera) else { return Ok(()) };
+        let Some(peer) = self.known.get_mut(camera) else { return Ok(()) };
         peer.clock.note(sent_s, arrived_s);
         let offset_s = peer.clock.offset_s();
         let delay_s = sent_s - packet.time_s;
@@ -216,8 +217,8 @@ impl Peers {
     ) -> Result<(), (Refusal, String, &'static str)> {
         let replayed =
             || (Refusal::Replayed, "sends packets again, or out of order".to_owned(), "look for who does");
-        let Some(peer) = self.peers.get_mut(camera) else {
-            self.peers.insert(camera.to_owned(), Peer::new(packet, now));
+        let Some(peer) = self.known.get_mut(camera) else {
+            self.known.insert(camera.to_owned(), Peer::new(packet, now));
             return Ok(());
         };
         if peer.life == packet.life {
@@ -244,7 +245,7 @@ impl Peers {
 
     /// Tells when a clock is corrected from now on, and when one that was left out or corrected is right.
     fn tell_clock(&mut self, camera: &str, offset_s: f64) {
-        let Some(peer) = self.peers.get_mut(camera) else { return };
+        let Some(peer) = self.known.get_mut(camera) else { return };
         if peer.packets < TOLD_AFTER {
             return;
         }
@@ -280,20 +281,20 @@ impl Peers {
 
     fn number(&self, camera: &str) -> Option<StationId> {
         let known = self.cameras.iter().position(|name| name == camera).map(|index| StationId(index as u8));
-        known.or_else(|| self.peers.get(camera).map(|peer| peer.station))
+        known.or_else(|| self.known.get(camera).map(|peer| peer.station))
     }
 
     /// Whether the room has no such camera, or no more of them can be remembered.
     fn is_unknown(&self, camera: &str) -> bool {
         if self.cameras.is_empty() {
-            return self.peers.len() >= MOST_CAMERAS && !self.peers.contains_key(camera);
+            return self.known.len() >= MOST_CAMERAS && !self.known.contains_key(camera);
         }
         !self.cameras.iter().any(|name| name == camera)
     }
 
     /// Whether another camera has the packet's number.
     fn is_taken(&self, camera: &str, packet: &Packet) -> bool {
-        self.peers.iter().any(|(name, peer)| name != camera && peer.station == packet.station)
+        self.known.iter().any(|(name, peer)| name != camera && peer.station == packet.station)
     }
 }
 

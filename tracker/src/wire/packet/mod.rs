@@ -71,8 +71,7 @@ const IS_CROWDED: u8 = 2;
 pub fn encode(packet: &Packet, sent_s: f64) -> Result<Vec<u8>, Malformed> {
     check(packet)?;
     let delay_us = (sent_s - packet.time_s) * 1e6;
-    // Also where one of them is not finite.
-    if !packet.time_s.is_finite() || !(delay_us.abs() <= LONGEST_DELAY_US) {
+    if !packet.time_s.is_finite() || !sent_s.is_finite() || delay_us.abs() > LONGEST_DELAY_US {
         return Err(Malformed("the capture time is not finite, or half an hour from the sending"));
     }
     let mut out = vec![PACKET_VERSION, packet.station.0];

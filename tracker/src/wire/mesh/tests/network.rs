@@ -201,7 +201,7 @@ fn a_hostile_peer_is_counted_and_the_rest_goes_on() {
     version[0] = 77;
     let _tokens = ["9/ff/cam1/1", "1/x/cam1/1", "1/x/%zz/1"]
         .map(|rest| hostile.liveliness().declare_token(format!("roomtrack/agents/{rest}")).wait().unwrap());
-    for bytes in [&b"nonsense"[..], &[1; 9000], &[1; 50_000], &replayed, &version, &[]] {
+    for bytes in [&b"nonsense"[..], &[1; 9000], &vec![1; 50_000], &replayed, &version, &[]] {
         hostile.put(keys::packets(Some(ROOM), Some("cam1")), bytes).wait().unwrap();
     }
     // Larger than the network's code lets through.
