@@ -1,7 +1,7 @@
 //! Stations that track together without a centre: each sends its packets to those whose fields of view overlap its own.
 //!
 //! * [`Membership`] — the station's room, camera, and the stations that it hears.
-//! * [`Mesh`](super::Mesh) — a member of the network: packets out, the others' packets in, on this station's clock.
+//! * [`Mesh`] — a member of the network: packets out, the others' packets in, on this station's clock.
 //! * [`PeerClock`] — offset of a peer's clock.
 //! * [`MeshCounts`], [`Refusal`] — what was heard, and what was left out and why.
 //!

@@ -4,7 +4,7 @@
 //! * [`agent`] — a seeing agent: one person, followed by one station.
 //! * [`confidence`] — equations (1) and (2): events in the image, other agents, memory.
 //! * [`colour_memory`] — frequencies of each target's colours.
-//! * [`reference`] — what other stations' agents see.
+//! * [`mod@reference`] — what other stations' agents see.
 //! * [`mediator`] — agents that track alone find agencies (figure 6); agents for targets known elsewhere.
 //! * [`station`] — [`Published`]: one moment of a station.
 //!
