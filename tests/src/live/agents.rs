@@ -44,7 +44,7 @@ impl Pair {
     /// Starts two stations; people come in from this frame of the office on.
     ///
     /// # Errors
-    /// When a camera or a process does not start.
+    /// A camera or a process that does not start.
     pub fn start(first_frame: usize) -> Said<Self> {
         let pictures = |seconds: f64| (seconds * RATE_HZ) as usize;
         let coming = first_frame.min(INSIDE.start)..INSIDE.start;
@@ -63,7 +63,7 @@ impl Pair {
     /// Starts the station of a camera, again where it has run before.
     ///
     /// # Errors
-    /// When the process does not start.
+    /// The process does not start.
     pub fn begin(&mut self, camera: usize, further: &[&str]) -> Said<()> {
         let mut arguments = vec!["--video".to_owned(), self.cameras[camera].url()];
         arguments.extend(["--listen".to_owned(), format!("tcp/{}", self.addresses[camera])]);
@@ -91,7 +91,7 @@ impl Pair {
     /// A running station.
     ///
     /// # Errors
-    /// When it does not run.
+    /// The station does not run.
     pub fn station(&mut self, camera: usize) -> Said<&mut LiveRun> {
         let station = self.stations[camera].as_mut();
         station.ok_or_else(|| format!("the station of {} does not run", CAMERAS[camera]))
@@ -100,7 +100,7 @@ impl Pair {
     /// Ids of everybody of whom a station knew in its last rows, where they are the same in all of them.
     ///
     /// # Errors
-    /// When it does not run.
+    /// The station does not run.
     pub fn people(&mut self, camera: usize) -> Said<Option<BTreeSet<u32>>> {
         let rows = self.station(camera)?.rows();
         let last = &rows[rows.len().saturating_sub(AGREED)..];
@@ -112,7 +112,7 @@ impl Pair {
     /// Waits until both stations know the same `count` people; returns their ids.
     ///
     /// # Errors
-    /// When they do not within a minute, with what each knows; when one ends.
+    /// The stations do not agree within a minute (the message has the people of each), or one ends.
     pub fn agreement(&mut self, count: usize) -> Said<BTreeSet<u32>> {
         let begun = Instant::now();
         loop {
@@ -135,7 +135,7 @@ impl Pair {
     /// Lets time pass while the station of a camera must run.
     ///
     /// # Errors
-    /// When it ends.
+    /// The station ends.
     pub fn pass(&mut self, camera: usize, time: Duration) -> Said<()> {
         self.station(camera)?.wait_until(Instant::now() + time)
     }
@@ -143,7 +143,7 @@ impl Pair {
     /// Waits until a station's log has a line that contains `text`.
     ///
     /// # Errors
-    /// When it has none within a minute, with the log; when the station ends.
+    /// No such line within a minute (the message has the log), or the station ends.
     pub fn line(&mut self, camera: usize, text: &str) -> Said<()> {
         let begun = Instant::now();
         loop {
@@ -178,7 +178,7 @@ pub struct Restart {
 /// Kills the second of two stations that know three people, and starts it again `away` later.
 ///
 /// # Errors
-/// When a station ends or does not come to know the people.
+/// A station ends, or does not come to know the people.
 pub fn restart(pair: &mut Pair, away: Duration) -> Said<Restart> {
     let before = pair.agreement(3)?;
     pair.kill(1);

@@ -11,7 +11,7 @@ use crate::chain::Said;
 /// Proxy that forwards connections to an address.
 #[derive(Debug)]
 pub struct Proxy {
-    /// Where it listens.
+    /// Address of the proxy itself.
     pub address: SocketAddr,
     shared: Arc<Shared>,
 }
@@ -29,7 +29,7 @@ impl Proxy {
     /// Starts a proxy to an address, where somebody need not listen yet.
     ///
     /// # Errors
-    /// When no port is free.
+    /// No port is free.
     pub fn start(to: SocketAddr) -> Said<Self> {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).map_err(|e| e.to_string())?;
         let address = listener.local_addr().map_err(|e| e.to_string())?;

@@ -70,7 +70,7 @@ impl LiveRun {
     /// Starts `tracker station ROOM --method agents --camera CAMERA --out OUT` with further arguments.
     ///
     /// # Errors
-    /// When the process does not start.
+    /// The process does not start.
     pub fn start_agents(room: &Path, camera: &str, out: &Path, arguments: &[String]) -> Said<Self> {
         let mut command = program("tracker");
         command.arg("station").arg(room).args(["--method", "agents", "--camera", camera]);
@@ -159,7 +159,7 @@ impl LiveRun {
     /// Sends the process a signal, as in `STOP`.
     ///
     /// # Errors
-    /// When there is no `kill`.
+    /// The program `kill` cannot be run.
     pub fn signal(&self, name: &str) -> Said<()> {
         let sent = Command::new("kill").args([&format!("-{name}"), &self.pid().to_string()]).status();
         sent.map(drop).map_err(|e| format!("kill: {e}"))

@@ -50,7 +50,7 @@ pub(super) struct AgentStationArguments {
     sampler: SamplerArguments,
 }
 
-/// Where a station works.
+/// Room and stage of a station.
 pub(super) struct Place<'a> {
     pub(super) room: &'a Room,
     pub(super) room_dir: &'a Path,

@@ -42,7 +42,7 @@ struct SimulateArgs {
     /// Seed of the trials: each has its own ways and errors.
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// How the six people walk.
+    /// Ways of the six people.
     #[arg(long, value_enum, default_value_t = LayoutChoice::All)]
     layout: LayoutChoice,
     /// What is simulated.

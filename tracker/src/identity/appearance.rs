@@ -70,9 +70,7 @@ pub fn sample(cameras: &[CameraFrame], views: &[View], people: &[Body]) -> Vec<A
 
 impl Appearance {
     fn look_at(&mut self, colours: &Colours, view: &View, part: &Silhouette) {
-        let rows = part.row_range();
-        for row in rows.clone() {
-            let height = (row - rows.start) as f64 / rows.len() as f64;
+        for (height, samples) in middle_rows(colours, view, part) {
             let histogram = if TORSO.contains(&height) {
                 &mut self.torso
             } else if LEGS.contains(&height) {
@@ -80,19 +78,29 @@ impl Appearance {
             } else {
                 continue;
             };
-            let width = part.row_width(row);
-            let inset = (width.len() as f64 * 0.5 * (1.0 - MIDDLE)) as usize;
-            for column in width.start + inset..width.end - inset {
-                let side = u32::from(view.block);
-                let middle = |i: usize| i as u32 * side + side / 2;
-                if part.contains(column as u32, row as u32)
-                    && let Some(color) = colours.at(middle(column), middle(row))
-                {
-                    histogram.count(color);
-                }
-            }
+            samples.for_each(|color| histogram.count(color));
         }
     }
+}
+
+/// The rows of somebody's visible part from its top: height, 0 at the top to 1 at the bottom, and the colours that were
+/// sampled in the middle of the row.
+pub(crate) fn middle_rows(
+    colours: &Colours,
+    view: &View,
+    part: &Silhouette,
+) -> impl Iterator<Item = (f64, impl Iterator<Item = Rgb<u8>>)> {
+    let rows = part.row_range();
+    let side = u32::from(view.block);
+    let middle = move |i: usize| i as u32 * side + side / 2;
+    rows.clone().map(move |row| {
+        let height = (row - rows.start) as f64 / rows.len() as f64;
+        let width = part.row_width(row);
+        let inset = (width.len() as f64 * 0.5 * (1.0 - MIDDLE)) as usize;
+        let columns = width.start + inset..width.end - inset;
+        let seen = columns.filter(move |column| part.contains(*column as u32, row as u32));
+        (height, seen.filter_map(move |column| colours.at(middle(column), middle(row))))
+    })
 }
 
 impl Histogram {

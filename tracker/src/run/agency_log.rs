@@ -3,11 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use super::{Followed, Output};
+use crate::Result;
 use crate::method::agents::AgencyRecord;
 use crate::stage::Stage;
 use crate::tracks::AgentsFile;
 use crate::wire::packet;
-use crate::{Error, Result};
 
 /// The packets of all stations of a run: a file that grows, and figures at its end, in the folder `agents`.
 #[derive(Debug)]
@@ -44,15 +44,17 @@ impl Output for AgencyLog {
             let name = self.names.get(usize::from(packet.station.0)).map_or("?", String::as_str);
             self.file.write(packet, name)?;
             self.record.extend(packet);
-            let sent = packet::encode(packet, packet.time_s);
-            self.bytes += sent.map_err(|e| Error::option("--method agents", e.to_string()))?.len();
+            // What cannot be encoded would not be sent.
+            self.bytes += packet::encode(packet, packet.time_s).map_or(0, |bytes| bytes.len());
         }
         Ok(())
     }
 
     fn finish(self: Box<Self>) -> Result<()> {
-        if let Some([first_s, last_s]) = self.span_s.filter(|[first_s, last_s]| last_s > first_s) {
-            let kb_s = 1e-3 * self.bytes as f64 / (last_s - first_s) / self.names.len().max(1) as f64;
+        if let Some([first_s, last_s]) = self.span_s.filter(|[first_s, last_s]| last_s > first_s)
+            && self.names.len() > 1
+        {
+            let kb_s = 1e-3 * self.bytes as f64 / (last_s - first_s) / self.names.len() as f64;
             tracing::info!("each station would send {kb_s:.2} kB/s to each neighbour");
         }
         self.record.write(&self.folder, &self.names)

@@ -67,6 +67,9 @@ mod keys;
 mod network;
 #[cfg(feature = "zenoh")]
 mod roster;
+#[cfg(feature = "zenoh")]
+#[cfg(test)]
+mod test_loopback;
 
 #[cfg(not(feature = "zenoh"))]
 pub use self::absent::{Downlink, Mesh, Uplink};

@@ -2,6 +2,7 @@
 
 use image::Rgb;
 
+use crate::identity::appearance;
 use crate::observation::Colours;
 use crate::silhouette::{Silhouette, View};
 
@@ -26,8 +27,6 @@ pub struct Looks {
 /// Bands of the body that the colours are those of, in parts of the visible silhouette from its top: chest, hip, legs.
 /// Head and feet are small and alike.
 const BANDS: [std::ops::Range<f64>; 3] = [0.18..0.38, 0.38..0.55, 0.58..0.88];
-/// Around the middle of a row this part of its width is the person in every pose.
-const MIDDLE: f64 = 0.5;
 /// Samples that a band needs.
 const LEAST_SAMPLES: u32 = 6;
 
@@ -55,22 +54,12 @@ impl Looks {
     /// The mean colours of the bands of somebody whose visible part is given; `None` where a band shows too little.
     pub fn of_part(colours: &Colours, view: &View, part: &Silhouette) -> Option<Self> {
         let mut sums = [([0.0; 3], 0_u32); 3];
-        let rows = part.row_range();
-        for row in rows.clone() {
-            let height = (row - rows.start) as f64 / rows.len() as f64;
+        for (height, samples) in appearance::middle_rows(colours, view, part) {
             let Some(band) = BANDS.iter().position(|band| band.contains(&height)) else { continue };
-            let width = part.row_width(row);
-            let inset = (width.len() as f64 * 0.5 * (1.0 - MIDDLE)) as usize;
-            for column in width.start + inset..width.end - inset {
-                let side = u32::from(view.block);
-                let middle = |i: usize| i as u32 * side + side / 2;
-                if part.contains(column as u32, row as u32)
-                    && let Some(Rgb(levels)) = colours.at(middle(column), middle(row))
-                {
-                    let (sum, count) = &mut sums[band];
-                    sum.iter_mut().zip(levels).for_each(|(sum, level)| *sum += f64::from(level));
-                    *count += 1;
-                }
+            let (sum, count) = &mut sums[band];
+            for Rgb(levels) in samples {
+                sum.iter_mut().zip(levels).for_each(|(sum, level)| *sum += f64::from(level));
+                *count += 1;
             }
         }
         if sums.iter().any(|(_, count)| *count < LEAST_SAMPLES) {

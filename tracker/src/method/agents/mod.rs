@@ -34,6 +34,8 @@ mod solo;
 mod station;
 mod system;
 #[cfg(test)]
+mod test_views;
+#[cfg(test)]
 mod together_tests;
 
 pub use field_of_view::StageView;

@@ -48,8 +48,8 @@ impl AgentStation {
         Ok(Self { tracking: ImageTracking::new(stage, camera, &sampler)?, rule, restarts: Vec::new() })
     }
 
-    /// Takes in one frame and the packets heard since the last one, with times on this station's clock. Returns what is
-    /// to be sent.
+    /// Takes in one frame and the packets heard since the last one, with times on this station's clock. Returns what the
+    /// station sees, and the packet to be sent.
     ///
     /// # Errors
     /// When the mask does not fit the camera ([`crate::Error::FrameSize`]).
@@ -67,6 +67,8 @@ impl AgentStation {
         if let Some(followed) = self.rule.followed() {
             self.tracking.follow(&followed);
         }
+        // Who is hidden now, or is seen by others alone, may come into view anywhere: image tracking finds them near where
+        // they should be, and only where its mask shows somebody whom nobody explains.
         let unseen = self.rule.people().into_iter().filter(|person| person.agent.is_none());
         self.restarts
             .extend(unseen.map(|person| Restart { position: person.position, height_m: person.height_m }));

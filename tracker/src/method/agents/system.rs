@@ -18,6 +18,8 @@ const MOST_STATIONS: usize = 255;
 
 /// Somebody whom no station sees now is told while that is likely.
 const LIKELY: f64 = 0.5;
+/// Confidences that differ by less than one in this are about the same.
+const SURENESS_STEPS: f64 = 10.0;
 /// Two bodies are not nearer to each other than this, metres.
 const SAME_M: f64 = 0.35;
 
@@ -60,13 +62,16 @@ impl Agents {
         })
     }
 
-    /// The agencies of this moment: of each target the belief of the station that knows best.
+    /// The agencies of this moment: of each target the belief of its leader. That is an agent that sees the person now and
+    /// is the surest of those (seed 000, section 3.3); of agents that are about as sure, the one that knows the place best.
     fn agencies(&self) -> Vec<Belief> {
         let mut best: Vec<Belief> = self.stations.iter().flat_map(AgentStation::people).collect();
         let spread = |belief: &Belief| belief.covariance.determinant();
+        let sureness = |belief: &Belief| (SURENESS_STEPS * belief.confidence).round();
         best.sort_by(|a, b| {
             (a.target.cmp(&b.target))
                 .then(b.agent.is_some().cmp(&a.agent.is_some()))
+                .then(sureness(b).total_cmp(&sureness(a)))
                 .then(spread(a).total_cmp(&spread(b)))
         });
         best.dedup_by_key(|belief| belief.target);

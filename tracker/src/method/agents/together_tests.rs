@@ -8,24 +8,12 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 use super::modern::{Modern, ModernOptions};
-use super::{FieldOfView, Packet, Rule, Sighting, Sightings, StationId, TargetId};
+use super::test_views::Views;
+use super::{Packet, Rule, Sighting, Sightings, StationId, TargetId};
 
 /// Standard deviation of a sighting along each axis, metres.
 const NOISE_M: f64 = 0.08;
 const RATE_HZ: f64 = 12.0;
-
-/// Everybody is seen from everywhere.
-struct Open;
-
-impl FieldOfView for Open {
-    fn visible(&self, _: StationId, _: Point2<f64>, _: f64) -> f64 {
-        1.0
-    }
-
-    fn overlap(&self, _: StationId, _: StationId) -> bool {
-        true
-    }
-}
 
 /// Two stations and their link.
 struct Pair {
@@ -38,7 +26,7 @@ struct Pair {
 }
 
 fn rule(station: u8) -> Modern {
-    Modern::new(StationId(station), 2, Arc::new(Open), ModernOptions::default())
+    Modern::new(StationId(station), 2, Arc::new(Views::OPEN), ModernOptions::default())
 }
 
 impl Pair {

@@ -28,7 +28,8 @@ const FRESH_S: f64 = 0.3;
 const ACROSS_M: f64 = 0.4;
 /// Distance up to which one camera errs, metres.
 const FARTHEST_M: f64 = 3.0;
-/// Time after which the station with the younger id gives way, and the other, seconds: so that two never give way at once.
+/// Duration of a contradiction after which an image track moves, seconds: for the younger of the two ids, and for the
+/// older. They differ so that two stations never move their tracks to each other's place at once.
 const GIVES_WAY_S: [f64; 2] = [0.3, 1.2];
 /// Time for which somebody who was leaving has to be seen in company by this station alone until they have left, seconds.
 const HAS_LEFT_S: f64 = 0.15;
@@ -134,30 +135,16 @@ mod tests {
 
     use nalgebra::{Point2, Vector2};
 
+    use super::super::super::test_views::Views;
     use super::super::super::{AgentId, Packet, Report, Rule, Sighting, Sightings, TargetId};
     use super::super::{Modern, ModernOptions};
     use super::*;
 
-    /// A hall in which every station sees everything but what lies beyond `hidden_from_x_m` for station 1.
-    struct Hall {
-        hidden_from_x_m: f64,
-    }
-
-    impl FieldOfView for Hall {
-        fn visible(&self, station: StationId, place: Point2<f64>, _height_m: f64) -> f64 {
-            if station.0 == 1 && place.x > self.hidden_from_x_m { 0.0 } else { 1.0 }
-        }
-
-        fn overlap(&self, _a: StationId, _b: StationId) -> bool {
-            true
-        }
-    }
-
-    /// Station 0 looks along x and sees somebody 2 m too far, beyond every gate; station 1 looks along y and has the place right. Returns
-    /// the targets that station 0 knows after 3 s, and where its image track is to look.
-    fn follow(hall: Hall) -> (Vec<TargetId>, Option<f64>) {
+    /// Station 0 looks along x and sees somebody 2 m too far, beyond every gate; station 1 looks along y and has the place
+    /// right. Returns the targets that station 0 knows after 3 s, and the x to which its image track is brought.
+    fn follow(views: Views) -> (Vec<TargetId>, Option<f64>) {
         let options = ModernOptions { listen_s: 0.0, ..ModernOptions::default() };
-        let mut station = Modern::new(StationId(0), 2, Arc::new(hall), options);
+        let mut station = Modern::new(StationId(0), 2, Arc::new(views), options);
         let covariance = |along_x_m: f64, along_y_m: f64| {
             Matrix2::from_diagonal(&Vector2::new(along_x_m.powi(2), along_y_m.powi(2)))
         };
@@ -205,14 +192,15 @@ mod tests {
 
     #[test]
     fn someone_seen_too_far_away_is_brought_to_where_another_station_has_them() {
-        let (targets, x_m) = follow(Hall { hidden_from_x_m: 9.0 });
+        let (targets, x_m) = follow(Views::OPEN);
         assert_eq!(targets, [TargetId(2)]);
         assert!((x_m.unwrap() - 3.0).abs() < 0.1, "{x_m:?}");
     }
 
     #[test]
     fn someone_whom_no_other_station_could_see_is_somebody_else() {
-        let (targets, x_m) = follow(Hall { hidden_from_x_m: 4.0 });
+        let (targets, x_m) =
+            follow(Views(|station, place| if station == 1 && place.x > 4.0 { 0.0 } else { 1.0 }));
         assert_eq!(targets.len(), 2);
         assert!((x_m.unwrap() - 5.0).abs() < 0.1, "{x_m:?}");
     }

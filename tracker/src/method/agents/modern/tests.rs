@@ -4,6 +4,7 @@ use nalgebra::{Matrix2, Point2, Vector2, point, vector};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
+use super::super::test_views::Views;
 use super::super::{
     AgentId, Belief, Colour, FieldOfView, Looks, Packet, Report, Rule, Sighting, Sightings, StationId, Step,
     TargetId,
@@ -11,22 +12,6 @@ use super::super::{
 use super::{Modern, ModernOptions};
 
 const DT: f64 = 0.1;
-
-/// Fields of view as a function of station and place.
-struct Views(fn(u8, Point2<f64>) -> f64);
-
-impl FieldOfView for Views {
-    fn visible(&self, station: StationId, place: Point2<f64>, _height_m: f64) -> f64 {
-        (self.0)(station.0, place)
-    }
-    fn overlap(&self, _a: StationId, _b: StationId) -> bool {
-        true
-    }
-}
-
-fn everywhere(_station: u8, _place: Point2<f64>) -> f64 {
-    1.0
-}
 
 /// Stations in one room, and packets that reach the others one frame later.
 struct Room {
@@ -137,7 +122,7 @@ fn report(target: u32, position: Point2<f64>) -> Report {
 
 #[test]
 fn all_stations_give_a_person_one_id() {
-    let mut room = Room::new(4, everywhere);
+    let mut room = Room::new(4, Views::OPEN.0);
     room.run(3.0, &three());
     let ids = room.ids(0, &three());
     assert!(ids.iter().all(Option::is_some) && ids[0] != ids[1] && ids[1] != ids[2] && ids[0] != ids[2]);
@@ -149,7 +134,7 @@ fn all_stations_give_a_person_one_id() {
 
 #[test]
 fn a_cut_network_heals_within_seconds() {
-    let mut room = Room::new(4, everywhere);
+    let mut room = Room::new(4, Views::OPEN.0);
     for _ in 0..100 {
         room.step(&three(), |a, b| a / 2 == b / 2);
     }
@@ -164,7 +149,7 @@ fn a_cut_network_heals_within_seconds() {
 
 #[test]
 fn people_who_turn_where_they_meet_keep_their_ids() {
-    let mut room = Room::new(3, everywhere);
+    let mut room = Room::new(3, Views::OPEN.0);
     // Two people walk towards each other, touch, and each goes back where the other would have gone on to.
     let at = |t: f64| {
         let away = (3.0 - t).abs() + 0.1;
@@ -263,7 +248,7 @@ fn numbers_that_are_no_measurement_are_refused() {
 
 #[test]
 fn somebody_who_vanishes_in_plain_view_is_gone_soon() {
-    let mut room = Room::new(2, everywhere);
+    let mut room = Room::new(2, Views::OPEN.0);
     room.run(3.0, &three());
     room.run(2.0, &three()[..2]);
     for rule in &room.rules {
@@ -295,7 +280,7 @@ fn somebody_hidden_is_carried_and_comes_back_the_same() {
 
 #[test]
 fn nobody_is_missed_by_a_camera_that_shows_nothing() {
-    let mut room = Room::new(2, everywhere);
+    let mut room = Room::new(2, Views::OPEN.0);
     room.run(3.0, &three());
     for _ in 0..50 {
         room.frame += 1;
@@ -314,7 +299,7 @@ fn nobody_is_missed_by_a_camera_that_shows_nothing() {
 
 #[test]
 fn a_restarted_station_takes_the_ids_that_it_hears() {
-    let mut room = Room::new(3, everywhere);
+    let mut room = Room::new(3, Views::OPEN.0);
     room.run(4.0, &three());
     let ids = room.ids(0, &three());
     room.rules[1] =
@@ -329,7 +314,7 @@ fn a_restarted_station_takes_the_ids_that_it_hears() {
 
 #[test]
 fn image_tracking_is_asked_for_people_whom_only_others_see() {
-    let mut room = Room::new(2, everywhere);
+    let mut room = Room::new(2, Views::OPEN.0);
     room.run(3.0, &three());
     let mut asked = Vec::new();
     for _ in 0..20 {
@@ -352,7 +337,7 @@ fn image_tracking_is_asked_for_people_whom_only_others_see() {
 
 #[test]
 fn what_a_station_knows_is_bounded() {
-    let mut room = Room::new(2, everywhere);
+    let mut room = Room::new(2, Views::OPEN.0);
     let mut rng = Pcg64Mcg::seed_from_u64(3);
     for frame in 0..60u32 {
         room.sent.retain(|p| p.station != StationId(1));

@@ -6,28 +6,15 @@ use std::sync::Arc;
 use nalgebra::{Matrix2, Point2, point, vector};
 
 use super::super::simulate::{Crossing, Options, Site, World, run_trial};
-use super::super::{
-    Colour, FieldOfView, Looks, Packet, Rule, Sighting, Sightings, StationId, Step, TargetId,
-};
+use super::super::test_views::Views;
+use super::super::{Colour, Looks, Packet, Rule, Sighting, Sightings, StationId, Step, TargetId};
 use super::{Published, PublishedOptions};
 
 const DT_S: f64 = 0.1;
 
-/// Everybody sees everything.
-struct Open;
-
-impl FieldOfView for Open {
-    fn visible(&self, _: StationId, _: Point2<f64>, _: f64) -> f64 {
-        1.0
-    }
-
-    fn overlap(&self, _: StationId, _: StationId) -> bool {
-        true
-    }
-}
-
 fn stations(count: u8) -> Vec<Published> {
-    let station = |id| Published::new(StationId(id), count, Arc::new(Open), PublishedOptions::default());
+    let station =
+        |id| Published::new(StationId(id), count, Arc::new(Views::OPEN), PublishedOptions::default());
     (0..count).map(station).collect()
 }
 

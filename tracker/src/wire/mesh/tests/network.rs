@@ -1,24 +1,19 @@
 //! Members of the mesh on loopback.
 
-use std::net::TcpListener;
 use std::time::{Duration, Instant, SystemTime};
 
-use zenoh::{Session, Wait};
+use zenoh::Wait;
 
 use super::super::super::{Endpoints, keys};
 use super::super::{Membership, Mesh, OwnClock, Refusal};
 use super::*;
 use crate::source::utc_s;
+use crate::wire::test_loopback::{free_address, stranger};
 
 /// Number of times that two stations dial each other.
 const DIALS: u32 = 5;
 /// Bound of every wait.
 const BOUND: Duration = Duration::from_secs(20);
-
-fn free_address() -> String {
-    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    format!("127.0.0.1:{}", listener.local_addr().unwrap().port())
-}
 
 fn endpoints(listen: Option<&str>, connect: &[&str]) -> Endpoints {
     Endpoints {
@@ -168,19 +163,6 @@ fn two_stations_that_dial_each_other_are_linked() {
         }
         println!("linked after {:?}", begun.elapsed());
     }
-}
-
-/// Session of a stranger that may do everything that Zenoh allows.
-fn stranger(address: &str) -> Session {
-    let mut config = zenoh::Config::default();
-    for (key, value) in [
-        ("connect/endpoints", format!("[\"tcp/{address}\"]")),
-        ("listen/endpoints", "[]".to_owned()),
-        ("scouting/multicast/enabled", "false".to_owned()),
-    ] {
-        config.insert_json5(key, &value).unwrap();
-    }
-    zenoh::open(config).wait().unwrap()
 }
 
 #[test]

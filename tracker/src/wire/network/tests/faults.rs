@@ -1,12 +1,13 @@
 //! Live stations that come, go and come back; and peers that must not take part.
 
 use std::io::{Read, Write};
-use std::net::TcpStream;
+use std::net::{TcpListener, TcpStream};
 use std::time::Instant;
 
-use zenoh::{Session, Wait};
+use zenoh::Wait;
 
 use super::*;
+use crate::wire::test_loopback::stranger;
 
 /// Thread of a live station that observes all the time; its result is the error that ended it.
 fn observe_live(camera: &'static str, address: &str, stop: &'static AtomicBool) -> JoinHandle<Result<()>> {
@@ -129,19 +130,6 @@ fn stations_of_another_room_and_missing_ones_are_told_in_one_line() {
     let interrupted = AtomicBool::new(true);
     let line = own.wait_for_start(None, &interrupted).unwrap_err().to_string();
     assert_eq!(line, "station `cam1`: interrupted while it waited for the gatherer");
-}
-
-/// Session of a stranger that may do everything that Zenoh allows.
-fn stranger(address: &str) -> Session {
-    let mut config = zenoh::Config::default();
-    for (key, value) in [
-        ("connect/endpoints", format!("[\"tcp/{address}\"]")),
-        ("listen/endpoints", "[]".to_owned()),
-        ("scouting/multicast/enabled", "false".to_owned()),
-    ] {
-        config.insert_json5(key, &value).unwrap();
-    }
-    zenoh::open(config).wait().unwrap()
 }
 
 #[test]

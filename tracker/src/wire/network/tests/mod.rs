@@ -5,7 +5,6 @@ mod faults;
 mod recordings;
 mod tls;
 
-use std::net::TcpListener;
 use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::{self, Receiver};
 use std::thread::{self, JoinHandle};
@@ -18,6 +17,7 @@ use crate::observation::{Colours, Feedback, Mask, Observation};
 use crate::silhouette::Body;
 use crate::station::Port;
 use crate::station::{Event, Pictures, Seen};
+use crate::wire::test_loopback::free_address;
 use crate::wire::{Endpoints, Expected, ExpectedCamera, Fingerprint, Hello};
 
 /// Bound of every wait in these tests.
@@ -26,12 +26,6 @@ const ROOM: Fingerprint = Fingerprint([5; Fingerprint::BYTES]);
 const SIZE: (u32, u32) = (96, 72);
 /// Interrupt flag that is never set.
 static GO_ON: AtomicBool = AtomicBool::new(false);
-
-/// Free address of the loopback: no process listens there.
-fn free_address() -> String {
-    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    format!("127.0.0.1:{}", listener.local_addr().unwrap().port())
-}
 
 fn listening(address: &str) -> Endpoints {
     Endpoints { listen: vec![address.parse().unwrap()], ..Endpoints::default() }
