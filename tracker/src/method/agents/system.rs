@@ -62,19 +62,9 @@ impl Agents {
         })
     }
 
-    /// The agencies of this moment: of each target the belief of its leader. That is an agent that sees the person now and
-    /// is the surest of those (seed 000, section 3.3); of agents that are about as sure, the one that knows the place best.
+    /// The agencies of this moment: of each target the belief of its leader.
     fn agencies(&self) -> Vec<Belief> {
-        let mut best: Vec<Belief> = self.stations.iter().flat_map(AgentStation::people).collect();
-        let spread = |belief: &Belief| belief.covariance.determinant();
-        let sureness = |belief: &Belief| (SURENESS_STEPS * belief.confidence).round();
-        best.sort_by(|a, b| {
-            (a.target.cmp(&b.target))
-                .then(b.agent.is_some().cmp(&a.agent.is_some()))
-                .then(sureness(b).total_cmp(&sureness(a)))
-                .then(spread(a).total_cmp(&spread(b)))
-        });
-        best.dedup_by_key(|belief| belief.target);
+        let mut best = leaders(self.stations.iter().flat_map(AgentStation::people).collect());
         let is_there = |belief: &Belief| belief.agent.is_some() || belief.confidence > LIKELY;
         let floor = &self.stage.floor;
         best.retain(|belief| is_there(belief) && floor.is_inside(belief.position.x, belief.position.y));
@@ -120,6 +110,22 @@ impl Method for Agents {
     }
 }
 
+/// For each target, by ascending id, the belief of its agency's leader among those of all stations: an agent that sees the
+/// person now and is the surest of those (seed 000, section 3.3); of agents that are about as sure, the one that knows the
+/// place best.
+fn leaders(mut beliefs: Vec<Belief>) -> Vec<Belief> {
+    let spread = |belief: &Belief| belief.covariance.determinant();
+    let sureness = |belief: &Belief| (SURENESS_STEPS * belief.confidence).round();
+    beliefs.sort_by(|a, b| {
+        (a.target.cmp(&b.target))
+            .then(b.agent.is_some().cmp(&a.agent.is_some()))
+            .then(sureness(b).total_cmp(&sureness(a)))
+            .then(spread(a).total_cmp(&spread(b)))
+    });
+    beliefs.dedup_by_key(|belief| belief.target);
+    beliefs
+}
+
 /// The body of somebody of average width.
 pub(super) fn body(position: Point2<f64>, height_m: f64) -> Body {
     Body { x_m: position.x, y_m: position.y, height_m, ..Body::ADULT }
@@ -139,5 +145,43 @@ pub(super) fn estimate(belief: &Belief, visible: Vec<f64>) -> PersonEstimate {
         sigma_m: [sigma_m(0), sigma_m(1)],
         confidence: belief.confidence,
         visible,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Matrix2, Vector2};
+
+    use super::super::{AgentId, TargetId};
+    use super::*;
+
+    fn belief(target: u32, station: Option<u8>, x_m: f64, sigma_m: f64, confidence: f64) -> Belief {
+        Belief {
+            target: TargetId(target),
+            agent: station.map(|station| AgentId { station: StationId(station), number: 1 }),
+            position: Point2::new(x_m, 0.0),
+            covariance: Matrix2::identity() * sigma_m.powi(2),
+            velocity: Vector2::zeros(),
+            height_m: 1.7,
+            confidence,
+        }
+    }
+
+    /// One station has taken two people for each other, and is not sure of it; its places are the best.
+    #[test]
+    fn a_station_that_is_less_sure_does_not_lead() {
+        let beliefs = vec![
+            belief(7, Some(1), 1.0, 0.05, 0.5),
+            belief(8, Some(1), 5.0, 0.05, 0.5),
+            belief(7, Some(0), 5.0, 0.2, 0.98),
+            belief(8, Some(0), 1.0, 0.2, 0.98),
+            // As sure, and nearer to the truth; and somebody whom nobody sees now.
+            belief(7, Some(2), 5.1, 0.1, 0.97),
+            belief(3, None, 2.0, 1.0, 0.6),
+            belief(8, None, 9.0, 0.01, 1.0),
+        ];
+        let found: Vec<(u32, f64)> =
+            leaders(beliefs).iter().map(|belief| (belief.target.0, belief.position.x)).collect();
+        assert_eq!(found, [(3, 2.0), (7, 5.1), (8, 1.0)]);
     }
 }
