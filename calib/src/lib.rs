@@ -1,6 +1,6 @@
 //! Camera models, intrinsic and extrinsic calibration, absolute orientation.
 //!
-//! The lowest crate: everything here speaks `f64` `nalgebra`, and nothing here knows of rooms or people.
+//! The lowest crate of the field's work: everything here speaks `f64` `nalgebra`, and nothing here knows of rooms or people.
 //!
 //! * [`Camera`] — where a camera stands ([`nalgebra::Isometry3`], `camera_from_world`) and how it maps
 //!   directions to pixels ([`Intrinsics`], with OpenCV's [`Distortion`]). Start here.
@@ -9,7 +9,6 @@
 //! * [`picture`] — pictures in files: photographs upright, drawings whole or not at all.
 //! * [`photograph`] — the lens that a photograph tells in its EXIF block.
 //! * [`undistort`] — lookup maps between a distorted image and its pinhole twin.
-//! * [`console`] — how each of the project's programs begins and ends: log, progress, one line of error, exit status.
 //! * [`vision`] — the project's one door to OpenCV: optical flow, background models, chessboards.
 //! * [`video`] — the project's one door to FFmpeg: frames in, films out. The rest of the crate builds and tests without
 //!   these two (feature `vision`).
@@ -24,7 +23,6 @@
 
 pub mod absolute_orientation;
 mod camera;
-pub mod console;
 mod distortion;
 mod error;
 pub mod files;

@@ -3,7 +3,7 @@
 //! One camera is filmed while it is moved to its final pose; the frame at that pose is its *reference image*. Data
 //! flows down this list, a module a stage:
 //!
-//! * [`build`] — `recon build`: from `room.toml` to the room directory. Start here.
+//! * [`pipeline`] — `recon build`: from `room.toml` to the room directory. Start here.
 //! * [`project`] — `room.toml`, checked.
 //! * [`capture`] — the frames of one camera and which of them is the reference image.
 //! * [`features`] — corners followed from frame to frame: tracks.
@@ -22,7 +22,6 @@
 #![forbid(unsafe_code)]
 
 pub mod assemble;
-pub mod build;
 pub mod bundle;
 pub mod capture;
 pub mod dense;
@@ -33,6 +32,7 @@ pub mod floor;
 pub mod fusion;
 pub mod merge;
 pub mod motion;
+pub mod pipeline;
 pub mod planes;
 pub mod plumb;
 pub mod project;

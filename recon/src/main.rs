@@ -7,8 +7,8 @@ mod cli;
 
 use std::process::ExitCode;
 
-use calib::console::{CANNOT, Console};
 use clap::Parser;
+use shell::console::{CANNOT, Console};
 
 fn main() -> ExitCode {
     let arguments = cli::Arguments::parse();

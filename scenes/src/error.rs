@@ -46,13 +46,8 @@ pub enum Error {
         problem: String,
     },
     /// An address at which no page can be served.
-    #[error("{address}: {problem}")]
-    Listen {
-        /// Host and port.
-        address: String,
-        /// What is wrong and what to do about it.
-        problem: String,
-    },
+    #[error(transparent)]
+    Listen(#[from] shell::loopback::ListenError),
     /// Geometry that cannot be intersected.
     #[error("geometry: {0}")]
     Geometry(String),

@@ -8,27 +8,22 @@
 //! * [`raycast`] — [`raycast::RayScene`]: rays against the geometry; [`depth`] — what a camera sees of the empty room.
 //! * [`exchange`] — rooms from and for other programs: COLMAP, nerfstudio.
 //! * [`walkable`] — [`walkable::WalkableMap`]: where a person can stand.
-//! * [`canvas`] — the one place that draws: shapes and text over pictures; [`view`] — the room seen from anywhere,
-//!   with people in it; [`plan`] — its floor plan.
-//! * [`loopback`] — pages that a program serves to its own machine; [`editor`] — that on which people draw zones.
+//! * [`view`] — the room seen from anywhere, with people in it; [`plan`] — its floor plan.
+//! * [`editor`] — the page on which people draw zones.
 //! * [`cache`] — what is worked out once and kept beside a room.
-//! * [`synthetic`] — seeded rooms and walking people with everything known about them, for tests.
 #![forbid(unsafe_code)]
 
 pub mod cache;
-pub mod canvas;
 pub mod depth;
 pub mod editor;
 mod error;
 pub mod exchange;
 pub mod geometry;
-pub mod loopback;
 pub mod plan;
 pub mod polygon;
 pub mod raycast;
 pub mod room;
 mod sight;
-pub mod synthetic;
 pub mod view;
 pub mod walkable;
 

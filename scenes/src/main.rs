@@ -9,8 +9,8 @@ mod cli;
 use std::io::Write;
 use std::process::ExitCode;
 
-use calib::console::Console;
 use clap::Parser;
+use shell::console::Console;
 
 fn main() -> ExitCode {
     let arguments = cli::Arguments::parse();

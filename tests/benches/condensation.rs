@@ -4,7 +4,7 @@
 //! `cargo bench -p tests --bench condensation [-- occlusion|entries|accuracy|time]`
 #![forbid(unsafe_code)]
 
-use scenes::synthetic::{SyntheticRoom, WalkerOptions};
+use synthetic::{SyntheticRoom, WalkerOptions};
 use tests::chain::Said;
 use tests::hall::{
     behind_the_screen, going_round, hall, hidden_from, nearest, passing_through, pictures, recording, step,

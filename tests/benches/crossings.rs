@@ -12,9 +12,7 @@ use nalgebra::{Point2, Vector2};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use scenes::room::Room;
-use scenes::synthetic::{
-    PersonTruth, RoomKind, RoomOptions, Sequence, SequenceOptions, SyntheticRoom, Walker,
-};
+use synthetic::{PersonTruth, RoomKind, RoomOptions, Sequence, SequenceOptions, SyntheticRoom, Walker};
 use tests::chain::Said;
 use tracker::method::Method;
 use tracker::method::agents::modern::ModernOptions;
@@ -152,7 +150,7 @@ impl Crossing {
         let mut systems = [agents(&rules[0])?, agents(&rules[1])?];
         let mut ids = [Ids::default(), Ids::default()];
         for frame in self.sequence(made).frames() {
-            let seen = |c: &scenes::synthetic::CameraFrame| {
+            let seen = |c: &synthetic::CameraFrame| {
                 let mask = Mask::from(&c.mask);
                 let colours = c.image.as_ref().map(|image| Colours::of_picture(&mask, 2, image));
                 CameraFrame { mask: Some(mask), colours, image: None }

@@ -8,11 +8,11 @@ use std::path::Path;
 
 use calib::{Camera, Intrinsics};
 use nalgebra::{Point2, Point3};
-use scenes::canvas::Color;
 use scenes::plan::{FloorPlan, PlanOptions};
 use scenes::room::{Room, RoomCamera};
-use scenes::synthetic::{RoomOptions, SequenceOptions, SyntheticRoom, Walker};
 use scenes::view::look_at;
+use shell::canvas::Color;
+use synthetic::{RoomOptions, SequenceOptions, SyntheticRoom, Walker};
 use tests::chain::Said;
 use tests::data::folder_to_write;
 use tracker::likelihood::Rule;
@@ -137,7 +137,7 @@ fn cross(pair: u64, options: &McmcOptions) -> Said<Outcome> {
     );
     let mut outcome = Outcome { least_visible: 1.0, ..Outcome::default() };
     for frame in sequence.frames() {
-        let seen = |c: &scenes::synthetic::CameraFrame| {
+        let seen = |c: &synthetic::CameraFrame| {
             let mask = Mask::from(&c.mask);
             let colours = c.image.as_ref().map(|image| Colours::of_picture(&mask, 1, image));
             CameraFrame { mask: Some(mask), colours, image: None }

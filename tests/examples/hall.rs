@@ -8,7 +8,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use scenes::synthetic::{RenderOptions, SequenceOptions};
+use synthetic::{RenderOptions, SequenceOptions};
 use tests::chain::Said;
 use tests::data::folder_to_write;
 use tests::hall::{going_round, hall, passing_through, recording};

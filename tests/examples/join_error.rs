@@ -13,7 +13,7 @@ use calib::Camera;
 use scenes::depth;
 use scenes::raycast::RayScene;
 use scenes::room::Room;
-use scenes::synthetic::RoomOptions;
+use synthetic::RoomOptions;
 use tests::accuracy::{camera_against_floor, relative_pose};
 use tests::chain::{Said, run};
 

@@ -7,9 +7,9 @@
 use std::path::Path;
 use std::time::Instant;
 
-use scenes::canvas::Color;
 use scenes::plan::{FloorPlan, PlanOptions};
 use scenes::room::Room;
+use shell::canvas::Color;
 use tests::accuracy::{ALONE, ROUTE, office_route, places};
 use tests::chain::{Said, track};
 use tests::data::{folder_to_write, office};

@@ -9,7 +9,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use scenes::raycast::RayScene;
-use scenes::synthetic::{RoomOptions, SequenceOptions, WalkerOptions};
+use synthetic::{RoomOptions, SequenceOptions, WalkerOptions};
 use tests::chain::Said;
 use tests::data::folder_to_write;
 

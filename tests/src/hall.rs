@@ -2,7 +2,7 @@
 
 use image::RgbImage;
 use nalgebra::{Point2, Point3, Vector2};
-use scenes::synthetic::{
+use synthetic::{
     Frame, RenderOptions, RoomKind, RoomOptions, Screen, Sequence, SequenceOptions, SyntheticRoom,
     WalkerOptions,
 };

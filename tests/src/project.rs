@@ -10,7 +10,7 @@ use nalgebra::{Point2, Point3, Vector2};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use scenes::raycast::RayScene;
-use scenes::synthetic::{CaptureOptions, SyntheticRoom};
+use synthetic::{CaptureOptions, SyntheticRoom};
 
 use crate::chain::Said;
 

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use image::RgbImage;
 use nalgebra::Point2;
-use scenes::canvas::{Canvas, Color, Stroke, TextStyle};
+use shell::canvas::{Canvas, Color, Stroke, TextStyle};
 
 use crate::{Error, Result};
 

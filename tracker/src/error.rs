@@ -55,6 +55,9 @@ pub enum Error {
     /// A camera model, OpenCV or a file below this crate.
     #[error(transparent)]
     Calib(#[from] calib::Error),
+    /// An address at which the page cannot be served.
+    #[error(transparent)]
+    Listen(#[from] shell::loopback::ListenError),
 }
 
 impl Error {

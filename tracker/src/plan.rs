@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use nalgebra::Point2;
-use scenes::canvas::Color;
 use scenes::plan::{FloorPlan, PlanOptions};
 use scenes::room::Room;
+use shell::canvas::Color;
 
 use crate::{PersonEstimate, Result, TrackId};
 

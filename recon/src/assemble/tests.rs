@@ -10,7 +10,7 @@ use nalgebra::{Point2, Point3, Vector2, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use scenes::raycast::RayScene;
-use scenes::synthetic::RoomOptions;
+use synthetic::RoomOptions;
 
 /// Points that both cameras see, picked to within a pixel.
 fn picks(scene: &RayScene, [a, b]: [&Camera; 2], rng: &mut Pcg64Mcg) -> Vec<PickedPoint> {

@@ -6,7 +6,7 @@ use nalgebra::{DMatrix, Vector3};
 use rand::SeedableRng;
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64Mcg;
-use scenes::synthetic::tracks::{self, TrackOptions};
+use synthetic::tracks::{self, TrackOptions};
 
 /// Synthetic tracks in the frame of their first camera.
 fn scene(noise_px: f64, seed: u64) -> Problem {

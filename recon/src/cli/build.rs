@@ -3,11 +3,11 @@
 use std::path::PathBuf;
 
 use anyhow::Context;
-use calib::console::{Console, Stages};
 use clap::ValueEnum;
-use recon::build::{self, BuildOptions, BuildReport};
 use recon::dense::DenseOptions;
 use recon::motion::MotionOptions;
+use recon::pipeline::{self, BuildOptions, BuildReport};
+use shell::console::{Console, Stages};
 
 /// Build a room directory from a capture project.
 ///
@@ -82,7 +82,7 @@ impl Build {
         let options =
             BuildOptions { zones, seed: self.seed, motion, dense, small_pictures, ..BuildOptions::default() };
         let mut stages: Option<Stages> = None;
-        let report = build::build(&self.project, &self.out, &options, &mut |step| {
+        let report = pipeline::build(&self.project, &self.out, &options, &mut |step| {
             stages.get_or_insert_with(|| console.stages(step.of)).show(step.number, &step.what);
         });
         drop(stages);

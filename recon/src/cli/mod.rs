@@ -3,8 +3,8 @@
 mod build;
 mod picks;
 
-use calib::console::Console;
 use clap::{Parser, Subcommand};
+use shell::console::Console;
 
 /// Rooms from captures: each camera is filmed while it is moved to its final pose.
 #[derive(Parser)]

@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use calib::console::{Console, Stages};
 use calib::files::write_together;
-use recon::build::{self, BuildOptions, ReferenceView};
+use recon::pipeline::{self, BuildOptions, ReferenceView};
 use recon::project::{PickedPoint, Project};
 use recon::proposals::{self, Found, Pair, ProposalOptions};
 use recon::surface::Surface;
+use shell::console::{Console, Stages};
 
 use super::build::Quality;
 
@@ -70,7 +70,7 @@ impl Picks {
         let options =
             BuildOptions { seed: self.seed, dense: self.quality.dense(), ..BuildOptions::default() };
         let mut stages: Option<Stages> = None;
-        let views = build::reference_views(&cameras, self.room.as_deref(), &options, &mut |step| {
+        let views = pipeline::reference_views(&cameras, self.room.as_deref(), &options, &mut |step| {
             stages.get_or_insert_with(|| console.stages(step.of)).show(step.number, &step.what);
         });
         drop(stages);

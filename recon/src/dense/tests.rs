@@ -3,7 +3,7 @@
 use nalgebra::Point2;
 use scenes::depth;
 use scenes::raycast::RayScene;
-use scenes::synthetic::{CaptureOptions, RoomOptions};
+use synthetic::{CaptureOptions, RoomOptions};
 
 use super::*;
 

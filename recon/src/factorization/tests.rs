@@ -7,7 +7,7 @@ use nalgebra::{Isometry3, Point2, Point3, Translation3, UnitQuaternion, Vector2,
 use rand::SeedableRng;
 use rand_distr::{Distribution, Normal, Uniform};
 use rand_pcg::Pcg64Mcg;
-use scenes::synthetic::tracks::TrackOptions;
+use synthetic::tracks::TrackOptions;
 
 use super::affine::{self, Measurements};
 use super::metric::{self, Metric, Model};

@@ -144,7 +144,7 @@ mod tests {
     use nalgebra::Point3;
     use rand::SeedableRng;
     use rand_distr::{Distribution, Uniform};
-    use scenes::synthetic::tracks::TrackOptions;
+    use synthetic::tracks::TrackOptions;
 
     type Rays = Vec<Vector3<f64>>;
 

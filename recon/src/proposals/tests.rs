@@ -6,7 +6,7 @@ use calib::Camera;
 use nalgebra::{Isometry3, Point3, Vector3};
 use scenes::geometry::{vec3_from_point, vec3_from_vector};
 use scenes::raycast::RayScene;
-use scenes::synthetic::{RoomOptions, SyntheticRoom};
+use synthetic::{RoomOptions, SyntheticRoom};
 
 fn room(seed: u64) -> SyntheticRoom {
     RoomOptions { seed, image_px: [480, 360], ..RoomOptions::default() }.build().unwrap()

@@ -9,7 +9,7 @@ use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
 use scenes::raycast::RayScene;
-use scenes::synthetic::{CaptureOptions, SyntheticRoom};
+use synthetic::{CaptureOptions, SyntheticRoom};
 
 use super::{Origin, Surface};
 

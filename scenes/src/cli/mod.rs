@@ -9,8 +9,8 @@ mod plan;
 
 use std::io::Write;
 
-use calib::console::CANNOT;
 use clap::{Parser, Subcommand};
+use shell::console::CANNOT;
 
 /// The room model: what stands in a room, and what its cameras see of it.
 #[derive(Parser)]

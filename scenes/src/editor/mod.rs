@@ -5,7 +5,7 @@
 //! floor a pixel shows, the server answers, so that there is one camera model. From outside to inside:
 //!
 //! * [`server`] — [`Server`]: refuses what is not the page's, and finds who answers; it listens by
-//!   [`crate::loopback`]. Start here.
+//!   [`shell::loopback`]. Start here.
 //! * [`session`] — the room that is edited: loaded, asked, saved.
 //! * [`outline`] — an outline on the floor, as lines in an image.
 //! * [`picture`] — the plan and the cameras' images; [`page`] — the page's own files.

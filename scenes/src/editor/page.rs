@@ -1,6 +1,6 @@
 //! The page's own files.
 
-use crate::loopback::PageFile;
+use shell::loopback::PageFile;
 
 /// All of them.
 pub(super) const FILES: [PageFile; 11] = [

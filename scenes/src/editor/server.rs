@@ -16,7 +16,7 @@ use serde::de::DeserializeOwned;
 use super::page::FILES;
 use super::session::{OutlinesRequest, PlaceRequest, Session, ZonesRequest};
 use crate::Error;
-use crate::loopback::{Answer, Listener, PageFile};
+use shell::loopback::{Answer, Listener, PageFile};
 
 /// The largest body that is read.
 const MOST_BODY_BYTES: usize = 1 << 20;
@@ -33,7 +33,7 @@ impl Server {
     /// # Errors
     /// [`Error::Listen`] when the address is not this machine's, or the port is in use or reserved.
     pub fn bind(host: &str, port: u16) -> crate::Result<Self> {
-        Listener::bind(host, port, "--port").map(Self)
+        Ok(Self(Listener::bind(host, port, "--port")?))
     }
 
     /// Where it listens.

@@ -45,7 +45,7 @@ mod tests {
     fn a_lens_and_a_pose_make_a_camera_and_what_is_wrong_is_named() {
         let folder = tempfile::tempdir().unwrap();
         let (lens, pose) = (folder.path().join("lens.toml"), folder.path().join("pose.toml"));
-        let room = crate::synthetic::RoomOptions::default().build().unwrap().room;
+        let room = crate::exchange::test_room::room(1);
         let expected = &room.cameras[0];
         calib::files::write_intrinsics(&lens, &expected.camera.intrinsics).unwrap();
         let rotation = expected.camera.camera_from_world.rotation.to_rotation_matrix();

@@ -6,6 +6,8 @@
 pub mod colmap;
 pub mod given;
 pub mod nerfstudio;
+#[cfg(test)]
+mod test_room;
 
 use std::path::Path;
 

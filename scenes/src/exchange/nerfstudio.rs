@@ -219,12 +219,12 @@ pub fn read(path: &Path) -> Result<Vec<RoomCamera>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::synthetic::RoomOptions;
+    use crate::exchange::test_room;
     use nalgebra::{Point3, Vector4};
 
     #[test]
     fn points_fall_where_the_room_sees_them() {
-        let room = RoomOptions::default().build().unwrap().room;
+        let room = test_room::room(1);
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("transforms.json");
         write(&path, &room).unwrap();
@@ -247,7 +247,7 @@ mod tests {
 
     #[test]
     fn cameras_come_back() {
-        let mut room = RoomOptions { cameras: 2, ..RoomOptions::default() }.build().unwrap().room;
+        let mut room = test_room::room(2);
         room.cameras[1].camera.intrinsics.distortion = [-0.2, 0.1, 1e-3, -2e-3, 0.05].into();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("transforms.json");

@@ -5,10 +5,10 @@ use image::{Rgb, RgbImage};
 use rayon::prelude::*;
 
 use crate::Result;
-use crate::canvas::Color;
 use crate::geometry::Geometry;
 use crate::raycast::RayScene;
 use crate::view::{exposure, first_seen, surrounded};
+use shell::canvas::Color;
 
 /// Rays along each side of a pixel.
 const SAMPLES: u32 = 2;

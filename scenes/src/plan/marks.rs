@@ -5,9 +5,9 @@ use nalgebra::{Point2, Rotation2, Vector2, Vector3};
 use super::outline::outlines;
 use super::{FloorPlan, PlanOptions};
 use crate::Result;
-use crate::canvas::{Color, Stroke, TextStyle};
 use crate::room::{Room, RoomCamera, Zone, ZoneKind};
 use crate::walkable::{self, WalkableMap};
+use shell::canvas::{Color, Stroke, TextStyle};
 
 /// Zones: teal, which is no person's colour.
 const ZONE: Color = Color::rgb(0, 134, 139);

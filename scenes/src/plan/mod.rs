@@ -14,11 +14,11 @@ use image::RgbImage;
 use nalgebra::{Point2, Vector2};
 
 use crate::Result;
-use crate::canvas::{Canvas, Color, Stroke, TextStyle};
 use crate::room::Room;
 use crate::sight::floor_nearby;
 use crate::view::extent;
 use crate::walkable::WalkableMap;
+use shell::canvas::{Canvas, Color, Stroke, TextStyle};
 
 pub use mapping::Mapping;
 

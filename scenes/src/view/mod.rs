@@ -14,9 +14,9 @@ use image::RgbImage;
 use nalgebra::{Point2, Point3};
 use rayon::prelude::*;
 
-use crate::canvas::Color;
 use crate::geometry::Geometry;
 use crate::raycast::RayScene;
+use shell::canvas::Color;
 
 pub(crate) use gaps::surrounded;
 pub(crate) use surface::{exposure, first_seen};

@@ -8,7 +8,7 @@ use calib::{Distortion, Intrinsics};
 use image::{Rgb, RgbImage};
 use nalgebra::{Point2, Point3};
 use scenes::room::Room;
-use scenes::synthetic::{
+use synthetic::{
     RenderOptions, RoomKind, RoomOptions, Sequence, SequenceOptions, SyntheticRoom, WalkerOptions,
 };
 

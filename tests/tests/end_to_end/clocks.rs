@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use calib::video::{FilmWriter, FrameSource};
 use image::RgbImage;
-use scenes::synthetic::{RoomOptions, SequenceOptions, WalkerOptions};
+use synthetic::{RoomOptions, SequenceOptions, WalkerOptions};
 use tests::chain::{Said, Tracking, evaluate_against, track_videos};
 use tests::data::{office, program};
 

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use image::RgbImage;
-use scenes::synthetic::{RoomOptions, SequenceOptions, WalkerOptions};
+use synthetic::{RoomOptions, SequenceOptions, WalkerOptions};
 use tests::data::program;
 
 /// Frames, from 1, in which `cam0` repeats frame 19…

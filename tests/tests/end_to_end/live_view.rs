@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 
 use calib::video::FrameSource;
 use image::RgbImage;
-use scenes::synthetic::{RoomOptions, SequenceOptions, WalkerOptions};
+use synthetic::{RoomOptions, SequenceOptions, WalkerOptions};
 use tests::data::{office, program};
 
 use crate::folder::Folder;

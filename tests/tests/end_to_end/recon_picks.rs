@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use scenes::synthetic::RoomOptions;
+use synthetic::RoomOptions;
 use tests::data::program;
 
 use crate::refusal::refused;

@@ -7,7 +7,7 @@ use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use scenes::room::Room;
-use scenes::synthetic::RoomOptions;
+use synthetic::RoomOptions;
 use tests::accuracy::{camera_against_floor, relative_pose};
 use tests::data::program;
 

@@ -8,9 +8,9 @@ use std::thread;
 use std::time::Duration;
 
 use anyhow::{Context, bail};
-use calib::console::Progress;
 use clap::Args;
 use scenes::room::Room;
+use shell::console::Progress;
 use tracker::CameraFrame;
 use tracker::foreground::Verdict;
 use tracker::method::agents::{SoloStation, StationId};

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
 use anyhow::{Context, bail};
-use calib::console::Console;
 use clap::{Args, Subcommand, ValueEnum};
+use shell::console::Console;
 use tracker::method::agents::simulate::{self, Layout, Options, Site, World};
 
 /// Try the rules of the distributed vision agents.

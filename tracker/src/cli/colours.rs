@@ -1,9 +1,9 @@
 //! The colours of detections, for `tracker link --video`.
 
 use anyhow::bail;
-use calib::console::Console;
 use calib::video::FrameSource;
 use image::RgbImage;
+use shell::console::Console;
 use tracker::link::{Detections, colours};
 
 /// Fills in the colours of detections from the video they were found in, and returns its rate.

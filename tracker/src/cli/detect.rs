@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
-use calib::console::Console;
 use calib::video::FrameSource;
 use clap::{Args, Subcommand};
 use image::RgbImage;
+use shell::console::Console;
 use tracker::detect::train::{self, Labelled, TrainOptions};
 use tracker::detect::{self, DetectOptions, Detector};
 use tracker::tracks::rows::RowFile;

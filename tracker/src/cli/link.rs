@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use anyhow::{Context, bail};
-use calib::console::Console;
 use clap::{Subcommand, ValueEnum};
+use shell::console::Console;
 use tracker::chart;
 use tracker::link::tune::{TuneOptions, cross_validate};
 use tracker::link::{self, Detections, LinkOptions, SolverKind, experiment, rate};

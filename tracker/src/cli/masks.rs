@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use anyhow::{Context, bail};
-use calib::console::Console;
 use calib::video::FrameSource;
 use clap::Args;
 use image::{GrayImage, RgbImage};
+use shell::console::Console;
 use tracker::foreground::{Foreground, Verdict};
 use tracker::source::{CaptureTimes, NamedSource, Times, VideoSource};
 

@@ -24,8 +24,8 @@ mod view;
 mod watch;
 mod weightmap;
 
-use calib::console::Console;
 use clap::{Parser, Subcommand};
+use shell::console::Console;
 
 /// Follows every person in a room, in metres on its floor, from fixed calibrated cameras.
 #[derive(Debug, Parser)]

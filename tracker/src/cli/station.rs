@@ -5,9 +5,9 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use anyhow::Context;
-use calib::console::Console;
 use clap::{Args, ValueEnum};
 use scenes::room::Room;
+use shell::console::Console;
 use tracker::film::FilmOptions;
 use tracker::method::Needs;
 use tracker::source::{self, NamedSource};

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use clap::Args;
-use scenes::loopback::Listener;
+use shell::loopback::Listener;
 use tracker::stage::Stage;
 use tracker::view::{Screens, Server};
 

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use image::RgbImage;
 use nalgebra::Point2;
-use scenes::canvas::{Canvas, Color, TextStyle};
+use shell::canvas::{Canvas, Color, TextStyle};
 
 use super::instant::Instant;
 use super::roc::DetectionCurve;

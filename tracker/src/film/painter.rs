@@ -1,7 +1,7 @@
 //! Draws one camera's frames: both panels, side by side.
 
 use image::{Rgb, RgbImage};
-use scenes::canvas::Canvas;
+use shell::canvas::Canvas;
 
 use super::layers::Layers;
 use super::lens::Lens;

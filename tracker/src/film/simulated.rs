@@ -2,7 +2,7 @@
 
 use image::{Rgb, RgbImage};
 use nalgebra::Point3;
-use scenes::canvas::{Canvas, Color, Stroke};
+use shell::canvas::{Canvas, Color, Stroke};
 
 use super::clay;
 use super::layers::Layers;

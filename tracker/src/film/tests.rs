@@ -8,8 +8,8 @@ use calib::video::FrameSource;
 use calib::{Camera, Intrinsics};
 use image::Rgb;
 use nalgebra::{Isometry3, Point3, Vector3};
-use scenes::canvas::Color;
 use scenes::room::{Room, RoomCamera};
+use shell::canvas::Color;
 
 fn stage(distortion: [f64; 5]) -> Stage {
     let mut intrinsics = Intrinsics::from_horizontal_fov(640, 480, 70.0);

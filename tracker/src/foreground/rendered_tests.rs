@@ -4,9 +4,7 @@
 use std::ops::Range;
 
 use image::Rgb;
-use scenes::synthetic::{
-    RenderOptions, RoomOptions, Sequence, SequenceOptions, SyntheticRoom, WalkerOptions,
-};
+use synthetic::{RenderOptions, RoomOptions, Sequence, SequenceOptions, SyntheticRoom, WalkerOptions};
 
 use super::*;
 

@@ -4,8 +4,8 @@
 use std::fmt::Write;
 
 use nalgebra::Point2;
-use scenes::canvas::Color;
 use scenes::plan::{FloorPlan, PlanOptions};
+use shell::canvas::Color;
 
 use super::markup::{css, data_url, path};
 use super::recording::Recording;

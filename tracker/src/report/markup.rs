@@ -7,7 +7,7 @@ use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use image::RgbImage;
 use image::codecs::jpeg::JpegEncoder;
-use scenes::canvas::Color;
+use shell::canvas::Color;
 
 /// Text that means itself, between tags and in quoted attributes.
 pub(super) fn escape(text: &str) -> String {

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use scenes::canvas::Color;
+use shell::canvas::Color;
 
 use super::markup::{css, escape, path, ticks};
 use super::recording::Recording;

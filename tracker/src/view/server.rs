@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use axum::extract::Request;
 use axum::http::Method;
-use scenes::loopback::{Answer, Listener, PageFile};
+use shell::loopback::{Answer, Listener, PageFile};
 use tokio::runtime::Builder;
 use tokio::sync::oneshot;
 use tokio::task::spawn_blocking;
@@ -50,7 +50,7 @@ impl Server {
     /// use, any other.
     ///
     /// # Errors
-    /// [`scenes::Error::Listen`] when the port is in use or reserved.
+    /// [`crate::Error::Listen`] when the port is in use or reserved.
     pub fn bind(port: Option<u16>) -> Result<Listener> {
         let bind = |port| Listener::bind("127.0.0.1", port, PORT_OPTION);
         Ok(match port {

@@ -154,11 +154,11 @@ fn bytes_of(path: &Path) -> Result<Vec<u8>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::synthetic::RoomOptions;
+    use crate::exchange::test_room;
     use approx::assert_relative_eq;
 
     fn room() -> Room {
-        let mut room = RoomOptions { cameras: 3, ..RoomOptions::default() }.build().unwrap().room;
+        let mut room = test_room::room(3);
         room.cameras[1].camera.intrinsics.distortion = [-0.2, 0.1, 1e-3, -2e-3, 0.0].into();
         room.cameras[2].camera.intrinsics.distortion = [-0.2, 0.1, 1e-3, -2e-3, 0.05].into();
         room

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use image::RgbImage;
 use nalgebra::Point2;
-use scenes::canvas::{Canvas, Color, TextStyle};
+use shell::canvas::{Canvas, Color, TextStyle};
 
 use super::{AgentId, Packet, StationId, TargetId};
 use crate::Result;

@@ -2,7 +2,7 @@
 
 use image::{Rgb, RgbImage};
 use nalgebra::{Point2, Vector3};
-use scenes::canvas::{Canvas, Color, Stroke, TextStyle};
+use shell::canvas::{Canvas, Color, Stroke, TextStyle};
 
 use super::integration::{Integration, Looks};
 use super::weight::Sight;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use scenes::synthetic::{PersonTruth, RoomOptions, Sequence, SequenceOptions, WalkerOptions};
+use synthetic::{PersonTruth, RoomOptions, Sequence, SequenceOptions, WalkerOptions};
 
 use super::*;
 use crate::TrackId;

@@ -8,7 +8,7 @@ use calib::vision::AdaptiveKind;
 use image::{GrayImage, Luma, RgbImage};
 use nalgebra::{Point2, Point3};
 use scenes::room::Room;
-use scenes::synthetic::{
+use synthetic::{
     RenderOptions, RoomOptions, Sequence, SequenceOptions, SyntheticRoom, Walker, WalkerOptions,
 };
 

@@ -8,7 +8,7 @@ use nalgebra::Point2;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use scenes::room::Room;
-use scenes::synthetic::{RoomOptions, Sequence, SequenceOptions, SyntheticRoom, Walker, WalkerOptions};
+use synthetic::{RoomOptions, Sequence, SequenceOptions, SyntheticRoom, Walker, WalkerOptions};
 
 use super::*;
 use crate::observation::Mask;

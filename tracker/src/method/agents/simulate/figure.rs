@@ -2,7 +2,7 @@
 
 use image::RgbImage;
 use nalgebra::{Point2, Vector2};
-use scenes::canvas::{Canvas, Color, Stroke, TextStyle};
+use shell::canvas::{Canvas, Color, Stroke, TextStyle};
 
 use super::World;
 use super::experiment::Trace;

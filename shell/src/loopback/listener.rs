@@ -10,7 +10,16 @@ use axum::http::header::HOST;
 use axum::http::{HeaderMap, Response};
 
 use super::Answer;
-use crate::Error;
+
+/// An address at which no page can be served.
+#[derive(Debug, thiserror::Error)]
+#[error("{address}: {problem}")]
+pub struct ListenError {
+    /// Host and port.
+    pub address: String,
+    /// What is wrong and what to do about it.
+    pub problem: String,
+}
 
 /// An address of this machine that is listened to.
 #[derive(Debug)]
@@ -24,8 +33,8 @@ impl Listener {
     /// person names the port.
     ///
     /// # Errors
-    /// [`Error::Listen`] when the address is not this machine's, or the port is in use or reserved.
-    pub fn bind(host: &str, port: u16, option: &str) -> crate::Result<Self> {
+    /// [`ListenError`] when the address is not this machine's, or the port is in use or reserved.
+    pub fn bind(host: &str, port: u16, option: &str) -> Result<Self, ListenError> {
         let listen = || {
             let listener = TcpListener::bind((host, port))?;
             // What the runtime asks of a socket that it takes over.
@@ -47,7 +56,7 @@ impl Listener {
                 }
                 _ => format!("{e}; leave out --host, or name an address of this machine"),
             };
-            Error::Listen { address: format!("{host}:{port}"), problem }
+            ListenError { address: format!("{host}:{port}"), problem }
         })
     }
 

@@ -6,7 +6,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 use super::texture::{Material, Pattern};
-use crate::polygon::Polygon;
+use scenes::polygon::Polygon;
 
 /// A box; every side has the same material.
 #[derive(Debug, Clone, Copy)]

@@ -12,8 +12,8 @@ use super::person::Part;
 use super::room::SyntheticRoom;
 use super::shape::Met;
 use super::texture::unit;
-use crate::depth::DepthMap;
-use crate::geometry::point_from_vec3;
+use scenes::depth::DepthMap;
+use scenes::geometry::point_from_vec3;
 
 /// How pictures are made.
 #[derive(Debug, Clone, PartialEq)]

@@ -7,7 +7,7 @@ use nalgebra::{Point2, Vector2};
 
 use super::furniture::Furniture;
 use super::shell::Door;
-use crate::polygon::Polygon;
+use scenes::polygon::Polygon;
 
 /// Side of a cell.
 pub(super) const CELL_M: f64 = 0.1;

@@ -4,8 +4,8 @@ use super::*;
 use calib::Distortion;
 use nalgebra::Point3;
 
-use crate::depth;
-use crate::raycast::RayScene;
+use scenes::depth;
+use scenes::raycast::RayScene;
 
 fn room(seed: u64) -> SyntheticRoom {
     RoomOptions { seed, image_px: [160, 120], ..RoomOptions::default() }.build().unwrap()
@@ -181,7 +181,7 @@ fn rooms_can_be_written_read_and_told_apart() {
     let directory = tempfile::tempdir().unwrap();
     let first = room(8);
     first.room.write(directory.path()).unwrap();
-    let read = crate::room::Room::read(directory.path()).unwrap();
+    let read = scenes::room::Room::read(directory.path()).unwrap();
     assert_eq!(read.cameras.len(), 2);
     assert_eq!(read.zones, first.room.zones);
     assert_eq!(read.geometry, first.room.geometry);
@@ -200,10 +200,10 @@ fn rooms_can_be_written_read_and_told_apart() {
 #[test]
 fn what_is_walkable_agrees_with_the_derived_map() {
     let room = room(6);
-    let derived = crate::walkable::WalkableMap::of_room(&room.room).unwrap();
+    let derived = scenes::walkable::WalkableMap::of_room(&room.room).unwrap();
     let mut rng = <rand_pcg::Pcg64Mcg as rand::SeedableRng>::seed_from_u64(1);
     let (mut agree, mut count) = (0, 0);
-    let floor = crate::polygon::Polygon::rectangle(
+    let floor = scenes::polygon::Polygon::rectangle(
         nalgebra::Point2::origin(),
         nalgebra::Point2::new(room.size_m[0], room.size_m[1]),
     );

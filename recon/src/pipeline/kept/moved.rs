@@ -4,8 +4,8 @@ use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
 use super::numbers::{Lens, head_of, numbers_of, poses_of, with_head};
-use crate::build::CameraReport;
-use crate::build::camera::Moved;
+use crate::pipeline::CameraReport;
+use crate::pipeline::camera::Moved;
 
 /// What comes before the points, as text.
 #[derive(Serialize, Deserialize)]
@@ -50,7 +50,7 @@ pub(super) fn decode(bytes: &[u8]) -> Option<Moved> {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::build::report::StartErrors;
+    use crate::pipeline::report::StartErrors;
 
     pub(in super::super) fn moved() -> Moved {
         let super::super::super::camera::Seen { lens, camera_from_world, .. } =

@@ -8,7 +8,7 @@ use nalgebra::{Point2, Point3};
 use super::render::{RenderOptions, Still, finish};
 use super::room::SyntheticRoom;
 use super::walkers::Walker;
-use crate::depth::DepthMap;
+use scenes::depth::DepthMap;
 
 /// How a sequence is made.
 #[derive(Debug, Clone, PartialEq)]

@@ -6,7 +6,7 @@ use nalgebra::Point2;
 use super::furniture::Block;
 use super::surface::Surfaces;
 use super::texture::Material;
-use crate::polygon::Polygon;
+use scenes::polygon::Polygon;
 
 /// A doorway in a wall.
 #[derive(Debug, Clone, Copy, PartialEq)]

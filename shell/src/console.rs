@@ -228,11 +228,16 @@ fn is_closed_pipe(error: &(dyn Error + 'static)) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::path::PathBuf;
 
-    fn missing() -> crate::Error {
-        let source = io::Error::new(ErrorKind::NotFound, "no such file");
-        crate::Error::Io { path: PathBuf::from("cam.toml"), source }
+    #[derive(Debug, thiserror::Error)]
+    #[error("{path}: {source}")]
+    struct FileError {
+        path: &'static str,
+        source: io::Error,
+    }
+
+    fn missing() -> FileError {
+        FileError { path: "cam.toml", source: io::Error::new(ErrorKind::NotFound, "no such file") }
     }
 
     #[test]
@@ -240,14 +245,14 @@ mod tests {
         assert_eq!(in_one_line(&missing()), "cam.toml: no such file");
         let wrapped = anyhow::Error::from(missing()).context("camera `a`");
         assert_eq!(in_one_line(wrapped.as_ref()), "camera `a`: cam.toml: no such file");
-        assert_eq!(in_one_line(&crate::Error::Invalid("two\nlines".into())), "two lines");
+        assert_eq!(in_one_line(&io::Error::other("two\nlines")), "two lines");
     }
 
     #[test]
     fn a_closed_pipe_is_seen_below_other_errors() {
         let pipe = || io::Error::from(ErrorKind::BrokenPipe);
         assert!(is_closed_pipe(&pipe()));
-        let source = crate::Error::Io { path: "out".into(), source: pipe() };
+        let source = FileError { path: "out", source: pipe() };
         assert!(is_closed_pipe(anyhow::Error::from(source).context("writing").as_ref()));
         assert!(!is_closed_pipe(&missing()));
     }

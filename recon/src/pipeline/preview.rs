@@ -6,12 +6,12 @@ use std::path::Path;
 use calib::undistort::UndistortMap;
 use image::imageops::{self, FilterType};
 use image::{Rgb, RgbImage};
-use scenes::canvas::{Canvas, Color};
 use scenes::depth::{self, DepthMap};
 use scenes::plan::{FloorPlan, PlanOptions};
 use scenes::raycast::RayScene;
 use scenes::room::Room;
 use scenes::view::{View, ViewOptions};
+use shell::canvas::{Canvas, Color};
 
 use crate::Result;
 

@@ -9,7 +9,7 @@ use super::gait::Pose;
 use super::path::{PLAN_STEP_S, Plan, Stop, Trajectory, plan};
 use super::person::{Body, Part};
 use super::room::SyntheticRoom;
-use crate::geometry::point_from_vec3;
+use scenes::geometry::point_from_vec3;
 
 /// Who walks, and when.
 #[derive(Debug, Clone, PartialEq)]
@@ -164,7 +164,7 @@ impl SyntheticRoom {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::synthetic::RoomOptions;
+    use crate::RoomOptions;
 
     #[test]
     fn a_given_way_is_walked_at_a_steady_speed() {

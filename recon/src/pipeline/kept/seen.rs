@@ -6,8 +6,8 @@ use scenes::geometry::Disc;
 use serde::{Deserialize, Serialize};
 
 use super::numbers::{Lens, head_of, numbers_of, poses_of, with_head};
-use crate::build::CameraReport;
-use crate::build::camera::Seen;
+use crate::pipeline::CameraReport;
+use crate::pipeline::camera::Seen;
 use crate::surface::{Origin, Surface};
 
 /// What comes before the pixels, as text.
@@ -127,7 +127,7 @@ pub(super) mod tests {
     use crate::surface::rendered::Rendering;
     use nalgebra::Isometry3;
     use scenes::raycast::RayScene;
-    use scenes::synthetic::RoomOptions;
+    use synthetic::RoomOptions;
 
     pub(in super::super) fn seen() -> Seen {
         let room = RoomOptions { image_px: [64, 48], ..RoomOptions::default() }.build().unwrap();

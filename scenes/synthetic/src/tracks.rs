@@ -8,7 +8,7 @@ use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64Mcg;
 
-use crate::view::look_at;
+use scenes::view::look_at;
 
 /// A random sparse scene.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,7 +1,7 @@
 //! Synthetic rooms and people with everything known about them, for the tests of every estimator.
 //!
 //! ```
-//! use scenes::synthetic::{CaptureOptions, RoomOptions, SequenceOptions, WalkerOptions};
+//! use synthetic::{CaptureOptions, RoomOptions, SequenceOptions, WalkerOptions};
 //!
 //! let room = RoomOptions { seed: 7, image_px: [80, 60], ..RoomOptions::default() }.build()?;
 //! // A camera moved by hand around its place: images and true poses, the last at the installed pose.
@@ -19,11 +19,12 @@
 //! ```
 //!
 //! In the order of the data: [`RoomOptions`] → [`SyntheticRoom`] (its [`room`](SyntheticRoom::room) is what
-//! [`crate::room::Room::write`] writes) → [`SyntheticRoom::capture`], [`SyntheticRoom::walkers`] →
+//! [`scenes::room::Room::write`] writes) → [`SyntheticRoom::capture`], [`SyntheticRoom::walkers`] →
 //! [`SyntheticRoom::sequence`]. [`tracks`] makes sparse points seen by cameras, without pictures.
 //!
 //! The same options give the same bytes at any number of threads. People are articulated figures in textured
 //! clothes, not a tracker's ellipsoids; surfaces carry procedural textures, so that features can be followed.
+#![forbid(unsafe_code)]
 
 mod capture;
 mod floor;

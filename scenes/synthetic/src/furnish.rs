@@ -8,7 +8,7 @@ use rand_pcg::Pcg64Mcg;
 use super::floor::{CLEARANCE_M, Floor};
 use super::furniture::{Furniture, Kind};
 use super::shell::Door;
-use crate::polygon::Polygon;
+use scenes::polygon::Polygon;
 
 /// What kind of room is built.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

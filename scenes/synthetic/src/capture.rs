@@ -101,7 +101,7 @@ fn pose_at(place: Point3<f64>, attitude: UnitQuaternion<f64>) -> Isometry3<f64> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::synthetic::RoomOptions;
+    use crate::RoomOptions;
 
     #[test]
     fn a_capture_moves_enough_stays_in_the_room_and_ends_at_the_installed_pose() {

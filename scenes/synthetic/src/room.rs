@@ -13,11 +13,11 @@ use super::light::{Lamps, bake, encode};
 use super::shell::{self, Door, ShellMaterials};
 use super::surface::{Surfaces, Tessellation};
 use super::texture::{Material, Pattern};
-use crate::Result;
-use crate::geometry::{Geometry, point_from_vec3};
-use crate::raycast::RayScene;
-use crate::room::{Room, RoomCamera, Zone, ZoneKind};
-use crate::view::look_at;
+use scenes::Result;
+use scenes::geometry::{Geometry, point_from_vec3};
+use scenes::raycast::RayScene;
+use scenes::room::{Room, RoomCamera, Zone, ZoneKind};
+use scenes::view::look_at;
 
 /// What room to build.
 #[derive(Debug, Clone, PartialEq)]
@@ -86,7 +86,7 @@ impl RoomOptions {
     /// Builds the room.
     ///
     /// # Errors
-    /// [`crate::Error::Geometry`] if the geometry could not be intersected.
+    /// [`scenes::Error::Geometry`] if the geometry could not be intersected.
     pub fn build(&self) -> Result<SyntheticRoom> {
         let mut rng = Pcg64Mcg::seed_from_u64(self.seed);
         let size = self.size(&mut rng);

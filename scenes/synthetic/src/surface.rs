@@ -4,7 +4,7 @@ use glam::{Quat, Vec2, Vec3};
 
 use super::furniture::Block;
 use super::texture::{Material, Pattern};
-use crate::geometry::Mesh;
+use scenes::geometry::Mesh;
 
 /// A rectangle with a material. Its visible side is the one from which `u`, `v` turn counter-clockwise.
 #[derive(Debug, Clone, Copy)]

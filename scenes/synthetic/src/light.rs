@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::surface::{Surfaces, Tessellation};
 use super::texture::unit;
-use crate::raycast::RayScene;
+use scenes::raycast::RayScene;
 
 /// Side of a square lamp.
 const LAMP_M: f32 = 0.7;

@@ -13,5 +13,5 @@ mod listener;
 mod page_file;
 
 pub use answer::Answer;
-pub use listener::Listener;
+pub use listener::{ListenError, Listener};
 pub use page_file::PageFile;
