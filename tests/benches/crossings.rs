@@ -11,6 +11,7 @@ use std::f64::consts::TAU;
 use nalgebra::{Point2, Vector2};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
+use rayon::prelude::*;
 use scenes::room::Room;
 use synthetic::{PersonTruth, RoomKind, RoomOptions, Sequence, SequenceOptions, SyntheticRoom, Walker};
 use tests::chain::Said;
@@ -49,18 +50,22 @@ fn main() -> Said<()> {
         ("modern", RuleOptions::Modern(ModernOptions::default())),
         ("published", RuleOptions::Published(PublishedOptions::default())),
     ];
+    let seeds: Vec<u64> = (first..first + count).collect();
+    let are_right: Vec<[bool; 2]> = seeds
+        .par_iter()
+        .map(|seed| {
+            let made = hall(*seed)?;
+            Crossing::new(*seed, &made).follow(&made, &rules.clone().map(|(_, rule)| rule))
+        })
+        .collect::<Said<_>>()?;
     let mut right = [0; 2];
     let mut wrong = [Vec::new(), Vec::new()];
-    for seed in first..first + count {
-        let made = hall(seed)?;
-        let crossing = Crossing::new(seed, &made);
-        for (i, is_right) in
-            crossing.follow(&made, &rules.clone().map(|(_, rule)| rule))?.into_iter().enumerate()
-        {
-            if is_right {
+    for (seed, is_right) in seeds.iter().zip(&are_right) {
+        for (i, is_right) in is_right.iter().enumerate() {
+            if *is_right {
                 right[i] += 1;
             } else {
-                wrong[i].push(seed);
+                wrong[i].push(*seed);
             }
         }
     }

@@ -10,7 +10,7 @@ use super::signature::MeanLook;
 /// Most people whom a station knows of: one bit each.
 pub(super) const MOST_PEOPLE: usize = 64;
 /// Weight of learnt looks from which they tell people apart.
-pub(super) const LEARNT: f64 = 10.0;
+pub(super) const LEARNT: f64 = 3.0;
 
 /// What belongs to an id: it moves to another body where two were mistaken for each other.
 #[derive(Debug, Clone, Copy, PartialEq)]
