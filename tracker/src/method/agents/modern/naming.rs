@@ -117,8 +117,9 @@ fn is_used(peer: &Peer, claim: &Claim, now_s: f64) -> bool {
     peer.claims.iter().any(|c| c.theirs == claim.mine && c.mine != claim.mine && now_s - c.made_s <= FRESH_S)
 }
 
-/// Whether looks, and the stations that call a body as the peer does, outweigh this station's own word; in doubt the
-/// station with the lower number is right, so that all come to agree with the lowest.
+/// Whether looks, and the stations that call a body as the peer does, outweigh this station's own word and that of the
+/// stations that call the body as this one does; in doubt the station with the lower number is right, so that all come to
+/// agree with the lowest. As every station counts the same words, two that disagree do not both give way.
 fn is_outweighed(
     people: &People,
     peers: &[Peer],
@@ -129,15 +130,21 @@ fn is_outweighed(
 ) -> bool {
     let own_certainty = people.index_of(claim.mine).map_or(0.0, |i| people.certainty(i));
     let mut score = gain_nats - WORD_NATS * own_certainty;
-    let mut first = own;
-    for (index, peer) in peers.iter().enumerate().rev() {
-        let same = |c: &&Claim| c.theirs == claim.theirs && c.mine == claim.mine;
-        if let Some(c) = peer.claims.iter().filter(same).find(|c| now_s - c.made_s <= FRESH_S) {
-            score += WORD_NATS * c.confidence;
-            first = first.min(StationId(index as u8));
+    let (mut first_for, mut first_against) = (StationId(u8::MAX), own);
+    for (index, peer) in peers.iter().enumerate() {
+        let station = StationId(index as u8);
+        let of_body = peer.claims.iter().filter(|c| c.mine == claim.mine && now_s - c.made_s <= FRESH_S);
+        for c in of_body {
+            if c.theirs == claim.theirs {
+                score += WORD_NATS * c.confidence;
+                first_for = first_for.min(station);
+            } else if c.theirs == claim.mine {
+                score -= WORD_NATS * c.confidence;
+                first_against = first_against.min(station);
+            }
         }
     }
-    if score.abs() < DOUBT_NATS { first < own } else { score > 0.0 }
+    if score.abs() < DOUBT_NATS { first_for < first_against } else { score > 0.0 }
 }
 
 /// Lets a claim prove itself anew.
