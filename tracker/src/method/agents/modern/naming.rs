@@ -101,6 +101,8 @@ fn take_name(people: &mut People, here: usize, claim: &Claim, options: &ModernOp
             existence::take_over(people, here, other);
             people.remove(other);
         }
+        // By looks both bodies are whom they were before: the stations named them differently, and nobody was mistaken.
+        Some(other) if people.gain(here, other) < -DOUBT_NATS => people.exchange_targets(here, other),
         Some(other) => people.exchange(here, other),
     }
 }

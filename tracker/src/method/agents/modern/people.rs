@@ -115,6 +115,12 @@ impl People {
         }
     }
 
+    /// Exchanges the ids of two bodies, and no more: each keeps its looks.
+    pub(super) fn exchange_targets(&mut self, i: usize, j: usize) {
+        let target = self.list[i].identity.target;
+        self.list[i].identity.target = std::mem::replace(&mut self.list[j].identity.target, target);
+    }
+
     /// Mixes two bodies up: with this probability each is whom the other was taken for.
     pub(super) fn mix(&mut self, i: usize, j: usize, probability: f64) {
         self.fold(i);
