@@ -1,6 +1,6 @@
 //! Experiment 1 of the distributed vision agents (seed 000, section 4.1) in synthetic halls: three stations, two people
 //! who meet so closely that stations may take them for each other. A crossing is right when both go by their own ids
-//! 8 s after they met. The paper has 8 of 10.
+//! 8 s after they met; in these 8 s they do not meet again. The paper has 8 of 10.
 //!
 //! `cargo bench -p tests --bench crossings [-- NUMBER [FIRST-SEED]]`: 50 crossings.
 #![forbid(unsafe_code)]
@@ -38,6 +38,11 @@ const AFTER_S: f64 = 8.0;
 const BEFORE_S: [f64; 2] = [1.2, 0.2];
 /// Distance at which the two pass each other, metres.
 const ASIDE_M: f64 = 0.3;
+/// Two people who come nearer than this meet, metres; from this time on after the first meeting they do so again, seconds.
+const MEETING_M: f64 = 1.2;
+const AGAIN_AFTER_S: f64 = 1.5;
+/// Draws of ways at most.
+const MOST_DRAWN: usize = 1000;
 /// An estimate farther away is not this person, metres.
 const GATE_M: f64 = 0.6;
 /// First seed where none is given. Nothing was tuned on these.
@@ -90,7 +95,7 @@ fn hall(seed: u64) -> Said<SyntheticRoom> {
     options.build().map_err(|e| e.to_string())
 }
 
-/// Two people who meet in the middle of a hall and go on through it.
+/// Two people who meet once, in the middle of a hall, and go on through it.
 struct Crossing {
     seed: u64,
     ways: [Vec<Point2<f64>>; 2],
@@ -127,7 +132,15 @@ impl Crossing {
             }
             way
         };
-        let ways = [way(bearing, 0.5 * ASIDE_M), way(bearing + turn, -0.5 * ASIDE_M)];
+        let mut ways = || [way(bearing, 0.5 * ASIDE_M), way(bearing + turn, -0.5 * ASIDE_M)];
+        let mut drawn = ways();
+        for _ in 0..MOST_DRAWN {
+            if !meet_again(&drawn) {
+                break;
+            }
+            drawn = ways();
+        }
+        let ways = drawn;
         Self { seed, ways, met_s: TO_MEETING_M / SPEED_M_S }
     }
 
@@ -173,6 +186,26 @@ impl Crossing {
         }
         Ok(ids.map(|ids| ids.are_kept()))
     }
+}
+
+/// Whether two people who walk so meet a second time before the end.
+fn meet_again(ways: &[Vec<Point2<f64>>; 2]) -> bool {
+    let at = |way: &[Point2<f64>], time_s: f64| {
+        let mut left_m = SPEED_M_S * time_s;
+        for leg in way.windows(2) {
+            let length_m = (leg[1] - leg[0]).norm();
+            if left_m <= length_m {
+                return leg[0] + (leg[1] - leg[0]) * (left_m / length_m.max(1e-9));
+            }
+            left_m -= length_m;
+        }
+        way[way.len() - 1]
+    };
+    let first_s = TO_MEETING_M / SPEED_M_S + AGAIN_AFTER_S;
+    let steps = ((AFTER_S - AGAIN_AFTER_S) * RATE_HZ) as u32;
+    (0..=steps)
+        .map(|step| first_s + f64::from(step) / RATE_HZ)
+        .any(|time_s| (at(&ways[0], time_s) - at(&ways[1], time_s)).norm() < MEETING_M)
 }
 
 /// Number of frames in which each of two people went by each id, before the meeting and in the last second.
