@@ -24,6 +24,7 @@ mod measured;
 mod motion;
 mod options;
 mod outage;
+mod passage;
 mod person;
 mod report;
 mod rescue;
@@ -194,7 +195,7 @@ impl Mcmc {
         }
     }
 
-    /// What the last moment says about everybody now, drawn. `in_doubt`: after an outage anybody may have left.
+    /// What the last moment says about everybody now, drawn. People who have probably left unseen are followed no more. `in_doubt`: after an outage anybody may have left.
     fn predicted(&mut self, dt_s: f64, in_doubt: bool) -> Vec<Person> {
         let (layers, floor, options, simulation) =
             (&self.layers, &self.stage.floor, &self.options, &self.simulation);
@@ -203,9 +204,12 @@ impl Mcmc {
             let (before, stood) = (track.body(), track.motion.place());
             track.predict(dt_s, options);
             let mut body = track.body();
-            if track.is_tentative() || floor.may_disappear(body.x_m, body.y_m) {
+            let is_at_exit = floor.may_disappear(body.x_m, body.y_m);
+            if track.is_tentative() || is_at_exit {
                 track.may_have_left(left);
             }
+            let was_at_exit = floor.may_disappear(before.x_m, before.y_m);
+            track.may_leave_unseen([was_at_exit, is_at_exit], dt_s, options);
             if !floor.is_standable(body.x_m, body.y_m) && floor.is_standable(before.x_m, before.y_m) {
                 // Walked into a wall: they rather stopped.
                 (body.x_m, body.y_m) = (before.x_m, before.y_m);
@@ -224,7 +228,11 @@ impl Mcmc {
                 tentative: in_doubt || track.is_tentative(),
             }
         };
-        self.tracks.iter_mut().map(person).collect()
+        let people = self.tracks.iter_mut().map(person).collect::<Vec<_>>();
+        let gone: Vec<Key> =
+            self.tracks.iter().filter(|track| track.is_gone()).map(|track| track.key).collect();
+        self.tracks.retain(|track| !gone.contains(&track.key));
+        people.into_iter().filter(|person| !gone.contains(&person.key)).collect()
     }
 
     /// How many times the steps of a frame a moment gets. The longer ago people were seen, the wider the chain has to

@@ -132,6 +132,9 @@ pub struct McmcOptions {
     pub birth_evidence: f64,
     /// How often a person in a zone leaves, per second.
     pub deaths_per_s: f64,
+    /// How often a person whom no camera sees leaves the room unseen, per second (published: 0). Slow: people who are
+    /// hidden usually come out again.
+    pub unseen_leaves_per_s: f64,
     /// The part of ADD's proposals that goes where unexplained foreground is; the rest is uniform over the zones
     /// (published: 0).
     pub informed_births: f64,
@@ -178,6 +181,7 @@ impl Default for McmcOptions {
             rescues_per_s: 0.05,
             birth_evidence: 0.2,
             deaths_per_s: 0.5,
+            unseen_leaves_per_s: 1.0 / 600.0,
             informed_births: 0.8,
             settling_s: 0.5,
             believed_at_nats: 8.0,
@@ -253,9 +257,11 @@ impl McmcOptions {
         if !self.motion.lean_s.is_finite() {
             return Err(Error::option("motion.lean_s", "has to be a number"));
         }
-        for (name, rate) in
-            [("companions_per_s", self.companions_per_s), ("rescues_per_s", self.rescues_per_s)]
-        {
+        for (name, rate) in [
+            ("companions_per_s", self.companions_per_s),
+            ("rescues_per_s", self.rescues_per_s),
+            ("unseen_leaves_per_s", self.unseen_leaves_per_s),
+        ] {
             if !(rate >= 0.0 && rate.is_finite()) {
                 return Err(Error::option(name, "has to be a number, 0 or more"));
             }

@@ -4,12 +4,15 @@
 use image::GrayImage;
 use scenes::depth;
 use scenes::geometry::Geometry;
+use scenes::polygon::Polygon;
 use scenes::raycast::RayScene;
 use scenes::room::ZoneKind;
+use scenes::walkable::WalkableMap;
 
 use super::tests::{Feeder, cuboid, empty_room, masks, room, stand, standing};
 use super::*;
 use crate::TrackId;
+use crate::stage::Floor;
 
 const BOTH_CORNERS: [(f64, f64); 2] = [(0.2, 0.2), (0.2, 4.8)];
 
@@ -86,6 +89,39 @@ fn a_person_who_left_during_an_outage_is_gone_soon_after() {
         feeder.bring_in();
         feeder.skip(8.0);
         let people = (0..24).map(|_| feeder.see(&[])).last().unwrap();
+        assert_eq!(people, [], "seed {seed}");
+    }
+}
+
+/// A room whose floor goes on for two metres behind the wall with the door, where no camera sees it.
+fn room_with_corridor() -> Stage {
+    let mut stage = room(&BOTH_CORNERS, ZoneKind::Both);
+    let rectangle = |x0, y0, x1, y1| Polygon::rectangle(Point2::new(x0, y0), Point2::new(x1, y1));
+    let floor = WalkableMap::of_polygons(&[rectangle(0.0, 0.0, 6.0, 5.0), rectangle(6.0, -1.0, 8.5, 6.0)]);
+    stage.floor = Floor::new(floor, &stage.zones, &[]);
+    stand(&mut stage, [6.0, -1.0, 0.0], [6.1, 1.0, 2.6]);
+    stand(&mut stage, [6.0, 2.2, 0.0], [6.1, 6.0, 2.6]);
+    stage
+}
+
+#[test]
+fn a_person_who_left_through_a_door_is_not_followed_behind_the_wall() {
+    for seed in 1..=8 {
+        let mut feeder = Feeder::after_nobody(room_with_corridor(), seeded(seed));
+        let known = feeder.bring_in();
+        // Through the door, and aside behind the wall.
+        let (inside, door, aside) = ([3.1, 1.6], [6.2, 1.6], [7.0, 4.0]);
+        for [from, to] in [[inside, door], [door, aside]] {
+            for step in 1..=30 {
+                let share = f64::from(step) / 30.0;
+                let at = |i: usize| from[i] + share * (to[i] - from[i]);
+                let people = feeder.see(&[standing(at(0), at(1))]);
+                if at(0) < 4.5 {
+                    assert!(people.iter().any(|p| p.id == known.id), "seed {seed}: {people:?}");
+                }
+            }
+        }
+        let people = (0..36).map(|_| feeder.see(&[])).last().unwrap();
         assert_eq!(people, [], "seed {seed}");
     }
 }

@@ -18,7 +18,7 @@ impl Mcmc {
             motion: track.motion.clone(),
             radius_m: track.radius.mean_m,
             height_m: track.height.mean_m,
-            confidence: track.existence(),
+            confidence: track.presence(),
             visible,
         };
         self.tracks.iter().zip(visible).map(trace).collect()

@@ -6,6 +6,7 @@ use super::evidence::Evidence;
 use super::motion::Motion;
 use super::options::{McmcOptions, Spread};
 use super::outage::OUTAGE_S;
+use super::passage::Passage;
 use super::person::{Key, Known, Place};
 use super::tally::Sums;
 use crate::TrackId;
@@ -39,6 +40,13 @@ const STANDS_FOR_S: f64 = 2.0;
 /// are not where they are believed to be.
 const ASTRAY_M: f64 = 0.35;
 const ASTRAY_SPEED_M_S: f64 = 1.0;
+
+/// Somebody who went through a door and is out of sight has left once the uncertainty of the place passes this, metres (one
+/// standard deviation), at this rate per second.
+const LOST_BEHIND_DOOR_M: f64 = 1.0;
+const LEAVES_BEHIND_DOOR_PER_S: f64 = 2.0;
+/// Somebody out of sight who has stayed with a smaller probability is not followed any more.
+const GONE: f64 = 0.1;
 
 /// Somebody who for this long is not where a camera sees clearly was never there.
 const CONTRADICTED_FOR_S: f64 = 3.0;
@@ -84,6 +92,10 @@ pub(super) struct Track {
     found: Found,
     /// Where somebody was found who did not appear before the cameras' eyes, until they move.
     still_at: Option<Vector2<f64>>,
+    /// Way through the zones of people who leave; `None` until the first prediction.
+    passage: Option<Passage>,
+    /// Probability of not having left since a camera last saw the person.
+    stayed: f64,
     /// Seconds for which the cameras have shown an average person there; `None` when they did not at the last moment.
     upright_s: Option<f64>,
 }
@@ -104,6 +116,8 @@ impl Track {
             in_sight: true,
             found,
             still_at: (found != Found::Appearing).then(|| sums.place()),
+            passage: None,
+            stayed: 1.0,
             upright_s: None,
         };
         track.resize(sums, 1.0);
@@ -148,6 +162,31 @@ impl Track {
         self.log_odds = (there / (1.0 - there)).ln().clamp(-SUREST_NATS, SUREST_NATS);
     }
 
+    /// Takes in that a person out of sight may have left unseen in `dt_s` seconds. `at_exit`: whether the person was, and is now
+    /// predicted to be, in a zone of people who leave.
+    pub(super) fn may_leave_unseen(&mut self, at_exit: [bool; 2], dt_s: f64, options: &McmcOptions) {
+        let place = self.motion.silhouette_place();
+        let [was_at_exit, is_at_exit] = at_exit;
+        let passage = self.passage.get_or_insert(Passage::new(place, was_at_exit));
+        if self.in_sight {
+            passage.follow(place, is_at_exit, dt_s);
+        }
+        let is_leaving = passage.is_leaving();
+        if self.in_sight {
+            self.stayed = 1.0;
+            return;
+        }
+        let largest_m2 = self.motion.silhouette_covariance().symmetric_eigenvalues().max();
+        let is_lost = is_leaving && largest_m2 > LOST_BEHIND_DOOR_M.powi(2);
+        let per_s = if is_lost { LEAVES_BEHIND_DOOR_PER_S } else { options.unseen_leaves_per_s };
+        self.stayed *= (-per_s * dt_s).exp();
+    }
+
+    /// Whether the person is out of sight and has probably left.
+    pub(super) fn is_gone(&self) -> bool {
+        self.stayed < GONE
+    }
+
     /// Takes in a moment's evidence about whether this person is there at all.
     pub(super) fn weigh(&mut self, evidence: &Evidence, dt_s: f64) {
         let new = (dt_s / INDEPENDENT_AFTER_S).min(1.0);
@@ -182,9 +221,14 @@ impl Track {
         std::mem::swap(&mut self.height, &mut other.height);
     }
 
-    /// Probability of being there.
-    pub(super) fn existence(&self) -> f64 {
+    /// Probability of being there, by the cameras' evidence; what may happen out of sight has its own ([`Self::presence`]).
+    fn existence(&self) -> f64 {
         1.0 / (1.0 + (-self.log_odds).exp())
+    }
+
+    /// Probability of being in the room.
+    pub(super) fn presence(&self) -> f64 {
+        self.existence() * self.stayed
     }
 
     /// What is known before the next moment is looked at.
