@@ -1,5 +1,5 @@
-//! Masks of rendered people, whose true masks are known, in rooms where things happen: shadows, flicker, a lamp switched
-//! on, a moved chair, somebody who stands still for a minute.
+//! Masks of rendered people with known true masks, in rooms with shadows, flicker, a lamp switched on, a moved chair,
+//! and a person who stands still for a minute.
 
 use std::ops::Range;
 
@@ -8,7 +8,7 @@ use synthetic::{RenderOptions, RoomOptions, Sequence, SequenceOptions, Synthetic
 
 use super::*;
 
-/// One camera's recording: what it showed, and where people truly were.
+/// Recording of one camera with the true masks of the people.
 struct Recording {
     frames: Vec<(f64, RgbImage, GrayImage)>,
 }
@@ -57,7 +57,7 @@ impl Recording {
         Self { frames: frames.collect() }
     }
 
-    /// Three people who come and go in a room: the first two seconds are empty.
+    /// Three people who come and go in a room; the first two seconds are empty.
     fn of_walkers(seed: u64, render: RenderOptions) -> Self {
         let room = room(seed);
         let walkers = room.walkers(&WalkerOptions { seed, people: 3, ..WalkerOptions::default() });
@@ -65,13 +65,13 @@ impl Recording {
         Self::new(&room.sequence(walkers, options))
     }
 
-    /// Learnt from frames spread over everything.
+    /// Background learnt from frames spread over the whole recording.
     fn median(&self) -> Start {
         let pictures: Vec<&RgbImage> = self.frames.iter().step_by(3).map(|(_, picture, _)| picture).collect();
         Start::Backdrop(Backdrop::learn(&pictures).unwrap())
     }
 
-    /// Learnt from the frames before anybody came.
+    /// Background learnt from the frames before anybody came.
     fn empty(&self) -> Start {
         let empty = self.frames.iter().take_while(|(_, _, truth)| truth.iter().all(|t| *t == 0));
         let pictures: Vec<&RgbImage> = empty.map(|(_, picture, _)| picture).collect();
@@ -79,7 +79,7 @@ impl Recording {
         Start::Backdrop(Backdrop::learn(&pictures).unwrap())
     }
 
-    /// The masks' agreement with the truth over a time, and the verdicts of all frames.
+    /// Agreement of the masks with the truth over a time, and the verdicts of all frames.
     fn judged(
         &self,
         start: Start,
@@ -99,7 +99,7 @@ impl Recording {
         (all, verdicts)
     }
 
-    /// Lights everything from a time on by a factor for each pixel.
+    /// Scales the light from a time on by a factor for each pixel.
     fn light(&mut self, from_s: f64, factor: impl Fn(u32, u32) -> f64) {
         for (at_s, picture, _) in &mut self.frames {
             if *at_s >= from_s {
@@ -165,7 +165,7 @@ fn flicker_changes_nothing() {
     let (flickering, verdicts) = judged(0.25, &usual);
     assert!(verdicts.iter().all(|v| *v == Verdict::Usable), "{verdicts:?}");
     assert!(flickering.iou() > calm.iou() - 0.02, "{:.3} against {:.3}", flickering.iou(), calm.iou());
-    // Flicker passes for shadow, too: without that, the compensation has to do all.
+    // Flicker also passes for shadow; without shadow detection the compensation has to remove it alone.
     let with_shadows = ForegroundOptions { shadows: None, ..ForegroundOptions::default() };
     let raw = ForegroundOptions { exposure: false, ..with_shadows.clone() };
     let (compensated, raw) = (judged(0.25, &with_shadows).0.iou(), judged(0.25, &raw).0.iou());
@@ -178,7 +178,7 @@ fn a_lamp_switched_on_while_people_walk_costs_seconds() {
     for online in [false, true] {
         let mut recording = Recording::of_walkers(11, RenderOptions::default());
         let start = if online { Start::Nothing(AdaptiveKind::Mog2) } else { recording.empty() };
-        // Dim before, then a lamp above the left half: no gain explains it.
+        // Dim at first, then a lamp above the left half: no single gain explains it.
         recording.light(0.0, |_, _| 0.6);
         recording.light(SWITCHED_S, |u, _| 0.7 + 1.6 / (1.0 + (f64::from(u) / 60.0).powi(2)));
         let (found, verdicts) = recording.judged(start, ForegroundOptions::default(), SWITCHED_S + 4.0..60.0);
@@ -191,10 +191,10 @@ fn a_lamp_switched_on_while_people_walk_costs_seconds() {
 }
 
 #[test]
-fn who_stands_for_a_minute_stays_and_a_chair_put_there_goes() {
+fn a_person_standing_for_a_minute_stays_and_a_moved_chair_is_absorbed() {
     const RATE_HZ: f64 = 3.0;
     let room = room(4);
-    // Somebody who stops for at least a minute: where they stand is searched, not made.
+    // A walker who stops for at least a minute is searched for among the walkers.
     let stay = |seed: u64| {
         let options =
             WalkerOptions { seed, people: 1, stops: 1, longest_stay_s: 90.0, ..WalkerOptions::default() };

@@ -1,5 +1,5 @@
-//! The whole way from pictures to masks, through everything that happens to cameras and rooms. Against rendered people
-//! whose masks are known: [`super::rendered_tests`].
+//! Tests of the whole path from pictures to masks, with the events that happen to cameras and rooms. Tests with
+//! rendered people and their true masks: [`super::rendered_tests`].
 
 use image::{Luma, Rgb};
 use rand::SeedableRng;
@@ -23,7 +23,7 @@ impl Camera {
         Self { rng: Pcg64Mcg::seed_from_u64(4), time_s: 0.0 }
     }
 
-    /// What it sees now: the floor as `light` makes it (a factor for each pixel), and before it a block of clothes.
+    /// Next picture: the floor in `light` (a factor for each pixel), and a block of clothes in front of it.
     fn look(&mut self, block: Option<(u32, u32)>, light: impl Fn(u32, u32) -> f64) -> (RgbImage, f64) {
         let normal = Normal::new(0.0, 2.0).unwrap();
         self.time_s += Self::STEP_S;
@@ -52,7 +52,7 @@ fn known(camera: &mut Camera, options: ForegroundOptions) -> Foreground {
     Foreground::new(SIZE.0, SIZE.1, start, options).unwrap()
 }
 
-/// Looks for a time; the last verdict and mask.
+/// Processes pictures for a time; returns the last verdict and mask.
 fn watch(
     foreground: &mut Foreground,
     camera: &mut Camera,
@@ -104,7 +104,7 @@ fn is_empty(mask: &GrayImage) -> bool {
 }
 
 #[test]
-fn who_stands_for_a_minute_is_still_there_and_a_moved_chair_is_not() {
+fn a_person_standing_for_a_minute_is_still_seen_and_a_moved_chair_is_absorbed() {
     let (mut camera, block) = (Camera::new(), (30, 20));
     let mut median = known(&mut camera, ForegroundOptions::default());
     let mut online =
@@ -118,9 +118,9 @@ fn who_stands_for_a_minute_is_still_there_and_a_moved_chair_is_not() {
         let (_, mask) = watch(foreground, &mut camera, 200.0, Some(block), even);
         assert!(is_empty(&mask), "{name}: still there after four minutes");
     }
-    // Background and exposure must not drift together: half a level at most in four minutes.
+    // Background and exposure must not drift together: at most half a level in four minutes.
     assert!(median.exposure.gain.iter().all(|g| (g - 1.0).abs() < 0.005), "{:?}", median.exposure);
-    // What stood there before is known at once when the chair goes.
+    // The former background is known at once when the chair goes.
     let (_, mask) = watch(&mut median, &mut camera, 0.4, None, even);
     let left: Vec<(u32, u32)> = mask.enumerate_pixels().filter(|p| p.2[0] > 0).map(|p| (p.0, p.1)).collect();
     assert!(left.is_empty(), "a ghost of the chair: {left:?}");
@@ -131,10 +131,10 @@ fn of_reference(picture: RgbImage) -> Start {
 }
 
 #[test]
-fn who_stands_in_the_first_frame_is_seen_where_a_picture_of_the_room_is_known() {
+fn a_person_in_the_first_frame_is_seen_with_a_reference_picture_of_the_room() {
     let (mut camera, block) = (Camera::new(), (30, 20));
     let options = ForegroundOptions::default;
-    // In evening light, with a chair that has gone since.
+    // A picture in evening light, with a chair that has gone since.
     let evening = |u: u32, _: u32| 0.6 + 0.002 * f64::from(u);
     let (reference, _) = camera.look(Some((75, 30)), evening);
     let made = |start: Start| Foreground::new(SIZE.0, SIZE.1, start, options()).unwrap();

@@ -1,9 +1,10 @@
-//! Moments of live cameras: nobody is waited for longer than the latency.
+//! Moments of live cameras. No camera is waited for longer than the latency.
 //!
-//! The fastest camera that is there leads; its frames are the moments. Of cameras that are equally fast the one leads whose
-//! frames come last, as seen by the aligned clocks: whoever waits for nobody drops nothing. A moment is complete when no other camera can be
-//! expected to have a nearer frame than the one that is here: half way from its latest frame to the next, that is. Otherwise
-//! it is waited for, until the frame should have come, but no longer than the latency after the leading frame.
+//! The fastest present camera leads; its frames are the moments. Of several equally fast cameras the one leads whose
+//! frames arrive last, as measured by the aligned clocks: then no frame of another camera is late. A moment is complete
+//! when no other camera is expected to deliver a nearer frame than its latest, that is, when the moment is less than
+//! half way from that frame to the next. Otherwise the next frame is waited for until it is due, but no longer than the
+//! latency after the leading frame.
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError, TryRecvError};
 use std::time::{Duration, Instant, SystemTime};
@@ -16,25 +17,25 @@ use crate::source::utc_s;
 use crate::station::Event;
 use crate::{Error, Result};
 
-/// A camera that is silent for longer is not there, seconds; a slow one for three of its intervals.
+/// Silence after which a camera counts as absent, seconds; for a slow camera three of its intervals.
 const PATIENCE_S: f64 = 0.5;
-/// A camera has to be faster by this factor to take the lead from one that is there.
+/// Factor by which a camera has to be faster to take the lead from a present camera.
 const FASTER: f64 = 1.2;
-/// A camera whose frames come later than the others' by up to so many seconds may lead: what `--offset auto` corrects. One
-/// that is later still delays nobody.
+/// Largest delay, relative to the other cameras, of a camera that may lead, seconds: the range that `--offset auto`
+/// corrects. A camera that is later still does not delay the others.
 const LATEST_LEAD_S: f64 = 0.5;
-/// A frame is expected this part of an interval after the one before at the earliest.
+/// Earliest arrival of the next frame after the last, intervals.
 const NOT_BEFORE: f64 = 0.8;
-/// Added to a camera's usual delay before it is given up, seconds.
+/// Tolerance added to a camera's usual delay before it is given up, seconds.
 const SLACK_S: f64 = 0.02;
-/// A moment that is older than the latency and this is skipped where a newer one is there, seconds.
+/// Age beyond the latency at which a moment is skipped for a newer one, seconds.
 const BEHIND_S: f64 = 0.2;
 
 #[derive(Debug)]
 pub(super) struct Live {
     latency_s: f64,
     lead: Option<usize>,
-    /// Capture time of the first moment, which is the run's zero, in seconds since 1970.
+    /// Capture time of the first moment, which is the run's zero, seconds since 1970.
     start_s: Option<f64>,
     latest_s: f64,
     frame: u32,
@@ -83,19 +84,20 @@ impl Live {
             }
             match events.recv_timeout(wait.min(WAIT)) {
                 Ok((camera, event)) => take(cameras, camera, event),
-                // Nothing to be waited for: the caller looks whether the run is to go on.
+                // Nothing to wait for: the caller decides whether the run goes on.
                 Err(RecvTimeoutError::Timeout) if wait >= WAIT => return Ok(Next::Idle),
                 Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => {}
             }
         }
     }
 
-    /// Gives up observations that belong to no moment to come.
+    /// Drops observations that cannot belong to a later moment.
     fn drop_late(&mut self, cameras: &mut [Camera], believed: &[Body]) {
         for camera in cameras.iter_mut() {
             let over_s = self.latest_s - (0.5 * camera.interval_s).max(NEAR_S);
             while camera.pending.front().is_some_and(|first| first.time_s < over_s) {
-                // An observation that was used, or that a nearer one replaced, is not late; one that came after its moment was.
+                // An observation that was used, or that a nearer one replaced, is not late; one that arrived after its
+                // moment is.
                 if !camera.has_been_used() {
                     self.left_out.late += 1;
                 }
@@ -104,7 +106,7 @@ impl Live {
         }
     }
 
-    /// The leading camera, and time and arrival of its first frame after the latest moment.
+    /// Leading camera, and time and arrival of its first frame after the latest moment.
     fn candidate(&mut self, cameras: &[Camera], now: Instant) -> Option<(usize, f64, Instant)> {
         let lead = self.choose_lead(cameras, now)?;
         self.lead = Some(lead);
@@ -113,7 +115,7 @@ impl Live {
         cameras[lead].first_after(from_s).map(|first| (lead, first.time_s, first.arrived))
     }
 
-    /// The camera that is to lead; the one that leads already where the rules allow it.
+    /// Camera that leads: the present leader where the rules allow it.
     fn choose_lead(&self, cameras: &[Camera], now: Instant) -> Option<usize> {
         let present = || (0..cameras.len()).filter(|camera| cameras[*camera].is_present(now, PATIENCE_S));
         let least =
@@ -126,7 +128,7 @@ impl Live {
             })
         };
         let latest_s = may_lead().map(|i| cameras[i].delay_s).fold(f64::NEG_INFINITY, f64::max);
-        // Half an interval is no difference: moments would go from one camera's frames to another's and back.
+        // Differences below half an interval are ignored; otherwise the lead would alternate between cameras.
         let comes_last = |i: &usize| cameras[*i].delay_s + 0.5 * cameras[*i].interval_s >= latest_s;
         let fastest_first = |a: &usize, b: &usize| cameras[*a].interval_s.total_cmp(&cameras[*b].interval_s);
         self.lead
@@ -135,7 +137,7 @@ impl Live {
             .or_else(|| present().min_by(fastest_first))
     }
 
-    /// Time for which the other cameras are still waited for; `None` when no nearer observation is to be expected.
+    /// Remaining wait for the other cameras; `None` when no nearer observation is expected.
     fn complete_in(
         &self,
         cameras: &[Camera],
@@ -154,7 +156,7 @@ impl Live {
                 if behind_s <= 0.0 || NOT_BEFORE * camera.interval_s - behind_s >= behind_s {
                     return None;
                 }
-                // When its next frame should be here, seconds after the leading one was.
+                // Due time of its next frame, seconds after the leading frame.
                 let due_s = (camera.interval_s - behind_s)
                     + (camera.delay_s - cameras[lead].delay_s).max(0.0)
                     + SLACK_S;
@@ -164,7 +166,7 @@ impl Live {
         (wait_s > 0.0).then(|| Duration::from_secs_f64(wait_s))
     }
 
-    /// Whether the tracker is so far behind that a moment is passed over for the next one.
+    /// Whether the tracker is so far behind that this moment is skipped for the next one.
     fn is_behind(&self, lead: &Camera, time_s: f64) -> bool {
         let age_s = utc_s(SystemTime::now()) - time_s - lead.least_delay_s;
         age_s > self.latency_s + BEHIND_S && lead.first_after(time_s).is_some()
@@ -201,7 +203,7 @@ fn reason(camera: &Camera, now: Instant) -> Verdict {
     }
 }
 
-/// Takes in all events that have come. Returns whether more can come.
+/// Processes all events that have arrived. Returns whether more can come.
 fn drain(cameras: &mut [Camera], events: &Receiver<(usize, Event)>) -> bool {
     loop {
         match events.try_recv() {
@@ -218,14 +220,14 @@ fn take(cameras: &mut [Camera], camera: usize, event: Event) {
     }
 }
 
-/// A recording beside live cameras ends the run where it ends.
+/// The end of the run, where a recording beside live cameras has ended.
 fn ended(cameras: &mut [Camera], latest_s: f64) -> Result<Option<Next>> {
     for camera in cameras {
         match camera.end.take() {
             None => {}
             Some(End::Failed(error)) => return Err(error),
             Some(End::Ended) => {
-                // What is here still belongs to moments.
+                // Observations that have already arrived still belong to moments.
                 if camera.newest_s.is_none_or(|newest| newest <= latest_s + 0.5 * camera.interval_s) {
                     return Ok(Some(Next::Ended(camera.port.name.clone())));
                 }

@@ -1,13 +1,13 @@
 //! Observations of all stations → moments.
 //!
-//! A moment has the time of the leading camera's frame, the fastest one's, and of every other camera the observation nearest
-//! in time, or none: one that is too far away says where people were, not where they are.
+//! A moment has the time of a frame of the leading (fastest) camera, and of every other camera the observation nearest
+//! in time, or none: an observation that is too far away shows where people were, not where they are.
 //!
 //! * [`recorded`] waits for every camera: the same moments in every run.
-//! * [`live`] waits for nobody longer than the latency: a silent or slow camera neither delays nor shifts another, and moments
-//!   that the tracker cannot keep up with are skipped.
+//! * [`live`] waits for no camera longer than the latency: a silent or slow camera neither delays nor shifts another,
+//!   and moments that the tracker cannot keep up with are skipped.
 //!
-//! Feedback goes the other way: when an observation is given up, its station hears of the people who are believed in
+//! Feedback goes the other way: when an observation is dropped, its station gets the present estimates of the people
 //! ([`Gathering::believe`]).
 
 mod camera;
@@ -29,7 +29,8 @@ use crate::silhouette::Body;
 use crate::station::{Event, Port, Seen};
 use crate::{Error, Result};
 
-/// A frame this near belongs to a moment even where the moments are closer together: somebody walking has gone 5 cm.
+/// Time difference within which a frame always belongs to a moment, even where the moments are closer together,
+/// seconds: a walking person moves 5 cm.
 const NEAR_S: f64 = 0.04;
 
 /// One camera's part of a moment.
@@ -37,29 +38,29 @@ const NEAR_S: f64 = 0.04;
 pub enum Part {
     /// The observation nearest in time.
     Seen(Box<Seen>),
-    /// There is none near, for this reason.
+    /// No observation is near, for this reason.
     Nothing(Verdict),
 }
 
-/// The observations of one time.
+/// Observations of one moment.
 #[derive(Debug, Clone)]
 pub struct Gathered {
     /// Number of the moment, from 1; that of the leading camera's frame in a recording.
     pub frame: u32,
     /// Time on the run's clock, seconds.
     pub time_s: f64,
-    /// One a camera, in the order of the ports.
+    /// Part of each camera, in the order of the ports.
     pub parts: Vec<Part>,
 }
 
-/// Result of asking for the next moment.
+/// Result of [`Gathering::next_moment`].
 #[derive(Debug)]
 pub enum Next {
     /// A moment.
     Moment(Gathered),
-    /// Nothing yet; ask again.
+    /// No moment is ready; ask again.
     Idle,
-    /// The camera of this name has ended first.
+    /// The camera of this name ended first.
     Ended(String),
 }
 
@@ -68,22 +69,22 @@ pub enum Next {
 pub struct GatheringOptions {
     /// Correction of each camera's clock, in the order of the ports.
     pub alignments: Vec<Alignment>,
-    /// Longest wait of live input for cameras that are late, seconds. Default 0.3.
+    /// Longest wait of live input for late cameras, seconds. Default 0.3.
     pub latency_s: f64,
 }
 
-/// Counts of what a live run left out.
+/// Counts of observations and moments that a live run left out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct LeftOut {
-    /// Frames that a station or the network passed over because it was busy.
+    /// Frames that a busy station or network passed over.
     pub passed_over: u64,
-    /// Observations that came after their moment.
+    /// Observations that arrived after their moment.
     pub late: u64,
     /// Moments that were skipped because the tracker was behind.
     pub skipped: u64,
 }
 
-/// Puts observations together to moments.
+/// Combines observations to moments.
 #[derive(Debug)]
 pub struct Gathering {
     cameras: Vec<Camera>,
@@ -99,10 +100,10 @@ enum Mode {
 }
 
 impl Gathering {
-    /// Gathers from these stations, whose events come by `events`. Live when one of them is.
+    /// Gathers from these stations, whose events arrive by `events`. Live when one of them is.
     ///
     /// # Errors
-    /// Without stations, or with another number of alignments, or a latency that is no time.
+    /// No stations, a wrong number of alignments, or an invalid offset or latency.
     pub fn new(
         ports: Vec<Port>,
         events: Receiver<(usize, Event)>,
@@ -140,12 +141,12 @@ impl Gathering {
         self.cameras.iter().map(|camera| camera.port.name.as_str())
     }
 
-    /// Whether it gathers what happens now.
+    /// Whether the run is live.
     pub fn is_live(&self) -> bool {
         matches!(self.mode, Mode::Live(_))
     }
 
-    /// The next moment. Waits a moment for it, not for ever.
+    /// Next moment. Waits for at most 100 ms.
     ///
     /// # Errors
     /// The error of a camera, after the moments before it.
@@ -156,7 +157,7 @@ impl Gathering {
         }
     }
 
-    /// Tells the stations who is believed to be there.
+    /// Sends the present estimates of the people to the stations.
     pub fn believe(&mut self, people: Vec<Body>) {
         self.believed = people;
         if self.is_live() {
@@ -166,14 +167,14 @@ impl Gathering {
         }
     }
 
-    /// Brings the cameras' clocks to the run's anew, from the next observation on.
+    /// Replaces the alignments of the cameras' clocks from the next observation on.
     pub fn align(&mut self, alignments: &[Alignment]) {
         for (camera, alignment) in self.cameras.iter_mut().zip(alignments) {
             camera.align(*alignment);
         }
     }
 
-    /// Present corrections of the cameras' clocks.
+    /// Present alignments of the cameras' clocks.
     pub fn alignments(&self) -> Vec<Alignment> {
         self.cameras.iter().map(|camera| camera.alignment).collect()
     }
@@ -190,17 +191,17 @@ impl Gathering {
     }
 }
 
-/// Longest wait before the caller is asked whether to go on.
+/// Longest wait before the caller decides whether to go on.
 const WAIT: Duration = Duration::from_millis(100);
 
-/// The part of a camera whose nearest observation is its oldest; `None` where that is not near.
+/// Part of a camera whose nearest observation is its oldest; `None` where that is not near.
 fn nearest_part(camera: &mut Camera, time_s: f64, near_s: f64) -> Option<Part> {
     let was_used = camera.has_been_used();
     let nearest =
         camera.pending.front().filter(|pending| (pending.time_s - time_s).abs() <= near_s + 1e-9)?;
     let mut seen = nearest.seen.clone();
     if was_used {
-        // A frame that belongs to several moments is worked on once.
+        // A frame that belongs to several moments was decoded once.
         (seen.decode, seen.foreground) = (Duration::ZERO, Duration::ZERO);
     }
     camera.mark_used();

@@ -1,4 +1,4 @@
-//! Moments of recordings: every camera is waited for, so the moments do not depend on how fast anybody works.
+//! Moments of recordings. Every camera is waited for, so the moments do not depend on the speed of any station.
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 
@@ -9,12 +9,12 @@ use crate::silhouette::Body;
 use crate::station::Event;
 use crate::{Error, Result};
 
-/// Gap in the leading camera's frames, in its intervals, in which another camera's frames become the moments.
+/// Gap in the leading camera's frames, in its intervals, beyond which another camera's frames become the moments.
 const GAP: f64 = 1.5;
 
 #[derive(Debug)]
 pub(super) struct Recorded {
-    /// The cameras, the fastest first; of several that are equally fast, in their own order.
+    /// Indices of the cameras, the fastest first; of equally fast ones, in their own order.
     order: Vec<usize>,
     near_s: f64,
     /// Number and time of the latest moment.
@@ -69,7 +69,7 @@ impl Recorded {
         Ok(Next::Moment(Gathered { frame, time_s, parts }))
     }
 
-    /// Gives up the leading camera's frames before all have begun.
+    /// Drops the leading camera's frames from before all cameras have begun.
     fn skip_to(&mut self, start_s: f64, cameras: &mut [Camera], believed: &[Body]) {
         let lead = &mut cameras[self.order[0]];
         let first_s = start_s - 0.5 * lead.interval_s - 1e-9;
@@ -78,7 +78,7 @@ impl Recorded {
         }
     }
 
-    /// The camera whose next frame is the next moment, and its time; `None` when that is not known, or there is none.
+    /// Camera whose next frame is the next moment, and its time; `None` when that is unknown, or there is none.
     fn next_time(
         &self,
         after_s: f64,
@@ -102,7 +102,7 @@ impl Recorded {
                 }
             };
             let Some(time_s) = found else {
-                // Nobody goes on without the leading camera.
+                // The run ends with the leading camera.
                 if camera == self.order[0] {
                     return None;
                 }
@@ -119,7 +119,7 @@ impl Recorded {
         earliest
     }
 
-    /// The outcome where no next moment is known.
+    /// Result of a call where no next moment is known.
     fn waiting_or_ended(
         &self,
         cameras: &mut [Camera],
@@ -130,7 +130,7 @@ impl Recorded {
         if cameras[lead].end.is_none() {
             return Ok(Next::Idle);
         }
-        // Another camera may have ended before the leading one, and the message of its station be still under way.
+        // Another camera may have ended before the leading one while the message of its station is still under way.
         let missed_s = after_s + cameras[lead].interval_s;
         for camera in 0..cameras.len() {
             if !reach(cameras, events, camera, missed_s) {
@@ -144,7 +144,7 @@ impl Recorded {
     }
 }
 
-/// The time at which all cameras have begun, as far as it is known.
+/// Time at which all cameras have begun, as far as it is known.
 enum Start {
     At(f64),
     Waiting,
@@ -152,10 +152,10 @@ enum Start {
     Never(Next),
 }
 
-/// The time at which all cameras have begun: the latest of their first frames.
+/// Time at which all cameras have begun: the latest of their first frames.
 ///
 /// # Errors
-/// A camera ends before another begins.
+/// A camera that ends before another begins.
 fn start_s(cameras: &mut [Camera], events: &Receiver<(usize, Event)>, believed: &[Body]) -> Result<Start> {
     for camera in 0..cameras.len() {
         while cameras[camera].pending.is_empty() {
@@ -170,7 +170,7 @@ fn start_s(cameras: &mut [Camera], events: &Receiver<(usize, Event)>, believed: 
     let start_s =
         cameras.iter().filter_map(|c| Some(c.pending.front()?.time_s)).fold(f64::NEG_INFINITY, f64::max);
     for camera in 0..cameras.len() {
-        // All frames but the last before the start are over; the stations go on meanwhile.
+        // All frames before the start but the last are dropped; meanwhile the stations go on.
         loop {
             while cameras[camera].pending.len() > 1 && cameras[camera].pending[1].time_s < start_s {
                 cameras[camera].drop_oldest(believed);
@@ -193,7 +193,7 @@ fn start_s(cameras: &mut [Camera], events: &Receiver<(usize, Event)>, believed: 
     Ok(Start::At(start_s))
 }
 
-/// Waits until a camera has an observation of this time or later, or has ended. `false` when neither has come for a while.
+/// Waits until a camera has an observation of this time or later, or has ended. `false` after [`WAIT`] without either.
 fn reach(cameras: &mut [Camera], events: &Receiver<(usize, Event)>, camera: usize, time_s: f64) -> bool {
     while !cameras[camera].reaches(time_s) && cameras[camera].end.is_none() {
         if !receive(cameras, events) {
@@ -203,7 +203,7 @@ fn reach(cameras: &mut [Camera], events: &Receiver<(usize, Event)>, camera: usiz
     true
 }
 
-/// The first camera that has ended for good before a time; the error of one that has failed.
+/// First camera that has ended for good before a time; the error of one that has failed.
 fn ended_before(cameras: &mut [Camera], time_s: f64) -> Result<Option<Next>> {
     let is_over = |camera: &Camera| {
         let last_s = camera.newest_s.unwrap_or(f64::NEG_INFINITY);
@@ -224,7 +224,7 @@ fn take_end(camera: &mut Camera) -> Result<Next> {
     }
 }
 
-/// Takes in one event; `false` when none has come for a while.
+/// Processes one event; `false` after [`WAIT`] without any.
 fn receive(cameras: &mut [Camera], events: &Receiver<(usize, Event)>) -> bool {
     match events.recv_timeout(WAIT) {
         Ok((camera, event)) => {
@@ -235,7 +235,7 @@ fn receive(cameras: &mut [Camera], events: &Receiver<(usize, Event)>) -> bool {
         }
         Err(RecvTimeoutError::Timeout) => false,
         Err(RecvTimeoutError::Disconnected) => {
-            // Every station has gone; one that said nothing before has failed.
+            // All stations are gone; one that did not report its end has failed.
             for camera in cameras.iter_mut().filter(|camera| camera.end.is_none()) {
                 let problem = "its station has gone without a word; is its machine still there?";
                 let name = format!("camera `{}`", camera.port.name);

@@ -1,4 +1,4 @@
-//! What the stations of a distributed method told each other in a run: `agents/agents.jsonl`, and the paper's figures.
+//! Packets that the stations of a distributed method exchange in a run: `agents/agents.jsonl`, and the paper's figures.
 
 use std::path::{Path, PathBuf};
 
@@ -9,11 +9,12 @@ use crate::stage::Stage;
 use crate::tracks::AgentsFile;
 use crate::wire::packet;
 
-/// The packets of all stations of a run: a file that grows, and figures at its end, in the folder `agents`.
+/// Log of the packets of all stations: a file that grows during the run, and figures at its end, in the folder
+/// `agents`.
 #[derive(Debug)]
 pub struct AgencyLog {
     folder: PathBuf,
-    /// Names of the stations' cameras, by number.
+    /// Names of the stations' cameras, by station number.
     names: Vec<String>,
     file: AgentsFile,
     record: AgencyRecord,
@@ -22,7 +23,7 @@ pub struct AgencyLog {
 }
 
 impl AgencyLog {
-    /// The log of a run that writes to the folder `out`.
+    /// Log of a run that writes to the folder `out`.
     pub fn new(out: &Path, stage: &Stage) -> Self {
         let folder = out.join("agents");
         Self {
@@ -44,7 +45,7 @@ impl Output for AgencyLog {
             let name = self.names.get(usize::from(packet.station.0)).map_or("?", String::as_str);
             self.file.write(packet, name)?;
             self.record.extend(packet);
-            // What cannot be encoded would not be sent.
+            // A packet that cannot be encoded would not be sent.
             self.bytes += packet::encode(packet, packet.time_s).map_or(0, |bytes| bytes.len());
         }
         Ok(())

@@ -26,32 +26,32 @@ use crate::station::{Pictures, Seen};
 use crate::tracks::{Stopwatch, Timings};
 use crate::{CameraFrame, Error, Moment, Result};
 
-/// Memory that the pictures of held moments may take, bytes.
+/// Most memory for the pictures of held moments, bytes.
 const MOST_HELD_BYTES: usize = 1 << 30;
 
-/// What ended a run.
+/// Reason why a run ended.
 #[derive(Debug)]
 pub enum Ended {
-    /// The camera whose source ended first, when the others go on or end with it.
+    /// A camera's source ended, the first of all: the name of the camera.
     Source(String),
-    /// Whoever watches its progress.
+    /// The caller's `advance` asked to stop.
     Asked,
-    /// A frame that cannot be decoded or has no time; an output that cannot be written.
+    /// A frame could not be decoded or has no time, or an output could not be written.
     Failed(Error),
 }
 
-/// What a run did.
+/// Report of a run.
 #[derive(Debug)]
 pub struct RunReport {
-    /// Moments followed.
+    /// Number of moments processed.
     pub frames: u32,
-    /// From the first frame's decoding to the last output, seconds.
+    /// Time from the decoding of the first frame to the last output, seconds.
     pub wall_s: f64,
-    /// Why there are no more.
+    /// Reason why the run ended.
     pub ended: Ended,
-    /// For each camera that was set aside at times, in how many frames, and why the first time.
+    /// For each camera that was set aside: the number of frames, and the first reason.
     pub set_aside: BTreeMap<String, (u32, Verdict)>,
-    /// Observations and moments that a live run left out.
+    /// Counts of observations and moments that a live run left out.
     pub left_out: LeftOut,
     /// Time of each stage: `decode`, `foreground`, `inference`, `output`.
     pub timings: Timings,
@@ -60,7 +60,7 @@ pub struct RunReport {
 impl RunReport {
     /// The report of a run that did not fail.
     ///
-    /// # Errors
+    /// The error that ended the run.
     /// What the run failed of.
     pub fn unless_failed(self) -> Result<Self> {
         match self.ended {
@@ -70,14 +70,14 @@ impl RunReport {
     }
 }
 
-/// Follows everybody through all moments that are gathered; the cameras are those of the method's stage, in its order.
-/// `advance` is called after each moment, and while there is none, and says whether to go on. `clocks` watches the cameras'
-/// clocks, and may correct them.
+/// Tracks everybody through all gathered moments; the cameras are those of the method's room, in its order. `advance`
+/// is called after each moment, and while there is none, and decides whether to go on. `clocks` estimates the offsets
+/// of the cameras' clocks, and may correct them.
 ///
-/// A run that fails on its way has followed the moments before: the outputs have them, and are finished.
+/// When a run fails later, the moments before the failure are in the outputs, and the outputs are finished.
 ///
 /// # Errors
-/// A failure before the first moment was followed.
+/// A failure before the first moment was processed.
 pub fn run(
     mut gathering: Gathering,
     method: &mut dyn Method,
@@ -119,20 +119,20 @@ pub fn run(
         ended => ended,
     };
     let left_out = gathering.left_out();
-    // The stations end with it.
+    // Dropping the gathering ends the stations.
     drop(gathering);
-    // Also where a frame cannot be decoded: what came before it has been followed.
+    // Held moments are emitted even after a decoding error: they were processed before it.
     let Pipeline { log, mut stopwatch, mut held, clocks, frames } = pipeline;
     let emitted = std::iter::from_fn(|| held.pop())
         .try_for_each(|last| stopwatch.time("output", || last.emit(method, &mut outputs)));
     let finishing = Instant::now();
-    // Each of them, also where another cannot be written.
+    // Every output is finished, even where another one fails.
     let mut finished = Ok(());
     for output in outputs {
         finished = finished.and(output.finish());
     }
     tracing::debug!("outputs finished in {:.1} ms", finishing.elapsed().as_secs_f64() * 1e3);
-    // What went wrong first is what to mend.
+    // The first error is the one to mend.
     let ended = ended.and_then(|ended| emitted.and(finished).map(|()| ended)).unwrap_or_else(Ended::Failed);
     Ok(RunReport {
         frames,
@@ -147,12 +147,12 @@ pub fn run(
     })
 }
 
-/// Latest step of a run.
+/// The latest step of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Progress {
-    /// Followed a moment.
+    /// A moment was processed.
     Moment,
-    /// Waited for one.
+    /// No moment was ready.
     Idle,
 }
 
@@ -165,7 +165,7 @@ struct Pipeline {
 }
 
 impl Pipeline {
-    /// Follows everybody through one moment; the bodies of those who are believed in.
+    /// Processes one moment. Returns the bodies of the estimated people.
     fn follow(
         &mut self,
         gathered: Gathered,

@@ -1,4 +1,4 @@
-//! Outputs that grow with the estimates: files, films, a plan, a page.
+//! Outputs of a run that grow with the estimates: files, films, a plan, a page.
 
 use std::sync::Arc;
 
@@ -13,28 +13,28 @@ use crate::tracks::TrackFiles;
 use crate::view::Drawer;
 use crate::{CameraFrame, Moment, PersonEstimate, Result};
 
-/// One moment with what was made of it.
+/// One moment with its estimates.
 #[derive(Debug, Clone, Copy)]
 pub struct Followed<'a> {
-    /// What the method was given.
+    /// Input of the method.
     pub moment: Moment<'a>,
-    /// What it gave back.
+    /// Estimates of the method.
     pub people: &'a [PersonEstimate],
     /// Health of each camera.
     pub verdicts: &'a [Verdict],
     pub(super) pictures: &'a [Pictures],
-    /// What the stations of a distributed method told each other at the last moment.
+    /// Packets that the stations of a distributed method exchanged at the latest moment.
     pub packets: &'a [Packet],
 }
 
 impl Followed<'_> {
-    /// A camera's picture as it was filmed, at the size at which it is drawn; `None` where nobody asked for it
+    /// A camera's filmed picture, at the size at which it is drawn; `None` where it was not demanded
     /// ([`crate::station::PictureDemand`]), or only masks are given.
     pub fn filmed(&self, camera: usize) -> Option<&Arc<RgbImage>> {
         self.pictures[camera].filmed.as_ref()
     }
 
-    /// All cameras' pictures and masks, for painters.
+    /// Pictures and masks of all cameras, for painters.
     fn shots(&self) -> Vec<Shot> {
         let cameras = self.moment.cameras.iter().enumerate();
         let shot = |(i, camera): (usize, &CameraFrame)| Shot {
@@ -45,19 +45,19 @@ impl Followed<'_> {
     }
 }
 
-/// Something that is made of the estimates while they are made. An output that draws gets pictures where the stations were
-/// told that they are wanted.
+/// A consumer of the estimates during a run. An output that draws gets pictures only where the stations'
+/// [`crate::station::PictureDemand`] asks for them.
 pub trait Output {
-    /// Takes in one moment and the people in it.
+    /// Adds one moment and its estimates.
     ///
     /// # Errors
-    /// When something cannot be written.
+    /// An output that cannot be written.
     fn put(&mut self, followed: &Followed<'_>) -> Result<()>;
 
-    /// Nothing more comes.
+    /// Completes the output at the end of the run.
     ///
     /// # Errors
-    /// When something cannot be written.
+    /// An output that cannot be written.
     fn finish(self: Box<Self>) -> Result<()>;
 }
 

@@ -1,8 +1,8 @@
-//! The outline of a body as points in space, and the box around the whole body: for film and files.
+//! Outline of a body as points in space, and the box around the whole body: for films and files.
 //!
 //! Seen from a point outside it, an ellipsoid's outline touches it along a planar curve. Scaled to the unit sphere with
-//! the camera at `e`, that curve is the circle of points `p` with `p·e = 1`. Its points in space project through any lens,
-//! so outlines and boxes in real pixels are exact with distortion too.
+//! the camera at `e`, that curve is the circle of points `p` with `p·e = 1`. Its points in space can be projected
+//! through any lens, so outlines and boxes in real pixels are exact with distortion, too.
 
 use calib::Camera;
 use nalgebra::{Point2, Point3, Vector3};
@@ -10,11 +10,11 @@ use nalgebra::{Point2, Point3, Vector3};
 use super::{Body, Ellipsoid};
 use crate::tracks::rows::PixelBox;
 
-/// Enough for a smooth outline, and for a box that is right to a three-thousandth of its size.
+/// Number of outline points: enough for a smooth outline, and for a box with an error of 1/3000 of its size.
 const POINTS: usize = 128;
 
-/// The outline of `body` seen from `eye` (world frame), as points in space, in order, implicitly closed. Empty when the
-/// eye is inside the body.
+/// Outline of `body` seen from `eye` (world frame), as ordered points in space, implicitly closed. Empty when the eye
+/// is inside the body.
 pub fn points(body: &Body, eye: &Point3<f64>) -> Vec<Point3<f64>> {
     let Ellipsoid { center, semi_axes: axes } = body.ellipsoid();
     let e: Vector3<f64> = (eye - center).component_div(&axes);
@@ -24,7 +24,7 @@ pub fn points(body: &Body, eye: &Point3<f64>) -> Vec<Point3<f64>> {
     }
     let middle = e / distance_squared;
     let radius = (1.0 - 1.0 / distance_squared).sqrt();
-    // Any two directions across `e`; the one least along it makes the best start.
+    // Two directions perpendicular to `e`; the axis least along it gives the best conditioned cross product.
     let start = if e.x.abs() < e.y.abs().min(e.z.abs()) {
         Vector3::x()
     } else if e.y.abs() < e.z.abs() {
@@ -42,10 +42,10 @@ pub fn points(body: &Body, eye: &Point3<f64>) -> Vec<Point3<f64>> {
         .collect()
 }
 
-/// The box around the whole body, hidden and cut-off parts included, in the image of `camera` with its distortion.
+/// Box around the whole body, hidden and cut-off parts included, in the image of `camera` with its distortion.
 ///
-/// `None` when nothing of it falls into the image. A body that reaches behind the camera or out of the lens's range gets
-/// the box of what can be projected, cut at the image's edges.
+/// `None` when no part of it falls into the image. A body that reaches behind the camera or out of the lens's range
+/// gets the box of its projectable points, cut at the image's edges.
 pub fn bounding_box(body: &Body, camera: &Camera) -> Option<PixelBox> {
     let outline = points(body, &camera.center());
     let pixels: Vec<Point2<f64>> = outline.iter().filter_map(|p| camera.project(p)).collect();
@@ -119,7 +119,7 @@ mod tests {
         let straight = bounding_box(&body, &looking(eye, target, [0.0; 5])).unwrap();
         let barrel = looking(eye, target, [-0.25, 0.05, 0.0, 0.0, 0.0]);
         let bent = bounding_box(&body, &barrel).unwrap();
-        // A barrel pulls things towards the middle; each side lies where a densely sampled surface says.
+        // A barrel pulls things towards the middle; each side agrees with a densely sampled surface.
         assert!(bent.left > straight.left + 5.0);
         let mut left = f64::INFINITY;
         for i in 0..400 {
@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_in_the_image_has_no_box() {
+    fn a_body_outside_the_image_has_no_box() {
         let camera = looking([0.0, 0.0, 2.0], [4.0, 0.0, 1.0], [0.0; 5]);
         let at = |x: f64, y: f64, r: f64| {
             bounding_box(&Body { x_m: x, y_m: y, radius_m: r, height_m: 1.7 }, &camera)

@@ -1,11 +1,11 @@
-//! How much of each body the room and the other bodies leave visible.
+//! Visible part of each body before the room and the other bodies.
 
 use super::{Body, ImageConic, Silhouette, View};
 
-/// The part of each body that is visible in one view: hidden neither by the room nor by another body.
+/// Visible part of each body in one view: the pixels that neither the room nor another body hides.
 ///
-/// One silhouette a body, in the given order; [`fraction`] turns it into a number. Where two bodies overlap, the nearer
-/// surface wins pixel by pixel.
+/// Returns one silhouette a body, in the given order; [`fraction`] gives its visible share. Where two bodies overlap,
+/// the nearer surface wins pixel by pixel.
 pub fn visible_parts(view: &View, bodies: &[Body]) -> Vec<Silhouette> {
     let whole: Vec<Silhouette> = bodies.iter().map(|b| Silhouette::new(view, &b.ellipsoid())).collect();
     let conics: Vec<ImageConic> = bodies.iter().map(|b| ImageConic::new(view, &b.ellipsoid())).collect();
@@ -23,12 +23,12 @@ pub fn visible_parts(view: &View, bodies: &[Body]) -> Vec<Silhouette> {
     parts
 }
 
-/// The visible fraction of a body's silhouette within the image; 0 when no part of it is in the image.
+/// Visible fraction of a body's silhouette within the image; 0 when no part of it is in the image.
 pub fn fraction(part: &Silhouette) -> f64 {
     if part.area_px == 0 { 0.0 } else { f64::from(part.visible_px) / f64::from(part.area_px) }
 }
 
-/// For each body, its visible fraction in each view.
+/// Visible fractions of each body in each view.
 pub fn visible_fractions(views: &[View], bodies: &[Body]) -> Vec<Vec<f64>> {
     let mut fractions = vec![Vec::with_capacity(views.len()); bodies.len()];
     for view in views {
@@ -58,9 +58,9 @@ mod tests {
     use scenes::geometry::{Disc, Geometry};
     use scenes::raycast::RayScene;
 
-    /// Discs that stand about a room, seen by a camera, and people among them: every pixel's nearest surface by rays.
+    /// Discs in front of a camera, and people among them: the nearest surface of every pixel is found by rays.
     #[test]
-    fn what_is_visible_is_what_rays_meet_first() {
+    fn visible_pixels_are_those_whose_ray_meets_the_body_first() {
         let mut rng = Pcg64Mcg::seed_from_u64(2);
         let (mut behind_room, mut behind_others) = (0, 0);
         for _ in 0..60 {

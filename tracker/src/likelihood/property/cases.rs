@@ -1,4 +1,4 @@
-//! The hard cases, counted by rays: a property is worth its name only if they occurred.
+//! The difficult cases, counted by rays: the property test is meaningful only if they occurred.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -7,7 +7,7 @@ use super::Decisions;
 use super::scene::{Meeting, Scene, meet};
 use crate::silhouette::Ellipsoid;
 
-/// What must have occurred, and how often at least.
+/// Cases that must have occurred, with the least number of occurrences.
 const WANTED: [(&str, u32); 17] = [
     ("scene with a lens", 1500),
     ("scene of blocks", 1500),
@@ -28,7 +28,7 @@ const WANTED: [(&str, u32); 17] = [
     ("in front of each other", 2000),
 ];
 
-/// How often each case occurred.
+/// Number of occurrences of each case.
 #[derive(Default)]
 pub(super) struct Cases(BTreeMap<&'static str, u32>);
 
@@ -46,11 +46,11 @@ impl Cases {
         self.note("room of triangles", is_of_discs == Some(false));
     }
 
-    /// A body that comes into a scene or moves in it.
+    /// Notes the cases of a body that comes into a scene or moves in it.
     pub(super) fn note_body(&mut self, scene: &Scene, body: &Ellipsoid) {
         let eye = scene.eye();
         let forward = scene.to_world(&nalgebra::Vector3::z());
-        // Along the camera's z: the body's middle, and how far it reaches from there.
+        // Along the camera's z: the body's middle, and its extent from there.
         let middle_m = forward.dot(&(body.center - eye));
         let reach_m = forward.component_mul(&body.semi_axes).norm();
         let is_around = (eye - body.center).component_div(&body.semi_axes).norm() < 1.0;
@@ -89,14 +89,14 @@ impl Cases {
         self.note("cut by the lower border", (0..width).any(|u| is_cut((u, height - 1), (u, height))));
     }
 
-    /// A state: of each body, what is seen of each of its shapes.
+    /// Notes overlaps in a state, from the visible pixels of each shape of each body.
     pub(super) fn note_overlap(&mut self, seen: &[Vec<Decisions>]) {
         let pixels = seen.first().map_or(0, |body| body[0].len());
         let several = |i: usize| seen.iter().filter(|body| body[0][i] == Some(true)).nth(1).is_some();
         self.note("in front of each other", (0..pixels).any(several));
     }
 
-    /// That each case occurred as often as it has to.
+    /// Asserts that each case occurred often enough.
     pub(super) fn assert_all(&self) {
         for (case, least) in WANTED {
             let found = self.0.get(case).copied().unwrap_or(0);

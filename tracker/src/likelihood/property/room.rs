@@ -1,4 +1,5 @@
-//! A furnished room, and how far it is along a ray: every surface in turn, in f64. The tracker gets its triangles or discs.
+//! A furnished room and the depth along a ray in it: every surface in turn, in f64. The tracker gets its triangles or
+//! discs.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -8,16 +9,16 @@ use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use scenes::geometry::{Disc, Geometry, Mesh, point_from_vec3, vec3_from_point, vector_from_vec3};
 
-/// How well the place of a surface is known. The tracker intersects in f32, which errs by a micrometre or so.
+/// Uncertainty of a surface's position, metres. The tracker intersects in f32, with an error of about a micrometre.
 const SURFACE_M: f64 = 1e-5;
 
-/// What stands about.
+/// Furniture and walls.
 pub(super) struct Room {
     surfaces: Vec<Surface>,
 }
 
 enum Surface {
-    /// Turned around the vertical.
+    /// A box rotated around the vertical.
     Cuboid {
         center: Point3<f64>,
         half: Vector3<f64>,
@@ -26,7 +27,7 @@ enum Surface {
     Disc(Disc),
 }
 
-/// Depth of something along a camera's z: within these, metres.
+/// Interval of the depth of something along a camera's z, metres.
 #[derive(Clone, Copy)]
 pub(super) struct Depth {
     pub(super) from_m: f64,
@@ -36,12 +37,12 @@ pub(super) struct Depth {
 impl Depth {
     pub(super) const NEVER: Self = Self { from_m: f64::INFINITY, to_m: f64::INFINITY };
 
-    /// What comes first of two.
+    /// The nearer of two depths.
     pub(super) fn first(self, other: Self) -> Self {
         Self { from_m: self.from_m.min(other.from_m), to_m: self.to_m.min(other.to_m) }
     }
 
-    /// Depths of the same surface, a little nearer and a little farther; a miss is never met.
+    /// Interval between the depths of the same surface moved a little nearer and a little farther; a miss is never met.
     fn between(a: Option<f64>, b: Option<f64>) -> Self {
         let (a, b) = (a.unwrap_or(f64::INFINITY), b.unwrap_or(f64::INFINITY));
         Self { from_m: a.min(b), to_m: a.max(b) }
@@ -49,7 +50,7 @@ impl Depth {
 }
 
 impl Room {
-    /// Furniture as triangles, often with walls around it, or as discs that are spread over it.
+    /// Random furniture as triangles, often with walls around it, or as discs spread over it.
     pub(super) fn random(rng: &mut Pcg64Mcg) -> Self {
         let mut cuboids: Vec<_> = (0..rng.random_range(0..6)).map(|_| furniture(rng)).collect();
         if rng.random() {
@@ -63,12 +64,12 @@ impl Room {
         Self { surfaces: cuboids }
     }
 
-    /// Whether it is discs or triangles; `None` for an empty room.
+    /// Whether the room is of discs or of triangles; `None` for an empty room.
     pub(super) fn is_of_discs(&self) -> Option<bool> {
         self.surfaces.first().map(|surface| matches!(surface, Surface::Disc(_)))
     }
 
-    /// As a room directory holds it; `None` for an empty room.
+    /// Geometry as in a room directory; `None` for an empty room.
     pub(super) fn geometry(&self) -> Option<Geometry> {
         let discs: Vec<Disc> = self
             .surfaces
@@ -99,13 +100,13 @@ impl Room {
         (!mesh.triangles.is_empty()).then_some(Geometry::Mesh(mesh))
     }
 
-    /// The depth at which a ray (of length 1 along the camera's z) first meets something.
+    /// Depth at which a ray (of length 1 along the camera's z) first meets a surface.
     pub(super) fn depth(&self, eye: &Point3<f64>, ray: &Vector3<f64>) -> Depth {
         self.surfaces.iter().map(|s| s.depth(eye, ray)).fold(Depth::NEVER, Depth::first)
     }
 }
 
-/// The depth of the floor, z = 0.
+/// Depth of the floor, z = 0.
 pub(super) fn floor_depth(eye: &Point3<f64>, ray: &Vector3<f64>) -> Depth {
     if ray.z >= 0.0 {
         return Depth::NEVER;
@@ -126,7 +127,7 @@ impl Surface {
                 let slant = normal.dot(ray);
                 let t = normal.dot(&(center - eye)) / slant;
                 let from_rim_m = f64::from(disc.radius) - (eye + ray * t - center).norm();
-                // A plane that is moved is met elsewhere, the farther from there the more it is slanted.
+                // The intersection with a moved plane shifts, the more the plane is slanted.
                 let moved = SURFACE_M / slant.abs();
                 let (moved_m, from_m, to_m) = (moved * ray.norm(), t - moved, t + moved);
                 match () {
@@ -139,7 +140,7 @@ impl Surface {
     }
 }
 
-/// Where a ray meets a cuboid around the origin, from inside or from outside: between its three pairs of planes.
+/// Intersection of a ray with a cuboid around the origin, from inside or outside, by its three pairs of planes.
 fn through_cuboid(from: &Vector3<f64>, along: &Vector3<f64>, half: &Vector3<f64>) -> Option<f64> {
     let (mut enter, mut leave) = (f64::NEG_INFINITY, f64::INFINITY);
     for axis in 0..3 {
@@ -153,7 +154,7 @@ fn cuboid(center: Point3<f64>, half: Vector3<f64>, turn: f64) -> Surface {
     Surface::Cuboid { center, half, turn: Rotation3::from_axis_angle(&Vector3::z_axis(), turn) }
 }
 
-/// Cupboards, pillars, screens on the floor and boards above it.
+/// A random cupboard, pillar or screen on the floor, or a board above it.
 fn furniture(rng: &mut Pcg64Mcg) -> Surface {
     let mut within = |range: Range<f64>| rng.random_range(range);
     let half = Vector3::new(within(0.05..0.8), within(0.05..0.5), within(0.03..1.1));
@@ -162,7 +163,8 @@ fn furniture(rng: &mut Pcg64Mcg) -> Surface {
     cuboid(center, half, within(0.0..TAU))
 }
 
-/// Discs as a reconstruction has them: overlapping here, with gaps there, none quite in the plane of another.
+/// Discs like those of a reconstruction: overlapping in places, with gaps in others, none exactly coplanar with
+/// another.
 fn discs_over(surface: &Surface, rng: &mut Pcg64Mcg) -> Vec<Disc> {
     let Surface::Cuboid { center, half, turn } = surface else { return Vec::new() };
     let mut one = || {
