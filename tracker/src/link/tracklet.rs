@@ -1,11 +1,11 @@
-//! Tracklets: tracks that may be parts of longer ones, and the graph over them.
+//! Tracklets, which are tracks that may be parts of longer ones, and the graph over them.
 
 use super::detection::Detections;
 use super::graph::{Cost, FlowGraph, fixed};
 use super::motion::{End, MotionModel};
 use crate::Result;
 
-/// A tracklet's two ends.
+/// The two ends of a tracklet.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ends {
     head: End,
@@ -13,7 +13,7 @@ pub struct Ends {
 }
 
 impl Ends {
-    /// Of tracks over detections, in their order; a track has a detection at least.
+    /// Ends of tracks over detections, in their order; a track has at least one detection.
     pub fn of(detections: &Detections, tracks: &[Vec<u32>], model: &MotionModel) -> Vec<Self> {
         let ends = |track: &Vec<u32>| {
             Some(Self { head: model.head(detections, track)?, tail: model.tail(detections, track)? })
@@ -22,11 +22,11 @@ impl Ends {
     }
 }
 
-/// The graph whose nodes are tracklets, by their beginning: each costs what it costs inside, and links lead from an end to
+/// Graph whose nodes are tracklets, ordered by their beginning: each has its inner cost, and links lead from an end to
 /// a later beginning.
 ///
 /// # Errors
-/// A cost beyond what the graph holds.
+/// A cost beyond the graph's range.
 pub fn graph(
     ends: &[Ends],
     inner_costs: &[f64],

@@ -1,8 +1,9 @@
 //! Time offsets and clock drifts between cameras, estimated from the people that several cameras see.
 //!
-//! A person stands at one place of the floor at one time in every camera's view. So for each camera a matched filter
-//! ([`filter`]) responds, frame by frame, at the cells of the floor where the mask has a person of average build; and
-//! two cameras' responses correlate best when the times of one are shifted by the offset between their clocks.
+//! A person stands at one place of the floor at one time in every camera's view. For each camera a matched filter
+//! ([`filter`]) therefore responds, frame by frame, at the cells of the floor where the mask shows a person of average
+//! build; and two cameras' responses correlate best when the times of one are shifted by the offset between their
+//! clocks.
 //!
 //! 1. [`filter`] — masks to responses on the cells of the floor.
 //! 2. [`history`] — one camera's responses over time, without their static part, which carries no information about
@@ -15,9 +16,9 @@
 //!    peak is real.
 //! 5. [`network`] — the offsets of all cameras together, from those of the pairs.
 //!
-//! The error that remains is one of range: a person whose legs are hidden, or who is tall, seems to be nearer or
-//! farther than they are, which looks like being early or late, depending on their direction. It averages out over
-//! directions, and the uncertainty is that of independent ways through the room, not of frames.
+//! The remaining error is one of range: a person whose legs are hidden, or who is tall, seems nearer or farther than
+//! they are, which looks like an earlier or later time, depending on their direction. It averages out over directions,
+//! and the uncertainty is that of independent walks through the room, not of frames.
 
 mod correlation;
 mod filter;

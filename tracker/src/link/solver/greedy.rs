@@ -1,25 +1,25 @@
-//! The two-pass greedy solution of H. Pirsiavash, D. Ramanan, C. C. Fowlkes, "Globally-optimal greedy algorithms for
+//! Two-pass greedy solution of H. Pirsiavash, D. Ramanan and C. C. Fowlkes, "Globally-optimal greedy algorithms for
 //! tracking a variable number of objects", CVPR 2011, section 5.3.
 //!
-//! The cheapest track is taken again and again, each by dynamic programming over the graph in time order. A new track
-//! may take over the rest of an older one, whose beginning then finds another way: from where the new track meets the
-//! old one a backward pass runs along the old one, and a forward pass goes on from there. Paths that turn back more than
-//! once are not seen, so the result is near the optimum, not always at it.
+//! The cheapest track is taken repeatedly, each by dynamic programming over the graph in time order. A new track may
+//! take over the rest of an older one, whose beginning then finds another continuation: a backward pass runs along the
+//! old track from the node at which the new one meets it, and a forward pass continues from there. Paths that turn back
+//! more than once are not considered, so the result is near the optimum, not always at it.
 
 use super::super::graph::{Cost, FlowGraph};
 use super::super::solution::{Solution, Total};
 
-/// Farther than any path; half of the range, so that sums of two do not overflow.
+/// Cost above that of any path; sums of two do not overflow.
 const FAR: Cost = Cost::MAX / 4;
 
-/// Tracks of nearly the least cost. Their bound is that of the caller: greedy has no certificate of its own.
+/// Tracks of nearly the least cost, with the bound that the caller provides: greedy has no certificate of its own.
 pub fn solve(graph: &FlowGraph, bound: Total) -> Solution {
     let mut greedy = Greedy::new(graph);
     while greedy.take_cheapest() {}
     Solution::assemble(graph, |n| greedy.is_used[n], &greedy.next, |_| bound)
 }
 
-/// How a label was reached.
+/// Predecessor of a label.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 enum From {
     Nowhere,
@@ -39,7 +39,7 @@ struct Greedy<'a> {
     previous: Vec<Option<u32>>,
     /// First pass: cost of the cheapest path that ends behind a free node, or in front of a used one.
     first: Vec<(Cost, From)>,
-    /// Backward pass: cost at a used node's way out, and the node behind it at which the path met its track.
+    /// Backward pass: cost at a used node's exit, and the node behind it at which the path met its track.
     freed: Vec<(Cost, u32)>,
     /// Last pass: as the first, for paths that have turned back.
     last: Vec<(Cost, From)>,
@@ -59,7 +59,7 @@ impl<'a> Greedy<'a> {
         }
     }
 
-    /// Takes the cheapest path, if it lowers the cost.
+    /// Takes the cheapest path. Returns whether it lowers the cost.
     fn take_cheapest(&mut self) -> bool {
         self.pass_forward();
         self.pass_backward();
@@ -69,7 +69,7 @@ impl<'a> Greedy<'a> {
         let free = |n: &usize| !self.is_used[*n];
         let plain = nodes.clone().filter(free).map(|n| (self.first[n].0 + death, n)).min();
         let turned = nodes.clone().filter(free).map(|n| (self.last[n].0 + death, n)).min();
-        // A used node that gives its rest away may simply end there, if it did not end there before.
+        // A used node that gives its rest away may also end there, if it did not end there before.
         let ended = nodes
             .filter(|n| self.is_used[*n] && self.next[*n].is_some())
             .map(|n| (self.freed[n].0 + death, n))
@@ -96,13 +96,13 @@ impl<'a> Greedy<'a> {
         }
     }
 
-    /// From where a path meets a track back along that track, node by node.
+    /// Propagates costs backward from the nodes at which paths meet a track along that track.
     fn pass_backward(&mut self) {
         for node in (0..self.graph.node_count()).rev() {
             self.freed[node] = (FAR, 0);
             let Some(next) = self.next[node] else { continue };
             let behind = next as usize;
-            // At the way in of the node behind: met there, or dropped with what the backward pass brought.
+            // At the entry of the node behind: met there, or dropped with the cost of the backward pass.
             let met = self.first[behind].0;
             let dropped = self.freed[behind].0 - self.graph.node_cost(behind);
             let link = self.link(node, behind);
@@ -133,7 +133,7 @@ impl<'a> Greedy<'a> {
         self.graph.link_between(from, to).map_or(0, |l| self.graph.link_cost(l))
     }
 
-    /// Changes the tracks along the path that ends at `end`; `false`, and nothing changed, where it runs over a node twice.
+    /// Changes the tracks along the path that ends at `end`; `false`, without a change, where it visits a node twice.
     fn take(&mut self, end: From) -> bool {
         let (mut tail, mut head) = (Vec::new(), Vec::new());
         let mut freed = None;
@@ -189,7 +189,7 @@ impl<'a> Greedy<'a> {
     }
 }
 
-/// Offers what leaves a node to everything its links lead to.
+/// Relaxes the outgoing links of a node.
 fn relax(graph: &FlowGraph, node: usize, cost: Cost, from: From, labels: &mut [(Cost, From)]) {
     for link in graph.links_of(node) {
         let label = &mut labels[graph.target(link)];

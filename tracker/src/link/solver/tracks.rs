@@ -1,4 +1,4 @@
-//! Tracks while they are being changed, by the link that comes to each node and the one that goes on.
+//! Tracks during their construction, by the incoming and outgoing link of each node.
 
 use super::super::graph::FlowGraph;
 use super::direction::Directions;
@@ -9,13 +9,13 @@ pub(super) struct Tracks {
     pub(super) is_used: Vec<bool>,
     pub(super) come: Vec<Option<u32>>,
     pub(super) go: Vec<Option<u32>>,
-    /// Where each link begins.
+    /// Source node of each link.
     sources: Vec<u32>,
-    /// What stood at each node before the change that is being made.
+    /// Former state of each node in the current change.
     journal: Vec<(usize, State)>,
 }
 
-/// Whether a node is used, the link that comes to it, and the one that goes on.
+/// Whether a node is used, its incoming link and its outgoing link.
 type State = (bool, Option<u32>, Option<u32>);
 
 impl Tracks {
@@ -25,18 +25,18 @@ impl Tracks {
         Self { is_used: vec![false; n], come: vec![None; n], go: vec![None; n], sources, journal: Vec::new() }
     }
 
-    /// The node that a link leaves.
+    /// Source node of a link.
     pub(super) fn source(&self, link: u32) -> usize {
         self.sources[link as usize] as usize
     }
 
-    /// The node after each node.
+    /// Follower of each node.
     pub(super) fn followers(&self, graph: &FlowGraph) -> Vec<Option<u32>> {
         self.go.iter().map(|link| link.map(|l| graph.target(l as usize) as u32)).collect()
     }
 
-    /// Changes the tracks along the path that ends at `end`. Where the path crosses itself so that the result would break
-    /// a track or a direction, or cost no less, nothing changes and the answer is `false`.
+    /// Changes the tracks along the path that ends at `end`. If the path crosses itself so that the result would break
+    /// a track or a direction, or cost no less, nothing changes and the result is `false`.
     pub(super) fn change(
         &mut self,
         graph: &FlowGraph,
@@ -54,7 +54,7 @@ impl Tracks {
         touched.dedup();
         let is_sound = touched.iter().all(|node| self.is_sound(graph, directions, *node));
         let after = self.cost_at(graph, &touched);
-        // Each node's first entry, undone last, is what stood there before.
+        // Each node's first entry, undone last, is its former state.
         for i in (0..self.journal.len()).rev() {
             let (node, old) = self.journal[i];
             let new = (self.is_used[node], self.come[node], self.go[node]);
@@ -70,7 +70,7 @@ impl Tracks {
         true
     }
 
-    /// What some nodes, the links that come to them and their tracks' ends cost.
+    /// Cost of some nodes, their incoming links and their tracks' ends.
     fn cost_at(&self, graph: &FlowGraph, nodes: &[usize]) -> i128 {
         let cost = |node: &usize| {
             let come = self.come[*node].map_or(graph.birth(), |link| graph.link_cost(link as usize));
@@ -80,7 +80,7 @@ impl Tracks {
         nodes.iter().filter(|n| self.is_used[**n]).map(cost).sum()
     }
 
-    /// The path, its end first; `None` where it is a circle.
+    /// Steps of the path, its end first; `None` where it is a cycle.
     fn steps(&self, labels: &Labels, end: End) -> Option<Vec<Step>> {
         let mut steps = Vec::new();
         let mut at = match end {
@@ -153,7 +153,7 @@ impl Tracks {
         node
     }
 
-    /// Whether a node's links and its neighbours' agree, and the direction is kept.
+    /// Whether a node's links agree with its neighbours', and its direction is kept.
     fn is_sound(&self, graph: &FlowGraph, directions: &Directions, node: usize) -> bool {
         let (come, go) = (self.come[node], self.go[node]);
         if !self.is_used[node] {
@@ -171,13 +171,13 @@ impl Tracks {
     }
 }
 
-/// Where a path is being followed backwards.
+/// Position at which a path is traced backwards.
 enum Place {
     Arrived(u32, Arrived),
     Freed(u32),
 }
 
-/// One change of a path, in the order of its way.
+/// One step of a path, in forward order.
 enum Step {
     Begin(u32),
     Follow(u32),

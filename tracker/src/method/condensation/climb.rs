@@ -1,4 +1,4 @@
-//! From a promising place to the peak of the weight it belongs to: a filter of its own, ever closer around the best.
+//! Local search from a promising place to its peak of the weight, by a filter whose spread decreases.
 
 use nalgebra::Vector3;
 use rand_pcg::Pcg64Mcg;
@@ -7,11 +7,11 @@ use super::filter::Filter;
 use super::spent::Spent;
 use super::weight::{Sight, Support};
 
-/// Hypotheses that follow a promising one to its peak, and how far each layer of them spreads, metres.
+/// Number of hypotheses of the local search, and their standard deviation in each layer, metres.
 const CLIMBERS: usize = 60;
 pub(super) const CLIMB_SIGMA_M: [f64; 3] = [0.08, 0.04, 0.02];
 
-/// From a promising place to the peak it belongs to, and what supports it; `None` when that would be less than `least`.
+/// Peak of the weight near a promising place, with its support; `None` when the support of the place is below `least`.
 pub(super) fn climb(
     start: &Vector3<f64>,
     least: f32,

@@ -1,18 +1,18 @@
 //! Heads by CONDENSATION with weights that survive occlusion (seed 002, Matsumoto et al.).
 //!
-//! Needs no room and no masks: two or more calibrated cameras that see a head, and its edges in them; what a camera sees when
-//! nobody is there helps ([`Method::set_empty_scene`]). A moment goes like this:
+//! This method needs no room and no masks, only two or more calibrated cameras that see the edges of a head; a picture
+//! of the empty scene helps ([`Method::set_empty_scene`]). The steps of a moment:
 //!
 //! 1. every camera's picture becomes an edge image ([`edges`]);
-//! 2. everybody's hypotheses of where their head is are moved on ([`track`], [`filter`]);
-//! 3. each hypothesis is projected as a spheroid ([`contour`]), weighed in each camera ([`weight`], equation 9), and the
-//!    weights become one ([`integration`], equations 4 to 7);
-//! 4. hypotheses that rather belong to somebody else lose theirs ([`exclusion`], equations 12 to 14); 3 and 4 are done again,
-//!    closer around the best;
-//! 5. whoever shows up at a gate is followed from now on ([`gates`]), whoever has left is not.
+//! 2. everybody's hypotheses of their head's position are predicted ([`track`], [`filter`]);
+//! 3. each hypothesis is projected as a spheroid ([`contour`]), weighed in each camera ([`weight`], equation 9), and
+//!    the weights are integrated ([`integration`], equations 4 to 7);
+//! 4. hypotheses that are closer to another person's distribution lose their weight ([`exclusion`], equations 12 to
+//!    14); steps 3 and 4 are repeated with smaller spreads;
+//! 5. tracks begin for people who are seen at a gate ([`gates`]), and end for those who have left.
 //!
-//! What can be set is [`CondensationOptions`]; [`weight_map`] draws the paper's figures 5 to 8; [`Spent`] splits the time as
-//! its table 2.
+//! [`CondensationOptions`] has the parameters; [`weight_map`] draws the paper's figures 5 to 8; [`Spent`] has the times
+//! of its table 2.
 
 mod climb;
 pub mod contour;
@@ -53,21 +53,21 @@ use crate::silhouette::View;
 use crate::stage::Stage;
 use crate::{Error, Moment, PersonEstimate, Result, TrackId};
 
-/// What stands for the time before the first moment.
+/// Assumed step before the first moment, seconds.
 const FIRST_STEP_S: f64 = 0.1;
-/// Times that stand still or run backwards are the source's mistake; the tracker survives them.
+/// Least step, seconds: the times of a faulty source may stand still or run backwards.
 const LEAST_STEP_S: f64 = 1e-3;
-/// Two who have been at one place for so long are one, seconds.
+/// Time after which two tracks at one place are one, seconds.
 const DOUBLED_FOR_S: f64 = 0.5;
 
-/// The tracker.
+/// CONDENSATION tracker of heads.
 pub struct Condensation {
     stage: Stage,
     options: CondensationOptions,
     lookout: Lookout,
     makers: Vec<EdgeMaker>,
     edges: Vec<Option<EdgeImage>>,
-    /// Edge images that are not in use, for their buffers.
+    /// Unused edge images, kept for their buffers.
     spare: Vec<EdgeImage>,
     views: Vec<View>,
     gates: Gates,
@@ -82,10 +82,10 @@ pub struct Condensation {
 }
 
 impl Condensation {
-    /// Prepares the tracker for a room. Gates that no two cameras see are told in the log.
+    /// Prepares the tracker for a room. Gates that no two cameras see are logged.
     ///
     /// # Errors
-    /// [`Error::Option`] when an option makes no sense, or with fewer than two or too many cameras.
+    /// An invalid option ([`Error::Option`]), fewer than two cameras, or too many.
     pub fn new(stage: Stage, options: CondensationOptions) -> Result<Self> {
         options.validate()?;
         if !(2..=MOST_CAMERAS).contains(&stage.cameras.len()) {
@@ -135,7 +135,8 @@ impl Condensation {
         })
     }
 
-    /// The weights of heads at a height over the whole floor, at a moment, by each of some integrations. Nobody moves.
+    /// Weights of heads at height `height_m` over the whole floor at a moment, for each of some integrations. Tracks do
+    /// not change.
     ///
     /// # Errors
     /// As [`Method::step`].
@@ -156,17 +157,17 @@ impl Condensation {
         Ok(integrations.iter().map(|i| WeightMap::new(&self.stage, &sight, *i, height_m)).collect())
     }
 
-    /// Where the time has gone so far.
+    /// Times of the steps so far.
     pub fn spent(&self) -> &Spent {
         &self.spent
     }
 
-    /// Everybody's hypotheses, by id; of those without one, too. For pictures.
+    /// Hypotheses of all tracks with their ids, tentative tracks included; for pictures.
     pub fn hypotheses(&self) -> impl Iterator<Item = (Option<TrackId>, &[Vector3<f64>])> {
         self.tracks.iter().map(|t| (t.id, t.filter.hypotheses.as_slice()))
     }
 
-    /// Every camera's edges; cameras in parallel.
+    /// Computes the edges of every camera's picture, in parallel.
     fn find_edges(&mut self, moment: &Moment<'_>) -> Result<()> {
         for (camera, frame) in self.stage.cameras.iter().zip(moment.cameras) {
             let Some(image) = &frame.image else { continue };
@@ -199,7 +200,7 @@ impl Condensation {
         Ok(())
     }
 
-    /// Moves, weighs and keeps apart everybody's hypotheses.
+    /// Predicts, weighs and separates the hypotheses of all tracks.
     fn follow(&mut self, dt_s: f64) {
         let options = &self.options;
         for track in &mut self.tracks {
@@ -239,7 +240,7 @@ impl Condensation {
         }
     }
 
-    /// Lets in who shows up at a gate.
+    /// Begins the tracks of people who are found at a gate.
     fn let_in(&mut self, dt_s: f64) {
         self.expected.clear();
         self.expected.extend(self.tracks.iter().map(|t| Expected { head: t.head(), trust: t.trust }));
@@ -261,7 +262,8 @@ impl Condensation {
         self.capacity.note(self.tracks.len());
     }
 
-    /// Gives up whoever has left, was lost, or is somebody else; believes in who has been seen for long enough.
+    /// Ends the tracks of people who have left, were lost, or are tracked twice; confirms those that have been seen for
+    /// long enough.
     fn let_go(&mut self, dt_s: f64) {
         let life = self.options.life;
         let places: Vec<_> = self.tracks.iter().map(|t| (t.head(), t.trust)).collect();
@@ -304,7 +306,7 @@ impl Method for Condensation {
         Needs { masks: false, pictures: true, empty_scene }
     }
 
-    /// The edges of an empty scene are no heads.
+    /// The edges of an empty scene are not heads.
     fn set_empty_scene(&mut self, camera: usize, picture: &RgbImage) {
         if let Some(maker) = self.makers.get_mut(camera) {
             maker.set_empty_scene(picture);

@@ -1,4 +1,4 @@
-//! What is told of the heads that are followed, and of the bodies below them.
+//! Estimates of the tracked heads, and of the bodies below them.
 
 use super::Condensation;
 use super::track::Track;
@@ -6,7 +6,7 @@ use crate::PersonEstimate;
 use crate::silhouette::Body;
 use crate::silhouette::visibility::visible_fractions;
 
-/// The body below a head, as it is drawn: half of a shoulder's width.
+/// Radius of the body below a head, metres: half of the shoulders' width.
 const BODY_RADIUS_M: f64 = 0.25;
 
 impl Condensation {

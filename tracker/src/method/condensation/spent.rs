@@ -1,23 +1,23 @@
-//! Where the time of a moment goes, split as in the paper's table 2.
+//! Computing times of the steps, split as in the paper's table 2.
 
 use std::time::{Duration, Instant};
 
-/// Time by step, summed over all moments so far.
+/// Time of each step, summed over all moments so far.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Spent {
     /// Sobel gradients of all cameras ("画像処理" without the weights), wall time.
     pub edges: Watch,
-    /// Drawing and moving hypotheses.
+    /// Resampling and prediction of hypotheses.
     pub hypotheses: Watch,
-    /// Each camera's weights: contours and sums.
+    /// Weights in each camera: contours and sums.
     pub weights: Watch,
-    /// From weights of cameras to weights in space, and keeping people apart.
+    /// Integration of the cameras' weights, and exclusion.
     pub integration: Watch,
-    /// Looking for new people at the gates, all of it.
+    /// Search for new people at the gates, as a whole.
     pub gates: Watch,
 }
 
-/// A watch that adds up.
+/// A stopwatch that accumulates.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Watch {
     total: Duration,
@@ -37,7 +37,7 @@ impl Watch {
         }
     }
 
-    /// All time between starts and stops, seconds.
+    /// Total time between starts and stops, seconds.
     pub fn total_s(&self) -> f64 {
         self.total.as_secs_f64()
     }

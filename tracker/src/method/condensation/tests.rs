@@ -1,5 +1,5 @@
-//! Whole moments against a truth of our own: dark balls the size of heads, drawn pixel by pixel by casting rays, on a textured
-//! wall.
+//! Tests of whole moments with synthetic truth: dark balls of the size of heads, ray-traced pixel by pixel, before a
+//! textured wall.
 
 use std::path::Path;
 
@@ -16,7 +16,7 @@ use crate::stage::{StageCamera, StageOptions};
 const SIZE: (u32, u32) = (320, 240);
 const RATE_HZ: f64 = 15.0;
 
-/// Cameras around a floor of 4 × 4 m whose entry is its west side.
+/// Cameras around a floor of 4 × 4 m whose entry is on its west side.
 fn stage(cameras: usize) -> Stage {
     let camera = |i: usize| {
         let angle = 0.4 + i as f64 / cameras as f64 * std::f64::consts::TAU;
@@ -40,7 +40,7 @@ fn stage(cameras: usize) -> Stage {
     Stage::prepare(&room, Path::new("."), &StageOptions::default()).unwrap()
 }
 
-/// What a camera sees of heads (spheroids of the model's size, each on a body) before a wall.
+/// Picture of heads (spheroids of the model's size, each on a body) before a wall.
 fn picture(camera: &StageCamera, heads: &[Vector3<f64>]) -> RgbImage {
     let center = camera.pinhole.center();
     RgbImage::from_fn(SIZE.0, SIZE.1, |u, v| {
@@ -70,7 +70,7 @@ fn tracker(stage: &Stage, options: CondensationOptions) -> Condensation {
     tracker
 }
 
-/// Follows heads whose places are given for each frame; `blind` are the cameras without a picture in a frame.
+/// Tracks heads at given positions in each frame; `blind` are the cameras without a picture in a frame.
 fn followed(
     stage: &Stage,
     options: CondensationOptions,
@@ -96,7 +96,7 @@ fn followed(
         .collect()
 }
 
-/// Comes from the west at 1 m/s and goes on along a bow.
+/// A head that comes from the west at 1 m/s and continues along a curve.
 fn walker(time_s: f64) -> Vec<Vector3<f64>> {
     vec![Vector3::new(0.6 + time_s, 1.5 + 0.5 * (1.2 * time_s).sin(), 1.62)]
 }
@@ -122,7 +122,7 @@ fn a_head_is_found_and_followed_within_centimetres_by_two_to_sixteen_cameras() {
 #[test]
 fn a_camera_that_drops_out_is_left_out_and_without_two_one_coasts_with_growing_sigma() {
     let stage = stage(4);
-    // One camera drops out at frame 20, all but one at 28.
+    // One camera drops out at frame 20, all but one at frame 28.
     let blind = |frame: u32, camera: usize| (frame >= 20 && camera == 2) || (frame >= 28 && camera != 0);
     let people = followed(&stage, CondensationOptions::default(), 33, walker, blind);
     let at = |frame: usize| &people[frame - 1][0];
@@ -162,11 +162,11 @@ fn two_who_pass_each_other_keep_their_own_heads() {
     assert_eq!(ids(34), before);
 }
 
-/// A head, and what looks like another below it, to its side.
+/// A head, and a similar shape below and beside it.
 const HEAD_AND_SHOULDER: [Vector3<f64>; 2] = [Vector3::new(3.0, 2.0, 1.7), Vector3::new(3.1, 2.1, 1.42)];
 
 #[test]
-fn what_looks_like_a_head_below_another_is_a_shoulder() {
+fn a_headlike_shape_below_another_is_a_shoulder() {
     let stage = stage(4);
     let mut tracker = tracker(&stage, CondensationOptions::default());
     let frame = |c: &StageCamera| CameraFrame::of_image(picture(c, &HEAD_AND_SHOULDER));
@@ -251,7 +251,7 @@ fn one_camera_and_odd_options_are_refused() {
 #[test]
 fn a_gate_that_one_camera_sees_is_told() {
     let mut stage = stage(2);
-    // A wall before everything the second camera sees.
+    // A wall before everything that the second camera sees.
     stage.cameras[1].static_z_m.fill(0.5);
     let (_, unseen) = Gates::new(&stage, &CondensationOptions::default());
     let told = unseen.to_string();

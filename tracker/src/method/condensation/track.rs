@@ -1,4 +1,4 @@
-//! A person over time: a filter that is carried on, seen or not, and given up in the end.
+//! Track of one person: a filter that is updated over time, also without detections, and deleted in the end.
 
 use nalgebra::{Vector2, Vector3};
 use rand::SeedableRng;
@@ -12,40 +12,40 @@ use super::spent::Spent;
 use super::weight::{Expected, Sight};
 use crate::TrackId;
 
-/// Nobody walks faster, m/s.
+/// Largest walking speed, m/s.
 const FASTEST_M_S: f64 = 3.0;
-/// From moment to moment a velocity is learnt with this time constant, seconds: the place itself is uncertain by centimetres.
+/// Time constant of the velocity estimate, seconds: the position itself is uncertain by centimetres.
 const LEARNT_IN_S: f64 = 0.35;
-/// A new head is as far as this from where it was found, metres.
+/// Standard deviation of a new head's position, metres.
 const FOUND_SIGMA_M: f64 = 0.05;
-/// So often it is looked whether somebody is followed by a shoulder, seconds.
+/// Interval between tests for a track on a shoulder, seconds.
 const LOOKS_UP_EVERY_S: f64 = 0.25;
 
-/// From the second layer on, one hypothesis in so many is enough: they fill an eighth of the volume or less.
+/// Divisor of the number of hypotheses from the second layer on: they fill at most an eighth of the volume.
 const CLOSER: usize = 2;
 
-/// A person.
+/// Track of a person.
 #[derive(Debug, Clone)]
 pub(super) struct Track {
-    /// Given once they are believed in.
+    /// Id; given when the track is confirmed.
     pub(super) id: Option<TrackId>,
-    /// Where their head may be.
+    /// Hypotheses of the head's position.
     pub(super) filter: Filter,
-    /// The filter's mean and covariance.
+    /// Mean and covariance of the filter.
     pub(super) gaussian: Gaussian,
-    /// On the floor, m/s.
+    /// Velocity on the floor, m/s.
     pub(super) velocity: Vector2<f64>,
-    /// How long two cameras have seen them, in all, seconds.
+    /// Total time for which two cameras have seen the person, seconds.
     pub(super) seen_s: f64,
-    /// For how long not, seconds.
+    /// Time since they last did, seconds.
     pub(super) unseen_s: f64,
-    /// For how long they have been where somebody else is, seconds.
+    /// Time for which the track has been at another track's place, seconds.
     pub(super) doubled_s: f64,
-    /// How well cameras have agreed lately, 0 to 1.
+    /// Agreement of the cameras lately, 0 to 1.
     pub(super) trust: f32,
-    /// Since when nobody has looked whether there is a head above, seconds.
+    /// Time since the last test for a head above, seconds.
     looked_up_s: f64,
-    /// There was one then.
+    /// Whether that test found a head.
     seems_shoulder: bool,
     /// N.
     hypotheses: usize,
@@ -55,7 +55,7 @@ pub(super) struct Track {
 }
 
 impl Track {
-    /// Somebody found at a place. `key` makes their random numbers their own.
+    /// New track of a head that was found. `key` makes its random numbers independent of other tracks.
     pub(super) fn born(found: &Expected, key: u64, options: &CondensationOptions) -> Self {
         // Multiplied by the golden ratio, so that neighbouring seeds and keys share no stream.
         let mut rng = Pcg64Mcg::seed_from_u64(options.seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ key);
@@ -79,7 +79,7 @@ impl Track {
         }
     }
 
-    /// Carries the hypotheses on in time.
+    /// Predicts the hypotheses.
     pub(super) fn predict(&mut self, dt_s: f64, motion: &MotionOptions, spent: &mut Spent) {
         spent.hypotheses.start();
         self.velocity *= if motion.memory_s > 0.0 { (-dt_s / motion.memory_s).exp() } else { 0.0 };
@@ -92,7 +92,7 @@ impl Track {
         spent.hypotheses.stop();
     }
 
-    /// Weighs the hypotheses; from the second layer on, drawn again closer around the best.
+    /// Weighs the hypotheses; from the second layer on, they are first resampled with a smaller spread.
     pub(super) fn weigh(&mut self, layer: usize, sight: &Sight<'_>, spent: &mut Spent) {
         if layer > 0 {
             spent.hypotheses.start();
@@ -103,7 +103,7 @@ impl Track {
         self.filter.weigh(sight, spent);
     }
 
-    /// Takes the moment in, or, when two cameras did not see the head, leaves the hypotheses as predicted: they spread until
+    /// Updates the track or, when two cameras did not see the head, keeps the predicted hypotheses: they spread until
     /// it is seen again.
     pub(super) fn settle(&mut self, dt_s: f64, sight: &Sight<'_>, options: &CondensationOptions) {
         let motion = &options.motion;
@@ -127,7 +127,7 @@ impl Track {
         }
     }
 
-    /// Somebody who turns out, at two moments in a row, to be followed by a shoulder is followed by the head above it from now on.
+    /// Moves a track to the head above it when two tests in a row find that it follows a shoulder.
     pub(super) fn look_up(&mut self, dt_s: f64, sight: &Sight<'_>, highest_m: f64) {
         self.looked_up_s += dt_s;
         if self.unseen_s > 0.0 || (self.looked_up_s < LOOKS_UP_EVERY_S && !self.seems_shoulder) {
@@ -146,7 +146,7 @@ impl Track {
         self.seems_shoulder = above.is_some() && !self.seems_shoulder;
     }
 
-    /// Where the head's middle is believed to be.
+    /// Estimated centre of the head, metres.
     pub(super) fn head(&self) -> Vector3<f64> {
         self.gaussian.mean
     }
