@@ -1,9 +1,11 @@
-//! People in the pictures of one camera: HOG features and a linear classifier, as in section 3 of Okada et al.
+//! Detection of people in the pictures of one camera: HOG features and a linear classifier, as in section 3 of Okada et
+//! al. (cited in [`crate::link`]); HOG: N. Dalal and B. Triggs, "Histograms of oriented gradients for human detection",
+//! CVPR 2005.
 //!
-//! * [`Detector`] — boxes with a score in one picture; [`Detector::read`] takes a camera's own weights;
-//! * [`suppress`] — of boxes that overlap, only the surest stays;
-//! * [`train`] — a camera's own weights, from labelled boxes and its background;
-//! * [`svm`] — the classifier's training.
+//! * [`Detector`] — boxes with a score in one picture; [`Detector::read`] loads a camera's own weights;
+//! * [`suppress`] — non-maximum suppression: of overlapping boxes only the one with the highest score stays;
+//! * [`train`] — training of a camera's own weights, from labelled boxes and its background;
+//! * [`svm`] — training of the classifier.
 
 mod model;
 pub mod suppress;
@@ -18,21 +20,21 @@ use image::RgbImage;
 use crate::tracks::rows::PixelBox;
 use crate::{Error, Result};
 
-/// A box's width over its height: of people who walk, arms and legs included.
+/// Ratio of a box's width to its height, for walking people with arms and legs.
 const ASPECT: f64 = 0.41;
 
-/// How people are looked for.
+/// Options of the detector.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DetectOptions {
-    /// The smallest person that is looked for, pixels high. Smaller ones cost more time: twice as small, four times.
+    /// Height of the smallest detected person, pixels. Half the height costs four times the time. Default 60.
     pub min_height_px: f64,
-    /// The tallest person that is kept.
+    /// Height of the tallest detected person, pixels. Default: no limit.
     pub max_height_px: Option<f64>,
-    /// The least score that is kept.
+    /// Least score. Default 0.
     pub min_score: f64,
-    /// Ratio of one size that is tried to the next.
+    /// Ratio of consecutive scales of the image pyramid. Default 1.05.
     pub scale_step: f64,
-    /// Of boxes with more overlap (IoU) than this, only the surest is kept.
+    /// Overlap (IoU) of two boxes above which only the one with the higher score is kept. Default 0.4.
     pub max_overlap: f64,
 }
 
@@ -43,10 +45,10 @@ impl Default for DetectOptions {
 }
 
 impl DetectOptions {
-    /// Refuses numbers that mean nothing.
+    /// Checks the options.
     ///
     /// # Errors
-    /// Naming the option.
+    /// Names the first invalid option.
     pub fn check(&self) -> Result<()> {
         if !(self.min_height_px >= 12.0 && self.min_height_px.is_finite()) {
             return Err(Error::option(
@@ -73,35 +75,35 @@ impl DetectOptions {
     }
 }
 
-/// A person in a picture.
+/// A detection of a person in a picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Found {
-    /// Where.
+    /// Box of the person.
     pub pixel_box: PixelBox,
-    /// Distance from the classifier's boundary; more is surer.
+    /// Distance from the classifier's boundary; higher is more certain.
     pub score: f64,
 }
 
-/// Looks for people.
+/// Detector of people.
 pub struct Detector {
     classifier: PeopleClassifier,
     options: DetectOptions,
 }
 
 impl Detector {
-    /// A detector by its weights.
+    /// Detector with these weights.
     ///
     /// # Errors
-    /// Options that mean nothing, a wrong number of weights.
+    /// Invalid options, or a wrong number of weights.
     pub fn new(weights: &[f32], options: DetectOptions) -> Result<Self> {
         options.check()?;
         Ok(Self { classifier: PeopleClassifier::new(weights)?, options })
     }
 
-    /// The people in a picture, the surest first.
+    /// Detections in a picture, the highest score first.
     ///
     /// # Errors
-    /// When OpenCV refuses.
+    /// An error of OpenCV.
     pub fn look(&self, image: &RgbImage) -> Result<Vec<Found>> {
         let zoom = f64::from(PERSON_HEIGHT_PX) / self.options.min_height_px;
         let windows =
@@ -113,7 +115,7 @@ impl Detector {
     }
 }
 
-/// The person whom a window is made for.
+/// Box of the person in a window of the classifier.
 fn person_in(window: &Window) -> PixelBox {
     let height = window.height * f64::from(PERSON_HEIGHT_PX) / f64::from(WINDOW_PX.1);
     let width = ASPECT * height;
@@ -125,7 +127,7 @@ fn person_in(window: &Window) -> PixelBox {
     }
 }
 
-/// The window that is made for a person: as high as they are, whatever their width.
+/// Window of the classifier for a person, which has their height whatever their width.
 fn window_of(person: &PixelBox) -> Window {
     let height = person.height * f64::from(WINDOW_PX.1) / f64::from(PERSON_HEIGHT_PX);
     let width = height * f64::from(WINDOW_PX.0) / f64::from(WINDOW_PX.1);

@@ -2,8 +2,8 @@
 
 use super::Found;
 
-/// Keeps what overlaps with nothing surer by more than `max_overlap` (IoU). `found` comes the surest first, and so does
-/// the result.
+/// Keeps each detection that overlaps none with a higher score by more than `max_overlap` (IoU). `found` is sorted by
+/// descending score, and so is the result.
 pub fn keep_surest(found: &[Found], max_overlap: f64) -> Vec<Found> {
     let mut kept: Vec<Found> = Vec::new();
     for candidate in found {

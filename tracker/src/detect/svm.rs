@@ -1,33 +1,33 @@
-//! A linear support vector machine that starts from another one.
+//! Linear support vector machine whose weights start from given ones.
 //!
-//! C.-J. Hsieh, K.-W. Chang, C.-J. Lin, S. S. Keerthi, S. Sundararajan, "A dual coordinate descent method for large-scale
-//! linear SVM", ICML 2008, algorithm 1 with hinge loss. The weights stay near given ones instead of near zero: with
-//! w = prior + Σ αᵢ yᵢ xᵢ the same algorithm minimises ½‖w − prior‖² + C Σ max(0, 1 − yᵢ w·xᵢ). So a few hundred crops of one
-//! camera sharpen a general detector and do not replace it.
+//! C.-J. Hsieh, K.-W. Chang, C.-J. Lin, S. S. Keerthi and S. Sundararajan, "A dual coordinate descent method for
+//! large-scale linear SVM", ICML 2008, algorithm 1 with hinge loss. The weights are regularised towards given ones
+//! instead of zero: with w = prior + Σ αᵢ yᵢ xᵢ the same algorithm minimises ½‖w − prior‖² + C Σ max(0, 1 − yᵢ w·xᵢ). A
+//! few hundred crops of one camera therefore refine a general detector and do not replace it.
 
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_pcg::Pcg64Mcg;
 
-/// One labelled feature vector.
+/// A labelled feature vector.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sample {
     /// Features, without the bias.
     pub features: Vec<f32>,
-    /// Whether it is a person.
+    /// Whether the sample is a person.
     pub is_person: bool,
 }
 
-/// How the weights are trained.
+/// Options of the training.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SvmOptions {
-    /// What a sample on the wrong side costs.
+    /// Cost C of a sample on the wrong side.
     pub cost: f64,
-    /// Passes over all samples at most.
+    /// Largest number of passes over all samples.
     pub max_passes: usize,
-    /// The greatest violation of the optimality conditions at which the training ends.
+    /// Largest violation of the optimality conditions at which the training ends.
     pub tolerance: f64,
-    /// Of the order in which samples are visited.
+    /// Seed of the order in which samples are visited.
     pub seed: u64,
 }
 
@@ -37,7 +37,7 @@ impl Default for SvmOptions {
     }
 }
 
-/// The weights, bias last, that separate people from others near `prior`.
+/// Weights, bias last, that separate people from the rest near `prior`.
 pub fn train(samples: &[Sample], prior: &[f32], options: &SvmOptions) -> Vec<f32> {
     let mut weights: Vec<f64> = prior.iter().map(|w| f64::from(*w)).collect();
     // The bias is the weight of a feature that is always 1.

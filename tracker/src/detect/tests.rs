@@ -1,11 +1,11 @@
-//! Detection as a whole, on drawn people.
+//! Tests of detection as a whole, on drawn people.
 
 use image::Rgb;
 
 use super::train::{Labelled, TrainOptions};
 use super::*;
 
-/// A picture with figures whose heads are at these places, 90 pixels high, before a striped wall.
+/// Picture with figures whose heads are at these places, 90 pixels high, before a striped wall.
 fn picture(heads: &[(i64, i64)]) -> RgbImage {
     RgbImage::from_fn(320, 240, |u, v| {
         let (u, v) = (i64::from(u), i64::from(v));
@@ -45,7 +45,7 @@ fn a_camera_learns_its_own_people() {
     let (weights, report) = train::train(&labelled, &[picture(&[])], &train_options, || steps += 1).unwrap();
     assert_eq!((report.people, steps), (16, 15));
     assert!(report.background > 20, "{report:?}");
-    // The same again from its file, on pictures it has not seen.
+    // The same again with the detector read from its file, on new pictures.
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("own.json");
     train::write(&path, &weights).unwrap();
@@ -88,7 +88,7 @@ fn broken_models_and_odd_options_are_named() {
 }
 
 #[test]
-fn only_the_surest_of_what_overlaps_is_kept() {
+fn of_overlapping_detections_only_the_highest_score_is_kept() {
     let found = |left: f64, score: f64| Found {
         pixel_box: PixelBox { left, top: 0.0, width: 10.0, height: 20.0 },
         score,

@@ -1,5 +1,5 @@
-//! A camera's own detector (section 3): people cut out of its pictures, against its own background, the gaps between
-//! people who are close together, and whatever the detector so far takes for a person and is none.
+//! Training of a camera's own detector (section 3): positives are people in its pictures; negatives are its background,
+//! the gaps between people who are close together, and false positives of the previous detector.
 
 use calib::vision::PeopleClassifier;
 use calib::vision::people::Window;
@@ -14,38 +14,38 @@ use crate::{Error, Result};
 
 pub use super::model::write;
 
-/// A window overlapping a person more than this is no example of what is none.
+/// Overlap with a person above which a window is no negative example.
 const CLEAR_OVERLAP: f64 = 0.3;
-/// Two people are close where their centres are nearer than this, in widths.
+/// Distance of the centres of two close people, in widths.
 const CLOSE_WIDTHS: f64 = 3.0;
-/// Windows tried for each example of background.
+/// Number of windows tried for each background example.
 const TRIES: usize = 20;
-/// Mistakes of the detector that are taken from one picture at most.
+/// Largest number of false positives that are taken from one picture.
 const MISTAKES: usize = 30;
 
-/// A picture with its people.
+/// A picture with its labelled people.
 #[derive(Debug, Clone)]
 pub struct Labelled {
     /// The picture.
     pub image: RgbImage,
-    /// Everybody in it; those who are hidden or cut off may be listed in `ignored` instead.
+    /// All people in the picture, except those listed in `ignored`.
     pub people: Vec<PixelBox>,
-    /// People who are no good examples, but no background either.
+    /// People who are hidden or cut off: neither positive nor negative examples.
     pub ignored: Vec<PixelBox>,
 }
 
-/// How training goes.
+/// Options of the training.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrainOptions {
-    /// Background windows from each picture.
+    /// Number of background windows from each picture. Default 10.
     pub background_per_image: usize,
-    /// How often the detector so far looks for its own mistakes.
+    /// Number of rounds in which false positives of the previous detector are added. Default 2.
     pub rounds: usize,
-    /// How it looks.
+    /// Options of the detector.
     pub detect: DetectOptions,
-    /// The classifier's training.
+    /// Options of the classifier's training.
     pub svm: SvmOptions,
-    /// Of the background windows' places.
+    /// Seed of the background windows' places.
     pub seed: u64,
 }
 
@@ -61,23 +61,24 @@ impl Default for TrainOptions {
     }
 }
 
-/// What training saw.
+/// Counts of a training.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct TrainReport {
-    /// Examples of people, mirrored ones included.
+    /// Number of examples of people, mirrored ones included.
     pub people: usize,
-    /// Examples of background.
+    /// Number of background examples.
     pub background: usize,
-    /// Gaps between people.
+    /// Number of gaps between people.
     pub gaps: usize,
-    /// Mistakes that were learnt from.
+    /// Number of false positives that were added.
     pub mistakes: usize,
 }
 
-/// Trains weights from labelled pictures and pictures without people; `step` is called after each picture of each round.
+/// Trains weights from labelled pictures and pictures without people; `step` is called after each picture of each
+/// round.
 ///
 /// # Errors
-/// No person to learn from; options that mean nothing; when OpenCV refuses.
+/// No labelled person, invalid options, or an error of OpenCV.
 pub fn train(
     labelled: &[Labelled],
     empty: &[RgbImage],
@@ -140,7 +141,7 @@ pub fn train(
     Ok((weights, report))
 }
 
-/// Between two people who are close together, their gradients make a third.
+/// Boxes between two people who are close together, whose gradients look like a third person.
 fn gaps(people: &[PixelBox]) -> Vec<PixelBox> {
     let mut gaps = Vec::new();
     for (i, a) in people.iter().enumerate() {
@@ -158,7 +159,7 @@ fn gaps(people: &[PixelBox]) -> Vec<PixelBox> {
     gaps
 }
 
-/// A place of a size that people have here.
+/// A random box of a size that people have in these pictures.
 fn somewhere(
     random: &mut Pcg64Mcg,
     size: (u32, u32),

@@ -1,15 +1,15 @@
-//! The assignment of rows to columns with the greatest total weight.
+//! Assignment of rows to columns with the greatest total weight.
 //!
-//! H. W. Kuhn, "The Hungarian method for the assignment problem", Naval Research Logistics 2 (1955) 83–97, as in
-//! the `pathfinding` crate. That works on integers, so weights are scaled to 62 bits: differences above about
-//! 10⁻¹² of the greatest weight decide, smaller ones are ties.
+//! H. W. Kuhn, "The Hungarian method for the assignment problem", Naval Research Logistics 2 (1955) 83–97, as in the
+//! `pathfinding` crate. That works on integers, so weights are scaled to 62 bits: differences above about 10⁻¹² of the
+//! greatest weight decide, smaller ones are ties.
 
 use pathfinding::kuhn_munkres::kuhn_munkres;
 use pathfinding::matrix::Matrix as IntegerMatrix;
 
 use super::grid::Grid;
 
-/// The pairs (row, column) of the assignment with the greatest total weight, by row; pairs of weight 0 are left out.
+/// Pairs (row, column) of the assignment with the greatest total weight, by row; pairs of weight 0 are left out.
 ///
 /// Weights are finite and not negative.
 pub(super) fn best(weights: &Grid) -> Vec<(usize, usize)> {
@@ -38,7 +38,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Every assignment, tried.
+    /// Tries every assignment.
     fn exhaustive(weights: &Grid, row: usize, taken: &mut Vec<bool>) -> f64 {
         if row == weights.rows() {
             return 0.0;

@@ -8,40 +8,40 @@
 use super::scenario::{Scenario, Space};
 use super::{Figure, Metric, Unit, Value, percent};
 
-/// The CLEAR figures.
+/// CLEAR MOT figures.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Clear {
-    /// Truth rows with a matching track.
+    /// Number of truth rows with a matching track.
     pub matches: usize,
-    /// Truth rows without.
+    /// Number of truth rows without.
     pub misses: usize,
-    /// Track rows that stand for nobody.
+    /// Number of track rows without a matching person.
     pub false_positives: usize,
-    /// What depends on knowing who is who.
+    /// Figures that need identities; `None` without them.
     pub continuity: Option<Continuity>,
-    /// Sum over the matches of the similarity.
+    /// Sum of the similarities of the matches.
     similarity_sum: f64,
-    /// Sum over the matches of the distance.
+    /// Sum of the distances of the matches.
     distance_sum: f64,
     space: Space,
 }
 
-/// How steadily each person is followed.
+/// Continuity of the tracks.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Continuity {
-    /// Times a person's track is another than the last one they had, however long ago.
+    /// Number of times that a person's track differs from the last one they had, however long ago.
     pub switches: usize,
-    /// Times a person is lost while present and found again.
+    /// Number of times that a person is lost while present and found again.
     pub fragmentations: usize,
-    /// Times a person's matches go on after a break, be it a loss or their absence: `Frag` of TrackEval.
+    /// Number of times that a person's matches go on after a break, be it a loss or their absence: `Frag` of TrackEval.
     pub resumptions: usize,
-    /// People matched in all of their rows, and always by one track.
+    /// Number of people matched in all of their rows, and always by one track.
     pub followed: usize,
-    /// People matched in more than 80 % of their rows.
+    /// Number of people matched in more than 80 % of their rows.
     pub mostly_tracked: usize,
-    /// People matched in less than 20 % of their rows.
+    /// Number of people matched in less than 20 % of their rows.
     pub mostly_lost: usize,
-    /// People in all.
+    /// Number of people.
     pub people: usize,
 }
 
@@ -161,12 +161,12 @@ impl Clear {
         }
     }
 
-    /// Share of the truth that is matched.
+    /// Share of the truth that is matched, 0 to 1.
     pub fn recall(&self) -> Option<f64> {
         ratio(self.matches as f64, self.truth())
     }
 
-    /// Share of the tracks' rows that are matched.
+    /// Share of the tracks' rows that are matched, 0 to 1.
     pub fn precision(&self) -> Option<f64> {
         ratio(self.matches as f64, self.matches + self.false_positives)
     }
@@ -174,7 +174,7 @@ impl Clear {
 
 impl Continuity {
     fn of(scenario: &Scenario) -> Self {
-        /// One person's story so far.
+        /// State of one person during the count.
         #[derive(Clone, Default)]
         struct Life {
             rows: usize,
@@ -182,14 +182,14 @@ impl Continuity {
             last_track: Option<usize>,
             is_lost: bool,
             has_switched: bool,
-            /// The number of the frame of the last match, among those in which there are both truth and tracks.
+            /// Index of the frame of the last match, among the frames with both truth and tracks.
             last_match: Option<usize>,
         }
         let mut lives = vec![Life::default(); scenario.people];
         let (mut switches, mut fragmentations, mut resumptions) = (0, 0, 0);
         let mut judged = 0;
         for instant in &scenario.instants {
-            // TrackEval passes over frames without truth or without tracks: nobody's matches break there.
+            // TrackEval skips frames without truth or without tracks: they break no matches.
             judged += usize::from(!instant.truth.is_empty() && !instant.tracks.is_empty());
             let mut is_matched = vec![false; scenario.people];
             for found in &instant.matches {
@@ -211,7 +211,7 @@ impl Continuity {
                 life.is_lost |= life.last_track.is_some() && !is_matched[*person];
             }
         }
-        // Whole numbers: 80 % of 5 rows are 4, not 4.0000000001.
+        // Integers: 80 % of 5 rows are 4, not 4.0000000001.
         let share = |more: fn(usize, usize) -> bool| {
             lives.iter().filter(|life| more(100 * life.matched, life.rows)).count()
         };
@@ -239,8 +239,8 @@ impl Continuity {
         }
     }
 
-    /// The tracking success rate of Okada et al. (section 6.2), 0 to 1: people with one id from their first frame to their
-    /// last, everywhere within the threshold.
+    /// Tracking success rate of Okada et al. (section 6.2), 0 to 1: share of the people who have one id from their
+    /// first frame to their last, everywhere within the threshold.
     pub fn success(&self) -> Option<f64> {
         ratio(self.followed as f64, self.people)
     }

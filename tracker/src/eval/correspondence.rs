@@ -1,19 +1,18 @@
-//! Which track stands for which person in each frame.
+//! Correspondence of tracks and people in each frame.
 //!
-//! K. Bernardin, R. Stiefelhagen, "Evaluating multiple object tracking performance: the CLEAR MOT metrics",
-//! EURASIP J. Image and Video Processing 2008, section 2.3: a pair of the previous frame is kept as long as it
-//! is valid, the rest is assigned for the greatest total similarity. Both in one assignment, as TrackEval does:
-//! keeping a pair outweighs everything that similarity can gain. A frame without truth or without tracks
-//! leaves the pairs as they were.
+//! K. Bernardin and R. Stiefelhagen, "Evaluating multiple object tracking performance: the CLEAR MOT metrics", EURASIP
+//! J. Image and Video Processing 2008, section 2.3: a pair of the previous frame is kept as long as it is valid, the
+//! rest is assigned for the greatest total similarity. Both are one assignment, as in TrackEval: keeping a pair
+//! outweighs all gains in similarity. A frame without truth or without tracks leaves the pairs unchanged.
 
 use super::assignment::best;
 use super::grid::Grid;
 use super::instant::{Instant, Match, SIMILARITY_TOLERANCE};
 
-/// What keeping a pair is worth, in units of similarity: more than any frame's similarities together.
+/// Weight of keeping a pair, in units of similarity: more than any frame's similarities together.
 const KEPT: f64 = 1000.0;
 
-/// Fills in every instant's matches.
+/// Computes the matches of every instant.
 pub(super) fn correspond(instants: &mut [Instant], people: usize, threshold: f64) {
     let mut previous: Vec<Option<usize>> = vec![None; people];
     for instant in instants {

@@ -1,4 +1,4 @@
-//! Numbers for pairs: how alike, how far apart.
+//! Table of a number for each pair, such as similarity or distance.
 
 /// A dense table of numbers, row by row.
 #[derive(Debug, Clone, PartialEq)]
@@ -13,7 +13,7 @@ impl Grid {
         let values = (0..rows).flat_map(|r| (0..columns).map(move |c| (r, c))).map(|(r, c)| value(r, c));
         Self { rows, columns, values: values.collect() }
     }
-    /// Two tables whose numbers are found together.
+    /// Two tables whose numbers are computed together.
     pub(super) fn pair_from_fn(
         rows: usize,
         columns: usize,

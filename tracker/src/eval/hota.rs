@@ -1,10 +1,10 @@
 //! HOTA: detection and association in one figure, over all strictnesses.
 //!
 //! J. Luiten et al., "HOTA: a higher order metric for evaluating multi-object tracking", IJCV 129 (2021), and its
-//! reference implementation TrackEval. For each of 19 thresholds α: DetA is the Jaccard index of the detections,
-//! AssA the mean over the matches of their two tracks' Jaccard index, HOTA there = √(DetA · AssA); all three are
-//! averaged over α. In each frame the rows are assigned once, by similarity times how well the two tracks go
-//! together over the whole recording.
+//! reference implementation TrackEval. For each of 19 thresholds α: DetA is the Jaccard index of the detections, AssA
+//! the mean over the matches of their two tracks' Jaccard index, HOTA there = √(DetA · AssA); all three are averaged
+//! over α. In each frame the rows are assigned once, by similarity times the soft Jaccard index of the two tracks over
+//! the whole recording.
 
 use std::collections::HashMap;
 
@@ -14,20 +14,20 @@ use super::instant::SIMILARITY_TOLERANCE;
 use super::scenario::Scenario;
 use super::{Figure, Metric, percent};
 
-/// Thresholds 0.05, 0.10 … 0.95.
+/// Number of thresholds 0.05, 0.10 … 0.95.
 const THRESHOLDS: usize = 19;
 
-/// The HOTA figures, each 0 to 1.
+/// HOTA figures, each 0 to 1.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Hota {
-    /// Means over the 19 thresholds, where there are identities and any rows at all.
+    /// Means over the 19 thresholds; `None` without identities or rows.
     pub scores: Option<HotaScores>,
-    /// What they are means of, the least strict threshold first; empty where there are no scores.
+    /// Figures at each threshold, the least strict first; empty where there are no scores.
     pub by_threshold: Vec<HotaScores>,
     tallies: Vec<Tally>,
 }
 
-/// The figures at one threshold, or their means.
+/// Figures at one threshold, or their means.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct HotaScores {
     /// √(DetA · AssA), averaged.
@@ -36,7 +36,7 @@ pub struct HotaScores {
     pub det_a: f64,
     /// Association accuracy.
     pub ass_a: f64,
-    /// Detection recall and precision.
+    /// Detection recall.
     pub det_re: f64,
     /// Detection precision.
     pub det_pr: f64,
@@ -48,13 +48,13 @@ pub struct HotaScores {
     pub loc_a: f64,
 }
 
-/// What is counted at one threshold; sums of several recordings are sums of these.
+/// Counts at one threshold; sums of several recordings are sums of these.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 struct Tally {
     matched: usize,
     truth: usize,
     tracks: usize,
-    /// Over the matches, sums of their tracks' Jaccard index, recall, precision, and of their similarity.
+    /// Sums over the matches of their tracks' Jaccard index, recall and precision, and of their similarity.
     ass_a: f64,
     ass_re: f64,
     ass_pr: f64,
@@ -111,7 +111,7 @@ impl Hota {
         Self { scores, by_threshold, tallies }
     }
 
-    /// The thresholds of [`Self::by_threshold`].
+    /// Thresholds of [`Self::by_threshold`].
     pub fn thresholds() -> impl Iterator<Item = f64> {
         (0..THRESHOLDS).map(|i| 0.05 + i as f64 * 0.05)
     }
@@ -141,7 +141,7 @@ impl Tally {
             det_pr: share(matched, self.tracks),
             ass_re: share(self.ass_re, self.matched),
             ass_pr: share(self.ass_pr, self.matched),
-            // Without a match nothing is misplaced, as in TrackEval.
+            // Without a match the localisation is perfect, as in TrackEval.
             loc_a: if self.matched == 0 { 1.0 } else { self.similarity / matched },
         }
     }
@@ -160,7 +160,7 @@ fn tallies(scenario: &Scenario) -> Vec<Tally> {
             Tally { truth: scenario.truth_rows, tracks: scenario.track_rows, ..Tally::default() };
             THRESHOLDS
         ];
-    // Matches of each pair of person and track, by the strictest threshold that they pass.
+    // Number of matches of each pair of person and track, by the strictest threshold that they pass.
     let mut strictest: HashMap<(usize, usize), [u32; THRESHOLDS]> = HashMap::new();
     for instant in &scenario.instants {
         let weights = Grid::from_fn(instant.truth.len(), instant.tracks.len(), |i, j| {
@@ -193,7 +193,7 @@ fn tallies(scenario: &Scenario) -> Vec<Tally> {
     tallies
 }
 
-/// How well each person and track go together over the recording, before any matching: a soft Jaccard index.
+/// Soft Jaccard index of each person and track over the recording, before any matching.
 fn alignment(scenario: &Scenario, truth_count: &[f64], track_count: &[f64]) -> Grid {
     let mut together = Grid::zeros(scenario.people, scenario.tracks);
     for instant in &scenario.instants {

@@ -1,23 +1,23 @@
-//! Identity: how long the right track stands for the right person.
+//! Identity: share of rows in which the right track follows the right person.
 //!
-//! E. Ristani, F. Solera, R. Zou, R. Cucchiara, C. Tomasi, "Performance measures and a data set for multi-target,
-//! multi-camera tracking", ECCV Workshops 2016. Each person gets at most one track for the whole recording, so
-//! that as many rows as possible agree; their minimum-cost assignment with dummies is the assignment of the most
-//! agreeing rows.
+//! E. Ristani, F. Solera, R. Zou, R. Cucchiara and C. Tomasi, "Performance measures and a data set for multi-target,
+//! multi-camera tracking", ECCV Workshops 2016. Each person gets at most one track for the whole recording, such that
+//! as many rows as possible agree; their minimum-cost assignment with dummies is the assignment with the most agreeing
+//! rows.
 
 use super::assignment::best;
 use super::grid::Grid;
 use super::scenario::Scenario;
 use super::{Figure, Metric, percent};
 
-/// The identity figures.
+/// Identity figures.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Identity {
-    /// Rows in which a person has their own track.
+    /// Number of rows in which a person has their own track.
     pub true_positives: usize,
-    /// Track rows that are not their person's.
+    /// Number of track rows that are not their person's.
     pub false_positives: usize,
-    /// Truth rows without their own track.
+    /// Number of truth rows without their own track.
     pub misses: usize,
     has_identities: bool,
 }
@@ -66,12 +66,12 @@ impl Identity {
         self.ratio(2 * self.true_positives, 2 * self.true_positives + self.false_positives + self.misses)
     }
 
-    /// Share of the truth's rows with the right identity.
+    /// Share of the truth's rows with the right identity, 0 to 1.
     pub fn recall(&self) -> Option<f64> {
         self.ratio(self.true_positives, self.true_positives + self.misses)
     }
 
-    /// Share of the tracks' rows with the right identity.
+    /// Share of the tracks' rows with the right identity, 0 to 1.
     pub fn precision(&self) -> Option<f64> {
         self.ratio(self.true_positives, self.true_positives + self.false_positives)
     }

@@ -1,8 +1,9 @@
-//! CLEAR as `motmetrics` counts it: a pair outlives a loss.
+//! CLEAR as counted by `motmetrics`: a pair outlives a loss.
 //!
-//! TrackEval keeps a pair from one frame to the next; `motmetrics` (C. Heindl, py-motmetrics) keeps it for good: a person
-//! who is found again near their last track is given to it though another is nearer. Most files give the same figures,
-//! fragmentations above all may differ. What is not kept is assigned to as many pairs as there can be, then to the nearest.
+//! TrackEval keeps a pair from one frame to the next; `motmetrics` (C. Heindl, py-motmetrics) keeps it for good: a
+//! person who is found again near their last track is assigned to it even if another is nearer. Most files give the
+//! same figures; mainly fragmentations may differ. Open pairs are assigned such that there are as many as possible, and
+//! then for the least distance.
 
 use super::assignment::best;
 use super::grid::Grid;
@@ -10,21 +11,21 @@ use super::instant::{Instant, SIMILARITY_TOLERANCE};
 use super::scenario::Scenario;
 use super::{Figure, Metric, Value, percent};
 
-/// What a pair is worth beside its similarity: more than any frame's similarities together.
+/// Weight of a pair beside its similarity: more than any frame's similarities together.
 const PAIR: f64 = 1000.0;
 
-/// The figures of `motmetrics`.
+/// Figures of `motmetrics`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LastingPairs {
-    /// Truth rows with a matching track.
+    /// Number of truth rows with a matching track.
     pub matches: usize,
-    /// Truth rows without.
+    /// Number of truth rows without.
     pub misses: usize,
-    /// Track rows that stand for nobody.
+    /// Number of track rows without a matching person.
     pub false_positives: usize,
-    /// Times a person's track is another than the last one they had.
+    /// Number of times that a person's track differs from the last one they had.
     pub switches: usize,
-    /// Times a person is lost between two matches.
+    /// Number of times that a person is lost between two matches.
     pub fragmentations: usize,
     has_identities: bool,
 }
@@ -82,7 +83,7 @@ impl LastingPairs {
     }
 }
 
-/// Everybody's track so far.
+/// Each person's track so far, and the counts.
 struct Pairs {
     track_of: Vec<Option<usize>>,
     is_lost: Vec<bool>,

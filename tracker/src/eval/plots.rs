@@ -1,4 +1,4 @@
-//! Pictures of an evaluation: HOTA over the strictness, the detection curve, everybody's life.
+//! Pictures of an evaluation: HOTA over the strictness, the detection curve, and the tracks of each person.
 
 use std::path::Path;
 
@@ -17,13 +17,13 @@ const LIFE_HEIGHT_PX: f64 = 22.0;
 const LIFE_LEFT_PX: f64 = 90.0;
 const LIFE_TOP_PX: f64 = 46.0;
 const LIFE_FOOT_PX: f64 = 28.0;
-/// More people than this are not drawn: nobody could read it.
+/// Largest number of people drawn; more would be unreadable.
 const MOST_LIVES: usize = 400;
 
 /// Writes `hota.png`, `roc.png` and `lives.png` into a folder, as far as there is something to show.
 ///
 /// # Errors
-/// Naming the file that could not be written.
+/// Names the file that could not be written.
 pub fn write(folder: &Path, evaluation: &Evaluation, curve: Option<&DetectionCurve>) -> Result<()> {
     if !evaluation.hota.by_threshold.is_empty() {
         chart::save(&hota(&evaluation.hota).draw(), &folder.join("hota.png"))?;
@@ -63,7 +63,7 @@ fn roc(curve: &DetectionCurve) -> Chart {
     }
 }
 
-/// A strip for each person: the colour of the track that stands for them, pale where none does.
+/// A strip for each person: the colour of the matching track, pale without one.
 fn lives(evaluation: &Evaluation) -> RgbImage {
     let scenario = &evaluation.scenario;
     let people = scenario.people.min(MOST_LIVES);
@@ -98,7 +98,7 @@ fn lives(evaluation: &Evaluation) -> RgbImage {
     canvas.into_image()
 }
 
-/// A part of somebody's life in which one track, or none, stands for them.
+/// A part of a person's life with one matching track, or none.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Stretch {
     first: u32,
@@ -106,7 +106,7 @@ struct Stretch {
     track: Option<usize>,
 }
 
-/// A person's life. Frames in which they are absent part it.
+/// Stretches of a person's life; frames in which they are absent divide it.
 fn stretches(evaluation: &Evaluation, person: usize) -> Vec<Stretch> {
     let mut life: Vec<Stretch> = Vec::new();
     for instant in evaluation.scenario.instants.iter().filter(|i| i.truth.contains(&person)) {

@@ -1,7 +1,7 @@
-//! Position error: how far the matched tracks stand from the truth.
+//! Position error: distance of the matched tracks from the truth.
 //!
-//! The mean is CLEAR's MOTP (Bernardin & Stiefelhagen 2008) on the floor; the published tracker (Osawa et al.)
-//! reports mean and maximum.
+//! The mean is CLEAR's MOTP (K. Bernardin and R. Stiefelhagen 2008) on the floor; T. Osawa et al., whose tracker is
+//! [`crate::method::mcmc`], report mean and maximum.
 
 use super::scenario::{Scenario, Space};
 use super::{Figure, Metric, Unit, Value};
@@ -11,12 +11,12 @@ use super::{Figure, Metric, Unit, Value};
 pub struct PositionError {
     /// Mean, median and maximum; metres on the floor, pixels between foot points in the image. `None` without a match.
     pub statistics: Option<PositionStatistics>,
-    /// In ascending order.
+    /// Distances in ascending order.
     errors: Vec<f64>,
     space: Space,
 }
 
-/// The three figures.
+/// Statistics of the distances.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PositionStatistics {
     /// Arithmetic mean.

@@ -11,18 +11,18 @@ use super::{
 };
 use crate::{Error, Result};
 
-/// Names under which a sequence's folder may hold its truth: this project's and MOTChallenge's.
+/// Paths at which a sequence's folder may hold its truth: this project's and MOTChallenge's.
 const TRUTH_FILES: [&str; 2] = ["truth.txt", "gt/gt.txt"];
 
-/// The evaluations of several recordings.
+/// Evaluations of several recordings.
 #[derive(Debug, Clone)]
 pub struct Sequences {
-    /// By name.
+    /// Evaluations with the sequences' names.
     pub each: Vec<(String, Evaluation)>,
     together: Together,
 }
 
-/// The metrics over all recordings: what is counted is added up before anything is divided.
+/// Metrics over all recordings: all counts are added up before anything is divided.
 #[derive(Debug, Clone)]
 struct Together {
     clear: Clear,
@@ -39,7 +39,7 @@ impl Sequences {
     /// (`SEQUENCE.txt`, or `SEQUENCE/tracks.txt`).
     ///
     /// # Errors
-    /// A folder without sequences, a sequence without tracks, and what [`Evaluation::of_files`] refuses.
+    /// A folder without sequences, a sequence without tracks, or an error of [`Evaluation::of_files`].
     pub fn of_folders(truth: &Path, tracks: &Path, options: &EvalOptions) -> Result<Self> {
         let entries = std::fs::read_dir(truth).map_err(Error::io(truth))?;
         let mut folders: Vec<PathBuf> = entries.filter_map(|e| Some(e.ok()?.path())).collect();
@@ -70,7 +70,7 @@ impl Sequences {
         Ok(Self::of(each))
     }
 
-    /// Evaluations by name.
+    /// Combines evaluations with their names.
     pub fn of(each: Vec<(String, Evaluation)>) -> Self {
         let all = || each.iter().map(|(_, e)| e);
         let together = Together {
@@ -99,7 +99,7 @@ impl Sequences {
         .concat()
     }
 
-    /// A line a figure, a column a sequence, the last one for all together.
+    /// Text table with a line a figure and a column a sequence; the last column is for all together.
     pub fn table(&self) -> String {
         let columns: Vec<(&str, Vec<Figure>)> = self
             .each

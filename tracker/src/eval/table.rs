@@ -1,4 +1,4 @@
-//! The figures as a person reads them, and as a program does.
+//! Figures as a text table and as JSON.
 
 use serde_json::{Map, Value as Json, json};
 
@@ -6,7 +6,7 @@ use super::{Evaluation, Figure, Metric, Unit, Value};
 use crate::eval::scenario::Space;
 
 impl Figure {
-    /// The value with its unit, as in the table; an en dash where there is none.
+    /// Value with its unit, as in the table; an en dash where there is none.
     pub fn text(&self) -> String {
         match self.value {
             Value::Count(Some(count)) => format!("{count}"),
@@ -18,7 +18,7 @@ impl Figure {
         }
     }
 
-    /// The name in JSON: as it is where it is an acronym, with underscores and unit otherwise.
+    /// Key in JSON: the name itself if it is an acronym, otherwise with underscores and unit.
     pub fn key(&self) -> String {
         let name = self.name.replace(' ', "_");
         if name.chars().next().is_some_and(char::is_uppercase) && !name.contains('_') {
@@ -34,7 +34,7 @@ impl Figure {
 }
 
 impl Evaluation {
-    /// A table with a line a figure: name, value with unit, meaning.
+    /// Text table with a line a figure: name, value with unit, meaning.
     pub fn table(&self) -> String {
         let figures = self.figures();
         let width = |text: &dyn Fn(&Figure) -> String| {
@@ -48,7 +48,7 @@ impl Evaluation {
         lines.join("\n") + "\n"
     }
 
-    /// What was compared, in one line.
+    /// One line about the compared files.
     pub fn headline(&self) -> String {
         let s = &self.scenario;
         let matched_on = match s.space {
@@ -63,7 +63,7 @@ impl Evaluation {
         format!("truth: {people}{} rows; tracks: {tracks}{} rows; {matched_on}", s.truth_rows, s.track_rows)
     }
 
-    /// One flat object; percentages as in the table (0 to 100), `null` where a figure means nothing here.
+    /// One flat object; percentages as in the table (0 to 100), `null` where a figure is undefined.
     pub fn json(&self) -> Json {
         let s = &self.scenario;
         let mut object = Map::new();

@@ -1,26 +1,26 @@
-//! Who is seen at each pixel of a camera: the nearest body that nothing static hides.
+//! Visible person at each pixel of a camera: the nearest body that no static surface hides.
 
 use nalgebra::Point2;
 
 use crate::silhouette::{Body, ImageConic, Outline, View};
 
-/// What is seen at one pixel.
+/// Visible surface at one pixel.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Surface {
-    /// Index of the body + 1, or 0 where no body is seen.
+    /// Index of the body + 1, or 0 without a body.
     owner: u16,
-    /// How squarely the surface faces the camera, 0 to 1.
+    /// Cosine of the angle between the surface's normal and the ray to the camera, 0 to 1.
     pub(super) facing: f32,
 }
 
 impl Surface {
-    /// Index of the body that is seen.
+    /// Index of the visible body.
     pub(super) fn owner(self) -> Option<usize> {
         usize::from(self.owner).checked_sub(1)
     }
 }
 
-/// All pixels of the pinhole image, row by row.
+/// Surfaces of the pinhole image, row by row.
 #[derive(Debug, Clone)]
 pub(super) struct Layers {
     width: usize,
@@ -55,7 +55,7 @@ impl Layers {
                     continue;
                 }
                 let ray = view.ray(f64::from(u), f64::from(v));
-                // The gradient of |X / axes|², which stands square on the surface.
+                // The gradient of |X / axes|² is perpendicular to the surface.
                 let normal = (from_body + ray * z).component_div(&axes).component_div(&axes).normalize();
                 nearest[at] = z as f32;
                 let facing = (-normal.dot(&ray.normalize())).max(0.0) as f32;
@@ -64,7 +64,7 @@ impl Layers {
         }
     }
 
-    /// Whose surface is seen at a pixel; `None` outside the image or where no body is.
+    /// Index of the body that is visible at a pixel; `None` outside the image or without a body.
     pub(super) fn owner_at(&self, pixel: Point2<f64>) -> Option<usize> {
         let (u, v) = (pixel.x.round(), pixel.y.round());
         let at =

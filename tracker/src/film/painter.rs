@@ -1,4 +1,4 @@
-//! Draws one camera's frames: both panels, side by side.
+//! Painter of one camera's frames: both panels, side by side.
 
 use image::{Rgb, RgbImage};
 use shell::canvas::Canvas;
@@ -13,7 +13,7 @@ use crate::observation::Mask;
 use crate::silhouette::{Body, View};
 use crate::stage::{Stage, StageCamera};
 
-/// Draws the frames of one camera, in order: trails remember the frames before.
+/// Painter of the frames of one camera, in order, because trails depend on the frames before.
 #[derive(Debug, Clone)]
 pub struct Painter {
     camera: StageCamera,
@@ -26,7 +26,7 @@ pub struct Painter {
 }
 
 impl Painter {
-    /// A painter for the stage's camera of that index.
+    /// Painter for the prepared room's camera of that index.
     pub fn new(stage: &Stage, index: usize, options: &FilmOptions) -> Self {
         let (width, height) = options.panel_px(&stage.cameras[index]);
         let camera = stage.cameras[index].resized(width, height);
@@ -41,7 +41,7 @@ impl Painter {
         }
     }
 
-    /// Width and height of a frame: two panels beside each other.
+    /// Width and height of a frame, pixels: two panels beside each other.
     pub fn size(&self) -> (u32, u32) {
         (2 * self.lens.width, self.lens.height)
     }
@@ -97,7 +97,7 @@ impl Painter {
         (self.camera.pinhole.camera_from_world * body.ellipsoid().center).z
     }
 
-    /// A mask at the panel's size: for each pixel of its pinhole image, row by row, whether there is foreground.
+    /// Mask at the panel's size: foreground for each pixel of its pinhole image, row by row.
     fn resized(&self, mask: &Mask) -> Vec<bool> {
         let (width, height) = (self.lens.width, self.lens.height);
         let nearest =

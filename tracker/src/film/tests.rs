@@ -1,4 +1,4 @@
-//! The panels against what must be seen in them.
+//! Tests of the panels' content.
 
 use super::*;
 use crate::TrackId;
@@ -52,7 +52,7 @@ fn gray(stage: &Stage) -> Shot {
     Shot { image: Some(image.into()), mask: None }
 }
 
-/// How far a pixel has moved from the grey picture towards a colour: 0 to 1.
+/// Share of the way from the grey picture towards a colour that a pixel has moved, 0 to 1.
 fn tint(pixel: Rgb<u8>, color: Color) -> f64 {
     let c = [color.r, color.g, color.b].map(f64::from);
     let (mut dot, mut norm) = (0.0, 0.0);
@@ -109,7 +109,7 @@ fn silhouettes_follow_the_lens() {
     let stage = stage([-0.3, 0.08, 0.0, 0.0, 0.0]);
     let who = person(1, 3.0, 1.6);
     let frame = Painter::new(&stage, 0, &large()).paint(1, 0.0, &gray(&stage), std::slice::from_ref(&who));
-    // The tinted pixels' bounds are the box in real pixels.
+    // The bounds of the tinted pixels are the box in real pixels.
     let bounds = contour::bounding_box(&Body::from(&who), &stage.cameras[0].real).unwrap();
     let color = Color::of_id(1);
     let tinted: Vec<u32> = (0..640u32)

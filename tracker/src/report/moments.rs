@@ -1,24 +1,24 @@
-//! Which frames say most about a camera's occlusion prediction.
+//! Selection of frames that are informative about a camera's occlusion prediction.
 //!
-//! Three kinds of moment, in turn: somebody partly hidden, somebody wholly hidden yet still followed, and many
-//! people at once. Moments of one camera keep a distance from each other.
+//! Three kinds of moments alternate: a person partly hidden, a person wholly hidden yet still tracked, and many people
+//! at once. Moments of one camera keep a distance in time from each other.
 
 use super::recording::{Recording, Sight};
 use crate::tracks::jsonl::FrameLine;
 
-/// Less than this is as good as nothing.
+/// Visible fraction below which a person counts as hidden.
 pub(super) const HIDDEN: f64 = 0.03;
-/// A partly hidden body is most telling when this much of it shows.
+/// Visible fraction of the most informative partly hidden body.
 const TELLING: f64 = 0.4;
 
-/// The most telling frames of a camera, at most `count`, in time's order; as indices into the recording's frames.
+/// Most informative frames of a camera, at most `count`, in time order; as indices into the recording's frames.
 pub(super) fn telling(recording: &Recording, camera: &str, count: usize) -> Vec<usize> {
     let sights: Vec<Vec<Sight>> = recording.frames.iter().map(|f| in_view(recording, f, camera)).collect();
     let (first, last) = recording.span_s();
     let apart = 0.08 * (last - first);
     let mut chosen: Vec<usize> = Vec::new();
     let scores: [fn(&[Sight]) -> f64; 3] = [partly_hidden, wholly_hidden, crowd];
-    // A second round through the kinds fills up where a kind does not occur.
+    // A second round through the kinds replaces kinds that do not occur.
     for score in scores.iter().cycle().take(2 * scores.len().max(count)) {
         if chosen.len() >= count {
             break;
@@ -30,7 +30,7 @@ pub(super) fn telling(recording: &Recording, camera: &str, count: usize) -> Vec<
         let best = (0..sights.len())
             .filter(|i| is_free(*i))
             .map(|i| (score(&sights[i]), i))
-            // Of equal scores the first in time.
+            // Of equal scores, the first in time.
             .max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
         if let Some((_, index)) = best.filter(|(score, _)| *score > 0.0) {
             chosen.push(index);

@@ -1,4 +1,4 @@
-//! The page: sections in the order in which people ask.
+//! The page and its sections.
 
 use std::fmt::Write;
 
@@ -11,7 +11,7 @@ use crate::{Result, TrackId};
 
 const STYLE: &str = include_str!("page.css");
 
-/// The whole page.
+/// HTML of the whole page.
 ///
 /// # Errors
 /// A film, reference image or geometry that cannot be read.
@@ -95,7 +95,7 @@ fn header(recording: &Recording, title: &str) -> String {
     )
 }
 
-/// A figure a still, grouped by camera.
+/// An HTML figure for each still, grouped by camera.
 fn film_stills(recording: &Recording, options: &ReportOptions) -> Result<String> {
     let mut figures = String::new();
     for camera in &recording.cameras {
@@ -120,10 +120,10 @@ fn film_stills(recording: &Recording, options: &ReportOptions) -> Result<String>
     Ok(figures)
 }
 
-/// More people than this are counted, not listed.
+/// Largest number of people that a caption lists; more are counted.
 const LISTED: usize = 4;
 
-/// What is to be seen in a still, in words.
+/// Description of a still.
 fn caption(recording: &Recording, frame: &FrameLine, camera: &str) -> String {
     let in_view: Vec<(TrackId, f64)> = frame
         .people
@@ -149,7 +149,7 @@ fn caption(recording: &Recording, frame: &FrameLine, camera: &str) -> String {
     format!("Frame {}, {:.2}\u{a0}s: {who}.", frame.frame, frame.time)
 }
 
-/// More than this is all of somebody.
+/// Visible fraction above which a person is in full view.
 const FULL: f64 = 0.97;
 
 fn one(id: TrackId, visible: f64) -> String {

@@ -1,4 +1,4 @@
-//! Pictures of single frames: from the film, or drawn anew on the reference image where no film was made.
+//! Pictures of single frames: from the film, or drawn on the reference image where no film was made.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -13,10 +13,10 @@ use crate::stage::{Stage, StageOptions};
 use crate::tracks::jsonl::{FrameLine, PersonLine};
 use crate::{PersonEstimate, Result};
 
-/// One picture for each of `wanted` (indices of frames, growing), as far as the film goes.
+/// One picture for each of `wanted` (increasing indices of frames), as far as the film reaches.
 ///
 /// # Errors
-/// A film or reference image that is there but cannot be read.
+/// A film or reference image that exists but cannot be read.
 pub(super) fn stills(
     recording: &Recording,
     camera: &str,
@@ -72,7 +72,7 @@ fn picture(path: &Path) -> Result<RgbImage> {
     Ok(calib::picture::read(path)?.into_rgb8())
 }
 
-/// The people of a line as one camera's painter wants them.
+/// Estimates of a line for one camera's painter.
 fn estimates(frame: &FrameLine, camera: &str) -> Vec<PersonEstimate> {
     let estimate = |person: &PersonLine| PersonEstimate {
         id: person.id,

@@ -1,4 +1,4 @@
-//! The page of a small run, made from files as `tracker run` writes them.
+//! Tests of the page of a small run, made from files as `tracker run` writes them.
 
 use super::*;
 use crate::film::{Film, FilmOptions, Shot};
@@ -13,10 +13,10 @@ use scenes::room::{Room, RoomCamera};
 use std::fmt::Write;
 use std::time::Duration;
 
-/// Frames of the run, at 10 a second.
+/// Number of frames of the run, at 10 a second.
 const FRAMES: u32 = 40;
 
-/// Person 1 walks along x; `visible` in the camera falls to nothing in frames 15 to 25.
+/// Person 1 walks along x; `visible` in the camera falls to 0 in frames 15 to 25.
 fn person(frame: u32) -> PersonEstimate {
     PersonEstimate {
         id: TrackId(1),
@@ -97,7 +97,7 @@ fn the_page_is_whole_and_asks_for_nothing() {
         ] {
             assert!(html.contains(expected), "{expected} is missing (film: {with_film})");
         }
-        // The plan, and a still of each kind of moment: all inside the page.
+        // The plan, and a still of each kind of moment: all embedded in the page.
         assert!(html.matches("data:image/jpeg;base64,").count() >= 3);
         for outside in ["http://", "https://", "src=\"/", "url(", "<script", "@import"] {
             assert!(!html.contains(outside), "{outside}");
@@ -113,7 +113,7 @@ fn the_page_is_whole_and_asks_for_nothing() {
 }
 
 #[test]
-fn telling_moments_are_hidden_ones_and_stand_apart() {
+fn informative_moments_are_hidden_ones_and_apart_in_time() {
     let folder = tempfile::tempdir().unwrap();
     let recording = Recording::read(&run_in(folder.path(), false)).unwrap();
     let chosen = moments::telling(&recording, "a<b", 3);
@@ -138,7 +138,7 @@ fn a_run_without_people_or_timings_still_has_a_page() {
 }
 
 #[test]
-fn what_is_missing_is_named_and_nothing_is_written() {
+fn missing_sources_are_named_and_nothing_is_written() {
     let folder = tempfile::tempdir().unwrap();
     let sources = run_in(folder.path(), false);
     let page = folder.path().join("report.html");
@@ -169,7 +169,7 @@ fn a_room_that_is_not_the_runs_is_refused() {
         refused.map_err(|e| e.to_string())
     };
     let mut room = Room::read(&sources.room).unwrap();
-    // Half a centimetre aside is the same room for all that a page can show; a hand's breadth is not.
+    // Half a centimetre aside is the same room for all that a page can show; 10 cm is not.
     room.cameras[0].camera.camera_from_world.translation.vector.x += 0.005;
     said(&room).unwrap();
     std::fs::remove_file(&page).unwrap();

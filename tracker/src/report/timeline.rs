@@ -1,4 +1,4 @@
-//! Predicted visibility over time: a strip for each person and camera, as inline SVG.
+//! Timeline of predicted visibility: a strip for each person and camera, as inline SVG.
 
 use std::fmt::Write;
 
@@ -9,7 +9,7 @@ use super::recording::Recording;
 use crate::TrackId;
 use crate::tracks::jsonl::FrameLine;
 
-/// Drawing size, in the SVG's own units.
+/// Drawing size, in SVG units.
 const WIDTH: f64 = 1000.0;
 const LEFT: f64 = 86.0;
 const RIGHT: f64 = 12.0;
@@ -17,13 +17,13 @@ const STRIP: f64 = 34.0;
 const GAP: f64 = 7.0;
 const HEADING: f64 = 30.0;
 const AXIS: f64 = 34.0;
-/// Longer recordings are averaged down to so many columns: more than the screen shows.
+/// Largest number of columns: longer recordings are averaged, because a screen shows no more.
 const COLUMNS: usize = 1200;
 
-/// What a camera sees of a person in a column: `None` outside the picture.
+/// Visible fraction of a person in a camera for each column; `None` outside the picture.
 type Series = Vec<Option<f64>>;
 
-/// The strips of up to `people` people (those with the longest tracks), by id.
+/// Strips of up to `people` people (those with the longest tracks), by id.
 pub(super) fn svg(recording: &Recording, people: usize) -> String {
     let (first, last) = recording.span_s();
     let duration = (last - first).max(1e-9);
@@ -69,7 +69,7 @@ pub(super) fn svg(recording: &Recording, people: usize) -> String {
     svg
 }
 
-/// The ids with the longest tracks, by id.
+/// Ids with the longest tracks, ascending.
 fn longest(recording: &Recording, people: usize) -> Vec<TrackId> {
     let mut lengths: Vec<(usize, TrackId)> =
         recording.tracks().into_iter().map(|(id, places)| (places.len(), id)).collect();
@@ -79,7 +79,7 @@ fn longest(recording: &Recording, people: usize) -> Vec<TrackId> {
     ids
 }
 
-/// What a camera sees of somebody, column by column; frames are averaged where there are more than columns.
+/// Visible fraction of a person in a camera, column by column; frames are averaged where there are more than columns.
 fn series(recording: &Recording, id: TrackId, camera: &str) -> Series {
     let per_column = recording.frames.len().div_ceil(COLUMNS).max(1);
     let seen = |frame: &FrameLine| {
@@ -97,7 +97,7 @@ fn series(recording: &Recording, id: TrackId, camera: &str) -> Series {
         .collect()
 }
 
-/// One strip: its frame and name, and an area for each stretch in which the person is in the picture.
+/// Draws one strip: its frame and name, and an area for each stretch in which the person is in the picture.
 fn strip(svg: &mut String, series: &Series, camera: &str, color: &str, top: f64, x: impl Fn(f64) -> f64) {
     let bottom = top + STRIP;
     let _ = writeln!(

@@ -1,4 +1,4 @@
-//! A text file that grows by whole lines and can be read while it grows.
+//! A text file that grows by whole lines and can be read during that time.
 
 use std::fs::File;
 use std::io::Write;
@@ -6,12 +6,12 @@ use std::path::{Path, PathBuf};
 
 use crate::{Error, Result};
 
-/// Made when its first lines come, so that a run that fails before leaves older results alone.
+/// Writer that creates its file with the first lines, so that a run that fails before leaves older results alone.
 #[derive(Debug)]
 pub(super) struct LineFile {
     path: PathBuf,
     file: Option<File>,
-    /// Bytes that hold whole lines.
+    /// Number of bytes of whole lines.
     length: u64,
 }
 
@@ -24,8 +24,8 @@ impl LineFile {
         &self.path
     }
 
-    /// Appends whole lines (or nothing) and hands them to the system at once. After a failure, as on a full disk,
-    /// the file ends with the last line before.
+    /// Appends whole lines (or nothing) and passes them to the operating system at once. After a failure, such as a
+    /// full disk, the file ends with the last line before, and later lines continue there.
     pub(super) fn append(&mut self, lines: &str) -> Result<()> {
         let mut file = if let Some(file) = self.file.take() {
             file
@@ -36,7 +36,7 @@ impl LineFile {
             File::create(&self.path).map_err(Error::io(&self.path))?
         };
         if let Err(source) = file.write_all(lines.as_bytes()) {
-            // Cutting back can fail too; the first failure is the one to tell.
+            // Truncating may fail, too; the first failure is the one to report.
             let _ = file.set_len(self.length);
             return Err(Error::Io { path: self.path.clone(), source });
         }

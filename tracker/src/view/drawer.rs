@@ -1,4 +1,4 @@
-//! Draws for those who watch a run that makes no film.
+//! Drawing for the viewers of a run that makes no film.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -10,14 +10,14 @@ use crate::PersonEstimate;
 use crate::film::{FilmOptions, Painted, Painter, Shot};
 use crate::stage::Stage;
 
-/// Draws a moment for all screens when somebody waits for one, on a thread of its own; it passes over the moments that
-/// come while it draws.
+/// Drawer that draws a moment for all screens when a viewer waits for one, on a thread of its own; moments that arrive
+/// during that time are skipped.
 #[derive(Debug)]
 pub struct Drawer {
     screens: Screens,
     scenes: SyncSender<Scene>,
     is_free: Arc<AtomicBool>,
-    /// Whether some camera has pictures, when somebody watches.
+    /// Whether some camera has pictures, when there are viewers.
     has_pictures: bool,
 }
 
@@ -30,19 +30,19 @@ struct Scene {
 }
 
 impl Drawer {
-    /// Draws what the cameras of the stage see, which the screens are for. `has_pictures` says whether some of them have more
-    /// than masks.
+    /// Starts the drawer of the room's cameras for these screens. `has_pictures` is true if some camera has more than
+    /// masks.
     pub fn start(stage: &Stage, options: &FilmOptions, screens: &Screens, has_pictures: bool) -> Self {
         let (scenes, received) = sync_channel(1);
         let is_free = Arc::new(AtomicBool::new(true));
         let (stage, options) = (stage.clone(), options.clone());
         let (own_screens, own_is_free) = (screens.clone(), Arc::clone(&is_free));
-        // It ends with the channel, unless the program does first: nothing of it is to be kept.
+        // The thread ends with the channel, or with the program: it has nothing to save.
         thread::spawn(move || draw(&stage, &options, &received, &own_screens, &own_is_free));
         Self { screens: screens.clone(), scenes, is_free, has_pictures }
     }
 
-    /// Hands over one moment if it is wanted: only then are the shots made, one a camera in the stage's order.
+    /// Offers one moment; `shots`, one a camera in the room's order, is called only if a viewer waits for it.
     pub fn offer(
         &self,
         frame: u32,
@@ -54,13 +54,13 @@ impl Drawer {
             return;
         }
         let shots = shots();
-        // What was filmed before anybody watched has left no picture.
+        // Frames from before there was a viewer have no picture.
         if self.has_pictures && shots.iter().all(|shot| shot.image.is_none()) {
             self.is_free.store(true, Ordering::Release);
             return;
         }
         let scene = Scene { frame, time_s, shots, people: people.to_vec() };
-        // There is room for the one that a free drawer is given; one that has failed takes no more.
+        // The channel has room for the moment of an idle drawer; one that has failed takes none.
         let _ = self.scenes.try_send(scene);
     }
 }
@@ -84,7 +84,7 @@ fn draw(
             people: people.len(),
             picture: painter.paint(frame, time_s, &shot, &people),
         });
-        // Not inside `show`, which must not keep anybody.
+        // Collected before `show`, which must not block others.
         let painted: Vec<Painted> = painted.collect();
         screens.show(painted);
         is_free.store(true, Ordering::Release);
