@@ -88,12 +88,12 @@ impl Mesh {
         match self.0 {}
     }
 
-    /// The packets that have arrived since the last call.
+    /// Packets that have arrived since the last call.
     pub fn heard(&self) -> Vec<Packet> {
         match self.0 {}
     }
 
-    /// The same; while there are none, this waits for one.
+    /// Packets that have arrived since the last call; while there are none, waits for one.
     pub fn wait_heard(&self, _: Duration) -> Vec<Packet> {
         match self.0 {}
     }
@@ -103,7 +103,7 @@ impl Mesh {
         match self.0 {}
     }
 
-    /// What was sent, heard and left out.
+    /// Counts of sent, received and refused packets.
     pub fn counts(&self) -> MeshCounts {
         match self.0 {}
     }
@@ -117,7 +117,7 @@ mod tests {
     use crate::wire::Fingerprint;
 
     #[test]
-    fn all_ends_say_how_to_get_stations() {
+    fn errors_of_all_ends_tell_how_to_install_stations() {
         let room = Fingerprint([0; Fingerprint::BYTES]);
         let hello = Hello { room, camera: "a".into(), width: 1, height: 1, is_live: true, rate_hz: None };
         let line = Uplink::open(hello, &Endpoints::default()).unwrap_err().to_string();

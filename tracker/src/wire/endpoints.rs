@@ -51,7 +51,7 @@ impl std::fmt::Display for Endpoint {
     }
 }
 
-/// Files in PEM form that `tls/` endpoints need. Both sides show a certificate, and check the other's.
+/// Files in PEM form that `tls/` endpoints need. Both sides present a certificate, and check the other's.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Tls {
     /// Certificate of this machine.
@@ -73,8 +73,8 @@ pub struct Endpoints {
     pub via_router: bool,
     /// Certificate, key and authority for `tls/` endpoints.
     pub tls: Option<Tls>,
-    /// Common names of the certificates that are accepted; empty: all that the authority has signed. Other peers are
-    /// refused, and so is every peer without TLS.
+    /// Common names of the accepted certificates; empty: all that the authority has signed. Other peers are refused,
+    /// and so is every peer without TLS.
     pub allow: Vec<String>,
     /// Whether to look for the other side by multicast in the local network.
     pub discover: bool,
@@ -125,7 +125,7 @@ impl Endpoints {
     }
 }
 
-/// Checks that a file is readable and holds a PEM block whose label ends so.
+/// Checks that a file is readable and holds a PEM block whose label ends with `label`.
 fn check_pem(option: &str, path: &Path, label: &str) -> Result<()> {
     let text = std::fs::read_to_string(path)
         .map_err(|e| Error::option(option, format!("{}: {e}; give a file in PEM form", path.display())))?;

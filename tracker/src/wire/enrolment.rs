@@ -1,7 +1,7 @@
-//! A station's side of enrolment: its gatherer, and whether it has been started, refused or left by it.
+//! A station's side of enrolment: its gatherer, and whether the gatherer has started it, refused it or left.
 //!
-//! A state machine without a network, as [`super::roster`] is the gatherer's. A station works for the first gatherer
-//! that calls it, until that gatherer has gone; other gatherers get a failure that says so.
+//! A state machine without a network, as [`super::roster`] is for the gatherer. A station works for the first gatherer
+//! that calls it, until that gatherer leaves; other gatherers get a failure that says so.
 
 use std::collections::BTreeSet;
 use std::sync::mpsc::{SyncSender, TrySendError};
@@ -27,9 +27,9 @@ pub(super) struct Enrolment {
     is_started: bool,
     is_done: bool,
     failure: Option<String>,
-    /// Sender of feedback to the station; dropped with a failure, so that nobody waits for more.
+    /// Sender of feedback to the station; dropped with a failure, so that the station stops waiting.
     feedback: Option<SyncSender<Feedback>>,
-    /// The latest line about a gatherer for which this station does not work.
+    /// Latest line about a gatherer for which this station does not work.
     hint: Option<String>,
     told: BTreeSet<String>,
     garbage: u64,
@@ -133,7 +133,7 @@ impl Enrolment {
                 self.gatherer = Some(gatherer.to_owned());
                 vec![Action::Send(gatherer.to_owned(), Message::Hello(self.hello.clone()))]
             }
-            // A refusal may come before a call.
+            // A refusal may arrive before a call.
             Message::Refusal(line) if !is_other => {
                 self.fail(format!("the gatherer refuses it: {line}"));
                 Vec::new()

@@ -1,4 +1,4 @@
-//! Round trips, hostile bytes, and the size of the office's messages.
+//! Tests of round trips, hostile bytes, and the size of the office's messages.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -141,7 +141,7 @@ fn lines_are_cut_at_their_limit_and_stay_one_line() {
 }
 
 #[test]
-fn what_cannot_be_decoded_is_not_encoded() {
+fn undecodable_messages_are_not_encoded() {
     let seen = noise(1, 40, 30, 4, 2);
     let other = noise(2, 40, 30, 4, 2).observation.colours;
     let refused = |change: &dyn Fn(&mut Seen)| {
@@ -177,11 +177,11 @@ fn filmed_pictures_cross_as_jpeg() {
     assert!(off / (picture.len() as f64) < 3.0, "{off}");
 }
 
-/// Changes a message in one of the ways that hostile or broken senders do.
+/// Changes a message in one of the ways of hostile or broken senders.
 fn mutate(bytes: &mut Vec<u8>, rng: &mut Pcg64Mcg) {
     let at = |rng: &mut Pcg64Mcg, length: usize| rng.random_range(0..length.max(1));
     match rng.random_range(0..5) {
-        // Lengths and flags stand near the start.
+        // Lengths and flags are near the start.
         0 => {
             let i = at(rng, bytes.len().min(40));
             bytes[i] = rng.random();

@@ -14,7 +14,7 @@ use super::{Membership, MeshCounts, OwnClock};
 use crate::method::agents::{Packet, StationId};
 use crate::{Error, Result};
 
-/// Longest message that is received, to be counted as too long, bytes. Longer ones end in the network's code.
+/// Longest message that is received, to be counted as too long, bytes. Longer ones are dropped in the network's code.
 const LONGEST_RECEIVED: usize = 10 * LONGEST_PACKET;
 /// Largest number of cameras of a room: their numbers are bytes.
 const MOST_CAMERAS: usize = 255;
@@ -41,7 +41,7 @@ impl Mesh {
     /// Joins the network.
     ///
     /// # Errors
-    /// When an endpoint or a certificate cannot be used, and when the membership names a station that is not there.
+    /// An unusable endpoint or certificate, or a membership that names a station that does not exist.
     pub fn open(membership: &Membership, endpoints: &Endpoints) -> Result<Self> {
         let Membership { room, cameras, station, hears, clock } = membership;
         if cameras.len() > MOST_CAMERAS {
@@ -81,7 +81,7 @@ impl Mesh {
     /// Sends a packet at once, as one of this station's life. A packet that the network is too slow for is lost.
     ///
     /// # Errors
-    /// When nobody could read it ([`encode`]) or it is another station's, and for a member that only listens.
+    /// A packet that cannot be decoded ([`encode`]) or is another station's, or a member that only listens.
     pub fn publish(&mut self, packet: &Packet) -> Result<()> {
         let Some((key, camera)) = &self.own else {
             return Err(Error::option("station", "this member only listens"));
@@ -99,12 +99,12 @@ impl Mesh {
         Ok(())
     }
 
-    /// The packets that have arrived since the last call, in the order of their arrival, with times on the own clock.
+    /// Packets that have arrived since the last call, in the order of their arrival, with times on the own clock.
     pub fn heard(&self) -> Vec<Packet> {
         self.shared.lock().take()
     }
 
-    /// The same; while there are none, this waits for one, at most for `longest`.
+    /// Packets that have arrived since the last call; while there are none, waits for one, at most for `longest`.
     pub fn wait_heard(&self, longest: Duration) -> Vec<Packet> {
         let peers = self.shared.lock();
         let waited = self.shared.heard.wait_timeout_while(peers, longest, |peers| peers.is_silent());
@@ -116,7 +116,7 @@ impl Mesh {
         self.shared.lock().names()
     }
 
-    /// What was sent, heard and left out.
+    /// Counts of sent, received and refused packets.
     pub fn counts(&self) -> MeshCounts {
         MeshCounts { sent: self.sent, sent_bytes: self.sent_bytes, ..self.shared.lock().counts() }
     }
@@ -127,7 +127,7 @@ impl Shared {
         self.peers.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Handles an arrival, on a thread of the network; keys of nobody known are passed over.
+    /// Handles an arrival, on a thread of the network; unknown keys are ignored.
     fn take_in(&self, arrival: Arrival, arrived_s: f64) {
         let mut peers = self.lock();
         match arrival {

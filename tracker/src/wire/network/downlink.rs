@@ -17,7 +17,7 @@ use crate::{Error, Result};
 
 /// Interval of the roster's clock.
 const TICK: Duration = Duration::from_millis(50);
-/// Time to wait for further stations where all that are present are live; they may come at any time.
+/// Time to wait for further stations if all present ones are live; they may come at any time.
 const LIVE_GRACE: Duration = Duration::from_secs(1);
 /// Time after which a wait is logged.
 const QUIET: Duration = Duration::from_secs(1);
@@ -52,14 +52,13 @@ impl Downlink {
     /// From then on their events come into the inbox, and their ports take feedback: one a camera, in the order of
     /// `expected`.
     ///
-    /// Further stations are waited for only a second where all that are present are live: live stations may come
-    /// late, go and come back. A live station that goes gives one observation of
+    /// If all present stations are live, further ones are waited for only a second: live stations may come late, leave
+    /// and come back. A live station that leaves gives one observation of
     /// [`Verdict::Lost`](crate::foreground::Verdict::Lost); sequence numbers go on growing when it is back. A
-    /// recording's station that goes before its end gives an [`Event::Failed`](crate::station::Event::Failed).
+    /// recording's station that leaves before its end gives an [`Event::Failed`](crate::station::Event::Failed).
     ///
     /// # Errors
-    /// When an endpoint or a certificate cannot be used, when stations are missing after `bound`, and when
-    /// `is_interrupted` is set.
+    /// An unusable endpoint or certificate, missing stations after `bound`, or a set `is_interrupted`.
     pub fn open(
         expected: Expected,
         endpoints: &Endpoints,
@@ -154,7 +153,7 @@ impl Driver {
         }
     }
 
-    /// Handles one input, or lets a tick pass; `false` when there is nothing more to do.
+    /// Handles one input, or lets a tick pass; `false` at the end.
     fn step(&mut self) -> bool {
         let input = self.inputs.recv_timeout(TICK);
         let now = Instant::now();
@@ -174,7 +173,7 @@ impl Driver {
         true
     }
 
-    /// Handles an arrival; keys of nobody known are passed over.
+    /// Handles an arrival; unknown keys are ignored.
     fn arrived(&mut self, arrival: Arrival, now: Instant) -> Vec<Action> {
         let actions = match arrival {
             Arrival::Appeared(key) => Token::of(&key).map(|token| self.roster.token_appeared(&token, now)),

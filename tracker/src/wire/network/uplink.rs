@@ -15,7 +15,7 @@ use crate::observation::Feedback;
 use crate::station::Event;
 use crate::{Error, Result};
 
-/// Capacity for feedback that waits for the station; in a recording more than can ever wait.
+/// Capacity for feedback that waits for the station; more than can ever wait in a recording.
 const FEEDBACK_QUEUE: usize = 4 * Feedback::WINDOW as usize;
 /// Time within which the gatherer must confirm that a recording's end has arrived.
 const END_BOUND: Duration = Duration::from_secs(5);
@@ -49,14 +49,14 @@ enum Input {
 }
 
 impl Uplink {
-    /// Joins the network as the station of one camera. Feedback comes through the receiver; it ends when a
-    /// recording's station cannot go on, and [`Self::send`] then says why. Live stations that do not take feedback in
-    /// time miss some.
+    /// Joins the network as the station of one camera. Feedback comes through the receiver, which ends when a
+    /// recording's station cannot go on; [`Self::send`] then returns the reason. Live stations that do not take
+    /// feedback in time miss some.
     ///
     /// # Errors
-    /// When an endpoint or a certificate cannot be used.
+    /// An unusable endpoint or certificate.
     pub fn open(hello: Hello, endpoints: &Endpoints) -> Result<(Self, Receiver<Feedback>)> {
-        // A hello that cannot be encoded is an error now, before anybody waits for it.
+        // A hello that cannot be encoded is reported now, before the gatherer waits for it.
         Message::Hello(hello.clone()).encode().map_err(|malformed| {
             Error::option(format!("station `{}`", hello.camera), malformed.to_string())
         })?;
@@ -91,11 +91,11 @@ impl Uplink {
         Ok((Self { shared, stop: arrivals, driver: Some(driver) }, feedback))
     }
 
-    /// Waits until the gatherer wants observations; a recording's first frame must not be sent before. Without a
-    /// bound it waits for ever.
+    /// Waits until the gatherer wants observations; a recording's first frame must not be sent before. Without a bound
+    /// the wait is unlimited.
     ///
     /// # Errors
-    /// When the gatherer refuses this station, when there is none within the bound, and when `is_interrupted` is set.
+    /// A refusal by the gatherer, no gatherer within the bound, or a set `is_interrupted`.
     pub fn wait_for_start(&self, bound: Option<Duration>, is_interrupted: &AtomicBool) -> Result<()> {
         let begun = Instant::now();
         let mut is_told = false;
@@ -125,12 +125,12 @@ impl Uplink {
         }
     }
 
-    /// Sends an event of the station. A recording's observation waits for the network and is never lost; a live one's
-    /// is dropped where the network is slower than the camera or nobody gathers. For an end or a failure this waits
-    /// until it has arrived, at most 5 s.
+    /// Sends an event of the station. A recording's observation waits for the network and is never lost; a live one is
+    /// dropped where the network is slower than the camera or there is no gatherer. An end or a failure is repeated
+    /// until it has arrived, at most for 5 s.
     ///
     /// # Errors
-    /// When the gatherer refuses this station, and when that of a recording has gone.
+    /// A refusal by the gatherer, or the loss of a recording's gatherer.
     pub fn send(&mut self, event: Event) -> Result<()> {
         let message = match event {
             Event::Seen(seen) => Message::Seen(seen),

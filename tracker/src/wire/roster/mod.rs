@@ -1,10 +1,9 @@
 //! Roster of a gatherer: its stations, enrolled, started, refused or gone.
 //!
 //! A state machine without a network: tokens, messages, feedback and the passage of time go in, [`Action`]s come out.
-//! One camera has one *holder*, the station whose observations count. A station is called as soon as its token
-//! appears; its hello makes it the holder, a rival, or refused. A rival is refused when the holder answers a call,
-//! and takes its place when the holder is silent or goes: so a station that died without a word never locks its
-//! successor out.
+//! One camera has one *holder*, the station whose observations count. A station is called as soon as its token appears;
+//! its hello makes it the holder, a rival, or refused. A rival is refused when the holder answers a call, and takes its
+//! place when the holder is silent or leaves: so a station that died silently never locks its successor out.
 
 #[cfg(test)]
 mod tests;
@@ -65,7 +64,7 @@ struct Slot {
     /// Offset added to a station's sequence numbers, so that they grow across restarts.
     offset: u64,
     latest: Option<Latest>,
-    /// Whether a recording has come to its end or failed.
+    /// Whether a recording has ended or failed.
     is_over: bool,
 }
 
@@ -74,7 +73,7 @@ struct Latest {
     sequence: u64,
     time_s: f64,
     at: Instant,
-    /// Whether it reports the loss of a station that has gone.
+    /// Whether it reports the loss of a station.
     is_loss: bool,
 }
 
@@ -82,7 +81,7 @@ struct Latest {
 struct Station {
     camera: usize,
     hello: Option<Hello>,
-    /// Time at which the station was last asked for the message that it owes: its hello or, once started, its first
+    /// Time at which the station was last asked for the message that is due: its hello or, once started, its first
     /// observation.
     asked: Instant,
     heard: Instant,
@@ -225,7 +224,7 @@ impl Roster {
     /// Passes feedback of the tracker on to a camera's station.
     pub(super) fn feedback(&mut self, camera: usize, feedback: Feedback, now: Instant) -> Vec<Action> {
         let slot = &self.slots[camera];
-        // Feedback for a station that has gone is not for its successor.
+        // Feedback for a station that has left is not for its successor.
         let (Some(id), Some(sequence)) = (slot.holder.clone(), feedback.sequence.checked_sub(slot.offset))
         else {
             return Vec::new();
@@ -236,7 +235,7 @@ impl Roster {
         self.send(&id, Message::Feedback(Feedback { sequence, ..feedback }), now).into_iter().collect()
     }
 
-    /// Lets time pass: repeats messages that were not answered, and decides between rivals.
+    /// Lets time pass: repeats messages without an answer, and decides between rivals.
     pub(super) fn tick(&mut self, now: Instant) -> Vec<Action> {
         let mut actions = Vec::new();
         let due: Vec<String> =
@@ -335,7 +334,7 @@ impl Roster {
         actions
     }
 
-    /// Takes a camera from its holder, when the holder has gone.
+    /// Takes a camera from its holder, which has left.
     fn release(&mut self, camera: usize, now: Instant) -> Vec<Action> {
         let slot = &mut self.slots[camera];
         let name = &self.expected.cameras[camera].name;

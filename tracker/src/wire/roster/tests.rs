@@ -1,11 +1,11 @@
-//! The roster's decisions, with a clock of their own and no network.
+//! Tests of the roster's decisions, with a clock of their own and no network.
 
 use super::*;
 use crate::wire::{ExpectedCamera, Fingerprint};
 
 const ROOM: Fingerprint = Fingerprint([9; Fingerprint::BYTES]);
 
-/// Roster with a clock, and the actions that it took.
+/// Roster with a clock, and its actions.
 struct Scene {
     roster: Roster,
     now: Instant,
@@ -76,7 +76,7 @@ impl Scene {
         }
     }
 
-    /// Sequence number, time and health of everything delivered of a camera.
+    /// Sequence number, time and health of all delivered observations of a camera.
     fn seen(&self, camera: usize) -> Vec<(u64, f64, Verdict)> {
         let events = self.delivered.iter().filter(|(of, _)| *of == camera);
         events

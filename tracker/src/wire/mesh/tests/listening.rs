@@ -1,4 +1,4 @@
-//! Whose packets count, and what is left out.
+//! Tests of the acceptance and refusal of packets.
 
 use std::time::{Duration, Instant};
 
@@ -10,7 +10,7 @@ use super::super::Refusal;
 use super::super::peers::Peers;
 use super::*;
 
-/// Peers of station 0, and their passing time.
+/// Peers of station 0, and the passing time.
 struct Bench {
     peers: Peers,
     begun: Instant,
@@ -45,7 +45,7 @@ impl Bench {
         !self.peers.take().is_empty()
     }
 
-    /// Sends packets of a life at 12 a second; returns how many count.
+    /// Sends packets of a life at 12 a second; returns the number that count.
     fn stream(&mut self, station: u8, life: u32, sequences: std::ops::Range<u32>, ahead_s: f64) -> usize {
         let counted = sequences.map(|sequence| {
             self.at_s += 1.0 / 12.0;
@@ -67,7 +67,7 @@ impl Bench {
     }
 }
 
-/// Asserts that there is one line, which begins so.
+/// Asserts that there is one line, which begins with `begin`.
 fn assert_line(lines: &[String], begin: &str) {
     assert!(lines.len() == 1 && lines[0].starts_with(begin) && !lines[0].contains('\n'), "{lines:?}");
 }
@@ -132,7 +132,7 @@ fn a_second_station_of_a_camera_is_left_out_until_the_first_is_silent() {
     assert_line(&bench.lines(), "station `cam1` is there twice");
     bench.at_s += 1.1;
     assert!(bench.send(1, 8, 25, 0.0));
-    // The first comes back, and is the second now; what it sent before never counts again.
+    // The first comes back, and is the second now; its earlier packets never count again.
     assert!(!bench.send(1, 9, 26, 0.0));
     bench.at_s += 1.1;
     assert!(!bench.send(1, 9, 24, 0.0));
@@ -257,7 +257,7 @@ fn a_listener_without_a_room_takes_the_first() {
 
 proptest! {
     #[test]
-    fn whatever_arrives_memory_is_bounded_and_lines_stay_lines(
+    fn memory_is_bounded_for_any_packets_and_lines_stay_lines(
         messages in proptest::collection::vec(
             (0_usize..6, 0_u8..5, any::<u32>(), any::<u32>(), -1e4..1e4, proptest::collection::vec(any::<u8>(), 0..80), any::<bool>()),
             0..200,

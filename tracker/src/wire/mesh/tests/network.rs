@@ -1,4 +1,4 @@
-//! Members of the mesh on loopback.
+//! Tests of members of the mesh on the loopback.
 
 use std::time::{Duration, Instant, SystemTime};
 
@@ -48,8 +48,8 @@ fn now(station: u8, sequence: u32) -> Packet {
     packet(station, 0, sequence, utc_s(SystemTime::now()) - 0.02)
 }
 
-/// Publishes packets of a station, 50 a second, until the condition holds for what a member has heard; returns the
-/// time that it took.
+/// Publishes packets of a station, 50 a second, until the condition holds for the packets that a member has received;
+/// returns the time that it took.
 fn until(
     sender: &mut Mesh,
     station: u8,

@@ -1,4 +1,4 @@
-//! Live stations that come, go and come back; and peers that must not take part.
+//! Tests of live stations that come, leave and come back, and of peers that must not take part.
 
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};

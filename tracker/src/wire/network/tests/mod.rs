@@ -1,5 +1,5 @@
-//! Stations and gatherers as sessions of their own on the loopback. Each test has a port of its own and ends in bounded
-//! time.
+//! Tests of stations and gatherers as sessions of their own on the loopback. Each test has a port of its own and ends
+//! in bounded time.
 
 mod faults;
 mod recordings;
