@@ -18,12 +18,12 @@ use super::clocks::Clocks;
 use super::run_arguments::RunArgs;
 use super::stations::StationBuilder;
 
-/// Stations on other machines are waited for so long.
+/// Longest wait for stations on other machines.
 const STATIONS_WITHIN: Duration = Duration::from_mins(1);
-/// Frames a second of stations that do not say.
+/// Frame rate assumed for stations that state none, frames a second.
 const USUAL_RATE_HZ: f64 = 25.0;
 
-/// The sources as they were given.
+/// Sources as given on the command line.
 pub(super) enum Given {
     /// In this process.
     Local { sources: Vec<CameraSource>, clocks: Clocks },
@@ -31,15 +31,15 @@ pub(super) enum Given {
     Stations(Endpoints),
 }
 
-/// Sources that have been found.
+/// Sources of a run, opened or connected.
 pub(super) struct Input {
-    /// Whether it shows what happens now.
+    /// Whether the input is live.
     pub(super) is_live: bool,
-    /// Whether cameras have pictures, which are there when they are asked for.
+    /// Whether cameras have pictures that can be demanded.
     pub(super) has_pictures: bool,
-    /// Frames a second of the fastest camera.
+    /// Frame rate of the fastest camera, frames a second.
     pub(super) rate_hz: f64,
-    /// About how many moments there will be, where one can know.
+    /// Approximate number of moments; `None` where it cannot be known.
     pub(super) promised: Option<usize>,
     /// Given alignments of the cameras' clocks, one a camera.
     pub(super) alignments: Vec<Alignment>,
@@ -51,7 +51,7 @@ enum Origin {
     Stations { ports: Vec<Port>, events: Receiver<(usize, Event)>, downlink: Downlink },
 }
 
-/// Stations that work.
+/// Stations that have been started.
 pub(super) struct Started {
     pub(super) ports: Vec<Port>,
     pub(super) events: Receiver<(usize, Event)>,
@@ -60,7 +60,7 @@ pub(super) struct Started {
 }
 
 impl Given {
-    /// Looks at what was given: opens sources, checks addresses.
+    /// Opens the sources, or checks the stations' addresses.
     pub(super) fn open(args: &RunArgs, room: &Room) -> anyhow::Result<Self> {
         if args.stations.is_none() && !args.endpoints.gathers() {
             args.endpoints.check_unused()?;
@@ -81,7 +81,7 @@ impl Given {
         Ok(Self::Stations(args.endpoints.endpoints(args.stations.as_deref().unwrap_or_default())?))
     }
 
-    /// The cameras that take part, in the order of the stage; empty for all of the room's.
+    /// Cameras of the run, in the order of the prepared room; empty for all of the room's.
     pub(super) fn cameras(&self) -> Vec<String> {
         match self {
             Self::Local { sources, .. } => sources.iter().map(|s| s.name.clone()).collect(),
@@ -89,7 +89,7 @@ impl Given {
         }
     }
 
-    /// Finds the stations on other machines.
+    /// Connects to the stations on other machines.
     pub(super) fn connect(
         self,
         args: &RunArgs,
@@ -144,8 +144,8 @@ impl Given {
 }
 
 impl Input {
-    /// Starts the stations; the method is told of the empty scenes that it asks for. Offsets between recordings that are to be
-    /// found are found before.
+    /// Starts the stations, and gives the method the empty scenes that it needs. Offsets between recordings are
+    /// estimated before, if requested.
     pub(super) fn start(
         &mut self,
         args: &RunArgs,

@@ -40,10 +40,10 @@ pub(crate) fn run(args: &RunArgs, console: &Console) -> anyhow::Result<String> {
 
 fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<String> {
     let started = Instant::now();
-    // What is wrong with the options is told before anything is read.
+    // Invalid options are reported before anything is read.
     args.sampler.options(args.seed)?;
     args.heads.options(args.seed, args.sampler.published)?;
-    // The port before what takes its time to read.
+    // The port is bound before the slow reading of the room.
     let listener = args.view.listener()?;
     let room = Room::read(&args.room)?;
     let given = Given::open(args, &room)?;
@@ -82,7 +82,7 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
     let Started { ports, events, downlink } = input.start(args, &builder, method.as_mut(), threads)?;
     let prepared = started.elapsed().as_secs_f64();
     tracing::debug!("room and backgrounds ready after {prepared:.2} s");
-    // Everything that was given has been looked at: now something may be written.
+    // All inputs have been checked, so outputs may be created now.
     let mut outputs: Vec<Box<dyn Output>> = vec![Box::new(TrackFiles::new(&args.out, &stage))];
     outputs.push(Box::new(TrajectoryPlan::new(&args.out, &room, &args.room)));
     if args.method == MethodName::Agents {
@@ -152,7 +152,7 @@ fn tell(report: &RunReport, prepared_s: f64, all_s: f64) {
     match &report.ended {
         Ended::Source(name) => tracing::info!("the run ended where `{name}` ended"),
         Ended::Asked => tracing::info!("the run ended where it was interrupted"),
-        // What it failed of is the one line of error.
+        // The error is reported as the program's one line of error.
         Ended::Failed(_) => {}
     }
     tracing::info!(

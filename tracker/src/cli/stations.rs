@@ -1,4 +1,4 @@
-//! From opened sources to stations: backgrounds, observers, and what each of them is asked for.
+//! Construction of stations from opened sources: backgrounds, observers, and their demands.
 
 use std::path::Path;
 
@@ -17,32 +17,32 @@ use tracker::station::{LiveStation, Masks, Observer, Pace, PictureDemand, Record
 
 use super::background::BackgroundArguments;
 
-/// Films or page that pictures are drawn for, and the frames in which they are wanted.
+/// Options of the films or the page, and the demand for their pictures.
 #[derive(Clone)]
 pub(super) struct Drawing<'a> {
     pub(super) looks: &'a FilmOptions,
     pub(super) demand: PictureDemand,
 }
 
-/// Makes the stations of a run.
+/// Builder of a run's stations.
 pub(super) struct StationBuilder<'a> {
     pub(super) stage: &'a Stage,
     pub(super) background: &'a BackgroundArguments,
     pub(super) needs: Needs,
     pub(super) drawing: Drawing<'a>,
-    /// Speed at which recordings are played: beside live cameras as fast as they were filmed.
+    /// Playback speed of recordings: beside live cameras the recorded speed.
     pub(super) pace: Pace,
 }
 
-/// A station, with what is known beside it.
+/// A station and its empty scene.
 pub(super) struct Built {
     pub(super) station: Station,
-    /// Empty room as its camera sees it, in the pinhole image, where the method asks for that and it is known.
+    /// Empty scene of its camera, in the pinhole image, if the method needs it and it is known.
     pub(super) empty_scene: Option<RgbImage>,
 }
 
 impl StationBuilder<'_> {
-    /// The stations in the sources' order; backgrounds are learnt in parallel.
+    /// Builds the stations in the sources' order; backgrounds are learnt in parallel.
     pub(super) fn build(
         &self,
         sources: Vec<CameraSource>,
@@ -50,7 +50,7 @@ impl StationBuilder<'_> {
     ) -> anyhow::Result<Vec<Built>> {
         let made: Vec<anyhow::Result<Built>> =
             sources.into_par_iter().zip(times).map(|(source, times)| self.station(source, times)).collect();
-        // All are made before the first failure is told, so that it is the first camera's.
+        // All are built before the first failure is reported, so that it is the first camera's.
         made.into_iter().collect()
     }
 

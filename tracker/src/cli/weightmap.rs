@@ -1,4 +1,4 @@
-//! `tracker weightmap`: what each integration of the cameras' weights makes of one frame.
+//! `tracker weightmap`: comparison of the integrations of the cameras' weights in one frame.
 
 use std::path::PathBuf;
 
@@ -19,25 +19,26 @@ use super::heads::HeadArguments;
 
 /// Draw the weights of heads over a horizontal plane, for one frame and each integration.
 ///
-/// Writes OUT/product.png, sum.png, pairs.png, pairs-angle.png and room.png: the floor from above, dark where no camera sees
-/// a head, bright where the weight is largest. `--integration` draws one alone. Frames of all cameras are taken by number.
+/// Writes OUT/product.png, sum.png, pairs.png, pairs-angle.png and room.png: the floor from above, dark where no camera
+/// sees a head, bright where the weight is largest. `--integration` draws one alone. The cameras' frames of the same
+/// number are used.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Example:\n  tracker weightmap myroom --video a=a.mp4 --video b=b.mp4 --frame 120 --height 1.6 --out maps"
 )]
 pub(crate) struct WeightMapArgs {
-    /// The room directory.
+    /// Room directory.
     room: PathBuf,
-    /// A camera's video, as `tracker run` takes it.
+    /// Video of a camera, as in `tracker run`.
     #[arg(long, value_name = "NAME=PATH", required = true)]
     video: Vec<NamedSource>,
-    /// The frame, from 1.
+    /// Number of the frame, from 1.
     #[arg(long, default_value_t = 1)]
     frame: u32,
-    /// Height of the heads' middles above the floor, metres.
+    /// Height of the heads' centres above the floor, metres.
     #[arg(long, default_value_t = 1.6, value_name = "METRES")]
     height: f64,
-    /// The folder to write to.
+    /// Folder to write to.
     #[arg(long)]
     out: PathBuf,
     /// The method as published: all edges in proportion to their strength.

@@ -239,8 +239,8 @@ impl Continuity {
         }
     }
 
-    /// Tracking success rate of Okada et al. (section 6.2), 0 to 1: share of the people who have one id from their
-    /// first frame to their last, everywhere within the threshold.
+    /// Tracking success rate of Okada et al. (cited in [`crate::link`], section 6.2), 0 to 1: share of the people who
+    /// have one id from their first frame to their last, everywhere within the threshold.
     pub fn success(&self) -> Option<f64> {
         ratio(self.followed as f64, self.people)
     }

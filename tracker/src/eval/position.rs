@@ -1,6 +1,6 @@
 //! Position error: distance of the matched tracks from the truth.
 //!
-//! The mean is CLEAR's MOTP (K. Bernardin and R. Stiefelhagen 2008) on the floor; T. Osawa et al., whose tracker is
+//! The mean is CLEAR's MOTP (cited in [`super::clear`]) on the floor; Osawa et al., whose tracker is
 //! [`crate::method::mcmc`], report mean and maximum.
 
 use super::scenario::{Scenario, Space};

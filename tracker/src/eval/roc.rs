@@ -1,5 +1,5 @@
 //! Detection curve: recall against false positives a frame, as detections of ever lower scores are included (figure 7
-//! of Okada et al., whose horizontal axis is not a frame).
+//! of Okada et al., cited in [`crate::link`]; their horizontal axis is not a frame).
 
 use std::collections::BTreeMap;
 

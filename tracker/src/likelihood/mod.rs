@@ -1,4 +1,7 @@
-//! How well a state explains what the cameras see: `L(S) = E(S) · R(S) · V(S)` (seed 001, equations 5 to 8), in logarithms.
+//! Likelihood of the cameras' masks for a state: `L(S) = E(S) · R(S) · V(S)`, in logarithms.
+//!
+//! T. Osawa, X. Wu, K. Sudo, K. Wakabayashi and T. Yasuno, "MCMC based multiple people tracking using 3D environmental
+//! information" (in Japanese, conference paper LI-007), equations 5 to 8.
 //!
 //! * [`prior`] — E(S), people stand on walkable floor; R(S), people do not interpenetrate.
 //! * [`Counts`] and [`Rule`] — V(S): the pixel counts of the masks, and the rules that turn them into a likelihood.

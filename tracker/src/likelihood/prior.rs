@@ -1,4 +1,4 @@
-//! E(S) and R(S): what is known of people before looking (seed 001, equations 5 and 6).
+//! Priors of people: E(S), walkable floor, and R(S), separation (Osawa et al., equations 5 and 6; cited in [`super`]).
 
 use crate::silhouette::Body;
 

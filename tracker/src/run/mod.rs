@@ -3,7 +3,7 @@
 mod agency_log;
 mod camera_log;
 mod clock_offsets;
-mod lag;
+mod lag_buffer;
 mod output;
 mod search_offsets;
 
@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 pub use agency_log::AgencyLog;
 use camera_log::CameraLog;
 pub use clock_offsets::{ClockOffsets, ClockReport};
-use lag::{Held, LagBuffer};
+use lag_buffer::{Held, LagBuffer};
 pub use output::{Followed, Output};
 pub use search_offsets::search_offsets;
 
@@ -61,7 +61,7 @@ impl RunReport {
     /// The report of a run that did not fail.
     ///
     /// The error that ended the run.
-    /// What the run failed of.
+    /// The error that ended the run.
     pub fn unless_failed(self) -> Result<Self> {
         match self.ended {
             Ended::Failed(error) => Err(error),

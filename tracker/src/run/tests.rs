@@ -1,4 +1,4 @@
-//! The pipeline with a method that only looks: what it is shown must not depend on the threads.
+//! Tests of the pipeline with methods that only record: their input must not depend on the number of threads.
 
 use std::path::Path;
 
@@ -23,7 +23,7 @@ const SIZE: (u32, u32) = (64, 48);
 const EVERYTHING: Needs = Needs { masks: true, pictures: true, empty_scene: false };
 const MASKS: Needs = Needs { masks: true, pictures: false, empty_scene: false };
 
-/// Notes everything it is shown.
+/// Method that records the checksums of its input.
 #[derive(Default)]
 struct Witness(Vec<(u32, f64, Vec<u64>)>);
 
@@ -43,7 +43,7 @@ impl Method for Witness {
     }
 }
 
-/// Counts the foreground of one camera that has no pictures.
+/// Method that counts the foreground of one camera without pictures.
 struct Count(Vec<Option<usize>>);
 impl Method for Count {
     fn step(&mut self, moment: &Moment<'_>) -> Result<Vec<PersonEstimate>> {
@@ -58,7 +58,7 @@ impl Method for Count {
     }
 }
 
-/// Knows 0.25 s later who was there: the one with the frame's number.
+/// Method that knows the people 0.25 s later: one person, with the frame's number as id.
 struct Late(f64);
 impl Method for Late {
     fn step(&mut self, _: &Moment<'_>) -> Result<Vec<PersonEstimate>> {
@@ -90,10 +90,10 @@ impl Method for Late {
     }
 }
 
-/// The frame, its time, who is there, and what its pictures sum up to.
+/// Frame, time, ids of the people, and checksum of the pictures.
 type Told = (u32, f64, Vec<u32>, u64);
 
-/// Notes what it is given.
+/// Output that records its input.
 struct Notes<'a>(&'a std::cell::RefCell<Vec<Told>>);
 impl Output for Notes<'_> {
     fn put(&mut self, followed: &Followed<'_>) -> Result<()> {
@@ -125,13 +125,13 @@ fn floor(u: u32, v: u32) -> Rgb<u8> {
     Rgb([100 + (u % 40) as u8, 110 + (v % 30) as u8, 90])
 }
 
-/// Videos of `frames` pictures in which a block walks to the right, one folder a camera, and the room they are of.
+/// Videos of `frames` pictures in which a block walks to the right, one folder a camera, and their room.
 fn recorded(cameras: &[(&str, u32)]) -> (tempfile::TempDir, Room) {
     let folder = tempfile::tempdir().unwrap();
     let mut room = Room::default();
     for (index, (name, frames)) in cameras.iter().enumerate() {
         let mut intrinsics = Intrinsics::from_horizontal_fov(SIZE.0, SIZE.1, 60.0);
-        // Every other camera has a lens to be undone.
+        // Every other camera has a distorted lens.
         intrinsics.distortion = [-0.1 * (index % 2) as f64, 0.0, 0.0, 0.0, 0.0].into();
         let camera = Camera { intrinsics, camera_from_world: nalgebra::Isometry3::identity() };
         room.cameras.push(RoomCamera { name: (*name).to_owned(), camera, reference: None });
@@ -171,7 +171,7 @@ fn clocked(
     Ok((witness, report.unless_failed()?))
 }
 
-/// Stations of the cameras' folders, which have begun, and what gathers from them.
+/// Running stations of the cameras' folders, and their gathering.
 fn gathered(
     folder: &Path,
     room: &Room,
@@ -293,7 +293,7 @@ fn people_are_told_later_beside_the_pictures_of_their_moment() {
     };
     let (at_once, _) = noted(0.0, 1, 10.0);
     assert!(at_once.windows(2).any(|w| w[0].3 != w[1].3), "the block walks");
-    // So fast that many moments wait, and so long that all do until the end.
+    // One rate so high that many moments wait, and one lag so long that all wait until the end.
     for (lag_s, threads, rate) in [(0.25, 1, 10.0), (0.25, 2, 10.0), (1.0, 2, 100.0), (100.0, 1, 10.0)] {
         let (later, report) = noted(lag_s, threads, rate);
         assert_eq!(later.len(), 40);
@@ -303,7 +303,7 @@ fn people_are_told_later_beside_the_pictures_of_their_moment() {
         }
         assert!(report.timings.stages.iter().all(|(_, times)| times.count == 40));
     }
-    // What was followed before a picture that cannot be read is told, too.
+    // Moments before an unreadable picture are emitted, too.
     std::fs::write(folder.path().join("b/007.png"), "torn").unwrap();
     let (told, report) = noted(0.25, 2, 10.0);
     assert_eq!(told.iter().map(|(frame, ..)| *frame).collect::<Vec<_>>(), (1..=7).collect::<Vec<_>>());
@@ -346,7 +346,7 @@ fn each_camera_shows_the_frame_of_the_moment_at_any_number_of_threads() {
         let (other, _) = clocked(folder.path(), &room, threads, &clocks).unwrap();
         assert_eq!(one.0, other.0, "{threads} threads");
     }
-    // Each camera by itself, frame by frame, shows what its pictures sum up to.
+    // Each camera by itself gives the expected checksums, frame by frame.
     let alone = |camera: usize| -> Vec<u64> {
         let (mut room, name) = (room.clone(), room.cameras[camera].name.clone());
         room.cameras.retain(|c| c.name == name);
@@ -358,7 +358,7 @@ fn each_camera_shows_the_frame_of_the_moment_at_any_number_of_threads() {
     assert!(one.0[0].1.abs() < 1e-9, "all have begun at 0 s");
     for (moment, time_s, seen) in &one.0 {
         assert_eq!(seen[5], pictures[2][*moment as usize - 1]);
-        // Half way between two frames either is the nearest.
+        // Half way between two frames, either is the nearest.
         for (camera, rate) in [(0, 15.0), (1, 6.0)] {
             let frame = time_s * rate;
             let candidates = [frame - 1e-6, frame + 1e-6].map(|f| f.round() as usize);
@@ -369,11 +369,11 @@ fn each_camera_shows_the_frame_of_the_moment_at_any_number_of_threads() {
     }
     assert!(one.0.iter().any(|(_, _, seen)| seen[3] == 9), "`b` has no frame at some moments");
     assert!(report.set_aside.is_empty(), "having no frame is no failure: {:?}", report.set_aside);
-    // `b` ends first: after its sixth frame nothing of it is near.
+    // `b` ends first: after its sixth frame it has no near frame.
     assert_eq!(ended_by(&report), "b");
 }
 
-/// Whether it was finished, and after how many moments.
+/// Output that records whether it was finished, and after how many moments.
 struct Finish<'a>(u32, &'a std::cell::Cell<Option<u32>>);
 impl Output for Finish<'_> {
     fn put(&mut self, _: &Followed<'_>) -> Result<()> {
@@ -387,7 +387,7 @@ impl Output for Finish<'_> {
     }
 }
 
-/// Cannot be finished.
+/// Output that cannot be finished.
 struct Unfinished;
 impl Output for Unfinished {
     fn put(&mut self, _: &Followed<'_>) -> Result<()> {

@@ -1,5 +1,6 @@
-//! What a person would look like to a camera: the image of an upright ellipsoid that stands on the floor, cut by what
-//! the room hides of it (seed 001, section 3.1 and figure 5).
+//! Predicted silhouette of a person in a camera: the image of an upright ellipsoid that stands on the floor, without
+//! the parts that the room hides (section 3.1 and figure 5 of T. Osawa, X. Wu, K. Sudo, K. Wakabayashi and T. Yasuno,
+//! "MCMC based multiple people tracking using 3D environmental information", in Japanese, conference paper LI-007).
 //!
 //! * [`Body`] — the ellipsoid: position, radius, height. [`Shape`] — others around the same axis.
 //! * [`View`] — a prepared camera: rays of its pinhole pixels and the static depth along them.

@@ -57,8 +57,8 @@ impl Floor {
         Self { walkable, beyond, zones: zones.to_vec(), outline, bounds: (low - reach, high + reach) }
     }
 
-    /// Whether a position is in the room and a person can stand there. Zones always count as standable, because whoever
-    /// drew them saw people there.
+    /// Whether a position is in the room and a person can stand there. A zone is always standable, because people were
+    /// seen where it was drawn.
     pub fn is_inside(&self, x_m: f64, y_m: f64) -> bool {
         let p = Point2::new(x_m, y_m);
         (self.walkable.contains(x_m, y_m) && !self.is_beyond(&p))

@@ -1,4 +1,8 @@
-//! Heads by CONDENSATION with weights that survive occlusion (seed 002, Matsumoto et al.).
+//! CONDENSATION tracker of heads, with weights that are robust to occlusion.
+//!
+//! Y. Matsumoto, T. Kato and T. Wada, "An occlusion robust weight integration method for multi-camera CONDENSATION" (in
+//! Japanese); section and equation numbers in this folder refer to it. CONDENSATION: M. Isard and A. Blake,
+//! "CONDENSATION – conditional density propagation for visual tracking", IJCV 29(1), 1998.
 //!
 //! This method needs no room and no masks, only two or more calibrated cameras that see the edges of a head; a picture
 //! of the empty scene helps ([`Method::set_empty_scene`]). The steps of a moment:
