@@ -19,7 +19,7 @@ use tracker::likelihood::Rule;
 use tracker::method::Method;
 use tracker::method::mcmc::{Mcmc, McmcOptions};
 use tracker::observation::{Colours, Mask};
-use tracker::stage::{Stage, StageOptions};
+use tracker::prepared_room::{PreparationOptions, PreparedRoom};
 use tracker::{CameraFrame, Moment};
 
 const PAIRS: u64 = 10;
@@ -128,7 +128,8 @@ fn cross(pair: u64, options: &McmcOptions) -> Said<Outcome> {
     let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
     made.room.write(folder.path()).map_err(|e| e.to_string())?;
     let room = Room::read(folder.path()).map_err(|e| e.to_string())?;
-    let stage = Stage::prepare(&room, folder.path(), &StageOptions::default()).map_err(|e| e.to_string())?;
+    let stage = PreparedRoom::prepare(&room, folder.path(), &PreparationOptions::default())
+        .map_err(|e| e.to_string())?;
     let mut tracker =
         Mcmc::new(stage, McmcOptions { seed: pair, ..options.clone() }).map_err(|e| e.to_string())?;
     let sequence = made.sequence(

@@ -5,7 +5,7 @@
 //! * [`source`] — videos, folders of images, streams and ready-made masks, matched with the room's cameras; capture
 //!   times.
 //! * [`foreground`] — foreground masks from one camera's pictures.
-//! * [`stage`] — [`stage::Stage`]: a room prepared for simulation. Everything below needs one.
+//! * [`prepared_room`] — [`prepared_room::PreparedRoom`]: a room prepared for simulation. Everything below needs one.
 //! * [`observation`] — [`observation::Observation`]: one camera's observation at one time; all data of a picture that
 //!   the trackers need.
 //! * [`station`] — one camera's work: source → picture with its capture time → observation.
@@ -46,11 +46,11 @@ pub mod moment;
 pub mod observation;
 pub mod offsets;
 pub mod plan;
+pub mod prepared_room;
 pub mod report;
 pub mod run;
 pub mod silhouette;
 pub mod source;
-pub mod stage;
 pub mod station;
 pub mod tracks;
 pub mod view;

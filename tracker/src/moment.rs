@@ -19,7 +19,7 @@ impl std::fmt::Display for TrackId {
 }
 
 /// One camera's part of one moment, in the camera's *pinhole* image at the working size
-/// ([`crate::stage::StageCamera`]).
+/// ([`crate::prepared_room::PreparedCamera`]).
 #[derive(Debug, Clone, Default)]
 pub struct CameraFrame {
     /// Foreground mask. `None` when the camera has nothing usable: the frame is missing, frozen, or all foreground
@@ -50,7 +50,7 @@ pub struct Moment<'a> {
     pub frame: u32,
     /// Capture time, seconds. It grows from moment to moment, not always by the same step.
     pub time_s: f64,
-    /// One entry a camera, in the order of [`crate::stage::Stage::cameras`].
+    /// One entry a camera, in the order of [`crate::prepared_room::PreparedRoom::cameras`].
     pub cameras: &'a [CameraFrame],
 }
 

@@ -16,8 +16,8 @@ use tracker::foreground::Verdict;
 use tracker::method::agents::{SoloStation, StationId};
 use tracker::observation::{Feedback, Observation};
 use tracker::plan::TrajectoryPlan;
-use tracker::stage::Stage;
-use tracker::station::{Event, Pace, Permits, Pictures, Seen, Station, Work};
+use tracker::prepared_room::PreparedRoom;
+use tracker::station::{Event, ObservedFrame, Pace, Permits, Pictures, Station, Work};
 use tracker::tracks::{Stopwatch, TrackFiles};
 use tracker::wire::mesh::{Membership, OwnClock};
 use tracker::wire::{Endpoints, Fingerprint, Mesh};
@@ -51,11 +51,11 @@ pub(super) struct AgentStationArguments {
 }
 
 /// Room of a station, prepared with all of its cameras.
-pub(super) struct Place<'a> {
+pub(super) struct StationRoom<'a> {
     pub(super) room: &'a Room,
     pub(super) room_dir: &'a Path,
     /// The room with all cameras.
-    pub(super) stage: Stage,
+    pub(super) stage: PreparedRoom,
 }
 
 /// Outputs of one station.
@@ -83,7 +83,7 @@ impl AgentStationArguments {
     /// Tracks with the station's camera, together with the other stations, until its source ends or it is interrupted.
     pub(super) fn follow(
         &self,
-        Place { room, room_dir, stage }: Place<'_>,
+        StationRoom { room, room_dir, stage }: StationRoom<'_>,
         station: Station,
         endpoints: &Endpoints,
         (interrupted, progress): (&Arc<AtomicBool>, Progress),
@@ -93,7 +93,7 @@ impl AgentStationArguments {
         let id = StationId(u8::try_from(camera).context("the room has more than 255 cameras")?);
         let options = super::agent_options::options(&self.sampler, self.seed, self.most_people)?;
         let cameras: Vec<String> = stage.cameras.iter().map(|camera| camera.name.clone()).collect();
-        let own = Stage { cameras: vec![stage.cameras[camera].clone()], ..stage.clone() };
+        let own = PreparedRoom { cameras: vec![stage.cameras[camera].clone()], ..stage.clone() };
         let tracker = SoloStation::new(stage, id, &options)?;
         let clock = OwnClock { shift_s: self.clock_shift };
         let hears = tracker.hears().to_vec();
@@ -184,9 +184,9 @@ impl Follower {
     }
 
     /// Frame of a camera that sends no pictures.
-    fn nothing(&self) -> Seen {
+    fn nothing(&self) -> ObservedFrame {
         let time_s = self.clock.now_s() - self.clock.shift_s;
-        Seen {
+        ObservedFrame {
             observation: Observation::unusable(0, time_s, Verdict::Silent),
             pictures: Pictures::default(),
             decode: Duration::ZERO,
@@ -194,8 +194,8 @@ impl Follower {
         }
     }
 
-    fn step(&mut self, seen: Seen) -> anyhow::Result<()> {
-        let Seen { observation, decode, foreground, .. } = seen;
+    fn step(&mut self, seen: ObservedFrame) -> anyhow::Result<()> {
+        let ObservedFrame { observation, decode, foreground, .. } = seen;
         let time_s = observation.time_s + self.clock.shift_s;
         if time_s <= self.time_s {
             return Ok(());

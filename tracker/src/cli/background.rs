@@ -8,7 +8,7 @@ use calib::vision::AdaptiveKind;
 use clap::Args;
 use tracker::Error;
 use tracker::foreground::backdrop::Backdrop;
-use tracker::foreground::{ForegroundOptions, Start};
+use tracker::foreground::{ForegroundOptions, InitialBackground};
 use tracker::source::{NamedSource, VideoSource, sampling};
 
 /// Source of the background.
@@ -111,7 +111,7 @@ impl BackgroundArguments {
         video: &VideoSource,
         filmed: (u32, u32),
         size: (u32, u32),
-    ) -> anyhow::Result<Start> {
+    ) -> anyhow::Result<InitialBackground> {
         let recording = match video {
             VideoSource::Recorded(source) if source.is_recording() => Some(source.name()),
             _ => None,
@@ -138,16 +138,16 @@ impl BackgroundArguments {
         }
         let kind = self.background.iter().find(|c| !matches!(c, Choice::Clip(_))).unwrap_or(&Choice::Auto);
         match (kind, recording) {
-            (Choice::Adaptive(kind), _) => Ok(Start::Nothing(*kind)),
+            (Choice::Adaptive(kind), _) => Ok(InitialBackground::Nothing(*kind)),
             (_, Some(recording)) => learnt(recording, size),
             (Choice::Median, None) => bail!(
                 "--background median: camera `{camera}` is a stream; use online, or NAME=PATH with a clip"
             ),
-            _ => Ok(Start::Nothing(AdaptiveKind::default())),
+            _ => Ok(InitialBackground::Nothing(AdaptiveKind::default())),
         }
     }
 }
 
-fn learnt(recording: &str, size: (u32, u32)) -> anyhow::Result<Start> {
-    Ok(Start::Backdrop(Backdrop::learn(&sampling::spread(recording, size)?)?))
+fn learnt(recording: &str, size: (u32, u32)) -> anyhow::Result<InitialBackground> {
+    Ok(InitialBackground::Backdrop(Backdrop::learn(&sampling::spread(recording, size)?)?))
 }

@@ -6,7 +6,7 @@ use std::str::FromStr;
 use anyhow::bail;
 use calib::video::FrameSource;
 use clap::Args;
-use tracker::gathering::Alignment;
+use tracker::gathering::ClockAlignment;
 use tracker::source::times::DEFAULT_RATE;
 use tracker::source::{CameraSource, CaptureTimes, Times};
 
@@ -29,7 +29,7 @@ pub(super) struct ClockArguments {
 #[derive(Debug, Clone, PartialEq)]
 enum Offset {
     Auto,
-    Given(GivenOffset),
+    Seconds(GivenOffset),
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -52,7 +52,7 @@ impl FromStr for Offset {
         };
         match seconds.parse() {
             Ok(seconds) if f64::is_finite(seconds) => {
-                Ok(Self::Given(GivenOffset { camera: camera.to_owned(), seconds }))
+                Ok(Self::Seconds(GivenOffset { camera: camera.to_owned(), seconds }))
             }
             _ => Err(format!("`{seconds}` is no time; give seconds, as in {camera}=1.25")),
         }
@@ -67,13 +67,13 @@ impl ClockArguments {
 
     fn given_offsets(&self) -> impl Iterator<Item = &GivenOffset> {
         self.offset.iter().filter_map(|offset| match offset {
-            Offset::Given(given) => Some(given),
+            Offset::Seconds(given) => Some(given),
             Offset::Auto => None,
         })
     }
 
     /// The given alignments of the cameras with these names.
-    pub(super) fn alignments(&self, names: &[&str]) -> anyhow::Result<Vec<Alignment>> {
+    pub(super) fn alignments(&self, names: &[&str]) -> anyhow::Result<Vec<ClockAlignment>> {
         let given: Vec<&GivenOffset> = self.given_offsets().collect();
         for (i, offset) in given.iter().enumerate() {
             let GivenOffset { camera, seconds } = offset;
@@ -85,7 +85,10 @@ impl ClockArguments {
             }
         }
         let offset_s = |name: &&str| given.iter().find(|o| o.camera == **name).map_or(0.0, |o| o.seconds);
-        Ok(names.iter().map(|name| Alignment { offset_s: offset_s(name), ..Alignment::default() }).collect())
+        Ok(names
+            .iter()
+            .map(|name| ClockAlignment { offset_s: offset_s(name), ..ClockAlignment::default() })
+            .collect())
     }
 
     /// Refuses an offset, which must be given to the gatherer.
@@ -162,7 +165,7 @@ impl ClockArguments {
 /// Capture times of each source, on its own clock, and the alignments between the clocks.
 pub(super) struct Clocks {
     times: Vec<CaptureTimes>,
-    alignments: Vec<Alignment>,
+    alignments: Vec<ClockAlignment>,
 }
 
 impl Clocks {
@@ -207,7 +210,7 @@ impl Clocks {
     }
 
     /// Times and alignments, one of each for every source.
-    pub(super) fn into_parts(self) -> (Vec<CaptureTimes>, Vec<Alignment>) {
+    pub(super) fn into_parts(self) -> (Vec<CaptureTimes>, Vec<ClockAlignment>) {
         (self.times, self.alignments)
     }
 }

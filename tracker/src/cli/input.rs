@@ -6,13 +6,13 @@ use std::time::Duration;
 
 use anyhow::bail;
 use scenes::room::Room;
-use tracker::gathering::Alignment;
+use tracker::gathering::ClockAlignment;
 use tracker::method::Method;
+use tracker::prepared_room::PreparedRoom;
 use tracker::run::search_offsets;
 use tracker::source::{self, CameraSource, CaptureTimes};
-use tracker::stage::Stage;
 use tracker::station::{self, Event, Permits, Port, Station};
-use tracker::wire::{Downlink, Endpoints, Expected, ExpectedCamera, Fingerprint};
+use tracker::wire::{Downlink, Endpoints, ExpectedCamera, ExpectedStations, Fingerprint};
 
 use super::clocks::Clocks;
 use super::run_arguments::RunArgs;
@@ -24,7 +24,7 @@ const STATIONS_WITHIN: Duration = Duration::from_mins(1);
 const USUAL_RATE_HZ: f64 = 25.0;
 
 /// Sources as given on the command line.
-pub(super) enum Given {
+pub(super) enum RunSources {
     /// In this process.
     Local { sources: Vec<CameraSource>, clocks: Clocks },
     /// On other machines.
@@ -32,7 +32,7 @@ pub(super) enum Given {
 }
 
 /// Sources of a run, opened or connected.
-pub(super) struct Input {
+pub(super) struct RunInput {
     /// Whether the input is live.
     pub(super) is_live: bool,
     /// Whether cameras have pictures that can be demanded.
@@ -42,7 +42,7 @@ pub(super) struct Input {
     /// Approximate number of moments; `None` where it cannot be known.
     pub(super) promised: Option<usize>,
     /// Given alignments of the cameras' clocks, one a camera.
-    pub(super) alignments: Vec<Alignment>,
+    pub(super) alignments: Vec<ClockAlignment>,
     origin: Origin,
 }
 
@@ -59,7 +59,7 @@ pub(super) struct Started {
     pub(super) downlink: Option<Downlink>,
 }
 
-impl Given {
+impl RunSources {
     /// Opens the sources, or checks the stations' addresses.
     pub(super) fn open(args: &RunArgs, room: &Room) -> anyhow::Result<Self> {
         if args.stations.is_none() && !args.endpoints.gathers() {
@@ -94,14 +94,14 @@ impl Given {
         self,
         args: &RunArgs,
         room: &Room,
-        stage: &Stage,
+        stage: &PreparedRoom,
         interrupted: &AtomicBool,
-    ) -> anyhow::Result<Input> {
+    ) -> anyhow::Result<RunInput> {
         let endpoints = match self {
             Self::Local { sources, clocks } => {
                 let (rate_hz, promised) = (clocks.lead_rate(), clocks.moments(&sources));
                 let (times, alignments) = clocks.into_parts();
-                return Ok(Input {
+                return Ok(RunInput {
                     is_live: sources.iter().any(CameraSource::is_live),
                     has_pictures: sources.iter().any(|s| s.video.is_some()),
                     rate_hz,
@@ -112,13 +112,15 @@ impl Given {
             }
             Self::Stations(endpoints) => endpoints,
         };
-        let camera = |c: &tracker::stage::StageCamera| ExpectedCamera {
+        let camera = |c: &tracker::prepared_room::PreparedCamera| ExpectedCamera {
             name: c.name.clone(),
             width: c.width(),
             height: c.height(),
         };
-        let expected =
-            Expected { room: Fingerprint::of(room), cameras: stage.cameras.iter().map(camera).collect() };
+        let expected = ExpectedStations {
+            room: Fingerprint::of(room),
+            cameras: stage.cameras.iter().map(camera).collect(),
+        };
         let (inbox, events) = channel();
         tracing::info!("waiting for the stations");
         let (ports, downlink) = Downlink::open(expected, &endpoints, STATIONS_WITHIN, interrupted, inbox)?;
@@ -132,7 +134,7 @@ impl Given {
                 "--offset auto: is for recordings of this machine and for live cameras; give --offset NAME=SECONDS"
             );
         }
-        Ok(Input {
+        Ok(RunInput {
             is_live,
             has_pictures: false,
             rate_hz: if rate_hz > 0.0 { rate_hz } else { USUAL_RATE_HZ },
@@ -143,7 +145,7 @@ impl Given {
     }
 }
 
-impl Input {
+impl RunInput {
     /// Starts the stations, and gives the method the empty scenes that it needs. Offsets between recordings are
     /// estimated before, if requested.
     pub(super) fn start(

@@ -12,14 +12,14 @@ use tracker::film::{Film, FilmOptions};
 use tracker::foreground::Verdict;
 use tracker::gathering::{Gathering, GatheringOptions};
 use tracker::plan::TrajectoryPlan;
-use tracker::run::{self, AgencyLog, ClockOffsets, Ended, Output, Progress, RunReport};
-use tracker::stage::{Stage, StageOptions};
+use tracker::prepared_room::{PreparationOptions, PreparedRoom};
+use tracker::run::{self, AgencyLog, ClockOffsets, Output, RunEnd, RunProgress, RunReport};
 use tracker::station::{Pace, PictureDemand};
 use tracker::tracks::TrackFiles;
 use tracker::view::{Drawer, Screens, Server};
 use tracker::wire::Downlink;
 
-use super::input::{Given, Started};
+use super::input::{RunSources, Started};
 use super::interrupt;
 use super::run_arguments::{MethodName, RunArgs};
 use super::stations::{Drawing, StationBuilder};
@@ -46,15 +46,15 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
     // The port is bound before the slow reading of the room.
     let listener = args.view.listener()?;
     let room = Room::read(&args.room)?;
-    let given = Given::open(args, &room)?;
-    let options = StageOptions {
+    let given = RunSources::open(args, &room)?;
+    let options = PreparationOptions {
         cameras: given.cameras(),
         occlusion: !args.no_occlusion,
         working_width_px: args.mask_width,
     };
-    let stage = Stage::prepare(&room, &args.room, &options)?;
+    let stage = PreparedRoom::prepare(&room, &args.room, &options)?;
     let interrupted = interrupt::watch().context("the signals that end a run")?;
-    let downlinked = matches!(given, Given::Stations(_));
+    let downlinked = matches!(given, RunSources::Stations(_));
     let mut input = given.connect(args, &room, &stage, &interrupted)?;
     let is_live = input.is_live;
     let mut method = args.method(&stage, is_live)?;
@@ -106,7 +106,7 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
     let options = GatheringOptions { alignments, latency_s: args.latency };
     let gathering = Gathering::new(ports, events, &options)?;
     let report = run::run(gathering, method.as_mut(), outputs, clocks, threads, |step| {
-        if step == Progress::Moment {
+        if step == RunProgress::Moment {
             progress.advance();
         }
         if interrupted.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
@@ -119,7 +119,7 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
     }
     drop(downlink);
     if let Some(page) = &mut page {
-        page.tell_the_end();
+        page.announce_end();
     }
     report.timings.write(&args.out.join("timings.json"))?;
     let report = report.unless_failed()?;
@@ -127,11 +127,11 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
         let mended = tracker::link::mend_run(&args.out, input.rate_hz)?;
         tracing::info!("{} tracks after linking over the whole recording", mended.tracks);
     }
-    tell(&report, prepared, started.elapsed().as_secs_f64());
+    log_report(&report, prepared, started.elapsed().as_secs_f64());
     Ok(String::new())
 }
 
-fn tell(report: &RunReport, prepared_s: f64, all_s: f64) {
+fn log_report(report: &RunReport, prepared_s: f64, all_s: f64) {
     for (name, (frames, why)) in &report.set_aside {
         let why = if *why == Verdict::Learning {
             "while it learnt its background".to_owned()
@@ -150,10 +150,10 @@ fn tell(report: &RunReport, prepared_s: f64, all_s: f64) {
         );
     }
     match &report.ended {
-        Ended::Source(name) => tracing::info!("the run ended where `{name}` ended"),
-        Ended::Asked => tracing::info!("the run ended where it was interrupted"),
+        RunEnd::Source(name) => tracing::info!("the run ended where `{name}` ended"),
+        RunEnd::Stopped => tracing::info!("the run ended where it was interrupted"),
         // The error is reported as the program's one line of error.
-        Ended::Failed(_) => {}
+        RunEnd::Failed(_) => {}
     }
     tracing::info!(
         "{} frames in {all_s:.2} s, {:.1} frames/s ({prepared_s:.2} s of it to read the room and learn the backgrounds)",

@@ -7,8 +7,8 @@ use tracker::method::Method;
 use tracker::method::agents::Agents;
 use tracker::method::condensation::Condensation;
 use tracker::method::mcmc::Mcmc;
+use tracker::prepared_room::{PreparedRoom, WORKING_WIDTH_PX};
 use tracker::source::NamedSource;
-use tracker::stage::{Stage, WORKING_WIDTH_PX};
 use tracker::wire::Endpoint;
 
 use super::background::BackgroundArguments;
@@ -121,7 +121,7 @@ impl RunArgs {
     }
 
     /// The method, prepared for the room.
-    pub(super) fn method(&self, stage: &Stage, is_live: bool) -> anyhow::Result<Box<dyn Method>> {
+    pub(super) fn method(&self, stage: &PreparedRoom, is_live: bool) -> anyhow::Result<Box<dyn Method>> {
         Ok(match self.method {
             MethodName::Mcmc => {
                 let mut options = self.sampler.options(self.seed)?;

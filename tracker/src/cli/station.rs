@@ -10,12 +10,12 @@ use scenes::room::Room;
 use shell::console::Console;
 use tracker::film::FilmOptions;
 use tracker::method::Needs;
+use tracker::prepared_room::{PreparationOptions, PreparedRoom, WORKING_WIDTH_PX};
 use tracker::source::{self, NamedSource};
-use tracker::stage::{Stage, StageOptions, WORKING_WIDTH_PX};
 use tracker::station::{Event, Pace, Permits, PictureDemand};
 use tracker::wire::{Endpoint, Fingerprint, Hello, Uplink};
 
-use super::agent_station::{AgentStationArguments, Place};
+use super::agent_station::{AgentStationArguments, StationRoom};
 use super::background::BackgroundArguments;
 use super::clocks::ClockArguments;
 use super::endpoints::EndpointArguments;
@@ -106,8 +106,8 @@ pub(crate) fn station(args: &StationArgs, console: &Console) -> anyhow::Result<S
     let is_live = sources.iter().any(source::CameraSource::is_live);
     let promised = clocks.moments(&sources);
     // All of the room's cameras, as in the gatherer: sampling depends on the floor that they see together.
-    let options = StageOptions { working_width_px: args.mask_width, ..StageOptions::default() };
-    let stage = Stage::prepare(&room, &args.room, &options)?;
+    let options = PreparationOptions { working_width_px: args.mask_width, ..PreparationOptions::default() };
+    let stage = PreparedRoom::prepare(&room, &args.room, &options)?;
     let demand = if args.pictures { PictureDemand::Always } else { PictureDemand::Never };
     let builder = StationBuilder {
         stage: &stage,
@@ -121,7 +121,7 @@ pub(crate) fn station(args: &StationArgs, console: &Console) -> anyhow::Result<S
     let interrupted = interrupt::watch().context("the signals that end a station")?;
     if args.method.is_some() {
         let progress = console.progress("tracking", promised.map(|n| n as u64));
-        let place = Place { room: &room, room_dir: &args.room, stage: stage.clone() };
+        let place = StationRoom { room: &room, room_dir: &args.room, stage: stage.clone() };
         args.agents.follow(place, station, &endpoints, (&interrupted, progress))?;
         return Ok(String::new());
     }

@@ -9,10 +9,10 @@ use rayon::prelude::*;
 use tracker::Error;
 use tracker::film::FilmOptions;
 use tracker::foreground::health::Health;
-use tracker::foreground::{Foreground, Start};
+use tracker::foreground::{Foreground, InitialBackground};
 use tracker::method::Needs;
+use tracker::prepared_room::{PreparedCamera, PreparedRoom};
 use tracker::source::{CameraSource, CaptureTimes, VideoSource};
-use tracker::stage::{Stage, StageCamera};
 use tracker::station::{LiveStation, Masks, Observer, Pace, PictureDemand, RecordedStation, Station, Work};
 
 use super::background::BackgroundArguments;
@@ -26,7 +26,7 @@ pub(super) struct Drawing<'a> {
 
 /// Builder of a run's stations.
 pub(super) struct StationBuilder<'a> {
-    pub(super) stage: &'a Stage,
+    pub(super) stage: &'a PreparedRoom,
     pub(super) background: &'a BackgroundArguments,
     pub(super) needs: Needs,
     pub(super) drawing: Drawing<'a>,
@@ -77,11 +77,12 @@ impl StationBuilder<'_> {
         let start = match &video {
             Some(video) if is_subtracted || self.needs.empty_scene => {
                 match self.background.start(&name, video, filmed_size, size)? {
-                    Start::Nothing(kind) if self.background.is_auto() => {
+                    InitialBackground::Nothing(kind) if self.background.is_auto() => {
                         let reference =
                             of_stage.reference.as_deref().and_then(|path| reference(path, of_stage));
-                        let of_reference = |picture| Start::Reference { camera: name.clone(), picture };
-                        Some(reference.map_or(Start::Nothing(kind), of_reference))
+                        let of_reference =
+                            |picture| InitialBackground::Reference { camera: name.clone(), picture };
+                        Some(reference.map_or(InitialBackground::Nothing(kind), of_reference))
                     }
                     start => Some(start),
                 }
@@ -112,7 +113,7 @@ impl StationBuilder<'_> {
             }
         };
         let empty_scene = match start {
-            Some(Start::Backdrop(backdrop)) if self.needs.empty_scene => {
+            Some(InitialBackground::Backdrop(backdrop)) if self.needs.empty_scene => {
                 Some(of_stage.undistort.image(&backdrop.picture))
             }
             _ => None,
@@ -122,7 +123,7 @@ impl StationBuilder<'_> {
 }
 
 /// The room's reference picture of a camera at the working size; `None`, with a warning, where it cannot be used.
-fn reference(path: &Path, camera: &StageCamera) -> Option<RgbImage> {
+fn reference(path: &Path, camera: &PreparedCamera) -> Option<RgbImage> {
     read_reference(path, camera)
         .inspect_err(|error| {
             tracing::warn!("camera `{}`: its background is learnt without a picture: {error:#}", camera.name);
@@ -130,7 +131,7 @@ fn reference(path: &Path, camera: &StageCamera) -> Option<RgbImage> {
         .ok()
 }
 
-fn read_reference(path: &Path, camera: &StageCamera) -> anyhow::Result<RgbImage> {
+fn read_reference(path: &Path, camera: &PreparedCamera) -> anyhow::Result<RgbImage> {
     let spec = path.to_str().with_context(|| format!("{}: is no UTF-8", path.display()))?;
     let mut source = FrameSource::open(spec)?;
     let (filmed, (width, height)) = (&camera.filmed.intrinsics, source.size());

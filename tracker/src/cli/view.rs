@@ -4,7 +4,7 @@ use std::path::Path;
 
 use clap::Args;
 use shell::loopback::Listener;
-use tracker::stage::Stage;
+use tracker::prepared_room::PreparedRoom;
 use tracker::view::{Screens, Server};
 
 /// Options of the page.
@@ -27,7 +27,7 @@ impl ViewArguments {
 }
 
 /// Serves a screen for each camera of the room, and logs the address.
-pub(super) fn serve(listener: Listener, room: &Path, stage: &Stage) -> anyhow::Result<Server> {
+pub(super) fn serve(listener: Listener, room: &Path, stage: &PreparedRoom) -> anyhow::Result<Server> {
     let names = stage.cameras.iter().map(|camera| camera.name.as_str());
     let server = Server::start(listener, Screens::new(room.display().to_string(), names))?;
     tracing::info!("watch the run at http://{}/", server.address());

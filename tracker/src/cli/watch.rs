@@ -72,7 +72,7 @@ pub(crate) fn watch(args: &WatchArgs) -> anyhow::Result<String> {
     };
     let interrupted = interrupt::watch().context("the signals that end this program")?;
     let mesh = Mesh::open(&membership, &endpoints)?;
-    let mut watch = Watch {
+    let mut watch = WatchState {
         mesh,
         names: BTreeMap::new(),
         overview: Overview::default(),
@@ -105,7 +105,7 @@ pub(crate) fn watch(args: &WatchArgs) -> anyhow::Result<String> {
 }
 
 /// State of the program.
-struct Watch {
+struct WatchState {
     mesh: Mesh,
     /// Names of the stations' cameras.
     names: BTreeMap<StationId, String>,
@@ -114,10 +114,10 @@ struct Watch {
     file: Option<AgentsFile>,
 }
 
-impl Watch {
+impl WatchState {
     /// Waits for packets, and prints changes; returns whether the output is still read.
     fn listen(&mut self, with_table: bool) -> anyhow::Result<bool> {
-        let heard = self.mesh.wait_heard(TICK);
+        let heard = self.mesh.wait_received(TICK);
         if heard.iter().any(|packet| !self.names.contains_key(&packet.station)) {
             self.names = self.mesh.names().into_iter().collect();
         }

@@ -6,12 +6,12 @@ use anyhow::{Context, bail};
 use clap::Args;
 use image::RgbImage;
 use scenes::room::Room;
-use tracker::foreground::Start;
+use tracker::foreground::InitialBackground;
 use tracker::method::Method;
 use tracker::method::condensation::Condensation;
 use tracker::method::condensation::integration::Integration;
+use tracker::prepared_room::{PreparationOptions, PreparedRoom};
 use tracker::source::{self, NamedSource, VideoSource};
-use tracker::stage::{Stage, StageOptions};
 use tracker::{CameraFrame, Moment};
 
 use super::background::BackgroundArguments;
@@ -64,8 +64,11 @@ pub(crate) fn weightmap(args: &WeightMapArgs) -> anyhow::Result<String> {
     let sources = source::open(&room, &args.video, &[])?;
     args.background.check_names(&args.video, &[])?;
     let names = sources.iter().map(|s| s.name.clone()).collect();
-    let stage =
-        Stage::prepare(&room, &args.room, &StageOptions { cameras: names, ..StageOptions::default() })?;
+    let stage = PreparedRoom::prepare(
+        &room,
+        &args.room,
+        &PreparationOptions { cameras: names, ..PreparationOptions::default() },
+    )?;
     let mut method = Condensation::new(stage.clone(), options)?;
     let mut cameras = Vec::new();
     for (i, source) in sources.into_iter().enumerate() {
@@ -74,7 +77,8 @@ pub(crate) fn weightmap(args: &WeightMapArgs) -> anyhow::Result<String> {
         let filmed = (camera.filmed.intrinsics.width, camera.filmed.intrinsics.height);
         let video = source.video.with_context(|| format!("camera `{name}` has no video"))?;
         if needs_empty
-            && let Start::Backdrop(backdrop) = args.background.start(&name, &video, filmed, size)?
+            && let InitialBackground::Backdrop(backdrop) =
+                args.background.start(&name, &video, filmed, size)?
         {
             method.set_empty_scene(i, &camera.undistort.image(&backdrop.picture));
         }

@@ -77,7 +77,7 @@ impl DetectOptions {
 
 /// A detection of a person in a picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Found {
+pub struct DetectedPerson {
     /// Box of the person.
     pub pixel_box: PixelBox,
     /// Distance from the classifier's boundary; higher is more certain.
@@ -104,13 +104,15 @@ impl Detector {
     ///
     /// # Errors
     /// An error of OpenCV.
-    pub fn look(&self, image: &RgbImage) -> Result<Vec<Found>> {
+    pub fn look(&self, image: &RgbImage) -> Result<Vec<DetectedPerson>> {
         let zoom = f64::from(PERSON_HEIGHT_PX) / self.options.min_height_px;
         let windows =
             self.classifier.windows(image, zoom, self.options.scale_step, self.options.min_score)?;
         let tallest = self.options.max_height_px.unwrap_or(f64::INFINITY);
-        let found = windows.into_iter().map(|(window, score)| Found { pixel_box: person_in(&window), score });
-        let fitting: Vec<Found> = found.filter(|f| f.pixel_box.height <= tallest).collect();
+        let found = windows
+            .into_iter()
+            .map(|(window, score)| DetectedPerson { pixel_box: person_in(&window), score });
+        let fitting: Vec<DetectedPerson> = found.filter(|f| f.pixel_box.height <= tallest).collect();
         Ok(suppress::keep_surest(&fitting, self.options.max_overlap))
     }
 }
@@ -140,7 +142,7 @@ fn window_of(person: &PixelBox) -> Window {
 }
 
 /// MOTChallenge rows of one frame.
-pub fn rows(frame: u32, found: &[Found]) -> String {
+pub fn rows(frame: u32, found: &[DetectedPerson]) -> String {
     found.iter().fold(String::new(), |mut text, f| {
         let b = f.pixel_box;
         // Writing to a string cannot fail.

@@ -89,7 +89,7 @@ fn broken_models_and_odd_options_are_named() {
 
 #[test]
 fn of_overlapping_detections_only_the_highest_score_is_kept() {
-    let found = |left: f64, score: f64| Found {
+    let found = |left: f64, score: f64| DetectedPerson {
         pixel_box: PixelBox { left, top: 0.0, width: 10.0, height: 20.0 },
         score,
     };

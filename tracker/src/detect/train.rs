@@ -7,7 +7,7 @@ use image::RgbImage;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use super::svm::{self, Sample, SvmOptions};
+use super::svm::{self, SvmOptions, TrainingSample};
 use super::{DetectOptions, Detector, window_of};
 use crate::tracks::rows::PixelBox;
 use crate::{Error, Result};
@@ -90,7 +90,7 @@ pub fn train(
     let classifier = PeopleClassifier::new(&prior)?;
     let mut random = Pcg64Mcg::seed_from_u64(options.seed);
     let mut report = TrainReport::default();
-    let mut samples: Vec<Sample> = Vec::new();
+    let mut samples: Vec<TrainingSample> = Vec::new();
     let nobody = empty.iter().map(|image| (image, &[] as &[PixelBox], &[] as &[PixelBox]));
     let images: Vec<(&RgbImage, &[PixelBox], &[PixelBox])> =
         labelled.iter().map(|l| (&l.image, &l.people[..], &l.ignored[..])).chain(nobody).collect();
@@ -100,22 +100,27 @@ pub fn train(
             let window = window_of(person);
             let left = f64::from(image.width()) - window.left - window.width;
             for (image, window) in [(*image, window), (&mirrored, Window { left, ..window })] {
-                samples.push(Sample { features: classifier.features(image, &window)?, is_person: true });
+                samples
+                    .push(TrainingSample { features: classifier.features(image, &window)?, is_person: true });
                 report.people += 1;
             }
         }
         let is_clear = |b: &PixelBox| people.iter().chain(*ignored).all(|p| p.iou(b) < CLEAR_OVERLAP);
         for gap in gaps(people).into_iter().filter(is_clear) {
-            samples
-                .push(Sample { features: classifier.features(image, &window_of(&gap))?, is_person: false });
+            samples.push(TrainingSample {
+                features: classifier.features(image, &window_of(&gap))?,
+                is_person: false,
+            });
             report.gaps += 1;
         }
         for _ in 0..options.background_per_image {
             let size = (image.width(), image.height());
             let tries = (0..TRIES).map(|_| somewhere(&mut random, size, labelled, &options.detect));
             let Some(place) = tries.into_iter().find(is_clear) else { continue };
-            samples
-                .push(Sample { features: classifier.features(image, &window_of(&place))?, is_person: false });
+            samples.push(TrainingSample {
+                features: classifier.features(image, &window_of(&place))?,
+                is_person: false,
+            });
             report.background += 1;
         }
         step();
@@ -131,7 +136,7 @@ pub fn train(
             let found = detector.look(image)?;
             for mistake in found.iter().map(|f| f.pixel_box).filter(is_mistake).take(MISTAKES) {
                 let features = classifier.features(image, &window_of(&mistake))?;
-                samples.push(Sample { features, is_person: false });
+                samples.push(TrainingSample { features, is_person: false });
                 report.mistakes += 1;
             }
             step();

@@ -17,7 +17,7 @@ const REACH_M: f64 = 3.0;
 
 /// Transform between two rooms, and its fit.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Alignment {
+pub struct RoomAlignment {
     /// Transform of floor positions from the tracks' room to the truth's.
     pub truth_from_room: Isometry2<f64>,
     /// Number of cameras that stand in both.
@@ -30,7 +30,7 @@ pub struct Alignment {
 ///
 /// # Errors
 /// Errors of [`align`] and of the rooms' reader.
-pub fn between(truth_dir: &Path, room_dir: &Path) -> Result<Alignment> {
+pub fn between(truth_dir: &Path, room_dir: &Path) -> Result<RoomAlignment> {
     align(&Room::read(truth_dir)?, truth_dir, &Room::read(room_dir)?, room_dir)
 }
 
@@ -38,7 +38,7 @@ pub fn between(truth_dir: &Path, room_dir: &Path) -> Result<Alignment> {
 ///
 /// # Errors
 /// No camera of the one has a namesake in the other; the directories are named.
-pub fn align(truth: &Room, truth_dir: &Path, room: &Room, room_dir: &Path) -> Result<Alignment> {
+pub fn align(truth: &Room, truth_dir: &Path, room: &Room, room_dir: &Path) -> Result<RoomAlignment> {
     let mut pairs: Vec<(Point2<f64>, Point2<f64>)> = Vec::new();
     let mut centers = Vec::new();
     for camera in &room.cameras {
@@ -68,7 +68,7 @@ pub fn align(truth: &Room, truth_dir: &Path, room: &Room, room_dir: &Path) -> Re
     let square_sum: f64 =
         centers.iter().map(|i| (truth_from_room * pairs[*i].0 - pairs[*i].1).norm_squared()).sum();
     let cameras = centers.len();
-    Ok(Alignment { truth_from_room, cameras, center_rms_m: (square_sum / cameras as f64).sqrt() })
+    Ok(RoomAlignment { truth_from_room, cameras, center_rms_m: (square_sum / cameras as f64).sqrt() })
 }
 
 /// Rigid transform of the plane with the least squared distance from each first point to its second.
@@ -115,7 +115,7 @@ mod tests {
         moved
     }
 
-    fn said(truth: &Room, room: &Room) -> Result<Alignment> {
+    fn aligned(truth: &Room, room: &Room) -> Result<RoomAlignment> {
         align(truth, Path::new("truth"), room, Path::new("room"))
     }
 
@@ -129,7 +129,7 @@ mod tests {
         let by = Isometry3::new(Vector3::new(4.0, -2.0, 0.1), Vector3::z() * 2.3);
         for count in 1..=3 {
             let truth = Room { cameras: all[3 - count..].to_vec(), ..Room::default() };
-            let found = said(&truth, &moved(&truth, &by)).unwrap();
+            let found = aligned(&truth, &moved(&truth, &by)).unwrap();
             assert_eq!(found.cameras, count);
             let p = Point3::new(1.5, -0.7, 0.0);
             assert_relative_eq!(found.truth_from_room * (by * p).xy(), p.xy(), epsilon = 1e-9);
@@ -148,12 +148,12 @@ mod tests {
         };
         let mut room = truth.clone();
         room.cameras[1].camera = room.cameras[1].camera.moved(&Isometry3::translation(0.0768, 0.064, 0.0));
-        let found = said(&truth, &room).unwrap();
+        let found = aligned(&truth, &room).unwrap();
         // Moved apart along their line, where no rotation helps, each camera keeps half of the 10 cm.
         assert_relative_eq!(found.center_rms_m, 0.05, epsilon = 0.005);
 
         room.cameras.iter_mut().for_each(|c| c.name.push('x'));
-        let error = said(&truth, &room).unwrap_err().to_string();
+        let error = aligned(&truth, &room).unwrap_err().to_string();
         assert!(error.contains("ax, bx") && error.contains("a, b"), "{error}");
     }
 }

@@ -6,7 +6,7 @@
 //! tracked (more than 80 % of a life) and lost (less than 20 %): Y. Li, C. Huang, R. Nevatia, CVPR 2009.
 
 use super::scenario::{Scenario, Space};
-use super::{Figure, Metric, Unit, Value, percent};
+use super::{Figure, FigureValue, Metric, Unit, percent};
 
 /// CLEAR MOT figures.
 #[derive(Debug, Clone, PartialEq)]
@@ -84,7 +84,7 @@ impl Metric for Clear {
             match self.space {
                 Space::Floor => Figure::new(
                     "MOTP",
-                    Value::real(self.motp(), Unit::Metres),
+                    FigureValue::real(self.motp(), Unit::Metres),
                     "tracking precision: mean distance of the matches",
                 ),
                 Space::Image => Figure::new(
@@ -101,7 +101,8 @@ impl Metric for Clear {
                 "share of the tracks' rows that are somebody",
             ),
         ];
-        let counted = |count: fn(&Continuity) -> usize| Value::count(self.continuity.as_ref().map(count));
+        let counted =
+            |count: fn(&Continuity) -> usize| FigureValue::count(self.continuity.as_ref().map(count));
         figures.extend([
             Figure::new("ID switches", counted(|c| c.switches), "times a person's track becomes another one"),
             Figure::new(
@@ -129,8 +130,12 @@ impl Metric for Clear {
                 counted(|c| c.mostly_lost),
                 "people matched in less than 20 % of their frames",
             ),
-            Figure::new("false positives", Value::count(Some(self.false_positives)), "rows that are nobody"),
-            Figure::new("misses", Value::count(Some(self.misses)), "truth rows without a track"),
+            Figure::new(
+                "false positives",
+                FigureValue::count(Some(self.false_positives)),
+                "rows that are nobody",
+            ),
+            Figure::new("misses", FigureValue::count(Some(self.misses)), "truth rows without a track"),
         ]);
         figures
     }

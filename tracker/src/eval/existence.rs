@@ -11,7 +11,7 @@
 use serde_json::{Value as Json, json};
 
 use super::scenario::Scenario;
-use super::{Figure, Metric, Unit, Value, percent};
+use super::{Figure, FigureValue, Metric, Unit, percent};
 
 /// Number of bins, of equal width.
 const BINS: usize = 10;
@@ -33,7 +33,7 @@ pub struct ReliabilityBin {
     /// Number of rows that match a person.
     pub matched: usize,
     /// Sum of the confidences: the expected number of matches.
-    pub told: f64,
+    pub expected: f64,
 }
 
 impl Metric for Existence {
@@ -45,7 +45,7 @@ impl Metric for Existence {
                 let bin = &mut bins[((confidence * BINS as f64) as usize).min(BINS - 1)];
                 bin.rows += 1;
                 bin.matched += usize::from(is_somebody);
-                bin.told += confidence;
+                bin.expected += confidence;
                 squares += (confidence - f64::from(u8::from(is_somebody))).powi(2);
             }
         }
@@ -58,7 +58,7 @@ impl Metric for Existence {
             all.iter().map(|bins| bins[bin]).fold(ReliabilityBin::default(), |a, b| ReliabilityBin {
                 rows: a.rows + b.rows,
                 matched: a.matched + b.matched,
-                told: a.told + b.told,
+                expected: a.expected + b.expected,
             })
         };
         Self {
@@ -76,7 +76,7 @@ impl Metric for Existence {
             ),
             Figure::new(
                 "Brier",
-                Value::real(self.brier(), Unit::None),
+                FigureValue::real(self.brier(), Unit::None),
                 "mean squared error of the confidences; of certainty it would be 1 − precision",
             ),
         ]
@@ -87,7 +87,7 @@ impl Existence {
     /// Expected calibration error, 0 to 1; `None` without rows or probabilities.
     pub fn error(&self) -> Option<f64> {
         let bins = self.bins.as_ref()?;
-        let off: f64 = bins.iter().map(|bin| (bin.told - bin.matched as f64).abs()).sum();
+        let off: f64 = bins.iter().map(|bin| (bin.expected - bin.matched as f64).abs()).sum();
         self.per_row(off)
     }
 
@@ -100,7 +100,7 @@ impl Existence {
     pub(super) fn json(&self) -> Json {
         let bin = |bin: &ReliabilityBin| {
             let percent = |sum: f64| 100.0 * sum / bin.rows as f64;
-            json!({ "rows": bin.rows, "told": percent(bin.told), "matched": percent(bin.matched as f64) })
+            json!({ "rows": bin.rows, "expected": percent(bin.expected), "matched": percent(bin.matched as f64) })
         };
         json!(self.bins.as_ref().map(|bins| bins.iter().filter(|b| b.rows > 0).map(bin).collect::<Vec<_>>()))
     }

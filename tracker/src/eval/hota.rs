@@ -24,7 +24,7 @@ pub struct Hota {
     pub scores: Option<HotaScores>,
     /// Figures at each threshold, the least strict first; empty where there are no scores.
     pub by_threshold: Vec<HotaScores>,
-    tallies: Vec<Tally>,
+    tallies: Vec<ThresholdTally>,
 }
 
 /// Figures at one threshold, or their means.
@@ -50,7 +50,7 @@ pub struct HotaScores {
 
 /// Counts at one threshold; sums of several recordings are sums of these.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-struct Tally {
+struct ThresholdTally {
     matched: usize,
     truth: usize,
     tracks: usize,
@@ -68,9 +68,9 @@ impl Metric for Hota {
     }
 
     fn together<'a>(parts: impl Iterator<Item = &'a Self> + Clone) -> Self {
-        let mut sum: Vec<Tally> = Vec::new();
+        let mut sum: Vec<ThresholdTally> = Vec::new();
         for part in parts.filter(|p| !p.tallies.is_empty()) {
-            sum.resize(THRESHOLDS, Tally::default());
+            sum.resize(THRESHOLDS, ThresholdTally::default());
             for (sum, tally) in sum.iter_mut().zip(&part.tallies) {
                 sum.add(tally);
             }
@@ -94,8 +94,8 @@ impl Metric for Hota {
 }
 
 impl Hota {
-    fn from_tallies(tallies: Vec<Tally>) -> Self {
-        let by_threshold: Vec<HotaScores> = tallies.iter().map(Tally::scores).collect();
+    fn from_tallies(tallies: Vec<ThresholdTally>) -> Self {
+        let by_threshold: Vec<HotaScores> = tallies.iter().map(ThresholdTally::scores).collect();
         let mean =
             |part: fn(&HotaScores) -> f64| by_threshold.iter().map(part).sum::<f64>() / THRESHOLDS as f64;
         let scores = (!by_threshold.is_empty()).then(|| HotaScores {
@@ -117,7 +117,7 @@ impl Hota {
     }
 }
 
-impl Tally {
+impl ThresholdTally {
     fn add(&mut self, other: &Self) {
         self.matched += other.matched;
         self.truth += other.truth;
@@ -147,7 +147,7 @@ impl Tally {
     }
 }
 
-fn tallies(scenario: &Scenario) -> Vec<Tally> {
+fn tallies(scenario: &Scenario) -> Vec<ThresholdTally> {
     let (mut truth_count, mut track_count) = (vec![0.0; scenario.people], vec![0.0; scenario.tracks]);
     for instant in &scenario.instants {
         instant.truth.iter().for_each(|person| truth_count[*person] += 1.0);
@@ -155,11 +155,14 @@ fn tallies(scenario: &Scenario) -> Vec<Tally> {
     }
     let alignment = alignment(scenario, &truth_count, &track_count);
 
-    let mut tallies =
-        vec![
-            Tally { truth: scenario.truth_rows, tracks: scenario.track_rows, ..Tally::default() };
-            THRESHOLDS
-        ];
+    let mut tallies = vec![
+        ThresholdTally {
+            truth: scenario.truth_rows,
+            tracks: scenario.track_rows,
+            ..ThresholdTally::default()
+        };
+        THRESHOLDS
+    ];
     // Number of matches of each pair of person and track, by the strictest threshold that they pass.
     let mut strictest: HashMap<(usize, usize), [u32; THRESHOLDS]> = HashMap::new();
     for instant in &scenario.instants {

@@ -12,7 +12,7 @@ use super::{Figure, Metric, percent};
 
 /// Identity figures.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Identity {
+pub struct IdentityMetric {
     /// Number of rows in which a person has their own track.
     pub true_positives: usize,
     /// Number of track rows that are not their person's.
@@ -22,7 +22,7 @@ pub struct Identity {
     has_identities: bool,
 }
 
-impl Metric for Identity {
+impl Metric for IdentityMetric {
     fn of(scenario: &Scenario) -> Self {
         let true_positives = if scenario.has_identities { agreeing_rows(scenario) } else { 0 };
         Self {
@@ -60,7 +60,7 @@ impl Metric for Identity {
     }
 }
 
-impl Identity {
+impl IdentityMetric {
     /// Ratio of rows with the right identity, 0 to 1; `None` without identities or rows.
     pub fn idf1(&self) -> Option<f64> {
         self.ratio(2 * self.true_positives, 2 * self.true_positives + self.false_positives + self.misses)

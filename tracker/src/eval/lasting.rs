@@ -9,7 +9,7 @@ use super::assignment::best;
 use super::grid::Grid;
 use super::instant::{Instant, SIMILARITY_TOLERANCE};
 use super::scenario::Scenario;
-use super::{Figure, Metric, Value, percent};
+use super::{Figure, FigureValue, Metric, percent};
 
 /// Weight of a pair beside its similarity: more than any frame's similarities together.
 const PAIR: f64 = 1000.0;
@@ -32,7 +32,7 @@ pub struct LastingPairs {
 
 impl Metric for LastingPairs {
     fn of(scenario: &Scenario) -> Self {
-        let mut pairs = Pairs::new(scenario);
+        let mut pairs = LastingMatcher::new(scenario);
         for instant in &scenario.instants {
             pairs.advance(instant, scenario.threshold());
         }
@@ -59,7 +59,7 @@ impl Metric for LastingPairs {
     }
 
     fn figures(&self) -> Vec<Figure> {
-        let count = |value: usize| Value::count(self.has_identities.then_some(value));
+        let count = |value: usize| FigureValue::count(self.has_identities.then_some(value));
         vec![
             Figure::new("MOTA", percent(self.mota()), "tracking accuracy, where pairs outlive losses"),
             Figure::new("ID switches", count(self.switches), "times a person's track becomes another one"),
@@ -84,7 +84,7 @@ impl LastingPairs {
 }
 
 /// Each person's track so far, and the counts.
-struct Pairs {
+struct LastingMatcher {
     track_of: Vec<Option<usize>>,
     is_lost: Vec<bool>,
     matches: usize,
@@ -92,7 +92,7 @@ struct Pairs {
     fragmentations: usize,
 }
 
-impl Pairs {
+impl LastingMatcher {
     fn new(scenario: &Scenario) -> Self {
         Self {
             track_of: vec![None; scenario.people],

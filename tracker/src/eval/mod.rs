@@ -4,7 +4,7 @@
 //! [`Metric`] a file → [`Evaluation`] → table, JSON, report.
 //!
 //! * [`Clear`] — MOTA, MOTP, MODA, switches, fragmentations, mostly tracked and lost, misses, false positives;
-//! * [`Identity`] — IDF1;
+//! * [`IdentityMetric`] — IDF1;
 //! * [`Hota`] — HOTA, DetA, AssA and their parts;
 //! * [`LastingPairs`] — CLEAR as `motmetrics` counts it;
 //! * [`PositionError`] — mean, median and maximum distance;
@@ -47,7 +47,7 @@ pub use clear::{Clear, Continuity};
 pub use existence::{Existence, ReliabilityBin};
 pub use frames::{FrameRange, FrameSelection};
 pub use hota::{Hota, HotaScores};
-pub use identity::Identity;
+pub use identity::IdentityMetric;
 pub use lasting::LastingPairs;
 pub use people_count::PeopleCount;
 pub use position::{PositionError, PositionStatistics};
@@ -57,7 +57,7 @@ pub use sequences::Sequences;
 
 use crate::Result;
 use crate::tracks::rows::RowFile;
-use align::Alignment;
+use align::RoomAlignment;
 
 /// A metric of tracks.
 pub trait Metric: Sized {
@@ -77,14 +77,14 @@ pub struct Figure {
     /// Name, as in the papers.
     pub name: &'static str,
     /// Value with its unit.
-    pub value: Value,
+    pub value: FigureValue,
     /// Meaning in half a sentence.
     pub meaning: &'static str,
 }
 
 /// Value of a figure; `None` where it is undefined (no truth, no identities, no match).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Value {
+pub enum FigureValue {
     /// A count.
     Count(Option<usize>),
     /// A real number.
@@ -105,12 +105,12 @@ pub enum Unit {
 }
 
 impl Figure {
-    fn new(name: &'static str, value: Value, meaning: &'static str) -> Self {
+    fn new(name: &'static str, value: FigureValue, meaning: &'static str) -> Self {
         Self { name, value, meaning }
     }
 }
 
-impl Value {
+impl FigureValue {
     fn count(count: Option<usize>) -> Self {
         Self::Count(count)
     }
@@ -120,8 +120,8 @@ impl Value {
 }
 
 /// Converts a share of 1 to percent.
-fn percent(share: Option<f64>) -> Value {
-    Value::Real(share.map(|s| 100.0 * s), Unit::Percent)
+fn percent(share: Option<f64>) -> FigureValue {
+    FigureValue::Real(share.map(|s| 100.0 * s), Unit::Percent)
 }
 
 /// Options of an evaluation.
@@ -146,7 +146,7 @@ pub struct Evaluation {
     /// CLEAR MOT.
     pub clear: Clear,
     /// Identity.
-    pub identity: Identity,
+    pub identity: IdentityMetric,
     /// HOTA.
     pub hota: Hota,
     /// Position error.
@@ -158,7 +158,7 @@ pub struct Evaluation {
     /// CLEAR MOT as counted by `motmetrics`.
     pub lasting: LastingPairs,
     /// Alignment of the two rooms, if there were two.
-    pub alignment: Option<Alignment>,
+    pub alignment: Option<RoomAlignment>,
 }
 
 impl Evaluation {
@@ -170,7 +170,7 @@ impl Evaluation {
         truth: &Path,
         tracks: &Path,
         options: &EvalOptions,
-        alignment: Option<Alignment>,
+        alignment: Option<RoomAlignment>,
     ) -> Result<Self> {
         Self::of_rows(&RowFile::read(truth)?, &RowFile::read(tracks)?, options, alignment)
     }
@@ -183,14 +183,14 @@ impl Evaluation {
         truth: &RowFile,
         tracks: &RowFile,
         options: &EvalOptions,
-        alignment: Option<Alignment>,
+        alignment: Option<RoomAlignment>,
     ) -> Result<Self> {
         let gate = options.gate.unwrap_or(EvalOptions::GATE);
         let to_truth = alignment.as_ref().map(|a| &a.truth_from_room);
         let scenario = Scenario::new(truth, tracks, gate, &options.frames, to_truth)?;
         Ok(Self {
             clear: Clear::of(&scenario),
-            identity: Identity::of(&scenario),
+            identity: IdentityMetric::of(&scenario),
             hota: Hota::of(&scenario),
             position: PositionError::of(&scenario),
             existence: Existence::of(&scenario),

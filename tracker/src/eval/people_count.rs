@@ -6,7 +6,7 @@
 //! covers more than 90 %: with two or three people who are nearly certain, nearly always.
 
 use super::scenario::Scenario;
-use super::{Figure, Metric, Unit, Value, percent};
+use super::{Figure, FigureValue, Metric, Unit, percent};
 use crate::tracks::count;
 
 /// Probability of the judged set.
@@ -57,7 +57,7 @@ impl Metric for PeopleCount {
             ),
             Figure::new(
                 "count log score",
-                Value::real(self.log_score(), Unit::None),
+                FigureValue::real(self.log_score(), Unit::None),
                 "mean log probability of the true number, nats: 0 is sure and right",
             ),
         ]

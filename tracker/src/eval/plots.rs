@@ -78,7 +78,7 @@ fn lives(evaluation: &Evaluation) -> RgbImage {
     let at = |frame: f64| LIFE_LEFT_PX + (frame - first) * width;
     for person in 0..people {
         let top = LIFE_TOP_PX + LIFE_HEIGHT_PX * person as f64;
-        for life in stretches(evaluation, person) {
+        for life in track_stretches(evaluation, person) {
             let color = life.track.map_or(Color::PAPER.mix(Color::INK, 0.15), |t| Color::of_id(t as u32 + 1));
             let (left, right) = (at(f64::from(life.first)), at(f64::from(life.last) + 1.0));
             let low = top + LIFE_HEIGHT_PX - 4.0;
@@ -100,20 +100,20 @@ fn lives(evaluation: &Evaluation) -> RgbImage {
 
 /// A part of a person's life with one matching track, or none.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Stretch {
+struct TrackStretch {
     first: u32,
     last: u32,
     track: Option<usize>,
 }
 
 /// Stretches of a person's life; frames in which they are absent divide it.
-fn stretches(evaluation: &Evaluation, person: usize) -> Vec<Stretch> {
-    let mut life: Vec<Stretch> = Vec::new();
+fn track_stretches(evaluation: &Evaluation, person: usize) -> Vec<TrackStretch> {
+    let mut life: Vec<TrackStretch> = Vec::new();
     for instant in evaluation.scenario.instants.iter().filter(|i| i.truth.contains(&person)) {
         let track = instant.matches.iter().find(|m| m.person == person).map(|m| m.track);
         match life.last_mut() {
             Some(now) if now.track == track && now.last + 1 == instant.frame => now.last = instant.frame,
-            _ => life.push(Stretch { first: instant.frame, last: instant.frame, track }),
+            _ => life.push(TrackStretch { first: instant.frame, last: instant.frame, track }),
         }
     }
     life
@@ -134,7 +134,8 @@ mod tests {
         let truth = rows(&[3, 4, 5, 6, 7, 9, 10].map(|f| (f, 1)));
         let tracks = rows(&[(3, 4), (4, 4), (6, 4), (7, 8), (9, 8), (10, 8)]);
         let evaluation = Evaluation::of_rows(&truth, &tracks, &EvalOptions::default(), None).unwrap();
-        let found: Vec<_> = stretches(&evaluation, 0).iter().map(|s| (s.first, s.last, s.track)).collect();
+        let found: Vec<_> =
+            track_stretches(&evaluation, 0).iter().map(|s| (s.first, s.last, s.track)).collect();
         let expected = [(3, 4, Some(0)), (5, 5, None), (6, 6, Some(0)), (7, 7, Some(1)), (9, 10, Some(1))];
         assert_eq!(found, expected);
         // The strips begin where the recording does.

@@ -4,7 +4,7 @@
 //! [`crate::method::mcmc`], report mean and maximum.
 
 use super::scenario::{Scenario, Space};
-use super::{Figure, Metric, Unit, Value};
+use super::{Figure, FigureValue, Metric, Unit};
 
 /// Statistics of the distance over all CLEAR matches.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,7 +40,9 @@ impl Metric for PositionError {
 
     fn figures(&self) -> Vec<Figure> {
         let unit = if self.space == Space::Floor { Unit::Metres } else { Unit::Pixels };
-        let of = |part: fn(&PositionStatistics) -> f64| Value::real(self.statistics.as_ref().map(part), unit);
+        let of = |part: fn(&PositionStatistics) -> f64| {
+            FigureValue::real(self.statistics.as_ref().map(part), unit)
+        };
         vec![
             Figure::new("mean error", of(|s| s.mean), "distance from the truth, over all matches"),
             Figure::new("median error", of(|s| s.median), "half of the matches are closer"),

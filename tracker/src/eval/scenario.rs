@@ -85,7 +85,7 @@ impl Scenario {
         let track_rows: Vec<&Row> = tracks.rows.iter().filter(counts).collect();
         let has_identities = identities(truth, &truth_rows)? & identities(tracks, &track_rows)?;
 
-        let (mut people, mut track_ids) = (Numbering::default(), Numbering::default());
+        let (mut people, mut track_ids) = (IdIndices::default(), IdIndices::default());
         let mut by_frame: BTreeMap<u32, (Vec<&Row>, Vec<&Row>)> = BTreeMap::new();
         for row in &truth_rows {
             by_frame.entry(row.frame).or_default().0.push(row);
@@ -196,14 +196,14 @@ pub(super) fn similarity_and_distance(
 
 /// Map from ids to consecutive indices; without identities every row is a person of its own.
 #[derive(Default)]
-struct Numbering {
+struct IdIndices {
     index_of: HashMap<u32, usize>,
     /// Ids in the order of their indices.
     ids: Vec<u32>,
     count: usize,
 }
 
-impl Numbering {
+impl IdIndices {
     fn of(&mut self, row: &Row, has_identities: bool) -> usize {
         let fresh = self.count;
         let index = match row.id.filter(|_| has_identities) {

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use serde_json::{Map, Value as Json, json};
 
 use super::{
-    Clear, EvalOptions, Evaluation, Existence, Figure, Hota, Identity, LastingPairs, Metric, PeopleCount,
-    PositionError,
+    Clear, EvalOptions, Evaluation, Existence, Figure, Hota, IdentityMetric, LastingPairs, Metric,
+    PeopleCount, PositionError,
 };
 use crate::{Error, Result};
 
@@ -26,7 +26,7 @@ pub struct Sequences {
 #[derive(Debug, Clone)]
 struct Together {
     clear: Clear,
-    identity: Identity,
+    identity: IdentityMetric,
     hota: Hota,
     position: PositionError,
     existence: Existence,
@@ -75,7 +75,7 @@ impl Sequences {
         let all = || each.iter().map(|(_, e)| e);
         let together = Together {
             clear: Clear::together(all().map(|e| &e.clear)),
-            identity: Identity::together(all().map(|e| &e.identity)),
+            identity: IdentityMetric::together(all().map(|e| &e.identity)),
             hota: Hota::together(all().map(|e| &e.hota)),
             position: PositionError::together(all().map(|e| &e.position)),
             existence: Existence::together(all().map(|e| &e.existence)),

@@ -2,19 +2,19 @@
 
 use serde_json::{Map, Value as Json, json};
 
-use super::{Evaluation, Figure, Metric, Unit, Value};
+use super::{Evaluation, Figure, FigureValue, Metric, Unit};
 use crate::eval::scenario::Space;
 
 impl Figure {
     /// Value with its unit, as in the table; an en dash where there is none.
     pub fn text(&self) -> String {
         match self.value {
-            Value::Count(Some(count)) => format!("{count}"),
-            Value::Real(Some(value), Unit::Percent) => format!("{value:.2} %"),
-            Value::Real(Some(value), Unit::Metres) => format!("{value:.4} m"),
-            Value::Real(Some(value), Unit::Pixels) => format!("{value:.2} px"),
-            Value::Real(Some(value), Unit::None) => format!("{value:.4}"),
-            Value::Count(None) | Value::Real(None, _) => "–".into(),
+            FigureValue::Count(Some(count)) => format!("{count}"),
+            FigureValue::Real(Some(value), Unit::Percent) => format!("{value:.2} %"),
+            FigureValue::Real(Some(value), Unit::Metres) => format!("{value:.4} m"),
+            FigureValue::Real(Some(value), Unit::Pixels) => format!("{value:.2} px"),
+            FigureValue::Real(Some(value), Unit::None) => format!("{value:.4}"),
+            FigureValue::Count(None) | FigureValue::Real(None, _) => "–".into(),
         }
     }
 
@@ -25,8 +25,8 @@ impl Figure {
             return name;
         }
         let unit = match self.value {
-            Value::Real(_, Unit::Metres) => "_m",
-            Value::Real(_, Unit::Pixels) => "_px",
+            FigureValue::Real(_, Unit::Metres) => "_m",
+            FigureValue::Real(_, Unit::Pixels) => "_px",
             _ => "",
         };
         name.to_lowercase() + unit
@@ -89,8 +89,8 @@ impl Evaluation {
 pub(super) fn insert_figures(object: &mut Map<String, Json>, figures: &[Figure]) {
     for figure in figures {
         let value = match figure.value {
-            Value::Count(count) => json!(count),
-            Value::Real(value, _) => json!(value),
+            FigureValue::Count(count) => json!(count),
+            FigureValue::Real(value, _) => json!(value),
         };
         object.insert(figure.key(), value);
     }

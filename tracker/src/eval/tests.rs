@@ -169,7 +169,7 @@ fn tracks_from_another_room_are_brought_over() {
     let truth = rows("truth.txt", &floor(&[(1, 1, 0.0), (2, 1, 1.0)]));
     // The same in a frame rotated by a quarter turn and shifted.
     let tracks = rows("tracks.txt", "1,1,-1,-1,-1,-1,1,3,2,0\n2,1,-1,-1,-1,-1,1,3,3,0\n");
-    let alignment = Alignment {
+    let alignment = RoomAlignment {
         truth_from_room: nalgebra::Isometry2::new(
             nalgebra::Vector2::new(3.0, 2.0),
             std::f64::consts::FRAC_PI_2,
@@ -288,7 +288,7 @@ fn folders_are_compared_sequence_by_sequence() {
 }
 
 /// Floor rows of (frame, id, x, confidence).
-fn told(people: &[(u32, i64, f64, f64)]) -> String {
+fn confident(people: &[(u32, i64, f64, f64)]) -> String {
     people.iter().fold(String::new(), |mut text, (frame, id, x, confidence)| {
         writeln!(text, "{frame},{id},-1,-1,-1,-1,{confidence},{x},0,0").unwrap();
         text
@@ -296,10 +296,10 @@ fn told(people: &[(u32, i64, f64, f64)]) -> String {
 }
 
 /// Ten frames with a person at 0 in the first `there` of them, and a track there with this confidence in all.
-fn told_in_ten(there: u32, confidence: f64) -> Evaluation {
+fn ten_frames_with(there: u32, confidence: f64) -> Evaluation {
     let truth: Vec<_> = (1..=there).map(|f| (f, 1, 0.0)).collect();
     let tracks: Vec<_> = (1..=10).map(|f| (f, 1, 0.0, confidence)).collect();
-    compare(&floor(&truth), &told(&tracks), &EvalOptions::default()).unwrap()
+    compare(&floor(&truth), &confident(&tracks), &EvalOptions::default()).unwrap()
 }
 
 #[test]
@@ -313,12 +313,12 @@ fn confidences_that_come_true_are_calibrated_and_others_off_by_the_difference() 
         (0, 0.9, 90.0, 0.81),
         (10, 0.25, 75.0, 0.75 * 0.75),
     ] {
-        let found = told_in_ten(there, confidence).json();
+        let found = ten_frames_with(there, confidence).json();
         assert_relative_eq!(found["existence_error"].as_f64().unwrap(), error, epsilon = 1e-9);
         assert_relative_eq!(found["Brier"].as_f64().unwrap(), brier, epsilon = 1e-12);
         let [bin] = found["reliability"].as_array().unwrap().as_slice() else { panic!("{found}") };
         assert_eq!(bin["rows"], 10);
-        assert_relative_eq!(bin["told"].as_f64().unwrap(), 100.0 * confidence, epsilon = 1e-9);
+        assert_relative_eq!(bin["confident"].as_f64().unwrap(), 100.0 * confidence, epsilon = 1e-9);
         assert_relative_eq!(bin["matched"].as_f64().unwrap(), 10.0 * f64::from(there), epsilon = 1e-9);
     }
 }
@@ -327,11 +327,11 @@ fn confidences_that_come_true_are_calibrated_and_others_off_by_the_difference() 
 #[test]
 fn confidences_are_judged_each_by_what_it_came_to() {
     let truth = floor(&[(1, 1, 0.0), (1, 2, 5.0), (2, 1, 0.0), (2, 2, 5.0)]);
-    let tracks = told(&[(1, 1, 0.0, 0.4), (2, 1, 0.0, 0.4), (1, 2, 9.0, 0.6), (2, 2, 9.0, 0.6)]);
+    let tracks = confident(&[(1, 1, 0.0, 0.4), (2, 1, 0.0, 0.4), (1, 2, 9.0, 0.6), (2, 2, 9.0, 0.6)]);
     let found = compare(&truth, &tracks, &EvalOptions::default()).unwrap().json();
     assert_relative_eq!(found["existence_error"].as_f64().unwrap(), 60.0, epsilon = 1e-9);
 
-    let parts = [told_in_ten(10, 0.75), told_in_ten(2, 0.7)];
+    let parts = [ten_frames_with(10, 0.75), ten_frames_with(2, 0.7)];
     let together = Existence::together(parts.iter().map(|p| &p.existence));
     assert_relative_eq!(together.error().unwrap(), (14.5_f64 - 12.0).abs() / 20.0, epsilon = 1e-12);
     let squares = 10.0 * 0.25 * 0.25 + 2.0 * 0.3 * 0.3 + 8.0 * 0.7 * 0.7;
@@ -352,13 +352,13 @@ fn the_number_of_people_is_judged_by_what_the_confidences_say_of_it() {
         (8, 1.0, 80.0, 0.2 * impossible),
         (10, 1.0, 100.0, 0.0),
     ] {
-        let found = told_in_ten(there, confidence).json();
+        let found = ten_frames_with(there, confidence).json();
         assert_relative_eq!(found["count_coverage"].as_f64().unwrap(), coverage, epsilon = 1e-9);
         assert_relative_eq!(found["count_log_score"].as_f64().unwrap(), score, epsilon = 1e-9);
     }
     // More people than tracks, in frame 2 without any, at any positions.
     let truth = floor(&[(1, 1, 0.0), (1, 2, 7.0), (2, 1, 0.0)]);
-    let found = compare(&truth, &told(&[(1, 1, 3.0, 0.5)]), &EvalOptions::default()).unwrap();
+    let found = compare(&truth, &confident(&[(1, 1, 3.0, 0.5)]), &EvalOptions::default()).unwrap();
     assert_relative_eq!(found.people_count.log_score().unwrap(), impossible, epsilon = 1e-12);
     assert_relative_eq!(found.people_count.coverage().unwrap(), 0.0);
 }
@@ -367,14 +367,14 @@ fn the_number_of_people_is_judged_by_what_the_confidences_say_of_it() {
 fn without_probabilities_there_is_no_calibration() {
     let truth = floor(&[(1, 1, 0.0)]);
     for score in [-1.0, 87.5] {
-        let tracks = told(&[(1, 1, 0.0, score), (2, 1, 0.0, 0.5)]);
+        let tracks = confident(&[(1, 1, 0.0, score), (2, 1, 0.0, 0.5)]);
         let found = compare(&truth, &tracks, &EvalOptions::default()).unwrap();
         let json = found.json();
         for name in ["existence_error", "Brier", "count_coverage", "count_log_score", "reliability"] {
             assert!(json[name].is_null(), "{name} of scores like {score}");
         }
         assert!(!found.table().contains("NaN"));
-        let beside = told_in_ten(8, 0.8);
+        let beside = ten_frames_with(8, 0.8);
         assert_eq!(Existence::together([&found.existence, &beside.existence].into_iter()).error(), None);
     }
     let nothing = compare("", "", &EvalOptions::default()).unwrap();

@@ -5,7 +5,7 @@
 
 use nalgebra::Vector3;
 
-use crate::stage::StageCamera;
+use crate::prepared_room::PreparedCamera;
 
 /// Colour of pixels without geometry.
 pub(super) const VOID: [u8; 3] = [38, 42, 50];
@@ -21,7 +21,7 @@ const LEAST_NEIGHBOURS: usize = 8;
 const HAZE_M: f64 = 14.0;
 
 /// Rendered picture, for each pinhole pixel, row by row.
-pub(super) fn render(camera: &StageCamera) -> Vec<[u8; 3]> {
+pub(super) fn render(camera: &PreparedCamera) -> Vec<[u8; 3]> {
     let (width, height) = (camera.width() as usize, camera.height() as usize);
     let to_normal = camera.pinhole.intrinsics.matrix().transpose();
     let light = Vector3::new(0.35, -0.55, -1.0).normalize();
@@ -55,7 +55,7 @@ pub(super) fn render(camera: &StageCamera) -> Vec<[u8; 3]> {
     picture
 }
 
-fn inverse_depth(camera: &StageCamera, u: usize, v: usize) -> Option<f64> {
+fn inverse_depth(camera: &PreparedCamera, u: usize, v: usize) -> Option<f64> {
     let z = camera.static_z_m.get(v * camera.width() as usize + u).filter(|z| z.is_finite() && **z > 0.0)?;
     Some(1.0 / f64::from(*z))
 }

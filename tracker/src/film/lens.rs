@@ -3,11 +3,11 @@
 use image::{Rgb, RgbImage};
 use nalgebra::Point2;
 
-use crate::stage::StageCamera;
+use crate::prepared_room::PreparedCamera;
 
 /// Geometry of a panel: that of the camera's image at the panel's size.
 #[derive(Debug, Clone)]
-pub(super) struct Lens {
+pub(super) struct PanelLens {
     /// Panel width, pixels.
     pub(super) width: u32,
     /// Panel height, pixels.
@@ -16,9 +16,9 @@ pub(super) struct Lens {
     pinhole_index: Vec<Option<u32>>,
 }
 
-impl Lens {
+impl PanelLens {
     /// Panel of a camera whose working size is the panel's.
-    pub(super) fn new(camera: &StageCamera) -> Self {
+    pub(super) fn new(camera: &PreparedCamera) -> Self {
         let (width, height) = (camera.width(), camera.height());
         let index = |x: u32, y: u32| {
             let real = Point2::new(f64::from(x), f64::from(y));

@@ -23,7 +23,7 @@ use calib::video::FilmWriter;
 use image::RgbImage;
 
 use crate::observation::Mask;
-use crate::stage::{Stage, StageCamera};
+use crate::prepared_room::{PreparedCamera, PreparedRoom};
 use crate::{Error, PersonEstimate, Result};
 pub use painter::Painter;
 
@@ -48,7 +48,7 @@ impl Default for FilmOptions {
 impl FilmOptions {
     /// Width and height of one panel for this camera, pixels: the size of the picture that a film takes. Even, as
     /// encoders require.
-    pub fn panel_px(&self, camera: &StageCamera) -> (u32, u32) {
+    pub fn panel_px(&self, camera: &PreparedCamera) -> (u32, u32) {
         let k = &camera.filmed.intrinsics;
         let width = (self.width_px / 4 * 2).max(2);
         let height = f64::from(width) * f64::from(k.height) / f64::from(k.width.max(1));
@@ -67,7 +67,7 @@ pub struct Shot {
 
 /// Input of a painter for one moment.
 #[derive(Debug, Clone)]
-struct Scene {
+struct PaintJob {
     frame: u32,
     time_s: f64,
     shot: Shot,
@@ -104,7 +104,7 @@ pub struct Film {
 #[derive(Debug)]
 struct Worker {
     path: PathBuf,
-    scenes: SyncSender<Scene>,
+    scenes: SyncSender<PaintJob>,
     thread: JoinHandle<Result<()>>,
     /// Number of frames that were left out since the last one.
     left_out: u32,
@@ -120,7 +120,7 @@ impl Film {
     /// A folder that cannot be made or an encoder that cannot be opened: reported here, not after an hour of tracking.
     pub fn start(
         out: &Path,
-        stage: &Stage,
+        stage: &PreparedRoom,
         rate: f64,
         options: &FilmOptions,
         audience: Option<&Audience>,
@@ -131,12 +131,12 @@ impl Film {
             let path = out.join("overlay").join(format!("{}.mp4", stage.cameras[index].name));
             let (width, height) = painter.size();
             let mut writer = FilmWriter::create(&path, width, height, rate)?;
-            let (scenes, received) = sync_channel::<Scene>(QUEUE);
+            let (scenes, received) = sync_channel::<PaintJob>(QUEUE);
             let audience = audience.cloned();
             let thread = std::thread::spawn(move || {
                 let mut frames = 0_u64;
                 let mut latest: Option<RgbImage> = None;
-                for Scene { frame, time_s, shot, people, left_out } in received {
+                for PaintJob { frame, time_s, shot, people, left_out } in received {
                     // Left-out frames keep their time in the film.
                     for _ in 0..left_out {
                         latest.as_ref().map_or(Ok(()), |latest| writer.write(latest))?;
@@ -172,7 +172,7 @@ impl Film {
         people: &[PersonEstimate],
     ) -> Result<()> {
         for (worker, shot) in self.workers.iter_mut().zip(shots) {
-            let scene = Scene { frame, time_s, shot, people: people.to_vec(), left_out: worker.left_out };
+            let scene = PaintJob { frame, time_s, shot, people: people.to_vec(), left_out: worker.left_out };
             let has_stopped = if self.is_live {
                 match worker.scenes.try_send(scene) {
                     Ok(()) => {

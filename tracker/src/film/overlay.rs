@@ -4,12 +4,12 @@ use image::RgbImage;
 use nalgebra::{Point2, Point3};
 use shell::canvas::{Canvas, Color, Stroke, TextStyle};
 
-use super::layers::Layers;
-use super::lens::Lens;
+use super::layers::SurfaceMap;
+use super::lens::PanelLens;
 use super::trails::Trails;
 use crate::PersonEstimate;
+use crate::prepared_room::PreparedCamera;
 use crate::silhouette::{Body, contour};
-use crate::stage::StageCamera;
 
 /// Opacity of a person's colour over their visible part.
 const VISIBLE_TINT: f32 = 0.38;
@@ -24,9 +24,9 @@ const FLOOR_SLACK_M: f64 = 0.15;
 
 /// Input of the drawing of one panel.
 pub(super) struct Panel<'a> {
-    pub(super) camera: &'a StageCamera,
-    pub(super) lens: &'a Lens,
-    pub(super) layers: &'a Layers,
+    pub(super) camera: &'a PreparedCamera,
+    pub(super) lens: &'a PanelLens,
+    pub(super) layers: &'a SurfaceMap,
     /// People with their bodies, in the order of the layers.
     pub(super) people: &'a [(&'a PersonEstimate, Body)],
     /// Index of this camera in the estimates' visible fractions.

@@ -3,23 +3,23 @@
 use image::{Rgb, RgbImage};
 use shell::canvas::Canvas;
 
-use super::layers::Layers;
-use super::lens::Lens;
+use super::layers::SurfaceMap;
+use super::lens::PanelLens;
 use super::overlay::Panel;
 use super::trails::Trails;
 use super::{FilmOptions, Shot, simulated};
 use crate::PersonEstimate;
 use crate::observation::Mask;
+use crate::prepared_room::{PreparedCamera, PreparedRoom};
 use crate::silhouette::{Body, View};
-use crate::stage::{Stage, StageCamera};
 
 /// Painter of the frames of one camera, in order, because trails depend on the frames before.
 #[derive(Debug, Clone)]
 pub struct Painter {
-    camera: StageCamera,
+    camera: PreparedCamera,
     view: View,
     index: usize,
-    lens: Lens,
+    lens: PanelLens,
     /// The simulated panel without people.
     empty_room: RgbImage,
     trails: Trails,
@@ -27,10 +27,10 @@ pub struct Painter {
 
 impl Painter {
     /// Painter for the prepared room's camera of that index.
-    pub fn new(stage: &Stage, index: usize, options: &FilmOptions) -> Self {
+    pub fn new(stage: &PreparedRoom, index: usize, options: &FilmOptions) -> Self {
         let (width, height) = options.panel_px(&stage.cameras[index]);
         let camera = stage.cameras[index].resized(width, height);
-        let lens = Lens::new(&camera);
+        let lens = PanelLens::new(&camera);
         Self {
             view: View::new(&camera),
             empty_room: simulated::empty_room(&camera, &lens),
@@ -53,7 +53,7 @@ impl Painter {
         let mut order: Vec<(&PersonEstimate, Body)> = people.iter().map(|p| (p, Body::from(p))).collect();
         order.sort_by(|a, b| self.depth(&b.1).total_cmp(&self.depth(&a.1)));
         let bodies: Vec<Body> = order.iter().map(|(_, body)| *body).collect();
-        let layers = Layers::new(&self.view, &bodies);
+        let layers = SurfaceMap::new(&self.view, &bodies);
         let panel = Panel {
             camera: &self.camera,
             lens: &self.lens,

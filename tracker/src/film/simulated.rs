@@ -5,11 +5,11 @@ use nalgebra::Point3;
 use shell::canvas::{Canvas, Color, Stroke};
 
 use super::clay;
-use super::layers::Layers;
-use super::lens::Lens;
+use super::layers::SurfaceMap;
+use super::lens::PanelLens;
 use crate::PersonEstimate;
+use crate::prepared_room::PreparedCamera;
 use crate::silhouette::Body;
-use crate::stage::StageCamera;
 
 /// Colour of the outline of the observed foreground.
 const SEEN: Rgb<u8> = Rgb([255, 255, 255]);
@@ -18,7 +18,7 @@ const GRID_REACH_M: i32 = 15;
 
 /// The empty room, which is the same in every frame: in clay or, without geometry, as a floor of one-metre squares that
 /// shows the camera's pose.
-pub(super) fn empty_room(camera: &StageCamera, lens: &Lens) -> RgbImage {
+pub(super) fn empty_room(camera: &PreparedCamera, lens: &PanelLens) -> RgbImage {
     let room = lens.picture(&clay::render(camera), clay::VOID);
     if camera.static_z_m.iter().any(|z| z.is_finite() && *z > 0.0) {
         return room;
@@ -44,8 +44,8 @@ pub(super) fn empty_room(camera: &StageCamera, lens: &Lens) -> RgbImage {
 /// The room with the people in it, and the rim of the foreground.
 pub(super) fn picture(
     empty_room: &RgbImage,
-    lens: &Lens,
-    layers: &Layers,
+    lens: &PanelLens,
+    layers: &SurfaceMap,
     people: &[(&PersonEstimate, Body)],
     mask: Option<&[bool]>,
 ) -> RgbImage {

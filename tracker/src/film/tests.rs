@@ -2,8 +2,8 @@
 
 use super::*;
 use crate::TrackId;
+use crate::prepared_room::PreparationOptions;
 use crate::silhouette::{Body, contour};
-use crate::stage::StageOptions;
 use calib::video::FrameSource;
 use calib::{Camera, Intrinsics};
 use image::Rgb;
@@ -11,7 +11,7 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use scenes::room::{Room, RoomCamera};
 use shell::canvas::Color;
 
-fn stage(distortion: [f64; 5]) -> Stage {
+fn stage(distortion: [f64; 5]) -> PreparedRoom {
     let mut intrinsics = Intrinsics::from_horizontal_fov(640, 480, 70.0);
     intrinsics.distortion = distortion.into();
     let pose =
@@ -22,7 +22,7 @@ fn stage(distortion: [f64; 5]) -> Stage {
         reference: None,
     };
     let room = Room { cameras: vec![camera], ..Room::default() };
-    Stage::prepare(&room, Path::new("."), &StageOptions::default()).unwrap()
+    PreparedRoom::prepare(&room, Path::new("."), &PreparationOptions::default()).unwrap()
 }
 
 /// Panels of the pictures' own size.
@@ -46,7 +46,7 @@ fn person(id: u32, x_m: f64, y_m: f64) -> PersonEstimate {
     }
 }
 
-fn gray(stage: &Stage) -> Shot {
+fn gray(stage: &PreparedRoom) -> Shot {
     let camera = &stage.cameras[0];
     let image = RgbImage::from_pixel(camera.width(), camera.height(), Rgb([128; 3]));
     Shot { image: Some(image.into()), mask: None }

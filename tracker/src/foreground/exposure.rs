@@ -48,7 +48,7 @@ impl Exposure {
     /// As [`Self::fit`], from the [`samples`] of both pictures.
     pub(super) fn fit_samples(background: &[[u8; 3]], frame: &[[u8; 3]], start: &Self) -> Self {
         let mut fitted = *start;
-        let mut pairs = Pairs::default();
+        let mut pairs = LevelPairs::default();
         for channel in 0..3 {
             pairs.clear();
             for (b, x) in background.iter().zip(frame).map(|(b, x)| (b[channel], x[channel])) {
@@ -107,12 +107,12 @@ fn grid(width: usize, height: usize, stride: usize) -> impl Iterator<Item = usiz
 
 /// Levels of one channel in the background and in the frame, pixel by pixel.
 #[derive(Default)]
-struct Pairs {
+struct LevelPairs {
     b: Vec<u8>,
     x: Vec<u8>,
 }
 
-impl Pairs {
+impl LevelPairs {
     fn clear(&mut self) {
         self.b.clear();
         self.x.clear();
@@ -128,8 +128,8 @@ impl Pairs {
     }
 
     /// Sums over the pairs within `levels` of a line. Integers, so exact in any order.
-    fn near(&self, line: (f32, f32), levels: f32) -> Sums {
-        let mut all = Sums::default();
+    fn near(&self, line: (f32, f32), levels: f32) -> LineSums {
+        let mut all = LineSums::default();
         for (b, x) in self.iter() {
             // 0 or all bits: without branches the loop is vectorised.
             let near = u32::from(is_near((f32::from(b), f32::from(x)), line, levels)).wrapping_neg();
@@ -146,7 +146,7 @@ impl Pairs {
 
 /// Sums over pairs; sums of products stay below 2³² up to 66,000 pairs.
 #[derive(Default)]
-struct Sums {
+struct LineSums {
     n: u32,
     b: u32,
     x: u32,
@@ -155,7 +155,7 @@ struct Sums {
 }
 
 /// Line through the pairs that explains most of them.
-fn fit_from_anywhere(pairs: &Pairs, start: (f32, f32)) -> Option<(f32, f32)> {
+fn fit_from_anywhere(pairs: &LevelPairs, start: (f32, f32)) -> Option<(f32, f32)> {
     if pairs.b.len() < 32 {
         return None;
     }
@@ -185,7 +185,7 @@ fn is_near((b, x): (f32, f32), (gain, bias): (f32, f32), levels: f32) -> bool {
 }
 
 /// Middle of the fullest range of three bins in the histogram of frame by background.
-fn commonest_ratio(pairs: &Pairs) -> f32 {
+fn commonest_ratio(pairs: &LevelPairs) -> f32 {
     const BINS: usize = 96;
     let mut histogram = [0_u32; BINS];
     for (b, x) in pairs.iter() {
@@ -199,7 +199,7 @@ fn commonest_ratio(pairs: &Pairs) -> f32 {
     RATIO_BIN.powf(fullest as f32 + 0.5 - BINS as f32 / 2.0)
 }
 
-fn fit_line(pairs: &Pairs, start: (f32, f32)) -> Option<(f32, f32)> {
+fn fit_line(pairs: &LevelPairs, start: (f32, f32)) -> Option<(f32, f32)> {
     let mut line = start;
     for levels in ROUNDS_LEVELS {
         let sums = pairs.near(line, levels);

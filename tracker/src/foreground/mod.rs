@@ -30,7 +30,7 @@ use adaptive::AdaptiveModel;
 use backdrop::Backdrop;
 use exposure::Exposure;
 use health::Health;
-use pixels::{Judged, PixelModel, PixelOptions, THRESHOLD};
+use pixels::{PixelModel, PixelOptions, ScoredFrame, THRESHOLD};
 use regions::Regions;
 use shadow::{SHADOW, ShadowOptions, Shadows};
 pub use verdict::Verdict;
@@ -75,7 +75,7 @@ impl Default for ForegroundOptions {
 
 /// Initial background of one camera.
 #[derive(Debug, Clone)]
-pub enum Start {
+pub enum InitialBackground {
     /// An empty scene, learnt beforehand.
     Backdrop(Backdrop),
     /// No background: an adaptive model learns during the run.
@@ -93,7 +93,7 @@ pub enum Start {
 /// Foreground of one camera, frame by frame.
 pub struct Foreground {
     options: ForegroundOptions,
-    model: Model,
+    model: BackgroundModel,
     health: Health,
     exposure: Exposure,
     morphology: Morphology,
@@ -125,7 +125,7 @@ pub struct Foreground {
     frames: u32,
 }
 
-enum Model {
+enum BackgroundModel {
     Pixels(PixelModel),
     Adaptive(AdaptiveModel),
 }
@@ -152,25 +152,31 @@ impl Foreground {
     ///
     /// # Errors
     /// A backdrop of another size, or an error of OpenCV.
-    pub fn new(width: u32, height: u32, start: Start, options: ForegroundOptions) -> Result<Self> {
+    pub fn new(
+        width: u32,
+        height: u32,
+        start: InitialBackground,
+        options: ForegroundOptions,
+    ) -> Result<Self> {
         let mut background = RgbImage::new(width, height);
         let model = match start {
-            Start::Backdrop(backdrop) => {
+            InitialBackground::Backdrop(backdrop) => {
                 check_size(&backdrop.picture, (width, height))?;
                 background.copy_from_slice(&backdrop.picture);
-                Model::Pixels(PixelModel::new(&backdrop, &options.pixels))
+                BackgroundModel::Pixels(PixelModel::new(&backdrop, &options.pixels))
             }
-            Start::Nothing(kind) => {
-                Model::Adaptive(AdaptiveModel::new(kind, width, height, options.pixels.absorb_s)?)
+            InitialBackground::Nothing(kind) => {
+                BackgroundModel::Adaptive(AdaptiveModel::new(kind, width, height, options.pixels.absorb_s)?)
             }
-            Start::Reference { camera, picture } => {
+            InitialBackground::Reference { camera, picture } => {
                 check_size(&picture, (width, height))?;
                 let kind = AdaptiveKind::default();
                 let model = AdaptiveModel::new(kind, width, height, options.pixels.absorb_s)?;
-                Model::Adaptive(model.begun_from(camera, picture))
+                BackgroundModel::Adaptive(model.begun_from(camera, picture))
             }
         };
-        let flat = if matches!(model, Model::Adaptive(_)) { width as usize * height as usize } else { 0 };
+        let flat =
+            if matches!(model, BackgroundModel::Adaptive(_)) { width as usize * height as usize } else { 0 };
         Ok(Self {
             flat_tolerance: vec![options.pixels.least_levels as u8; flat],
             options,
@@ -220,7 +226,7 @@ impl Foreground {
         let changed = self.judge(frame, into)?;
         let fraction = self.clean(into)?;
         tracing::trace!(time_s, fraction, gain = ?self.exposure.gain, bias = ?self.exposure.bias, "mask");
-        if let Model::Adaptive(model) = &self.model
+        if let BackgroundModel::Adaptive(model) = &self.model
             && !model.is_warm()
         {
             self.learn(frame, into, elapsed_s)?;
@@ -260,21 +266,23 @@ impl Foreground {
     /// The model's present background, in its own exposure.
     pub fn background(&mut self) -> &RgbImage {
         match &self.model {
-            Model::Pixels(model) => model.picture(&mut self.background),
-            Model::Adaptive(model) => self.background.copy_from_slice(model.picture()),
+            BackgroundModel::Pixels(model) => model.picture(&mut self.background),
+            BackgroundModel::Adaptive(model) => self.background.copy_from_slice(model.picture()),
         }
         &self.background
     }
 
     fn is_first_look(&self) -> bool {
-        matches!(self.model, Model::Adaptive(_)) && self.frames == 1
+        matches!(self.model, BackgroundModel::Adaptive(_)) && self.frames == 1
     }
 
     /// Scores the pixels and removes shadows. Returns the fraction of pixels that have changed, shadows included.
     fn judge(&mut self, frame: &RgbImage, mask: &mut GrayImage) -> Result<f64> {
         match &mut self.model {
-            Model::Pixels(model) => model.score(frame, &self.exposure, &mut self.expected, &mut self.score),
-            Model::Adaptive(model) => {
+            BackgroundModel::Pixels(model) => {
+                model.score(frame, &self.exposure, &mut self.expected, &mut self.score)
+            }
+            BackgroundModel::Adaptive(model) => {
                 model.score(frame, &self.exposure, &mut self.score)?;
                 let table = self.exposure.table();
                 for (e, b) in self.expected.chunks_exact_mut(3).zip(model.picture().chunks_exact(3)) {
@@ -288,8 +296,8 @@ impl Foreground {
             self.score.iter().filter(|s| **s >= WEAK).count() as f64 / (self.score.len() as f64).max(1.0);
         if let Some(shadows) = &self.options.shadows {
             let tolerance = match &self.model {
-                Model::Pixels(model) => model.tolerance(),
-                Model::Adaptive(_) => &self.flat_tolerance,
+                BackgroundModel::Pixels(model) => model.tolerance(),
+                BackgroundModel::Adaptive(_) => &self.flat_tolerance,
             };
             self.shadows.mark((frame, &self.expected), tolerance, WEAK, shadows, &mut self.score);
             let longest = frame.height() / LONGEST_STRIPE;
@@ -350,7 +358,7 @@ impl Foreground {
     fn relearn(&mut self, frame: &RgbImage, time_s: f64, elapsed_s: f32) -> Result<()> {
         let begins = self.switched_s.is_none();
         let since = *self.switched_s.get_or_insert(time_s);
-        if let Model::Pixels(model) = &mut self.model {
+        if let BackgroundModel::Pixels(model) = &mut self.model {
             if begins {
                 model.begin_watch();
             }
@@ -358,8 +366,8 @@ impl Foreground {
         }
         if time_s - since >= self.options.relearn_s {
             match &mut self.model {
-                Model::Pixels(model) => model.adopt(frame),
-                Model::Adaptive(model) => model.restart(frame)?,
+                BackgroundModel::Pixels(model) => model.adopt(frame),
+                BackgroundModel::Adaptive(model) => model.restart(frame)?,
             }
             self.exposure = Exposure::default();
             self.switched_s = None;
@@ -376,11 +384,11 @@ impl Foreground {
             self.regions.spread(mask, &mut self.seen_people, PEOPLE_SHARE);
         }
         match &mut self.model {
-            Model::Pixels(model) => {
-                let judged = Judged { score: &self.score, mask, people: &self.seen_people };
+            BackgroundModel::Pixels(model) => {
+                let judged = ScoredFrame { score: &self.score, mask, people: &self.seen_people };
                 model.learn(frame, &self.exposure, judged, elapsed_s);
             }
-            Model::Adaptive(model) => model.learn(mask, &self.seen_people, elapsed_s)?,
+            BackgroundModel::Adaptive(model) => model.learn(mask, &self.seen_people, elapsed_s)?,
         }
         if self.frames.is_multiple_of(REFRESH_EVERY) || self.frames == 1 {
             self.background();

@@ -42,7 +42,7 @@ impl Default for PixelOptions {
 
 /// Images that the model learns from beside a frame, one value a pixel.
 #[derive(Debug, Clone, Copy)]
-pub struct Judged<'a> {
+pub struct ScoredFrame<'a> {
     /// Score of each pixel ([`PixelModel::score`]).
     pub score: &'a GrayImage,
     /// Foreground mask: 255, else 0.
@@ -180,7 +180,7 @@ impl PixelModel {
     /// elsewhere the colour seen instead gathers age, except under believed people. Where such a person has gone and
     /// the former background shows, it becomes the background again. `elapsed_s` is the time since the last frame,
     /// seconds.
-    pub fn learn(&mut self, frame: &RgbImage, exposure: &Exposure, judged: Judged<'_>, elapsed_s: f32) {
+    pub fn learn(&mut self, frame: &RgbImage, exposure: &Exposure, judged: ScoredFrame<'_>, elapsed_s: f32) {
         let table = exposure.inverse_table();
         let elapsed_s = elapsed_s * ROWS_TURN as f32;
         let follow = (65536.0 * (elapsed_s / FOLLOW_S).clamp(0.0, 0.5)) as i32;

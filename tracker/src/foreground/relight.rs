@@ -29,7 +29,7 @@ pub struct Relit {
 /// Predicts the `background` in the light of the picture `now`; `None` where light does not explain the difference.
 pub fn relit(background: &RgbImage, now: &RgbImage) -> Option<Relit> {
     let (width, height) = background.dimensions();
-    let field = Field::fit(background, now)?;
+    let field = LightField::fit(background, now)?;
     let mut expected = RgbImage::new(width, height);
     let mut explained = Vec::with_capacity(expected.pixels().len());
     for (x, y, pixel) in expected.enumerate_pixels_mut() {
@@ -51,14 +51,14 @@ pub fn relit(background: &RgbImage, now: &RgbImage) -> Option<Relit> {
 }
 
 /// Factor of the light for each cell and channel.
-struct Field {
+struct LightField {
     cell_px: u32,
     columns: usize,
     rows: usize,
     factors: Vec<[f32; 3]>,
 }
 
-impl Field {
+impl LightField {
     /// Median factor around each cell, over two cells to each side: a person covers less than half of that.
     fn fit(background: &RgbImage, now: &RgbImage) -> Option<Self> {
         let (width, height) = background.dimensions();

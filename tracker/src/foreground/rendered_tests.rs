@@ -9,7 +9,7 @@ use synthetic::{RenderOptions, RoomOptions, Sequence, SequenceOptions, Synthetic
 use super::*;
 
 /// Recording of one camera with the true masks of the people.
-struct Recording {
+struct MaskedRecording {
     frames: Vec<(f64, RgbImage, GrayImage)>,
 }
 
@@ -48,7 +48,7 @@ fn room(seed: u64) -> SyntheticRoom {
     options.build().unwrap()
 }
 
-impl Recording {
+impl MaskedRecording {
     fn new(sequence: &Sequence<'_>) -> Self {
         let frames = sequence.frames().map(|mut frame| {
             let camera = frame.cameras.remove(0);
@@ -66,23 +66,23 @@ impl Recording {
     }
 
     /// Background learnt from frames spread over the whole recording.
-    fn median(&self) -> Start {
+    fn median(&self) -> InitialBackground {
         let pictures: Vec<&RgbImage> = self.frames.iter().step_by(3).map(|(_, picture, _)| picture).collect();
-        Start::Backdrop(Backdrop::learn(&pictures).unwrap())
+        InitialBackground::Backdrop(Backdrop::learn(&pictures).unwrap())
     }
 
     /// Background learnt from the frames before anybody came.
-    fn empty(&self) -> Start {
+    fn empty(&self) -> InitialBackground {
         let empty = self.frames.iter().take_while(|(_, _, truth)| truth.iter().all(|t| *t == 0));
         let pictures: Vec<&RgbImage> = empty.map(|(_, picture, _)| picture).collect();
         assert!(pictures.len() > 5, "hardly any empty frame");
-        Start::Backdrop(Backdrop::learn(&pictures).unwrap())
+        InitialBackground::Backdrop(Backdrop::learn(&pictures).unwrap())
     }
 
     /// Agreement of the masks with the truth over a time, and the verdicts of all frames.
     fn judged(
         &self,
-        start: Start,
+        start: InitialBackground,
         options: ForegroundOptions,
         time_s: Range<f64>,
     ) -> (Agreement, Vec<Verdict>) {
@@ -128,12 +128,12 @@ impl Recording {
 #[test]
 fn every_background_shows_who_walks() {
     for seed in [11, 3] {
-        let recording = Recording::of_walkers(seed, RenderOptions::default());
+        let recording = MaskedRecording::of_walkers(seed, RenderOptions::default());
         for (name, start) in [
             ("empty clip", recording.empty()),
             ("median", recording.median()),
-            ("mog2", Start::Nothing(AdaptiveKind::Mog2)),
-            ("knn", Start::Nothing(AdaptiveKind::Knn)),
+            ("mog2", InitialBackground::Nothing(AdaptiveKind::Mog2)),
+            ("knn", InitialBackground::Nothing(AdaptiveKind::Knn)),
         ] {
             let (found, verdicts) = recording.judged(start, ForegroundOptions::default(), 3.0..60.0);
             assert!(found.truth > 20_000.0, "hardly anybody was in the picture");
@@ -146,7 +146,7 @@ fn every_background_shows_who_walks() {
 
 #[test]
 fn shadows_are_nobody() {
-    let recording = Recording::of_walkers(7, RenderOptions::default());
+    let recording = MaskedRecording::of_walkers(7, RenderOptions::default());
     let judged = |options| recording.judged(recording.empty(), options, 0.0..60.0).0;
     let told = judged(ForegroundOptions::default());
     let kept = judged(ForegroundOptions { shadows: None, ..ForegroundOptions::default() });
@@ -157,7 +157,8 @@ fn shadows_are_nobody() {
 #[test]
 fn flicker_changes_nothing() {
     let judged = |flicker: f32, options: &ForegroundOptions| {
-        let recording = Recording::of_walkers(11, RenderOptions { flicker, ..RenderOptions::default() });
+        let recording =
+            MaskedRecording::of_walkers(11, RenderOptions { flicker, ..RenderOptions::default() });
         recording.judged(recording.median(), options.clone(), 0.0..60.0)
     };
     let usual = ForegroundOptions::default();
@@ -176,8 +177,8 @@ fn flicker_changes_nothing() {
 fn a_lamp_switched_on_while_people_walk_costs_seconds() {
     const SWITCHED_S: f64 = 9.0;
     for online in [false, true] {
-        let mut recording = Recording::of_walkers(11, RenderOptions::default());
-        let start = if online { Start::Nothing(AdaptiveKind::Mog2) } else { recording.empty() };
+        let mut recording = MaskedRecording::of_walkers(11, RenderOptions::default());
+        let start = if online { InitialBackground::Nothing(AdaptiveKind::Mog2) } else { recording.empty() };
         // Dim at first, then a lamp above the left half: no single gain explains it.
         recording.light(0.0, |_, _| 0.6);
         recording.light(SWITCHED_S, |u, _| 0.7 + 1.6 / (1.0 + (f64::from(u) / 60.0).powi(2)));
@@ -209,12 +210,12 @@ fn a_person_standing_for_a_minute_stays_and_a_moved_chair_is_absorbed() {
     let (walkers, begins_s) = (1..60).find_map(stay).expect("somebody stands for a minute");
     let end_s = begins_s + 60.0;
     let options = SequenceOptions { rate_hz: RATE_HZ, frames: 480, ..SequenceOptions::default() };
-    let mut recording = Recording::new(&room.sequence(walkers, options));
+    let mut recording = MaskedRecording::new(&room.sequence(walkers, options));
     let chair = [20, 100, 34, 40];
     let chair_s = 12.0;
     let empty = recording.empty();
     recording.place_chair(chair_s, chair);
-    for (name, start) in [("empty clip", empty), ("mog2", Start::Nothing(AdaptiveKind::Mog2))] {
+    for (name, start) in [("empty clip", empty), ("mog2", InitialBackground::Nothing(AdaptiveKind::Mog2))] {
         let mut foreground = Foreground::new(240, 180, start, ForegroundOptions::default()).unwrap();
         let (mut standing, mut mask) = (Agreement::default(), GrayImage::default());
         let mut chair_share = Vec::new();

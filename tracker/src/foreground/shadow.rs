@@ -67,7 +67,7 @@ const FOREIGN_TEXTURE: f32 = 16.0;
 #[derive(Debug, Default)]
 pub struct Shadows {
     /// Cells of the image, row by row, with an empty border.
-    cells: Vec<Cell>,
+    cells: Vec<ShadowCell>,
     /// Indices of the cells with changed pixels.
     changed: Vec<usize>,
     /// Highest score of each pixel column within a row of cells.
@@ -88,13 +88,13 @@ impl Shadows {
         score: &mut GrayImage,
     ) {
         let (width, height) = (frame.width() as usize, frame.height() as usize);
-        let scene = Scene { frame: frame.as_raw(), expected: expected.as_raw(), tolerance, width };
+        let scene = ShadowScene { frame: frame.as_raw(), expected: expected.as_raw(), tolerance, width };
         // With a border of one cell on each side.
         let stride = width.div_ceil(CELL_PX) + 2;
         for cell in self.changed.drain(..) {
-            self.cells[cell] = Cell::default();
+            self.cells[cell] = ShadowCell::default();
         }
-        self.cells.resize(stride * (height.div_ceil(CELL_PX) + 2), Cell::default());
+        self.cells.resize(stride * (height.div_ceil(CELL_PX) + 2), ShadowCell::default());
         for (row, lines) in score.chunks((CELL_PX * width).max(1)).enumerate() {
             self.highest.clear();
             self.highest.resize(width.next_multiple_of(CELL_PX), 0);
@@ -130,7 +130,7 @@ impl Shadows {
         let first = cell - stride - 1;
         let square = |x: usize, y: usize, side: usize| {
             let lines = (y..y + side).map(|y| &self.cells[first + y * stride + x..][..side]);
-            lines.flatten().fold(Sums::default(), |sum, cell| sum.plus(&cell.sums))
+            lines.flatten().fold(TextureSums::default(), |sum, cell| sum.plus(&cell.sums))
         };
         let whole = square(0, 0, 3).compare(correlation);
         if !matches!(whole, Texture::Different) {
@@ -146,9 +146,9 @@ impl Shadows {
 
 /// A square of the image's pixels.
 #[derive(Debug, Clone, Copy, Default)]
-struct Cell {
+struct ShadowCell {
     /// Sums over the changed pixels.
-    sums: Sums,
+    sums: TextureSums,
     /// Changed pixels that show their background in other light by the limits for textured surfaces; row by row from
     /// the lowest bit on.
     textured: u16,
@@ -158,21 +158,21 @@ struct Cell {
 
 /// Pictures in which shadows are detected.
 #[derive(Clone, Copy)]
-struct Scene<'a> {
+struct ShadowScene<'a> {
     frame: &'a [u8],
     expected: &'a [u8],
     tolerance: &'a [u8],
     width: usize,
 }
 
-impl Scene<'_> {
+impl ShadowScene<'_> {
     fn cell(
         &self,
         (score, least): (&[u8], u8),
         (column, row): (usize, usize),
         options: &ShadowOptions,
-    ) -> Cell {
-        let mut cell = Cell::default();
+    ) -> ShadowCell {
+        let mut cell = ShadowCell::default();
         let mut sums = [i32x4::ZERO; 6];
         let left = column * CELL_PX;
         let count = CELL_PX.min(self.width - left);
@@ -199,7 +199,7 @@ impl Scene<'_> {
             sums.iter_mut().zip(all).for_each(|(sum, one)| *sum += one);
         }
         let [n, x, e, xx, ee, xe] = sums.map(i32x4::reduce_add);
-        cell.sums = Sums { n, x, e, xx, ee, xe, ..cell.sums };
+        cell.sums = TextureSums { n, x, e, xx, ee, xe, ..cell.sums };
         cell
     }
 }
@@ -328,7 +328,7 @@ enum Texture {
 /// Sums over the frame's (x) and the background's (e) brightness, at pixels where the frame may show the background's
 /// surface: a leg beside a shadow must not count.
 #[derive(Debug, Clone, Copy, Default)]
-struct Sums {
+struct TextureSums {
     /// Number of changed pixels, and of those that count.
     pixels: i32,
     n: i32,
@@ -339,7 +339,7 @@ struct Sums {
     xe: i32,
 }
 
-impl Sums {
+impl TextureSums {
     fn plus(&self, other: &Self) -> Self {
         Self {
             pixels: self.pixels + other.pixels,

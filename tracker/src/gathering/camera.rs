@@ -7,7 +7,7 @@ use crate::Error;
 use crate::foreground::Verdict;
 use crate::observation::Feedback;
 use crate::silhouette::Body;
-use crate::station::{Event, Port, Seen};
+use crate::station::{Event, ObservedFrame, Port};
 
 /// Frame rate assumed for a camera that does not state it, frames a second.
 const USUAL_RATE_HZ: f64 = 25.0;
@@ -20,7 +20,7 @@ const FORGET_S: f64 = 1e-3;
 
 /// Correction from a camera's own clock to the run's: `time + offset_s + drift · (time − since_s)`.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Alignment {
+pub struct ClockAlignment {
     /// Offset added to the camera's times, seconds.
     pub offset_s: f64,
     /// Offset added for each second since [`Self::since_s`], seconds.
@@ -29,7 +29,7 @@ pub struct Alignment {
     pub since_s: f64,
 }
 
-impl Alignment {
+impl ClockAlignment {
     /// Converts a camera's time to the run's clock, seconds.
     pub fn apply(&self, time_s: f64) -> f64 {
         time_s + self.offset_s + self.drift * (time_s - self.since_s)
@@ -38,28 +38,28 @@ impl Alignment {
 
 /// An observation that has arrived.
 #[derive(Debug)]
-pub(super) struct Pending {
+pub(super) struct PendingObservation {
     /// Capture time on the run's clock, seconds.
     pub(super) time_s: f64,
     pub(super) arrived: Instant,
-    pub(super) seen: Seen,
+    pub(super) seen: ObservedFrame,
 }
 
 /// Reason why a camera has no more observations.
 #[derive(Debug)]
-pub(super) enum End {
+pub(super) enum StreamEnd {
     Ended,
     Failed(Error),
 }
 
 /// A camera and its observations.
 #[derive(Debug)]
-pub(super) struct Camera {
+pub(super) struct GatheredCamera {
     pub(super) port: Port,
-    pub(super) alignment: Alignment,
+    pub(super) alignment: ClockAlignment,
     /// Observations that may still belong to a moment, ordered by time.
-    pub(super) pending: VecDeque<Pending>,
-    pub(super) end: Option<End>,
+    pub(super) pending: VecDeque<PendingObservation>,
+    pub(super) end: Option<StreamEnd>,
     /// Time between two frames, seconds.
     pub(super) interval_s: f64,
     /// Time of the newest observation, seconds.
@@ -80,8 +80,8 @@ pub(super) struct Camera {
     pub(super) passed_over: u64,
 }
 
-impl Camera {
-    pub(super) fn new(port: Port, alignment: Alignment) -> Self {
+impl GatheredCamera {
+    pub(super) fn new(port: Port, alignment: ClockAlignment) -> Self {
         let rate_hz = port.rate_hz.filter(|hz| RATES_HZ.contains(hz)).unwrap_or(USUAL_RATE_HZ);
         Self {
             port,
@@ -105,11 +105,11 @@ impl Camera {
         let seen = match event {
             Event::Seen(seen) => *seen,
             Event::Ended => {
-                self.end = Some(End::Ended);
+                self.end = Some(StreamEnd::Ended);
                 return;
             }
             Event::Failed(error) => {
-                self.end = Some(End::Failed(error));
+                self.end = Some(StreamEnd::Failed(error));
                 return;
             }
         };
@@ -138,11 +138,11 @@ impl Camera {
         }
         self.newest_s = Some(self.newest_s.map_or(time_s, |newest| newest.max(time_s)));
         self.latest_arrival = Some(arrived);
-        self.pending.push_back(Pending { time_s, arrived, seen });
+        self.pending.push_back(PendingObservation { time_s, arrived, seen });
     }
 
     /// Replaces the alignment of the camera's clock from the next observation on.
-    pub(super) fn align(&mut self, alignment: Alignment) {
+    pub(super) fn align(&mut self, alignment: ClockAlignment) {
         let change_s = alignment.apply(alignment.since_s) - self.alignment.apply(alignment.since_s);
         self.alignment = alignment;
         // Frames arrive as before, but their times have changed.
@@ -194,7 +194,7 @@ impl Camera {
     }
 
     /// The first observation later than a time.
-    pub(super) fn first_after(&self, time_s: f64) -> Option<&Pending> {
+    pub(super) fn first_after(&self, time_s: f64) -> Option<&PendingObservation> {
         self.pending.iter().find(|pending| pending.time_s > time_s)
     }
 }

@@ -9,8 +9,8 @@
 use std::sync::mpsc::{Receiver, RecvTimeoutError, TryRecvError};
 use std::time::{Duration, Instant, SystemTime};
 
-use super::camera::{Camera, End};
-use super::{Gathered, LeftOut, NEAR_S, Next, Part, WAIT, nearest_part};
+use super::camera::{GatheredCamera, StreamEnd};
+use super::{Gathered, LeftOut, MomentPart, NEAR_S, NextMoment, WAIT, nearest_part};
 use crate::foreground::Verdict;
 use crate::silhouette::Body;
 use crate::source::utc_s;
@@ -54,10 +54,10 @@ impl Live {
 
     pub(super) fn next(
         &mut self,
-        cameras: &mut [Camera],
+        cameras: &mut [GatheredCamera],
         events: &Receiver<(usize, Event)>,
         believed: &[Body],
-    ) -> Result<Next> {
+    ) -> Result<NextMoment> {
         loop {
             let is_open = drain(cameras, events);
             if let Some(ended) = ended(cameras, self.latest_s)? {
@@ -75,7 +75,9 @@ impl Live {
                             self.latest_s = time_s;
                             continue;
                         }
-                        None => return Ok(Next::Moment(self.moment(cameras, lead, time_s, now, believed))),
+                        None => {
+                            return Ok(NextMoment::Moment(self.moment(cameras, lead, time_s, now, believed)));
+                        }
                     }
                 }
             };
@@ -85,14 +87,14 @@ impl Live {
             match events.recv_timeout(wait.min(WAIT)) {
                 Ok((camera, event)) => take(cameras, camera, event),
                 // Nothing to wait for: the caller decides whether the run goes on.
-                Err(RecvTimeoutError::Timeout) if wait >= WAIT => return Ok(Next::Idle),
+                Err(RecvTimeoutError::Timeout) if wait >= WAIT => return Ok(NextMoment::Idle),
                 Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => {}
             }
         }
     }
 
     /// Drops observations that cannot belong to a later moment.
-    fn drop_late(&mut self, cameras: &mut [Camera], believed: &[Body]) {
+    fn drop_late(&mut self, cameras: &mut [GatheredCamera], believed: &[Body]) {
         for camera in cameras.iter_mut() {
             let over_s = self.latest_s - (0.5 * camera.interval_s).max(NEAR_S);
             while camera.pending.front().is_some_and(|first| first.time_s < over_s) {
@@ -107,7 +109,7 @@ impl Live {
     }
 
     /// Leading camera, and time and arrival of its first frame after the latest moment.
-    fn candidate(&mut self, cameras: &[Camera], now: Instant) -> Option<(usize, f64, Instant)> {
+    fn candidate(&mut self, cameras: &[GatheredCamera], now: Instant) -> Option<(usize, f64, Instant)> {
         let lead = self.choose_lead(cameras, now)?;
         self.lead = Some(lead);
         // A new leader's frames may have been used in the moments before.
@@ -116,10 +118,11 @@ impl Live {
     }
 
     /// Camera that leads: the present leader where the rules allow it.
-    fn choose_lead(&self, cameras: &[Camera], now: Instant) -> Option<usize> {
+    fn choose_lead(&self, cameras: &[GatheredCamera], now: Instant) -> Option<usize> {
         let present = || (0..cameras.len()).filter(|camera| cameras[*camera].is_present(now, PATIENCE_S));
-        let least =
-            |value: fn(&Camera) -> f64| present().map(|i| value(&cameras[i])).fold(f64::INFINITY, f64::min);
+        let least = |value: fn(&GatheredCamera) -> f64| {
+            present().map(|i| value(&cameras[i])).fold(f64::INFINITY, f64::min)
+        };
         let (interval_s, delay_s) = (least(|camera| camera.interval_s), least(|camera| camera.delay_s));
         let may_lead = || {
             present().filter(|i| {
@@ -140,7 +143,7 @@ impl Live {
     /// Remaining wait for the other cameras; `None` when no nearer observation is expected.
     fn complete_in(
         &self,
-        cameras: &[Camera],
+        cameras: &[GatheredCamera],
         lead: usize,
         time_s: f64,
         arrived: Instant,
@@ -167,14 +170,14 @@ impl Live {
     }
 
     /// Whether the tracker is so far behind that this moment is skipped for the next one.
-    fn is_behind(&self, lead: &Camera, time_s: f64) -> bool {
+    fn is_behind(&self, lead: &GatheredCamera, time_s: f64) -> bool {
         let age_s = utc_s(SystemTime::now()) - time_s - lead.least_delay_s;
         age_s > self.latency_s + BEHIND_S && lead.first_after(time_s).is_some()
     }
 
     fn moment(
         &mut self,
-        cameras: &mut [Camera],
+        cameras: &mut [GatheredCamera],
         lead: usize,
         time_s: f64,
         now: Instant,
@@ -183,7 +186,7 @@ impl Live {
         let near_s = (0.5 * cameras[lead].interval_s).max(NEAR_S);
         let parts = cameras.iter_mut().map(|camera| {
             camera.keep_nearest(time_s, believed);
-            nearest_part(camera, time_s, near_s).unwrap_or_else(|| Part::Nothing(reason(camera, now)))
+            nearest_part(camera, time_s, near_s).unwrap_or_else(|| MomentPart::Nothing(reason(camera, now)))
         });
         let parts = parts.collect();
         self.latest_s = time_s;
@@ -194,7 +197,7 @@ impl Live {
 }
 
 /// Reason why a camera has no observation at a moment.
-fn reason(camera: &Camera, now: Instant) -> Verdict {
+fn reason(camera: &GatheredCamera, now: Instant) -> Verdict {
     match camera.health {
         health @ (Verdict::Lost | Verdict::OtherShape) => health,
         _ if camera.latest_arrival.is_none() => Verdict::Lost,
@@ -204,7 +207,7 @@ fn reason(camera: &Camera, now: Instant) -> Verdict {
 }
 
 /// Processes all events that have arrived. Returns whether more can come.
-fn drain(cameras: &mut [Camera], events: &Receiver<(usize, Event)>) -> bool {
+fn drain(cameras: &mut [GatheredCamera], events: &Receiver<(usize, Event)>) -> bool {
     loop {
         match events.try_recv() {
             Ok((camera, event)) => take(cameras, camera, event),
@@ -214,24 +217,24 @@ fn drain(cameras: &mut [Camera], events: &Receiver<(usize, Event)>) -> bool {
     }
 }
 
-fn take(cameras: &mut [Camera], camera: usize, event: Event) {
+fn take(cameras: &mut [GatheredCamera], camera: usize, event: Event) {
     if let Some(camera) = cameras.get_mut(camera) {
         camera.take(event, Some(utc_s(SystemTime::now())));
     }
 }
 
 /// The end of the run, where a recording beside live cameras has ended.
-fn ended(cameras: &mut [Camera], latest_s: f64) -> Result<Option<Next>> {
+fn ended(cameras: &mut [GatheredCamera], latest_s: f64) -> Result<Option<NextMoment>> {
     for camera in cameras {
         match camera.end.take() {
             None => {}
-            Some(End::Failed(error)) => return Err(error),
-            Some(End::Ended) => {
+            Some(StreamEnd::Failed(error)) => return Err(error),
+            Some(StreamEnd::Ended) => {
                 // Observations that have already arrived still belong to moments.
                 if camera.newest_s.is_none_or(|newest| newest <= latest_s + 0.5 * camera.interval_s) {
-                    return Ok(Some(Next::Ended(camera.port.name.clone())));
+                    return Ok(Some(NextMoment::Ended(camera.port.name.clone())));
                 }
-                camera.end = Some(End::Ended);
+                camera.end = Some(StreamEnd::Ended);
             }
         }
     }

@@ -19,14 +19,14 @@ mod tests;
 use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
-pub use camera::Alignment;
-use camera::Camera;
+pub use camera::ClockAlignment;
+use camera::GatheredCamera;
 use live::Live;
 use recorded::Recorded;
 
 use crate::foreground::Verdict;
 use crate::silhouette::Body;
-use crate::station::{Event, Port, Seen};
+use crate::station::{Event, ObservedFrame, Port};
 use crate::{Error, Result};
 
 /// Time difference within which a frame always belongs to a moment, even where the moments are closer together,
@@ -35,9 +35,9 @@ const NEAR_S: f64 = 0.04;
 
 /// One camera's part of a moment.
 #[derive(Debug, Clone)]
-pub enum Part {
+pub enum MomentPart {
     /// The observation nearest in time.
-    Seen(Box<Seen>),
+    Seen(Box<ObservedFrame>),
     /// No observation is near, for this reason.
     Nothing(Verdict),
 }
@@ -50,12 +50,12 @@ pub struct Gathered {
     /// Time on the run's clock, seconds.
     pub time_s: f64,
     /// Part of each camera, in the order of the ports.
-    pub parts: Vec<Part>,
+    pub parts: Vec<MomentPart>,
 }
 
 /// Result of [`Gathering::next_moment`].
 #[derive(Debug)]
-pub enum Next {
+pub enum NextMoment {
     /// A moment.
     Moment(Gathered),
     /// No moment is ready; ask again.
@@ -68,7 +68,7 @@ pub enum Next {
 #[derive(Debug, Clone, PartialEq)]
 pub struct GatheringOptions {
     /// Correction of each camera's clock, in the order of the ports.
-    pub alignments: Vec<Alignment>,
+    pub alignments: Vec<ClockAlignment>,
     /// Longest wait of live input for late cameras, seconds. Default 0.3.
     pub latency_s: f64,
 }
@@ -87,7 +87,7 @@ pub struct LeftOut {
 /// Combines observations to moments.
 #[derive(Debug)]
 pub struct Gathering {
-    cameras: Vec<Camera>,
+    cameras: Vec<GatheredCamera>,
     events: Receiver<(usize, Event)>,
     believed: Vec<Body>,
     mode: Mode,
@@ -126,8 +126,11 @@ impl Gathering {
             return Err(Error::option("--latency", problem));
         }
         let is_live = ports.iter().any(|port| port.is_live);
-        let cameras: Vec<Camera> =
-            ports.into_iter().zip(&options.alignments).map(|(port, a)| Camera::new(port, *a)).collect();
+        let cameras: Vec<GatheredCamera> = ports
+            .into_iter()
+            .zip(&options.alignments)
+            .map(|(port, a)| GatheredCamera::new(port, *a))
+            .collect();
         let mode = if is_live {
             Mode::Live(Live::new(options.latency_s))
         } else {
@@ -150,7 +153,7 @@ impl Gathering {
     ///
     /// # Errors
     /// The error of a camera, after the moments before it.
-    pub fn next_moment(&mut self) -> Result<Next> {
+    pub fn next_moment(&mut self) -> Result<NextMoment> {
         match &mut self.mode {
             Mode::Recorded(recorded) => recorded.next(&mut self.cameras, &self.events, &self.believed),
             Mode::Live(live) => live.next(&mut self.cameras, &self.events, &self.believed),
@@ -168,14 +171,14 @@ impl Gathering {
     }
 
     /// Replaces the alignments of the cameras' clocks from the next observation on.
-    pub fn align(&mut self, alignments: &[Alignment]) {
+    pub fn align(&mut self, alignments: &[ClockAlignment]) {
         for (camera, alignment) in self.cameras.iter_mut().zip(alignments) {
             camera.align(*alignment);
         }
     }
 
     /// Present alignments of the cameras' clocks.
-    pub fn alignments(&self) -> Vec<Alignment> {
+    pub fn alignments(&self) -> Vec<ClockAlignment> {
         self.cameras.iter().map(|camera| camera.alignment).collect()
     }
 
@@ -195,7 +198,7 @@ impl Gathering {
 const WAIT: Duration = Duration::from_millis(100);
 
 /// Part of a camera whose nearest observation is its oldest; `None` where that is not near.
-fn nearest_part(camera: &mut Camera, time_s: f64, near_s: f64) -> Option<Part> {
+fn nearest_part(camera: &mut GatheredCamera, time_s: f64, near_s: f64) -> Option<MomentPart> {
     let was_used = camera.has_been_used();
     let nearest =
         camera.pending.front().filter(|pending| (pending.time_s - time_s).abs() <= near_s + 1e-9)?;
@@ -205,5 +208,5 @@ fn nearest_part(camera: &mut Camera, time_s: f64, near_s: f64) -> Option<Part> {
         (seen.decode, seen.foreground) = (Duration::ZERO, Duration::ZERO);
     }
     camera.mark_used();
-    Some(Part::Seen(Box::new(seen)))
+    Some(MomentPart::Seen(Box::new(seen)))
 }

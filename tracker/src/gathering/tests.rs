@@ -25,7 +25,7 @@ fn gathering(rates_hz: &[f64], offsets_s: &[f64], is_live: bool) -> (Stations, G
         Port { name: format!("cam{camera}"), is_live, rate_hz: Some(*rate_hz), feedback }
     });
     let alignments =
-        offsets_s.iter().map(|offset_s| Alignment { offset_s: *offset_s, ..Alignment::default() });
+        offsets_s.iter().map(|offset_s| ClockAlignment { offset_s: *offset_s, ..ClockAlignment::default() });
     let options = GatheringOptions { alignments: alignments.collect(), latency_s: 0.3 };
     let gathering = Gathering::new(ports.collect(), events, &options).unwrap();
     (Stations { inbox, feedback, sent: vec![0; rates_hz.len()] }, gathering)
@@ -36,7 +36,7 @@ impl Stations {
         self.sent[camera] += 1;
         let observation = Observation::unusable(self.sent[camera], time_s, Verdict::Usable);
         let (decode, foreground) = (Duration::ZERO, Duration::ZERO);
-        let seen = Seen { observation, pictures: Pictures::default(), decode, foreground };
+        let seen = ObservedFrame { observation, pictures: Pictures::default(), decode, foreground };
         self.inbox.send((camera, Event::Seen(Box::new(seen)))).unwrap();
     }
 
@@ -54,17 +54,17 @@ fn all(gathering: &mut Gathering) -> (Vec<Times>, String) {
     let mut moments = Vec::new();
     loop {
         match gathering.next_moment().unwrap() {
-            Next::Moment(gathered) => moments.push(times_of(&gathered)),
-            Next::Idle => panic!("recordings say all they have"),
-            Next::Ended(name) => return (moments, name),
+            NextMoment::Moment(gathered) => moments.push(times_of(&gathered)),
+            NextMoment::Idle => panic!("recordings say all they have"),
+            NextMoment::Ended(name) => return (moments, name),
         }
     }
 }
 
 fn times_of(gathered: &Gathered) -> Times {
-    let time = |part: &Part| match part {
-        Part::Seen(seen) => Some(seen.observation.time_s),
-        Part::Nothing(_) => None,
+    let time = |part: &MomentPart| match part {
+        MomentPart::Seen(seen) => Some(seen.observation.time_s),
+        MomentPart::Nothing(_) => None,
     };
     (gathered.frame, gathered.time_s, gathered.parts.iter().map(time).collect())
 }
@@ -200,7 +200,7 @@ fn played(
     let mut moments = Vec::new();
     let mut start_s = None;
     while utc_s(SystemTime::now()) - zero_s < end_s {
-        if let Next::Moment(gathered) = gathering.next_moment().unwrap() {
+        if let NextMoment::Moment(gathered) = gathering.next_moment().unwrap() {
             let (_, time_s, seen) = times_of(&gathered);
             let lead_s = seen.iter().flatten().next().copied().unwrap_or(f64::NAN);
             start_s.get_or_insert(lead_s - time_s);
@@ -271,7 +271,7 @@ fn moments_that_a_slow_tracker_cannot_keep_up_with_are_skipped() {
     }
     std::thread::sleep(Duration::from_millis(700));
     stations.see(0, utc_s(SystemTime::now()));
-    let Next::Moment(first) = gathering.next_moment().unwrap() else { panic!("there is a moment") };
+    let NextMoment::Moment(first) = gathering.next_moment().unwrap() else { panic!("there is a moment") };
     let (_, _, seen) = times_of(&first);
     assert!(seen[0].is_some_and(|s| s >= zero_s), "{seen:?}");
     assert!(gathering.left_out().skipped >= 25, "{:?}", gathering.left_out());

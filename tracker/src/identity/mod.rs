@@ -31,13 +31,13 @@ const CLEARLY: f64 = 0.15;
 /// Appearances of all people, and the pairs that have met.
 #[derive(Debug, Clone, Default)]
 pub struct Identities {
-    people: BTreeMap<TrackId, Looks>,
+    people: BTreeMap<TrackId, LearntAppearance>,
     /// Pairs that have met and have not been re-identified since.
     met: Vec<(TrackId, TrackId)>,
 }
 
 #[derive(Debug, Clone, Default)]
-struct Looks {
+struct LearntAppearance {
     /// Appearance before the encounter.
     known: Appearance,
     /// Appearance since the encounter.
@@ -98,7 +98,7 @@ impl Identities {
             let (Some(of_a), Some(of_b)) = (self.people.get(&a), self.people.get(&b)) else { continue };
             // A person who appeared beside another was never seen apart before: then the other's appearance alone
             // decides.
-            let known: Vec<(&Looks, &Looks)> = [(of_a, of_b), (of_b, of_a)]
+            let known: Vec<(&LearntAppearance, &LearntAppearance)> = [(of_a, of_b), (of_b, of_a)]
                 .into_iter()
                 .filter(|(own, _)| own.known.pixels() >= ENOUGH_PX)
                 .collect();

@@ -3,8 +3,8 @@ use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::*;
 use crate::observation::{Colours, Mask};
+use crate::prepared_room::PreparedCamera;
 use crate::silhouette::Silhouette;
-use crate::stage::StageCamera;
 use calib::{Camera, Intrinsics};
 
 const RED: Rgb<u8> = Rgb([200, 30, 30]);
@@ -14,7 +14,7 @@ fn view() -> View {
     let pose =
         Isometry3::face_towards(&Point3::new(0.0, -5.0, 1.6), &Point3::new(0.0, 0.0, 0.9), &-Vector3::z());
     let intrinsics = Intrinsics::from_horizontal_fov(320, 240, 70.0);
-    View::new(&StageCamera::new("c", &Camera { intrinsics, camera_from_world: pose.inverse() }))
+    View::new(&PreparedCamera::new("c", &Camera { intrinsics, camera_from_world: pose.inverse() }))
 }
 
 fn at(x_m: f64, y_m: f64) -> Body {

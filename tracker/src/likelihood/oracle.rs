@@ -5,12 +5,12 @@ use image::GrayImage;
 use nalgebra::{Point2, Point3, Vector3};
 
 use super::Counts;
+use crate::prepared_room::PreparedCamera;
 use crate::silhouette::Ellipsoid;
-use crate::stage::StageCamera;
 
 /// Counts of one camera, pixel by pixel. `static_z_m` gives the depth along z of the static scene at a pixel, metres.
 pub fn counts(
-    camera: &StageCamera,
+    camera: &PreparedCamera,
     bodies: &[Ellipsoid],
     mask: &GrayImage,
     static_z_m: impl Fn(u32, u32) -> f32,
@@ -28,7 +28,7 @@ pub fn counts(
 }
 
 /// Depth along the camera's z of a body's near surface at a pixel, metres; 0 for a camera inside the body.
-pub fn near_z_m(camera: &StageCamera, body: &Ellipsoid, u: u32, v: u32) -> Option<f64> {
+pub fn near_z_m(camera: &PreparedCamera, body: &Ellipsoid, u: u32, v: u32) -> Option<f64> {
     let ray = camera.pinhole.ray(&Point2::new(f64::from(u), f64::from(v)))?;
     let distance = first_hit(&camera.pinhole.center(), &ray, body)?;
     let along = camera.pinhole.camera_from_world.rotation * ray.into_inner();

@@ -16,7 +16,7 @@ pub const SKIPS: std::ops::RangeInclusive<u32> = 0..=3;
 
 /// One point of figure 9, with and without the constraint.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Row {
+pub struct SkipComparison {
     /// Number of frames skipped after each one.
     pub skip: u32,
     /// Result without the direction constraint: the method of Pirsiavash et al.
@@ -35,7 +35,7 @@ pub fn run(
     folds: usize,
     link: &LinkOptions,
     mut step: impl FnMut(),
-) -> Result<Vec<Row>> {
+) -> Result<Vec<SkipComparison>> {
     SKIPS
         .map(|skip| {
             let mut validate = |direction: bool| {
@@ -44,13 +44,13 @@ pub fn run(
                 step();
                 found
             };
-            Ok(Row { skip, without: validate(false)?, with: validate(true)? })
+            Ok(SkipComparison { skip, without: validate(false)?, with: validate(true)? })
         })
         .collect()
 }
 
 /// Text table with a line for each number of skipped frames.
-pub fn table(rows: &[Row]) -> String {
+pub fn table(rows: &[SkipComparison]) -> String {
     let mut text = format!(
         "{:>7} {:>22} {:>22}  {:>9} {:>9}  best with it\n",
         "skipped", "success without", "with direction", "IDF1", "IDF1"
@@ -73,8 +73,8 @@ pub fn table(rows: &[Row]) -> String {
 }
 
 /// Chart of figure 9.
-pub fn figure(rows: &[Row]) -> Chart {
-    let series = |name: &str, of: fn(&Row) -> f64| Series {
+pub fn figure(rows: &[SkipComparison]) -> Chart {
+    let series = |name: &str, of: fn(&SkipComparison) -> f64| Series {
         name: name.to_owned(),
         points: rows.iter().map(|r| [f64::from(r.skip), of(r)]).collect(),
         is_line: true,

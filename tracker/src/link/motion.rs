@@ -65,7 +65,7 @@ pub struct MotionModel {
 
 /// State of a tracklet at one of its ends, from its own detections.
 #[derive(Debug, Clone, PartialEq)]
-pub struct End {
+pub struct TrackletEnd {
     /// Frame of the end.
     pub frame: u32,
     axes: [AxisState; 2],
@@ -148,14 +148,14 @@ impl MotionModel {
     }
 
     /// State at the last frame of a track.
-    pub fn tail(&self, detections: &Detections, track: &[u32]) -> Option<End> {
+    pub fn tail(&self, detections: &Detections, track: &[u32]) -> Option<TrackletEnd> {
         let last = detections.all[*track.last()? as usize].frame;
         let from = track.partition_point(|n| detections.all[*n as usize].frame + self.window <= last);
         self.end(detections, track[from..].iter(), self.velocity_variance)
     }
 
     /// State at the first frame of a track, without a prior, which the preceding track provides.
-    pub fn head(&self, detections: &Detections, track: &[u32]) -> Option<End> {
+    pub fn head(&self, detections: &Detections, track: &[u32]) -> Option<TrackletEnd> {
         let first = detections.all[*track.first()? as usize].frame;
         let to = track.partition_point(|n| detections.all[*n as usize].frame < first + self.window);
         let mut end = self.end(detections, track[..to].iter().rev(), [UNKNOWN; 2])?;
@@ -169,7 +169,7 @@ impl MotionModel {
         detections: &Detections,
         nodes: impl Iterator<Item = &'a u32> + Clone,
         velocity_variance: [f64; 2],
-    ) -> Option<End> {
+    ) -> Option<TrackletEnd> {
         let mut found = nodes.map(|n| &detections.all[*n as usize]);
         let first = found.next()?;
         let mut end = self.single(first, velocity_variance);
@@ -192,9 +192,9 @@ impl MotionModel {
         Some(end)
     }
 
-    fn single(&self, detection: &Detection, velocity_variance: [f64; 2]) -> End {
+    fn single(&self, detection: &Detection, velocity_variance: [f64; 2]) -> TrackletEnd {
         let axis = |i: usize| AxisState::at(detection.place[i], self.place_variance, velocity_variance[i]);
-        End {
+        TrackletEnd {
             frame: detection.frame,
             axes: [axis(0), axis(1)],
             log_scale: detection.scale().ln(),
@@ -204,12 +204,12 @@ impl MotionModel {
     }
 
     /// Cost of the link from a tracklet's end to a later one's beginning; `None` outside the gate.
-    pub fn cost(&self, from: &End, to: &End) -> Option<f64> {
+    pub fn cost(&self, from: &TrackletEnd, to: &TrackletEnd) -> Option<f64> {
         let colour_distance = from.colours.as_ref().zip(to.colours.as_ref()).map(|(a, b)| a.distance(b));
         self.cost_with(from, to, colour_distance)
     }
 
-    fn cost_with(&self, from: &End, to: &End, colour_distance: Option<f64>) -> Option<f64> {
+    fn cost_with(&self, from: &TrackletEnd, to: &TrackletEnd, colour_distance: Option<f64>) -> Option<f64> {
         let gap = f64::from(to.frame - from.frame);
         let height = (0.5 * (from.log_scale + to.log_scale)).exp();
         let size_variance = from.log_scale_variance + to.log_scale_variance + self.size_growth * gap;

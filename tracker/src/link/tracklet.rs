@@ -2,14 +2,14 @@
 
 use super::detection::Detections;
 use super::graph::{Cost, FlowGraph, fixed};
-use super::motion::{End, MotionModel};
+use super::motion::{MotionModel, TrackletEnd};
 use crate::Result;
 
 /// The two ends of a tracklet.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ends {
-    head: End,
-    tail: End,
+    head: TrackletEnd,
+    tail: TrackletEnd,
 }
 
 impl Ends {

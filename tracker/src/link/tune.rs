@@ -21,7 +21,7 @@ const TURNS: [f64; 6] = [0.04, 0.07, 0.11, 0.17, 0.26, 0.4];
 
 /// Score of a setting.
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd, Default, Serialize)]
-pub struct Score {
+pub struct TuningScore {
     /// People tracked from their first frame to their last by one track, percent: the paper's measure.
     pub success: f64,
     /// IDF1, percent: decides between equal successes.
@@ -36,7 +36,7 @@ pub struct Fold {
     /// Thresholds that were best on all other folds.
     pub chosen: Chosen,
     /// Score of those thresholds on this fold.
-    pub score: Score,
+    pub score: TuningScore,
     /// Number of people in the fold.
     pub people: usize,
 }
@@ -61,7 +61,7 @@ pub struct CrossValidation {
     /// Results of the folds.
     pub folds: Vec<Fold>,
     /// Score over all folds' people together (IDF1: mean of the folds).
-    pub score: Score,
+    pub score: TuningScore,
     /// Thresholds that are best on all folds together: those to use.
     pub best: Chosen,
 }
@@ -78,7 +78,7 @@ pub struct TuneOptions {
 }
 
 /// Score and number of people of one fold and setting.
-type Tried = (Score, usize);
+type Tried = (TuningScore, usize);
 
 /// Cross-validates the thresholds on folds of a recording.
 ///
@@ -146,11 +146,11 @@ pub fn cross_validate(
 }
 
 /// Success over all people, and the folds' mean IDF1.
-fn together(folds: impl Iterator<Item = Tried> + Clone) -> Score {
+fn together(folds: impl Iterator<Item = Tried> + Clone) -> TuningScore {
     let (count, people) = folds.clone().fold((0, 0), |(n, p), (_, people)| (n + 1, p + people));
     let sum =
         folds.fold((0.0, 0.0), |s, (score, people)| (s.0 + score.success * people as f64, s.1 + score.idf1));
-    Score { success: sum.0 / people.max(1) as f64, idf1: sum.1 / f64::from(count.max(1)) }
+    TuningScore { success: sum.0 / people.max(1) as f64, idf1: sum.1 / f64::from(count.max(1)) }
 }
 
 /// Contiguous ranges of equal length.
@@ -223,7 +223,7 @@ fn try_fold(
     let evaluation = Evaluation::of_rows(truth, &linked, &EvalOptions { gate: None, frames }, None)?;
     let success = evaluation.clear.continuity.as_ref().and_then(Continuity::success);
     let percent = |share: Option<f64>| 100.0 * share.unwrap_or(0.0);
-    let score = Score { success: percent(success), idf1: percent(evaluation.identity.idf1()) };
+    let score = TuningScore { success: percent(success), idf1: percent(evaluation.identity.idf1()) };
     Ok((score, evaluation.scenario.people))
 }
 
@@ -265,7 +265,7 @@ impl CrossValidation {
             "{:>15} {:>7} {:>10} {:>8}  thresholds, best on the other folds\n",
             "frames", "people", "success", "IDF1"
         );
-        let line = |what: &str, people: usize, score: &Score, rest: &str| {
+        let line = |what: &str, people: usize, score: &TuningScore, rest: &str| {
             format!("{what:>15} {people:>7} {:>8.1} % {:>6.1} %  {rest}\n", score.success, score.idf1)
         };
         for fold in &self.folds {

@@ -4,13 +4,13 @@
 #[derive(Debug, Clone)]
 pub(super) struct Capacity {
     most: usize,
-    is_told: bool,
+    is_logged: bool,
 }
 
 impl Capacity {
     /// Limit of `most` people.
     pub(super) fn new(most: usize) -> Self {
-        Self { most, is_told: false }
+        Self { most, is_logged: false }
     }
 
     /// Whether another person can be added to so many.
@@ -20,8 +20,8 @@ impl Capacity {
 
     /// Records the number of tracked people, and logs once that the limit is reached.
     pub(super) fn note(&mut self, people: usize) {
-        if !self.has_room(people) && !self.is_told {
-            self.is_told = true;
+        if !self.has_room(people) && !self.is_logged {
+            self.is_logged = true;
             tracing::warn!(
                 "{people} people are followed, and no more are found until somebody leaves; --most-people N takes more"
             );

@@ -26,7 +26,7 @@ pub struct Needs {
 
 /// An online tracker, which processes one moment at a time, in order.
 ///
-/// A method is built from a [`crate::stage::Stage`] and its own options and has its own seeded generator; its results
+/// A method is built from a [`crate::prepared_room::PreparedRoom`] and its own options and has its own seeded generator; its results
 /// for the same moments are equal to the last bit for any number of threads.
 pub trait Method {
     /// Processes one moment. Returns the estimated people by ascending id.
@@ -41,7 +41,7 @@ pub trait Method {
     /// Sets a camera's picture of the empty room, in its pinhole image at the working size.
     fn set_empty_scene(&mut self, _camera: usize, _picture: &RgbImage) {}
 
-    /// Useful lag, seconds: the time after which [`Self::hindsight`] does not improve further.
+    /// Useful lag, seconds: the time after which [`Self::smoothed`] does not improve further.
     fn lag_s(&self) -> f64 {
         0.0
     }
@@ -53,7 +53,7 @@ pub trait Method {
 
     /// Smoothed estimates of an earlier moment, by ascending id. Called at most once for each moment, in order; `None`
     /// when nothing is better than the estimates of [`Self::step`].
-    fn hindsight(&mut self, _frame: u32) -> Option<Vec<PersonEstimate>> {
+    fn smoothed(&mut self, _frame: u32) -> Option<Vec<PersonEstimate>> {
         None
     }
 }

@@ -10,8 +10,8 @@ use nalgebra::{Point2, Vector2};
 
 use crate::likelihood::pack;
 use crate::observation::Mask;
+use crate::prepared_room::{PreparedRoom, resolution};
 use crate::silhouette::{Body, Shape, Silhouette, View};
-use crate::stage::{Stage, resolution};
 use crate::{Error, Result};
 
 /// Side of a cell, metres: half of a person's width …
@@ -62,7 +62,7 @@ struct Template {
 }
 
 impl PersonFilters {
-    pub(super) fn new(stage: &Stage) -> Self {
+    pub(super) fn new(stage: &PreparedRoom) -> Self {
         let views = stage.cameras.iter().map(|camera| {
             let block = (resolution::block(camera, &Body::ADULT, &stage.floor) / FINER).max(1);
             let size = (camera.width(), camera.height());
@@ -138,7 +138,7 @@ pub(super) fn product(a: &[i8], b: &[i8]) -> f32 {
 }
 
 /// Centres of the floor's cells, metres.
-fn places(stage: &Stage) -> impl Iterator<Item = Point2<f64>> {
+fn places(stage: &PreparedRoom) -> impl Iterator<Item = Point2<f64>> {
     let (low, high) = stage.floor.bounds();
     let size = high - low;
     let cell_m = (size.x * size.y / MOST_CELLS).sqrt().max(CELL_M);

@@ -36,7 +36,7 @@ use self::history::History;
 use crate::Error;
 use crate::Result;
 use crate::observation::Mask;
-use crate::stage::Stage;
+use crate::prepared_room::PreparedRoom;
 
 pub use self::network::CameraOffset;
 pub use self::options::OffsetOptions;
@@ -63,7 +63,7 @@ impl Offsets {
 /// ```no_run
 /// use tracker::observation::Mask;
 /// use tracker::offsets::{OffsetEstimator, OffsetOptions, Offsets};
-/// use tracker::stage::Stage;
+/// use tracker::prepared_room::Stage;
 ///
 /// fn offsets(stage: &Stage, masks: Vec<(usize, f64, Mask)>) -> tracker::Result<Offsets> {
 ///     let mut estimator = OffsetEstimator::new(stage, OffsetOptions::recording())?;
@@ -91,7 +91,7 @@ impl OffsetEstimator {
     ///
     /// # Errors
     /// [`Error::Option`] when an option makes no sense.
-    pub fn new(stage: &Stage, options: OffsetOptions) -> Result<Self> {
+    pub fn new(stage: &PreparedRoom, options: OffsetOptions) -> Result<Self> {
         options.validate()?;
         let filters = PersonFilters::new(stage);
         let count = stage.cameras.len();

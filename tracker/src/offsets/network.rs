@@ -32,12 +32,12 @@ pub struct CameraOffset {
 impl CameraOffset {
     /// Drift, microseconds a second; `None` until it is known well enough to be reported.
     pub fn known_drift_ppm(&self) -> Option<f64> {
-        (self.is_known && self.drift_sigma_ppm < TOLD_DRIFT_SIGMA_PPM).then_some(self.drift_ppm)
+        (self.is_known && self.drift_sigma_ppm < REPORTED_DRIFT_SIGMA_PPM).then_some(self.drift_ppm)
     }
 }
 
 /// Standard deviation below which a drift is reported: a quarter of the largest difference between clocks.
-const TOLD_DRIFT_SIGMA_PPM: f64 = 50.0;
+const REPORTED_DRIFT_SIGMA_PPM: f64 = 50.0;
 
 /// Solves for the offsets of `count` cameras from the lines of pairs, all of the same time.
 pub(super) fn solve(

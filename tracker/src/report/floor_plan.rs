@@ -8,7 +8,7 @@ use scenes::plan::{FloorPlan, PlanOptions};
 use shell::canvas::Color;
 
 use super::markup::{css, data_url, path};
-use super::recording::Recording;
+use super::recording::RunRecording;
 use crate::Result;
 use crate::plan::beyond_the_room;
 
@@ -21,7 +21,7 @@ const BREAK_S: f64 = 1.0;
 ///
 /// # Errors
 /// Geometry that cannot be drawn.
-pub(super) fn svg(recording: &Recording) -> Result<String> {
+pub(super) fn svg(recording: &RunRecording) -> Result<String> {
     let tracks = recording.tracks();
     let went = tracks.values().flatten().map(|(_, place)| *place);
     let places =

@@ -18,7 +18,7 @@ mod timeline;
 use std::path::{Path, PathBuf};
 
 use crate::Result;
-use recording::Recording;
+use recording::RunRecording;
 
 /// Input of the report.
 #[derive(Debug, Clone)]
@@ -53,7 +53,7 @@ impl Default for ReportOptions {
 /// # Errors
 /// A source that cannot be read (with its place), or a page that cannot be written.
 pub fn write(sources: &ReportSources, page: &Path, options: &ReportOptions) -> Result<()> {
-    let recording = Recording::read(sources)?;
+    let recording = RunRecording::read(sources)?;
     let html = page::html(&recording, options)?;
     Ok(calib::files::write_atomic(page, html.as_bytes())?)
 }

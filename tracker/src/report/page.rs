@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::markup::{data_url, escape};
 use super::moments::{self, HIDDEN};
-use super::recording::Recording;
+use super::recording::RunRecording;
 use super::{ReportOptions, floor_plan, stills, tables, timeline};
 use crate::tracks::jsonl::FrameLine;
 use crate::{Result, TrackId};
@@ -15,7 +15,7 @@ const STYLE: &str = include_str!("page.css");
 ///
 /// # Errors
 /// A film, reference image or geometry that cannot be read.
-pub(super) fn html(recording: &Recording, options: &ReportOptions) -> Result<String> {
+pub(super) fn html(recording: &RunRecording, options: &ReportOptions) -> Result<String> {
     let title = "Who was where";
     let mut body = header(recording, title);
     section(&mut body, "The way everybody went", PLAN, &floor_plan::svg(recording)?);
@@ -70,7 +70,7 @@ fn section(body: &mut String, title: &str, lead: &str, content: &str) {
         write!(body, "<section>\n<h2>{title}</h2>\n<p class=\"lead\">{lead}</p>\n{content}\n</section>\n");
 }
 
-fn header(recording: &Recording, title: &str) -> String {
+fn header(recording: &RunRecording, title: &str) -> String {
     let (first, last) = recording.span_s();
     let people = recording.tracks().len();
     let cameras = recording.cameras.len();
@@ -96,10 +96,10 @@ fn header(recording: &Recording, title: &str) -> String {
 }
 
 /// An HTML figure for each still, grouped by camera.
-fn film_stills(recording: &Recording, options: &ReportOptions) -> Result<String> {
+fn film_stills(recording: &RunRecording, options: &ReportOptions) -> Result<String> {
     let mut figures = String::new();
     for camera in &recording.cameras {
-        let wanted = moments::telling(recording, camera, options.stills);
+        let wanted = moments::informative(recording, camera, options.stills);
         let pictures = stills::stills(recording, camera, &wanted)?;
         if !pictures.is_empty() {
             let _ = writeln!(figures, "<h3>{}</h3>", escape(camera));
@@ -124,13 +124,13 @@ fn film_stills(recording: &Recording, options: &ReportOptions) -> Result<String>
 const LISTED: usize = 4;
 
 /// Description of a still.
-fn caption(recording: &Recording, frame: &FrameLine, camera: &str) -> String {
+fn caption(recording: &RunRecording, frame: &FrameLine, camera: &str) -> String {
     let in_view: Vec<(TrackId, f64)> = frame
         .people
         .iter()
-        .map(|p| (p.id, recording.sight(p, camera)))
-        .filter(|(_, sight)| sight.is_in_view)
-        .map(|(id, sight)| (id, sight.visible))
+        .map(|p| (p.id, recording.visibility(p, camera)))
+        .filter(|(_, visibility)| visibility.is_in_view)
+        .map(|(id, visibility)| (id, visibility.visible))
         .collect();
     let who = if in_view.is_empty() {
         "nobody in view".to_owned()

@@ -15,11 +15,11 @@ use crate::tracks::rows::RowFile;
 use crate::{Error, Result, TrackId};
 
 /// Trajectory of a person, metres on the floor.
-pub(super) type Way = Vec<Point2<f64>>;
+pub(super) type Trajectory = Vec<Point2<f64>>;
 
 /// Data of a run.
 #[derive(Debug, Clone)]
-pub(super) struct Recording {
+pub(super) struct RunRecording {
     /// Folder that `tracker run` wrote.
     pub(super) run: PathBuf,
     /// Room directory.
@@ -35,19 +35,19 @@ pub(super) struct Recording {
     /// Evaluation against the truth, if that is known.
     pub(super) evaluation: Option<Evaluation>,
     /// True trajectories, in the run's room; stretches without a gap.
-    pub(super) truth_paths: Vec<Way>,
+    pub(super) truth_paths: Vec<Trajectory>,
 }
 
 /// Predicted visibility of a person in a camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Sight {
+pub(super) struct PersonVisibility {
     /// Visible fraction of the silhouette in the image.
     pub(super) visible: f64,
     /// Whether any part of the body would be in the image without occlusion.
     pub(super) is_in_view: bool,
 }
 
-impl Recording {
+impl RunRecording {
     /// Reads the sources.
     ///
     /// # Errors
@@ -92,12 +92,12 @@ impl Recording {
     }
 
     /// Predicted visibility of a person in a camera.
-    pub(super) fn sight(&self, person: &PersonLine, camera: &str) -> Sight {
+    pub(super) fn visibility(&self, person: &PersonLine, camera: &str) -> PersonVisibility {
         let visible = person.visible.get(camera).copied().unwrap_or(0.0);
         let body = Body { x_m: person.x, y_m: person.y, radius_m: person.radius, height_m: person.height };
         let is_in_view = visible > 0.0
             || self.room.camera(camera).is_ok_and(|c| contour::bounding_box(&body, &c.camera).is_some());
-        Sight { visible, is_in_view }
+        PersonVisibility { visible, is_in_view }
     }
 
     /// First and last time, seconds.
@@ -128,7 +128,7 @@ fn film_path(run: &Path, camera: &str) -> PathBuf {
 }
 
 /// Evaluation, and true trajectories.
-fn judge(sources: &ReportSources, truth: &Path) -> Result<(Evaluation, Vec<Way>)> {
+fn judge(sources: &ReportSources, truth: &Path) -> Result<(Evaluation, Vec<Trajectory>)> {
     let alignment = match &sources.truth_room {
         Some(truth_room) => Some(align::between(truth_room, &sources.room)?),
         None => None,

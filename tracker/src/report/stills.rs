@@ -7,9 +7,9 @@ use calib::video::FrameSource;
 use image::RgbImage;
 use image::imageops::{self, FilterType};
 
-use super::recording::Recording;
+use super::recording::RunRecording;
 use crate::film::{FilmOptions, Painter, Shot};
-use crate::stage::{Stage, StageOptions};
+use crate::prepared_room::{PreparationOptions, PreparedRoom};
 use crate::tracks::jsonl::{FrameLine, PersonLine};
 use crate::{PersonEstimate, Result};
 
@@ -18,7 +18,7 @@ use crate::{PersonEstimate, Result};
 /// # Errors
 /// A film or reference image that exists but cannot be read.
 pub(super) fn stills(
-    recording: &Recording,
+    recording: &RunRecording,
     camera: &str,
     wanted: &[usize],
 ) -> Result<Vec<(usize, RgbImage)>> {
@@ -48,9 +48,9 @@ fn from_film(film: &str, wanted: &[usize]) -> Result<Vec<(usize, RgbImage)>> {
     Ok(stills)
 }
 
-fn drawn(recording: &Recording, camera: &str, wanted: &[usize]) -> Result<Vec<(usize, RgbImage)>> {
-    let options = StageOptions { cameras: vec![camera.to_owned()], ..StageOptions::default() };
-    let stage = Stage::prepare(&recording.room, &recording.room_dir, &options)?;
+fn drawn(recording: &RunRecording, camera: &str, wanted: &[usize]) -> Result<Vec<(usize, RgbImage)>> {
+    let options = PreparationOptions { cameras: vec![camera.to_owned()], ..PreparationOptions::default() };
+    let stage = PreparedRoom::prepare(&recording.room, &recording.room_dir, &options)?;
     let reference = recording.room.camera(camera)?.reference.as_ref();
     let image = match reference.map(|r| recording.room_dir.join(r)).filter(|path| path.exists()) {
         Some(path) => Some(picture(&path)?),

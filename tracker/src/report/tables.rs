@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::markup::escape;
-use crate::eval::{Evaluation, Figure, Unit, Value};
+use crate::eval::{Evaluation, Figure, FigureValue, Unit};
 use crate::tracks::Timings;
 
 /// Table of all figures with their meaning.
@@ -26,7 +26,8 @@ pub(super) fn evaluation(evaluation: &Evaluation) -> String {
 pub(super) fn headline_figures(evaluation: &Evaluation) -> Vec<(String, &'static str)> {
     let wanted = ["MOTA", "MODA", "IDF1", "HOTA", "mean error"];
     let figures = evaluation.figures();
-    let has_mota = figures.iter().any(|f| f.name == "MOTA" && f.value != Value::Real(None, Unit::Percent));
+    let has_mota =
+        figures.iter().any(|f| f.name == "MOTA" && f.value != FigureValue::Real(None, Unit::Percent));
     wanted
         .iter()
         // MODA replaces MOTA where there are no identities.
@@ -38,8 +39,8 @@ pub(super) fn headline_figures(evaluation: &Evaluation) -> Vec<(String, &'static
 
 fn short(figure: &Figure) -> Option<String> {
     match figure.value {
-        Value::Real(Some(value), Unit::Percent) => Some(format!("{value:.1}\u{a0}%").replace('-', "−")),
-        Value::Real(Some(value), Unit::Metres) => Some(format!("{:.1}\u{a0}cm", 100.0 * value)),
+        FigureValue::Real(Some(value), Unit::Percent) => Some(format!("{value:.1}\u{a0}%").replace('-', "−")),
+        FigureValue::Real(Some(value), Unit::Metres) => Some(format!("{:.1}\u{a0}cm", 100.0 * value)),
         _ => None,
     }
 }

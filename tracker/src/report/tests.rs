@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::film::{Film, FilmOptions, Shot};
-use crate::stage::{Stage, StageOptions};
+use crate::prepared_room::{PreparationOptions, PreparedRoom};
 use crate::tracks::{Stopwatch, TrackFiles};
 use crate::{PersonEstimate, TrackId};
 use calib::{Camera, Intrinsics};
@@ -49,7 +49,7 @@ fn run_in(folder: &Path, with_film: bool) -> ReportSources {
     };
     let (room_dir, run) = (folder.join("room"), folder.join("out"));
     room.write(&room_dir).unwrap();
-    let stage = Stage::prepare(&room, &room_dir, &StageOptions::default()).unwrap();
+    let stage = PreparedRoom::prepare(&room, &room_dir, &PreparationOptions::default()).unwrap();
     let mut files = TrackFiles::new(&run, &stage);
     let mut film = with_film.then(|| Film::start(&run, &stage, 10.0, &FilmOptions::default(), None).unwrap());
     let (mut truth, mut watch) = (String::new(), Stopwatch::default());
@@ -115,8 +115,8 @@ fn the_page_is_whole_and_asks_for_nothing() {
 #[test]
 fn informative_moments_are_hidden_ones_and_apart_in_time() {
     let folder = tempfile::tempdir().unwrap();
-    let recording = Recording::read(&run_in(folder.path(), false)).unwrap();
-    let chosen = moments::telling(&recording, "a<b", 3);
+    let recording = RunRecording::read(&run_in(folder.path(), false)).unwrap();
+    let chosen = moments::informative(&recording, "a<b", 3);
     assert_eq!(chosen.len(), 3);
     assert!(chosen.is_sorted());
     let visible: Vec<f64> = chosen.iter().map(|i| recording.frames[*i].people[0].visible["a<b"]).collect();

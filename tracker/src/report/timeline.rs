@@ -5,7 +5,7 @@ use std::fmt::Write;
 use shell::canvas::Color;
 
 use super::markup::{css, escape, path, ticks};
-use super::recording::Recording;
+use super::recording::RunRecording;
 use crate::TrackId;
 use crate::tracks::jsonl::FrameLine;
 
@@ -21,10 +21,10 @@ const AXIS: f64 = 34.0;
 const COLUMNS: usize = 1200;
 
 /// Visible fraction of a person in a camera for each column; `None` outside the picture.
-type Series = Vec<Option<f64>>;
+type VisibilitySeries = Vec<Option<f64>>;
 
 /// Strips of up to `people` people (those with the longest tracks), by id.
-pub(super) fn svg(recording: &Recording, people: usize) -> String {
+pub(super) fn svg(recording: &RunRecording, people: usize) -> String {
     let (first, last) = recording.span_s();
     let duration = (last - first).max(1e-9);
     let ids = longest(recording, people);
@@ -70,7 +70,7 @@ pub(super) fn svg(recording: &Recording, people: usize) -> String {
 }
 
 /// Ids with the longest tracks, ascending.
-fn longest(recording: &Recording, people: usize) -> Vec<TrackId> {
+fn longest(recording: &RunRecording, people: usize) -> Vec<TrackId> {
     let mut lengths: Vec<(usize, TrackId)> =
         recording.tracks().into_iter().map(|(id, places)| (places.len(), id)).collect();
     lengths.sort_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
@@ -80,12 +80,12 @@ fn longest(recording: &Recording, people: usize) -> Vec<TrackId> {
 }
 
 /// Visible fraction of a person in a camera, column by column; frames are averaged where there are more than columns.
-fn series(recording: &Recording, id: TrackId, camera: &str) -> Series {
+fn series(recording: &RunRecording, id: TrackId, camera: &str) -> VisibilitySeries {
     let per_column = recording.frames.len().div_ceil(COLUMNS).max(1);
     let seen = |frame: &FrameLine| {
         let person = frame.people.iter().find(|p| p.id == id)?;
-        let sight = recording.sight(person, camera);
-        sight.is_in_view.then_some(sight.visible)
+        let visibility = recording.visibility(person, camera);
+        visibility.is_in_view.then_some(visibility.visible)
     };
     recording
         .frames
@@ -98,7 +98,14 @@ fn series(recording: &Recording, id: TrackId, camera: &str) -> Series {
 }
 
 /// Draws one strip: its frame and name, and an area for each stretch in which the person is in the picture.
-fn strip(svg: &mut String, series: &Series, camera: &str, color: &str, top: f64, x: impl Fn(f64) -> f64) {
+fn strip(
+    svg: &mut String,
+    series: &VisibilitySeries,
+    camera: &str,
+    color: &str,
+    top: f64,
+    x: impl Fn(f64) -> f64,
+) {
     let bottom = top + STRIP;
     let _ = writeln!(
         svg,

@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{Followed, Output};
+use super::{Output, ProcessedMoment};
 use crate::Result;
 use crate::method::agents::AgencyRecord;
-use crate::stage::Stage;
+use crate::prepared_room::PreparedRoom;
 use crate::tracks::AgentsFile;
 use crate::wire::packet;
 
@@ -24,7 +24,7 @@ pub struct AgencyLog {
 
 impl AgencyLog {
     /// Log of a run that writes to the folder `out`.
-    pub fn new(out: &Path, stage: &Stage) -> Self {
+    pub fn new(out: &Path, stage: &PreparedRoom) -> Self {
         let folder = out.join("agents");
         Self {
             file: AgentsFile::new(&folder),
@@ -38,7 +38,7 @@ impl AgencyLog {
 }
 
 impl Output for AgencyLog {
-    fn put(&mut self, followed: &Followed<'_>) -> Result<()> {
+    fn put(&mut self, followed: &ProcessedMoment<'_>) -> Result<()> {
         let time_s = followed.moment.time_s;
         self.span_s = Some([self.span_s.map_or(time_s, |[first, _]| first), time_s]);
         for packet in followed.packets {

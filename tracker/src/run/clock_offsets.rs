@@ -3,10 +3,10 @@
 use serde::{Deserialize, Serialize};
 
 use crate::Result;
-use crate::gathering::Alignment;
+use crate::gathering::ClockAlignment;
 use crate::observation::Observation;
 use crate::offsets::{OffsetEstimator, OffsetOptions, Offsets};
-use crate::stage::Stage;
+use crate::prepared_room::PreparedRoom;
 
 /// Interval between two readings of the estimate, seconds of the run.
 const EVERY_S: f64 = 0.5;
@@ -14,7 +14,7 @@ const EVERY_S: f64 = 0.5;
 const LEAST_STEP_S: f64 = 0.005;
 /// Least offset, seconds, that is worth a warning where it is not applied; it must also exceed three standard
 /// deviations.
-const TELLING_S: f64 = 0.04;
+const WARNING_S: f64 = 0.04;
 /// Time for which a camera's observations are kept for comparison in a recorded run whose offsets are not searched for
 /// beforehand, seconds.
 const KEEP_S: f64 = 10.0;
@@ -42,8 +42,8 @@ pub struct ClockOffsets {
     estimator: OffsetEstimator,
     names: Vec<String>,
     /// Alignments given by the user.
-    given: Vec<Alignment>,
-    applied: Vec<Alignment>,
+    given: Vec<ClockAlignment>,
+    applied: Vec<ClockAlignment>,
     applies: bool,
     next_look_s: f64,
 }
@@ -54,7 +54,12 @@ impl ClockOffsets {
     ///
     /// # Errors
     /// Invalid options.
-    pub fn new(stage: &Stage, given: Vec<Alignment>, is_live: bool, applies: bool) -> Result<Self> {
+    pub fn new(
+        stage: &PreparedRoom,
+        given: Vec<ClockAlignment>,
+        is_live: bool,
+        applies: bool,
+    ) -> Result<Self> {
         let options = if is_live {
             OffsetOptions::live()
         } else {
@@ -85,14 +90,15 @@ impl ClockOffsets {
     }
 
     /// New alignments, where they have changed since the last call.
-    pub fn changed(&mut self, now_s: f64) -> Option<Vec<Alignment>> {
+    pub fn changed(&mut self, now_s: f64) -> Option<Vec<ClockAlignment>> {
         if !self.applies || now_s < self.next_look_s {
             return None;
         }
         self.next_look_s = now_s + EVERY_S;
         let found = alignments(&self.given, &self.estimator.estimate());
-        let step_s =
-            |(old, new): (&Alignment, &Alignment)| (new.apply(new.since_s) - old.apply(new.since_s)).abs();
+        let step_s = |(old, new): (&ClockAlignment, &ClockAlignment)| {
+            (new.apply(new.since_s) - old.apply(new.since_s)).abs()
+        };
         let is_worth_it = self.applied.iter().zip(&found).map(step_s).fold(0.0, f64::max) > LEAST_STEP_S;
         is_worth_it.then(|| {
             self.applied.clone_from(&found);
@@ -118,7 +124,7 @@ impl ClockOffsets {
                 let off_s = (offset_s - report.applied_s).abs();
                 let drift =
                     report.drift_ppm.map_or(String::new(), |ppm| format!(", drifting by {ppm:.0} ppm"));
-                if off_s > TELLING_S.max(3.0 * sigma_s) && !self.applies {
+                if off_s > WARNING_S.max(3.0 * sigma_s) && !self.applies {
                     tracing::warn!(
                         "camera `{}`: by the people seen its first frame was taken {offset_s:.2} ± {sigma_s:.2} s after \
                          that of `{}`{drift}; give --offset auto, or --offset {0}={offset_s:.2}",
@@ -140,13 +146,13 @@ impl ClockOffsets {
 }
 
 /// The given alignments plus the estimated offsets.
-pub(super) fn alignments(given: &[Alignment], offsets: &Offsets) -> Vec<Alignment> {
-    let add = |(camera, given): (usize, &Alignment)| {
+pub(super) fn alignments(given: &[ClockAlignment], offsets: &Offsets) -> Vec<ClockAlignment> {
+    let add = |(camera, given): (usize, &ClockAlignment)| {
         let found = &offsets.cameras[camera];
         if !found.is_known {
             return *given;
         }
-        Alignment {
+        ClockAlignment {
             offset_s: given.offset_s + found.offset_s,
             drift: 1e-6 * found.known_drift_ppm().unwrap_or(0.0),
             since_s: offsets.at_s - given.offset_s - found.offset_s,

@@ -1,8 +1,8 @@
-//! Buffer that holds moments for the lag, so that the smoother can correct their estimates ([`Method::hindsight`]).
+//! Buffer that holds moments for the lag, so that the smoother can correct their estimates ([`Method::smoothed`]).
 
 use std::collections::VecDeque;
 
-use super::output::{Followed, Output};
+use super::output::{Output, ProcessedMoment};
 use crate::foreground::Verdict;
 use crate::method::Method;
 use crate::moment::CameraFrame;
@@ -10,7 +10,7 @@ use crate::station::Pictures;
 use crate::{Moment, PersonEstimate, Result};
 
 /// A held moment, with the estimates of its own time.
-pub(super) struct Held {
+pub(super) struct HeldMoment {
     pub(super) frame: u32,
     pub(super) time_s: f64,
     pub(super) cameras: Vec<CameraFrame>,
@@ -19,11 +19,11 @@ pub(super) struct Held {
     pub(super) people: Vec<PersonEstimate>,
 }
 
-impl Held {
+impl HeldMoment {
     /// Passes the moment to the outputs, with its smoothed estimates where there are such.
     pub(super) fn emit(&self, method: &mut dyn Method, outputs: &mut [Box<dyn Output + '_>]) -> Result<()> {
-        let later = method.hindsight(self.frame);
-        let followed = Followed {
+        let later = method.smoothed(self.frame);
+        let followed = ProcessedMoment {
             moment: Moment { frame: self.frame, time_s: self.time_s, cameras: &self.cameras },
             people: later.as_ref().unwrap_or(&self.people),
             verdicts: &self.health,
@@ -46,7 +46,7 @@ pub(super) struct LagBuffer {
     /// Most memory for all held pictures, bytes; when it is exceeded, the oldest moment leaves early.
     most_bytes: usize,
     bytes: usize,
-    moments: VecDeque<Held>,
+    moments: VecDeque<HeldMoment>,
     has_warned: bool,
 }
 
@@ -56,13 +56,13 @@ impl LagBuffer {
         Self { lag_s, most_bytes, bytes: 0, moments: VecDeque::new(), has_warned: false }
     }
 
-    pub(super) fn push(&mut self, moment: Held) {
+    pub(super) fn push(&mut self, moment: HeldMoment) {
         self.bytes += moment.bytes();
         self.moments.push_back(moment);
     }
 
     /// Removes the oldest moment if it has been held long enough at `now_s`, or the pictures take too much memory.
-    pub(super) fn pop_due(&mut self, now_s: f64) -> Option<Held> {
+    pub(super) fn pop_due(&mut self, now_s: f64) -> Option<HeldMoment> {
         // Rounding must not hold a moment for one more.
         let is_due = self.moments.front()?.time_s + self.lag_s <= now_s + 1e-9;
         let is_too_much = self.bytes > self.most_bytes;
@@ -78,7 +78,7 @@ impl LagBuffer {
     }
 
     /// Removes the oldest moment.
-    pub(super) fn pop(&mut self) -> Option<Held> {
+    pub(super) fn pop(&mut self) -> Option<HeldMoment> {
         let oldest = self.moments.pop_front()?;
         self.bytes -= oldest.bytes();
         Some(oldest)
@@ -103,7 +103,7 @@ mod tests {
                     filmed: Some(Arc::new(RgbImage::new(3, 2))),
                 };
                 let (cameras, health, people) = (vec![], vec![], vec![]);
-                buffer.push(Held { frame, time_s, cameras, pictures: vec![pictures], health, people });
+                buffer.push(HeldMoment { frame, time_s, cameras, pictures: vec![pictures], health, people });
                 while let Some(first) = buffer.pop_due(time_s) {
                     assert_eq!(first.frame, expected, "moments leave in their order");
                     expected += 1;

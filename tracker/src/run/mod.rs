@@ -14,15 +14,15 @@ use std::time::{Duration, Instant};
 pub use agency_log::AgencyLog;
 use camera_log::CameraLog;
 pub use clock_offsets::{ClockOffsets, ClockReport};
-use lag_buffer::{Held, LagBuffer};
-pub use output::{Followed, Output};
+use lag_buffer::{HeldMoment, LagBuffer};
+pub use output::{Output, ProcessedMoment};
 pub use search_offsets::search_offsets;
 
 use crate::foreground::Verdict;
-use crate::gathering::{Gathered, Gathering, LeftOut, Next, Part};
+use crate::gathering::{Gathered, Gathering, LeftOut, MomentPart, NextMoment};
 use crate::method::Method;
 use crate::silhouette::Body;
-use crate::station::{Pictures, Seen};
+use crate::station::{ObservedFrame, Pictures};
 use crate::tracks::{Stopwatch, Timings};
 use crate::{CameraFrame, Error, Moment, Result};
 
@@ -31,11 +31,11 @@ const MOST_HELD_BYTES: usize = 1 << 30;
 
 /// Reason why a run ended.
 #[derive(Debug)]
-pub enum Ended {
+pub enum RunEnd {
     /// A camera's source ended, the first of all: the name of the camera.
     Source(String),
     /// The caller's `advance` asked to stop.
-    Asked,
+    Stopped,
     /// A frame could not be decoded or has no time, or an output could not be written.
     Failed(Error),
 }
@@ -48,7 +48,7 @@ pub struct RunReport {
     /// Time from the decoding of the first frame to the last output, seconds.
     pub wall_s: f64,
     /// Reason why the run ended.
-    pub ended: Ended,
+    pub ended: RunEnd,
     /// For each camera that was set aside: the number of frames, and the first reason.
     pub set_aside: BTreeMap<String, (u32, Verdict)>,
     /// Counts of observations and moments that a live run left out.
@@ -64,8 +64,8 @@ impl RunReport {
     /// The error that ended the run.
     pub fn unless_failed(self) -> Result<Self> {
         match self.ended {
-            Ended::Failed(error) => Err(error),
-            Ended::Source(_) | Ended::Asked => Ok(self),
+            RunEnd::Failed(error) => Err(error),
+            RunEnd::Source(_) | RunEnd::Stopped => Ok(self),
         }
     }
 }
@@ -84,7 +84,7 @@ pub fn run(
     mut outputs: Vec<Box<dyn Output + '_>>,
     clocks: Option<ClockOffsets>,
     threads: usize,
-    mut advance: impl FnMut(Progress) -> ControlFlow<()>,
+    mut advance: impl FnMut(RunProgress) -> ControlFlow<()>,
 ) -> Result<RunReport> {
     let started = Instant::now();
     let mut pipeline = Pipeline {
@@ -96,20 +96,20 @@ pub fn run(
     };
     let ended = loop {
         let step = match gathering.next_moment() {
-            Ok(Next::Moment(gathered)) => {
+            Ok(NextMoment::Moment(gathered)) => {
                 let time_s = gathered.time_s;
                 let believed = pipeline.follow(gathered, method, &mut outputs);
                 if let Some(alignments) = pipeline.clocks.as_mut().and_then(|clocks| clocks.changed(time_s)) {
                     gathering.align(&alignments);
                 }
-                believed.map(|believed| gathering.believe(believed)).map(|()| Progress::Moment)
+                believed.map(|believed| gathering.believe(believed)).map(|()| RunProgress::Moment)
             }
-            Ok(Next::Idle) => Ok(Progress::Idle),
-            Ok(Next::Ended(camera)) => break Ok(Ended::Source(camera)),
+            Ok(NextMoment::Idle) => Ok(RunProgress::Idle),
+            Ok(NextMoment::Ended(camera)) => break Ok(RunEnd::Source(camera)),
             Err(error) => Err(error),
         };
         match step {
-            Ok(progress) if advance(progress).is_break() => break Ok(Ended::Asked),
+            Ok(progress) if advance(progress).is_break() => break Ok(RunEnd::Stopped),
             Ok(_) => {}
             Err(error) => break Err(error),
         }
@@ -133,7 +133,7 @@ pub fn run(
     }
     tracing::debug!("outputs finished in {:.1} ms", finishing.elapsed().as_secs_f64() * 1e3);
     // The first error is the one to mend.
-    let ended = ended.and_then(|ended| emitted.and(finished).map(|()| ended)).unwrap_or_else(Ended::Failed);
+    let ended = ended.and_then(|ended| emitted.and(finished).map(|()| ended)).unwrap_or_else(RunEnd::Failed);
     Ok(RunReport {
         frames,
         wall_s: started.elapsed().as_secs_f64(),
@@ -149,7 +149,7 @@ pub fn run(
 
 /// The latest step of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Progress {
+pub enum RunProgress {
     /// A moment was processed.
     Moment,
     /// No moment was ready.
@@ -178,19 +178,20 @@ impl Pipeline {
             (Vec::with_capacity(count), Vec::with_capacity(count), Vec::with_capacity(count));
         let (mut decode, mut foreground) = (Duration::ZERO, Duration::ZERO);
         for (camera, part) in parts.into_iter().enumerate() {
-            if let (Some(clocks), Part::Seen(seen)) = (&mut self.clocks, &part) {
+            if let (Some(clocks), MomentPart::Seen(seen)) = (&mut self.clocks, &part) {
                 clocks.observe(camera, &seen.observation)?;
             }
             let (camera, shown, verdict) = match part {
-                Part::Seen(seen) => {
-                    let Seen { observation, pictures, decode: decoding, foreground: observing } = *seen;
+                MomentPart::Seen(seen) => {
+                    let ObservedFrame { observation, pictures, decode: decoding, foreground: observing } =
+                        *seen;
                     decode += decoding;
                     foreground += observing;
                     let image = pictures.pinhole.clone();
                     let camera = CameraFrame { mask: observation.mask, colours: observation.colours, image };
                     (camera, pictures, observation.health)
                 }
-                Part::Nothing(why) => (CameraFrame::default(), Pictures::default(), why),
+                MomentPart::Nothing(why) => (CameraFrame::default(), Pictures::default(), why),
             };
             cameras.push(camera);
             pictures.push(shown);
@@ -203,7 +204,7 @@ impl Pipeline {
         let people = self.stopwatch.time("inference", || method.step(&moment))?;
         self.frames += 1;
         let believed = people.iter().map(Body::from).collect();
-        self.held.push(Held { frame, time_s, cameras, pictures, health, people });
+        self.held.push(HeldMoment { frame, time_s, cameras, pictures, health, people });
         while let Some(first) = self.held.pop_due(time_s) {
             self.stopwatch.time("output", || first.emit(method, outputs))?;
         }

@@ -15,7 +15,7 @@ use crate::{CameraFrame, Moment, PersonEstimate, Result};
 
 /// One moment with its estimates.
 #[derive(Debug, Clone, Copy)]
-pub struct Followed<'a> {
+pub struct ProcessedMoment<'a> {
     /// Input of the method.
     pub moment: Moment<'a>,
     /// Estimates of the method.
@@ -27,7 +27,7 @@ pub struct Followed<'a> {
     pub packets: &'a [Packet],
 }
 
-impl Followed<'_> {
+impl ProcessedMoment<'_> {
     /// A camera's filmed picture, at the size at which it is drawn; `None` where it was not demanded
     /// ([`crate::station::PictureDemand`]), or only masks are given.
     pub fn filmed(&self, camera: usize) -> Option<&Arc<RgbImage>> {
@@ -52,7 +52,7 @@ pub trait Output {
     ///
     /// # Errors
     /// An output that cannot be written.
-    fn put(&mut self, followed: &Followed<'_>) -> Result<()>;
+    fn put(&mut self, followed: &ProcessedMoment<'_>) -> Result<()>;
 
     /// Completes the output at the end of the run.
     ///
@@ -62,7 +62,7 @@ pub trait Output {
 }
 
 impl Output for TrackFiles {
-    fn put(&mut self, followed: &Followed<'_>) -> Result<()> {
+    fn put(&mut self, followed: &ProcessedMoment<'_>) -> Result<()> {
         let verdicts = followed.verdicts.iter().enumerate();
         let set_aside: Vec<usize> = verdicts.filter(|(_, v)| v.is_set_aside()).map(|(i, _)| i).collect();
         self.write(followed.moment.frame, followed.moment.time_s, followed.people, &set_aside)
@@ -74,7 +74,7 @@ impl Output for TrackFiles {
 }
 
 impl Output for Film {
-    fn put(&mut self, followed: &Followed<'_>) -> Result<()> {
+    fn put(&mut self, followed: &ProcessedMoment<'_>) -> Result<()> {
         let Moment { frame, time_s, .. } = followed.moment;
         self.push(frame, time_s, followed.shots(), followed.people)
     }
@@ -85,7 +85,7 @@ impl Output for Film {
 }
 
 impl Output for TrajectoryPlan {
-    fn put(&mut self, followed: &Followed<'_>) -> Result<()> {
+    fn put(&mut self, followed: &ProcessedMoment<'_>) -> Result<()> {
         self.extend(followed.moment.time_s, followed.people);
         Ok(())
     }
@@ -96,7 +96,7 @@ impl Output for TrajectoryPlan {
 }
 
 impl Output for Drawer {
-    fn put(&mut self, followed: &Followed<'_>) -> Result<()> {
+    fn put(&mut self, followed: &ProcessedMoment<'_>) -> Result<()> {
         let Moment { frame, time_s, .. } = followed.moment;
         self.offer(frame, time_s, followed.people, || followed.shots());
         Ok(())

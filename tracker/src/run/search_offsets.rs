@@ -4,11 +4,11 @@
 use std::sync::mpsc::Receiver;
 
 use super::clock_offsets::alignments;
-use crate::gathering::Alignment;
+use crate::gathering::ClockAlignment;
 use crate::observation::Feedback;
 use crate::offsets::{OffsetEstimator, OffsetOptions};
-use crate::stage::Stage;
-use crate::station::{Event, Port, Seen};
+use crate::prepared_room::PreparedRoom;
+use crate::station::{Event, ObservedFrame, Port};
 use crate::{Error, Result};
 
 /// Length of the recordings that is searched, seconds; offsets do not change.
@@ -19,14 +19,14 @@ const LOOK_S: f64 = 300.0;
 /// # Errors
 /// An error of a station before its first observation, or a mask whose size is not that of its camera.
 pub fn search_offsets(
-    stage: &Stage,
+    stage: &PreparedRoom,
     mut ports: Vec<Port>,
     events: &Receiver<(usize, Event)>,
-    given: &[Alignment],
-) -> Result<Vec<Alignment>> {
+    given: &[ClockAlignment],
+) -> Result<Vec<ClockAlignment>> {
     let options = OffsetOptions { keep_s: LOOK_S, ..OffsetOptions::recording() };
     let mut estimator = OffsetEstimator::new(stage, options)?;
-    let mut cameras: Vec<Recording> = ports.iter().map(|_| Recording::default()).collect();
+    let mut cameras: Vec<ScannedRecording> = ports.iter().map(|_| ScannedRecording::default()).collect();
     // The camera whose next observation is the earliest comes first, so that observations arrive in the order of their
     // times.
     while let Some(camera) = next(&mut cameras, events)? {
@@ -65,14 +65,14 @@ pub fn search_offsets(
 
 /// State of one recording.
 #[derive(Default)]
-struct Recording {
-    pending: std::collections::VecDeque<Seen>,
+struct ScannedRecording {
+    pending: std::collections::VecDeque<ObservedFrame>,
     start_s: Option<f64>,
     is_over: bool,
 }
 
 /// Camera whose observation comes next in time; `None` when all recordings are over.
-fn next(cameras: &mut [Recording], events: &Receiver<(usize, Event)>) -> Result<Option<usize>> {
+fn next(cameras: &mut [ScannedRecording], events: &Receiver<(usize, Event)>) -> Result<Option<usize>> {
     while cameras.iter().any(|camera| camera.pending.is_empty() && !camera.is_over) {
         match events.recv() {
             Ok((camera, Event::Seen(seen))) if !cameras[camera].is_over => {
@@ -91,7 +91,7 @@ fn next(cameras: &mut [Recording], events: &Receiver<(usize, Event)>) -> Result<
 }
 
 /// Ends a recording. One that fails after its first observation still counts with what it showed.
-fn fail(camera: &mut Recording, error: Error) -> Result<()> {
+fn fail(camera: &mut ScannedRecording, error: Error) -> Result<()> {
     camera.is_over = true;
     if camera.start_s.is_none() && camera.pending.is_empty() { Err(error) } else { Ok(()) }
 }

@@ -11,11 +11,11 @@ use super::*;
 use crate::PersonEstimate;
 use crate::film::FilmOptions;
 use crate::foreground::backdrop::Backdrop;
-use crate::foreground::{Foreground, ForegroundOptions, Start};
-use crate::gathering::{Alignment, GatheringOptions};
+use crate::foreground::{Foreground, ForegroundOptions, InitialBackground};
+use crate::gathering::{ClockAlignment, GatheringOptions};
 use crate::method::Needs;
+use crate::prepared_room::{PreparationOptions, PreparedRoom};
 use crate::source::{self, CaptureTimes, NamedSource, Times, VideoSource};
-use crate::stage::{Stage, StageOptions};
 use crate::station::{self, Masks, Observer, Permits, PictureDemand, RecordedStation, Station, Work};
 
 const SIZE: (u32, u32) = (64, 48);
@@ -25,9 +25,9 @@ const MASKS: Needs = Needs { masks: true, pictures: false, empty_scene: false };
 
 /// Method that records the checksums of its input.
 #[derive(Default)]
-struct Witness(Vec<(u32, f64, Vec<u64>)>);
+struct ChecksumMethod(Vec<(u32, f64, Vec<u64>)>);
 
-impl Method for Witness {
+impl Method for ChecksumMethod {
     fn step(&mut self, moment: &Moment<'_>) -> Result<Vec<PersonEstimate>> {
         let sum = |bytes: &[u8]| bytes.iter().enumerate().map(|(i, b)| (i as u64 + 1) * *b as u64).sum();
         let seen = moment.cameras.iter().flat_map(|c| {
@@ -44,8 +44,8 @@ impl Method for Witness {
 }
 
 /// Method that counts the foreground of one camera without pictures.
-struct Count(Vec<Option<usize>>);
-impl Method for Count {
+struct ForegroundCount(Vec<Option<usize>>);
+impl Method for ForegroundCount {
     fn step(&mut self, moment: &Moment<'_>) -> Result<Vec<PersonEstimate>> {
         let camera = &moment.cameras[0];
         assert!(camera.image.is_none());
@@ -73,7 +73,7 @@ impl Method for Late {
         self.0
     }
 
-    fn hindsight(&mut self, frame: u32) -> Option<Vec<PersonEstimate>> {
+    fn smoothed(&mut self, frame: u32) -> Option<Vec<PersonEstimate>> {
         Some(vec![PersonEstimate {
             id: crate::TrackId(frame),
             x_m: 0.0,
@@ -91,12 +91,12 @@ impl Method for Late {
 }
 
 /// Frame, time, ids of the people, and checksum of the pictures.
-type Told = (u32, f64, Vec<u32>, u64);
+type EmittedMoment = (u32, f64, Vec<u32>, u64);
 
 /// Output that records its input.
-struct Notes<'a>(&'a std::cell::RefCell<Vec<Told>>);
+struct Notes<'a>(&'a std::cell::RefCell<Vec<EmittedMoment>>);
 impl Output for Notes<'_> {
-    fn put(&mut self, followed: &Followed<'_>) -> Result<()> {
+    fn put(&mut self, followed: &ProcessedMoment<'_>) -> Result<()> {
         let people = followed.people.iter().map(|p| p.id.0).collect();
         let sum = (0..followed.moment.cameras.len())
             .filter_map(|c| followed.filmed(c))
@@ -112,12 +112,12 @@ impl Output for Notes<'_> {
     }
 }
 
-fn go_on(_: Progress) -> ControlFlow<()> {
+fn go_on(_: RunProgress) -> ControlFlow<()> {
     ControlFlow::Continue(())
 }
 
 fn ended_by(report: &RunReport) -> &str {
-    let Ended::Source(name) = &report.ended else { panic!("{:?}", report.ended) };
+    let RunEnd::Source(name) = &report.ended else { panic!("{:?}", report.ended) };
     name
 }
 
@@ -153,7 +153,12 @@ fn recorded(cameras: &[(&str, u32)]) -> (tempfile::TempDir, Room) {
     (folder, room)
 }
 
-fn followed(folder: &Path, room: &Room, threads: usize, times: &Times) -> Result<(Witness, RunReport)> {
+fn followed(
+    folder: &Path,
+    room: &Room,
+    threads: usize,
+    times: &Times,
+) -> Result<(ChecksumMethod, RunReport)> {
     let clocks = vec![(times.clone(), 0.0); room.cameras.len()];
     clocked(folder, room, threads, &clocks)
 }
@@ -164,8 +169,8 @@ fn clocked(
     room: &Room,
     threads: usize,
     clocks: &[(Times, f64)],
-) -> Result<(Witness, RunReport)> {
-    let mut witness = Witness::default();
+) -> Result<(ChecksumMethod, RunReport)> {
+    let mut witness = ChecksumMethod::default();
     let gathering = gathered(folder, room, threads, clocks, EVERYTHING)?;
     let report = run(gathering, &mut witness, Vec::new(), None, threads, go_on)?;
     Ok((witness, report.unless_failed()?))
@@ -179,7 +184,7 @@ fn gathered(
     clocks: &[(Times, f64)],
     needs: Needs,
 ) -> Result<Gathering> {
-    let stage = Stage::prepare(room, folder, &StageOptions::default())?;
+    let stage = PreparedRoom::prepare(room, folder, &PreparationOptions::default())?;
     let empty = Backdrop::learn(&[RgbImage::from_fn(SIZE.0, SIZE.1, floor)])?;
     let named =
         |name: &str| NamedSource { name: name.to_owned(), spec: folder.join(name).display().to_string() };
@@ -189,20 +194,21 @@ fn gathered(
     for (camera, (source, (times, _))) in
         source::open(room, &videos, &[])?.into_iter().zip(clocks).enumerate()
     {
-        let start = Start::Backdrop(empty.clone());
+        let start = InitialBackground::Backdrop(empty.clone());
         let foreground = Foreground::new(SIZE.0, SIZE.1, start, ForegroundOptions::default())?;
         let masks = Masks::Subtracted(Box::new(foreground));
         let Some(VideoSource::Recorded(video)) = source.video else { panic!("a folder is a recording") };
         let station = recorded_station(&stage, &source.name, Some(video), None, masks, (times, needs))?;
         ports.push(station::start(station, camera, inbox.clone(), &permits));
     }
-    let alignment = |(_, offset_s): &(Times, f64)| Alignment { offset_s: *offset_s, ..Alignment::default() };
+    let alignment =
+        |(_, offset_s): &(Times, f64)| ClockAlignment { offset_s: *offset_s, ..ClockAlignment::default() };
     let options = GatheringOptions { alignments: clocks.iter().map(alignment).collect(), latency_s: 0.3 };
     Gathering::new(ports, events, &options)
 }
 
 fn recorded_station(
-    stage: &Stage,
+    stage: &PreparedRoom,
     name: &str,
     video: Option<FrameSource>,
     masks: Option<FrameSource>,
@@ -320,7 +326,7 @@ fn masks_alone_are_enough_and_a_full_one_is_set_aside() {
         let mask = GrayImage::from_fn(SIZE.0, SIZE.1, |u, _| Luma([u8::from(frame == 1 || u < 10)]));
         mask.save(masks.join(format!("{frame}.png"))).unwrap();
     }
-    let stage = Stage::prepare(&room, folder.path(), &StageOptions::default()).unwrap();
+    let stage = PreparedRoom::prepare(&room, folder.path(), &PreparationOptions::default()).unwrap();
     let named: NamedSource = format!("a={}", masks.display()).parse().unwrap();
     let source = source::open(&room, &[], &[named]).unwrap().remove(0);
     let times = Times::steady(4.0).unwrap();
@@ -328,9 +334,9 @@ fn masks_alone_are_enough_and_a_full_one_is_set_aside() {
     let station = recorded_station(&stage, "a", None, source.masks, made, (&times, MASKS)).unwrap();
     let (inbox, events) = std::sync::mpsc::channel();
     let port = station::start(station, 0, inbox, &Permits::new(2));
-    let options = GatheringOptions { alignments: vec![Alignment::default()], latency_s: 0.3 };
+    let options = GatheringOptions { alignments: vec![ClockAlignment::default()], latency_s: 0.3 };
     let gathering = Gathering::new(vec![port], events, &options).unwrap();
-    let mut count = Count(Vec::new());
+    let mut count = ForegroundCount(Vec::new());
     let report = run(gathering, &mut count, Vec::new(), None, 2, go_on).unwrap();
     assert_eq!(count.0, [Some(480), None, Some(480)]);
     assert_eq!(report.set_aside["a"], (1, Verdict::AllForeground));
@@ -376,7 +382,7 @@ fn each_camera_shows_the_frame_of_the_moment_at_any_number_of_threads() {
 /// Output that records whether it was finished, and after how many moments.
 struct Finish<'a>(u32, &'a std::cell::Cell<Option<u32>>);
 impl Output for Finish<'_> {
-    fn put(&mut self, _: &Followed<'_>) -> Result<()> {
+    fn put(&mut self, _: &ProcessedMoment<'_>) -> Result<()> {
         self.0 += 1;
         Ok(())
     }
@@ -390,7 +396,7 @@ impl Output for Finish<'_> {
 /// Output that cannot be finished.
 struct Unfinished;
 impl Output for Unfinished {
-    fn put(&mut self, _: &Followed<'_>) -> Result<()> {
+    fn put(&mut self, _: &ProcessedMoment<'_>) -> Result<()> {
         Ok(())
     }
 
@@ -412,7 +418,7 @@ fn outputs_are_finished_however_a_run_ends() {
             None,
             threads,
             |step| {
-                moments += u32::from(step == Progress::Moment);
+                moments += u32::from(step == RunProgress::Moment);
                 if moments == last { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
             },
         );

@@ -49,7 +49,7 @@ pub struct ImageConic {
 
 /// Location of a body in the image.
 #[derive(Debug, Clone)]
-pub enum Outline {
+pub enum ImageOutline {
     /// Outside the image.
     Nowhere,
     /// Inside an ellipse.
@@ -97,7 +97,7 @@ impl Ellipse {
 
 /// One row of the image of a body: `b² − c a` and the depth as functions of u.
 #[derive(Debug, Clone, Copy)]
-pub struct Row {
+pub struct ConicRow {
     /// `a = a0 + 2 a1 u + a2 u²`.
     a0: f64,
     a1: f64,
@@ -108,7 +108,7 @@ pub struct Row {
     c: f64,
 }
 
-impl Row {
+impl ConicRow {
     /// Columns, of eight beginning with `u`, in which a static point at depth `static_z_m` along z leaves the body's
     /// near surface visible; one bit a column.
     ///
@@ -190,30 +190,30 @@ impl ImageConic {
     }
 
     /// Location of the body in the image.
-    pub fn outline(&self) -> Outline {
+    pub fn outline(&self) -> ImageOutline {
         if self.holds_camera() {
-            return Outline::Open;
+            return ImageOutline::Open;
         }
         let [f, d, e, a, b, c] = self.inside;
         // A row (column) holds pixels where its quadratic in u (v) has roots.
         let rows = [b * b - a * c, d * b - a * e, d * d - a * f];
         let columns = [b * b - a * c, e * b - c * d, e * e - c * f];
         if a >= 0.0 || rows[0] >= 0.0 {
-            return if self.nearest_z_m <= 0.0 { Outline::Open } else { Outline::Nowhere };
+            return if self.nearest_z_m <= 0.0 { ImageOutline::Open } else { ImageOutline::Nowhere };
         }
         // All of the ellipse is in front or behind; its centre decides.
         let v = -rows[1] / rows[0];
         let u = -(b * v + d) / a;
         if self.b[0] + self.b[1] * u + self.b[2] * v >= 0.0 {
-            return Outline::Nowhere;
+            return ImageOutline::Nowhere;
         }
         let (Some((row_range, last_row)), Some((column_range, _))) =
             (extent(&rows, self.height), extent(&columns, self.width))
         else {
-            return Outline::Nowhere;
+            return ImageOutline::Nowhere;
         };
         let scale = 1.0 / (a * a);
-        Outline::Ellipse(Ellipse {
+        ImageOutline::Ellipse(Ellipse {
             rows: row_range,
             // One pixel more on either side, so that rounding never puts the end of a span outside.
             columns: (column_range.start - 1).max(0)..(column_range.end + 1).min(self.width),
@@ -232,10 +232,10 @@ impl ImageConic {
     }
 
     /// Functions of row `v` for depth and spans.
-    pub fn row(&self, v: i32) -> Row {
+    pub fn row(&self, v: i32) -> ConicRow {
         let v = f64::from(v);
         let [a_1, a_u, a_v, a_uu, a_uv, a_vv] = self.a;
-        Row {
+        ConicRow {
             a0: a_1 + v * (2.0 * a_v + v * a_vv),
             a1: a_u + v * a_uv,
             a2: a_uu,
@@ -246,7 +246,7 @@ impl ImageConic {
     }
 
     /// Spans of a row, for any outline: none, one, or (for a body that reaches behind the image plane) up to two.
-    pub fn spans(&self, row: &Row) -> [Option<Range<i32>>; 2] {
+    pub fn spans(&self, row: &ConicRow) -> [Option<Range<i32>>; 2] {
         let (start, end) = (0.0, f64::from(self.width - 1));
         if self.holds_camera() {
             return [Some(0..self.width), None];
@@ -281,7 +281,7 @@ impl ImageConic {
     }
 
     /// Whole pixels of `[from, to]` whose rays meet the body in front of the camera.
-    fn span(row: &Row, from: f64, to: f64) -> Option<Range<i32>> {
+    fn span(row: &ConicRow, from: f64, to: f64) -> Option<Range<i32>> {
         whole_pixels(from, to).filter(|span| row.b0 + row.b1 * f64::from(span.start) < 0.0)
     }
 }

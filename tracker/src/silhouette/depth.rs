@@ -87,10 +87,10 @@ impl StaticDepth {
     }
 
     /// Visibility of a body whose visible points are no nearer than `from_m` and no farther than `to_m`.
-    pub(super) fn sight(&self, from_m: f64, to_m: f64) -> Sight<'_> {
+    pub(super) fn visibility(&self, from_m: f64, to_m: f64) -> Visibility<'_> {
         // Rounded outwards, so that exact contact, as of a body with a wall, is decided pixel by pixel.
         let [from_m, to_m] = [(from_m as f32).next_down(), (to_m as f32).next_up()];
-        Sight {
+        Visibility {
             depth: self,
             reached: &self.planes[self.plane_of(level(from_m, self.level_bits))],
             beyond: &self.planes[self.plane_of(level(to_m, self.level_bits) + 1)],
@@ -110,7 +110,7 @@ fn level(z_m: f32, level_bits: u32) -> u32 {
 
 /// Visibility of one body before the static room.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Sight<'a> {
+pub(super) struct Visibility<'a> {
     depth: &'a StaticDepth,
     /// Pixels at which the body may be visible.
     reached: &'a [u64],
@@ -118,7 +118,7 @@ pub(super) struct Sight<'a> {
     beyond: &'a [u64],
 }
 
-impl Sight<'_> {
+impl Visibility<'_> {
     /// Visible pixels among a word's `pixels` in row `v`, all of which lie on the body of this image.
     #[inline]
     pub(super) fn of(&self, v: i32, word: usize, pixels: u64, conic: &ImageConic) -> u64 {
@@ -178,15 +178,15 @@ mod tests {
                 let to_m =
                     if rng.random() { f64::from(at(0, 0)) } else { from_m + rng.random_range(0.0..2.0) };
                 let to_m = if to_m.is_nan() { from_m } else { to_m };
-                let sight = depth.sight(from_m, to_m);
+                let visibility = depth.visibility(from_m, to_m);
                 for _ in 0..2000 {
                     let (u, v) = (rng.random_range(0..width), rng.random_range(0..height));
                     let word = v as usize * depth.words_per_row + u as usize / 64;
                     let has = |plane: &[u64]| plane[word] >> (u % 64) & 1 == 1;
                     let z_m = at(u, v);
-                    assert!(!has(sight.beyond) || f64::from(z_m) > to_m, "{z_m} is not beyond {to_m}");
+                    assert!(!has(visibility.beyond) || f64::from(z_m) > to_m, "{z_m} is not beyond {to_m}");
                     let is_before = !(z_m > 0.0 && f64::from(z_m) >= from_m);
-                    assert!(has(sight.reached) || is_before, "{z_m} is not before {from_m}");
+                    assert!(has(visibility.reached) || is_before, "{z_m} is not before {from_m}");
                 }
             }
         }
@@ -197,9 +197,9 @@ mod tests {
     #[test]
     fn a_body_is_told_from_what_is_a_hands_breadth_before_or_behind_it() {
         let depth = StaticDepth::new(64, 1, |u, _| 3.0 + 0.05 * u as f32);
-        let sight = depth.sight(4.0, 4.5);
+        let visibility = depth.visibility(4.0, 4.5);
         let first = |plane: &[u64]| 3.0 + 0.05 * f64::from(plane[0].trailing_zeros());
-        assert!((3.8..=4.0).contains(&first(sight.reached)), "{}", first(sight.reached));
-        assert!((4.5..4.7).contains(&first(sight.beyond)), "{}", first(sight.beyond));
+        assert!((3.8..=4.0).contains(&first(visibility.reached)), "{}", first(visibility.reached));
+        assert!((4.5..4.7).contains(&first(visibility.beyond)), "{}", first(visibility.beyond));
     }
 }

@@ -21,7 +21,7 @@ mod view;
 pub mod visibility;
 
 pub use body::Body;
-pub use conic::{ImageConic, Outline};
+pub use conic::{ImageConic, ImageOutline};
 pub use packed::Silhouette;
 pub use shape::{Ellipsoid, Shape};
 pub use view::View;

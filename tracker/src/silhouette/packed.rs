@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::conic::{Ellipse, Outline, SPANS};
+use super::conic::{Ellipse, ImageOutline, SPANS};
 use super::{Ellipsoid, ImageConic, View};
 
 /// Pixels of a body that the static room leaves visible: a rectangle of 64-pixel words. Bit 0 is the leftmost.
@@ -33,12 +33,12 @@ impl Silhouette {
     pub fn draw(&mut self, view: &View, body: &Ellipsoid) {
         let conic = ImageConic::new(view, body);
         match conic.outline() {
-            Outline::Nowhere => self.resize(&(0..0), &(0..0)),
-            Outline::Ellipse(ellipse) => {
+            ImageOutline::Nowhere => self.resize(&(0..0), &(0..0)),
+            ImageOutline::Ellipse(ellipse) => {
                 let hidden_from = view.first_row_below_floor(body, ellipse.last_row);
                 self.draw_ellipse(view, &conic, &ellipse, hidden_from);
             }
-            Outline::Open => self.draw_open(view, &conic),
+            ImageOutline::Open => self.draw_open(view, &conic),
         }
     }
 
@@ -55,7 +55,7 @@ impl Silhouette {
     fn draw_ellipse(&mut self, view: &View, conic: &ImageConic, ellipse: &Ellipse, hidden_from: i32) {
         let rows = ellipse.rows.start..ellipse.rows.end.min(hidden_from).max(ellipse.rows.start);
         self.resize(&rows, &ellipse.columns);
-        let sight = view.depth.sight(conic.nearest_z_m, conic.near_side_to_z_m);
+        let visibility = view.depth.visibility(conic.nearest_z_m, conic.near_side_to_z_m);
         let first_word = self.first_word;
         let (mut area_px, mut visible_px) = (0, 0);
         let mut rows_of_bits = self.bits.chunks_exact_mut(self.words.max(1));
@@ -63,7 +63,7 @@ impl Silhouette {
             for ((v, span), bits) in (first..rows.end).zip(&ellipse.spans(first)).zip(&mut rows_of_bits) {
                 area_px += (span.end - span.start).max(0) as u32;
                 for (word, bits) in (first_word..).zip(bits) {
-                    *bits = sight.of(v, word, span_bits(span, word), conic);
+                    *bits = visibility.of(v, word, span_bits(span, word), conic);
                     visible_px += bits.count_ones();
                 }
             }
@@ -76,10 +76,10 @@ impl Silhouette {
         let [rows, columns] = conic.image();
         self.resize(&rows, &columns);
         // Around the camera, everything is behind the near side.
-        let sight = if conic.holds_camera() {
-            view.depth.sight(f64::NEG_INFINITY, 0.0)
+        let visibility = if conic.holds_camera() {
+            view.depth.visibility(f64::NEG_INFINITY, 0.0)
         } else {
-            view.depth.sight(conic.nearest_z_m, conic.near_side_to_z_m)
+            view.depth.visibility(conic.nearest_z_m, conic.near_side_to_z_m)
         };
         for v in rows {
             let spans = conic.spans(&conic.row(v));
@@ -88,7 +88,7 @@ impl Silhouette {
             let start = v as usize * self.words;
             for (word, bits) in self.bits[start..start + self.words].iter_mut().enumerate() {
                 let pixels = spans().fold(0, |bits, span| bits | span_bits(span, word));
-                *bits = sight.of(v, word, pixels, conic);
+                *bits = visibility.of(v, word, pixels, conic);
                 self.visible_px += bits.count_ones();
             }
         }

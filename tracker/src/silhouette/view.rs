@@ -6,7 +6,7 @@ use super::Ellipsoid;
 #[cfg(doc)]
 use super::conic::Ellipse;
 use super::depth::StaticDepth;
-use crate::stage::StageCamera;
+use crate::prepared_room::PreparedCamera;
 
 /// A pinhole camera with the static room in front of it.
 ///
@@ -33,19 +33,19 @@ pub struct View {
     is_floor_opaque: bool,
     /// Number of 64-pixel words in a row of the image; the last may be partly used.
     pub(crate) words_per_row: usize,
-    /// Static depth, as in [`StageCamera::static_z_m`].
+    /// Static depth, as in [`PreparedCamera::static_z_m`].
     pub(super) depth: StaticDepth,
 }
 
 impl View {
     /// Prepares a camera of the room.
-    pub fn new(camera: &StageCamera) -> Self {
+    pub fn new(camera: &PreparedCamera) -> Self {
         Self::coarse(camera, 1)
     }
 
     /// Prepares a camera with `block` × `block` of its pixels as one. Each ray goes through its block's middle, and has
     /// the static depth of the pixel there.
-    pub fn coarse(camera: &StageCamera, block: u8) -> Self {
+    pub fn coarse(camera: &PreparedCamera, block: u8) -> Self {
         let side = u32::from(block);
         let k = &camera.pinhole.intrinsics;
         let (width, height) = (k.width.div_ceil(side), k.height.div_ceil(side));
@@ -120,7 +120,7 @@ impl View {
         (forward > 0.0 && q2 > 0.0).then(|| (q1 + (q1 * q1 - q2 * q0).max(0.0).sqrt()) / q2)
     }
 
-    /// Static depth at a pixel, as in [`StageCamera::static_z_m`].
+    /// Static depth at a pixel, as in [`PreparedCamera::static_z_m`].
     pub fn static_z_m(&self, u: i32, v: i32) -> f32 {
         self.depth.z_m(u as u32, v as u32)
     }

@@ -48,7 +48,7 @@ fn overlap(a: &Silhouette, b: &Silhouette) -> bool {
 mod tests {
     use super::*;
     use crate::likelihood::oracle::near_z_m;
-    use crate::stage::StageCamera;
+    use crate::prepared_room::PreparedCamera;
     use calib::{Camera, Intrinsics};
     use glam::Vec3;
     use nalgebra::{Isometry3, Point3, Vector3};
@@ -81,7 +81,7 @@ mod tests {
             let camera_from_world =
                 Isometry3::face_towards(&eye, &Point3::new(3.0, 2.0, 0.8), &-Vector3::z()).inverse();
             let intrinsics = Intrinsics::from_horizontal_fov(90, 70, 80.0);
-            let mut camera = StageCamera::new("c", &Camera { intrinsics, camera_from_world });
+            let mut camera = PreparedCamera::new("c", &Camera { intrinsics, camera_from_world });
             for (z_m, met_m) in camera.static_z_m.iter_mut().zip(depth::render(&scene, &camera.pinhole).z_m) {
                 *z_m = if met_m > 0.0 { met_m } else { f32::INFINITY };
             }

@@ -5,7 +5,7 @@ use crate::Result;
 
 /// Origin of a recording's capture times.
 #[derive(Debug, Clone, PartialEq)]
-enum Clock {
+enum TimeSource {
     /// A rate or a file given by the user, which replaces the recording's own times.
     Given(Times),
     /// The recording's own presentation times; a frame without one is placed one interval after the frame before it.
@@ -16,7 +16,7 @@ enum Clock {
 #[derive(Debug, Clone)]
 pub struct CaptureTimes {
     name: String,
-    clock: Clock,
+    clock: TimeSource,
     /// Number of frames queried so far.
     frames: u32,
     latest_s: Option<f64>,
@@ -26,23 +26,23 @@ pub struct CaptureTimes {
 impl CaptureTimes {
     /// Uses the given times for the recording of this name.
     pub fn given(name: impl Into<String>, times: Times) -> Self {
-        Self::new(name.into(), Clock::Given(times))
+        Self::new(name.into(), TimeSource::Given(times))
     }
 
     /// Uses the recording's own presentation times, and `rate_hz` frames a second where it has none.
     pub fn presentation(name: impl Into<String>, rate_hz: f64) -> Self {
-        Self::new(name.into(), Clock::Presentation { rate_hz })
+        Self::new(name.into(), TimeSource::Presentation { rate_hz })
     }
 
-    fn new(name: String, clock: Clock) -> Self {
+    fn new(name: String, clock: TimeSource) -> Self {
         Self { name, clock, frames: 0, latest_s: None, has_warned: false }
     }
 
     /// Mean frame rate, frames a second.
     pub fn mean_rate(&self) -> f64 {
         match &self.clock {
-            Clock::Given(times) => times.mean_rate(),
-            Clock::Presentation { rate_hz } => *rate_hz,
+            TimeSource::Given(times) => times.mean_rate(),
+            TimeSource::Presentation { rate_hz } => *rate_hz,
         }
     }
 
@@ -54,8 +54,8 @@ impl CaptureTimes {
     pub fn next(&mut self, stamp_s: Option<f64>) -> Result<f64> {
         self.frames += 1;
         let time_s = match &self.clock {
-            Clock::Given(times) => times.of(self.frames)?,
-            Clock::Presentation { rate_hz } => {
+            TimeSource::Given(times) => times.of(self.frames)?,
+            TimeSource::Presentation { rate_hz } => {
                 let expected_s = self.latest_s.map_or(0.0, |latest| latest + rate_hz.recip());
                 let found_s =
                     stamp_s.filter(|s| s.is_finite() && self.latest_s.is_none_or(|latest| *s > latest));

@@ -15,7 +15,7 @@ use image::RgbImage;
 
 use super::observer::Observer;
 use super::permits::Permits;
-use super::seen::{Event, PictureDemand, Pictures, Seen};
+use super::seen::{Event, ObservedFrame, PictureDemand, Pictures};
 use crate::foreground::Verdict;
 use crate::observation::{Feedback, Observation};
 use crate::source::{ArrivalClock, LiveSource, utc_s};
@@ -43,13 +43,13 @@ pub struct LiveStation {
 }
 
 /// A message from the reader to the station.
-enum Read {
-    Frame(Box<Frame>),
+enum ReaderMessage {
+    DecodedFrame(Box<DecodedFrame>),
     /// The stream is out of reach, or its pictures have another shape than the room was calibrated for.
     Nothing(Verdict),
 }
 
-struct Frame {
+struct DecodedFrame {
     sequence: u64,
     time_s: f64,
     picture: RgbImage,
@@ -90,8 +90,8 @@ impl LiveStation {
             }
             let event = match read {
                 None => continue,
-                Some(Read::Nothing(health)) => Event::Seen(Box::new(nothing(health))),
-                Some(Read::Frame(frame)) => {
+                Some(ReaderMessage::Nothing(health)) => Event::Seen(Box::new(nothing(health))),
+                Some(ReaderMessage::DecodedFrame(frame)) => {
                     waiting.fetch_sub(1, Ordering::AcqRel);
                     let _permit = permits.acquire();
                     match observe(&mut observer, *frame) {
@@ -120,10 +120,10 @@ fn newest(feedback: &Receiver<Feedback>) -> std::result::Result<Option<Feedback>
     }
 }
 
-fn observe(observer: &mut Observer, frame: Frame) -> Result<Seen> {
+fn observe(observer: &mut Observer, frame: DecodedFrame) -> Result<ObservedFrame> {
     let started = Instant::now();
     let observed = observer.observe(frame.sequence, frame.time_s, Some(&frame.picture), None)?;
-    Ok(Seen {
+    Ok(ObservedFrame {
         observation: observed.observation,
         pictures: Pictures { pinhole: observed.pinhole, filmed: frame.filmed.map(Arc::new) },
         decode: frame.decode,
@@ -132,8 +132,8 @@ fn observe(observer: &mut Observer, frame: Frame) -> Result<Seen> {
 }
 
 /// Observation of a camera whose stream is out of reach.
-fn nothing(health: Verdict) -> Seen {
-    Seen {
+fn nothing(health: Verdict) -> ObservedFrame {
+    ObservedFrame {
         observation: Observation::unusable(0, utc_s(SystemTime::now()), health),
         pictures: Pictures::default(),
         decode: Duration::ZERO,
@@ -148,7 +148,7 @@ struct Reader {
     sizes: ((u32, u32), (u32, u32)),
     demand: PictureDemand,
     filmed_size: (u32, u32),
-    give: Sender<Read>,
+    give: Sender<ReaderMessage>,
     /// Number of pictures that wait for the station.
     waiting: Arc<AtomicUsize>,
     is_wanted: Arc<AtomicBool>,
@@ -236,8 +236,9 @@ impl Reader {
         }
         self.latest_health = Verdict::Usable;
         self.waiting.fetch_add(1, Ordering::AcqRel);
-        let frame = Frame { sequence: self.sequence, time_s, picture, filmed, decode: started.elapsed() };
-        self.give.send(Read::Frame(Box::new(frame))).is_ok()
+        let frame =
+            DecodedFrame { sequence: self.sequence, time_s, picture, filmed, decode: started.elapsed() };
+        self.give.send(ReaderMessage::DecodedFrame(Box::new(frame))).is_ok()
     }
 
     /// Reports a change of the stream's health to the station. Returns whether the station still exists.
@@ -253,6 +254,6 @@ impl Reader {
                 self.filmed_size.1
             );
         }
-        self.give.send(Read::Nothing(health)).is_ok()
+        self.give.send(ReaderMessage::Nothing(health)).is_ok()
     }
 }

@@ -22,7 +22,7 @@ pub use observer::{Masks, Observer};
 pub use permits::Permits;
 pub use port::{Inbox, Port};
 pub use recorded::{Pace, RecordedStation};
-pub use seen::{Event, PictureDemand, Pictures, Seen};
+pub use seen::{Event, ObservedFrame, PictureDemand, Pictures};
 
 use crate::observation::Feedback;
 

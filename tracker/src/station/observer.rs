@@ -10,8 +10,8 @@ use crate::foreground::health::{self, Health};
 use crate::foreground::{Foreground, Verdict};
 use crate::method::Needs;
 use crate::observation::{Colours, Feedback, Mask, Observation};
+use crate::prepared_room::{PreparedRoom, resolution};
 use crate::silhouette::{Body, Silhouette, View};
-use crate::stage::{Stage, resolution};
 use crate::{Error, Result};
 
 /// Largest fraction of foreground in a usable ready-made mask.
@@ -88,7 +88,7 @@ impl Observer {
     ///
     /// # Errors
     /// A camera that the room lacks.
-    pub fn new(stage: &Stage, camera: &str, masks: Masks, needs: Needs) -> Result<Self> {
+    pub fn new(stage: &PreparedRoom, camera: &str, masks: Masks, needs: Needs) -> Result<Self> {
         let Some(camera) = stage.camera_index(camera).map(|i| &stage.cameras[i]) else {
             return Err(Error::option("room", format!("the stage has no camera `{camera}`")));
         };

@@ -10,7 +10,7 @@ use image::RgbImage;
 
 use super::observer::Observer;
 use super::permits::Permits;
-use super::seen::{Event, PictureDemand, Pictures, Seen};
+use super::seen::{Event, ObservedFrame, PictureDemand, Pictures};
 use crate::observation::Feedback;
 use crate::source::{CaptureTimes, utc_s};
 use crate::{Error, Result};
@@ -47,8 +47,8 @@ pub enum Pace {
 const LATE_S: f64 = 0.1;
 
 /// Result of reading a frame.
-enum Next {
-    Seen(Box<Seen>),
+enum RecordedFrame {
+    Seen(Box<ObservedFrame>),
     PassedOver,
     Ended,
 }
@@ -87,9 +87,9 @@ impl RecordedStation {
             }
             let permit = permits.acquire();
             let event = match self.next(sequence, &mut picture, &mut mask) {
-                Ok(Next::Seen(seen)) => Event::Seen(seen),
-                Ok(Next::PassedOver) => continue,
-                Ok(Next::Ended) => Event::Ended,
+                Ok(RecordedFrame::Seen(seen)) => Event::Seen(seen),
+                Ok(RecordedFrame::PassedOver) => continue,
+                Ok(RecordedFrame::Ended) => Event::Ended,
                 Err(error) => Event::Failed(error),
             };
             drop(permit);
@@ -109,18 +109,18 @@ impl RecordedStation {
 
     /// Reads and observes the next frame; the shorter of pictures and masks determines the end. `picture` and `mask`
     /// are buffers.
-    fn next(&mut self, sequence: u64, picture: &mut RgbImage, mask: &mut RgbImage) -> Result<Next> {
+    fn next(&mut self, sequence: u64, picture: &mut RgbImage, mask: &mut RgbImage) -> Result<RecordedFrame> {
         let started = Instant::now();
         let mut stamp_s = None;
         if let Some(video) = &mut self.video {
             if !video.advance()? {
-                return Ok(Next::Ended);
+                return Ok(RecordedFrame::Ended);
             }
             stamp_s = video.stamp().presentation_s;
         }
         if let Some(masks) = &mut self.masks {
             if !masks.advance()? {
-                return Ok(Next::Ended);
+                return Ok(RecordedFrame::Ended);
             }
             if self.video.is_none() {
                 stamp_s = masks.stamp().presentation_s;
@@ -128,7 +128,7 @@ impl RecordedStation {
         }
         let time_s = self.times.next(stamp_s)?;
         if matches!(self.pace, Pace::From(first_s) if utc_s(SystemTime::now()) > first_s + time_s + LATE_S) {
-            return Ok(Next::PassedOver);
+            return Ok(RecordedFrame::PassedOver);
         }
         let mut filmed = None;
         if let Some(video) = &mut self.video {
@@ -149,7 +149,7 @@ impl RecordedStation {
         let picture = self.video.is_some().then_some(&*picture);
         let mask = self.masks.is_some().then_some(&*mask);
         let observed = self.observer.observe(sequence, time_s, picture, mask)?;
-        Ok(Next::Seen(Box::new(Seen {
+        Ok(RecordedFrame::Seen(Box::new(ObservedFrame {
             observation: observed.observation,
             pictures: Pictures { pinhole: observed.pinhole, filmed },
             decode,
@@ -177,7 +177,7 @@ fn check_size(video: &FrameSource) -> Result<()> {
 
 /// Waits until the frame would have been filmed if the recording had started at `first_s`, seconds since 1970, and
 /// makes that its capture time.
-fn wait(seen: &mut Seen, first_s: f64) {
+fn wait(seen: &mut ObservedFrame, first_s: f64) {
     let due_s = first_s + seen.observation.time_s.max(0.0);
     let rest = Duration::try_from_secs_f64(due_s - utc_s(SystemTime::now())).unwrap_or_default();
     thread::sleep(rest);

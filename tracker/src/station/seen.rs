@@ -10,7 +10,7 @@ use crate::observation::Observation;
 
 /// One observed frame of a camera.
 #[derive(Debug, Clone)]
-pub struct Seen {
+pub struct ObservedFrame {
     /// Input of the trackers.
     pub observation: Observation,
     /// The demanded pictures.
@@ -34,7 +34,7 @@ pub struct Pictures {
 #[derive(Debug)]
 pub enum Event {
     /// A frame was observed.
-    Seen(Box<Seen>),
+    Seen(Box<ObservedFrame>),
     /// The recording has no more frames.
     Ended,
     /// A frame cannot be decoded, or has no time. No event follows.

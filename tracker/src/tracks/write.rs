@@ -6,8 +6,8 @@ use std::path::Path;
 use super::count;
 use super::jsonl::{FrameLine, PersonLine, rounded};
 use super::line_file::LineFile;
+use crate::prepared_room::PreparedRoom;
 use crate::silhouette::{Body, contour};
-use crate::stage::Stage;
 use crate::{Error, PersonEstimate, Result};
 
 /// Writers of `tracks.txt`, `tracks.jsonl` and `boxes/NAME.txt` of a run.
@@ -25,7 +25,7 @@ pub struct TrackFiles {
 
 impl TrackFiles {
     /// Files of a run in the folder `out`.
-    pub fn new(out: &Path, stage: &Stage) -> Self {
+    pub fn new(out: &Path, stage: &PreparedRoom) -> Self {
         let boxes = |name: &str| LineFile::new(out.join("boxes").join(format!("{name}.txt")));
         Self {
             floor: LineFile::new(out.join("tracks.txt")),
@@ -106,13 +106,13 @@ impl TrackFiles {
 mod tests {
     use super::*;
     use crate::TrackId;
-    use crate::stage::StageOptions;
+    use crate::prepared_room::PreparationOptions;
     use crate::tracks::{jsonl, rows::RowFile};
     use calib::{Camera, Intrinsics};
     use nalgebra::{Isometry3, Point3, Vector3};
     use scenes::room::{Room, RoomCamera};
 
-    fn stage() -> Stage {
+    fn stage() -> PreparedRoom {
         let camera = |name: &str, eye: [f64; 3]| RoomCamera {
             name: name.into(),
             camera: Camera {
@@ -130,7 +130,7 @@ mod tests {
             cameras: vec![camera("left", [0.0, 0.0, 2.0]), camera("right", [-3.0, 2.0, 2.0])],
             ..Room::default()
         };
-        Stage::prepare(&room, Path::new("."), &StageOptions::default()).unwrap()
+        PreparedRoom::prepare(&room, Path::new("."), &PreparationOptions::default()).unwrap()
     }
 
     fn person(id: u32, x_m: f64, y_m: f64) -> PersonEstimate {

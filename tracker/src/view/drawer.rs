@@ -8,21 +8,21 @@ use std::thread;
 use super::Screens;
 use crate::PersonEstimate;
 use crate::film::{FilmOptions, Painted, Painter, Shot};
-use crate::stage::Stage;
+use crate::prepared_room::PreparedRoom;
 
 /// Drawer that draws a moment for all screens when a viewer waits for one, on a thread of its own; moments that arrive
 /// during that time are skipped.
 #[derive(Debug)]
 pub struct Drawer {
     screens: Screens,
-    scenes: SyncSender<Scene>,
+    scenes: SyncSender<DrawJob>,
     is_free: Arc<AtomicBool>,
     /// Whether some camera has pictures, when there are viewers.
     has_pictures: bool,
 }
 
 /// A moment to be drawn.
-struct Scene {
+struct DrawJob {
     frame: u32,
     time_s: f64,
     shots: Vec<Shot>,
@@ -32,7 +32,7 @@ struct Scene {
 impl Drawer {
     /// Starts the drawer of the room's cameras for these screens. `has_pictures` is true if some camera has more than
     /// masks.
-    pub fn start(stage: &Stage, options: &FilmOptions, screens: &Screens, has_pictures: bool) -> Self {
+    pub fn start(stage: &PreparedRoom, options: &FilmOptions, screens: &Screens, has_pictures: bool) -> Self {
         let (scenes, received) = sync_channel(1);
         let is_free = Arc::new(AtomicBool::new(true));
         let (stage, options) = (stage.clone(), options.clone());
@@ -59,21 +59,21 @@ impl Drawer {
             self.is_free.store(true, Ordering::Release);
             return;
         }
-        let scene = Scene { frame, time_s, shots, people: people.to_vec() };
+        let scene = DrawJob { frame, time_s, shots, people: people.to_vec() };
         // The channel has room for the moment of an idle drawer; one that has failed takes none.
         let _ = self.scenes.try_send(scene);
     }
 }
 
 fn draw(
-    stage: &Stage,
+    stage: &PreparedRoom,
     options: &FilmOptions,
-    scenes: &Receiver<Scene>,
+    scenes: &Receiver<DrawJob>,
     screens: &Screens,
     is_free: &AtomicBool,
 ) {
     let mut painters: Vec<Painter> = Vec::new();
-    for Scene { frame, time_s, shots, people } in scenes {
+    for DrawJob { frame, time_s, shots, people } in scenes {
         if painters.is_empty() {
             painters = (0..stage.cameras.len()).map(|index| Painter::new(stage, index, options)).collect();
         }

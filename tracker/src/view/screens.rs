@@ -21,49 +21,49 @@ const WATCHING: Duration = Duration::from_secs(2);
 /// A screen for each camera, on which a new picture replaces the older one.
 #[derive(Debug, Clone)]
 pub struct Screens {
-    now: Sender<Now>,
+    now: Sender<ScreensState>,
     /// Time of the latest request for something new.
     asked: Arc<Mutex<Option<Instant>>>,
 }
 
 /// Present state, as sent to the page.
 #[derive(Debug, Serialize)]
-pub(super) struct Now {
+pub(super) struct ScreensState {
     /// Number of changes, from 1.
     pub(super) number: u64,
     /// Title of the page.
     title: String,
     /// Moment of the newest picture; `None` before the first.
-    moment: Option<Told>,
-    cameras: Vec<Screen>,
+    moment: Option<ShownMoment>,
+    cameras: Vec<CameraScreen>,
     pub(super) has_ended: bool,
 }
 
 /// Moment, as sent to the page.
 #[derive(Debug, Serialize)]
-struct Told {
+struct ShownMoment {
     frame: u32,
     time_s: f64,
     people: usize,
 }
 
 #[derive(Debug, Serialize)]
-struct Screen {
+struct CameraScreen {
     name: String,
     /// Number of the change that brought the picture.
     picture: Option<u64>,
     #[serde(skip)]
-    shown: Option<Arc<Picture>>,
+    shown: Option<Arc<EncodedPicture>>,
 }
 
 /// A picture, encoded when it is first requested.
 #[derive(Debug)]
-pub(super) struct Picture {
+pub(super) struct EncodedPicture {
     pixels: RgbImage,
     jpeg: OnceLock<Bytes>,
 }
 
-impl Picture {
+impl EncodedPicture {
     /// Picture as JPEG; empty when it has no pixels or too many.
     pub(super) fn jpeg(&self) -> Bytes {
         let encoded = || {
@@ -81,8 +81,8 @@ impl Screens {
     /// Empty screens of cameras with these names, on a page with this title.
     pub fn new<'a>(title: String, names: impl Iterator<Item = &'a str>) -> Self {
         let cameras =
-            names.map(|name| Screen { name: name.to_owned(), picture: None, shown: None }).collect();
-        let now = Now { number: 1, title, moment: None, cameras, has_ended: false };
+            names.map(|name| CameraScreen { name: name.to_owned(), picture: None, shown: None }).collect();
+        let now = ScreensState { number: 1, title, moment: None, cameras, has_ended: false };
         Self { now: Sender::new(now), asked: Arc::default() }
     }
 
@@ -103,11 +103,11 @@ impl Screens {
             now.number += 1;
             for Painted { camera, frame, time_s, people, picture } in pictures {
                 let Some(screen) = now.cameras.get_mut(camera) else { continue };
-                screen.shown = Some(Arc::new(Picture { pixels: picture, jpeg: OnceLock::new() }));
+                screen.shown = Some(Arc::new(EncodedPicture { pixels: picture, jpeg: OnceLock::new() }));
                 screen.picture = Some(now.number);
                 // One camera's film may be a few frames behind another's.
-                if now.moment.as_ref().is_none_or(|told| told.frame <= frame) {
-                    now.moment = Some(Told { frame, time_s, people });
+                if now.moment.as_ref().is_none_or(|shown| shown.frame <= frame) {
+                    now.moment = Some(ShownMoment { frame, time_s, people });
                 }
             }
         });
@@ -128,20 +128,20 @@ impl Screens {
     }
 
     /// Receiver of changes; its holder counts as a waiting viewer.
-    pub(super) fn wait(&self) -> Receiver<Now> {
+    pub(super) fn wait(&self) -> Receiver<ScreensState> {
         *self.asked.lock().unwrap_or_else(PoisonError::into_inner) = Some(Instant::now());
         self.now.subscribe()
     }
 
     /// Calls `look` with the present state.
-    pub(super) fn look<T>(&self, look: impl FnOnce(&Now) -> T) -> T {
+    pub(super) fn look<T>(&self, look: impl FnOnce(&ScreensState) -> T) -> T {
         look(&self.now.borrow())
     }
 }
 
-impl Now {
+impl ScreensState {
     /// Newest picture of the camera with this index, if there is one.
-    pub(super) fn picture(&self, camera: usize) -> Option<Arc<Picture>> {
+    pub(super) fn picture(&self, camera: usize) -> Option<Arc<EncodedPicture>> {
         self.cameras.get(camera)?.shown.clone()
     }
 }

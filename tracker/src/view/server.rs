@@ -92,7 +92,7 @@ impl Server {
 
     /// Informs viewers that the run has ended. The last pictures can still be fetched while the program goes on, and
     /// for a moment when this is dropped.
-    pub fn tell_the_end(&mut self) {
+    pub fn announce_end(&mut self) {
         if let Some(end) = self.end.take() {
             self.screens.end();
             // A server whose socket the system closed has already reported it.
@@ -103,7 +103,7 @@ impl Server {
 
 impl Drop for Server {
     fn drop(&mut self) {
-        self.tell_the_end();
+        self.announce_end();
         if let Some(thread) = self.thread.take() {
             // A failure of the thread has already been reported.
             let _ = thread.join();
@@ -112,18 +112,18 @@ impl Drop for Server {
 }
 
 /// Time of the latest request or answer.
-type Heard = Arc<Mutex<Option<Instant>>>;
+type LastActivity = Arc<Mutex<Option<Instant>>>;
 
 /// Serves until the end has been announced.
 async fn serve(listener: Listener, screens: Screens, ended: oneshot::Receiver<()>) {
-    let heard = Heard::default();
-    let note = Arc::clone(&heard);
+    let last_activity = LastActivity::default();
+    let note = Arc::clone(&last_activity);
     let answers = listener.serve(move |request| {
-        let (screens, heard) = (screens.clone(), Arc::clone(&note));
+        let (screens, last_activity) = (screens.clone(), Arc::clone(&note));
         async move {
-            set_now(&heard);
+            set_now(&last_activity);
             let answer = answer(&screens, request).await.unwrap_or_else(|refusal| refusal);
-            set_now(&heard);
+            set_now(&last_activity);
             answer
         }
     });
@@ -134,16 +134,16 @@ async fn serve(listener: Listener, screens: Screens, ended: oneshot::Receiver<()
     });
     // The end also comes when its sender is dropped.
     let _ = ended.await;
-    farewell(&heard).await;
+    farewell(&last_activity).await;
 }
 
-fn set_now(heard: &Heard) {
-    *heard.lock().unwrap_or_else(PoisonError::into_inner) = Some(Instant::now());
+fn set_now(last_activity: &LastActivity) {
+    *last_activity.lock().unwrap_or_else(PoisonError::into_inner) = Some(Instant::now());
 }
 
 /// Waits until the viewers have received the end.
-async fn farewell(heard: &Heard) {
-    let silence = || heard.lock().unwrap_or_else(PoisonError::into_inner).map(|at| at.elapsed());
+async fn farewell(last_activity: &LastActivity) {
+    let silence = || last_activity.lock().unwrap_or_else(PoisonError::into_inner).map(|at| at.elapsed());
     if silence().is_none_or(|silence| silence > WATCHING) {
         return;
     }
@@ -157,13 +157,13 @@ async fn farewell(heard: &Heard) {
 
 async fn answer(screens: &Screens, request: Request) -> std::result::Result<Answer, Answer> {
     let path = request.uri().path();
-    let route = Route::of(path).ok_or_else(|| Answer::nowhere(path))?;
+    let route = ViewRoute::of(path).ok_or_else(|| Answer::nowhere(path))?;
     if ![Method::GET, Method::HEAD].contains(request.method()) {
         return Err(Answer::other_method(path, "GET, HEAD"));
     }
     match route {
-        Route::Page(file) => Ok(Answer::file(file)),
-        Route::Moment => {
+        ViewRoute::Page(file) => Ok(Answer::file(file)),
+        ViewRoute::Moment => {
             if let Some(after) = request.uri().query().and_then(after) {
                 let mut news = screens.wait();
                 // Not "greater": the page may have been open since another run.
@@ -171,7 +171,7 @@ async fn answer(screens: &Screens, request: Request) -> std::result::Result<Answ
             }
             screens.look(Answer::json)
         }
-        Route::Camera(camera) => {
+        ViewRoute::Camera(camera) => {
             let picture = screens.look(|now| now.picture(camera));
             let picture = picture.ok_or_else(|| Answer::error(404, "that camera has no picture yet"))?;
             let jpeg = spawn_blocking(move || picture.jpeg()).await.unwrap_or_default();
@@ -189,7 +189,7 @@ fn after(query: &str) -> Option<u64> {
 }
 
 /// A request.
-enum Route {
+enum ViewRoute {
     Page(&'static PageFile),
     /// The present state; with a number, as soon as the state has another one.
     Moment,
@@ -197,7 +197,7 @@ enum Route {
     Camera(usize),
 }
 
-impl Route {
+impl ViewRoute {
     fn of(path: &str) -> Option<Self> {
         if let Some(file) = FILES.iter().find(|file| file.path == path) {
             return Some(Self::Page(file));

@@ -14,7 +14,7 @@ use serde_json::Value;
 
 use super::*;
 use crate::film::{FilmOptions, Painted, Painter, Shot};
-use crate::stage::{Stage, StageOptions};
+use crate::prepared_room::{PreparationOptions, PreparedRoom};
 
 /// A frame of one grey, which encodes its number.
 fn painted(camera: usize, frame: u32) -> Painted {
@@ -72,7 +72,7 @@ fn a_watcher_sees_the_newest_in_order_and_the_end() {
             screens.show([painted(0, frame), painted(1, frame)]);
             std::thread::sleep(Duration::from_millis(2));
         }
-        server.tell_the_end();
+        server.announce_end();
         server
     });
     let (mut number, mut frames) = (first["number"].as_u64().unwrap(), Vec::new());
@@ -206,7 +206,7 @@ fn a_port_in_use_is_named_and_the_usual_one_replaced() {
     assert!(other.ip().is_loopback() && other.port() != 8081, "{other}");
 }
 
-fn stage() -> Stage {
+fn stage() -> PreparedRoom {
     let camera = |name: &str| RoomCamera {
         name: name.into(),
         camera: Camera {
@@ -216,7 +216,7 @@ fn stage() -> Stage {
         reference: None,
     };
     let room = Room { cameras: vec![camera("a"), camera("b")], ..Room::default() };
-    Stage::prepare(&room, Path::new("."), &StageOptions::default()).unwrap()
+    PreparedRoom::prepare(&room, Path::new("."), &PreparationOptions::default()).unwrap()
 }
 
 #[test]

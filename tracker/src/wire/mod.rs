@@ -99,7 +99,7 @@ pub struct Hello {
 
 /// Stations that a gatherer expects.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Expected {
+pub struct ExpectedStations {
     /// Room; stations of other rooms are ignored.
     pub room: Fingerprint,
     /// Cameras of the prepared room, in its order.

@@ -28,7 +28,7 @@ fn show_under(model: &mut PixelModel, color: [u8; 3], seconds: f32, people: u8) 
         let mask =
             GrayImage::from_fn(16, 12, |u, v| Luma([255 * u8::from(score.get_pixel(u, v)[0] >= THRESHOLD)]));
         let people = GrayImage::from_pixel(16, 12, Luma([people]));
-        let judged = Judged { score: &score, mask: &mask, people: &people };
+        let judged = ScoredFrame { score: &score, mask: &mask, people: &people };
         model.learn(&frame, &Exposure::default(), judged, 0.1);
     }
     score.get_pixel(3, 3)[0]

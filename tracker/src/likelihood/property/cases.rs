@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use super::Decisions;
-use super::scene::{Meeting, Scene, meet};
+use super::scene::{Meeting, TestScene, meet};
 use crate::silhouette::Ellipsoid;
 
 /// Cases that must have occurred, with the least number of occurrences.
@@ -37,17 +37,20 @@ impl Cases {
         *self.0.entry(case).or_default() += u32::from(occurs);
     }
 
-    pub(super) fn note_scene(&mut self, scene: &Scene) {
+    pub(super) fn note_scene(&mut self, scene: &TestScene) {
         self.note("scene with a lens", !scene.stage.real.intrinsics.distortion.is_none());
         self.note("scene of blocks", scene.view.block > 1);
-        self.note("part of the twin not filmed", scene.sights.iter().any(|s| s.is_shown == Some(false)));
+        self.note(
+            "part of the twin not filmed",
+            scene.traced_pixels.iter().any(|s| s.is_shown == Some(false)),
+        );
         let is_of_discs = scene.room.is_of_discs();
         self.note("room of discs", is_of_discs == Some(true));
         self.note("room of triangles", is_of_discs == Some(false));
     }
 
     /// Notes the cases of a body that comes into a scene or moves in it.
-    pub(super) fn note_body(&mut self, scene: &Scene, body: &Ellipsoid) {
+    pub(super) fn note_body(&mut self, scene: &TestScene, body: &Ellipsoid) {
         let eye = scene.eye();
         let forward = scene.to_world(&nalgebra::Vector3::z());
         // Along the camera's z: the body's middle, and its extent from there.
@@ -60,12 +63,12 @@ impl Cases {
             return;
         }
         let (mut seen, mut furniture, mut floor, mut lens) = (0, 0, 0, 0);
-        for sight in &scene.sights {
-            let [is_met, is_seen] = sight.of(&eye, body);
+        for traced in &scene.traced_pixels {
+            let [is_met, is_seen] = traced.of(&eye, body);
             seen += u32::from(is_seen == Some(true));
             if (is_met, is_seen) == (Some(true), Some(false)) {
-                match sight.is_shown {
-                    Some(true) if sight.furniture.to_m < sight.floor.from_m => furniture += 1,
+                match traced.is_shown {
+                    Some(true) if traced.furniture.to_m < traced.floor.from_m => furniture += 1,
                     Some(true) => floor += 1,
                     _ => lens += 1,
                 }
@@ -80,7 +83,7 @@ impl Cases {
         // Seen in the outermost pixel, and met one pixel farther out.
         let is_cut = |inside: (i32, i32), outside: (i32, i32)| {
             let ray = scene.to_world(&scene.middle(outside.0, outside.1).ray);
-            scene.sights[(inside.1 * width + inside.0) as usize].of(&eye, body)[1] == Some(true)
+            scene.traced_pixels[(inside.1 * width + inside.0) as usize].of(&eye, body)[1] == Some(true)
                 && matches!(meet(&eye, &ray, body), Meeting::At(_))
         };
         self.note("cut by the left border", (0..height).any(|v| is_cut((0, v), (-1, v))));

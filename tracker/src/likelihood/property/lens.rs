@@ -11,13 +11,13 @@ const RIM: f64 = 1e-6;
 const NEAR_FOLD: f64 = 0.98;
 
 /// Filmed image of a camera, as seen from its pinhole twin.
-pub(super) struct Lens {
+pub(super) struct FilmLens {
     intrinsics: Intrinsics,
     fold: f64,
 }
 
 /// Filmed place of a pixel of the twin.
-pub(super) struct Filmed {
+pub(super) struct FilmedPlace {
     /// Place in the filmed image plane, pixels; within the image or outside.
     pub(super) place: Point2<f64>,
     /// Whether the film shows it; `None` if undecided.
@@ -26,14 +26,14 @@ pub(super) struct Filmed {
     pub(super) ray: Vector3<f64>,
 }
 
-impl Lens {
+impl FilmLens {
     pub(super) fn new(intrinsics: &Intrinsics) -> Self {
         Self { intrinsics: intrinsics.clone(), fold: fold(&intrinsics.distortion) }
     }
 
     /// Filmed place of a point in the twin's image. Its ray is computed through the lens; where the film shows nothing,
     /// through the twin.
-    pub(super) fn of(&self, twin: &Point2<f64>) -> Filmed {
+    pub(super) fn of(&self, twin: &Point2<f64>) -> FilmedPlace {
         let k = &self.intrinsics;
         let straight = Vector2::new((twin.x - k.cx) / k.fx, (twin.y - k.cy) / k.fy);
         let bent = bend(&k.distortion, &straight);
@@ -48,7 +48,7 @@ impl Lens {
         } else {
             Vector3::new(straight.x, straight.y, 1.0)
         };
-        Filmed { place, is_shown, ray }
+        FilmedPlace { place, is_shown, ray }
     }
 }
 

@@ -30,7 +30,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 use self::cases::Cases;
-use self::scene::{Scene, random_film};
+use self::scene::{TestScene, random_film};
 use super::random_body::random_body;
 use super::{Counts, Layers, Simulation};
 use crate::silhouette::{Body, Shape};
@@ -39,9 +39,9 @@ use crate::silhouette::{Body, Shape};
 type Decisions = Vec<Option<bool>>;
 
 /// Decides by rays, for each pixel of a view, whether it shows a body.
-fn traced(scene: &Scene, shape: &Shape, body: &Body) -> Decisions {
+fn traced(scene: &TestScene, shape: &Shape, body: &Body) -> Decisions {
     let (eye, solid) = (scene.eye(), shape.of(body));
-    scene.sights.iter().map(|sight| sight.of(&eye, &solid)[1]).collect()
+    scene.traced_pixels.iter().map(|traced| traced.of(&eye, &solid)[1]).collect()
 }
 
 /// Least and largest possible counts of these bodies.
@@ -92,7 +92,7 @@ fn every_change_counts_what_rays_through_the_lens_count() {
     let (mut counted, mut left_open, mut off_middle) = (0, 0, 0);
     for number in 0..SCENES {
         let block = [1, 2, 3, 1, 4, 5, 1][number % 7];
-        let scene = Scene::random(block, number % 3 != 0, &mut rng);
+        let scene = TestScene::random(block, number % 3 != 0, &mut rng);
         cases.note_scene(&scene);
         let (packed, foreground) = scene.foreground(&random_film(&scene.stage, &mut rng));
         let shapes = SHAPES[number % SHAPES.len()];

@@ -13,11 +13,11 @@ use scenes::geometry::{Disc, Geometry, Mesh, point_from_vec3, vec3_from_point, v
 const SURFACE_M: f64 = 1e-5;
 
 /// Furniture and walls.
-pub(super) struct Room {
-    surfaces: Vec<Surface>,
+pub(super) struct FurnishedRoom {
+    surfaces: Vec<RoomSurface>,
 }
 
-enum Surface {
+enum RoomSurface {
     /// A box rotated around the vertical.
     Cuboid {
         center: Point3<f64>,
@@ -29,12 +29,12 @@ enum Surface {
 
 /// Interval of the depth of something along a camera's z, metres.
 #[derive(Clone, Copy)]
-pub(super) struct Depth {
+pub(super) struct DepthRange {
     pub(super) from_m: f64,
     pub(super) to_m: f64,
 }
 
-impl Depth {
+impl DepthRange {
     pub(super) const NEVER: Self = Self { from_m: f64::INFINITY, to_m: f64::INFINITY };
 
     /// The nearer of two depths.
@@ -49,13 +49,13 @@ impl Depth {
     }
 }
 
-impl Room {
+impl FurnishedRoom {
     /// Random furniture as triangles, often with walls around it, or as discs spread over it.
     pub(super) fn random(rng: &mut Pcg64Mcg) -> Self {
         let mut cuboids: Vec<_> = (0..rng.random_range(0..6)).map(|_| furniture(rng)).collect();
         if rng.random() {
             let surfaces =
-                cuboids.iter().flat_map(|cuboid| discs_over(cuboid, rng)).map(Surface::Disc).collect();
+                cuboids.iter().flat_map(|cuboid| discs_over(cuboid, rng)).map(RoomSurface::Disc).collect();
             return Self { surfaces };
         }
         if rng.random() {
@@ -66,7 +66,7 @@ impl Room {
 
     /// Whether the room is of discs or of triangles; `None` for an empty room.
     pub(super) fn is_of_discs(&self) -> Option<bool> {
-        self.surfaces.first().map(|surface| matches!(surface, Surface::Disc(_)))
+        self.surfaces.first().map(|surface| matches!(surface, RoomSurface::Disc(_)))
     }
 
     /// Geometry as in a room directory; `None` for an empty room.
@@ -74,14 +74,14 @@ impl Room {
         let discs: Vec<Disc> = self
             .surfaces
             .iter()
-            .filter_map(|s| if let Surface::Disc(d) = s { Some(*d) } else { None })
+            .filter_map(|s| if let RoomSurface::Disc(d) = s { Some(*d) } else { None })
             .collect();
         if !discs.is_empty() {
             return Some(Geometry::Discs(discs));
         }
         let mut mesh = Mesh::default();
         for surface in &self.surfaces {
-            let Surface::Cuboid { center, half, turn } = surface else { continue };
+            let RoomSurface::Cuboid { center, half, turn } = surface else { continue };
             let first = mesh.vertices.len() as u32;
             mesh.vertices.extend((0..8).map(|i| {
                 let side = |bit: u32| if i >> bit & 1 == 1 { 1.0 } else { -1.0 };
@@ -101,26 +101,26 @@ impl Room {
     }
 
     /// Depth at which a ray (of length 1 along the camera's z) first meets a surface.
-    pub(super) fn depth(&self, eye: &Point3<f64>, ray: &Vector3<f64>) -> Depth {
-        self.surfaces.iter().map(|s| s.depth(eye, ray)).fold(Depth::NEVER, Depth::first)
+    pub(super) fn depth(&self, eye: &Point3<f64>, ray: &Vector3<f64>) -> DepthRange {
+        self.surfaces.iter().map(|s| s.depth(eye, ray)).fold(DepthRange::NEVER, DepthRange::first)
     }
 }
 
 /// Depth of the floor, z = 0.
-pub(super) fn floor_depth(eye: &Point3<f64>, ray: &Vector3<f64>) -> Depth {
+pub(super) fn floor_depth(eye: &Point3<f64>, ray: &Vector3<f64>) -> DepthRange {
     if ray.z >= 0.0 {
-        return Depth::NEVER;
+        return DepthRange::NEVER;
     }
-    Depth::between(Some((eye.z - SURFACE_M) / -ray.z), Some((eye.z + SURFACE_M) / -ray.z))
+    DepthRange::between(Some((eye.z - SURFACE_M) / -ray.z), Some((eye.z + SURFACE_M) / -ray.z))
 }
 
-impl Surface {
-    fn depth(&self, eye: &Point3<f64>, ray: &Vector3<f64>) -> Depth {
+impl RoomSurface {
+    fn depth(&self, eye: &Point3<f64>, ray: &Vector3<f64>) -> DepthRange {
         match self {
             Self::Cuboid { center, half, turn } => {
                 let (from, along) = (turn.inverse() * (eye - center), turn.inverse() * ray);
                 let met = |growth: f64| through_cuboid(&from, &along, &half.add_scalar(growth));
-                Depth::between(met(SURFACE_M), met(-SURFACE_M))
+                DepthRange::between(met(SURFACE_M), met(-SURFACE_M))
             }
             Self::Disc(disc) => {
                 let (center, normal) = (point_from_vec3(disc.center), vector_from_vec3(disc.normal));
@@ -131,9 +131,9 @@ impl Surface {
                 let moved = SURFACE_M / slant.abs();
                 let (moved_m, from_m, to_m) = (moved * ray.norm(), t - moved, t + moved);
                 match () {
-                    () if to_m <= 0.0 || from_rim_m < -moved_m => Depth::NEVER,
-                    () if from_m > 0.0 && from_rim_m > moved_m => Depth { from_m, to_m },
-                    () => Depth { from_m, to_m: f64::INFINITY },
+                    () if to_m <= 0.0 || from_rim_m < -moved_m => DepthRange::NEVER,
+                    () if from_m > 0.0 && from_rim_m > moved_m => DepthRange { from_m, to_m },
+                    () => DepthRange { from_m, to_m: f64::INFINITY },
                 }
             }
         }
@@ -150,12 +150,12 @@ fn through_cuboid(from: &Vector3<f64>, along: &Vector3<f64>, half: &Vector3<f64>
     (enter <= leave && leave > 0.0).then_some(if enter > 0.0 { enter } else { leave })
 }
 
-fn cuboid(center: Point3<f64>, half: Vector3<f64>, turn: f64) -> Surface {
-    Surface::Cuboid { center, half, turn: Rotation3::from_axis_angle(&Vector3::z_axis(), turn) }
+fn cuboid(center: Point3<f64>, half: Vector3<f64>, turn: f64) -> RoomSurface {
+    RoomSurface::Cuboid { center, half, turn: Rotation3::from_axis_angle(&Vector3::z_axis(), turn) }
 }
 
 /// A random cupboard, pillar or screen on the floor, or a board above it.
-fn furniture(rng: &mut Pcg64Mcg) -> Surface {
+fn furniture(rng: &mut Pcg64Mcg) -> RoomSurface {
     let mut within = |range: Range<f64>| rng.random_range(range);
     let half = Vector3::new(within(0.05..0.8), within(0.05..0.5), within(0.03..1.1));
     let above_floor = if within(0.0..1.0) < 0.3 { within(0.0..1.2) } else { 0.0 };
@@ -165,8 +165,8 @@ fn furniture(rng: &mut Pcg64Mcg) -> Surface {
 
 /// Discs like those of a reconstruction: overlapping in places, with gaps in others, none exactly coplanar with
 /// another.
-fn discs_over(surface: &Surface, rng: &mut Pcg64Mcg) -> Vec<Disc> {
-    let Surface::Cuboid { center, half, turn } = surface else { return Vec::new() };
+fn discs_over(surface: &RoomSurface, rng: &mut Pcg64Mcg) -> Vec<Disc> {
+    let RoomSurface::Cuboid { center, half, turn } = surface else { return Vec::new() };
     let mut one = || {
         let (axis, sign) = (rng.random_range(0..3), if rng.random() { 1.0 } else { -1.0 });
         let mut place = half.map(|h| rng.random_range(-h..h));

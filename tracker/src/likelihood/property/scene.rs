@@ -9,14 +9,14 @@ use nalgebra::{Isometry3, Point2, Point3, Vector3};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use scenes::polygon::Polygon;
-use scenes::room::{Room as RoomModel, RoomCamera};
+use scenes::room::{Room, RoomCamera};
 
-use super::lens::{Filmed, Lens};
-use super::room::{Depth, Room, floor_depth};
+use super::lens::{FilmLens, FilmedPlace};
+use super::room::{DepthRange, FurnishedRoom, floor_depth};
 use crate::likelihood::pack;
 use crate::observation::Mask;
+use crate::prepared_room::{PreparationOptions, PreparedCamera, PreparedRoom};
 use crate::silhouette::{Ellipsoid, View};
-use crate::stage::{Stage, StageCamera, StageOptions};
 
 /// Distance from the middle between two filmed pixels (in pixels) within which the nearest one is undecided: positions
 /// are f32 there.
@@ -25,44 +25,44 @@ const BETWEEN_PX: f64 = 2e-5;
 /// undecided.
 const OUTLINE: f64 = 1e-9;
 
-pub(super) struct Scene {
-    pub(super) room: Room,
-    lens: Lens,
-    pub(super) stage: StageCamera,
+pub(super) struct TestScene {
+    pub(super) room: FurnishedRoom,
+    lens: FilmLens,
+    pub(super) stage: PreparedCamera,
     pub(super) view: View,
     /// Ray of each pixel of the view, row by row.
-    pub(super) sights: Vec<Sight>,
+    pub(super) traced_pixels: Vec<TracedPixel>,
 }
 
 /// Ray of one pixel of the view, through the lens.
-pub(super) struct Sight {
+pub(super) struct TracedPixel {
     /// Direction, world frame, of length 1 along the camera's z.
     pub(super) ray: Vector3<f64>,
-    pub(super) furniture: Depth,
-    pub(super) floor: Depth,
+    pub(super) furniture: DepthRange,
+    pub(super) floor: DepthRange,
     /// Whether the film shows anything there; `None` if undecided.
     pub(super) is_shown: Option<bool>,
 }
 
-impl Scene {
+impl TestScene {
     /// Random scene; `block` × `block` pixels of the camera are one of the view.
     pub(super) fn random(block: u8, has_lens: bool, rng: &mut Pcg64Mcg) -> Self {
         let real = random_camera(has_lens, rng);
-        let room = Room::random(rng);
-        let model = RoomModel {
+        let room = FurnishedRoom::random(rng);
+        let model = Room {
             cameras: vec![RoomCamera { name: "c".into(), camera: real, reference: None }],
             walkable: Some(vec![Polygon::rectangle(Point2::new(0.0, 0.0), Point2::new(1.0, 1.0))]),
             geometry: room.geometry(),
-            ..RoomModel::default()
+            ..Room::default()
         };
         // The path is not a folder, so that no scene leaves a depth map behind.
         let nowhere = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/Cargo.toml"));
-        let mut stage = Stage::prepare(&model, nowhere, &StageOptions::default()).unwrap();
+        let mut stage = PreparedRoom::prepare(&model, nowhere, &PreparationOptions::default()).unwrap();
         let stage = stage.cameras.remove(0);
         let view = View::coarse(&stage, block);
-        let lens = Lens::new(&stage.real.intrinsics);
-        let mut scene = Self { room, lens, stage, view, sights: Vec::new() };
-        scene.sights = scene.pixels().map(|(u, v)| scene.sight(u, v)).collect();
+        let lens = FilmLens::new(&stage.real.intrinsics);
+        let mut scene = Self { room, lens, stage, view, traced_pixels: Vec::new() };
+        scene.traced_pixels = scene.pixels().map(|(u, v)| scene.traced(u, v)).collect();
         scene
     }
 
@@ -88,7 +88,7 @@ impl Scene {
     }
 
     /// Filmed place of the middle of a pixel of the view, in the image or beside it.
-    pub(super) fn middle(&self, u: i32, v: i32) -> Filmed {
+    pub(super) fn middle(&self, u: i32, v: i32) -> FilmedPlace {
         let block = f64::from(self.view.block);
         let at = |i: i32| (f64::from(i) + 0.5) * block - 0.5;
         self.lens.of(&Point2::new(at(u), at(v)))
@@ -97,13 +97,13 @@ impl Scene {
     /// Ray of one pixel. Bodies are intersected along the middle of a block; the room has the depth of the pixel there,
     /// which is the lower right of four when the block's side is even, and the image's last where the block ends before
     /// its middle.
-    fn sight(&self, u: i32, v: i32) -> Sight {
+    fn traced(&self, u: i32, v: i32) -> TracedPixel {
         let block = i32::from(self.view.block);
         let k = &self.stage.real.intrinsics;
         let at = |i: i32, size: u32| f64::from((i * block + block / 2).min(size as i32 - 1));
         let pixel = self.lens.of(&Point2::new(at(u, k.width), at(v, k.height)));
         let room_ray = self.to_world(&pixel.ray);
-        Sight {
+        TracedPixel {
             ray: self.to_world(&self.middle(u, v).ray),
             furniture: self.room.depth(&self.eye(), &room_ray),
             floor: floor_depth(&self.eye(), &room_ray),
@@ -158,7 +158,7 @@ fn nearest(film: &GrayImage, place: &Point2<f64>) -> Option<bool> {
     values.all(|value| value == first).then_some(first)
 }
 
-impl Sight {
+impl TracedPixel {
     /// Whether a body is met at all, and whether it is seen there: in front of furniture and floor.
     pub(super) fn of(&self, eye: &Point3<f64>, body: &Ellipsoid) -> [Option<bool>; 2] {
         let z_m = match meet(eye, &self.ray, body) {
@@ -242,7 +242,7 @@ fn random_camera(has_lens: bool, rng: &mut Pcg64Mcg) -> Camera {
 }
 
 /// A film without structure, so that every pixel counts.
-pub(super) fn random_film(camera: &StageCamera, rng: &mut Pcg64Mcg) -> GrayImage {
+pub(super) fn random_film(camera: &PreparedCamera, rng: &mut Pcg64Mcg) -> GrayImage {
     GrayImage::from_fn(camera.width(), camera.height(), |u, v| {
         Luma([if (u / 9 + v / 7) % 3 == 0 || rng.random::<f32>() < 0.1 { 255 } else { 0 }])
     })

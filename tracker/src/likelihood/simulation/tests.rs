@@ -3,8 +3,8 @@
 use super::*;
 use crate::likelihood::oracle;
 use crate::likelihood::random_body::random_body;
-use crate::silhouette::{Body, ImageConic, Outline, Shape};
-use crate::stage::StageCamera;
+use crate::prepared_room::PreparedCamera;
+use crate::silhouette::{Body, ImageConic, ImageOutline, Shape};
 use calib::{Camera, Intrinsics};
 use image::{GrayImage, Luma};
 use nalgebra::{Isometry3, Point3, Vector3};
@@ -12,7 +12,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 /// A small camera at a random place in a 6 × 5 m room, with a static scene of random slabs and pillars.
-fn random_camera(rng: &mut Pcg64Mcg) -> StageCamera {
+fn random_camera(rng: &mut Pcg64Mcg) -> PreparedCamera {
     let (width, height) = (rng.random_range(40..150), rng.random_range(30..90));
     let mut intrinsics = Intrinsics::from_horizontal_fov(width, height, rng.random_range(40.0..100.0));
     intrinsics.fy *= rng.random_range(0.8..1.2);
@@ -25,7 +25,7 @@ fn random_camera(rng: &mut Pcg64Mcg) -> StageCamera {
     }
     // OpenCV's camera looks along +z with y down: the mirror image of `look_at_rh`.
     let camera_from_world = Isometry3::look_at_lh(&eye, &aim, &-up);
-    let mut camera = StageCamera::new("c", &Camera { intrinsics, camera_from_world });
+    let mut camera = PreparedCamera::new("c", &Camera { intrinsics, camera_from_world });
     for v in 0..height {
         for u in 0..width {
             let wall = 4.0 + 0.01 * u as f32 + 0.02 * v as f32;
@@ -48,7 +48,7 @@ fn random_camera(rng: &mut Pcg64Mcg) -> StageCamera {
     camera
 }
 
-fn by_rays(camera: &StageCamera, shape: &Shape, bodies: &[Body], mask: &GrayImage) -> Counts {
+fn by_rays(camera: &PreparedCamera, shape: &Shape, bodies: &[Body], mask: &GrayImage) -> Counts {
     let width = camera.width();
     let solids: Vec<_> = bodies.iter().map(|body| shape.of(body)).collect();
     oracle::counts(camera, &solids, mask, |u, v| camera.static_z_m[(v * width + u) as usize])
@@ -102,8 +102,8 @@ fn every_change_counts_what_rays_count() {
                 cut += u32::from(drawn[0].area_px > 0 && drawn[0].row_range().end == view.height as usize);
                 hidden += u32::from(drawn[0].visible_px < drawn[0].area_px);
                 in_floor += u32::from(match conic.outline() {
-                    Outline::Ellipse(whole) => drawn[0].row_range().end < whole.rows.end as usize,
-                    Outline::Nowhere | Outline::Open => false,
+                    ImageOutline::Ellipse(whole) => drawn[0].row_range().end < whole.rows.end as usize,
+                    ImageOutline::Nowhere | ImageOutline::Open => false,
                 });
             }
             simulation.try_removal(drawn_old.as_deref());
@@ -135,7 +135,7 @@ fn every_change_counts_what_rays_count() {
 fn packed_masks_keep_every_pixel_or_most_of_every_block() {
     let mut rng = Pcg64Mcg::seed_from_u64(3);
     for block in [1, 2, 3, 5_u8] {
-        let camera = StageCamera::new(
+        let camera = PreparedCamera::new(
             "c",
             &Camera {
                 intrinsics: Intrinsics::from_horizontal_fov(131, 31, 60.0),

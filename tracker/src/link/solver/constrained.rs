@@ -15,7 +15,7 @@
 use super::super::graph::{Cost, FlowGraph};
 use super::super::solution::{Solution, Total};
 use super::direction::Directions;
-use super::labels::{Arrived, End, Freed, Labels};
+use super::labels::{Arrived, Freed, PathEnd, PathLabels};
 use super::tracks::Tracks;
 
 /// Largest number of turns of a path from forward to backward and forward again.
@@ -27,7 +27,7 @@ pub fn solve(graph: &FlowGraph, directions: &Directions, bound: Total) -> Soluti
         graph,
         directions,
         tracks: Tracks::none(graph),
-        labels: Labels::unreached(graph),
+        labels: PathLabels::unreached(graph),
         is_turning: true,
     };
     for component in components(graph) {
@@ -70,7 +70,7 @@ struct PathSearch<'a> {
     graph: &'a FlowGraph,
     directions: &'a Directions,
     tracks: Tracks,
-    labels: Labels,
+    labels: PathLabels,
     /// Whether paths may run back along older tracks; switched off for good where that led into a cycle.
     is_turning: bool,
 }
@@ -188,21 +188,21 @@ impl PathSearch<'_> {
         has_changed
     }
 
-    fn cheapest_end(&self, component: &[u32]) -> Option<End> {
+    fn cheapest_end(&self, component: &[u32]) -> Option<PathEnd> {
         let (birth, death) = (self.graph.birth(), self.graph.death());
         let mut best = (0, None);
-        let mut offer = |cost: Cost, end: End| {
+        let mut offer = |cost: Cost, end: PathEnd| {
             if cost < best.0 {
                 best = (cost, Some(end));
             }
         };
         for node in component {
             let n = *node as usize;
-            offer(self.labels.end[n].0 + death, End::Node(*node));
-            offer(self.labels.freed[n].0 + death, End::FreedNode(*node));
+            offer(self.labels.end[n].0 + death, PathEnd::Node(*node));
+            offer(self.labels.freed[n].0 + death, PathEnd::FreedNode(*node));
             if self.tracks.is_used[n] && self.tracks.come[n].is_none() {
-                offer(self.labels.met[n].0 - birth, End::TrackStart(*node));
-                offer(self.labels.freed[n].0 - self.graph.node_cost(n) - birth, End::DroppedStart(*node));
+                offer(self.labels.met[n].0 - birth, PathEnd::TrackStart(*node));
+                offer(self.labels.freed[n].0 - self.graph.node_cost(n) - birth, PathEnd::DroppedStart(*node));
             }
         }
         best.1

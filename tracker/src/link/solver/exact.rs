@@ -55,11 +55,11 @@ struct Joints<'a> {
     exit_of: Vec<u32>,
     price_out: Vec<Cost>,
     price_in: Vec<Cost>,
-    search: Search,
+    search: DijkstraSearch,
 }
 
 /// Workspace of a search: entries are valid where the stamp is the search's own.
-struct Search {
+struct DijkstraSearch {
     stamp: u32,
     stamp_of: Vec<u32>,
     /// For each entry: its distance from the root, and the exit from which it was reached.
@@ -74,7 +74,7 @@ struct Search {
 
 /// End of a shortest path.
 #[derive(Clone, Copy)]
-enum End {
+enum AugmentingEnd {
     /// At an open entry.
     Entry(u32),
     /// At an exit that is open from now on.
@@ -92,7 +92,7 @@ impl<'a> Joints<'a> {
             exit_of: vec![NONE; n],
             price_out: vec![0; n],
             price_in: vec![0; n],
-            search: Search {
+            search: DijkstraSearch {
                 stamp: 0,
                 stamp_of: vec![0; n],
                 distance: vec![0; n],
@@ -142,13 +142,13 @@ impl<'a> Joints<'a> {
         search.tree.clear();
         search.settled.clear();
         let mut shortest = self.price_out[root as usize];
-        let mut end = End::Exit(root);
+        let mut end = AugmentingEnd::Exit(root);
         let (mut exit, mut distance) = (root, 0);
         loop {
             self.search.tree.push((exit, distance));
             if distance + self.price_out[exit as usize] < shortest {
                 shortest = distance + self.price_out[exit as usize];
-                end = End::Exit(exit);
+                end = AugmentingEnd::Exit(exit);
             }
             self.look_around(exit, distance, first_open, &mut shortest, &mut end);
             let Some(nearest) = self.search.pop(shortest) else { break };
@@ -171,9 +171,9 @@ impl<'a> Joints<'a> {
             }
         }
         let mut entry = match end {
-            End::Entry(entry) => entry,
-            End::Exit(exit) if exit == root => return,
-            End::Exit(exit) => std::mem::replace(&mut self.entry_of[exit as usize], NONE),
+            AugmentingEnd::Entry(entry) => entry,
+            AugmentingEnd::Exit(exit) if exit == root => return,
+            AugmentingEnd::Exit(exit) => std::mem::replace(&mut self.entry_of[exit as usize], NONE),
         };
         loop {
             let exit = self.search.reached_from[entry as usize];
@@ -193,7 +193,7 @@ impl<'a> Joints<'a> {
         distance: Cost,
         first_open: u32,
         shortest: &mut Cost,
-        end: &mut End,
+        end: &mut AugmentingEnd,
     ) {
         let price = self.price_out[exit as usize];
         let joined = self.entry_of[exit as usize];
@@ -213,7 +213,7 @@ impl<'a> Joints<'a> {
             let holder = self.exit_of[to];
             if holder == NONE {
                 *shortest = reached;
-                *end = End::Entry(entry);
+                *end = AugmentingEnd::Entry(entry);
             } else if holder < first_open {
                 search.settled.push(entry);
             } else {
@@ -236,7 +236,7 @@ impl<'a> Joints<'a> {
     }
 }
 
-impl Search {
+impl DijkstraSearch {
     /// Nearest reached entry, if it is nearer than the known path.
     fn pop(&mut self, shortest: Cost) -> Option<(Cost, u32)> {
         while let Some(Reverse((distance, entry))) = self.queue.pop() {

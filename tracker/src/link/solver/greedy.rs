@@ -21,7 +21,7 @@ pub fn solve(graph: &FlowGraph, bound: Total) -> Solution {
 
 /// Predecessor of a label.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-enum From {
+enum Predecessor {
     Nowhere,
     Birth,
     /// From a free node's label of the first pass.
@@ -38,11 +38,11 @@ struct Greedy<'a> {
     next: Vec<Option<u32>>,
     previous: Vec<Option<u32>>,
     /// First pass: cost of the cheapest path that ends behind a free node, or in front of a used one.
-    first: Vec<(Cost, From)>,
+    first: Vec<(Cost, Predecessor)>,
     /// Backward pass: cost at a used node's exit, and the node behind it at which the path met its track.
     freed: Vec<(Cost, u32)>,
     /// Last pass: as the first, for paths that have turned back.
-    last: Vec<(Cost, From)>,
+    last: Vec<(Cost, Predecessor)>,
 }
 
 impl<'a> Greedy<'a> {
@@ -53,9 +53,9 @@ impl<'a> Greedy<'a> {
             is_used: vec![false; n],
             next: vec![None; n],
             previous: vec![None; n],
-            first: vec![(FAR, From::Nowhere); n],
+            first: vec![(FAR, Predecessor::Nowhere); n],
             freed: vec![(FAR, 0); n],
-            last: vec![(FAR, From::Nowhere); n],
+            last: vec![(FAR, Predecessor::Nowhere); n],
         }
     }
 
@@ -75,10 +75,10 @@ impl<'a> Greedy<'a> {
             .map(|n| (self.freed[n].0 + death, n))
             .min();
         let worth = |end: &(Cost, usize)| end.0 < 0;
-        let mut ends: Vec<(Cost, From)> = Vec::with_capacity(3);
-        ends.extend(plain.filter(worth).map(|(cost, n)| (cost, From::First(n as u32))));
-        ends.extend(turned.filter(worth).map(|(cost, n)| (cost, From::Last(n as u32))));
-        ends.extend(ended.filter(worth).map(|(cost, n)| (cost, From::Freed(n as u32))));
+        let mut ends: Vec<(Cost, Predecessor)> = Vec::with_capacity(3);
+        ends.extend(plain.filter(worth).map(|(cost, n)| (cost, Predecessor::First(n as u32))));
+        ends.extend(turned.filter(worth).map(|(cost, n)| (cost, Predecessor::Last(n as u32))));
+        ends.extend(ended.filter(worth).map(|(cost, n)| (cost, Predecessor::Freed(n as u32))));
         ends.sort_by_key(|(cost, _)| *cost);
         ends.into_iter().any(|(_, end)| self.take(end))
     }
@@ -86,13 +86,13 @@ impl<'a> Greedy<'a> {
     /// Dynamic programming in time order over the free nodes.
     fn pass_forward(&mut self) {
         let birth = self.graph.birth();
-        self.first.fill((birth, From::Birth));
+        self.first.fill((birth, Predecessor::Birth));
         for node in 0..self.graph.node_count() {
             if self.is_used[node] {
                 continue;
             }
             self.first[node].0 += self.graph.node_cost(node);
-            relax(self.graph, node, self.first[node].0, From::First(node as u32), &mut self.first);
+            relax(self.graph, node, self.first[node].0, Predecessor::First(node as u32), &mut self.first);
         }
     }
 
@@ -116,15 +116,21 @@ impl<'a> Greedy<'a> {
 
     /// Dynamic programming in time order from all freed nodes.
     fn pass_forward_again(&mut self) {
-        self.last.fill((FAR, From::Nowhere));
+        self.last.fill((FAR, Predecessor::Nowhere));
         for node in 0..self.graph.node_count() {
             if self.is_used[node] {
                 if self.freed[node].0 < FAR / 2 {
-                    relax(self.graph, node, self.freed[node].0, From::Freed(node as u32), &mut self.last);
+                    relax(
+                        self.graph,
+                        node,
+                        self.freed[node].0,
+                        Predecessor::Freed(node as u32),
+                        &mut self.last,
+                    );
                 }
             } else if self.last[node].0 < FAR / 2 {
                 self.last[node].0 += self.graph.node_cost(node);
-                relax(self.graph, node, self.last[node].0, From::Last(node as u32), &mut self.last);
+                relax(self.graph, node, self.last[node].0, Predecessor::Last(node as u32), &mut self.last);
             }
         }
     }
@@ -134,29 +140,29 @@ impl<'a> Greedy<'a> {
     }
 
     /// Changes the tracks along the path that ends at `end`; `false`, without a change, where it visits a node twice.
-    fn take(&mut self, end: From) -> bool {
+    fn take(&mut self, end: Predecessor) -> bool {
         let (mut tail, mut head) = (Vec::new(), Vec::new());
         let mut freed = None;
         let mut at = end;
         let mut meets = None;
         loop {
             at = match at {
-                From::Last(node) => {
+                Predecessor::Last(node) => {
                     tail.push(node);
                     self.last[node as usize].1
                 }
-                From::Freed(node) => {
+                Predecessor::Freed(node) => {
                     let met = self.freed[node as usize].1;
                     freed = Some(node);
                     meets = Some(met);
                     self.first[met as usize].1
                 }
-                From::First(node) => {
+                Predecessor::First(node) => {
                     head.push(node);
                     self.first[node as usize].1
                 }
-                From::Birth => break,
-                From::Nowhere => return false,
+                Predecessor::Birth => break,
+                Predecessor::Nowhere => return false,
             };
         }
         if head.iter().any(|node| tail.contains(node)) {
@@ -190,7 +196,7 @@ impl<'a> Greedy<'a> {
 }
 
 /// Relaxes the outgoing links of a node.
-fn relax(graph: &FlowGraph, node: usize, cost: Cost, from: From, labels: &mut [(Cost, From)]) {
+fn relax(graph: &FlowGraph, node: usize, cost: Cost, from: Predecessor, labels: &mut [(Cost, Predecessor)]) {
     for link in graph.links_of(node) {
         let label = &mut labels[graph.target(link)];
         let offered = cost + graph.link_cost(link);

@@ -31,7 +31,7 @@ pub(super) enum Freed {
 
 /// End of a path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum End {
+pub(super) enum PathEnd {
     /// A free node, with a death.
     Node(u32),
     /// A used node whose rest was given away, with a death.
@@ -43,7 +43,7 @@ pub(super) enum End {
 }
 
 /// All labels of a search.
-pub(super) struct Labels {
+pub(super) struct PathLabels {
     /// For each link: about to leave over it.
     pub(super) over: Vec<(Cost, Arrived)>,
     /// For each free node: ending there, before the death.
@@ -57,7 +57,7 @@ pub(super) struct Labels {
     is_new_freed: Vec<bool>,
 }
 
-impl Labels {
+impl PathLabels {
     pub(super) fn unreached(graph: &FlowGraph) -> Self {
         let (nodes, links) = (graph.node_count(), graph.link_count());
         Self {

@@ -2,7 +2,7 @@
 
 use super::super::graph::FlowGraph;
 use super::direction::Directions;
-use super::labels::{Arrived, End, Freed, Labels};
+use super::labels::{Arrived, Freed, PathEnd, PathLabels};
 
 /// Tracks by their links.
 pub(super) struct Tracks {
@@ -41,8 +41,8 @@ impl Tracks {
         &mut self,
         graph: &FlowGraph,
         directions: &Directions,
-        labels: &Labels,
-        end: End,
+        labels: &PathLabels,
+        end: PathEnd,
     ) -> bool {
         let Some(steps) = self.steps(labels, end) else { return false };
         self.journal.clear();
@@ -81,39 +81,39 @@ impl Tracks {
     }
 
     /// Steps of the path, its end first; `None` where it is a cycle.
-    fn steps(&self, labels: &Labels, end: End) -> Option<Vec<Step>> {
+    fn steps(&self, labels: &PathLabels, end: PathEnd) -> Option<Vec<PathStep>> {
         let mut steps = Vec::new();
         let mut at = match end {
-            End::Node(node) => Place::Arrived(node, labels.end[node as usize].1),
-            End::TrackStart(node) => Place::Arrived(node, labels.met[node as usize].1),
-            End::FreedNode(node) => Place::Freed(node),
-            End::DroppedStart(node) => {
-                steps.push(Step::Drop(node));
-                Place::Freed(node)
+            PathEnd::Node(node) => TracePosition::Arrived(node, labels.end[node as usize].1),
+            PathEnd::TrackStart(node) => TracePosition::Arrived(node, labels.met[node as usize].1),
+            PathEnd::FreedNode(node) => TracePosition::Freed(node),
+            PathEnd::DroppedStart(node) => {
+                steps.push(PathStep::Drop(node));
+                TracePosition::Freed(node)
             }
         };
         let longest = 2 * (labels.over.len() + labels.end.len()) + 2;
         while steps.len() <= longest {
             at = match at {
-                Place::Arrived(_, Arrived::Nowhere) => return None,
-                Place::Arrived(node, Arrived::Birth) => {
-                    steps.push(Step::Begin(node));
+                TracePosition::Arrived(_, Arrived::Nowhere) => return None,
+                TracePosition::Arrived(node, Arrived::Birth) => {
+                    steps.push(PathStep::Begin(node));
                     return Some(steps);
                 }
-                Place::Arrived(_, Arrived::TrackEnd) => return Some(steps),
-                Place::Arrived(node, Arrived::Freed) => Place::Freed(node),
-                Place::Arrived(_, Arrived::Over(link)) => {
-                    steps.push(Step::Follow(link));
-                    Place::Arrived(self.sources[link as usize], labels.over[link as usize].1)
+                TracePosition::Arrived(_, Arrived::TrackEnd) => return Some(steps),
+                TracePosition::Arrived(node, Arrived::Freed) => TracePosition::Freed(node),
+                TracePosition::Arrived(_, Arrived::Over(link)) => {
+                    steps.push(PathStep::Follow(link));
+                    TracePosition::Arrived(self.sources[link as usize], labels.over[link as usize].1)
                 }
-                Place::Freed(node) => {
-                    steps.push(Step::LoseRest(node));
+                TracePosition::Freed(node) => {
+                    steps.push(PathStep::LoseRest(node));
                     match labels.freed[node as usize].1 {
                         Freed::Nowhere => return None,
-                        Freed::Met(behind) => Place::Arrived(behind, labels.met[behind as usize].1),
+                        Freed::Met(behind) => TracePosition::Arrived(behind, labels.met[behind as usize].1),
                         Freed::Dropped(behind) => {
-                            steps.push(Step::Drop(behind));
-                            Place::Freed(behind)
+                            steps.push(PathStep::Drop(behind));
+                            TracePosition::Freed(behind)
                         }
                     }
                 }
@@ -122,25 +122,25 @@ impl Tracks {
         None
     }
 
-    fn apply(&mut self, graph: &FlowGraph, step: &Step) {
+    fn apply(&mut self, graph: &FlowGraph, step: &PathStep) {
         match *step {
-            Step::Begin(node) => {
+            PathStep::Begin(node) => {
                 let node = self.note(node);
                 self.is_used[node] = true;
                 self.come[node] = None;
             }
-            Step::Follow(link) => {
+            PathStep::Follow(link) => {
                 let source = self.note(self.sources[link as usize]);
                 self.go[source] = Some(link);
                 let target = self.note(graph.target(link as usize) as u32);
                 self.is_used[target] = true;
                 self.come[target] = Some(link);
             }
-            Step::LoseRest(node) => {
+            PathStep::LoseRest(node) => {
                 let node = self.note(node);
                 self.go[node] = None;
             }
-            Step::Drop(node) => {
+            PathStep::Drop(node) => {
                 let node = self.note(node);
                 (self.is_used[node], self.come[node], self.go[node]) = (false, None, None);
             }
@@ -172,13 +172,13 @@ impl Tracks {
 }
 
 /// Position at which a path is traced backwards.
-enum Place {
+enum TracePosition {
     Arrived(u32, Arrived),
     Freed(u32),
 }
 
 /// One step of a path, in forward order.
-enum Step {
+enum PathStep {
     Begin(u32),
     Follow(u32),
     LoseRest(u32),

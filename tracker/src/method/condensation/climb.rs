@@ -3,9 +3,9 @@
 use nalgebra::Vector3;
 use rand_pcg::Pcg64Mcg;
 
-use super::filter::Filter;
-use super::spent::Spent;
-use super::weight::{Sight, Support};
+use super::filter::HeadFilter;
+use super::step_times::StepTimes;
+use super::weight::{HeadSupport, WeighingInput};
 
 /// Number of hypotheses of the local search, and their standard deviation in each layer, metres.
 const CLIMBERS: usize = 60;
@@ -15,18 +15,18 @@ pub(super) const CLIMB_SIGMA_M: [f64; 3] = [0.08, 0.04, 0.02];
 pub(super) fn climb(
     start: &Vector3<f64>,
     least: f32,
-    sight: &Sight<'_>,
+    input: &WeighingInput<'_>,
     rng: &mut Pcg64Mcg,
-) -> Option<(Vector3<f64>, Support)> {
-    let mut spent = Spent::default();
-    let mut climb = Filter::around(start, &Vector3::repeat(CLIMB_SIGMA_M[0]), CLIMBERS, rng);
-    climb.weigh(sight, &mut spent);
-    if climb.support(0.0, sight).all < least {
+) -> Option<(Vector3<f64>, HeadSupport)> {
+    let mut spent = StepTimes::default();
+    let mut climb = HeadFilter::around(start, &Vector3::repeat(CLIMB_SIGMA_M[0]), CLIMBERS, rng);
+    climb.weigh(input, &mut spent);
+    if climb.support(0.0, input).all < least {
         return None;
     }
     for sigma_m in &CLIMB_SIGMA_M[1..] {
         climb.redraw(CLIMBERS, &Vector3::repeat(*sigma_m), rng);
-        climb.weigh(sight, &mut spent);
+        climb.weigh(input, &mut spent);
     }
-    Some((climb.gaussian().mean, climb.support(0.0, sight)))
+    Some((climb.gaussian().mean, climb.support(0.0, input)))
 }

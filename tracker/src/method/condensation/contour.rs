@@ -14,9 +14,9 @@
 use glam::{Mat3A, Vec3A};
 use nalgebra::{Matrix3, Point3, Vector3};
 
-use super::edges::Outline;
+use super::edges::OutlinePoints;
 use super::options::HeadModel;
-use crate::stage::StageCamera;
+use crate::prepared_room::PreparedCamera;
 
 /// Number of contour points of a head: a head of five pixels' radius has one every pixel of its upper part.
 pub const POINTS: usize = 16;
@@ -50,20 +50,20 @@ pub struct Contour {
     /// Pixel of the contour's centre.
     pub middle: [f32; 2],
     /// Contour points.
-    pub outline: Outline<POINTS>,
+    pub outline: OutlinePoints<POINTS>,
 }
 
 impl Contour {
     /// Distance from the centre to the top, pixels.
     pub fn half_height_px(&self) -> f32 {
-        let Outline { u, v, .. } = &self.outline;
+        let OutlinePoints { u, v, .. } = &self.outline;
         length(u[POINTS / 2] - self.middle[0], v[POINTS / 2] - self.middle[1])
     }
 }
 
 impl HeadCamera {
     /// Prepares the pinhole camera of a camera of the room.
-    pub fn new(camera: &StageCamera, shape: &HeadShape) -> Self {
+    pub fn new(camera: &PreparedCamera, shape: &HeadShape) -> Self {
         let k = &camera.pinhole.intrinsics;
         let rotation = camera.pinhole.camera_from_world.rotation.to_rotation_matrix();
         let focal = Matrix3::from_diagonal(&Vector3::new(1.0 / k.fx, 1.0 / k.fy, 1.0));
@@ -106,7 +106,7 @@ impl HeadCamera {
         if p[0].z <= length(p[1].z, p[2].z) + f32::EPSILON {
             return None;
         }
-        let mut outline = Outline::default();
+        let mut outline = OutlinePoints::default();
         for i in 0..POINTS {
             let (c, s) = (self.shape.cosines[i], self.shape.sines[i]);
             let per_depth = 1.0 / (p[0].z + c * p[1].z + s * p[2].z);
@@ -154,10 +154,10 @@ mod tests {
     use calib::{Camera, Intrinsics};
     use nalgebra::Isometry3;
 
-    fn camera(eye: [f64; 3], aim: [f64; 3]) -> StageCamera {
+    fn camera(eye: [f64; 3], aim: [f64; 3]) -> PreparedCamera {
         let up = if eye[0] == aim[0] && eye[1] == aim[1] { Vector3::y() } else { -Vector3::z() };
         let pose = Isometry3::face_towards(&Point3::from(eye), &Point3::from(aim), &up).inverse();
-        StageCamera::new(
+        PreparedCamera::new(
             "a",
             &Camera { intrinsics: Intrinsics::from_horizontal_fov(640, 480, 60.0), camera_from_world: pose },
         )

@@ -25,14 +25,14 @@ pub struct EdgeImage {
     width: usize,
     height: usize,
     /// Levels of the image pyramid, each of half the size of the one before.
-    levels: [Level; LEVELS],
+    levels: [EdgeLevel; LEVELS],
     /// Similarity of each pixel to the empty scene, 0 to 255; empty where that is not known.
     unchanged: Vec<u8>,
 }
 
 /// Edges at one size.
 #[derive(Debug, Clone, Default)]
-struct Level {
+struct EdgeLevel {
     width: usize,
     height: usize,
     gradient: Vec<[i16; 2]>,
@@ -40,7 +40,7 @@ struct Level {
 
 /// Points in the image with their unit normals.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Outline<const N: usize> {
+pub struct OutlinePoints<const N: usize> {
     /// Columns.
     pub u: [f32; N],
     /// Rows.
@@ -69,7 +69,7 @@ pub struct EdgeMaker {
 impl EdgeImage {
     /// Edge at a pixel of the full size; zero outside the image.
     pub fn at(&self, u: i32, v: i32) -> [f32; 2] {
-        let Level { width, height, gradient } = &self.levels[0];
+        let EdgeLevel { width, height, gradient } = &self.levels[0];
         let is_inside = (u as usize) < *width && (v as usize) < *height;
         if is_inside { gradient[v as usize * width + u as usize].map(f32::from) } else { [0.0; 2] }
     }
@@ -98,7 +98,7 @@ impl EdgeImage {
 
     /// Σ N·E over the outline of a head of this half height, in units of a full edge, and the number of its points in
     /// the image.
-    pub fn along<const N: usize>(&self, head_px: f32, outline: &Outline<N>) -> (f32, u32) {
+    pub fn along<const N: usize>(&self, head_px: f32, outline: &OutlinePoints<N>) -> (f32, u32) {
         /// 3 · 2²²: added to a number, it leaves the nearest integer in the lowest bits, without a branch or a call.
         /// Negative numbers, large ones and NaN end up beyond any image.
         const ROUNDS: f32 = 12_582_912.0;
@@ -108,7 +108,7 @@ impl EdgeImage {
             _ => 2,
         };
         let scale = 1.0 / (1 << level) as f32;
-        let Level { width, height, gradient } = &self.levels[level];
+        let EdgeLevel { width, height, gradient } = &self.levels[level];
         // Pixels' edges, not their centres, coincide in all sizes.
         let shift = 0.5 * scale - 0.5;
         let pixel = |x: f32| (x * scale + shift + ROUNDS).to_bits().wrapping_sub(ROUNDS.to_bits());
@@ -126,7 +126,7 @@ impl EdgeImage {
     }
 }
 
-impl<const N: usize> Default for Outline<N> {
+impl<const N: usize> Default for OutlinePoints<N> {
     fn default() -> Self {
         Self { u: [0.0; N], v: [0.0; N], normal_u: [0.0; N], normal_v: [0.0; N] }
     }
@@ -234,8 +234,8 @@ mod tests {
     }
 
     /// A point whose normal points to the right.
-    fn across(u: f32, v: f32) -> Outline<1> {
-        Outline { u: [u], v: [v], normal_u: [1.0], normal_v: [0.0] }
+    fn across(u: f32, v: f32) -> OutlinePoints<1> {
+        OutlinePoints { u: [u], v: [v], normal_u: [1.0], normal_v: [0.0] }
     }
 
     fn linear() -> EdgeOptions {
@@ -299,7 +299,7 @@ mod tests {
     #[test]
     fn sums_run_along_normals_and_count_what_is_inside() {
         let edges = edges(linear(), None, &picture(|u, _| (20 + 3 * u) as u8));
-        let outline = Outline {
+        let outline = OutlinePoints {
             u: [10.2, 20.0, 30.0],
             v: [10.0, 10.0, 9.6],
             normal_u: [1.0, 0.0, -0.5],

@@ -17,7 +17,7 @@ pub const APART_M: f64 = 0.3;
 
 /// Normal distribution of a person's head.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Gaussian {
+pub struct HeadDistribution {
     /// s̄ (equation 12).
     pub mean: Vector3<f64>,
     /// Σ (equation 12).
@@ -27,7 +27,7 @@ pub struct Gaussian {
     log_determinant: f64,
 }
 
-impl Gaussian {
+impl HeadDistribution {
     /// Distribution with this mean and covariance.
     pub fn new(mean: Vector3<f64>, covariance: Matrix3<f64>) -> Self {
         let least = LEAST_SIGMA_M * LEAST_SIGMA_M;
@@ -74,7 +74,7 @@ pub fn exclude(
     hypotheses: &[Vector3<f64>],
     weights: &mut [f64],
     own: usize,
-    people: &[Gaussian],
+    people: &[HeadDistribution],
     equal_covariances: bool,
 ) {
     /// Distance of two people beyond which no comparison is needed, metres.
@@ -105,7 +105,7 @@ mod tests {
 
     #[test]
     fn weighted_moments_by_hand() {
-        let gaussian = Gaussian::of(&[at(0.0, 0.0), at(1.0, 0.0), at(0.0, 9.0)], &[1.0, 3.0, 0.0]);
+        let gaussian = HeadDistribution::of(&[at(0.0, 0.0), at(1.0, 0.0), at(0.0, 9.0)], &[1.0, 3.0, 0.0]);
         assert_relative_eq!(gaussian.mean, at(0.75, 0.0), epsilon = 1e-12);
         assert_relative_eq!(gaussian.covariance[(0, 0)], 0.75 * 0.25, epsilon = 1e-12);
         assert_eq!(gaussian.covariance[(1, 1)], 0.0);
@@ -115,7 +115,8 @@ mod tests {
 
     #[test]
     fn between_equals_the_middle_divides() {
-        let people = [at(0.0, 0.0), at(0.6, 0.0)].map(|m| Gaussian::new(m, Matrix3::identity() * 0.01));
+        let people =
+            [at(0.0, 0.0), at(0.6, 0.0)].map(|m| HeadDistribution::new(m, Matrix3::identity() * 0.01));
         let places = [at(0.0, 0.0), at(0.29, 0.3), at(0.31, 0.3), at(0.6, 0.0)];
         for equal in [true, false] {
             let mut weights = [1.0; 4];
@@ -130,8 +131,8 @@ mod tests {
     #[test]
     fn somebody_lost_does_not_push_somebody_found() {
         let people = [
-            Gaussian::new(at(0.0, 0.0), Matrix3::identity() * 0.0004),
-            Gaussian::new(at(0.5, 0.0), Matrix3::identity()),
+            HeadDistribution::new(at(0.0, 0.0), Matrix3::identity() * 0.0004),
+            HeadDistribution::new(at(0.5, 0.0), Matrix3::identity()),
         ];
         let beside = [at(0.07, 0.0)];
         let mut weights = [1.0];
@@ -146,11 +147,11 @@ mod tests {
 
     #[test]
     fn degenerate_distributions_do_not_blow_up() {
-        let one_place = Gaussian::of(&[at(1.0, 1.0); 5], &[0.2; 5]);
+        let one_place = HeadDistribution::of(&[at(1.0, 1.0); 5], &[0.2; 5]);
         assert!(one_place.distance(&at(1.1, 1.0)).is_finite());
-        let weightless = Gaussian::of(&[at(0.0, 0.0), at(1.0, 0.0)], &[0.0, 0.0]);
+        let weightless = HeadDistribution::of(&[at(0.0, 0.0), at(1.0, 0.0)], &[0.0, 0.0]);
         assert_relative_eq!(weightless.mean, at(0.5, 0.0), epsilon = 1e-12);
-        let nan = Gaussian::new(at(0.0, 0.0), Matrix3::from_element(f64::NAN));
+        let nan = HeadDistribution::new(at(0.0, 0.0), Matrix3::from_element(f64::NAN));
         assert!(nan.distance(&at(0.1, 0.0)).is_finite());
         // Two people at the same place keep their hypotheses.
         let mut weights = [1.0];

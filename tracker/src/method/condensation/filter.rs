@@ -10,10 +10,10 @@ use rand::RngExt;
 use rand_distr::StandardNormal;
 use rand_pcg::Pcg64Mcg;
 
-use super::exclusion::Gaussian;
-use super::integration::Looks;
-use super::spent::Spent;
-use super::weight::{Sight, Support};
+use super::exclusion::HeadDistribution;
+use super::integration::CameraWeights;
+use super::step_times::StepTimes;
+use super::weight::{HeadSupport, WeighingInput};
 
 /// Every how many hypotheses one is predicted with a larger step: people stop and turn suddenly.
 const ASTRAY_EVERY: usize = 8;
@@ -22,7 +22,7 @@ const ASTRAY: f64 = 3.0;
 
 /// Set of weighted hypotheses. Metres, room frame.
 #[derive(Debug, Clone)]
-pub struct Filter {
+pub struct HeadFilter {
     /// s: positions of the head's centre.
     pub hypotheses: Vec<Vector3<f64>>,
     /// π, not negative; they need not sum to 1.
@@ -31,10 +31,10 @@ pub struct Filter {
     best: usize,
     predicted: Vec<Vector3<f64>>,
     drawn: Vec<Vector3<f64>>,
-    looks: Vec<Looks>,
+    weights_by_camera: Vec<CameraWeights>,
 }
 
-impl Filter {
+impl HeadFilter {
     /// `count` hypotheses around a place.
     pub fn around(place: &Vector3<f64>, sigma_m: &Vector3<f64>, count: usize, rng: &mut Pcg64Mcg) -> Self {
         let mut filter = Self {
@@ -43,7 +43,7 @@ impl Filter {
             best: 0,
             predicted: Vec::with_capacity(count),
             drawn: Vec::with_capacity(count),
-            looks: Vec::with_capacity(count),
+            weights_by_camera: Vec::with_capacity(count),
         };
         filter.scatter(sigma_m, rng);
         filter
@@ -82,31 +82,33 @@ impl Filter {
     }
 
     /// Weighs every hypothesis by the moment's pictures.
-    pub fn weigh(&mut self, sight: &Sight<'_>, spent: &mut Spent) {
+    pub fn weigh(&mut self, input: &WeighingInput<'_>, spent: &mut StepTimes) {
         spent.weights.start();
-        if self.looks.len() < self.hypotheses.len() {
-            self.looks.resize_with(self.hypotheses.len(), Looks::default);
+        if self.weights_by_camera.len() < self.hypotheses.len() {
+            self.weights_by_camera.resize_with(self.hypotheses.len(), CameraWeights::default);
         }
-        sight.lookout.look(&self.hypotheses, sight.stage, sight.edges, &mut self.looks);
+        input.head_weights.look(&self.hypotheses, input.stage, input.edges, &mut self.weights_by_camera);
         spent.weights.stop();
         spent.integration.start();
         let mut best = (-1.0, 0);
-        for (i, (looks, weight)) in self.looks.iter().zip(&mut self.weights).enumerate() {
-            let integrated = f64::from(sight.lookout.integrate(looks));
+        for (i, (weights_by_camera, weight)) in
+            self.weights_by_camera.iter().zip(&mut self.weights).enumerate()
+        {
+            let integrated = f64::from(input.head_weights.integrate(weights_by_camera));
             if integrated > best.0 {
                 best = (integrated, i);
             }
-            *weight = integrated.powf(sight.sharpness);
+            *weight = integrated.powf(input.sharpness);
         }
         self.best = best.1;
         spent.integration.stop();
     }
 
     /// Support of the cameras for the best hypothesis of a person with this trust.
-    pub fn support(&self, trust: f32, sight: &Sight<'_>) -> Support {
+    pub fn support(&self, trust: f32, input: &WeighingInput<'_>) -> HeadSupport {
         self.hypotheses
             .get(self.best)
-            .map_or(Support::default(), |head| sight.lookout.support(head, trust, sight))
+            .map_or(HeadSupport::default(), |head| input.head_weights.support(head, trust, input))
     }
 
     /// Hypothesis of the largest weight; `None` when all weights are 0.
@@ -117,14 +119,14 @@ impl Filter {
     }
 
     /// Restores the predicted hypotheses with equal weights, after a missed detection.
-    pub fn forget(&mut self) {
+    pub fn keep_prediction(&mut self) {
         self.hypotheses.clone_from(&self.predicted);
         self.weights.fill(1.0);
     }
 
     /// Weighted mean and covariance (equation 12).
-    pub fn gaussian(&self) -> Gaussian {
-        Gaussian::of(&self.hypotheses, &self.weights)
+    pub fn gaussian(&self) -> HeadDistribution {
+        HeadDistribution::of(&self.hypotheses, &self.weights)
     }
 
     /// Systematic resampling of `count` hypotheses in proportion to their weights; uniform if all weights are 0.

@@ -42,7 +42,7 @@ pub enum RayTest {
 
 /// Weight of a head in one camera.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Look {
+pub struct CameraWeight {
     /// π, not negative.
     pub weight: f32,
     /// Unit vector from the camera to the head.
@@ -51,25 +51,25 @@ pub struct Look {
 
 /// Weights of a head in all cameras that have the place in their image.
 #[derive(Debug, Clone)]
-pub struct Looks {
-    all: [Look; MOST_CAMERAS],
+pub struct CameraWeights {
+    all: [CameraWeight; MOST_CAMERAS],
     count: usize,
 }
 
-impl Default for Looks {
+impl Default for CameraWeights {
     fn default() -> Self {
-        Self { all: [Look::default(); MOST_CAMERAS], count: 0 }
+        Self { all: [CameraWeight::default(); MOST_CAMERAS], count: 0 }
     }
 }
 
-impl Looks {
+impl CameraWeights {
     /// Removes all weights.
     pub fn clear(&mut self) {
         self.count = 0;
     }
 
     /// Adds one camera's weight; at most [`MOST_CAMERAS`] are stored.
-    pub fn push(&mut self, look: Look) {
+    pub fn push(&mut self, look: CameraWeight) {
         if let Some(place) = self.all.get_mut(self.count) {
             *place = look;
             self.count += 1;
@@ -77,7 +77,7 @@ impl Looks {
     }
 
     /// All weights.
-    pub fn all(&self) -> &[Look] {
+    pub fn all(&self) -> &[CameraWeight] {
         &self.all[..self.count]
     }
 
@@ -167,25 +167,25 @@ mod tests {
     use approx::assert_relative_eq;
     use proptest::prelude::*;
 
-    fn looks(of: &[(f32, [f32; 3])]) -> Looks {
-        let mut looks = Looks::default();
+    fn weights_by_camera(of: &[(f32, [f32; 3])]) -> CameraWeights {
+        let mut weights_by_camera = CameraWeights::default();
         for (weight, ray) in of {
-            looks.push(Look { weight: *weight, ray: *ray });
+            weights_by_camera.push(CameraWeight { weight: *weight, ray: *ray });
         }
-        looks
+        weights_by_camera
     }
 
     const EAST: [f32; 3] = [1.0, 0.0, 0.0];
     const WEST: [f32; 3] = [-1.0, 0.0, 0.0];
     const NORTH: [f32; 3] = [0.0, 1.0, 0.0];
 
-    fn all_of(looks: &Looks) -> [f32; 5] {
-        Integration::ALL.map(|i| looks.integrate(i, RayTest::Line, 0.94))
+    fn all_of(weights_by_camera: &CameraWeights) -> [f32; 5] {
+        Integration::ALL.map(|i| weights_by_camera.integrate(i, RayTest::Line, 0.94))
     }
 
     #[test]
     fn the_equations_by_hand() {
-        let three = looks(&[(0.5, EAST), (0.4, NORTH), (0.2, WEST)]);
+        let three = weights_by_camera(&[(0.5, EAST), (0.4, NORTH), (0.2, WEST)]);
         // 0.5·0.4 + 0.5·0.2 + 0.4·0.2; east and west are collinear.
         let [product, sum, pairs, angle, room] = all_of(&three);
         assert_relative_eq!(product, 0.04, epsilon = 1e-6);
@@ -202,10 +202,10 @@ mod tests {
 
     #[test]
     fn no_camera_one_camera_and_more_than_fit() {
-        assert_eq!(all_of(&Looks::default()), [0.0; 5]);
-        let [product, sum, pairs, angle, _] = all_of(&looks(&[(0.5, EAST)]));
+        assert_eq!(all_of(&CameraWeights::default()), [0.0; 5]);
+        let [product, sum, pairs, angle, _] = all_of(&weights_by_camera(&[(0.5, EAST)]));
         assert_eq!((product, sum, pairs, angle), (0.5, 0.5, 0.0, 0.0));
-        let many = looks(&[(1.0, NORTH); MOST_CAMERAS + 3]);
+        let many = weights_by_camera(&[(1.0, NORTH); MOST_CAMERAS + 3]);
         assert_eq!(many.all().len(), MOST_CAMERAS);
         assert_eq!(many.integrate(Integration::PairsAngle, RayTest::Line, 0.94), 0.0, "all on one line");
     }
@@ -223,7 +223,7 @@ mod tests {
             let seen: Vec<_> = weights.iter().copied().zip(rays.iter().copied()).collect();
             let mut hidden = seen.clone();
             hidden.push((0.0, [0.0, 0.0, 1.0]));
-            let (before, after) = (all_of(&looks(&seen)), all_of(&looks(&hidden)));
+            let (before, after) = (all_of(&weights_by_camera(&seen)), all_of(&weights_by_camera(&hidden)));
             prop_assert_eq!(after[0], 0.0);
             for k in 1..4 {
                 prop_assert!((before[k] - after[k]).abs() < 1e-5);

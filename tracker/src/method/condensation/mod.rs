@@ -13,9 +13,9 @@
 //!    the weights are integrated ([`integration`], equations 4 to 7);
 //! 4. hypotheses that are closer to another person's distribution lose their weight ([`exclusion`], equations 12 to
 //!    14); steps 3 and 4 are repeated with smaller spreads;
-//! 5. tracks begin for people who are seen at a gate ([`gates`]), and end for those who have left.
+//! 5. tracks begin for people who are seen at a gate ([`initiator`]), and end for those who have left.
 //!
-//! [`CondensationOptions`] has the parameters; [`weight_map`] draws the paper's figures 5 to 8; [`Spent`] has the times
+//! [`CondensationOptions`] has the parameters; [`weight_map`] draws the paper's figures 5 to 8; [`StepTimes`] has the times
 //! of its table 2.
 
 mod climb;
@@ -23,14 +23,14 @@ pub mod contour;
 pub mod edges;
 pub mod exclusion;
 pub mod filter;
-pub mod gates;
+pub mod initiator;
 pub mod integration;
 mod options;
 mod report;
 pub mod search;
 mod shoulder;
 mod sobel;
-mod spent;
+mod step_times;
 mod track;
 pub mod weight;
 pub mod weight_map;
@@ -41,20 +41,20 @@ use rayon::prelude::*;
 
 use self::contour::HeadShape;
 use self::edges::{EdgeImage, EdgeMaker};
-use self::exclusion::{APART_M, Gaussian};
-use self::gates::Gates;
+use self::exclusion::{APART_M, HeadDistribution};
+use self::initiator::Initiator;
 use self::integration::{Integration, MOST_CAMERAS};
 pub use self::options::{
-    CondensationOptions, EdgeOptions, EdgeStrength, HeadModel, LifeOptions, MotionOptions,
+    CondensationOptions, EdgeOptions, EdgeStrength, HeadModel, HeadMotionOptions, LifeOptions,
 };
-pub use self::spent::{Spent, Watch};
-use self::track::Track;
-use self::weight::{Expected, Lookout, Sight};
+pub use self::step_times::{StepTimer, StepTimes};
+use self::track::HeadTrack;
+use self::weight::{ExpectedHead, HeadWeights, WeighingInput};
 use self::weight_map::WeightMap;
 use super::capacity::Capacity;
 use super::{Method, Needs};
+use crate::prepared_room::PreparedRoom;
 use crate::silhouette::View;
-use crate::stage::Stage;
 use crate::{Error, Moment, PersonEstimate, Result, TrackId};
 
 /// Assumed step before the first moment, seconds.
@@ -66,23 +66,23 @@ const DOUBLED_FOR_S: f64 = 0.5;
 
 /// CONDENSATION tracker of heads.
 pub struct Condensation {
-    stage: Stage,
+    stage: PreparedRoom,
     options: CondensationOptions,
-    lookout: Lookout,
+    head_weights: HeadWeights,
     makers: Vec<EdgeMaker>,
     edges: Vec<Option<EdgeImage>>,
     /// Unused edge images, kept for their buffers.
     spare: Vec<EdgeImage>,
     views: Vec<View>,
-    gates: Gates,
+    gates: Initiator,
     capacity: Capacity,
-    tracks: Vec<Track>,
-    gaussians: Vec<Gaussian>,
-    expected: Vec<Expected>,
+    tracks: Vec<HeadTrack>,
+    gaussians: Vec<HeadDistribution>,
+    expected: Vec<ExpectedHead>,
     next_key: u64,
     next_id: u32,
     last_time_s: Option<f64>,
-    spent: Spent,
+    spent: StepTimes,
 }
 
 impl Condensation {
@@ -90,7 +90,7 @@ impl Condensation {
     ///
     /// # Errors
     /// An invalid option ([`Error::Option`]), fewer than two cameras, or too many.
-    pub fn new(stage: Stage, options: CondensationOptions) -> Result<Self> {
+    pub fn new(stage: PreparedRoom, options: CondensationOptions) -> Result<Self> {
         options.validate()?;
         if !(2..=MOST_CAMERAS).contains(&stage.cameras.len()) {
             return Err(Error::option(
@@ -102,12 +102,12 @@ impl Condensation {
                 ),
             ));
         }
-        let (gates, unseen) = Gates::new(&stage, &options);
+        let (gates, unseen) = Initiator::new(&stage, &options);
         if !unseen.zones.is_empty() {
             tracing::warn!("{unseen}");
         }
         let shape = HeadShape::new(&options.head);
-        let lookout = Lookout::new(
+        let head_weights = HeadWeights::new(
             &stage.cameras,
             &shape,
             &options.edges,
@@ -115,12 +115,12 @@ impl Condensation {
             (options.rays, options.beta),
             options.life.seen_at,
         );
-        let maker = |c: &crate::stage::StageCamera| {
+        let maker = |c: &crate::prepared_room::PreparedCamera| {
             let shown: Vec<bool> = c.static_z_m.iter().map(|z| *z > 0.0).collect();
             EdgeMaker::new(options.edges, c.width(), &shown)
         };
         Ok(Self {
-            lookout,
+            head_weights,
             makers: stage.cameras.iter().map(maker).collect(),
             edges: stage.cameras.iter().map(|_| None).collect(),
             spare: Vec::new(),
@@ -133,7 +133,7 @@ impl Condensation {
             next_key: 1,
             next_id: 1,
             last_time_s: None,
-            spent: Spent::default(),
+            spent: StepTimes::default(),
             stage,
             options,
         })
@@ -151,18 +151,18 @@ impl Condensation {
         height_m: f64,
     ) -> Result<Vec<WeightMap>> {
         self.find_edges(moment)?;
-        let sight = Sight {
-            lookout: &self.lookout,
+        let input = WeighingInput {
+            head_weights: &self.head_weights,
             stage: &self.stage.cameras,
             edges: &self.edges,
             everybody: &[],
             sharpness: 1.0,
         };
-        Ok(integrations.iter().map(|i| WeightMap::new(&self.stage, &sight, *i, height_m)).collect())
+        Ok(integrations.iter().map(|i| WeightMap::new(&self.stage, &input, *i, height_m)).collect())
     }
 
     /// Times of the steps so far.
-    pub fn spent(&self) -> &Spent {
+    pub fn spent(&self) -> &StepTimes {
         &self.spent
     }
 
@@ -205,15 +205,15 @@ impl Condensation {
     }
 
     /// Predicts, weighs and separates the hypotheses of all tracks.
-    fn follow(&mut self, dt_s: f64) {
+    fn update_tracks(&mut self, dt_s: f64) {
         let options = &self.options;
         for track in &mut self.tracks {
             track.predict(dt_s, &options.motion, &mut self.spent);
         }
         self.expected.clear();
-        self.expected.extend(self.tracks.iter().map(|t| Expected { head: t.head(), trust: t.trust }));
-        let sight = Sight {
-            lookout: &self.lookout,
+        self.expected.extend(self.tracks.iter().map(|t| ExpectedHead { head: t.head(), trust: t.trust }));
+        let input = WeighingInput {
+            head_weights: &self.head_weights,
             stage: &self.stage.cameras,
             edges: &self.edges,
             everybody: &self.expected,
@@ -221,7 +221,7 @@ impl Condensation {
         };
         for layer in 0..options.layers {
             for track in &mut self.tracks {
-                track.weigh(layer, &sight, &mut self.spent);
+                track.weigh(layer, &input, &mut self.spent);
             }
             self.spent.integration.start();
             self.gaussians.clear();
@@ -239,25 +239,25 @@ impl Condensation {
             self.spent.integration.stop();
         }
         for track in &mut self.tracks {
-            track.settle(dt_s, &sight, options);
-            track.look_up(dt_s, &sight, options.life.highest_m);
+            track.update(dt_s, &input, options);
+            track.check_for_shoulder(dt_s, &input, options.life.highest_m);
         }
     }
 
     /// Begins the tracks of people who are found at a gate.
-    fn let_in(&mut self, dt_s: f64) {
+    fn initiate_tracks(&mut self, dt_s: f64) {
         self.expected.clear();
-        self.expected.extend(self.tracks.iter().map(|t| Expected { head: t.head(), trust: t.trust }));
-        let sight = Sight {
-            lookout: &self.lookout,
+        self.expected.extend(self.tracks.iter().map(|t| ExpectedHead { head: t.head(), trust: t.trust }));
+        let input = WeighingInput {
+            head_weights: &self.head_weights,
             stage: &self.stage.cameras,
             edges: &self.edges,
             everybody: &self.expected,
             sharpness: self.options.sharpness,
         };
-        for (found, name) in self.gates.newcomers(dt_s, &self.stage.floor, &sight, &mut self.spent) {
+        for (found, name) in self.gates.new_heads(dt_s, &self.stage.floor, &input, &mut self.spent) {
             if self.capacity.has_room(self.tracks.len()) {
-                let mut track = Track::born(&found, self.next_key, &self.options);
+                let mut track = HeadTrack::born(&found, self.next_key, &self.options);
                 track.id = name;
                 self.tracks.push(track);
                 self.next_key += 1;
@@ -268,7 +268,7 @@ impl Condensation {
 
     /// Ends the tracks of people who have left, were lost, or are tracked twice; confirms those that have been seen for
     /// long enough.
-    fn let_go(&mut self, dt_s: f64) {
+    fn delete_tracks(&mut self, dt_s: f64) {
         let life = self.options.life;
         let places: Vec<_> = self.tracks.iter().map(|t| (t.head(), t.trust)).collect();
         for (i, track) in self.tracks.iter_mut().enumerate() {
@@ -321,9 +321,9 @@ impl Method for Condensation {
         let dt_s = self.last_time_s.map_or(FIRST_STEP_S, |last| moment.time_s - last).max(LEAST_STEP_S);
         self.last_time_s = Some(moment.time_s);
         self.find_edges(moment)?;
-        self.follow(dt_s);
-        self.let_in(dt_s);
-        self.let_go(dt_s);
+        self.update_tracks(dt_s);
+        self.initiate_tracks(dt_s);
+        self.delete_tracks(dt_s);
         Ok(self.report())
     }
 }

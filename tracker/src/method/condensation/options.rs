@@ -65,7 +65,7 @@ impl Default for EdgeOptions {
 /// Options of the motion model of heads.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct MotionOptions {
+pub struct HeadMotionOptions {
     /// Standard deviation of a horizontal step, independent of its duration, metres. Default 0.02.
     pub step_m: f64,
     /// Standard deviation of a horizontal step for each second of its duration, m/s. Default 0.5.
@@ -76,7 +76,7 @@ pub struct MotionOptions {
     pub memory_s: f64,
 }
 
-impl Default for MotionOptions {
+impl Default for HeadMotionOptions {
     fn default() -> Self {
         Self { step_m: 0.02, speed_m_s: 0.5, vertical_speed_m_s: 0.12, memory_s: 1.0 }
     }
@@ -88,7 +88,7 @@ impl Default for MotionOptions {
 pub struct LifeOptions {
     /// Least weight (0 to 1) of the contour of a seen head in one camera. Default 0.25.
     pub seen_at: f64,
-    /// Least support ([`super::weight::Support`]) of a new head. Default 0.3.
+    /// Least support ([`super::weight::HeadSupport`]) of a new head. Default 0.3.
     pub born_at: f64,
     /// Time for which a new person must be seen before they are reported, seconds (published: 0). Default 0.8.
     pub believed_after_s: f64,
@@ -153,7 +153,7 @@ pub struct CondensationOptions {
     /// Edge images.
     pub edges: EdgeOptions,
     /// Motion model.
-    pub motion: MotionOptions,
+    pub motion: HeadMotionOptions,
     /// Track initiation and deletion.
     pub life: LifeOptions,
 }
@@ -172,7 +172,7 @@ impl Default for CondensationOptions {
             equal_covariances: false,
             head: HeadModel::default(),
             edges: EdgeOptions::default(),
-            motion: MotionOptions::default(),
+            motion: HeadMotionOptions::default(),
             life: LifeOptions::default(),
         }
     }
@@ -189,7 +189,7 @@ impl CondensationOptions {
             rays: RayTest::Published,
             equal_covariances: true,
             edges: EdgeOptions { strength: EdgeStrength::Linear, moving_only: false, dark_heads_only: true },
-            motion: MotionOptions { memory_s: 0.0, speed_m_s: 1.0, ..MotionOptions::default() },
+            motion: HeadMotionOptions { memory_s: 0.0, speed_m_s: 1.0, ..HeadMotionOptions::default() },
             life: LifeOptions {
                 // Much lower, and edges of a textured wall become people; much higher, and no track begins.
                 born_at: 0.2,

@@ -1,7 +1,7 @@
 //! Estimates of the tracked heads, and of the bodies below them.
 
 use super::Condensation;
-use super::track::Track;
+use super::track::HeadTrack;
 use crate::PersonEstimate;
 use crate::silhouette::Body;
 use crate::silhouette::visibility::visible_fractions;
@@ -13,7 +13,8 @@ impl Condensation {
     pub(super) fn report(&self) -> Vec<PersonEstimate> {
         let half_height_m = self.options.head.half_height_m;
         let reported = || {
-            let inside = |t: &&Track| t.id.is_some() && self.stage.floor.is_inside(t.head().x, t.head().y);
+            let inside =
+                |t: &&HeadTrack| t.id.is_some() && self.stage.floor.is_inside(t.head().x, t.head().y);
             self.tracks.iter().filter(inside)
         };
         let bodies: Vec<Body> = reported()

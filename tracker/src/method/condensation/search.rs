@@ -8,12 +8,12 @@ use scenes::polygon::Polygon;
 
 use super::climb::{CLIMB_SIGMA_M, climb};
 use super::exclusion::APART_M;
-use super::filter::Filter;
+use super::filter::HeadFilter;
 use super::options::CondensationOptions;
 use super::shoulder;
-use super::spent::Spent;
-use super::weight::{Expected, Sight};
-use crate::stage::Floor;
+use super::step_times::StepTimes;
+use super::weight::{ExpectedHead, WeighingInput};
+use crate::prepared_room::Floor;
 
 /// Hypotheses for each square metre of an area: about one in 17 cm cubed over one metre of height.
 const PER_M2: f64 = 150.0;
@@ -29,9 +29,9 @@ const PROMISING: f32 = 0.6;
 
 /// An area with its hypotheses.
 #[derive(Debug, Clone)]
-pub struct Search {
+pub struct HeadSearch {
     area: Polygon,
-    filter: Filter,
+    filter: HeadFilter,
 }
 
 /// Criteria of a new head.
@@ -51,11 +51,11 @@ impl Criteria {
     }
 }
 
-impl Search {
+impl HeadSearch {
     /// Search over this area.
     pub fn over(area: Polygon, rng: &mut Pcg64Mcg) -> Self {
         let count = ((PER_M2 * area.area()) as usize).clamp(LEAST, MOST);
-        Self { area, filter: Filter::around(&Vector3::zeros(), &Vector3::zeros(), count, rng) }
+        Self { area, filter: HeadFilter::around(&Vector3::zeros(), &Vector3::zeros(), count, rng) }
     }
 
     /// Moves the search to another area, with the same number of hypotheses.
@@ -68,31 +68,31 @@ impl Search {
         &mut self,
         criteria: &Criteria,
         floor: &Floor,
-        sight: &Sight<'_>,
-        found: &mut Vec<Expected>,
+        input: &WeighingInput<'_>,
+        found: &mut Vec<ExpectedHead>,
         rng: &mut Pcg64Mcg,
     ) {
         // Not part of the paper's table 2.
-        let mut spent = Spent::default();
+        let mut spent = StepTimes::default();
         let [lowest_m, highest_m] = criteria.height_m;
         self.spread(lowest_m, highest_m, rng);
-        self.filter.weigh(sight, &mut spent);
+        self.filter.weigh(input, &mut spent);
         self.keep(|s| floor.is_standable(s.x, s.y));
-        for known in sight.everybody.iter().chain(&*found) {
+        for known in input.everybody.iter().chain(&*found) {
             self.keep(|s| (known.head - s).xy().norm() > APART_M);
         }
         for _ in 0..MOST_CLIMBS {
             let Some(start) = self.filter.heaviest() else { break };
             self.keep(|s| (start - s).xy().norm() > APART_M);
-            let Some((mut head, mut support)) = climb(&start, PROMISING * criteria.born_at, sight, rng)
+            let Some((mut head, mut support)) = climb(&start, PROMISING * criteria.born_at, input, rng)
             else {
                 continue;
             };
             for _ in 0..MOST_RISES {
-                let Some(above) = shoulder::head_above(&head, &support, sight, rng) else { break };
+                let Some(above) = shoulder::head_above(&head, &support, input, rng) else { break };
                 (head, support) = above;
             }
-            let mut others = sight.everybody.iter().chain(&*found);
+            let mut others = input.everybody.iter().chain(&*found);
             let is_head = support.all >= criteria.born_at
                 && !support.is_doubtful()
                 && (lowest_m..=highest_m).contains(&head.z)
@@ -100,7 +100,7 @@ impl Search {
                 && others.all(|o| (o.head - head).xy().norm() > APART_M);
             if is_head {
                 self.keep(|s| (head - s).xy().norm() > APART_M);
-                found.push(Expected { head, trust: support.all });
+                found.push(ExpectedHead { head, trust: support.all });
             }
         }
     }

@@ -6,9 +6,9 @@ use rand_pcg::Pcg64Mcg;
 
 use super::climb::{CLIMB_SIGMA_M, climb};
 use super::exclusion::APART_M;
-use super::filter::Filter;
-use super::spent::Spent;
-use super::weight::{Sight, Support};
+use super::filter::HeadFilter;
+use super::step_times::StepTimes;
+use super::weight::{HeadSupport, WeighingInput};
 
 /// Mean offset of a head above a shoulder, and the standard deviations of the tested positions, metres.
 const ABOVE_M: f64 = 0.28;
@@ -28,14 +28,14 @@ const LOWER_M: f64 = 0.12;
 /// head itself.
 pub(super) fn head_above(
     place: &Vector3<f64>,
-    support: &Support,
-    sight: &Sight<'_>,
+    support: &HeadSupport,
+    input: &WeighingInput<'_>,
     rng: &mut Pcg64Mcg,
-) -> Option<(Vector3<f64>, Support)> {
+) -> Option<(Vector3<f64>, HeadSupport)> {
     let middle = place + Vector3::z() * ABOVE_M;
-    let mut column = Filter::around(&middle, &ABOVE_SIGMA_M, TRIED, rng);
-    column.weigh(sight, &mut Spent::default());
-    let (head, its) = climb(&column.heaviest()?, ENOUGH * support.all, sight, rng)?;
+    let mut column = HeadFilter::around(&middle, &ABOVE_SIGMA_M, TRIED, rng);
+    column.weigh(input, &mut StepTimes::default());
+    let (head, its) = climb(&column.heaviest()?, ENOUGH * support.all, input, rng)?;
     let is_above = head.z > place.z + CLIMB_SIGMA_M[0] && (head - place).xy().norm() < APART_M;
     (is_above && its.all >= ENOUGH * support.all).then_some((head, its))
 }

@@ -11,13 +11,13 @@ use scenes::room::{Room, RoomCamera, Zone, ZoneKind};
 
 use super::*;
 use crate::CameraFrame;
-use crate::stage::{StageCamera, StageOptions};
+use crate::prepared_room::{PreparationOptions, PreparedCamera};
 
 const SIZE: (u32, u32) = (320, 240);
 const RATE_HZ: f64 = 15.0;
 
 /// Cameras around a floor of 4 × 4 m whose entry is on its west side.
-fn stage(cameras: usize) -> Stage {
+fn stage(cameras: usize) -> PreparedRoom {
     let camera = |i: usize| {
         let angle = 0.4 + i as f64 / cameras as f64 * std::f64::consts::TAU;
         let eye = Point3::new(2.0 + 4.2 * angle.cos(), 2.0 + 4.2 * angle.sin(), 2.5);
@@ -37,11 +37,11 @@ fn stage(cameras: usize) -> Stage {
         walkable: Some(vec![floor]),
         geometry: None,
     };
-    Stage::prepare(&room, Path::new("."), &StageOptions::default()).unwrap()
+    PreparedRoom::prepare(&room, Path::new("."), &PreparationOptions::default()).unwrap()
 }
 
 /// Picture of heads (spheroids of the model's size, each on a body) before a wall.
-fn picture(camera: &StageCamera, heads: &[Vector3<f64>]) -> RgbImage {
+fn picture(camera: &PreparedCamera, heads: &[Vector3<f64>]) -> RgbImage {
     let center = camera.pinhole.center();
     RgbImage::from_fn(SIZE.0, SIZE.1, |u, v| {
         let ray = camera.pinhole.ray(&Point2::new(f64::from(u), f64::from(v))).unwrap().into_inner();
@@ -62,7 +62,7 @@ fn picture(camera: &StageCamera, heads: &[Vector3<f64>]) -> RgbImage {
     })
 }
 
-fn tracker(stage: &Stage, options: CondensationOptions) -> Condensation {
+fn tracker(stage: &PreparedRoom, options: CondensationOptions) -> Condensation {
     let mut tracker = Condensation::new(stage.clone(), options).unwrap();
     for (i, camera) in stage.cameras.iter().enumerate() {
         tracker.set_empty_scene(i, &picture(camera, &[]));
@@ -72,7 +72,7 @@ fn tracker(stage: &Stage, options: CondensationOptions) -> Condensation {
 
 /// Tracks heads at given positions in each frame; `blind` are the cameras without a picture in a frame.
 fn followed(
-    stage: &Stage,
+    stage: &PreparedRoom,
     options: CondensationOptions,
     frames: u32,
     heads: impl Fn(f64) -> Vec<Vector3<f64>>,
@@ -83,7 +83,7 @@ fn followed(
         .map(|frame| {
             let time_s = f64::from(frame) / RATE_HZ;
             let heads = heads(time_s);
-            let frame_of = |(i, camera): (usize, &StageCamera)| {
+            let frame_of = |(i, camera): (usize, &PreparedCamera)| {
                 if is_blind(frame, i) {
                     CameraFrame::default()
                 } else {
@@ -169,21 +169,21 @@ const HEAD_AND_SHOULDER: [Vector3<f64>; 2] = [Vector3::new(3.0, 2.0, 1.7), Vecto
 fn a_headlike_shape_below_another_is_a_shoulder() {
     let stage = stage(4);
     let mut tracker = tracker(&stage, CondensationOptions::default());
-    let frame = |c: &StageCamera| CameraFrame::of_image(picture(c, &HEAD_AND_SHOULDER));
+    let frame = |c: &PreparedCamera| CameraFrame::of_image(picture(c, &HEAD_AND_SHOULDER));
     let cameras: Vec<CameraFrame> = stage.cameras.iter().map(frame).collect();
     tracker.find_edges(&Moment { frame: 1, time_s: 0.0, cameras: &cameras }).unwrap();
-    let sight = Sight {
-        lookout: &tracker.lookout,
+    let input = WeighingInput {
+        head_weights: &tracker.head_weights,
         stage: &stage.cameras,
         edges: &tracker.edges,
         everybody: &[],
         sharpness: 2.0,
     };
     let above = |place: Vector3<f64>| {
-        let support = tracker.lookout.support(&place, 0.0, &sight);
+        let support = tracker.head_weights.support(&place, 0.0, &input);
         assert!(support.is_seen(0.25), "{support:?}");
         let mut rng = rand_pcg::Pcg64Mcg::new(7);
-        shoulder::head_above(&place, &support, &sight, &mut rng).map(|(head, _)| head)
+        shoulder::head_above(&place, &support, &input, &mut rng).map(|(head, _)| head)
     };
     let [head, lower] = HEAD_AND_SHOULDER;
     let found = above(lower).expect("a head above the shoulder");
@@ -197,8 +197,8 @@ fn somebody_followed_by_a_shoulder_is_soon_followed_by_the_head() {
     let options = CondensationOptions::default();
     let mut tracker = tracker(&stage, options.clone());
     let [head, lower] = HEAD_AND_SHOULDER;
-    tracker.tracks.push(Track::born(&Expected { head: lower, trust: 0.5 }, 1, &options));
-    let frame = |c: &StageCamera| CameraFrame::of_image(picture(c, &HEAD_AND_SHOULDER));
+    tracker.tracks.push(HeadTrack::born(&ExpectedHead { head: lower, trust: 0.5 }, 1, &options));
+    let frame = |c: &PreparedCamera| CameraFrame::of_image(picture(c, &HEAD_AND_SHOULDER));
     let cameras: Vec<CameraFrame> = stage.cameras.iter().map(frame).collect();
     let mut step = |frame: u32| {
         let moment = Moment { frame, time_s: f64::from(frame) / RATE_HZ, cameras: &cameras };
@@ -232,7 +232,7 @@ fn the_same_bytes_at_any_number_of_threads() {
 
 #[test]
 fn one_camera_and_odd_options_are_refused() {
-    let refused = |stage: Stage, options| Condensation::new(stage, options).err().unwrap().to_string();
+    let refused = |stage: PreparedRoom, options| Condensation::new(stage, options).err().unwrap().to_string();
     assert!(refused(stage(1), CondensationOptions::default()).contains("needs 2 to 32 cameras"));
     for (name, options) in [
         ("hypotheses", CondensationOptions { hypotheses: 0, ..CondensationOptions::default() }),
@@ -253,7 +253,7 @@ fn a_gate_that_one_camera_sees_is_told() {
     let mut stage = stage(2);
     // A wall before everything that the second camera sees.
     stage.cameras[1].static_z_m.fill(0.5);
-    let (_, unseen) = Gates::new(&stage, &CondensationOptions::default());
+    let (_, unseen) = Initiator::new(&stage, &CondensationOptions::default());
     let told = unseen.to_string();
     assert!(unseen.is_all && told.contains("`west`: c0 alone") && told.contains("mcmc"), "{told}");
 }
@@ -263,7 +263,7 @@ fn a_map_peaks_at_the_head() {
     let stage = stage(4);
     let mut tracker = tracker(&stage, CondensationOptions::default());
     let head = Vector3::new(1.7, 2.4, 1.6);
-    let frame = |c: &StageCamera| CameraFrame::of_image(picture(c, &[head]));
+    let frame = |c: &PreparedCamera| CameraFrame::of_image(picture(c, &[head]));
     let cameras: Vec<CameraFrame> = stage.cameras.iter().map(frame).collect();
     let moment = Moment { frame: 1, time_s: 0.0, cameras: &cameras };
     for map in tracker.weight_maps(&moment, &Integration::ALL, head.z).unwrap() {

@@ -4,12 +4,12 @@ use nalgebra::{Vector2, Vector3};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 
-use super::exclusion::Gaussian;
-use super::filter::Filter;
-use super::options::{CondensationOptions, MotionOptions};
+use super::exclusion::HeadDistribution;
+use super::filter::HeadFilter;
+use super::options::{CondensationOptions, HeadMotionOptions};
 use super::shoulder;
-use super::spent::Spent;
-use super::weight::{Expected, Sight};
+use super::step_times::StepTimes;
+use super::weight::{ExpectedHead, WeighingInput};
 use crate::TrackId;
 
 /// Largest walking speed, m/s.
@@ -26,13 +26,13 @@ const CLOSER: usize = 2;
 
 /// Track of a person.
 #[derive(Debug, Clone)]
-pub(super) struct Track {
+pub(super) struct HeadTrack {
     /// Id; given when the track is confirmed.
     pub(super) id: Option<TrackId>,
     /// Hypotheses of the head's position.
-    pub(super) filter: Filter,
+    pub(super) filter: HeadFilter,
     /// Mean and covariance of the filter.
-    pub(super) gaussian: Gaussian,
+    pub(super) gaussian: HeadDistribution,
     /// Velocity on the floor, m/s.
     pub(super) velocity: Vector2<f64>,
     /// Total time for which two cameras have seen the person, seconds.
@@ -54,13 +54,13 @@ pub(super) struct Track {
     rng: Pcg64Mcg,
 }
 
-impl Track {
+impl HeadTrack {
     /// New track of a head that was found. `key` makes its random numbers independent of other tracks.
-    pub(super) fn born(found: &Expected, key: u64, options: &CondensationOptions) -> Self {
+    pub(super) fn born(found: &ExpectedHead, key: u64, options: &CondensationOptions) -> Self {
         // Multiplied by the golden ratio, so that neighbouring seeds and keys share no stream.
         let mut rng = Pcg64Mcg::seed_from_u64(options.seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ key);
         let sigma = Vector3::repeat(FOUND_SIGMA_M);
-        let filter = Filter::around(&found.head, &sigma, options.hypotheses, &mut rng);
+        let filter = HeadFilter::around(&found.head, &sigma, options.hypotheses, &mut rng);
         Self {
             id: None,
             gaussian: filter.gaussian(),
@@ -80,7 +80,7 @@ impl Track {
     }
 
     /// Predicts the hypotheses.
-    pub(super) fn predict(&mut self, dt_s: f64, motion: &MotionOptions, spent: &mut Spent) {
+    pub(super) fn predict(&mut self, dt_s: f64, motion: &HeadMotionOptions, spent: &mut StepTimes) {
         spent.hypotheses.start();
         self.velocity *= if motion.memory_s > 0.0 { (-dt_s / motion.memory_s).exp() } else { 0.0 };
         let drift = self.velocity.push(0.0) * dt_s;
@@ -93,26 +93,26 @@ impl Track {
     }
 
     /// Weighs the hypotheses; from the second layer on, they are first resampled with a smaller spread.
-    pub(super) fn weigh(&mut self, layer: usize, sight: &Sight<'_>, spent: &mut Spent) {
+    pub(super) fn weigh(&mut self, layer: usize, input: &WeighingInput<'_>, spent: &mut StepTimes) {
         if layer > 0 {
             spent.hypotheses.start();
             let sigma = self.sigma_m * 0.5_f64.powi(layer as i32);
             self.filter.redraw(self.hypotheses.div_ceil(CLOSER), &sigma, &mut self.rng);
             spent.hypotheses.stop();
         }
-        self.filter.weigh(sight, spent);
+        self.filter.weigh(input, spent);
     }
 
     /// Updates the track or, when two cameras did not see the head, keeps the predicted hypotheses: they spread until
     /// it is seen again.
-    pub(super) fn settle(&mut self, dt_s: f64, sight: &Sight<'_>, options: &CondensationOptions) {
+    pub(super) fn update(&mut self, dt_s: f64, input: &WeighingInput<'_>, options: &CondensationOptions) {
         let motion = &options.motion;
-        let support = self.filter.support(self.trust, sight);
+        let support = self.filter.support(self.trust, input);
         let is_seen = support.is_seen(options.life.seen_at) && self.filter.weights.iter().any(|w| *w > 0.0);
         let agreed = if is_seen { support.all } else { 0.0 };
         self.trust += (agreed - self.trust) * -(-dt_s / options.life.trusted_in_s).exp_m1() as f32;
         if !is_seen {
-            self.filter.forget();
+            self.filter.keep_prediction();
             self.gaussian = self.filter.gaussian();
             self.unseen_s += dt_s;
             return;
@@ -128,15 +128,15 @@ impl Track {
     }
 
     /// Moves a track to the head above it when two tests in a row find that it follows a shoulder.
-    pub(super) fn look_up(&mut self, dt_s: f64, sight: &Sight<'_>, highest_m: f64) {
+    pub(super) fn check_for_shoulder(&mut self, dt_s: f64, input: &WeighingInput<'_>, highest_m: f64) {
         self.looked_up_s += dt_s;
         if self.unseen_s > 0.0 || (self.looked_up_s < LOOKS_UP_EVERY_S && !self.seems_shoulder) {
             return;
         }
         self.looked_up_s = 0.0;
-        let support = self.filter.support(self.trust, sight);
+        let support = self.filter.support(self.trust, input);
         let above =
-            shoulder::head_above(&self.head(), &support, sight, &mut self.rng).filter(|(head, its)| {
+            shoulder::head_above(&self.head(), &support, input, &mut self.rng).filter(|(head, its)| {
                 its.all >= shoulder::AS_GOOD * support.all && !its.is_doubtful() && head.z <= highest_m
             });
         if let Some((head, _)) = above.filter(|_| self.seems_shoulder) {

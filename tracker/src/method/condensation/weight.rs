@@ -5,9 +5,9 @@ use nalgebra::Vector3;
 
 use super::contour::{HeadCamera, HeadShape, POINTS};
 use super::edges::EdgeImage;
-use super::integration::{Integration, Look, Looks, RayTest};
+use super::integration::{CameraWeight, CameraWeights, Integration, RayTest};
 use super::options::EdgeOptions;
-use crate::stage::StageCamera;
+use crate::prepared_room::PreparedCamera;
 
 /// Distance in front of a head at which a static surface hides it, metres: half of a head and the room's own errors.
 const HIDES_M: f64 = 0.2;
@@ -20,7 +20,7 @@ const SAME_CONTOUR: f32 = 0.75;
 
 /// Cameras and head model: everything that weights depend on besides pictures.
 #[derive(Debug, Clone)]
-pub struct Lookout {
+pub struct HeadWeights {
     cameras: Vec<HeadCamera>,
     dark_heads_only: bool,
     integration: Integration,
@@ -31,22 +31,22 @@ pub struct Lookout {
 
 /// Input of the weighing of hypotheses.
 #[derive(Debug, Clone, Copy)]
-pub struct Sight<'a> {
+pub struct WeighingInput<'a> {
     /// Cameras and head model.
-    pub lookout: &'a Lookout,
+    pub head_weights: &'a HeadWeights,
     /// The same cameras with the static room.
-    pub stage: &'a [StageCamera],
+    pub stage: &'a [PreparedCamera],
     /// Edges of the moment; `None` for cameras without a usable picture.
     pub edges: &'a [Option<EdgeImage>],
     /// Expected heads of all tracks.
-    pub everybody: &'a [Expected],
+    pub everybody: &'a [ExpectedHead],
     /// Power of the integrated weight.
     pub sharpness: f64,
 }
 
 /// Expected head of a track.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Expected {
+pub struct ExpectedHead {
     /// Its centre, metres.
     pub head: Vector3<f64>,
     /// Agreement of the cameras on it lately, 0 to 1.
@@ -55,7 +55,7 @@ pub struct Expected {
 
 /// Agreement of the cameras on a head.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Support {
+pub struct HeadSupport {
     /// √(π₁ π₂) of the two cameras with the largest product, among pairs whose rays are not collinear.
     pub pair: f32,
     /// Root of the mean of π₁ π₂ over all such pairs of cameras that see it, or see the empty scene instead.
@@ -66,7 +66,7 @@ pub struct Support {
     pub denying: u32,
 }
 
-impl Support {
+impl HeadSupport {
     /// Whether the head is seen: two cameras agree on it, and no more see the empty scene than see it.
     pub fn is_seen(&self, seen_at: f64) -> bool {
         f64::from(self.pair) >= seen_at && self.denying <= self.seeing
@@ -79,10 +79,10 @@ impl Support {
     }
 }
 
-impl Lookout {
+impl HeadWeights {
     /// Weights for these cameras.
     pub fn new(
-        cameras: &[StageCamera],
+        cameras: &[PreparedCamera],
         shape: &HeadShape,
         edges: &EdgeOptions,
         integration: Integration,
@@ -99,25 +99,25 @@ impl Lookout {
         }
     }
 
-    /// Computes every camera's weight of a head at each place into `looks`: for cameras with a picture and the place in
+    /// Computes every camera's weight of a head at each place into `weights_by_camera`: for cameras with a picture and the place in
     /// their image and, for [`Integration::Room`], only if the static room does not hide it.
     pub fn look(
         &self,
         heads: &[Vector3<f64>],
-        stage: &[StageCamera],
+        stage: &[PreparedCamera],
         edges: &[Option<EdgeImage>],
-        looks: &mut [Looks],
+        weights_by_camera: &mut [CameraWeights],
     ) {
-        looks.iter_mut().for_each(Looks::clear);
+        weights_by_camera.iter_mut().for_each(CameraWeights::clear);
         // Camera by camera, so that its data stay in the cache.
         for ((camera, edges), stage) in self.cameras.iter().zip(edges).zip(stage) {
             let Some(edges) = edges else { continue };
-            for (head, looks) in heads.iter().zip(&mut *looks) {
+            for (head, weights_by_camera) in heads.iter().zip(&mut *weights_by_camera) {
                 if self.integration == Integration::Room && is_hidden(stage, head) {
                     continue;
                 }
                 let Some(weight) = self.weight(camera, edges, head) else { continue };
-                looks.push(Look { weight, ray: ray(camera, head) });
+                weights_by_camera.push(CameraWeight { weight, ray: ray(camera, head) });
             }
         }
     }
@@ -143,19 +143,19 @@ impl Lookout {
     }
 
     /// Three-dimensional weight (equations 4 to 7).
-    pub fn integrate(&self, looks: &Looks) -> f32 {
-        looks.integrate(self.integration, self.rays, self.beta)
+    pub fn integrate(&self, weights_by_camera: &CameraWeights) -> f32 {
+        weights_by_camera.integrate(self.integration, self.rays, self.beta)
     }
 
     /// Agreement of the cameras on a head with this trust, by contours that belong to no track with more trust.
-    pub fn support(&self, head: &Vector3<f64>, trust: f32, sight: &Sight<'_>) -> Support {
-        let mut looks = Looks::default();
-        let mut support = Support::default();
-        for ((camera, edges), stage) in self.cameras.iter().zip(sight.edges).zip(sight.stage) {
+    pub fn support(&self, head: &Vector3<f64>, trust: f32, input: &WeighingInput<'_>) -> HeadSupport {
+        let mut weights_by_camera = CameraWeights::default();
+        let mut support = HeadSupport::default();
+        for ((camera, edges), stage) in self.cameras.iter().zip(input.edges).zip(input.stage) {
             let Some(edges) = edges else { continue };
             let Some(weight) = self.weight(camera, edges, head) else { continue };
             if weight >= self.seen_at {
-                if sight.everybody.iter().any(|o| o.trust > trust && is_same_contour(camera, head, &o.head)) {
+                if input.everybody.iter().any(|o| o.trust > trust && is_same_contour(camera, head, &o.head)) {
                     continue;
                 }
                 support.seeing += 1;
@@ -167,10 +167,10 @@ impl Lookout {
                 }
                 support.denying += 1;
             }
-            looks.push(Look { weight, ray: ray(camera, head) });
+            weights_by_camera.push(CameraWeight { weight, ray: ray(camera, head) });
         }
-        let (best, mean) = looks.pairs(self.rays, self.beta);
-        Support { pair: best.max(0.0).sqrt(), all: mean.max(0.0).sqrt(), ..support }
+        let (best, mean) = weights_by_camera.pairs(self.rays, self.beta);
+        HeadSupport { pair: best.max(0.0).sqrt(), all: mean.max(0.0).sqrt(), ..support }
     }
 }
 
@@ -197,7 +197,7 @@ fn changed(camera: &HeadCamera, edges: &EdgeImage, head: &Vector3<f64>) -> Optio
 }
 
 /// Whether the static room hides a head from a camera; false outside the image.
-pub fn is_hidden(camera: &StageCamera, head: &Vector3<f64>) -> bool {
+pub fn is_hidden(camera: &PreparedCamera, head: &Vector3<f64>) -> bool {
     let seen = camera.pinhole.camera_from_world * nalgebra::Point3::from(*head);
     let Some(pixel) = camera.pinhole.intrinsics.project(&seen) else { return false };
     let (u, v) = (pixel.x.round(), pixel.y.round());

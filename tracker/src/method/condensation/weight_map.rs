@@ -4,9 +4,9 @@ use image::{Rgb, RgbImage};
 use nalgebra::{Point2, Vector3};
 use shell::canvas::{Canvas, Color, Stroke, TextStyle};
 
-use super::integration::{Integration, Looks};
-use super::weight::Sight;
-use crate::stage::Stage;
+use super::integration::{CameraWeights, Integration};
+use super::weight::WeighingInput;
+use crate::prepared_room::PreparedRoom;
 
 /// Side of a cell in the picture, pixels.
 const CELL_PX: u32 = 4;
@@ -34,21 +34,26 @@ pub struct WeightMap {
 
 impl WeightMap {
     /// Map of one integration of a moment's edges, for heads' centres at `height_m` metres.
-    pub fn new(stage: &Stage, sight: &Sight<'_>, integration: Integration, height_m: f64) -> Self {
+    pub fn new(
+        stage: &PreparedRoom,
+        input: &WeighingInput<'_>,
+        integration: Integration,
+        height_m: f64,
+    ) -> Self {
         let (low, high) = stage.floor.bounds();
         let size = high - low;
         let cell_m = (size.x.max(size.y) / MOST_CELLS).max(LEAST_CELL_M);
         let [columns, rows] = [size.x, size.y].map(|s| (s / cell_m).ceil().max(1.0) as usize);
-        let lookout = sight.lookout.with(integration);
-        let mut looks = [Looks::default()];
+        let head_weights = input.head_weights.with(integration);
+        let mut weights_by_camera = [CameraWeights::default()];
         let mut map = Self { integration, low, cell_m, columns, weights: Vec::with_capacity(columns * rows) };
         let mut lookers = Vec::with_capacity(columns * rows);
         for i in 0..columns * rows {
             let place = map.middle(i);
             let head = Vector3::new(place.x, place.y, height_m);
-            lookout.look(&[head], sight.stage, sight.edges, &mut looks);
-            map.weights.push(lookout.integrate(&looks[0]));
-            lookers.push(looks[0].all().len());
+            head_weights.look(&[head], input.stage, input.edges, &mut weights_by_camera);
+            map.weights.push(head_weights.integrate(&weights_by_camera[0]));
+            lookers.push(weights_by_camera[0].all().len());
         }
         if integration == Integration::Product {
             darken_less_looked_at(&mut map.weights, &lookers);
@@ -69,7 +74,7 @@ impl WeightMap {
     }
 
     /// Picture of the map, y upwards: from 0 (dark) to its largest weight (bright), with cameras and zones.
-    pub fn picture(&self, stage: &Stage) -> RgbImage {
+    pub fn picture(&self, stage: &PreparedRoom) -> RgbImage {
         let rows = self.weights.len() / self.columns;
         let largest = self.peak().map_or(0.0, |(_, w)| w).max(f32::MIN_POSITIVE);
         let (width, height) = (self.columns as u32 * CELL_PX, rows as u32 * CELL_PX);

@@ -7,19 +7,20 @@ use image::RgbImage;
 
 use super::*;
 use crate::foreground::backdrop::Backdrop;
-use crate::foreground::{Foreground, ForegroundOptions, Start, Verdict};
+use crate::foreground::{Foreground, ForegroundOptions, InitialBackground, Verdict};
 use crate::observation::Mask;
 use crate::source::sampling;
 
 const RATE_HZ: f64 = 12.0;
 
 /// Masks of a film, in the pinhole image; `None` where the foreground of a frame is not usable.
-fn masks(video: &Path, camera: &crate::stage::StageCamera) -> Vec<Option<Mask>> {
+fn masks(video: &Path, camera: &crate::prepared_room::PreparedCamera) -> Vec<Option<Mask>> {
     let path = video.to_str().unwrap();
     let (width, height) = (camera.width(), camera.height());
     let backdrop = Backdrop::learn(&sampling::spread(path, (width, height)).unwrap()).unwrap();
     let options = ForegroundOptions::default();
-    let mut foreground = Foreground::new(width, height, Start::Backdrop(backdrop), options).unwrap();
+    let mut foreground =
+        Foreground::new(width, height, InitialBackground::Backdrop(backdrop), options).unwrap();
     let (mut source, mut image, mut mask) =
         (FrameSource::open(path).unwrap(), RgbImage::default(), GrayImage::default());
     let mut masks = Vec::new();
@@ -39,7 +40,7 @@ fn an_office_film_that_began_later_is_found_to_40_ms() {
     let folder = tempfile::tempdir().unwrap();
     Room::read(&office.join("room")).unwrap().write(folder.path()).unwrap();
     let room = Room::read(folder.path()).unwrap();
-    let stage = Stage::prepare(&room, folder.path(), &StageOptions::default()).unwrap();
+    let stage = PreparedRoom::prepare(&room, folder.path(), &PreparationOptions::default()).unwrap();
     let films: Vec<_> = stage
         .cameras
         .iter()

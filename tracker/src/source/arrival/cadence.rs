@@ -41,12 +41,12 @@ pub(super) struct Cadence {
     /// Number of frames that have arrived.
     count: usize,
     /// Latest numbering of all remembered frames.
-    numbering: Option<Numbering>,
+    numbering: Option<FrameNumbering>,
 }
 
 /// A numbering of the remembered frames.
 #[derive(Debug, Clone, Copy)]
-struct Numbering {
+struct FrameNumbering {
     /// Time between two frames, seconds.
     interval_s: f64,
     /// Delay of the first remembered frame, intervals.
@@ -91,7 +91,7 @@ impl Cadence {
         }
     }
 
-    fn exceeds(&self, numbering: Numbering, part: f64) -> bool {
+    fn exceeds(&self, numbering: FrameNumbering, part: f64) -> bool {
         numbering.irregular as f64 > part * self.frames.len() as f64
     }
 
@@ -134,7 +134,7 @@ impl Cadence {
         self.numbering = Some(best);
     }
 
-    fn numbering(&self, interval_s: f64, phase: f64) -> Numbering {
+    fn numbering(&self, interval_s: f64, phase: f64) -> FrameNumbering {
         let first_s = self.frames[0].1;
         let (mut irregular, mut latest) = (0, -1);
         let (mut earliest_delay, mut latest_delay) = (1.0_f64, 0.0_f64);
@@ -149,7 +149,7 @@ impl Cadence {
         }
         let width = latest_delay - earliest_delay;
         let cost = IRREGULAR_COST * irregular as f64 + self.frames.len() as f64 * width.max(LEAST_WIDTH).ln();
-        Numbering { interval_s, phase, width, irregular, cost }
+        FrameNumbering { interval_s, phase, width, irregular, cost }
     }
 
     fn median_interval_s(&self) -> f64 {

@@ -45,7 +45,7 @@ use super::{Fingerprint, Hello};
 use crate::foreground::Verdict;
 use crate::observation::{Feedback, Observation};
 use crate::silhouette::Body;
-use crate::station::{Pictures, Seen};
+use crate::station::{ObservedFrame, Pictures};
 
 pub use self::bytes::Malformed;
 
@@ -68,7 +68,7 @@ pub enum Message {
     /// First message of a station: its camera, size and rate.
     Hello(Hello),
     /// A frame that a station observed. Of its pictures only the filmed one is sent.
-    Seen(Box<Seen>),
+    Seen(Box<ObservedFrame>),
     /// A station's recording has no more frames.
     End,
     /// A station cannot go on: one line with the reason.
@@ -225,7 +225,7 @@ const WITH_MASK: u8 = 1;
 const WITH_COLOURS: u8 = 2;
 const WITH_FILMED: u8 = 4;
 
-fn put_seen(out: &mut Vec<u8>, seen: &Seen) -> Decoded<()> {
+fn put_seen(out: &mut Vec<u8>, seen: &ObservedFrame) -> Decoded<()> {
     let observation = &seen.observation;
     let (mask, colours) = (observation.mask.as_ref(), observation.colours.as_ref());
     if !observation.time_s.is_finite() {
@@ -259,7 +259,7 @@ fn put_seen(out: &mut Vec<u8>, seen: &Seen) -> Decoded<()> {
     Ok(())
 }
 
-fn seen(reader: &mut Reader<'_>, limits: Limits) -> Decoded<Seen> {
+fn seen(reader: &mut Reader<'_>, limits: Limits) -> Decoded<ObservedFrame> {
     let (sequence, time_s) = (reader.varint()?, reader.finite()?);
     let health = health_of(reader.byte()?)?;
     let [decode, foreground] = [reader.varint()?, reader.varint()?].map(Duration::from_nanos);
@@ -280,7 +280,7 @@ fn seen(reader: &mut Reader<'_>, limits: Limits) -> Decoded<Seen> {
         None
     };
     let observation = Observation { sequence, time_s, health, mask, colours };
-    Ok(Seen { observation, pictures: Pictures { pinhole: None, filmed }, decode, foreground })
+    Ok(ObservedFrame { observation, pictures: Pictures { pinhole: None, filmed }, decode, foreground })
 }
 
 fn health_code(health: Verdict) -> u8 {

@@ -21,7 +21,7 @@ const MOST_CAMERAS: usize = 255;
 
 /// A member of the mesh. Dropping it leaves the network, within 2 s.
 pub struct Mesh {
-    shared: Arc<Shared>,
+    shared: Arc<MeshState>,
     member: Member,
     /// Key of its packets, and its camera; `None` for a member that only listens.
     own: Option<(String, String)>,
@@ -32,7 +32,7 @@ pub struct Mesh {
     sent_bytes: u64,
 }
 
-struct Shared {
+struct MeshState {
     peers: Mutex<Peers>,
     heard: Condvar,
 }
@@ -66,7 +66,7 @@ impl Mesh {
             cameras.clone(),
             own.map(|camera| (camera.to_owned(), life)),
         );
-        let shared = Arc::new(Shared { peers: Mutex::new(peers), heard: Condvar::new() });
+        let shared = Arc::new(MeshState { peers: Mutex::new(peers), heard: Condvar::new() });
         let (arrived, clock) = (Arc::clone(&shared), *clock);
         let member = Member::join(
             endpoints,
@@ -105,7 +105,7 @@ impl Mesh {
     }
 
     /// Packets that have arrived since the last call; while there are none, waits for one, at most for `longest`.
-    pub fn wait_heard(&self, longest: Duration) -> Vec<Packet> {
+    pub fn wait_received(&self, longest: Duration) -> Vec<Packet> {
         let peers = self.shared.lock();
         let waited = self.shared.heard.wait_timeout_while(peers, longest, |peers| peers.is_silent());
         waited.unwrap_or_else(PoisonError::into_inner).0.take()
@@ -122,7 +122,7 @@ impl Mesh {
     }
 }
 
-impl Shared {
+impl MeshState {
     fn lock(&self) -> MutexGuard<'_, Peers> {
         self.peers.lock().unwrap_or_else(PoisonError::into_inner)
     }

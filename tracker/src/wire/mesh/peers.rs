@@ -25,9 +25,9 @@ const MOST_PAST_LIVES: usize = 8;
 /// Largest offset of a clock that is corrected, seconds.
 const MOST_OFFSET_S: f64 = 60.0;
 /// Least offset of a clock that is logged, seconds.
-const TOLD_OFFSET_S: f64 = 0.1;
+const LOGGED_OFFSET_S: f64 = 0.1;
 /// Number of packets after which an offset is logged: the first may have waited.
-const TOLD_AFTER: u32 = 5;
+const LOGGED_AFTER: u32 = 5;
 /// Longest time from capture to sending, seconds…
 const MOST_DELAY_S: f64 = 60.0;
 /// …and largest time by which a frame may seem to be sent before its capture, seconds.
@@ -45,7 +45,7 @@ pub(super) struct Peers {
     /// Camera and life of this station; `None` for a member that only listens.
     own: Option<(String, u32)>,
     /// Peers by camera.
-    known: BTreeMap<String, Peer>,
+    known: BTreeMap<String, PeerState>,
     waiting: VecDeque<Packet>,
     heard: u64,
     dropped: u64,
@@ -55,7 +55,7 @@ pub(super) struct Peers {
 
 /// State of one camera's station.
 #[derive(Debug)]
-struct Peer {
+struct PeerState {
     station: StationId,
     life: u32,
     sequence: u32,
@@ -198,7 +198,7 @@ impl Peers {
             return Err((Refusal::Late, line, "look at the network"));
         }
         packet.time_s = peer.clock.to_own_s(packet.time_s);
-        self.tell_clock(camera, offset_s);
+        self.log_clock(camera, offset_s);
         self.heard += 1;
         if self.waiting.len() >= MOST_WAITING {
             self.waiting.pop_front();
@@ -218,7 +218,7 @@ impl Peers {
         let replayed =
             || (Refusal::Replayed, "sends packets again, or out of order".to_owned(), "look for who does");
         let Some(peer) = self.known.get_mut(camera) else {
-            self.known.insert(camera.to_owned(), Peer::new(packet, now));
+            self.known.insert(camera.to_owned(), PeerState::new(packet, now));
             return Ok(());
         };
         if peer.life == packet.life {
@@ -244,12 +244,12 @@ impl Peers {
     }
 
     /// Logs when a clock is corrected from now on, and when one that was refused or corrected is right again.
-    fn tell_clock(&mut self, camera: &str, offset_s: f64) {
+    fn log_clock(&mut self, camera: &str, offset_s: f64) {
         let Some(peer) = self.known.get_mut(camera) else { return };
-        if peer.packets < TOLD_AFTER {
+        if peer.packets < LOGGED_AFTER {
             return;
         }
-        let is_corrected = offset_s.abs() > TOLD_OFFSET_S;
+        let is_corrected = offset_s.abs() > LOGGED_OFFSET_S;
         let was_corrected = std::mem::replace(&mut peer.is_corrected, is_corrected);
         let was_left_out = self.refusals.forget(camera, Refusal::Clock);
         if is_corrected && (was_left_out || !was_corrected) {
@@ -298,7 +298,7 @@ impl Peers {
     }
 }
 
-impl Peer {
+impl PeerState {
     fn new(packet: &Packet, now: Instant) -> Self {
         Self {
             station: packet.station,

@@ -11,7 +11,7 @@ const MOST_NAMES: usize = 512;
 #[derive(Debug, Default)]
 pub(super) struct Refusals {
     counts: BTreeMap<Refusal, u64>,
-    told: BTreeSet<(String, Refusal)>,
+    logged: BTreeSet<(String, Refusal)>,
 }
 
 impl Refusals {
@@ -19,12 +19,12 @@ impl Refusals {
     pub(super) fn count(&mut self, camera: &str, refusal: Refusal) -> bool {
         *self.counts.entry(refusal).or_default() += 1;
         let key = (camera.to_owned(), refusal);
-        (self.told.len() < MOST_NAMES || self.told.contains(&key)) && self.told.insert(key)
+        (self.logged.len() < MOST_NAMES || self.logged.contains(&key)) && self.logged.insert(key)
     }
 
     /// Lets the next refusal of this kind be logged again. Returns whether one had been logged.
     pub(super) fn forget(&mut self, camera: &str, refusal: Refusal) -> bool {
-        self.told.remove(&(camera.to_owned(), refusal))
+        self.logged.remove(&(camera.to_owned(), refusal))
     }
 
     pub(super) fn counts(&self) -> &BTreeMap<Refusal, u64> {

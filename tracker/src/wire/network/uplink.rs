@@ -7,7 +7,7 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use super::super::encoding::{Limits, Message};
-use super::super::enrolment::{Action, Enrolment};
+use super::super::enrolment::{Enrolment, EnrolmentAction};
 use super::super::keys::{self, Token};
 use super::super::{Endpoints, Fingerprint, Hello};
 use super::session::{Arrival, Member, Subscriptions};
@@ -28,12 +28,12 @@ const REPEAT: Duration = Duration::from_millis(500);
 
 /// A station's end of the network. Dropping it leaves the network, within 2 s.
 pub struct Uplink {
-    shared: Arc<Shared>,
-    stop: Sender<Input>,
+    shared: Arc<UplinkState>,
+    stop: Sender<UplinkInput>,
     driver: Option<JoinHandle<()>>,
 }
 
-struct Shared {
+struct UplinkState {
     member: Member,
     id: String,
     room: Fingerprint,
@@ -43,7 +43,7 @@ struct Shared {
     changed: Condvar,
 }
 
-enum Input {
+enum UplinkInput {
     Arrival(Arrival),
     Stop,
 }
@@ -70,10 +70,10 @@ impl Uplink {
         };
         let arrived = {
             let arrivals = arrivals.clone();
-            move |arrival| drop(arrivals.send(Input::Arrival(arrival)))
+            move |arrival| drop(arrivals.send(UplinkInput::Arrival(arrival)))
         };
         let member = Member::join(endpoints, Limits::NO_MASK.longest_message(), subscriptions, arrived)?;
-        let shared = Arc::new(Shared {
+        let shared = Arc::new(UplinkState {
             id: member.id(),
             member,
             room,
@@ -98,7 +98,7 @@ impl Uplink {
     /// A refusal by the gatherer, no gatherer within the bound, or a set `is_interrupted`.
     pub fn wait_for_start(&self, bound: Option<Duration>, is_interrupted: &AtomicBool) -> Result<()> {
         let begun = Instant::now();
-        let mut is_told = false;
+        let mut is_logged = false;
         let mut enrolment = self.shared.lock();
         loop {
             if let Some(failure) = enrolment.failure() {
@@ -118,7 +118,7 @@ impl Uplink {
                     .shared
                     .error(&format!("no gatherer within {} s: {hint}", bound.as_secs_f64())));
             }
-            if begun.elapsed() >= QUIET && !std::mem::replace(&mut is_told, true) {
+            if begun.elapsed() >= QUIET && !std::mem::replace(&mut is_logged, true) {
                 tracing::info!("station `{}` waits for its gatherer", self.shared.camera);
             }
             enrolment = self.shared.wait(enrolment);
@@ -177,7 +177,7 @@ impl Uplink {
     }
 }
 
-impl Shared {
+impl UplinkState {
     fn lock(&self) -> MutexGuard<'_, Enrolment> {
         self.enrolment.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -195,8 +195,8 @@ impl Shared {
         Error::option(format!("station `{}`", self.camera), problem)
     }
 
-    fn drive(&self, inputs: &Receiver<Input>) {
-        while let Ok(Input::Arrival(arrival)) = inputs.recv() {
+    fn drive(&self, inputs: &Receiver<UplinkInput>) {
+        while let Ok(UplinkInput::Arrival(arrival)) = inputs.recv() {
             let actions = {
                 let mut enrolment = self.lock();
                 match arrival {
@@ -213,8 +213,8 @@ impl Shared {
             self.changed.notify_all();
             for action in actions {
                 match action {
-                    Action::Tell(line) => tracing::warn!("station `{}`: {line}", self.camera),
-                    Action::Send(gatherer, message) => {
+                    EnrolmentAction::Log(line) => tracing::warn!("station `{}`: {line}", self.camera),
+                    EnrolmentAction::Send(gatherer, message) => {
                         if let Ok(bytes) = message.encode() {
                             self.send(&gatherer, bytes, false);
                         }
@@ -227,7 +227,7 @@ impl Shared {
 
 impl Drop for Uplink {
     fn drop(&mut self) {
-        let _ = self.stop.send(Input::Stop);
+        let _ = self.stop.send(UplinkInput::Stop);
         if let Some(driver) = self.driver.take() {
             let _ = driver.join();
         }

@@ -30,8 +30,8 @@ use super::options::{Acceptance, McmcOptions, Spread};
 use super::person::{Key, Person};
 use crate::likelihood::prior::{LOG_IMPOSSIBLE, log_separation};
 use crate::likelihood::{Counts, Layers, PreparedRule, Simulation};
+use crate::prepared_room::Floor;
 use crate::silhouette::{Body, Silhouette};
-use crate::stage::Floor;
 
 /// Sizes outside these are nobody's.
 const RADII_M: std::ops::RangeInclusive<f64> = 0.10..=0.60;

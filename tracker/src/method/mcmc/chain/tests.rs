@@ -7,15 +7,15 @@ use super::super::person::{Known, Place};
 use super::super::tests::{empty_room, masks, standing};
 use super::*;
 use crate::likelihood::{Rule, pack};
+use crate::prepared_room::PreparedRoom;
 use crate::silhouette::View;
-use crate::stage::Stage;
 use nalgebra::{Matrix2, Vector2};
 use rand::SeedableRng;
 use rand_distr::{Distribution, Poisson};
 
 /// People appear anywhere on the floor.
 fn on_all_the_floor<'a>(
-    stage: &'a Stage,
+    stage: &'a PreparedRoom,
     births: &'a BirthMap,
     options: &McmcOptions,
     log_density: f64,
@@ -145,7 +145,7 @@ fn means(states: &[[f64; 10]]) -> [(f64, f64); 10] {
 /// What is told of states of the prior itself, by rejection: births are a Poisson process, thinned where fewer than the most
 /// are expected a m², and states with an overlap or too many are none.
 fn drawn_by_rejection(
-    stage: &Stage,
+    stage: &PreparedRoom,
     options: &McmcOptions,
     known: &Known,
     (most_per_m2, expected_per_m2): (f64, impl Fn(f64, f64) -> f64),

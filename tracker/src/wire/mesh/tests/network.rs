@@ -61,7 +61,7 @@ fn until(
     loop {
         *sequence += 1;
         sender.publish(&now(station, *sequence)).unwrap();
-        if holds(&hearer.wait_heard(Duration::from_millis(20))) {
+        if holds(&hearer.wait_received(Duration::from_millis(20))) {
             return begun.elapsed();
         }
         assert!(begun.elapsed() < BOUND, "{hearer:?}");
@@ -208,7 +208,7 @@ fn a_hostile_peer_is_counted_and_the_rest_goes_on() {
 fn a_member_that_only_listens_sends_nothing() {
     let mut watch = Mesh::open(&listener(), &endpoints(Some(&free_address()), &[])).unwrap();
     assert_eq!(watch.publish(&now(0, 1)).unwrap_err().to_string(), "station: this member only listens");
-    assert!(watch.wait_heard(Duration::from_millis(10)).is_empty());
+    assert!(watch.wait_received(Duration::from_millis(10)).is_empty());
     let line =
         Mesh::open(&membership(9, &[]), &endpoints(Some(&free_address()), &[])).unwrap_err().to_string();
     assert_eq!(line, "room: there is no camera number 9");

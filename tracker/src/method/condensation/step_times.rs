@@ -4,27 +4,27 @@ use std::time::{Duration, Instant};
 
 /// Time of each step, summed over all moments so far.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Spent {
+pub struct StepTimes {
     /// Sobel gradients of all cameras ("画像処理" without the weights), wall time.
-    pub edges: Watch,
+    pub edges: StepTimer,
     /// Resampling and prediction of hypotheses.
-    pub hypotheses: Watch,
+    pub hypotheses: StepTimer,
     /// Weights in each camera: contours and sums.
-    pub weights: Watch,
+    pub weights: StepTimer,
     /// Integration of the cameras' weights, and exclusion.
-    pub integration: Watch,
+    pub integration: StepTimer,
     /// Search for new people at the gates, as a whole.
-    pub gates: Watch,
+    pub gates: StepTimer,
 }
 
 /// A stopwatch that accumulates.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Watch {
+pub struct StepTimer {
     total: Duration,
     started: Option<Instant>,
 }
 
-impl Watch {
+impl StepTimer {
     /// Starts it.
     pub fn start(&mut self) {
         self.started = Some(Instant::now());

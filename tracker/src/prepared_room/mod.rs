@@ -1,7 +1,7 @@
 //! A room made ready for simulation: cameras as pinholes, static depth, floor and zones.
 //!
 //! Simulation happens in pinhole images at a working size, which may be smaller than the camera's own. Pictures are
-//! scaled while they are decoded; [`StageCamera::undistort`] maps masks from there to the pinhole image.
+//! scaled while they are decoded; [`PreparedCamera::undistort`] maps masks from there to the pinhole image.
 
 mod doorway;
 mod floor;
@@ -21,9 +21,9 @@ use scenes::walkable::{self, WalkableMap};
 pub use self::floor::Floor;
 use crate::{Error, Result};
 
-/// Options of [`Stage::prepare`].
+/// Options of [`PreparedRoom::prepare`].
 #[derive(Debug, Clone, PartialEq)]
-pub struct StageOptions {
+pub struct PreparationOptions {
     /// Names of the cameras to use, in this order. Empty: all of the room's, in the room's order.
     pub cameras: Vec<String>,
     /// Whether the room's geometry hides people (default). Otherwise only the floor does.
@@ -32,10 +32,10 @@ pub struct StageOptions {
     pub working_width_px: u32,
 }
 
-/// Default of [`StageOptions::working_width_px`].
+/// Default of [`PreparationOptions::working_width_px`].
 pub const WORKING_WIDTH_PX: u32 = 640;
 
-impl Default for StageOptions {
+impl Default for PreparationOptions {
     fn default() -> Self {
         Self { cameras: Vec::new(), occlusion: true, working_width_px: WORKING_WIDTH_PX }
     }
@@ -43,7 +43,7 @@ impl Default for StageOptions {
 
 /// A camera of the prepared room.
 #[derive(Debug, Clone)]
-pub struct StageCamera {
+pub struct PreparedCamera {
     /// Its name in the room.
     pub name: String,
     /// Camera model at full size, with distortion.
@@ -66,22 +66,22 @@ const LEAST_WORKING_PX: u32 = 32;
 
 /// A room made ready for simulation.
 #[derive(Debug, Clone)]
-pub struct Stage {
+pub struct PreparedRoom {
     /// Cameras in use. Moments list theirs in this order.
-    pub cameras: Vec<StageCamera>,
+    pub cameras: Vec<PreparedCamera>,
     /// Positions that people can occupy, and where tracks may begin and end.
     pub floor: Floor,
     /// Zones of the floor, for drawing.
     pub zones: Vec<Zone>,
 }
 
-impl Stage {
+impl PreparedRoom {
     /// Prepares a room that was read from `room_dir`; static depth comes from the directory's cache where that is still
     /// valid.
     ///
     /// # Errors
     /// A requested camera that the room lacks, or geometry that cannot be used.
-    pub fn prepare(room: &Room, room_dir: &Path, options: &StageOptions) -> Result<Self> {
+    pub fn prepare(room: &Room, room_dir: &Path, options: &PreparationOptions) -> Result<Self> {
         let names: Vec<&str> = if options.cameras.is_empty() {
             room.cameras.iter().map(|c| c.name.as_str()).collect()
         } else {
@@ -102,7 +102,7 @@ impl Stage {
         let mut cameras = Vec::new();
         for name in names {
             let of_room = room.camera(name)?;
-            let mut camera = StageCamera::at_width(name, &of_room.camera, options.working_width_px);
+            let mut camera = PreparedCamera::at_width(name, &of_room.camera, options.working_width_px);
             camera.reference = of_room.reference.as_ref().map(|path| room_dir.join(path));
             if options.occlusion && room.geometry.is_some() {
                 camera.set_static_depth(&depth::cached(room_dir, room, name)?);
@@ -126,7 +126,7 @@ impl Stage {
     }
 }
 
-impl StageCamera {
+impl PreparedCamera {
     /// Camera with nothing in front of it, at full size.
     pub fn new(name: &str, filmed: &Camera) -> Self {
         Self::at_width(name, filmed, filmed.intrinsics.width)

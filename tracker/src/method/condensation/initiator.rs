@@ -15,11 +15,11 @@ use scenes::polygon::Polygon;
 use scenes::room::ZoneKind;
 
 use super::options::CondensationOptions;
-use super::search::{Criteria, Search};
-use super::spent::Spent;
-use super::weight::{Expected, Sight, is_hidden};
+use super::search::{Criteria, HeadSearch};
+use super::step_times::StepTimes;
+use super::weight::{ExpectedHead, WeighingInput, is_hidden};
 use crate::TrackId;
-use crate::stage::{Floor, Stage};
+use crate::prepared_room::{Floor, PreparedRoom};
 
 /// Distance from a gate within which people are still found, metres: the way walked in
 /// [`LifeOptions::believed_after_s`] and a little more.
@@ -35,25 +35,25 @@ const LOST_FOR_S: f64 = 20.0;
 
 /// Track initiator: searches the gates of a room, and around lost tracks.
 #[derive(Debug, Clone)]
-pub struct Gates {
-    entries: Vec<Search>,
-    lost: Vec<Lost>,
+pub struct Initiator {
+    entries: Vec<HeadSearch>,
+    lost: Vec<LostTrack>,
     criteria: Criteria,
     rng: Pcg64Mcg,
 }
 
 /// A lost track.
 #[derive(Debug, Clone)]
-struct Lost {
+struct LostTrack {
     id: TrackId,
     place: Point2<f64>,
     for_s: f64,
-    search: Search,
+    search: HeadSearch,
 }
 
 /// Entry zones that cannot be used as gates.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Unseen {
+pub struct UnseenZones {
     /// Names of entry zones in which two cameras never see the same place of a head, each with the cameras that see
     /// some.
     pub zones: Vec<(String, Vec<String>)>,
@@ -61,11 +61,11 @@ pub struct Unseen {
     pub is_all: bool,
 }
 
-impl Gates {
+impl Initiator {
     /// Gates of a room. Without entry zones, or where none of them can be used, people are searched for everywhere.
-    pub fn new(stage: &Stage, options: &CondensationOptions) -> (Self, Unseen) {
+    pub fn new(stage: &PreparedRoom, options: &CondensationOptions) -> (Self, UnseenZones) {
         let mut rng = Pcg64Mcg::seed_from_u64(options.seed ^ 0x6761_7465);
-        let mut unseen = Unseen::default();
+        let mut unseen = UnseenZones::default();
         let mut areas = Vec::new();
         let height_m = 0.5 * (options.life.lowest_born_m + options.life.highest_m);
         for zone in stage.zones.iter().filter(|z| z.kind != ZoneKind::Exit) {
@@ -83,33 +83,33 @@ impl Gates {
             let (low, high) = stage.floor.bounds();
             areas.push(Polygon::rectangle(low, high));
         }
-        let entries = areas.into_iter().map(|area| Search::over(area, &mut rng)).collect();
+        let entries = areas.into_iter().map(|area| HeadSearch::over(area, &mut rng)).collect();
         (Self { entries, lost: Vec::new(), criteria: Criteria::new(options), rng }, unseen)
     }
 
     /// Registers a track that was lost here without leaving.
     pub fn miss(&mut self, id: TrackId, head: &Vector3<f64>) {
         let place = Point2::new(head.x, head.y);
-        let search = Search::over(around(&place, LOST_FARTHEST_M), &mut self.rng);
-        self.lost.push(Lost { id, place, for_s: 0.0, search });
+        let search = HeadSearch::over(around(&place, LOST_FARTHEST_M), &mut self.rng);
+        self.lost.push(LostTrack { id, place, for_s: 0.0, search });
     }
 
     /// Heads that are seen now and not yet tracked, each with the id of the lost track that it continues, if any.
-    pub fn newcomers(
+    pub fn new_heads(
         &mut self,
         dt_s: f64,
         floor: &Floor,
-        sight: &Sight<'_>,
-        spent: &mut Spent,
-    ) -> Vec<(Expected, Option<TrackId>)> {
+        input: &WeighingInput<'_>,
+        spent: &mut StepTimes,
+    ) -> Vec<(ExpectedHead, Option<TrackId>)> {
         spent.gates.start();
-        let mut found: Vec<Expected> = Vec::new();
+        let mut found: Vec<ExpectedHead> = Vec::new();
         let mut names = Vec::new();
         self.lost.retain_mut(|lost| {
             lost.for_s += dt_s;
             let reach_m = (LOST_REACH_M + LOST_SPEED_M_S * lost.for_s).min(LOST_FARTHEST_M);
             lost.search.move_to(around(&lost.place, reach_m));
-            lost.search.heads(&self.criteria, floor, sight, &mut found, &mut self.rng);
+            lost.search.heads(&self.criteria, floor, input, &mut found, &mut self.rng);
             // Only one head continues the track; other heads found there will be found again.
             found.truncate(names.len() + 1);
             let is_found = found.len() > names.len();
@@ -119,7 +119,7 @@ impl Gates {
             !is_found && lost.for_s < LOST_FOR_S
         });
         for entry in &mut self.entries {
-            entry.heads(&self.criteria, floor, sight, &mut found, &mut self.rng);
+            entry.heads(&self.criteria, floor, input, &mut found, &mut self.rng);
         }
         names.resize(found.len(), None);
         spent.gates.stop();
@@ -141,7 +141,7 @@ fn around(place: &Point2<f64>, reach_m: f64) -> Polygon {
 }
 
 /// Whether two cameras see the same place of a head above an area, and the names of the cameras that see any.
-fn seen_from(stage: &Stage, area: &Polygon, height_m: f64, rng: &mut Pcg64Mcg) -> (bool, Vec<String>) {
+fn seen_from(stage: &PreparedRoom, area: &Polygon, height_m: f64, rng: &mut Pcg64Mcg) -> (bool, Vec<String>) {
     /// Number of sampled places.
     const PROBES: usize = 200;
     let mut seeing = vec![false; stage.cameras.len()];
@@ -163,7 +163,7 @@ fn seen_from(stage: &Stage, area: &Polygon, height_m: f64, rng: &mut Pcg64Mcg) -
     (is_seen_twice, names.collect())
 }
 
-impl std::fmt::Display for Unseen {
+impl std::fmt::Display for UnseenZones {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str("--method condensation finds people where two cameras see the head at once. ")?;
         for (zone, cameras) in &self.zones {

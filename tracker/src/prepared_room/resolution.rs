@@ -2,7 +2,7 @@
 
 use nalgebra::{Point2, Point3, center};
 
-use super::{Floor, StageCamera};
+use super::{Floor, PreparedCamera};
 use crate::silhouette::Body;
 
 /// Number of block rows over the height of a small person.
@@ -12,7 +12,7 @@ const LOOKS: usize = 20;
 
 /// Side, in pixels, of the blocks that are simulated as one: a typical person is about [`ROWS`] blocks tall, whatever
 /// the camera's resolution. More rows would repeat the same evidence.
-pub fn block(camera: &StageCamera, average: &Body, floor: &Floor) -> u8 {
+pub fn block(camera: &PreparedCamera, average: &Body, floor: &Floor) -> u8 {
     let (low, high) = floor.bounds();
     let at = |i: usize, from: f64, to: f64| from + (to - from) * (i as f64 + 0.5) / LOOKS as f64;
     let mut tall_px: Vec<f64> = (0..LOOKS * LOOKS)
