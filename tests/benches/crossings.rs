@@ -140,11 +140,11 @@ impl Crossing {
         let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
         made.room.write(folder.path()).map_err(|e| e.to_string())?;
         let room = Room::read(folder.path()).map_err(|e| e.to_string())?;
-        let stage = PreparedRoom::prepare(&room, folder.path(), &PreparationOptions::default())
+        let prepared = PreparedRoom::prepare(&room, folder.path(), &PreparationOptions::default())
             .map_err(|e| e.to_string())?;
         let agents = |rule: &RuleOptions| {
             let sampler = McmcOptions { seed: self.seed, ..McmcOptions::default() };
-            Agents::new(stage.clone(), &AgentsOptions { sampler, rule: rule.clone() })
+            Agents::new(prepared.clone(), &AgentsOptions { sampler, rule: rule.clone() })
                 .map_err(|e| e.to_string())
         };
         let mut systems = [agents(&rules[0])?, agents(&rules[1])?];

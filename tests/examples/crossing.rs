@@ -128,10 +128,10 @@ fn cross(pair: u64, options: &McmcOptions) -> Said<Outcome> {
     let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
     made.room.write(folder.path()).map_err(|e| e.to_string())?;
     let room = Room::read(folder.path()).map_err(|e| e.to_string())?;
-    let stage = PreparedRoom::prepare(&room, folder.path(), &PreparationOptions::default())
+    let prepared = PreparedRoom::prepare(&room, folder.path(), &PreparationOptions::default())
         .map_err(|e| e.to_string())?;
     let mut tracker =
-        Mcmc::new(stage, McmcOptions { seed: pair, ..options.clone() }).map_err(|e| e.to_string())?;
+        Mcmc::new(prepared, McmcOptions { seed: pair, ..options.clone() }).map_err(|e| e.to_string())?;
     let sequence = made.sequence(
         walkers,
         SequenceOptions { seed: pair, rate_hz: RATE_HZ, frames: FRAMES, ..SequenceOptions::default() },

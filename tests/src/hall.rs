@@ -107,13 +107,13 @@ pub fn tracker(room: &SyntheticRoom, options: CondensationOptions) -> Said<Conde
         scene.geometry = None;
     }
     scene.write(scratch.path()).map_err(|e| e.to_string())?;
-    let stage = PreparedRoom::prepare(
+    let prepared = PreparedRoom::prepare(
         &scene,
         scratch.path(),
         &PreparationOptions { occlusion: with_room, ..PreparationOptions::default() },
     );
     let mut tracker =
-        Condensation::new(stage.map_err(|e| e.to_string())?, options).map_err(|e| e.to_string())?;
+        Condensation::new(prepared.map_err(|e| e.to_string())?, options).map_err(|e| e.to_string())?;
     let empty =
         room.sequence(Vec::new(), SequenceOptions { frames: 1, ..SequenceOptions::default() }).frame(1);
     for (i, camera) in empty.cameras.iter().enumerate() {

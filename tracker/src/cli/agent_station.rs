@@ -55,7 +55,7 @@ pub(super) struct StationRoom<'a> {
     pub(super) room: &'a Room,
     pub(super) room_dir: &'a Path,
     /// The room with all cameras.
-    pub(super) stage: PreparedRoom,
+    pub(super) prepared: PreparedRoom,
 }
 
 /// Outputs of one station.
@@ -83,18 +83,18 @@ impl AgentStationArguments {
     /// Tracks with the station's camera, together with the other stations, until its source ends or it is interrupted.
     pub(super) fn follow(
         &self,
-        StationRoom { room, room_dir, stage }: StationRoom<'_>,
+        StationRoom { room, room_dir, prepared }: StationRoom<'_>,
         station: Station,
         endpoints: &Endpoints,
         (interrupted, progress): (&Arc<AtomicBool>, Progress),
     ) -> anyhow::Result<()> {
         let Some(out) = self.out.clone() else { bail!("--method agents: give --out DIR for its tracks") };
-        let camera = stage.camera_index(&station.name).context("the room has no such camera")?;
+        let camera = prepared.camera_index(&station.name).context("the room has no such camera")?;
         let id = StationId(u8::try_from(camera).context("the room has more than 255 cameras")?);
         let options = super::agent_options::options(&self.sampler, self.seed, self.most_people)?;
-        let cameras: Vec<String> = stage.cameras.iter().map(|camera| camera.name.clone()).collect();
-        let own = PreparedRoom { cameras: vec![stage.cameras[camera].clone()], ..stage.clone() };
-        let tracker = SoloStation::new(stage, id, &options)?;
+        let cameras: Vec<String> = prepared.cameras.iter().map(|camera| camera.name.clone()).collect();
+        let own = PreparedRoom { cameras: vec![prepared.cameras[camera].clone()], ..prepared.clone() };
+        let tracker = SoloStation::new(prepared, id, &options)?;
         let clock = OwnClock { shift_s: self.clock_shift };
         let hears = tracker.hears().to_vec();
         let names: Vec<&str> = hears.iter().map(|other| cameras[usize::from(other.0)].as_str()).collect();

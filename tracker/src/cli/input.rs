@@ -94,7 +94,7 @@ impl RunSources {
         self,
         args: &RunArgs,
         room: &Room,
-        stage: &PreparedRoom,
+        prepared: &PreparedRoom,
         interrupted: &AtomicBool,
     ) -> anyhow::Result<RunInput> {
         let endpoints = match self {
@@ -119,12 +119,12 @@ impl RunSources {
         };
         let expected = ExpectedStations {
             room: Fingerprint::of(room),
-            cameras: stage.cameras.iter().map(camera).collect(),
+            cameras: prepared.cameras.iter().map(camera).collect(),
         };
         let (inbox, events) = channel();
         tracing::info!("waiting for the stations");
         let (ports, downlink) = Downlink::open(expected, &endpoints, STATIONS_WITHIN, interrupted, inbox)?;
-        let names: Vec<&str> = stage.cameras.iter().map(|c| c.name.as_str()).collect();
+        let names: Vec<&str> = prepared.cameras.iter().map(|c| c.name.as_str()).collect();
         let alignments = args.clocks.alignments(&names)?;
         let rates = ports.iter().filter_map(|port| port.rate_hz);
         let rate_hz = rates.fold(0.0, f64::max);
@@ -173,7 +173,7 @@ impl RunInput {
         if is_searched {
             tracing::info!("looking for the offsets between the recordings");
             let (ports, events) = start(stations, threads);
-            let found = search_offsets(builder.stage, ports, &events, &self.alignments)?;
+            let found = search_offsets(builder.room, ports, &events, &self.alignments)?;
             self.alignments = found;
             let room = Room::read(&args.room)?;
             let again = source::open(&room, &args.video, &args.masks)?;

@@ -52,17 +52,17 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
         occlusion: !args.no_occlusion,
         working_width_px: args.mask_width,
     };
-    let stage = PreparedRoom::prepare(&room, &args.room, &options)?;
+    let prepared = PreparedRoom::prepare(&room, &args.room, &options)?;
     let interrupted = interrupt::watch().context("the signals that end a run")?;
     let downlinked = matches!(given, RunSources::Stations(_));
-    let mut input = given.connect(args, &room, &stage, &interrupted)?;
+    let mut input = given.connect(args, &room, &prepared, &interrupted)?;
     let is_live = input.is_live;
-    let mut method = args.method(&stage, is_live)?;
+    let mut method = args.method(&prepared, is_live)?;
     if downlinked && method.needs().pictures {
         bail!("--method: looks at pictures, which do not leave stations; give --video, or --method mcmc");
     }
     let looks = FilmOptions { width_px: args.film_width, is_live, ..FilmOptions::default() };
-    let mut page = listener.map(|listener| view::serve(listener, &args.room, &stage)).transpose()?;
+    let mut page = listener.map(|listener| view::serve(listener, &args.room, &prepared)).transpose()?;
     let screens = page.as_ref().map(Server::screens);
     let demand = match screens {
         _ if !args.no_film => PictureDemand::Always,
@@ -73,34 +73,34 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
         None => PictureDemand::Never,
     };
     let builder = StationBuilder {
-        stage: &stage,
+        room: &prepared,
         background: &args.background,
         needs: method.needs(),
         drawing: Drawing { looks: &looks, demand },
         pace: if is_live { Pace::Live } else { Pace::Free },
     };
     let Started { ports, events, downlink } = input.start(args, &builder, method.as_mut(), threads)?;
-    let prepared = started.elapsed().as_secs_f64();
-    tracing::debug!("room and backgrounds ready after {prepared:.2} s");
+    let prepared_s = started.elapsed().as_secs_f64();
+    tracing::debug!("room and backgrounds ready after {prepared_s:.2} s");
     // All inputs have been checked, so outputs may be created now.
-    let mut outputs: Vec<Box<dyn Output>> = vec![Box::new(TrackFiles::new(&args.out, &stage))];
+    let mut outputs: Vec<Box<dyn Output>> = vec![Box::new(TrackFiles::new(&args.out, &prepared))];
     outputs.push(Box::new(TrajectoryPlan::new(&args.out, &room, &args.room)));
     if args.method == MethodName::Agents {
-        outputs.push(Box::new(AgencyLog::new(&args.out, &stage)));
+        outputs.push(Box::new(AgencyLog::new(&args.out, &prepared)));
     }
     if !args.no_film {
         let audience = screens.map(Screens::audience);
-        outputs.push(Box::new(Film::start(&args.out, &stage, input.rate_hz, &looks, audience.as_ref())?));
+        outputs.push(Box::new(Film::start(&args.out, &prepared, input.rate_hz, &looks, audience.as_ref())?));
     } else if let Some(screens) = screens {
-        outputs.push(Box::new(Drawer::start(&stage, &looks, screens, input.has_pictures)));
+        outputs.push(Box::new(Drawer::start(&prepared, &looks, screens, input.has_pictures)));
     }
     let mut progress = console.progress("tracking", input.promised.map(|n| n as u64));
     let alignments = input.alignments;
-    let clocks = match stage.cameras.len() {
+    let clocks = match prepared.cameras.len() {
         0 | 1 => None,
         _ => {
             let applies = args.clocks.is_auto() && is_live;
-            Some(ClockOffsets::new(&stage, alignments.clone(), is_live, applies)?)
+            Some(ClockOffsets::new(&prepared, alignments.clone(), is_live, applies)?)
         }
     };
     let options = GatheringOptions { alignments, latency_s: args.latency };
@@ -127,7 +127,7 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
         let mended = tracker::link::mend_run(&args.out, input.rate_hz)?;
         tracing::info!("{} tracks after linking over the whole recording", mended.tracks);
     }
-    log_report(&report, prepared, started.elapsed().as_secs_f64());
+    log_report(&report, prepared_s, started.elapsed().as_secs_f64());
     Ok(String::new())
 }
 

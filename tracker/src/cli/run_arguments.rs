@@ -121,7 +121,7 @@ impl RunArgs {
     }
 
     /// The method, prepared for the room.
-    pub(super) fn method(&self, stage: &PreparedRoom, is_live: bool) -> anyhow::Result<Box<dyn Method>> {
+    pub(super) fn method(&self, prepared: &PreparedRoom, is_live: bool) -> anyhow::Result<Box<dyn Method>> {
         Ok(match self.method {
             MethodName::Mcmc => {
                 let mut options = self.sampler.options(self.seed)?;
@@ -129,16 +129,16 @@ impl RunArgs {
                 if self.sampler.lag.is_none() && is_live {
                     options.lag_s = 0.0;
                 }
-                Box::new(Mcmc::new(stage.clone(), options)?)
+                Box::new(Mcmc::new(prepared.clone(), options)?)
             }
             MethodName::Agents => {
                 let options = super::agent_options::options(&self.sampler, self.seed, self.most_people)?;
-                Box::new(Agents::new(stage.clone(), &options)?)
+                Box::new(Agents::new(prepared.clone(), &options)?)
             }
             MethodName::Condensation => {
                 let mut options = self.heads.options(self.seed, self.sampler.published)?;
                 options.life.max_people = self.most_people.unwrap_or(options.life.max_people);
-                Box::new(Condensation::new(stage.clone(), options)?)
+                Box::new(Condensation::new(prepared.clone(), options)?)
             }
         })
     }

@@ -107,10 +107,10 @@ pub(crate) fn station(args: &StationArgs, console: &Console) -> anyhow::Result<S
     let promised = clocks.moments(&sources);
     // All of the room's cameras, as in the gatherer: sampling depends on the floor that they see together.
     let options = PreparationOptions { working_width_px: args.mask_width, ..PreparationOptions::default() };
-    let stage = PreparedRoom::prepare(&room, &args.room, &options)?;
+    let prepared = PreparedRoom::prepare(&room, &args.room, &options)?;
     let demand = if args.pictures { PictureDemand::Always } else { PictureDemand::Never };
     let builder = StationBuilder {
-        stage: &stage,
+        room: &prepared,
         background: &args.background,
         needs: Needs { masks: true, pictures: false, empty_scene: false },
         drawing: Drawing { looks: &FilmOptions::default(), demand },
@@ -121,11 +121,11 @@ pub(crate) fn station(args: &StationArgs, console: &Console) -> anyhow::Result<S
     let interrupted = interrupt::watch().context("the signals that end a station")?;
     if args.method.is_some() {
         let progress = console.progress("tracking", promised.map(|n| n as u64));
-        let place = StationRoom { room: &room, room_dir: &args.room, stage: stage.clone() };
+        let place = StationRoom { room: &room, room_dir: &args.room, prepared: prepared.clone() };
         args.agents.follow(place, station, &endpoints, (&interrupted, progress))?;
         return Ok(String::new());
     }
-    let of_stage = stage.camera_index(&args.camera).map(|i| &stage.cameras[i]);
+    let of_stage = prepared.camera_index(&args.camera).map(|i| &prepared.cameras[i]);
     let of_stage =
         of_stage.with_context(|| format!("--camera {}: the room has no such camera", args.camera))?;
     let hello = Hello {

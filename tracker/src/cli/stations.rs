@@ -26,7 +26,7 @@ pub(super) struct Drawing<'a> {
 
 /// Builder of a run's stations.
 pub(super) struct StationBuilder<'a> {
-    pub(super) stage: &'a PreparedRoom,
+    pub(super) room: &'a PreparedRoom,
     pub(super) background: &'a BackgroundArguments,
     pub(super) needs: Needs,
     pub(super) drawing: Drawing<'a>,
@@ -62,8 +62,8 @@ impl StationBuilder<'_> {
             let problem = format!("camera `{name}` has masks alone; give --video {name}=PATH");
             return Err(Error::option("--video", problem).into());
         }
-        let camera = self.stage.camera_index(&name);
-        let of_stage = camera.map(|i| &self.stage.cameras[i]);
+        let camera = self.room.camera_index(&name);
+        let of_stage = camera.map(|i| &self.room.cameras[i]);
         let of_stage = of_stage.with_context(|| format!("the room has no camera `{name}`"))?;
         let size = (of_stage.width(), of_stage.height());
         let filmed_size = (of_stage.filmed.intrinsics.width, of_stage.filmed.intrinsics.height);
@@ -97,7 +97,7 @@ impl StationBuilder<'_> {
             }
             _ => Masks::Unneeded(Health::default()),
         };
-        let observer = Observer::new(self.stage, &name, made, self.needs)?;
+        let observer = Observer::new(self.room, &name, made, self.needs)?;
         let drawn = (self.drawing.looks.panel_px(of_stage), self.drawing.demand.clone());
         let work = match video {
             Some(VideoSource::Live(source)) => {

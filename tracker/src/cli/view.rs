@@ -27,8 +27,8 @@ impl ViewArguments {
 }
 
 /// Serves a screen for each camera of the room, and logs the address.
-pub(super) fn serve(listener: Listener, room: &Path, stage: &PreparedRoom) -> anyhow::Result<Server> {
-    let names = stage.cameras.iter().map(|camera| camera.name.as_str());
+pub(super) fn serve(listener: Listener, room: &Path, prepared: &PreparedRoom) -> anyhow::Result<Server> {
+    let names = prepared.cameras.iter().map(|camera| camera.name.as_str());
     let server = Server::start(listener, Screens::new(room.display().to_string(), names))?;
     tracing::info!("watch the run at http://{}/", server.address());
     Ok(server)

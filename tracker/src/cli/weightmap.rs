@@ -64,15 +64,15 @@ pub(crate) fn weightmap(args: &WeightMapArgs) -> anyhow::Result<String> {
     let sources = source::open(&room, &args.video, &[])?;
     args.background.check_names(&args.video, &[])?;
     let names = sources.iter().map(|s| s.name.clone()).collect();
-    let stage = PreparedRoom::prepare(
+    let prepared = PreparedRoom::prepare(
         &room,
         &args.room,
         &PreparationOptions { cameras: names, ..PreparationOptions::default() },
     )?;
-    let mut method = Condensation::new(stage.clone(), options)?;
+    let mut method = Condensation::new(prepared.clone(), options)?;
     let mut cameras = Vec::new();
     for (i, source) in sources.into_iter().enumerate() {
-        let (name, camera) = (source.name, &stage.cameras[i]);
+        let (name, camera) = (source.name, &prepared.cameras[i]);
         let size = (camera.width(), camera.height());
         let filmed = (camera.filmed.intrinsics.width, camera.filmed.intrinsics.height);
         let video = source.video.with_context(|| format!("camera `{name}` has no video"))?;
@@ -104,7 +104,7 @@ pub(crate) fn weightmap(args: &WeightMapArgs) -> anyhow::Result<String> {
     std::fs::create_dir_all(&args.out).with_context(|| args.out.display().to_string())?;
     for map in maps {
         let path = args.out.join(format!("{}.png", map.integration));
-        map.picture(&stage).save(&path).with_context(|| path.display().to_string())?;
+        map.picture(&prepared).save(&path).with_context(|| path.display().to_string())?;
     }
     Ok(String::new())
 }

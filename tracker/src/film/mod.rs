@@ -120,15 +120,15 @@ impl Film {
     /// A folder that cannot be made or an encoder that cannot be opened: reported here, not after an hour of tracking.
     pub fn start(
         out: &Path,
-        stage: &PreparedRoom,
+        room: &PreparedRoom,
         rate: f64,
         options: &FilmOptions,
         audience: Option<&Audience>,
     ) -> Result<Self> {
         let is_live = options.is_live;
-        let workers = (0..stage.cameras.len()).map(|index| {
-            let mut painter = Painter::new(stage, index, options);
-            let path = out.join("overlay").join(format!("{}.mp4", stage.cameras[index].name));
+        let workers = (0..room.cameras.len()).map(|index| {
+            let mut painter = Painter::new(room, index, options);
+            let path = out.join("overlay").join(format!("{}.mp4", room.cameras[index].name));
             let (width, height) = painter.size();
             let mut writer = FilmWriter::create(&path, width, height, rate)?;
             let (scenes, received) = sync_channel::<PaintJob>(QUEUE);

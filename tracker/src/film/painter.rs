@@ -27,9 +27,9 @@ pub struct Painter {
 
 impl Painter {
     /// Painter for the prepared room's camera of that index.
-    pub fn new(stage: &PreparedRoom, index: usize, options: &FilmOptions) -> Self {
-        let (width, height) = options.panel_px(&stage.cameras[index]);
-        let camera = stage.cameras[index].resized(width, height);
+    pub fn new(room: &PreparedRoom, index: usize, options: &FilmOptions) -> Self {
+        let (width, height) = options.panel_px(&room.cameras[index]);
+        let camera = room.cameras[index].resized(width, height);
         let lens = PanelLens::new(&camera);
         Self {
             view: View::new(&camera),

@@ -91,10 +91,10 @@ impl OffsetEstimator {
     ///
     /// # Errors
     /// [`Error::Option`] when an option makes no sense.
-    pub fn new(stage: &PreparedRoom, options: OffsetOptions) -> Result<Self> {
+    pub fn new(room: &PreparedRoom, options: OffsetOptions) -> Result<Self> {
         options.validate()?;
-        let filters = PersonFilters::new(stage);
-        let count = stage.cameras.len();
+        let filters = PersonFilters::new(room);
+        let count = room.cameras.len();
         let both = (0..count).flat_map(|a| (a + 1..count).map(move |b| [a, b]));
         let pairs = both.filter(|[a, b]| filters.share_floor(*a, *b));
         Ok(Self {

@@ -50,17 +50,17 @@ fn from_film(film: &str, wanted: &[usize]) -> Result<Vec<(usize, RgbImage)>> {
 
 fn drawn(recording: &RunRecording, camera: &str, wanted: &[usize]) -> Result<Vec<(usize, RgbImage)>> {
     let options = PreparationOptions { cameras: vec![camera.to_owned()], ..PreparationOptions::default() };
-    let stage = PreparedRoom::prepare(&recording.room, &recording.room_dir, &options)?;
+    let room = PreparedRoom::prepare(&recording.room, &recording.room_dir, &options)?;
     let reference = recording.room.camera(camera)?.reference.as_ref();
     let image = match reference.map(|r| recording.room_dir.join(r)).filter(|path| path.exists()) {
         Some(path) => Some(picture(&path)?),
         None => None,
     };
     let options = FilmOptions::default();
-    let (width, height) = options.panel_px(&stage.cameras[0]);
+    let (width, height) = options.panel_px(&room.cameras[0]);
     let image = image.map(|image| Arc::new(imageops::resize(&image, width, height, FilterType::Triangle)));
     let shot = Shot { image, mask: None };
-    let mut painter = Painter::new(&stage, 0, &options);
+    let mut painter = Painter::new(&room, 0, &options);
     let paint = |index: &usize| {
         let frame = recording.frames.get(*index)?;
         Some((*index, painter.paint(frame.frame, frame.time, &shot, &estimates(frame, camera))))

@@ -49,9 +49,10 @@ fn run_in(folder: &Path, with_film: bool) -> ReportSources {
     };
     let (room_dir, run) = (folder.join("room"), folder.join("out"));
     room.write(&room_dir).unwrap();
-    let stage = PreparedRoom::prepare(&room, &room_dir, &PreparationOptions::default()).unwrap();
-    let mut files = TrackFiles::new(&run, &stage);
-    let mut film = with_film.then(|| Film::start(&run, &stage, 10.0, &FilmOptions::default(), None).unwrap());
+    let prepared = PreparedRoom::prepare(&room, &room_dir, &PreparationOptions::default()).unwrap();
+    let mut files = TrackFiles::new(&run, &prepared);
+    let mut film =
+        with_film.then(|| Film::start(&run, &prepared, 10.0, &FilmOptions::default(), None).unwrap());
     let (mut truth, mut watch) = (String::new(), Stopwatch::default());
     for frame in 1..=FRAMES {
         let (who, time) = (person(frame), f64::from(frame - 1) / 10.0);

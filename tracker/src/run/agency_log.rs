@@ -24,11 +24,11 @@ pub struct AgencyLog {
 
 impl AgencyLog {
     /// Log of a run that writes to the folder `out`.
-    pub fn new(out: &Path, stage: &PreparedRoom) -> Self {
+    pub fn new(out: &Path, room: &PreparedRoom) -> Self {
         let folder = out.join("agents");
         Self {
             file: AgentsFile::new(&folder),
-            names: stage.cameras.iter().map(|camera| camera.name.clone()).collect(),
+            names: room.cameras.iter().map(|camera| camera.name.clone()).collect(),
             folder,
             record: AgencyRecord::default(),
             bytes: 0,

@@ -49,13 +49,13 @@ pub struct ClockOffsets {
 }
 
 impl ClockOffsets {
-    /// Estimates the offsets of the cameras of `stage` on top of the alignments `given`. With `applies`, the estimates
+    /// Estimates the offsets of the cameras of `room` on top of the alignments `given`. With `applies`, the estimates
     /// replace those.
     ///
     /// # Errors
     /// Invalid options.
     pub fn new(
-        stage: &PreparedRoom,
+        room: &PreparedRoom,
         given: Vec<ClockAlignment>,
         is_live: bool,
         applies: bool,
@@ -66,8 +66,8 @@ impl ClockOffsets {
             OffsetOptions { keep_s: KEEP_S, ..OffsetOptions::recording() }
         };
         Ok(Self {
-            estimator: OffsetEstimator::new(stage, options)?,
-            names: stage.cameras.iter().map(|camera| camera.name.clone()).collect(),
+            estimator: OffsetEstimator::new(room, options)?,
+            names: room.cameras.iter().map(|camera| camera.name.clone()).collect(),
             applied: given.clone(),
             given,
             applies,

@@ -19,13 +19,13 @@ const LOOK_S: f64 = 300.0;
 /// # Errors
 /// An error of a station before its first observation, or a mask whose size is not that of its camera.
 pub fn search_offsets(
-    stage: &PreparedRoom,
+    room: &PreparedRoom,
     mut ports: Vec<Port>,
     events: &Receiver<(usize, Event)>,
     given: &[ClockAlignment],
 ) -> Result<Vec<ClockAlignment>> {
     let options = OffsetOptions { keep_s: LOOK_S, ..OffsetOptions::recording() };
-    let mut estimator = OffsetEstimator::new(stage, options)?;
+    let mut estimator = OffsetEstimator::new(room, options)?;
     let mut cameras: Vec<ScannedRecording> = ports.iter().map(|_| ScannedRecording::default()).collect();
     // The camera whose next observation is the earliest comes first, so that observations arrive in the order of their
     // times.
@@ -45,8 +45,8 @@ pub fn search_offsets(
     }
     let found = estimator.estimate();
     for (camera, offset) in found.cameras.iter().enumerate() {
-        let name = &stage.cameras[camera].name;
-        let reference = &stage.cameras[offset.reference].name;
+        let name = &room.cameras[camera].name;
+        let reference = &room.cameras[offset.reference].name;
         if !offset.is_known {
             tracing::warn!(
                 "--offset auto: the people seen by `{name}` and others do not tell its offset; taking {:.2} s",

@@ -184,7 +184,7 @@ fn gathered(
     clocks: &[(Times, f64)],
     needs: Needs,
 ) -> Result<Gathering> {
-    let stage = PreparedRoom::prepare(room, folder, &PreparationOptions::default())?;
+    let prepared = PreparedRoom::prepare(room, folder, &PreparationOptions::default())?;
     let empty = Backdrop::learn(&[RgbImage::from_fn(SIZE.0, SIZE.1, floor)])?;
     let named =
         |name: &str| NamedSource { name: name.to_owned(), spec: folder.join(name).display().to_string() };
@@ -198,7 +198,7 @@ fn gathered(
         let foreground = Foreground::new(SIZE.0, SIZE.1, start, ForegroundOptions::default())?;
         let masks = Masks::Subtracted(Box::new(foreground));
         let Some(VideoSource::Recorded(video)) = source.video else { panic!("a folder is a recording") };
-        let station = recorded_station(&stage, &source.name, Some(video), None, masks, (times, needs))?;
+        let station = recorded_station(&prepared, &source.name, Some(video), None, masks, (times, needs))?;
         ports.push(station::start(station, camera, inbox.clone(), &permits));
     }
     let alignment =
@@ -208,19 +208,19 @@ fn gathered(
 }
 
 fn recorded_station(
-    stage: &PreparedRoom,
+    prepared: &PreparedRoom,
     name: &str,
     video: Option<FrameSource>,
     masks: Option<FrameSource>,
     made: Masks,
     (times, needs): (&Times, Needs),
 ) -> Result<Station> {
-    let panel = FilmOptions::default().panel_px(&stage.cameras[0]);
+    let panel = FilmOptions::default().panel_px(&prepared.cameras[0]);
     let work = RecordedStation {
         video,
         masks,
         times: CaptureTimes::given(name, times.clone()),
-        observer: Observer::new(stage, name, made, needs)?,
+        observer: Observer::new(prepared, name, made, needs)?,
         drawn: (panel, PictureDemand::Always),
         pace: station::Pace::Free,
     };
@@ -326,12 +326,12 @@ fn masks_alone_are_enough_and_a_full_one_is_set_aside() {
         let mask = GrayImage::from_fn(SIZE.0, SIZE.1, |u, _| Luma([u8::from(frame == 1 || u < 10)]));
         mask.save(masks.join(format!("{frame}.png"))).unwrap();
     }
-    let stage = PreparedRoom::prepare(&room, folder.path(), &PreparationOptions::default()).unwrap();
+    let prepared = PreparedRoom::prepare(&room, folder.path(), &PreparationOptions::default()).unwrap();
     let named: NamedSource = format!("a={}", masks.display()).parse().unwrap();
     let source = source::open(&room, &[], &[named]).unwrap().remove(0);
     let times = Times::steady(4.0).unwrap();
     let made = Masks::ready(&masks.display().to_string());
-    let station = recorded_station(&stage, "a", None, source.masks, made, (&times, MASKS)).unwrap();
+    let station = recorded_station(&prepared, "a", None, source.masks, made, (&times, MASKS)).unwrap();
     let (inbox, events) = std::sync::mpsc::channel();
     let port = station::start(station, 0, inbox, &Permits::new(2));
     let options = GatheringOptions { alignments: vec![ClockAlignment::default()], latency_s: 0.3 };

@@ -88,11 +88,11 @@ impl Observer {
     ///
     /// # Errors
     /// A camera that the room lacks.
-    pub fn new(stage: &PreparedRoom, camera: &str, masks: Masks, needs: Needs) -> Result<Self> {
-        let Some(camera) = stage.camera_index(camera).map(|i| &stage.cameras[i]) else {
-            return Err(Error::option("room", format!("the stage has no camera `{camera}`")));
+    pub fn new(room: &PreparedRoom, camera: &str, masks: Masks, needs: Needs) -> Result<Self> {
+        let Some(camera) = room.camera_index(camera).map(|i| &room.cameras[i]) else {
+            return Err(Error::option("room", format!("the room has no camera `{camera}`")));
         };
-        let block = resolution::block(camera, &Body::ADULT, &stage.floor);
+        let block = resolution::block(camera, &Body::ADULT, &room.floor);
         let size = (camera.width(), camera.height());
         Ok(Self {
             masks,

@@ -25,13 +25,13 @@ pub struct TrackFiles {
 
 impl TrackFiles {
     /// Files of a run in the folder `out`.
-    pub fn new(out: &Path, stage: &PreparedRoom) -> Self {
+    pub fn new(out: &Path, prepared: &PreparedRoom) -> Self {
         let boxes = |name: &str| LineFile::new(out.join("boxes").join(format!("{name}.txt")));
         Self {
             floor: LineFile::new(out.join("tracks.txt")),
             json: LineFile::new(out.join("tracks.jsonl")),
-            boxes: stage.cameras.iter().map(|c| (c.filmed.clone(), boxes(&c.name))).collect(),
-            names: stage.cameras.iter().map(|c| c.name.clone()).collect(),
+            boxes: prepared.cameras.iter().map(|c| (c.filmed.clone(), boxes(&c.name))).collect(),
+            names: prepared.cameras.iter().map(|c| c.name.clone()).collect(),
         }
     }
 
@@ -112,7 +112,7 @@ mod tests {
     use nalgebra::{Isometry3, Point3, Vector3};
     use scenes::room::{Room, RoomCamera};
 
-    fn stage() -> PreparedRoom {
+    fn prepared() -> PreparedRoom {
         let camera = |name: &str, eye: [f64; 3]| RoomCamera {
             name: name.into(),
             camera: Camera {
@@ -151,8 +151,8 @@ mod tests {
 
     #[test]
     fn written_files_are_read_back() {
-        let (folder, stage) = (tempfile::tempdir().unwrap(), stage());
-        let mut files = TrackFiles::new(folder.path(), &stage);
+        let (folder, prepared) = (tempfile::tempdir().unwrap(), prepared());
+        let mut files = TrackFiles::new(folder.path(), &prepared);
         assert!(std::fs::read_dir(folder.path()).unwrap().next().is_none(), "touched before the first frame");
         // Person 2 is behind the camera `left`.
         files.write(1, 0.0, &[], &[]).unwrap();
@@ -185,8 +185,8 @@ mod tests {
 
     #[test]
     fn a_run_without_frames_leaves_empty_files_and_nan_is_refused() {
-        let (folder, stage) = (tempfile::tempdir().unwrap(), stage());
-        let mut files = TrackFiles::new(folder.path(), &stage);
+        let (folder, prepared) = (tempfile::tempdir().unwrap(), prepared());
+        let mut files = TrackFiles::new(folder.path(), &prepared);
         let error = files.write(3, 0.0, &[person(7, f64::NAN, 0.0)], &[]).unwrap_err().to_string();
         assert!(error.contains("frame 3") && error.contains("person 7"), "{error}");
         files.finish().unwrap();

@@ -32,13 +32,13 @@ struct DrawJob {
 impl Drawer {
     /// Starts the drawer of the room's cameras for these screens. `has_pictures` is true if some camera has more than
     /// masks.
-    pub fn start(stage: &PreparedRoom, options: &FilmOptions, screens: &Screens, has_pictures: bool) -> Self {
+    pub fn start(room: &PreparedRoom, options: &FilmOptions, screens: &Screens, has_pictures: bool) -> Self {
         let (scenes, received) = sync_channel(1);
         let is_free = Arc::new(AtomicBool::new(true));
-        let (stage, options) = (stage.clone(), options.clone());
+        let (room, options) = (room.clone(), options.clone());
         let (own_screens, own_is_free) = (screens.clone(), Arc::clone(&is_free));
         // The thread ends with the channel, or with the program: it has nothing to save.
-        thread::spawn(move || draw(&stage, &options, &received, &own_screens, &own_is_free));
+        thread::spawn(move || draw(&room, &options, &received, &own_screens, &own_is_free));
         Self { screens: screens.clone(), scenes, is_free, has_pictures }
     }
 
@@ -66,7 +66,7 @@ impl Drawer {
 }
 
 fn draw(
-    stage: &PreparedRoom,
+    room: &PreparedRoom,
     options: &FilmOptions,
     scenes: &Receiver<DrawJob>,
     screens: &Screens,
@@ -75,7 +75,7 @@ fn draw(
     let mut painters: Vec<Painter> = Vec::new();
     for DrawJob { frame, time_s, shots, people } in scenes {
         if painters.is_empty() {
-            painters = (0..stage.cameras.len()).map(|index| Painter::new(stage, index, options)).collect();
+            painters = (0..room.cameras.len()).map(|index| Painter::new(room, index, options)).collect();
         }
         let painted = painters.iter_mut().zip(shots).enumerate().map(|(camera, (painter, shot))| Painted {
             camera,

@@ -38,7 +38,7 @@ impl Cases {
     }
 
     pub(super) fn note_scene(&mut self, scene: &TestScene) {
-        self.note("scene with a lens", !scene.stage.real.intrinsics.distortion.is_none());
+        self.note("scene with a lens", !scene.camera.real.intrinsics.distortion.is_none());
         self.note("scene of blocks", scene.view.block > 1);
         self.note(
             "part of the twin not filmed",

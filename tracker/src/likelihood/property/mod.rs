@@ -94,7 +94,7 @@ fn every_change_counts_what_rays_through_the_lens_count() {
         let block = [1, 2, 3, 1, 4, 5, 1][number % 7];
         let scene = TestScene::random(block, number % 3 != 0, &mut rng);
         cases.note_scene(&scene);
-        let (packed, foreground) = scene.foreground(&random_film(&scene.stage, &mut rng));
+        let (packed, foreground) = scene.foreground(&random_film(&scene.camera, &mut rng));
         let shapes = SHAPES[number % SHAPES.len()];
         let layers = Layers::new(vec![scene.view.clone()], shapes);
         let mut simulation = Simulation::new(&layers);
@@ -138,7 +138,7 @@ fn every_change_counts_what_rays_through_the_lens_count() {
                 assert!(
                     is_within(tried, &bounds),
                     "scene {number}, blocks of {block}: {tried:?} is not within {bounds:?}\n{:?}\n{changed:?}",
-                    scene.stage.real
+                    scene.camera.real
                 );
                 let in_vain = |c: &Counts| c.simulated - c.both;
                 assert!(hoped.both >= tried.both && in_vain(&hoped) <= in_vain(tried), "{hoped:?}");

@@ -28,7 +28,7 @@ const OUTLINE: f64 = 1e-9;
 pub(super) struct TestScene {
     pub(super) room: FurnishedRoom,
     lens: FilmLens,
-    pub(super) stage: PreparedCamera,
+    pub(super) camera: PreparedCamera,
     pub(super) view: View,
     /// Ray of each pixel of the view, row by row.
     pub(super) traced_pixels: Vec<TracedPixel>,
@@ -57,11 +57,11 @@ impl TestScene {
         };
         // The path is not a folder, so that no scene leaves a depth map behind.
         let nowhere = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/Cargo.toml"));
-        let mut stage = PreparedRoom::prepare(&model, nowhere, &PreparationOptions::default()).unwrap();
-        let stage = stage.cameras.remove(0);
-        let view = View::coarse(&stage, block);
-        let lens = FilmLens::new(&stage.real.intrinsics);
-        let mut scene = Self { room, lens, stage, view, traced_pixels: Vec::new() };
+        let mut camera = PreparedRoom::prepare(&model, nowhere, &PreparationOptions::default()).unwrap();
+        let camera = camera.cameras.remove(0);
+        let view = View::coarse(&camera, block);
+        let lens = FilmLens::new(&camera.real.intrinsics);
+        let mut scene = Self { room, lens, camera, view, traced_pixels: Vec::new() };
         scene.traced_pixels = scene.pixels().map(|(u, v)| scene.traced(u, v)).collect();
         scene
     }
@@ -74,17 +74,17 @@ impl TestScene {
 
     /// Width and height of the view, from the filmed size.
     pub(super) fn size(&self) -> [i32; 2] {
-        let k = &self.stage.real.intrinsics;
+        let k = &self.camera.real.intrinsics;
         [k.width, k.height].map(|size| size.div_ceil(u32::from(self.view.block)) as i32)
     }
 
     pub(super) fn eye(&self) -> Point3<f64> {
-        self.stage.real.center()
+        self.camera.real.center()
     }
 
     /// Converts a direction from the camera's frame to the world's.
     pub(super) fn to_world(&self, ray: &Vector3<f64>) -> Vector3<f64> {
-        self.stage.real.camera_from_world.rotation.inverse() * ray
+        self.camera.real.camera_from_world.rotation.inverse() * ray
     }
 
     /// Filmed place of the middle of a pixel of the view, in the image or beside it.
@@ -99,7 +99,7 @@ impl TestScene {
     /// its middle.
     fn traced(&self, u: i32, v: i32) -> TracedPixel {
         let block = i32::from(self.view.block);
-        let k = &self.stage.real.intrinsics;
+        let k = &self.camera.real.intrinsics;
         let at = |i: i32, size: u32| f64::from((i * block + block / 2).min(size as i32 - 1));
         let pixel = self.lens.of(&Point2::new(at(u, k.width), at(v, k.height)));
         let room_ray = self.to_world(&pixel.ray);
@@ -114,7 +114,7 @@ impl TestScene {
     /// Foreground of the view as in the tracker, and, pixel by pixel, by the film.
     pub(super) fn foreground(&self, film: &GrayImage) -> (Vec<u64>, Vec<Option<bool>>) {
         let mut twin = GrayImage::new(film.width(), film.height());
-        self.stage.undistort.mask(film, &mut twin);
+        self.camera.undistort.mask(film, &mut twin);
         let by_film = self.pixels().map(|(u, v)| self.is_foreground(film, u, v)).collect();
         (pack(&Mask::from(&twin), &self.view), by_film)
     }

@@ -18,15 +18,15 @@ pub(super) fn climb(
     input: &WeighingInput<'_>,
     rng: &mut Pcg64Mcg,
 ) -> Option<(Vector3<f64>, HeadSupport)> {
-    let mut spent = StepTimes::default();
+    let mut times = StepTimes::default();
     let mut climb = HeadFilter::around(start, &Vector3::repeat(CLIMB_SIGMA_M[0]), CLIMBERS, rng);
-    climb.weigh(input, &mut spent);
+    climb.weigh(input, &mut times);
     if climb.support(0.0, input).all < least {
         return None;
     }
     for sigma_m in &CLIMB_SIGMA_M[1..] {
         climb.redraw(CLIMBERS, &Vector3::repeat(*sigma_m), rng);
-        climb.weigh(input, &mut spent);
+        climb.weigh(input, &mut times);
     }
     Some((climb.gaussian().mean, climb.support(0.0, input)))
 }

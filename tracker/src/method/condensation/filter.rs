@@ -82,14 +82,19 @@ impl HeadFilter {
     }
 
     /// Weighs every hypothesis by the moment's pictures.
-    pub fn weigh(&mut self, input: &WeighingInput<'_>, spent: &mut StepTimes) {
-        spent.weights.start();
+    pub fn weigh(&mut self, input: &WeighingInput<'_>, times: &mut StepTimes) {
+        times.weights.start();
         if self.weights_by_camera.len() < self.hypotheses.len() {
             self.weights_by_camera.resize_with(self.hypotheses.len(), CameraWeights::default);
         }
-        input.head_weights.look(&self.hypotheses, input.stage, input.edges, &mut self.weights_by_camera);
-        spent.weights.stop();
-        spent.integration.start();
+        input.head_weights.weigh_in_cameras(
+            &self.hypotheses,
+            input.cameras,
+            input.edges,
+            &mut self.weights_by_camera,
+        );
+        times.weights.stop();
+        times.integration.start();
         let mut best = (-1.0, 0);
         for (i, (weights_by_camera, weight)) in
             self.weights_by_camera.iter().zip(&mut self.weights).enumerate()
@@ -101,7 +106,7 @@ impl HeadFilter {
             *weight = integrated.powf(input.sharpness);
         }
         self.best = best.1;
-        spent.integration.stop();
+        times.integration.stop();
     }
 
     /// Support of the cameras for the best hypothesis of a person with this trust.

@@ -63,24 +63,24 @@ pub struct UnseenZones {
 
 impl Initiator {
     /// Gates of a room. Without entry zones, or where none of them can be used, people are searched for everywhere.
-    pub fn new(stage: &PreparedRoom, options: &CondensationOptions) -> (Self, UnseenZones) {
+    pub fn new(room: &PreparedRoom, options: &CondensationOptions) -> (Self, UnseenZones) {
         let mut rng = Pcg64Mcg::seed_from_u64(options.seed ^ 0x6761_7465);
         let mut unseen = UnseenZones::default();
         let mut areas = Vec::new();
         let height_m = 0.5 * (options.life.lowest_born_m + options.life.highest_m);
-        for zone in stage.zones.iter().filter(|z| z.kind != ZoneKind::Exit) {
-            let (is_seen_twice, cameras) = seen_from(stage, &zone.polygon, height_m, &mut rng);
+        for zone in room.zones.iter().filter(|z| z.kind != ZoneKind::Exit) {
+            let (is_seen_twice, cameras) = seen_from(room, &zone.polygon, height_m, &mut rng);
             if !is_seen_twice {
                 unseen.zones.push((zone.name.clone(), cameras));
             }
             let area = surroundings(&zone.polygon);
-            if is_seen_twice || seen_from(stage, &area, height_m, &mut rng).0 {
+            if is_seen_twice || seen_from(room, &area, height_m, &mut rng).0 {
                 areas.push(area);
             }
         }
         if areas.is_empty() {
             unseen.is_all = true;
-            let (low, high) = stage.floor.bounds();
+            let (low, high) = room.floor.bounds();
             areas.push(Polygon::rectangle(low, high));
         }
         let entries = areas.into_iter().map(|area| HeadSearch::over(area, &mut rng)).collect();
@@ -100,9 +100,9 @@ impl Initiator {
         dt_s: f64,
         floor: &Floor,
         input: &WeighingInput<'_>,
-        spent: &mut StepTimes,
+        times: &mut StepTimes,
     ) -> Vec<(ExpectedHead, Option<TrackId>)> {
-        spent.gates.start();
+        times.gates.start();
         let mut found: Vec<ExpectedHead> = Vec::new();
         let mut names = Vec::new();
         self.lost.retain_mut(|lost| {
@@ -122,7 +122,7 @@ impl Initiator {
             entry.heads(&self.criteria, floor, input, &mut found, &mut self.rng);
         }
         names.resize(found.len(), None);
-        spent.gates.stop();
+        times.gates.stop();
         found.into_iter().zip(names).collect()
     }
 }
@@ -141,16 +141,16 @@ fn around(place: &Point2<f64>, reach_m: f64) -> Polygon {
 }
 
 /// Whether two cameras see the same place of a head above an area, and the names of the cameras that see any.
-fn seen_from(stage: &PreparedRoom, area: &Polygon, height_m: f64, rng: &mut Pcg64Mcg) -> (bool, Vec<String>) {
+fn seen_from(room: &PreparedRoom, area: &Polygon, height_m: f64, rng: &mut Pcg64Mcg) -> (bool, Vec<String>) {
     /// Number of sampled places.
     const PROBES: usize = 200;
-    let mut seeing = vec![false; stage.cameras.len()];
+    let mut seeing = vec![false; room.cameras.len()];
     let mut is_seen_twice = false;
     for _ in 0..PROBES {
         let place = area.sample(rng);
         let head = Vector3::new(place.x, place.y, height_m);
         let mut cameras = 0;
-        for (camera, seeing) in stage.cameras.iter().zip(&mut seeing) {
+        for (camera, seeing) in room.cameras.iter().zip(&mut seeing) {
             let pixel = camera.pinhole.project(&head.into());
             if pixel.is_some_and(|p| camera.pinhole.intrinsics.contains(&p)) && !is_hidden(camera, &head) {
                 *seeing = true;
@@ -159,7 +159,7 @@ fn seen_from(stage: &PreparedRoom, area: &Polygon, height_m: f64, rng: &mut Pcg6
         }
         is_seen_twice |= cameras >= 2;
     }
-    let names = stage.cameras.iter().zip(seeing).filter(|(_, s)| *s).map(|(c, _)| c.name.clone());
+    let names = room.cameras.iter().zip(seeing).filter(|(_, s)| *s).map(|(c, _)| c.name.clone());
     (is_seen_twice, names.collect())
 }
 

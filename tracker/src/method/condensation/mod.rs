@@ -66,7 +66,7 @@ const DOUBLED_FOR_S: f64 = 0.5;
 
 /// CONDENSATION tracker of heads.
 pub struct Condensation {
-    stage: PreparedRoom,
+    room: PreparedRoom,
     options: CondensationOptions,
     head_weights: HeadWeights,
     makers: Vec<EdgeMaker>,
@@ -74,7 +74,7 @@ pub struct Condensation {
     /// Unused edge images, kept for their buffers.
     spare: Vec<EdgeImage>,
     views: Vec<View>,
-    gates: Initiator,
+    initiator: Initiator,
     capacity: Capacity,
     tracks: Vec<HeadTrack>,
     gaussians: Vec<HeadDistribution>,
@@ -82,7 +82,7 @@ pub struct Condensation {
     next_key: u64,
     next_id: u32,
     last_time_s: Option<f64>,
-    spent: StepTimes,
+    times: StepTimes,
 }
 
 impl Condensation {
@@ -90,25 +90,25 @@ impl Condensation {
     ///
     /// # Errors
     /// An invalid option ([`Error::Option`]), fewer than two cameras, or too many.
-    pub fn new(stage: PreparedRoom, options: CondensationOptions) -> Result<Self> {
+    pub fn new(room: PreparedRoom, options: CondensationOptions) -> Result<Self> {
         options.validate()?;
-        if !(2..=MOST_CAMERAS).contains(&stage.cameras.len()) {
+        if !(2..=MOST_CAMERAS).contains(&room.cameras.len()) {
             return Err(Error::option(
                 "--method condensation",
                 format!(
                     "needs 2 to {MOST_CAMERAS} cameras, a head's place is where their rays meet; there {} {}",
-                    if stage.cameras.len() == 1 { "is" } else { "are" },
-                    stage.cameras.len()
+                    if room.cameras.len() == 1 { "is" } else { "are" },
+                    room.cameras.len()
                 ),
             ));
         }
-        let (gates, unseen) = Initiator::new(&stage, &options);
+        let (initiator, unseen) = Initiator::new(&room, &options);
         if !unseen.zones.is_empty() {
             tracing::warn!("{unseen}");
         }
         let shape = HeadShape::new(&options.head);
         let head_weights = HeadWeights::new(
-            &stage.cameras,
+            &room.cameras,
             &shape,
             &options.edges,
             options.integration,
@@ -121,11 +121,11 @@ impl Condensation {
         };
         Ok(Self {
             head_weights,
-            makers: stage.cameras.iter().map(maker).collect(),
-            edges: stage.cameras.iter().map(|_| None).collect(),
+            makers: room.cameras.iter().map(maker).collect(),
+            edges: room.cameras.iter().map(|_| None).collect(),
             spare: Vec::new(),
-            views: stage.cameras.iter().map(View::new).collect(),
-            gates,
+            views: room.cameras.iter().map(View::new).collect(),
+            initiator,
             capacity: Capacity::new(options.life.max_people),
             tracks: Vec::new(),
             gaussians: Vec::new(),
@@ -133,8 +133,8 @@ impl Condensation {
             next_key: 1,
             next_id: 1,
             last_time_s: None,
-            spent: StepTimes::default(),
-            stage,
+            times: StepTimes::default(),
+            room,
             options,
         })
     }
@@ -153,17 +153,17 @@ impl Condensation {
         self.find_edges(moment)?;
         let input = WeighingInput {
             head_weights: &self.head_weights,
-            stage: &self.stage.cameras,
+            cameras: &self.room.cameras,
             edges: &self.edges,
             everybody: &[],
             sharpness: 1.0,
         };
-        Ok(integrations.iter().map(|i| WeightMap::new(&self.stage, &input, *i, height_m)).collect())
+        Ok(integrations.iter().map(|i| WeightMap::new(&self.room, &input, *i, height_m)).collect())
     }
 
     /// Times of the steps so far.
-    pub fn spent(&self) -> &StepTimes {
-        &self.spent
+    pub fn step_times(&self) -> &StepTimes {
+        &self.times
     }
 
     /// Hypotheses of all tracks with their ids, tentative tracks included; for pictures.
@@ -173,7 +173,7 @@ impl Condensation {
 
     /// Computes the edges of every camera's picture, in parallel.
     fn find_edges(&mut self, moment: &Moment<'_>) -> Result<()> {
-        for (camera, frame) in self.stage.cameras.iter().zip(moment.cameras) {
+        for (camera, frame) in self.room.cameras.iter().zip(moment.cameras) {
             let Some(image) = &frame.image else { continue };
             if image.dimensions() != (camera.width(), camera.height()) {
                 return Err(Error::FrameSize {
@@ -186,7 +186,7 @@ impl Condensation {
                 });
             }
         }
-        self.spent.edges.start();
+        self.times.edges.start();
         for (edges, frame) in self.edges.iter_mut().zip(moment.cameras) {
             match (frame.image.is_some(), edges.is_some()) {
                 (true, false) => *edges = Some(self.spare.pop().unwrap_or_default()),
@@ -200,7 +200,7 @@ impl Condensation {
                 maker.edges(image, edges);
             }
         });
-        self.spent.edges.stop();
+        self.times.edges.stop();
         Ok(())
     }
 
@@ -208,22 +208,22 @@ impl Condensation {
     fn update_tracks(&mut self, dt_s: f64) {
         let options = &self.options;
         for track in &mut self.tracks {
-            track.predict(dt_s, &options.motion, &mut self.spent);
+            track.predict(dt_s, &options.motion, &mut self.times);
         }
         self.expected.clear();
         self.expected.extend(self.tracks.iter().map(|t| ExpectedHead { head: t.head(), trust: t.trust }));
         let input = WeighingInput {
             head_weights: &self.head_weights,
-            stage: &self.stage.cameras,
+            cameras: &self.room.cameras,
             edges: &self.edges,
             everybody: &self.expected,
             sharpness: options.sharpness,
         };
         for layer in 0..options.layers {
             for track in &mut self.tracks {
-                track.weigh(layer, &input, &mut self.spent);
+                track.weigh(layer, &input, &mut self.times);
             }
-            self.spent.integration.start();
+            self.times.integration.start();
             self.gaussians.clear();
             self.gaussians.extend(self.tracks.iter().map(|t| t.filter.gaussian()));
             for (own, track) in self.tracks.iter_mut().enumerate() {
@@ -236,7 +236,7 @@ impl Condensation {
                     options.equal_covariances,
                 );
             }
-            self.spent.integration.stop();
+            self.times.integration.stop();
         }
         for track in &mut self.tracks {
             track.update(dt_s, &input, options);
@@ -250,12 +250,12 @@ impl Condensation {
         self.expected.extend(self.tracks.iter().map(|t| ExpectedHead { head: t.head(), trust: t.trust }));
         let input = WeighingInput {
             head_weights: &self.head_weights,
-            stage: &self.stage.cameras,
+            cameras: &self.room.cameras,
             edges: &self.edges,
             everybody: &self.expected,
             sharpness: self.options.sharpness,
         };
-        for (found, name) in self.gates.new_heads(dt_s, &self.stage.floor, &input, &mut self.spent) {
+        for (found, name) in self.initiator.new_heads(dt_s, &self.room.floor, &input, &mut self.times) {
             if self.capacity.has_room(self.tracks.len()) {
                 let mut track = HeadTrack::born(&found, self.next_key, &self.options);
                 track.id = name;
@@ -280,7 +280,7 @@ impl Condensation {
             });
             track.doubled_s = if is_doubled { track.doubled_s + dt_s } else { 0.0 };
         }
-        let floor = &self.stage.floor;
+        let floor = &self.room.floor;
         self.tracks.retain(|track| {
             let head = track.head();
             let is_leaving = floor.may_disappear(head.x, head.y) && track.unseen_s > life.unseen_at_exit_s;
@@ -291,7 +291,7 @@ impl Condensation {
             let is_lost = f64::from(track.trust) < life.lost_at;
             let is_still_inside = is_lost && !is_somebody_else && !floor.may_disappear(head.x, head.y);
             if let Some(id) = track.id.filter(|_| is_still_inside) {
-                self.gates.miss(id, &head);
+                self.initiator.miss(id, &head);
             }
             is_in_volume && !is_lost && !is_leaving && !is_mistake && !is_somebody_else
         });

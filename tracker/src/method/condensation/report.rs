@@ -13,8 +13,7 @@ impl Condensation {
     pub(super) fn report(&self) -> Vec<PersonEstimate> {
         let half_height_m = self.options.head.half_height_m;
         let reported = || {
-            let inside =
-                |t: &&HeadTrack| t.id.is_some() && self.stage.floor.is_inside(t.head().x, t.head().y);
+            let inside = |t: &&HeadTrack| t.id.is_some() && self.room.floor.is_inside(t.head().x, t.head().y);
             self.tracks.iter().filter(inside)
         };
         let bodies: Vec<Body> = reported()

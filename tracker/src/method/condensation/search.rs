@@ -73,10 +73,10 @@ impl HeadSearch {
         rng: &mut Pcg64Mcg,
     ) {
         // Not part of the paper's table 2.
-        let mut spent = StepTimes::default();
+        let mut times = StepTimes::default();
         let [lowest_m, highest_m] = criteria.height_m;
         self.spread(lowest_m, highest_m, rng);
-        self.filter.weigh(input, &mut spent);
+        self.filter.weigh(input, &mut times);
         self.keep(|s| floor.is_standable(s.x, s.y));
         for known in input.everybody.iter().chain(&*found) {
             self.keep(|s| (known.head - s).xy().norm() > APART_M);

@@ -80,8 +80,8 @@ impl HeadTrack {
     }
 
     /// Predicts the hypotheses.
-    pub(super) fn predict(&mut self, dt_s: f64, motion: &HeadMotionOptions, spent: &mut StepTimes) {
-        spent.hypotheses.start();
+    pub(super) fn predict(&mut self, dt_s: f64, motion: &HeadMotionOptions, times: &mut StepTimes) {
+        times.hypotheses.start();
         self.velocity *= if motion.memory_s > 0.0 { (-dt_s / motion.memory_s).exp() } else { 0.0 };
         let drift = self.velocity.push(0.0) * dt_s;
         let sideways = motion.step_m + motion.speed_m_s * dt_s;
@@ -89,18 +89,18 @@ impl HeadTrack {
             Vector3::new(sideways, sideways, 0.5 * motion.step_m + motion.vertical_speed_m_s * dt_s);
         self.filter.predict(self.hypotheses, &drift, &self.sigma_m, &mut self.rng);
         self.expected = self.gaussian.mean + drift;
-        spent.hypotheses.stop();
+        times.hypotheses.stop();
     }
 
     /// Weighs the hypotheses; from the second layer on, they are first resampled with a smaller spread.
-    pub(super) fn weigh(&mut self, layer: usize, input: &WeighingInput<'_>, spent: &mut StepTimes) {
+    pub(super) fn weigh(&mut self, layer: usize, input: &WeighingInput<'_>, times: &mut StepTimes) {
         if layer > 0 {
-            spent.hypotheses.start();
+            times.hypotheses.start();
             let sigma = self.sigma_m * 0.5_f64.powi(layer as i32);
             self.filter.redraw(self.hypotheses.div_ceil(CLOSER), &sigma, &mut self.rng);
-            spent.hypotheses.stop();
+            times.hypotheses.stop();
         }
-        self.filter.weigh(input, spent);
+        self.filter.weigh(input, times);
     }
 
     /// Updates the track or, when two cameras did not see the head, keeps the predicted hypotheses: they spread until

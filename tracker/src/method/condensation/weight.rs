@@ -35,7 +35,7 @@ pub struct WeighingInput<'a> {
     /// Cameras and head model.
     pub head_weights: &'a HeadWeights,
     /// The same cameras with the static room.
-    pub stage: &'a [PreparedCamera],
+    pub cameras: &'a [PreparedCamera],
     /// Edges of the moment; `None` for cameras without a usable picture.
     pub edges: &'a [Option<EdgeImage>],
     /// Expected heads of all tracks.
@@ -101,19 +101,19 @@ impl HeadWeights {
 
     /// Computes every camera's weight of a head at each place into `weights_by_camera`: for cameras with a picture and the place in
     /// their image and, for [`Integration::Room`], only if the static room does not hide it.
-    pub fn look(
+    pub fn weigh_in_cameras(
         &self,
         heads: &[Vector3<f64>],
-        stage: &[PreparedCamera],
+        prepared: &[PreparedCamera],
         edges: &[Option<EdgeImage>],
         weights_by_camera: &mut [CameraWeights],
     ) {
         weights_by_camera.iter_mut().for_each(CameraWeights::clear);
         // Camera by camera, so that its data stay in the cache.
-        for ((camera, edges), stage) in self.cameras.iter().zip(edges).zip(stage) {
+        for ((camera, edges), prepared) in self.cameras.iter().zip(edges).zip(prepared) {
             let Some(edges) = edges else { continue };
             for (head, weights_by_camera) in heads.iter().zip(&mut *weights_by_camera) {
-                if self.integration == Integration::Room && is_hidden(stage, head) {
+                if self.integration == Integration::Room && is_hidden(prepared, head) {
                     continue;
                 }
                 let Some(weight) = self.weight(camera, edges, head) else { continue };
@@ -151,7 +151,7 @@ impl HeadWeights {
     pub fn support(&self, head: &Vector3<f64>, trust: f32, input: &WeighingInput<'_>) -> HeadSupport {
         let mut weights_by_camera = CameraWeights::default();
         let mut support = HeadSupport::default();
-        for ((camera, edges), stage) in self.cameras.iter().zip(input.edges).zip(input.stage) {
+        for ((camera, edges), prepared) in self.cameras.iter().zip(input.edges).zip(input.cameras) {
             let Some(edges) = edges else { continue };
             let Some(weight) = self.weight(camera, edges, head) else { continue };
             if weight >= self.seen_at {
@@ -162,7 +162,7 @@ impl HeadWeights {
             } else {
                 // Unless the camera sees the empty scene, something else hides the head.
                 let is_empty = changed(camera, edges, head).is_some_and(|changed| changed < DENIED_BELOW);
-                if !is_empty || is_hidden(stage, head) {
+                if !is_empty || is_hidden(prepared, head) {
                     continue;
                 }
                 support.denying += 1;

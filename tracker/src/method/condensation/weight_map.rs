@@ -35,12 +35,12 @@ pub struct WeightMap {
 impl WeightMap {
     /// Map of one integration of a moment's edges, for heads' centres at `height_m` metres.
     pub fn new(
-        stage: &PreparedRoom,
+        room: &PreparedRoom,
         input: &WeighingInput<'_>,
         integration: Integration,
         height_m: f64,
     ) -> Self {
-        let (low, high) = stage.floor.bounds();
+        let (low, high) = room.floor.bounds();
         let size = high - low;
         let cell_m = (size.x.max(size.y) / MOST_CELLS).max(LEAST_CELL_M);
         let [columns, rows] = [size.x, size.y].map(|s| (s / cell_m).ceil().max(1.0) as usize);
@@ -51,7 +51,7 @@ impl WeightMap {
         for i in 0..columns * rows {
             let place = map.middle(i);
             let head = Vector3::new(place.x, place.y, height_m);
-            head_weights.look(&[head], input.stage, input.edges, &mut weights_by_camera);
+            head_weights.weigh_in_cameras(&[head], input.cameras, input.edges, &mut weights_by_camera);
             map.weights.push(head_weights.integrate(&weights_by_camera[0]));
             lookers.push(weights_by_camera[0].all().len());
         }
@@ -74,7 +74,7 @@ impl WeightMap {
     }
 
     /// Picture of the map, y upwards: from 0 (dark) to its largest weight (bright), with cameras and zones.
-    pub fn picture(&self, stage: &PreparedRoom) -> RgbImage {
+    pub fn picture(&self, room: &PreparedRoom) -> RgbImage {
         let rows = self.weights.len() / self.columns;
         let largest = self.peak().map_or(0.0, |(_, w)| w).max(f32::MIN_POSITIVE);
         let (width, height) = (self.columns as u32 * CELL_PX, rows as u32 * CELL_PX);
@@ -87,11 +87,11 @@ impl WeightMap {
             let cells = (p - self.low) / self.cell_m * f64::from(CELL_PX);
             Point2::new(cells.x, f64::from(height) - cells.y)
         };
-        for zone in &stage.zones {
+        for zone in &room.zones {
             let corners: Vec<Point2<f64>> = zone.polygon.0.iter().map(pixel).collect();
             canvas.stroke_polygon(&corners, &Stroke::dashed(Color::from(Rgb([200, 200, 200])), 1.5));
         }
-        for camera in &stage.cameras {
+        for camera in &room.cameras {
             let center = camera.pinhole.center();
             // Cameras outside are drawn on the border.
             let at = pixel(&Point2::new(center.x, center.y));

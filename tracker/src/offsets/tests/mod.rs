@@ -20,7 +20,7 @@ const TICKS_HZ: f64 = 1200.0;
 /// A generated room, prepared.
 struct FilmedRoom {
     made: SyntheticRoom,
-    stage: PreparedRoom,
+    prepared: PreparedRoom,
 }
 
 /// Clock of a camera: true times at which it films, and times that it reports.
@@ -78,8 +78,8 @@ impl FilmedRoom {
         let folder = tempfile::tempdir().unwrap();
         made.room.write(folder.path()).unwrap();
         let room = Room::read(folder.path()).unwrap();
-        let stage = PreparedRoom::prepare(&room, folder.path(), &PreparationOptions::default()).unwrap();
-        Self { made, stage }
+        let prepared = PreparedRoom::prepare(&room, folder.path(), &PreparationOptions::default()).unwrap();
+        Self { made, prepared }
     }
 
     fn seeded(seed: u64) -> Self {
@@ -124,7 +124,7 @@ impl FilmedRoom {
             frames.extend(filmed.into_iter().map(|(true_s, time_s)| (true_s, camera, time_s)));
         }
         frames.sort_by(|a, b| a.partial_cmp(b).unwrap());
-        let mut estimator = OffsetEstimator::new(&self.stage, options).unwrap();
+        let mut estimator = OffsetEstimator::new(&self.prepared, options).unwrap();
         for (true_s, camera, time_s) in frames {
             let mut mask = mask_at(&sequence, true_s, camera);
             spoil(&mut mask, &mut rng);
@@ -162,7 +162,7 @@ fn error_s(offsets: &Offsets, camera: usize, clock: &CameraClock) -> f64 {
 fn observations_cost_little_memory_in_a_live_run() {
     let scene = FilmedRoom::seeded(1);
     let options = OffsetOptions { window_s: 20.0, ..OffsetOptions::live() };
-    let mut estimator = OffsetEstimator::new(&scene.stage, options).unwrap();
+    let mut estimator = OffsetEstimator::new(&scene.prepared, options).unwrap();
     let mask = GrayImage::from_pixel(200, 150, Luma([255]));
     let empty = GrayImage::new(200, 150);
     for i in 0..1500 {
@@ -205,7 +205,7 @@ fn one_walker_has_the_energy_that_the_fit_takes_for_one() {
 #[test]
 fn frames_out_of_order_and_without_a_time_are_left_out() {
     let scene = FilmedRoom::seeded(1);
-    let mut estimator = OffsetEstimator::new(&scene.stage, OffsetOptions::live()).unwrap();
+    let mut estimator = OffsetEstimator::new(&scene.prepared, OffsetOptions::live()).unwrap();
     let mask = GrayImage::new(200, 150);
     for time_s in [0.0, 1.0, f64::NAN, 0.5, 2.0, f64::INFINITY, 2.5, 3.0] {
         estimator.observe(0, time_s, &Mask::from(&mask)).unwrap();
@@ -218,14 +218,14 @@ fn frames_out_of_order_and_without_a_time_are_left_out() {
 #[test]
 fn masks_of_another_size_are_refused() {
     let scene = FilmedRoom::seeded(1);
-    let mut estimator = OffsetEstimator::new(&scene.stage, OffsetOptions::live()).unwrap();
+    let mut estimator = OffsetEstimator::new(&scene.prepared, OffsetOptions::live()).unwrap();
     let refused = estimator.observe(1, 0.0, &Mask::new(100, 150)).unwrap_err().to_string();
     assert_eq!(refused, "camera `cam1`: frame 1 is 100 × 150 pixels, but the room says 200 × 150");
 }
 
 #[test]
 fn options_that_make_no_sense_are_refused() {
-    let stage = FilmedRoom::seeded(1).stage;
+    let prepared = FilmedRoom::seeded(1).prepared;
     for (options, name) in [
         (OffsetOptions { reach_s: 0.0, ..OffsetOptions::live() }, "reach_s"),
         (OffsetOptions { reach_s: 100.0, ..OffsetOptions::recording() }, "reach_s"),
@@ -233,7 +233,7 @@ fn options_that_make_no_sense_are_refused() {
         (OffsetOptions { keep_s: 0.2, ..OffsetOptions::live() }, "keep_s"),
         (OffsetOptions { drift_sigma_ppm: -1.0, ..OffsetOptions::live() }, "drift_sigma_ppm"),
     ] {
-        let refused = OffsetEstimator::new(&stage, options).unwrap_err().to_string();
+        let refused = OffsetEstimator::new(&prepared, options).unwrap_err().to_string();
         assert!(refused.starts_with(name), "{refused}");
     }
 }

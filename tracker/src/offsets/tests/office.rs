@@ -40,8 +40,8 @@ fn an_office_film_that_began_later_is_found_to_40_ms() {
     let folder = tempfile::tempdir().unwrap();
     Room::read(&office.join("room")).unwrap().write(folder.path()).unwrap();
     let room = Room::read(folder.path()).unwrap();
-    let stage = PreparedRoom::prepare(&room, folder.path(), &PreparationOptions::default()).unwrap();
-    let films: Vec<_> = stage
+    let prepared = PreparedRoom::prepare(&room, folder.path(), &PreparationOptions::default()).unwrap();
+    let films: Vec<_> = prepared
         .cameras
         .iter()
         .map(|camera| masks(&office.join(format!("video/{}.mp4", camera.name)), camera))
@@ -51,7 +51,7 @@ fn an_office_film_that_began_later_is_found_to_40_ms() {
     for shift_s in [0.0, 0.4, 1.3, 2.5] {
         for late in [0, 1] {
             let options = OffsetOptions::recording();
-            let mut estimator = OffsetEstimator::new(&stage, options).unwrap();
+            let mut estimator = OffsetEstimator::new(&prepared, options).unwrap();
             for (camera, film) in films.iter().enumerate() {
                 let first = if camera == late { (shift_s * RATE_HZ).ceil() as usize } else { 0 };
                 for (frame, mask) in film.iter().enumerate().skip(first) {

@@ -130,13 +130,13 @@ fn an_offset_is_not_known_while_somebody_stands_still() {
 fn an_offset_is_not_known_of_cameras_that_share_no_floor() {
     let mut scene =
         FilmedRoom::new(&RoomOptions { seed: 73, size_m: Some([14.0, 5.0, 2.7]), ..RoomOptions::default() });
-    for (camera, side) in scene.stage.cameras.iter_mut().zip([-1.0, 1.0]) {
+    for (camera, side) in scene.prepared.cameras.iter_mut().zip([-1.0, 1.0]) {
         let eye = nalgebra::Point3::new(7.0 + 2.0 * side, 2.5, 2.4);
         let target = nalgebra::Point3::new(7.0 + 6.0 * side, 2.5, 0.9);
         let pose = nalgebra::Isometry3::face_towards(&eye, &target, &-nalgebra::Vector3::z());
         camera.pinhole.camera_from_world = pose.inverse();
     }
-    let estimator = OffsetEstimator::new(&scene.stage, OffsetOptions::recording()).unwrap();
+    let estimator = OffsetEstimator::new(&scene.prepared, OffsetOptions::recording()).unwrap();
     assert!(estimator.pairs.is_empty());
     assert!(!is_known(&scene, scene.walkers(1, 4, 4.0), OffsetOptions::recording()));
 }
