@@ -166,14 +166,14 @@ mod tests {
     use super::*;
 
     #[derive(Debug, Parser)]
-    struct Line {
+    struct ParsedLine {
         #[command(flatten)]
         args: SimulateArgs,
     }
 
     fn options(line: &str) -> Result<Vec<Options>, String> {
         let words = ["simulate", "--out", "out"].into_iter().chain(line.split_whitespace());
-        Line::parse_from(words).args.options().map_err(|error| error.to_string())
+        ParsedLine::parse_from(words).args.options().map_err(|error| error.to_string())
     }
 
     #[test]

@@ -43,10 +43,10 @@ pub(super) struct RunInput {
     pub(super) promised: Option<usize>,
     /// Given alignments of the cameras' clocks, one a camera.
     pub(super) alignments: Vec<ClockAlignment>,
-    origin: Origin,
+    origin: InputOrigin,
 }
 
-enum Origin {
+enum InputOrigin {
     Local { sources: Vec<CameraSource>, times: Vec<CaptureTimes> },
     Stations { ports: Vec<Port>, events: Receiver<(usize, Event)>, downlink: Downlink },
 }
@@ -107,7 +107,7 @@ impl RunSources {
                     rate_hz,
                     promised,
                     alignments,
-                    origin: Origin::Local { sources, times },
+                    origin: InputOrigin::Local { sources, times },
                 });
             }
             Self::Stations(endpoints) => endpoints,
@@ -140,7 +140,7 @@ impl RunSources {
             rate_hz: if rate_hz > 0.0 { rate_hz } else { USUAL_RATE_HZ },
             promised: None,
             alignments,
-            origin: Origin::Stations { ports, events, downlink },
+            origin: InputOrigin::Stations { ports, events, downlink },
         })
     }
 }
@@ -155,10 +155,10 @@ impl RunInput {
         method: &mut dyn Method,
         threads: usize,
     ) -> anyhow::Result<Started> {
-        let none = Origin::Local { sources: Vec::new(), times: Vec::new() };
+        let none = InputOrigin::Local { sources: Vec::new(), times: Vec::new() };
         let (sources, times) = match std::mem::replace(&mut self.origin, none) {
-            Origin::Local { sources, times } => (sources, times),
-            Origin::Stations { ports, events, downlink } => {
+            InputOrigin::Local { sources, times } => (sources, times),
+            InputOrigin::Stations { ports, events, downlink } => {
                 return Ok(Started { ports, events, downlink: Some(downlink) });
             }
         };

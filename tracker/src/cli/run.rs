@@ -16,7 +16,7 @@ use tracker::prepared_room::{PreparationOptions, PreparedRoom};
 use tracker::run::{self, AgencyLog, ClockOffsets, Output, RunEnd, RunProgress, RunReport};
 use tracker::station::{Pace, PictureDemand};
 use tracker::tracks::TrackFiles;
-use tracker::view::{Drawer, Screens, Server};
+use tracker::view::{LiveDrawer, Screens, Server};
 use tracker::wire::Downlink;
 
 use super::input::{RunSources, Started};
@@ -92,7 +92,7 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
         let audience = screens.map(Screens::audience);
         outputs.push(Box::new(Film::start(&args.out, &prepared, input.rate_hz, &looks, audience.as_ref())?));
     } else if let Some(screens) = screens {
-        outputs.push(Box::new(Drawer::start(&prepared, &looks, screens, input.has_pictures)));
+        outputs.push(Box::new(LiveDrawer::start(&prepared, &looks, screens, input.has_pictures)));
     }
     let mut progress = console.progress("tracking", input.promised.map(|n| n as u64));
     let alignments = input.alignments;

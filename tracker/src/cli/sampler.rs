@@ -2,7 +2,7 @@
 
 use anyhow::bail;
 use clap::{Args, ValueEnum};
-use tracker::likelihood::Rule;
+use tracker::likelihood::LikelihoodRule;
 use tracker::method::mcmc::{Acceptance, McmcOptions};
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -76,7 +76,7 @@ impl SamplerArguments {
             options.kept_steps = steps - steps / 2;
         }
         match self.likelihood {
-            Some(LikelihoodName::Overlap) => options.likelihood = Rule::Overlap { exponent: 1.0 },
+            Some(LikelihoodName::Overlap) => options.likelihood = LikelihoodRule::Overlap { exponent: 1.0 },
             Some(LikelihoodName::Bernoulli) => options.likelihood = McmcOptions::default().likelihood,
             None => {}
         }
@@ -84,7 +84,7 @@ impl SamplerArguments {
             if !(power > 0.0 && power.is_finite()) {
                 bail!("--overlap-power {power}: give a positive number");
             }
-            let Rule::Overlap { exponent } = &mut options.likelihood else {
+            let LikelihoodRule::Overlap { exponent } = &mut options.likelihood else {
                 bail!(
                     "--overlap-power {power}: only the overlap ratio has a power; add --likelihood overlap"
                 );

@@ -7,12 +7,12 @@
 use pathfinding::kuhn_munkres::kuhn_munkres;
 use pathfinding::matrix::Matrix as IntegerMatrix;
 
-use super::grid::Grid;
+use super::grid::PairTable;
 
 /// Pairs (row, column) of the assignment with the greatest total weight, by row; pairs of weight 0 are left out.
 ///
 /// Weights are finite and not negative.
-pub(super) fn best(weights: &Grid) -> Vec<(usize, usize)> {
+pub(super) fn best(weights: &PairTable) -> Vec<(usize, usize)> {
     let (rows, columns) = (weights.rows(), weights.columns());
     let greatest = weights.values().iter().copied().fold(0.0, f64::max);
     if greatest <= 0.0 {
@@ -39,7 +39,7 @@ mod tests {
     use proptest::prelude::*;
 
     /// Tries every assignment.
-    fn exhaustive(weights: &Grid, row: usize, taken: &mut Vec<bool>) -> f64 {
+    fn exhaustive(weights: &PairTable, row: usize, taken: &mut Vec<bool>) -> f64 {
         if row == weights.rows() {
             return 0.0;
         }
@@ -58,7 +58,7 @@ mod tests {
         #[test]
         fn no_assignment_is_better(rows in 0usize..6, columns in 0usize..6,
                                    values in prop::collection::vec(prop_oneof![Just(0.0), 0.0..1.0, 1000.0..1001.0], 36)) {
-            let grid = Grid::from_fn(rows, columns, |r, c| values[r * 6 + c]);
+            let grid = PairTable::from_fn(rows, columns, |r, c| values[r * 6 + c]);
             let pairs = best(&grid);
             let total: f64 = pairs.iter().map(|(r, c)| grid.at(*r, *c)).sum();
             prop_assert!((total - exhaustive(&grid, 0, &mut vec![false; columns])).abs() < 1e-9);

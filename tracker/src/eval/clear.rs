@@ -6,7 +6,7 @@
 //! tracked (more than 80 % of a life) and lost (less than 20 %): Y. Li, C. Huang, R. Nevatia, CVPR 2009.
 
 use super::scenario::{Scenario, Space};
-use super::{Figure, FigureValue, Metric, Unit, percent};
+use super::{MetricFigure, FigureValue, TrackMetric, Unit, percent};
 
 /// CLEAR MOT figures.
 #[derive(Debug, Clone, PartialEq)]
@@ -45,7 +45,7 @@ pub struct Continuity {
     pub people: usize,
 }
 
-impl Metric for Clear {
+impl TrackMetric for Clear {
     fn of(scenario: &Scenario) -> Self {
         let all = || scenario.instants.iter().flat_map(|i| &i.matches);
         let matches = all().count();
@@ -74,28 +74,28 @@ impl Metric for Clear {
         }
     }
 
-    fn figures(&self) -> Vec<Figure> {
+    fn figures(&self) -> Vec<MetricFigure> {
         let mut figures = vec![
-            Figure::new(
+            MetricFigure::new(
                 "MOTA",
                 percent(self.mota()),
                 "tracking accuracy: 1 − (misses + false positives + switches) / truth",
             ),
             match self.space {
-                Space::Floor => Figure::new(
+                Space::Floor => MetricFigure::new(
                     "MOTP",
                     FigureValue::real(self.motp(), Unit::Metres),
                     "tracking precision: mean distance of the matches",
                 ),
-                Space::Image => Figure::new(
+                Space::Image => MetricFigure::new(
                     "MOTP",
                     percent(self.motp()),
                     "tracking precision: mean overlap (IoU) of the matches",
                 ),
             },
-            Figure::new("MODA", percent(self.moda()), "detection accuracy: as MOTA, without switches"),
-            Figure::new("recall", percent(self.recall()), "share of the truth that is found"),
-            Figure::new(
+            MetricFigure::new("MODA", percent(self.moda()), "detection accuracy: as MOTA, without switches"),
+            MetricFigure::new("recall", percent(self.recall()), "share of the truth that is found"),
+            MetricFigure::new(
                 "precision",
                 percent(self.precision()),
                 "share of the tracks' rows that are somebody",
@@ -104,38 +104,38 @@ impl Metric for Clear {
         let counted =
             |count: fn(&Continuity) -> usize| FigureValue::count(self.continuity.as_ref().map(count));
         figures.extend([
-            Figure::new("ID switches", counted(|c| c.switches), "times a person's track becomes another one"),
-            Figure::new(
+            MetricFigure::new("ID switches", counted(|c| c.switches), "times a person's track becomes another one"),
+            MetricFigure::new(
                 "fragmentations",
                 counted(|c| c.fragmentations),
                 "times a person is lost and found again",
             ),
-            Figure::new(
+            MetricFigure::new(
                 "Frag",
                 counted(|c| c.resumptions),
                 "as TrackEval counts them: times a person's matches go on after a break",
             ),
-            Figure::new(
+            MetricFigure::new(
                 "tracking success",
                 percent(self.continuity.as_ref().and_then(Continuity::success)),
                 "people who are matched from their first frame to their last, by one track",
             ),
-            Figure::new(
+            MetricFigure::new(
                 "mostly tracked",
                 counted(|c| c.mostly_tracked),
                 "people matched in more than 80 % of their frames",
             ),
-            Figure::new(
+            MetricFigure::new(
                 "mostly lost",
                 counted(|c| c.mostly_lost),
                 "people matched in less than 20 % of their frames",
             ),
-            Figure::new(
+            MetricFigure::new(
                 "false positives",
                 FigureValue::count(Some(self.false_positives)),
                 "rows that are nobody",
             ),
-            Figure::new("misses", FigureValue::count(Some(self.misses)), "truth rows without a track"),
+            MetricFigure::new("misses", FigureValue::count(Some(self.misses)), "truth rows without a track"),
         ]);
         figures
     }

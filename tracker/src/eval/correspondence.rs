@@ -6,8 +6,8 @@
 //! outweighs all gains in similarity. A frame without truth or without tracks leaves the pairs unchanged.
 
 use super::assignment::best;
-use super::grid::Grid;
-use super::instant::{Instant, Match, SIMILARITY_TOLERANCE};
+use super::grid::PairTable;
+use super::instant::{Instant, RowMatch, SIMILARITY_TOLERANCE};
 
 /// Weight of keeping a pair, in units of similarity: more than any frame's similarities together.
 const KEPT: f64 = 1000.0;
@@ -19,7 +19,7 @@ pub(super) fn correspond(instants: &mut [Instant], people: usize, threshold: f64
         if instant.truth.is_empty() || instant.tracks.is_empty() {
             continue;
         }
-        let weights = Grid::from_fn(instant.truth.len(), instant.tracks.len(), |i, j| {
+        let weights = PairTable::from_fn(instant.truth.len(), instant.tracks.len(), |i, j| {
             let similarity = instant.similarity.at(i, j);
             if similarity < threshold - SIMILARITY_TOLERANCE {
                 return 0.0;
@@ -29,7 +29,7 @@ pub(super) fn correspond(instants: &mut [Instant], people: usize, threshold: f64
         });
         instant.matches = best(&weights)
             .into_iter()
-            .map(|(i, j)| Match {
+            .map(|(i, j)| RowMatch {
                 person: instant.truth[i],
                 track: instant.tracks[j],
                 similarity: instant.similarity.at(i, j),

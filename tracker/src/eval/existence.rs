@@ -11,7 +11,7 @@
 use serde_json::{Value as Json, json};
 
 use super::scenario::Scenario;
-use super::{Figure, FigureValue, Metric, Unit, percent};
+use super::{MetricFigure, FigureValue, TrackMetric, Unit, percent};
 
 /// Number of bins, of equal width.
 const BINS: usize = 10;
@@ -36,7 +36,7 @@ pub struct ReliabilityBin {
     pub expected: f64,
 }
 
-impl Metric for Existence {
+impl TrackMetric for Existence {
     fn of(scenario: &Scenario) -> Self {
         let (mut bins, mut squares) = (vec![ReliabilityBin::default(); BINS], 0.0);
         for instant in &scenario.instants {
@@ -67,14 +67,14 @@ impl Metric for Existence {
         }
     }
 
-    fn figures(&self) -> Vec<Figure> {
+    fn figures(&self) -> Vec<MetricFigure> {
         vec![
-            Figure::new(
+            MetricFigure::new(
                 "existence error",
                 percent(self.error()),
                 "calibration: how far the tracks' confidences are from the share that is somebody",
             ),
-            Figure::new(
+            MetricFigure::new(
                 "Brier",
                 FigureValue::real(self.brier(), Unit::None),
                 "mean squared error of the confidences; of certainty it would be 1 − precision",
@@ -100,7 +100,7 @@ impl Existence {
     pub(super) fn json(&self) -> Json {
         let bin = |bin: &ReliabilityBin| {
             let percent = |sum: f64| 100.0 * sum / bin.rows as f64;
-            json!({ "rows": bin.rows, "expected": percent(bin.expected), "matched": percent(bin.matched as f64) })
+            json!({ "rows": bin.rows, "told": percent(bin.expected), "matched": percent(bin.matched as f64) })
         };
         json!(self.bins.as_ref().map(|bins| bins.iter().filter(|b| b.rows > 0).map(bin).collect::<Vec<_>>()))
     }

@@ -2,13 +2,13 @@
 
 /// A dense table of numbers, row by row.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Grid {
+pub(super) struct PairTable {
     rows: usize,
     columns: usize,
     values: Vec<f64>,
 }
 
-impl Grid {
+impl PairTable {
     pub(super) fn from_fn(rows: usize, columns: usize, value: impl Fn(usize, usize) -> f64) -> Self {
         let values = (0..rows).flat_map(|r| (0..columns).map(move |c| (r, c))).map(|(r, c)| value(r, c));
         Self { rows, columns, values: values.collect() }

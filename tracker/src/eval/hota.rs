@@ -9,10 +9,10 @@
 use std::collections::HashMap;
 
 use super::assignment::best;
-use super::grid::Grid;
+use super::grid::PairTable;
 use super::instant::SIMILARITY_TOLERANCE;
 use super::scenario::Scenario;
-use super::{Figure, Metric, percent};
+use super::{MetricFigure, TrackMetric, percent};
 
 /// Number of thresholds 0.05, 0.10 … 0.95.
 const THRESHOLDS: usize = 19;
@@ -61,7 +61,7 @@ struct ThresholdTally {
     similarity: f64,
 }
 
-impl Metric for Hota {
+impl TrackMetric for Hota {
     fn of(scenario: &Scenario) -> Self {
         let is_judgeable = scenario.has_identities && scenario.truth_rows + scenario.track_rows > 0;
         Self::from_tallies(if is_judgeable { tallies(scenario) } else { Vec::new() })
@@ -78,17 +78,17 @@ impl Metric for Hota {
         Self::from_tallies(sum)
     }
 
-    fn figures(&self) -> Vec<Figure> {
+    fn figures(&self) -> Vec<MetricFigure> {
         let of = |part: fn(&HotaScores) -> f64| percent(self.scores.as_ref().map(part));
         vec![
-            Figure::new("HOTA", of(|s| s.hota), "detection and association together, over 19 strictnesses"),
-            Figure::new("DetA", of(|s| s.det_a), "the detection half of HOTA"),
-            Figure::new("AssA", of(|s| s.ass_a), "the association half of HOTA"),
-            Figure::new("DetRe", of(|s| s.det_re), "share of the truth that is found"),
-            Figure::new("DetPr", of(|s| s.det_pr), "share of the tracks' rows that are somebody"),
-            Figure::new("AssRe", of(|s| s.ass_re), "share of a person's life that the matched track covers"),
-            Figure::new("AssPr", of(|s| s.ass_pr), "share of a track that stands for the matched person"),
-            Figure::new("LocA", of(|s| s.loc_a), "mean similarity of the matches"),
+            MetricFigure::new("HOTA", of(|s| s.hota), "detection and association together, over 19 strictnesses"),
+            MetricFigure::new("DetA", of(|s| s.det_a), "the detection half of HOTA"),
+            MetricFigure::new("AssA", of(|s| s.ass_a), "the association half of HOTA"),
+            MetricFigure::new("DetRe", of(|s| s.det_re), "share of the truth that is found"),
+            MetricFigure::new("DetPr", of(|s| s.det_pr), "share of the tracks' rows that are somebody"),
+            MetricFigure::new("AssRe", of(|s| s.ass_re), "share of a person's life that the matched track covers"),
+            MetricFigure::new("AssPr", of(|s| s.ass_pr), "share of a track that stands for the matched person"),
+            MetricFigure::new("LocA", of(|s| s.loc_a), "mean similarity of the matches"),
         ]
     }
 }
@@ -166,7 +166,7 @@ fn tallies(scenario: &Scenario) -> Vec<ThresholdTally> {
     // Number of matches of each pair of person and track, by the strictest threshold that they pass.
     let mut strictest: HashMap<(usize, usize), [u32; THRESHOLDS]> = HashMap::new();
     for instant in &scenario.instants {
-        let weights = Grid::from_fn(instant.truth.len(), instant.tracks.len(), |i, j| {
+        let weights = PairTable::from_fn(instant.truth.len(), instant.tracks.len(), |i, j| {
             alignment.at(instant.truth[i], instant.tracks[j]) * instant.similarity.at(i, j)
         });
         for (i, j) in best(&weights) {
@@ -197,8 +197,8 @@ fn tallies(scenario: &Scenario) -> Vec<ThresholdTally> {
 }
 
 /// Soft Jaccard index of each person and track over the recording, before any matching.
-fn alignment(scenario: &Scenario, truth_count: &[f64], track_count: &[f64]) -> Grid {
-    let mut together = Grid::zeros(scenario.people, scenario.tracks);
+fn alignment(scenario: &Scenario, truth_count: &[f64], track_count: &[f64]) -> PairTable {
+    let mut together = PairTable::zeros(scenario.people, scenario.tracks);
     for instant in &scenario.instants {
         let similarity = &instant.similarity;
         let row_sum = |i| (0..instant.tracks.len()).map(|j| similarity.at(i, j)).sum::<f64>();
@@ -214,7 +214,7 @@ fn alignment(scenario: &Scenario, truth_count: &[f64], track_count: &[f64]) -> G
             }
         }
     }
-    Grid::from_fn(scenario.people, scenario.tracks, |i, j| {
+    PairTable::from_fn(scenario.people, scenario.tracks, |i, j| {
         together.at(i, j) / (truth_count[i] + track_count[j] - together.at(i, j))
     })
 }

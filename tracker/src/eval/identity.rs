@@ -6,9 +6,9 @@
 //! rows.
 
 use super::assignment::best;
-use super::grid::Grid;
+use super::grid::PairTable;
 use super::scenario::Scenario;
-use super::{Figure, Metric, percent};
+use super::{MetricFigure, TrackMetric, percent};
 
 /// Identity figures.
 #[derive(Debug, Clone, PartialEq)]
@@ -22,7 +22,7 @@ pub struct IdentityMetric {
     has_identities: bool,
 }
 
-impl Metric for IdentityMetric {
+impl TrackMetric for IdentityMetric {
     fn of(scenario: &Scenario) -> Self {
         let true_positives = if scenario.has_identities { agreeing_rows(scenario) } else { 0 };
         Self {
@@ -43,15 +43,15 @@ impl Metric for IdentityMetric {
         }
     }
 
-    fn figures(&self) -> Vec<Figure> {
+    fn figures(&self) -> Vec<MetricFigure> {
         vec![
-            Figure::new(
+            MetricFigure::new(
                 "IDF1",
                 percent(self.idf1()),
                 "identity: share of rows in which everybody has their own track",
             ),
-            Figure::new("ID recall", percent(self.recall()), "share of the truth with its own track"),
-            Figure::new(
+            MetricFigure::new("ID recall", percent(self.recall()), "share of the truth with its own track"),
+            MetricFigure::new(
                 "ID precision",
                 percent(self.precision()),
                 "share of the tracks' rows that are their person's",
@@ -82,7 +82,7 @@ impl IdentityMetric {
 }
 
 fn agreeing_rows(scenario: &Scenario) -> usize {
-    let mut together = Grid::zeros(scenario.people, scenario.tracks);
+    let mut together = PairTable::zeros(scenario.people, scenario.tracks);
     for instant in &scenario.instants {
         for (i, person) in instant.truth.iter().enumerate() {
             for (j, track) in instant.tracks.iter().enumerate() {

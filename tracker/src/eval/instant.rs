@@ -1,13 +1,13 @@
 //! One frame of truth and tracks side by side.
 
-use super::grid::Grid;
+use super::grid::PairTable;
 
 /// Tolerance of a similarity that should lie exactly at a threshold (as in TrackEval).
 pub(super) const SIMILARITY_TOLERANCE: f64 = f64::EPSILON;
 
 /// A match of a person and a track.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Match {
+pub(super) struct RowMatch {
     /// Index of the person in the scenario.
     pub(super) person: usize,
     /// Index of the track in the scenario.
@@ -30,9 +30,9 @@ pub(super) struct Instant {
     /// Confidences of the tracks' rows.
     pub(super) confidence: Vec<f64>,
     /// Similarity of each truth row (down) and track row (across), 0 to 1.
-    pub(super) similarity: Grid,
+    pub(super) similarity: PairTable,
     /// Distance of each pair: metres on the floor, pixels between the boxes' foot points in the image.
-    pub(super) distance: Grid,
+    pub(super) distance: PairTable,
     /// CLEAR correspondence.
-    pub(super) matches: Vec<Match>,
+    pub(super) matches: Vec<RowMatch>,
 }

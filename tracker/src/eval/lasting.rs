@@ -6,10 +6,10 @@
 //! then for the least distance.
 
 use super::assignment::best;
-use super::grid::Grid;
+use super::grid::PairTable;
 use super::instant::{Instant, SIMILARITY_TOLERANCE};
 use super::scenario::Scenario;
-use super::{Figure, FigureValue, Metric, percent};
+use super::{MetricFigure, FigureValue, TrackMetric, percent};
 
 /// Weight of a pair beside its similarity: more than any frame's similarities together.
 const PAIR: f64 = 1000.0;
@@ -30,7 +30,7 @@ pub struct LastingPairs {
     has_identities: bool,
 }
 
-impl Metric for LastingPairs {
+impl TrackMetric for LastingPairs {
     fn of(scenario: &Scenario) -> Self {
         let mut pairs = LastingMatcher::new(scenario);
         for instant in &scenario.instants {
@@ -58,18 +58,18 @@ impl Metric for LastingPairs {
         }
     }
 
-    fn figures(&self) -> Vec<Figure> {
+    fn figures(&self) -> Vec<MetricFigure> {
         let count = |value: usize| FigureValue::count(self.has_identities.then_some(value));
         vec![
-            Figure::new("MOTA", percent(self.mota()), "tracking accuracy, where pairs outlive losses"),
-            Figure::new("ID switches", count(self.switches), "times a person's track becomes another one"),
-            Figure::new(
+            MetricFigure::new("MOTA", percent(self.mota()), "tracking accuracy, where pairs outlive losses"),
+            MetricFigure::new("ID switches", count(self.switches), "times a person's track becomes another one"),
+            MetricFigure::new(
                 "fragmentations",
                 count(self.fragmentations),
                 "times a person is lost between matches",
             ),
-            Figure::new("false positives", count(self.false_positives), "rows that are nobody"),
-            Figure::new("misses", count(self.misses), "truth rows without a track"),
+            MetricFigure::new("false positives", count(self.false_positives), "rows that are nobody"),
+            MetricFigure::new("misses", count(self.misses), "truth rows without a track"),
         ]
     }
 }
@@ -116,7 +116,7 @@ impl LastingMatcher {
                 is_taken[j] = true;
             }
         }
-        let rest = Grid::from_fn(instant.truth.len(), instant.tracks.len(), |i, j| {
+        let rest = PairTable::from_fn(instant.truth.len(), instant.tracks.len(), |i, j| {
             let is_open = found[i].is_none() && !is_taken[j] && is_pair(i, j);
             if is_open { PAIR + instant.similarity.at(i, j) } else { 0.0 }
         });

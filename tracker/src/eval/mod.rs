@@ -1,7 +1,7 @@
 //! Evaluation of tracks against the truth.
 //!
 //! Two MOTChallenge files → [`Scenario`] (rows side by side, with similarities and the CLEAR correspondence) → one
-//! [`Metric`] a file → [`Evaluation`] → table, JSON, report.
+//! [`TrackMetric`] a file → [`Evaluation`] → table, JSON, report.
 //!
 //! * [`Clear`] — MOTA, MOTP, MODA, switches, fragmentations, mostly tracked and lost, misses, false positives;
 //! * [`IdentityMetric`] — IDF1;
@@ -60,7 +60,7 @@ use crate::tracks::rows::RowFile;
 use align::RoomAlignment;
 
 /// A metric of tracks.
-pub trait Metric: Sized {
+pub trait TrackMetric: Sized {
     /// Computes the metric.
     fn of(scenario: &Scenario) -> Self;
     /// Combines several recordings: all counts are added up before anything is divided.
@@ -68,12 +68,12 @@ pub trait Metric: Sized {
     where
         Self: 'a;
     /// Figures in the order of the table.
-    fn figures(&self) -> Vec<Figure>;
+    fn figures(&self) -> Vec<MetricFigure>;
 }
 
 /// A figure of a metric.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Figure {
+pub struct MetricFigure {
     /// Name, as in the papers.
     pub name: &'static str,
     /// Value with its unit.
@@ -104,7 +104,7 @@ pub enum Unit {
     None,
 }
 
-impl Figure {
+impl MetricFigure {
     fn new(name: &'static str, value: FigureValue, meaning: &'static str) -> Self {
         Self { name, value, meaning }
     }
@@ -202,7 +202,7 @@ impl Evaluation {
     }
 
     /// All figures, in the order of the table.
-    pub fn figures(&self) -> Vec<Figure> {
+    pub fn figures(&self) -> Vec<MetricFigure> {
         [
             self.clear.figures(),
             self.identity.figures(),

@@ -6,7 +6,7 @@
 //! covers more than 90 %: with two or three people who are nearly certain, nearly always.
 
 use super::scenario::Scenario;
-use super::{Figure, FigureValue, Metric, Unit, percent};
+use super::{MetricFigure, FigureValue, TrackMetric, Unit, percent};
 use crate::tracks::count;
 
 /// Probability of the judged set.
@@ -26,7 +26,7 @@ pub struct PeopleCount {
     has_probabilities: bool,
 }
 
-impl Metric for PeopleCount {
+impl TrackMetric for PeopleCount {
     fn of(scenario: &Scenario) -> Self {
         let has_probabilities = scenario.has_probabilities();
         let (mut covered, mut log_score) = (0, 0.0);
@@ -48,14 +48,14 @@ impl Metric for PeopleCount {
         }
     }
 
-    fn figures(&self) -> Vec<Figure> {
+    fn figures(&self) -> Vec<MetricFigure> {
         vec![
-            Figure::new(
+            MetricFigure::new(
                 "count coverage",
                 percent(self.coverage()),
                 "frames whose true number of people is in the 90 % set of what the confidences say",
             ),
-            Figure::new(
+            MetricFigure::new(
                 "count log score",
                 FigureValue::real(self.log_score(), Unit::None),
                 "mean log probability of the true number, nats: 0 is sure and right",

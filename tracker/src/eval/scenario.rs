@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, HashMap};
 
 use super::correspondence::correspond;
 use super::frames::FrameSelection;
-use super::grid::Grid;
+use super::grid::PairTable;
 use super::instant::Instant;
 use crate::tracks::rows::{Row, RowFile};
 use crate::{Error, Result};
@@ -98,7 +98,7 @@ impl Scenario {
             .iter()
             .map(|(frame, (truth, tracks))| {
                 let (similarity, distance) =
-                    Grid::pair_from_fn(truth.len(), tracks.len(), |i, j| pair(truth[i], tracks[j]));
+                    PairTable::pair_from_fn(truth.len(), tracks.len(), |i, j| pair(truth[i], tracks[j]));
                 Instant {
                     frame: *frame,
                     truth: truth.iter().map(|r| people.of(r, has_identities)).collect(),

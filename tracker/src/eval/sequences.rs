@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Map, Value as Json, json};
 
 use super::{
-    Clear, EvalOptions, Evaluation, Existence, Figure, Hota, IdentityMetric, LastingPairs, Metric,
+    Clear, EvalOptions, Evaluation, Existence, MetricFigure, Hota, IdentityMetric, LastingPairs, TrackMetric,
     PeopleCount, PositionError,
 };
 use crate::{Error, Result};
@@ -86,7 +86,7 @@ impl Sequences {
     }
 
     /// All figures of all recordings together.
-    pub fn figures(&self) -> Vec<Figure> {
+    pub fn figures(&self) -> Vec<MetricFigure> {
         let t = &self.together;
         [
             t.clear.figures(),
@@ -101,7 +101,7 @@ impl Sequences {
 
     /// Text table with a line a figure and a column a sequence; the last column is for all together.
     pub fn table(&self) -> String {
-        let columns: Vec<(&str, Vec<Figure>)> = self
+        let columns: Vec<(&str, Vec<MetricFigure>)> = self
             .each
             .iter()
             .map(|(name, evaluation)| (name.as_str(), evaluation.figures()))
@@ -119,7 +119,7 @@ impl Sequences {
             let _ = write!(text, "{:name_width$}", figure.name);
             for (name, figures) in &columns {
                 let width = name.chars().count().max(12);
-                let cell = figures.get(row).map_or(String::new(), Figure::text);
+                let cell = figures.get(row).map_or(String::new(), MetricFigure::text);
                 let _ = write!(text, "  {cell:>width$}");
             }
             text.push('\n');

@@ -2,10 +2,10 @@
 
 use serde_json::{Map, Value as Json, json};
 
-use super::{Evaluation, Figure, FigureValue, Metric, Unit};
+use super::{Evaluation, MetricFigure, FigureValue, TrackMetric, Unit};
 use crate::eval::scenario::Space;
 
-impl Figure {
+impl MetricFigure {
     /// Value with its unit, as in the table; an en dash where there is none.
     pub fn text(&self) -> String {
         match self.value {
@@ -37,10 +37,10 @@ impl Evaluation {
     /// Text table with a line a figure: name, value with unit, meaning.
     pub fn table(&self) -> String {
         let figures = self.figures();
-        let width = |text: &dyn Fn(&Figure) -> String| {
+        let width = |text: &dyn Fn(&MetricFigure) -> String| {
             figures.iter().map(|f| text(f).chars().count()).max().unwrap_or(0)
         };
-        let (name, value) = (width(&|f| f.name.to_owned()), width(&Figure::text));
+        let (name, value) = (width(&|f| f.name.to_owned()), width(&MetricFigure::text));
         let mut lines = vec![self.headline()];
         for figure in &figures {
             lines.push(format!("{:name$}  {:>value$}  {}", figure.name, figure.text(), figure.meaning));
@@ -86,7 +86,7 @@ impl Evaluation {
 }
 
 /// Adds figures under their keys.
-pub(super) fn insert_figures(object: &mut Map<String, Json>, figures: &[Figure]) {
+pub(super) fn insert_figures(object: &mut Map<String, Json>, figures: &[MetricFigure]) {
     for figure in figures {
         let value = match figure.value {
             FigureValue::Count(count) => json!(count),
@@ -97,7 +97,7 @@ pub(super) fn insert_figures(object: &mut Map<String, Json>, figures: &[Figure])
 }
 
 /// Figures as an object of their own.
-pub(super) fn figures_json(figures: &[Figure]) -> Json {
+pub(super) fn figures_json(figures: &[MetricFigure]) -> Json {
     let mut object = Map::new();
     insert_figures(&mut object, figures);
     Json::Object(object)

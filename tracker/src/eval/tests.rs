@@ -318,7 +318,7 @@ fn confidences_that_come_true_are_calibrated_and_others_off_by_the_difference() 
         assert_relative_eq!(found["Brier"].as_f64().unwrap(), brier, epsilon = 1e-12);
         let [bin] = found["reliability"].as_array().unwrap().as_slice() else { panic!("{found}") };
         assert_eq!(bin["rows"], 10);
-        assert_relative_eq!(bin["confident"].as_f64().unwrap(), 100.0 * confidence, epsilon = 1e-9);
+        assert_relative_eq!(bin["told"].as_f64().unwrap(), 100.0 * confidence, epsilon = 1e-9);
         assert_relative_eq!(bin["matched"].as_f64().unwrap(), 10.0 * f64::from(there), epsilon = 1e-9);
     }
 }

@@ -32,7 +32,7 @@ const SLACK_S: f64 = 0.02;
 const BEHIND_S: f64 = 0.2;
 
 #[derive(Debug)]
-pub(super) struct Live {
+pub(super) struct LiveGathering {
     latency_s: f64,
     lead: Option<usize>,
     /// Capture time of the first moment, which is the run's zero, seconds since 1970.
@@ -42,7 +42,7 @@ pub(super) struct Live {
     left_out: LeftOut,
 }
 
-impl Live {
+impl LiveGathering {
     pub(super) fn new(latency_s: f64) -> Self {
         let latest_s = f64::NEG_INFINITY;
         Self { latency_s, lead: None, start_s: None, latest_s, frame: 0, left_out: LeftOut::default() }

@@ -21,8 +21,8 @@ use std::time::Duration;
 
 pub use camera::ClockAlignment;
 use camera::GatheredCamera;
-use live::Live;
-use recorded::Recorded;
+use live::LiveGathering;
+use recorded::RecordedGathering;
 
 use crate::foreground::Verdict;
 use crate::silhouette::Body;
@@ -95,8 +95,8 @@ pub struct Gathering {
 
 #[derive(Debug)]
 enum Mode {
-    Recorded(Recorded),
-    Live(Live),
+    Recorded(RecordedGathering),
+    Live(LiveGathering),
 }
 
 impl Gathering {
@@ -132,9 +132,9 @@ impl Gathering {
             .map(|(port, a)| GatheredCamera::new(port, *a))
             .collect();
         let mode = if is_live {
-            Mode::Live(Live::new(options.latency_s))
+            Mode::Live(LiveGathering::new(options.latency_s))
         } else {
-            Mode::Recorded(Recorded::new(&cameras))
+            Mode::Recorded(RecordedGathering::new(&cameras))
         };
         Ok(Self { cameras, events, believed: Vec::new(), mode })
     }

@@ -13,7 +13,7 @@ use crate::{Error, Result};
 const GAP: f64 = 1.5;
 
 #[derive(Debug)]
-pub(super) struct Recorded {
+pub(super) struct RecordedGathering {
     /// Indices of the cameras, the fastest first; of equally fast ones, in their own order.
     order: Vec<usize>,
     near_s: f64,
@@ -21,7 +21,7 @@ pub(super) struct Recorded {
     latest: Option<(u32, f64)>,
 }
 
-impl Recorded {
+impl RecordedGathering {
     pub(super) fn new(cameras: &[GatheredCamera]) -> Self {
         let mut order: Vec<usize> = (0..cameras.len()).collect();
         order.sort_by(|a, b| cameras[*a].interval_s.total_cmp(&cameras[*b].interval_s));

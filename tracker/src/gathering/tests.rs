@@ -47,10 +47,10 @@ impl Stations {
 }
 
 /// Number and time of a moment, with each camera's own time in it.
-type Times = (u32, f64, Vec<Option<f64>>);
+type MomentTimes = (u32, f64, Vec<Option<f64>>);
 
 /// All moments, and the camera that ended first.
-fn all(gathering: &mut Gathering) -> (Vec<Times>, String) {
+fn all(gathering: &mut Gathering) -> (Vec<MomentTimes>, String) {
     let mut moments = Vec::new();
     loop {
         match gathering.next_moment().unwrap() {
@@ -61,7 +61,7 @@ fn all(gathering: &mut Gathering) -> (Vec<Times>, String) {
     }
 }
 
-fn times_of(gathered: &Gathered) -> Times {
+fn times_of(gathered: &Gathered) -> MomentTimes {
     let time = |part: &MomentPart| match part {
         MomentPart::Seen(seen) => Some(seen.observation.time_s),
         MomentPart::Nothing(_) => None,

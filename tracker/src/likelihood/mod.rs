@@ -4,7 +4,7 @@
 //! information" (in Japanese, conference paper LI-007), equations 5 to 8.
 //!
 //! * [`prior`] — E(S), people stand on walkable floor; R(S), people do not interpenetrate.
-//! * [`Counts`] and [`Rule`] — V(S): the pixel counts of the masks, and the rules that turn them into a likelihood.
+//! * [`Counts`] and [`LikelihoodRule`] — V(S): the pixel counts of the masks, and the rules that turn them into a likelihood.
 //! * [`Layers`] — the silhouettes that are counted: one or more shapes of each body, in each camera.
 //! * [`Simulation`] — the counts of a changing state, updated from the changed pixels alone.
 //! * [`oracle`] — the same counts by one ray through every pixel: slow, and simple. Tests compare the two.
@@ -22,6 +22,6 @@ mod simulation;
 mod summed_area;
 
 pub use layers::Layers;
-pub use rule::{Counts, PreparedRule, Rule};
+pub use rule::{Counts, PreparedLikelihood, LikelihoodRule};
 pub use simulation::{Simulation, pack};
 pub use summed_area::SummedArea;

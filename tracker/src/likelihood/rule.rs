@@ -26,7 +26,7 @@ impl Counts {
 /// Rule by which the counts of all cameras become a likelihood.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", tag = "name")]
-pub enum Rule {
+pub enum LikelihoodRule {
     /// The published rule (equation 7): the mean over cameras of the overlap ratio, to a power. The published power is
     /// 1, which hardly discriminates: a wrong position still scores 0.5 where the right one scores 0.7.
     Overlap {
@@ -53,7 +53,7 @@ pub enum Rule {
     },
 }
 
-impl Rule {
+impl LikelihoodRule {
     /// Shapes that this rule compares with the masks, the innermost first.
     pub fn shapes(&self) -> &'static [Shape] {
         match self {
@@ -63,10 +63,10 @@ impl Rule {
     }
 
     /// Prepares the rule: takes the logarithms once, since it is evaluated thousands of times a frame.
-    pub fn prepared(&self) -> PreparedRule {
+    pub fn prepared(&self) -> PreparedLikelihood {
         match *self {
-            Self::Overlap { exponent } => PreparedRule::Overlap { exponent },
-            Self::Bernoulli { core, limbs, reach, outside, independent_pixels } => PreparedRule::Bernoulli {
+            Self::Overlap { exponent } => PreparedLikelihood::Overlap { exponent },
+            Self::Bernoulli { core, limbs, reach, outside, independent_pixels } => PreparedLikelihood::Bernoulli {
                 // A pixel of the core is in the others, too: each layer counts the difference to the one around it.
                 weights: [odds(core, limbs), odds(limbs, reach), odds(reach, outside)]
                     .map(|o| o.map(|nats| nats * independent_pixels)),
@@ -101,15 +101,15 @@ impl Rule {
     }
 }
 
-/// A [`Rule`] prepared for evaluation ([`Rule::prepared`]).
+/// A [`LikelihoodRule`] prepared for evaluation ([`LikelihoodRule::prepared`]).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum PreparedRule {
-    /// [`Rule::Overlap`].
+pub enum PreparedLikelihood {
+    /// [`LikelihoodRule::Overlap`].
     Overlap {
         /// Power of the mean overlap.
         exponent: f64,
     },
-    /// [`Rule::Bernoulli`].
+    /// [`LikelihoodRule::Bernoulli`].
     Bernoulli {
         /// For each shape, the log-likelihood that a typical core's foreground and background add to the shape around
         /// it, nats.
@@ -117,10 +117,10 @@ pub enum PreparedRule {
     },
 }
 
-impl PreparedRule {
+impl PreparedLikelihood {
     /// `log V(S)`, up to a constant that does not depend on the state.
     ///
-    /// Takes the counts of each layer with the index of its shape in [`Rule::shapes`] and the pixels of a typical
+    /// Takes the counts of each layer with the index of its shape in [`LikelihoodRule::shapes`] and the pixels of a typical
     /// silhouette of the innermost shape in its camera. Without any camera the result is 0.
     pub fn log_likelihood(&self, layers: impl Iterator<Item = (usize, Counts, f64)>) -> f64 {
         match self {
@@ -155,7 +155,7 @@ mod tests {
     fn overlap_is_the_ratio_of_equation_7_and_nothing_against_nothing_agrees() {
         assert_relative_eq!(Counts { foreground: 30, simulated: 20, both: 10 }.overlap(), 0.25);
         assert_relative_eq!(Counts::default().overlap(), 1.0);
-        let rule = Rule::Overlap { exponent: 1.0 };
+        let rule = LikelihoodRule::Overlap { exponent: 1.0 };
         let cameras = [Counts { foreground: 30, simulated: 20, both: 10 }, Counts::default()];
         let rule = rule.prepared();
         let v = rule.log_likelihood(cameras.into_iter().map(|c| (0, c, 1.0))).exp();
@@ -167,8 +167,8 @@ mod tests {
     #[test]
     fn explained_foreground_never_lowers_and_missed_foreground_never_raises_the_likelihood() {
         let rules = [
-            Rule::Overlap { exponent: 3.0 },
-            Rule::Bernoulli { core: 0.8, limbs: 0.6, reach: 0.3, outside: 0.05, independent_pixels: 20.0 },
+            LikelihoodRule::Overlap { exponent: 3.0 },
+            LikelihoodRule::Bernoulli { core: 0.8, limbs: 0.6, reach: 0.3, outside: 0.05, independent_pixels: 20.0 },
         ];
         for rule in rules {
             let shapes = rule.shapes().len();
@@ -197,7 +197,7 @@ mod tests {
             + nats(reach, [3.0, 6.0])
             + nats(outside, [2.0, 75.0]);
         let without = nats(outside, [14.0, 86.0]);
-        let rule = Rule::Bernoulli { core, limbs, reach, outside, independent_pixels: 8.0 };
+        let rule = LikelihoodRule::Bernoulli { core, limbs, reach, outside, independent_pixels: 8.0 };
         let within = |simulated: i64, both: i64| Counts { foreground: 14, simulated, both };
         let layers = [within(8, 5), within(14, 9), within(23, 12)];
         let layers = layers.into_iter().enumerate().map(|(shape, counts)| (shape, counts, 8.0));

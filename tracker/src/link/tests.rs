@@ -73,13 +73,13 @@ fn textbook_flow(graph: &FlowGraph, max_paths: usize, wants: impl Fn(usize) -> b
 
 /// Least cost of tracks that keep the directions, by trying every continuation from every node.
 fn exhaustive_minimum(graph: &FlowGraph, directions: &Directions) -> i128 {
-    struct Trial<'a> {
+    struct TriedTracks<'a> {
         graph: &'a FlowGraph,
         directions: &'a Directions,
         /// The link that enters each node; `None` while none does.
         come: Vec<Option<usize>>,
     }
-    fn least(t: &mut Trial, node: usize) -> i128 {
+    fn least(t: &mut TriedTracks, node: usize) -> i128 {
         if node == t.graph.node_count() {
             return 0;
         }
@@ -100,7 +100,7 @@ fn exhaustive_minimum(graph: &FlowGraph, directions: &Directions) -> i128 {
         }
         best
     }
-    least(&mut Trial { graph, directions, come: vec![None; graph.node_count()] }, 0)
+    least(&mut TriedTracks { graph, directions, come: vec![None; graph.node_count()] }, 0)
 }
 
 /// A graph from numbers: few different costs, so that ties are common, or many.

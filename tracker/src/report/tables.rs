@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::markup::escape;
-use crate::eval::{Evaluation, Figure, FigureValue, Unit};
+use crate::eval::{Evaluation, MetricFigure, FigureValue, Unit};
 use crate::tracks::Timings;
 
 /// Table of all figures with their meaning.
@@ -37,7 +37,7 @@ pub(super) fn headline_figures(evaluation: &Evaluation) -> Vec<(String, &'static
         .collect()
 }
 
-fn short(figure: &Figure) -> Option<String> {
+fn short(figure: &MetricFigure) -> Option<String> {
     match figure.value {
         FigureValue::Real(Some(value), Unit::Percent) => Some(format!("{value:.1}\u{a0}%").replace('-', "−")),
         FigureValue::Real(Some(value), Unit::Metres) => Some(format!("{:.1}\u{a0}cm", 100.0 * value)),

@@ -10,7 +10,7 @@ use crate::method::agents::Packet;
 use crate::plan::TrajectoryPlan;
 use crate::station::Pictures;
 use crate::tracks::TrackFiles;
-use crate::view::Drawer;
+use crate::view::LiveDrawer;
 use crate::{CameraFrame, Moment, PersonEstimate, Result};
 
 /// One moment with its estimates.
@@ -95,7 +95,7 @@ impl Output for TrajectoryPlan {
     }
 }
 
-impl Output for Drawer {
+impl Output for LiveDrawer {
     fn put(&mut self, followed: &ProcessedMoment<'_>) -> Result<()> {
         let Moment { frame, time_s, .. } = followed.moment;
         self.offer(frame, time_s, followed.people, || followed.shots());

@@ -27,7 +27,7 @@ impl AgentsFile {
     /// # Errors
     /// [`Error::Io`] with the file.
     pub fn write(&mut self, packet: &Packet, camera: &str) -> Result<()> {
-        let line = Line {
+        let line = PacketLine {
             time: (packet.time_s * 1e6).round() / 1e6,
             station: camera,
             life: format!("{:x}", packet.life),
@@ -43,7 +43,7 @@ impl AgentsFile {
 }
 
 #[derive(Serialize)]
-struct Line<'a> {
+struct PacketLine<'a> {
     time: f64,
     station: &'a str,
     life: String,

@@ -150,8 +150,8 @@ fn in_order<S: Serializer>(
 fn as_written<'de, D: Deserializer<'de>>(
     deserializer: D,
 ) -> std::result::Result<Vec<(String, StageTimes)>, D::Error> {
-    struct Stages;
-    impl<'de> Visitor<'de> for Stages {
+    struct StagesVisitor;
+    impl<'de> Visitor<'de> for StagesVisitor {
         type Value = Vec<(String, StageTimes)>;
         fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
             f.write_str("an object of stages")
@@ -164,7 +164,7 @@ fn as_written<'de, D: Deserializer<'de>>(
             Ok(stages)
         }
     }
-    deserializer.deserialize_map(Stages)
+    deserializer.deserialize_map(StagesVisitor)
 }
 
 #[cfg(test)]

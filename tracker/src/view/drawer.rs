@@ -13,7 +13,7 @@ use crate::prepared_room::PreparedRoom;
 /// Drawer that draws a moment for all screens when a viewer waits for one, on a thread of its own; moments that arrive
 /// during that time are skipped.
 #[derive(Debug)]
-pub struct Drawer {
+pub struct LiveDrawer {
     screens: Screens,
     scenes: SyncSender<DrawJob>,
     is_free: Arc<AtomicBool>,
@@ -29,7 +29,7 @@ struct DrawJob {
     people: Vec<PersonEstimate>,
 }
 
-impl Drawer {
+impl LiveDrawer {
     /// Starts the drawer of the room's cameras for these screens. `has_pictures` is true if some camera has more than
     /// masks.
     pub fn start(room: &PreparedRoom, options: &FilmOptions, screens: &Screens, has_pictures: bool) -> Self {

@@ -6,7 +6,7 @@
 //! to the browser:
 //!
 //! * [`screens`] — [`Screens`]: the present state of the page; a new picture replaces the older one. Start here.
-//! * [`drawer`] — [`Drawer`]: draws pictures that a viewer waits for, where there is no film with pictures to show.
+//! * [`drawer`] — [`LiveDrawer`]: draws pictures that a viewer waits for, where there is no film with pictures to show.
 //! * [`server`] — [`Server`]: serves the page until the run has ended and its viewers have been informed.
 
 mod drawer;
@@ -15,6 +15,6 @@ mod server;
 #[cfg(test)]
 mod tests;
 
-pub use drawer::Drawer;
+pub use drawer::LiveDrawer;
 pub use screens::Screens;
 pub use server::Server;

@@ -224,7 +224,7 @@ fn only_awaited_pictures_are_drawn() {
     let stage = stage();
     let screens = Screens::new(String::new(), ["a", "b"].into_iter());
     let options = FilmOptions::default();
-    let drawer = Drawer::start(&stage, &options, &screens, true);
+    let drawer = LiveDrawer::start(&stage, &options, &screens, true);
     let shot =
         |level: u8| Shot { image: Some(RgbImage::from_pixel(480, 360, Rgb([level; 3])).into()), mask: None };
     let nothing = || -> Vec<Shot> { panic!("nobody asked for it") };

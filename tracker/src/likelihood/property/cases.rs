@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use super::Decisions;
-use super::scene::{Meeting, TestScene, meet};
+use super::scene::{RayMeeting, TestScene, meet};
 use crate::silhouette::Ellipsoid;
 
 /// Cases that must have occurred, with the least number of occurrences.
@@ -84,7 +84,7 @@ impl Cases {
         let is_cut = |inside: (i32, i32), outside: (i32, i32)| {
             let ray = scene.to_world(&scene.middle(outside.0, outside.1).ray);
             scene.traced_pixels[(inside.1 * width + inside.0) as usize].of(&eye, body)[1] == Some(true)
-                && matches!(meet(&eye, &ray, body), Meeting::At(_))
+                && matches!(meet(&eye, &ray, body), RayMeeting::At(_))
         };
         self.note("cut by the left border", (0..height).any(|v| is_cut((0, v), (-1, v))));
         self.note("cut by the right border", (0..height).any(|v| is_cut((width - 1, v), (width, v))));

@@ -162,9 +162,9 @@ impl TracedPixel {
     /// Whether a body is met at all, and whether it is seen there: in front of furniture and floor.
     pub(super) fn of(&self, eye: &Point3<f64>, body: &Ellipsoid) -> [Option<bool>; 2] {
         let z_m = match meet(eye, &self.ray, body) {
-            Meeting::At(z_m) => z_m,
-            Meeting::Nowhere => return [Some(false); 2],
-            Meeting::LeftOpen => return [None, self.is_shown.filter(|shown| !shown)],
+            RayMeeting::At(z_m) => z_m,
+            RayMeeting::Nowhere => return [Some(false); 2],
+            RayMeeting::LeftOpen => return [None, self.is_shown.filter(|shown| !shown)],
         };
         let room = self.furniture.first(self.floor);
         let is_in_front = match () {
@@ -183,7 +183,7 @@ impl TracedPixel {
 
 /// Intersection of a ray with a body.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Meeting {
+pub(super) enum RayMeeting {
     /// At this depth along the camera's z, metres; 0 from inside.
     At(f64),
     Nowhere,
@@ -192,27 +192,27 @@ pub(super) enum Meeting {
 }
 
 /// Intersection at which a ray, of length 1 along the camera's z, enters a body.
-pub(super) fn meet(eye: &Point3<f64>, ray: &Vector3<f64>, body: &Ellipsoid) -> Meeting {
+pub(super) fn meet(eye: &Point3<f64>, ray: &Vector3<f64>, body: &Ellipsoid) -> RayMeeting {
     // Scaled so that the body is the unit sphere around the origin.
     let o = (eye - body.center).component_div(&body.semi_axes);
     let w = ray.component_div(&body.semi_axes);
     let power = o.norm_squared() - 1.0;
     if power.abs() < OUTLINE {
-        return Meeting::LeftOpen;
+        return RayMeeting::LeftOpen;
     }
     if power < 0.0 {
-        return Meeting::At(0.0);
+        return RayMeeting::At(0.0);
     }
     // Half the chord along the ray by Pythagoras, from the point of the ray that is nearest to the centre.
     let nearest = -o.dot(&w) / w.norm_squared();
     let half_squared = (1.0 - (o + w * nearest).norm_squared()) / w.norm_squared();
     if nearest <= 0.0 {
-        return Meeting::Nowhere;
+        return RayMeeting::Nowhere;
     }
     if half_squared.abs() < OUTLINE * nearest * nearest {
-        return Meeting::LeftOpen;
+        return RayMeeting::LeftOpen;
     }
-    if half_squared > 0.0 { Meeting::At(nearest - half_squared.sqrt()) } else { Meeting::Nowhere }
+    if half_squared > 0.0 { RayMeeting::At(nearest - half_squared.sqrt()) } else { RayMeeting::Nowhere }
 }
 
 /// A small camera at a random place in a room of 6 × 5 m, with a random direction.

@@ -16,7 +16,7 @@ use super::super::graph::{Cost, FlowGraph};
 use super::super::solution::{Solution, Total};
 use super::direction::Directions;
 use super::labels::{Arrived, Freed, PathEnd, PathLabels};
-use super::tracks::Tracks;
+use super::tracks::WorkingTracks;
 
 /// Largest number of turns of a path from forward to backward and forward again.
 const MAX_TURNS: usize = 16;
@@ -26,7 +26,7 @@ pub fn solve(graph: &FlowGraph, directions: &Directions, bound: Total) -> Soluti
     let mut search = PathSearch {
         graph,
         directions,
-        tracks: Tracks::none(graph),
+        tracks: WorkingTracks::none(graph),
         labels: PathLabels::unreached(graph),
         is_turning: true,
     };
@@ -69,7 +69,7 @@ fn root(parent: &mut [u32], mut node: u32) -> u32 {
 struct PathSearch<'a> {
     graph: &'a FlowGraph,
     directions: &'a Directions,
-    tracks: Tracks,
+    tracks: WorkingTracks,
     labels: PathLabels,
     /// Whether paths may run back along older tracks; switched off for good where that led into a cycle.
     is_turning: bool,

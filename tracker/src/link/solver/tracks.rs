@@ -5,20 +5,20 @@ use super::direction::Directions;
 use super::labels::{Arrived, Freed, PathEnd, PathLabels};
 
 /// Tracks by their links.
-pub(super) struct Tracks {
+pub(super) struct WorkingTracks {
     pub(super) is_used: Vec<bool>,
     pub(super) come: Vec<Option<u32>>,
     pub(super) go: Vec<Option<u32>>,
     /// Source node of each link.
     sources: Vec<u32>,
     /// Former state of each node in the current change.
-    journal: Vec<(usize, State)>,
+    journal: Vec<(usize, NodeState)>,
 }
 
 /// Whether a node is used, its incoming link and its outgoing link.
-type State = (bool, Option<u32>, Option<u32>);
+type NodeState = (bool, Option<u32>, Option<u32>);
 
-impl Tracks {
+impl WorkingTracks {
     pub(super) fn none(graph: &FlowGraph) -> Self {
         let n = graph.node_count();
         let sources = (0..n).flat_map(|node| graph.links_of(node).map(move |_| node as u32)).collect();

@@ -50,7 +50,7 @@ use self::track::{Found, Track};
 use super::capacity::Capacity;
 use super::{Method, Needs};
 use crate::identity::Identities;
-use crate::likelihood::{Counts, Layers, PreparedRule, Simulation, pack};
+use crate::likelihood::{Counts, Layers, PreparedLikelihood, Simulation, pack};
 use crate::prepared_room::{PreparedCamera, PreparedRoom, resolution};
 use crate::silhouette::{Body, View};
 use crate::{CameraFrame, Error, Moment, PersonEstimate, Result};
@@ -77,7 +77,7 @@ const LEAST_STEP_S: f64 = 1e-3;
 pub struct Mcmc {
     stage: PreparedRoom,
     options: McmcOptions,
-    rule: PreparedRule,
+    rule: PreparedLikelihood,
     layers: Layers,
     /// The cameras in full, for what is reported.
     views: Vec<View>,

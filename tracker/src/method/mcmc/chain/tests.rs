@@ -6,7 +6,7 @@ use super::super::left_over::LeftOver;
 use super::super::person::{Known, Place};
 use super::super::tests::{empty_room, masks, standing};
 use super::*;
-use crate::likelihood::{Rule, pack};
+use crate::likelihood::{LikelihoodRule, pack};
 use crate::prepared_room::PreparedRoom;
 use crate::silhouette::View;
 use nalgebra::{Matrix2, Vector2};
@@ -47,7 +47,7 @@ fn proposals_are_given_up_early_only_where_they_would_be_refused() {
     let seen = masks(&stage, &[standing(3.0, 1.6), standing(3.4, 2.0), standing(1.8, 3.5)]);
     let mut rng = Pcg64Mcg::seed_from_u64(5);
     for likelihood in
-        [McmcOptions::default().likelihood, Rule::Overlap { exponent: 1.0 }, Rule::Overlap { exponent: 40.0 }]
+        [McmcOptions::default().likelihood, LikelihoodRule::Overlap { exponent: 1.0 }, LikelihoodRule::Overlap { exponent: 40.0 }]
     {
         let options = McmcOptions { likelihood, ..McmcOptions::default() };
         let views: Vec<View> = stage.cameras.iter().map(View::new).collect();
