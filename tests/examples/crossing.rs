@@ -57,7 +57,8 @@ impl Outcome {
 fn main() -> Said<()> {
     let figures = folder_to_write(std::env::args().nth(1))?;
     std::fs::create_dir_all(&figures).map_err(|e| format!("{figures}: {e}"))?;
-    let published = McmcOptions { likelihood: LikelihoodRule::Overlap { exponent: 100.0 }, ..McmcOptions::published() };
+    let published =
+        McmcOptions { likelihood: LikelihoodRule::Overlap { exponent: 100.0 }, ..McmcOptions::published() };
     println!(
         "{:<22} {:>9} {:>9} {:>9} {:>14} {:>7}",
         "", "names", "mean cm", "max. cm", "hidden mean cm", "missed"

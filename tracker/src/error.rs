@@ -26,7 +26,8 @@ pub enum Error {
     /// An invalid option, or an invalid combination of options.
     #[error("{option}: {problem}")]
     Option {
-        /// Name of the option: a field, a command-line flag, or the thing at fault, such as a camera.
+        /// Name of the field of the options, or of the thing at fault, such as a camera. The command line prints its flag
+        /// in place of a field.
         option: String,
         /// Description of the defect and of its mend.
         problem: String,

@@ -9,6 +9,7 @@ mod colours;
 mod detect;
 mod endpoints;
 mod eval;
+mod flags;
 mod heads;
 mod input;
 mod interrupt;
@@ -54,7 +55,7 @@ enum Command {
 
 /// Runs the subcommand; returns the text for standard output.
 pub(crate) fn run(arguments: &Arguments, console: &Console) -> anyhow::Result<String> {
-    match &arguments.command {
+    let printed = match &arguments.command {
         Command::Run(args) => run::run(args, console),
         Command::Station(args) => station::station(args, console),
         Command::Watch(args) => watch::watch(args),
@@ -65,5 +66,6 @@ pub(crate) fn run(arguments: &Arguments, console: &Console) -> anyhow::Result<St
         Command::Masks(args) => masks::masks(args, console),
         Command::Report(args) => report::report(args),
         Command::Weightmap(args) => weightmap::weightmap(args),
-    }
+    };
+    printed.map_err(flags::named)
 }

@@ -22,7 +22,7 @@ pub(super) struct ViewArguments {
 impl ViewArguments {
     /// Listener of the page, if it was requested.
     pub(super) fn listener(&self) -> anyhow::Result<Option<Listener>> {
-        Ok(if self.view { Some(Server::bind(self.view_port)?) } else { None })
+        Ok(if self.view { Some(Server::bind(self.view_port, "--view-port")?) } else { None })
     }
 }
 

@@ -52,24 +52,27 @@ impl DetectOptions {
     pub fn check(&self) -> Result<()> {
         if !(self.min_height_px >= 12.0 && self.min_height_px.is_finite()) {
             return Err(Error::option(
-                "--min-height",
+                "min_height_px",
                 format!("is {}; give pixels from 12", self.min_height_px),
             ));
         }
         if self.max_height_px.is_some_and(|max| max.is_nan() || max < self.min_height_px) {
-            return Err(Error::option("--max-height", "is less than --min-height"));
+            return Err(Error::option(
+                "max_height_px",
+                format!("is less than the least height, {} pixels", self.min_height_px),
+            ));
         }
         if !(self.scale_step > 1.0 && self.scale_step <= 2.0) {
             return Err(Error::option(
-                "--scale-step",
+                "scale_step",
                 format!("is {}; give a ratio from 1.01 to 2", self.scale_step),
             ));
         }
         if !self.min_score.is_finite() {
-            return Err(Error::option("--min-score", format!("is {}; give a number", self.min_score)));
+            return Err(Error::option("min_score", format!("is {}; give a number", self.min_score)));
         }
         if !(0.0..=1.0).contains(&self.max_overlap) {
-            return Err(Error::option("--max-overlap", format!("is {}; give 0 to 1", self.max_overlap)));
+            return Err(Error::option("max_overlap", format!("is {}; give 0 to 1", self.max_overlap)));
         }
         Ok(())
     }

@@ -60,7 +60,7 @@ fn a_camera_learns_its_own_people() {
     let again = train::train(&labelled, &[picture(&[])], &train_options, || {}).unwrap();
     assert_eq!(again.0, weights, "the same seed");
     let nobody = [Labelled { image: picture(&[]), people: Vec::new(), ignored: Vec::new() }];
-    assert!(train::train(&nobody, &[], &train_options, || {}).unwrap_err().to_string().contains("--boxes"));
+    assert!(train::train(&nobody, &[], &train_options, || {}).unwrap_err().to_string().contains("labelled"));
 }
 
 #[test]
@@ -77,11 +77,11 @@ fn broken_models_and_odd_options_are_named() {
     std::fs::remove_file(&path).unwrap();
     assert!(Detector::read(&path, options()).err().unwrap().to_string().contains("own.json"));
     for (bad, name) in [
-        (DetectOptions { min_height_px: 0.0, ..options() }, "--min-height"),
-        (DetectOptions { max_height_px: Some(10.0), ..options() }, "--max-height"),
-        (DetectOptions { scale_step: 1.0, ..options() }, "--scale-step"),
-        (DetectOptions { min_score: f64::NAN, ..options() }, "--min-score"),
-        (DetectOptions { max_overlap: 2.0, ..options() }, "--max-overlap"),
+        (DetectOptions { min_height_px: 0.0, ..options() }, "min_height_px"),
+        (DetectOptions { max_height_px: Some(10.0), ..options() }, "max_height_px"),
+        (DetectOptions { scale_step: 1.0, ..options() }, "scale_step"),
+        (DetectOptions { min_score: f64::NAN, ..options() }, "min_score"),
+        (DetectOptions { max_overlap: 2.0, ..options() }, "max_overlap"),
     ] {
         assert!(bad.check().unwrap_err().to_string().contains(name));
     }

@@ -126,7 +126,7 @@ pub fn train(
         step();
     }
     if report.people == 0 {
-        return Err(Error::option("--boxes", "labels no person in the pictures; nothing can be learnt"));
+        return Err(Error::option("labelled", "labels no person in the pictures; nothing can be learnt"));
     }
     let mut weights = svm::train(&samples, &prior, &options.svm);
     for _ in 0..options.rounds {

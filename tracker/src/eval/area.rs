@@ -37,7 +37,7 @@ impl JudgedArea {
                 return Err(Error::content(
                     &file.path,
                     place,
-                    "has no place on the floor; leave --area out, it is a part of one",
+                    "has no place on the floor, of which the judged area is a part; leave the area out",
                 ));
             }
         }

@@ -6,7 +6,7 @@
 //! tracked (more than 80 % of a life) and lost (less than 20 %): Y. Li, C. Huang, R. Nevatia, CVPR 2009.
 
 use super::scenario::{Scenario, Space};
-use super::{MetricFigure, FigureValue, TrackMetric, Unit, percent};
+use super::{FigureValue, MetricFigure, TrackMetric, Unit, percent};
 
 /// CLEAR MOT figures.
 #[derive(Debug, Clone, PartialEq)]
@@ -104,7 +104,11 @@ impl TrackMetric for Clear {
         let counted =
             |count: fn(&Continuity) -> usize| FigureValue::count(self.continuity.as_ref().map(count));
         figures.extend([
-            MetricFigure::new("ID switches", counted(|c| c.switches), "times a person's track becomes another one"),
+            MetricFigure::new(
+                "ID switches",
+                counted(|c| c.switches),
+                "times a person's track becomes another one",
+            ),
             MetricFigure::new(
                 "fragmentations",
                 counted(|c| c.fragmentations),

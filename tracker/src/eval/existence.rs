@@ -11,7 +11,7 @@
 use serde_json::{Value as Json, json};
 
 use super::scenario::Scenario;
-use super::{MetricFigure, FigureValue, TrackMetric, Unit, percent};
+use super::{FigureValue, MetricFigure, TrackMetric, Unit, percent};
 
 /// Number of bins, of equal width.
 const BINS: usize = 10;

@@ -81,13 +81,25 @@ impl TrackMetric for Hota {
     fn figures(&self) -> Vec<MetricFigure> {
         let of = |part: fn(&HotaScores) -> f64| percent(self.scores.as_ref().map(part));
         vec![
-            MetricFigure::new("HOTA", of(|s| s.hota), "detection and association together, over 19 strictnesses"),
+            MetricFigure::new(
+                "HOTA",
+                of(|s| s.hota),
+                "detection and association together, over 19 strictnesses",
+            ),
             MetricFigure::new("DetA", of(|s| s.det_a), "the detection half of HOTA"),
             MetricFigure::new("AssA", of(|s| s.ass_a), "the association half of HOTA"),
             MetricFigure::new("DetRe", of(|s| s.det_re), "share of the truth that is found"),
             MetricFigure::new("DetPr", of(|s| s.det_pr), "share of the tracks' rows that are somebody"),
-            MetricFigure::new("AssRe", of(|s| s.ass_re), "share of a person's life that the matched track covers"),
-            MetricFigure::new("AssPr", of(|s| s.ass_pr), "share of a track that stands for the matched person"),
+            MetricFigure::new(
+                "AssRe",
+                of(|s| s.ass_re),
+                "share of a person's life that the matched track covers",
+            ),
+            MetricFigure::new(
+                "AssPr",
+                of(|s| s.ass_pr),
+                "share of a track that stands for the matched person",
+            ),
             MetricFigure::new("LocA", of(|s| s.loc_a), "mean similarity of the matches"),
         ]
     }

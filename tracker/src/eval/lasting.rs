@@ -9,7 +9,7 @@ use super::assignment::best;
 use super::grid::PairTable;
 use super::instant::{Instant, SIMILARITY_TOLERANCE};
 use super::scenario::Scenario;
-use super::{MetricFigure, FigureValue, TrackMetric, percent};
+use super::{FigureValue, MetricFigure, TrackMetric, percent};
 
 /// Weight of a pair beside its similarity: more than any frame's similarities together.
 const PAIR: f64 = 1000.0;
@@ -62,7 +62,11 @@ impl TrackMetric for LastingPairs {
         let count = |value: usize| FigureValue::count(self.has_identities.then_some(value));
         vec![
             MetricFigure::new("MOTA", percent(self.mota()), "tracking accuracy, where pairs outlive losses"),
-            MetricFigure::new("ID switches", count(self.switches), "times a person's track becomes another one"),
+            MetricFigure::new(
+                "ID switches",
+                count(self.switches),
+                "times a person's track becomes another one",
+            ),
             MetricFigure::new(
                 "fragmentations",
                 count(self.fragmentations),

@@ -6,7 +6,7 @@
 //! covers more than 90 %: with two or three people who are nearly certain, nearly always.
 
 use super::scenario::Scenario;
-use super::{MetricFigure, FigureValue, TrackMetric, Unit, percent};
+use super::{FigureValue, MetricFigure, TrackMetric, Unit, percent};
 use crate::tracks::count;
 
 /// Probability of the judged set.

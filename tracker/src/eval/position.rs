@@ -4,7 +4,7 @@
 //! [`crate::method::mcmc`], report mean and maximum.
 
 use super::scenario::{Scenario, Space};
-use super::{MetricFigure, FigureValue, TrackMetric, Unit};
+use super::{FigureValue, MetricFigure, TrackMetric, Unit};
 
 /// Statistics of the distance over all CLEAR matches.
 #[derive(Debug, Clone, PartialEq)]

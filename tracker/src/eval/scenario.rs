@@ -66,7 +66,7 @@ impl Scenario {
         let largest = if space == Space::Image { 1.0 } else { f64::INFINITY };
         if !(gate > 0.0 && gate <= largest && gate.is_finite()) {
             return Err(Error::option(
-                "--gate",
+                "gate",
                 match space {
                     Space::Floor => format!("is {gate}; give metres above 0"),
                     Space::Image => format!("is {gate}; boxes are matched on overlap: above 0, up to 1"),
@@ -75,8 +75,8 @@ impl Scenario {
         }
         if space == Space::Image && to_truth.is_some() {
             return Err(Error::option(
-                "--truth-room",
-                "was given, but boxes in an image belong to no room: leave --truth-room and --room out",
+                "to_truth",
+                "boxes in an image belong to no room; leave the rooms out",
             ));
         }
         let counts = |row: &&Row| frames.contains(row.frame);

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use serde_json::{Map, Value as Json, json};
 
 use super::{
-    Clear, EvalOptions, Evaluation, Existence, MetricFigure, Hota, IdentityMetric, LastingPairs, TrackMetric,
-    PeopleCount, PositionError,
+    Clear, EvalOptions, Evaluation, Existence, Hota, IdentityMetric, LastingPairs, MetricFigure, PeopleCount,
+    PositionError, TrackMetric,
 };
 use crate::{Error, Result};
 

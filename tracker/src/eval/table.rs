@@ -2,7 +2,7 @@
 
 use serde_json::{Map, Value as Json, json};
 
-use super::{Evaluation, MetricFigure, FigureValue, TrackMetric, Unit};
+use super::{Evaluation, FigureValue, MetricFigure, TrackMetric, Unit};
 use crate::eval::scenario::Space;
 
 impl MetricFigure {

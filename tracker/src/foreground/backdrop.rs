@@ -44,11 +44,11 @@ impl Backdrop {
     pub fn learn(frames: &[impl Borrow<RgbImage>]) -> Result<Self> {
         let frames: Vec<&RgbImage> = frames.iter().map(Borrow::borrow).collect();
         let Some(first) = frames.first() else {
-            return Err(Error::option("--background", "there is no frame to learn the empty scene from"));
+            return Err(Error::option("background", "there is no frame to learn the empty scene from"));
         };
         let (width, height) = first.dimensions();
         if frames.len() > 255 || frames.iter().any(|f| f.dimensions() != (width, height)) {
-            return Err(Error::option("--background", "needs at most 255 frames, all of the same size"));
+            return Err(Error::option("background", "needs at most 255 frames, all of the same size"));
         }
         // The exposures are fitted to a few pixels, so the first median is taken over those alone.
         let samples: Vec<Vec<[u8; 3]>> = frames.par_iter().map(|frame| exposure::samples(frame)).collect();

@@ -406,7 +406,7 @@ fn check_size(empty: &RgbImage, (width, height): (u32, u32)) -> Result<()> {
         "the empty scene is {} × {} pixels, the camera's images are {width} × {height}",
         found.0, found.1
     );
-    Err(Error::option("--background", problem))
+    Err(Error::option("background", problem))
 }
 
 #[cfg(test)]

@@ -82,7 +82,7 @@ impl LiveGathering {
                 }
             };
             if !is_open {
-                return Err(Error::option("--video", "all stations have gone"));
+                return Err(Error::option("ports", "all stations have gone"));
             }
             match events.recv_timeout(wait.min(WAIT)) {
                 Ok((camera, event)) => take(cameras, camera, event),

@@ -110,20 +110,20 @@ impl Gathering {
         options: &GatheringOptions,
     ) -> Result<Self> {
         if ports.is_empty() {
-            return Err(Error::option("--video", "no camera has a source"));
+            return Err(Error::option("ports", "no camera has a source"));
         }
         if options.alignments.len() != ports.len() {
             let problem = format!("{} clocks for {} cameras", options.alignments.len(), ports.len());
-            return Err(Error::option("--offset", problem));
+            return Err(Error::option("alignments", problem));
         }
         if let Some(odd) =
             options.alignments.iter().find(|a| !(a.offset_s.is_finite() && a.drift.is_finite()))
         {
-            return Err(Error::option("--offset", format!("{} is no time; give seconds", odd.offset_s)));
+            return Err(Error::option("alignments", format!("{} is no time; give seconds", odd.offset_s)));
         }
         if !(options.latency_s >= 0.0 && options.latency_s.is_finite()) {
             let problem = format!("{} is no time; give seconds, 0 or more", options.latency_s);
-            return Err(Error::option("--latency", problem));
+            return Err(Error::option("latency_s", problem));
         }
         let is_live = ports.iter().any(|port| port.is_live);
         let cameras: Vec<GatheredCamera> = ports

@@ -192,7 +192,7 @@ fn start_s(
             "there is no moment at which all cameras film: `{name}` ends before another begins; leave one out, or mend its \
              offset"
         );
-        return Err(Error::option("--offset, --times", problem));
+        return Err(Error::option("alignments", problem));
     }
     Ok(CommonStart::At(start_s))
 }

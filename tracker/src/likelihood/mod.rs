@@ -22,6 +22,6 @@ mod simulation;
 mod summed_area;
 
 pub use layers::Layers;
-pub use rule::{Counts, PreparedLikelihood, LikelihoodRule};
+pub use rule::{Counts, LikelihoodRule, PreparedLikelihood};
 pub use simulation::{Simulation, pack};
 pub use summed_area::SummedArea;

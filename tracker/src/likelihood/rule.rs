@@ -66,11 +66,13 @@ impl LikelihoodRule {
     pub fn prepared(&self) -> PreparedLikelihood {
         match *self {
             Self::Overlap { exponent } => PreparedLikelihood::Overlap { exponent },
-            Self::Bernoulli { core, limbs, reach, outside, independent_pixels } => PreparedLikelihood::Bernoulli {
-                // A pixel of the core is in the others, too: each layer counts the difference to the one around it.
-                weights: [odds(core, limbs), odds(limbs, reach), odds(reach, outside)]
-                    .map(|o| o.map(|nats| nats * independent_pixels)),
-            },
+            Self::Bernoulli { core, limbs, reach, outside, independent_pixels } => {
+                PreparedLikelihood::Bernoulli {
+                    // A pixel of the core is in the others, too: each layer counts the difference to the one around it.
+                    weights: [odds(core, limbs), odds(limbs, reach), odds(reach, outside)]
+                        .map(|o| o.map(|nats| nats * independent_pixels)),
+                }
+            }
         }
     }
 
@@ -168,7 +170,13 @@ mod tests {
     fn explained_foreground_never_lowers_and_missed_foreground_never_raises_the_likelihood() {
         let rules = [
             LikelihoodRule::Overlap { exponent: 3.0 },
-            LikelihoodRule::Bernoulli { core: 0.8, limbs: 0.6, reach: 0.3, outside: 0.05, independent_pixels: 20.0 },
+            LikelihoodRule::Bernoulli {
+                core: 0.8,
+                limbs: 0.6,
+                reach: 0.3,
+                outside: 0.05,
+                independent_pixels: 20.0,
+            },
         ];
         for rule in rules {
             let shapes = rule.shapes().len();

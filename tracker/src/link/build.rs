@@ -36,7 +36,7 @@ pub fn build(
     max_gap: u32,
     affinity: &impl Affinity,
 ) -> Result<FlowGraph> {
-    let birth = fixed("--birth-cost", prices.birth)?;
+    let birth = fixed("birth_cost", prices.birth)?;
     let mut graph = FlowGraph::with_capacity(birth, birth, detections.all.len());
     let frames = detections.frames();
     let by_x: Vec<Vec<u32>> = frames.iter().map(|(_, range)| sorted_by_x(detections, range)).collect();
@@ -60,12 +60,12 @@ pub fn build(
                         break;
                     }
                     if let Some(cost) = affinity.link_cost(from, to, gap) {
-                        links.push((*other, fixed("--link-cost", cost)?));
+                        links.push((*other, fixed("link_cost", cost)?));
                     }
                 }
                 links[before..].sort_unstable_by_key(|(other, _)| *other);
             }
-            let cost = fixed("--detection-offset", prices.detection_offset - from.score)?;
+            let cost = fixed("detection_offset", prices.detection_offset - from.score)?;
             graph.push(cost, links.iter().copied());
         }
     }

@@ -27,7 +27,7 @@ pub fn link_tracklets(file: &RowFile, options: &LinkOptions) -> Result<Linked> {
         return Err(Error::content(
             &file.path,
             format!("line {}", row.line),
-            "has no id; tracklets need theirs, detections are linked without --tracklets",
+            "has no id, which tracklets need; link detections as such",
         ));
     }
     let started = Instant::now();

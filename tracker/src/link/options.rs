@@ -121,11 +121,11 @@ impl LinkOptions {
     /// Names the first invalid option.
     pub fn check(&self) -> Result<()> {
         let positive = [
-            ("--max-distance", self.max_distance),
-            ("--max-area-change", self.max_area_change_px2),
-            ("--max-colour-distance", self.max_colour_distance),
-            ("--direction-threshold", self.direction_threshold),
-            ("--smooth", self.smooth_frames),
+            ("max_distance", self.max_distance),
+            ("max_area_change_px2", self.max_area_change_px2),
+            ("max_colour_distance", self.max_colour_distance),
+            ("direction_threshold", self.direction_threshold),
+            ("smooth_frames", self.smooth_frames),
         ];
         for (name, value) in positive {
             if let Some(value) = value.filter(|v| !(*v >= 0.0 && v.is_finite())) {
@@ -133,10 +133,10 @@ impl LinkOptions {
             }
         }
         let finite = [
-            ("--link-cost", self.link_cost),
-            ("--birth-cost", self.birth_cost),
-            ("--detection-offset", self.detection_offset),
-            ("--min-score", self.min_score),
+            ("link_cost", self.link_cost),
+            ("birth_cost", self.birth_cost),
+            ("detection_offset", self.detection_offset),
+            ("min_score", self.min_score),
         ];
         for (name, value) in finite {
             if let Some(value) = value.filter(|v| !v.is_finite()) {
@@ -144,18 +144,18 @@ impl LinkOptions {
             }
         }
         if let Some(rate) = self.frames_per_s.filter(|rate| !(*rate > 0.0 && rate.is_finite())) {
-            return Err(Error::option("--rate", format!("is {rate}; give the frames per second")));
+            return Err(Error::option("frames_per_s", format!("is {rate}; give the frames per second")));
         }
         if self.window == Some(0) {
-            return Err(Error::option("--window", "is 0; give frames from 1"));
+            return Err(Error::option("window", "is 0; give frames from 1"));
         }
         if self.max_gap == Some(0) {
-            return Err(Error::option("--max-gap", "is 0; 1 links a frame with the next one only"));
+            return Err(Error::option("max_gap", "is 0; 1 links a frame with the next one only"));
         }
         if self.solver == SolverKind::Greedy && self.direction_threshold.is_some() {
             return Err(Error::option(
-                "--solver greedy",
-                "knows no --direction-threshold; leave one of them out",
+                "solver",
+                "the greedy solver has no direction threshold; leave one of them out",
             ));
         }
         Ok(())

@@ -34,7 +34,7 @@ pub fn graph(
     max_gap: u32,
     model: &MotionModel,
 ) -> Result<FlowGraph> {
-    let birth = fixed("birth cost", birth_cost)?;
+    let birth = fixed("birth_cost", birth_cost)?;
     let mut graph = FlowGraph::with_capacity(birth, birth, ends.len());
     let mut links: Vec<(u32, Cost)> = Vec::new();
     for (from, inner) in ends.iter().zip(inner_costs) {

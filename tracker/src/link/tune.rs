@@ -156,14 +156,11 @@ fn together(folds: impl Iterator<Item = Tried> + Clone) -> TuningScore {
 /// Contiguous ranges of equal length.
 fn fold_ranges(detections: &Detections, folds: usize) -> Result<Vec<FrameRange>> {
     let (Some(first), Some(last)) = (detections.all.first(), detections.all.last()) else {
-        return Err(Error::option("--folds", "there is no detection in the frames of the truth"));
+        return Err(Error::option("folds", "there is no detection in the frames of the truth"));
     };
     let frames = last.frame - first.frame + 1;
     if folds < 2 || folds as u64 > u64::from(frames) {
-        return Err(Error::option(
-            "--folds",
-            format!("is {folds}; give 2 to {frames}, the frames there are"),
-        ));
+        return Err(Error::option("folds", format!("is {folds}; give 2 to {frames}, the frames there are")));
     }
     let cut = |i: usize| first.frame + (u64::from(frames) * i as u64 / folds as u64) as u32;
     Ok((0..folds).map(|i| FrameRange { first: cut(i), last: cut(i + 1) - 1 }).collect())

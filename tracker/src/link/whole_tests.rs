@@ -274,23 +274,23 @@ fn classes_and_scores_are_filtered() {
 fn options_that_mean_nothing_are_refused_by_name() {
     let refused = |options: LinkOptions| link(&Detections::default(), &options).unwrap_err().to_string();
     let some = LinkOptions::default;
-    assert!(refused(LinkOptions { max_gap: Some(0), ..some() }).contains("--max-gap"));
-    assert!(refused(LinkOptions { max_distance: Some(-1.0), ..some() }).contains("--max-distance"));
+    assert!(refused(LinkOptions { max_gap: Some(0), ..some() }).contains("max_gap"));
+    assert!(refused(LinkOptions { max_distance: Some(-1.0), ..some() }).contains("max_distance"));
     assert!(
         refused(LinkOptions { max_colour_distance: Some(f64::NAN), ..some() })
-            .contains("--max-colour-distance")
+            .contains("max_colour_distance")
     );
-    assert!(refused(LinkOptions { window: Some(0), ..some() }).contains("--window"));
+    assert!(refused(LinkOptions { window: Some(0), ..some() }).contains("window"));
     for rate in [0.0, -5.0, f64::NAN, f64::INFINITY] {
-        assert!(refused(LinkOptions { frames_per_s: Some(rate), ..some() }).contains("--rate"));
+        assert!(refused(LinkOptions { frames_per_s: Some(rate), ..some() }).contains("frames_per_s"));
     }
-    assert!(refused(LinkOptions { link_cost: Some(f64::NAN), ..some() }).contains("--link-cost"));
+    assert!(refused(LinkOptions { link_cost: Some(f64::NAN), ..some() }).contains("link_cost"));
     let both = LinkOptions { solver: SolverKind::Greedy, direction_threshold: Some(1.0), ..some() };
     assert!(refused(both).contains("greedy"));
     let huge = LinkOptions { birth_cost: Some(1e12), ..some() };
-    assert!(refused(huge).contains("--birth-cost"));
+    assert!(refused(huge).contains("birth_cost"));
     let odd = Detections::from_rows(&rows("1,-1,0,0,10,20,1e300\n"), |row| some().wants(row)).unwrap();
-    assert!(link(&odd, &published()).unwrap_err().to_string().contains("--detection-offset"));
+    assert!(link(&odd, &published()).unwrap_err().to_string().contains("detection_offset"));
 }
 
 #[test]
@@ -328,7 +328,7 @@ fn cross_validation_finds_the_constraint_worth_having_and_tests_on_what_it_did_n
         with.table().contains("--direction-threshold") && !without.table().contains("--direction-threshold")
     );
     for folds in [0, 1, 351] {
-        assert!(validate(folds, false).unwrap_err().to_string().contains("--folds"), "{folds}");
+        assert!(validate(folds, false).unwrap_err().to_string().contains("folds"), "{folds}");
     }
 }
 

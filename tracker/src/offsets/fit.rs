@@ -119,7 +119,12 @@ pub(super) fn fit(pair: &PairCorrelation, interval_s: f64, options: &OffsetOptio
 }
 
 /// Finds the greatest correlation on a grid of offsets and drifts.
-fn search(windows: &[CorrelationWindow], largest_s: f64, interval_s: f64, options: &OffsetOptions) -> Option<Peak> {
+fn search(
+    windows: &[CorrelationWindow],
+    largest_s: f64,
+    interval_s: f64,
+    options: &OffsetOptions,
+) -> Option<Peak> {
     let half_s = SMOOTHING_S.max(SMOOTHING_INTERVALS * interval_s);
     let count = (2.0 * largest_s / STEP_S) as usize + 1;
     let offset_s = |i: usize| i as f64 * STEP_S - largest_s;

@@ -95,7 +95,7 @@ impl PreparedRoom {
         }
         if options.working_width_px < LEAST_WORKING_PX {
             return Err(Error::option(
-                "--mask-width",
+                "working_width_px",
                 format!("{} pixels show nobody; give {LEAST_WORKING_PX} or more", options.working_width_px),
             ));
         }

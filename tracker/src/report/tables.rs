@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::markup::escape;
-use crate::eval::{Evaluation, MetricFigure, FigureValue, Unit};
+use crate::eval::{Evaluation, FigureValue, MetricFigure, Unit};
 use crate::tracks::Timings;
 
 /// Table of all figures with their meaning.

@@ -82,7 +82,7 @@ fn may_be_live(spec: &str) -> bool {
 /// A name the room does not have (all of its names are listed), a name given twice, no source at all, a source that
 /// cannot be opened, or one whose images do not have the camera's size.
 pub fn open(room: &Room, videos: &[NamedSource], masks: &[NamedSource]) -> Result<Vec<CameraSource>> {
-    for (option, named) in [("--video", videos), ("--masks", masks)] {
+    for (option, named) in [("videos", videos), ("masks", masks)] {
         for (i, source) in named.iter().enumerate() {
             room.camera(&source.name)
                 .map_err(|e| Error::option(format!("{option} {}", written(source)), e.to_string()))?;
@@ -120,11 +120,8 @@ pub fn open(room: &Room, videos: &[NamedSource], masks: &[NamedSource]) -> Resul
     if sources.is_empty() {
         let names: Vec<&str> = room.cameras.iter().map(|c| c.name.as_str()).collect();
         return Err(Error::option(
-            "--video",
-            format!(
-                "no source is given; add --video NAME=PATH or --masks NAME=PATH for {}",
-                names.join(", ")
-            ),
+            "videos",
+            format!("no source is given; give a video or masks, as NAME=PATH, for {}", names.join(", ")),
         ));
     }
     Ok(sources)
@@ -260,6 +257,6 @@ mod tests {
         assert!(said(&[named("a", &images), named("a", &images)]).contains("already"));
         let size = said(&[named("a", &wide)]);
         assert!(size.contains("40 × 24") && size.contains("32 × 24"), "{size}");
-        assert!(said(&[]).contains("--video NAME=PATH"));
+        assert!(said(&[]).contains("NAME=PATH"));
     }
 }

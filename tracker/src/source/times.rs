@@ -33,7 +33,7 @@ impl Times {
         if rate > 0.0 && rate.is_finite() {
             Ok(Self::Rate(rate))
         } else {
-            Err(Error::option("--rate", format!("{rate} is no rate; give frames a second, above 0")))
+            Err(Error::option("rate", format!("{rate} is no rate; give frames a second, above 0")))
         }
     }
 

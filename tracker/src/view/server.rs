@@ -26,7 +26,6 @@ const FILES: [PageFile; 5] = [
 ];
 /// Default port, unless another program uses it.
 const PORT: u16 = 8081;
-const PORT_OPTION: &str = "--view-port";
 /// Longest wait for news before a request is answered all the same, so that the page knows that the run goes on.
 const PATIENCE: Duration = Duration::from_secs(10);
 /// Time after a request during which its viewer still counts.
@@ -47,12 +46,12 @@ pub struct Server {
 
 impl Server {
     /// Binds a loopback address: with this port (0: any free one), or with the default one or, where that is in use,
-    /// any other.
+    /// any other. `option` is the option of the port, which the error names.
     ///
     /// # Errors
     /// [`crate::Error::Listen`] for a port that is in use or reserved.
-    pub fn bind(port: Option<u16>) -> Result<Listener> {
-        let bind = |port| Listener::bind("127.0.0.1", port, PORT_OPTION);
+    pub fn bind(port: Option<u16>, option: &str) -> Result<Listener> {
+        let bind = |port| Listener::bind("127.0.0.1", port, option);
         Ok(match port {
             Some(port) => bind(port)?,
             None => bind(PORT).or_else(|_| bind(0))?,
@@ -64,7 +63,7 @@ impl Server {
     /// # Errors
     /// An error of the operating system that prevents the thread or its event loop.
     pub fn start(listener: Listener, screens: Screens) -> Result<Self> {
-        let refused = |e: std::io::Error| Error::option("--view", format!("{e}; run without it"));
+        let refused = |e: std::io::Error| Error::option("view", format!("{e}; run without it"));
         let address = listener.address();
         // One picture is encoded at a time, so that the other cores stay with the tracker.
         let runtime =

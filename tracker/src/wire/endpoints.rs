@@ -88,18 +88,17 @@ impl Endpoints {
     pub fn check(&self) -> Result<()> {
         if self.listen.is_empty() && self.connect.is_empty() && !self.discover {
             return Err(Error::option(
-                "--listen",
-                "there is no endpoint; give --listen or --connect host:port, or --discover",
+                "listen",
+                "there is no endpoint; give an address to listen at or to connect to, or discover the other side",
             ));
         }
         if self.via_router && (self.connect.is_empty() || !self.listen.is_empty() || self.discover) {
-            let problem =
-                "both sides only connect to a router; give --connect without --listen and --discover";
-            return Err(Error::option("--router", problem));
+            let problem = "both sides only connect to a router; do not listen or discover as well";
+            return Err(Error::option("via_router", problem));
         }
         if let Some(zero) = self.connect.iter().find(|endpoint| endpoint.port == 0) {
             return Err(Error::option(
-                "--connect",
+                "connect",
                 format!("{zero}: port 0 cannot be connected to; give its port"),
             ));
         }
@@ -107,19 +106,19 @@ impl Endpoints {
         let encrypted = all.clone().find(|endpoint| endpoint.is_tls);
         if let (Some(endpoint), None) = (encrypted, &self.tls) {
             let problem = format!(
-                "{endpoint} needs a certificate; give --tls-certificate, --tls-key and --tls-authority"
+                "{endpoint} needs a certificate; give its file, those of its key and of the authority"
             );
-            return Err(Error::option("--tls-certificate", problem));
+            return Err(Error::option("tls", problem));
         }
         if let (Some(open), false) = (all.find(|endpoint| !endpoint.is_tls), self.allow.is_empty()) {
             let problem =
                 format!("{open} has no certificates to tell names by; write tls/ before its address");
-            return Err(Error::option("--allow", problem));
+            return Err(Error::option("allow", problem));
         }
         if let Some(tls) = &self.tls {
-            check_pem("--tls-certificate", &tls.certificate, "CERTIFICATE")?;
-            check_pem("--tls-key", &tls.key, "PRIVATE KEY")?;
-            check_pem("--tls-authority", &tls.authority, "CERTIFICATE")?;
+            check_pem("tls.certificate", &tls.certificate, "CERTIFICATE")?;
+            check_pem("tls.key", &tls.key, "PRIVATE KEY")?;
+            check_pem("tls.authority", &tls.authority, "CERTIFICATE")?;
         }
         Ok(())
     }
@@ -207,16 +206,13 @@ mod tests {
         let missing = Tls { key: folder.path().join("none.pem"), ..tls.clone() };
         let swapped = Tls { authority: tls.key.clone(), ..tls };
         let cases = [
-            (Endpoints::default(), "--listen: there is no endpoint"),
-            (Endpoints { via_router: true, ..tcp.clone() }, "--router: both sides only connect"),
-            (Endpoints { connect: vec![endpoint("host:0")], ..tcp.clone() }, "--connect: tcp/host:0: port 0"),
-            (
-                Endpoints { tls: None, ..encrypted.clone() },
-                "--tls-certificate: tls/host:1 needs a certificate",
-            ),
-            (Endpoints { allow: vec!["cam0".into()], ..tcp }, "--allow: tcp/host:1 has no certificates"),
-            (Endpoints { tls: Some(missing), ..encrypted.clone() }, "--tls-key: "),
-            (Endpoints { tls: Some(swapped), ..encrypted }, "--tls-authority: "),
+            (Endpoints::default(), "listen: there is no endpoint"),
+            (Endpoints { via_router: true, ..tcp.clone() }, "via_router: both sides only connect"),
+            (Endpoints { connect: vec![endpoint("host:0")], ..tcp.clone() }, "connect: tcp/host:0: port 0"),
+            (Endpoints { tls: None, ..encrypted.clone() }, "tls: tls/host:1 needs a certificate"),
+            (Endpoints { allow: vec!["cam0".into()], ..tcp }, "allow: tcp/host:1 has no certificates"),
+            (Endpoints { tls: Some(missing), ..encrypted.clone() }, "tls.key: "),
+            (Endpoints { tls: Some(swapped), ..encrypted }, "tls.authority: "),
         ];
         for (endpoints, expected) in cases {
             let line = endpoints.check().unwrap_err().to_string();

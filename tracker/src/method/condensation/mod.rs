@@ -94,7 +94,7 @@ impl Condensation {
         options.validate()?;
         if !(2..=MOST_CAMERAS).contains(&room.cameras.len()) {
             return Err(Error::option(
-                "--method condensation",
+                "condensation",
                 format!(
                     "needs 2 to {MOST_CAMERAS} cameras, a head's place is where their rays meet; there {} {}",
                     if room.cameras.len() == 1 { "is" } else { "are" },

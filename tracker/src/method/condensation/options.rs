@@ -255,7 +255,7 @@ impl CondensationOptions {
             return Err(Error::option("life", "needs lowest_m <= lowest_born_m < highest_m"));
         }
         for (name, count) in
-            [("hypotheses", self.hypotheses), ("layers", self.layers), ("--most-people", life.max_people)]
+            [("hypotheses", self.hypotheses), ("layers", self.layers), ("life.max_people", life.max_people)]
         {
             if count == 0 {
                 return Err(Error::option(name, "has to be at least 1"));

@@ -135,7 +135,7 @@ impl Driver {
                 return Ok(());
             }
             if is_interrupted.load(Ordering::Relaxed) {
-                return Err(Error::option("--stations", "interrupted while waiting for stations"));
+                return Err(Error::option("expected", "interrupted while waiting for stations"));
             }
             if begun.elapsed() >= bound {
                 let problem = format!(
@@ -144,7 +144,7 @@ impl Driver {
                     listed(&missing),
                     bound.as_secs_f64()
                 );
-                return Err(Error::option("--stations", problem));
+                return Err(Error::option("expected", problem));
             }
             if begun.elapsed() >= QUIET && !is_logged {
                 tracing::info!("waits for the stations of {}", listed(&missing));

@@ -208,7 +208,7 @@ fn access(names: &[String]) -> Value {
 fn check_free(endpoint: &Endpoint) -> Result<()> {
     let address = format!("{}:{}", endpoint.host, endpoint.port);
     std::net::TcpListener::bind(&address).map(drop).map_err(|e| {
-        Error::option("--listen", format!("{endpoint}: {e}; give an address of this machine and a free port"))
+        Error::option("listen", format!("{endpoint}: {e}; give an address of this machine and a free port"))
     })
 }
 

@@ -46,9 +46,11 @@ fn proposals_are_given_up_early_only_where_they_would_be_refused() {
     let stage = empty_room();
     let seen = masks(&stage, &[standing(3.0, 1.6), standing(3.4, 2.0), standing(1.8, 3.5)]);
     let mut rng = Pcg64Mcg::seed_from_u64(5);
-    for likelihood in
-        [McmcOptions::default().likelihood, LikelihoodRule::Overlap { exponent: 1.0 }, LikelihoodRule::Overlap { exponent: 40.0 }]
-    {
+    for likelihood in [
+        McmcOptions::default().likelihood,
+        LikelihoodRule::Overlap { exponent: 1.0 },
+        LikelihoodRule::Overlap { exponent: 40.0 },
+    ] {
         let options = McmcOptions { likelihood, ..McmcOptions::default() };
         let views: Vec<View> = stage.cameras.iter().map(View::new).collect();
         let packed: Vec<_> =

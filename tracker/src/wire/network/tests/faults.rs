@@ -126,7 +126,7 @@ fn stations_of_another_room_and_missing_ones_are_told_in_one_line() {
         "{line}"
     );
     let line = gatherer.join().unwrap().err().unwrap().to_string();
-    assert!(line.starts_with("--stations: no station of `cam0` within 2 s"), "{line}");
+    assert!(line.starts_with("expected: no station of `cam0` within 2 s"), "{line}");
     let interrupted = AtomicBool::new(true);
     let line = own.wait_for_start(None, &interrupted).unwrap_err().to_string();
     assert_eq!(line, "station `cam1`: interrupted while it waited for the gatherer");
@@ -201,7 +201,7 @@ fn an_address_that_is_taken_is_told_in_one_line() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();
     let line = gather(&["cam0"], listening(&address), BOUND).join().unwrap().err().unwrap().to_string();
-    assert!(line.starts_with(&format!("--listen: tcp/{address}: ")) && !line.contains('\n'), "{line}");
+    assert!(line.starts_with(&format!("listen: tcp/{address}: ")) && !line.contains('\n'), "{line}");
 }
 
 #[test]

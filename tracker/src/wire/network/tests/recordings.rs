@@ -167,10 +167,10 @@ fn a_recording_whose_station_goes_fails_and_a_failure_is_told() {
         (0, Event::Failed(error)) => assert!(error.to_string().contains("gone before its recording's end")),
         got => panic!("{got:?}"),
     }
-    second.send(Event::Failed(crate::Error::option("--video", "b.mp4: no such file"))).unwrap();
+    second.send(Event::Failed(crate::Error::option("videos", "b.mp4: no such file"))).unwrap();
     match gatherer.next() {
         (1, Event::Failed(error)) => {
-            assert_eq!(error.to_string(), "station `cam1`: --video: b.mp4: no such file");
+            assert_eq!(error.to_string(), "station `cam1`: videos: b.mp4: no such file");
         }
         got => panic!("{got:?}"),
     }
