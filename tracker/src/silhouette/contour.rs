@@ -104,11 +104,18 @@ mod tests {
             let camera = looking([0.0, 0.3, 2.2], [4.0, 0.0, 0.8], [0.0; 5]);
             let body = Body { x_m: x, y_m: y, radius_m: r, height_m: h };
             let exact = dual_conic_box(&body, &camera);
-            if let Some(found) = bounding_box(&body, &camera) {
-                let allowed = exact.height * 1e-3;
-                prop_assert!((found.left - exact.left).abs() < allowed && (found.top - exact.top).abs() < allowed);
-                prop_assert!((found.width - exact.width).abs() < allowed && (found.height - exact.height).abs() < allowed);
-            }
+            let allowed = exact.height * 1e-3;
+            let Some(found) = bounding_box(&body, &camera) else {
+                // Outside the image, or at its border as far as the polygon is inexact.
+                let is_beyond = |start: f64, length: f64, size: f64| {
+                    start > size - 0.5 - allowed || start + length < allowed - 0.5
+                };
+                let (beside, above) = (is_beyond(exact.left, exact.width, 640.0), is_beyond(exact.top, exact.height, 480.0));
+                prop_assert!(beside || above, "{exact:?} has no box");
+                return Ok(());
+            };
+            prop_assert!((found.left - exact.left).abs() < allowed && (found.top - exact.top).abs() < allowed);
+            prop_assert!((found.width - exact.width).abs() < allowed && (found.height - exact.height).abs() < allowed);
         }
     }
 

@@ -271,6 +271,12 @@ fn a_map_peaks_at_the_head() {
         let (peak, _) = map.peak().unwrap();
         assert!((peak - head.xy()).coords.norm() < 0.08, "{}: {peak}", map.integration);
         let picture = map.picture(&prepared);
-        assert_eq!(picture.width() as usize % map.columns, 0);
+        let cell_px = f64::from(picture.width()) / map.columns as f64;
+        let at = (peak - map.low) / map.cell_m * cell_px;
+        let brightest = picture.get_pixel(at.x as u32, (f64::from(picture.height()) - at.y) as u32);
+        assert_eq!(*brightest, Rgb([255; 3]), "{}", map.integration);
+        let mean =
+            picture.as_raw().iter().map(|v| f64::from(*v)).sum::<f64>() / picture.as_raw().len() as f64;
+        assert!(mean < 128.0, "{}: {mean}", map.integration);
     }
 }
