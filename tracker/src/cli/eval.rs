@@ -78,11 +78,11 @@ pub(super) fn eval(args: &EvalArgs) -> anyhow::Result<String> {
     let (mut truth, mut tracks) = (RowFile::read(&args.truth)?, RowFile::read(&args.tracks)?);
     if let Some(area) = &args.area {
         let to_truth = alignment.as_ref().map(|a| &a.truth_from_room);
-        let nobody = truth.rows.is_empty();
+        let is_empty = truth.rows.is_empty();
         (truth, tracks) = area.of(truth, tracks, options.gate, to_truth)?;
-        if truth.rows.is_empty() && !nobody {
+        if truth.rows.is_empty() && !is_empty {
             tracing::warn!(
-                "{}: nobody is ever in --area; is it in metres of the truth's frame?",
+                "{}: no row of the truth is in --area; is it in metres of the truth's frame?",
                 args.truth.display()
             );
         }

@@ -114,7 +114,7 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
     drop(progress);
     if let Some(garbage) = downlink.as_ref().map(Downlink::garbage).filter(|count| *count > 0) {
         tracing::warn!(
-            "--stations: {garbage} messages were refused: malformed, out of order, or of nobody known"
+            "--stations: {garbage} messages were refused: malformed, out of order, or from unknown senders"
         );
     }
     drop(downlink);

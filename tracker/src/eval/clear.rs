@@ -98,7 +98,7 @@ impl TrackMetric for Clear {
             MetricFigure::new(
                 "precision",
                 percent(self.precision()),
-                "share of the tracks' rows that are somebody",
+                "share of the tracks' rows that match a person",
             ),
         ];
         let counted =
@@ -137,7 +137,7 @@ impl TrackMetric for Clear {
             MetricFigure::new(
                 "false positives",
                 FigureValue::count(Some(self.false_positives)),
-                "rows that are nobody",
+                "rows that match no person",
             ),
             MetricFigure::new("misses", FigureValue::count(Some(self.misses)), "truth rows without a track"),
         ]);

@@ -72,7 +72,7 @@ impl TrackMetric for Existence {
             MetricFigure::new(
                 "existence error",
                 percent(self.error()),
-                "calibration: how far the tracks' confidences are from the share that is somebody",
+                "calibration: how far the tracks' confidences are from the share that match a person",
             ),
             MetricFigure::new(
                 "Brier",

@@ -89,7 +89,7 @@ impl TrackMetric for Hota {
             MetricFigure::new("DetA", of(|s| s.det_a), "the detection half of HOTA"),
             MetricFigure::new("AssA", of(|s| s.ass_a), "the association half of HOTA"),
             MetricFigure::new("DetRe", of(|s| s.det_re), "share of the truth that is found"),
-            MetricFigure::new("DetPr", of(|s| s.det_pr), "share of the tracks' rows that are somebody"),
+            MetricFigure::new("DetPr", of(|s| s.det_pr), "share of the tracks' rows that match a person"),
             MetricFigure::new(
                 "AssRe",
                 of(|s| s.ass_re),

@@ -72,7 +72,7 @@ impl TrackMetric for LastingPairs {
                 count(self.fragmentations),
                 "times a person is lost between matches",
             ),
-            MetricFigure::new("false positives", count(self.false_positives), "rows that are nobody"),
+            MetricFigure::new("false positives", count(self.false_positives), "rows that match no person"),
             MetricFigure::new("misses", count(self.misses), "truth rows without a track"),
         ]
     }

@@ -31,10 +31,10 @@ impl TrackMetric for PeopleCount {
         let has_probabilities = scenario.has_probabilities();
         let (mut covered, mut log_score) = (0, 0.0);
         for instant in scenario.instants.iter().filter(|_| has_probabilities) {
-            let told = count::distribution(instant.confidence.iter().copied());
+            let distribution = count::distribution(instant.confidence.iter().copied());
             let people = instant.truth.len();
-            covered += usize::from(count::is_likely(&told, people, SHARE));
-            log_score += told.get(people).map_or(LEAST, |p| p.max(LEAST)).ln();
+            covered += usize::from(count::is_likely(&distribution, people, SHARE));
+            log_score += distribution.get(people).map_or(LEAST, |p| p.max(LEAST)).ln();
         }
         Self { frames: scenario.instants.len(), covered, log_score, has_probabilities }
     }

@@ -70,7 +70,7 @@ fn lives(evaluation: &Evaluation) -> RgbImage {
     let bottom = LIFE_TOP_PX + LIFE_HEIGHT_PX * people as f64;
     let mut canvas = Canvas::new(LIFE_WIDTH_PX as u32, (bottom + LIFE_FOOT_PX) as u32, Color::PAPER);
     let text = TextStyle::new(14.0).color(Color::INK);
-    let title = "who stands for whom: a strip a person, a colour a track, grey where nobody stands for them";
+    let title = "matched tracks: one strip per person, one colour per track, grey while no track matches";
     canvas.text(Point2::new(12.0, 12.0), title, &text.bold().anchor(0.0, 0.0));
     let frame = |instant: Option<&Instant>| instant.map_or(1.0, |i| f64::from(i.frame));
     let (first, last) = (frame(scenario.instants.first()), frame(scenario.instants.last()));

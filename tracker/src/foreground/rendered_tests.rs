@@ -148,10 +148,10 @@ fn every_background_shows_who_walks() {
 fn shadows_are_nobody() {
     let recording = MaskedRecording::of_walkers(7, RenderOptions::default());
     let judged = |options| recording.judged(recording.empty(), options, 0.0..60.0).0;
-    let told = judged(ForegroundOptions::default());
+    let scores = judged(ForegroundOptions::default());
     let kept = judged(ForegroundOptions { shadows: None, ..ForegroundOptions::default() });
-    assert!(told.precision() > 0.85 && told.recall() > 0.97 && told.iou() > 0.84, "{told:?}");
-    assert!(told.precision() > kept.precision() + 0.25, "{kept:?}");
+    assert!(scores.precision() > 0.85 && scores.recall() > 0.97 && scores.iou() > 0.84, "{scores:?}");
+    assert!(scores.precision() > kept.precision() + 0.25, "{kept:?}");
 }
 
 #[test]

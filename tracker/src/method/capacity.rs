@@ -23,7 +23,7 @@ impl Capacity {
         if !self.has_room(people) && !self.is_logged {
             self.is_logged = true;
             tracing::warn!(
-                "{people} people are followed, and no more are found until somebody leaves; --most-people N takes more"
+                "{people} people are tracked, the limit: new people are ignored until one leaves; --most-people N raises it"
             );
         }
     }

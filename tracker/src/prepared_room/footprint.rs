@@ -23,9 +23,9 @@ pub(super) fn of(camera: &Camera) -> Vec<Point2<f64>> {
     (0..(PROBES + 1).pow(2))
         .filter_map(|i| {
             let pixel = Point2::new(at(i % (PROBES + 1), k.width), at(i / (PROBES + 1), k.height));
-            let sight = camera.back_project(&pixel, 1.0)? - eye;
-            let to_floor = if sight.z < 0.0 { -eye.z / sight.z } else { f64::INFINITY };
-            Some((eye + sight * to_floor.clamp(0.0, farthest_m)).xy())
+            let ray = camera.back_project(&pixel, 1.0)? - eye;
+            let to_floor = if ray.z < 0.0 { -eye.z / ray.z } else { f64::INFINITY };
+            Some((eye + ray * to_floor.clamp(0.0, farthest_m)).xy())
         })
         .collect()
 }

@@ -96,7 +96,10 @@ impl PreparedRoom {
         if options.working_width_px < LEAST_WORKING_PX {
             return Err(Error::option(
                 "working_width_px",
-                format!("{} pixels show nobody; give {LEAST_WORKING_PX} or more", options.working_width_px),
+                format!(
+                    "{} pixels are too few to detect a person; give {LEAST_WORKING_PX} or more",
+                    options.working_width_px
+                ),
             ));
         }
         let mut cameras = Vec::new();

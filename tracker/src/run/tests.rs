@@ -311,8 +311,8 @@ fn people_are_told_later_beside_the_pictures_of_their_moment() {
     }
     // Moments before an unreadable picture are emitted, too.
     std::fs::write(folder.path().join("b/007.png"), "torn").unwrap();
-    let (told, report) = noted(0.25, 2, 10.0);
-    assert_eq!(told.iter().map(|(frame, ..)| *frame).collect::<Vec<_>>(), (1..=7).collect::<Vec<_>>());
+    let (emitted, report) = noted(0.25, 2, 10.0);
+    assert_eq!(emitted.iter().map(|(frame, ..)| *frame).collect::<Vec<_>>(), (1..=7).collect::<Vec<_>>());
     assert_eq!(report.frames, 7);
     assert!(report.unless_failed().unwrap_err().to_string().contains("007.png"));
 }
@@ -438,7 +438,7 @@ fn outputs_are_finished_however_a_run_ends() {
         let (report, finished) = run_until(u32::MAX, threads);
         let (frames, timed, said) = report.unwrap();
         assert_eq!((frames, timed, finished), (5, 5, Some(5)));
-        assert!(said.contains("005.png"), "what went wrong first is told: {said}");
+        assert!(said.contains("005.png"), "what went wrong first is reported: {said}");
     }
     let first = folder.path().join("a/000.png");
     let whole = std::fs::read(&first).unwrap();

@@ -93,9 +93,9 @@ mod tests {
                     height_m: rng.random_range(1.2..2.0),
                 })
                 .collect();
-            let told = visible_fractions(&[View::new(&camera)], &bodies);
+            let fractions = visible_fractions(&[View::new(&camera)], &bodies);
             let near = |i: usize, u: u32, v: u32| near_z_m(&camera, &bodies[i].ellipsoid(), u, v);
-            for (i, told) in told.iter().enumerate() {
+            for (i, fractions) in fractions.iter().enumerate() {
                 let (mut area, mut seen) = (0, 0);
                 for (u, v) in (0..70).flat_map(|v| (0..90).map(move |u| (u, v))) {
                     let Some(own) = near(i, u, v) else { continue };
@@ -107,7 +107,11 @@ mod tests {
                     seen += u32::from(!is_room && !is_other);
                 }
                 let expected = if area == 0 { 0.0 } else { f64::from(seen) / f64::from(area) };
-                assert!((told[0] - expected).abs() < 1e-12, "{} told, {expected} by rays", told[0]);
+                assert!(
+                    (fractions[0] - expected).abs() < 1e-12,
+                    "{} visible, {expected} by rays",
+                    fractions[0]
+                );
             }
         }
         assert!(behind_room > 1000 && behind_others > 1000, "{behind_room}, {behind_others}");

@@ -145,7 +145,10 @@ fn parse_row(line: usize, content: &str) -> std::result::Result<Row, String> {
         return Err(format!("frame is {}; frames are whole numbers from 1", values[0]));
     }
     if !(whole(values[1]) && values[1] >= -1.0) {
-        return Err(format!("id is {}; ids are whole numbers from 0, or −1 for nobody known", values[1]));
+        return Err(format!(
+            "id is {}; ids are whole numbers from 0, or −1 if the person is unknown",
+            values[1]
+        ));
     }
     let column = |index: usize| values.get(index).copied();
     let pixel_box = (values[4] > 0.0 && values[5] > 0.0).then(|| PixelBox {

@@ -82,16 +82,16 @@ fn a_watcher_sees_the_newest_in_order_and_the_end() {
     loop {
         let now = moment(address, Some(number));
         number = now["number"].as_u64().unwrap();
-        let told = now["moment"]["frame"].as_u64().unwrap() as u32;
-        assert_eq!(now["moment"]["time_s"], f64::from(told) / 25.0);
+        let frame = now["moment"]["frame"].as_u64().unwrap() as u32;
+        assert_eq!(now["moment"]["time_s"], f64::from(frame) / 25.0);
         // Never an older one than announced.
-        assert!([0, 1].iter().all(|camera| level(&picture(address, *camera)) + 1 >= told));
+        assert!([0, 1].iter().all(|camera| level(&picture(address, *camera)) + 1 >= frame));
         if now["has_ended"].as_bool().unwrap() {
-            assert_eq!(told, 200);
+            assert_eq!(frame, 200);
             break;
         }
-        assert_ne!(frames.last(), Some(&told), "no news");
-        frames.push(told);
+        assert_ne!(frames.last(), Some(&frame), "no news");
+        frames.push(frame);
     }
     assert!(frames.len() > 3 && frames.is_sorted_by(|a, b| a < b), "{frames:?}");
     // Viewers who know the end may still request the last pictures.

@@ -255,8 +255,8 @@ fn a_gate_that_one_camera_sees_is_told() {
     // A wall before everything that the second camera sees.
     prepared.cameras[1].static_z_m.fill(0.5);
     let (_, unseen) = Initiator::new(&prepared, &CondensationOptions::default());
-    let told = unseen.to_string();
-    assert!(unseen.is_all && told.contains("`west`: c0 alone") && told.contains("mcmc"), "{told}");
+    let warning = unseen.to_string();
+    assert!(unseen.is_all && warning.contains("`west`: c0 alone") && warning.contains("mcmc"), "{warning}");
 }
 
 #[test]

@@ -99,7 +99,9 @@ impl Downlink {
                 name,
                 is_live: hello.is_none_or(|hello| hello.is_live),
                 rate_hz: hello.and_then(|hello| hello.rate_hz),
-                feedback: Box::new(move |told| drop(feedback.send(DownlinkInput::Feedback(camera, told)))),
+                feedback: Box::new(move |message| {
+                    drop(feedback.send(DownlinkInput::Feedback(camera, message)))
+                }),
             }
         });
         let ports = ports.collect();

@@ -91,7 +91,7 @@ fn every_refusal_is_counted_and_told_once() {
         ("cam0", &good, Refusal::Rival, Some("`cam0` is there twice")),
         ("cam1", &stale, Refusal::Clock, Some("`cam1` sends frames that were taken 100.0 s before")),
     ];
-    for (camera, bytes, refusal, told) in cases {
+    for (camera, bytes, refusal, logged) in cases {
         let before = bench.refused(refusal);
         for _ in 0..3 {
             bench.bytes(camera, bytes);
@@ -99,13 +99,13 @@ fn every_refusal_is_counted_and_told_once() {
         let lines = bench.lines();
         if refusal == Refusal::Clock {
             // The second time it is a replayed one.
-            assert!(lines[0].contains(told.unwrap_or_default()), "{lines:?}");
+            assert!(lines[0].contains(logged.unwrap_or_default()), "{lines:?}");
             assert_eq!((bench.refused(refusal), bench.refused(Refusal::Replayed), lines.len()), (1, 2, 2));
             continue;
         }
         assert_eq!(bench.refused(refusal) - before, 3, "{refusal:?}");
-        match told {
-            Some(told) => assert_line(&lines, &format!("station {told}")),
+        match logged {
+            Some(logged) => assert_line(&lines, &format!("station {logged}")),
             None => assert!(lines.is_empty(), "{lines:?}"),
         }
     }

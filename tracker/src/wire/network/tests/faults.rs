@@ -71,7 +71,7 @@ fn live_stations_come_late_go_and_come_back() {
     until(&gatherer, 0, Verdict::Lost, &mut latest);
     let lost_at = latest[0];
     until(&gatherer, 1, Verdict::Usable, &mut latest);
-    assert_eq!(latest[0], lost_at, "a loss is told once");
+    assert_eq!(latest[0], lost_at, "a loss is reported once");
     let restarted = Instant::now();
     let back = observe_live("cam0", &address, third);
     until(&gatherer, 0, Verdict::Usable, &mut latest);
