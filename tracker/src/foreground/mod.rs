@@ -280,7 +280,7 @@ impl Foreground {
     fn judge(&mut self, frame: &RgbImage, mask: &mut GrayImage) -> Result<f64> {
         match &mut self.model {
             BackgroundModel::Pixels(model) => {
-                model.score(frame, &self.exposure, &mut self.expected, &mut self.score)
+                model.score(frame, &self.exposure, &mut self.expected, &mut self.score);
             }
             BackgroundModel::Adaptive(model) => {
                 model.score(frame, &self.exposure, &mut self.score)?;
