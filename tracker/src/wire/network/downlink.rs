@@ -100,7 +100,7 @@ impl Downlink {
                 is_live: hello.is_none_or(|hello| hello.is_live),
                 rate_hz: hello.and_then(|hello| hello.rate_hz),
                 feedback: Box::new(move |message| {
-                    drop(feedback.send(DownlinkInput::Feedback(camera, message)))
+                    drop(feedback.send(DownlinkInput::Feedback(camera, message)));
                 }),
             }
         });
