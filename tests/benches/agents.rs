@@ -73,7 +73,7 @@ fn link(sender: &mut Mesh, hearers: &[Mesh], sequence: &mut u32) -> Said<()> {
         *sequence += 1;
         sender.publish(&packet(*sequence)).map_err(|e| e.to_string())?;
         for (linked, hearer) in linked.iter_mut().zip(hearers) {
-            *linked |= !hearer.wait_heard(Duration::from_millis(20)).is_empty();
+            *linked |= !hearer.wait_received(Duration::from_millis(20)).is_empty();
         }
         if begun.elapsed() > BOUND {
             return Err("the stations are not linked".into());
@@ -110,7 +110,7 @@ fn hear(address: &str) -> Said<()> {
     let mesh = mesh(1, &endpoints(None, Some(address))?)?;
     let mut last = Instant::now();
     while last.elapsed() < Duration::from_secs(3) {
-        for packet in mesh.wait_heard(Duration::from_millis(100)) {
+        for packet in mesh.wait_received(Duration::from_millis(100)) {
             println!("{}", utc_s(SystemTime::now()) - packet.time_s);
             last = Instant::now();
         }

@@ -282,7 +282,7 @@ fn time() -> Said<()> {
 }
 
 fn spent_ms(tracker: &Condensation) -> [f64; 5] {
-    let spent = tracker.spent();
+    let spent = tracker.step_times();
     [&spent.hypotheses, &spent.weights, &spent.integration, &spent.edges, &spent.gates]
         .map(|w| 1e3 * w.total_s())
 }

@@ -21,7 +21,7 @@ use tracker::method::agents::published::PublishedOptions;
 use tracker::method::agents::{Agents, AgentsOptions, RuleOptions};
 use tracker::method::mcmc::McmcOptions;
 use tracker::observation::{Colours, Mask};
-use tracker::stage::{Stage, StageOptions};
+use tracker::prepared_room::{PreparationOptions, PreparedRoom};
 use tracker::{CameraFrame, Moment, PersonEstimate, TrackId};
 
 const RATE_HZ: f64 = 12.0;
@@ -158,11 +158,11 @@ impl Crossing {
         let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
         made.room.write(folder.path()).map_err(|e| e.to_string())?;
         let room = Room::read(folder.path()).map_err(|e| e.to_string())?;
-        let stage =
-            Stage::prepare(&room, folder.path(), &StageOptions::default()).map_err(|e| e.to_string())?;
+        let prepared = PreparedRoom::prepare(&room, folder.path(), &PreparationOptions::default())
+            .map_err(|e| e.to_string())?;
         let agents = |rule: &RuleOptions| {
             let sampler = McmcOptions { seed: self.seed, ..McmcOptions::default() };
-            Agents::new(stage.clone(), &AgentsOptions { sampler, rule: rule.clone() })
+            Agents::new(prepared.clone(), &AgentsOptions { sampler, rule: rule.clone() })
                 .map_err(|e| e.to_string())
         };
         let mut systems = [agents(&rules[0])?, agents(&rules[1])?];

@@ -21,8 +21,8 @@ use tracker::likelihood::{Layers, Simulation, oracle, pack};
 use tracker::method::Method;
 use tracker::method::mcmc::{Mcmc, McmcOptions};
 use tracker::observation::Mask;
+use tracker::prepared_room::{PreparationOptions, PreparedCamera, PreparedRoom};
 use tracker::silhouette::{Body, Shape, Silhouette, View};
-use tracker::stage::{Stage, StageCamera, StageOptions};
 use tracker::{CameraFrame, Moment};
 
 fn row(what: &str, value: f64, unit: &str, bound: &str) {
@@ -58,7 +58,8 @@ fn on_the_office() -> Said<()> {
     }
     run(&mut command)?;
     let room = Room::read(&home.join("room")).map_err(told)?;
-    let stage = Stage::prepare(&room, &home.join("room"), &StageOptions::default()).map_err(told)?;
+    let stage =
+        PreparedRoom::prepare(&room, &home.join("room"), &PreparationOptions::default()).map_err(told)?;
     let mut sources = Vec::new();
     let mut mog2 = Vec::new();
     for name in names {
@@ -125,7 +126,8 @@ fn hall() -> Room {
 fn step_us(people: usize) -> Said<f64> {
     const STEPS: u32 = 4000;
     let room = hall();
-    let stage = Stage::prepare(&room, std::path::Path::new("."), &StageOptions::default()).map_err(told)?;
+    let stage = PreparedRoom::prepare(&room, std::path::Path::new("."), &PreparationOptions::default())
+        .map_err(told)?;
     let views: Vec<View> = stage.cameras.iter().map(View::new).collect();
     let options = McmcOptions {
         burn_in_steps: STEPS / 2,
@@ -189,8 +191,8 @@ fn from_three_to_thirty() -> Said<()> {
 fn beside_the_oracle() -> Said<()> {
     let home = office().join("room");
     let room = Room::read(&home).map_err(told)?;
-    let stage = Stage::prepare(&room, &home, &StageOptions::default()).map_err(told)?;
-    let camera: &StageCamera = &stage.cameras[0];
+    let stage = PreparedRoom::prepare(&room, &home, &PreparationOptions::default()).map_err(told)?;
+    let camera: &PreparedCamera = &stage.cameras[0];
     let view = View::new(camera);
     let layers = Layers::new(vec![view.clone()], &[Shape::BODY]);
     let body = |x_m: f64, y_m: f64| Body { x_m, y_m, radius_m: 0.25, height_m: 1.7 };

@@ -15,11 +15,11 @@ use shell::canvas::Color;
 use synthetic::{RoomOptions, SequenceOptions, SyntheticRoom, Walker};
 use tests::chain::Said;
 use tests::data::folder_to_write;
-use tracker::likelihood::Rule;
+use tracker::likelihood::LikelihoodRule;
 use tracker::method::Method;
 use tracker::method::mcmc::{Mcmc, McmcOptions};
 use tracker::observation::{Colours, Mask};
-use tracker::stage::{Stage, StageOptions};
+use tracker::prepared_room::{PreparationOptions, PreparedRoom};
 use tracker::{CameraFrame, Moment};
 
 const PAIRS: u64 = 10;
@@ -57,7 +57,8 @@ impl Outcome {
 fn main() -> Said<()> {
     let figures = folder_to_write(std::env::args().nth(1))?;
     std::fs::create_dir_all(&figures).map_err(|e| format!("{figures}: {e}"))?;
-    let published = McmcOptions { likelihood: Rule::Overlap { exponent: 100.0 }, ..McmcOptions::published() };
+    let published =
+        McmcOptions { likelihood: LikelihoodRule::Overlap { exponent: 100.0 }, ..McmcOptions::published() };
     println!(
         "{:<22} {:>9} {:>9} {:>9} {:>14} {:>7}",
         "", "names", "mean cm", "max. cm", "hidden mean cm", "missed"
@@ -128,9 +129,10 @@ fn cross(pair: u64, options: &McmcOptions) -> Said<Outcome> {
     let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
     made.room.write(folder.path()).map_err(|e| e.to_string())?;
     let room = Room::read(folder.path()).map_err(|e| e.to_string())?;
-    let stage = Stage::prepare(&room, folder.path(), &StageOptions::default()).map_err(|e| e.to_string())?;
+    let prepared = PreparedRoom::prepare(&room, folder.path(), &PreparationOptions::default())
+        .map_err(|e| e.to_string())?;
     let mut tracker =
-        Mcmc::new(stage, McmcOptions { seed: pair, ..options.clone() }).map_err(|e| e.to_string())?;
+        Mcmc::new(prepared, McmcOptions { seed: pair, ..options.clone() }).map_err(|e| e.to_string())?;
     let sequence = made.sequence(
         walkers,
         SequenceOptions { seed: pair, rate_hz: RATE_HZ, frames: FRAMES, ..SequenceOptions::default() },

@@ -8,7 +8,7 @@ use synthetic::{
 };
 use tracker::method::Method;
 use tracker::method::condensation::{Condensation, CondensationOptions};
-use tracker::stage::{Stage, StageOptions};
+use tracker::prepared_room::{PreparationOptions, PreparedRoom};
 use tracker::{CameraFrame, Moment, PersonEstimate};
 
 use crate::chain::Said;
@@ -107,13 +107,13 @@ pub fn tracker(room: &SyntheticRoom, options: CondensationOptions) -> Said<Conde
         scene.geometry = None;
     }
     scene.write(scratch.path()).map_err(|e| e.to_string())?;
-    let stage = Stage::prepare(
+    let prepared = PreparedRoom::prepare(
         &scene,
         scratch.path(),
-        &StageOptions { occlusion: with_room, ..StageOptions::default() },
+        &PreparationOptions { occlusion: with_room, ..PreparationOptions::default() },
     );
     let mut tracker =
-        Condensation::new(stage.map_err(|e| e.to_string())?, options).map_err(|e| e.to_string())?;
+        Condensation::new(prepared.map_err(|e| e.to_string())?, options).map_err(|e| e.to_string())?;
     let empty =
         room.sequence(Vec::new(), SequenceOptions { frames: 1, ..SequenceOptions::default() }).frame(1);
     for (i, camera) in empty.cameras.iter().enumerate() {

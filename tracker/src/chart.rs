@@ -1,4 +1,4 @@
-//! Line charts: numbers against numbers, for people to look at.
+//! Line charts and scatter charts.
 
 use std::path::Path;
 
@@ -12,57 +12,57 @@ use crate::{Error, Result};
 pub(crate) const WIDTH_PX: u32 = 900;
 /// Height of a chart, pixels.
 pub(crate) const HEIGHT_PX: u32 = 560;
-/// Room around the axes: left, right, top, bottom, pixels.
+/// Margins around the axes: left, right, top, bottom, pixels.
 const RIM_PX: [f64; 4] = [84.0, 28.0, 58.0, 66.0];
 const TEXT: TextStyle = TextStyle::new(16.0).color(Color::INK);
 const MARKER_PX: f64 = 4.5;
-/// Above so many points a line has no markers.
+/// Largest number of points of a line that are marked; longer lines have no markers.
 const MOST_MARKED: usize = 40;
 
-/// One axis.
+/// An axis of a chart.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Axis {
-    /// What it shows, with unit.
+    /// Quantity with its unit.
     pub name: String,
-    /// What it begins and ends with.
+    /// Smallest and largest value.
     pub range: [f64; 2],
-    /// Whether only whole numbers mean something.
+    /// Whether only whole numbers have a meaning.
     pub is_whole: bool,
 }
 
-/// One line, or a cloud of points.
+/// A line, or a scatter of points.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Series {
-    /// For the legend.
+    /// Name in the legend.
     pub name: String,
-    /// Points; those that are not finite are left out.
+    /// Points; those with a coordinate that is not finite are left out.
     pub points: Vec<[f64; 2]>,
-    /// Whether the points are joined.
+    /// Whether the points are joined by a line.
     pub is_line: bool,
-    /// Its colour; `None` for one by its place among the series.
+    /// Colour; `None` chooses one by the index of the series.
     pub color: Option<Color>,
 }
 
-/// A chart.
+/// A chart of one or more series.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Chart {
-    /// Above it.
+    /// Title above the chart.
     pub title: String,
-    /// Across.
+    /// Horizontal axis.
     pub x: Axis,
-    /// Up.
+    /// Vertical axis.
     pub y: Axis,
-    /// What it shows.
+    /// Series to draw.
     pub series: Vec<Series>,
 }
 
 impl Axis {
-    /// An axis of a given range.
+    /// Axis with the given range.
     pub fn new(name: &str, range: [f64; 2]) -> Self {
         Self { name: name.to_owned(), range, is_whole: false }
     }
 
-    /// An axis that holds some values, from `at_least` on, and ends at a tick.
+    /// Axis that covers `values` and `at_least` and ends at ticks.
     pub fn fitting(name: &str, values: impl Iterator<Item = f64>, at_least: [f64; 2]) -> Self {
         let range = values.filter(|v| v.is_finite()).fold(at_least, |r, v| [r[0].min(v), r[1].max(v)]);
         let mut axis = Self::new(name, range);
@@ -71,13 +71,13 @@ impl Axis {
         axis
     }
 
-    /// Whole numbers only.
+    /// Restricts the ticks to whole numbers.
     #[must_use]
     pub fn whole(self) -> Self {
         Self { is_whole: true, ..self }
     }
 
-    /// From one tick to the next: a round number.
+    /// Distance between two ticks: a round number.
     fn step(&self) -> f64 {
         let span = (self.range[1] - self.range[0]).max(1e-12);
         let rough = span / 6.0;
@@ -87,7 +87,7 @@ impl Axis {
         if self.is_whole { step.ceil() } else { step }
     }
 
-    /// Round values inside the range, six or so.
+    /// About six round values inside the range.
     pub(crate) fn ticks(&self) -> Vec<f64> {
         let step = self.step();
         let first = (self.range[0] / step - 1e-9).ceil() as i64;
@@ -95,7 +95,7 @@ impl Axis {
         (first..=last).map(|i| i as f64 * step).collect()
     }
 
-    /// Where a value lies in the range: 0 at its beginning, 1 at its end.
+    /// Position of a value in the range: 0 at its beginning, 1 at its end.
     fn share(&self, value: f64) -> f64 {
         (value - self.range[0]) / (self.range[1] - self.range[0]).max(1e-12)
     }
@@ -108,7 +108,7 @@ impl Chart {
         (f64::from(WIDTH_PX) - left - right) / (f64::from(HEIGHT_PX) - top - bottom)
     }
 
-    /// Draws it.
+    /// Draws the chart.
     pub fn draw(&self) -> RgbImage {
         let mut canvas = Canvas::new(WIDTH_PX, HEIGHT_PX, Color::PAPER);
         let [left, right, top, bottom] =

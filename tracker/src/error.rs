@@ -1,8 +1,8 @@
-//! The crate's one error type. Each variant names the file or option, the place in it and the mend.
+//! The crate's error type. Each variant names the file or option, the place in it, and how to mend it.
 
 use std::path::{Path, PathBuf};
 
-/// What can go wrong in `tracker`.
+/// Failure of an operation of `tracker`.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// A file could not be read or written.
@@ -10,49 +10,50 @@ pub enum Error {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the operating system.
         source: std::io::Error,
     },
-    /// A file was read, but what it says cannot be used.
+    /// A file was read, but its content cannot be used.
     #[error("{path}: {place}: {problem}")]
     Content {
         /// The file.
         path: PathBuf,
-        /// The place in it: a line, a key, a frame.
+        /// The place in it: a line, a key or a frame.
         place: String,
-        /// What is wrong and what to do about it.
+        /// Description of the defect and of its mend.
         problem: String,
     },
-    /// An option, or a combination of options, that makes no sense.
+    /// An invalid option, or an invalid combination of options.
     #[error("{option}: {problem}")]
     Option {
-        /// The option as the user writes it.
+        /// Name of the field of the options, or of the thing at fault, such as a camera. The command line prints its flag
+        /// in place of a field.
         option: String,
-        /// What is wrong and what to do about it.
+        /// Description of the defect and of its mend.
         problem: String,
     },
-    /// A camera's image or mask does not have the size its camera has.
+    /// A camera's image or mask whose size differs from that of the camera in the room.
     #[error(
         "camera `{camera}`: frame {frame} is {found_width} × {found_height} pixels, but the room says {width} × {height}"
     )]
     FrameSize {
         /// The camera's name.
         camera: String,
-        /// The frame, from 1.
+        /// The frame's number, from 1.
         frame: u32,
-        /// What came.
+        /// Width of the image, pixels.
         found_width: u32,
-        /// What came.
+        /// Height of the image, pixels.
         found_height: u32,
-        /// What the room says.
+        /// Width of the camera in the room, pixels.
         width: u32,
-        /// What the room says.
+        /// Height of the camera in the room, pixels.
         height: u32,
     },
-    /// The room, its geometry or its files.
+    /// An error of the room, its geometry or its files.
     #[error(transparent)]
     Scenes(#[from] scenes::Error),
-    /// A camera model, OpenCV or a file below this crate.
+    /// An error of a camera model, of OpenCV or of a file below this crate.
     #[error(transparent)]
     Calib(#[from] calib::Error),
     /// An address at which the page cannot be served.
@@ -61,17 +62,17 @@ pub enum Error {
 }
 
 impl Error {
-    /// [`Error::Content`] with less writing.
+    /// Builds an [`Error::Content`].
     pub fn content(path: &Path, place: impl Into<String>, problem: impl Into<String>) -> Self {
         Self::Content { path: path.to_owned(), place: place.into(), problem: problem.into() }
     }
 
-    /// [`Error::Option`] with less writing.
+    /// Builds an [`Error::Option`].
     pub fn option(option: impl Into<String>, problem: impl Into<String>) -> Self {
         Self::Option { option: option.into(), problem: problem.into() }
     }
 
-    /// [`Error::Io`] as a function to `map_err` with.
+    /// Returns a function for `map_err` that builds an [`Error::Io`].
     pub fn io(path: &Path) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.to_owned();
         move |source| Self::Io { path, source }

@@ -1,30 +1,32 @@
-//! Follows every person in a room, in metres on its floor, from fixed calibrated cameras.
+//! Tracks every person in a room, in metres on its floor, from fixed calibrated cameras.
 //!
 //! Data flows down this list, one moment (the observations of all cameras at one time) after the other:
 //!
-//! * [`source`] — videos, folders of images, streams and ready-made masks, matched with the room's cameras; capture times.
-//! * [`foreground`] — from one camera's pictures to foreground masks.
-//! * [`stage`] — [`stage::Stage`]: a room made ready for simulation. Everything below needs one.
-//! * [`observation`] — [`observation::Observation`]: what one camera saw at one time; all that the trackers need of a picture.
-//! * [`station`] — one camera's work, alone: source → picture with its capture time → observation.
+//! * [`source`] — videos, folders of images, streams and ready-made masks, matched with the room's cameras; capture
+//!   times.
+//! * [`foreground`] — foreground masks from one camera's pictures.
+//! * [`prepared_room`] — [`prepared_room::PreparedRoom`]: a room prepared for simulation. Everything below needs one.
+//! * [`observation`] — [`observation::Observation`]: one camera's observation at one time; all data of a picture that
+//!   the trackers need.
+//! * [`station`] — one camera's work: source → picture with its capture time → observation.
 //! * [`wire`] — stations in processes of their own, on other machines.
 //! * [`gathering`] — observations of all stations → moments.
-//! * [`offsets`] — the offsets between the cameras' clocks, from the people that several cameras see.
-//! * [`moment`] — [`Moment`]: what a tracker is given. [`PersonEstimate`]: a person at one time; what a tracker gives back.
+//! * [`offsets`] — offsets between the cameras' clocks, estimated from the people that several cameras see.
+//! * [`moment`] — [`Moment`]: input of a tracker. [`PersonEstimate`]: output of a tracker, one person at one time.
 //!   Start here.
-//! * [`silhouette`] — what a person would look like to a camera, cut by what the room hides.
-//! * [`likelihood`] — how well a set of people explains the masks: fast counts, and the slow oracle they are held to.
-//! * [`offsets`] — how far the cameras' clocks are apart, estimated from the people whom several of them see.
-//! * [`identity`] — who is who after an encounter, by what people look like.
+//! * [`silhouette`] — predicted silhouette of a person in a camera, occluded by the room.
+//! * [`likelihood`] — likelihood of the masks for a set of people: fast counts, and a slow oracle that tests compare
+//!   them with.
+//! * [`identity`] — re-identification after an encounter, by appearance.
 //! * [`method`] — the [`method::Method`] trait, and one folder for each published tracker behind it.
 //! * [`run`] — the pipeline behind the stations: moments → method → outputs, and feedback to the stations.
-//! * [`tracks`] — the files of tracks that a run writes, and their readers.
-//! * [`film`] — what each camera saw, with what the tracker believes, beside the simulated view.
-//! * [`view`] — the same in the browser, while the run goes on.
-//! * [`plan`] — the floor plan with everybody's way on it.
-//! * [`detect`] — people in one camera's pictures: what is linked where nobody else detects them.
-//! * [`link`] — a whole recording's detections to the tracks of least total cost.
-//! * [`eval`] — tracks against the truth: CLEAR MOT, identity, HOTA, position error.
+//! * [`tracks`] — the track files that a run writes, and their readers.
+//! * [`film`] — each camera's picture with the tracker's estimates, beside the simulated view.
+//! * [`view`] — the same pictures live in the browser.
+//! * [`plan`] — the floor plan with all trajectories.
+//! * [`detect`] — detections of people in one camera's pictures: input of [`link`].
+//! * [`link`] — tracks of least total cost from a whole recording's detections.
+//! * [`eval`] — evaluation of tracks against the truth: CLEAR MOT, identity, HOTA, position error.
 //! * [`chart`] — line charts.
 //! * [`report`] — one self-contained page about a run.
 #![forbid(unsafe_code)]
@@ -44,11 +46,11 @@ pub mod moment;
 pub mod observation;
 pub mod offsets;
 pub mod plan;
+pub mod prepared_room;
 pub mod report;
 pub mod run;
 pub mod silhouette;
 pub mod source;
-pub mod stage;
 pub mod station;
 pub mod tracks;
 pub mod view;

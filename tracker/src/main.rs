@@ -1,6 +1,6 @@
-//! `tracker`: follow everyone in a room, and measure how well.
+//! `tracker`: tracks everyone in a room, and evaluates the tracks.
 //!
-//! Exit status: 0, or 2 when anything cannot be done; then one line on standard error says what and where.
+//! Exit status: 0, or 2 after any failure; then one line on standard error names what failed and where.
 #![forbid(unsafe_code)]
 
 mod cli;

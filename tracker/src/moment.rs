@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::observation::{Colours, Mask};
 
-/// A person's number: given once, never given again in the same run.
+/// Number of a track. A run never uses a number twice.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct TrackId(pub u32);
@@ -18,12 +18,12 @@ impl std::fmt::Display for TrackId {
     }
 }
 
-/// One camera's part of one moment. All of it is in the camera's *pinhole* image at the working size
-/// ([`crate::stage::StageCamera`]).
+/// One camera's part of one moment, in the camera's *pinhole* image at the working size
+/// ([`crate::prepared_room::PreparedCamera`]).
 #[derive(Debug, Clone, Default)]
 pub struct CameraFrame {
-    /// Foreground. `None` when the camera has nothing usable now: the frame is missing, frozen, or all foreground (lights
-    /// switched). It is then left out of every likelihood.
+    /// Foreground mask. `None` when the camera has nothing usable: the frame is missing, frozen, or all foreground
+    /// (lights switched). The camera is then left out of every likelihood.
     pub mask: Option<Mask>,
     /// Colours of the foreground, for appearance; `None` when only masks are given.
     pub colours: Option<Colours>,
@@ -32,40 +32,40 @@ pub struct CameraFrame {
 }
 
 impl CameraFrame {
-    /// A camera of which only the mask is known.
+    /// Builds the frame of a camera from its mask alone.
     pub fn of_mask(mask: impl Into<Mask>) -> Self {
         Self { mask: Some(mask.into()), ..Self::default() }
     }
 
-    /// A camera of which only the picture is known.
+    /// Builds the frame of a camera from its picture alone.
     pub fn of_image(image: RgbImage) -> Self {
         Self { image: Some(Arc::new(image)), ..Self::default() }
     }
 }
 
-/// All cameras at one time.
+/// The observations of all cameras at one time.
 #[derive(Debug, Clone, Copy)]
 pub struct Moment<'a> {
-    /// The frame's number, from 1.
+    /// Number of the moment, from 1.
     pub frame: u32,
-    /// When it was taken, in seconds. Grows from moment to moment, not always evenly.
+    /// Capture time, seconds. It grows from moment to moment, not always by the same step.
     pub time_s: f64,
-    /// One entry a camera, in the order of [`crate::stage::Stage::cameras`].
+    /// One entry a camera, in the order of [`crate::prepared_room::PreparedRoom::cameras`].
     pub cameras: &'a [CameraFrame],
 }
 
-/// A person at one time, as far as it is known.
+/// Estimate of one person at one time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PersonEstimate {
-    /// Who.
+    /// The person's track.
     pub id: TrackId,
-    /// Where on the floor, metres in the room's frame.
+    /// Position on the floor along x, metres in the room's frame.
     pub x_m: f64,
-    /// Where on the floor, metres in the room's frame.
+    /// Position on the floor along y, metres in the room's frame.
     pub y_m: f64,
-    /// Height of what is followed above the floor: 0 for methods that follow the standing point.
+    /// Height of the tracked point above the floor, metres: 0 for methods that track the standing point.
     pub z_m: f64,
-    /// Radius of the upright ellipsoid that stands for the body, metres.
+    /// Radius of the upright ellipsoid that models the body, metres.
     pub radius_m: f64,
     /// Height of the body, metres.
     pub height_m: f64,
@@ -73,11 +73,11 @@ pub struct PersonEstimate {
     pub vx: f64,
     /// Velocity along y, m/s.
     pub vy: f64,
-    /// Standard deviation of the position along x and y, metres.
+    /// Standard deviations of the position along x and y, metres.
     pub sigma_m: [f64; 2],
-    /// Probability that this person is there, in the room, 0 to 1.
+    /// Probability that the person exists and is in the room, 0 to 1.
     pub confidence: f64,
-    /// One entry a camera, in the stage's order: the fraction of the person's silhouette within the image that the room
-    /// and the other people leave visible; 0 when no part of it is in the image.
+    /// Visible fraction in each camera, in the order of the prepared room's cameras: the part of the person's
+    /// silhouette within the image that neither the room nor other people hide; 0 when no part of it is in the image.
     pub visible: Vec<f64>,
 }

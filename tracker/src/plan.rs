@@ -1,4 +1,4 @@
-//! `plan.png`: the floor plan of the room with everybody's way on it.
+//! `plan.png`: the floor plan of the room with the trajectories of all people.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -10,24 +10,24 @@ use shell::canvas::Color;
 
 use crate::{PersonEstimate, Result, TrackId};
 
-/// A track that was away longer than this is drawn in parts, seconds.
+/// A track with a gap longer than this is drawn in parts, seconds.
 const BREAK_S: f64 = 1.0;
-/// A stream may run for weeks: of more places than these the first tracks are forgotten.
+/// Most positions kept. A live run may last for weeks; beyond this number the oldest tracks are dropped.
 const MOST_PLACES: usize = 2_000_000;
 
-/// Gathers the ways of a run and draws them at its end.
+/// Collects the trajectories of a run and draws them at its end.
 #[derive(Debug, Clone)]
 pub struct TrajectoryPlan {
     room: Room,
     room_dir: PathBuf,
     path: PathBuf,
     ways: BTreeMap<TrackId, Vec<(f64, Point2<f64>)>>,
-    /// In all ways together.
+    /// Number of positions in all trajectories together.
     places: usize,
 }
 
 impl TrajectoryPlan {
-    /// The plan of a run in a room that was read from `room_dir`, into the folder `out`.
+    /// Plan of a run in a room that was read from `room_dir`; it is written into the folder `out`.
     pub fn new(out: &Path, room: &Room, room_dir: &Path) -> Self {
         Self {
             room: room.clone(),
@@ -38,7 +38,7 @@ impl TrajectoryPlan {
         }
     }
 
-    /// Notes where everybody is.
+    /// Adds everybody's position at one time.
     pub fn extend(&mut self, time_s: f64, people: &[PersonEstimate]) {
         for person in people {
             let way = self.ways.entry(person.id).or_default();
@@ -52,10 +52,10 @@ impl TrajectoryPlan {
         }
     }
 
-    /// Draws the plan and writes it, whole or not at all.
+    /// Draws the plan and writes it atomically.
     ///
     /// # Errors
-    /// Geometry that cannot be drawn; the file.
+    /// Geometry that cannot be drawn, or a file that cannot be written.
     pub fn finish(&self) -> Result<()> {
         let places = self.ways.values().flatten().map(|(_, place)| *place);
         let options = PlanOptions {
@@ -76,8 +76,8 @@ impl TrajectoryPlan {
     }
 }
 
-/// The places that decide how far a plan reaches: where people went, in a room that says nothing of its own extent.
-/// In one that does, a mistaken track far outside must not make the room small.
+/// Positions that extend the plan: all of them in a room whose extent is unknown, none otherwise, so that a false track
+/// far outside does not shrink the room's drawing.
 pub fn beyond_the_room(room: &Room, places: impl Iterator<Item = Point2<f64>>) -> Vec<Point2<f64>> {
     let has_extent = room.geometry.is_some() || room.walkable.is_some() || !room.zones.is_empty();
     if has_extent { Vec::new() } else { places.collect() }

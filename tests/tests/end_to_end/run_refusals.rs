@@ -114,7 +114,7 @@ fn rooms() {
 #[test]
 fn names_and_options() {
     let small = Small::new();
-    refused(&small.run_only(&[]), &["--video NAME=PATH", "left, right"]);
+    refused(&small.run_only(&[]), &["--video", "NAME=PATH", "left, right"]);
     refused(&small.run(&["--masks", "middle=masks"]), &["middle", "left", "right"]);
     refused(&small.run(&["--video", "left=right"]), &["left", "already"]);
     refused(&small.run(&["--threads", "0"]), &["--threads"]);

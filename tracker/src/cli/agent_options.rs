@@ -6,7 +6,7 @@ use tracker::method::agents::{AgentsOptions, RuleOptions};
 
 use super::sampler::SamplerArguments;
 
-/// The options of all stations.
+/// Options of the agents, the same for all stations.
 pub(super) fn options(
     sampler: &SamplerArguments,
     seed: u64,

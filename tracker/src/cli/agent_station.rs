@@ -16,46 +16,46 @@ use tracker::foreground::Verdict;
 use tracker::method::agents::{SoloStation, StationId};
 use tracker::observation::{Feedback, Observation};
 use tracker::plan::TrajectoryPlan;
-use tracker::stage::Stage;
-use tracker::station::{Event, Pace, Permits, Pictures, Seen, Station, Work};
+use tracker::prepared_room::PreparedRoom;
+use tracker::station::{Event, ObservedFrame, Pace, Permits, Pictures, Station, Work};
 use tracker::tracks::{Stopwatch, TrackFiles};
 use tracker::wire::mesh::{Membership, OwnClock};
 use tracker::wire::{Endpoints, Fingerprint, Mesh};
 
 use super::sampler::SamplerArguments;
 
-/// Time without a picture after which a live station tells others that it is blind.
+/// Time without a picture after which a live station reports to others that it is blind.
 const BLIND: Duration = Duration::from_secs(1);
 
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Agents (--method agents)")]
 pub(super) struct AgentStationArguments {
-    /// The folder to write this station's tracks to
+    /// Folder to write this station's tracks to
     #[arg(long, value_name = "DIR", requires = "method")]
     out: Option<PathBuf>,
-    /// Wall-clock time at which the recording begins, seconds since 1970: the same for all stations of recordings. Frames that
-    /// come too late are passed over, so that a station may start, or start again, in the middle [default: now]
+    /// Wall-clock time at which the recording begins, seconds since 1970: the same for all stations of recordings. Late
+    /// frames are passed over, so a station may start, or restart, in the middle [default: now]
     #[arg(long, value_name = "SECONDS", requires = "method")]
     start: Option<f64>,
     /// Seed of all random numbers
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// The most people who are followed at once; the sampler takes up to 31 [default: 24]
+    /// Largest number of people tracked at once, up to 31 [default: 24]
     #[arg(long, value_name = "N", requires = "method")]
     most_people: Option<usize>,
-    /// Seconds by which this machine's clock is wrong: for tests
+    /// Error of this machine's clock, seconds: for tests
     #[arg(long, value_name = "SECONDS", hide = true, allow_negative_numbers = true, default_value_t = 0.0)]
     clock_shift: f64,
     #[command(flatten)]
     sampler: SamplerArguments,
 }
 
-/// Room and stage of a station.
-pub(super) struct Place<'a> {
+/// Room of a station, prepared with all of its cameras.
+pub(super) struct StationRoom<'a> {
     pub(super) room: &'a Room,
     pub(super) room_dir: &'a Path,
-    /// With all cameras of the room.
-    pub(super) stage: Stage,
+    /// The room with all cameras.
+    pub(super) prepared: PreparedRoom,
 }
 
 /// Outputs of one station.
@@ -67,7 +67,7 @@ struct Outputs {
     out: PathBuf,
 }
 
-/// A station at work.
+/// A running station.
 struct Follower {
     tracker: SoloStation,
     mesh: Mesh,
@@ -80,21 +80,21 @@ struct Follower {
 }
 
 impl AgentStationArguments {
-    /// Tracks with the station's camera, and with the others', until its source ends or it is interrupted.
+    /// Tracks with the station's camera, together with the other stations, until its source ends or it is interrupted.
     pub(super) fn follow(
         &self,
-        Place { room, room_dir, stage }: Place<'_>,
+        StationRoom { room, room_dir, prepared }: StationRoom<'_>,
         station: Station,
         endpoints: &Endpoints,
         (interrupted, progress): (&Arc<AtomicBool>, Progress),
     ) -> anyhow::Result<()> {
         let Some(out) = self.out.clone() else { bail!("--method agents: give --out DIR for its tracks") };
-        let camera = stage.camera_index(&station.name).context("the room has no such camera")?;
+        let camera = prepared.camera_index(&station.name).context("the room has no such camera")?;
         let id = StationId(u8::try_from(camera).context("the room has more than 255 cameras")?);
         let options = super::agent_options::options(&self.sampler, self.seed, self.most_people)?;
-        let cameras: Vec<String> = stage.cameras.iter().map(|camera| camera.name.clone()).collect();
-        let own = Stage { cameras: vec![stage.cameras[camera].clone()], ..stage.clone() };
-        let tracker = SoloStation::new(stage, id, &options)?;
+        let cameras: Vec<String> = prepared.cameras.iter().map(|camera| camera.name.clone()).collect();
+        let own = PreparedRoom { cameras: vec![prepared.cameras[camera].clone()], ..prepared.clone() };
+        let tracker = SoloStation::new(prepared, id, &options)?;
         let clock = OwnClock { shift_s: self.clock_shift };
         let hears = tracker.hears().to_vec();
         let names: Vec<&str> = hears.iter().map(|other| cameras[usize::from(other.0)].as_str()).collect();
@@ -135,10 +135,10 @@ impl Follower {
             recorded.pace = Pace::From(start_s.unwrap_or_else(|| OwnClock::default().now_s()));
         }
         let (give_feedback, feedback) = channel();
-        // Without room for a frame, the station passes frames over until the last one has been worked on.
+        // The channel holds no frame, so the station passes frames over until the last one has been processed.
         let (give, events) = sync_channel(0);
         let is_wanted = Arc::clone(interrupted);
-        // It ends with the receiver, or by itself: a stream that does not answer keeps it for seconds.
+        // The thread ends with the receiver, or by itself: a stream that does not answer may block it for seconds.
         thread::spawn(move || {
             let send = |event| give.send(event).is_ok() && !is_wanted.load(Ordering::Relaxed);
             station.run(&feedback, &Permits::new(1), send);
@@ -171,7 +171,7 @@ impl Follower {
                     let sequence = seen.observation.sequence;
                     self.step(*seen)?;
                     progress.advance();
-                    // A station that has ended needs no more.
+                    // Feedback for a station that has ended is dropped.
                     let _ = feedback.send(Feedback { sequence, people: self.tracker.bodies() });
                 }
                 Ok(Event::Failed(error)) => return Err(error.into()),
@@ -183,10 +183,10 @@ impl Follower {
         Ok(())
     }
 
-    /// A frame of a camera that sends no pictures.
-    fn nothing(&self) -> Seen {
+    /// Frame of a camera that sends no pictures.
+    fn nothing(&self) -> ObservedFrame {
         let time_s = self.clock.now_s() - self.clock.shift_s;
-        Seen {
+        ObservedFrame {
             observation: Observation::unusable(0, time_s, Verdict::Silent),
             pictures: Pictures::default(),
             decode: Duration::ZERO,
@@ -194,8 +194,8 @@ impl Follower {
         }
     }
 
-    fn step(&mut self, seen: Seen) -> anyhow::Result<()> {
-        let Seen { observation, decode, foreground, .. } = seen;
+    fn step(&mut self, seen: ObservedFrame) -> anyhow::Result<()> {
+        let ObservedFrame { observation, decode, foreground, .. } = seen;
         let time_s = observation.time_s + self.clock.shift_s;
         if time_s <= self.time_s {
             return Ok(());

@@ -1,4 +1,4 @@
-//! `tracker agents`: the distributed vision agents without cameras.
+//! `tracker agents`: simulation of the distributed vision agents, without cameras.
 
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
@@ -8,7 +8,7 @@ use clap::{Args, Subcommand, ValueEnum};
 use shell::console::Console;
 use tracker::method::agents::simulate::{self, Layout, Options, Site, World};
 
-/// Try the rules of the distributed vision agents.
+/// Simulate the distributed vision agents.
 #[derive(Debug, Args)]
 pub(crate) struct AgentsArgs {
     #[command(subcommand)]
@@ -20,14 +20,15 @@ enum AgentsCommand {
     Simulate(SimulateArgs),
 }
 
-/// Simulate stations and people, and compare three systems: the published agents (A), the centralised variant (B) and the
-/// modern rule (C).
+/// Simulate stations and people, and compare three systems: the published agents (A), the centralised variant (B) and
+/// the modern rule (C).
 ///
-/// This is experiment 2 of the paper: six stations, six people who come too close to each other to be told apart, errors
-/// that are doubled there. Prints a table of how many people are kept, lost and confused with others in the last second, the
-/// centralised variant over the doubling of errors, and the speed of both rules. Writes OUT/results.json, and OUT/LAYOUT.png with
-/// the trajectories of the first trial. With --people other than six people walk along a ring-shaped corridor that is as
-/// long as there are stations, and B is left out.
+/// This is experiment 2 of the paper: six stations, six people who come too close to each other to be distinguished,
+/// and doubled measurement errors there. Prints a table of the shares of people tracked, lost and confused with others
+/// in the last second, the results of the centralised variant over the factor of the errors, and the speed of both
+/// rules. Writes OUT/results.json, and OUT/LAYOUT.png with the trajectories of the first trial. With --people other
+/// than six, people walk along a ring-shaped corridor whose length grows with the number of stations, and B is left
+/// out.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   tracker agents simulate --out simulated
@@ -39,13 +40,13 @@ struct SimulateArgs {
     /// Number of trials [default: 300; 100 with --preset hard; 1 in a corridor].
     #[arg(long)]
     trials: Option<usize>,
-    /// Seed of the trials: each has its own ways and errors.
+    /// Seed of the trials, which have different trajectories and errors.
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Ways of the six people.
+    /// Trajectories of the six people.
     #[arg(long, value_enum, default_value_t = LayoutChoice::All)]
     layout: LayoutChoice,
-    /// What is simulated.
+    /// Simulated scenario.
     #[arg(long, value_enum, default_value_t = Preset::Published)]
     preset: Preset,
     /// Number of stations [default: 6; 8 with --preset hard; half the people in a corridor].
@@ -57,7 +58,7 @@ struct SimulateArgs {
     /// Fraction of packets lost, 0 to 1 [default: 0; 0.2 with --preset hard].
     #[arg(long, value_name = "P")]
     loss: Option<f64>,
-    /// The folder to write to.
+    /// Folder to write to.
     #[arg(long)]
     out: PathBuf,
 }
@@ -70,13 +71,13 @@ enum LayoutChoice {
     Sequence,
     /// Four walk side by side; one stays and meets two others.
     Along,
-    /// Each of the three.
+    /// All three layouts.
     All,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Preset {
-    /// As in the paper: everybody is seen by all stations.
+    /// As in the paper: all stations see everybody.
     Published,
     /// A hall with walls and partial views, 20 people, attributes 0.03 apart, 20 % of the packets lost.
     Hard,
@@ -112,7 +113,7 @@ fn simulate(args: &SimulateArgs, console: &Console) -> anyhow::Result<String> {
 }
 
 impl SimulateArgs {
-    /// What is simulated, one a layout.
+    /// Options of the simulations, one a layout.
     fn options(&self) -> anyhow::Result<Vec<Options>> {
         if self.people.is_some_and(|n| n == 0 || n > 2000) {
             bail!("--people {}: give 1 to 2000", self.people.unwrap_or_default());
@@ -165,14 +166,14 @@ mod tests {
     use super::*;
 
     #[derive(Debug, Parser)]
-    struct Line {
+    struct ParsedLine {
         #[command(flatten)]
         args: SimulateArgs,
     }
 
     fn options(line: &str) -> Result<Vec<Options>, String> {
         let words = ["simulate", "--out", "out"].into_iter().chain(line.split_whitespace());
-        Line::parse_from(words).args.options().map_err(|error| error.to_string())
+        ParsedLine::parse_from(words).args.options().map_err(|error| error.to_string())
     }
 
     #[test]

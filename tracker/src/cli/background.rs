@@ -1,4 +1,4 @@
-//! The options of background subtraction, shared by the subcommands that need it.
+//! Options of background subtraction, shared by the subcommands that need it.
 
 use std::path::Path;
 
@@ -8,10 +8,10 @@ use calib::vision::AdaptiveKind;
 use clap::Args;
 use tracker::Error;
 use tracker::foreground::backdrop::Backdrop;
-use tracker::foreground::{ForegroundOptions, Start};
+use tracker::foreground::{ForegroundOptions, InitialBackground};
 use tracker::source::{NamedSource, VideoSource, sampling};
 
-/// What the background is learnt from.
+/// Source of the background.
 #[derive(Debug, Clone, PartialEq, Eq)]
 enum Choice {
     Auto,
@@ -36,9 +36,9 @@ fn parse(text: &str) -> Result<Choice, String> {
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Foreground")]
 pub(super) struct BackgroundArguments {
-    /// What the empty room looks like: the recording's own median over time (median), learnt while running by OpenCV
-    /// (online = mog2, knn), or a clip or picture of the empty room for one camera (NAME=PATH, may be repeated). auto:
-    /// median for recordings; for streams online, begun from the room's reference picture of the camera where there is one
+    /// Background model: the recording's own median over time (median), a model learnt during the run by OpenCV (online
+    /// = mog2, knn), or a clip or picture of the empty room for one camera (NAME=PATH, may be repeated). auto: median
+    /// for recordings; online for streams, starting from the room's reference picture of the camera if there is one
     #[arg(long, value_parser = parse, default_value = "auto", value_name = "KIND|NAME=PATH")]
     background: Vec<Choice>,
     /// Leave shadows and reflections in the masks
@@ -47,13 +47,13 @@ pub(super) struct BackgroundArguments {
     /// Do not compensate changes of exposure and white balance
     #[arg(long)]
     no_exposure: bool,
-    /// What stands still for this long becomes background, in seconds
+    /// Time after which a thing that stands still becomes background, seconds
     #[arg(long, default_value_t = 120.0, value_name = "SECONDS")]
     absorb: f32,
 }
 
 impl BackgroundArguments {
-    /// The options of the masks.
+    /// Options of the foreground masks.
     pub(super) fn options(&self) -> ForegroundOptions {
         let mut options = ForegroundOptions { exposure: !self.no_exposure, ..ForegroundOptions::default() };
         options.pixels.absorb_s = self.absorb;
@@ -63,7 +63,8 @@ impl BackgroundArguments {
         options
     }
 
-    /// Whether every clip belongs to one of these cameras, none of which has masks already, and the rest makes sense.
+    /// Checks that every clip belongs to one of these cameras, none of which has masks already, and that the other
+    /// values are valid.
     pub(super) fn check_names(&self, videos: &[NamedSource], masks: &[NamedSource]) -> anyhow::Result<()> {
         if self.absorb.is_nan() || self.absorb <= 0.0 {
             bail!("--absorb {}: give seconds, above 0", self.absorb);
@@ -97,20 +98,20 @@ impl BackgroundArguments {
         Ok(())
     }
 
-    /// Whether nothing is said about backgrounds.
+    /// Whether no kind of background was requested.
     pub(super) fn is_auto(&self) -> bool {
         self.background.iter().all(|choice| matches!(choice, Choice::Auto | Choice::Clip(_)))
     }
 
-    /// The start of a camera's foreground model, at the size of its masks. A recording is looked through for its empty scene.
-    /// `filmed` is the size of the camera's pictures.
+    /// Initial background of a camera's foreground model, at the size of its masks. A recording is sampled for its
+    /// empty scene. `filmed` is the size of the camera's pictures.
     pub(super) fn start(
         &self,
         camera: &str,
         video: &VideoSource,
         filmed: (u32, u32),
         size: (u32, u32),
-    ) -> anyhow::Result<Start> {
+    ) -> anyhow::Result<InitialBackground> {
         let recording = match video {
             VideoSource::Recorded(source) if source.is_recording() => Some(source.name()),
             _ => None,
@@ -137,16 +138,16 @@ impl BackgroundArguments {
         }
         let kind = self.background.iter().find(|c| !matches!(c, Choice::Clip(_))).unwrap_or(&Choice::Auto);
         match (kind, recording) {
-            (Choice::Adaptive(kind), _) => Ok(Start::Nothing(*kind)),
+            (Choice::Adaptive(kind), _) => Ok(InitialBackground::Nothing(*kind)),
             (_, Some(recording)) => learnt(recording, size),
             (Choice::Median, None) => bail!(
                 "--background median: camera `{camera}` is a stream; use online, or NAME=PATH with a clip"
             ),
-            _ => Ok(Start::Nothing(AdaptiveKind::default())),
+            _ => Ok(InitialBackground::Nothing(AdaptiveKind::default())),
         }
     }
 }
 
-fn learnt(recording: &str, size: (u32, u32)) -> anyhow::Result<Start> {
-    Ok(Start::Backdrop(Backdrop::learn(&sampling::spread(recording, size)?)?))
+fn learnt(recording: &str, size: (u32, u32)) -> anyhow::Result<InitialBackground> {
+    Ok(InitialBackground::Backdrop(Backdrop::learn(&sampling::spread(recording, size)?)?))
 }

@@ -1,4 +1,4 @@
-//! The options that say when each camera's frames were taken.
+//! Options of the frames' capture times.
 
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -6,21 +6,21 @@ use std::str::FromStr;
 use anyhow::bail;
 use calib::video::FrameSource;
 use clap::Args;
-use tracker::gathering::Alignment;
+use tracker::gathering::ClockAlignment;
 use tracker::source::times::DEFAULT_RATE;
 use tracker::source::{CameraSource, CaptureTimes, Times};
 
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Times")]
 pub(super) struct ClockArguments {
-    /// The time of each frame: seconds, a line a frame. FILE for all cameras; NAME=FILE for one, may be repeated
+    /// Capture times of the frames, seconds, a line a frame. FILE for all cameras; NAME=FILE for one, may be repeated
     #[arg(long, value_name = "[NAME=]FILE", conflicts_with = "rate")]
     times: Vec<String>,
-    /// Frames a second of all cameras, where the sources do not say (default then: 25) or say wrong
+    /// Frame rate of all cameras, frames a second, where the sources state none (default then: 25) or a wrong one
     #[arg(long)]
     rate: Option<f64>,
-    /// A camera's first frame was taken so many seconds after the others' (before them: negative); may be repeated. auto: found
-    /// from the people that several cameras see, up to 3 s between recordings, and up to 0.5 s live
+    /// Time from the other cameras' first frame to this camera's, seconds (negative: earlier); may be repeated. auto:
+    /// estimated from the people that several cameras see, up to 3 s between recordings, and up to 0.5 s live
     #[arg(long, value_name = "NAME=SECONDS|auto", allow_hyphen_values = true)]
     offset: Vec<Offset>,
 }
@@ -29,7 +29,7 @@ pub(super) struct ClockArguments {
 #[derive(Debug, Clone, PartialEq)]
 enum Offset {
     Auto,
-    Given(GivenOffset),
+    Seconds(GivenOffset),
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -52,7 +52,7 @@ impl FromStr for Offset {
         };
         match seconds.parse() {
             Ok(seconds) if f64::is_finite(seconds) => {
-                Ok(Self::Given(GivenOffset { camera: camera.to_owned(), seconds }))
+                Ok(Self::Seconds(GivenOffset { camera: camera.to_owned(), seconds }))
             }
             _ => Err(format!("`{seconds}` is no time; give seconds, as in {camera}=1.25")),
         }
@@ -60,20 +60,20 @@ impl FromStr for Offset {
 }
 
 impl ClockArguments {
-    /// Whether the offsets are to be found from the people seen.
+    /// Whether the offsets are to be estimated from the people seen.
     pub(super) fn is_auto(&self) -> bool {
         self.offset.contains(&Offset::Auto)
     }
 
     fn given_offsets(&self) -> impl Iterator<Item = &GivenOffset> {
         self.offset.iter().filter_map(|offset| match offset {
-            Offset::Given(given) => Some(given),
+            Offset::Seconds(given) => Some(given),
             Offset::Auto => None,
         })
     }
 
-    /// The alignments that were given for the clocks of cameras with these names.
-    pub(super) fn alignments(&self, names: &[&str]) -> anyhow::Result<Vec<Alignment>> {
+    /// The given alignments of the cameras with these names.
+    pub(super) fn alignments(&self, names: &[&str]) -> anyhow::Result<Vec<ClockAlignment>> {
         let given: Vec<&GivenOffset> = self.given_offsets().collect();
         for (i, offset) in given.iter().enumerate() {
             let GivenOffset { camera, seconds } = offset;
@@ -85,10 +85,13 @@ impl ClockArguments {
             }
         }
         let offset_s = |name: &&str| given.iter().find(|o| o.camera == **name).map_or(0.0, |o| o.seconds);
-        Ok(names.iter().map(|name| Alignment { offset_s: offset_s(name), ..Alignment::default() }).collect())
+        Ok(names
+            .iter()
+            .map(|name| ClockAlignment { offset_s: offset_s(name), ..ClockAlignment::default() })
+            .collect())
     }
 
-    /// Refuses an offset, which is told where observations are gathered.
+    /// Refuses an offset, which must be given to the gatherer.
     pub(super) fn refuse_offsets(&self) -> anyhow::Result<()> {
         if !self.offset.is_empty() {
             bail!("--offset: a station has its camera's own clock; give it to `tracker run --stations`");
@@ -101,7 +104,7 @@ impl ClockArguments {
         let names: Vec<&str> = sources.iter().map(|s| s.name.as_str()).collect();
         let alignments = self.alignments(&names)?;
         let is_camera = |name: &str| names.contains(&name);
-        // A file's name may hold `=`, too.
+        // A file's name may contain `=`, too.
         let (own, common): (Vec<_>, Vec<_>) = self.times.iter().partition(|text| {
             text.split_once('=').is_some_and(|(name, _)| is_camera(name) && !Path::new(text).exists())
         });
@@ -159,19 +162,19 @@ impl ClockArguments {
     }
 }
 
-/// Capture times of each source, on its own clock, and the alignments that bring the clocks together.
+/// Capture times of each source, on its own clock, and the alignments between the clocks.
 pub(super) struct Clocks {
     times: Vec<CaptureTimes>,
-    alignments: Vec<Alignment>,
+    alignments: Vec<ClockAlignment>,
 }
 
 impl Clocks {
-    /// Frames a second of the fastest source.
+    /// Frame rate of the fastest source, frames a second.
     pub(super) fn lead_rate(&self) -> f64 {
         self.times.iter().map(CaptureTimes::mean_rate).fold(0.0, f64::max)
     }
 
-    /// About how many moments there will be; `None` where one cannot know.
+    /// Approximate number of moments; `None` where it cannot be known.
     pub(super) fn moments(&self, sources: &[CameraSource]) -> Option<usize> {
         let mut shortest_s = f64::INFINITY;
         for (source, times) in sources.iter().zip(&self.times) {
@@ -180,7 +183,7 @@ impl Clocks {
         Some((shortest_s * self.lead_rate()).round() as usize)
     }
 
-    /// Whether there is a line for every frame of the run in every file of times. A file may end early where the run does.
+    /// Checks that every file of times has a line for every frame of the run. A file may end early where the run does.
     fn check_files(&self, sources: &[CameraSource], files: &[Option<Times>]) -> anyhow::Result<()> {
         let mut end_s = f64::INFINITY;
         let mut short = Vec::new();
@@ -206,8 +209,8 @@ impl Clocks {
         Ok(())
     }
 
-    /// The times and the alignments, one of each a source.
-    pub(super) fn into_parts(self) -> (Vec<CaptureTimes>, Vec<Alignment>) {
+    /// Times and alignments, one of each for every source.
+    pub(super) fn into_parts(self) -> (Vec<CaptureTimes>, Vec<ClockAlignment>) {
         (self.times, self.alignments)
     }
 }

@@ -1,4 +1,4 @@
-//! The colours of detections, for `tracker link --video`.
+//! Colours of detections, for `tracker link --video`.
 
 use anyhow::bail;
 use calib::video::FrameSource;
@@ -6,7 +6,7 @@ use image::RgbImage;
 use shell::console::Console;
 use tracker::link::{Detections, colours};
 
-/// Fills in the colours of detections from the video they were found in, and returns its rate.
+/// Sets the colours of detections from the video in which they were found, and returns its rate, frames a second.
 pub(super) fn look_at_video(
     video: &str,
     detections: &mut Detections,

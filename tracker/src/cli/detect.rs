@@ -1,4 +1,4 @@
-//! `tracker detect`: people in a camera's pictures, and a camera's own detector.
+//! `tracker detect`: detection of people in a camera's pictures, and training of a camera's own detector.
 
 use std::path::{Path, PathBuf};
 
@@ -11,10 +11,10 @@ use tracker::detect::train::{self, Labelled, TrainOptions};
 use tracker::detect::{self, DetectOptions, Detector};
 use tracker::tracks::rows::RowFile;
 
-/// Look for people in a video, for `tracker link`.
+/// Detect people in a video, for `tracker link`.
 ///
-/// Histograms of oriented gradients and a linear classifier: OpenCV's general one, or the camera's own that `tracker detect
-/// train` made. Writes MOTChallenge rows frame,-1,left,top,width,height,score; the score is the distance from the
+/// Histograms of oriented gradients and a linear classifier: OpenCV's general one, or the camera's own from `tracker
+/// detect train`. Writes MOTChallenge rows frame,-1,left,top,width,height,score; the score is the distance from the
 /// classifier's boundary.
 #[derive(Debug, Args)]
 #[command(
@@ -29,10 +29,10 @@ use tracker::tracks::rows::RowFile;
 pub(crate) struct DetectArgs {
     #[command(subcommand)]
     command: Option<DetectCommand>,
-    /// The video: a file, a folder of images, a printf pattern, a stream's URL or a device number.
+    /// Video: a file, a folder of images, a printf pattern, a stream's URL or a device number.
     #[arg(required = true)]
     video: Option<String>,
-    /// The file of detections to write.
+    /// File of detections to write.
     #[arg(long, value_name = "FILE", required = true)]
     out: Option<PathBuf>,
     /// The camera's own detector.
@@ -47,50 +47,51 @@ enum DetectCommand {
     Train(TrainArgs),
 }
 
-/// How people are looked for.
+/// Options of the detector.
 #[derive(Debug, Args)]
 struct LookArguments {
-    /// Height of the smallest person to look for. Half of it takes four times as long.
+    /// Height of the smallest person to detect, pixels. Half the height takes four times as long.
     #[arg(long, value_name = "PX", default_value_t = DetectOptions::default().min_height_px)]
     min_height: f64,
-    /// Height of the tallest person to keep.
+    /// Height of the tallest person to keep, pixels.
     #[arg(long, value_name = "PX")]
     max_height: Option<f64>,
-    /// The least score to keep.
+    /// Least score to keep.
     #[arg(long, value_name = "SCORE", allow_negative_numbers = true, default_value_t = 0.0)]
     min_score: f64,
-    /// Ratio of one size that is tried to the next: nearer to 1 finds more and takes longer.
+    /// Ratio of consecutive scales of the search: values nearer to 1 find more and take longer.
     #[arg(long, value_name = "RATIO", default_value_t = DetectOptions::default().scale_step)]
     scale_step: f64,
-    /// Of boxes that overlap more (IoU) keep the surest.
+    /// Overlap (IoU) of two boxes above which only the one with the higher score is kept.
     #[arg(long, value_name = "IOU", default_value_t = DetectOptions::default().max_overlap)]
     max_overlap: f64,
-    /// Worker threads (default: one a core). The result does not depend on it.
+    /// Number of worker threads (default: one a core). The result does not depend on it.
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
 }
 
 /// Train a camera's own detector from labelled boxes.
 ///
-/// The pictures with boxes give people (as they are and mirrored), background around them, the gaps between people who are
-/// close, and the general detector's mistakes. The general detector is where training starts, so that a few dozen boxes are
-/// enough to sharpen it.
+/// The labelled pictures provide people (as they are and mirrored), background around them, the gaps between people who
+/// are close, and the general detector's false positives. Training starts from the general detector, so a few dozen
+/// boxes are enough to refine it.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:
   tracker detect train view1.avi --boxes labels.txt --background empty.avi --out view1.json")]
 struct TrainArgs {
-    /// The video.
+    /// Video.
     video: String,
-    /// Everybody in some of its frames: MOTChallenge rows; rows whose 7th column is 0 are neither person nor background.
+    /// Labels of all people in some of its frames: MOTChallenge rows; rows whose 7th column is 0 are neither person nor
+    /// background.
     #[arg(long, value_name = "FILE")]
     boxes: PathBuf,
-    /// The detector to write.
+    /// File of the detector to write.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
     /// A video of the same camera without people.
     #[arg(long, value_name = "VIDEO")]
     background: Option<String>,
-    /// Learn from so many frames at most, spread evenly.
+    /// Largest number of frames to learn from, spread evenly.
     #[arg(long, value_name = "N", default_value_t = 100)]
     frames: usize,
     /// Seed of the background's places and the order of learning: the same seed gives the same bytes.
@@ -107,7 +108,7 @@ impl LookArguments {
             Some(threads) => threads,
             None => std::thread::available_parallelism().map_or(1, std::num::NonZero::get),
         };
-        // The sizes of one picture are tried in parallel; OpenCV's own loops stay on their threads.
+        // The scales of one picture are searched in parallel; OpenCV's own loops stay on their threads.
         calib::vision::set_threads(1)?;
         rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("--threads")?;
         let options = DetectOptions {
@@ -178,7 +179,7 @@ fn train(args: &TrainArgs, console: &Console) -> anyhow::Result<String> {
     Ok(String::new())
 }
 
-/// The frames that have boxes, at most as many as asked for, with their people.
+/// Frames with boxes, at most as many as requested, with their people.
 fn labelled(args: &TrainArgs) -> anyhow::Result<Vec<Labelled>> {
     let file = RowFile::read(&args.boxes)?;
     if !file.has_boxes() {
@@ -209,7 +210,7 @@ fn labelled(args: &TrainArgs) -> anyhow::Result<Vec<Labelled>> {
     Ok(labelled)
 }
 
-/// Frames spread over a video, or its first ones where nobody knows how many there are.
+/// Frames spread over a video, or its first ones if their number is unknown.
 fn some_frames(video: &str, at_most: usize) -> anyhow::Result<Vec<RgbImage>> {
     let mut source = FrameSource::open(video)?;
     let step = source.frame_count().map_or(1, |n| n.div_ceil(at_most)).max(1);

@@ -1,4 +1,4 @@
-//! The options that say where stations and their gatherer meet.
+//! Options of the link between stations and their gatherer.
 
 use std::path::PathBuf;
 
@@ -9,16 +9,16 @@ use tracker::wire::{Endpoint, Endpoints, Tls};
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Network")]
 pub(super) struct EndpointArguments {
-    /// Let the other side connect to this address, as in 0.0.0.0:7447 (or tls/0.0.0.0:7447); may be repeated
+    /// Listen at this address, as in 0.0.0.0:7447 (or tls/0.0.0.0:7447), for the other side to connect; may be repeated
     #[arg(long, value_name = "ENDPOINT", value_delimiter = ',')]
     listen: Vec<Endpoint>,
-    /// Look for the other side by multicast in the local network
+    /// Discover the other side by multicast in the local network
     #[arg(long)]
     discover: bool,
-    /// The addresses to connect to are those of Zenoh routers, which lead to the other side
+    /// The addresses to connect to are those of Zenoh routers, to which the other side connects, too
     #[arg(long = "router")]
     via_router: bool,
-    /// Certificate of this machine in PEM form, for tls/ endpoints; both sides show one
+    /// Certificate of this machine in PEM form, for tls/ endpoints; both sides need one
     #[arg(long, value_name = "FILE", requires_all = ["tls_key", "tls_authority"])]
     tls_certificate: Option<PathBuf>,
     /// Private key of the certificate
@@ -27,13 +27,13 @@ pub(super) struct EndpointArguments {
     /// Certificates of the authorities that may have signed the other side's certificate
     #[arg(long, value_name = "FILE", requires = "tls_certificate")]
     tls_authority: Option<PathBuf>,
-    /// Let in only whose certificate has this common name; may be repeated
+    /// Accept only peers whose certificate has this common name; may be repeated
     #[arg(long, value_name = "NAME")]
     allow: Vec<String>,
 }
 
 impl EndpointArguments {
-    /// The endpoints, with those of the other side.
+    /// The endpoints, including those of the other side.
     pub(super) fn endpoints(&self, connect: &[Endpoint]) -> anyhow::Result<Endpoints> {
         let tls = match (&self.tls_certificate, &self.tls_key, &self.tls_authority) {
             (Some(certificate), Some(key), Some(authority)) => {
@@ -53,7 +53,7 @@ impl EndpointArguments {
         Ok(endpoints)
     }
 
-    /// Refuses options that say nothing without stations.
+    /// Refuses options that have no effect without stations.
     pub(super) fn check_unused(&self) -> anyhow::Result<()> {
         let given = [
             ("--listen", !self.listen.is_empty()),
@@ -67,7 +67,7 @@ impl EndpointArguments {
         }
     }
 
-    /// Whether stations are to be waited for at an address of this side, or looked for.
+    /// Whether stations are to be expected at an address of this side, or discovered.
     pub(super) fn gathers(&self) -> bool {
         !self.listen.is_empty() || self.discover
     }

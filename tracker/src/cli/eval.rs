@@ -1,4 +1,4 @@
-//! `tracker eval`: tracks against the truth.
+//! `tracker eval`: evaluation of tracks against the truth.
 
 use std::path::PathBuf;
 
@@ -7,14 +7,14 @@ use tracker::eval::{
 };
 use tracker::tracks::rows::RowFile;
 
-/// Measures tracks against the truth: MOTA, MOTP, MODA, IDF1, HOTA, errors in metres, calibration.
+/// Evaluate tracks against the truth: MOTA, MOTP, MODA, IDF1, HOTA, errors in metres, calibration.
 ///
-/// Where the tracks' confidences are probabilities (0 to 1), they are judged too: how far they are from the share of rows that
-/// is somebody, and whether the true number of people is in the 90 % set of what they say of it.
+/// Where the tracks' confidences are probabilities (0 to 1), their calibration is evaluated too: the difference from
+/// the share of rows that match a person, and how often the true number of people is in the 90 % set that they imply.
 ///
-/// Both files hold MOTChallenge rows, either on the floor (frame,id,-1,-1,-1,-1,confidence,x,y,z; matched on distance) or in
-/// an image (frame,id,left,top,width,height,confidence; matched on overlap). Rows of the truth whose 7th column is 0
-/// do not count. Truth with ids of -1 has no identities: then only detection is judged.
+/// Both files hold MOTChallenge rows, either on the floor (frame,id,-1,-1,-1,-1,confidence,x,y,z; matched on distance)
+/// or in an image (frame,id,left,top,width,height,confidence; matched on overlap). Rows of the truth whose 7th column
+/// is 0 do not count. Truth with ids of -1 has no identities: then only detection is evaluated.
 ///
 /// With two folders, every sequence TRUTH/SEQUENCE/truth.txt (or gt/gt.txt) is compared with TRACKS/SEQUENCE.txt (or
 /// SEQUENCE/tracks.txt), each on its own and all together.
@@ -27,35 +27,35 @@ use tracker::tracks::rows::RowFile;
   tracker eval --truth truth.txt --tracks detections.txt --roc --plots plots
   tracker eval --truth mot15 --tracks linked --json")]
 pub(super) struct EvalArgs {
-    /// The truth: a file, or a folder of sequences.
+    /// Truth: a file, or a folder of sequences.
     #[arg(long, value_name = "FILE")]
     truth: PathBuf,
-    /// The tracks to judge: a file, or a folder of one file a sequence.
+    /// Tracks to evaluate: a file, or a folder of one file a sequence.
     #[arg(long, value_name = "FILE")]
     tracks: PathBuf,
-    /// Room directory in whose frame the truth stands; with --room, the tracks are moved there by the cameras' poses.
+    /// Room directory of the truth's frame; with --room, the tracks are transformed there by the cameras' poses.
     #[arg(long, value_name = "DIR", requires = "room")]
     truth_room: Option<PathBuf>,
-    /// Room directory in whose frame the tracks stand.
+    /// Room directory of the tracks' frame.
     #[arg(long, value_name = "DIR", requires = "truth_room")]
     room: Option<PathBuf>,
-    /// Judge only the frames A to B, both included.
+    /// Evaluate only the frames A to B, both included.
     #[arg(long, value_name = "A-B")]
     frames: Option<FrameRange>,
-    /// Judge only the frames listed in this file, one a line.
+    /// Evaluate only the frames listed in this file, one a line.
     #[arg(long, value_name = "FILE")]
     annotated: Option<PathBuf>,
-    /// Judge only this part of the floor: its corners in the truth's frame, or two opposite ones of a rectangle, metres. Tracks
-    /// outside do not count unless they are near enough to stand for somebody inside.
+    /// Evaluate only this part of the floor: its corners in the truth's frame, or two opposite ones of a rectangle,
+    /// metres. Tracks outside do not count unless they are near enough to match a person inside.
     #[arg(long, value_name = "X,Y X,Y …", allow_hyphen_values = true)]
     area: Option<JudgedArea>,
-    /// Greatest distance of a match in metres, or its least overlap for boxes.
+    /// Largest distance of a match in metres, or its least overlap for boxes.
     #[arg(long, default_value_t = EvalOptions::GATE)]
     gate: f64,
-    /// Draw HOTA over the strictness, everybody's life and the detection curve into this folder.
+    /// Draw HOTA over the strictness, a strip of tracks for each person, and the detection curve into this folder.
     #[arg(long, value_name = "DIR")]
     plots: Option<PathBuf>,
-    /// Judge the rows as detections by their score, too: recall and precision as ever less sure ones are taken.
+    /// Evaluate the rows as detections by their score, too: recall and precision over the least score.
     #[arg(long)]
     roc: bool,
     /// Print one JSON object instead of a table; percentages are 0 to 100.
@@ -78,11 +78,11 @@ pub(super) fn eval(args: &EvalArgs) -> anyhow::Result<String> {
     let (mut truth, mut tracks) = (RowFile::read(&args.truth)?, RowFile::read(&args.tracks)?);
     if let Some(area) = &args.area {
         let to_truth = alignment.as_ref().map(|a| &a.truth_from_room);
-        let nobody = truth.rows.is_empty();
+        let is_empty = truth.rows.is_empty();
         (truth, tracks) = area.of(truth, tracks, options.gate, to_truth)?;
-        if truth.rows.is_empty() && !nobody {
+        if truth.rows.is_empty() && !is_empty {
             tracing::warn!(
-                "{}: nobody is ever in --area; is it in metres of the truth's frame?",
+                "{}: no row of the truth is in --area; is it in metres of the truth's frame?",
                 args.truth.display()
             );
         }
@@ -121,7 +121,7 @@ pub(super) fn eval(args: &EvalArgs) -> anyhow::Result<String> {
     })
 }
 
-/// Two folders.
+/// Compares two folders.
 fn sequences(args: &EvalArgs, options: &EvalOptions) -> anyhow::Result<String> {
     if args.truth_room.is_some() || args.roc || args.area.is_some() {
         anyhow::bail!(

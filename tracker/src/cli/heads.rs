@@ -1,21 +1,21 @@
-//! The options of the head filters.
+//! Options of the head filters.
 
 use clap::Args;
 use tracker::method::condensation::CondensationOptions;
 use tracker::method::condensation::integration::Integration;
 
-/// The filters as the user asks for them.
+/// Options of the head filters on the command line.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Heads (--method condensation)")]
 pub(super) struct HeadArguments {
-    /// Hypotheses a person.
+    /// Number of hypotheses a person.
     #[arg(long, value_name = "N")]
     hypotheses: Option<usize>,
-    /// How often a moment's hypotheses are drawn again around the best.
+    /// Number of times that a moment's hypotheses are weighed, each time closer around the best.
     #[arg(long, value_name = "N")]
     layers: Option<usize>,
-    /// How the cameras' weights become one: product, sum, pairs, pairs-angle, or room (the product over the cameras
-    /// that the room's geometry leaves a view of the head).
+    /// Integration of the cameras' weights: product, sum, pairs, pairs-angle, or room (the product over the cameras
+    /// that see the head past the room's geometry).
     #[arg(long, value_name = "NAME")]
     integration: Option<Integration>,
     /// Use all edges, also those of the empty scene.
@@ -24,12 +24,12 @@ pub(super) struct HeadArguments {
 }
 
 impl HeadArguments {
-    /// The integration that was asked for.
+    /// The requested integration.
     pub(super) fn integration(&self) -> Option<Integration> {
         self.integration
     }
 
-    /// The filters' options.
+    /// Options of the filters.
     pub(super) fn options(&self, seed: u64, published: bool) -> anyhow::Result<CondensationOptions> {
         let mut options =
             if published { CondensationOptions::published() } else { CondensationOptions::default() };

@@ -6,52 +6,52 @@ use std::time::Duration;
 
 use anyhow::bail;
 use scenes::room::Room;
-use tracker::gathering::Alignment;
+use tracker::gathering::ClockAlignment;
 use tracker::method::Method;
+use tracker::prepared_room::PreparedRoom;
 use tracker::run::search_offsets;
 use tracker::source::{self, CameraSource, CaptureTimes};
-use tracker::stage::Stage;
 use tracker::station::{self, Event, Permits, Port, Station};
-use tracker::wire::{Downlink, Endpoints, Expected, ExpectedCamera, Fingerprint};
+use tracker::wire::{Downlink, Endpoints, ExpectedCamera, ExpectedStations, Fingerprint};
 
 use super::clocks::Clocks;
 use super::run_arguments::RunArgs;
 use super::stations::StationBuilder;
 
-/// Stations on other machines are waited for so long.
+/// Longest wait for stations on other machines.
 const STATIONS_WITHIN: Duration = Duration::from_mins(1);
-/// Frames a second of stations that do not say.
+/// Frame rate assumed for stations that state none, frames a second.
 const USUAL_RATE_HZ: f64 = 25.0;
 
-/// The sources as they were given.
-pub(super) enum Given {
+/// Sources as given on the command line.
+pub(super) enum RunSources {
     /// In this process.
     Local { sources: Vec<CameraSource>, clocks: Clocks },
     /// On other machines.
     Stations(Endpoints),
 }
 
-/// Sources that have been found.
-pub(super) struct Input {
-    /// Whether it shows what happens now.
+/// Sources of a run, opened or connected.
+pub(super) struct RunInput {
+    /// Whether the input is live.
     pub(super) is_live: bool,
-    /// Whether cameras have pictures, which are there when they are asked for.
+    /// Whether cameras have pictures that can be demanded.
     pub(super) has_pictures: bool,
-    /// Frames a second of the fastest camera.
+    /// Frame rate of the fastest camera, frames a second.
     pub(super) rate_hz: f64,
-    /// About how many moments there will be, where one can know.
+    /// Approximate number of moments; `None` where it cannot be known.
     pub(super) promised: Option<usize>,
     /// Given alignments of the cameras' clocks, one a camera.
-    pub(super) alignments: Vec<Alignment>,
-    origin: Origin,
+    pub(super) alignments: Vec<ClockAlignment>,
+    origin: InputOrigin,
 }
 
-enum Origin {
+enum InputOrigin {
     Local { sources: Vec<CameraSource>, times: Vec<CaptureTimes> },
     Stations { ports: Vec<Port>, events: Receiver<(usize, Event)>, downlink: Downlink },
 }
 
-/// Stations that work.
+/// Stations that have been started.
 pub(super) struct Started {
     pub(super) ports: Vec<Port>,
     pub(super) events: Receiver<(usize, Event)>,
@@ -59,8 +59,8 @@ pub(super) struct Started {
     pub(super) downlink: Option<Downlink>,
 }
 
-impl Given {
-    /// Looks at what was given: opens sources, checks addresses.
+impl RunSources {
+    /// Opens the sources, or checks the stations' addresses.
     pub(super) fn open(args: &RunArgs, room: &Room) -> anyhow::Result<Self> {
         if args.stations.is_none() && !args.endpoints.gathers() {
             args.endpoints.check_unused()?;
@@ -81,7 +81,7 @@ impl Given {
         Ok(Self::Stations(args.endpoints.endpoints(args.stations.as_deref().unwrap_or_default())?))
     }
 
-    /// The cameras that take part, in the order of the stage; empty for all of the room's.
+    /// Cameras of the run, in the order of the prepared room; empty for all of the room's.
     pub(super) fn cameras(&self) -> Vec<String> {
         match self {
             Self::Local { sources, .. } => sources.iter().map(|s| s.name.clone()).collect(),
@@ -89,40 +89,42 @@ impl Given {
         }
     }
 
-    /// Finds the stations on other machines.
+    /// Connects to the stations on other machines.
     pub(super) fn connect(
         self,
         args: &RunArgs,
         room: &Room,
-        stage: &Stage,
+        prepared: &PreparedRoom,
         interrupted: &AtomicBool,
-    ) -> anyhow::Result<Input> {
+    ) -> anyhow::Result<RunInput> {
         let endpoints = match self {
             Self::Local { sources, clocks } => {
                 let (rate_hz, promised) = (clocks.lead_rate(), clocks.moments(&sources));
                 let (times, alignments) = clocks.into_parts();
-                return Ok(Input {
+                return Ok(RunInput {
                     is_live: sources.iter().any(CameraSource::is_live),
                     has_pictures: sources.iter().any(|s| s.video.is_some()),
                     rate_hz,
                     promised,
                     alignments,
-                    origin: Origin::Local { sources, times },
+                    origin: InputOrigin::Local { sources, times },
                 });
             }
             Self::Stations(endpoints) => endpoints,
         };
-        let camera = |c: &tracker::stage::StageCamera| ExpectedCamera {
+        let camera = |c: &tracker::prepared_room::PreparedCamera| ExpectedCamera {
             name: c.name.clone(),
             width: c.width(),
             height: c.height(),
         };
-        let expected =
-            Expected { room: Fingerprint::of(room), cameras: stage.cameras.iter().map(camera).collect() };
+        let expected = ExpectedStations {
+            room: Fingerprint::of(room),
+            cameras: prepared.cameras.iter().map(camera).collect(),
+        };
         let (inbox, events) = channel();
         tracing::info!("waiting for the stations");
         let (ports, downlink) = Downlink::open(expected, &endpoints, STATIONS_WITHIN, interrupted, inbox)?;
-        let names: Vec<&str> = stage.cameras.iter().map(|c| c.name.as_str()).collect();
+        let names: Vec<&str> = prepared.cameras.iter().map(|c| c.name.as_str()).collect();
         let alignments = args.clocks.alignments(&names)?;
         let rates = ports.iter().filter_map(|port| port.rate_hz);
         let rate_hz = rates.fold(0.0, f64::max);
@@ -132,20 +134,20 @@ impl Given {
                 "--offset auto: is for recordings of this machine and for live cameras; give --offset NAME=SECONDS"
             );
         }
-        Ok(Input {
+        Ok(RunInput {
             is_live,
             has_pictures: false,
             rate_hz: if rate_hz > 0.0 { rate_hz } else { USUAL_RATE_HZ },
             promised: None,
             alignments,
-            origin: Origin::Stations { ports, events, downlink },
+            origin: InputOrigin::Stations { ports, events, downlink },
         })
     }
 }
 
-impl Input {
-    /// Starts the stations; the method is told of the empty scenes that it asks for. Offsets between recordings that are to be
-    /// found are found before.
+impl RunInput {
+    /// Starts the stations, and gives the method the empty scenes that it needs. Offsets between recordings are
+    /// estimated before, if requested.
     pub(super) fn start(
         &mut self,
         args: &RunArgs,
@@ -153,10 +155,10 @@ impl Input {
         method: &mut dyn Method,
         threads: usize,
     ) -> anyhow::Result<Started> {
-        let none = Origin::Local { sources: Vec::new(), times: Vec::new() };
+        let none = InputOrigin::Local { sources: Vec::new(), times: Vec::new() };
         let (sources, times) = match std::mem::replace(&mut self.origin, none) {
-            Origin::Local { sources, times } => (sources, times),
-            Origin::Stations { ports, events, downlink } => {
+            InputOrigin::Local { sources, times } => (sources, times),
+            InputOrigin::Stations { ports, events, downlink } => {
                 return Ok(Started { ports, events, downlink: Some(downlink) });
             }
         };
@@ -171,7 +173,7 @@ impl Input {
         if is_searched {
             tracing::info!("looking for the offsets between the recordings");
             let (ports, events) = start(stations, threads);
-            let found = search_offsets(builder.stage, ports, &events, &self.alignments)?;
+            let found = search_offsets(builder.room, ports, &events, &self.alignments)?;
             self.alignments = found;
             let room = Room::read(&args.room)?;
             let again = source::open(&room, &args.video, &args.masks)?;

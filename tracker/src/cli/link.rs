@@ -1,4 +1,4 @@
-//! `tracker link`: detections of a whole recording to tracks.
+//! `tracker link`: tracks from the detections of a whole recording.
 
 use std::path::PathBuf;
 
@@ -12,16 +12,16 @@ use tracker::tracks::rows::RowFile;
 
 use super::colours;
 
-/// Links the detections of a whole recording to the tracks of least total cost.
+/// Link the detections of a whole recording to the tracks of least total cost.
 ///
-/// DETECTIONS holds MOTChallenge rows, boxes (frame,id,left,top,width,height,score) or places on the floor
+/// DETECTIONS holds MOTChallenge rows, boxes (frame,id,left,top,width,height,score) or floor positions
 /// (frame,id,-1,-1,-1,-1,score,x,y,z); ids are ignored. The tracks are written in the same form.
 ///
-/// With one of --max-distance, --max-area-change, --max-colour-distance, --link-cost, --birth-cost or --detection-offset the
-/// graph is the paper's: detections that pass the thresholds are linked at a constant cost, and the optimum over this graph
-/// is written. With none of them, links cost by how people move, in their own heights and in seconds, and the tracks so
-/// found are linked again, over longer gaps, by where they come from and where they are going. Say --rate where the
-/// recording has far more or fewer than 25 frames a second.
+/// With one of --max-distance, --max-area-change, --max-colour-distance, --link-cost, --birth-cost or
+/// --detection-offset the graph is the paper's: detections that pass the thresholds are linked at a constant cost, and
+/// the optimum over this graph is written. With none of them, links cost by a motion model in heights of the person and
+/// in seconds, and the resulting tracks are linked again over longer gaps by their motion. Give --rate if the recording
+/// has far more or fewer than 25 frames a second.
 #[derive(Debug, clap::Args)]
 #[command(
     args_conflicts_with_subcommands = true,
@@ -39,35 +39,35 @@ use super::colours;
 pub(super) struct LinkArgs {
     #[command(subcommand)]
     command: Option<LinkCommand>,
-    /// The detections.
+    /// File of detections.
     #[arg(required = true)]
     detections: Option<PathBuf>,
-    /// The file of tracks to write.
+    /// File of tracks to write.
     #[arg(long, value_name = "TRACKS", required = true)]
     out: Option<PathBuf>,
     #[command(flatten)]
     options: LinkArguments,
-    /// Frames per second [default: the frameRate of a seqinfo.ini beside DETECTIONS or a folder above, else that of --video,
-    /// else 25].
+    /// Frames per second [default: the frameRate of a seqinfo.ini beside DETECTIONS or a folder above, else that of
+    /// --video, else 25].
     #[arg(long, value_name = "FPS", allow_negative_numbers = true)]
     rate: Option<f64>,
-    /// The video that the boxes were found in: whoever is linked must have like colours, too.
+    /// Video in which the boxes were found: linked boxes must have similar colours, too.
     #[arg(long, value_name = "VIDEO")]
     video: Option<String>,
-    /// Greatest difference of two linked boxes' colours: Hellinger distance of the histograms of their middles, 0 to 1
+    /// Largest difference of two linked boxes' colours: Hellinger distance of the histograms of their middles, 0 to 1
     /// [default: 0.6].
     #[arg(long, value_name = "D", requires = "video")]
     max_colour_distance: Option<f64>,
-    /// Settle links between detections so many frames after: a bound on the time that each one takes. The cost in the report
-    /// is above its lower bound by what this has cost at most; mostly by nothing [default: never].
+    /// Number of frames after which links between detections are final, which bounds the time of each one. The
+    /// difference of the reported cost and its lower bound limits the loss, which is mostly 0 [default: never].
     #[arg(long, value_name = "FRAMES")]
     window: Option<u32>,
-    /// The rows are tracks of an online tracker: keep them all, and link those that continue each other. Ids are those of
-    /// the first parts.
+    /// The rows are tracks of an online tracker: keep them all, and link those that continue each other. Ids are those
+    /// of the first parts.
     #[arg(long, conflicts_with_all = ["skip", "direction_threshold", "solver", "max_distance", "max_area_change", "link_cost",
         "birth_cost", "detection_offset", "video", "window"])]
     tracklets: bool,
-    /// Write what was done as JSON: detections, edges, tracks, total cost, its proven lower bound, seconds.
+    /// Write a report as JSON: detections, edges, tracks, total cost, its proven lower bound, seconds.
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
 }
@@ -80,20 +80,23 @@ enum LinkCommand {
 
 /// Find the paper's thresholds by cross-validation.
 ///
-/// The recording is cut into folds; each is linked with the thresholds that are best on the others. Prints a line a fold,
-/// and the options to use. Tuned for tracking success: people followed by one track from their first frame to their last;
-/// where that is equal, for IDF1. A threshold that is given is kept.
+/// The recording is cut into folds; each is linked with the thresholds that are best on the others. Prints a line a
+/// fold, and the options to use. Tuned for tracking success (people tracked from their first frame to their last by one
+/// track) and, where that is equal, for IDF1. A given threshold is kept.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  tracker link tune detections.txt --truth truth.txt
+  tracker link tune detections.txt --truth truth.txt --direction --folds 5 --json")]
 struct TuneArgs {
-    /// The detections.
+    /// File of detections.
     detections: PathBuf,
-    /// The truth.
+    /// File of the truth.
     #[arg(long, value_name = "FILE")]
     truth: PathBuf,
-    /// How many folds.
+    /// Number of folds.
     #[arg(long, default_value_t = 9)]
     folds: usize,
-    /// Use the direction constraint, and find its threshold.
+    /// Use the direction constraint, and tune its threshold.
     #[arg(long)]
     direction: bool,
     /// Print one JSON object instead of a table.
@@ -103,33 +106,36 @@ struct TuneArgs {
     options: LinkArguments,
 }
 
-/// The paper's experiment: tracking success with and without the direction constraint, against the frames skipped.
+/// Run the paper's experiment: tracking success with and without the direction constraint, against the number of
+/// skipped frames.
 ///
 /// Thresholds are cross-validated for each. Writes OUT/figure9.png and OUT/experiment.json and prints the table.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Example:
+  tracker link experiment detections.txt --truth truth.txt --out experiment")]
 struct ExperimentArgs {
-    /// The detections.
+    /// File of detections.
     detections: PathBuf,
-    /// The truth.
+    /// File of the truth.
     #[arg(long, value_name = "FILE")]
     truth: PathBuf,
-    /// The folder to write to.
+    /// Folder to write to.
     #[arg(long)]
     out: PathBuf,
-    /// How many folds.
+    /// Number of folds.
     #[arg(long, default_value_t = 9)]
     folds: usize,
     #[command(flatten)]
     options: LinkArguments,
 }
 
-/// The options of linking itself.
+/// Options of linking that all subcommands share.
 #[derive(Debug, clap::Args)]
 pub(super) struct LinkArguments {
-    /// Greatest distance of two linked boxes' centres, pixels (on the floor: metres) [default: a quarter of the height].
+    /// Largest distance of two linked boxes' centres, pixels (on the floor: metres) [default: a quarter of the height].
     #[arg(long, value_name = "PX")]
     max_distance: Option<f64>,
-    /// Greatest difference of two linked boxes' areas, square pixels [default: 35 % of the larger].
+    /// Largest difference of two linked boxes' areas, square pixels [default: 35 % of the larger].
     #[arg(long, value_name = "PX2")]
     max_area_change: Option<f64>,
     /// Cost of every link [default: 0].
@@ -138,31 +144,32 @@ pub(super) struct LinkArguments {
     /// Cost of a track's beginning, and of its end [default: 1].
     #[arg(long, value_name = "C", allow_negative_numbers = true)]
     birth_cost: Option<f64>,
-    /// A detection costs this minus its score [default: 0.2].
+    /// Offset of a detection's cost, which is the offset minus its score [default: 0.2].
     #[arg(long, value_name = "C", allow_negative_numbers = true)]
     detection_offset: Option<f64>,
-    /// Link over up to so many frames; 1: from a frame to the next only [default: 2.5 seconds; the paper's graph: 1, with
+    /// Largest gap of a link, frames; 1 links consecutive frames only [default: 2.5 seconds; the paper's graph: 1, with
     /// --direction-threshold 2].
     #[arg(long, value_name = "FRAMES")]
     max_gap: Option<u32>,
-    /// Greatest change of a track's velocity at a detection, pixels (metres) a frame. It must be above the noise of the
-    /// boxes and below the difference of two people's velocities, so nothing is assumed; `tracker link tune --direction`
-    /// finds it. Without the options of the paper's graph, the directions of whole tracklets count as it is.
+    /// Largest change of a track's velocity at a detection, pixels (metres) a frame. It must be above the noise of the
+    /// boxes and below the difference of two people's velocities, so it has no default; `tracker link tune --direction`
+    /// finds it. Without the options of the paper's graph, the motion model accounts for the directions of whole
+    /// tracklets.
     #[arg(long, value_name = "PX")]
     direction_threshold: Option<f64>,
-    /// Leave out so many frames after each one that is linked; their detections are given to the tracks that pass.
+    /// Number of frames skipped after each linked one; their detections are added to the tracks that pass them.
     #[arg(long, value_name = "N", default_value_t = 0)]
     skip: u32,
-    /// Leave out detections with a lower score.
+    /// Ignore detections with a lower score.
     #[arg(long, value_name = "SCORE", allow_negative_numbers = true)]
     min_score: Option<f64>,
-    /// Take only rows with this number in the 8th column, where detectors of several classes write the class.
+    /// Use only rows with this number in the 8th column, where detectors of several classes write the class.
     #[arg(long, value_name = "N")]
     class: Option<u32>,
-    /// How the tracks are found.
+    /// Solver of the graph.
     #[arg(long, value_enum, default_value = "exact")]
     solver: SolverName,
-    /// Leave gaps in tracks as they are.
+    /// Leave gaps in tracks unfilled.
     #[arg(long)]
     keep_gaps: bool,
     /// Smooth each track's boxes by a Gaussian of this standard deviation [default: 0.2 seconds; the paper's graph: 0].
@@ -172,7 +179,7 @@ pub(super) struct LinkArguments {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum SolverName {
-    /// The optimum, with its proof: successive shortest paths.
+    /// The optimum, with its certificate: successive shortest paths.
     Exact,
     /// Near the optimum: two-pass dynamic programming.
     Greedy,

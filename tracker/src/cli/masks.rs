@@ -1,4 +1,4 @@
-//! `tracker masks`: the foreground masks alone, as pictures.
+//! `tracker masks`: foreground masks as pictures.
 
 use std::path::PathBuf;
 
@@ -12,10 +12,10 @@ use tracker::source::{CaptureTimes, NamedSource, Times, VideoSource};
 
 use super::background::BackgroundArguments;
 
-/// Write the foreground masks of videos as pictures, to look at or to give to `tracker run --masks`.
+/// Write the foreground masks of videos as pictures, to look at or to use with `tracker run --masks`.
 ///
-/// The masks are in the videos' own images, not undistorted: OUT/NAME/000001.png, 255 where there is foreground. Frames
-/// that say nothing (frozen, dark, lights switched) come out black and are named in the log.
+/// The masks are in the videos' own images, not undistorted: OUT/NAME/000001.png, 255 where there is foreground.
+/// Unusable frames (frozen, dark, lights switched) are black and named in the log.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Example:\n  tracker masks --video cam0=cam0.mp4 --out masks\n  tracker run myroom --masks cam0=masks/cam0 --out out"
@@ -24,13 +24,13 @@ pub(crate) struct MasksArgs {
     /// A video, as `tracker run` takes it; may be given several times
     #[arg(long, value_name = "NAME=PATH", required = true)]
     video: Vec<NamedSource>,
-    /// The folder to write to
+    /// Folder to write to
     #[arg(long)]
     out: PathBuf,
-    /// The time of each frame: seconds, a line a frame
+    /// Capture times of the frames, seconds, a line a frame
     #[arg(long, value_name = "FILE", conflicts_with = "rate")]
     times: Option<PathBuf>,
-    /// Frames a second, where the video does not say or says wrong
+    /// Frame rate, frames a second, where the video states none or a wrong one
     #[arg(long)]
     rate: Option<f64>,
     /// Also write the background, as OUT/NAME/background.jpg, and each frame with its mask's outline

@@ -1,4 +1,4 @@
-//! The program's subcommands, one a file: each maps its options onto the library's, one to one.
+//! Subcommands of the program, one a file: each maps its options onto the library's, one to one.
 
 mod agent_options;
 mod agent_station;
@@ -9,6 +9,7 @@ mod colours;
 mod detect;
 mod endpoints;
 mod eval;
+mod flags;
 mod heads;
 mod input;
 mod interrupt;
@@ -27,13 +28,13 @@ mod weightmap;
 use clap::{Parser, Subcommand};
 use shell::console::Console;
 
-/// Follows every person in a room, in metres on its floor, from fixed calibrated cameras.
+/// Tracks every person in a room, in metres on its floor, from fixed calibrated cameras.
 #[derive(Debug, Parser)]
 #[command(name = "tracker", version, max_term_width = 110)]
 pub(crate) struct Arguments {
     #[command(subcommand)]
     command: Command,
-    /// Tell more (-vv: everything, with what the video libraries print).
+    /// Log more (-vv: everything, with the output of the video libraries).
     #[arg(short, long, action = clap::ArgAction::Count, global = true)]
     pub(crate) verbose: u8,
 }
@@ -52,9 +53,9 @@ enum Command {
     Weightmap(weightmap::WeightMapArgs),
 }
 
-/// Does what was asked for; returns what is to be printed on standard output.
+/// Runs the subcommand; returns the text for standard output.
 pub(crate) fn run(arguments: &Arguments, console: &Console) -> anyhow::Result<String> {
-    match &arguments.command {
+    let printed = match &arguments.command {
         Command::Run(args) => run::run(args, console),
         Command::Station(args) => station::station(args, console),
         Command::Watch(args) => watch::watch(args),
@@ -65,5 +66,6 @@ pub(crate) fn run(arguments: &Arguments, console: &Console) -> anyhow::Result<St
         Command::Masks(args) => masks::masks(args, console),
         Command::Report(args) => report::report(args),
         Command::Weightmap(args) => weightmap::weightmap(args),
-    }
+    };
+    printed.map_err(flags::named)
 }

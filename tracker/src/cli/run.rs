@@ -12,14 +12,14 @@ use tracker::film::{Film, FilmOptions};
 use tracker::foreground::Verdict;
 use tracker::gathering::{Gathering, GatheringOptions};
 use tracker::plan::TrajectoryPlan;
-use tracker::run::{self, AgencyLog, ClockOffsets, Ended, Output, Progress, RunReport};
-use tracker::stage::{Stage, StageOptions};
+use tracker::prepared_room::{PreparationOptions, PreparedRoom};
+use tracker::run::{self, AgencyLog, ClockOffsets, Output, RunEnd, RunProgress, RunReport};
 use tracker::station::{Pace, PictureDemand};
 use tracker::tracks::TrackFiles;
-use tracker::view::{Drawer, Screens, Server};
+use tracker::view::{LiveDrawer, Screens, Server};
 use tracker::wire::Downlink;
 
-use super::input::{Given, Started};
+use super::input::{RunSources, Started};
 use super::interrupt;
 use super::run_arguments::{MethodName, RunArgs};
 use super::stations::{Drawing, StationBuilder};
@@ -40,29 +40,29 @@ pub(crate) fn run(args: &RunArgs, console: &Console) -> anyhow::Result<String> {
 
 fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<String> {
     let started = Instant::now();
-    // What is wrong with the options is told before anything is read.
+    // Invalid options are reported before anything is read.
     args.sampler.options(args.seed)?;
     args.heads.options(args.seed, args.sampler.published)?;
-    // The port before what takes its time to read.
+    // The port is bound before the slow reading of the room.
     let listener = args.view.listener()?;
     let room = Room::read(&args.room)?;
-    let given = Given::open(args, &room)?;
-    let options = StageOptions {
+    let given = RunSources::open(args, &room)?;
+    let options = PreparationOptions {
         cameras: given.cameras(),
         occlusion: !args.no_occlusion,
         working_width_px: args.mask_width,
     };
-    let stage = Stage::prepare(&room, &args.room, &options)?;
+    let prepared = PreparedRoom::prepare(&room, &args.room, &options)?;
     let interrupted = interrupt::watch().context("the signals that end a run")?;
-    let downlinked = matches!(given, Given::Stations(_));
-    let mut input = given.connect(args, &room, &stage, &interrupted)?;
+    let downlinked = matches!(given, RunSources::Stations(_));
+    let mut input = given.connect(args, &room, &prepared, &interrupted)?;
     let is_live = input.is_live;
-    let mut method = args.method(&stage, is_live)?;
+    let mut method = args.method(&prepared, is_live)?;
     if downlinked && method.needs().pictures {
         bail!("--method: looks at pictures, which do not leave stations; give --video, or --method mcmc");
     }
     let looks = FilmOptions { width_px: args.film_width, is_live, ..FilmOptions::default() };
-    let mut page = listener.map(|listener| view::serve(listener, &args.room, &stage)).transpose()?;
+    let mut page = listener.map(|listener| view::serve(listener, &args.room, &prepared)).transpose()?;
     let screens = page.as_ref().map(Server::screens);
     let demand = match screens {
         _ if !args.no_film => PictureDemand::Always,
@@ -73,40 +73,40 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
         None => PictureDemand::Never,
     };
     let builder = StationBuilder {
-        stage: &stage,
+        room: &prepared,
         background: &args.background,
         needs: method.needs(),
         drawing: Drawing { looks: &looks, demand },
         pace: if is_live { Pace::Live } else { Pace::Free },
     };
     let Started { ports, events, downlink } = input.start(args, &builder, method.as_mut(), threads)?;
-    let prepared = started.elapsed().as_secs_f64();
-    tracing::debug!("room and backgrounds ready after {prepared:.2} s");
-    // Everything that was given has been looked at: now something may be written.
-    let mut outputs: Vec<Box<dyn Output>> = vec![Box::new(TrackFiles::new(&args.out, &stage))];
+    let prepared_s = started.elapsed().as_secs_f64();
+    tracing::debug!("room and backgrounds ready after {prepared_s:.2} s");
+    // All inputs have been checked, so outputs may be created now.
+    let mut outputs: Vec<Box<dyn Output>> = vec![Box::new(TrackFiles::new(&args.out, &prepared))];
     outputs.push(Box::new(TrajectoryPlan::new(&args.out, &room, &args.room)));
     if args.method == MethodName::Agents {
-        outputs.push(Box::new(AgencyLog::new(&args.out, &stage)));
+        outputs.push(Box::new(AgencyLog::new(&args.out, &prepared)));
     }
     if !args.no_film {
         let audience = screens.map(Screens::audience);
-        outputs.push(Box::new(Film::start(&args.out, &stage, input.rate_hz, &looks, audience.as_ref())?));
+        outputs.push(Box::new(Film::start(&args.out, &prepared, input.rate_hz, &looks, audience.as_ref())?));
     } else if let Some(screens) = screens {
-        outputs.push(Box::new(Drawer::start(&stage, &looks, screens, input.has_pictures)));
+        outputs.push(Box::new(LiveDrawer::start(&prepared, &looks, screens, input.has_pictures)));
     }
     let mut progress = console.progress("tracking", input.promised.map(|n| n as u64));
     let alignments = input.alignments;
-    let clocks = match stage.cameras.len() {
+    let clocks = match prepared.cameras.len() {
         0 | 1 => None,
         _ => {
             let applies = args.clocks.is_auto() && is_live;
-            Some(ClockOffsets::new(&stage, alignments.clone(), is_live, applies)?)
+            Some(ClockOffsets::new(&prepared, alignments.clone(), is_live, applies)?)
         }
     };
     let options = GatheringOptions { alignments, latency_s: args.latency };
     let gathering = Gathering::new(ports, events, &options)?;
     let report = run::run(gathering, method.as_mut(), outputs, clocks, threads, |step| {
-        if step == Progress::Moment {
+        if step == RunProgress::Moment {
             progress.advance();
         }
         if interrupted.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
@@ -114,12 +114,12 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
     drop(progress);
     if let Some(garbage) = downlink.as_ref().map(Downlink::garbage).filter(|count| *count > 0) {
         tracing::warn!(
-            "--stations: {garbage} messages were refused: malformed, out of order, or of nobody known"
+            "--stations: {garbage} messages were refused: malformed, out of order, or from unknown senders"
         );
     }
     drop(downlink);
     if let Some(page) = &mut page {
-        page.tell_the_end();
+        page.announce_end();
     }
     report.timings.write(&args.out.join("timings.json"))?;
     let report = report.unless_failed()?;
@@ -127,11 +127,11 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
         let mended = tracker::link::mend_run(&args.out, input.rate_hz)?;
         tracing::info!("{} tracks after linking over the whole recording", mended.tracks);
     }
-    tell(&report, prepared, started.elapsed().as_secs_f64());
+    log_report(&report, prepared_s, started.elapsed().as_secs_f64());
     Ok(String::new())
 }
 
-fn tell(report: &RunReport, prepared_s: f64, all_s: f64) {
+fn log_report(report: &RunReport, prepared_s: f64, all_s: f64) {
     for (name, (frames, why)) in &report.set_aside {
         let why = if *why == Verdict::Learning {
             "while it learnt its background".to_owned()
@@ -150,10 +150,10 @@ fn tell(report: &RunReport, prepared_s: f64, all_s: f64) {
         );
     }
     match &report.ended {
-        Ended::Source(name) => tracing::info!("the run ended where `{name}` ended"),
-        Ended::Asked => tracing::info!("the run ended where it was interrupted"),
-        // What it failed of is the one line of error.
-        Ended::Failed(_) => {}
+        RunEnd::Source(name) => tracing::info!("the run ended where `{name}` ended"),
+        RunEnd::Stopped => tracing::info!("the run ended where it was interrupted"),
+        // The error is reported as the program's one line of error.
+        RunEnd::Failed(_) => {}
     }
     tracing::info!(
         "{} frames in {all_s:.2} s, {:.1} frames/s ({prepared_s:.2} s of it to read the room and learn the backgrounds)",

@@ -1,4 +1,4 @@
-//! The options of `tracker run`.
+//! Options of `tracker run`.
 
 use std::path::PathBuf;
 
@@ -7,8 +7,8 @@ use tracker::method::Method;
 use tracker::method::agents::Agents;
 use tracker::method::condensation::Condensation;
 use tracker::method::mcmc::Mcmc;
+use tracker::prepared_room::{PreparedRoom, WORKING_WIDTH_PX};
 use tracker::source::NamedSource;
-use tracker::stage::{Stage, WORKING_WIDTH_PX};
 use tracker::wire::Endpoint;
 
 use super::background::BackgroundArguments;
@@ -18,25 +18,27 @@ use super::heads::HeadArguments;
 use super::sampler::SamplerArguments;
 use super::view::ViewArguments;
 
-/// The published trackers.
+/// Tracking methods.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(super) enum MethodName {
     /// Trans-dimensional MCMC with occlusion predicted from the room.
     Mcmc,
-    /// Heads by their edges, a particle filter a person; needs no room geometry, but two cameras that see the head.
+    /// Heads by their edges, a particle filter for each person; needs no room geometry, but two cameras that see the
+    /// head.
     Condensation,
-    /// Distributed vision agents: a tracker a camera, which tell each other what they see; no camera depends on another.
+    /// Distributed vision agents: a tracker for each camera, which exchange their observations; no camera depends on
+    /// another.
     Agents,
 }
 
-/// Follow everybody in a room from the videos of its cameras.
+/// Track everybody in a room from the videos of its cameras.
 ///
 /// Writes OUT/tracks.txt (floor positions, MOTChallenge rows), OUT/tracks.jsonl (a line a frame, as it is made),
-/// OUT/boxes/NAME.txt, OUT/timings.json and, unless told otherwise, the films OUT/overlay/NAME.mp4; with --method agents also
-/// OUT/agents: what the stations told each other, and figures of it. A moment is
-/// a frame of the fastest camera with the frames of the others that were taken nearest to it in time. The shortest recording
-/// ends the run, or Ctrl-C: films, plan and times are then those of the frames so far (Ctrl-C again ends it at once).
-/// Cameras without a source are left out.
+/// OUT/boxes/NAME.txt, OUT/timings.json and, unless --no-film is given, the films OUT/overlay/NAME.mp4; with --method
+/// agents also OUT/agents: the packets that the stations exchange, and figures of them. A moment is a frame of the
+/// fastest camera with the nearest frames in time of the others. The shortest recording ends the run, or Ctrl-C: films,
+/// plan and times are then those of the frames so far (a second Ctrl-C ends it at once). Cameras without a source are
+/// left out.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   tracker run myroom --video cam0=cam0.mp4 --video cam1=cam1.mp4 --out out
@@ -47,44 +49,44 @@ pub(super) enum MethodName {
   tracker run myroom --video a=rtsp://camera/stream --background a=empty.mp4 --out out
   tracker run myroom --stations hall.local:7447,shop.local:7447 --out out")]
 pub(crate) struct RunArgs {
-    /// The room directory, as `recon build` makes it.
+    /// Room directory, as made by `recon build`.
     pub(super) room: PathBuf,
-    /// A camera's video: a file, a folder of images, a printf pattern, a stream's URL or a device number. A stream
-    /// that breaks off is set aside, and taken back when it can be opened again.
+    /// Video of a camera: a file, a folder of images, a printf pattern, a stream's URL or a device number. A stream
+    /// that breaks off is set aside, and used again when it can be reopened.
     #[arg(long, value_name = "NAME=PATH")]
     pub(super) video: Vec<NamedSource>,
     /// Gather from stations on other machines (`tracker station`), at these addresses: host:port, or tls/host:port
     #[arg(long, value_name = "ENDPOINT[,…]", value_delimiter = ',')]
     pub(super) stations: Option<Vec<Endpoint>>,
-    /// A camera's ready-made masks (folder of 8-bit images, 0 = background, or a video): no background subtraction.
+    /// Ready-made masks of a camera (folder of 8-bit images, 0 = background, or a video), instead of background
+    /// subtraction.
     #[arg(long, value_name = "NAME=PATH")]
     pub(super) masks: Vec<NamedSource>,
-    /// The folder to write to.
+    /// Folder to write to.
     #[arg(long)]
     pub(super) out: PathBuf,
-    /// The tracker.
+    /// Tracking method.
     #[arg(long, value_enum, default_value = "mcmc")]
     pub(super) method: MethodName,
     /// Seed of all random numbers: the same seed gives the same bytes.
     #[arg(long, default_value_t = 1)]
     pub(super) seed: u64,
-    /// Worker threads (default: one a core). The result does not depend on it.
+    /// Number of worker threads (default: one a core). The result does not depend on it.
     #[arg(long, value_name = "N")]
     pub(super) threads: Option<usize>,
     #[command(flatten)]
     pub(super) clocks: ClockArguments,
     #[command(flatten)]
     pub(super) endpoints: EndpointArguments,
-    /// The most people who are followed at once; the sampler takes up to 31 [default: 24]
+    /// Largest number of people tracked at once, up to 31 [default: 24]
     #[arg(long, value_name = "N")]
     pub(super) most_people: Option<usize>,
-    /// Ignore the room's geometry: nothing but the floor hides anybody. For comparison.
+    /// Ignore the room's geometry: only the floor hides people. For comparison.
     #[arg(long)]
     pub(super) no_occlusion: bool,
-    /// At the end, link the tracks over the whole recording: somebody who was lost for up to 2.5 seconds and found again keeps
-    /// their id, and the gap is filled, in tracks.txt, tracks.jsonl and boxes. The films and the floor plan are drawn as the
-    /// run goes on: in them everybody keeps the ids of that moment.
-    #[arg(long)]
+    /// At the end, link the tracks over the whole recording: a person who was lost for up to 2.5 seconds and found
+    /// again keeps their id, and the gap is filled, in tracks.txt, tracks.jsonl and boxes. The films and the floor plan
+    /// are drawn during the run, with the ids of that moment.
     pub(super) smooth: bool,
     /// Write no films.
     #[arg(long)]
@@ -92,10 +94,10 @@ pub(crate) struct RunArgs {
     /// Width of the films, both panels together, pixels
     #[arg(long, value_name = "PX", default_value_t = 960, value_parser = clap::value_parser!(u32).range(64..=7680))]
     pub(super) film_width: u32,
-    /// Width at which masks are made and compared, pixels: pictures that are wider are scaled while they are decoded
+    /// Width at which masks are made and compared, pixels: wider pictures are scaled while they are decoded
     #[arg(long, value_name = "PX", default_value_t = WORKING_WIDTH_PX)]
     pub(super) mask_width: u32,
-    /// Longest time for which a moment of live cameras waits for one that is late, seconds
+    /// Longest wait of a moment of live cameras for a late camera, seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 0.3)]
     pub(super) latency: f64,
     #[command(flatten)]
@@ -109,17 +111,17 @@ pub(crate) struct RunArgs {
 }
 
 impl RunArgs {
-    /// The masks that the method uses.
+    /// Masks that the method uses.
     pub(super) fn used_masks(&self) -> &[NamedSource] {
         match self.method {
             MethodName::Mcmc | MethodName::Agents => &self.masks,
-            // It looks at pictures alone.
+            // The method uses pictures alone.
             MethodName::Condensation => &[],
         }
     }
 
-    /// The method, which is prepared for the stage.
-    pub(super) fn method(&self, stage: &Stage, is_live: bool) -> anyhow::Result<Box<dyn Method>> {
+    /// The method, prepared for the room.
+    pub(super) fn method(&self, prepared: &PreparedRoom, is_live: bool) -> anyhow::Result<Box<dyn Method>> {
         Ok(match self.method {
             MethodName::Mcmc => {
                 let mut options = self.sampler.options(self.seed)?;
@@ -127,16 +129,16 @@ impl RunArgs {
                 if self.sampler.lag.is_none() && is_live {
                     options.lag_s = 0.0;
                 }
-                Box::new(Mcmc::new(stage.clone(), options)?)
+                Box::new(Mcmc::new(prepared.clone(), options)?)
             }
             MethodName::Agents => {
                 let options = super::agent_options::options(&self.sampler, self.seed, self.most_people)?;
-                Box::new(Agents::new(stage.clone(), &options)?)
+                Box::new(Agents::new(prepared.clone(), &options)?)
             }
             MethodName::Condensation => {
                 let mut options = self.heads.options(self.seed, self.sampler.published)?;
                 options.life.max_people = self.most_people.unwrap_or(options.life.max_people);
-                Box::new(Condensation::new(stage.clone(), options)?)
+                Box::new(Condensation::new(prepared.clone(), options)?)
             }
         })
     }

@@ -1,8 +1,8 @@
-//! The options of the MCMC sampler.
+//! Options of the MCMC sampler.
 
 use anyhow::bail;
 use clap::{Args, ValueEnum};
-use tracker::likelihood::Rule;
+use tracker::likelihood::LikelihoodRule;
 use tracker::method::mcmc::{Acceptance, McmcOptions};
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -21,47 +21,47 @@ enum AcceptanceName {
     ReversibleJump,
 }
 
-/// What comes later than this tells nothing more.
+/// Largest useful lag, seconds: later observations add nothing.
 const MOST_LAG_S: f64 = 5.0;
 
-/// Nobody waits for longer frames than these make.
+/// Largest number of steps: more would make a frame take too long.
 const MOST_STEPS: u32 = 1_000_000;
 
-/// The sampler as the user asks for it.
+/// Options of the sampler on the command line.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Sampler (--method mcmc)")]
 pub(super) struct SamplerArguments {
-    /// Steps a frame, half of them burn-in; more where there are more than three people.
+    /// Steps a frame, half of them burn-in; more when there are more than three people.
     #[arg(long, value_name = "N")]
     steps: Option<u32>,
-    /// How masks are compared.
+    /// Comparison of the masks.
     #[arg(long, value_enum, value_name = "NAME")]
     likelihood: Option<LikelihoodName>,
-    /// The power of the overlap ratio (published: 1, which hardly tells right from wrong; 40 to 100 do).
+    /// Power of the overlap ratio (published: 1, which hardly discriminates; 40 to 100 do).
     #[arg(long, value_name = "POWER")]
     overlap_power: Option<f64>,
-    /// When a proposal is taken.
+    /// Acceptance of a proposal.
     #[arg(long, value_enum, value_name = "NAME")]
     acceptance: Option<AcceptanceName>,
-    /// How long after a moment its people are told, in seconds: where they go tells where they were, and who had just come in.
-    /// 0 tells at once [default: 0.4 for recordings, 0 for streams]
+    /// Lag of the output, seconds: estimates are smoothed by the observations of that time, which also decide who had
+    /// just come in. 0 writes at once [default: 0.4 for recordings, 0 for streams]
     #[arg(long, value_name = "SECONDS")]
     pub(super) lag: Option<f64>,
-    /// The method as published (any --method); its other options still change it. Of the sampler that is likelihood,
-    /// acceptance, number of steps, births in zones alone and prediction. What its paper leaves open stays: identities (who was
-    /// deleted may come back as the same), how long steps are, who is believed in, and how the mean of a person's states becomes
-    /// their next place and speed (as a measurement with its covariance)
+    /// The method as published (any --method); its other options still change it. For the sampler that is likelihood,
+    /// acceptance, number of steps, births in zones alone and prediction. Points that its paper leaves open stay:
+    /// identities (a deleted person may come back with the same id), step lengths, the confirmation of tracks, and the
+    /// update of position and velocity by the mean of a person's states (as a measurement with its covariance)
     #[arg(long)]
     pub(super) published: bool,
 }
 
 impl SamplerArguments {
-    /// The sampler's options as the method.
+    /// Options of the sampler as the tracking method.
     pub(super) fn options(&self, seed: u64) -> anyhow::Result<McmcOptions> {
         self.changed(if self.published { McmcOptions::published() } else { McmcOptions::default() }, seed)
     }
 
-    /// The sampler's options as the image tracking of agents, whatever rule these follow.
+    /// Options of the sampler as the image tracking of agents, for either of their rules.
     pub(super) fn image_tracking(&self, seed: u64) -> anyhow::Result<McmcOptions> {
         self.changed(McmcOptions::default(), seed)
     }
@@ -76,7 +76,7 @@ impl SamplerArguments {
             options.kept_steps = steps - steps / 2;
         }
         match self.likelihood {
-            Some(LikelihoodName::Overlap) => options.likelihood = Rule::Overlap { exponent: 1.0 },
+            Some(LikelihoodName::Overlap) => options.likelihood = LikelihoodRule::Overlap { exponent: 1.0 },
             Some(LikelihoodName::Bernoulli) => options.likelihood = McmcOptions::default().likelihood,
             None => {}
         }
@@ -84,7 +84,7 @@ impl SamplerArguments {
             if !(power > 0.0 && power.is_finite()) {
                 bail!("--overlap-power {power}: give a positive number");
             }
-            let Rule::Overlap { exponent } = &mut options.likelihood else {
+            let LikelihoodRule::Overlap { exponent } = &mut options.likelihood else {
                 bail!(
                     "--overlap-power {power}: only the overlap ratio has a power; add --likelihood overlap"
                 );

@@ -10,40 +10,41 @@ use scenes::room::Room;
 use shell::console::Console;
 use tracker::film::FilmOptions;
 use tracker::method::Needs;
+use tracker::prepared_room::{PreparationOptions, PreparedRoom, WORKING_WIDTH_PX};
 use tracker::source::{self, NamedSource};
-use tracker::stage::{Stage, StageOptions, WORKING_WIDTH_PX};
 use tracker::station::{Event, Pace, Permits, PictureDemand};
 use tracker::wire::{Endpoint, Fingerprint, Hello, Uplink};
 
-use super::agent_station::{AgentStationArguments, Place};
+use super::agent_station::{AgentStationArguments, StationRoom};
 use super::background::BackgroundArguments;
 use super::clocks::ClockArguments;
 use super::endpoints::EndpointArguments;
 use super::interrupt;
 use super::stations::{Drawing, StationBuilder};
 
-/// A station of a recording waits for its gatherer for so long.
+/// Longest wait of a recording's station for its gatherer.
 const GATHERER_WITHIN: Duration = Duration::from_mins(10);
 
-/// A tracker that works in the stations themselves.
+/// Tracking method that works in the stations themselves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum StationMethod {
-    /// Distributed vision agents: each station tracks, and they tell each other what they see.
+    /// Distributed vision agents: each station tracks, and they exchange their observations.
     Agents,
 }
 
-/// Observe one camera on this machine, for a `tracker run --stations` on another; or track with other stations, without one.
+/// Observe one camera on this machine, for a `tracker run --stations` on another; or track with other stations, without
+/// one.
 ///
-/// For a gatherer masks and the colours of the foreground leave the station, pictures do not, unless --pictures is given. A
-/// live station goes on whoever listens; that of a recording waits for the gatherer and keeps to its pace.
+/// Masks and the colours of the foreground are sent to the gatherer; pictures are not, unless --pictures is given. A
+/// live station goes on with and without a gatherer; that of a recording waits for it and keeps to its pace.
 ///
-/// With --method agents there is no gatherer: each station tracks, sends about 40 bytes a person and frame to the stations
-/// that see the same places, and writes its own OUT/tracks.txt, tracks.jsonl, boxes/NAME.txt, plan.png and timings.json, with
-/// everybody whom it sees or hears of. Of each two stations one listens and the other connects, or both --discover each
-/// other. A recording is played as fast as it was filmed; of a camera that is too fast frames are passed over. `tracker watch`
-/// shows who tracks whom.
+/// With --method agents there is no gatherer: each station tracks, sends about 40 bytes a person and frame to the
+/// stations that see the same places, and writes its own OUT/tracks.txt, tracks.jsonl, boxes/NAME.txt, plan.png and
+/// timings.json, with all people whom it or another station sees. Of each two stations one listens and the other
+/// connects, or both --discover each other. A recording is played at its own speed; frames that a station cannot keep
+/// up with are passed over. `tracker watch` shows which stations track whom.
 ///
-/// All machines have the same room directory.
+/// All machines need the same room directory.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   tracker station myroom --camera cam0 --video rtsp://camera/stream --listen 0.0.0.0:7447
@@ -55,15 +56,15 @@ enum StationMethod {
   tracker station myroom --camera cam0 --video 0 --method agents --out out0 --listen 0.0.0.0:7447
   tracker station myroom --camera cam1 --video 0 --method agents --out out1 --connect camerahost0:7447")]
 pub(crate) struct StationArgs {
-    /// The room directory, as `recon build` makes it.
+    /// Room directory, as made by `recon build`.
     room: PathBuf,
-    /// The camera's name in the room.
+    /// Name of the camera in the room.
     #[arg(long, value_name = "NAME")]
     camera: String,
-    /// The camera's video: a file, a folder of images, a printf pattern, a stream's URL or a device number.
+    /// Video of the camera: a file, a folder of images, a printf pattern, a stream's URL or a device number.
     #[arg(long, value_name = "PATH|URL", required_unless_present = "masks")]
     video: Option<String>,
-    /// Ready-made masks (folder of 8-bit images, 0 = background, or a video): no background subtraction.
+    /// Ready-made masks (folder of 8-bit images, 0 = background, or a video), instead of background subtraction.
     #[arg(long, value_name = "PATH")]
     masks: Option<String>,
     /// Track on this machine, together with the stations of the other cameras
@@ -72,10 +73,10 @@ pub(crate) struct StationArgs {
     /// Connect to the gatherer, to another station, or to a Zenoh router, at this address; may be repeated
     #[arg(long, value_name = "ENDPOINT", value_delimiter = ',')]
     connect: Vec<Endpoint>,
-    /// Width at which masks are made, pixels; as the gatherer has it
+    /// Width at which masks are made, pixels; the same as the gatherer's
     #[arg(long, value_name = "PX", default_value_t = WORKING_WIDTH_PX)]
     mask_width: u32,
-    /// Send the pictures as well, at the size of films: for films and the page
+    /// Send the pictures as well, at the size of films, for films and the page
     #[arg(long)]
     pictures: bool,
     #[command(flatten)]
@@ -104,12 +105,12 @@ pub(crate) fn station(args: &StationArgs, console: &Console) -> anyhow::Result<S
     let clocks = args.clocks.clocks(&sources)?;
     let is_live = sources.iter().any(source::CameraSource::is_live);
     let promised = clocks.moments(&sources);
-    // All of the room's cameras, as the gatherer has it: what is sampled depends on the floor that they see together.
-    let options = StageOptions { working_width_px: args.mask_width, ..StageOptions::default() };
-    let stage = Stage::prepare(&room, &args.room, &options)?;
+    // All of the room's cameras, as in the gatherer: sampling depends on the floor that they see together.
+    let options = PreparationOptions { working_width_px: args.mask_width, ..PreparationOptions::default() };
+    let prepared = PreparedRoom::prepare(&room, &args.room, &options)?;
     let demand = if args.pictures { PictureDemand::Always } else { PictureDemand::Never };
     let builder = StationBuilder {
-        stage: &stage,
+        room: &prepared,
         background: &args.background,
         needs: Needs { masks: true, pictures: false, empty_scene: false },
         drawing: Drawing { looks: &FilmOptions::default(), demand },
@@ -120,11 +121,11 @@ pub(crate) fn station(args: &StationArgs, console: &Console) -> anyhow::Result<S
     let interrupted = interrupt::watch().context("the signals that end a station")?;
     if args.method.is_some() {
         let progress = console.progress("tracking", promised.map(|n| n as u64));
-        let place = Place { room: &room, room_dir: &args.room, stage: stage.clone() };
+        let place = StationRoom { room: &room, room_dir: &args.room, prepared: prepared.clone() };
         args.agents.follow(place, station, &endpoints, (&interrupted, progress))?;
         return Ok(String::new());
     }
-    let of_stage = stage.camera_index(&args.camera).map(|i| &stage.cameras[i]);
+    let of_stage = prepared.camera_index(&args.camera).map(|i| &prepared.cameras[i]);
     let of_stage =
         of_stage.with_context(|| format!("--camera {}: the room has no such camera", args.camera))?;
     let hello = Hello {

@@ -1,4 +1,4 @@
-//! From opened sources to stations: backgrounds, observers, and what each of them is asked for.
+//! Construction of stations from opened sources: backgrounds, observers, and their demands.
 
 use std::path::Path;
 
@@ -9,40 +9,40 @@ use rayon::prelude::*;
 use tracker::Error;
 use tracker::film::FilmOptions;
 use tracker::foreground::health::Health;
-use tracker::foreground::{Foreground, Start};
+use tracker::foreground::{Foreground, InitialBackground};
 use tracker::method::Needs;
+use tracker::prepared_room::{PreparedCamera, PreparedRoom};
 use tracker::source::{CameraSource, CaptureTimes, VideoSource};
-use tracker::stage::{Stage, StageCamera};
 use tracker::station::{LiveStation, Masks, Observer, Pace, PictureDemand, RecordedStation, Station, Work};
 
 use super::background::BackgroundArguments;
 
-/// Films or page that pictures are drawn for, and the frames in which they are wanted.
+/// Options of the films or the page, and the demand for their pictures.
 #[derive(Clone)]
 pub(super) struct Drawing<'a> {
     pub(super) looks: &'a FilmOptions,
     pub(super) demand: PictureDemand,
 }
 
-/// Makes the stations of a run.
+/// Builder of a run's stations.
 pub(super) struct StationBuilder<'a> {
-    pub(super) stage: &'a Stage,
+    pub(super) room: &'a PreparedRoom,
     pub(super) background: &'a BackgroundArguments,
     pub(super) needs: Needs,
     pub(super) drawing: Drawing<'a>,
-    /// Speed at which recordings are played: beside live cameras as fast as they were filmed.
+    /// Playback speed of recordings: beside live cameras the recorded speed.
     pub(super) pace: Pace,
 }
 
-/// A station, with what is known beside it.
+/// A station and its empty scene.
 pub(super) struct Built {
     pub(super) station: Station,
-    /// Empty room as its camera sees it, in the pinhole image, where the method asks for that and it is known.
+    /// Empty scene of its camera, in the pinhole image, if the method needs it and it is known.
     pub(super) empty_scene: Option<RgbImage>,
 }
 
 impl StationBuilder<'_> {
-    /// The stations in the sources' order; backgrounds are learnt in parallel.
+    /// Builds the stations in the sources' order; backgrounds are learnt in parallel.
     pub(super) fn build(
         &self,
         sources: Vec<CameraSource>,
@@ -50,7 +50,7 @@ impl StationBuilder<'_> {
     ) -> anyhow::Result<Vec<Built>> {
         let made: Vec<anyhow::Result<Built>> =
             sources.into_par_iter().zip(times).map(|(source, times)| self.station(source, times)).collect();
-        // All are made before the first failure is told, so that it is the first camera's.
+        // All are built before the first failure is reported, so that it is the first camera's.
         made.into_iter().collect()
     }
 
@@ -62,8 +62,8 @@ impl StationBuilder<'_> {
             let problem = format!("camera `{name}` has masks alone; give --video {name}=PATH");
             return Err(Error::option("--video", problem).into());
         }
-        let camera = self.stage.camera_index(&name);
-        let of_stage = camera.map(|i| &self.stage.cameras[i]);
+        let camera = self.room.camera_index(&name);
+        let of_stage = camera.map(|i| &self.room.cameras[i]);
         let of_stage = of_stage.with_context(|| format!("the room has no camera `{name}`"))?;
         let size = (of_stage.width(), of_stage.height());
         let filmed_size = (of_stage.filmed.intrinsics.width, of_stage.filmed.intrinsics.height);
@@ -77,11 +77,12 @@ impl StationBuilder<'_> {
         let start = match &video {
             Some(video) if is_subtracted || self.needs.empty_scene => {
                 match self.background.start(&name, video, filmed_size, size)? {
-                    Start::Nothing(kind) if self.background.is_auto() => {
+                    InitialBackground::Nothing(kind) if self.background.is_auto() => {
                         let reference =
                             of_stage.reference.as_deref().and_then(|path| reference(path, of_stage));
-                        let of_reference = |picture| Start::Reference { camera: name.clone(), picture };
-                        Some(reference.map_or(Start::Nothing(kind), of_reference))
+                        let of_reference =
+                            |picture| InitialBackground::Reference { camera: name.clone(), picture };
+                        Some(reference.map_or(InitialBackground::Nothing(kind), of_reference))
                     }
                     start => Some(start),
                 }
@@ -96,7 +97,7 @@ impl StationBuilder<'_> {
             }
             _ => Masks::Unneeded(Health::default()),
         };
-        let observer = Observer::new(self.stage, &name, made, self.needs)?;
+        let observer = Observer::new(self.room, &name, made, self.needs)?;
         let drawn = (self.drawing.looks.panel_px(of_stage), self.drawing.demand.clone());
         let work = match video {
             Some(VideoSource::Live(source)) => {
@@ -112,7 +113,7 @@ impl StationBuilder<'_> {
             }
         };
         let empty_scene = match start {
-            Some(Start::Backdrop(backdrop)) if self.needs.empty_scene => {
+            Some(InitialBackground::Backdrop(backdrop)) if self.needs.empty_scene => {
                 Some(of_stage.undistort.image(&backdrop.picture))
             }
             _ => None,
@@ -122,7 +123,7 @@ impl StationBuilder<'_> {
 }
 
 /// The room's reference picture of a camera at the working size; `None`, with a warning, where it cannot be used.
-fn reference(path: &Path, camera: &StageCamera) -> Option<RgbImage> {
+fn reference(path: &Path, camera: &PreparedCamera) -> Option<RgbImage> {
     read_reference(path, camera)
         .inspect_err(|error| {
             tracing::warn!("camera `{}`: its background is learnt without a picture: {error:#}", camera.name);
@@ -130,7 +131,7 @@ fn reference(path: &Path, camera: &StageCamera) -> Option<RgbImage> {
         .ok()
 }
 
-fn read_reference(path: &Path, camera: &StageCamera) -> anyhow::Result<RgbImage> {
+fn read_reference(path: &Path, camera: &PreparedCamera) -> anyhow::Result<RgbImage> {
     let spec = path.to_str().with_context(|| format!("{}: is no UTF-8", path.display()))?;
     let mut source = FrameSource::open(spec)?;
     let (filmed, (width, height)) = (&camera.filmed.intrinsics, source.size());

@@ -1,4 +1,4 @@
-//! `tracker watch`: who tracks whom, told by the stations themselves.
+//! `tracker watch`: a live table of the stations that track together.
 
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -22,28 +22,28 @@ const TICK: Duration = Duration::from_millis(100);
 /// Interval of the table.
 const TABLE_EVERY: Duration = Duration::from_secs(1);
 
-/// Listen to stations that track together (`tracker station --method agents`), and tell who tracks whom.
+/// Listen to stations that track together (`tracker station --method agents`), and print who tracks whom.
 ///
-/// Prints a line for each change, and each second a table: people, and with what confidence and where each station's agent
-/// sees them. Sends nothing. With --out it writes OUT/agents.jsonl (a line for each packet heard) and, at the end, the
-/// figures positions.png (measured places by station), confidences.png (confidence of each agent over time) and
-/// agencies.png (which agents belong together over time). Ends with Ctrl-C, or after --for.
+/// Prints a line for each change, and each second a table: people, and the confidence and position of each station's
+/// agent for them. Sends nothing. With --out it writes OUT/agents.jsonl (a line for each received packet) and, at the
+/// end, the figures positions.png (measured positions by station), confidences.png (confidence of each agent over time)
+/// and agencies.png (membership of the agents over time). Ends with Ctrl-C, or after --for.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   tracker watch hall.local:7447,shop.local:7447
   tracker watch hall.local:7447,shop.local:7447 --room myroom --out out --for 60
   tracker watch --discover")]
 pub(crate) struct WatchArgs {
-    /// Addresses of the stations, or of a Zenoh router: each station that is to be heard
+    /// Addresses of all stations to be heard, or of a Zenoh router
     #[arg(value_name = "ENDPOINT", value_delimiter = ',')]
     connect: Vec<Endpoint>,
-    /// The room directory: stations of other rooms are left out [default: the room of the first station heard]
+    /// Room directory; stations of other rooms are ignored [default: the room of the first station heard]
     #[arg(long, value_name = "DIR")]
     room: Option<PathBuf>,
-    /// The folder to write to
+    /// Folder to write to
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Listen for so long, seconds
+    /// Time to listen, seconds
     #[arg(long = "for", value_name = "SECONDS", value_parser = seconds)]
     longest: Option<f64>,
     #[command(flatten)]
@@ -72,7 +72,7 @@ pub(crate) fn watch(args: &WatchArgs) -> anyhow::Result<String> {
     };
     let interrupted = interrupt::watch().context("the signals that end this program")?;
     let mesh = Mesh::open(&membership, &endpoints)?;
-    let mut watch = Watch {
+    let mut watch = WatchState {
         mesh,
         names: BTreeMap::new(),
         overview: Overview::default(),
@@ -87,7 +87,7 @@ pub(crate) fn watch(args: &WatchArgs) -> anyhow::Result<String> {
         if is_due {
             table = Instant::now();
         }
-        // A reader who closes the pipe has seen enough.
+        // A reader that closes the pipe ends the program.
         if !watch.listen(is_due)? {
             break;
         }
@@ -104,8 +104,8 @@ pub(crate) fn watch(args: &WatchArgs) -> anyhow::Result<String> {
     Ok(format!("{} packets heard\n", counts.heard))
 }
 
-/// What is known so far.
-struct Watch {
+/// State of the program.
+struct WatchState {
     mesh: Mesh,
     /// Names of the stations' cameras.
     names: BTreeMap<StationId, String>,
@@ -114,10 +114,10 @@ struct Watch {
     file: Option<AgentsFile>,
 }
 
-impl Watch {
-    /// Waits for packets, and prints what follows; returns whether anybody reads it.
+impl WatchState {
+    /// Waits for packets, and prints changes; returns whether the output is still read.
     fn listen(&mut self, with_table: bool) -> anyhow::Result<bool> {
-        let heard = self.mesh.wait_heard(TICK);
+        let heard = self.mesh.wait_received(TICK);
         if heard.iter().any(|packet| !self.names.contains_key(&packet.station)) {
             self.names = self.mesh.names().into_iter().collect();
         }
@@ -148,7 +148,7 @@ impl Watch {
     }
 }
 
-/// A line after its time of day, UTC: `12:30:05.25  cam0 is heard`.
+/// A line with its time of day before it, UTC: `12:30:05.25  cam0 is heard`.
 fn stamped(time_s: f64, line: &str) -> String {
     let s = time_s.rem_euclid(86_400.0);
     let (hours, minutes) = ((s / 3600.0).floor(), (s / 60.0).floor() % 60.0);

@@ -1,4 +1,4 @@
-//! `tracker weightmap`: what each integration of the cameras' weights makes of one frame.
+//! `tracker weightmap`: comparison of the integrations of the cameras' weights in one frame.
 
 use std::path::PathBuf;
 
@@ -6,12 +6,12 @@ use anyhow::{Context, bail};
 use clap::Args;
 use image::RgbImage;
 use scenes::room::Room;
-use tracker::foreground::Start;
+use tracker::foreground::InitialBackground;
 use tracker::method::Method;
 use tracker::method::condensation::Condensation;
 use tracker::method::condensation::integration::Integration;
+use tracker::prepared_room::{PreparationOptions, PreparedRoom};
 use tracker::source::{self, NamedSource, VideoSource};
-use tracker::stage::{Stage, StageOptions};
 use tracker::{CameraFrame, Moment};
 
 use super::background::BackgroundArguments;
@@ -19,25 +19,26 @@ use super::heads::HeadArguments;
 
 /// Draw the weights of heads over a horizontal plane, for one frame and each integration.
 ///
-/// Writes OUT/product.png, sum.png, pairs.png, pairs-angle.png and room.png: the floor from above, dark where no camera sees
-/// a head, bright where the weight is largest. `--integration` draws one alone. Frames of all cameras are taken by number.
+/// Writes OUT/product.png, sum.png, pairs.png, pairs-angle.png and room.png: the floor from above, dark where no camera
+/// sees a head, bright where the weight is largest. `--integration` draws one alone. The cameras' frames of the same
+/// number are used.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Example:\n  tracker weightmap myroom --video a=a.mp4 --video b=b.mp4 --frame 120 --height 1.6 --out maps"
 )]
 pub(crate) struct WeightMapArgs {
-    /// The room directory.
+    /// Room directory.
     room: PathBuf,
-    /// A camera's video, as `tracker run` takes it.
+    /// Video of a camera, as in `tracker run`.
     #[arg(long, value_name = "NAME=PATH", required = true)]
     video: Vec<NamedSource>,
-    /// The frame, from 1.
+    /// Number of the frame, from 1.
     #[arg(long, default_value_t = 1)]
     frame: u32,
-    /// Height of the heads' middles above the floor, metres.
+    /// Height of the heads' centres above the floor, metres.
     #[arg(long, default_value_t = 1.6, value_name = "METRES")]
     height: f64,
-    /// The folder to write to.
+    /// Folder to write to.
     #[arg(long)]
     out: PathBuf,
     /// The method as published: all edges in proportion to their strength.
@@ -63,17 +64,21 @@ pub(crate) fn weightmap(args: &WeightMapArgs) -> anyhow::Result<String> {
     let sources = source::open(&room, &args.video, &[])?;
     args.background.check_names(&args.video, &[])?;
     let names = sources.iter().map(|s| s.name.clone()).collect();
-    let stage =
-        Stage::prepare(&room, &args.room, &StageOptions { cameras: names, ..StageOptions::default() })?;
-    let mut method = Condensation::new(stage.clone(), options)?;
+    let prepared = PreparedRoom::prepare(
+        &room,
+        &args.room,
+        &PreparationOptions { cameras: names, ..PreparationOptions::default() },
+    )?;
+    let mut method = Condensation::new(prepared.clone(), options)?;
     let mut cameras = Vec::new();
     for (i, source) in sources.into_iter().enumerate() {
-        let (name, camera) = (source.name, &stage.cameras[i]);
+        let (name, camera) = (source.name, &prepared.cameras[i]);
         let size = (camera.width(), camera.height());
         let filmed = (camera.filmed.intrinsics.width, camera.filmed.intrinsics.height);
         let video = source.video.with_context(|| format!("camera `{name}` has no video"))?;
         if needs_empty
-            && let Start::Backdrop(backdrop) = args.background.start(&name, &video, filmed, size)?
+            && let InitialBackground::Backdrop(backdrop) =
+                args.background.start(&name, &video, filmed, size)?
         {
             method.set_empty_scene(i, &camera.undistort.image(&backdrop.picture));
         }
@@ -99,7 +104,7 @@ pub(crate) fn weightmap(args: &WeightMapArgs) -> anyhow::Result<String> {
     std::fs::create_dir_all(&args.out).with_context(|| args.out.display().to_string())?;
     for map in maps {
         let path = args.out.join(format!("{}.png", map.integration));
-        map.picture(&stage).save(&path).with_context(|| path.display().to_string())?;
+        map.picture(&prepared).save(&path).with_context(|| path.display().to_string())?;
     }
     Ok(String::new())
 }

@@ -1,9 +1,11 @@
-//! People in the pictures of one camera: HOG features and a linear classifier, as in section 3 of Okada et al.
+//! Detection of people in the pictures of one camera: HOG features and a linear classifier, as in section 3 of Okada et
+//! al. (cited in [`crate::link`]); HOG: N. Dalal and B. Triggs, "Histograms of oriented gradients for human detection",
+//! CVPR 2005.
 //!
-//! * [`Detector`] — boxes with a score in one picture; [`Detector::read`] takes a camera's own weights;
-//! * [`suppress`] — of boxes that overlap, only the surest stays;
-//! * [`train`] — a camera's own weights, from labelled boxes and its background;
-//! * [`svm`] — the classifier's training.
+//! * [`Detector`] — boxes with a score in one picture; [`Detector::read`] loads a camera's own weights;
+//! * [`suppress`] — non-maximum suppression: of overlapping boxes only the one with the highest score stays;
+//! * [`train`] — training of a camera's own weights, from labelled boxes and its background;
+//! * [`svm`] — training of the classifier.
 
 mod model;
 pub mod suppress;
@@ -18,21 +20,21 @@ use image::RgbImage;
 use crate::tracks::rows::PixelBox;
 use crate::{Error, Result};
 
-/// A box's width over its height: of people who walk, arms and legs included.
+/// Ratio of a box's width to its height, for walking people with arms and legs.
 const ASPECT: f64 = 0.41;
 
-/// How people are looked for.
+/// Options of the detector.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DetectOptions {
-    /// The smallest person that is looked for, pixels high. Smaller ones cost more time: twice as small, four times.
+    /// Height of the smallest detected person, pixels. Half the height costs four times the time. Default 60.
     pub min_height_px: f64,
-    /// The tallest person that is kept.
+    /// Height of the tallest detected person, pixels. Default: no limit.
     pub max_height_px: Option<f64>,
-    /// The least score that is kept.
+    /// Least score. Default 0.
     pub min_score: f64,
-    /// Ratio of one size that is tried to the next.
+    /// Ratio of consecutive scales of the image pyramid. Default 1.05.
     pub scale_step: f64,
-    /// Of boxes with more overlap (IoU) than this, only the surest is kept.
+    /// Overlap (IoU) of two boxes above which only the one with the higher score is kept. Default 0.4.
     pub max_overlap: f64,
 }
 
@@ -43,77 +45,82 @@ impl Default for DetectOptions {
 }
 
 impl DetectOptions {
-    /// Refuses numbers that mean nothing.
+    /// Checks the options.
     ///
     /// # Errors
-    /// Naming the option.
+    /// Names the first invalid option.
     pub fn check(&self) -> Result<()> {
         if !(self.min_height_px >= 12.0 && self.min_height_px.is_finite()) {
             return Err(Error::option(
-                "--min-height",
+                "min_height_px",
                 format!("is {}; give pixels from 12", self.min_height_px),
             ));
         }
         if self.max_height_px.is_some_and(|max| max.is_nan() || max < self.min_height_px) {
-            return Err(Error::option("--max-height", "is less than --min-height"));
+            return Err(Error::option(
+                "max_height_px",
+                format!("is less than the least height, {} pixels", self.min_height_px),
+            ));
         }
         if !(self.scale_step > 1.0 && self.scale_step <= 2.0) {
             return Err(Error::option(
-                "--scale-step",
+                "scale_step",
                 format!("is {}; give a ratio from 1.01 to 2", self.scale_step),
             ));
         }
         if !self.min_score.is_finite() {
-            return Err(Error::option("--min-score", format!("is {}; give a number", self.min_score)));
+            return Err(Error::option("min_score", format!("is {}; give a number", self.min_score)));
         }
         if !(0.0..=1.0).contains(&self.max_overlap) {
-            return Err(Error::option("--max-overlap", format!("is {}; give 0 to 1", self.max_overlap)));
+            return Err(Error::option("max_overlap", format!("is {}; give 0 to 1", self.max_overlap)));
         }
         Ok(())
     }
 }
 
-/// A person in a picture.
+/// A detection of a person in a picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Found {
-    /// Where.
+pub struct DetectedPerson {
+    /// Box of the person.
     pub pixel_box: PixelBox,
-    /// Distance from the classifier's boundary; more is surer.
+    /// Distance from the classifier's boundary; higher is more certain.
     pub score: f64,
 }
 
-/// Looks for people.
+/// Detector of people.
 pub struct Detector {
     classifier: PeopleClassifier,
     options: DetectOptions,
 }
 
 impl Detector {
-    /// A detector by its weights.
+    /// Detector with these weights.
     ///
     /// # Errors
-    /// Options that mean nothing, a wrong number of weights.
+    /// Invalid options, or a wrong number of weights.
     pub fn new(weights: &[f32], options: DetectOptions) -> Result<Self> {
         options.check()?;
         Ok(Self { classifier: PeopleClassifier::new(weights)?, options })
     }
 
-    /// The people in a picture, the surest first.
+    /// Detections in a picture, the highest score first.
     ///
     /// # Errors
-    /// When OpenCV refuses.
-    pub fn look(&self, image: &RgbImage) -> Result<Vec<Found>> {
+    /// An error of OpenCV.
+    pub fn look(&self, image: &RgbImage) -> Result<Vec<DetectedPerson>> {
         let zoom = f64::from(PERSON_HEIGHT_PX) / self.options.min_height_px;
         let windows =
             self.classifier.windows(image, zoom, self.options.scale_step, self.options.min_score)?;
         let tallest = self.options.max_height_px.unwrap_or(f64::INFINITY);
-        let found = windows.into_iter().map(|(window, score)| Found { pixel_box: person_in(&window), score });
-        let fitting: Vec<Found> = found.filter(|f| f.pixel_box.height <= tallest).collect();
+        let found = windows
+            .into_iter()
+            .map(|(window, score)| DetectedPerson { pixel_box: person_in(&window), score });
+        let fitting: Vec<DetectedPerson> = found.filter(|f| f.pixel_box.height <= tallest).collect();
         Ok(suppress::keep_surest(&fitting, self.options.max_overlap))
     }
 }
 
-/// The person whom a window is made for.
+/// Box of the person in a window of the classifier.
 fn person_in(window: &Window) -> PixelBox {
     let height = window.height * f64::from(PERSON_HEIGHT_PX) / f64::from(WINDOW_PX.1);
     let width = ASPECT * height;
@@ -125,7 +132,7 @@ fn person_in(window: &Window) -> PixelBox {
     }
 }
 
-/// The window that is made for a person: as high as they are, whatever their width.
+/// Window of the classifier for a person, which has their height whatever their width.
 fn window_of(person: &PixelBox) -> Window {
     let height = person.height * f64::from(WINDOW_PX.1) / f64::from(PERSON_HEIGHT_PX);
     let width = height * f64::from(WINDOW_PX.0) / f64::from(WINDOW_PX.1);
@@ -138,7 +145,7 @@ fn window_of(person: &PixelBox) -> Window {
 }
 
 /// MOTChallenge rows of one frame.
-pub fn rows(frame: u32, found: &[Found]) -> String {
+pub fn rows(frame: u32, found: &[DetectedPerson]) -> String {
     found.iter().fold(String::new(), |mut text, f| {
         let b = f.pixel_box;
         // Writing to a string cannot fail.

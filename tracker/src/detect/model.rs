@@ -10,19 +10,19 @@ use crate::{Error, Result};
 
 const FORMAT: u32 = 1;
 
-/// What `tracker detect train` writes.
+/// Content of the file that `tracker detect train` writes.
 #[derive(Debug, Serialize, Deserialize)]
 struct ModelFile {
     format: u32,
-    /// One for each feature of a 64 × 128 window, then the bias.
+    /// One weight for each feature of a 64 × 128 window, then the bias.
     weights: Vec<f32>,
 }
 
 impl Detector {
-    /// The general detector of people, which OpenCV brings.
+    /// General detector of people, with OpenCV's weights.
     ///
     /// # Errors
-    /// Options that mean nothing; when OpenCV refuses.
+    /// Invalid options, or an error of OpenCV.
     pub fn general(options: DetectOptions) -> Result<Self> {
         Self::new(&PeopleClassifier::inria_weights()?, options)
     }
@@ -30,7 +30,7 @@ impl Detector {
     /// A camera's own detector, from the file that [`write()`] made.
     ///
     /// # Errors
-    /// Naming the file and what is wrong with it.
+    /// Names the file and its defect.
     pub fn read(path: &Path, options: DetectOptions) -> Result<Self> {
         let file: ModelFile = serde_json::from_str(&calib::files::read_text(path)?).map_err(|e| {
             Error::content(path, format!("line {}, column {}", e.line(), e.column()), e.to_string())
@@ -48,10 +48,10 @@ impl Detector {
     }
 }
 
-/// Writes a camera's own weights, whole or not at all.
+/// Writes a camera's own weights, atomically.
 ///
 /// # Errors
-/// Naming the file.
+/// A file that cannot be written.
 pub fn write(path: &Path, weights: &[f32]) -> Result<()> {
     let file = ModelFile { format: FORMAT, weights: weights.to_vec() };
     let text = serde_json::to_string(&file)

@@ -1,11 +1,11 @@
 //! Non-maximum suppression.
 
-use super::Found;
+use super::DetectedPerson;
 
-/// Keeps what overlaps with nothing surer by more than `max_overlap` (IoU). `found` comes the surest first, and so does
-/// the result.
-pub fn keep_surest(found: &[Found], max_overlap: f64) -> Vec<Found> {
-    let mut kept: Vec<Found> = Vec::new();
+/// Keeps each detection that overlaps none with a higher score by more than `max_overlap` (IoU). `found` is sorted by
+/// descending score, and so is the result.
+pub fn keep_surest(found: &[DetectedPerson], max_overlap: f64) -> Vec<DetectedPerson> {
+    let mut kept: Vec<DetectedPerson> = Vec::new();
     for candidate in found {
         if kept.iter().all(|k| k.pixel_box.iou(&candidate.pixel_box) <= max_overlap) {
             kept.push(*candidate);

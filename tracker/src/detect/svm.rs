@@ -1,33 +1,33 @@
-//! A linear support vector machine that starts from another one.
+//! Linear support vector machine whose weights start from given ones.
 //!
-//! C.-J. Hsieh, K.-W. Chang, C.-J. Lin, S. S. Keerthi, S. Sundararajan, "A dual coordinate descent method for large-scale
-//! linear SVM", ICML 2008, algorithm 1 with hinge loss. The weights stay near given ones instead of near zero: with
-//! w = prior + Σ αᵢ yᵢ xᵢ the same algorithm minimises ½‖w − prior‖² + C Σ max(0, 1 − yᵢ w·xᵢ). So a few hundred crops of one
-//! camera sharpen a general detector and do not replace it.
+//! C.-J. Hsieh, K.-W. Chang, C.-J. Lin, S. S. Keerthi and S. Sundararajan, "A dual coordinate descent method for
+//! large-scale linear SVM", ICML 2008, algorithm 1 with hinge loss. The weights are regularised towards given ones
+//! instead of zero: with w = prior + Σ αᵢ yᵢ xᵢ the same algorithm minimises ½‖w − prior‖² + C Σ max(0, 1 − yᵢ w·xᵢ). A
+//! few hundred crops of one camera therefore refine a general detector and do not replace it.
 
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_pcg::Pcg64Mcg;
 
-/// One labelled feature vector.
+/// A labelled feature vector.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Sample {
+pub struct TrainingSample {
     /// Features, without the bias.
     pub features: Vec<f32>,
-    /// Whether it is a person.
+    /// Whether the sample is a person.
     pub is_person: bool,
 }
 
-/// How the weights are trained.
+/// Options of the training.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SvmOptions {
-    /// What a sample on the wrong side costs.
+    /// Cost C of a sample on the wrong side.
     pub cost: f64,
-    /// Passes over all samples at most.
+    /// Largest number of passes over all samples.
     pub max_passes: usize,
-    /// The greatest violation of the optimality conditions at which the training ends.
+    /// Largest violation of the optimality conditions at which the training ends.
     pub tolerance: f64,
-    /// Of the order in which samples are visited.
+    /// Seed of the order in which samples are visited.
     pub seed: u64,
 }
 
@@ -37,11 +37,11 @@ impl Default for SvmOptions {
     }
 }
 
-/// The weights, bias last, that separate people from others near `prior`.
-pub fn train(samples: &[Sample], prior: &[f32], options: &SvmOptions) -> Vec<f32> {
+/// Weights, bias last, that separate people from the rest near `prior`.
+pub fn train(samples: &[TrainingSample], prior: &[f32], options: &SvmOptions) -> Vec<f32> {
     let mut weights: Vec<f64> = prior.iter().map(|w| f64::from(*w)).collect();
     // The bias is the weight of a feature that is always 1.
-    let square = |s: &Sample| 1.0 + s.features.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>();
+    let square = |s: &TrainingSample| 1.0 + s.features.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>();
     let squares: Vec<f64> = samples.iter().map(square).collect();
     let mut alphas = vec![0.0; samples.len()];
     let mut order: Vec<usize> = (0..samples.len()).collect();
@@ -84,14 +84,14 @@ fn margin(weights: &[f64], features: &[f32]) -> f64 {
 mod tests {
     use super::*;
 
-    fn sample(x: f32, y: f32, is_person: bool) -> Sample {
-        Sample { features: vec![x, y], is_person }
+    fn sample(x: f32, y: f32, is_person: bool) -> TrainingSample {
+        TrainingSample { features: vec![x, y], is_person }
     }
 
-    fn loss(weights: &[f32], prior: &[f32], samples: &[Sample], cost: f64) -> f64 {
+    fn loss(weights: &[f32], prior: &[f32], samples: &[TrainingSample], cost: f64) -> f64 {
         let w: Vec<f64> = weights.iter().map(|w| f64::from(*w)).collect();
         let distance: f64 = w.iter().zip(prior).map(|(w, p)| (w - f64::from(*p)).powi(2)).sum();
-        let hinge = |s: &Sample| {
+        let hinge = |s: &TrainingSample| {
             let sign = if s.is_person { 1.0 } else { -1.0 };
             (1.0 - sign * margin(&w, &s.features)).max(0.0)
         };
@@ -100,7 +100,7 @@ mod tests {
 
     #[test]
     fn nothing_near_the_trained_weights_has_a_lower_loss() {
-        let samples: Vec<Sample> = (0..40)
+        let samples: Vec<TrainingSample> = (0..40)
             .map(|i| {
                 let (a, b) = ((i * 7 % 13) as f32 / 6.0 - 1.0, (i * 5 % 11) as f32 / 5.0 - 1.0);
                 sample(a, b, a + 0.5 * b + 0.2 * (i % 3) as f32 > 0.3)

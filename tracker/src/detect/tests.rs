@@ -1,11 +1,11 @@
-//! Detection as a whole, on drawn people.
+//! Tests of detection as a whole, on drawn people.
 
 use image::Rgb;
 
 use super::train::{Labelled, TrainOptions};
 use super::*;
 
-/// A picture with figures whose heads are at these places, 90 pixels high, before a striped wall.
+/// Picture with figures whose heads are at these places, 90 pixels high, before a striped wall.
 fn picture(heads: &[(i64, i64)]) -> RgbImage {
     RgbImage::from_fn(320, 240, |u, v| {
         let (u, v) = (i64::from(u), i64::from(v));
@@ -45,7 +45,7 @@ fn a_camera_learns_its_own_people() {
     let (weights, report) = train::train(&labelled, &[picture(&[])], &train_options, || steps += 1).unwrap();
     assert_eq!((report.people, steps), (16, 15));
     assert!(report.background > 20, "{report:?}");
-    // The same again from its file, on pictures it has not seen.
+    // The same again with the detector read from its file, on new pictures.
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("own.json");
     train::write(&path, &weights).unwrap();
@@ -60,7 +60,7 @@ fn a_camera_learns_its_own_people() {
     let again = train::train(&labelled, &[picture(&[])], &train_options, || {}).unwrap();
     assert_eq!(again.0, weights, "the same seed");
     let nobody = [Labelled { image: picture(&[]), people: Vec::new(), ignored: Vec::new() }];
-    assert!(train::train(&nobody, &[], &train_options, || {}).unwrap_err().to_string().contains("--boxes"));
+    assert!(train::train(&nobody, &[], &train_options, || {}).unwrap_err().to_string().contains("labelled"));
 }
 
 #[test]
@@ -77,19 +77,19 @@ fn broken_models_and_odd_options_are_named() {
     std::fs::remove_file(&path).unwrap();
     assert!(Detector::read(&path, options()).err().unwrap().to_string().contains("own.json"));
     for (bad, name) in [
-        (DetectOptions { min_height_px: 0.0, ..options() }, "--min-height"),
-        (DetectOptions { max_height_px: Some(10.0), ..options() }, "--max-height"),
-        (DetectOptions { scale_step: 1.0, ..options() }, "--scale-step"),
-        (DetectOptions { min_score: f64::NAN, ..options() }, "--min-score"),
-        (DetectOptions { max_overlap: 2.0, ..options() }, "--max-overlap"),
+        (DetectOptions { min_height_px: 0.0, ..options() }, "min_height_px"),
+        (DetectOptions { max_height_px: Some(10.0), ..options() }, "max_height_px"),
+        (DetectOptions { scale_step: 1.0, ..options() }, "scale_step"),
+        (DetectOptions { min_score: f64::NAN, ..options() }, "min_score"),
+        (DetectOptions { max_overlap: 2.0, ..options() }, "max_overlap"),
     ] {
         assert!(bad.check().unwrap_err().to_string().contains(name));
     }
 }
 
 #[test]
-fn only_the_surest_of_what_overlaps_is_kept() {
-    let found = |left: f64, score: f64| Found {
+fn of_overlapping_detections_only_the_highest_score_is_kept() {
+    let found = |left: f64, score: f64| DetectedPerson {
         pixel_box: PixelBox { left, top: 0.0, width: 10.0, height: 20.0 },
         score,
     };

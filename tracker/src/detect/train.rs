@@ -1,5 +1,5 @@
-//! A camera's own detector (section 3): people cut out of its pictures, against its own background, the gaps between
-//! people who are close together, and whatever the detector so far takes for a person and is none.
+//! Training of a camera's own detector (section 3): positives are people in its pictures; negatives are its background,
+//! the gaps between people who are close together, and false positives of the previous detector.
 
 use calib::vision::PeopleClassifier;
 use calib::vision::people::Window;
@@ -7,45 +7,45 @@ use image::RgbImage;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use super::svm::{self, Sample, SvmOptions};
+use super::svm::{self, SvmOptions, TrainingSample};
 use super::{DetectOptions, Detector, window_of};
 use crate::tracks::rows::PixelBox;
 use crate::{Error, Result};
 
 pub use super::model::write;
 
-/// A window overlapping a person more than this is no example of what is none.
+/// Overlap with a person above which a window is no negative example.
 const CLEAR_OVERLAP: f64 = 0.3;
-/// Two people are close where their centres are nearer than this, in widths.
+/// Distance of the centres of two close people, in widths.
 const CLOSE_WIDTHS: f64 = 3.0;
-/// Windows tried for each example of background.
+/// Number of windows tried for each background example.
 const TRIES: usize = 20;
-/// Mistakes of the detector that are taken from one picture at most.
+/// Largest number of false positives that are taken from one picture.
 const MISTAKES: usize = 30;
 
-/// A picture with its people.
+/// A picture with its labelled people.
 #[derive(Debug, Clone)]
 pub struct Labelled {
     /// The picture.
     pub image: RgbImage,
-    /// Everybody in it; those who are hidden or cut off may be listed in `ignored` instead.
+    /// All people in the picture, except those listed in `ignored`.
     pub people: Vec<PixelBox>,
-    /// People who are no good examples, but no background either.
+    /// People who are hidden or cut off: neither positive nor negative examples.
     pub ignored: Vec<PixelBox>,
 }
 
-/// How training goes.
+/// Options of the training.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrainOptions {
-    /// Background windows from each picture.
+    /// Number of background windows from each picture. Default 10.
     pub background_per_image: usize,
-    /// How often the detector so far looks for its own mistakes.
+    /// Number of rounds in which false positives of the previous detector are added. Default 2.
     pub rounds: usize,
-    /// How it looks.
+    /// Options of the detector.
     pub detect: DetectOptions,
-    /// The classifier's training.
+    /// Options of the classifier's training.
     pub svm: SvmOptions,
-    /// Of the background windows' places.
+    /// Seed of the background windows' places.
     pub seed: u64,
 }
 
@@ -61,23 +61,24 @@ impl Default for TrainOptions {
     }
 }
 
-/// What training saw.
+/// Counts of a training.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct TrainReport {
-    /// Examples of people, mirrored ones included.
+    /// Number of examples of people, mirrored ones included.
     pub people: usize,
-    /// Examples of background.
+    /// Number of background examples.
     pub background: usize,
-    /// Gaps between people.
+    /// Number of gaps between people.
     pub gaps: usize,
-    /// Mistakes that were learnt from.
+    /// Number of false positives that were added.
     pub mistakes: usize,
 }
 
-/// Trains weights from labelled pictures and pictures without people; `step` is called after each picture of each round.
+/// Trains weights from labelled pictures and pictures without people; `step` is called after each picture of each
+/// round.
 ///
 /// # Errors
-/// No person to learn from; options that mean nothing; when OpenCV refuses.
+/// No labelled person, invalid options, or an error of OpenCV.
 pub fn train(
     labelled: &[Labelled],
     empty: &[RgbImage],
@@ -89,7 +90,7 @@ pub fn train(
     let classifier = PeopleClassifier::new(&prior)?;
     let mut random = Pcg64Mcg::seed_from_u64(options.seed);
     let mut report = TrainReport::default();
-    let mut samples: Vec<Sample> = Vec::new();
+    let mut samples: Vec<TrainingSample> = Vec::new();
     let nobody = empty.iter().map(|image| (image, &[] as &[PixelBox], &[] as &[PixelBox]));
     let images: Vec<(&RgbImage, &[PixelBox], &[PixelBox])> =
         labelled.iter().map(|l| (&l.image, &l.people[..], &l.ignored[..])).chain(nobody).collect();
@@ -99,28 +100,33 @@ pub fn train(
             let window = window_of(person);
             let left = f64::from(image.width()) - window.left - window.width;
             for (image, window) in [(*image, window), (&mirrored, Window { left, ..window })] {
-                samples.push(Sample { features: classifier.features(image, &window)?, is_person: true });
+                samples
+                    .push(TrainingSample { features: classifier.features(image, &window)?, is_person: true });
                 report.people += 1;
             }
         }
         let is_clear = |b: &PixelBox| people.iter().chain(*ignored).all(|p| p.iou(b) < CLEAR_OVERLAP);
         for gap in gaps(people).into_iter().filter(is_clear) {
-            samples
-                .push(Sample { features: classifier.features(image, &window_of(&gap))?, is_person: false });
+            samples.push(TrainingSample {
+                features: classifier.features(image, &window_of(&gap))?,
+                is_person: false,
+            });
             report.gaps += 1;
         }
         for _ in 0..options.background_per_image {
             let size = (image.width(), image.height());
             let tries = (0..TRIES).map(|_| somewhere(&mut random, size, labelled, &options.detect));
             let Some(place) = tries.into_iter().find(is_clear) else { continue };
-            samples
-                .push(Sample { features: classifier.features(image, &window_of(&place))?, is_person: false });
+            samples.push(TrainingSample {
+                features: classifier.features(image, &window_of(&place))?,
+                is_person: false,
+            });
             report.background += 1;
         }
         step();
     }
     if report.people == 0 {
-        return Err(Error::option("--boxes", "labels no person in the pictures; nothing can be learnt"));
+        return Err(Error::option("labelled", "labels no person in the pictures; nothing can be learnt"));
     }
     let mut weights = svm::train(&samples, &prior, &options.svm);
     for _ in 0..options.rounds {
@@ -130,7 +136,7 @@ pub fn train(
             let found = detector.look(image)?;
             for mistake in found.iter().map(|f| f.pixel_box).filter(is_mistake).take(MISTAKES) {
                 let features = classifier.features(image, &window_of(&mistake))?;
-                samples.push(Sample { features, is_person: false });
+                samples.push(TrainingSample { features, is_person: false });
                 report.mistakes += 1;
             }
             step();
@@ -140,7 +146,7 @@ pub fn train(
     Ok((weights, report))
 }
 
-/// Between two people who are close together, their gradients make a third.
+/// Boxes between two people who are close together, whose gradients look like a third person.
 fn gaps(people: &[PixelBox]) -> Vec<PixelBox> {
     let mut gaps = Vec::new();
     for (i, a) in people.iter().enumerate() {
@@ -158,7 +164,7 @@ fn gaps(people: &[PixelBox]) -> Vec<PixelBox> {
     gaps
 }
 
-/// A place of a size that people have here.
+/// A random box of a size that people have in these pictures.
 fn somewhere(
     random: &mut Pcg64Mcg,
     size: (u32, u32),

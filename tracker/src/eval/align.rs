@@ -1,10 +1,9 @@
-//! From one room's frame into another's, by the cameras that stand in both.
+//! Alignment of one room's frame with another's, by the cameras that stand in both.
 //!
-//! A room that was reconstructed again has its own origin. Its cameras are still the same ones, so their poses in
-//! both rooms give the rigid transform on the floor (a turn about the vertical and a shift: the floor stays the
-//! floor) that brings the one room onto the other. Least squares over each camera's centre and the points
-//! `REACH_M` along its three axes, so that centres and orientations both count, by what they do to positions
-//! where people stand.
+//! A room that was reconstructed again has its own origin, but its cameras are the same, so their poses in both rooms
+//! give the rigid transform on the floor (a rotation about the vertical and a translation: the floor stays the floor)
+//! from one room to the other. It is fitted by least squares over each camera's centre and the points `REACH_M` along
+//! its three axes, so that centres and orientations both count, by their effect on positions where people stand.
 
 use std::path::Path;
 
@@ -13,15 +12,15 @@ use scenes::room::Room;
 
 use crate::{Error, Result};
 
-/// How far along each axis a camera's orientation is probed: about the distance at which it sees people.
+/// Distance along each axis at which a camera's orientation is probed, metres: about its distance from people.
 const REACH_M: f64 = 3.0;
 
-/// How the two rooms fit.
+/// Transform between two rooms, and its fit.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Alignment {
-    /// Takes floor positions of the tracks' room into the truth's.
+pub struct RoomAlignment {
+    /// Transform of floor positions from the tracks' room to the truth's.
     pub truth_from_room: Isometry2<f64>,
-    /// Cameras that stand in both.
+    /// Number of cameras that stand in both.
     pub cameras: usize,
     /// Root-mean-square distance on the floor between the cameras' centres after the fit, metres.
     pub center_rms_m: f64,
@@ -30,16 +29,16 @@ pub struct Alignment {
 /// [`align`] for two room directories.
 ///
 /// # Errors
-/// As [`align`], and what the rooms' reader refuses.
-pub fn between(truth_dir: &Path, room_dir: &Path) -> Result<Alignment> {
+/// Errors of [`align`] and of the rooms' reader.
+pub fn between(truth_dir: &Path, room_dir: &Path) -> Result<RoomAlignment> {
     align(&Room::read(truth_dir)?, truth_dir, &Room::read(room_dir)?, room_dir)
 }
 
-/// The transform that brings `room` onto `truth`.
+/// Transform from `room` to `truth`.
 ///
 /// # Errors
-/// When no camera of the one has a namesake in the other; the directories are named.
-pub fn align(truth: &Room, truth_dir: &Path, room: &Room, room_dir: &Path) -> Result<Alignment> {
+/// No camera of the one has a namesake in the other; the directories are named.
+pub fn align(truth: &Room, truth_dir: &Path, room: &Room, room_dir: &Path) -> Result<RoomAlignment> {
     let mut pairs: Vec<(Point2<f64>, Point2<f64>)> = Vec::new();
     let mut centers = Vec::new();
     for camera in &room.cameras {
@@ -69,10 +68,10 @@ pub fn align(truth: &Room, truth_dir: &Path, room: &Room, room_dir: &Path) -> Re
     let square_sum: f64 =
         centers.iter().map(|i| (truth_from_room * pairs[*i].0 - pairs[*i].1).norm_squared()).sum();
     let cameras = centers.len();
-    Ok(Alignment { truth_from_room, cameras, center_rms_m: (square_sum / cameras as f64).sqrt() })
+    Ok(RoomAlignment { truth_from_room, cameras, center_rms_m: (square_sum / cameras as f64).sqrt() })
 }
 
-/// The plane's rigid transform with the least squared distance from each first point to its second.
+/// Rigid transform of the plane with the least squared distance from each first point to its second.
 fn rigid(pairs: &[(Point2<f64>, Point2<f64>)]) -> Isometry2<f64> {
     let n = pairs.len() as f64;
     let mean_a = pairs.iter().map(|(a, _)| a.coords).sum::<Vector2<f64>>() / n;
@@ -116,7 +115,7 @@ mod tests {
         moved
     }
 
-    fn said(truth: &Room, room: &Room) -> Result<Alignment> {
+    fn aligned(truth: &Room, room: &Room) -> Result<RoomAlignment> {
         align(truth, Path::new("truth"), room, Path::new("room"))
     }
 
@@ -130,7 +129,7 @@ mod tests {
         let by = Isometry3::new(Vector3::new(4.0, -2.0, 0.1), Vector3::z() * 2.3);
         for count in 1..=3 {
             let truth = Room { cameras: all[3 - count..].to_vec(), ..Room::default() };
-            let found = said(&truth, &moved(&truth, &by)).unwrap();
+            let found = aligned(&truth, &moved(&truth, &by)).unwrap();
             assert_eq!(found.cameras, count);
             let p = Point3::new(1.5, -0.7, 0.0);
             assert_relative_eq!(found.truth_from_room * (by * p).xy(), p.xy(), epsilon = 1e-9);
@@ -149,12 +148,12 @@ mod tests {
         };
         let mut room = truth.clone();
         room.cameras[1].camera = room.cameras[1].camera.moved(&Isometry3::translation(0.0768, 0.064, 0.0));
-        let found = said(&truth, &room).unwrap();
-        // Pulled apart along their line, where no turn helps, each camera keeps half of the 10 cm.
+        let found = aligned(&truth, &room).unwrap();
+        // Moved apart along their line, where no rotation helps, each camera keeps half of the 10 cm.
         assert_relative_eq!(found.center_rms_m, 0.05, epsilon = 0.005);
 
         room.cameras.iter_mut().for_each(|c| c.name.push('x'));
-        let error = said(&truth, &room).unwrap_err().to_string();
+        let error = aligned(&truth, &room).unwrap_err().to_string();
         assert!(error.contains("ax, bx") && error.contains("a, b"), "{error}");
     }
 }

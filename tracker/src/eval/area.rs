@@ -1,7 +1,7 @@
-//! Which part of the floor is judged, where a truth ends before the cameras' view does.
+//! Judged part of the floor, for a truth that covers less than the cameras' view.
 //!
-//! As with the regions that image benchmarks leave out: people outside do not count, and neither do tracks outside,
-//! unless they are near enough to stand for somebody inside.
+//! As with the ignored regions of image benchmarks, people outside do not count, and neither do tracks outside, unless
+//! they are near enough to match a person inside.
 
 use std::collections::HashMap;
 use std::str::FromStr;
@@ -13,16 +13,17 @@ use super::EvalOptions;
 use crate::tracks::rows::{Row, RowFile};
 use crate::{Error, Result};
 
-/// A part of the floor, in the truth's frame, metres. Written as its corners, `X,Y X,Y X,Y …`, or as two opposite corners
-/// of a rectangle, `X,Y X,Y`.
+/// A part of the floor, in the truth's frame, metres. Written as its corners, `X,Y X,Y X,Y …`, or as two opposite
+/// corners of a rectangle, `X,Y X,Y`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct JudgedArea(Polygon);
 
 impl JudgedArea {
-    /// The rows of truth and tracks that are judged. `to_truth` moves the tracks' floor positions into the truth's frame.
+    /// Selects the judged rows of truth and tracks. `to_truth` transforms the tracks' floor positions to the truth's
+    /// frame.
     ///
     /// # Errors
-    /// Rows without a floor position, naming file and line.
+    /// Rows without a floor position; names file and line.
     pub fn of(
         &self,
         mut truth: RowFile,
@@ -36,7 +37,7 @@ impl JudgedArea {
                 return Err(Error::content(
                     &file.path,
                     place,
-                    "has no place on the floor; leave --area out, it is a part of one",
+                    "has no place on the floor, of which the judged area is a part; leave the area out",
                 ));
             }
         }
@@ -95,7 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn outside_nothing_counts_but_what_stands_for_somebody_inside() {
+    fn outside_only_tracks_that_match_people_inside_count() {
         let area: JudgedArea = "2,0 6,4".parse().unwrap();
         let truth = on_floor(&[(1, 1, 2.1, 1.0), (1, 2, 1.9, 3.0), (2, 1, 1.5, 1.0)]);
         // Near person 1; alone outside; inside; at the same place as the first, when person 1 has left.
@@ -115,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_area_and_boxes_are_refused() {
+    fn malformed_areas_and_boxes_are_refused() {
         for bad in ["", "1,2", "a,b 1,2", "0,0 1,1 2,2", "0,0 0,5", "1 2 3 4", "0,0 NaN,1 1,1"] {
             assert!(bad.parse::<JudgedArea>().is_err(), "{bad}");
         }

@@ -1,18 +1,18 @@
-//! The assignment of rows to columns with the greatest total weight.
+//! Assignment of rows to columns with the greatest total weight.
 //!
-//! H. W. Kuhn, "The Hungarian method for the assignment problem", Naval Research Logistics 2 (1955) 83–97, as in
-//! the `pathfinding` crate. That works on integers, so weights are scaled to 62 bits: differences above about
-//! 10⁻¹² of the greatest weight decide, smaller ones are ties.
+//! H. W. Kuhn, "The Hungarian method for the assignment problem", Naval Research Logistics 2 (1955) 83–97, as in the
+//! `pathfinding` crate. That works on integers, so weights are scaled to 62 bits: differences above about 10⁻¹² of the
+//! greatest weight decide, smaller ones are ties.
 
 use pathfinding::kuhn_munkres::kuhn_munkres;
 use pathfinding::matrix::Matrix as IntegerMatrix;
 
-use super::grid::Grid;
+use super::grid::PairTable;
 
-/// The pairs (row, column) of the assignment with the greatest total weight, by row; pairs of weight 0 are left out.
+/// Pairs (row, column) of the assignment with the greatest total weight, by row; pairs of weight 0 are left out.
 ///
 /// Weights are finite and not negative.
-pub(super) fn best(weights: &Grid) -> Vec<(usize, usize)> {
+pub(super) fn best(weights: &PairTable) -> Vec<(usize, usize)> {
     let (rows, columns) = (weights.rows(), weights.columns());
     let greatest = weights.values().iter().copied().fold(0.0, f64::max);
     if greatest <= 0.0 {
@@ -38,8 +38,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Every assignment, tried.
-    fn exhaustive(weights: &Grid, row: usize, taken: &mut Vec<bool>) -> f64 {
+    /// Tries every assignment.
+    fn exhaustive(weights: &PairTable, row: usize, taken: &mut Vec<bool>) -> f64 {
         if row == weights.rows() {
             return 0.0;
         }
@@ -58,7 +58,7 @@ mod tests {
         #[test]
         fn no_assignment_is_better(rows in 0usize..6, columns in 0usize..6,
                                    values in prop::collection::vec(prop_oneof![Just(0.0), 0.0..1.0, 1000.0..1001.0], 36)) {
-            let grid = Grid::from_fn(rows, columns, |r, c| values[r * 6 + c]);
+            let grid = PairTable::from_fn(rows, columns, |r, c| values[r * 6 + c]);
             let pairs = best(&grid);
             let total: f64 = pairs.iter().map(|(r, c)| grid.at(*r, *c)).sum();
             prop_assert!((total - exhaustive(&grid, 0, &mut vec![false; columns])).abs() < 1e-9);

@@ -6,46 +6,46 @@
 //! tracked (more than 80 % of a life) and lost (less than 20 %): Y. Li, C. Huang, R. Nevatia, CVPR 2009.
 
 use super::scenario::{Scenario, Space};
-use super::{Figure, Metric, Unit, Value, percent};
+use super::{FigureValue, MetricFigure, TrackMetric, Unit, percent};
 
-/// The CLEAR figures.
+/// CLEAR MOT figures.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Clear {
-    /// Truth rows with a matching track.
+    /// Number of truth rows with a matching track.
     pub matches: usize,
-    /// Truth rows without.
+    /// Number of truth rows without.
     pub misses: usize,
-    /// Track rows that stand for nobody.
+    /// Number of track rows without a matching person.
     pub false_positives: usize,
-    /// What depends on knowing who is who.
+    /// Figures that need identities; `None` without them.
     pub continuity: Option<Continuity>,
-    /// Sum over the matches of the similarity.
+    /// Sum of the similarities of the matches.
     similarity_sum: f64,
-    /// Sum over the matches of the distance.
+    /// Sum of the distances of the matches.
     distance_sum: f64,
     space: Space,
 }
 
-/// How steadily each person is followed.
+/// Continuity of the tracks.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Continuity {
-    /// Times a person's track is another than the last one they had, however long ago.
+    /// Number of times that a person's track differs from the last one they had, however long ago.
     pub switches: usize,
-    /// Times a person is lost while present and found again.
+    /// Number of times that a person is lost while present and found again.
     pub fragmentations: usize,
-    /// Times a person's matches go on after a break, be it a loss or their absence: `Frag` of TrackEval.
+    /// Number of times that a person's matches go on after a break, be it a loss or their absence: `Frag` of TrackEval.
     pub resumptions: usize,
-    /// People matched in all of their rows, and always by one track.
+    /// Number of people matched in all of their rows, and always by one track.
     pub followed: usize,
-    /// People matched in more than 80 % of their rows.
+    /// Number of people matched in more than 80 % of their rows.
     pub mostly_tracked: usize,
-    /// People matched in less than 20 % of their rows.
+    /// Number of people matched in less than 20 % of their rows.
     pub mostly_lost: usize,
-    /// People in all.
+    /// Number of people.
     pub people: usize,
 }
 
-impl Metric for Clear {
+impl TrackMetric for Clear {
     fn of(scenario: &Scenario) -> Self {
         let all = || scenario.instants.iter().flat_map(|i| &i.matches);
         let matches = all().count();
@@ -74,63 +74,72 @@ impl Metric for Clear {
         }
     }
 
-    fn figures(&self) -> Vec<Figure> {
+    fn figures(&self) -> Vec<MetricFigure> {
         let mut figures = vec![
-            Figure::new(
+            MetricFigure::new(
                 "MOTA",
                 percent(self.mota()),
                 "tracking accuracy: 1 − (misses + false positives + switches) / truth",
             ),
             match self.space {
-                Space::Floor => Figure::new(
+                Space::Floor => MetricFigure::new(
                     "MOTP",
-                    Value::real(self.motp(), Unit::Metres),
+                    FigureValue::real(self.motp(), Unit::Metres),
                     "tracking precision: mean distance of the matches",
                 ),
-                Space::Image => Figure::new(
+                Space::Image => MetricFigure::new(
                     "MOTP",
                     percent(self.motp()),
                     "tracking precision: mean overlap (IoU) of the matches",
                 ),
             },
-            Figure::new("MODA", percent(self.moda()), "detection accuracy: as MOTA, without switches"),
-            Figure::new("recall", percent(self.recall()), "share of the truth that is found"),
-            Figure::new(
+            MetricFigure::new("MODA", percent(self.moda()), "detection accuracy: as MOTA, without switches"),
+            MetricFigure::new("recall", percent(self.recall()), "share of the truth that is found"),
+            MetricFigure::new(
                 "precision",
                 percent(self.precision()),
-                "share of the tracks' rows that are somebody",
+                "share of the tracks' rows that match a person",
             ),
         ];
-        let counted = |count: fn(&Continuity) -> usize| Value::count(self.continuity.as_ref().map(count));
+        let counted =
+            |count: fn(&Continuity) -> usize| FigureValue::count(self.continuity.as_ref().map(count));
         figures.extend([
-            Figure::new("ID switches", counted(|c| c.switches), "times a person's track becomes another one"),
-            Figure::new(
+            MetricFigure::new(
+                "ID switches",
+                counted(|c| c.switches),
+                "times a person's track becomes another one",
+            ),
+            MetricFigure::new(
                 "fragmentations",
                 counted(|c| c.fragmentations),
                 "times a person is lost and found again",
             ),
-            Figure::new(
+            MetricFigure::new(
                 "Frag",
                 counted(|c| c.resumptions),
                 "as TrackEval counts them: times a person's matches go on after a break",
             ),
-            Figure::new(
+            MetricFigure::new(
                 "tracking success",
                 percent(self.continuity.as_ref().and_then(Continuity::success)),
                 "people who are matched from their first frame to their last, by one track",
             ),
-            Figure::new(
+            MetricFigure::new(
                 "mostly tracked",
                 counted(|c| c.mostly_tracked),
                 "people matched in more than 80 % of their frames",
             ),
-            Figure::new(
+            MetricFigure::new(
                 "mostly lost",
                 counted(|c| c.mostly_lost),
                 "people matched in less than 20 % of their frames",
             ),
-            Figure::new("false positives", Value::count(Some(self.false_positives)), "rows that are nobody"),
-            Figure::new("misses", Value::count(Some(self.misses)), "truth rows without a track"),
+            MetricFigure::new(
+                "false positives",
+                FigureValue::count(Some(self.false_positives)),
+                "rows that match no person",
+            ),
+            MetricFigure::new("misses", FigureValue::count(Some(self.misses)), "truth rows without a track"),
         ]);
         figures
     }
@@ -161,12 +170,12 @@ impl Clear {
         }
     }
 
-    /// Share of the truth that is matched.
+    /// Share of the truth that is matched, 0 to 1.
     pub fn recall(&self) -> Option<f64> {
         ratio(self.matches as f64, self.truth())
     }
 
-    /// Share of the tracks' rows that are matched.
+    /// Share of the tracks' rows that are matched, 0 to 1.
     pub fn precision(&self) -> Option<f64> {
         ratio(self.matches as f64, self.matches + self.false_positives)
     }
@@ -174,7 +183,7 @@ impl Clear {
 
 impl Continuity {
     fn of(scenario: &Scenario) -> Self {
-        /// One person's story so far.
+        /// State of one person during the count.
         #[derive(Clone, Default)]
         struct Life {
             rows: usize,
@@ -182,14 +191,14 @@ impl Continuity {
             last_track: Option<usize>,
             is_lost: bool,
             has_switched: bool,
-            /// The number of the frame of the last match, among those in which there are both truth and tracks.
+            /// Index of the frame of the last match, among the frames with both truth and tracks.
             last_match: Option<usize>,
         }
         let mut lives = vec![Life::default(); scenario.people];
         let (mut switches, mut fragmentations, mut resumptions) = (0, 0, 0);
         let mut judged = 0;
         for instant in &scenario.instants {
-            // TrackEval passes over frames without truth or without tracks: nobody's matches break there.
+            // TrackEval skips frames without truth or without tracks: they break no matches.
             judged += usize::from(!instant.truth.is_empty() && !instant.tracks.is_empty());
             let mut is_matched = vec![false; scenario.people];
             for found in &instant.matches {
@@ -211,7 +220,7 @@ impl Continuity {
                 life.is_lost |= life.last_track.is_some() && !is_matched[*person];
             }
         }
-        // Whole numbers: 80 % of 5 rows are 4, not 4.0000000001.
+        // Integers: 80 % of 5 rows are 4, not 4.0000000001.
         let share = |more: fn(usize, usize) -> bool| {
             lives.iter().filter(|life| more(100 * life.matched, life.rows)).count()
         };
@@ -239,8 +248,8 @@ impl Continuity {
         }
     }
 
-    /// The tracking success rate of Okada et al. (section 6.2), 0 to 1: people with one id from their first frame to their
-    /// last, everywhere within the threshold.
+    /// Tracking success rate of Okada et al. (cited in [`crate::link`], section 6.2), 0 to 1: share of the people who
+    /// have one id from their first frame to their last, everywhere within the threshold.
     pub fn success(&self) -> Option<f64> {
         ratio(self.followed as f64, self.people)
     }

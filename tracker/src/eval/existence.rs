@@ -1,40 +1,42 @@
-//! Existence: whether tracks are somebody as often as their confidences say.
+//! Existence: calibration of the tracks' confidences.
 //!
-//! A track's row is told with the probability that somebody is there. Of all rows told with 80 %, eight in ten have to be
-//! somebody (A. P. Dawid, "The well-calibrated Bayesian", JASA 1982). The rows are put into bins by their confidence; the
-//! calibration error is the mean over the rows of the difference between what their bin was told and what it came to
-//! (M. P. Naeini, G. F. Cooper, M. Hauskrecht, AAAI 2015). It says nothing of how well rows are told apart: always telling
-//! the precision is calibrated. The mean squared error does (G. W. Brier, Monthly Weather Review 1950); certainty's is 1 − precision.
+//! Each row of a track has a probability that the person exists. Of all rows with 80 %, eight in ten have to match a
+//! person (A. P. Dawid, "The well-calibrated Bayesian", JASA 1982). The rows are put into bins by their confidence; the
+//! calibration error is the mean over the rows of the difference between their bin's mean confidence and its share of
+//! matches (M. P. Naeini, G. F. Cooper and M. Hauskrecht, "Obtaining well calibrated probabilities using Bayesian
+//! binning", AAAI 2015). It does not measure discrimination: always stating the precision is calibrated. The mean
+//! squared error does (G. W. Brier, "Verification of forecasts expressed in terms of probability", Monthly Weather
+//! Review 1950); for constant certainty it is 1 − precision.
 
 use serde_json::{Value as Json, json};
 
 use super::scenario::Scenario;
-use super::{Figure, Metric, Unit, Value, percent};
+use super::{FigureValue, MetricFigure, TrackMetric, Unit, percent};
 
-/// Bins of equal width.
+/// Number of bins, of equal width.
 const BINS: usize = 10;
 
-/// How true the confidences are.
+/// Calibration of the confidences.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Existence {
-    /// By confidence, the lowest first; `None` where the 7th column holds no probabilities.
+    /// Bins by confidence, the lowest first; `None` where the 7th column holds no probabilities.
     pub bins: Option<Vec<ReliabilityBin>>,
     /// Sum over the rows of the squared difference between confidence and truth.
     squares: f64,
 }
 
-/// Rows that were told with about the same confidence.
+/// Rows with about the same confidence.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct ReliabilityBin {
-    /// How many.
+    /// Number of rows.
     pub rows: usize,
-    /// How many of them are somebody.
+    /// Number of rows that match a person.
     pub matched: usize,
-    /// Sum of their confidences: how many of them should be somebody.
-    pub told: f64,
+    /// Sum of the confidences: the expected number of matches.
+    pub expected: f64,
 }
 
-impl Metric for Existence {
+impl TrackMetric for Existence {
     fn of(scenario: &Scenario) -> Self {
         let (mut bins, mut squares) = (vec![ReliabilityBin::default(); BINS], 0.0);
         for instant in &scenario.instants {
@@ -43,7 +45,7 @@ impl Metric for Existence {
                 let bin = &mut bins[((confidence * BINS as f64) as usize).min(BINS - 1)];
                 bin.rows += 1;
                 bin.matched += usize::from(is_somebody);
-                bin.told += confidence;
+                bin.expected += confidence;
                 squares += (confidence - f64::from(u8::from(is_somebody))).powi(2);
             }
         }
@@ -56,7 +58,7 @@ impl Metric for Existence {
             all.iter().map(|bins| bins[bin]).fold(ReliabilityBin::default(), |a, b| ReliabilityBin {
                 rows: a.rows + b.rows,
                 matched: a.matched + b.matched,
-                told: a.told + b.told,
+                expected: a.expected + b.expected,
             })
         };
         Self {
@@ -65,16 +67,16 @@ impl Metric for Existence {
         }
     }
 
-    fn figures(&self) -> Vec<Figure> {
+    fn figures(&self) -> Vec<MetricFigure> {
         vec![
-            Figure::new(
+            MetricFigure::new(
                 "existence error",
                 percent(self.error()),
-                "calibration: how far the tracks' confidences are from the share that is somebody",
+                "calibration: how far the tracks' confidences are from the share that match a person",
             ),
-            Figure::new(
+            MetricFigure::new(
                 "Brier",
-                Value::real(self.brier(), Unit::None),
+                FigureValue::real(self.brier(), Unit::None),
                 "mean squared error of the confidences; of certainty it would be 1 − precision",
             ),
         ]
@@ -85,7 +87,7 @@ impl Existence {
     /// Expected calibration error, 0 to 1; `None` without rows or probabilities.
     pub fn error(&self) -> Option<f64> {
         let bins = self.bins.as_ref()?;
-        let off: f64 = bins.iter().map(|bin| (bin.told - bin.matched as f64).abs()).sum();
+        let off: f64 = bins.iter().map(|bin| (bin.expected - bin.matched as f64).abs()).sum();
         self.per_row(off)
     }
 
@@ -94,11 +96,11 @@ impl Existence {
         self.per_row(self.squares)
     }
 
-    /// The reliability diagram: what each bin that has rows was told on average, and came to; percent.
+    /// Reliability diagram: number of rows, mean confidence and share of matches of each bin with rows; percent.
     pub(super) fn json(&self) -> Json {
         let bin = |bin: &ReliabilityBin| {
             let percent = |sum: f64| 100.0 * sum / bin.rows as f64;
-            json!({ "rows": bin.rows, "told": percent(bin.told), "matched": percent(bin.matched as f64) })
+            json!({ "rows": bin.rows, "told": percent(bin.expected), "matched": percent(bin.matched as f64) })
         };
         json!(self.bins.as_ref().map(|bins| bins.iter().filter(|b| b.rows > 0).map(bin).collect::<Vec<_>>()))
     }

@@ -1,4 +1,4 @@
-//! Which frames are judged: all, a range, or those that somebody annotated.
+//! Selection of the judged frames: all, a range, or annotated ones.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -6,21 +6,21 @@ use std::str::FromStr;
 
 use crate::{Error, Result};
 
-/// A choice of frames.
+/// Selection of frames.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct FrameSelection {
     /// First and last frame, both included.
     pub range: Option<FrameRange>,
-    /// Only these.
+    /// Frames of an annotation; `None` for all.
     pub annotated: Option<BTreeSet<u32>>,
 }
 
-/// First and last frame, both included; written `A-B`.
+/// Range of frames, both ends included; written `A-B`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FrameRange {
-    /// From 1.
+    /// First frame, from 1.
     pub first: u32,
-    /// Not before `first`.
+    /// Last frame, not before `first`.
     pub last: u32,
 }
 
@@ -34,7 +34,7 @@ impl FrameSelection {
     /// Reads a list of frames, one a line.
     ///
     /// # Errors
-    /// Naming file and line of what is no frame; a file without a frame.
+    /// A line that is no frame (file and line are named), or a file without frames.
     pub fn read_annotated(path: &Path) -> Result<BTreeSet<u32>> {
         let mut frames = BTreeSet::new();
         for (index, line) in calib::files::read_text(path)?.lines().enumerate() {

@@ -1,19 +1,19 @@
-//! Numbers for pairs: how alike, how far apart.
+//! Table of a number for each pair, such as similarity or distance.
 
 /// A dense table of numbers, row by row.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Grid {
+pub(super) struct PairTable {
     rows: usize,
     columns: usize,
     values: Vec<f64>,
 }
 
-impl Grid {
+impl PairTable {
     pub(super) fn from_fn(rows: usize, columns: usize, value: impl Fn(usize, usize) -> f64) -> Self {
         let values = (0..rows).flat_map(|r| (0..columns).map(move |c| (r, c))).map(|(r, c)| value(r, c));
         Self { rows, columns, values: values.collect() }
     }
-    /// Two tables whose numbers are found together.
+    /// Two tables whose numbers are computed together.
     pub(super) fn pair_from_fn(
         rows: usize,
         columns: usize,

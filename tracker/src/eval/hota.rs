@@ -1,33 +1,33 @@
 //! HOTA: detection and association in one figure, over all strictnesses.
 //!
 //! J. Luiten et al., "HOTA: a higher order metric for evaluating multi-object tracking", IJCV 129 (2021), and its
-//! reference implementation TrackEval. For each of 19 thresholds α: DetA is the Jaccard index of the detections,
-//! AssA the mean over the matches of their two tracks' Jaccard index, HOTA there = √(DetA · AssA); all three are
-//! averaged over α. In each frame the rows are assigned once, by similarity times how well the two tracks go
-//! together over the whole recording.
+//! reference implementation TrackEval. For each of 19 thresholds α: DetA is the Jaccard index of the detections, AssA
+//! the mean over the matches of their two tracks' Jaccard index, HOTA there = √(DetA · AssA); all three are averaged
+//! over α. In each frame the rows are assigned once, by similarity times the soft Jaccard index of the two tracks over
+//! the whole recording.
 
 use std::collections::HashMap;
 
 use super::assignment::best;
-use super::grid::Grid;
+use super::grid::PairTable;
 use super::instant::SIMILARITY_TOLERANCE;
 use super::scenario::Scenario;
-use super::{Figure, Metric, percent};
+use super::{MetricFigure, TrackMetric, percent};
 
-/// Thresholds 0.05, 0.10 … 0.95.
+/// Number of thresholds 0.05, 0.10 … 0.95.
 const THRESHOLDS: usize = 19;
 
-/// The HOTA figures, each 0 to 1.
+/// HOTA figures, each 0 to 1.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Hota {
-    /// Means over the 19 thresholds, where there are identities and any rows at all.
+    /// Means over the 19 thresholds; `None` without identities or rows.
     pub scores: Option<HotaScores>,
-    /// What they are means of, the least strict threshold first; empty where there are no scores.
+    /// Figures at each threshold, the least strict first; empty where there are no scores.
     pub by_threshold: Vec<HotaScores>,
-    tallies: Vec<Tally>,
+    tallies: Vec<ThresholdTally>,
 }
 
-/// The figures at one threshold, or their means.
+/// Figures at one threshold, or their means.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct HotaScores {
     /// √(DetA · AssA), averaged.
@@ -36,7 +36,7 @@ pub struct HotaScores {
     pub det_a: f64,
     /// Association accuracy.
     pub ass_a: f64,
-    /// Detection recall and precision.
+    /// Detection recall.
     pub det_re: f64,
     /// Detection precision.
     pub det_pr: f64,
@@ -48,29 +48,29 @@ pub struct HotaScores {
     pub loc_a: f64,
 }
 
-/// What is counted at one threshold; sums of several recordings are sums of these.
+/// Counts at one threshold; sums of several recordings are sums of these.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-struct Tally {
+struct ThresholdTally {
     matched: usize,
     truth: usize,
     tracks: usize,
-    /// Over the matches, sums of their tracks' Jaccard index, recall, precision, and of their similarity.
+    /// Sums over the matches of their tracks' Jaccard index, recall and precision, and of their similarity.
     ass_a: f64,
     ass_re: f64,
     ass_pr: f64,
     similarity: f64,
 }
 
-impl Metric for Hota {
+impl TrackMetric for Hota {
     fn of(scenario: &Scenario) -> Self {
         let is_judgeable = scenario.has_identities && scenario.truth_rows + scenario.track_rows > 0;
         Self::from_tallies(if is_judgeable { tallies(scenario) } else { Vec::new() })
     }
 
     fn together<'a>(parts: impl Iterator<Item = &'a Self> + Clone) -> Self {
-        let mut sum: Vec<Tally> = Vec::new();
+        let mut sum: Vec<ThresholdTally> = Vec::new();
         for part in parts.filter(|p| !p.tallies.is_empty()) {
-            sum.resize(THRESHOLDS, Tally::default());
+            sum.resize(THRESHOLDS, ThresholdTally::default());
             for (sum, tally) in sum.iter_mut().zip(&part.tallies) {
                 sum.add(tally);
             }
@@ -78,24 +78,36 @@ impl Metric for Hota {
         Self::from_tallies(sum)
     }
 
-    fn figures(&self) -> Vec<Figure> {
+    fn figures(&self) -> Vec<MetricFigure> {
         let of = |part: fn(&HotaScores) -> f64| percent(self.scores.as_ref().map(part));
         vec![
-            Figure::new("HOTA", of(|s| s.hota), "detection and association together, over 19 strictnesses"),
-            Figure::new("DetA", of(|s| s.det_a), "the detection half of HOTA"),
-            Figure::new("AssA", of(|s| s.ass_a), "the association half of HOTA"),
-            Figure::new("DetRe", of(|s| s.det_re), "share of the truth that is found"),
-            Figure::new("DetPr", of(|s| s.det_pr), "share of the tracks' rows that are somebody"),
-            Figure::new("AssRe", of(|s| s.ass_re), "share of a person's life that the matched track covers"),
-            Figure::new("AssPr", of(|s| s.ass_pr), "share of a track that stands for the matched person"),
-            Figure::new("LocA", of(|s| s.loc_a), "mean similarity of the matches"),
+            MetricFigure::new(
+                "HOTA",
+                of(|s| s.hota),
+                "detection and association together, over 19 strictnesses",
+            ),
+            MetricFigure::new("DetA", of(|s| s.det_a), "the detection half of HOTA"),
+            MetricFigure::new("AssA", of(|s| s.ass_a), "the association half of HOTA"),
+            MetricFigure::new("DetRe", of(|s| s.det_re), "share of the truth that is found"),
+            MetricFigure::new("DetPr", of(|s| s.det_pr), "share of the tracks' rows that match a person"),
+            MetricFigure::new(
+                "AssRe",
+                of(|s| s.ass_re),
+                "share of a person's life that the matched track covers",
+            ),
+            MetricFigure::new(
+                "AssPr",
+                of(|s| s.ass_pr),
+                "share of a track that stands for the matched person",
+            ),
+            MetricFigure::new("LocA", of(|s| s.loc_a), "mean similarity of the matches"),
         ]
     }
 }
 
 impl Hota {
-    fn from_tallies(tallies: Vec<Tally>) -> Self {
-        let by_threshold: Vec<HotaScores> = tallies.iter().map(Tally::scores).collect();
+    fn from_tallies(tallies: Vec<ThresholdTally>) -> Self {
+        let by_threshold: Vec<HotaScores> = tallies.iter().map(ThresholdTally::scores).collect();
         let mean =
             |part: fn(&HotaScores) -> f64| by_threshold.iter().map(part).sum::<f64>() / THRESHOLDS as f64;
         let scores = (!by_threshold.is_empty()).then(|| HotaScores {
@@ -111,13 +123,13 @@ impl Hota {
         Self { scores, by_threshold, tallies }
     }
 
-    /// The thresholds of [`Self::by_threshold`].
+    /// Thresholds of [`Self::by_threshold`].
     pub fn thresholds() -> impl Iterator<Item = f64> {
         (0..THRESHOLDS).map(|i| 0.05 + i as f64 * 0.05)
     }
 }
 
-impl Tally {
+impl ThresholdTally {
     fn add(&mut self, other: &Self) {
         self.matched += other.matched;
         self.truth += other.truth;
@@ -141,13 +153,13 @@ impl Tally {
             det_pr: share(matched, self.tracks),
             ass_re: share(self.ass_re, self.matched),
             ass_pr: share(self.ass_pr, self.matched),
-            // Without a match nothing is misplaced, as in TrackEval.
+            // Without a match the localisation is perfect, as in TrackEval.
             loc_a: if self.matched == 0 { 1.0 } else { self.similarity / matched },
         }
     }
 }
 
-fn tallies(scenario: &Scenario) -> Vec<Tally> {
+fn tallies(scenario: &Scenario) -> Vec<ThresholdTally> {
     let (mut truth_count, mut track_count) = (vec![0.0; scenario.people], vec![0.0; scenario.tracks]);
     for instant in &scenario.instants {
         instant.truth.iter().for_each(|person| truth_count[*person] += 1.0);
@@ -155,15 +167,18 @@ fn tallies(scenario: &Scenario) -> Vec<Tally> {
     }
     let alignment = alignment(scenario, &truth_count, &track_count);
 
-    let mut tallies =
-        vec![
-            Tally { truth: scenario.truth_rows, tracks: scenario.track_rows, ..Tally::default() };
-            THRESHOLDS
-        ];
-    // Matches of each pair of person and track, by the strictest threshold that they pass.
+    let mut tallies = vec![
+        ThresholdTally {
+            truth: scenario.truth_rows,
+            tracks: scenario.track_rows,
+            ..ThresholdTally::default()
+        };
+        THRESHOLDS
+    ];
+    // Number of matches of each pair of person and track, by the strictest threshold that they pass.
     let mut strictest: HashMap<(usize, usize), [u32; THRESHOLDS]> = HashMap::new();
     for instant in &scenario.instants {
-        let weights = Grid::from_fn(instant.truth.len(), instant.tracks.len(), |i, j| {
+        let weights = PairTable::from_fn(instant.truth.len(), instant.tracks.len(), |i, j| {
             alignment.at(instant.truth[i], instant.tracks[j]) * instant.similarity.at(i, j)
         });
         for (i, j) in best(&weights) {
@@ -193,9 +208,9 @@ fn tallies(scenario: &Scenario) -> Vec<Tally> {
     tallies
 }
 
-/// How well each person and track go together over the recording, before any matching: a soft Jaccard index.
-fn alignment(scenario: &Scenario, truth_count: &[f64], track_count: &[f64]) -> Grid {
-    let mut together = Grid::zeros(scenario.people, scenario.tracks);
+/// Soft Jaccard index of each person and track over the recording, before any matching.
+fn alignment(scenario: &Scenario, truth_count: &[f64], track_count: &[f64]) -> PairTable {
+    let mut together = PairTable::zeros(scenario.people, scenario.tracks);
     for instant in &scenario.instants {
         let similarity = &instant.similarity;
         let row_sum = |i| (0..instant.tracks.len()).map(|j| similarity.at(i, j)).sum::<f64>();
@@ -211,7 +226,7 @@ fn alignment(scenario: &Scenario, truth_count: &[f64], track_count: &[f64]) -> G
             }
         }
     }
-    Grid::from_fn(scenario.people, scenario.tracks, |i, j| {
+    PairTable::from_fn(scenario.people, scenario.tracks, |i, j| {
         together.at(i, j) / (truth_count[i] + track_count[j] - together.at(i, j))
     })
 }

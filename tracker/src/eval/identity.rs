@@ -1,28 +1,28 @@
-//! Identity: how long the right track stands for the right person.
+//! Identity: share of rows in which the right track follows the right person.
 //!
-//! E. Ristani, F. Solera, R. Zou, R. Cucchiara, C. Tomasi, "Performance measures and a data set for multi-target,
-//! multi-camera tracking", ECCV Workshops 2016. Each person gets at most one track for the whole recording, so
-//! that as many rows as possible agree; their minimum-cost assignment with dummies is the assignment of the most
-//! agreeing rows.
+//! E. Ristani, F. Solera, R. Zou, R. Cucchiara and C. Tomasi, "Performance measures and a data set for multi-target,
+//! multi-camera tracking", ECCV Workshops 2016. Each person gets at most one track for the whole recording, such that
+//! as many rows as possible agree; their minimum-cost assignment with dummies is the assignment with the most agreeing
+//! rows.
 
 use super::assignment::best;
-use super::grid::Grid;
+use super::grid::PairTable;
 use super::scenario::Scenario;
-use super::{Figure, Metric, percent};
+use super::{MetricFigure, TrackMetric, percent};
 
-/// The identity figures.
+/// Identity figures.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Identity {
-    /// Rows in which a person has their own track.
+pub struct IdentityMetric {
+    /// Number of rows in which a person has their own track.
     pub true_positives: usize,
-    /// Track rows that are not their person's.
+    /// Number of track rows that are not their person's.
     pub false_positives: usize,
-    /// Truth rows without their own track.
+    /// Number of truth rows without their own track.
     pub misses: usize,
     has_identities: bool,
 }
 
-impl Metric for Identity {
+impl TrackMetric for IdentityMetric {
     fn of(scenario: &Scenario) -> Self {
         let true_positives = if scenario.has_identities { agreeing_rows(scenario) } else { 0 };
         Self {
@@ -43,15 +43,15 @@ impl Metric for Identity {
         }
     }
 
-    fn figures(&self) -> Vec<Figure> {
+    fn figures(&self) -> Vec<MetricFigure> {
         vec![
-            Figure::new(
+            MetricFigure::new(
                 "IDF1",
                 percent(self.idf1()),
                 "identity: share of rows in which everybody has their own track",
             ),
-            Figure::new("ID recall", percent(self.recall()), "share of the truth with its own track"),
-            Figure::new(
+            MetricFigure::new("ID recall", percent(self.recall()), "share of the truth with its own track"),
+            MetricFigure::new(
                 "ID precision",
                 percent(self.precision()),
                 "share of the tracks' rows that are their person's",
@@ -60,18 +60,18 @@ impl Metric for Identity {
     }
 }
 
-impl Identity {
+impl IdentityMetric {
     /// Ratio of rows with the right identity, 0 to 1; `None` without identities or rows.
     pub fn idf1(&self) -> Option<f64> {
         self.ratio(2 * self.true_positives, 2 * self.true_positives + self.false_positives + self.misses)
     }
 
-    /// Share of the truth's rows with the right identity.
+    /// Share of the truth's rows with the right identity, 0 to 1.
     pub fn recall(&self) -> Option<f64> {
         self.ratio(self.true_positives, self.true_positives + self.misses)
     }
 
-    /// Share of the tracks' rows with the right identity.
+    /// Share of the tracks' rows with the right identity, 0 to 1.
     pub fn precision(&self) -> Option<f64> {
         self.ratio(self.true_positives, self.true_positives + self.false_positives)
     }
@@ -82,7 +82,7 @@ impl Identity {
 }
 
 fn agreeing_rows(scenario: &Scenario) -> usize {
-    let mut together = Grid::zeros(scenario.people, scenario.tracks);
+    let mut together = PairTable::zeros(scenario.people, scenario.tracks);
     for instant in &scenario.instants {
         for (i, person) in instant.truth.iter().enumerate() {
             for (j, track) in instant.tracks.iter().enumerate() {

@@ -1,37 +1,38 @@
-//! CLEAR as `motmetrics` counts it: a pair outlives a loss.
+//! CLEAR as counted by `motmetrics`: a pair outlives a loss.
 //!
-//! TrackEval keeps a pair from one frame to the next; `motmetrics` (C. Heindl, py-motmetrics) keeps it for good: a person
-//! who is found again near their last track is given to it though another is nearer. Most files give the same figures,
-//! fragmentations above all may differ. What is not kept is assigned to as many pairs as there can be, then to the nearest.
+//! TrackEval keeps a pair from one frame to the next; `motmetrics` (C. Heindl, py-motmetrics) keeps it for good: a
+//! person who is found again near their last track is assigned to it even if another is nearer. Most files give the
+//! same figures; mainly fragmentations may differ. Open pairs are assigned such that there are as many as possible, and
+//! then for the least distance.
 
 use super::assignment::best;
-use super::grid::Grid;
+use super::grid::PairTable;
 use super::instant::{Instant, SIMILARITY_TOLERANCE};
 use super::scenario::Scenario;
-use super::{Figure, Metric, Value, percent};
+use super::{FigureValue, MetricFigure, TrackMetric, percent};
 
-/// What a pair is worth beside its similarity: more than any frame's similarities together.
+/// Weight of a pair beside its similarity: more than any frame's similarities together.
 const PAIR: f64 = 1000.0;
 
-/// The figures of `motmetrics`.
+/// Figures of `motmetrics`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LastingPairs {
-    /// Truth rows with a matching track.
+    /// Number of truth rows with a matching track.
     pub matches: usize,
-    /// Truth rows without.
+    /// Number of truth rows without.
     pub misses: usize,
-    /// Track rows that stand for nobody.
+    /// Number of track rows without a matching person.
     pub false_positives: usize,
-    /// Times a person's track is another than the last one they had.
+    /// Number of times that a person's track differs from the last one they had.
     pub switches: usize,
-    /// Times a person is lost between two matches.
+    /// Number of times that a person is lost between two matches.
     pub fragmentations: usize,
     has_identities: bool,
 }
 
-impl Metric for LastingPairs {
+impl TrackMetric for LastingPairs {
     fn of(scenario: &Scenario) -> Self {
-        let mut pairs = Pairs::new(scenario);
+        let mut pairs = LastingMatcher::new(scenario);
         for instant in &scenario.instants {
             pairs.advance(instant, scenario.threshold());
         }
@@ -57,18 +58,22 @@ impl Metric for LastingPairs {
         }
     }
 
-    fn figures(&self) -> Vec<Figure> {
-        let count = |value: usize| Value::count(self.has_identities.then_some(value));
+    fn figures(&self) -> Vec<MetricFigure> {
+        let count = |value: usize| FigureValue::count(self.has_identities.then_some(value));
         vec![
-            Figure::new("MOTA", percent(self.mota()), "tracking accuracy, where pairs outlive losses"),
-            Figure::new("ID switches", count(self.switches), "times a person's track becomes another one"),
-            Figure::new(
+            MetricFigure::new("MOTA", percent(self.mota()), "tracking accuracy, where pairs outlive losses"),
+            MetricFigure::new(
+                "ID switches",
+                count(self.switches),
+                "times a person's track becomes another one",
+            ),
+            MetricFigure::new(
                 "fragmentations",
                 count(self.fragmentations),
                 "times a person is lost between matches",
             ),
-            Figure::new("false positives", count(self.false_positives), "rows that are nobody"),
-            Figure::new("misses", count(self.misses), "truth rows without a track"),
+            MetricFigure::new("false positives", count(self.false_positives), "rows that match no person"),
+            MetricFigure::new("misses", count(self.misses), "truth rows without a track"),
         ]
     }
 }
@@ -82,8 +87,8 @@ impl LastingPairs {
     }
 }
 
-/// Everybody's track so far.
-struct Pairs {
+/// Each person's track so far, and the counts.
+struct LastingMatcher {
     track_of: Vec<Option<usize>>,
     is_lost: Vec<bool>,
     matches: usize,
@@ -91,7 +96,7 @@ struct Pairs {
     fragmentations: usize,
 }
 
-impl Pairs {
+impl LastingMatcher {
     fn new(scenario: &Scenario) -> Self {
         Self {
             track_of: vec![None; scenario.people],
@@ -115,7 +120,7 @@ impl Pairs {
                 is_taken[j] = true;
             }
         }
-        let rest = Grid::from_fn(instant.truth.len(), instant.tracks.len(), |i, j| {
+        let rest = PairTable::from_fn(instant.truth.len(), instant.tracks.len(), |i, j| {
             let is_open = found[i].is_none() && !is_taken[j] && is_pair(i, j);
             if is_open { PAIR + instant.similarity.at(i, j) } else { 0.0 }
         });

@@ -1,24 +1,24 @@
-//! How good tracks are, measured against the truth.
+//! Evaluation of tracks against the truth.
 //!
-//! Two MOTChallenge files → [`Scenario`] (rows side by side, with similarities and the CLEAR correspondence) →
-//! one [`Metric`] a file → [`Evaluation`] → table, JSON, report.
+//! Two MOTChallenge files → [`Scenario`] (rows side by side, with similarities and the CLEAR correspondence) → one
+//! [`TrackMetric`] a file → [`Evaluation`] → table, JSON, report.
 //!
 //! * [`Clear`] — MOTA, MOTP, MODA, switches, fragmentations, mostly tracked and lost, misses, false positives;
-//! * [`Identity`] — IDF1;
+//! * [`IdentityMetric`] — IDF1;
 //! * [`Hota`] — HOTA, DetA, AssA and their parts;
 //! * [`LastingPairs`] — CLEAR as `motmetrics` counts it;
 //! * [`PositionError`] — mean, median and maximum distance;
-//! * [`Existence`] — whether rows are somebody as often as their confidences say;
-//! * [`PeopleCount`] — whether the true number of people is among those that they make likely;
+//! * [`Existence`] — calibration of the rows' confidences;
+//! * [`PeopleCount`] — coverage of the true number of people by the distribution that the confidences imply;
 //! * [`Sequences`] — several recordings, each and together;
-//! * [`DetectionCurve`] — found against falsely found, as ever less sure detections are taken;
+//! * [`DetectionCurve`] — recall against false positives, over the detections' score;
 //! * [`plots`] — pictures of all this;
-//! * [`align`] — when truth and tracks live in two reconstructions of one room.
+//! * [`align`] — alignment of truth and tracks in two reconstructions of one room.
 //!
-//! Definitions follow TrackEval, the reference of MOTChallenge, save for fragmentations, which are counted as
-//! `motmetrics` does: a person must be *present and missed* between two matches. (TrackEval also counts a person
-//! who left and came back, and overlooks a loss in frames without any track; its count is `Frag`.) Where there is nothing to divide by,
-//! a figure is absent rather than 0.
+//! Definitions follow TrackEval, the reference of MOTChallenge, except for fragmentations, which are counted as in
+//! `motmetrics`: a person must be *present and missed* between two matches. (TrackEval also counts a person who left
+//! and came back, and overlooks a loss in frames without any track; its count is `Frag`.) Where the denominator is 0, a
+//! figure is absent rather than 0.
 
 pub mod align;
 mod area;
@@ -47,7 +47,7 @@ pub use clear::{Clear, Continuity};
 pub use existence::{Existence, ReliabilityBin};
 pub use frames::{FrameRange, FrameSelection};
 pub use hota::{Hota, HotaScores};
-pub use identity::Identity;
+pub use identity::IdentityMetric;
 pub use lasting::LastingPairs;
 pub use people_count::PeopleCount;
 pub use position::{PositionError, PositionStatistics};
@@ -57,60 +57,60 @@ pub use sequences::Sequences;
 
 use crate::Result;
 use crate::tracks::rows::RowFile;
-use align::Alignment;
+use align::RoomAlignment;
 
-/// A way to judge tracks.
-pub trait Metric: Sized {
-    /// Measures.
+/// A metric of tracks.
+pub trait TrackMetric: Sized {
+    /// Computes the metric.
     fn of(scenario: &Scenario) -> Self;
-    /// Of several recordings together: everything that is counted is added up, then compared.
+    /// Combines several recordings: all counts are added up before anything is divided.
     fn together<'a>(parts: impl Iterator<Item = &'a Self> + Clone) -> Self
     where
         Self: 'a;
-    /// What it found, in the order in which people read it.
-    fn figures(&self) -> Vec<Figure>;
+    /// Figures in the order of the table.
+    fn figures(&self) -> Vec<MetricFigure>;
 }
 
-/// One figure of a metric.
+/// A figure of a metric.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Figure {
-    /// As in the papers.
+pub struct MetricFigure {
+    /// Name, as in the papers.
     pub name: &'static str,
-    /// With its unit.
-    pub value: Value,
-    /// In half a sentence.
+    /// Value with its unit.
+    pub value: FigureValue,
+    /// Meaning in half a sentence.
     pub meaning: &'static str,
 }
 
-/// A figure's value; `None` where it means nothing (no truth, no identities, no match).
+/// Value of a figure; `None` where it is undefined (no truth, no identities, no match).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Value {
-    /// How many.
+pub enum FigureValue {
+    /// A count.
     Count(Option<usize>),
-    /// How much.
+    /// A real number.
     Real(Option<f64>, Unit),
 }
 
-/// What a real figure is measured in.
+/// Unit of a real figure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Unit {
-    /// 0 to 100.
+    /// Percent, 0 to 100.
     Percent,
-    /// On the floor.
+    /// Metres on the floor.
     Metres,
-    /// In the image.
+    /// Pixels in the image.
     Pixels,
     /// A plain number.
     None,
 }
 
-impl Figure {
-    fn new(name: &'static str, value: Value, meaning: &'static str) -> Self {
+impl MetricFigure {
+    fn new(name: &'static str, value: FigureValue, meaning: &'static str) -> Self {
         Self { name, value, meaning }
     }
 }
 
-impl Value {
+impl FigureValue {
     fn count(count: Option<usize>) -> Self {
         Self::Count(count)
     }
@@ -119,17 +119,17 @@ impl Value {
     }
 }
 
-/// A share of 1 in percent.
-fn percent(share: Option<f64>) -> Value {
-    Value::Real(share.map(|s| 100.0 * s), Unit::Percent)
+/// Converts a share of 1 to percent.
+fn percent(share: Option<f64>) -> FigureValue {
+    FigureValue::Real(share.map(|s| 100.0 * s), Unit::Percent)
 }
 
-/// What to compare, and how.
+/// Options of an evaluation.
 #[derive(Debug, Clone, Default)]
 pub struct EvalOptions {
-    /// Greatest distance of a match in metres (floor), or least overlap (image). Default 0.5 for both.
+    /// Largest distance of a match in metres (floor), or least overlap (image). Default 0.5 for both.
     pub gate: Option<f64>,
-    /// Which frames are judged; default all.
+    /// Judged frames; default all.
     pub frames: FrameSelection,
 }
 
@@ -138,59 +138,59 @@ impl EvalOptions {
     pub const GATE: f64 = 0.5;
 }
 
-/// Every metric of one comparison.
+/// All metrics of one comparison.
 #[derive(Debug, Clone)]
 pub struct Evaluation {
-    /// What was compared.
+    /// Rows of truth and tracks side by side.
     pub scenario: Scenario,
     /// CLEAR MOT.
     pub clear: Clear,
     /// Identity.
-    pub identity: Identity,
+    pub identity: IdentityMetric,
     /// HOTA.
     pub hota: Hota,
     /// Position error.
     pub position: PositionError,
-    /// Whether confidences are true.
+    /// Calibration of the confidences.
     pub existence: Existence,
-    /// Whether the number of people is.
+    /// Calibration of the number of people.
     pub people_count: PeopleCount,
-    /// CLEAR MOT as `motmetrics` counts it.
+    /// CLEAR MOT as counted by `motmetrics`.
     pub lasting: LastingPairs,
-    /// How the two rooms were brought together, if there were two.
-    pub alignment: Option<Alignment>,
+    /// Alignment of the two rooms, if there were two.
+    pub alignment: Option<RoomAlignment>,
 }
 
 impl Evaluation {
-    /// Compares two files; `alignment` brings the tracks' floor positions into the truth's frame.
+    /// Compares two files; `alignment` transforms the tracks' floor positions to the truth's frame.
     ///
     /// # Errors
-    /// What [`RowFile::read`] and [`Scenario::new`] refuse.
+    /// Errors of [`RowFile::read`] and [`Scenario::new`].
     pub fn of_files(
         truth: &Path,
         tracks: &Path,
         options: &EvalOptions,
-        alignment: Option<Alignment>,
+        alignment: Option<RoomAlignment>,
     ) -> Result<Self> {
         Self::of_rows(&RowFile::read(truth)?, &RowFile::read(tracks)?, options, alignment)
     }
 
-    /// [`Self::of_files`] with rows that were read already.
+    /// [`Self::of_files`] with rows that were already read.
     ///
     /// # Errors
-    /// What [`Scenario::new`] refuses.
+    /// Errors of [`Scenario::new`].
     pub fn of_rows(
         truth: &RowFile,
         tracks: &RowFile,
         options: &EvalOptions,
-        alignment: Option<Alignment>,
+        alignment: Option<RoomAlignment>,
     ) -> Result<Self> {
         let gate = options.gate.unwrap_or(EvalOptions::GATE);
         let to_truth = alignment.as_ref().map(|a| &a.truth_from_room);
         let scenario = Scenario::new(truth, tracks, gate, &options.frames, to_truth)?;
         Ok(Self {
             clear: Clear::of(&scenario),
-            identity: Identity::of(&scenario),
+            identity: IdentityMetric::of(&scenario),
             hota: Hota::of(&scenario),
             position: PositionError::of(&scenario),
             existence: Existence::of(&scenario),
@@ -202,7 +202,7 @@ impl Evaluation {
     }
 
     /// All figures, in the order of the table.
-    pub fn figures(&self) -> Vec<Figure> {
+    pub fn figures(&self) -> Vec<MetricFigure> {
         [
             self.clear.figures(),
             self.identity.figures(),

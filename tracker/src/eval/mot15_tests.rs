@@ -1,7 +1,7 @@
-//! The evaluator against TrackEval and motmetrics on MOT15, each sequence and all together.
+//! Tests of the evaluator against TrackEval and motmetrics on MOT15, each sequence and all together.
 //!
-//! The recordings are not ours to ship. Where they are at hand, tracks are made from them by the rule of
-//! `tests/peers/figures.py`, whose peers' figures are held in `tests/peers/mot15.json`.
+//! The recordings may not be redistributed. Where they are available, tracks are made from them by the rule of
+//! `tests/peers/figures.py`, whose peers' figures are stored in `tests/peers/mot15.json`.
 
 use std::collections::HashSet;
 use std::fmt::Write;

@@ -1,39 +1,40 @@
-//! How many are there: whether the true number is among those that the tracks' confidences make likely.
+//! Number of people: calibration of the distribution that the tracks' confidences imply.
 //!
-//! The confidences of a frame's rows say how probable every number of people is ([`count`]). Judged are frames with a row in
-//! either file: by how often the true number is in the 90 % set, and by the logarithm of its probability (I. J. Good,
-//! "Rational decisions", J. Royal Statistical Society B 1952). Numbers come whole, so a calibrated set covers more than it
-//! has to: with two or three people who are nearly certain, nearly always.
+//! The confidences of a frame's rows give the probability of every number of people ([`count`]). Frames with a row in
+//! either file are judged by how often the true number is in the 90 % set, and by the logarithm of its probability (I.
+//! J. Good, "Rational decisions", J. Royal Statistical Society B 1952). Numbers are integers, so a calibrated set
+//! covers more than 90 %: with two or three people who are nearly certain, nearly always.
 
 use super::scenario::Scenario;
-use super::{Figure, Metric, Unit, Value, percent};
+use super::{FigureValue, MetricFigure, TrackMetric, Unit, percent};
 use crate::tracks::count;
 
-/// The set that is judged holds this much.
+/// Probability of the judged set.
 const SHARE: f64 = 0.9;
-/// Confidences are written to three decimals: what is called impossible may be as probable as this.
+/// Least probability of the true number: confidences are written to three decimals, so an impossible number may be as
+/// probable as this.
 const LEAST: f64 = 5e-4;
 
-/// How well the number of people is known.
+/// Calibration of the number of people.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PeopleCount {
     frames: usize,
-    /// Frames whose true number is likely.
+    /// Number of frames whose true number is in the set.
     covered: usize,
     /// Sum over the frames of the log probability of the true number, nats.
     log_score: f64,
     has_probabilities: bool,
 }
 
-impl Metric for PeopleCount {
+impl TrackMetric for PeopleCount {
     fn of(scenario: &Scenario) -> Self {
         let has_probabilities = scenario.has_probabilities();
         let (mut covered, mut log_score) = (0, 0.0);
         for instant in scenario.instants.iter().filter(|_| has_probabilities) {
-            let told = count::distribution(instant.confidence.iter().copied());
+            let distribution = count::distribution(instant.confidence.iter().copied());
             let people = instant.truth.len();
-            covered += usize::from(count::is_likely(&told, people, SHARE));
-            log_score += told.get(people).map_or(LEAST, |p| p.max(LEAST)).ln();
+            covered += usize::from(count::is_likely(&distribution, people, SHARE));
+            log_score += distribution.get(people).map_or(LEAST, |p| p.max(LEAST)).ln();
         }
         Self { frames: scenario.instants.len(), covered, log_score, has_probabilities }
     }
@@ -47,16 +48,16 @@ impl Metric for PeopleCount {
         }
     }
 
-    fn figures(&self) -> Vec<Figure> {
+    fn figures(&self) -> Vec<MetricFigure> {
         vec![
-            Figure::new(
+            MetricFigure::new(
                 "count coverage",
                 percent(self.coverage()),
                 "frames whose true number of people is in the 90 % set of what the confidences say",
             ),
-            Figure::new(
+            MetricFigure::new(
                 "count log score",
-                Value::real(self.log_score(), Unit::None),
+                FigureValue::real(self.log_score(), Unit::None),
                 "mean log probability of the true number, nats: 0 is sure and right",
             ),
         ]
@@ -64,7 +65,7 @@ impl Metric for PeopleCount {
 }
 
 impl PeopleCount {
-    /// Share of the frames whose true number is in the 90 % set; `None` without frames or probabilities.
+    /// Share of the frames whose true number is in the 90 % set, 0 to 1; `None` without frames or probabilities.
     pub fn coverage(&self) -> Option<f64> {
         self.per_frame(self.covered as f64)
     }

@@ -1,4 +1,4 @@
-//! Pictures of an evaluation: HOTA over the strictness, the detection curve, everybody's life.
+//! Pictures of an evaluation: HOTA over the strictness, the detection curve, and the tracks of each person.
 
 use std::path::Path;
 
@@ -17,13 +17,13 @@ const LIFE_HEIGHT_PX: f64 = 22.0;
 const LIFE_LEFT_PX: f64 = 90.0;
 const LIFE_TOP_PX: f64 = 46.0;
 const LIFE_FOOT_PX: f64 = 28.0;
-/// More people than this are not drawn: nobody could read it.
+/// Largest number of people drawn; more would be unreadable.
 const MOST_LIVES: usize = 400;
 
 /// Writes `hota.png`, `roc.png` and `lives.png` into a folder, as far as there is something to show.
 ///
 /// # Errors
-/// Naming the file that could not be written.
+/// Names the file that could not be written.
 pub fn write(folder: &Path, evaluation: &Evaluation, curve: Option<&DetectionCurve>) -> Result<()> {
     if !evaluation.hota.by_threshold.is_empty() {
         chart::save(&hota(&evaluation.hota).draw(), &folder.join("hota.png"))?;
@@ -63,14 +63,14 @@ fn roc(curve: &DetectionCurve) -> Chart {
     }
 }
 
-/// A strip for each person: the colour of the track that stands for them, pale where none does.
+/// A strip for each person: the colour of the matching track, pale without one.
 fn lives(evaluation: &Evaluation) -> RgbImage {
     let scenario = &evaluation.scenario;
     let people = scenario.people.min(MOST_LIVES);
     let bottom = LIFE_TOP_PX + LIFE_HEIGHT_PX * people as f64;
     let mut canvas = Canvas::new(LIFE_WIDTH_PX as u32, (bottom + LIFE_FOOT_PX) as u32, Color::PAPER);
     let text = TextStyle::new(14.0).color(Color::INK);
-    let title = "who stands for whom: a strip a person, a colour a track, grey where nobody stands for them";
+    let title = "matched tracks: one strip per person, one colour per track, grey while no track matches";
     canvas.text(Point2::new(12.0, 12.0), title, &text.bold().anchor(0.0, 0.0));
     let frame = |instant: Option<&Instant>| instant.map_or(1.0, |i| f64::from(i.frame));
     let (first, last) = (frame(scenario.instants.first()), frame(scenario.instants.last()));
@@ -78,7 +78,7 @@ fn lives(evaluation: &Evaluation) -> RgbImage {
     let at = |frame: f64| LIFE_LEFT_PX + (frame - first) * width;
     for person in 0..people {
         let top = LIFE_TOP_PX + LIFE_HEIGHT_PX * person as f64;
-        for life in stretches(evaluation, person) {
+        for life in track_stretches(evaluation, person) {
             let color = life.track.map_or(Color::PAPER.mix(Color::INK, 0.15), |t| Color::of_id(t as u32 + 1));
             let (left, right) = (at(f64::from(life.first)), at(f64::from(life.last) + 1.0));
             let low = top + LIFE_HEIGHT_PX - 4.0;
@@ -98,22 +98,22 @@ fn lives(evaluation: &Evaluation) -> RgbImage {
     canvas.into_image()
 }
 
-/// A part of somebody's life in which one track, or none, stands for them.
+/// A part of a person's life with one matching track, or none.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Stretch {
+struct TrackStretch {
     first: u32,
     last: u32,
     track: Option<usize>,
 }
 
-/// A person's life. Frames in which they are absent part it.
-fn stretches(evaluation: &Evaluation, person: usize) -> Vec<Stretch> {
-    let mut life: Vec<Stretch> = Vec::new();
+/// Stretches of a person's life; frames in which they are absent divide it.
+fn track_stretches(evaluation: &Evaluation, person: usize) -> Vec<TrackStretch> {
+    let mut life: Vec<TrackStretch> = Vec::new();
     for instant in evaluation.scenario.instants.iter().filter(|i| i.truth.contains(&person)) {
         let track = instant.matches.iter().find(|m| m.person == person).map(|m| m.track);
         match life.last_mut() {
             Some(now) if now.track == track && now.last + 1 == instant.frame => now.last = instant.frame,
-            _ => life.push(Stretch { first: instant.frame, last: instant.frame, track }),
+            _ => life.push(TrackStretch { first: instant.frame, last: instant.frame, track }),
         }
     }
     life
@@ -134,7 +134,8 @@ mod tests {
         let truth = rows(&[3, 4, 5, 6, 7, 9, 10].map(|f| (f, 1)));
         let tracks = rows(&[(3, 4), (4, 4), (6, 4), (7, 8), (9, 8), (10, 8)]);
         let evaluation = Evaluation::of_rows(&truth, &tracks, &EvalOptions::default(), None).unwrap();
-        let found: Vec<_> = stretches(&evaluation, 0).iter().map(|s| (s.first, s.last, s.track)).collect();
+        let found: Vec<_> =
+            track_stretches(&evaluation, 0).iter().map(|s| (s.first, s.last, s.track)).collect();
         let expected = [(3, 4, Some(0)), (5, 5, None), (6, 6, Some(0)), (7, 7, Some(1)), (9, 10, Some(1))];
         assert_eq!(found, expected);
         // The strips begin where the recording does.

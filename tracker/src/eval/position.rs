@@ -1,22 +1,22 @@
-//! Position error: how far the matched tracks stand from the truth.
+//! Position error: distance of the matched tracks from the truth.
 //!
-//! The mean is CLEAR's MOTP (Bernardin & Stiefelhagen 2008) on the floor; the published tracker (Osawa et al.)
-//! reports mean and maximum.
+//! The mean is CLEAR's MOTP (cited in [`super::clear`]) on the floor; Osawa et al., whose tracker is
+//! [`crate::method::mcmc`], report mean and maximum.
 
 use super::scenario::{Scenario, Space};
-use super::{Figure, Metric, Unit, Value};
+use super::{FigureValue, MetricFigure, TrackMetric, Unit};
 
 /// Statistics of the distance over all CLEAR matches.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PositionError {
     /// Mean, median and maximum; metres on the floor, pixels between foot points in the image. `None` without a match.
     pub statistics: Option<PositionStatistics>,
-    /// In ascending order.
+    /// Distances in ascending order.
     errors: Vec<f64>,
     space: Space,
 }
 
-/// The three figures.
+/// Statistics of the distances.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PositionStatistics {
     /// Arithmetic mean.
@@ -27,7 +27,7 @@ pub struct PositionStatistics {
     pub max: f64,
 }
 
-impl Metric for PositionError {
+impl TrackMetric for PositionError {
     fn of(scenario: &Scenario) -> Self {
         let errors = scenario.instants.iter().flat_map(|i| &i.matches).map(|m| m.distance).collect();
         Self::from_errors(errors, scenario.space)
@@ -38,13 +38,15 @@ impl Metric for PositionError {
         Self::from_errors(parts.flat_map(|p| &p.errors).copied().collect(), space)
     }
 
-    fn figures(&self) -> Vec<Figure> {
+    fn figures(&self) -> Vec<MetricFigure> {
         let unit = if self.space == Space::Floor { Unit::Metres } else { Unit::Pixels };
-        let of = |part: fn(&PositionStatistics) -> f64| Value::real(self.statistics.as_ref().map(part), unit);
+        let of = |part: fn(&PositionStatistics) -> f64| {
+            FigureValue::real(self.statistics.as_ref().map(part), unit)
+        };
         vec![
-            Figure::new("mean error", of(|s| s.mean), "distance from the truth, over all matches"),
-            Figure::new("median error", of(|s| s.median), "half of the matches are closer"),
-            Figure::new("maximum error", of(|s| s.max), "the worst match"),
+            MetricFigure::new("mean error", of(|s| s.mean), "distance from the truth, over all matches"),
+            MetricFigure::new("median error", of(|s| s.median), "half of the matches are closer"),
+            MetricFigure::new("maximum error", of(|s| s.max), "the worst match"),
         ]
     }
 }

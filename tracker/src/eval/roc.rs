@@ -1,5 +1,5 @@
-//! The detection curve: how much of the truth is found, against how much is found that is nobody, as ever less sure
-//! detections are taken (figure 7 of Okada et al.; their horizontal axis is counted here a frame).
+//! Detection curve: recall against false positives a frame, as detections of ever lower scores are included (figure 7
+//! of Okada et al., cited in [`crate::link`]; their horizontal axis is not a frame).
 
 use std::collections::BTreeMap;
 
@@ -11,36 +11,37 @@ use super::scenario::{Space, common_space, similarity_and_distance};
 use crate::Result;
 use crate::tracks::rows::{Row, RowFile};
 
-/// A JSON array holds no more points than this; the curve's steps beyond are thinned.
+/// Largest number of points in JSON; longer curves are thinned.
 const MAX_POINTS: usize = 500;
 
-/// The curve.
+/// Detection curve.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DetectionCurve {
-    /// From the surest detections to all.
+    /// Points from the highest score to the lowest.
     pub points: Vec<DetectionPoint>,
     /// Area under recall against precision, 0 to 1, without interpolation.
     pub average_precision: f64,
 }
 
-/// The detections with at least some score.
+/// Point of the curve: the detections with at least some score.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DetectionPoint {
-    /// The least score.
+    /// Least score of the detections.
     pub score: f64,
     /// Share of the truth that is found, 0 to 1.
     pub recall: f64,
-    /// Share of the detections that are somebody, 0 to 1.
+    /// Share of the detections that match a person, 0 to 1.
     pub precision: f64,
-    /// Detections of nobody, a frame.
+    /// Number of detections without a match, a frame.
     pub false_positives_per_frame: f64,
 }
 
 impl DetectionCurve {
-    /// Of scored rows against the truth; in each frame the surest detections choose first. `None` without truth.
+    /// Curve of scored rows against the truth; in each frame detections choose in the order of their scores. `None`
+    /// without truth.
     ///
     /// # Errors
-    /// Files that have nothing in common to compare.
+    /// Files without a common space to compare.
     pub fn new(truth: &RowFile, found: &RowFile, gate: f64, frames: &FrameSelection) -> Result<Option<Self>> {
         let space = common_space(truth, found)?;
         let threshold = if space == Space::Floor { 0.5 } else { gate };
@@ -82,7 +83,7 @@ impl DetectionCurve {
         for (index, (score, is_right)) in judged.iter().enumerate() {
             right += usize::from(*is_right);
             wrong += usize::from(!is_right);
-            // Detections of one score come together.
+            // Detections of one score are one point.
             if judged.get(index + 1).is_some_and(|next| next.0.total_cmp(score).is_eq()) {
                 continue;
             }

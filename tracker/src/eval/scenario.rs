@@ -1,19 +1,19 @@
-//! What every metric looks at: truth and tracks, frame by frame, with how alike each pair is.
+//! Input of every metric: truth and tracks, frame by frame, with the similarity of each pair.
 //!
-//! On the floor, similarity is `max(0, 1 − d / (2 · gate))` of the distance d, so that 0.5 lies exactly at the
-//! gate: the rule of MOTChallenge 3-D and of TrackEval's Euclidean similarity. In the image it is the
-//! intersection over union of the boxes, and the gate is the least that counts.
+//! On the floor, similarity is `max(0, 1 − d / (2 · gate))` of the distance d, so that 0.5 lies exactly at the gate:
+//! the rule of MOTChallenge 3-D and of TrackEval's Euclidean similarity. In the image it is the intersection over union
+//! of the boxes, and the gate is the least that counts.
 
 use std::collections::{BTreeMap, HashMap};
 
 use super::correspondence::correspond;
 use super::frames::FrameSelection;
-use super::grid::Grid;
+use super::grid::PairTable;
 use super::instant::Instant;
 use crate::tracks::rows::{Row, RowFile};
 use crate::{Error, Result};
 
-/// What is compared.
+/// Space in which truth and tracks are compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Space {
@@ -26,35 +26,35 @@ pub enum Space {
 /// Truth and tracks side by side, ready for every metric.
 #[derive(Debug, Clone)]
 pub struct Scenario {
-    /// What is compared.
+    /// Space of the comparison.
     pub space: Space,
-    /// Greatest distance of a match in metres, or its least overlap.
+    /// Largest distance of a match in metres, or its least overlap.
     pub gate: f64,
-    /// Whether truth and tracks both say who is who. Without, only detection can be judged.
+    /// Whether truth and tracks both have identities; otherwise only detection can be judged.
     pub has_identities: bool,
-    /// Different people in the truth (rows, where it has no identities).
+    /// Number of different people in the truth (rows, where it has no identities).
     pub people: usize,
-    /// Different tracks.
+    /// Number of different tracks.
     pub tracks: usize,
-    /// Rows of the truth that count.
+    /// Number of rows of the truth that count.
     pub truth_rows: usize,
-    /// Rows of the tracks that count.
+    /// Number of rows of the tracks that count.
     pub track_rows: usize,
-    /// The people's ids in the truth; empty where it has none.
+    /// Ids of the people in the truth; empty where it has none.
     pub(super) people_ids: Vec<u32>,
-    /// Frames that have a row, in order.
+    /// Frames with a row, in order.
     pub(super) instants: Vec<Instant>,
 }
 
 impl Scenario {
-    /// Lays truth and tracks side by side.
+    /// Pairs truth and tracks frame by frame.
     ///
-    /// Truth rows whose 7th column is 0 do not count, nor do rows outside `frames`. `to_truth` moves the tracks'
-    /// floor positions into the truth's frame.
+    /// Truth rows whose 7th column is 0 do not count, nor do rows outside `frames`. `to_truth` transforms the tracks'
+    /// floor positions to the truth's frame.
     ///
     /// # Errors
-    /// Files that have nothing in common to compare (one on the floor, the other in an image), a file in which
-    /// some rows have identities and some do not, a gate that is no positive number.
+    /// Files without a common space to compare (one on the floor, the other in an image), a file in which some rows
+    /// have identities and some do not, or a gate that is no positive number.
     pub fn new(
         truth: &RowFile,
         tracks: &RowFile,
@@ -66,7 +66,7 @@ impl Scenario {
         let largest = if space == Space::Image { 1.0 } else { f64::INFINITY };
         if !(gate > 0.0 && gate <= largest && gate.is_finite()) {
             return Err(Error::option(
-                "--gate",
+                "gate",
                 match space {
                     Space::Floor => format!("is {gate}; give metres above 0"),
                     Space::Image => format!("is {gate}; boxes are matched on overlap: above 0, up to 1"),
@@ -75,8 +75,8 @@ impl Scenario {
         }
         if space == Space::Image && to_truth.is_some() {
             return Err(Error::option(
-                "--truth-room",
-                "was given, but boxes in an image belong to no room: leave --truth-room and --room out",
+                "to_truth",
+                "boxes in an image belong to no room; leave the rooms out",
             ));
         }
         let counts = |row: &&Row| frames.contains(row.frame);
@@ -85,7 +85,7 @@ impl Scenario {
         let track_rows: Vec<&Row> = tracks.rows.iter().filter(counts).collect();
         let has_identities = identities(truth, &truth_rows)? & identities(tracks, &track_rows)?;
 
-        let (mut people, mut track_ids) = (Numbering::default(), Numbering::default());
+        let (mut people, mut track_ids) = (IdIndices::default(), IdIndices::default());
         let mut by_frame: BTreeMap<u32, (Vec<&Row>, Vec<&Row>)> = BTreeMap::new();
         for row in &truth_rows {
             by_frame.entry(row.frame).or_default().0.push(row);
@@ -98,7 +98,7 @@ impl Scenario {
             .iter()
             .map(|(frame, (truth, tracks))| {
                 let (similarity, distance) =
-                    Grid::pair_from_fn(truth.len(), tracks.len(), |i, j| pair(truth[i], tracks[j]));
+                    PairTable::pair_from_fn(truth.len(), tracks.len(), |i, j| pair(truth[i], tracks[j]));
                 Instant {
                     frame: *frame,
                     truth: truth.iter().map(|r| people.of(r, has_identities)).collect(),
@@ -125,24 +125,24 @@ impl Scenario {
         })
     }
 
-    /// Whether the tracks' confidences can be probabilities; detectors write scores of other kinds there.
+    /// Whether all confidences of the tracks can be probabilities; detectors write scores of other kinds there.
     pub(super) fn has_probabilities(&self) -> bool {
         self.instants.iter().flat_map(|i| &i.confidence).all(|c| (0.0..=1.0).contains(c))
     }
 
-    /// The least similarity of a match.
+    /// Least similarity of a match.
     pub(super) fn threshold(&self) -> f64 {
         if self.space == Space::Floor { 0.5 } else { self.gate }
     }
 }
 
-/// Positions where both files have them, else boxes.
+/// Positions where both files have them, otherwise boxes.
 pub(super) fn common_space(truth: &RowFile, tracks: &RowFile) -> Result<Space> {
     if truth.is_on_floor() && tracks.is_on_floor() && !(truth.rows.is_empty() && tracks.rows.is_empty()) {
         return Ok(Space::Floor);
     }
     if truth.has_boxes() && tracks.has_boxes() {
-        // Two empty files: nothing to compare, and the floor is what trackers here write.
+        // Two empty files compare on the floor, which is what this crate's trackers write.
         let nothing = truth.rows.is_empty() && tracks.rows.is_empty();
         return Ok(if nothing { Space::Floor } else { Space::Image });
     }
@@ -163,7 +163,7 @@ pub(super) fn common_space(truth: &RowFile, tracks: &RowFile) -> Result<Space> {
     ))
 }
 
-/// Whether the rows of a file say who they are; all of them or none.
+/// Whether the rows of a file have identities; all of them or none.
 fn identities(file: &RowFile, rows: &[&Row]) -> Result<bool> {
     let nameless = rows.iter().find(|r| r.id.is_none());
     match nameless {
@@ -189,21 +189,21 @@ pub(super) fn similarity_and_distance(
             ((1.0 - distance / (2.0 * gate)).max(0.0), distance)
         }
         (Space::Image, .., Some(a), Some(b)) => (a.iou(&b), (a.foot() - b.foot()).norm()),
-        // `common_space` has seen to it that every row has what is compared.
+        // `common_space` guarantees that every row has the compared quantity.
         _ => (0.0, f64::INFINITY),
     }
 }
 
-/// Ids to consecutive indices; without identities every row is somebody of its own.
+/// Map from ids to consecutive indices; without identities every row is a person of its own.
 #[derive(Default)]
-struct Numbering {
+struct IdIndices {
     index_of: HashMap<u32, usize>,
-    /// In the order of their numbers.
+    /// Ids in the order of their indices.
     ids: Vec<u32>,
     count: usize,
 }
 
-impl Numbering {
+impl IdIndices {
     fn of(&mut self, row: &Row, has_identities: bool) -> usize {
         let fresh = self.count;
         let index = match row.id.filter(|_| has_identities) {

@@ -6,27 +6,27 @@ use std::path::{Path, PathBuf};
 use serde_json::{Map, Value as Json, json};
 
 use super::{
-    Clear, EvalOptions, Evaluation, Existence, Figure, Hota, Identity, LastingPairs, Metric, PeopleCount,
-    PositionError,
+    Clear, EvalOptions, Evaluation, Existence, Hota, IdentityMetric, LastingPairs, MetricFigure, PeopleCount,
+    PositionError, TrackMetric,
 };
 use crate::{Error, Result};
 
-/// Names under which a sequence's folder may hold its truth: this project's and MOTChallenge's.
+/// Paths at which a sequence's folder may hold its truth: this project's and MOTChallenge's.
 const TRUTH_FILES: [&str; 2] = ["truth.txt", "gt/gt.txt"];
 
-/// The evaluations of several recordings.
+/// Evaluations of several recordings.
 #[derive(Debug, Clone)]
 pub struct Sequences {
-    /// By name.
+    /// Evaluations with the sequences' names.
     pub each: Vec<(String, Evaluation)>,
     together: Together,
 }
 
-/// The metrics over all recordings: what is counted is added up before anything is divided.
+/// Metrics over all recordings: all counts are added up before anything is divided.
 #[derive(Debug, Clone)]
 struct Together {
     clear: Clear,
-    identity: Identity,
+    identity: IdentityMetric,
     hota: Hota,
     position: PositionError,
     existence: Existence,
@@ -39,7 +39,7 @@ impl Sequences {
     /// (`SEQUENCE.txt`, or `SEQUENCE/tracks.txt`).
     ///
     /// # Errors
-    /// A folder without sequences, a sequence without tracks, and what [`Evaluation::of_files`] refuses.
+    /// A folder without sequences, a sequence without tracks, or an error of [`Evaluation::of_files`].
     pub fn of_folders(truth: &Path, tracks: &Path, options: &EvalOptions) -> Result<Self> {
         let entries = std::fs::read_dir(truth).map_err(Error::io(truth))?;
         let mut folders: Vec<PathBuf> = entries.filter_map(|e| Some(e.ok()?.path())).collect();
@@ -70,12 +70,12 @@ impl Sequences {
         Ok(Self::of(each))
     }
 
-    /// Evaluations by name.
+    /// Combines evaluations with their names.
     pub fn of(each: Vec<(String, Evaluation)>) -> Self {
         let all = || each.iter().map(|(_, e)| e);
         let together = Together {
             clear: Clear::together(all().map(|e| &e.clear)),
-            identity: Identity::together(all().map(|e| &e.identity)),
+            identity: IdentityMetric::together(all().map(|e| &e.identity)),
             hota: Hota::together(all().map(|e| &e.hota)),
             position: PositionError::together(all().map(|e| &e.position)),
             existence: Existence::together(all().map(|e| &e.existence)),
@@ -86,7 +86,7 @@ impl Sequences {
     }
 
     /// All figures of all recordings together.
-    pub fn figures(&self) -> Vec<Figure> {
+    pub fn figures(&self) -> Vec<MetricFigure> {
         let t = &self.together;
         [
             t.clear.figures(),
@@ -99,9 +99,9 @@ impl Sequences {
         .concat()
     }
 
-    /// A line a figure, a column a sequence, the last one for all together.
+    /// Text table with a line a figure and a column a sequence; the last column is for all together.
     pub fn table(&self) -> String {
-        let columns: Vec<(&str, Vec<Figure>)> = self
+        let columns: Vec<(&str, Vec<MetricFigure>)> = self
             .each
             .iter()
             .map(|(name, evaluation)| (name.as_str(), evaluation.figures()))
@@ -119,7 +119,7 @@ impl Sequences {
             let _ = write!(text, "{:name_width$}", figure.name);
             for (name, figures) in &columns {
                 let width = name.chars().count().max(12);
-                let cell = figures.get(row).map_or(String::new(), Figure::text);
+                let cell = figures.get(row).map_or(String::new(), MetricFigure::text);
                 let _ = write!(text, "  {cell:>width$}");
             }
             text.push('\n');

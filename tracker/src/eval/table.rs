@@ -1,32 +1,32 @@
-//! The figures as a person reads them, and as a program does.
+//! Figures as a text table and as JSON.
 
 use serde_json::{Map, Value as Json, json};
 
-use super::{Evaluation, Figure, Metric, Unit, Value};
+use super::{Evaluation, FigureValue, MetricFigure, TrackMetric, Unit};
 use crate::eval::scenario::Space;
 
-impl Figure {
-    /// The value with its unit, as in the table; an en dash where there is none.
+impl MetricFigure {
+    /// Value with its unit, as in the table; an en dash where there is none.
     pub fn text(&self) -> String {
         match self.value {
-            Value::Count(Some(count)) => format!("{count}"),
-            Value::Real(Some(value), Unit::Percent) => format!("{value:.2} %"),
-            Value::Real(Some(value), Unit::Metres) => format!("{value:.4} m"),
-            Value::Real(Some(value), Unit::Pixels) => format!("{value:.2} px"),
-            Value::Real(Some(value), Unit::None) => format!("{value:.4}"),
-            Value::Count(None) | Value::Real(None, _) => "–".into(),
+            FigureValue::Count(Some(count)) => format!("{count}"),
+            FigureValue::Real(Some(value), Unit::Percent) => format!("{value:.2} %"),
+            FigureValue::Real(Some(value), Unit::Metres) => format!("{value:.4} m"),
+            FigureValue::Real(Some(value), Unit::Pixels) => format!("{value:.2} px"),
+            FigureValue::Real(Some(value), Unit::None) => format!("{value:.4}"),
+            FigureValue::Count(None) | FigureValue::Real(None, _) => "–".into(),
         }
     }
 
-    /// The name in JSON: as it is where it is an acronym, with underscores and unit otherwise.
+    /// Key in JSON: the name itself if it is an acronym, otherwise with underscores and unit.
     pub fn key(&self) -> String {
         let name = self.name.replace(' ', "_");
         if name.chars().next().is_some_and(char::is_uppercase) && !name.contains('_') {
             return name;
         }
         let unit = match self.value {
-            Value::Real(_, Unit::Metres) => "_m",
-            Value::Real(_, Unit::Pixels) => "_px",
+            FigureValue::Real(_, Unit::Metres) => "_m",
+            FigureValue::Real(_, Unit::Pixels) => "_px",
             _ => "",
         };
         name.to_lowercase() + unit
@@ -34,13 +34,13 @@ impl Figure {
 }
 
 impl Evaluation {
-    /// A table with a line a figure: name, value with unit, meaning.
+    /// Text table with a line a figure: name, value with unit, meaning.
     pub fn table(&self) -> String {
         let figures = self.figures();
-        let width = |text: &dyn Fn(&Figure) -> String| {
+        let width = |text: &dyn Fn(&MetricFigure) -> String| {
             figures.iter().map(|f| text(f).chars().count()).max().unwrap_or(0)
         };
-        let (name, value) = (width(&|f| f.name.to_owned()), width(&Figure::text));
+        let (name, value) = (width(&|f| f.name.to_owned()), width(&MetricFigure::text));
         let mut lines = vec![self.headline()];
         for figure in &figures {
             lines.push(format!("{:name$}  {:>value$}  {}", figure.name, figure.text(), figure.meaning));
@@ -48,7 +48,7 @@ impl Evaluation {
         lines.join("\n") + "\n"
     }
 
-    /// What was compared, in one line.
+    /// One line about the compared files.
     pub fn headline(&self) -> String {
         let s = &self.scenario;
         let matched_on = match s.space {
@@ -63,7 +63,7 @@ impl Evaluation {
         format!("truth: {people}{} rows; tracks: {tracks}{} rows; {matched_on}", s.truth_rows, s.track_rows)
     }
 
-    /// One flat object; percentages as in the table (0 to 100), `null` where a figure means nothing here.
+    /// One flat object; percentages as in the table (0 to 100), `null` where a figure is undefined.
     pub fn json(&self) -> Json {
         let s = &self.scenario;
         let mut object = Map::new();
@@ -86,18 +86,18 @@ impl Evaluation {
 }
 
 /// Adds figures under their keys.
-pub(super) fn insert_figures(object: &mut Map<String, Json>, figures: &[Figure]) {
+pub(super) fn insert_figures(object: &mut Map<String, Json>, figures: &[MetricFigure]) {
     for figure in figures {
         let value = match figure.value {
-            Value::Count(count) => json!(count),
-            Value::Real(value, _) => json!(value),
+            FigureValue::Count(count) => json!(count),
+            FigureValue::Real(value, _) => json!(value),
         };
         object.insert(figure.key(), value);
     }
 }
 
 /// Figures as an object of their own.
-pub(super) fn figures_json(figures: &[Figure]) -> Json {
+pub(super) fn figures_json(figures: &[MetricFigure]) -> Json {
     let mut object = Map::new();
     insert_figures(&mut object, figures);
     Json::Object(object)

@@ -1,4 +1,4 @@
-//! The evaluator against independent ones, against closed forms, and at its edges.
+//! Tests of the evaluator against independent ones, against closed forms, and at its limits.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -9,7 +9,7 @@ use serde_json::Value as Json;
 
 use super::*;
 
-/// Figures that TrackEval and motmetrics give for the files beside them: `tests/peers/figures.py` made both.
+/// Figures of TrackEval and motmetrics for the files beside them; `tests/peers/figures.py` made both.
 const PEERS: &str = include_str!("../../tests/peers/figures.json");
 
 fn rows(name: &str, text: &str) -> RowFile {
@@ -95,7 +95,7 @@ fn a_person_who_leaves_and_comes_back_was_not_lost() {
     assert_eq!(judged(&truth, &truth)["fragmentations"], 0);
     // Missed on return, then found: once.
     assert_eq!(judged(&truth, &[truth[0], truth[1], truth[3]])["fragmentations"], 1);
-    // A loss in frames where there is no track at all counts like any other.
+    // A loss in frames without any track counts like any other.
     let alone: Vec<_> = (1..=9).map(|f| (f, 1, 0.0)).collect();
     assert_eq!(judged(&alone, &[&alone[..3], &alone[6..]].concat())["fragmentations"], 1);
 }
@@ -167,9 +167,9 @@ fn files_of_different_kinds_and_bad_gates_are_refused() {
 #[test]
 fn tracks_from_another_room_are_brought_over() {
     let truth = rows("truth.txt", &floor(&[(1, 1, 0.0), (2, 1, 1.0)]));
-    // The same, seen in a frame turned by a quarter and shifted.
+    // The same in a frame rotated by a quarter turn and shifted.
     let tracks = rows("tracks.txt", "1,1,-1,-1,-1,-1,1,3,2,0\n2,1,-1,-1,-1,-1,1,3,3,0\n");
-    let alignment = Alignment {
+    let alignment = RoomAlignment {
         truth_from_room: nalgebra::Isometry2::new(
             nalgebra::Vector2::new(3.0, 2.0),
             std::f64::consts::FRAC_PI_2,
@@ -234,7 +234,7 @@ fn a_pair_that_outlives_a_loss_is_motmetrics_own() {
 fn success_is_one_track_from_the_first_frame_to_the_last() {
     let person = |id: i64| (1..=4).map(move |f| (f, id, 3.0 * id as f64));
     let truth: Vec<_> = (1..=4).flat_map(person).collect();
-    // 1 is followed, 2 is missed once, 3 changes its track, 4 is followed by a track that goes on to be somebody else.
+    // 1 is tracked throughout, 2 is missed once, 3 changes its track, and 4's track goes on to follow another person.
     let tracks: Vec<_> = truth
         .iter()
         .filter(|(f, id, _)| (*f, *id) != (2, 2))
@@ -248,7 +248,7 @@ fn success_is_one_track_from_the_first_frame_to_the_last() {
 fn the_detection_curve_goes_from_the_surest_to_all() {
     let truth = rows("truth.txt", &floor(&[(1, 1, 0.0), (1, 2, 5.0), (2, 1, 0.0)]));
     let score = |frame: u32, x: f64, s: f64| format!("{frame},-1,-1,-1,-1,-1,{s},{x},0,0\n");
-    // In frame 1 two detections of one person: the surer one is it.
+    // Frame 1 has two detections of one person; the one with the higher score matches.
     let found = [score(1, 0.1, 0.9), score(1, 0.0, 0.6), score(2, 0.0, 0.8), score(2, 9.0, 0.8)].concat();
     let curve = DetectionCurve::new(&truth, &rows("found.txt", &found), 0.5, &FrameSelection::default())
         .unwrap()
@@ -288,18 +288,18 @@ fn folders_are_compared_sequence_by_sequence() {
 }
 
 /// Floor rows of (frame, id, x, confidence).
-fn told(people: &[(u32, i64, f64, f64)]) -> String {
+fn confident(people: &[(u32, i64, f64, f64)]) -> String {
     people.iter().fold(String::new(), |mut text, (frame, id, x, confidence)| {
         writeln!(text, "{frame},{id},-1,-1,-1,-1,{confidence},{x},0,0").unwrap();
         text
     })
 }
 
-/// In each of ten frames a person at 0, if it is one of the first `there`, and a track there that is told so sure.
-fn told_in_ten(there: u32, confidence: f64) -> Evaluation {
+/// Ten frames with a person at 0 in the first `there` of them, and a track there with this confidence in all.
+fn ten_frames_with(there: u32, confidence: f64) -> Evaluation {
     let truth: Vec<_> = (1..=there).map(|f| (f, 1, 0.0)).collect();
     let tracks: Vec<_> = (1..=10).map(|f| (f, 1, 0.0, confidence)).collect();
-    compare(&floor(&truth), &told(&tracks), &EvalOptions::default()).unwrap()
+    compare(&floor(&truth), &confident(&tracks), &EvalOptions::default()).unwrap()
 }
 
 #[test]
@@ -313,7 +313,7 @@ fn confidences_that_come_true_are_calibrated_and_others_off_by_the_difference() 
         (0, 0.9, 90.0, 0.81),
         (10, 0.25, 75.0, 0.75 * 0.75),
     ] {
-        let found = told_in_ten(there, confidence).json();
+        let found = ten_frames_with(there, confidence).json();
         assert_relative_eq!(found["existence_error"].as_f64().unwrap(), error, epsilon = 1e-9);
         assert_relative_eq!(found["Brier"].as_f64().unwrap(), brier, epsilon = 1e-12);
         let [bin] = found["reliability"].as_array().unwrap().as_slice() else { panic!("{found}") };
@@ -323,15 +323,15 @@ fn confidences_that_come_true_are_calibrated_and_others_off_by_the_difference() 
     }
 }
 
-/// One sure too often and one too seldom do not make up for each other, within a recording and over several.
+/// One overconfident and one underconfident track do not compensate each other, within a recording and over several.
 #[test]
 fn confidences_are_judged_each_by_what_it_came_to() {
     let truth = floor(&[(1, 1, 0.0), (1, 2, 5.0), (2, 1, 0.0), (2, 2, 5.0)]);
-    let tracks = told(&[(1, 1, 0.0, 0.4), (2, 1, 0.0, 0.4), (1, 2, 9.0, 0.6), (2, 2, 9.0, 0.6)]);
+    let tracks = confident(&[(1, 1, 0.0, 0.4), (2, 1, 0.0, 0.4), (1, 2, 9.0, 0.6), (2, 2, 9.0, 0.6)]);
     let found = compare(&truth, &tracks, &EvalOptions::default()).unwrap().json();
     assert_relative_eq!(found["existence_error"].as_f64().unwrap(), 60.0, epsilon = 1e-9);
 
-    let parts = [told_in_ten(10, 0.75), told_in_ten(2, 0.7)];
+    let parts = [ten_frames_with(10, 0.75), ten_frames_with(2, 0.7)];
     let together = Existence::together(parts.iter().map(|p| &p.existence));
     assert_relative_eq!(together.error().unwrap(), (14.5_f64 - 12.0).abs() / 20.0, epsilon = 1e-12);
     let squares = 10.0 * 0.25 * 0.25 + 2.0 * 0.3 * 0.3 + 8.0 * 0.7 * 0.7;
@@ -347,18 +347,18 @@ fn the_number_of_people_is_judged_by_what_the_confidences_say_of_it() {
     let impossible = 5e-4_f64.ln();
     for (there, confidence, coverage, score) in [
         (8, 0.8, 100.0, 0.8 * 0.8_f64.ln() + 0.2 * 0.2_f64.ln()),
-        // Nobody is too little probable to be in the set.
+        // Zero people are too improbable to be in the set.
         (8, 0.95, 80.0, 0.8 * 0.95_f64.ln() + 0.2 * 0.05_f64.ln()),
         (8, 1.0, 80.0, 0.2 * impossible),
         (10, 1.0, 100.0, 0.0),
     ] {
-        let found = told_in_ten(there, confidence).json();
+        let found = ten_frames_with(there, confidence).json();
         assert_relative_eq!(found["count_coverage"].as_f64().unwrap(), coverage, epsilon = 1e-9);
         assert_relative_eq!(found["count_log_score"].as_f64().unwrap(), score, epsilon = 1e-9);
     }
-    // More people than tracks, in frame 2 without any; wherever they are.
+    // More people than tracks, in frame 2 without any, at any positions.
     let truth = floor(&[(1, 1, 0.0), (1, 2, 7.0), (2, 1, 0.0)]);
-    let found = compare(&truth, &told(&[(1, 1, 3.0, 0.5)]), &EvalOptions::default()).unwrap();
+    let found = compare(&truth, &confident(&[(1, 1, 3.0, 0.5)]), &EvalOptions::default()).unwrap();
     assert_relative_eq!(found.people_count.log_score().unwrap(), impossible, epsilon = 1e-12);
     assert_relative_eq!(found.people_count.coverage().unwrap(), 0.0);
 }
@@ -367,14 +367,14 @@ fn the_number_of_people_is_judged_by_what_the_confidences_say_of_it() {
 fn without_probabilities_there_is_no_calibration() {
     let truth = floor(&[(1, 1, 0.0)]);
     for score in [-1.0, 87.5] {
-        let tracks = told(&[(1, 1, 0.0, score), (2, 1, 0.0, 0.5)]);
+        let tracks = confident(&[(1, 1, 0.0, score), (2, 1, 0.0, 0.5)]);
         let found = compare(&truth, &tracks, &EvalOptions::default()).unwrap();
         let json = found.json();
         for name in ["existence_error", "Brier", "count_coverage", "count_log_score", "reliability"] {
             assert!(json[name].is_null(), "{name} of scores like {score}");
         }
         assert!(!found.table().contains("NaN"));
-        let beside = told_in_ten(8, 0.8);
+        let beside = ten_frames_with(8, 0.8);
         assert_eq!(Existence::together([&found.existence, &beside.existence].into_iter()).error(), None);
     }
     let nothing = compare("", "", &EvalOptions::default()).unwrap();

@@ -1,27 +1,27 @@
-//! The room as if made of clay: its static depth, lit from beside the camera.
+//! Clay rendering of the room: its static depth, lit from beside the camera.
 //!
-//! The simulated panel shows the geometry that predicts occlusion, and nothing of the real picture: what looks
-//! wrong here is wrong in the room model.
+//! The simulated panel shows the geometry that predicts occlusion, and nothing of the real picture, so an error in the
+//! panel is an error of the room model.
 
 use nalgebra::Vector3;
 
-use crate::stage::StageCamera;
+use crate::prepared_room::PreparedCamera;
 
-/// Where nothing is known to be.
+/// Colour of pixels without geometry.
 pub(super) const VOID: [u8; 3] = [38, 42, 50];
-/// Clay, fully lit.
+/// Colour of clay, fully lit.
 const CLAY: [f64; 3] = [232.0, 225.0, 214.0];
-/// The slope is that of the surface this many pixels around: reconstructed depth is noisy.
+/// Radius over which the slope is estimated, pixels: reconstructed depth is noisy.
 const REACH_PX: usize = 3;
-/// What differs more than this in depth, as a share of it, is another surface.
+/// Largest relative difference of depth on one surface.
 const SAME_SURFACE: f64 = 0.04;
-/// A pixel with fewer neighbours on its surface is lit as most of those around it.
+/// Least number of neighbours on the same surface; a pixel with fewer takes the slope of the surface around it.
 const LEAST_NEIGHBOURS: usize = 8;
 /// Distance at which the clay has half faded into the void, metres.
 const HAZE_M: f64 = 14.0;
 
-/// The picture, per pinhole pixel, row by row.
-pub(super) fn render(camera: &StageCamera) -> Vec<[u8; 3]> {
+/// Rendered picture, for each pinhole pixel, row by row.
+pub(super) fn render(camera: &PreparedCamera) -> Vec<[u8; 3]> {
     let (width, height) = (camera.width() as usize, camera.height() as usize);
     let to_normal = camera.pinhole.intrinsics.matrix().transpose();
     let light = Vector3::new(0.35, -0.55, -1.0).normalize();
@@ -55,13 +55,13 @@ pub(super) fn render(camera: &StageCamera) -> Vec<[u8; 3]> {
     picture
 }
 
-fn inverse_depth(camera: &StageCamera, u: usize, v: usize) -> Option<f64> {
+fn inverse_depth(camera: &PreparedCamera, u: usize, v: usize) -> Option<f64> {
     let z = camera.static_z_m.get(v * camera.width() as usize + u).filter(|z| z.is_finite() && **z > 0.0)?;
     Some(1.0 / f64::from(*z))
 }
 
-/// How the inverse depth of the surface in the middle grows along u and v, and its value there, from offsets with inverse
-/// depths: least squares, each axis by itself. `None` where they lie in a line.
+/// Slope of the central surface's inverse depth along u and v, and its value in the middle, from offsets with inverse
+/// depths: least squares, each axis by itself. `None` where they lie on a line.
 fn slope(around: &mut [([f64; 2], f64)], here: f64) -> Option<[f64; 3]> {
     let is_same = |of: f64, inverse: f64| (inverse / of - 1.0).abs() < SAME_SURFACE;
     let mut middle = here;

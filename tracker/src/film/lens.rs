@@ -1,24 +1,24 @@
-//! From the pinhole image, where everything is simulated, to the panel of the film, which shows the real one.
+//! Mapping from the pinhole image, in which people are simulated, to the film's panel, which shows the real image.
 
 use image::{Rgb, RgbImage};
 use nalgebra::Point2;
 
-use crate::stage::StageCamera;
+use crate::prepared_room::PreparedCamera;
 
-/// A panel's geometry: that of the camera's image at the panel's size.
+/// Geometry of a panel: that of the camera's image at the panel's size.
 #[derive(Debug, Clone)]
-pub(super) struct Lens {
-    /// Panel size, pixels.
+pub(super) struct PanelLens {
+    /// Panel width, pixels.
     pub(super) width: u32,
-    /// Panel size, pixels.
+    /// Panel height, pixels.
     pub(super) height: u32,
-    /// For each panel pixel the index of the pinhole pixel it shows. Empty when they are the same.
+    /// For each panel pixel the index of the pinhole pixel that it shows. Empty when they are the same.
     pinhole_index: Vec<Option<u32>>,
 }
 
-impl Lens {
-    /// The panel of a camera that is worked on at the panel's size.
-    pub(super) fn new(camera: &StageCamera) -> Self {
+impl PanelLens {
+    /// Panel of a camera whose working size is the panel's.
+    pub(super) fn new(camera: &PreparedCamera) -> Self {
         let (width, height) = (camera.width(), camera.height());
         let index = |x: u32, y: u32| {
             let real = Point2::new(f64::from(x), f64::from(y));
@@ -36,7 +36,7 @@ impl Lens {
         Self { width, height, pinhole_index }
     }
 
-    /// Goes through the pixels of a panel with what `pinhole` (row by row) holds for each.
+    /// Calls `change` for each pixel of a panel with the value of `pinhole` (row by row) there.
     pub(super) fn for_each_pixel<T>(
         &self,
         panel: &mut RgbImage,
@@ -54,7 +54,7 @@ impl Lens {
         }
     }
 
-    /// A picture of the panel from the pinhole's pixels.
+    /// Converts a picture of pinhole pixels to the panel.
     pub(super) fn picture(&self, pinhole: &[[u8; 3]], blank: [u8; 3]) -> RgbImage {
         let mut panel = RgbImage::from_pixel(self.width, self.height, Rgb(blank));
         self.for_each_pixel(&mut panel, pinhole, |pixel, value| *pixel = Rgb(*value));

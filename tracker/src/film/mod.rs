@@ -1,10 +1,10 @@
-//! The film of each camera: what it saw with what the tracker believes, and beside it the simulated view.
+//! Film of each camera: its picture with the tracker's estimates, beside the simulated view.
 //!
-//! One worker a camera draws and encodes while tracking goes on ([`Film`]); a [`Painter`] draws one frame and is
-//! what the report uses too. Left panel: the picture, each person's predicted silhouette (tinted where it is
-//! predicted visible; dimmed and dashed where the room or somebody else hides it), id, visible share, trail. Right
-//! panel: the room as its geometry says it looks, with the people in it, and around them the outline of the
-//! foreground that was really seen: where both agree, the tracker explains the picture.
+//! One worker a camera draws and encodes during tracking ([`Film`]); a [`Painter`] draws one frame and is also used by
+//! the report. Left panel: the picture, each person's predicted silhouette (tinted where it is predicted visible;
+//! dimmed and dashed where the room or another person hides it), id, visible share, trail. Right panel: the room's
+//! geometry, with the people in it, and around them the outline of the observed foreground: where both agree, the
+//! tracker explains the picture.
 
 mod clay;
 mod layers;
@@ -23,19 +23,19 @@ use calib::video::FilmWriter;
 use image::RgbImage;
 
 use crate::observation::Mask;
-use crate::stage::{Stage, StageCamera};
+use crate::prepared_room::{PreparedCamera, PreparedRoom};
 use crate::{Error, PersonEstimate, Result};
 pub use painter::Painter;
 
-/// How the films look.
+/// Options of the films.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FilmOptions {
-    /// How long a trail reaches back, seconds. Default 4.
+    /// Length of a trail, seconds. Default 4.
     pub trail_s: f64,
     /// Width of the film, both panels together, pixels. Default 960.
     pub width_px: u32,
-    /// Of live input: frames that the painter cannot keep up with are left out, and the one before is shown for longer.
-    /// Otherwise, the default, the tracker waits for it.
+    /// Whether frames that the painter cannot keep up with are left out (live input); the frame before is then shown
+    /// for longer. Otherwise, the default, the tracker waits for the painter.
     pub is_live: bool,
 }
 
@@ -46,8 +46,9 @@ impl Default for FilmOptions {
 }
 
 impl FilmOptions {
-    /// Width and height of the picture that a film of this camera takes, pixels: that of one panel. Even, as encoders want.
-    pub fn panel_px(&self, camera: &StageCamera) -> (u32, u32) {
+    /// Width and height of one panel for this camera, pixels: the size of the picture that a film takes. Even, as
+    /// encoders require.
+    pub fn panel_px(&self, camera: &PreparedCamera) -> (u32, u32) {
         let k = &camera.filmed.intrinsics;
         let width = (self.width_px / 4 * 2).max(2);
         let height = f64::from(width) * f64::from(k.height) / f64::from(k.width.max(1));
@@ -55,45 +56,45 @@ impl FilmOptions {
     }
 }
 
-/// One camera's pictures of one moment.
+/// Picture and mask of one camera at one moment.
 #[derive(Debug, Clone, Default)]
 pub struct Shot {
-    /// As it was filmed, with distortion, at the [panel's size](FilmOptions::panel_px). Without one the mask is shown.
+    /// Filmed picture, with distortion, at the [panel's size](FilmOptions::panel_px). Without one the mask is shown.
     pub image: Option<Arc<RgbImage>>,
-    /// The foreground, in the pinhole image at the working size.
+    /// Foreground, in the pinhole image at the working size.
     pub mask: Option<Mask>,
 }
 
-/// A moment as the painters need it.
+/// Input of a painter for one moment.
 #[derive(Debug, Clone)]
-struct Scene {
+struct PaintJob {
     frame: u32,
     time_s: f64,
     shot: Shot,
     people: Vec<PersonEstimate>,
-    /// Frames before it that were left out.
+    /// Number of frames before it that were left out.
     left_out: u32,
 }
 
-/// A frame as it is in a film.
+/// A finished frame of a film.
 #[derive(Debug, Clone)]
 pub struct Painted {
-    /// The camera's number in the stage.
+    /// Index of the camera in the prepared room.
     pub camera: usize,
-    /// The moment's number, from 1.
+    /// Number of the moment, from 1.
     pub frame: u32,
-    /// Its time, seconds.
+    /// Time of the moment, seconds.
     pub time_s: f64,
-    /// How many people are followed.
+    /// Number of tracked people.
     pub people: usize,
-    /// Both panels.
+    /// Picture of both panels.
     pub picture: RgbImage,
 }
 
-/// Who is given each frame once the film has it; called by the painters, which wait for it.
+/// Callback that receives each frame after it has been written to the film; the painters call it and wait for it.
 pub type Audience = Arc<dyn Fn(Painted) + Send + Sync>;
 
-/// The films of a run, one a camera: `overlay/NAME.mp4`. A film without a frame is no file.
+/// Films of a run, one a camera: `overlay/NAME.mp4`. A film without a frame leaves no file.
 #[derive(Debug)]
 pub struct Film {
     workers: Vec<Worker>,
@@ -103,39 +104,39 @@ pub struct Film {
 #[derive(Debug)]
 struct Worker {
     path: PathBuf,
-    scenes: SyncSender<Scene>,
+    scenes: SyncSender<PaintJob>,
     thread: JoinHandle<Result<()>>,
-    /// Frames that were left out since the last one.
+    /// Number of frames that were left out since the last one.
     left_out: u32,
 }
 
-/// Moments that may wait for a painter before the tracker has to.
+/// Number of moments that may wait for a painter before the tracker has to.
 const QUEUE: usize = 8;
 
 impl Film {
-    /// Starts the films of a run into `out/overlay`, at `rate` frames a second, which an audience may see meanwhile.
+    /// Starts the films of a run in `out/overlay`, at `rate` frames a second, which `audience` receives as well.
     ///
     /// # Errors
-    /// When a folder cannot be made or no encoder opens: told here, not after an hour of tracking.
+    /// A folder that cannot be made or an encoder that cannot be opened: reported here, not after an hour of tracking.
     pub fn start(
         out: &Path,
-        stage: &Stage,
+        room: &PreparedRoom,
         rate: f64,
         options: &FilmOptions,
         audience: Option<&Audience>,
     ) -> Result<Self> {
         let is_live = options.is_live;
-        let workers = (0..stage.cameras.len()).map(|index| {
-            let mut painter = Painter::new(stage, index, options);
-            let path = out.join("overlay").join(format!("{}.mp4", stage.cameras[index].name));
+        let workers = (0..room.cameras.len()).map(|index| {
+            let mut painter = Painter::new(room, index, options);
+            let path = out.join("overlay").join(format!("{}.mp4", room.cameras[index].name));
             let (width, height) = painter.size();
             let mut writer = FilmWriter::create(&path, width, height, rate)?;
-            let (scenes, received) = sync_channel::<Scene>(QUEUE);
+            let (scenes, received) = sync_channel::<PaintJob>(QUEUE);
             let audience = audience.cloned();
             let thread = std::thread::spawn(move || {
                 let mut frames = 0_u64;
                 let mut latest: Option<RgbImage> = None;
-                for Scene { frame, time_s, shot, people, left_out } in received {
+                for PaintJob { frame, time_s, shot, people, left_out } in received {
                     // Left-out frames keep their time in the film.
                     for _ in 0..left_out {
                         latest.as_ref().map_or(Ok(()), |latest| writer.write(latest))?;
@@ -150,7 +151,7 @@ impl Film {
                         show(Painted { camera: index, frame, time_s, people: people.len(), picture });
                     }
                 }
-                // No player opens a film of nothing; dropped, it leaves no file.
+                // Players cannot open a film without frames; dropping the writer leaves no file.
                 if frames > 0 { Ok(writer.finish()?) } else { Ok(()) }
             });
             Ok(Worker { path, scenes, thread, left_out: 0 })
@@ -158,11 +159,11 @@ impl Film {
         Ok(Self { workers: workers.collect::<Result<_>>()?, is_live })
     }
 
-    /// Hands over one moment: a shot a camera, in the stage's order. When a painter is far behind, the frame is left out (live
+    /// Adds one moment: a shot a camera, in the room's order. When a painter is far behind, the frame is left out (live
     /// input) or waits for it.
     ///
     /// # Errors
-    /// When a painter has stopped; the reason is what [`Self::finish`] returns.
+    /// A painter that has stopped; [`Self::finish`] returns the reason.
     pub fn push(
         &mut self,
         frame: u32,
@@ -171,7 +172,7 @@ impl Film {
         people: &[PersonEstimate],
     ) -> Result<()> {
         for (worker, shot) in self.workers.iter_mut().zip(shots) {
-            let scene = Scene { frame, time_s, shot, people: people.to_vec(), left_out: worker.left_out };
+            let scene = PaintJob { frame, time_s, shot, people: people.to_vec(), left_out: worker.left_out };
             let has_stopped = if self.is_live {
                 match worker.scenes.try_send(scene) {
                     Ok(()) => {
@@ -198,10 +199,10 @@ impl Film {
         Ok(())
     }
 
-    /// Waits for the painters and gives the films their names.
+    /// Waits for the painters and completes the files.
     ///
     /// # Errors
-    /// The first that any of them met.
+    /// The first error of any painter.
     pub fn finish(mut self) -> Result<()> {
         self.wait()
     }
@@ -221,8 +222,8 @@ impl Film {
 
 impl Drop for Film {
     fn drop(&mut self) {
-        // A program that ends before its painters leaves their files half-written. What failed has been told by whoever
-        // gave the film up.
+        // A program that ends before its painters would leave half-written files. An error was already reported where
+        // the film was given up.
         let _ = self.wait();
     }
 }

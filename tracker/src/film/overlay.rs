@@ -1,40 +1,40 @@
-//! The left panel: the real picture with what the tracker believes.
+//! Left panel: the real picture with the tracker's estimates.
 
 use image::RgbImage;
 use nalgebra::{Point2, Point3};
 use shell::canvas::{Canvas, Color, Stroke, TextStyle};
 
-use super::layers::Layers;
-use super::lens::Lens;
+use super::layers::SurfaceMap;
+use super::lens::PanelLens;
 use super::trails::Trails;
 use crate::PersonEstimate;
+use crate::prepared_room::PreparedCamera;
 use crate::silhouette::{Body, contour};
-use crate::stage::StageCamera;
 
-/// How strongly a person's colour covers what is predicted visible of them.
+/// Opacity of a person's colour over their visible part.
 const VISIBLE_TINT: f32 = 0.38;
-/// And the whole of them, hidden or not.
+/// Opacity of a person's colour over their whole silhouette, hidden or not.
 const HIDDEN_TINT: f32 = 0.12;
-/// Steps in which a trail fades.
+/// Number of steps in which a trail fades.
 const TRAIL_BANDS: u32 = 6;
-/// How far inside the outline its visibility is read, pixels.
+/// Distance inside the outline at which its visibility is sampled, pixels.
 const INSIDE_PX: f64 = 2.0;
-/// A floor point this much behind the static surface still lies on it, metres.
+/// Distance behind the static surface up to which a floor point still lies on it, metres.
 const FLOOR_SLACK_M: f64 = 0.15;
 
-/// What the drawing of one panel needs.
+/// Input of the drawing of one panel.
 pub(super) struct Panel<'a> {
-    pub(super) camera: &'a StageCamera,
-    pub(super) lens: &'a Lens,
-    pub(super) layers: &'a Layers,
-    /// The people, with their bodies, in the order of the layers.
+    pub(super) camera: &'a PreparedCamera,
+    pub(super) lens: &'a PanelLens,
+    pub(super) layers: &'a SurfaceMap,
+    /// People with their bodies, in the order of the layers.
     pub(super) people: &'a [(&'a PersonEstimate, Body)],
     /// Index of this camera in the estimates' visible fractions.
     pub(super) index: usize,
 }
 
 impl Panel<'_> {
-    /// A length that reads alike at every scale.
+    /// Scales a length so that it looks alike at every panel size.
     fn px(&self, length: f32) -> f32 {
         length * (self.lens.height as f32 / 480.0).clamp(0.75, 2.5)
     }
@@ -43,7 +43,7 @@ impl Panel<'_> {
         self.camera.to_real(pixel)
     }
 
-    /// Tints what is predicted visible of everybody.
+    /// Tints the visible parts of all people.
     pub(super) fn tint(&self, picture: &mut RgbImage) {
         let colors: Vec<Color> = self.people.iter().map(|(person, _)| Color::of_id(person.id.0)).collect();
         self.lens.for_each_pixel(picture, &self.layers.surfaces, |pixel, surface| {
@@ -54,7 +54,8 @@ impl Panel<'_> {
         });
     }
 
-    /// Draws everybody's outline, over a pale tint of the whole body if asked for: all that is left of what is hidden.
+    /// Draws the outlines of all people, over a pale tint of the whole body if asked for: the only mark of hidden
+    /// parts.
     pub(super) fn silhouettes(&self, canvas: &mut Canvas, is_tinted: bool) {
         for (index, (person, body)) in self.people.iter().enumerate() {
             let color = Color::of_id(person.id.0);
@@ -70,7 +71,7 @@ impl Panel<'_> {
         }
     }
 
-    /// Solid where the body is predicted visible, dashed where it is hidden.
+    /// Draws an outline: solid where the body is predicted visible, dashed where it is hidden.
     fn stroke_outline(&self, canvas: &mut Canvas, index: usize, outline: &[Point2<f64>], color: Color) {
         let Some(first) = outline.first() else { return };
         let center = outline.iter().fold(first.coords * 0.0, |sum, p| sum + p.coords) / outline.len() as f64;
@@ -96,7 +97,7 @@ impl Panel<'_> {
         canvas.stroke_polyline(&run, if was_visible { &solid } else { &dashed });
     }
 
-    /// Draws where everybody has just walked; fading with age, and faint where something stands before the floor.
+    /// Draws the trails of all people; they fade with age, and are faint where something stands before the floor.
     pub(super) fn trails(&self, canvas: &mut Canvas, trails: &Trails) {
         for (person, _) in self.people {
             let places: Vec<(u32, Option<Point2<f64>>)> = trails
@@ -108,7 +109,7 @@ impl Panel<'_> {
                     (2 * band + u32::from(self.is_hidden(&floor)), at)
                 })
                 .collect();
-            // Places of one strength make one line, which reaches to the first place of the next.
+            // Places of one strength are one line, which reaches to the first place of the next.
             let mut from = 0;
             for line in places.chunk_by(|a, b| a.0 == b.0) {
                 let to = (from + line.len() + 1).min(places.len());
@@ -134,7 +135,7 @@ impl Panel<'_> {
         static_z.is_some_and(|z| f64::from(*z) + FLOOR_SLACK_M < seen.z)
     }
 
-    /// Names everybody above the head, with the share of the body that is predicted visible.
+    /// Draws each person's id above the head, with the share of the body that is predicted visible.
     pub(super) fn labels(&self, canvas: &mut Canvas) {
         for (person, body) in self.people {
             if contour::bounding_box(body, &self.camera.real).is_none() {
@@ -155,7 +156,7 @@ impl Panel<'_> {
             let [share_width, share_height] = share.size(&percent).map(f64::from);
             let gap = f64::from(self.px(2.0));
             let total = name_width + gap + share_width;
-            // Kept inside the panel, so that somebody half out of the picture still has a name.
+            // Kept inside the panel, so that a person at the border still has a label.
             let left = (at.x - 0.5 * total).clamp(0.0, (f64::from(self.lens.width) - total).max(0.0));
             let top = (at.y - height - f64::from(self.px(6.0)))
                 .clamp(0.0, (f64::from(self.lens.height) - height).max(0.0));
@@ -165,7 +166,7 @@ impl Panel<'_> {
         }
     }
 
-    /// Says what the panel shows, in its corner.
+    /// Draws the caption of the panel in its corner.
     pub(super) fn caption(&self, canvas: &mut Canvas, text: &str) {
         let style = TextStyle::new(self.px(15.0)).mono().on_plate(Color::INK.alpha(0.72));
         let corner = f64::from(self.px(6.0));

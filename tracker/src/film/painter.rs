@@ -1,36 +1,36 @@
-//! Draws one camera's frames: both panels, side by side.
+//! Painter of one camera's frames: both panels, side by side.
 
 use image::{Rgb, RgbImage};
 use shell::canvas::Canvas;
 
-use super::layers::Layers;
-use super::lens::Lens;
+use super::layers::SurfaceMap;
+use super::lens::PanelLens;
 use super::overlay::Panel;
 use super::trails::Trails;
 use super::{FilmOptions, Shot, simulated};
 use crate::PersonEstimate;
 use crate::observation::Mask;
+use crate::prepared_room::{PreparedCamera, PreparedRoom};
 use crate::silhouette::{Body, View};
-use crate::stage::{Stage, StageCamera};
 
-/// Draws the frames of one camera, in order: trails remember the frames before.
+/// Painter of the frames of one camera, in order, because trails depend on the frames before.
 #[derive(Debug, Clone)]
 pub struct Painter {
-    camera: StageCamera,
+    camera: PreparedCamera,
     view: View,
     index: usize,
-    lens: Lens,
+    lens: PanelLens,
     /// The simulated panel without people.
     empty_room: RgbImage,
     trails: Trails,
 }
 
 impl Painter {
-    /// A painter for the stage's camera of that index.
-    pub fn new(stage: &Stage, index: usize, options: &FilmOptions) -> Self {
-        let (width, height) = options.panel_px(&stage.cameras[index]);
-        let camera = stage.cameras[index].resized(width, height);
-        let lens = Lens::new(&camera);
+    /// Painter for the prepared room's camera of that index.
+    pub fn new(room: &PreparedRoom, index: usize, options: &FilmOptions) -> Self {
+        let (width, height) = options.panel_px(&room.cameras[index]);
+        let camera = room.cameras[index].resized(width, height);
+        let lens = PanelLens::new(&camera);
         Self {
             view: View::new(&camera),
             empty_room: simulated::empty_room(&camera, &lens),
@@ -41,7 +41,7 @@ impl Painter {
         }
     }
 
-    /// Width and height of a frame: two panels beside each other.
+    /// Width and height of a frame, pixels: two panels beside each other.
     pub fn size(&self) -> (u32, u32) {
         (2 * self.lens.width, self.lens.height)
     }
@@ -53,7 +53,7 @@ impl Painter {
         let mut order: Vec<(&PersonEstimate, Body)> = people.iter().map(|p| (p, Body::from(p))).collect();
         order.sort_by(|a, b| self.depth(&b.1).total_cmp(&self.depth(&a.1)));
         let bodies: Vec<Body> = order.iter().map(|(_, body)| *body).collect();
-        let layers = Layers::new(&self.view, &bodies);
+        let layers = SurfaceMap::new(&self.view, &bodies);
         let panel = Panel {
             camera: &self.camera,
             lens: &self.lens,
@@ -97,7 +97,7 @@ impl Painter {
         (self.camera.pinhole.camera_from_world * body.ellipsoid().center).z
     }
 
-    /// A mask at the panel's size: for each pixel of its pinhole image, row by row, whether there is foreground.
+    /// Mask at the panel's size: foreground for each pixel of its pinhole image, row by row.
     fn resized(&self, mask: &Mask) -> Vec<bool> {
         let (width, height) = (self.lens.width, self.lens.height);
         let nearest =

@@ -1,24 +1,24 @@
-//! The right panel: the room as its geometry says, the people in it, and the foreground that was really seen.
+//! Right panel: the room's geometry, the people in it, and the outline of the observed foreground.
 
 use image::{Rgb, RgbImage};
 use nalgebra::Point3;
 use shell::canvas::{Canvas, Color, Stroke};
 
 use super::clay;
-use super::layers::Layers;
-use super::lens::Lens;
+use super::layers::SurfaceMap;
+use super::lens::PanelLens;
 use crate::PersonEstimate;
+use crate::prepared_room::PreparedCamera;
 use crate::silhouette::Body;
-use crate::stage::StageCamera;
 
-/// Colour of the seen foreground's outline.
+/// Colour of the outline of the observed foreground.
 const SEEN: Rgb<u8> = Rgb([255, 255, 255]);
-/// How far the grid of a floor without geometry reaches from the point below the camera, metres.
+/// Reach of the floor's grid from the point below the camera, metres, in a room without geometry.
 const GRID_REACH_M: i32 = 15;
 
-/// The empty room, which is the same in every frame: in clay, or as a floor of one-metre squares that says how the
-/// camera stands where no geometry is known.
-pub(super) fn empty_room(camera: &StageCamera, lens: &Lens) -> RgbImage {
+/// The empty room, which is the same in every frame: in clay or, without geometry, as a floor of one-metre squares that
+/// shows the camera's pose.
+pub(super) fn empty_room(camera: &PreparedCamera, lens: &PanelLens) -> RgbImage {
     let room = lens.picture(&clay::render(camera), clay::VOID);
     if camera.static_z_m.iter().any(|z| z.is_finite() && *z > 0.0) {
         return room;
@@ -44,8 +44,8 @@ pub(super) fn empty_room(camera: &StageCamera, lens: &Lens) -> RgbImage {
 /// The room with the people in it, and the rim of the foreground.
 pub(super) fn picture(
     empty_room: &RgbImage,
-    lens: &Lens,
-    layers: &Layers,
+    lens: &PanelLens,
+    layers: &SurfaceMap,
     people: &[(&PersonEstimate, Body)],
     mask: Option<&[bool]>,
 ) -> RgbImage {
@@ -67,7 +67,7 @@ pub(super) fn picture(
     panel
 }
 
-/// Pixels just outside what is set in a mask of this width, row by row.
+/// Pixels just outside the set ones in a mask of this width, row by row.
 fn rim(set: &[bool], width: usize) -> Vec<bool> {
     let height = set.len() / width.max(1);
     let mut rim = vec![false; set.len()];

@@ -1,9 +1,9 @@
-//! The panels against what must be seen in them.
+//! Tests of the panels' content.
 
 use super::*;
 use crate::TrackId;
+use crate::prepared_room::PreparationOptions;
 use crate::silhouette::{Body, contour};
-use crate::stage::StageOptions;
 use calib::video::FrameSource;
 use calib::{Camera, Intrinsics};
 use image::Rgb;
@@ -11,7 +11,7 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use scenes::room::{Room, RoomCamera};
 use shell::canvas::Color;
 
-fn stage(distortion: [f64; 5]) -> Stage {
+fn prepared(distortion: [f64; 5]) -> PreparedRoom {
     let mut intrinsics = Intrinsics::from_horizontal_fov(640, 480, 70.0);
     intrinsics.distortion = distortion.into();
     let pose =
@@ -22,7 +22,7 @@ fn stage(distortion: [f64; 5]) -> Stage {
         reference: None,
     };
     let room = Room { cameras: vec![camera], ..Room::default() };
-    Stage::prepare(&room, Path::new("."), &StageOptions::default()).unwrap()
+    PreparedRoom::prepare(&room, Path::new("."), &PreparationOptions::default()).unwrap()
 }
 
 /// Panels of the pictures' own size.
@@ -46,13 +46,13 @@ fn person(id: u32, x_m: f64, y_m: f64) -> PersonEstimate {
     }
 }
 
-fn gray(stage: &Stage) -> Shot {
-    let camera = &stage.cameras[0];
+fn gray(prepared: &PreparedRoom) -> Shot {
+    let camera = &prepared.cameras[0];
     let image = RgbImage::from_pixel(camera.width(), camera.height(), Rgb([128; 3]));
     Shot { image: Some(image.into()), mask: None }
 }
 
-/// How far a pixel has moved from the grey picture towards a colour: 0 to 1.
+/// Share of the way from the grey picture towards a colour that a pixel has moved, 0 to 1.
 fn tint(pixel: Rgb<u8>, color: Color) -> f64 {
     let c = [color.r, color.g, color.b].map(f64::from);
     let (mut dot, mut norm) = (0.0, 0.0);
@@ -65,17 +65,17 @@ fn tint(pixel: Rgb<u8>, color: Color) -> f64 {
 
 #[test]
 fn visible_parts_are_tinted_and_hidden_parts_dimmed() {
-    let mut stage = stage([0.0; 5]);
+    let mut prepared = prepared([0.0; 5]);
     // A board hides everything below image row 240 from 3 m on.
-    let camera = &mut stage.cameras[0];
+    let camera = &mut prepared.cameras[0];
     let width = camera.width() as usize;
     for (index, z) in camera.static_z_m.iter_mut().enumerate() {
         *z = if index / width >= 240 { 3.0 } else { 50.0 };
     }
     let who = person(1, 4.0, 0.0);
-    let bounds = contour::bounding_box(&Body::from(&who), &stage.cameras[0].real).unwrap();
+    let bounds = contour::bounding_box(&Body::from(&who), &prepared.cameras[0].real).unwrap();
     let (middle, quarter) = (bounds.left + 0.5 * bounds.width, 0.25 * bounds.height);
-    let frame = Painter::new(&stage, 0, &large()).paint(1, 0.0, &gray(&stage), &[who]);
+    let frame = Painter::new(&prepared, 0, &large()).paint(1, 0.0, &gray(&prepared), &[who]);
     assert_eq!(frame.dimensions(), (1280, 480));
     let color = Color::of_id(1);
     let at = |dx: u32, y: f64| tint(*frame.get_pixel(middle as u32 + dx, y as u32), color);
@@ -93,24 +93,25 @@ fn visible_parts_are_tinted_and_hidden_parts_dimmed() {
 
 #[test]
 fn the_nearer_person_is_seen_whatever_the_order() {
-    let stage = stage([0.0; 5]);
+    let prepared = prepared([0.0; 5]);
     let (near, far) = (person(1, 3.0, 0.0), person(2, 5.0, 0.05));
-    let shot = gray(&stage);
-    let paint = |people: &[PersonEstimate]| Painter::new(&stage, 0, &large()).paint(1, 0.0, &shot, people);
+    let shot = gray(&prepared);
+    let paint = |people: &[PersonEstimate]| Painter::new(&prepared, 0, &large()).paint(1, 0.0, &shot, people);
     let one = paint(&[near.clone(), far.clone()]);
     assert_eq!(one, paint(&[far.clone(), near.clone()]));
-    let middle = stage.cameras[0].real.project(&Point3::new(3.0, 0.0, 0.9)).unwrap();
+    let middle = prepared.cameras[0].real.project(&Point3::new(3.0, 0.0, 0.9)).unwrap();
     let pixel = one.get_pixel(640 + middle.x as u32, middle.y as u32);
     assert!(pixel[2] > pixel[1], "{pixel:?} is person 2's green, not person 1's blue");
 }
 
 #[test]
 fn silhouettes_follow_the_lens() {
-    let stage = stage([-0.3, 0.08, 0.0, 0.0, 0.0]);
+    let prepared = prepared([-0.3, 0.08, 0.0, 0.0, 0.0]);
     let who = person(1, 3.0, 1.6);
-    let frame = Painter::new(&stage, 0, &large()).paint(1, 0.0, &gray(&stage), std::slice::from_ref(&who));
-    // The tinted pixels' bounds are the box in real pixels.
-    let bounds = contour::bounding_box(&Body::from(&who), &stage.cameras[0].real).unwrap();
+    let frame =
+        Painter::new(&prepared, 0, &large()).paint(1, 0.0, &gray(&prepared), std::slice::from_ref(&who));
+    // The bounds of the tinted pixels are the box in real pixels.
+    let bounds = contour::bounding_box(&Body::from(&who), &prepared.cameras[0].real).unwrap();
     let color = Color::of_id(1);
     let tinted: Vec<u32> = (0..640u32)
         .filter(|x| (200..300).any(|y| (tint(*frame.get_pixel(*x, y), color) - 0.45).abs() < 0.06))
@@ -122,12 +123,13 @@ fn silhouettes_follow_the_lens() {
 
 #[test]
 fn films_are_written_for_pictures_and_for_masks_alone() {
-    let stage = stage([0.0; 5]);
+    let prepared = prepared([0.0; 5]);
     let folder = tempfile::tempdir().unwrap();
-    let mut film = Film::start(folder.path(), &stage, 12.0, &large(), None).unwrap();
+    let mut film = Film::start(folder.path(), &prepared, 12.0, &large(), None).unwrap();
     let mask = Mask::from_fn(640, 480, |_, _| true);
     for frame in 1..=20 {
-        let shot = if frame % 2 == 0 { gray(&stage) } else { Shot { image: None, mask: Some(mask.clone()) } };
+        let shot =
+            if frame % 2 == 0 { gray(&prepared) } else { Shot { image: None, mask: Some(mask.clone()) } };
         let people = [person(1, 3.0, 0.05 * f64::from(frame)), person(2, -3.0, 0.0), person(3, 0.1, 0.0)];
         film.push(frame, f64::from(frame) / 12.0, vec![shot], &people).unwrap();
     }
@@ -138,19 +140,19 @@ fn films_are_written_for_pictures_and_for_masks_alone() {
 
 #[test]
 fn an_audience_is_given_every_frame_of_the_film() {
-    let stage = stage([0.0; 5]);
+    let prepared = prepared([0.0; 5]);
     let folder = tempfile::tempdir().unwrap();
     let seen = Arc::new(std::sync::Mutex::new(Vec::new()));
     let note = Arc::clone(&seen);
     let audience: Audience = Arc::new(move |painted| note.lock().unwrap().push(painted));
     let options = large();
-    let mut film = Film::start(folder.path(), &stage, 12.0, &options, Some(&audience)).unwrap();
+    let mut film = Film::start(folder.path(), &prepared, 12.0, &options, Some(&audience)).unwrap();
     let people = |frame: u32| [person(1, 3.0, 0.05 * f64::from(frame)), person(2, 4.0, -1.0)];
     for frame in 3..=6 {
-        film.push(frame, f64::from(frame) / 12.0, vec![gray(&stage)], &people(frame)).unwrap();
+        film.push(frame, f64::from(frame) / 12.0, vec![gray(&prepared)], &people(frame)).unwrap();
     }
     film.finish().unwrap();
-    let mut painter = Painter::new(&stage, 0, &options);
+    let mut painter = Painter::new(&prepared, 0, &options);
     let seen = seen.lock().unwrap();
     assert_eq!(
         seen.iter().map(|p| (p.camera, p.frame, p.people)).collect::<Vec<_>>(),
@@ -159,7 +161,7 @@ fn an_audience_is_given_every_frame_of_the_film() {
     for painted in seen.iter() {
         let time_s = f64::from(painted.frame) / 12.0;
         approx::assert_relative_eq!(painted.time_s, time_s);
-        let expected = painter.paint(painted.frame, time_s, &gray(&stage), &people(painted.frame));
+        let expected = painter.paint(painted.frame, time_s, &gray(&prepared), &people(painted.frame));
         assert!(painted.picture == expected, "frame {}", painted.frame);
     }
 }
@@ -168,6 +170,6 @@ fn an_audience_is_given_every_frame_of_the_film() {
 fn a_film_that_cannot_be_written_says_so_at_the_start() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("overlay"), "in the way").unwrap();
-    let error = Film::start(folder.path(), &stage([0.0; 5]), 12.0, &large(), None).unwrap_err();
+    let error = Film::start(folder.path(), &prepared([0.0; 5]), 12.0, &large(), None).unwrap_err();
     assert!(error.to_string().contains("overlay"), "{error}");
 }

@@ -1,4 +1,4 @@
-//! Where each person has just been.
+//! Recent positions of each person.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -18,7 +18,7 @@ impl Trails {
         Self { reach_s, of: BTreeMap::new() }
     }
 
-    /// Notes where everybody is, and forgets what is too long ago.
+    /// Adds everybody's position, and drops positions that are too old.
     pub(super) fn extend(&mut self, time_s: f64, people: &[PersonEstimate]) {
         for person in people {
             self.of.entry(person.id).or_default().push_back((time_s, Point2::new(person.x_m, person.y_m)));
@@ -32,7 +32,7 @@ impl Trails {
         });
     }
 
-    /// Places of a person with their age as a share of the reach: 0 now, 1 about to be forgotten. Oldest first.
+    /// Positions of a person with their age as a fraction of the reach: 0 now, 1 at the end. Oldest first.
     pub(super) fn of(&self, id: TrackId) -> impl Iterator<Item = (f64, Point2<f64>)> + '_ {
         let trail = self.of.get(&id);
         let now = trail.and_then(|t| t.back()).map_or(0.0, |(time, _)| *time);

@@ -1,9 +1,9 @@
-//! Background learnt while running, for streams that cannot be looked through beforehand: OpenCV's MOG2 or KNN, kept
+//! Background model learnt during the run, for streams that cannot be sampled beforehand: OpenCV's MOG2 or KNN, kept
 //! from absorbing people.
 //!
-//! OpenCV's models learn from everything they are shown. So they are only shown foreground that has stayed for
-//! [`PixelOptions::absorb_s`](super::pixels::PixelOptions); before that, and under people whom the tracker believes in, they
-//! are shown their own background in its place.
+//! OpenCV's models learn from every picture that they get. They therefore only get foreground that has stayed for
+//! [`PixelOptions::absorb_s`](super::pixels::PixelOptions); earlier, and under believed people, they get their own
+//! background instead.
 
 use calib::vision::{AdaptiveBackground, AdaptiveKind};
 use image::{GrayImage, RgbImage};
@@ -12,26 +12,26 @@ use super::exposure::Exposure;
 use super::relight;
 use crate::Result;
 
-/// How many learnt frames OpenCV's models remember.
+/// Number of learnt frames in the history of OpenCV's models.
 const HISTORY_FRAMES: u32 = 300;
-/// The labels mean something after this time.
+/// Time after which the labels are reliable, seconds.
 const WARM_UP_S: f32 = 1.0;
-/// Everything is learnt for this long: the first pictures may hold people.
+/// Time during which everything is learnt, seconds: the first pictures may hold people.
 const LEARN_ALL_S: f32 = 5.0;
-/// After that one frame in this many is learnt.
+/// Number of frames from one learnt frame to the next, after that time.
 const LEARN_EVERY: u32 = 4;
 
-/// The online model of one camera.
+/// Online background model of one camera.
 pub struct AdaptiveModel {
     model: AdaptiveBackground,
-    /// The background in the model's own exposure.
+    /// Background in the model's own exposure.
     picture: RgbImage,
-    /// A frame in the model's exposure.
+    /// Frame in the model's exposure.
     even: RgbImage,
     scratch: GrayImage,
-    /// Name of the camera and picture of the room of another time, until the first frame comes.
+    /// Name of the camera and reference picture of the room, taken at another time, until the first frame comes.
     reference: Option<(String, RgbImage)>,
-    /// For how long each pixel has been foreground, in seconds.
+    /// Time for which each pixel has been foreground, seconds.
     age_s: Vec<f32>,
     absorb_s: f32,
     seen: u32,
@@ -40,7 +40,7 @@ pub struct AdaptiveModel {
 }
 
 impl AdaptiveModel {
-    /// A model that knows nothing yet.
+    /// A model without any history.
     pub fn new(kind: AdaptiveKind, width: u32, height: u32, absorb_s: f32) -> Result<Self> {
         Ok(Self {
             model: AdaptiveBackground::new(kind, HISTORY_FRAMES)?,
@@ -56,24 +56,24 @@ impl AdaptiveModel {
         })
     }
 
-    /// The same, which learns on from a picture of the room of another time and light. What the first frame shows instead of it
-    /// is foreground.
+    /// Starts the model from a reference picture of the room, taken at another time and in other light. Differences of
+    /// the first frame from it are foreground.
     #[must_use]
     pub fn begun_from(self, camera: String, reference: RgbImage) -> Self {
         Self { reference: Some((camera, reference)), ..self }
     }
 
-    /// Whether enough has been seen for the labels to mean something.
+    /// Whether the model has seen enough for reliable labels.
     pub fn is_warm(&self) -> bool {
         self.learning_s >= WARM_UP_S
     }
 
-    /// The background in the model's own exposure; black before the first frame.
+    /// Background in the model's own exposure; black before the first frame.
     pub fn picture(&self) -> &RgbImage {
         &self.picture
     }
 
-    /// Scores every pixel: 0 for the background, 255 for all else, shadows included.
+    /// Scores every pixel: 0 for the background, 255 for the rest, shadows included.
     pub fn score(&mut self, frame: &RgbImage, exposure: &Exposure, score: &mut GrayImage) -> Result<()> {
         if let Some((camera, reference)) = self.reference.take() {
             self.begin(&camera, &reference, frame)?;
@@ -91,8 +91,8 @@ impl AdaptiveModel {
         Ok(())
     }
 
-    /// Learns from the frame that was scored last. `people`: where believed people are seen (not 0); foreground there is not
-    /// learnt.
+    /// Learns from the frame that was scored last. `people` is not 0 where a believed person is seen; foreground there
+    /// is not learnt.
     pub fn learn(&mut self, mask: &GrayImage, people: &GrayImage, elapsed_s: f32) -> Result<()> {
         self.learning_s += elapsed_s;
         self.unlearnt_s += elapsed_s;
@@ -126,8 +126,8 @@ impl AdaptiveModel {
         Ok(())
     }
 
-    /// Forgets everything but this frame, which becomes the start of a new warm-up: after the light was switched. Of
-    /// people in it the background is taken as it should look in the new light.
+    /// Restarts the model from this frame, with a new warm-up, after the light was switched. Behind people in the frame
+    /// the background is predicted for the new light.
     pub fn restart(&mut self, frame: &RgbImage) -> Result<()> {
         self.even.copy_from_slice(frame);
         if let Some(relit) = relight::relit(&self.picture, frame) {
@@ -138,8 +138,8 @@ impl AdaptiveModel {
         Ok(())
     }
 
-    /// Begins with the reference in the first frame's light. Where light does not explain the difference, the camera was moved:
-    /// everything is learnt.
+    /// Starts the model with the reference picture, converted to the first frame's light. Where light does not explain
+    /// the difference, the camera was moved: everything is learnt.
     fn begin(&mut self, camera: &str, reference: &RgbImage, frame: &RgbImage) -> Result<()> {
         let Some(relit) = relight::relit(reference, frame) else {
             tracing::warn!(

@@ -1,5 +1,5 @@
-//! The empty scene as one camera sees it, learnt from frames of a recording in which people come and go: each channel's
-//! median over time, and how far the frames scatter around it.
+//! The empty scene of one camera, learnt from frames of a recording in which people come and go: the median of each
+//! channel over time, and the deviation of the frames from it.
 
 use std::borrow::Borrow;
 
@@ -9,48 +9,48 @@ use rayon::prelude::*;
 use super::exposure::{self, Exposure};
 use crate::{Error, Result};
 
-/// Bytes handled together, so that the counting runs in vector registers: whole pixels.
+/// Number of bytes handled together, so that the counting is vectorised: whole pixels.
 const LANES: usize = 48;
-/// Groups of bytes that a thread takes at least.
+/// Least number of groups of bytes for each thread.
 const LEAST_GROUPS: usize = 64;
-/// The quantile of the deviations that tells the noise: low enough that a pixel covered by people for half of the time
+/// Quantile of the deviations that estimates the noise: low enough that a pixel covered by people half of the time
 /// still shows its own noise.
 const NOISE_QUANTILE: f64 = 0.35;
-/// That quantile of |N(0, 1)|.
+/// The same quantile of |N(0, 1)|.
 const NOISE_QUANTILE_OF_NORMAL: f64 = 0.453_8;
-/// Radius of the square over which the noise is averaged: deviations are whole levels.
+/// Radius of the square over which the noise is averaged, because deviations are whole levels.
 const NOISE_RADIUS_PX: i64 = 2;
 
-/// An empty scene.
+/// Empty scene of one camera.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Backdrop {
-    /// What the camera sees when nobody is there.
+    /// Picture of the scene without people.
     pub picture: RgbImage,
-    /// One standard deviation of each pixel over time, in sixteenths of a level.
+    /// Standard deviation of each pixel over time, sixteenths of a level.
     pub noise: GrayImage,
 }
 
-/// [`Backdrop::noise`]'s unit, in levels.
+/// Unit of [`Backdrop::noise`], levels.
 pub const NOISE_UNIT: f32 = 1.0 / 16.0;
 
 impl Backdrop {
-    /// Learns the empty scene from frames spread over a recording (or from one picture of it).
+    /// Learns the empty scene from frames spread over a recording (or from a single picture of it).
     ///
-    /// Frames are brought to the first median's exposure and the median is taken again, so that a lamp's flicker
-    /// widens nothing. The result does not depend on the number of threads.
+    /// Frames are converted to the first median's exposure and the median is taken again, so that a flickering lamp
+    /// does not widen the noise. The result does not depend on the number of threads.
     ///
     /// # Errors
-    /// Without frames, with frames of different sizes, or with more than 255 of them.
+    /// No frames, frames of different sizes, or more than 255 of them.
     pub fn learn(frames: &[impl Borrow<RgbImage>]) -> Result<Self> {
         let frames: Vec<&RgbImage> = frames.iter().map(Borrow::borrow).collect();
         let Some(first) = frames.first() else {
-            return Err(Error::option("--background", "there is no frame to learn the empty scene from"));
+            return Err(Error::option("background", "there is no frame to learn the empty scene from"));
         };
         let (width, height) = first.dimensions();
         if frames.len() > 255 || frames.iter().any(|f| f.dimensions() != (width, height)) {
-            return Err(Error::option("--background", "needs at most 255 frames, all of the same size"));
+            return Err(Error::option("background", "needs at most 255 frames, all of the same size"));
         }
-        // The exposures are fitted to few of the pixels, so the first median is taken of those alone.
+        // The exposures are fitted to a few pixels, so the first median is taken over those alone.
         let samples: Vec<Vec<[u8; 3]>> = frames.par_iter().map(|frame| exposure::samples(frame)).collect();
         let mut median = vec![[0; 3]; samples[0].len()];
         let mut lanes = Vec::new();
@@ -84,7 +84,7 @@ impl Backdrop {
     }
 }
 
-/// A group of a picture's bytes; zeros beyond its end.
+/// One group of a picture's bytes; zeros beyond its end.
 fn lane(bytes: &[u8], group: usize) -> [u8; LANES] {
     let rest = &bytes[group * LANES..];
     rest.first_chunk().copied().unwrap_or_else(|| {
@@ -94,9 +94,9 @@ fn lane(bytes: &[u8], group: usize) -> [u8; LANES] {
     })
 }
 
-/// The `fraction` quantile over the frames' lanes, byte by byte.
+/// Quantile `fraction` over the frames' lanes, byte by byte.
 ///
-/// Found bit by bit from the top: the largest value below which no more than `fraction` of the frames lie.
+/// Computed bit by bit from the top: the largest value below which at most `fraction` of the frames lie.
 fn quantile(lanes: &[[u8; LANES]], fraction: f64) -> [u8; LANES] {
     let rank = ((lanes.len() - 1) as f64 * fraction).round() as u8;
     let mut found = [0_u8; LANES];
@@ -115,7 +115,7 @@ fn quantile(lanes: &[[u8; LANES]], fraction: f64) -> [u8; LANES] {
     found
 }
 
-/// Deviations of the three channels → one standard deviation a pixel, averaged over its neighbours.
+/// Standard deviation of each pixel, averaged over its neighbours, from the deviations of the three channels.
 fn noise(deviation: &RgbImage) -> GrayImage {
     let (width, height) = deviation.dimensions();
     let mut sums = vec![0_u32; (width as usize + 1) * (height as usize + 1)];
@@ -123,7 +123,7 @@ fn noise(deviation: &RgbImage) -> GrayImage {
     for (x, y, pixel) in deviation.enumerate_pixels() {
         let at = (y as usize + 1) * row + x as usize + 1;
         let sum: u32 = pixel.0.iter().map(|d| *d as u32).sum();
-        // Modulo 2³² the differences below stay right even where the sums overflow.
+        // Modulo 2³² the differences below stay correct even where the sums overflow.
         sums[at] =
             sum.wrapping_add(sums[at - 1]).wrapping_add(sums[at - row]).wrapping_sub(sums[at - row - 1]);
     }
@@ -181,7 +181,7 @@ mod tests {
             .map(|t| {
                 let gain = 1.0 + 0.08 * (t as f64 * 1.7).sin();
                 RgbImage::from_fn(120, 80, |u, v| {
-                    // A person, 30 px wide, crosses once; at each place for a third of the time.
+                    // A person, 30 px wide, crosses once, and covers each place for a third of the time.
                     if (20..70).contains(&v) && u.abs_diff(t * 2) < 15 {
                         return Rgb([10, 20, 200]);
                     }
@@ -190,7 +190,7 @@ mod tests {
             })
             .collect();
         let backdrop = Backdrop::learn(&frames).unwrap();
-        // Which of the flickering exposures it shows is open; it must be one.
+        // The picture may have any of the flickering exposures, but must have one of them.
         let truth = RgbImage::from_fn(120, 80, |u, v| Rgb(scene(u, v).map(|s| s as u8)));
         let table = Exposure::fit(&truth, &backdrop.picture, &Exposure::default()).table();
         let mut noise_sum = 0.0;
@@ -203,7 +203,7 @@ mod tests {
             noise_sum += backdrop.noise.get_pixel(u, v)[0] as f64 * NOISE_UNIT as f64;
         }
         let mean = noise_sum / (120.0 * 80.0);
-        // Where a third of the frames show a person, the quantile falls half as far again from the middle.
+        // Where a third of the frames show a person, the quantile is half as far again from the median.
         assert!((2.5..4.6).contains(&mean), "the noise is 3 levels, found {mean}");
     }
 

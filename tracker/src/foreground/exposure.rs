@@ -1,31 +1,32 @@
-//! How a frame's exposure and white balance differ from the background's: a gain and a bias for each channel, fitted to
-//! a grid of pixels so that people in the picture do not matter.
+//! Exposure and white balance of a frame relative to the background: a gain and a bias for each channel, fitted
+//! robustly to a grid of pixels so that people in the picture have no effect.
 
 use image::RgbImage;
 
-/// About this many pixels take part in a fit.
+/// Approximate number of pixels in a fit.
 const GRID_PIXELS: usize = 3000;
-/// Values outside are clipped by the sensor and say nothing about the exposure.
+/// Levels that the sensor does not clip; others hold no information about the exposure.
 const UNCLIPPED: std::ops::RangeInclusive<u8> = 6..=248;
-/// How far a pixel may lie off the line to take part, in levels, round after round.
+/// Largest residual of a pixel that takes part, levels, for each round.
 const ROUNDS_LEVELS: [f32; 4] = [32.0, 20.0, 12.0, 8.0];
-/// A fit that explains this fraction of the pixels needs no second opinion.
+/// Share of explained pixels from which on no other starting point is tried.
 const CONVINCING: f64 = 0.7;
-/// A bin of the histogram of brightness ratios, as a ratio.
+/// Width of a bin of the histogram of brightness ratios, as a ratio.
 const RATIO_BIN: f32 = 1.03;
-/// Holds the bias at nothing where the pixels hardly differ in brightness, as a fraction of the pixels…
+/// Weight that keeps the bias at 0 where pixels hardly differ in brightness, as a fraction of the pixels…
 const BIAS_PRIOR: f64 = 0.02;
-/// …and the gain at 1, in squared levels a pixel: noise in both pictures flattens a line through a single level.
+/// …and weight that keeps the gain at 1, squared levels a pixel: noise in both pictures flattens a line through a
+/// single level.
 const GAIN_PRIOR: f64 = 30.0;
-/// Beyond these gains the picture is dark or burnt out, and no compensation brings it back.
+/// Gains that can be compensated; beyond them the picture is dark or overexposed.
 const GAIN_RANGE: std::ops::RangeInclusive<f32> = 0.2..=4.0;
 
-/// `frame = gain · background + bias`, channel by channel, in levels.
+/// Exposure of a frame, `frame = gain · background + bias` for each channel, in levels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Exposure {
-    /// Red, green, blue.
+    /// Gains of red, green and blue.
     pub gain: [f32; 3],
-    /// Red, green, blue, in levels of 0 to 255.
+    /// Biases of red, green and blue, in levels of 0 to 255.
     pub bias: [f32; 3],
 }
 
@@ -36,18 +37,18 @@ impl Default for Exposure {
 }
 
 impl Exposure {
-    /// Fits the exposure of `frame` against `background`, starting from a near one (the frame before's). Each channel
-    /// is a least-squares line, refitted after leaving out what lies off it: people, moved things, clipped pixels. Where
-    /// that explains little, the line is also sought from no change and from the commonest brightness ratio, and the one
-    /// that explains most is taken. A channel that cannot be fitted keeps the start's values.
+    /// Fits the exposure of `frame` against `background`, starting from `start` (that of the previous frame). Each
+    /// channel is a least-squares line, refitted after removing outliers: people, moved things, clipped pixels. Where
+    /// that explains little, the fit is repeated from the identity and from the most frequent brightness ratio, and the
+    /// line that explains most is taken. A channel that cannot be fitted keeps its start values.
     pub fn fit(background: &RgbImage, frame: &RgbImage, start: &Self) -> Self {
         Self::fit_samples(&samples(background), &samples(frame), start)
     }
 
-    /// As [`Self::fit`], of the [`samples`] of both pictures.
+    /// As [`Self::fit`], from the [`samples`] of both pictures.
     pub(super) fn fit_samples(background: &[[u8; 3]], frame: &[[u8; 3]], start: &Self) -> Self {
         let mut fitted = *start;
-        let mut pairs = Pairs::default();
+        let mut pairs = LevelPairs::default();
         for channel in 0..3 {
             pairs.clear();
             for (b, x) in background.iter().zip(frame).map(|(b, x)| (b[channel], x[channel])) {
@@ -64,12 +65,12 @@ impl Exposure {
         fitted
     }
 
-    /// What a background level looks like in the frame, for every level and channel.
+    /// Level in the frame's exposure for every background level and channel.
     pub fn table(&self) -> [[u8; 256]; 3] {
         std::array::from_fn(|c| std::array::from_fn(|level| self.apply(c, level as f32).round() as u8))
     }
 
-    /// What a level of the frame would be in the background's exposure, for every level and channel.
+    /// Level in the background's exposure for every frame level and channel.
     pub fn inverse_table(&self) -> [[u8; 256]; 3] {
         std::array::from_fn(|c| {
             std::array::from_fn(|level| {
@@ -82,20 +83,21 @@ impl Exposure {
         (self.gain[channel] * level + self.bias[channel]).clamp(0.0, 255.0)
     }
 
-    /// The mean gain of the three channels.
+    /// Mean gain of the three channels.
     pub fn mean_gain(&self) -> f32 {
         self.gain.iter().sum::<f32>() / 3.0
     }
 }
 
-/// The pixels of a picture that take part in a fit.
+/// Pixels of a picture that take part in a fit.
 pub(super) fn samples(image: &RgbImage) -> Vec<[u8; 3]> {
     let stride = (image.len() / 3 / GRID_PIXELS).max(1);
     let pixels = image.as_raw().as_chunks::<3>().0;
     grid(image.width() as usize, image.height() as usize, stride).map(|pixel| pixels[pixel]).collect()
 }
 
-/// Pixels spread over the image, row by row, each row shifted so that no column pattern is hit again and again.
+/// Indices of pixels spread over the image, row by row, each row shifted so that no column pattern is sampled
+/// repeatedly.
 fn grid(width: usize, height: usize, stride: usize) -> impl Iterator<Item = usize> {
     let step = (stride as f64).sqrt().round().max(1.0) as usize;
     (0..height)
@@ -105,12 +107,12 @@ fn grid(width: usize, height: usize, stride: usize) -> impl Iterator<Item = usiz
 
 /// Levels of one channel in the background and in the frame, pixel by pixel.
 #[derive(Default)]
-struct Pairs {
+struct LevelPairs {
     b: Vec<u8>,
     x: Vec<u8>,
 }
 
-impl Pairs {
+impl LevelPairs {
     fn clear(&mut self) {
         self.b.clear();
         self.x.clear();
@@ -125,11 +127,11 @@ impl Pairs {
         self.b.iter().copied().zip(self.x.iter().copied())
     }
 
-    /// Sums over the pairs that lie no further than `levels` off a line. Whole numbers: exact in any order.
-    fn near(&self, line: (f32, f32), levels: f32) -> Sums {
-        let mut all = Sums::default();
+    /// Sums over the pairs within `levels` of a line. Integers, so exact in any order.
+    fn near(&self, line: (f32, f32), levels: f32) -> LineSums {
+        let mut all = LineSums::default();
         for (b, x) in self.iter() {
-            // 0 or all bits: without branches, it runs in vector registers.
+            // 0 or all bits: without branches the loop is vectorised.
             let near = u32::from(is_near((f32::from(b), f32::from(x)), line, levels)).wrapping_neg();
             let (b, x) = (u32::from(b), u32::from(x));
             all.n += near & 1;
@@ -142,9 +144,9 @@ impl Pairs {
     }
 }
 
-/// Sums over pairs; those of products stay below 2³² up to 66,000 pairs.
+/// Sums over pairs; sums of products stay below 2³² up to 66,000 pairs.
 #[derive(Default)]
-struct Sums {
+struct LineSums {
     n: u32,
     b: u32,
     x: u32,
@@ -152,8 +154,8 @@ struct Sums {
     bx: u32,
 }
 
-/// The line through the pairs that explains most of them.
-fn fit_from_anywhere(pairs: &Pairs, start: (f32, f32)) -> Option<(f32, f32)> {
+/// Line through the pairs that explains most of them.
+fn fit_from_anywhere(pairs: &LevelPairs, start: (f32, f32)) -> Option<(f32, f32)> {
     if pairs.b.len() < 32 {
         return None;
     }
@@ -182,8 +184,8 @@ fn is_near((b, x): (f32, f32), (gain, bias): (f32, f32), levels: f32) -> bool {
     (x - gain * b - bias).abs() <= levels
 }
 
-/// The middle of the fullest stretch of three bins in the histogram of frame by background.
-fn commonest_ratio(pairs: &Pairs) -> f32 {
+/// Middle of the fullest range of three bins in the histogram of frame by background.
+fn commonest_ratio(pairs: &LevelPairs) -> f32 {
     const BINS: usize = 96;
     let mut histogram = [0_u32; BINS];
     for (b, x) in pairs.iter() {
@@ -197,7 +199,7 @@ fn commonest_ratio(pairs: &Pairs) -> f32 {
     RATIO_BIN.powf(fullest as f32 + 0.5 - BINS as f32 / 2.0)
 }
 
-fn fit_line(pairs: &Pairs, start: (f32, f32)) -> Option<(f32, f32)> {
+fn fit_line(pairs: &LevelPairs, start: (f32, f32)) -> Option<(f32, f32)> {
     let mut line = start;
     for levels in ROUNDS_LEVELS {
         let sums = pairs.near(line, levels);
@@ -253,7 +255,7 @@ mod tests {
     #[test]
     fn most_of_the_picture_covered_and_a_bad_start_still_find_it() {
         let background = background();
-        // Three fifths are dark coats; the camera opened up by half, and the start says it closed.
+        // Three fifths are dark coats; the camera's gain rose by half, and the start has a lower one.
         let frame = RgbImage::from_fn(160, 120, |u, v| {
             if u < 96 {
                 return Rgb([30 + (u % 23) as u8, 28 + (v % 17) as u8, 35]);
@@ -288,7 +290,7 @@ mod tests {
         assert_eq!(Exposure::fit(&empty, &empty, &start), start);
         let black = RgbImage::new(64, 48);
         assert_eq!(Exposure::fit(&black, &black, &start), start);
-        // One level only: gain and bias cannot be told apart, but together they must explain it.
+        // With one level only, gain and bias are ambiguous, but together they must explain it.
         let flat = |level| RgbImage::from_pixel(64, 48, Rgb([level; 3]));
         let found = Exposure::fit(&flat(100), &flat(110), &Exposure::default());
         assert!((found.apply(0, 100.0) - 110.0).abs() < 1.0, "{found:?}");

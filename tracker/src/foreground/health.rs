@@ -1,27 +1,27 @@
-//! Whether a camera says anything now: frozen pictures and dark ones are set aside.
+//! Health of a camera's pictures: frozen and dark ones are set aside.
 
 use image::RgbImage;
 
-/// One row in this many is compared and measured.
+/// Distance between two compared rows.
 const ROW_STEP: usize = 8;
-/// A camera is frozen after repeating the same picture for this long, in seconds…
+/// Time of repeated pictures after which a camera is frozen, seconds…
 const FREEZE_S: f64 = 0.5;
-/// …and at least this many times…
+/// …and least number of repeats…
 const FREEZE_REPEATS: u32 = 3;
-/// …if, before, it repeated fewer than this fraction of its pictures: a camera without noise, or a recording that was
-/// stretched to a higher rate, repeats itself in health.
+/// …provided that before it repeated fewer than this share of its pictures: a healthy camera without noise, or a
+/// recording that was stretched to a higher rate, repeats pictures, too…
 const USUAL_REPEATS: f64 = 0.25;
-/// …and showed at least this many pictures.
+/// …and least number of pictures before.
 const LEAST_SEEN: u32 = 10;
-/// A picture whose brightest rows' mean lies below this level is dark.
+/// Mean level of the brightest row below which a picture is dark.
 const DARK_LEVEL: u32 = 10;
 
-/// Watches one camera's pictures.
+/// Detector of frozen pictures of one camera.
 #[derive(Debug, Default)]
 pub struct Health {
-    /// The rows of the latest picture that are compared.
+    /// Compared rows of the latest picture.
     latest: Vec<u8>,
-    /// Pictures seen before the present run of repeats, and how many of them repeated the one before.
+    /// Number of pictures before the present run of repeats, and number of them that repeated the one before.
     seen: u32,
     repeated: u32,
     run: u32,
@@ -29,7 +29,7 @@ pub struct Health {
 }
 
 impl Health {
-    /// Takes in a picture; whether the camera has been showing the same one for too long.
+    /// Adds a picture. Returns whether the camera has repeated it for too long.
     pub fn is_frozen(&mut self, frame: &RgbImage, time_s: f64) -> bool {
         let same = !self.latest.is_empty() && rows(frame).eq(self.latest.chunks_exact(row_bytes(frame)));
         if same {
@@ -49,7 +49,7 @@ impl Health {
     }
 }
 
-/// Whether a picture shows next to nothing: a covered or failing camera, a room at night.
+/// Whether a picture is nearly black: a covered or failing camera, or a room at night.
 pub fn is_dark(frame: &RgbImage) -> bool {
     let brightest =
         rows(frame).map(|row| row.iter().map(|v| *v as u32).sum::<u32>() / row.len() as u32).max();

@@ -1,17 +1,17 @@
-//! A frame against the background in the frame's exposure, many pixels at once, in whole numbers.
+//! Vectorised comparison of a frame with the background in the frame's exposure, in integers.
 
 use wide::u8x16;
 
 use super::exposure::Exposure;
 
-/// Pixels handled together, so that the comparison runs in vector registers.
+/// Number of pixels handled together, so that the comparison is vectorised.
 pub(super) const LANES: usize = 32;
 
-/// An exposure as whole numbers, for many pixels at once: a gain and a bias for each of a chunk's bytes.
+/// Exposure in integers, repeated over a chunk of pixels: a gain and a bias for each byte.
 pub(super) struct ExposureLanes {
-    /// In 1/16384.
+    /// Gains, in 1/16384.
     gain: [u16; 3 * LANES],
-    /// In 1/64 levels; what is added, then what is taken away.
+    /// Biases in 1/64 levels: the one to add, then the one to subtract.
     bias: [[u16; 3 * LANES]; 2],
 }
 
@@ -25,8 +25,8 @@ impl ExposureLanes {
         Self { gain, bias: [bias(1.0), bias(-1.0)] }
     }
 
-    /// What the background (1/256 levels) looks like in this exposure, and each pixel's squared distance from it;
-    /// 65535 where it is more, which scores 255 at a tolerance up to 128 levels.
+    /// Computes the background (1/256 levels) in this exposure into `looks`, and returns each pixel's squared distance
+    /// from it, at most 65535, which scores 255 at a tolerance up to 128 levels.
     pub(super) fn compare(
         &self,
         background: &[u16; 3 * LANES],
@@ -35,7 +35,7 @@ impl ExposureLanes {
     ) -> [u16; LANES] {
         let mut off = [0; 3 * LANES];
         for i in 0..3 * LANES {
-            // 8 and 14 binary places less 16 are 6.
+            // 8 and 14 binary places less 16 leave 6.
             let scaled = ((u32::from(background[i]) * u32::from(self.gain[i])) >> 16) as u16;
             let level = scaled.saturating_add(self.bias[0][i]).saturating_sub(self.bias[1][i]);
             looks[i] = (level.saturating_add(32) >> 6).min(255) as u8;
@@ -54,9 +54,9 @@ impl ExposureLanes {
 /// Bytes in a vector register.
 const REGISTER: usize = 16;
 
-/// For each channel and each of three registers of pixels: where in the register the channel's values stand.
+/// For each channel and each of three registers of pixels: the index of the channel's values in the register.
 const PLACES: [[[u8; REGISTER]; 3]; 3] = {
-    /// No place: gives 0.
+    /// An index that yields 0.
     const ELSEWHERE: u8 = 0x80;
     let mut places = [[[ELSEWHERE; REGISTER]; 3]; 3];
     let mut byte = 0;
@@ -67,7 +67,7 @@ const PLACES: [[[u8; REGISTER]; 3]; 3] = {
     places
 };
 
-/// Values of each channel, from pixels.
+/// Splits pixels into one plane for each channel.
 fn planes(pixels: &[u8; 3 * LANES]) -> [[u8; LANES]; 3] {
     let mut planes = [[0; LANES]; 3];
     for (group, registers) in pixels.as_chunks::<REGISTER>().0.as_chunks::<3>().0.iter().enumerate() {

@@ -1,16 +1,16 @@
-//! From one camera's pictures to foreground masks.
+//! Foreground masks from one camera's pictures.
 //!
-//! 1. [`health`]: a frozen or dark picture says nothing.
-//! 2. [`exposure`]: how this frame's exposure differs from the background's.
-//! 3. [`pixels`] (around an empty scene known beforehand, [`backdrop`]) or [`adaptive`] (learnt while running): how far
-//!    each pixel is from the background.
-//! 4. [`shadow`]: pixels that show the background's surface darker or brighter are no foreground.
-//! 5. [`regions`] and OpenCV's morphology: one clean silhouette a person.
-//! 6. [`Foreground::expect`]: what lies under people whom the tracker believes in is not absorbed.
-//! 7. A frame that is nearly all foreground is a switched light: it says nothing, and if it stays the background is
-//!    learnt anew ([`relight`]: also behind people).
+//! 1. [`health`]: detects frozen and dark pictures.
+//! 2. [`exposure`]: estimates this frame's exposure relative to the background.
+//! 3. [`pixels`] (for an empty scene known beforehand, [`backdrop`]) or [`adaptive`] (learnt during the run): scores
+//!    the difference of each pixel from the background.
+//! 4. [`shadow`]: removes pixels that show the background's surface darker or brighter.
+//! 5. [`regions`] and OpenCV's morphology: one clean silhouette for each person.
+//! 6. [`Foreground::expect`]: keeps the background under believed people from absorbing them.
+//! 7. A frame that is nearly all foreground is a switched light: it is unusable, and if it stays the background is
+//!    learnt again ([`relight`]: also behind people).
 //!
-//! Everything happens in the real image; [`calib::undistort::UndistortMap`] takes the mask to the pinhole image after.
+//! All steps work in the real image; [`calib::undistort::UndistortMap`] maps the mask to the pinhole image afterwards.
 
 pub mod adaptive;
 pub mod backdrop;
@@ -30,31 +30,31 @@ use adaptive::AdaptiveModel;
 use backdrop::Backdrop;
 use exposure::Exposure;
 use health::Health;
-use pixels::{Judged, PixelModel, PixelOptions, THRESHOLD};
+use pixels::{PixelModel, PixelOptions, ScoredFrame, THRESHOLD};
 use regions::Regions;
 use shadow::{SHADOW, ShadowOptions, Shadows};
 pub use verdict::Verdict;
 
 use crate::{Error, Result};
 
-/// How masks are made.
+/// Options of the foreground masks.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ForegroundOptions {
-    /// How pixels are judged against the background.
+    /// Comparison of pixels with the background.
     pub pixels: PixelOptions,
-    /// How shadows are told; `None` leaves them in the mask.
+    /// Detection of shadows; `None` leaves them in the mask.
     pub shadows: Option<ShadowOptions>,
-    /// Whether changes of exposure and white balance are compensated.
+    /// Whether changes of exposure and white balance are compensated (default).
     pub exposure: bool,
-    /// Regions smaller than this fraction of the image are noise.
+    /// Least area of a region, as a fraction of the image; smaller ones are noise. Default 0.0004.
     pub least_area: f64,
-    /// Holes up to this fraction of the image are filled.
+    /// Largest area of a hole that is filled, as a fraction of the image. Default 0.003.
     pub largest_hole: f64,
-    /// A frame with more foreground than this fraction says nothing.
+    /// Largest fraction of foreground in a usable frame. Default 0.6.
     pub most_foreground: f64,
-    /// A frame with this much more foreground than the one before, as a fraction of the image, is a switched light.
+    /// Increase of foreground between two frames, as a fraction of the image, that means a switched light. Default 0.3.
     pub sudden_foreground: f64,
-    /// After a switched light the background is learnt anew from this many seconds.
+    /// Time for which the background is learnt after a switched light, seconds. Default 2.
     pub relearn_s: f64,
 }
 
@@ -73,15 +73,15 @@ impl Default for ForegroundOptions {
     }
 }
 
-/// What the foreground of one camera starts from.
+/// Initial background of one camera.
 #[derive(Debug, Clone)]
-pub enum Start {
-    /// An empty scene.
+pub enum InitialBackground {
+    /// An empty scene, learnt beforehand.
     Backdrop(Backdrop),
-    /// Nothing: an adaptive model learns while running.
+    /// No background: an adaptive model learns during the run.
     Nothing(AdaptiveKind),
-    /// A picture of the room of another time and light, in which no more than things may have moved: the default adaptive
-    /// model learns on from it.
+    /// A reference picture of the room, taken at another time and in other light, in which only movable things may
+    /// differ: the default adaptive model starts from it.
     Reference {
         /// Name of the camera, for the log.
         camera: String,
@@ -90,10 +90,10 @@ pub enum Start {
     },
 }
 
-/// The foreground of one camera, frame by frame.
+/// Foreground of one camera, frame by frame.
 pub struct Foreground {
     options: ForegroundOptions,
-    model: Model,
+    model: BackgroundModel,
     health: Health,
     exposure: Exposure,
     morphology: Morphology,
@@ -101,75 +101,82 @@ pub struct Foreground {
     shadows: Shadows,
     /// Pixels where believed people are expected (not 0), with a margin.
     people: GrayImage,
-    /// The same with all of the regions that are mostly theirs.
+    /// The same, extended by all regions that belong mostly to them.
     seen_people: GrayImage,
-    /// Whether anybody is expected.
+    /// Whether any person is expected.
     expects_people: bool,
-    /// The background in the model's exposure, for fitting the frame's.
+    /// Background in the model's exposure, for fitting the frame's.
     background: RgbImage,
-    /// The background in the frame's exposure.
+    /// Background in the frame's exposure.
     expected: RgbImage,
     score: GrayImage,
     smooth: GrayImage,
-    /// The least tolerance everywhere, for a model that has none of its own; empty with one that has.
+    /// The least tolerance at every pixel, for a model that has none of its own; otherwise empty.
     flat_tolerance: Vec<u8>,
-    /// A number a column, for the shadows.
+    /// One number a column, for the shadows.
     columns: Vec<u32>,
     latest_s: Option<f64>,
     /// Fraction of foreground in the latest usable mask.
     latest_fraction: f64,
     /// Fraction of pixels that had changed in the latest usable frame, shadows included.
     latest_changed: f64,
-    /// Since when nearly everything has been foreground.
+    /// Time since which nearly everything has been foreground, seconds.
     switched_s: Option<f64>,
     frames: u32,
 }
 
-enum Model {
+enum BackgroundModel {
     Pixels(PixelModel),
     Adaptive(AdaptiveModel),
 }
 
-/// The background picture is refreshed once in this many frames for the exposure's fit: it changes slowly.
+/// Number of frames between two updates of the background picture for the exposure fit: it changes slowly.
 const REFRESH_EVERY: u32 = 16;
-/// A score above this is foreground where most of its neighbours' are…
+/// Score above which a pixel is foreground if most of its neighbours are…
 const WEAK: u8 = THRESHOLD / 8 * 5;
-/// …in regions where some pixels are as sure as this.
+/// …in regions in which some pixels have at least this score.
 const STRONG: u8 = 160;
-/// The longest run of shadow in a body that is given back is the image's height by this.
+/// Longest run of shadow inside a body that is restored, as a divisor of the image's height.
 const LONGEST_STRIPE: u32 = 16;
-/// Silhouettes are ellipsoids and of an earlier moment: people are expected this part of the image's height around them.
+/// Margin around believed people, as a fraction of the image's height: silhouettes are ellipsoids, and of an earlier
+/// moment.
 const PEOPLE_MARGIN: f64 = 0.01;
-/// A region of foreground is a person's as a whole when this share of it is where people are expected: with one camera a
-/// person may be believed to stand half a metre from where they do.
+/// Share of a region that must lie where people are expected for the whole region to be theirs: with one camera the
+/// estimated position of a person may be off by half a metre.
 const PEOPLE_SHARE: f64 = 0.5;
-/// Learning never sees a gap longer than this, in seconds.
+/// Longest gap between two frames for learning, seconds.
 const LONGEST_GAP_S: f64 = 1.0;
 
 impl Foreground {
-    /// The foreground of a camera whose images have this size.
+    /// Foreground of a camera whose images have this size.
     ///
     /// # Errors
-    /// When a backdrop has another size, or OpenCV refuses.
-    pub fn new(width: u32, height: u32, start: Start, options: ForegroundOptions) -> Result<Self> {
+    /// A backdrop of another size, or an error of OpenCV.
+    pub fn new(
+        width: u32,
+        height: u32,
+        start: InitialBackground,
+        options: ForegroundOptions,
+    ) -> Result<Self> {
         let mut background = RgbImage::new(width, height);
         let model = match start {
-            Start::Backdrop(backdrop) => {
+            InitialBackground::Backdrop(backdrop) => {
                 check_size(&backdrop.picture, (width, height))?;
                 background.copy_from_slice(&backdrop.picture);
-                Model::Pixels(PixelModel::new(&backdrop, &options.pixels))
+                BackgroundModel::Pixels(PixelModel::new(&backdrop, &options.pixels))
             }
-            Start::Nothing(kind) => {
-                Model::Adaptive(AdaptiveModel::new(kind, width, height, options.pixels.absorb_s)?)
+            InitialBackground::Nothing(kind) => {
+                BackgroundModel::Adaptive(AdaptiveModel::new(kind, width, height, options.pixels.absorb_s)?)
             }
-            Start::Reference { camera, picture } => {
+            InitialBackground::Reference { camera, picture } => {
                 check_size(&picture, (width, height))?;
                 let kind = AdaptiveKind::default();
                 let model = AdaptiveModel::new(kind, width, height, options.pixels.absorb_s)?;
-                Model::Adaptive(model.begun_from(camera, picture))
+                BackgroundModel::Adaptive(model.begun_from(camera, picture))
             }
         };
-        let flat = if matches!(model, Model::Adaptive(_)) { width as usize * height as usize } else { 0 };
+        let flat =
+            if matches!(model, BackgroundModel::Adaptive(_)) { width as usize * height as usize } else { 0 };
         Ok(Self {
             flat_tolerance: vec![options.pixels.least_levels as u8; flat],
             options,
@@ -195,10 +202,10 @@ impl Foreground {
         })
     }
 
-    /// The mask of the next frame (255 foreground, 0 background), and whether it can be used.
+    /// Computes the mask of the next frame (255 foreground, 0 background). Returns whether it can be used.
     ///
     /// # Errors
-    /// When OpenCV refuses.
+    /// An error of OpenCV.
     pub fn mask(&mut self, frame: &RgbImage, time_s: f64, into: &mut GrayImage) -> Result<Verdict> {
         if into.dimensions() != frame.dimensions() {
             *into = GrayImage::new(frame.width(), frame.height());
@@ -219,7 +226,7 @@ impl Foreground {
         let changed = self.judge(frame, into)?;
         let fraction = self.clean(into)?;
         tracing::trace!(time_s, fraction, gain = ?self.exposure.gain, bias = ?self.exposure.bias, "mask");
-        if let Model::Adaptive(model) = &self.model
+        if let BackgroundModel::Adaptive(model) = &self.model
             && !model.is_warm()
         {
             self.learn(frame, into, elapsed_s)?;
@@ -236,12 +243,12 @@ impl Foreground {
         Ok(Verdict::Usable)
     }
 
-    /// Takes in where believed people are seen in the real image (255; 0 elsewhere): their silhouettes as far as limbs reach,
-    /// at the latest moment that is known. Foreground there is not absorbed into the background for as long as it is
-    /// expected. Holds until it is replaced; an image of zeros expects nobody.
+    /// Sets where believed people are seen in the real image (255; 0 elsewhere): their silhouettes, including the reach
+    /// of limbs, at the latest known moment. The background does not absorb foreground there. Holds until it is
+    /// replaced; an image of zeros expects nobody.
     ///
     /// # Errors
-    /// When the image has another size than the camera's, or OpenCV refuses.
+    /// An image whose size is not the camera's, or an error of OpenCV.
     pub fn expect(&mut self, people: &GrayImage) -> Result<()> {
         let (found, size) = (people.dimensions(), self.people.dimensions());
         if found != size {
@@ -256,24 +263,26 @@ impl Foreground {
         Ok(self.morphology.dilate(&mut self.people, margin)?)
     }
 
-    /// The background as the model sees it now, in its own exposure.
+    /// The model's present background, in its own exposure.
     pub fn background(&mut self) -> &RgbImage {
         match &self.model {
-            Model::Pixels(model) => model.picture(&mut self.background),
-            Model::Adaptive(model) => self.background.copy_from_slice(model.picture()),
+            BackgroundModel::Pixels(model) => model.picture(&mut self.background),
+            BackgroundModel::Adaptive(model) => self.background.copy_from_slice(model.picture()),
         }
         &self.background
     }
 
     fn is_first_look(&self) -> bool {
-        matches!(self.model, Model::Adaptive(_)) && self.frames == 1
+        matches!(self.model, BackgroundModel::Adaptive(_)) && self.frames == 1
     }
 
-    /// Scores the pixels and takes shadows out; the fraction of all that have changed, shadows included.
+    /// Scores the pixels and removes shadows. Returns the fraction of pixels that have changed, shadows included.
     fn judge(&mut self, frame: &RgbImage, mask: &mut GrayImage) -> Result<f64> {
         match &mut self.model {
-            Model::Pixels(model) => model.score(frame, &self.exposure, &mut self.expected, &mut self.score),
-            Model::Adaptive(model) => {
+            BackgroundModel::Pixels(model) => {
+                model.score(frame, &self.exposure, &mut self.expected, &mut self.score);
+            }
+            BackgroundModel::Adaptive(model) => {
                 model.score(frame, &self.exposure, &mut self.score)?;
                 let table = self.exposure.table();
                 for (e, b) in self.expected.chunks_exact_mut(3).zip(model.picture().chunks_exact(3)) {
@@ -287,14 +296,14 @@ impl Foreground {
             self.score.iter().filter(|s| **s >= WEAK).count() as f64 / (self.score.len() as f64).max(1.0);
         if let Some(shadows) = &self.options.shadows {
             let tolerance = match &self.model {
-                Model::Pixels(model) => model.tolerance(),
-                Model::Adaptive(_) => &self.flat_tolerance,
+                BackgroundModel::Pixels(model) => model.tolerance(),
+                BackgroundModel::Adaptive(_) => &self.flat_tolerance,
             };
             self.shadows.mark((frame, &self.expected), tolerance, WEAK, shadows, &mut self.score);
             let longest = frame.height() / LONGEST_STRIPE;
             shadow::restore_enclosed(&mut self.score, THRESHOLD, longest, &mut self.columns);
         }
-        // The majority of each 3 × 3 pixels: removes single pixels and moves no straight edge.
+        // Majority of each 3 × 3 pixels: removes single pixels and moves no straight edge.
         for (mask, score) in mask.iter_mut().zip(self.score.iter()) {
             *mask = if *score >= WEAK { 255 } else { 0 };
         }
@@ -305,7 +314,7 @@ impl Foreground {
         Ok(changed)
     }
 
-    /// Makes silhouettes whole and removes specks; the fraction of foreground that is left.
+    /// Closes gaps in silhouettes and removes specks. Returns the remaining fraction of foreground.
     fn clean(&mut self, mask: &mut GrayImage) -> Result<f64> {
         let pixels = mask.len() as f64;
         // Gaps grow with the image; 2 pixels at 480 rows.
@@ -329,12 +338,12 @@ impl Foreground {
         if jumped || fraction > self.options.most_foreground {
             return true;
         }
-        // Light on a surface may pass for shadows and reflections here and there: what is left of a switched lamp then
-        // is a patchwork. Somebody stepping before the camera is no other light on the room.
+        // Light on a surface may pass for shadows and reflections in places: the rest of a switched lamp is then a
+        // patchwork. A person stepping before the camera does not change the light on the room.
         self.frames > 1 && changed > self.latest_changed + sudden && self.is_other_light(frame)
     }
 
-    /// Whether most of what has changed is the background in another light.
+    /// Whether most of the changed pixels show the background in another light.
     fn is_other_light(&mut self, frame: &RgbImage) -> bool {
         let Some(relit) = relight::relit(self.background(), frame) else { return false };
         let changed = self.score.iter().zip(&relit.explained).filter(|(s, _)| **s >= WEAK || **s == SHADOW);
@@ -349,7 +358,7 @@ impl Foreground {
     fn relearn(&mut self, frame: &RgbImage, time_s: f64, elapsed_s: f32) -> Result<()> {
         let begins = self.switched_s.is_none();
         let since = *self.switched_s.get_or_insert(time_s);
-        if let Model::Pixels(model) = &mut self.model {
+        if let BackgroundModel::Pixels(model) = &mut self.model {
             if begins {
                 model.begin_watch();
             }
@@ -357,8 +366,8 @@ impl Foreground {
         }
         if time_s - since >= self.options.relearn_s {
             match &mut self.model {
-                Model::Pixels(model) => model.adopt(frame),
-                Model::Adaptive(model) => model.restart(frame)?,
+                BackgroundModel::Pixels(model) => model.adopt(frame),
+                BackgroundModel::Adaptive(model) => model.restart(frame)?,
             }
             self.exposure = Exposure::default();
             self.switched_s = None;
@@ -375,11 +384,11 @@ impl Foreground {
             self.regions.spread(mask, &mut self.seen_people, PEOPLE_SHARE);
         }
         match &mut self.model {
-            Model::Pixels(model) => {
-                let judged = Judged { score: &self.score, mask, people: &self.seen_people };
+            BackgroundModel::Pixels(model) => {
+                let judged = ScoredFrame { score: &self.score, mask, people: &self.seen_people };
                 model.learn(frame, &self.exposure, judged, elapsed_s);
             }
-            Model::Adaptive(model) => model.learn(mask, &self.seen_people, elapsed_s)?,
+            BackgroundModel::Adaptive(model) => model.learn(mask, &self.seen_people, elapsed_s)?,
         }
         if self.frames.is_multiple_of(REFRESH_EVERY) || self.frames == 1 {
             self.background();
@@ -397,7 +406,7 @@ fn check_size(empty: &RgbImage, (width, height): (u32, u32)) -> Result<()> {
         "the empty scene is {} × {} pixels, the camera's images are {width} × {height}",
         found.0, found.1
     );
-    Err(Error::option("--background", problem))
+    Err(Error::option("background", problem))
 }
 
 #[cfg(test)]

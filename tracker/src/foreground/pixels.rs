@@ -1,9 +1,9 @@
-//! The per-pixel model around an empty scene: which pixels of a frame are not explained by it, and how it follows slow
-//! changes without absorbing the people in front of it.
+//! Per-pixel background model around an empty scene: it finds the pixels of a frame that the scene does not explain,
+//! and follows slow changes without absorbing the people in front of it.
 //!
-//! Each pixel holds its background colour. A pixel that does not show it gathers evidence for a new one: a colour that
-//! stays the same for [`PixelOptions::absorb_s`] becomes the background (a moved chair), while the old one is kept as the
-//! *former* background, so that a person absorbed after all leaves no ghost when they walk on.
+//! Each pixel holds its background colour. A pixel that shows another colour gathers evidence for it: a colour that
+//! stays for [`PixelOptions::absorb_s`] becomes the background (a moved chair), while the old one is kept as the
+//! *former* background, so that a person who was absorbed leaves no ghost when they walk on.
 
 use image::{GrayImage, RgbImage};
 
@@ -12,25 +12,25 @@ use super::exposure::Exposure;
 use super::lanes::{ExposureLanes, LANES};
 use super::relight;
 
-/// A score of this much is just as far from the background as [`PixelOptions::sensitivity`] allows.
+/// Score of a pixel exactly at the tolerance ([`PixelOptions::sensitivity`]).
 pub const THRESHOLD: u8 = 64;
-/// Every row is learnt in one frame of this many.
+/// Number of frames in which every row is learnt once.
 const ROWS_TURN: u32 = 4;
-/// What was seen for this share of the time since a switch stays.
+/// Share of the time since a switch for which a colour must have been seen to count as static.
 const STEADY: f32 = 0.8;
-/// The background follows what it sees with this time constant, in seconds.
+/// Time constant with which the background follows the picture, seconds.
 const FOLLOW_S: f32 = 20.0;
 
-/// How pixels are judged.
+/// Options of the comparison of pixels with the background.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PixelOptions {
-    /// Standard deviations from the background at which a pixel is foreground.
+    /// Tolerance, in standard deviations of the noise, from which on a pixel is foreground. Default 5.
     pub sensitivity: f32,
-    /// Never less than this many levels, whatever the noise: compression and interpolation make errors of their own.
+    /// Least tolerance, levels: compression and interpolation cause errors of their own. Default 14.
     pub least_levels: f32,
-    /// Never more than this many levels, so that people stand out before a swaying tree.
+    /// Largest tolerance, levels, so that people stand out before a swaying tree. Default 60.
     pub most_levels: f32,
-    /// A new colour that stays for this long becomes the background, in seconds.
+    /// Time after which a new colour becomes the background, seconds. Default 120.
     pub absorb_s: f32,
 }
 
@@ -40,49 +40,49 @@ impl Default for PixelOptions {
     }
 }
 
-/// Images beside a frame that the model learns from, one value a pixel.
+/// Images that the model learns from beside a frame, one value a pixel.
 #[derive(Debug, Clone, Copy)]
-pub struct Judged<'a> {
-    /// Distance from the background ([`PixelModel::score`]).
+pub struct ScoredFrame<'a> {
+    /// Score of each pixel ([`PixelModel::score`]).
     pub score: &'a GrayImage,
-    /// The foreground: 255, else 0.
+    /// Foreground mask: 255, else 0.
     pub mask: &'a GrayImage,
-    /// Believed people: not 0 where one is seen.
+    /// Not 0 where a believed person is seen.
     pub people: &'a GrayImage,
 }
 
-/// The model of one camera.
+/// Background model of one camera.
 #[derive(Debug, Clone)]
 pub struct PixelModel {
     width: usize,
-    /// Number of pixels; the vectors below go on to a whole number of chunks.
+    /// Number of pixels; the vectors below are padded to a whole number of chunks.
     pixels: usize,
-    /// Red, green, blue of each pixel, in 1/256 levels, in the exposure of the backdrop.
+    /// Red, green and blue of each pixel, in 1/256 levels, in the exposure of the backdrop.
     background: Vec<[u16; 3]>,
-    /// The distance from the background at which a pixel is foreground, in levels.
+    /// Distance from the background at which a pixel is foreground, levels.
     tolerance: Vec<u8>,
-    /// [`THRESHOLD`] by the tolerance's square: the score of one squared level.
+    /// [`THRESHOLD`] divided by the squared tolerance: the score of one squared level.
     scale: Vec<f32>,
-    /// The least squared distance from the background that scores more than 0, in squared levels.
+    /// Least squared distance from the background that scores more than 0, squared levels.
     unlike: Vec<u16>,
-    /// What a pixel shows when it does not show its background…
+    /// Colour that a pixel shows instead of its background…
     candidates: Vec<[u8; 3]>,
-    /// …and for how long, in seconds.
+    /// …and the time for which it has, seconds.
     age_s: Vec<f32>,
-    /// The background before the present one, if there was one.
+    /// Background before the present one, if there was one.
     former: Vec<Option<[u8; 3]>>,
     has_former: bool,
     /// Whether a believed person has been seen at a pixel since it last showed its background.
     had_person: Vec<bool>,
     options: PixelOptions,
-    /// Which rows learn next.
+    /// Row offset that is learnt next.
     turn: u32,
 }
 
 impl PixelModel {
-    /// A model that starts from an empty scene.
+    /// Model of an empty scene.
     pub fn new(backdrop: &Backdrop, options: &PixelOptions) -> Self {
-        // Up to a whole chunk.
+        // Padded to a whole chunk.
         let pixels = backdrop.noise.len().next_multiple_of(LANES);
         let mut background: Vec<[u16; 3]> =
             backdrop.picture.pixels().map(|p| p.0.map(|v| (v as u16) << 8)).collect();
@@ -112,9 +112,8 @@ impl PixelModel {
         }
     }
 
-    /// Scores every pixel: 0 where the frame shows the background as it looks in this exposure, [`THRESHOLD`] at the
-    /// tolerance, growing with the square of the distance; 255 at most. `expected` becomes the background as it should
-    /// look.
+    /// Scores every pixel: 0 where the frame shows the background in this exposure, [`THRESHOLD`] at the tolerance,
+    /// growing with the square of the distance up to 255. `expected` becomes the background in this exposure.
     pub fn score(
         &self,
         frame: &RgbImage,
@@ -139,7 +138,7 @@ impl PixelModel {
         }
     }
 
-    /// Scores the pixels of one of the image's chunks.
+    /// Scores the pixels of one chunk of the image.
     fn score_chunk(
         &self,
         chunk: usize,
@@ -170,16 +169,18 @@ impl PixelModel {
             if let (Some(former), 1..) = (former, scores[i]) {
                 let former: [u8; 3] = std::array::from_fn(|c| table[c][former[c] as usize]);
                 let again = squared_distance(&x[3 * i..], former) as f32 * scale[i];
-                // The former background is no 0: it is not what the background may follow. And 1 is a shadow's mark.
+                // The former background does not score 0, because the background must not follow it, nor 1, which marks
+                // shadows.
                 scores[i] = scores[i].min(again.clamp(2.0, 255.0) as u8);
             }
         }
     }
 
-    /// Learns from a frame: the background follows where it shows (`score` 0 and not in `mask`); elsewhere what is seen
-    /// instead gathers age, but under believed people. Where such a person has gone and the former background shows, it
-    /// is the background again. `elapsed_s` is the time since the last frame.
-    pub fn learn(&mut self, frame: &RgbImage, exposure: &Exposure, judged: Judged<'_>, elapsed_s: f32) {
+    /// Learns from a frame: the background follows the picture where it is visible (`score` 0 and not in `mask`);
+    /// elsewhere the colour seen instead gathers age, except under believed people. Where such a person has gone and
+    /// the former background shows, it becomes the background again. `elapsed_s` is the time since the last frame,
+    /// seconds.
+    pub fn learn(&mut self, frame: &RgbImage, exposure: &Exposure, judged: ScoredFrame<'_>, elapsed_s: f32) {
         let table = exposure.inverse_table();
         let elapsed_s = elapsed_s * ROWS_TURN as f32;
         let follow = (65536.0 * (elapsed_s / FOLLOW_S).clamp(0.0, 0.5)) as i32;
@@ -195,7 +196,7 @@ impl PixelModel {
                 if mask | score == 0 {
                     for (background, seen) in self.background[i].iter_mut().zip(seen) {
                         let old = i32::from(*background);
-                        // Rounded, not cut off: a bias would drift, and the exposure's fit would follow it.
+                        // Rounded, not truncated: a bias would drift, and the exposure's fit would follow it.
                         let step = (((i32::from(seen) << 8) - old) * (follow >> 4) + (1 << 11)) >> 12;
                         *background = (old + step).clamp(0, 65535) as u16;
                     }
@@ -217,7 +218,7 @@ impl PixelModel {
         if is_near(&seen, *candidate, self.tolerance[i]) {
             *age_s += elapsed_s;
         } else if *age_s > 2.0 * elapsed_s {
-            // Somebody passing in front of a moved chair only delays it.
+            // A person passing in front of a moved chair only delays it.
             *age_s -= 2.0 * elapsed_s;
         } else {
             *candidate = seen;
@@ -229,8 +230,8 @@ impl PixelModel {
         }
     }
 
-    /// Makes the former background the background again if that is what a pixel shows; whether it did. What was absorbed
-    /// instead of it was a person, and is forgotten, so that it is foreground when it comes back.
+    /// Restores the former background if the pixel shows it, and returns whether it did. The absorbed colour was a
+    /// person's and is forgotten, so that it is foreground when it returns.
     fn restore_former(&mut self, i: usize, seen: [u8; 3]) -> bool {
         let Some(former) = self.former[i].filter(|former| is_near(&seen, *former, self.tolerance[i])) else {
             return false;
@@ -242,8 +243,8 @@ impl PixelModel {
         true
     }
 
-    /// Gives a pixel a new background. The old one stays known: it may be a body that is now behind a door, or the light
-    /// of before that comes back.
+    /// Gives a pixel a new background. The old one is kept: it may be a body that has left, or the earlier light that
+    /// returns.
     fn replace(&mut self, i: usize, color: [u8; 3]) {
         self.former[i] = Some(self.background[i].map(level));
         self.has_former = true;
@@ -251,9 +252,9 @@ impl PixelModel {
         self.background[i] = color.map(|v| u16::from(v) << 8);
     }
 
-    /// Takes what each pixel has shown lately for its background, after the light was switched; `frame` stands in where a
-    /// pixel has shown nothing for long. Where that is somebody who stood before a background that is known in its new
-    /// light, that background is taken.
+    /// Adopts the colour that each pixel has shown lately as its background, after the light was switched; `frame` is
+    /// used where a pixel has shown no colour for long. Where a person stands in front of a background that is known in
+    /// the new light, that background is taken.
     pub fn adopt(&mut self, frame: &RgbImage) {
         let (width, height) = frame.dimensions();
         let longest_s = self.age_s.iter().fold(0.0, |longest: f32, age| longest.max(*age));
@@ -272,7 +273,7 @@ impl PixelModel {
                 Some(relit) if !relit.explained[i] => {
                     let expected = &relit.expected.as_raw()[3 * i..];
                     self.replace(i, [expected[0], expected[1], expected[2]]);
-                    // A shadow that the new light casts looks like nobody's surface, too, but it stays where it is.
+                    // A shadow that the new light casts matches no known surface either, but it stays in place.
                     self.former[i] = steady[i].then_some(pixel.0);
                 }
                 _ => self.replace(i, pixel.0),
@@ -280,12 +281,12 @@ impl PixelModel {
         }
     }
 
-    /// Forgets what pixels showed before: [`Self::watch`] begins.
+    /// Forgets the colours that pixels showed before: [`Self::watch`] begins.
     pub fn begin_watch(&mut self) {
         self.age_s.fill(0.0);
     }
 
-    /// Gathers what is seen at every pixel, in every row: what [`Self::adopt`] then takes. In the frame's own exposure.
+    /// Gathers the colour of every pixel, in every row, for [`Self::adopt`], in the frame's own exposure.
     pub fn watch(&mut self, frame: &RgbImage, elapsed_s: f32) {
         for (i, x) in frame.as_raw().chunks_exact(3).enumerate() {
             let (candidate, age_s) = (&mut self.candidates[i], &mut self.age_s[i]);
@@ -300,12 +301,12 @@ impl PixelModel {
         }
     }
 
-    /// Where a pixel is too far from its background, in levels.
+    /// Distance from the background at which each pixel is foreground, levels.
     pub fn tolerance(&self) -> &[u8] {
         &self.tolerance[..self.pixels]
     }
 
-    /// The background in the backdrop's exposure.
+    /// Writes the background in the backdrop's exposure into a picture.
     pub fn picture(&self, into: &mut RgbImage) {
         for (into, background) in into.chunks_exact_mut(3).zip(&self.background) {
             into.copy_from_slice(&background.map(level));
@@ -313,35 +314,35 @@ impl PixelModel {
     }
 }
 
-/// The score of a pixel so far from its background: 0 where that is within half the tolerance.
+/// Score of a pixel at this squared distance from its background: 0 within half the tolerance.
 fn score_of(squared: u16, scale: f32) -> u8 {
-    /// Whole numbers stand in a float's lowest bits where this is added; unlike a cast, that runs in vector registers.
+    /// Adding this number moves an integer into a float's lowest bits; unlike a cast, that is vectorised.
     const WHOLE: f32 = (1 << 23) as f32;
     let times = times(squared, scale);
     let score = if times < LEAST { 0.0 } else { times.min(255.0) };
     (score.floor() + WHOLE).to_bits() as u8
 }
 
-/// Within half the tolerance a pixel shows the background.
+/// Half the tolerance, as a score: nearer pixels show the background.
 const LEAST: f32 = THRESHOLD as f32 / 4.0;
 
 fn times(squared: u16, scale: f32) -> f32 {
-    // What is just at a whole score must not fall below it by rounding.
+    // A value exactly at an integer score must not fall below it by rounding.
     f32::from(squared) * scale + 0.01
 }
 
-/// The least squared distance that scores more than 0.
+/// Least squared distance that scores more than 0.
 fn least_unlike(scale: f32) -> u16 {
     let about = ((LEAST / scale) as u16).saturating_sub(2);
     (about..u16::MAX).find(|squared| times(*squared, scale) >= LEAST).unwrap_or(u16::MAX)
 }
 
-/// Whether two colours are no further apart than a pixel's tolerance.
+/// Whether two colours differ by no more than a pixel's tolerance.
 fn is_near(seen: &[u8], color: [u8; 3], tolerance: u8) -> bool {
     squared_distance(seen, color) <= u32::from(tolerance) * u32::from(tolerance)
 }
 
-/// The nearest whole level.
+/// Nearest whole level.
 fn level(fixed: u16) -> u8 {
     (fixed.saturating_add(128) >> 8) as u8
 }

@@ -1,4 +1,4 @@
-//! Connected regions of a mask, as runs of pixels joined row by row: small ones are removed, small holes are filled.
+//! Connected regions of a mask, found as runs of pixels joined row by row: small ones are removed, small holes filled.
 
 use image::GrayImage;
 use wide::u8x16;
@@ -9,11 +9,11 @@ struct Run {
     row: u32,
     from: u32,
     to: u32,
-    /// A run of the same region that stands before it, or itself.
+    /// Index of an earlier run of the same region, or of this run.
     parent: u32,
 }
 
-/// What is known of a region, kept at its first run.
+/// Statistics of a region, stored at its first run.
 #[derive(Debug, Clone, Copy, Default)]
 struct Region {
     area: u32,
@@ -21,7 +21,7 @@ struct Region {
     touches_border: bool,
 }
 
-/// Finds and edits regions; keeps its buffers between frames.
+/// Finder and editor of regions; it keeps its buffers between frames.
 #[derive(Debug, Default)]
 pub struct Regions {
     runs: Vec<Run>,
@@ -30,7 +30,7 @@ pub struct Regions {
 
 impl Regions {
     /// Removes foreground regions (8-connected) of fewer than `least_area` pixels, and those with fewer than
-    /// `least_strong` pixels whose score is at least `strong`. Returns how many foreground pixels are left.
+    /// `least_strong` pixels whose score is at least `strong`. Returns the number of remaining foreground pixels.
     pub fn remove_weak(
         &mut self,
         mask: &mut GrayImage,
@@ -62,7 +62,8 @@ impl Regions {
         left
     }
 
-    /// Adds to `marks` every foreground region (8-connected) of which at least `least` is marked (not 0) already.
+    /// Adds to `marks` every foreground region (8-connected) of which at least the share `least` is marked (not 0)
+    /// already.
     pub fn spread(&mut self, mask: &GrayImage, marks: &mut GrayImage, least: f64) {
         self.find(mask, true);
         let width = mask.width();
@@ -155,7 +156,7 @@ impl Regions {
     }
 }
 
-/// The first foreground (or background) pixel from `start` on; the end if there is none.
+/// Index of the first foreground (or background) pixel from `start` on; the end if there is none.
 fn next(pixels: &[u8], start: usize, foreground: bool) -> usize {
     const CHUNK: usize = 16;
     let is_it = |p: &u8| (*p != 0) == foreground;
@@ -182,7 +183,7 @@ mod tests {
     use image::Luma;
     use proptest::prelude::*;
 
-    /// Labels by flooding, pixel by pixel: slow and plain.
+    /// Labels regions by flood fill, pixel by pixel: slow and simple.
     fn flooded(mask: &GrayImage, foreground: bool) -> Vec<Vec<(u32, u32)>> {
         let mut seen = vec![false; mask.len()];
         let mut regions = Vec::new();
@@ -215,7 +216,7 @@ mod tests {
     }
 
     proptest! {
-        // Wider than what is passed over at once; from nearly empty to nearly full.
+        // Wider than one chunk; from nearly empty to nearly full.
         #[test]
         fn regions_agree_with_flooding(
             bits in prop::collection::vec(0..100_u8, 75 * 9),

@@ -1,35 +1,35 @@
-//! What the empty scene looks like after a lamp was switched, although people are in the picture: light changes by a
-//! factor that varies slowly over the image, and most of the image is no person.
+//! Predicts the empty scene after a lamp was switched while people are in the picture: light changes by a factor that
+//! varies slowly over the image, and most of the image shows no person.
 
 use image::RgbImage;
 
-/// The image's longer side by this is a cell, over which the light's factor is taken to be one.
+/// Number of cells along the image's longer side; the light's factor is constant over a cell.
 const CELLS: u32 = 12;
-/// Added to levels before they are divided: black surfaces say nothing about light.
+/// Added to levels before division: black surfaces hold no information about light.
 const FLOOR: f32 = 4.0;
-/// A bin of the histograms of factors, as a factor; so many bins reach from 1/8 to 8.
+/// Width of a bin of the histograms of factors, as a factor; the bins reach from 1/8 to 8.
 const BIN: f32 = 1.03;
 const BINS: usize = 142;
-/// A pixel is explained where it is this near to what is expected, in levels…
+/// Largest distance of an explained pixel from its prediction, levels…
 const NEAR_LEVELS: f32 = 16.0;
-/// …or as a share of it: lamps differ in colour, surfaces in gloss.
+/// …or as a share of the prediction: lamps differ in colour, surfaces in gloss.
 const NEAR_SHARE: f32 = 0.15;
-/// Where fewer pixels than this share are explained, it was not the light: the camera was moved, or covered.
+/// Share of explained pixels below which the light is not the cause: the camera was moved, or covered.
 const LEAST_EXPLAINED: f64 = 0.5;
 
 /// The empty scene in its new light.
 #[derive(Debug, Clone)]
 pub struct Relit {
-    /// The old empty scene as it should look now.
+    /// Prediction of the old empty scene in the new light.
     pub expected: RgbImage,
-    /// Which pixels of the picture agree with it.
+    /// Whether each pixel of the picture agrees with the prediction.
     pub explained: Vec<bool>,
 }
 
-/// Explains what is seen `now` by the `background` in another light; `None` where it is not the light that changed.
+/// Predicts the `background` in the light of the picture `now`; `None` where light does not explain the difference.
 pub fn relit(background: &RgbImage, now: &RgbImage) -> Option<Relit> {
     let (width, height) = background.dimensions();
-    let field = Field::fit(background, now)?;
+    let field = LightField::fit(background, now)?;
     let mut expected = RgbImage::new(width, height);
     let mut explained = Vec::with_capacity(expected.pixels().len());
     for (x, y, pixel) in expected.enumerate_pixels_mut() {
@@ -50,16 +50,16 @@ pub fn relit(background: &RgbImage, now: &RgbImage) -> Option<Relit> {
     (count as f64 >= LEAST_EXPLAINED * explained.len() as f64).then_some(Relit { expected, explained })
 }
 
-/// The light's factor for each cell and channel.
-struct Field {
+/// Factor of the light for each cell and channel.
+struct LightField {
     cell_px: u32,
     columns: usize,
     rows: usize,
     factors: Vec<[f32; 3]>,
 }
 
-impl Field {
-    /// The median factor around each cell, two cells to each side included: a person does not fill half of that.
+impl LightField {
+    /// Median factor around each cell, over two cells to each side: a person covers less than half of that.
     fn fit(background: &RgbImage, now: &RgbImage) -> Option<Self> {
         let (width, height) = background.dimensions();
         let cell_px = width.max(height).div_ceil(CELLS).max(1);
@@ -68,7 +68,7 @@ impl Field {
         for ((x, y, b), seen) in background.enumerate_pixels().zip(now.pixels()) {
             let histogram = &mut histograms[(y / cell_px) as usize * columns + (x / cell_px) as usize];
             for c in 0..3 {
-                // Clipped by the sensor.
+                // Levels clipped by the sensor.
                 if b[c] < 250 && seen[c] < 250 {
                     let factor = (seen[c] as f32 + FLOOR) / (b[c] as f32 + FLOOR);
                     let bin = (factor.ln() / BIN.ln() + BINS as f32 / 2.0).clamp(0.0, BINS as f32 - 1.0);
@@ -98,7 +98,7 @@ impl Field {
         (!factors.is_empty()).then_some(Self { cell_px, columns, rows, factors })
     }
 
-    /// The factor at a pixel, interpolated between the cells' middles.
+    /// Factor at a pixel, interpolated between the cells' middles.
     fn at(&self, x: u32, y: u32) -> [f32; 3] {
         let place = |pixel: u32, count: usize| {
             let at = ((pixel as f32 + 0.5) / self.cell_px as f32 - 0.5).clamp(0.0, count as f32 - 1.0);

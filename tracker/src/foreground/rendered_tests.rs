@@ -1,5 +1,5 @@
-//! Masks of rendered people, whose true masks are known, in rooms where things happen: shadows, flicker, a lamp switched
-//! on, a moved chair, somebody who stands still for a minute.
+//! Masks of rendered people with known true masks, in rooms with shadows, flicker, a lamp switched on, a moved chair,
+//! and a person who stands still for a minute.
 
 use std::ops::Range;
 
@@ -8,8 +8,8 @@ use synthetic::{RenderOptions, RoomOptions, Sequence, SequenceOptions, Synthetic
 
 use super::*;
 
-/// One camera's recording: what it showed, and where people truly were.
-struct Recording {
+/// Recording of one camera with the true masks of the people.
+struct MaskedRecording {
     frames: Vec<(f64, RgbImage, GrayImage)>,
 }
 
@@ -48,7 +48,7 @@ fn room(seed: u64) -> SyntheticRoom {
     options.build().unwrap()
 }
 
-impl Recording {
+impl MaskedRecording {
     fn new(sequence: &Sequence<'_>) -> Self {
         let frames = sequence.frames().map(|mut frame| {
             let camera = frame.cameras.remove(0);
@@ -57,7 +57,7 @@ impl Recording {
         Self { frames: frames.collect() }
     }
 
-    /// Three people who come and go in a room: the first two seconds are empty.
+    /// Three people who come and go in a room; the first two seconds are empty.
     fn of_walkers(seed: u64, render: RenderOptions) -> Self {
         let room = room(seed);
         let walkers = room.walkers(&WalkerOptions { seed, people: 3, ..WalkerOptions::default() });
@@ -65,24 +65,24 @@ impl Recording {
         Self::new(&room.sequence(walkers, options))
     }
 
-    /// Learnt from frames spread over everything.
-    fn median(&self) -> Start {
+    /// Background learnt from frames spread over the whole recording.
+    fn median(&self) -> InitialBackground {
         let pictures: Vec<&RgbImage> = self.frames.iter().step_by(3).map(|(_, picture, _)| picture).collect();
-        Start::Backdrop(Backdrop::learn(&pictures).unwrap())
+        InitialBackground::Backdrop(Backdrop::learn(&pictures).unwrap())
     }
 
-    /// Learnt from the frames before anybody came.
-    fn empty(&self) -> Start {
+    /// Background learnt from the frames before anybody came.
+    fn empty(&self) -> InitialBackground {
         let empty = self.frames.iter().take_while(|(_, _, truth)| truth.iter().all(|t| *t == 0));
         let pictures: Vec<&RgbImage> = empty.map(|(_, picture, _)| picture).collect();
         assert!(pictures.len() > 5, "hardly any empty frame");
-        Start::Backdrop(Backdrop::learn(&pictures).unwrap())
+        InitialBackground::Backdrop(Backdrop::learn(&pictures).unwrap())
     }
 
-    /// The masks' agreement with the truth over a time, and the verdicts of all frames.
+    /// Agreement of the masks with the truth over a time, and the verdicts of all frames.
     fn judged(
         &self,
-        start: Start,
+        start: InitialBackground,
         options: ForegroundOptions,
         time_s: Range<f64>,
     ) -> (Agreement, Vec<Verdict>) {
@@ -99,7 +99,7 @@ impl Recording {
         (all, verdicts)
     }
 
-    /// Lights everything from a time on by a factor for each pixel.
+    /// Scales the light from a time on by a factor for each pixel.
     fn light(&mut self, from_s: f64, factor: impl Fn(u32, u32) -> f64) {
         for (at_s, picture, _) in &mut self.frames {
             if *at_s >= from_s {
@@ -128,12 +128,12 @@ impl Recording {
 #[test]
 fn every_background_shows_who_walks() {
     for seed in [11, 3] {
-        let recording = Recording::of_walkers(seed, RenderOptions::default());
+        let recording = MaskedRecording::of_walkers(seed, RenderOptions::default());
         for (name, start) in [
             ("empty clip", recording.empty()),
             ("median", recording.median()),
-            ("mog2", Start::Nothing(AdaptiveKind::Mog2)),
-            ("knn", Start::Nothing(AdaptiveKind::Knn)),
+            ("mog2", InitialBackground::Nothing(AdaptiveKind::Mog2)),
+            ("knn", InitialBackground::Nothing(AdaptiveKind::Knn)),
         ] {
             let (found, verdicts) = recording.judged(start, ForegroundOptions::default(), 3.0..60.0);
             assert!(found.truth > 20_000.0, "hardly anybody was in the picture");
@@ -146,18 +146,19 @@ fn every_background_shows_who_walks() {
 
 #[test]
 fn shadows_are_nobody() {
-    let recording = Recording::of_walkers(7, RenderOptions::default());
+    let recording = MaskedRecording::of_walkers(7, RenderOptions::default());
     let judged = |options| recording.judged(recording.empty(), options, 0.0..60.0).0;
-    let told = judged(ForegroundOptions::default());
+    let scores = judged(ForegroundOptions::default());
     let kept = judged(ForegroundOptions { shadows: None, ..ForegroundOptions::default() });
-    assert!(told.precision() > 0.85 && told.recall() > 0.97 && told.iou() > 0.84, "{told:?}");
-    assert!(told.precision() > kept.precision() + 0.25, "{kept:?}");
+    assert!(scores.precision() > 0.85 && scores.recall() > 0.97 && scores.iou() > 0.84, "{scores:?}");
+    assert!(scores.precision() > kept.precision() + 0.25, "{kept:?}");
 }
 
 #[test]
 fn flicker_changes_nothing() {
     let judged = |flicker: f32, options: &ForegroundOptions| {
-        let recording = Recording::of_walkers(11, RenderOptions { flicker, ..RenderOptions::default() });
+        let recording =
+            MaskedRecording::of_walkers(11, RenderOptions { flicker, ..RenderOptions::default() });
         recording.judged(recording.median(), options.clone(), 0.0..60.0)
     };
     let usual = ForegroundOptions::default();
@@ -165,7 +166,7 @@ fn flicker_changes_nothing() {
     let (flickering, verdicts) = judged(0.25, &usual);
     assert!(verdicts.iter().all(|v| *v == Verdict::Usable), "{verdicts:?}");
     assert!(flickering.iou() > calm.iou() - 0.02, "{:.3} against {:.3}", flickering.iou(), calm.iou());
-    // Flicker passes for shadow, too: without that, the compensation has to do all.
+    // Flicker also passes for shadow; without shadow detection the compensation has to remove it alone.
     let with_shadows = ForegroundOptions { shadows: None, ..ForegroundOptions::default() };
     let raw = ForegroundOptions { exposure: false, ..with_shadows.clone() };
     let (compensated, raw) = (judged(0.25, &with_shadows).0.iou(), judged(0.25, &raw).0.iou());
@@ -176,9 +177,9 @@ fn flicker_changes_nothing() {
 fn a_lamp_switched_on_while_people_walk_costs_seconds() {
     const SWITCHED_S: f64 = 9.0;
     for online in [false, true] {
-        let mut recording = Recording::of_walkers(11, RenderOptions::default());
-        let start = if online { Start::Nothing(AdaptiveKind::Mog2) } else { recording.empty() };
-        // Dim before, then a lamp above the left half: no gain explains it.
+        let mut recording = MaskedRecording::of_walkers(11, RenderOptions::default());
+        let start = if online { InitialBackground::Nothing(AdaptiveKind::Mog2) } else { recording.empty() };
+        // Dim at first, then a lamp above the left half: no single gain explains it.
         recording.light(0.0, |_, _| 0.6);
         recording.light(SWITCHED_S, |u, _| 0.7 + 1.6 / (1.0 + (f64::from(u) / 60.0).powi(2)));
         let (found, verdicts) = recording.judged(start, ForegroundOptions::default(), SWITCHED_S + 4.0..60.0);
@@ -191,10 +192,10 @@ fn a_lamp_switched_on_while_people_walk_costs_seconds() {
 }
 
 #[test]
-fn who_stands_for_a_minute_stays_and_a_chair_put_there_goes() {
+fn a_person_standing_for_a_minute_stays_and_a_moved_chair_is_absorbed() {
     const RATE_HZ: f64 = 3.0;
     let room = room(4);
-    // Somebody who stops for at least a minute: where they stand is searched, not made.
+    // A walker who stops for at least a minute is searched for among the walkers.
     let stay = |seed: u64| {
         let options =
             WalkerOptions { seed, people: 1, stops: 1, longest_stay_s: 90.0, ..WalkerOptions::default() };
@@ -209,12 +210,12 @@ fn who_stands_for_a_minute_stays_and_a_chair_put_there_goes() {
     let (walkers, begins_s) = (1..60).find_map(stay).expect("somebody stands for a minute");
     let end_s = begins_s + 60.0;
     let options = SequenceOptions { rate_hz: RATE_HZ, frames: 480, ..SequenceOptions::default() };
-    let mut recording = Recording::new(&room.sequence(walkers, options));
+    let mut recording = MaskedRecording::new(&room.sequence(walkers, options));
     let chair = [20, 100, 34, 40];
     let chair_s = 12.0;
     let empty = recording.empty();
     recording.place_chair(chair_s, chair);
-    for (name, start) in [("empty clip", empty), ("mog2", Start::Nothing(AdaptiveKind::Mog2))] {
+    for (name, start) in [("empty clip", empty), ("mog2", InitialBackground::Nothing(AdaptiveKind::Mog2))] {
         let mut foreground = Foreground::new(240, 180, start, ForegroundOptions::default()).unwrap();
         let (mut standing, mut mask) = (Agreement::default(), GrayImage::default());
         let mut chair_share = Vec::new();

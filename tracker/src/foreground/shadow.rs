@@ -1,31 +1,35 @@
 //! Shadows and reflections: pixels that show the background's own surface, darker or brighter.
 //!
-//! A shadow scales the background's colour by one factor (Horprasert et al. 1999: brightness and chromaticity
-//! distortion), and keeps its texture (normalised cross-correlation with the background, Jacques et al. 2005). A person's
-//! grey trousers before a grey floor pass the first test and fail the second wherever the floor has any texture.
+//! A shadow scales the background's colour by one factor (T. Horprasert, D. Harwood and L. S. Davis, "A statistical
+//! approach for real-time robust background subtraction and shadow detection", ICCV FRAME-RATE Workshop 1999:
+//! brightness and chromaticity distortion), and keeps its texture (normalised cross-correlation with the background; J.
+//! C. S. Jacques Jr., C. R. Jung and S. R. Musse, "Background subtraction and shadow detection in grayscale video
+//! sequences", SIBGRAPI 2005). A person's grey trousers before a grey floor pass the first test and fail the second
+//! wherever the floor has any texture.
 
 use image::{GrayImage, RgbImage};
 use wide::{f32x4, i32x4, u8x16};
 
-/// How shadows are told.
+/// Options of the shadow detection.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ShadowOptions {
-    /// Where the background's texture shows through: what is known to be the same surface may be changed a lot.
+    /// Limits where the background's texture shows through: the surface is certainly the same, so its light may differ
+    /// a lot.
     pub textured: Shade,
-    /// Where the background has no texture, so that colour alone has to tell.
+    /// Limits where the background has no texture, so that colour alone decides.
     pub plain: Shade,
-    /// The least correlation with the background's texture.
+    /// Least correlation with the background's texture.
     pub correlation: f32,
 }
 
-/// How much light may change on a surface.
+/// Limits of the change of light on a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Shade {
-    /// The darkest shadow, as a fraction of the background's brightness.
+    /// Darkest shadow, as a fraction of the background's brightness.
     pub darkest: f32,
-    /// The brightest reflection.
+    /// Brightest reflection, as a fraction of the background's brightness.
     pub brightest: f32,
-    /// How far the colour may lie from the scaled background's, as a fraction of its brightness…
+    /// Largest distance of the colour from the scaled background's, as a fraction of its brightness…
     pub chromaticity: f32,
     /// …or, where that is more, as a fraction of the pixel's tolerance.
     pub noise: f32,
@@ -41,40 +45,40 @@ impl Default for ShadowOptions {
     }
 }
 
-/// The score of a shadow: more than background, far less than foreground.
+/// Score of a shadow: more than background, far less than foreground.
 pub const SHADOW: u8 = 1;
 
-/// Texture is compared once for every cell of this many pixels squared.
+/// Side of a cell over which texture is compared, pixels.
 const CELL_PX: usize = 4;
-/// The least correlation over four cells with the one in question in a corner: fewer pixels agree by chance.
+/// Least correlation over four cells with the tested one in a corner: fewer pixels agree more often by chance.
 const CORNER_CORRELATION: f32 = 0.85;
-/// Fewer pixels than this tell nothing about texture…
+/// Least number of pixels for a comparison of texture…
 const LEAST_PIXELS: i32 = 12;
-/// …nor does one of this many that have changed.
+/// …and least share of the changed pixels, as a divisor.
 const LEAST_SHARE: i32 = 3;
-/// Light scales texture as it scales brightness: by the same factor, up to this.
+/// Largest ratio, either way, of the factor of texture to that of brightness: light scales both alike.
 const SAME_FACTOR: f32 = 2.0;
-/// Below this standard deviation of the background's grey levels there is no texture to compare.
+/// Standard deviation of the background's grey levels below which there is no texture to compare.
 const LEAST_TEXTURE: f32 = 4.0;
-/// Above this standard deviation of the frame's grey levels a plain background is not what is seen.
+/// Standard deviation of the frame's grey levels above which the picture does not show a plain background.
 const FOREIGN_TEXTURE: f32 = 16.0;
 
-/// Tells shadows; keeps its buffers between frames.
+/// Shadow detector; it keeps its buffers between frames.
 #[derive(Debug, Default)]
 pub struct Shadows {
-    /// The image's cells, row by row, with empty ones around them.
-    cells: Vec<Cell>,
-    /// Numbers of the cells in which pixels have changed.
+    /// Cells of the image, row by row, with an empty border.
+    cells: Vec<ShadowCell>,
+    /// Indices of the cells with changed pixels.
     changed: Vec<usize>,
-    /// The highest score of each column of pixels within a row of cells.
+    /// Highest score of each pixel column within a row of cells.
     highest: Vec<u8>,
 }
 
 impl Shadows {
-    /// Sets the score to [`SHADOW`] where a pixel that would be foreground shows a shadow or a reflection.
+    /// Sets the score to [`SHADOW`] where a foreground pixel shows a shadow or a reflection.
     ///
-    /// `expected` is the background in the frame's exposure, `tolerance` the pixels' own, `least` the least score that
-    /// matters. Scores of other pixels stay.
+    /// `expected` is the background in the frame's exposure, `tolerance` that of each pixel, `least` the least score of
+    /// a changed pixel. Scores of other pixels stay.
     pub fn mark(
         &mut self,
         (frame, expected): (&RgbImage, &RgbImage),
@@ -84,13 +88,13 @@ impl Shadows {
         score: &mut GrayImage,
     ) {
         let (width, height) = (frame.width() as usize, frame.height() as usize);
-        let scene = Scene { frame: frame.as_raw(), expected: expected.as_raw(), tolerance, width };
-        // With a cell to each side.
+        let scene = ShadowScene { frame: frame.as_raw(), expected: expected.as_raw(), tolerance, width };
+        // With a border of one cell on each side.
         let stride = width.div_ceil(CELL_PX) + 2;
         for cell in self.changed.drain(..) {
-            self.cells[cell] = Cell::default();
+            self.cells[cell] = ShadowCell::default();
         }
-        self.cells.resize(stride * (height.div_ceil(CELL_PX) + 2), Cell::default());
+        self.cells.resize(stride * (height.div_ceil(CELL_PX) + 2), ShadowCell::default());
         for (row, lines) in score.chunks((CELL_PX * width).max(1)).enumerate() {
             self.highest.clear();
             self.highest.resize(width.next_multiple_of(CELL_PX), 0);
@@ -120,13 +124,13 @@ impl Shadows {
         }
     }
 
-    /// How the textures compare around a cell: over it and its eight neighbours, or else, beside somebody's leg, in the
-    /// one of the four squares of four cells that agrees best.
+    /// Comparison of the textures around a cell: over it and its eight neighbours or, if those differ, as beside a leg,
+    /// over the best of the four squares of four cells that hold it.
     fn texture(&self, cell: usize, stride: usize, correlation: f32) -> Texture {
         let first = cell - stride - 1;
         let square = |x: usize, y: usize, side: usize| {
             let lines = (y..y + side).map(|y| &self.cells[first + y * stride + x..][..side]);
-            lines.flatten().fold(Sums::default(), |sum, cell| sum.plus(&cell.sums))
+            lines.flatten().fold(TextureSums::default(), |sum, cell| sum.plus(&cell.sums))
         };
         let whole = square(0, 0, 3).compare(correlation);
         if !matches!(whole, Texture::Different) {
@@ -140,35 +144,35 @@ impl Shadows {
     }
 }
 
-/// Some of an image's pixels, squared.
+/// A square of the image's pixels.
 #[derive(Debug, Clone, Copy, Default)]
-struct Cell {
-    /// Over the pixels that have changed.
-    sums: Sums,
-    /// Pixels that have changed and show their background in other light, judged as where there is texture; row by row from
+struct ShadowCell {
+    /// Sums over the changed pixels.
+    sums: TextureSums,
+    /// Changed pixels that show their background in other light by the limits for textured surfaces; row by row from
     /// the lowest bit on.
     textured: u16,
-    /// The same, judged as where there is none.
+    /// The same by the limits for plain surfaces.
     plain: u16,
 }
 
-/// What a shadow is sought in.
+/// Pictures in which shadows are detected.
 #[derive(Clone, Copy)]
-struct Scene<'a> {
+struct ShadowScene<'a> {
     frame: &'a [u8],
     expected: &'a [u8],
     tolerance: &'a [u8],
     width: usize,
 }
 
-impl Scene<'_> {
+impl ShadowScene<'_> {
     fn cell(
         &self,
         (score, least): (&[u8], u8),
         (column, row): (usize, usize),
         options: &ShadowOptions,
-    ) -> Cell {
-        let mut cell = Cell::default();
+    ) -> ShadowCell {
+        let mut cell = ShadowCell::default();
         let mut sums = [i32x4::ZERO; 6];
         let left = column * CELL_PX;
         let count = CELL_PX.min(self.width - left);
@@ -189,18 +193,18 @@ impl Scene<'_> {
             cell.textured |= (textured.to_bitmask() << (nth * CELL_PX)) as u16;
             cell.plain |= (plain.to_bitmask() << (nth * CELL_PX)) as u16;
             cell.sums.pixels += changed.to_bitmask().count_ones() as i32;
-            // Only those where the frame may show the background's surface.
+            // Only pixels that may show the background's surface.
             let (x, e) = (x.gray() & textured, e.gray() & textured);
             let all = [textured & i32x4::ONE, x, e, x * x, e * e, x * e];
             sums.iter_mut().zip(all).for_each(|(sum, one)| *sum += one);
         }
         let [n, x, e, xx, ee, xe] = sums.map(i32x4::reduce_add);
-        cell.sums = Sums { n, x, e, xx, ee, xe, ..cell.sums };
+        cell.sums = TextureSums { n, x, e, xx, ee, xe, ..cell.sums };
         cell
     }
 }
 
-/// The first values of an array; zeros where there are no more.
+/// First values of a slice, padded with zeros.
 fn first<const N: usize>(values: &[u8]) -> [u8; N] {
     values.first_chunk().copied().unwrap_or_else(|| {
         let mut first = [0; N];
@@ -209,13 +213,13 @@ fn first<const N: usize>(values: &[u8]) -> [u8; N] {
     })
 }
 
-/// Red, green and blue of four pixels beside each other.
+/// Red, green and blue of four adjacent pixels.
 struct Four([i32x4; 3]);
 
 impl Four {
-    /// Pixels from this one on; black beyond the image's last.
+    /// Loads four pixels; black beyond the image's last.
     fn load(image: &[u8], pixel: usize) -> Self {
-        /// For each channel, places of its values among the bytes, each as a whole number's lowest byte.
+        /// For each channel, the indices of its values among the bytes, each as the lowest byte of an integer.
         const PLACES: [[u8; 16]; 3] = {
             let mut places = [[0x80; 16]; 3];
             let mut byte = 0;
@@ -245,7 +249,7 @@ impl Four {
     }
 }
 
-/// Products of the colours of four pixels (x) with those of their background (e).
+/// Dot products of the colours of four pixels (x) with those of their background (e).
 struct Light {
     ee: f32x4,
     xe: f32x4,
@@ -257,10 +261,10 @@ impl Light {
         Self { ee: e.dot(e).max(f32x4::ONE), xe: x.dot(e), xx: x.dot(x) }
     }
 
-    /// Where x is e, darker or brighter: all bits.
+    /// All bits are set where x is e, darker or brighter.
     fn is_within(&self, shade: &Shade, tolerance: f32x4) -> i32x4 {
         let Self { ee, xe, xx } = *self;
-        // What is left of x beside its part along e, times e's square; no division.
+        // Squared residual of x beside its part along e, times the square of e; no division.
         let off = xx * ee - xe * xe;
         let noise = tolerance * f32x4::splat(shade.noise);
         let most = (ee * f32x4::splat(shade.chromaticity * shade.chromaticity)).max(noise * noise) * ee;
@@ -271,11 +275,11 @@ impl Light {
     }
 }
 
-/// Gives back what was taken for shadow in the middle of somebody: a run of shadow in a column, at most `longest_px`
-/// long, right between two foreground pixels (a white stripe of a sweater before a white wall). Shadows lie below
-/// people or beside them. `above` is a buffer of any length.
+/// Restores foreground that was taken for shadow inside a person: a run of shadow in a column, at most `longest_px`
+/// long, directly between two foreground pixels (a white stripe of a sweater before a white wall). Real shadows lie
+/// below people or beside them. `above` is a buffer of any length.
 pub fn restore_enclosed(score: &mut GrayImage, foreground: u8, longest_px: u32, above: &mut Vec<u32>) {
-    /// Further above than any run is long.
+    /// Farther above than the length of any run.
     const NOTHING: u32 = 1 << 31;
     const CHUNK_PX: usize = 32;
     let (width, height) = (score.width() as usize, score.height() as usize);
@@ -313,19 +317,19 @@ pub fn restore_enclosed(score: &mut GrayImage, foreground: u8, longest_px: u32, 
     }
 }
 
-/// How the frame's texture around a cell compares with the background's.
+/// Result of comparing the frame's texture around a cell with the background's.
 enum Texture {
     Same,
     Different,
-    /// Neither has any.
+    /// Neither has texture.
     None,
 }
 
-/// Sums over pixels of the frame's (x) and the background's (e) brightness, where the frame may show the background's
-/// surface at all: of somebody's leg beside a shadow nothing is to be learnt about the shadow.
+/// Sums over the frame's (x) and the background's (e) brightness, at pixels where the frame may show the background's
+/// surface: a leg beside a shadow must not count.
 #[derive(Debug, Clone, Copy, Default)]
-struct Sums {
-    /// All pixels that have changed, and those of them that count.
+struct TextureSums {
+    /// Number of changed pixels, and of those that count.
     pixels: i32,
     n: i32,
     x: i32,
@@ -335,7 +339,7 @@ struct Sums {
     xe: i32,
 }
 
-impl Sums {
+impl TextureSums {
     fn plus(&self, other: &Self) -> Self {
         Self {
             pixels: self.pixels + other.pixels,
@@ -356,7 +360,8 @@ impl Sums {
         let (mx, me) = (self.x as f32 / n, self.e as f32 / n);
         let (vx, ve) = (self.xx as f32 / n - mx * mx, self.ee as f32 / n - me * me);
         if ve < LEAST_TEXTURE * LEAST_TEXTURE {
-            // A fold, a pattern or an edge where the background is plain is somebody's; a soft shadow's rim is weaker.
+            // A fold, a pattern or an edge before a plain background belongs to a person; the rim of a soft shadow is
+            // weaker.
             return if vx > FOREIGN_TEXTURE * FOREIGN_TEXTURE { Texture::Different } else { Texture::None };
         }
         let covariance = self.xe as f32 / n - mx * me;

@@ -1,5 +1,5 @@
-//! The whole way from pictures to masks, through everything that happens to cameras and rooms. Against rendered people
-//! whose masks are known: [`super::rendered_tests`].
+//! Tests of the whole path from pictures to masks, with the events that happen to cameras and rooms. Tests with
+//! rendered people and their true masks: [`super::rendered_tests`].
 
 use image::{Luma, Rgb};
 use rand::SeedableRng;
@@ -11,19 +11,19 @@ use super::*;
 const SIZE: (u32, u32) = (96, 72);
 
 /// A camera over a tiled floor, with sensor noise.
-struct Camera {
+struct FloorCamera {
     rng: Pcg64Mcg,
     time_s: f64,
 }
 
-impl Camera {
+impl FloorCamera {
     const STEP_S: f64 = 0.2;
 
     fn new() -> Self {
         Self { rng: Pcg64Mcg::seed_from_u64(4), time_s: 0.0 }
     }
 
-    /// What it sees now: the floor as `light` makes it (a factor for each pixel), and before it a block of clothes.
+    /// Next picture: the floor in `light` (a factor for each pixel), and a block of clothes in front of it.
     fn look(&mut self, block: Option<(u32, u32)>, light: impl Fn(u32, u32) -> f64) -> (RgbImage, f64) {
         let normal = Normal::new(0.0, 2.0).unwrap();
         self.time_s += Self::STEP_S;
@@ -46,23 +46,23 @@ fn even(_: u32, _: u32) -> f64 {
     1.0
 }
 
-fn known(camera: &mut Camera, options: ForegroundOptions) -> Foreground {
+fn known(camera: &mut FloorCamera, options: ForegroundOptions) -> Foreground {
     let frames: Vec<RgbImage> = (0..15).map(|_| camera.look(None, even).0).collect();
-    let start = Start::Backdrop(Backdrop::learn(&frames).unwrap());
+    let start = InitialBackground::Backdrop(Backdrop::learn(&frames).unwrap());
     Foreground::new(SIZE.0, SIZE.1, start, options).unwrap()
 }
 
-/// Looks for a time; the last verdict and mask.
+/// Processes pictures for a time; returns the last verdict and mask.
 fn watch(
     foreground: &mut Foreground,
-    camera: &mut Camera,
+    camera: &mut FloorCamera,
     seconds: f64,
     block: Option<(u32, u32)>,
     light: impl Fn(u32, u32) -> f64,
 ) -> (Verdict, GrayImage) {
     let mut mask = GrayImage::default();
     let mut verdict = Verdict::Usable;
-    for _ in 0..(seconds / Camera::STEP_S).round() as usize {
+    for _ in 0..(seconds / FloorCamera::STEP_S).round() as usize {
         let (picture, time_s) = camera.look(block, &light);
         verdict = foreground.mask(&picture, time_s, &mut mask).unwrap();
     }
@@ -79,19 +79,19 @@ fn overlap(mask: &GrayImage, block: (u32, u32)) -> f64 {
 }
 
 #[derive(Default)]
-struct Shared {
+struct MaskOverlap {
     both: usize,
     either: usize,
 }
 
-impl Shared {
+impl MaskOverlap {
     fn iou(&self) -> f64 {
         self.both as f64 / self.either.max(1) as f64
     }
 }
 
-fn shared(mask: &GrayImage, truth: &GrayImage) -> Shared {
-    let mut shared = Shared::default();
+fn shared(mask: &GrayImage, truth: &GrayImage) -> MaskOverlap {
+    let mut shared = MaskOverlap::default();
     for (m, t) in mask.iter().zip(truth.iter()) {
         shared.both += usize::from(*m > 0 && *t > 0);
         shared.either += usize::from(*m > 0 || *t > 0);
@@ -104,12 +104,16 @@ fn is_empty(mask: &GrayImage) -> bool {
 }
 
 #[test]
-fn who_stands_for_a_minute_is_still_there_and_a_moved_chair_is_not() {
-    let (mut camera, block) = (Camera::new(), (30, 20));
+fn a_person_standing_for_a_minute_is_still_seen_and_a_moved_chair_is_absorbed() {
+    let (mut camera, block) = (FloorCamera::new(), (30, 20));
     let mut median = known(&mut camera, ForegroundOptions::default());
-    let mut online =
-        Foreground::new(SIZE.0, SIZE.1, Start::Nothing(AdaptiveKind::Mog2), ForegroundOptions::default())
-            .unwrap();
+    let mut online = Foreground::new(
+        SIZE.0,
+        SIZE.1,
+        InitialBackground::Nothing(AdaptiveKind::Mog2),
+        ForegroundOptions::default(),
+    )
+    .unwrap();
     watch(&mut online, &mut camera, 10.0, None, even);
     for (name, foreground) in [("median", &mut median), ("online", &mut online)] {
         let (verdict, mask) = watch(foreground, &mut camera, 60.0, Some(block), even);
@@ -118,27 +122,28 @@ fn who_stands_for_a_minute_is_still_there_and_a_moved_chair_is_not() {
         let (_, mask) = watch(foreground, &mut camera, 200.0, Some(block), even);
         assert!(is_empty(&mask), "{name}: still there after four minutes");
     }
-    // Background and exposure must not drift together: half a level at most in four minutes.
+    // Background and exposure must not drift together: at most half a level in four minutes.
     assert!(median.exposure.gain.iter().all(|g| (g - 1.0).abs() < 0.005), "{:?}", median.exposure);
-    // What stood there before is known at once when the chair goes.
+    // The former background is known at once when the chair goes.
     let (_, mask) = watch(&mut median, &mut camera, 0.4, None, even);
     let left: Vec<(u32, u32)> = mask.enumerate_pixels().filter(|p| p.2[0] > 0).map(|p| (p.0, p.1)).collect();
     assert!(left.is_empty(), "a ghost of the chair: {left:?}");
 }
 
-fn of_reference(picture: RgbImage) -> Start {
-    Start::Reference { camera: "cam0".to_owned(), picture }
+fn of_reference(picture: RgbImage) -> InitialBackground {
+    InitialBackground::Reference { camera: "cam0".to_owned(), picture }
 }
 
 #[test]
-fn who_stands_in_the_first_frame_is_seen_where_a_picture_of_the_room_is_known() {
-    let (mut camera, block) = (Camera::new(), (30, 20));
+fn a_person_in_the_first_frame_is_seen_with_a_reference_picture_of_the_room() {
+    let (mut camera, block) = (FloorCamera::new(), (30, 20));
     let options = ForegroundOptions::default;
-    // In evening light, with a chair that has gone since.
+    // A picture in evening light, with a chair that has gone since.
     let evening = |u: u32, _: u32| 0.6 + 0.002 * f64::from(u);
     let (reference, _) = camera.look(Some((75, 30)), evening);
-    let made = |start: Start| Foreground::new(SIZE.0, SIZE.1, start, options()).unwrap();
-    let (mut known, mut unknown) = (made(of_reference(reference)), made(Start::Nothing(AdaptiveKind::Mog2)));
+    let made = |start: InitialBackground| Foreground::new(SIZE.0, SIZE.1, start, options()).unwrap();
+    let (mut known, mut unknown) =
+        (made(of_reference(reference)), made(InitialBackground::Nothing(AdaptiveKind::Mog2)));
     for seconds in [0.2, 60.0] {
         let (verdict, mut mask) = watch(&mut known, &mut camera, seconds, Some(block), even);
         assert_eq!(verdict, Verdict::Usable);
@@ -153,7 +158,7 @@ fn who_stands_in_the_first_frame_is_seen_where_a_picture_of_the_room_is_known() 
 
 #[test]
 fn a_picture_of_another_view_is_left_aside() {
-    let mut camera = Camera::new();
+    let mut camera = FloorCamera::new();
     let other = RgbImage::from_fn(SIZE.0, SIZE.1, |u, v| {
         let stripe = ((u * 13 + v * 29) % 97) as u8;
         Rgb([200 - stripe, 2 * stripe, 90 + stripe])
@@ -170,7 +175,7 @@ fn a_picture_of_another_view_is_left_aside() {
 
 #[test]
 fn exposure_and_shadows_leave_no_trace() {
-    let (mut camera, block) = (Camera::new(), (50, 25));
+    let (mut camera, block) = (FloorCamera::new(), (50, 25));
     let mut foreground = known(&mut camera, ForegroundOptions::default());
     for gain in [0.7, 0.85, 1.15, 1.3] {
         let (verdict, mask) = watch(&mut foreground, &mut camera, 0.2, Some(block), |_, _| gain);
@@ -187,15 +192,20 @@ fn exposure_and_shadows_leave_no_trace() {
 
 #[test]
 fn a_switched_lamp_sets_the_camera_aside_until_it_has_learnt() {
-    let mut camera = Camera::new();
+    let mut camera = FloorCamera::new();
     // A lamp in one corner: no gain explains it.
     let lamp = |u: u32, v: u32| 0.25 + 1.6 * (-((u * u + v * v) as f64) / 1800.0).exp();
     for start in ["median", "online"] {
         let mut foreground = if start == "median" {
             known(&mut camera, ForegroundOptions::default())
         } else {
-            Foreground::new(SIZE.0, SIZE.1, Start::Nothing(AdaptiveKind::Knn), ForegroundOptions::default())
-                .unwrap()
+            Foreground::new(
+                SIZE.0,
+                SIZE.1,
+                InitialBackground::Nothing(AdaptiveKind::Knn),
+                ForegroundOptions::default(),
+            )
+            .unwrap()
         };
         watch(&mut foreground, &mut camera, 10.0, None, even);
         let (verdict, _) = watch(&mut foreground, &mut camera, 0.2, None, lamp);
@@ -211,7 +221,7 @@ fn a_switched_lamp_sets_the_camera_aside_until_it_has_learnt() {
 
 #[test]
 fn frozen_and_dark_pictures_are_set_aside_and_the_camera_is_taken_back() {
-    let mut camera = Camera::new();
+    let mut camera = FloorCamera::new();
     let mut foreground = known(&mut camera, ForegroundOptions::default());
     watch(&mut foreground, &mut camera, 4.0, None, even);
     let (still, mut time_s) = camera.look(Some((30, 20)), even);
@@ -235,7 +245,7 @@ fn frozen_and_dark_pictures_are_set_aside_and_the_camera_is_taken_back() {
 
 #[test]
 fn a_backdrop_of_another_size_is_refused() {
-    let start = Start::Backdrop(Backdrop::learn(&[RgbImage::new(8, 6)]).unwrap());
+    let start = InitialBackground::Backdrop(Backdrop::learn(&[RgbImage::new(8, 6)]).unwrap());
     let said = Foreground::new(16, 12, start, ForegroundOptions::default()).err().unwrap().to_string();
     assert!(said.contains("8 × 6") && said.contains("16 × 12"), "{said}");
 }

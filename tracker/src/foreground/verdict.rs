@@ -1,6 +1,6 @@
-//! Whether a camera's picture or mask can be used in a moment, and why not.
+//! Usability of a camera's picture or mask in a moment.
 
-/// What a camera's frame is worth.
+/// Verdict on a camera's frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
     /// The mask can be used.
@@ -9,22 +9,22 @@ pub enum Verdict {
     Frozen,
     /// The picture is dark.
     Dark,
-    /// Nearly everything is foreground, suddenly: a switched light, a moved camera.
+    /// Nearly everything has suddenly become foreground: a switched light, or a moved camera.
     AllForeground,
-    /// A background that is learnt while running has not seen enough yet.
+    /// A background that is learnt during the run has not seen enough yet.
     Learning,
-    /// A live stream has broken off; it is opened again.
+    /// A live stream has broken off; it is being opened again.
     Lost,
     /// A live camera has sent no picture for a while.
     Silent,
     /// The camera sends pictures of another shape than the room was calibrated for.
     OtherShape,
-    /// The camera has no frame near this moment: its rate is lower than another's. Nothing is wrong with it.
+    /// The camera has no frame near this moment, because its rate is lower than another's; the camera works.
     Between,
 }
 
 impl Verdict {
-    /// Whether something is wrong with the camera now.
+    /// Whether the camera has a fault now.
     pub fn is_set_aside(self) -> bool {
         !matches!(self, Self::Usable | Self::Between)
     }

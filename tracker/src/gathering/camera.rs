@@ -1,4 +1,4 @@
-//! One camera's observations as the gathering holds them.
+//! One camera's observations in the gathering.
 
 use std::collections::VecDeque;
 use std::time::Instant;
@@ -7,62 +7,62 @@ use crate::Error;
 use crate::foreground::Verdict;
 use crate::observation::Feedback;
 use crate::silhouette::Body;
-use crate::station::{Event, Port, Seen};
+use crate::station::{Event, ObservedFrame, Port};
 
-/// Frames a second of a camera that does not say.
+/// Frame rate assumed for a camera that does not state it, frames a second.
 const USUAL_RATE_HZ: f64 = 25.0;
-/// The rates that a camera may have; what a header says beyond is the ticking of its clock.
+/// Valid frame rates; a header's value outside is the resolution of its clock.
 const RATES_HZ: std::ops::RangeInclusive<f64> = 0.01..=1000.0;
 /// Weight of each new interval in a live camera's mean interval.
 const FOLLOW: f64 = 0.1;
-/// By how much the least delay may grow with each observation, seconds: clocks drift, networks change.
+/// Growth of the least delay with each observation, seconds: clocks drift, networks change.
 const FORGET_S: f64 = 1e-3;
 
 /// Correction from a camera's own clock to the run's: `time + offset_s + drift · (time − since_s)`.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Alignment {
-    /// Added to the camera's times, seconds.
+pub struct ClockAlignment {
+    /// Offset added to the camera's times, seconds.
     pub offset_s: f64,
-    /// Added for each second since [`Self::since_s`], seconds.
+    /// Offset added for each second since [`Self::since_s`], seconds.
     pub drift: f64,
-    /// The camera's time at which the offset holds, seconds.
+    /// Camera time at which the offset holds, seconds.
     pub since_s: f64,
 }
 
-impl Alignment {
-    /// A camera's time on the run's clock, seconds.
+impl ClockAlignment {
+    /// Converts a camera's time to the run's clock, seconds.
     pub fn apply(&self, time_s: f64) -> f64 {
         time_s + self.offset_s + self.drift * (time_s - self.since_s)
     }
 }
 
-/// An observation that has come.
+/// An observation that has arrived.
 #[derive(Debug)]
-pub(super) struct Pending {
+pub(super) struct PendingObservation {
     /// Capture time on the run's clock, seconds.
     pub(super) time_s: f64,
     pub(super) arrived: Instant,
-    pub(super) seen: Seen,
+    pub(super) seen: ObservedFrame,
 }
 
-/// Reason why no more observations come.
+/// Reason why a camera has no more observations.
 #[derive(Debug)]
-pub(super) enum End {
+pub(super) enum StreamEnd {
     Ended,
     Failed(Error),
 }
 
-/// One camera's observations.
+/// A camera and its observations.
 #[derive(Debug)]
-pub(super) struct Camera {
+pub(super) struct GatheredCamera {
     pub(super) port: Port,
-    pub(super) alignment: Alignment,
-    /// Observations that may still belong to a moment, by time.
-    pub(super) pending: VecDeque<Pending>,
-    pub(super) end: Option<End>,
-    /// Between two frames, seconds.
+    pub(super) alignment: ClockAlignment,
+    /// Observations that may still belong to a moment, ordered by time.
+    pub(super) pending: VecDeque<PendingObservation>,
+    pub(super) end: Option<StreamEnd>,
+    /// Time between two frames, seconds.
     pub(super) interval_s: f64,
-    /// Time of the newest observation.
+    /// Time of the newest observation, seconds.
     pub(super) newest_s: Option<f64>,
     /// Arrival of that observation.
     pub(super) latest_arrival: Option<Instant>,
@@ -72,16 +72,16 @@ pub(super) struct Camera {
     pub(super) least_delay_s: f64,
     /// Latest health that its station reported.
     pub(super) health: Verdict,
-    /// Time of the newest observation that belonged to a moment.
+    /// Time of the newest observation that belonged to a moment, seconds.
     pub(super) used_s: Option<f64>,
     /// Sequence number of the newest observation.
     newest_sequence: u64,
-    /// Frames of a live camera that its station or the network passed over.
+    /// Number of frames of a live camera that its station or the network passed over.
     pub(super) passed_over: u64,
 }
 
-impl Camera {
-    pub(super) fn new(port: Port, alignment: Alignment) -> Self {
+impl GatheredCamera {
+    pub(super) fn new(port: Port, alignment: ClockAlignment) -> Self {
         let rate_hz = port.rate_hz.filter(|hz| RATES_HZ.contains(hz)).unwrap_or(USUAL_RATE_HZ);
         Self {
             port,
@@ -100,16 +100,16 @@ impl Camera {
         }
     }
 
-    /// Takes in an event of its station. `now_s` is the time on the run's clock, for live cameras.
+    /// Processes an event of the camera's station. `now_s` is the time on the run's clock, for live cameras.
     pub(super) fn take(&mut self, event: Event, now_s: Option<f64>) {
         let seen = match event {
             Event::Seen(seen) => *seen,
             Event::Ended => {
-                self.end = Some(End::Ended);
+                self.end = Some(StreamEnd::Ended);
                 return;
             }
             Event::Failed(error) => {
-                self.end = Some(End::Failed(error));
+                self.end = Some(StreamEnd::Failed(error));
                 return;
             }
         };
@@ -118,7 +118,7 @@ impl Camera {
         if self.port.is_live {
             self.health = seen.observation.health;
             if matches!(self.health, Verdict::Lost | Verdict::OtherShape) {
-                // No frame: the stream is away.
+                // There is no frame: the stream is out of reach.
                 return;
             }
             let sequence = seen.observation.sequence;
@@ -138,26 +138,26 @@ impl Camera {
         }
         self.newest_s = Some(self.newest_s.map_or(time_s, |newest| newest.max(time_s)));
         self.latest_arrival = Some(arrived);
-        self.pending.push_back(Pending { time_s, arrived, seen });
+        self.pending.push_back(PendingObservation { time_s, arrived, seen });
     }
 
-    /// Brings its clock to the run's anew, from the next observation on.
-    pub(super) fn align(&mut self, alignment: Alignment) {
+    /// Replaces the alignment of the camera's clock from the next observation on.
+    pub(super) fn align(&mut self, alignment: ClockAlignment) {
         let change_s = alignment.apply(alignment.since_s) - self.alignment.apply(alignment.since_s);
         self.alignment = alignment;
-        // Its frames come as they did, and are of another time.
+        // Frames arrive as before, but their times have changed.
         self.delay_s -= change_s;
         self.least_delay_s -= change_s;
         self.newest_s = self.newest_s.map(|newest_s| newest_s + change_s);
     }
 
-    /// Whether a live camera shows something now: within three intervals, or `patience_s`.
+    /// Whether a live camera has delivered within three intervals, or `patience_s`.
     pub(super) fn is_present(&self, now: Instant, patience_s: f64) -> bool {
         let for_s = (3.0 * self.interval_s).max(patience_s);
         self.latest_arrival.is_some_and(|at| now.saturating_duration_since(at).as_secs_f64() <= for_s)
     }
 
-    /// Gives up the oldest observation, and tells the station so.
+    /// Drops the oldest observation and acknowledges it to the station.
     pub(super) fn drop_oldest(&mut self, believed: &[Body]) {
         if let Some(oldest) = self.pending.pop_front() {
             self.acknowledge(oldest.seen.observation.sequence, believed);
@@ -168,7 +168,7 @@ impl Camera {
         (self.port.feedback)(Feedback { sequence, people: believed.to_vec() });
     }
 
-    /// Gives up observations that are farther from a time than the one after them; then the oldest is the nearest.
+    /// Drops observations that are farther from a time than the one after them; the oldest is then the nearest.
     pub(super) fn keep_nearest(&mut self, time_s: f64, believed: &[Body]) {
         while let [first, second, ..] = self.pending.make_contiguous()
             && (second.time_s - time_s).abs() <= (first.time_s - time_s).abs()
@@ -177,7 +177,7 @@ impl Camera {
         }
     }
 
-    /// Notes that the oldest observation belongs to a moment.
+    /// Records that the oldest observation belongs to a moment.
     pub(super) fn mark_used(&mut self) {
         self.used_s = self.pending.front().map(|pending| pending.time_s).or(self.used_s);
     }
@@ -188,13 +188,13 @@ impl Camera {
         oldest_s.zip(self.used_s).is_some_and(|(oldest, used)| oldest <= used)
     }
 
-    /// Whether an observation of this time or later is here.
+    /// Whether an observation of this time or later has arrived.
     pub(super) fn reaches(&self, time_s: f64) -> bool {
         self.pending.back().is_some_and(|newest| newest.time_s >= time_s)
     }
 
     /// The first observation later than a time.
-    pub(super) fn first_after(&self, time_s: f64) -> Option<&Pending> {
+    pub(super) fn first_after(&self, time_s: f64) -> Option<&PendingObservation> {
         self.pending.iter().find(|pending| pending.time_s > time_s)
     }
 }

@@ -1,47 +1,48 @@
-//! Moments of live cameras: nobody is waited for longer than the latency.
+//! Moments of live cameras. No camera is waited for longer than the latency.
 //!
-//! The fastest camera that is there leads; its frames are the moments. Of cameras that are equally fast the one leads whose
-//! frames come last, as seen by the aligned clocks: whoever waits for nobody drops nothing. A moment is complete when no other camera can be
-//! expected to have a nearer frame than the one that is here: half way from its latest frame to the next, that is. Otherwise
-//! it is waited for, until the frame should have come, but no longer than the latency after the leading frame.
+//! The fastest present camera leads; its frames are the moments. Of several equally fast cameras the one leads whose
+//! frames arrive last, as measured by the aligned clocks: then no frame of another camera is late. A moment is complete
+//! when no other camera is expected to deliver a nearer frame than its latest, that is, when the moment is less than
+//! half way from that frame to the next. Otherwise the next frame is waited for until it is due, but no longer than the
+//! latency after the leading frame.
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError, TryRecvError};
 use std::time::{Duration, Instant, SystemTime};
 
-use super::camera::{Camera, End};
-use super::{Gathered, LeftOut, NEAR_S, Next, Part, WAIT, nearest_part};
+use super::camera::{GatheredCamera, StreamEnd};
+use super::{Gathered, LeftOut, MomentPart, NEAR_S, NextMoment, WAIT, nearest_part};
 use crate::foreground::Verdict;
 use crate::silhouette::Body;
 use crate::source::utc_s;
 use crate::station::Event;
 use crate::{Error, Result};
 
-/// A camera that is silent for longer is not there, seconds; a slow one for three of its intervals.
+/// Silence after which a camera counts as absent, seconds; for a slow camera three of its intervals.
 const PATIENCE_S: f64 = 0.5;
-/// A camera has to be faster by this factor to take the lead from one that is there.
+/// Factor by which a camera has to be faster to take the lead from a present camera.
 const FASTER: f64 = 1.2;
-/// A camera whose frames come later than the others' by up to so many seconds may lead: what `--offset auto` corrects. One
-/// that is later still delays nobody.
+/// Largest delay, relative to the other cameras, of a camera that may lead, seconds: the range that `--offset auto`
+/// corrects. A camera that is later still does not delay the others.
 const LATEST_LEAD_S: f64 = 0.5;
-/// A frame is expected this part of an interval after the one before at the earliest.
+/// Earliest arrival of the next frame after the last, intervals.
 const NOT_BEFORE: f64 = 0.8;
-/// Added to a camera's usual delay before it is given up, seconds.
+/// Tolerance added to a camera's usual delay before it is given up, seconds.
 const SLACK_S: f64 = 0.02;
-/// A moment that is older than the latency and this is skipped where a newer one is there, seconds.
+/// Age beyond the latency at which a moment is skipped for a newer one, seconds.
 const BEHIND_S: f64 = 0.2;
 
 #[derive(Debug)]
-pub(super) struct Live {
+pub(super) struct LiveGathering {
     latency_s: f64,
     lead: Option<usize>,
-    /// Capture time of the first moment, which is the run's zero, in seconds since 1970.
+    /// Capture time of the first moment, which is the run's zero, seconds since 1970.
     start_s: Option<f64>,
     latest_s: f64,
     frame: u32,
     left_out: LeftOut,
 }
 
-impl Live {
+impl LiveGathering {
     pub(super) fn new(latency_s: f64) -> Self {
         let latest_s = f64::NEG_INFINITY;
         Self { latency_s, lead: None, start_s: None, latest_s, frame: 0, left_out: LeftOut::default() }
@@ -53,10 +54,10 @@ impl Live {
 
     pub(super) fn next(
         &mut self,
-        cameras: &mut [Camera],
+        cameras: &mut [GatheredCamera],
         events: &Receiver<(usize, Event)>,
         believed: &[Body],
-    ) -> Result<Next> {
+    ) -> Result<NextMoment> {
         loop {
             let is_open = drain(cameras, events);
             if let Some(ended) = ended(cameras, self.latest_s)? {
@@ -74,28 +75,31 @@ impl Live {
                             self.latest_s = time_s;
                             continue;
                         }
-                        None => return Ok(Next::Moment(self.moment(cameras, lead, time_s, now, believed))),
+                        None => {
+                            return Ok(NextMoment::Moment(self.moment(cameras, lead, time_s, now, believed)));
+                        }
                     }
                 }
             };
             if !is_open {
-                return Err(Error::option("--video", "all stations have gone"));
+                return Err(Error::option("ports", "all stations have gone"));
             }
             match events.recv_timeout(wait.min(WAIT)) {
                 Ok((camera, event)) => take(cameras, camera, event),
-                // Nothing to be waited for: the caller looks whether the run is to go on.
-                Err(RecvTimeoutError::Timeout) if wait >= WAIT => return Ok(Next::Idle),
+                // Nothing to wait for: the caller decides whether the run goes on.
+                Err(RecvTimeoutError::Timeout) if wait >= WAIT => return Ok(NextMoment::Idle),
                 Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => {}
             }
         }
     }
 
-    /// Gives up observations that belong to no moment to come.
-    fn drop_late(&mut self, cameras: &mut [Camera], believed: &[Body]) {
+    /// Drops observations that cannot belong to a later moment.
+    fn drop_late(&mut self, cameras: &mut [GatheredCamera], believed: &[Body]) {
         for camera in cameras.iter_mut() {
             let over_s = self.latest_s - (0.5 * camera.interval_s).max(NEAR_S);
             while camera.pending.front().is_some_and(|first| first.time_s < over_s) {
-                // An observation that was used, or that a nearer one replaced, is not late; one that came after its moment was.
+                // An observation that was used, or that a nearer one replaced, is not late; one that arrived after its
+                // moment is.
                 if !camera.has_been_used() {
                     self.left_out.late += 1;
                 }
@@ -104,8 +108,8 @@ impl Live {
         }
     }
 
-    /// The leading camera, and time and arrival of its first frame after the latest moment.
-    fn candidate(&mut self, cameras: &[Camera], now: Instant) -> Option<(usize, f64, Instant)> {
+    /// Leading camera, and time and arrival of its first frame after the latest moment.
+    fn candidate(&mut self, cameras: &[GatheredCamera], now: Instant) -> Option<(usize, f64, Instant)> {
         let lead = self.choose_lead(cameras, now)?;
         self.lead = Some(lead);
         // A new leader's frames may have been used in the moments before.
@@ -113,11 +117,12 @@ impl Live {
         cameras[lead].first_after(from_s).map(|first| (lead, first.time_s, first.arrived))
     }
 
-    /// The camera that is to lead; the one that leads already where the rules allow it.
-    fn choose_lead(&self, cameras: &[Camera], now: Instant) -> Option<usize> {
+    /// Camera that leads: the present leader where the rules allow it.
+    fn choose_lead(&self, cameras: &[GatheredCamera], now: Instant) -> Option<usize> {
         let present = || (0..cameras.len()).filter(|camera| cameras[*camera].is_present(now, PATIENCE_S));
-        let least =
-            |value: fn(&Camera) -> f64| present().map(|i| value(&cameras[i])).fold(f64::INFINITY, f64::min);
+        let least = |value: fn(&GatheredCamera) -> f64| {
+            present().map(|i| value(&cameras[i])).fold(f64::INFINITY, f64::min)
+        };
         let (interval_s, delay_s) = (least(|camera| camera.interval_s), least(|camera| camera.delay_s));
         let may_lead = || {
             present().filter(|i| {
@@ -126,7 +131,7 @@ impl Live {
             })
         };
         let latest_s = may_lead().map(|i| cameras[i].delay_s).fold(f64::NEG_INFINITY, f64::max);
-        // Half an interval is no difference: moments would go from one camera's frames to another's and back.
+        // Differences below half an interval are ignored; otherwise the lead would alternate between cameras.
         let comes_last = |i: &usize| cameras[*i].delay_s + 0.5 * cameras[*i].interval_s >= latest_s;
         let fastest_first = |a: &usize, b: &usize| cameras[*a].interval_s.total_cmp(&cameras[*b].interval_s);
         self.lead
@@ -135,10 +140,10 @@ impl Live {
             .or_else(|| present().min_by(fastest_first))
     }
 
-    /// Time for which the other cameras are still waited for; `None` when no nearer observation is to be expected.
+    /// Remaining wait for the other cameras; `None` when no nearer observation is expected.
     fn complete_in(
         &self,
-        cameras: &[Camera],
+        cameras: &[GatheredCamera],
         lead: usize,
         time_s: f64,
         arrived: Instant,
@@ -154,7 +159,7 @@ impl Live {
                 if behind_s <= 0.0 || NOT_BEFORE * camera.interval_s - behind_s >= behind_s {
                     return None;
                 }
-                // When its next frame should be here, seconds after the leading one was.
+                // Due time of its next frame, seconds after the leading frame.
                 let due_s = (camera.interval_s - behind_s)
                     + (camera.delay_s - cameras[lead].delay_s).max(0.0)
                     + SLACK_S;
@@ -164,15 +169,15 @@ impl Live {
         (wait_s > 0.0).then(|| Duration::from_secs_f64(wait_s))
     }
 
-    /// Whether the tracker is so far behind that a moment is passed over for the next one.
-    fn is_behind(&self, lead: &Camera, time_s: f64) -> bool {
+    /// Whether the tracker is so far behind that this moment is skipped for the next one.
+    fn is_behind(&self, lead: &GatheredCamera, time_s: f64) -> bool {
         let age_s = utc_s(SystemTime::now()) - time_s - lead.least_delay_s;
         age_s > self.latency_s + BEHIND_S && lead.first_after(time_s).is_some()
     }
 
     fn moment(
         &mut self,
-        cameras: &mut [Camera],
+        cameras: &mut [GatheredCamera],
         lead: usize,
         time_s: f64,
         now: Instant,
@@ -181,7 +186,7 @@ impl Live {
         let near_s = (0.5 * cameras[lead].interval_s).max(NEAR_S);
         let parts = cameras.iter_mut().map(|camera| {
             camera.keep_nearest(time_s, believed);
-            nearest_part(camera, time_s, near_s).unwrap_or_else(|| Part::Nothing(reason(camera, now)))
+            nearest_part(camera, time_s, near_s).unwrap_or_else(|| MomentPart::Nothing(reason(camera, now)))
         });
         let parts = parts.collect();
         self.latest_s = time_s;
@@ -192,7 +197,7 @@ impl Live {
 }
 
 /// Reason why a camera has no observation at a moment.
-fn reason(camera: &Camera, now: Instant) -> Verdict {
+fn reason(camera: &GatheredCamera, now: Instant) -> Verdict {
     match camera.health {
         health @ (Verdict::Lost | Verdict::OtherShape) => health,
         _ if camera.latest_arrival.is_none() => Verdict::Lost,
@@ -201,8 +206,8 @@ fn reason(camera: &Camera, now: Instant) -> Verdict {
     }
 }
 
-/// Takes in all events that have come. Returns whether more can come.
-fn drain(cameras: &mut [Camera], events: &Receiver<(usize, Event)>) -> bool {
+/// Processes all events that have arrived. Returns whether more can come.
+fn drain(cameras: &mut [GatheredCamera], events: &Receiver<(usize, Event)>) -> bool {
     loop {
         match events.try_recv() {
             Ok((camera, event)) => take(cameras, camera, event),
@@ -212,24 +217,24 @@ fn drain(cameras: &mut [Camera], events: &Receiver<(usize, Event)>) -> bool {
     }
 }
 
-fn take(cameras: &mut [Camera], camera: usize, event: Event) {
+fn take(cameras: &mut [GatheredCamera], camera: usize, event: Event) {
     if let Some(camera) = cameras.get_mut(camera) {
         camera.take(event, Some(utc_s(SystemTime::now())));
     }
 }
 
-/// A recording beside live cameras ends the run where it ends.
-fn ended(cameras: &mut [Camera], latest_s: f64) -> Result<Option<Next>> {
+/// The end of the run, where a recording beside live cameras has ended.
+fn ended(cameras: &mut [GatheredCamera], latest_s: f64) -> Result<Option<NextMoment>> {
     for camera in cameras {
         match camera.end.take() {
             None => {}
-            Some(End::Failed(error)) => return Err(error),
-            Some(End::Ended) => {
-                // What is here still belongs to moments.
+            Some(StreamEnd::Failed(error)) => return Err(error),
+            Some(StreamEnd::Ended) => {
+                // Observations that have already arrived still belong to moments.
                 if camera.newest_s.is_none_or(|newest| newest <= latest_s + 0.5 * camera.interval_s) {
-                    return Ok(Some(Next::Ended(camera.port.name.clone())));
+                    return Ok(Some(NextMoment::Ended(camera.port.name.clone())));
                 }
-                camera.end = Some(End::Ended);
+                camera.end = Some(StreamEnd::Ended);
             }
         }
     }

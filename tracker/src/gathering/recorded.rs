@@ -1,28 +1,28 @@
-//! Moments of recordings: every camera is waited for, so the moments do not depend on how fast anybody works.
+//! Moments of recordings. Every camera is waited for, so the moments do not depend on the speed of any station.
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 
-use super::camera::{Camera, End};
-use super::{Gathered, NEAR_S, Next, Part, WAIT, nearest_part};
+use super::camera::{GatheredCamera, StreamEnd};
+use super::{Gathered, MomentPart, NEAR_S, NextMoment, WAIT, nearest_part};
 use crate::foreground::Verdict;
 use crate::silhouette::Body;
 use crate::station::Event;
 use crate::{Error, Result};
 
-/// Gap in the leading camera's frames, in its intervals, in which another camera's frames become the moments.
+/// Gap in the leading camera's frames, in its intervals, beyond which another camera's frames become the moments.
 const GAP: f64 = 1.5;
 
 #[derive(Debug)]
-pub(super) struct Recorded {
-    /// The cameras, the fastest first; of several that are equally fast, in their own order.
+pub(super) struct RecordedGathering {
+    /// Indices of the cameras, the fastest first; of equally fast ones, in their own order.
     order: Vec<usize>,
     near_s: f64,
     /// Number and time of the latest moment.
     latest: Option<(u32, f64)>,
 }
 
-impl Recorded {
-    pub(super) fn new(cameras: &[Camera]) -> Self {
+impl RecordedGathering {
+    pub(super) fn new(cameras: &[GatheredCamera]) -> Self {
         let mut order: Vec<usize> = (0..cameras.len()).collect();
         order.sort_by(|a, b| cameras[*a].interval_s.total_cmp(&cameras[*b].interval_s));
         let near_s = order.first().map_or(NEAR_S, |lead| (0.5 * cameras[*lead].interval_s).max(NEAR_S));
@@ -31,15 +31,15 @@ impl Recorded {
 
     pub(super) fn next(
         &mut self,
-        cameras: &mut [Camera],
+        cameras: &mut [GatheredCamera],
         events: &Receiver<(usize, Event)>,
         believed: &[Body],
-    ) -> Result<Next> {
+    ) -> Result<NextMoment> {
         if self.latest.is_none() {
             match start_s(cameras, events, believed)? {
-                Start::At(start_s) => self.skip_to(start_s, cameras, believed),
-                Start::Waiting => return Ok(Next::Idle),
-                Start::Never(next) => return Ok(next),
+                CommonStart::At(start_s) => self.skip_to(start_s, cameras, believed),
+                CommonStart::Waiting => return Ok(NextMoment::Idle),
+                CommonStart::Never(next) => return Ok(next),
             }
         }
         let after_s = self.latest.map_or(f64::NEG_INFINITY, |(_, time_s)| time_s);
@@ -48,7 +48,7 @@ impl Recorded {
         };
         for camera in 0..cameras.len() {
             if !reach(cameras, events, camera, time_s) {
-                return Ok(Next::Idle);
+                return Ok(NextMoment::Idle);
             }
         }
         if let Some(ended) = ended_before(cameras, time_s)? {
@@ -58,7 +58,7 @@ impl Recorded {
         for camera in cameras.iter_mut() {
             camera.keep_nearest(time_s, believed);
             let part = nearest_part(camera, time_s, self.near_s);
-            parts.push(part.unwrap_or(Part::Nothing(Verdict::Between)));
+            parts.push(part.unwrap_or(MomentPart::Nothing(Verdict::Between)));
         }
         let own = cameras[lead].pending.front().map_or(0, |p| p.seen.observation.sequence);
         let following = self.latest.map_or(1, |(frame, _)| frame.saturating_add(1));
@@ -66,11 +66,11 @@ impl Recorded {
         let own = if lead == self.order[0] { u32::try_from(own).unwrap_or(u32::MAX) } else { 0 };
         let frame = own.max(following);
         self.latest = Some((frame, time_s));
-        Ok(Next::Moment(Gathered { frame, time_s, parts }))
+        Ok(NextMoment::Moment(Gathered { frame, time_s, parts }))
     }
 
-    /// Gives up the leading camera's frames before all have begun.
-    fn skip_to(&mut self, start_s: f64, cameras: &mut [Camera], believed: &[Body]) {
+    /// Drops the leading camera's frames from before all cameras have begun.
+    fn skip_to(&mut self, start_s: f64, cameras: &mut [GatheredCamera], believed: &[Body]) {
         let lead = &mut cameras[self.order[0]];
         let first_s = start_s - 0.5 * lead.interval_s - 1e-9;
         while lead.pending.front().is_some_and(|first| first.time_s < first_s) {
@@ -78,11 +78,11 @@ impl Recorded {
         }
     }
 
-    /// The camera whose next frame is the next moment, and its time; `None` when that is not known, or there is none.
+    /// Camera whose next frame is the next moment, and its time; `None` when that is unknown, or there is none.
     fn next_time(
         &self,
         after_s: f64,
-        cameras: &mut [Camera],
+        cameras: &mut [GatheredCamera],
         events: &Receiver<(usize, Event)>,
     ) -> Option<(usize, f64)> {
         let mut earliest: Option<(usize, f64)> = None;
@@ -102,7 +102,7 @@ impl Recorded {
                 }
             };
             let Some(time_s) = found else {
-                // Nobody goes on without the leading camera.
+                // The run ends with the leading camera.
                 if camera == self.order[0] {
                     return None;
                 }
@@ -119,22 +119,22 @@ impl Recorded {
         earliest
     }
 
-    /// The outcome where no next moment is known.
+    /// Result of a call where no next moment is known.
     fn waiting_or_ended(
         &self,
-        cameras: &mut [Camera],
+        cameras: &mut [GatheredCamera],
         events: &Receiver<(usize, Event)>,
         after_s: f64,
-    ) -> Result<Next> {
+    ) -> Result<NextMoment> {
         let lead = self.order[0];
         if cameras[lead].end.is_none() {
-            return Ok(Next::Idle);
+            return Ok(NextMoment::Idle);
         }
-        // Another camera may have ended before the leading one, and the message of its station be still under way.
+        // Another camera may have ended before the leading one while the message of its station is still under way.
         let missed_s = after_s + cameras[lead].interval_s;
         for camera in 0..cameras.len() {
             if !reach(cameras, events, camera, missed_s) {
-                return Ok(Next::Idle);
+                return Ok(NextMoment::Idle);
             }
         }
         if let Some(ended) = ended_before(cameras, missed_s)? {
@@ -144,33 +144,37 @@ impl Recorded {
     }
 }
 
-/// The time at which all cameras have begun, as far as it is known.
-enum Start {
+/// Time at which all cameras have begun, as far as it is known.
+enum CommonStart {
     At(f64),
     Waiting,
     /// A camera has no frame.
-    Never(Next),
+    Never(NextMoment),
 }
 
-/// The time at which all cameras have begun: the latest of their first frames.
+/// Time at which all cameras have begun: the latest of their first frames.
 ///
 /// # Errors
-/// A camera ends before another begins.
-fn start_s(cameras: &mut [Camera], events: &Receiver<(usize, Event)>, believed: &[Body]) -> Result<Start> {
+/// A camera that ends before another begins.
+fn start_s(
+    cameras: &mut [GatheredCamera],
+    events: &Receiver<(usize, Event)>,
+    believed: &[Body],
+) -> Result<CommonStart> {
     for camera in 0..cameras.len() {
         while cameras[camera].pending.is_empty() {
             if cameras[camera].end.is_some() {
-                return take_end(&mut cameras[camera]).map(Start::Never);
+                return take_end(&mut cameras[camera]).map(CommonStart::Never);
             }
             if !receive(cameras, events) {
-                return Ok(Start::Waiting);
+                return Ok(CommonStart::Waiting);
             }
         }
     }
     let start_s =
         cameras.iter().filter_map(|c| Some(c.pending.front()?.time_s)).fold(f64::NEG_INFINITY, f64::max);
     for camera in 0..cameras.len() {
-        // All frames but the last before the start are over; the stations go on meanwhile.
+        // All frames before the start but the last are dropped; meanwhile the stations go on.
         loop {
             while cameras[camera].pending.len() > 1 && cameras[camera].pending[1].time_s < start_s {
                 cameras[camera].drop_oldest(believed);
@@ -179,22 +183,27 @@ fn start_s(cameras: &mut [Camera], events: &Receiver<(usize, Event)>, believed: 
                 break;
             }
             if !receive(cameras, events) {
-                return Ok(Start::Waiting);
+                return Ok(CommonStart::Waiting);
             }
         }
     }
-    if let Some(Next::Ended(name)) = ended_before(cameras, start_s)? {
+    if let Some(NextMoment::Ended(name)) = ended_before(cameras, start_s)? {
         let problem = format!(
             "there is no moment at which all cameras film: `{name}` ends before another begins; leave one out, or mend its \
              offset"
         );
-        return Err(Error::option("--offset, --times", problem));
+        return Err(Error::option("alignments", problem));
     }
-    Ok(Start::At(start_s))
+    Ok(CommonStart::At(start_s))
 }
 
-/// Waits until a camera has an observation of this time or later, or has ended. `false` when neither has come for a while.
-fn reach(cameras: &mut [Camera], events: &Receiver<(usize, Event)>, camera: usize, time_s: f64) -> bool {
+/// Waits until a camera has an observation of this time or later, or has ended. `false` after [`WAIT`] without either.
+fn reach(
+    cameras: &mut [GatheredCamera],
+    events: &Receiver<(usize, Event)>,
+    camera: usize,
+    time_s: f64,
+) -> bool {
     while !cameras[camera].reaches(time_s) && cameras[camera].end.is_none() {
         if !receive(cameras, events) {
             return false;
@@ -203,29 +212,29 @@ fn reach(cameras: &mut [Camera], events: &Receiver<(usize, Event)>, camera: usiz
     true
 }
 
-/// The first camera that has ended for good before a time; the error of one that has failed.
-fn ended_before(cameras: &mut [Camera], time_s: f64) -> Result<Option<Next>> {
-    let is_over = |camera: &Camera| {
+/// First camera that has ended for good before a time; the error of one that has failed.
+fn ended_before(cameras: &mut [GatheredCamera], time_s: f64) -> Result<Option<NextMoment>> {
+    let is_over = |camera: &GatheredCamera| {
         let last_s = camera.newest_s.unwrap_or(f64::NEG_INFINITY);
         camera.end.is_some() && time_s > last_s + 0.5 * camera.interval_s
     };
     // The shortest source ends the run, even where another has an error there.
-    let over = |camera: &&mut Camera| is_over(camera) && matches!(camera.end, Some(End::Ended));
+    let over = |camera: &&mut GatheredCamera| is_over(camera) && matches!(camera.end, Some(StreamEnd::Ended));
     if let Some(camera) = cameras.iter_mut().find(over) {
-        return Ok(Some(Next::Ended(camera.port.name.clone())));
+        return Ok(Some(NextMoment::Ended(camera.port.name.clone())));
     }
     cameras.iter_mut().find(|camera| is_over(camera)).map(take_end).transpose()
 }
 
-fn take_end(camera: &mut Camera) -> Result<Next> {
-    match camera.end.replace(End::Ended) {
-        Some(End::Failed(error)) => Err(error),
-        _ => Ok(Next::Ended(camera.port.name.clone())),
+fn take_end(camera: &mut GatheredCamera) -> Result<NextMoment> {
+    match camera.end.replace(StreamEnd::Ended) {
+        Some(StreamEnd::Failed(error)) => Err(error),
+        _ => Ok(NextMoment::Ended(camera.port.name.clone())),
     }
 }
 
-/// Takes in one event; `false` when none has come for a while.
-fn receive(cameras: &mut [Camera], events: &Receiver<(usize, Event)>) -> bool {
+/// Processes one event; `false` after [`WAIT`] without any.
+fn receive(cameras: &mut [GatheredCamera], events: &Receiver<(usize, Event)>) -> bool {
     match events.recv_timeout(WAIT) {
         Ok((camera, event)) => {
             if let Some(camera) = cameras.get_mut(camera) {
@@ -235,11 +244,11 @@ fn receive(cameras: &mut [Camera], events: &Receiver<(usize, Event)>) -> bool {
         }
         Err(RecvTimeoutError::Timeout) => false,
         Err(RecvTimeoutError::Disconnected) => {
-            // Every station has gone; one that said nothing before has failed.
+            // All stations are gone; one that did not report its end has failed.
             for camera in cameras.iter_mut().filter(|camera| camera.end.is_none()) {
                 let problem = "its station has gone without a word; is its machine still there?";
                 let name = format!("camera `{}`", camera.port.name);
-                camera.end = Some(End::Failed(Error::option(name, problem)));
+                camera.end = Some(StreamEnd::Failed(Error::option(name, problem)));
             }
             true
         }

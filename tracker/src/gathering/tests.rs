@@ -1,4 +1,4 @@
-//! Moments of scripted stations: which observations belong to which moment.
+//! Moments of scripted stations: tests of the observations that belong to each moment.
 
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::{Duration, SystemTime};
@@ -8,7 +8,7 @@ use crate::observation::{Feedback, Observation};
 use crate::source::utc_s;
 use crate::station::{Pictures, Port};
 
-/// Stations that say what a test lets them say.
+/// Stations that send scripted observations.
 struct Stations {
     inbox: Sender<(usize, Event)>,
     feedback: Vec<Receiver<Feedback>>,
@@ -25,7 +25,7 @@ fn gathering(rates_hz: &[f64], offsets_s: &[f64], is_live: bool) -> (Stations, G
         Port { name: format!("cam{camera}"), is_live, rate_hz: Some(*rate_hz), feedback }
     });
     let alignments =
-        offsets_s.iter().map(|offset_s| Alignment { offset_s: *offset_s, ..Alignment::default() });
+        offsets_s.iter().map(|offset_s| ClockAlignment { offset_s: *offset_s, ..ClockAlignment::default() });
     let options = GatheringOptions { alignments: alignments.collect(), latency_s: 0.3 };
     let gathering = Gathering::new(ports.collect(), events, &options).unwrap();
     (Stations { inbox, feedback, sent: vec![0; rates_hz.len()] }, gathering)
@@ -36,7 +36,7 @@ impl Stations {
         self.sent[camera] += 1;
         let observation = Observation::unusable(self.sent[camera], time_s, Verdict::Usable);
         let (decode, foreground) = (Duration::ZERO, Duration::ZERO);
-        let seen = Seen { observation, pictures: Pictures::default(), decode, foreground };
+        let seen = ObservedFrame { observation, pictures: Pictures::default(), decode, foreground };
         self.inbox.send((camera, Event::Seen(Box::new(seen)))).unwrap();
     }
 
@@ -47,24 +47,24 @@ impl Stations {
 }
 
 /// Number and time of a moment, with each camera's own time in it.
-type Times = (u32, f64, Vec<Option<f64>>);
+type MomentTimes = (u32, f64, Vec<Option<f64>>);
 
-/// Every moment, and the camera that ended first.
-fn all(gathering: &mut Gathering) -> (Vec<Times>, String) {
+/// All moments, and the camera that ended first.
+fn all(gathering: &mut Gathering) -> (Vec<MomentTimes>, String) {
     let mut moments = Vec::new();
     loop {
         match gathering.next_moment().unwrap() {
-            Next::Moment(gathered) => moments.push(times_of(&gathered)),
-            Next::Idle => panic!("recordings say all they have"),
-            Next::Ended(name) => return (moments, name),
+            NextMoment::Moment(gathered) => moments.push(times_of(&gathered)),
+            NextMoment::Idle => panic!("recordings say all they have"),
+            NextMoment::Ended(name) => return (moments, name),
         }
     }
 }
 
-fn times_of(gathered: &Gathered) -> Times {
-    let time = |part: &Part| match part {
-        Part::Seen(seen) => Some(seen.observation.time_s),
-        Part::Nothing(_) => None,
+fn times_of(gathered: &Gathered) -> MomentTimes {
+    let time = |part: &MomentPart| match part {
+        MomentPart::Seen(seen) => Some(seen.observation.time_s),
+        MomentPart::Nothing(_) => None,
     };
     (gathered.frame, gathered.time_s, gathered.parts.iter().map(time).collect())
 }
@@ -107,7 +107,7 @@ fn every_camera_gives_its_nearest_frame_if_that_is_near() {
             let mut had = 0;
             for (frame, time_s, seen) in &moments {
                 assert!(seen[lead].is_some(), "{a}, {b}, {frame}");
-                // The slow way: all frames that could be meant.
+                // Brute force over all frames in question.
                 let off = |s: f64| (s + offset - time_s).abs();
                 let best = steady(rate, (rate * 20.0) as u32).map(off).fold(f64::INFINITY, f64::min);
                 match seen[other] {
@@ -118,7 +118,7 @@ fn every_camera_gives_its_nearest_frame_if_that_is_near() {
                     None => assert!(best >= near_s - 1e-6, "{a}, {b}, {offset_s}, {time_s}: {best}"),
                 }
             }
-            // The slower camera's every frame belongs to some moment.
+            // Every frame of the slower camera belongs to some moment.
             assert!(
                 had as f64 >= (moments.len() as f64 - 1.0) / a.max(b) * a.min(b) - 2.0,
                 "{a}, {b}: {had}"
@@ -180,8 +180,8 @@ fn each_observation_of_a_recording_is_acknowledged_once_in_order() {
     }
 }
 
-/// Plays live cameras: `(seconds from now at which it arrives, camera, seconds from now of its capture)`, in the order of
-/// arrival; the moments that come meanwhile and until a second later.
+/// Plays live cameras: `(seconds from now at which it arrives, camera, seconds from now of its capture)`, in the order
+/// of arrival. Returns the moments until one second after the last arrival.
 fn played(
     gathering: &mut Gathering,
     mut stations: Stations,
@@ -200,7 +200,7 @@ fn played(
     let mut moments = Vec::new();
     let mut start_s = None;
     while utc_s(SystemTime::now()) - zero_s < end_s {
-        if let Next::Moment(gathered) = gathering.next_moment().unwrap() {
+        if let NextMoment::Moment(gathered) = gathering.next_moment().unwrap() {
             let (_, time_s, seen) = times_of(&gathered);
             let lead_s = seen.iter().flatten().next().copied().unwrap_or(f64::NAN);
             start_s.get_or_insert(lead_s - time_s);
@@ -238,7 +238,7 @@ fn a_silent_camera_delays_and_shifts_nobody() {
     }
 }
 
-/// Later than the latency: the others' frames wait where that camera leads.
+/// A delay beyond the latency: the others' frames wait because that camera leads.
 #[test]
 fn frames_that_always_come_later_than_the_latency_are_in_moments_all_the_same() {
     for delay_s in [0.2, 0.45] {
@@ -262,16 +262,16 @@ fn frames_that_always_come_later_than_the_latency_are_in_moments_all_the_same() 
 }
 
 #[test]
-fn what_a_slow_tracker_cannot_keep_up_with_is_skipped() {
+fn moments_that_a_slow_tracker_cannot_keep_up_with_are_skipped() {
     let (mut stations, mut gathering) = gathering(&[10.0], &[0.0], true);
     let zero_s = utc_s(SystemTime::now());
-    // Thirty frames lie there; the newest is of now.
+    // Thirty frames wait; the newest is of now.
     for frame in 0..30 {
         stations.see(0, zero_s - 0.1 * f64::from(29 - frame));
     }
     std::thread::sleep(Duration::from_millis(700));
     stations.see(0, utc_s(SystemTime::now()));
-    let Next::Moment(first) = gathering.next_moment().unwrap() else { panic!("there is a moment") };
+    let NextMoment::Moment(first) = gathering.next_moment().unwrap() else { panic!("there is a moment") };
     let (_, _, seen) = times_of(&first);
     assert!(seen[0].is_some_and(|s| s >= zero_s), "{seen:?}");
     assert!(gathering.left_out().skipped >= 25, "{:?}", gathering.left_out());

@@ -1,7 +1,8 @@
-//! What somebody looks like: colour histograms of torso and legs.
+//! Appearance of a person: colour histograms of torso and legs.
 //!
-//! Sampled only from the pixels in which a camera is predicted to see this person and nobody else, and compared by the
-//! Hellinger distance `√(1 − Σ √(p q))` (Comaniciu, Ramesh & Meer, "Kernel-based object tracking", PAMI 2003).
+//! Sampled only from pixels in which a camera is predicted to see this person and nobody else, and compared by the
+//! Hellinger distance `√(1 − Σ √(p q))` (D. Comaniciu, V. Ramesh and P. Meer, "Kernel-based object tracking", PAMI
+//! 2003).
 
 use image::Rgb;
 
@@ -10,15 +11,15 @@ use crate::observation::Colours;
 use crate::silhouette::visibility::{fraction, visible_parts};
 use crate::silhouette::{Body, Silhouette, View};
 
-/// Levels of each colour channel.
+/// Number of levels of each colour channel.
 const LEVELS: usize = 6;
-/// Heights that torso and legs lie between, in parts of the visible silhouette from its top. What is between them is a
+/// Ranges of torso and legs, as fractions of the visible silhouette's height from its top. The part between them is a
 /// jacket's hem on some people and not on others; head and feet are small and alike.
 const TORSO: std::ops::Range<f64> = 0.18..0.45;
 const LEGS: std::ops::Range<f64> = 0.58..0.88;
-/// Only cameras that see this part of a person count: of less, nobody knows which part it is.
+/// Least visible fraction of a person in a camera that counts: of a smaller part it is not known which one it is.
 const LEAST_VISIBLE: f64 = 0.7;
-/// Around the middle of a row this part of its width is the person in every pose.
+/// Fraction of a row's width around its middle that is the person in every pose.
 const MIDDLE: f64 = 0.5;
 
 /// Colours of torso and legs.
@@ -28,33 +29,33 @@ pub struct Appearance {
     legs: Histogram,
 }
 
-/// How often each colour was seen.
+/// Histogram of colours.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Histogram {
-    /// One entry a colour; empty until something is seen.
+    /// Count of each colour; empty until a pixel is counted.
     counts: Vec<f64>,
     pixels: f64,
 }
 
 impl Appearance {
-    /// In how many pixels it was seen; what was forgotten does not count.
+    /// Number of pixels, after fading.
     pub fn pixels(&self) -> f64 {
         self.torso.pixels.min(self.legs.pixels)
     }
 
-    /// Adds another look at the same person. What was seen before is faded to at most `remembered_px` pixels.
+    /// Adds another sample of the same person. Earlier counts are first faded to at most `remembered_px` pixels.
     pub fn add(&mut self, seen: &Self, remembered_px: f64) {
         self.torso.add(&seen.torso, remembered_px);
         self.legs.add(&seen.legs, remembered_px);
     }
 
-    /// How different two appearances are: 0 for the same colours in the same proportions, 1 for none in common.
+    /// Distance between two appearances: 0 for the same colours in the same proportions, 1 for none in common.
     pub fn distance(&self, other: &Self) -> f64 {
         0.5 * (self.torso.distance(&other.torso) + self.legs.distance(&other.legs))
     }
 }
 
-/// What each of the people looks like at this moment, over all cameras that see them well.
+/// Appearance of each person at this moment, over all cameras that see them well.
 pub fn sample(cameras: &[CameraFrame], views: &[View], people: &[Body]) -> Vec<Appearance> {
     let mut looks = vec![Appearance::default(); people.len()];
     for (camera, view) in cameras.iter().zip(views) {
@@ -83,8 +84,8 @@ impl Appearance {
     }
 }
 
-/// The rows of somebody's visible part from its top: height, 0 at the top to 1 at the bottom, and the colours that were
-/// sampled in the middle of the row.
+/// Rows of a person's visible part: height, from 0 at the top to 1 at the bottom, and the colours sampled in the middle
+/// of the row.
 pub(crate) fn middle_rows(
     colours: &Colours,
     view: &View,
@@ -113,7 +114,7 @@ impl Histogram {
         self.pixels += 1.0;
     }
 
-    /// Adds what was seen elsewhere. What was seen before is faded to at most `remembered_px` pixels.
+    /// Adds another histogram. Earlier counts are first faded to at most `remembered_px` pixels.
     pub fn add(&mut self, other: &Self, remembered_px: f64) {
         if other.counts.is_empty() {
             return;
@@ -126,7 +127,7 @@ impl Histogram {
         self.pixels = self.pixels * fade + other.pixels;
     }
 
-    /// Hellinger distance: 0 for the same colours in the same proportions, 1 for none in common or none seen.
+    /// Hellinger distance: 0 for the same colours in the same proportions, 1 for none in common or an empty histogram.
     pub fn distance(&self, other: &Self) -> f64 {
         if self.pixels == 0.0 || other.pixels == 0.0 {
             return 1.0;

@@ -1,12 +1,12 @@
-//! Who is who after an encounter: appearance breaks the ties that position cannot (spec, section "Identity").
+//! Re-identification after an encounter: appearance resolves the ambiguities that position cannot.
 //!
-//! While people are apart, their ways tell who they are, and their colours are learnt. Two who come so close that their
-//! silhouettes could be taken for each other have *met*; once they are apart again, what they look like now is compared
-//! with what was learnt before. If the other way round fits clearly better, they have exchanged their names on the way,
-//! and get them back.
+//! While people are apart, their positions identify them, and their appearance is learnt. Two people whose distance
+//! makes their silhouettes interchangeable have *met*; once they are apart again, their present appearance is compared
+//! with the one learnt before. If the exchanged assignment fits clearly better, their ids were swapped in the
+//! encounter, and are swapped back.
 //!
-//! * [`Identities`] — who has met whom, and what everybody looks like.
-//! * [`appearance`] — the colours of torso and legs, from pixels that a camera is predicted to see.
+//! * [`Identities`] — appearances of all people, and pairs that have met.
+//! * [`appearance`] — colours of torso and legs, from pixels that a camera is predicted to see.
 
 pub mod appearance;
 
@@ -16,37 +16,37 @@ use self::appearance::Appearance;
 use crate::silhouette::{Body, View};
 use crate::{CameraFrame, TrackId};
 
-/// People closer than this may be taken for each other afterwards, metres.
+/// Distance below which two people may be confused afterwards, metres.
 const MET_M: f64 = 0.6;
-/// People farther than this from everybody are apart: their pixels are their own, metres.
+/// Distance from everybody else above which a person's pixels are their own, metres.
 const APART_M: f64 = 0.9;
-/// Pixels, in views of the sampler's resolution, that an appearance has to be seen in before it is compared.
+/// Least number of pixels of an appearance that is compared, in views of the sampler's resolution.
 const ENOUGH_PX: f64 = 600.0;
-/// What was learnt in so many pixels outweighs a new moment's.
+/// Number of pixels to which an appearance is faded before new ones are added.
 const REMEMBERED_PX: f64 = 20_000.0;
-/// By how much the exchange has to fit better, in Hellinger distances summed over who was known (each at most 1): noise,
-/// shading and a turned back make some difference to the same clothes.
+/// Margin by which the exchange has to fit better, in Hellinger distances summed over the known people (each at most
+/// 1): noise, shading and a turned back change the colours of the same clothes somewhat.
 const CLEARLY: f64 = 0.15;
 
-/// What everybody looks like, and who has met whom.
+/// Appearances of all people, and the pairs that have met.
 #[derive(Debug, Clone, Default)]
 pub struct Identities {
-    people: BTreeMap<TrackId, Looks>,
-    /// Pairs that have met and have not been told apart since.
+    people: BTreeMap<TrackId, LearntAppearance>,
+    /// Pairs that have met and have not been re-identified since.
     met: Vec<(TrackId, TrackId)>,
 }
 
 #[derive(Debug, Clone, Default)]
-struct Looks {
-    /// Before the encounter.
+struct LearntAppearance {
+    /// Appearance before the encounter.
     known: Appearance,
-    /// Since.
+    /// Appearance since the encounter.
     now: Appearance,
 }
 
 impl Identities {
-    /// Takes in one moment: everybody with the name they go by, and the pictures (of all cameras, in the views' order).
-    /// Returns the pairs that have to exchange their names.
+    /// Processes one moment: all people with their present ids, and the cameras' frames in the views' order. Returns
+    /// the pairs whose ids have to be exchanged.
     pub fn observe(
         &mut self,
         cameras: &[CameraFrame],
@@ -82,7 +82,7 @@ impl Identities {
     }
 
     fn meet(&mut self, a: TrackId, b: TrackId) {
-        // What is seen between two encounters is nobody's yet.
+        // Pixels sampled between two encounters cannot be attributed.
         for id in [a, b] {
             self.people.entry(id).or_default().now = Appearance::default();
         }
@@ -91,18 +91,19 @@ impl Identities {
         }
     }
 
-    /// Tells apart whoever has been seen well enough since they met.
+    /// Re-identifies the pairs that have been seen well enough since they met.
     fn settle(&mut self) -> Vec<(TrackId, TrackId)> {
         let mut exchanged = Vec::new();
         for (a, b) in std::mem::take(&mut self.met) {
             let (Some(of_a), Some(of_b)) = (self.people.get(&a), self.people.get(&b)) else { continue };
-            // Whoever appeared beside somebody was never seen apart before: then the other's looks alone tell.
-            let known: Vec<(&Looks, &Looks)> = [(of_a, of_b), (of_b, of_a)]
+            // A person who appeared beside another was never seen apart before: then the other's appearance alone
+            // decides.
+            let known: Vec<(&LearntAppearance, &LearntAppearance)> = [(of_a, of_b), (of_b, of_a)]
                 .into_iter()
                 .filter(|(own, _)| own.known.pixels() >= ENOUGH_PX)
                 .collect();
             if known.is_empty() {
-                // They met before anybody knew what they look like: nothing to compare with, ever.
+                // They met before either appearance was known, so there is nothing to compare.
                 continue;
             }
             if of_a.now.pixels() < ENOUGH_PX || of_b.now.pixels() < ENOUGH_PX {

@@ -3,8 +3,8 @@ use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::*;
 use crate::observation::{Colours, Mask};
+use crate::prepared_room::PreparedCamera;
 use crate::silhouette::Silhouette;
-use crate::stage::StageCamera;
 use calib::{Camera, Intrinsics};
 
 const RED: Rgb<u8> = Rgb([200, 30, 30]);
@@ -14,14 +14,14 @@ fn view() -> View {
     let pose =
         Isometry3::face_towards(&Point3::new(0.0, -5.0, 1.6), &Point3::new(0.0, 0.0, 0.9), &-Vector3::z());
     let intrinsics = Intrinsics::from_horizontal_fov(320, 240, 70.0);
-    View::new(&StageCamera::new("c", &Camera { intrinsics, camera_from_world: pose.inverse() }))
+    View::new(&PreparedCamera::new("c", &Camera { intrinsics, camera_from_world: pose.inverse() }))
 }
 
 fn at(x_m: f64, y_m: f64) -> Body {
     Body { x_m, y_m, radius_m: 0.25, height_m: 1.75 }
 }
 
-/// People in plain clothes before a grey wall; the nearest is drawn last.
+/// Picture of people in plain clothes before a grey wall; the nearest is drawn last.
 fn picture(view: &View, people: &[(Body, Rgb<u8>)]) -> CameraFrame {
     let mut image = RgbImage::from_pixel(320, 240, Rgb([120, 120, 120]));
     let mut order: Vec<_> = people.iter().collect();
@@ -35,13 +35,13 @@ fn picture(view: &View, people: &[(Body, Rgb<u8>)]) -> CameraFrame {
     CameraFrame { colours: Some(Colours::of_picture(&mask, 1, &image)), ..CameraFrame::default() }
 }
 
-/// Two people walk towards each other, pass, and go on; after they have passed, the tracker takes each for the other if
-/// `confused`. Returns all exchanges that were asked for.
+/// Two people walk towards each other, pass, and go on; after they have passed, the tracker exchanges them if
+/// `confused`. Returns all exchanges that were requested.
 fn pass_by(colours: [Rgb<u8>; 2], confused: bool, pictures: bool) -> Vec<(TrackId, TrackId)> {
     walk_by(colours, confused, pictures, 0)
 }
 
-/// The same, but the second is there from a step on only; they are closest to each other at step 20.
+/// The same, but the second person appears at step `from`; they are closest to each other at step 20.
 fn walk_by(colours: [Rgb<u8>; 2], confused: bool, pictures: bool, from: usize) -> Vec<(TrackId, TrackId)> {
     let (view, mut identities) = (view(), Identities::default());
     let mut asked = Vec::new();
@@ -51,7 +51,7 @@ fn walk_by(colours: [Rgb<u8>; 2], confused: bool, pictures: bool, from: usize) -
         let there = if step < from { 1 } else { 2 };
         let frame = picture(&view, &[(first, colours[0]), (second, colours[1])][..there]);
         let mut named = [(TrackId(1), first), (TrackId(2), second)];
-        // Names are given back as soon as that is asked for.
+        // Ids are exchanged back as soon as that is requested.
         if confused && x > 0.0 && asked.is_empty() {
             (named[0].1, named[1].1) = (second, first);
         }
@@ -86,7 +86,7 @@ fn people_who_look_alike_and_masks_without_pictures_decide_nothing() {
 
 #[test]
 fn only_what_a_camera_sees_of_a_person_is_theirs() {
-    // The second stands behind the first: the camera sees next to nothing of them.
+    // The second person stands behind the first and is hardly visible.
     let view = view();
     let (near, far) = (at(0.0, -1.0), at(0.05, 1.0));
     let frame = picture(&view, &[(near, RED), (far, BLUE)]);

@@ -1,8 +1,8 @@
-//! How many bodies cover each pixel, 64 pixels at a time.
+//! Number of bodies that cover each pixel, computed for 64 pixels at a time.
 //!
-//! The counts are kept bit-sliced: five words hold the binary digits of the counts of 64 pixels, so a body is added or
-//! removed with a handful of word operations, whatever the number of bodies. A change of one body then only asks two
-//! things of a pixel: does *any* body cover it, do *several*?
+//! The counts are bit-sliced: five words hold the binary digits of the counts of 64 pixels, so a body is added or
+//! removed with a few word operations, whatever the number of bodies. A change of one body then depends on two
+//! properties of a pixel: whether *any* body covers it, and whether *several* do.
 //!
 //! ```text
 //! uncovered when `old` goes  = old & !several          (old is one of those that cover it)
@@ -13,7 +13,7 @@ use crate::silhouette::Silhouette;
 
 /// Binary digits of a count: up to 31 bodies over one pixel.
 const DIGITS: usize = 5;
-/// The most bodies that can cover a pixel without overflow.
+/// Largest number of bodies that can cover a pixel without overflow.
 pub(super) const MAX_BODIES: usize = (1 << DIGITS) - 1;
 
 /// 64 pixels: one cache line.
@@ -25,19 +25,19 @@ struct Word {
     digits: [u64; DIGITS],
 }
 
-/// The cover counts and the foreground of one camera.
+/// Cover counts and foreground of one camera.
 #[derive(Debug, Clone)]
 pub(super) struct Cover {
     words_per_row: usize,
     words: Vec<Word>,
 }
 
-/// What a change of one body changes.
+/// Changes of the counts by a change of one body.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Change {
     /// Change of the number of pixels that some body covers.
     pub(super) simulated: i64,
-    /// Of these, foreground.
+    /// Change of the number of those that are foreground.
     pub(super) both: i64,
 }
 
@@ -46,14 +46,14 @@ impl Cover {
         Self { words_per_row, words: vec![Word::default(); words_per_row * height] }
     }
 
-    /// Takes a new foreground (packed as [`super::pack`] does) and forgets all bodies.
+    /// Sets a new foreground (packed as [`super::pack`] does) and removes all bodies.
     pub(super) fn restart(&mut self, foreground: &[u64]) {
         for (word, foreground) in self.words.iter_mut().zip(foreground) {
             *word = Word { foreground: *foreground, ..Word::default() };
         }
     }
 
-    /// What changes when `old`, one of the bodies, goes.
+    /// Change when `old`, one of the bodies, is removed.
     pub(super) fn removal(&self, old: &Silhouette) -> Change {
         let mut change = Change::default();
         self.visit(old, |word, bits| {
@@ -64,11 +64,11 @@ impl Cover {
         change
     }
 
-    /// What changes when `new` comes, after `old`, one of the bodies, has gone.
+    /// Change when `new` is added after `old`, one of the bodies, was removed.
     pub(super) fn addition(&self, new: &Silhouette, old: Option<&Silhouette>) -> Change {
         let mut change = Change::default();
         let columns = new.word_range();
-        // Where the words of `old` begin, seen from the words of `new`.
+        // Offset of the words of `old` from the words of `new`.
         let shift = old.map_or(0, |old| columns.start.wrapping_sub(old.word_range().start));
         for (row, bits) in new.rows() {
             let start = row * self.words_per_row + columns.start;
@@ -83,7 +83,7 @@ impl Cover {
         change
     }
 
-    /// The foreground that no body covers, word by word.
+    /// Foreground that no body covers, word by word.
     pub(super) fn unexplained(&self) -> impl Iterator<Item = u64> + '_ {
         self.words.iter().map(|word| word.foreground & !word.any)
     }

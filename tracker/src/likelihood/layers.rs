@@ -1,8 +1,8 @@
-//! The silhouettes that a body is compared with the masks by: one for each camera and each shape of the rule.
+//! Silhouettes by which a body is compared with the masks: one for each camera and each shape of the rule.
 
 use crate::silhouette::{Body, Shape, Silhouette, View};
 
-/// Cameras times shapes, camera by camera: layer `c · shapes + s` is shape `s` seen by camera `c`.
+/// Product of cameras and shapes, camera by camera: layer `c · shapes + s` is shape `s` seen by camera `c`.
 #[derive(Debug, Clone)]
 pub struct Layers {
     views: Vec<View>,
@@ -10,42 +10,42 @@ pub struct Layers {
 }
 
 impl Layers {
-    /// Every shape in every view.
+    /// Layers of every shape in every view.
     pub fn new(views: Vec<View>, shapes: &'static [Shape]) -> Self {
         Self { views, shapes }
     }
 
-    /// The cameras.
+    /// Views of the cameras.
     pub fn views(&self) -> &[View] {
         &self.views
     }
 
-    /// The shapes, the innermost first.
+    /// Shapes, the innermost first.
     pub fn shapes(&self) -> &'static [Shape] {
         self.shapes
     }
 
-    /// How many layers there are.
+    /// Number of layers.
     pub fn count(&self) -> usize {
         self.views.len() * self.shapes.len()
     }
 
-    /// The camera of a layer.
+    /// Index of a layer's camera.
     pub fn camera(&self, layer: usize) -> usize {
         layer / self.shapes.len()
     }
 
-    /// The number of a layer's shape.
+    /// Index of a layer's shape.
     pub fn shape(&self, layer: usize) -> usize {
         layer % self.shapes.len()
     }
 
-    /// The layer of a camera's outermost shape.
+    /// Layer of a camera's outermost shape.
     pub fn outermost(&self, camera: usize) -> usize {
         (camera + 1) * self.shapes.len() - 1
     }
 
-    /// The layer of a camera's innermost shape.
+    /// Layer of a camera's innermost shape.
     pub fn innermost(&self, camera: usize) -> usize {
         camera * self.shapes.len()
     }
@@ -55,7 +55,7 @@ impl Layers {
         into.draw(&self.views[self.camera(layer)], &self.shapes[self.shape(layer)].of(body));
     }
 
-    /// A body in every layer that is `wanted`; empty in the others.
+    /// Silhouettes of a body in every layer that is `wanted`; empty in the others.
     pub fn silhouettes(&self, body: &Body, wanted: impl Fn(usize) -> bool) -> Vec<Silhouette> {
         let mut drawn = vec![Silhouette::default(); self.count()];
         for (layer, silhouette) in drawn.iter_mut().enumerate().filter(|(layer, _)| wanted(*layer)) {

@@ -1,10 +1,13 @@
-//! How well a state explains what the cameras see: `L(S) = E(S) · R(S) · V(S)` (seed 001, equations 5 to 8), in logarithms.
+//! Likelihood of the cameras' masks for a state: `L(S) = E(S) · R(S) · V(S)`, in logarithms.
+//!
+//! T. Osawa, X. Wu, K. Sudo, K. Wakabayashi and T. Yasuno, "MCMC based multiple people tracking using 3D environmental
+//! information" (in Japanese, conference paper LI-007), equations 5 to 8.
 //!
 //! * [`prior`] — E(S), people stand on walkable floor; R(S), people do not interpenetrate.
-//! * [`Counts`] and [`Rule`] — V(S): the pixel counts it is made of, and the named ways to make it of them.
-//! * [`Layers`] — the silhouettes that the counts are of: one or more shapes of each body, in each camera.
-//! * [`Simulation`] — the counts of a changing state, kept up to date by looking only at the pixels that change.
-//! * [`oracle`] — the same counts by casting a ray through every pixel: slow, and obviously right. Tests hold the two equal.
+//! * [`Counts`] and [`LikelihoodRule`] — V(S): the pixel counts of the masks, and the rules that turn them into a likelihood.
+//! * [`Layers`] — the silhouettes that are counted: one or more shapes of each body, in each camera.
+//! * [`Simulation`] — the counts of a changing state, updated from the changed pixels alone.
+//! * [`oracle`] — the same counts by one ray through every pixel: slow, and simple. Tests compare the two.
 
 mod cover;
 mod layers;
@@ -19,6 +22,6 @@ mod simulation;
 mod summed_area;
 
 pub use layers::Layers;
-pub use rule::{Counts, PreparedRule, Rule};
+pub use rule::{Counts, LikelihoodRule, PreparedLikelihood};
 pub use simulation::{Simulation, pack};
 pub use summed_area::SummedArea;

@@ -1,16 +1,16 @@
-//! The counts by casting a ray through every pixel: no conic, no spans, no packed bits, nothing kept. Slow, and obviously
-//! right; what the fast path is tested against, and what to read to know what is being computed.
+//! Reference implementation of the counts by one ray through every pixel: no conic, no spans, no packed bits, no state.
+//! Slow and simple; the fast path is tested against it.
 
 use image::GrayImage;
 use nalgebra::{Point2, Point3, Vector3};
 
 use super::Counts;
+use crate::prepared_room::PreparedCamera;
 use crate::silhouette::Ellipsoid;
-use crate::stage::StageCamera;
 
-/// The counts of one camera, pixel by pixel. `static_z_m` gives the depth along z of the static scene at a pixel.
+/// Counts of one camera, pixel by pixel. `static_z_m` gives the depth along z of the static scene at a pixel, metres.
 pub fn counts(
-    camera: &StageCamera,
+    camera: &PreparedCamera,
     bodies: &[Ellipsoid],
     mask: &GrayImage,
     static_z_m: impl Fn(u32, u32) -> f32,
@@ -27,15 +27,15 @@ pub fn counts(
     counts
 }
 
-/// Depth along the camera's z of a body's near surface at a pixel; 0 for a camera inside the body.
-pub fn near_z_m(camera: &StageCamera, body: &Ellipsoid, u: u32, v: u32) -> Option<f64> {
+/// Depth along the camera's z of a body's near surface at a pixel, metres; 0 for a camera inside the body.
+pub fn near_z_m(camera: &PreparedCamera, body: &Ellipsoid, u: u32, v: u32) -> Option<f64> {
     let ray = camera.pinhole.ray(&Point2::new(f64::from(u), f64::from(v)))?;
     let distance = first_hit(&camera.pinhole.center(), &ray, body)?;
     let along = camera.pinhole.camera_from_world.rotation * ray.into_inner();
     Some(distance * along.z)
 }
 
-/// The distance at which a ray enters an ellipsoid: the textbook's sphere, after scaling.
+/// Distance at which a ray enters an ellipsoid, by scaling it to the unit sphere.
 fn first_hit(origin: &Point3<f64>, direction: &Vector3<f64>, body: &Ellipsoid) -> Option<f64> {
     let axes = body.semi_axes;
     let o = (origin - body.center).component_div(&axes);

@@ -1,21 +1,21 @@
-//! E(S) and R(S): what is known of people before looking (seed 001, equations 5 and 6).
+//! Priors of people: E(S), walkable floor, and R(S), separation (Osawa et al., equations 5 and 6; cited in [`super`]).
 
 use crate::silhouette::Body;
 
-/// The logarithm that stands for "impossible". Finite, so that a state that starts out impossible (a prediction that ran
-/// into a wall) can still be compared with another, and left.
+/// The logarithm of "impossible". Finite, so that a state that starts out impossible (a prediction inside a wall) can
+/// be compared with another, and left.
 pub const LOG_IMPOSSIBLE: f64 = -1e4;
 
-/// Two people so far apart, in 1/λ, are nothing to each other: `log ψ` is 2e-8.
+/// Distance, in 1/λ, beyond which two people do not interact: `log ψ` is 2e-8.
 const FAR_APART: f64 = 18.0;
 
-/// `log ψ` of one pair: `1 − exp(−λ D)`, D the distance on the floor. λ in 1/m; infinite means no repulsion.
+/// `log ψ` of one pair: `ψ = 1 − exp(−λ D)`, D the distance on the floor. λ in 1/m; infinite means no repulsion.
 pub fn log_separation(a: &Body, b: &Body, lambda: f64) -> f64 {
     let apart = lambda * a.floor_distance_m(b);
     if apart > FAR_APART { 0.0 } else { (-(-apart).exp_m1()).ln().max(LOG_IMPOSSIBLE) }
 }
 
-/// `log R(S)`: over all unordered pairs.
+/// `log R(S)`: the sum over all unordered pairs.
 pub fn log_separations(bodies: &[Body], lambda: f64) -> f64 {
     bodies
         .iter()

@@ -1,4 +1,4 @@
-//! Somebody anywhere, for tests.
+//! Random bodies for tests.
 
 use nalgebra::Point3;
 use rand::RngExt;
@@ -6,7 +6,7 @@ use rand_pcg::Pcg64Mcg;
 
 use crate::silhouette::Body;
 
-/// Anywhere in a room of 6 × 5 m and a little beyond, one time in six close to the camera.
+/// Random body in a room of 6 × 5 m or slightly outside, one time in six close to the camera.
 pub(super) fn random_body(eye: &Point3<f64>, rng: &mut Pcg64Mcg) -> Body {
     let near = rng.random::<f32>() < 0.17;
     let (x, y) =

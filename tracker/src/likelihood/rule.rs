@@ -1,60 +1,60 @@
-//! V(S): from pixel counts to a likelihood, in the named ways.
+//! V(S): rules that turn pixel counts into a likelihood.
 
 use serde::{Deserialize, Serialize};
 
 use crate::silhouette::Shape;
 
-/// What one camera's masks have in common. Pixels.
+/// Pixel counts of one camera's masks.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// Foreground (`Bg`).
+    /// Number of foreground pixels (`Bg`).
     pub foreground: i64,
-    /// Some body is in front of the static scene (`Sm`).
+    /// Number of pixels at which some body is in front of the static scene (`Sm`).
     pub simulated: i64,
-    /// Both (`Bg ∩ Sm`).
+    /// Number of pixels that are both (`Bg ∩ Sm`).
     pub both: i64,
 }
 
 impl Counts {
-    /// `|Bg ∩ Sm| / |Bg ∪ Sm|`; nothing seen and nothing expected is agreement, 1.
+    /// `|Bg ∩ Sm| / |Bg ∪ Sm|`; 1 when nothing is seen and nothing is expected.
     pub fn overlap(&self) -> f64 {
         let union = self.foreground + self.simulated - self.both;
         if union == 0 { 1.0 } else { self.both as f64 / union as f64 }
     }
 }
 
-/// How the counts of all cameras become a likelihood.
+/// Rule by which the counts of all cameras become a likelihood.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", tag = "name")]
-pub enum Rule {
-    /// As published (equation 7): the mean over cameras of the overlap ratio, to a power. The published power is 1, which
-    /// hardly discriminates: a wrong position still scores 0.5 where the right one scores 0.7.
+pub enum LikelihoodRule {
+    /// The published rule (equation 7): the mean over cameras of the overlap ratio, to a power. The published power is
+    /// 1, which hardly discriminates: a wrong position still scores 0.5 where the right one scores 0.7.
     Overlap {
-        /// The power.
+        /// Power of the mean overlap.
         exponent: f64,
     },
-    /// Every pixel is foreground with a probability of its own: that of the innermost shape of any body that is expected to
-    /// be seen there ([`Shape::CORE`], [`Shape::LIMBS`], [`Shape::REACH`]), `outside` elsewhere.
+    /// Each pixel is foreground with a probability of its own: that of the innermost shape of any body that is expected
+    /// to be seen there ([`Shape::CORE`], [`Shape::LIMBS`], [`Shape::REACH`]), `outside` elsewhere.
     ///
-    /// Neighbouring pixels fail together, so a silhouette is worth far fewer independent pixels than it has: counts are
-    /// scaled so that a whole core of typical size in that camera weighs `independent_pixels`. A camera that sees people
-    /// small then counts as much as one that sees them large.
+    /// Errors of neighbouring pixels are correlated, so a silhouette holds far fewer independent pixels than pixels:
+    /// counts are scaled so that a whole core of typical size in that camera weighs `independent_pixels`. A camera that
+    /// sees people small then counts as much as one that sees them large.
     Bernoulli {
         /// Probability that a pixel of a person's core is foreground.
         core: f64,
-        /// Probability that one around the core, where limbs mostly are, is.
+        /// Probability that a pixel of the limbs' region around the core is foreground.
         limbs: f64,
-        /// Probability that one farther out, within the reach of limbs, is.
+        /// Probability that a pixel farther out, within the reach of limbs, is foreground.
         reach: f64,
-        /// Probability that any other pixel is.
+        /// Probability that any other pixel is foreground.
         outside: f64,
-        /// What a typical core is worth in independent pixels.
+        /// Effective number of independent pixels of a typical core.
         independent_pixels: f64,
     },
 }
 
-impl Rule {
-    /// The shapes that this rule compares with the masks, the innermost first.
+impl LikelihoodRule {
+    /// Shapes that this rule compares with the masks, the innermost first.
     pub fn shapes(&self) -> &'static [Shape] {
         match self {
             Self::Overlap { .. } => &[Shape::BODY],
@@ -62,19 +62,21 @@ impl Rule {
         }
     }
 
-    /// The rule with its logarithms taken, to be asked thousands of times a frame.
-    pub fn prepared(&self) -> PreparedRule {
+    /// Prepares the rule: takes the logarithms once, since it is evaluated thousands of times a frame.
+    pub fn prepared(&self) -> PreparedLikelihood {
         match *self {
-            Self::Overlap { exponent } => PreparedRule::Overlap { exponent },
-            Self::Bernoulli { core, limbs, reach, outside, independent_pixels } => PreparedRule::Bernoulli {
-                // A pixel of the core is in the others, too: each layer counts what it adds to the one around it.
-                weights: [odds(core, limbs), odds(limbs, reach), odds(reach, outside)]
-                    .map(|o| o.map(|nats| nats * independent_pixels)),
-            },
+            Self::Overlap { exponent } => PreparedLikelihood::Overlap { exponent },
+            Self::Bernoulli { core, limbs, reach, outside, independent_pixels } => {
+                PreparedLikelihood::Bernoulli {
+                    // A pixel of the core is in the others, too: each layer counts the difference to the one around it.
+                    weights: [odds(core, limbs), odds(limbs, reach), odds(reach, outside)]
+                        .map(|o| o.map(|nats| nats * independent_pixels)),
+                }
+            }
         }
     }
 
-    /// What explaining `part` of a typical silhouette in one camera is worth, in nats.
+    /// Log-likelihood gain, in nats, from explaining the share `part` of a typical silhouette in one camera.
     pub fn worth_of(&self, part: f64) -> f64 {
         match *self {
             // Beside the other half of the union.
@@ -85,7 +87,7 @@ impl Rule {
         }
     }
 
-    /// Why this rule cannot be used, if it cannot.
+    /// Reason why this rule cannot be used; `None` if it can.
     pub fn defect(&self) -> Option<String> {
         match *self {
             Self::Overlap { exponent } => (!(exponent > 0.0 && exponent.is_finite()))
@@ -101,30 +103,31 @@ impl Rule {
     }
 }
 
-/// A [`Rule`] made ready ([`Rule::prepared`]).
+/// A [`LikelihoodRule`] prepared for evaluation ([`LikelihoodRule::prepared`]).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum PreparedRule {
-    /// [`Rule::Overlap`].
+pub enum PreparedLikelihood {
+    /// [`LikelihoodRule::Overlap`].
     Overlap {
-        /// The power.
+        /// Power of the mean overlap.
         exponent: f64,
     },
-    /// [`Rule::Bernoulli`].
+    /// [`LikelihoodRule::Bernoulli`].
     Bernoulli {
-        /// For each shape, what a typical core's foreground and background add to the shape around it, in nats.
+        /// For each shape, the log-likelihood that a typical core's foreground and background add to the shape around
+        /// it, nats.
         weights: [[f64; 2]; 3],
     },
 }
 
-impl PreparedRule {
+impl PreparedLikelihood {
     /// `log V(S)`, up to a constant that does not depend on the state.
     ///
-    /// Takes the counts of each layer with the number of its shape in [`Rule::shapes`] and the pixels of a typical
-    /// silhouette of the innermost shape in its camera. Without any camera nothing is known: 0.
+    /// Takes the counts of each layer with the index of its shape in [`LikelihoodRule::shapes`] and the pixels of a typical
+    /// silhouette of the innermost shape in its camera. Without any camera the result is 0.
     pub fn log_likelihood(&self, layers: impl Iterator<Item = (usize, Counts, f64)>) -> f64 {
         match self {
             Self::Overlap { exponent } => {
-                /// What complete disagreement of all cameras is worth; its logarithm has to stay a number.
+                /// Value of complete disagreement of all cameras; its logarithm has to stay finite.
                 const LEAST: f64 = 1e-6;
                 let (sum, n) = layers.fold((0.0, 0), |(sum, n), (_, c, _)| (sum + c.overlap(), n + 1));
                 if n == 0 { 0.0 } else { exponent * (sum / f64::from(n)).max(LEAST).ln() }
@@ -139,7 +142,7 @@ impl PreparedRule {
     }
 }
 
-/// What a foreground and a background pixel are worth, in nats, when they are foreground with probability `here` and not
+/// Log odds, in nats, of a foreground and of a background pixel whose probability of foreground is `here` instead of
 /// `there`.
 fn odds(here: f64, there: f64) -> [f64; 2] {
     [(here / there).ln(), ((1.0 - here) / (1.0 - there)).ln()]
@@ -154,7 +157,7 @@ mod tests {
     fn overlap_is_the_ratio_of_equation_7_and_nothing_against_nothing_agrees() {
         assert_relative_eq!(Counts { foreground: 30, simulated: 20, both: 10 }.overlap(), 0.25);
         assert_relative_eq!(Counts::default().overlap(), 1.0);
-        let rule = Rule::Overlap { exponent: 1.0 };
+        let rule = LikelihoodRule::Overlap { exponent: 1.0 };
         let cameras = [Counts { foreground: 30, simulated: 20, both: 10 }, Counts::default()];
         let rule = rule.prepared();
         let v = rule.log_likelihood(cameras.into_iter().map(|c| (0, c, 1.0))).exp();
@@ -162,12 +165,18 @@ mod tests {
         assert_relative_eq!(rule.log_likelihood(std::iter::empty()), 0.0);
     }
 
-    /// What the best counts that are still possible come to is then a bound.
+    /// The counts of a complete match therefore give an upper bound.
     #[test]
-    fn what_is_found_never_harms_and_what_is_missed_never_helps() {
+    fn explained_foreground_never_lowers_and_missed_foreground_never_raises_the_likelihood() {
         let rules = [
-            Rule::Overlap { exponent: 3.0 },
-            Rule::Bernoulli { core: 0.8, limbs: 0.6, reach: 0.3, outside: 0.05, independent_pixels: 20.0 },
+            LikelihoodRule::Overlap { exponent: 3.0 },
+            LikelihoodRule::Bernoulli {
+                core: 0.8,
+                limbs: 0.6,
+                reach: 0.3,
+                outside: 0.05,
+                independent_pixels: 20.0,
+            },
         ];
         for rule in rules {
             let shapes = rule.shapes().len();
@@ -186,8 +195,8 @@ mod tests {
 
     #[test]
     fn bernoulli_is_the_sum_over_pixels() {
-        // 100 pixels, drawn out: foreground and background are 5 and 3 in the core, 4 and 2 around it, 3 and 6 around that, and
-        // 2 and 75 elsewhere.
+        // 100 pixels, drawn out: foreground and background are 5 and 3 in the core, 4 and 2 around it, 3 and 6 around
+        // that, and 2 and 75 elsewhere.
         let [core, limbs, reach, outside] = [0.8_f64, 0.6, 0.3, 0.05];
         let nats =
             |p: f64, [foreground, background]: [f64; 2]| foreground * p.ln() + background * (1.0 - p).ln();
@@ -196,7 +205,7 @@ mod tests {
             + nats(reach, [3.0, 6.0])
             + nats(outside, [2.0, 75.0]);
         let without = nats(outside, [14.0, 86.0]);
-        let rule = Rule::Bernoulli { core, limbs, reach, outside, independent_pixels: 8.0 };
+        let rule = LikelihoodRule::Bernoulli { core, limbs, reach, outside, independent_pixels: 8.0 };
         let within = |simulated: i64, both: i64| Counts { foreground: 14, simulated, both };
         let layers = [within(8, 5), within(14, 9), within(23, 12)];
         let layers = layers.into_iter().enumerate().map(|(shape, counts)| (shape, counts, 8.0));

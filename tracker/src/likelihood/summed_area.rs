@@ -1,18 +1,18 @@
-//! How many bits of a packed mask are set in any rectangle, in four reads (Crow, "Summed-area tables for texture
+//! Number of set bits of a packed mask in any rectangle, by four reads (F. C. Crow, "Summed-area tables for texture
 //! mapping", SIGGRAPH 1984).
 
 use std::ops::Range;
 
-/// Running counts of a mask's bits from its upper left corner.
+/// Cumulative counts of a mask's bits from its upper left corner.
 #[derive(Debug, Clone, Default)]
 pub struct SummedArea {
-    /// Entries of a row: one more than the mask has columns, the first 0.
+    /// Number of entries of a row: one more than the mask has columns, the first 0.
     stride: usize,
     sums: Vec<u32>,
 }
 
 impl SummedArea {
-    /// Takes in the words of a mask of `columns` columns, row by row, `words_per_row` a row.
+    /// Sums the words of a mask of `columns` columns, row by row, `words_per_row` a row.
     pub fn restart(&mut self, columns: usize, words_per_row: usize, words: impl Iterator<Item = u64>) {
         self.stride = columns + 1;
         self.sums.clear();
@@ -32,7 +32,7 @@ impl SummedArea {
         }
     }
 
-    /// The bits set in a rectangle that lies within the mask.
+    /// Number of bits set in a rectangle that lies within the mask.
     pub fn count(&self, rows: &Range<usize>, columns: &Range<usize>) -> u32 {
         let at = |row: usize, column: usize| self.sums[row * self.stride + column];
         at(rows.end, columns.end) + at(rows.start, columns.start)

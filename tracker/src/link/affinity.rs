@@ -1,9 +1,9 @@
-//! What makes two detections alike in the paper: three thresholds (section 4).
+//! Affinity of two detections in the paper: three thresholds (section 4).
 
 use super::build::Affinity;
 use super::detection::{Detection, colour_distance};
 
-/// A threshold, in the detections' own units or relative to their size.
+/// A gating threshold, absolute or relative to the detections' size.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Gate {
     /// Pixels or square pixels; metres on the floor.
@@ -21,16 +21,16 @@ impl Gate {
     }
 }
 
-/// Links pass thresholds on distance, change of area and colours, and all cost the same, whatever their gap.
+/// Affinity by thresholds on distance, change of area and colours; all links cost the same, whatever their gap.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Thresholds {
-    /// Greatest distance of the boxes' centres.
+    /// Largest distance of the boxes' centres.
     pub distance: Gate,
-    /// Greatest difference of the boxes' areas.
+    /// Largest difference of the boxes' areas.
     pub area_change: Gate,
-    /// Greatest Hellinger distance of the boxes' colours, where they are known.
+    /// Largest Hellinger distance of the boxes' colours, where they are known.
     pub colour_distance: f64,
-    /// What every link costs.
+    /// Cost of every link.
     pub link_cost: f64,
 }
 

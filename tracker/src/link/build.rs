@@ -1,7 +1,7 @@
-//! From detections to the graph: which detections may follow each other, and at what cost.
+//! Construction of the flow graph: links between detections, with their costs.
 //!
-//! Links lead over up to `max_gap` frames. Candidates are found by a sweep along x, so time grows with the detections
-//! and their links, not with the square of a frame's detections.
+//! Links lead over up to `max_gap` frames. Candidates are found by a sweep along x, so the time grows with the number
+//! of detections and links, not with the square of a frame's detections.
 
 use std::ops::Range;
 
@@ -9,34 +9,34 @@ use super::detection::{Detection, Detections};
 use super::graph::{Cost, FlowGraph, fixed};
 use crate::Result;
 
-/// What a link between two detections costs.
+/// Cost model of links between two detections.
 pub trait Affinity {
     /// Cost of a link over `gap` frames; `None` where there is none.
     fn link_cost(&self, from: &Detection, to: &Detection, gap: u32) -> Option<f64>;
-    /// No link reaches farther along x than this, in the detections' units.
+    /// Largest distance of a link along x, in the detections' units.
     fn reach(&self, from: &Detection, gap: u32) -> f64;
 }
 
-/// What tracks and detections cost.
+/// Prices of tracks and detections.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Prices {
-    /// Of a track's beginning, and of its end.
+    /// Price of a track's beginning, and of its end.
     pub birth: f64,
-    /// A detection costs this minus its score.
+    /// Offset of a detection's cost, which is the offset minus the detection's score.
     pub detection_offset: f64,
 }
 
 /// Builds the graph; node i is detection i.
 ///
 /// # Errors
-/// A cost beyond what the graph holds.
+/// A cost beyond the graph's range.
 pub fn build(
     detections: &Detections,
     prices: &Prices,
     max_gap: u32,
     affinity: &impl Affinity,
 ) -> Result<FlowGraph> {
-    let birth = fixed("--birth-cost", prices.birth)?;
+    let birth = fixed("birth_cost", prices.birth)?;
     let mut graph = FlowGraph::with_capacity(birth, birth, detections.all.len());
     let frames = detections.frames();
     let by_x: Vec<Vec<u32>> = frames.iter().map(|(_, range)| sorted_by_x(detections, range)).collect();
@@ -60,12 +60,12 @@ pub fn build(
                         break;
                     }
                     if let Some(cost) = affinity.link_cost(from, to, gap) {
-                        links.push((*other, fixed("--link-cost", cost)?));
+                        links.push((*other, fixed("link_cost", cost)?));
                     }
                 }
                 links[before..].sort_unstable_by_key(|(other, _)| *other);
             }
-            let cost = fixed("--detection-offset", prices.detection_offset - from.score)?;
+            let cost = fixed("detection_offset", prices.detection_offset - from.score)?;
             graph.push(cost, links.iter().copied());
         }
     }

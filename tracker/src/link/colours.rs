@@ -1,5 +1,5 @@
-//! The colours of detections, from the video they were found in: a histogram of the middle quarter of each box (section 4,
-//! third threshold).
+//! Colours of detections, from the video in which they were found: a histogram of the middle quarter of each box
+//! (section 4, third threshold).
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -10,22 +10,22 @@ use super::detection::Detections;
 use crate::identity::appearance::Histogram;
 use crate::tracks::rows::PixelBox;
 
-/// Half the width and half the height: a quarter of the area.
+/// Share of the width and of the height that is sampled: a quarter of the area.
 const MIDDLE: f64 = 0.5;
-/// Pixels along each side of the middle that are looked at, at most: enough for 216 colours, whatever the size of the box.
+/// Largest number of samples along each side: enough for 216 colours, whatever the size of the box.
 const MOST_LOOKS: f64 = 24.0;
 
-/// What is wrong with a picture for a frame's detections.
+/// Error of a picture that does not contain a frame's detections.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Outside {
-    /// The frame whose box has its middle outside the picture.
+    /// Frame whose box has its middle outside the picture.
     pub frame: u32,
 }
 
-/// Fills in the colours of the detections `nodes`, which are those of the picture's frame. Places on the floor have none.
+/// Sets the colours of the detections `nodes`, which belong to the picture's frame. Floor positions have none.
 ///
 /// # Errors
-/// A box whose middle lies outside the picture: it was found in another.
+/// A box whose middle lies outside the picture, because it was found in another.
 pub fn look(detections: &mut Detections, nodes: Range<usize>, image: &RgbImage) -> Result<(), Outside> {
     for detection in &mut detections.all[nodes] {
         let Some(pixel_box) = detection.pixel_box else { continue };
@@ -35,7 +35,7 @@ pub fn look(detections: &mut Detections, nodes: Range<usize>, image: &RgbImage) 
     Ok(())
 }
 
-/// The colours of a box's middle; `None` where it does not touch the picture.
+/// Colours of a box's middle; `None` where it does not touch the picture.
 fn middle(image: &RgbImage, pixel_box: &PixelBox) -> Option<Histogram> {
     let along = |start: f64, length: f64, size: u32| {
         let first = (start + 0.5 * (1.0 - MIDDLE) * length).round().max(0.0);

@@ -1,4 +1,4 @@
-//! What is linked: a person seen in a frame, as a box in an image or as a place on the floor.
+//! Input of linking: detections of people in a frame, as boxes in an image or as floor positions.
 
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -9,23 +9,24 @@ use crate::identity::appearance::Histogram;
 use crate::tracks::rows::{PixelBox, Row, RowFile};
 use crate::{Error, Result};
 
-/// What stands for a box's height where there are floor positions: distances are then measured in people's heights, too.
+/// Height that replaces a box's for floor positions, metres, so that distances are measured in people's heights there,
+/// too.
 const PERSON_HEIGHT_M: f64 = 1.75;
 
-/// One detection.
+/// A detection of a person in one frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Detection {
     /// Frame, from 1.
     pub frame: u32,
-    /// The box's centre in pixels, or the place on the floor in metres.
+    /// Centre of the box, pixels, or position on the floor, metres.
     pub place: Point2<f64>,
-    /// The box, where there is one.
+    /// Box; `None` for a floor position.
     pub pixel_box: Option<PixelBox>,
-    /// How sure the detector is; more is surer.
+    /// Score of the detector; higher is more certain.
     pub score: f64,
-    /// The track of the online tracker that it belongs to, where tracklets are linked.
+    /// Id of the online tracker's track, where tracklets are linked.
     pub tracklet: Option<u32>,
-    /// The colours of the box's middle, where a video tells them.
+    /// Colours of the box's middle, where a video is given.
     pub colours: Option<Arc<Histogram>>,
 }
 
@@ -35,31 +36,31 @@ pub(super) fn colour_distance(a: &Detection, b: &Detection) -> Option<f64> {
 }
 
 impl Detection {
-    /// The length that distances are measured in: the box's height in pixels, or a person's height in metres.
+    /// Unit of distances: height of the box, pixels, or of a person, metres.
     pub fn scale(&self) -> f64 {
         self.pixel_box.map_or(PERSON_HEIGHT_M, |b| b.height)
     }
 
-    /// Area of the box, square pixels; 0 on the floor.
+    /// Area of the box, square pixels; 0 for a floor position.
     pub fn area(&self) -> f64 {
         self.pixel_box.map_or(0.0, |b| b.width * b.height)
     }
 }
 
-/// Detections of a recording, by frame.
+/// Detections of a recording, ordered by frame.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Detections {
-    /// In time order; within a frame in the order of the file.
+    /// Detections in time order; within a frame in the order of the file.
     pub all: Vec<Detection>,
-    /// Whether these are places on the floor rather than boxes.
+    /// Whether these are floor positions rather than boxes.
     pub on_floor: bool,
 }
 
 impl Detections {
-    /// Takes the detections out of a file of rows: those that are wanted.
+    /// Selects the wanted detections of a file of rows.
     ///
     /// # Errors
-    /// A file in which some rows are boxes and some floor positions.
+    /// A file with both boxes and floor positions.
     pub fn from_rows(file: &RowFile, is_wanted: impl Fn(&Row) -> bool) -> Result<Self> {
         let on_floor = !file.has_boxes();
         if on_floor && let Some(row) = file.rows.iter().find(|r| r.position.is_none()) {
@@ -90,8 +91,8 @@ impl Detections {
         Ok(Self { all, on_floor })
     }
 
-    /// The same with scores from 0 to 1, where they are not so already: margins of a classifier, which are 0 where a person is
-    /// as likely as none, are taken as log-odds.
+    /// Copy with scores from 0 to 1, unless they are so already: margins of a classifier, for which 0 means even odds,
+    /// are taken as log-odds.
     pub fn with_probabilities(&self) -> Cow<'_, Self> {
         if self.all.iter().all(|d| (0.0..=1.0).contains(&d.score)) {
             return Cow::Borrowed(self);
@@ -103,7 +104,7 @@ impl Detections {
         Cow::Owned(sure)
     }
 
-    /// Where each frame's detections begin and end: (frame, range), frames with detections only, in order.
+    /// Range of each frame's detections: (frame, range) for frames with detections, in order.
     pub fn frames(&self) -> Vec<(u32, std::ops::Range<usize>)> {
         let mut frames: Vec<(u32, std::ops::Range<usize>)> = Vec::new();
         for (index, detection) in self.all.iter().enumerate() {

@@ -1,5 +1,5 @@
-//! The paper's experiment on data at hand: tracking success with and without the direction constraint, against the frames
-//! that are skipped (table 1 and figure 9).
+//! The paper's experiment on the user's data: tracking success with and without the direction constraint, against the
+//! number of skipped frames (table 1 and figure 9).
 
 use std::fmt::Write;
 
@@ -11,31 +11,31 @@ use crate::Result;
 use crate::chart::{Axis, Chart, Series};
 use crate::tracks::rows::RowFile;
 
-/// Frames left out after each one, as in figure 9.
+/// Numbers of skipped frames, as in figure 9.
 pub const SKIPS: std::ops::RangeInclusive<u32> = 0..=3;
 
-/// One point of figure 9, both ways.
+/// One point of figure 9, with and without the constraint.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Row {
-    /// Frames left out.
+pub struct SkipComparison {
+    /// Number of frames skipped after each one.
     pub skip: u32,
-    /// Without the direction constraint: the method of Pirsiavash et al.
+    /// Result without the direction constraint: the method of Pirsiavash et al.
     pub without: CrossValidation,
-    /// With it.
+    /// Result with the constraint.
     pub with: CrossValidation,
 }
 
-/// Runs the experiment; thresholds are cross-validated for each number of skipped frames anew.
+/// Runs the experiment; thresholds are cross-validated separately for each number of skipped frames.
 ///
 /// # Errors
-/// What [`cross_validate`] refuses.
+/// Errors of [`cross_validate`].
 pub fn run(
     detections: &RowFile,
     truth: &RowFile,
     folds: usize,
     link: &LinkOptions,
     mut step: impl FnMut(),
-) -> Result<Vec<Row>> {
+) -> Result<Vec<SkipComparison>> {
     SKIPS
         .map(|skip| {
             let mut validate = |direction: bool| {
@@ -44,13 +44,13 @@ pub fn run(
                 step();
                 found
             };
-            Ok(Row { skip, without: validate(false)?, with: validate(true)? })
+            Ok(SkipComparison { skip, without: validate(false)?, with: validate(true)? })
         })
         .collect()
 }
 
-/// A line for each number of skipped frames.
-pub fn table(rows: &[Row]) -> String {
+/// Text table with a line for each number of skipped frames.
+pub fn table(rows: &[SkipComparison]) -> String {
     let mut text = format!(
         "{:>7} {:>22} {:>22}  {:>9} {:>9}  best with it\n",
         "skipped", "success without", "with direction", "IDF1", "IDF1"
@@ -72,9 +72,9 @@ pub fn table(rows: &[Row]) -> String {
     text
 }
 
-/// Figure 9.
-pub fn figure(rows: &[Row]) -> Chart {
-    let series = |name: &str, of: fn(&Row) -> f64| Series {
+/// Chart of figure 9.
+pub fn figure(rows: &[SkipComparison]) -> Chart {
+    let series = |name: &str, of: fn(&SkipComparison) -> f64| Series {
         name: name.to_owned(),
         points: rows.iter().map(|r| [f64::from(r.skip), of(r)]).collect(),
         is_line: true,

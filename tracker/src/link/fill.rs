@@ -1,34 +1,34 @@
-//! From linked detections to the rows of a track file: gaps are filled, boxes are smoothed.
+//! Rows of a track file from linked detections: gaps are filled, boxes are smoothed.
 
 use super::detection::Detections;
 use crate::tracks::rows::PixelBox;
 use nalgebra::Point2;
 
-/// One row of a track.
+/// A row of a track.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TrackRow {
     /// Frame, from 1.
     pub frame: u32,
-    /// The box in the image, where boxes were linked.
+    /// Box in the image, where boxes were linked.
     pub pixel_box: Option<PixelBox>,
-    /// Box's centre, or the place on the floor.
+    /// Centre of the box, or position on the floor.
     pub place: Point2<f64>,
-    /// The detection's score; of a filled row the mean of its neighbours'.
+    /// Score of the detection; for a filled row the mean of its neighbours'.
     pub score: f64,
-    /// Whether there was a detection.
+    /// Whether the row is a detection rather than filled in.
     pub is_seen: bool,
 }
 
-/// What is done to tracks before they are written.
+/// Options of the post-processing of tracks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FillOptions {
-    /// Fill frames between two detections of a track.
+    /// Whether frames between two detections of a track are filled.
     pub interpolate: bool,
-    /// Standard deviation in frames of the Gaussian that smooths boxes; 0 leaves them as they are.
+    /// Standard deviation of the Gaussian that smooths boxes, frames; 0 does not smooth.
     pub smooth_frames: f64,
 }
 
-/// The rows of a track over detections.
+/// Rows of a track over detections.
 pub fn rows(detections: &Detections, track: &[u32], options: &FillOptions) -> Vec<TrackRow> {
     let seen = |node: u32| {
         let d = &detections.all[node as usize];
@@ -47,7 +47,7 @@ pub fn rows(detections: &Detections, track: &[u32], options: &FillOptions) -> Ve
     rows
 }
 
-/// The frames between two rows, on a straight way.
+/// Adds the frames between two rows by linear interpolation.
 fn fill(before: &TrackRow, after: &TrackRow, rows: &mut Vec<TrackRow>) {
     let gap = f64::from(after.frame - before.frame);
     for frame in before.frame + 1..after.frame {
@@ -72,8 +72,8 @@ fn between(a: &PixelBox, b: &PixelBox, t: f64) -> PixelBox {
     }
 }
 
-/// A local straight line through each row's neighbours, weighted by a Gaussian of their time: follows a steady walk
-/// without lag, also at a track's ends.
+/// Smooths each row by a local straight line through its neighbours, weighted by a Gaussian of their time: follows a
+/// steady walk without lag, also at a track's ends.
 fn smoothed(rows: &[TrackRow], sigma_frames: f64) -> Vec<TrackRow> {
     let reach = (3.0 * sigma_frames).ceil() as u32;
     let mut first = 0;

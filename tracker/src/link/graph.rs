@@ -1,25 +1,25 @@
-//! The flow graph of figure 2: detections as nodes with a cost, links between them, a price for a track.
+//! Flow graph of figure 2: detections as nodes with a cost, links between them, and a price for each track.
 //!
 //! The paper draws every detection as two nodes with an inner edge; here the two are one entry with an inner cost,
-//! a way in and a way out. Source and sink are not stored: every track pays [`FlowGraph::birth`] once and
+//! incoming and outgoing links. Source and sink are not stored: every track pays [`FlowGraph::birth`] once and
 //! [`FlowGraph::death`] once.
 
 use crate::{Error, Result};
 
-/// Costs in whole billionths. Whole numbers add up to the same sum in any order, so an optimum and its dual bound are
-/// equal to the last digit, and scores of up to nine decimals enter as they are written.
+/// A cost in billionths. Integers have the same sum in any order, so an optimum and its dual bound are equal to the
+/// last digit, and scores of up to nine decimals are exact.
 pub type Cost = i64;
 
 /// Units of [`Cost`] in 1.
 pub const UNITS: f64 = 1e9;
 
-/// The greatest absolute cost that is accepted: sums along any path of a graph then stay far inside 64 bits.
+/// Largest absolute cost: sums along any path of a graph then stay far inside 64 bits.
 pub const MAX_COST: f64 = 1e6;
 
-/// A cost in whole billionths.
+/// Converts a cost to billionths.
 ///
 /// # Errors
-/// A number that is not finite or beyond [`MAX_COST`]; `what` names it.
+/// A number that is not finite or beyond [`MAX_COST`]; `what` is its name in the error.
 pub fn fixed(what: &str, cost: f64) -> Result<Cost> {
     if cost.is_nan() || cost.abs() > MAX_COST {
         return Err(Error::option(what, format!("makes a cost of {cost}; costs lie between ±{MAX_COST:e}")));
@@ -27,20 +27,20 @@ pub fn fixed(what: &str, cost: f64) -> Result<Cost> {
     Ok((cost * UNITS).round() as Cost)
 }
 
-/// Detections and links between them, ordered by time: a link always leads to a higher number.
+/// Detections and the links between them, ordered by time: a link always leads to a higher index.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FlowGraph {
     birth: Cost,
     death: Cost,
     node_costs: Vec<Cost>,
-    /// Where each node's links begin; one more than there are nodes.
+    /// Index of each node's first link; one entry more than there are nodes.
     first: Vec<u32>,
     targets: Vec<u32>,
     link_costs: Vec<Cost>,
 }
 
 impl FlowGraph {
-    /// A graph without links yet, and without room for more than `nodes` nodes.
+    /// Graph without nodes and links, with capacity for `nodes` nodes.
     pub fn with_capacity(birth: Cost, death: Cost, nodes: usize) -> Self {
         Self {
             birth,
@@ -52,7 +52,7 @@ impl FlowGraph {
         }
     }
 
-    /// Adds the next node with the links that leave it; their targets, higher numbers, are added later.
+    /// Adds the next node with its outgoing links; their targets, which have higher indices, are added later.
     pub fn push(&mut self, cost: Cost, links: impl IntoIterator<Item = (u32, Cost)>) {
         debug_assert!(self.targets.len() < u32::MAX as usize);
         self.node_costs.push(cost);
@@ -64,47 +64,47 @@ impl FlowGraph {
         self.first.push(self.targets.len() as u32);
     }
 
-    /// What a track pays for its beginning.
+    /// Price of a track's beginning.
     pub fn birth(&self) -> Cost {
         self.birth
     }
 
-    /// What a track pays for its end.
+    /// Price of a track's end.
     pub fn death(&self) -> Cost {
         self.death
     }
 
-    /// How many detections.
+    /// Number of nodes.
     pub fn node_count(&self) -> usize {
         self.node_costs.len()
     }
 
-    /// How many links.
+    /// Number of links.
     pub fn link_count(&self) -> usize {
         self.targets.len()
     }
 
-    /// What it costs to take a detection into a track; negative where that is worth something.
+    /// Cost of a node on a track; negative where the detection lowers the total.
     pub fn node_cost(&self, node: usize) -> Cost {
         self.node_costs[node]
     }
 
-    /// The numbers of the links that leave a node.
+    /// Indices of a node's outgoing links.
     pub fn links_of(&self, node: usize) -> std::ops::Range<usize> {
         self.first[node] as usize..self.first[node + 1] as usize
     }
 
-    /// Where a link leads.
+    /// Target node of a link.
     pub fn target(&self, link: usize) -> usize {
         self.targets[link] as usize
     }
 
-    /// What a link costs.
+    /// Cost of a link.
     pub fn link_cost(&self, link: usize) -> Cost {
         self.link_costs[link]
     }
 
-    /// The cheapest link from one node to another.
+    /// Cheapest link from one node to another.
     pub fn link_between(&self, from: usize, to: usize) -> Option<usize> {
         self.links_of(from).filter(|l| self.target(*l) == to).min_by_key(|l| self.link_cost(*l))
     }

@@ -1,7 +1,7 @@
-//! Tracklets of an online tracker linked over the whole recording: ids mended, gaps filled.
+//! Tracklets of an online tracker linked over the whole recording, which corrects ids and fills gaps.
 //!
-//! An online tracker that loses somebody and finds them again gives them another id. Here its tracks are the nodes of the
-//! graph: all are kept, and those that continue each other by their motion become one, with the id of the first.
+//! An online tracker that loses a person and finds them again gives them another id. Here its tracks are the nodes of
+//! the graph: all are kept, and those that continue each other by their motion become one, with the id of the first.
 
 use std::collections::{BTreeMap, HashSet};
 use std::path::Path;
@@ -17,17 +17,17 @@ use crate::tracks::jsonl;
 use crate::tracks::rows::RowFile;
 use crate::{Error, Result};
 
-/// Links the tracks that a file holds.
+/// Links the tracks of a file.
 ///
 /// # Errors
-/// A row without an id, options that mean nothing.
+/// A row without an id, or invalid options.
 pub fn link_tracklets(file: &RowFile, options: &LinkOptions) -> Result<Linked> {
     options.check()?;
     if let Some(row) = file.rows.iter().find(|r| r.id.is_none()) {
         return Err(Error::content(
             &file.path,
             format!("line {}", row.line),
-            "has no id; tracklets need theirs, detections are linked without --tracklets",
+            "has no id, which tracklets need; link detections as such",
         ));
     }
     let started = Instant::now();
@@ -42,7 +42,7 @@ pub fn link_tracklets(file: &RowFile, options: &LinkOptions) -> Result<Linked> {
     let joining = options.joining(detections.on_floor);
     let [_, max_gap] = joining.max_gaps;
     let ends = Ends::of(&detections, &tracklets, &joining.model);
-    // Worth more than a track costs: nothing is dropped.
+    // Each track gains more than a track costs, so none is dropped.
     let inner = vec![-(2.0 * joining.prices.birth + 1.0); tracklets.len()];
     let graph = tracklet::graph(&ends, &inner, joining.prices.birth, max_gap, &joining.model)?;
     let build_seconds = started.elapsed().as_secs_f64();
@@ -76,8 +76,8 @@ pub fn link_tracklets(file: &RowFile, options: &LinkOptions) -> Result<Linked> {
     })
 }
 
-/// The last step of a run: links `OUT/tracks.txt` over the whole recording and writes it again, with `OUT/tracks.jsonl` and
-/// `OUT/boxes/*.txt` under the same ids; people and boxes are filled in where their track was.
+/// Post-processing of a run: links `OUT/tracks.txt` over the whole recording and rewrites it, with `OUT/tracks.jsonl`
+/// and `OUT/boxes/*.txt` under the same ids; people and boxes are filled in where their track was.
 ///
 /// # Errors
 /// Files that cannot be read or written.
@@ -113,7 +113,7 @@ pub fn mend_run(out: &Path, frames_per_s: f64) -> Result<LinkReport> {
     Ok(linked.report)
 }
 
-/// A camera's boxes under the mended ids; gaps are filled only where the track on the floor was.
+/// A camera's boxes under the new ids; gaps are filled only where the track on the floor was filled.
 fn mended_boxes(file: &RowFile, linked: &Linked, filled: &HashSet<(u32, u32)>) -> Result<String> {
     let detections = Detections::from_rows(file, |_| true)?;
     let mut by_id: BTreeMap<u32, Vec<u32>> = BTreeMap::new();

@@ -1,4 +1,4 @@
-//! `tracks.jsonl` under the ids of the whole recording, with the moments filled in at which somebody was lost.
+//! `tracks.jsonl` under the ids of the whole recording, with people filled in at the moments at which they were lost.
 
 use std::collections::BTreeMap;
 
@@ -7,9 +7,9 @@ use crate::TrackId;
 use crate::tracks::count;
 use crate::tracks::jsonl::{FrameLine, PersonLine, rounded};
 
-/// Renames everybody, and puts them in between where they were seen.
+/// Renames all people, and interpolates them between their detections.
 pub(super) fn mended(mut lines: Vec<FrameLine>, linked: &Linked) -> Vec<FrameLine> {
-    // Where each was seen last: the line, and what it says of them.
+    // For each id its last detection: index of the line, and the person.
     let mut latest: BTreeMap<u32, (usize, PersonLine)> = BTreeMap::new();
     for index in 0..lines.len() {
         let mut people = std::mem::take(&mut lines[index].people);
@@ -36,7 +36,7 @@ pub(super) fn mended(mut lines: Vec<FrameLine>, linked: &Linked) -> Vec<FrameLin
     lines
 }
 
-/// Somebody on a straight way between two moments (frame, time, person).
+/// A person on a straight line between two moments (frame, time, person).
 fn interpolated(ends: [(u32, f64, &PersonLine); 2], frame: u32) -> PersonLine {
     let [(first, first_time, a), (last, last_time, b)] = ends;
     let t = f64::from(frame - first) / f64::from(last - first);

@@ -1,4 +1,4 @@
-//! An online tracker's tracks, mended: tracklets by themselves, and all files of a run.
+//! Tests of linking an online tracker's tracks: tracklets by themselves, and all files of a run.
 
 use std::fmt::Write;
 
@@ -15,7 +15,7 @@ fn tracklets_keep_their_rows_and_get_the_first_ones_id() {
             text
         })
     };
-    // Person 4 is lost for six frames and comes back as 9; 7 walks two metres beside them.
+    // Person 4 is lost for six frames and returns as 9; 7 walks two metres beside them.
     let text = [walk(4, 1..20, 1.0), walk(7, 1..50, 3.0), walk(9, 26..50, 1.02)].concat();
     let found = link_tracklets(&rows(&text), &LinkOptions::default()).unwrap();
     assert_eq!(found.ids, [4, 7]);
@@ -56,11 +56,12 @@ fn a_run_is_mended_in_its_own_files() {
         assert_eq!((line.frame, person.id.0, line.count.len()), (f, 1, 2));
         assert!((person.x - 0.1 * f64::from(f)).abs() < 1e-4 && (person.vx - 1.0).abs() < 1e-3, "{person:?}");
     }
-    // Halfway through the gap: between frames 14 and 20.
+    // Halfway through the gap between frames 14 and 20.
     assert!((lines[16].people[0].visible["a"] - 0.7).abs() < 1e-9);
 }
 
-/// A line of `tracks.jsonl` at 10 frames a second: somebody walks, and is nobody in frames 15 to 19, and somebody else after.
+/// A line of `tracks.jsonl` at 10 frames a second: a walking person who is missing in frames 15 to 19 and has another
+/// id afterwards.
 fn moment(f: u32) -> String {
     let (id, visible) = if f < 15 { (1, 0.4) } else { (2, 1.0) };
     let person = format!(

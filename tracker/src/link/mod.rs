@@ -1,17 +1,19 @@
 //! Globally optimal linking: from all detections of a recording to the tracks of least total cost.
 //!
-//! A. Okada, N. Ukita, N. Hagita, "Globally-optimal multi-object tracking with constraints on moving directions" (in
-//! Japanese, IEICE 2014), on the graph of H. Pirsiavash, D. Ramanan, C. C. Fowlkes, CVPR 2011. The way of the data:
+//! A. Okada, N. Ukita and N. Hagita, "Globally-optimal multi-object tracking with constraints on moving directions" (in
+//! Japanese, IEICE Transactions on Information and Systems, 2014), on the graph of H. Pirsiavash, D. Ramanan and C. C.
+//! Fowlkes, "Globally-optimal greedy algorithms for tracking a variable number of objects", CVPR 2011. The data flow:
 //!
-//! * [`detection`] — what is linked: boxes in an image, or places on the floor;
-//! * [`colours`] — what they look like, where there is a video;
-//! * [`affinity`], [`motion`], [`build`] — which detections may follow each other and at what cost: the flow graph ([`graph`]);
-//! * [`solver`] — the tracks of least cost, exactly with a proof, greedily, or with the direction constraint;
-//! * [`tracklet`] — the same again over the tracks just found, by their motion, over longer gaps;
-//! * [`fill`] — the rows that are written: gaps filled, boxes smoothed.
+//! * [`detection`] — the input: boxes in an image, or floor positions;
+//! * [`colours`] — their colours, where there is a video;
+//! * [`affinity`], [`motion`], [`build`] — links between detections and their costs: the flow graph ([`graph`]);
+//! * [`solver`] — the tracks of least cost: exact with a certificate, greedy, or with the direction constraint;
+//! * [`tracklet`] — the same again over the resulting tracks, by their motion, over longer gaps;
+//! * [`fill`] — the output rows: gaps filled, boxes smoothed;
 //! * [`tune`], [`experiment`] — thresholds by cross-validation, and the paper's experiment.
 //!
-//! [`link`] does all of it; [`link_tracklets`] and [`mend_run`] do the second half for the tracks of an online tracker. What the costs are and when which graph is built: [`LinkOptions`].
+//! [`link`] does all of it; [`link_tracklets`] and [`mend_run`] do the second half for the tracks of an online tracker.
+//! [`LinkOptions`] documents the costs and the kinds of graph.
 
 pub mod affinity;
 pub mod build;
@@ -52,23 +54,23 @@ use solver::direction::Directions;
 use solver::{constrained, exact, greedy};
 use tracklet::Ends;
 
-/// The tracks of a recording.
+/// Tracks of a recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Linked {
-    /// Each track's rows in time order; tracks by their first frame.
+    /// Rows of each track in time order; tracks by their first frame.
     pub tracks: Vec<Vec<TrackRow>>,
-    /// The tracks' ids: 1, 2, 3 … for detections, those of their first tracklets for tracklets.
+    /// Ids of the tracks: 1, 2, 3 … for detections, those of their first tracklets for tracklets.
     pub ids: Vec<u32>,
-    /// Where tracklets were linked: what each one's id has become.
+    /// New id of each tracklet, where tracklets were linked.
     pub renamed: BTreeMap<u32, u32>,
-    /// What was done.
+    /// Sizes, costs and times.
     pub report: LinkReport,
 }
 
 /// Links the detections of a recording.
 ///
 /// # Errors
-/// Options that mean nothing, costs beyond what a graph holds.
+/// Invalid options, or costs beyond the graph's range.
 pub fn link(detections: &Detections, options: &LinkOptions) -> Result<Linked> {
     options.check()?;
     let (kept, places) = match options.skip {
@@ -78,7 +80,7 @@ pub fn link(detections: &Detections, options: &LinkOptions) -> Result<Linked> {
             (Cow::Owned(kept), places)
         }
     };
-    // The paper's costs are about scores as they are.
+    // The paper's costs refer to raw scores.
     let linked =
         if options.is_published() { Cow::Borrowed(kept.as_ref()) } else { kept.with_probabilities() };
     let linked = linked.as_ref();
@@ -164,7 +166,7 @@ fn solve(detections: &Detections, graph: &FlowGraph, options: &LinkOptions) -> S
     }
 }
 
-/// The velocity of each link.
+/// Velocities of all links.
 fn directions(detections: &Detections, graph: &FlowGraph, threshold: f64) -> Directions {
     let velocity = |node: usize, link: usize| {
         let (from, to) = (&detections.all[node], &detections.all[graph.target(link)]);
@@ -177,7 +179,7 @@ fn directions(detections: &Detections, graph: &FlowGraph, threshold: f64) -> Dir
     Directions { velocities, threshold }
 }
 
-/// Tracks as nodes, by their beginning, and the graph over them.
+/// Tracks as nodes, ordered by their beginning, and the graph over them.
 fn tracklet_graph(
     detections: &Detections,
     mut tracklets: Vec<Vec<u32>>,
@@ -192,7 +194,7 @@ fn tracklet_graph(
     Ok((tracklets, graph))
 }
 
-/// The detections of a chain of tracklets.
+/// Detections of a chain of tracklets.
 fn chain(tracklets: &[Vec<u32>], track: &[u32]) -> Vec<u32> {
     track.iter().flat_map(|t| &tracklets[*t as usize]).copied().collect()
 }

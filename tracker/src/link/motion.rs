@@ -1,59 +1,60 @@
-//! How people move: how likely one detection, or a tracklet, goes on in another.
+//! Motion model: likelihood that one detection, or a tracklet, continues in another.
 //!
-//! Along each axis a person's place and velocity are followed by a Kalman filter with white-noise acceleration (Y. Bar-Shalom,
-//! X. R. Li, T. Kirubarajan, "Estimation with Applications to Tracking and Navigation", Wiley 2001, section 6.2). With m, P the
-//! state at the end of one tracklet, carried to the beginning of the other, and n, Q what the other alone tells of its
-//! beginning, a link costs
+//! Along each axis a person's position and velocity are estimated by a Kalman filter with white-noise acceleration (Y.
+//! Bar-Shalom, X. R. Li and T. Kirubarajan, "Estimation with Applications to Tracking and Navigation", Wiley 2001,
+//! section 6.2). With m, P the state at the end of one tracklet, predicted to the beginning of the other, and n, Q the
+//! state that the other's own detections give at its beginning, a link costs
 //!
 //! ```text
 //! weight · −ln [ N(n − m; 0, P + Q) / (N(v; 0, V + Qvv) · N(0; 0, S₀)) ]
 //! ```
 //!
-//! per axis: how much less likely the second is as a continuation of the first than on its own (its velocity v from the
-//! prior V), measured against the surest link there is, of two detections one frame apart at one place (variance S₀). The
-//! uncertainty of a prediction grows with the gap, and so does the cost: no other price of a gap is needed. A single detection
-//! is a tracklet whose velocity nobody knows, so one model serves all graphs.
+//! per axis: the log-likelihood ratio of the second as a continuation of the first and on its own (its velocity v from
+//! the prior V), relative to the most certain link, of two detections one frame apart at one place (variance S₀). The
+//! uncertainty of a prediction grows with the gap, and so does the cost: no other price of a gap is needed. A single
+//! detection is a tracklet with unknown velocity, so one model serves all graphs.
 //!
-//! Lengths are in heights of the person and times in frames; the constants are in heights and seconds, so that neither the
-//! size of the picture nor its rate needs other numbers.
+//! Lengths are in heights of the person and times in frames; the constants are in heights and seconds, so that neither
+//! the size of the picture nor its rate changes them.
 
 use super::build::Affinity;
 use super::detection::{Detection, Detections, colour_distance};
 use crate::identity::appearance::Histogram;
 
-/// Standard deviation of a detection's place, heights.
+/// Standard deviation of a detection's position, heights.
 const JITTER: f64 = 0.045;
-/// Standard deviation of a velocity that nobody knows, heights per second.
+/// Standard deviation of an unknown velocity, heights per second.
 const SPEED_PER_S: f64 = 0.9;
 /// Variance that a velocity gains in a second, heights² per second³.
 const TURN_PER_S3: f64 = 0.08;
-/// A floor is seen at a slant: what people walk up and down the picture looks so much shorter than what they walk across.
+/// Foreshortening of the floor: vertical motion in the picture, relative to the same motion across.
 const SLANT: f64 = 0.35;
 /// Standard deviation of the logarithm of a detection's height, and the variance that it gains in a second.
 const SIZE_JITTER: f64 = 0.09;
 const SIZE_GROWTH_PER_S: f64 = 0.025;
-/// What a unit of negative logarithmic likelihood costs.
+/// Cost of a unit of negative log-likelihood.
 const WEIGHT: f64 = 0.25;
-/// Between detections, what a second without one costs: they are missed seldom, and more rarely for long.
+/// Cost of a second without a detection between detections: misses are rare, and long ones rarer.
 const MISS_COST_PER_S: f64 = 8.0;
-/// Links whose deviation from what is expected, in standard deviations over all axes together, is greater are left out.
+/// Gates: largest deviation from the prediction, in standard deviations over all axes together, for detections and for
+/// tracklets.
 const DETECTION_GATE: f64 = 5.0;
 const TRACKLET_GATE: f64 = 2.7;
-/// So much of a tracklet's end tells where it is going.
+/// Length of a tracklet's end from which its velocity is estimated, seconds.
 const WINDOW_S: f64 = 0.6;
-/// Squared Hellinger distance of the colours of one person a moment later, on average.
+/// Mean squared Hellinger distance of one person's colours a moment later.
 const COLOUR_CHANGE: f64 = 0.1;
 
-/// Variance of what is not known at all, heights² (per frame²).
+/// Variance of a quantity without prior knowledge, heights² (per frame²).
 const UNKNOWN: f64 = 1e6;
 
-/// Links by where people come from and where they are going; lengths in heights, times in frames.
+/// Affinity by motion; lengths in heights, times in frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MotionModel {
     place_variance: f64,
-    /// Of a velocity that nobody knows, along each axis.
+    /// Variance of an unknown velocity, along each axis.
     velocity_variance: [f64; 2],
-    /// What it gains in a frame.
+    /// Variance that a velocity gains in a frame, along each axis.
     turn_variance: [f64; 2],
     size_variance: f64,
     size_growth: f64,
@@ -62,10 +63,10 @@ pub struct MotionModel {
     window: u32,
 }
 
-/// A tracklet at one of its ends, as its own detections tell.
+/// State of a tracklet at one of its ends, from its own detections.
 #[derive(Debug, Clone, PartialEq)]
-pub struct End {
-    /// The end's frame.
+pub struct TrackletEnd {
+    /// Frame of the end.
     pub frame: u32,
     axes: [AxisState; 2],
     log_scale: f64,
@@ -73,7 +74,7 @@ pub struct End {
     colours: Option<Histogram>,
 }
 
-/// Place and velocity (per frame, in time's direction) along an axis, and their covariance in heights.
+/// Position and velocity (per frame, in time's direction) along an axis, and their covariance, in heights.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct AxisState {
     place: f64,
@@ -88,7 +89,7 @@ impl AxisState {
         Self { place, velocity: 0.0, place_variance, covariance: 0.0, velocity_variance }
     }
 
-    /// Where it is expected so many frames on.
+    /// Prediction over some frames.
     fn after(&self, frames: f64, turn_variance: f64) -> Self {
         let (pp, pv, vv) = (self.place_variance, self.covariance, self.velocity_variance);
         Self {
@@ -100,7 +101,7 @@ impl AxisState {
         }
     }
 
-    /// With a detection there.
+    /// Update with a detection.
     fn corrected(&self, place: f64, place_variance: f64) -> Self {
         let all = self.place_variance + place_variance;
         let (gain, velocity_gain) = (self.place_variance / all, self.covariance / all);
@@ -113,14 +114,14 @@ impl AxisState {
         }
     }
 
-    /// The same in the other direction of time.
+    /// The same state in reversed time.
     fn reversed(&self) -> Self {
         Self { velocity: -self.velocity, covariance: -self.covariance, ..*self }
     }
 }
 
 impl MotionModel {
-    /// Of links between detections.
+    /// Model of links between detections.
     pub fn of_detections(frames_per_s: f64, on_floor: bool) -> Self {
         Self {
             miss_cost: MISS_COST_PER_S / frames_per_s,
@@ -129,7 +130,7 @@ impl MotionModel {
         }
     }
 
-    /// Of links between tracklets: who was lost for a second is as welcome as who was lost for two.
+    /// Model of links between tracklets: the gap itself has no price.
     pub fn of_tracklets(frames_per_s: f64, on_floor: bool) -> Self {
         let frame_s = 1.0 / frames_per_s;
         let slant = if on_floor { 1.0 } else { SLANT };
@@ -146,15 +147,15 @@ impl MotionModel {
         }
     }
 
-    /// The last frame of a track: where it is going.
-    pub fn tail(&self, detections: &Detections, track: &[u32]) -> Option<End> {
+    /// State at the last frame of a track.
+    pub fn tail(&self, detections: &Detections, track: &[u32]) -> Option<TrackletEnd> {
         let last = detections.all[*track.last()? as usize].frame;
         let from = track.partition_point(|n| detections.all[*n as usize].frame + self.window <= last);
         self.end(detections, track[from..].iter(), self.velocity_variance)
     }
 
-    /// The first frame of a track: where it comes from, without a prior, which the track before it brings.
-    pub fn head(&self, detections: &Detections, track: &[u32]) -> Option<End> {
+    /// State at the first frame of a track, without a prior, which the preceding track provides.
+    pub fn head(&self, detections: &Detections, track: &[u32]) -> Option<TrackletEnd> {
         let first = detections.all[*track.first()? as usize].frame;
         let to = track.partition_point(|n| detections.all[*n as usize].frame < first + self.window);
         let mut end = self.end(detections, track[..to].iter().rev(), [UNKNOWN; 2])?;
@@ -162,13 +163,13 @@ impl MotionModel {
         Some(end)
     }
 
-    /// Follows detections in the order in which they are given, with time or against it, to the last one.
+    /// Filters detections in the given order, with time or against it, to the last one.
     fn end<'a>(
         &self,
         detections: &Detections,
         nodes: impl Iterator<Item = &'a u32> + Clone,
         velocity_variance: [f64; 2],
-    ) -> Option<End> {
+    ) -> Option<TrackletEnd> {
         let mut found = nodes.map(|n| &detections.all[*n as usize]);
         let first = found.next()?;
         let mut end = self.single(first, velocity_variance);
@@ -191,9 +192,9 @@ impl MotionModel {
         Some(end)
     }
 
-    fn single(&self, detection: &Detection, velocity_variance: [f64; 2]) -> End {
+    fn single(&self, detection: &Detection, velocity_variance: [f64; 2]) -> TrackletEnd {
         let axis = |i: usize| AxisState::at(detection.place[i], self.place_variance, velocity_variance[i]);
-        End {
+        TrackletEnd {
             frame: detection.frame,
             axes: [axis(0), axis(1)],
             log_scale: detection.scale().ln(),
@@ -202,13 +203,13 @@ impl MotionModel {
         }
     }
 
-    /// Cost of the link from a tracklet's end to a later one's beginning, `None` where it is none.
-    pub fn cost(&self, from: &End, to: &End) -> Option<f64> {
+    /// Cost of the link from a tracklet's end to a later one's beginning; `None` outside the gate.
+    pub fn cost(&self, from: &TrackletEnd, to: &TrackletEnd) -> Option<f64> {
         let colour_distance = from.colours.as_ref().zip(to.colours.as_ref()).map(|(a, b)| a.distance(b));
         self.cost_with(from, to, colour_distance)
     }
 
-    fn cost_with(&self, from: &End, to: &End, colour_distance: Option<f64>) -> Option<f64> {
+    fn cost_with(&self, from: &TrackletEnd, to: &TrackletEnd, colour_distance: Option<f64>) -> Option<f64> {
         let gap = f64::from(to.frame - from.frame);
         let height = (0.5 * (from.log_scale + to.log_scale)).exp();
         let size_variance = from.log_scale_variance + to.log_scale_variance + self.size_growth * gap;
@@ -236,7 +237,7 @@ impl MotionModel {
         if deviation2 > self.gate * self.gate {
             return None;
         }
-        // Exponentially distributed, so its negative logarithm is the distance itself.
+        // The squared distance is exponentially distributed, so its negative log-likelihood is proportional to it.
         unlikely += colour_distance.map_or(0.0, |d| 2.0 * d * d / COLOUR_CHANGE);
         Some(0.5 * WEIGHT * unlikely.max(0.0) + self.miss_cost * (gap - 1.0))
     }
@@ -253,7 +254,7 @@ impl Affinity for MotionModel {
         let frames = f64::from(gap);
         let still = AxisState::at(0.0, 2.0 * self.place_variance, self.velocity_variance[0]);
         let variance = still.after(frames, self.turn_variance[0]).place_variance;
-        // The other box may be higher, as far as the gate lets it.
+        // The other box may be higher, as far as the gate permits.
         let size_variance = 2.0 * self.size_variance + self.size_growth * frames;
         self.gate * variance.sqrt() * from.scale() * (0.5 * self.gate * size_variance.sqrt()).exp()
     }

@@ -1,4 +1,4 @@
-//! The model of motion against the same model written out: one covariance of all places, without a filter.
+//! Tests of the motion model against the same model written as one covariance of all positions, without a filter.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -17,10 +17,10 @@ const JITTER2: f64 = 0.045 * 0.045;
 const SPEED2: f64 = 0.09 * 0.09;
 const TURN: f64 = 0.08e-3;
 const SLANT2: f64 = 0.35 * 0.35;
-/// Variance of a place that may be anywhere.
+/// Variance of an unknown position.
 const ANYWHERE: f64 = 1e5;
 
-/// Boxes by frame, middle and height.
+/// Boxes by frame, centre and height.
 fn detections(places: &[(u32, f64, f64, f64)]) -> Detections {
     let text = places.iter().fold(String::new(), |mut text, (f, x, y, h)| {
         writeln!(text, "{f},-1,{},{},{},{h},0.9", x - 0.2 * h, y - 0.5 * h, 0.4 * h).unwrap();
@@ -30,7 +30,7 @@ fn detections(places: &[(u32, f64, f64, f64)]) -> Detections {
     Detections::from_rows(&file, |_| true).unwrap()
 }
 
-/// Logarithm of the density of places (in heights) at some frames, of somebody whose velocity is unknown at the first.
+/// Log density of positions (in heights) at some frames, for a person whose velocity is unknown at the first.
 fn log_density(frames: &[f64], places: &[f64], speed2: f64, turn: f64) -> f64 {
     let n = frames.len();
     let at = |i: usize| frames[i] - frames[0];
@@ -81,7 +81,7 @@ fn a_link_costs_what_all_places_together_say() {
             let surest = -0.5 * (std::f64::consts::TAU * (2.0 * JITTER2 + speed2)).ln();
             unlikely -= together - alone - surest;
         }
-        // Sizes are alike; what remains is how well they are known.
+        // Sizes are equal; their uncertainties remain.
         let counts = [before.len() as f64, after.len() as f64];
         let gap = f64::from(found.all[cut as usize].frame - found.all[cut as usize - 1].frame);
         let size = 0.09f64.powi(2) * (1.0 / counts[0] + 1.0 / counts[1]) + 0.0025 * gap;
@@ -95,7 +95,7 @@ fn a_link_costs_what_all_places_together_say() {
 }
 
 #[test]
-fn what_is_too_far_or_too_high_is_no_link_and_missed_frames_cost() {
+fn distant_or_taller_detections_are_not_linked_and_missed_frames_cost() {
     let model = MotionModel::of_detections(RATE, false);
     let cost = |dx: f64, dy: f64, growth: f64, gap: u32| {
         let found = detections(&[
@@ -121,7 +121,7 @@ fn what_is_too_far_or_too_high_is_no_link_and_missed_frames_cost() {
         let other = detections(&[(1, 300.0, 300.0, HEIGHT_PX)]);
         assert!(model.reach(&other.all[0], gap) >= across);
     }
-    // The same on the floor: no slant, and a height is a person's.
+    // The same on the floor: no foreshortening, and the height of a person.
     let floor = MotionModel::of_detections(RATE, true);
     let place = |f: u32, y: f64| {
         let text = format!("{f},-1,-1,-1,-1,-1,1,0,{y},0\n");
@@ -131,7 +131,7 @@ fn what_is_too_far_or_too_high_is_no_link_and_missed_frames_cost() {
     let farthest = reach(1.0, 1.0) / HEIGHT_PX * 1.75;
     assert!(floor.link_cost(&place(1, 0.0), &place(2, 0.999 * farthest), 1).is_some());
     assert!(floor.link_cost(&place(1, 0.0), &place(2, 1.001 * farthest), 1).is_none());
-    // A frame without a detection costs the same whatever lies around it: 8 a second.
+    // A frame without a detection costs the same in any surroundings: 8 a second.
     let still = |gap| cost(0.0, 0.0, 1.0, gap).unwrap();
     let unlikely = |frames: f64| {
         let place = |slant2: f64| 2.0 * JITTER2 + slant2 * frames * frames * (SPEED2 + TURN * frames / 3.0);

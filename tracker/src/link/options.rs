@@ -1,4 +1,4 @@
-//! What may be chosen about linking, and what is chosen where nothing is said.
+//! Options of linking, and their defaults.
 
 use super::affinity::{Gate, Thresholds};
 use super::build::Prices;
@@ -7,99 +7,99 @@ use super::motion::MotionModel;
 use crate::tracks::rows::Row;
 use crate::{Error, Result};
 
-/// Which solver finds the tracks.
+/// Solver that finds the tracks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum SolverKind {
-    /// The optimum, with its proof.
+    /// The optimum, with its certificate.
     #[default]
     Exact,
     /// Pirsiavash's two-pass dynamic programming: near the optimum.
     Greedy,
 }
 
-/// Everything that may be chosen; `None` is the default of the kind of graph.
+/// Options of linking; `None` is the default of the kind of graph.
 ///
-/// Where one of `max_distance`, `max_area_change_px2`, `max_colour_distance`, `link_cost`, `birth_cost` or `detection_offset`
-/// is given, the graph is the paper's: links pass thresholds and all cost the same, and its optimum is what is written.
-/// Where none is given, links cost by a model of how people move ([`MotionModel`]), and the tracks that this gives are
-/// linked again, over longer gaps, by where they come from and where they are going.
+/// If one of `max_distance`, `max_area_change_px2`, `max_colour_distance`, `link_cost`, `birth_cost` or
+/// `detection_offset` is given, the graph is the paper's: links pass thresholds and all cost the same, and its optimum
+/// is the result. Otherwise links cost by a motion model ([`MotionModel`]), and the resulting tracks are linked again
+/// over longer gaps by their motion.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct LinkOptions {
-    /// Greatest distance of two linked centres: pixels, or metres on the floor.
+    /// Largest distance of two linked centres: pixels, or metres on the floor.
     pub max_distance: Option<f64>,
-    /// Greatest difference of two linked boxes' areas, square pixels.
+    /// Largest difference of two linked boxes' areas, square pixels.
     pub max_area_change_px2: Option<f64>,
-    /// Greatest Hellinger distance of two linked boxes' colours, where detections have them.
+    /// Largest Hellinger distance of two linked boxes' colours, where detections have them.
     pub max_colour_distance: Option<f64>,
-    /// What a link costs.
+    /// Cost of a link.
     pub link_cost: Option<f64>,
-    /// What a track's beginning costs, and its end.
+    /// Cost of a track's beginning, and of its end.
     pub birth_cost: Option<f64>,
-    /// A detection costs this minus its score.
+    /// Offset of a detection's cost, which is the offset minus the detection's score.
     pub detection_offset: Option<f64>,
-    /// Frames per second; [`LinkOptions::ASSUMED_RATE`] where nobody says.
+    /// Frames per second; [`LinkOptions::ASSUMED_RATE`] if unknown.
     pub frames_per_s: Option<f64>,
-    /// Links lead over at most so many frames: 1 from a frame to the next only.
+    /// Largest gap of a link, frames: 1 links consecutive frames only.
     pub max_gap: Option<u32>,
-    /// Links between detections are settled for good after so many frames; `None`: never.
+    /// Number of frames after which links between detections are final; `None`: never.
     pub window: Option<u32>,
-    /// Greatest change of a track's velocity at a detection: pixels (metres) per frame that is not skipped.
+    /// Largest change of a track's velocity at a detection: pixels (metres) per linked frame.
     pub direction_threshold: Option<f64>,
-    /// Frames left out after each one that is linked.
+    /// Number of frames skipped after each linked one.
     pub skip: u32,
-    /// Detections with lower scores are left out.
+    /// Least score; detections with lower scores are ignored.
     pub min_score: Option<f64>,
-    /// Only detections of this class, as [`crate::tracks::rows::Row::class`] tells it.
+    /// Class of the detections to link, as in [`crate::tracks::rows::Row::class`].
     pub class: Option<u32>,
-    /// Which solver.
+    /// Solver.
     pub solver: SolverKind,
-    /// Leave gaps as they are.
+    /// Whether gaps stay unfilled.
     pub keep_gaps: bool,
-    /// Standard deviation in frames of the Gaussian that smooths a track's boxes.
+    /// Standard deviation of the Gaussian that smooths a track's boxes, frames.
     pub smooth_frames: Option<f64>,
 }
 
-/// The paper's graph, where nothing else is said.
+/// Defaults of the paper's graph.
 mod published {
     /// `C_H` of section 4.
     pub(super) const DETECTION_OFFSET: f64 = 0.2;
     pub(super) const BIRTH_COST: f64 = 1.0;
     pub(super) const LINK_COST: f64 = 0.0;
-    /// In box heights, as is the next in shares of the area.
+    /// Distance in box heights; the change of area below is in shares of the area.
     pub(super) const MAX_DISTANCE: f64 = 0.25;
     pub(super) const MAX_AREA_CHANGE: f64 = 0.35;
-    /// The same clothes in other light stay below, other clothes seldom do.
+    /// The same clothes in other light stay below this, other clothes seldom do.
     pub(super) const MAX_COLOUR_DISTANCE: f64 = 0.6;
 }
 
-/// What is chosen where nothing is said, beside the model of motion: prices in scores, times in seconds.
+/// Defaults with the motion model: prices in scores, times in seconds.
 mod chosen {
-    /// Of a track's beginning, and of its end.
+    /// Price of a track's beginning, and of its end.
     pub(super) const BIRTH: f64 = 0.85;
-    /// What a detection's score must be worth to be linked at all, …
+    /// Score that a detection needs to be linked at all…
     pub(super) const DETECTION_OFFSET: f64 = 0.35;
-    /// … and in the mean of a track that is long enough to be kept.
+    /// …and that a track needs on average to be kept, if it is long enough.
     pub(super) const TRACK_OFFSET: f64 = 0.72;
-    /// A single detection may be missed between two that are linked at once; longer gaps are for tracklets.
+    /// A single detection may be missed within the first graph; longer gaps are left to tracklets.
     pub(super) const DETECTION_GAP: u32 = 2;
     pub(super) const MAX_GAP_S: f64 = 2.5;
-    /// Tracklets are linked over shorter gaps first: the longer ones of the second time know their motion better.
+    /// Tracklets are linked over shorter gaps first: the velocities of the second round are then known better.
     pub(super) const SHORT_GAP_SHARE: f64 = 0.5;
     pub(super) const SMOOTH_S: f64 = 0.2;
 }
 
-/// How links between tracklets are found.
+/// Options of the linking of tracklets.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Joining {
     pub(super) prices: Prices,
     pub(super) model: MotionModel,
-    /// The greatest gap of each round.
+    /// Largest gap of each round, frames.
     pub(super) max_gaps: [u32; 2],
 }
 
 impl LinkOptions {
-    /// Frames per second of a recording of which nobody knows it.
+    /// Frame rate assumed if unknown, frames per second.
     pub const ASSUMED_RATE: f64 = 25.0;
 
     /// Whether the graph is the paper's.
@@ -115,17 +115,17 @@ impl LinkOptions {
         given.iter().any(Option::is_some)
     }
 
-    /// Refuses numbers that mean nothing.
+    /// Checks the options.
     ///
     /// # Errors
-    /// Naming the option.
+    /// Names the first invalid option.
     pub fn check(&self) -> Result<()> {
         let positive = [
-            ("--max-distance", self.max_distance),
-            ("--max-area-change", self.max_area_change_px2),
-            ("--max-colour-distance", self.max_colour_distance),
-            ("--direction-threshold", self.direction_threshold),
-            ("--smooth", self.smooth_frames),
+            ("max_distance", self.max_distance),
+            ("max_area_change_px2", self.max_area_change_px2),
+            ("max_colour_distance", self.max_colour_distance),
+            ("direction_threshold", self.direction_threshold),
+            ("smooth_frames", self.smooth_frames),
         ];
         for (name, value) in positive {
             if let Some(value) = value.filter(|v| !(*v >= 0.0 && v.is_finite())) {
@@ -133,10 +133,10 @@ impl LinkOptions {
             }
         }
         let finite = [
-            ("--link-cost", self.link_cost),
-            ("--birth-cost", self.birth_cost),
-            ("--detection-offset", self.detection_offset),
-            ("--min-score", self.min_score),
+            ("link_cost", self.link_cost),
+            ("birth_cost", self.birth_cost),
+            ("detection_offset", self.detection_offset),
+            ("min_score", self.min_score),
         ];
         for (name, value) in finite {
             if let Some(value) = value.filter(|v| !v.is_finite()) {
@@ -144,24 +144,24 @@ impl LinkOptions {
             }
         }
         if let Some(rate) = self.frames_per_s.filter(|rate| !(*rate > 0.0 && rate.is_finite())) {
-            return Err(Error::option("--rate", format!("is {rate}; give the frames per second")));
+            return Err(Error::option("frames_per_s", format!("is {rate}; give the frames per second")));
         }
         if self.window == Some(0) {
-            return Err(Error::option("--window", "is 0; give frames from 1"));
+            return Err(Error::option("window", "is 0; give frames from 1"));
         }
         if self.max_gap == Some(0) {
-            return Err(Error::option("--max-gap", "is 0; 1 links a frame with the next one only"));
+            return Err(Error::option("max_gap", "is 0; 1 links a frame with the next one only"));
         }
         if self.solver == SolverKind::Greedy && self.direction_threshold.is_some() {
             return Err(Error::option(
-                "--solver greedy",
-                "knows no --direction-threshold; leave one of them out",
+                "solver",
+                "the greedy solver has no direction threshold; leave one of them out",
             ));
         }
         Ok(())
     }
 
-    /// Whether a row of detections is of the class and has the score that is asked for.
+    /// Whether a row of detections has the requested class and score.
     pub fn wants(&self, row: &Row) -> bool {
         self.min_score.is_none_or(|least| row.confidence >= least)
             && self.class.is_none_or(|class| row.class() == Some(class))
@@ -177,12 +177,12 @@ impl LinkOptions {
         }
     }
 
-    /// Frames per second of what is linked.
+    /// Rate of the linked frames, frames per second.
     fn rate(&self) -> f64 {
         self.frames_per_s.unwrap_or(Self::ASSUMED_RATE) / f64::from(self.skip + 1)
     }
 
-    /// What links detections where nothing is said.
+    /// Motion model for links between detections.
     pub(super) fn motion(&self, on_floor: bool) -> MotionModel {
         MotionModel::of_detections(self.rate(), on_floor)
     }
@@ -199,10 +199,10 @@ impl LinkOptions {
         }
     }
 
-    /// The greatest gap of links between detections.
+    /// Largest gap of links between detections, frames.
     pub(super) fn detection_gap(&self) -> u32 {
-        // A detection that noise has moved bends the way twice. With a limit on the bend the track must be able to step over
-        // it, or it ends there.
+        // A detection that noise has moved bends the track twice. With a limit on turns the track must be able to pass
+        // over it, or it ends there.
         let published = if self.direction_threshold.is_some() { 2 } else { 1 };
         if self.is_published() {
             self.max_gap.unwrap_or(published)
@@ -211,7 +211,7 @@ impl LinkOptions {
         }
     }
 
-    /// Linking of tracklets, in two rounds.
+    /// Options of the linking of tracklets, in two rounds.
     pub(super) fn joining(&self, on_floor: bool) -> Joining {
         let max_gap = self.max_gap.unwrap_or((chosen::MAX_GAP_S * self.rate()).round().max(2.0) as u32);
         Joining {

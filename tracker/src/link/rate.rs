@@ -1,13 +1,13 @@
-//! How many frames a second a recording has, where its folder says so.
+//! Frame rate of a recording, from the file beside it.
 
 use std::path::Path;
 
 use crate::{Error, Result};
 
-/// What MOTChallenge puts beside a sequence.
+/// File name of MOTChallenge's description of a sequence.
 const INFO: &str = "seqinfo.ini";
 
-/// The `frameRate` of the `seqinfo.ini` in a file's folder or the one above (`SEQUENCE/det/det.txt`), if there is one.
+/// `frameRate` of the `seqinfo.ini` in a file's folder or the one above (`SEQUENCE/det/det.txt`), if there is one.
 ///
 /// # Errors
 /// A rate that is no positive number.

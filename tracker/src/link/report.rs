@@ -1,4 +1,4 @@
-//! What linking did: sizes, costs, the certificate, times.
+//! Report of linking: sizes, costs, certificate, times.
 
 use std::path::Path;
 
@@ -9,43 +9,43 @@ use super::options::SolverKind;
 use super::solution::Solution;
 use crate::{Error, Result};
 
-/// `tracker link --report`.
+/// Report of `tracker link --report`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct LinkReport {
-    /// Detections that were linked.
+    /// Number of linked detections.
     pub detections: usize,
-    /// Links of the graph of detections.
+    /// Number of links of the graph of detections.
     pub edges: usize,
-    /// Tracks that were written.
+    /// Number of written tracks.
     pub tracks: usize,
-    /// What the tracks over the graph of detections cost.
+    /// Cost of the tracks over the graph of detections.
     pub total_cost: f64,
-    /// No tracks over that graph cost less.
+    /// Lower bound of the cost of any tracks over that graph.
     pub lower_bound: f64,
-    /// Whether the two are equal: then nothing is cheaper than what was found.
+    /// Whether the two are equal, which proves that the result is optimal.
     pub is_optimal: bool,
-    /// Time to build the graphs.
+    /// Time to build the graphs, seconds.
     pub build_seconds: f64,
-    /// Time to solve them.
+    /// Time to solve them, seconds.
     pub solve_seconds: f64,
-    /// Which solver.
+    /// Solver.
     pub solver: SolverKind,
     /// Whether the graph is the paper's (constant link cost, thresholds) rather than the default one.
     pub published_graph: bool,
-    /// The graphs of tracklets, in the order in which they were solved; empty where there are none.
+    /// Graphs of tracklets, in the order in which they were solved; empty where there are none.
     pub joining: Vec<JoiningReport>,
 }
 
-/// A graph of tracklets.
+/// Report of a graph of tracklets.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct JoiningReport {
-    /// Its nodes.
+    /// Number of nodes.
     pub tracklets: usize,
-    /// Its links.
+    /// Number of links.
     pub edges: usize,
-    /// What the tracks over it cost.
+    /// Cost of the tracks over it.
     pub total_cost: f64,
-    /// No tracks over it cost less.
+    /// Lower bound of the cost of any tracks over it.
     pub lower_bound: f64,
 }
 
@@ -61,18 +61,18 @@ impl JoiningReport {
 }
 
 impl LinkReport {
-    /// Writes it as one JSON object, whole or not at all.
+    /// Writes the report as one JSON object, atomically.
     ///
     /// # Errors
-    /// Naming the file.
+    /// A file that cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
         Ok(calib::files::write_atomic(path, self.json(path)?.as_bytes())?)
     }
 
-    /// The text of the file; `path` is for messages.
+    /// Text of the file; `path` is for messages.
     ///
     /// # Errors
-    /// A number that JSON cannot hold.
+    /// A number that JSON cannot represent.
     pub fn json(&self, path: &Path) -> Result<String> {
         let text = serde_json::to_string(self)
             .map_err(|e| Error::content(path, "whole file", format!("cannot be written ({e})")))?;

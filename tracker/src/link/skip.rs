@@ -1,5 +1,5 @@
-//! Frame skipping (figure 9): when people move a pixel a frame, the direction of a step is noise; over a few frames it is
-//! not. The recording is linked as if only every (N+1)-th frame had been taken.
+//! Frame skipping (figure 9): when people move a pixel a frame, the direction of a step is noise; over several frames
+//! it is not. The recording is linked as if only every (N+1)-th frame existed.
 
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
@@ -9,11 +9,10 @@ use nalgebra::Point2;
 use super::detection::{Detection, Detections};
 use super::fill::{self, FillOptions};
 
-/// A detection of a skipped frame belongs to the track whose way between the linked frames passes it this closely, in
-/// box heights.
+/// Largest distance of a detection in a skipped frame from the interpolated track to which it is added, box heights.
 const SNAP_HEIGHTS: f64 = 0.25;
 
-/// The detections of the frames that are kept, numbered as consecutive frames, and where each stands among all.
+/// Detections of the linked frames, renumbered as consecutive frames, and the index of each among all detections.
 pub(super) fn kept(detections: &Detections, skip: u32) -> (Detections, Vec<u32>) {
     let first = detections.all.first().map_or(1, |d| d.frame);
     let is_kept = |d: &Detection| (d.frame - first).is_multiple_of(skip + 1);
@@ -24,8 +23,8 @@ pub(super) fn kept(detections: &Detections, skip: u32) -> (Detections, Vec<u32>)
     (Detections { all, on_floor: detections.on_floor }, places)
 }
 
-/// Puts the detections of skipped frames into the tracks that pass them, between the linked frames and up to `skip` frames
-/// before and after a track; each goes to the nearest track at most.
+/// Adds the detections of skipped frames to the tracks that pass them, between the linked frames and up to `skip`
+/// frames before and after a track; each detection goes to the nearest track at most.
 pub(super) fn restore(detections: &Detections, tracks: &mut [Vec<u32>], skip: u32) {
     let frames: HashMap<u32, Range<usize>> = detections.frames().into_iter().collect();
     let mut offers: Vec<(f64, u32, usize)> = Vec::new();
@@ -56,7 +55,7 @@ pub(super) fn restore(detections: &Detections, tracks: &mut [Vec<u32>], skip: u3
     }
 }
 
-/// Where a track passes in the frames that it has no detection of.
+/// Interpolated positions of a track in the frames without its detections.
 fn ways(detections: &Detections, track: &[u32], skip: u32) -> Vec<(u32, Point2<f64>)> {
     let straight = FillOptions { interpolate: true, smooth_frames: 0.0 };
     let rows = fill::rows(detections, track, &straight);

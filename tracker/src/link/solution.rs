@@ -1,31 +1,32 @@
-//! Tracks over a graph, and what they cost.
+//! Tracks over a graph, and their cost.
 
 use super::graph::{Cost, FlowGraph, UNITS};
 
 /// Disjoint tracks over the nodes of a [`FlowGraph`].
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Solution {
-    /// The nodes of each track in time order; tracks by their first node.
+    /// Nodes of each track in time order; tracks by their first node.
     pub tracks: Vec<Vec<u32>>,
-    /// Sum of everything the tracks pay.
+    /// Total cost of the tracks.
     pub total: Total,
-    /// No tracks whatever over this graph cost less: the certificate. Equal to `total` where the solver is exact.
+    /// Lower bound of the cost of any tracks over this graph: the certificate. Equal to `total` where the solver is
+    /// exact.
     pub bound: Total,
 }
 
-/// A sum of costs, in billionths; wide enough for any graph.
+/// A sum of costs in billionths; wide enough for any graph.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
 pub struct Total(pub i128);
 
 impl Total {
-    /// As a number.
+    /// The sum as a floating-point number.
     pub fn value(self) -> f64 {
         self.0 as f64 / UNITS
     }
 }
 
 impl Solution {
-    /// Reads the tracks off their parts: which nodes are used, and which node follows which.
+    /// Assembles the tracks from the used nodes and each node's follower.
     pub(super) fn assemble(
         graph: &FlowGraph,
         is_used: impl Fn(usize) -> bool,
@@ -51,10 +52,10 @@ impl Solution {
     }
 }
 
-/// What tracks over a graph cost, counted link by link.
+/// Cost of tracks over a graph, summed link by link.
 ///
 /// # Panics
-/// Where two nodes follow each other in a track without a link between them.
+/// A track with two consecutive nodes that no link joins.
 pub fn cost_of(graph: &FlowGraph, tracks: &[Vec<u32>]) -> Total {
     let mut sum = 0i128;
     for track in tracks {
@@ -64,7 +65,7 @@ pub fn cost_of(graph: &FlowGraph, tracks: &[Vec<u32>]) -> Total {
             let link = graph.link_between(pair[0] as usize, pair[1] as usize);
             let cost: Option<Cost> = link.map(|l| graph.link_cost(l));
             #[allow(clippy::expect_used)]
-            // Only a solver's defect leads here, and no figure of it may be believed.
+            // Only a defect of a solver leads here, and none of its figures can be trusted.
             let cost = cost.expect("a track follows links of its graph");
             sum += i128::from(cost);
         }

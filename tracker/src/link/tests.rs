@@ -1,4 +1,5 @@
-//! The solvers against slow, independent ones: every choice tried, and a textbook min-cost flow with source and sink.
+//! Tests of the solvers against slow, independent ones: exhaustive search, and a textbook min-cost flow with source and
+//! sink.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -12,14 +13,14 @@ use super::solver::{constrained, exact, greedy};
 use super::*;
 use crate::tracks::rows::RowFile;
 
-/// The least cost of any tracks: a textbook min-cost flow with source and sink.
+/// Least cost of any tracks, by a textbook min-cost flow with source and sink.
 fn textbook_minimum(graph: &FlowGraph) -> i128 {
     textbook_flow(graph, usize::MAX, |_| true)
 }
 
-/// A graph as it is drawn in the paper: every arc with its capacity and cost, source 0, sink 1, two nodes a detection.
-/// Solved by Bellman–Ford paths through source and sink while they lower the cost, up to so many, over the nodes wanted:
-/// slow, and nothing like the crate's.
+/// The graph as drawn in the paper: every arc with its capacity and cost, source 0, sink 1, two nodes a detection.
+/// Solved by Bellman–Ford paths through source and sink while they lower the cost, up to a number of paths, over the
+/// wanted nodes: slow, and unlike the crate's solvers.
 fn textbook_flow(graph: &FlowGraph, max_paths: usize, wants: impl Fn(usize) -> bool) -> i128 {
     struct Arc {
         from: usize,
@@ -70,15 +71,15 @@ fn textbook_flow(graph: &FlowGraph, max_paths: usize, wants: impl Fn(usize) -> b
     total
 }
 
-/// The least cost of tracks that keep the directions, by trying every way to go on from every node.
+/// Least cost of tracks that keep the directions, by trying every continuation from every node.
 fn exhaustive_minimum(graph: &FlowGraph, directions: &Directions) -> i128 {
-    struct Trial<'a> {
+    struct TriedTracks<'a> {
         graph: &'a FlowGraph,
         directions: &'a Directions,
-        /// The link that comes to each node; `None` while none does.
+        /// The link that enters each node; `None` while none does.
         come: Vec<Option<usize>>,
     }
-    fn least(t: &mut Trial, node: usize) -> i128 {
+    fn least(t: &mut TriedTracks, node: usize) -> i128 {
         if node == t.graph.node_count() {
             return 0;
         }
@@ -99,7 +100,7 @@ fn exhaustive_minimum(graph: &FlowGraph, directions: &Directions) -> i128 {
         }
         best
     }
-    least(&mut Trial { graph, directions, come: vec![None; graph.node_count()] }, 0)
+    least(&mut TriedTracks { graph, directions, come: vec![None; graph.node_count()] }, 0)
 }
 
 /// A graph from numbers: few different costs, so that ties are common, or many.
@@ -123,7 +124,7 @@ fn random_graph(nodes: usize, values: &[u32], is_coarse: bool) -> FlowGraph {
 
 #[test]
 fn a_window_that_is_too_narrow_costs_something_and_says_how_much_at_most() {
-    // Most of these chains are worth most when taken together; decided at once, some are not.
+    // Most of these chains gain most when taken together; decided at once, some are not.
     let (mut missed, mut narrower) = (0, 0);
     let mut state = 3u32;
     for _ in 0..200 {
@@ -193,9 +194,9 @@ proptest! {
         let found = greedy::solve(&graph, optimum);
         prop_assert_eq!(cost_of(&graph, &found.tracks), found.total);
         prop_assert!(found.total >= optimum, "{:?} {:?}", found.total, optimum);
-        // What it guarantees: it begins with the cheapest of all tracks, each further one lowers the cost, and it ends
-        // when none of what is left does. Of the optimum itself it guarantees no share: how near it comes in the mean
-        // is another test's.
+        // Guarantees of the greedy solver: it begins with the cheapest of all tracks, each further one lowers the cost,
+        // and it ends when none of the rest does. It guarantees no share of the optimum: another test measures how near
+        // it comes on average.
         prop_assert!(found.total.0 <= textbook_flow(&graph, 1, |_| true), "{:?}", found);
         let used: BTreeSet<usize> = found.tracks.iter().flatten().map(|n| *n as usize).collect();
         prop_assert_eq!(used.len(), found.tracks.iter().map(Vec::len).sum::<usize>(), "a detection on two tracks");
@@ -218,7 +219,7 @@ proptest! {
         }
         let least = exhaustive_minimum(&graph, &directions);
         prop_assert!(found.total.0 >= least && least >= found.bound.0);
-        // Without a limit on the turn the constraint is none, and paths that may turn back find the optimum.
+        // Without a limit on the turn there is no constraint, and paths that may turn back find the optimum.
         let free = constrained::solve(&graph, &unbounded(&graph), optimum);
         prop_assert_eq!(free.total, optimum);
     }
@@ -257,7 +258,7 @@ fn greedy_and_directions_miss_little_in_the_mean() {
     assert!(greedy > 0.98 && constrained > 0.96, "greedy {greedy}, with directions {constrained}");
 }
 
-/// Graph sizes and least costs that `tests/peers/flow.py` got from OR-tools, which builds the graph on its own.
+/// Graph sizes and least costs that `tests/peers/flow.py` got from OR-tools, which builds the graph independently.
 const PEER: &str = include_str!("../../tests/peers/flow.json");
 
 #[test]
@@ -309,6 +310,7 @@ fn an_independent_solver_finds_the_same_graph_and_the_same_least_cost() {
         compared += 1;
     }
     assert!(compared >= 3);
-    // Two of the three kinds of prices; where tracks cost so much that they only pay over minutes, 60 frames are too few.
+    // Two of the three kinds of prices; where tracks cost so much that they gain only over minutes, 60 frames are too
+    // few.
     assert!(3 * exact_in_windows >= 2 * compared, "{exact_in_windows} of {compared}");
 }

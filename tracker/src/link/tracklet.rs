@@ -1,19 +1,19 @@
-//! Tracklets: tracks that may be parts of longer ones, and the graph over them.
+//! Tracklets, which are tracks that may be parts of longer ones, and the graph over them.
 
 use super::detection::Detections;
 use super::graph::{Cost, FlowGraph, fixed};
-use super::motion::{End, MotionModel};
+use super::motion::{MotionModel, TrackletEnd};
 use crate::Result;
 
-/// A tracklet's two ends.
+/// The two ends of a tracklet.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ends {
-    head: End,
-    tail: End,
+    head: TrackletEnd,
+    tail: TrackletEnd,
 }
 
 impl Ends {
-    /// Of tracks over detections, in their order; a track has a detection at least.
+    /// Ends of tracks over detections, in their order; a track has at least one detection.
     pub fn of(detections: &Detections, tracks: &[Vec<u32>], model: &MotionModel) -> Vec<Self> {
         let ends = |track: &Vec<u32>| {
             Some(Self { head: model.head(detections, track)?, tail: model.tail(detections, track)? })
@@ -22,11 +22,11 @@ impl Ends {
     }
 }
 
-/// The graph whose nodes are tracklets, by their beginning: each costs what it costs inside, and links lead from an end to
+/// Graph whose nodes are tracklets, ordered by their beginning: each has its inner cost, and links lead from an end to
 /// a later beginning.
 ///
 /// # Errors
-/// A cost beyond what the graph holds.
+/// A cost beyond the graph's range.
 pub fn graph(
     ends: &[Ends],
     inner_costs: &[f64],
@@ -34,7 +34,7 @@ pub fn graph(
     max_gap: u32,
     model: &MotionModel,
 ) -> Result<FlowGraph> {
-    let birth = fixed("birth cost", birth_cost)?;
+    let birth = fixed("birth_cost", birth_cost)?;
     let mut graph = FlowGraph::with_capacity(birth, birth, ends.len());
     let mut links: Vec<(u32, Cost)> = Vec::new();
     for (from, inner) in ends.iter().zip(inner_costs) {

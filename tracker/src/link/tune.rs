@@ -1,7 +1,7 @@
 //! Thresholds by cross-validation, and the paper's experiment (section 6, table 1, figure 9).
 //!
-//! The recording is cut into folds. Each fold's tracks are found with thresholds that were best on all others, so what is
-//! reported was never tuned on what it is reported for.
+//! The recording is cut into folds. Each fold is linked with the thresholds that were best on all others, so reported
+//! results were never tuned on their own data.
 
 use std::fmt::Write;
 
@@ -14,34 +14,34 @@ use crate::eval::{Continuity, EvalOptions, Evaluation, FrameRange, FrameSelectio
 use crate::tracks::rows::{Row, RowFile};
 use crate::{Error, Result};
 
-/// Thresholds that are tried, in the median box height (for areas: in the median area).
+/// Tested thresholds, in median box heights (for areas: in median areas).
 const DISTANCES: [f64; 5] = [0.08, 0.12, 0.18, 0.28, 0.42];
 const AREA_CHANGES: [f64; 3] = [0.15, 0.35, 0.8];
 const TURNS: [f64; 6] = [0.04, 0.07, 0.11, 0.17, 0.26, 0.4];
 
-/// What is tuned for.
+/// Score of a setting.
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd, Default, Serialize)]
-pub struct Score {
-    /// People followed by one track from their first frame to their last, percent: what the paper reports.
+pub struct TuningScore {
+    /// People tracked from their first frame to their last by one track, percent: the paper's measure.
     pub success: f64,
-    /// Decides where the first is equal, percent.
+    /// IDF1, percent: decides between equal successes.
     pub idf1: f64,
 }
 
-/// One fold.
+/// Result of one fold.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Fold {
-    /// Its first and last frame.
+    /// First and last frame.
     pub frames: [u32; 2],
-    /// The thresholds that were best on all other folds.
+    /// Thresholds that were best on all other folds.
     pub chosen: Chosen,
-    /// What they give on this one.
-    pub score: Score,
-    /// People in it.
+    /// Score of those thresholds on this fold.
+    pub score: TuningScore,
+    /// Number of people in the fold.
     pub people: usize,
 }
 
-/// Thresholds, as `tracker link` takes them.
+/// Thresholds, as options of `tracker link`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Chosen {
     /// `--max-distance`
@@ -55,35 +55,35 @@ pub struct Chosen {
     pub skip: u32,
 }
 
-/// A cross-validation.
+/// Result of a cross-validation.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CrossValidation {
-    /// Fold by fold.
+    /// Results of the folds.
     pub folds: Vec<Fold>,
-    /// Over all folds' people together (IDF1: mean of the folds).
-    pub score: Score,
-    /// The thresholds that are best on all folds together: those to use.
+    /// Score over all folds' people together (IDF1: mean of the folds).
+    pub score: TuningScore,
+    /// Thresholds that are best on all folds together: those to use.
     pub best: Chosen,
 }
 
-/// What to validate.
+/// Options of a cross-validation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TuneOptions {
-    /// How many folds.
+    /// Number of folds.
     pub folds: usize,
     /// Whether the direction constraint is used.
     pub direction: bool,
-    /// Everything that is not tuned: costs, gap, skip; a threshold that is given stays as it is.
+    /// All options that are not tuned: costs, gap, skip; a given threshold stays as it is.
     pub link: LinkOptions,
 }
 
-/// One fold's score and how many people it has, for each setting.
-type Tried = (Score, usize);
+/// Score and number of people of one fold and setting.
+type Tried = (TuningScore, usize);
 
 /// Cross-validates the thresholds on folds of a recording.
 ///
 /// # Errors
-/// Fewer than 2 folds or more than there are frames; truth without ids; what linking and the evaluator refuse.
+/// Fewer than 2 folds or more than there are frames; truth without ids; errors of linking and of the evaluator.
 pub fn cross_validate(
     detections: &RowFile,
     truth: &RowFile,
@@ -92,7 +92,7 @@ pub fn cross_validate(
     if truth.rows.iter().any(|r| r.id.is_none()) {
         return Err(Error::content(&truth.path, "whole file", "has no ids; tracks are tuned on who is who"));
     }
-    // Where nobody wrote the truth down, nothing can be learnt or judged.
+    // Frames without truth cannot be learnt from or judged.
     let frames = truth.rows.iter().map(|r| r.frame);
     let known = frames.clone().min().unwrap_or(0)..=frames.max().unwrap_or(0);
     let mut all = Detections::from_rows(detections, |row| options.link.wants(row))?;
@@ -116,7 +116,7 @@ pub fn cross_validate(
             folds.iter().zip(&ranges).map(fold).collect::<Result<Vec<Tried>>>()
         })
         .collect::<Result<_>>()?;
-    // Best on everything but a fold; `None` leaves nothing out.
+    // Index of the best setting on all folds but one; `None` leaves none out.
     let best_without = |left_out: Option<usize>| -> usize {
         let of = |setting: &[Tried]| {
             together(setting.iter().enumerate().filter(|(i, _)| Some(*i) != left_out).map(|(_, t)| *t))
@@ -145,31 +145,28 @@ pub fn cross_validate(
     })
 }
 
-/// Success over all people, IDF1 as the folds' mean.
-fn together(folds: impl Iterator<Item = Tried> + Clone) -> Score {
+/// Success over all people, and the folds' mean IDF1.
+fn together(folds: impl Iterator<Item = Tried> + Clone) -> TuningScore {
     let (count, people) = folds.clone().fold((0, 0), |(n, p), (_, people)| (n + 1, p + people));
     let sum =
         folds.fold((0.0, 0.0), |s, (score, people)| (s.0 + score.success * people as f64, s.1 + score.idf1));
-    Score { success: sum.0 / people.max(1) as f64, idf1: sum.1 / f64::from(count.max(1)) }
+    TuningScore { success: sum.0 / people.max(1) as f64, idf1: sum.1 / f64::from(count.max(1)) }
 }
 
-/// Contiguous stretches of equal length.
+/// Contiguous ranges of equal length.
 fn fold_ranges(detections: &Detections, folds: usize) -> Result<Vec<FrameRange>> {
     let (Some(first), Some(last)) = (detections.all.first(), detections.all.last()) else {
-        return Err(Error::option("--folds", "there is no detection in the frames of the truth"));
+        return Err(Error::option("folds", "there is no detection in the frames of the truth"));
     };
     let frames = last.frame - first.frame + 1;
     if folds < 2 || folds as u64 > u64::from(frames) {
-        return Err(Error::option(
-            "--folds",
-            format!("is {folds}; give 2 to {frames}, the frames there are"),
-        ));
+        return Err(Error::option("folds", format!("is {folds}; give 2 to {frames}, the frames there are")));
     }
     let cut = |i: usize| first.frame + (u64::from(frames) * i as u64 / folds as u64) as u32;
     Ok((0..folds).map(|i| FrameRange { first: cut(i), last: cut(i + 1) - 1 }).collect())
 }
 
-/// Every combination of thresholds, in the recording's own sizes.
+/// All combinations of thresholds, scaled to the recording.
 fn settings(detections: &Detections, options: &TuneOptions) -> Vec<Chosen> {
     let median = |mut values: Vec<f64>| {
         values.sort_by(f64::total_cmp);
@@ -177,7 +174,7 @@ fn settings(detections: &Detections, options: &TuneOptions) -> Vec<Chosen> {
     };
     let height = median(detections.all.iter().map(super::detection::Detection::scale).collect());
     let area = median(detections.all.iter().map(super::detection::Detection::area).collect());
-    // Between the frames that are kept people go farther.
+    // People move farther between frames when some are skipped.
     let stride = f64::from(options.link.skip + 1);
     let or = |given: Option<f64>, tried: &[f64], unit: f64| {
         given.map_or_else(|| tried.iter().map(|t| t * unit).collect(), |fixed| vec![fixed])
@@ -223,11 +220,11 @@ fn try_fold(
     let evaluation = Evaluation::of_rows(truth, &linked, &EvalOptions { gate: None, frames }, None)?;
     let success = evaluation.clear.continuity.as_ref().and_then(Continuity::success);
     let percent = |share: Option<f64>| 100.0 * share.unwrap_or(0.0);
-    let score = Score { success: percent(success), idf1: percent(evaluation.identity.idf1()) };
+    let score = TuningScore { success: percent(success), idf1: percent(evaluation.identity.idf1()) };
     Ok((score, evaluation.scenario.people))
 }
 
-/// The rows as if they had been written and read.
+/// Converts linked tracks to rows, as if they had been written and read.
 fn row_file(linked: &Linked) -> RowFile {
     let rows = linked.ids.iter().zip(&linked.tracks).flat_map(|(id, track)| {
         track.iter().map(|row| Row {
@@ -243,7 +240,7 @@ fn row_file(linked: &Linked) -> RowFile {
 }
 
 impl Chosen {
-    /// As options of `tracker link`.
+    /// The thresholds as flags of `tracker link`.
     pub fn flags(&self) -> String {
         let mut text =
             format!("--max-distance {:.1} --max-area-change {:.0}", self.max_distance, self.max_area_change);
@@ -259,13 +256,13 @@ impl Chosen {
 }
 
 impl CrossValidation {
-    /// A line a fold, and what to use.
+    /// Text table with a line a fold, and the thresholds to use.
     pub fn table(&self) -> String {
         let mut text = format!(
             "{:>15} {:>7} {:>10} {:>8}  thresholds, best on the other folds\n",
             "frames", "people", "success", "IDF1"
         );
-        let line = |what: &str, people: usize, score: &Score, rest: &str| {
+        let line = |what: &str, people: usize, score: &TuningScore, rest: &str| {
             format!("{what:>15} {people:>7} {:>8.1} % {:>6.1} %  {rest}\n", score.success, score.idf1)
         };
         for fold in &self.folds {

@@ -1,4 +1,4 @@
-//! Linking as a whole: from rows to rows.
+//! Tests of linking as a whole, from rows to rows.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -40,7 +40,7 @@ fn crossing() -> String {
     }))
 }
 
-/// Whether each track goes on in the direction it came from.
+/// Whether each track continues in its direction.
 fn all_pass(linked: &Linked) -> bool {
     linked.tracks.len() == 2
         && linked.tracks.iter().all(|t| (t[0].place.x - 300.0) * (t[t.len() - 1].place.x - 300.0) < 0.0)
@@ -52,7 +52,7 @@ fn nothing_one_and_alone() {
         let nothing = linked("", &options);
         assert_eq!((nothing.tracks.len(), nothing.report.total_cost), (0, 0.0));
         assert_eq!(track_file(&nothing), "");
-        // One detection is worth less than a track costs.
+        // One detection gains less than a track costs.
         assert_eq!(linked("7,-1,1,2,30,60,0.9\n", &options).tracks.len(), 0);
     }
     let cheap = LinkOptions { birth_cost: Some(0.0), ..LinkOptions::default() };
@@ -64,16 +64,16 @@ fn the_direction_constraint_carries_people_past_each_other() {
     let options = LinkOptions { direction_threshold: Some(4.0), ..published() };
     let found = linked(&crossing(), &options);
     assert!(all_pass(&found));
-    // Straight on costs what turning back costs, so the bound is reached: this is the optimum.
+    // Going straight costs as much as turning back, so the bound is reached: this is the optimum.
     assert!(found.report.is_optimal, "{:?}", found.report);
     let skipping =
         LinkOptions { skip: 1, max_distance: Some(24.0), direction_threshold: Some(8.0), ..published() };
     let skipped = linked(&crossing(), &skipping);
     assert!(all_pass(&skipped));
     assert_eq!(skipped.report.detections, 20);
-    // The detections of skipped frames are given back: 20 frames of two people, none made up.
+    // The detections of skipped frames are restored: 20 frames of two people, none invented.
     assert_eq!(skipped.tracks.iter().flatten().filter(|r| r.is_seen).count(), 40);
-    // But not one that is nobody's, also where theirs are missing, and none to two tracks.
+    // But no false detection, also where true ones are missing, and none on two tracks.
     let without = |is_missing: &dyn Fn(usize, &str) -> bool| {
         let whole = crossing();
         let kept: Vec<&str> =
@@ -130,7 +130,7 @@ fn gaps_are_bridged_as_far_as_is_asked_for_and_filled() {
     assert_eq!(filled, [(10, 130.0), (11, 133.0), (12, 136.0)]);
     let kept = linked(&text, &LinkOptions { keep_gaps: true, ..with(4) });
     assert_eq!((kept.tracks.len(), kept.tracks[0].len()), (1, 22));
-    // The default bridges by motion what is too far to be linked at once.
+    // By default, motion bridges gaps that are too long for direct links.
     let fast = boxes((1..=60).filter(|f| !(25..40).contains(f)).map(|f| (f, 4.0 * f64::from(f))));
     let found = linked(&fast, &LinkOptions::default());
     assert_eq!((found.tracks.len(), found.tracks[0].len()), (1, 60));
@@ -196,7 +196,7 @@ fn gaps_are_bridged_for_so_many_seconds_whatever_the_rate() {
     for rate in [8.0, 25.0, 60.0] {
         assert_eq!((tracks(rate, 2.0, Some(rate)), tracks(rate, 3.5, Some(rate))), (1, 2), "{rate}");
     }
-    // Where nothing is said, 25.
+    // The default rate is 25.
     assert_eq!((tracks(25.0, 2.0, None), tracks(60.0, 2.0, None)), (1, 2));
 }
 
@@ -204,7 +204,8 @@ fn gaps_are_bridged_for_so_many_seconds_whatever_the_rate() {
 fn colours_tell_apart_who_cannot_be_told_apart_by_place() {
     use crate::identity::appearance::Histogram;
     use std::sync::Arc;
-    // Two people stand at one place for a second and a half, and nobody can say by their ways who leaves on which side.
+    // Two people stand at one place for a second and a half, and their motion does not tell on which side each one
+    // leaves.
     let text = boxes((1..=90).flat_map(|f| {
         let t = f64::from(f);
         let away = if f < 30 {
@@ -273,23 +274,23 @@ fn classes_and_scores_are_filtered() {
 fn options_that_mean_nothing_are_refused_by_name() {
     let refused = |options: LinkOptions| link(&Detections::default(), &options).unwrap_err().to_string();
     let some = LinkOptions::default;
-    assert!(refused(LinkOptions { max_gap: Some(0), ..some() }).contains("--max-gap"));
-    assert!(refused(LinkOptions { max_distance: Some(-1.0), ..some() }).contains("--max-distance"));
+    assert!(refused(LinkOptions { max_gap: Some(0), ..some() }).contains("max_gap"));
+    assert!(refused(LinkOptions { max_distance: Some(-1.0), ..some() }).contains("max_distance"));
     assert!(
         refused(LinkOptions { max_colour_distance: Some(f64::NAN), ..some() })
-            .contains("--max-colour-distance")
+            .contains("max_colour_distance")
     );
-    assert!(refused(LinkOptions { window: Some(0), ..some() }).contains("--window"));
+    assert!(refused(LinkOptions { window: Some(0), ..some() }).contains("window"));
     for rate in [0.0, -5.0, f64::NAN, f64::INFINITY] {
-        assert!(refused(LinkOptions { frames_per_s: Some(rate), ..some() }).contains("--rate"));
+        assert!(refused(LinkOptions { frames_per_s: Some(rate), ..some() }).contains("frames_per_s"));
     }
-    assert!(refused(LinkOptions { link_cost: Some(f64::NAN), ..some() }).contains("--link-cost"));
+    assert!(refused(LinkOptions { link_cost: Some(f64::NAN), ..some() }).contains("link_cost"));
     let both = LinkOptions { solver: SolverKind::Greedy, direction_threshold: Some(1.0), ..some() };
     assert!(refused(both).contains("greedy"));
     let huge = LinkOptions { birth_cost: Some(1e12), ..some() };
-    assert!(refused(huge).contains("--birth-cost"));
+    assert!(refused(huge).contains("birth_cost"));
     let odd = Detections::from_rows(&rows("1,-1,0,0,10,20,1e300\n"), |row| some().wants(row)).unwrap();
-    assert!(link(&odd, &published()).unwrap_err().to_string().contains("--detection-offset"));
+    assert!(link(&odd, &published()).unwrap_err().to_string().contains("detection_offset"));
 }
 
 #[test]
@@ -303,7 +304,7 @@ fn cross_validation_finds_the_constraint_worth_having_and_tests_on_what_it_did_n
     let (mut truth, mut found) = (String::new(), String::new());
     for scene in 0..12u32 {
         for f in 1..=20u32 {
-            // In no order that gives anybody away.
+            // The order is shuffled.
             let mut people = [(1, 1.0), (2, -1.0)];
             people.rotate_left(usize::from(noise() > 0.0));
             for (person, direction) in people {
@@ -327,13 +328,13 @@ fn cross_validation_finds_the_constraint_worth_having_and_tests_on_what_it_did_n
         with.table().contains("--direction-threshold") && !without.table().contains("--direction-threshold")
     );
     for folds in [0, 1, 351] {
-        assert!(validate(folds, false).unwrap_err().to_string().contains("--folds"), "{folds}");
+        assert!(validate(folds, false).unwrap_err().to_string().contains("folds"), "{folds}");
     }
 }
 
 #[test]
 fn a_fold_is_judged_with_thresholds_that_never_saw_it() {
-    // In the last third people walk faster than any threshold that the first two thirds ask for would allow.
+    // In the last third people walk faster than any threshold that suits the first two thirds permits.
     let walk = |f: u32| if f <= 40 { 2.0 * f64::from(f) } else { 80.0 + 30.0 * (f64::from(f) - 40.0) };
     let line = |id: &str, confidence: &str| {
         (1..=60).fold(String::new(), |mut text, f| {
@@ -359,6 +360,6 @@ fn margins_of_a_classifier_are_taken_as_log_odds_where_nothing_is_said() {
     };
     let (margins, odds) = (scored(&|s| s), scored(&|s: f64| 1.0 / (1.0 + (-s).exp())));
     assert!((margins.report.total_cost - odds.report.total_cost).abs() < 1e-6);
-    // What is written is what the detector said.
+    // The written scores are the detector's own.
     assert!((margins.tracks[0][0].score - 1.6).abs() < 1e-12);
 }

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use super::Linked;
 use super::fill::TrackRow;
 
-/// MOTChallenge rows, by frame and id: boxes, or places on the floor.
+/// MOTChallenge rows, ordered by frame and id: boxes, or floor positions.
 pub fn track_file(linked: &Linked) -> String {
     let mut rows: Vec<(u32, u32, &TrackRow)> = linked
         .ids
@@ -29,7 +29,7 @@ pub fn track_file(linked: &Linked) -> String {
     text
 }
 
-/// To six decimals, as detectors write them, without a negative zero.
+/// Rounded to six decimals, as detectors write them, without a negative zero.
 fn rounded(value: f64) -> f64 {
     (value * 1e6).round() / 1e6 + 0.0
 }

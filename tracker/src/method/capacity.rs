@@ -1,29 +1,29 @@
-//! How many people a tracker follows at once: who comes beyond that is not found, and that is said.
+//! Limit on the number of people that a tracker follows at once; reaching it is logged.
 
-/// The most people at one time.
+/// Largest number of people at one time.
 #[derive(Debug, Clone)]
 pub(super) struct Capacity {
     most: usize,
-    is_told: bool,
+    is_logged: bool,
 }
 
 impl Capacity {
-    /// Of so many people.
+    /// Limit of `most` people.
     pub(super) fn new(most: usize) -> Self {
-        Self { most, is_told: false }
+        Self { most, is_logged: false }
     }
 
-    /// Whether there is room for another beside so many.
+    /// Whether another person can be added to so many.
     pub(super) fn has_room(&self, people: usize) -> bool {
         people < self.most
     }
 
-    /// Takes in how many are followed now: that no more are, the log says once.
+    /// Records the number of tracked people, and logs once that the limit is reached.
     pub(super) fn note(&mut self, people: usize) {
-        if !self.has_room(people) && !self.is_told {
-            self.is_told = true;
+        if !self.has_room(people) && !self.is_logged {
+            self.is_logged = true;
             tracing::warn!(
-                "{people} people are followed, and no more are found until somebody leaves; --most-people N takes more"
+                "{people} people are tracked, the limit: new people are ignored until one leaves; --most-people N raises it"
             );
         }
     }

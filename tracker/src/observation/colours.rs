@@ -1,26 +1,27 @@
-//! Colours of a foreground on a coarse grid: as much of a picture as appearance needs, at a small part of its size.
+//! Colours of a foreground on a coarse grid: the part of a picture that appearance needs, at a small fraction of its
+//! size.
 
 use image::{Rgb, RgbImage};
 
 use super::Mask;
 
-/// The colour at the middle of every grid cell whose middle pixel is foreground, 5, 6 and 5 bits a channel.
+/// Colour of the middle pixel of every grid cell whose middle pixel is foreground, with 5, 6 and 5 bits a channel.
 ///
-/// Cells are `step` pixels of the mask wide and high; the middle of cell `(c, r)` is the pixel
-/// `(c · step + step / 2, r · step + step / 2)`, or the image's last where that lies outside.
+/// Cells are `step` pixels of the mask wide and high; the middle of cell `(c, r)` is the pixel `(c · step + step / 2, r
+/// · step + step / 2)`, or the image's last where that lies outside.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Colours {
     step: u8,
-    /// Cells that have a sample.
+    /// Cells with a sample.
     cells: Mask,
-    /// One a cell that has one, row by row.
+    /// One sample for each of those cells, row by row.
     samples: Vec<u16>,
-    /// Samples before each row.
+    /// Number of samples before each row.
     row_starts: Vec<u32>,
 }
 
 impl Colours {
-    /// Samples a picture that `color_at(x, y)` reads, x and y in pixels of the mask.
+    /// Samples a picture by `color_at(x, y)`, with x and y in pixels of the mask.
     pub fn sample(mask: &Mask, step: u8, mut color_at: impl FnMut(u32, u32) -> Rgb<u8>) -> Self {
         let mut colours = Self::empty(mask, step);
         for row in 0..colours.cells.height() {
@@ -40,14 +41,14 @@ impl Colours {
         Self::sample(mask, step, |x, y| *picture.get_pixel(x, y))
     }
 
-    /// Puts samples back that [`Self::samples`] gave for this mask and step; `None` when their number is another.
+    /// Restores colours from the [`Self::samples`] of this mask and step; `None` when the number of samples is another.
     pub fn from_samples(mask: &Mask, step: u8, samples: Vec<u16>) -> Option<Self> {
         let colours = Self::empty(mask, step.max(1));
         let expected = colours.cells.count();
         (step > 0 && samples.len() as u64 == expected).then_some(Self { samples, ..colours })
     }
 
-    /// Cells that have a sample: those whose middle pixel is foreground.
+    /// Cells with a sample: those whose middle pixel is foreground.
     pub(crate) fn sampled_cells(mask: &Mask, step: u8) -> Mask {
         let side = u32::from(step.max(1));
         Mask::from_fn(mask.width().div_ceil(side), mask.height().div_ceil(side), |column, row| {
@@ -70,7 +71,7 @@ impl Colours {
         Self { step, cells, samples: Vec::new(), row_starts }
     }
 
-    /// Side of a cell in pixels of the mask.
+    /// Side of a cell, pixels of the mask.
     pub fn step(&self) -> u8 {
         self.step
     }
@@ -80,7 +81,7 @@ impl Colours {
         &self.samples
     }
 
-    /// The colour of the cell in which a pixel of the mask lies; `None` where the cell has none.
+    /// Colour of the cell of a pixel of the mask; `None` where the cell has no sample.
     pub fn at(&self, x: u32, y: u32) -> Option<Rgb<u8>> {
         let side = u32::from(self.step);
         let (column, row) = (x / side, y / side);
@@ -96,7 +97,7 @@ impl Colours {
     }
 }
 
-/// The middle pixel of a cell.
+/// Middle pixel of a cell.
 fn middle(mask: &Mask, step: u8, column: u32, row: u32) -> (u32, u32) {
     let side = u32::from(step);
     let at = |i: u32, size: u32| (i * side + side / 2).min(size.saturating_sub(1));
@@ -108,7 +109,7 @@ fn packed(color: Rgb<u8>) -> u16 {
     (r >> 3) << 11 | (g >> 2) << 5 | b >> 3
 }
 
-/// The middle of the levels that a packed colour stands for.
+/// Colour in the middle of the interval that a packed colour stands for.
 fn unpacked(sample: u16) -> Rgb<u8> {
     let level = |bits: u16, lost: u32| (bits << lost | (1 << (lost - 1))) as u8;
     Rgb([level(sample >> 11, 3), level(sample >> 5 & 63, 2), level(sample & 31, 3)])

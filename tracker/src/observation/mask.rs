@@ -1,4 +1,4 @@
-//! A foreground mask, one bit a pixel.
+//! Foreground mask, one bit a pixel.
 
 use image::{GrayImage, Luma};
 use wide::u8x16;
@@ -12,12 +12,12 @@ pub struct Mask {
 }
 
 impl Mask {
-    /// A mask of this size without foreground.
+    /// Mask of this size without foreground.
     pub fn new(width: u32, height: u32) -> Self {
         Self { width, height, words: vec![0; words_per_row(width) * height as usize] }
     }
 
-    /// The mask that has foreground where `is_set(x, y)`.
+    /// Mask whose foreground is the set of pixels with `is_set(x, y)`.
     pub fn from_fn(width: u32, height: u32, is_set: impl Fn(u32, u32) -> bool) -> Self {
         let mut mask = Self::new(width, height);
         for (y, row) in (0..height).zip(mask.words.chunks_exact_mut(words_per_row(width).max(1))) {
@@ -43,21 +43,21 @@ impl Mask {
         (self.width, self.height)
     }
 
-    /// Whether a pixel is foreground; pixels outside are not.
+    /// Whether a pixel is foreground; pixels outside the image are not.
     pub fn is_set(&self, x: u32, y: u32) -> bool {
         x < self.width && y < self.height && self.row(y)[x as usize / 64] >> (x % 64) & 1 == 1
     }
 
-    /// The words of one row, `⌈width / 64⌉` of them.
+    /// Words of one row, `⌈width / 64⌉` of them.
     ///
     /// # Panics
-    /// Outside the mask.
+    /// A row outside the mask.
     pub fn row(&self, y: u32) -> &[u64] {
         let words = words_per_row(self.width);
         &self.words[y as usize * words..][..words]
     }
 
-    /// The words of one row, to be changed. Bits beyond the width must stay 0.
+    /// Mutable words of one row. Bits beyond the width must stay 0.
     pub(crate) fn row_mut(&mut self, y: u32) -> &mut [u64] {
         let words = words_per_row(self.width);
         &mut self.words[y as usize * words..][..words]
@@ -68,17 +68,17 @@ impl Mask {
         &self.words
     }
 
-    /// Pixels of foreground.
+    /// Number of foreground pixels.
     pub fn count(&self) -> u64 {
         self.words.iter().map(|word| u64::from(word.count_ones())).sum()
     }
 
-    /// The picture of the mask: 255 where there is foreground, else 0.
+    /// Picture of the mask: 255 for foreground, otherwise 0.
     pub fn to_image(&self) -> GrayImage {
         GrayImage::from_fn(self.width, self.height, |x, y| Luma([if self.is_set(x, y) { 255 } else { 0 }]))
     }
 
-    /// The runs of foreground in one row, from left to right: first column and the one after the last.
+    /// Runs of foreground in one row, from left to right: the first column, and the one after the last.
     pub fn runs(&self, y: u32) -> impl Iterator<Item = (u32, u32)> + '_ {
         let row = self.row(y);
         let mut from = 0;
@@ -93,7 +93,7 @@ impl Mask {
     /// Sets the pixels from column `start` to before `end` of one row.
     ///
     /// # Panics
-    /// When they are not within the mask.
+    /// Columns that are not within the mask.
     pub fn set_run(&mut self, y: u32, start: u32, end: u32) {
         assert!(start <= end && end <= self.width, "columns {start}..{end} of {}", self.width);
         let row = self.row_mut(y);
@@ -113,7 +113,7 @@ impl Mask {
     }
 }
 
-/// The mask of a picture: any value but 0 is foreground.
+/// Mask of a picture: every value but 0 is foreground.
 impl From<&GrayImage> for Mask {
     fn from(image: &GrayImage) -> Self {
         let (width, height) = image.dimensions();
@@ -137,12 +137,12 @@ impl From<&GrayImage> for Mask {
     }
 }
 
-/// Words of 64 pixels in a row of this width.
+/// Number of 64-pixel words in a row of this width.
 fn words_per_row(width: u32) -> usize {
     (width as usize).div_ceil(64)
 }
 
-/// The first column from `from` on whose bit is set in the row's `view`ed words.
+/// First column from `from` on whose bit is set in the row's words after `view`.
 fn next(row: &[u64], from: u32, view: impl Fn(u64) -> u64) -> Option<u32> {
     let first = from as usize / 64;
     let mut ahead = row.get(first..)?.iter().enumerate().map(|(i, word)| {

@@ -1,9 +1,9 @@
-//! Observations: everything that the trackers need of one picture, and everything that leaves a station.
+//! Observations: all data that the trackers need of one picture, and all that leaves a station.
 //!
 //! * [`Mask`] — the foreground, one bit a pixel, in the camera's pinhole image at the working size.
 //! * [`Colours`] — the colours of that foreground on a coarse grid, for appearance.
 //! * [`Observation`] — both with capture time, sequence number and health.
-//! * [`Feedback`] — the people believed to be there, sent back so that they are not learnt as background.
+//! * [`Feedback`] — the tracker's estimates of the people, sent back so that they are not learnt as background.
 
 mod colours;
 mod mask;
@@ -22,7 +22,7 @@ pub struct Observation {
     pub sequence: u64,
     /// Capture time on the run's clock, seconds.
     pub time_s: f64,
-    /// Whether the camera shows anything that can be used.
+    /// Health of the camera: whether the frame can be used.
     pub health: Verdict,
     /// Foreground in the pinhole image at the working size; `None` unless the health is [`Verdict::Usable`], and for
     /// methods that need no masks.
@@ -32,29 +32,30 @@ pub struct Observation {
 }
 
 impl Observation {
-    /// An observation of a camera that shows nothing usable.
+    /// Observation of a camera without a usable frame.
     pub fn unusable(sequence: u64, time_s: f64, health: Verdict) -> Self {
         Self { sequence, time_s, health, mask: None, colours: None }
     }
 }
 
-/// The people whom the tracker believes in after an observation was used, or passed over.
+/// The tracker's estimates of the people after an observation was used or passed over.
 ///
-/// A station of a recording makes at most [`Feedback::WINDOW`] observations more than it has had feedback for: so what flows
-/// back is the same in every run, and no queue grows.
+/// A station of a recording is at most [`Feedback::WINDOW`] observations ahead of its feedback: so the feedback that
+/// each observation gets is the same in every run, and no queue grows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Feedback {
     /// The observation's sequence number.
     pub sequence: u64,
-    /// Bodies of the people, as last believed.
+    /// Bodies of the people, by the latest estimates.
     pub people: Vec<Body>,
 }
 
 impl Feedback {
-    /// Observations that a station may be ahead of its feedback.
+    /// Number of observations that a station may be ahead of its feedback.
     pub const WINDOW: u64 = 8;
 
-    /// Whether everybody stands within a millimetre of where they stood in `other`, which then need not be drawn anew.
+    /// Whether all people stand within a millimetre of their positions in `other`, so that they need not be drawn
+    /// again.
     pub fn is_like(&self, other: &[Body]) -> bool {
         self.people.len() == other.len()
             && self.people.iter().zip(other).all(|(a, b)| {

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::OffsetOptions;
 use super::filter::product;
-use super::history::{History, Observation};
+use super::history::{History, ResponseFrame};
 
 /// Length of the windows over which observations are gathered, seconds: about one walk through a room in one
 /// direction, so that the windows' results are nearly independent.
@@ -59,7 +59,7 @@ impl PairCorrelation {
     }
 
     /// Correlates a camera's new observation with those of the other camera.
-    pub(super) fn add(&mut self, camera: usize, new: &Observation, other: &History) {
+    pub(super) fn add(&mut self, camera: usize, new: &ResponseFrame, other: &History) {
         let [first, second] = self.cameras;
         let is_first = camera == first;
         let (norm_of_new, norm_of_old) = if is_first { (second, first) } else { (first, second) };

@@ -10,8 +10,8 @@ use nalgebra::{Point2, Vector2};
 
 use crate::likelihood::pack;
 use crate::observation::Mask;
+use crate::prepared_room::{PreparedRoom, resolution};
 use crate::silhouette::{Body, Shape, Silhouette, View};
-use crate::stage::{Stage, resolution};
 use crate::{Error, Result};
 
 /// Side of a cell, metres: half of a person's width …
@@ -62,9 +62,9 @@ struct Template {
 }
 
 impl PersonFilters {
-    pub(super) fn new(stage: &Stage) -> Self {
-        let views = stage.cameras.iter().map(|camera| {
-            let block = (resolution::block(camera, &Body::ADULT, &stage.floor) / FINER).max(1);
+    pub(super) fn new(room: &PreparedRoom) -> Self {
+        let views = room.cameras.iter().map(|camera| {
+            let block = (resolution::block(camera, &Body::ADULT, &room.floor) / FINER).max(1);
             let size = (camera.width(), camera.height());
             CameraFilter {
                 name: camera.name.clone(),
@@ -74,7 +74,7 @@ impl PersonFilters {
             }
         });
         let mut cameras: Vec<CameraFilter> = views.collect();
-        for place in places(stage) {
+        for place in places(room) {
             let body = Body { x_m: place.x, y_m: place.y, ..Body::ADULT };
             let seen: Vec<_> = cameras.iter().map(|camera| Templates::of(&camera.view, &body)).collect();
             if seen.iter().flatten().count() >= 2 {
@@ -138,14 +138,14 @@ pub(super) fn product(a: &[i8], b: &[i8]) -> f32 {
 }
 
 /// Centres of the floor's cells, metres.
-fn places(stage: &Stage) -> impl Iterator<Item = Point2<f64>> {
-    let (low, high) = stage.floor.bounds();
+fn places(room: &PreparedRoom) -> impl Iterator<Item = Point2<f64>> {
+    let (low, high) = room.floor.bounds();
     let size = high - low;
     let cell_m = (size.x * size.y / MOST_CELLS).sqrt().max(CELL_M);
     let (columns, rows) = ((size.x / cell_m).ceil() as usize, (size.y / cell_m).ceil() as usize);
     (0..columns * rows)
         .map(move |i| low + Vector2::new((i % columns) as f64 + 0.5, (i / columns) as f64 + 0.5) * cell_m)
-        .filter(|place| stage.floor.is_standable(place.x, place.y))
+        .filter(|place| room.floor.is_standable(place.x, place.y))
 }
 
 impl Templates {

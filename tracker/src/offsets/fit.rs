@@ -49,7 +49,7 @@ const CONVERGED_S: f64 = 1e-4;
 
 /// An offset that changes at a constant rate.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Line {
+pub(super) struct OffsetLine {
     /// Time at which the offset of `value` holds, seconds.
     pub(super) at_s: f64,
     /// Offset in seconds, and its drift in seconds a second.
@@ -57,7 +57,7 @@ pub(super) struct Line {
     pub(super) covariance: Matrix2<f64>,
 }
 
-impl Line {
+impl OffsetLine {
     /// Inverse of the covariance; zero where there is none.
     pub(super) fn precision(&self) -> Matrix2<f64> {
         self.covariance.try_inverse().unwrap_or_default()
@@ -71,7 +71,7 @@ impl Line {
 }
 
 /// Window of time; its middle is relative to the energy-weighted mean time, seconds.
-struct Window<'a> {
+struct CorrelationWindow<'a> {
     time_s: f64,
     bins: &'a [Bin],
 }
@@ -93,7 +93,7 @@ struct Local {
 }
 
 /// Fits the line of a pair whose cameras have `interval_s` between their frames; `None` while there is no real peak.
-pub(super) fn fit(pair: &PairCorrelation, interval_s: f64, options: &OffsetOptions) -> Option<Line> {
+pub(super) fn fit(pair: &PairCorrelation, interval_s: f64, options: &OffsetOptions) -> Option<OffsetLine> {
     let energy_of = |bins: &[Bin]| bins.iter().map(|bin| bin.energy).sum::<f64>();
     let (mut all, mut moment) = (0.0, 0.0);
     for (time_s, bins) in pair.windows() {
@@ -105,8 +105,8 @@ pub(super) fn fit(pair: &PairCorrelation, interval_s: f64, options: &OffsetOptio
         return None;
     }
     let at_s = moment / all;
-    let windows: Vec<Window> =
-        pair.windows().map(|(time_s, bins)| Window { time_s: time_s - at_s, bins }).collect();
+    let windows: Vec<CorrelationWindow> =
+        pair.windows().map(|(time_s, bins)| CorrelationWindow { time_s: time_s - at_s, bins }).collect();
     let peak = search(&windows, pair.largest_lag_s, interval_s, options)?;
     let is_real = peak.correlation >= LEAST_CORRELATION
         && peak.second <= MOST_SECOND * peak.correlation
@@ -115,11 +115,16 @@ pub(super) fn fit(pair: &PairCorrelation, interval_s: f64, options: &OffsetOptio
         return None;
     }
     let (value, covariance) = refine(&windows, peak.value, interval_s, options)?;
-    Some(Line { at_s, value, covariance })
+    Some(OffsetLine { at_s, value, covariance })
 }
 
 /// Finds the greatest correlation on a grid of offsets and drifts.
-fn search(windows: &[Window], largest_s: f64, interval_s: f64, options: &OffsetOptions) -> Option<Peak> {
+fn search(
+    windows: &[CorrelationWindow],
+    largest_s: f64,
+    interval_s: f64,
+    options: &OffsetOptions,
+) -> Option<Peak> {
     let half_s = SMOOTHING_S.max(SMOOTHING_INTERVALS * interval_s);
     let count = (2.0 * largest_s / STEP_S) as usize + 1;
     let offset_s = |i: usize| i as f64 * STEP_S - largest_s;
@@ -174,7 +179,7 @@ fn smoothed(bins: &[Bin], largest_s: f64, count: usize, half_s: f64) -> Vec<[f64
 
 /// Finds the line near a peak at which the correlation is greatest, and its covariance.
 fn refine(
-    windows: &[Window],
+    windows: &[CorrelationWindow],
     start: Vector2<f64>,
     interval_s: f64,
     options: &OffsetOptions,

@@ -20,7 +20,7 @@ const NEWEST: f64 = 0.05;
 /// Observations of one camera.
 #[derive(Debug, Clone, Default)]
 pub(super) struct History {
-    observations: VecDeque<Observation>,
+    observations: VecDeque<ResponseFrame>,
     latest_s: Option<f64>,
     /// Time from which on the next frame is taken in, seconds.
     due_s: Option<f64>,
@@ -32,7 +32,7 @@ pub(super) struct History {
 
 /// Responses of a camera at one time.
 #[derive(Debug, Clone)]
-pub(super) struct Observation {
+pub(super) struct ResponseFrame {
     pub(super) time_s: f64,
     /// Differences from the mean, quantized.
     pub(super) responses: Vec<i8>,
@@ -74,17 +74,17 @@ impl History {
         }
         let moving = responses.iter().zip(&self.mean).map(|(response, mean)| quantized(response - mean));
         let responses: Vec<i8> = moving.collect();
-        self.observations.push_back(Observation { time_s, norms: norms(&responses), responses });
+        self.observations.push_back(ResponseFrame { time_s, norms: norms(&responses), responses });
         true
     }
 
     /// The latest frame that can be compared.
-    pub(super) fn latest(&self) -> Option<&Observation> {
+    pub(super) fn latest(&self) -> Option<&ResponseFrame> {
         self.observations.back()
     }
 
     /// Observations within a span of time, in order.
-    pub(super) fn between(&self, from_s: f64, to_s: f64) -> impl Iterator<Item = &Observation> {
+    pub(super) fn between(&self, from_s: f64, to_s: f64) -> impl Iterator<Item = &ResponseFrame> {
         let first = self.observations.partition_point(|o| o.time_s < from_s);
         self.observations.range(first..).take_while(move |o| o.time_s <= to_s)
     }

@@ -1,8 +1,9 @@
 //! Time offsets and clock drifts between cameras, estimated from the people that several cameras see.
 //!
-//! A person stands at one place of the floor at one time in every camera's view. So for each camera a matched filter
-//! ([`filter`]) responds, frame by frame, at the cells of the floor where the mask has a person of average build; and
-//! two cameras' responses correlate best when the times of one are shifted by the offset between their clocks.
+//! A person stands at one place of the floor at one time in every camera's view. For each camera a matched filter
+//! ([`filter`]) therefore responds, frame by frame, at the cells of the floor where the mask shows a person of average
+//! build; and two cameras' responses correlate best when the times of one are shifted by the offset between their
+//! clocks.
 //!
 //! 1. [`filter`] — masks to responses on the cells of the floor.
 //! 2. [`history`] — one camera's responses over time, without their static part, which carries no information about
@@ -15,9 +16,9 @@
 //!    peak is real.
 //! 5. [`network`] — the offsets of all cameras together, from those of the pairs.
 //!
-//! The error that remains is one of range: a person whose legs are hidden, or who is tall, seems to be nearer or
-//! farther than they are, which looks like being early or late, depending on their direction. It averages out over
-//! directions, and the uncertainty is that of independent ways through the room, not of frames.
+//! The remaining error is one of range: a person whose legs are hidden, or who is tall, seems nearer or farther than
+//! they are, which looks like an earlier or later time, depending on their direction. It averages out over directions,
+//! and the uncertainty is that of independent walks through the room, not of frames.
 
 mod correlation;
 mod filter;
@@ -35,7 +36,7 @@ use self::history::History;
 use crate::Error;
 use crate::Result;
 use crate::observation::Mask;
-use crate::stage::Stage;
+use crate::prepared_room::PreparedRoom;
 
 pub use self::network::CameraOffset;
 pub use self::options::OffsetOptions;
@@ -62,7 +63,7 @@ impl Offsets {
 /// ```no_run
 /// use tracker::observation::Mask;
 /// use tracker::offsets::{OffsetEstimator, OffsetOptions, Offsets};
-/// use tracker::stage::Stage;
+/// use tracker::prepared_room::Stage;
 ///
 /// fn offsets(stage: &Stage, masks: Vec<(usize, f64, Mask)>) -> tracker::Result<Offsets> {
 ///     let mut estimator = OffsetEstimator::new(stage, OffsetOptions::recording())?;
@@ -90,10 +91,10 @@ impl OffsetEstimator {
     ///
     /// # Errors
     /// [`Error::Option`] when an option makes no sense.
-    pub fn new(stage: &Stage, options: OffsetOptions) -> Result<Self> {
+    pub fn new(room: &PreparedRoom, options: OffsetOptions) -> Result<Self> {
         options.validate()?;
-        let filters = PersonFilters::new(stage);
-        let count = stage.cameras.len();
+        let filters = PersonFilters::new(room);
+        let count = room.cameras.len();
         let both = (0..count).flat_map(|a| (a + 1..count).map(move |b| [a, b]));
         let pairs = both.filter(|[a, b]| filters.share_floor(*a, *b));
         Ok(Self {

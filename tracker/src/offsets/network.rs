@@ -8,7 +8,7 @@
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 
 use super::OffsetOptions;
-use super::fit::Line;
+use super::fit::OffsetLine;
 
 /// Estimated offset and drift of the clock of one camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -32,17 +32,17 @@ pub struct CameraOffset {
 impl CameraOffset {
     /// Drift, microseconds a second; `None` until it is known well enough to be reported.
     pub fn known_drift_ppm(&self) -> Option<f64> {
-        (self.is_known && self.drift_sigma_ppm < TOLD_DRIFT_SIGMA_PPM).then_some(self.drift_ppm)
+        (self.is_known && self.drift_sigma_ppm < REPORTED_DRIFT_SIGMA_PPM).then_some(self.drift_ppm)
     }
 }
 
 /// Standard deviation below which a drift is reported: a quarter of the largest difference between clocks.
-const TOLD_DRIFT_SIGMA_PPM: f64 = 50.0;
+const REPORTED_DRIFT_SIGMA_PPM: f64 = 50.0;
 
 /// Solves for the offsets of `count` cameras from the lines of pairs, all of the same time.
 pub(super) fn solve(
     count: usize,
-    lines: &[([usize; 2], Line)],
+    lines: &[([usize; 2], OffsetLine)],
     options: &OffsetOptions,
 ) -> Vec<CameraOffset> {
     let reference = references(count, lines);
@@ -116,7 +116,7 @@ impl CameraOffset {
 }
 
 /// Squared distance between a pair's own line and the solution, in standard deviations.
-fn contradiction([a, b]: [usize; 2], line: &Line, solution: &DVector<f64>) -> f64 {
+fn contradiction([a, b]: [usize; 2], line: &OffsetLine, solution: &DVector<f64>) -> f64 {
     let of = |camera: usize| -> Vector2<f64> { solution.fixed_rows::<2>(2 * camera).into() };
     let apart = line.value - (of(b) - of(a));
     apart.dot(&(line.precision() * apart))
@@ -128,7 +128,7 @@ fn add(matrix: &mut DMatrix<f64>, row: usize, column: usize, block: &Matrix2<f64
 }
 
 /// First camera that pairs join each camera with.
-fn references(count: usize, lines: &[([usize; 2], Line)]) -> Vec<usize> {
+fn references(count: usize, lines: &[([usize; 2], OffsetLine)]) -> Vec<usize> {
     let mut reference: Vec<usize> = (0..count).collect();
     // One round for each link of the longest possible chain.
     for _ in 0..count {
@@ -144,9 +144,9 @@ fn references(count: usize, lines: &[([usize; 2], Line)]) -> Vec<usize> {
 mod tests {
     use super::*;
 
-    fn line(offset_s: f64, drift_ppm: f64, sigma_s: f64) -> Line {
+    fn line(offset_s: f64, drift_ppm: f64, sigma_s: f64) -> OffsetLine {
         let covariance = Matrix2::from_diagonal(&Vector2::new(sigma_s.powi(2), 1e-4_f64.powi(2)));
-        Line { at_s: 0.0, value: Vector2::new(offset_s, 1e-6 * drift_ppm), covariance }
+        OffsetLine { at_s: 0.0, value: Vector2::new(offset_s, 1e-6 * drift_ppm), covariance }
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Whether a run was made in this room: the run's boxes are its people as the room's cameras see them.
+//! Check that a run was made in a room: the run's boxes must be its people projected by the room's cameras.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -10,15 +10,15 @@ use crate::tracks::jsonl::FrameLine;
 use crate::tracks::rows::{PixelBox, RowFile};
 use crate::{Error, Result};
 
-/// Boxes are written from more decimals than the people's places.
+/// Largest difference of a box's edges, pixels: boxes are written from more decimals than the people's positions.
 const TOLERANCE_PX: f64 = 2.0;
-/// Boxes looked at for each camera.
+/// Largest number of compared boxes for each camera.
 const LOOKED_AT: usize = 200;
 
 /// Checks that the cameras of a room are those of a run.
 ///
 /// # Errors
-/// Naming the room, the camera that is missing or stands elsewhere, and a frame in which one sees that.
+/// Names the room, the camera that is missing or has another pose, and a frame that shows it.
 pub(super) fn check(run: &Path, frames: &[FrameLine], room: &Room, room_dir: &Path) -> Result<()> {
     let give = format!("give the room that {} was made in", run.display());
     let mut named: Vec<&String> =
@@ -58,7 +58,7 @@ pub(super) fn check(run: &Path, frames: &[FrameLine], room: &Room, room_dir: &Pa
             _ => true,
         });
         let differing: Vec<_> = differs.collect();
-        // Somebody at the image's very edge may be in it here and not there.
+        // A person at the image's border may be inside here and outside there.
         if let Some((frame, id, ..)) = differing.first()
             && 10 * differing.len() > looked_at.len()
         {

@@ -1,5 +1,5 @@
-//! The floor plan with everybody's way on it: the room's picture with the ways as SVG, so that they stay sharp and
-//! say whose they are.
+//! Floor plan with the trajectories of all people: the room as a picture, the trajectories as SVG, so that they stay
+//! sharp and have tooltips.
 
 use std::fmt::Write;
 
@@ -8,20 +8,20 @@ use scenes::plan::{FloorPlan, PlanOptions};
 use shell::canvas::Color;
 
 use super::markup::{css, data_url, path};
-use super::recording::Recording;
+use super::recording::RunRecording;
 use crate::Result;
 use crate::plan::beyond_the_room;
 
-/// Longest side of the picture.
+/// Longest side of the picture, pixels.
 const SIDE_PX: u32 = 1400;
-/// A track that was away longer than this is drawn in two parts, seconds.
+/// A track with a gap longer than this is drawn in parts, seconds.
 const BREAK_S: f64 = 1.0;
 
 /// The plan as inline SVG.
 ///
 /// # Errors
-/// When the room's geometry cannot be drawn.
-pub(super) fn svg(recording: &Recording) -> Result<String> {
+/// Geometry that cannot be drawn.
+pub(super) fn svg(recording: &RunRecording) -> Result<String> {
     let tracks = recording.tracks();
     let went = tracks.values().flatten().map(|(_, place)| *place);
     let places =

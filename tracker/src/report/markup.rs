@@ -1,4 +1,4 @@
-//! The little HTML and SVG that every section needs.
+//! HTML and SVG helpers of all sections.
 
 use std::fmt::Write;
 use std::io::Cursor;
@@ -9,7 +9,7 @@ use image::RgbImage;
 use image::codecs::jpeg::JpegEncoder;
 use shell::canvas::Color;
 
-/// Text that means itself, between tags and in quoted attributes.
+/// Escapes text for use between tags and in quoted attributes.
 pub(super) fn escape(text: &str) -> String {
     let mut safe = String::with_capacity(text.len());
     for c in text.chars() {
@@ -25,22 +25,22 @@ pub(super) fn escape(text: &str) -> String {
     safe
 }
 
-/// A colour as CSS writes it.
+/// A colour in CSS notation.
 pub(super) fn css(color: Color) -> String {
     format!("#{:02x}{:02x}{:02x}", color.r, color.g, color.b)
 }
 
-/// A picture as the address of itself.
+/// A picture as a `data:` URL.
 pub(super) fn data_url(image: &RgbImage, quality: u8) -> String {
     let mut bytes = Cursor::new(Vec::new());
-    // Encoding to memory fails only for pictures of no size; the page then shows the caption alone.
+    // Encoding to memory fails only for empty pictures; the page then shows the caption alone.
     if JpegEncoder::new_with_quality(&mut bytes, quality).encode_image(image).is_err() {
         return "data:,".into();
     }
     format!("data:image/jpeg;base64,{}", BASE64_STANDARD.encode(bytes.into_inner()))
 }
 
-/// `M x,y L x,y …` through points.
+/// SVG path `M x,y L x,y …` through points.
 pub(super) fn path(points: impl IntoIterator<Item = (f64, f64)>) -> String {
     let mut path = String::new();
     for (index, (x, y)) in points.into_iter().enumerate() {
@@ -50,7 +50,7 @@ pub(super) fn path(points: impl IntoIterator<Item = (f64, f64)>) -> String {
     path
 }
 
-/// Round steps for an axis from 0 to `end`: 1, 2 or 5 times a power of ten, at most `count` of them.
+/// Round ticks of an axis from 0 to `end`, with steps of 1, 2 or 5 times a power of ten; at most about `count` of them.
 pub(super) fn ticks(end: f64, count: usize) -> Vec<f64> {
     if !(end > 0.0 && end.is_finite()) || count == 0 {
         return vec![0.0];

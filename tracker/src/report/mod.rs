@@ -1,9 +1,9 @@
-//! The report: one self-contained page that shows what a run did.
+//! The report: one self-contained page about a run.
 //!
-//! `tracks.jsonl`, `timings.json` and the films of a run, its room and, where there is one, the truth →
-//! `recording` → a section each: floor plan (`floor_plan`), stills at telling moments (`moments`, `stills`),
-//! predicted visibility over time (`timeline`), evaluation and time per stage (`tables`) → one HTML file
-//! (`page`). Pictures are embedded and drawings are inline SVG: the page asks the network for nothing.
+//! `tracks.jsonl`, `timings.json` and the films of a run, its room and, where there is one, the truth → `recording` → a
+//! section each: floor plan (`floor_plan`), stills at informative moments (`moments`, `stills`), predicted visibility
+//! over time (`timeline`), evaluation and time per stage (`tables`) → one HTML file (`page`). Pictures are embedded and
+//! drawings are inline SVG, so the page loads nothing from the network.
 
 mod belonging;
 mod floor_plan;
@@ -18,27 +18,27 @@ mod timeline;
 use std::path::{Path, PathBuf};
 
 use crate::Result;
-use recording::Recording;
+use recording::RunRecording;
 
-/// What to report on.
+/// Input of the report.
 #[derive(Debug, Clone)]
 pub struct ReportSources {
-    /// The folder that `tracker run` wrote.
+    /// Folder that `tracker run` wrote.
     pub run: PathBuf,
-    /// The room directory of the run.
+    /// Room directory of the run.
     pub room: PathBuf,
-    /// True floor positions, if known.
+    /// File of true floor positions, if known.
     pub truth: Option<PathBuf>,
-    /// The room in whose frame the truth stands, if that is another one.
+    /// Room in whose frame the truth is, if that is another one.
     pub truth_room: Option<PathBuf>,
 }
 
-/// How the page looks.
+/// Options of the page.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ReportOptions {
-    /// Stills per camera. Default 3.
+    /// Number of stills per camera. Default 3.
     pub stills: usize,
-    /// People in the timeline; those with the longest tracks. Default 24.
+    /// Largest number of people in the timeline, those with the longest tracks. Default 24.
     pub people: usize,
 }
 
@@ -48,12 +48,12 @@ impl Default for ReportOptions {
     }
 }
 
-/// Writes the page, whole or not at all.
+/// Writes the page atomically.
 ///
 /// # Errors
-/// A source that cannot be read, named with its place; the page's folder.
+/// A source that cannot be read (with its place), or a page that cannot be written.
 pub fn write(sources: &ReportSources, page: &Path, options: &ReportOptions) -> Result<()> {
-    let recording = Recording::read(sources)?;
+    let recording = RunRecording::read(sources)?;
     let html = page::html(&recording, options)?;
     Ok(calib::files::write_atomic(page, html.as_bytes())?)
 }

@@ -1,24 +1,25 @@
-//! Which frames say most about a camera's occlusion prediction.
+//! Selection of frames that are informative about a camera's occlusion prediction.
 //!
-//! Three kinds of moment, in turn: somebody partly hidden, somebody wholly hidden yet still followed, and many
-//! people at once. Moments of one camera keep a distance from each other.
+//! Three kinds of moments alternate: a person partly hidden, a person wholly hidden yet still tracked, and many people
+//! at once. Moments of one camera keep a distance in time from each other.
 
-use super::recording::{Recording, Sight};
+use super::recording::{PersonVisibility, RunRecording};
 use crate::tracks::jsonl::FrameLine;
 
-/// Less than this is as good as nothing.
+/// Visible fraction below which a person counts as hidden.
 pub(super) const HIDDEN: f64 = 0.03;
-/// A partly hidden body is most telling when this much of it shows.
-const TELLING: f64 = 0.4;
+/// Visible fraction of the most informative partly hidden body.
+const BEST_VISIBLE: f64 = 0.4;
 
-/// The most telling frames of a camera, at most `count`, in time's order; as indices into the recording's frames.
-pub(super) fn telling(recording: &Recording, camera: &str, count: usize) -> Vec<usize> {
-    let sights: Vec<Vec<Sight>> = recording.frames.iter().map(|f| in_view(recording, f, camera)).collect();
+/// Most informative frames of a camera, at most `count`, in time order; as indices into the recording's frames.
+pub(super) fn informative(recording: &RunRecording, camera: &str, count: usize) -> Vec<usize> {
+    let visibilities: Vec<Vec<PersonVisibility>> =
+        recording.frames.iter().map(|f| in_view(recording, f, camera)).collect();
     let (first, last) = recording.span_s();
     let apart = 0.08 * (last - first);
     let mut chosen: Vec<usize> = Vec::new();
-    let scores: [fn(&[Sight]) -> f64; 3] = [partly_hidden, wholly_hidden, crowd];
-    // A second round through the kinds fills up where a kind does not occur.
+    let scores: [fn(&[PersonVisibility]) -> f64; 3] = [partly_hidden, wholly_hidden, crowd];
+    // A second round through the kinds replaces kinds that do not occur.
     for score in scores.iter().cycle().take(2 * scores.len().max(count)) {
         if chosen.len() >= count {
             break;
@@ -27,10 +28,10 @@ pub(super) fn telling(recording: &Recording, camera: &str, count: usize) -> Vec<
             let time = recording.frames[index].time;
             chosen.iter().all(|c| *c != index && (recording.frames[*c].time - time).abs() >= apart)
         };
-        let best = (0..sights.len())
+        let best = (0..visibilities.len())
             .filter(|i| is_free(*i))
-            .map(|i| (score(&sights[i]), i))
-            // Of equal scores the first in time.
+            .map(|i| (score(&visibilities[i]), i))
+            // Of equal scores, the first in time.
             .max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
         if let Some((_, index)) = best.filter(|(score, _)| *score > 0.0) {
             chosen.push(index);
@@ -40,21 +41,22 @@ pub(super) fn telling(recording: &Recording, camera: &str, count: usize) -> Vec<
     chosen
 }
 
-fn in_view(recording: &Recording, frame: &FrameLine, camera: &str) -> Vec<Sight> {
-    frame.people.iter().map(|p| recording.sight(p, camera)).filter(|s| s.is_in_view).collect()
+fn in_view(recording: &RunRecording, frame: &FrameLine, camera: &str) -> Vec<PersonVisibility> {
+    frame.people.iter().map(|p| recording.visibility(p, camera)).filter(|s| s.is_in_view).collect()
 }
 
-fn partly_hidden(people: &[Sight]) -> f64 {
-    let telling =
-        |s: &Sight| if s.visible <= HIDDEN { 0.0 } else { 1.0 - (s.visible - TELLING).abs() / TELLING };
-    people.iter().map(telling).filter(|t| *t > 0.0).sum()
+fn partly_hidden(people: &[PersonVisibility]) -> f64 {
+    let informative = |s: &PersonVisibility| {
+        if s.visible <= HIDDEN { 0.0 } else { 1.0 - (s.visible - BEST_VISIBLE).abs() / BEST_VISIBLE }
+    };
+    people.iter().map(informative).filter(|t| *t > 0.0).sum()
 }
 
-fn wholly_hidden(people: &[Sight]) -> f64 {
+fn wholly_hidden(people: &[PersonVisibility]) -> f64 {
     let hidden = people.iter().filter(|s| s.visible <= HIDDEN).count();
     if hidden == 0 { 0.0 } else { hidden as f64 + 0.1 * people.len() as f64 }
 }
 
-fn crowd(people: &[Sight]) -> f64 {
+fn crowd(people: &[PersonVisibility]) -> f64 {
     people.iter().map(|s| 1.0 + 0.5 * (1.0 - s.visible)).sum()
 }

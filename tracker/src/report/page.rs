@@ -1,21 +1,21 @@
-//! The page: sections in the order in which people ask.
+//! The page and its sections.
 
 use std::fmt::Write;
 
 use super::markup::{data_url, escape};
 use super::moments::{self, HIDDEN};
-use super::recording::Recording;
+use super::recording::RunRecording;
 use super::{ReportOptions, floor_plan, stills, tables, timeline};
 use crate::tracks::jsonl::FrameLine;
 use crate::{Result, TrackId};
 
 const STYLE: &str = include_str!("page.css");
 
-/// The whole page.
+/// HTML of the whole page.
 ///
 /// # Errors
 /// A film, reference image or geometry that cannot be read.
-pub(super) fn html(recording: &Recording, options: &ReportOptions) -> Result<String> {
+pub(super) fn html(recording: &RunRecording, options: &ReportOptions) -> Result<String> {
     let title = "Who was where";
     let mut body = header(recording, title);
     section(&mut body, "The way everybody went", PLAN, &floor_plan::svg(recording)?);
@@ -70,7 +70,7 @@ fn section(body: &mut String, title: &str, lead: &str, content: &str) {
         write!(body, "<section>\n<h2>{title}</h2>\n<p class=\"lead\">{lead}</p>\n{content}\n</section>\n");
 }
 
-fn header(recording: &Recording, title: &str) -> String {
+fn header(recording: &RunRecording, title: &str) -> String {
     let (first, last) = recording.span_s();
     let people = recording.tracks().len();
     let cameras = recording.cameras.len();
@@ -95,11 +95,11 @@ fn header(recording: &Recording, title: &str) -> String {
     )
 }
 
-/// A figure a still, grouped by camera.
-fn film_stills(recording: &Recording, options: &ReportOptions) -> Result<String> {
+/// An HTML figure for each still, grouped by camera.
+fn film_stills(recording: &RunRecording, options: &ReportOptions) -> Result<String> {
     let mut figures = String::new();
     for camera in &recording.cameras {
-        let wanted = moments::telling(recording, camera, options.stills);
+        let wanted = moments::informative(recording, camera, options.stills);
         let pictures = stills::stills(recording, camera, &wanted)?;
         if !pictures.is_empty() {
             let _ = writeln!(figures, "<h3>{}</h3>", escape(camera));
@@ -120,17 +120,17 @@ fn film_stills(recording: &Recording, options: &ReportOptions) -> Result<String>
     Ok(figures)
 }
 
-/// More people than this are counted, not listed.
+/// Largest number of people that a caption lists; more are counted.
 const LISTED: usize = 4;
 
-/// What is to be seen in a still, in words.
-fn caption(recording: &Recording, frame: &FrameLine, camera: &str) -> String {
+/// Description of a still.
+fn caption(recording: &RunRecording, frame: &FrameLine, camera: &str) -> String {
     let in_view: Vec<(TrackId, f64)> = frame
         .people
         .iter()
-        .map(|p| (p.id, recording.sight(p, camera)))
-        .filter(|(_, sight)| sight.is_in_view)
-        .map(|(id, sight)| (id, sight.visible))
+        .map(|p| (p.id, recording.visibility(p, camera)))
+        .filter(|(_, visibility)| visibility.is_in_view)
+        .map(|(id, visibility)| (id, visibility.visible))
         .collect();
     let who = if in_view.is_empty() {
         "nobody in view".to_owned()
@@ -149,7 +149,7 @@ fn caption(recording: &Recording, frame: &FrameLine, camera: &str) -> String {
     format!("Frame {}, {:.2}\u{a0}s: {who}.", frame.frame, frame.time)
 }
 
-/// More than this is all of somebody.
+/// Visible fraction above which a person is in full view.
 const FULL: f64 = 0.97;
 
 fn one(id: TrackId, visible: f64) -> String {

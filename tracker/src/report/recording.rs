@@ -1,4 +1,4 @@
-//! Everything the page is made of, read from the run, its room and the truth.
+//! Data of the page, read from the run, its room and the truth.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -14,44 +14,44 @@ use crate::tracks::jsonl::{self, FrameLine, PersonLine};
 use crate::tracks::rows::RowFile;
 use crate::{Error, Result, TrackId};
 
-/// Where somebody went, metres on the floor.
-pub(super) type Way = Vec<Point2<f64>>;
+/// Trajectory of a person, metres on the floor.
+pub(super) type Trajectory = Vec<Point2<f64>>;
 
-/// What is known of a run.
+/// Data of a run.
 #[derive(Debug, Clone)]
-pub(super) struct Recording {
-    /// The folder that `tracker run` wrote.
+pub(super) struct RunRecording {
+    /// Folder that `tracker run` wrote.
     pub(super) run: PathBuf,
-    /// The room's directory.
+    /// Room directory.
     pub(super) room_dir: PathBuf,
-    /// The room.
+    /// Room.
     pub(super) room: Room,
     /// Cameras that took part, in the room's order.
     pub(super) cameras: Vec<String>,
-    /// One entry a frame.
+    /// Estimates of each frame.
     pub(super) frames: Vec<FrameLine>,
-    /// Time per stage, where the run got so far as to say.
+    /// Time per stage; `None` for a run that did not finish.
     pub(super) timings: Option<Timings>,
-    /// Against the truth, where that is known.
+    /// Evaluation against the truth, if that is known.
     pub(super) evaluation: Option<Evaluation>,
-    /// Where people truly went, in the run's room; stretches without a gap.
-    pub(super) truth_paths: Vec<Way>,
+    /// True trajectories, in the run's room; stretches without a gap.
+    pub(super) truth_paths: Vec<Trajectory>,
 }
 
-/// How much of somebody a camera is predicted to see.
+/// Predicted visibility of a person in a camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Sight {
-    /// Fraction of the silhouette in the image that nothing hides.
+pub(super) struct PersonVisibility {
+    /// Visible fraction of the silhouette in the image.
     pub(super) visible: f64,
-    /// Whether any of the body would be in the image if nothing hid it.
+    /// Whether any part of the body would be in the image without occlusion.
     pub(super) is_in_view: bool,
 }
 
-impl Recording {
+impl RunRecording {
     /// Reads the sources.
     ///
     /// # Errors
-    /// Naming the file and the place in it.
+    /// Names the file and the place in it.
     pub(super) fn read(sources: &ReportSources) -> Result<Self> {
         let room = Room::read(&sources.room)?;
         let frames = jsonl::read(&sources.run.join("tracks.jsonl"))?;
@@ -91,13 +91,13 @@ impl Recording {
         })
     }
 
-    /// How much of somebody a camera is predicted to see.
-    pub(super) fn sight(&self, person: &PersonLine, camera: &str) -> Sight {
+    /// Predicted visibility of a person in a camera.
+    pub(super) fn visibility(&self, person: &PersonLine, camera: &str) -> PersonVisibility {
         let visible = person.visible.get(camera).copied().unwrap_or(0.0);
         let body = Body { x_m: person.x, y_m: person.y, radius_m: person.radius, height_m: person.height };
         let is_in_view = visible > 0.0
             || self.room.camera(camera).is_ok_and(|c| contour::bounding_box(&body, &c.camera).is_some());
-        Sight { visible, is_in_view }
+        PersonVisibility { visible, is_in_view }
     }
 
     /// First and last time, seconds.
@@ -106,7 +106,7 @@ impl Recording {
         (time(self.frames.first()), time(self.frames.last()))
     }
 
-    /// Everybody, with the places and times of their track, by id.
+    /// Positions and times of each track, by id.
     pub(super) fn tracks(&self) -> BTreeMap<TrackId, Vec<(f64, Point2<f64>)>> {
         let mut tracks: BTreeMap<TrackId, Vec<(f64, Point2<f64>)>> = BTreeMap::new();
         for frame in &self.frames {
@@ -117,7 +117,7 @@ impl Recording {
         tracks
     }
 
-    /// The film of a camera, if the run made one.
+    /// Path of a camera's film, if the run made one.
     pub(super) fn film(&self, camera: &str) -> Option<PathBuf> {
         Some(film_path(&self.run, camera)).filter(|path| path.exists())
     }
@@ -127,8 +127,8 @@ fn film_path(run: &Path, camera: &str) -> PathBuf {
     run.join("overlay").join(format!("{camera}.mp4"))
 }
 
-/// The evaluation, and where people truly went.
-fn judge(sources: &ReportSources, truth: &Path) -> Result<(Evaluation, Vec<Way>)> {
+/// Evaluation, and true trajectories.
+fn judge(sources: &ReportSources, truth: &Path) -> Result<(Evaluation, Vec<Trajectory>)> {
     let alignment = match &sources.truth_room {
         Some(truth_room) => Some(align::between(truth_room, &sources.room)?),
         None => None,

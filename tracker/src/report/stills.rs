@@ -1,4 +1,4 @@
-//! Pictures of single frames: from the film, or drawn anew on the reference image where no film was made.
+//! Pictures of single frames: from the film, or drawn on the reference image where no film was made.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -7,18 +7,18 @@ use calib::video::FrameSource;
 use image::RgbImage;
 use image::imageops::{self, FilterType};
 
-use super::recording::Recording;
+use super::recording::RunRecording;
 use crate::film::{FilmOptions, Painter, Shot};
-use crate::stage::{Stage, StageOptions};
+use crate::prepared_room::{PreparationOptions, PreparedRoom};
 use crate::tracks::jsonl::{FrameLine, PersonLine};
 use crate::{PersonEstimate, Result};
 
-/// One picture for each of `wanted` (indices of frames, growing), as far as the film goes.
+/// One picture for each of `wanted` (increasing indices of frames), as far as the film reaches.
 ///
 /// # Errors
-/// A film or reference image that is there but cannot be read.
+/// A film or reference image that exists but cannot be read.
 pub(super) fn stills(
-    recording: &Recording,
+    recording: &RunRecording,
     camera: &str,
     wanted: &[usize],
 ) -> Result<Vec<(usize, RgbImage)>> {
@@ -48,19 +48,19 @@ fn from_film(film: &str, wanted: &[usize]) -> Result<Vec<(usize, RgbImage)>> {
     Ok(stills)
 }
 
-fn drawn(recording: &Recording, camera: &str, wanted: &[usize]) -> Result<Vec<(usize, RgbImage)>> {
-    let options = StageOptions { cameras: vec![camera.to_owned()], ..StageOptions::default() };
-    let stage = Stage::prepare(&recording.room, &recording.room_dir, &options)?;
+fn drawn(recording: &RunRecording, camera: &str, wanted: &[usize]) -> Result<Vec<(usize, RgbImage)>> {
+    let options = PreparationOptions { cameras: vec![camera.to_owned()], ..PreparationOptions::default() };
+    let room = PreparedRoom::prepare(&recording.room, &recording.room_dir, &options)?;
     let reference = recording.room.camera(camera)?.reference.as_ref();
     let image = match reference.map(|r| recording.room_dir.join(r)).filter(|path| path.exists()) {
         Some(path) => Some(picture(&path)?),
         None => None,
     };
     let options = FilmOptions::default();
-    let (width, height) = options.panel_px(&stage.cameras[0]);
+    let (width, height) = options.panel_px(&room.cameras[0]);
     let image = image.map(|image| Arc::new(imageops::resize(&image, width, height, FilterType::Triangle)));
     let shot = Shot { image, mask: None };
-    let mut painter = Painter::new(&stage, 0, &options);
+    let mut painter = Painter::new(&room, 0, &options);
     let paint = |index: &usize| {
         let frame = recording.frames.get(*index)?;
         Some((*index, painter.paint(frame.frame, frame.time, &shot, &estimates(frame, camera))))
@@ -72,7 +72,7 @@ fn picture(path: &Path) -> Result<RgbImage> {
     Ok(calib::picture::read(path)?.into_rgb8())
 }
 
-/// The people of a line as one camera's painter wants them.
+/// Estimates of a line for one camera's painter.
 fn estimates(frame: &FrameLine, camera: &str) -> Vec<PersonEstimate> {
     let estimate = |person: &PersonLine| PersonEstimate {
         id: person.id,

@@ -1,12 +1,12 @@
-//! The evaluation and the time per stage, as tables.
+//! Tables of the evaluation and of the time per stage.
 
 use std::fmt::Write;
 
 use super::markup::escape;
-use crate::eval::{Evaluation, Figure, Unit, Value};
+use crate::eval::{Evaluation, FigureValue, MetricFigure, Unit};
 use crate::tracks::Timings;
 
-/// All figures with their meaning.
+/// Table of all figures with their meaning.
 pub(super) fn evaluation(evaluation: &Evaluation) -> String {
     let mut rows = String::new();
     for figure in evaluation.figures() {
@@ -22,29 +22,30 @@ pub(super) fn evaluation(evaluation: &Evaluation) -> String {
     format!("<div class=\"scroll\"><table class=\"figures\"><tbody>\n{rows}</tbody></table></div>")
 }
 
-/// The figures that fit on a card, with their names: accuracy, identity, error.
+/// Figures for the cards, with their names: accuracy, identity, error.
 pub(super) fn headline_figures(evaluation: &Evaluation) -> Vec<(String, &'static str)> {
     let wanted = ["MOTA", "MODA", "IDF1", "HOTA", "mean error"];
     let figures = evaluation.figures();
-    let has_mota = figures.iter().any(|f| f.name == "MOTA" && f.value != Value::Real(None, Unit::Percent));
+    let has_mota =
+        figures.iter().any(|f| f.name == "MOTA" && f.value != FigureValue::Real(None, Unit::Percent));
     wanted
         .iter()
-        // MODA stands in where nobody knows who is who.
+        // MODA replaces MOTA where there are no identities.
         .filter(|name| !(has_mota && **name == "MODA"))
         .filter_map(|name| figures.iter().find(|f| f.name == *name))
         .filter_map(|figure| Some((short(figure)?, figure.name)))
         .collect()
 }
 
-fn short(figure: &Figure) -> Option<String> {
+fn short(figure: &MetricFigure) -> Option<String> {
     match figure.value {
-        Value::Real(Some(value), Unit::Percent) => Some(format!("{value:.1}\u{a0}%").replace('-', "−")),
-        Value::Real(Some(value), Unit::Metres) => Some(format!("{:.1}\u{a0}cm", 100.0 * value)),
+        FigureValue::Real(Some(value), Unit::Percent) => Some(format!("{value:.1}\u{a0}%").replace('-', "−")),
+        FigureValue::Real(Some(value), Unit::Metres) => Some(format!("{:.1}\u{a0}cm", 100.0 * value)),
         _ => None,
     }
 }
 
-/// Median, 95th percentile and total of each stage, with bars for the totals.
+/// Table of median, 95th percentile and total of each stage, with bars for the totals.
 pub(super) fn timings(timings: &Timings) -> String {
     let longest = timings.stages.iter().map(|(_, times)| times.total_ms).fold(1e-9, f64::max);
     let mut rows = String::new();

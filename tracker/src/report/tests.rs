@@ -1,8 +1,8 @@
-//! The page of a small run, made from files as `tracker run` writes them.
+//! Tests of the page of a small run, made from files as `tracker run` writes them.
 
 use super::*;
 use crate::film::{Film, FilmOptions, Shot};
-use crate::stage::{Stage, StageOptions};
+use crate::prepared_room::{PreparationOptions, PreparedRoom};
 use crate::tracks::{Stopwatch, TrackFiles};
 use crate::{PersonEstimate, TrackId};
 use calib::{Camera, Intrinsics};
@@ -13,10 +13,10 @@ use scenes::room::{Room, RoomCamera};
 use std::fmt::Write;
 use std::time::Duration;
 
-/// Frames of the run, at 10 a second.
+/// Number of frames of the run, at 10 a second.
 const FRAMES: u32 = 40;
 
-/// Person 1 walks along x; `visible` in the camera falls to nothing in frames 15 to 25.
+/// Person 1 walks along x; `visible` in the camera falls to 0 in frames 15 to 25.
 fn person(frame: u32) -> PersonEstimate {
     PersonEstimate {
         id: TrackId(1),
@@ -49,9 +49,10 @@ fn run_in(folder: &Path, with_film: bool) -> ReportSources {
     };
     let (room_dir, run) = (folder.join("room"), folder.join("out"));
     room.write(&room_dir).unwrap();
-    let stage = Stage::prepare(&room, &room_dir, &StageOptions::default()).unwrap();
-    let mut files = TrackFiles::new(&run, &stage);
-    let mut film = with_film.then(|| Film::start(&run, &stage, 10.0, &FilmOptions::default(), None).unwrap());
+    let prepared = PreparedRoom::prepare(&room, &room_dir, &PreparationOptions::default()).unwrap();
+    let mut files = TrackFiles::new(&run, &prepared);
+    let mut film =
+        with_film.then(|| Film::start(&run, &prepared, 10.0, &FilmOptions::default(), None).unwrap());
     let (mut truth, mut watch) = (String::new(), Stopwatch::default());
     for frame in 1..=FRAMES {
         let (who, time) = (person(frame), f64::from(frame - 1) / 10.0);
@@ -97,7 +98,7 @@ fn the_page_is_whole_and_asks_for_nothing() {
         ] {
             assert!(html.contains(expected), "{expected} is missing (film: {with_film})");
         }
-        // The plan, and a still of each kind of moment: all inside the page.
+        // The plan, and a still of each kind of moment: all embedded in the page.
         assert!(html.matches("data:image/jpeg;base64,").count() >= 3);
         for outside in ["http://", "https://", "src=\"/", "url(", "<script", "@import"] {
             assert!(!html.contains(outside), "{outside}");
@@ -113,10 +114,10 @@ fn the_page_is_whole_and_asks_for_nothing() {
 }
 
 #[test]
-fn telling_moments_are_hidden_ones_and_stand_apart() {
+fn informative_moments_are_hidden_ones_and_apart_in_time() {
     let folder = tempfile::tempdir().unwrap();
-    let recording = Recording::read(&run_in(folder.path(), false)).unwrap();
-    let chosen = moments::telling(&recording, "a<b", 3);
+    let recording = RunRecording::read(&run_in(folder.path(), false)).unwrap();
+    let chosen = moments::informative(&recording, "a<b", 3);
     assert_eq!(chosen.len(), 3);
     assert!(chosen.is_sorted());
     let visible: Vec<f64> = chosen.iter().map(|i| recording.frames[*i].people[0].visible["a<b"]).collect();
@@ -138,7 +139,7 @@ fn a_run_without_people_or_timings_still_has_a_page() {
 }
 
 #[test]
-fn what_is_missing_is_named_and_nothing_is_written() {
+fn missing_sources_are_named_and_nothing_is_written() {
     let folder = tempfile::tempdir().unwrap();
     let sources = run_in(folder.path(), false);
     let page = folder.path().join("report.html");
@@ -169,7 +170,7 @@ fn a_room_that_is_not_the_runs_is_refused() {
         refused.map_err(|e| e.to_string())
     };
     let mut room = Room::read(&sources.room).unwrap();
-    // Half a centimetre aside is the same room for all that a page can show; a hand's breadth is not.
+    // Half a centimetre aside is the same room for all that a page can show; 10 cm is not.
     room.cameras[0].camera.camera_from_world.translation.vector.x += 0.005;
     said(&room).unwrap();
     std::fs::remove_file(&page).unwrap();

@@ -1,15 +1,15 @@
-//! Predicted visibility over time: a strip for each person and camera, as inline SVG.
+//! Timeline of predicted visibility: a strip for each person and camera, as inline SVG.
 
 use std::fmt::Write;
 
 use shell::canvas::Color;
 
 use super::markup::{css, escape, path, ticks};
-use super::recording::Recording;
+use super::recording::RunRecording;
 use crate::TrackId;
 use crate::tracks::jsonl::FrameLine;
 
-/// Drawing size, in the SVG's own units.
+/// Drawing size, in SVG units.
 const WIDTH: f64 = 1000.0;
 const LEFT: f64 = 86.0;
 const RIGHT: f64 = 12.0;
@@ -17,14 +17,14 @@ const STRIP: f64 = 34.0;
 const GAP: f64 = 7.0;
 const HEADING: f64 = 30.0;
 const AXIS: f64 = 34.0;
-/// Longer recordings are averaged down to so many columns: more than the screen shows.
+/// Largest number of columns: longer recordings are averaged, because a screen shows no more.
 const COLUMNS: usize = 1200;
 
-/// What a camera sees of a person in a column: `None` outside the picture.
-type Series = Vec<Option<f64>>;
+/// Visible fraction of a person in a camera for each column; `None` outside the picture.
+type VisibilitySeries = Vec<Option<f64>>;
 
-/// The strips of up to `people` people (those with the longest tracks), by id.
-pub(super) fn svg(recording: &Recording, people: usize) -> String {
+/// Strips of up to `people` people (those with the longest tracks), by id.
+pub(super) fn svg(recording: &RunRecording, people: usize) -> String {
     let (first, last) = recording.span_s();
     let duration = (last - first).max(1e-9);
     let ids = longest(recording, people);
@@ -69,8 +69,8 @@ pub(super) fn svg(recording: &Recording, people: usize) -> String {
     svg
 }
 
-/// The ids with the longest tracks, by id.
-fn longest(recording: &Recording, people: usize) -> Vec<TrackId> {
+/// Ids with the longest tracks, ascending.
+fn longest(recording: &RunRecording, people: usize) -> Vec<TrackId> {
     let mut lengths: Vec<(usize, TrackId)> =
         recording.tracks().into_iter().map(|(id, places)| (places.len(), id)).collect();
     lengths.sort_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
@@ -79,13 +79,13 @@ fn longest(recording: &Recording, people: usize) -> Vec<TrackId> {
     ids
 }
 
-/// What a camera sees of somebody, column by column; frames are averaged where there are more than columns.
-fn series(recording: &Recording, id: TrackId, camera: &str) -> Series {
+/// Visible fraction of a person in a camera, column by column; frames are averaged where there are more than columns.
+fn series(recording: &RunRecording, id: TrackId, camera: &str) -> VisibilitySeries {
     let per_column = recording.frames.len().div_ceil(COLUMNS).max(1);
     let seen = |frame: &FrameLine| {
         let person = frame.people.iter().find(|p| p.id == id)?;
-        let sight = recording.sight(person, camera);
-        sight.is_in_view.then_some(sight.visible)
+        let visibility = recording.visibility(person, camera);
+        visibility.is_in_view.then_some(visibility.visible)
     };
     recording
         .frames
@@ -97,8 +97,15 @@ fn series(recording: &Recording, id: TrackId, camera: &str) -> Series {
         .collect()
 }
 
-/// One strip: its frame and name, and an area for each stretch in which the person is in the picture.
-fn strip(svg: &mut String, series: &Series, camera: &str, color: &str, top: f64, x: impl Fn(f64) -> f64) {
+/// Draws one strip: its frame and name, and an area for each stretch in which the person is in the picture.
+fn strip(
+    svg: &mut String,
+    series: &VisibilitySeries,
+    camera: &str,
+    color: &str,
+    top: f64,
+    x: impl Fn(f64) -> f64,
+) {
     let bottom = top + STRIP;
     let _ = writeln!(
         svg,

@@ -1,19 +1,20 @@
-//! What the stations of a distributed method told each other in a run: `agents/agents.jsonl`, and the paper's figures.
+//! Packets that the stations of a distributed method exchange in a run: `agents/agents.jsonl`, and the paper's figures.
 
 use std::path::{Path, PathBuf};
 
-use super::{Followed, Output};
+use super::{Output, ProcessedMoment};
 use crate::Result;
 use crate::method::agents::AgencyRecord;
-use crate::stage::Stage;
+use crate::prepared_room::PreparedRoom;
 use crate::tracks::AgentsFile;
 use crate::wire::packet;
 
-/// The packets of all stations of a run: a file that grows, and figures at its end, in the folder `agents`.
+/// Log of the packets of all stations: a file that grows during the run, and figures at its end, in the folder
+/// `agents`.
 #[derive(Debug)]
 pub struct AgencyLog {
     folder: PathBuf,
-    /// Names of the stations' cameras, by number.
+    /// Names of the stations' cameras, by station number.
     names: Vec<String>,
     file: AgentsFile,
     record: AgencyRecord,
@@ -22,12 +23,12 @@ pub struct AgencyLog {
 }
 
 impl AgencyLog {
-    /// The log of a run that writes to the folder `out`.
-    pub fn new(out: &Path, stage: &Stage) -> Self {
+    /// Log of a run that writes to the folder `out`.
+    pub fn new(out: &Path, room: &PreparedRoom) -> Self {
         let folder = out.join("agents");
         Self {
             file: AgentsFile::new(&folder),
-            names: stage.cameras.iter().map(|camera| camera.name.clone()).collect(),
+            names: room.cameras.iter().map(|camera| camera.name.clone()).collect(),
             folder,
             record: AgencyRecord::default(),
             bytes: 0,
@@ -37,14 +38,14 @@ impl AgencyLog {
 }
 
 impl Output for AgencyLog {
-    fn put(&mut self, followed: &Followed<'_>) -> Result<()> {
+    fn put(&mut self, followed: &ProcessedMoment<'_>) -> Result<()> {
         let time_s = followed.moment.time_s;
         self.span_s = Some([self.span_s.map_or(time_s, |[first, _]| first), time_s]);
         for packet in followed.packets {
             let name = self.names.get(usize::from(packet.station.0)).map_or("?", String::as_str);
             self.file.write(packet, name)?;
             self.record.extend(packet);
-            // What cannot be encoded would not be sent.
+            // A packet that cannot be encoded would not be sent.
             self.bytes += packet::encode(packet, packet.time_s).map_or(0, |bytes| bytes.len());
         }
         Ok(())

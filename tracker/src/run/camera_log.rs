@@ -1,4 +1,4 @@
-//! Tells when a camera is set aside and taken back.
+//! Reports when a camera is set aside and when it is used again.
 
 use std::collections::BTreeMap;
 
@@ -15,7 +15,7 @@ impl CameraLog {
         Self { latest: vec![Verdict::Usable; names.len()], names, set_aside: BTreeMap::new() }
     }
 
-    /// Notes the health of all cameras at one moment.
+    /// Records the health of all cameras at one moment.
     pub(super) fn note(&mut self, frame: u32, health: &[Verdict]) {
         for ((name, latest), health) in self.names.iter().zip(&mut self.latest).zip(health) {
             if *health == Verdict::Between {
@@ -34,7 +34,7 @@ impl CameraLog {
         }
     }
 
-    /// For each camera that was set aside, in how many frames, and why the first time.
+    /// For each camera that was set aside: the number of frames, and the first reason.
     pub(super) fn into_set_aside(self) -> BTreeMap<String, (u32, Verdict)> {
         self.set_aside
     }

@@ -1,67 +1,73 @@
-//! The offsets between the cameras' clocks, watched while a run goes on, and applied where that was asked for.
+//! Estimates the offsets between the cameras' clocks during a run, and applies them where asked to.
 
 use serde::{Deserialize, Serialize};
 
 use crate::Result;
-use crate::gathering::Alignment;
+use crate::gathering::ClockAlignment;
 use crate::observation::Observation;
 use crate::offsets::{OffsetEstimator, OffsetOptions, Offsets};
-use crate::stage::Stage;
+use crate::prepared_room::PreparedRoom;
 
-/// Between two looks at the estimate, seconds of the run.
+/// Interval between two readings of the estimate, seconds of the run.
 const EVERY_S: f64 = 0.5;
-/// A step of an applied offset that is smaller than this is not taken, seconds.
+/// Least change of an applied offset, seconds; smaller changes are ignored.
 const LEAST_STEP_S: f64 = 0.005;
-/// An offset that is this large, and three standard deviations, is worth a warning where it is not applied, seconds.
-const TELLING_S: f64 = 0.04;
-/// Time for which a camera's observations are kept to be compared with others', in a run whose offsets are not searched for,
-/// seconds.
+/// Least offset, seconds, that is worth a warning where it is not applied; it must also exceed three standard
+/// deviations.
+const WARNING_S: f64 = 0.04;
+/// Time for which a camera's observations are kept for comparison in a recorded run whose offsets are not searched for
+/// beforehand, seconds.
 const KEEP_S: f64 = 10.0;
 
-/// Knowledge of one camera's clock at the end of a run, as `timings.json` has it.
+/// Estimate of one camera's clock at the end of a run, as in `timings.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ClockReport {
     /// The camera.
     pub camera: String,
-    /// The camera whose clock it is compared with.
+    /// The camera with whose clock it is compared.
     pub reference: String,
-    /// Offset that was added to its times, seconds.
+    /// Offset that was added to the camera's times, seconds.
     pub applied_s: f64,
-    /// Offset that the people seen speak for, seconds; `null` where they do not tell.
+    /// Offset estimated from the people seen, seconds; `null` where they do not determine it.
     pub offset_s: Option<f64>,
-    /// Standard deviation of that, seconds.
+    /// Standard deviation of the estimated offset, seconds.
     pub sigma_s: Option<f64>,
-    /// Change of the offset, microseconds a second, where the run was long enough to tell.
+    /// Drift of the offset, microseconds a second; `null` where the run was too short to estimate it.
     pub drift_ppm: Option<f64>,
 }
 
-/// Watches the clocks of a run's cameras.
+/// Estimator of the offsets between the clocks of a run's cameras.
 #[derive(Debug)]
 pub struct ClockOffsets {
     estimator: OffsetEstimator,
     names: Vec<String>,
-    /// Alignments that the user gave.
-    given: Vec<Alignment>,
-    applied: Vec<Alignment>,
+    /// Alignments given by the user.
+    given: Vec<ClockAlignment>,
+    applied: Vec<ClockAlignment>,
     applies: bool,
     next_look_s: f64,
 }
 
 impl ClockOffsets {
-    /// Watches the cameras of a stage whose clocks are brought together by `given`. With `applies` the offsets found replace
-    /// those.
+    /// Estimates the offsets of the cameras of `room` on top of the alignments `given`. With `applies`, the estimates
+    /// replace those.
     ///
     /// # Errors
-    /// When the options make no sense.
-    pub fn new(stage: &Stage, given: Vec<Alignment>, is_live: bool, applies: bool) -> Result<Self> {
+    /// Invalid options.
+    pub fn new(
+        room: &PreparedRoom,
+        given: Vec<ClockAlignment>,
+        is_live: bool,
+        applies: bool,
+    ) -> Result<Self> {
         let options = if is_live {
             OffsetOptions::live()
         } else {
             OffsetOptions { keep_s: KEEP_S, ..OffsetOptions::recording() }
         };
         Ok(Self {
-            estimator: OffsetEstimator::new(stage, options)?,
-            names: stage.cameras.iter().map(|camera| camera.name.clone()).collect(),
+            estimator: OffsetEstimator::new(room, options)?,
+            names: room.cameras.iter().map(|camera| camera.name.clone()).collect(),
             applied: given.clone(),
             given,
             applies,
@@ -69,10 +75,10 @@ impl ClockOffsets {
         })
     }
 
-    /// Takes in a camera's observation, with its time by the camera's own clock.
+    /// Adds an observation, whose time is by the camera's own clock.
     ///
     /// # Errors
-    /// When the mask has not the size of the camera's images.
+    /// A mask whose size is not that of the camera's images.
     pub fn observe(&mut self, camera: usize, observation: &Observation) -> Result<()> {
         match &observation.mask {
             Some(mask) => {
@@ -83,15 +89,16 @@ impl ClockOffsets {
         }
     }
 
-    /// Alignments from now on, where they have changed.
-    pub fn changed(&mut self, now_s: f64) -> Option<Vec<Alignment>> {
+    /// New alignments, where they have changed since the last call.
+    pub fn changed(&mut self, now_s: f64) -> Option<Vec<ClockAlignment>> {
         if !self.applies || now_s < self.next_look_s {
             return None;
         }
         self.next_look_s = now_s + EVERY_S;
         let found = alignments(&self.given, &self.estimator.estimate());
-        let step_s =
-            |(old, new): (&Alignment, &Alignment)| (new.apply(new.since_s) - old.apply(new.since_s)).abs();
+        let step_s = |(old, new): (&ClockAlignment, &ClockAlignment)| {
+            (new.apply(new.since_s) - old.apply(new.since_s)).abs()
+        };
         let is_worth_it = self.applied.iter().zip(&found).map(step_s).fold(0.0, f64::max) > LEAST_STEP_S;
         is_worth_it.then(|| {
             self.applied.clone_from(&found);
@@ -99,7 +106,7 @@ impl ClockOffsets {
         })
     }
 
-    /// Reports of all cameras' clocks; the log tells them as well.
+    /// Reports of all cameras' clocks, which are also logged.
     pub fn finish(self) -> Vec<ClockReport> {
         let offsets = self.estimator.estimate();
         let mut reports = Vec::new();
@@ -117,7 +124,7 @@ impl ClockOffsets {
                 let off_s = (offset_s - report.applied_s).abs();
                 let drift =
                     report.drift_ppm.map_or(String::new(), |ppm| format!(", drifting by {ppm:.0} ppm"));
-                if off_s > TELLING_S.max(3.0 * sigma_s) && !self.applies {
+                if off_s > WARNING_S.max(3.0 * sigma_s) && !self.applies {
                     tracing::warn!(
                         "camera `{}`: by the people seen its first frame was taken {offset_s:.2} ± {sigma_s:.2} s after \
                          that of `{}`{drift}; give --offset auto, or --offset {0}={offset_s:.2}",
@@ -138,14 +145,14 @@ impl ClockOffsets {
     }
 }
 
-/// The given alignments with what was found added.
-pub(super) fn alignments(given: &[Alignment], offsets: &Offsets) -> Vec<Alignment> {
-    let add = |(camera, given): (usize, &Alignment)| {
+/// The given alignments plus the estimated offsets.
+pub(super) fn alignments(given: &[ClockAlignment], offsets: &Offsets) -> Vec<ClockAlignment> {
+    let add = |(camera, given): (usize, &ClockAlignment)| {
         let found = &offsets.cameras[camera];
         if !found.is_known {
             return *given;
         }
-        Alignment {
+        ClockAlignment {
             offset_s: given.offset_s + found.offset_s,
             drift: 1e-6 * found.known_drift_ppm().unwrap_or(0.0),
             since_s: offsets.at_s - given.offset_s - found.offset_s,

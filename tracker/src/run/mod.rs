@@ -3,7 +3,7 @@
 mod agency_log;
 mod camera_log;
 mod clock_offsets;
-mod lag;
+mod lag_buffer;
 mod output;
 mod search_offsets;
 
@@ -14,44 +14,44 @@ use std::time::{Duration, Instant};
 pub use agency_log::AgencyLog;
 use camera_log::CameraLog;
 pub use clock_offsets::{ClockOffsets, ClockReport};
-use lag::{Held, LagBuffer};
-pub use output::{Followed, Output};
+use lag_buffer::{HeldMoment, LagBuffer};
+pub use output::{Output, ProcessedMoment};
 pub use search_offsets::search_offsets;
 
 use crate::foreground::Verdict;
-use crate::gathering::{Gathered, Gathering, LeftOut, Next, Part};
+use crate::gathering::{Gathered, Gathering, LeftOut, MomentPart, NextMoment};
 use crate::method::Method;
 use crate::silhouette::Body;
-use crate::station::{Pictures, Seen};
+use crate::station::{ObservedFrame, Pictures};
 use crate::tracks::{Stopwatch, Timings};
 use crate::{CameraFrame, Error, Moment, Result};
 
-/// Memory that the pictures of held moments may take, bytes.
+/// Most memory for the pictures of held moments, bytes.
 const MOST_HELD_BYTES: usize = 1 << 30;
 
-/// What ended a run.
+/// Reason why a run ended.
 #[derive(Debug)]
-pub enum Ended {
-    /// The camera whose source ended first, when the others go on or end with it.
+pub enum RunEnd {
+    /// A camera's source ended, the first of all: the name of the camera.
     Source(String),
-    /// Whoever watches its progress.
-    Asked,
-    /// A frame that cannot be decoded or has no time; an output that cannot be written.
+    /// The caller's `advance` asked to stop.
+    Stopped,
+    /// A frame could not be decoded or has no time, or an output could not be written.
     Failed(Error),
 }
 
-/// What a run did.
+/// Report of a run.
 #[derive(Debug)]
 pub struct RunReport {
-    /// Moments followed.
+    /// Number of moments processed.
     pub frames: u32,
-    /// From the first frame's decoding to the last output, seconds.
+    /// Time from the decoding of the first frame to the last output, seconds.
     pub wall_s: f64,
-    /// Why there are no more.
-    pub ended: Ended,
-    /// For each camera that was set aside at times, in how many frames, and why the first time.
+    /// Reason why the run ended.
+    pub ended: RunEnd,
+    /// For each camera that was set aside: the number of frames, and the first reason.
     pub set_aside: BTreeMap<String, (u32, Verdict)>,
-    /// Observations and moments that a live run left out.
+    /// Counts of observations and moments that a live run left out.
     pub left_out: LeftOut,
     /// Time of each stage: `decode`, `foreground`, `inference`, `output`.
     pub timings: Timings,
@@ -60,31 +60,31 @@ pub struct RunReport {
 impl RunReport {
     /// The report of a run that did not fail.
     ///
-    /// # Errors
-    /// What the run failed of.
+    /// The error that ended the run.
+    /// The error that ended the run.
     pub fn unless_failed(self) -> Result<Self> {
         match self.ended {
-            Ended::Failed(error) => Err(error),
-            Ended::Source(_) | Ended::Asked => Ok(self),
+            RunEnd::Failed(error) => Err(error),
+            RunEnd::Source(_) | RunEnd::Stopped => Ok(self),
         }
     }
 }
 
-/// Follows everybody through all moments that are gathered; the cameras are those of the method's stage, in its order.
-/// `advance` is called after each moment, and while there is none, and says whether to go on. `clocks` watches the cameras'
-/// clocks, and may correct them.
+/// Tracks everybody through all gathered moments; the cameras are those of the method's room, in its order. `advance`
+/// is called after each moment, and while there is none, and decides whether to go on. `clocks` estimates the offsets
+/// of the cameras' clocks, and may correct them.
 ///
-/// A run that fails on its way has followed the moments before: the outputs have them, and are finished.
+/// When a run fails later, the moments before the failure are in the outputs, and the outputs are finished.
 ///
 /// # Errors
-/// A failure before the first moment was followed.
+/// A failure before the first moment was processed.
 pub fn run(
     mut gathering: Gathering,
     method: &mut dyn Method,
     mut outputs: Vec<Box<dyn Output + '_>>,
     clocks: Option<ClockOffsets>,
     threads: usize,
-    mut advance: impl FnMut(Progress) -> ControlFlow<()>,
+    mut advance: impl FnMut(RunProgress) -> ControlFlow<()>,
 ) -> Result<RunReport> {
     let started = Instant::now();
     let mut pipeline = Pipeline {
@@ -96,20 +96,20 @@ pub fn run(
     };
     let ended = loop {
         let step = match gathering.next_moment() {
-            Ok(Next::Moment(gathered)) => {
+            Ok(NextMoment::Moment(gathered)) => {
                 let time_s = gathered.time_s;
                 let believed = pipeline.follow(gathered, method, &mut outputs);
                 if let Some(alignments) = pipeline.clocks.as_mut().and_then(|clocks| clocks.changed(time_s)) {
                     gathering.align(&alignments);
                 }
-                believed.map(|believed| gathering.believe(believed)).map(|()| Progress::Moment)
+                believed.map(|believed| gathering.believe(believed)).map(|()| RunProgress::Moment)
             }
-            Ok(Next::Idle) => Ok(Progress::Idle),
-            Ok(Next::Ended(camera)) => break Ok(Ended::Source(camera)),
+            Ok(NextMoment::Idle) => Ok(RunProgress::Idle),
+            Ok(NextMoment::Ended(camera)) => break Ok(RunEnd::Source(camera)),
             Err(error) => Err(error),
         };
         match step {
-            Ok(progress) if advance(progress).is_break() => break Ok(Ended::Asked),
+            Ok(progress) if advance(progress).is_break() => break Ok(RunEnd::Stopped),
             Ok(_) => {}
             Err(error) => break Err(error),
         }
@@ -119,21 +119,21 @@ pub fn run(
         ended => ended,
     };
     let left_out = gathering.left_out();
-    // The stations end with it.
+    // Dropping the gathering ends the stations.
     drop(gathering);
-    // Also where a frame cannot be decoded: what came before it has been followed.
+    // Held moments are emitted even after a decoding error: they were processed before it.
     let Pipeline { log, mut stopwatch, mut held, clocks, frames } = pipeline;
     let emitted = std::iter::from_fn(|| held.pop())
         .try_for_each(|last| stopwatch.time("output", || last.emit(method, &mut outputs)));
     let finishing = Instant::now();
-    // Each of them, also where another cannot be written.
+    // Every output is finished, even where another one fails.
     let mut finished = Ok(());
     for output in outputs {
         finished = finished.and(output.finish());
     }
     tracing::debug!("outputs finished in {:.1} ms", finishing.elapsed().as_secs_f64() * 1e3);
-    // What went wrong first is what to mend.
-    let ended = ended.and_then(|ended| emitted.and(finished).map(|()| ended)).unwrap_or_else(Ended::Failed);
+    // The first error is the one to mend.
+    let ended = ended.and_then(|ended| emitted.and(finished).map(|()| ended)).unwrap_or_else(RunEnd::Failed);
     Ok(RunReport {
         frames,
         wall_s: started.elapsed().as_secs_f64(),
@@ -147,12 +147,12 @@ pub fn run(
     })
 }
 
-/// Latest step of a run.
+/// The latest step of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Progress {
-    /// Followed a moment.
+pub enum RunProgress {
+    /// A moment was processed.
     Moment,
-    /// Waited for one.
+    /// No moment was ready.
     Idle,
 }
 
@@ -165,7 +165,7 @@ struct Pipeline {
 }
 
 impl Pipeline {
-    /// Follows everybody through one moment; the bodies of those who are believed in.
+    /// Processes one moment. Returns the bodies of the estimated people.
     fn follow(
         &mut self,
         gathered: Gathered,
@@ -178,19 +178,20 @@ impl Pipeline {
             (Vec::with_capacity(count), Vec::with_capacity(count), Vec::with_capacity(count));
         let (mut decode, mut foreground) = (Duration::ZERO, Duration::ZERO);
         for (camera, part) in parts.into_iter().enumerate() {
-            if let (Some(clocks), Part::Seen(seen)) = (&mut self.clocks, &part) {
+            if let (Some(clocks), MomentPart::Seen(seen)) = (&mut self.clocks, &part) {
                 clocks.observe(camera, &seen.observation)?;
             }
             let (camera, shown, verdict) = match part {
-                Part::Seen(seen) => {
-                    let Seen { observation, pictures, decode: decoding, foreground: observing } = *seen;
+                MomentPart::Seen(seen) => {
+                    let ObservedFrame { observation, pictures, decode: decoding, foreground: observing } =
+                        *seen;
                     decode += decoding;
                     foreground += observing;
                     let image = pictures.pinhole.clone();
                     let camera = CameraFrame { mask: observation.mask, colours: observation.colours, image };
                     (camera, pictures, observation.health)
                 }
-                Part::Nothing(why) => (CameraFrame::default(), Pictures::default(), why),
+                MomentPart::Nothing(why) => (CameraFrame::default(), Pictures::default(), why),
             };
             cameras.push(camera);
             pictures.push(shown);
@@ -203,7 +204,7 @@ impl Pipeline {
         let people = self.stopwatch.time("inference", || method.step(&moment))?;
         self.frames += 1;
         let believed = people.iter().map(Body::from).collect();
-        self.held.push(Held { frame, time_s, cameras, pictures, health, people });
+        self.held.push(HeldMoment { frame, time_s, cameras, pictures, health, people });
         while let Some(first) = self.held.pop_due(time_s) {
             self.stopwatch.time("output", || first.emit(method, outputs))?;
         }

@@ -1,4 +1,4 @@
-//! Outputs that grow with the estimates: files, films, a plan, a page.
+//! Outputs of a run that grow with the estimates: files, films, a plan, a page.
 
 use std::sync::Arc;
 
@@ -10,31 +10,31 @@ use crate::method::agents::Packet;
 use crate::plan::TrajectoryPlan;
 use crate::station::Pictures;
 use crate::tracks::TrackFiles;
-use crate::view::Drawer;
+use crate::view::LiveDrawer;
 use crate::{CameraFrame, Moment, PersonEstimate, Result};
 
-/// One moment with what was made of it.
+/// One moment with its estimates.
 #[derive(Debug, Clone, Copy)]
-pub struct Followed<'a> {
-    /// What the method was given.
+pub struct ProcessedMoment<'a> {
+    /// Input of the method.
     pub moment: Moment<'a>,
-    /// What it gave back.
+    /// Estimates of the method.
     pub people: &'a [PersonEstimate],
     /// Health of each camera.
     pub verdicts: &'a [Verdict],
     pub(super) pictures: &'a [Pictures],
-    /// What the stations of a distributed method told each other at the last moment.
+    /// Packets that the stations of a distributed method exchanged at the latest moment.
     pub packets: &'a [Packet],
 }
 
-impl Followed<'_> {
-    /// A camera's picture as it was filmed, at the size at which it is drawn; `None` where nobody asked for it
+impl ProcessedMoment<'_> {
+    /// A camera's filmed picture, at the size at which it is drawn; `None` where it was not demanded
     /// ([`crate::station::PictureDemand`]), or only masks are given.
     pub fn filmed(&self, camera: usize) -> Option<&Arc<RgbImage>> {
         self.pictures[camera].filmed.as_ref()
     }
 
-    /// All cameras' pictures and masks, for painters.
+    /// Pictures and masks of all cameras, for painters.
     fn shots(&self) -> Vec<Shot> {
         let cameras = self.moment.cameras.iter().enumerate();
         let shot = |(i, camera): (usize, &CameraFrame)| Shot {
@@ -45,24 +45,24 @@ impl Followed<'_> {
     }
 }
 
-/// Something that is made of the estimates while they are made. An output that draws gets pictures where the stations were
-/// told that they are wanted.
+/// A consumer of the estimates during a run. An output that draws gets pictures only where the stations'
+/// [`crate::station::PictureDemand`] asks for them.
 pub trait Output {
-    /// Takes in one moment and the people in it.
+    /// Adds one moment and its estimates.
     ///
     /// # Errors
-    /// When something cannot be written.
-    fn put(&mut self, followed: &Followed<'_>) -> Result<()>;
+    /// An output that cannot be written.
+    fn put(&mut self, followed: &ProcessedMoment<'_>) -> Result<()>;
 
-    /// Nothing more comes.
+    /// Completes the output at the end of the run.
     ///
     /// # Errors
-    /// When something cannot be written.
+    /// An output that cannot be written.
     fn finish(self: Box<Self>) -> Result<()>;
 }
 
 impl Output for TrackFiles {
-    fn put(&mut self, followed: &Followed<'_>) -> Result<()> {
+    fn put(&mut self, followed: &ProcessedMoment<'_>) -> Result<()> {
         let verdicts = followed.verdicts.iter().enumerate();
         let set_aside: Vec<usize> = verdicts.filter(|(_, v)| v.is_set_aside()).map(|(i, _)| i).collect();
         self.write(followed.moment.frame, followed.moment.time_s, followed.people, &set_aside)
@@ -74,7 +74,7 @@ impl Output for TrackFiles {
 }
 
 impl Output for Film {
-    fn put(&mut self, followed: &Followed<'_>) -> Result<()> {
+    fn put(&mut self, followed: &ProcessedMoment<'_>) -> Result<()> {
         let Moment { frame, time_s, .. } = followed.moment;
         self.push(frame, time_s, followed.shots(), followed.people)
     }
@@ -85,7 +85,7 @@ impl Output for Film {
 }
 
 impl Output for TrajectoryPlan {
-    fn put(&mut self, followed: &Followed<'_>) -> Result<()> {
+    fn put(&mut self, followed: &ProcessedMoment<'_>) -> Result<()> {
         self.extend(followed.moment.time_s, followed.people);
         Ok(())
     }
@@ -95,8 +95,8 @@ impl Output for TrajectoryPlan {
     }
 }
 
-impl Output for Drawer {
-    fn put(&mut self, followed: &Followed<'_>) -> Result<()> {
+impl Output for LiveDrawer {
+    fn put(&mut self, followed: &ProcessedMoment<'_>) -> Result<()> {
         let Moment { frame, time_s, .. } = followed.moment;
         self.offer(frame, time_s, followed.people, || followed.shots());
         Ok(())

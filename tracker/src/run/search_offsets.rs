@@ -1,32 +1,34 @@
-//! The offsets between recordings, found in a pass of their own before the run: seconds, where a live run corrects parts of one.
+//! Estimates the offsets between recordings in a pass before the run. A live run cannot look ahead: it corrects them
+//! step by step.
 
 use std::sync::mpsc::Receiver;
 
 use super::clock_offsets::alignments;
-use crate::gathering::Alignment;
+use crate::gathering::ClockAlignment;
 use crate::observation::Feedback;
 use crate::offsets::{OffsetEstimator, OffsetOptions};
-use crate::stage::Stage;
-use crate::station::{Event, Port, Seen};
+use crate::prepared_room::PreparedRoom;
+use crate::station::{Event, ObservedFrame, Port};
 use crate::{Error, Result};
 
-/// Recordings are looked at for so long: offsets do not change.
+/// Length of the recordings that is searched, seconds; offsets do not change.
 const LOOK_S: f64 = 300.0;
 
-/// Looks through the recordings of these stations for the offsets between their clocks, on top of what is `given`.
+/// Estimates the offsets between the clocks of these stations' recordings, on top of the alignments `given`.
 ///
 /// # Errors
-/// The error of a station before its first observation; masks of another size than their camera's.
+/// An error of a station before its first observation, or a mask whose size is not that of its camera.
 pub fn search_offsets(
-    stage: &Stage,
+    room: &PreparedRoom,
     mut ports: Vec<Port>,
     events: &Receiver<(usize, Event)>,
-    given: &[Alignment],
-) -> Result<Vec<Alignment>> {
+    given: &[ClockAlignment],
+) -> Result<Vec<ClockAlignment>> {
     let options = OffsetOptions { keep_s: LOOK_S, ..OffsetOptions::recording() };
-    let mut estimator = OffsetEstimator::new(stage, options)?;
-    let mut cameras: Vec<Recording> = ports.iter().map(|_| Recording::default()).collect();
-    // The one whose next observation is the earliest comes first, so that the order is that of times.
+    let mut estimator = OffsetEstimator::new(room, options)?;
+    let mut cameras: Vec<ScannedRecording> = ports.iter().map(|_| ScannedRecording::default()).collect();
+    // The camera whose next observation is the earliest comes first, so that observations arrive in the order of their
+    // times.
     while let Some(camera) = next(&mut cameras, events)? {
         let Some(seen) = cameras[camera].pending.pop_front() else { break };
         let time_s = given[camera].apply(seen.observation.time_s);
@@ -43,8 +45,8 @@ pub fn search_offsets(
     }
     let found = estimator.estimate();
     for (camera, offset) in found.cameras.iter().enumerate() {
-        let name = &stage.cameras[camera].name;
-        let reference = &stage.cameras[offset.reference].name;
+        let name = &room.cameras[camera].name;
+        let reference = &room.cameras[offset.reference].name;
         if !offset.is_known {
             tracing::warn!(
                 "--offset auto: the people seen by `{name}` and others do not tell its offset; taking {:.2} s",
@@ -61,16 +63,16 @@ pub fn search_offsets(
     Ok(alignments(given, &found))
 }
 
-/// One recording on the way.
+/// State of one recording.
 #[derive(Default)]
-struct Recording {
-    pending: std::collections::VecDeque<Seen>,
+struct ScannedRecording {
+    pending: std::collections::VecDeque<ObservedFrame>,
     start_s: Option<f64>,
     is_over: bool,
 }
 
-/// The camera whose observation comes next in time; `None` when all are over.
-fn next(cameras: &mut [Recording], events: &Receiver<(usize, Event)>) -> Result<Option<usize>> {
+/// Camera whose observation comes next in time; `None` when all recordings are over.
+fn next(cameras: &mut [ScannedRecording], events: &Receiver<(usize, Event)>) -> Result<Option<usize>> {
     while cameras.iter().any(|camera| camera.pending.is_empty() && !camera.is_over) {
         match events.recv() {
             Ok((camera, Event::Seen(seen))) if !cameras[camera].is_over => {
@@ -88,8 +90,8 @@ fn next(cameras: &mut [Recording], events: &Receiver<(usize, Event)>) -> Result<
     Ok(earliest.filter(|camera| time_s(camera).is_finite()))
 }
 
-/// A recording that is torn later on still tells its offset.
-fn fail(camera: &mut Recording, error: Error) -> Result<()> {
+/// Ends a recording. One that fails after its first observation still counts with what it showed.
+fn fail(camera: &mut ScannedRecording, error: Error) -> Result<()> {
     camera.is_over = true;
     if camera.start_s.is_none() && camera.pending.is_empty() { Err(error) } else { Ok(()) }
 }

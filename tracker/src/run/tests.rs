@@ -1,4 +1,4 @@
-//! The pipeline with a method that only looks: what it is shown must not depend on the threads.
+//! Tests of the pipeline with methods that only record: their input must not depend on the number of threads.
 
 use std::path::Path;
 
@@ -11,11 +11,11 @@ use super::*;
 use crate::PersonEstimate;
 use crate::film::FilmOptions;
 use crate::foreground::backdrop::Backdrop;
-use crate::foreground::{Foreground, ForegroundOptions, Start};
-use crate::gathering::{Alignment, GatheringOptions};
+use crate::foreground::{Foreground, ForegroundOptions, InitialBackground};
+use crate::gathering::{ClockAlignment, GatheringOptions};
 use crate::method::Needs;
+use crate::prepared_room::{PreparationOptions, PreparedRoom};
 use crate::source::{self, CaptureTimes, NamedSource, Times, VideoSource};
-use crate::stage::{Stage, StageOptions};
 use crate::station::{self, Masks, Observer, Permits, PictureDemand, RecordedStation, Station, Work};
 
 const SIZE: (u32, u32) = (64, 48);
@@ -23,11 +23,11 @@ const SIZE: (u32, u32) = (64, 48);
 const EVERYTHING: Needs = Needs { masks: true, pictures: true, empty_scene: false };
 const MASKS: Needs = Needs { masks: true, pictures: false, empty_scene: false };
 
-/// Notes everything it is shown.
+/// Method that records the checksums of its input.
 #[derive(Default)]
-struct Witness(Vec<(u32, f64, Vec<u64>)>);
+struct ChecksumMethod(Vec<(u32, f64, Vec<u64>)>);
 
-impl Method for Witness {
+impl Method for ChecksumMethod {
     fn step(&mut self, moment: &Moment<'_>) -> Result<Vec<PersonEstimate>> {
         let sum = |bytes: &[u8]| bytes.iter().enumerate().map(|(i, b)| (i as u64 + 1) * *b as u64).sum();
         let seen = moment.cameras.iter().flat_map(|c| {
@@ -43,9 +43,9 @@ impl Method for Witness {
     }
 }
 
-/// Counts the foreground of one camera that has no pictures.
-struct Count(Vec<Option<usize>>);
-impl Method for Count {
+/// Method that counts the foreground of one camera without pictures.
+struct ForegroundCount(Vec<Option<usize>>);
+impl Method for ForegroundCount {
     fn step(&mut self, moment: &Moment<'_>) -> Result<Vec<PersonEstimate>> {
         let camera = &moment.cameras[0];
         assert!(camera.image.is_none());
@@ -58,7 +58,7 @@ impl Method for Count {
     }
 }
 
-/// Knows 0.25 s later who was there: the one with the frame's number.
+/// Method that knows the people 0.25 s later: one person, with the frame's number as id.
 struct Late(f64);
 impl Method for Late {
     fn step(&mut self, _: &Moment<'_>) -> Result<Vec<PersonEstimate>> {
@@ -73,7 +73,7 @@ impl Method for Late {
         self.0
     }
 
-    fn hindsight(&mut self, frame: u32) -> Option<Vec<PersonEstimate>> {
+    fn smoothed(&mut self, frame: u32) -> Option<Vec<PersonEstimate>> {
         Some(vec![PersonEstimate {
             id: crate::TrackId(frame),
             x_m: 0.0,
@@ -90,13 +90,13 @@ impl Method for Late {
     }
 }
 
-/// The frame, its time, who is there, and what its pictures sum up to.
-type Told = (u32, f64, Vec<u32>, u64);
+/// Frame, time, ids of the people, and checksum of the pictures.
+type EmittedMoment = (u32, f64, Vec<u32>, u64);
 
-/// Notes what it is given.
-struct Notes<'a>(&'a std::cell::RefCell<Vec<Told>>);
+/// Output that records its input.
+struct Notes<'a>(&'a std::cell::RefCell<Vec<EmittedMoment>>);
 impl Output for Notes<'_> {
-    fn put(&mut self, followed: &Followed<'_>) -> Result<()> {
+    fn put(&mut self, followed: &ProcessedMoment<'_>) -> Result<()> {
         let people = followed.people.iter().map(|p| p.id.0).collect();
         let sum = (0..followed.moment.cameras.len())
             .filter_map(|c| followed.filmed(c))
@@ -112,12 +112,12 @@ impl Output for Notes<'_> {
     }
 }
 
-fn go_on(_: Progress) -> ControlFlow<()> {
+fn go_on(_: RunProgress) -> ControlFlow<()> {
     ControlFlow::Continue(())
 }
 
 fn ended_by(report: &RunReport) -> &str {
-    let Ended::Source(name) = &report.ended else { panic!("{:?}", report.ended) };
+    let RunEnd::Source(name) = &report.ended else { panic!("{:?}", report.ended) };
     name
 }
 
@@ -125,13 +125,13 @@ fn floor(u: u32, v: u32) -> Rgb<u8> {
     Rgb([100 + (u % 40) as u8, 110 + (v % 30) as u8, 90])
 }
 
-/// Videos of `frames` pictures in which a block walks to the right, one folder a camera, and the room they are of.
+/// Videos of `frames` pictures in which a block walks to the right, one folder a camera, and their room.
 fn recorded(cameras: &[(&str, u32)]) -> (tempfile::TempDir, Room) {
     let folder = tempfile::tempdir().unwrap();
     let mut room = Room::default();
     for (index, (name, frames)) in cameras.iter().enumerate() {
         let mut intrinsics = Intrinsics::from_horizontal_fov(SIZE.0, SIZE.1, 60.0);
-        // Every other camera has a lens to be undone.
+        // Every other camera has a distorted lens.
         intrinsics.distortion = [-0.1 * (index % 2) as f64, 0.0, 0.0, 0.0, 0.0].into();
         let camera = Camera { intrinsics, camera_from_world: nalgebra::Isometry3::identity() };
         room.cameras.push(RoomCamera { name: (*name).to_owned(), camera, reference: None });
@@ -153,7 +153,12 @@ fn recorded(cameras: &[(&str, u32)]) -> (tempfile::TempDir, Room) {
     (folder, room)
 }
 
-fn followed(folder: &Path, room: &Room, threads: usize, times: &Times) -> Result<(Witness, RunReport)> {
+fn followed(
+    folder: &Path,
+    room: &Room,
+    threads: usize,
+    times: &Times,
+) -> Result<(ChecksumMethod, RunReport)> {
     let clocks = vec![(times.clone(), 0.0); room.cameras.len()];
     clocked(folder, room, threads, &clocks)
 }
@@ -164,14 +169,14 @@ fn clocked(
     room: &Room,
     threads: usize,
     clocks: &[(Times, f64)],
-) -> Result<(Witness, RunReport)> {
-    let mut witness = Witness::default();
+) -> Result<(ChecksumMethod, RunReport)> {
+    let mut witness = ChecksumMethod::default();
     let gathering = gathered(folder, room, threads, clocks, EVERYTHING)?;
     let report = run(gathering, &mut witness, Vec::new(), None, threads, go_on)?;
     Ok((witness, report.unless_failed()?))
 }
 
-/// Stations of the cameras' folders, which have begun, and what gathers from them.
+/// Running stations of the cameras' folders, and their gathering.
 fn gathered(
     folder: &Path,
     room: &Room,
@@ -179,7 +184,7 @@ fn gathered(
     clocks: &[(Times, f64)],
     needs: Needs,
 ) -> Result<Gathering> {
-    let stage = Stage::prepare(room, folder, &StageOptions::default())?;
+    let prepared = PreparedRoom::prepare(room, folder, &PreparationOptions::default())?;
     let empty = Backdrop::learn(&[RgbImage::from_fn(SIZE.0, SIZE.1, floor)])?;
     let named =
         |name: &str| NamedSource { name: name.to_owned(), spec: folder.join(name).display().to_string() };
@@ -189,32 +194,33 @@ fn gathered(
     for (camera, (source, (times, _))) in
         source::open(room, &videos, &[])?.into_iter().zip(clocks).enumerate()
     {
-        let start = Start::Backdrop(empty.clone());
+        let start = InitialBackground::Backdrop(empty.clone());
         let foreground = Foreground::new(SIZE.0, SIZE.1, start, ForegroundOptions::default())?;
         let masks = Masks::Subtracted(Box::new(foreground));
         let Some(VideoSource::Recorded(video)) = source.video else { panic!("a folder is a recording") };
-        let station = recorded_station(&stage, &source.name, Some(video), None, masks, (times, needs))?;
+        let station = recorded_station(&prepared, &source.name, Some(video), None, masks, (times, needs))?;
         ports.push(station::start(station, camera, inbox.clone(), &permits));
     }
-    let alignment = |(_, offset_s): &(Times, f64)| Alignment { offset_s: *offset_s, ..Alignment::default() };
+    let alignment =
+        |(_, offset_s): &(Times, f64)| ClockAlignment { offset_s: *offset_s, ..ClockAlignment::default() };
     let options = GatheringOptions { alignments: clocks.iter().map(alignment).collect(), latency_s: 0.3 };
     Gathering::new(ports, events, &options)
 }
 
 fn recorded_station(
-    stage: &Stage,
+    prepared: &PreparedRoom,
     name: &str,
     video: Option<FrameSource>,
     masks: Option<FrameSource>,
     made: Masks,
     (times, needs): (&Times, Needs),
 ) -> Result<Station> {
-    let panel = FilmOptions::default().panel_px(&stage.cameras[0]);
+    let panel = FilmOptions::default().panel_px(&prepared.cameras[0]);
     let work = RecordedStation {
         video,
         masks,
         times: CaptureTimes::given(name, times.clone()),
-        observer: Observer::new(stage, name, made, needs)?,
+        observer: Observer::new(prepared, name, made, needs)?,
         drawn: (panel, PictureDemand::Always),
         pace: station::Pace::Free,
     };
@@ -293,7 +299,7 @@ fn people_are_told_later_beside_the_pictures_of_their_moment() {
     };
     let (at_once, _) = noted(0.0, 1, 10.0);
     assert!(at_once.windows(2).any(|w| w[0].3 != w[1].3), "the block walks");
-    // So fast that many moments wait, and so long that all do until the end.
+    // One rate so high that many moments wait, and one lag so long that all wait until the end.
     for (lag_s, threads, rate) in [(0.25, 1, 10.0), (0.25, 2, 10.0), (1.0, 2, 100.0), (100.0, 1, 10.0)] {
         let (later, report) = noted(lag_s, threads, rate);
         assert_eq!(later.len(), 40);
@@ -303,10 +309,10 @@ fn people_are_told_later_beside_the_pictures_of_their_moment() {
         }
         assert!(report.timings.stages.iter().all(|(_, times)| times.count == 40));
     }
-    // What was followed before a picture that cannot be read is told, too.
+    // Moments before an unreadable picture are emitted, too.
     std::fs::write(folder.path().join("b/007.png"), "torn").unwrap();
-    let (told, report) = noted(0.25, 2, 10.0);
-    assert_eq!(told.iter().map(|(frame, ..)| *frame).collect::<Vec<_>>(), (1..=7).collect::<Vec<_>>());
+    let (emitted, report) = noted(0.25, 2, 10.0);
+    assert_eq!(emitted.iter().map(|(frame, ..)| *frame).collect::<Vec<_>>(), (1..=7).collect::<Vec<_>>());
     assert_eq!(report.frames, 7);
     assert!(report.unless_failed().unwrap_err().to_string().contains("007.png"));
 }
@@ -320,17 +326,17 @@ fn masks_alone_are_enough_and_a_full_one_is_set_aside() {
         let mask = GrayImage::from_fn(SIZE.0, SIZE.1, |u, _| Luma([u8::from(frame == 1 || u < 10)]));
         mask.save(masks.join(format!("{frame}.png"))).unwrap();
     }
-    let stage = Stage::prepare(&room, folder.path(), &StageOptions::default()).unwrap();
+    let prepared = PreparedRoom::prepare(&room, folder.path(), &PreparationOptions::default()).unwrap();
     let named: NamedSource = format!("a={}", masks.display()).parse().unwrap();
     let source = source::open(&room, &[], &[named]).unwrap().remove(0);
     let times = Times::steady(4.0).unwrap();
     let made = Masks::ready(&masks.display().to_string());
-    let station = recorded_station(&stage, "a", None, source.masks, made, (&times, MASKS)).unwrap();
+    let station = recorded_station(&prepared, "a", None, source.masks, made, (&times, MASKS)).unwrap();
     let (inbox, events) = std::sync::mpsc::channel();
     let port = station::start(station, 0, inbox, &Permits::new(2));
-    let options = GatheringOptions { alignments: vec![Alignment::default()], latency_s: 0.3 };
+    let options = GatheringOptions { alignments: vec![ClockAlignment::default()], latency_s: 0.3 };
     let gathering = Gathering::new(vec![port], events, &options).unwrap();
-    let mut count = Count(Vec::new());
+    let mut count = ForegroundCount(Vec::new());
     let report = run(gathering, &mut count, Vec::new(), None, 2, go_on).unwrap();
     assert_eq!(count.0, [Some(480), None, Some(480)]);
     assert_eq!(report.set_aside["a"], (1, Verdict::AllForeground));
@@ -346,7 +352,7 @@ fn each_camera_shows_the_frame_of_the_moment_at_any_number_of_threads() {
         let (other, _) = clocked(folder.path(), &room, threads, &clocks).unwrap();
         assert_eq!(one.0, other.0, "{threads} threads");
     }
-    // Each camera by itself, frame by frame, shows what its pictures sum up to.
+    // Each camera by itself gives the expected checksums, frame by frame.
     let alone = |camera: usize| -> Vec<u64> {
         let (mut room, name) = (room.clone(), room.cameras[camera].name.clone());
         room.cameras.retain(|c| c.name == name);
@@ -358,7 +364,7 @@ fn each_camera_shows_the_frame_of_the_moment_at_any_number_of_threads() {
     assert!(one.0[0].1.abs() < 1e-9, "all have begun at 0 s");
     for (moment, time_s, seen) in &one.0 {
         assert_eq!(seen[5], pictures[2][*moment as usize - 1]);
-        // Half way between two frames either is the nearest.
+        // Half way between two frames, either is the nearest.
         for (camera, rate) in [(0, 15.0), (1, 6.0)] {
             let frame = time_s * rate;
             let candidates = [frame - 1e-6, frame + 1e-6].map(|f| f.round() as usize);
@@ -369,14 +375,14 @@ fn each_camera_shows_the_frame_of_the_moment_at_any_number_of_threads() {
     }
     assert!(one.0.iter().any(|(_, _, seen)| seen[3] == 9), "`b` has no frame at some moments");
     assert!(report.set_aside.is_empty(), "having no frame is no failure: {:?}", report.set_aside);
-    // `b` ends first: after its sixth frame nothing of it is near.
+    // `b` ends first: after its sixth frame it has no near frame.
     assert_eq!(ended_by(&report), "b");
 }
 
-/// Whether it was finished, and after how many moments.
+/// Output that records whether it was finished, and after how many moments.
 struct Finish<'a>(u32, &'a std::cell::Cell<Option<u32>>);
 impl Output for Finish<'_> {
-    fn put(&mut self, _: &Followed<'_>) -> Result<()> {
+    fn put(&mut self, _: &ProcessedMoment<'_>) -> Result<()> {
         self.0 += 1;
         Ok(())
     }
@@ -387,10 +393,10 @@ impl Output for Finish<'_> {
     }
 }
 
-/// Cannot be finished.
+/// Output that cannot be finished.
 struct Unfinished;
 impl Output for Unfinished {
-    fn put(&mut self, _: &Followed<'_>) -> Result<()> {
+    fn put(&mut self, _: &ProcessedMoment<'_>) -> Result<()> {
         Ok(())
     }
 
@@ -412,7 +418,7 @@ fn outputs_are_finished_however_a_run_ends() {
             None,
             threads,
             |step| {
-                moments += u32::from(step == Progress::Moment);
+                moments += u32::from(step == RunProgress::Moment);
                 if moments == last { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
             },
         );
@@ -432,7 +438,7 @@ fn outputs_are_finished_however_a_run_ends() {
         let (report, finished) = run_until(u32::MAX, threads);
         let (frames, timed, said) = report.unwrap();
         assert_eq!((frames, timed, finished), (5, 5, Some(5)));
-        assert!(said.contains("005.png"), "what went wrong first is told: {said}");
+        assert!(said.contains("005.png"), "what went wrong first is reported: {said}");
     }
     let first = folder.path().join("a/000.png");
     let whole = std::fs::read(&first).unwrap();

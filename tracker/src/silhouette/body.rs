@@ -1,18 +1,18 @@
-//! The shape that stands for a person.
+//! The shape that models a person.
 
 use super::{Ellipsoid, Shape};
 use crate::PersonEstimate;
 
-/// An upright ellipsoid standing on the floor: the state `M = (x, y, r, h)` of one person. Metres, room frame.
+/// Upright ellipsoid standing on the floor: the state `M = (x, y, r, h)` of one person. Metres, room frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Body {
-    /// Where it stands.
+    /// Position on the floor along x, metres.
     pub x_m: f64,
-    /// Where it stands.
+    /// Position on the floor along y, metres.
     pub y_m: f64,
-    /// Horizontal semi-axis.
+    /// Horizontal semi-axis, metres.
     pub radius_m: f64,
-    /// Height; the vertical semi-axis is half of it.
+    /// Height, metres; the vertical semi-axis is half of it.
     pub height_m: f64,
 }
 
@@ -22,19 +22,19 @@ impl Body {
 }
 
 impl From<&PersonEstimate> for Body {
-    /// The body of an estimate. Methods that follow a head say how high that is; the body stands on the floor all the same.
+    /// Body of an estimate. Methods that track a head estimate its height; the body stands on the floor all the same.
     fn from(person: &PersonEstimate) -> Self {
         Self { x_m: person.x_m, y_m: person.y_m, radius_m: person.radius_m, height_m: person.height_m }
     }
 }
 
 impl Body {
-    /// The ellipsoid.
+    /// Ellipsoid of the body itself ([`Shape::BODY`]).
     pub fn ellipsoid(&self) -> Ellipsoid {
         Shape::BODY.of(self)
     }
 
-    /// Distance between two bodies on the floor.
+    /// Distance between two bodies on the floor, metres.
     pub fn floor_distance_m(&self, other: &Self) -> f64 {
         let (x, y) = (self.x_m - other.x_m, self.y_m - other.y_m);
         (x * x + y * y).sqrt()

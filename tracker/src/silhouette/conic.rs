@@ -1,4 +1,4 @@
-//! The image of an ellipsoid in a pinhole camera.
+//! Image of an ellipsoid in a pinhole camera.
 //!
 //! Scale space so that the ellipsoid becomes the unit sphere; the camera's centre goes to `o` and the ray of pixel
 //! `(u, v)` to `o + t·w(u, v)`, where `w` is linear in the pixel and `t` is the depth along the camera's z (rays are
@@ -12,10 +12,10 @@
 //! row, `b² − c a` is a quadratic in u: its roots bound the span. `b < 0` cannot change within a span, because a ray
 //! from outside meets the ellipsoid either wholly in front or wholly behind.
 //!
-//! Nearly always the conic is an ellipse. Its spans have their middles on a line and their half widths are
-//! `√(widest² − fall · (v − v₀)²)`: a root a row, and no division.
+//! Nearly always the conic is an ellipse. The middles of its spans lie on a line and their half widths are `√(widest² −
+//! fall · (v − v₀)²)`: one root a row, and no division.
 //!
-//! f64, although it renders: a span must end at the same pixel as a ray cast by any other formula would.
+//! f64, although it renders: a span must end at the same pixel as a ray computed by any other formula.
 
 use std::ops::Range;
 
@@ -24,68 +24,68 @@ use wide::f64x8;
 
 use super::{Ellipsoid, View};
 
-/// Rows whose spans are worked out together.
+/// Number of rows whose spans are computed together.
 pub(super) const SPANS: usize = 8;
-/// Where lanes are, seen from the first.
+/// Offsets of the lanes from the first.
 const LANES: f64x8 = f64x8::new([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
 
-/// The image of one body in one view.
+/// Image of one body in one view.
 #[derive(Debug, Clone)]
 pub struct ImageConic {
-    /// `a = w·w` over (1, u, v): the constant, and the coefficients of 2u, 2v, u², 2uv, v².
+    /// Coefficients of `a = w·w` over (1, u, v): the constant, and those of 2u, 2v, u², 2uv, v².
     a: [f64; 6],
-    /// `b = o·w` over (1, u, v): the constant, and the coefficients of u and v.
+    /// Coefficients of `b = o·w` over (1, u, v).
     b: [f64; 3],
     c: f64,
-    /// `b² − c a`, laid out as `a`: not negative on the image of the body.
+    /// Coefficients of `b² − c a`, laid out as `a`: not negative on the image of the body.
     inside: [f64; 6],
     width: i32,
     height: i32,
-    /// Smallest depth along z of any point of the ellipsoid.
+    /// Smallest depth along z of any point of the ellipsoid, metres.
     pub nearest_z_m: f64,
-    /// No point of the side that faces the camera is farther than this along z.
+    /// Upper bound of the depth along z of the side that faces the camera, metres.
     pub near_side_to_z_m: f64,
 }
 
-/// Where in the image a body is.
+/// Location of a body in the image.
 #[derive(Debug, Clone)]
-pub enum Outline {
-    /// Nowhere.
+pub enum ImageOutline {
+    /// Outside the image.
     Nowhere,
-    /// Within an ellipse.
+    /// Inside an ellipse.
     Ellipse(Ellipse),
-    /// Anywhere: the body reaches behind the camera's image plane, or around the camera.
+    /// Unbounded: the body reaches behind the camera's image plane, or around the camera.
     Open,
 }
 
-/// The image of a body that is wholly in front of the camera. Pixels.
+/// Image of a body that is wholly in front of the camera. Pixels.
 #[derive(Debug, Clone)]
 pub struct Ellipse {
-    /// The rows of the image that can hold pixels of it.
+    /// Rows of the image that can hold its pixels.
     pub rows: Range<i32>,
-    /// The columns of the image that can hold pixels of it.
+    /// Columns of the image that can hold its pixels.
     pub columns: Range<i32>,
-    /// The last row of the whole image plane that holds a point of it.
+    /// Last row of the whole image plane that holds a point of it.
     pub last_row: f64,
     middle_u: f64,
     middle_v: f64,
-    /// Columns that the middle of a row's span lies farther to the right than that of the row above.
+    /// Shift of the middle of a row's span to the right from that of the row above, columns.
     slope: f64,
     /// Square of half the width of the widest row.
     widest: f64,
-    /// What the square of half the width falls by, times the square of the rows from the middle.
+    /// Decrease of the square of half the width for each squared row from the middle.
     fall: f64,
 }
 
 impl Ellipse {
-    /// The pixels of [`SPANS`] rows, `v` being the first: all at once, in vector registers.
+    /// Spans of [`SPANS`] rows, beginning with `v`, computed together in vector registers.
     pub fn spans(&self, v: i32) -> [Range<i32>; SPANS] {
-        /// From here on, numbers are 1 apart, and their last bits count them.
+        /// Adding this number rounds to integers: floats of this size are 1 apart, and their last bits count them.
         const WHOLE: f64 = 1.5 * (1_u64 << 52) as f64;
         let [from, to] = [f64::from(self.columns.start), f64::from(self.columns.end)];
         let dv = LANES + (f64::from(v) - self.middle_v);
         let square = self.widest - dv * dv * self.fall;
-        // Of a row that misses the ellipse, the start comes after the end.
+        // For a row that misses the ellipse, the start comes after the end.
         let half = square.simd_lt(f64x8::ZERO).select(f64x8::splat(-1.0), square.sqrt());
         let middle = self.middle_u + dv * self.slope;
         let start = (middle - half).fast_max(f64x8::splat(from)).fast_min(f64x8::splat(to)).ceil();
@@ -95,9 +95,9 @@ impl Ellipse {
     }
 }
 
-/// One row of the image of a body: `b² − c a` and what depth needs, as functions of u.
+/// One row of the image of a body: `b² − c a` and the depth as functions of u.
 #[derive(Debug, Clone, Copy)]
-pub struct Row {
+pub struct ConicRow {
     /// `a = a0 + 2 a1 u + a2 u²`.
     a0: f64,
     a1: f64,
@@ -108,12 +108,13 @@ pub struct Row {
     c: f64,
 }
 
-impl Row {
-    /// In which columns of eight, `u` being the first, something at depth `static_z_m` along z leaves the body's near surface
-    /// visible: a bit a column.
+impl ConicRow {
+    /// Columns, of eight beginning with `u`, in which a static point at depth `static_z_m` along z leaves the body's
+    /// near surface visible; one bit a column.
     ///
-    /// The static point is past the near surface when it lies inside the ellipsoid or beyond its middle: no root needed.
-    /// Only meaningful inside a span. All columns are worked out at once, since asking which are doubtful takes longer.
+    /// The static point is behind the near surface when it lies inside the ellipsoid or beyond its middle, so no root
+    /// is needed. Only meaningful inside a span. All columns are computed together, because finding the doubtful ones
+    /// takes longer.
     #[inline]
     pub fn is_in_front_of(&self, u: i32, static_z_m: &[f32; 8]) -> u8 {
         let u = LANES + f64::from(u);
@@ -121,13 +122,13 @@ impl Row {
         let a = self.a0 + u * (2.0 * self.a1 + u * self.a2);
         let b = self.b0 + u * self.b1;
         let none = f64x8::ZERO;
-        // At infinity the last holds.
+        // At infinity the last condition holds.
         let (is_in_front, is_inside, is_beyond) =
             (z.simd_gt(none), ((a * z + 2.0 * b) * z + self.c).simd_lt(none), (a * z + b).simd_gt(none));
         (is_in_front & (is_inside | is_beyond)).to_bitmask() as u8
     }
 
-    /// Depth along z of the body's near surface at column `u`; only meaningful inside a span.
+    /// Depth along z of the body's near surface at column `u`, metres; only meaningful inside a span.
     pub fn near_z_m(&self, u: i32) -> f64 {
         let u = f64::from(u);
         let a = self.a0 + u * (2.0 * self.a1 + u * self.a2);
@@ -137,9 +138,9 @@ impl Row {
     }
 }
 
-/// The whole pixels of `[from, to]`, which is clipped to the image.
+/// Whole pixels of `[from, to]`, which is clipped to the image.
 fn whole_pixels(from: f64, to: f64) -> Option<Range<i32>> {
-    // Refuses NaN, too.
+    // Also rejects NaN.
     if !(from >= 0.0 && from <= to) {
         return None;
     }
@@ -148,7 +149,7 @@ fn whole_pixels(from: f64, to: f64) -> Option<Range<i32>> {
 }
 
 impl ImageConic {
-    /// The image of `body` in `view`.
+    /// Image of `body` in `view`.
     pub fn new(view: &View, body: &Ellipsoid) -> Self {
         let axes = body.semi_axes;
         let scale = |v: &Vector3<f64>| v.component_div(&axes);
@@ -158,8 +159,8 @@ impl ImageConic {
         let a = [w0.dot(&w0), w0.dot(&wu), w0.dot(&wv), wu.dot(&wu), wu.dot(&wv), wv.dot(&wv)];
         let b = [o.dot(&w0), o.dot(&wu), o.dot(&wv)];
         let b_squared = [b[0] * b[0], b[0] * b[1], b[0] * b[2], b[1] * b[1], b[1] * b[2], b[2] * b[2]];
-        // Depth along z is linear: over the scaled body it rises by `reach` from the middle. The camera sees the side that
-        // is bounded by the circle where rays touch, which lies `1 / |o|` from the middle.
+        // Depth along z is linear: over the scaled body it rises by `reach` from the middle. The camera sees the side
+        // bounded by the circle of tangent rays, which lies `1 / |o|` from the middle.
         let forward = axes.component_mul(&view.forward);
         let reach = forward.norm();
         let middle = (body.center - view.center).dot(&view.forward);
@@ -183,38 +184,38 @@ impl ImageConic {
         }
     }
 
-    /// Whether the camera is inside the body, so that it sees nothing else.
+    /// Whether the camera is inside the body.
     pub fn holds_camera(&self) -> bool {
         self.c <= 0.0
     }
 
-    /// Where in the image the body is.
-    pub fn outline(&self) -> Outline {
+    /// Location of the body in the image.
+    pub fn outline(&self) -> ImageOutline {
         if self.holds_camera() {
-            return Outline::Open;
+            return ImageOutline::Open;
         }
         let [f, d, e, a, b, c] = self.inside;
         // A row (column) holds pixels where its quadratic in u (v) has roots.
         let rows = [b * b - a * c, d * b - a * e, d * d - a * f];
         let columns = [b * b - a * c, e * b - c * d, e * e - c * f];
         if a >= 0.0 || rows[0] >= 0.0 {
-            return if self.nearest_z_m <= 0.0 { Outline::Open } else { Outline::Nowhere };
+            return if self.nearest_z_m <= 0.0 { ImageOutline::Open } else { ImageOutline::Nowhere };
         }
-        // All of the ellipse is in front or behind; its centre tells which.
+        // All of the ellipse is in front or behind; its centre decides.
         let v = -rows[1] / rows[0];
         let u = -(b * v + d) / a;
         if self.b[0] + self.b[1] * u + self.b[2] * v >= 0.0 {
-            return Outline::Nowhere;
+            return ImageOutline::Nowhere;
         }
         let (Some((row_range, last_row)), Some((column_range, _))) =
             (extent(&rows, self.height), extent(&columns, self.width))
         else {
-            return Outline::Nowhere;
+            return ImageOutline::Nowhere;
         };
         let scale = 1.0 / (a * a);
-        Outline::Ellipse(Ellipse {
+        ImageOutline::Ellipse(Ellipse {
             rows: row_range,
-            // A pixel more on either side, so that no rounding puts the end of a span outside.
+            // One pixel more on either side, so that rounding never puts the end of a span outside.
             columns: (column_range.start - 1).max(0)..(column_range.end + 1).min(self.width),
             last_row,
             middle_u: u,
@@ -225,16 +226,16 @@ impl ImageConic {
         })
     }
 
-    /// All rows and columns of the image.
+    /// All rows and all columns of the image.
     pub fn image(&self) -> [Range<i32>; 2] {
         [0..self.height, 0..self.width]
     }
 
-    /// What depth and spans of row `v` need.
-    pub fn row(&self, v: i32) -> Row {
+    /// Functions of row `v` for depth and spans.
+    pub fn row(&self, v: i32) -> ConicRow {
         let v = f64::from(v);
         let [a_1, a_u, a_v, a_uu, a_uv, a_vv] = self.a;
-        Row {
+        ConicRow {
             a0: a_1 + v * (2.0 * a_v + v * a_vv),
             a1: a_u + v * a_uv,
             a2: a_uu,
@@ -244,8 +245,8 @@ impl ImageConic {
         }
     }
 
-    /// The spans of a row, whatever the outline: none, one, or (for a body that reaches behind the image plane) up to two.
-    pub fn spans(&self, row: &Row) -> [Option<Range<i32>>; 2] {
+    /// Spans of a row, for any outline: none, one, or (for a body that reaches behind the image plane) up to two.
+    pub fn spans(&self, row: &ConicRow) -> [Option<Range<i32>>; 2] {
         let (start, end) = (0.0, f64::from(self.width - 1));
         if self.holds_camera() {
             return [Some(0..self.width), None];
@@ -279,13 +280,14 @@ impl ImageConic {
         [Self::span(row, start, low.min(end)), Self::span(row, high.max(start), end)]
     }
 
-    /// The whole pixels of `[from, to]`, when they look at the body in front of the camera.
-    fn span(row: &Row, from: f64, to: f64) -> Option<Range<i32>> {
+    /// Whole pixels of `[from, to]` whose rays meet the body in front of the camera.
+    fn span(row: &ConicRow, from: f64, to: f64) -> Option<Range<i32>> {
         whole_pixels(from, to).filter(|span| row.b0 + row.b1 * f64::from(span.start) < 0.0)
     }
 }
 
-/// Where `q2 x² + 2 q1 x + q0 ≥ 0` for a negative `q2`: whole numbers within `0..size`, or `None`; and the largest `x`.
+/// Integers within `0..size` at which `q2 x² + 2 q1 x + q0 ≥ 0` for a negative `q2`, and the largest real `x`; `None`
+/// without any.
 fn extent(&[q2, q1, q0]: &[f64; 3], size: i32) -> Option<(Range<i32>, f64)> {
     let d = q1 * q1 - q2 * q0;
     let root = (d >= 0.0).then(|| d.sqrt())?;

@@ -1,32 +1,34 @@
-//! The static depth of a view, laid out so that what it leaves of a body is found 64 pixels at a time.
+//! Static depth of a view, laid out so that the visible part of a body is found for 64 pixels at a time.
 //!
-//! Beside each pixel's depth there is a bit a pixel for each of many levels of depth: whether the pixel is at that level or
-//! beyond. Of a body, a pixel is surely visible that is beyond the level of the farthest point the camera sees, surely
-//! hidden one that is before the level of the nearest; only what lies between is worked out, pixel by pixel.
+//! Beside each pixel's depth there is a bit a pixel for each of many depth levels: whether the pixel is at that level
+//! or beyond. A pixel of a body is certainly visible if it is beyond the level of the farthest point that the camera
+//! sees, and certainly hidden if it is before the level of the nearest; only pixels between are computed one by one.
 
 use super::ImageConic;
 
-/// Pixels of a row whose depths are compared together; a divisor of a word.
+/// Number of pixels of a row whose depths are compared together; a divisor of a word's 64.
 const STRETCH: usize = 8;
-/// The pixels of a stretch, as bits.
+/// Mask of a stretch's pixels.
 const STRETCH_BITS: u64 = (1 << STRETCH) - 1;
-/// A level is what depths have in common when this many of their last bits are taken off: 32 levels from one power of two
-/// to the next, at 5 m an eighth of a metre apart.
+/// Number of last bits of a depth that the finest level ignores: 32 levels from one power of two to the next, at 5 m an
+/// eighth of a metre apart.
 const FINEST_LEVEL_BITS: u32 = 18;
-/// All positive numbers are of one level.
+/// Number of last bits at which all positive numbers are of one level.
 const COARSEST_LEVEL_BITS: u32 = 31;
-/// Levels are made coarser until their bits take no more words than this (1 MiB), if they can: they have to stay in the cache.
+/// Largest number of words of all planes (1 MiB), which have to stay in the cache: levels are made coarser until they
+/// fit, if they can.
 const MOST_WORDS: usize = 1 << 17;
 
-/// Per pixel, the depth along z at which the static room is; infinite where nothing is, 0 where everything is hidden.
+/// Depth along z of the static room for each pixel, metres; infinite where nothing is hit, 0 where everything is
+/// hidden.
 #[derive(Debug, Clone)]
 pub(super) struct StaticDepth {
-    /// A row is filled up to whole stretches.
+    /// Rows are padded to whole stretches.
     z_m: Vec<[f32; STRETCH]>,
     stretches_per_row: usize,
     words_per_row: usize,
     level_bits: u32,
-    /// The nearest level at which anything is.
+    /// Nearest level at which anything is.
     first_level: u32,
     /// For each level from the first to one that only infinity reaches: the pixels at it or beyond, packed row by row.
     planes: Vec<Vec<u64>>,
@@ -79,45 +81,45 @@ impl StaticDepth {
         }
     }
 
-    /// The plane of the pixels at a level or beyond.
+    /// Index of the plane of the pixels at a level or beyond.
     fn plane_of(&self, level: u32) -> usize {
         (level.saturating_sub(self.first_level) as usize).min(self.planes.len() - 1)
     }
 
-    /// Made ready for a body of which the camera sees nothing nearer than `from_m` or farther than `to_m`.
-    pub(super) fn sight(&self, from_m: f64, to_m: f64) -> Sight<'_> {
-        // Rounded to where they are sure, also where they are met exactly, as when a body touches a wall.
+    /// Visibility of a body whose visible points are no nearer than `from_m` and no farther than `to_m`.
+    pub(super) fn visibility(&self, from_m: f64, to_m: f64) -> Visibility<'_> {
+        // Rounded outwards, so that exact contact, as of a body with a wall, is decided pixel by pixel.
         let [from_m, to_m] = [(from_m as f32).next_down(), (to_m as f32).next_up()];
-        Sight {
+        Visibility {
             depth: self,
             reached: &self.planes[self.plane_of(level(from_m, self.level_bits))],
             beyond: &self.planes[self.plane_of(level(to_m, self.level_bits) + 1)],
         }
     }
 
-    /// The depth at a pixel.
+    /// Depth at a pixel, metres.
     pub(super) fn z_m(&self, u: u32, v: u32) -> f32 {
         self.z_m[v as usize * self.stretches_per_row + u as usize / STRETCH][u as usize % STRETCH]
     }
 }
 
-/// The number of a depth's level: the bits of positive numbers are ordered as the numbers are.
+/// Level of a depth: the bits of positive floats are ordered like their values.
 fn level(z_m: f32, level_bits: u32) -> u32 {
     if z_m > 0.0 { z_m.to_bits() >> level_bits } else { 0 }
 }
 
-/// What the static room leaves of one body.
+/// Visibility of one body before the static room.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Sight<'a> {
+pub(super) struct Visibility<'a> {
     depth: &'a StaticDepth,
-    /// Where the body may be visible.
+    /// Pixels at which the body may be visible.
     reached: &'a [u64],
-    /// Where it is, whichever side of the body a pixel looks at.
+    /// Pixels at which the body is visible, whichever side of it the pixel shows.
     beyond: &'a [u64],
 }
 
-impl Sight<'_> {
-    /// Which of a word's pixels in row `v`, all of them on the body of this image, are visible.
+impl Visibility<'_> {
+    /// Visible pixels among a word's `pixels` in row `v`, all of which lie on the body of this image.
     #[inline]
     pub(super) fn of(&self, v: i32, word: usize, pixels: u64, conic: &ImageConic) -> u64 {
         let at = v as usize * self.depth.words_per_row + word;
@@ -127,7 +129,7 @@ impl Sight<'_> {
         if doubtful == 0 { seen } else { seen | self.in_front(v, word, doubtful, conic) }
     }
 
-    /// The pixels at which the body is in front, one by one.
+    /// Pixels at which the body is in front, computed one by one.
     #[inline(never)]
     fn in_front(&self, v: i32, word: usize, pixels: u64, conic: &ImageConic) -> u64 {
         let stretches = v as usize * self.depth.stretches_per_row;
@@ -150,7 +152,7 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64Mcg;
 
-    /// Depths of which some are nothing, some infinite and some no number.
+    /// Depths of which some are 0, some infinite and some NaN.
     fn irregular(rng: &mut Pcg64Mcg) -> f32 {
         match rng.random_range(0..10) {
             0 => 0.0,
@@ -160,9 +162,9 @@ mod tests {
         }
     }
 
-    /// From an image so small that its levels are the finest to one of which not even two planes are small enough.
+    /// From an image so small that its levels are the finest, to one for which not even two planes fit.
     #[test]
-    fn what_is_sure_is_so_whatever_the_size_of_the_image() {
+    fn certain_pixels_agree_with_single_comparisons_at_any_image_size() {
         let mut rng = Pcg64Mcg::seed_from_u64(3);
         let mut bits_of_levels = Vec::new();
         for (width, height) in [(1, 1), (70, 40), (640, 480), (1920, 1080), (3840, 2304)] {
@@ -172,19 +174,19 @@ mod tests {
             bits_of_levels.push(depth.level_bits);
             for _ in 0..5 {
                 let from_m = rng.random_range(-1.0..20.0);
-                // Now and then met exactly.
+                // Some depths are met exactly.
                 let to_m =
                     if rng.random() { f64::from(at(0, 0)) } else { from_m + rng.random_range(0.0..2.0) };
                 let to_m = if to_m.is_nan() { from_m } else { to_m };
-                let sight = depth.sight(from_m, to_m);
+                let visibility = depth.visibility(from_m, to_m);
                 for _ in 0..2000 {
                     let (u, v) = (rng.random_range(0..width), rng.random_range(0..height));
                     let word = v as usize * depth.words_per_row + u as usize / 64;
                     let has = |plane: &[u64]| plane[word] >> (u % 64) & 1 == 1;
                     let z_m = at(u, v);
-                    assert!(!has(sight.beyond) || f64::from(z_m) > to_m, "{z_m} is not beyond {to_m}");
+                    assert!(!has(visibility.beyond) || f64::from(z_m) > to_m, "{z_m} is not beyond {to_m}");
                     let is_before = !(z_m > 0.0 && f64::from(z_m) >= from_m);
-                    assert!(has(sight.reached) || is_before, "{z_m} is not before {from_m}");
+                    assert!(has(visibility.reached) || is_before, "{z_m} is not before {from_m}");
                 }
             }
         }
@@ -195,9 +197,9 @@ mod tests {
     #[test]
     fn a_body_is_told_from_what_is_a_hands_breadth_before_or_behind_it() {
         let depth = StaticDepth::new(64, 1, |u, _| 3.0 + 0.05 * u as f32);
-        let sight = depth.sight(4.0, 4.5);
+        let visibility = depth.visibility(4.0, 4.5);
         let first = |plane: &[u64]| 3.0 + 0.05 * f64::from(plane[0].trailing_zeros());
-        assert!((3.8..=4.0).contains(&first(sight.reached)), "{}", first(sight.reached));
-        assert!((4.5..4.7).contains(&first(sight.beyond)), "{}", first(sight.beyond));
+        assert!((3.8..=4.0).contains(&first(visibility.reached)), "{}", first(visibility.reached));
+        assert!((4.5..4.7).contains(&first(visibility.beyond)), "{}", first(visibility.beyond));
     }
 }

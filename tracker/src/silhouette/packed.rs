@@ -1,13 +1,13 @@
-//! The visible pixels of one body in one view, packed.
+//! Visible pixels of one body in one view, packed.
 
 use std::ops::Range;
 
-use super::conic::{Ellipse, Outline, SPANS};
+use super::conic::{Ellipse, ImageOutline, SPANS};
 use super::{Ellipsoid, ImageConic, View};
 
-/// The pixels of a body that the static room leaves visible: a rectangle of 64-pixel words. Bit 0 is the leftmost.
+/// Pixels of a body that the static room leaves visible: a rectangle of 64-pixel words. Bit 0 is the leftmost.
 ///
-/// A silhouette is made to be drawn again and again into the same memory ([`Self::draw`]).
+/// A silhouette is meant to be drawn repeatedly into the same memory ([`Self::draw`]).
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Silhouette {
     first_row: usize,
@@ -15,34 +15,34 @@ pub struct Silhouette {
     first_word: usize,
     words: usize,
     bits: Vec<u64>,
-    /// Pixels of the body within the image, hidden or not; rows of which all is below the floor do not count.
+    /// Number of pixels of the body within the image, hidden or not, without the rows that are wholly below the floor.
     pub area_px: u32,
-    /// Pixels of the body within the image that the static room does not hide.
+    /// Number of pixels of the body within the image that the static room does not hide.
     pub visible_px: u32,
 }
 
 impl Silhouette {
-    /// The silhouette of `body` in `view`.
+    /// Silhouette of `body` in `view`.
     pub fn new(view: &View, body: &Ellipsoid) -> Self {
         let mut silhouette = Self::default();
         silhouette.draw(view, body);
         silhouette
     }
 
-    /// Draws `body` as seen in `view`, in place of whatever was here.
+    /// Draws `body` as seen in `view`, and replaces the former silhouette.
     pub fn draw(&mut self, view: &View, body: &Ellipsoid) {
         let conic = ImageConic::new(view, body);
         match conic.outline() {
-            Outline::Nowhere => self.resize(&(0..0), &(0..0)),
-            Outline::Ellipse(ellipse) => {
+            ImageOutline::Nowhere => self.resize(&(0..0), &(0..0)),
+            ImageOutline::Ellipse(ellipse) => {
                 let hidden_from = view.first_row_below_floor(body, ellipse.last_row);
                 self.draw_ellipse(view, &conic, &ellipse, hidden_from);
             }
-            Outline::Open => self.draw_open(view, &conic),
+            ImageOutline::Open => self.draw_open(view, &conic),
         }
     }
 
-    /// Makes room for a rectangle of pixels, whose bits are whatever was there.
+    /// Resizes the rectangle; its bits are then arbitrary.
     fn resize(&mut self, rows: &Range<i32>, columns: &Range<i32>) {
         (self.area_px, self.visible_px) = (0, 0);
         (self.first_row, self.rows) = (rows.start as usize, rows.len());
@@ -55,7 +55,7 @@ impl Silhouette {
     fn draw_ellipse(&mut self, view: &View, conic: &ImageConic, ellipse: &Ellipse, hidden_from: i32) {
         let rows = ellipse.rows.start..ellipse.rows.end.min(hidden_from).max(ellipse.rows.start);
         self.resize(&rows, &ellipse.columns);
-        let sight = view.depth.sight(conic.nearest_z_m, conic.near_side_to_z_m);
+        let visibility = view.depth.visibility(conic.nearest_z_m, conic.near_side_to_z_m);
         let first_word = self.first_word;
         let (mut area_px, mut visible_px) = (0, 0);
         let mut rows_of_bits = self.bits.chunks_exact_mut(self.words.max(1));
@@ -63,7 +63,7 @@ impl Silhouette {
             for ((v, span), bits) in (first..rows.end).zip(&ellipse.spans(first)).zip(&mut rows_of_bits) {
                 area_px += (span.end - span.start).max(0) as u32;
                 for (word, bits) in (first_word..).zip(bits) {
-                    *bits = sight.of(v, word, span_bits(span, word), conic);
+                    *bits = visibility.of(v, word, span_bits(span, word), conic);
                     visible_px += bits.count_ones();
                 }
             }
@@ -76,10 +76,10 @@ impl Silhouette {
         let [rows, columns] = conic.image();
         self.resize(&rows, &columns);
         // Around the camera, everything is behind the near side.
-        let sight = if conic.holds_camera() {
-            view.depth.sight(f64::NEG_INFINITY, 0.0)
+        let visibility = if conic.holds_camera() {
+            view.depth.visibility(f64::NEG_INFINITY, 0.0)
         } else {
-            view.depth.sight(conic.nearest_z_m, conic.near_side_to_z_m)
+            view.depth.visibility(conic.nearest_z_m, conic.near_side_to_z_m)
         };
         for v in rows {
             let spans = conic.spans(&conic.row(v));
@@ -88,28 +88,28 @@ impl Silhouette {
             let start = v as usize * self.words;
             for (word, bits) in self.bits[start..start + self.words].iter_mut().enumerate() {
                 let pixels = spans().fold(0, |bits, span| bits | span_bits(span, word));
-                *bits = sight.of(v, word, pixels, conic);
+                *bits = visibility.of(v, word, pixels, conic);
                 self.visible_px += bits.count_ones();
             }
         }
     }
 
-    /// The rows this silhouette has words for.
+    /// Rows of the rectangle.
     pub fn row_range(&self) -> Range<usize> {
         self.first_row..self.first_row + self.rows
     }
 
-    /// The words of a row this silhouette has bits for, as numbers of words of the image's row.
+    /// Words of a row of the rectangle, as indices of words of the image's row.
     pub fn word_range(&self) -> Range<usize> {
         self.first_word..self.first_word + self.words
     }
 
-    /// Every row this silhouette has words for: its number and its bits, one entry for each of [`Self::word_range`].
+    /// Rows of the rectangle: index and bits, one word for each of [`Self::word_range`].
     pub fn rows(&self) -> impl Iterator<Item = (usize, &[u64])> {
         (self.first_row..).zip(self.bits.chunks_exact(self.words.max(1)))
     }
 
-    /// The bits of one row, one entry for each of [`Self::word_range`]; empty outside [`Self::row_range`].
+    /// Bits of one row, one word for each of [`Self::word_range`]; empty outside [`Self::row_range`].
     pub fn row_bits(&self, row: usize) -> &[u64] {
         if !self.row_range().contains(&row) {
             return &[];
@@ -118,7 +118,7 @@ impl Silhouette {
         &self.bits[start..start + self.words]
     }
 
-    /// The columns between the first and the last pixel of one row.
+    /// Columns from the first to the last pixel of one row.
     pub fn row_width(&self, row: usize) -> Range<usize> {
         let set = || self.row_bits(row).iter().zip(self.word_range()).filter(|(bits, _)| **bits != 0);
         let first = set().next().map(|(bits, word)| word * 64 + bits.trailing_zeros() as usize);
@@ -126,7 +126,7 @@ impl Silhouette {
         first.unwrap_or(0)..last.unwrap_or(0)
     }
 
-    /// The bits of one word of the image; 0 outside.
+    /// Bits of one word of the image; 0 outside.
     pub fn bits_at(&self, row: usize, word: usize) -> u64 {
         if !self.word_range().contains(&word) {
             return 0;
@@ -150,7 +150,7 @@ impl Silhouette {
         })
     }
 
-    /// Keeps only the pixels for which `keep` says so, and counts them anew.
+    /// Keeps only the pixels for which `keep` returns true, and counts them again.
     pub fn retain(&mut self, mut keep: impl FnMut(u32, u32) -> bool) {
         self.visible_px = 0;
         for row in self.row_range() {
@@ -170,7 +170,7 @@ impl Silhouette {
     }
 }
 
-/// The pixels of a span that fall into a word of the image, as bits of the word.
+/// Pixels of a span that fall into a word of the image, as bits of the word.
 fn span_bits(span: &Range<i32>, word: usize) -> u64 {
     let base = (word * 64) as i32;
     let before = |u: i32| if u < base + 64 { !(u64::MAX << (u - base).max(0)) } else { u64::MAX };

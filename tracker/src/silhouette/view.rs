@@ -1,4 +1,4 @@
-//! A camera made ready for simulation: the rays of its pixels, and the static depth along them.
+//! A camera prepared for simulation: the rays of its pixels, and the static depth along them.
 
 use nalgebra::{Point3, Vector3};
 
@@ -6,46 +6,46 @@ use super::Ellipsoid;
 #[cfg(doc)]
 use super::conic::Ellipse;
 use super::depth::StaticDepth;
-use crate::stage::StageCamera;
+use crate::prepared_room::PreparedCamera;
 
 /// A pinhole camera with the static room in front of it.
 ///
-/// The pixel `(u, v)` looks along `ray_0 + u·ray_u + v·ray_v` (world frame), scaled so that its length along the
-/// camera's z is 1: a multiple of it *is* a depth.
+/// The pixel `(u, v)` looks along `ray_0 + u·ray_u + v·ray_v` (world frame), scaled to length 1 along the camera's z,
+/// so that a multiple of it *is* a depth.
 #[derive(Debug, Clone)]
 pub struct View {
-    /// Image width in (this view's) pixels.
+    /// Image width, pixels of this view.
     pub width: u32,
-    /// Image height in (this view's) pixels.
+    /// Image height, pixels of this view.
     pub height: u32,
-    /// Side of the block of the camera's pixels that is one pixel here.
+    /// Side of the block of the camera's pixels that is one pixel of this view.
     pub block: u8,
-    /// The camera's centre in the world.
+    /// Centre of the camera, world frame, metres.
     pub center: Point3<f64>,
-    /// The camera's z axis in the world.
+    /// z axis of the camera, world frame.
     pub forward: Vector3<f64>,
     pub(super) ray_0: Vector3<f64>,
     pub(super) ray_u: Vector3<f64>,
     pub(super) ray_v: Vector3<f64>,
-    /// A place `d` from the centre is in row `d · down / d · forward`.
+    /// Row vector: a point `d` from the centre is in row `d · down / d · forward`.
     down: Vector3<f64>,
-    /// Whether the static depth reaches nowhere below the floor.
+    /// Whether the static depth never reaches below the floor.
     is_floor_opaque: bool,
-    /// Words of 64 pixels in a row of the image; the last may be partly used.
+    /// Number of 64-pixel words in a row of the image; the last may be partly used.
     pub(crate) words_per_row: usize,
-    /// As in [`StageCamera::static_z_m`].
+    /// Static depth, as in [`PreparedCamera::static_z_m`].
     pub(super) depth: StaticDepth,
 }
 
 impl View {
-    /// Prepares a camera of the stage.
-    pub fn new(camera: &StageCamera) -> Self {
+    /// Prepares a camera of the room.
+    pub fn new(camera: &PreparedCamera) -> Self {
         Self::coarse(camera, 1)
     }
 
-    /// Prepares a camera with `block` × `block` of its pixels as one. Each looks along its block's middle, and has the
-    /// static depth of the pixel there.
-    pub fn coarse(camera: &StageCamera, block: u8) -> Self {
+    /// Prepares a camera with `block` × `block` of its pixels as one. Each ray goes through its block's middle, and has
+    /// the static depth of the pixel there.
+    pub fn coarse(camera: &PreparedCamera, block: u8) -> Self {
         let side = u32::from(block);
         let k = &camera.pinhole.intrinsics;
         let (width, height) = (k.width.div_ceil(side), k.height.div_ceil(side));
@@ -74,23 +74,24 @@ impl View {
         }
     }
 
-    /// The ray of a pixel, of length 1 along the camera's z; world frame.
+    /// Ray of a pixel, of length 1 along the camera's z; world frame.
     pub fn ray(&self, u: f64, v: f64) -> Vector3<f64> {
         self.ray_0 + self.ray_u * u + self.ray_v * v
     }
 
-    /// From which row on nothing of a body is above the floor, which hides what is below it; the largest number where that
-    /// cannot be told. `last_row` is the body's own ([`Ellipse::last_row`]).
+    /// First row from which on no part of a body is above the floor, which hides everything below it; `i32::MAX` where
+    /// that is unknown. `last_row` is the body's own ([`Ellipse::last_row`]).
     ///
-    /// A body that has its last row of the image below the floor has that of its part above the floor on the circle in which
-    /// it meets the floor. A camera that looks straight down, or hangs upside down, may have heads there instead.
+    /// A body whose last row shows a point below the floor has the last row of its part above the floor on the circle
+    /// in which it meets the floor. For a camera that looks straight down, or hangs upside down, the last row may show
+    /// the head instead.
     pub(super) fn first_row_below_floor(&self, body: &Ellipsoid, last_row: f64) -> i32 {
         let axes = &body.semi_axes;
         let part = body.center.z / axes.z;
         if !(part < 1.0 && self.center.z > 0.0 && self.is_floor_opaque) {
             return i32::MAX;
         }
-        // The plane of that row touches the body here.
+        // Tangent point of the plane of that row.
         let across = (self.down - self.forward * last_row).component_mul(axes);
         if body.center.z + axes.z * across.z / across.norm() >= 0.0 {
             return i32::MAX;
@@ -98,12 +99,12 @@ impl View {
         let radius = axes.x * (1.0 - part * part).max(0.0).sqrt();
         let circle = Vector3::new(radius, radius, 0.0);
         let last = self.last_row(&Point3::new(body.center.x, body.center.y, 0.0), &circle);
-        // A row more for rounding; the cast saturates.
+        // One row more for rounding; the cast saturates.
         last.map_or(i32::MAX, |last| (last.ceil() + 2.0) as i32)
     }
 
-    /// The last (real) row of an ellipsoid's image, within or outside; `None` where it reaches behind the image plane. With
-    /// `d` from the camera to its middle and A its axes, the plane of row v touches it where
+    /// Last (real) row of an ellipsoid's image, within or outside; `None` where it reaches behind the image plane. With
+    /// `d` from the camera to its middle and A its axes, the plane of row v is tangent to it where
     ///
     /// ```text
     /// (down · d − v forward · d)² = |A down − v A forward|²
@@ -119,7 +120,7 @@ impl View {
         (forward > 0.0 && q2 > 0.0).then(|| (q1 + (q1 * q1 - q2 * q0).max(0.0).sqrt()) / q2)
     }
 
-    /// Static depth at a pixel, as in [`StageCamera::static_z_m`].
+    /// Static depth at a pixel, as in [`PreparedCamera::static_z_m`].
     pub fn static_z_m(&self, u: i32, v: i32) -> f32 {
         self.depth.z_m(u as u32, v as u32)
     }

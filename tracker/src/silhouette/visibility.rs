@@ -1,11 +1,11 @@
-//! How much of each body the room and the other bodies leave visible.
+//! Visible part of each body before the room and the other bodies.
 
 use super::{Body, ImageConic, Silhouette, View};
 
-/// The part of each body that is visible in one view: hidden neither by the room nor by another body.
+/// Visible part of each body in one view: the pixels that neither the room nor another body hides.
 ///
-/// One silhouette a body, in the given order; [`fraction`] turns it into a number. Where two bodies overlap, the nearer
-/// surface wins pixel by pixel.
+/// Returns one silhouette a body, in the given order; [`fraction`] gives its visible share. Where two bodies overlap,
+/// the nearer surface wins pixel by pixel.
 pub fn visible_parts(view: &View, bodies: &[Body]) -> Vec<Silhouette> {
     let whole: Vec<Silhouette> = bodies.iter().map(|b| Silhouette::new(view, &b.ellipsoid())).collect();
     let conics: Vec<ImageConic> = bodies.iter().map(|b| ImageConic::new(view, &b.ellipsoid())).collect();
@@ -23,12 +23,12 @@ pub fn visible_parts(view: &View, bodies: &[Body]) -> Vec<Silhouette> {
     parts
 }
 
-/// The visible fraction of a body's silhouette within the image; 0 when no part of it is in the image.
+/// Visible fraction of a body's silhouette within the image; 0 when no part of it is in the image.
 pub fn fraction(part: &Silhouette) -> f64 {
     if part.area_px == 0 { 0.0 } else { f64::from(part.visible_px) / f64::from(part.area_px) }
 }
 
-/// For each body, its visible fraction in each view.
+/// Visible fractions of each body in each view.
 pub fn visible_fractions(views: &[View], bodies: &[Body]) -> Vec<Vec<f64>> {
     let mut fractions = vec![Vec::with_capacity(views.len()); bodies.len()];
     for view in views {
@@ -48,7 +48,7 @@ fn overlap(a: &Silhouette, b: &Silhouette) -> bool {
 mod tests {
     use super::*;
     use crate::likelihood::oracle::near_z_m;
-    use crate::stage::StageCamera;
+    use crate::prepared_room::PreparedCamera;
     use calib::{Camera, Intrinsics};
     use glam::Vec3;
     use nalgebra::{Isometry3, Point3, Vector3};
@@ -58,9 +58,9 @@ mod tests {
     use scenes::geometry::{Disc, Geometry};
     use scenes::raycast::RayScene;
 
-    /// Discs that stand about a room, seen by a camera, and people among them: every pixel's nearest surface by rays.
+    /// Discs in front of a camera, and people among them: the nearest surface of every pixel is found by rays.
     #[test]
-    fn what_is_visible_is_what_rays_meet_first() {
+    fn visible_pixels_are_those_whose_ray_meets_the_body_first() {
         let mut rng = Pcg64Mcg::seed_from_u64(2);
         let (mut behind_room, mut behind_others) = (0, 0);
         for _ in 0..60 {
@@ -81,7 +81,7 @@ mod tests {
             let camera_from_world =
                 Isometry3::face_towards(&eye, &Point3::new(3.0, 2.0, 0.8), &-Vector3::z()).inverse();
             let intrinsics = Intrinsics::from_horizontal_fov(90, 70, 80.0);
-            let mut camera = StageCamera::new("c", &Camera { intrinsics, camera_from_world });
+            let mut camera = PreparedCamera::new("c", &Camera { intrinsics, camera_from_world });
             for (z_m, met_m) in camera.static_z_m.iter_mut().zip(depth::render(&scene, &camera.pinhole).z_m) {
                 *z_m = if met_m > 0.0 { met_m } else { f32::INFINITY };
             }
@@ -93,9 +93,9 @@ mod tests {
                     height_m: rng.random_range(1.2..2.0),
                 })
                 .collect();
-            let told = visible_fractions(&[View::new(&camera)], &bodies);
+            let fractions = visible_fractions(&[View::new(&camera)], &bodies);
             let near = |i: usize, u: u32, v: u32| near_z_m(&camera, &bodies[i].ellipsoid(), u, v);
-            for (i, told) in told.iter().enumerate() {
+            for (i, fractions) in fractions.iter().enumerate() {
                 let (mut area, mut seen) = (0, 0);
                 for (u, v) in (0..70).flat_map(|v| (0..90).map(move |u| (u, v))) {
                     let Some(own) = near(i, u, v) else { continue };
@@ -107,7 +107,11 @@ mod tests {
                     seen += u32::from(!is_room && !is_other);
                 }
                 let expected = if area == 0 { 0.0 } else { f64::from(seen) / f64::from(area) };
-                assert!((told[0] - expected).abs() < 1e-12, "{} told, {expected} by rays", told[0]);
+                assert!(
+                    (fractions[0] - expected).abs() < 1e-12,
+                    "{} visible, {expected} by rays",
+                    fractions[0]
+                );
             }
         }
         assert!(behind_room > 1000 && behind_others > 1000, "{behind_room}, {behind_others}");

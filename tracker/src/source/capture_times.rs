@@ -5,57 +5,57 @@ use crate::Result;
 
 /// Origin of a recording's capture times.
 #[derive(Debug, Clone, PartialEq)]
-enum Clock {
-    /// A rate or a file, whatever the recording says.
+enum TimeSource {
+    /// A rate or a file given by the user, which replaces the recording's own times.
     Given(Times),
-    /// The recording's own presentation times; frames without one come a frame's length after the one before.
+    /// The recording's own presentation times; a frame without one is placed one interval after the frame before it.
     Presentation { rate_hz: f64 },
 }
 
-/// The capture times of one recording, asked for frame by frame, in seconds on its own clock.
+/// Capture times of one recording, queried frame by frame, seconds on its own clock.
 #[derive(Debug, Clone)]
 pub struct CaptureTimes {
     name: String,
-    clock: Clock,
-    /// Frames so far.
+    clock: TimeSource,
+    /// Number of frames queried so far.
     frames: u32,
     latest_s: Option<f64>,
     has_warned: bool,
 }
 
 impl CaptureTimes {
-    /// Times that are given, for the recording of this name.
+    /// Uses the given times for the recording of this name.
     pub fn given(name: impl Into<String>, times: Times) -> Self {
-        Self::new(name.into(), Clock::Given(times))
+        Self::new(name.into(), TimeSource::Given(times))
     }
 
-    /// The recording's own presentation times; where it has none, `rate_hz` frames a second.
+    /// Uses the recording's own presentation times, and `rate_hz` frames a second where it has none.
     pub fn presentation(name: impl Into<String>, rate_hz: f64) -> Self {
-        Self::new(name.into(), Clock::Presentation { rate_hz })
+        Self::new(name.into(), TimeSource::Presentation { rate_hz })
     }
 
-    fn new(name: String, clock: Clock) -> Self {
+    fn new(name: String, clock: TimeSource) -> Self {
         Self { name, clock, frames: 0, latest_s: None, has_warned: false }
     }
 
-    /// Frames a second, on average.
+    /// Mean frame rate, frames a second.
     pub fn mean_rate(&self) -> f64 {
         match &self.clock {
-            Clock::Given(times) => times.mean_rate(),
-            Clock::Presentation { rate_hz } => *rate_hz,
+            TimeSource::Given(times) => times.mean_rate(),
+            TimeSource::Presentation { rate_hz } => *rate_hz,
         }
     }
 
-    /// The time of the next frame, whose presentation time is `stamp_s`; later than that of every frame before. A frame that
-    /// is presented before an earlier one is taken to be a frame's length after it, and told once.
+    /// Capture time of the next frame, whose presentation time is `stamp_s`; later than that of every frame before. A
+    /// frame whose presentation time is not later is placed one interval after the frame before it, with one warning.
     ///
     /// # Errors
-    /// When a file of times has no line for it.
+    /// A file of times without a line for the frame.
     pub fn next(&mut self, stamp_s: Option<f64>) -> Result<f64> {
         self.frames += 1;
         let time_s = match &self.clock {
-            Clock::Given(times) => times.of(self.frames)?,
-            Clock::Presentation { rate_hz } => {
+            TimeSource::Given(times) => times.of(self.frames)?,
+            TimeSource::Presentation { rate_hz } => {
                 let expected_s = self.latest_s.map_or(0.0, |latest| latest + rate_hz.recip());
                 let found_s =
                     stamp_s.filter(|s| s.is_finite() && self.latest_s.is_none_or(|latest| *s > latest));

@@ -1,4 +1,4 @@
-//! Where the pictures come from: named videos and masks, matched with the room's cameras, and the time of each frame.
+//! Sources of pictures: named videos and masks, matched with the room's cameras, and the time of each frame.
 
 mod arrival;
 mod capture_times;
@@ -17,7 +17,7 @@ pub use times::Times;
 
 use crate::{Error, Result};
 
-/// `NAME=PATH` on the command line.
+/// A named source, `NAME=PATH` on the command line.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct NamedSource {
     /// The camera's name in the room.
@@ -39,50 +39,50 @@ impl FromStr for NamedSource {
     }
 }
 
-/// What one camera of the run is fed with: a video, masks, or both.
+/// Input of one camera: a video, masks, or both.
 #[derive(Debug)]
 pub struct CameraSource {
     /// The camera's name in the room.
     pub name: String,
-    /// Its pictures.
+    /// Its pictures; `None` with masks alone.
     pub video: Option<VideoSource>,
-    /// Ready-made masks; they take the place of background subtraction.
+    /// Ready-made masks, which replace background subtraction.
     pub masks: Option<FrameSource>,
 }
 
-/// The pictures of one camera.
+/// Pictures of one camera.
 #[derive(Debug)]
 pub enum VideoSource {
-    /// A recording: every frame counts.
+    /// A recording: every frame is used.
     Recorded(FrameSource),
-    /// A stream or a device: what it shows now counts.
+    /// A stream or a device: the newest frame is used.
     Live(LiveSource),
 }
 
-/// A stream or a device, which may be away.
+/// A stream or a device, which may be out of reach.
 #[derive(Debug)]
 pub struct LiveSource {
     /// URL or device number as the user gave it.
     pub spec: String,
-    /// The stream, where it could be opened.
+    /// The stream, when it could be opened.
     pub opened: Option<FrameSource>,
-    /// Whether the log has said why it could not.
+    /// Whether the log already reports why it could not be opened.
     pub has_warned: bool,
 }
 
-/// Whether what a user pointed at may show what happens now: a URL or a device number.
+/// Whether a source may be live: a URL or a device number.
 fn may_be_live(spec: &str) -> bool {
     spec.contains("://") || spec.parse::<usize>().is_ok()
 }
 
-/// Opens the sources and matches them with the room's cameras; in the room's order. Cameras without a source are left
+/// Opens the sources and matches them with the room's cameras, in the room's order. Cameras without a source are left
 /// out.
 ///
 /// # Errors
 /// A name the room does not have (all of its names are listed), a name given twice, no source at all, a source that
 /// cannot be opened, or one whose images do not have the camera's size.
 pub fn open(room: &Room, videos: &[NamedSource], masks: &[NamedSource]) -> Result<Vec<CameraSource>> {
-    for (option, named) in [("--video", videos), ("--masks", masks)] {
+    for (option, named) in [("videos", videos), ("masks", masks)] {
         for (i, source) in named.iter().enumerate() {
             room.camera(&source.name)
                 .map_err(|e| Error::option(format!("{option} {}", written(source)), e.to_string()))?;
@@ -108,7 +108,8 @@ pub fn open(room: &Room, videos: &[NamedSource], masks: &[NamedSource]) -> Resul
             sources.push(CameraSource { name: camera.name.clone(), video, masks });
         }
     }
-    // One camera that is away keeps nobody from following people in the others; where none is there, something is wrong.
+    // A live camera that is out of reach does not stop a run with other cameras; when no camera has a source, the
+    // failure is the error.
     let is_there = |source: &CameraSource| match &source.video {
         Some(VideoSource::Live(live)) => live.opened.is_some(),
         _ => true,
@@ -119,11 +120,8 @@ pub fn open(room: &Room, videos: &[NamedSource], masks: &[NamedSource]) -> Resul
     if sources.is_empty() {
         let names: Vec<&str> = room.cameras.iter().map(|c| c.name.as_str()).collect();
         return Err(Error::option(
-            "--video",
-            format!(
-                "no source is given; add --video NAME=PATH or --masks NAME=PATH for {}",
-                names.join(", ")
-            ),
+            "videos",
+            format!("no source is given; give a video or masks, as NAME=PATH, for {}", names.join(", ")),
         ));
     }
     Ok(sources)
@@ -137,7 +135,7 @@ fn open_one(camera: &RoomCamera, source: &NamedSource) -> Result<FrameSource> {
     of_size(FrameSource::open(&source.spec)?, camera, source)
 }
 
-/// A recording, if it has the size of its camera.
+/// The recording, checked to have the size of its camera.
 fn of_size(opened: FrameSource, camera: &RoomCamera, source: &NamedSource) -> Result<FrameSource> {
     let (width, height) = opened.size();
     let intrinsics = &camera.camera.intrinsics;
@@ -155,7 +153,7 @@ fn of_size(opened: FrameSource, camera: &RoomCamera, source: &NamedSource) -> Re
     Ok(opened)
 }
 
-/// Opens a stream or device; one that cannot be opened now is told, and its error kept if it is the first.
+/// Opens a stream or device. A failure is logged, and stored in `failure` if it is the first.
 fn open_live(source: &NamedSource, camera: &RoomCamera, failure: &mut Option<Error>) -> Result<VideoSource> {
     let spec = source.spec.clone();
     match FrameSource::open(&spec) {
@@ -172,7 +170,7 @@ fn open_live(source: &NamedSource, camera: &RoomCamera, failure: &mut Option<Err
 }
 
 impl CameraSource {
-    /// Frames in all, the shorter of video and masks; `None` where one cannot know.
+    /// Number of frames, the lesser of video and masks; `None` for a live source, or where the number is unknown.
     pub fn frame_count(&self) -> Option<usize> {
         if self.is_live() {
             return None;
@@ -181,17 +179,17 @@ impl CameraSource {
         counts?.into_iter().min()
     }
 
-    /// Frames a second, where a source says so.
+    /// Frames a second, if a source states them.
     pub fn rate(&self) -> Option<f64> {
         self.sources().find_map(FrameSource::rate)
     }
 
-    /// Whether it shows what happens now.
+    /// Whether the source is live.
     pub fn is_live(&self) -> bool {
         matches!(self.video, Some(VideoSource::Live(_)))
     }
 
-    /// The video, the masks: what there is of them.
+    /// The video and the masks, those that are open.
     pub fn sources(&self) -> impl Iterator<Item = &FrameSource> {
         let video = match &self.video {
             Some(VideoSource::Recorded(source)) => Some(source),
@@ -259,6 +257,6 @@ mod tests {
         assert!(said(&[named("a", &images), named("a", &images)]).contains("already"));
         let size = said(&[named("a", &wide)]);
         assert!(size.contains("40 × 24") && size.contains("32 × 24"), "{size}");
-        assert!(said(&[]).contains("--video NAME=PATH"));
+        assert!(said(&[]).contains("NAME=PATH"));
     }
 }

@@ -1,18 +1,18 @@
-//! Frames spread over a recording, to learn its empty scene from.
+//! Frames sampled over a whole recording, for learning its empty scene.
 
 use calib::video::FrameSource;
 use image::RgbImage;
 
 use crate::Result;
 
-/// How many frames at most: an odd number has a true median.
+/// Largest number of frames; an odd number has a true median.
 const FRAMES: usize = 41;
-/// How much memory the frames of one recording may take, in bytes.
+/// Most memory for the frames of one recording, bytes.
 const MEMORY: usize = 400 << 20;
-/// Frames of a recording, as many as are delivered, that are looked through: the background follows later change while running.
+/// Number of delivered frames that are searched; later changes are left to the adaptive background.
 const LOOK_THROUGH_FRAMES: usize = 20_000;
 
-/// Opens a recording anew and takes up to 41 frames, evenly spread over it, at this width and height.
+/// Opens a recording again and samples up to 41 frames, evenly spread over it, scaled to this width and height.
 ///
 /// # Errors
 /// As [`FrameSource::advance`].
@@ -20,7 +20,7 @@ pub fn spread(spec: &str, (width, height): (u32, u32)) -> Result<Vec<RgbImage>> 
     let mut source = FrameSource::open(spec)?;
     source.only_references();
     let most = most((width, height));
-    // As if half of the frames of a video were delivered.
+    // A video is assumed to deliver half of its frames.
     let known = source.frame_count().unwrap_or(0).min(LOOK_THROUGH_FRAMES);
     let delivered = if source.first_image().is_some() { known } else { known / 2 };
     let mut stride = stride(delivered, (width, height));
@@ -31,11 +31,11 @@ pub fn spread(spec: &str, (width, height): (u32, u32)) -> Result<Vec<RgbImage>> 
             match source.advance().and_then(|more| more.then(|| source.picture(&mut picture)).transpose()) {
                 Ok(Some(())) => {}
                 Err(error) if frames.is_empty() => return Err(error.into()),
-                // The end, or an error that the run meets in its turn, after the frames before.
+                // The end, or an error that the run will report after the frames before it.
                 Ok(None) | Err(_) => break,
             }
             frames.push(picture);
-            // There are more than was known: keep every other frame.
+            // There are more frames than expected: keep every other one.
             if frames.len() > most + most / 2 {
                 let mut index = 0;
                 frames.retain(|_| {
@@ -51,12 +51,12 @@ pub fn spread(spec: &str, (width, height): (u32, u32)) -> Result<Vec<RgbImage>> 
     Ok(frames)
 }
 
-/// Every how many frames of a recording one is taken.
+/// Number of frames from one sampled frame to the next.
 fn stride(frames: usize, size: (u32, u32)) -> usize {
     (frames / most(size)).max(1)
 }
 
-/// Frames of that size that fit into the memory.
+/// Number of frames of this size that fit into the memory.
 fn most((width, height): (u32, u32)) -> usize {
     (MEMORY / (3 * width as usize * height as usize).max(1)).clamp(5, FRAMES)
 }

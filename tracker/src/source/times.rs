@@ -1,46 +1,46 @@
-//! When each frame was taken: a steady rate, or a file with a line a frame.
+//! Capture times of frames: a steady rate, or a file with one line a frame.
 
 use std::path::{Path, PathBuf};
 
 use crate::{Error, Result};
 
-/// Frames a second where nothing says otherwise.
+/// Default frame rate, frames a second.
 pub const DEFAULT_RATE: f64 = 25.0;
 
-/// How many frames too many a video's header may promise.
+/// Number of frames by which a video's header may exceed the true count.
 const HEADER_SLACK_FRAMES: usize = 3;
 
-/// The time of each frame.
+/// Capture times of the frames.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Times {
-    /// This many frames a second; the first frame is at 0.
+    /// Frames a second; the first frame is at 0.
     Rate(f64),
-    /// Seconds, frame by frame, as a file gives them.
+    /// Seconds for each frame, read from a file.
     File {
         /// The file.
         path: PathBuf,
-        /// Strictly growing.
+        /// Strictly increasing times, seconds.
         seconds: Vec<f64>,
     },
 }
 
 impl Times {
-    /// A steady rate.
+    /// A steady rate, frames a second.
     ///
     /// # Errors
-    /// When it is not positive and finite.
+    /// A rate that is not positive and finite.
     pub fn steady(rate: f64) -> Result<Self> {
         if rate > 0.0 && rate.is_finite() {
             Ok(Self::Rate(rate))
         } else {
-            Err(Error::option("--rate", format!("{rate} is no rate; give frames a second, above 0")))
+            Err(Error::option("rate", format!("{rate} is no rate; give frames a second, above 0")))
         }
     }
 
     /// Reads a file with one time a line, in seconds.
     ///
     /// # Errors
-    /// Names the line that is no number, not finite or not after the one before it.
+    /// Names the line that is no number, not finite, or not later than the line before it.
     pub fn read(path: &Path) -> Result<Self> {
         let text = calib::files::read_text(path)?;
         let mut seconds: Vec<f64> = Vec::new();
@@ -73,10 +73,11 @@ impl Times {
         Ok(Self::File { path: path.to_owned(), seconds })
     }
 
-    /// Whether there is a time for every frame of sources that promise so many; headers may promise a few too many.
+    /// Checks that there is a time for every frame of sources that promise `promised_frames`; headers may promise a few
+    /// too many.
     ///
     /// # Errors
-    /// Names the first line that is missing.
+    /// Names the first missing line.
     pub fn check_count(&self, promised_frames: usize) -> Result<()> {
         match self {
             Self::File { seconds, .. } if seconds.len() + HEADER_SLACK_FRAMES < promised_frames => {
@@ -86,7 +87,7 @@ impl Times {
         }
     }
 
-    /// How long the last line lasts, seconds: until half a frame after it; `None` without a file.
+    /// End of the last frame, half a frame after its time, seconds; `None` without a file.
     pub fn end_s(&self) -> Option<f64> {
         match self {
             Self::Rate(_) => None,
@@ -94,10 +95,10 @@ impl Times {
         }
     }
 
-    /// The time of a frame (from 1), in seconds.
+    /// Capture time of a frame (from 1), seconds.
     ///
     /// # Errors
-    /// When the file has no line for it.
+    /// A file without a line for the frame.
     pub fn of(&self, frame: u32) -> Result<f64> {
         match self {
             Self::Rate(rate) => Ok((frame - 1) as f64 / rate),
@@ -114,8 +115,8 @@ impl Times {
         }
     }
 
-    /// The frame nearest to a time; 0 before the first by more than half the way to the next one, and the number after the
-    /// last line's by as much after it.
+    /// Number of the frame nearest to a time; 0 before the first frame by more than half an interval, and one more than
+    /// the last line's number after the last frame by as much.
     pub fn nearest(&self, time_s: f64) -> u32 {
         match self {
             Self::Rate(rate) => ((time_s * rate).round() + 1.0).clamp(0.0, u32::MAX as f64) as u32,
@@ -124,13 +125,13 @@ impl Times {
                 let after = seconds.partition_point(|s| *s < time_s);
                 let before_s = after.checked_sub(1).map_or(seconds[0] - 2.0 * half_s, |i| seconds[i]);
                 let after_s = seconds.get(after).copied().unwrap_or(before_s + 2.0 * half_s);
-                // `after` counts the frames before the time, so it is the number of the last of them.
+                // `after` counts the frames before the time, so it is the number of the last one of them.
                 after as u32 + u32::from(after_s - time_s <= time_s - before_s)
             }
         }
     }
 
-    /// Frames a second, on average.
+    /// Mean frame rate, frames a second.
     pub fn mean_rate(&self) -> f64 {
         match self {
             Self::Rate(rate) => *rate,

@@ -1,8 +1,8 @@
-//! The station of a live camera: it observes what the camera shows now, and never works off a backlog.
+//! The station of a live camera: it observes the newest picture, and never works off a backlog.
 //!
-//! A reader thread empties the stream as fast as it comes, so that nothing waits in a socket, and hands over at most
-//! [`READY`] pictures; while the station is busy, pictures are passed over, and missing in the sequence of its observations.
-//! A stream that breaks off is opened again, once a second, for as long as it takes.
+//! A reader thread empties the stream as fast as frames arrive, so that nothing waits in a socket, and hands over at
+//! most [`READY`] pictures; while the station is busy, pictures are passed over and missing in the sequence of its
+//! observations. A stream that breaks off is opened again once a second, without end.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -15,19 +15,19 @@ use image::RgbImage;
 
 use super::observer::Observer;
 use super::permits::Permits;
-use super::seen::{Event, PictureDemand, Pictures, Seen};
+use super::seen::{Event, ObservedFrame, PictureDemand, Pictures};
 use crate::foreground::Verdict;
 use crate::observation::{Feedback, Observation};
 use crate::source::{ArrivalClock, LiveSource, utc_s};
 use crate::{Error, Result};
 
-/// Pictures that may wait for the station; with the one it works on these are all it holds.
+/// Number of pictures that may wait for the station, beside the one it works on.
 const READY: usize = 1;
-/// Between two attempts to open a stream.
+/// Time between two attempts to open a stream.
 const RETRY: Duration = Duration::from_secs(1);
-/// Interval at which a station without pictures checks whether anybody still listens.
+/// Interval at which a station without pictures checks whether its receiver is still there.
 const LISTEN: Duration = Duration::from_millis(200);
-/// Width by height of a picture may differ by this part from what the room was calibrated for.
+/// Largest relative difference of a picture's aspect ratio from the calibrated camera's.
 const SAME_SHAPE: f64 = 0.01;
 
 /// Station of one live camera.
@@ -38,18 +38,18 @@ pub struct LiveStation {
     pub observer: Observer,
     /// Width and height of the camera as the room has it, pixels.
     pub filmed_size: (u32, u32),
-    /// The size of the pictures that are drawn, and when they are wanted.
+    /// Size of the drawn pictures, and the demand for them.
     pub drawn: ((u32, u32), PictureDemand),
 }
 
 /// A message from the reader to the station.
-enum Read {
-    Frame(Box<Frame>),
-    /// The stream is not there, or shows what the room was not calibrated for.
+enum ReaderMessage {
+    DecodedFrame(Box<DecodedFrame>),
+    /// The stream is out of reach, or its pictures have another shape than the room was calibrated for.
     Nothing(Verdict),
 }
 
-struct Frame {
+struct DecodedFrame {
     sequence: u64,
     time_s: f64,
     picture: RgbImage,
@@ -58,7 +58,7 @@ struct Frame {
 }
 
 impl LiveStation {
-    /// Observes until nobody listens; `send` says whether somebody does. Feedback is taken in as it comes.
+    /// Observes until the receiver is gone, which `send` reports by `false`. Feedback is used as it arrives.
     pub fn run(self, feedback: &Receiver<Feedback>, permits: &Permits, mut send: impl FnMut(Event) -> bool) {
         let Self { source, mut observer, filmed_size, drawn } = self;
         let (give, take) = channel();
@@ -75,7 +75,7 @@ impl LiveStation {
             sequence: 0,
             latest_health: Verdict::Usable,
         };
-        // It ends by itself: a stream that does not answer keeps it for seconds.
+        // The thread ends by itself: a stream that does not answer may block it for seconds.
         thread::spawn(move || reader.run(source));
         loop {
             let read = match take.recv_timeout(LISTEN) {
@@ -90,8 +90,8 @@ impl LiveStation {
             }
             let event = match read {
                 None => continue,
-                Some(Read::Nothing(health)) => Event::Seen(Box::new(nothing(health))),
-                Some(Read::Frame(frame)) => {
+                Some(ReaderMessage::Nothing(health)) => Event::Seen(Box::new(nothing(health))),
+                Some(ReaderMessage::DecodedFrame(frame)) => {
                     waiting.fetch_sub(1, Ordering::AcqRel);
                     let _permit = permits.acquire();
                     match observe(&mut observer, *frame) {
@@ -108,7 +108,7 @@ impl LiveStation {
     }
 }
 
-/// The newest feedback that has come, if any has.
+/// Newest feedback that has arrived, if any.
 fn newest(feedback: &Receiver<Feedback>) -> std::result::Result<Option<Feedback>, TryRecvError> {
     let mut newest = None;
     loop {
@@ -120,10 +120,10 @@ fn newest(feedback: &Receiver<Feedback>) -> std::result::Result<Option<Feedback>
     }
 }
 
-fn observe(observer: &mut Observer, frame: Frame) -> Result<Seen> {
+fn observe(observer: &mut Observer, frame: DecodedFrame) -> Result<ObservedFrame> {
     let started = Instant::now();
     let observed = observer.observe(frame.sequence, frame.time_s, Some(&frame.picture), None)?;
-    Ok(Seen {
+    Ok(ObservedFrame {
         observation: observed.observation,
         pictures: Pictures { pinhole: observed.pinhole, filmed: frame.filmed.map(Arc::new) },
         decode: frame.decode,
@@ -131,9 +131,9 @@ fn observe(observer: &mut Observer, frame: Frame) -> Result<Seen> {
     })
 }
 
-/// The observation of a camera whose stream is away.
-fn nothing(health: Verdict) -> Seen {
-    Seen {
+/// Observation of a camera whose stream is out of reach.
+fn nothing(health: Verdict) -> ObservedFrame {
+    ObservedFrame {
         observation: Observation::unusable(0, utc_s(SystemTime::now()), health),
         pictures: Pictures::default(),
         decode: Duration::ZERO,
@@ -141,15 +141,15 @@ fn nothing(health: Verdict) -> Seen {
     }
 }
 
-/// Empties the stream.
+/// Thread that empties the stream.
 struct Reader {
     name: String,
-    /// Of the pictures that are observed, and of those that are drawn.
+    /// Sizes of the observed pictures, and of the drawn ones.
     sizes: ((u32, u32), (u32, u32)),
     demand: PictureDemand,
     filmed_size: (u32, u32),
-    give: Sender<Read>,
-    /// Pictures that wait for the station.
+    give: Sender<ReaderMessage>,
+    /// Number of pictures that wait for the station.
     waiting: Arc<AtomicUsize>,
     is_wanted: Arc<AtomicBool>,
     sequence: u64,
@@ -210,7 +210,7 @@ impl Reader {
         }
     }
 
-    /// Whether a picture can be scaled to what the room was calibrated for.
+    /// Whether a picture can be scaled to the calibrated camera's size.
     fn is_of_shape(&self, (width, height): (u32, u32)) -> bool {
         let (expected_width, expected_height) = self.filmed_size;
         let ratio = f64::from(width) * f64::from(expected_height)
@@ -218,10 +218,11 @@ impl Reader {
         (ratio - 1.0).abs() <= SAME_SHAPE
     }
 
-    /// Hands over the frame that was decoded last, if the station has room for it. Returns whether the station is still there.
+    /// Hands over the frame that was decoded last, if the station has room for it. Returns whether the station still
+    /// exists.
     fn hand_over(&mut self, stream: &mut FrameSource, time_s: f64, started: Instant) -> bool {
         if self.waiting.load(Ordering::Acquire) >= READY {
-            // The gathering counts what is missing in the sequence.
+            // The gathering counts gaps in the sequence.
             return self.is_wanted.load(Ordering::Relaxed);
         }
         let ((width, height), (drawn_width, drawn_height)) = self.sizes;
@@ -235,11 +236,12 @@ impl Reader {
         }
         self.latest_health = Verdict::Usable;
         self.waiting.fetch_add(1, Ordering::AcqRel);
-        let frame = Frame { sequence: self.sequence, time_s, picture, filmed, decode: started.elapsed() };
-        self.give.send(Read::Frame(Box::new(frame))).is_ok()
+        let frame =
+            DecodedFrame { sequence: self.sequence, time_s, picture, filmed, decode: started.elapsed() };
+        self.give.send(ReaderMessage::DecodedFrame(Box::new(frame))).is_ok()
     }
 
-    /// Tells the station what is wrong with the stream, once. Returns whether the station is still there.
+    /// Reports a change of the stream's health to the station. Returns whether the station still exists.
     fn say(&mut self, health: Verdict) -> bool {
         if std::mem::replace(&mut self.latest_health, health) == health {
             return true;
@@ -252,6 +254,6 @@ impl Reader {
                 self.filmed_size.1
             );
         }
-        self.give.send(Read::Nothing(health)).is_ok()
+        self.give.send(ReaderMessage::Nothing(health)).is_ok()
     }
 }

@@ -1,8 +1,9 @@
-//! One camera's work, alone: source → picture with its capture time → mask → observation.
+//! One camera's work: source → picture with its capture time → mask → observation.
 //!
 //! * [`Observer`] — one picture → one [`crate::observation::Observation`].
-//! * [`RecordedStation`] — every frame of a recording in order, as fast as the gathering takes them or it was filmed.
-//! * [`LiveStation`] — the picture that a camera shows now; frames that it cannot keep up with are passed over.
+//! * [`RecordedStation`] — every frame of a recording in order, as fast as the gathering takes them or at the recorded
+//!   speed.
+//! * [`LiveStation`] — the newest picture of a live camera; frames that it cannot keep up with are passed over.
 //! * [`start`] — a station on a thread of this process, and the [`Port`] by which the gathering reaches it. A station in a
 //!   process of its own does the same work and sends its events over the network ([`crate::wire`]).
 
@@ -21,17 +22,17 @@ pub use observer::{Masks, Observer};
 pub use permits::Permits;
 pub use port::{Inbox, Port};
 pub use recorded::{Pace, RecordedStation};
-pub use seen::{Event, PictureDemand, Pictures, Seen};
+pub use seen::{Event, ObservedFrame, PictureDemand, Pictures};
 
 use crate::observation::Feedback;
 
-/// A station that has not begun.
+/// A station that has not been started.
 pub struct Station {
     /// Name of its camera.
     pub name: String,
-    /// Frames a second, on average, where the source says so.
+    /// Mean frame rate, frames a second, if the source states it.
     pub rate_hz: Option<f64>,
-    /// Its kind, with everything that it works with.
+    /// Kind of the station, with all that it works with.
     pub work: Work,
 }
 
@@ -44,7 +45,7 @@ pub enum Work {
 }
 
 impl Station {
-    /// Whether it shows what happens now.
+    /// Whether the station's frames are live.
     pub fn is_live(&self) -> bool {
         match &self.work {
             Work::Recorded(station) => station.pace != Pace::Free,
@@ -52,7 +53,7 @@ impl Station {
         }
     }
 
-    /// Works until the source ends, fails, or nobody listens; `send` says whether somebody does.
+    /// Works until the source ends or fails, or the receiver is gone, which `send` reports by `false`.
     pub fn run(self, feedback: &Receiver<Feedback>, permits: &Permits, send: impl FnMut(Event) -> bool) {
         match self.work {
             Work::Recorded(station) => station.run(feedback, permits, send),
@@ -68,7 +69,7 @@ pub fn start(station: Station, camera: usize, inbox: Inbox, permits: &Permits) -
     let permits = permits.clone();
     thread::spawn(move || station.run(&feedback, &permits, |event| inbox.send((camera, event)).is_ok()));
     let feedback = Box::new(move |feedback| {
-        // A station that has ended needs no more.
+        // A station that has ended needs no feedback.
         let _ = give_feedback.send(feedback);
     });
     Port { name, is_live, rate_hz, feedback }

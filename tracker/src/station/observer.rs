@@ -10,34 +10,35 @@ use crate::foreground::health::{self, Health};
 use crate::foreground::{Foreground, Verdict};
 use crate::method::Needs;
 use crate::observation::{Colours, Feedback, Mask, Observation};
+use crate::prepared_room::{PreparedRoom, resolution};
 use crate::silhouette::{Body, Silhouette, View};
-use crate::stage::{Stage, resolution};
 use crate::{Error, Result};
 
-/// A ready-made mask with more foreground than this fraction says nothing.
+/// Largest fraction of foreground in a usable ready-made mask.
 const MOST_FOREGROUND: f64 = 0.9;
-/// Colours are sampled once in this many of the sampler's pixels, along each side.
+/// Distance between two colour samples, in pixels of the sampler, along each side.
 const COLOUR_BLOCKS: u8 = 2;
-/// Believed people are drawn anew after so long: nothing is absorbed within a minute.
+/// Least time between two drawings of the believed people, seconds: the background absorbs nothing within a minute.
 const DRAW_EVERY_S: f64 = 1.0;
-/// Around a believed person this part of their width belongs to them as well: limbs and errors of place.
+/// Margin around a believed person that is not learnt as background, as a fraction of their width: limbs and errors of
+/// position.
 const MARGIN: f64 = 0.35;
 
 /// Origin of a camera's masks.
 pub enum Masks {
-    /// By background subtraction.
+    /// Background subtraction.
     Subtracted(Box<Foreground>),
-    /// Ready-made; foreground from this value on, in any channel.
+    /// Ready-made masks: a pixel is foreground if any channel has at least this value.
     Ready {
-        /// 1 for masks that hold exactly what was written, 128 for those that were compressed.
+        /// 1 for lossless masks, 128 for those with lossy compression.
         from: u8,
     },
-    /// Not made; pictures alone are looked at.
+    /// No masks are made; only the picture's health is checked.
     Unneeded(Health),
 }
 
 impl Masks {
-    /// Ready-made masks of a source: PNG holds exactly what was written, video and JPEG smear.
+    /// Ready-made masks of a source: PNG is lossless, video and JPEG are not.
     pub fn ready(spec: &str) -> Self {
         let is_png = |path: &Path| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("png"));
         let path = Path::new(spec);
@@ -59,15 +60,15 @@ pub struct Observer {
     /// The camera at the sampler's resolution, for the silhouettes of believed people.
     view: View,
     silhouette: Silhouette,
-    /// Believed people as they are drawn into `expected`.
+    /// Believed people, as drawn into `expected`.
     believed: Vec<Body>,
-    /// Whether they have moved since.
+    /// Whether the believed people have moved since they were drawn.
     has_moved: bool,
-    /// Time of the frame at which they were drawn, seconds.
+    /// Time of the frame at which the believed people were drawn, seconds.
     drawn_s: Option<f64>,
     /// Silhouettes of believed people, in the image with distortion.
     expected: GrayImage,
-    /// The same in the pinhole image.
+    /// The same silhouettes in the pinhole image.
     expected_pinhole: GrayImage,
     mask: GrayImage,
     pinhole: GrayImage,
@@ -83,15 +84,15 @@ pub struct Observed {
 }
 
 impl Observer {
-    /// The observer of one of the stage's cameras, for a method with these needs.
+    /// Observer of one of the prepared room's cameras, for a method with these needs.
     ///
     /// # Errors
-    /// When the stage does not have the camera.
-    pub fn new(stage: &Stage, camera: &str, masks: Masks, needs: Needs) -> Result<Self> {
-        let Some(camera) = stage.camera_index(camera).map(|i| &stage.cameras[i]) else {
-            return Err(Error::option("room", format!("the stage has no camera `{camera}`")));
+    /// A camera that the room lacks.
+    pub fn new(room: &PreparedRoom, camera: &str, masks: Masks, needs: Needs) -> Result<Self> {
+        let Some(camera) = room.camera_index(camera).map(|i| &room.cameras[i]) else {
+            return Err(Error::option("room", format!("the room has no camera `{camera}`")));
         };
-        let block = resolution::block(camera, &Body::ADULT, &stage.floor);
+        let block = resolution::block(camera, &Body::ADULT, &room.floor);
         let size = (camera.width(), camera.height());
         Ok(Self {
             masks,
@@ -111,7 +112,7 @@ impl Observer {
         })
     }
 
-    /// Width and height of the pictures and masks it takes, pixels.
+    /// Width and height of the pictures and masks that it takes, pixels.
     pub fn size(&self) -> (u32, u32) {
         self.size
     }
@@ -119,7 +120,7 @@ impl Observer {
     /// Observes one frame. `picture` and `mask` (for ready-made masks) have this observer's [size](Self::size).
     ///
     /// # Errors
-    /// When OpenCV refuses.
+    /// An error of OpenCV.
     pub fn observe(
         &mut self,
         sequence: u64,
@@ -153,7 +154,7 @@ impl Observer {
         Ok(Observed { observation, pinhole })
     }
 
-    /// The mask of the latest frame in the pinhole image.
+    /// Mask of the latest frame in the pinhole image.
     fn pinhole_mask(&mut self) -> Mask {
         if self.undistort.is_identity() {
             return Mask::from(&self.mask);
@@ -162,20 +163,20 @@ impl Observer {
         Mask::from(&self.pinhole)
     }
 
-    /// Colours of the foreground, read through the lens where there is one.
+    /// Colours of the foreground, read through the lens distortion where there is any.
     fn colours(&self, mask: &Mask, picture: &RgbImage) -> Colours {
         if self.undistort.is_identity() {
             return Colours::of_picture(mask, self.colour_step, picture);
         }
         let (width, nearest) = (self.size.0, self.undistort.nearest());
         Colours::sample(mask, self.colour_step, |x, y| {
-            // Foreground is where the lens shows something.
+            // Foreground exists only inside the lens.
             let index = nearest[(y * width + x) as usize];
             *picture.get_pixel(index % width, index / width)
         })
     }
 
-    /// Takes in who is believed to be there: what lies under them is not learnt as background from the next frame on.
+    /// Sets the estimates of the people: the background under them is not updated from the next frame on.
     pub fn expect(&mut self, feedback: &Feedback) {
         if !feedback.is_like(&self.believed) {
             self.believed.clone_from(&feedback.people);
@@ -183,7 +184,7 @@ impl Observer {
         }
     }
 
-    /// Draws the believed people, where they have moved, and tells the background subtraction.
+    /// Draws the believed people, if they have moved, for the background subtraction.
     fn draw_believed(&mut self, time_s: f64) -> Result<()> {
         let Masks::Subtracted(foreground) = &mut self.masks else { return Ok(()) };
         if !self.has_moved
@@ -221,11 +222,11 @@ impl Observer {
     }
 }
 
-/// A ready-made mask: pixels of at least `from` in some channel are foreground.
+/// Ready-made mask: pixels of at least `from` in some channel are foreground.
 fn take_mask(given: &RgbImage, from: u8, mask: &mut GrayImage) -> Verdict {
     let mut foreground = 0;
     for (mask, p) in mask.iter_mut().zip(given.as_raw().chunks_exact(3)) {
-        // No short cut: the compiler then takes many pixels at once.
+        // Without a short circuit the compiler vectorises the comparison.
         let set = p[0].max(p[1]).max(p[2]) >= from;
         *mask = if set { 255 } else { 0 };
         foreground += usize::from(set);

@@ -6,12 +6,12 @@ use std::sync::{Arc, Condvar, Mutex, PoisonError};
 #[derive(Debug, Clone)]
 pub struct Permits(Arc<(Mutex<usize>, Condvar)>);
 
-/// The right to work; ends when it is dropped.
+/// A permit; it is returned when dropped.
 #[derive(Debug)]
 pub struct Permit(Permits);
 
 impl Permits {
-    /// So many permits, at least one.
+    /// A semaphore of `count` permits, at least one.
     pub fn new(count: usize) -> Self {
         Self(Arc::new((Mutex::new(count.max(1)), Condvar::new())))
     }

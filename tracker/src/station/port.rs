@@ -5,18 +5,18 @@ use std::sync::mpsc::Sender;
 use super::seen::Event;
 use crate::observation::Feedback;
 
-/// The channel into which all stations put what they observe, with the number of their camera in the stage.
+/// Channel into which all stations put their observations, with the index of their camera in the prepared room.
 pub type Inbox = Sender<(usize, Event)>;
 
-/// Facts about a station before its first observation, and the channel back to it.
+/// Description of a station before its first observation, and the channel back to it.
 pub struct Port {
     /// Name of its camera.
     pub name: String,
-    /// Whether it shows what happens now; else it reads a recording.
+    /// Whether the station is live; otherwise it reads a recording.
     pub is_live: bool,
-    /// Frames a second, on average, where the source says so.
+    /// Mean frame rate, frames a second, if the source states it.
     pub rate_hz: Option<f64>,
-    /// Takes feedback to the station. A station that has gone needs none.
+    /// Sends feedback to the station. Feedback for a station that has ended is dropped.
     pub feedback: Box<dyn FnMut(Feedback) + Send>,
 }
 

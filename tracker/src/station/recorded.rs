@@ -10,14 +10,14 @@ use image::RgbImage;
 
 use super::observer::Observer;
 use super::permits::Permits;
-use super::seen::{Event, PictureDemand, Pictures, Seen};
+use super::seen::{Event, ObservedFrame, PictureDemand, Pictures};
 use crate::observation::Feedback;
 use crate::source::{CaptureTimes, utc_s};
 use crate::{Error, Result};
 
 /// Station of one camera's recording.
 pub struct RecordedStation {
-    /// The pictures.
+    /// Pictures.
     pub video: Option<FrameSource>,
     /// Ready-made masks.
     pub masks: Option<FrameSource>,
@@ -25,40 +25,40 @@ pub struct RecordedStation {
     pub times: CaptureTimes,
     /// Maker of the observations.
     pub observer: Observer,
-    /// The size of the pictures that are drawn, and when they are wanted.
+    /// Size of the drawn pictures, and the demand for them.
     pub drawn: ((u32, u32), PictureDemand),
-    /// Its speed.
+    /// Playback speed.
     pub pace: Pace,
 }
 
-/// Speed at which a recording is played.
+/// Playback speed of a recording.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Pace {
-    /// As fast as it is worked on.
+    /// As fast as the frames are processed.
     Free,
-    /// As fast as it was filmed, with the capture times of a camera that films now, from the station's start on: beside
-    /// live cameras.
+    /// At the recorded speed, with capture times that begin at the station's start, as a camera beside live cameras.
     Live,
-    /// As [`Self::Live`], but time 0 of the recording is this time, seconds since 1970; frames that come too late are
-    /// passed over, so that a slow station never lags.
+    /// As [`Self::Live`], but time 0 of the recording is this time, seconds since 1970; late frames are passed over, so
+    /// that a slow station never lags.
     From(f64),
 }
 
-/// A frame that is later than this is passed over, seconds.
+/// Delay beyond which a frame is passed over, seconds.
 const LATE_S: f64 = 0.1;
 
-/// What became of a frame.
-enum Next {
-    Seen(Box<Seen>),
+/// Result of reading a frame.
+enum RecordedFrame {
+    Seen(Box<ObservedFrame>),
     PassedOver,
     Ended,
 }
 
 impl RecordedStation {
-    /// Observes frame after frame until the recording ends, fails, or nobody listens; `send` says whether somebody does.
+    /// Observes frame after frame until the recording ends or fails, or the receiver is gone, which `send` reports by
+    /// `false`.
     ///
-    /// Of `feedback` there is one for each observation. It is taken in exactly [`Feedback::WINDOW`] observations later, so
-    /// that what it changes does not depend on how fast anybody works; where the recording is paced, as it comes.
+    /// `feedback` has one message for each observation. It is used exactly [`Feedback::WINDOW`] observations later, so
+    /// that its effect does not depend on the speed of any thread; in a paced recording it is used as it arrives.
     pub fn run(
         mut self,
         feedback: &Receiver<Feedback>,
@@ -87,9 +87,9 @@ impl RecordedStation {
             }
             let permit = permits.acquire();
             let event = match self.next(sequence, &mut picture, &mut mask) {
-                Ok(Next::Seen(seen)) => Event::Seen(seen),
-                Ok(Next::PassedOver) => continue,
-                Ok(Next::Ended) => Event::Ended,
+                Ok(RecordedFrame::Seen(seen)) => Event::Seen(seen),
+                Ok(RecordedFrame::PassedOver) => continue,
+                Ok(RecordedFrame::Ended) => Event::Ended,
                 Err(error) => Event::Failed(error),
             };
             drop(permit);
@@ -107,20 +107,20 @@ impl RecordedStation {
         }
     }
 
-    /// The next frame; the end is that of the shorter of pictures and masks. Picture and mask of the frame go into the
-    /// buffers.
-    fn next(&mut self, sequence: u64, picture: &mut RgbImage, mask: &mut RgbImage) -> Result<Next> {
+    /// Reads and observes the next frame; the shorter of pictures and masks determines the end. `picture` and `mask`
+    /// are buffers.
+    fn next(&mut self, sequence: u64, picture: &mut RgbImage, mask: &mut RgbImage) -> Result<RecordedFrame> {
         let started = Instant::now();
         let mut stamp_s = None;
         if let Some(video) = &mut self.video {
             if !video.advance()? {
-                return Ok(Next::Ended);
+                return Ok(RecordedFrame::Ended);
             }
             stamp_s = video.stamp().presentation_s;
         }
         if let Some(masks) = &mut self.masks {
             if !masks.advance()? {
-                return Ok(Next::Ended);
+                return Ok(RecordedFrame::Ended);
             }
             if self.video.is_none() {
                 stamp_s = masks.stamp().presentation_s;
@@ -128,7 +128,7 @@ impl RecordedStation {
         }
         let time_s = self.times.next(stamp_s)?;
         if matches!(self.pace, Pace::From(first_s) if utc_s(SystemTime::now()) > first_s + time_s + LATE_S) {
-            return Ok(Next::PassedOver);
+            return Ok(RecordedFrame::PassedOver);
         }
         let mut filmed = None;
         if let Some(video) = &mut self.video {
@@ -149,7 +149,7 @@ impl RecordedStation {
         let picture = self.video.is_some().then_some(&*picture);
         let mask = self.masks.is_some().then_some(&*mask);
         let observed = self.observer.observe(sequence, time_s, picture, mask)?;
-        Ok(Next::Seen(Box::new(Seen {
+        Ok(RecordedFrame::Seen(Box::new(ObservedFrame {
             observation: observed.observation,
             pictures: Pictures { pinhole: observed.pinhole, filmed },
             decode,
@@ -158,10 +158,11 @@ impl RecordedStation {
     }
 }
 
-/// A recording has one size: a part of another was filmed otherwise than the room was calibrated for.
+/// Checks that the size of the frame is that of the first: a part of another size was not filmed with the calibrated
+/// camera.
 ///
 /// # Errors
-/// Names recording and frame.
+/// Names the recording and the frame.
 fn check_size(video: &FrameSource) -> Result<()> {
     let ((width, height), (first_width, first_height)) = (video.frame_size(), video.size());
     if (width, height) == (first_width, first_height) {
@@ -174,9 +175,9 @@ fn check_size(video: &FrameSource) -> Result<()> {
     Err(Error::content(path, format!("frame {}", video.delivered()), problem))
 }
 
-/// Waits until a frame would have been filmed, had the recording started at `first_s`, seconds since 1970, and makes
-/// that its capture time.
-fn wait(seen: &mut Seen, first_s: f64) {
+/// Waits until the frame would have been filmed if the recording had started at `first_s`, seconds since 1970, and
+/// makes that its capture time.
+fn wait(seen: &mut ObservedFrame, first_s: f64) {
     let due_s = first_s + seen.observation.time_s.max(0.0);
     let rest = Duration::try_from_secs_f64(due_s - utc_s(SystemTime::now())).unwrap_or_default();
     thread::sleep(rest);

@@ -1,4 +1,4 @@
-//! Messages from a station to the gathering: an observation, and the pictures that somebody asked for.
+//! Messages from a station to the gathering: an observation, and the demanded pictures.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -8,12 +8,12 @@ use image::RgbImage;
 use crate::Error;
 use crate::observation::Observation;
 
-/// One frame of a camera, after its station's work.
+/// One observed frame of a camera.
 #[derive(Debug, Clone)]
-pub struct Seen {
+pub struct ObservedFrame {
     /// Input of the trackers.
     pub observation: Observation,
-    /// The pictures that were asked for.
+    /// The demanded pictures.
     pub pictures: Pictures,
     /// Wall time of decoding.
     pub decode: Duration,
@@ -21,12 +21,12 @@ pub struct Seen {
     pub foreground: Duration,
 }
 
-/// The pictures of a frame. Shared, because a frame may belong to several moments.
+/// Pictures of a frame. They are shared, because a frame may belong to several moments.
 #[derive(Debug, Clone, Default)]
 pub struct Pictures {
-    /// In the pinhole image at the working size, for methods that read pictures.
+    /// Pinhole image at the working size, for methods that read pictures.
     pub pinhole: Option<Arc<RgbImage>>,
-    /// As it was filmed, for films and pages.
+    /// Filmed image, for films and pages.
     pub filmed: Option<Arc<RgbImage>>,
 }
 
@@ -34,22 +34,22 @@ pub struct Pictures {
 #[derive(Debug)]
 pub enum Event {
     /// A frame was observed.
-    Seen(Box<Seen>),
-    /// A recording has no more frames.
+    Seen(Box<ObservedFrame>),
+    /// The recording has no more frames.
     Ended,
-    /// A frame cannot be decoded, or has no time. Nothing comes after it.
+    /// A frame cannot be decoded, or has no time. No event follows.
     Failed(Error),
 }
 
-/// Frames of which a station keeps the picture as it was filmed.
+/// Demand for the filmed picture of a station's frames.
 #[derive(Clone, Default)]
 pub enum PictureDemand {
-    /// Nobody draws.
+    /// No picture is drawn.
     #[default]
     Never,
-    /// A film is made of every frame.
+    /// Every frame is drawn, for a film.
     Always,
-    /// While somebody watches, as this tells.
+    /// Pictures are drawn while the function returns true, that is, while a viewer is connected.
     While(Arc<dyn Fn() -> bool + Send + Sync>),
 }
 

@@ -1,4 +1,4 @@
-//! `agents.jsonl`: a line a packet, with what each agent of a station saw.
+//! `agents.jsonl`: a line a packet, with the reports of a station's agents.
 
 use std::path::Path;
 
@@ -9,25 +9,25 @@ use super::line_file::LineFile;
 use crate::method::agents::{Packet, Report, TargetId};
 use crate::{Error, Result};
 
-/// The file, which grows packet by packet.
+/// Writer of the file, which grows packet by packet.
 #[derive(Debug)]
 pub struct AgentsFile(LineFile);
 
 impl AgentsFile {
-    /// The file in the folder `out`; made with its first line.
+    /// File in the folder `out`; it is created with its first line.
     pub fn new(out: &Path) -> Self {
         Self(LineFile::new(out.join("agents.jsonl")))
     }
 
     /// Appends a packet of the station of a camera:
     /// `{"time":1.5,"station":"cam0","life":"9f02","sequence":12,"blind":false,"agents":[{"agent":3,"target":2,"x":1.2,
-    /// "y":0.4,"vx":0.1,"vy":0.0,"height":1.7,"confidence":0.97,"crowded":false}],"messages":0}`; the target of an agent
-    /// that tracks alone is null.
+    /// "y":0.4,"vx":0.1,"vy":0.0,"height":1.7,"confidence":0.97,"crowded":false}],"messages":0}`; the target of an
+    /// agent that tracks alone is null.
     ///
     /// # Errors
-    /// [`Error::Io`] naming the file.
+    /// [`Error::Io`] with the file.
     pub fn write(&mut self, packet: &Packet, camera: &str) -> Result<()> {
-        let line = Line {
+        let line = PacketLine {
             time: (packet.time_s * 1e6).round() / 1e6,
             station: camera,
             life: format!("{:x}", packet.life),
@@ -43,7 +43,7 @@ impl AgentsFile {
 }
 
 #[derive(Serialize)]
-struct Line<'a> {
+struct PacketLine<'a> {
     time: f64,
     station: &'a str,
     life: String,

@@ -1,7 +1,7 @@
-//! How many people are there: what the probabilities of each say about their number.
+//! Probability distribution of the number of people.
 
-/// The distribution of the number of people of whom each is there with a probability of their own, independently: entry
-/// `n` is the probability that exactly `n` are there (Poisson binomial, one person folded in after the other).
+/// Distribution of the number of people who exist independently with these probabilities: entry `n` is the probability
+/// of exactly `n` people (Poisson binomial, computed by adding one person after the other).
 pub fn distribution(present: impl IntoIterator<Item = f64>) -> Vec<f64> {
     let mut counts = vec![1.0];
     for p in present {
@@ -14,8 +14,8 @@ pub fn distribution(present: impl IntoIterator<Item = f64>) -> Vec<f64> {
     counts
 }
 
-/// Whether a number is in the smallest set of the most probable numbers that together have this share; of equally probable
-/// ones all are.
+/// Whether a number is in the smallest set of the most probable numbers whose total probability is at least `share`;
+/// equally probable numbers are all in it or all outside.
 pub fn is_likely(distribution: &[f64], number: usize, share: f64) -> bool {
     let own = distribution.get(number).copied().unwrap_or(0.0);
     own > 0.0 && distribution.iter().filter(|p| **p > own).sum::<f64>() < share
@@ -61,7 +61,7 @@ mod tests {
         assert_eq!(likely(&[0.05, 0.6, 0.25, 0.1]), [1, 2, 3], "0.85 are too little");
         assert_eq!(likely(&[0.04, 0.01, 0.95]), [2]);
         assert_eq!(likely(&[0.5, 0.25, 0.25]), [0, 1, 2], "equals go together");
-        // Rounding may leave the probable ones a little under one.
+        // By rounding, the probable ones may sum to slightly less than 1.
         assert!(!is_likely(&[0.0, 1.0 - 1e-15], 0, 1.0), "what is impossible is in no set");
         assert_eq!(
             likely(&[0.0, 1.0]),

@@ -1,4 +1,4 @@
-//! `tracks.jsonl`: a line a frame, with everything that is known of each person.
+//! `tracks.jsonl`: a line a frame, with all estimates of each person.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -7,51 +7,51 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Error, PersonEstimate, Result, TrackId};
 
-/// One line of the file.
+/// A line of the file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FrameLine {
-    /// From 1.
+    /// Number of the frame, from 1.
     pub frame: u32,
-    /// Seconds.
+    /// Time, seconds.
     pub time: f64,
-    /// By ascending id.
+    /// People by ascending id.
     pub people: Vec<PersonLine>,
-    /// Entry `n`: the probability that `n` of them are there, by their confidences.
+    /// Probability distribution of the number of people, by their confidences: entry `n` is that of exactly `n`.
     #[serde(default)]
     pub count: Vec<f64>,
-    /// Cameras that were set aside in this frame: frozen, dark, lights switched, dropped. Not written when there are none.
+    /// Cameras that were set aside in this frame: frozen, dark, lights switched, dropped. Omitted when there are none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub set_aside: Vec<String>,
 }
 
-/// One person of a line.
+/// A person of a line.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PersonLine {
-    /// Who.
+    /// Id of the track.
     pub id: TrackId,
-    /// On the floor, metres.
+    /// Position on the floor along x, metres.
     pub x: f64,
-    /// On the floor, metres.
+    /// Position on the floor along y, metres.
     pub y: f64,
-    /// Of the ellipsoid that stands for the body, metres.
+    /// Radius of the ellipsoid that models the body, metres.
     pub radius: f64,
-    /// Of the body, metres.
+    /// Height of the body, metres.
     pub height: f64,
-    /// Velocity, m/s.
+    /// Velocity along x, m/s.
     pub vx: f64,
-    /// Velocity, m/s.
+    /// Velocity along y, m/s.
     pub vy: f64,
-    /// Standard deviation along x and y, metres.
+    /// Standard deviations along x and y, metres.
     pub sigma: [f64; 2],
-    /// Probability of being there, 0 to 1.
+    /// Probability that the person exists and is in the room, 0 to 1.
     pub confidence: f64,
-    /// Per camera: predicted fraction of the silhouette in the image that nothing hides.
+    /// Predicted visible fraction of the silhouette in each camera's image.
     #[serde(default)]
     pub visible: BTreeMap<String, f64>,
 }
 
 impl FrameLine {
-    /// The line of the file `path`, with its end.
+    /// The line's text, with a line break; `path` is for messages.
     pub(crate) fn text(&self, path: &Path) -> Result<String> {
         let json = serde_json::to_string(self).map_err(|e| {
             Error::content(path, format!("frame {}", self.frame), format!("cannot be written ({e})"))
@@ -61,8 +61,8 @@ impl FrameLine {
 }
 
 impl PersonLine {
-    /// The line of a person; numbers are rounded to what they are worth (0.1 mm, 0.1 ‰), `cameras` names the
-    /// estimate's visible fractions.
+    /// Line of a person; numbers are rounded to four decimals. `cameras` are the names for the estimate's visible
+    /// fractions.
     pub fn new(person: &PersonEstimate, cameras: &[String]) -> Self {
         Self {
             id: person.id,
@@ -78,7 +78,7 @@ impl PersonLine {
         }
     }
 
-    /// Every number of the line, for checking.
+    /// Whether every number of the line is finite.
     pub(super) fn is_finite(&self) -> bool {
         [self.x, self.y, self.radius, self.height, self.vx, self.vy, self.confidence]
             .iter()
@@ -88,15 +88,15 @@ impl PersonLine {
     }
 }
 
-/// To four decimals, without a negative zero.
+/// Rounds to four decimals, without a negative zero.
 pub(crate) fn rounded(value: f64) -> f64 {
     (value * 1e4).round() / 1e4 + 0.0
 }
 
-/// Reads the file. A last line that a running tracker has not finished is left out.
+/// Reads the file. An unfinished last line, which a running tracker is still writing, is left out.
 ///
 /// # Errors
-/// Naming file and line: what is no frame, a number that is not finite, frames that do not grow.
+/// Names file and line of malformed frames, numbers that are not finite, and frames that do not increase.
 pub fn read(path: &Path) -> Result<Vec<FrameLine>> {
     let text = calib::files::read_text(path)?;
     let whole = text.rfind('\n').map_or("", |end| &text[..end]);

@@ -1,7 +1,7 @@
-//! Track files: what a run leaves behind, and what the evaluator reads.
+//! Track files: the output of a run, and the input of the evaluator.
 //!
 //! * [`TrackFiles`] — writes `tracks.txt`, `boxes/NAME.txt` and `tracks.jsonl`, frame by frame;
-//! * [`count`] — how many people are there, with what probability;
+//! * [`count`] — probability distribution of the number of people;
 //! * [`AgentsFile`] — writes `agents.jsonl`, packet by packet;
 //! * [`Stopwatch`] — `timings.json`;
 //! * [`rows`] — reads MOTChallenge rows, floor or image; [`jsonl`] — reads `tracks.jsonl`.

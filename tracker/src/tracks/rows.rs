@@ -1,7 +1,7 @@
-//! Reading MOTChallenge rows, on the floor (3-D) or in an image (2-D).
+//! Reader of MOTChallenge rows, on the floor (3-D) or in an image (2-D).
 //!
-//! One row a person and frame: `frame,id,left,top,width,height,confidence[,x,y,z]`. Floor rows carry −1 in the
-//! box's columns, image rows −1 (or nothing) in the position's. An id of −1 means that nobody knows who it is.
+//! One row a person and frame: `frame,id,left,top,width,height,confidence[,x,y,z]`. Floor rows have −1 in the box's
+//! columns, image rows −1 (or nothing) in the position's. An id of −1 means an unknown identity.
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
@@ -24,7 +24,7 @@ pub struct PixelBox {
 }
 
 impl PixelBox {
-    /// Intersection over union with another box: 1 for the same box, 0 for boxes that do not touch.
+    /// Intersection over union with another box: 1 for the same box, 0 for disjoint boxes.
     pub fn iou(&self, other: &Self) -> f64 {
         let overlap =
             |a: f64, a_len: f64, b: f64, b_len: f64| ((a + a_len).min(b + b_len) - a.max(b)).max(0.0);
@@ -34,58 +34,58 @@ impl PixelBox {
         if union > 0.0 { shared / union } else { 0.0 }
     }
 
-    /// The middle of the lower edge: where the person stands.
+    /// Middle of the lower edge, where the person stands.
     pub fn foot(&self) -> Point2<f64> {
         Point2::new(self.left + 0.5 * self.width, self.top + self.height)
     }
 }
 
-/// One person in one frame.
+/// A person in one frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Row {
     /// Line of the file, from 1.
     pub line: usize,
     /// Frame, from 1.
     pub frame: u32,
-    /// Who it is; `None` (−1 in the file) where nobody knows.
+    /// Id of the person or track; `None` (−1 in the file) if unknown.
     pub id: Option<u32>,
-    /// The 7th column: a tracker's confidence; in truth files 0 means that the row does not count.
+    /// The 7th column: a tracker's confidence; in truth files 0 marks a row that does not count.
     pub confidence: f64,
-    /// The box in the image, where the row has one.
+    /// Box in the image, if the row has one.
     pub pixel_box: Option<PixelBox>,
-    /// Where the person stands on the floor, metres, where the row says so.
+    /// Position on the floor, metres, if the row has one.
     pub position: Option<Point2<f64>>,
 }
 
 impl Row {
-    /// The 8th column of a box's row, where detectors of several classes write which one (MOT17); `None` where it is no
-    /// whole number from 0.
+    /// The 8th column of a box's row, in which detectors of several classes write the class (MOT17); `None` where it is
+    /// not a non-negative integer.
     pub fn class(&self) -> Option<u32> {
         let class = self.position.filter(|_| self.pixel_box.is_some())?.x;
         (class >= 0.0 && class.fract() == 0.0 && class <= f64::from(u32::MAX)).then_some(class as u32)
     }
 }
 
-/// A file of rows, in file order.
+/// Rows of a file, in file order.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RowFile {
-    /// Where it was read from, for messages.
+    /// Path of the file, for messages.
     pub path: PathBuf,
-    /// Its rows.
+    /// Rows.
     pub rows: Vec<Row>,
 }
 
 impl RowFile {
-    /// Reads a file; an empty one is a file of no rows.
+    /// Reads a file; an empty file has no rows.
     ///
     /// # Errors
-    /// Naming file, line and mend: a column that is no number, NaN or infinity, a frame below 1, a row with neither
-    /// box nor position, an id twice in one frame.
+    /// Names file, line and mend of: a column that is not a finite number, a frame below 1, a row with neither box nor
+    /// position, an id that occurs twice in one frame.
     pub fn read(path: &Path) -> Result<Self> {
         Self::parse(path, &calib::files::read_text(path)?)
     }
 
-    /// [`Self::read`] from text; `path` is only for messages.
+    /// Parses rows from text; `path` is for messages.
     pub fn parse(path: &Path, text: &str) -> Result<Self> {
         let mut rows = Vec::new();
         let mut seen = HashSet::new();
@@ -106,7 +106,7 @@ impl RowFile {
         Ok(Self { path: path.to_owned(), rows })
     }
 
-    /// Whether every row says where on the floor the person stands.
+    /// Whether every row has a position on the floor.
     pub fn is_on_floor(&self) -> bool {
         self.rows.iter().all(|r| r.position.is_some())
     }
@@ -116,14 +116,14 @@ impl RowFile {
         self.rows.iter().all(|r| r.pixel_box.is_some())
     }
 
-    /// Whether every row says who it is.
+    /// Whether every row has an id.
     pub fn has_ids(&self) -> bool {
         self.rows.iter().all(|r| r.id.is_some())
     }
 }
 
 fn parse_row(line: usize, content: &str) -> std::result::Result<Row, String> {
-    /// What the columns hold, as far as anybody reads them.
+    /// Names of the columns that are read.
     const COLUMNS: [&str; 10] =
         ["frame", "id", "left", "top", "width", "height", "confidence", "x", "y", "z"];
     let mut values = Vec::with_capacity(COLUMNS.len());
@@ -145,7 +145,10 @@ fn parse_row(line: usize, content: &str) -> std::result::Result<Row, String> {
         return Err(format!("frame is {}; frames are whole numbers from 1", values[0]));
     }
     if !(whole(values[1]) && values[1] >= -1.0) {
-        return Err(format!("id is {}; ids are whole numbers from 0, or −1 for nobody known", values[1]));
+        return Err(format!(
+            "id is {}; ids are whole numbers from 0, or −1 if the person is unknown",
+            values[1]
+        ));
     }
     let column = |index: usize| values.get(index).copied();
     let pixel_box = (values[4] > 0.0 && values[5] > 0.0).then(|| PixelBox {

@@ -1,4 +1,4 @@
-//! `timings.json`: how long each stage of a run takes.
+//! `timings.json`: computing time of each stage of a run.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -11,17 +11,17 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use crate::run::ClockReport;
 use crate::{Error, Result};
 
-/// The file.
+/// Content of the file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Timings {
-    /// Worker threads of the run.
+    /// Number of worker threads.
     pub threads: usize,
-    /// Frames of the run.
+    /// Number of frames of the run.
     pub frames: usize,
-    /// Stages by name, in the order of the data's way.
+    /// Times of the stages, in the order of the data flow.
     #[serde(serialize_with = "in_order", deserialize_with = "as_written")]
     pub stages: Vec<(String, StageTimes)>,
-    /// Knowledge of the cameras' clocks; not written where there is one camera.
+    /// Estimates of the cameras' clocks; omitted with a single camera.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub offsets: Vec<ClockReport>,
 }
@@ -29,27 +29,27 @@ pub struct Timings {
 /// Wall time of one stage; one count a frame, all cameras together.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct StageTimes {
-    /// Frames that were timed.
+    /// Number of timed frames.
     pub count: usize,
-    /// Half of the frames took less, milliseconds. Of a long run, half of a sample of them.
+    /// Median, milliseconds; in a long run, that of a sample of the frames.
     pub median_ms: f64,
-    /// 95 % of the frames took no more, milliseconds; of a long run, of the sample.
+    /// 95th percentile, milliseconds; in a long run, that of the sample.
     pub p95_ms: f64,
-    /// All of them together, milliseconds.
+    /// Total, milliseconds.
     pub total_ms: f64,
 }
 
-/// A stream may run for weeks: of more frames than this, a sample of so many is kept.
+/// Largest number of stored times for each stage: a live run may last for weeks, so longer runs are sampled.
 const MOST_KEPT: usize = 100_000;
 
-/// Collects the times of a run.
+/// Collector of the times of a run.
 #[derive(Debug, Clone, Default)]
 pub struct Stopwatch {
     stages: Vec<(&'static str, Laps)>,
 }
 
-/// The times of one stage: their number and sum, and of all of them an even sample (reservoir sampling; Vitter 1985,
-/// algorithm R).
+/// Number and sum of the times of one stage, and a uniform sample of them (reservoir sampling: J. S. Vitter, "Random
+/// sampling with a reservoir", ACM TOMS 1985, algorithm R).
 #[derive(Debug, Clone)]
 struct Laps {
     count: usize,
@@ -59,7 +59,7 @@ struct Laps {
 }
 
 impl Stopwatch {
-    /// Notes the time one frame spent in a stage. Stages are listed in the order in which they first come.
+    /// Records the time of one frame in a stage. Stages are listed in the order of their first record.
     pub fn record(&mut self, stage: &'static str, time: Duration) {
         let known = self.stages.iter().position(|(name, _)| *name == stage);
         let i = known.unwrap_or_else(|| {
@@ -69,7 +69,7 @@ impl Stopwatch {
         self.stages[i].1.record(time.as_secs_f64() * 1e3);
     }
 
-    /// Does something and notes its time.
+    /// Executes `work` and records its time.
     pub fn time<T>(&mut self, stage: &'static str, work: impl FnOnce() -> T) -> T {
         let start = Instant::now();
         let result = work();
@@ -77,7 +77,7 @@ impl Stopwatch {
         result
     }
 
-    /// The times so far.
+    /// Times so far.
     pub fn timings(&self, threads: usize, frames: usize) -> Timings {
         let stages = self.stages.iter().map(|(name, laps)| ((*name).to_owned(), StageTimes::of(laps)));
         Timings { threads, frames, stages: stages.collect(), offsets: Vec::new() }
@@ -101,7 +101,7 @@ impl Laps {
 }
 
 impl StageTimes {
-    /// Of the times of each frame. The 95th percentile is by nearest rank.
+    /// Statistics of a stage's times. The 95th percentile is by nearest rank.
     fn of(laps: &Laps) -> Self {
         let mut sorted = laps.kept_ms.clone();
         sorted.sort_by(f64::total_cmp);
@@ -119,10 +119,10 @@ impl StageTimes {
 }
 
 impl Timings {
-    /// Writes the file, whole or not at all.
+    /// Writes the file atomically.
     ///
     /// # Errors
-    /// Naming the file.
+    /// A file that cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
         let text = serde_json::to_string(self)
             .map_err(|e| Error::content(path, "whole file", format!("cannot be written ({e})")))?;
@@ -132,7 +132,7 @@ impl Timings {
     /// Reads the file.
     ///
     /// # Errors
-    /// Naming file, line and problem.
+    /// Names file, line and problem.
     pub fn read(path: &Path) -> Result<Self> {
         serde_json::from_str(&calib::files::read_text(path)?).map_err(|e| {
             Error::content(path, format!("line {}, column {}", e.line(), e.column()), format!("{e}"))
@@ -150,8 +150,8 @@ fn in_order<S: Serializer>(
 fn as_written<'de, D: Deserializer<'de>>(
     deserializer: D,
 ) -> std::result::Result<Vec<(String, StageTimes)>, D::Error> {
-    struct Stages;
-    impl<'de> Visitor<'de> for Stages {
+    struct StagesVisitor;
+    impl<'de> Visitor<'de> for StagesVisitor {
         type Value = Vec<(String, StageTimes)>;
         fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
             f.write_str("an object of stages")
@@ -164,7 +164,7 @@ fn as_written<'de, D: Deserializer<'de>>(
             Ok(stages)
         }
     }
-    deserializer.deserialize_map(Stages)
+    deserializer.deserialize_map(StagesVisitor)
 }
 
 #[cfg(test)]
@@ -174,7 +174,7 @@ mod tests {
     #[test]
     fn of_a_long_run_an_even_sample_is_kept_and_everything_counted() {
         let mut watch = Stopwatch::default();
-        // Whatever is kept of the first alone, or of the last, has another median.
+        // A sample of only the first or only the last times has another median.
         let frames = 5 * MOST_KEPT;
         for frame in 0..frames {
             watch.record("decode", Duration::from_micros(frame as u64));
@@ -184,7 +184,7 @@ mod tests {
         let all_ms = frames as f64 / 1e3;
         assert_eq!(times.count, frames);
         assert!((times.total_ms / (0.5 * all_ms * (frames - 1) as f64) - 1.0).abs() < 1e-9);
-        // A quantile q of n draws is off by √(q (1 − q) / n), one standard deviation: five of them.
+        // The standard deviation of a quantile q of n draws is √(q (1 − q) / n): five of them.
         let n = MOST_KEPT as f64;
         assert!((times.median_ms / all_ms - 0.5).abs() < 5.0 * (0.25 / n).sqrt(), "{times:?}");
         assert!((times.p95_ms / all_ms - 0.95).abs() < 5.0 * (0.95 * 0.05 / n).sqrt(), "{times:?}");

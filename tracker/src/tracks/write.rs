@@ -1,4 +1,4 @@
-//! The three files of tracks that a run writes as it goes.
+//! Track files that a run writes as it goes.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -6,14 +6,15 @@ use std::path::Path;
 use super::count;
 use super::jsonl::{FrameLine, PersonLine, rounded};
 use super::line_file::LineFile;
+use crate::prepared_room::PreparedRoom;
 use crate::silhouette::{Body, contour};
-use crate::stage::Stage;
 use crate::{Error, PersonEstimate, Result};
 
-/// `tracks.txt`, `tracks.jsonl` and `boxes/NAME.txt` of a run.
+/// Writers of `tracks.txt`, `tracks.jsonl` and `boxes/NAME.txt` of a run.
 ///
-/// Every frame's lines are handed to the system when they are written, under the files' final names: whoever
-/// follows them, or finds them after a power cut, sees whole lines. Nothing is touched before the first frame.
+/// Every frame's lines are passed to the operating system at once, under the files' final names, so a reader during the
+/// run or after a crash of the program sees whole lines. Nothing is synchronised to the disk: after a power failure the
+/// last lines may be missing or torn. No file is created before the first frame.
 #[derive(Debug)]
 pub struct TrackFiles {
     floor: LineFile,
@@ -23,21 +24,21 @@ pub struct TrackFiles {
 }
 
 impl TrackFiles {
-    /// The files of a run into the folder `out`.
-    pub fn new(out: &Path, stage: &Stage) -> Self {
+    /// Files of a run in the folder `out`.
+    pub fn new(out: &Path, prepared: &PreparedRoom) -> Self {
         let boxes = |name: &str| LineFile::new(out.join("boxes").join(format!("{name}.txt")));
         Self {
             floor: LineFile::new(out.join("tracks.txt")),
             json: LineFile::new(out.join("tracks.jsonl")),
-            boxes: stage.cameras.iter().map(|c| (c.filmed.clone(), boxes(&c.name))).collect(),
-            names: stage.cameras.iter().map(|c| c.name.clone()).collect(),
+            boxes: prepared.cameras.iter().map(|c| (c.filmed.clone(), boxes(&c.name))).collect(),
+            names: prepared.cameras.iter().map(|c| c.name.clone()).collect(),
         }
     }
 
-    /// Appends one frame. `set_aside` are the numbers of the cameras that say nothing now, in the stage's order.
+    /// Appends one frame. `set_aside` are the indices of the cameras without usable pictures, in the room's order.
     ///
     /// # Errors
-    /// [`Error::Io`] naming the file; an estimate that is not finite.
+    /// [`Error::Io`] with the file, or an estimate that is not finite.
     pub fn write(
         &mut self,
         frame: u32,
@@ -58,7 +59,7 @@ impl TrackFiles {
         let mut floor = String::new();
         for (person, estimate) in lines.iter().zip(people) {
             let (x, y) = (person.x, person.y);
-            // Methods that follow the standing point say 0.
+            // Methods that track the standing point have z = 0.
             let z = if estimate.z_m == 0.0 { "0".into() } else { format!("{:.4}", rounded(estimate.z_m)) };
             // Writing to a string cannot fail.
             let _ = writeln!(
@@ -91,10 +92,10 @@ impl TrackFiles {
         self.json.append(&json)
     }
 
-    /// Makes sure that every file is there, also after a run without frames.
+    /// Creates files that are still missing, as after a run without frames.
     ///
     /// # Errors
-    /// [`Error::Io`] naming the file.
+    /// [`Error::Io`] with the file.
     pub fn finish(mut self) -> Result<()> {
         let boxes = self.boxes.iter_mut().map(|(_, file)| file);
         [&mut self.floor, &mut self.json].into_iter().chain(boxes).try_for_each(|file| file.append(""))
@@ -105,13 +106,13 @@ impl TrackFiles {
 mod tests {
     use super::*;
     use crate::TrackId;
-    use crate::stage::StageOptions;
+    use crate::prepared_room::PreparationOptions;
     use crate::tracks::{jsonl, rows::RowFile};
     use calib::{Camera, Intrinsics};
     use nalgebra::{Isometry3, Point3, Vector3};
     use scenes::room::{Room, RoomCamera};
 
-    fn stage() -> Stage {
+    fn prepared() -> PreparedRoom {
         let camera = |name: &str, eye: [f64; 3]| RoomCamera {
             name: name.into(),
             camera: Camera {
@@ -129,7 +130,7 @@ mod tests {
             cameras: vec![camera("left", [0.0, 0.0, 2.0]), camera("right", [-3.0, 2.0, 2.0])],
             ..Room::default()
         };
-        Stage::prepare(&room, Path::new("."), &StageOptions::default()).unwrap()
+        PreparedRoom::prepare(&room, Path::new("."), &PreparationOptions::default()).unwrap()
     }
 
     fn person(id: u32, x_m: f64, y_m: f64) -> PersonEstimate {
@@ -149,15 +150,15 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_is_read_back() {
-        let (folder, stage) = (tempfile::tempdir().unwrap(), stage());
-        let mut files = TrackFiles::new(folder.path(), &stage);
+    fn written_files_are_read_back() {
+        let (folder, prepared) = (tempfile::tempdir().unwrap(), prepared());
+        let mut files = TrackFiles::new(folder.path(), &prepared);
         assert!(std::fs::read_dir(folder.path()).unwrap().next().is_none(), "touched before the first frame");
         // Person 2 is behind the camera `left`.
         files.write(1, 0.0, &[], &[]).unwrap();
         files.write(2, 1.0 / 12.0, &[person(1, 2.0, 1.5), person(2, -1.5, 1.5)], &[1]).unwrap();
 
-        // Whole and readable already now.
+        // The files are whole and readable before the end.
         let floor = RowFile::read(&folder.path().join("tracks.txt")).unwrap();
         assert!(floor.is_on_floor() && !floor.has_boxes());
         assert_eq!((floor.rows.len(), floor.rows[1].id, floor.rows[1].frame), (2, Some(2), 2));
@@ -184,8 +185,8 @@ mod tests {
 
     #[test]
     fn a_run_without_frames_leaves_empty_files_and_nan_is_refused() {
-        let (folder, stage) = (tempfile::tempdir().unwrap(), stage());
-        let mut files = TrackFiles::new(folder.path(), &stage);
+        let (folder, prepared) = (tempfile::tempdir().unwrap(), prepared());
+        let mut files = TrackFiles::new(folder.path(), &prepared);
         let error = files.write(3, 0.0, &[person(7, f64::NAN, 0.0)], &[]).unwrap_err().to_string();
         assert!(error.contains("frame 3") && error.contains("person 7"), "{error}");
         files.finish().unwrap();

@@ -1,4 +1,4 @@
-//! Draws for those who watch a run that makes no film.
+//! Drawing for the viewers of a run that makes no film.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -8,41 +8,41 @@ use std::thread;
 use super::Screens;
 use crate::PersonEstimate;
 use crate::film::{FilmOptions, Painted, Painter, Shot};
-use crate::stage::Stage;
+use crate::prepared_room::PreparedRoom;
 
-/// Draws a moment for all screens when somebody waits for one, on a thread of its own; it passes over the moments that
-/// come while it draws.
+/// Drawer that draws a moment for all screens when a viewer waits for one, on a thread of its own; moments that arrive
+/// during that time are skipped.
 #[derive(Debug)]
-pub struct Drawer {
+pub struct LiveDrawer {
     screens: Screens,
-    scenes: SyncSender<Scene>,
+    scenes: SyncSender<DrawJob>,
     is_free: Arc<AtomicBool>,
-    /// Whether some camera has pictures, when somebody watches.
+    /// Whether some camera has pictures, when there are viewers.
     has_pictures: bool,
 }
 
 /// A moment to be drawn.
-struct Scene {
+struct DrawJob {
     frame: u32,
     time_s: f64,
     shots: Vec<Shot>,
     people: Vec<PersonEstimate>,
 }
 
-impl Drawer {
-    /// Draws what the cameras of the stage see, which the screens are for. `has_pictures` says whether some of them have more
-    /// than masks.
-    pub fn start(stage: &Stage, options: &FilmOptions, screens: &Screens, has_pictures: bool) -> Self {
+impl LiveDrawer {
+    /// Starts the drawer of the room's cameras for these screens. `has_pictures` is true if some camera has more than
+    /// masks.
+    pub fn start(room: &PreparedRoom, options: &FilmOptions, screens: &Screens, has_pictures: bool) -> Self {
         let (scenes, received) = sync_channel(1);
         let is_free = Arc::new(AtomicBool::new(true));
-        let (stage, options) = (stage.clone(), options.clone());
+        let (room, options) = (room.clone(), options.clone());
         let (own_screens, own_is_free) = (screens.clone(), Arc::clone(&is_free));
-        // It ends with the channel, unless the program does first: nothing of it is to be kept.
-        thread::spawn(move || draw(&stage, &options, &received, &own_screens, &own_is_free));
+        // The thread ends with the channel, or with the program: it has nothing to save.
+        thread::spawn(move || draw(&room, &options, &received, &own_screens, &own_is_free));
         Self { screens: screens.clone(), scenes, is_free, has_pictures }
     }
 
-    /// Hands over one moment if it is wanted: only then are the shots made, one a camera in the stage's order.
+    /// Offers one moment; `shots`, one a camera in the room's order, is called only if a viewer waits for it.
     pub fn offer(
         &self,
         frame: u32,
@@ -54,28 +54,28 @@ impl Drawer {
             return;
         }
         let shots = shots();
-        // What was filmed before anybody watched has left no picture.
+        // Frames from before there was a viewer have no picture.
         if self.has_pictures && shots.iter().all(|shot| shot.image.is_none()) {
             self.is_free.store(true, Ordering::Release);
             return;
         }
-        let scene = Scene { frame, time_s, shots, people: people.to_vec() };
-        // There is room for the one that a free drawer is given; one that has failed takes no more.
+        let scene = DrawJob { frame, time_s, shots, people: people.to_vec() };
+        // The channel has room for the moment of an idle drawer; one that has failed takes none.
         let _ = self.scenes.try_send(scene);
     }
 }
 
 fn draw(
-    stage: &Stage,
+    room: &PreparedRoom,
     options: &FilmOptions,
-    scenes: &Receiver<Scene>,
+    scenes: &Receiver<DrawJob>,
     screens: &Screens,
     is_free: &AtomicBool,
 ) {
     let mut painters: Vec<Painter> = Vec::new();
-    for Scene { frame, time_s, shots, people } in scenes {
+    for DrawJob { frame, time_s, shots, people } in scenes {
         if painters.is_empty() {
-            painters = (0..stage.cameras.len()).map(|index| Painter::new(stage, index, options)).collect();
+            painters = (0..room.cameras.len()).map(|index| Painter::new(room, index, options)).collect();
         }
         let painted = painters.iter_mut().zip(shots).enumerate().map(|(camera, (painter, shot))| Painted {
             camera,
@@ -84,7 +84,7 @@ fn draw(
             people: people.len(),
             picture: painter.paint(frame, time_s, &shot, &people),
         });
-        // Not inside `show`, which must not keep anybody.
+        // Collected before `show`, which must not block others.
         let painted: Vec<Painted> = painted.collect();
         screens.show(painted);
         is_free.store(true, Ordering::Release);

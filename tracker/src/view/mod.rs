@@ -1,12 +1,13 @@
-//! A run while it goes on: a page in the browser with each camera's pictures as the film has them.
+//! Live view of a run: a web page with each camera's pictures as in the film.
 //!
-//! Nobody who watches can hold the run up, and without watchers nothing is drawn for them. The page asks for a moment
-//! other than the one it shows, and is answered when there is one; then it fetches the pictures, and asks again. So a
-//! picture is drawn and encoded when somebody waits for it; whoever is slow sees fewer. From the run to the browser:
+//! Viewers never slow the tracker: pictures are dropped when a viewer is slow, and nothing is drawn without viewers.
+//! The page requests a moment other than the one that it shows, and gets an answer when there is one; then it fetches
+//! the pictures, and requests again. A picture is thus drawn and encoded only when a viewer waits for it. From the run
+//! to the browser:
 //!
-//! * [`screens`] — [`Screens`]: what there is to see now; the newest picture takes the older one's place. Start here.
-//! * [`drawer`] — [`Drawer`]: draws what somebody waits for, where no film is made whose pictures could be shown.
-//! * [`server`] — [`Server`]: answers the page, until the run has ended and its watchers have been told.
+//! * [`screens`] — [`Screens`]: the present state of the page; a new picture replaces the older one. Start here.
+//! * [`drawer`] — [`LiveDrawer`]: draws pictures that a viewer waits for, where there is no film with pictures to show.
+//! * [`server`] — [`Server`]: serves the page until the run has ended and its viewers have been informed.
 
 mod drawer;
 mod screens;
@@ -14,6 +15,6 @@ mod server;
 #[cfg(test)]
 mod tests;
 
-pub use drawer::Drawer;
+pub use drawer::LiveDrawer;
 pub use screens::Screens;
 pub use server::Server;

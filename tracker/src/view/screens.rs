@@ -1,4 +1,4 @@
-//! What there is to see now, between those who draw and those who watch.
+//! Present pictures, shared between drawers and viewers.
 
 use std::io::Cursor;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -12,59 +12,59 @@ use tokio::sync::watch::{Receiver, Sender};
 
 use crate::film::{Audience, Painted};
 
-/// Quality of the pictures: what is drawn in them keeps its edges.
+/// JPEG quality: high enough for sharp edges of the drawing.
 const JPEG_QUALITY: u8 = 85;
 
-/// Between two questions of the page somebody still watches.
+/// Time after a request during which its viewer counts as waiting.
 const WATCHING: Duration = Duration::from_secs(2);
 
-/// A screen for each camera, on which the newest picture takes the older one's place.
+/// A screen for each camera, on which a new picture replaces the older one.
 #[derive(Debug, Clone)]
 pub struct Screens {
-    now: Sender<Now>,
-    /// Time of the latest question for something new.
+    now: Sender<ScreensState>,
+    /// Time of the latest request for something new.
     asked: Arc<Mutex<Option<Instant>>>,
 }
 
-/// What there is to see now, as the page is told.
+/// Present state, as sent to the page.
 #[derive(Debug, Serialize)]
-pub(super) struct Now {
-    /// Counts the changes, from 1.
+pub(super) struct ScreensState {
+    /// Number of changes, from 1.
     pub(super) number: u64,
-    /// What is watched.
+    /// Title of the page.
     title: String,
-    /// Of the newest picture; none before the first.
-    moment: Option<Told>,
-    cameras: Vec<Screen>,
+    /// Moment of the newest picture; `None` before the first.
+    moment: Option<ShownMoment>,
+    cameras: Vec<CameraScreen>,
     pub(super) has_ended: bool,
 }
 
-/// What is told of a moment.
+/// Moment, as sent to the page.
 #[derive(Debug, Serialize)]
-struct Told {
+struct ShownMoment {
     frame: u32,
     time_s: f64,
     people: usize,
 }
 
 #[derive(Debug, Serialize)]
-struct Screen {
+struct CameraScreen {
     name: String,
-    /// The number of the change that brought it.
+    /// Number of the change that brought the picture.
     picture: Option<u64>,
     #[serde(skip)]
-    shown: Option<Arc<Picture>>,
+    shown: Option<Arc<EncodedPicture>>,
 }
 
-/// A picture, encoded when it is first asked for.
+/// A picture, encoded when it is first requested.
 #[derive(Debug)]
-pub(super) struct Picture {
+pub(super) struct EncodedPicture {
     pixels: RgbImage,
     jpeg: OnceLock<Bytes>,
 }
 
-impl Picture {
-    /// As JPEG; empty when it has no pixels or too many.
+impl EncodedPicture {
+    /// Picture as JPEG; empty when it has no pixels or too many.
     pub(super) fn jpeg(&self) -> Bytes {
         let encoded = || {
             let mut bytes = Cursor::new(Vec::new());
@@ -78,48 +78,48 @@ impl Picture {
 }
 
 impl Screens {
-    /// Empty screens of cameras with these names. `title` is what the page is headed by.
+    /// Empty screens of cameras with these names, on a page with this title.
     pub fn new<'a>(title: String, names: impl Iterator<Item = &'a str>) -> Self {
         let cameras =
-            names.map(|name| Screen { name: name.to_owned(), picture: None, shown: None }).collect();
-        let now = Now { number: 1, title, moment: None, cameras, has_ended: false };
+            names.map(|name| CameraScreen { name: name.to_owned(), picture: None, shown: None }).collect();
+        let now = ScreensState { number: 1, title, moment: None, cameras, has_ended: false };
         Self { now: Sender::new(now), asked: Arc::default() }
     }
 
-    /// Whether somebody waits for something new.
+    /// Whether a viewer waits for something new.
     pub fn is_awaited(&self) -> bool {
         self.now.receiver_count() > 0
     }
 
-    /// Whether somebody waits for something new, or did so just now: what is filmed now will be looked at.
+    /// Whether a viewer waits for something new, or did so recently: then the present pictures will be requested.
     pub fn is_watched(&self) -> bool {
         let asked = *self.asked.lock().unwrap_or_else(PoisonError::into_inner);
         self.is_awaited() || asked.is_some_and(|at| at.elapsed() < WATCHING)
     }
 
-    /// Shows pictures, together. Never waits for who looks at them.
+    /// Shows pictures together. Never waits for viewers.
     pub fn show(&self, pictures: impl IntoIterator<Item = Painted>) {
         self.now.send_modify(|now| {
             now.number += 1;
             for Painted { camera, frame, time_s, people, picture } in pictures {
                 let Some(screen) = now.cameras.get_mut(camera) else { continue };
-                screen.shown = Some(Arc::new(Picture { pixels: picture, jpeg: OnceLock::new() }));
+                screen.shown = Some(Arc::new(EncodedPicture { pixels: picture, jpeg: OnceLock::new() }));
                 screen.picture = Some(now.number);
                 // One camera's film may be a few frames behind another's.
-                if now.moment.as_ref().is_none_or(|told| told.frame <= frame) {
-                    now.moment = Some(Told { frame, time_s, people });
+                if now.moment.as_ref().is_none_or(|shown| shown.frame <= frame) {
+                    now.moment = Some(ShownMoment { frame, time_s, people });
                 }
             }
         });
     }
 
-    /// As the audience of a film.
+    /// Callback for a film that shows its frames.
     pub fn audience(&self) -> Audience {
         let screens = self.clone();
         Arc::new(move |painted| screens.show([painted]))
     }
 
-    /// Says that nothing more comes.
+    /// Marks the end of the run.
     pub(super) fn end(&self) {
         self.now.send_modify(|now| {
             now.number += 1;
@@ -127,21 +127,21 @@ impl Screens {
         });
     }
 
-    /// To wait by; who holds it is somebody who waits.
-    pub(super) fn wait(&self) -> Receiver<Now> {
+    /// Receiver of changes; its holder counts as a waiting viewer.
+    pub(super) fn wait(&self) -> Receiver<ScreensState> {
         *self.asked.lock().unwrap_or_else(PoisonError::into_inner) = Some(Instant::now());
         self.now.subscribe()
     }
 
-    /// Looks at what there is now.
-    pub(super) fn look<T>(&self, look: impl FnOnce(&Now) -> T) -> T {
+    /// Calls `look` with the present state.
+    pub(super) fn look<T>(&self, look: impl FnOnce(&ScreensState) -> T) -> T {
         look(&self.now.borrow())
     }
 }
 
-impl Now {
-    /// The newest picture of the camera with that number, where there is one.
-    pub(super) fn picture(&self, camera: usize) -> Option<Arc<Picture>> {
+impl ScreensState {
+    /// Newest picture of the camera with this index, if there is one.
+    pub(super) fn picture(&self, camera: usize) -> Option<Arc<EncodedPicture>> {
         self.cameras.get(camera)?.shown.clone()
     }
 }

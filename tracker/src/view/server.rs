@@ -1,4 +1,4 @@
-//! The server of the page: HTTP, to this machine alone, on a thread of its own.
+//! HTTP server of the page, for this machine alone, on a thread of its own.
 
 use std::net::SocketAddr;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -16,7 +16,7 @@ use tokio::time::{sleep, timeout};
 use super::Screens;
 use crate::{Error, Result};
 
-/// The page's own files.
+/// Files of the page.
 const FILES: [PageFile; 5] = [
     PageFile::html("/", include_str!("page/index.html")),
     PageFile::svg("/icon.svg", include_str!("page/icon.svg")),
@@ -24,19 +24,18 @@ const FILES: [PageFile; 5] = [
     PageFile::css("/style.css", include_str!("page/style.css")),
     PageFile::script("/view.js", include_str!("page/view.js")),
 ];
-/// The address, unless somebody else has it.
+/// Default port, unless another program uses it.
 const PORT: u16 = 8081;
-const PORT_OPTION: &str = "--view-port";
-/// A question is answered after so long, news or not: whoever asks knows that the run is still there.
+/// Longest wait for news before a request is answered all the same, so that the page knows that the run goes on.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// Whoever asked within this time is watching.
+/// Time after a request during which its viewer still counts.
 const WATCHING: Duration = Duration::from_secs(15);
-/// After the end whoever watches is given what is asked for, until so long nothing was…
+/// After the end of the run the server goes on until it has been quiet for this time…
 const QUIET: Duration = Duration::from_millis(500);
 /// …but no longer than this.
 const LONGEST_FAREWELL: Duration = Duration::from_secs(3);
 
-/// Serves the screens until it is dropped.
+/// Server of the screens; it runs until it is dropped.
 #[derive(Debug)]
 pub struct Server {
     screens: Screens,
@@ -46,56 +45,56 @@ pub struct Server {
 }
 
 impl Server {
-    /// Takes an address of the loopback: with this port (0: any free one), or with the usual one or, where that is in
-    /// use, any other.
+    /// Binds a loopback address: with this port (0: any free one), or with the default one or, where that is in use,
+    /// any other. `option` is the option of the port, which the error names.
     ///
     /// # Errors
-    /// [`crate::Error::Listen`] when the port is in use or reserved.
-    pub fn bind(port: Option<u16>) -> Result<Listener> {
-        let bind = |port| Listener::bind("127.0.0.1", port, PORT_OPTION);
+    /// [`crate::Error::Listen`] for a port that is in use or reserved.
+    pub fn bind(port: Option<u16>, option: &str) -> Result<Listener> {
+        let bind = |port| Listener::bind("127.0.0.1", port, option);
         Ok(match port {
             Some(port) => bind(port)?,
             None => bind(PORT).or_else(|_| bind(0))?,
         })
     }
 
-    /// Answers from now on.
+    /// Starts answering requests.
     ///
     /// # Errors
-    /// When the system gives no thread or no events.
+    /// An error of the operating system that prevents the thread or its event loop.
     pub fn start(listener: Listener, screens: Screens) -> Result<Self> {
-        let refused = |e: std::io::Error| Error::option("--view", format!("{e}; run without it"));
+        let refused = |e: std::io::Error| Error::option("view", format!("{e}; run without it"));
         let address = listener.address();
-        // One picture is encoded at a time: the other cores are the tracker's.
+        // One picture is encoded at a time, so that the other cores stay with the tracker.
         let runtime =
             Builder::new_current_thread().enable_all().max_blocking_threads(1).build().map_err(refused)?;
         let (end, ended) = oneshot::channel();
         let own = screens.clone();
         let serve = move || {
             runtime.block_on(serve(listener, own, ended));
-            // Whoever does not take what they asked for is left.
+            // Clients that do not read their answers are disconnected.
             runtime.shutdown_background();
         };
         let thread = thread::Builder::new().name("view".into()).spawn(serve).map_err(refused)?;
         Ok(Self { screens, address, end: Some(end), thread: Some(thread) })
     }
 
-    /// Where it answers.
+    /// Address of the server.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// What it shows.
+    /// Screens that it serves.
     pub fn screens(&self) -> &Screens {
         &self.screens
     }
 
-    /// Tells whoever watches that the run has ended. The last pictures can still be fetched while the program goes on, and
+    /// Informs viewers that the run has ended. The last pictures can still be fetched while the program goes on, and
     /// for a moment when this is dropped.
-    pub fn tell_the_end(&mut self) {
+    pub fn announce_end(&mut self) {
         if let Some(end) = self.end.take() {
             self.screens.end();
-            // A server whose socket the system took away has said so.
+            // A server whose socket the system closed has already reported it.
             let _ = end.send(());
         }
     }
@@ -103,27 +102,27 @@ impl Server {
 
 impl Drop for Server {
     fn drop(&mut self) {
-        self.tell_the_end();
+        self.announce_end();
         if let Some(thread) = self.thread.take() {
-            // What it failed of has been told.
+            // A failure of the thread has already been reported.
             let _ = thread.join();
         }
     }
 }
 
-/// When somebody last asked for something, or was answered.
-type Heard = Arc<Mutex<Option<Instant>>>;
+/// Time of the latest request or answer.
+type LastActivity = Arc<Mutex<Option<Instant>>>;
 
-/// Serves until the end has been told.
+/// Serves until the end has been announced.
 async fn serve(listener: Listener, screens: Screens, ended: oneshot::Receiver<()>) {
-    let heard = Heard::default();
-    let note = Arc::clone(&heard);
+    let last_activity = LastActivity::default();
+    let note = Arc::clone(&last_activity);
     let answers = listener.serve(move |request| {
-        let (screens, heard) = (screens.clone(), Arc::clone(&note));
+        let (screens, last_activity) = (screens.clone(), Arc::clone(&note));
         async move {
-            set_now(&heard);
+            set_now(&last_activity);
             let answer = answer(&screens, request).await.unwrap_or_else(|refusal| refusal);
-            set_now(&heard);
+            set_now(&last_activity);
             answer
         }
     });
@@ -132,18 +131,18 @@ async fn serve(listener: Listener, screens: Screens, ended: oneshot::Receiver<()
             tracing::warn!("the page is served no longer: {e}");
         }
     });
-    // Whoever could end it has gone: that is an end, too.
+    // The end also comes when its sender is dropped.
     let _ = ended.await;
-    farewell(&heard).await;
+    farewell(&last_activity).await;
 }
 
-fn set_now(heard: &Heard) {
-    *heard.lock().unwrap_or_else(PoisonError::into_inner) = Some(Instant::now());
+fn set_now(last_activity: &LastActivity) {
+    *last_activity.lock().unwrap_or_else(PoisonError::into_inner) = Some(Instant::now());
 }
 
-/// Waits until whoever watches has been told the end.
-async fn farewell(heard: &Heard) {
-    let silence = || heard.lock().unwrap_or_else(PoisonError::into_inner).map(|at| at.elapsed());
+/// Waits until the viewers have received the end.
+async fn farewell(last_activity: &LastActivity) {
+    let silence = || last_activity.lock().unwrap_or_else(PoisonError::into_inner).map(|at| at.elapsed());
     if silence().is_none_or(|silence| silence > WATCHING) {
         return;
     }
@@ -157,21 +156,21 @@ async fn farewell(heard: &Heard) {
 
 async fn answer(screens: &Screens, request: Request) -> std::result::Result<Answer, Answer> {
     let path = request.uri().path();
-    let route = Route::of(path).ok_or_else(|| Answer::nowhere(path))?;
+    let route = ViewRoute::of(path).ok_or_else(|| Answer::nowhere(path))?;
     if ![Method::GET, Method::HEAD].contains(request.method()) {
         return Err(Answer::other_method(path, "GET, HEAD"));
     }
     match route {
-        Route::Page(file) => Ok(Answer::file(file)),
-        Route::Moment => {
+        ViewRoute::Page(file) => Ok(Answer::file(file)),
+        ViewRoute::Moment => {
             if let Some(after) = request.uri().query().and_then(after) {
                 let mut news = screens.wait();
-                // Not "greater": the page may have been left open since another run.
+                // Not "greater": the page may have been open since another run.
                 let _ = timeout(PATIENCE, news.wait_for(|now| now.number != after || now.has_ended)).await;
             }
             screens.look(Answer::json)
         }
-        Route::Camera(camera) => {
+        ViewRoute::Camera(camera) => {
             let picture = screens.look(|now| now.picture(camera));
             let picture = picture.ok_or_else(|| Answer::error(404, "that camera has no picture yet"))?;
             let jpeg = spawn_blocking(move || picture.jpeg()).await.unwrap_or_default();
@@ -188,16 +187,16 @@ fn after(query: &str) -> Option<u64> {
     query.split('&').find_map(|part| part.strip_prefix("after="))?.parse().ok()
 }
 
-/// What there is to ask for.
-enum Route {
+/// A request.
+enum ViewRoute {
     Page(&'static PageFile),
-    /// What there is to see; with a number, not before that is another.
+    /// The present state; with a number, as soon as the state has another one.
     Moment,
-    /// A camera's picture, by the camera's number.
+    /// Picture of the camera with this index.
     Camera(usize),
 }
 
-impl Route {
+impl ViewRoute {
     fn of(path: &str) -> Option<Self> {
         if let Some(file) = FILES.iter().find(|file| file.path == path) {
             return Some(Self::Page(file));

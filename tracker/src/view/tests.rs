@@ -1,4 +1,4 @@
-//! The page's server over its socket, the drawer beside a run, and the page in a browser.
+//! Tests of the page's server over its socket, of the drawer beside a run, and of the page in a browser.
 
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
@@ -14,9 +14,12 @@ use serde_json::Value;
 
 use super::*;
 use crate::film::{FilmOptions, Painted, Painter, Shot};
-use crate::stage::{Stage, StageOptions};
+use crate::prepared_room::{PreparationOptions, PreparedRoom};
 
-/// A frame of one grey, which tells its number.
+/// Option of the port, which errors name.
+const PORT_OPTION: &str = "view_port";
+
+/// A frame of one grey, which encodes its number.
 fn painted(camera: usize, frame: u32) -> Painted {
     let picture = RgbImage::from_pixel(64, 24, Rgb([frame as u8; 3]));
     Painted { camera, frame, time_s: f64::from(frame) / 25.0, people: 2, picture }
@@ -24,10 +27,10 @@ fn painted(camera: usize, frame: u32) -> Painted {
 
 fn server(names: &[&str]) -> Server {
     let screens = Screens::new("my <room>".into(), names.iter().copied());
-    Server::start(Server::bind(Some(0)).unwrap(), screens).unwrap()
+    Server::start(Server::bind(Some(0), PORT_OPTION).unwrap(), screens).unwrap()
 }
 
-/// Head and body of the answer to a request, byte by byte as given.
+/// Head and body of the answer to a request that is sent byte by byte as given.
 fn exchange(address: SocketAddr, request: &str) -> (String, Vec<u8>) {
     let mut stream = TcpStream::connect(address).unwrap();
     stream.write_all(request.replace('\n', "\r\n").as_bytes()).unwrap();
@@ -54,7 +57,7 @@ fn picture(address: SocketAddr, camera: usize) -> RgbImage {
     image::load_from_memory(&body).unwrap().into_rgb8()
 }
 
-/// The number that a frame of one grey tells.
+/// Number that a frame of one grey encodes.
 fn level(picture: &RgbImage) -> u32 {
     assert_eq!(picture.dimensions(), (64, 24));
     u32::from(picture.get_pixel(30, 12)[1])
@@ -72,26 +75,26 @@ fn a_watcher_sees_the_newest_in_order_and_the_end() {
             screens.show([painted(0, frame), painted(1, frame)]);
             std::thread::sleep(Duration::from_millis(2));
         }
-        server.tell_the_end();
+        server.announce_end();
         server
     });
     let (mut number, mut frames) = (first["number"].as_u64().unwrap(), Vec::new());
     loop {
         let now = moment(address, Some(number));
         number = now["number"].as_u64().unwrap();
-        let told = now["moment"]["frame"].as_u64().unwrap() as u32;
-        assert_eq!(now["moment"]["time_s"], f64::from(told) / 25.0);
-        // Never an older one than was told.
-        assert!([0, 1].iter().all(|camera| level(&picture(address, *camera)) + 1 >= told));
+        let frame = now["moment"]["frame"].as_u64().unwrap() as u32;
+        assert_eq!(now["moment"]["time_s"], f64::from(frame) / 25.0);
+        // Never an older one than announced.
+        assert!([0, 1].iter().all(|camera| level(&picture(address, *camera)) + 1 >= frame));
         if now["has_ended"].as_bool().unwrap() {
-            assert_eq!(told, 200);
+            assert_eq!(frame, 200);
             break;
         }
-        assert_ne!(frames.last(), Some(&told), "no news");
-        frames.push(told);
+        assert_ne!(frames.last(), Some(&frame), "no news");
+        frames.push(frame);
     }
     assert!(frames.len() > 3 && frames.is_sorted_by(|a, b| a < b), "{frames:?}");
-    // Whoever has been told may still ask for the last pictures.
+    // Viewers who know the end may still request the last pictures.
     let server = run.join().unwrap();
     assert!(level(&picture(address, 0)).abs_diff(200) <= 1);
     drop(server);
@@ -116,28 +119,28 @@ fn a_question_is_answered_when_there_is_news() {
     assert_eq!(now["moment"]["frame"], 9);
     assert!(answered > shown, "answered before there was anything");
     assert!(!screens.is_awaited(), "nobody waits any more");
-    // Whoever asks with a number of another run's is not kept waiting.
+    // A request with a number of another run is answered at once.
     let asked = Instant::now();
     assert_eq!(moment(address, Some(1_000_000)), now);
     assert!(asked.elapsed() < Duration::from_secs(5), "{:?}", asked.elapsed());
-    // What another camera's film is behind with is shown, but the newest is told.
+    // Another camera's late picture is shown, but the newest moment is announced.
     screens.show([painted(0, 8)]);
     let now = moment(address, None);
     assert_eq!((&now["moment"]["frame"], &now["cameras"][0]["picture"]), (&9.into(), &3.into()));
 }
 
 #[test]
-fn whoever_does_not_read_keeps_nobody() {
+fn a_client_that_does_not_read_blocks_no_other() {
     let server = server(&["a"]);
     let (address, screens) = (server.address(), server.screens().clone());
-    // Noise: what JPEG makes of it is large.
+    // Noise, because its JPEG is large.
     let noise = RgbImage::from_fn(640, 240, |x, y| Rgb([(x * x * 7 + y * y * x * 13) as u8; 3]));
     let show = |frame| screens.show([Painted { picture: noise.clone(), ..painted(0, frame) }]);
     show(1);
     let mut deaf = TcpStream::connect(address).unwrap();
     let questions = format!("GET /camera/0.jpg HTTP/1.1\r\nHost: {address}\r\n\r\n").repeat(2000);
     deaf.set_write_timeout(Some(Duration::from_millis(500))).unwrap();
-    // Not all of it is taken: that is the point.
+    // The client does not read all of it, on purpose.
     let _ = deaf.write_all(questions.as_bytes());
     let started = Instant::now();
     for frame in 2..=2000 {
@@ -182,7 +185,7 @@ fn requests_that_are_not_the_pages_are_refused() {
             assert!(head.starts_with(&format!("HTTP/1.1 {status}")), "{path} of `{host}`: {head}");
             let head = head.to_lowercase();
             assert!(!head.contains("access-control-allow"), "{head}");
-            // Not even to be shown elsewhere.
+            // Not even embedded in another page.
             assert!(head.contains("cross-origin-resource-policy: same-origin"), "{head}");
             assert!(head.contains("cache-control: no-store"), "{head}");
         }
@@ -198,15 +201,15 @@ fn requests_that_are_not_the_pages_are_refused() {
 #[test]
 fn a_port_in_use_is_named_and_the_usual_one_replaced() {
     let taken = TcpListener::bind("127.0.0.1:0").unwrap();
-    let error = Server::bind(Some(taken.local_addr().unwrap().port())).unwrap_err().to_string();
-    assert!(error.contains("in use") && error.contains("--view-port 0"), "{error}");
-    // Either this test has it or another program does.
+    let error = Server::bind(Some(taken.local_addr().unwrap().port()), PORT_OPTION).unwrap_err().to_string();
+    assert!(error.contains("in use") && error.contains("view_port 0"), "{error}");
+    // Either this test uses the port or another program does.
     let _usual = TcpListener::bind("127.0.0.1:8081");
-    let other = Server::bind(None).unwrap().address();
+    let other = Server::bind(None, PORT_OPTION).unwrap().address();
     assert!(other.ip().is_loopback() && other.port() != 8081, "{other}");
 }
 
-fn stage() -> Stage {
+fn stage() -> PreparedRoom {
     let camera = |name: &str| RoomCamera {
         name: name.into(),
         camera: Camera {
@@ -216,15 +219,15 @@ fn stage() -> Stage {
         reference: None,
     };
     let room = Room { cameras: vec![camera("a"), camera("b")], ..Room::default() };
-    Stage::prepare(&room, Path::new("."), &StageOptions::default()).unwrap()
+    PreparedRoom::prepare(&room, Path::new("."), &PreparationOptions::default()).unwrap()
 }
 
 #[test]
-fn what_somebody_waits_for_is_drawn_and_nothing_else() {
+fn only_awaited_pictures_are_drawn() {
     let stage = stage();
     let screens = Screens::new(String::new(), ["a", "b"].into_iter());
     let options = FilmOptions::default();
-    let drawer = Drawer::start(&stage, &options, &screens, true);
+    let drawer = LiveDrawer::start(&stage, &options, &screens, true);
     let shot =
         |level: u8| Shot { image: Some(RgbImage::from_pixel(480, 360, Rgb([level; 3])).into()), mask: None };
     let nothing = || -> Vec<Shot> { panic!("nobody asked for it") };
@@ -233,7 +236,7 @@ fn what_somebody_waits_for_is_drawn_and_nothing_else() {
     }
     let mut somebody = screens.wait();
     for levels in [[10, 20], [90, 180]] {
-        // As moments come: one is taken when the one before has been drawn.
+        // One moment after the other: each is taken when the one before has been drawn.
         let taken = std::cell::Cell::new(false);
         let started = Instant::now();
         while !taken.get() || !somebody.has_changed().unwrap() {

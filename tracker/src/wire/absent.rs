@@ -6,7 +6,7 @@ use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
 use super::mesh::{Membership, MeshCounts};
-use super::{Endpoints, Expected, Hello};
+use super::{Endpoints, ExpectedStations, Hello};
 use crate::method::agents::{Packet, StationId};
 use crate::observation::Feedback;
 use crate::station::Event;
@@ -55,7 +55,7 @@ impl Downlink {
     /// # Errors
     /// Always: this build has no network.
     pub fn open(
-        _: Expected,
+        _: ExpectedStations,
         _: &Endpoints,
         _: Duration,
         _: &AtomicBool,
@@ -88,13 +88,13 @@ impl Mesh {
         match self.0 {}
     }
 
-    /// The packets that have arrived since the last call.
+    /// Packets that have arrived since the last call.
     pub fn heard(&self) -> Vec<Packet> {
         match self.0 {}
     }
 
-    /// The same; while there are none, this waits for one.
-    pub fn wait_heard(&self, _: Duration) -> Vec<Packet> {
+    /// Packets that have arrived since the last call; while there are none, waits for one.
+    pub fn wait_received(&self, _: Duration) -> Vec<Packet> {
         match self.0 {}
     }
 
@@ -103,7 +103,7 @@ impl Mesh {
         match self.0 {}
     }
 
-    /// What was sent, heard and left out.
+    /// Counts of sent, received and refused packets.
     pub fn counts(&self) -> MeshCounts {
         match self.0 {}
     }
@@ -117,12 +117,12 @@ mod tests {
     use crate::wire::Fingerprint;
 
     #[test]
-    fn all_ends_say_how_to_get_stations() {
+    fn errors_of_all_ends_tell_how_to_install_stations() {
         let room = Fingerprint([0; Fingerprint::BYTES]);
         let hello = Hello { room, camera: "a".into(), width: 1, height: 1, is_live: true, rate_hz: None };
         let line = Uplink::open(hello, &Endpoints::default()).unwrap_err().to_string();
         assert!(line.contains("--features zenoh") && !line.contains('\n'), "{line}");
-        let expected = Expected { room, cameras: Vec::new() };
+        let expected = ExpectedStations { room, cameras: Vec::new() };
         let (inbox, _events) = mpsc::channel();
         let stop = AtomicBool::new(false);
         let opened = Downlink::open(expected, &Endpoints::default(), Duration::ZERO, &stop, inbox);

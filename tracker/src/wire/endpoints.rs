@@ -51,7 +51,7 @@ impl std::fmt::Display for Endpoint {
     }
 }
 
-/// Files in PEM form that `tls/` endpoints need. Both sides show a certificate, and check the other's.
+/// Files in PEM form that `tls/` endpoints need. Both sides present a certificate, and check the other's.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Tls {
     /// Certificate of this machine.
@@ -73,8 +73,8 @@ pub struct Endpoints {
     pub via_router: bool,
     /// Certificate, key and authority for `tls/` endpoints.
     pub tls: Option<Tls>,
-    /// Common names of the certificates that are accepted; empty: all that the authority has signed. Other peers are
-    /// refused, and so is every peer without TLS.
+    /// Common names of the accepted certificates; empty: all that the authority has signed. Other peers are refused,
+    /// and so is every peer without TLS.
     pub allow: Vec<String>,
     /// Whether to look for the other side by multicast in the local network.
     pub discover: bool,
@@ -88,18 +88,17 @@ impl Endpoints {
     pub fn check(&self) -> Result<()> {
         if self.listen.is_empty() && self.connect.is_empty() && !self.discover {
             return Err(Error::option(
-                "--listen",
-                "there is no endpoint; give --listen or --connect host:port, or --discover",
+                "listen",
+                "there is no endpoint; give an address to listen at or to connect to, or discover the other side",
             ));
         }
         if self.via_router && (self.connect.is_empty() || !self.listen.is_empty() || self.discover) {
-            let problem =
-                "both sides only connect to a router; give --connect without --listen and --discover";
-            return Err(Error::option("--router", problem));
+            let problem = "both sides only connect to a router; do not listen or discover as well";
+            return Err(Error::option("via_router", problem));
         }
         if let Some(zero) = self.connect.iter().find(|endpoint| endpoint.port == 0) {
             return Err(Error::option(
-                "--connect",
+                "connect",
                 format!("{zero}: port 0 cannot be connected to; give its port"),
             ));
         }
@@ -107,25 +106,25 @@ impl Endpoints {
         let encrypted = all.clone().find(|endpoint| endpoint.is_tls);
         if let (Some(endpoint), None) = (encrypted, &self.tls) {
             let problem = format!(
-                "{endpoint} needs a certificate; give --tls-certificate, --tls-key and --tls-authority"
+                "{endpoint} needs a certificate; give its file, those of its key and of the authority"
             );
-            return Err(Error::option("--tls-certificate", problem));
+            return Err(Error::option("tls", problem));
         }
         if let (Some(open), false) = (all.find(|endpoint| !endpoint.is_tls), self.allow.is_empty()) {
             let problem =
                 format!("{open} has no certificates to tell names by; write tls/ before its address");
-            return Err(Error::option("--allow", problem));
+            return Err(Error::option("allow", problem));
         }
         if let Some(tls) = &self.tls {
-            check_pem("--tls-certificate", &tls.certificate, "CERTIFICATE")?;
-            check_pem("--tls-key", &tls.key, "PRIVATE KEY")?;
-            check_pem("--tls-authority", &tls.authority, "CERTIFICATE")?;
+            check_pem("tls.certificate", &tls.certificate, "CERTIFICATE")?;
+            check_pem("tls.key", &tls.key, "PRIVATE KEY")?;
+            check_pem("tls.authority", &tls.authority, "CERTIFICATE")?;
         }
         Ok(())
     }
 }
 
-/// Checks that a file is readable and holds a PEM block whose label ends so.
+/// Checks that a file is readable and holds a PEM block whose label ends with `label`.
 fn check_pem(option: &str, path: &Path, label: &str) -> Result<()> {
     let text = std::fs::read_to_string(path)
         .map_err(|e| Error::option(option, format!("{}: {e}; give a file in PEM form", path.display())))?;
@@ -207,16 +206,13 @@ mod tests {
         let missing = Tls { key: folder.path().join("none.pem"), ..tls.clone() };
         let swapped = Tls { authority: tls.key.clone(), ..tls };
         let cases = [
-            (Endpoints::default(), "--listen: there is no endpoint"),
-            (Endpoints { via_router: true, ..tcp.clone() }, "--router: both sides only connect"),
-            (Endpoints { connect: vec![endpoint("host:0")], ..tcp.clone() }, "--connect: tcp/host:0: port 0"),
-            (
-                Endpoints { tls: None, ..encrypted.clone() },
-                "--tls-certificate: tls/host:1 needs a certificate",
-            ),
-            (Endpoints { allow: vec!["cam0".into()], ..tcp }, "--allow: tcp/host:1 has no certificates"),
-            (Endpoints { tls: Some(missing), ..encrypted.clone() }, "--tls-key: "),
-            (Endpoints { tls: Some(swapped), ..encrypted }, "--tls-authority: "),
+            (Endpoints::default(), "listen: there is no endpoint"),
+            (Endpoints { via_router: true, ..tcp.clone() }, "via_router: both sides only connect"),
+            (Endpoints { connect: vec![endpoint("host:0")], ..tcp.clone() }, "connect: tcp/host:0: port 0"),
+            (Endpoints { tls: None, ..encrypted.clone() }, "tls: tls/host:1 needs a certificate"),
+            (Endpoints { allow: vec!["cam0".into()], ..tcp }, "allow: tcp/host:1 has no certificates"),
+            (Endpoints { tls: Some(missing), ..encrypted.clone() }, "tls.key: "),
+            (Endpoints { tls: Some(swapped), ..encrypted }, "tls.authority: "),
         ];
         for (endpoints, expected) in cases {
             let line = endpoints.check().unwrap_err().to_string();

@@ -1,7 +1,7 @@
-//! A station's side of enrolment: its gatherer, and whether it has been started, refused or left by it.
+//! A station's side of enrolment: its gatherer, and whether the gatherer has started it, refused it or left.
 //!
-//! A state machine without a network, as [`super::roster`] is the gatherer's. A station works for the first gatherer
-//! that calls it, until that gatherer has gone; other gatherers get a failure that says so.
+//! A state machine without a network, as [`super::roster`] is for the gatherer. A station works for the first gatherer
+//! that calls it, until that gatherer leaves; other gatherers get a failure that says so.
 
 use std::collections::BTreeSet;
 use std::sync::mpsc::{SyncSender, TrySendError};
@@ -13,11 +13,11 @@ use crate::observation::Feedback;
 
 /// Action that the caller must carry out for the station.
 #[derive(Debug)]
-pub(super) enum Action {
+pub(super) enum EnrolmentAction {
     /// Send a message to the gatherer of this id.
     Send(String, Message),
     /// Write a line into the log.
-    Tell(String),
+    Log(String),
 }
 
 /// State of a station among gatherers.
@@ -27,11 +27,11 @@ pub(super) struct Enrolment {
     is_started: bool,
     is_done: bool,
     failure: Option<String>,
-    /// Sender of feedback to the station; dropped with a failure, so that nobody waits for more.
+    /// Sender of feedback to the station; dropped with a failure, so that the station stops waiting.
     feedback: Option<SyncSender<Feedback>>,
-    /// The latest line about a gatherer for which this station does not work.
+    /// Latest line about a gatherer for which this station does not work.
     hint: Option<String>,
-    told: BTreeSet<String>,
+    logged: BTreeSet<String>,
     garbage: u64,
 }
 
@@ -46,7 +46,7 @@ impl Enrolment {
             failure: None,
             feedback: Some(feedback),
             hint: None,
-            told: BTreeSet::new(),
+            logged: BTreeSet::new(),
             garbage: 0,
         }
     }
@@ -72,7 +72,7 @@ impl Enrolment {
     }
 
     /// Handles the token of a gatherer that has appeared.
-    pub(super) fn token_appeared(&mut self, token: &Token) -> Vec<Action> {
+    pub(super) fn token_appeared(&mut self, token: &Token) -> Vec<EnrolmentAction> {
         let line = if token.version != VERSION.to_string() {
             format!(
                 "a gatherer speaks version {} of the encoding, this station {VERSION}; install the same version on both \
@@ -88,18 +88,18 @@ impl Enrolment {
             return Vec::new();
         };
         self.hint = Some(line.clone());
-        self.told.insert(line.clone()).then_some(Action::Tell(line)).into_iter().collect()
+        self.logged.insert(line.clone()).then_some(EnrolmentAction::Log(line)).into_iter().collect()
     }
 
     /// Handles the token of a gatherer that has vanished.
-    pub(super) fn token_vanished(&mut self, id: &str) -> Vec<Action> {
+    pub(super) fn token_vanished(&mut self, id: &str) -> Vec<EnrolmentAction> {
         if self.gatherer.as_deref() != Some(id) {
             return Vec::new();
         }
         self.gatherer = None;
         let was_started = std::mem::take(&mut self.is_started);
         if self.hello.is_live {
-            return vec![Action::Tell("the gatherer has gone; waiting for it".to_owned())];
+            return vec![EnrolmentAction::Log("the gatherer has gone; waiting for it".to_owned())];
         }
         if was_started && !self.is_done {
             self.fail(
@@ -111,13 +111,13 @@ impl Enrolment {
     }
 
     /// Handles a message of a gatherer.
-    pub(super) fn message(&mut self, gatherer: &str, bytes: &[u8]) -> Vec<Action> {
+    pub(super) fn message(&mut self, gatherer: &str, bytes: &[u8]) -> Vec<EnrolmentAction> {
         let message = match Message::decode(bytes, Limits::NO_MASK) {
             Ok(message) => message,
             Err(malformed) => {
                 self.garbage += 1;
                 let line = format!("a message of a gatherer is refused: {malformed}; more are counted");
-                return (self.garbage == 1).then_some(Action::Tell(line)).into_iter().collect();
+                return (self.garbage == 1).then_some(EnrolmentAction::Log(line)).into_iter().collect();
             }
         };
         if self.failure.is_some() {
@@ -127,13 +127,13 @@ impl Enrolment {
         match message {
             Message::Call if is_other => {
                 let line = "it works for another gatherer; stop one of the two".to_owned();
-                vec![Action::Send(gatherer.to_owned(), Message::Failure(line))]
+                vec![EnrolmentAction::Send(gatherer.to_owned(), Message::Failure(line))]
             }
             Message::Call => {
                 self.gatherer = Some(gatherer.to_owned());
-                vec![Action::Send(gatherer.to_owned(), Message::Hello(self.hello.clone()))]
+                vec![EnrolmentAction::Send(gatherer.to_owned(), Message::Hello(self.hello.clone()))]
             }
-            // A refusal may come before a call.
+            // A refusal may arrive before a call.
             Message::Refusal(line) if !is_other => {
                 self.fail(format!("the gatherer refuses it: {line}"));
                 Vec::new()
@@ -142,7 +142,7 @@ impl Enrolment {
             Message::Start => {
                 let is_news = !std::mem::replace(&mut self.is_started, true);
                 let line = "the gatherer has started this station".to_owned();
-                is_news.then_some(Action::Tell(line)).into_iter().collect()
+                is_news.then_some(EnrolmentAction::Log(line)).into_iter().collect()
             }
             Message::Feedback(feedback) => self.feedback(feedback),
             Message::Done => {
@@ -160,7 +160,7 @@ impl Enrolment {
         self.is_started = false;
     }
 
-    fn feedback(&mut self, feedback: Feedback) -> Vec<Action> {
+    fn feedback(&mut self, feedback: Feedback) -> Vec<EnrolmentAction> {
         let Some(channel) = &self.feedback else { return Vec::new() };
         match channel.try_send(feedback) {
             Ok(()) | Err(TrySendError::Disconnected(_)) => {}
@@ -189,7 +189,7 @@ mod tests {
         (Enrolment::new(hello, sender), feedback)
     }
 
-    fn say(station: &mut Enrolment, gatherer: &str, message: &Message) -> Vec<Action> {
+    fn say(station: &mut Enrolment, gatherer: &str, message: &Message) -> Vec<EnrolmentAction> {
         station.message(gatherer, &message.encode().unwrap())
     }
 
@@ -203,9 +203,9 @@ mod tests {
         say(&mut station, "1", &Message::Start);
         assert_eq!(station.started_by(), None);
         let answer = say(&mut station, "1", &Message::Call);
-        assert!(matches!(&answer[..], [Action::Send(to, Message::Hello(_))] if to == "1"));
+        assert!(matches!(&answer[..], [EnrolmentAction::Send(to, Message::Hello(_))] if to == "1"));
         let answer = say(&mut station, "2", &Message::Call);
-        assert!(matches!(&answer[..], [Action::Send(to, Message::Failure(_))] if to == "2"));
+        assert!(matches!(&answer[..], [EnrolmentAction::Send(to, Message::Failure(_))] if to == "2"));
         say(&mut station, "2", &Message::Start);
         assert_eq!(station.started_by(), None);
         say(&mut station, "1", &Message::Start);

@@ -2,8 +2,7 @@
 
 use scenes::room::Room;
 
-/// Digest of the facts that a station and its gatherer must agree on: names, lenses and poses of all cameras of a
-/// room.
+/// Digest of the facts that a station and its gatherer must agree on: names, lenses and poses of all cameras of a room.
 ///
 /// Zones, floor and geometry are the gatherer's alone and are no part of it; nor is the cameras' order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -17,7 +16,7 @@ impl Fingerprint {
     /// Length in bytes.
     pub(crate) const BYTES: usize = 16;
 
-    /// The fingerprint of a room.
+    /// Fingerprint of a room.
     pub fn of(room: &Room) -> Self {
         let mut cameras: Vec<_> = room.cameras.iter().collect();
         cameras.sort_by(|a, b| a.name.cmp(&b.name));
@@ -41,7 +40,7 @@ impl Fingerprint {
     }
 }
 
-/// Writes the first 8 bytes as 16 hexadecimal digits, as they stand in keys and log lines.
+/// Writes the first 8 bytes as 16 hexadecimal digits, as used in keys and log lines.
 impl std::fmt::Display for Fingerprint {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         self.0[..8].iter().try_for_each(|byte| write!(f, "{byte:02x}"))

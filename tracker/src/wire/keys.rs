@@ -1,17 +1,18 @@
 //! Keys under which stations and gatherers, and stations that track together, find each other and exchange messages.
 //!
-//! | key | what |
+//! | key | content |
 //! |---|---|
 //! | `roomtrack/station/VERSION/ROOM/CAMERA/STATION` | liveliness token of a station |
 //! | `roomtrack/gatherer/VERSION/ROOM/GATHERER` | liveliness token of a gatherer |
 //! | `roomtrack/VERSION/ROOM/up/CAMERA/STATION/GATHERER` | messages of a station |
 //! | `roomtrack/VERSION/ROOM/down/CAMERA/STATION/GATHERER` | messages to a station |
 //! | `roomtrack/agents/VERSION/ROOM/CAMERA/LIFE` | liveliness token of a station that tracks with others |
-//! | `roomtrack/VERSION/ROOM/agents/CAMERA` | its packets |
+//! | `roomtrack/VERSION/ROOM/agents/CAMERA` | packets of such a station |
 //!
-//! VERSION is the encoding's (of agents: the packets'), LIFE a number drawn at the start, ROOM the [`Fingerprint`] in hexadecimal digits, STATION and GATHERER the Zenoh ids of
-//! their sessions. CAMERA is the camera's name with every byte but ASCII letters, digits, `-` and `_` written as
-//! `%XX`. The tokens' keys stay as they are in all versions, so that other versions are noticed.
+//! VERSION is the encoding's (for agents: the packets'), LIFE a number drawn at the start, ROOM the [`Fingerprint`] in
+//! hexadecimal digits, STATION and GATHERER the Zenoh ids of their sessions. CAMERA is the camera's name with every
+//! byte except ASCII letters, digits, `-` and `_` written as `%XX`. The tokens' keys are the same in all versions, so
+//! that other versions are noticed.
 
 use super::Fingerprint;
 use super::encoding::VERSION;
@@ -29,7 +30,7 @@ pub(super) const ALL: &str = "roomtrack/**";
 /// Contents of a liveliness token's key.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Token {
-    /// Version of the encoding that its owner speaks.
+    /// Version of the encoding that its owner uses.
     pub version: String,
     /// Its owner's room.
     pub room: String,
@@ -40,7 +41,7 @@ pub(super) struct Token {
 }
 
 impl Token {
-    /// The token of a station or, without a camera, of a gatherer of this version.
+    /// Token of a station or, without a camera, of a gatherer of this version.
     pub(super) fn new(room: Fingerprint, camera: Option<&str>, id: &str) -> Self {
         Self {
             version: VERSION.to_string(),
@@ -73,17 +74,17 @@ impl Token {
     }
 }
 
-/// The key of the messages from (`up`) or to (`down`) a station.
+/// Key of the messages from (`up`) or to (`down`) a station.
 pub(super) fn messages(room: Fingerprint, way: &str, camera: &str, station: &str, gatherer: &str) -> String {
     format!("roomtrack/{VERSION}/{room}/{way}/{}/{station}/{gatherer}", escaped(camera))
 }
 
-/// The keys of all messages to one gatherer.
+/// Keys of all messages to one gatherer.
 pub(super) fn messages_to_gatherer(room: Fingerprint, gatherer: &str) -> String {
     format!("roomtrack/{VERSION}/{room}/up/*/*/{gatherer}")
 }
 
-/// The keys of all messages to one station.
+/// Keys of all messages to one station.
 pub(super) fn messages_to_station(room: Fingerprint, camera: &str, station: &str) -> String {
     format!("roomtrack/{VERSION}/{room}/down/{}/{station}/*", escaped(camera))
 }
@@ -98,7 +99,7 @@ pub(super) fn parties(key: &str) -> Option<(String, String, String)> {
 /// Contents of the key of the liveliness token of a station that tracks with others.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct AgentsToken {
-    /// Version of the packets that it speaks.
+    /// Version of the packets that the station uses.
     pub version: String,
     /// Its room.
     pub room: String,
@@ -109,7 +110,7 @@ pub(super) struct AgentsToken {
 }
 
 impl AgentsToken {
-    /// The token of a station of this version.
+    /// Token of a station of this version.
     pub(super) fn new(room: Fingerprint, camera: &str, life: u32) -> Self {
         Self { version: PACKET_VERSION.to_string(), room: room.to_string(), camera: camera.to_owned(), life }
     }
@@ -129,7 +130,7 @@ impl AgentsToken {
     }
 }
 
-/// The key of the packets of one camera's station, or of all where there is none; of all rooms where there is none.
+/// Key of the packets of one camera's station, or of all without a camera; of all rooms without a room.
 pub(super) fn packets(room: Option<Fingerprint>, camera: Option<&str>) -> String {
     let room = room.map_or("*".to_owned(), |room| room.to_string());
     format!("roomtrack/{PACKET_VERSION}/{room}/agents/{}", camera.map_or("*".to_owned(), escaped))

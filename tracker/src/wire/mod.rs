@@ -1,10 +1,10 @@
 //! Stations in processes of their own, on other machines.
 //!
 //! A *station* observes one camera and sends its observations; a *gatherer* (`tracker run --stations`) receives those
-//! of all cameras and sends back its estimate of the people who are present. Only observations leave a station:
-//! masks, colours of the foreground, health and times; and the filmed picture, where the station was asked for it.
+//! of all cameras and sends back its estimates of the people. Only observations leave a station: masks, colours of the
+//! foreground, health and times; and the filmed picture, if the station is configured to send it.
 //!
-//! Or stations track together, without a gatherer: then only packets leave them ([`mesh`]).
+//! Stations can also track together, without a gatherer: then only packets leave them ([`mesh`]).
 //!
 //! * [`mesh`], [`packet`] — stations that track together, and the bytes of their packets.
 //! * [`encoding`] — the bytes of the messages. Lossless, versioned, limited; hostile bytes are refused.
@@ -14,9 +14,9 @@
 //! * [`Downlink`] — a gatherer's end: one [`Port`](crate::station::Port) a camera, events into the
 //!   [`Inbox`](crate::station::Inbox).
 //!
-//! The engine is Zenoh, behind the cargo feature `zenoh`. Without it [`Uplink::open`], [`Downlink::open`] and
-//! [`Mesh::open`] return an error that says how to get it; everything else is the same. Both ends must be used from threads that run no
-//! async runtime.
+//! The transport is Zenoh, behind the cargo feature `zenoh`. Without it [`Uplink::open`], [`Downlink::open`] and
+//! [`Mesh::open`] return an error that tells how to install it; everything else is the same. Both ends must be used
+//! from threads without an async runtime.
 //!
 //! ```no_run
 //! use std::sync::{atomic::AtomicBool, mpsc};
@@ -83,36 +83,36 @@ pub use self::network::{Downlink, Uplink};
 /// Properties of a station: its first message.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Hello {
-    /// The room that the station's camera belongs to.
+    /// Room of the station's camera.
     pub room: Fingerprint,
-    /// The camera's name in that room, at most [`encoding::LONGEST_NAME`] bytes.
+    /// Name of the camera in that room, at most [`encoding::LONGEST_NAME`] bytes.
     pub camera: String,
-    /// Width of the station's masks in pixels.
+    /// Width of the station's masks, pixels.
     pub width: u32,
-    /// Height of the station's masks in pixels.
+    /// Height of the station's masks, pixels.
     pub height: u32,
     /// Whether the source is live; otherwise it is a recording.
     pub is_live: bool,
-    /// Mean frames a second, where the source states them.
+    /// Mean frame rate, frames a second, if the source states it.
     pub rate_hz: Option<f64>,
 }
 
-/// The stations that a gatherer works with.
+/// Stations that a gatherer expects.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Expected {
-    /// The room; stations of other rooms are left out.
+pub struct ExpectedStations {
+    /// Room; stations of other rooms are ignored.
     pub room: Fingerprint,
-    /// The stage's cameras, in its order.
+    /// Cameras of the prepared room, in its order.
     pub cameras: Vec<ExpectedCamera>,
 }
 
-/// One camera of a stage, and the size in which its masks are wanted.
+/// A camera of a room, and the size of its masks.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ExpectedCamera {
-    /// Its name in the room.
+    /// Name in the room.
     pub name: String,
-    /// Width of its masks in pixels.
+    /// Width of its masks, pixels.
     pub width: u32,
-    /// Height of its masks in pixels.
+    /// Height of its masks, pixels.
     pub height: u32,
 }

@@ -1,4 +1,4 @@
-//! For tests of sessions on the loopback.
+//! Helpers for tests of sessions on the loopback.
 
 use std::net::TcpListener;
 
@@ -10,7 +10,7 @@ pub(super) fn free_address() -> String {
     format!("127.0.0.1:{}", listener.local_addr().unwrap().port())
 }
 
-/// Session of a stranger that may do everything that Zenoh allows.
+/// Session of an unknown peer that may do everything that Zenoh allows.
 pub(super) fn stranger(address: &str) -> Session {
     let mut config = zenoh::Config::default();
     for (key, value) in [

@@ -19,7 +19,7 @@ fn show(model: &mut PixelModel, color: [u8; 3], seconds: f32) -> u8 {
     show_under(model, color, seconds, 0)
 }
 
-/// The same where a believed person is seen (255) or not (0).
+/// The same under a believed person (255) or not (0).
 fn show_under(model: &mut PixelModel, color: [u8; 3], seconds: f32, people: u8) -> u8 {
     let (mut expected, mut score) = (flat([0; 3]), GrayImage::new(16, 12));
     for _ in 0..(10.0 * seconds) as usize {
@@ -28,7 +28,7 @@ fn show_under(model: &mut PixelModel, color: [u8; 3], seconds: f32, people: u8) 
         let mask =
             GrayImage::from_fn(16, 12, |u, v| Luma([255 * u8::from(score.get_pixel(u, v)[0] >= THRESHOLD)]));
         let people = GrayImage::from_pixel(16, 12, Luma([people]));
-        let judged = Judged { score: &score, mask: &mask, people: &people };
+        let judged = ScoredFrame { score: &score, mask: &mask, people: &people };
         model.learn(&frame, &Exposure::default(), judged, 0.1);
     }
     score.get_pixel(3, 3)[0]
@@ -49,7 +49,7 @@ fn the_threshold_is_at_the_tolerance() {
 #[test]
 fn many_pixels_at_once_are_scored_as_each_alone() {
     let mut rng = Pcg64Mcg::seed_from_u64(2);
-    // A whole number of chunks and a rest; with and without a former background.
+    // A whole number of chunks and a remainder; with and without a former background.
     for (former, (gain, bias)) in
         [false, true].into_iter().zip([([0.6, 1.0, 3.2], [40.0, 0.0, -90.0]), ([1.0; 3], [0.0; 3])])
     {
@@ -90,7 +90,7 @@ fn many_pixels_at_once_are_scored_as_each_alone() {
             } else if former {
                 truth = truth.min(scaled(off(&picture)).max(2.0));
             }
-            // A level's rounding moves the square of the distance by up to two distances.
+            // Rounding by a level changes the square of the distance by up to two distances.
             let slack = 1.5 + scaled(2.0 * off(&now).sqrt() + 3.0);
             let found = score.as_raw()[i] as f64;
             let edge = (truth - 16.0).abs() < slack;
@@ -104,12 +104,12 @@ fn a_person_who_stands_for_a_minute_stays_and_a_chair_is_absorbed_in_the_end() {
     let mut model = model(120.0);
     assert_eq!(show(&mut model, [30, 30, 60], 60.0), 255, "a person still stands out after a minute");
     assert_eq!(show(&mut model, [30, 30, 60], 65.0), 0, "a chair does not after two");
-    // The old background is known at once where the chair is taken away.
+    // The old background is known at once when the chair is taken away.
     assert!(show(&mut model, [100, 110, 120], 0.1) < THRESHOLD / 8);
 }
 
 #[test]
-fn what_lies_under_a_believed_person_is_not_absorbed_and_the_background_shows_when_they_leave() {
+fn a_believed_person_is_not_absorbed_and_the_background_returns_when_they_leave() {
     const CLOTHES: [u8; 3] = [30, 30, 60];
     const FLOOR: [u8; 3] = [100, 110, 120];
     let mut model = model(120.0);
@@ -117,7 +117,7 @@ fn what_lies_under_a_believed_person_is_not_absorbed_and_the_background_shows_wh
     for minutes in 1..=20 {
         assert_eq!(show_under(&mut model, CLOTHES, 60.0, 255), 255, "after {minutes} minutes");
     }
-    // Lost for a minute and a half, and found again.
+    // Lost for a minute and a half, then found again.
     assert_eq!(show(&mut model, CLOTHES, 90.0), 255);
     show_under(&mut model, CLOTHES, 120.0, 255);
     assert_eq!(show(&mut model, FLOOR, 0.1), 0);

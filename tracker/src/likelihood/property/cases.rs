@@ -1,13 +1,13 @@
-//! The hard cases, counted by rays: a property is worth its name only if they occurred.
+//! The difficult cases, counted by rays: the property test is meaningful only if they occurred.
 
 use std::collections::BTreeMap;
 use std::fmt;
 
 use super::Decisions;
-use super::scene::{Meeting, Scene, meet};
+use super::scene::{RayMeeting, TestScene, meet};
 use crate::silhouette::Ellipsoid;
 
-/// What must have occurred, and how often at least.
+/// Cases that must have occurred, with the least number of occurrences.
 const WANTED: [(&str, u32); 17] = [
     ("scene with a lens", 1500),
     ("scene of blocks", 1500),
@@ -28,7 +28,7 @@ const WANTED: [(&str, u32); 17] = [
     ("in front of each other", 2000),
 ];
 
-/// How often each case occurred.
+/// Number of occurrences of each case.
 #[derive(Default)]
 pub(super) struct Cases(BTreeMap<&'static str, u32>);
 
@@ -37,20 +37,23 @@ impl Cases {
         *self.0.entry(case).or_default() += u32::from(occurs);
     }
 
-    pub(super) fn note_scene(&mut self, scene: &Scene) {
-        self.note("scene with a lens", !scene.stage.real.intrinsics.distortion.is_none());
+    pub(super) fn note_scene(&mut self, scene: &TestScene) {
+        self.note("scene with a lens", !scene.camera.real.intrinsics.distortion.is_none());
         self.note("scene of blocks", scene.view.block > 1);
-        self.note("part of the twin not filmed", scene.sights.iter().any(|s| s.is_shown == Some(false)));
+        self.note(
+            "part of the twin not filmed",
+            scene.traced_pixels.iter().any(|s| s.is_shown == Some(false)),
+        );
         let is_of_discs = scene.room.is_of_discs();
         self.note("room of discs", is_of_discs == Some(true));
         self.note("room of triangles", is_of_discs == Some(false));
     }
 
-    /// A body that comes into a scene or moves in it.
-    pub(super) fn note_body(&mut self, scene: &Scene, body: &Ellipsoid) {
+    /// Notes the cases of a body that comes into a scene or moves in it.
+    pub(super) fn note_body(&mut self, scene: &TestScene, body: &Ellipsoid) {
         let eye = scene.eye();
         let forward = scene.to_world(&nalgebra::Vector3::z());
-        // Along the camera's z: the body's middle, and how far it reaches from there.
+        // Along the camera's z: the body's middle, and its extent from there.
         let middle_m = forward.dot(&(body.center - eye));
         let reach_m = forward.component_mul(&body.semi_axes).norm();
         let is_around = (eye - body.center).component_div(&body.semi_axes).norm() < 1.0;
@@ -60,12 +63,12 @@ impl Cases {
             return;
         }
         let (mut seen, mut furniture, mut floor, mut lens) = (0, 0, 0, 0);
-        for sight in &scene.sights {
-            let [is_met, is_seen] = sight.of(&eye, body);
+        for traced in &scene.traced_pixels {
+            let [is_met, is_seen] = traced.of(&eye, body);
             seen += u32::from(is_seen == Some(true));
             if (is_met, is_seen) == (Some(true), Some(false)) {
-                match sight.is_shown {
-                    Some(true) if sight.furniture.to_m < sight.floor.from_m => furniture += 1,
+                match traced.is_shown {
+                    Some(true) if traced.furniture.to_m < traced.floor.from_m => furniture += 1,
                     Some(true) => floor += 1,
                     _ => lens += 1,
                 }
@@ -80,8 +83,8 @@ impl Cases {
         // Seen in the outermost pixel, and met one pixel farther out.
         let is_cut = |inside: (i32, i32), outside: (i32, i32)| {
             let ray = scene.to_world(&scene.middle(outside.0, outside.1).ray);
-            scene.sights[(inside.1 * width + inside.0) as usize].of(&eye, body)[1] == Some(true)
-                && matches!(meet(&eye, &ray, body), Meeting::At(_))
+            scene.traced_pixels[(inside.1 * width + inside.0) as usize].of(&eye, body)[1] == Some(true)
+                && matches!(meet(&eye, &ray, body), RayMeeting::At(_))
         };
         self.note("cut by the left border", (0..height).any(|v| is_cut((0, v), (-1, v))));
         self.note("cut by the right border", (0..height).any(|v| is_cut((width - 1, v), (width, v))));
@@ -89,14 +92,14 @@ impl Cases {
         self.note("cut by the lower border", (0..width).any(|u| is_cut((u, height - 1), (u, height))));
     }
 
-    /// A state: of each body, what is seen of each of its shapes.
+    /// Notes overlaps in a state, from the visible pixels of each shape of each body.
     pub(super) fn note_overlap(&mut self, seen: &[Vec<Decisions>]) {
         let pixels = seen.first().map_or(0, |body| body[0].len());
         let several = |i: usize| seen.iter().filter(|body| body[0][i] == Some(true)).nth(1).is_some();
         self.note("in front of each other", (0..pixels).any(several));
     }
 
-    /// That each case occurred as often as it has to.
+    /// Asserts that each case occurred often enough.
     pub(super) fn assert_all(&self) {
         for (case, least) in WANTED {
             let found = self.0.get(case).copied().unwrap_or(0);

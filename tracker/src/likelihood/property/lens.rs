@@ -1,43 +1,45 @@
-//! Where a film shows what a pixel of the pinhole twin looks at: the textbook's lens (OpenCV's `[k1, k2, p1, p2, k3]`).
+//! Mapping from a pixel of the pinhole twin to the filmed image, by OpenCV's distortion formula `[k1, k2, p1, p2, k3]`.
 
 use calib::{Distortion, Intrinsics};
 use nalgebra::{Point2, Vector2, Vector3};
 
-/// How near the image's rim (in pixels) or the lens's fold (in parts of its radius) it is left open what the lens shows.
+/// Distance from the image's rim (pixels) or from the lens's fold (fraction of its radius) within which visibility is
+/// undecided.
 const RIM: f64 = 1e-6;
-/// From which part of the fold's radius on a filmed place need not tell its ray: two rays come closer and closer there.
+/// Fraction of the fold's radius from which on a filmed place does not determine its ray: two rays approach each other
+/// there.
 const NEAR_FOLD: f64 = 0.98;
 
-/// A camera's film, seen from the twin.
-pub(super) struct Lens {
+/// Filmed image of a camera, as seen from its pinhole twin.
+pub(super) struct FilmLens {
     intrinsics: Intrinsics,
     fold: f64,
 }
 
-/// What the lens makes of a pixel of the twin.
-pub(super) struct Filmed {
-    /// Where in the film; within the image or outside.
+/// Filmed place of a pixel of the twin.
+pub(super) struct FilmedPlace {
+    /// Place in the filmed image plane, pixels; within the image or outside.
     pub(super) place: Point2<f64>,
-    /// Whether the film shows it.
+    /// Whether the film shows it; `None` if undecided.
     pub(super) is_shown: Option<bool>,
-    /// Where the camera looks at that place: camera frame, z = 1.
+    /// Ray of that place: camera frame, z = 1.
     pub(super) ray: Vector3<f64>,
 }
 
-impl Lens {
+impl FilmLens {
     pub(super) fn new(intrinsics: &Intrinsics) -> Self {
         Self { intrinsics: intrinsics.clone(), fold: fold(&intrinsics.distortion) }
     }
 
-    /// The film of a place in the twin's image. Its ray is cast through the lens; where the film shows nothing, through
-    /// the twin.
-    pub(super) fn of(&self, twin: &Point2<f64>) -> Filmed {
+    /// Filmed place of a point in the twin's image. Its ray is computed through the lens; where the film shows nothing,
+    /// through the twin.
+    pub(super) fn of(&self, twin: &Point2<f64>) -> FilmedPlace {
         let k = &self.intrinsics;
         let straight = Vector2::new((twin.x - k.cx) / k.fx, (twin.y - k.cy) / k.fy);
         let bent = bend(&k.distortion, &straight);
         let place = Point2::new(k.cx + k.fx * bent.x, k.cy + k.fy * bent.y);
         let radius = straight.norm() / self.fold;
-        // How far inside, negative outside, in the most doubtful direction.
+        // Distance inside (negative: outside) in the most critical direction.
         let (right, bottom) = (f64::from(k.width) - 0.5 - place.x, f64::from(k.height) - 0.5 - place.y);
         let inside = (place.x + 0.5).min(place.y + 0.5).min(right).min(bottom).min(1.0 - radius);
         let is_shown = (inside.abs() > RIM).then_some(inside > 0.0);
@@ -46,7 +48,7 @@ impl Lens {
         } else {
             Vector3::new(straight.x, straight.y, 1.0)
         };
-        Filmed { place, is_shown, ray }
+        FilmedPlace { place, is_shown, ray }
     }
 }
 
@@ -59,7 +61,7 @@ fn bend(d: &Distortion, p: &Vector2<f64>) -> Vector2<f64> {
     )
 }
 
-/// The radius from which on the radial part falls, found by walking outwards.
+/// Radius from which on the radial part decreases, found by stepping outwards.
 fn fold(d: &Distortion) -> f64 {
     const STEP: f64 = 1e-4;
     let grows = |r: f64| 1.0 + 3.0 * d.k1 * r.powi(2) + 5.0 * d.k2 * r.powi(4) + 7.0 * d.k3 * r.powi(6) > 0.0;

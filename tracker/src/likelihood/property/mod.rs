@@ -1,21 +1,24 @@
-//! The property that the tracker rests on: what [`super::Simulation`] counts, change by change, is what rays count.
+//! Property test of the likelihood: every count that [`super::Simulation`] updates change by change equals the count by
+//! rays.
 //!
-//! Thousands of random rooms, each with a camera that is made ready as a run does it, its mask brought into the pinhole
-//! twin as a run does it; and beside it an oracle that shares none of the code in between: the room surface by surface,
-//! the lens by its formula, every body by where a ray meets it. What is equal:
+//! Thousands of random rooms are tested, each with a camera that is prepared as in a run and a mask that is mapped into
+//! the pinhole twin as in a run. An oracle beside it shares none of that code: it intersects the room surface by
+//! surface, applies the lens by its formula, and intersects every body with every ray. The test compares:
 //!
-//! * **The simulation, exactly.** A pixel of the twin has a place in the film, between pixels. It is simulated where the ray that
-//!   the lens gives to that place meets a body in front of room and floor; never where the film does not show it.
-//! * **The foreground, exactly.** It is what the filmed pixel nearest to that place says.
-//! * **Film and simulation, up to resampling**, which is no property of the simulation and not tried here: the two look along
-//!   rays that are as much as half a filmed pixel apart, each way.
-//! * **A coarse view** looks for bodies along the middles of its blocks, has the depth of one pixel there
-//!   ([`scene::Sight`]), and is foreground where half of the block is.
+//! * **The simulation, exactly.** A pixel of the twin has a place in the film, between pixels. It is simulated where
+//!   the ray that the lens gives to that place meets a body in front of room and floor; never where the film does not
+//!   show it.
+//! * **The foreground, exactly.** It is that of the filmed pixel nearest to that place.
+//! * **Film and simulation, up to resampling**, which is no property of the simulation and not tested here: the two use
+//!   rays that differ by up to half a filmed pixel, each way.
+//! * **A coarse view** uses rays through the middles of its blocks, has the depth of one pixel there
+//!   ([`scene::TracedPixel`]), and is foreground where half of the block is.
 //!
-//! Numbers differ in their last digits, and the tracker intersects the room in f32. So the oracle leaves open what is
-//! within a tolerance of a boundary: a surface of the room within a hundredth of a millimetre ([`room`]), an outline within a
-//! billionth, a place within a fifty-thousandth of a pixel of the middle between two ([`scene`]), a millionth of the lens's rim
-//! ([`lens`]). Counts then have bounds, nearly always a single number, and how often they are not is limited, too.
+//! Results differ in their last digits, and the tracker intersects the room in f32. So the oracle leaves undecided what
+//! is within a tolerance of a boundary: a surface of the room within a hundredth of a millimetre ([`room`]), an outline
+//! within a billionth, a place within a fifty-thousandth of a pixel of the middle between two ([`scene`]), a millionth
+//! of the lens's rim ([`lens`]). Counts then have bounds, nearly always a single number, and the test limits how often
+//! they are not.
 
 mod cases;
 mod lens;
@@ -27,21 +30,21 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 use self::cases::Cases;
-use self::scene::{Scene, random_film};
+use self::scene::{TestScene, random_film};
 use super::random_body::random_body;
 use super::{Counts, Layers, Simulation};
 use crate::silhouette::{Body, Shape};
 
-/// One decision a pixel, `None` where it is left open.
+/// One decision a pixel; `None` where it is undecided.
 type Decisions = Vec<Option<bool>>;
 
-/// Which of a view's pixels show a body, by rays.
-fn traced(scene: &Scene, shape: &Shape, body: &Body) -> Decisions {
+/// Decides by rays, for each pixel of a view, whether it shows a body.
+fn traced(scene: &TestScene, shape: &Shape, body: &Body) -> Decisions {
     let (eye, solid) = (scene.eye(), shape.of(body));
-    scene.sights.iter().map(|sight| sight.of(&eye, &solid)[1]).collect()
+    scene.traced_pixels.iter().map(|traced| traced.of(&eye, &solid)[1]).collect()
 }
 
-/// The least and the most that may be counted of these bodies.
+/// Least and largest possible counts of these bodies.
 fn bounds(foreground: &Decisions, bodies: &[&Decisions]) -> [Counts; 2] {
     let mut bounds = [Counts::default(); 2];
     for (i, is_foreground) in foreground.iter().enumerate() {
@@ -63,7 +66,8 @@ fn is_within(counts: &Counts, [low, high]: &[Counts; 2]) -> bool {
         && (low.both..=high.both).contains(&counts.both)
 }
 
-/// A change as the sampler makes them: somebody comes, goes or moves. The number of who goes, and who comes.
+/// A random change as the sampler makes them: a birth, a death or a move. Returns the index of the removed body, and
+/// the new body.
 fn random_change(bodies: &[Body], eye: &Point3<f64>, rng: &mut Pcg64Mcg) -> (Option<usize>, Option<Body>) {
     let kind = rng.random_range(0..4);
     if bodies.is_empty() || (kind < 2 && bodies.len() < 24) {
@@ -77,7 +81,7 @@ fn random_change(bodies: &[Body], eye: &Point3<f64>, rng: &mut Pcg64Mcg) -> (Opt
     (Some(which), (kind == 3).then_some(moved))
 }
 
-/// 3000 scenes, ten changes in each.
+/// Tests 3000 scenes with ten changes each.
 #[test]
 fn every_change_counts_what_rays_through_the_lens_count() {
     const SHAPES: [&[Shape]; 4] =
@@ -88,9 +92,9 @@ fn every_change_counts_what_rays_through_the_lens_count() {
     let (mut counted, mut left_open, mut off_middle) = (0, 0, 0);
     for number in 0..SCENES {
         let block = [1, 2, 3, 1, 4, 5, 1][number % 7];
-        let scene = Scene::random(block, number % 3 != 0, &mut rng);
+        let scene = TestScene::random(block, number % 3 != 0, &mut rng);
         cases.note_scene(&scene);
-        let (packed, foreground) = scene.foreground(&random_film(&scene.stage, &mut rng));
+        let (packed, foreground) = scene.foreground(&random_film(&scene.camera, &mut rng));
         let shapes = SHAPES[number % SHAPES.len()];
         let layers = Layers::new(vec![scene.view.clone()], shapes);
         let mut simulation = Simulation::new(&layers);
@@ -98,7 +102,7 @@ fn every_change_counts_what_rays_through_the_lens_count() {
         let draw = |body: &Body| layers.silhouettes(body, |_| true);
         let rays =
             |body: &Body| -> Vec<Decisions> { shapes.iter().map(|s| traced(&scene, s, body)).collect() };
-        // Now and then a crowd.
+        // Some scenes begin with a crowd.
         let mut bodies: Vec<Body> = Vec::new();
         let mut seen: Vec<Vec<Decisions>> = Vec::new();
         for _ in 0..if number % 50 == 0 { 20 } else { 0 } {
@@ -134,7 +138,7 @@ fn every_change_counts_what_rays_through_the_lens_count() {
                 assert!(
                     is_within(tried, &bounds),
                     "scene {number}, blocks of {block}: {tried:?} is not within {bounds:?}\n{:?}\n{changed:?}",
-                    scene.stage.real
+                    scene.camera.real
                 );
                 let in_vain = |c: &Counts| c.simulated - c.both;
                 assert!(hoped.both >= tried.both && in_vain(&hoped) <= in_vain(tried), "{hoped:?}");
@@ -142,7 +146,7 @@ fn every_change_counts_what_rays_through_the_lens_count() {
                 left_open += u32::from(bounds[0] != bounds[1]);
                 off_middle += u32::from(*tried != bounds[0] && *tried != bounds[1]);
             }
-            // What was tried and not taken must leave no trace.
+            // A change that was tried but not committed must leave no trace.
             if rng.random::<f32>() < 0.6 {
                 simulation.commit(drawn_old.as_deref(), drawn_new.as_deref());
                 (bodies, seen) = (changed, changed_seen);

@@ -1,4 +1,5 @@
-//! A furnished room, and how far it is along a ray: every surface in turn, in f64. The tracker gets its triangles or discs.
+//! A furnished room and the depth along a ray in it: every surface in turn, in f64. The tracker gets its triangles or
+//! discs.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -8,16 +9,16 @@ use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 use scenes::geometry::{Disc, Geometry, Mesh, point_from_vec3, vec3_from_point, vector_from_vec3};
 
-/// How well the place of a surface is known. The tracker intersects in f32, which errs by a micrometre or so.
+/// Uncertainty of a surface's position, metres. The tracker intersects in f32, with an error of about a micrometre.
 const SURFACE_M: f64 = 1e-5;
 
-/// What stands about.
-pub(super) struct Room {
-    surfaces: Vec<Surface>,
+/// Furniture and walls.
+pub(super) struct FurnishedRoom {
+    surfaces: Vec<RoomSurface>,
 }
 
-enum Surface {
-    /// Turned around the vertical.
+enum RoomSurface {
+    /// A box rotated around the vertical.
     Cuboid {
         center: Point3<f64>,
         half: Vector3<f64>,
@@ -26,35 +27,35 @@ enum Surface {
     Disc(Disc),
 }
 
-/// Depth of something along a camera's z: within these, metres.
+/// Interval of the depth of something along a camera's z, metres.
 #[derive(Clone, Copy)]
-pub(super) struct Depth {
+pub(super) struct DepthRange {
     pub(super) from_m: f64,
     pub(super) to_m: f64,
 }
 
-impl Depth {
+impl DepthRange {
     pub(super) const NEVER: Self = Self { from_m: f64::INFINITY, to_m: f64::INFINITY };
 
-    /// What comes first of two.
+    /// The nearer of two depths.
     pub(super) fn first(self, other: Self) -> Self {
         Self { from_m: self.from_m.min(other.from_m), to_m: self.to_m.min(other.to_m) }
     }
 
-    /// Depths of the same surface, a little nearer and a little farther; a miss is never met.
+    /// Interval between the depths of the same surface moved a little nearer and a little farther; a miss is never met.
     fn between(a: Option<f64>, b: Option<f64>) -> Self {
         let (a, b) = (a.unwrap_or(f64::INFINITY), b.unwrap_or(f64::INFINITY));
         Self { from_m: a.min(b), to_m: a.max(b) }
     }
 }
 
-impl Room {
-    /// Furniture as triangles, often with walls around it, or as discs that are spread over it.
+impl FurnishedRoom {
+    /// Random furniture as triangles, often with walls around it, or as discs spread over it.
     pub(super) fn random(rng: &mut Pcg64Mcg) -> Self {
         let mut cuboids: Vec<_> = (0..rng.random_range(0..6)).map(|_| furniture(rng)).collect();
         if rng.random() {
             let surfaces =
-                cuboids.iter().flat_map(|cuboid| discs_over(cuboid, rng)).map(Surface::Disc).collect();
+                cuboids.iter().flat_map(|cuboid| discs_over(cuboid, rng)).map(RoomSurface::Disc).collect();
             return Self { surfaces };
         }
         if rng.random() {
@@ -63,24 +64,24 @@ impl Room {
         Self { surfaces: cuboids }
     }
 
-    /// Whether it is discs or triangles; `None` for an empty room.
+    /// Whether the room is of discs or of triangles; `None` for an empty room.
     pub(super) fn is_of_discs(&self) -> Option<bool> {
-        self.surfaces.first().map(|surface| matches!(surface, Surface::Disc(_)))
+        self.surfaces.first().map(|surface| matches!(surface, RoomSurface::Disc(_)))
     }
 
-    /// As a room directory holds it; `None` for an empty room.
+    /// Geometry as in a room directory; `None` for an empty room.
     pub(super) fn geometry(&self) -> Option<Geometry> {
         let discs: Vec<Disc> = self
             .surfaces
             .iter()
-            .filter_map(|s| if let Surface::Disc(d) = s { Some(*d) } else { None })
+            .filter_map(|s| if let RoomSurface::Disc(d) = s { Some(*d) } else { None })
             .collect();
         if !discs.is_empty() {
             return Some(Geometry::Discs(discs));
         }
         let mut mesh = Mesh::default();
         for surface in &self.surfaces {
-            let Surface::Cuboid { center, half, turn } = surface else { continue };
+            let RoomSurface::Cuboid { center, half, turn } = surface else { continue };
             let first = mesh.vertices.len() as u32;
             mesh.vertices.extend((0..8).map(|i| {
                 let side = |bit: u32| if i >> bit & 1 == 1 { 1.0 } else { -1.0 };
@@ -99,47 +100,47 @@ impl Room {
         (!mesh.triangles.is_empty()).then_some(Geometry::Mesh(mesh))
     }
 
-    /// The depth at which a ray (of length 1 along the camera's z) first meets something.
-    pub(super) fn depth(&self, eye: &Point3<f64>, ray: &Vector3<f64>) -> Depth {
-        self.surfaces.iter().map(|s| s.depth(eye, ray)).fold(Depth::NEVER, Depth::first)
+    /// Depth at which a ray (of length 1 along the camera's z) first meets a surface.
+    pub(super) fn depth(&self, eye: &Point3<f64>, ray: &Vector3<f64>) -> DepthRange {
+        self.surfaces.iter().map(|s| s.depth(eye, ray)).fold(DepthRange::NEVER, DepthRange::first)
     }
 }
 
-/// The depth of the floor, z = 0.
-pub(super) fn floor_depth(eye: &Point3<f64>, ray: &Vector3<f64>) -> Depth {
+/// Depth of the floor, z = 0.
+pub(super) fn floor_depth(eye: &Point3<f64>, ray: &Vector3<f64>) -> DepthRange {
     if ray.z >= 0.0 {
-        return Depth::NEVER;
+        return DepthRange::NEVER;
     }
-    Depth::between(Some((eye.z - SURFACE_M) / -ray.z), Some((eye.z + SURFACE_M) / -ray.z))
+    DepthRange::between(Some((eye.z - SURFACE_M) / -ray.z), Some((eye.z + SURFACE_M) / -ray.z))
 }
 
-impl Surface {
-    fn depth(&self, eye: &Point3<f64>, ray: &Vector3<f64>) -> Depth {
+impl RoomSurface {
+    fn depth(&self, eye: &Point3<f64>, ray: &Vector3<f64>) -> DepthRange {
         match self {
             Self::Cuboid { center, half, turn } => {
                 let (from, along) = (turn.inverse() * (eye - center), turn.inverse() * ray);
                 let met = |growth: f64| through_cuboid(&from, &along, &half.add_scalar(growth));
-                Depth::between(met(SURFACE_M), met(-SURFACE_M))
+                DepthRange::between(met(SURFACE_M), met(-SURFACE_M))
             }
             Self::Disc(disc) => {
                 let (center, normal) = (point_from_vec3(disc.center), vector_from_vec3(disc.normal));
                 let slant = normal.dot(ray);
                 let t = normal.dot(&(center - eye)) / slant;
                 let from_rim_m = f64::from(disc.radius) - (eye + ray * t - center).norm();
-                // A plane that is moved is met elsewhere, the farther from there the more it is slanted.
+                // The intersection with a moved plane shifts, the more the plane is slanted.
                 let moved = SURFACE_M / slant.abs();
                 let (moved_m, from_m, to_m) = (moved * ray.norm(), t - moved, t + moved);
                 match () {
-                    () if to_m <= 0.0 || from_rim_m < -moved_m => Depth::NEVER,
-                    () if from_m > 0.0 && from_rim_m > moved_m => Depth { from_m, to_m },
-                    () => Depth { from_m, to_m: f64::INFINITY },
+                    () if to_m <= 0.0 || from_rim_m < -moved_m => DepthRange::NEVER,
+                    () if from_m > 0.0 && from_rim_m > moved_m => DepthRange { from_m, to_m },
+                    () => DepthRange { from_m, to_m: f64::INFINITY },
                 }
             }
         }
     }
 }
 
-/// Where a ray meets a cuboid around the origin, from inside or from outside: between its three pairs of planes.
+/// Intersection of a ray with a cuboid around the origin, from inside or outside, by its three pairs of planes.
 fn through_cuboid(from: &Vector3<f64>, along: &Vector3<f64>, half: &Vector3<f64>) -> Option<f64> {
     let (mut enter, mut leave) = (f64::NEG_INFINITY, f64::INFINITY);
     for axis in 0..3 {
@@ -149,12 +150,12 @@ fn through_cuboid(from: &Vector3<f64>, along: &Vector3<f64>, half: &Vector3<f64>
     (enter <= leave && leave > 0.0).then_some(if enter > 0.0 { enter } else { leave })
 }
 
-fn cuboid(center: Point3<f64>, half: Vector3<f64>, turn: f64) -> Surface {
-    Surface::Cuboid { center, half, turn: Rotation3::from_axis_angle(&Vector3::z_axis(), turn) }
+fn cuboid(center: Point3<f64>, half: Vector3<f64>, turn: f64) -> RoomSurface {
+    RoomSurface::Cuboid { center, half, turn: Rotation3::from_axis_angle(&Vector3::z_axis(), turn) }
 }
 
-/// Cupboards, pillars, screens on the floor and boards above it.
-fn furniture(rng: &mut Pcg64Mcg) -> Surface {
+/// A random cupboard, pillar or screen on the floor, or a board above it.
+fn furniture(rng: &mut Pcg64Mcg) -> RoomSurface {
     let mut within = |range: Range<f64>| rng.random_range(range);
     let half = Vector3::new(within(0.05..0.8), within(0.05..0.5), within(0.03..1.1));
     let above_floor = if within(0.0..1.0) < 0.3 { within(0.0..1.2) } else { 0.0 };
@@ -162,9 +163,10 @@ fn furniture(rng: &mut Pcg64Mcg) -> Surface {
     cuboid(center, half, within(0.0..TAU))
 }
 
-/// Discs as a reconstruction has them: overlapping here, with gaps there, none quite in the plane of another.
-fn discs_over(surface: &Surface, rng: &mut Pcg64Mcg) -> Vec<Disc> {
-    let Surface::Cuboid { center, half, turn } = surface else { return Vec::new() };
+/// Discs like those of a reconstruction: overlapping in places, with gaps in others, none exactly coplanar with
+/// another.
+fn discs_over(surface: &RoomSurface, rng: &mut Pcg64Mcg) -> Vec<Disc> {
+    let RoomSurface::Cuboid { center, half, turn } = surface else { return Vec::new() };
     let mut one = || {
         let (axis, sign) = (rng.random_range(0..3), if rng.random() { 1.0 } else { -1.0 });
         let mut place = half.map(|h| rng.random_range(-h..h));

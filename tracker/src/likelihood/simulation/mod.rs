@@ -1,4 +1,4 @@
-//! The counts of a changing state, kept up to date by looking only at the pixels that change.
+//! Counts of a changing state, updated from the changed pixels alone.
 
 #[cfg(test)]
 mod tests;
@@ -8,10 +8,11 @@ use super::{Counts, Layers};
 use crate::observation::Mask;
 use crate::silhouette::{Silhouette, View};
 
-/// The simulated masks of all layers beside the foreground masks of the moment.
+/// Simulated masks of all layers, and the foreground masks of the moment.
 ///
-/// A state's bodies are [`Self::insert`]ed once a frame; after that each step asks [`Self::try_change`] for the counts
-/// that a change of one body would give, and [`Self::commit`]s what is accepted. Nothing allocates after the first frames.
+/// A state's bodies are added once a frame by [`Self::insert`]; after that each step computes by [`Self::try_change`]
+/// the counts after a change of one body, and [`Self::commit`] applies an accepted change. Nothing allocates after the
+/// first frames.
 #[derive(Debug, Clone)]
 pub struct Simulation {
     layers: Vec<SimulatedLayer>,
@@ -25,20 +26,20 @@ struct SimulatedLayer {
     /// Whether the camera has a mask at this moment.
     in_use: bool,
     counts: Counts,
-    /// What the body that is tried without takes with it.
+    /// Change of the counts by the removal that was tried.
     removal: Change,
     tried: Counts,
 }
 
-/// A mask in the resolution of a view, as packed words, row by row; bit 0 is the leftmost pixel. A view's pixel that stands
-/// for a block of the mask's is foreground when half of the block is.
+/// Mask at the resolution of a view, as packed words, row by row; bit 0 is the leftmost pixel. A view's pixel that
+/// stands for a block of the mask's is foreground when half of the block is.
 pub fn pack(mask: &Mask, view: &View) -> Vec<u64> {
     let block = u32::from(view.block);
     if block == 1 {
         return mask.words().to_vec();
     }
     let mut packed = Vec::with_capacity(view.words_per_row * view.height as usize);
-    // Pixels of foreground in each block of a row of blocks.
+    // Number of foreground pixels in each block of a row of blocks.
     let mut found = vec![0_u32; view.width as usize];
     for first in (0..mask.height()).step_by(block as usize) {
         let rows = first..(first + block).min(mask.height());
@@ -65,10 +66,10 @@ pub fn pack(mask: &Mask, view: &View) -> Vec<u64> {
 }
 
 impl Simulation {
-    /// The most bodies a state may hold.
+    /// Largest number of bodies in a state.
     pub const MAX_BODIES: usize = MAX_BODIES;
 
-    /// An empty simulation of these layers.
+    /// Empty simulation of these layers.
     pub fn new(layers: &Layers) -> Self {
         let layer = |i: usize| {
             let camera = layers.camera(i);
@@ -85,7 +86,8 @@ impl Simulation {
         Self { layers: (0..layers.count()).map(layer).collect(), bodies: 0 }
     }
 
-    /// Takes the masks of a new moment, one a camera, packed by [`pack`]; `None` leaves a camera out. Forgets all bodies.
+    /// Sets the masks of a new moment, one a camera, packed by [`pack`]; `None` leaves a camera out. Removes all
+    /// bodies.
     pub fn restart(&mut self, masks: &[Option<Vec<u64>>]) {
         self.bodies = 0;
         for layer in &mut self.layers {
@@ -110,17 +112,17 @@ impl Simulation {
         self.layers.iter().any(|l| l.in_use)
     }
 
-    /// The counts of the present state in each layer; `None` for a camera that is left out.
+    /// Counts of the present state in each layer; `None` for a camera that is left out.
     pub fn counts(&self) -> impl Iterator<Item = Option<Counts>> + '_ {
         self.layers.iter().map(|l| l.in_use.then_some(l.counts))
     }
 
-    /// The counts that the change last tried would give.
+    /// Counts of the change that was tried last.
     pub fn tried(&self) -> impl Iterator<Item = Option<Counts>> + '_ {
         self.layers.iter().map(|l| l.in_use.then_some(l.tried))
     }
 
-    /// Works out the counts that would follow if the body drawn as `old` (one silhouette a layer; now in the state) were
+    /// Computes the counts that would follow if the body drawn as `old` (one silhouette a layer; now in the state) were
     /// drawn as `new`. Without `old` a body is added, without `new` removed.
     pub fn try_change(&mut self, old: Option<&[Silhouette]>, new: Option<&[Silhouette]>) {
         self.try_removal(old);
@@ -129,9 +131,8 @@ impl Simulation {
         }
     }
 
-    /// The first half of a change: takes `old` out of every layer. What then counts as tried in a layer, until
-    /// [`Self::try_addition`] tells, is the best that any addition could come to: it explains all foreground, and nothing
-    /// else is expected.
+    /// First half of a change: removes `old` from every layer. Until [`Self::try_addition`], the tried counts of a
+    /// layer are an upper bound for any addition: all foreground is explained, and nothing else is expected.
     pub fn try_removal(&mut self, old: Option<&[Silhouette]>) {
         for (i, layer) in self.layers.iter_mut().enumerate().filter(|(_, l)| l.in_use) {
             layer.removal = old.map_or(Change::default(), |old| layer.cover.removal(&old[i]));
@@ -139,7 +140,8 @@ impl Simulation {
         self.try_again();
     }
 
-    /// Forgets the additions that were tried since [`Self::try_removal`], for another of the same body.
+    /// Forgets the additions that were tried since [`Self::try_removal`], so that another one of the same body can be
+    /// tried.
     pub fn try_again(&mut self) {
         for layer in self.layers.iter_mut().filter(|l| l.in_use) {
             let Counts { foreground, simulated, both } = layer.counts;
@@ -148,8 +150,8 @@ impl Simulation {
         }
     }
 
-    /// The second half, in one layer: adds `new` after [`Self::try_removal`] of the same `old`. Nothing happens in a layer
-    /// that is not in use.
+    /// Second half of a change, in one layer: adds `new` after [`Self::try_removal`] of the same `old`. Does nothing in
+    /// a layer that is not in use.
     pub fn try_addition(&mut self, layer: usize, old: Option<&[Silhouette]>, new: Option<&[Silhouette]>) {
         let SimulatedLayer { cover, in_use, counts, tried, removal, .. } = &mut self.layers[layer];
         if *in_use {
@@ -163,7 +165,7 @@ impl Simulation {
         }
     }
 
-    /// Makes the change last tried, with the same arguments.
+    /// Applies the change that was tried last, with the same arguments.
     pub fn commit(&mut self, old: Option<&[Silhouette]>, new: Option<&[Silhouette]>) {
         self.bodies = self.bodies + usize::from(new.is_some()) - usize::from(old.is_some());
         debug_assert!(self.bodies <= MAX_BODIES, "more bodies than the digits of a pixel can count");
@@ -184,12 +186,12 @@ impl Simulation {
         self.commit(None, Some(silhouettes));
     }
 
-    /// How many of a silhouette's visible pixels are foreground in one layer, whoever else covers them.
+    /// Number of a silhouette's visible pixels that are foreground in one layer, whichever other bodies cover them.
     pub fn foreground_under(&self, layer: usize, silhouette: &Silhouette) -> u32 {
         self.layers[layer].cover.foreground_under(silhouette)
     }
 
-    /// The foreground that the present state leaves unexplained in one layer, packed as the masks are.
+    /// Foreground that the present state leaves unexplained in one layer, packed like the masks.
     pub fn unexplained(&self, layer: usize) -> impl Iterator<Item = u64> + '_ {
         self.layers[layer].cover.unexplained()
     }

@@ -1,18 +1,18 @@
-//! What is counted, whatever the depth picture: random walls and slabs with holes, and every count bit for bit.
+//! Tests of the counts for arbitrary depth pictures: random walls and slabs with holes, and every count bit for bit.
 
 use super::*;
 use crate::likelihood::oracle;
 use crate::likelihood::random_body::random_body;
-use crate::silhouette::{Body, ImageConic, Outline, Shape};
-use crate::stage::StageCamera;
+use crate::prepared_room::PreparedCamera;
+use crate::silhouette::{Body, ImageConic, ImageOutline, Shape};
 use calib::{Camera, Intrinsics};
 use image::{GrayImage, Luma};
 use nalgebra::{Isometry3, Point3, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-/// A small camera somewhere in a 6 × 5 m room, looking somewhere, with a static scene of random slabs and pillars.
-fn random_camera(rng: &mut Pcg64Mcg) -> StageCamera {
+/// A small camera at a random place in a 6 × 5 m room, with a static scene of random slabs and pillars.
+fn random_camera(rng: &mut Pcg64Mcg) -> PreparedCamera {
     let (width, height) = (rng.random_range(40..150), rng.random_range(30..90));
     let mut intrinsics = Intrinsics::from_horizontal_fov(width, height, rng.random_range(40.0..100.0));
     intrinsics.fy *= rng.random_range(0.8..1.2);
@@ -20,12 +20,12 @@ fn random_camera(rng: &mut Pcg64Mcg) -> StageCamera {
     let aim = Point3::new(rng.random_range(0.0..6.0), rng.random_range(0.0..5.0), rng.random_range(0.0..2.0));
     let mut up = Vector3::new(rng.random_range(-0.2..0.2), 0.1, 1.0);
     if rng.random::<f32>() < 0.3 {
-        // Hung in any way, upside down as well.
+        // Any roll, upside down as well.
         up = Vector3::from_fn(|_, _| rng.random_range(-1.0..1.0));
     }
-    // OpenCV's camera looks along +z with y down: the mirror image of what `look_at_rh` calls up.
+    // OpenCV's camera looks along +z with y down: the mirror image of `look_at_rh`.
     let camera_from_world = Isometry3::look_at_lh(&eye, &aim, &-up);
-    let mut camera = StageCamera::new("c", &Camera { intrinsics, camera_from_world });
+    let mut camera = PreparedCamera::new("c", &Camera { intrinsics, camera_from_world });
     for v in 0..height {
         for u in 0..width {
             let wall = 4.0 + 0.01 * u as f32 + 0.02 * v as f32;
@@ -48,14 +48,14 @@ fn random_camera(rng: &mut Pcg64Mcg) -> StageCamera {
     camera
 }
 
-fn by_rays(camera: &StageCamera, shape: &Shape, bodies: &[Body], mask: &GrayImage) -> Counts {
+fn by_rays(camera: &PreparedCamera, shape: &Shape, bodies: &[Body], mask: &GrayImage) -> Counts {
     let width = camera.width();
     let solids: Vec<_> = bodies.iter().map(|body| shape.of(body)).collect();
     oracle::counts(camera, &solids, mask, |u, v| camera.static_z_m[(v * width + u) as usize])
 }
 
-/// Thousands of moves on random scenes, every one against a ray through every pixel. Bodies overlap, are cut by the
-/// border, stand behind the camera, around it, in front of and behind what is static.
+/// Thousands of moves on random scenes, each compared with a ray through every pixel. Bodies overlap, are cut by the
+/// border, stand behind the camera, around it, in front of and behind static surfaces.
 #[test]
 fn every_change_counts_what_rays_count() {
     const SHAPES: [&[Shape]; 4] = [&[Shape::BODY], &[Shape::CORE], &[Shape::LIMBS], &[Shape::REACH]];
@@ -102,8 +102,8 @@ fn every_change_counts_what_rays_count() {
                 cut += u32::from(drawn[0].area_px > 0 && drawn[0].row_range().end == view.height as usize);
                 hidden += u32::from(drawn[0].visible_px < drawn[0].area_px);
                 in_floor += u32::from(match conic.outline() {
-                    Outline::Ellipse(whole) => drawn[0].row_range().end < whole.rows.end as usize,
-                    Outline::Nowhere | Outline::Open => false,
+                    ImageOutline::Ellipse(whole) => drawn[0].row_range().end < whole.rows.end as usize,
+                    ImageOutline::Nowhere | ImageOutline::Open => false,
                 });
             }
             simulation.try_removal(drawn_old.as_deref());
@@ -118,7 +118,7 @@ fn every_change_counts_what_rays_count() {
             assert_eq!(simulation.tried().next().flatten(), Some(expected), "{:?}\n{changed:?}", camera.real);
             let in_vain = |c: &Counts| c.simulated - c.both;
             assert!(hoped.both >= expected.both && in_vain(&hoped) <= in_vain(&expected), "{hoped:?}");
-            // What was tried and not taken must leave no trace.
+            // A change that was tried but not committed must leave no trace.
             if rng.random::<f32>() < 0.6 {
                 simulation.commit(drawn_old.as_deref(), drawn_new.as_deref());
                 bodies = changed;
@@ -126,7 +126,7 @@ fn every_change_counts_what_rays_count() {
             }
         }
     }
-    // The scenes are worth their name only if the rare cases are among them.
+    // The test is meaningful only if the rare cases occurred.
     let rare = [around_camera, behind_plane, cut, hidden, in_floor];
     assert!(rare.iter().all(|n| *n > 40), "{rare:?}");
 }
@@ -135,7 +135,7 @@ fn every_change_counts_what_rays_count() {
 fn packed_masks_keep_every_pixel_or_most_of_every_block() {
     let mut rng = Pcg64Mcg::seed_from_u64(3);
     for block in [1, 2, 3, 5_u8] {
-        let camera = StageCamera::new(
+        let camera = PreparedCamera::new(
             "c",
             &Camera {
                 intrinsics: Intrinsics::from_horizontal_fov(131, 31, 60.0),

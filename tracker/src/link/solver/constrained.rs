@@ -1,32 +1,33 @@
-//! Tracks under the moving-direction constraint (section 5 of the paper): a detection is split into one copy for each way on.
+//! Tracks under the moving-direction constraint (section 5 of the paper): a detection is split into one copy for each
+//! outgoing link.
 //!
-//! A copy of a detection is a link that leaves it, so labels stand at links: the label of link *m* is the cost of the cheapest
-//! way that is about to leave over *m*, and only labels of links that [`Directions`] allow before it feed it. One more copy
-//! has no direction: there a track may end, wherever it came from.
+//! A copy of a detection is an outgoing link, so labels belong to links: the label of link *m* is the cost of the
+//! cheapest path that is about to leave over *m*, and only labels of links that [`Directions`] allow before it
+//! contribute. One more copy has no direction: there a track may end, whichever link it came over.
 //!
-//! **What is exact and what is not.** All copies share the detection's one unit of flow. A network cannot say so (the
-//! unit must pass one bottleneck and remember where it came from), and the problem with it is no longer a network flow.
-//! As in section 5.2.2, tracks are found a shortest path at a time, and once a copy is on a track all other copies are
-//! closed to others. A path may run back along older tracks and reroute them, within the constraint; what no such path
-//! reaches is not found. The result is always feasible, and never better than the optimum *without* the constraint,
-//! which is therefore a proven bound: [`Solution::bound`]. Where both are equal the result is optimal.
+//! **Exactness.** All copies share the detection's one unit of flow. A network cannot express that (the unit must pass
+//! one bottleneck and remember its incoming link), so the constrained problem is not a network flow. As in section
+//! 5.2.2, tracks are found one shortest path at a time, and once a copy is on a track all other copies are closed. A
+//! path may run back along older tracks and reroute them, within the constraint; solutions that no such path reaches
+//! are not found. The result is always feasible, and never better than the optimum *without* the constraint, which is
+//! therefore a proven bound: [`Solution::bound`]. Where both are equal the result is optimal.
 
 use super::super::graph::{Cost, FlowGraph};
 use super::super::solution::{Solution, Total};
 use super::direction::Directions;
-use super::labels::{Arrived, End, Freed, Labels};
-use super::tracks::Tracks;
+use super::labels::{Arrived, Freed, PathEnd, PathLabels};
+use super::tracks::WorkingTracks;
 
-/// How often a path may turn from forward to backward and forward again.
+/// Largest number of turns of a path from forward to backward and forward again.
 const MAX_TURNS: usize = 16;
 
-/// Tracks whose every turn the directions allow; `bound` is the optimum without them.
+/// Tracks whose turns the directions all allow; `bound` is the optimum without them.
 pub fn solve(graph: &FlowGraph, directions: &Directions, bound: Total) -> Solution {
     let mut search = PathSearch {
         graph,
         directions,
-        tracks: Tracks::none(graph),
-        labels: Labels::unreached(graph),
+        tracks: WorkingTracks::none(graph),
+        labels: PathLabels::unreached(graph),
         is_turning: true,
     };
     for component in components(graph) {
@@ -38,7 +39,7 @@ pub fn solve(graph: &FlowGraph, directions: &Directions, bound: Total) -> Soluti
     Solution::assemble(graph, |n| tracks.is_used[n], &next, |_| bound)
 }
 
-/// Nodes that no link joins to others are independent: the smaller, the cheaper the paths.
+/// Connected components of the graph: they are independent, and smaller ones have cheaper paths.
 fn components(graph: &FlowGraph) -> Vec<Vec<u32>> {
     let n = graph.node_count();
     let mut parent: Vec<u32> = (0..n as u32).collect();
@@ -56,7 +57,7 @@ fn components(graph: &FlowGraph) -> Vec<Vec<u32>> {
     members
 }
 
-/// The representative of a node's component.
+/// Representative of a node's component.
 fn root(parent: &mut [u32], mut node: u32) -> u32 {
     while parent[node as usize] != node {
         parent[node as usize] = parent[parent[node as usize] as usize];
@@ -68,14 +69,14 @@ fn root(parent: &mut [u32], mut node: u32) -> u32 {
 struct PathSearch<'a> {
     graph: &'a FlowGraph,
     directions: &'a Directions,
-    tracks: Tracks,
-    labels: Labels,
-    /// Whether paths may run back along older tracks; off for good where that has led into a circle.
+    tracks: WorkingTracks,
+    labels: PathLabels,
+    /// Whether paths may run back along older tracks; switched off for good where that led into a cycle.
     is_turning: bool,
 }
 
 impl PathSearch<'_> {
-    /// Changes the tracks of a component along its cheapest path, if that lowers the cost.
+    /// Changes the tracks of a component along its cheapest path. Returns whether that lowers the cost.
     fn improve(&mut self, component: &[u32]) -> bool {
         loop {
             self.labels.forget(self.graph, component);
@@ -100,7 +101,8 @@ impl PathSearch<'_> {
         }
     }
 
-    /// Ways begin with a birth at a free node, with a birth that takes over the rest of a track, or at a track's end.
+    /// Starts paths: with a birth at a free node, with a birth that takes over the rest of a track, or at a track's
+    /// end.
     fn begin(&mut self, component: &[u32]) {
         let (birth, death) = (self.graph.birth(), self.graph.death());
         for node in component.iter().map(|n| *n as usize) {
@@ -117,7 +119,7 @@ impl PathSearch<'_> {
         }
     }
 
-    /// Takes a free node: labels its copies.
+    /// Enters a free node: labels its copies.
     fn enter(&mut self, node: usize, cost: Cost, how: Arrived) {
         let cost = cost + self.graph.node_cost(node);
         self.labels.end_at(node, cost, how);
@@ -129,7 +131,7 @@ impl PathSearch<'_> {
         }
     }
 
-    /// Leaves a used node for another way on, as far as the way it was come to allows.
+    /// Leaves a used node over another link, as far as its incoming link allows.
     fn leave(&mut self, node: usize, cost: Cost, how: Arrived) {
         let come = self.tracks.come[node];
         for go in self.graph.links_of(node) {
@@ -140,7 +142,7 @@ impl PathSearch<'_> {
         }
     }
 
-    /// In time order: what is about to leave over a link arrives.
+    /// Propagates labels forward in time over links.
     fn sweep_forward(&mut self, component: &[u32]) {
         for node in component.iter().map(|n| *n as usize) {
             if self.labels.take_freed(node) {
@@ -166,7 +168,8 @@ impl PathSearch<'_> {
         }
     }
 
-    /// Against time, along the tracks: whoever lost its rest looks for another. `false` where nothing changed.
+    /// Propagates labels backward in time along the tracks: a track that lost its rest looks for another. `false` where
+    /// nothing changed.
     fn sweep_backward(&mut self, component: &[u32]) -> bool {
         let mut has_changed = false;
         for node in component.iter().rev().map(|n| *n as usize) {
@@ -185,21 +188,21 @@ impl PathSearch<'_> {
         has_changed
     }
 
-    fn cheapest_end(&self, component: &[u32]) -> Option<End> {
+    fn cheapest_end(&self, component: &[u32]) -> Option<PathEnd> {
         let (birth, death) = (self.graph.birth(), self.graph.death());
         let mut best = (0, None);
-        let mut offer = |cost: Cost, end: End| {
+        let mut offer = |cost: Cost, end: PathEnd| {
             if cost < best.0 {
                 best = (cost, Some(end));
             }
         };
         for node in component {
             let n = *node as usize;
-            offer(self.labels.end[n].0 + death, End::Node(*node));
-            offer(self.labels.freed[n].0 + death, End::FreedNode(*node));
+            offer(self.labels.end[n].0 + death, PathEnd::Node(*node));
+            offer(self.labels.freed[n].0 + death, PathEnd::FreedNode(*node));
             if self.tracks.is_used[n] && self.tracks.come[n].is_none() {
-                offer(self.labels.met[n].0 - birth, End::TrackStart(*node));
-                offer(self.labels.freed[n].0 - self.graph.node_cost(n) - birth, End::DroppedStart(*node));
+                offer(self.labels.met[n].0 - birth, PathEnd::TrackStart(*node));
+                offer(self.labels.freed[n].0 - self.graph.node_cost(n) - birth, PathEnd::DroppedStart(*node));
             }
         }
         best.1

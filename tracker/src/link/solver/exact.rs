@@ -1,25 +1,25 @@
-//! The exact solution by successive shortest paths.
+//! Exact solution by successive shortest paths.
 //!
-//! Source and sink touch every detection, so a search through them sees the whole recording. They can be taken out:
-//! each detection has a way out and a way in, a link joins one's way out with another's way in, and a detection that
-//! stays unused joins its own two. What is left open at a way in is a birth, at a way out a death. Then
+//! Source and sink touch every detection, so a search through them visits the whole recording. They can be eliminated:
+//! each detection has an exit and an entry, a link joins the exit of one with the entry of another, and an unused
+//! detection joins its own two. An open entry is a birth, an open exit a death. Then
 //!
 //! ```text
 //! total = Σᵢ (birth + death + costᵢ)  −  Σ gain of the joints,
 //! gain(i → j) = birth + death − link cost,   gain(i unused) = birth + death + costᵢ
 //! ```
 //!
-//! and the least total is the joining (each way in and way out at most once) of greatest gain. It is found a shortest
-//! augmenting path at a time, with prices that keep all reduced costs non-negative (Edmonds & Karp 1972; Tomizawa 1971),
-//! as in the successive shortest paths of Ahuja, Magnanti & Orlin, "Network Flows", section 12.4; but each search ends
-//! where the nearest way in is open or the nearest way out is better left open: within a few frames, not at the
-//! recording's ends. The prices are the certificate: where y ≥ 0 at all ways, and y(out) + y(in) ≥ gain for
-//! every possible joint, no joining gains more than Σ y.
+//! and the least total is the matching (each exit and entry at most once) of greatest gain. It is found one shortest
+//! augmenting path at a time, with prices that keep all reduced costs non-negative (J. Edmonds and R. M. Karp 1972; N.
+//! Tomizawa 1971), as in the successive shortest paths of R. K. Ahuja, T. L. Magnanti and J. B. Orlin, "Network Flows",
+//! 1993, section 12.4; but each search ends where the nearest entry is open or the nearest exit is better left open:
+//! within a few frames, not at the recording's ends. The prices are the certificate: if y ≥ 0 everywhere, and y(exit) +
+//! y(entry) ≥ gain for every possible joint, no matching gains more than Σ y.
 //!
-//! Ways out are taken in time order, so a long recording can be solved in windows ([`solve_in_windows`]): joints behind a
-//! window stay as they are. A search that comes to one turns away, and the price of that way in rises by what the path could
-//! have gained behind it. Prices then still allow for every joint, so Σ y still bounds all joinings: where the bound and
-//! the cost are equal the windows have changed nothing, and otherwise their difference is all that they can have cost.
+//! Exits are processed in time order, so a long recording can be solved in windows ([`solve_in_windows`]): joints
+//! before a window are final. A search that reaches one turns away, and the price of that entry rises by what the path
+//! could have gained beyond it. The prices then still cover every joint, so Σ y still bounds all matchings: where the
+//! bound and the cost are equal the windows have changed nothing, and otherwise their difference bounds the loss.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -29,56 +29,56 @@ use super::super::solution::{Solution, Total};
 
 const NONE: u32 = u32::MAX;
 
-/// The tracks of least total cost, with the proof.
+/// Tracks of least total cost, with the certificate.
 pub fn solve(graph: &FlowGraph) -> Solution {
     solve_in_windows(graph, |_| 0)
 }
 
 /// Tracks found in windows that move over the nodes: while node n is new, joints of nodes before `first_open(n)` are
-/// settled. Their cost is at most `total − bound` above the least; `bound` holds for the whole graph.
+/// final. Their cost is at most `total − bound` above the least; `bound` holds for the whole graph.
 pub fn solve_in_windows(graph: &FlowGraph, first_open: impl Fn(u32) -> u32) -> Solution {
     let mut joints = Joints::new(graph);
-    for way_out in 0..graph.node_count() as u32 {
-        if !joints.take_first_choice(way_out) {
-            joints.augment_from(way_out, first_open(way_out));
+    for exit in 0..graph.node_count() as u32 {
+        if !joints.take_first_choice(exit) {
+            joints.augment_from(exit, first_open(exit));
         }
     }
     joints.solution()
 }
 
-/// The joints so far, their prices, and the workspace of a search.
+/// Joints so far, their prices, and the workspace of a search.
 struct Joints<'a> {
     graph: &'a FlowGraph,
-    /// What a joint saves over a death and a birth, before the link's cost.
+    /// Saving of a joint over a death and a birth, before the link's cost.
     track_price: Cost,
-    way_in_of: Vec<u32>,
-    way_out_of: Vec<u32>,
+    entry_of: Vec<u32>,
+    exit_of: Vec<u32>,
     price_out: Vec<Cost>,
     price_in: Vec<Cost>,
-    search: Search,
+    search: DijkstraSearch,
 }
 
-/// A search's workspace: valid where the stamp is the search's own.
-struct Search {
+/// Workspace of a search: entries are valid where the stamp is the search's own.
+struct DijkstraSearch {
     stamp: u32,
     stamp_of: Vec<u32>,
-    /// Of each way in: its distance from the root, and the way out it was reached from.
+    /// For each entry: its distance from the root, and the exit from which it was reached.
     distance: Vec<Cost>,
     reached_from: Vec<u32>,
     queue: BinaryHeap<Reverse<(Cost, u32)>>,
-    /// Ways out in the tree with their distance.
+    /// Exits in the tree with their distances.
     tree: Vec<(u32, Cost)>,
-    /// Ways in that were reached, but are settled.
+    /// Entries that were reached, but are final.
     settled: Vec<u32>,
 }
 
-/// Where a shortest path ends.
+/// End of a shortest path.
 #[derive(Clone, Copy)]
-enum End {
-    /// At an open way in.
-    WayIn(u32),
-    /// At a way out that is left open from now on.
-    WayOut(u32),
+enum AugmentingEnd {
+    /// At an open entry.
+    Entry(u32),
+    /// At an exit that is open from now on.
+    Exit(u32),
 }
 
 impl<'a> Joints<'a> {
@@ -88,11 +88,11 @@ impl<'a> Joints<'a> {
         Self {
             graph,
             track_price: graph.birth() + graph.death(),
-            way_in_of: vec![NONE; n],
-            way_out_of: vec![NONE; n],
+            entry_of: vec![NONE; n],
+            exit_of: vec![NONE; n],
             price_out: vec![0; n],
             price_in: vec![0; n],
-            search: Search {
+            search: DijkstraSearch {
                 stamp: 0,
                 stamp_of: vec![0; n],
                 distance: vec![0; n],
@@ -104,37 +104,37 @@ impl<'a> Joints<'a> {
         }
     }
 
-    /// A way out begins with the price that no joint of its can beat, its greatest gain. If that is still
-    /// open, it gets it without a search.
-    fn take_first_choice(&mut self, way_out: u32) -> bool {
-        let price = self.joints_of(way_out).map(|(_, gain)| gain).max().unwrap_or(0).max(0);
-        self.price_out[way_out as usize] = price;
-        // Nobody has it, so nobody has raised its price above 0.
-        let is_open = |way_in: u32| self.way_out_of[way_in as usize] == NONE;
-        let open = self.joints_of(way_out).find(|(way_in, gain)| *gain == price && is_open(*way_in));
+    /// Gives an exit its initial price, the greatest gain of its joints, which none of them exceeds. If that joint's
+    /// entry is open, the two are joined without a search.
+    fn take_first_choice(&mut self, exit: u32) -> bool {
+        let price = self.joints_of(exit).map(|(_, gain)| gain).max().unwrap_or(0).max(0);
+        self.price_out[exit as usize] = price;
+        // An open entry has no joint, so its price is still 0.
+        let is_open = |entry: u32| self.exit_of[entry as usize] == NONE;
+        let open = self.joints_of(exit).find(|(entry, gain)| *gain == price && is_open(*entry));
         let found = open.filter(|_| price > 0);
-        if let Some((way_in, _)) = found {
-            self.join(way_out, way_in);
+        if let Some((entry, _)) = found {
+            self.join(exit, entry);
         }
         found.is_some()
     }
 
-    /// Everything a way out can be joined with, and the gain of it.
-    fn joints_of(&self, way_out: u32) -> impl Iterator<Item = (u32, Cost)> + use<'a> {
+    /// All possible joints of an exit, with their gains.
+    fn joints_of(&self, exit: u32) -> impl Iterator<Item = (u32, Cost)> + use<'a> {
         let (graph, price) = (self.graph, self.track_price);
-        let node = way_out as usize;
-        let unused = (way_out, price + graph.node_cost(node));
+        let node = exit as usize;
+        let unused = (exit, price + graph.node_cost(node));
         let links = graph.links_of(node).map(move |l| (graph.target(l) as u32, price - graph.link_cost(l)));
         std::iter::once(unused).chain(links)
     }
 
-    fn join(&mut self, way_out: u32, way_in: u32) {
-        self.way_in_of[way_out as usize] = way_in;
-        self.way_out_of[way_in as usize] = way_out;
+    fn join(&mut self, exit: u32, entry: u32) {
+        self.entry_of[exit as usize] = entry;
+        self.exit_of[entry as usize] = exit;
     }
 
-    /// One shortest augmenting path from an open way out (Dijkstra over reduced costs) that leaves ways out before
-    /// `first_open` as they are, and the prices after it.
+    /// Finds one shortest augmenting path from an open exit (Dijkstra over reduced costs) that leaves exits before
+    /// `first_open` unchanged, and updates the prices.
     fn augment_from(&mut self, root: u32, first_open: u32) {
         let search = &mut self.search;
         search.stamp += 1;
@@ -142,65 +142,65 @@ impl<'a> Joints<'a> {
         search.tree.clear();
         search.settled.clear();
         let mut shortest = self.price_out[root as usize];
-        let mut end = End::WayOut(root);
-        let (mut way_out, mut distance) = (root, 0);
+        let mut end = AugmentingEnd::Exit(root);
+        let (mut exit, mut distance) = (root, 0);
         loop {
-            self.search.tree.push((way_out, distance));
-            if distance + self.price_out[way_out as usize] < shortest {
-                shortest = distance + self.price_out[way_out as usize];
-                end = End::WayOut(way_out);
+            self.search.tree.push((exit, distance));
+            if distance + self.price_out[exit as usize] < shortest {
+                shortest = distance + self.price_out[exit as usize];
+                end = AugmentingEnd::Exit(exit);
             }
-            self.look_around(way_out, distance, first_open, &mut shortest, &mut end);
+            self.look_around(exit, distance, first_open, &mut shortest, &mut end);
             let Some(nearest) = self.search.pop(shortest) else { break };
             distance = nearest.0;
-            way_out = self.way_out_of[nearest.1 as usize];
+            exit = self.exit_of[nearest.1 as usize];
         }
-        for (way_out, distance) in &self.search.tree {
+        for (exit, distance) in &self.search.tree {
             let passed = shortest - distance;
-            self.price_out[*way_out as usize] -= passed;
-            // The way in that the tree came through; the root has none.
-            if *way_out != root {
-                self.price_in[self.way_in_of[*way_out as usize] as usize] += passed;
+            self.price_out[*exit as usize] -= passed;
+            // The entry through which the tree came; the root has none.
+            if *exit != root {
+                self.price_in[self.entry_of[*exit as usize] as usize] += passed;
             }
         }
-        while let Some(way_in) = self.search.settled.pop() {
-            let missed = shortest - self.search.distance[way_in as usize];
+        while let Some(entry) = self.search.settled.pop() {
+            let missed = shortest - self.search.distance[entry as usize];
             if missed > 0 {
-                self.price_in[way_in as usize] += missed;
-                self.search.distance[way_in as usize] = shortest;
+                self.price_in[entry as usize] += missed;
+                self.search.distance[entry as usize] = shortest;
             }
         }
-        let mut way_in = match end {
-            End::WayIn(way_in) => way_in,
-            End::WayOut(way_out) if way_out == root => return,
-            End::WayOut(way_out) => std::mem::replace(&mut self.way_in_of[way_out as usize], NONE),
+        let mut entry = match end {
+            AugmentingEnd::Entry(entry) => entry,
+            AugmentingEnd::Exit(exit) if exit == root => return,
+            AugmentingEnd::Exit(exit) => std::mem::replace(&mut self.entry_of[exit as usize], NONE),
         };
         loop {
-            let way_out = self.search.reached_from[way_in as usize];
-            let before = self.way_in_of[way_out as usize];
-            self.join(way_out, way_in);
-            if way_out == root {
+            let exit = self.search.reached_from[entry as usize];
+            let before = self.entry_of[exit as usize];
+            self.join(exit, entry);
+            if exit == root {
                 return;
             }
-            way_in = before;
+            entry = before;
         }
     }
 
-    /// Relaxes everything that a way out can be joined with.
+    /// Relaxes all possible joints of an exit.
     fn look_around(
         &mut self,
-        way_out: u32,
+        exit: u32,
         distance: Cost,
         first_open: u32,
         shortest: &mut Cost,
-        end: &mut End,
+        end: &mut AugmentingEnd,
     ) {
-        let price = self.price_out[way_out as usize];
-        let joined = self.way_in_of[way_out as usize];
-        for (way_in, gain) in self.joints_of(way_out) {
-            let to = way_in as usize;
+        let price = self.price_out[exit as usize];
+        let joined = self.entry_of[exit as usize];
+        for (entry, gain) in self.joints_of(exit) {
+            let to = entry as usize;
             let reached = distance + price + self.price_in[to] - gain;
-            if reached >= *shortest || way_in == joined {
+            if reached >= *shortest || entry == joined {
                 continue;
             }
             let search = &mut self.search;
@@ -209,24 +209,24 @@ impl<'a> Joints<'a> {
             }
             search.stamp_of[to] = search.stamp;
             search.distance[to] = reached;
-            search.reached_from[to] = way_out;
-            let holder = self.way_out_of[to];
+            search.reached_from[to] = exit;
+            let holder = self.exit_of[to];
             if holder == NONE {
                 *shortest = reached;
-                *end = End::WayIn(way_in);
+                *end = AugmentingEnd::Entry(entry);
             } else if holder < first_open {
-                search.settled.push(way_in);
+                search.settled.push(entry);
             } else {
-                search.queue.push(Reverse((reached, way_in)));
+                search.queue.push(Reverse((reached, entry)));
             }
         }
     }
 
     fn solution(&self) -> Solution {
         let graph = self.graph;
-        let is_used = |node: usize| self.way_in_of[node] != node as u32;
+        let is_used = |node: usize| self.entry_of[node] != node as u32;
         let next: Vec<Option<u32>> = (0..graph.node_count())
-            .map(|n| Some(self.way_in_of[n]).filter(|to| *to != NONE && *to != n as u32))
+            .map(|n| Some(self.entry_of[n]).filter(|to| *to != NONE && *to != n as u32))
             .collect();
         let all: i128 = (0..graph.node_count())
             .map(|n| i128::from(self.track_price) + i128::from(graph.node_cost(n)))
@@ -236,15 +236,15 @@ impl<'a> Joints<'a> {
     }
 }
 
-impl Search {
-    /// The nearest way in that was reached, if it is nearer than the path that is known.
+impl DijkstraSearch {
+    /// Nearest reached entry, if it is nearer than the known path.
     fn pop(&mut self, shortest: Cost) -> Option<(Cost, u32)> {
-        while let Some(Reverse((distance, way_in))) = self.queue.pop() {
+        while let Some(Reverse((distance, entry))) = self.queue.pop() {
             if distance >= shortest {
                 return None;
             }
-            if distance == self.distance[way_in as usize] {
-                return Some((distance, way_in));
+            if distance == self.distance[entry as usize] {
+                return Some((distance, entry));
             }
         }
         None

@@ -1,27 +1,27 @@
-//! The two-pass greedy solution of H. Pirsiavash, D. Ramanan, C. C. Fowlkes, "Globally-optimal greedy algorithms for
+//! Two-pass greedy solution of H. Pirsiavash, D. Ramanan and C. C. Fowlkes, "Globally-optimal greedy algorithms for
 //! tracking a variable number of objects", CVPR 2011, section 5.3.
 //!
-//! The cheapest track is taken again and again, each by dynamic programming over the graph in time order. A new track
-//! may take over the rest of an older one, whose beginning then finds another way: from where the new track meets the
-//! old one a backward pass runs along the old one, and a forward pass goes on from there. Paths that turn back more than
-//! once are not seen, so the result is near the optimum, not always at it.
+//! The cheapest track is taken repeatedly, each by dynamic programming over the graph in time order. A new track may
+//! take over the rest of an older one, whose beginning then finds another continuation: a backward pass runs along the
+//! old track from the node at which the new one meets it, and a forward pass continues from there. Paths that turn back
+//! more than once are not considered, so the result is near the optimum, not always at it.
 
 use super::super::graph::{Cost, FlowGraph};
 use super::super::solution::{Solution, Total};
 
-/// Farther than any path; half of the range, so that sums of two do not overflow.
+/// Cost above that of any path; sums of two do not overflow.
 const FAR: Cost = Cost::MAX / 4;
 
-/// Tracks of nearly the least cost. Their bound is that of the caller: greedy has no certificate of its own.
+/// Tracks of nearly the least cost, with the bound that the caller provides: greedy has no certificate of its own.
 pub fn solve(graph: &FlowGraph, bound: Total) -> Solution {
     let mut greedy = Greedy::new(graph);
     while greedy.take_cheapest() {}
     Solution::assemble(graph, |n| greedy.is_used[n], &greedy.next, |_| bound)
 }
 
-/// How a label was reached.
+/// Predecessor of a label.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
-enum From {
+enum Predecessor {
     Nowhere,
     Birth,
     /// From a free node's label of the first pass.
@@ -38,11 +38,11 @@ struct Greedy<'a> {
     next: Vec<Option<u32>>,
     previous: Vec<Option<u32>>,
     /// First pass: cost of the cheapest path that ends behind a free node, or in front of a used one.
-    first: Vec<(Cost, From)>,
-    /// Backward pass: cost at a used node's way out, and the node behind it at which the path met its track.
+    first: Vec<(Cost, Predecessor)>,
+    /// Backward pass: cost at a used node's exit, and the node behind it at which the path met its track.
     freed: Vec<(Cost, u32)>,
     /// Last pass: as the first, for paths that have turned back.
-    last: Vec<(Cost, From)>,
+    last: Vec<(Cost, Predecessor)>,
 }
 
 impl<'a> Greedy<'a> {
@@ -53,13 +53,13 @@ impl<'a> Greedy<'a> {
             is_used: vec![false; n],
             next: vec![None; n],
             previous: vec![None; n],
-            first: vec![(FAR, From::Nowhere); n],
+            first: vec![(FAR, Predecessor::Nowhere); n],
             freed: vec![(FAR, 0); n],
-            last: vec![(FAR, From::Nowhere); n],
+            last: vec![(FAR, Predecessor::Nowhere); n],
         }
     }
 
-    /// Takes the cheapest path, if it lowers the cost.
+    /// Takes the cheapest path. Returns whether it lowers the cost.
     fn take_cheapest(&mut self) -> bool {
         self.pass_forward();
         self.pass_backward();
@@ -69,16 +69,16 @@ impl<'a> Greedy<'a> {
         let free = |n: &usize| !self.is_used[*n];
         let plain = nodes.clone().filter(free).map(|n| (self.first[n].0 + death, n)).min();
         let turned = nodes.clone().filter(free).map(|n| (self.last[n].0 + death, n)).min();
-        // A used node that gives its rest away may simply end there, if it did not end there before.
+        // A used node that gives its rest away may also end there, if it did not end there before.
         let ended = nodes
             .filter(|n| self.is_used[*n] && self.next[*n].is_some())
             .map(|n| (self.freed[n].0 + death, n))
             .min();
         let worth = |end: &(Cost, usize)| end.0 < 0;
-        let mut ends: Vec<(Cost, From)> = Vec::with_capacity(3);
-        ends.extend(plain.filter(worth).map(|(cost, n)| (cost, From::First(n as u32))));
-        ends.extend(turned.filter(worth).map(|(cost, n)| (cost, From::Last(n as u32))));
-        ends.extend(ended.filter(worth).map(|(cost, n)| (cost, From::Freed(n as u32))));
+        let mut ends: Vec<(Cost, Predecessor)> = Vec::with_capacity(3);
+        ends.extend(plain.filter(worth).map(|(cost, n)| (cost, Predecessor::First(n as u32))));
+        ends.extend(turned.filter(worth).map(|(cost, n)| (cost, Predecessor::Last(n as u32))));
+        ends.extend(ended.filter(worth).map(|(cost, n)| (cost, Predecessor::Freed(n as u32))));
         ends.sort_by_key(|(cost, _)| *cost);
         ends.into_iter().any(|(_, end)| self.take(end))
     }
@@ -86,23 +86,23 @@ impl<'a> Greedy<'a> {
     /// Dynamic programming in time order over the free nodes.
     fn pass_forward(&mut self) {
         let birth = self.graph.birth();
-        self.first.fill((birth, From::Birth));
+        self.first.fill((birth, Predecessor::Birth));
         for node in 0..self.graph.node_count() {
             if self.is_used[node] {
                 continue;
             }
             self.first[node].0 += self.graph.node_cost(node);
-            relax(self.graph, node, self.first[node].0, From::First(node as u32), &mut self.first);
+            relax(self.graph, node, self.first[node].0, Predecessor::First(node as u32), &mut self.first);
         }
     }
 
-    /// From where a path meets a track back along that track, node by node.
+    /// Propagates costs backward from the nodes at which paths meet a track along that track.
     fn pass_backward(&mut self) {
         for node in (0..self.graph.node_count()).rev() {
             self.freed[node] = (FAR, 0);
             let Some(next) = self.next[node] else { continue };
             let behind = next as usize;
-            // At the way in of the node behind: met there, or dropped with what the backward pass brought.
+            // At the entry of the node behind: met there, or dropped with the cost of the backward pass.
             let met = self.first[behind].0;
             let dropped = self.freed[behind].0 - self.graph.node_cost(behind);
             let link = self.link(node, behind);
@@ -116,15 +116,21 @@ impl<'a> Greedy<'a> {
 
     /// Dynamic programming in time order from all freed nodes.
     fn pass_forward_again(&mut self) {
-        self.last.fill((FAR, From::Nowhere));
+        self.last.fill((FAR, Predecessor::Nowhere));
         for node in 0..self.graph.node_count() {
             if self.is_used[node] {
                 if self.freed[node].0 < FAR / 2 {
-                    relax(self.graph, node, self.freed[node].0, From::Freed(node as u32), &mut self.last);
+                    relax(
+                        self.graph,
+                        node,
+                        self.freed[node].0,
+                        Predecessor::Freed(node as u32),
+                        &mut self.last,
+                    );
                 }
             } else if self.last[node].0 < FAR / 2 {
                 self.last[node].0 += self.graph.node_cost(node);
-                relax(self.graph, node, self.last[node].0, From::Last(node as u32), &mut self.last);
+                relax(self.graph, node, self.last[node].0, Predecessor::Last(node as u32), &mut self.last);
             }
         }
     }
@@ -133,30 +139,30 @@ impl<'a> Greedy<'a> {
         self.graph.link_between(from, to).map_or(0, |l| self.graph.link_cost(l))
     }
 
-    /// Changes the tracks along the path that ends at `end`; `false`, and nothing changed, where it runs over a node twice.
-    fn take(&mut self, end: From) -> bool {
+    /// Changes the tracks along the path that ends at `end`; `false`, without a change, where it visits a node twice.
+    fn take(&mut self, end: Predecessor) -> bool {
         let (mut tail, mut head) = (Vec::new(), Vec::new());
         let mut freed = None;
         let mut at = end;
         let mut meets = None;
         loop {
             at = match at {
-                From::Last(node) => {
+                Predecessor::Last(node) => {
                     tail.push(node);
                     self.last[node as usize].1
                 }
-                From::Freed(node) => {
+                Predecessor::Freed(node) => {
                     let met = self.freed[node as usize].1;
                     freed = Some(node);
                     meets = Some(met);
                     self.first[met as usize].1
                 }
-                From::First(node) => {
+                Predecessor::First(node) => {
                     head.push(node);
                     self.first[node as usize].1
                 }
-                From::Birth => break,
-                From::Nowhere => return false,
+                Predecessor::Birth => break,
+                Predecessor::Nowhere => return false,
             };
         }
         if head.iter().any(|node| tail.contains(node)) {
@@ -189,8 +195,8 @@ impl<'a> Greedy<'a> {
     }
 }
 
-/// Offers what leaves a node to everything its links lead to.
-fn relax(graph: &FlowGraph, node: usize, cost: Cost, from: From, labels: &mut [(Cost, From)]) {
+/// Relaxes the outgoing links of a node.
+fn relax(graph: &FlowGraph, node: usize, cost: Cost, from: Predecessor, labels: &mut [(Cost, Predecessor)]) {
     for link in graph.links_of(node) {
         let label = &mut labels[graph.target(link)];
         let offered = cost + graph.link_cost(link);

@@ -1,15 +1,15 @@
-//! Labels of a shortest-path search over split nodes: what it costs to get somewhere, and from where.
+//! Labels of a shortest-path search over split nodes: cost and predecessor.
 
 use super::super::graph::{Cost, FlowGraph};
 
-/// Farther than any path; sums of two do not overflow.
+/// Cost above that of any path; sums of two do not overflow.
 pub(super) const FAR: Cost = Cost::MAX / 4;
 
-/// How a way came to a node, or to the point of leaving it.
+/// Way in which a path reached a node, or the point of leaving it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Arrived {
     Nowhere,
-    /// It begins there.
+    /// The path begins there.
     Birth,
     /// Over this link.
     Over(u32),
@@ -19,19 +19,19 @@ pub(super) enum Arrived {
     TrackEnd,
 }
 
-/// How a used node lost what followed it.
+/// Way in which a used node lost its follower.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Freed {
     Nowhere,
-    /// The way took the node that followed, and its track's rest.
+    /// The path took the following node, and its track's rest.
     Met(u32),
-    /// The node that followed is dropped.
+    /// The following node is dropped.
     Dropped(u32),
 }
 
-/// Where a path ends, and what it costs in all.
+/// End of a path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum End {
+pub(super) enum PathEnd {
     /// A free node, with a death.
     Node(u32),
     /// A used node whose rest was given away, with a death.
@@ -43,21 +43,21 @@ pub(super) enum End {
 }
 
 /// All labels of a search.
-pub(super) struct Labels {
-    /// At each link: about to leave over it.
+pub(super) struct PathLabels {
+    /// For each link: about to leave over it.
     pub(super) over: Vec<(Cost, Arrived)>,
-    /// At each free node: ending there, before the death.
+    /// For each free node: ending there, before the death.
     pub(super) end: Vec<(Cost, Arrived)>,
-    /// At each used node: arriving in front of it, to take over its track's rest.
+    /// For each used node: arriving in front of it, to take over its track's rest.
     pub(super) met: Vec<(Cost, Arrived)>,
-    /// At each used node: its rest is gone.
+    /// For each used node: its rest is gone.
     pub(super) freed: Vec<(Cost, Freed)>,
     is_new_link: Vec<bool>,
     is_new_met: Vec<bool>,
     is_new_freed: Vec<bool>,
 }
 
-impl Labels {
+impl PathLabels {
     pub(super) fn unreached(graph: &FlowGraph) -> Self {
         let (nodes, links) = (graph.node_count(), graph.link_count());
         Self {
@@ -104,7 +104,7 @@ impl Labels {
         }
     }
 
-    /// Whether this was cheaper than what was known.
+    /// Sets the label of a freed node if this is cheaper. Returns whether it is.
     pub(super) fn free(&mut self, node: usize, cost: Cost, how: Freed) -> bool {
         let is_cheaper = cost < self.freed[node].0;
         if is_cheaper {
@@ -114,7 +114,7 @@ impl Labels {
         is_cheaper
     }
 
-    /// Whether the label has changed since this was asked last; so are the other two.
+    /// Whether a link's label has changed since the last call; likewise the two functions below.
     pub(super) fn take_link(&mut self, link: usize) -> bool {
         std::mem::take(&mut self.is_new_link[link])
     }

@@ -1,6 +1,6 @@
-//! Ways to find the tracks of least cost over a graph.
+//! Solvers for the tracks of least cost over a graph.
 //!
-//! * [`exact`] — the optimum, with its proof; what is used unless something else is asked for;
+//! * [`exact`] — the optimum, with its certificate; the default;
 //! * [`greedy`] — Pirsiavash's two-pass dynamic programming;
 //! * [`constrained`] — with the constraint on moving directions ([`direction`]).
 

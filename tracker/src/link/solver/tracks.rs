@@ -1,48 +1,48 @@
-//! Tracks while they are being changed, by the link that comes to each node and the one that goes on.
+//! Tracks during their construction, by the incoming and outgoing link of each node.
 
 use super::super::graph::FlowGraph;
 use super::direction::Directions;
-use super::labels::{Arrived, End, Freed, Labels};
+use super::labels::{Arrived, Freed, PathEnd, PathLabels};
 
 /// Tracks by their links.
-pub(super) struct Tracks {
+pub(super) struct WorkingTracks {
     pub(super) is_used: Vec<bool>,
     pub(super) come: Vec<Option<u32>>,
     pub(super) go: Vec<Option<u32>>,
-    /// Where each link begins.
+    /// Source node of each link.
     sources: Vec<u32>,
-    /// What stood at each node before the change that is being made.
-    journal: Vec<(usize, State)>,
+    /// Former state of each node in the current change.
+    journal: Vec<(usize, NodeState)>,
 }
 
-/// Whether a node is used, the link that comes to it, and the one that goes on.
-type State = (bool, Option<u32>, Option<u32>);
+/// Whether a node is used, its incoming link and its outgoing link.
+type NodeState = (bool, Option<u32>, Option<u32>);
 
-impl Tracks {
+impl WorkingTracks {
     pub(super) fn none(graph: &FlowGraph) -> Self {
         let n = graph.node_count();
         let sources = (0..n).flat_map(|node| graph.links_of(node).map(move |_| node as u32)).collect();
         Self { is_used: vec![false; n], come: vec![None; n], go: vec![None; n], sources, journal: Vec::new() }
     }
 
-    /// The node that a link leaves.
+    /// Source node of a link.
     pub(super) fn source(&self, link: u32) -> usize {
         self.sources[link as usize] as usize
     }
 
-    /// The node after each node.
+    /// Follower of each node.
     pub(super) fn followers(&self, graph: &FlowGraph) -> Vec<Option<u32>> {
         self.go.iter().map(|link| link.map(|l| graph.target(l as usize) as u32)).collect()
     }
 
-    /// Changes the tracks along the path that ends at `end`. Where the path crosses itself so that the result would break
-    /// a track or a direction, or cost no less, nothing changes and the answer is `false`.
+    /// Changes the tracks along the path that ends at `end`. If the path crosses itself so that the result would break
+    /// a track or a direction, or cost no less, nothing changes and the result is `false`.
     pub(super) fn change(
         &mut self,
         graph: &FlowGraph,
         directions: &Directions,
-        labels: &Labels,
-        end: End,
+        labels: &PathLabels,
+        end: PathEnd,
     ) -> bool {
         let Some(steps) = self.steps(labels, end) else { return false };
         self.journal.clear();
@@ -54,7 +54,7 @@ impl Tracks {
         touched.dedup();
         let is_sound = touched.iter().all(|node| self.is_sound(graph, directions, *node));
         let after = self.cost_at(graph, &touched);
-        // Each node's first entry, undone last, is what stood there before.
+        // Each node's first entry, undone last, is its former state.
         for i in (0..self.journal.len()).rev() {
             let (node, old) = self.journal[i];
             let new = (self.is_used[node], self.come[node], self.go[node]);
@@ -70,7 +70,7 @@ impl Tracks {
         true
     }
 
-    /// What some nodes, the links that come to them and their tracks' ends cost.
+    /// Cost of some nodes, their incoming links and their tracks' ends.
     fn cost_at(&self, graph: &FlowGraph, nodes: &[usize]) -> i128 {
         let cost = |node: &usize| {
             let come = self.come[*node].map_or(graph.birth(), |link| graph.link_cost(link as usize));
@@ -80,40 +80,40 @@ impl Tracks {
         nodes.iter().filter(|n| self.is_used[**n]).map(cost).sum()
     }
 
-    /// The path, its end first; `None` where it is a circle.
-    fn steps(&self, labels: &Labels, end: End) -> Option<Vec<Step>> {
+    /// Steps of the path, its end first; `None` where it is a cycle.
+    fn steps(&self, labels: &PathLabels, end: PathEnd) -> Option<Vec<PathStep>> {
         let mut steps = Vec::new();
         let mut at = match end {
-            End::Node(node) => Place::Arrived(node, labels.end[node as usize].1),
-            End::TrackStart(node) => Place::Arrived(node, labels.met[node as usize].1),
-            End::FreedNode(node) => Place::Freed(node),
-            End::DroppedStart(node) => {
-                steps.push(Step::Drop(node));
-                Place::Freed(node)
+            PathEnd::Node(node) => TracePosition::Arrived(node, labels.end[node as usize].1),
+            PathEnd::TrackStart(node) => TracePosition::Arrived(node, labels.met[node as usize].1),
+            PathEnd::FreedNode(node) => TracePosition::Freed(node),
+            PathEnd::DroppedStart(node) => {
+                steps.push(PathStep::Drop(node));
+                TracePosition::Freed(node)
             }
         };
         let longest = 2 * (labels.over.len() + labels.end.len()) + 2;
         while steps.len() <= longest {
             at = match at {
-                Place::Arrived(_, Arrived::Nowhere) => return None,
-                Place::Arrived(node, Arrived::Birth) => {
-                    steps.push(Step::Begin(node));
+                TracePosition::Arrived(_, Arrived::Nowhere) => return None,
+                TracePosition::Arrived(node, Arrived::Birth) => {
+                    steps.push(PathStep::Begin(node));
                     return Some(steps);
                 }
-                Place::Arrived(_, Arrived::TrackEnd) => return Some(steps),
-                Place::Arrived(node, Arrived::Freed) => Place::Freed(node),
-                Place::Arrived(_, Arrived::Over(link)) => {
-                    steps.push(Step::Follow(link));
-                    Place::Arrived(self.sources[link as usize], labels.over[link as usize].1)
+                TracePosition::Arrived(_, Arrived::TrackEnd) => return Some(steps),
+                TracePosition::Arrived(node, Arrived::Freed) => TracePosition::Freed(node),
+                TracePosition::Arrived(_, Arrived::Over(link)) => {
+                    steps.push(PathStep::Follow(link));
+                    TracePosition::Arrived(self.sources[link as usize], labels.over[link as usize].1)
                 }
-                Place::Freed(node) => {
-                    steps.push(Step::LoseRest(node));
+                TracePosition::Freed(node) => {
+                    steps.push(PathStep::LoseRest(node));
                     match labels.freed[node as usize].1 {
                         Freed::Nowhere => return None,
-                        Freed::Met(behind) => Place::Arrived(behind, labels.met[behind as usize].1),
+                        Freed::Met(behind) => TracePosition::Arrived(behind, labels.met[behind as usize].1),
                         Freed::Dropped(behind) => {
-                            steps.push(Step::Drop(behind));
-                            Place::Freed(behind)
+                            steps.push(PathStep::Drop(behind));
+                            TracePosition::Freed(behind)
                         }
                     }
                 }
@@ -122,25 +122,25 @@ impl Tracks {
         None
     }
 
-    fn apply(&mut self, graph: &FlowGraph, step: &Step) {
+    fn apply(&mut self, graph: &FlowGraph, step: &PathStep) {
         match *step {
-            Step::Begin(node) => {
+            PathStep::Begin(node) => {
                 let node = self.note(node);
                 self.is_used[node] = true;
                 self.come[node] = None;
             }
-            Step::Follow(link) => {
+            PathStep::Follow(link) => {
                 let source = self.note(self.sources[link as usize]);
                 self.go[source] = Some(link);
                 let target = self.note(graph.target(link as usize) as u32);
                 self.is_used[target] = true;
                 self.come[target] = Some(link);
             }
-            Step::LoseRest(node) => {
+            PathStep::LoseRest(node) => {
                 let node = self.note(node);
                 self.go[node] = None;
             }
-            Step::Drop(node) => {
+            PathStep::Drop(node) => {
                 let node = self.note(node);
                 (self.is_used[node], self.come[node], self.go[node]) = (false, None, None);
             }
@@ -153,7 +153,7 @@ impl Tracks {
         node
     }
 
-    /// Whether a node's links and its neighbours' agree, and the direction is kept.
+    /// Whether a node's links agree with its neighbours', and its direction is kept.
     fn is_sound(&self, graph: &FlowGraph, directions: &Directions, node: usize) -> bool {
         let (come, go) = (self.come[node], self.go[node]);
         if !self.is_used[node] {
@@ -171,14 +171,14 @@ impl Tracks {
     }
 }
 
-/// Where a path is being followed backwards.
-enum Place {
+/// Position at which a path is traced backwards.
+enum TracePosition {
     Arrived(u32, Arrived),
     Freed(u32),
 }
 
-/// One change of a path, in the order of its way.
-enum Step {
+/// One step of a path, in forward order.
+enum PathStep {
     Begin(u32),
     Follow(u32),
     LoseRest(u32),

@@ -3,7 +3,7 @@
 use nalgebra::{Point2, Point3};
 
 use super::{FieldOfView, StationId};
-use crate::stage::{Floor, Stage, StageCamera};
+use crate::prepared_room::{Floor, PreparedCamera, PreparedRoom};
 
 /// Side of a cell of the floor, metres.
 const CELL_M: f64 = 0.25;
@@ -31,7 +31,7 @@ pub struct StageView {
 
 impl StageView {
     /// Looks at every cell of the floor from every camera.
-    pub fn new(stage: &Stage) -> Self {
+    pub fn new(stage: &PreparedRoom) -> Self {
         let (low, high) = stage.floor.bounds();
         let size = high - low;
         let cell_m = (size.x * size.y / MOST_CELLS).sqrt().max(CELL_M);
@@ -41,7 +41,7 @@ impl StageView {
             let (column, row) = ((i % columns) as f64 + 0.5, (i / columns) as f64 + 0.5);
             Point2::new(low.x + column * cell_m, low.y + row * cell_m)
         };
-        let map = |camera: &StageCamera| -> Vec<u8> {
+        let map = |camera: &PreparedCamera| -> Vec<u8> {
             let cell = |i: usize| {
                 let place = center(i);
                 let stands = stage.floor.is_standable(place.x, place.y);
@@ -82,7 +82,7 @@ impl FieldOfView for StageView {
 }
 
 /// Part of an average adult's middle and sides that a camera sees.
-fn visible_part(camera: &StageCamera, place: Point2<f64>) -> f64 {
+fn visible_part(camera: &PreparedCamera, place: Point2<f64>) -> f64 {
     let center = camera.pinhole.center();
     let away = place - Point2::new(center.x, center.y);
     let side = away

@@ -10,9 +10,9 @@ use nalgebra::{Matrix2, Point2};
 use super::{Followed, Looks, Restart, Sighting, Sightings};
 use crate::method::Method;
 use crate::method::mcmc::{Mcmc, McmcOptions, Measured};
+use crate::prepared_room::{PreparedRoom, resolution};
 use crate::silhouette::visibility::{fraction, visible_parts};
 use crate::silhouette::{Body, Silhouette, View};
-use crate::stage::{Stage, resolution};
 use crate::{CameraFrame, Moment, Result, TrackId};
 
 /// People nearer to each other than this on the floor may be taken for each other, metres.
@@ -38,12 +38,12 @@ impl ImageTracking {
     ///
     /// # Errors
     /// [`crate::Error::Option`] when an option makes no sense.
-    pub fn new(stage: &Stage, camera: usize, options: &McmcOptions) -> Result<Self> {
+    pub fn new(stage: &PreparedRoom, camera: usize, options: &McmcOptions) -> Result<Self> {
         let of_camera = &stage.cameras[camera];
         let average =
             Body { radius_m: options.radius.mean_m, height_m: options.height.mean_m, ..Body::ADULT };
         let view = View::coarse(of_camera, resolution::block(of_camera, &average, &stage.floor));
-        let alone = Stage { cameras: vec![of_camera.clone()], ..stage.clone() };
+        let alone = PreparedRoom { cameras: vec![of_camera.clone()], ..stage.clone() };
         Ok(Self { sampler: Mcmc::new(alone, McmcOptions { lag_s: 0.0, ..options.clone() })?, view })
     }
 

@@ -4,15 +4,15 @@ use std::sync::Arc;
 
 use super::system::{body, estimate};
 use super::{AgentStation, AgentsOptions, FieldOfView, Packet, StageView, StationId};
+use crate::prepared_room::PreparedRoom;
 use crate::silhouette::visibility::visible_fractions;
 use crate::silhouette::{Body, View};
-use crate::stage::Stage;
 use crate::{CameraFrame, PersonEstimate, Result};
 
 /// One station with what it needs of the stage.
 #[derive(Debug)]
 pub struct SoloStation {
-    stage: Stage,
+    stage: PreparedRoom,
     station: AgentStation,
     view: View,
     hears: Vec<StationId>,
@@ -23,7 +23,7 @@ impl SoloStation {
     ///
     /// # Errors
     /// [`crate::Error::Option`] when an option makes no sense.
-    pub fn new(stage: Stage, station: StationId, options: &AgentsOptions) -> Result<Self> {
+    pub fn new(stage: PreparedRoom, station: StationId, options: &AgentsOptions) -> Result<Self> {
         let fields: Arc<dyn FieldOfView> = Arc::new(StageView::new(&stage));
         let others = (0..stage.cameras.len()).map(|i| StationId(i as u8)).filter(|other| *other != station);
         let hears = others.filter(|other| fields.overlap(station, *other)).collect();

@@ -9,8 +9,8 @@ use super::{
 use crate::method::agents::modern::Modern;
 use crate::method::agents::published::Published;
 use crate::method::mcmc::McmcOptions;
+use crate::prepared_room::PreparedRoom;
 use crate::silhouette::Body;
-use crate::stage::Stage;
 use crate::{CameraFrame, Result};
 
 /// One camera's image tracking and agents.
@@ -26,7 +26,7 @@ impl AgentStation {
     /// # Errors
     /// [`crate::Error::Option`] when an option makes no sense.
     pub fn new(
-        stage: &Stage,
+        stage: &PreparedRoom,
         station: StationId,
         fields: Arc<dyn FieldOfView>,
         options: &AgentsOptions,

@@ -8,9 +8,9 @@ use rayon::prelude::*;
 
 use super::{AgentStation, AgentsOptions, Belief, FieldOfView, Packet, StageView, StationId};
 use crate::method::{Method, Needs};
+use crate::prepared_room::PreparedRoom;
 use crate::silhouette::visibility::visible_fractions;
 use crate::silhouette::{Body, View};
-use crate::stage::Stage;
 use crate::{Error, Moment, PersonEstimate, Result, TrackId};
 
 /// The most stations of a system: their numbers are bytes.
@@ -26,7 +26,7 @@ const SAME_M: f64 = 0.35;
 /// All stations of a site.
 #[derive(Debug)]
 pub struct Agents {
-    stage: Stage,
+    stage: PreparedRoom,
     views: Vec<View>,
     stations: Vec<AgentStation>,
     /// For each station those that it hears.
@@ -40,7 +40,7 @@ impl Agents {
     ///
     /// # Errors
     /// [`Error::Option`] when an option makes no sense, or there are more cameras than stations can be.
-    pub fn new(stage: Stage, options: &AgentsOptions) -> Result<Self> {
+    pub fn new(stage: PreparedRoom, options: &AgentsOptions) -> Result<Self> {
         let count = stage.cameras.len();
         if count > MOST_STATIONS {
             return Err(Error::option(

@@ -1,41 +1,42 @@
-//! The contour of a head in a camera (section 4.2, figures 10 and 11): a spheroid projected exactly.
+//! Contour of a head in a camera (section 4.2, figures 10 and 11): an exact projection of a spheroid.
 //!
-//! Scale space so that the spheroid becomes the unit sphere and its middle the origin; the camera's centre goes to `o`. The
-//! points of the sphere where the sight is tangent are a circle around `o / |o|²` of radius `√(1 − 1/|o|²)`,
+//! Scale space so that the spheroid becomes the unit sphere and its centre the origin; the camera's centre goes to `o`.
+//! The points of the sphere with tangent rays are a circle around `o / |o|²` of radius `√(1 − 1/|o|²)`,
 //!
 //! ```text
 //! q(φ) = ô / |o| + √(1 − 1/|o|²) (cos φ e₁ + sin φ e₂)        e₁: upwards, e₁ ⊥ e₂ ⊥ ô
 //! ```
 //!
-//! and their images are the contour. Pixel and normal of a point are linear in `(1, cos φ, sin φ)` before the division, so a
-//! contour costs two dozen products for the head and a dozen for each point. The plane that is tangent at `q` holds the
+//! and their images are the contour. Pixel and normal of a point are linear in `(1, cos φ, sin φ)` before the division,
+//! so a contour costs two dozen products for the head and a dozen for each point. The tangent plane at `q` contains the
 //! camera, so its image is a line: the tangent of the contour, with normal `N`.
 
 use glam::{Mat3A, Vec3A};
 use nalgebra::{Matrix3, Point3, Vector3};
 
-use super::edges::Outline;
+use super::edges::OutlinePoints;
 use super::options::HeadModel;
-use crate::stage::StageCamera;
+use crate::prepared_room::PreparedCamera;
 
-/// Contour points of a head: a head of five pixels' radius has one every pixel of its upper part.
+/// Number of contour points of a head: a head of five pixels' radius has one every pixel of its upper part.
 pub const POINTS: usize = 16;
 
-/// A camera, made ready for contours of heads of one shape. Estimating ends where it begins: single precision from here on.
+/// A camera prepared for contours of heads of one shape. Its results are single precision, because nothing is estimated
+/// from them beyond a weight.
 #[derive(Debug, Clone)]
 pub struct HeadCamera {
-    /// The camera's centre.
+    /// Centre of the camera, metres.
     pub center: Point3<f64>,
     shape: HeadShape,
-    /// From directions where the head is the unit sphere to homogeneous pixels.
+    /// Matrix from directions, scaled so that the head is the unit sphere, to homogeneous pixels.
     projection: Mat3A,
-    /// From normals there to normals in the image (x and y matter).
+    /// Matrix from normals of the unit sphere to normals in the image (x and y matter).
     image_from_normal: Mat3A,
-    /// The image's upwards, there.
+    /// The image's upward direction, scaled likewise.
     up: Vec3A,
 }
 
-/// The shape that contours are made of.
+/// Shape of the heads whose contours are computed.
 #[derive(Debug, Clone)]
 pub struct HeadShape {
     semi_axes: Vector3<f64>,
@@ -43,26 +44,26 @@ pub struct HeadShape {
     sines: [f32; POINTS],
 }
 
-/// Contour points in the image of one camera, from one side over the top to the other, with their normals outwards (N).
+/// Contour points in the image of one camera, from one side over the top to the other, with their outward normals (N).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contour {
-    /// The pixel of the contour's middle.
+    /// Pixel of the contour's centre.
     pub middle: [f32; 2],
-    /// The points.
-    pub outline: Outline<POINTS>,
+    /// Contour points.
+    pub outline: OutlinePoints<POINTS>,
 }
 
 impl Contour {
-    /// From the middle to the top, pixels.
+    /// Distance from the centre to the top, pixels.
     pub fn half_height_px(&self) -> f32 {
-        let Outline { u, v, .. } = &self.outline;
+        let OutlinePoints { u, v, .. } = &self.outline;
         length(u[POINTS / 2] - self.middle[0], v[POINTS / 2] - self.middle[1])
     }
 }
 
 impl HeadCamera {
-    /// The pinhole twin of a camera of the stage.
-    pub fn new(camera: &StageCamera, shape: &HeadShape) -> Self {
+    /// Prepares the pinhole camera of a camera of the room.
+    pub fn new(camera: &PreparedCamera, shape: &HeadShape) -> Self {
         let k = &camera.pinhole.intrinsics;
         let rotation = camera.pinhole.camera_from_world.rotation.to_rotation_matrix();
         let focal = Matrix3::from_diagonal(&Vector3::new(1.0 / k.fx, 1.0 / k.fy, 1.0));
@@ -77,10 +78,10 @@ impl HeadCamera {
         }
     }
 
-    /// The contour of a head whose middle is at `head`; `None` where the camera is inside it, or some of it is not in front of
-    /// the camera.
+    /// Contour of a head with centre `head`; `None` where the camera is inside it, or part of it is not in front of the
+    /// camera.
     pub fn contour(&self, head: &Vector3<f64>) -> Option<Contour> {
-        /// Seen from so straight above (the sine of the angle), the image's upwards is as good as the world's.
+        /// Sine of the angle to the vertical below which the image's upward direction replaces the world's.
         const STEEP: f32 = 0.1;
         let o = (self.center.coords - head).component_div(&self.shape.semi_axes);
         let o = Vec3A::new(o.x as f32, o.y as f32, o.z as f32);
@@ -105,7 +106,7 @@ impl HeadCamera {
         if p[0].z <= length(p[1].z, p[2].z) + f32::EPSILON {
             return None;
         }
-        let mut outline = Outline::default();
+        let mut outline = OutlinePoints::default();
         for i in 0..POINTS {
             let (c, s) = (self.shape.cosines[i], self.shape.sines[i]);
             let per_depth = 1.0 / (p[0].z + c * p[1].z + s * p[2].z);
@@ -125,13 +126,13 @@ fn single(m: &Matrix3<f64>) -> Mat3A {
     Mat3A::from_cols(column(0), column(1), column(2))
 }
 
-/// Unlike `hypot`, no call: pixels and metres neither overflow nor vanish when squared.
+/// Unlike `hypot`, this needs no call: pixels and metres neither overflow nor vanish when squared.
 fn length(x: f32, y: f32) -> f32 {
     (x * x + y * y).sqrt()
 }
 
 impl HeadShape {
-    /// The contour points of a model, evenly over its arc.
+    /// Contour points of a head model, evenly spaced over its arc.
     pub fn new(model: &HeadModel) -> Self {
         let angle = |i: usize| {
             let share = (i as f64 + 0.5) / POINTS as f64;
@@ -153,16 +154,16 @@ mod tests {
     use calib::{Camera, Intrinsics};
     use nalgebra::Isometry3;
 
-    fn camera(eye: [f64; 3], aim: [f64; 3]) -> StageCamera {
+    fn camera(eye: [f64; 3], aim: [f64; 3]) -> PreparedCamera {
         let up = if eye[0] == aim[0] && eye[1] == aim[1] { Vector3::y() } else { -Vector3::z() };
         let pose = Isometry3::face_towards(&Point3::from(eye), &Point3::from(aim), &up).inverse();
-        StageCamera::new(
+        PreparedCamera::new(
             "a",
             &Camera { intrinsics: Intrinsics::from_horizontal_fov(640, 480, 60.0), camera_from_world: pose },
         )
     }
 
-    /// The spans of `ImageConic` solve the ray–quadric equation: another way to the same outline.
+    /// The spans of `ImageConic` solve the ray–quadric equation: an independent computation of the same outline.
     #[test]
     fn points_lie_on_the_conic_and_normals_point_out_of_it() {
         let model = HeadModel { arc_deg: 180.0, ..HeadModel::default() };
@@ -196,7 +197,7 @@ mod tests {
                 assert!((nu.hypot(nv) - 1.0).abs() < 1e-5);
                 assert!(!is_inside(u + 0.02 * nu, v + 0.02 * nv), "{eye:?} point {i}: outwards is inside");
                 assert!(is_inside(u - 0.02 * nu, v - 0.02 * nv), "{eye:?} point {i}: inwards is outside");
-                // Along the tangent one leaves a convex outline.
+                // The tangent of a convex outline lies outside it.
                 for side in [-1.0, 1.0] {
                     assert!(!is_inside(u - 1.5 * side * nv, v + 1.5 * side * nu), "{eye:?} point {i}");
                 }
@@ -213,7 +214,7 @@ mod tests {
         assert!(contour.v.iter().all(|v| f64::from(*v) < middle + 1e-3), "{:?}", contour.v);
         let top = contour.v.iter().copied().fold(f32::MAX, f32::min);
         let focal = 320.0 / 30_f64.to_radians().tan();
-        // The crown of a spheroid 0.12 m above its middle at 5 m; the outermost points are half a step off it.
+        // The crown of a spheroid 0.12 m above its centre at 5 m; the outermost points are half a step off it.
         assert!((f64::from(top) - (middle - focal * 0.12 / 5.0)).abs() < 0.15, "{top}");
     }
 

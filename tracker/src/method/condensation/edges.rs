@@ -1,8 +1,8 @@
-//! Edge images (section 4.2): the Sobel gradient of a camera's picture.
+//! Edge images (section 4.2): Sobel gradient of a camera's picture.
 //!
-//! Where the empty scene is known, the picture is first compared with it, in its own exposure: what is left is bright where
-//! nothing has changed and dark where somebody is. Its edges are the contours of people alone, and which side is inside is
-//! known. It is no mask: nothing is decided, and nothing is learnt.
+//! If the empty scene is known, the picture is first compared with it at the picture's exposure: the result is bright
+//! where nothing has changed and dark where a person is. Its edges are the contours of people alone, and their inner
+//! side is known. It is not a mask: there is no decision for single pixels, and nothing is learnt.
 
 use image::RgbImage;
 
@@ -10,27 +10,29 @@ use super::options::{EdgeOptions, EdgeStrength};
 use super::sobel::{FULL, RIM, Sobel};
 use crate::foreground::exposure::Exposure;
 
-/// A difference from the empty scene that counts half, levels: twice what compression and noise leave of a good camera's.
+/// Difference from the empty scene with half of the full effect, levels: twice the compression artefacts and noise of a
+/// good camera.
 const CHANGED_HALF: f32 = 16.0;
-/// Sizes of the picture: heads of any size have contours about as wide, in parts of a head.
+/// Number of picture sizes: heads of any size then have contours of about the same width relative to the head.
 pub const LEVELS: usize = 3;
-/// Heads of up to this half height are looked at in full size, twice as large ones in half of it, pixels.
+/// Largest half height of a head that is compared at full size, pixels; heads up to twice as large are compared at half
+/// the size.
 const LARGEST_HEAD_PX: f32 = 14.0;
 
-/// The edges of one picture: for each pixel, along u and v, the brightness' ascent in parts of [`FULL`]; row by row.
+/// Edges of one picture: for each pixel, along u and v, the gradient of brightness in units of 1/[`FULL`]; row by row.
 #[derive(Debug, Clone, Default)]
 pub struct EdgeImage {
     width: usize,
     height: usize,
-    /// Each of half the size of the one before.
-    levels: [Level; LEVELS],
-    /// How much of each pixel is as in the empty scene, of 255; empty where that is not known.
+    /// Levels of the image pyramid, each of half the size of the one before.
+    levels: [EdgeLevel; LEVELS],
+    /// Similarity of each pixel to the empty scene, 0 to 255; empty where that is not known.
     unchanged: Vec<u8>,
 }
 
-/// The edges at one size.
+/// Edges at one size.
 #[derive(Debug, Clone, Default)]
-struct Level {
+struct EdgeLevel {
     width: usize,
     height: usize,
     gradient: Vec<[i16; 2]>,
@@ -38,7 +40,7 @@ struct Level {
 
 /// Points in the image with their unit normals.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Outline<const N: usize> {
+pub struct OutlinePoints<const N: usize> {
     /// Columns.
     pub u: [f32; N],
     /// Rows.
@@ -49,35 +51,36 @@ pub struct Outline<const N: usize> {
     pub normal_v: [f32; N],
 }
 
-/// Makes the edge images of one camera.
+/// Maker of the edge images of one camera.
 #[derive(Debug, Clone)]
 pub struct EdgeMaker {
     options: EdgeOptions,
-    /// The empty scene.
+    /// Empty scene.
     empty: Option<RgbImage>,
-    /// The latest picture's exposure against the empty scene's.
+    /// Exposure of the latest picture relative to the empty scene.
     exposure: Exposure,
-    /// What a pixel counts that differs from the empty scene by so many levels: 255 for nothing.
+    /// Similarity, 0 to 255, for each difference from the empty scene in levels: 255 for none.
     unchanged: [i16; 256],
-    /// Where the lens shows something, off its border; `None` where that is everywhere.
+    /// Pixels inside the lens, off its border; `None` where that is the whole image.
     shown: Option<Vec<bool>>,
     sobel: Sobel,
 }
 
 impl EdgeImage {
-    /// The edge at a pixel of the full size; nothing outside the image.
+    /// Edge at a pixel of the full size; zero outside the image.
     pub fn at(&self, u: i32, v: i32) -> [f32; 2] {
-        let Level { width, height, gradient } = &self.levels[0];
+        let EdgeLevel { width, height, gradient } = &self.levels[0];
         let is_inside = (u as usize) < *width && (v as usize) < *height;
         if is_inside { gradient[v as usize * width + u as usize].map(f32::from) } else { [0.0; 2] }
     }
 
-    /// Whether these are contours of what is not in the empty scene: then the gradient always points out of it.
+    /// Whether these are edges of differences from the empty scene: then the gradient always points out of a person.
     pub fn is_of_change(&self) -> bool {
         !self.unchanged.is_empty()
     }
 
-    /// The mean share of pixels that are not as in the empty scene; `None` where that is not known, or nothing is in the image.
+    /// Mean share of change from the empty scene over some pixels; `None` where that is not known, or no pixel is in
+    /// the image.
     pub fn changed(&self, pixels: impl Iterator<Item = [f32; 2]>) -> Option<f32> {
         if self.unchanged.is_empty() {
             return None;
@@ -93,11 +96,11 @@ impl EdgeImage {
         (inside > 0).then(|| sum as f32 / (255 * inside) as f32)
     }
 
-    /// Σ N·E over the outline of a head of this half height, in parts of an edge that counts fully, and how many of its points
-    /// are in the image.
-    pub fn along<const N: usize>(&self, head_px: f32, outline: &Outline<N>) -> (f32, u32) {
-        /// 3 · 2²²: added to a number, it leaves the nearest whole one in the lowest bits, without a branch or a call. What is
-        /// negative, far off, or no number ends up beyond any image.
+    /// Σ N·E over the outline of a head of this half height, in units of a full edge, and the number of its points in
+    /// the image.
+    pub fn along<const N: usize>(&self, head_px: f32, outline: &OutlinePoints<N>) -> (f32, u32) {
+        /// 3 · 2²²: added to a number, it leaves the nearest integer in the lowest bits, without a branch or a call.
+        /// Negative numbers, large ones and NaN end up beyond any image.
         const ROUNDS: f32 = 12_582_912.0;
         let level = match head_px / LARGEST_HEAD_PX {
             small if small <= 1.0 => 0,
@@ -105,8 +108,8 @@ impl EdgeImage {
             _ => 2,
         };
         let scale = 1.0 / (1 << level) as f32;
-        let Level { width, height, gradient } = &self.levels[level];
-        // Pixels' edges, not their middles, fall together in all sizes.
+        let EdgeLevel { width, height, gradient } = &self.levels[level];
+        // Pixels' edges, not their centres, coincide in all sizes.
         let shift = 0.5 * scale - 0.5;
         let pixel = |x: f32| (x * scale + shift + ROUNDS).to_bits().wrapping_sub(ROUNDS.to_bits());
         let (columns, rows) = (outline.u.map(pixel), outline.v.map(pixel));
@@ -123,14 +126,14 @@ impl EdgeImage {
     }
 }
 
-impl<const N: usize> Default for Outline<N> {
+impl<const N: usize> Default for OutlinePoints<N> {
     fn default() -> Self {
         Self { u: [0.0; N], v: [0.0; N], normal_u: [0.0; N], normal_v: [0.0; N] }
     }
 }
 
 impl EdgeMaker {
-    /// For pictures of a camera. `shown` tells for each pixel whether the lens shows anything there.
+    /// Maker for pictures of a camera. `shown` is true for each pixel inside the lens.
     pub fn new(options: EdgeOptions, width: u32, shown: &[bool]) -> Self {
         let is_whole = shown.iter().all(|s| *s);
         Self {
@@ -146,12 +149,12 @@ impl EdgeMaker {
         }
     }
 
-    /// Tells what the camera sees when nobody is there.
+    /// Sets the picture of the empty scene.
     pub fn set_empty_scene(&mut self, picture: &RgbImage) {
         self.empty = Some(picture.clone());
     }
 
-    /// The edges of a picture, into `edges`' buffer.
+    /// Computes the edges of a picture into `edges`, whose buffers are reused.
     pub fn edges(&mut self, picture: &RgbImage, edges: &mut EdgeImage) {
         (edges.width, edges.height) = (picture.width() as usize, picture.height() as usize);
         edges.unchanged.clear();
@@ -197,7 +200,7 @@ impl EdgeMaker {
     }
 }
 
-/// Where all of the operator's reach is shown.
+/// Pixels whose whole neighbourhood of the operator is shown.
 fn eroded(shown: &[bool], width: usize) -> Vec<bool> {
     let height = shown.len() / width.max(1);
     let reach = |at: usize, size: usize| at.saturating_sub(RIM)..(at + RIM + 1).min(size);
@@ -231,8 +234,8 @@ mod tests {
     }
 
     /// A point whose normal points to the right.
-    fn across(u: f32, v: f32) -> Outline<1> {
-        Outline { u: [u], v: [v], normal_u: [1.0], normal_v: [0.0] }
+    fn across(u: f32, v: f32) -> OutlinePoints<1> {
+        OutlinePoints { u: [u], v: [v], normal_u: [1.0], normal_v: [0.0] }
     }
 
     fn linear() -> EdgeOptions {
@@ -241,7 +244,7 @@ mod tests {
 
     #[test]
     fn a_plane_has_its_own_gradient_everywhere() {
-        // Brightness 20 + 3 u + 2 v: the operator must answer (3, 2) levels a pixel whatever its size.
+        // Brightness 20 + 3 u + 2 v: the operator must give (3, 2) levels a pixel whatever its size.
         let edges = edges(linear(), None, &picture(|u, v| (20 + 3 * u + 2 * v) as u8));
         for (u, v) in [(2, 2), (20, 15), (37, 27)] {
             let [eu, ev] = edges.at(u, v).map(|e| e / FULL * STEEPEST);
@@ -265,10 +268,10 @@ mod tests {
     }
 
     #[test]
-    fn what_the_empty_scene_has_is_left_out_and_people_are_dark_inside_whatever_they_wear() {
+    fn edges_of_the_empty_scene_vanish_and_people_are_dark_inside_in_any_clothes() {
         let step = |dark: u8, bright: u8| move |u: u32| if u < 20 { dark } else { bright };
         let empty = picture(|u, _| step(60, 140)(u));
-        // Two posts, one darker and one brighter than what is behind, in an exposure 10 % brighter.
+        // Two posts, one darker and one brighter than their background, at an exposure 10 % brighter.
         let with = picture(|u, v| match (u, v) {
             (6..12, 8..) => 10,
             (28..34, 8..) => 230,
@@ -296,7 +299,7 @@ mod tests {
     #[test]
     fn sums_run_along_normals_and_count_what_is_inside() {
         let edges = edges(linear(), None, &picture(|u, _| (20 + 3 * u) as u8));
-        let outline = Outline {
+        let outline = OutlinePoints {
             u: [10.2, 20.0, 30.0],
             v: [10.0, 10.0, 9.6],
             normal_u: [1.0, 0.0, -0.5],
@@ -312,12 +315,12 @@ mod tests {
     #[test]
     fn large_heads_are_looked_at_in_smaller_pictures() {
         let edges = edges(linear(), None, &picture(|u, _| (20 + 3 * u) as u8));
-        // The same slope is twice as steep in half of the size.
+        // The same slope is twice as steep at half the size.
         let at = |head_px: f32| edges.along(head_px, &across(20.0, 15.0)).0 * STEEPEST;
         assert!(
             (at(10.0) - 3.0).abs() < 0.1 && (at(20.0) - 6.0).abs() < 0.1 && (at(99.0) - 12.0).abs() < 0.2
         );
-        // A step between columns 19 and 20 stays where it is.
+        // A step between columns 19 and 20 stays in place.
         let step = self::edges(linear(), None, &picture(|u, _| if u < 20 { 60 } else { 160 }));
         let best = |head_px: f32| {
             let at = |u: f32| step.along(head_px, &across(u, 15.0)).0;

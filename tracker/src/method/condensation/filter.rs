@@ -1,39 +1,41 @@
-//! One person's filter (section 2.1, equations 1 to 3): hypotheses of where the head is, drawn, weighed, drawn again.
+//! Particle filter of one person (section 2.1, equations 1 to 3): hypotheses of the head's position are predicted,
+//! weighed and resampled.
 //!
-//! A moment has several layers (annealing; Deutscher, Blake & Reid, CVPR 2000): each draws around the best of the one before,
-//! half as far. With one layer this is CONDENSATION as published.
+//! A moment has several layers (annealing; J. Deutscher, A. Blake and I. Reid, "Articulated body motion capture by
+//! annealed particle filtering", CVPR 2000): each resamples around the best hypotheses of the one before with half the
+//! spread. With one layer this is CONDENSATION as published.
 
 use nalgebra::Vector3;
 use rand::RngExt;
 use rand_distr::StandardNormal;
 use rand_pcg::Pcg64Mcg;
 
-use super::exclusion::Gaussian;
-use super::integration::Looks;
-use super::spent::Spent;
-use super::weight::{Sight, Support};
+use super::exclusion::HeadDistribution;
+use super::integration::CameraWeights;
+use super::step_times::StepTimes;
+use super::weight::{HeadSupport, WeighingInput};
 
-/// One hypothesis in this many is drawn much farther off: people stop and turn at once.
+/// Every how many hypotheses one is predicted with a larger step: people stop and turn suddenly.
 const ASTRAY_EVERY: usize = 8;
-/// How much farther.
+/// Factor of the larger step.
 const ASTRAY: f64 = 3.0;
 
-/// A set of weighted hypotheses. Metres, room frame.
+/// Set of weighted hypotheses. Metres, room frame.
 #[derive(Debug, Clone)]
-pub struct Filter {
-    /// s: where the head's middle is.
+pub struct HeadFilter {
+    /// s: positions of the head's centre.
     pub hypotheses: Vec<Vector3<f64>>,
-    /// π, not negative; they need not add up to one.
+    /// π, not negative; they need not sum to 1.
     pub weights: Vec<f64>,
-    /// The hypothesis of the largest weight in the latest weighing.
+    /// Index of the hypothesis with the largest weight in the latest weighing.
     best: usize,
     predicted: Vec<Vector3<f64>>,
     drawn: Vec<Vector3<f64>>,
-    looks: Vec<Looks>,
+    weights_by_camera: Vec<CameraWeights>,
 }
 
-impl Filter {
-    /// So many hypotheses around a place.
+impl HeadFilter {
+    /// `count` hypotheses around a place.
     pub fn around(place: &Vector3<f64>, sigma_m: &Vector3<f64>, count: usize, rng: &mut Pcg64Mcg) -> Self {
         let mut filter = Self {
             hypotheses: vec![*place; count],
@@ -41,20 +43,20 @@ impl Filter {
             best: 0,
             predicted: Vec::with_capacity(count),
             drawn: Vec::with_capacity(count),
-            looks: Vec::with_capacity(count),
+            weights_by_camera: Vec::with_capacity(count),
         };
         filter.scatter(sigma_m, rng);
         filter
     }
 
-    /// All hypotheses around another place from now on.
+    /// Replaces all hypotheses by ones around another place.
     pub fn restart(&mut self, place: &Vector3<f64>, sigma_m: &Vector3<f64>, rng: &mut Pcg64Mcg) {
         self.hypotheses.fill(*place);
         self.weights.fill(1.0);
         self.scatter(sigma_m, rng);
     }
 
-    /// Moves so many hypotheses on by a drift and a normal step (p(Xₜ | Xₜ₋₁)), and remembers them as predicted.
+    /// Predicts `count` hypotheses by a drift and a normal step (p(Xₜ | Xₜ₋₁)), and stores them.
     pub fn predict(
         &mut self,
         count: usize,
@@ -73,59 +75,66 @@ impl Filter {
         self.predicted.clone_from(&self.hypotheses);
     }
 
-    /// Draws so many again by weight, and scatters what was drawn.
+    /// Resamples `count` hypotheses by weight, and scatters them.
     pub fn redraw(&mut self, count: usize, sigma_m: &Vector3<f64>, rng: &mut Pcg64Mcg) {
         self.draw(count, rng);
         self.scatter(sigma_m, rng);
     }
 
     /// Weighs every hypothesis by the moment's pictures.
-    pub fn weigh(&mut self, sight: &Sight<'_>, spent: &mut Spent) {
-        spent.weights.start();
-        if self.looks.len() < self.hypotheses.len() {
-            self.looks.resize_with(self.hypotheses.len(), Looks::default);
+    pub fn weigh(&mut self, input: &WeighingInput<'_>, times: &mut StepTimes) {
+        times.weights.start();
+        if self.weights_by_camera.len() < self.hypotheses.len() {
+            self.weights_by_camera.resize_with(self.hypotheses.len(), CameraWeights::default);
         }
-        sight.lookout.look(&self.hypotheses, sight.stage, sight.edges, &mut self.looks);
-        spent.weights.stop();
-        spent.integration.start();
+        input.head_weights.weigh_in_cameras(
+            &self.hypotheses,
+            input.cameras,
+            input.edges,
+            &mut self.weights_by_camera,
+        );
+        times.weights.stop();
+        times.integration.start();
         let mut best = (-1.0, 0);
-        for (i, (looks, weight)) in self.looks.iter().zip(&mut self.weights).enumerate() {
-            let integrated = f64::from(sight.lookout.integrate(looks));
+        for (i, (weights_by_camera, weight)) in
+            self.weights_by_camera.iter().zip(&mut self.weights).enumerate()
+        {
+            let integrated = f64::from(input.head_weights.integrate(weights_by_camera));
             if integrated > best.0 {
                 best = (integrated, i);
             }
-            *weight = integrated.powf(sight.sharpness);
+            *weight = integrated.powf(input.sharpness);
         }
         self.best = best.1;
-        spent.integration.stop();
+        times.integration.stop();
     }
 
-    /// How well the cameras agree on the best hypothesis of somebody who has been trusted so much.
-    pub fn support(&self, trust: f32, sight: &Sight<'_>) -> Support {
+    /// Support of the cameras for the best hypothesis of a person with this trust.
+    pub fn support(&self, trust: f32, input: &WeighingInput<'_>) -> HeadSupport {
         self.hypotheses
             .get(self.best)
-            .map_or(Support::default(), |head| sight.lookout.support(head, trust, sight))
+            .map_or(HeadSupport::default(), |head| input.head_weights.support(head, trust, input))
     }
 
-    /// The hypothesis of the largest weight; `None` when none has any.
+    /// Hypothesis of the largest weight; `None` when all weights are 0.
     pub fn heaviest(&self) -> Option<Vector3<f64>> {
         let weighted = self.hypotheses.iter().zip(&self.weights);
         let best = weighted.max_by(|a, b| a.1.total_cmp(b.1))?;
         (*best.1 > 0.0).then_some(*best.0)
     }
 
-    /// Nothing was seen: the hypotheses are the predicted ones again, and weigh alike.
-    pub fn forget(&mut self) {
+    /// Restores the predicted hypotheses with equal weights, after a missed detection.
+    pub fn keep_prediction(&mut self) {
         self.hypotheses.clone_from(&self.predicted);
         self.weights.fill(1.0);
     }
 
-    /// Mean and covariance by weight (equation 12).
-    pub fn gaussian(&self) -> Gaussian {
-        Gaussian::of(&self.hypotheses, &self.weights)
+    /// Weighted mean and covariance (equation 12).
+    pub fn gaussian(&self) -> HeadDistribution {
+        HeadDistribution::of(&self.hypotheses, &self.weights)
     }
 
-    /// Systematic resampling: so many hypotheses, each as often as its weight says. Weights of nothing: all alike.
+    /// Systematic resampling of `count` hypotheses in proportion to their weights; uniform if all weights are 0.
     fn draw(&mut self, count: usize, rng: &mut Pcg64Mcg) {
         let mut total: f64 = self.weights.iter().sum();
         if !(total > 0.0 && total.is_finite()) {
@@ -143,7 +152,7 @@ impl Filter {
                 mark += step;
             }
         }
-        // What rounding left out.
+        // Rounding may leave some out.
         let last = self.drawn.last().copied();
         self.drawn.resize(count, last.unwrap_or_default());
         std::mem::swap(&mut self.drawn, &mut self.hypotheses);

@@ -1,18 +1,19 @@
-//! From each camera's weight to one in space (section 3): equations 4 to 7, and the room's way.
+//! Integration of the cameras' weights into a weight in space (section 3): equations 4 to 7, and one by the room's
+//! depth.
 //!
 //! A product has a narrow peak and nothing beside it, but one camera that does not see the head makes it zero; a sum
-//! survives that, but is large along every ray. A sum of products of two needs two cameras that agree, whichever they are.
-//! Two cameras on a line with the head agree all along the line, so their pair is left out.
+//! survives that, but is large along every ray. A sum of pairwise products needs two cameras that agree, whichever they
+//! are. Two cameras collinear with the head agree all along the line, so their pair is left out.
 
 use std::fmt;
 use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-/// The most cameras that can look at once.
+/// Largest number of cameras.
 pub const MOST_CAMERAS: usize = 32;
 
-/// How the cameras' weights become one.
+/// Method by which the cameras' weights become one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Integration {
@@ -22,69 +23,71 @@ pub enum Integration {
     Sum,
     /// Equation 6: Σ π π over pairs.
     Pairs,
-    /// Equation 7: the same over pairs whose rays are no line.
+    /// Equation 7: the same over pairs whose rays are not collinear.
     PairsAngle,
-    /// Π π over the cameras that the room's depth leaves a view: what section 3 calls right where occlusion is known.
+    /// Π π over the cameras that see the place past the room's static depth: section 3 calls this correct where
+    /// occlusion is known.
     Room,
 }
 
-/// Which rays are one line (equation 7's T).
+/// Test of collinear rays (equation 7's T).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum RayTest {
-    /// Rays the one way or the other along it: |cos| ≥ β. Cameras that face each other look along a line, too.
+    /// Rays in the same or in opposite directions: |cos| ≥ β. Cameras that face each other are collinear, too.
     Line,
-    /// As published: cos ≥ β.
+    /// The published test: cos ≥ β.
     Published,
 }
 
-/// What one camera says about a head.
+/// Weight of a head in one camera.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Look {
+pub struct CameraWeight {
     /// π, not negative.
     pub weight: f32,
-    /// From the camera to the head, of length 1.
+    /// Unit vector from the camera to the head.
     pub ray: [f32; 3],
 }
 
-/// What the cameras that look at a place say about a head there.
+/// Weights of a head in all cameras that have the place in their image.
 #[derive(Debug, Clone)]
-pub struct Looks {
-    all: [Look; MOST_CAMERAS],
+pub struct CameraWeights {
+    all: [CameraWeight; MOST_CAMERAS],
     count: usize,
 }
 
-impl Default for Looks {
+impl Default for CameraWeights {
     fn default() -> Self {
-        Self { all: [Look::default(); MOST_CAMERAS], count: 0 }
+        Self { all: [CameraWeight::default(); MOST_CAMERAS], count: 0 }
     }
 }
 
-impl Looks {
-    /// Forgets all.
+impl CameraWeights {
+    /// Removes all weights.
     pub fn clear(&mut self) {
         self.count = 0;
     }
 
-    /// Takes in one camera's; no more than [`MOST_CAMERAS`] are kept.
-    pub fn push(&mut self, look: Look) {
+    /// Adds one camera's weight; at most [`MOST_CAMERAS`] are stored.
+    pub fn push(&mut self, look: CameraWeight) {
         if let Some(place) = self.all.get_mut(self.count) {
             *place = look;
             self.count += 1;
         }
     }
 
-    /// All of them.
-    pub fn all(&self) -> &[Look] {
+    /// All weights.
+    pub fn all(&self) -> &[CameraWeight] {
         &self.all[..self.count]
     }
 
-    /// The weight in space. Nobody looking: 0.
+    /// Weight in space; 0 without any camera.
     pub fn integrate(&self, integration: Integration, rays: RayTest, beta: f32) -> f32 {
         match integration {
             Integration::Product | Integration::Room if self.count == 0 => 0.0,
             Integration::Product => self.all().iter().map(|l| l.weight).product(),
-            // Hypotheses of one set may be seen by different numbers of cameras: as much as a pair of the mean would weigh.
+            // Hypotheses of one set may be seen by different numbers of cameras, so the weight is scaled to that of a
+            // pair of mean cameras.
             Integration::Room => {
                 let product: f32 = self.all().iter().map(|l| l.weight).product();
                 product.powf(2.0 / self.count as f32)
@@ -100,7 +103,7 @@ impl Looks {
         }
     }
 
-    /// The largest and the mean product of two weights whose rays are no line; 0 where there is none.
+    /// Largest and mean product of two weights whose rays are not collinear; 0 where there is none.
     pub fn pairs(&self, rays: RayTest, beta: f32) -> (f32, f32) {
         let start = (0.0_f32, 0.0, 0_u32);
         let (best, sum, count) =
@@ -124,10 +127,10 @@ impl Looks {
 }
 
 impl Integration {
-    /// All of them, in the order of the paper's figures 5 to 8.
+    /// All integrations, in the order of the paper's figures 5 to 8.
     pub const ALL: [Self; 5] = [Self::Product, Self::Sum, Self::Pairs, Self::PairsAngle, Self::Room];
 
-    /// Its name on the command line.
+    /// Name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Product => "product",
@@ -164,26 +167,26 @@ mod tests {
     use approx::assert_relative_eq;
     use proptest::prelude::*;
 
-    fn looks(of: &[(f32, [f32; 3])]) -> Looks {
-        let mut looks = Looks::default();
+    fn weights_by_camera(of: &[(f32, [f32; 3])]) -> CameraWeights {
+        let mut weights_by_camera = CameraWeights::default();
         for (weight, ray) in of {
-            looks.push(Look { weight: *weight, ray: *ray });
+            weights_by_camera.push(CameraWeight { weight: *weight, ray: *ray });
         }
-        looks
+        weights_by_camera
     }
 
     const EAST: [f32; 3] = [1.0, 0.0, 0.0];
     const WEST: [f32; 3] = [-1.0, 0.0, 0.0];
     const NORTH: [f32; 3] = [0.0, 1.0, 0.0];
 
-    fn all_of(looks: &Looks) -> [f32; 5] {
-        Integration::ALL.map(|i| looks.integrate(i, RayTest::Line, 0.94))
+    fn all_of(weights_by_camera: &CameraWeights) -> [f32; 5] {
+        Integration::ALL.map(|i| weights_by_camera.integrate(i, RayTest::Line, 0.94))
     }
 
     #[test]
     fn the_equations_by_hand() {
-        let three = looks(&[(0.5, EAST), (0.4, NORTH), (0.2, WEST)]);
-        // 0.5·0.4 + 0.5·0.2 + 0.4·0.2; east and west are a line.
+        let three = weights_by_camera(&[(0.5, EAST), (0.4, NORTH), (0.2, WEST)]);
+        // 0.5·0.4 + 0.5·0.2 + 0.4·0.2; east and west are collinear.
         let [product, sum, pairs, angle, room] = all_of(&three);
         assert_relative_eq!(product, 0.04, epsilon = 1e-6);
         assert_relative_eq!(sum, 1.1, epsilon = 1e-6);
@@ -199,16 +202,16 @@ mod tests {
 
     #[test]
     fn no_camera_one_camera_and_more_than_fit() {
-        assert_eq!(all_of(&Looks::default()), [0.0; 5]);
-        let [product, sum, pairs, angle, _] = all_of(&looks(&[(0.5, EAST)]));
+        assert_eq!(all_of(&CameraWeights::default()), [0.0; 5]);
+        let [product, sum, pairs, angle, _] = all_of(&weights_by_camera(&[(0.5, EAST)]));
         assert_eq!((product, sum, pairs, angle), (0.5, 0.5, 0.0, 0.0));
-        let many = looks(&[(1.0, NORTH); MOST_CAMERAS + 3]);
+        let many = weights_by_camera(&[(1.0, NORTH); MOST_CAMERAS + 3]);
         assert_eq!(many.all().len(), MOST_CAMERAS);
         assert_eq!(many.integrate(Integration::PairsAngle, RayTest::Line, 0.94), 0.0, "all on one line");
     }
 
     proptest! {
-        /// What section 3 asks for: one hidden camera takes everything from a product and nothing from the others' pairs.
+        /// Section 3's requirement: one hidden camera ruins a product, and leaves the others' pairs unchanged.
         #[test]
         fn a_hidden_camera_only_spoils_the_product(weights in prop::collection::vec(0.1_f32..1.0, 2..8)) {
             let rays: Vec<[f32; 3]> = (0..weights.len())
@@ -220,7 +223,7 @@ mod tests {
             let seen: Vec<_> = weights.iter().copied().zip(rays.iter().copied()).collect();
             let mut hidden = seen.clone();
             hidden.push((0.0, [0.0, 0.0, 1.0]));
-            let (before, after) = (all_of(&looks(&seen)), all_of(&looks(&hidden)));
+            let (before, after) = (all_of(&weights_by_camera(&seen)), all_of(&weights_by_camera(&hidden)));
             prop_assert_eq!(after[0], 0.0);
             for k in 1..4 {
                 prop_assert!((before[k] - after[k]).abs() < 1e-5);

@@ -1,32 +1,36 @@
-//! Heads by CONDENSATION with weights that survive occlusion (seed 002, Matsumoto et al.).
+//! CONDENSATION tracker of heads, with weights that are robust to occlusion.
 //!
-//! Needs no room and no masks: two or more calibrated cameras that see a head, and its edges in them; what a camera sees when
-//! nobody is there helps ([`Method::set_empty_scene`]). A moment goes like this:
+//! Y. Matsumoto, T. Kato and T. Wada, "An occlusion robust weight integration method for multi-camera CONDENSATION" (in
+//! Japanese); section and equation numbers in this folder refer to it. CONDENSATION: M. Isard and A. Blake,
+//! "CONDENSATION – conditional density propagation for visual tracking", IJCV 29(1), 1998.
+//!
+//! This method needs no room and no masks, only two or more calibrated cameras that see the edges of a head; a picture
+//! of the empty scene helps ([`Method::set_empty_scene`]). The steps of a moment:
 //!
 //! 1. every camera's picture becomes an edge image ([`edges`]);
-//! 2. everybody's hypotheses of where their head is are moved on ([`track`], [`filter`]);
-//! 3. each hypothesis is projected as a spheroid ([`contour`]), weighed in each camera ([`weight`], equation 9), and the
-//!    weights become one ([`integration`], equations 4 to 7);
-//! 4. hypotheses that rather belong to somebody else lose theirs ([`exclusion`], equations 12 to 14); 3 and 4 are done again,
-//!    closer around the best;
-//! 5. whoever shows up at a gate is followed from now on ([`gates`]), whoever has left is not.
+//! 2. everybody's hypotheses of their head's position are predicted ([`track`], [`filter`]);
+//! 3. each hypothesis is projected as a spheroid ([`contour`]), weighed in each camera ([`weight`], equation 9), and
+//!    the weights are integrated ([`integration`], equations 4 to 7);
+//! 4. hypotheses that are closer to another person's distribution lose their weight ([`exclusion`], equations 12 to
+//!    14); steps 3 and 4 are repeated with smaller spreads;
+//! 5. tracks begin for people who are seen at a gate ([`initiator`]), and end for those who have left.
 //!
-//! What can be set is [`CondensationOptions`]; [`weight_map`] draws the paper's figures 5 to 8; [`Spent`] splits the time as
-//! its table 2.
+//! [`CondensationOptions`] has the parameters; [`weight_map`] draws the paper's figures 5 to 8; [`StepTimes`] has the times
+//! of its table 2.
 
 mod climb;
 pub mod contour;
 pub mod edges;
 pub mod exclusion;
 pub mod filter;
-pub mod gates;
+pub mod initiator;
 pub mod integration;
 mod options;
 mod report;
 pub mod search;
 mod shoulder;
 mod sobel;
-mod spent;
+mod step_times;
 mod track;
 pub mod weight;
 pub mod weight_map;
@@ -37,91 +41,91 @@ use rayon::prelude::*;
 
 use self::contour::HeadShape;
 use self::edges::{EdgeImage, EdgeMaker};
-use self::exclusion::{APART_M, Gaussian};
-use self::gates::Gates;
+use self::exclusion::{APART_M, HeadDistribution};
+use self::initiator::Initiator;
 use self::integration::{Integration, MOST_CAMERAS};
 pub use self::options::{
-    CondensationOptions, EdgeOptions, EdgeStrength, HeadModel, LifeOptions, MotionOptions,
+    CondensationOptions, EdgeOptions, EdgeStrength, HeadModel, HeadMotionOptions, LifeOptions,
 };
-pub use self::spent::{Spent, Watch};
-use self::track::Track;
-use self::weight::{Expected, Lookout, Sight};
+pub use self::step_times::{StepTimer, StepTimes};
+use self::track::HeadTrack;
+use self::weight::{ExpectedHead, HeadWeights, WeighingInput};
 use self::weight_map::WeightMap;
 use super::capacity::Capacity;
 use super::{Method, Needs};
+use crate::prepared_room::PreparedRoom;
 use crate::silhouette::View;
-use crate::stage::Stage;
 use crate::{Error, Moment, PersonEstimate, Result, TrackId};
 
-/// What stands for the time before the first moment.
+/// Assumed step before the first moment, seconds.
 const FIRST_STEP_S: f64 = 0.1;
-/// Times that stand still or run backwards are the source's mistake; the tracker survives them.
+/// Least step, seconds: the times of a faulty source may stand still or run backwards.
 const LEAST_STEP_S: f64 = 1e-3;
-/// Two who have been at one place for so long are one, seconds.
+/// Time after which two tracks at one place are one, seconds.
 const DOUBLED_FOR_S: f64 = 0.5;
 
-/// The tracker.
+/// CONDENSATION tracker of heads.
 pub struct Condensation {
-    stage: Stage,
+    room: PreparedRoom,
     options: CondensationOptions,
-    lookout: Lookout,
+    head_weights: HeadWeights,
     makers: Vec<EdgeMaker>,
     edges: Vec<Option<EdgeImage>>,
-    /// Edge images that are not in use, for their buffers.
+    /// Unused edge images, kept for their buffers.
     spare: Vec<EdgeImage>,
     views: Vec<View>,
-    gates: Gates,
+    initiator: Initiator,
     capacity: Capacity,
-    tracks: Vec<Track>,
-    gaussians: Vec<Gaussian>,
-    expected: Vec<Expected>,
+    tracks: Vec<HeadTrack>,
+    gaussians: Vec<HeadDistribution>,
+    expected: Vec<ExpectedHead>,
     next_key: u64,
     next_id: u32,
     last_time_s: Option<f64>,
-    spent: Spent,
+    times: StepTimes,
 }
 
 impl Condensation {
-    /// Prepares the tracker for a room. Gates that no two cameras see are told in the log.
+    /// Prepares the tracker for a room. Gates that no two cameras see are logged.
     ///
     /// # Errors
-    /// [`Error::Option`] when an option makes no sense, or with fewer than two or too many cameras.
-    pub fn new(stage: Stage, options: CondensationOptions) -> Result<Self> {
+    /// An invalid option ([`Error::Option`]), fewer than two cameras, or too many.
+    pub fn new(room: PreparedRoom, options: CondensationOptions) -> Result<Self> {
         options.validate()?;
-        if !(2..=MOST_CAMERAS).contains(&stage.cameras.len()) {
+        if !(2..=MOST_CAMERAS).contains(&room.cameras.len()) {
             return Err(Error::option(
-                "--method condensation",
+                "condensation",
                 format!(
                     "needs 2 to {MOST_CAMERAS} cameras, a head's place is where their rays meet; there {} {}",
-                    if stage.cameras.len() == 1 { "is" } else { "are" },
-                    stage.cameras.len()
+                    if room.cameras.len() == 1 { "is" } else { "are" },
+                    room.cameras.len()
                 ),
             ));
         }
-        let (gates, unseen) = Gates::new(&stage, &options);
+        let (initiator, unseen) = Initiator::new(&room, &options);
         if !unseen.zones.is_empty() {
             tracing::warn!("{unseen}");
         }
         let shape = HeadShape::new(&options.head);
-        let lookout = Lookout::new(
-            &stage.cameras,
+        let head_weights = HeadWeights::new(
+            &room.cameras,
             &shape,
             &options.edges,
             options.integration,
             (options.rays, options.beta),
             options.life.seen_at,
         );
-        let maker = |c: &crate::stage::StageCamera| {
+        let maker = |c: &crate::prepared_room::PreparedCamera| {
             let shown: Vec<bool> = c.static_z_m.iter().map(|z| *z > 0.0).collect();
             EdgeMaker::new(options.edges, c.width(), &shown)
         };
         Ok(Self {
-            lookout,
-            makers: stage.cameras.iter().map(maker).collect(),
-            edges: stage.cameras.iter().map(|_| None).collect(),
+            head_weights,
+            makers: room.cameras.iter().map(maker).collect(),
+            edges: room.cameras.iter().map(|_| None).collect(),
             spare: Vec::new(),
-            views: stage.cameras.iter().map(View::new).collect(),
-            gates,
+            views: room.cameras.iter().map(View::new).collect(),
+            initiator,
             capacity: Capacity::new(options.life.max_people),
             tracks: Vec::new(),
             gaussians: Vec::new(),
@@ -129,13 +133,14 @@ impl Condensation {
             next_key: 1,
             next_id: 1,
             last_time_s: None,
-            spent: Spent::default(),
-            stage,
+            times: StepTimes::default(),
+            room,
             options,
         })
     }
 
-    /// The weights of heads at a height over the whole floor, at a moment, by each of some integrations. Nobody moves.
+    /// Weights of heads at height `height_m` over the whole floor at a moment, for each of some integrations. Tracks do
+    /// not change.
     ///
     /// # Errors
     /// As [`Method::step`].
@@ -146,29 +151,29 @@ impl Condensation {
         height_m: f64,
     ) -> Result<Vec<WeightMap>> {
         self.find_edges(moment)?;
-        let sight = Sight {
-            lookout: &self.lookout,
-            stage: &self.stage.cameras,
+        let input = WeighingInput {
+            head_weights: &self.head_weights,
+            cameras: &self.room.cameras,
             edges: &self.edges,
             everybody: &[],
             sharpness: 1.0,
         };
-        Ok(integrations.iter().map(|i| WeightMap::new(&self.stage, &sight, *i, height_m)).collect())
+        Ok(integrations.iter().map(|i| WeightMap::new(&self.room, &input, *i, height_m)).collect())
     }
 
-    /// Where the time has gone so far.
-    pub fn spent(&self) -> &Spent {
-        &self.spent
+    /// Times of the steps so far.
+    pub fn step_times(&self) -> &StepTimes {
+        &self.times
     }
 
-    /// Everybody's hypotheses, by id; of those without one, too. For pictures.
+    /// Hypotheses of all tracks with their ids, tentative tracks included; for pictures.
     pub fn hypotheses(&self) -> impl Iterator<Item = (Option<TrackId>, &[Vector3<f64>])> {
         self.tracks.iter().map(|t| (t.id, t.filter.hypotheses.as_slice()))
     }
 
-    /// Every camera's edges; cameras in parallel.
+    /// Computes the edges of every camera's picture, in parallel.
     fn find_edges(&mut self, moment: &Moment<'_>) -> Result<()> {
-        for (camera, frame) in self.stage.cameras.iter().zip(moment.cameras) {
+        for (camera, frame) in self.room.cameras.iter().zip(moment.cameras) {
             let Some(image) = &frame.image else { continue };
             if image.dimensions() != (camera.width(), camera.height()) {
                 return Err(Error::FrameSize {
@@ -181,7 +186,7 @@ impl Condensation {
                 });
             }
         }
-        self.spent.edges.start();
+        self.times.edges.start();
         for (edges, frame) in self.edges.iter_mut().zip(moment.cameras) {
             match (frame.image.is_some(), edges.is_some()) {
                 (true, false) => *edges = Some(self.spare.pop().unwrap_or_default()),
@@ -195,30 +200,30 @@ impl Condensation {
                 maker.edges(image, edges);
             }
         });
-        self.spent.edges.stop();
+        self.times.edges.stop();
         Ok(())
     }
 
-    /// Moves, weighs and keeps apart everybody's hypotheses.
-    fn follow(&mut self, dt_s: f64) {
+    /// Predicts, weighs and separates the hypotheses of all tracks.
+    fn update_tracks(&mut self, dt_s: f64) {
         let options = &self.options;
         for track in &mut self.tracks {
-            track.predict(dt_s, &options.motion, &mut self.spent);
+            track.predict(dt_s, &options.motion, &mut self.times);
         }
         self.expected.clear();
-        self.expected.extend(self.tracks.iter().map(|t| Expected { head: t.head(), trust: t.trust }));
-        let sight = Sight {
-            lookout: &self.lookout,
-            stage: &self.stage.cameras,
+        self.expected.extend(self.tracks.iter().map(|t| ExpectedHead { head: t.head(), trust: t.trust }));
+        let input = WeighingInput {
+            head_weights: &self.head_weights,
+            cameras: &self.room.cameras,
             edges: &self.edges,
             everybody: &self.expected,
             sharpness: options.sharpness,
         };
         for layer in 0..options.layers {
             for track in &mut self.tracks {
-                track.weigh(layer, &sight, &mut self.spent);
+                track.weigh(layer, &input, &mut self.times);
             }
-            self.spent.integration.start();
+            self.times.integration.start();
             self.gaussians.clear();
             self.gaussians.extend(self.tracks.iter().map(|t| t.filter.gaussian()));
             for (own, track) in self.tracks.iter_mut().enumerate() {
@@ -231,28 +236,28 @@ impl Condensation {
                     options.equal_covariances,
                 );
             }
-            self.spent.integration.stop();
+            self.times.integration.stop();
         }
         for track in &mut self.tracks {
-            track.settle(dt_s, &sight, options);
-            track.look_up(dt_s, &sight, options.life.highest_m);
+            track.update(dt_s, &input, options);
+            track.check_for_shoulder(dt_s, &input, options.life.highest_m);
         }
     }
 
-    /// Lets in who shows up at a gate.
-    fn let_in(&mut self, dt_s: f64) {
+    /// Begins the tracks of people who are found at a gate.
+    fn initiate_tracks(&mut self, dt_s: f64) {
         self.expected.clear();
-        self.expected.extend(self.tracks.iter().map(|t| Expected { head: t.head(), trust: t.trust }));
-        let sight = Sight {
-            lookout: &self.lookout,
-            stage: &self.stage.cameras,
+        self.expected.extend(self.tracks.iter().map(|t| ExpectedHead { head: t.head(), trust: t.trust }));
+        let input = WeighingInput {
+            head_weights: &self.head_weights,
+            cameras: &self.room.cameras,
             edges: &self.edges,
             everybody: &self.expected,
             sharpness: self.options.sharpness,
         };
-        for (found, name) in self.gates.newcomers(dt_s, &self.stage.floor, &sight, &mut self.spent) {
+        for (found, name) in self.initiator.new_heads(dt_s, &self.room.floor, &input, &mut self.times) {
             if self.capacity.has_room(self.tracks.len()) {
-                let mut track = Track::born(&found, self.next_key, &self.options);
+                let mut track = HeadTrack::born(&found, self.next_key, &self.options);
                 track.id = name;
                 self.tracks.push(track);
                 self.next_key += 1;
@@ -261,8 +266,9 @@ impl Condensation {
         self.capacity.note(self.tracks.len());
     }
 
-    /// Gives up whoever has left, was lost, or is somebody else; believes in who has been seen for long enough.
-    fn let_go(&mut self, dt_s: f64) {
+    /// Ends the tracks of people who have left, were lost, or are tracked twice; confirms those that have been seen for
+    /// long enough.
+    fn delete_tracks(&mut self, dt_s: f64) {
         let life = self.options.life;
         let places: Vec<_> = self.tracks.iter().map(|t| (t.head(), t.trust)).collect();
         for (i, track) in self.tracks.iter_mut().enumerate() {
@@ -274,7 +280,7 @@ impl Condensation {
             });
             track.doubled_s = if is_doubled { track.doubled_s + dt_s } else { 0.0 };
         }
-        let floor = &self.stage.floor;
+        let floor = &self.room.floor;
         self.tracks.retain(|track| {
             let head = track.head();
             let is_leaving = floor.may_disappear(head.x, head.y) && track.unseen_s > life.unseen_at_exit_s;
@@ -285,7 +291,7 @@ impl Condensation {
             let is_lost = f64::from(track.trust) < life.lost_at;
             let is_still_inside = is_lost && !is_somebody_else && !floor.may_disappear(head.x, head.y);
             if let Some(id) = track.id.filter(|_| is_still_inside) {
-                self.gates.miss(id, &head);
+                self.initiator.miss(id, &head);
             }
             is_in_volume && !is_lost && !is_leaving && !is_mistake && !is_somebody_else
         });
@@ -304,7 +310,7 @@ impl Method for Condensation {
         Needs { masks: false, pictures: true, empty_scene }
     }
 
-    /// The edges of an empty scene are no heads.
+    /// The edges of an empty scene are not heads.
     fn set_empty_scene(&mut self, camera: usize, picture: &RgbImage) {
         if let Some(maker) = self.makers.get_mut(camera) {
             maker.set_empty_scene(picture);
@@ -315,9 +321,9 @@ impl Method for Condensation {
         let dt_s = self.last_time_s.map_or(FIRST_STEP_S, |last| moment.time_s - last).max(LEAST_STEP_S);
         self.last_time_s = Some(moment.time_s);
         self.find_edges(moment)?;
-        self.follow(dt_s);
-        self.let_in(dt_s);
-        self.let_go(dt_s);
+        self.update_tracks(dt_s);
+        self.initiate_tracks(dt_s);
+        self.delete_tracks(dt_s);
         Ok(self.report())
     }
 }

@@ -1,20 +1,21 @@
-//! Everything that can be set about the filters, with the reason for each default.
+//! Options of the head tracker, with the reason for each default.
 
 use serde::{Deserialize, Serialize};
 
 use super::integration::{Integration, RayTest};
 use crate::{Error, Result};
 
-/// The model of a head: a spheroid around the vertical (figure 10).
+/// Model of a head: a spheroid around the vertical (figure 10).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct HeadModel {
-    /// Horizontal semi-axis, metres: between half of a head's breadth (7.5 cm) and half of its length (10 cm).
+    /// Horizontal semi-axis, metres: between half of a head's breadth (7.5 cm) and half of its length (10 cm). Default
+    /// 0.09.
     pub radius_m: f64,
-    /// Vertical semi-axis, metres: half of the way from chin to crown, hair included.
+    /// Vertical semi-axis, metres: half of the distance from chin to crown, hair included. Default 0.12.
     pub half_height_m: f64,
-    /// How far the contour points go down on either side of the top, degrees (figure 11: the upper part alone, because
-    /// below the cheeks is a neck).
+    /// Extent of the contour on either side of the top, degrees (figure 11: the upper part alone, because the neck is
+    /// below the cheeks). Default 110.
     pub arc_deg: f64,
 }
 
@@ -24,29 +25,30 @@ impl Default for HeadModel {
     }
 }
 
-/// How much a strong edge counts more than a weak one.
+/// Effect of an edge's strength.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum EdgeStrength {
-    /// As published: in proportion, so that a black head before a white wall counts twenty times a blond one.
+    /// The published effect, in proportion: a black head before a white wall counts twenty times as much as a blond
+    /// one.
     Linear,
-    /// `|E| / (|E| + half_at)`: an edge is an edge. Grey levels a pixel.
+    /// `|E| / (|E| + half_at)`: all clear edges count nearly alike. Grey levels a pixel.
     Saturating {
-        /// The slope that counts half.
+        /// Slope that counts half, grey levels a pixel.
         half_at: f64,
     },
 }
 
-/// What becomes of a camera's picture.
+/// Options of the edge images.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct EdgeOptions {
-    /// How much a strong edge counts.
+    /// Effect of an edge's strength. Default saturating, half at 8.
     pub strength: EdgeStrength,
-    /// Whether edges that the empty scene has as well are left out, where the empty scene is known.
+    /// Whether edges of the empty scene are removed, where it is known. Default true.
     pub moving_only: bool,
-    /// As published: an edge counts only where the head is the darker side. Otherwise a camera's contour may be darker or
-    /// brighter than what is around it.
+    /// Whether an edge counts only where the head is the darker side, as published. Otherwise a camera's contour may be
+    /// darker or brighter than its surroundings. Default false.
     pub dark_heads_only: bool,
 }
 
@@ -60,49 +62,49 @@ impl Default for EdgeOptions {
     }
 }
 
-/// How heads move from moment to moment.
+/// Options of the motion model of heads.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct MotionOptions {
-    /// Standard deviation of a step to the sides whatever the time it takes, metres.
+pub struct HeadMotionOptions {
+    /// Standard deviation of a horizontal step, independent of its duration, metres. Default 0.02.
     pub step_m: f64,
-    /// And for each second of it, m/s.
+    /// Standard deviation of a horizontal step for each second of its duration, m/s. Default 0.5.
     pub speed_m_s: f64,
-    /// The same along the vertical, m/s; walking bobs by 2 cm twice a second.
+    /// Standard deviation of a vertical step for each second, m/s; walking bobs by 2 cm twice a second. Default 0.12.
     pub vertical_speed_m_s: f64,
-    /// How long a velocity is remembered, seconds; 0: a random walk, as published.
+    /// Time constant of the velocity, seconds; 0 for a random walk, as published. Default 1.
     pub memory_s: f64,
 }
 
-impl Default for MotionOptions {
+impl Default for HeadMotionOptions {
     fn default() -> Self {
         Self { step_m: 0.02, speed_m_s: 0.5, vertical_speed_m_s: 0.12, memory_s: 1.0 }
     }
 }
 
-/// When somebody is believed to have come, and to have gone.
+/// Options of track initiation and deletion.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LifeOptions {
-    /// A camera sees a head where the weight (0 to 1) of its contour is at least this.
+    /// Least weight (0 to 1) of the contour of a seen head in one camera. Default 0.25.
     pub seen_at: f64,
-    /// The support (see [`super::weight::Support`]) that a new head needs.
+    /// Least support ([`super::weight::HeadSupport`]) of a new head. Default 0.3.
     pub born_at: f64,
-    /// Somebody new is reported after having been seen for so long, seconds (published: 0).
+    /// Time for which a new person must be seen before they are reported, seconds (published: 0). Default 0.8.
     pub believed_after_s: f64,
-    /// How fast trust in somebody follows what is seen of them, seconds.
+    /// Time constant with which a track's trust follows its support, seconds. Default 1.
     pub trusted_in_s: f64,
-    /// The trust (the support, averaged over that time) below which they are given up.
+    /// Trust (the support, averaged over that time) below which a track is lost. Default 0.25.
     pub lost_at: f64,
-    /// Somebody who is not seen on an exit zone has left after so long, seconds.
+    /// Time after which a person who is not seen on an exit zone has left, seconds. Default 0.4.
     pub unseen_at_exit_s: f64,
-    /// Lowest place of a head's middle, metres above the floor.
+    /// Least height of a head's centre above the floor, metres. Default 1.2.
     pub lowest_m: f64,
-    /// Lowest place where one is found: people come in upright.
+    /// Least height of a new head's centre, metres: people enter upright. Default 1.4.
     pub lowest_born_m: f64,
-    /// Highest place.
+    /// Largest height of a head's centre, metres. Default 1.95.
     pub highest_m: f64,
-    /// The most people at one time.
+    /// Largest number of people at one time. Default 24.
     pub max_people: usize,
 }
 
@@ -123,36 +125,36 @@ impl Default for LifeOptions {
     }
 }
 
-/// The options of [`super::Condensation`].
+/// Options of [`super::Condensation`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CondensationOptions {
     /// Seed of all generators; the same seed gives the same bytes.
     pub seed: u64,
-    /// N: hypotheses a person.
+    /// N: number of hypotheses a person. Default 150.
     pub hypotheses: usize,
-    /// How often the hypotheses of a moment are weighed and half of them drawn again around the best, closer each time
-    /// (published: once).
+    /// Number of times that the hypotheses of a moment are weighed; after each but the last, half as many are resampled
+    /// with a smaller spread (published: 1). Default 3.
     pub layers: usize,
-    /// The power of the integrated weight that hypotheses are drawn by (published: 1). A sum over pairs falls off slowly
-    /// from its peak; its mean would lie where the prediction is.
+    /// Power of the integrated weight for resampling (published: 1). A sum over pairs decreases slowly around its peak;
+    /// without the power the mean would stay near the prediction. Default 2.
     pub sharpness: f64,
-    /// How the cameras' weights become one.
+    /// Integration of the cameras' weights. Default `pairs-angle`.
     pub integration: Integration,
-    /// β: the cosine beyond which two rays to the head are one line.
+    /// β: cosine beyond which two rays to the head are collinear. Default 0.94.
     pub beta: f64,
-    /// Which rays are one line.
+    /// Test of collinear rays. Default `line`.
     pub rays: RayTest,
-    /// Whether hypotheses of two people are told apart with the covariances taken as equal, as published, or by the
-    /// densities themselves.
+    /// Whether hypotheses of two people are separated with equal covariances, as published, or by their densities.
+    /// Default false.
     pub equal_covariances: bool,
-    /// The spheroid.
+    /// Model of a head.
     pub head: HeadModel,
-    /// What becomes of pictures.
+    /// Edge images.
     pub edges: EdgeOptions,
-    /// How heads move.
-    pub motion: MotionOptions,
-    /// Coming and going.
+    /// Motion model.
+    pub motion: HeadMotionOptions,
+    /// Track initiation and deletion.
     pub life: LifeOptions,
 }
 
@@ -170,14 +172,15 @@ impl Default for CondensationOptions {
             equal_covariances: false,
             head: HeadModel::default(),
             edges: EdgeOptions::default(),
-            motion: MotionOptions::default(),
+            motion: HeadMotionOptions::default(),
             life: LifeOptions::default(),
         }
     }
 }
 
 impl CondensationOptions {
-    /// The filter as published, in every choice: a random walk, one layer, all edges in proportion to their strength.
+    /// Options of the published filter in every respect: a random walk, one layer, edges in proportion to their
+    /// strength.
     #[must_use]
     pub fn published() -> Self {
         Self {
@@ -186,11 +189,11 @@ impl CondensationOptions {
             rays: RayTest::Published,
             equal_covariances: true,
             edges: EdgeOptions { strength: EdgeStrength::Linear, moving_only: false, dark_heads_only: true },
-            motion: MotionOptions { memory_s: 0.0, speed_m_s: 1.0, ..MotionOptions::default() },
+            motion: HeadMotionOptions { memory_s: 0.0, speed_m_s: 1.0, ..HeadMotionOptions::default() },
             life: LifeOptions {
-                // Much lower, and edges of a textured wall become people; much higher, and nobody comes in.
+                // Much lower, and edges of a textured wall become people; much higher, and no track begins.
                 born_at: 0.2,
-                // In proportion to the default's.
+                // In proportion to the default.
                 seen_at: 0.165,
                 lost_at: 0.165,
                 believed_after_s: 0.0,
@@ -203,7 +206,7 @@ impl CondensationOptions {
     /// Checks every number.
     ///
     /// # Errors
-    /// [`Error::Option`] naming the first option that makes no sense.
+    /// [`Error::Option`] with the first invalid option.
     pub fn validate(&self) -> Result<()> {
         let (head, motion, life) = (&self.head, &self.motion, &self.life);
         let positive = [
@@ -252,7 +255,7 @@ impl CondensationOptions {
             return Err(Error::option("life", "needs lowest_m <= lowest_born_m < highest_m"));
         }
         for (name, count) in
-            [("hypotheses", self.hypotheses), ("layers", self.layers), ("--most-people", life.max_people)]
+            [("hypotheses", self.hypotheses), ("layers", self.layers), ("life.max_people", life.max_people)]
         {
             if count == 0 {
                 return Err(Error::option(name, "has to be at least 1"));

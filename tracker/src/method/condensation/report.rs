@@ -1,19 +1,19 @@
-//! What is told of the heads that are followed, and of the bodies below them.
+//! Estimates of the tracked heads, and of the bodies below them.
 
 use super::Condensation;
-use super::track::Track;
+use super::track::HeadTrack;
 use crate::PersonEstimate;
 use crate::silhouette::Body;
 use crate::silhouette::visibility::visible_fractions;
 
-/// The body below a head, as it is drawn: half of a shoulder's width.
+/// Radius of the body below a head, metres: half of the shoulders' width.
 const BODY_RADIUS_M: f64 = 0.25;
 
 impl Condensation {
     pub(super) fn report(&self) -> Vec<PersonEstimate> {
         let half_height_m = self.options.head.half_height_m;
         let reported = || {
-            let inside = |t: &&Track| t.id.is_some() && self.stage.floor.is_inside(t.head().x, t.head().y);
+            let inside = |t: &&HeadTrack| t.id.is_some() && self.room.floor.is_inside(t.head().x, t.head().y);
             self.tracks.iter().filter(inside)
         };
         let bodies: Vec<Body> = reported()

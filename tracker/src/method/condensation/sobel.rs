@@ -1,18 +1,18 @@
-//! Sobel's operator of five pixels, `[−1 −2 0 2 1] × [1 4 6 4 1]` (section 4.2): on a head of five pixels' radius it answers
-//! within two pixels of the contour, so that hypotheses beside a head are drawn to it.
+//! Sobel operator of five pixels, `[−1 −2 0 2 1] × [1 4 6 4 1]` (section 4.2): on a head of five pixels' radius it
+//! responds within two pixels of the contour, so that hypotheses beside a head are drawn to it.
 
 use super::options::EdgeStrength;
 
-/// What an edge that counts fully is stored as.
+/// Stored value of a full edge.
 pub(super) const FULL: f32 = 1024.0;
-/// The operator's answer to a slope of one grey level a pixel.
+/// Response of the operator to a slope of one grey level a pixel.
 const PER_LEVEL: f32 = 128.0;
-/// The largest slope the operator answers to: a step from black to white.
+/// Largest slope of the operator's response: a step from black to white.
 pub(super) const STEEPEST: f32 = 255.0 * 3.0 / 8.0;
-/// Rows and columns around the image without an answer.
+/// Number of rows and columns along the image's border without a response.
 pub(super) const RIM: usize = 2;
 
-/// The buffers of the operator.
+/// Buffers of the operator.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Sobel {
     /// The picture, one value a pixel, 0 to 255.
@@ -20,20 +20,20 @@ pub(super) struct Sobel {
     /// `[−1 −2 0 2 1]` and `[1 4 6 4 1]` along each row.
     slope: Vec<i16>,
     smooth: Vec<i16>,
-    /// The answers along u and v.
+    /// Responses along u and v.
     u: Vec<i16>,
     v: Vec<i16>,
 }
 
 impl Sobel {
-    /// Halves the picture: means of four pixels. A last odd row or column is left out. Returns the new size.
+    /// Halves the picture by means of four pixels; a last odd row or column is left out. Returns the new size.
     pub(super) fn halve(&mut self, width: usize, height: usize) -> (usize, usize) {
         let (half_width, half_height) = (width / 2, height / 2);
         for row in 0..half_height {
             for column in 0..half_width {
                 let at = 2 * row * width + 2 * column;
                 let v = &self.values;
-                // Written before what is still to be read.
+                // Written before the pixels that are still to be read.
                 self.values[row * half_width + column] =
                     (v[at] + v[at + 1] + v[at + width] + v[at + width + 1] + 2) / 4;
             }
@@ -42,7 +42,7 @@ impl Sobel {
         (half_width, half_height)
     }
 
-    /// The answers, in parts of [`FULL`].
+    /// Stores the responses in units of 1/[`FULL`].
     pub(super) fn store(&self, strength: EdgeStrength, gradient: &mut Vec<[i16; 2]>) {
         let answers = self.u.iter().zip(&self.v).map(|(u, v)| (f32::from(*u), f32::from(*v)));
         gradient.clear();
@@ -61,7 +61,7 @@ impl Sobel {
         }
     }
 
-    /// The slopes along u and v of a picture of this size.
+    /// Computes the slopes along u and v of a picture of this size.
     pub(super) fn answer(&mut self, width: usize, height: usize) {
         for buffer in [&mut self.slope, &mut self.smooth, &mut self.u, &mut self.v] {
             buffer.clear();

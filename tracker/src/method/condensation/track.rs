@@ -1,51 +1,51 @@
-//! A person over time: a filter that is carried on, seen or not, and given up in the end.
+//! Track of one person: a filter that is updated over time, also without detections, and deleted in the end.
 
 use nalgebra::{Vector2, Vector3};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 
-use super::exclusion::Gaussian;
-use super::filter::Filter;
-use super::options::{CondensationOptions, MotionOptions};
+use super::exclusion::HeadDistribution;
+use super::filter::HeadFilter;
+use super::options::{CondensationOptions, HeadMotionOptions};
 use super::shoulder;
-use super::spent::Spent;
-use super::weight::{Expected, Sight};
+use super::step_times::StepTimes;
+use super::weight::{ExpectedHead, WeighingInput};
 use crate::TrackId;
 
-/// Nobody walks faster, m/s.
+/// Largest walking speed, m/s.
 const FASTEST_M_S: f64 = 3.0;
-/// From moment to moment a velocity is learnt with this time constant, seconds: the place itself is uncertain by centimetres.
+/// Time constant of the velocity estimate, seconds: the position itself is uncertain by centimetres.
 const LEARNT_IN_S: f64 = 0.35;
-/// A new head is as far as this from where it was found, metres.
+/// Standard deviation of a new head's position, metres.
 const FOUND_SIGMA_M: f64 = 0.05;
-/// So often it is looked whether somebody is followed by a shoulder, seconds.
+/// Interval between tests for a track on a shoulder, seconds.
 const LOOKS_UP_EVERY_S: f64 = 0.25;
 
-/// From the second layer on, one hypothesis in so many is enough: they fill an eighth of the volume or less.
+/// Divisor of the number of hypotheses from the second layer on: they fill at most an eighth of the volume.
 const CLOSER: usize = 2;
 
-/// A person.
+/// Track of a person.
 #[derive(Debug, Clone)]
-pub(super) struct Track {
-    /// Given once they are believed in.
+pub(super) struct HeadTrack {
+    /// Id; given when the track is confirmed.
     pub(super) id: Option<TrackId>,
-    /// Where their head may be.
-    pub(super) filter: Filter,
-    /// The filter's mean and covariance.
-    pub(super) gaussian: Gaussian,
-    /// On the floor, m/s.
+    /// Hypotheses of the head's position.
+    pub(super) filter: HeadFilter,
+    /// Mean and covariance of the filter.
+    pub(super) gaussian: HeadDistribution,
+    /// Velocity on the floor, m/s.
     pub(super) velocity: Vector2<f64>,
-    /// How long two cameras have seen them, in all, seconds.
+    /// Total time for which two cameras have seen the person, seconds.
     pub(super) seen_s: f64,
-    /// For how long not, seconds.
+    /// Time since they last did, seconds.
     pub(super) unseen_s: f64,
-    /// For how long they have been where somebody else is, seconds.
+    /// Time for which the track has been at another track's place, seconds.
     pub(super) doubled_s: f64,
-    /// How well cameras have agreed lately, 0 to 1.
+    /// Agreement of the cameras lately, 0 to 1.
     pub(super) trust: f32,
-    /// Since when nobody has looked whether there is a head above, seconds.
+    /// Time since the last test for a head above, seconds.
     looked_up_s: f64,
-    /// There was one then.
+    /// Whether that test found a head.
     seems_shoulder: bool,
     /// N.
     hypotheses: usize,
@@ -54,13 +54,13 @@ pub(super) struct Track {
     rng: Pcg64Mcg,
 }
 
-impl Track {
-    /// Somebody found at a place. `key` makes their random numbers their own.
-    pub(super) fn born(found: &Expected, key: u64, options: &CondensationOptions) -> Self {
+impl HeadTrack {
+    /// New track of a head that was found. `key` makes its random numbers independent of other tracks.
+    pub(super) fn born(found: &ExpectedHead, key: u64, options: &CondensationOptions) -> Self {
         // Multiplied by the golden ratio, so that neighbouring seeds and keys share no stream.
         let mut rng = Pcg64Mcg::seed_from_u64(options.seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ key);
         let sigma = Vector3::repeat(FOUND_SIGMA_M);
-        let filter = Filter::around(&found.head, &sigma, options.hypotheses, &mut rng);
+        let filter = HeadFilter::around(&found.head, &sigma, options.hypotheses, &mut rng);
         Self {
             id: None,
             gaussian: filter.gaussian(),
@@ -79,9 +79,9 @@ impl Track {
         }
     }
 
-    /// Carries the hypotheses on in time.
-    pub(super) fn predict(&mut self, dt_s: f64, motion: &MotionOptions, spent: &mut Spent) {
-        spent.hypotheses.start();
+    /// Predicts the hypotheses.
+    pub(super) fn predict(&mut self, dt_s: f64, motion: &HeadMotionOptions, times: &mut StepTimes) {
+        times.hypotheses.start();
         self.velocity *= if motion.memory_s > 0.0 { (-dt_s / motion.memory_s).exp() } else { 0.0 };
         let drift = self.velocity.push(0.0) * dt_s;
         let sideways = motion.step_m + motion.speed_m_s * dt_s;
@@ -89,30 +89,30 @@ impl Track {
             Vector3::new(sideways, sideways, 0.5 * motion.step_m + motion.vertical_speed_m_s * dt_s);
         self.filter.predict(self.hypotheses, &drift, &self.sigma_m, &mut self.rng);
         self.expected = self.gaussian.mean + drift;
-        spent.hypotheses.stop();
+        times.hypotheses.stop();
     }
 
-    /// Weighs the hypotheses; from the second layer on, drawn again closer around the best.
-    pub(super) fn weigh(&mut self, layer: usize, sight: &Sight<'_>, spent: &mut Spent) {
+    /// Weighs the hypotheses; from the second layer on, they are first resampled with a smaller spread.
+    pub(super) fn weigh(&mut self, layer: usize, input: &WeighingInput<'_>, times: &mut StepTimes) {
         if layer > 0 {
-            spent.hypotheses.start();
+            times.hypotheses.start();
             let sigma = self.sigma_m * 0.5_f64.powi(layer as i32);
             self.filter.redraw(self.hypotheses.div_ceil(CLOSER), &sigma, &mut self.rng);
-            spent.hypotheses.stop();
+            times.hypotheses.stop();
         }
-        self.filter.weigh(sight, spent);
+        self.filter.weigh(input, times);
     }
 
-    /// Takes the moment in, or, when two cameras did not see the head, leaves the hypotheses as predicted: they spread until
+    /// Updates the track or, when two cameras did not see the head, keeps the predicted hypotheses: they spread until
     /// it is seen again.
-    pub(super) fn settle(&mut self, dt_s: f64, sight: &Sight<'_>, options: &CondensationOptions) {
+    pub(super) fn update(&mut self, dt_s: f64, input: &WeighingInput<'_>, options: &CondensationOptions) {
         let motion = &options.motion;
-        let support = self.filter.support(self.trust, sight);
+        let support = self.filter.support(self.trust, input);
         let is_seen = support.is_seen(options.life.seen_at) && self.filter.weights.iter().any(|w| *w > 0.0);
         let agreed = if is_seen { support.all } else { 0.0 };
         self.trust += (agreed - self.trust) * -(-dt_s / options.life.trusted_in_s).exp_m1() as f32;
         if !is_seen {
-            self.filter.forget();
+            self.filter.keep_prediction();
             self.gaussian = self.filter.gaussian();
             self.unseen_s += dt_s;
             return;
@@ -127,16 +127,16 @@ impl Track {
         }
     }
 
-    /// Somebody who turns out, at two moments in a row, to be followed by a shoulder is followed by the head above it from now on.
-    pub(super) fn look_up(&mut self, dt_s: f64, sight: &Sight<'_>, highest_m: f64) {
+    /// Moves a track to the head above it when two tests in a row find that it follows a shoulder.
+    pub(super) fn check_for_shoulder(&mut self, dt_s: f64, input: &WeighingInput<'_>, highest_m: f64) {
         self.looked_up_s += dt_s;
         if self.unseen_s > 0.0 || (self.looked_up_s < LOOKS_UP_EVERY_S && !self.seems_shoulder) {
             return;
         }
         self.looked_up_s = 0.0;
-        let support = self.filter.support(self.trust, sight);
+        let support = self.filter.support(self.trust, input);
         let above =
-            shoulder::head_above(&self.head(), &support, sight, &mut self.rng).filter(|(head, its)| {
+            shoulder::head_above(&self.head(), &support, input, &mut self.rng).filter(|(head, its)| {
                 its.all >= shoulder::AS_GOOD * support.all && !its.is_doubtful() && head.z <= highest_m
             });
         if let Some((head, _)) = above.filter(|_| self.seems_shoulder) {
@@ -146,7 +146,7 @@ impl Track {
         self.seems_shoulder = above.is_some() && !self.seems_shoulder;
     }
 
-    /// Where the head's middle is believed to be.
+    /// Estimated centre of the head, metres.
     pub(super) fn head(&self) -> Vector3<f64> {
         self.gaussian.mean
     }

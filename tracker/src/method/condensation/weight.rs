@@ -1,26 +1,26 @@
-//! The two-dimensional weight of a hypothesis in each camera (equation 9): the mean of N·E over its contour.
+//! Two-dimensional weight of a hypothesis in each camera (equation 9): the mean of N·E over its contour.
 
 use glam::Vec3A;
 use nalgebra::Vector3;
 
 use super::contour::{HeadCamera, HeadShape, POINTS};
 use super::edges::EdgeImage;
-use super::integration::{Integration, Look, Looks, RayTest};
+use super::integration::{CameraWeight, CameraWeights, Integration, RayTest};
 use super::options::EdgeOptions;
-use crate::stage::StageCamera;
+use crate::prepared_room::PreparedCamera;
 
-/// This much in front of a head, a static surface hides it, metres: half of a head and the room's own errors.
+/// Distance in front of a head at which a static surface hides it, metres: half of a head and the room's own errors.
 const HIDES_M: f64 = 0.2;
 
-/// A camera sees nobody where less than this share of a head is not as in the empty scene.
+/// Least share of change inside a head's contour; below it the camera sees the empty scene.
 const DENIED_BELOW: f32 = 0.3;
 
-/// Contours whose middles are nearer than this share of a head's half height are one.
+/// Distance of two contours' centres, in half heights of a head, below which they are the same.
 const SAME_CONTOUR: f32 = 0.75;
 
-/// The cameras and the model: what weights depend on besides pictures.
+/// Cameras and head model: everything that weights depend on besides pictures.
 #[derive(Debug, Clone)]
-pub struct Lookout {
+pub struct HeadWeights {
     cameras: Vec<HeadCamera>,
     dark_heads_only: bool,
     integration: Integration,
@@ -29,60 +29,60 @@ pub struct Lookout {
     seen_at: f32,
 }
 
-/// What hypotheses are weighed with.
+/// Input of the weighing of hypotheses.
 #[derive(Debug, Clone, Copy)]
-pub struct Sight<'a> {
-    /// Cameras and model.
-    pub lookout: &'a Lookout,
+pub struct WeighingInput<'a> {
+    /// Cameras and head model.
+    pub head_weights: &'a HeadWeights,
     /// The same cameras with the static room.
-    pub stage: &'a [StageCamera],
-    /// The moment's edges; `None` for cameras that say nothing.
+    pub cameras: &'a [PreparedCamera],
+    /// Edges of the moment; `None` for cameras without a usable picture.
     pub edges: &'a [Option<EdgeImage>],
-    /// Where everybody's head is expected.
-    pub everybody: &'a [Expected],
-    /// The power of the integrated weight.
+    /// Expected heads of all tracks.
+    pub everybody: &'a [ExpectedHead],
+    /// Power of the integrated weight.
     pub sharpness: f64,
 }
 
-/// Where somebody's head is expected.
+/// Expected head of a track.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Expected {
-    /// Its middle.
+pub struct ExpectedHead {
+    /// Its centre, metres.
     pub head: Vector3<f64>,
-    /// How well cameras have agreed on it lately, 0 to 1.
+    /// Agreement of the cameras on it lately, 0 to 1.
     pub trust: f32,
 }
 
-/// How well the cameras agree on a head.
+/// Agreement of the cameras on a head.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Support {
-    /// √(π₁ π₂) of the two cameras that see it best among those whose rays to it are no line.
+pub struct HeadSupport {
+    /// √(π₁ π₂) of the two cameras with the largest product, among pairs whose rays are not collinear.
     pub pair: f32,
-    /// The root of the mean of π₁ π₂ over all such pairs of cameras that see it or see the empty scene instead.
+    /// Root of the mean of π₁ π₂ over all such pairs of cameras that see it, or see the empty scene instead.
     pub all: f32,
-    /// Cameras that see the head.
+    /// Number of cameras that see the head.
     pub seeing: u32,
-    /// Cameras that should see it past the room, and see the empty scene there.
+    /// Number of cameras that should see it past the room, and see the empty scene there.
     pub denying: u32,
 }
 
-impl Support {
-    /// Whether the head is seen at all: two cameras agree on it, and no more deny it than see it.
+impl HeadSupport {
+    /// Whether the head is seen: two cameras agree on it, and no more see the empty scene than see it.
     pub fn is_seen(&self, seen_at: f64) -> bool {
         f64::from(self.pair) >= seen_at && self.denying <= self.seeing
     }
 
-    /// Whether this may be a place where the contours of two heads meet by chance: two cameras see a head, and another that
-    /// should sees nobody. Three rays hardly meet by chance.
+    /// Whether the contours of two heads may meet here by chance: only two cameras see a head, and another one sees the
+    /// empty scene. Three rays hardly meet by chance.
     pub fn is_doubtful(&self) -> bool {
         self.seeing < 3 && self.denying > 0
     }
 }
 
-impl Lookout {
-    /// For these cameras.
+impl HeadWeights {
+    /// Weights for these cameras.
     pub fn new(
-        cameras: &[StageCamera],
+        cameras: &[PreparedCamera],
         shape: &HeadShape,
         edges: &EdgeOptions,
         integration: Integration,
@@ -99,25 +99,25 @@ impl Lookout {
         }
     }
 
-    /// Every camera's weight of a head at each of some places, into `looks`: of the cameras that have a picture now and the
-    /// place in their image, and for [`Integration::Room`] only of those that the static room leaves a view of it.
-    pub fn look(
+    /// Computes every camera's weight of a head at each place into `weights_by_camera`: for cameras with a picture and the place in
+    /// their image and, for [`Integration::Room`], only if the static room does not hide it.
+    pub fn weigh_in_cameras(
         &self,
         heads: &[Vector3<f64>],
-        stage: &[StageCamera],
+        prepared: &[PreparedCamera],
         edges: &[Option<EdgeImage>],
-        looks: &mut [Looks],
+        weights_by_camera: &mut [CameraWeights],
     ) {
-        looks.iter_mut().for_each(Looks::clear);
-        // Camera by camera: what one of them sees of a person fits the cache.
-        for ((camera, edges), stage) in self.cameras.iter().zip(edges).zip(stage) {
+        weights_by_camera.iter_mut().for_each(CameraWeights::clear);
+        // Camera by camera, so that its data stay in the cache.
+        for ((camera, edges), prepared) in self.cameras.iter().zip(edges).zip(prepared) {
             let Some(edges) = edges else { continue };
-            for (head, looks) in heads.iter().zip(&mut *looks) {
-                if self.integration == Integration::Room && is_hidden(stage, head) {
+            for (head, weights_by_camera) in heads.iter().zip(&mut *weights_by_camera) {
+                if self.integration == Integration::Room && is_hidden(prepared, head) {
                     continue;
                 }
                 let Some(weight) = self.weight(camera, edges, head) else { continue };
-                looks.push(Look { weight, ray: ray(camera, head) });
+                weights_by_camera.push(CameraWeight { weight, ray: ray(camera, head) });
             }
         }
     }
@@ -130,8 +130,8 @@ impl Lookout {
             return None;
         }
         let mean = sum / POINTS as f32;
-        // Where it is not known which side has changed, a contour that is all darker inside is as good as one that is all
-        // brighter: a sum without sign. Otherwise a negative sum is no evidence.
+        // If the changed side is unknown, a contour that is darker inside is as good as one that is brighter: the sign
+        // of the sum is ignored. Otherwise a negative sum is no evidence.
         let is_signed = self.dark_heads_only || edges.is_of_change();
         Some(if is_signed { mean.max(0.0) } else { mean.abs() })
     }
@@ -142,45 +142,45 @@ impl Lookout {
         Self { integration, ..self.clone() }
     }
 
-    /// The three-dimensional weight (equations 4 to 7).
-    pub fn integrate(&self, looks: &Looks) -> f32 {
-        looks.integrate(self.integration, self.rays, self.beta)
+    /// Three-dimensional weight (equations 4 to 7).
+    pub fn integrate(&self, weights_by_camera: &CameraWeights) -> f32 {
+        weights_by_camera.integrate(self.integration, self.rays, self.beta)
     }
 
-    /// How well the cameras agree on a head that is trusted so much, by contours that belong to nobody trusted more.
-    pub fn support(&self, head: &Vector3<f64>, trust: f32, sight: &Sight<'_>) -> Support {
-        let mut looks = Looks::default();
-        let mut support = Support::default();
-        for ((camera, edges), stage) in self.cameras.iter().zip(sight.edges).zip(sight.stage) {
+    /// Agreement of the cameras on a head with this trust, by contours that belong to no track with more trust.
+    pub fn support(&self, head: &Vector3<f64>, trust: f32, input: &WeighingInput<'_>) -> HeadSupport {
+        let mut weights_by_camera = CameraWeights::default();
+        let mut support = HeadSupport::default();
+        for ((camera, edges), prepared) in self.cameras.iter().zip(input.edges).zip(input.cameras) {
             let Some(edges) = edges else { continue };
             let Some(weight) = self.weight(camera, edges, head) else { continue };
             if weight >= self.seen_at {
-                if sight.everybody.iter().any(|o| o.trust > trust && is_same_contour(camera, head, &o.head)) {
+                if input.everybody.iter().any(|o| o.trust > trust && is_same_contour(camera, head, &o.head)) {
                     continue;
                 }
                 support.seeing += 1;
             } else {
-                // Something that is no head hides it, unless the camera sees the empty scene.
+                // Unless the camera sees the empty scene, something else hides the head.
                 let is_empty = changed(camera, edges, head).is_some_and(|changed| changed < DENIED_BELOW);
-                if !is_empty || is_hidden(stage, head) {
+                if !is_empty || is_hidden(prepared, head) {
                     continue;
                 }
                 support.denying += 1;
             }
-            looks.push(Look { weight, ray: ray(camera, head) });
+            weights_by_camera.push(CameraWeight { weight, ray: ray(camera, head) });
         }
-        let (best, mean) = looks.pairs(self.rays, self.beta);
-        Support { pair: best.max(0.0).sqrt(), all: mean.max(0.0).sqrt(), ..support }
+        let (best, mean) = weights_by_camera.pairs(self.rays, self.beta);
+        HeadSupport { pair: best.max(0.0).sqrt(), all: mean.max(0.0).sqrt(), ..support }
     }
 }
 
-/// From a camera to a head, of length 1.
+/// Unit vector from a camera to a head.
 fn ray(camera: &HeadCamera, head: &Vector3<f64>) -> [f32; 3] {
     let ray = head - camera.center.coords;
     Vec3A::new(ray.x as f32, ray.y as f32, ray.z as f32).normalize().to_array()
 }
 
-/// Whether two heads would have about the same contour in a camera.
+/// Whether two heads have about the same contour in a camera.
 fn is_same_contour(camera: &HeadCamera, head: &Vector3<f64>, other: &Vector3<f64>) -> bool {
     let contours = (camera.contour(head), camera.contour(other));
     let (Some(own), Some(theirs)) = contours else { return false };
@@ -188,7 +188,7 @@ fn is_same_contour(camera: &HeadCamera, head: &Vector3<f64>, other: &Vector3<f64
     apart_px < SAME_CONTOUR * theirs.half_height_px()
 }
 
-/// The share of a head's inside that is not as in the empty scene.
+/// Share of a head's inside that differs from the empty scene.
 fn changed(camera: &HeadCamera, edges: &EdgeImage, head: &Vector3<f64>) -> Option<f32> {
     let c = camera.contour(head)?;
     let [mu, mv] = c.middle;
@@ -196,8 +196,8 @@ fn changed(camera: &HeadCamera, edges: &EdgeImage, head: &Vector3<f64>) -> Optio
     edges.changed((0..POINTS).step_by(2).map(half_way))
 }
 
-/// Whether the static room hides a head from a camera; not so outside the image.
-pub fn is_hidden(camera: &StageCamera, head: &Vector3<f64>) -> bool {
+/// Whether the static room hides a head from a camera; false outside the image.
+pub fn is_hidden(camera: &PreparedCamera, head: &Vector3<f64>) -> bool {
     let seen = camera.pinhole.camera_from_world * nalgebra::Point3::from(*head);
     let Some(pixel) = camera.pinhole.intrinsics.project(&seen) else { return false };
     let (u, v) = (pixel.x.round(), pixel.y.round());

@@ -1,54 +1,59 @@
-//! Weights over a horizontal plane (figures 4 to 8): what each integration makes of one moment.
+//! Weights over a horizontal plane (figures 4 to 8), for comparing the integrations at one moment.
 
 use image::{Rgb, RgbImage};
 use nalgebra::{Point2, Vector3};
 use shell::canvas::{Canvas, Color, Stroke, TextStyle};
 
-use super::integration::{Integration, Looks};
-use super::weight::Sight;
-use crate::stage::Stage;
+use super::integration::{CameraWeights, Integration};
+use super::weight::WeighingInput;
+use crate::prepared_room::PreparedRoom;
 
-/// Pixels of a cell's side in the picture.
+/// Side of a cell in the picture, pixels.
 const CELL_PX: u32 = 4;
-/// The most cells along a side; a wide floor gets larger ones.
+/// Largest number of cells along a side; a wide floor gets larger cells.
 const MOST_CELLS: f64 = 240.0;
-/// The least side of a cell, metres: half of a head's radius.
+/// Least side of a cell, metres: half of a head's radius.
 const LEAST_CELL_M: f64 = 0.04;
 
 /// Weights on a grid over the floor's bounds, at one height.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WeightMap {
-    /// What made them.
+    /// Integration of the weights.
     pub integration: Integration,
-    /// The corner of the grid with the smallest x and y, metres.
+    /// Corner of the grid with the smallest x and y, metres.
     pub low: Point2<f64>,
     /// Side of a cell, metres.
     pub cell_m: f64,
-    /// Cells along x.
+    /// Number of cells along x.
     pub columns: usize,
-    /// Row by row of growing y, at the cells' middles. A product of few cameras' weights is larger than one of many, so
-    /// of [`Integration::Product`] only the cells that the most cameras look at are compared, and the others are 0; the
-    /// paper's cameras see all of its hall.
+    /// Weights at the cells' centres, row by row with growing y. A product of few cameras' weights is larger than one
+    /// of many, so of [`Integration::Product`] only the cells that the most cameras see are compared, and the others
+    /// are 0; the paper's cameras see all of its hall.
     pub weights: Vec<f32>,
 }
 
 impl WeightMap {
-    /// The map of one integration of a moment's edges, heads' middles at `height_m` metres.
-    pub fn new(stage: &Stage, sight: &Sight<'_>, integration: Integration, height_m: f64) -> Self {
-        let (low, high) = stage.floor.bounds();
+    /// Map of one integration of a moment's edges, for heads' centres at `height_m` metres.
+    pub fn new(
+        room: &PreparedRoom,
+        input: &WeighingInput<'_>,
+        integration: Integration,
+        height_m: f64,
+    ) -> Self {
+        let (low, high) = room.floor.bounds();
         let size = high - low;
         let cell_m = (size.x.max(size.y) / MOST_CELLS).max(LEAST_CELL_M);
         let [columns, rows] = [size.x, size.y].map(|s| (s / cell_m).ceil().max(1.0) as usize);
-        let lookout = sight.lookout.with(integration);
-        let mut looks = [Looks::default()];
+        let head_weights = input.head_weights.with(integration);
+        let mut weights_by_camera = [CameraWeights::default()];
         let mut map = Self { integration, low, cell_m, columns, weights: Vec::with_capacity(columns * rows) };
         let mut lookers = Vec::with_capacity(columns * rows);
         for i in 0..columns * rows {
             let place = map.middle(i);
             let head = Vector3::new(place.x, place.y, height_m);
-            lookout.look(&[head], sight.stage, sight.edges, &mut looks);
-            map.weights.push(lookout.integrate(&looks[0]));
-            lookers.push(looks[0].all().len());
+            head_weights.weigh_in_cameras(&[head], input.cameras, input.edges, &mut weights_by_camera);
+            map.weights.push(head_weights.integrate(&weights_by_camera[0]));
+            lookers.push(weights_by_camera[0].all().len());
         }
         if integration == Integration::Product {
             darken_less_looked_at(&mut map.weights, &lookers);
@@ -56,20 +61,20 @@ impl WeightMap {
         map
     }
 
-    /// The middle of a cell on the floor plan.
+    /// Centre of a cell on the floor plan, metres.
     pub fn middle(&self, cell: usize) -> Point2<f64> {
         let (column, row) = (cell % self.columns, cell / self.columns);
         self.low + nalgebra::Vector2::new(column as f64 + 0.5, row as f64 + 0.5) * self.cell_m
     }
 
-    /// The place of the largest weight, with the weight.
+    /// Position of the largest weight, with the weight.
     pub fn peak(&self) -> Option<(Point2<f64>, f32)> {
         let (cell, weight) = self.weights.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1))?;
         Some((self.middle(cell), *weight))
     }
 
-    /// The map as a picture, y upwards: from nothing (dark) to its largest weight (bright), with cameras and zones.
-    pub fn picture(&self, stage: &Stage) -> RgbImage {
+    /// Picture of the map, y upwards: from 0 (dark) to its largest weight (bright), with cameras and zones.
+    pub fn picture(&self, room: &PreparedRoom) -> RgbImage {
         let rows = self.weights.len() / self.columns;
         let largest = self.peak().map_or(0.0, |(_, w)| w).max(f32::MIN_POSITIVE);
         let (width, height) = (self.columns as u32 * CELL_PX, rows as u32 * CELL_PX);
@@ -82,13 +87,13 @@ impl WeightMap {
             let cells = (p - self.low) / self.cell_m * f64::from(CELL_PX);
             Point2::new(cells.x, f64::from(height) - cells.y)
         };
-        for zone in &stage.zones {
+        for zone in &room.zones {
             let corners: Vec<Point2<f64>> = zone.polygon.0.iter().map(pixel).collect();
             canvas.stroke_polygon(&corners, &Stroke::dashed(Color::from(Rgb([200, 200, 200])), 1.5));
         }
-        for camera in &stage.cameras {
+        for camera in &room.cameras {
             let center = camera.pinhole.center();
-            // Those outside are drawn on the border.
+            // Cameras outside are drawn on the border.
             let at = pixel(&Point2::new(center.x, center.y));
             let at = Point2::new(
                 at.x.clamp(8.0, f64::from(width) - 8.0),
@@ -108,7 +113,7 @@ impl WeightMap {
     }
 }
 
-/// Leaves the weights of the cells that the most cameras look at.
+/// Sets the weights of all cells to 0 that fewer than the most cameras see.
 fn darken_less_looked_at(weights: &mut [f32], lookers: &[usize]) {
     let most = lookers.iter().copied().max().unwrap_or(0);
     for (weight, _) in weights.iter_mut().zip(lookers).filter(|(_, looking)| **looking < most) {
@@ -116,7 +121,7 @@ fn darken_less_looked_at(weights: &mut [f32], lookers: &[usize]) {
     }
 }
 
-/// Black through red and yellow to white.
+/// Colour from black through red and yellow to white.
 fn heat(share: f32) -> Rgb<u8> {
     let part = |from: f32| ((share.clamp(0.0, 1.0) - from) * 3.0).clamp(0.0, 1.0);
     Rgb([part(0.0), part(1.0 / 3.0), part(2.0 / 3.0)].map(|v| (255.0 * v).round() as u8))

@@ -12,7 +12,7 @@ use rand_pcg::Pcg64Mcg;
 
 use super::births::BirthMap;
 use crate::likelihood::prior::LOG_IMPOSSIBLE;
-use crate::stage::Floor;
+use crate::prepared_room::Floor;
 
 /// Two people who were taken for one until now are no farther apart than this.
 pub(super) const COMPANY_M: f64 = 1.2;

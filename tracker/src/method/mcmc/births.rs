@@ -255,7 +255,7 @@ mod tests {
     use super::super::person::Person;
     use super::super::tests::{empty_room, masks, standing};
     use super::*;
-    use crate::likelihood::{Rule, Simulation, pack};
+    use crate::likelihood::{LikelihoodRule, Simulation, pack};
     use crate::method::mcmc::McmcOptions;
     use crate::silhouette::{Shape, Silhouette, View};
     use rand::SeedableRng;
@@ -273,7 +273,7 @@ mod tests {
                 camera.static_z_m[at] = 0.5;
             }
         }
-        let rule: Rule = McmcOptions::default().likelihood;
+        let rule: LikelihoodRule = McmcOptions::default().likelihood;
         let views: Vec<View> = stage.cameras.iter().map(View::new).collect();
         let packed: Vec<_> =
             seen.iter().zip(&views).map(|(frame, view)| frame.mask.as_ref().map(|m| pack(m, view))).collect();

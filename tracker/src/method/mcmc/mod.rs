@@ -51,9 +51,9 @@ use self::track::{Found, Track};
 use super::capacity::Capacity;
 use super::{Method, Needs};
 use crate::identity::Identities;
-use crate::likelihood::{Counts, Layers, PreparedRule, Simulation, pack};
+use crate::likelihood::{Counts, Layers, PreparedLikelihood, Simulation, pack};
+use crate::prepared_room::{PreparedCamera, PreparedRoom, resolution};
 use crate::silhouette::{Body, View};
-use crate::stage::{Stage, StageCamera, resolution};
 use crate::{CameraFrame, Error, Moment, PersonEstimate, Result};
 
 /// While people who were inside already are being found, a moment gets this many times the steps.
@@ -76,9 +76,9 @@ const LEAST_STEP_S: f64 = 1e-3;
 /// The tracker.
 #[derive(Debug, Clone)]
 pub struct Mcmc {
-    stage: Stage,
+    stage: PreparedRoom,
     options: McmcOptions,
-    rule: PreparedRule,
+    rule: PreparedLikelihood,
     layers: Layers,
     /// The cameras in full, for what is reported.
     views: Vec<View>,
@@ -111,7 +111,7 @@ impl Mcmc {
     ///
     /// # Errors
     /// [`Error::Option`] when an option makes no sense.
-    pub fn new(stage: Stage, options: McmcOptions) -> Result<Self> {
+    pub fn new(stage: PreparedRoom, options: McmcOptions) -> Result<Self> {
         options.validate()?;
         let views: Vec<View> = stage.cameras.iter().map(View::new).collect();
         let average =
@@ -159,7 +159,7 @@ impl Mcmc {
     }
 
     fn packed_masks(&self, moment: &Moment<'_>) -> Result<Vec<Option<Vec<u64>>>> {
-        let packed = |((camera, view), frame): ((&StageCamera, &View), &CameraFrame)| {
+        let packed = |((camera, view), frame): ((&PreparedCamera, &View), &CameraFrame)| {
             let Some(mask) = &frame.mask else { return Ok(None) };
             if mask.dimensions() != (camera.width(), camera.height()) {
                 return Err(Error::FrameSize {
@@ -404,14 +404,14 @@ impl Method for Mcmc {
         self.options.lag_s
     }
 
-    fn hindsight(&mut self, frame: u32) -> Option<Vec<PersonEstimate>> {
+    fn smoothed(&mut self, frame: u32) -> Option<Vec<PersonEstimate>> {
         let people = self.hindsight.of(frame)?;
         Some(self.in_the_room(people))
     }
 }
 
 /// Whether a person standing here would have feet, middle or head in some camera's image.
-fn is_seen(stage: &Stage, x_m: f64, y_m: f64, height_m: f64) -> bool {
+fn is_seen(stage: &PreparedRoom, x_m: f64, y_m: f64, height_m: f64) -> bool {
     stage.cameras.iter().any(|camera| {
         [0.0, 0.5, 1.0].iter().any(|part| {
             let pixel = camera.pinhole.project(&nalgebra::Point3::new(x_m, y_m, part * height_m));

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::likelihood::{Rule, Simulation};
+use crate::likelihood::{LikelihoodRule, Simulation};
 use crate::silhouette::Body;
 use crate::{Error, Result};
 
@@ -102,7 +102,7 @@ pub struct McmcOptions {
     /// How often each move is proposed.
     pub moves: MoveWeights,
     /// V(S).
-    pub likelihood: Rule,
+    pub likelihood: LikelihoodRule,
     /// When a proposal is taken.
     pub acceptance: Acceptance,
     /// λ of R(S), 1/m.
@@ -161,7 +161,7 @@ impl Default for McmcOptions {
             steps_for_s: 1.0 / 12.0,
             surprise: 4.0,
             moves: MoveWeights::default(),
-            likelihood: Rule::Bernoulli {
+            likelihood: LikelihoodRule::Bernoulli {
                 core: 0.91,
                 limbs: 0.57,
                 reach: 0.2,
@@ -201,7 +201,7 @@ impl McmcOptions {
     #[must_use]
     pub fn published() -> Self {
         Self {
-            likelihood: Rule::Overlap { exponent: 1.0 },
+            likelihood: LikelihoodRule::Overlap { exponent: 1.0 },
             acceptance: Acceptance::Published,
             steps_per_person: 0,
             steps_for_s: f64::INFINITY,

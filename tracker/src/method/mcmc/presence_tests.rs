@@ -183,13 +183,13 @@ fn a_person_whom_several_cameras_see_is_rescued_walking_or_not() {
 }
 
 /// What the cameras see of a chair: a seat on a stem, with a back.
-fn chair_masks(stage: &Stage, x_m: f32, y_m: f32) -> Vec<CameraFrame> {
+fn chair_masks(stage: &PreparedRoom, x_m: f32, y_m: f32) -> Vec<CameraFrame> {
     let parts = [
         cuboid([x_m - 0.25, y_m - 0.25, 0.0], [x_m + 0.25, y_m + 0.25, 0.48]),
         cuboid([x_m - 0.25, y_m + 0.15, 0.0], [x_m + 0.25, y_m + 0.25, 0.95]),
     ];
     let scenes = parts.map(|mesh| RayScene::new(&Geometry::Mesh(mesh)).unwrap());
-    let seen = |camera: &StageCamera| {
+    let seen = |camera: &PreparedCamera| {
         let mut mask = GrayImage::new(camera.width(), camera.height());
         for scene in &scenes {
             for (pixel, met_m) in mask.iter_mut().zip(depth::render(scene, &camera.pinhole).z_m) {

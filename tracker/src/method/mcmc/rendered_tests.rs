@@ -6,7 +6,7 @@ use synthetic::{PersonTruth, RoomOptions, Sequence, SequenceOptions, WalkerOptio
 
 use super::*;
 use crate::TrackId;
-use crate::stage::StageOptions;
+use crate::prepared_room::PreparationOptions;
 
 const RATE_HZ: f64 = 12.0;
 
@@ -17,7 +17,7 @@ fn walkers_of_a_rendered_room_are_followed_through_furniture_and_each_other() {
     let folder = tempfile::tempdir().unwrap();
     made.room.write(folder.path()).unwrap();
     let room = scenes::room::Room::read(folder.path()).unwrap();
-    let stage = Stage::prepare(&room, folder.path(), &StageOptions::default()).unwrap();
+    let stage = PreparedRoom::prepare(&room, folder.path(), &PreparationOptions::default()).unwrap();
     let walkers = made.walkers(&WalkerOptions { seed: 3, people: 3, ..WalkerOptions::default() });
     let sequence = made.sequence(
         walkers,
@@ -67,11 +67,11 @@ fn follow(mut mcmc: Mcmc, sequence: &Sequence) -> [Score; 2] {
         let moment = Moment { frame: frame.frame, time_s: frame.time_s, cameras: &cameras };
         at_once.push(mcmc.step(&moment).unwrap());
         if frame.frame > waits {
-            later.push(mcmc.hindsight(frame.frame - waits).unwrap());
+            later.push(mcmc.smoothed(frame.frame - waits).unwrap());
         }
         truths.push(frame.people);
     }
-    later.extend((truths.len() as u32 - waits + 1..=truths.len() as u32).map(|f| mcmc.hindsight(f).unwrap()));
+    later.extend((truths.len() as u32 - waits + 1..=truths.len() as u32).map(|f| mcmc.smoothed(f).unwrap()));
     [scored(&truths, at_once), scored(&truths, later)]
 }
 

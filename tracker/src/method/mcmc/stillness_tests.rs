@@ -15,10 +15,10 @@ use synthetic::{
 use super::*;
 use crate::TrackId;
 use crate::foreground::backdrop::Backdrop;
-use crate::foreground::{Foreground, ForegroundOptions, Start, Verdict};
+use crate::foreground::{Foreground, ForegroundOptions, InitialBackground, Verdict};
 use crate::observation::{Colours, Mask};
+use crate::prepared_room::PreparationOptions;
 use crate::silhouette::{Shape, Silhouette};
-use crate::stage::StageOptions;
 
 /// Frames a second while somebody walks …
 const RATE_HZ: u32 = 6;
@@ -58,7 +58,7 @@ fn length_m(way: &[Point2<f64>]) -> f64 {
 }
 
 /// The place on a way that the camera that sees it least sees best, away from all zones; `None` when none is in full view.
-fn best_seen(made: &SyntheticRoom, stage: &Stage, seed: u64, way: &[Point2<f64>]) -> Option<usize> {
+fn best_seen(made: &SyntheticRoom, stage: &PreparedRoom, seed: u64, way: &[Point2<f64>]) -> Option<usize> {
     let walker = Walker::along(1, seed, 0.0, SPEED_M_S, way);
     let frames = (length_m(way) * 4.0) as u32;
     let options = SequenceOptions { rate_hz: 4.0, frames, images: false, ..SequenceOptions::default() };
@@ -80,7 +80,7 @@ fn best_seen(made: &SyntheticRoom, stage: &Stage, seed: u64, way: &[Point2<f64>]
 
 impl Scenario {
     /// Of a seed: the place is the one on somebody's way, away from the doors, that all cameras together see best.
-    fn new(made: &SyntheticRoom, stage: &Stage, seed: u64, stays_s: f64) -> Self {
+    fn new(made: &SyntheticRoom, stage: &PreparedRoom, seed: u64, stays_s: f64) -> Self {
         let way = |seed: u64| {
             let options = WalkerOptions { seed, people: 1, longest_stay_s: 0.0, ..WalkerOptions::default() };
             made.walkers(&options).first().map(way_of).filter(|way| way.len() > 8)
@@ -134,7 +134,7 @@ impl Scenario {
 }
 
 /// Where people are seen in a camera's real image.
-fn silhouettes(camera: &StageCamera, view: &View, people: &[PersonEstimate]) -> GrayImage {
+fn silhouettes(camera: &PreparedCamera, view: &View, people: &[PersonEstimate]) -> GrayImage {
     let drawn: Vec<Silhouette> =
         people.iter().map(|p| Silhouette::new(view, &Shape::REACH.of(&Body::from(p)))).collect();
     GrayImage::from_fn(camera.width(), camera.height(), |u, v| {
@@ -161,7 +161,13 @@ struct Outcome {
 }
 
 /// Follows the sequence with the feedback closed, or open.
-fn follow(stage: &Stage, sequence: &Sequence<'_>, scenario: &Scenario, seed: u64, feedback: bool) -> Outcome {
+fn follow(
+    stage: &PreparedRoom,
+    sequence: &Sequence<'_>,
+    scenario: &Scenario,
+    seed: u64,
+    feedback: bool,
+) -> Outcome {
     let first: Vec<_> =
         (1..=EMPTY_S as u32 * RATE_HZ).step_by(4).map(|frame| sequence.frame(frame)).collect();
     let options = ForegroundOptions::default();
@@ -171,8 +177,8 @@ fn follow(stage: &Stage, sequence: &Sequence<'_>, scenario: &Scenario, seed: u64
                 first.iter().filter_map(|frame| frame.cameras[camera].image.as_ref()).collect();
             let (width, height) = pictures[0].dimensions();
             let start = match seed % 2 {
-                0 => Start::Nothing(AdaptiveKind::Mog2),
-                _ => Start::Backdrop(Backdrop::learn(&pictures).unwrap()),
+                0 => InitialBackground::Nothing(AdaptiveKind::Mog2),
+                _ => InitialBackground::Backdrop(Backdrop::learn(&pictures).unwrap()),
             };
             Foreground::new(width, height, start, options.clone()).unwrap()
         })
@@ -223,7 +229,8 @@ fn sit(seed: u64, minutes: f64, feedback: bool, folder: &Path) -> Outcome {
     let options = RoomOptions { seed, image_px: [128, 96], furniture: 6, ..RoomOptions::default() };
     let made = options.build().unwrap();
     made.room.write(folder).unwrap();
-    let stage = Stage::prepare(&Room::read(folder).unwrap(), folder, &StageOptions::default()).unwrap();
+    let stage =
+        PreparedRoom::prepare(&Room::read(folder).unwrap(), folder, &PreparationOptions::default()).unwrap();
     assert!(!stage.zones.is_empty());
     let scenario = Scenario::new(&made, &stage, seed, 60.0 * minutes);
     let render = RenderOptions { samples: 1, ..RenderOptions::default() };

@@ -12,30 +12,30 @@ use scenes::walkable::WalkableMap;
 
 use super::*;
 use crate::TrackId;
+use crate::prepared_room::Floor;
 use crate::silhouette::Silhouette;
-use crate::stage::Floor;
 
 const RATE_HZ: f64 = 12.0;
 
 /// Two cameras in the corners of an empty room of 6 × 5 m, with a door in the wall x = 6.
-pub(crate) fn empty_room() -> Stage {
+pub(crate) fn empty_room() -> PreparedRoom {
     room(&[(0.2, 0.2), (0.2, 4.8)], ZoneKind::Both)
 }
 
 /// The same with cameras at these places, 2.4 m above the floor, and a door of this kind.
-pub(super) fn room(cameras: &[(f64, f64)], kind: ZoneKind) -> Stage {
+pub(super) fn room(cameras: &[(f64, f64)], kind: ZoneKind) -> PreparedRoom {
     let camera = |(x, y): &(f64, f64)| {
         let pose =
             Isometry3::face_towards(&Point3::new(*x, *y, 2.4), &Point3::new(3.0, 2.5, 0.9), &-Vector3::z());
         let intrinsics = Intrinsics::from_horizontal_fov(240, 180, 80.0);
-        let mut camera = StageCamera::new("c", &Camera { intrinsics, camera_from_world: pose.inverse() });
+        let mut camera = PreparedCamera::new("c", &Camera { intrinsics, camera_from_world: pose.inverse() });
         camera.set_floor();
         camera
     };
     let rectangle = |x0, y0, x1, y1| Polygon::rectangle(Point2::new(x0, y0), Point2::new(x1, y1));
     let door = Zone { name: "door".into(), polygon: rectangle(5.0, 1.0, 6.0, 2.2), kind };
     let floor = WalkableMap::of_polygons(&[rectangle(0.0, 0.0, 6.0, 5.0)]);
-    Stage {
+    PreparedRoom {
         cameras: cameras.iter().map(camera).collect(),
         floor: Floor::new(floor, std::slice::from_ref(&door), &[]),
         zones: vec![door],
@@ -47,8 +47,8 @@ pub(crate) fn standing(x_m: f64, y_m: f64) -> Body {
 }
 
 /// What the cameras of the stage see of bodies before which nothing stands.
-pub(crate) fn masks(stage: &Stage, bodies: &[Body]) -> Vec<CameraFrame> {
-    let seen = |camera: &StageCamera| {
+pub(crate) fn masks(stage: &PreparedRoom, bodies: &[Body]) -> Vec<CameraFrame> {
+    let seen = |camera: &PreparedCamera| {
         let mut mask = GrayImage::new(camera.width(), camera.height());
         for body in bodies {
             for (u, v) in Silhouette::new(&View::new(camera), &body.ellipsoid()).pixels() {
@@ -62,7 +62,7 @@ pub(crate) fn masks(stage: &Stage, bodies: &[Body]) -> Vec<CameraFrame> {
 
 /// A tracker that is fed frame by frame.
 pub(super) struct Feeder {
-    pub(super) stage: Stage,
+    pub(super) stage: PreparedRoom,
     pub(super) mcmc: Mcmc,
     frame: u32,
     /// Time at which the present rate began, seconds, and frames since.
@@ -73,7 +73,7 @@ pub(super) struct Feeder {
 
 impl Feeder {
     /// At the first frame.
-    pub(super) fn at_first(stage: Stage, options: McmcOptions) -> Self {
+    pub(super) fn at_first(stage: PreparedRoom, options: McmcOptions) -> Self {
         let mcmc = Mcmc::new(stage.clone(), options).unwrap();
         Self { mcmc, stage, frame: 0, since_s: 0.0, frames: 0, rate_hz: RATE_HZ }
     }
@@ -94,7 +94,7 @@ impl Feeder {
     }
 
     /// After a second of nobody.
-    pub(super) fn after_nobody(stage: Stage, options: McmcOptions) -> Self {
+    pub(super) fn after_nobody(stage: PreparedRoom, options: McmcOptions) -> Self {
         let mut feeder = Self::at_first(stage, options);
         for _ in 0..12 {
             assert_eq!(feeder.see(&[]), []);
@@ -233,7 +233,7 @@ fn people_leave_through_a_door_that_is_an_exit_alone() {
 }
 
 /// Puts an upright box before the cameras.
-pub(super) fn stand(stage: &mut Stage, low: [f32; 3], high: [f32; 3]) {
+pub(super) fn stand(stage: &mut PreparedRoom, low: [f32; 3], high: [f32; 3]) {
     let scene = RayScene::new(&Geometry::Mesh(cuboid(low, high))).unwrap();
     for camera in &mut stage.cameras {
         let depth = depth::render(&scene, &camera.pinhole);

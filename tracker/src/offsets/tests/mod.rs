@@ -12,20 +12,20 @@ use synthetic::{RoomOptions, Sequence, SequenceOptions, SyntheticRoom, Walker, W
 
 use super::*;
 use crate::observation::Mask;
-use crate::stage::StageOptions;
+use crate::prepared_room::PreparationOptions;
 
 /// Ticks a second: frames are asked for at whole multiples of a tick.
 const TICKS_HZ: f64 = 1200.0;
 
 /// A generated room, prepared.
-struct Scene {
+struct FilmedRoom {
     made: SyntheticRoom,
-    stage: Stage,
+    prepared: PreparedRoom,
 }
 
 /// Clock of a camera: true times at which it films, and times that it reports.
 #[derive(Debug, Clone, Copy)]
-struct Clock {
+struct CameraClock {
     /// True time of the first frame, seconds.
     first_s: f64,
     rate_hz: f64,
@@ -41,7 +41,7 @@ struct Clock {
     loss: f64,
 }
 
-impl Clock {
+impl CameraClock {
     fn new(rate_hz: f64, offset_s: f64) -> Self {
         Self { first_s: 0.0, rate_hz, offset_s, drift_ppm: 0.0, jitter_s: 0.0, delay_s: 0.0, loss: 0.0 }
     }
@@ -72,14 +72,14 @@ impl Clock {
     }
 }
 
-impl Scene {
+impl FilmedRoom {
     fn new(options: &RoomOptions) -> Self {
         let made = RoomOptions { image_px: [200, 150], ..options.clone() }.build().unwrap();
         let folder = tempfile::tempdir().unwrap();
         made.room.write(folder.path()).unwrap();
         let room = Room::read(folder.path()).unwrap();
-        let stage = Stage::prepare(&room, folder.path(), &StageOptions::default()).unwrap();
-        Self { made, stage }
+        let prepared = PreparedRoom::prepare(&room, folder.path(), &PreparationOptions::default()).unwrap();
+        Self { made, prepared }
     }
 
     fn seeded(seed: u64) -> Self {
@@ -101,7 +101,7 @@ impl Scene {
     fn estimate(
         &self,
         walkers: Vec<Walker>,
-        clocks: &[Clock],
+        clocks: &[CameraClock],
         end_s: f64,
         options: OffsetOptions,
     ) -> Offsets {
@@ -112,7 +112,7 @@ impl Scene {
     fn observed(
         &self,
         walkers: Vec<Walker>,
-        clocks: &[Clock],
+        clocks: &[CameraClock],
         end_s: f64,
         options: OffsetOptions,
     ) -> OffsetEstimator {
@@ -124,7 +124,7 @@ impl Scene {
             frames.extend(filmed.into_iter().map(|(true_s, time_s)| (true_s, camera, time_s)));
         }
         frames.sort_by(|a, b| a.partial_cmp(b).unwrap());
-        let mut estimator = OffsetEstimator::new(&self.stage, options).unwrap();
+        let mut estimator = OffsetEstimator::new(&self.prepared, options).unwrap();
         for (true_s, camera, time_s) in frames {
             let mut mask = mask_at(&sequence, true_s, camera);
             spoil(&mut mask, &mut rng);
@@ -153,16 +153,16 @@ fn spoil(mask: &mut GrayImage, rng: &mut Pcg64Mcg) {
 }
 
 /// Error of a camera's offset at the time for which it holds, seconds.
-fn error_s(offsets: &Offsets, camera: usize, clock: &Clock) -> f64 {
+fn error_s(offsets: &Offsets, camera: usize, clock: &CameraClock) -> f64 {
     // Offsets hold at a time by the cameras' clocks, which are a few seconds from true time at most.
     offsets.cameras[camera].offset_s - clock.offset_at(offsets.at_s)
 }
 
 #[test]
 fn observations_cost_little_memory_in_a_live_run() {
-    let scene = Scene::seeded(1);
+    let scene = FilmedRoom::seeded(1);
     let options = OffsetOptions { window_s: 20.0, ..OffsetOptions::live() };
-    let mut estimator = OffsetEstimator::new(&scene.stage, options).unwrap();
+    let mut estimator = OffsetEstimator::new(&scene.prepared, options).unwrap();
     let mask = GrayImage::from_pixel(200, 150, Luma([255]));
     let empty = GrayImage::new(200, 150);
     for i in 0..1500 {
@@ -185,8 +185,8 @@ fn one_walker_has_the_energy_that_the_fit_takes_for_one() {
     const INTERVAL_S: f64 = 1.0 / 12.0;
     let mut energies = Vec::new();
     for seed in 21..=28 {
-        let scene = Scene::seeded(seed);
-        let clocks = [Clock::new(12.0, 0.0); 2];
+        let scene = FilmedRoom::seeded(seed);
+        let clocks = [CameraClock::new(12.0, 0.0); 2];
         let walkers = scene.walkers(seed, 1, 4.0);
         let estimator = scene.observed(walkers, &clocks, 25.0, OffsetOptions::live());
         let pair = &estimator.pairs[0];
@@ -204,8 +204,8 @@ fn one_walker_has_the_energy_that_the_fit_takes_for_one() {
 
 #[test]
 fn frames_out_of_order_and_without_a_time_are_left_out() {
-    let scene = Scene::seeded(1);
-    let mut estimator = OffsetEstimator::new(&scene.stage, OffsetOptions::live()).unwrap();
+    let scene = FilmedRoom::seeded(1);
+    let mut estimator = OffsetEstimator::new(&scene.prepared, OffsetOptions::live()).unwrap();
     let mask = GrayImage::new(200, 150);
     for time_s in [0.0, 1.0, f64::NAN, 0.5, 2.0, f64::INFINITY, 2.5, 3.0] {
         estimator.observe(0, time_s, &Mask::from(&mask)).unwrap();
@@ -217,15 +217,15 @@ fn frames_out_of_order_and_without_a_time_are_left_out() {
 
 #[test]
 fn masks_of_another_size_are_refused() {
-    let scene = Scene::seeded(1);
-    let mut estimator = OffsetEstimator::new(&scene.stage, OffsetOptions::live()).unwrap();
+    let scene = FilmedRoom::seeded(1);
+    let mut estimator = OffsetEstimator::new(&scene.prepared, OffsetOptions::live()).unwrap();
     let refused = estimator.observe(1, 0.0, &Mask::new(100, 150)).unwrap_err().to_string();
     assert_eq!(refused, "camera `cam1`: frame 1 is 100 × 150 pixels, but the room says 200 × 150");
 }
 
 #[test]
 fn options_that_make_no_sense_are_refused() {
-    let stage = Scene::seeded(1).stage;
+    let prepared = FilmedRoom::seeded(1).prepared;
     for (options, name) in [
         (OffsetOptions { reach_s: 0.0, ..OffsetOptions::live() }, "reach_s"),
         (OffsetOptions { reach_s: 100.0, ..OffsetOptions::recording() }, "reach_s"),
@@ -233,7 +233,7 @@ fn options_that_make_no_sense_are_refused() {
         (OffsetOptions { keep_s: 0.2, ..OffsetOptions::live() }, "keep_s"),
         (OffsetOptions { drift_sigma_ppm: -1.0, ..OffsetOptions::live() }, "drift_sigma_ppm"),
     ] {
-        let refused = OffsetEstimator::new(&stage, options).unwrap_err().to_string();
+        let refused = OffsetEstimator::new(&prepared, options).unwrap_err().to_string();
         assert!(refused.starts_with(name), "{refused}");
     }
 }

@@ -7,19 +7,20 @@ use image::RgbImage;
 
 use super::*;
 use crate::foreground::backdrop::Backdrop;
-use crate::foreground::{Foreground, ForegroundOptions, Start, Verdict};
+use crate::foreground::{Foreground, ForegroundOptions, InitialBackground, Verdict};
 use crate::observation::Mask;
 use crate::source::sampling;
 
 const RATE_HZ: f64 = 12.0;
 
 /// Masks of a film, in the pinhole image; `None` where the foreground of a frame is not usable.
-fn masks(video: &Path, camera: &crate::stage::StageCamera) -> Vec<Option<Mask>> {
+fn masks(video: &Path, camera: &crate::prepared_room::PreparedCamera) -> Vec<Option<Mask>> {
     let path = video.to_str().unwrap();
     let (width, height) = (camera.width(), camera.height());
     let backdrop = Backdrop::learn(&sampling::spread(path, (width, height)).unwrap()).unwrap();
     let options = ForegroundOptions::default();
-    let mut foreground = Foreground::new(width, height, Start::Backdrop(backdrop), options).unwrap();
+    let mut foreground =
+        Foreground::new(width, height, InitialBackground::Backdrop(backdrop), options).unwrap();
     let (mut source, mut image, mut mask) =
         (FrameSource::open(path).unwrap(), RgbImage::default(), GrayImage::default());
     let mut masks = Vec::new();
@@ -39,8 +40,8 @@ fn an_office_film_that_began_later_is_found_to_40_ms() {
     let folder = tempfile::tempdir().unwrap();
     Room::read(&office.join("room")).unwrap().write(folder.path()).unwrap();
     let room = Room::read(folder.path()).unwrap();
-    let stage = Stage::prepare(&room, folder.path(), &StageOptions::default()).unwrap();
-    let films: Vec<_> = stage
+    let prepared = PreparedRoom::prepare(&room, folder.path(), &PreparationOptions::default()).unwrap();
+    let films: Vec<_> = prepared
         .cameras
         .iter()
         .map(|camera| masks(&office.join(format!("video/{}.mp4", camera.name)), camera))
@@ -50,7 +51,7 @@ fn an_office_film_that_began_later_is_found_to_40_ms() {
     for shift_s in [0.0, 0.4, 1.3, 2.5] {
         for late in [0, 1] {
             let options = OffsetOptions::recording();
-            let mut estimator = OffsetEstimator::new(&stage, options).unwrap();
+            let mut estimator = OffsetEstimator::new(&prepared, options).unwrap();
             for (camera, film) in films.iter().enumerate() {
                 let first = if camera == late { (shift_s * RATE_HZ).ceil() as usize } else { 0 };
                 for (frame, mask) in film.iter().enumerate().skip(first) {

@@ -7,9 +7,9 @@ fn offsets_of_recordings_are_found_to_40_ms() {
     let offsets_s = [0.1, -0.1, 0.7, -0.7, 1.3, -1.3, 2.6, -2.6];
     let mut squares = 0.0;
     for (i, offset_s) in offsets_s.into_iter().enumerate() {
-        let scene = Scene::seeded(21 + i as u64);
+        let scene = FilmedRoom::seeded(21 + i as u64);
         let people = 1 + i % 4;
-        let clocks = [Clock::new(12.0, 0.0), Clock::new(12.0, offset_s)];
+        let clocks = [CameraClock::new(12.0, 0.0), CameraClock::new(12.0, offset_s)];
         let walkers = scene.walkers(i as u64, people, 4.0);
         let found = scene.estimate(walkers, &clocks, 27.0, OffsetOptions::recording());
         let (camera, error_s) = (&found.cameras[1], error_s(&found, 1, &clocks[1]));
@@ -26,10 +26,10 @@ fn offsets_of_recordings_are_found_to_40_ms() {
 #[test]
 fn lost_frames_jitter_and_different_rates_do_no_harm() {
     for seed in [31, 32] {
-        let scene = Scene::seeded(seed);
+        let scene = FilmedRoom::seeded(seed);
         let clocks = [
-            Clock { jitter_s: 0.08, loss: 0.1, ..Clock::new(12.0, 0.0) },
-            Clock { jitter_s: 0.05, loss: 0.1, ..Clock::new(7.0, -1.1) },
+            CameraClock { jitter_s: 0.08, loss: 0.1, ..CameraClock::new(12.0, 0.0) },
+            CameraClock { jitter_s: 0.05, loss: 0.1, ..CameraClock::new(7.0, -1.1) },
         ];
         let walkers = scene.walkers(seed, 3, 4.0);
         let found = scene.estimate(walkers, &clocks, 27.0, OffsetOptions::recording());
@@ -43,9 +43,9 @@ fn lost_frames_jitter_and_different_rates_do_no_harm() {
 #[test]
 fn a_live_offset_is_known_soon_after_somebody_walks() {
     for seed in [41, 42, 43] {
-        let scene = Scene::seeded(seed);
-        let late = Clock { delay_s: 0.08, loss: 0.02, ..Clock::new(12.0, 0.0) };
-        let clocks = [late, Clock { offset_s: 0.4, drift_ppm: 200.0, ..late }];
+        let scene = FilmedRoom::seeded(seed);
+        let late = CameraClock { delay_s: 0.08, loss: 0.02, ..CameraClock::new(12.0, 0.0) };
+        let clocks = [late, CameraClock { offset_s: 0.4, drift_ppm: 200.0, ..late }];
         for (end_s, most_s) in [(12.0, 0.1), (25.0, 0.04)] {
             let walkers = scene.walkers(seed, 3, 3.0);
             let found = scene.estimate(walkers, &clocks, end_s, OffsetOptions::live());
@@ -59,8 +59,9 @@ fn a_live_offset_is_known_soon_after_somebody_walks() {
 
 #[test]
 fn a_drift_is_found_in_ten_minutes() {
-    let scene = Scene::seeded(51);
-    let clocks = [Clock::new(6.0, 0.0), Clock { drift_ppm: 200.0, ..Clock::new(6.0, 0.25) }];
+    let scene = FilmedRoom::seeded(51);
+    let clocks =
+        [CameraClock::new(6.0, 0.0), CameraClock { drift_ppm: 200.0, ..CameraClock::new(6.0, 0.25) }];
     let walkers = scene.walkers(5, 40, 15.0);
     let found = scene.estimate(walkers, &clocks, 600.0, OffsetOptions::live());
     let (camera, error_s) = (&found.cameras[1], error_s(&found, 1, &clocks[1]));
@@ -75,10 +76,10 @@ fn a_drift_is_found_in_ten_minutes() {
 /// The first two cameras face each other; the third looks across, which determines time less well.
 #[test]
 fn three_cameras_are_brought_to_the_clock_of_the_first() {
-    let clocks = [0.0, 0.9, -0.6].map(|offset_s| Clock::new(10.0, offset_s));
+    let clocks = [0.0, 0.9, -0.6].map(|offset_s| CameraClock::new(10.0, offset_s));
     let mut joined = 0;
     for seed in 61..=63 {
-        let scene = Scene::new(&RoomOptions { seed, cameras: 3, ..RoomOptions::default() });
+        let scene = FilmedRoom::new(&RoomOptions { seed, cameras: 3, ..RoomOptions::default() });
         let walkers = scene.walkers(seed, 8, 10.0);
         let found = scene.estimate(walkers, &clocks, 80.0, OffsetOptions::recording());
         for (camera, most_s) in [(1, 0.04_f64), (2, 0.15)] {
@@ -98,15 +99,15 @@ fn three_cameras_are_brought_to_the_clock_of_the_first() {
 }
 
 /// Whether an offset counts as known although nobody walks.
-fn is_known(scene: &Scene, walkers: Vec<Walker>, options: OffsetOptions) -> bool {
-    let clocks = [Clock::new(8.0, 0.0), Clock::new(8.0, 0.2)];
+fn is_known(scene: &FilmedRoom, walkers: Vec<Walker>, options: OffsetOptions) -> bool {
+    let clocks = [CameraClock::new(8.0, 0.0), CameraClock::new(8.0, 0.2)];
     let found = scene.estimate(walkers, &clocks, 25.0, options);
     found.cameras.iter().any(|camera| camera.is_known)
 }
 
 #[test]
 fn an_offset_is_not_known_in_an_empty_room() {
-    let scene = Scene::seeded(71);
+    let scene = FilmedRoom::seeded(71);
     for options in [OffsetOptions::recording(), OffsetOptions::live()] {
         assert!(!is_known(&scene, Vec::new(), options));
     }
@@ -114,7 +115,7 @@ fn an_offset_is_not_known_in_an_empty_room() {
 
 #[test]
 fn an_offset_is_not_known_while_somebody_stands_still() {
-    let scene = Scene::seeded(72);
+    let scene = FilmedRoom::seeded(72);
     let middle = Point2::new(0.5 * scene.made.size_m[0], 0.5 * scene.made.size_m[1]);
     // The person takes forty seconds for 10 cm.
     let stands = Walker::along(1, 4, -1.0, 0.0025, &[middle, middle + nalgebra::Vector2::new(0.1, 0.0)]);
@@ -128,14 +129,14 @@ fn an_offset_is_not_known_while_somebody_stands_still() {
 #[test]
 fn an_offset_is_not_known_of_cameras_that_share_no_floor() {
     let mut scene =
-        Scene::new(&RoomOptions { seed: 73, size_m: Some([14.0, 5.0, 2.7]), ..RoomOptions::default() });
-    for (camera, side) in scene.stage.cameras.iter_mut().zip([-1.0, 1.0]) {
+        FilmedRoom::new(&RoomOptions { seed: 73, size_m: Some([14.0, 5.0, 2.7]), ..RoomOptions::default() });
+    for (camera, side) in scene.prepared.cameras.iter_mut().zip([-1.0, 1.0]) {
         let eye = nalgebra::Point3::new(7.0 + 2.0 * side, 2.5, 2.4);
         let target = nalgebra::Point3::new(7.0 + 6.0 * side, 2.5, 0.9);
         let pose = nalgebra::Isometry3::face_towards(&eye, &target, &-nalgebra::Vector3::z());
         camera.pinhole.camera_from_world = pose.inverse();
     }
-    let estimator = OffsetEstimator::new(&scene.stage, OffsetOptions::recording()).unwrap();
+    let estimator = OffsetEstimator::new(&scene.prepared, OffsetOptions::recording()).unwrap();
     assert!(estimator.pairs.is_empty());
     assert!(!is_known(&scene, scene.walkers(1, 4, 4.0), OffsetOptions::recording()));
 }

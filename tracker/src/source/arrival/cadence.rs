@@ -1,64 +1,65 @@
-//! Capture times of a camera whose frames have no time stamps: only their arrivals are known.
+//! Capture times of a camera whose frames have no time stamps: only their arrival times are known.
 //!
-//! The camera films evenly, the network delays each frame by more or less and loses a few. So frame `n` arrives at
-//! `start + interval · n + delay`, and what is to be found is each frame's number:
-//! - From time to time all remembered frames are numbered together: of all intervals and phases the likeliest is taken, where
-//!   a frame that is lost or that comes in its neighbour's interval costs [`IRREGULAR_COST`] and the delays are uniform.
-//! - The line under the arrivals over the numbers (the edge of their lower convex hull below their middle, as in Moon, Skelly
-//!   and Towsley, "Estimation and removal of clock skew from network delay measurements", 1999) is where a frame arrives that
-//!   the network did not delay.
+//! The camera films at a steady rate; the network delays each frame by a varying amount and loses a few. Frame `n`
+//! arrives at `start + interval · n + delay`, and the number of each frame is estimated:
+//! - From time to time all remembered frames are numbered together by maximum likelihood over intervals and phases: a
+//!   frame that is lost or that arrives in its neighbour's interval costs [`IRREGULAR_COST`], and delays are uniform.
+//! - The line below the arrivals over the numbers (the edge of their lower convex hull below their middle, as in S. B.
+//!   Moon, P. Skelly and D. Towsley, "Estimation and removal of clock skew from network delay measurements", INFOCOM
+//!   1999) gives the arrival of a frame without delay.
 //!
-//! Delays that vary by nearly a whole interval leave some frames' numbers open; such a frame's time is off by an interval.
+//! Delays that vary by nearly a whole interval leave the numbers of some frames uncertain; the time of such a frame is
+//! off by one interval.
 
 use std::collections::VecDeque;
 
-/// Remembered frames: 20 seconds of 12 frames/s.
+/// Number of remembered frames: 20 seconds at 12 frames/s.
 const FRAMES: usize = 256;
-/// All remembered frames are numbered together once in so many frames, for the first time when there are as many.
+/// Number of frames between two numberings of all remembered frames, and the least number of frames for the first.
 const RENUMBER_EVERY: usize = 16;
-/// Phases that are tried for each interval.
+/// Number of phases tried for each interval.
 const PHASES: usize = 32;
-/// From this number of frames on, the interval is searched for near the last one only.
+/// Number of frames from which on the interval is searched for near the last one only.
 const CERTAIN_FRAMES: usize = 64;
 /// Negative logarithm of the probability that a frame is lost: one in fifty.
 const IRREGULAR_COST: f64 = 4.0;
-/// Least width of the delays in the likelihood, and least tolerance of the line, as parts of an interval.
+/// Least width of the delays in the likelihood, and least tolerance of the line, in intervals.
 const LEAST_WIDTH: f64 = 0.01;
 const LEAST_TOLERANCE: f64 = 0.02;
-/// The interval is uncertain if more than this part of the frames is lost or doubled, and the camera films unevenly if it is
-/// more than that.
+/// Share of lost or doubled frames above which the interval is uncertain, and above which the camera is taken to film
+/// unevenly.
 const UNCERTAIN: f64 = 0.12;
 const UNEVEN: f64 = 0.2;
-/// A silence of so many seconds begins anew.
+/// Silence after which the estimation starts again, seconds.
 const SILENCE_S: f64 = 30.0;
 
-/// The even clock of a camera, found from when its frames arrive.
+/// Steady clock of a camera, estimated from the arrival times of its frames.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Cadence {
-    /// Number and arrival (seconds) of the latest frames.
+    /// Number and arrival time (seconds) of the latest frames.
     frames: VecDeque<(i64, f64)>,
-    /// Number of frames that have come.
+    /// Number of frames that have arrived.
     count: usize,
     /// Latest numbering of all remembered frames.
-    numbering: Option<Numbering>,
+    numbering: Option<FrameNumbering>,
 }
 
-/// One way to number the remembered frames.
+/// A numbering of the remembered frames.
 #[derive(Debug, Clone, Copy)]
-struct Numbering {
-    /// Between two frames, seconds.
+struct FrameNumbering {
+    /// Time between two frames, seconds.
     interval_s: f64,
-    /// Part of an interval by which the first remembered frame is late.
+    /// Delay of the first remembered frame, intervals.
     phase: f64,
-    /// Latest less earliest delay, intervals.
+    /// Difference of the largest and the smallest delay, intervals.
     width: f64,
-    /// Steps from one frame to the next that are not one.
+    /// Number of steps between consecutive frames that are not 1.
     irregular: usize,
     /// Negative logarithm of the likelihood.
     cost: f64,
 }
 
-/// `time = start + interval · number`, below all arrivals.
+/// The line `time = start + interval · number` below all arrivals.
 #[derive(Debug, Clone, Copy)]
 struct Envelope {
     start_s: f64,
@@ -66,8 +67,8 @@ struct Envelope {
 }
 
 impl Cadence {
-    /// Capture time of the next frame, which arrives at this time, seconds. The arrival itself as long as the interval is not
-    /// known, and where the camera films unevenly.
+    /// Capture time of the next frame, which arrives at `arrival_s`, seconds: the arrival itself as long as the
+    /// interval is unknown, and where the camera films unevenly.
     pub(super) fn next(&mut self, arrival_s: f64) -> f64 {
         let latest = self.frames.back().copied();
         if latest.is_some_and(|(_, latest_s)| arrival_s < latest_s || arrival_s > latest_s + SILENCE_S) {
@@ -90,16 +91,16 @@ impl Cadence {
         }
     }
 
-    fn exceeds(&self, numbering: Numbering, part: f64) -> bool {
+    fn exceeds(&self, numbering: FrameNumbering, part: f64) -> bool {
         numbering.irregular as f64 > part * self.frames.len() as f64
     }
 
-    /// The number of the next frame by the line under the latest ones.
+    /// Number of the next frame by the line under the latest ones.
     fn number(&self, arrival_s: f64) -> i64 {
         let latest = self.frames.back().map_or(-1, |(number, _)| *number);
         match (self.envelope(), self.numbering) {
             (Some(line), Some(numbering)) => {
-                // Half of what the delays leave free of the interval: the line is not exact.
+                // Half of the interval that the delays leave free, because the line is not exact.
                 let tolerance = (0.5 * (1.0 - numbering.width)).max(LEAST_TOLERANCE);
                 (((arrival_s - line.start_s) / line.interval_s + tolerance).floor() as i64).max(latest)
             }
@@ -112,7 +113,7 @@ impl Cadence {
         let near = self.envelope().filter(|_| {
             count >= CERTAIN_FRAMES && self.numbering.is_some_and(|last| !self.exceeds(last, UNCERTAIN))
         });
-        // One step turns the phase by 0.15 (near) or 0.3 intervals from the first to the last frame.
+        // One step changes the phase by 0.15 (near) or 0.3 intervals between the first and the last frame.
         let (middle_s, step, steps) = match near {
             Some(line) => (line.interval_s, 0.15 / count as f64, 3),
             None => (self.median_interval_s(), 0.3 / count as f64, count as i64 / 2),
@@ -133,7 +134,7 @@ impl Cadence {
         self.numbering = Some(best);
     }
 
-    fn numbering(&self, interval_s: f64, phase: f64) -> Numbering {
+    fn numbering(&self, interval_s: f64, phase: f64) -> FrameNumbering {
         let first_s = self.frames[0].1;
         let (mut irregular, mut latest) = (0, -1);
         let (mut earliest_delay, mut latest_delay) = (1.0_f64, 0.0_f64);
@@ -148,7 +149,7 @@ impl Cadence {
         }
         let width = latest_delay - earliest_delay;
         let cost = IRREGULAR_COST * irregular as f64 + self.frames.len() as f64 * width.max(LEAST_WIDTH).ln();
-        Numbering { interval_s, phase, width, irregular, cost }
+        FrameNumbering { interval_s, phase, width, irregular, cost }
     }
 
     fn median_interval_s(&self) -> f64 {
@@ -158,7 +159,7 @@ impl Cadence {
         *intervals_s.select_nth_unstable_by(middle, f64::total_cmp).1
     }
 
-    /// The edge of the arrivals' lower hull below their mean number; `None` while there are too few of them.
+    /// Edge of the arrivals' lower hull below their mean number; `None` while there are too few frames.
     fn envelope(&self) -> Option<Envelope> {
         if self.frames.len() < RENUMBER_EVERY {
             return None;

@@ -1,12 +1,13 @@
-//! Capture times of a live stream, from what its frames say and when they arrive.
+//! Capture times of a live stream, from its frames' time stamps and arrival times.
 //!
-//! Best first:
+//! Sources of a frame's time, the best first:
 //! 1. The sender's wall clock (RTCP sender reports), where it agrees with this machine's to within [`PLAUSIBLE_S`].
-//! 2. The stream's own time stamps, which tick evenly but from an unknown zero: put where the fastest frame of the latest
-//!    half minute arrived the moment it was taken.
-//! 3. Arrival alone: a camera films evenly and the network delays by more or less ([`cadence`]).
+//! 2. The stream's own time stamps, which are evenly spaced but have an unknown origin: the origin is chosen such that
+//!    the fastest frame of the latest half minute arrived at the moment it was taken.
+//! 3. The arrival time alone: the camera films at a steady rate and the network delay varies ([`cadence`]).
 //!
-//! All times are seconds since 1970 by this machine's clock. What the network always takes is not known and stays in them.
+//! All times are seconds since 1970 by this machine's clock. The constant part of the network delay is unknown and
+//! stays in them.
 
 mod cadence;
 
@@ -15,11 +16,11 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use cadence::Cadence;
 
-/// A sender's clock that is off by more is not set.
+/// Largest plausible error of a sender's clock, seconds; a clock that is off by more is not set.
 const PLAUSIBLE_S: f64 = 2.0;
-/// Of so many latest seconds the fastest frame counts.
+/// Window of the fastest frame, seconds.
 const WINDOW_S: f64 = 30.0;
-/// A stream's clock that jumps by more has been set anew.
+/// Jump of a stream's clock that means that it was set anew, seconds.
 const JUMP_S: f64 = 1.0;
 
 /// Seconds since 1970.
@@ -30,11 +31,11 @@ pub fn utc_s(time: SystemTime) -> f64 {
     }
 }
 
-/// Turns the stamps of one stream's frames into capture times, frame by frame.
+/// Converts the time stamps of one stream's frames into capture times, frame by frame.
 #[derive(Debug, Clone, Default)]
 pub struct ArrivalClock {
     name: String,
-    /// Arrival minus the stream's own time, of the frames of the latest half minute: arrival and difference.
+    /// Arrival time, and its difference to the stream's own time, of the frames of the latest half minute, seconds.
     lags: VecDeque<(f64, f64)>,
     cadence: Cadence,
     latest_s: Option<f64>,
@@ -42,13 +43,13 @@ pub struct ArrivalClock {
 }
 
 impl ArrivalClock {
-    /// The clock of the stream of this name.
+    /// Clock of the stream of this name.
     pub fn new(name: impl Into<String>) -> Self {
         Self { name: name.into(), ..Self::default() }
     }
 
-    /// The capture time of the next frame: its presentation time on the stream's clock and its sender's wall clock, where it
-    /// has them, and its arrival. Times grow.
+    /// Capture time of the next frame from its presentation time on the stream's clock, its sender's wall clock, where
+    /// there are such, and its arrival. Times strictly increase.
     pub fn next(&mut self, presentation_s: Option<f64>, sender_s: Option<f64>, arrival_s: f64) -> f64 {
         let by_sender = sender_s.filter(|s| self.is_plausible(*s, arrival_s));
         let time_s = match (by_sender, presentation_s) {
@@ -56,7 +57,7 @@ impl ArrivalClock {
             (None, Some(stamp_s)) => self.by_stamp(stamp_s, arrival_s),
             (None, None) => self.cadence.next(arrival_s),
         };
-        // Nobody knows of a frame before it was taken.
+        // A frame cannot arrive before it was taken.
         let time_s = if by_sender.is_some() { time_s } else { time_s.min(arrival_s) };
         let time_s = self.latest_s.map_or(time_s, |latest| time_s.max(latest + 1e-3));
         self.latest_s = Some(time_s);
@@ -99,7 +100,8 @@ mod tests {
 
     const INTERVAL_S: f64 = 1.0 / 12.0;
 
-    /// Errors of the capture times of a stream, seconds, after its first 100 frames: less the network's least delay of 20 ms.
+    /// Errors of the capture times of a stream, seconds, after its first 100 frames, less the network's least delay of
+    /// 20 ms.
     fn errors(seed: u64, jitter_s: f64, lost: f64, stamped: bool) -> Vec<f64> {
         let mut rng = Pcg64Mcg::seed_from_u64(seed);
         let (mut clock, mut errors, mut latest_s) = (ArrivalClock::new("a"), Vec::new(), 0.0_f64);
@@ -157,7 +159,7 @@ mod tests {
         assert!((clock.next(Some(5.0), Some(1000.0), 1000.3) - 1000.0).abs() < 1e-9);
         let mut wrong = ArrivalClock::new("b");
         assert!((wrong.next(Some(5.0), Some(4600.0), 1000.3) - 1000.3).abs() < 1e-9);
-        // Whatever comes, times grow.
+        // Times increase whatever arrives.
         assert!(wrong.next(Some(2.0), None, 1000.1) > 1000.3);
     }
 

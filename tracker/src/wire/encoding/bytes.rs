@@ -1,7 +1,7 @@
 //! Integers, numbers, texts and byte strings within a message. Reading beyond the bytes, or an invalid value, is an
 //! error.
 
-/// Reason why a message is refused, or cannot be made.
+/// Reason why a message is refused, or cannot be encoded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct Malformed(pub(crate) &'static str);
@@ -29,7 +29,7 @@ pub(in crate::wire) fn put_block(out: &mut Vec<u8>, bytes: &[u8]) {
     out.extend_from_slice(bytes);
 }
 
-/// Appends a text after its length, cut at a character so that it has at most `longest` bytes.
+/// Appends a text after its length, cut at a character boundary so that it has at most `longest` bytes.
 pub(in crate::wire) fn put_text(out: &mut Vec<u8>, text: &str, longest: usize) {
     let end = text.char_indices().map(|(at, c)| at + c.len_utf8()).take_while(|end| *end <= longest).last();
     put_block(out, &text.as_bytes()[..end.unwrap_or(0)]);
@@ -101,13 +101,14 @@ impl<'a> Reader<'a> {
         self.take(length as usize)
     }
 
-    /// The next text, of at most `longest` bytes; control characters become spaces, so that it stays one line of a log.
+    /// The next text, of at most `longest` bytes; control characters become spaces, so that the text stays one line of
+    /// a log.
     pub(in crate::wire) fn text(&mut self, longest: usize) -> Decoded<String> {
         let text = std::str::from_utf8(self.block(longest)?).map_err(|_| Malformed("a text is not UTF-8"))?;
         Ok(text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect())
     }
 
-    /// Checks that nothing is left.
+    /// Checks that no bytes are left.
     pub(in crate::wire) fn finish(self) -> Decoded<()> {
         if self.rest.is_empty() { Ok(()) } else { Err(Malformed("bytes follow the message's end")) }
     }

@@ -17,7 +17,7 @@ const JPEG_QUALITY: u8 = 85;
 /// The largest width and height of a filmed picture.
 const LARGEST_PICTURE_SIDE: u32 = 4096;
 
-/// Bytes that name the form of the mask and its colours.
+/// Codes of the forms of the mask and its colours.
 const PACKED: u8 = 0;
 const CODED: u8 = 1;
 
@@ -103,7 +103,7 @@ pub(super) fn mask(
     Ok((mask, colours))
 }
 
-/// Codes a mask and, where it has cells with colours, their samples.
+/// Codes a mask and, if it has cells with colours, their samples.
 fn code(
     coder: &mut impl Coder,
     mask: &Mask,

@@ -1,9 +1,8 @@
-//! The bytes that cross between a station and its gatherer, version 1.
+//! Bytes of the messages between a station and its gatherer, version 1.
 //!
 //! A message is a byte of version, a byte of kind and a body. *Varint*: LEB128, up to 64 bits. *Number*: IEEE 754, 8
-//! bytes, lowest first, finite. *Block*, *text*: a varint of length and so many bytes (a text's are UTF-8). Bytes
-//! after the end are an error, and so are a wrong version, an unknown kind, flag or health, and sizes above
-//! [`Limits`].
+//! bytes, lowest first, finite. *Block*, *text*: a varint of length and so many bytes (a text's are UTF-8). Bytes after
+//! the end are an error, and so are a wrong version, an unknown kind, flag or health, and sizes above [`Limits`].
 //!
 //! | kind | from | body |
 //! |---|---|---|
@@ -18,9 +17,10 @@
 //! | 20 done | gatherer | – (an end or a failure has arrived) |
 //!
 //! **Seen.** Varint: sequence. Number: capture time, seconds. Byte: health, 0 usable, 1 frozen, 2 dark, 3 all
-//! foreground, 4 learning, 5 lost, 6 between. Varints: nanoseconds of decoding, and of foreground. Byte of flags: 1
-//! with a mask, 2 with colours (only with a mask), 4 with the filmed picture. With a mask: varints width and height,
-//! which must be the working size. With colours: a byte, the step. With a mask: a byte of form, and a block:
+//! foreground, 4 learning, 5 lost, 6 between, 7 silent, 8 other shape. Varints: nanoseconds of decoding, and of
+//! foreground. Byte of flags: 1 with a mask, 2 with colours (only with a mask), 4 with the filmed picture. With a mask:
+//! varints width and height, which must be the working size. With colours: a byte, the step. With a mask: a byte of
+//! form, and a block:
 //!
 //! * form 0, *packed*: the mask's rows, each ⌈width / 8⌉ bytes, bit 0 of a row's first byte its leftmost pixel; then
 //!   the colours' samples, two bytes each, lowest first.
@@ -45,7 +45,7 @@ use super::{Fingerprint, Hello};
 use crate::foreground::Verdict;
 use crate::observation::{Feedback, Observation};
 use crate::silhouette::Body;
-use crate::station::{Pictures, Seen};
+use crate::station::{ObservedFrame, Pictures};
 
 pub use self::bytes::Malformed;
 
@@ -68,24 +68,24 @@ pub enum Message {
     /// First message of a station: its camera, size and rate.
     Hello(Hello),
     /// A frame that a station observed. Of its pictures only the filmed one is sent.
-    Seen(Box<Seen>),
+    Seen(Box<ObservedFrame>),
     /// A station's recording has no more frames.
     End,
-    /// A station cannot go on: one line that says why.
+    /// A station cannot go on: one line with the reason.
     Failure(String),
     /// A gatherer asks a station for its hello.
     Call,
     /// A gatherer wants a station's observations from now on.
     Start,
-    /// A gatherer does not want a station: one line that says why.
+    /// A gatherer does not want a station: one line with the reason.
     Refusal(String),
-    /// Estimate of the people who are present, by the tracker.
+    /// The tracker's estimates of the people.
     Feedback(Feedback),
     /// A gatherer has received a station's end or failure.
     Done,
 }
 
-/// Upper limits of a message's contents, checked before anything is allocated.
+/// Upper limits of a message's content, checked before anything is allocated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Limits {
     /// Width of the camera's masks in pixels.
@@ -110,8 +110,8 @@ impl Message {
     /// The message's bytes.
     ///
     /// # Errors
-    /// When the message cannot be decoded on the other side: a name or picture that is too long, colours without a
-    /// mask, a number that is not finite.
+    /// A message that cannot be decoded on the other side: a name or picture that is too long, colours without a mask,
+    /// a number that is not finite.
     pub fn encode(&self) -> Result<Vec<u8>, Malformed> {
         let mut out = vec![VERSION, self.kind()];
         match self {
@@ -124,10 +124,10 @@ impl Message {
         Ok(out)
     }
 
-    /// Reads a message.
+    /// Decodes a message.
     ///
     /// # Errors
-    /// When the bytes are not exactly one message of this version within the limits.
+    /// Bytes that are not exactly one message of this version within the limits.
     pub fn decode(bytes: &[u8], limits: Limits) -> Result<Self, Malformed> {
         let mut reader = Reader::new(bytes);
         if reader.byte()? != VERSION {
@@ -225,7 +225,7 @@ const WITH_MASK: u8 = 1;
 const WITH_COLOURS: u8 = 2;
 const WITH_FILMED: u8 = 4;
 
-fn put_seen(out: &mut Vec<u8>, seen: &Seen) -> Decoded<()> {
+fn put_seen(out: &mut Vec<u8>, seen: &ObservedFrame) -> Decoded<()> {
     let observation = &seen.observation;
     let (mask, colours) = (observation.mask.as_ref(), observation.colours.as_ref());
     if !observation.time_s.is_finite() {
@@ -259,7 +259,7 @@ fn put_seen(out: &mut Vec<u8>, seen: &Seen) -> Decoded<()> {
     Ok(())
 }
 
-fn seen(reader: &mut Reader<'_>, limits: Limits) -> Decoded<Seen> {
+fn seen(reader: &mut Reader<'_>, limits: Limits) -> Decoded<ObservedFrame> {
     let (sequence, time_s) = (reader.varint()?, reader.finite()?);
     let health = health_of(reader.byte()?)?;
     let [decode, foreground] = [reader.varint()?, reader.varint()?].map(Duration::from_nanos);
@@ -280,7 +280,7 @@ fn seen(reader: &mut Reader<'_>, limits: Limits) -> Decoded<Seen> {
         None
     };
     let observation = Observation { sequence, time_s, health, mask, colours };
-    Ok(Seen { observation, pictures: Pictures { pinhole: None, filmed }, decode, foreground })
+    Ok(ObservedFrame { observation, pictures: Pictures { pinhole: None, filmed }, decode, foreground })
 }
 
 fn health_code(health: Verdict) -> u8 {

@@ -1,16 +1,16 @@
-//! Coding of a mask as the columns where its rows change, relative to the row above.
+//! Coding of a mask by the columns where its rows change, relative to the row above.
 //!
-//! The method is that of fax machines (ITU-T T.6, "group 4"): `b1` is the first change of the row above to the right
-//! of the latest change `a0` of this row that goes the same way as the next change `a1`, and `b2` the one after it. A
-//! change is coded as one of
+//! The method is that of fax machines (ITU-T Recommendation T.6, 1988, "group 4"): `b1` is the first change of the row
+//! above to the right of the latest change `a0` of this row that has the same direction as the next change `a1`, and
+//! `b2` the one after it. A change is coded as one of
 //!
 //! * `a1 − b1`, where that is at most 6 columns;
 //! * *pass*: the row above changes and changes back (`b1`, `b2`) before this row changes;
 //! * *alone*: `a1 − a0 − 1`, as an integer.
 //!
 //! A row without further changes has its next change at its width. The modes go through the adaptive range coder
-//! instead of T.6's fixed codes, with the latest mode and the position of `b1` (inside the row or at its end) as
-//! their context.
+//! instead of T.6's fixed codes; their context is the latest mode and the position of `b1` (inside the row or at its
+//! end).
 
 use super::bytes::{Decoded, Malformed};
 use super::range_coder::{Coder, Length, Symbol};
@@ -37,7 +37,8 @@ const CONTEXTS: usize = 2 * 2 * 5;
 type Changes = Vec<u32>;
 
 impl OutlineModel {
-    /// Codes a mask: an encoder is given one and returns its equal, a decoder is given an empty one of the right size.
+    /// Codes a mask: an encoder is given one and returns an equal one, a decoder is given an empty one of the right
+    /// size.
     pub(super) fn code(&mut self, coder: &mut impl Coder, mask: &Mask) -> Decoded<Mask> {
         let (width, height) = mask.dimensions();
         let mut coded = Mask::new(width, height);

@@ -1,17 +1,19 @@
-//! Adaptive binary range coder: likely bits cost little, and the probabilities are learnt from the bits before.
+//! Adaptive binary range coder: probable bits need little space, and the probabilities are learnt from the preceding
+//! bits.
 //!
 //! The coder of LZMA (I. Pavlov, "LZMA specification", 2015; after G. N. N. Martin, "Range encoding", 1979): 11-bit
 //! probabilities, 32-bit range, a carry that runs back over bytes of 255. Integers only, so it is the same everywhere.
 //!
-//! [`Coder`] is both directions behind one trait: a model that is written once cannot differ between the two.
+//! [`Coder`] is both directions behind one trait, so that a model cannot differ between the two.
 
 use super::bytes::{Decoded, Malformed};
 
 /// Bits of a probability.
 const PROBABILITY_BITS: u32 = 11;
-/// Speed at which probabilities follow the bits, by 2⁻⁴ of the way for each: fast, because a message has few symbols.
+/// Adaptation rate of the probabilities, by 2⁻⁴ of the difference for each bit: fast, because a message has few
+/// symbols.
 const ADAPTATION: u32 = 4;
-/// Range below which it is made wider by a byte.
+/// Range below which it is extended by a byte.
 const LEAST_RANGE: u32 = 1 << 24;
 
 /// The probability that a bit is 0, in parts of 2¹¹.
@@ -25,7 +27,7 @@ impl Default for Bit {
 }
 
 impl Bit {
-    /// The part of the range that stands for 0.
+    /// Part of the range that represents 0.
     fn bound(self, range: u32) -> u32 {
         (range >> PROBABILITY_BITS) * u32::from(self.0)
     }
@@ -39,8 +41,8 @@ impl Bit {
     }
 }
 
-/// One direction of the coder. An encoder takes the value that it is given and returns it; a decoder returns the
-/// value that was given to the encoder.
+/// One direction of the coder. An encoder takes the value that it is given and returns it; a decoder ignores its
+/// argument and returns the value that was given to the encoder.
 pub(super) trait Coder {
     /// Codes one bit.
     fn bit(&mut self, model: &mut Bit, bit: bool) -> Decoded<bool>;
@@ -111,7 +113,7 @@ pub(super) struct Decoder<'a> {
 }
 
 impl<'a> Decoder<'a> {
-    /// A decoder at the start of these bytes.
+    /// Decoder at the start of these bytes.
     pub(super) fn new(bytes: &'a [u8]) -> Decoded<Self> {
         let mut decoder = Self { code: 0, range: u32::MAX, rest: bytes };
         // The first byte is the encoder's empty cache.
@@ -128,7 +130,7 @@ impl<'a> Decoder<'a> {
         Ok(())
     }
 
-    /// Checks that nothing is left.
+    /// Checks that no bytes are left.
     pub(super) fn finish(self) -> Decoded<()> {
         if self.rest.is_empty() { Ok(()) } else { Err(Malformed("bytes follow the coded picture")) }
     }

@@ -1,9 +1,9 @@
-//! Coding of the colours of a foreground, each predicted from those around it.
+//! Coding of the colours of a foreground, each predicted from its neighbours.
 //!
-//! The prediction is that of LOCO-I (M. Weinberger, G. Seroussi & G. Sapiro, IEEE Trans. Image Processing 9(8),
-//! 2000): the median of the cell to the left, the one above, and their sum less the one between them; with one
-//! neighbour only, that neighbour. The residual, modulo the channel's levels, goes through the adaptive range coder:
-//! green first, then red and blue in the context of green's.
+//! The prediction is that of LOCO-I (M. Weinberger, G. Seroussi and G. Sapiro, "The LOCO-I lossless image compression
+//! algorithm", IEEE Trans. Image Processing 9(8), 2000): the median of the cell to the left, the one above, and their
+//! sum less the one between them; with one neighbour only, that neighbour. The residual, modulo the channel's levels,
+//! goes through the adaptive range coder: green first, then red and blue in the context of green's.
 
 use super::bytes::Decoded;
 use super::range_coder::{Coder, Symbol};
@@ -24,7 +24,7 @@ pub(super) struct SampleModel {
 const GREEN_CLASSES: usize = 7;
 
 impl SampleModel {
-    /// Codes one sample for each set cell, row by row: an encoder is given them and returns their equal, a decoder is
+    /// Codes one sample for each set cell, row by row: an encoder is given them and returns equal ones, a decoder is
     /// given none.
     pub(super) fn code(&mut self, coder: &mut impl Coder, cells: &Mask, given: &[u16]) -> Decoded<Vec<u16>> {
         let mut coded = Vec::new();

@@ -1,4 +1,4 @@
-//! Round trips, hostile bytes, and the size of the office's messages.
+//! Tests of round trips, hostile bytes, and the size of the office's messages.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -12,7 +12,7 @@ use rand_pcg::Pcg64Mcg;
 
 use super::*;
 use crate::foreground::backdrop::Backdrop;
-use crate::foreground::{Foreground, ForegroundOptions, Start};
+use crate::foreground::{Foreground, ForegroundOptions, InitialBackground};
 use crate::observation::{Colours, Mask};
 
 const HEALTHS: [Verdict; 9] = [
@@ -27,12 +27,12 @@ const HEALTHS: [Verdict; 9] = [
     Verdict::OtherShape,
 ];
 
-fn limits_of(seen: &Seen) -> Limits {
+fn limits_of(seen: &ObservedFrame) -> Limits {
     let (width, height) = seen.observation.mask.as_ref().map_or((0, 0), Mask::dimensions);
     Limits { width, height }
 }
 
-fn decoded(bytes: &[u8], limits: Limits) -> Seen {
+fn decoded(bytes: &[u8], limits: Limits) -> ObservedFrame {
     match Message::decode(bytes, limits) {
         Ok(Message::Seen(seen)) => *seen,
         other => panic!("{other:?}"),
@@ -40,13 +40,13 @@ fn decoded(bytes: &[u8], limits: Limits) -> Seen {
 }
 
 /// An observation of noise in blobs of about `grain` pixels.
-fn noise(seed: u64, width: u32, height: u32, grain: u32, step: u8) -> Seen {
+fn noise(seed: u64, width: u32, height: u32, grain: u32, step: u8) -> ObservedFrame {
     let mut rng = Pcg64Mcg::seed_from_u64(seed);
     let columns = width.div_ceil(grain).max(1);
     let blobs: Vec<bool> = (0..columns * height.div_ceil(grain)).map(|_| rng.random_bool(0.5)).collect();
     let mask = Mask::from_fn(width, height, |x, y| blobs[(y / grain * columns + x / grain) as usize]);
     let picture = RgbImage::from_fn(width, height, |_, _| Rgb(rng.random()));
-    Seen {
+    ObservedFrame {
         observation: Observation {
             sequence: rng.random(),
             time_s: rng.random_range(-1e6..1e6),
@@ -115,7 +115,7 @@ proptest! {
 fn every_health_returns_and_others_are_refused() {
     for health in HEALTHS {
         let observation = Observation::unusable(3, 0.25, health);
-        let seen = Seen {
+        let seen = ObservedFrame {
             observation: observation.clone(),
             pictures: Pictures::default(),
             decode: Duration::ZERO,
@@ -141,10 +141,10 @@ fn lines_are_cut_at_their_limit_and_stay_one_line() {
 }
 
 #[test]
-fn what_cannot_be_decoded_is_not_encoded() {
+fn undecodable_messages_are_not_encoded() {
     let seen = noise(1, 40, 30, 4, 2);
     let other = noise(2, 40, 30, 4, 2).observation.colours;
-    let refused = |change: &dyn Fn(&mut Seen)| {
+    let refused = |change: &dyn Fn(&mut ObservedFrame)| {
         let mut seen = seen.clone();
         change(&mut seen);
         Message::Seen(Box::new(seen)).encode().unwrap_err()
@@ -177,11 +177,11 @@ fn filmed_pictures_cross_as_jpeg() {
     assert!(off / (picture.len() as f64) < 3.0, "{off}");
 }
 
-/// Changes a message in one of the ways that hostile or broken senders do.
+/// Changes a message in one of the ways of hostile or broken senders.
 fn mutate(bytes: &mut Vec<u8>, rng: &mut Pcg64Mcg) {
     let at = |rng: &mut Pcg64Mcg, length: usize| rng.random_range(0..length.max(1));
     match rng.random_range(0..5) {
-        // Lengths and flags stand near the start.
+        // Lengths and flags are near the start.
         0 => {
             let i = at(rng, bytes.len().min(40));
             bytes[i] = rng.random();
@@ -231,12 +231,12 @@ fn mutated_messages_are_refused_or_stay_within_their_limits() {
 }
 
 /// Office's camera in frames 200 to 300, where three people walk: the observation of each frame, and its picture.
-fn office(camera: &str) -> Vec<(Seen, RgbImage)> {
+fn office(camera: &str) -> Vec<(ObservedFrame, RgbImage)> {
     let path: PathBuf = [env!("CARGO_MANIFEST_DIR"), "../tests/office/video"].iter().collect();
     let path = path.join(camera).with_extension("mp4");
     let frames = FrameSource::open(path.to_str().unwrap()).unwrap().read_all().unwrap();
     let (width, height) = frames[0].dimensions();
-    let start = Start::Backdrop(Backdrop::learn(&frames[..20]).unwrap());
+    let start = InitialBackground::Backdrop(Backdrop::learn(&frames[..20]).unwrap());
     let mut foreground = Foreground::new(width, height, start, ForegroundOptions::default()).unwrap();
     let mut image = GrayImage::new(width, height);
     let mut seen = Vec::new();
@@ -246,7 +246,7 @@ fn office(camera: &str) -> Vec<(Seen, RgbImage)> {
         let mask = (health == Verdict::Usable).then(|| Mask::from(&image));
         let observation = Observation { sequence: i as u64 + 1, time_s, health, colours: None, mask };
         let (decode, foreground) = (Duration::from_micros(700), Duration::from_micros(4100));
-        seen.push((Seen { observation, pictures: Pictures::default(), decode, foreground }, frame));
+        seen.push((ObservedFrame { observation, pictures: Pictures::default(), decode, foreground }, frame));
     }
     seen
 }

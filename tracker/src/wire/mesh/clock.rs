@@ -1,39 +1,39 @@
-//! Offset between this station's clock and a peer's, from the times of sending and of arrival.
+//! Offset between this station's clock and a peer's, estimated from the times of sending and of arrival.
 
 use std::collections::VecDeque;
 
-/// Time over which the smallest difference is looked for, seconds.
+/// Time over which the smallest difference is searched, seconds.
 const WINDOW_S: f64 = 30.0;
 /// Length of the parts of the window, seconds: one value is kept for each.
 const PART_S: f64 = 0.5;
 /// Number of latest parts that show whether a clock was set.
 const LATEST: usize = 6;
-/// Smallest step of a clock that is taken for one, seconds: less may be a network that has become slower.
+/// Smallest step of a clock that is recognised, seconds; less may be a network that has become slower.
 const STEP_S: f64 = 0.25;
-/// Offsets below this are left as they are, seconds: the time of a packet's way is of this size.
+/// Offsets below this are not corrected, seconds: the delay of a packet is of this size.
 const LEAST_S: f64 = 0.005;
 
-/// Clock of a peer against this station's.
+/// Offset estimator of a peer's clock.
 ///
-/// A packet arrives after it was sent, so that arrival (own clock) minus sending (peer's clock) is the offset plus the
-/// time of its way; the smallest difference of the last 30 s is nearly the offset, whatever the jitter. A peer's clock
-/// that is set ahead (or an own one that is set back) shows at once; the other way round, when all packets of 3 s
-/// show it.
+/// A packet arrives after it was sent, so the difference of arrival (own clock) and sending (peer's clock) is the
+/// offset plus the packet's delay; the smallest difference of the last 30 s is nearly the offset, whatever the jitter.
+/// A peer's clock that is set ahead (or an own one that is set back) shows at once; the opposite shows when all packets
+/// of 3 s agree.
 #[derive(Debug, Clone, Default)]
 pub struct PeerClock {
-    /// Number of a part of the window, and the smallest difference in it, seconds; the oldest first.
+    /// Index of a part of the window, and the smallest difference in it, seconds; the oldest first.
     parts: VecDeque<(i64, f64)>,
 }
 
 impl PeerClock {
-    /// Takes in a packet that was sent at `sent_s` on the peer's clock and arrived at `arrived_s` on the own.
+    /// Adds a packet that was sent at `sent_s` on the peer's clock and arrived at `arrived_s` on the own.
     pub fn note(&mut self, sent_s: f64, arrived_s: f64) {
         let part = (arrived_s / PART_S).floor() as i64;
         let difference_s = arrived_s - sent_s;
         match self.parts.back_mut() {
             Some((latest, smallest_s)) if *latest == part => *smallest_s = smallest_s.min(difference_s),
             Some((latest, _)) if *latest > part => {
-                // The own clock was set back: what is known of before says nothing.
+                // The own clock was set back, so earlier parts are meaningless.
                 self.parts.clear();
                 self.parts.push_back((part, difference_s));
             }
@@ -54,13 +54,13 @@ impl PeerClock {
         }
     }
 
-    /// Seconds to add to a time of the peer for that of the own clock; negative where the peer's clock is ahead. 0
-    /// before the first packet.
+    /// Seconds to add to a time of the peer to get the own clock; negative where the peer's clock is ahead. 0 before
+    /// the first packet.
     pub fn offset_s(&self) -> f64 {
         self.parts.iter().map(|(_, difference_s)| *difference_s).reduce(f64::min).unwrap_or(0.0)
     }
 
-    /// A time of the peer's clock on the own. Where the clocks differ by less than 5 ms it is the same.
+    /// Converts a time of the peer's clock to the own. Differences below 5 ms are not corrected.
     pub fn to_own_s(&self, time_s: f64) -> f64 {
         let offset_s = self.offset_s();
         if offset_s.abs() < LEAST_S { time_s } else { time_s + offset_s }
@@ -73,7 +73,7 @@ mod tests {
 
     use super::*;
 
-    /// Takes in packets, 12 a second, with the peer's clock ahead by `ahead_s`, each on its way as long as `way_s` says.
+    /// Adds packets, 12 a second, with the peer's clock ahead by `ahead_s`, and the delay `way_s` of each.
     fn send(
         clock: &mut PeerClock,
         from_s: f64,
@@ -95,7 +95,7 @@ mod tests {
             let mut clock = PeerClock::default();
             let way_s = |i: u32| if i as usize == quick { 0.0002 } else { 0.0002 + ways[i as usize] };
             send(&mut clock, 1.7e9, 120, ahead_s, way_s);
-            // The quick packet may be forgotten where all after it were slower by more than a step.
+            // The fast packet may be forgotten where all after it were slower by more than a step.
             let slowest_of_3_s = 0.25;
             let error_s = clock.offset_s() + ahead_s;
             prop_assert!((0.0..slowest_of_3_s).contains(&error_s), "{error_s}");

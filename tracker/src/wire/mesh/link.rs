@@ -14,14 +14,14 @@ use super::{Membership, MeshCounts, OwnClock};
 use crate::method::agents::{Packet, StationId};
 use crate::{Error, Result};
 
-/// Longest message that is received, to be counted as too long, bytes. Longer ones end in the network's code.
+/// Longest message that is received, to be counted as too long, bytes. Longer ones are dropped in the network's code.
 const LONGEST_RECEIVED: usize = 10 * LONGEST_PACKET;
 /// Largest number of cameras of a room: their numbers are bytes.
 const MOST_CAMERAS: usize = 255;
 
 /// A member of the mesh. Dropping it leaves the network, within 2 s.
 pub struct Mesh {
-    shared: Arc<Shared>,
+    shared: Arc<MeshState>,
     member: Member,
     /// Key of its packets, and its camera; `None` for a member that only listens.
     own: Option<(String, String)>,
@@ -32,7 +32,7 @@ pub struct Mesh {
     sent_bytes: u64,
 }
 
-struct Shared {
+struct MeshState {
     peers: Mutex<Peers>,
     heard: Condvar,
 }
@@ -41,7 +41,7 @@ impl Mesh {
     /// Joins the network.
     ///
     /// # Errors
-    /// When an endpoint or a certificate cannot be used, and when the membership names a station that is not there.
+    /// An unusable endpoint or certificate, or a membership that names a station that does not exist.
     pub fn open(membership: &Membership, endpoints: &Endpoints) -> Result<Self> {
         let Membership { room, cameras, station, hears, clock } = membership;
         if cameras.len() > MOST_CAMERAS {
@@ -66,7 +66,7 @@ impl Mesh {
             cameras.clone(),
             own.map(|camera| (camera.to_owned(), life)),
         );
-        let shared = Arc::new(Shared { peers: Mutex::new(peers), heard: Condvar::new() });
+        let shared = Arc::new(MeshState { peers: Mutex::new(peers), heard: Condvar::new() });
         let (arrived, clock) = (Arc::clone(&shared), *clock);
         let member = Member::join(
             endpoints,
@@ -81,7 +81,7 @@ impl Mesh {
     /// Sends a packet at once, as one of this station's life. A packet that the network is too slow for is lost.
     ///
     /// # Errors
-    /// When nobody could read it ([`encode`]) or it is another station's, and for a member that only listens.
+    /// A packet that cannot be decoded ([`encode`]) or is another station's, or a member that only listens.
     pub fn publish(&mut self, packet: &Packet) -> Result<()> {
         let Some((key, camera)) = &self.own else {
             return Err(Error::option("station", "this member only listens"));
@@ -99,13 +99,13 @@ impl Mesh {
         Ok(())
     }
 
-    /// The packets that have arrived since the last call, in the order of their arrival, with times on the own clock.
+    /// Packets that have arrived since the last call, in the order of their arrival, with times on the own clock.
     pub fn heard(&self) -> Vec<Packet> {
         self.shared.lock().take()
     }
 
-    /// The same; while there are none, this waits for one, at most for `longest`.
-    pub fn wait_heard(&self, longest: Duration) -> Vec<Packet> {
+    /// Packets that have arrived since the last call; while there are none, waits for one, at most for `longest`.
+    pub fn wait_received(&self, longest: Duration) -> Vec<Packet> {
         let peers = self.shared.lock();
         let waited = self.shared.heard.wait_timeout_while(peers, longest, |peers| peers.is_silent());
         waited.unwrap_or_else(PoisonError::into_inner).0.take()
@@ -116,18 +116,18 @@ impl Mesh {
         self.shared.lock().names()
     }
 
-    /// What was sent, heard and left out.
+    /// Counts of sent, received and refused packets.
     pub fn counts(&self) -> MeshCounts {
         MeshCounts { sent: self.sent, sent_bytes: self.sent_bytes, ..self.shared.lock().counts() }
     }
 }
 
-impl Shared {
+impl MeshState {
     fn lock(&self) -> MutexGuard<'_, Peers> {
         self.peers.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Handles an arrival, on a thread of the network; keys of nobody known are passed over.
+    /// Handles an arrival, on a thread of the network; unknown keys are ignored.
     fn take_in(&self, arrival: Arrival, arrived_s: f64) {
         let mut peers = self.lock();
         match arrival {

@@ -1,16 +1,17 @@
-//! Stations that track together without a centre: each sends its packets to those whose fields of view overlap its own.
+//! Stations that track together without a gatherer: each sends its packets to those whose fields of view overlap its
+//! own.
 //!
 //! * [`Membership`] — the station's room, camera, and the stations that it hears.
 //! * [`Mesh`] — a member of the network: packets out, the others' packets in, on this station's clock.
 //! * [`PeerClock`] — offset of a peer's clock.
-//! * [`MeshCounts`], [`Refusal`] — what was heard, and what was left out and why.
+//! * [`MeshCounts`], [`Refusal`] — counts of received packets, and of refused ones by reason.
 //!
 //! Every pair of stations that are to hear each other needs a link: one of the two listens and the other connects, or
-//! both look for others by multicast. Nobody forwards for others, unless all connect to a router.
+//! both discover others by multicast. Stations do not forward packets, unless all connect to a router.
 //!
-//! A station is told from others of its camera by its *life*, a number drawn when it starts. While a life is heard,
-//! another is left out; a second after its last packet, or when its token is gone, the other takes its place. Packets
-//! whose sequence number does not grow are left out, so that nothing counts twice.
+//! A station is distinguished from others of its camera by its *life*, a number drawn when it starts. While one life is
+//! heard, another is refused; a second after its last packet, or when its token is gone, the other takes its place.
+//! Packets whose sequence number does not grow are refused, so that nothing counts twice.
 
 mod clock;
 #[cfg(feature = "zenoh")]
@@ -35,12 +36,12 @@ use super::Fingerprint;
 use crate::method::agents::StationId;
 use crate::source::utc_s;
 
-/// Part of a member in the mesh.
+/// Role of a member in the mesh.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Membership {
-    /// The room; `None` to listen to any: to that of the first station heard.
+    /// Room; `None` to listen to that of the first station heard.
     pub room: Option<Fingerprint>,
-    /// Names of the room's cameras; their places in this list are the stations' numbers. Empty where no room is known.
+    /// Names of the room's cameras; their indices are the stations' numbers. Empty if the room is unknown.
     pub cameras: Vec<String>,
     /// Number of this station; `None` for a member that only listens.
     pub station: Option<StationId>,
@@ -53,7 +54,7 @@ pub struct Membership {
 /// Clock of this machine.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct OwnClock {
-    /// Seconds that are added to it: for tests of wrong clocks.
+    /// Seconds added to the machine's clock, for tests of wrong clocks.
     pub shift_s: f64,
 }
 
@@ -67,14 +68,14 @@ impl OwnClock {
 /// Counts of a mesh.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct MeshCounts {
-    /// Packets that were sent.
+    /// Number of packets sent.
     pub sent: u64,
-    /// Their bytes, for one receiver, without what the network adds.
+    /// Number of bytes sent to one receiver, without the network's overhead.
     pub sent_bytes: u64,
-    /// Packets that were taken in.
+    /// Number of packets received and accepted.
     pub heard: u64,
-    /// Packets that waited until there was no room for them.
+    /// Number of packets that were dropped from a full queue.
     pub dropped: u64,
-    /// Packets and stations that were left out, by reason.
+    /// Number of refused packets and stations, by reason.
     pub refused: BTreeMap<Refusal, u64>,
 }

@@ -1,4 +1,4 @@
-//! The stations that are heard: whose packets count, on which clock, and what is left out.
+//! Peers of a station: acceptance of their packets, their clocks, and refusals.
 //!
 //! A state machine without a network: tokens and packets go in, packets on the own clock and lines for the log come
 //! out. One camera has one *holder*, the life of a station whose packets count. Another life takes its place when the
@@ -18,34 +18,34 @@ use crate::method::agents::{Packet, StationId};
 const SILENCE: Duration = Duration::from_secs(1);
 /// Largest number of packets that wait; the oldest are dropped.
 const MOST_WAITING: usize = 256;
-/// Largest number of cameras where no room says which there are.
+/// Largest number of cameras of an unknown room.
 const MOST_CAMERAS: usize = 255;
 /// Number of past lives of a station whose sequence numbers are remembered.
 const MOST_PAST_LIVES: usize = 8;
-/// Greatest offset of a clock that is corrected, seconds.
+/// Largest offset of a clock that is corrected, seconds.
 const MOST_OFFSET_S: f64 = 60.0;
-/// Offset of a clock that is told, seconds.
-const TOLD_OFFSET_S: f64 = 0.1;
-/// Number of packets after which an offset is told: the first may have waited.
-const TOLD_AFTER: u32 = 5;
+/// Least offset of a clock that is logged, seconds.
+const LOGGED_OFFSET_S: f64 = 0.1;
+/// Number of packets after which an offset is logged: the first may have waited.
+const LOGGED_AFTER: u32 = 5;
 /// Longest time from capture to sending, seconds…
 const MOST_DELAY_S: f64 = 60.0;
-/// …by which an exact clock may say that a frame was sent before it was taken, seconds.
+/// …and largest time by which a frame may seem to be sent before its capture, seconds.
 const LEAST_DELAY_S: f64 = -1.0;
-/// Longest time of a packet's way, seconds: later, it says where people were.
+/// Largest delay of a packet, seconds: a later one shows where people were.
 const LATEST_S: f64 = 2.0;
 
-/// The stations that are heard.
+/// Peers of a station.
 #[derive(Debug)]
 pub(super) struct Peers {
-    /// The room's digest as it stands in keys; `None` until the first is heard, which is then taken.
+    /// Digest of the room as in keys; `None` until the first packet, whose room is then taken.
     room: Option<String>,
-    /// The room's cameras, in its order; empty where no room is known.
+    /// The room's cameras, in its order; empty if the room is unknown.
     cameras: Vec<String>,
-    /// Camera and life of this station; `None` where it only listens.
+    /// Camera and life of this station; `None` for a member that only listens.
     own: Option<(String, u32)>,
-    /// By camera.
-    known: BTreeMap<String, Peer>,
+    /// Peers by camera.
+    known: BTreeMap<String, PeerState>,
     waiting: VecDeque<Packet>,
     heard: u64,
     dropped: u64,
@@ -53,9 +53,9 @@ pub(super) struct Peers {
     lines: Vec<String>,
 }
 
-/// One camera's station.
+/// State of one camera's station.
 #[derive(Debug)]
-struct Peer {
+struct PeerState {
     station: StationId,
     life: u32,
     sequence: u32,
@@ -70,7 +70,7 @@ struct Peer {
 }
 
 impl Peers {
-    /// Nobody is heard yet.
+    /// Peers of a room, none of them heard yet.
     pub(super) fn new(room: Option<String>, cameras: Vec<String>, own: Option<(String, u32)>) -> Self {
         Self {
             room,
@@ -85,7 +85,7 @@ impl Peers {
         }
     }
 
-    /// The packets that wait, in the order of their arrival, with times on the own clock.
+    /// Waiting packets, in the order of their arrival, with times on the own clock.
     pub(super) fn take(&mut self) -> Vec<Packet> {
         self.waiting.drain(..).collect()
     }
@@ -198,7 +198,7 @@ impl Peers {
             return Err((Refusal::Late, line, "look at the network"));
         }
         packet.time_s = peer.clock.to_own_s(packet.time_s);
-        self.tell_clock(camera, offset_s);
+        self.log_clock(camera, offset_s);
         self.heard += 1;
         if self.waiting.len() >= MOST_WAITING {
             self.waiting.pop_front();
@@ -208,7 +208,7 @@ impl Peers {
         Ok(())
     }
 
-    /// Makes the packet's life the holder of its camera where it may be, and its sequence number the latest.
+    /// Makes the packet's life the holder of its camera if that is permitted, and its sequence number the latest.
     fn enrol(
         &mut self,
         camera: &str,
@@ -218,7 +218,7 @@ impl Peers {
         let replayed =
             || (Refusal::Replayed, "sends packets again, or out of order".to_owned(), "look for who does");
         let Some(peer) = self.known.get_mut(camera) else {
-            self.known.insert(camera.to_owned(), Peer::new(packet, now));
+            self.known.insert(camera.to_owned(), PeerState::new(packet, now));
             return Ok(());
         };
         if peer.life == packet.life {
@@ -243,13 +243,13 @@ impl Peers {
         Ok(())
     }
 
-    /// Tells when a clock is corrected from now on, and when one that was left out or corrected is right.
-    fn tell_clock(&mut self, camera: &str, offset_s: f64) {
+    /// Logs when a clock is corrected from now on, and when one that was refused or corrected is right again.
+    fn log_clock(&mut self, camera: &str, offset_s: f64) {
         let Some(peer) = self.known.get_mut(camera) else { return };
-        if peer.packets < TOLD_AFTER {
+        if peer.packets < LOGGED_AFTER {
             return;
         }
-        let is_corrected = offset_s.abs() > TOLD_OFFSET_S;
+        let is_corrected = offset_s.abs() > LOGGED_OFFSET_S;
         let was_corrected = std::mem::replace(&mut peer.is_corrected, is_corrected);
         let was_left_out = self.refusals.forget(camera, Refusal::Clock);
         if is_corrected && (was_left_out || !was_corrected) {
@@ -262,10 +262,10 @@ impl Peers {
         }
     }
 
-    /// Counts a refusal, and tells the first of its kind in one line.
+    /// Counts a refusal, and logs the first of its kind.
     fn refuse(&mut self, camera: &str, refusal: Refusal, line: &str, mend: &str) {
         if self.refusals.count(camera, refusal) {
-            // A name that breaks lines is nobody's camera.
+            // Control characters in a name must not break the line.
             let camera: String = camera.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
             self.lines.push(format!("station `{camera}` {line}: left out; {mend}"));
         }
@@ -284,7 +284,7 @@ impl Peers {
         known.or_else(|| self.known.get(camera).map(|peer| peer.station))
     }
 
-    /// Whether the room has no such camera, or no more of them can be remembered.
+    /// Whether the room has no such camera, or no more of them can be stored.
     fn is_unknown(&self, camera: &str) -> bool {
         if self.cameras.is_empty() {
             return self.known.len() >= MOST_CAMERAS && !self.known.contains_key(camera);
@@ -292,13 +292,13 @@ impl Peers {
         !self.cameras.iter().any(|name| name == camera)
     }
 
-    /// Whether another camera has the packet's number.
+    /// Whether another camera has the packet's station number.
     fn is_taken(&self, camera: &str, packet: &Packet) -> bool {
         self.known.iter().any(|(name, peer)| name != camera && peer.station == packet.station)
     }
 }
 
-impl Peer {
+impl PeerState {
     fn new(packet: &Packet, now: Instant) -> Self {
         Self {
             station: packet.station,
@@ -325,7 +325,7 @@ impl Peer {
     }
 }
 
-/// An offset in words.
+/// Describes an offset in words.
 fn difference(offset_s: f64) -> String {
     let side = if offset_s < 0.0 { "ahead of" } else { "behind" };
     format!("{:.2} s {side}", offset_s.abs())

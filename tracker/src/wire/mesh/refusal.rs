@@ -1,25 +1,25 @@
-//! Reasons for which a station's packets are left out.
+//! Reasons for refusing a station's packets.
 
-/// Reason for which packets are left out.
+/// Reason for refusing packets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Refusal {
-    /// Another version of the packets.
+    /// The packets have another version.
     Version,
     /// The station belongs to another room.
     Room,
-    /// A camera that the room does not have, or numbers otherwise.
+    /// The room does not have the camera, or has another number for it.
     Camera,
-    /// More bytes than a packet can have.
+    /// The packet is too long.
     Oversized,
-    /// Bytes that are no packet.
+    /// The bytes are not a packet.
     Malformed,
-    /// A sequence number that came before.
+    /// The sequence number does not grow.
     Replayed,
-    /// Another station of the same camera is heard already.
+    /// Another station of the same camera is already heard.
     Rival,
     /// The station's clock is wrong by more than a minute, or its capture times are.
     Clock,
-    /// More than 2 s on its way.
+    /// The packet was delayed by more than 2 s.
     Late,
 }
 

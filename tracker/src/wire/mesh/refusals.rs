@@ -1,30 +1,30 @@
-//! Counts of what was left out, and what has been told of it.
+//! Counts of refusals, and a record of those that were logged.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::Refusal;
 
-/// Names of cameras whose refusals are remembered; with more of them nothing is told any more.
+/// Largest number of camera names whose refusals are stored; beyond it nothing is logged.
 const MOST_NAMES: usize = 512;
 
-/// Counts of what was left out, and what has been told of it.
+/// Counts of refusals, and a record of those that were logged.
 #[derive(Debug, Default)]
 pub(super) struct Refusals {
     counts: BTreeMap<Refusal, u64>,
-    told: BTreeSet<(String, Refusal)>,
+    logged: BTreeSet<(String, Refusal)>,
 }
 
 impl Refusals {
-    /// Counts a refusal; returns whether it is the first of its kind of this camera, which is to be told.
+    /// Counts a refusal. Returns whether it is the first of its kind for this camera, which is to be logged.
     pub(super) fn count(&mut self, camera: &str, refusal: Refusal) -> bool {
         *self.counts.entry(refusal).or_default() += 1;
         let key = (camera.to_owned(), refusal);
-        (self.told.len() < MOST_NAMES || self.told.contains(&key)) && self.told.insert(key)
+        (self.logged.len() < MOST_NAMES || self.logged.contains(&key)) && self.logged.insert(key)
     }
 
-    /// Makes the next refusal of this kind told again.
+    /// Lets the next refusal of this kind be logged again. Returns whether one had been logged.
     pub(super) fn forget(&mut self, camera: &str, refusal: Refusal) -> bool {
-        self.told.remove(&(camera.to_owned(), refusal))
+        self.logged.remove(&(camera.to_owned(), refusal))
     }
 
     pub(super) fn counts(&self) -> &BTreeMap<Refusal, u64> {

@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 
 use super::super::encoding::Limits;
 use super::super::keys::{self, Token};
-use super::super::roster::{Action, Roster};
-use super::super::{Endpoints, Expected, Fingerprint};
+use super::super::roster::{Roster, RosterAction};
+use super::super::{Endpoints, ExpectedStations, Fingerprint};
 use super::session::{Arrival, Member, Subscriptions};
 use crate::observation::Feedback;
 use crate::station::{Inbox, Port};
@@ -17,19 +17,19 @@ use crate::{Error, Result};
 
 /// Interval of the roster's clock.
 const TICK: Duration = Duration::from_millis(50);
-/// Time to wait for further stations where all that are present are live; they may come at any time.
+/// Time to wait for further stations if all present ones are live; they may come at any time.
 const LIVE_GRACE: Duration = Duration::from_secs(1);
 /// Time after which a wait is logged.
 const QUIET: Duration = Duration::from_secs(1);
 
 /// A gatherer's end of the network. Dropping it leaves the network, within 2 s.
 pub struct Downlink {
-    stop: Sender<Input>,
+    stop: Sender<DownlinkInput>,
     driver: Option<JoinHandle<()>>,
     garbage: Arc<AtomicU64>,
 }
 
-enum Input {
+enum DownlinkInput {
     Arrival(Arrival),
     Feedback(usize, Feedback),
     Stop,
@@ -41,7 +41,7 @@ struct Driver {
     id: String,
     room: Fingerprint,
     roster: Roster,
-    inputs: Receiver<Input>,
+    inputs: Receiver<DownlinkInput>,
     inbox: Inbox,
     garbage: Arc<AtomicU64>,
     ticked: Instant,
@@ -52,16 +52,15 @@ impl Downlink {
     /// From then on their events come into the inbox, and their ports take feedback: one a camera, in the order of
     /// `expected`.
     ///
-    /// Further stations are waited for only a second where all that are present are live: live stations may come
-    /// late, go and come back. A live station that goes gives one observation of
+    /// If all present stations are live, further ones are waited for only a second: live stations may come late, leave
+    /// and come back. A live station that leaves gives one observation of
     /// [`Verdict::Lost`](crate::foreground::Verdict::Lost); sequence numbers go on growing when it is back. A
-    /// recording's station that goes before its end gives an [`Event::Failed`](crate::station::Event::Failed).
+    /// recording's station that leaves before its end gives an [`Event::Failed`](crate::station::Event::Failed).
     ///
     /// # Errors
-    /// When an endpoint or a certificate cannot be used, when stations are missing after `bound`, and when
-    /// `is_interrupted` is set.
+    /// An unusable endpoint or certificate, missing stations after `bound`, or a set `is_interrupted`.
     pub fn open(
-        expected: Expected,
+        expected: ExpectedStations,
         endpoints: &Endpoints,
         bound: Duration,
         is_interrupted: &AtomicBool,
@@ -78,7 +77,7 @@ impl Downlink {
         };
         let arrived = {
             let arrivals = arrivals.clone();
-            move |arrival| drop(arrivals.send(Input::Arrival(arrival)))
+            move |arrival| drop(arrivals.send(DownlinkInput::Arrival(arrival)))
         };
         let member = Member::join(endpoints, longest.max().unwrap_or(0), subscriptions, arrived)?;
         let garbage = Arc::new(AtomicU64::new(0));
@@ -100,7 +99,9 @@ impl Downlink {
                 name,
                 is_live: hello.is_none_or(|hello| hello.is_live),
                 rate_hz: hello.and_then(|hello| hello.rate_hz),
-                feedback: Box::new(move |told| drop(feedback.send(Input::Feedback(camera, told)))),
+                feedback: Box::new(move |message| {
+                    drop(feedback.send(DownlinkInput::Feedback(camera, message)));
+                }),
             }
         });
         let ports = ports.collect();
@@ -122,7 +123,7 @@ impl Driver {
     fn wait_for_stations(&mut self, bound: Duration, is_interrupted: &AtomicBool) -> Result<()> {
         let begun = Instant::now();
         let mut first: Option<Instant> = None;
-        let mut is_told = false;
+        let mut is_logged = false;
         loop {
             self.step();
             let missing = self.roster.missing();
@@ -136,7 +137,7 @@ impl Driver {
                 return Ok(());
             }
             if is_interrupted.load(Ordering::Relaxed) {
-                return Err(Error::option("--stations", "interrupted while waiting for stations"));
+                return Err(Error::option("expected", "interrupted while waiting for stations"));
             }
             if begun.elapsed() >= bound {
                 let problem = format!(
@@ -145,24 +146,24 @@ impl Driver {
                     listed(&missing),
                     bound.as_secs_f64()
                 );
-                return Err(Error::option("--stations", problem));
+                return Err(Error::option("expected", problem));
             }
-            if begun.elapsed() >= QUIET && !is_told {
+            if begun.elapsed() >= QUIET && !is_logged {
                 tracing::info!("waits for the stations of {}", listed(&missing));
-                is_told = true;
+                is_logged = true;
             }
         }
     }
 
-    /// Handles one input, or lets a tick pass; `false` when there is nothing more to do.
+    /// Handles one input, or lets a tick pass; `false` at the end.
     fn step(&mut self) -> bool {
         let input = self.inputs.recv_timeout(TICK);
         let now = Instant::now();
         let actions = match input {
-            Ok(Input::Arrival(arrival)) => self.arrived(arrival, now),
-            Ok(Input::Feedback(camera, feedback)) => self.roster.feedback(camera, feedback, now),
+            Ok(DownlinkInput::Arrival(arrival)) => self.arrived(arrival, now),
+            Ok(DownlinkInput::Feedback(camera, feedback)) => self.roster.feedback(camera, feedback, now),
             Err(mpsc::RecvTimeoutError::Timeout) => Vec::new(),
-            Ok(Input::Stop) | Err(mpsc::RecvTimeoutError::Disconnected) => return false,
+            Ok(DownlinkInput::Stop) | Err(mpsc::RecvTimeoutError::Disconnected) => return false,
         };
         self.act(actions);
         if now - self.ticked >= TICK {
@@ -174,8 +175,8 @@ impl Driver {
         true
     }
 
-    /// Handles an arrival; keys of nobody known are passed over.
-    fn arrived(&mut self, arrival: Arrival, now: Instant) -> Vec<Action> {
+    /// Handles an arrival; unknown keys are ignored.
+    fn arrived(&mut self, arrival: Arrival, now: Instant) -> Vec<RosterAction> {
         let actions = match arrival {
             Arrival::Appeared(key) => Token::of(&key).map(|token| self.roster.token_appeared(&token, now)),
             Arrival::Vanished(key) => Token::of(&key).map(|token| self.roster.token_vanished(&token.id, now)),
@@ -185,13 +186,13 @@ impl Driver {
         actions.unwrap_or_default()
     }
 
-    fn act(&self, actions: Vec<Action>) {
+    fn act(&self, actions: Vec<RosterAction>) {
         for action in actions {
             match action {
-                Action::Tell(line) => tracing::warn!("{line}"),
+                RosterAction::Log(line) => tracing::warn!("{line}"),
                 // A gathering that has ended takes no more events.
-                Action::Deliver(camera, event) => drop(self.inbox.send((camera, event))),
-                Action::Send { camera, station, message, may_drop } => match message.encode() {
+                RosterAction::Deliver(camera, event) => drop(self.inbox.send((camera, event))),
+                RosterAction::Send { camera, station, message, may_drop } => match message.encode() {
                     Ok(bytes) => {
                         let key = keys::messages(self.room, "down", &camera, &station, &self.id);
                         self.member.send(&key, bytes, may_drop);
@@ -209,7 +210,7 @@ fn listed(cameras: &[&str]) -> String {
 
 impl Drop for Downlink {
     fn drop(&mut self) {
-        let _ = self.stop.send(Input::Stop);
+        let _ = self.stop.send(DownlinkInput::Stop);
         if let Some(driver) = self.driver.take() {
             let _ = driver.join();
         }

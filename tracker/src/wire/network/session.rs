@@ -15,7 +15,7 @@ use super::super::keys;
 use super::super::{Endpoint, Endpoints};
 use crate::{Error, Result};
 
-/// Longest time for closing a session that its peers do not let go.
+/// Longest time for closing a session that its peers hold open.
 const CLOSE_BOUND: Duration = Duration::from_secs(2);
 
 /// Time within which a router must answer.
@@ -113,7 +113,7 @@ impl Drop for Member {
     fn drop(&mut self) {
         let (session, declared) = (self.session.take(), self.declared.take());
         let (closed, is_closed) = mpsc::channel();
-        // Closing can block for ever (zenoh issue 2675); the thread is then left behind.
+        // Closing can block for ever (zenoh issue 2675); the thread is then abandoned.
         let closing = thread::Builder::new().name("zenoh-close".to_owned()).spawn(move || {
             if let Some((token, subscribers)) = declared {
                 if let Some(token) = token {
@@ -132,9 +132,8 @@ impl Drop for Member {
     }
 }
 
-/// Settings of the session. Zenoh's defaults listen on every interface, look around by multicast, take messages of 1
-/// GiB and notice a dead peer after 10 s. Here only the endpoints that were asked for are open, and a dead peer is
-/// noticed after 2 s.
+/// Settings of the session. Zenoh's defaults listen on every interface, scout by multicast, accept messages of 1 GiB
+/// and notice a dead peer after 10 s. Here only the requested endpoints are open, and a dead peer is noticed after 2 s.
 fn config(endpoints: &Endpoints, longest_message: usize) -> zenoh::Result<Config> {
     let addresses = |endpoints: &[Endpoint]| endpoints.iter().map(Endpoint::to_string).collect::<Vec<_>>();
     let mut listen = addresses(&endpoints.listen);
@@ -209,7 +208,7 @@ fn access(names: &[String]) -> Value {
 fn check_free(endpoint: &Endpoint) -> Result<()> {
     let address = format!("{}:{}", endpoint.host, endpoint.port);
     std::net::TcpListener::bind(&address).map(drop).map_err(|e| {
-        Error::option("--listen", format!("{endpoint}: {e}; give an address of this machine and a free port"))
+        Error::option("listen", format!("{endpoint}: {e}; give an address of this machine and a free port"))
     })
 }
 

@@ -7,7 +7,7 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use super::super::encoding::{Limits, Message};
-use super::super::enrolment::{Action, Enrolment};
+use super::super::enrolment::{Enrolment, EnrolmentAction};
 use super::super::keys::{self, Token};
 use super::super::{Endpoints, Fingerprint, Hello};
 use super::session::{Arrival, Member, Subscriptions};
@@ -15,7 +15,7 @@ use crate::observation::Feedback;
 use crate::station::Event;
 use crate::{Error, Result};
 
-/// Capacity for feedback that waits for the station; in a recording more than can ever wait.
+/// Capacity for feedback that waits for the station; more than can ever wait in a recording.
 const FEEDBACK_QUEUE: usize = 4 * Feedback::WINDOW as usize;
 /// Time within which the gatherer must confirm that a recording's end has arrived.
 const END_BOUND: Duration = Duration::from_secs(5);
@@ -28,12 +28,12 @@ const REPEAT: Duration = Duration::from_millis(500);
 
 /// A station's end of the network. Dropping it leaves the network, within 2 s.
 pub struct Uplink {
-    shared: Arc<Shared>,
-    stop: Sender<Input>,
+    shared: Arc<UplinkState>,
+    stop: Sender<UplinkInput>,
     driver: Option<JoinHandle<()>>,
 }
 
-struct Shared {
+struct UplinkState {
     member: Member,
     id: String,
     room: Fingerprint,
@@ -43,20 +43,20 @@ struct Shared {
     changed: Condvar,
 }
 
-enum Input {
+enum UplinkInput {
     Arrival(Arrival),
     Stop,
 }
 
 impl Uplink {
-    /// Joins the network as the station of one camera. Feedback comes through the receiver; it ends when a
-    /// recording's station cannot go on, and [`Self::send`] then says why. Live stations that do not take feedback in
-    /// time miss some.
+    /// Joins the network as the station of one camera. Feedback comes through the receiver, which ends when a
+    /// recording's station cannot go on; [`Self::send`] then returns the reason. Live stations that do not take
+    /// feedback in time miss some.
     ///
     /// # Errors
-    /// When an endpoint or a certificate cannot be used.
+    /// An unusable endpoint or certificate.
     pub fn open(hello: Hello, endpoints: &Endpoints) -> Result<(Self, Receiver<Feedback>)> {
-        // A hello that cannot be encoded is an error now, before anybody waits for it.
+        // A hello that cannot be encoded is reported now, before the gatherer waits for it.
         Message::Hello(hello.clone()).encode().map_err(|malformed| {
             Error::option(format!("station `{}`", hello.camera), malformed.to_string())
         })?;
@@ -70,10 +70,10 @@ impl Uplink {
         };
         let arrived = {
             let arrivals = arrivals.clone();
-            move |arrival| drop(arrivals.send(Input::Arrival(arrival)))
+            move |arrival| drop(arrivals.send(UplinkInput::Arrival(arrival)))
         };
         let member = Member::join(endpoints, Limits::NO_MASK.longest_message(), subscriptions, arrived)?;
-        let shared = Arc::new(Shared {
+        let shared = Arc::new(UplinkState {
             id: member.id(),
             member,
             room,
@@ -91,14 +91,14 @@ impl Uplink {
         Ok((Self { shared, stop: arrivals, driver: Some(driver) }, feedback))
     }
 
-    /// Waits until the gatherer wants observations; a recording's first frame must not be sent before. Without a
-    /// bound it waits for ever.
+    /// Waits until the gatherer wants observations; a recording's first frame must not be sent before. Without a bound
+    /// the wait is unlimited.
     ///
     /// # Errors
-    /// When the gatherer refuses this station, when there is none within the bound, and when `is_interrupted` is set.
+    /// A refusal by the gatherer, no gatherer within the bound, or a set `is_interrupted`.
     pub fn wait_for_start(&self, bound: Option<Duration>, is_interrupted: &AtomicBool) -> Result<()> {
         let begun = Instant::now();
-        let mut is_told = false;
+        let mut is_logged = false;
         let mut enrolment = self.shared.lock();
         loop {
             if let Some(failure) = enrolment.failure() {
@@ -118,19 +118,19 @@ impl Uplink {
                     .shared
                     .error(&format!("no gatherer within {} s: {hint}", bound.as_secs_f64())));
             }
-            if begun.elapsed() >= QUIET && !std::mem::replace(&mut is_told, true) {
+            if begun.elapsed() >= QUIET && !std::mem::replace(&mut is_logged, true) {
                 tracing::info!("station `{}` waits for its gatherer", self.shared.camera);
             }
             enrolment = self.shared.wait(enrolment);
         }
     }
 
-    /// Sends an event of the station. A recording's observation waits for the network and is never lost; a live one's
-    /// is dropped where the network is slower than the camera or nobody gathers. For an end or a failure this waits
-    /// until it has arrived, at most 5 s.
+    /// Sends an event of the station. A recording's observation waits for the network and is never lost; a live one is
+    /// dropped where the network is slower than the camera or there is no gatherer. An end or a failure is repeated
+    /// until it has arrived, at most for 5 s.
     ///
     /// # Errors
-    /// When the gatherer refuses this station, and when that of a recording has gone.
+    /// A refusal by the gatherer, or the loss of a recording's gatherer.
     pub fn send(&mut self, event: Event) -> Result<()> {
         let message = match event {
             Event::Seen(seen) => Message::Seen(seen),
@@ -177,7 +177,7 @@ impl Uplink {
     }
 }
 
-impl Shared {
+impl UplinkState {
     fn lock(&self) -> MutexGuard<'_, Enrolment> {
         self.enrolment.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -195,8 +195,8 @@ impl Shared {
         Error::option(format!("station `{}`", self.camera), problem)
     }
 
-    fn drive(&self, inputs: &Receiver<Input>) {
-        while let Ok(Input::Arrival(arrival)) = inputs.recv() {
+    fn drive(&self, inputs: &Receiver<UplinkInput>) {
+        while let Ok(UplinkInput::Arrival(arrival)) = inputs.recv() {
             let actions = {
                 let mut enrolment = self.lock();
                 match arrival {
@@ -213,8 +213,8 @@ impl Shared {
             self.changed.notify_all();
             for action in actions {
                 match action {
-                    Action::Tell(line) => tracing::warn!("station `{}`: {line}", self.camera),
-                    Action::Send(gatherer, message) => {
+                    EnrolmentAction::Log(line) => tracing::warn!("station `{}`: {line}", self.camera),
+                    EnrolmentAction::Send(gatherer, message) => {
                         if let Ok(bytes) = message.encode() {
                             self.send(&gatherer, bytes, false);
                         }
@@ -227,7 +227,7 @@ impl Shared {
 
 impl Drop for Uplink {
     fn drop(&mut self) {
-        let _ = self.stop.send(Input::Stop);
+        let _ = self.stop.send(UplinkInput::Stop);
         if let Some(driver) = self.driver.take() {
             let _ = driver.join();
         }

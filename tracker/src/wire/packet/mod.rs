@@ -1,9 +1,9 @@
-//! The bytes of a [`Packet`] between stations that track together, version 1.
+//! Bytes of a [`Packet`] between stations that track together, version 1.
 //!
-//! A packet is small (about 36 bytes a report), and lossy only by the steps below. *Varint*: LEB128, here up to 32
-//! bits. *Signed*: a varint of `2 n` for `n ≥ 0`, of `−2 n − 1` below. Integers of fixed length and *numbers* (IEEE
-//! 754) come lowest byte first. Bytes after the end are an error, and so are a wrong version, an unknown kind or
-//! flag, counts above [`MOST_REPORTS`] and [`MOST_MESSAGES`], two reports of one target, and places outside
+//! A packet is small (about 36 bytes a report), and lossy only by the quantisation below. *Varint*: LEB128, here up to
+//! 32 bits. *Signed*: a varint of `2 n` for `n ≥ 0`, of `−2 n − 1` below. Integers of fixed length and *numbers* (IEEE
+//! 754) come lowest byte first. Bytes after the end are an error, and so are a wrong version, an unknown kind or flag,
+//! counts above [`MOST_REPORTS`] and [`MOST_MESSAGES`], two reports of one target, and positions outside
 //! ±[`FARTHEST_M`].
 //!
 //! | part | bytes | content |
@@ -50,12 +50,12 @@ pub const MOST_REPORTS: usize = 64;
 pub const MOST_MESSAGES: usize = 64;
 /// Longest packet in bytes; more is refused before it is read.
 pub const LONGEST_PACKET: usize = 6 << 10;
-/// Farthest place along x or y, metres.
+/// Largest coordinate of a position, metres.
 pub const FARTHEST_M: f64 = 100_000.0;
 
-/// Fastest speed along x or y that is told, cm/s.
+/// Largest encoded speed along x or y, cm/s.
 const FASTEST_CM_S: f64 = 10_000.0;
-/// Greatest height that is told, mm.
+/// Largest encoded height, mm.
 const TALLEST_MM: f64 = 65_535.0;
 /// Longest time between capture and sending, either way, microseconds.
 const LONGEST_DELAY_US: f64 = 1.8e9;
@@ -63,11 +63,11 @@ const LONGEST_DELAY_US: f64 = 1.8e9;
 const WITH_LOOKS: u8 = 1;
 const IS_CROWDED: u8 = 2;
 
-/// The bytes of a packet that is sent at `sent_s`, seconds on the sender's clock.
+/// Encodes a packet that is sent at `sent_s`, seconds on the sender's clock.
 ///
 /// # Errors
-/// When it cannot be decoded on the other side: too many reports or messages, two reports of one target, an agent of
-/// another station, a number that is not finite, a place that is too far away.
+/// A packet that cannot be decoded on the other side: too many reports or messages, two reports of one target, an agent
+/// of another station, a number that is not finite, a position that is too far away.
 pub fn encode(packet: &Packet, sent_s: f64) -> Result<Vec<u8>, Malformed> {
     check(packet)?;
     let delay_us = (sent_s - packet.time_s) * 1e6;
@@ -90,10 +90,10 @@ pub fn encode(packet: &Packet, sent_s: f64) -> Result<Vec<u8>, Malformed> {
     Ok(out)
 }
 
-/// Reads a packet, and the time of its sending on the sender's clock, seconds.
+/// Decodes a packet, and the time of its sending on the sender's clock, seconds.
 ///
 /// # Errors
-/// When the bytes are not exactly one packet of this version within the limits.
+/// Bytes that are not exactly one packet of this version within the limits.
 pub fn decode(bytes: &[u8]) -> Result<(Packet, f64), Malformed> {
     if bytes.len() > LONGEST_PACKET {
         return Err(Malformed("the packet is longer than 6 KiB"));
@@ -128,7 +128,7 @@ pub fn decode(bytes: &[u8]) -> Result<(Packet, f64), Malformed> {
     Ok((packet, time_s + delay_us / 1e6))
 }
 
-/// Checks what holds for every packet, whoever made it.
+/// Checks the conditions on every packet, before sending and after receiving.
 fn check(packet: &Packet) -> Decoded<()> {
     if packet.reports.len() > MOST_REPORTS || packet.messages.len() > MOST_MESSAGES {
         return Err(Malformed("the packet has more than 64 reports or messages"));

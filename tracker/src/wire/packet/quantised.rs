@@ -1,4 +1,4 @@
-//! Quantities of a packet in whole steps.
+//! Quantised quantities of a packet.
 
 use nalgebra::{Matrix2, Point2, SymmetricEigen, Vector2};
 
@@ -7,11 +7,11 @@ use super::super::encoding::bytes::{Decoded, Reader, put_varint};
 use super::FARTHEST_M;
 use crate::method::agents::{Colour, Looks};
 
-/// Standard deviations that are told, mm.
+/// Range of encoded standard deviations, mm.
 const DEVIATION_MM: [f64; 2] = [1.0, 65_535.0];
-/// Directions in half a turn.
+/// Number of directions in half a turn.
 const DIRECTIONS: f64 = 256.0;
-/// Hues in a turn.
+/// Number of hues in a turn.
 const HUES: f64 = 256.0;
 
 /// Appends a signed integer.
@@ -25,7 +25,7 @@ pub(super) fn signed(reader: &mut Reader<'_>) -> Decoded<i32> {
     Ok((folded >> 1) as i32 ^ -((folded & 1) as i32))
 }
 
-/// Appends a quantity in whole steps; beyond its limits it is told as the nearest of them.
+/// Appends a quantity in whole steps, clamped to its limits.
 pub(super) fn put_within(out: &mut Vec<u8>, value: f64, [least, most]: [f64; 2]) -> Decoded<()> {
     if value.is_nan() {
         return Err(Malformed("a quantity is not a number"));
@@ -40,7 +40,7 @@ pub(super) fn within(reader: &mut Reader<'_>, [least, most]: [f64; 2]) -> Decode
     if f64::from(value) < least { Err(Malformed("a size is below its limit")) } else { Ok(value) }
 }
 
-/// Appends a place on the floor.
+/// Appends a position on the floor.
 pub(super) fn put_place(out: &mut Vec<u8>, place: Point2<f64>) -> Decoded<()> {
     for metres in [place.x, place.y] {
         if !metres.is_finite() || metres.abs() > FARTHEST_M {
@@ -51,7 +51,7 @@ pub(super) fn put_place(out: &mut Vec<u8>, place: Point2<f64>) -> Decoded<()> {
     Ok(())
 }
 
-/// The next place on the floor.
+/// The next position on the floor.
 pub(super) fn place(reader: &mut Reader<'_>) -> Decoded<Point2<f64>> {
     let mut metres = || -> Decoded<f64> {
         let metres = f64::from(signed(reader)?) / 1000.0;
@@ -76,7 +76,7 @@ pub(super) fn put_covariance(out: &mut Vec<u8>, covariance: &Matrix2<f64>) -> De
     Ok(())
 }
 
-/// The next covariance: symmetric and positive definite whatever the bytes.
+/// The next covariance: symmetric and positive definite for all bytes.
 pub(super) fn covariance(reader: &mut Reader<'_>) -> Decoded<Matrix2<f64>> {
     let [long, short] = [within(reader, DEVIATION_MM)?, within(reader, DEVIATION_MM)?];
     let angle = f64::from(reader.byte()?) / DIRECTIONS * std::f64::consts::PI;

@@ -42,7 +42,7 @@ fn reports(station: StationId) -> impl Strategy<Value = Vec<Report>> {
         },
     );
     proptest::collection::vec(report, 0..=MOST_REPORTS).prop_map(|mut reports| {
-        // Random targets coincide hardly ever; the check is tested elsewhere.
+        // Random targets hardly ever coincide; the check is tested elsewhere.
         reports.dedup_by_key(|report| report.target);
         reports
     })
@@ -107,7 +107,7 @@ fn check_report(read: &Report, truth: &Report) -> Result<(), TestCaseError> {
     prop_assert!((read.velocity - truth.velocity).amax() <= 0.005_01);
     prop_assert!((read.height_m - truth.height_m).abs() <= 0.000_501);
     prop_assert!((read.confidence - truth.confidence).abs() <= 1e-5);
-    // Half a step of the deviations and of the direction: of a long ellipse the direction counts most.
+    // Half a step of the deviations and of the direction: for a long ellipse the direction counts most.
     let longest = truth.covariance.symmetric_eigenvalues().max().sqrt();
     let allowed = 2.0 * longest * 0.000_6 + longest * longest * (std::f64::consts::PI / 512.0) * 1.01;
     prop_assert!((read.covariance - truth.covariance).amax() <= allowed);
@@ -166,7 +166,7 @@ proptest! {
         if let Ok((read, sent_s)) = decode(&bytes) {
             prop_assert!(read.reports.len() <= MOST_REPORTS && read.messages.len() <= MOST_MESSAGES);
             prop_assert!(sent_s.is_finite());
-            // Whatever is read can be sent on.
+            // Every decoded packet can be encoded again.
             prop_assert!(encode(&read, sent_s).is_ok());
         }
         bytes.push(value);
@@ -210,7 +210,7 @@ fn a_report_costs_about_36_bytes() {
 }
 
 #[test]
-fn packets_that_nobody_could_read_are_not_made() {
+fn undecodable_packets_are_not_encoded() {
     let line = |packet: &Packet| encode(packet, 1.7e9).unwrap_err().to_string();
     let with = |change: &dyn Fn(&mut Report)| {
         let mut report = report(1);
@@ -233,12 +233,12 @@ fn packets_that_nobody_could_read_are_not_made() {
     ] {
         assert!(line(&packet).contains(problem), "{packet:?}: {}", line(&packet));
     }
-    // Lone agents have no target: there may be many.
+    // Agents that track alone have no target: there may be many.
     assert!(encode(&packet(vec![report(0), report(0)]), 1.7e9).is_ok());
 }
 
 #[test]
-fn what_is_too_large_to_be_told_is_told_as_the_limit() {
+fn values_beyond_the_limits_are_encoded_as_the_limits() {
     let odd = Report {
         covariance: Matrix2::new(1e9, 0.0, 0.0, 0.0),
         velocity: Vector2::new(-1e9, 0.0),

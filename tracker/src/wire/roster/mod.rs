@@ -1,10 +1,9 @@
 //! Roster of a gatherer: its stations, enrolled, started, refused or gone.
 //!
-//! A state machine without a network: tokens, messages, feedback and the passage of time go in, [`Action`]s come out.
-//! One camera has one *holder*, the station whose observations count. A station is called as soon as its token
-//! appears; its hello makes it the holder, a rival, or refused. A rival is refused when the holder answers a call,
-//! and takes its place when the holder is silent or goes: so a station that died without a word never locks its
-//! successor out.
+//! A state machine without a network: tokens, messages, feedback and the passage of time go in, [`RosterAction`]s come out.
+//! One camera has one *holder*, the station whose observations count. A station is called as soon as its token appears;
+//! its hello makes it the holder, a rival, or refused. A rival is refused when the holder answers a call, and takes its
+//! place when the holder is silent or leaves: so a station that died silently never locks its successor out.
 
 #[cfg(test)]
 mod tests;
@@ -14,11 +13,11 @@ use std::time::{Duration, Instant};
 
 use super::encoding::{Limits, Malformed, Message, VERSION};
 use super::keys::Token;
-use super::{Expected, Hello};
+use super::{ExpectedStations, Hello};
 use crate::Error;
 use crate::foreground::Verdict;
 use crate::observation::{Feedback, Observation};
-use crate::station::{Event, Pictures, Seen};
+use crate::station::{Event, ObservedFrame, Pictures};
 
 /// Interval at which calls and starts are repeated until they are answered.
 const REPEAT: Duration = Duration::from_millis(200);
@@ -29,7 +28,7 @@ const MOST_STATIONS: usize = 1024;
 
 /// Action that the caller must carry out for the gatherer.
 #[derive(Debug)]
-pub(super) enum Action {
+pub(super) enum RosterAction {
     /// Send a message to a station.
     Send {
         /// Name of its camera.
@@ -44,14 +43,14 @@ pub(super) enum Action {
     /// Put an event of a camera, by its number, into the inbox.
     Deliver(usize, Event),
     /// Write a line into the log.
-    Tell(String),
+    Log(String),
 }
 
 /// Stations by id, and the holder of each camera.
 pub(super) struct Roster {
-    expected: Expected,
+    expected: ExpectedStations,
     slots: Vec<Slot>,
-    stations: BTreeMap<String, Station>,
+    stations: BTreeMap<String, EnrolledStation>,
     is_running: bool,
     garbage: u64,
     is_full: bool,
@@ -65,7 +64,7 @@ struct Slot {
     /// Offset added to a station's sequence numbers, so that they grow across restarts.
     offset: u64,
     latest: Option<Latest>,
-    /// Whether a recording has come to its end or failed.
+    /// Whether a recording has ended or failed.
     is_over: bool,
 }
 
@@ -74,15 +73,15 @@ struct Latest {
     sequence: u64,
     time_s: f64,
     at: Instant,
-    /// Whether it reports the loss of a station that has gone.
+    /// Whether it reports the loss of a station.
     is_loss: bool,
 }
 
 /// One station in the network.
-struct Station {
+struct EnrolledStation {
     camera: usize,
     hello: Option<Hello>,
-    /// Time at which the station was last asked for the message that it owes: its hello or, once started, its first
+    /// Time at which the station was last asked for the message that is due: its hello or, once started, its first
     /// observation.
     asked: Instant,
     heard: Instant,
@@ -97,7 +96,7 @@ struct Station {
 
 impl Roster {
     /// A roster without stations.
-    pub(super) fn new(expected: Expected) -> Self {
+    pub(super) fn new(expected: ExpectedStations) -> Self {
         let slots = expected.cameras.iter().map(|_| Slot::default()).collect();
         Self { expected, slots, stations: BTreeMap::new(), is_running: false, garbage: 0, is_full: false }
     }
@@ -119,24 +118,24 @@ impl Roster {
     }
 
     /// Starts all holders together; stations that come later start when they come.
-    pub(super) fn start(&mut self, now: Instant) -> Vec<Action> {
+    pub(super) fn start(&mut self, now: Instant) -> Vec<RosterAction> {
         self.is_running = true;
         let holders: Vec<String> = self.slots.iter().filter_map(|slot| slot.holder.clone()).collect();
         holders.iter().filter_map(|id| self.send(id, Message::Start, now)).collect()
     }
 
     /// Handles the token of a station that has appeared.
-    pub(super) fn token_appeared(&mut self, token: &Token, now: Instant) -> Vec<Action> {
+    pub(super) fn token_appeared(&mut self, token: &Token, now: Instant) -> Vec<RosterAction> {
         let Some(name) = &token.camera else { return Vec::new() };
         if token.version != VERSION.to_string() {
-            return vec![Action::Tell(format!(
+            return vec![RosterAction::Log(format!(
                 "station `{name}` speaks version {} of the encoding, this gatherer {VERSION}: it is left out; install the \
                  same version on both machines",
                 token.version
             ))];
         }
         if token.room != self.expected.room.to_string() {
-            return vec![Action::Tell(format!(
+            return vec![RosterAction::Log(format!(
                 "station `{name}` belongs to another room ({}, here {}): it is left out; if it should not, give both \
                  machines the same scene.toml",
                 token.room, self.expected.room
@@ -144,14 +143,14 @@ impl Roster {
         }
         let Some(camera) = self.expected.cameras.iter().position(|camera| camera.name == *name) else {
             let line = format!("station `{name}`: its camera is not in use here: it is left out");
-            return vec![Action::Tell(line)];
+            return vec![RosterAction::Log(line)];
         };
         if self.stations.len() >= MOST_STATIONS {
             let is_news = !std::mem::replace(&mut self.is_full, true);
             let line = format!("{MOST_STATIONS} stations are there: others are left out");
-            return is_news.then_some(Action::Tell(line)).into_iter().collect();
+            return is_news.then_some(RosterAction::Log(line)).into_iter().collect();
         }
-        self.stations.entry(token.id.clone()).or_insert(Station {
+        self.stations.entry(token.id.clone()).or_insert(EnrolledStation {
             camera,
             hello: None,
             asked: now,
@@ -166,7 +165,7 @@ impl Roster {
     }
 
     /// Handles the token of a station that has vanished: the station has ended, died, or cannot be reached.
-    pub(super) fn token_vanished(&mut self, id: &str, now: Instant) -> Vec<Action> {
+    pub(super) fn token_vanished(&mut self, id: &str, now: Instant) -> Vec<RosterAction> {
         let Some(station) = self.stations.remove(id) else { return Vec::new() };
         let mut actions = Vec::new();
         if self.slots[station.camera].holder.as_deref() == Some(id) {
@@ -181,7 +180,13 @@ impl Roster {
     }
 
     /// Handles a message under the key of a camera and a station.
-    pub(super) fn message(&mut self, camera: &str, id: &str, bytes: &[u8], now: Instant) -> Vec<Action> {
+    pub(super) fn message(
+        &mut self,
+        camera: &str,
+        id: &str,
+        bytes: &[u8],
+        now: Instant,
+    ) -> Vec<RosterAction> {
         let Some(station) = self.stations.get_mut(id) else {
             return self.count_garbage(camera, None, Malformed("the station is unknown"));
         };
@@ -214,7 +219,7 @@ impl Roster {
             Message::Failure(line) => {
                 let is_news = !std::mem::replace(&mut station.has_failed, true);
                 let line = format!("station `{camera}`: {line}");
-                is_news.then_some(Action::Tell(line)).into_iter().collect()
+                is_news.then_some(RosterAction::Log(line)).into_iter().collect()
             }
             // Observations of a station that was refused, replaced or not yet started are ignored.
             Message::Seen(_) | Message::End => Vec::new(),
@@ -223,9 +228,9 @@ impl Roster {
     }
 
     /// Passes feedback of the tracker on to a camera's station.
-    pub(super) fn feedback(&mut self, camera: usize, feedback: Feedback, now: Instant) -> Vec<Action> {
+    pub(super) fn feedback(&mut self, camera: usize, feedback: Feedback, now: Instant) -> Vec<RosterAction> {
         let slot = &self.slots[camera];
-        // Feedback for a station that has gone is not for its successor.
+        // Feedback for a station that has left is not for its successor.
         let (Some(id), Some(sequence)) = (slot.holder.clone(), feedback.sequence.checked_sub(slot.offset))
         else {
             return Vec::new();
@@ -236,8 +241,8 @@ impl Roster {
         self.send(&id, Message::Feedback(Feedback { sequence, ..feedback }), now).into_iter().collect()
     }
 
-    /// Lets time pass: repeats messages that were not answered, and decides between rivals.
-    pub(super) fn tick(&mut self, now: Instant) -> Vec<Action> {
+    /// Lets time pass: repeats messages without an answer, and decides between rivals.
+    pub(super) fn tick(&mut self, now: Instant) -> Vec<RosterAction> {
         let mut actions = Vec::new();
         let due: Vec<String> =
             self.stations.iter().filter(|(_, s)| now - s.asked >= REPEAT).map(|(id, _)| id.clone()).collect();
@@ -260,7 +265,7 @@ impl Roster {
         actions
     }
 
-    fn decide_rivals(&mut self, now: Instant) -> Vec<Action> {
+    fn decide_rivals(&mut self, now: Instant) -> Vec<RosterAction> {
         let rivals = self.stations.iter().filter_map(|(id, s)| Some((id.clone(), s.camera, s.rival_since?)));
         let rivals: Vec<_> = rivals.collect();
         let mut actions = Vec::new();
@@ -285,7 +290,7 @@ impl Roster {
         actions
     }
 
-    fn hello(&mut self, id: &str, hello: Hello, now: Instant) -> Vec<Action> {
+    fn hello(&mut self, id: &str, hello: Hello, now: Instant) -> Vec<RosterAction> {
         let Some(station) = self.stations.get_mut(id) else { return Vec::new() };
         let camera = &self.expected.cameras[station.camera];
         let slot = &self.slots[station.camera];
@@ -318,7 +323,7 @@ impl Roster {
     }
 
     /// Makes a station its camera's holder.
-    fn admit(&mut self, id: &str, now: Instant) -> Vec<Action> {
+    fn admit(&mut self, id: &str, now: Instant) -> Vec<RosterAction> {
         let Some(station) = self.stations.get_mut(id) else { return Vec::new() };
         station.rival_since = None;
         let slot = &mut self.slots[station.camera];
@@ -328,15 +333,15 @@ impl Roster {
         slot.offset = slot.latest.as_ref().map_or(0, |latest| latest.sequence);
         let name = &self.expected.cameras[station.camera].name;
         let line = format!("station `{name}` is {}", if is_back { "back" } else { "there" });
-        let mut actions = vec![Action::Tell(line)];
+        let mut actions = vec![RosterAction::Log(line)];
         if self.is_running {
             actions.extend(self.send(id, Message::Start, now));
         }
         actions
     }
 
-    /// Takes a camera from its holder, when the holder has gone.
-    fn release(&mut self, camera: usize, now: Instant) -> Vec<Action> {
+    /// Takes a camera from its holder, which has left.
+    fn release(&mut self, camera: usize, now: Instant) -> Vec<RosterAction> {
         let slot = &mut self.slots[camera];
         let name = &self.expected.cameras[camera].name;
         slot.holder = None;
@@ -347,28 +352,28 @@ impl Roster {
         if is_recording && self.is_running {
             slot.is_over = true;
             let problem = "it has gone before its recording's end; see its own messages, and run again";
-            return vec![Action::Deliver(
+            return vec![RosterAction::Deliver(
                 camera,
                 Event::Failed(Error::option(format!("station `{name}`"), problem)),
             )];
         }
-        let mut actions = vec![Action::Tell(format!("station `{name}` has gone"))];
+        let mut actions = vec![RosterAction::Log(format!("station `{name}` has gone"))];
         if let Some(latest) = slot.latest.as_mut().filter(|latest| !latest.is_loss) {
             let time_s = latest.time_s + (now - latest.at).as_secs_f64();
             *latest = Latest { sequence: latest.sequence + 1, time_s, at: now, is_loss: true };
             let lost = Observation::unusable(latest.sequence, time_s, Verdict::Lost);
-            let seen = Seen {
+            let seen = ObservedFrame {
                 observation: lost,
                 pictures: Pictures::default(),
                 decode: Duration::ZERO,
                 foreground: Duration::ZERO,
             };
-            actions.push(Action::Deliver(camera, Event::Seen(Box::new(seen))));
+            actions.push(RosterAction::Deliver(camera, Event::Seen(Box::new(seen))));
         }
         actions
     }
 
-    fn observed(&mut self, camera: usize, mut seen: Box<Seen>, now: Instant) -> Vec<Action> {
+    fn observed(&mut self, camera: usize, mut seen: Box<ObservedFrame>, now: Instant) -> Vec<RosterAction> {
         let slot = &mut self.slots[camera];
         let sequence = seen.observation.sequence.checked_add(slot.offset);
         let before = slot.latest.as_ref().map_or(0, |latest| latest.sequence);
@@ -378,41 +383,41 @@ impl Roster {
         };
         seen.observation.sequence = sequence;
         slot.latest = Some(Latest { sequence, time_s: seen.observation.time_s, at: now, is_loss: false });
-        vec![Action::Deliver(camera, Event::Seen(seen))]
+        vec![RosterAction::Deliver(camera, Event::Seen(seen))]
     }
 
-    fn end(&mut self, id: &str, event: Event, now: Instant) -> Vec<Action> {
+    fn end(&mut self, id: &str, event: Event, now: Instant) -> Vec<RosterAction> {
         let Some(station) = self.stations.get_mut(id) else { return Vec::new() };
         let camera = station.camera;
         self.slots[camera].is_over = true;
-        let mut actions = vec![Action::Deliver(camera, event)];
+        let mut actions = vec![RosterAction::Deliver(camera, event)];
         actions.extend(self.send(id, Message::Done, now));
         actions
     }
 
-    fn refuse(&mut self, id: &str, problem: &str, now: Instant) -> Vec<Action> {
+    fn refuse(&mut self, id: &str, problem: &str, now: Instant) -> Vec<RosterAction> {
         let Some(station) = self.stations.get_mut(id) else { return Vec::new() };
         station.rival_since = None;
         station.refusal = Some(problem.to_owned());
         let name = &self.expected.cameras[station.camera].name;
         let line = format!("a station of camera `{name}` is refused: {problem}");
-        [Action::Tell(line)]
+        [RosterAction::Log(line)]
             .into_iter()
             .chain(self.send(id, Message::Refusal(problem.to_owned()), now))
             .collect()
     }
 
-    fn send(&mut self, id: &str, message: Message, now: Instant) -> Option<Action> {
+    fn send(&mut self, id: &str, message: Message, now: Instant) -> Option<RosterAction> {
         let station = self.stations.get_mut(id)?;
         station.asked = now;
         let is_recording = station.hello.as_ref().is_some_and(|hello| !hello.is_live);
         // All messages but a recording's feedback are repeated until they are answered, or replaced by the next one.
         let may_drop = !(is_recording && matches!(message, Message::Feedback(_)));
         let camera = self.expected.cameras[station.camera].name.clone();
-        Some(Action::Send { camera, station: id.to_owned(), message, may_drop })
+        Some(RosterAction::Send { camera, station: id.to_owned(), message, may_drop })
     }
 
-    fn count_garbage(&mut self, camera: &str, id: Option<&str>, malformed: Malformed) -> Vec<Action> {
+    fn count_garbage(&mut self, camera: &str, id: Option<&str>, malformed: Malformed) -> Vec<RosterAction> {
         let station = id.and_then(|id| self.stations.get_mut(id));
         let is_news = match station {
             Some(station) => !std::mem::replace(&mut station.has_sent_garbage, true),
@@ -420,6 +425,6 @@ impl Roster {
         };
         self.garbage += 1;
         let line = format!("a message of station `{camera}` is refused: {malformed}; more are counted");
-        is_news.then_some(Action::Tell(line)).into_iter().collect()
+        is_news.then_some(RosterAction::Log(line)).into_iter().collect()
     }
 }

@@ -1,12 +1,12 @@
-//! The roster's decisions, with a clock of their own and no network.
+//! Tests of the roster's decisions, with a clock of their own and no network.
 
 use super::*;
 use crate::wire::{ExpectedCamera, Fingerprint};
 
 const ROOM: Fingerprint = Fingerprint([9; Fingerprint::BYTES]);
 
-/// Roster with a clock, and the actions that it took.
-struct Scene {
+/// Roster with a clock, and its actions.
+struct TimedRoster {
     roster: Roster,
     now: Instant,
     lines: Vec<String>,
@@ -18,20 +18,20 @@ fn hello(camera: &str, is_live: bool) -> Hello {
     Hello { room: ROOM, camera: camera.into(), width: 16, height: 8, is_live, rate_hz: Some(12.0) }
 }
 
-impl Scene {
+impl TimedRoster {
     fn new() -> Self {
         let camera = |name: &str| ExpectedCamera { name: name.into(), width: 16, height: 8 };
-        let expected = Expected { room: ROOM, cameras: vec![camera("a"), camera("b")] };
+        let expected = ExpectedStations { room: ROOM, cameras: vec![camera("a"), camera("b")] };
         let (lines, sent, delivered) = Default::default();
         Self { roster: Roster::new(expected), now: Instant::now(), lines, sent, delivered }
     }
 
-    fn take(&mut self, actions: Vec<Action>) {
+    fn take(&mut self, actions: Vec<RosterAction>) {
         for action in actions {
             match action {
-                Action::Tell(line) => self.lines.push(line),
-                Action::Send { station, message, .. } => self.sent.push((station, message)),
-                Action::Deliver(camera, event) => self.delivered.push((camera, event)),
+                RosterAction::Log(line) => self.lines.push(line),
+                RosterAction::Send { station, message, .. } => self.sent.push((station, message)),
+                RosterAction::Deliver(camera, event) => self.delivered.push((camera, event)),
             }
         }
     }
@@ -65,7 +65,11 @@ impl Scene {
     fn see(&mut self, camera: &str, id: &str, sequence: u64) {
         let observation = Observation::unusable(sequence, sequence as f64 / 10.0, Verdict::Dark);
         let (pictures, decode, foreground) = Default::default();
-        self.say(camera, id, &Message::Seen(Box::new(Seen { observation, pictures, decode, foreground })));
+        self.say(
+            camera,
+            id,
+            &Message::Seen(Box::new(ObservedFrame { observation, pictures, decode, foreground })),
+        );
     }
 
     fn pass(&mut self, seconds: f64) {
@@ -76,7 +80,7 @@ impl Scene {
         }
     }
 
-    /// Sequence number, time and health of everything delivered of a camera.
+    /// Sequence number, time and health of all delivered observations of a camera.
     fn seen(&self, camera: usize) -> Vec<(u64, f64, Verdict)> {
         let events = self.delivered.iter().filter(|(of, _)| *of == camera);
         events
@@ -103,7 +107,7 @@ impl Scene {
 
 #[test]
 fn recordings_are_called_until_they_answer_and_started_together() {
-    let mut scene = Scene::new();
+    let mut scene = TimedRoster::new();
     scene.appear("a", "1");
     scene.pass(1.0);
     assert_eq!(scene.count("1", |m| matches!(m, Message::Call)), 6);
@@ -130,7 +134,7 @@ fn recordings_are_called_until_they_answer_and_started_together() {
 
 #[test]
 fn a_recording_that_goes_before_its_end_has_failed_and_cannot_come_back() {
-    let mut scene = Scene::new();
+    let mut scene = TimedRoster::new();
     scene.join("a", "1", false);
     scene.join("b", "2", false);
     scene.start();
@@ -155,7 +159,7 @@ fn a_recording_that_goes_before_its_end_has_failed_and_cannot_come_back() {
 
 #[test]
 fn a_live_station_that_goes_is_lost_once_and_its_numbers_go_on_growing() {
-    let mut scene = Scene::new();
+    let mut scene = TimedRoster::new();
     scene.join("a", "1", true);
     scene.start();
     scene.see("a", "1", 1);
@@ -190,7 +194,7 @@ fn a_live_station_that_goes_is_lost_once_and_its_numbers_go_on_growing() {
 
 #[test]
 fn a_rival_is_refused_while_the_holder_answers() {
-    let mut scene = Scene::new();
+    let mut scene = TimedRoster::new();
     scene.join("a", "1", true);
     scene.start();
     scene.join("a", "2", true);
@@ -208,7 +212,7 @@ fn a_rival_is_refused_while_the_holder_answers() {
 
 #[test]
 fn a_rival_takes_the_place_of_a_holder_that_is_silent_or_gone() {
-    let mut scene = Scene::new();
+    let mut scene = TimedRoster::new();
     scene.join("a", "1", true);
     scene.start();
     scene.see("a", "1", 1);
@@ -226,7 +230,7 @@ fn a_rival_takes_the_place_of_a_holder_that_is_silent_or_gone() {
 
 #[test]
 fn others_are_left_out_with_one_line() {
-    let mut scene = Scene::new();
+    let mut scene = TimedRoster::new();
     let token = |version: &str, room: &str, camera: &str| Token {
         version: version.into(),
         room: room.into(),
@@ -257,7 +261,7 @@ fn others_are_left_out_with_one_line() {
 
 #[test]
 fn garbage_is_counted_and_told_once_a_station() {
-    let mut scene = Scene::new();
+    let mut scene = TimedRoster::new();
     scene.join("a", "1", true);
     scene.start();
     let before = scene.lines.len();

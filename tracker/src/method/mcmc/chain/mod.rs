@@ -29,9 +29,9 @@ use super::births::BirthMap;
 use super::options::{Acceptance, McmcOptions, Spread};
 use super::person::{Key, Person};
 use crate::likelihood::prior::{LOG_IMPOSSIBLE, log_separation};
-use crate::likelihood::{Counts, Layers, PreparedRule, Simulation};
+use crate::likelihood::{Counts, Layers, PreparedLikelihood, Simulation};
+use crate::prepared_room::Floor;
 use crate::silhouette::{Body, Silhouette};
-use crate::stage::Floor;
 
 /// Sizes outside these are nobody's.
 const RADII_M: std::ops::RangeInclusive<f64> = 0.10..=0.60;
@@ -46,7 +46,7 @@ pub(super) struct Setting<'a> {
     pub(super) layers: &'a Layers,
     pub(super) options: &'a McmcOptions,
     /// V.
-    pub(super) rule: PreparedRule,
+    pub(super) rule: PreparedLikelihood,
     /// Where people are expected and proposed to appear.
     pub(super) appearance: Appearance<'a>,
     /// Where foreground is left over by the predicted people; `None` when it is too little to be a person.

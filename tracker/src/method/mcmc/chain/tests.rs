@@ -6,16 +6,16 @@ use super::super::left_over::LeftOver;
 use super::super::person::{Known, Place};
 use super::super::tests::{empty_room, masks, standing};
 use super::*;
-use crate::likelihood::{Rule, pack};
+use crate::likelihood::{LikelihoodRule, pack};
+use crate::prepared_room::PreparedRoom;
 use crate::silhouette::View;
-use crate::stage::Stage;
 use nalgebra::{Matrix2, Vector2};
 use rand::SeedableRng;
 use rand_distr::{Distribution, Poisson};
 
 /// People appear anywhere on the floor.
 fn on_all_the_floor<'a>(
-    stage: &'a Stage,
+    stage: &'a PreparedRoom,
     births: &'a BirthMap,
     options: &McmcOptions,
     log_density: f64,
@@ -46,9 +46,11 @@ fn proposals_are_given_up_early_only_where_they_would_be_refused() {
     let stage = empty_room();
     let seen = masks(&stage, &[standing(3.0, 1.6), standing(3.4, 2.0), standing(1.8, 3.5)]);
     let mut rng = Pcg64Mcg::seed_from_u64(5);
-    for likelihood in
-        [McmcOptions::default().likelihood, Rule::Overlap { exponent: 1.0 }, Rule::Overlap { exponent: 40.0 }]
-    {
+    for likelihood in [
+        McmcOptions::default().likelihood,
+        LikelihoodRule::Overlap { exponent: 1.0 },
+        LikelihoodRule::Overlap { exponent: 40.0 },
+    ] {
         let options = McmcOptions { likelihood, ..McmcOptions::default() };
         let views: Vec<View> = stage.cameras.iter().map(View::new).collect();
         let packed: Vec<_> =
@@ -145,7 +147,7 @@ fn means(states: &[[f64; 10]]) -> [(f64, f64); 10] {
 /// What is told of states of the prior itself, by rejection: births are a Poisson process, thinned where fewer than the most
 /// are expected a m², and states with an overlap or too many are none.
 fn drawn_by_rejection(
-    stage: &Stage,
+    stage: &PreparedRoom,
     options: &McmcOptions,
     known: &Known,
     (most_per_m2, expected_per_m2): (f64, impl Fn(f64, f64) -> f64),

@@ -1,4 +1,4 @@
-//! Whose packets count, and what is left out.
+//! Tests of the acceptance and refusal of packets.
 
 use std::time::{Duration, Instant};
 
@@ -10,8 +10,8 @@ use super::super::Refusal;
 use super::super::peers::Peers;
 use super::*;
 
-/// Peers of station 0, and their passing time.
-struct Bench {
+/// Peers of station 0, and the passing time.
+struct TimedPeers {
     peers: Peers,
     begun: Instant,
     room: String,
@@ -22,7 +22,7 @@ struct Bench {
 /// Own clock at the start, seconds.
 const START_S: f64 = 1.7e9;
 
-impl Bench {
+impl TimedPeers {
     fn new() -> Self {
         let room = ROOM.to_string();
         let cameras = CAMERAS.map(str::to_owned).to_vec();
@@ -45,7 +45,7 @@ impl Bench {
         !self.peers.take().is_empty()
     }
 
-    /// Sends packets of a life at 12 a second; returns how many count.
+    /// Sends packets of a life at 12 a second; returns the number that count.
     fn stream(&mut self, station: u8, life: u32, sequences: std::ops::Range<u32>, ahead_s: f64) -> usize {
         let counted = sequences.map(|sequence| {
             self.at_s += 1.0 / 12.0;
@@ -67,14 +67,14 @@ impl Bench {
     }
 }
 
-/// Asserts that there is one line, which begins so.
+/// Asserts that there is one line, which begins with `begin`.
 fn assert_line(lines: &[String], begin: &str) {
     assert!(lines.len() == 1 && lines[0].starts_with(begin) && !lines[0].contains('\n'), "{lines:?}");
 }
 
 #[test]
 fn every_refusal_is_counted_and_told_once() {
-    let mut bench = Bench::new();
+    let mut bench = TimedPeers::new();
     let good = encode(&packet(1, 9, 1, START_S), START_S).unwrap();
     let mut version = good.clone();
     version[0] = 2;
@@ -91,7 +91,7 @@ fn every_refusal_is_counted_and_told_once() {
         ("cam0", &good, Refusal::Rival, Some("`cam0` is there twice")),
         ("cam1", &stale, Refusal::Clock, Some("`cam1` sends frames that were taken 100.0 s before")),
     ];
-    for (camera, bytes, refusal, told) in cases {
+    for (camera, bytes, refusal, logged) in cases {
         let before = bench.refused(refusal);
         for _ in 0..3 {
             bench.bytes(camera, bytes);
@@ -99,13 +99,13 @@ fn every_refusal_is_counted_and_told_once() {
         let lines = bench.lines();
         if refusal == Refusal::Clock {
             // The second time it is a replayed one.
-            assert!(lines[0].contains(told.unwrap_or_default()), "{lines:?}");
+            assert!(lines[0].contains(logged.unwrap_or_default()), "{lines:?}");
             assert_eq!((bench.refused(refusal), bench.refused(Refusal::Replayed), lines.len()), (1, 2, 2));
             continue;
         }
         assert_eq!(bench.refused(refusal) - before, 3, "{refusal:?}");
-        match told {
-            Some(told) => assert_line(&lines, &format!("station {told}")),
+        match logged {
+            Some(logged) => assert_line(&lines, &format!("station {logged}")),
             None => assert!(lines.is_empty(), "{lines:?}"),
         }
     }
@@ -114,7 +114,7 @@ fn every_refusal_is_counted_and_told_once() {
 
 #[test]
 fn replayed_packets_and_those_out_of_order_count_once() {
-    let mut bench = Bench::new();
+    let mut bench = TimedPeers::new();
     let truth: Vec<bool> = [1, 2, 2, 1, 4, 3, 5].map(|sequence| bench.send(1, 9, sequence, 0.0)).into();
     assert_eq!(truth, [true, true, false, false, true, false, true]);
     assert_eq!(bench.refused(Refusal::Replayed), 3);
@@ -123,7 +123,7 @@ fn replayed_packets_and_those_out_of_order_count_once() {
 
 #[test]
 fn a_second_station_of_a_camera_is_left_out_until_the_first_is_silent() {
-    let mut bench = Bench::new();
+    let mut bench = TimedPeers::new();
     for sequence in 1..=24 {
         assert_eq!(bench.stream(1, 9, sequence..sequence + 1, 0.0), 1);
         assert!(!bench.send(1, 8, sequence, 0.0));
@@ -132,7 +132,7 @@ fn a_second_station_of_a_camera_is_left_out_until_the_first_is_silent() {
     assert_line(&bench.lines(), "station `cam1` is there twice");
     bench.at_s += 1.1;
     assert!(bench.send(1, 8, 25, 0.0));
-    // The first comes back, and is the second now; what it sent before never counts again.
+    // The first comes back, and is the second now; its earlier packets never count again.
     assert!(!bench.send(1, 9, 26, 0.0));
     bench.at_s += 1.1;
     assert!(!bench.send(1, 9, 24, 0.0));
@@ -141,35 +141,35 @@ fn a_second_station_of_a_camera_is_left_out_until_the_first_is_silent() {
 
 #[test]
 fn a_restarted_station_is_heard_at_once_when_its_token_is_gone() {
-    let mut bench = Bench::new();
+    let mut bench = TimedPeers::new();
     assert!(bench.send(1, 9, 500, 0.0));
     assert!(!bench.send(1, 8, 1, 0.0));
-    bench.peers.token_vanished(&Bench::token("cam1", 7));
+    bench.peers.token_vanished(&TimedPeers::token("cam1", 7));
     assert!(!bench.send(1, 8, 1, 0.0), "another life's token");
-    bench.peers.token_vanished(&Bench::token("cam1", 9));
+    bench.peers.token_vanished(&TimedPeers::token("cam1", 9));
     assert!(bench.send(1, 8, 1, 0.0));
     assert!(!bench.send(1, 9, 501, 0.0));
 }
 
 #[test]
 fn a_life_that_comes_back_goes_on() {
-    let mut bench = Bench::new();
+    let mut bench = TimedPeers::new();
     assert!(bench.send(1, 9, 1, 0.0));
-    bench.peers.token_vanished(&Bench::token("cam1", 9));
+    bench.peers.token_vanished(&TimedPeers::token("cam1", 9));
     bench.at_s += 60.0;
     assert!(bench.send(1, 9, 2, 0.0) && !bench.send(1, 8, 1, 0.0));
 }
 
 #[test]
 fn tokens_of_others_are_told() {
-    let mut bench = Bench::new();
+    let mut bench = TimedPeers::new();
     for _ in 0..2 {
-        bench.peers.token_appeared(&AgentsToken { version: "9".into(), ..Bench::token("cam1", 9) });
-        bench.peers.token_appeared(&AgentsToken { room: "ab".into(), ..Bench::token("cam1", 9) });
-        bench.peers.token_appeared(&Bench::token("cam9", 9));
-        bench.peers.token_appeared(&Bench::token("cam0", 9));
-        bench.peers.token_appeared(&Bench::token("cam0", 1));
-        bench.peers.token_appeared(&Bench::token("cam1", 1));
+        bench.peers.token_appeared(&AgentsToken { version: "9".into(), ..TimedPeers::token("cam1", 9) });
+        bench.peers.token_appeared(&AgentsToken { room: "ab".into(), ..TimedPeers::token("cam1", 9) });
+        bench.peers.token_appeared(&TimedPeers::token("cam9", 9));
+        bench.peers.token_appeared(&TimedPeers::token("cam0", 9));
+        bench.peers.token_appeared(&TimedPeers::token("cam0", 1));
+        bench.peers.token_appeared(&TimedPeers::token("cam1", 1));
     }
     let lines = bench.lines();
     let begins = ["speaks version 9", "belongs to another room (ab", "has a camera that", "is there twice"];
@@ -181,7 +181,7 @@ fn tokens_of_others_are_told() {
 
 #[test]
 fn a_clock_half_a_second_ahead_is_corrected_and_told() {
-    let mut bench = Bench::new();
+    let mut bench = TimedPeers::new();
     for sequence in 1..20 {
         bench.at_s += 1.0 / 12.0;
         let sent_s = START_S + bench.at_s + 0.5;
@@ -201,7 +201,7 @@ fn a_clock_half_a_second_ahead_is_corrected_and_told() {
 #[test]
 fn a_clock_that_is_an_hour_off_is_told_and_left_out_until_it_is_right() {
     for ahead_s in [3600.0, -3600.0] {
-        let mut bench = Bench::new();
+        let mut bench = TimedPeers::new();
         assert_eq!(bench.stream(1, 9, 1..120, ahead_s), 0);
         let side = if ahead_s > 0.0 { "ahead of" } else { "behind" };
         assert_line(
@@ -216,7 +216,7 @@ fn a_clock_that_is_an_hour_off_is_told_and_left_out_until_it_is_right() {
 
 #[test]
 fn packets_that_were_held_back_are_left_out() {
-    let mut bench = Bench::new();
+    let mut bench = TimedPeers::new();
     bench.stream(1, 9, 1..30, 0.0);
     let sent_s = START_S + bench.at_s;
     bench.at_s += 5.0;
@@ -229,7 +229,7 @@ fn packets_that_were_held_back_are_left_out() {
 
 #[test]
 fn the_oldest_waiting_packets_are_dropped() {
-    let mut bench = Bench::new();
+    let mut bench = TimedPeers::new();
     for sequence in 1..=300 {
         let bytes = encode(&packet(1, 9, sequence, START_S), START_S).unwrap();
         bench.bytes("cam1", &bytes);
@@ -257,20 +257,20 @@ fn a_listener_without_a_room_takes_the_first() {
 
 proptest! {
     #[test]
-    fn whatever_arrives_memory_is_bounded_and_lines_stay_lines(
+    fn memory_is_bounded_for_any_packets_and_lines_stay_lines(
         messages in proptest::collection::vec(
             (0_usize..6, 0_u8..5, any::<u32>(), any::<u32>(), -1e4..1e4, proptest::collection::vec(any::<u8>(), 0..80), any::<bool>()),
             0..200,
         ),
     ) {
-        let mut bench = Bench::new();
+        let mut bench = TimedPeers::new();
         for (camera, station, life, sequence, ahead_s, bytes, is_packet) in messages {
             bench.at_s += 0.01;
             let camera = ["cam0", "cam1", "cam 2/ä", "cam3", "x", "y\n"][camera];
             let sent_s = START_S + ahead_s;
             let bytes = if is_packet { encode(&packet(station, life, sequence, sent_s), sent_s)? } else { bytes };
             bench.bytes(camera, &bytes);
-            bench.peers.token_vanished(&Bench::token(camera, life));
+            bench.peers.token_vanished(&TimedPeers::token(camera, life));
         }
         prop_assert!(bench.peers.take().len() <= 256);
         prop_assert!(bench.lines().len() <= 6 * 9 * 3);

@@ -1,4 +1,4 @@
-//! The state machine by itself, and members of the mesh in one process.
+//! Tests of the state machine by itself, and of members of the mesh in one process.
 
 mod listening;
 mod network;

@@ -1,4 +1,4 @@
-//! Members of the mesh on loopback.
+//! Tests of members of the mesh on the loopback.
 
 use std::time::{Duration, Instant, SystemTime};
 
@@ -48,8 +48,8 @@ fn now(station: u8, sequence: u32) -> Packet {
     packet(station, 0, sequence, utc_s(SystemTime::now()) - 0.02)
 }
 
-/// Publishes packets of a station, 50 a second, until the condition holds for what a member has heard; returns the
-/// time that it took.
+/// Publishes packets of a station, 50 a second, until the condition holds for the packets that a member has received;
+/// returns the time that it took.
 fn until(
     sender: &mut Mesh,
     station: u8,
@@ -61,7 +61,7 @@ fn until(
     loop {
         *sequence += 1;
         sender.publish(&now(station, *sequence)).unwrap();
-        if holds(&hearer.wait_heard(Duration::from_millis(20))) {
+        if holds(&hearer.wait_received(Duration::from_millis(20))) {
             return begun.elapsed();
         }
         assert!(begun.elapsed() < BOUND, "{hearer:?}");
@@ -208,7 +208,7 @@ fn a_hostile_peer_is_counted_and_the_rest_goes_on() {
 fn a_member_that_only_listens_sends_nothing() {
     let mut watch = Mesh::open(&listener(), &endpoints(Some(&free_address()), &[])).unwrap();
     assert_eq!(watch.publish(&now(0, 1)).unwrap_err().to_string(), "station: this member only listens");
-    assert!(watch.wait_heard(Duration::from_millis(10)).is_empty());
+    assert!(watch.wait_received(Duration::from_millis(10)).is_empty());
     let line =
         Mesh::open(&membership(9, &[]), &endpoints(Some(&free_address()), &[])).unwrap_err().to_string();
     assert_eq!(line, "room: there is no camera number 9");

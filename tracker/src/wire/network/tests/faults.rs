@@ -1,4 +1,4 @@
-//! Live stations that come, go and come back; and peers that must not take part.
+//! Tests of live stations that come, leave and come back, and of peers that must not take part.
 
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -71,7 +71,7 @@ fn live_stations_come_late_go_and_come_back() {
     until(&gatherer, 0, Verdict::Lost, &mut latest);
     let lost_at = latest[0];
     until(&gatherer, 1, Verdict::Usable, &mut latest);
-    assert_eq!(latest[0], lost_at, "a loss is told once");
+    assert_eq!(latest[0], lost_at, "a loss is reported once");
     let restarted = Instant::now();
     let back = observe_live("cam0", &address, third);
     until(&gatherer, 0, Verdict::Usable, &mut latest);
@@ -126,7 +126,7 @@ fn stations_of_another_room_and_missing_ones_are_told_in_one_line() {
         "{line}"
     );
     let line = gatherer.join().unwrap().err().unwrap().to_string();
-    assert!(line.starts_with("--stations: no station of `cam0` within 2 s"), "{line}");
+    assert!(line.starts_with("expected: no station of `cam0` within 2 s"), "{line}");
     let interrupted = AtomicBool::new(true);
     let line = own.wait_for_start(None, &interrupted).unwrap_err().to_string();
     assert_eq!(line, "station `cam1`: interrupted while it waited for the gatherer");
@@ -201,7 +201,7 @@ fn an_address_that_is_taken_is_told_in_one_line() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = listener.local_addr().unwrap().to_string();
     let line = gather(&["cam0"], listening(&address), BOUND).join().unwrap().err().unwrap().to_string();
-    assert!(line.starts_with(&format!("--listen: tcp/{address}: ")) && !line.contains('\n'), "{line}");
+    assert!(line.starts_with(&format!("listen: tcp/{address}: ")) && !line.contains('\n'), "{line}");
 }
 
 #[test]

@@ -1,5 +1,5 @@
-//! Stations and gatherers as sessions of their own on the loopback. Each test has a port of its own and ends in bounded
-//! time.
+//! Tests of stations and gatherers as sessions of their own on the loopback. Each test has a port of its own and ends
+//! in bounded time.
 
 mod faults;
 mod recordings;
@@ -16,9 +16,9 @@ use crate::foreground::Verdict;
 use crate::observation::{Colours, Feedback, Mask, Observation};
 use crate::silhouette::Body;
 use crate::station::Port;
-use crate::station::{Event, Pictures, Seen};
+use crate::station::{Event, ObservedFrame, Pictures};
 use crate::wire::test_loopback::free_address;
-use crate::wire::{Endpoints, Expected, ExpectedCamera, Fingerprint, Hello};
+use crate::wire::{Endpoints, ExpectedCamera, ExpectedStations, Fingerprint, Hello};
 
 /// Bound of every wait in these tests.
 const BOUND: Duration = Duration::from_secs(20);
@@ -40,9 +40,9 @@ fn hello(camera: &str, is_live: bool) -> Hello {
     Hello { room: ROOM, camera: camera.into(), width: SIZE.0, height: SIZE.1, is_live, rate_hz }
 }
 
-fn expected(cameras: &[&str]) -> Expected {
+fn expected(cameras: &[&str]) -> ExpectedStations {
     let camera = |name: &&str| ExpectedCamera { name: (*name).into(), width: SIZE.0, height: SIZE.1 };
-    Expected { room: ROOM, cameras: cameras.iter().map(camera).collect() }
+    ExpectedStations { room: ROOM, cameras: cameras.iter().map(camera).collect() }
 }
 
 /// Gatherer with all its stations.
@@ -68,7 +68,7 @@ impl Gatherer {
     }
 
     /// The next observation of a camera.
-    fn next_seen(&self, camera: usize) -> Seen {
+    fn next_seen(&self, camera: usize) -> ObservedFrame {
         match self.next() {
             (from, Event::Seen(seen)) if from == camera => *seen,
             other => panic!("{other:?}"),
@@ -77,7 +77,7 @@ impl Gatherer {
 }
 
 /// Observation of a camera's `sequence`th frame.
-fn seen(camera: &str, sequence: u64) -> Seen {
+fn seen(camera: &str, sequence: u64) -> ObservedFrame {
     let grain = 3 + camera.len() as u32;
     let shift = sequence as u32;
     let mask =
@@ -90,7 +90,7 @@ fn seen(camera: &str, sequence: u64) -> Seen {
         mask: Some(mask),
         colours: Some(colours),
     };
-    Seen {
+    ObservedFrame {
         observation,
         pictures: Pictures::default(),
         decode: Duration::from_nanos(sequence),

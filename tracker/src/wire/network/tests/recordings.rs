@@ -1,11 +1,11 @@
-//! Recordings: everything arrives, in order, and within the window; a side that goes is reported.
+//! Tests of recordings: everything arrives, in order, and within the window; a side that leaves is reported.
 
 use std::time::Instant;
 
 use super::*;
 
-/// Station like the product's: it makes at most a window of observations more than it has had feedback for. Returns
-/// the feedback that it got.
+/// A station like the product's: it is at most a window of observations ahead of its feedback. Returns the feedback
+/// that it got.
 fn play(camera: &'static str, endpoints: Endpoints, frames: u64) -> JoinHandle<Vec<Feedback>> {
     thread::spawn(move || {
         let (mut uplink, feedback) = Uplink::open(hello(camera, false), &endpoints).unwrap();
@@ -131,7 +131,7 @@ fn round_trips_on_the_loopback_are_short() {
         .collect();
     times.sort_unstable();
     println!("observation there, feedback back: p50 {:.0?}, p99 {:.0?}", times[500], times[990]);
-    // A machine that does other things at the same time is slow at the tail, not in the middle.
+    // A machine that is busy otherwise is slow at the tail, not in the middle.
     assert!(times[500] < Duration::from_millis(20), "{:?}", times[500]);
     uplink.send(Event::Ended).unwrap();
     echo.join().unwrap();
@@ -167,10 +167,10 @@ fn a_recording_whose_station_goes_fails_and_a_failure_is_told() {
         (0, Event::Failed(error)) => assert!(error.to_string().contains("gone before its recording's end")),
         got => panic!("{got:?}"),
     }
-    second.send(Event::Failed(crate::Error::option("--video", "b.mp4: no such file"))).unwrap();
+    second.send(Event::Failed(crate::Error::option("videos", "b.mp4: no such file"))).unwrap();
     match gatherer.next() {
         (1, Event::Failed(error)) => {
-            assert_eq!(error.to_string(), "station `cam1`: --video: b.mp4: no such file");
+            assert_eq!(error.to_string(), "station `cam1`: videos: b.mp4: no such file");
         }
         got => panic!("{got:?}"),
     }

@@ -1,4 +1,4 @@
-//! Encrypted links: a peer with a certificate of the right authority, and the right name, is accepted.
+//! Tests of encrypted links: a peer with a certificate of the right authority, and the right name, is accepted.
 
 use std::path::{Path, PathBuf};
 
@@ -44,7 +44,7 @@ fn encrypted(address: &str, tls: &Tls) -> (Endpoints, Endpoints) {
 }
 
 #[test]
-fn certificates_decide_who_is_let_in() {
+fn only_peers_with_accepted_certificates_are_admitted() {
     let folder = tempfile::tempdir().unwrap();
     let (own, foreign) = (Authority::new(folder.path(), "own"), Authority::new(folder.path(), "foreign"));
     let address = free_address();

@@ -1,10 +1,10 @@
-//! The floor: where people can be, where they may come and go, and the doorstep beyond.
+//! The floor: positions that people can occupy, where tracks may begin and end, and doorsteps.
 //!
-//! A person in a doorway is seen before they are in the room and after they have left it. So what lies behind a zone is a
-//! *doorstep*: people may be there, come from there and vanish there, but they are not in the room and are not reported.
-//! Without it a tracker has to squeeze whoever is seen through the door into the room. Two kinds of floor are doorsteps:
-//! walkable floor that is best reached through a zone (a corridor that the cameras saw), and what lies outside the
-//! room's outline close to a zone (a corridor that they did not).
+//! A person in a doorway is seen before they enter the room and after they leave it. The floor behind a zone is
+//! therefore a *doorstep*: people may stand there, come from there and vanish there, but they are not in the room and
+//! are not reported. Without doorsteps a tracker would place a person seen through the door inside the room. Two kinds
+//! of floor are doorsteps: walkable floor that is best reached through a zone (a corridor that the cameras saw), and
+//! floor outside the room's outline close to a zone (a corridor that they did not see).
 
 use nalgebra::{Point2, Vector2};
 use scenes::polygon::Polygon;
@@ -13,16 +13,16 @@ use scenes::walkable::WalkableMap;
 
 use super::doorway::beyond_zones;
 
-/// How far an unseen doorstep reaches from a zone: about as far as one sees through a door at an angle.
+/// Extent of an unseen doorstep from its zone, metres: about as far as a camera sees through a door at an angle.
 const DOORSTEP_M: f64 = 1.5;
 
-/// The middles of eleven equally probable parts of the standard normal distribution: its quantiles at 1/22, 3/22, … 21/22.
+/// Quantiles of the standard normal distribution at 1/22, 3/22, … 21/22: the medians of eleven equally probable parts.
 const EQUAL_PARTS: [f64; 11] = [
     -1.690_622, -1.096_804, -0.747_859, -0.472_789, -0.229_884, 0.0, 0.229_884, 0.472_789, 0.747_859,
     1.096_804, 1.690_622,
 ];
 
-/// Where people can be.
+/// The set of positions that people can occupy.
 #[derive(Debug, Clone)]
 pub struct Floor {
     walkable: WalkableMap,
@@ -35,7 +35,7 @@ pub struct Floor {
 }
 
 impl Floor {
-    /// The floor of a room. Where it is not known how far it goes, it goes as far as the places that are `seen`.
+    /// Builds the floor of a room. A floor of unknown extent reaches as far as the places in `seen`.
     pub fn new(walkable: WalkableMap, zones: &[Zone], seen: &[Point2<f64>]) -> Self {
         let beyond = walkable.grid().map_or(Vec::new(), |grid| beyond_zones(grid, zones));
         let mut corners: Vec<Point2<f64>> = zones.iter().flat_map(|z| z.polygon.0.iter().copied()).collect();
@@ -57,15 +57,17 @@ impl Floor {
         Self { walkable, beyond, zones: zones.to_vec(), outline, bounds: (low - reach, high + reach) }
     }
 
-    /// Whether a place is in the room and somebody can stand there. Zones count: whoever drew them saw people there.
+    /// Whether a position is in the room and a person can stand there. A zone is always standable, because people were
+    /// seen where it was drawn.
     pub fn is_inside(&self, x_m: f64, y_m: f64) -> bool {
         let p = Point2::new(x_m, y_m);
         (self.walkable.contains(x_m, y_m) && !self.is_beyond(&p))
             || self.zones.iter().any(|z| z.polygon.contains(&p))
     }
 
-    /// The probability that somebody is in the room and not on a doorstep, whose place is normally distributed around this
-    /// one: of the places where somebody can stand, the share that is inside. 0 where nobody can stand.
+    /// Probability that a person is in the room and not on a doorstep, for a normally distributed position with mean
+    /// `(x_m, y_m)` and standard deviations `sigma_m`: the share of the standable positions that is inside. 0 where no
+    /// position is standable.
     pub fn share_inside(&self, x_m: f64, y_m: f64, sigma_m: [f64; 2]) -> f64 {
         let (mut standable, mut inside) = (0_u32, 0_u32);
         for u in EQUAL_PARTS {
@@ -82,32 +84,32 @@ impl Floor {
         f64::from(inside) / f64::from(standable.max(1))
     }
 
-    /// Whether somebody can stand at a place, in the room or on a doorstep.
+    /// Whether a person can stand at a position, in the room or on a doorstep.
     pub fn is_standable(&self, x_m: f64, y_m: f64) -> bool {
         self.walkable.contains(x_m, y_m) || self.near_zone(x_m, y_m, None)
     }
 
-    /// Whether people may appear at this place: in an entry zone or on its doorstep; anywhere in a room without zones.
+    /// Whether a track may begin at a position: in an entry zone or on its doorstep; anywhere in a room without zones.
     pub fn may_appear(&self, x_m: f64, y_m: f64) -> bool {
         self.zones.is_empty() || self.near_zone(x_m, y_m, Some(ZoneKind::Exit))
     }
 
-    /// Whether people may disappear at this place: in an exit zone or on its doorstep; anywhere in a room without zones.
+    /// Whether a track may end at a position: in an exit zone or on its doorstep; anywhere in a room without zones.
     pub fn may_disappear(&self, x_m: f64, y_m: f64) -> bool {
         self.zones.is_empty() || self.near_zone(x_m, y_m, Some(ZoneKind::Entry))
     }
 
-    /// The smallest and the largest corner of a box around all places where people can be.
+    /// Smallest and largest corner of a box around all positions that people can occupy, metres.
     pub fn bounds(&self) -> (Point2<f64>, Point2<f64>) {
         self.bounds
     }
 
-    /// In a zone that is not of the barred kind, or on its doorstep.
+    /// Whether a position is in a zone that is not of the barred kind, or on its doorstep.
     fn near_zone(&self, x_m: f64, y_m: f64, barred: Option<ZoneKind>) -> bool {
         let p = Point2::new(x_m, y_m);
         let open = self.zones.iter().filter(|z| Some(z.kind) != barred);
         let nearest_m = open.map(|z| z.polygon.distance_m(&p)).fold(f64::INFINITY, f64::min);
-        // Nearly all places are far from every zone: what lies outside is looked up for the others alone.
+        // Most positions are far from every zone, so the outline is tested only for the others.
         let outside = || self.outline.as_ref().is_some_and(|o| !o.contains(&p)) || self.is_beyond(&p);
         nearest_m <= 0.0 || (nearest_m <= DOORSTEP_M && outside())
     }
@@ -190,7 +192,7 @@ mod tests {
         }
     }
 
-    /// The sides of a zone that stand square on the wall are in no wall: what lies along them is room.
+    /// The sides of a zone that are perpendicular to the wall are in no wall, so the floor along them is room.
     #[test]
     fn the_room_beside_a_zone_at_a_wall_with_nothing_behind_is_room() {
         let rooms = [
@@ -233,9 +235,9 @@ mod tests {
         assert!(low.x <= 0.0 && high.x >= 6.5);
     }
 
-    /// Along the wall with the door the share is that of the normal distribution; walls take nothing away.
+    /// Along the wall with the door the share is that of the normal distribution; walls do not reduce it.
     #[test]
-    fn who_may_be_on_the_doorstep_is_in_the_room_with_the_probability_of_its_side() {
+    fn the_share_inside_beside_a_door_is_the_normal_distributions() {
         let floor = room(ZoneKind::Both);
         // Standard deviations from the door's outer edge, and the distribution function there.
         for (sigmas, inside) in

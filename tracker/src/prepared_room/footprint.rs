@@ -1,20 +1,20 @@
-//! How far a camera follows people: the part of the floor it sees from near enough.
+//! Part of the floor on which a camera can track people.
 //!
-//! A room without a known floor has no end, but a camera does: beyond some distance a person is too small in its image to
-//! be told from noise. What lies nearer, and inside the image, bounds where people are looked for.
+//! A room without a known floor has no end. Beyond some distance a person is too small in the image to be told from
+//! noise, so the floor that a camera sees within that distance bounds the search for people.
 
 use calib::Camera;
 use nalgebra::Point2;
 
-/// The smallest person that is looked for, in parts of the image's height.
+/// Height of the smallest person that is tracked, as a fraction of the image's height.
 const LEAST_HEIGHT: f64 = 1.0 / 30.0;
-/// How tall people are, roughly.
+/// Assumed height of a person, metres.
 const PERSON_M: f64 = 1.7;
-/// Probes along each side of the image.
+/// Samples along each side of the image.
 const PROBES: u32 = 16;
 
-/// Places on the floor all over what `camera` (a pinhole) sees of it, none farther than people can be told. A camera that
-/// never sees the floor at all gets the places below its farthest sights.
+/// Places on the floor that `camera` (a pinhole) sees, no farther than people can be tracked, metres. A camera that
+/// never sees the floor gets the places below its farthest rays.
 pub(super) fn of(camera: &Camera) -> Vec<Point2<f64>> {
     let k = &camera.intrinsics;
     let farthest_m = k.fy * PERSON_M / (LEAST_HEIGHT * f64::from(k.height));
@@ -23,9 +23,9 @@ pub(super) fn of(camera: &Camera) -> Vec<Point2<f64>> {
     (0..(PROBES + 1).pow(2))
         .filter_map(|i| {
             let pixel = Point2::new(at(i % (PROBES + 1), k.width), at(i / (PROBES + 1), k.height));
-            let sight = camera.back_project(&pixel, 1.0)? - eye;
-            let to_floor = if sight.z < 0.0 { -eye.z / sight.z } else { f64::INFINITY };
-            Some((eye + sight * to_floor.clamp(0.0, farthest_m)).xy())
+            let ray = camera.back_project(&pixel, 1.0)? - eye;
+            let to_floor = if ray.z < 0.0 { -eye.z / ray.z } else { f64::INFINITY };
+            Some((eye + ray * to_floor.clamp(0.0, farthest_m)).xy())
         })
         .collect()
 }

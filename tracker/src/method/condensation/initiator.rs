@@ -1,12 +1,12 @@
-//! Where people are found (section 4.3, figure 13): over each gate, at every moment, and as far into the room as they walk
-//! before two cameras have seen them for long enough.
+//! Track initiation (section 4.3, figure 13): people are found over each gate, at every moment, and as far into the
+//! room as they walk before two cameras have seen them for long enough.
 //!
-//! The paper spreads hypotheses over a gate anew each time and lets one person in at a time. Here half of them are those of the
-//! moment before, drawn by weight, so that they gather around whoever is coming; and whoever stands apart from those already
-//! found is found in the same moment, too.
+//! The paper spreads new hypotheses over a gate at each moment and starts one track at a time. Here half of the
+//! hypotheses are resampled from the moment before, so that they gather around a person who is coming; and several
+//! people apart from each other are found in the same moment.
 //!
-//! Nobody leaves but through a gate. Somebody who was lost elsewhere is still in the room, so they are looked for around the
-//! place where they were lost, wider with time, and go on as the same person.
+//! People leave through gates only. A person whose track was lost elsewhere is still in the room, so they are searched
+//! for around the place where they were lost, in an area that grows with time, and keep their id.
 
 use nalgebra::{Point2, Vector2, Vector3};
 use rand::SeedableRng;
@@ -15,101 +15,102 @@ use scenes::polygon::Polygon;
 use scenes::room::ZoneKind;
 
 use super::options::CondensationOptions;
-use super::search::{Criteria, Search};
-use super::spent::Spent;
-use super::weight::{Expected, Sight, is_hidden};
+use super::search::{Criteria, HeadSearch};
+use super::step_times::StepTimes;
+use super::weight::{ExpectedHead, WeighingInput, is_hidden};
 use crate::TrackId;
-use crate::stage::{Floor, Stage};
+use crate::prepared_room::{Floor, PreparedRoom};
 
-/// So far into the room are people still found who came through a gate, metres: the way of [`LifeOptions::believed_after_s`]
-/// and a little more, at a walk.
+/// Distance from a gate within which people are still found, metres: the way walked in
+/// [`LifeOptions::believed_after_s`] and a little more.
 ///
 /// [`LifeOptions::believed_after_s`]: super::options::LifeOptions::believed_after_s
 const FOUND_WITHIN_M: f64 = 1.0;
-/// Around where somebody was lost they are looked for as far as this, metres, and as much farther with time, up to…
+/// Reach of the search around the place where a track was lost, metres, and its growth, m/s, up to…
 const LOST_REACH_M: f64 = 0.5;
 const LOST_SPEED_M_S: f64 = 1.0;
-/// …this, and for so long, seconds.
+/// …this reach, metres, and for this time, seconds.
 const LOST_FARTHEST_M: f64 = 2.5;
 const LOST_FOR_S: f64 = 20.0;
 
-/// The gates of a room, and the people who are in it and lost.
+/// Track initiator: searches the gates of a room, and around lost tracks.
 #[derive(Debug, Clone)]
-pub struct Gates {
-    entries: Vec<Search>,
-    lost: Vec<Lost>,
+pub struct Initiator {
+    entries: Vec<HeadSearch>,
+    lost: Vec<LostTrack>,
     criteria: Criteria,
     rng: Pcg64Mcg,
 }
 
-/// Somebody who was lost.
+/// A lost track.
 #[derive(Debug, Clone)]
-struct Lost {
+struct LostTrack {
     id: TrackId,
     place: Point2<f64>,
     for_s: f64,
-    search: Search,
+    search: HeadSearch,
 }
 
-/// Which gates cannot be used.
+/// Entry zones that cannot be used as gates.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Unseen {
-    /// Entry zones in which no place of a head is seen by two cameras, with the cameras that see some.
+pub struct UnseenZones {
+    /// Names of entry zones in which two cameras never see the same place of a head, each with the cameras that see
+    /// some.
     pub zones: Vec<(String, Vec<String>)>,
-    /// Whether that is all of them.
+    /// Whether no entry zone can be used.
     pub is_all: bool,
 }
 
-impl Gates {
-    /// The gates of a stage. Without entry zones, or where none of them can be used, people are looked for everywhere.
-    pub fn new(stage: &Stage, options: &CondensationOptions) -> (Self, Unseen) {
+impl Initiator {
+    /// Gates of a room. Without entry zones, or where none of them can be used, people are searched for everywhere.
+    pub fn new(room: &PreparedRoom, options: &CondensationOptions) -> (Self, UnseenZones) {
         let mut rng = Pcg64Mcg::seed_from_u64(options.seed ^ 0x6761_7465);
-        let mut unseen = Unseen::default();
+        let mut unseen = UnseenZones::default();
         let mut areas = Vec::new();
         let height_m = 0.5 * (options.life.lowest_born_m + options.life.highest_m);
-        for zone in stage.zones.iter().filter(|z| z.kind != ZoneKind::Exit) {
-            let (is_seen_twice, cameras) = seen_from(stage, &zone.polygon, height_m, &mut rng);
+        for zone in room.zones.iter().filter(|z| z.kind != ZoneKind::Exit) {
+            let (is_seen_twice, cameras) = seen_from(room, &zone.polygon, height_m, &mut rng);
             if !is_seen_twice {
                 unseen.zones.push((zone.name.clone(), cameras));
             }
             let area = surroundings(&zone.polygon);
-            if is_seen_twice || seen_from(stage, &area, height_m, &mut rng).0 {
+            if is_seen_twice || seen_from(room, &area, height_m, &mut rng).0 {
                 areas.push(area);
             }
         }
         if areas.is_empty() {
             unseen.is_all = true;
-            let (low, high) = stage.floor.bounds();
+            let (low, high) = room.floor.bounds();
             areas.push(Polygon::rectangle(low, high));
         }
-        let entries = areas.into_iter().map(|area| Search::over(area, &mut rng)).collect();
+        let entries = areas.into_iter().map(|area| HeadSearch::over(area, &mut rng)).collect();
         (Self { entries, lost: Vec::new(), criteria: Criteria::new(options), rng }, unseen)
     }
 
-    /// Somebody was lost here, who has not left.
+    /// Registers a track that was lost here without leaving.
     pub fn miss(&mut self, id: TrackId, head: &Vector3<f64>) {
         let place = Point2::new(head.x, head.y);
-        let search = Search::over(around(&place, LOST_FARTHEST_M), &mut self.rng);
-        self.lost.push(Lost { id, place, for_s: 0.0, search });
+        let search = HeadSearch::over(around(&place, LOST_FARTHEST_M), &mut self.rng);
+        self.lost.push(LostTrack { id, place, for_s: 0.0, search });
     }
 
-    /// The heads of people who are seen now and followed by nobody yet, with the names of those who were lost.
-    pub fn newcomers(
+    /// Heads that are seen now and not yet tracked, each with the id of the lost track that it continues, if any.
+    pub fn new_heads(
         &mut self,
         dt_s: f64,
         floor: &Floor,
-        sight: &Sight<'_>,
-        spent: &mut Spent,
-    ) -> Vec<(Expected, Option<TrackId>)> {
-        spent.gates.start();
-        let mut found: Vec<Expected> = Vec::new();
+        input: &WeighingInput<'_>,
+        times: &mut StepTimes,
+    ) -> Vec<(ExpectedHead, Option<TrackId>)> {
+        times.gates.start();
+        let mut found: Vec<ExpectedHead> = Vec::new();
         let mut names = Vec::new();
         self.lost.retain_mut(|lost| {
             lost.for_s += dt_s;
             let reach_m = (LOST_REACH_M + LOST_SPEED_M_S * lost.for_s).min(LOST_FARTHEST_M);
             lost.search.move_to(around(&lost.place, reach_m));
-            lost.search.heads(&self.criteria, floor, sight, &mut found, &mut self.rng);
-            // They are one; whoever else was found there stays to be found again.
+            lost.search.heads(&self.criteria, floor, input, &mut found, &mut self.rng);
+            // Only one head continues the track; other heads found there will be found again.
             found.truncate(names.len() + 1);
             let is_found = found.len() > names.len();
             if is_found {
@@ -118,15 +119,15 @@ impl Gates {
             !is_found && lost.for_s < LOST_FOR_S
         });
         for entry in &mut self.entries {
-            entry.heads(&self.criteria, floor, sight, &mut found, &mut self.rng);
+            entry.heads(&self.criteria, floor, input, &mut found, &mut self.rng);
         }
         names.resize(found.len(), None);
-        spent.gates.stop();
+        times.gates.stop();
         found.into_iter().zip(names).collect()
     }
 }
 
-/// A gate with the way into the room.
+/// A gate and its surroundings.
 fn surroundings(gate: &Polygon) -> Polygon {
     let reaches = [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)];
     let corners = gate.0.iter();
@@ -139,17 +140,17 @@ fn around(place: &Point2<f64>, reach_m: f64) -> Polygon {
     Polygon::rectangle(place - reach, place + reach)
 }
 
-/// Whether two cameras see some of the places of heads above an area at once, and the names of those that see any.
-fn seen_from(stage: &Stage, area: &Polygon, height_m: f64, rng: &mut Pcg64Mcg) -> (bool, Vec<String>) {
-    /// Places that are looked at.
+/// Whether two cameras see the same place of a head above an area, and the names of the cameras that see any.
+fn seen_from(room: &PreparedRoom, area: &Polygon, height_m: f64, rng: &mut Pcg64Mcg) -> (bool, Vec<String>) {
+    /// Number of sampled places.
     const PROBES: usize = 200;
-    let mut seeing = vec![false; stage.cameras.len()];
+    let mut seeing = vec![false; room.cameras.len()];
     let mut is_seen_twice = false;
     for _ in 0..PROBES {
         let place = area.sample(rng);
         let head = Vector3::new(place.x, place.y, height_m);
         let mut cameras = 0;
-        for (camera, seeing) in stage.cameras.iter().zip(&mut seeing) {
+        for (camera, seeing) in room.cameras.iter().zip(&mut seeing) {
             let pixel = camera.pinhole.project(&head.into());
             if pixel.is_some_and(|p| camera.pinhole.intrinsics.contains(&p)) && !is_hidden(camera, &head) {
                 *seeing = true;
@@ -158,11 +159,11 @@ fn seen_from(stage: &Stage, area: &Polygon, height_m: f64, rng: &mut Pcg64Mcg) -
         }
         is_seen_twice |= cameras >= 2;
     }
-    let names = stage.cameras.iter().zip(seeing).filter(|(_, s)| *s).map(|(c, _)| c.name.clone());
+    let names = room.cameras.iter().zip(seeing).filter(|(_, s)| *s).map(|(c, _)| c.name.clone());
     (is_seen_twice, names.collect())
 }
 
-impl std::fmt::Display for Unseen {
+impl std::fmt::Display for UnseenZones {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str("--method condensation finds people where two cameras see the head at once. ")?;
         for (zone, cameras) in &self.zones {

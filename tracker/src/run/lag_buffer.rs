@@ -1,16 +1,16 @@
-//! Moments held for the lag, so that what comes after them can correct their estimates ([`Method::hindsight`]).
+//! Buffer that holds moments for the lag, so that the smoother can correct their estimates ([`Method::smoothed`]).
 
 use std::collections::VecDeque;
 
-use super::output::{Followed, Output};
+use super::output::{Output, ProcessedMoment};
 use crate::foreground::Verdict;
 use crate::method::Method;
 use crate::moment::CameraFrame;
 use crate::station::Pictures;
 use crate::{Moment, PersonEstimate, Result};
 
-/// A moment with the estimates that were made at once.
-pub(super) struct Held {
+/// A held moment, with the estimates of its own time.
+pub(super) struct HeldMoment {
     pub(super) frame: u32,
     pub(super) time_s: f64,
     pub(super) cameras: Vec<CameraFrame>,
@@ -19,11 +19,11 @@ pub(super) struct Held {
     pub(super) people: Vec<PersonEstimate>,
 }
 
-impl Held {
-    /// Gives the outputs the best estimates there are now.
+impl HeldMoment {
+    /// Passes the moment to the outputs, with its smoothed estimates where there are such.
     pub(super) fn emit(&self, method: &mut dyn Method, outputs: &mut [Box<dyn Output + '_>]) -> Result<()> {
-        let later = method.hindsight(self.frame);
-        let followed = Followed {
+        let later = method.smoothed(self.frame);
+        let followed = ProcessedMoment {
             moment: Moment { frame: self.frame, time_s: self.time_s, cameras: &self.cameras },
             people: later.as_ref().unwrap_or(&self.people),
             verdicts: &self.health,
@@ -33,36 +33,36 @@ impl Held {
         outputs.iter_mut().try_for_each(|output| output.put(&followed))
     }
 
-    /// Memory of its pictures, bytes.
+    /// Memory of the moment's pictures, bytes.
     fn bytes(&self) -> usize {
         let pictures = self.pictures.iter().flat_map(|p| [&p.pinhole, &p.filmed]);
         pictures.flatten().map(|picture| picture.as_raw().len()).sum()
     }
 }
 
-/// The moments that are held, the oldest first.
+/// Buffer of held moments, the oldest first.
 pub(super) struct LagBuffer {
     lag_s: f64,
-    /// Most memory of all held pictures, bytes; a moment that would not fit sends the oldest out early.
+    /// Most memory for all held pictures, bytes; when it is exceeded, the oldest moment leaves early.
     most_bytes: usize,
     bytes: usize,
-    moments: VecDeque<Held>,
+    moments: VecDeque<HeldMoment>,
     has_warned: bool,
 }
 
 impl LagBuffer {
-    /// A buffer in which each moment is held for `lag_s` seconds.
+    /// Buffer that holds each moment for `lag_s` seconds.
     pub(super) fn new(lag_s: f64, most_bytes: usize) -> Self {
         Self { lag_s, most_bytes, bytes: 0, moments: VecDeque::new(), has_warned: false }
     }
 
-    pub(super) fn push(&mut self, moment: Held) {
+    pub(super) fn push(&mut self, moment: HeldMoment) {
         self.bytes += moment.bytes();
         self.moments.push_back(moment);
     }
 
-    /// Takes the oldest moment out if it has been held long enough at `now_s`, or the pictures take too much memory.
-    pub(super) fn pop_due(&mut self, now_s: f64) -> Option<Held> {
+    /// Removes the oldest moment if it has been held long enough at `now_s`, or the pictures take too much memory.
+    pub(super) fn pop_due(&mut self, now_s: f64) -> Option<HeldMoment> {
         // Rounding must not hold a moment for one more.
         let is_due = self.moments.front()?.time_s + self.lag_s <= now_s + 1e-9;
         let is_too_much = self.bytes > self.most_bytes;
@@ -77,8 +77,8 @@ impl LagBuffer {
         if is_due || is_too_much { self.pop() } else { None }
     }
 
-    /// Takes the oldest moment out.
-    pub(super) fn pop(&mut self) -> Option<Held> {
+    /// Removes the oldest moment.
+    pub(super) fn pop(&mut self) -> Option<HeldMoment> {
         let oldest = self.moments.pop_front()?;
         self.bytes -= oldest.bytes();
         Some(oldest)
@@ -91,7 +91,7 @@ mod tests {
     use image::RgbImage;
     use std::sync::Arc;
 
-    /// Moments held after each of 40 of 24 + 18 bytes, `step_s` apart.
+    /// Numbers of held moments after each of 40 of 24 + 18 bytes, `step_s` apart.
     fn held(step_s: f64, lag_s: f64, most_bytes: usize) -> Vec<usize> {
         let mut buffer = LagBuffer::new(lag_s, most_bytes);
         let mut expected = 0;
@@ -103,7 +103,7 @@ mod tests {
                     filmed: Some(Arc::new(RgbImage::new(3, 2))),
                 };
                 let (cameras, health, people) = (vec![], vec![], vec![]);
-                buffer.push(Held { frame, time_s, cameras, pictures: vec![pictures], health, people });
+                buffer.push(HeldMoment { frame, time_s, cameras, pictures: vec![pictures], health, people });
                 while let Some(first) = buffer.pop_due(time_s) {
                     assert_eq!(first.frame, expected, "moments leave in their order");
                     expected += 1;
@@ -117,7 +117,7 @@ mod tests {
     fn moments_are_held_for_the_lag_while_their_pictures_fit() {
         assert_eq!(held(0.1, 0.0, 1000), vec![0; 40]);
         let most = |n: usize| -> Vec<usize> { (0..40).map(|frame| (frame + 1).min(n)).collect() };
-        // 0.1 is no binary fraction: a third tenth may come out above three tenths.
+        // 0.1 has no exact binary representation: a third tenth may exceed three tenths.
         assert_eq!(held(0.1, 0.3, 1000), most(3));
         assert_eq!(held(1.0 / 60.0, 0.4, 42 * 30), most(24));
         assert_eq!(held(0.01, 10.0, 42 * 17), most(17));

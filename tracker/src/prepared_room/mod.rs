@@ -1,7 +1,7 @@
-//! A room made ready for simulation: its cameras as pinholes, what each of them can see past, floor and zones.
+//! A room made ready for simulation: cameras as pinholes, static depth, floor and zones.
 //!
-//! All simulation happens in pinhole images at a working size, which may be smaller than what the camera films. Pictures are
-//! scaled while they are decoded; masks are brought from there to the pinhole image by [`StageCamera::undistort`].
+//! Simulation happens in pinhole images at a working size, which may be smaller than the camera's own. Pictures are
+//! scaled while they are decoded; [`PreparedCamera::undistort`] maps masks from there to the pinhole image.
 
 mod doorway;
 mod floor;
@@ -21,67 +21,67 @@ use scenes::walkable::{self, WalkableMap};
 pub use self::floor::Floor;
 use crate::{Error, Result};
 
-/// How to prepare a room.
+/// Options of [`PreparedRoom::prepare`].
 #[derive(Debug, Clone, PartialEq)]
-pub struct StageOptions {
-    /// The cameras to use, by name, in this order. Empty: all of the room's, in the room's order.
+pub struct PreparationOptions {
+    /// Names of the cameras to use, in this order. Empty: all of the room's, in the room's order.
     pub cameras: Vec<String>,
-    /// Whether the room's geometry hides people (default). Without it only the floor does.
+    /// Whether the room's geometry hides people (default). Otherwise only the floor does.
     pub occlusion: bool,
-    /// Width in pixels of the images in which people are simulated and masks are made; a camera that films fewer keeps its
-    /// size. Default 640.
+    /// Largest width of the working images, pixels; a narrower camera keeps its size. Default 640.
     pub working_width_px: u32,
 }
 
-/// Width of the images in which people are simulated where nothing else is asked for, pixels.
+/// Default of [`PreparationOptions::working_width_px`].
 pub const WORKING_WIDTH_PX: u32 = 640;
 
-impl Default for StageOptions {
+impl Default for PreparationOptions {
     fn default() -> Self {
         Self { cameras: Vec::new(), occlusion: true, working_width_px: WORKING_WIDTH_PX }
     }
 }
 
-/// One camera of the stage.
+/// A camera of the prepared room.
 #[derive(Debug, Clone)]
-pub struct StageCamera {
+pub struct PreparedCamera {
     /// Its name in the room.
     pub name: String,
-    /// As it films, with distortion, at full size.
+    /// Camera model at full size, with distortion.
     pub filmed: Camera,
-    /// The same at the working size.
+    /// Camera model at the working size, with distortion.
     pub real: Camera,
-    /// The pinhole twin of `real`, of the same size, where everything is simulated.
+    /// Pinhole camera of the same size as `real`, used for all simulation.
     pub pinhole: Camera,
-    /// From the image of `real` to that of `pinhole`.
+    /// Map from the image of `real` to that of `pinhole`.
     pub undistort: UndistortMap,
-    /// Distance along the camera's z to the nearest static surface, per pinhole pixel, row by row, metres. Infinite where
-    /// nothing is hit; 0 where the lens shows nothing, so that nothing is ever expected to be seen there.
+    /// Distance along the camera's z to the nearest static surface, metres, per pinhole pixel, row by row. Infinite
+    /// where nothing is hit; 0 outside the lens, so that nothing is ever expected to be seen there.
     pub static_z_m: Vec<f32>,
-    /// File of the picture that the room keeps of this camera, at full size.
+    /// File of the room's reference picture of this camera, at full size.
     pub reference: Option<PathBuf>,
 }
 
-/// Narrower images show nobody.
+/// Narrowest working image in which a person is visible, pixels.
 const LEAST_WORKING_PX: u32 = 32;
 
 /// A room made ready for simulation.
 #[derive(Debug, Clone)]
-pub struct Stage {
-    /// The cameras in use. Moments list theirs in this order.
-    pub cameras: Vec<StageCamera>,
-    /// Where people can be, appear and disappear.
+pub struct PreparedRoom {
+    /// Cameras in use. Moments list theirs in this order.
+    pub cameras: Vec<PreparedCamera>,
+    /// Positions that people can occupy, and where tracks may begin and end.
     pub floor: Floor,
-    /// The zones the floor was made with, for drawing.
+    /// Zones of the floor, for drawing.
     pub zones: Vec<Zone>,
 }
 
-impl Stage {
-    /// Prepares a room that was read from `room_dir`; static depth comes from the directory's cache where it is still true.
+impl PreparedRoom {
+    /// Prepares a room that was read from `room_dir`; static depth comes from the directory's cache where that is still
+    /// valid.
     ///
     /// # Errors
-    /// When a camera is asked for that the room lacks, or the geometry cannot be used.
-    pub fn prepare(room: &Room, room_dir: &Path, options: &StageOptions) -> Result<Self> {
+    /// A requested camera that the room lacks, or geometry that cannot be used.
+    pub fn prepare(room: &Room, room_dir: &Path, options: &PreparationOptions) -> Result<Self> {
         let names: Vec<&str> = if options.cameras.is_empty() {
             room.cameras.iter().map(|c| c.name.as_str()).collect()
         } else {
@@ -95,14 +95,17 @@ impl Stage {
         }
         if options.working_width_px < LEAST_WORKING_PX {
             return Err(Error::option(
-                "--mask-width",
-                format!("{} pixels show nobody; give {LEAST_WORKING_PX} or more", options.working_width_px),
+                "working_width_px",
+                format!(
+                    "{} pixels are too few to detect a person; give {LEAST_WORKING_PX} or more",
+                    options.working_width_px
+                ),
             ));
         }
         let mut cameras = Vec::new();
         for name in names {
             let of_room = room.camera(name)?;
-            let mut camera = StageCamera::at_width(name, &of_room.camera, options.working_width_px);
+            let mut camera = PreparedCamera::at_width(name, &of_room.camera, options.working_width_px);
             camera.reference = of_room.reference.as_ref().map(|path| room_dir.join(path));
             if options.occlusion && room.geometry.is_some() {
                 camera.set_static_depth(&depth::cached(room_dir, room, name)?);
@@ -120,19 +123,19 @@ impl Stage {
         Ok(Self { cameras, floor, zones: room.zones.clone() })
     }
 
-    /// The number of a camera.
+    /// Index of a camera in [`Self::cameras`].
     pub fn camera_index(&self, name: &str) -> Option<usize> {
         self.cameras.iter().position(|c| c.name == name)
     }
 }
 
-impl StageCamera {
-    /// A camera before which nothing stands, worked on at full size.
+impl PreparedCamera {
+    /// Camera with nothing in front of it, at full size.
     pub fn new(name: &str, filmed: &Camera) -> Self {
         Self::at_width(name, filmed, filmed.intrinsics.width)
     }
 
-    /// A camera before which nothing stands, worked on at no more than this width.
+    /// Camera with nothing in front of it, at most `width_px` wide.
     fn at_width(name: &str, filmed: &Camera, width_px: u32) -> Self {
         let k = &filmed.intrinsics;
         let width = width_px.min(k.width);
@@ -163,8 +166,8 @@ impl StageCamera {
         }
     }
 
-    /// The same camera worked on at another size, which may be larger than what it films; for drawing. What it sees of the
-    /// empty room is taken from the nearest pixel.
+    /// The same camera at another size, which may be larger than its own; for drawing. Static depth is taken from the
+    /// nearest pixel.
     #[must_use]
     pub fn resized(&self, width_px: u32, height_px: u32) -> Self {
         if (width_px, height_px) == (self.width(), self.height()) {
@@ -176,7 +179,7 @@ impl StageCamera {
         other
     }
 
-    /// Takes over what a camera sees of the empty room, in a pinhole image of any size: of each pixel's middle.
+    /// Sets the static depth from a depth map of any size, sampled at each pixel's middle.
     fn set_static_depth(&mut self, map: &DepthMap) {
         let (width, height) = (self.width(), self.height());
         let nearest =
@@ -186,7 +189,7 @@ impl StageCamera {
             let seen_row = nearest(v, height, map.height);
             for (own, column) in row.iter_mut().zip(&columns) {
                 let seen = map.at(*column, seen_row);
-                // Nothing hit is infinitely far; where the lens shows nothing, it stays so.
+                // A pixel without a hit is infinitely far; a pixel outside the lens stays 0.
                 if *own > 0.0 && seen > 0.0 {
                     *own = seen;
                 }
@@ -194,7 +197,8 @@ impl StageCamera {
         }
     }
 
-    /// Puts the floor, z = 0, where nothing nearer is known: whatever the geometry lacks, nobody is seen below it.
+    /// Inserts the floor, z = 0, where no nearer surface is known, so that nobody is seen below the floor even where
+    /// the geometry lacks it.
     pub(crate) fn set_floor(&mut self) {
         let floor: Vec<f32> = self.floor_z_m().collect();
         for (z_m, floor_z_m) in self.static_z_m.iter_mut().zip(floor) {
@@ -202,12 +206,13 @@ impl StageCamera {
         }
     }
 
-    /// Whether the floor hides what is below it, as after [`Self::set_floor`].
+    /// Whether the floor hides everything below it, as after [`Self::set_floor`].
     pub(crate) fn is_floor_opaque(&self) -> bool {
         self.static_z_m.iter().zip(self.floor_z_m()).all(|(z_m, floor_z_m)| *z_m <= floor_z_m)
     }
 
-    /// Distance along the camera's z to the floor, per pinhole pixel, row by row; infinite where it is not in front.
+    /// Distance along the camera's z to the floor, metres, per pinhole pixel, row by row; infinite where the floor is
+    /// not in front.
     fn floor_z_m(&self) -> impl Iterator<Item = f32> {
         let (center, k) = (self.pinhole.center(), &self.pinhole.intrinsics);
         let world_from_camera = self.pinhole.camera_from_world.rotation.inverse();
@@ -228,14 +233,14 @@ impl StageCamera {
         self.pinhole.intrinsics.height
     }
 
-    /// A pixel of the pinhole image → the pixel of the real image that shows the same; `None` outside the lens.
+    /// Maps a pixel of the pinhole image to the pixel of the real image that shows the same; `None` outside the lens.
     pub fn to_real(&self, pinhole_pixel: &Point2<f64>) -> Option<Point2<f64>> {
         let ray = self.pinhole.intrinsics.unproject(pinhole_pixel)?;
         self.real.intrinsics.project(&ray.into())
     }
 }
 
-/// The height of an image of this size when it is scaled to a width; at least 1.
+/// Height, at least 1, of an image scaled to a width.
 fn height_at(width: u32, height: u32, scaled_width: u32) -> u32 {
     let exact = f64::from(height) * f64::from(scaled_width) / f64::from(width.max(1));
     (exact.round() as u32).max(1)

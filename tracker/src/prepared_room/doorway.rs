@@ -1,4 +1,4 @@
-//! What lies behind the doors: floor that one reaches best through a zone.
+//! Floor behind the doors: the part of the floor whose shortest way leads through a zone.
 
 use std::collections::VecDeque;
 
@@ -6,19 +6,20 @@ use nalgebra::{Point2, Vector2};
 use scenes::room::Zone;
 use scenes::walkable::Grid;
 
-/// How much longer than the way through a zone another way must be before what lies there counts as behind the zone.
+/// Least detour, metres: a place lies behind a zone when every other way is longer than the way through it by more than
+/// this.
 const DETOUR_M: f64 = 1.5;
-/// A door is in a wall: beside it the wall goes on about this far, whatever the reconstruction left of it. A room that goes
-/// on around a corner nearer than that is still reached with a small detour.
+/// Length of wall assumed beside a door, metres, even where the reconstruction has holes. A room that goes on around a
+/// corner nearer than that is still reached with a small detour.
 const WALL_M: f64 = 2.0;
-/// So much of the wall must be there on either side of a door. A zone without it may stand for a staircase in the middle
-/// of a hall, and a side of a zone that has it at one end alone stands square on the wall and looks along it.
+/// Length of wall required on either side of a door, metres. A zone without it may stand for a staircase in the middle
+/// of a hall; a side of a zone with wall at one end alone is perpendicular to the wall.
 const AT_WALL_M: f64 = 0.5;
-/// The wall's line is walked in steps of this many cells.
+/// Step along the wall's line, cells.
 const LINE_STEP: f64 = 0.5;
 
-/// The walkable cells behind a zone: where the way from the middle of the room that keeps out of the zones is a detour, or
-/// there is none. A reconstructed wall has holes, so a corridor may touch the room around a corner, too, and right beside
+/// Walkable cells behind a zone: cells that cannot be reached from the middle of the room without crossing a zone, or
+/// only by a detour. A reconstructed wall has holes, so a corridor may touch the room around a corner, and right beside
 /// the door.
 pub(super) fn beyond_zones(grid: &Grid, zones: &[Zone]) -> Vec<bool> {
     let in_zone: Vec<bool> =
@@ -40,8 +41,8 @@ pub(super) fn beyond_zones(grid: &Grid, zones: &[Zone]) -> Vec<bool> {
         .collect()
 }
 
-/// The cells of the wall that a zone's door is in, on both sides of the zone; none for a zone that is in no wall. The door
-/// is the side of the zone that has floor beyond it and, of those with a wall at both ends, the most wall beside it.
+/// Cells of the wall on both sides of a zone's door; empty for a zone that is in no wall. The door is the side of the
+/// zone that has floor beyond it, wall at both ends and, of several such sides, the most wall.
 fn wall_beside(grid: &Grid, zone: &Zone) -> Vec<usize> {
     let leads_out = |a: &Point2<f64>, b: &Point2<f64>| {
         let Some(across) = Vector2::new(b.y - a.y, a.x - b.x).try_normalize(0.0) else { return false };
@@ -61,8 +62,8 @@ fn wall_beside(grid: &Grid, zone: &Zone) -> Vec<usize> {
     wall.iter().flat_map(|(_, beside)| beside).filter_map(|place| grid.index_of(place)).collect()
 }
 
-/// Places on the line from a through b, from b on for the length of a wall, close enough to each other that no way from
-/// cell to cell crosses it.
+/// Places on the line from `a` through `b`, beginning at `b`, for the assumed length of a wall; dense enough that no
+/// path from cell to cell crosses it.
 fn along(a: Point2<f64>, b: Point2<f64>, cell_m: f64) -> Vec<Point2<f64>> {
     let step_m = LINE_STEP * cell_m;
     let direction = (b - a).normalize();
@@ -93,7 +94,7 @@ fn middle_of_largest_region(grid: &Grid, is_free: impl Fn(usize) -> bool + Copy)
     largest.into_iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))
 }
 
-/// How many cells lie on the shortest way from a cell to each other; `None` where there is no way.
+/// Number of steps on the shortest path from a cell to each other cell; `None` where there is no path.
 fn steps_from(grid: &Grid, start: usize, is_free: impl Fn(usize) -> bool) -> Vec<Option<usize>> {
     let mut steps = vec![None; grid.bits.len()];
     steps[start] = Some(0);

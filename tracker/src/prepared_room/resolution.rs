@@ -1,18 +1,18 @@
-//! How finely a camera's masks are compared: as finely as telling people's places takes, whatever the camera resolves.
+//! Resolution at which a camera's masks are compared, chosen by the size of people in its image.
 
 use nalgebra::{Point2, Point3, center};
 
-use super::{Floor, StageCamera};
+use super::{Floor, PreparedCamera};
 use crate::silhouette::Body;
 
-/// How many rows of (blocks of) pixels a small person is simulated with.
+/// Number of block rows over the height of a small person.
 const ROWS: f64 = 16.0;
-/// Places along each side of the floor that are looked at.
+/// Sampled places along each side of the floor.
 const LOOKS: usize = 20;
 
-/// The side of the blocks of pixels that are simulated as one: a typical person is about [`ROWS`] of them tall, whatever
-/// the camera's resolution. More rows would say the same over again.
-pub fn block(camera: &StageCamera, average: &Body, floor: &Floor) -> u8 {
+/// Side, in pixels, of the blocks that are simulated as one: a typical person is about [`ROWS`] blocks tall, whatever
+/// the camera's resolution. More rows would repeat the same evidence.
+pub fn block(camera: &PreparedCamera, average: &Body, floor: &Floor) -> u8 {
     let (low, high) = floor.bounds();
     let at = |i: usize, from: f64, to: f64| from + (to - from) * (i as f64 + 0.5) / LOOKS as f64;
     let mut tall_px: Vec<f64> = (0..LOOKS * LOOKS)
@@ -27,6 +27,6 @@ pub fn block(camera: &StageCamera, average: &Body, floor: &Floor) -> u8 {
         .collect();
     tall_px.sort_by(f64::total_cmp);
     let typical = tall_px.get(tall_px.len() / 4).copied().unwrap_or(0.0);
-    // The cast is saturating: no camera sees people so large.
+    // The cast saturates; no camera sees people that large.
     ((typical / ROWS) as u8).max(1)
 }
