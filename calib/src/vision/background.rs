@@ -9,7 +9,7 @@ use opencv::video;
 use super::adapter;
 use crate::Result;
 
-/// Which adaptive model.
+/// Kind of adaptive background model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum AdaptiveKind {
     /// A mixture of Gaussians for each pixel.
@@ -22,7 +22,7 @@ pub enum AdaptiveKind {
 /// An adaptive background model of one camera.
 pub struct AdaptiveBackground {
     model: Model,
-    /// Where OpenCV writes the background it is asked for.
+    /// Buffer for the background image that OpenCV returns.
     picture: Mat,
 }
 
@@ -31,7 +31,7 @@ enum Model {
     Knn(Ptr<video::BackgroundSubtractorKNN>),
 }
 
-/// What [`AdaptiveBackground::label`] writes where it sees a shadow.
+/// Label that [`AdaptiveBackground::label`] writes for shadow.
 pub const SHADOW: u8 = 127;
 
 impl AdaptiveBackground {
@@ -73,7 +73,7 @@ impl AdaptiveBackground {
         .map_err(labelling)
     }
 
-    /// The background as the model sees it now.
+    /// Background image in the model's present state.
     ///
     /// # Errors
     /// When nothing has been learnt yet.
@@ -88,7 +88,7 @@ impl AdaptiveBackground {
         if into.dimensions() != size {
             *into = RgbImage::new(size.0, size.1);
         }
-        // The model was fed red first, so no channels are exchanged here.
+        // The model was trained with red first, so no channels are exchanged here.
         self.picture.copy_to(&mut adapter::rgb_mut(into)?).map_err(&looking)
     }
 }

@@ -1,6 +1,6 @@
-//! The project's one door to OpenCV: pixels in, pixels out.
+//! The only module that calls OpenCV: pixels in, pixels out.
 //!
-//! Pictures cross this door as the `image` crate's [`image::RgbImage`] and [`image::GrayImage`], points as
+//! Pictures cross this boundary as the `image` crate's [`image::RgbImage`] and [`image::GrayImage`], points as
 //! `nalgebra`'s; no OpenCV type appears in any signature, so the estimators build and test without it.
 
 mod adapter;
