@@ -1,4 +1,4 @@
-//! Rooms in and out, and every kind of bad room directory.
+//! Rooms written and read, and every kind of invalid room directory.
 
 use std::path::{Path, PathBuf};
 
@@ -53,7 +53,7 @@ fn written() -> TempDir {
     folder
 }
 
-/// What reading says after a change of `scene.toml`'s text: one line.
+/// One-line error of reading after a change of `scene.toml`'s text.
 fn said_after(change: impl Fn(&str) -> String) -> String {
     let folder = written();
     let path = folder.path().join("scene.toml");
@@ -72,7 +72,7 @@ fn said(dir: &Path) -> String {
 }
 
 #[test]
-fn what_is_written_is_read() {
+fn a_written_room_reads_back_equal() {
     let (folder, room) = (written(), room());
     let back = Room::read(folder.path()).unwrap();
     assert_eq!(back.zones, room.zones);
@@ -86,7 +86,7 @@ fn what_is_written_is_read() {
     }
     assert_eq!(back.camera("cam1").unwrap().name, "cam1");
     assert!(back.camera("cam9").unwrap_err().to_string().contains("`Küche links`"));
-    // References that are not there are told, and no reason to fail.
+    // Missing reference images are reported, and are no failure.
     assert_eq!(back.missing_references(folder.path()).len(), 2);
 }
 
@@ -182,7 +182,7 @@ fn wrong_values_name_their_place() {
     assert!(floor.contains("floor"), "{floor}");
 }
 
-/// The line of a key with another value.
+/// Replaces the value of a key in the text.
 fn replace_value(text: &str, key: &str, value: &str) -> String {
     let start = text.find(&format!("{key} = ")).unwrap();
     let end = start + text[start..].find('\n').unwrap();
@@ -225,7 +225,7 @@ fn a_room_that_cannot_be_written_whole_is_not_written() {
     std::fs::remove_file(&scene).unwrap();
     let mut other = room();
     other.geometry = None;
-    // A folder in the way of scene.toml: its staging works, its name is taken.
+    // A folder in the way of scene.toml: its staging succeeds, its renaming fails.
     std::fs::create_dir(&scene).unwrap();
     assert!(other.write(folder.path()).is_err());
     assert_eq!(std::fs::read(folder.path().join("room.ply")).unwrap(), before);
@@ -258,7 +258,7 @@ fn zones_come_from_any_file_that_has_them() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(300))]
 
-    /// Whatever happens to the files, reading ends in a room or in one line; it neither panics nor takes much memory.
+    /// For any damage to the files, reading ends in a room or in one line; it neither panics nor allocates much memory.
     #[test]
     fn damaged_rooms_are_read_or_refused(
         in_geometry in any::<bool>(),

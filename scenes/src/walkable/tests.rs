@@ -151,7 +151,7 @@ fn office() -> Option<(PathBuf, Room)> {
     Some((dir, room))
 }
 
-/// Where people stood, from `truth.txt`.
+/// Positions of the people, from `truth.txt`.
 fn places(dir: &std::path::Path) -> Vec<(f64, f64)> {
     let text = std::fs::read_to_string(dir.join("truth.txt")).unwrap();
     let place = |line: &str| {
@@ -161,7 +161,7 @@ fn places(dir: &std::path::Path) -> Vec<(f64, f64)> {
     text.lines().map(place).collect()
 }
 
-/// The middles of the furniture that nobody can stand in, from `truth.json`.
+/// Middles of the furniture in which no person can stand, from `truth.json`.
 const FURNITURE: [(&str, f64, f64); 6] = [
     ("table", 3.4, 2.4),
     ("pillar", 2.35, 3.0),
@@ -184,7 +184,7 @@ fn in_the_office_people_stood_where_the_map_lets_them() {
     }
 }
 
-/// What stereo would make of the office: one disc a few pixels from each camera, with noise of a hundredth of the
+/// The office as stereo would reconstruct it: one disc a few pixels from each camera, with noise of a hundredth of the
 /// distance, every fifth one missing, and every twentieth hanging somewhere in the air before the surface.
 fn as_reconstructed(room: &Room, rng: &mut Pcg64Mcg) -> Geometry {
     const STEP_PX: u32 = 3;

@@ -1,4 +1,4 @@
-//! Where the middle of a person can be in a synthetic room: a grid, exactly from the furniture's footprints.
+//! Free floor of a synthetic room: a grid of places for the middle of a person, exact from the furniture's footprints.
 
 use std::collections::VecDeque;
 
@@ -12,7 +12,7 @@ use scenes::polygon::Polygon;
 /// Side of a cell.
 pub(super) const CELL_M: f64 = 0.1;
 
-/// How far from walls and furniture the middle of a person stays.
+/// Distance that the middle of a person keeps from walls and furniture.
 pub(super) const CLEARANCE_M: f64 = 0.32;
 
 /// A cell of the floor.
@@ -92,7 +92,7 @@ impl Floor {
         found
     }
 
-    /// Whether the straight way between two places is free.
+    /// Tells whether the straight way between two places is free.
     pub(super) fn is_clear(&self, a: &Point2<f64>, b: &Point2<f64>) -> bool {
         let steps = ((b - a).norm() / (0.5 * CELL_M)).ceil().max(1.0) as usize;
         (0..=steps).all(|i| self.is_free(self.cell(&(a + (b - a) * (i as f64 / steps as f64)))))

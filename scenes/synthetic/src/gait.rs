@@ -1,26 +1,26 @@
 //! Walking: each foot is planted on the floor while the body passes over it, then swings to its next place.
 //!
-//! The gait is driven by the way walked, not by time, so that feet stay where they are planted at any speed and around
-//! corners. Legs follow from the feet by inverse kinematics of two bones.
+//! The gait depends on the distance walked, not on time, so that feet stay where they are planted at any speed and
+//! around corners. Legs follow from the feet by inverse kinematics of two bones.
 
 use glam::{Vec2, Vec3};
 
 use super::proportions::{ANKLE, HIP, HIP_HALF_WIDTH, SHANK, SOLE, THIGH};
 
-/// A step's length as a share of the height.
+/// Length of a step as a share of the height.
 const STEP: f32 = 0.37;
-/// A foot is planted until the body is this many steps past it,
+/// Distance of the body past a planted foot at which the foot leaves the floor, in steps.
 const LEAVES: f32 = 0.72;
-/// having come down when the body was this many steps before it.
+/// Distance of the body before a foot at which the foot lands, in steps.
 const LANDS: f32 = 0.46;
-/// From this many steps past the foot on, the heel rises.
+/// Distance of the body past a foot at which the heel begins to rise, in steps.
 const HEEL_RISES: f32 = 0.25;
-/// The foot's pitch when it leaves the floor.
+/// Pitch of a foot when it leaves the floor.
 const TOE_OFF_RAD: f32 = 0.75;
-/// From the ankle forward to the ball of the foot, and back to the heel.
+/// Distance from the ankle forward to the ball of the foot, and back to the heel.
 const BALL: f32 = 0.085;
 const HEEL: f32 = 0.028;
-/// How high a swinging foot is lifted.
+/// Height to which a swinging foot is lifted.
 const LIFT: f32 = 0.035;
 
 /// The angles of an arm.
@@ -46,11 +46,11 @@ pub(super) struct Leg {
 /// A body's pose.
 #[derive(Debug, Clone)]
 pub(super) struct Pose {
-    /// Between the hip joints.
+    /// Middle between the hip joints.
     pub pelvis: Vec3,
-    /// Where the body faces; 0 is +x.
+    /// Direction that the body faces; 0 is +x.
     pub heading_rad: f32,
-    /// How far the trunk leans forwards.
+    /// Angle by which the trunk leans forwards.
     pub lean_rad: f32,
     /// Left, right.
     pub arms: [Arm; 2],
@@ -58,8 +58,8 @@ pub(super) struct Pose {
     pub legs: [Leg; 2],
 }
 
-/// A line on the floor that a person walks along: place and direction after a way of so many metres, also before its
-/// beginning and beyond its end.
+/// A line on the floor that a person walks along: place and direction after a distance of `way_m` metres, also before
+/// its beginning and beyond its end.
 pub(super) trait Way {
     fn at(&self, way_m: f32) -> (Vec2, Vec2);
 }
@@ -77,15 +77,15 @@ impl Pose {
         Self::walking(&Still(at, Vec2::from_angle(heading_rad)), 0.0, 0.0, height_m)
     }
 
-    /// The pose after a way of `way_m` at a given speed, of somebody of that height.
+    /// Pose after a distance of `way_m` at a given speed, of a person of that height.
     pub(super) fn walking(way: &impl Way, way_m: f32, speed_m_s: f32, height_m: f32) -> Self {
-        // How much of a gait there is: somebody who hardly moves does not lift their feet.
+        // Strength of the gait: people who hardly move do not lift their feet.
         let vigour = (speed_m_s / 0.5).clamp(0.0, 1.0);
         let (at, direction) = way.at(way_m);
         let forward = direction.extend(0.0);
         let left = direction.perp().extend(0.0);
         let feet = [0, 1].map(|side| Foot::new(way, way_m, side, vigour, height_m));
-        // As high as the legs reach: knees never quite straight.
+        // Height of the hips that the legs can reach: knees never quite straight.
         let reach = 0.992 * (THIGH + SHANK) * height_m;
         let hip_place = |side: usize| at.extend(0.0) + left * ([1.0, -1.0][side] * HIP_HALF_WIDTH * height_m);
         let highest = (HIP - 0.004) * height_m;
@@ -111,7 +111,7 @@ impl Pose {
     }
 }
 
-/// Where a foot is.
+/// Position of a foot.
 struct Foot {
     ankle: Vec3,
     heel: Vec3,
@@ -119,7 +119,7 @@ struct Foot {
 }
 
 impl Foot {
-    /// The left (0) or right (1) foot when the body has come `way_m` metres.
+    /// Left (0) or right (1) foot after the body has come `way_m` metres.
     fn new(way: &impl Way, way_m: f32, side: usize, vigour: f32, height_m: f32) -> Self {
         let step = STEP * height_m;
         // Left feet are planted at even numbers of steps, right ones at odd.
@@ -155,7 +155,7 @@ impl Foot {
             toe + forward * (height_m * (up * sin - back * cos))
                 + Vec3::Z * (height_m * (back * sin + up * cos))
         };
-        // Pitching about the ball: what is behind it rises.
+        // The foot pitches about its ball: the parts behind it rise.
         Self { ankle: behind(BALL, ANKLE - SOLE), heel: behind(BALL + HEEL, 0.001), toe }
     }
 
@@ -234,7 +234,7 @@ mod tests {
     }
 
     #[test]
-    fn who_stands_has_both_soles_on_the_floor() {
+    fn a_standing_person_has_both_soles_on_the_floor() {
         let pose = Pose::standing(Vec2::new(1.0, 2.0), 1.1, 1.8);
         for leg in &pose.legs {
             assert!((leg.heel.z - leg.toe.z).abs() < 0.01);

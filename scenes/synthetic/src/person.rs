@@ -1,6 +1,6 @@
 //! A person's body: a head, a torso, arms and legs of ellipsoids and tapered capsules, in textured clothes.
 //!
-//! Deliberately nothing like the single upright ellipsoid that trackers think people are.
+//! Deliberately unlike the single upright ellipsoid by which trackers model people.
 
 use glam::{Quat, Vec3};
 use rand::{RngExt, SeedableRng};
@@ -12,7 +12,7 @@ use super::proportions::{HIP, SOLE};
 use super::shape::Shape;
 use super::texture::{Material, Pattern};
 
-/// What a person looks like.
+/// Appearance of a person.
 #[derive(Debug, Clone)]
 pub struct Body {
     /// Standing height.
@@ -57,13 +57,13 @@ impl Body {
         }
     }
 
-    /// The middle of the head in a pose: half-way between chin and crown, skin and hair together.
+    /// Middle of the head in a pose: half-way between chin and crown, skin and hair together.
     pub(super) fn head(&self, pose: &Pose) -> Vec3 {
         self.frame(pose)(0.003, 0.0, 0.932)
     }
 
-    /// From the body's own frame, in shares of the height (x forwards, y to its left, z up, the floor below the pelvis at the
-    /// origin), to the room.
+    /// Map to the room from the body's own frame, in shares of the height (x forwards, y to its left, z up, the floor
+    /// below the pelvis at the origin).
     fn frame(&self, pose: &Pose) -> impl Fn(f32, f32, f32) -> Vec3 {
         let h = self.height_m as f32;
         let turn = Quat::from_rotation_z(pose.heading_rad);

@@ -1,4 +1,4 @@
-//! What a COLMAP model is made of: lenses, and pictures that were taken through them.
+//! Elements of a COLMAP model: lenses, and pictures taken through them.
 
 use calib::Intrinsics;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
@@ -7,7 +7,7 @@ use crate::exchange::CORNER_PX;
 
 /// A lens as the model has it.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Lens {
+pub(super) struct ModelCamera {
     pub(super) id: u32,
     pub(super) model: &'static Model,
     pub(super) width: u64,
@@ -15,19 +15,19 @@ pub(super) struct Lens {
     pub(super) parameters: Vec<f64>,
 }
 
-/// A picture and where it was taken from.
+/// A picture and its pose.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Picture {
+pub(super) struct ModelImage {
     pub(super) name: String,
-    pub(super) lens: u32,
+    pub(super) camera: u32,
     /// w, x, y, z.
     pub(super) rotation: [f64; 4],
     pub(super) translation: [f64; 3],
 }
 
-/// A point of the model; what saw it is not kept.
+/// A point of the model, without its observations.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Point {
+pub(super) struct ModelPoint {
     pub(super) place: [f64; 3],
     pub(super) color: [u8; 3],
 }
@@ -40,7 +40,7 @@ pub(super) struct Model {
     pub(super) parameters: usize,
 }
 
-/// All that have been given a number; the fisheyes are only known so that they can be told.
+/// All numbered camera models; the fisheyes are listed only so that an error can name them.
 pub(super) static MODELS: [Model; 11] = [
     Model { id: 0, name: "SIMPLE_PINHOLE", parameters: 3 },
     Model { id: 1, name: "PINHOLE", parameters: 4 },
@@ -55,10 +55,10 @@ pub(super) static MODELS: [Model; 11] = [
     Model { id: 10, name: "THIN_PRISM_FISHEYE", parameters: 12 },
 ];
 
-/// What is wrong in a file: the place and the problem.
+/// Defect of a file: the place and the problem.
 pub(super) type Defect = (String, String);
 
-impl Lens {
+impl ModelCamera {
     pub(super) fn intrinsics(&self) -> Result<Intrinsics, String> {
         let p = &self.parameters;
         let (fx, fy, cx, cy, distortion) = match self.model.name {
@@ -84,7 +84,7 @@ impl Lens {
     }
 }
 
-impl Picture {
+impl ModelImage {
     pub(super) fn pose(&self) -> Result<Isometry3<f64>, String> {
         let [w, x, y, z] = self.rotation;
         let quaternion = Quaternion::new(w, x, y, z);
