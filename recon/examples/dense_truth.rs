@@ -1,4 +1,4 @@
-//! Dense stereo alone, with the true poses of a capture: how much of the reference image comes out right.
+//! Measures dense stereo alone, with the true poses of a capture: the share of the reference image that is right.
 //!
 //! `cargo run --release -p recon --example dense_truth -- ../shared/data/office cam0 [pictures-folder]`
 
@@ -31,7 +31,7 @@ fn main() -> Result<()> {
     let depth_file = if in_room.exists() { in_room } else { data.join(format!("depth_{name}.png")) };
     let depth = image::open(&depth_file)?.into_luma16();
 
-    // Points as a sparse reconstruction would give them: a coarse grid of the true surface.
+    // Points as of a sparse reconstruction: a coarse grid of the true surface.
     let reference = frames.len() - 1;
     let world_from_reference = poses[reference].context("no pose")?.inverse();
     let points: Vec<Point3<f64>> = (0..depth.height())
@@ -99,7 +99,7 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-/// What planes make of it, by where depths come from.
+/// Prints the accuracy after the completion by planes, for measured and for filled depths.
 fn completed(
     name: &str,
     surface: &Surface,

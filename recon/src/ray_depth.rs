@@ -1,9 +1,9 @@
-//! How far along its ray a single pixel of the reference image lies, from all frames of the capture.
+//! Depth of single pixels of the reference image, from all frames of the capture.
 //!
-//! Dense stereo smooths over its supports and matches a few key frames. A picked pixel deserves better: its patch is
-//! looked for in every frame along the epipolar line (all inverse depths, multiple-baseline stereo after M. Okutomi and
-//! T. Kanade 1993), registered there to a fraction of a pixel, and the inverse depth that explains all registrations is
-//! estimated robustly, with its standard deviation.
+//! Dense stereo smooths over its supports and matches a few key frames. For a picked pixel more effort is spent: its
+//! patch is searched in every frame along the epipolar line (all inverse depths, multiple-baseline stereo after M.
+//! Okutomi and T. Kanade, "A multiple-baseline stereo", PAMI 1993), registered there to a fraction of a pixel, and the
+//! inverse depth that explains all registrations is estimated robustly, with its standard deviation.
 
 use calib::Intrinsics;
 use image::RgbImage;
@@ -15,43 +15,43 @@ use crate::features::{Intensity, Patch, Warp};
 
 /// Half the side of a pixel's patch.
 const PATCH_RADIUS_PX: i32 = 10;
-/// Most steps of inverse depth that are tried.
+/// Largest number of steps of inverse depth that are searched.
 const MOST_STEPS: usize = 400;
-/// What every frame may lack at the right depth: the best half of them must see the patch this well.
+/// Least mean correlation of the better half of the frames at the best inverse depth.
 const LEAST_SCORE: f32 = 0.6;
-/// Every inverse depth that is not the best one's neighbour must score less by this.
+/// Least difference in score between the best inverse depth and any that is not its neighbour.
 const LEAST_LEAD: f32 = 0.03;
-/// Steps that count as neighbours.
+/// Number of steps that count as neighbours.
 const NEIGHBOURS: usize = 5;
 /// Registrations: least correlation, and largest distance from the prediction, pixels.
 const LEAST_CORRELATION: f64 = 0.7;
 const LARGEST_MISS_PX: f64 = 3.0;
-/// A surface seen flatter than this (cosine) is no use.
+/// Least cosine between normal and ray: flatter surfaces are not measured.
 const FLATTEST: f64 = 0.1;
 /// Least number of frames that must agree.
 const LEAST_FRAMES: usize = 4;
-/// Registration's own error, pixels: residuals may look smaller by chance.
+/// Standard deviation of registration, pixels: residuals may look smaller by chance.
 const NOISE_PX: f64 = 0.25;
-/// What is less certain than this (relative) is no measurement.
+/// Largest relative standard deviation of a measurement.
 const LARGEST_SIGMA: f64 = 0.05;
 
-/// A capture whose motion is known. World = the reference frame's camera.
+/// A capture with known motion. World = the reference frame's camera.
 #[derive(Debug, Clone, Copy)]
 pub struct Filmed<'a> {
-    /// All of one size.
+    /// Frames, all of one size.
     pub frames: &'a [RgbImage],
     /// Index of the reference frame.
     pub reference: usize,
-    /// As filmed.
+    /// Intrinsics of the frames as filmed.
     pub intrinsics: &'a Intrinsics,
-    /// One a frame; the reference frame's is the identity.
+    /// Pose of each frame; the reference frame's is the identity.
     pub camera_from_world: &'a [Option<Isometry3<f64>>],
 }
 
-/// A depth along z and how well it is known.
+/// A depth along z and its uncertainty.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RayDepth {
-    /// In the capture's unit.
+    /// Depth in the capture's unit.
     pub depth: f64,
     /// Standard deviation as a share of the depth.
     pub sigma: f64,
@@ -60,24 +60,25 @@ pub struct RayDepth {
 /// A pixel of the reference image (as filmed) whose depth was measured.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MeasuredPixel {
-    /// As filmed.
+    /// Pixel as filmed.
     pub pixel: Point2<f64>,
-    /// How far away.
+    /// Measured depth.
     pub depth: RayDepth,
 }
 
-/// A pixel of the reference image (as filmed), and the normal of the surface that is thought to be there.
+/// A pixel of the reference image (as filmed), and the supposed normal of the surface there.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Asked {
-    /// As filmed.
+    /// Pixel as filmed.
     pub pixel: Point2<f64>,
-    /// In the reference camera's frame; `None`: the surface is taken to face the camera.
+    /// Normal in the reference camera's frame; `None` assumes that the surface faces the camera.
     pub normal: Option<Vector3<f64>>,
 }
 
-/// The depth of each pixel (as filmed), `None` where frames do not tell: no texture, hidden, or too little parallax.
+/// Measures the depth of each pixel (as filmed); `None` where it is undetermined: no texture, hidden, or too little
+/// parallax.
 ///
-/// `range`: the nearest and the farthest depth that can be.
+/// `range`: the smallest and the largest possible depth.
 pub fn measure(film: &Filmed<'_>, pixels: &[Asked], range: (f64, f64)) -> Vec<Option<RayDepth>> {
     if pixels.is_empty() || range.0 <= 0.0 || range.1.is_nan() || range.1 <= range.0 {
         return vec![None; pixels.len()];
@@ -100,8 +101,8 @@ struct View<'a> {
     from_reference: Isometry3<f64>,
 }
 
-/// A pixel's patch as a piece of plane: the rays of its centre and of its neighbours, as long as to meet that plane when the
-/// centre's depth is 1.
+/// A pixel's patch as a piece of plane: the rays of its centre and of its neighbours, scaled to meet that plane when
+/// the centre's depth is 1.
 struct Place {
     ray: Vector3<f64>,
     right: Vector3<f64>,
@@ -109,7 +110,7 @@ struct Place {
 }
 
 impl Place {
-    /// Where the patch lies in a view when its pixel has an inverse depth.
+    /// Predicted position of the patch in a view for an inverse depth of its pixel.
     fn predicted(&self, lens: &Intrinsics, view: &View<'_>, inverse_depth: f64) -> Option<Warp> {
         let carried =
             |ray: &Vector3<f64>| lens.project(&(view.from_reference * Point3::from(ray / inverse_depth)));
@@ -152,7 +153,7 @@ impl Search<'_> {
         let ray = self.lens.unproject(&asked.pixel)?;
         let normal = asked.normal.unwrap_or(-ray);
         let facing = normal.dot(&ray);
-        // Where a neighbour's ray meets the plane through the point at depth 1.
+        // Intersection of a neighbour's ray with the plane through the point at depth 1.
         let beside = |aside: Vector2<f64>| {
             let other = self.lens.unproject(&(asked.pixel + aside))?;
             Some(other * (facing / normal.dot(&other)))
@@ -161,7 +162,7 @@ impl Search<'_> {
         (!flat).then_some(Place { ray, right: beside(Vector2::x())?, below: beside(Vector2::y())? })
     }
 
-    /// The inverse depth at which the patch is seen best, if no other one comes near.
+    /// Inverse depth with the highest score; `None` if another one comes near it.
     fn best_inverse_depth(&self, patch: &Patch, place: &Place) -> Option<f64> {
         let (near, far) = (1.0 / self.range.0, 1.0 / self.range.1);
         let steps = self.steps(place);
@@ -175,7 +176,7 @@ impl Search<'_> {
         (*highest >= LEAST_SCORE && !rivalled).then(|| at(best))
     }
 
-    /// As many as the view in which the ray is longest has pixels on it.
+    /// Number of steps: the pixels of the longest epipolar segment among the views.
     fn steps(&self, place: &Place) -> usize {
         let longest = self
             .views
@@ -188,7 +189,7 @@ impl Search<'_> {
         (longest.ceil() as usize).clamp(8, MOST_STEPS)
     }
 
-    /// Mean correlation over the better half of the views that show the place.
+    /// Mean correlation over the better half of the views in which the patch is visible.
     fn score(&self, patch: &Patch, place: &Place, inverse_depth: f64) -> f32 {
         let mut seen: Vec<f32> = self
             .views
@@ -239,7 +240,7 @@ impl Search<'_> {
                 break;
             }
         }
-        // Two coordinates an observation.
+        // Each observation has two coordinates.
         let noise = (squares / (2.0 * weights)).sqrt().max(NOISE_PX);
         let sigma = noise / information.sqrt();
         (sigma <= LARGEST_SIGMA).then_some(RayDepth { depth: 1.0 / inverse_depth, sigma })

@@ -1,5 +1,5 @@
 //! Figures of stations that track together: traffic, time from packet to use, return of a restarted station. Each is
-//! printed beside the bound that is asked for.
+//! printed beside the required bound.
 //!
 //! `cargo build --release --bins --features tracker/zenoh && cargo bench -p tests --bench agents --features tracker/zenoh`
 #![forbid(unsafe_code)]
@@ -47,7 +47,7 @@ fn packet(sequence: u32) -> Packet {
     Packet { station: StationId(0), sequence, time_s, greatest: TargetId(103), reports, ..Packet::default() }
 }
 
-/// A station of a room of three cameras that hears the others.
+/// Mesh of one station of a room of three cameras.
 fn mesh(station: u8, endpoints: &Endpoints) -> Said<Mesh> {
     let room = Room::read(&office::room()).map_err(|e| e.to_string())?;
     let membership = Membership {
@@ -65,7 +65,7 @@ fn endpoints(listen: Option<&str>, connect: Option<&str>) -> Said<Endpoints> {
     Ok(Endpoints { listen: parsed(listen)?, connect: parsed(connect)?, ..Endpoints::default() })
 }
 
-/// Sends packets until all of these have heard one.
+/// Sends packets until every one of `hearers` has received one.
 fn link(sender: &mut Mesh, hearers: &[Mesh], sequence: &mut u32) -> Said<()> {
     let begun = Instant::now();
     let mut linked = vec![false; hearers.len()];
@@ -82,7 +82,7 @@ fn link(sender: &mut Mesh, hearers: &[Mesh], sequence: &mut u32) -> Said<()> {
     Ok(())
 }
 
-/// Bytes a second that a station with three people sends to two neighbours, with all that the network adds.
+/// Traffic of a station with three people to two neighbours, with all overhead of the network, bytes per second.
 fn traffic() -> Said<f64> {
     let address = free_address()?;
     let mut sender = mesh(0, &endpoints(Some(&address.to_string()), None)?)?;

@@ -1,5 +1,6 @@
-//! The paper's experiments on heads by CONDENSATION (seed 002, section 5) in a synthetic hall, beside its own numbers:
-//! occlusion by integration (5.1), entries (5.2), accuracy (5.4, tables 3 and 4), time (table 2).
+//! Experiments on tracking heads by CONDENSATION, as in section 5 of Y. Matsumoto, T. Kato, T. Wada, "An Occlusion
+//! Robust Weight Integration Method for Multi-camera CONDENSATION" (in Japanese), in a synthetic hall, beside the
+//! paper's numbers: occlusion by integration (5.1), entries (5.2), accuracy (5.4, tables 3 and 4), time (table 2).
 //!
 //! `cargo bench -p tests --bench condensation [-- occlusion|entries|accuracy|time]`
 #![forbid(unsafe_code)]
@@ -16,9 +17,9 @@ use tracker::method::condensation::{Condensation, CondensationOptions};
 
 /// Pictures a second.
 const RATE_HZ: f64 = 12.0;
-/// A track is on a head when it is no farther from it, metres.
+/// Largest distance of a track from a head that it is on, metres.
 const ON_HEAD_M: f64 = 0.3;
-/// So many moments in a row off the head: lost.
+/// Number of consecutive moments off the head after which it counts as lost.
 const LOST_MOMENTS: u32 = 5;
 
 fn main() -> Said<()> {
@@ -76,9 +77,9 @@ fn occlusion() -> Said<()> {
 /// One tracker in one trial.
 struct Trial {
     tracker: Condensation,
-    /// Who was on the head before it was hidden.
+    /// Track on the head before it was hidden.
     who: Option<TrackId>,
-    /// It has been, since.
+    /// Whether the head has been hidden since.
     was_hidden: bool,
     off: u32,
     is_lost: bool,
@@ -90,7 +91,7 @@ impl Trial {
     }
 }
 
-/// Follows somebody through the hall.
+/// Follows a person through the hall.
 fn follow_behind_screen(room: &SyntheticRoom, walkers: &WalkerOptions, trials: &mut [Trial]) -> Said<()> {
     let sequence = recording(room, walkers, RATE_HZ, 16.0);
     for frame in sequence.frames() {
@@ -179,7 +180,7 @@ fn accuracy() -> Said<()> {
     Ok(())
 }
 
-/// Errors of people from when they are first found.
+/// Errors of people after they are first found.
 #[derive(Default)]
 struct Errors {
     on_head_m: Vec<f64>,

@@ -1,5 +1,5 @@
-//! Linking: accuracy on MOT15 with what is chosen where nothing is said, crossings with and without the direction
-//! constraint, and time on many detections and many links.
+//! Linking: accuracy on MOT15 with the default choices, crossings with and without the direction constraint, and time
+//! on many detections and many links.
 //!
 //! `cargo build --release --bins && cargo bench -p tests --bench link`. Against OR-tools on the same graph:
 //! `tracker/tests/peers/flow.py --time`, against TrackEval: `tracker/tests/peers/figures.py`.
@@ -48,7 +48,7 @@ fn sequences(mot15: &Path, out: &Path) -> Said<()> {
     Ok(())
 }
 
-/// Two people who walk towards each other and are at one place for a moment, a hundred times.
+/// Two people who walk towards each other and meet at one place for a moment, a hundred times.
 fn crossings(out: &Path) -> Said<()> {
     println!(
         "\n{:<46} {:>9} {:>10}",

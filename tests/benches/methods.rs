@@ -66,7 +66,7 @@ fn compare(set: &str, recorded: &Recorded, truth: &Path) -> Said<()> {
     Ok(())
 }
 
-/// Runs a method; returns what it told on standard error.
+/// Runs a method; returns its standard error.
 fn follow(recorded: &Recorded, out: &Path, options: &[&str]) -> Said<String> {
     let videos = recorded.videos.iter();
     let videos = videos.flat_map(|(name, path)| ["--video".to_owned(), format!("{name}={}", path.display())]);
@@ -83,7 +83,7 @@ fn evaluate(truth: &Path, tracks: &Path) -> Said<Value> {
     serde_json::from_str(&run(&mut command)?).map_err(|e| e.to_string())
 }
 
-/// Bytes that each station would send to each neighbour, as the run tells.
+/// Traffic of each station to each neighbour, from the run's log, kB/s.
 fn traffic_kb_s(told: &str) -> Option<f64> {
     told.split("would send ").nth(1)?.split(' ').next()?.parse().ok()
 }

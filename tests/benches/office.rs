@@ -1,4 +1,4 @@
-//! The office's numbers, each beside the least it must be: capture motion, room, depth, tracks, frames a second.
+//! Figures of the office, each beside its bound: capture motion, room, depth, tracks, frames per second.
 //!
 //! `make bench`, or `cargo build --release --bins && cargo bench -p tests --bench office`; with `-- tracks` only what needs
 //! no reconstruction, in seconds.
@@ -16,7 +16,7 @@ use tests::data::office;
 /// Frames of the office's videos.
 const FRAMES: f64 = 300.0;
 
-/// One figure: what, how much, and the least or the most it may be.
+/// Prints one figure: name, value, and the bound on it.
 fn row(what: &str, value: f64, unit: &str, bound: &str) {
     println!("{what:<62} {value:>8.2} {unit:<9} {bound}");
 }
@@ -63,7 +63,7 @@ fn main() -> Said<()> {
     hidden(&office, scratch.path())
 }
 
-/// The room made of the captures, against the truth.
+/// Compares the room built from the captures with the truth.
 fn rebuilt(office: &Path, built: &Path) -> Said<()> {
     for camera in ["cam0", "cam1"] {
         capture_motion(office, camera)?;
@@ -90,7 +90,7 @@ fn rebuilt(office: &Path, built: &Path) -> Said<()> {
     Ok(())
 }
 
-/// With the room's geometry and without: everybody, and those whom a camera hardly sees.
+/// Compares tracking with the room's geometry and without: everybody, and people who are mostly hidden from a camera.
 fn hidden(office: &Path, scratch: &Path) -> Said<()> {
     let room = office.join("room");
     let mut hidden = Vec::new();

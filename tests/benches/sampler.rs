@@ -1,5 +1,5 @@
-//! Which likelihood with which acceptance rule follows people best, over all data at hand: what the sampler's defaults
-//! were chosen by. Every row is a whole run of the program on the same masks, with two seeds; figures are means.
+//! Comparison of likelihoods and acceptance rules over all available data, by which the sampler's defaults were chosen.
+//! Every row is a whole run of the program on the same masks, with two seeds; figures are means.
 //!
 //! `make bench`, or `cargo build --release --bins && cargo bench -p tests --bench sampler`
 #![forbid(unsafe_code)]
@@ -29,12 +29,12 @@ struct Recording {
     room: PathBuf,
     /// `NAME=PATH` of each camera's masks.
     masks: Vec<String>,
-    /// How `tracker run` learns the frames' times.
+    /// Options from which `tracker run` takes the frames' times.
     times: Vec<String>,
     truth: PathBuf,
-    /// What `tracker eval` judges.
+    /// Options of `tracker eval` that restrict the judged part.
     judged: Vec<String>,
-    /// What the default must reach.
+    /// Required figure of the default.
     asked: &'static str,
 }
 
@@ -67,7 +67,7 @@ fn main() -> Said<()> {
     Ok(())
 }
 
-/// The office, and what else is at hand. Masks of films are made once, so that every choice sees the same ones.
+/// The office, and further available data. Masks of films are made once, so that every choice gets the same ones.
 fn recordings(scratch: &Path) -> Said<Vec<Recording>> {
     let text = |path: PathBuf| path.display().to_string();
     let masks_of = |name: &str, videos: &[(&str, PathBuf)], times: &[String]| -> Said<Vec<String>> {

@@ -1,4 +1,4 @@
-//! What a step of the sampler costs: on the office beside OpenCV's MOG2 on the same images, from 3 people to 30, and
+//! Time of a step of the sampler: on the office beside OpenCV's MOG2 on the same images, from 3 people to 30, and
 //! beside the oracle that casts a ray through every pixel. Ratios within one run.
 //!
 //! `cargo bench -p tests --bench steps`
@@ -121,7 +121,7 @@ fn hall() -> Room {
     }
 }
 
-/// Microseconds a step with so many people walking about in the hall.
+/// Microseconds a step with `people` people walking about in the hall.
 fn step_us(people: usize) -> Said<f64> {
     const STEPS: u32 = 4000;
     let room = hall();

@@ -1,9 +1,9 @@
-//! Prints how well small rooms that nobody has seen are built, by each of several `recon` programs: whether a change costs
-//! accuracy is told by many rooms, not by one.
+//! Prints the accuracy of small unseen rooms built by each of several `recon` programs: the accuracy cost of a change
+//! shows over many rooms, not in one.
 //!
 //! `cargo run --release -p tests --example join_error -- PROGRAM… [--seeds COUNT] [--first SEED] [--width PX] [--draft]`
 //!
-//! A row a room and program; then medians, the worst, and how the rooms differ from the first program's.
+//! One row a room and program; then medians, the worst, and the differences from the first program's rooms.
 #![forbid(unsafe_code)]
 
 use std::path::Path;
@@ -17,11 +17,11 @@ use synthetic::RoomOptions;
 use tests::accuracy::{camera_against_floor, relative_pose};
 use tests::chain::{Said, run};
 
-/// Of a capture.
+/// Number of frames of a capture.
 const FRAMES: usize = 24;
-/// Depths this near to the truth are right.
+/// Largest error of a depth that counts as right.
 const TOLERANCE_M: f32 = 0.05;
-/// What is printed, by name.
+/// Names of the printed figures.
 const FIGURES: [&str; 5] = ["joining cm", "turn deg", "tilt deg", "height cm", "depth %"];
 
 fn main() -> Said<()> {

@@ -1,6 +1,6 @@
-//! The accuracy experiment of the room tracker's paper (seed 001, section 4.3, figure 10) on the office: somebody alone on
-//! a known route, past large occluders; distances from the true way, which the paper did not know by time, and its
-//! figure drawn.
+//! The accuracy experiment of T. Osawa et al., "MCMC based Multiple People Tracking using 3D Environmental Information"
+//! (LI_007), section 4.3, figure 10, on the office: a single person on a known route, past large occluders;
+//! distances from the true way, whose times the paper did not know, and its figure drawn.
 //!
 //! `cargo build --release --bins && cargo run --release -p tests --example paper_route -- FIGURES-DIR`
 

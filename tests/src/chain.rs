@@ -1,4 +1,4 @@
-//! The chain as a person runs it, program by program, with what it measures.
+//! The chain of programs as a person runs it, with measurements.
 
 use std::path::Path;
 use std::process::Command;
@@ -13,7 +13,7 @@ use crate::accuracy::{
 };
 use crate::data::program;
 
-/// What a failed step said, with the step.
+/// Result of a step; the error is the failed step with its message.
 pub type Said<T> = Result<T, String>;
 
 /// Runs a program and returns what it wrote to standard output.
@@ -55,7 +55,7 @@ pub fn track_videos(room: &Path, videos: &[(&str, &Path)], out: &Path, options: 
         .args(options))
 }
 
-/// What the evaluator says of one run.
+/// Figures of the evaluator for one run.
 #[derive(Debug, Clone, Copy)]
 pub struct Tracking {
     /// Tracking accuracy, percent.
@@ -66,9 +66,9 @@ pub struct Tracking {
     pub mean_m: f64,
     /// Maximum distance from the truth, metres.
     pub maximum_m: f64,
-    /// How far confidences are from the share of tracks that are somebody, percent.
+    /// Difference between confidences and the share of tracks that are people, percent.
     pub existence_error: f64,
-    /// Frames whose true number of people is likely by the confidences, percent.
+    /// Share of the frames whose true number of people is likely by the confidences, percent.
     pub count_coverage: f64,
 }
 
@@ -101,16 +101,16 @@ pub fn evaluate_against(truth: &Path, truth_room: &Path, room: &Path, out: &Path
     })
 }
 
-/// What a built room is worth against the true one.
+/// Errors of a built room against the true one.
 #[derive(Debug, Clone)]
 pub struct RoomErrors {
-    /// The second camera's pose seen from the first.
+    /// Error of the second camera's pose relative to the first.
     pub relative: RelativePoseError,
     /// Each camera above the floor, with its name.
     pub cameras: Vec<(String, CameraError)>,
     /// Each camera's static depth, with its name.
     pub depth: Vec<(String, DepthAgreement)>,
-    /// Lengths between things that each camera sees, with its name.
+    /// Lengths between surface points seen by each camera, with its name.
     pub lengths: Vec<(String, LengthAgreement)>,
 }
 

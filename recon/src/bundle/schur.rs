@@ -28,10 +28,10 @@ struct PointBlock {
 /// One pose's part of the system.
 #[derive(Clone)]
 struct PoseBlock {
-    /// Its upper triangle.
+    /// Upper triangle of U.
     u: SMatrix<f64, 6, 6>,
     gradient: Vector6<f64>,
-    /// With the lens.
+    /// Block shared with the lens.
     border: Block6x3,
 }
 
@@ -41,10 +41,11 @@ impl PoseBlock {
     }
 }
 
-/// Points whose parts of the camera side are summed together, so that sums do not depend on the number of threads.
+/// Number of points whose contributions to the cameras are summed together, so that sums do not depend on the number of
+/// threads.
 const CHUNK: usize = 128;
 
-/// What a chunk of points contributes.
+/// Contribution of a chunk of points.
 struct Chunk {
     points: Vec<PointBlock>,
     poses: Vec<PoseBlock>,
@@ -63,7 +64,7 @@ impl Chunk {
     }
 }
 
-/// The system of one linearisation; solved for several dampings.
+/// Normal equations of one linearisation; solved for several dampings.
 pub(super) struct NormalEquations {
     poses: usize,
     lens_count: usize,
@@ -75,12 +76,12 @@ pub(super) struct NormalEquations {
     seen: Vec<Vec<(usize, usize)>>,
 }
 
-/// A solution.
+/// Solution of the normal equations.
 pub(super) struct Step {
     /// Six numbers a pose, then the lens's.
     pub(super) cameras: Vec<f64>,
     pub(super) points: Vec<Vector3<f64>>,
-    /// How much the linearised cost falls.
+    /// Predicted decrease of the linearised cost.
     pub(super) predicted_gain: f64,
 }
 
@@ -88,7 +89,7 @@ pub(super) struct Step {
 pub(super) struct Column {
     /// Six numbers a pose, then the lens's.
     pub(super) cameras: Vec<f64>,
-    /// The lens's again, 0 where it is fixed.
+    /// Lens's entries again, 0 where it is fixed.
     pub(super) lens: Vector3<f64>,
     pub(super) points: Vec<Vector3<f64>>,
 }
@@ -132,7 +133,8 @@ impl NormalEquations {
         Self { poses, lens_count, pose_blocks, lens_block, lens_gradient, points, seen }
     }
 
-    /// The step for one damping (relative to the diagonal); `None` when the reduced matrix is not positive definite.
+    /// Solves for the step of one damping (relative to the diagonal); `None` when the reduced matrix is not positive
+    /// definite.
     pub(super) fn solve(&self, damping: f64, fixed_pose: usize) -> Option<Step> {
         let inverses = self.inverses(damping)?;
         let (matrix, right) = self.reduced(&inverses, damping, fixed_pose);
@@ -147,7 +149,7 @@ impl NormalEquations {
         self.points.iter().map(|p| damped(&p.v, damping).try_inverse()).collect()
     }
 
-    /// The reduced matrix and its right side, the fixed pose's step held at zero.
+    /// Reduced matrix and its right side, the fixed pose's step held at zero.
     fn reduced(
         &self,
         inverses: &[Matrix3<f64>],
@@ -164,7 +166,7 @@ impl NormalEquations {
             right.rows_mut(6 * pose, 6).copy_from(gradient);
         }
         self.add_lens(&mut matrix, &mut right, damping, inverses);
-        // The lower triangle from the upper, which is all that was summed.
+        // Only the upper triangle was summed.
         matrix.fill_lower_triangle_with_upper_triangle();
         // The fixed pose: its rows and columns become the identity's, its step zero.
         for k in 6 * fixed_pose..6 * fixed_pose + 6 {
@@ -176,7 +178,7 @@ impl NormalEquations {
         (matrix, right)
     }
 
-    /// The points' part of a solution: `V⁻¹ (right − Wᵀ cameras)`.
+    /// Points' part of a solution: `V⁻¹ (right − Wᵀ cameras)`.
     fn points_for(
         &self,
         cameras: &DVector<f64>,
@@ -194,9 +196,9 @@ impl NormalEquations {
         self.points.par_iter().with_min_len(64).zip(inverses).map(of_point).collect()
     }
 
-    /// The lens's columns of the inverse of the whole matrix. `None` where the lens is fixed or nothing is determined.
+    /// Lens's columns of the inverse of the whole matrix. `None` where the lens is fixed or nothing is determined.
     pub(super) fn lens_columns(&self, fixed_pose: usize) -> Option<Vec<Column>> {
-        /// Scale is free, so the matrix is singular; it does not touch the lens.
+        /// Damping that makes the matrix, singular by the free scale, invertible; it does not affect the lens.
         const DAMPING: f64 = 1e-10;
         if self.lens_count == 0 {
             return None;
@@ -324,7 +326,7 @@ fn subtract_product(block: &mut SMatrix<f64, 6, 6>, y: &Block6x3, w: &Block6x3) 
     }
 }
 
-/// A point's block, its edges by pose; what its observations say of poses and lens is added to `sums`.
+/// Block of a point, its edges by pose; its observations' contributions to poses and lens are added to `sums`.
 ///
 /// A pose's Jacobian is that by the point in camera coordinates times `[I, −[X_c]×]`, a point's the same times the
 /// rotation: so all blocks come from `A = w Jᵀ J` of 3 × 3.
@@ -379,7 +381,7 @@ fn point_block(
     block
 }
 
-/// `[I, −[x]×]ᵀ m`: what a point in camera coordinates says of its camera's pose.
+/// `[I, −[x]×]ᵀ m`: contribution of a point in camera coordinates to its camera's pose.
 fn for_pose(x: &Vector3<f64>, m: &Matrix3<f64>) -> Block6x3 {
     let mut block = Block6x3::zeros();
     block.fixed_rows_mut::<3>(0).copy_from(m);
@@ -398,7 +400,7 @@ fn add(sum: &mut SMatrix<f64, 6, 6>, row: usize, column: usize, m: &Matrix3<f64>
     block += m;
 }
 
-/// A 3 × 3 block with its diagonal raised; a point nobody sees gets the identity.
+/// A 3 × 3 block with its diagonal raised; the identity for a point without observations.
 fn damped(block: &Matrix3<f64>, damping: f64) -> Matrix3<f64> {
     let mut raised = *block;
     let floor = 1e-13 * block.trace().max(1e-9);

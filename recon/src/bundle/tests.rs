@@ -1,4 +1,4 @@
-//! Adjustment against scenes whose truth is known.
+//! Adjustment of scenes with known truth.
 
 use super::*;
 use calib::Distortion;
@@ -178,7 +178,7 @@ fn nothing_to_adjust_is_no_accident() {
     assert_eq!(adjust(&mut problem, &BundleOptions::default()).steps, 0);
 }
 
-/// The scatter of the focal length's logarithm over many repeats of `noise`, and the mean of what is said of it.
+/// Scatter of the focal length's logarithm over many repeats of `noise`, and the mean of its estimated deviation.
 fn focal_scatter_and_sigma(mut noise: impl FnMut(&mut Problem, &mut Pcg64Mcg)) -> (f64, f64) {
     const REPEATS: u64 = 40;
     let options = BundleOptions {
@@ -202,7 +202,7 @@ fn focal_scatter_and_sigma(mut noise: impl FnMut(&mut Problem, &mut Pcg64Mcg)) -
     ((squares / REPEATS as f64).sqrt(), said.sqrt())
 }
 
-/// The predicted standard deviation is the one that repeated measurements show.
+/// The predicted standard deviation equals the scatter of repeated measurements.
 #[test]
 fn the_focal_lengths_sigma_is_its_scatter() {
     let normal = Normal::new(0.0, 0.4).unwrap();
@@ -212,7 +212,7 @@ fn the_focal_lengths_sigma_is_its_scatter() {
             observation.pixel.y += normal.sample(rng);
         }
     });
-    // Forty repeats know a standard deviation to 11 %.
+    // Forty repeats determine a standard deviation to 11 %.
     assert!((0.7..1.4).contains(&(said / scatter)), "said {said}, scatter {scatter}");
 }
 
@@ -225,7 +225,7 @@ fn observations_that_err_alike_say_no_more_than_one() {
                 observation.pixel.x += normal.sample(rng);
                 observation.pixel.y += normal.sample(rng);
             }
-            // Were each of these a measurement of its own, three times as much would be known.
+            // If each were an independent measurement, the standard deviation would be a third.
             *observations = observations.iter().flat_map(|o| [*o; 9]).collect();
         }
     });

@@ -1,4 +1,4 @@
-//! Which depths can be believed: those that several key frames, matched on their own, come back to.
+//! Reliability of depths: agreement with the depth maps of several key frames, which are matched independently.
 
 use rayon::prelude::*;
 
@@ -6,8 +6,7 @@ use super::DenseOptions;
 use super::patchmatch::Problem;
 use super::support::SupportMap;
 
-/// For each pixel the number of sources whose own depth map agrees with it; 0 where that is too few or the patch
-/// does not correlate.
+/// Number of sources whose own depth map agrees with each pixel; 0 where too few agree or the patch does not correlate.
 pub(super) fn agreeing(problem: &Problem<'_>, map: &SupportMap, options: &DenseOptions) -> Vec<u8> {
     (0..map.supports.len())
         .into_par_iter()

@@ -8,7 +8,7 @@
 //! ```
 //!
 //! so corrected measurements factorize affinely. `ε` starts at zero and follows from each solution. The mirrored
-//! solution is a fixed point of the first step only: each of the two is followed on its own.
+//! solution is a fixed point of the first step only: each of the two is iterated on its own.
 
 use nalgebra::{Isometry3, Vector2, Vector3};
 
@@ -16,18 +16,19 @@ use super::affine::{self, Measurements};
 use super::metric::{self, Metric, Model};
 
 const MAX_ITERATIONS: usize = 40;
-/// Smallest share of a correction that is followed.
+/// Smallest share of a correction that is applied.
 const MIN_STRIDE: f64 = 0.1;
-/// Mean change of the corrections at which the iteration has settled.
+/// Mean change of the corrections at which the iteration has converged.
 const CHANGE_END: f64 = 1e-7;
-/// Corrections are kept here: a point at less than a fifth of its origin's depth is no start for anything.
+/// Range of the corrections: a point at less than a fifth of its origin's depth is no start for anything.
 const EPSILON_RANGE: (f64, f64) = (-0.8, 4.0);
 
-/// Both perspective readings of the measurements (normalised image coordinates), the better first, each with its root
-/// mean square residual.
+/// Both perspective interpretations of the measurements (normalised image coordinates), the better first, each with its
+/// root mean square residual.
 pub(crate) fn factorize(measured: &Measurements) -> Vec<(Metric, f64)> {
     let Some(start) = affine::factorize(measured) else { return Vec::new() };
-    // The affine camera that leaves less starts the iteration: paraperspective, unless noise spoils its constraints.
+    // The affine camera with the smaller residual starts the iteration: paraperspective, unless noise spoils its
+    // constraints.
     let least =
         |readings: &[Metric; 2]| readings.iter().map(|r| residual(measured, r)).fold(f64::INFINITY, f64::min);
     let Some(readings) = [Model::Paraperspective, Model::Orthographic]
@@ -49,8 +50,8 @@ pub(crate) fn factorize(measured: &Measurements) -> Vec<(Metric, f64)> {
     settled
 }
 
-/// Iterates from one reading; keeps the best solution met. Where the residual grows, corrections follow by smaller
-/// steps: far from affine (wide lenses, near things) whole steps overshoot.
+/// Iterates from one interpretation; keeps the best solution met. Where the residual grows, corrections are applied in
+/// smaller steps: far from affine (wide lenses, near things) whole steps overshoot.
 fn settle(measured: &Measurements, start: Metric) -> Metric {
     let (mut best, mut least) = (start.clone(), residual(measured, &start));
     let mut current = start;
@@ -67,7 +68,7 @@ fn settle(measured: &Measurements, start: Metric) -> Metric {
                 *e += stride * (wanted - *e);
             }
         }
-        // Where the origin is seen moves with the corrections, by the same strides.
+        // The origin's image moves with the corrections, by the same steps.
         let seen_at = current.poses.iter().map(|pose| pose.translation.vector.xy() / pose.translation.z);
         let moved: Vec<Vector2<f64>> = match origins {
             Some(old) => old.iter().zip(seen_at).map(|(o, n)| o + stride * (n - o)).collect(),
@@ -80,7 +81,7 @@ fn settle(measured: &Measurements, start: Metric) -> Metric {
         }
         let next = affine::factorize(&corrected).and_then(|a| metric::upgrade(&a, Model::Paraperspective));
         let Some(readings) = next else { break };
-        // Of the two readings, the one that is not the mirror of the last.
+        // Of the two interpretations, the one that is not the mirror of the last.
         let likest =
             readings.into_iter().max_by(|a, b| likeness(&current, a).total_cmp(&likeness(&current, b)));
         let Some(next) = likest else { break };
@@ -95,7 +96,7 @@ fn settle(measured: &Measurements, start: Metric) -> Metric {
     best
 }
 
-/// Positive where two shapes agree about what is near and far as the first frame sees it.
+/// Positive where two shapes have the same depth order in the first frame.
 fn likeness(a: &Metric, b: &Metric) -> f64 {
     let depth = |metric: &Metric| -> Vec<f64> {
         metric.points.iter().map(|s| (metric.poses[0].rotation * s).z).collect()
@@ -103,7 +104,7 @@ fn likeness(a: &Metric, b: &Metric) -> f64 {
     depth(a).iter().zip(depth(b)).map(|(x, y)| x * y).sum()
 }
 
-/// What a paraperspective camera would have measured, by the present corrections.
+/// Measurements of a paraperspective camera by the present corrections.
 fn corrected(measured: &Measurements, epsilon: &[Vec<f64>], origins: &[Vector2<f64>]) -> Measurements {
     let correct =
         |(w, (e, o)): (&Option<Vector2<f64>>, (&f64, &Vector2<f64>))| w.map(|w| (w - o) * (1.0 + e) + o);

@@ -1,4 +1,4 @@
-//! Factorization against motion whose truth is known, and on the classical track file.
+//! Factorization against known motion, and on the classical track file.
 
 use std::path::Path;
 
@@ -92,7 +92,7 @@ fn iteration_reaches_the_perspective_truth_and_drops_the_mirror() {
 fn windows_are_chained_over_a_long_noisy_sequence_with_gaps() {
     let mut rng = Pcg64Mcg::seed_from_u64(5);
     let intrinsics = Intrinsics::from_horizontal_fov(640, 480, 55.0);
-    // Sideways past a long wall of things: no point is seen throughout.
+    // Sideways past a long wall of points: no point is observed throughout.
     let frames = 90;
     let truth: Vec<Isometry3<f64>> = (0..frames)
         .map(|f| {
@@ -148,7 +148,7 @@ fn the_classical_tracks_factorize() {
         tracks.resize_with(tracks.len().max(point + 1), Track::default);
         tracks[point].observations.push((frame, Point2::new(field[2], field[3])));
     }
-    // The lens is not known; a usual one. The residuals say whether the shape is rigid under it.
+    // The lens is unknown; a usual one is assumed. The residuals tell whether the shape is rigid under it.
     let intrinsics = Intrinsics::from_horizontal_fov(640, 480, 40.0);
     let measured: Measurements = tracks
         .iter()

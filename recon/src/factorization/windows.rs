@@ -12,31 +12,31 @@ use crate::features::Track;
 
 /// Longest window, frames; longer ones gain little and hold few complete tracks.
 const MAX_FRAMES: usize = 40;
-/// Shortest window worth factorizing.
+/// Shortest window that is factorized.
 const MIN_FRAMES: usize = 4;
 /// Complete tracks a window should have; it shrinks until it has them.
 const ENOUGH_COMPLETE: usize = 40;
-/// A track takes part in a window when it was seen in this share of its frames.
+/// Least share of a window's frames in which a track must be observed to take part.
 const MIN_SEEN: f64 = 0.6;
-/// Tracks that take part, at most.
+/// Largest number of tracks that take part.
 const MAX_TRACKS: usize = 300;
-/// Points two windows must share to be chained.
+/// Least number of shared points by which two windows are chained.
 const MIN_SHARED: usize = 8;
-/// Mean robust cost of an observation (px²) beyond which a window is no rigid scene but a wrong minimum.
+/// Mean robust cost of an observation (px²) beyond which a window has converged to a wrong minimum.
 const MAX_COST: f64 = 0.6;
 
-/// A stretch of frames reconstructed on its own.
+/// A range of frames reconstructed on its own.
 struct Window {
     /// First frame.
     first: usize,
     poses: Vec<Isometry3<f64>>,
-    /// (track, position)
+    /// Points as (track, position).
     points: Vec<(usize, Point3<f64>)>,
     /// Mean robust cost of an observation, px².
     cost: f64,
 }
 
-/// A pose for each frame of the sequence that a chain of windows reaches; `None` when not even one window factorizes.
+/// Poses of the frames that a chain of windows reaches; `None` when not even one window factorizes.
 ///
 /// The chain starts at the window with the smallest residual and goes both ways until one cannot be placed; frames
 /// beyond are left to resection.
@@ -87,16 +87,16 @@ fn cover(tracks: &[Track], frames: usize) -> Vec<(usize, usize, Vec<usize>)> {
     windows
 }
 
-/// What the windows so far say, in the frame and scale of the first.
+/// Poses and points of the windows so far, in the frame and scale of the first.
 struct Chain {
-    /// One a frame.
+    /// Pose of each frame.
     poses: Vec<Option<Isometry3<f64>>>,
-    /// One a track.
+    /// Point of each track.
     points: Vec<Option<Point3<f64>>>,
 }
 
 impl Chain {
-    /// `false` when the window shares too little with the chain.
+    /// Appends a window; `false` when it shares too little with the chain.
     fn append(&mut self, window: &Window) -> bool {
         let Some(placed) = place(window, &self.points) else { return false };
         for (offset, pose) in window.poses.iter().enumerate() {
@@ -131,7 +131,7 @@ fn choose(tracks: &[Track], first: usize, frames: usize) -> Option<(usize, Vec<u
     Some((length, chosen.into_iter().map(|(_, index)| index).collect()))
 }
 
-/// Factorizes one window; both depth readings are adjusted, and the one with the smaller residual stays.
+/// Factorizes one window; both depth interpretations are adjusted, and the one with the smaller residual stays.
 fn solve(
     tracks: &[Track],
     chosen: &[usize],
@@ -190,7 +190,7 @@ fn solve(
     })
 }
 
-/// `chain_from_window`, by the points both hold; distant points, whose depths are uncertain, count less.
+/// `chain_from_window`, by the shared points; distant points, whose depths are uncertain, count less.
 fn place(window: &Window, known: &[Option<Point3<f64>>]) -> Option<Similarity3<f64>> {
     if known.iter().all(Option::is_none) {
         return Some(Similarity3::identity());
@@ -201,7 +201,7 @@ fn place(window: &Window, known: &[Option<Point3<f64>>]) -> Option<Similarity3<f
             let depth = (window.poses[0] * point).z;
             a.push(*point);
             b.push(chain);
-            // The depth's deviation grows with the depth squared.
+            // The standard deviation of a depth grows with the depth squared.
             weights.push(1.0 / depth.max(1e-3).powi(4));
         }
     }
@@ -225,7 +225,7 @@ fn place(window: &Window, known: &[Option<Point3<f64>>]) -> Option<Similarity3<f
 /// A pose of the window's frame in the chain's, whose unit of length it takes.
 fn moved(pose: &Isometry3<f64>, chain_from_window: &Similarity3<f64>) -> Isometry3<f64> {
     let rotation = pose.rotation * chain_from_window.isometry.rotation.inverse();
-    // The camera's centre moves as a point.
+    // The camera's centre transforms as a point.
     let center = chain_from_window * (pose.inverse() * Point3::origin());
     Isometry3::from_parts((rotation * -center.coords).into(), rotation)
 }

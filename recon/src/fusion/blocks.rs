@@ -1,4 +1,5 @@
-//! Pixels → discs: a block of pixels that lies on one plane becomes one disc, others are split down to single pixels.
+//! Conversion of pixels to discs: a block of pixels on one plane becomes one disc, others are split down to single
+//! pixels.
 
 use glam::Vec3;
 use scenes::geometry::Disc;
@@ -100,7 +101,7 @@ fn block(
     let (u, v) = (x as f32 + middle, y as f32 + middle);
     let (ray, normal) = (camera.ray(u, v), Support { w, gu, gv }.normal(u, v, &camera));
     let cosine = -normal.dot(ray) / ray.length();
-    // A block on a steep slope would stick out far beyond its pixels.
+    // A block on a steep slope would reach far beyond its pixels.
     if cosine < 0.15 {
         return None;
     }
@@ -115,7 +116,7 @@ fn block(
     })
 }
 
-/// How many views agree with what is measured at pixels of one origin, on average.
+/// Mean number of views that agree with the measured ones of these pixels of one origin.
 fn confidence(surface: &Surface, pixels: impl Iterator<Item = usize> + Clone) -> f32 {
     let measured = pixels.clone().filter(|i| surface.origin[*i] == Origin::Stereo);
     let agreeing: u32 = measured.map(|i| u32::from(surface.agreeing[i])).sum();

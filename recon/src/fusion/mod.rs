@@ -1,8 +1,9 @@
-//! Surfaces of all cameras → the room's oriented, coloured discs, in the world frame.
+//! Fusion of all cameras' surfaces to the room's oriented, coloured discs, in the world frame.
 //!
-//! What two cameras see alike is kept once, from the one that resolves it finer ([`Witness`]); what one camera looks
-//! through is dropped. Smooth regions become larger discs ([`blocks`]), so that a wall does not cost a disc a pixel. What
-//! only key frames saw ([`key_frames`]) comes along where no camera sees the place itself.
+//! Surfaces that two cameras see alike are kept once, from the camera with the finer resolution ([`Witness`]); surfaces
+//! that one camera looks through are dropped. Smooth regions become larger discs ([`blocks`]), so that a wall does not
+//! cost a disc a pixel. Surfaces seen only by key frames ([`key_frames`]) are added where no camera sees the place
+//! itself.
 
 mod blocks;
 pub(crate) mod key_frames;
@@ -16,15 +17,15 @@ use scenes::geometry::{Disc, point_from_vec3, vec3_from_point, vec3_from_vector,
 use crate::surface::{Origin, Surface};
 use witness::Witness;
 
-/// How surfaces are fused.
+/// Options of the fusion.
 #[derive(Debug, Clone)]
 pub struct FusionOptions {
-    /// Depths of two cameras that differ by less than this share are the same surface.
+    /// Relative difference of two cameras' depths below which they are the same surface.
     pub same_surface: f32,
-    /// A disc that would look larger than this in another camera's image, radius in pixels, is too coarse for it: what
-    /// stands before a camera is for that camera to tell.
+    /// Largest radius of a disc in another camera's image, pixels; coarser discs are dropped, since that camera
+    /// resolves the surface itself.
     pub largest_radius_px: f32,
-    /// A block of pixels becomes one disc when none of its depths is off the block's plane by more than this share.
+    /// Largest relative distance of depths from a block's plane for the block to become one disc.
     pub flatness: f32,
 }
 
@@ -34,27 +35,27 @@ impl Default for FusionOptions {
     }
 }
 
-/// What fusion did.
+/// Report of the fusion.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct FusionReport {
-    /// Pixels with a depth, of all cameras.
+    /// Number of pixels with a depth, of all cameras.
     pub pixels: usize,
-    /// Dropped since another camera shows the same surface finer.
+    /// Pixels dropped since another camera shows the same surface finer.
     pub duplicates: usize,
-    /// Dropped since another camera looks through them.
+    /// Pixels dropped since another camera looks through them.
     pub seen_through: usize,
-    /// Dropped since another camera stands so near that they would fill its view.
+    /// Pixels dropped since another camera stands so near that they would fill its view.
     pub too_coarse: usize,
-    /// Discs made.
+    /// Number of discs.
     pub discs: usize,
-    /// Of these, not measured but filled in.
+    /// Number of these that were not measured but filled in.
     pub filled: usize,
-    /// Of these, seen by key frames alone.
+    /// Number of these that only key frames saw.
     pub key_frame_discs: usize,
 }
 
-/// Fuses all surfaces; `world_from_camera` in metres, one a surface. `key_frame_discs`: for each what only its key
-/// frames saw ([`key_frames::discs`]), in its camera's frame and unit.
+/// Fuses all surfaces; `world_from_camera` in metres, one a surface. `key_frame_discs`: for each the discs that only
+/// its key frames saw ([`key_frames::discs`]), in its camera's frame and unit.
 pub fn fuse(
     surfaces: &[Surface],
     key_frame_discs: &[&[Disc]],
@@ -123,7 +124,7 @@ fn judge(surface: &Surface, i: usize, others: &[Witness<'_>], options: &FusionOp
         if (z / seen - 1.0).abs() < options.same_surface {
             let (own, other) = (surface.radius(i) * witness.scale, witness.surface.radius(j));
             let own_measured = surface.origin[i] == Origin::Stereo;
-            // What is measured beats what is filled in; then the finer; then the camera that comes first.
+            // Measured beats filled in; then the finer; then the camera that comes first.
             let other_better = match (own_measured, measured) {
                 (true, false) => false,
                 (false, true) => true,
@@ -158,7 +159,7 @@ mod tests {
     use calib::Intrinsics;
     use image::{Rgb, RgbImage};
 
-    /// A camera that looks square on at a wall at depth `z`.
+    /// A camera that faces a wall at depth `z` squarely.
     fn wall(z: f32, size: u32, origin: Origin) -> Surface {
         let count = (size * size) as usize;
         Surface {
@@ -193,7 +194,7 @@ mod tests {
         let still = [Similarity3::identity(), Similarity3::identity()];
         let (_, report) = fuse(&views, &[], &still, &FusionOptions::default());
         assert!(report.seen_through >= 900, "{report:?}");
-        // The other way round nothing is contradicted: a filled wall behind a measured one is only hidden.
+        // In the opposite order there is no contradiction: a filled wall behind a measured one is only hidden.
         let views = [wall(1.0, 32, Origin::Stereo), wall(2.0, 32, Origin::Filled)];
         assert_eq!(fuse(&views, &[], &still, &FusionOptions::default()).1.seen_through, 0);
     }

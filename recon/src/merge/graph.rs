@@ -1,4 +1,4 @@
-//! First similarities: every pair's by Horn from its most consistent picks, chained along the best-joined pairs.
+//! Initial similarities: each pair's by Horn from its most consistent picks, chained along the best-joined pairs.
 
 use calib::absolute_orientation;
 use nalgebra::{Point3, Similarity3};
@@ -9,7 +9,7 @@ use super::{Pick, is_wide};
 use crate::project::{LEAST_SHARED_POINTS, Project};
 use crate::{Error, Result};
 
-/// A similarity between two cameras and how many picks support it.
+/// A similarity between two cameras and the number of picks that support it.
 struct Edge {
     a: usize,
     b: usize,
@@ -19,11 +19,11 @@ struct Edge {
     spread: f64,
 }
 
-/// Two cameras that share enough points, and are not joined by them.
+/// Two cameras that share enough points but are not joined by them.
 struct Failure {
     a: usize,
     b: usize,
-    /// Points of which both know the depth.
+    /// Number of points whose depth is known in both.
     usable: usize,
     why: Why,
 }
@@ -34,12 +34,12 @@ enum Why {
     OnALine,
 }
 
-/// Two picks of one point agree if they fall together to within this share of their depth.
+/// Largest distance between the positions of a point from two picks for them to agree, as a share of its depth.
 const AGREEMENT: f64 = 0.06;
-/// Triples tried for a pair; all of them up to 25 points.
+/// Number of triples tried for a pair; all of them up to 25 points.
 const MOST_TRIPLES: usize = 2300;
 
-/// `common_from_camera` of each camera, the first the identity.
+/// Initial `common_from_camera` of each camera, the first the identity.
 pub(super) fn chain(project: &Project, picks: &[Pick], cameras: usize) -> Result<Vec<Similarity3<f64>>> {
     let mut edges = Vec::new();
     let mut failures = Vec::new();
@@ -55,7 +55,7 @@ pub(super) fn chain(project: &Project, picks: &[Pick], cameras: usize) -> Result
             }
         }
     }
-    // The strongest pairs first, like Prim's tree: most agreeing picks, then the tightest.
+    // The strongest pairs first, as in Prim's algorithm: most agreeing picks, then the smallest spread.
     edges.sort_by(|x, y| y.support.cmp(&x.support).then(x.spread.total_cmp(&y.spread)));
     let mut placed: Vec<Option<Similarity3<f64>>> = vec![None; cameras];
     placed[0] = Some(Similarity3::identity());
@@ -114,7 +114,7 @@ fn unjoined(project: &Project, picks: &[Pick], failures: &[Failure], camera: usi
     Error::content(&project.path, "[[point]]", problem)
 }
 
-/// Points seen with depth by both: positions in `a` and in `b`.
+/// Points with depth in both cameras: positions in `a` and in `b`.
 fn shared(picks: &[Pick], a: usize, b: usize) -> Vec<(Point3<f64>, Point3<f64>)> {
     picks
         .iter()
@@ -126,10 +126,10 @@ fn shared(picks: &[Pick], a: usize, b: usize) -> Vec<(Point3<f64>, Point3<f64>)>
         .collect()
 }
 
-/// The similarity that most picks agree on, from triples of them.
+/// Similarity on which most picks agree, from triples of them.
 fn pair(shared: &[(Point3<f64>, Point3<f64>)]) -> std::result::Result<(Similarity3<f64>, usize, f64), Why> {
     let (similarity, inside) = most_agreed(shared).ok_or(Why::Disagree)?;
-    // All of them: where depths are bent, few agree yet.
+    // Fitted to all of them: where depths are bent, few agree yet.
     let (in_a, in_b): (Vec<_>, Vec<_>) = shared.iter().copied().unzip();
     if !is_wide(&in_a) && !is_wide(&in_b) {
         return Err(Why::OnALine);
@@ -140,7 +140,7 @@ fn pair(shared: &[(Point3<f64>, Point3<f64>)]) -> std::result::Result<(Similarit
     Ok((similarity, inside.len(), median))
 }
 
-/// The similarity with those that agree with it; `None` if not even three do.
+/// Similarity with the picks that agree with it; `None` if not even three do.
 fn most_agreed(shared: &[(Point3<f64>, Point3<f64>)]) -> Option<(Similarity3<f64>, Vec<usize>)> {
     let mut best: Option<(f64, Vec<usize>)> = None;
     for triple in triples(shared.len()) {
@@ -152,7 +152,7 @@ fn most_agreed(shared: &[(Point3<f64>, Point3<f64>)]) -> Option<(Similarity3<f64
     }
     let (_, mut inside) = best?;
     let mut similarity = None;
-    // The inliers of a triple are enlarged by refitting to all of them.
+    // Refitting to all inliers of a triple enlarges their set.
     for _ in 0..3 {
         if inside.len() < LEAST_SHARED_POINTS {
             return None;
@@ -164,7 +164,7 @@ fn most_agreed(shared: &[(Point3<f64>, Point3<f64>)]) -> Option<(Similarity3<f64
     Some((similarity?, inside))
 }
 
-/// All triples of so many points, or, where these are too many, some at random.
+/// All triples of `n` points, or, where these are too many, random ones.
 fn triples(n: usize) -> Vec<[usize; 3]> {
     if n < 3 {
         return Vec::new();
@@ -192,7 +192,7 @@ fn agreeing(shared: &[(Point3<f64>, Point3<f64>)], a_from_b: &Similarity3<f64>) 
     (0..shared.len()).filter(|i| distance(&shared[*i], a_from_b) < AGREEMENT).collect()
 }
 
-/// Distance as a share of depth; the larger of both directions' shares, so that scale cannot shrink it away.
+/// Distance as a share of depth; the larger of both directions' shares, so that a small scale does not shrink it.
 fn distance((a, b): &(Point3<f64>, Point3<f64>), a_from_b: &Similarity3<f64>) -> f64 {
     let gap = (a_from_b * b - a).norm();
     let depth = a.coords.norm().min(b.coords.norm() * a_from_b.scaling());

@@ -10,25 +10,25 @@ use super::triangulation::Acceptance;
 use super::two_views::{TwoViews, parallax_beyond_rotation, relative_motion};
 use crate::bundle::{LensFreedom, Loss};
 
-/// Fewest shared tracks of a pair to start from.
+/// Least number of shared tracks of a starting pair.
 const MIN_SHARED: usize = 40;
-/// Parallax beyond which more no longer helps a pair's rank, pixels.
+/// Parallax beyond which more does not raise a pair's rank, pixels.
 const ENOUGH_PARALLAX_PX: f64 = 40.0;
-/// Pairs whose relative motion is tried.
+/// Number of pairs whose relative motion is estimated.
 const PAIRS_TRIED: usize = 6;
-/// A pair of rays agrees with an essential matrix within this, pixels.
+/// Distance within which a pair of rays agrees with an essential matrix, pixels.
 const EPIPOLAR_PX: f64 = 1.0;
-/// Fewest known points a frame is resected from.
+/// Least number of known points from which a frame is resected.
 const MIN_KNOWN: usize = 15;
-/// The pixel distance of an inlier in resection.
+/// Pixel distance of an inlier in resection.
 const INLIER_PX: f64 = 1.5;
 /// Least angle between the rays to a point that frames are resected from, degrees.
 const GROWING_ANGLE_DEG: f64 = 1.5;
 
-/// What each frame saw: (track, pixel).
+/// Observations of each frame: (track, pixel).
 pub(crate) type Seen = Vec<Vec<(usize, Point2<f64>)>>;
 
-/// Fills the empty sketch as far as it goes. `false` when no pair of frames starts it.
+/// Fills the empty reconstruction as far as possible. `false` when no pair of frames starts it.
 pub(crate) fn reconstruct(
     sketch: &mut Sketch<'_>,
     seen: &Seen,
@@ -50,7 +50,7 @@ struct Pair {
     rank: f64,
 }
 
-/// Poses for the best pair of frames and points for what both see.
+/// Poses for the best pair of frames and points for their shared tracks.
 fn start(sketch: &mut Sketch<'_>, seen: &Seen, rng: &mut Pcg64Mcg) -> bool {
     let focal = 0.5 * (sketch.intrinsics.fx + sketch.intrinsics.fy);
     let mut pairs = ranked_pairs(sketch, seen, focal);
@@ -89,7 +89,7 @@ fn start(sketch: &mut Sketch<'_>, seen: &Seen, rng: &mut Pcg64Mcg) -> bool {
     sketch.adjust(&how).is_some()
 }
 
-/// Pairs of frames with enough in common, those that promise most first.
+/// Pairs of frames with enough shared tracks, the most promising first.
 fn ranked_pairs(sketch: &Sketch<'_>, seen: &Seen, focal: f64) -> Vec<Pair> {
     let frames = seen.len();
     let stride = (frames / 12).max(1);
@@ -145,7 +145,8 @@ pub(crate) fn grow(sketch: &mut Sketch<'_>, seen: &Seen, lens: LensFreedom) {
         };
         sketch.poses[frame] = Some(found.camera_from_world);
         refused.fill(false);
-        // Two sightings suffice: where the camera turns fast, tracks are short, and resection bears wrong points.
+        // Two observations suffice: where the camera turns fast, tracks are short, and resection tolerates wrong
+        // points.
         let accept =
             Acceptance { max_error_px: 3.0, min_angle: GROWING_ANGLE_DEG.to_radians(), min_sightings: 2 };
         sketch.triangulate(&accept, true);
@@ -159,7 +160,7 @@ pub(crate) fn grow(sketch: &mut Sketch<'_>, seen: &Seen, lens: LensFreedom) {
     }
 }
 
-/// One frame's pose from the points it sees, starting from its neighbours' poses.
+/// Pose of one frame from the points it observes, starting from its neighbours' poses.
 fn resect_frame(sketch: &Sketch<'_>, seen: &Seen, frame: usize) -> Option<Resection> {
     let pairs = sketch.pairs(&seen[frame]);
     let mut starts: Vec<Isometry3<f64>> = Vec::new();

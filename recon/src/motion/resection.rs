@@ -10,7 +10,7 @@ use super::two_views::median;
 use crate::bundle::Loss;
 
 const STEPS: usize = 60;
-/// Fewest points a pose is taken from.
+/// Least number of points of a pose.
 const MIN_POINTS: usize = 6;
 
 /// A resected pose.
@@ -19,11 +19,11 @@ pub(crate) struct Resection {
     pub(crate) camera_from_world: Isometry3<f64>,
     /// Points within the inlier distance.
     pub(crate) inliers: usize,
-    /// Mean truncated squared error; compares poses.
+    /// Mean truncated squared error, for comparing poses.
     pub(crate) cost: f64,
 }
 
-/// The pose nearest to `start` that explains the pairs, with the Cauchy scale ending at `inlier_px`.
+/// Pose nearest to `start` that explains the pairs, with the Cauchy scale ending at `inlier_px`.
 pub(crate) fn resect(
     intrinsics: &Intrinsics,
     pairs: &[(Point3<f64>, Point2<f64>)],

@@ -1,9 +1,9 @@
-//! Lost features, looked for where a first reconstruction predicts them ([`crate::features::revisit`]), and the
-//! adjustment that takes them in.
+//! Search for lost features at their predictions by a first reconstruction ([`crate::features::revisit`]), and the
+//! adjustment that includes them.
 //!
-//! Tracks alone tie each frame to its neighbours, so errors add up along the path; a feature that is seen again ties
-//! frames that are far apart in time, under wider angles. The better the reconstruction, the more of them are found, and
-//! the closer to it they must lie: so this is done more than once.
+//! Tracks alone tie each frame to its neighbours, so errors add up along the path; a feature that is found again ties
+//! frames that are far apart in time, under wider angles. The better the reconstruction, the more of them are found,
+//! and the smaller the search radius can be: so the search is repeated.
 
 use image::RgbImage;
 use nalgebra::{Isometry3, Matrix2, Point2, Point3, Vector2, Vector3};
@@ -15,19 +15,19 @@ use crate::bundle::{LensFreedom, Loss};
 use crate::features::revisit::{RevisitOptions, seen_again};
 use crate::features::{FeatureOptions, Intensity, Track, Warp};
 
-/// How far from its prediction a feature is looked for, round after round, pixels.
+/// Search radius around a feature's prediction, round after round, pixels.
 const SEARCH_PX: [i32; 2] = [12, 6];
-/// Least correlation with a feature's first appearance: more than following asks for, as the place says less.
+/// Least correlation with a feature's first appearance: more than for following, as the position is less certain.
 const MIN_CORRELATION: f64 = 0.85;
-/// By how much all other places nearby must correlate less.
+/// Least difference in correlation to all other places nearby.
 const MIN_LEAD: f32 = 0.05;
-/// A patch seen from directions farther apart than this looks different, degrees.
+/// Largest angle between the directions of two views of a patch, degrees; beyond it the patch looks different.
 const WIDEST_DEG: f64 = 35.0;
 /// Largest error of an observation, and the scale of the loss, in the first adjustments, pixels: wide, as the new
-/// observations speak against the reconstruction that found them.
+/// observations contradict the reconstruction that found them.
 const TAKING_IN_PX: [(f64, f64); 2] = [(12.0, 4.0), (8.0, 2.0)];
 
-/// Completes the sketch's tracks and adjusts it, until little more is found.
+/// Completes the reconstruction's tracks and adjusts it, until little more is found.
 pub(super) fn revisit(
     sketch: &mut Sketch<'_>,
     frames: &[RgbImage],
@@ -55,7 +55,7 @@ pub(super) fn revisit(
     }
 }
 
-/// Where a track's first patch lies in a frame, taken as a piece of plane that faces its camera.
+/// Predicted warp of a track's first patch in a frame, taken as a piece of plane that faces its camera.
 fn predicted(sketch: &Sketch<'_>, track: usize, frame: usize) -> Option<Warp> {
     let point = sketch.points[track]?;
     let (first, home) = *sketch.tracks[track].observations.first()?;

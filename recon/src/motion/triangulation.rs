@@ -1,32 +1,32 @@
-//! A track's point from the poses that saw it.
+//! Triangulation of a track's point from the poses that observed it.
 
 use calib::Intrinsics;
 use nalgebra::{Isometry3, Matrix3, Point2, Point3, Vector3};
 
 use crate::bundle::Loss;
 
-/// One sighting: where the camera stood and the pixel.
+/// One observation: the camera's pose and the pixel.
 pub(crate) type Sighting<'a> = (&'a Isometry3<f64>, Point2<f64>);
 
-/// When a triangulated point is accepted.
+/// Conditions for accepting a triangulated point.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Acceptance {
-    /// Largest reprojection error of a sighting that counts, pixels.
+    /// Largest reprojection error of an inlier observation, pixels.
     pub(crate) max_error_px: f64,
-    /// Least angle between two rays that count, radians.
+    /// Least angle between two inlier rays, radians.
     pub(crate) min_angle: f64,
-    /// Least sightings that count.
+    /// Least number of inlier observations.
     pub(crate) min_sightings: usize,
 }
 
-/// The world point that sightings agree on, or `None` when too few agree or their rays are too parallel.
+/// World point on which the observations agree; `None` when too few agree or their rays are too parallel.
 pub(crate) fn triangulate(
     intrinsics: &Intrinsics,
     sightings: &[Sighting<'_>],
     accept: &Acceptance,
 ) -> Option<Point3<f64>> {
     let mut used: Vec<Sighting<'_>> = sightings.to_vec();
-    // Twice: the second time without those that disagreed with the first.
+    // The second pass leaves out the outliers of the first.
     for _ in 0..2 {
         if used.len() < accept.min_sightings.max(2) {
             return None;
@@ -47,12 +47,12 @@ pub(crate) fn triangulate(
     None
 }
 
-/// Distance between a sighting and the projection; infinite behind the camera.
+/// Distance between an observation and the projection; infinite behind the camera.
 fn error_px(intrinsics: &Intrinsics, sighting: &Sighting<'_>, point: &Point3<f64>) -> f64 {
     intrinsics.project(&(sighting.0 * point)).map_or(f64::INFINITY, |p| (p - sighting.1).norm())
 }
 
-/// The widest angle between the rays to a point, radians, from the first ray and from the ray furthest from it.
+/// Widest angle between the rays to a point, radians, from the first ray and from the ray furthest from it.
 pub(crate) fn widest_angle<'a>(poses: impl Iterator<Item = &'a Isometry3<f64>>, point: &Point3<f64>) -> f64 {
     let rays: Vec<Vector3<f64>> = poses.map(|pose| point - pose.inverse() * Point3::origin()).collect();
     let furthest = |from: &Vector3<f64>| {
@@ -64,7 +64,7 @@ pub(crate) fn widest_angle<'a>(poses: impl Iterator<Item = &'a Isometry3<f64>>, 
     furthest(&rays[index]).1
 }
 
-/// The point with the least squared distances to all rays.
+/// Point with the least squared distances to all rays.
 fn nearest_to_rays(intrinsics: &Intrinsics, sightings: &[Sighting<'_>]) -> Option<Point3<f64>> {
     let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
     for (pose, pixel) in sightings {
@@ -77,7 +77,7 @@ fn nearest_to_rays(intrinsics: &Intrinsics, sightings: &[Sighting<'_>]) -> Optio
     normal.cholesky().map(|c| Point3::from(c.solve(&right)))
 }
 
-/// Gauss–Newton on the reprojection errors, damped, robust.
+/// Damped, robust Gauss–Newton on the reprojection errors.
 fn refined(
     intrinsics: &Intrinsics,
     sightings: &[Sighting<'_>],

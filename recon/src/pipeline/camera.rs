@@ -1,4 +1,4 @@
-//! One camera's part of a build: its capture becomes motion, depth and a surface.
+//! One camera's part of a build: from its capture to motion, depth and a surface.
 
 use std::time::Instant;
 
@@ -18,35 +18,35 @@ use crate::rolling_shutter::RollingShutter;
 use crate::surface::Surface;
 use crate::{Error, Result};
 
-/// A camera once it is known how it moved.
+/// A camera with known motion.
 #[derive(Debug, Clone)]
 pub(super) struct Moved {
-    /// As filmed.
+    /// Intrinsics as filmed.
     pub(super) lens: Intrinsics,
-    /// One a frame; world = the reference frame's camera.
+    /// Pose of each frame; world = the reference frame's camera.
     pub(super) camera_from_world: Vec<Option<Isometry3<f64>>>,
     /// Sparse points.
     pub(super) points: Vec<Point3<f64>>,
-    /// What is known so far.
+    /// Report so far.
     pub(super) report: CameraReport,
 }
 
-/// A camera once its capture has been worked through.
+/// A camera whose capture is fully processed.
 #[derive(Debug, Clone)]
 pub(super) struct Seen {
-    /// As filmed.
+    /// Intrinsics as filmed.
     pub(super) lens: Intrinsics,
     pub(super) surface: Surface,
-    /// What only the capture's key frames saw, in the reference camera's frame and the capture's unit.
+    /// Discs that only the capture's key frames saw, in the reference camera's frame and the capture's unit.
     pub(super) key_frame_discs: Vec<Disc>,
-    /// One a frame; world = the reference frame's camera.
+    /// Pose of each frame; world = the reference frame's camera.
     pub(super) camera_from_world: Vec<Option<Isometry3<f64>>>,
-    /// The nearest and the farthest depth of what is seen.
+    /// Smallest and largest depth of the view.
     pub(super) range: (f64, f64),
     pub(super) report: CameraReport,
 }
 
-/// A camera's reference image and what was made of its capture.
+/// A camera's reference image and the results of its capture.
 pub(super) struct Camera {
     pub(super) name: String,
     /// The reference image as filmed.
@@ -54,7 +54,7 @@ pub(super) struct Camera {
     pub(super) seen: Seen,
 }
 
-/// How the camera of a capture moved; `step` is told what is being done.
+/// Estimates the motion of a capture's camera; `step` is called with the present activity.
 pub(super) fn follow(capture: &Capture, options: &BuildOptions, step: &dyn Fn(String)) -> Result<Moved> {
     let name = &capture.name;
     step(format!("{name}: camera motion"));
@@ -76,8 +76,8 @@ pub(super) fn follow(capture: &Capture, options: &BuildOptions, step: &dyn Fn(St
     })
 }
 
-/// What a capture shows, once its camera's motion is known and its frames are as if filmed at once; `step` is told what is
-/// being done.
+/// Computes depth and surface of a capture with known motion and rectified frames; `step` is called with the present
+/// activity.
 pub(super) fn see(
     capture: &Capture,
     moved: Moved,
@@ -114,14 +114,14 @@ pub(super) fn see(
 }
 
 impl Moved {
-    /// How the capture's rows were read; `None` for all at once.
+    /// Rolling-shutter model of the capture; `None` for a global shutter.
     pub(super) fn shutter(&self) -> Option<RollingShutter> {
         shutter(&self.report, &self.camera_from_world, &self.lens)
     }
 }
 
 impl Seen {
-    /// Where filmed pixels of a frame would be, had the frame been filmed at once.
+    /// Rectified positions of filmed pixels of a frame.
     pub(super) fn at_once(&self, frame: usize) -> impl Fn(&Point2<f64>) -> Point2<f64> {
         let shutter = self.shutter();
         move |pixel| {
@@ -130,12 +130,12 @@ impl Seen {
         }
     }
 
-    /// How the capture's rows were read; `None` for all at once.
+    /// Rolling-shutter model of the capture; `None` for a global shutter.
     pub(super) fn shutter(&self) -> Option<RollingShutter> {
         shutter(&self.report, &self.camera_from_world, &self.lens)
     }
 
-    /// The capture that this was seen in, its frames as if filmed at once.
+    /// Capture with its motion, its frames rectified.
     pub(super) fn filmed<'a>(&'a self, capture: &'a Capture) -> Filmed<'a> {
         Filmed {
             frames: &capture.frames,
@@ -155,7 +155,7 @@ fn shutter(
     (readout != 0.0).then(|| RollingShutter::new(readout, camera_from_world, lens.height))
 }
 
-/// All frames of a capture become what they would be, filmed at once; without a shutter they are.
+/// Rectifies all frames of a capture; does nothing without a shutter model.
 pub(super) fn all_at_once(capture: &mut Capture, lens: &Intrinsics, shutter: Option<RollingShutter>) {
     let Some(shutter) = shutter else { return };
     for (index, frame) in capture.frames.iter_mut().enumerate() {
@@ -163,7 +163,7 @@ pub(super) fn all_at_once(capture: &mut Capture, lens: &Intrinsics, shutter: Opt
     }
 }
 
-/// Where points lie before the reference camera, with some room on both sides.
+/// Range of the points' depths from the reference camera, with a margin on both sides.
 fn depth_range(points: &[Point3<f64>]) -> (f64, f64) {
     let mut depths: Vec<f64> = points.iter().map(|p| p.z).filter(|z| *z > 0.0).collect();
     depths.sort_by(f64::total_cmp);
@@ -174,7 +174,7 @@ fn depth_range(points: &[Point3<f64>]) -> (f64, f64) {
     }
 }
 
-/// Measures the depth of single pixels of the reference image from all frames; those that cannot be are left out.
+/// Measures the depth of single pixels of the reference image from all frames; pixels without one are left out.
 pub(super) fn measure(capture: &Capture, seen: &Seen, pixels: &[Point2<f64>]) -> Vec<MeasuredPixel> {
     let film = seen.filmed(capture);
     let surface = &seen.surface;

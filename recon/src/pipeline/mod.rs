@@ -1,6 +1,6 @@
-//! `recon build`: a capture project → a room directory, whole or not at all.
+//! `recon build`: builds a room directory from a capture project; the directory is replaced in one step.
 //!
-//! Each camera's capture becomes motion, depth and a surface on its own ([`camera`]), which is kept until the capture
+//! Each camera's capture becomes motion, depth and a surface on its own ([`camera`]), which is cached until the capture
 //! changes ([`kept`]); then one room is assembled, written beside its target with its previews and a report, and only
 //! then takes the target's name.
 
@@ -38,45 +38,45 @@ use kept::{Kept, Keys};
 pub use reference_view::{ReferenceView, reference_views};
 pub use report::{BuildReport, CameraReport, StartErrors};
 
-/// How a room is built.
+/// Options of building a room.
 #[derive(Debug, Clone, Default)]
 pub struct BuildOptions {
-    /// Zones for the new room; without them those of the room that is replaced are kept, if there is one.
+    /// File with the zones of the new room; without it the zones of a replaced room are kept.
     pub zones: Option<PathBuf>,
-    /// Seed of everything random; the room is the same for the same seed, whatever the number of threads.
+    /// Seed of everything random; the room is the same for the same seed, at any number of threads.
     pub seed: u64,
-    /// Camera motion.
+    /// Options of camera motion.
     pub motion: MotionOptions,
-    /// Dense stereo.
+    /// Options of dense stereo.
     pub dense: DenseOptions,
-    /// Planes found and filled.
+    /// Options of plane detection and filling.
     pub planes: PlaneOptions,
-    /// Joining cameras, floor, discs.
+    /// Options of joining cameras, floor, discs.
     pub assemble: AssembleOptions,
-    /// Draws plan and previews at half their usual size, in a quarter of the time.
+    /// Whether plan and previews are drawn at half their usual size, in a quarter of the time.
     pub small_pictures: bool,
 }
 
-/// What is being done, for a progress bar.
+/// Progress of a build, for a progress bar.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Step {
     /// Number of this step, from 0; the last report has `number == of`.
     pub number: usize,
-    /// Steps in all.
+    /// Number of steps in all.
     pub of: usize,
-    /// For people.
+    /// Activity, in words.
     pub what: String,
 }
 
-/// Steps a camera, and steps for the whole room.
+/// Number of steps a camera, and of steps for the whole room.
 const STEPS_A_CAMERA: usize = 3;
 const STEPS_A_ROOM: usize = 2;
 
 /// Builds the room of `project_file` into the directory `out`.
 ///
 /// # Errors
-/// The first thing that is wrong, with its place. `out` is then as it was before; cameras that were finished are kept
-/// beside it for the next time.
+/// The first problem, with its place. `out` is then as it was before; finished cameras are cached beside it for the
+/// next time.
 pub fn build(
     project_file: &Path,
     out: &Path,
@@ -158,22 +158,22 @@ pub fn build(
     Ok(report)
 }
 
-/// The captures of a project's cameras, all looked through before the first is worked on.
+/// Captures of a project's cameras, all checked before the first is processed.
 fn files_of(cameras: &[ProjectCamera]) -> Result<Vec<CaptureFile>> {
     let open = |camera: &ProjectCamera| {
         CaptureFile::open(&camera.name, &camera.capture, camera.reference, camera.intrinsics.clone())
     };
     let opened: Vec<Result<CaptureFile>> = cameras.par_iter().map(open).collect();
-    // The first that is wrong is told, not the first that was found to be.
+    // The first error in file order is reported, not the first one found.
     opened.into_iter().collect()
 }
 
-/// Each capture is read and becomes motion, depth and a surface, or is found among what was kept; with the keys it is kept
-/// by. Captures are worked through beside each other, and their frames let go one after the other: before that, `each` is
-/// asked of them, as if filmed at once.
+/// Processes each capture to motion, depth and a surface, or takes them from the cache; returns them with their cache
+/// keys. Captures are processed in parallel, and their frames are freed one after the other: before that, `each` is
+/// called with the rectified capture.
 ///
 /// # Errors
-/// The first capture's that fails; what was made of others is kept.
+/// The error of the first capture that fails; results of others are cached.
 fn worked_through<T: Send>(
     files: &[CaptureFile],
     kept: Option<&Kept>,
@@ -183,14 +183,14 @@ fn worked_through<T: Send>(
 ) -> Result<Vec<(Camera, Keys, T)>> {
     let step = Mutex::new(step);
     let step = |what: String| {
-        // A progress bar that panicked is of no use to anybody.
+        // A progress bar that panicked is ignored.
         if let Ok(mut step) = step.lock() {
             step(what);
         }
     };
     let first_failed = AtomicUsize::new(usize::MAX);
     let work = |(index, file): (usize, &CaptureFile)| {
-        // Who waits to hear what is wrong with a capture need not wait for those that come after it.
+        // After a failure, captures that come later in the file are skipped, so that the error is reported soon.
         if first_failed.load(Ordering::Relaxed) < index {
             return None;
         }
@@ -204,7 +204,7 @@ fn worked_through<T: Send>(
     done.into_iter().flatten().collect()
 }
 
-/// One capture, worked through now or before.
+/// Results of one capture, computed now or cached.
 fn one<T>(
     file: &CaptureFile,
     kept: Option<&Kept>,
@@ -248,7 +248,7 @@ fn one<T>(
     Ok((Camera { name, reference, seen }, keys, told))
 }
 
-/// For people: what is read of a capture.
+/// Progress text of reading a capture.
 fn reading(file: &CaptureFile) -> String {
     let name = file.name();
     match file.stride() {
@@ -257,7 +257,7 @@ fn reading(file: &CaptureFile) -> String {
     }
 }
 
-/// What people have drawn into a room outlives its rebuilding: its coordinates stay.
+/// Takes zones and walkable regions over into a rebuilt room: its coordinates stay the same.
 fn take_over(room: &mut Room, before: Option<Room>, zones: Option<Vec<Zone>>) {
     if let Some(before) = before {
         room.walkable = before.walkable;

@@ -1,5 +1,5 @@
-//! Pictures that show at a glance whether it worked: the floor plan, and for each camera its reference image, its depth
-//! in the finished room and the room drawn from where it stands, side by side.
+//! Pictures that show at a glance whether a build worked: the floor plan, and for each camera its reference image, its
+//! depth in the finished room and the room rendered from its pose, side by side.
 
 use std::path::Path;
 
@@ -18,16 +18,17 @@ use crate::Result;
 /// Space between the pictures, pixels.
 const GAP: u32 = 6;
 
-/// The floor plan; not in `preview/`, where a camera may be called so.
+/// Name of the floor plan; it is not in `preview/`, where a camera may have this name.
 const PLAN: &str = "plan.png";
 
-/// Writes `plan.png` and `preview/NAME.png` for each camera, beside each other; at half their size if they are to be `small`.
+/// Writes `plan.png` and `preview/NAME.png` for each camera, in parallel; at half their size if `small`.
 pub(super) fn write(dir: &Path, room: &Room, references: &[(&str, &RgbImage)], small: bool) -> Result<()> {
     let (plan, views) = rayon::join(|| write_plan(dir, small), || write_views(dir, room, references, small));
     plan.and(views)
 }
 
-/// Of the room as it is read, and kept beside it: the first `tracker run` in it need not draw the plan again.
+/// Draws the plan of the room as read from disk, through its cache: the first `tracker run` in it need not draw it
+/// again.
 fn write_plan(dir: &Path, small: bool) -> Result<()> {
     let mut options = PlanOptions { room_dir: Some(dir.to_owned()), ..PlanOptions::default() };
     if small {
@@ -61,7 +62,8 @@ fn write_views(dir: &Path, room: &Room, references: &[(&str, &RgbImage)], small:
     Ok(())
 }
 
-/// Near is warm, far is cool, nothing is black; equal steps of inverse depth, as stereo resolves it.
+/// Depth as colours: near is warm, far is dark, pixels without depth are black; equal steps of inverse depth, like
+/// stereo's resolution.
 fn colored(map: &DepthMap) -> RgbImage {
     let mut inverse: Vec<f32> = map.z_m.iter().filter(|z| **z > 0.0).map(|z| 1.0 / z).collect();
     inverse.sort_by(f32::total_cmp);
@@ -73,7 +75,9 @@ fn colored(map: &DepthMap) -> RgbImage {
     })
 }
 
-/// 0 far: dark blue, over green, to 1 near: yellow and red. Mikhailov's Turbo, as its polynomial of fifth degree.
+/// Colour of an inverse depth from 0 (far: almost black) over blue and green to 1 (near: yellow, red and dark red).
+/// Turbo (A. Mikhailov, "Turbo, an improved rainbow colormap for visualization", 2019) by its polynomial approximation
+/// of fifth degree.
 fn warm_to_cool(t: f32) -> Rgb<u8> {
     let t = t.clamp(0.0, 1.0);
     let polynomial = |c: [f32; 6]| c.iter().rev().fold(0.0, |sum, k| sum * t + k);

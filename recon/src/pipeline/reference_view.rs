@@ -1,4 +1,4 @@
-//! What each capture of a project shows from its installed pose, without a room made of them: for `recon picks`.
+//! Reference views of a project's captures, without a room: for `recon picks`.
 
 use std::path::Path;
 
@@ -21,15 +21,15 @@ pub struct ReferenceView {
     pub name: String,
     /// The reference image as filmed.
     pub picture: RgbImage,
-    /// What it shows, in the capture's own unit.
+    /// Surface of the view, in the capture's own unit.
     pub surface: Surface,
     lens: Intrinsics,
-    /// How its rows were read, and the frame's index.
+    /// Rolling-shutter model, and the index of the reference frame.
     shutter: Option<(RollingShutter, usize)>,
 }
 
 impl ReferenceView {
-    /// Where a pixel of the surface's pinhole picture was filmed; `None` outside the image.
+    /// Filmed position of a pixel of the surface's pinhole picture; `None` outside the image.
     pub fn filmed(&self, pinhole: &Point2<f64>) -> Option<Point2<f64>> {
         let ray = self.surface.intrinsics.unproject(pinhole)?;
         let at_once = self.lens.project(&ray.into())?;
@@ -40,7 +40,7 @@ impl ReferenceView {
         self.lens.contains(&filmed).then_some(filmed)
     }
 
-    /// Where a filmed pixel is in the surface's pinhole picture.
+    /// Position of a filmed pixel in the surface's pinhole picture.
     pub fn pinhole(&self, filmed: &Point2<f64>) -> Option<Point2<f64>> {
         let at_once = match &self.shutter {
             Some((shutter, frame)) => shutter.rectified(&self.lens, *frame, filmed)?,
@@ -50,11 +50,11 @@ impl ReferenceView {
     }
 }
 
-/// Works through the captures of all cameras. What was made of them for `room` before is taken from there, and what is
-/// made now is kept for it, as [`super::build`] does.
+/// Processes the captures of all cameras. Results cached for `room` are taken from there, and new ones are cached for
+/// it, as [`super::build`] does.
 ///
 /// # Errors
-/// The first capture that cannot be read or worked through.
+/// The error of the first capture that cannot be read or processed.
 pub fn reference_views(
     cameras: &[ProjectCamera],
     room: Option<&Path>,

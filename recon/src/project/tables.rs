@@ -1,4 +1,4 @@
-//! `room.toml` as it stands on disk, table by table. Unknown keys are an error: most are misspelt known ones.
+//! Serialised form of `room.toml`, table by table. Unknown keys are an error: most are misspelt known ones.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -56,7 +56,7 @@ struct ScaleTable {
 }
 
 impl ProjectFile {
-    /// The cameras, with the intrinsics files they name; captures are only looked for.
+    /// Cameras, with the intrinsics files they name; captures need only exist.
     pub(super) fn cameras(&self, path: &Path) -> Result<Vec<ProjectCamera>> {
         if self.camera.is_empty() {
             return Err(Error::content(path, "[[camera]]", "no camera; add a [[camera]] table for each"));
@@ -79,7 +79,7 @@ impl ProjectFile {
         self.point.iter().enumerate().map(|(i, table)| point(path, i + 1, table, cameras)).collect()
     }
 
-    /// What fixes the metres.
+    /// Source of the metric scale.
     pub(super) fn scale(&self, path: &Path, cameras: &[ProjectCamera]) -> Result<Scale> {
         let Some(table) = &self.scale else {
             let problem =

@@ -1,8 +1,8 @@
-//! What both cameras' surfaces and pictures say of a similarity that features suggest.
+//! Verification of a similarity that features suggest, by both cameras' surfaces and pictures.
 //!
-//! Rooms repeat: two corners with the same wallpaper, lamps and doors are each other's likeness, and features alone take
-//! one for the other, all of them together. But where two surfaces meet, they show the same; and what one camera looks
-//! through cannot be filled by what the other sees.
+//! Rooms have repetitions: two corners with the same wallpaper, lamps and doors look alike, and features alone confuse
+//! them consistently. But where two surfaces coincide, their pictures must agree; and a space that one camera looks
+//! through cannot be filled by the other's surfaces.
 
 use nalgebra::{Matrix2, Point2, Point3, Similarity3, Vector3};
 use rayon::prelude::*;
@@ -10,41 +10,41 @@ use rayon::prelude::*;
 use crate::features::{Intensity, Patch, Reading, Warp};
 use crate::surface::{Origin, Surface};
 
-/// Pixels between the places that are looked at.
+/// Step between the pixels that are compared.
 const STRIDE: usize = 6;
-/// Surfaces this close in depth, as a share of it, may be the same …
+/// Largest relative difference in depth of coinciding surfaces …
 const SAME: f64 = 0.04;
-/// … if they face the same way (cosine); and what lies nearer by this share stands in the other's way.
+/// … least cosine between their normals; and relative distance by which a nearer surface obstructs the other's view.
 const FACING: f64 = 0.85;
 const BEFORE: f64 = 0.06;
 /// Half the side of the patches that are compared.
 const RADIUS_PX: i32 = 7;
 
-/// A reference view, ready to be compared.
+/// A reference view prepared for the comparison.
 pub(super) struct Seen<'a> {
     pub(super) surface: &'a Surface,
     pub(super) intensity: Intensity,
 }
 
-/// What was found.
+/// Evidence for a similarity.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Evidence {
-    /// The share of what one camera sees in the other's view that stands in the way of what that one sees.
+    /// Share of one camera's surface within the other's view that obstructs that view.
     pub(super) in_the_way: f64,
-    /// Places that both see and that have something to show.
+    /// Number of places that both see and that have texture.
     pub(super) compared: usize,
-    /// The correlation of their pictures, in the median.
+    /// Median correlation of their pictures.
     pub(super) correlation: f64,
 }
 
-/// What one camera's place is to the other's view.
+/// Relation of one camera's surface point to the other's view.
 enum Told {
     InTheWay,
     Apart,
     Correlation(Option<f64>),
 }
 
-/// Both ways.
+/// Evidence in both directions.
 pub(super) fn of(seen: [&Seen<'_>; 2], first_from_second: &Similarity3<f64>) -> Evidence {
     let mut told = one_way(seen[0], seen[1], &first_from_second.inverse());
     told.extend(one_way(seen[1], seen[0], first_from_second));
@@ -68,7 +68,7 @@ fn one_way(from: &Seen<'_>, onto: &Seen<'_>, onto_from: &Similarity3<f64>) -> Ve
         .collect()
 }
 
-/// `None` where either surface is unknown or the other camera does not look.
+/// Relation of one pixel; `None` where either surface is unknown or the pixel is outside the other's view.
 fn tell(
     from: &Seen<'_>,
     onto: &Seen<'_>,
@@ -105,7 +105,7 @@ fn tell(
     Some(Told::Correlation(correlation(from, onto, onto_from, &home)))
 }
 
-/// `None` for what has nothing to show, or is cut by an image's border.
+/// Correlation of the pictures around a pixel; `None` without texture, or at an image's border.
 fn correlation(
     from: &Seen<'_>,
     onto: &Seen<'_>,
@@ -121,11 +121,11 @@ fn correlation(
     });
     let home = Warp { center: *pixel, affine: Matrix2::identity() };
     let patch = Patch::cut(&from.intensity, &home, RADIUS_PX).filter(|_| inside)?;
-    // What shows something here and nothing there is no likeness.
+    // Texture in one picture and none in the other counts as no correlation.
     Some(patch.correlation(&onto.intensity, &warp, &mut Reading::default()).unwrap_or(0.0))
 }
 
-/// Where the surface around a pixel lies in the other camera's picture.
+/// Warp of the surface around a pixel into the other camera's picture.
 pub(super) fn carried(
     from: &Surface,
     onto: &Surface,

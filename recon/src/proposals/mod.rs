@@ -1,11 +1,11 @@
-//! Picks proposed for a person to confirm: places that two cameras' reference images show.
+//! Picks proposed for a person to confirm: points visible in two cameras' reference images.
 //!
-//! Cameras on a room's walls see the same things from sides too different for features to look alike, or for an epipolar
-//! line to tell right from wrong. But each camera's capture has become a surface: keypoints have a place in space, and
-//! flat things can be seen square on ([`flat`], [`landmarks`]). One similarity between the two spaces that many
-//! keypoints agree on ([`alignment`]), which both surfaces and pictures bear out ([`evidence`]), tells which matches are
-//! right; those are brought to a fraction of a pixel, and the few that lie farthest apart are proposed ([`spread`]).
-//! Where nothing is borne out, nothing is proposed.
+//! Cameras on a room's walls see the same things from sides too different for features to look alike, or for an
+//! epipolar line to select the right match. But each camera's capture has become a surface: keypoints have positions in
+//! space, and planes can be rectified ([`flat`], [`landmarks`]). A similarity between the two spaces on which many
+//! keypoints agree ([`alignment`]), confirmed by both surfaces and pictures ([`evidence`]), selects the right matches;
+//! those are refined to a fraction of a pixel, and the few that lie farthest apart are proposed ([`spread`]). Without
+//! confirmation, nothing is proposed.
 
 mod alignment;
 mod evidence;
@@ -32,22 +32,22 @@ use landmarks::{Candidate, Landmarks};
 pub use picture::draw;
 pub use table::to_toml;
 
-/// How picks are proposed.
+/// Options of the proposals.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ProposalOptions {
-    /// Points proposed a pair of cameras, at most.
+    /// Largest number of points proposed for a pair of cameras.
     pub points: usize,
-    /// How far a match may be off under the similarity, as a share of the image's width: captures bend their space.
+    /// Largest error of a match under the similarity, as a share of the image's width: captures bend their space.
     pub tolerance: f64,
-    /// Fewer matches than this that agree are chance.
+    /// Least number of agreeing matches; fewer may be chance.
     pub least_agreeing: usize,
-    /// More than this share of one surface standing in the way of the other speaks against a similarity.
+    /// Largest share of one surface that obstructs the other camera's view.
     pub most_in_the_way: f64,
-    /// Where surfaces meet, the pictures must correlate this well in the median …
+    /// Least median correlation of the pictures where surfaces coincide …
     pub least_correlation: f64,
-    /// … in this many places.
+    /// … and least number of places compared.
     pub least_compared: usize,
-    /// A proposed point's own patches must correlate this well.
+    /// Least correlation of a proposed point's own patches.
     pub point_correlation: f64,
     /// Half the side of these patches, pixels.
     pub patch_radius_px: i32,
@@ -78,45 +78,45 @@ impl ProposalOptions {
     }
 }
 
-/// A place that two cameras see.
+/// A point visible to two cameras.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Proposal {
     /// Indices of the cameras.
     pub cameras: [usize; 2],
-    /// In their pinhole pictures.
+    /// Pixels in their pinhole pictures.
     pub pixels: [Point2<f64>; 2],
-    /// Correlation of both pictures there, surfaces' slants undone.
+    /// Correlation of both pictures there, with the surfaces' slant removed.
     pub correlation: f64,
 }
 
-/// What is known of two cameras.
+/// Result for two cameras.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pair {
-    /// Their indices.
+    /// Indices of the cameras.
     pub cameras: [usize; 2],
-    /// `None` when nothing that both see was borne out.
+    /// Correspondence of the two; `None` when nothing was confirmed.
     pub found: Option<Found>,
 }
 
-/// What two cameras have in common.
+/// Confirmed correspondence of two cameras.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Found {
-    /// From the second camera's space to the first's.
+    /// Similarity from the second camera's space to the first's.
     pub first_from_second: Similarity3<f64>,
-    /// Keypoints that look alike and agree on it.
+    /// Number of matched keypoints that agree on it.
     pub agreeing: usize,
-    /// Corners of one picture that it leads to in the other.
+    /// Number of matches guided by it.
     pub matches: usize,
-    /// Correlation of both pictures where the surfaces meet, in the median.
+    /// Median correlation of both pictures where the surfaces coincide.
     pub correlation: f64,
-    /// The best of them.
+    /// Best matches.
     pub proposals: Vec<Proposal>,
 }
 
 /// Proposes picks for all pairs of cameras.
 ///
 /// # Errors
-/// When OpenCV refuses.
+/// [`crate::error::Error::Calib`] when OpenCV refuses.
 pub fn propose(surfaces: &[&Surface], options: &ProposalOptions) -> Result<Vec<Pair>> {
     let mut rng = Pcg64Mcg::seed_from_u64(options.seed);
     let mut landmarks = Vec::with_capacity(surfaces.len());
@@ -138,11 +138,11 @@ pub fn propose(surfaces: &[&Surface], options: &ProposalOptions) -> Result<Vec<P
     Ok(pairs)
 }
 
-/// Where two surfaces, which lie to each other as `first_from_second` says, show the same: both pixels, in the pinhole
-/// pictures, of at most `count` places that lie far apart. None where surfaces and pictures do not bear that out.
+/// Matches between two surfaces with the relative pose `first_from_second`: both pixels, in the pinhole pictures, of at
+/// most `count` places that lie far apart. Empty where surfaces and pictures do not confirm the pose.
 ///
 /// # Errors
-/// When OpenCV refuses.
+/// [`crate::error::Error::Calib`] when OpenCV refuses.
 pub(crate) fn in_common(
     surfaces: [&Surface; 2],
     first_from_second: &Similarity3<f64>,
@@ -158,7 +158,7 @@ pub(crate) fn in_common(
     Ok(spread::choose(&matches, count).iter().map(|m| m.pixels).collect())
 }
 
-/// The correlation of both pictures under a similarity, in the median, where these and the surfaces bear it out.
+/// Median correlation of both pictures under a similarity, if pictures and surfaces confirm it.
 fn borne_out(
     seen: [&Seen<'_>; 2],
     first_from_second: &Similarity3<f64>,
@@ -203,8 +203,9 @@ fn compare(
 }
 
 impl Found {
-    /// How far one camera's pick is from where the other's depth puts it, pixels of the pinhole pictures: the smaller of both
-    /// ways, since a depth read at an edge may be another surface's. `None` where neither has a depth.
+    /// Distance of one camera's pick from its position by the other's depth, pixels of the pinhole pictures: the
+    /// smaller of both directions, since a depth measured at an edge may belong to another surface. `None` where
+    /// neither has a depth.
     pub fn miss_px(&self, [a, b]: [&Surface; 2], [p, q]: [Point2<f64>; 2]) -> Option<f64> {
         let miss = |from: &Surface,
                     onto: &Surface,

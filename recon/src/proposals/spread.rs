@@ -1,4 +1,4 @@
-//! Few points for many: those that lie farthest apart in space.
+//! Choice of few matches out of many: those that lie farthest apart in space.
 
 use nalgebra::Point3;
 
@@ -6,7 +6,7 @@ use super::guided::Match;
 use crate::merge;
 use crate::project::LEAST_SHARED_POINTS;
 
-/// At most `count` of them, one after the other the one farthest from all before; the best-correlated first.
+/// Chooses at most `count` matches, each the one farthest from all before; the best-correlated first.
 pub(super) fn choose(found: &[Match], count: usize) -> Vec<Match> {
     let mut left = found.to_vec();
     left.sort_by(|p, q| q.correlation.total_cmp(&p.correlation));
@@ -17,7 +17,7 @@ pub(super) fn choose(found: &[Match], count: usize) -> Vec<Match> {
             let distance = |other: &Match| (other.positions[0] - at).norm() / at.coords.norm();
             chosen.iter().map(distance).fold(f64::INFINITY, f64::min)
         };
-        // The first of equals, which is the better correlated.
+        // Of equal distances the first one, which is better correlated.
         let farthest = (0..left.len()).rev().max_by(|i, j| apart(&left[*i]).total_cmp(&apart(&left[*j])));
         let Some(farthest) = farthest else { break };
         let next = left.remove(farthest);
@@ -29,7 +29,7 @@ pub(super) fn choose(found: &[Match], count: usize) -> Vec<Match> {
     chosen
 }
 
-/// Whether the points suffice to join two cameras: enough, and not on a line.
+/// Tells whether the points suffice to join two cameras: enough, and not on a line.
 pub(super) fn is_wide(chosen: &[Match]) -> bool {
     let points: Vec<Point3<f64>> = chosen.iter().map(|m| m.positions[0]).collect();
     points.len() >= LEAST_SHARED_POINTS && merge::is_wide(&points)

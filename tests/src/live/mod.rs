@@ -45,7 +45,7 @@ pub struct Figure {
     pub value: Said<f64>,
     /// Unit of the value.
     pub unit: &'static str,
-    /// The bound that is asked for; empty for a figure that only informs.
+    /// Required bound; empty for a figure that only informs.
     pub asked: &'static str,
 }
 

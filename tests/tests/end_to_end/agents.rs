@@ -1,4 +1,4 @@
-//! Stations that track together, each in a process of its own, and what may happen to them: the others go on.
+//! Stations that track together, each in a process of its own, with failures of one: the others go on.
 
 use std::collections::BTreeSet;
 use std::net::SocketAddr;
@@ -18,7 +18,7 @@ fn assert_no_duplicates(rows: &[Row]) {
     }
 }
 
-/// Asserts that a station never knew anybody but these people, and nearly always all of them.
+/// Asserts that a station knew only these people, and nearly always all of them.
 fn assert_kept(rows: &[BTreeSet<u32>], people: &BTreeSet<u32>) {
     let whole = rows.iter().filter(|row| *row == people).count();
     let is_kept = rows.iter().all(|row| row.is_subset(people));
@@ -49,7 +49,7 @@ fn a_killed_and_a_stalled_station_come_back_and_the_other_keeps_its_ids() {
     }
 }
 
-/// Session of a stranger that may do everything that Zenoh allows.
+/// Session of an unknown Zenoh peer with all permissions.
 fn stranger(addresses: &[SocketAddr]) -> Session {
     let mut config = zenoh::Config::default();
     let connect: Vec<String> = addresses.iter().map(|address| format!("\"tcp/{address}\"")).collect();

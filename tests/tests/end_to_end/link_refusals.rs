@@ -1,4 +1,4 @@
-//! What `tracker detect`, `link` and `eval` say to bad input; and that nothing is half-written.
+//! Error lines of `tracker detect`, `link` and `eval` on bad input; no file is half-written.
 
 use std::path::{Path, PathBuf};
 use std::process::Output;
@@ -27,7 +27,7 @@ impl Bench {
 
 fn tracker(words: &[&str], paths: &[&Path]) -> Output {
     let mut command = program("tracker");
-    // Words and paths take turns where a word is empty.
+    // A path is taken where a word is empty.
     let mut paths = paths.iter();
     for word in words {
         match *word {

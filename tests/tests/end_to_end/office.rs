@@ -67,8 +67,8 @@ fn the_room_comes_out_right_and_people_are_followed_in_it() {
     assert!(tracking.mota >= 88.0 && tracking.idf1 >= 90.0 && tracking.mean_m <= 0.12, "{tracking:?}");
 }
 
-/// How far the points that `recon picks` proposes are from where the renderer's depth puts them, the least first; the smaller of
-/// both ways, since a depth at an edge may be another surface's.
+/// Distances of the points proposed by `recon picks` from their true positions by the rendered depth, pixels, the least
+/// first; the smaller of both directions, since a depth at an edge may belong to another surface.
 fn picks_miss_px(office: &Path, room: &Path, scratch: &Path) -> Vec<f64> {
     let picks = scratch.join("picks.toml");
     let project = office.join("room.toml");

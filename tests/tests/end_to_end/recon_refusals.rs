@@ -1,5 +1,5 @@
-//! `recon build` with everything that can be wrong with what it reads: one clear line, exit status 2, no panic, and the
-//! room directory as it was before.
+//! `recon build` with every kind of wrong input: one clear line, exit status 2, no panic, and the room directory as it
+//! was before.
 
 use std::fs;
 use std::ops::Deref;
@@ -70,7 +70,7 @@ name = "drawn by hand"
 polygon = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]
 "#;
 
-/// A capture project whose every file is right, but whose films are plain grey: it fails only once all has been read.
+/// A valid capture project whose films are plain grey: it fails only after everything has been read.
 struct Project {
     folder: Folder,
 }
@@ -106,14 +106,14 @@ impl Project {
         self.run_program("recon", &[&["build", "room.toml", "--zones", "zones.toml"], out, more].concat())
     }
 
-    /// Refused with these words, and nothing is written where the room should be, nor anywhere beside.
+    /// Asserts that the build is refused with these words and writes nothing, neither the room nor a file beside it.
     fn refuses(&self, more: &[&str], words: &[&str]) {
         let before = self.files();
         refused(&self.build(more), words);
         assert_eq!(self.files(), before, "the files beside the project changed");
     }
 
-    /// The project file with a change is refused.
+    /// Asserts that the project file with a change is refused.
     fn refuses_changed(&self, from: &str, to: &str, words: &[&str]) {
         assert!(PROJECT.contains(from), "{from}");
         self.write("room.toml", PROJECT.replacen(from, to, 1));
@@ -269,7 +269,7 @@ fn places_for_the_room() {
     project.refuses(&["--out", "thesis"], &["thesis", "--out", "no room"]);
     project.refuses(&["--out", "thesis/chapter1.txt"], &["chapter1.txt", "is a file"]);
     project.refuses(&["--out", "thesis/chapter1.txt/room"], &["chapter1.txt", "--out"]);
-    // A room that cannot be read may hold zones that somebody drew.
+    // A room that cannot be read may hold zones that a person drew.
     project.write("old/scene.toml", ROOM.replace("[1.0, 1.0]]", "[1.0,"));
     project.refuses(&["--out", "old"], &["old", "scene.toml: line", "mend it"]);
     // A room that can be read stays as it is when the new one fails.

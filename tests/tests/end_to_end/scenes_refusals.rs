@@ -1,5 +1,5 @@
-//! `scenes` with everything that can be wrong with a room directory: one clear line, no panic, nothing written; exit
-//! status 1 where `check` was asked about the room, 2 elsewhere.
+//! `scenes` with every kind of invalid room directory: one clear line, no panic, nothing written; exit status 1 for
+//! `check`, 2 otherwise.
 
 use std::fs;
 use std::ops::Deref;
@@ -84,7 +84,7 @@ impl Room {
         self.scenes(&["plan", "room", "--out", "plan.png"])
     }
 
-    /// All three commands refuse the room with these words.
+    /// Asserts that all three commands refuse the room with these words.
     fn refused(&self, words: &[&str]) {
         refused_with(1, &self.check(), words);
         refused(&self.depth(), words);

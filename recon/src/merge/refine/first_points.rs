@@ -1,15 +1,15 @@
-//! Where picked points are thought to be before the refinement.
+//! Initial positions of the picked points for the refinement.
 
 use nalgebra::{Matrix3, Point3, Similarity3, Vector3};
 
 use crate::merge::Pick;
 use crate::surface::Surface;
 
-/// Rays that meet at less than this angle, degrees, do not tell how far away.
+/// Least angle between rays whose intersection tells the distance, degrees.
 const LEAST_ANGLE_DEG: f64 = 1.0;
 
-/// One a point: the mean of where the cameras' depths put it, or, where no camera knows a depth, where the rays meet; `None`
-/// where nothing tells.
+/// Initial position of each point: the mean of the positions by the cameras' depths, or, without any depth, the
+/// intersection of the rays; `None` where it is undetermined.
 pub(super) fn first_points(
     picks: &[Pick],
     poses: &[Similarity3<f64>],
@@ -35,8 +35,8 @@ pub(super) fn first_points(
         .collect()
 }
 
-/// The point nearest to rays, each from a point in a direction of length 1, in least squares; `None` if they are almost
-/// parallel or meet behind where one begins.
+/// Least-squares intersection of rays, each from a point in a direction of length 1; `None` if they are almost parallel
+/// or meet behind the origin of one.
 fn where_rays_meet(rays: &[(Point3<f64>, Vector3<f64>)]) -> Option<Point3<f64>> {
     let across = |direction: &Vector3<f64>| Matrix3::identity() - direction * direction.transpose();
     let normal: Matrix3<f64> = rays.iter().map(|(_, direction)| across(direction)).sum();
@@ -63,7 +63,7 @@ mod tests {
         let rays = [towards([0.0; 3], [1.0, 2.0, 4.0]), towards([3.0, 0.0, 0.5], [1.0, 2.0, 4.0])];
         let met = where_rays_meet(&rays).unwrap();
         assert!((met - Point3::new(1.0, 2.0, 4.0)).norm() < 1e-12, "{met}");
-        // Two that pass each other: in the middle of their shortest connection.
+        // Two rays that pass each other: in the middle of their shortest connection.
         let crossing = [towards([0.0; 3], [1.0, 0.0, 0.0]), towards([2.0, -1.0, 0.4], [2.0, 1.0, 0.4])];
         assert!((where_rays_meet(&crossing).unwrap() - Point3::new(2.0, 0.0, 0.2)).norm() < 1e-12);
     }

@@ -1,7 +1,7 @@
-//! One observation: its residual, in standard deviations, and what that changes by as cameras and points move.
+//! One observation: its residual, in standard deviations, and its derivatives by cameras and points.
 //!
-//! All residuals are functions of where a point stands in a camera's frame, `y = Rᵀ (X − t) / s`, so all derivatives
-//! are products of one row with those of `y` by the camera's log scale, rotation and translation, and by the point.
+//! All residuals are functions of a point's position in a camera's frame, `y = Rᵀ (X − t) / s`, so all derivatives are
+//! products of one row with those of `y` by the camera's log scale, rotation and translation, and by the point.
 
 use nalgebra::{Matrix3, Point3, RowVector3, SMatrix, Similarity3, Vector3};
 
@@ -10,36 +10,36 @@ use super::state::{POINT, POSE, State, pose_at};
 use super::{Pick, Scene};
 use crate::merge::overlap::Contact;
 
-/// What a camera or a point is asked to agree with.
+/// An observation that constrains cameras or points.
 pub(super) enum Term<'a> {
     Pixel(&'a Pick),
-    /// A depth and its standard deviation as a share of it.
+    /// A depth and its relative standard deviation.
     Depth(&'a Pick, (f64, f64)),
     /// A contact and the weight of its residual.
     Surface(&'a Contact, f64),
-    /// What two cameras' plumb lines say.
+    /// Difference between the verticals of two cameras.
     Level(&'a Level),
 }
 
 /// Derivatives of a point by the similarity that moves it.
 type ByPose = SMatrix<f64, 3, POSE>;
 
-/// Derivatives of a residual by a pose: a row for each of its numbers.
+/// Derivatives of a residual by a pose: a row for each component.
 pub(super) type ByCamera = SMatrix<f64, 2, POSE>;
-/// The same by a point.
+/// Derivatives of a residual by a point.
 pub(super) type ByPoint = SMatrix<f64, 2, POINT>;
 
-/// A residual (the second number is 0 but for pixels and levels) and its derivatives by what it depends on.
+/// A residual (the second component is 0 except for pixels and levels) and its derivatives.
 #[derive(Default)]
 pub(super) struct Linearised {
     pub(super) residual: [f64; 2],
-    /// With where the camera's parameters begin; none for a camera that stands still.
+    /// Derivatives by up to two cameras, each with the index of its first parameter; none for the fixed camera.
     cameras: [Option<(usize, ByCamera)>; 2],
-    /// With the point's number.
+    /// Derivative by a point, with the point's index.
     pub(super) point: Option<(usize, ByPoint)>,
 }
 
-/// What a point behind a camera costs.
+/// Residual of a point behind a camera.
 const BEHIND: [f64; 2] = [1e3, 1e3];
 
 /// All observations; contacts come with their weights.
@@ -59,8 +59,8 @@ pub(super) fn terms<'a>(
 }
 
 impl Term<'_> {
-    /// Residuals beyond this many standard deviations pull less and less. Depths read at corners are often another
-    /// surface's, so they give way earlier.
+    /// Residual, in standard deviations, beyond which the influence falls. Depths measured at corners often belong to
+    /// another surface, so theirs falls earlier.
     fn softness(&self) -> f64 {
         match self {
             Term::Pixel(_) | Term::Level(_) => 3.0,
@@ -75,7 +75,7 @@ impl Term<'_> {
         c * c * (1.0 + (norm(residual) / c).powi(2)).ln()
     }
 
-    /// What the squared residual counts as in least squares.
+    /// Weight of the squared residual in least squares.
     pub(super) fn weight(&self, residual: [f64; 2]) -> f64 {
         1.0 / (1.0 + (norm(residual) / self.softness()).powi(2))
     }
@@ -102,7 +102,7 @@ impl Scene<'_> {
         }
     }
 
-    /// The residual with its derivatives; without any where it does not depend on anything, such as behind a camera.
+    /// The residual with its derivatives; without derivatives where it is constant, such as behind a camera.
     pub(super) fn linearised(&self, state: &State, term: &Term<'_>) -> Linearised {
         let mut told = Linearised { residual: self.residual(state, term), ..Linearised::default() };
         if told.residual == BEHIND {
@@ -143,7 +143,7 @@ impl Scene<'_> {
 }
 
 impl Linearised {
-    /// From its parts; at most two cameras.
+    /// Assembles an observation from its parts; at most two cameras.
     #[cfg(test)]
     pub(super) fn of(
         residual: [f64; 2],
@@ -153,12 +153,13 @@ impl Linearised {
         Self { residual, cameras: std::array::from_fn(|i| cameras.get(i).copied()), point }
     }
 
-    /// What the cameras that move change it by.
+    /// Derivatives by the free cameras.
     pub(super) fn cameras(&self) -> impl Iterator<Item = &(usize, ByCamera)> + Clone {
         self.cameras.iter().flatten()
     }
 
-    /// By the pose of a pick's camera and by its point, which is at `seen` there; `rows` are derivatives by the latter.
+    /// Sets the derivatives by the pose of a pick's camera and by its point, at `seen` in the camera's frame; `rows`
+    /// are derivatives by the latter.
     fn seen_by(&mut self, state: &State, pick: &Pick, seen: &Point3<f64>, rows: &SMatrix<f64, 2, 3>) {
         let pose = &state.poses[pick.camera];
         self.cameras[0] = moving(pick.camera, rows * by_seen_from(pose, seen));
@@ -166,29 +167,29 @@ impl Linearised {
     }
 }
 
-/// With where a camera's parameters begin.
+/// Pairs a camera's derivative with the index of its first parameter.
 fn moving(camera: usize, by: ByCamera) -> Option<(usize, ByCamera)> {
     Some((pose_at(camera)?, by))
 }
 
-/// The derivatives of a residual that is one number.
+/// Derivatives of a scalar residual.
 fn alone(row: &RowVector3<f64>) -> SMatrix<f64, 2, 3> {
     SMatrix::from_rows(&[*row, RowVector3::zeros()])
 }
 
 impl State {
-    /// Where a pick's camera sees its point now; `None` when the point was left out.
+    /// Position of a pick's point in its camera's frame; `None` when the point was left out.
     fn seen(&self, pick: &Pick) -> Option<Point3<f64>> {
         Some(self.poses[pick.camera].inverse() * self.points[pick.point]?)
     }
 }
 
-/// What a point of the common frame changes by in a camera's: `Rᵀ / s`.
+/// Derivative of a point in a camera's frame by the point in the common frame: `Rᵀ / s`.
 fn turned_back(pose: &Similarity3<f64>) -> Matrix3<f64> {
     pose.isometry.rotation.inverse().to_rotation_matrix().into_inner() / pose.scaling()
 }
 
-/// What a point that stands still changes by in a camera's frame, where it is at `seen`, as the camera moves.
+/// Derivative by the camera's parameters of a fixed point that is at `seen` in the camera's frame.
 fn by_seen_from(pose: &Similarity3<f64>, seen: &Point3<f64>) -> ByPose {
     let arm = pose * seen.coords;
     let back = turned_back(pose);
@@ -201,7 +202,7 @@ fn by_seen_from(pose: &Similarity3<f64>, seen: &Point3<f64>) -> ByPose {
     by
 }
 
-/// What a camera's point, at `common` in the common frame, changes by there as the camera moves and takes it along.
+/// Derivative by the camera's parameters of a point fixed to the camera, at `common` in the common frame.
 fn by_moved(pose: &Similarity3<f64>, common: &Point3<f64>) -> ByPose {
     let arm = common.coords - pose.isometry.translation.vector;
     let mut by = ByPose::zeros();

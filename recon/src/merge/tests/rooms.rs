@@ -1,5 +1,5 @@
-//! Laying surfaces on each other beside the picks alone, over many rooms whose true poses are known. Each is seen by two
-//! cameras whose surfaces err the way that stereo and a capture's motion do: neighbours together, and all of them by a bend.
+//! Alignment of surfaces compared with the picks alone, over many rooms with known poses. Each is seen by two cameras
+//! whose surfaces err as in stereo and motion: neighbours together, and all of them by a bend.
 
 use calib::Intrinsics;
 use glam::Vec3;
@@ -15,23 +15,23 @@ use crate::surface::{Origin, Surface};
 
 const SIZE: (u32, u32) = (240, 180);
 
-/// What is true of a room, what two captures make of it, and what somebody picked.
+/// A room, its reconstruction by two captures, and a person's picks.
 struct Scene {
     boxes: Boxes,
     lens: Intrinsics,
     poses: [Isometry3<f64>; 2],
-    /// What each camera's unit is, in metres.
+    /// Unit of each camera, metres.
     units: [f64; 2],
     surfaces: [Surface; 2],
     picks: Vec<PickedPoint>,
-    /// What pictures are found to have in common.
+    /// Matches between the pictures.
     matches: Vec<PickedPoint>,
 }
 
-/// As many as are sought of two cameras' pictures.
+/// Number of matches, as sought between two cameras' pictures.
 const MATCHES: usize = 24;
 
-/// What joins the cameras beside their surfaces.
+/// Constraints between the cameras beside their surfaces.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Joined {
     ByPicks,
@@ -55,7 +55,7 @@ fn random_boxes(rng: &mut Pcg64Mcg) -> Boxes {
     Boxes { room: [Point3::from(-half), Point3::from(half + high)], furniture }
 }
 
-/// Hung high at one end of the room, looking at its middle.
+/// Pose high at one end of the room, looking at its middle.
 fn random_pose(boxes: &Boxes, end: f64, rng: &mut Pcg64Mcg) -> Isometry3<f64> {
     let corner = boxes.room[1];
     let eye = Point3::new(
@@ -70,8 +70,8 @@ fn random_pose(boxes: &Boxes, end: f64, rng: &mut Pcg64Mcg) -> Isometry3<f64> {
 }
 
 impl Scene {
-    /// `bend`: by what share (standard deviation) a capture's depths are off from one side of the picture to the other, from
-    /// above to below, and from near to far. `pick_px`: what a coordinate of a pick is off by.
+    /// `bend`: relative error (standard deviation) of a capture's depths from one side of the picture to the other,
+    /// from top to bottom, and from near to far. `pick_px`: error of a pick's coordinate.
     fn random(bend: f64, pick_px: f64, rng: &mut Pcg64Mcg) -> Self {
         loop {
             let boxes = random_boxes(rng);
@@ -112,7 +112,7 @@ impl Scene {
         refine::refine(&picks, &start, &self.surfaces, &[], &options)
     }
 
-    /// How far what the second camera sees comes out from where it is, both seen from the first: root mean square, metres.
+    /// Root mean square error of the second camera's surface relative to the first camera, metres.
     fn error_m(&self, merged: &Merged) -> f64 {
         let truth = self.poses[0] * self.poses[1].inverse();
         let joined = merged.common_from_camera[1];
@@ -135,9 +135,9 @@ impl Scene {
     }
 }
 
-/// What a capture makes of what is true.
+/// Reconstruction of a true surface by a capture.
 fn reconstructed(mut surface: Surface, bend: f64, rng: &mut Pcg64Mcg) -> Surface {
-    /// Pixels that err together, and how many patches of them cover a picture across and down.
+    /// Side of the patches of pixels that err together.
     const PATCH: usize = 8;
     const PATCHES: usize = 30;
     let lens = surface.intrinsics.clone();
@@ -167,7 +167,7 @@ fn reconstructed(mut surface: Surface, bend: f64, rng: &mut Pcg64Mcg) -> Surface
     surface
 }
 
-/// Points that both cameras see, picked with an error; `None` where they see too little in common.
+/// Points visible to both cameras, picked with an error; `None` where they share too little.
 fn in_common(
     truth: &[Surface; 2],
     poses: &[Isometry3<f64>; 2],
@@ -200,18 +200,18 @@ fn in_common(
     None
 }
 
-/// What surfaces did over many rooms.
+/// Effect of the surfaces over many rooms.
 #[derive(Debug)]
 struct Told {
-    /// Of the error with surfaces to that without, geometric.
+    /// Geometric mean of the ratio of the error with surfaces to that without.
     mean_ratio: f64,
-    /// The greatest such ratio.
+    /// Largest such ratio.
     worst: f64,
-    /// Share of the rooms where surfaces made it worse by more than half.
+    /// Share of the rooms where surfaces made the error larger by more than half.
     much_worse: f64,
     /// Root mean square error without surfaces and with them, metres.
     rms_m: [f64; 2],
-    /// Share of the rooms where surfaces were laid on each other.
+    /// Share of the rooms where surfaces were aligned.
     laid: f64,
 }
 

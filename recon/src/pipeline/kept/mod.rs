@@ -1,9 +1,9 @@
-//! Finished stages of each capture are kept, so that a build that was interrupted or refused (a pick that is out, most
-//! often) goes on where it ended, and a room is built anew from other picks without its films being worked through again.
+//! Cache of the finished stages of each capture: an interrupted or refused build (because of a wrong pick, most often)
+//! resumes at its last stage, and a room is rebuilt from other picks without processing its films again.
 //!
-//! While a room is unfinished they lie in `OUT.unfinished`, afterwards in the room's cache ([`scenes::cache`]), each
-//! keyed by all that it was made from: the camera's motion ([`moved`]) by frames, lens, its options, seed; what the capture
-//! shows ([`seen`]) by these and the options of stereo and planes.
+//! While a room is unfinished the files are in `OUT.unfinished`, afterwards in the room's cache ([`scenes::cache`]),
+//! each keyed by all its inputs: the camera's motion ([`moved`]) by frames, lens, its options, seed; the surface
+//! ([`seen`]) by these and the options of stereo and planes.
 
 mod moved;
 mod numbers;
@@ -17,17 +17,17 @@ use super::BuildOptions;
 use super::camera::{Moved, Seen};
 use crate::capture::Capture;
 
-/// Parts of the keys: they change when what is made of a capture does.
+/// Parts of the keys: change them when the results of a capture change.
 const MOTION: &str = "capture to motion 1";
 const SURFACE: &str = "motion to surface 2";
 
-/// Where finished stages are kept.
+/// Cache folders of a room's finished stages.
 pub(super) struct Kept {
     unfinished: PathBuf,
     room: PathBuf,
 }
 
-/// By what a capture's stages are kept.
+/// Cache keys of a capture's stages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Keys {
     motion: blake3::Hash,
@@ -35,10 +35,10 @@ pub(super) struct Keys {
 }
 
 impl Keys {
-    /// Of everything that decides what becomes of a capture as it was filmed.
+    /// Keys of a capture as filmed, from everything that decides its results.
     pub(super) fn of(capture: &Capture, options: &BuildOptions) -> Self {
         let mut hasher = blake3::Hasher::new();
-        // Rust prints floats so that they read back as they were, so the text stands for the values.
+        // Rust prints floats so that they read back exactly, so the text stands for the values.
         let made_from = format!(
             "{MOTION} {} {:?} {} {:?} {:?} {} {:?}",
             capture.name,
@@ -70,31 +70,31 @@ impl Kept {
         Self { unfinished: room.with_file_name(name), room: room.to_owned() }
     }
 
-    /// How the camera of the same capture moved by the same options, if that is still there.
+    /// Cached motion of the same capture by the same options.
     pub(super) fn moved(&self, camera: &str, keys: &Keys) -> Option<Moved> {
         moved::decode(&self.read(&motion_file(camera), &keys.motion)?)
     }
 
-    /// What was made of the same capture in the same way, if it is still there.
+    /// Cached results of the same capture by the same options.
     pub(super) fn seen(&self, camera: &str, keys: &Keys) -> Option<Seen> {
         seen::decode(&self.read(&surface_file(camera), &keys.surface)?)
     }
 
-    /// Keeps a camera's motion until the room is finished.
+    /// Caches a camera's motion until the room is finished.
     pub(super) fn keep_moved(&self, camera: &str, keys: &Keys, moved: &Moved) {
         if let Some(content) = moved::encode(moved) {
             cache::write(&self.unfinished, &motion_file(camera), &keys.motion, &content);
         }
     }
 
-    /// Keeps what a capture shows until the room is finished.
+    /// Caches the results of a capture until the room is finished.
     pub(super) fn keep_seen(&self, camera: &str, keys: &Keys, seen: &Seen) {
         if let Some(content) = seen::encode(seen) {
             cache::write(&self.unfinished, &surface_file(camera), &keys.surface, &content);
         }
     }
 
-    /// Hands what is kept of a camera over to the finished room in `dir`.
+    /// Moves the cached stages of a camera to the finished room in `dir`.
     pub(super) fn hand_over(&self, dir: &Path, camera: &str, keys: &Keys) {
         for (file, key) in [(motion_file(camera), &keys.motion), (surface_file(camera), &keys.surface)] {
             if let Some(content) = self.read(&file, key) {
@@ -103,11 +103,11 @@ impl Kept {
         }
     }
 
-    /// The room is finished: nothing of ours stays beside it.
+    /// Removes the cache folder beside the finished room.
     pub(super) fn done<'a>(&self, cameras: impl Iterator<Item = &'a str>) {
         for file in cameras.flat_map(|camera| [motion_file(camera), surface_file(camera)]) {
             let file = cache::file_of(&self.unfinished, &file);
-            // What is not there, or cannot be removed, does no harm.
+            // A file that does not exist or cannot be removed does no harm.
             let _ = std::fs::remove_file(&file);
             let _ = file.parent().map(std::fs::remove_dir);
         }
@@ -169,7 +169,7 @@ mod tests {
         };
         whole(kept.seen("cam0", &keys).unwrap());
 
-        // The finished room has both; nothing is left beside it.
+        // The finished room has both files; nothing is left beside it.
         let room = folder.path().join("room");
         kept.hand_over(&room, "cam0", &keys);
         kept.done(["cam0"].into_iter());
@@ -203,12 +203,12 @@ mod tests {
         others.push(same);
         assert_eq!(all(&others, |keys| keys.motion), others.len());
         assert_eq!(all(&others, |keys| keys.surface), others.len());
-        // How densely is measured does not concern the motion: a draft's serves the full room.
+        // Stereo's options do not affect the motion: a draft's serves the full room.
         let mut dense = BuildOptions::default();
         dense.dense.key_frames = 3;
         let dense = Keys::of(&capture(), &dense);
         assert!(dense.motion == same.motion && dense.surface != same.surface);
-        // Picks, metres and zones concern the room alone.
+        // Picks, metres and zones affect the room alone.
         let mut options = BuildOptions { zones: Some("zones.toml".into()), ..BuildOptions::default() };
         options.assemble.merge.outlier_px = 3.0;
         assert_eq!(Keys::of(&capture(), &options), same);

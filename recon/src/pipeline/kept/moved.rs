@@ -7,7 +7,7 @@ use super::numbers::{Lens, head_of, numbers_of, poses_of, with_head};
 use crate::pipeline::CameraReport;
 use crate::pipeline::camera::Moved;
 
-/// What comes before the points, as text.
+/// Text before the points.
 #[derive(Serialize, Deserialize)]
 struct Head {
     lens: Lens,
@@ -18,7 +18,7 @@ struct Head {
 
 const BYTES_A_POINT: usize = 3 * size_of::<f64>();
 
-/// The head, then point by point three numbers of eight bytes.
+/// Serialises the head, then point by point three numbers of eight bytes.
 pub(super) fn encode(moved: &Moved) -> Option<Vec<u8>> {
     let head = Head {
         lens: Lens::of(&moved.lens),

@@ -1,4 +1,4 @@
-//! A capture's surface, with the motion it was seen from, as bytes.
+//! A capture's surface and motion as bytes.
 
 use glam::Vec3;
 use image::RgbImage;
@@ -10,7 +10,7 @@ use crate::pipeline::CameraReport;
 use crate::pipeline::camera::Seen;
 use crate::surface::{Origin, Surface};
 
-/// What comes before the pixels, as text.
+/// Text before the pixels.
 #[derive(Serialize, Deserialize)]
 struct Head {
     step: f64,
@@ -19,13 +19,13 @@ struct Head {
     /// Quaternion (i, j, k, w) and translation of each frame; empty where it has no pose.
     poses: Vec<Vec<f64>>,
     range: [f64; 2],
-    /// How many discs come after the pixels.
+    /// Number of discs after the pixels.
     discs: usize,
     report: CameraReport,
 }
 
-/// The head, then pixel by pixel colour, depth and normal (four bytes a number), agreeing views, origin; then the discs that
-/// only key frames saw: centre, normal, radius, confidence, colour, whether it was filled.
+/// Serialises the head, then pixel by pixel colour, depth and normal (four bytes a number), agreeing views, origin;
+/// then the discs that only key frames saw: centre, normal, radius, confidence, colour, whether it was filled.
 pub(super) fn encode(seen: &Seen) -> Option<Vec<u8>> {
     let surface = &seen.surface;
     let head = Head {
