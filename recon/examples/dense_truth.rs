@@ -11,7 +11,7 @@ use image::{Luma, Rgb, RgbImage};
 use nalgebra::{Isometry3, Matrix3, Point3, Translation3, Vector3};
 use recon::dense::{DenseOptions, PosedCapture, reconstruct};
 use recon::planes::{self, PlaneOptions};
-use recon::surface::{Origin, Surface};
+use recon::surface::{DepthOrigin, Surface};
 
 fn main() -> Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -108,7 +108,7 @@ fn completed(
 ) -> Result<()> {
     let seen = depth.pixels().filter(|p| p[0] > 0).count() as f64;
     let mut picture = RgbImage::new(depth.width(), depth.height());
-    for origin in [Origin::Stereo, Origin::Filled] {
+    for origin in [DepthOrigin::Stereo, DepthOrigin::Filled] {
         let (mut count, mut good, mut near, mut far) = (0, 0, 0, 0);
         for (i, (u, v, Luma([mm]))) in depth.enumerate_pixels().enumerate() {
             if *mm == 0 || surface.origin[i] != origin {
@@ -120,7 +120,7 @@ fn completed(
             near += i32::from(error < -0.2);
             far += i32::from(error > 0.2);
             let shade = (255.0 * (error.abs() / 0.2).min(1.0)) as u8;
-            let blue = if origin == Origin::Filled { 150 } else { 0 };
+            let blue = if origin == DepthOrigin::Filled { 150 } else { 0 };
             let pixel = if error.abs() <= 0.05 {
                 [0, 255 - shade, blue]
             } else if error < 0.0 {

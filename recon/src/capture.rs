@@ -59,7 +59,7 @@ pub struct CaptureFile {
     /// Index of the frame at the installed pose.
     reference: usize,
     intrinsics: Option<Intrinsics>,
-    told_focal_px: Option<f64>,
+    exif_focal_px: Option<f64>,
 }
 
 impl CaptureFile {
@@ -75,7 +75,7 @@ impl CaptureFile {
         intrinsics: Option<Intrinsics>,
     ) -> Result<Self> {
         let mut film = opened(path)?;
-        let told_focal_px = if intrinsics.is_none() { told_focal_px(name, &film) } else { None };
+        let exif_focal_px = if intrinsics.is_none() { exif_focal_px(name, &film) } else { None };
         let size = film.size();
         // Every frame is decoded: a defect of the last of many captures should be reported before work on the first
         // begins.
@@ -107,7 +107,7 @@ impl CaptureFile {
             return Err(Error::content(path, "frame 1", problem));
         }
         let (name, path) = (name.to_owned(), path.to_owned());
-        Ok(Self { name, path, size, count, reference, intrinsics, told_focal_px })
+        Ok(Self { name, path, size, count, reference, intrinsics, exif_focal_px })
     }
 
     /// Name of the camera.
@@ -164,7 +164,7 @@ impl CaptureFile {
             sampled: Sampled { first, stride },
             reference,
             intrinsics: self.intrinsics.clone(),
-            told_focal_px: self.told_focal_px,
+            exif_focal_px: self.exif_focal_px,
         })
     }
 }
@@ -202,7 +202,7 @@ pub struct Capture {
     /// Calibrated intrinsics; `None` estimates the focal length from the motion.
     pub intrinsics: Option<Intrinsics>,
     /// Focal length that photographs state in EXIF where intrinsics are not given, pixels: the start of its estimation.
-    pub told_focal_px: Option<f64>,
+    pub exif_focal_px: Option<f64>,
 }
 
 impl Capture {
@@ -224,7 +224,7 @@ impl Capture {
     pub fn start_lens(&self, (width, height): (u32, u32)) -> Intrinsics {
         self.intrinsics.clone().unwrap_or_else(|| {
             let assumed = Intrinsics::from_horizontal_fov(width, height, ASSUMED_FOV_DEG);
-            let focal = self.told_focal_px.unwrap_or(assumed.fx);
+            let focal = self.exif_focal_px.unwrap_or(assumed.fx);
             Intrinsics { fx: focal, fy: focal, ..assumed }
         })
     }
@@ -238,7 +238,7 @@ fn opened(path: &Path) -> Result<FrameSource> {
 }
 
 /// Focal length in the first photograph's EXIF block, pixels; an unreadable block is only worth a warning.
-fn told_focal_px(camera: &str, film: &FrameSource) -> Option<f64> {
+fn exif_focal_px(camera: &str, film: &FrameSource) -> Option<f64> {
     let photograph = film.first_image()?;
     let (width, height) = film.size();
     calib::photograph::focal_px(photograph, [width, height]).unwrap_or_else(|error| {
@@ -336,11 +336,11 @@ mod tests {
         let assumed = Intrinsics::from_horizontal_fov(32, 24, ASSUMED_FOV_DEG);
         for nothing in [photograph(0, 1), photograph(9000, 1), photograph(26, 200)] {
             let capture = load(&nothing, None);
-            assert_eq!((capture.told_focal_px, capture.start_lens((32, 24))), (None, assumed.clone()));
+            assert_eq!((capture.exif_focal_px, capture.start_lens((32, 24))), (None, assumed.clone()));
         }
         let given = Intrinsics::from_horizontal_fov(32, 24, 40.0);
         let capture = load(&photograph(26, 1), Some(given.clone()));
-        assert_eq!((capture.told_focal_px, capture.start_lens((32, 24))), (None, given));
+        assert_eq!((capture.exif_focal_px, capture.start_lens((32, 24))), (None, given));
     }
 
     #[test]

@@ -37,7 +37,7 @@ const LARGEST_SIGMA: f64 = 0.05;
 
 /// A capture with known motion. World = the reference frame's camera.
 #[derive(Debug, Clone, Copy)]
-pub struct Filmed<'a> {
+pub struct PosedFilm<'a> {
     /// Frames, all of one size.
     pub frames: &'a [RgbImage],
     /// Index of the reference frame.
@@ -79,39 +79,39 @@ pub struct Asked {
 /// parallax.
 ///
 /// `range`: the smallest and the largest possible depth.
-pub fn measure(film: &Filmed<'_>, pixels: &[Asked], range: (f64, f64)) -> Vec<Option<RayDepth>> {
+pub fn measure(film: &PosedFilm<'_>, pixels: &[Asked], range: (f64, f64)) -> Vec<Option<RayDepth>> {
     if pixels.is_empty() || range.0 <= 0.0 || range.1.is_nan() || range.1 <= range.0 {
         return vec![None; pixels.len()];
     }
     let images: Vec<Intensity> = film.frames.par_iter().map(Intensity::new).collect();
-    let views: Vec<View<'_>> = images
+    let views: Vec<FrameView<'_>> = images
         .iter()
         .zip(film.camera_from_world)
         .enumerate()
         .filter(|(frame, _)| *frame != film.reference)
-        .filter_map(|(_, (image, pose))| Some(View { image, from_reference: (*pose)? }))
+        .filter_map(|(_, (image, pose))| Some(FrameView { image, from_reference: (*pose)? }))
         .collect();
-    let search = Search { lens: film.intrinsics, views, range };
+    let search = RaySearch { lens: film.intrinsics, views, range };
     let reference = &images[film.reference];
     pixels.par_iter().map(|asked| search.depth(reference, asked)).collect()
 }
 
-struct View<'a> {
+struct FrameView<'a> {
     image: &'a Intensity,
     from_reference: Isometry3<f64>,
 }
 
 /// A pixel's patch as a piece of plane: the rays of its centre and of its neighbours, scaled to meet that plane when
 /// the centre's depth is 1.
-struct Place {
+struct PixelPatch {
     ray: Vector3<f64>,
     right: Vector3<f64>,
     below: Vector3<f64>,
 }
 
-impl Place {
+impl PixelPatch {
     /// Predicted position of the patch in a view for an inverse depth of its pixel.
-    fn predicted(&self, lens: &Intrinsics, view: &View<'_>, inverse_depth: f64) -> Option<Warp> {
+    fn predicted(&self, lens: &Intrinsics, view: &FrameView<'_>, inverse_depth: f64) -> Option<Warp> {
         let carried =
             |ray: &Vector3<f64>| lens.project(&(view.from_reference * Point3::from(ray / inverse_depth)));
         let center = carried(&self.ray)?;
@@ -119,24 +119,24 @@ impl Place {
         Some(Warp { center, affine: Matrix2::from_columns(&columns) })
     }
 
-    fn seen(&self, lens: &Intrinsics, view: &View<'_>, inverse_depth: f64) -> Option<Point2<f64>> {
+    fn seen(&self, lens: &Intrinsics, view: &FrameView<'_>, inverse_depth: f64) -> Option<Point2<f64>> {
         lens.project(&(view.from_reference * Point3::from(self.ray / inverse_depth)))
     }
 }
 
-struct Search<'a> {
+struct RaySearch<'a> {
     lens: &'a Intrinsics,
-    views: Vec<View<'a>>,
+    views: Vec<FrameView<'a>>,
     range: (f64, f64),
 }
 
-impl Search<'_> {
+impl RaySearch<'_> {
     fn depth(&self, reference: &Intensity, asked: &Asked) -> Option<RayDepth> {
         let place = self.place(asked)?;
         let home = Warp { center: asked.pixel, affine: Matrix2::identity() };
         let patch = Patch::cut(reference, &home, PATCH_RADIUS_PX)?;
         let start = self.best_inverse_depth(&patch, &place)?;
-        let seen: Vec<(&View<'_>, Point2<f64>)> = self
+        let seen: Vec<(&FrameView<'_>, Point2<f64>)> = self
             .views
             .iter()
             .filter_map(|view| {
@@ -149,7 +149,7 @@ impl Search<'_> {
         self.refined(&place, &seen, start)
     }
 
-    fn place(&self, asked: &Asked) -> Option<Place> {
+    fn place(&self, asked: &Asked) -> Option<PixelPatch> {
         let ray = self.lens.unproject(&asked.pixel)?;
         let normal = asked.normal.unwrap_or(-ray);
         let facing = normal.dot(&ray);
@@ -159,11 +159,11 @@ impl Search<'_> {
             Some(other * (facing / normal.dot(&other)))
         };
         let flat = facing.abs() < FLATTEST * normal.norm() * ray.norm();
-        (!flat).then_some(Place { ray, right: beside(Vector2::x())?, below: beside(Vector2::y())? })
+        (!flat).then_some(PixelPatch { ray, right: beside(Vector2::x())?, below: beside(Vector2::y())? })
     }
 
     /// Inverse depth with the highest score; `None` if another one comes near it.
-    fn best_inverse_depth(&self, patch: &Patch, place: &Place) -> Option<f64> {
+    fn best_inverse_depth(&self, patch: &Patch, place: &PixelPatch) -> Option<f64> {
         let (near, far) = (1.0 / self.range.0, 1.0 / self.range.1);
         let steps = self.steps(place);
         let at = |step: usize| far + (near - far) * step as f64 / steps as f64;
@@ -177,7 +177,7 @@ impl Search<'_> {
     }
 
     /// Number of steps: the pixels of the longest epipolar segment among the views.
-    fn steps(&self, place: &Place) -> usize {
+    fn steps(&self, place: &PixelPatch) -> usize {
         let longest = self
             .views
             .iter()
@@ -190,7 +190,7 @@ impl Search<'_> {
     }
 
     /// Mean correlation over the better half of the views in which the patch is visible.
-    fn score(&self, patch: &Patch, place: &Place, inverse_depth: f64) -> f32 {
+    fn score(&self, patch: &Patch, place: &PixelPatch, inverse_depth: f64) -> f32 {
         let mut seen: Vec<f32> = self
             .views
             .iter()
@@ -208,7 +208,12 @@ impl Search<'_> {
     }
 
     /// Gauss–Newton on the logarithm of the inverse depth, Cauchy weights.
-    fn refined(&self, place: &Place, seen: &[(&View<'_>, Point2<f64>)], start: f64) -> Option<RayDepth> {
+    fn refined(
+        &self,
+        place: &PixelPatch,
+        seen: &[(&FrameView<'_>, Point2<f64>)],
+        start: f64,
+    ) -> Option<RayDepth> {
         const ROUNDS: usize = 20;
         const STEP: f64 = 1e-4;
         let loss = Loss::Cauchy(3.0 * NOISE_PX);
@@ -293,7 +298,7 @@ mod tests {
     #[test]
     fn depths_on_a_slanted_wall_are_found_to_their_own_sigma() {
         let (lens, frames, poses) = film(12);
-        let film = Filmed { frames: &frames, reference: 0, intrinsics: &lens, camera_from_world: &poses };
+        let film = PosedFilm { frames: &frames, reference: 0, intrinsics: &lens, camera_from_world: &poses };
         let pixels: Vec<Point2<f64>> = [(60.2, 40.7), (100.0, 75.0), (85.5, 110.3), (120.9, 60.1)]
             .map(|(x, y)| Point2::new(x, y))
             .to_vec();
@@ -312,7 +317,7 @@ mod tests {
         let (lens, frames, poses) = film(12);
         let pixel = [Asked { pixel: Point2::new(100.0, 75.0), normal: None }];
         let measured = |frames: &[RgbImage], poses: &[Option<Isometry3<f64>>], range| {
-            let film = Filmed { frames, reference: 0, intrinsics: &lens, camera_from_world: poses };
+            let film = PosedFilm { frames, reference: 0, intrinsics: &lens, camera_from_world: poses };
             measure(&film, &pixel, range)[0]
         };
         assert!(measured(&frames, &poses, (1.0, 20.0)).is_some());

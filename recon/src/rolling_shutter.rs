@@ -87,7 +87,7 @@ impl RollingShutter {
     }
 
     /// Filmed positions of a grid of rectified pixels.
-    fn field(&self, lens: &Intrinsics, frame: usize, (width, height): (u32, u32)) -> Field {
+    fn field(&self, lens: &Intrinsics, frame: usize, (width, height): (u32, u32)) -> FilmedGrid {
         let columns = (width as usize).div_ceil(CELL_PX) + 1;
         let rows = (height as usize).div_ceil(CELL_PX) + 1;
         let filmed = |index: usize| {
@@ -95,7 +95,7 @@ impl RollingShutter {
             let pixel = Point2::new(x, y);
             self.filmed(lens, frame, &pixel).unwrap_or(pixel)
         };
-        Field { columns, filmed: (0..columns * rows).into_par_iter().map(filmed).collect() }
+        FilmedGrid { columns, filmed: (0..columns * rows).into_par_iter().map(filmed).collect() }
     }
 
     /// Rotation from the camera at the middle row to the camera at this one.
@@ -109,13 +109,13 @@ impl RollingShutter {
 const CELL_PX: usize = 4;
 
 /// Filmed positions of the corners of a grid's cells.
-struct Field {
+struct FilmedGrid {
     columns: usize,
     /// Positions, row by row.
     filmed: Vec<Point2<f64>>,
 }
 
-impl Field {
+impl FilmedGrid {
     /// Filmed position of every [`CELL_PX`]th pixel of a row.
     fn row(&self, y: usize) -> Vec<Point2<f64>> {
         let share = (y % CELL_PX) as f64 / CELL_PX as f64;

@@ -6,7 +6,7 @@
 #![forbid(unsafe_code)]
 
 use synthetic::{SyntheticRoom, WalkerOptions};
-use tests::chain::Said;
+use tests::chain::StepResult;
 use tests::hall::{
     behind_the_screen, going_round, hall, hidden_from, nearest, passing_through, pictures, recording, step,
     tracker,
@@ -22,7 +22,7 @@ const ON_HEAD_M: f64 = 0.3;
 /// Number of consecutive moments off the head after which it counts as lost.
 const LOST_MOMENTS: u32 = 5;
 
-fn main() -> Said<()> {
+fn main() -> StepResult<()> {
     let asked: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with("--")).collect();
     let is_asked = |name: &str| asked.is_empty() || asked.iter().any(|a| a == name);
     if is_asked("occlusion") {
@@ -41,7 +41,7 @@ fn main() -> Said<()> {
 }
 
 /// Ten people, one at a time, walk behind a screen that hides their heads from half of the cameras, and turn around there.
-fn occlusion() -> Said<()> {
+fn occlusion() -> StepResult<()> {
     const TRIALS: u64 = 10;
     let variants =
         [("published", CondensationOptions::published()), ("default", CondensationOptions::default())];
@@ -86,13 +86,17 @@ struct Trial {
 }
 
 impl Trial {
-    fn new(room: &SyntheticRoom, options: CondensationOptions) -> Said<Self> {
+    fn new(room: &SyntheticRoom, options: CondensationOptions) -> StepResult<Self> {
         Ok(Self { tracker: tracker(room, options)?, who: None, was_hidden: false, off: 0, is_lost: false })
     }
 }
 
 /// Follows a person through the hall.
-fn follow_behind_screen(room: &SyntheticRoom, walkers: &WalkerOptions, trials: &mut [Trial]) -> Said<()> {
+fn follow_behind_screen(
+    room: &SyntheticRoom,
+    walkers: &WalkerOptions,
+    trials: &mut [Trial],
+) -> StepResult<()> {
     let sequence = recording(room, walkers, RATE_HZ, 16.0);
     for frame in sequence.frames() {
         let pictures = pictures(&frame);
@@ -116,7 +120,7 @@ fn follow_behind_screen(room: &SyntheticRoom, walkers: &WalkerOptions, trials: &
 }
 
 /// Twenty people come in one after the other.
-fn entries() -> Said<()> {
+fn entries() -> StepResult<()> {
     const PEOPLE: usize = 20;
     for (name, options) in
         [("published", CondensationOptions::published()), ("default", CondensationOptions::default())]
@@ -149,7 +153,7 @@ fn entries() -> Said<()> {
 }
 
 /// One person and six people on a way around the hall.
-fn accuracy() -> Said<()> {
+fn accuracy() -> StepResult<()> {
     println!(
         "accuracy: head in space, cm (paper: 1 person 4.41, at most 34.7; 6 people 4.23, at most 18.5; asked: 4, 15)"
     );
@@ -235,7 +239,7 @@ impl Errors {
 }
 
 /// Table 2: milliseconds a moment for one and for six people, on one core.
-fn time() -> Said<()> {
+fn time() -> StepResult<()> {
     println!(
         "time: ms a moment on one core (paper, 7 PCs: 1 person 3.6, 6 people 11.6; asked: 2 without gradients)"
     );

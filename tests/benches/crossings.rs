@@ -14,7 +14,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use scenes::room::Room;
 use synthetic::{PersonTruth, RoomKind, RoomOptions, Sequence, SequenceOptions, SyntheticRoom, Walker};
-use tests::chain::Said;
+use tests::chain::StepResult;
 use tracker::method::Method;
 use tracker::method::agents::modern::ModernOptions;
 use tracker::method::agents::published::PublishedOptions;
@@ -43,7 +43,7 @@ const GATE_M: f64 = 0.6;
 /// First seed where none is given. Nothing was tuned on these.
 const FIRST_SEED: u64 = 9001;
 
-fn main() -> Said<()> {
+fn main() -> StepResult<()> {
     let mut asked = std::env::args().skip(1).filter_map(|a| a.parse::<u64>().ok());
     let (count, first) = (asked.next().unwrap_or(50), asked.next().unwrap_or(FIRST_SEED));
     let rules = [
@@ -72,7 +72,7 @@ fn main() -> Said<()> {
     Ok(())
 }
 
-fn hall(seed: u64) -> Said<SyntheticRoom> {
+fn hall(seed: u64) -> StepResult<SyntheticRoom> {
     let options = RoomOptions {
         seed,
         kind: RoomKind::Hall,
@@ -137,7 +137,7 @@ impl Crossing {
     }
 
     /// Tells whether both people keep their own ids to the end, for each set of rules.
-    fn follow(&self, made: &SyntheticRoom, rules: &[RuleOptions; 2]) -> Said<[bool; 2]> {
+    fn follow(&self, made: &SyntheticRoom, rules: &[RuleOptions; 2]) -> StepResult<[bool; 2]> {
         let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
         made.room.write(folder.path()).map_err(|e| e.to_string())?;
         let room = Room::read(folder.path()).map_err(|e| e.to_string())?;

@@ -10,7 +10,7 @@ use std::time::Instant;
 use recon::capture::{Capture, ReferenceFrame};
 use recon::motion::{self, MotionOptions};
 use tests::accuracy;
-use tests::chain::{Said, build_room, compare_rooms, evaluate, track};
+use tests::chain::{StepResult, build_room, compare_rooms, evaluate, track};
 use tests::data::office;
 
 /// Frames of the office's videos.
@@ -21,7 +21,7 @@ fn row(what: &str, value: f64, unit: &str, bound: &str) {
     println!("{what:<62} {value:>8.2} {unit:<9} {bound}");
 }
 
-fn main() -> Said<()> {
+fn main() -> StepResult<()> {
     let office = office();
     let scratch = tempfile::tempdir().map_err(|e| e.to_string())?;
     let (built, truth) = (scratch.path().join("room"), office.join("room"));
@@ -64,7 +64,7 @@ fn main() -> Said<()> {
 }
 
 /// Compares the room built from the captures with the truth.
-fn rebuilt(office: &Path, built: &Path) -> Said<()> {
+fn rebuilt(office: &Path, built: &Path) -> StepResult<()> {
     for camera in ["cam0", "cam1"] {
         capture_motion(office, camera)?;
     }
@@ -91,7 +91,7 @@ fn rebuilt(office: &Path, built: &Path) -> Said<()> {
 }
 
 /// Compares tracking with the room's geometry and without: everybody, and people who are mostly hidden from a camera.
-fn hidden(office: &Path, scratch: &Path) -> Said<()> {
+fn hidden(office: &Path, scratch: &Path) -> StepResult<()> {
     let room = office.join("room");
     let mut hidden = Vec::new();
     for (what, options) in [("", &[][..]), (", --no-occlusion", &["--no-occlusion"])] {
@@ -119,7 +119,7 @@ fn hidden(office: &Path, scratch: &Path) -> Said<()> {
     Ok(())
 }
 
-fn capture_motion(office: &Path, camera: &str) -> Said<()> {
+fn capture_motion(office: &Path, camera: &str) -> StepResult<()> {
     let told = |e: &dyn std::fmt::Display| e.to_string();
     let lens = calib::files::read_intrinsics(&office.join(format!("{camera}.toml"))).map_err(|e| told(&e))?;
     let film = office.join(format!("capture/{camera}.mp4"));

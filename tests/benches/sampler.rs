@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use serde_json::Value;
-use tests::chain::{Said, run};
+use tests::chain::{StepResult, run};
 use tests::data::{office, program, shared};
 
 /// The choices, by the options that make them.
@@ -38,7 +38,7 @@ struct Recording {
     asked: &'static str,
 }
 
-fn main() -> Said<()> {
+fn main() -> StepResult<()> {
     let scratch = tempfile::tempdir().map_err(|e| e.to_string())?;
     println!(
         "{:<9} {:<38} {:>7} {:>7} {:>7} {:>8} {:>8} {:>9}",
@@ -49,7 +49,7 @@ fn main() -> Said<()> {
             let runs: Vec<[f64; 6]> = SEEDS
                 .iter()
                 .map(|seed| recording.follow(&scratch.path().join("out"), options, seed))
-                .collect::<Said<_>>()?;
+                .collect::<StepResult<_>>()?;
             let mean = |i: usize| runs.iter().map(|figures| figures[i]).sum::<f64>() / runs.len() as f64;
             println!(
                 "{:<9} {choice:<38} {:>7.1} {:>7.1} {:>7.1} {:>8.1} {:>8.1} {:>9.2}",
@@ -68,9 +68,9 @@ fn main() -> Said<()> {
 }
 
 /// The office, and further available data. Masks of films are made once, so that every choice gets the same ones.
-fn recordings(scratch: &Path) -> Said<Vec<Recording>> {
+fn recordings(scratch: &Path) -> StepResult<Vec<Recording>> {
     let text = |path: PathBuf| path.display().to_string();
-    let masks_of = |name: &str, videos: &[(&str, PathBuf)], times: &[String]| -> Said<Vec<String>> {
+    let masks_of = |name: &str, videos: &[(&str, PathBuf)], times: &[String]| -> StepResult<Vec<String>> {
         let out = scratch.join(name);
         let mut command = program("tracker");
         command.arg("masks").arg("--out").arg(&out).args(times);
@@ -133,7 +133,7 @@ fn recordings(scratch: &Path) -> Said<Vec<Recording>> {
 
 impl Recording {
     /// MOTA, MODA, IDF1, mean and maximum error, and the median time of inference; NaN where a figure means nothing.
-    fn follow(&self, out: &Path, options: &[&str], seed: &str) -> Said<[f64; 6]> {
+    fn follow(&self, out: &Path, options: &[&str], seed: &str) -> StepResult<[f64; 6]> {
         let mut command: Command = program("tracker");
         command.arg("run").arg(&self.room).args(["--no-film", "--threads", "1", "--seed", seed, "--out"]);
         command.arg(out).args(&self.times).args(options);
@@ -153,6 +153,6 @@ impl Recording {
     }
 }
 
-fn parse(text: &str) -> Said<Value> {
+fn parse(text: &str) -> StepResult<Value> {
     serde_json::from_str(text).map_err(|e| e.to_string())
 }

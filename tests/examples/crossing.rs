@@ -14,7 +14,7 @@ use scenes::room::{Room, RoomCamera};
 use scenes::view::look_at;
 use shell::canvas::Color;
 use synthetic::{RoomOptions, SequenceOptions, SyntheticRoom, Walker};
-use tests::chain::Said;
+use tests::chain::StepResult;
 use tests::data::folder_to_write;
 use tracker::likelihood::Rule;
 use tracker::method::Method;
@@ -55,7 +55,7 @@ impl Outcome {
     }
 }
 
-fn main() -> Said<()> {
+fn main() -> StepResult<()> {
     let figures = folder_to_write(std::env::args().nth(1))?;
     std::fs::create_dir_all(&figures).map_err(|e| format!("{figures}: {e}"))?;
     let published = McmcOptions { likelihood: Rule::Overlap { exponent: 100.0 }, ..McmcOptions::published() };
@@ -65,7 +65,7 @@ fn main() -> Said<()> {
     );
     for (name, options) in [("default", McmcOptions::default()), ("published, power 100", published)] {
         let outcomes: Vec<Outcome> =
-            (1..=PAIRS).map(|pair| cross(pair, &options)).collect::<Said<Vec<Outcome>>>()?;
+            (1..=PAIRS).map(|pair| cross(pair, &options)).collect::<StepResult<Vec<Outcome>>>()?;
         let errors: Vec<f64> = outcomes.iter().flat_map(|o| &o.errors_m).copied().collect();
         let hidden: Vec<f64> = outcomes.iter().flat_map(|o| &o.hidden_errors_m).copied().collect();
         println!(
@@ -94,7 +94,7 @@ fn mean(values: &[f64]) -> f64 {
 }
 
 /// An empty room with two cameras that look at each other.
-fn room(seed: u64) -> Said<SyntheticRoom> {
+fn room(seed: u64) -> StepResult<SyntheticRoom> {
     let options = RoomOptions { seed, furniture: 0, ..RoomOptions::default() };
     let mut made = options.build().map_err(|e| e.to_string())?;
     let [width, depth, _] = made.size_m;
@@ -114,7 +114,7 @@ fn room(seed: u64) -> Said<SyntheticRoom> {
     Ok(made)
 }
 
-fn cross(pair: u64, options: &McmcOptions) -> Said<Outcome> {
+fn cross(pair: u64, options: &McmcOptions) -> StepResult<Outcome> {
     let made = room(pair)?;
     let [width, depth, _] = made.size_m;
     let (near, far) = (0.5, depth - 0.5);
@@ -174,7 +174,7 @@ fn cross(pair: u64, options: &McmcOptions) -> Said<Outcome> {
 }
 
 /// Draws the true ways (black) and the estimated ones.
-fn draw(outcome: &Outcome, figure: &Path) -> Said<()> {
+fn draw(outcome: &Outcome, figure: &Path) -> StepResult<()> {
     let made = room(1)?;
     let options = PlanOptions {
         title: Some("Two people pass each other: their ways (black) and the estimated ones".into()),

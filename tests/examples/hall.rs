@@ -10,13 +10,13 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use synthetic::{RenderOptions, SequenceOptions};
-use tests::chain::Said;
+use tests::chain::StepResult;
 use tests::data::folder_to_write;
 use tests::hall::{going_round, hall, passing_through, recording};
 
 const RATE_HZ: f64 = 12.0;
 
-fn main() -> Said<()> {
+fn main() -> StepResult<()> {
     let mut given = std::env::args().skip(1);
     let folder = folder_to_write(given.next())?;
     let way = given.next().unwrap_or_else(|| "round".into());

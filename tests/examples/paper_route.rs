@@ -11,13 +11,13 @@ use scenes::plan::{FloorPlan, PlanOptions};
 use scenes::room::Room;
 use shell::canvas::Color;
 use tests::accuracy::{ALONE, ROUTE, office_route, places};
-use tests::chain::{Said, track};
+use tests::chain::{StepResult, track};
 use tests::data::{folder_to_write, office};
 
 /// Frames of the videos.
 const RECORDED: f64 = 300.0;
 
-fn main() -> Said<()> {
+fn main() -> StepResult<()> {
     let figures = folder_to_write(std::env::args().nth(1))?;
     let (office, figures) = (office(), Path::new(&figures));
     std::fs::create_dir_all(figures).map_err(|e| format!("{}: {e}", figures.display()))?;

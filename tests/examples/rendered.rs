@@ -10,13 +10,13 @@ use std::path::Path;
 
 use scenes::raycast::RayScene;
 use synthetic::{RoomOptions, SequenceOptions, WalkerOptions};
-use tests::chain::Said;
+use tests::chain::StepResult;
 use tests::data::folder_to_write;
 
 const RATE_HZ: f64 = 12.0;
 const SECONDS: f64 = 30.0;
 
-fn main() -> Said<()> {
+fn main() -> StepResult<()> {
     let mut given = std::env::args().skip(1);
     let folder = folder_to_write(given.next())?;
     let mut number = |what: &str, default: u64| match given.next() {

@@ -7,9 +7,9 @@
 
 use std::path::Path;
 
-use tests::chain::{Said, compare_rooms};
+use tests::chain::{StepResult, compare_rooms};
 
-fn main() -> Said<()> {
+fn main() -> StepResult<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [built, truth] = arguments.as_slice() else { return Err("ROOM-DIR TRUTH-DIR".into()) };
     let errors = compare_rooms(Path::new(built), Path::new(truth), 50)?;

@@ -14,10 +14,10 @@ use crate::accuracy::{
 use crate::data::program;
 
 /// Result of a step; the error is the failed step with its message.
-pub type Said<T> = Result<T, String>;
+pub type StepResult<T> = Result<T, String>;
 
 /// Runs a program and returns what it wrote to standard output.
-pub fn run(command: &mut Command) -> Said<String> {
+pub fn run(command: &mut Command) -> StepResult<String> {
     let output = command.output().map_err(|e| format!("{command:?}: {e}"))?;
     if output.status.success() {
         return Ok(String::from_utf8_lossy(&output.stdout).into_owned());
@@ -26,7 +26,7 @@ pub fn run(command: &mut Command) -> Said<String> {
 }
 
 /// `recon build` of a capture project with its zones.
-pub fn build_room(project: &Path, room: &Path) -> Said<String> {
+pub fn build_room(project: &Path, room: &Path) -> StepResult<String> {
     run(program("recon")
         .arg("build")
         .arg(project.join("room.toml"))
@@ -37,13 +37,18 @@ pub fn build_room(project: &Path, room: &Path) -> Said<String> {
 }
 
 /// `tracker run` of the office's two videos without film, with further options.
-pub fn track(office: &Path, room: &Path, out: &Path, options: &[&str]) -> Said<String> {
+pub fn track(office: &Path, room: &Path, out: &Path, options: &[&str]) -> StepResult<String> {
     let videos = ["cam0", "cam1"].map(|name| (name, office.join(format!("video/{name}.mp4"))));
     track_videos(room, &[(videos[0].0, &videos[0].1), (videos[1].0, &videos[1].1)], out, options)
 }
 
 /// `tracker run` of named videos without film, with further options.
-pub fn track_videos(room: &Path, videos: &[(&str, &Path)], out: &Path, options: &[&str]) -> Said<String> {
+pub fn track_videos(
+    room: &Path,
+    videos: &[(&str, &Path)],
+    out: &Path,
+    options: &[&str],
+) -> StepResult<String> {
     let videos =
         videos.iter().flat_map(|(name, path)| ["--video".to_owned(), format!("{name}={}", path.display())]);
     run(program("tracker")
@@ -73,12 +78,12 @@ pub struct Tracking {
 }
 
 /// `tracker eval` against the office's truth; the tracks' room is aligned with the true one by their cameras.
-pub fn evaluate(office: &Path, room: &Path, out: &Path) -> Said<Tracking> {
+pub fn evaluate(office: &Path, room: &Path, out: &Path) -> StepResult<Tracking> {
     evaluate_against(&office.join("truth.txt"), &office.join("room"), room, out)
 }
 
 /// [`evaluate`] against another file of true positions, in the frame of `truth_room`.
-pub fn evaluate_against(truth: &Path, truth_room: &Path, room: &Path, out: &Path) -> Said<Tracking> {
+pub fn evaluate_against(truth: &Path, truth_room: &Path, room: &Path, out: &Path) -> StepResult<Tracking> {
     let text = run(program("tracker")
         .args(["eval", "--json", "--truth"])
         .arg(truth)
@@ -116,7 +121,7 @@ pub struct RoomErrors {
 
 /// Measures a built room against the truth in a directory: `depth_NAME.png` for each camera, and the true cameras in
 /// `scene.toml` or, where the truth is no room, in `truth.json`.
-pub fn compare_rooms(built: &Path, truth: &Path, tolerance_mm: u16) -> Said<RoomErrors> {
+pub fn compare_rooms(built: &Path, truth: &Path, tolerance_mm: u16) -> StepResult<RoomErrors> {
     let built_room = Room::read(built).map_err(|e| e.to_string())?;
     let pairs: Vec<(String, Camera, Camera)> = built_room
         .cameras
@@ -126,7 +131,7 @@ pub fn compare_rooms(built: &Path, truth: &Path, tolerance_mm: u16) -> Said<Room
             let true_camera = Camera { camera_from_world: true_pose(truth, &name)?, ..camera.clone() };
             Ok((name, camera, true_camera))
         })
-        .collect::<Said<_>>()?;
+        .collect::<StepResult<_>>()?;
     let [(_, first, true_first), (_, second, true_second), ..] = &pairs[..] else {
         return Err("fewer than two cameras to compare".into());
     };
@@ -137,7 +142,7 @@ pub fn compare_rooms(built: &Path, truth: &Path, tolerance_mm: u16) -> Said<Room
     for (name, camera, _) in &pairs {
         let png = scratch.path().join("depth.png");
         run(program("scenes").arg("depth").arg(built).args(["--camera", name, "--out"]).arg(&png))?;
-        let pixels = |path: &Path| -> Said<Vec<u16>> {
+        let pixels = |path: &Path| -> StepResult<Vec<u16>> {
             let picture = image::open(path).map_err(|e| format!("{}: {e}", path.display()))?;
             Ok(picture.into_luma16().into_raw())
         };
@@ -151,7 +156,7 @@ pub fn compare_rooms(built: &Path, truth: &Path, tolerance_mm: u16) -> Said<Room
     Ok(RoomErrors { relative, cameras, depth: depths, lengths: metres })
 }
 
-fn true_pose(truth: &Path, camera: &str) -> Said<Isometry3<f64>> {
+fn true_pose(truth: &Path, camera: &str) -> StepResult<Isometry3<f64>> {
     let json = truth.join("truth.json");
     if json.is_file() {
         return installed_truth(&json, camera)

@@ -22,7 +22,7 @@ pub fn shared(name: &str) -> Option<PathBuf> {
 /// One of the project's programs, built with the same profile as the running test.
 ///
 /// # Panics
-/// When it has not been built: `make test` builds all programs first.
+/// Panics when the program has not been built: `make test` builds all programs first.
 #[allow(clippy::panic)] // A test cannot go on without the program; the message says what to do.
 pub fn program(name: &str) -> Command {
     let built = std::env::current_exe().ok().and_then(|exe| {

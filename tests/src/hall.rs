@@ -11,7 +11,7 @@ use tracker::method::condensation::{Condensation, CondensationOptions};
 use tracker::stage::{Stage, StageOptions};
 use tracker::{CameraFrame, Moment, PersonEstimate};
 
-use crate::chain::Said;
+use crate::chain::StepResult;
 
 /// The hall's width, depth and height, metres.
 const SIZE_M: [f64; 3] = [8.0, 6.0, 2.9];
@@ -20,7 +20,7 @@ const SIZE_M: [f64; 3] = [8.0, 6.0, 2.9];
 const SCREEN: Screen = Screen { middle: Point2::new(4.0, 2.55), yaw_deg: 0.0, width_m: 3.0, height_m: 2.1 };
 
 /// The hall with `cameras` cameras. A screen hides people on one side from the cameras on the other.
-pub fn hall(seed: u64, cameras: usize, with_screen: bool) -> Said<SyntheticRoom> {
+pub fn hall(seed: u64, cameras: usize, with_screen: bool) -> StepResult<SyntheticRoom> {
     let options = RoomOptions {
         seed,
         kind: RoomKind::Hall,
@@ -98,7 +98,7 @@ pub fn recording<'a>(
 }
 
 /// Tracker in the hall, initialised with the empty hall.
-pub fn tracker(room: &SyntheticRoom, options: CondensationOptions) -> Said<Condensation> {
+pub fn tracker(room: &SyntheticRoom, options: CondensationOptions) -> StepResult<Condensation> {
     let with_room = options.integration == tracker::method::condensation::integration::Integration::Room;
     let scratch = tempfile::tempdir().map_err(|e| e.to_string())?;
     let mut scene = room.room.clone();
@@ -131,7 +131,11 @@ pub fn pictures(frame: &Frame) -> Vec<CameraFrame> {
 }
 
 /// One step of a tracker.
-pub fn step(tracker: &mut Condensation, frame: &Frame, cameras: &[CameraFrame]) -> Said<Vec<PersonEstimate>> {
+pub fn step(
+    tracker: &mut Condensation,
+    frame: &Frame,
+    cameras: &[CameraFrame],
+) -> StepResult<Vec<PersonEstimate>> {
     let moment = Moment { frame: frame.frame, time_s: frame.time_s, cameras };
     tracker.step(&moment).map_err(|e| e.to_string())
 }

@@ -12,7 +12,7 @@ use rand_pcg::Pcg64Mcg;
 use scenes::raycast::RayScene;
 use synthetic::{CaptureOptions, SyntheticRoom};
 
-use crate::chain::Said;
+use crate::chain::StepResult;
 
 /// Number of picks.
 const PICKS: usize = 14;
@@ -24,7 +24,7 @@ const MARGIN: f64 = 1.0 / 16.0;
 ///
 /// # Errors
 /// A room of fewer than two cameras or without geometry; a file that cannot be written.
-pub fn write(folder: &Path, room: &SyntheticRoom, frames: usize) -> Said<()> {
+pub fn write(folder: &Path, room: &SyntheticRoom, frames: usize) -> StepResult<()> {
     let [first, second, ..] = room.room.cameras.as_slice() else { return Err("one camera alone".into()) };
     let mut text = String::new();
     for (seed, entry) in (1..).zip([first, second]) {
@@ -53,7 +53,7 @@ pub fn write(folder: &Path, room: &SyntheticRoom, frames: usize) -> Said<()> {
 }
 
 /// Places visible to both cameras, well inside both images.
-fn picks(room: &SyntheticRoom, [a, b]: [&Camera; 2]) -> Said<Vec<[Point2<f64>; 2]>> {
+fn picks(room: &SyntheticRoom, [a, b]: [&Camera; 2]) -> StepResult<Vec<[Point2<f64>; 2]>> {
     let geometry = room.room.geometry.as_ref().ok_or("the room has no geometry")?;
     let scene = RayScene::new(geometry).map_err(|e| e.to_string())?;
     let single = |p: Point3<f64>| Vec3::new(p.x as f32, p.y as f32, p.z as f32);

@@ -36,7 +36,7 @@ impl FilmWriter {
     /// H.264 where this FFmpeg has an encoder for it, MPEG-4 otherwise.
     ///
     /// # Errors
-    /// When the folder cannot be made or no encoder opens.
+    /// [`Error`] when the folder cannot be made or no encoder opens.
     pub fn create(target: &Path, width: u32, height: u32, rate: f64) -> Result<Self> {
         if let Some(folder) = target.parent() {
             std::fs::create_dir_all(folder)

@@ -38,7 +38,7 @@ impl AdaptiveBackground {
     /// A model that remembers about `history` learnt frames.
     ///
     /// # Errors
-    /// When OpenCV refuses.
+    /// [`crate::Error::OpenCv`] when OpenCV refuses.
     pub fn new(kind: AdaptiveKind, history: u32) -> Result<Self> {
         let making = adapter::refused("making a background model");
         let history = history.clamp(1, 100_000) as i32;
@@ -58,7 +58,7 @@ impl AdaptiveBackground {
     /// at all, 1: forget everything before it). The first frame must be learnt.
     ///
     /// # Errors
-    /// When OpenCV refuses, for example for a frame of another size than the first.
+    /// [`crate::Error::OpenCv`] when OpenCV refuses, for example for a frame of another size than the first.
     pub fn label(&mut self, image: &RgbImage, rate: f64, into: &mut GrayImage) -> Result<()> {
         let labelling = adapter::refused("updating a background model");
         if into.dimensions() != image.dimensions() {
@@ -76,7 +76,7 @@ impl AdaptiveBackground {
     /// Background image in the model's present state.
     ///
     /// # Errors
-    /// When nothing has been learnt yet.
+    /// [`crate::Error::OpenCv`] when nothing has been learnt yet.
     pub fn picture(&mut self, into: &mut RgbImage) -> Result<()> {
         let looking = adapter::refused("looking at a learnt background");
         match &self.model {

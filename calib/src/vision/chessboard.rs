@@ -71,7 +71,7 @@ impl Chessboard {
     /// Finds the inner corners, row by row, to a fraction of a pixel; `None` when the board is not wholly visible.
     ///
     /// # Errors
-    /// When OpenCV refuses the image.
+    /// [`crate::Error::OpenCv`] when OpenCV refuses the image.
     pub fn find(self, image: &GrayImage) -> Result<Option<Vec<Point2<f64>>>> {
         let finding = adapter::refused("finding a chessboard");
         let view = adapter::gray(image)?;
@@ -94,7 +94,7 @@ impl Chessboard {
     /// Draws found corners on a picture, as OpenCV does: a rainbow, row by row.
     ///
     /// # Errors
-    /// When OpenCV refuses the image.
+    /// [`crate::Error::OpenCv`] when OpenCV refuses the image.
     pub fn draw(self, picture: &mut RgbImage, corners: &[Point2<f64>]) -> Result<()> {
         let points: Vector<Point2f> = corners.iter().map(|c| Point2f::new(c.x as f32, c.y as f32)).collect();
         calib3d::draw_chessboard_corners(&mut adapter::rgb_mut(picture)?, self.size(), &points, true)

@@ -27,7 +27,7 @@ impl FlowPyramid {
     /// compared.
     ///
     /// # Errors
-    /// When OpenCV refuses, for example for an image smaller than the window.
+    /// [`crate::Error::OpenCv`] when OpenCV refuses, for example for an image smaller than the window.
     pub fn new(image: &GrayImage, window_px: u32, depth: u32) -> Result<Self> {
         let window = window_px.max(3) as i32;
         let mut levels = Vector::new();
@@ -108,7 +108,7 @@ pub fn follow(
 /// `block_px` is the window of the gradient matrix; corners weaker than `quality` times the strongest are left out.
 ///
 /// # Errors
-/// When OpenCV refuses.
+/// [`crate::Error::OpenCv`] when OpenCV refuses.
 pub fn corners(
     image: &GrayImage,
     at_most: usize,

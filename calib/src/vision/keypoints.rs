@@ -30,7 +30,7 @@ impl Keypoints {
     /// Finds the strongest keypoints of a picture; those of less `contrast` (0.04 is Lowe's) are left out.
     ///
     /// # Errors
-    /// When OpenCV refuses.
+    /// [`crate::Error::OpenCv`] when OpenCV refuses.
     pub fn find(image: &GrayImage, at_most: usize, contrast: f64) -> Result<Self> {
         let refused = adapter::refused("finding keypoints");
         let mut sift = SIFT::create(at_most as i32, LAYERS, contrast, EDGE, SIGMA_PX).map_err(&refused)?;

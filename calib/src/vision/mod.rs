@@ -19,7 +19,7 @@ pub use people::PeopleClassifier;
 /// Limits the threads OpenCV uses for its own loops; results do not depend on it.
 ///
 /// # Errors
-/// When OpenCV refuses.
+/// [`crate::Error::OpenCv`] when OpenCV refuses.
 pub fn set_threads(threads: usize) -> crate::Result<()> {
     opencv::core::set_num_threads(threads as i32).map_err(adapter::refused("setting its number of threads"))
 }

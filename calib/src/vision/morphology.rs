@@ -20,7 +20,7 @@ impl Morphology {
     /// Opens a mask: removes parts narrower than a disc of this radius (0: nothing).
     ///
     /// # Errors
-    /// When OpenCV refuses.
+    /// [`crate::Error::OpenCv`] when OpenCV refuses.
     pub fn open(&mut self, mask: &mut GrayImage, radius_px: u32) -> Result<()> {
         self.apply(mask, imgproc::MORPH_OPEN, radius_px)
     }
@@ -28,7 +28,7 @@ impl Morphology {
     /// Closes a mask: fills gaps narrower than a disc of this radius (0: nothing). The image border closes nothing.
     ///
     /// # Errors
-    /// When OpenCV refuses.
+    /// [`crate::Error::OpenCv`] when OpenCV refuses.
     pub fn close(&mut self, mask: &mut GrayImage, radius_px: u32) -> Result<()> {
         self.apply(mask, imgproc::MORPH_CLOSE, radius_px)
     }
@@ -36,7 +36,7 @@ impl Morphology {
     /// Dilates a mask by a disc of this radius.
     ///
     /// # Errors
-    /// When OpenCV refuses.
+    /// [`crate::Error::OpenCv`] when OpenCV refuses.
     pub fn dilate(&mut self, mask: &mut GrayImage, radius_px: u32) -> Result<()> {
         self.apply(mask, imgproc::MORPH_DILATE, radius_px)
     }
@@ -65,7 +65,7 @@ impl Morphology {
     /// Mean of each pixel over the square of side `2 radius + 1` around it; at the border the last pixel repeats.
     ///
     /// # Errors
-    /// When OpenCV refuses.
+    /// [`crate::Error::OpenCv`] when OpenCV refuses.
     pub fn box_blur(&mut self, from: &GrayImage, radius_px: u32, into: &mut GrayImage) -> Result<()> {
         if into.dimensions() != from.dimensions() {
             *into = GrayImage::new(from.width(), from.height());

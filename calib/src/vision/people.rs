@@ -51,7 +51,7 @@ impl PeopleClassifier {
     /// OpenCV's weights for people, trained on the INRIA Person Dataset.
     ///
     /// # Errors
-    /// When OpenCV refuses.
+    /// [`crate::Error::OpenCv`] when OpenCV refuses.
     pub fn inria_weights() -> Result<Vec<f32>> {
         let weights = HOGDescriptor::get_default_people_detector();
         Ok(weights.map_err(adapter::refused("looking for OpenCV's detector"))?.to_vec())
@@ -60,7 +60,7 @@ impl PeopleClassifier {
     /// Features of a window of an image, resized to [`WINDOW_PX`]; beyond the image's rim its edge is repeated.
     ///
     /// # Errors
-    /// When OpenCV refuses.
+    /// [`crate::Error::OpenCv`] when OpenCV refuses.
     pub fn features(&self, image: &RgbImage, window: &DetectionWindow) -> Result<Vec<f32>> {
         let refused = adapter::refused("computing gradients");
         let (width, height) = (WINDOW_PX.0 as f32, WINDOW_PX.1 as f32);
@@ -94,7 +94,7 @@ impl PeopleClassifier {
     /// enlarged `zoom` times and reduced by `scale_step` repeatedly.
     ///
     /// # Errors
-    /// When OpenCV refuses.
+    /// [`crate::Error::OpenCv`] when OpenCV refuses.
     pub fn windows(
         &self,
         image: &RgbImage,

@@ -1,6 +1,6 @@
 //! One room from all cameras' surfaces: merged, with its floor found, in metres, fused.
 
-mod joined;
+mod join;
 #[cfg(test)]
 mod tests;
 
@@ -16,7 +16,7 @@ use crate::ray_depth::MeasuredPixel;
 use crate::scale::board::Square;
 use crate::surface::Surface;
 use crate::{Error, Result, scale};
-use joined::Joined;
+use join::JoinedCameras;
 
 /// Relative error of the depth at a pick from which on it is reported.
 const DOUBTFUL_DEPTH: f64 = 0.015;
@@ -72,7 +72,8 @@ pub fn assemble(
     options: &AssembleOptions,
 ) -> Result<(Room, AssembleReport)> {
     let Captures { surfaces, lenses, measured, square, .. } = *captures;
-    let Joined { merged, report: merge_report, poses, floor } = captures.joined(project, options)?;
+    let JoinedCameras { merged, report: merge_report, poses, floor } =
+        captures.join_cameras(project, options)?;
     for (point, camera, off) in &merge_report.outliers {
         tracing::warn!(
             "{}: [[point]] {point}, {}: left out, {off:.1} pixels from where the other picks put it",

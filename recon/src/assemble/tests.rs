@@ -161,7 +161,7 @@ fn pictures_hold_what_bent_depths_let_go() {
 /// In bent spaces floors slope, but vertical lines in the pictures do not: a fourth of all edges here. From the top of
 /// the image to its bottom one camera's depths are stretched by 12 %, the other's by 6 %.
 #[test]
-fn what_runs_up_in_the_pictures_says_how_level_a_bent_room_is() {
+fn vertical_lines_in_pictures_level_a_bent_room() {
     let mut tilts_deg = [0.0; 2];
     for seed in 1..=5 {
         let built = RoomOptions { seed, image_px: [480, 360], ..RoomOptions::default() }.build().unwrap();

@@ -11,7 +11,7 @@ use nalgebra::{Matrix3, Vector3, Vector6};
 
 use super::residual;
 use super::schur::NormalEquations;
-use super::{BundleOptions, Problem};
+use super::{BundleOptions, BundleProblem};
 
 /// Estimate of `(ln f, k1, k2)` from the observations; zero where a parameter is fixed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,7 +24,7 @@ pub struct LensEvidence {
 
 /// Estimates the lens of a problem whose poses and points have been adjusted; `options.lens` selects its unknowns.
 /// `None` where the observations do not determine them.
-pub fn lens_evidence(problem: &Problem, options: &BundleOptions) -> Option<LensEvidence> {
+pub fn lens_evidence(problem: &BundleProblem, options: &BundleOptions) -> Option<LensEvidence> {
     let columns = NormalEquations::build(problem, options).lens_columns(options.fixed_pose)?;
     let poses = problem.pose_matrices();
     let mut of_frames = vec![Vector3::zeros(); problem.poses.len()];

@@ -37,7 +37,7 @@ const SQUARED_BEHIND_CAMERA: f64 = 1e6;
 /// Observation of one point by one camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Observation {
-    /// Index into [`Problem::poses`].
+    /// Index into [`BundleProblem::poses`].
     pub pose: usize,
     /// Pixel (distorted, as in the image).
     pub pixel: Point2<f64>,
@@ -45,7 +45,7 @@ pub struct Observation {
 
 /// Unknowns and observations of an adjustment.
 #[derive(Debug, Clone)]
-pub struct Problem {
+pub struct BundleProblem {
     /// Intrinsics shared by all poses.
     pub intrinsics: Intrinsics,
     /// Poses (`camera_from_world`).
@@ -119,7 +119,7 @@ pub struct BundleReport {
     pub rms_px: f64,
 }
 
-impl Problem {
+impl BundleProblem {
     /// Number of observations.
     pub fn observation_count(&self) -> usize {
         self.observations.iter().map(Vec::len).sum()
@@ -173,7 +173,7 @@ impl Problem {
 /// Adjusts the problem in place; its cost never increases.
 ///
 /// A problem that does not determine its unknowns is damped, not refused; the overall scale is such an unknown.
-pub fn adjust(problem: &mut Problem, options: &BundleOptions) -> BundleReport {
+pub fn adjust(problem: &mut BundleProblem, options: &BundleOptions) -> BundleReport {
     let mut report = BundleReport::default();
     let mut cost = problem.cost(options.loss);
     report.initial_cost = cost;

@@ -4,12 +4,12 @@ use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, Vector3, Vector6};
 use rayon::prelude::*;
 
 use super::residual::{self, LensJacobian, PoseMatrix};
-use super::{BundleOptions, Problem};
+use super::{BundleOptions, BundleProblem};
 
 type Block6x3 = SMatrix<f64, 6, 3>;
 
 /// One observation's part of W.
-struct Edge {
+struct PoseEdge {
     pose: usize,
     /// `J_poseᵀ w J_point`.
     w: Block6x3,
@@ -20,7 +20,7 @@ struct PointBlock {
     /// V before damping.
     v: Matrix3<f64>,
     gradient: Vector3<f64>,
-    edges: Vec<Edge>,
+    edges: Vec<PoseEdge>,
     /// `J_lensᵀ w J_point`, summed over the point's observations.
     lens: Matrix3<f64>,
 }
@@ -77,7 +77,7 @@ pub(super) struct NormalEquations {
 }
 
 /// Solution of the normal equations.
-pub(super) struct Step {
+pub(super) struct BundleStep {
     /// Six numbers a pose, then the lens's.
     pub(super) cameras: Vec<f64>,
     pub(super) points: Vec<Vector3<f64>>,
@@ -95,7 +95,7 @@ pub(super) struct Column {
 }
 
 impl NormalEquations {
-    pub(super) fn build(problem: &Problem, options: &BundleOptions) -> Self {
+    pub(super) fn build(problem: &BundleProblem, options: &BundleOptions) -> Self {
         let poses = problem.poses.len();
         let matrices = problem.pose_matrices();
         let chunks: Vec<Chunk> = (0..problem.points.len().div_ceil(CHUNK))
@@ -135,14 +135,14 @@ impl NormalEquations {
 
     /// Solves for the step of one damping (relative to the diagonal); `None` when the reduced matrix is not positive
     /// definite.
-    pub(super) fn solve(&self, damping: f64, fixed_pose: usize) -> Option<Step> {
+    pub(super) fn solve(&self, damping: f64, fixed_pose: usize) -> Option<BundleStep> {
         let inverses = self.inverses(damping)?;
         let (matrix, right) = self.reduced(&inverses, damping, fixed_pose);
         let cameras = matrix.cholesky()?.solve(&right);
         let lens_step = self.lens_step(&cameras);
         let points = self.points_for(&cameras, &inverses, |block| block.gradient);
         let predicted_gain = self.predicted_gain(&cameras, &lens_step, &points, damping);
-        Some(Step { cameras: cameras.as_slice().to_vec(), points, predicted_gain })
+        Some(BundleStep { cameras: cameras.as_slice().to_vec(), points, predicted_gain })
     }
 
     fn inverses(&self, damping: f64) -> Option<Vec<Matrix3<f64>>> {
@@ -331,7 +331,7 @@ fn subtract_product(block: &mut SMatrix<f64, 6, 6>, y: &Block6x3, w: &Block6x3) 
 /// A pose's Jacobian is that by the point in camera coordinates times `[I, −[X_c]×]`, a point's the same times the
 /// rotation: so all blocks come from `A = w Jᵀ J` of 3 × 3.
 fn point_block(
-    problem: &Problem,
+    problem: &BundleProblem,
     poses: &[PoseMatrix],
     options: &BundleOptions,
     point: usize,
@@ -358,7 +358,7 @@ fn point_block(
         let by_point = a * pose.rotation;
         block.v += pose.rotation.tr_mul(&by_point);
         block.gradient -= pose.rotation.tr_mul(&gradient);
-        block.edges.push(Edge { pose: observation.pose, w: for_pose(at, &by_point) });
+        block.edges.push(PoseEdge { pose: observation.pose, w: for_pose(at, &by_point) });
         let sum = &mut sums.poses[observation.pose];
         let turned = crossed(at, &a).transpose();
         add(&mut sum.u, 0, 0, &a);

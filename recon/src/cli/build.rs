@@ -35,7 +35,7 @@ pub(crate) struct Build {
     /// Effort spent on stereo: a draft shows whether picks, floor and metres are right.
     #[arg(long, value_enum, default_value_t = Quality::Full)]
     quality: Quality,
-    /// Where a capture speaks clearly against its intrinsics file, take focal length and radial distortion from both.
+    /// Take focal length and radial distortion from both where a capture clearly contradicts its intrinsics file.
     #[arg(long)]
     refine_intrinsics: bool,
     /// Seed of everything random.

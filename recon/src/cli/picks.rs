@@ -6,7 +6,7 @@ use anyhow::{Context, bail};
 use calib::files::write_together;
 use recon::pipeline::{self, BuildOptions, ReferenceView};
 use recon::project::{PickedPoint, Project};
-use recon::proposals::{self, Found, Pair, ProposalOptions};
+use recon::proposals::{self, CameraPair, Correspondence, ProposalOptions};
 use recon::surface::Surface;
 use shell::console::{Console, ProgressStages};
 
@@ -82,7 +82,7 @@ impl Picks {
         let pairs = proposals::propose(&surfaces, &how)?;
         let mut proposed = Vec::new();
         for pair in &pairs {
-            console.line(&told(pair, &views, &points, &mut proposed));
+            console.line(&describe(pair, &views, &points, &mut proposed));
         }
         if proposed.is_empty() {
             bail!(
@@ -119,8 +119,8 @@ impl Picks {
 }
 
 /// Adds a pair's proposals, and returns a line about the pair.
-fn told(
-    pair: &Pair,
+fn describe(
+    pair: &CameraPair,
     views: &[ReferenceView],
     points: &[PickedPoint],
     proposed: &mut Vec<(PickedPoint, f64)>,
@@ -146,7 +146,12 @@ fn told(
 }
 
 /// Comparison of existing points with the proposals, as part of a line.
-fn against(found: &Found, [a, b]: [usize; 2], views: &[ReferenceView], points: &[PickedPoint]) -> String {
+fn against(
+    found: &Correspondence,
+    [a, b]: [usize; 2],
+    views: &[ReferenceView],
+    points: &[PickedPoint],
+) -> String {
     let misses: Vec<(usize, f64)> = points
         .iter()
         .enumerate()

@@ -3,11 +3,11 @@
 use rayon::prelude::*;
 
 use super::DenseOptions;
-use super::patchmatch::Problem;
+use super::patchmatch::DepthProblem;
 use super::support::SupportMap;
 
 /// Number of sources whose own depth map agrees with each pixel; 0 where too few agree or the patch does not correlate.
-pub(super) fn agreeing(problem: &Problem<'_>, map: &SupportMap, options: &DenseOptions) -> Vec<u8> {
+pub(super) fn agreeing(problem: &DepthProblem<'_>, map: &SupportMap, options: &DenseOptions) -> Vec<u8> {
     (0..map.supports.len())
         .into_par_iter()
         .map(|i| {

@@ -6,14 +6,14 @@ use super::DenseOptions;
 use calib::Intrinsics;
 
 /// Properties of a frame for the choice.
-pub(super) struct Candidate {
+pub(super) struct KeyFrameCandidate {
     pub(super) frame: usize,
     pub(super) camera_from_reference: Isometry3<f64>,
     /// Mean absolute brightness gradient: blurred frames have less of it.
     pub(super) sharpness: f64,
 }
 
-impl Candidate {
+impl KeyFrameCandidate {
     fn center(&self) -> Point3<f64> {
         self.camera_from_reference.inverse() * Point3::origin()
     }
@@ -44,7 +44,7 @@ pub(super) fn seen_by(
 /// Frames that see the points from too different a direction are left out: patches no longer look alike, and are
 /// occluded.
 pub(super) fn choose(
-    candidates: &[Candidate],
+    candidates: &[KeyFrameCandidate],
     points: &[Point3<f64>],
     intrinsics: &Intrinsics,
     options: &DenseOptions,
@@ -86,10 +86,10 @@ mod tests {
     use nalgebra::{Translation3, UnitQuaternion, Vector3};
 
     /// Camera that looks at the middle of points 3 away, from that angle to the side.
-    fn from_the_side(frame: usize, angle_deg: f64) -> Candidate {
+    fn from_the_side(frame: usize, angle_deg: f64) -> KeyFrameCandidate {
         let turn = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), angle_deg.to_radians());
         let middle = Translation3::new(0.0, 0.0, 3.0);
-        Candidate { frame, camera_from_reference: middle * turn * middle.inverse(), sharpness: 1.0 }
+        KeyFrameCandidate { frame, camera_from_reference: middle * turn * middle.inverse(), sharpness: 1.0 }
     }
 
     fn things() -> Vec<Point3<f64>> {
@@ -100,7 +100,7 @@ mod tests {
 
     #[test]
     fn the_widest_baselines_that_patches_survive_come_first() {
-        let candidates: Vec<Candidate> = [2.0, 33.0, -20.0, 60.0, 10.0]
+        let candidates: Vec<KeyFrameCandidate> = [2.0, 33.0, -20.0, 60.0, 10.0]
             .into_iter()
             .enumerate()
             .map(|(i, a)| from_the_side(i, a))

@@ -9,7 +9,7 @@ use super::support::Pinhole;
 
 /// A brightness image with a one-pixel border repeated around it, so that interpolation needs no special cases.
 #[derive(Debug, Clone)]
-pub(super) struct Level {
+pub(super) struct PyramidLevel {
     pub(super) width: usize,
     pub(super) height: usize,
     pub(super) camera: Pinhole,
@@ -19,7 +19,7 @@ pub(super) struct Level {
     padded: Vec<[f32; 2]>,
 }
 
-impl Level {
+impl PyramidLevel {
     /// Converts a pinhole picture.
     pub(super) fn new(picture: &RgbImage, intrinsics: &Intrinsics) -> Self {
         let (width, height) = (picture.width() as usize, picture.height() as usize);
@@ -113,12 +113,12 @@ impl Level {
 
 /// Mapping of pixels of one view into another: `source ∝ a · (u, v, 1) + b · w` for inverse depth `w`.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Pair {
+pub(super) struct ViewMapping {
     pub(super) a: [[f32; 3]; 3],
     pub(super) b: [f32; 3],
 }
 
-impl Pair {
+impl ViewMapping {
     /// Mapping between two pinhole cameras; `source_from_reference` transforms points between their frames.
     pub(super) fn new(
         reference: &Intrinsics,
@@ -156,7 +156,7 @@ mod tests {
         let (width, height) = (20_u32, 10_u32);
         let gray = |x: u32, y: u32| (x * x * 37 + y * 91 + x * y * 13) % 251;
         let picture = RgbImage::from_fn(width, height, |x, y| image::Rgb([gray(x, y) as u8; 3]));
-        let level = Level::new(&picture, &Intrinsics::from_horizontal_fov(width, height, 60.0));
+        let level = PyramidLevel::new(&picture, &Intrinsics::from_horizontal_fov(width, height, 60.0));
         let pixel = |x: f64, y: f64| {
             let last = |v: f64, size: u32| v.clamp(0.0, f64::from(size - 1)) as u32;
             f64::from(gray(last(x, width), last(y, height)))
@@ -197,7 +197,7 @@ mod tests {
         let pixel = a.project(&point).unwrap();
         let expected = b.project(&(b_from_a * point)).unwrap();
         let [x, y, z] =
-            Pair::new(&a, &b, &b_from_a).map(pixel.x as f32, pixel.y as f32, 1.0 / point.z as f32);
+            ViewMapping::new(&a, &b, &b_from_a).map(pixel.x as f32, pixel.y as f32, 1.0 / point.z as f32);
         assert_relative_eq!(x / z, expected.x as f32, epsilon = 1e-2);
         assert_relative_eq!(y / z, expected.y as f32, epsilon = 1e-2);
     }

@@ -20,8 +20,8 @@ use nalgebra::{Isometry3, Point3};
 pub use support::{Pinhole, Support, SupportMap};
 
 use crate::{Error, Result};
-use level::{Level, Pair};
-use patchmatch::{Guide, Problem, Source};
+use level::{PyramidLevel, ViewMapping};
+use patchmatch::{DepthProblem, Guide, Source};
 
 /// Options of dense stereo.
 #[derive(Debug, Clone)]
@@ -186,12 +186,12 @@ pub fn reconstruct(
     }
     let undistort = UndistortMap::new(capture.intrinsics);
     let pinhole = capture.intrinsics.pinhole();
-    let mut views: Vec<View> = Vec::with_capacity(frames.len() + 1);
+    let mut views: Vec<StereoView> = Vec::with_capacity(frames.len() + 1);
     for &frame in std::iter::once(&capture.reference).chain(&frames) {
         let camera_from_reference =
             capture.camera_from_world[frame].map_or_else(Isometry3::identity, |pose| pose * to_reference);
         let picture = undistort.image(&capture.frames[frame]);
-        let mut levels = vec![(Level::new(&picture, &pinhole), pinhole.clone())];
+        let mut levels = vec![(PyramidLevel::new(&picture, &pinhole), pinhole.clone())];
         for halved in 0..options.halvings.max(1) {
             let (level, intrinsics) = &levels[halved];
             levels.push(level.halved(intrinsics));
@@ -199,7 +199,7 @@ pub fn reconstruct(
         let range = inverse_depth_range(&points, &camera_from_reference).ok_or_else(|| {
             Error::capture(capture.name, "too few points are seen to tell the range of depths")
         })?;
-        views.push(View { picture, camera_from_reference, levels, range });
+        views.push(StereoView { picture, camera_from_reference, levels, range });
     }
     let maps = estimate_half(&views, options);
     let (reference_map, agreeing) = refine_reference(&views, &maps, &pinhole, options);
@@ -239,11 +239,11 @@ pub fn reconstruct(
 }
 
 /// One view with its image pyramid.
-struct View {
+struct StereoView {
     picture: RgbImage,
     camera_from_reference: Isometry3<f64>,
     /// Images at full size, at half of it, and so on, each with its camera.
-    levels: Vec<(Level, Intrinsics)>,
+    levels: Vec<(PyramidLevel, Intrinsics)>,
     range: (f32, f32),
 }
 
@@ -253,14 +253,14 @@ fn choose_frames(
     points: &[Point3<f64>],
     options: &DenseOptions,
 ) -> Vec<usize> {
-    let candidates: Vec<keyframes::Candidate> = capture
+    let candidates: Vec<keyframes::KeyFrameCandidate> = capture
         .camera_from_world
         .iter()
         .enumerate()
         .filter(|(frame, _)| *frame != capture.reference)
         .filter_map(|(frame, pose)| {
             let picture = capture.frames.get(frame)?;
-            Some(keyframes::Candidate {
+            Some(keyframes::KeyFrameCandidate {
                 frame,
                 camera_from_reference: (*pose)? * to_reference,
                 sharpness: sharpness(picture),
@@ -295,7 +295,7 @@ fn inverse_depth_range(points: &[Point3<f64>], camera_from_reference: &Isometry3
 }
 
 /// Photometric estimates of all views, then again at half size with each other's depths known.
-fn estimate_half(views: &[View], options: &DenseOptions) -> Vec<SupportMap> {
+fn estimate_half(views: &[StereoView], options: &DenseOptions) -> Vec<SupportMap> {
     let each = 0..views.len();
     let smallest = options.halvings.max(1);
     let mut photometric: Vec<SupportMap> =
@@ -312,12 +312,12 @@ fn estimate_half(views: &[View], options: &DenseOptions) -> Vec<SupportMap> {
 
 /// Estimation problem of one view, its image `halved` so often; `maps`: the depths of all views, if known.
 fn problem<'a>(
-    views: &'a [View],
+    views: &'a [StereoView],
     index: usize,
     halved: usize,
     maps: Option<&'a [SupportMap]>,
     options: &DenseOptions,
-) -> Problem<'a> {
+) -> DepthProblem<'a> {
     let view = &views[index];
     // Key frames are chosen farthest first, so the first few are the most informative.
     let sources = views
@@ -330,16 +330,16 @@ fn problem<'a>(
             let (from, to) = (&view.levels[halved].1, &other.levels[halved].1);
             Source {
                 image: &other.levels[halved].0,
-                pair: Pair::new(from, to, &forward),
+                pair: ViewMapping::new(from, to, &forward),
                 guide: maps.map(|maps| Guide {
                     map: &maps[i],
                     scale: 1.0,
-                    back: Pair::new(to, from, &forward.inverse()),
+                    back: ViewMapping::new(to, from, &forward.inverse()),
                 }),
             }
         })
         .collect();
-    Problem {
+    DepthProblem {
         reference: &view.levels[halved].0,
         sources,
         range: view.range,
@@ -354,7 +354,7 @@ fn problem<'a>(
 }
 
 /// Change of inverse depth that shifts a pixel by one in the farthest view.
-fn inverse_depth_step(views: &[View], index: usize, focal_px: f64) -> f32 {
+fn inverse_depth_step(views: &[StereoView], index: usize, focal_px: f64) -> f32 {
     let here = views[index].camera_from_reference;
     let baseline = views
         .iter()
@@ -365,7 +365,7 @@ fn inverse_depth_step(views: &[View], index: usize, focal_px: f64) -> f32 {
 
 /// Reference's map at full size, and the number of key frames that agree with each pixel.
 fn refine_reference(
-    views: &[View],
+    views: &[StereoView],
     maps: &[SupportMap],
     pinhole: &Intrinsics,
     options: &DenseOptions,
@@ -378,16 +378,16 @@ fn refine_reference(
             let forward = other.camera_from_reference;
             Source {
                 image: &other.levels[0].0,
-                pair: Pair::new(pinhole, pinhole, &forward),
+                pair: ViewMapping::new(pinhole, pinhole, &forward),
                 guide: Some(Guide {
                     map,
                     scale: 0.5,
-                    back: Pair::new(&other.levels[1].1, pinhole, &forward.inverse()),
+                    back: ViewMapping::new(&other.levels[1].1, pinhole, &forward.inverse()),
                 }),
             }
         })
         .collect();
-    let problem = Problem {
+    let problem = DepthProblem {
         reference: &reference.levels[0].0,
         sources,
         range: reference.range,

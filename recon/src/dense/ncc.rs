@@ -3,7 +3,7 @@
 
 use wide::f32x4;
 
-use super::level::{Level, Pair};
+use super::level::{PyramidLevel, ViewMapping};
 use super::support::Support;
 
 /// Offsets of the patch's samples in both directions: 11 × 11 pixels, every second one.
@@ -54,7 +54,7 @@ fn offset(i: usize) -> (f32, f32) {
 }
 
 /// A patch of the reference view, prepared once and compared with many hypotheses.
-pub(super) struct Patch {
+pub(super) struct StereoPatch {
     /// Weights, summing to one.
     weights: [f32x4; FOURS],
     /// Weight × (brightness − mean).
@@ -65,8 +65,8 @@ pub(super) struct Patch {
     v: f32,
 }
 
-impl Patch {
-    pub(super) fn new(reference: &Level, x: usize, y: usize, table: &Weights) -> Self {
+impl StereoPatch {
+    pub(super) fn new(reference: &PyramidLevel, x: usize, y: usize, table: &Weights) -> Self {
         let reach = RADIUS as usize;
         if x >= reach && y >= reach && x + reach < reference.width && y + reach < reference.height {
             // Away from the border samples need no bounds check.
@@ -124,7 +124,7 @@ impl Patch {
 
     /// 1 − correlation of the patch with its image under `support` in `source`: 0 … [`WORST`].
     #[inline]
-    pub(super) fn cost(&self, support: &Support, source: &Level, pair: &Pair) -> f32 {
+    pub(super) fn cost(&self, support: &Support, source: &PyramidLevel, pair: &ViewMapping) -> f32 {
         let [hx, hy, hz] = pair.map(self.u, self.v, support.w);
         if hz <= 1e-6 {
             return WORST;
@@ -157,7 +157,7 @@ impl Patch {
     fn correlate(
         &self,
         affine: [f32; 6],
-        source: &Level,
+        source: &PyramidLevel,
         place: impl Fn(f32x4, f32x4) -> (f32x4, f32x4),
     ) -> f32 {
         let [x, y, xu, yu, xv, yv] = affine.map(f32x4::splat);
@@ -188,7 +188,7 @@ mod tests {
     use nalgebra::{Isometry3, Point2, Point3, Vector3};
 
     /// A slanted textured plane, 1/z = 0.4 + 0.1 x (in z = 1 coordinates), seen from the identity and from 0.3 to the side.
-    fn views() -> (Level, Level, Pair, Intrinsics) {
+    fn views() -> (PyramidLevel, PyramidLevel, ViewMapping, Intrinsics) {
         let k = Intrinsics::from_horizontal_fov(160, 120, 60.0);
         let texture = |p: &Point3<f64>| {
             let value =
@@ -204,8 +204,8 @@ mod tests {
             })
         };
         let source_from_reference = Isometry3::translation(-0.3, 0.0, 0.0);
-        let pair = Pair::new(&k, &k, &source_from_reference);
-        (Level::new(&seen_from(0.0), &k), Level::new(&seen_from(0.3), &k), pair, k)
+        let pair = ViewMapping::new(&k, &k, &source_from_reference);
+        (PyramidLevel::new(&seen_from(0.0), &k), PyramidLevel::new(&seen_from(0.3), &k), pair, k)
     }
 
     #[test]
@@ -215,7 +215,7 @@ mod tests {
         for (x, y) in [(60, 40), (80, 60), (100, 90)] {
             let ray = k.unproject(&Point2::new(x as f64, y as f64)).unwrap();
             let truth = Support { w: (0.4 + 0.1 * ray.x) as f32, gu: n.x as f32, gv: 0.0 };
-            let patch = Patch::new(&reference, x, y, &Weights::new(24.0));
+            let patch = StereoPatch::new(&reference, x, y, &Weights::new(24.0));
             let at = |w: f32| patch.cost(&Support { w, ..truth }, &source, &pair);
             assert!(at(truth.w) < 0.02, "{}", at(truth.w));
             for wrong in [0.9, 0.95, 1.05, 1.1] {
@@ -227,7 +227,7 @@ mod tests {
     #[test]
     fn outside_the_source_nothing_is_believed() {
         let (reference, source, pair, _) = views();
-        let patch = Patch::new(&reference, 5, 60, &Weights::new(24.0));
+        let patch = StereoPatch::new(&reference, 5, 60, &Weights::new(24.0));
         let near = Support { w: 5.0, gu: 0.0, gv: 0.0 };
         assert!(patch.cost(&near, &source, &pair) >= WORST);
         let behind = Support { w: f32::NAN, gu: 0.0, gv: 0.0 };

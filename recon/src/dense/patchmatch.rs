@@ -9,21 +9,21 @@
 
 use rayon::prelude::*;
 
-use super::level::{Level, Pair};
-use super::ncc::{Patch, WORST, Weights};
+use super::level::{PyramidLevel, ViewMapping};
+use super::ncc::{StereoPatch, WORST, Weights};
 use super::support::{Support, SupportMap};
 
 /// A view in which hypotheses are evaluated.
 pub(super) struct Source<'a> {
-    pub(super) image: &'a Level,
-    pub(super) pair: Pair,
+    pub(super) image: &'a PyramidLevel,
+    pub(super) pair: ViewMapping,
     /// Depth of the source, once it has been estimated.
     pub(super) guide: Option<Guide<'a>>,
 }
 
 impl Source<'_> {
     /// Cost of a hypothesis in one view, geometric disagreement included where the view has depth.
-    fn cost(&self, patch: &Patch, x: usize, y: usize, support: &Support) -> f32 {
+    fn cost(&self, patch: &StereoPatch, x: usize, y: usize, support: &Support) -> f32 {
         self.cost_from(self.least_cost(x, y, support), patch, support)
     }
 
@@ -35,7 +35,7 @@ impl Source<'_> {
     }
 
     /// [`Self::cost`] for a known lower bound.
-    fn cost_from(&self, least: f32, patch: &Patch, support: &Support) -> f32 {
+    fn cost_from(&self, least: f32, patch: &StereoPatch, support: &Support) -> f32 {
         (patch.cost(support, self.image, &self.pair) + least).min(WORST)
     }
 }
@@ -46,13 +46,13 @@ pub(super) struct Guide<'a> {
     /// Pixels of `map` a pixel of the source image.
     pub(super) scale: f32,
     /// Mapping from pixels of `map` back into the reference image.
-    pub(super) back: Pair,
+    pub(super) back: ViewMapping,
 }
 
 impl Guide<'_> {
     /// Distance between (u, v) and the reprojection of the source's own surface, in reference pixels, looked up at the
     /// image of the point at inverse depth `w`. `None` where the source has no depth.
-    pub(super) fn return_error_px(&self, pair: &Pair, u: f32, v: f32, w: f32) -> Option<f32> {
+    pub(super) fn return_error_px(&self, pair: &ViewMapping, u: f32, v: f32, w: f32) -> Option<f32> {
         let [hx, hy, hz] = pair.map(u, v, w);
         if hz <= 1e-6 {
             return None;
@@ -77,8 +77,8 @@ impl Guide<'_> {
 }
 
 /// Estimation problem of one depth map.
-pub(super) struct Problem<'a> {
-    pub(super) reference: &'a Level,
+pub(super) struct DepthProblem<'a> {
+    pub(super) reference: &'a PyramidLevel,
     pub(super) sources: Vec<Source<'a>>,
     /// Smallest and largest inverse depth.
     pub(super) range: (f32, f32),
@@ -100,7 +100,7 @@ pub(super) struct Problem<'a> {
 const GEOMETRIC_WEIGHT: f32 = 0.15;
 const GEOMETRIC_CAP_PX: f32 = 3.0;
 
-impl Problem<'_> {
+impl DepthProblem<'_> {
     /// Estimates the map, from random hypotheses or from `start`.
     pub(super) fn solve(&self, start: Option<SupportMap>) -> SupportMap {
         let (width, height) = (self.reference.width, self.reference.height);
@@ -114,7 +114,7 @@ impl Problem<'_> {
             .flat_map_iter(|y| {
                 let (map, table) = (&map, &table);
                 (0..width).map(move |x| {
-                    let patch = Patch::new(self.reference, x, y, table);
+                    let patch = StereoPatch::new(self.reference, x, y, table);
                     self.choose_views(&patch, x, y, &[(map.supports[y * width + x], None)]).1[0]
                 })
             })
@@ -162,11 +162,11 @@ impl Problem<'_> {
     /// Fewer than wanted where the image's border leaves fewer views, but at least two.
     fn choose_views<const N: usize>(
         &self,
-        patch: &Patch,
+        patch: &StereoPatch,
         x: usize,
         y: usize,
         hypotheses: &[(Support, Option<&Costs>); N],
-    ) -> (Views, [Costs; N]) {
+    ) -> (ChosenViews, [Costs; N]) {
         let mut all = [([WORST; N], WORST, 0); MOST_VIEWS];
         let count = self.sources.len().min(MOST_VIEWS);
         let mut each = [Costs::UNKNOWN; N];
@@ -184,7 +184,7 @@ impl Problem<'_> {
         all.sort_unstable_by(|a, b| a.1.total_cmp(&b.1).then(a.2.cmp(&b.2)));
         let seen = all.iter().filter(|view| view.1 < WORST).count();
         let wanted = self.best_views.min(seen.max(LEAST_VIEWS)).min(count);
-        let mut views = Views { indices: [0; MOST_VIEWS], count: wanted };
+        let mut views = ChosenViews { indices: [0; MOST_VIEWS], count: wanted };
         for (k, (costs, _, view)) in all[..wanted].iter().enumerate() {
             views.indices[k] = *view;
             for (of, cost) in each.iter_mut().zip(costs) {
@@ -198,8 +198,8 @@ impl Problem<'_> {
     fn cost_below(
         &self,
         least: &Costs,
-        views: &Views,
-        patch: &Patch,
+        views: &ChosenViews,
+        patch: &StereoPatch,
         x: usize,
         y: usize,
         support: &Support,
@@ -237,7 +237,7 @@ impl Problem<'_> {
     ) -> (Support, Costs) {
         let width = self.reference.width;
         let pixel = y * width + x;
-        let patch = Patch::new(self.reference, x, y, table);
+        let patch = StereoPatch::new(self.reference, x, y, table);
         let current = map.supports[pixel];
         let regions = if self.afar { &REGIONS[..] } else { &REGIONS[..NEAR_REGIONS] };
         let offered = &mut [(current, f32::MAX); REGIONS.len()][..regions.len()];
@@ -339,7 +339,7 @@ impl Costs {
 }
 
 /// The views chosen for one pixel.
-struct Views {
+struct ChosenViews {
     indices: [usize; MOST_VIEWS],
     count: usize,
 }

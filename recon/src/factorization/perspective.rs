@@ -13,7 +13,7 @@
 use nalgebra::{Isometry3, Vector2, Vector3};
 
 use super::affine::{self, Measurements};
-use super::metric::{self, Metric, Model};
+use super::metric::{self, AffineModel, MetricMotion};
 
 const MAX_ITERATIONS: usize = 40;
 /// Smallest share of a correction that is applied.
@@ -25,20 +25,21 @@ const EPSILON_RANGE: (f64, f64) = (-0.8, 4.0);
 
 /// Both perspective interpretations of the measurements (normalised image coordinates), the better first, each with its
 /// root mean square residual.
-pub(crate) fn factorize(measured: &Measurements) -> Vec<(Metric, f64)> {
+pub(crate) fn factorize(measured: &Measurements) -> Vec<(MetricMotion, f64)> {
     let Some(start) = affine::factorize(measured) else { return Vec::new() };
     // The affine camera with the smaller residual starts the iteration: paraperspective, unless noise spoils its
     // constraints.
-    let least =
-        |readings: &[Metric; 2]| readings.iter().map(|r| residual(measured, r)).fold(f64::INFINITY, f64::min);
-    let Some(readings) = [Model::Paraperspective, Model::Orthographic]
+    let least = |readings: &[MetricMotion; 2]| {
+        readings.iter().map(|r| residual(measured, r)).fold(f64::INFINITY, f64::min)
+    };
+    let Some(readings) = [AffineModel::Paraperspective, AffineModel::Orthographic]
         .into_iter()
         .filter_map(|model| metric::upgrade(&start, model))
         .min_by(|a, b| least(a).total_cmp(&least(b)))
     else {
         return Vec::new();
     };
-    let mut settled: Vec<(Metric, f64)> = readings
+    let mut settled: Vec<(MetricMotion, f64)> = readings
         .into_iter()
         .map(|reading| settle(measured, reading))
         .map(|metric| {
@@ -52,7 +53,7 @@ pub(crate) fn factorize(measured: &Measurements) -> Vec<(Metric, f64)> {
 
 /// Iterates from one interpretation; keeps the best solution met. Where the residual grows, corrections are applied in
 /// smaller steps: far from affine (wide lenses, near things) whole steps overshoot.
-fn settle(measured: &Measurements, start: Metric) -> Metric {
+fn settle(measured: &Measurements, start: MetricMotion) -> MetricMotion {
     let (mut best, mut least) = (start.clone(), residual(measured, &start));
     let mut current = start;
     let mut epsilon = vec![vec![0.0; current.poses.len()]; measured.len()];
@@ -79,7 +80,8 @@ fn settle(measured: &Measurements, start: Metric) -> Metric {
         if change < CHANGE_END * (epsilon.len() * current.poses.len()) as f64 {
             break;
         }
-        let next = affine::factorize(&corrected).and_then(|a| metric::upgrade(&a, Model::Paraperspective));
+        let next =
+            affine::factorize(&corrected).and_then(|a| metric::upgrade(&a, AffineModel::Paraperspective));
         let Some(readings) = next else { break };
         // Of the two interpretations, the one that is not the mirror of the last.
         let likest =
@@ -97,8 +99,8 @@ fn settle(measured: &Measurements, start: Metric) -> Metric {
 }
 
 /// Positive where two shapes have the same depth order in the first frame.
-fn likeness(a: &Metric, b: &Metric) -> f64 {
-    let depth = |metric: &Metric| -> Vec<f64> {
+fn likeness(a: &MetricMotion, b: &MetricMotion) -> f64 {
+    let depth = |metric: &MetricMotion| -> Vec<f64> {
         metric.points.iter().map(|s| (metric.poses[0].rotation * s).z).collect()
     };
     depth(a).iter().zip(depth(b)).map(|(x, y)| x * y).sum()
@@ -116,7 +118,7 @@ fn corrected(measured: &Measurements, epsilon: &[Vec<f64>], origins: &[Vector2<f
 }
 
 /// Root mean square distance between measured and projected normalised coordinates; 1 behind a camera.
-pub(crate) fn residual(measured: &Measurements, metric: &Metric) -> f64 {
+pub(crate) fn residual(measured: &Measurements, metric: &MetricMotion) -> f64 {
     let (mut sum, mut count) = (0.0, 0);
     for (point, seen) in metric.points.iter().zip(measured) {
         for (w, pose) in seen.iter().zip(&metric.poses) {

@@ -67,7 +67,7 @@ impl Default for FeatureOptions {
 
 /// Observations of one feature: frames (from 0, rising, with gaps perhaps) and pixels.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Track {
+pub struct FeatureTrack {
     /// One entry a frame that observed the feature.
     pub observations: Vec<(usize, Point2<f64>)>,
 }
@@ -98,20 +98,20 @@ pub fn track(
     frames: &[RgbImage],
     intrinsics: &Intrinsics,
     options: &FeatureOptions,
-) -> Result<(Vec<Track>, FeatureReport)> {
-    let mut tracks: Vec<Track> = Vec::new();
+) -> Result<(Vec<FeatureTrack>, FeatureReport)> {
+    let mut tracks: Vec<FeatureTrack> = Vec::new();
     let mut report = FeatureReport::default();
     let mut live: Vec<Feature> = Vec::new();
-    let mut before: Option<Seen> = None;
+    let mut before: Option<FrameImages> = None;
     for (frame, image) in frames.iter().enumerate() {
-        let seen = Seen::new(image, intrinsics, options)?;
+        let seen = FrameImages::new(image, intrinsics, options)?;
         if let Some(before) = &before {
             live = carry(live, before, &seen, intrinsics, options)?;
             report.carried.push(live.len());
         }
         let born = births(&seen, &live, options)?;
         live.extend(born.into_iter().map(|(patch, warp)| {
-            tracks.push(Track::default());
+            tracks.push(FeatureTrack::default());
             Feature { track: tracks.len() - 1, patch, warp }
         }));
         for feature in &live {
@@ -126,14 +126,14 @@ pub fn track(
 }
 
 /// A frame in the forms that tracking reads.
-struct Seen {
+struct FrameImages {
     gray: image::GrayImage,
     intensity: Intensity,
     pyramid: FlowPyramid,
     coarse: CoarseScales,
 }
 
-impl Seen {
+impl FrameImages {
     fn new(image: &RgbImage, intrinsics: &Intrinsics, options: &FeatureOptions) -> Result<Self> {
         let gray = image::imageops::grayscale(image);
         let intensity = Intensity::new(image);
@@ -146,8 +146,8 @@ impl Seen {
 /// Carries features from one frame to the next; lost ones end.
 fn carry(
     live: Vec<Feature>,
-    from: &Seen,
-    to: &Seen,
+    from: &FrameImages,
+    to: &FrameImages,
     intrinsics: &Intrinsics,
     options: &FeatureOptions,
 ) -> Result<Vec<Feature>> {
@@ -187,7 +187,7 @@ fn carry(
 }
 
 /// New features at corners without a feature, spread over a grid.
-fn births(seen: &Seen, live: &[Feature], options: &FeatureOptions) -> Result<Vec<(Patch, Warp)>> {
+fn births(seen: &FrameImages, live: &[Feature], options: &FeatureOptions) -> Result<Vec<(Patch, Warp)>> {
     let (width, height) = (seen.intensity.width, seen.intensity.height);
     let cell = (width.max(height) as f64 / options.grid as f64).max(1.0);
     let (columns, rows) = ((width as f64 / cell).ceil() as usize, (height as f64 / cell).ceil() as usize);

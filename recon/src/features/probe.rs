@@ -18,9 +18,9 @@ impl Patch {
             .collect();
         let total: f32 = taken.iter().map(|(weight, ..)| weight).sum();
         let mean = taken.iter().map(|(weight, value, _)| weight * value).sum::<f32>() / total;
-        let samples: Vec<Sample> = taken
+        let samples: Vec<ProbeSample> = taken
             .into_iter()
-            .map(|(weight, value, aside)| Sample { aside, weight: weight / total, value: value - mean })
+            .map(|(weight, value, aside)| ProbeSample { aside, weight: weight / total, value: value - mean })
             .collect();
         let reach = f64::from(self.radius) * (affine.row(0).abs().sum()).max(affine.row(1).abs().sum());
         // Rounding must not move a sample beyond it.
@@ -37,13 +37,13 @@ pub(crate) const PLACES: usize = 8;
 
 /// A coarse, deformed patch.
 pub(crate) struct Probe {
-    samples: Vec<Sample>,
+    samples: Vec<ProbeSample>,
     /// Largest distance of a sample from the centre along an axis, pixels.
     reach: f64,
     deviation: f32,
 }
 
-struct Sample {
+struct ProbeSample {
     aside: Vector2<f64>,
     /// Weight; all add up to 1.
     weight: f32,

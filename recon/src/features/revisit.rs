@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::intensity::Intensity;
 use super::probe::{PLACES, STEP_PX};
 use super::register::{Patch, Warp};
-use super::{FeatureOptions, Track};
+use super::{FeatureOptions, FeatureTrack};
 
 /// Options of the search for lost features.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -33,11 +33,11 @@ const PEAK_PX: f64 = 3.5;
 /// visible there.
 pub(crate) fn seen_again(
     frames: &[Intensity],
-    tracks: &[Track],
+    tracks: &[FeatureTrack],
     predict: impl Fn(usize, usize) -> Option<Warp> + Sync,
     how: &RevisitOptions,
     options: &FeatureOptions,
-) -> Vec<Track> {
+) -> Vec<FeatureTrack> {
     tracks
         .par_iter()
         .enumerate()
@@ -58,7 +58,7 @@ pub(crate) fn seen_again(
         .collect()
 }
 
-fn first_appearance(frames: &[Intensity], track: &Track, options: &FeatureOptions) -> Option<Patch> {
+fn first_appearance(frames: &[Intensity], track: &FeatureTrack, options: &FeatureOptions) -> Option<Patch> {
     let (frame, center) = *track.observations.first()?;
     let warp = Warp { center, affine: nalgebra::Matrix2::identity() };
     Patch::cut(&frames[frame], &warp, options.patch_radius_px)
@@ -116,7 +116,7 @@ mod tests {
         };
         let frames = [image(0.0, 0.0), image(1.0, 0.0), image(9.3, -4.6)];
         let home = Point2::new(50.0, 45.0);
-        let track = Track { observations: vec![(0, home), (1, home + Vector2::x())] };
+        let track = FeatureTrack { observations: vec![(0, home), (1, home + Vector2::x())] };
         let predict = |_, frame| {
             let center = home + Vector2::new(9.3 - 5.0, -4.6 + 3.0);
             (frame == 2).then_some(Warp { center, affine: Matrix2::identity() })

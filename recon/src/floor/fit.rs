@@ -15,7 +15,7 @@ const SAME_SHARE: f64 = 0.05;
 
 /// A plane fitted to surface points.
 #[derive(Debug, Clone)]
-pub(super) struct Fit {
+pub(super) struct PlaneFit {
     pub(super) plane: Plane,
     /// Area of the points.
     pub(super) area: f64,
@@ -29,7 +29,7 @@ pub(super) struct Fit {
     pub(super) spread: Matrix3<f64>,
 }
 
-impl Fit {
+impl PlaneFit {
     fn is_same(&self, other: &Self, thickness: f64) -> bool {
         self.plane.normal.dot(&other.plane.normal) > SAME_DEG.to_radians().cos()
             && self.plane.height(&other.mean).abs() < SAME_SHARE * thickness
@@ -58,8 +58,8 @@ impl Cloud<'_> {
     }
 
     /// Planes refined from the peaks of the accumulator, each once, the largest first.
-    pub(super) fn planes(&self, peaks: &[Plane]) -> Vec<Fit> {
-        let mut fits: Vec<Fit> = Vec::with_capacity(peaks.len());
+    pub(super) fn planes(&self, peaks: &[Plane]) -> Vec<PlaneFit> {
+        let mut fits: Vec<PlaneFit> = Vec::with_capacity(peaks.len());
         for fit in peaks.iter().filter_map(|peak| self.refine(peak)) {
             if !fits.iter().any(|other| other.is_same(&fit, self.thickness())) {
                 fits.push(fit);
@@ -70,23 +70,23 @@ impl Cloud<'_> {
     }
 
     /// Least squares on the points within an ever thinner slab; `None` where there are hardly any.
-    fn refine(&self, start: &Plane) -> Option<Fit> {
-        SLABS.iter().try_fold(None, |fit: Option<Fit>, thickness| {
+    fn refine(&self, start: &Plane) -> Option<PlaneFit> {
+        SLABS.iter().try_fold(None, |fit: Option<PlaneFit>, thickness| {
             let about = fit.map_or(*start, |fit| fit.plane);
             self.fitted(&about, *thickness).map(Some)
         })?
     }
 
     /// [`Self::refine`] with slabs that stay parallel; the points in the last one may slope within it.
-    pub(super) fn refine_parallel(&self, start: &Plane) -> Option<Fit> {
-        SLABS.iter().try_fold(None, |fit: Option<Fit>, thickness| {
+    pub(super) fn refine_parallel(&self, start: &Plane) -> Option<PlaneFit> {
+        SLABS.iter().try_fold(None, |fit: Option<PlaneFit>, thickness| {
             let distance = fit.map_or(start.distance, |fit| start.normal.dot(&fit.mean.coords));
             self.fitted(&Plane { distance, ..*start }, *thickness).map(Some)
         })?
     }
 
     /// Plane through the points in a slab about another plane.
-    fn fitted(&self, about: &Plane, thickness: f64) -> Option<Fit> {
+    fn fitted(&self, about: &Plane, thickness: f64) -> Option<PlaneFit> {
         let slab = thickness * self.thickness();
         let near = self.options.normal_spread_deg.to_radians().cos();
         let inside: Vec<&SurfacePoint> = self
@@ -113,7 +113,7 @@ impl Cloud<'_> {
         let smallest = eigen.eigenvalues.imin();
         let normal: Vector3<f64> = eigen.eigenvectors.column(smallest).into_owned();
         let normal = if normal.dot(&about.normal) < 0.0 { -normal } else { normal };
-        Some(Fit {
+        Some(PlaneFit {
             plane: Plane { normal, distance: normal.dot(&mean) },
             area: inside.iter().map(|p| p.area).sum(),
             rms: eigen.eigenvalues[smallest].max(0.0).sqrt(),

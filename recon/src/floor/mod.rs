@@ -21,8 +21,8 @@ use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Similarity3, Translation3,
 
 use crate::plumb::Plumb;
 use crate::{Error, Result};
-use fit::{Cloud, Fit};
-use vertical::Voices;
+use fit::{Cloud, PlaneFit};
+use vertical::VerticalConsensus;
 
 /// A surface point with the area it stands for.
 #[derive(Debug, Clone, PartialEq)]
@@ -143,11 +143,11 @@ pub fn find(
     let total = cloud.area();
     let peaks = hough::peaks(&points, size, options);
     let fits = cloud.planes(&peaks);
-    let large: Vec<&Fit> = fits.iter().filter(|f| f.area >= options.least_share * total).collect();
-    let upright = |fit: &Fit| {
+    let large: Vec<&PlaneFit> = fits.iter().filter(|f| f.area >= options.least_share * total).collect();
+    let upright = |fit: &PlaneFit| {
         2 * cameras.iter().filter(|camera| stands_on(camera, &fit.plane, options)).count() > cameras.len()
     };
-    let level: Vec<&Fit> = large.iter().copied().filter(|fit| upright(fit)).collect();
+    let level: Vec<&PlaneFit> = large.iter().copied().filter(|fit| upright(fit)).collect();
     let mut refusal = if fits.iter().any(upright) {
         "the planes that lie level are too small; let the captures show more of the floor"
     } else {
@@ -169,7 +169,7 @@ pub fn find(
                 refusal = "each plane that lies level has too much below it; is the floor itself in view?";
                 break;
             }
-            let voices = Voices::new(&floor, &large, plumb, size, options);
+            let voices = VerticalConsensus::new(&floor, &large, plumb, size, options);
             let ups = std::iter::once(&plane.normal).chain(plumb.iter().map(|of| &of.up));
             let agreed = ups.filter_map(|up| voices.consensus(up));
             let Some(agreed) = agreed.reduce(|a, b| if b.area > a.area { b } else { a }) else { continue };
@@ -196,9 +196,9 @@ pub fn find(
 
 /// Candidate floors if a plane is level, the lowest first, each with the level plane through it: points parallel to the
 /// plane at the heights of others, and the plane itself.
-fn grounds(cloud: &Cloud<'_>, up: &Fit, level: &[&Fit]) -> impl Iterator<Item = (Fit, Plane)> {
+fn grounds(cloud: &Cloud<'_>, up: &PlaneFit, level: &[&PlaneFit]) -> impl Iterator<Item = (PlaneFit, Plane)> {
     let normal = up.plane.normal;
-    let height = move |fit: &Fit| normal.dot(&fit.mean.coords);
+    let height = move |fit: &PlaneFit| normal.dot(&fit.mean.coords);
     let apart = cloud.options.thickness * cloud.size;
     let its_own = move |distance: f64| (distance - height(up)).abs() < apart;
     let mut heights: Vec<f64> = level.iter().map(|other| height(other)).filter(|h| !its_own(*h)).collect();

@@ -186,7 +186,7 @@ fn a_little_floor_with_something_else_makes_no_larger_floor() {
 }
 
 #[test]
-fn what_a_polished_floor_reflects_is_no_floor() {
+fn a_reflection_below_a_polished_floor_is_not_taken_for_the_floor() {
     for seed in 0..5 {
         let (mut points, cameras) = room(seed, 1.0, &Similarity3::identity());
         // A lamp on the ceiling reflected in the floor: as far below as the lamp is above.

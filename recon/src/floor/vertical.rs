@@ -32,7 +32,7 @@
 use nalgebra::{Matrix2, Matrix3x2, Vector2, Vector3};
 
 use super::FloorOptions;
-use super::fit::Fit;
+use super::fit::PlaneFit;
 use crate::plumb::{Plumb, tangents};
 
 /// Ratio of true level or plumb planes to sloped ones, q.
@@ -42,7 +42,7 @@ const ROUNDS: usize = 20;
 
 /// Result of the consensus.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Consensus {
+pub(super) struct ConsensusResult {
     /// Common normal of all level planes.
     pub(super) up: Vector3<f64>,
     /// Number of level planes that agree, the floor among them.
@@ -57,7 +57,7 @@ pub(super) struct Consensus {
 
 /// Constraint of one plane on the tilt: `χ²(t) = (t − tilt)ᵀ information (t − tilt)`.
 #[derive(Debug)]
-struct Voice {
+struct TiltConstraint {
     tilt: Vector2<f64>,
     information: Matrix2<f64>,
     /// χ² at which the plane is as likely to be a sloped one.
@@ -65,7 +65,7 @@ struct Voice {
     area: f64,
 }
 
-impl Voice {
+impl TiltConstraint {
     /// Constraint of a level plane whose normal tilts by `tilt`; `widest` (radians): largest tilt of sloped planes.
     fn level(tilt: Vector2<f64>, covariance: &Matrix2<f64>, area: f64, widest: f64) -> Option<Self> {
         let information = covariance.try_inverse().filter(|m| m.iter().all(|v| v.is_finite()))?;
@@ -103,23 +103,23 @@ impl Voice {
 }
 
 /// Consensus over all constraints, relative to one floor.
-pub(super) struct Voices {
+pub(super) struct VerticalConsensus {
     floor_normal: Vector3<f64>,
     floor_area: f64,
     /// Axes of tilts, and the constraint of the floor; `None` for a floor that is a line.
-    floor: Option<(Matrix3x2<f64>, Voice)>,
-    level: Vec<Voice>,
-    plumb: Vec<Voice>,
-    lines: Vec<Voice>,
+    floor: Option<(Matrix3x2<f64>, TiltConstraint)>,
+    level: Vec<TiltConstraint>,
+    plumb: Vec<TiltConstraint>,
+    lines: Vec<TiltConstraint>,
 }
 
-impl Voices {
+impl VerticalConsensus {
     /// # Arguments
     /// `planes`: any planes, the largest first; one that hardly lies apart from an earlier one is skipped. `plumb`:
     /// vertical by the edges in each capture's pictures. `size`: that of the room.
     pub(super) fn new(
-        floor: &Fit,
-        planes: &[&Fit],
+        floor: &PlaneFit,
+        planes: &[&PlaneFit],
         plumb: &[Plumb],
         size: f64,
         options: &FloorOptions,
@@ -138,7 +138,7 @@ impl Voices {
         let Some(across) = tangents(&up) else { return voices };
         let own = covariance(floor, &across, patch);
         voices.floor = own
-            .and_then(|own| Voice::level(Vector2::zeros(), &own, floor.area, widest))
+            .and_then(|own| TiltConstraint::level(Vector2::zeros(), &own, floor.area, widest))
             .map(|voice| (across, voice));
         let apart = 4.0 * options.thickness * size;
         let untrue = options.level_sigma_deg.to_radians().powi(2);
@@ -146,11 +146,11 @@ impl Voices {
         let largest = planes.iter().map(|plane| plane.area).fold(0.0, f64::max);
         let said = |of: &Plumb| {
             let tilt = across.tr_mul(&of.up) / of.up.dot(&up);
-            Voice::level(tilt, &(across.transpose() * of.covariance * across), largest, widest)
+            TiltConstraint::level(tilt, &(across.transpose() * of.covariance * across), largest, widest)
         };
         let near = |of: &&Plumb| of.up.dot(&up) > widest.cos();
         voices.lines = plumb.iter().filter(near).filter_map(said).collect();
-        let (mut heights, mut walls) = (vec![0.0], Vec::<&Fit>::new());
+        let (mut heights, mut walls) = (vec![0.0], Vec::<&PlaneFit>::new());
         for &plane in planes {
             let normal = plane.plane.normal;
             let facing = normal.dot(&up);
@@ -164,9 +164,9 @@ impl Voices {
                 // A ceiling faces down.
                 let its = across.transpose() * normal * facing.signum();
                 let own = covariance(plane, &across, patch).map(|c| c + Matrix2::identity() * untrue);
-                voices.level.extend(own.and_then(|own| Voice::level(its, &own, plane.area, widest)));
+                voices.level.extend(own.and_then(|own| TiltConstraint::level(its, &own, plane.area, widest)));
             } else if facing.abs() < widest.sin() {
-                let same = |wall: &&Fit| {
+                let same = |wall: &&PlaneFit| {
                     wall.plane.normal.dot(&normal).abs() > widest.cos()
                         && wall.plane.height(&plane.mean).abs() < apart
                 };
@@ -178,7 +178,9 @@ impl Voices {
                 let along = Matrix3x2::from_columns(&[rising, normal.cross(&rising)]);
                 let own = covariance(plane, &along, patch).map(|c| c[(0, 0)] + untrue);
                 let its = across.transpose() * normal;
-                voices.plumb.extend(own.and_then(|own| Voice::plumb(&its, facing, own, plane.area, widest)));
+                voices
+                    .plumb
+                    .extend(own.and_then(|own| TiltConstraint::plumb(&its, facing, own, plane.area, widest)));
             }
         }
         voices
@@ -186,9 +188,9 @@ impl Voices {
 
     /// Vertical by the constraints that agree with `up`, weighted by their agreement: `up` itself where the floor is a
     /// line. `None` where the floor does not agree.
-    pub(super) fn consensus(&self, up: &Vector3<f64>) -> Option<Consensus> {
+    pub(super) fn consensus(&self, up: &Vector3<f64>) -> Option<ConsensusResult> {
         let Some((across, floor)) = &self.floor else {
-            return Some(Consensus { up: *up, level: 1, plumb: 0, lines: 0, area: self.floor_area });
+            return Some(ConsensusResult { up: *up, level: 1, plumb: 0, lines: 0, area: self.floor_area });
         };
         let all = || std::iter::once(floor).chain(&self.level).chain(&self.plumb).chain(&self.lines);
         let facing = up.dot(&self.floor_normal);
@@ -207,8 +209,8 @@ impl Voices {
                 break;
             }
         }
-        let count = |voices: &[Voice]| voices.iter().filter(|v| v.agrees(&tilt)).count();
-        floor.agrees(&tilt).then(|| Consensus {
+        let count = |voices: &[TiltConstraint]| voices.iter().filter(|v| v.agrees(&tilt)).count();
+        floor.agrees(&tilt).then(|| ConsensusResult {
             up: (self.floor_normal + across * tilt).normalize(),
             level: 1 + count(&self.level),
             plumb: count(&self.plumb),
@@ -220,7 +222,7 @@ impl Voices {
 
 /// Covariance of a plane's tilt along `across`, with one independent observation a `patch` (an area); `None` when its
 /// points lie on a line.
-fn covariance(fit: &Fit, across: &Matrix3x2<f64>, patch: f64) -> Option<Matrix2<f64>> {
+fn covariance(fit: &PlaneFit, across: &Matrix3x2<f64>, patch: f64) -> Option<Matrix2<f64>> {
     // Where planes were made exact, stereo's own noise replaces the residuals.
     let variance = fit.rms.powi(2).max(fit.sigma_squared) / (fit.area / patch).max(1.0);
     let spread: Matrix2<f64> = across.transpose() * fit.spread * across;
@@ -238,12 +240,12 @@ mod tests {
 
     /// A rectangle `size` (x, y) of standard deviations about (0, 0, `height`), tilted about y by `tilt_deg`, with
     /// residuals `rms`.
-    fn rectangle(size: [f64; 2], height: f64, tilt_deg: f64, rms: f64) -> Fit {
+    fn rectangle(size: [f64; 2], height: f64, tilt_deg: f64, rms: f64) -> PlaneFit {
         let turned = Rotation3::from_axis_angle(&Vector3::y_axis(), tilt_deg.to_radians());
         let normal = turned * Vector3::z();
         let spread = Matrix3::from_diagonal(&Vector3::new(size[0].powi(2), size[1].powi(2), rms.powi(2)));
         let mean = Point3::new(0.0, 0.0, height);
-        Fit {
+        PlaneFit {
             plane: Plane { normal, distance: normal.dot(&mean.coords) },
             area: 12.0 * size[0] * size[1],
             rms,
@@ -258,8 +260,8 @@ mod tests {
     }
 
     /// Consensus as [`super::super::find`] computes it: with each plane taken to be level.
-    fn vote(floor: &Fit, planes: &[&Fit], options: &FloorOptions) -> Consensus {
-        let voices = Voices::new(floor, planes, &[], SIZE, options);
+    fn vote(floor: &PlaneFit, planes: &[&PlaneFit], options: &FloorOptions) -> ConsensusResult {
+        let voices = VerticalConsensus::new(floor, planes, &[], SIZE, options);
         let ups = std::iter::once(&floor).chain(planes).map(|p| p.plane.normal * p.plane.normal.z.signum());
         ups.filter_map(|up| voices.consensus(&up)).reduce(|a, b| if b.area > a.area { b } else { a }).unwrap()
     }
@@ -273,7 +275,7 @@ mod tests {
         // Sine and tangent of a degree differ by less than the tolerance.
         let floor = rectangle([0.3, 0.6], 0.0, 0.0, 0.012);
         let table = rectangle([0.6, 0.4], 0.7, 1.0, 0.009);
-        let patches = |fit: &Fit| (fit.area / (0.3 * SIZE).powi(2)).sqrt();
+        let patches = |fit: &PlaneFit| (fit.area / (0.3 * SIZE).powi(2)).sqrt();
         assert!(patches(&floor) > 2.0 && patches(&table) > 2.0);
         let sigma = [0.012 / 0.3 / patches(&floor), 0.009 / 0.6 / patches(&table)];
         for level_deg in [0.0, 0.5, 1.5] {
@@ -293,7 +295,7 @@ mod tests {
         let expected_deg = 1.0 / (1.0 + (0.009f64 / 0.6 * 0.3 / 0.012).powi(2));
         assert_relative_eq!(tilt_deg(&vote(&floor, &[&table], &whole).up), expected_deg, epsilon = 2e-3);
         // Where planes were made exact, only stereo's own deviation is left.
-        let exact = Fit { rms: 0.0, sigma_squared: 0.009f64.powi(2), ..table.clone() };
+        let exact = PlaneFit { rms: 0.0, sigma_squared: 0.009f64.powi(2), ..table.clone() };
         assert_eq!(vote(&floor, &[&exact], &options(0.5)), vote(&floor, &[&table], &options(0.5)));
     }
 
@@ -301,7 +303,8 @@ mod tests {
     fn a_ceiling_has_a_say_and_a_plane_only_once() {
         let floor = rectangle([0.3, 0.6], 0.0, 0.0, 0.012);
         let ceiling = rectangle([0.6, 0.4], 2.4, 1.5, 0.009);
-        let below = Fit { plane: Plane { normal: -ceiling.plane.normal, distance: -2.4 }, ..ceiling.clone() };
+        let below =
+            PlaneFit { plane: Plane { normal: -ceiling.plane.normal, distance: -2.4 }, ..ceiling.clone() };
         let once = vote(&floor, &[&ceiling], &options(0.5));
         assert!(once.level == 2 && tilt_deg(&once.up) > 0.5);
         assert_eq!(vote(&floor, &[&below], &options(0.5)), once);
@@ -311,7 +314,7 @@ mod tests {
     #[test]
     fn a_wall_says_how_its_normal_leans_and_nothing_else() {
         let floor = rectangle([0.3, 0.3], 0.0, 0.0, 0.012);
-        let patches = |fit: &Fit| fit.area / (0.3 * SIZE).powi(2);
+        let patches = |fit: &PlaneFit| fit.area / (0.3 * SIZE).powi(2);
         let wall = rectangle([0.8, 0.5], 1.2, 91.0, 0.009);
         let level_deg: f64 = 0.5;
         let own = (0.009_f64 / 0.8).powi(2) / patches(&wall) + level_deg.to_radians().powi(2);
@@ -323,7 +326,7 @@ mod tests {
         assert_relative_eq!(tilt_deg(&agreed.up), expected_deg, epsilon = 2e-3);
         assert_relative_eq!(agreed.up.y, 0.0, epsilon = 1e-12);
         // From behind it is the same wall, and it counts once.
-        let behind = Fit {
+        let behind = PlaneFit {
             plane: Plane { normal: -wall.plane.normal, distance: -wall.plane.distance },
             ..wall.clone()
         };
@@ -337,9 +340,9 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_level_has_no_say() {
+    fn sloped_planes_do_not_affect_the_vertical() {
         let floor = rectangle([1.5, 1.0], 0.0, 0.0, 0.01);
-        let is_alone = |agreed: Consensus| agreed.up == Vector3::z() && agreed.level == 1;
+        let is_alone = |agreed: ConsensusResult| agreed.up == Vector3::z() && agreed.level == 1;
         for tilt_deg in [4.0, 12.0, 60.0] {
             let desk = rectangle([0.7, 0.4], 0.7, tilt_deg, 0.004);
             assert!(is_alone(vote(&floor, &[&desk], &options(0.5))), "{tilt_deg}°");
@@ -356,11 +359,14 @@ mod tests {
         let strip = rectangle([0.7, 0.0], 0.0, 0.0, 0.004);
         assert!(is_alone(vote(&strip, &[&table], &options(0.5))));
         let up = table.plane.normal;
-        assert_eq!(Voices::new(&strip, &[&table], &[], SIZE, &options(0.5)).consensus(&up).unwrap().up, up);
+        assert_eq!(
+            VerticalConsensus::new(&strip, &[&table], &[], SIZE, &options(0.5)).consensus(&up).unwrap().up,
+            up
+        );
     }
 
     #[test]
-    fn what_contradicts_a_large_plane_has_no_say_however_little_is_known_of_the_floor() {
+    fn planes_that_contradict_a_large_one_are_excluded_even_with_an_uncertain_floor() {
         let floor = rectangle([0.15, 0.6], 0.0, 0.0, 0.014);
         let table = rectangle([0.6, 0.4], 0.7, -2.0, 0.012);
         let seat = rectangle([0.2, 0.2], 1.0, 9.0, 0.012);
@@ -376,8 +382,9 @@ mod tests {
         for sigma in [0.005_f64, 0.02, 0.05] {
             let variance = sigma.powi(2);
             let level =
-                Voice::level(Vector2::zeros(), &(Matrix2::identity() * variance), 1.0, widest).unwrap();
-            let plumb = Voice::plumb(&Vector2::new(0.6, -0.8), 0.0, variance, 1.0, widest).unwrap();
+                TiltConstraint::level(Vector2::zeros(), &(Matrix2::identity() * variance), 1.0, widest)
+                    .unwrap();
+            let plumb = TiltConstraint::plumb(&Vector2::new(0.6, -0.8), 0.0, variance, 1.0, widest).unwrap();
             for step in 1..100 {
                 let tilt = 0.003 * f64::from(step);
                 let bell = (-0.5 * (tilt / sigma).powi(2)).exp();

@@ -30,8 +30,8 @@ pub(crate) fn discs(
     planes: &PlaneOptions,
     options: &FusionOptions,
 ) -> Vec<Disc> {
-    let keys: Vec<Key> =
-        (1..views.len()).into_par_iter().filter_map(|key| Key::of(views, key, planes)).collect();
+    let keys: Vec<KeyFrameView> =
+        (1..views.len()).into_par_iter().filter_map(|key| KeyFrameView::of(views, key, planes)).collect();
     let each = |index: usize| {
         let key = &keys[index];
         let reference_from_key = rigid(&key.camera_from_reference.inverse());
@@ -56,12 +56,12 @@ pub(crate) fn discs(
 }
 
 /// Completed view of a key frame.
-struct Key {
+struct KeyFrameView {
     surface: Surface,
     camera_from_reference: Isometry3<f64>,
 }
 
-impl Key {
+impl KeyFrameView {
     fn of(views: &[DenseView], key: usize, planes: &PlaneOptions) -> Option<Self> {
         let camera_from_reference = views[key].camera_from_reference;
         let from_key = |view: &DenseView| DenseView {

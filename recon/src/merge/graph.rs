@@ -5,12 +5,12 @@ use nalgebra::{Point3, Similarity3};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 
-use super::{Pick, is_wide};
+use super::{LiftedPick, is_wide};
 use crate::project::{LEAST_SHARED_POINTS, Project};
 use crate::{Error, Result};
 
 /// A similarity between two cameras and the number of picks that support it.
-struct Edge {
+struct PairSimilarity {
     a: usize,
     b: usize,
     a_from_b: Similarity3<f64>,
@@ -25,11 +25,11 @@ struct Failure {
     b: usize,
     /// Number of points whose depth is known in both.
     usable: usize,
-    why: Why,
+    why: FailureReason,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Why {
+enum FailureReason {
     Disagree,
     OnALine,
 }
@@ -40,7 +40,11 @@ const AGREEMENT: f64 = 0.06;
 const MOST_TRIPLES: usize = 2300;
 
 /// Initial `common_from_camera` of each camera, the first the identity.
-pub(super) fn chain(project: &Project, picks: &[Pick], cameras: usize) -> Result<Vec<Similarity3<f64>>> {
+pub(super) fn chain(
+    project: &Project,
+    picks: &[LiftedPick],
+    cameras: usize,
+) -> Result<Vec<Similarity3<f64>>> {
     let mut edges = Vec::new();
     let mut failures = Vec::new();
     for a in 0..cameras {
@@ -50,7 +54,9 @@ pub(super) fn chain(project: &Project, picks: &[Pick], cameras: usize) -> Result
                 continue;
             }
             match pair(&shared) {
-                Ok((a_from_b, support, spread)) => edges.push(Edge { a, b, a_from_b, support, spread }),
+                Ok((a_from_b, support, spread)) => {
+                    edges.push(PairSimilarity { a, b, a_from_b, support, spread })
+                }
                 Err(why) => failures.push(Failure { a, b, usable: shared.len(), why }),
             }
         }
@@ -71,11 +77,11 @@ pub(super) fn chain(project: &Project, picks: &[Pick], cameras: usize) -> Result
     placed
         .iter()
         .enumerate()
-        .map(|(camera, pose)| pose.ok_or_else(|| unjoined(project, picks, &failures, camera)))
+        .map(|(camera, pose)| pose.ok_or_else(|| not_joined_error(project, picks, &failures, camera)))
         .collect()
 }
 
-fn unjoined(project: &Project, picks: &[Pick], failures: &[Failure], camera: usize) -> Error {
+fn not_joined_error(project: &Project, picks: &[LiftedPick], failures: &[Failure], camera: usize) -> Error {
     let name = |i: usize| &project.cameras[i].name;
     let of_camera = failures.iter().find(|f| f.a == camera || f.b == camera);
     let Some(Failure { a, b, usable, why }) = of_camera else {
@@ -96,7 +102,7 @@ fn unjoined(project: &Project, picks: &[Pick], failures: &[Failure], camera: usi
         );
         return Error::content(&project.path, "[[point]]", problem);
     }
-    if *why == Why::OnALine {
+    if *why == FailureReason::OnALine {
         let problem = format!(
             "the points shared by `{}` and `{}` lie on a line, almost, which leaves a turn about it open; pick some well \
              beside it",
@@ -115,7 +121,7 @@ fn unjoined(project: &Project, picks: &[Pick], failures: &[Failure], camera: usi
 }
 
 /// Points with depth in both cameras: positions in `a` and in `b`.
-fn shared(picks: &[Pick], a: usize, b: usize) -> Vec<(Point3<f64>, Point3<f64>)> {
+fn shared(picks: &[LiftedPick], a: usize, b: usize) -> Vec<(Point3<f64>, Point3<f64>)> {
     picks
         .iter()
         .filter(|p| p.camera == a)
@@ -127,16 +133,18 @@ fn shared(picks: &[Pick], a: usize, b: usize) -> Vec<(Point3<f64>, Point3<f64>)>
 }
 
 /// Similarity on which most picks agree, from triples of them.
-fn pair(shared: &[(Point3<f64>, Point3<f64>)]) -> std::result::Result<(Similarity3<f64>, usize, f64), Why> {
-    let (similarity, inside) = most_agreed(shared).ok_or(Why::Disagree)?;
+fn pair(
+    shared: &[(Point3<f64>, Point3<f64>)],
+) -> std::result::Result<(Similarity3<f64>, usize, f64), FailureReason> {
+    let (similarity, inside) = most_agreed(shared).ok_or(FailureReason::Disagree)?;
     // Fitted to all of them: where depths are bent, few agree yet.
     let (in_a, in_b): (Vec<_>, Vec<_>) = shared.iter().copied().unzip();
     if !is_wide(&in_a) && !is_wide(&in_b) {
-        return Err(Why::OnALine);
+        return Err(FailureReason::OnALine);
     }
     let mut spread: Vec<f64> = inside.iter().map(|i| distance(&shared[*i], &similarity)).collect();
     spread.sort_by(f64::total_cmp);
-    let median = spread.get(spread.len() / 2).copied().ok_or(Why::Disagree)?;
+    let median = spread.get(spread.len() / 2).copied().ok_or(FailureReason::Disagree)?;
     Ok((similarity, inside.len(), median))
 }
 

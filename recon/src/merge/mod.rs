@@ -120,8 +120,8 @@ pub fn merge(
     let matches = matches(surfaces, &merged, project.points.len(), options)?;
     if !matches.is_empty() {
         let count = matches.len() / 2;
-        let left_out = |pick: &Pick| report.outliers.iter().any(|(point, ..)| *point == pick.point + 1);
-        let all: Vec<Pick> = picks.into_iter().filter(|p| !left_out(p)).chain(matches).collect();
+        let left_out = |pick: &LiftedPick| report.outliers.iter().any(|(point, ..)| *point == pick.point + 1);
+        let all: Vec<LiftedPick> = picks.into_iter().filter(|p| !left_out(p)).chain(matches).collect();
         let (joined, told) = refine::refine(&all, &merged.common_from_camera, surfaces, plumb, options);
         // Picks take precedence over matches.
         if told.outliers.is_empty() && !spoils(told.pick_rms_px, report.pick_rms_px) {
@@ -139,7 +139,12 @@ pub(crate) fn spoils(with_px: f64, without_px: f64) -> bool {
 }
 
 /// Matches between the pictures of each pair of cameras, as picks of further points.
-fn matches(surfaces: &[Surface], merged: &Merged, first: usize, options: &MergeOptions) -> Result<Vec<Pick>> {
+fn matches(
+    surfaces: &[Surface],
+    merged: &Merged,
+    first: usize,
+    options: &MergeOptions,
+) -> Result<Vec<LiftedPick>> {
     let mut picks = Vec::new();
     if options.matches == 0 {
         return Ok(picks);
@@ -158,7 +163,7 @@ fn matches(surfaces: &[Surface], merged: &Merged, first: usize, options: &MergeO
                     let seen = surfaces[camera].point_at(&pixel);
                     // Their depths add no information about two bent spaces beyond the surfaces'; the intersection of
                     // rays bends neither.
-                    picks.push(Pick { point, camera, pixel, seen, depth: None, by_hand: false });
+                    picks.push(LiftedPick { point, camera, pixel, seen, depth: None, by_hand: false });
                 }
                 point += 1;
             }
@@ -169,7 +174,7 @@ fn matches(surfaces: &[Surface], merged: &Merged, first: usize, options: &MergeO
 
 /// A pick with its depth.
 #[derive(Debug, Clone)]
-struct Pick {
+struct LiftedPick {
     /// Index of the point in the project.
     point: usize,
     camera: usize,
@@ -189,7 +194,7 @@ fn lift(
     lenses: &[calib::Intrinsics],
     measured: &[Vec<MeasuredPixel>],
     options: &MergeOptions,
-) -> Result<Vec<Pick>> {
+) -> Result<Vec<LiftedPick>> {
     let mut picks = Vec::new();
     for (point, picked) in project.points.iter().enumerate() {
         for (camera, pixel) in &picked.picks {
@@ -203,7 +208,7 @@ fn lift(
             let depth = own.or_else(dense);
             let ray = surfaces[*camera].intrinsics.unproject(&pinhole);
             let seen = depth.zip(ray).map(|((depth, _), ray)| Point3::from(ray * depth));
-            picks.push(Pick { point, camera: *camera, pixel: pinhole, seen, depth, by_hand: true });
+            picks.push(LiftedPick { point, camera: *camera, pixel: pinhole, seen, depth, by_hand: true });
         }
     }
     Ok(picks)
@@ -221,7 +226,7 @@ pub(crate) fn pinhole_pixel(lens: &calib::Intrinsics, pixel: &Point2<f64>) -> Op
 }
 
 /// Checks that every camera keeps enough points without the outliers; otherwise the worst outlier is reported.
-fn check_pairs(project: &Project, picks: &[Pick], report: &MergeReport) -> Result<()> {
+fn check_pairs(project: &Project, picks: &[LiftedPick], report: &MergeReport) -> Result<()> {
     let worst = report.outliers.iter().max_by(|a, b| a.2.total_cmp(&b.2));
     let Some((point, camera, off)) = worst else { return Ok(()) };
     for joined in 0..project.cameras.len() {

@@ -3,7 +3,7 @@
 use nalgebra::{Point3, RowVector3, Similarity3, Vector3};
 use scenes::geometry::{point_from_vec3, vector_from_vec3};
 
-use crate::surface::{Origin, Surface};
+use crate::surface::{DepthOrigin, Surface};
 
 /// A point of one camera's surface that lies close to another's.
 #[derive(Debug, Clone, PartialEq)]
@@ -73,7 +73,7 @@ fn between(
     for y in (STRIDE / 2..source.height()).step_by(STRIDE) {
         for x in (STRIDE / 2..source.width()).step_by(STRIDE) {
             let i = y * source.width() + x;
-            let Some(point) = source.point(i).filter(|_| source.origin[i] == Origin::Stereo) else {
+            let Some(point) = source.point(i).filter(|_| source.origin[i] == DepthOrigin::Stereo) else {
                 continue;
             };
             let point = point_from_vec3(point);
@@ -84,7 +84,7 @@ fn between(
                 continue;
             }
             let j = v as usize * width + u as usize;
-            let Some(surface) = target.point(j).filter(|_| target.origin[j] == Origin::Stereo) else {
+            let Some(surface) = target.point(j).filter(|_| target.origin[j] == DepthOrigin::Stereo) else {
                 continue;
             };
             let normal = vector_from_vec3(target.normal[j]);

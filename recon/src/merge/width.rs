@@ -22,7 +22,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_lies_on_a_line_is_not_wide() {
+    fn points_on_a_line_are_not_wide() {
         let line: Vec<Point3<f64>> =
             (0..6).map(|i| Point3::new(0.3 * f64::from(i), 0.1 * f64::from(i), 3.0)).collect();
         assert!(!is_wide(&line) && !is_wide(&line[..1]) && !is_wide(&[]));

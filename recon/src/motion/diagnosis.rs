@@ -118,7 +118,7 @@ mod tests {
     use crate::motion::{LensOrigin, Starts};
 
     #[test]
-    fn what_moves_is_named_before_its_consequences() {
+    fn moving_scenes_are_named_before_their_consequences() {
         let options = MotionOptions::default();
         let report = |explained_share| MotionReport {
             features: FeatureReport::default(),

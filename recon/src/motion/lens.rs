@@ -9,7 +9,7 @@
 use calib::Intrinsics;
 use nalgebra::{Matrix3, Point2, Point3, Vector3};
 
-use super::sketch::{FINAL, Sketch};
+use super::partial_reconstruction::{FINAL, PartialReconstruction};
 use crate::bundle::{LensEvidence, LensFreedom};
 
 /// Standard deviations of `ln f`, `k1` and `k2` of given intrinsics: those of a calibration at another focus, or of
@@ -52,7 +52,7 @@ pub(super) struct Settled {
 
 /// Settles the lens of a polished reconstruction. `given`: whether its intrinsics were given; `refine`: whether these
 /// may be changed.
-pub(super) fn settle(sketch: &mut Sketch<'_>, given: bool, refine: bool) -> Settled {
+pub(super) fn settle(partial: &mut PartialReconstruction<'_>, given: bool, refine: bool) -> Settled {
     let origin = if given { LensOrigin::Given } else { LensOrigin::Estimated };
     let unchanged = Settled { origin, doubt: None, focal_sigma: None };
     let speaks = |change: &Vector3<f64>, covariance: &Matrix3<f64>, least: f64| {
@@ -60,13 +60,13 @@ pub(super) fn settle(sketch: &mut Sketch<'_>, given: bool, refine: bool) -> Sett
     };
     if given {
         // One linear step is cheap, and suffices for most captures.
-        match sketch.lens_evidence(LensFreedom::FocalRadial) {
+        match partial.lens_evidence(LensFreedom::FocalRadial) {
             Some(LensEvidence { step, covariance }) if speaks(&step, &covariance, WORTH_A_LOOK) => {}
             _ => return unchanged,
         }
     }
-    let before = sketch.intrinsics.clone();
-    let mut adjusted = sketch.clone();
+    let before = partial.intrinsics.clone();
+    let mut adjusted = partial.clone();
     adjusted.polish(LensFreedom::FocalRadial, ROUNDS, FINAL);
     let Some(LensEvidence { covariance, .. }) = adjusted.lens_evidence(LensFreedom::FocalRadial) else {
         return unchanged;
@@ -88,7 +88,7 @@ pub(super) fn settle(sketch: &mut Sketch<'_>, given: bool, refine: bool) -> Sett
     {
         return unchanged;
     }
-    *sketch = adjusted;
+    *partial = adjusted;
     let origin = if given { LensOrigin::Refined } else { LensOrigin::Estimated };
     Settled { origin, doubt: None, focal_sigma: Some(covariance[(0, 0)].max(0.0).sqrt()) }
 }
@@ -151,7 +151,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_known_better_counts_more() {
+    fn precise_measurements_count_more() {
         let squares = |sigma: [f64; 3]| Matrix3::from_diagonal(&Vector3::from(sigma).map(|s| s * s));
         let measured = Vector3::new(0.03, -0.2, 0.1);
         // One parameter is known four times better than measured, one equally well, one four times worse.

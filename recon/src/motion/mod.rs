@@ -7,15 +7,15 @@
 //! the reconstruction is polished by renewed triangulation and adjustment, and its estimate of the lens is combined
 //! with prior knowledge ([`lens`]). A capture that determines no motion is refused with what to film instead.
 
+mod ambiguity;
 mod diagnosis;
 mod five_point;
 mod incremental;
 mod lens;
+mod partial_reconstruction;
 mod readout;
 mod resection;
 mod revisit;
-mod rival;
-mod sketch;
 pub(crate) mod triangulation;
 mod two_views;
 
@@ -27,12 +27,12 @@ use rand_pcg::Pcg64Mcg;
 use crate::bundle::{LensFreedom, Loss};
 use crate::capture::Capture;
 use crate::factorization::windows;
-use crate::features::{self, FeatureOptions, FeatureReport, Track};
+use crate::features::{self, FeatureOptions, FeatureReport, FeatureTrack};
 use crate::{Error, Result};
-use incremental::Seen;
+use incremental::FrameObservations;
 pub use lens::LensOrigin;
-use sketch::{Adjustment, FINAL, PASSING, Sketch};
-use triangulation::Acceptance;
+use partial_reconstruction::{Adjustment, FINAL, PASSING, PartialReconstruction};
+use triangulation::TriangulationLimits;
 
 /// Rounds of polish before the competing starts are compared.
 const START_ROUNDS: usize = 2;
@@ -158,35 +158,41 @@ pub fn estimate(capture: &Capture, options: &MotionOptions) -> Result<(Motion, M
 
     let seen = seen_by_frame(&tracks, capture.frames.len());
     let mut rng = Pcg64Mcg::seed_from_u64(options.seed);
-    let blank = Sketch::new(&tracks, intrinsics, capture.frames.len());
+    let blank = PartialReconstruction::new(&tracks, intrinsics, capture.frames.len());
     let by_factorization = start_by_factorization(blank.clone(), &seen, lens);
     let by_two_views = start_by_two_views(blank, &seen, lens, &mut rng);
-    let error = |sketch: &Option<Sketch<'_>>| sketch.as_ref().map_or(f64::INFINITY, Sketch::robust_error_px);
+    let error = |partial: &Option<PartialReconstruction<'_>>| {
+        partial.as_ref().map_or(f64::INFINITY, PartialReconstruction::robust_error_px)
+    };
     let starts = Starts { factorization_px: error(&by_factorization), two_views_px: error(&by_two_views) };
     let (winner, other) = if starts.factorization_won() {
         (by_factorization, by_two_views)
     } else {
         (by_two_views, by_factorization)
     };
-    let Some(mut sketch) = winner else {
+    let Some(mut partial) = winner else {
         return Err(diagnosis::no_start(&capture.name));
     };
-    let rival = rival::doubt(&sketch, other.as_ref());
-    let explained = sketch.explained_share(agreement_px(&sketch));
-    revisit::revisit(&mut sketch, &capture.frames, &options.features, lens);
-    let readout = readout::settle(&mut sketch, lens);
-    sketch.polish(lens, options.polish_rounds, FINAL);
-    let lens = lens::settle(&mut sketch, capture.intrinsics.is_some(), options.refine_lens);
-    finish(capture, options, &sketch, Before { features, starts, rival, explained, readout, lens })
+    let ambiguity = ambiguity::doubt(&partial, other.as_ref());
+    let explained = partial.explained_share(agreement_px(&partial));
+    revisit::revisit(&mut partial, &capture.frames, &options.features, lens);
+    let readout = readout::settle(&mut partial, lens);
+    partial.polish(lens, options.polish_rounds, FINAL);
+    let lens = lens::settle(&mut partial, capture.intrinsics.is_some(), options.refine_lens);
+    finish(capture, options, &partial, Before { features, starts, ambiguity, explained, readout, lens })
 }
 
 /// Start by factorization: poses from factorized windows; the remaining frames are resected.
-fn start_by_factorization<'a>(mut sketch: Sketch<'a>, seen: &Seen, lens: LensFreedom) -> Option<Sketch<'a>> {
-    sketch.poses = windows::reconstruct(&sketch.tracks, &sketch.intrinsics, sketch.poses.len())?;
+fn start_by_factorization<'a>(
+    mut partial: PartialReconstruction<'a>,
+    seen: &FrameObservations,
+    lens: LensFreedom,
+) -> Option<PartialReconstruction<'a>> {
+    partial.poses = windows::reconstruct(&partial.tracks, &partial.intrinsics, partial.poses.len())?;
     // The chain of windows may be off by more than a track's noise, so bounds begin wide.
     for (max_error_px, scale_px) in [(16.0, 4.0), (8.0, 2.0), (4.0, 1.0)] {
-        let accept = Acceptance { max_error_px, min_angle: 0.5_f64.to_radians(), min_sightings: 3 };
-        sketch.triangulate(&accept, false);
+        let accept = TriangulationLimits { max_error_px, min_angle: 0.5_f64.to_radians(), min_sightings: 3 };
+        partial.triangulate(&accept, false);
         let how = Adjustment {
             gate_px: 2.0 * max_error_px,
             loss: Loss::Cauchy(scale_px),
@@ -194,35 +200,35 @@ fn start_by_factorization<'a>(mut sketch: Sketch<'a>, seen: &Seen, lens: LensFre
             max_steps: 15,
             cost_end: PASSING,
         };
-        sketch.adjust(&how)?;
+        partial.adjust(&how)?;
     }
-    incremental::grow(&mut sketch, seen, lens);
-    sketch.polish(lens, START_ROUNDS, PASSING);
-    Some(sketch)
+    incremental::grow(&mut partial, seen, lens);
+    partial.polish(lens, START_ROUNDS, PASSING);
+    Some(partial)
 }
 
 /// Start by two views: the best pair of frames, and growth from it.
 fn start_by_two_views<'a>(
-    mut sketch: Sketch<'a>,
-    seen: &Seen,
+    mut partial: PartialReconstruction<'a>,
+    seen: &FrameObservations,
     lens: LensFreedom,
     rng: &mut Pcg64Mcg,
-) -> Option<Sketch<'a>> {
-    if !incremental::reconstruct(&mut sketch, seen, lens, rng) {
+) -> Option<PartialReconstruction<'a>> {
+    if !incremental::reconstruct(&mut partial, seen, lens, rng) {
         return None;
     }
-    sketch.polish(lens, START_ROUNDS, PASSING);
+    partial.polish(lens, START_ROUNDS, PASSING);
     // Frames that were refused during growth may fit the polished points.
-    let registered = sketch.registered();
-    incremental::grow(&mut sketch, seen, lens);
-    if sketch.registered() > registered {
-        sketch.polish(lens, START_ROUNDS, PASSING);
+    let registered = partial.registered();
+    incremental::grow(&mut partial, seen, lens);
+    if partial.registered() > registered {
+        partial.polish(lens, START_ROUNDS, PASSING);
     }
-    Some(sketch)
+    Some(partial)
 }
 
 /// Observations of each frame, in the order of tracks.
-fn seen_by_frame(tracks: &[Track], frames: usize) -> Seen {
+fn seen_by_frame(tracks: &[FeatureTrack], frames: usize) -> FrameObservations {
     let mut seen = vec![Vec::new(); frames];
     for (index, track) in tracks.iter().enumerate() {
         for (frame, pixel) in &track.observations {
@@ -245,44 +251,44 @@ fn seen_points(points: &[SparsePoint], frames: usize) -> Vec<usize> {
 struct Before {
     features: FeatureReport,
     starts: Starts,
-    rival: Option<String>,
+    ambiguity: Option<String>,
     explained: f64,
     readout: f64,
     lens: lens::Settled,
 }
 
 /// Largest distance of an inlier observation from its point, pixels.
-fn agreement_px(sketch: &Sketch<'_>) -> f64 {
-    (6.0 * sketch.noise_px()).max(1.0)
+fn agreement_px(partial: &PartialReconstruction<'_>) -> f64 {
+    (6.0 * partial.noise_px()).max(1.0)
 }
 
 /// Checks the result, makes the reference camera the world, and leaves out outliers.
 fn finish(
     capture: &Capture,
     options: &MotionOptions,
-    sketch: &Sketch<'_>,
+    partial: &PartialReconstruction<'_>,
     before: Before,
 ) -> Result<(Motion, MotionReport)> {
-    let noise = sketch.noise_px();
-    let agree_px = agreement_px(sketch);
-    let Some(reference) = sketch.poses[capture.reference] else {
+    let noise = partial.noise_px();
+    let agree_px = agreement_px(partial);
+    let Some(reference) = partial.poses[capture.reference] else {
         return Err(diagnosis::reference_missing(capture));
     };
     let reference_from_world = reference;
     let world_from_reference = reference.inverse();
     let mut camera_from_world: Vec<Option<Isometry3<f64>>> =
-        sketch.poses.iter().map(|pose| pose.map(|p| p * world_from_reference)).collect();
+        partial.poses.iter().map(|pose| pose.map(|p| p * world_from_reference)).collect();
     // Set exactly, without rounding.
     camera_from_world[capture.reference] = Some(Isometry3::identity());
 
     let mut points = Vec::new();
     let (mut squares, mut count) = (0.0, 0_usize);
     let mut angles = Vec::new();
-    for (track, point) in sketch.tracks.iter().zip(&sketch.points) {
+    for (track, point) in partial.tracks.iter().zip(&partial.points) {
         let Some(point) = point else { continue };
         let mut observations = Vec::new();
         for (frame, pixel) in &track.observations {
-            match sketch.error_px(*frame, point, pixel) {
+            match partial.error_px(*frame, point, pixel) {
                 Some(error) if error <= agree_px => {
                     squares += error * error;
                     observations.push((*frame, *pixel));
@@ -292,7 +298,7 @@ fn finish(
         }
         if observations.len() >= 3 {
             count += observations.len();
-            let poses = observations.iter().filter_map(|(f, _)| sketch.poses[*f].as_ref());
+            let poses = observations.iter().filter_map(|(f, _)| partial.poses[*f].as_ref());
             angles.push(triangulation::widest_angle(poses, point).to_degrees());
             points.push(SparsePoint { position: reference_from_world * point, observations });
         }
@@ -300,7 +306,7 @@ fn finish(
     let report = MotionReport {
         features: before.features,
         starts: before.starts,
-        registered: sketch.registered(),
+        registered: partial.registered(),
         points: points.len(),
         observations: count,
         rms_px: (squares / count.max(1) as f64).sqrt(),
@@ -309,9 +315,9 @@ fn finish(
         readout: before.readout,
         lens: before.lens.origin,
         focal_sigma: before.lens.focal_sigma,
-        doubts: before.rival.into_iter().chain(before.lens.doubt).collect(),
+        doubts: before.ambiguity.into_iter().chain(before.lens.doubt).collect(),
     };
     diagnosis::motion(&capture.name, capture.frames.len(), noise, &report, options)?;
     diagnosis::reference(capture, &seen_points(&points, capture.frames.len()))?;
-    Ok((Motion { intrinsics: sketch.intrinsics.clone(), camera_from_world, points }, report))
+    Ok((Motion { intrinsics: partial.intrinsics.clone(), camera_from_world, points }, report))
 }

@@ -15,7 +15,7 @@ const MIN_POINTS: usize = 6;
 
 /// A resected pose.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Resection {
+pub(crate) struct ResectedPose {
     pub(crate) camera_from_world: Isometry3<f64>,
     /// Points within the inlier distance.
     pub(crate) inliers: usize,
@@ -29,7 +29,7 @@ pub(crate) fn resect(
     pairs: &[(Point3<f64>, Point2<f64>)],
     start: &Isometry3<f64>,
     inlier_px: f64,
-) -> Option<Resection> {
+) -> Option<ResectedPose> {
     if pairs.len() < MIN_POINTS {
         return None;
     }
@@ -86,7 +86,7 @@ pub(crate) fn resect(
     let inliers = found.iter().filter(|e| **e <= 2.0 * inlier_px).count();
     let limit = (4.0 * inlier_px).powi(2);
     let cost = found.iter().map(|e| (e * e).min(limit)).sum::<f64>() / found.len() as f64;
-    Some(Resection { camera_from_world: pose, inliers, cost })
+    Some(ResectedPose { camera_from_world: pose, inliers, cost })
 }
 
 #[cfg(test)]

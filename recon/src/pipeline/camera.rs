@@ -13,14 +13,14 @@ use crate::dense::{self, DenseOptions, PosedCapture};
 use crate::fusion::key_frames;
 use crate::motion::{self, MotionOptions};
 use crate::planes::{self, Completed, PlaneOptions};
-use crate::ray_depth::{self, Asked, Filmed, MeasuredPixel};
+use crate::ray_depth::{self, Asked, MeasuredPixel, PosedFilm};
 use crate::rolling_shutter::RollingShutter;
 use crate::surface::Surface;
 use crate::{Error, Result};
 
 /// A camera with known motion.
 #[derive(Debug, Clone)]
-pub(super) struct Moved {
+pub(super) struct CameraMotion {
     /// Intrinsics as filmed.
     pub(super) lens: Intrinsics,
     /// Pose of each frame; world = the reference frame's camera.
@@ -33,7 +33,7 @@ pub(super) struct Moved {
 
 /// A camera whose capture is fully processed.
 #[derive(Debug, Clone)]
-pub(super) struct Seen {
+pub(super) struct ProcessedCapture {
     /// Intrinsics as filmed.
     pub(super) lens: Intrinsics,
     pub(super) surface: Surface,
@@ -47,15 +47,19 @@ pub(super) struct Seen {
 }
 
 /// A camera's reference image and the results of its capture.
-pub(super) struct Camera {
+pub(super) struct CameraResult {
     pub(super) name: String,
     /// The reference image as filmed.
     pub(super) reference: RgbImage,
-    pub(super) seen: Seen,
+    pub(super) processed: ProcessedCapture,
 }
 
 /// Estimates the motion of a capture's camera; `step` is called with the present activity.
-pub(super) fn follow(capture: &Capture, options: &BuildOptions, step: &dyn Fn(String)) -> Result<Moved> {
+pub(super) fn estimate_motion(
+    capture: &Capture,
+    options: &BuildOptions,
+    step: &dyn Fn(String),
+) -> Result<CameraMotion> {
     let name = &capture.name;
     step(format!("{name}: camera motion"));
     let start = Instant::now();
@@ -68,7 +72,7 @@ pub(super) fn follow(capture: &Capture, options: &BuildOptions, step: &dyn Fn(St
         );
     }
     let report = CameraReport::of_motion(capture, &motion.intrinsics, &told, start.elapsed());
-    Ok(Moved {
+    Ok(CameraMotion {
         lens: motion.intrinsics,
         camera_from_world: motion.camera_from_world,
         points: motion.points.iter().map(|p| p.position).collect(),
@@ -78,16 +82,16 @@ pub(super) fn follow(capture: &Capture, options: &BuildOptions, step: &dyn Fn(St
 
 /// Computes depth and surface of a capture with known motion and rectified frames; `step` is called with the present
 /// activity.
-pub(super) fn see(
+pub(super) fn reconstruct(
     capture: &Capture,
-    moved: Moved,
+    motion: CameraMotion,
     options: &BuildOptions,
     step: &dyn Fn(String),
-) -> Result<Seen> {
+) -> Result<ProcessedCapture> {
     let name = &capture.name;
     step(format!("{name}: depth"));
     let start = Instant::now();
-    let Moved { lens, camera_from_world, points, report } = moved;
+    let CameraMotion { lens, camera_from_world, points, report } = motion;
     let posed = PosedCapture {
         name,
         frames: &capture.frames,
@@ -110,17 +114,17 @@ pub(super) fn see(
     tracing::info!("{name}: {plane_report:?}, {} discs seen by key frames alone", key_frame_discs.len());
     let report = report.with_depth(capture.sampled, &dense_report, &surface, start.elapsed());
     let range = depth_range(&points);
-    Ok(Seen { lens, surface, key_frame_discs, camera_from_world, range, report })
+    Ok(ProcessedCapture { lens, surface, key_frame_discs, camera_from_world, range, report })
 }
 
-impl Moved {
+impl CameraMotion {
     /// Rolling-shutter model of the capture; `None` for a global shutter.
     pub(super) fn shutter(&self) -> Option<RollingShutter> {
         shutter(&self.report, &self.camera_from_world, &self.lens)
     }
 }
 
-impl Seen {
+impl ProcessedCapture {
     /// Rectified positions of filmed pixels of a frame.
     pub(super) fn at_once(&self, frame: usize) -> impl Fn(&Point2<f64>) -> Point2<f64> {
         let shutter = self.shutter();
@@ -136,8 +140,8 @@ impl Seen {
     }
 
     /// Capture with its motion, its frames rectified.
-    pub(super) fn filmed<'a>(&'a self, capture: &'a Capture) -> Filmed<'a> {
-        Filmed {
+    pub(super) fn filmed<'a>(&'a self, capture: &'a Capture) -> PosedFilm<'a> {
+        PosedFilm {
             frames: &capture.frames,
             reference: capture.reference,
             intrinsics: &self.lens,
@@ -156,7 +160,7 @@ fn shutter(
 }
 
 /// Rectifies all frames of a capture; does nothing without a shutter model.
-pub(super) fn all_at_once(capture: &mut Capture, lens: &Intrinsics, shutter: Option<RollingShutter>) {
+pub(super) fn rectify_all(capture: &mut Capture, lens: &Intrinsics, shutter: Option<RollingShutter>) {
     let Some(shutter) = shutter else { return };
     for (index, frame) in capture.frames.iter_mut().enumerate() {
         *frame = shutter.frame(lens, index, frame);
@@ -175,14 +179,18 @@ fn depth_range(points: &[Point3<f64>]) -> (f64, f64) {
 }
 
 /// Measures the depth of single pixels of the reference image from all frames; pixels without one are left out.
-pub(super) fn measure(capture: &Capture, seen: &Seen, pixels: &[Point2<f64>]) -> Vec<MeasuredPixel> {
-    let film = seen.filmed(capture);
-    let surface = &seen.surface;
+pub(super) fn measure(
+    capture: &Capture,
+    processed: &ProcessedCapture,
+    pixels: &[Point2<f64>],
+) -> Vec<MeasuredPixel> {
+    let film = processed.filmed(capture);
+    let surface = &processed.surface;
     let normal = |pixel: &Point2<f64>| {
-        surface.normal_at(&crate::merge::pinhole_pixel(&seen.lens, pixel)?).map(vector_from_vec3)
+        surface.normal_at(&crate::merge::pinhole_pixel(&processed.lens, pixel)?).map(vector_from_vec3)
     };
     let asked: Vec<Asked> = pixels.iter().map(|p| Asked { pixel: *p, normal: normal(p) }).collect();
-    let depths = ray_depth::measure(&film, &asked, seen.range);
+    let depths = ray_depth::measure(&film, &asked, processed.range);
     let known =
         |(pixel, depth): (&Point2<f64>, Option<_>)| Some(MeasuredPixel { pixel: *pixel, depth: depth? });
     pixels.iter().zip(depths).filter_map(known).collect()

@@ -93,8 +93,8 @@ pub(super) fn write(
     let before = exchange(&fresh, out, &beside.path().join("before")).map_err(io(out))?;
     if let Err(source) = take_over_foreign(&before, out) {
         // The old room stays in place, so that no foreign file is lost.
-        let kept = beside.keep();
-        let problem = format!("the room is finished, but {source}; the old one is in {}", kept.display());
+        let cache = beside.keep();
+        let problem = format!("the room is finished, but {source}; the old one is in {}", cache.display());
         return Err(Error::content(out, "files of others", problem));
     }
     Ok(())
@@ -214,7 +214,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_replaced_is_refused_beforehand() {
+    fn targets_that_cannot_be_replaced_are_refused_beforehand() {
         // Tests run in their crate's folder.
         let said = check_target(Path::new(".")).unwrap_err().to_string();
         assert!(said.contains("started"), "{said}");

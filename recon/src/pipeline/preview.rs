@@ -43,18 +43,18 @@ fn write_views(dir: &Path, room: &Room, references: &[(&str, &RgbImage)], small:
     for (camera, (name, reference)) in room.cameras.iter().zip(references) {
         let mut pinhole = camera.camera.clone();
         pinhole.intrinsics = pinhole.intrinsics.pinhole();
-        let mut seen = UndistortMap::new(&camera.camera.intrinsics).image(reference);
+        let mut processed = UndistortMap::new(&camera.camera.intrinsics).image(reference);
         if small {
-            let (width, height) = (seen.width().div_ceil(2), seen.height().div_ceil(2));
-            seen = imageops::resize(&seen, width, height, FilterType::Triangle);
+            let (width, height) = (processed.width().div_ceil(2), processed.height().div_ceil(2));
+            processed = imageops::resize(&processed, width, height, FilterType::Triangle);
             pinhole.intrinsics = pinhole.intrinsics.resized(width, height);
         }
         let depth = colored(&depth::render(&scene, &pinhole));
         let options = ViewOptions { samples: 1, shading: 0.0, brighten: false, ..ViewOptions::default() };
         let drawn = View::new(geometry, &scene, &pinhole, &options).image();
-        let (width, height) = seen.dimensions();
+        let (width, height) = processed.dimensions();
         let mut canvas = Canvas::new(3 * width + 2 * GAP, height, Color::PAPER);
-        for (i, picture) in [&seen, &depth, &drawn].into_iter().enumerate() {
+        for (i, picture) in [&processed, &depth, &drawn].into_iter().enumerate() {
             canvas.blit(picture, i64::from((width + GAP) * i as u32), 0);
         }
         calib::picture::write(&dir.join("preview").join(format!("{name}.png")), &canvas.into_image())?;

@@ -6,8 +6,8 @@ use calib::Intrinsics;
 use image::RgbImage;
 use nalgebra::Point2;
 
-use super::kept::{Kept, Keys};
-use super::{BuildOptions, STEPS_A_CAMERA, Step, files_of, worked_through};
+use super::cache::{Keys, StageCache};
+use super::{BuildOptions, BuildStep, STEPS_A_CAMERA, files_of, process_all};
 use crate::Result;
 use crate::merge::pinhole_pixel;
 use crate::project::ProjectCamera;
@@ -59,23 +59,23 @@ pub fn reference_views(
     cameras: &[ProjectCamera],
     room: Option<&Path>,
     options: &BuildOptions,
-    progress: &mut (dyn FnMut(&Step) + Send),
+    progress: &mut (dyn FnMut(&BuildStep) + Send),
 ) -> Result<Vec<ReferenceView>> {
     let of = cameras.len() * STEPS_A_CAMERA;
     let mut number = 0;
     let mut step = |what: String| {
-        progress(&Step { number, of, what });
+        progress(&BuildStep { number, of, what });
         number += 1;
     };
     let files = files_of(cameras)?;
-    let kept = room.map(Kept::beside);
-    let done = worked_through(&files, kept.as_ref(), options, &mut step, &|_, capture, _| capture.reference)?;
-    let view = |(camera, _, reference): (super::Camera, Keys, usize)| ReferenceView {
-        shutter: camera.seen.shutter().map(|shutter| (shutter, reference)),
+    let cache = room.map(StageCache::beside);
+    let done = process_all(&files, cache.as_ref(), options, &mut step, &|_, capture, _| capture.reference)?;
+    let view = |(camera, _, reference): (super::CameraResult, Keys, usize)| ReferenceView {
+        shutter: camera.processed.shutter().map(|shutter| (shutter, reference)),
         name: camera.name,
         picture: camera.reference,
-        surface: camera.seen.surface,
-        lens: camera.seen.lens,
+        surface: camera.processed.surface,
+        lens: camera.processed.lens,
     };
     Ok(done.into_iter().map(view).collect())
 }

@@ -11,7 +11,7 @@ use crate::capture::{ASSUMED_FOV_DEG, Capture, Sampled};
 use crate::dense::DenseReport;
 use crate::motion::{LensOrigin, MotionReport, Starts};
 use crate::project::Project;
-use crate::surface::{Origin, Surface};
+use crate::surface::{DepthOrigin, Surface};
 use crate::{Error, Result};
 
 /// Report of a build.
@@ -158,14 +158,14 @@ impl CameraReport {
         surface: &Surface,
         took: Duration,
     ) -> Self {
-        let share = |origin: Origin| {
+        let share = |origin: DepthOrigin| {
             let count = surface.origin.iter().filter(|o| **o == origin).count();
             count as f64 / surface.origin.len().max(1) as f64
         };
         Self {
             key_frames: dense.key_frames.iter().map(|f| sampled.number(*f)).collect(),
-            measured_share: share(Origin::Stereo),
-            filled_share: share(Origin::Filled),
+            measured_share: share(DepthOrigin::Stereo),
+            filled_share: share(DepthOrigin::Filled),
             dense_seconds: took.as_secs_f64(),
             ..self
         }
@@ -174,7 +174,7 @@ impl CameraReport {
 
 /// Start of the focal length's estimation, in words.
 fn focal_start(capture: &Capture) -> Option<String> {
-    let told = capture.told_focal_px.map(|px| format!("EXIF, {px:.1} px"));
+    let told = capture.exif_focal_px.map(|px| format!("EXIF, {px:.1} px"));
     let assumed = || format!("a field of view of {ASSUMED_FOV_DEG}°");
     capture.intrinsics.is_none().then(|| told.unwrap_or_else(assumed))
 }

@@ -25,7 +25,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::dense::{DenseView, Support};
-use crate::surface::{Origin, Surface};
+use crate::surface::{DepthOrigin, Surface};
 
 pub use detect::ImagePlane;
 
@@ -241,7 +241,7 @@ fn snap(surface: &mut Surface, planes: &[ImagePlane], labels: &[Option<u16>]) ->
             surface.normal[i] = plane.normal;
             if plane.opposite {
                 // The plane's direction is assumed: good enough for filling, not for aligning cameras' surfaces.
-                surface.origin[i] = Origin::Filled;
+                surface.origin[i] = DepthOrigin::Filled;
                 surface.agreeing[i] = 0;
             }
             count += 1;
@@ -256,7 +256,7 @@ impl Surface {
         self.depth[i] = 0.0;
         self.normal[i] = Vec3::ZERO;
         self.agreeing[i] = 0;
-        self.origin[i] = Origin::Unknown;
+        self.origin[i] = DepthOrigin::Unknown;
     }
 
     /// Plane through a measured pixel.

@@ -113,7 +113,7 @@ fn weighted_median(votes: &[Vote]) -> Option<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::surface::Origin;
+    use crate::surface::DepthOrigin;
     use calib::Intrinsics;
     use image::RgbImage;
     use rand::{RngExt, SeedableRng};
@@ -137,7 +137,7 @@ mod tests {
             depth: vec![0.0; count],
             normal: vec![Vec3::ZERO; count],
             agreeing: vec![4; count],
-            origin: vec![Origin::Stereo; count],
+            origin: vec![DepthOrigin::Stereo; count],
             step: STEP,
         };
         let camera = surface.pinhole();

@@ -64,19 +64,19 @@ impl<'a> PhotoConsistency<'a> {
     }
 
     /// Samples of the neighbourhood on the plane; `None` where it leaves the image or the plane lies behind.
-    fn samples(&self, u: f32, v: f32, support: &Support) -> Option<[Sample; SAMPLES]> {
+    fn samples(&self, u: f32, v: f32, support: &Support) -> Option<[PhotoSample; SAMPLES]> {
         let color_at = |u: f32, v: f32| {
             let place = (Vec2::new(u, v) + 0.5) * self.scale - 0.5;
             between(&self.reference, place)
         };
         let centre = color_at(u, v)?;
-        let mut samples = [Sample { point: Vec3::ZERO, color: centre, weight: 1.0 }; SAMPLES];
+        let mut samples = [PhotoSample { point: Vec3::ZERO, color: centre, weight: 1.0 }; SAMPLES];
         let around = OFFSETS.iter().flat_map(|dv| OFFSETS.iter().map(move |du| (*du, *dv)));
         for (sample, (du, dv)) in samples.iter_mut().zip(std::iter::once((0.0, 0.0)).chain(around)) {
             let w = Some(support.moved(du, dv).w).filter(|w| *w > 0.0)?;
             let color = color_at(u + du, v + dv)?;
             let weight = (-(color - centre).abs().max_element() / COLOUR_SIGMA).exp();
-            *sample = Sample { point: self.camera.ray(u + du, v + dv) / w, color, weight };
+            *sample = PhotoSample { point: self.camera.ray(u + du, v + dv) / w, color, weight };
         }
         Some(samples)
     }
@@ -84,7 +84,7 @@ impl<'a> PhotoConsistency<'a> {
 
 /// A point of the plane, in the reference's frame, and its colour in the reference picture.
 #[derive(Clone, Copy)]
-struct Sample {
+struct PhotoSample {
     point: Vec3,
     color: Vec3,
     weight: f32,
@@ -92,7 +92,7 @@ struct Sample {
 
 /// Mean difference of colour in one view; `None` where it does not see all samples.
 fn difference(
-    samples: &[Sample; SAMPLES],
+    samples: &[PhotoSample; SAMPLES],
     picture: &RgbImage,
     camera: &Pinhole,
     camera_from_reference: &Affine3A,
@@ -107,7 +107,7 @@ fn difference(
         total += sample.weight;
     }
     let exposure = (sum / total).clamp(Vec3::splat(-EXPOSURE), Vec3::splat(EXPOSURE));
-    let of = |(d, s): (&Vec3, &Sample)| s.weight * ((*d - exposure).abs().element_sum() / 3.0).min(CAP);
+    let of = |(d, s): (&Vec3, &PhotoSample)| s.weight * ((*d - exposure).abs().element_sum() / 3.0).min(CAP);
     Some(differences.iter().zip(samples).map(of).sum::<f32>() / total)
 }
 

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::local::Cells;
 use super::{ImagePlane, PlaneOptions};
 use crate::dense::Support;
-use crate::surface::{Origin, Surface};
+use crate::surface::{DepthOrigin, Surface};
 
 /// Number of directions in which a rim's edge is searched.
 const DIRECTIONS: usize = 16;
@@ -95,7 +95,7 @@ impl Rims {
                 surface.depth[i] = 1.0 / support.w;
                 surface.normal[i] = support.normal((i % width) as f32, (i / width) as f32, &camera);
                 surface.agreeing[i] = *agreeing;
-                surface.origin[i] = Origin::Stereo;
+                surface.origin[i] = DepthOrigin::Stereo;
             }
         }
     }

@@ -11,7 +11,7 @@ use super::speckles::neighbours;
 use super::witness::Witnesses;
 use super::{ImagePlane, PlaneOptions};
 use crate::dense::Support;
-use crate::surface::{Origin, Surface};
+use crate::surface::{DepthOrigin, Surface};
 
 /// Source of a filled pixel.
 #[derive(Clone, Copy)]
@@ -65,7 +65,7 @@ pub(super) fn fill(
         }
         surface.depth[i] = 1.0 / support.w;
         surface.normal[i] = normal;
-        surface.origin[i] = Origin::Filled;
+        surface.origin[i] = DepthOrigin::Filled;
         filled += 1;
     }
     filled

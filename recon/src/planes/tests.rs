@@ -91,9 +91,9 @@ fn holes_in_planes_are_filled_exactly_and_marked() {
     let holes = (0..WIDTH * HEIGHT).filter(|i| hole(i % WIDTH, i / WIDTH)).count();
     assert!(wrong < holes / 50, "{wrong} of {holes}");
     for (x, y) in [(25, 20), (130, 60), (130, 85), (95, 50), (105, 50)] {
-        assert_eq!(surface.origin[y * WIDTH + x], Origin::Filled, "{x}, {y}");
+        assert_eq!(surface.origin[y * WIDTH + x], DepthOrigin::Filled, "{x}, {y}");
     }
-    assert_eq!(surface.origin[10 * WIDTH + 50], Origin::Stereo);
+    assert_eq!(surface.origin[10 * WIDTH + 50], DepthOrigin::Stereo);
 }
 
 #[test]
@@ -115,11 +115,11 @@ fn speckles_in_free_space_go() {
     let options = PlaneOptions { speckle_share: 0.0005, ..PlaneOptions::default() };
     let Completed { surface, .. } = complete(&[view], &options).unwrap();
     assert!(relative_error(&surface, 20, 20) < 0.01);
-    assert_eq!(surface.origin[20 * WIDTH + 20], Origin::Filled);
+    assert_eq!(surface.origin[20 * WIDTH + 20], DepthOrigin::Filled);
 }
 
 #[test]
-fn what_lies_behind_the_rooms_walls_is_a_reflection() {
+fn depths_behind_the_rooms_walls_are_discarded() {
     let mut view = view(|_, _| false);
     // A mirror image below the floor.
     for y in 105..115 {
@@ -175,7 +175,7 @@ fn a_plane_of_assumed_direction_is_filled_in_and_not_measured() {
     assert_eq!(snapped, labels.iter().flatten().count());
     for (i, label) in labels.iter().enumerate() {
         let (x, y) = (i % WIDTH, i / WIDTH);
-        let expected = if *label == Some(1) { (Origin::Filled, 0) } else { (Origin::Stereo, 4) };
+        let expected = if *label == Some(1) { (DepthOrigin::Filled, 0) } else { (DepthOrigin::Stereo, 4) };
         assert_eq!((surface.origin[i], surface.agreeing[i]), expected, "{x}, {y}");
         assert!(label.is_none() || relative_error(&surface, x, y) < 1e-4, "{x}, {y}");
     }
@@ -196,7 +196,7 @@ fn a_line_of(n: Vec3) -> (Surface, ImagePlane, Vec<Option<u16>>) {
 }
 
 #[test]
-fn what_goes_on_behind_the_rooms_shell_lies_on_the_shell() {
+fn planes_continued_behind_the_shell_are_set_onto_it() {
     // A side wall of something, that meets the room's wall at x = 60 or so, and continues behind it.
     let side = Vec3::new(-0.25, 0.0, 0.23);
     let (surface, plane, labels) = a_line_of(side);
@@ -254,7 +254,7 @@ fn a_fat_rim_goes_back_to_what_lies_behind_and_the_things_own_stays_measured() {
     let back = all().filter(|(x, y)| fat(*x, *y) && right(*x, *y)).count();
     assert!(back > rim * 9 / 10, "{back} of {rim}");
     let inside = all().filter(|(x, y)| is_box(*x, *y)).count();
-    let measured = |x: usize, y: usize| surface.origin[y * WIDTH + x] == Origin::Stereo;
+    let measured = |x: usize, y: usize| surface.origin[y * WIDTH + x] == DepthOrigin::Stereo;
     let kept = all().filter(|(x, y)| is_box(*x, *y) && right(*x, *y) && measured(*x, *y)).count();
     assert!(kept > inside * 97 / 100, "{kept} of {inside}");
 }

@@ -268,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_taken_is_spread_evenly() {
+    fn indices_are_spread_evenly() {
         assert_eq!(evenly(5, 9).collect::<Vec<_>>(), [0, 1, 2, 3, 4]);
         assert_eq!(evenly(10, 3).collect::<Vec<_>>(), [2, 5, 9]);
         assert_eq!(evenly(0, 3).count(), 0);

@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn where_it_says_up_is_scatters_as_it_says() {
+    fn the_vertical_scatters_by_its_covariance() {
         // Each line leans on its own: many pixels on few lines are few observations.
         let (mut squares, mut believed, runs) = (0.0, 0.0, 200);
         for seed in 0..runs {
@@ -254,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_said_turns_with_the_frame() {
+    fn the_vertical_turns_with_its_frame() {
         let normals = normals(1, 40, 500, [2.0, 1.0], 0.3);
         let turn = UnitQuaternion::from_euler_angles(0.4, -1.1, 2.0);
         let found = agreed(&normals, &Vector3::z()).unwrap().turned(&turn);

@@ -19,7 +19,7 @@ const MOST: usize = 6;
 
 /// A similarity and the indices of the candidates that agree on it.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Alignment {
+pub(super) struct CandidateAlignment {
     pub(super) first_from_second: Similarity3<f64>,
     pub(super) agreeing: Vec<usize>,
 }
@@ -48,7 +48,7 @@ pub(super) fn find(
     tolerance_px: f64,
     least: usize,
     rng: &mut Pcg64Mcg,
-) -> Vec<Alignment> {
+) -> Vec<CandidateAlignment> {
     let mut left: Vec<usize> = (0..candidates.len()).collect();
     let mut found = Vec::new();
     while found.len() < MOST && left.len() >= least.max(3) {
@@ -58,7 +58,7 @@ pub(super) fn find(
             break;
         }
         left.retain(|i| !agreeing.contains(i));
-        found.push(Alignment { first_from_second: similarity, agreeing });
+        found.push(CandidateAlignment { first_from_second: similarity, agreeing });
     }
     found
 }
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn what_lies_behind_a_camera_is_no_match() {
+    fn points_behind_a_camera_do_not_match() {
         let lens = Intrinsics::from_horizontal_fov(640, 480, 60.0);
         let at = |z: f64| Landmark { pixel: Point2::new(319.5, 239.5), position: Point3::new(0.0, 0.0, z) };
         let same = Similarity3::identity();

@@ -27,7 +27,7 @@ const LARGEST_PX: f64 = 1500.0;
 const LEAST_AROUND: usize = 18;
 
 /// A plane of a surface, `normal · x = offset` in the camera's frame.
-pub(super) struct Flat {
+pub(super) struct SurfacePlane {
     normal: Vector3<f64>,
     offset: f64,
     /// Whether each pixel lies on it.
@@ -58,7 +58,7 @@ struct Faced {
 }
 
 /// Large planes of the surface.
-pub(super) fn find(surface: &Surface, rng: &mut Pcg64Mcg) -> Vec<Flat> {
+pub(super) fn find(surface: &Surface, rng: &mut Pcg64Mcg) -> Vec<SurfacePlane> {
     let mut left: Vec<Faced> = (0..surface.depth.len())
         .filter_map(|pixel| {
             let (point, normal) = (surface.point(pixel)?, surface.normal[pixel]);
@@ -79,7 +79,7 @@ pub(super) fn find(surface: &Surface, rng: &mut Pcg64Mcg) -> Vec<Flat> {
             member[point.pixel] = true;
         }
         if member.iter().filter(|m| **m).count() >= least {
-            found.push(Flat { normal, offset, member });
+            found.push(SurfacePlane { normal, offset, member });
         }
         let before = left.len();
         left.retain(|p| (normal.dot(&p.point) - offset).abs() >= TOLERANCE * p.point.z);
@@ -125,7 +125,7 @@ fn most_agreed(points: &[Faced], rng: &mut Pcg64Mcg) -> Option<(Vector3<f64>, f6
     Some((normal, offset))
 }
 
-impl Flat {
+impl SurfacePlane {
     /// Tells whether a pixel of the reference picture and its neighbourhood lie on the plane.
     pub(super) fn holds(&self, surface: &Surface, pixel: &Point2<f64>) -> bool {
         let (width, height) = (surface.width() as isize, surface.height() as isize);

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::ProposalOptions;
 use super::alignment::miss_px;
-use super::evidence::{Seen, carried};
+use super::evidence::{ComparedView, carried};
 use super::landmarks::Landmark;
 use crate::Result;
 use crate::features::{Patch, Reading, Warp};
@@ -38,7 +38,7 @@ const EXACT_PX: f64 = 0.01;
 
 /// A subpixel match: both pixels, and the correlation of the pictures.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Match {
+pub(super) struct GuidedMatch {
     pub(super) pixels: [Point2<f64>; 2],
     pub(super) positions: [Point3<f64>; 2],
     pub(super) correlation: f64,
@@ -46,7 +46,7 @@ pub(super) struct Match {
     pub(super) off_px: f64,
 }
 
-impl Match {
+impl GuidedMatch {
     /// The same match with the cameras exchanged.
     fn swapped(mut self) -> Self {
         self.pixels.reverse();
@@ -60,25 +60,26 @@ impl Match {
 /// # Errors
 /// [`crate::error::Error::Calib`] when OpenCV refuses.
 pub(super) fn matches(
-    seen: [&Seen<'_>; 2],
+    seen: [&ComparedView<'_>; 2],
     start: &Similarity3<f64>,
     tolerance_px: f64,
     options: &ProposalOptions,
-) -> Result<(Similarity3<f64>, Vec<Match>)> {
-    let corners = |seen: &Seen<'_>| {
+) -> Result<(Similarity3<f64>, Vec<GuidedMatch>)> {
+    let corners = |seen: &ComparedView<'_>| {
         let gray = image::imageops::grayscale(&seen.surface.picture);
         flow::corners(&gray, CORNERS, QUALITY, APART_PX, BLOCK_PX)
     };
     let corners = [corners(seen[0])?, corners(seen[1])?];
     let mut similarity = *start;
-    let mut matches: Vec<Match> = Vec::new();
+    let mut matches: Vec<GuidedMatch> = Vec::new();
     let mut reach_px = tolerance_px;
     for _ in 0..ROUNDS {
         let inverse = similarity.inverse();
         let both = [&similarity, &inverse];
         let there = |corner: &Point2<f64>| follow(seen, both, corner, reach_px, options);
         let back = |corner: &Point2<f64>| {
-            follow([seen[1], seen[0]], [both[1], both[0]], corner, reach_px, options).map(Match::swapped)
+            follow([seen[1], seen[0]], [both[1], both[0]], corner, reach_px, options)
+                .map(GuidedMatch::swapped)
         };
         matches = corners[0].par_iter().filter_map(there).collect();
         matches.par_extend(corners[1].par_iter().filter_map(back));
@@ -95,13 +96,13 @@ pub(super) fn matches(
 
 /// Similarity fitted to the matches; matches with errors above `median_px` count less.
 fn refitted(
-    seen: [&Seen<'_>; 2],
+    seen: [&ComparedView<'_>; 2],
     first_from_second: &Similarity3<f64>,
-    matches: &[Match],
+    matches: &[GuidedMatch],
     median_px: f64,
 ) -> Option<Similarity3<f64>> {
     // The error of either camera's depths grows with the square of the distance.
-    let variance = |m: &Match| {
+    let variance = |m: &GuidedMatch| {
         let error = |camera: usize| {
             let depth = m.positions[camera].z;
             depth * seen[camera].surface.depth_sigma(depth as f32)
@@ -109,7 +110,7 @@ fn refitted(
         error(0).powi(2) + (first_from_second.scaling() * error(1)).powi(2)
     };
     // A match with a large error may be wrong.
-    let weight = |m: &Match| 1.0 / (variance(m) * (1.0 + (m.off_px / median_px).powi(2)));
+    let weight = |m: &GuidedMatch| 1.0 / (variance(m) * (1.0 + (m.off_px / median_px).powi(2)));
     let weights: Vec<f64> = matches.iter().map(weight).collect();
     let (a, b): (Vec<_>, Vec<_>) = matches.iter().map(|m| (m.positions[0], m.positions[1])).unzip();
     absolute_orientation::similarity_weighted(&b, &a, &weights).ok()
@@ -117,12 +118,12 @@ fn refitted(
 
 /// Searches a corner of the first picture in the second.
 fn follow(
-    seen: [&Seen<'_>; 2],
+    seen: [&ComparedView<'_>; 2],
     [first_from_second, second_from_first]: [&Similarity3<f64>; 2],
     corner: &Point2<f64>,
     reach_px: f64,
     options: &ProposalOptions,
-) -> Option<Match> {
+) -> Option<GuidedMatch> {
     let [here, there] = seen;
     let position = here.surface.point_at(corner).filter(|_| is_whole(here.surface, corner, options))?;
     let expected = carried(here.surface, there.surface, second_from_first, corner)?;
@@ -139,7 +140,7 @@ fn follow(
     let pair = [Landmark { pixel: *corner, position }, Landmark { pixel, position: other }];
     let lenses = seen.map(|s| &s.surface.intrinsics);
     let off_px = miss_px(&pair, lenses, first_from_second);
-    ((again - corner).norm() <= RETURN_PX).then_some(Match {
+    ((again - corner).norm() <= RETURN_PX).then_some(GuidedMatch {
         pixels: [*corner, pixel],
         positions: [position, other],
         correlation,
@@ -172,8 +173,8 @@ fn is_whole(surface: &Surface, pixel: &Point2<f64>, options: &ProposalOptions) -
 /// Searches the patch around a pixel of one picture in the other: exhaustively within `reach_px`, then to a fraction of
 /// a pixel.
 fn register(
-    from: &Seen<'_>,
-    onto: &Seen<'_>,
+    from: &ComparedView<'_>,
+    onto: &ComparedView<'_>,
     pixel: &Point2<f64>,
     (start, reach_px): (&Warp, f64),
     options: &ProposalOptions,

@@ -36,7 +36,7 @@ pub(super) struct Landmarks {
 
 impl Landmarks {
     /// # Errors
-    /// When OpenCV refuses.
+    /// [`crate::error::Error::Calib`] when OpenCV refuses.
     pub(super) fn of(surface: &Surface, rng: &mut Pcg64Mcg) -> Result<Self> {
         let gray = image::imageops::grayscale(&surface.picture);
         Ok(Self { kinds: [as_seen(surface, &gray)?, square_on(surface, &gray, rng)?] })

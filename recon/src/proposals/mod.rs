@@ -25,9 +25,9 @@ use rand_pcg::Pcg64Mcg;
 use crate::Result;
 use crate::features::Intensity;
 use crate::surface::Surface;
-use alignment::Alignment;
-use evidence::Seen;
-use guided::Match;
+use alignment::CandidateAlignment;
+use evidence::ComparedView;
+use guided::GuidedMatch;
 use landmarks::{Candidate, Landmarks};
 pub use picture::draw;
 pub use table::to_toml;
@@ -72,7 +72,7 @@ impl Default for ProposalOptions {
 }
 
 impl ProposalOptions {
-    fn tolerance_px(&self, seen: [&Seen<'_>; 2]) -> f64 {
+    fn tolerance_px(&self, seen: [&ComparedView<'_>; 2]) -> f64 {
         let [a, b] = seen.map(|s| s.surface.intrinsics.width);
         self.tolerance * f64::from(a.min(b))
     }
@@ -91,16 +91,16 @@ pub struct Proposal {
 
 /// Result for two cameras.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Pair {
+pub struct CameraPair {
     /// Indices of the cameras.
     pub cameras: [usize; 2],
     /// Correspondence of the two; `None` when nothing was confirmed.
-    pub found: Option<Found>,
+    pub found: Option<Correspondence>,
 }
 
 /// Confirmed correspondence of two cameras.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Found {
+pub struct Correspondence {
     /// Similarity from the second camera's space to the first's.
     pub first_from_second: Similarity3<f64>,
     /// Number of matched keypoints that agree on it.
@@ -117,22 +117,22 @@ pub struct Found {
 ///
 /// # Errors
 /// [`crate::error::Error::Calib`] when OpenCV refuses.
-pub fn propose(surfaces: &[&Surface], options: &ProposalOptions) -> Result<Vec<Pair>> {
+pub fn propose(surfaces: &[&Surface], options: &ProposalOptions) -> Result<Vec<CameraPair>> {
     let mut rng = Pcg64Mcg::seed_from_u64(options.seed);
     let mut landmarks = Vec::with_capacity(surfaces.len());
     for surface in surfaces {
         landmarks.push(Landmarks::of(surface, &mut rng)?);
     }
-    let seen: Vec<Seen<'_>> = surfaces
+    let seen: Vec<ComparedView<'_>> = surfaces
         .iter()
-        .map(|surface| Seen { surface, intensity: Intensity::new(&surface.picture) })
+        .map(|surface| ComparedView { surface, intensity: Intensity::new(&surface.picture) })
         .collect();
     let mut pairs = Vec::new();
     for a in 0..surfaces.len() {
         for b in a + 1..surfaces.len() {
             let candidates = landmarks[a].candidates(&landmarks[b]);
             let found = compare([&seen[a], &seen[b]], [a, b], &candidates, options, &mut rng)?;
-            pairs.push(Pair { cameras: [a, b], found });
+            pairs.push(CameraPair { cameras: [a, b], found });
         }
     }
     Ok(pairs)
@@ -149,9 +149,9 @@ pub(crate) fn in_common(
     count: usize,
 ) -> Result<Vec<[Point2<f64>; 2]>> {
     let options = ProposalOptions::default();
-    let seen = surfaces.map(|surface| Seen { surface, intensity: Intensity::new(&surface.picture) });
+    let seen = surfaces.map(|surface| ComparedView { surface, intensity: Intensity::new(&surface.picture) });
     let seen = [&seen[0], &seen[1]];
-    if borne_out(seen, first_from_second, &options).is_none() {
+    if confirmed(seen, first_from_second, &options).is_none() {
         return Ok(Vec::new());
     }
     let (_, matches) = guided::matches(seen, first_from_second, options.tolerance_px(seen), &options)?;
@@ -159,8 +159,8 @@ pub(crate) fn in_common(
 }
 
 /// Median correlation of both pictures under a similarity, if pictures and surfaces confirm it.
-fn borne_out(
-    seen: [&Seen<'_>; 2],
+fn confirmed(
+    seen: [&ComparedView<'_>; 2],
     first_from_second: &Similarity3<f64>,
     options: &ProposalOptions,
 ) -> Option<f64> {
@@ -173,24 +173,25 @@ fn borne_out(
 }
 
 fn compare(
-    seen: [&Seen<'_>; 2],
+    seen: [&ComparedView<'_>; 2],
     cameras: [usize; 2],
     candidates: &[Candidate],
     options: &ProposalOptions,
     rng: &mut Pcg64Mcg,
-) -> Result<Option<Found>> {
+) -> Result<Option<Correspondence>> {
     let lenses = seen.map(|s| &s.surface.intrinsics);
     let tolerance_px = options.tolerance_px(seen);
     let alignments = alignment::find(candidates, lenses, tolerance_px, options.least_agreeing, rng);
     tracing::debug!("{cameras:?}: {} candidates, {} alignments", candidates.len(), alignments.len());
-    for Alignment { first_from_second, agreeing } in alignments {
-        let Some(correlation) = borne_out(seen, &first_from_second, options) else { continue };
+    for CandidateAlignment { first_from_second, agreeing } in alignments {
+        let Some(correlation) = confirmed(seen, &first_from_second, options) else { continue };
         let (first_from_second, matches) = guided::matches(seen, &first_from_second, tolerance_px, options)?;
         tracing::debug!("{cameras:?}: {} agree, {} corners are found", agreeing.len(), matches.len());
         let chosen = spread::choose(&matches, options.points);
         if spread::is_wide(&chosen) {
-            let proposal = |m: &Match| Proposal { cameras, pixels: m.pixels, correlation: m.correlation };
-            return Ok(Some(Found {
+            let proposal =
+                |m: &GuidedMatch| Proposal { cameras, pixels: m.pixels, correlation: m.correlation };
+            return Ok(Some(Correspondence {
                 first_from_second,
                 agreeing: agreeing.len(),
                 matches: matches.len(),
@@ -202,7 +203,7 @@ fn compare(
     Ok(None)
 }
 
-impl Found {
+impl Correspondence {
     /// Distance of one camera's pick from its position by the other's depth, pixels of the pinhole pictures: the
     /// smaller of both directions, since a depth measured at an edge may belong to another surface. `None` where
     /// neither has a depth.

@@ -32,7 +32,7 @@ fn aside(camera: &Camera) -> Camera {
     Camera { intrinsics: camera.intrinsics.clone(), camera_from_world: step * camera.camera_from_world }
 }
 
-fn only(surfaces: [&Surface; 2]) -> Option<Found> {
+fn only(surfaces: [&Surface; 2]) -> Option<Correspondence> {
     propose(&surfaces, &ProposalOptions::default()).unwrap().pop().unwrap().found
 }
 
@@ -72,7 +72,8 @@ fn surfaces_and_pictures_bear_out_the_truth_alone() {
     let room = room(2);
     let [a, b] = [0, 1].map(|i| &room.room.cameras[i].camera);
     let surfaces = [surface(&room, a, 1), surface(&room, b, 2)];
-    let seen = surfaces.each_ref().map(|s| Seen { surface: s, intensity: Intensity::new(&s.picture) });
+    let seen =
+        surfaces.each_ref().map(|s| ComparedView { surface: s, intensity: Intensity::new(&s.picture) });
     // Units: 0.9 m and 1.2 m.
     let relative = a.camera_from_world * b.camera_from_world.inverse();
     let truth =
@@ -90,10 +91,10 @@ fn surfaces_and_pictures_bear_out_the_truth_alone() {
 }
 
 #[test]
-fn what_fits_exactly_stays_where_it_is() {
+fn exact_matches_are_not_moved() {
     let room = room(1);
     let surface = surface(&room, &room.room.cameras[0].camera, 1);
-    let seen = Seen { surface: &surface, intensity: Intensity::new(&surface.picture) };
+    let seen = ComparedView { surface: &surface, intensity: Intensity::new(&surface.picture) };
     let start = Similarity3::identity();
     let (found, matches) = guided::matches([&seen, &seen], &start, 2.0, &ProposalOptions::default()).unwrap();
     assert!(
@@ -117,7 +118,7 @@ fn cameras_of_different_rooms_have_nothing_in_common() {
 }
 
 #[test]
-fn where_nothing_is_seen_nothing_is_proposed() {
+fn blank_views_give_no_proposals() {
     let room = room(1);
     let seen = surface(&room, &room.room.cameras[0].camera, 1);
     let mut blank = seen.clone();

@@ -12,8 +12,8 @@ use nalgebra::{Isometry3, Point2, Point3, SMatrix, SVector, Translation3, UnitQu
 use rayon::prelude::*;
 
 use crate::bundle::Loss;
-use crate::motion::triangulation::{Acceptance, triangulate};
-use crate::ray_depth::Filmed;
+use crate::motion::triangulation::{TriangulationLimits, triangulate};
+use crate::ray_depth::PosedFilm;
 
 /// Standard deviation of detected corners, pixels; a smaller residual does not mean a better estimate.
 const CORNER_SIGMA_PX: f64 = 0.1;
@@ -48,20 +48,20 @@ impl fmt::Display for Square {
 /// # Errors
 /// Advice on what to film instead, for a board that is wholly visible in fewer than two frames, moves, is bent, or
 /// whose distance the camera's motion does not determine.
-pub fn square(film: &Filmed<'_>, board: Chessboard) -> Result<Square, String> {
+pub fn square(film: &PosedFilm<'_>, board: Chessboard) -> Result<Square, String> {
     let find = |(frame, pose): (&image::RgbImage, &Option<Isometry3<f64>>)| {
         // A frame that OpenCV refuses counts as one without a board.
         let corners = board.find(&image::imageops::grayscale(frame)).ok().flatten();
         pose.zip(corners)
     };
-    let views: Vec<View> = film.frames.par_iter().zip(film.camera_from_world).filter_map(find).collect();
+    let views: Vec<BoardView> = film.frames.par_iter().zip(film.camera_from_world).filter_map(find).collect();
     fitted(film.intrinsics, board, views)
 }
 
 /// A frame's pose, camera from world, and the board's corners in it, row by row from any of its corners.
-type View = (Isometry3<f64>, Vec<Point2<f64>>);
+type BoardView = (Isometry3<f64>, Vec<Point2<f64>>);
 
-fn fitted(lens: &calib::Intrinsics, board: Chessboard, mut views: Vec<View>) -> Result<Square, String> {
+fn fitted(lens: &calib::Intrinsics, board: Chessboard, mut views: Vec<BoardView>) -> Result<Square, String> {
     if views.len() < 2 {
         return Err(format!(
             "the {board} board is seen whole in {} frames of the capture; lay it where the camera sees it from several places",
@@ -98,9 +98,9 @@ fn fitted(lens: &calib::Intrinsics, board: Chessboard, mut views: Vec<View>) -> 
 
 /// Brings the corners of all views into the order of the first: the detector may start at any corner. A board looks the
 /// same rotated by half a turn, square ones by a quarter; a camera that moves by hand turns by less.
-fn same_order(lens: &calib::Intrinsics, board: Chessboard, views: &mut [View]) {
+fn same_order(lens: &calib::Intrinsics, board: Chessboard, views: &mut [BoardView]) {
     // Directions in the world relative to the board's middle: parallax moves all alike.
-    let shape = |(pose, corners): &View| -> Vec<Vector3<f64>> {
+    let shape = |(pose, corners): &BoardView| -> Vec<Vector3<f64>> {
         let rays: Vec<Vector3<f64>> = corners
             .iter()
             .map(|c| {
@@ -159,8 +159,9 @@ impl Board {
 }
 
 /// Initial board from triangulated corners.
-fn triangulated(lens: &calib::Intrinsics, on_board: &[Point3<f64>], views: &[View]) -> Option<Board> {
-    const ACCEPT: Acceptance = Acceptance { max_error_px: 3.0, min_angle: 0.003, min_sightings: 2 };
+fn triangulated(lens: &calib::Intrinsics, on_board: &[Point3<f64>], views: &[BoardView]) -> Option<Board> {
+    const ACCEPT: TriangulationLimits =
+        TriangulationLimits { max_error_px: 3.0, min_angle: 0.003, min_sightings: 2 };
     let point = |(i, corner): (usize, &Point3<f64>)| {
         let sightings: Vec<_> = views.iter().map(|(pose, corners)| (pose, corners[i])).collect();
         Some((*corner, triangulate(lens, &sightings, &ACCEPT)?))
@@ -174,7 +175,7 @@ fn triangulated(lens: &calib::Intrinsics, on_board: &[Point3<f64>], views: &[Vie
 fn polished(
     lens: &calib::Intrinsics,
     on_board: &[Point3<f64>],
-    views: &[View],
+    views: &[BoardView],
     start: Board,
 ) -> Option<Square> {
     let loss = Loss::Cauchy(1.0);
@@ -249,7 +250,7 @@ mod tests {
     const SIDE: f64 = 0.06;
 
     /// Board of squares of 0.06 units, 1.5 units away, seen by a camera that moves `step` aside from frame to frame.
-    fn views(lens: &Intrinsics, board: Chessboard, step: f64, noise_px: f64) -> Vec<View> {
+    fn views(lens: &Intrinsics, board: Chessboard, step: f64, noise_px: f64) -> Vec<BoardView> {
         let world_from_board = Isometry3::new(Vector3::new(-0.25, -0.1, 1.5), Vector3::new(0.5, -0.3, 0.2));
         let truth = Board { world_from_board, side: SIDE };
         let mut rng = rand_pcg::Pcg64Mcg::new(7);
@@ -302,9 +303,9 @@ mod tests {
     }
 
     #[test]
-    fn what_gives_no_metres_says_what_to_film() {
+    fn boards_that_give_no_metres_are_refused_with_advice() {
         let board = Chessboard { columns: 9, rows: 6 };
-        let said = |views: Vec<View>| fitted(&lens(), board, views).unwrap_err();
+        let said = |views: Vec<BoardView>| fitted(&lens(), board, views).unwrap_err();
         assert!(said(Vec::new()).contains("seen whole in 0 frames"));
         assert!(said(views(&lens(), board, 0.05, 0.0)[..1].to_vec()).contains("seen whole in 1 frames"));
         assert!(said(views(&lens(), board, 0.0, 0.1)).contains("further apart"));

@@ -15,7 +15,7 @@ use crate::dense::{DenseView, Pinhole};
 
 /// Origin of a pixel's depth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Origin {
+pub enum DepthOrigin {
     /// There is no depth.
     #[default]
     Unknown,
@@ -39,7 +39,7 @@ pub struct Surface {
     /// Number of other views that agree: 0 for pixels that are not measured.
     pub agreeing: Vec<u8>,
     /// Origin of each depth.
-    pub origin: Vec<Origin>,
+    pub origin: Vec<DepthOrigin>,
     /// Change of inverse depth that shifts a pixel by one in the farthest view: the unit of stereo's errors.
     pub step: f32,
 }
@@ -60,7 +60,7 @@ impl Surface {
             depth: all.clone().map(|i| if known(i) { 1.0 / view.map.supports[i].w } else { 0.0 }).collect(),
             normal: all.clone().map(|i| if known(i) { normal(i) } else { Vec3::ZERO }).collect(),
             agreeing: view.agreeing.clone(),
-            origin: all.map(|i| if known(i) { Origin::Stereo } else { Origin::Unknown }).collect(),
+            origin: all.map(|i| if known(i) { DepthOrigin::Stereo } else { DepthOrigin::Unknown }).collect(),
             step: view.step,
         }
     }
@@ -192,7 +192,7 @@ mod tests {
             depth,
             normal: vec![-Vec3::Z; 1200],
             agreeing: vec![3; 1200],
-            origin: vec![Origin::Stereo; 1200],
+            origin: vec![DepthOrigin::Stereo; 1200],
             step: 0.005,
         }
     }
@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn where_nothing_is_known_there_is_no_point() {
+    fn unknown_pixels_have_no_point() {
         let mut surface = boxed();
         surface.depth.fill(0.0);
         assert!(surface.point_at(&Point2::new(10.0, 10.0)).is_none());

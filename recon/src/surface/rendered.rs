@@ -10,7 +10,7 @@ use rand_pcg::Pcg64Mcg;
 use scenes::raycast::RayScene;
 use synthetic::{CaptureOptions, SyntheticRoom};
 
-use super::{Origin, Surface};
+use super::{DepthOrigin, Surface};
 
 /// Simulated stereo.
 pub(crate) struct Rendering {
@@ -36,7 +36,7 @@ impl Rendering {
             depth: vec![0.0; count],
             normal: vec![Vec3::ZERO; count],
             agreeing: vec![0; count],
-            origin: vec![Origin::Unknown; count],
+            origin: vec![DepthOrigin::Unknown; count],
             step: (0.004 * self.unit_m) as f32,
             intrinsics: lens.clone(),
         };
@@ -53,7 +53,7 @@ impl Rendering {
             surface.depth[i] = depth as f32;
             surface.normal[i] = single(&normal);
             surface.agreeing[i] = 4;
-            surface.origin[i] = Origin::Stereo;
+            surface.origin[i] = DepthOrigin::Stereo;
         }
         surface
     }

@@ -255,7 +255,7 @@ fn circle(center: Point2<f64>, radius_px: f64) -> Option<Path> {
 }
 
 fn rounded_rectangle(bounds: [f64; 4], corner_px: f64) -> Option<Path> {
-    /// How far a cubic's handles reach along a quarter circle, of its radius.
+    /// Length of a cubic's handles for a quarter circle, as a share of its radius.
     const HANDLE: f32 = 0.552_284_8;
     if !(bounds.iter().all(|b| b.is_finite()) && bounds[0] < bounds[2] && bounds[1] < bounds[3]) {
         return None;

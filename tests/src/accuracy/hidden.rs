@@ -7,7 +7,7 @@ use nalgebra::Point3;
 use scenes::room::Room;
 
 use super::Matched;
-use crate::chain::Said;
+use crate::chain::StepResult;
 
 /// Accuracy for hidden people.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,7 +25,7 @@ pub struct HiddenPeople {
 ///
 /// # Errors
 /// A file that cannot be read, an invalid row.
-pub fn hidden_people(office: &Path, matched: &[Matched]) -> Said<HiddenPeople> {
+pub fn hidden_people(office: &Path, matched: &[Matched]) -> StepResult<HiddenPeople> {
     const HIDDEN: f64 = 0.5;
     let room = Room::read(&office.join("room")).map_err(|e| e.to_string())?;
     let file = office.join("truth_visible.csv");

@@ -6,7 +6,7 @@ use std::path::Path;
 use nalgebra::Point2;
 use tracker::tracks::jsonl::{self, PersonLine};
 
-use crate::chain::Said;
+use crate::chain::StepResult;
 
 /// Largest distance of an estimate that finds a person, metres: the gate of `tracker eval`.
 const GATE_M: f64 = 0.5;
@@ -36,7 +36,7 @@ impl Matched {
 ///
 /// # Errors
 /// A file that cannot be read, an invalid row.
-pub fn matched(truth: &Path, tracks: &Path) -> Said<Vec<Matched>> {
+pub fn matched(truth: &Path, tracks: &Path) -> StepResult<Vec<Matched>> {
     let text = std::fs::read_to_string(truth).map_err(|e| format!("{}: {e}", truth.display()))?;
     let mut frames: BTreeMap<u32, Vec<Matched>> = BTreeMap::new();
     for line in text.lines() {

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use nalgebra::Point2;
 
-use crate::chain::Said;
+use crate::chain::StepResult;
 
 /// Frames of the office in which person 1 is alone: in from the door, and along a rectangle.
 pub const ALONE: RangeInclusive<u32> = 45..=170;
@@ -41,7 +41,7 @@ pub fn route(places: &[Point2<f64>], line: &[Point2<f64>]) -> Option<RouteError>
 ///
 /// # Errors
 /// A file that cannot be read; no person in these frames.
-pub fn office_route(office: &Path, tracks: &Path) -> Said<RouteError> {
+pub fn office_route(office: &Path, tracks: &Path) -> StepResult<RouteError> {
     let way = places(&office.join("truth.txt"), &ROUTE)?;
     route(&places(tracks, &ALONE)?, &way).ok_or_else(|| format!("{}: nobody to measure", tracks.display()))
 }
@@ -50,7 +50,7 @@ pub fn office_route(office: &Path, tracks: &Path) -> Said<RouteError> {
 ///
 /// # Errors
 /// A file that cannot be read, an invalid row.
-pub fn places(rows: &Path, frames: &RangeInclusive<u32>) -> Said<Vec<Point2<f64>>> {
+pub fn places(rows: &Path, frames: &RangeInclusive<u32>) -> StepResult<Vec<Point2<f64>>> {
     let text = std::fs::read_to_string(rows).map_err(|e| format!("{}: {e}", rows.display()))?;
     let place = |line: &str| {
         let columns: Vec<f64> = line.split(',').map_while(|value| value.trim().parse().ok()).collect();

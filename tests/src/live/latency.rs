@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use crate::chain::Said;
+use crate::chain::StepResult;
 use crate::live::office::{self, RATE_HZ};
 use crate::live::page;
 use crate::live::rows::Row;
@@ -33,7 +33,7 @@ pub struct Latencies {
 ///
 /// # Errors
 /// The run's line, if it fails; a page from which no picture could be read.
-pub fn latencies(measured_s: f64, arguments: &[&str]) -> Said<Latencies> {
+pub fn latencies(measured_s: f64, arguments: &[&str]) -> StepResult<Latencies> {
     let from_s = START_S + WATCHED_S + QUIET_S;
     let until_s = from_s + measured_s;
     let order = office::repeated(START_S, ((until_s + START_S) * RATE_HZ) as usize);

@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use nalgebra::Point2;
 
-use crate::chain::Said;
+use crate::chain::StepResult;
 use crate::data::office;
 use crate::live::rows::Row;
 use crate::network_camera::film::Film;
@@ -49,7 +49,7 @@ pub fn cameras(
     order: &[usize],
     is_stamped: bool,
     options: [CameraOptions; 2],
-) -> Said<([NetworkCamera; 2], Instant)> {
+) -> StepResult<([NetworkCamera; 2], Instant)> {
     let film = |name: &str| {
         let frames = Film::frames(&office().join(format!("video/{name}.mp4")))?;
         Film::encode(&frames, order, is_stamped)
@@ -80,7 +80,7 @@ impl Truth {
     ///
     /// # Errors
     /// A file that cannot be read, a row that is none.
-    pub fn read() -> Said<Self> {
+    pub fn read() -> StepResult<Self> {
         let path = office().join("truth.txt");
         let text = std::fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
         let mut frames = vec![BTreeMap::new(); FRAMES];

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use crate::chain::Said;
+use crate::chain::StepResult;
 use crate::live::Figure;
 use crate::live::office::{self, RATE_HZ, Truth};
 use crate::live::page::{self, Sighting};
@@ -42,7 +42,7 @@ fn greatest<'a>(sightings: impl Iterator<Item = &'a Sighting>) -> Option<f64> {
 ///
 /// # Errors
 /// The run's line, if it fails.
-pub fn misalignment(silent_s: f64) -> Said<Misalignment> {
+pub fn misalignment(silent_s: f64) -> StepResult<Misalignment> {
     let back_s = BEFORE_S + silent_s;
     let until_s = back_s + SETTLE_S + JUDGED_S;
     // The film is longer than the run, so it never repeats, and stamps are unique.
@@ -106,7 +106,7 @@ pub struct Absence {
 ///
 /// # Errors
 /// The run's line, if it ends.
-pub fn all_away(away_s: f64) -> Said<Absence> {
+pub fn all_away(away_s: f64) -> StepResult<Absence> {
     let back_s = BEFORE_S + away_s;
     let until_s = back_s + LONGEST_S;
     let count = |seconds: f64| (seconds * RATE_HZ) as usize;

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use nalgebra::Point2;
 
-use crate::chain::Said;
+use crate::chain::StepResult;
 
 /// Polling interval of the file, which is the error of the times.
 const POLL: Duration = Duration::from_millis(2);
@@ -48,7 +48,7 @@ impl Row {
 ///
 /// # Errors
 /// A file that cannot be read, or a line that is not a row.
-pub fn read(path: &Path) -> Said<Vec<Row>> {
+pub fn read(path: &Path) -> StepResult<Vec<Row>> {
     let (text, found) = (std::fs::read_to_string(path), Instant::now());
     let text = text.map_err(|e| format!("{}: {e}", path.display()))?;
     let row = |line: &str| Row::parse(line, found).ok_or_else(|| format!("{}: {line}", path.display()));

@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use crate::chain::Said;
+use crate::chain::StepResult;
 use crate::data::program;
 use crate::live::rows::{Row, RowWatch};
 
@@ -48,8 +48,8 @@ impl LiveRun {
     /// Starts `tracker run ROOM --out OUT` with further arguments.
     ///
     /// # Errors
-    /// When the process does not start.
-    pub fn start(room: &Path, out: &Path, arguments: &[String]) -> Said<Self> {
+    /// A line when the process does not start.
+    pub fn start(room: &Path, out: &Path, arguments: &[String]) -> StepResult<Self> {
         let mut command = program("tracker");
         command.arg("run").arg(room).arg("--out").arg(out).args(arguments);
         Self::spawn(&mut command, out, None)
@@ -59,7 +59,7 @@ impl LiveRun {
     ///
     /// # Errors
     /// As [`Self::start`]; when no port is free.
-    pub fn start_with_page(room: &Path, out: &Path, arguments: &[String]) -> Said<Self> {
+    pub fn start_with_page(room: &Path, out: &Path, arguments: &[String]) -> StepResult<Self> {
         let page = free_address()?;
         let mut command = program("tracker");
         command.arg("run").arg(room).arg("--out").arg(out).args(arguments);
@@ -71,14 +71,14 @@ impl LiveRun {
     ///
     /// # Errors
     /// The process does not start.
-    pub fn start_agents(room: &Path, camera: &str, out: &Path, arguments: &[String]) -> Said<Self> {
+    pub fn start_agents(room: &Path, camera: &str, out: &Path, arguments: &[String]) -> StepResult<Self> {
         let mut command = program("tracker");
         command.arg("station").arg(room).args(["--method", "agents", "--camera", camera]);
         command.arg("--out").arg(out).args(arguments);
         Self::spawn(&mut command, out, None)
     }
 
-    fn spawn(command: &mut Command, out: &Path, page: Option<SocketAddr>) -> Said<Self> {
+    fn spawn(command: &mut Command, out: &Path, page: Option<SocketAddr>) -> StepResult<Self> {
         let started = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn();
         let mut child = started.map_err(|e| format!("{command:?}: {e}"))?;
         let log = Arc::<Mutex<Vec<String>>>::default();
@@ -118,7 +118,7 @@ impl LiveRun {
     ///
     /// # Errors
     /// The run's last line, if the run ends before.
-    pub fn wait_until(&mut self, time: Instant) -> Said<()> {
+    pub fn wait_until(&mut self, time: Instant) -> StepResult<()> {
         self.wait_for(time, |_| false).map(|_| ())
     }
 
@@ -126,7 +126,7 @@ impl LiveRun {
     ///
     /// # Errors
     /// The run's last line, if the run ends before.
-    pub fn wait_for(&mut self, until: Instant, mut is_true: impl FnMut(&[Row]) -> bool) -> Said<bool> {
+    pub fn wait_for(&mut self, until: Instant, mut is_true: impl FnMut(&[Row]) -> bool) -> StepResult<bool> {
         loop {
             if is_true(&self.rows.rows()) {
                 return Ok(true);
@@ -146,7 +146,7 @@ impl LiveRun {
     ///
     /// # Errors
     /// The run's last line, if it fails; a run that goes on until then.
-    pub fn finish(mut self, until: Instant) -> Said<Ended> {
+    pub fn finish(mut self, until: Instant) -> StepResult<Ended> {
         while self.is_running() {
             if Instant::now() > until {
                 return Err(format!("the run has not ended in time; {}", self.failure()));
@@ -160,7 +160,7 @@ impl LiveRun {
     ///
     /// # Errors
     /// The program `kill` cannot be run.
-    pub fn signal(&self, name: &str) -> Said<()> {
+    pub fn signal(&self, name: &str) -> StepResult<()> {
         let sent = Command::new("kill").args([&format!("-{name}"), &self.pid().to_string()]).status();
         sent.map(drop).map_err(|e| format!("kill: {e}"))
     }
@@ -169,14 +169,14 @@ impl LiveRun {
     ///
     /// # Errors
     /// The run's last line, if it fails or does not end.
-    pub fn interrupt(mut self) -> Said<Ended> {
+    pub fn interrupt(mut self) -> StepResult<Ended> {
         if self.is_running() {
             self.signal("INT")?;
         }
         self.finish(Instant::now() + FAREWELL)
     }
 
-    fn ended(&mut self) -> Said<Ended> {
+    fn ended(&mut self) -> StepResult<Ended> {
         let status = self.child.wait().map_err(|e| e.to_string())?;
         if !status.success() {
             return Err(self.failure());
@@ -225,7 +225,7 @@ pub fn error_line<S: AsRef<str>>(log: &[S]) -> String {
 ///
 /// # Errors
 /// No port is free.
-pub fn free_address() -> Said<SocketAddr> {
+pub fn free_address() -> StepResult<SocketAddr> {
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).map_err(|e| e.to_string())?;
     listener.local_addr().map_err(|e| e.to_string())
 }
@@ -239,7 +239,7 @@ impl Scratch {
     ///
     /// # Errors
     /// The folder cannot be made.
-    pub fn new() -> Said<Self> {
+    pub fn new() -> StepResult<Self> {
         tempfile::tempdir().map(Self).map_err(|e| e.to_string())
     }
 

@@ -7,7 +7,7 @@ use std::process::{Child, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use crate::chain::Said;
+use crate::chain::StepResult;
 use crate::data::program;
 use crate::live::Figure;
 use crate::live::capacity::track_bytes;
@@ -30,7 +30,7 @@ struct Station {
 }
 
 impl Station {
-    fn start(room: &Path, camera: &str, video: &str) -> Said<Self> {
+    fn start(room: &Path, camera: &str, video: &str) -> StepResult<Self> {
         let address = free_address()?;
         let mut command = program("tracker");
         command.arg("station").arg(room).args(["--camera", camera, "--video", video]);
@@ -75,7 +75,7 @@ fn stations_argument(addresses: &[SocketAddr]) -> [String; 2] {
 }
 
 /// Bytes a second that the first of two stations sends in `measured_s` seconds with three people in its picture.
-fn bytes_per_s(measured_s: f64) -> Said<f64> {
+fn bytes_per_s(measured_s: f64) -> StepResult<f64> {
     const START_S: f64 = 15.0;
     let pictures = |seconds: f64| (seconds * RATE_HZ) as usize;
     let inside = office::to_and_fro(THREE_INSIDE).take(pictures(START_S + measured_s));
@@ -99,7 +99,7 @@ fn bytes_per_s(measured_s: f64) -> Said<f64> {
 }
 
 /// Whether two stations on the office's recordings give the tracks of one process, to the byte.
-fn equal_tracks() -> Said<bool> {
+fn equal_tracks() -> StepResult<bool> {
     let (room, scratch) = (office::room(), Scratch::new()?);
     let specs = CAMERAS.map(|name| office::video(name).display().to_string());
     let until = Instant::now() + LONGEST;

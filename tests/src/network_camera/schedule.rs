@@ -3,7 +3,7 @@
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use crate::chain::Said;
+use crate::chain::StepResult;
 
 /// Options of a camera: its clock, its network, its faults.
 #[derive(Debug, Clone, PartialEq)]
@@ -95,7 +95,7 @@ impl Outage {
 
 impl CameraOptions {
     /// Checks the ranges.
-    pub(super) fn validate(&self) -> Said<()> {
+    pub(super) fn validate(&self) -> StepResult<()> {
         let in_range = [
             ("rate_hz", self.rate_hz > 0.0 && self.rate_hz.is_finite()),
             ("delay_s", self.delay_s >= 0.0 && self.delay_s.is_finite()),

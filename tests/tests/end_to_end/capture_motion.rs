@@ -132,7 +132,7 @@ fn turning(picture: &RgbImage, wide: &Intrinsics, frames: u32) -> Capture {
         sampled: Sampled::ALL,
         reference: frames as usize - 1,
         intrinsics: Some(narrow),
-        told_focal_px: None,
+        exif_focal_px: None,
     }
 }
 
@@ -179,7 +179,7 @@ fn with_a_moving_poster(mut capture: Capture, columns: Range<f64>, phase: i64) -
 }
 
 #[test]
-fn what_moves_is_left_out_and_when_most_moves_it_is_said() {
+fn moving_things_are_left_out_and_mostly_moving_scenes_are_reported() {
     let mut capture = shipped("cam0");
     capture.frames.drain(..30);
     capture.reference = capture.frames.len() - 1;

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use calib::video::{FilmWriter, FrameSource};
 use image::RgbImage;
 use synthetic::{RoomOptions, SequenceOptions, WalkerOptions};
-use tests::chain::{Said, Tracking, evaluate_against, track_videos};
+use tests::chain::{StepResult, Tracking, evaluate_against, track_videos};
 use tests::data::{office, program};
 
 /// Every `step`-th frame of an office video from frame `first` (from 1) on, as a film of the rate that keeps its speed.
@@ -42,7 +42,7 @@ fn truth(first: usize, step: usize, folder: &Path) -> PathBuf {
     path
 }
 
-fn tracked(videos: [&Path; 2], truth: &Path, folder: &Path, options: &[&str]) -> Said<Tracking> {
+fn tracked(videos: [&Path; 2], truth: &Path, folder: &Path, options: &[&str]) -> StepResult<Tracking> {
     let (room, out) = (office().join("room"), folder.join("out"));
     track_videos(&room, &[("cam0", videos[0]), ("cam1", videos[1])], &out, options)?;
     evaluate_against(truth, &room, &room, &out)

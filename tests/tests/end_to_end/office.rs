@@ -23,7 +23,7 @@ fn people_are_followed_in_the_true_room() {
     assert!(maxima_m[1] <= 0.30, "{maxima_m:?} m");
 }
 
-/// Where people go tells where they were: what is told 0.4 s later is nearer to the truth.
+/// Later frames improve the estimates of earlier ones: estimates reported 0.4 s later are nearer to the truth.
 #[test]
 fn hindsight_is_worth_its_wait() {
     let (office, out) = (office(), tempfile::tempdir().unwrap());

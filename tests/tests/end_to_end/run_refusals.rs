@@ -199,7 +199,7 @@ fn a_film_that_ends_too_early() {
         .output()
         .expect("the program starts");
     refused(&output, &["torn.mp4", "frame", "promises 300"]);
-    whole_lines(&small.path("out/tracks.jsonl"));
+    assert_whole_lines(&small.path("out/tracks.jsonl"));
 }
 
 /// All results of the frames before an error are written, and no file is half-written.
@@ -221,7 +221,7 @@ fn films_plan_and_times_of_the_frames_before_an_error() {
 }
 
 /// Asserts that the lines written before the error are complete.
-fn whole_lines(path: &Path) {
+fn assert_whole_lines(path: &Path) {
     if let Ok(text) = fs::read_to_string(path) {
         assert!(text.is_empty() || text.ends_with('\n'), "{} ends in the middle of a line", path.display());
     }

@@ -9,7 +9,7 @@ use crate::plumb::{Plumb, tangents};
 
 /// Difference between the verticals of two cameras.
 #[derive(Debug, Clone)]
-pub(super) struct Level {
+pub(super) struct LevelConstraint {
     pub(super) from: usize,
     pub(super) onto: usize,
     /// Vertical in the frame of `from`.
@@ -18,7 +18,7 @@ pub(super) struct Level {
     across: Matrix2x3<f64>,
 }
 
-impl Level {
+impl LevelConstraint {
     /// Constraints of all cameras with a vertical, each with the first of them; standard deviations are those at the
     /// present poses.
     pub(super) fn all(plumb: &[Option<Plumb>], poses: &[Similarity3<f64>]) -> Vec<Self> {

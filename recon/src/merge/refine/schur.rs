@@ -3,8 +3,8 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, MatrixXx3, Vector2, Vector3};
 
-use super::state::{POINT, POSE, State};
-use super::term::Linearised;
+use super::state::{POINT, POSE, RefinementState};
+use super::term::LinearisedTerm;
 
 /// `JᵀWJ` in blocks, and `JᵀWr`.
 pub(super) struct NormalEquations {
@@ -32,7 +32,7 @@ struct Point {
 
 impl NormalEquations {
     /// Normal equations without observations.
-    pub(super) fn new(state: &State) -> Self {
+    pub(super) fn new(state: &RefinementState) -> Self {
         let (cameras, points) = (state.point_at(0), state.points.len());
         Self {
             cameras: DMatrix::zeros(cameras, cameras),
@@ -43,7 +43,7 @@ impl NormalEquations {
     }
 
     /// Adds an observation with this weight.
-    pub(super) fn add(&mut self, told: &Linearised, weight: f64) {
+    pub(super) fn add(&mut self, told: &LinearisedTerm, weight: f64) {
         let residual = Vector2::from(told.residual);
         for (a, by_a) in told.cameras() {
             let weighted = by_a.transpose() * weight;
@@ -117,7 +117,7 @@ impl Factored {
     }
 
     /// Variance of one component of an observation: its derivatives around the inverse.
-    pub(super) fn variance(&self, told: &Linearised, side: usize) -> f64 {
+    pub(super) fn variance(&self, told: &LinearisedTerm, side: usize) -> f64 {
         let mut by_cameras = DVector::zeros(self.cameras.l_dirty().nrows());
         for (at, by) in told.cameras() {
             let mut of_camera = by_cameras.fixed_rows_mut::<POSE>(*at);
@@ -145,13 +145,13 @@ mod tests {
     const CAMERAS: usize = 4;
     const POINTS: usize = 9;
 
-    fn none_moved() -> State {
-        State { poses: vec![Similarity3::identity(); CAMERAS], points: vec![None; POINTS] }
+    fn none_moved() -> RefinementState {
+        RefinementState { poses: vec![Similarity3::identity(); CAMERAS], points: vec![None; POINTS] }
     }
 
     /// Observations as in a merge: a point from a camera, or from the fixed one, or a camera from another. The last
     /// point is never observed.
-    fn observed(rng: &mut Pcg64Mcg) -> Vec<Linearised> {
+    fn observed(rng: &mut Pcg64Mcg) -> Vec<LinearisedTerm> {
         let mut rows = Vec::new();
         for camera in 0..CAMERAS - 1 {
             for point in 0..POINTS - 1 {
@@ -163,15 +163,15 @@ mod tests {
         rows
     }
 
-    fn random(rng: &mut Pcg64Mcg, cameras: &[usize], point: Option<usize>) -> Linearised {
+    fn random(rng: &mut Pcg64Mcg, cameras: &[usize], point: Option<usize>) -> LinearisedTerm {
         let mut number = |_, _| rng.random_range(-1.0..1.0);
         let cameras: Vec<_> = cameras.iter().map(|c| (c * POSE, ByCamera::from_fn(&mut number))).collect();
         let point = point.map(|p| (p, ByPoint::from_fn(&mut number)));
-        Linearised::of([number(0, 0), number(0, 0)], &cameras, point)
+        LinearisedTerm::of([number(0, 0), number(0, 0)], &cameras, point)
     }
 
     /// Derivatives of one component by all parameters.
-    fn jacobian(state: &State, told: &Linearised, side: usize) -> DVector<f64> {
+    fn jacobian(state: &RefinementState, told: &LinearisedTerm, side: usize) -> DVector<f64> {
         let mut dense = DVector::zeros(state.parameters());
         for (at, by) in told.cameras() {
             dense.fixed_rows_mut::<POSE>(*at).copy_from(&by.row(side).transpose());
@@ -219,11 +219,11 @@ mod tests {
     }
 
     #[test]
-    fn what_is_infinite_is_no_step() {
+    fn infinite_equations_give_no_step() {
         let state = none_moved();
         let mut blocks = NormalEquations::new(&state);
         let nothing = ByCamera::repeat(f64::NAN);
-        blocks.add(&Linearised::of([1.0, 0.0], &[(0, nothing)], None), 1.0);
+        blocks.add(&LinearisedTerm::of([1.0, 0.0], &[(0, nothing)], None), 1.0);
         assert!(blocks.factor(1.0).is_none());
     }
 }

@@ -9,14 +9,14 @@ pub(super) const POINT: usize = 3;
 
 /// Present cameras and points.
 #[derive(Clone)]
-pub(super) struct State {
+pub(super) struct RefinementState {
     /// Similarities from each camera's own frame into the common one.
     pub(super) poses: Vec<Similarity3<f64>>,
     /// Points in the common frame; `None` for a point that was left out.
     pub(super) points: Vec<Option<Point3<f64>>>,
 }
 
-impl State {
+impl RefinementState {
     /// State after a step of all parameters.
     pub(super) fn moved(&self, by: &DVector<f64>) -> Self {
         let poses = self

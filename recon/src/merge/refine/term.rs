@@ -5,20 +5,20 @@
 
 use nalgebra::{Matrix3, Point3, RowVector3, SMatrix, Similarity3, Vector3};
 
-use super::level::Level;
-use super::state::{POINT, POSE, State, pose_at};
-use super::{Pick, Scene};
+use super::level::LevelConstraint;
+use super::state::{POINT, POSE, RefinementState, pose_at};
+use super::{LiftedPick, Refinement};
 use crate::merge::overlap::Contact;
 
 /// An observation that constrains cameras or points.
 pub(super) enum Term<'a> {
-    Pixel(&'a Pick),
+    Pixel(&'a LiftedPick),
     /// A depth and its relative standard deviation.
-    Depth(&'a Pick, (f64, f64)),
+    Depth(&'a LiftedPick, (f64, f64)),
     /// A contact and the weight of its residual.
     Surface(&'a Contact, f64),
     /// Difference between the verticals of two cameras.
-    Level(&'a Level),
+    LevelConstraint(&'a LevelConstraint),
 }
 
 /// Derivatives of a point by the similarity that moves it.
@@ -31,7 +31,7 @@ pub(super) type ByPoint = SMatrix<f64, 2, POINT>;
 
 /// A residual (the second component is 0 except for pixels and levels) and its derivatives.
 #[derive(Default)]
-pub(super) struct Linearised {
+pub(super) struct LinearisedTerm {
     pub(super) residual: [f64; 2],
     /// Derivatives by up to two cameras, each with the index of its first parameter; none for the fixed camera.
     cameras: [Option<(usize, ByCamera)>; 2],
@@ -44,9 +44,9 @@ const BEHIND: [f64; 2] = [1e3, 1e3];
 
 /// All observations; contacts come with their weights.
 pub(super) fn terms<'a>(
-    picks: &'a [Pick],
+    picks: &'a [LiftedPick],
     contacts: &[(&'a Contact, f64)],
-    levels: &'a [Level],
+    levels: &'a [LevelConstraint],
 ) -> Vec<Term<'a>> {
     let depths = picks.iter().filter_map(|p| Some(Term::Depth(p, p.depth?)));
     picks
@@ -54,7 +54,7 @@ pub(super) fn terms<'a>(
         .map(Term::Pixel)
         .chain(depths)
         .chain(contacts.iter().map(|(contact, weight)| Term::Surface(contact, *weight)))
-        .chain(levels.iter().map(Term::Level))
+        .chain(levels.iter().map(Term::LevelConstraint))
         .collect()
 }
 
@@ -63,7 +63,7 @@ impl Term<'_> {
     /// another surface, so theirs falls earlier.
     fn softness(&self) -> f64 {
         match self {
-            Term::Pixel(_) | Term::Level(_) => 3.0,
+            Term::Pixel(_) | Term::LevelConstraint(_) => 3.0,
             Term::Depth(..) => 1.5,
             Term::Surface(_, weight) => 1.5 * weight,
         }
@@ -81,8 +81,8 @@ impl Term<'_> {
     }
 }
 
-impl Scene<'_> {
-    pub(super) fn residual(&self, state: &State, term: &Term<'_>) -> [f64; 2] {
+impl Refinement<'_> {
+    pub(super) fn residual(&self, state: &RefinementState, term: &Term<'_>) -> [f64; 2] {
         match term {
             Term::Pixel(pick) => {
                 let Some(seen) = state.seen(pick) else { return [0.0; 2] };
@@ -98,13 +98,13 @@ impl Scene<'_> {
                 [(seen.z / depth).ln() / (sigma * self.factors.depth[pick.camera]), 0.0]
             }
             Term::Surface(contact, weight) => [weight * contact.in_sigmas(&state.poses), 0.0],
-            Term::Level(level) => level.residual(&state.poses).into(),
+            Term::LevelConstraint(level) => level.residual(&state.poses).into(),
         }
     }
 
     /// The residual with its derivatives; without derivatives where it is constant, such as behind a camera.
-    pub(super) fn linearised(&self, state: &State, term: &Term<'_>) -> Linearised {
-        let mut told = Linearised { residual: self.residual(state, term), ..Linearised::default() };
+    pub(super) fn linearised(&self, state: &RefinementState, term: &Term<'_>) -> LinearisedTerm {
+        let mut told = LinearisedTerm { residual: self.residual(state, term), ..LinearisedTerm::default() };
         if told.residual == BEHIND {
             return told;
         }
@@ -133,7 +133,7 @@ impl Scene<'_> {
                     moving(contact.from, alone(&(row * turned_back(onto))) * by_moved(from, &common)),
                 ];
             }
-            Term::Level(level) => {
+            Term::LevelConstraint(level) => {
                 let by = level.by_turning(&state.poses);
                 told.cameras = [moving(level.from, by), moving(level.onto, -by)];
             }
@@ -142,7 +142,7 @@ impl Scene<'_> {
     }
 }
 
-impl Linearised {
+impl LinearisedTerm {
     /// Assembles an observation from its parts; at most two cameras.
     #[cfg(test)]
     pub(super) fn of(
@@ -160,7 +160,13 @@ impl Linearised {
 
     /// Sets the derivatives by the pose of a pick's camera and by its point, at `seen` in the camera's frame; `rows`
     /// are derivatives by the latter.
-    fn seen_by(&mut self, state: &State, pick: &Pick, seen: &Point3<f64>, rows: &SMatrix<f64, 2, 3>) {
+    fn seen_by(
+        &mut self,
+        state: &RefinementState,
+        pick: &LiftedPick,
+        seen: &Point3<f64>,
+        rows: &SMatrix<f64, 2, 3>,
+    ) {
         let pose = &state.poses[pick.camera];
         self.cameras[0] = moving(pick.camera, rows * by_seen_from(pose, seen));
         self.point = Some((pick.point, rows * turned_back(pose)));
@@ -177,9 +183,9 @@ fn alone(row: &RowVector3<f64>) -> SMatrix<f64, 2, 3> {
     SMatrix::from_rows(&[*row, RowVector3::zeros()])
 }
 
-impl State {
+impl RefinementState {
     /// Position of a pick's point in its camera's frame; `None` when the point was left out.
-    fn seen(&self, pick: &Pick) -> Option<Point3<f64>> {
+    fn seen(&self, pick: &LiftedPick) -> Option<Point3<f64>> {
         Some(self.poses[pick.camera].inverse() * self.points[pick.point]?)
     }
 }
@@ -237,8 +243,9 @@ mod tests {
         const STEP: f64 = 1e-6;
         let surfaces = [0, 1, 0].map(surface);
         let options = MergeOptions::default();
-        let scene = Scene { surfaces: &surfaces, options: &options, factors: Factors::loose(3), levels: &[] };
-        let state = State {
+        let scene =
+            Refinement { surfaces: &surfaces, options: &options, factors: Factors::loose(3), levels: &[] };
+        let state = RefinementState {
             poses: vec![
                 Similarity3::identity(),
                 pose([0.3, -0.5, 0.2], [1.0, -0.4, 0.3], 1.7),
@@ -246,7 +253,7 @@ mod tests {
             ],
             points: vec![None, Some(Point3::new(0.4, -0.3, 5.0)), Some(Point3::new(0.2, 0.1, -30.0))],
         };
-        let pick = |point: usize, camera: usize| Pick {
+        let pick = |point: usize, camera: usize| LiftedPick {
             point,
             camera,
             pixel: Point2::new(300.0, 250.0),
@@ -254,7 +261,7 @@ mod tests {
             depth: Some((4.0, 0.02)),
             by_hand: camera == 1,
         };
-        let picks: Vec<Pick> =
+        let picks: Vec<LiftedPick> =
             (0..3).flat_map(|point| (0..3).map(move |camera| pick(point, camera))).collect();
         let contact = |from: usize, onto: usize| Contact {
             from,
@@ -273,8 +280,11 @@ mod tests {
             Some(Plumb { up, covariance: without * sigma * sigma * without })
         };
         let ups = [[0.1, -0.9, 0.2], [0.5, -0.7, -0.3], [-0.3, -0.8, 0.4]].map(plumb);
-        let levels =
-            [Level::all(&ups, &state.poses), Level::all(&[None, ups[1], ups[2]], &state.poses)].concat();
+        let levels = [
+            LevelConstraint::all(&ups, &state.poses),
+            LevelConstraint::all(&[None, ups[1], ups[2]], &state.poses),
+        ]
+        .concat();
         assert_eq!(levels.len(), 3);
         let size = 2 * POSE + 3 * POINT;
         let mut compared = 0;

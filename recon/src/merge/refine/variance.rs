@@ -6,9 +6,9 @@
 //! joint fit and their redundancy (the share of an observation that the others could predict).
 
 use super::schur::NormalEquations;
-use super::state::State;
+use super::state::RefinementState;
 use super::term::{Term, terms};
-use super::{Pick, Scene};
+use super::{LiftedPick, Refinement};
 
 /// Number of observations as which the claimed precision counts.
 const PRIOR: f64 = 4.0;
@@ -77,19 +77,19 @@ impl Group {
     }
 }
 
-impl Scene<'_> {
+impl Refinement<'_> {
     /// Standard deviation of a coordinate of a pick by hand.
     pub(super) fn pick_sigma_px(&self) -> f64 {
         self.options.pick_sigma_px * self.factors.pick
     }
 
     /// Standard deviation of a coordinate of a pick or match.
-    pub(super) fn sigma_px(&self, pick: &Pick) -> f64 {
+    pub(super) fn sigma_px(&self, pick: &LiftedPick) -> f64 {
         if pick.by_hand { self.pick_sigma_px() } else { self.options.match_sigma_px }
     }
 
     /// Factors estimated from the residuals of a minimum.
-    pub(super) fn variance_factors(&self, state: &State, picks: &[Pick]) -> Factors {
+    pub(super) fn variance_factors(&self, state: &RefinementState, picks: &[LiftedPick]) -> Factors {
         let cameras = state.poses.len();
         let terms = terms(picks, &[], self.levels);
         let rows: Vec<_> = terms.iter().map(|term| self.linearised(state, term)).collect();
@@ -105,7 +105,7 @@ impl Scene<'_> {
                 Term::Pixel(pick) if !pick.by_hand => continue,
                 Term::Pixel(_) => (&mut of_picks, self.factors.pick, 0..2),
                 Term::Depth(pick, _) => (&mut of_depths[pick.camera], self.factors.depth[pick.camera], 0..1),
-                Term::Surface(..) | Term::Level(_) => continue,
+                Term::Surface(..) | Term::LevelConstraint(_) => continue,
             };
             for side in sides {
                 group.add(row.residual[side] * factor, 1.0 - factored.variance(row, side));
@@ -118,7 +118,7 @@ impl Scene<'_> {
     }
 
     /// Median relative standard deviation of the depths at each camera's picks; 0 without any.
-    pub(super) fn depth_sigma(&self, picks: &[Pick]) -> Vec<f64> {
+    pub(super) fn depth_sigma(&self, picks: &[LiftedPick]) -> Vec<f64> {
         let of = |(camera, factor): (usize, &f64)| {
             let mut sigmas: Vec<f64> =
                 picks.iter().filter(|p| p.camera == camera).filter_map(|p| Some(p.depth?.1)).collect();

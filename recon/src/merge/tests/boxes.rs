@@ -5,7 +5,7 @@ use glam::Vec3;
 use image::RgbImage;
 use nalgebra::{Isometry3, Point2, Point3, Vector3};
 
-use crate::surface::{Origin, Surface};
+use crate::surface::{DepthOrigin, Surface};
 
 /// Boxes by their least and greatest corners.
 pub(super) struct Boxes {
@@ -48,7 +48,7 @@ impl Boxes {
             depth,
             normal,
             agreeing: vec![4; count],
-            origin: vec![Origin::Stereo; count],
+            origin: vec![DepthOrigin::Stereo; count],
             step: 0.005,
         }
     }

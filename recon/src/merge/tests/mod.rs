@@ -271,7 +271,7 @@ fn picks_whose_depth_is_another_surfaces_do_not_make_a_space_bent() {
 }
 
 #[test]
-fn what_pictures_say_of_up_turns_a_camera_that_picks_leave_askew() {
+fn vertical_lines_correct_a_camera_rolled_by_its_picks() {
     // Picks as if the second camera had rolled.
     let surfaces = [surface(0), surface(1)];
     let mut project = project();

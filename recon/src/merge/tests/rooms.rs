@@ -9,14 +9,14 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
 
 use super::boxes::Boxes;
-use super::{MergeOptions, MergeReport, Merged, Pick, graph, lift, project_of, refine};
+use super::{LiftedPick, MergeOptions, MergeReport, Merged, graph, lift, project_of, refine};
 use crate::project::PickedPoint;
-use crate::surface::{Origin, Surface};
+use crate::surface::{DepthOrigin, Surface};
 
 const SIZE: (u32, u32) = (240, 180);
 
 /// A room, its reconstruction by two captures, and a person's picks.
-struct Scene {
+struct TestRoom {
     boxes: Boxes,
     lens: Intrinsics,
     poses: [Isometry3<f64>; 2],
@@ -33,7 +33,7 @@ const MATCHES: usize = 24;
 
 /// Constraints between the cameras beside their surfaces.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Joined {
+enum Constraints {
     ByPicks,
     ByMatchesToo,
 }
@@ -69,7 +69,7 @@ fn random_pose(boxes: &Boxes, end: f64, rng: &mut Pcg64Mcg) -> Isometry3<f64> {
     Isometry3::from_parts(eye.into(), rotation).inverse()
 }
 
-impl Scene {
+impl TestRoom {
     /// `bend`: relative error (standard deviation) of a capture's depths from one side of the picture to the other,
     /// from top to bottom, and from near to far. `pick_px`: error of a pick's coordinate.
     fn random(bend: f64, pick_px: f64, rng: &mut Pcg64Mcg) -> Self {
@@ -91,15 +91,15 @@ impl Scene {
         }
     }
 
-    fn merged(&self, by: Joined, align_surfaces: bool) -> (Merged, MergeReport) {
+    fn merged(&self, by: Constraints, align_surfaces: bool) -> (Merged, MergeReport) {
         let options = MergeOptions { align_surfaces, ..MergeOptions::default() };
         let project = project_of(self.picks.clone(), &self.lens);
         let lenses = [self.lens.clone(), self.lens.clone()];
         let mut picks = lift(&project, &self.surfaces, &lenses, &[vec![], vec![]], &options).unwrap();
         let start = graph::chain(&project, &picks, 2).unwrap();
-        if by == Joined::ByMatchesToo {
+        if by == Constraints::ByMatchesToo {
             for (point, in_common) in self.matches.iter().enumerate() {
-                picks.extend(in_common.picks.iter().map(|(camera, pixel)| Pick {
+                picks.extend(in_common.picks.iter().map(|(camera, pixel)| LiftedPick {
                     point: self.picks.len() + point,
                     camera: *camera,
                     pixel: *pixel,
@@ -161,7 +161,7 @@ fn reconstructed(mut surface: Surface, bend: f64, rng: &mut Pcg64Mcg) -> Surface
         let tilt = Vec3::from_array(std::array::from_fn(|_| 0.05 * normal(rng) as f32));
         surface.normal[i] = (surface.normal[i] + tilt).normalize();
         if unseen.iter().any(|[u0, v0, u1, v1]| (*u0..*u1).contains(&u) && (*v0..*v1).contains(&v)) {
-            surface.origin[i] = Origin::Filled;
+            surface.origin[i] = DepthOrigin::Filled;
         }
     }
     surface
@@ -202,7 +202,7 @@ fn in_common(
 
 /// Effect of the surfaces over many rooms.
 #[derive(Debug)]
-struct Told {
+struct Effect {
     /// Geometric mean of the ratio of the error with surfaces to that without.
     mean_ratio: f64,
     /// Largest such ratio.
@@ -215,20 +215,20 @@ struct Told {
     laid: f64,
 }
 
-fn over_rooms(by: Joined, bend: f64, pick_px: f64) -> Told {
+fn over_rooms(by: Constraints, bend: f64, pick_px: f64) -> Effect {
     const ROOMS: usize = 80;
     let mut rng = Pcg64Mcg::seed_from_u64(5);
     let mut errors = Vec::new();
     let mut laid = 0;
     for _ in 0..ROOMS {
-        let scene = Scene::random(bend, pick_px, &mut rng);
+        let scene = TestRoom::random(bend, pick_px, &mut rng);
         let ((without, _), (with, report)) = (scene.merged(by, false), scene.merged(by, true));
         laid += usize::from(report.surface_pairs > 0);
         errors.push([without, with].map(|merged| scene.error_m(&merged)));
     }
     let share = |count: usize| count as f64 / ROOMS as f64;
     let ratios: Vec<f64> = errors.iter().map(|[without, with]| with / without).collect();
-    Told {
+    Effect {
         mean_ratio: (ratios.iter().map(|ratio| ratio.ln()).sum::<f64>() / ROOMS as f64).exp(),
         worst: ratios.iter().copied().fold(0.0, f64::max),
         much_worse: share(ratios.iter().filter(|ratio| **ratio > 1.5).count()),
@@ -241,7 +241,7 @@ fn over_rooms(by: Joined, bend: f64, pick_px: f64) -> Told {
 #[test]
 fn surfaces_halve_the_error_of_straight_spaces() {
     for (bend, pick_px) in [(0.0, 0.5), (0.003, 1.0)] {
-        let told = over_rooms(Joined::ByPicks, bend, pick_px);
+        let told = over_rooms(Constraints::ByPicks, bend, pick_px);
         println!("bend {bend}, picks to {pick_px} px: {told:?}");
         assert!(told.mean_ratio < 0.5 && told.rms_m[1] < 0.7 * told.rms_m[0], "{told:?}");
         assert!(told.worst < 1.2 && told.laid > 0.95, "{told:?}");
@@ -255,7 +255,7 @@ fn surfaces_of_bent_spaces_are_better_than_picks_alone_or_as_good() {
     for (bend, pick_px, ratio) in
         [(0.01, 0.5, 0.85), (0.01, 1.0, 0.7), (0.03, 0.5, 1.05), (0.03, 1.0, 1.0), (0.1, 0.5, 1.1)]
     {
-        let told = over_rooms(Joined::ByPicks, bend, pick_px);
+        let told = over_rooms(Constraints::ByPicks, bend, pick_px);
         println!("bend {bend}, picks to {pick_px} px: {told:?}");
         assert!(told.mean_ratio < ratio && told.rms_m[1] < ratio.max(1.1) * told.rms_m[0], "{told:?}");
         assert!(told.much_worse < 0.15, "{told:?}");
@@ -265,7 +265,7 @@ fn surfaces_of_bent_spaces_are_better_than_picks_alone_or_as_good() {
 #[test]
 fn surfaces_beside_matches_are_better_than_those_alone() {
     for (bend, ratio) in [(0.0, 0.85), (0.01, 0.95), (0.03, 1.0)] {
-        let told = over_rooms(Joined::ByMatchesToo, bend, 0.7);
+        let told = over_rooms(Constraints::ByMatchesToo, bend, 0.7);
         println!("bend {bend}, beside matches: {told:?}");
         assert!(told.mean_ratio < ratio && told.rms_m[1] < ratio * told.rms_m[0], "{told:?}");
         assert!(told.much_worse < 0.02, "{told:?}");

@@ -21,14 +21,14 @@ fn pose_of(numbers: &[f64]) -> Option<Isometry3<f64>> {
 
 /// Intrinsics.
 #[derive(Serialize, Deserialize)]
-pub(super) struct Lens {
+pub(super) struct CachedLens {
     size: [u32; 2],
     focal: [f64; 2],
     center: [f64; 2],
     distortion: Distortion,
 }
 
-impl Lens {
+impl CachedLens {
     pub(super) fn of(k: &Intrinsics) -> Self {
         Self {
             size: [k.width, k.height],

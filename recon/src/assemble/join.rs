@@ -12,7 +12,7 @@ use crate::floor::{self, FloorReport, Plane, SurfacePoint};
 use crate::merge::{self, MergeReport, Merged};
 use crate::plumb::{self, Plumb};
 use crate::project::Project;
-use crate::surface::{Origin, Surface};
+use crate::surface::{DepthOrigin, Surface};
 
 /// Step between the pixels among which the floor is searched …
 const STRIDE: usize = 4;
@@ -20,7 +20,7 @@ const STRIDE: usize = 4;
 const COARSE_STRIDE: usize = 8;
 
 /// Cameras in one frame, and the floor there.
-pub(super) struct Joined {
+pub(super) struct JoinedCameras {
     pub(super) merged: Merged,
     pub(super) report: MergeReport,
     /// Pose (camera from the common frame) of each camera.
@@ -31,7 +31,7 @@ pub(super) struct Joined {
 
 impl Captures<'_> {
     /// Joins the cameras by the picks and, where the picks do not contradict it, by the lines in the pictures.
-    pub(super) fn joined(&self, project: &Project, options: &AssembleOptions) -> Result<Joined> {
+    pub(super) fn join_cameras(&self, project: &Project, options: &AssembleOptions) -> Result<JoinedCameras> {
         let merge = |plumb: &[Option<Plumb>]| {
             merge::merge(project, self.surfaces, self.lenses, self.measured, plumb, &options.merge)
         };
@@ -68,14 +68,14 @@ impl Captures<'_> {
         report: MergeReport,
         plumb: &[Option<Plumb>],
         options: &AssembleOptions,
-    ) -> Joined {
+    ) -> JoinedCameras {
         let poses = merged.poses();
         let points = surface_points(self.surfaces, &merged.common_from_camera, STRIDE);
         let told = plumb.iter().zip(&poses);
         let plumb: Vec<Plumb> =
             told.filter_map(|(of, pose)| Some(of.as_ref()?.turned(&pose.rotation.inverse()))).collect();
         let floor = floor::find(&points, &poses, &plumb, &options.floor);
-        Joined { merged, report, poses, floor }
+        JoinedCameras { merged, report, poses, floor }
     }
 }
 
@@ -90,7 +90,8 @@ fn surface_points(
         for y in (0..surface.height()).step_by(stride) {
             for x in (0..surface.width()).step_by(stride) {
                 let i = y * surface.width() + x;
-                let Some(point) = surface.point(i).filter(|_| surface.origin[i] == Origin::Stereo) else {
+                let Some(point) = surface.point(i).filter(|_| surface.origin[i] == DepthOrigin::Stereo)
+                else {
                     continue;
                 };
                 let scale = common.scaling();

@@ -2,19 +2,19 @@
 //! resumes at its last stage, and a room is rebuilt from other picks without processing its films again.
 //!
 //! While a room is unfinished the files are in `OUT.unfinished`, afterwards in the room's cache ([`scenes::cache`]),
-//! each keyed by all its inputs: the camera's motion ([`moved`]) by frames, lens, its options, seed; the surface
-//! ([`seen`]) by these and the options of stereo and planes.
+//! each keyed by all its inputs: the camera's motion ([`motion`]) by frames, lens, its options, seed; the surface
+//! ([`surface`]) by these and the options of stereo and planes.
 
-mod moved;
+mod motion;
 mod numbers;
-mod seen;
+mod surface;
 
 use std::path::{Path, PathBuf};
 
 use scenes::cache;
 
 use super::BuildOptions;
-use super::camera::{Moved, Seen};
+use super::camera::{CameraMotion, ProcessedCapture};
 use crate::capture::Capture;
 
 /// Parts of the keys: change them when the results of a capture change.
@@ -22,7 +22,7 @@ const MOTION: &str = "capture to motion 1";
 const SURFACE: &str = "motion to surface 2";
 
 /// Cache folders of a room's finished stages.
-pub(super) struct Kept {
+pub(super) struct StageCache {
     unfinished: PathBuf,
     room: PathBuf,
 }
@@ -45,7 +45,7 @@ impl Keys {
             capture.sampled,
             capture.reference,
             capture.intrinsics,
-            capture.told_focal_px,
+            capture.exif_focal_px,
             options.seed,
             options.motion,
         );
@@ -63,7 +63,7 @@ impl Keys {
     }
 }
 
-impl Kept {
+impl StageCache {
     pub(super) fn beside(room: &Path) -> Self {
         let mut name = room.file_name().unwrap_or_default().to_owned();
         name.push(".unfinished");
@@ -71,25 +71,25 @@ impl Kept {
     }
 
     /// Cached motion of the same capture by the same options.
-    pub(super) fn moved(&self, camera: &str, keys: &Keys) -> Option<Moved> {
-        moved::decode(&self.read(&motion_file(camera), &keys.motion)?)
+    pub(super) fn motion(&self, camera: &str, keys: &Keys) -> Option<CameraMotion> {
+        motion::decode(&self.read(&motion_file(camera), &keys.motion)?)
     }
 
     /// Cached results of the same capture by the same options.
-    pub(super) fn seen(&self, camera: &str, keys: &Keys) -> Option<Seen> {
-        seen::decode(&self.read(&surface_file(camera), &keys.surface)?)
+    pub(super) fn surface(&self, camera: &str, keys: &Keys) -> Option<ProcessedCapture> {
+        surface::decode(&self.read(&surface_file(camera), &keys.surface)?)
     }
 
     /// Caches a camera's motion until the room is finished.
-    pub(super) fn keep_moved(&self, camera: &str, keys: &Keys, moved: &Moved) {
-        if let Some(content) = moved::encode(moved) {
+    pub(super) fn store_motion(&self, camera: &str, keys: &Keys, motion: &CameraMotion) {
+        if let Some(content) = motion::encode(motion) {
             cache::write(&self.unfinished, &motion_file(camera), &keys.motion, &content);
         }
     }
 
     /// Caches the results of a capture until the room is finished.
-    pub(super) fn keep_seen(&self, camera: &str, keys: &Keys, seen: &Seen) {
-        if let Some(content) = seen::encode(seen) {
+    pub(super) fn store_surface(&self, camera: &str, keys: &Keys, processed: &ProcessedCapture) {
+        if let Some(content) = surface::encode(processed) {
             cache::write(&self.unfinished, &surface_file(camera), &keys.surface, &content);
         }
     }
@@ -142,40 +142,43 @@ mod tests {
             sampled: Sampled::ALL,
             reference: 1,
             intrinsics: None,
-            told_focal_px: None,
+            exif_focal_px: None,
         }
     }
 
     #[test]
-    fn what_is_kept_comes_back_to_the_last_bit() {
+    fn cached_stages_read_back_bit_by_bit() {
         let folder = tempfile::tempdir().unwrap();
-        let kept = Kept::beside(&folder.path().join("room"));
-        let (seen, moved) = (seen::tests::seen(), moved::tests::moved());
+        let cache = StageCache::beside(&folder.path().join("room"));
+        let (processed, motion) = (surface::tests::processed(), motion::tests::motion());
         let keys = Keys::of(&capture(), &BuildOptions::default());
-        assert!(kept.seen("cam0", &keys).is_none() && kept.moved("cam0", &keys).is_none());
-        kept.keep_moved("cam0", &keys, &moved);
-        let back = kept.moved("cam0", &keys).unwrap();
-        assert_eq!((back.lens, back.report), (moved.lens, moved.report));
-        assert_eq!((back.camera_from_world, back.points), (moved.camera_from_world, moved.points));
+        assert!(cache.surface("cam0", &keys).is_none() && cache.motion("cam0", &keys).is_none());
+        cache.store_motion("cam0", &keys, &motion);
+        let back = cache.motion("cam0", &keys).unwrap();
+        assert_eq!((back.lens, back.report), (motion.lens, motion.report));
+        assert_eq!((back.camera_from_world, back.points), (motion.camera_from_world, motion.points));
 
-        kept.keep_seen("cam0", &keys, &seen);
-        let whole = |back: Seen| {
-            assert_eq!((&back.lens, &back.report), (&seen.lens, &seen.report));
-            assert_eq!((&back.camera_from_world, back.range), (&seen.camera_from_world, seen.range));
-            let (a, b) = (&back.surface, &seen.surface);
+        cache.store_surface("cam0", &keys, &processed);
+        let whole = |back: ProcessedCapture| {
+            assert_eq!((&back.lens, &back.report), (&processed.lens, &processed.report));
+            assert_eq!(
+                (&back.camera_from_world, back.range),
+                (&processed.camera_from_world, processed.range)
+            );
+            let (a, b) = (&back.surface, &processed.surface);
             assert_eq!((&a.picture, &a.depth, &a.normal), (&b.picture, &b.depth, &b.normal));
             assert_eq!((&a.agreeing, &a.origin, a.step), (&b.agreeing, &b.origin, b.step));
-            assert_eq!((&a.intrinsics, &back.key_frame_discs), (&b.intrinsics, &seen.key_frame_discs));
+            assert_eq!((&a.intrinsics, &back.key_frame_discs), (&b.intrinsics, &processed.key_frame_discs));
         };
-        whole(kept.seen("cam0", &keys).unwrap());
+        whole(cache.surface("cam0", &keys).unwrap());
 
         // The finished room has both files; nothing is left beside it.
         let room = folder.path().join("room");
-        kept.hand_over(&room, "cam0", &keys);
-        kept.done(["cam0"].into_iter());
+        cache.hand_over(&room, "cam0", &keys);
+        cache.done(["cam0"].into_iter());
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "something was left behind");
-        whole(kept.seen("cam0", &keys).unwrap());
-        assert!(kept.moved("cam0", &keys).is_some());
+        whole(cache.surface("cam0", &keys).unwrap());
+        assert!(cache.motion("cam0", &keys).is_some());
     }
 
     #[test]
@@ -192,7 +195,7 @@ mod tests {
         other(&|capture, _| capture.reference = 0);
         other(&|capture, _| capture.sampled = Sampled { first: 0, stride: 2 });
         other(&|capture, _| capture.intrinsics = Some(Intrinsics::from_horizontal_fov(8, 6, 60.0)));
-        other(&|capture, _| capture.told_focal_px = Some(7.0));
+        other(&|capture, _| capture.exif_focal_px = Some(7.0));
         other(&|capture, _| capture.frames = vec![RgbImage::new(6, 8), RgbImage::new(6, 8)]);
         other(&|_, options| options.seed = 1);
         let all = |others: &[Keys], of: fn(&Keys) -> blake3::Hash| {

@@ -6,7 +6,7 @@
 
 use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
 
-use super::sketch::Sketch;
+use super::partial_reconstruction::PartialReconstruction;
 
 /// Relative excess of the worse start's error up to which it fits almost as well.
 const ALMOST: f64 = 0.1;
@@ -24,11 +24,14 @@ struct Difference {
 }
 
 /// Warning when the start that lost fits almost as well as the one that was kept, and differs from it.
-pub(super) fn doubt(kept: &Sketch<'_>, lost: Option<&Sketch<'_>>) -> Option<String> {
+pub(super) fn doubt(
+    kept: &PartialReconstruction<'_>,
+    lost: Option<&PartialReconstruction<'_>>,
+) -> Option<String> {
     let lost = lost?;
     let errors = [kept.robust_error_px(), lost.robust_error_px()];
     let difference = difference(&kept.poses, &lost.poses)?;
-    is_rival(errors, &difference).then(|| {
+    is_ambiguous(errors, &difference).then(|| {
         format!(
             "two different motions fit its capture almost equally well ({:.2} and {:.2} px; they differ by {:.1}° and {:.0} % of \
              the path), so the one kept may be wrong: look at its preview, and film along a wider path, with more different \
@@ -41,7 +44,7 @@ pub(super) fn doubt(kept: &Sketch<'_>, lost: Option<&Sketch<'_>>) -> Option<Stri
     })
 }
 
-fn is_rival([kept_px, lost_px]: [f64; 2], difference: &Difference) -> bool {
+fn is_ambiguous([kept_px, lost_px]: [f64; 2], difference: &Difference) -> bool {
     lost_px <= (1.0 + ALMOST) * kept_px
         && (difference.rotation_deg > OTHER_DEG || difference.position_share > OTHER_SHARE)
 }
@@ -106,16 +109,16 @@ mod tests {
         // A pose's translation scales with the world after rotation and shift.
         let same = difference(&path(0.0), &moved.collect::<Vec<_>>()).unwrap();
         assert!(same.rotation_deg < 1e-5 && same.position_share < 1e-9, "{same:?}");
-        assert!(!is_rival([0.5, 0.5], &same));
+        assert!(!is_ambiguous([0.5, 0.5], &same));
     }
 
     #[test]
     fn another_motion_that_fits_as_well_is_a_rival() {
         let other = difference(&path(0.0), &path(0.2)).unwrap();
         assert!(other.rotation_deg > 2.0 && other.position_share > 0.1, "{other:?}");
-        assert!(is_rival([0.5, 0.52], &other) && !is_rival([0.5, 0.6], &other));
+        assert!(is_ambiguous([0.5, 0.52], &other) && !is_ambiguous([0.5, 0.6], &other));
         let turned = Difference { rotation_deg: 0.2, position_share: 0.3 };
-        assert!(is_rival([0.5, 0.5], &turned));
+        assert!(is_ambiguous([0.5, 0.5], &turned));
     }
 
     #[test]

@@ -6,12 +6,12 @@ use calib::Intrinsics;
 use nalgebra::{Isometry3, Point2, Point3};
 use rayon::prelude::*;
 
-use super::triangulation::{self, Acceptance, Sighting};
+use super::triangulation::{self, PoseObservation, TriangulationLimits};
 use super::two_views::median;
 use crate::bundle::{
-    self, BundleOptions, BundleReport, LensEvidence, LensFreedom, Loss, Observation, Problem,
+    self, BundleOptions, BundleProblem, BundleReport, LensEvidence, LensFreedom, Loss, Observation,
 };
-use crate::features::Track;
+use crate::features::FeatureTrack;
 
 /// Error at which an observation counts as wrong when whole reconstructions are compared, pixels.
 const WRONG_PX: f64 = 3.0;
@@ -23,9 +23,9 @@ pub(super) const FINAL: f64 = 1e-5;
 
 /// Poses and points, in the frame and scale of their start.
 #[derive(Debug, Clone)]
-pub(crate) struct Sketch<'a> {
+pub(crate) struct PartialReconstruction<'a> {
     /// Tracks; borrowed until lost features are found again.
-    pub(crate) tracks: Cow<'a, [Track]>,
+    pub(crate) tracks: Cow<'a, [FeatureTrack]>,
     pub(crate) intrinsics: Intrinsics,
     /// Pose of each frame.
     pub(crate) poses: Vec<Option<Isometry3<f64>>>,
@@ -69,8 +69,8 @@ impl Adjustment {
     }
 }
 
-impl<'a> Sketch<'a> {
-    pub(crate) fn new(tracks: &'a [Track], intrinsics: Intrinsics, frames: usize) -> Self {
+impl<'a> PartialReconstruction<'a> {
+    pub(crate) fn new(tracks: &'a [FeatureTrack], intrinsics: Intrinsics, frames: usize) -> Self {
         Self {
             tracks: Cow::Borrowed(tracks),
             intrinsics,
@@ -90,14 +90,14 @@ impl<'a> Sketch<'a> {
     }
 
     /// Triangulates every track anew, or only those without a point.
-    pub(crate) fn triangulate(&mut self, accept: &Acceptance, only_missing: bool) {
+    pub(crate) fn triangulate(&mut self, accept: &TriangulationLimits, only_missing: bool) {
         let points: Vec<Option<Point3<f64>>> = (0..self.tracks.len())
             .into_par_iter()
             .with_min_len(16)
             .map(|track| match self.points[track] {
                 Some(point) if only_missing => Some(point),
                 _ => {
-                    let sightings: Vec<Sighting<'_>> = self.tracks[track]
+                    let sightings: Vec<PoseObservation<'_>> = self.tracks[track]
                         .observations
                         .iter()
                         .filter_map(|(frame, pixel)| Some((self.poses[*frame].as_ref()?, *pixel)))
@@ -111,7 +111,7 @@ impl<'a> Sketch<'a> {
 
     /// Errors of all observations that have a pose and a point, pixels.
     pub(crate) fn errors_px(&self) -> Vec<f64> {
-        let of_track = |(track, point): (&Track, &Option<Point3<f64>>)| -> Vec<f64> {
+        let of_track = |(track, point): (&FeatureTrack, &Option<Point3<f64>>)| -> Vec<f64> {
             let Some(point) = point else { return Vec::new() };
             track.observations.iter().filter_map(|(f, pixel)| self.error_px(*f, point, pixel)).collect()
         };
@@ -180,13 +180,13 @@ impl<'a> Sketch<'a> {
     }
 
     /// Bundle problem, with the frame of each of its poses and the track of each of its points.
-    fn problem(&self, how: &Adjustment) -> Option<(Problem, Vec<usize>, Vec<usize>)> {
+    fn problem(&self, how: &Adjustment) -> Option<(BundleProblem, Vec<usize>, Vec<usize>)> {
         let frames: Vec<usize> = (0..self.poses.len()).filter(|&f| self.poses[f].is_some()).collect();
         let mut pose_of = vec![usize::MAX; self.poses.len()];
         for (index, frame) in frames.iter().enumerate() {
             pose_of[*frame] = index;
         }
-        let mut problem = Problem {
+        let mut problem = BundleProblem {
             intrinsics: self.intrinsics.clone(),
             poses: self.poses.iter().flatten().copied().collect(),
             points: Vec::new(),
@@ -222,7 +222,7 @@ impl<'a> Sketch<'a> {
         let mut report = None;
         for round in 0..rounds {
             let noise = self.noise_px().clamp(0.05, 4.0);
-            let accept = Acceptance {
+            let accept = TriangulationLimits {
                 max_error_px: (8.0 * noise).max(1.0),
                 min_angle: 0.5_f64.to_radians(),
                 min_sightings: 3,

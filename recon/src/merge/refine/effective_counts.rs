@@ -1,10 +1,10 @@
 //! Effective number of independent observations in the contacts of each camera pair.
 //!
-//! Where a capture's motion has bent its space, its surfaces err together, however many contacts there are; aligned
-//! with another camera's they keep a distance that no rotation or scale removes. Stereo's noise keeps them apart as
-//! well, and picks' depths are measured at edges, near other surfaces: a space counts as bent if both the contacts and
-//! the picks indicate it. Even a straight space has errors common to all its surface, such as a tenth of a pixel of
-//! drift of the features, so the effective number is always below the number of contacts.
+//! If a capture's motion has bent its space, its surfaces err together, however many contacts there are; aligned with
+//! another camera's they keep a distance that no rotation or scale removes. Stereo's noise keeps them apart as well,
+//! and picks' depths are measured at edges, near other surfaces: a space counts as bent if both the contacts and the
+//! picks indicate it. Even a straight space has errors common to all its surface, such as a tenth of a pixel of drift
+//! of the features, so the effective number is always below the number of contacts.
 
 use nalgebra::Similarity3;
 
@@ -22,7 +22,7 @@ const BENDS: f64 = 3.0;
 /// Effective number of independent observations, of stereo's standard deviation, in the contacts of each pair of
 /// cameras.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Worth {
+pub(super) struct EffectiveCounts {
     cameras: usize,
     /// Number for straight spaces.
     stereo: f64,
@@ -30,7 +30,7 @@ pub(super) struct Worth {
     independent: Vec<f64>,
 }
 
-impl Worth {
+impl EffectiveCounts {
     /// Numbers for straight spaces; `beside_matches`: whether matches constrain the cameras.
     pub(super) fn straight(cameras: usize, beside_matches: bool) -> Self {
         let stereo = if beside_matches { STEREO_BESIDE_MATCHES } else { STEREO };
