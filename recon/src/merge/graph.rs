@@ -5,8 +5,8 @@ use nalgebra::{Point3, Similarity3};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 
-use super::{LiftedPick, is_wide};
-use crate::project::{LEAST_SHARED_POINTS, Project};
+use super::LiftedPick;
+use crate::project::{LEAST_SHARED_POINTS, Project, is_wide};
 use crate::{Error, Result};
 
 /// A similarity between two cameras and the number of picks that support it.

@@ -13,7 +13,6 @@ mod overlap;
 mod refine;
 #[cfg(test)]
 mod tests;
-mod width;
 
 use nalgebra::{Isometry3, Point2, Point3, Similarity3};
 
@@ -23,7 +22,6 @@ use crate::proposals;
 use crate::ray_depth::{MeasuredPixel, RayDepth};
 use crate::surface::Surface;
 use crate::{Error, Result};
-pub(crate) use width::is_wide;
 
 /// Options of joining cameras.
 #[derive(Debug, Clone)]

@@ -7,6 +7,7 @@ mod pixels;
 mod tables;
 #[cfg(test)]
 mod tests;
+mod width;
 
 use std::path::{Path, PathBuf};
 
@@ -17,6 +18,8 @@ use nalgebra::Point2;
 use crate::Result;
 use crate::capture::ReferenceFrame;
 use tables::ProjectFile;
+
+pub(crate) use width::is_wide;
 
 /// Number of points that a pair of cameras must share for Horn's closed form.
 pub const LEAST_SHARED_POINTS: usize = 3;

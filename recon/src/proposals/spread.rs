@@ -3,8 +3,7 @@
 use nalgebra::Point3;
 
 use super::guided::GuidedMatch;
-use crate::merge;
-use crate::project::LEAST_SHARED_POINTS;
+use crate::project::{self, LEAST_SHARED_POINTS};
 
 /// Chooses at most `count` matches, each the one farthest from all before; the best-correlated first.
 pub(super) fn choose(found: &[GuidedMatch], count: usize) -> Vec<GuidedMatch> {
@@ -32,7 +31,7 @@ pub(super) fn choose(found: &[GuidedMatch], count: usize) -> Vec<GuidedMatch> {
 /// Tells whether the points suffice to join two cameras: enough, and not on a line.
 pub(super) fn is_wide(chosen: &[GuidedMatch]) -> bool {
     let points: Vec<Point3<f64>> = chosen.iter().map(|m| m.positions[0]).collect();
-    points.len() >= LEAST_SHARED_POINTS && merge::is_wide(&points)
+    points.len() >= LEAST_SHARED_POINTS && project::is_wide(&points)
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@
 
 use nalgebra::{Matrix2x3, Matrix3, Similarity3, Vector2, Vector3};
 
-use super::term::ByCamera;
+use super::state::ByCamera;
 use crate::plumb::{Plumb, tangents};
 
 /// Difference between the verticals of two cameras.

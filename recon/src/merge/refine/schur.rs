@@ -139,7 +139,7 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64Mcg;
 
-    use super::super::term::{ByCamera, ByPoint};
+    use super::super::state::{ByCamera, ByPoint};
     use super::*;
 
     const CAMERAS: usize = 4;

@@ -1,11 +1,16 @@
 //! Parameters of the joint refinement: the cameras' similarities and the picked points, as one vector.
 
-use nalgebra::{DVector, Point3, Similarity3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{DVector, Point3, SMatrix, Similarity3, Translation3, UnitQuaternion, Vector3};
 
 /// Number of parameters of a camera.
 pub(super) const POSE: usize = 7;
 /// Number of parameters of a point.
 pub(super) const POINT: usize = 3;
+
+/// Derivatives of a residual by a pose: a row for each component.
+pub(super) type ByCamera = SMatrix<f64, 2, POSE>;
+/// Derivatives of a residual by a point.
+pub(super) type ByPoint = SMatrix<f64, 2, POINT>;
 
 /// Present cameras and points.
 #[derive(Clone)]

@@ -6,7 +6,7 @@
 use nalgebra::{Matrix3, Point3, RowVector3, SMatrix, Similarity3, Vector3};
 
 use super::level::LevelConstraint;
-use super::state::{POINT, POSE, RefinementState, pose_at};
+use super::state::{ByCamera, ByPoint, POSE, RefinementState, pose_at};
 use super::{LiftedPick, Refinement};
 use crate::merge::overlap::Contact;
 
@@ -18,16 +18,11 @@ pub(super) enum Term<'a> {
     /// A contact and the weight of its residual.
     Surface(&'a Contact, f64),
     /// Difference between the verticals of two cameras.
-    LevelConstraint(&'a LevelConstraint),
+    Level(&'a LevelConstraint),
 }
 
 /// Derivatives of a point by the similarity that moves it.
 type ByPose = SMatrix<f64, 3, POSE>;
-
-/// Derivatives of a residual by a pose: a row for each component.
-pub(super) type ByCamera = SMatrix<f64, 2, POSE>;
-/// Derivatives of a residual by a point.
-pub(super) type ByPoint = SMatrix<f64, 2, POINT>;
 
 /// A residual (the second component is 0 except for pixels and levels) and its derivatives.
 #[derive(Default)]
@@ -54,7 +49,7 @@ pub(super) fn terms<'a>(
         .map(Term::Pixel)
         .chain(depths)
         .chain(contacts.iter().map(|(contact, weight)| Term::Surface(contact, *weight)))
-        .chain(levels.iter().map(Term::LevelConstraint))
+        .chain(levels.iter().map(Term::Level))
         .collect()
 }
 
@@ -63,7 +58,7 @@ impl Term<'_> {
     /// another surface, so theirs falls earlier.
     fn softness(&self) -> f64 {
         match self {
-            Term::Pixel(_) | Term::LevelConstraint(_) => 3.0,
+            Term::Pixel(_) | Term::Level(_) => 3.0,
             Term::Depth(..) => 1.5,
             Term::Surface(_, weight) => 1.5 * weight,
         }
@@ -98,7 +93,7 @@ impl Refinement<'_> {
                 [(seen.z / depth).ln() / (sigma * self.factors.depth[pick.camera]), 0.0]
             }
             Term::Surface(contact, weight) => [weight * contact.in_sigmas(&state.poses), 0.0],
-            Term::LevelConstraint(level) => level.residual(&state.poses).into(),
+            Term::Level(level) => level.residual(&state.poses).into(),
         }
     }
 
@@ -133,7 +128,7 @@ impl Refinement<'_> {
                     moving(contact.from, alone(&(row * turned_back(onto))) * by_moved(from, &common)),
                 ];
             }
-            Term::LevelConstraint(level) => {
+            Term::Level(level) => {
                 let by = level.by_turning(&state.poses);
                 told.cameras = [moving(level.from, by), moving(level.onto, -by)];
             }
@@ -228,6 +223,7 @@ pub(super) fn norm(residual: [f64; 2]) -> f64 {
 mod tests {
     use nalgebra::{DVector, Point2};
 
+    use super::super::state::POINT;
     use super::super::variance::Factors;
     use super::*;
     use crate::merge::MergeOptions;

@@ -105,7 +105,7 @@ impl Refinement<'_> {
                 Term::Pixel(pick) if !pick.by_hand => continue,
                 Term::Pixel(_) => (&mut of_picks, self.factors.pick, 0..2),
                 Term::Depth(pick, _) => (&mut of_depths[pick.camera], self.factors.depth[pick.camera], 0..1),
-                Term::Surface(..) | Term::LevelConstraint(_) => continue,
+                Term::Surface(..) | Term::Level(_) => continue,
             };
             for side in sides {
                 group.add(row.residual[side] * factor, 1.0 - factored.variance(row, side));
