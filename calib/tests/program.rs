@@ -1,4 +1,4 @@
-//! The program `calib` as a person runs it: output, exit status, and what it says when something is wrong.
+//! The program `calib` as a person runs it: output, exit status, and error lines.
 #![allow(clippy::unwrap_used)] // a test that cannot go on should stop
 
 use std::fmt::Write;

@@ -53,7 +53,7 @@ fn occlusion() -> StepResult<()> {
         let mut trials = Vec::new();
         for (_, options) in &variants {
             for integration in Integration::ALL {
-                trials.push(Trial::new(&room, CondensationOptions { integration, ..options.clone() })?);
+                trials.push(HeadTrial::new(&room, CondensationOptions { integration, ..options.clone() })?);
             }
         }
         follow_behind_screen(&room, &walkers, &mut trials)?;
@@ -75,7 +75,7 @@ fn occlusion() -> StepResult<()> {
 }
 
 /// One tracker in one trial.
-struct Trial {
+struct HeadTrial {
     tracker: Condensation,
     /// Track on the head before it was hidden.
     who: Option<TrackId>,
@@ -85,7 +85,7 @@ struct Trial {
     is_lost: bool,
 }
 
-impl Trial {
+impl HeadTrial {
     fn new(room: &SyntheticRoom, options: CondensationOptions) -> StepResult<Self> {
         Ok(Self { tracker: tracker(room, options)?, who: None, was_hidden: false, off: 0, is_lost: false })
     }
@@ -95,7 +95,7 @@ impl Trial {
 fn follow_behind_screen(
     room: &SyntheticRoom,
     walkers: &WalkerOptions,
-    trials: &mut [Trial],
+    trials: &mut [HeadTrial],
 ) -> StepResult<()> {
     let sequence = recording(room, walkers, RATE_HZ, 16.0);
     for frame in sequence.frames() {

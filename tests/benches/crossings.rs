@@ -54,7 +54,7 @@ fn main() -> StepResult<()> {
     let mut wrong = [Vec::new(), Vec::new()];
     for seed in first..first + count {
         let made = hall(seed)?;
-        let crossing = Crossing::new(seed, &made);
+        let crossing = HallCrossing::new(seed, &made);
         for (i, is_right) in
             crossing.follow(&made, &rules.clone().map(|(_, rule)| rule))?.into_iter().enumerate()
         {
@@ -87,13 +87,13 @@ fn hall(seed: u64) -> StepResult<SyntheticRoom> {
 }
 
 /// Two people who meet in the middle of a hall and go on through it.
-struct Crossing {
+struct HallCrossing {
     seed: u64,
     ways: [Vec<Point2<f64>>; 2],
     met_s: f64,
 }
 
-impl Crossing {
+impl HallCrossing {
     fn new(seed: u64, made: &SyntheticRoom) -> Self {
         let mut rng = Pcg64Mcg::seed_from_u64(seed);
         let mut between = |low: f64, high: f64| rng.random_range(low..high);

@@ -11,7 +11,7 @@ use calib::Distortion;
 use serde_json::Value;
 use tests::chain::{StepResult, run};
 use tests::data::{office, program};
-use tests::live::films::{Hall, Recorded, office_recorded};
+use tests::live::films::{Hall, RecordedRoom, office_recorded};
 
 /// Name of each method, and its options.
 const METHODS: [(&str, &[&str]); 7] = [
@@ -48,7 +48,7 @@ fn main() -> StepResult<()> {
 }
 
 /// Prints a line for each method.
-fn compare(set: &str, recorded: &Recorded, truth: &Path) -> StepResult<()> {
+fn compare(set: &str, recorded: &RecordedRoom, truth: &Path) -> StepResult<()> {
     let scratch = tempfile::tempdir().map_err(|e| e.to_string())?;
     for (method, options) in METHODS {
         let out = scratch.path().join(method.replace(' ', "_"));
@@ -67,7 +67,7 @@ fn compare(set: &str, recorded: &Recorded, truth: &Path) -> StepResult<()> {
 }
 
 /// Runs a method; returns its standard error.
-fn follow(recorded: &Recorded, out: &Path, options: &[&str]) -> StepResult<String> {
+fn follow(recorded: &RecordedRoom, out: &Path, options: &[&str]) -> StepResult<String> {
     let videos = recorded.videos.iter();
     let videos = videos.flat_map(|(name, path)| ["--video".to_owned(), format!("{name}={}", path.display())]);
     let mut command = program("tracker");

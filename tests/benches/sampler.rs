@@ -24,7 +24,7 @@ const CHOICES: [(&str, &[&str]); 7] = [
 const SEEDS: [&str; 2] = ["1", "2"];
 
 /// One recording with its truth.
-struct Recording {
+struct MaskRecording {
     name: &'static str,
     room: PathBuf,
     /// `NAME=PATH` of each camera's masks.
@@ -68,7 +68,7 @@ fn main() -> StepResult<()> {
 }
 
 /// The office, and further available data. Masks of films are made once, so that every choice gets the same ones.
-fn recordings(scratch: &Path) -> StepResult<Vec<Recording>> {
+fn recordings(scratch: &Path) -> StepResult<Vec<MaskRecording>> {
     let text = |path: PathBuf| path.display().to_string();
     let masks_of = |name: &str, videos: &[(&str, PathBuf)], times: &[String]| -> StepResult<Vec<String>> {
         let out = scratch.join(name);
@@ -83,7 +83,7 @@ fn recordings(scratch: &Path) -> StepResult<Vec<Recording>> {
     let home = office();
     let rate = |rate: &str| vec!["--rate".to_owned(), rate.to_owned()];
     let videos = ["cam0", "cam1"].map(|name| (name, home.join(format!("video/{name}.mp4"))));
-    let mut recordings = vec![Recording {
+    let mut recordings = vec![MaskRecording {
         name: "office",
         masks: masks_of("office", &videos, &rate("12"))?,
         times: rate("12"),
@@ -93,7 +93,7 @@ fn recordings(scratch: &Path) -> StepResult<Vec<Recording>> {
         room: home.join("room"),
     }];
     if let Some(home) = shared("cmc1") {
-        recordings.push(Recording {
+        recordings.push(MaskRecording {
             name: "cmc1",
             masks: (1..=4).map(|i| format!("cam{i}={}", text(home.join(format!("masks/cam{i}"))))).collect(),
             times: vec!["--times".to_owned(), text(home.join("times.txt"))],
@@ -107,7 +107,7 @@ fn recordings(scratch: &Path) -> StepResult<Vec<Recording>> {
     if let Some(home) = shared("terrace") {
         let videos = ["C1", "C2", "C3", "C4"].map(|name| (name, home.join("video").join(name)));
         let times = vec!["--times".to_owned(), text(home.join("times.txt"))];
-        recordings.push(Recording {
+        recordings.push(MaskRecording {
             name: "terrace",
             masks: masks_of("terrace", &videos, &times)?,
             times,
@@ -118,7 +118,7 @@ fn recordings(scratch: &Path) -> StepResult<Vec<Recording>> {
         });
     }
     if let Some(home) = shared("pets") {
-        recordings.push(Recording {
+        recordings.push(MaskRecording {
             name: "pets",
             masks: masks_of("pets", &[("view1", home.join("view1.avi"))], &rate("7"))?,
             times: rate("7"),
@@ -131,7 +131,7 @@ fn recordings(scratch: &Path) -> StepResult<Vec<Recording>> {
     Ok(recordings)
 }
 
-impl Recording {
+impl MaskRecording {
     /// MOTA, MODA, IDF1, mean and maximum error, and the median time of inference; NaN where a figure means nothing.
     fn follow(&self, out: &Path, options: &[&str], seed: &str) -> StepResult<[f64; 6]> {
         let mut command: Command = program("tracker");

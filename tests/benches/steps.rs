@@ -39,8 +39,9 @@ fn median(mut values: Vec<f64>) -> f64 {
 }
 
 fn main() -> StepResult<()> {
-    // A time means what one thread takes.
+    // All times are those of one thread, here and in OpenCV.
     rayon::ThreadPoolBuilder::new().num_threads(1).build_global().map_err(told)?;
+    calib::vision::set_threads(1).map_err(told)?;
     on_the_office()?;
     from_three_to_thirty()?;
     beside_the_oracle()

@@ -1,5 +1,5 @@
 //! The crossing experiment of T. Osawa, X. Wu, K. Sudo, K. Wakabayashi, T. Yasuno, "MCMC based Multiple People Tracking
-//! using 3D Environmental Information" (in Japanese), LI_007, section 4.2, figure 9: two people walk past each
+//! using 3D Environmental Information" (in Japanese), paper LI-007, section 4.2, figure 9: two people walk past each
 //! other so that in both images, at once, one is wholly behind the other. Rendered people, ten pairs; figures drawn.
 //!
 //! `cargo run --release -p tests --example crossing -- FIGURES-DIR`
@@ -33,7 +33,7 @@ const GATE_M: f64 = 0.5;
 
 /// Result of one pair.
 #[derive(Debug, Default)]
-struct Outcome {
+struct PairOutcome {
     /// Number of estimates of each person under each id.
     names: BTreeMap<u32, BTreeMap<u32, u32>>,
     errors_m: Vec<f64>,
@@ -46,7 +46,7 @@ struct Outcome {
     truth: BTreeMap<u32, Vec<Point2<f64>>>,
 }
 
-impl Outcome {
+impl PairOutcome {
     /// Tells whether each person kept one id from the first to the last frame, different from the others'.
     fn kept_names(&self) -> bool {
         let names: Vec<&u32> =
@@ -64,8 +64,8 @@ fn main() -> StepResult<()> {
         "", "names", "mean cm", "max. cm", "hidden mean cm", "missed"
     );
     for (name, options) in [("default", McmcOptions::default()), ("published, power 100", published)] {
-        let outcomes: Vec<Outcome> =
-            (1..=PAIRS).map(|pair| cross(pair, &options)).collect::<StepResult<Vec<Outcome>>>()?;
+        let outcomes: Vec<PairOutcome> =
+            (1..=PAIRS).map(|pair| cross(pair, &options)).collect::<StepResult<Vec<PairOutcome>>>()?;
         let errors: Vec<f64> = outcomes.iter().flat_map(|o| &o.errors_m).copied().collect();
         let hidden: Vec<f64> = outcomes.iter().flat_map(|o| &o.hidden_errors_m).copied().collect();
         println!(
@@ -114,7 +114,7 @@ fn room(seed: u64) -> StepResult<SyntheticRoom> {
     Ok(made)
 }
 
-fn cross(pair: u64, options: &McmcOptions) -> StepResult<Outcome> {
+fn cross(pair: u64, options: &McmcOptions) -> StepResult<PairOutcome> {
     let made = room(pair)?;
     let [width, depth, _] = made.size_m;
     let (near, far) = (0.5, depth - 0.5);
@@ -136,7 +136,7 @@ fn cross(pair: u64, options: &McmcOptions) -> StepResult<Outcome> {
         walkers,
         SequenceOptions { seed: pair, rate_hz: RATE_HZ, frames: FRAMES, ..SequenceOptions::default() },
     );
-    let mut outcome = Outcome { least_visible: 1.0, ..Outcome::default() };
+    let mut outcome = PairOutcome { least_visible: 1.0, ..PairOutcome::default() };
     for frame in sequence.frames() {
         let seen = |c: &synthetic::CameraFrame| {
             let mask = Mask::from(&c.mask);
@@ -174,7 +174,7 @@ fn cross(pair: u64, options: &McmcOptions) -> StepResult<Outcome> {
 }
 
 /// Draws the true ways (black) and the estimated ones.
-fn draw(outcome: &Outcome, figure: &Path) -> StepResult<()> {
+fn draw(outcome: &PairOutcome, figure: &Path) -> StepResult<()> {
     let made = room(1)?;
     let options = PlanOptions {
         title: Some("Two people pass each other: their ways (black) and the estimated ones".into()),

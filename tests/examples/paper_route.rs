@@ -1,5 +1,5 @@
 //! The accuracy experiment of T. Osawa et al., "MCMC based Multiple People Tracking using 3D Environmental Information"
-//! (LI_007), section 4.3, figure 10, on the office: a single person on a known route, past large occluders;
+//! (paper LI-007), section 4.3, figure 10, on the office: a single person on a known route, past large occluders;
 //! distances from the true way, whose times the paper did not know, and its figure drawn.
 //!
 //! `cargo build --release --bins && cargo run --release -p tests --example paper_route -- FIGURES-DIR`

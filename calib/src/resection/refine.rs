@@ -10,7 +10,7 @@ use crate::{Camera, Intrinsics};
 const MAX_STEPS: usize = 100;
 
 /// `JᵀJ` and `Jᵀr`, r the residuals.
-type NormalEquations<const N: usize> = (SMatrix<f64, N, N>, SVector<f64, N>);
+type PoseEquations<const N: usize> = (SMatrix<f64, N, N>, SVector<f64, N>);
 
 /// The pose of least reprojection error near `start`.
 pub(super) fn pose(intrinsics: &Intrinsics, picks: &[Pick], start: Isometry3<f64>) -> Isometry3<f64> {
@@ -78,7 +78,7 @@ fn normal_equations<const N: usize>(
     camera: &Camera,
     picks: &[Pick],
     extended: impl Fn(&Point2<f64>, SMatrix<f64, 2, 6>) -> SMatrix<f64, 2, N>,
-) -> NormalEquations<N> {
+) -> PoseEquations<N> {
     let (mut hessian, mut gradient) = (SMatrix::zeros(), SVector::zeros());
     for pick in picks {
         let x = camera.camera_from_world * pick.world;
@@ -97,7 +97,7 @@ fn normal_equations<const N: usize>(
 fn descend<S, const N: usize>(
     start: S,
     cost: impl Fn(&S) -> f64,
-    equations: impl Fn(&S) -> NormalEquations<N>,
+    equations: impl Fn(&S) -> PoseEquations<N>,
     moved: impl Fn(&S, &SVector<f64, N>) -> S,
 ) -> S {
     let (mut state, mut damping) = (start, 1e-3);

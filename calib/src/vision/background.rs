@@ -21,12 +21,12 @@ pub enum AdaptiveKind {
 
 /// An adaptive background model of one camera.
 pub struct AdaptiveBackground {
-    model: Model,
+    model: AdaptiveModel,
     /// Buffer for the background image that OpenCV returns.
     picture: Mat,
 }
 
-enum Model {
+enum AdaptiveModel {
     Mog2(Ptr<video::BackgroundSubtractorMOG2>),
     Knn(Ptr<video::BackgroundSubtractorKNN>),
 }
@@ -44,12 +44,12 @@ impl AdaptiveBackground {
         let history = history.clamp(1, 100_000) as i32;
         // The squared distances at which a pixel leaves the background are OpenCV's own defaults.
         let model = match kind {
-            AdaptiveKind::Mog2 => {
-                Model::Mog2(video::create_background_subtractor_mog2(history, 16.0, true).map_err(&making)?)
-            }
-            AdaptiveKind::Knn => {
-                Model::Knn(video::create_background_subtractor_knn(history, 400.0, true).map_err(&making)?)
-            }
+            AdaptiveKind::Mog2 => AdaptiveModel::Mog2(
+                video::create_background_subtractor_mog2(history, 16.0, true).map_err(&making)?,
+            ),
+            AdaptiveKind::Knn => AdaptiveModel::Knn(
+                video::create_background_subtractor_knn(history, 400.0, true).map_err(&making)?,
+            ),
         };
         Ok(Self { model, picture: Mat::default() })
     }
@@ -67,8 +67,8 @@ impl AdaptiveBackground {
         let frame = adapter::rgb(image)?;
         let mut labels = adapter::gray_mut(into)?;
         match &mut self.model {
-            Model::Mog2(m) => BackgroundSubtractorMOG2Trait::apply(m, &frame, &mut labels, rate),
-            Model::Knn(m) => BackgroundSubtractorTrait::apply(m, &frame, &mut labels, rate),
+            AdaptiveModel::Mog2(m) => BackgroundSubtractorMOG2Trait::apply(m, &frame, &mut labels, rate),
+            AdaptiveModel::Knn(m) => BackgroundSubtractorTrait::apply(m, &frame, &mut labels, rate),
         }
         .map_err(labelling)
     }
@@ -80,8 +80,8 @@ impl AdaptiveBackground {
     pub fn picture(&mut self, into: &mut RgbImage) -> Result<()> {
         let looking = adapter::refused("looking at a learnt background");
         match &self.model {
-            Model::Mog2(m) => m.get_background_image(&mut self.picture),
-            Model::Knn(m) => m.get_background_image(&mut self.picture),
+            AdaptiveModel::Mog2(m) => m.get_background_image(&mut self.picture),
+            AdaptiveModel::Knn(m) => m.get_background_image(&mut self.picture),
         }
         .map_err(&looking)?;
         let size = (self.picture.cols() as u32, self.picture.rows() as u32);

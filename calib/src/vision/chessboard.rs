@@ -238,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn real_views_agree_with_the_reference_calibration() {
+    fn real_views_agree_with_the_reference_calibration_of_shared_data() {
         let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/chessboard");
         let Ok(entries) = std::fs::read_dir(folder) else {
             eprintln!("skipped: {folder} is not here");

@@ -16,7 +16,7 @@ fn scene(noise_px: f64, seed: u64) -> BundleProblem {
         TrackOptions { seed, cameras: 8, noise_px, gaps: 0.0, intrinsics, ..TrackOptions::default() };
     let tracks = options.build();
     let first_from_world = tracks.camera_from_world[0];
-    let of_point = |seen: &Vec<tracks::Observation>| {
+    let of_point = |seen: &Vec<tracks::PointObservation>| {
         seen.iter().map(|o| Observation { pose: o.camera, pixel: o.pixel }).collect()
     };
     BundleProblem {

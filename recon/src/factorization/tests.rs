@@ -134,7 +134,7 @@ fn windows_are_chained_over_a_long_noisy_sequence_with_gaps() {
 }
 
 #[test]
-fn the_classical_tracks_factorize() {
+fn the_classical_tracks_of_shared_data_factorize() {
     let path =
         Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/factorization_tracks/tracks.csv"));
     let Ok(text) = std::fs::read_to_string(path) else {

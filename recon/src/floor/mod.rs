@@ -3,7 +3,7 @@
 //! A plane is a direction on the sphere (its normal, towards the cameras) and a distance. Every surface point votes for
 //! the planes through it whose normal is near its own, with the area it stands for, so that densely sampled nearby
 //! things do not win. Peaks are thinned by non-maximum suppression and refined by weighted least squares. T. Osawa et
-//! al. ("MCMC based Multiple People Tracking using 3D Environmental Information", LI_007) take the plane of the
+//! al. ("MCMC based Multiple People Tracking using 3D Environmental Information", paper LI-007) take the plane of the
 //! largest area; in many rooms that is a wall, and in a bent reconstruction a seemingly large floor combines a little
 //! of it with something else. Here every plane that could be level given the cameras' orientations determines a
 //! candidate floor: a plane that has almost nothing behind it and every camera above it. The area of the planes level

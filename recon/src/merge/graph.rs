@@ -55,7 +55,7 @@ pub(super) fn chain(
             }
             match pair(&shared) {
                 Ok((a_from_b, support, spread)) => {
-                    edges.push(PairSimilarity { a, b, a_from_b, support, spread })
+                    edges.push(PairSimilarity { a, b, a_from_b, support, spread });
                 }
                 Err(why) => failures.push(Failure { a, b, usable: shared.len(), why }),
             }

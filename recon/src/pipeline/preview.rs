@@ -92,11 +92,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn near_is_red_far_is_blue_and_nothing_is_black() {
+    fn near_is_red_far_is_almost_black_and_nothing_is_black() {
         let map = DepthMap { width: 3, height: 1, z_m: vec![1.0, 8.0, 0.0] };
         let picture = colored(&map);
         let [near, far, nothing] = [0, 1, 2].map(|u| picture.get_pixel(u, 0).0);
-        assert!(near[0] > near[2] && far[2] > far[0] / 2, "{near:?} {far:?}");
-        assert_eq!(nothing, [0, 0, 0]);
+        assert!(near[0] > 3 * near[1].max(near[2]) && near[0] > 100, "{near:?}");
+        assert_eq!((far, nothing), ([34, 23, 27], [0, 0, 0]));
+    }
+
+    #[test]
+    fn colours_run_from_blue_over_green_to_yellow() {
+        let [blue, green, yellow] = [0.2, 0.5, 0.7].map(|t| warm_to_cool(t).0);
+        assert!(blue[2] > blue[1] && blue[1] > blue[0], "{blue:?}");
+        assert!(green[1] > green[0] && green[1] > 2 * green[2], "{green:?}");
+        assert!(yellow[0].min(yellow[1]) > 2 * yellow[2], "{yellow:?}");
     }
 }

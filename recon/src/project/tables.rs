@@ -14,7 +14,7 @@ use crate::{Error, Result};
 #[serde(deny_unknown_fields)]
 pub(super) struct ProjectFile {
     #[serde(default)]
-    camera: Vec<CameraTable>,
+    camera: Vec<ProjectCameraTable>,
     #[serde(default)]
     point: Vec<BTreeMap<String, [f64; 2]>>,
     scale: Option<ScaleTable>,
@@ -22,7 +22,7 @@ pub(super) struct ProjectFile {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct CameraTable {
+struct ProjectCameraTable {
     name: String,
     capture: PathBuf,
     #[serde(default)]
@@ -90,7 +90,7 @@ impl ProjectFile {
     }
 }
 
-fn camera(path: &Path, number: usize, table: &CameraTable) -> Result<ProjectCamera> {
+fn camera(path: &Path, number: usize, table: &ProjectCameraTable) -> Result<ProjectCamera> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let place = |key: &str| format!("[[camera]] {number}, {key}");
     let fits = |c: char| c.is_alphanumeric() || ['-', '_', '.', ' '].contains(&c);

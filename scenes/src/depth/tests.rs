@@ -51,11 +51,7 @@ fn a_box_room_has_its_closed_form() {
 
 #[test]
 fn the_office_agrees_with_its_own_renderer() {
-    let dir = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/office/room"));
-    if !dir.exists() {
-        eprintln!("skipped: no {}", dir.display());
-        return;
-    }
+    let dir = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/office/room"));
     let room = Room::read(dir).unwrap();
     let scene = RayScene::new(room.geometry.as_ref().unwrap()).unwrap();
     for camera in &room.cameras {

@@ -25,7 +25,7 @@ const WIDEST: f64 = 4.0;
 
 /// An outline in an image, in pixels; parts of it may lie a little outside.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
-pub(super) struct Outline {
+pub(super) struct ImageOutline {
     /// Pixel of each corner; `None` behind the camera and where the lens has no image.
     pub corners: Vec<Option<Point2<f64>>>,
     /// Lines visible to the camera.
@@ -50,10 +50,11 @@ impl<'a> OutlineDrawer<'a> {
     }
 
     /// Outline of a polygon on the floor, metres; an open line leaves out the edge from the last corner to the first.
-    pub(super) fn outline(&self, polygon: &Polygon, closed: bool) -> Outline {
+    pub(super) fn outline(&self, polygon: &Polygon, closed: bool) -> ImageOutline {
         let corners = &polygon.0;
         let pixel = |p: &Point2<f64>| self.camera.project(&on_floor(p));
-        let mut outline = Outline { corners: corners.iter().map(pixel).collect(), ..Outline::default() };
+        let mut outline =
+            ImageOutline { corners: corners.iter().map(pixel).collect(), ..ImageOutline::default() };
         let edges = if closed { corners.len() } else { corners.len().saturating_sub(1) };
         let mut line = OutlinePart::default();
         for (a, b) in polygon.edges().take(edges) {
@@ -64,7 +65,7 @@ impl<'a> OutlineDrawer<'a> {
     }
 
     /// Adds the visible and hidden parts of an edge in the image.
-    fn follow(&self, a: &Point2<f64>, b: &Point2<f64>, line: &mut OutlinePart, outline: &mut Outline) {
+    fn follow(&self, a: &Point2<f64>, b: &Point2<f64>, line: &mut OutlinePart, outline: &mut ImageOutline) {
         let [a, b] = [a, b].map(|p| self.camera.camera_from_world * on_floor(p));
         let Some([a, b]) = in_front(a, b) else { return };
         let [on_a, on_b] = [a, b].map(|p| Point2::new(p.x / p.z, p.y / p.z));
@@ -102,7 +103,7 @@ struct OutlinePart {
 
 impl OutlinePart {
     /// Continues the line by a step, or ends it and begins another.
-    fn step(&mut self, from: Point2<f64>, to: Point2<f64>, is_hidden: bool, outline: &mut Outline) {
+    fn step(&mut self, from: Point2<f64>, to: Point2<f64>, is_hidden: bool, outline: &mut ImageOutline) {
         let goes_on = self.points.last().is_some_and(|last| (last - from).amax() < 1e-6);
         if !goes_on || is_hidden != self.is_hidden {
             std::mem::take(self).end(outline);
@@ -111,7 +112,7 @@ impl OutlinePart {
         self.points.push(to);
     }
 
-    fn end(self, outline: &mut Outline) {
+    fn end(self, outline: &mut ImageOutline) {
         if !self.points.is_empty() {
             if self.is_hidden { &mut outline.hidden } else { &mut outline.visible }.push(self.points);
         }

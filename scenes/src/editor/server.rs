@@ -64,10 +64,10 @@ async fn serve(session: Arc<Session>, request: Request) -> Answer {
 }
 
 /// Route of a request, with its body if the route takes one; or the answer that refuses the request.
-async fn accepted(request: Request) -> Result<(Route, Bytes), Answer> {
+async fn accepted(request: Request) -> Result<(EditorRoute, Bytes), Answer> {
     let (head, body) = request.into_parts();
     let path = head.uri.path();
-    let route = Route::of(path).ok_or_else(|| Answer::not_found(path))?;
+    let route = EditorRoute::of(path).ok_or_else(|| Answer::not_found(path))?;
     let allow = route.methods();
     if !allow.split(", ").any(|method| method == head.method.as_str()) {
         return Err(Answer::other_method(path, allow));
@@ -91,27 +91,27 @@ fn is_json(head: &Parts) -> bool {
     media_type.is_some_and(|media_type| media_type.trim().eq_ignore_ascii_case(JSON))
 }
 
-fn answer(session: &Session, route: Route, body: &[u8]) -> Result<Answer, Answer> {
+fn answer(session: &Session, route: EditorRoute, body: &[u8]) -> Result<Answer, Answer> {
     match route {
-        Route::Page(file) => Ok(Answer::file(file)),
-        Route::Room => Answer::json(&session.room()?),
-        Route::Plan => {
+        EditorRoute::Page(file) => Ok(Answer::file(file)),
+        EditorRoute::Room => Answer::json(&session.room()?),
+        EditorRoute::Plan => {
             let editor_room = session.editor_room();
             Ok(Answer::ok(editor_room.plan().media_type, editor_room.plan().bytes.clone()))
         }
-        Route::Camera(name) => {
+        EditorRoute::Camera(name) => {
             let picture = session.editor_room().picture(&name)?;
             Ok(Answer::ok(picture.media_type, picture.bytes.clone()))
         }
-        Route::Outlines => {
+        EditorRoute::Outlines => {
             let asked: OutlinesRequest = parsed(body)?;
             if asked.corners() > MOST_CORNERS {
                 return Err(Answer::error(400, &format!("more than {MOST_CORNERS} corners; draw fewer")));
             }
             Answer::json(&session.editor_room().outlines(&asked))
         }
-        Route::Place => Answer::json(&session.editor_room().place(&parsed::<PlaceRequest>(body)?)?),
-        Route::Zones => Answer::json(&session.save(parsed::<ZonesRequest>(body)?)?),
+        EditorRoute::Place => Answer::json(&session.editor_room().place(&parsed::<PlaceRequest>(body)?)?),
+        EditorRoute::Zones => Answer::json(&session.save(parsed::<ZonesRequest>(body)?)?),
     }
 }
 
@@ -120,7 +120,7 @@ fn parsed<T: DeserializeOwned>(body: &[u8]) -> Result<T, Answer> {
 }
 
 /// Routes of the server.
-enum Route {
+enum EditorRoute {
     Page(&'static PageFile),
     Room,
     Plan,
@@ -130,7 +130,7 @@ enum Route {
     Zones,
 }
 
-impl Route {
+impl EditorRoute {
     fn of(path: &str) -> Option<Self> {
         if let Some(file) = FILES.iter().find(|file| file.path == path) {
             return Some(Self::Page(file));

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use nalgebra::{Point2, Point3, Vector2};
 use serde::{Deserialize, Serialize};
 
-use super::outline::{Outline, OutlineDrawer};
+use super::outline::{ImageOutline, OutlineDrawer};
 use super::picture::{self, Picture, PlanPicture};
 use crate::Result;
 use crate::polygon::Polygon;
@@ -101,7 +101,7 @@ impl OutlinesRequest {
 #[derive(Serialize)]
 pub(super) struct OutlinesReply {
     camera: String,
-    outlines: Vec<Outline>,
+    outlines: Vec<ImageOutline>,
 }
 
 /// A place: a pixel of a camera, or metres on the floor.

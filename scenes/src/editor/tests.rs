@@ -12,7 +12,7 @@ use nalgebra::{Isometry3, Matrix3, Point2, Point3, Translation3};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use super::outline::{Outline, OutlineDrawer};
+use super::outline::{ImageOutline, OutlineDrawer};
 use super::{Server, Session};
 use crate::geometry::{Geometry, Mesh};
 use crate::polygon::Polygon;
@@ -91,7 +91,7 @@ fn a_square_below_a_pinhole_is_a_square() {
     // Half a metre around the origin, seen from two: 25 px around the image's middle.
     let square = polygon(&[(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]);
     let camera = looking_down(2.0);
-    let Outline { corners, visible, hidden } = OutlineDrawer::new(&camera, None).outline(&square, true);
+    let ImageOutline { corners, visible, hidden } = OutlineDrawer::new(&camera, None).outline(&square, true);
     let expected = [(-25.0, 25.0), (25.0, 25.0), (25.0, -25.0), (-25.0, -25.0)];
     for (corner, (u, v)) in corners.iter().zip(expected) {
         assert_relative_eq!(corner.unwrap(), Point2::new(C + u, C + v), epsilon = 1e-9);
@@ -509,7 +509,7 @@ fn requests_that_are_not_the_pages_are_refused() {
 }
 
 #[test]
-fn a_browser_shows_the_zones() {
+fn a_chromium_shows_the_zones() {
     let folder = room();
     let address = served(folder.path());
     let profile = tempfile::tempdir().unwrap();

@@ -12,7 +12,7 @@ use crate::{Error, Result};
 
 /// The part of a pose file that is used; files of `calib pose` hold their residual besides.
 #[derive(Deserialize)]
-struct Pose {
+struct PoseInput {
     rotation: [[f64; 3]; 3],
     translation: [f64; 3],
 }
@@ -23,7 +23,7 @@ struct Pose {
 /// [`Error::Calib`] when a file cannot be read or parsed, [`Error::Content`] when it holds no camera or no pose.
 pub fn camera(name: &str, lens: &Path, pose: &Path) -> Result<RoomCamera> {
     let intrinsics = read_intrinsics(lens)?;
-    let Pose { rotation, translation } = read_toml(pose)?;
+    let PoseInput { rotation, translation } = read_toml(pose)?;
     let rotation = calib::rotation::from_matrix(&matrix_from_rows(&rotation))
         .map_err(|e| Error::content(pose, "rotation", e.to_string()))?;
     if !translation.iter().all(|t| t.is_finite()) {

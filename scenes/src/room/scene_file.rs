@@ -26,7 +26,7 @@ pub(super) struct SceneFile {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) geometry: Option<PathBuf>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(super) floor: Option<Floor>,
+    pub(super) floor: Option<FloorTable>,
     #[serde(default)]
     pub(super) camera: Vec<CameraTable>,
     #[serde(default)]
@@ -35,7 +35,7 @@ pub(super) struct SceneFile {
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Floor {
+pub(super) struct FloorTable {
     pub(super) walkable: Option<Vec<Polygon>>,
 }
 
@@ -92,7 +92,7 @@ impl SceneFile {
         Self {
             format: FORMAT,
             geometry: room.geometry.as_ref().map(|_| geometry.into()),
-            floor: room.walkable.clone().map(|polygons| Floor { walkable: Some(polygons) }),
+            floor: room.walkable.clone().map(|polygons| FloorTable { walkable: Some(polygons) }),
             camera: room.cameras.iter().map(CameraTable::of).collect(),
             zone: room.zones.clone(),
         }

@@ -103,22 +103,25 @@ fn optional_parts_may_be_missing() {
 }
 
 #[test]
-fn rooms_of_other_makers_are_read() {
+fn the_shipped_office_is_read() {
+    let dir = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/office/room"));
+    let room = Room::read(dir).unwrap();
+    assert_eq!((room.cameras.len(), room.zones.len()), (2, 2));
+    assert_eq!(room.geometry.map(|g| g.len()), Some(122_902));
+}
+
+#[test]
+fn rooms_of_other_makers_are_read_from_shared_data() {
     let data = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data"));
-    for (name, cameras, zones, triangles) in [
-        ("office/room", 2, 2, Some(122_902)),
-        ("cmc1", 4, 1, None),
-        ("terrace", 4, 4, None),
-        ("pets", 1, 0, None),
-    ] {
+    for (name, cameras, zones) in [("cmc1", 4, 1), ("terrace", 4, 4), ("pets", 1, 0)] {
         let dir = data.join(name);
         if !dir.exists() {
-            eprintln!("skipped: no {}", dir.display());
+            eprintln!("skipped: {} is not here", dir.display());
             continue;
         }
         let room = Room::read(&dir).unwrap();
         assert_eq!((room.cameras.len(), room.zones.len()), (cameras, zones), "{name}");
-        assert_eq!(room.geometry.map(|g| g.len()), triangles, "{name}");
+        assert!(room.geometry.is_none(), "{name}");
     }
 }
 

@@ -1,6 +1,6 @@
 //! Renderings of the room from any point of view with the people in it, as in figures 7 and 9 of T. Osawa, X. Wu, K.
 //! Sudo, K. Wakabayashi, T. Yasuno, "MCMC based Multiple People Tracking using 3D Environmental Information" (in
-//! Japanese), LI_007.
+//! Japanese), paper LI-007.
 //!
 //! The room itself is rendered once a view, by rays through the BVH; people are added per frame by the ray–quadric
 //! equation, hidden where the room is nearer. From outside ([`birds_eye`]) the ceiling is cut away and walls are

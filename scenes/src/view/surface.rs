@@ -16,7 +16,7 @@ const STEP_M: f32 = 1e-4;
 
 /// A point of a surface that a ray hit.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct SurfacePoint {
+pub(crate) struct SurfaceHit {
     /// Distance along the (unit) direction.
     pub distance: f32,
     /// Normal as stored in the geometry: it may point away from the eye.
@@ -47,7 +47,7 @@ pub(crate) fn first_seen(
     origin: Vec3,
     direction: Vec3,
     keep: impl Fn(Vec3, Vec3) -> bool,
-) -> Option<SurfacePoint> {
+) -> Option<SurfaceHit> {
     /// Largest number of layers passed over: a bound for broken geometry, far above that of a room.
     const MAX_LAYERS: usize = 256;
     let mut start = 0.0;
@@ -61,7 +61,7 @@ pub(crate) fn first_seen(
                 Geometry::Mesh(_) => color,
                 Geometry::Discs(discs) => mixed(discs, scene, (origin, direction), (hit.primitive, distance)),
             };
-            return Some(SurfacePoint { distance, normal, color });
+            return Some(SurfaceHit { distance, normal, color });
         }
         start = distance + STEP_M;
     }

@@ -1,5 +1,5 @@
 //! The walkable floor: the function H of the paper's state prior (T. Osawa et al., "MCMC based Multiple People Tracking
-//! using 3D Environmental Information", LI_007), as a map of the floor.
+//! using 3D Environmental Information", paper LI-007), as a map of the floor.
 //!
 //! A room may state it (`[floor]` in `scene.toml`); otherwise it is derived from the geometry: the floor's extent minus
 //! the obstacles between ankle and head height. Reconstructions have holes and strays, so the map errs on the side of

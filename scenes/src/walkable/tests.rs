@@ -141,14 +141,10 @@ fn polygons_come_first_and_nothing_means_everywhere() {
     assert!(WalkableMap::of_room(&Room { geometry: Some(wall), ..bare }).is_ok());
 }
 
-fn office() -> Option<(PathBuf, Room)> {
-    let dir = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/office"));
-    if !dir.exists() {
-        eprintln!("skipped: no {}", dir.display());
-        return None;
-    }
+fn office() -> (PathBuf, Room) {
+    let dir = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/office"));
     let room = Room::read(&dir.join("room")).unwrap();
-    Some((dir, room))
+    (dir, room)
 }
 
 /// Positions of the people, from `truth.txt`.
@@ -173,7 +169,7 @@ const FURNITURE: [(&str, f64, f64); 6] = [
 
 #[test]
 fn in_the_office_people_stood_where_the_map_lets_them() {
-    let Some((dir, room)) = office() else { return };
+    let (dir, room) = office();
     let map = WalkableMap::of_room(&room).unwrap();
     let places = places(&dir);
     let inside = places.iter().filter(|(x, y)| map.contains(*x, *y)).count();
@@ -222,7 +218,7 @@ fn as_reconstructed(room: &Room, rng: &mut Pcg64Mcg) -> Geometry {
 
 #[test]
 fn in_a_noisy_office_people_stand_nearly_everywhere_they_did() {
-    let Some((dir, room)) = office() else { return };
+    let (dir, room) = office();
     let mut rng = Pcg64Mcg::seed_from_u64(5);
     let noisy = Room { geometry: Some(as_reconstructed(&room, &mut rng)), ..room };
     let map = WalkableMap::of_room(&noisy).unwrap();

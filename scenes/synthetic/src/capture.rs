@@ -6,7 +6,7 @@ use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use super::render::{RenderOptions, Still, finish};
+use super::render::{RenderOptions, StaticView, finish};
 use super::room::SyntheticRoom;
 
 /// Options of a capture's motion and rendering.
@@ -37,7 +37,7 @@ impl SyntheticRoom {
             .enumerate()
             .map(|(i, pose)| {
                 let moved = Camera { camera_from_world: *pose, ..camera.clone() };
-                let still = Still::new(self, &moved, options.render.samples);
+                let still = StaticView::new(self, &moved, options.render.samples);
                 finish(&still.colors(), &still, options.seed ^ 0xca97, i as u64, &options.render)
             })
             .collect();

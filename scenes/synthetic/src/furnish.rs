@@ -5,7 +5,7 @@ use nalgebra::Point2;
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 
-use super::floor::{CLEARANCE_M, Floor};
+use super::floor::{CLEARANCE_M, FreeFloor};
 use super::furniture::{Furniture, Kind};
 use super::shell::Door;
 use scenes::polygon::Polygon;
@@ -76,7 +76,7 @@ fn fits(group: &[Furniture], others: &[Furniture], size: Vec3, doors: &[Door]) -
         return false;
     }
     let all: Vec<Furniture> = others.iter().chain(group).cloned().collect();
-    let floor = Floor::new(size, doors, &all, CLEARANCE_M);
+    let floor = FreeFloor::new(size, doors, &all, CLEARANCE_M);
     let reached = floor.reachable(&doors[0].outside()).len();
     // No door is cut off, and almost no corner.
     reached as f64 > 0.97 * floor.free_cells().count() as f64

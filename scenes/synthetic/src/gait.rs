@@ -45,7 +45,7 @@ pub(super) struct Leg {
 
 /// A body's pose.
 #[derive(Debug, Clone)]
-pub(super) struct Pose {
+pub(super) struct BodyPose {
     /// Middle between the hip joints.
     pub pelvis: Vec3,
     /// Direction that the body faces; 0 is +x.
@@ -60,25 +60,25 @@ pub(super) struct Pose {
 
 /// A line on the floor that a person walks along: place and direction after a distance of `way_m` metres, also before
 /// its beginning and beyond its end.
-pub(super) trait Way {
+pub(super) trait WalkedLine {
     fn at(&self, way_m: f32) -> (Vec2, Vec2);
 }
 
-impl Pose {
+impl BodyPose {
     /// Standing still with both feet beside each other.
     #[cfg(test)]
     pub(super) fn standing(at: Vec2, heading_rad: f32, height_m: f32) -> Self {
-        struct Still(Vec2, Vec2);
-        impl Way for Still {
+        struct Standing(Vec2, Vec2);
+        impl WalkedLine for Standing {
             fn at(&self, _: f32) -> (Vec2, Vec2) {
                 (self.0, self.1)
             }
         }
-        Self::walking(&Still(at, Vec2::from_angle(heading_rad)), 0.0, 0.0, height_m)
+        Self::walking(&Standing(at, Vec2::from_angle(heading_rad)), 0.0, 0.0, height_m)
     }
 
     /// Pose after a distance of `way_m` at a given speed, of a person of that height.
-    pub(super) fn walking(way: &impl Way, way_m: f32, speed_m_s: f32, height_m: f32) -> Self {
+    pub(super) fn walking(way: &impl WalkedLine, way_m: f32, speed_m_s: f32, height_m: f32) -> Self {
         // Strength of the gait: people who hardly move do not lift their feet.
         let vigour = (speed_m_s / 0.5).clamp(0.0, 1.0);
         let (at, direction) = way.at(way_m);
@@ -120,7 +120,7 @@ struct Foot {
 
 impl Foot {
     /// Left (0) or right (1) foot after the body has come `way_m` metres.
-    fn new(way: &impl Way, way_m: f32, side: usize, vigour: f32, height_m: f32) -> Self {
+    fn new(way: &impl WalkedLine, way_m: f32, side: usize, vigour: f32, height_m: f32) -> Self {
         let step = STEP * height_m;
         // Left feet are planted at even numbers of steps, right ones at odd.
         let steps = way_m / step - side as f32;
@@ -180,7 +180,7 @@ mod tests {
 
     /// A circle of 2 m radius.
     struct Circle;
-    impl Way for Circle {
+    impl WalkedLine for Circle {
         fn at(&self, way_m: f32) -> (Vec2, Vec2) {
             let angle = way_m / 2.0;
             (2.0 * Vec2::from_angle(angle), Vec2::from_angle(angle).perp())
@@ -191,8 +191,8 @@ mod tests {
     fn feet_stay_above_the_floor_and_where_they_are_planted() {
         let height = 1.75;
         let (mut planted, mut fastest) = (0, 0.0_f32);
-        let poses: Vec<Pose> =
-            (0..4000).map(|i| Pose::walking(&Circle, i as f32 * 0.002, 1.3, height)).collect();
+        let poses: Vec<BodyPose> =
+            (0..4000).map(|i| BodyPose::walking(&Circle, i as f32 * 0.002, 1.3, height)).collect();
         for pair in poses.windows(2) {
             for side in 0..2 {
                 let (a, b) = (pair[0].legs[side], pair[1].legs[side]);
@@ -217,8 +217,8 @@ mod tests {
     #[test]
     fn bones_keep_their_length_and_joints_move_smoothly() {
         let height = 1.6;
-        let poses: Vec<Pose> =
-            (0..2000).map(|i| Pose::walking(&Circle, i as f32 * 0.004, 1.2, height)).collect();
+        let poses: Vec<BodyPose> =
+            (0..2000).map(|i| BodyPose::walking(&Circle, i as f32 * 0.004, 1.2, height)).collect();
         let mut lowest = f32::MAX;
         for pair in poses.windows(2) {
             for (before, leg) in pair[0].legs.iter().zip(&pair[1].legs) {
@@ -235,7 +235,7 @@ mod tests {
 
     #[test]
     fn a_standing_person_has_both_soles_on_the_floor() {
-        let pose = Pose::standing(Vec2::new(1.0, 2.0), 1.1, 1.8);
+        let pose = BodyPose::standing(Vec2::new(1.0, 2.0), 1.1, 1.8);
         for leg in &pose.legs {
             assert!((leg.heel.z - leg.toe.z).abs() < 0.01);
             assert!(leg.knee.distance(leg.hip.lerp(leg.ankle, 0.5)) < 0.08);

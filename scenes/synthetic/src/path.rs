@@ -7,8 +7,8 @@ use glam::Vec2;
 use nalgebra::{Point2, Vector2};
 use pathfinding::directed::astar::astar;
 
-use super::floor::{CELL_M, Cell, Floor};
-use super::gait::Way;
+use super::floor::{CELL_M, FloorCell, FreeFloor};
+use super::gait::WalkedLine;
 
 /// Time of a planning step.
 pub(super) const PLAN_STEP_S: f64 = 0.25;
@@ -42,18 +42,18 @@ pub(super) struct Stop {
 }
 
 /// A person's planned path: the step at which they appear and their place at each planning step.
-pub(super) type Plan = (usize, Vec<Point2<f64>>);
+pub(super) type PlannedPath = (usize, Vec<Point2<f64>>);
 
 /// Plans a person's places from a step on; `None` if there is no way that keeps off everybody else.
 pub(super) fn plan(
-    floor: &Floor,
-    others: &[Plan],
+    floor: &FreeFloor,
+    others: &[PlannedPath],
     first_step: usize,
     stops: &[Stop],
     speed_m_s: f64,
-) -> Option<Plan> {
+) -> Option<PlannedPath> {
     let moves = moves(speed_m_s);
-    let is_apart = |cell: Cell, step: usize| {
+    let is_apart = |cell: FloorCell, step: usize| {
         let p = floor.center(cell);
         others.iter().all(|(start, places)| {
             let there = step.checked_sub(*start).and_then(|i| places.get(i));
@@ -70,7 +70,7 @@ pub(super) fn plan(
         }
         let from = (*cells.last()?, first_step + cells.len() - 1);
         let latest = from.1 + LONGEST_STEPS;
-        let successors = |&(cell, step): &(Cell, usize)| {
+        let successors = |&(cell, step): &(FloorCell, usize)| {
             let allowed = step < latest;
             let next = moves
                 .iter()
@@ -83,8 +83,8 @@ pub(super) fn plan(
             });
             fitting.map(|(to, step, cost)| ((to, step), cost)).collect::<Vec<_>>()
         };
-        let left = |&(cell, _): &(Cell, usize)| distance(cell, goal).saturating_sub(ARRIVED);
-        let arrived = |&(cell, _): &(Cell, usize)| distance(cell, goal) <= ARRIVED;
+        let left = |&(cell, _): &(FloorCell, usize)| distance(cell, goal).saturating_sub(ARRIVED);
+        let arrived = |&(cell, _): &(FloorCell, usize)| distance(cell, goal) <= ARRIVED;
         let (found, _) = astar(&from, successors, left, arrived)?;
         cells.extend(found.into_iter().skip(1).map(|(cell, _)| cell));
         let here = *cells.last()?;
@@ -101,7 +101,7 @@ pub(super) fn plan(
 }
 
 /// Cost of the straight way between two cells: a hundred a cell, rounded down, so that it never overestimates.
-fn distance(a: Cell, b: Cell) -> u32 {
+fn distance(a: FloorCell, b: FloorCell) -> u32 {
     (100.0 * f64::from(a.0 - b.0).hypot(f64::from(a.1 - b.1))) as u32
 }
 
@@ -122,7 +122,7 @@ fn moves(speed_m_s: f64) -> Vec<(i16, i16, u32)> {
 
 impl Trajectory {
     /// Smooths a plan.
-    pub(super) fn new((first_step, places): &Plan) -> Self {
+    pub(super) fn new((first_step, places): &PlannedPath) -> Self {
         let duration_s = (places.len().saturating_sub(1)) as f64 * PLAN_STEP_S;
         let count = (duration_s / SAMPLE_S).round() as usize + 1;
         let linear = |time_s: f64| {
@@ -199,7 +199,7 @@ impl Trajectory {
     }
 }
 
-impl Way for Trajectory {
+impl WalkedLine for Trajectory {
     fn at(&self, way_m: f32) -> (Vec2, Vec2) {
         /// Length of the chord whose direction is taken: people do not turn on the spot in an instant.
         const CHORD_M: f64 = 0.36;
@@ -216,8 +216,8 @@ mod tests {
     use super::*;
     use glam::Vec3;
 
-    fn hall() -> Floor {
-        Floor::new(Vec3::new(8.0, 5.0, 3.0), &[], &[], 0.3)
+    fn hall() -> FreeFloor {
+        FreeFloor::new(Vec3::new(8.0, 5.0, 3.0), &[], &[], 0.3)
     }
 
     fn stop(x: f64, y: f64) -> Stop {

@@ -8,7 +8,7 @@ use nalgebra::Point2;
 use rayon::prelude::*;
 
 use super::light::Lamps;
-use super::person::Part;
+use super::person::BodyPart;
 use super::room::SyntheticRoom;
 use super::shape::Met;
 use super::texture::unit;
@@ -43,7 +43,7 @@ impl RenderOptions {
 
 /// A camera's view of the empty room.
 #[derive(Debug, Clone)]
-pub(super) struct Still {
+pub(super) struct StaticView {
     camera: Camera,
     samples: u32,
     eye: Vec3,
@@ -56,8 +56,8 @@ pub(super) struct Still {
 }
 
 /// A person as seen by one camera: parts with the columns and rows (of the finer grid) that each can touch.
-pub(super) struct Figure {
-    parts: Vec<(Part, [usize; 4])>,
+pub(super) struct BodyView {
+    parts: Vec<(BodyPart, [usize; 4])>,
     bounds: [usize; 4],
     /// Positions of the feet, for the shadow.
     feet: [Vec3; 2],
@@ -65,7 +65,7 @@ pub(super) struct Figure {
 }
 
 /// Visible person at the centre of each pixel.
-pub(super) struct Labels {
+pub(super) struct PersonLabels {
     /// 0 for nobody, else one more than the index of the person.
     pub owners: Vec<u16>,
     /// Distance along the ray, people included.
@@ -74,7 +74,7 @@ pub(super) struct Labels {
     pub counts: Vec<(usize, usize)>,
 }
 
-impl Still {
+impl StaticView {
     pub(super) fn new(room: &SyntheticRoom, camera: &Camera, samples: u32) -> Self {
         let samples = samples.max(1);
         let center = camera.center();
@@ -120,8 +120,8 @@ impl Still {
     }
 
     /// A person's parts with the pixels of this picture that they can touch.
-    pub(super) fn figure(&self, parts: Vec<Part>) -> Figure {
-        let parts: Vec<(Part, [usize; 4])> = parts
+    pub(super) fn figure(&self, parts: Vec<BodyPart>) -> BodyView {
+        let parts: Vec<(BodyPart, [usize; 4])> = parts
             .into_iter()
             .map(|part| {
                 let (center, radius) = part.shape.around();
@@ -141,7 +141,7 @@ impl Still {
         };
         let feet = [low(0), low(1)];
         let middle = 0.5 * (feet[0] + feet[1]);
-        Figure { parts, bounds, feet, shadow_bounds: self.bounds(middle, 1.0) }
+        BodyView { parts, bounds, feet, shadow_bounds: self.bounds(middle, 1.0) }
     }
 
     /// Left, top, right, bottom (exclusive) of the pixels that a sphere can touch.
@@ -174,7 +174,7 @@ impl Still {
     }
 
     /// Colours of the room with people in it, in linear light.
-    pub(super) fn with_people(&self, lamps: &Lamps, figures: &[Figure], shadows: bool) -> Vec<Vec3> {
+    pub(super) fn with_people(&self, lamps: &Lamps, figures: &[BodyView], shadows: bool) -> Vec<Vec3> {
         let width = self.width();
         let mut colors = self.colors.clone();
         colors.par_chunks_exact_mut(width).enumerate().for_each(|(row, line)| {
@@ -206,9 +206,9 @@ impl Still {
     }
 
     /// Visible person at each pixel; for views of one ray a pixel.
-    pub(super) fn labels(&self, figures: &[Figure]) -> Labels {
+    pub(super) fn labels(&self, figures: &[BodyView]) -> PersonLabels {
         let width = self.width();
-        let rows: Vec<Labels> = (0..self.height())
+        let rows: Vec<PersonLabels> = (0..self.height())
             .into_par_iter()
             .map(|row| {
                 let start = row * width;
@@ -230,10 +230,10 @@ impl Still {
                         counts[usize::from(owners[column]) - 1].1 += 1;
                     }
                 }
-                Labels { owners, distances, counts }
+                PersonLabels { owners, distances, counts }
             })
             .collect();
-        let mut labels = Labels {
+        let mut labels = PersonLabels {
             owners: Vec::with_capacity(self.distances.len()),
             distances: Vec::with_capacity(self.distances.len()),
             counts: vec![(0, 0); figures.len()],
@@ -263,7 +263,7 @@ impl Still {
     }
 
     /// Mask of the pixels that show a person.
-    pub(super) fn mask(&self, labels: &Labels) -> GrayImage {
+    pub(super) fn mask(&self, labels: &PersonLabels) -> GrayImage {
         let width = self.width();
         GrayImage::from_fn(self.width() as u32, self.height() as u32, |x, y| {
             Luma([if labels.owners[y as usize * width + x as usize] > 0 { 255 } else { 0 }])
@@ -275,9 +275,9 @@ fn within(bounds: [usize; 4], column: usize, row: usize) -> bool {
     (bounds[0]..bounds[2]).contains(&column) && (bounds[1]..bounds[3]).contains(&row)
 }
 
-impl Figure {
+impl BodyView {
     /// Part that a ray hits first.
-    fn meet(&self, eye: Vec3, direction: Vec3, column: usize, row: usize) -> Option<(Met, &Part)> {
+    fn meet(&self, eye: Vec3, direction: Vec3, column: usize, row: usize) -> Option<(Met, &BodyPart)> {
         if !within(self.bounds, column, row) {
             return None;
         }
@@ -323,7 +323,7 @@ impl SyntheticRoom {
 /// Converts linear light at the samples to a picture as a sensor gives it.
 pub(super) fn finish(
     colors: &[Vec3],
-    still: &Still,
+    still: &StaticView,
     seed: u64,
     frame: u64,
     options: &RenderOptions,

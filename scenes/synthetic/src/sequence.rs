@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use image::{GrayImage, RgbImage};
 use nalgebra::{Point2, Point3};
 
-use super::render::{RenderOptions, Still, finish};
+use super::render::{RenderOptions, StaticView, finish};
 use super::room::SyntheticRoom;
 use super::walkers::Walker;
 use scenes::depth::DepthMap;
@@ -37,9 +37,9 @@ pub struct Sequence<'a> {
     walkers: Vec<Walker>,
     options: SequenceOptions,
     /// Views for the pictures; empty without them.
-    pictures: Vec<Still>,
+    pictures: Vec<StaticView>,
     /// Views of one ray through each pixel's centre, for the exact truth.
-    exact: Vec<Still>,
+    exact: Vec<StaticView>,
 }
 
 /// One moment with its ground truth.
@@ -89,8 +89,8 @@ pub struct PersonTruth {
 impl SyntheticRoom {
     /// A recording of these people by all cameras of the room.
     pub fn sequence(&self, walkers: Vec<Walker>, options: SequenceOptions) -> Sequence<'_> {
-        let still = |samples: u32| -> Vec<Still> {
-            self.room.cameras.iter().map(|c| Still::new(self, &c.camera, samples)).collect()
+        let still = |samples: u32| -> Vec<StaticView> {
+            self.room.cameras.iter().map(|c| StaticView::new(self, &c.camera, samples)).collect()
         };
         let exact = still(1);
         let pictures = match options.images {
@@ -120,7 +120,7 @@ impl Sequence<'_> {
         let mut people: Vec<PersonTruth> = present.iter().filter_map(|w| self.truth(w, time_s)).collect();
         let mut cameras = Vec::with_capacity(self.exact.len());
         for (c, exact) in self.exact.iter().enumerate() {
-            let figures = |still: &Still| -> Vec<_> {
+            let figures = |still: &StaticView| -> Vec<_> {
                 present.iter().filter_map(|w| w.parts(time_s)).map(|parts| still.figure(parts)).collect()
             };
             let labels = exact.labels(&figures(exact));

@@ -48,18 +48,18 @@ impl Default for TrackOptions {
 
 /// Cameras, points and their observations.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Tracks {
+pub struct PointTracks {
     /// The true poses.
     pub camera_from_world: Vec<Isometry3<f64>>,
     /// The true points.
     pub points: Vec<Point3<f64>>,
     /// Observations of each point.
-    pub observations: Vec<Vec<Observation>>,
+    pub observations: Vec<Vec<PointObservation>>,
 }
 
 /// Observation of a point by a camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Observation {
+pub struct PointObservation {
     /// Index of the camera.
     pub camera: usize,
     /// Observed pixel.
@@ -70,7 +70,7 @@ pub struct Observation {
 
 impl TrackOptions {
     /// Makes the scene. Shares are clamped to 0 … 1, a noise that is no standard deviation counts as none.
-    pub fn build(&self) -> Tracks {
+    pub fn build(&self) -> PointTracks {
         let mut rng = Pcg64Mcg::seed_from_u64(self.seed);
         let camera_from_world = self.poses(&mut rng);
         let points: Vec<Point3<f64>> = (0..self.points)
@@ -103,13 +103,13 @@ impl TrackOptions {
                     );
                     let pixel = if outlier { elsewhere } else { exact + offset };
                     if !missing {
-                        seen.push(Observation { camera, pixel, outlier });
+                        seen.push(PointObservation { camera, pixel, outlier });
                     }
                 }
                 seen
             })
             .collect();
-        Tracks { camera_from_world, points, observations }
+        PointTracks { camera_from_world, points, observations }
     }
 
     /// Cameras on an arc, up and down a little, that look at the middle of the points.
@@ -130,7 +130,7 @@ impl TrackOptions {
     }
 }
 
-impl Tracks {
+impl PointTracks {
     /// The cameras, given the intrinsics they were made with.
     pub fn cameras(&self, intrinsics: &Intrinsics) -> Vec<Camera> {
         let camera =
@@ -166,7 +166,7 @@ mod tests {
         let share = f64::from(outliers) / f64::from(outliers + inliers);
         assert!((share - 0.05).abs() < 0.025 && near * 20 < outliers + 20, "{share} {near}");
         let full = TrackOptions { gaps: 0.0, ..options.clone() }.build();
-        let count = |t: &Tracks| t.observations.iter().map(Vec::len).sum::<usize>() as f64;
+        let count = |t: &PointTracks| t.observations.iter().map(Vec::len).sum::<usize>() as f64;
         assert!((count(&tracks) / count(&full) - 0.8).abs() < 0.05);
         assert_eq!(tracks, options.build());
     }

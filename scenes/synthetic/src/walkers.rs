@@ -4,10 +4,10 @@ use nalgebra::{Point2, Point3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use super::floor::{CLEARANCE_M, Floor};
-use super::gait::Pose;
-use super::path::{PLAN_STEP_S, Plan, Stop, Trajectory, plan};
-use super::person::{Body, Part};
+use super::floor::{CLEARANCE_M, FreeFloor};
+use super::gait::BodyPose;
+use super::path::{PLAN_STEP_S, PlannedPath, Stop, Trajectory, plan};
+use super::person::{Body, BodyPart};
 use super::room::SyntheticRoom;
 use scenes::geometry::point_from_vec3;
 
@@ -91,12 +91,12 @@ impl Walker {
         Some(point_from_vec3(self.body.head(&self.pose(time_s)?)))
     }
 
-    pub(super) fn pose(&self, time_s: f64) -> Option<Pose> {
+    pub(super) fn pose(&self, time_s: f64) -> Option<BodyPose> {
         let (_, way_m, speed_m_s) = self.trajectory.at_time(time_s)?;
-        Some(Pose::walking(&self.trajectory, way_m as f32, speed_m_s as f32, self.body.height_m as f32))
+        Some(BodyPose::walking(&self.trajectory, way_m as f32, speed_m_s as f32, self.body.height_m as f32))
     }
 
-    pub(super) fn parts(&self, time_s: f64) -> Option<Vec<Part>> {
+    pub(super) fn parts(&self, time_s: f64) -> Option<Vec<BodyPart>> {
         Some(self.body.parts(&self.pose(time_s)?))
     }
 }
@@ -107,8 +107,8 @@ impl SyntheticRoom {
         /// Number of tries to enter, each a second after the last.
         const ATTEMPTS: usize = 60;
         let mut rng = Pcg64Mcg::seed_from_u64(options.seed);
-        let floor = Floor::new(self.size(), &self.doors, &self.furniture, CLEARANCE_M);
-        let mut plans: Vec<Plan> = Vec::new();
+        let floor = FreeFloor::new(self.size(), &self.doors, &self.furniture, CLEARANCE_M);
+        let mut plans: Vec<PlannedPath> = Vec::new();
         let mut walkers: Vec<Walker> = Vec::new();
         let mut enters_s = options.first_s;
         for person in 0..options.people {
@@ -134,7 +134,7 @@ impl SyntheticRoom {
     }
 
     /// A way through the room: a door, places, a door.
-    fn stops(&self, floor: &Floor, options: &WalkerOptions, rng: &mut Pcg64Mcg) -> Vec<Stop> {
+    fn stops(&self, floor: &FreeFloor, options: &WalkerOptions, rng: &mut Pcg64Mcg) -> Vec<Stop> {
         let first = rng.random_range(0..self.doors.len());
         let last = rng.random_range(0..self.doors.len());
         let door = |i: usize| Stop { place: self.doors[i].outside(), stay_s: 0.0 };

@@ -1,5 +1,5 @@
 //! Distance of a track from a known route, as T. Osawa et al. measure it ("MCMC based Multiple People Tracking using 3D
-//! Environmental Information", LI_007, section 4.3): video and true positions are not synchronised there, so each
+//! Environmental Information", paper LI-007, section 4.3): video and true positions are not synchronised there, so each
 //! estimated place counts with its distance from the nearest point of the route.
 
 use std::ops::RangeInclusive;

@@ -9,7 +9,7 @@ use image::RgbImage;
 use crate::chain::{StepResult, Tracking, evaluate_against};
 use crate::live::Figure;
 use crate::live::office::{self, CAMERAS, FRAMES, RATE_HZ, Truth};
-use crate::live::rows::{self, Row};
+use crate::live::rows::{self, LiveRow};
 use crate::live::run::{LiveRun, Scratch, videos};
 use crate::network_camera::{AtEnd, CameraOptions};
 
@@ -22,7 +22,7 @@ const LONGEST: Duration = Duration::from_mins(5);
 
 /// Evaluates rows of a run against the truth at their times. The time of the film's first frame on the run's clock is
 /// estimated.
-fn judged(rows: &[Row], room: &Path, scratch: &Scratch) -> StepResult<Tracking> {
+fn judged(rows: &[LiveRow], room: &Path, scratch: &Scratch) -> StepResult<Tracking> {
     let truth = Truth::read()?;
     let first_s = office::first_frame_s(rows, &truth);
     let (true_rows, tracks) = office::matched_rows(rows, &truth, first_s);

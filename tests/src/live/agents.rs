@@ -9,7 +9,7 @@ use crate::chain::StepResult;
 use crate::live::Figure;
 use crate::live::office::{self, CAMERAS, RATE_HZ};
 use crate::live::proxy::Proxy;
-use crate::live::rows::Row;
+use crate::live::rows::LiveRow;
 use crate::live::run::{LiveRun, Scratch, free_address};
 use crate::network_camera::NetworkCamera;
 
@@ -160,13 +160,13 @@ impl StationPair {
 }
 
 /// Ids of everybody in a row.
-pub fn ids(row: &Row) -> BTreeSet<u32> {
+pub fn ids(row: &LiveRow) -> BTreeSet<u32> {
     row.people.iter().map(|(id, _)| *id).collect()
 }
 
 /// Result of a station's death and return.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Restart {
+pub struct RestartResult {
     /// Ids at both stations before.
     pub before: BTreeSet<u32>,
     /// Ids in each row of the other station, from the death until the restarted one knew everybody.
@@ -179,7 +179,7 @@ pub struct Restart {
 ///
 /// # Errors
 /// A station ends, or does not come to know the people.
-pub fn restart(pair: &mut StationPair, away: Duration) -> StepResult<Restart> {
+pub fn restart(pair: &mut StationPair, away: Duration) -> StepResult<RestartResult> {
     let before = pair.agreement(3)?;
     pair.kill(1);
     let killed = Instant::now();
@@ -196,7 +196,11 @@ pub fn restart(pair: &mut StationPair, away: Duration) -> StepResult<Restart> {
     };
     let others = pair.station(0)?.rows();
     let meanwhile = others.iter().filter(|row| row.found > killed && row.found < back.found).map(ids);
-    Ok(Restart { meanwhile: meanwhile.collect(), back_s: (back.found - first.found).as_secs_f64(), before })
+    Ok(RestartResult {
+        meanwhile: meanwhile.collect(),
+        back_s: (back.found - first.found).as_secs_f64(),
+        before,
+    })
 }
 
 /// [`restart`] as figures.

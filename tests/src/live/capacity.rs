@@ -6,9 +6,9 @@ use std::time::{Duration, Instant};
 use crate::chain::{StepResult, Tracking, evaluate_against};
 use crate::data::office;
 use crate::live::Figure;
-use crate::live::films::{self, Recorded};
+use crate::live::films::{self, RecordedRoom};
 use crate::live::office::FRAMES;
-use crate::live::run::{Ended, LiveRun, Scratch, videos};
+use crate::live::run::{EndedRun, LiveRun, Scratch, videos};
 
 /// Longest time that a run may take.
 const LONGEST: Duration = Duration::from_mins(30);
@@ -18,7 +18,7 @@ const CAMERA_RATE_HZ: f64 = 15.0;
 const FIRST_ROWS: usize = 25;
 
 /// Runs over recordings to their end; returns also the duration of the process, seconds.
-fn follow(recorded: &Recorded, out: &Path, arguments: &[&str]) -> StepResult<(Ended, f64)> {
+fn follow(recorded: &RecordedRoom, out: &Path, arguments: &[&str]) -> StepResult<(EndedRun, f64)> {
     let specs = recorded.videos.iter().map(|(name, film)| (name.as_str(), film.display().to_string()));
     let mut given = videos(specs);
     given.extend(arguments.iter().map(|argument| (*argument).to_owned()));
@@ -28,7 +28,7 @@ fn follow(recorded: &Recorded, out: &Path, arguments: &[&str]) -> StepResult<(En
 }
 
 /// Moments a second, by the times at which the rows came to the disk, without the first rows.
-fn moments_per_s(ended: &Ended) -> StepResult<f64> {
+fn moments_per_s(ended: &EndedRun) -> StepResult<f64> {
     match (ended.rows.get(FIRST_ROWS), ended.rows.last()) {
         (Some(first), Some(last)) if last.found > first.found => {
             let moments = (ended.rows.len() - 1 - FIRST_ROWS) as f64;
@@ -111,7 +111,7 @@ pub fn office_from_files() -> Vec<Figure> {
     ]
 }
 
-fn equal_bytes(recorded: &Recorded) -> StepResult<bool> {
+fn equal_bytes(recorded: &RecordedRoom) -> StepResult<bool> {
     let scratch = Scratch::new()?;
     let mut bytes = Vec::new();
     for threads in ["1", "2"] {

@@ -25,7 +25,7 @@ fn kept(name: &str) -> StepResult<PathBuf> {
 
 /// A room and its cameras' recordings.
 #[derive(Debug)]
-pub struct Recorded {
+pub struct RecordedRoom {
     /// The room's directory.
     pub room: PathBuf,
     /// Each camera's name and recording.
@@ -94,7 +94,7 @@ fn seen(picture: &RgbImage, places: &[Option<Point2<f32>>], [width, height]: [u3
 ///
 /// # Errors
 /// A film that cannot be written.
-pub fn office_full_hd(copies: usize, times: usize) -> StepResult<Recorded> {
+pub fn office_full_hd(copies: usize, times: usize) -> StepResult<RecordedRoom> {
     let mut room = Room::read(&office().join("room")).map_err(|e| e.to_string())?;
     let mut videos = Vec::new();
     for camera in &mut room.cameras {
@@ -117,7 +117,7 @@ pub fn office_full_hd(copies: usize, times: usize) -> StepResult<Recorded> {
     }
     let folder = kept(&format!("office_full_hd_{}", room.cameras.len()))?;
     room.write(&folder).map_err(|e| e.to_string())?;
-    Ok(Recorded { room: folder, videos })
+    Ok(RecordedRoom { room: folder, videos })
 }
 
 /// Writes a video as seen at other places, `times` times over.
@@ -136,9 +136,9 @@ fn remade(video: &Path, film: &Path, places: &[Option<Point2<f32>>], times: usiz
 }
 
 /// The office's own recordings.
-pub fn office_recorded() -> Recorded {
+pub fn office_recorded() -> RecordedRoom {
     let videos = CAMERAS.map(|name| (name.to_owned(), video(name)));
-    Recorded { room: office().join("room"), videos: videos.to_vec() }
+    RecordedRoom { room: office().join("room"), videos: videos.to_vec() }
 }
 
 /// Duration of a hall's recording, seconds.
@@ -173,7 +173,7 @@ impl Hall {
     ///
     /// # Errors
     /// A room or a film that cannot be written.
-    pub fn recorded(&self) -> StepResult<Recorded> {
+    pub fn recorded(&self) -> StepResult<RecordedRoom> {
         let options = RoomOptions {
             seed: self.seed,
             kind: RoomKind::Hall,
@@ -197,7 +197,7 @@ impl Hall {
         if !films.iter().all(|film| film.is_file()) {
             record(&sequence, &films)?;
         }
-        Ok(Recorded { room: folder, videos: names.into_iter().zip(films).collect() })
+        Ok(RecordedRoom { room: folder, videos: names.into_iter().zip(films).collect() })
     }
 
     fn sequence<'a>(&self, made: &'a SyntheticRoom) -> Sequence<'a> {

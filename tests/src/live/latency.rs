@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use crate::chain::StepResult;
 use crate::live::office::{self, RATE_HZ};
 use crate::live::page;
-use crate::live::rows::Row;
+use crate::live::rows::LiveRow;
 use crate::live::run::{LiveRun, Scratch};
 use crate::live::{Figure, quantile};
 use crate::network_camera::CameraOptions;
@@ -59,7 +59,7 @@ pub fn latencies(measured_s: f64, arguments: &[&str]) -> StepResult<Latencies> {
     let starts = moments.map(|(sighting, captured_s)| captured_s - sighting.time_s);
     let start_s = quantile(starts, 0.5).ok_or("no stamped picture was seen on the page")?;
     let rows = rows.iter().filter(|row| row.found >= at(from_s) && row.found < at(until_s));
-    let rows: Vec<&Row> = rows.collect();
+    let rows: Vec<&LiveRow> = rows.collect();
     let (Some(first), Some(last)) = (rows.first(), rows.last()) else { return Err("no row came".into()) };
     let clock_rate = (last.time_s - first.time_s) / (since(last.found) - since(first.found));
     let rows_s = rows.iter().map(|row| since(row.found) - (start_s + row.time_s)).collect();

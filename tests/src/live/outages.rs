@@ -6,7 +6,7 @@ use crate::chain::StepResult;
 use crate::live::Figure;
 use crate::live::office::{self, RATE_HZ, Truth};
 use crate::live::page::{self, Sighting};
-use crate::live::rows::Row;
+use crate::live::rows::LiveRow;
 use crate::live::run::{LiveRun, Scratch};
 use crate::network_camera::{CameraOptions, Fault, Outage};
 
@@ -133,7 +133,8 @@ pub fn all_away(away_s: f64) -> StepResult<Absence> {
     run.wait_for(at(until_s), |rows| {
         let mut back = rows.iter().filter(|row| since(row.found).is_some());
         first_s = back.clone().find(|row| !row.people.is_empty()).and_then(|row| since(row.found));
-        let everybody = |row: &&Row| people(row.found).is_some_and(|people| office::all_found(row, &people));
+        let everybody =
+            |row: &&LiveRow| people(row.found).is_some_and(|people| office::all_found(row, &people));
         all_s = back.find(everybody).and_then(|row| since(row.found));
         all_s.is_some()
     })?;

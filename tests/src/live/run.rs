@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use crate::chain::StepResult;
 use crate::data::program;
-use crate::live::rows::{Row, RowWatch};
+use crate::live::rows::{LiveRow, RowWatch};
 
 /// Polling interval of a wait.
 const POLL: Duration = Duration::from_millis(20);
@@ -30,13 +30,13 @@ pub struct LiveRun {
 
 /// A run that is over.
 #[derive(Debug)]
-pub struct Ended {
+pub struct EndedRun {
     /// Exit status of the process.
     pub status: ExitStatus,
     /// The lines of its standard error.
     pub log: Vec<String>,
     /// Rows of the run.
-    pub rows: Vec<Row>,
+    pub rows: Vec<LiveRow>,
 }
 
 /// `--video NAME=SPEC` for each camera.
@@ -105,7 +105,7 @@ impl LiveRun {
     }
 
     /// The rows so far.
-    pub fn rows(&self) -> Vec<Row> {
+    pub fn rows(&self) -> Vec<LiveRow> {
         self.rows.rows()
     }
 
@@ -126,7 +126,11 @@ impl LiveRun {
     ///
     /// # Errors
     /// The run's last line, if the run ends before.
-    pub fn wait_for(&mut self, until: Instant, mut is_true: impl FnMut(&[Row]) -> bool) -> StepResult<bool> {
+    pub fn wait_for(
+        &mut self,
+        until: Instant,
+        mut is_true: impl FnMut(&[LiveRow]) -> bool,
+    ) -> StepResult<bool> {
         loop {
             if is_true(&self.rows.rows()) {
                 return Ok(true);
@@ -146,7 +150,7 @@ impl LiveRun {
     ///
     /// # Errors
     /// The run's last line, if it fails; a run that goes on until then.
-    pub fn finish(mut self, until: Instant) -> StepResult<Ended> {
+    pub fn finish(mut self, until: Instant) -> StepResult<EndedRun> {
         while self.is_running() {
             if Instant::now() > until {
                 return Err(format!("the run has not ended in time; {}", self.failure()));
@@ -169,14 +173,14 @@ impl LiveRun {
     ///
     /// # Errors
     /// The run's last line, if it fails or does not end.
-    pub fn interrupt(mut self) -> StepResult<Ended> {
+    pub fn interrupt(mut self) -> StepResult<EndedRun> {
         if self.is_running() {
             self.signal("INT")?;
         }
         self.finish(Instant::now() + FAREWELL)
     }
 
-    fn ended(&mut self) -> StepResult<Ended> {
+    fn ended(&mut self) -> StepResult<EndedRun> {
         let status = self.child.wait().map_err(|e| e.to_string())?;
         if !status.success() {
             return Err(self.failure());
@@ -187,7 +191,7 @@ impl LiveRun {
         }
         // The last rows are found at the next look.
         thread::sleep(POLL);
-        Ok(Ended { status, log: self.log(), rows: self.rows() })
+        Ok(EndedRun { status, log: self.log(), rows: self.rows() })
     }
 
     /// The lines of the log so far.

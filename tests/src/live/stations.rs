@@ -24,12 +24,12 @@ const LONGEST: Duration = Duration::from_mins(5);
 const THREE_INSIDE: std::ops::Range<usize> = 225..265;
 
 /// Process of `tracker station` for one camera.
-struct Station {
+struct StationProcess {
     child: Child,
     address: SocketAddr,
 }
 
-impl Station {
+impl StationProcess {
     fn start(room: &Path, camera: &str, video: &str) -> StepResult<Self> {
         let address = free_address()?;
         let mut command = program("tracker");
@@ -60,7 +60,7 @@ impl Station {
     }
 }
 
-impl Drop for Station {
+impl Drop for StationProcess {
     fn drop(&mut self) {
         // An error means that the process has ended.
         let _ = self.child.kill();
@@ -84,7 +84,7 @@ fn bytes_per_s(measured_s: f64) -> StepResult<f64> {
     let options = CameraOptions::default();
     let (cameras, epoch) = office::cameras(&order, false, [options.clone(), options])?;
     let (room, scratch) = (office::room(), Scratch::new()?);
-    let station = |camera: usize| Station::start(&room, CAMERAS[camera], &cameras[camera].url());
+    let station = |camera: usize| StationProcess::start(&room, CAMERAS[camera], &cameras[camera].url());
     let stations = [station(0)?, station(1)?];
     let proxy = Proxy::start(stations[0].address)?;
     let mut given = stations_argument(&[proxy.address, stations[1].address]).to_vec();
@@ -106,8 +106,10 @@ fn equal_tracks() -> StepResult<bool> {
     let mut given = videos(CAMERAS.into_iter().zip(specs.clone()));
     given.push("--no-film".to_owned());
     LiveRun::start(&room, &scratch.path("one"), &given)?.finish(until)?;
-    let stations =
-        [Station::start(&room, CAMERAS[0], &specs[0])?, Station::start(&room, CAMERAS[1], &specs[1])?];
+    let stations = [
+        StationProcess::start(&room, CAMERAS[0], &specs[0])?,
+        StationProcess::start(&room, CAMERAS[1], &specs[1])?,
+    ];
     let mut given = stations_argument(&[stations[0].address, stations[1].address]).to_vec();
     given.push("--no-film".to_owned());
     LiveRun::start(&room, &scratch.path("two"), &given)?.finish(until)?;

@@ -24,7 +24,7 @@ use std::time::{Duration, Instant};
 use crate::chain::StepResult;
 use film::Film;
 pub use schedule::{AtEnd, CameraOptions, Fault, Outage};
-use schedule::{Playback, Step};
+use schedule::{Playback, PlaybackStep};
 
 /// Interval at which the server looks for new clients, ends and faults.
 const POLL: Duration = Duration::from_millis(10);
@@ -140,7 +140,7 @@ impl CameraState {
     fn play(&self, mut send: impl FnMut(&[u8]) -> std::io::Result<()>) -> std::io::Result<()> {
         let mut playback = Playback::new(&self.options, self.film.len(), self.now_s());
         loop {
-            let Step { shown, due_s } = playback.next();
+            let PlaybackStep { shown, due_s } = playback.next();
             let asleep_from_s = self.now_s();
             // On a slow machine a whole refusal may pass in one sleep.
             if !self.sleep_until(due_s) || self.options.is_refusing_within(asleep_from_s, self.now_s()) {

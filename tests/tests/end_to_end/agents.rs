@@ -7,12 +7,12 @@ use std::time::{Duration, Instant};
 use scenes::room::Room;
 use tests::live::agents::{FIRST_FRAME, StationPair, ids, restart};
 use tests::live::office;
-use tests::live::rows::Row;
+use tests::live::rows::LiveRow;
 use tracker::wire::Fingerprint;
 use zenoh::{Session, Wait};
 
 /// Asserts that a station never gave one id to two people in a row.
-fn assert_no_duplicates(rows: &[Row]) {
+fn assert_no_duplicates(rows: &[LiveRow]) {
     for row in rows {
         assert_eq!(ids(row).len(), row.people.len(), "{row:?}");
     }
@@ -135,7 +135,7 @@ fn a_network_that_is_cut_and_healed_leaves_each_person_one_id() {
     }
 }
 
-fn has_three(rows: &[Row]) -> bool {
+fn has_three(rows: &[LiveRow]) -> bool {
     rows.len() > 10 && rows[rows.len() - 10..].iter().map(ids).all(|people: BTreeSet<u32>| people.len() == 3)
 }
 

@@ -42,7 +42,7 @@ fn the_office_captures_are_followed_to_a_millimetre() {
 }
 
 #[test]
-fn a_real_kitchen_with_blur_and_plain_walls_is_followed_to_its_truths_own_error() {
+fn a_real_kitchen_of_shared_data_is_followed_to_its_truths_own_error() {
     let Some(folder) = tests::data::shared("hololens") else { return };
     for (camera, position_cm, rotation_deg) in [("a", 2.0, 0.6), ("b", 2.2, 0.36)] {
         let source = folder.join("capture").join(camera);

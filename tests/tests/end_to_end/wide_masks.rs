@@ -11,7 +11,7 @@ use tests::data::{program, shared};
 const INSIDE_FROM_X_M: f64 = 2.5;
 
 #[test]
-fn nobody_is_followed_twice() {
+fn nobody_is_followed_twice_in_shared_data() {
     let Some(room) = shared("cmc1") else { return };
     let scratch = tempfile::tempdir().unwrap();
     // Two of eight seeds in which it happened while births were allowed to overlap people.

@@ -27,7 +27,7 @@ use confidence::picks_rule_out;
 use effective_counts::EffectiveCounts;
 use first_points::first_points;
 use level::LevelConstraint;
-use schur::NormalEquations;
+use schur::RefinementEquations;
 use state::RefinementState;
 use term::{Term, norm, terms};
 use variance::Factors;
@@ -157,7 +157,7 @@ impl Refinement<'_> {
         let mut damping = 1e-3;
         let mut cost = self.cost(state, &terms);
         for _ in 0..ITERATIONS {
-            let mut normal = NormalEquations::new(state);
+            let mut normal = RefinementEquations::new(state);
             for term in &terms {
                 let told = self.linearised(state, term);
                 normal.add(&told, term.weight(told.residual));

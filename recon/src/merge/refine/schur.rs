@@ -7,7 +7,7 @@ use super::state::{POINT, POSE, RefinementState};
 use super::term::LinearisedTerm;
 
 /// `JᵀWJ` in blocks, and `JᵀWr`.
-pub(super) struct NormalEquations {
+pub(super) struct RefinementEquations {
     cameras: DMatrix<f64>,
     points: Vec<Matrix3<f64>>,
     /// Blocks between the cameras' rows and one point's columns.
@@ -30,7 +30,7 @@ struct Point {
     follows: MatrixXx3<f64>,
 }
 
-impl NormalEquations {
+impl RefinementEquations {
     /// Normal equations without observations.
     pub(super) fn new(state: &RefinementState) -> Self {
         let (cameras, points) = (state.point_at(0), state.points.len());
@@ -188,7 +188,7 @@ mod tests {
         let state = none_moved();
         let rows = observed(rng);
         for damping in [0.0, 1e-3, 2.0] {
-            let mut blocks = NormalEquations::new(&state);
+            let mut blocks = RefinementEquations::new(&state);
             let size = state.parameters();
             let (mut dense, mut gradient) = (DMatrix::<f64>::zeros(size, size), DVector::<f64>::zeros(size));
             for row in &rows {
@@ -221,7 +221,7 @@ mod tests {
     #[test]
     fn infinite_equations_give_no_step() {
         let state = none_moved();
-        let mut blocks = NormalEquations::new(&state);
+        let mut blocks = RefinementEquations::new(&state);
         let nothing = ByCamera::repeat(f64::NAN);
         blocks.add(&LinearisedTerm::of([1.0, 0.0], &[(0, nothing)], None), 1.0);
         assert!(blocks.factor(1.0).is_none());

@@ -5,7 +5,7 @@
 //! is slightly off, bends the space it reconstructs, all depths at once. It is estimated from the residuals of the
 //! joint fit and their redundancy (the share of an observation that the others could predict).
 
-use super::schur::NormalEquations;
+use super::schur::RefinementEquations;
 use super::state::RefinementState;
 use super::term::{Term, terms};
 use super::{LiftedPick, Refinement};
@@ -93,7 +93,7 @@ impl Refinement<'_> {
         let cameras = state.poses.len();
         let terms = terms(picks, &[], self.levels);
         let rows: Vec<_> = terms.iter().map(|term| self.linearised(state, term)).collect();
-        let mut normal = NormalEquations::new(state);
+        let mut normal = RefinementEquations::new(state);
         for row in &rows {
             normal.add(row, 1.0);
         }

@@ -9,7 +9,7 @@ use crate::pipeline::camera::CameraMotion;
 
 /// Text before the points.
 #[derive(Serialize, Deserialize)]
-struct CachedHead {
+struct MotionHead {
     lens: CachedLens,
     /// Quaternion (i, j, k, w) and translation of each frame; empty where it has no pose.
     poses: Vec<Vec<f64>>,
@@ -20,7 +20,7 @@ const BYTES_A_POINT: usize = 3 * size_of::<f64>();
 
 /// Serialises the head, then point by point three numbers of eight bytes.
 pub(super) fn encode(motion: &CameraMotion) -> Option<Vec<u8>> {
-    let head = CachedHead {
+    let head = MotionHead {
         lens: CachedLens::of(&motion.lens),
         poses: motion.camera_from_world.iter().map(|pose| numbers_of(pose.as_ref())).collect(),
         report: motion.report.clone(),
@@ -33,7 +33,7 @@ pub(super) fn encode(motion: &CameraMotion) -> Option<Vec<u8>> {
 }
 
 pub(super) fn decode(bytes: &[u8]) -> Option<CameraMotion> {
-    let (head, rest): (CachedHead, &[u8]) = head_of(bytes)?;
+    let (head, rest): (MotionHead, &[u8]) = head_of(bytes)?;
     let (points, []) = rest.as_chunks::<BYTES_A_POINT>() else { return None };
     let point = |bytes: &[u8; BYTES_A_POINT]| {
         let (numbers, _) = bytes.as_chunks::<8>();

@@ -12,7 +12,7 @@ use crate::surface::{DepthOrigin, Surface};
 
 /// Text before the pixels.
 #[derive(Serialize, Deserialize)]
-struct CachedHead {
+struct SurfaceHead {
     step: f64,
     lens: CachedLens,
     pinhole: CachedLens,
@@ -28,7 +28,7 @@ struct CachedHead {
 /// then the discs that only key frames saw: centre, normal, radius, confidence, colour, whether it was filled.
 pub(super) fn encode(processed: &ProcessedCapture) -> Option<Vec<u8>> {
     let surface = &processed.surface;
-    let head = CachedHead {
+    let head = SurfaceHead {
         step: f64::from(surface.step),
         lens: CachedLens::of(&processed.lens),
         pinhole: CachedLens::of(&surface.intrinsics),
@@ -64,7 +64,7 @@ const BYTES_A_PIXEL: usize = 3 + 4 + 12 + 1 + 1;
 const BYTES_A_DISC: usize = 4 * 8 + 3 + 1;
 
 pub(super) fn decode(bytes: &[u8]) -> Option<ProcessedCapture> {
-    let (head, rest): (CachedHead, &[u8]) = head_of(bytes)?;
+    let (head, rest): (SurfaceHead, &[u8]) = head_of(bytes)?;
     let (lens, pinhole) = (head.lens.intrinsics(), head.pinhole.intrinsics());
     let pixels = (pinhole.width as usize).checked_mul(pinhole.height as usize)?;
     let discs = head.discs.checked_mul(BYTES_A_DISC)?;

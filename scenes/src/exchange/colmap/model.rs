@@ -9,7 +9,7 @@ use crate::exchange::CORNER_PX;
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct ModelCamera {
     pub(super) id: u32,
-    pub(super) model: &'static Model,
+    pub(super) model: &'static CameraModel,
     pub(super) width: u64,
     pub(super) height: u64,
     pub(super) parameters: Vec<f64>,
@@ -34,25 +34,25 @@ pub(super) struct ModelPoint {
 
 /// One of COLMAP's camera models.
 #[derive(Debug, PartialEq, Eq)]
-pub(super) struct Model {
+pub(super) struct CameraModel {
     pub(super) id: i32,
     pub(super) name: &'static str,
     pub(super) parameters: usize,
 }
 
 /// All numbered camera models; the fisheyes are listed only so that an error can name them.
-pub(super) static MODELS: [Model; 11] = [
-    Model { id: 0, name: "SIMPLE_PINHOLE", parameters: 3 },
-    Model { id: 1, name: "PINHOLE", parameters: 4 },
-    Model { id: 2, name: "SIMPLE_RADIAL", parameters: 4 },
-    Model { id: 3, name: "RADIAL", parameters: 5 },
-    Model { id: 4, name: "OPENCV", parameters: 8 },
-    Model { id: 5, name: "OPENCV_FISHEYE", parameters: 8 },
-    Model { id: 6, name: "FULL_OPENCV", parameters: 12 },
-    Model { id: 7, name: "FOV", parameters: 5 },
-    Model { id: 8, name: "SIMPLE_RADIAL_FISHEYE", parameters: 4 },
-    Model { id: 9, name: "RADIAL_FISHEYE", parameters: 5 },
-    Model { id: 10, name: "THIN_PRISM_FISHEYE", parameters: 12 },
+pub(super) static MODELS: [CameraModel; 11] = [
+    CameraModel { id: 0, name: "SIMPLE_PINHOLE", parameters: 3 },
+    CameraModel { id: 1, name: "PINHOLE", parameters: 4 },
+    CameraModel { id: 2, name: "SIMPLE_RADIAL", parameters: 4 },
+    CameraModel { id: 3, name: "RADIAL", parameters: 5 },
+    CameraModel { id: 4, name: "OPENCV", parameters: 8 },
+    CameraModel { id: 5, name: "OPENCV_FISHEYE", parameters: 8 },
+    CameraModel { id: 6, name: "FULL_OPENCV", parameters: 12 },
+    CameraModel { id: 7, name: "FOV", parameters: 5 },
+    CameraModel { id: 8, name: "SIMPLE_RADIAL_FISHEYE", parameters: 4 },
+    CameraModel { id: 9, name: "RADIAL_FISHEYE", parameters: 5 },
+    CameraModel { id: 10, name: "THIN_PRISM_FISHEYE", parameters: 12 },
 ];
 
 /// Defect of a file: the place and the problem.
