@@ -20,7 +20,8 @@ const COLLINEARITY_RATIO: f64 = 1e-3;
 ///
 /// The rotation minimises the squared distance between `b_from_a · a[i]` and `b[i]`. The scale is `√(S_b / S_a)`, the
 /// ratio of the root-mean-square radii (section 2.E), and not the least-squares `tr(Rᵀ C) / S_a` (section 2.D): it is
-/// symmetric, so that swapping the sets inverts the transform, while noise in `a` biases the least-squares scale towards zero.
+/// symmetric, so that swapping the sets inverts the transform, while noise in `a` biases the least-squares scale
+/// towards zero.
 ///
 /// # Errors
 /// [`Error::Degenerate`] for sets of different sizes, fewer than three points, points on one point or line, or

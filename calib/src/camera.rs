@@ -42,8 +42,8 @@ impl Intrinsics {
     /// Builds the intrinsics from OpenCV's 3 × 3 camera matrix.
     ///
     /// # Errors
-    /// [`Error::Invalid`] when the matrix is not `[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]` with positive finite focal lengths, the
-    /// image is empty or a coefficient is not finite.
+    /// [`Error::Invalid`] when the matrix is not `[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]` with positive finite focal
+    /// lengths, the image is empty or a coefficient is not finite.
     pub fn from_matrix(
         width: u32,
         height: u32,

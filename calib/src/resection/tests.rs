@@ -67,9 +67,15 @@ fn a_bad_pick_stands_out_in_its_residual() {
     let mut seen = picks(&camera, &SPACE);
     seen[3].pixel.x += 25.0;
     let found = resect(&camera.intrinsics, &seen).unwrap();
-    let worst = found.residuals_px.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)).unwrap().0;
-    assert_eq!(worst, 3);
-    assert_relative_eq!(found.camera.center(), camera.center(), epsilon = 0.3);
+    let mut order: Vec<usize> = (0..seen.len()).collect();
+    order.sort_by(|a, b| found.residuals_px[*b].total_cmp(&found.residuals_px[*a]));
+    assert_eq!(order[0], 3);
+    assert!(found.residuals_px[3] > 1.8 * found.residuals_px[order[1]], "{:?}", found.residuals_px);
+    // The other picks are exact, and so is the pose without the bad one.
+    seen.remove(3);
+    let without = resect(&camera.intrinsics, &seen).unwrap();
+    assert!(without.rms_px() < 1e-6, "{} px", without.rms_px());
+    assert_relative_eq!(without.camera.center(), camera.center(), epsilon = 1e-6);
 }
 
 #[test]

@@ -204,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn five_times_the_same_pair_gives_no_wild_answer() {
+    fn five_times_the_same_pair_ends_without_a_panic_and_without_infinite_numbers() {
         let ray = [Vector3::new(0.1, 0.2, 1.0); 5];
         for e in essential_matrices(&ray, &ray) {
             assert!(e.iter().all(|v| v.is_finite()));

@@ -1,6 +1,6 @@
-//! Straight edges in a capture's pictures. Each is the image of a line somewhere in the plane through it and the camera's
-//! centre, its interpretation plane (S. T. Barnard, "Interpreting perspective images", Artificial Intelligence 21,
-//! 1983); a single picture determines only that the line's direction is perpendicular to this plane's normal.
+//! Straight edges in a capture's pictures. Each is the image of a line somewhere in the plane through it and the
+//! camera's centre, its interpretation plane (S. T. Barnard, "Interpreting perspective images", Artificial Intelligence
+//! 21, 1983); a single picture determines only that the line's direction is perpendicular to this plane's normal.
 //!
 //! An edge's own direction is that of the structure tensor (J. Bigün, G. H. Granlund, "Optimal orientation detection of
 //! linear symmetry", ICCV 1987), the mean over a few pixels: one gradient alone is off by degrees, and more so the

@@ -5,8 +5,8 @@
 //! the distance of one camera's surface point from another's surface, along that one's normal; the difference between
 //! the verticals by two cameras' lines ([`level`]). All are robust (Cauchy), iteratively reweighted. The precision of
 //! the depths is estimated along with them ([`variance`]), and the number of independent surface observations
-//! ([`effective_counts`]), since a capture's motion may bend its whole space. [`term`] has the residuals and their derivatives,
-//! [`schur`] the normal equations.
+//! ([`effective_counts`]), since a capture's motion may bend its whole space. [`term`] has the residuals and their
+//! derivatives, [`schur`] the normal equations.
 
 mod confidence;
 mod effective_counts;

@@ -251,8 +251,8 @@ fn surfaces_halve_the_error_of_straight_spaces() {
 #[test]
 fn surfaces_of_bent_spaces_raise_the_mean_error_of_picks_by_a_tenth_at_most() {
     // Bent like captures, where surfaces lower the mean error; then like captures with a wrong lens, where surfaces add
-    // nothing, and raise the error of good picks by some hundredths, since no observation distinguishes those rooms from
-    // the others. In single rooms the error may grow by more than half.
+    // nothing, and raise the error of good picks by some hundredths, since no observation distinguishes those rooms
+    // from the others. In single rooms the error may grow by more than half.
     for (bend, pick_px, ratio) in
         [(0.01, 0.5, 0.85), (0.01, 1.0, 0.7), (0.03, 0.5, 1.05), (0.03, 1.0, 1.0), (0.1, 0.5, 1.1)]
     {
