@@ -16,7 +16,12 @@ use crate::{Error, Result};
 /// Points count as lying on a line when their second principal spread is below this fraction of the first.
 const COLLINEARITY_RATIO: f64 = 1e-3;
 
-/// The similarity `b_from_a` with the least squared distance between `b_from_a · a[i]` and `b[i]`.
+/// Estimates the similarity `b_from_a` between corresponding points, with Horn's symmetric scale.
+///
+/// The rotation minimises the squared distance between `b_from_a · a[i]` and `b[i]`. The scale is `√(S_b / S_a)`, the
+/// ratio of the root-mean-square radii (section 2.E), and not the least-squares `tr(Rᵀ C) / S_a` (section 2.D): it is
+/// symmetric, so that swapping the sets inverts the transform, while noise in `a` biases the least-squares scale
+/// towards zero.
 ///
 /// # Errors
 /// [`Error::Degenerate`] for sets of different sizes, fewer than three points, points on one point or line, or
@@ -37,7 +42,7 @@ pub fn similarity_weighted(
     Ok(Similarity3::from_parts(moments.translation(&rotation, scale), rotation, scale))
 }
 
-/// The rigid transform `b_from_a` with the least squared distance between `b_from_a · a[i]` and `b[i]`.
+/// Estimates the rigid transform `b_from_a` with the least squared distance between `b_from_a · a[i]` and `b[i]`.
 ///
 /// # Errors
 /// As [`similarity`].

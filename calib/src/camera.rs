@@ -4,7 +4,7 @@ use nalgebra::{Isometry3, Matrix2x3, Matrix3, Point2, Point3, Unit, Vector2, Vec
 
 use crate::{Distortion, Error, Result};
 
-/// How a camera maps directions to pixels: image size, focal lengths, principal point, distortion.
+/// Mapping of directions to pixels: image size, focal lengths, principal point, distortion.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Intrinsics {
     /// Image width in pixels.
@@ -39,11 +39,11 @@ impl Intrinsics {
         }
     }
 
-    /// From OpenCV's 3 × 3 camera matrix.
+    /// Builds the intrinsics from OpenCV's 3 × 3 camera matrix.
     ///
     /// # Errors
-    /// When the matrix is not `[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]` with positive finite focal lengths, the
-    /// image is empty or a coefficient is not finite.
+    /// [`Error::Invalid`] when the matrix is not `[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]` with positive finite focal
+    /// lengths, the image is empty or a coefficient is not finite.
     pub fn from_matrix(
         width: u32,
         height: u32,
@@ -64,7 +64,7 @@ impl Intrinsics {
         Ok(intrinsics)
     }
 
-    /// Checks what every other method relies on.
+    /// Checks the invariants that every other method relies on.
     ///
     /// # Errors
     /// [`Error::Invalid`] for an empty image, a focal length that is not positive, or a number that is not finite.
@@ -112,7 +112,7 @@ impl Intrinsics {
         }
     }
 
-    /// A point in camera coordinates → its pixel.
+    /// Projects a point in camera coordinates to its pixel.
     ///
     /// `None` behind the camera, and where the lens model has folded back on itself
     /// ([`Distortion::max_radius`]). The pixel may lie outside the image.
@@ -130,7 +130,7 @@ impl Intrinsics {
         Some(Point2::new(self.fx * n.x + self.cx, self.fy * n.y + self.cy))
     }
 
-    /// The derivative of [`Self::project`] with respect to the point in camera coordinates.
+    /// Derivative of [`Self::project`] with respect to the point in camera coordinates.
     pub fn project_jacobian(&self, p: &Point3<f64>) -> Matrix2x3<f64> {
         let (inv_z, n) = (1.0 / p.z, Vector2::new(p.x / p.z, p.y / p.z));
         let d_normalised = Matrix2x3::new(inv_z, 0.0, -n.x * inv_z, 0.0, inv_z, -n.y * inv_z);
@@ -140,7 +140,7 @@ impl Intrinsics {
         j
     }
 
-    /// A pixel → the point of its ray at z = 1 in camera coordinates.
+    /// Point of a pixel's ray at z = 1 in camera coordinates.
     ///
     /// `None` where the lens model gives no ray to this pixel.
     pub fn unproject(&self, pixel: &Point2<f64>) -> Option<Vector3<f64>> {
@@ -149,34 +149,34 @@ impl Intrinsics {
         Some(Vector3::new(n.x, n.y, 1.0))
     }
 
-    /// Whether a pixel lies on the image, borders of the outer pixels included.
+    /// Tells whether a pixel lies on the image, borders of the outer pixels included.
     pub fn contains(&self, pixel: &Point2<f64>) -> bool {
         (-0.5..=self.width as f64 - 0.5).contains(&pixel.x)
             && (-0.5..=self.height as f64 - 0.5).contains(&pixel.y)
     }
 }
 
-/// A calibrated camera that stands somewhere.
+/// A calibrated camera with its pose.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Camera {
-    /// How it maps directions to pixels.
+    /// Mapping of directions to pixels.
     pub intrinsics: Intrinsics,
     /// `X_camera = camera_from_world · X_world`, metres in a finished room.
     pub camera_from_world: Isometry3<f64>,
 }
 
 impl Camera {
-    /// Where the camera stands, in world coordinates.
+    /// Centre of the camera, in world coordinates.
     pub fn center(&self) -> Point3<f64> {
         self.camera_from_world.rotation.inverse() * Point3::from(-self.camera_from_world.translation.vector)
     }
 
-    /// A world point → its pixel; `None` as in [`Intrinsics::project`].
+    /// Projects a world point to its pixel; `None` as in [`Intrinsics::project`].
     pub fn project(&self, world: &Point3<f64>) -> Option<Point2<f64>> {
         self.intrinsics.project(&(self.camera_from_world * world))
     }
 
-    /// The direction in the world that a pixel looks along; `None` as in [`Intrinsics::unproject`].
+    /// Direction in the world that a pixel looks along; `None` as in [`Intrinsics::unproject`].
     pub fn ray(&self, pixel: &Point2<f64>) -> Option<Unit<Vector3<f64>>> {
         let direction = self.intrinsics.unproject(pixel)?;
         Some(Unit::new_normalize(self.camera_from_world.rotation.inverse() * direction))
@@ -188,7 +188,7 @@ impl Camera {
         Some(self.camera_from_world.inverse() * Point3::from(direction * depth_z))
     }
 
-    /// The same camera in the world `b`, given the rigid `b_from_a` of the world it stands in now.
+    /// The same camera in the world `b`, given the rigid `b_from_a` of its present world `a`.
     #[must_use]
     pub fn moved(&self, b_from_a: &Isometry3<f64>) -> Self {
         Self {

@@ -7,9 +7,9 @@
 //! y' = y (1 + k1 r² + k2 r⁴ + k3 r⁶) + p1 (r² + 2 y²) + 2 p2 x y
 //! ```
 //!
-//! The polynomial folds back on itself far from the centre, where a point outside the lens's field of view
-//! would land inside the image again. [`Distortion::max_radius`] is where that begins; beyond it a point has
-//! no image.
+//! The polynomial folds back on itself far from the centre, where a point outside the lens's field of view would land
+//! inside the image again. [`Distortion::max_radius`] is the radius at which that begins; beyond it a point has no
+//! image.
 
 use nalgebra::{Matrix2, Vector2};
 use serde::{Deserialize, Serialize};
@@ -51,17 +51,17 @@ impl Distortion {
     /// No distortion.
     pub const NONE: Self = Self { k1: 0.0, k2: 0.0, p1: 0.0, p2: 0.0, k3: 0.0 };
 
-    /// Whether every coefficient is zero, so that the camera is a plain pinhole.
+    /// Tells whether every coefficient is zero, so that the camera is a plain pinhole.
     pub fn is_none(&self) -> bool {
         *self == Self::NONE
     }
 
-    /// Whether every coefficient is a finite number.
+    /// Tells whether every coefficient is a finite number.
     pub fn is_finite(&self) -> bool {
         <[f64; 5]>::from(*self).iter().all(|c| c.is_finite())
     }
 
-    /// Normalised pinhole coordinates → normalised distorted coordinates.
+    /// Maps normalised pinhole coordinates to normalised distorted coordinates.
     pub fn distort(&self, p: Vector2<f64>) -> Vector2<f64> {
         let (x, y) = (p.x, p.y);
         let r2 = x * x + y * y;
@@ -72,7 +72,7 @@ impl Distortion {
         )
     }
 
-    /// The derivative of [`Self::distort`] with respect to its argument.
+    /// Derivative of [`Self::distort`] with respect to its argument.
     pub fn jacobian(&self, p: Vector2<f64>) -> Matrix2<f64> {
         let (x, y) = (p.x, p.y);
         let r2 = x * x + y * y;
@@ -87,7 +87,7 @@ impl Distortion {
         )
     }
 
-    /// Normalised distorted coordinates → normalised pinhole coordinates, by Newton's method.
+    /// Maps normalised distorted coordinates to normalised pinhole coordinates, by Newton's method.
     ///
     /// `None` where no pinhole point within [`Self::max_radius`] has this image.
     pub fn undistort(&self, distorted: Vector2<f64>) -> Option<Vector2<f64>> {
@@ -99,7 +99,7 @@ impl Distortion {
         if start.norm() > limit {
             start *= 0.9 * limit / start.norm();
         }
-        // Where the lens pulls far outwards before it folds, steps from there can leap to and fro about the root for ever.
+        // Lenses that pull far outwards before they fold can make Newton's full steps oscillate about the root.
         self.newton(distorted, start, limit)
             .or_else(|| self.newton(distorted, self.radial_inverse(distorted, limit), limit))
     }
@@ -121,8 +121,8 @@ impl Distortion {
         None
     }
 
-    /// The pinhole point that the radial part alone moves to `distorted`, or the last before the fold, by halving: up to the
-    /// fold that part only grows, and the tangential one is small beside it.
+    /// The pinhole point that the radial part alone moves to `distorted`, by bisection, or the last before the fold: up
+    /// to the fold the radial part only grows, and the tangential one is small beside it.
     fn radial_inverse(&self, distorted: Vector2<f64>, limit: f64) -> Vector2<f64> {
         let radial = Self { p1: 0.0, p2: 0.0, ..*self };
         let image = |r: f64| radial.distort(Vector2::new(r, 0.0)).x;
@@ -136,8 +136,8 @@ impl Distortion {
         if target > 0.0 { distorted * (low / target) } else { distorted }
     }
 
-    /// The normalised radius up to which the radial polynomial grows, so that images are unique:
-    /// the smallest positive root of `d(r · radial(r))/dr = 1 + 3 k1 r² + 5 k2 r⁴ + 7 k3 r⁶`.
+    /// Normalised radius up to which the radial polynomial grows, so that images are unique: the smallest positive root
+    /// of `d(r · radial(r))/dr = 1 + 3 k1 r² + 5 k2 r⁴ + 7 k3 r⁶`.
     pub fn max_radius(&self) -> f64 {
         let roots = real_roots(7.0 * self.k3, 5.0 * self.k2, 3.0 * self.k1, 1.0);
         let smallest = roots.into_iter().flatten().filter(|s| *s > 0.0).fold(f64::INFINITY, f64::min);
@@ -145,7 +145,7 @@ impl Distortion {
     }
 }
 
-/// The real roots of `a x³ + b x² + c x + d`, by Cardano and Viète; lower degrees where leading terms vanish.
+/// Real roots of `a x³ + b x² + c x + d`, by Cardano and Viète; lower degrees where leading terms vanish.
 fn real_roots(a: f64, b: f64, c: f64, d: f64) -> [Option<f64>; 3] {
     const NEGLIGIBLE: f64 = 1e-12;
     if a.abs() < NEGLIGIBLE {
@@ -156,7 +156,7 @@ fn real_roots(a: f64, b: f64, c: f64, d: f64) -> [Option<f64>; 3] {
         if discriminant < 0.0 {
             return [None; 3];
         }
-        // The form that does not cancel: one root from the sum, the other from the product.
+        // This form avoids cancellation: one root from the sum, the other from the product.
         let q = -0.5 * (c + c.signum() * discriminant.sqrt());
         return [Some(q / b), (q != 0.0).then(|| d / q), None];
     }
@@ -196,7 +196,8 @@ mod tests {
             prop_assert!((back - p).norm() < 1e-9, "{p:?} came back as {back:?}");
         }
 
-        /// Lenses of all kinds, up to where their images fold: some have slopes that lead Newton's whole steps astray.
+        /// Lenses of all kinds, up to the radius at which their images fold: the slopes of some mislead Newton's full
+        /// steps.
         #[test]
         fn every_image_has_its_ray(
             (k1, k2, k3) in (-0.4..0.25, -0.1..0.15, -0.02..0.02),

@@ -1,8 +1,8 @@
-//! The crate's one error type. Each variant says what is wrong, where, and how to mend it.
+//! Error type of the crate. Each variant names what is wrong, the place, and what to do.
 
 use std::path::PathBuf;
 
-/// What can go wrong in `calib`.
+/// Errors of the crate `calib`; each names file, place and what to do.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// A file could not be read or written.
@@ -10,32 +10,32 @@ pub enum Error {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the system.
         source: std::io::Error,
     },
-    /// A file was read, but what it says cannot be used.
+    /// A file was read, but its content cannot be used.
     #[error("{path}: {place}: {problem}")]
     Content {
         /// The file.
         path: PathBuf,
         /// The place in it: a line, a key, a frame.
         place: String,
-        /// What is wrong and what to do about it.
+        /// Problem, and what to do about it.
         problem: String,
     },
     /// Numbers that make no camera, no rotation or no transform.
     #[error("{0}")]
     Invalid(String),
-    /// Point sets that do not determine what was asked of them.
+    /// Point sets that do not determine the quantity asked for.
     #[error("degenerate points: {0}")]
     Degenerate(String),
-    /// OpenCV refused.
+    /// OpenCV reported an error.
     #[cfg(feature = "vision")]
     #[error("OpenCV: {doing}: {message}")]
     OpenCv {
-        /// What was being done.
+        /// Operation that was under way.
         doing: &'static str,
-        /// OpenCV's own words.
+        /// Message of OpenCV.
         message: String,
     },
 }

@@ -1,4 +1,4 @@
-//! Files: whole or not at all, never in place of an input, and those that `calib intrinsics` and `calib pose` write.
+//! Files: replaced in one step, never in place of an input, and the files of `calib intrinsics` and `calib pose`.
 
 use std::io::Write;
 use std::path::Path;
@@ -9,16 +9,18 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Camera, Distortion, Error, Intrinsics, Result};
 
-/// Writes a file whole or not at all: into a temporary file beside it, which then takes its name.
+/// Writes a file by way of a temporary file beside it, which then takes its name, so that a reader sees the old content
+/// or the new one, never a part. The data is not synchronised to the disk: after a power cut the file may be
+/// incomplete.
 ///
 /// # Errors
-/// [`Error::Io`] naming `path`; whatever stood there before is untouched then.
+/// [`Error::Io`] naming `path`; a file that stood there before is then untouched.
 pub fn write_atomic(path: &Path, content: &[u8]) -> Result<()> {
     write_together(&[(path, content)])
 }
 
-/// Writes files that belong together: all are staged beside their places before the first takes its name, so a
-/// full disk or a refused folder leaves every one of them as it was. They take their names in the given order.
+/// Writes files that belong together: all are staged beside their places before the first takes its name, so a full
+/// disk or a refused folder leaves every one of them as it was. They take their names in the given order.
 ///
 /// # Errors
 /// [`Error::Io`] naming the file that could not be written; [`Error::Content`] where a folder stands in its place.
@@ -43,12 +45,12 @@ pub fn write_together(files: &[(&Path, &[u8])]) -> Result<()> {
     Ok(())
 }
 
-/// Refuses to write an output where an input stands, by whatever name it is called: the input would be lost.
+/// Refuses to write an output in place of an input, by whatever name it is called: the input would be lost.
 ///
 /// # Errors
 /// [`Error::Content`] naming the output.
 pub fn refuse_input_as_output<'a>(output: &Path, inputs: impl IntoIterator<Item = &'a Path>) -> Result<()> {
-    // What is not there yet is no input.
+    // A path that does not exist yet cannot be an input.
     let Ok(real) = output.canonicalize() else { return Ok(()) };
     if inputs.into_iter().any(|input| input.canonicalize().is_ok_and(|input| input == real)) {
         let (place, problem) =
@@ -58,13 +60,13 @@ pub fn refuse_input_as_output<'a>(output: &Path, inputs: impl IntoIterator<Item 
     Ok(())
 }
 
-/// Temporary files are private by default; results are for whoever may read the folder.
+/// Permissions of a result, readable by all: temporary files are private by default.
 #[cfg(unix)]
 fn readable_by_all() -> std::fs::Permissions {
     std::os::unix::fs::PermissionsExt::from_mode(0o644)
 }
 
-/// The text of a file.
+/// Text of a file.
 ///
 /// # Errors
 /// [`Error::Io`] naming the file.
@@ -92,7 +94,7 @@ pub fn read_toml<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
     })
 }
 
-/// The intrinsics file: what stands in `scene.toml` under a camera, on its own.
+/// The intrinsics file: the entries of a camera in `scene.toml`, on their own.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct IntrinsicsFile {
@@ -101,7 +103,7 @@ struct IntrinsicsFile {
     matrix: [[f64; 3]; 3],
     #[serde(default)]
     distortion: Distortion,
-    /// `calib pose` writes a lens that it found itself beside its pose; what else is there is misspelt.
+    /// `calib pose` writes an estimated lens beside the pose, so its keys are known here; any other key is an error.
     #[serde(default, skip_serializing)]
     #[expect(dead_code, reason = "only known, so that it is not called a mistake")]
     rotation: IgnoredAny,
@@ -127,7 +129,7 @@ impl IntrinsicsFile {
     }
 }
 
-/// The pose file: what stands in `scene.toml` under a camera, on its own.
+/// The pose file: the entries of a camera's pose in `scene.toml`, on their own.
 #[derive(Serialize)]
 struct PoseFile {
     #[serde(flatten)]
@@ -137,8 +139,8 @@ struct PoseFile {
     rms_px: f64,
 }
 
-/// The text of a pose file: the pose and the residual, pixels, that it left. With `with_lens` the camera's intrinsics
-/// come before them, so that the file is one of intrinsics, too.
+/// Text of a pose file: the pose and its root mean square residual, pixels. With `with_lens` the camera's intrinsics
+/// come before them, so that the file also serves as an intrinsics file.
 ///
 /// # Errors
 /// [`Error::Invalid`] for numbers that cannot be written.
@@ -153,7 +155,7 @@ pub fn pose_text(camera: &Camera, rms_px: f64, with_lens: bool) -> Result<String
     toml::to_string(&file).map_err(|e| Error::Invalid(e.to_string()))
 }
 
-/// Reads a camera's intrinsics as `calib intrinsics` writes them, or `calib pose` where it found the lens itself.
+/// Reads a camera's intrinsics as written by `calib intrinsics`, or by `calib pose` with an estimated lens.
 ///
 /// # Errors
 /// [`Error::Io`] or [`Error::Content`], naming file and place.
@@ -176,12 +178,12 @@ pub fn write_intrinsics(path: &Path, intrinsics: &Intrinsics) -> Result<()> {
     write_atomic(path, text.as_bytes())
 }
 
-/// A matrix as files hold it, row by row → nalgebra's.
+/// Matrix of rows as stored in files, as nalgebra's.
 pub fn matrix_from_rows(rows: &[[f64; 3]; 3]) -> Matrix3<f64> {
     Matrix3::from_fn(|r, c| rows[r][c])
 }
 
-/// nalgebra's matrix → row by row, as files hold it.
+/// nalgebra's matrix as rows, as stored in files.
 pub fn rows_of_matrix(m: &Matrix3<f64>) -> [[f64; 3]; 3] {
     std::array::from_fn(|r| std::array::from_fn(|c| m[(r, c)]))
 }

@@ -1,17 +1,18 @@
 //! Camera models, intrinsic and extrinsic calibration, absolute orientation.
 //!
-//! The lowest crate of the field's work: everything here speaks `f64` `nalgebra`, and nothing here knows of rooms or people.
+//! The lowest crate of the field's work: everything here speaks `f64` `nalgebra`, and nothing here knows of rooms or
+//! people.
 //!
-//! * [`Camera`] — where a camera stands ([`nalgebra::Isometry3`], `camera_from_world`) and how it maps
+//! * [`Camera`] — a camera's pose ([`nalgebra::Isometry3`], `camera_from_world`) and its mapping of
 //!   directions to pixels ([`Intrinsics`], with OpenCV's [`Distortion`]). Start here.
 //! * [`absolute_orientation`] — Horn's closed form: the similarity that takes one set of points to another.
-//! * [`resection`] — a camera's pose, and its lens if need be, from known points and their pixels.
-//! * [`picture`] — pictures in files: photographs upright, drawings whole or not at all.
-//! * [`photograph`] — the lens that a photograph tells in its EXIF block.
+//! * [`resection`] — a camera's pose, and its lens where that is unknown, from known points and their pixels.
+//! * [`picture`] — pictures in files: photographs upright, drawings replaced in one step.
+//! * [`photograph`] — the lens stated by a photograph's EXIF block.
 //! * [`undistort`] — lookup maps between a distorted image and its pinhole twin.
-//! * [`vision`] — the project's one door to OpenCV: optical flow, background models, chessboards.
-//! * [`video`] — the project's one door to FFmpeg: frames in, films out. The rest of the crate builds and tests without
-//!   these two (feature `vision`).
+//! * [`vision`] — the only module that calls OpenCV: optical flow, background models, chessboards.
+//! * [`video`] — the only module that calls FFmpeg: frames in, films out. The rest of the crate builds and tests
+//!   without these two (feature `vision`).
 //!
 //! # Conventions
 //!

@@ -1,6 +1,6 @@
-//! `calib`: what a camera is (`intrinsics`) and where it stands (`pose`).
+//! `calib`: estimates a camera's intrinsics (`intrinsics`) and its pose (`pose`).
 //!
-//! Exit status: 0, or 2 when anything cannot be done; then one line on standard error says what and where.
+//! Exit status: 0, or 2 when the command failed; then one line on standard error names the problem and its place.
 #![forbid(unsafe_code)]
 
 mod cli;

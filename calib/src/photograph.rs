@@ -1,4 +1,4 @@
-//! The lens that a photograph tells in its EXIF block (JEITA CP-3451, "Exchangeable image file format").
+//! The lens stated by a photograph's EXIF block (JEITA CP-3451, "Exchangeable image file format").
 
 use std::fs::File;
 use std::io::BufReader;
@@ -8,14 +8,14 @@ use exif::{Exif, In, Reader, Tag, Value};
 
 use crate::{Error, Result};
 
-/// The diagonal of a 36 × 24 mm frame: what a focal length "in 35 mm film" refers to.
+/// Diagonal of a 36 × 24 mm frame: the reference of a focal length "in 35 mm film".
 const FILM_DIAGONAL_MM: f64 = 43.266_615;
-/// Lenses beyond these horizontal angles of view are mistakes, or fisheyes.
+/// Plausible horizontal angles of view; lenses beyond them are mistakes, or fisheyes.
 const FIELD_OF_VIEW_DEG: std::ops::RangeInclusive<f64> = 5.0..=130.0;
 
-/// The focal length in pixels of a photograph of `width_px` × `height_px`; `None` where nothing is told.
+/// Focal length in pixels of a photograph of `width_px` × `height_px`; `None` where EXIF states none.
 ///
-/// `FocalLengthIn35mmFilm` is taken, or `FocalLength` with the sensor's resolution in the focal plane.
+/// `FocalLengthIn35mmFilm` is used, or `FocalLength` with the sensor's resolution in the focal plane.
 ///
 /// # Errors
 /// [`Error::Content`] for an EXIF block that cannot be read, and for a focal length that no camera for rooms has.
@@ -38,13 +38,14 @@ pub fn focal_px(photograph: &Path, [width_px, height_px]: [u32; 2]) -> Result<Op
     Err(told(format!("its focal length would be {focal:.1} pixels, which no camera for rooms has")))
 }
 
-/// 0 stands for unknown.
+/// Focal length on 35 mm film, mm; EXIF's 0 stands for unknown and gives `None`.
 fn film_focal_mm(exif: &Exif) -> Option<f64> {
     let told = exif.get_field(Tag::FocalLengthIn35mmFilm, In::PRIMARY)?.value.get_uint(0)?;
     (told > 0).then(|| f64::from(told))
 }
 
-/// From the lens's own focal length and the sensor's pixels; the photograph may have been made smaller since.
+/// Focal length, pixels, from the lens's own focal length and the sensor's pixels; the photograph may have been made
+/// smaller since.
 fn on_sensor(exif: &Exif, longer_side_px: f64) -> Option<f64> {
     let millimetres = positive(exif, Tag::FocalLength)?;
     let in_a_unit = positive(exif, Tag::FocalPlaneXResolution)?;
@@ -78,7 +79,7 @@ pub(crate) mod tests {
         photograph_of(folder, &RgbImage::new(64, 48), block)
     }
 
-    /// A photograph that shows this, with this EXIF block.
+    /// A photograph with these pixels and this EXIF block.
     pub(crate) fn photograph_of(folder: &Path, shown: &RgbImage, block: &[u8]) -> std::path::PathBuf {
         let mut jpeg = Vec::new();
         let encoder = image::codecs::jpeg::JpegEncoder::new(&mut jpeg);
@@ -143,7 +144,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn what_tells_nothing_is_nothing() {
+    fn exif_without_a_focal_length_gives_none() {
         let folder = tempfile::tempdir().unwrap();
         assert_eq!(focal_px(&photograph(folder.path(), &[]), [640, 480]).unwrap(), None);
         let png = folder.path().join("plain.png");
@@ -162,7 +163,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn what_cannot_be_is_refused_with_its_place() {
+    fn impossible_exif_is_refused_with_its_place() {
         for absurd in [1, 900, 65535] {
             let error = told(&[(Tag::FocalLengthIn35mmFilm, Value::Short(vec![absurd]))]).unwrap_err();
             assert!(error.to_string().contains("photograph.jpg: EXIF"), "{absurd}: {error}");

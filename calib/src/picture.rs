@@ -1,8 +1,8 @@
-//! Pictures in files: photographs the way up in which they were taken, drawings whole or not at all.
+//! Pictures in files: photographs upright, drawings replaced in one step.
 //!
 //! A telephone writes its sensor's rows as they come, and how it was held into EXIF's `Orientation` (JEITA CP-3451,
-//! section 4.6.4); who reads the file has to turn the picture. Everything that is measured in a picture (pixels, its
-//! width and height, intrinsics) is of the turned one.
+//! section 4.6.4); a reader of the file has to turn the picture. All measurements in a picture (pixels, width and
+//! height, intrinsics) refer to the turned one.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -45,10 +45,10 @@ pub fn size(path: &Path) -> Result<(u32, u32)> {
     })
 }
 
-/// The bytes of a picture in the format of its file's name.
+/// Encodes a picture in the format that its file's name states.
 ///
 /// # Errors
-/// [`Error::Content`] for a name that tells no format.
+/// [`Error::Content`] for a name that states no format.
 pub fn encode(path: &Path, picture: &RgbImage) -> Result<Vec<u8>> {
     let refused = |e: &ImageError| Error::Content {
         path: path.to_owned(),
@@ -61,7 +61,7 @@ pub fn encode(path: &Path, picture: &RgbImage) -> Result<Vec<u8>> {
     Ok(bytes.into_inner())
 }
 
-/// Writes a picture in the format of its file's name, whole or not at all.
+/// Writes a picture in the format that its file's name states, as [`write_atomic`] does.
 ///
 /// # Errors
 /// As [`encode`]; [`Error::Io`] when the file cannot be written.
@@ -120,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_picture_is_named() {
+    fn files_that_are_no_pictures_are_named() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.png");
         assert!(matches!(read(&path), Err(Error::Io { .. })) && matches!(size(&path), Err(Error::Io { .. })));

@@ -4,10 +4,10 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 use crate::{Error, Result};
 
-/// How far `R Rᵀ` may be from the identity before a matrix in a file is no rotation: files carry 6 digits or more.
+/// Largest distance of `R Rᵀ` from the identity for a matrix in a file to be a rotation: files carry 6 digits or more.
 const ORTHONORMALITY_TOLERANCE: f64 = 1e-4;
 
-/// A 3 × 3 matrix from a file → the rotation it stands for, with the rounding of its digits removed.
+/// Converts a 3 × 3 matrix from a file to the rotation it stands for, with the rounding of its digits removed.
 ///
 /// # Errors
 /// [`Error::Invalid`] when the matrix is not orthonormal to four digits, mirrors, or holds a non-finite number.
@@ -32,11 +32,11 @@ pub fn from_matrix(m: &Matrix3<f64>) -> Result<UnitQuaternion<f64>> {
     )))
 }
 
-/// The rotation nearest to a matrix, which is what turns one bundle of directions into another where the matrix is the sum
-/// of their products (W. Kabsch, Acta Crystallographica A 32, 1976): `U diag(1, 1, det U Vᵀ) Vᵀ` of its singular value
-/// decomposition. The identity where that does not come to its end.
+/// The rotation nearest to a matrix; for a sum of outer products of two bundles of directions, the rotation between
+/// them (W. Kabsch, Acta Crystallographica A 32, 1976): `U diag(1, 1, det U Vᵀ) Vᵀ` of its singular value
+/// decomposition. The identity where the decomposition does not converge.
 pub fn nearest(m: &Matrix3<f64>) -> Rotation3<f64> {
-    /// A dozen suffice.
+    /// Limit of the decomposition's steps; a dozen suffice.
     const MOST_STEPS: usize = 200;
     let found = m.try_svd(true, true, f64::EPSILON, MOST_STEPS);
     let Some((u, v_t)) = found.and_then(|svd| svd.u.zip(svd.v_t)) else { return Rotation3::identity() };
@@ -49,7 +49,7 @@ pub fn nearest(m: &Matrix3<f64>) -> Rotation3<f64> {
     }
 }
 
-/// The angle of the rotation between two orientations, in degrees.
+/// Angle of the rotation between two orientations, degrees.
 pub fn angle_between_deg(a: &UnitQuaternion<f64>, b: &UnitQuaternion<f64>) -> f64 {
     a.angle_to(b).to_degrees()
 }

@@ -9,22 +9,22 @@ use nalgebra::Point2;
 
 use crate::Intrinsics;
 
-/// For each pixel of the pinhole image, where to look in the distorted one.
+/// Source pixel in the distorted image for each pixel of the pinhole image.
 #[derive(Debug, Clone)]
 pub struct UndistortMap {
     width: u32,
     height: u32,
-    /// Row by row; `None` where the lens shows nothing. Empty when the camera has no distortion.
+    /// Row by row; `None` where the lens has no image. Empty when the camera has no distortion.
     source: Vec<Option<[f32; 2]>>,
     /// The index of the nearest pixel to each source, [`NOTHING`] for none.
     nearest: Vec<u32>,
 }
 
-/// Where the lens shows nothing.
+/// Index for pixels where the lens has no image; beyond every image.
 const NOTHING: u32 = u32::MAX;
 
 impl UndistortMap {
-    /// The map for one camera.
+    /// Computes the map of one camera.
     pub fn new(intrinsics: &Intrinsics) -> Self {
         let (width, height) = (intrinsics.width, intrinsics.height);
         if intrinsics.distortion.is_none() {
@@ -45,18 +45,18 @@ impl UndistortMap {
         Self { width, height, source, nearest }
     }
 
-    /// Whether the camera has no distortion, so that images need no change.
+    /// Tells whether the camera has no distortion, so that images need no change.
     pub fn is_identity(&self) -> bool {
         self.source.is_empty()
     }
 
-    /// For each pixel of the pinhole image, row by row, the index of the distorted image's nearest pixel, beyond every image
-    /// where the lens shows nothing. Empty for an identity.
+    /// Index of the distorted image's nearest pixel for each pixel of the pinhole image, row by row; beyond every image
+    /// where the lens has no image. Empty for an identity.
     pub fn nearest(&self) -> &[u32] {
         &self.nearest
     }
 
-    /// A mask in the pinhole image: the nearest pixel's value, 0 where the lens shows nothing.
+    /// Resamples a mask to the pinhole image: the nearest pixel's value, 0 where the lens has no image.
     pub fn mask(&self, distorted: &GrayImage, into: &mut GrayImage) {
         if self.is_identity() {
             into.copy_from_slice(distorted);
@@ -69,7 +69,7 @@ impl UndistortMap {
         }
     }
 
-    /// A picture in the pinhole image, interpolated bilinearly; black where the lens shows nothing.
+    /// Resamples a picture to the pinhole image bilinearly; black where the lens has no image.
     pub fn image(&self, distorted: &RgbImage) -> RgbImage {
         if self.is_identity() {
             return distorted.clone();

@@ -1,4 +1,4 @@
-//! The program `calib` as a person runs it: output, exit status, and what it says when something is wrong.
+//! The program `calib` as a person runs it: output, exit status, and error lines.
 #![allow(clippy::unwrap_used)] // a test that cannot go on should stop
 
 use std::fmt::Write;
@@ -30,7 +30,7 @@ impl Folder {
         Command::new(env!("CARGO_BIN_EXE_calib")).args(arguments).current_dir(self.0.path()).output().unwrap()
     }
 
-    /// What a run that succeeds says on standard output and on standard error.
+    /// Standard output and standard error of a successful run.
     fn said(&self, arguments: &[&str]) -> (String, String) {
         let output = self.calib(arguments);
         let [out, err] = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap());

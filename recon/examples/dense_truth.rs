@@ -1,4 +1,4 @@
-//! Dense stereo alone, with the true poses of a capture: how much of the reference image comes out right.
+//! Measures dense stereo alone, with the true poses of a capture: the share of the reference image that is right.
 //!
 //! `cargo run --release -p recon --example dense_truth -- ../shared/data/office cam0 [pictures-folder]`
 
@@ -11,7 +11,7 @@ use image::{Luma, Rgb, RgbImage};
 use nalgebra::{Isometry3, Matrix3, Point3, Translation3, Vector3};
 use recon::dense::{DenseOptions, PosedCapture, reconstruct};
 use recon::planes::{self, PlaneOptions};
-use recon::surface::{Origin, Surface};
+use recon::surface::{DepthOrigin, Surface};
 
 fn main() -> Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -31,7 +31,7 @@ fn main() -> Result<()> {
     let depth_file = if in_room.exists() { in_room } else { data.join(format!("depth_{name}.png")) };
     let depth = image::open(&depth_file)?.into_luma16();
 
-    // Points as a sparse reconstruction would give them: a coarse grid of the true surface.
+    // Points as of a sparse reconstruction: a coarse grid of the true surface.
     let reference = frames.len() - 1;
     let world_from_reference = poses[reference].context("no pose")?.inverse();
     let points: Vec<Point3<f64>> = (0..depth.height())
@@ -99,7 +99,7 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-/// What planes make of it, by where depths come from.
+/// Prints the accuracy after the completion by planes, for measured and for filled depths.
 fn completed(
     name: &str,
     surface: &Surface,
@@ -108,7 +108,7 @@ fn completed(
 ) -> Result<()> {
     let seen = depth.pixels().filter(|p| p[0] > 0).count() as f64;
     let mut picture = RgbImage::new(depth.width(), depth.height());
-    for origin in [Origin::Stereo, Origin::Filled] {
+    for origin in [DepthOrigin::Stereo, DepthOrigin::Filled] {
         let (mut count, mut good, mut near, mut far) = (0, 0, 0, 0);
         for (i, (u, v, Luma([mm]))) in depth.enumerate_pixels().enumerate() {
             if *mm == 0 || surface.origin[i] != origin {
@@ -120,7 +120,7 @@ fn completed(
             near += i32::from(error < -0.2);
             far += i32::from(error > 0.2);
             let shade = (255.0 * (error.abs() / 0.2).min(1.0)) as u8;
-            let blue = if origin == Origin::Filled { 150 } else { 0 };
+            let blue = if origin == DepthOrigin::Filled { 150 } else { 0 };
             let pixel = if error.abs() <= 0.05 {
                 [0, 255 - shade, blue]
             } else if error < 0.0 {

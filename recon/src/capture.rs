@@ -1,4 +1,4 @@
-//! A capture: the frames one camera filmed on its way to its final pose, and which of them is the reference image.
+//! A capture: the frames that one camera filmed on its way to its final pose, and its reference image.
 
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -9,24 +9,25 @@ use image::RgbImage;
 
 use crate::{Error, Result};
 
-/// Fewer frames than this hold no motion worth the name.
+/// Least number of frames from which motion can be estimated.
 const MIN_FRAMES: usize = 3;
 
-/// Longer films are used in steps: beyond this, more frames of the same room cost time and memory and tell nothing new.
+/// Largest number of frames that are used. Longer films are sampled evenly: time and memory grow with the frames, while
+/// the view of the room changes little from one to the next.
 const MOST_FRAMES: usize = 120;
 
-/// Horizontal field of view assumed where a capture tells nothing of its lens; adjustment finds the true one.
+/// Horizontal field of view assumed where the lens of a capture is unknown; adjustment estimates the true one.
 pub const ASSUMED_FOV_DEG: f64 = 60.0;
 
-/// Which frame was taken at the installed pose.
+/// Choice of the frame at the installed pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum ReferenceFrame {
-    /// The first.
+    /// The first frame.
     First,
-    /// The last.
+    /// The last frame.
     #[default]
     Last,
-    /// This one, counted from 1.
+    /// The frame with this number, counted from 1.
     Number(usize),
 }
 
@@ -47,26 +48,26 @@ impl FromStr for ReferenceFrame {
     }
 }
 
-/// A capture as it lies on disk, looked through but not read yet: films of many cameras need not be held at once.
+/// A capture on disk, checked but not read into memory: films of many cameras need not be held at once.
 #[derive(Debug, Clone)]
 pub struct CaptureFile {
     name: String,
     path: PathBuf,
     size: (u32, u32),
-    /// Frames filmed.
+    /// Number of frames filmed.
     count: usize,
     /// Index of the frame at the installed pose.
     reference: usize,
     intrinsics: Option<Intrinsics>,
-    told_focal_px: Option<f64>,
+    exif_focal_px: Option<f64>,
 }
 
 impl CaptureFile {
-    /// Looks through a folder of images (in name order) or a video file.
+    /// Checks a folder of images (in name order) or a video file by decoding every frame.
     ///
     /// # Errors
-    /// A file that cannot be opened, a frame that cannot be decoded, too few frames, a reference frame that does not exist, or frames whose size is not
-    /// that of the intrinsics; each names the file.
+    /// A file that cannot be opened, a frame that cannot be decoded, too few frames, a reference frame that does not
+    /// exist, or frames whose size is not that of the intrinsics; each names the file.
     pub fn open(
         name: &str,
         path: &Path,
@@ -74,9 +75,10 @@ impl CaptureFile {
         intrinsics: Option<Intrinsics>,
     ) -> Result<Self> {
         let mut film = opened(path)?;
-        let told_focal_px = if intrinsics.is_none() { told_focal_px(name, &film) } else { None };
+        let exif_focal_px = if intrinsics.is_none() { exif_focal_px(name, &film) } else { None };
         let size = film.size();
-        // Each frame: what is wrong with the last of many captures is better told before the first is worked on.
+        // Every frame is decoded: a defect of the last of many captures should be reported before work on the first
+        // begins.
         let (mut count, mut frame) = (0, RgbImage::new(size.0, size.1));
         while film.read(&mut frame)? {
             count += 1;
@@ -105,26 +107,25 @@ impl CaptureFile {
             return Err(Error::content(path, "frame 1", problem));
         }
         let (name, path) = (name.to_owned(), path.to_owned());
-        Ok(Self { name, path, size, count, reference, intrinsics, told_focal_px })
+        Ok(Self { name, path, size, count, reference, intrinsics, exif_focal_px })
     }
 
-    /// The camera's name.
+    /// Name of the camera.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Width and height of its frames, pixels.
+    /// Width and height of the frames, pixels.
     pub fn size(&self) -> (u32, u32) {
         self.size
     }
 
-    /// Frames filmed.
+    /// Number of frames filmed.
     pub fn count(&self) -> usize {
         self.count
     }
 
-    /// Of how many frames, counted from the reference frame, one is used: a film of half a minute shows no more than
-    /// some of its frames do.
+    /// Step between the frames that are used, counted from the reference frame: a film of half a minute is sampled.
     pub fn stride(&self) -> usize {
         self.count.div_ceil(MOST_FRAMES)
     }
@@ -163,45 +164,45 @@ impl CaptureFile {
             sampled: Sampled { first, stride },
             reference,
             intrinsics: self.intrinsics.clone(),
-            told_focal_px: self.told_focal_px,
+            exif_focal_px: self.exif_focal_px,
         })
     }
 }
 
-/// Which of the frames that were filmed a capture holds.
+/// Mapping from the frames of a capture to the frames of its film.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Sampled {
-    /// Index (from 0) of its first.
+    /// Index (from 0) in the film of the first frame.
     pub first: usize,
-    /// From each to the next.
+    /// Step from each frame to the next.
     pub stride: usize,
 }
 
 impl Sampled {
-    /// All of them.
+    /// All frames of the film.
     pub const ALL: Self = Self { first: 0, stride: 1 };
 
-    /// The number in the film, counted from 1, of a capture's frame, counted from 0.
+    /// Number in the film, counted from 1, of a capture's frame, counted from 0.
     pub fn number(self, frame: usize) -> usize {
         self.first + frame * self.stride + 1
     }
 }
 
-/// The frames of one camera, all of one size, and one as far from the next in time as any.
+/// The frames of one camera, all of one size, at even intervals of time.
 #[derive(Debug, Clone)]
 pub struct Capture {
     /// The camera's name in `room.toml`.
     pub name: String,
-    /// In order of time.
+    /// Frames in order of time.
     pub frames: Vec<RgbImage>,
-    /// Which of the film's frames these are.
+    /// Position of these frames in the film.
     pub sampled: Sampled,
     /// Index (from 0) in `frames` of the frame at the installed pose.
     pub reference: usize,
     /// Calibrated intrinsics; `None` estimates the focal length from the motion.
     pub intrinsics: Option<Intrinsics>,
-    /// The focal length that photographs tell in EXIF where intrinsics are not given, pixels: where its estimation starts.
-    pub told_focal_px: Option<f64>,
+    /// Focal length that photographs state in EXIF where intrinsics are not given, pixels: the start of its estimation.
+    pub exif_focal_px: Option<f64>,
 }
 
 impl Capture {
@@ -218,12 +219,12 @@ impl Capture {
         CaptureFile::open(name, source, reference, intrinsics)?.read()
     }
 
-    /// The lens that motion starts with: the calibrated one, or one with the focal length that photographs tell, or that of a usual
-    /// field of view.
+    /// Lens from which motion estimation starts: the calibrated one, or one with the focal length that photographs
+    /// state, or that of a usual field of view.
     pub fn start_lens(&self, (width, height): (u32, u32)) -> Intrinsics {
         self.intrinsics.clone().unwrap_or_else(|| {
             let assumed = Intrinsics::from_horizontal_fov(width, height, ASSUMED_FOV_DEG);
-            let focal = self.told_focal_px.unwrap_or(assumed.fx);
+            let focal = self.exif_focal_px.unwrap_or(assumed.fx);
             Intrinsics { fx: focal, fy: focal, ..assumed }
         })
     }
@@ -236,8 +237,8 @@ fn opened(path: &Path) -> Result<FrameSource> {
     Ok(FrameSource::open(spec)?)
 }
 
-/// From the first photograph; what cannot be read is said, and no reason to stop.
-fn told_focal_px(camera: &str, film: &FrameSource) -> Option<f64> {
+/// Focal length in the first photograph's EXIF block, pixels; an unreadable block is only worth a warning.
+fn exif_focal_px(camera: &str, film: &FrameSource) -> Option<f64> {
     let photograph = film.first_image()?;
     let (width, height) = film.size();
     calib::photograph::focal_px(photograph, [width, height]).unwrap_or_else(|error| {
@@ -326,7 +327,7 @@ mod tests {
             std::fs::write(folder.path().join("0.jpg"), first).unwrap();
             Capture::load("cam", folder.path(), ReferenceFrame::Last, intrinsics).unwrap()
         };
-        // 40 px across the diagonal.
+        // A lens of 40 px across the diagonal.
         let told = load(&photograph(26, 1), None);
         let lens = told.start_lens((32, 24));
         assert!((lens.fx - 26.0 / 43.2666 * 40.0).abs() < 1e-3 && lens.fx.to_bits() == lens.fy.to_bits());
@@ -335,11 +336,11 @@ mod tests {
         let assumed = Intrinsics::from_horizontal_fov(32, 24, ASSUMED_FOV_DEG);
         for nothing in [photograph(0, 1), photograph(9000, 1), photograph(26, 200)] {
             let capture = load(&nothing, None);
-            assert_eq!((capture.told_focal_px, capture.start_lens((32, 24))), (None, assumed.clone()));
+            assert_eq!((capture.exif_focal_px, capture.start_lens((32, 24))), (None, assumed.clone()));
         }
         let given = Intrinsics::from_horizontal_fov(32, 24, 40.0);
         let capture = load(&photograph(26, 1), Some(given.clone()));
-        assert_eq!((capture.told_focal_px, capture.start_lens((32, 24))), (None, given));
+        assert_eq!((capture.exif_focal_px, capture.start_lens((32, 24))), (None, given));
     }
 
     #[test]

@@ -1,8 +1,8 @@
-//! The crate's one error type. Each variant names the file or camera, the place in it and the mend.
+//! Error type of the crate. Each variant names the file or camera, the place in it and what to do.
 
 use std::path::{Path, PathBuf};
 
-/// What can go wrong in `recon`.
+/// Errors of the crate `recon`; each names file or camera, place and what to do.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// A file could not be read or written.
@@ -10,45 +10,45 @@ pub enum Error {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the system.
         source: std::io::Error,
     },
-    /// A file was read, but what it says cannot be used.
+    /// A file was read, but its content cannot be used.
     #[error("{path}: {place}: {problem}")]
     Content {
         /// The file.
         path: PathBuf,
         /// The place in it: a line, a key, an element.
         place: String,
-        /// What is wrong and what to do about it.
+        /// Problem, and what to do about it.
         problem: String,
     },
-    /// A capture from which no motion or structure can be had.
+    /// A capture that determines no motion or structure.
     #[error("camera `{camera}`: {problem}")]
     Capture {
         /// The camera's name in `room.toml`.
         camera: String,
-        /// What is wrong and what to film instead.
+        /// Problem, and what to film instead.
         problem: String,
     },
     /// Cameras that cannot be brought into one room: picks, scale, floor.
     #[error("{0}")]
     Room(String),
-    /// A camera model, a video or an image below this crate.
+    /// Error of a camera model, a video or an image from the crate `calib`.
     #[error(transparent)]
     Calib(#[from] calib::Error),
-    /// The room's own files and geometry.
+    /// Error of the room's files and geometry from the crate `scenes`.
     #[error(transparent)]
     Scenes(#[from] scenes::Error),
 }
 
 impl Error {
-    /// [`Error::Content`] with less writing.
+    /// Builds an [`Error::Content`].
     pub fn content(path: &Path, place: impl Into<String>, problem: impl Into<String>) -> Self {
         Self::Content { path: path.to_owned(), place: place.into(), problem: problem.into() }
     }
 
-    /// [`Error::Capture`] with less writing.
+    /// Builds an [`Error::Capture`].
     pub fn capture(camera: &str, problem: impl Into<String>) -> Self {
         Self::Capture { camera: camera.to_owned(), problem: problem.into() }
     }

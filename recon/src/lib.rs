@@ -1,24 +1,24 @@
-//! Captured image sequences → a metric room whose floor is z = 0.
+//! Reconstruction of a metric room whose floor is z = 0 from captured image sequences.
 //!
 //! One camera is filmed while it is moved to its final pose; the frame at that pose is its *reference image*. Data
 //! flows down this list, a module a stage:
 //!
 //! * [`pipeline`] — `recon build`: from `room.toml` to the room directory. Start here.
 //! * [`project`] — `room.toml`, checked.
-//! * [`capture`] — the frames of one camera and which of them is the reference image.
+//! * [`capture`] — the frames of one camera and its reference image.
 //! * [`features`] — corners followed from frame to frame: tracks.
 //! * [`motion`] — camera motion and sparse points: start, growth, adjustment, diagnosis.
 //! * [`bundle`] — Levenberg–Marquardt over poses, points and lens.
 //! * [`dense`] — depth and normal for each pixel of the reference view, by PatchMatch stereo.
-//! * [`surface`] — what a reference view is known to see: depth, normal, origin of each pixel.
+//! * [`surface`] — depth, normal and origin of each pixel of a reference view.
 //! * [`ray_depth`] — the depth of single, picked pixels, from all frames.
-//! * [`rolling_shutter`] — frames whose rows were read one after the other, as if filmed at once.
-//! * [`plumb`] — which way is up by the edges in the pictures.
+//! * [`rolling_shutter`] — correction of frames whose rows were read one after the other.
+//! * [`plumb`] — the vertical, estimated from edges in the pictures.
 //! * [`planes`] — the room's planes: measured depths made exact on them, holes filled from them.
 //! * [`assemble`] — one room from all surfaces: [`merge`] (picked points, common surfaces), [`floor`] (Hough
 //!   transform, world frame), [`scale`] (metres), [`fusion`] (oriented discs).
-//! * [`proposals`] — `recon picks`: points that cameras have in common, for a person to confirm.
-//! * [`error`] — the one error type: each line names file, place and mend.
+//! * [`proposals`] — `recon picks`: corresponding points of cameras, proposed for a person to confirm.
+//! * [`error`] — the error type: each line names file, place and what to do.
 #![forbid(unsafe_code)]
 
 pub mod assemble;

@@ -1,6 +1,6 @@
-//! `recon`: from what cameras filmed while they were put up to a metric room.
+//! `recon`: builds a metric room from the films that cameras took while they were installed.
 //!
-//! Exit status: 0, or 2 when anything cannot be done; then one line on standard error says what and where.
+//! Exit status: 0, or 2 when the command failed; then one line on standard error names the problem and its place.
 #![forbid(unsafe_code)]
 
 mod cli;

@@ -1,9 +1,9 @@
-//! How far along its ray a single pixel of the reference image lies, from all frames of the capture.
+//! Depth of single pixels of the reference image, from all frames of the capture.
 //!
-//! Dense stereo smooths over its supports and matches a few key frames. A picked pixel deserves better: its patch is
-//! looked for in every frame along the epipolar line (all inverse depths, multiple-baseline stereo after M. Okutomi and
-//! T. Kanade 1993), registered there to a fraction of a pixel, and the inverse depth that explains all registrations is
-//! estimated robustly, with its standard deviation.
+//! Dense stereo smooths over its supports and matches a few key frames. For a picked pixel more effort is spent: its
+//! patch is searched in every frame along the epipolar line (all inverse depths, multiple-baseline stereo after M.
+//! Okutomi and T. Kanade, "A multiple-baseline stereo", PAMI 1993), registered there to a fraction of a pixel, and the
+//! inverse depth that explains all registrations is estimated robustly, with its standard deviation.
 
 use calib::Intrinsics;
 use image::RgbImage;
@@ -15,43 +15,43 @@ use crate::features::{Intensity, Patch, Warp};
 
 /// Half the side of a pixel's patch.
 const PATCH_RADIUS_PX: i32 = 10;
-/// Most steps of inverse depth that are tried.
+/// Largest number of steps of inverse depth that are searched.
 const MOST_STEPS: usize = 400;
-/// What every frame may lack at the right depth: the best half of them must see the patch this well.
+/// Least mean correlation of the better half of the frames at the best inverse depth.
 const LEAST_SCORE: f32 = 0.6;
-/// Every inverse depth that is not the best one's neighbour must score less by this.
+/// Least difference in score between the best inverse depth and any that is not its neighbour.
 const LEAST_LEAD: f32 = 0.03;
-/// Steps that count as neighbours.
+/// Number of steps that count as neighbours.
 const NEIGHBOURS: usize = 5;
 /// Registrations: least correlation, and largest distance from the prediction, pixels.
 const LEAST_CORRELATION: f64 = 0.7;
 const LARGEST_MISS_PX: f64 = 3.0;
-/// A surface seen flatter than this (cosine) is no use.
+/// Least cosine between normal and ray: flatter surfaces are not measured.
 const FLATTEST: f64 = 0.1;
 /// Least number of frames that must agree.
 const LEAST_FRAMES: usize = 4;
-/// Registration's own error, pixels: residuals may look smaller by chance.
+/// Standard deviation of registration, pixels: residuals may look smaller by chance.
 const NOISE_PX: f64 = 0.25;
-/// What is less certain than this (relative) is no measurement.
+/// Largest relative standard deviation of a measurement.
 const LARGEST_SIGMA: f64 = 0.05;
 
-/// A capture whose motion is known. World = the reference frame's camera.
+/// A capture with known motion. World = the reference frame's camera.
 #[derive(Debug, Clone, Copy)]
-pub struct Filmed<'a> {
-    /// All of one size.
+pub struct PosedFilm<'a> {
+    /// Frames, all of one size.
     pub frames: &'a [RgbImage],
     /// Index of the reference frame.
     pub reference: usize,
-    /// As filmed.
+    /// Intrinsics of the frames as filmed.
     pub intrinsics: &'a Intrinsics,
-    /// One a frame; the reference frame's is the identity.
+    /// Pose of each frame; the reference frame's is the identity.
     pub camera_from_world: &'a [Option<Isometry3<f64>>],
 }
 
-/// A depth along z and how well it is known.
+/// A depth along z and its uncertainty.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RayDepth {
-    /// In the capture's unit.
+    /// Depth in the capture's unit.
     pub depth: f64,
     /// Standard deviation as a share of the depth.
     pub sigma: f64,
@@ -60,57 +60,58 @@ pub struct RayDepth {
 /// A pixel of the reference image (as filmed) whose depth was measured.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MeasuredPixel {
-    /// As filmed.
+    /// Pixel as filmed.
     pub pixel: Point2<f64>,
-    /// How far away.
+    /// Measured depth.
     pub depth: RayDepth,
 }
 
-/// A pixel of the reference image (as filmed), and the normal of the surface that is thought to be there.
+/// A pixel of the reference image (as filmed), and the supposed normal of the surface there.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Asked {
-    /// As filmed.
+    /// Pixel as filmed.
     pub pixel: Point2<f64>,
-    /// In the reference camera's frame; `None`: the surface is taken to face the camera.
+    /// Normal in the reference camera's frame; `None` assumes that the surface faces the camera.
     pub normal: Option<Vector3<f64>>,
 }
 
-/// The depth of each pixel (as filmed), `None` where frames do not tell: no texture, hidden, or too little parallax.
+/// Measures the depth of each pixel (as filmed); `None` where it is undetermined: no texture, hidden, or too little
+/// parallax.
 ///
-/// `range`: the nearest and the farthest depth that can be.
-pub fn measure(film: &Filmed<'_>, pixels: &[Asked], range: (f64, f64)) -> Vec<Option<RayDepth>> {
+/// `range`: the smallest and the largest possible depth.
+pub fn measure(film: &PosedFilm<'_>, pixels: &[Asked], range: (f64, f64)) -> Vec<Option<RayDepth>> {
     if pixels.is_empty() || range.0 <= 0.0 || range.1.is_nan() || range.1 <= range.0 {
         return vec![None; pixels.len()];
     }
     let images: Vec<Intensity> = film.frames.par_iter().map(Intensity::new).collect();
-    let views: Vec<View<'_>> = images
+    let views: Vec<FrameView<'_>> = images
         .iter()
         .zip(film.camera_from_world)
         .enumerate()
         .filter(|(frame, _)| *frame != film.reference)
-        .filter_map(|(_, (image, pose))| Some(View { image, from_reference: (*pose)? }))
+        .filter_map(|(_, (image, pose))| Some(FrameView { image, from_reference: (*pose)? }))
         .collect();
-    let search = Search { lens: film.intrinsics, views, range };
+    let search = RaySearch { lens: film.intrinsics, views, range };
     let reference = &images[film.reference];
     pixels.par_iter().map(|asked| search.depth(reference, asked)).collect()
 }
 
-struct View<'a> {
+struct FrameView<'a> {
     image: &'a Intensity,
     from_reference: Isometry3<f64>,
 }
 
-/// A pixel's patch as a piece of plane: the rays of its centre and of its neighbours, as long as to meet that plane when the
-/// centre's depth is 1.
-struct Place {
+/// A pixel's patch as a piece of plane: the rays of its centre and of its neighbours, scaled to meet that plane when
+/// the centre's depth is 1.
+struct PixelPatch {
     ray: Vector3<f64>,
     right: Vector3<f64>,
     below: Vector3<f64>,
 }
 
-impl Place {
-    /// Where the patch lies in a view when its pixel has an inverse depth.
-    fn predicted(&self, lens: &Intrinsics, view: &View<'_>, inverse_depth: f64) -> Option<Warp> {
+impl PixelPatch {
+    /// Predicted position of the patch in a view for an inverse depth of its pixel.
+    fn predicted(&self, lens: &Intrinsics, view: &FrameView<'_>, inverse_depth: f64) -> Option<Warp> {
         let carried =
             |ray: &Vector3<f64>| lens.project(&(view.from_reference * Point3::from(ray / inverse_depth)));
         let center = carried(&self.ray)?;
@@ -118,24 +119,24 @@ impl Place {
         Some(Warp { center, affine: Matrix2::from_columns(&columns) })
     }
 
-    fn seen(&self, lens: &Intrinsics, view: &View<'_>, inverse_depth: f64) -> Option<Point2<f64>> {
+    fn seen(&self, lens: &Intrinsics, view: &FrameView<'_>, inverse_depth: f64) -> Option<Point2<f64>> {
         lens.project(&(view.from_reference * Point3::from(self.ray / inverse_depth)))
     }
 }
 
-struct Search<'a> {
+struct RaySearch<'a> {
     lens: &'a Intrinsics,
-    views: Vec<View<'a>>,
+    views: Vec<FrameView<'a>>,
     range: (f64, f64),
 }
 
-impl Search<'_> {
+impl RaySearch<'_> {
     fn depth(&self, reference: &Intensity, asked: &Asked) -> Option<RayDepth> {
         let place = self.place(asked)?;
         let home = Warp { center: asked.pixel, affine: Matrix2::identity() };
         let patch = Patch::cut(reference, &home, PATCH_RADIUS_PX)?;
         let start = self.best_inverse_depth(&patch, &place)?;
-        let seen: Vec<(&View<'_>, Point2<f64>)> = self
+        let seen: Vec<(&FrameView<'_>, Point2<f64>)> = self
             .views
             .iter()
             .filter_map(|view| {
@@ -148,21 +149,21 @@ impl Search<'_> {
         self.refined(&place, &seen, start)
     }
 
-    fn place(&self, asked: &Asked) -> Option<Place> {
+    fn place(&self, asked: &Asked) -> Option<PixelPatch> {
         let ray = self.lens.unproject(&asked.pixel)?;
         let normal = asked.normal.unwrap_or(-ray);
         let facing = normal.dot(&ray);
-        // Where a neighbour's ray meets the plane through the point at depth 1.
+        // Intersection of a neighbour's ray with the plane through the point at depth 1.
         let beside = |aside: Vector2<f64>| {
             let other = self.lens.unproject(&(asked.pixel + aside))?;
             Some(other * (facing / normal.dot(&other)))
         };
         let flat = facing.abs() < FLATTEST * normal.norm() * ray.norm();
-        (!flat).then_some(Place { ray, right: beside(Vector2::x())?, below: beside(Vector2::y())? })
+        (!flat).then_some(PixelPatch { ray, right: beside(Vector2::x())?, below: beside(Vector2::y())? })
     }
 
-    /// The inverse depth at which the patch is seen best, if no other one comes near.
-    fn best_inverse_depth(&self, patch: &Patch, place: &Place) -> Option<f64> {
+    /// Inverse depth with the highest score; `None` if another one comes near it.
+    fn best_inverse_depth(&self, patch: &Patch, place: &PixelPatch) -> Option<f64> {
         let (near, far) = (1.0 / self.range.0, 1.0 / self.range.1);
         let steps = self.steps(place);
         let at = |step: usize| far + (near - far) * step as f64 / steps as f64;
@@ -175,8 +176,8 @@ impl Search<'_> {
         (*highest >= LEAST_SCORE && !rivalled).then(|| at(best))
     }
 
-    /// As many as the view in which the ray is longest has pixels on it.
-    fn steps(&self, place: &Place) -> usize {
+    /// Number of steps: the pixels of the longest epipolar segment among the views.
+    fn steps(&self, place: &PixelPatch) -> usize {
         let longest = self
             .views
             .iter()
@@ -188,8 +189,8 @@ impl Search<'_> {
         (longest.ceil() as usize).clamp(8, MOST_STEPS)
     }
 
-    /// Mean correlation over the better half of the views that show the place.
-    fn score(&self, patch: &Patch, place: &Place, inverse_depth: f64) -> f32 {
+    /// Mean correlation over the better half of the views in which the patch is visible.
+    fn score(&self, patch: &Patch, place: &PixelPatch, inverse_depth: f64) -> f32 {
         let mut seen: Vec<f32> = self
             .views
             .iter()
@@ -207,7 +208,12 @@ impl Search<'_> {
     }
 
     /// Gauss–Newton on the logarithm of the inverse depth, Cauchy weights.
-    fn refined(&self, place: &Place, seen: &[(&View<'_>, Point2<f64>)], start: f64) -> Option<RayDepth> {
+    fn refined(
+        &self,
+        place: &PixelPatch,
+        seen: &[(&FrameView<'_>, Point2<f64>)],
+        start: f64,
+    ) -> Option<RayDepth> {
         const ROUNDS: usize = 20;
         const STEP: f64 = 1e-4;
         let loss = Loss::Cauchy(3.0 * NOISE_PX);
@@ -239,7 +245,7 @@ impl Search<'_> {
                 break;
             }
         }
-        // Two coordinates an observation.
+        // Each observation has two coordinates.
         let noise = (squares / (2.0 * weights)).sqrt().max(NOISE_PX);
         let sigma = noise / information.sqrt();
         (sigma <= LARGEST_SIGMA).then_some(RayDepth { depth: 1.0 / inverse_depth, sigma })
@@ -292,7 +298,7 @@ mod tests {
     #[test]
     fn depths_on_a_slanted_wall_are_found_to_their_own_sigma() {
         let (lens, frames, poses) = film(12);
-        let film = Filmed { frames: &frames, reference: 0, intrinsics: &lens, camera_from_world: &poses };
+        let film = PosedFilm { frames: &frames, reference: 0, intrinsics: &lens, camera_from_world: &poses };
         let pixels: Vec<Point2<f64>> = [(60.2, 40.7), (100.0, 75.0), (85.5, 110.3), (120.9, 60.1)]
             .map(|(x, y)| Point2::new(x, y))
             .to_vec();
@@ -311,7 +317,7 @@ mod tests {
         let (lens, frames, poses) = film(12);
         let pixel = [Asked { pixel: Point2::new(100.0, 75.0), normal: None }];
         let measured = |frames: &[RgbImage], poses: &[Option<Isometry3<f64>>], range| {
-            let film = Filmed { frames, reference: 0, intrinsics: &lens, camera_from_world: poses };
+            let film = PosedFilm { frames, reference: 0, intrinsics: &lens, camera_from_world: poses };
             measure(&film, &pixel, range)[0]
         };
         assert!(measured(&frames, &poses, (1.0, 20.0)).is_some());

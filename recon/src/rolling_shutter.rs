@@ -1,27 +1,28 @@
 //! Rolling shutter: most sensors read row after row, so a turning camera films each row in a direction of its own.
 //!
-//! What a hand-held camera turns by between its first row and its last shifts pixels by far more than what it moves by, and that
-//! part needs no depth to be undone (P.-E. Forssén and E. Ringaby, "Rectifying rolling shutter video from hand-held
-//! devices", 2010). Each frame is brought to the instant of its middle row: over the frame, the camera turns as it does on the
-//! mean between the frames before and after. Frames are taken to follow each other at equal times.
+//! The rotation of a hand-held camera between its first row and its last shifts pixels far more than its translation
+//! does, and that part can be corrected without depth (P.-E. Forssén and E. Ringaby, "Rectifying rolling shutter video
+//! from hand-held devices", CVPR 2010). Each frame is brought to the instant of its middle row: during the frame, the
+//! camera turns at the mean rate between the frames before and after. Frames are assumed to follow each other at equal
+//! times.
 
 use calib::Intrinsics;
 use image::RgbImage;
 use nalgebra::{Isometry3, Point2, Point3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 
-/// How the rows of each frame of a capture were read.
+/// Rolling-shutter model of a capture: readout time and rotation rate of each frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RollingShutter {
-    /// The time from the first row to the last, as a share of the time between two frames; negative from below.
+    /// Time from the first row to the last, as a share of the time between two frames; negative for readout from below.
     readout: f64,
     rows: f64,
-    /// By how much the camera turns from a frame to the next: scaled axis, in the camera's frame.
+    /// Rotation of the camera from one frame to the next: scaled axis, in the camera's frame.
     rates: Vec<Vector3<f64>>,
 }
 
 impl RollingShutter {
-    /// From the frames' poses; a frame without a pose, or alone, does not turn.
+    /// Builds the model from the frames' poses; a frame without a pose, or without a neighbour, does not turn.
     pub fn new(readout: f64, camera_from_world: &[Option<Isometry3<f64>>], height_px: u32) -> Self {
         let turn = |from: usize, to: usize| {
             let (from, to) = (camera_from_world.get(from)?.as_ref()?, camera_from_world.get(to)?.as_ref()?);
@@ -40,16 +41,16 @@ impl RollingShutter {
         Self { readout, rows: f64::from(height_px), rates }
     }
 
-    /// The farthest that turning shifts the first or last row of half of the frames, pixels.
+    /// Median over the frames of the largest shift of the first or last row by rotation, pixels.
     pub fn shift_px(&self, lens: &Intrinsics) -> f64 {
         let mut turns: Vec<f64> = self.rates.iter().map(Vector3::norm).collect();
         turns.sort_by(f64::total_cmp);
         turns.get(turns.len() / 2).map_or(0.0, |turn| 0.5 * self.readout.abs() * turn * lens.fx)
     }
 
-    /// Where a pixel was filmed that the frame would show there, had it been filmed at once.
+    /// Filmed position of a pixel of the rectified frame.
     pub fn filmed(&self, lens: &Intrinsics, frame: usize, pixel: &Point2<f64>) -> Option<Point2<f64>> {
-        /// The row decides by how much the pixel moves, and its moving little by how much the row changes.
+        /// Rounds of the fixed-point iteration: the row decides the shift, and the small shift changes the row little.
         const ROUNDS: usize = 3;
         let ray = lens.unproject(pixel)?;
         let mut filmed = *pixel;
@@ -59,13 +60,13 @@ impl RollingShutter {
         Some(filmed)
     }
 
-    /// Where a filmed pixel would be, had the frame been filmed at once.
+    /// Rectified position of a filmed pixel.
     pub fn rectified(&self, lens: &Intrinsics, frame: usize, pixel: &Point2<f64>) -> Option<Point2<f64>> {
         let ray = lens.unproject(pixel)?;
         lens.project(&Point3::from(self.turned(frame, pixel.y).inverse() * ray))
     }
 
-    /// The frame as if filmed at once, interpolated bilinearly.
+    /// Rectifies a frame, interpolating bilinearly.
     pub fn frame(&self, lens: &Intrinsics, frame: usize, picture: &RgbImage) -> RgbImage {
         let (width, height) = picture.dimensions();
         let largest = [width, height].map(|side| f64::from(side) - 1.0);
@@ -85,8 +86,8 @@ impl RollingShutter {
         rectified
     }
 
-    /// Where the pixels of a grid were filmed.
-    fn field(&self, lens: &Intrinsics, frame: usize, (width, height): (u32, u32)) -> Field {
+    /// Filmed positions of a grid of rectified pixels.
+    fn field(&self, lens: &Intrinsics, frame: usize, (width, height): (u32, u32)) -> FilmedGrid {
         let columns = (width as usize).div_ceil(CELL_PX) + 1;
         let rows = (height as usize).div_ceil(CELL_PX) + 1;
         let filmed = |index: usize| {
@@ -94,28 +95,28 @@ impl RollingShutter {
             let pixel = Point2::new(x, y);
             self.filmed(lens, frame, &pixel).unwrap_or(pixel)
         };
-        Field { columns, filmed: (0..columns * rows).into_par_iter().map(filmed).collect() }
+        FilmedGrid { columns, filmed: (0..columns * rows).into_par_iter().map(filmed).collect() }
     }
 
-    /// From the camera at the middle row to the camera at this one.
+    /// Rotation from the camera at the middle row to the camera at this one.
     fn turned(&self, frame: usize, row: f64) -> UnitQuaternion<f64> {
         let rate = self.rates.get(frame).copied().unwrap_or_default();
         UnitQuaternion::from_scaled_axis(rate * (self.readout * ((row + 0.5) / self.rows - 0.5)))
     }
 }
 
-/// Where a frame's pixels were filmed changes so evenly that a grid tells it.
+/// Cell size of the grid of filmed positions, pixels: between its corners the positions are nearly linear.
 const CELL_PX: usize = 4;
 
-/// Where the corners of a grid's cells were filmed.
-struct Field {
+/// Filmed positions of the corners of a grid's cells.
+struct FilmedGrid {
     columns: usize,
-    /// Row by row.
+    /// Positions, row by row.
     filmed: Vec<Point2<f64>>,
 }
 
-impl Field {
-    /// Where every [`CELL_PX`]th pixel of a row was filmed.
+impl FilmedGrid {
+    /// Filmed position of every [`CELL_PX`]th pixel of a row.
     fn row(&self, y: usize) -> Vec<Point2<f64>> {
         let share = (y % CELL_PX) as f64 / CELL_PX as f64;
         let above = &self.filmed[y / CELL_PX * self.columns..][..2 * self.columns];
@@ -124,13 +125,13 @@ impl Field {
     }
 }
 
-/// Where a pixel of a row was filmed.
+/// Filmed position of a pixel of a row.
 fn between(along: &[Point2<f64>], x: usize) -> Point2<f64> {
     let (left, right) = (along[x / CELL_PX], along[x / CELL_PX + 1]);
     left + (x % CELL_PX) as f64 / CELL_PX as f64 * (right - left)
 }
 
-/// A picture's colour between pixels, bilinear; the place must lie in it.
+/// Colour of a picture between pixels, bilinear; the place must lie in it.
 fn color(picture: &RgbImage, x: f64, y: f64) -> [u8; 3] {
     let (left, top) = (x as u32, y as u32);
     let (right, below) = ((left + 1).min(picture.width() - 1), (top + 1).min(picture.height() - 1));
@@ -172,7 +173,7 @@ mod tests {
         let wanted = lens.project(&ray.into()).unwrap();
         assert_relative_eq!(shutter.rectified(&lens, 2, &last).unwrap(), wanted, epsilon = 1e-9);
         assert!((wanted.x - last.x).abs() > 1.0, "{wanted}");
-        // First and last frame turn as their only neighbour says.
+        // First and last frame turn at the rate of their only neighbour.
         for frame in [0, 4] {
             assert_relative_eq!(shutter.rectified(&lens, frame, &last).unwrap(), wanted, epsilon = 1e-9);
         }
@@ -191,7 +192,7 @@ mod tests {
     #[test]
     fn a_leaning_line_is_filmed_upright_again() {
         let (lens, shutter) = turning(0.4);
-        // What is at column 80 when filmed at once.
+        // Column 80 of the rectified frame.
         let filmed = RgbImage::from_fn(160, 120, |x, y| {
             let at_once = shutter.rectified(&lens, 2, &Point2::new(f64::from(x), f64::from(y))).unwrap();
             Rgb([if at_once.x < 80.0 { 255 } else { 0 }; 3])
@@ -206,7 +207,7 @@ mod tests {
     fn a_grid_tells_where_all_pixels_were_filmed() {
         let (mut lens, shutter) = turning(0.6);
         lens.distortion = Distortion { k1: -0.15, k2: 0.03, p1: 0.001, p2: 0.0, k3: 0.0 };
-        // Sizes that cells divide and others.
+        // Sizes that are multiples of the cell size, and others.
         for size in [(160, 120), (157, 113), (1, 1)] {
             let field = shutter.field(&lens, 2, size);
             for (x, y) in (0..size.1).flat_map(|y| (0..size.0).map(move |x| (x, y))) {

@@ -1,23 +1,23 @@
-//! What is worked out once and kept beside the room, in a folder that may be deleted at any time.
+//! Files of computed results beside the room, in a folder that may be deleted at any time.
 //!
 //! A file is `b"roomtrack cache 1\n"`, the key (a BLAKE3 hash of everything that the content was made from), the
-//! content, and the BLAKE3 hash of all before. A file that is broken, or of another key, counts as missing; a folder
-//! that cannot be written costs the time of working things out again, and a warning.
+//! content, and the BLAKE3 hash of all before. A file that is damaged, or of another key, counts as missing; a folder
+//! that cannot be written costs the time of computing the results again, and a warning.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// The folder in the room directory.
+/// Name of the cache folder in the room directory.
 const FOLDER: &str = "cache";
 const MAGIC: &[u8] = b"roomtrack cache 1\n";
 const HASH_BYTES: usize = blake3::OUT_LEN;
 
-/// Where something is kept.
+/// Path of the cache file of this name.
 pub fn file_of(room_dir: &Path, name: &str) -> PathBuf {
     room_dir.join(FOLDER).join(format!("{name}.bin"))
 }
 
-/// The content kept under a name, if it is whole and of this key.
+/// Reads the content cached under a name; `None` if it is missing, damaged or of another key.
 pub fn read(room_dir: &Path, name: &str, key: &blake3::Hash) -> Option<Vec<u8>> {
     let bytes = std::fs::read(file_of(room_dir, name)).ok()?;
     let (all, hash) = bytes.split_last_chunk::<HASH_BYTES>()?;
@@ -25,7 +25,7 @@ pub fn read(room_dir: &Path, name: &str, key: &blake3::Hash) -> Option<Vec<u8>> 
     (blake3::hash(all) == *hash).then(|| content.to_vec())
 }
 
-/// Keeps a content under a name, in place of what was kept there before; if that fails, it is not kept.
+/// Caches a content under a name, in place of an earlier one; if that fails, a warning is logged.
 pub fn write(room_dir: &Path, name: &str, key: &blake3::Hash, content: &[u8]) {
     let mut bytes = Vec::with_capacity(MAGIC.len() + 2 * HASH_BYTES + content.len());
     bytes.extend(MAGIC);
@@ -41,7 +41,8 @@ pub fn write(room_dir: &Path, name: &str, key: &blake3::Hash, content: &[u8]) {
     }
 }
 
-/// One folder's reason is every file's: it is told once.
+/// The warning about a folder that cannot be written; `None` after the first, since the reason is the same for every
+/// file.
 fn first_warning(warned: &AtomicBool, room_dir: &Path, why: &calib::Error) -> Option<String> {
     let room = room_dir.display();
     (!warned.swap(true, Ordering::Relaxed)).then(|| {
@@ -81,7 +82,7 @@ mod tests {
     #[test]
     fn a_folder_that_cannot_be_written_is_no_failure() {
         let folder = tempfile::tempdir().unwrap();
-        // A file where the folder should be: in the way of root, too, whom no permission stops.
+        // A file takes the folder's place: it stops even root, who may write everywhere.
         std::fs::write(folder.path().join(FOLDER), "in the way").unwrap();
         let key = blake3::hash(b"");
         write(folder.path(), "map", &key, b"content");

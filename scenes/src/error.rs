@@ -1,8 +1,8 @@
-//! The crate's one error type. Each variant names the file, the place in it and the mend.
+//! Error type of the crate. Each variant names the file, the place in it and what to do.
 
 use std::path::{Path, PathBuf};
 
-/// What can go wrong in `scenes`.
+/// Errors of the crate `scenes`; each names file, place and what to do.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// A file could not be read or written.
@@ -10,20 +10,20 @@ pub enum Error {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// Error of the system.
         source: std::io::Error,
     },
-    /// A file was read, but what it says cannot be used.
+    /// A file was read, but its content cannot be used.
     #[error("{path}: {place}: {problem}")]
     Content {
         /// The file.
         path: PathBuf,
         /// The place in it: a line, a key, an element.
         place: String,
-        /// What is wrong and what to do about it.
+        /// Problem, and what to do about it.
         problem: String,
     },
-    /// A file that is to be changed is no longer the one that the changes were made to.
+    /// A file to be changed is no longer the version that the changes were based on.
     #[error("{path}: it has changed on disk since it was loaded; load it again, then make the change again")]
     Changed {
         /// The file.
@@ -32,9 +32,9 @@ pub enum Error {
     /// A camera was asked for that the room does not have.
     #[error("no camera is called `{name}`; the room has {known}")]
     UnknownCamera {
-        /// The name asked for.
+        /// Requested name.
         name: String,
-        /// The names there are.
+        /// Names of the cameras that exist.
         known: String,
     },
     /// A room that cannot be used or written.
@@ -42,7 +42,7 @@ pub enum Error {
     Room {
         /// The part of the room: a camera, a zone, the geometry.
         place: String,
-        /// What is wrong and what to do about it.
+        /// Problem, and what to do about it.
         problem: String,
     },
     /// An address at which no page can be served.
@@ -51,13 +51,13 @@ pub enum Error {
     /// Geometry that cannot be intersected.
     #[error("geometry: {0}")]
     Geometry(String),
-    /// A camera model or a file below this crate.
+    /// Error of a camera model or a file from the crate `calib`.
     #[error(transparent)]
     Calib(#[from] calib::Error),
 }
 
 impl Error {
-    /// [`Error::Content`] with less writing.
+    /// Builds an [`Error::Content`].
     pub fn content(path: &Path, place: impl Into<String>, problem: impl Into<String>) -> Self {
         Self::Content { path: path.to_owned(), place: place.into(), problem: problem.into() }
     }

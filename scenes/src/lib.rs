@@ -1,16 +1,16 @@
-//! The room model: what stands in a room, where its cameras are, where people can walk and come in.
+//! The room model: a room's geometry, its cameras, the walkable floor and the zones where people enter and leave.
 //!
 //! A *room* is a directory (`scene.toml` and its geometry) that `recon build` makes, a person may write by hand,
 //! and everything else reads. Data flows down this list:
 //!
 //! * [`room`] — [`room::Room`]: cameras, zones, floor and geometry, read from and written to disk. Start here.
 //! * [`geometry`] — triangles or oriented discs, PLY in and out; [`polygon`] — regions of the floor.
-//! * [`raycast`] — [`raycast::RayScene`]: rays against the geometry; [`depth`] — what a camera sees of the empty room.
+//! * [`raycast`] — [`raycast::RayScene`]: rays against the geometry; [`depth`] — depth maps of the empty room.
 //! * [`exchange`] — rooms from and for other programs: COLMAP, nerfstudio.
-//! * [`walkable`] — [`walkable::WalkableMap`]: where a person can stand.
+//! * [`walkable`] — [`walkable::WalkableMap`]: the floor on which a person can stand.
 //! * [`view`] — the room seen from anywhere, with people in it; [`plan`] — its floor plan.
 //! * [`editor`] — the page on which people draw zones.
-//! * [`cache`] — what is worked out once and kept beside a room.
+//! * [`cache`] — files of computed results beside a room.
 #![forbid(unsafe_code)]
 
 pub mod cache;
@@ -23,8 +23,8 @@ pub mod plan;
 pub mod polygon;
 pub mod raycast;
 pub mod room;
-mod sight;
 pub mod view;
+mod visibility;
 pub mod walkable;
 
 pub use error::{Error, Result};

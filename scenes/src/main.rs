@@ -1,7 +1,7 @@
-//! `scenes`: look at a room directory, and at what its cameras see.
+//! `scenes`: shows, checks and edits a room directory, and renders its cameras' views.
 //!
-//! Exit status: 0, or 1 when `check` finds the room wanting, or 2 when anything else cannot be done. A reader who
-//! closes the pipe early is no failure.
+//! Exit status: 0, or 1 when `check` finds a defect in the room, or 2 for any other failure. A reader who closes the
+//! pipe early is no failure.
 #![forbid(unsafe_code)]
 
 mod cli;

@@ -39,7 +39,7 @@ impl Polygon {
         Self(hull)
     }
 
-    /// Why this is no usable polygon, if it is not: fewer than three corners, a number that is not finite, or no area.
+    /// Defect for which the polygon is unusable: fewer than three corners, a number that is not finite, or no area.
     pub fn defect(&self) -> Option<String> {
         if self.0.len() < 3 {
             return Some(format!("a polygon needs at least 3 corners, this one has {}", self.0.len()));
@@ -50,8 +50,8 @@ impl Polygon {
         (self.area() < 1e-6).then(|| "the polygon has no area".into())
     }
 
-    /// The first two edges, counted from 0, that meet where they should not: that cross, touch, or run back over each
-    /// other. `None` for a simple polygon.
+    /// Indices from 0 of the first two edges that cross, touch, or run back over each other. `None` for a simple
+    /// polygon.
     pub fn crossing(&self) -> Option<(usize, usize)> {
         let edges: Vec<_> = self.edges().collect();
         let meet = |i: usize, j: usize| {
@@ -72,12 +72,12 @@ impl Polygon {
         self.0.iter().copied().zip(self.0.iter().copied().cycle().skip(1))
     }
 
-    /// Area in square metres, whatever the orientation.
+    /// Area in square metres, in either orientation.
     pub fn area(&self) -> f64 {
         0.5 * self.edges().map(|(a, b)| a.x * b.y - b.x * a.y).sum::<f64>().abs()
     }
 
-    /// Whether a point lies inside (crossing number; points on the border may fall on either side).
+    /// Tells whether a point lies inside (crossing number; points on the border may fall on either side).
     pub fn contains(&self, p: &Point2<f64>) -> bool {
         self.edges()
             .filter(|(a, b)| (a.y > p.y) != (b.y > p.y))
@@ -112,11 +112,11 @@ impl Polygon {
         Point2::from(sum / self.0.len().max(1) as f64)
     }
 
-    /// A point drawn uniformly from the polygon's area, by rejection from its bounds.
+    /// Draws a point uniformly from the polygon's area, by rejection from its bounds.
     ///
     /// A polygon of no area yields its centre.
     pub fn sample(&self, rng: &mut impl Rng) -> Point2<f64> {
-        /// A polygon that fills a thousandth of its bounds is still hit with probability 1 − e⁻¹⁰.
+        /// Attempts with which a polygon that fills a thousandth of its bounds is hit with probability 1 − e⁻¹⁰.
         const ATTEMPTS: usize = 10_000;
         let (low, high) = self.bounds();
         for _ in 0..ATTEMPTS {
@@ -130,7 +130,7 @@ impl Polygon {
     }
 }
 
-/// Whether the way from `a` over `b` to `c` turns on the spot and goes back where it came from.
+/// Tells whether the way from `a` over `b` to `c` reverses at `b`.
 fn runs_back(a: Point2<f64>, b: Point2<f64>, c: Point2<f64>) -> bool {
     let (onto, from) = (b - a, c - b);
     onto.perp(&from) == 0.0 && onto.dot(&from) <= 0.0

@@ -1,4 +1,4 @@
-//! The program `scenes` as a person runs it: output, exit status, and what it says when something is wrong.
+//! The program `scenes` as a person runs it: output, exit status, and error lines.
 #![allow(clippy::unwrap_used)] // a test that cannot go on should stop
 
 use std::io::{BufRead, BufReader, Read, Write};
@@ -53,7 +53,7 @@ fn path(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 
-/// The error of a failed run: a line (warnings aside), no panic.
+/// Error of a failed run: a line (warnings aside), no panic.
 fn complaint(arguments: &[&str], status: i32) -> String {
     let output = scenes(arguments);
     let said = String::from_utf8(output.stderr).unwrap();
@@ -142,7 +142,7 @@ fn edit_serves_the_room_where_it_says() {
     write!(stream, "GET /room.json HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n").unwrap();
     stream.read_to_string(&mut answer).unwrap();
 
-    // A second one at the same place says so, before it does anything else.
+    // A second server at the same address fails before it does anything else.
     let port = address.rsplit(':').next().unwrap();
     let taken = complaint(&["edit", "/nowhere", "--port", port], 2);
     child.kill().unwrap();
@@ -225,12 +225,12 @@ fn a_scan_with_cameras_given_one_by_one_is_the_same_room() {
         image::open(out).unwrap().into_luma16()
     };
     let (expected, found) = (depth_of(dir, "a.png"), depth_of(&copy, "b.png"));
-    // The floor comes back wherever it was; its outermost points stand for a little more than they did.
+    // The floor comes back in place; its outermost points become slightly larger discs.
     let floor = || expected.pixels().zip(found.pixels()).filter(|(a, _)| a[0] > 0);
     assert!(floor().count() > 1000 && floor().all(|(a, b)| a[0].abs_diff(b[0]) <= 2));
     let Some(Geometry::Discs(discs)) = Room::read(&copy).unwrap().geometry else { unreachable!() };
     assert!(discs.iter().all(|d| d.normal.z > 0.999));
-    // A room that is there is not written over.
+    // An existing room is not written over.
     assert!(complaint(&["import", "--camera", &given, "--out", path(&copy)], 2).contains("a room already"));
 }
 
@@ -277,7 +277,7 @@ fn import_leaves_a_geometry_that_is_not_the_rooms_alone() {
             .status
             .success()
     );
-    // What is left is a scan and cameras in a folder of the user's own.
+    // The remaining files are a scan and cameras in a folder of the user's own.
     std::fs::remove_file(folder.path().join("scene.toml")).unwrap();
     let scan = folder.path().join("room.ply");
     let before = std::fs::read(&scan).unwrap();

@@ -1,5 +1,5 @@
-//! How each of the project's programs begins and ends, and where a person is told things meanwhile: the log, the
-//! progress of long work, the one line of an error, the exit status.
+//! Start and end of each program, and its output to a person on standard error: the log, the progress of long work, the
+//! one line of an error, the exit status.
 //!
 //! libav and OpenCV print to the process's standard error on their own account, past every log level that can be set
 //! from outside. A program that promises one clear line on standard error takes the stream for itself.
@@ -15,25 +15,25 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressStyle};
 use tracing_subscriber::EnvFilter;
 
-/// The exit status of what cannot be done: bad input, misuse, a full disk.
+/// Exit status of a command that failed: bad input, misuse, a full disk.
 pub const CANNOT: u8 = 2;
 
-/// Plain lines come this often where there is no terminal.
+/// Interval between two progress lines where standard error is not a terminal.
 const LINE_EVERY: Duration = Duration::from_secs(5);
-/// Levels of the log, the quietest first. The last one lets the libraries below speak, too.
+/// Levels of the log, the quietest first. The last one includes the log of the libraries below.
 const LEVELS: [&str; 4] = ["warn", "info", "debug", "trace"];
 
-/// Standard error, as the program's own file where libraries print over the stream.
+/// Standard error; a private copy of it where libraries print over the stream.
 #[derive(Debug, Clone)]
 pub struct Console {
     own: Option<Arc<File>>,
 }
 
 impl Console {
-    /// Takes standard error and sends the log there: 0 warnings, 1 what is done, 2 more, 3 everything, with what the
-    /// libraries below print. `RUST_LOG` decides where it is set.
+    /// Takes standard error over and sends the log there. Verbosity 0 shows warnings, 1 the steps done, 2 more, 3
+    /// everything, with what the libraries below print. `RUST_LOG` overrides it where it is set.
     ///
-    /// To be called once, before any work: `std::io::stderr` and `eprintln!` write to nowhere after this.
+    /// Call this once, before any work: afterwards `std::io::stderr` and `eprintln!` are discarded.
     pub fn start(verbosity: u8) -> Self {
         let verbosity = usize::from(verbosity).min(LEVELS.len() - 1);
         let own = if verbosity + 1 < LEVELS.len() { take_stderr().ok() } else { None };
@@ -50,13 +50,13 @@ impl Console {
             .without_time()
             .with_writer(move || log.writer())
             .init();
-        // A defect of the program must not end it without a word.
+        // A panic must not end the program without a message.
         let witness = console.clone();
         std::panic::set_hook(Box::new(move |panic| witness.line(&panic.to_string())));
         console
     }
 
-    /// To write to.
+    /// Writer to standard error.
     pub fn writer(&self) -> Box<dyn Write + Send> {
         match &self.own {
             Some(file) => Box::new(Arc::clone(file)),
@@ -66,11 +66,11 @@ impl Console {
 
     /// Writes a line.
     pub fn line(&self, text: &str) {
-        // Nobody is left to tell when standard error is closed.
+        // There is no other place to report to when standard error is closed.
         let _ = writeln!(self.writer(), "{text}");
     }
 
-    /// The exit status of finished work; an error is told in one line first. A reader who closes the pipe early, as in
+    /// Exit status of finished work; an error is first printed in one line. A reader who closes the pipe early, as in
     /// `tracker eval … | head -1`, is no failure.
     pub fn end<E: AsRef<dyn Error>>(&self, done: Result<(), E>, failure: u8) -> ExitCode {
         let Err(error) = done else { return ExitCode::SUCCESS };
@@ -81,7 +81,7 @@ impl Console {
         ExitCode::from(failure)
     }
 
-    /// Progress of work with so many steps, if that is known.
+    /// Starts a progress display of work with `steps` steps, where their number is known.
     pub fn progress(&self, what: &str, steps: Option<u64>) -> Progress {
         let bar = self.is_terminal().then(|| {
             let bar = steps.map_or_else(ProgressBar::new_spinner, ProgressBar::new);
@@ -95,14 +95,14 @@ impl Console {
         Progress { what: what.to_owned(), steps, done: 0, bar, latest_line: Instant::now() }
     }
 
-    /// Progress of work in so many stages, each told as it begins.
-    pub fn stages(&self, of: usize) -> Stages {
+    /// Starts a progress display of work in `of` stages, each announced as it begins.
+    pub fn stages(&self, of: usize) -> ProgressStages {
         let bar = self.is_terminal().then(|| {
             let bar = self.shown(ProgressBar::new(of as u64), "{bar:24} {pos}/{len}  {elapsed}  {wide_msg}");
             bar.enable_steady_tick(Duration::from_millis(200));
             bar
         });
-        Stages { console: self.clone(), of, bar }
+        ProgressStages { console: self.clone(), of, bar }
     }
 
     fn shown(&self, bar: ProgressBar, template: &str) -> ProgressBar {
@@ -127,7 +127,7 @@ impl Console {
     }
 }
 
-/// A bar on a terminal, a line every few seconds elsewhere.
+/// Progress bar on a terminal; elsewhere a log line every few seconds.
 #[derive(Debug)]
 pub struct Progress {
     what: String,
@@ -138,7 +138,7 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// One step is done.
+    /// Counts one finished step.
     pub fn advance(&mut self) {
         self.done += 1;
         match &self.bar {
@@ -161,16 +161,16 @@ impl Drop for Progress {
     }
 }
 
-/// A bar on a terminal, a line a stage elsewhere.
+/// Progress bar on a terminal; elsewhere a log line a stage.
 #[derive(Debug)]
-pub struct Stages {
+pub struct ProgressStages {
     console: Console,
     of: usize,
     bar: Option<ProgressBar>,
 }
 
-impl Stages {
-    /// Stage `number` (from 0) begins.
+impl ProgressStages {
+    /// Announces the beginning of stage `number` (from 0).
     pub fn show(&self, number: usize, what: &str) {
         match &self.bar {
             Some(bar) => {
@@ -182,7 +182,7 @@ impl Stages {
     }
 }
 
-impl Drop for Stages {
+impl Drop for ProgressStages {
     fn drop(&mut self) {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
@@ -190,16 +190,16 @@ impl Drop for Stages {
     }
 }
 
-/// Takes standard error for the program alone: returns it as a file to write to, and sends whatever else is written to
-/// the process's standard error to nowhere.
+/// Takes standard error for the program alone: returns it as a file to write to, and discards everything else that is
+/// written to the process's standard error.
 fn take_stderr() -> io::Result<File> {
     let own = io::stderr().as_fd().try_clone_to_owned()?;
-    let nowhere = File::options().write(true).open("/dev/null")?;
-    rustix::stdio::dup2_stderr(&nowhere)?;
+    let discard = File::options().write(true).open("/dev/null")?;
+    rustix::stdio::dup2_stderr(&discard)?;
     Ok(File::from(own))
 }
 
-/// An error and what caused it. Many messages tell their cause already; it is not told twice.
+/// One line with an error and its causes. A cause that the message already contains is not repeated.
 fn in_one_line(error: &dyn Error) -> String {
     let mut line = String::new();
     let mut next = Some(error);

@@ -1,6 +1,6 @@
-//! The outside of the project's programs: what a person reads, sees and opens, whatever the program computes.
+//! User interface of the project's programs: terminal, drawings and local web pages.
 //!
-//! * [`console`] — begin and end of a program: log, progress, one line of error, exit status. Start here.
+//! * [`console`] — start and end of a program: log, progress, one line of error, exit status. Start here.
 //! * [`canvas`] — drawing: shapes and text over pictures.
 //! * [`loopback`] — pages that a program serves to its own machine.
 #![forbid(unsafe_code)]

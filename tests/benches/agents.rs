@@ -1,5 +1,5 @@
 //! Figures of stations that track together: traffic, time from packet to use, return of a restarted station. Each is
-//! printed beside the bound that is asked for.
+//! printed beside the required bound.
 //!
 //! `cargo build --release --bins --features tracker/zenoh && cargo bench -p tests --bench agents --features tracker/zenoh`
 #![forbid(unsafe_code)]
@@ -10,7 +10,7 @@ use std::time::{Duration, Instant, SystemTime};
 
 use nalgebra::{Matrix2, Point2, Vector2};
 use scenes::room::Room;
-use tests::chain::Said;
+use tests::chain::StepResult;
 use tests::live::proxy::Proxy;
 use tests::live::run::free_address;
 use tests::live::{Figure, agents, office, quantile};
@@ -47,8 +47,8 @@ fn packet(sequence: u32) -> Packet {
     Packet { station: StationId(0), sequence, time_s, greatest: TargetId(103), reports, ..Packet::default() }
 }
 
-/// A station of a room of three cameras that hears the others.
-fn mesh(station: u8, endpoints: &Endpoints) -> Said<Mesh> {
+/// Mesh of one station of a room of three cameras.
+fn mesh(station: u8, endpoints: &Endpoints) -> StepResult<Mesh> {
     let room = Room::read(&office::room()).map_err(|e| e.to_string())?;
     let membership = Membership {
         room: Some(Fingerprint::of(&room)),
@@ -60,13 +60,13 @@ fn mesh(station: u8, endpoints: &Endpoints) -> Said<Mesh> {
     Mesh::open(&membership, endpoints).map_err(|e| e.to_string())
 }
 
-fn endpoints(listen: Option<&str>, connect: Option<&str>) -> Said<Endpoints> {
+fn endpoints(listen: Option<&str>, connect: Option<&str>) -> StepResult<Endpoints> {
     let parsed = |address: Option<&str>| address.map(str::parse).transpose().map(|e| e.into_iter().collect());
     Ok(Endpoints { listen: parsed(listen)?, connect: parsed(connect)?, ..Endpoints::default() })
 }
 
-/// Sends packets until all of these have heard one.
-fn link(sender: &mut Mesh, hearers: &[Mesh], sequence: &mut u32) -> Said<()> {
+/// Sends packets until every one of `hearers` has received one.
+fn link(sender: &mut Mesh, hearers: &[Mesh], sequence: &mut u32) -> StepResult<()> {
     let begun = Instant::now();
     let mut linked = vec![false; hearers.len()];
     while linked.contains(&false) {
@@ -82,14 +82,14 @@ fn link(sender: &mut Mesh, hearers: &[Mesh], sequence: &mut u32) -> Said<()> {
     Ok(())
 }
 
-/// Bytes a second that a station with three people sends to two neighbours, with all that the network adds.
-fn traffic() -> Said<f64> {
+/// Traffic of a station with three people to two neighbours, with all overhead of the network, bytes per second.
+fn traffic() -> StepResult<f64> {
     let address = free_address()?;
     let mut sender = mesh(0, &endpoints(Some(&address.to_string()), None)?)?;
     let proxies = [Proxy::start(address)?, Proxy::start(address)?];
     let hear =
         |(station, proxy): (u8, &Proxy)| mesh(station, &endpoints(None, Some(&proxy.address.to_string()))?);
-    let hearers = (1..).zip(&proxies).map(hear).collect::<Said<Vec<_>>>()?;
+    let hearers = (1..).zip(&proxies).map(hear).collect::<StepResult<Vec<_>>>()?;
     let mut sequence = 0;
     link(&mut sender, &hearers, &mut sequence)?;
     let sent = || proxies.iter().map(Proxy::bytes).sum::<u64>();
@@ -106,7 +106,7 @@ fn traffic() -> Said<f64> {
 }
 
 /// The other process of the measurement of time: prints the times from sending to use, seconds, one a line.
-fn hear(address: &str) -> Said<()> {
+fn hear(address: &str) -> StepResult<()> {
     let mesh = mesh(1, &endpoints(None, Some(address))?)?;
     let mut last = Instant::now();
     while last.elapsed() < Duration::from_secs(3) {
@@ -119,7 +119,7 @@ fn hear(address: &str) -> Said<()> {
 }
 
 /// Times from sending to use in another process, milliseconds.
-fn times_ms() -> Said<Vec<f64>> {
+fn times_ms() -> StepResult<Vec<f64>> {
     let address = free_address()?.to_string();
     let mut sender = mesh(0, &endpoints(Some(&address), None)?)?;
     let own = std::env::current_exe().map_err(|e| e.to_string())?;
@@ -139,7 +139,7 @@ fn times_ms() -> Said<Vec<f64>> {
     Ok(times)
 }
 
-fn main() -> Said<()> {
+fn main() -> StepResult<()> {
     let arguments: Vec<String> = std::env::args().skip(1).filter(|argument| argument != "--bench").collect();
     if let [command, address] = &arguments[..]
         && command == "hear"

@@ -1,11 +1,12 @@
-//! The paper's experiments on heads by CONDENSATION (seed 002, section 5) in a synthetic hall, beside its own numbers:
-//! occlusion by integration (5.1), entries (5.2), accuracy (5.4, tables 3 and 4), time (table 2).
+//! Experiments on tracking heads by CONDENSATION, as in section 5 of Y. Matsumoto, T. Kato, T. Wada, "An Occlusion
+//! Robust Weight Integration Method for Multi-camera CONDENSATION" (in Japanese), in a synthetic hall, beside the
+//! paper's numbers: occlusion by integration (5.1), entries (5.2), accuracy (5.4, tables 3 and 4), time (table 2).
 //!
 //! `cargo bench -p tests --bench condensation [-- occlusion|entries|accuracy|time]`
 #![forbid(unsafe_code)]
 
 use synthetic::{SyntheticRoom, WalkerOptions};
-use tests::chain::Said;
+use tests::chain::StepResult;
 use tests::hall::{
     behind_the_screen, going_round, hall, hidden_from, nearest, passing_through, pictures, recording, step,
     tracker,
@@ -16,12 +17,12 @@ use tracker::method::condensation::{Condensation, CondensationOptions};
 
 /// Pictures a second.
 const RATE_HZ: f64 = 12.0;
-/// A track is on a head when it is no farther from it, metres.
+/// Largest distance of a track from a head that it is on, metres.
 const ON_HEAD_M: f64 = 0.3;
-/// So many moments in a row off the head: lost.
+/// Number of consecutive moments off the head after which it counts as lost.
 const LOST_MOMENTS: u32 = 5;
 
-fn main() -> Said<()> {
+fn main() -> StepResult<()> {
     let asked: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with("--")).collect();
     let is_asked = |name: &str| asked.is_empty() || asked.iter().any(|a| a == name);
     if is_asked("occlusion") {
@@ -40,7 +41,7 @@ fn main() -> Said<()> {
 }
 
 /// Ten people, one at a time, walk behind a screen that hides their heads from half of the cameras, and turn around there.
-fn occlusion() -> Said<()> {
+fn occlusion() -> StepResult<()> {
     const TRIALS: u64 = 10;
     let variants =
         [("published", CondensationOptions::published()), ("default", CondensationOptions::default())];
@@ -52,7 +53,7 @@ fn occlusion() -> Said<()> {
         let mut trials = Vec::new();
         for (_, options) in &variants {
             for integration in Integration::ALL {
-                trials.push(Trial::new(&room, CondensationOptions { integration, ..options.clone() })?);
+                trials.push(HeadTrial::new(&room, CondensationOptions { integration, ..options.clone() })?);
             }
         }
         follow_behind_screen(&room, &walkers, &mut trials)?;
@@ -74,24 +75,28 @@ fn occlusion() -> Said<()> {
 }
 
 /// One tracker in one trial.
-struct Trial {
+struct HeadTrial {
     tracker: Condensation,
-    /// Who was on the head before it was hidden.
+    /// Track on the head before it was hidden.
     who: Option<TrackId>,
-    /// It has been, since.
+    /// Whether the head has been hidden since.
     was_hidden: bool,
     off: u32,
     is_lost: bool,
 }
 
-impl Trial {
-    fn new(room: &SyntheticRoom, options: CondensationOptions) -> Said<Self> {
+impl HeadTrial {
+    fn new(room: &SyntheticRoom, options: CondensationOptions) -> StepResult<Self> {
         Ok(Self { tracker: tracker(room, options)?, who: None, was_hidden: false, off: 0, is_lost: false })
     }
 }
 
-/// Follows somebody through the hall.
-fn follow_behind_screen(room: &SyntheticRoom, walkers: &WalkerOptions, trials: &mut [Trial]) -> Said<()> {
+/// Follows a person through the hall.
+fn follow_behind_screen(
+    room: &SyntheticRoom,
+    walkers: &WalkerOptions,
+    trials: &mut [HeadTrial],
+) -> StepResult<()> {
     let sequence = recording(room, walkers, RATE_HZ, 16.0);
     for frame in sequence.frames() {
         let pictures = pictures(&frame);
@@ -115,7 +120,7 @@ fn follow_behind_screen(room: &SyntheticRoom, walkers: &WalkerOptions, trials: &
 }
 
 /// Twenty people come in one after the other.
-fn entries() -> Said<()> {
+fn entries() -> StepResult<()> {
     const PEOPLE: usize = 20;
     for (name, options) in
         [("published", CondensationOptions::published()), ("default", CondensationOptions::default())]
@@ -148,7 +153,7 @@ fn entries() -> Said<()> {
 }
 
 /// One person and six people on a way around the hall.
-fn accuracy() -> Said<()> {
+fn accuracy() -> StepResult<()> {
     println!(
         "accuracy: head in space, cm (paper: 1 person 4.41, at most 34.7; 6 people 4.23, at most 18.5; asked: 4, 15)"
     );
@@ -179,7 +184,7 @@ fn accuracy() -> Said<()> {
     Ok(())
 }
 
-/// Errors of people from when they are first found.
+/// Errors of people after they are first found.
 #[derive(Default)]
 struct Errors {
     on_head_m: Vec<f64>,
@@ -234,7 +239,7 @@ impl Errors {
 }
 
 /// Table 2: milliseconds a moment for one and for six people, on one core.
-fn time() -> Said<()> {
+fn time() -> StepResult<()> {
     println!(
         "time: ms a moment on one core (paper, 7 PCs: 1 person 3.6, 6 people 11.6; asked: 2 without gradients)"
     );

@@ -1,6 +1,7 @@
-//! Experiment 1 of the distributed vision agents (seed 000, section 4.1) in synthetic halls: three stations, two people
-//! who meet so closely that stations may take them for each other. A crossing is right when both go by their own ids
-//! 8 s after they met; in these 8 s they do not meet again. The paper has 8 of 10.
+//! Experiment 1 of A. Nakazawa, S. Hiura, H. Kato, S. Inokuchi, "Tracking Multiple Persons Using Distributed Vision
+//! Systems" (in Japanese), IPSJ Journal 2001, section 4.1, in synthetic halls: three stations, two people who meet so
+//! closely that stations may confuse them. A crossing is right when both keep their own ids 8 s after they met; in these
+//! 8 s they do not meet again. The paper has 8 of 10.
 //!
 //! `cargo bench -p tests --bench crossings [-- NUMBER [FIRST-SEED]]`: 50 crossings.
 #![forbid(unsafe_code)]
@@ -14,7 +15,7 @@ use rand_pcg::Pcg64Mcg;
 use rayon::prelude::*;
 use scenes::room::Room;
 use synthetic::{PersonTruth, RoomKind, RoomOptions, Sequence, SequenceOptions, SyntheticRoom, Walker};
-use tests::chain::Said;
+use tests::chain::StepResult;
 use tracker::method::Method;
 use tracker::method::agents::modern::ModernOptions;
 use tracker::method::agents::published::PublishedOptions;
@@ -30,11 +31,11 @@ const SPEED_M_S: f64 = 1.1;
 /// Length of the way to the meeting, and of its last straight part at most, metres.
 const TO_MEETING_M: f64 = 5.5;
 const APPROACH_M: f64 = 2.4;
-/// Nobody walks nearer to a wall than this, metres.
+/// Least distance of people from a wall, metres.
 const WALL_M: f64 = 0.7;
 /// Time after the meeting, seconds.
 const AFTER_S: f64 = 8.0;
-/// Time before the meeting from which on, and up to which, ids are taken for those before it, seconds.
+/// Beginning and end of the interval before the meeting in which the ids before it are counted, seconds before it.
 const BEFORE_S: [f64; 2] = [1.2, 0.2];
 /// Distance at which the two pass each other, metres.
 const ASIDE_M: f64 = 0.3;
@@ -43,12 +44,12 @@ const MEETING_M: f64 = 1.2;
 const AGAIN_AFTER_S: f64 = 1.5;
 /// Draws of ways at most.
 const MOST_DRAWN: usize = 1000;
-/// An estimate farther away is not this person, metres.
+/// Distance beyond which an estimate does not belong to a person, metres.
 const GATE_M: f64 = 0.6;
 /// First seed where none is given. Nothing was tuned on these.
 const FIRST_SEED: u64 = 9001;
 
-fn main() -> Said<()> {
+fn main() -> StepResult<()> {
     let mut asked = std::env::args().skip(1).filter_map(|a| a.parse::<u64>().ok());
     let (count, first) = (asked.next().unwrap_or(50), asked.next().unwrap_or(FIRST_SEED));
     let rules = [
@@ -60,9 +61,9 @@ fn main() -> Said<()> {
         .par_iter()
         .map(|seed| {
             let made = hall(*seed)?;
-            Crossing::new(*seed, &made).follow(&made, &rules.clone().map(|(_, rule)| rule))
+            HallCrossing::new(*seed, &made).follow(&made, &rules.clone().map(|(_, rule)| rule))
         })
-        .collect::<Said<_>>()?;
+        .collect::<StepResult<_>>()?;
     let mut right = [0; 2];
     let mut wrong = [Vec::new(), Vec::new()];
     for (seed, is_right) in seeds.iter().zip(&are_right) {
@@ -81,7 +82,7 @@ fn main() -> Said<()> {
     Ok(())
 }
 
-fn hall(seed: u64) -> Said<SyntheticRoom> {
+fn hall(seed: u64) -> StepResult<SyntheticRoom> {
     let options = RoomOptions {
         seed,
         kind: RoomKind::Hall,
@@ -96,13 +97,13 @@ fn hall(seed: u64) -> Said<SyntheticRoom> {
 }
 
 /// Two people who meet once, in the middle of a hall, and go on through it.
-struct Crossing {
+struct HallCrossing {
     seed: u64,
     ways: [Vec<Point2<f64>>; 2],
     met_s: f64,
 }
 
-impl Crossing {
+impl HallCrossing {
     fn new(seed: u64, made: &SyntheticRoom) -> Self {
         let mut rng = Pcg64Mcg::seed_from_u64(seed);
         let mut between = |low: f64, high: f64| rng.random_range(low..high);
@@ -118,7 +119,7 @@ impl Crossing {
             let ahead = toward(angle);
             let passes = middle + toward(angle + 0.25 * TAU) * aside_m;
             let turns = inside(passes - ahead * APPROACH_M);
-            // Both have walked equally far when they meet: from wherever the hall has room for it.
+            // Both have walked equally far when they meet; the start of the way depends on the room in the hall.
             let walk_m = TO_MEETING_M - (passes - turns).norm();
             let starts = |_| turns + toward(between(0.0, TAU)) * walk_m;
             let start = (0..100).map(starts).find(|start| inside(*start) == *start);
@@ -153,8 +154,8 @@ impl Crossing {
         made.sequence(vec![walker(0), walker(1)], options)
     }
 
-    /// Whether both people go by their own ids in the end, by each rule.
-    fn follow(&self, made: &SyntheticRoom, rules: &[RuleOptions; 2]) -> Said<[bool; 2]> {
+    /// Tells whether both people keep their own ids to the end, for each set of rules.
+    fn follow(&self, made: &SyntheticRoom, rules: &[RuleOptions; 2]) -> StepResult<[bool; 2]> {
         let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
         made.room.write(folder.path()).map_err(|e| e.to_string())?;
         let room = Room::read(folder.path()).map_err(|e| e.to_string())?;
@@ -208,7 +209,7 @@ fn meet_again(ways: &[Vec<Point2<f64>>; 2]) -> bool {
         .any(|time_s| (at(&ways[0], time_s) - at(&ways[1], time_s)).norm() < MEETING_M)
 }
 
-/// Number of frames in which each of two people went by each id, before the meeting and in the last second.
+/// Number of frames in which each of two people had each id, before the meeting and in the last second.
 #[derive(Default)]
 struct Ids([[BTreeMap<TrackId, u32>; 2]; 2]);
 

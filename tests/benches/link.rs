@@ -1,5 +1,5 @@
-//! Linking: accuracy on MOT15 with what is chosen where nothing is said, crossings with and without the direction
-//! constraint, and time on many detections and many links.
+//! Linking: accuracy on MOT15 with the default choices, crossings with and without the direction constraint, and time
+//! on many detections and many links.
 //!
 //! `cargo build --release --bins && cargo bench -p tests --bench link`. Against OR-tools on the same graph:
 //! `tracker/tests/peers/flow.py --time`, against TrackEval: `tracker/tests/peers/figures.py`.
@@ -12,10 +12,10 @@ use std::time::Instant;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use serde_json::Value;
-use tests::chain::{Said, run};
+use tests::chain::{StepResult, run};
 use tests::data::{program, shared};
 
-fn main() -> Said<()> {
+fn main() -> StepResult<()> {
     let scratch = tempfile::tempdir().map_err(|e| e.to_string())?;
     if let Some(mot15) = shared("mot15") {
         sequences(&mot15, &scratch.path().join("mot15"))?;
@@ -25,7 +25,7 @@ fn main() -> Said<()> {
 }
 
 /// Every sequence with the defaults, then all together.
-fn sequences(mot15: &Path, out: &Path) -> Said<()> {
+fn sequences(mot15: &Path, out: &Path) -> StepResult<()> {
     let mut folders: Vec<_> = std::fs::read_dir(mot15)
         .map_err(|e| e.to_string())?
         .filter_map(|e| Some(e.ok()?.path()))
@@ -48,8 +48,8 @@ fn sequences(mot15: &Path, out: &Path) -> Said<()> {
     Ok(())
 }
 
-/// Two people who walk towards each other and are at one place for a moment, a hundred times.
-fn crossings(out: &Path) -> Said<()> {
+/// Two people who walk towards each other and meet at one place for a moment, a hundred times.
+fn crossings(out: &Path) -> StepResult<()> {
     println!(
         "\n{:<46} {:>9} {:>10}",
         "100 crossings, noise 1 px, 3 to 5 px a frame", "switches", "success %"
@@ -101,7 +101,7 @@ fn crossings(out: &Path) -> Said<()> {
 }
 
 /// Walkers over a long recording: some detections and links, and many.
-fn sizes(out: &Path) -> Said<()> {
+fn sizes(out: &Path) -> StepResult<()> {
     println!(
         "\n{:>10} {:>10} {:>9} {:>9} {:>10} {:>9}",
         "detections", "links", "build s", "solve s", "whole s", "optimal"
@@ -170,7 +170,7 @@ fn walkers(people: usize, frames: u32) -> String {
     text
 }
 
-fn link(detections: &Path, tracks: &Path, options: &[&str]) -> Said<Value> {
+fn link(detections: &Path, tracks: &Path, options: &[&str]) -> StepResult<Value> {
     let report = tracks.with_extension("json");
     let mut command = program("tracker");
     command.arg("link").arg(detections).arg("--out").arg(tracks).arg("--report").arg(&report).args(options);
@@ -178,12 +178,12 @@ fn link(detections: &Path, tracks: &Path, options: &[&str]) -> Said<Value> {
     parse(&std::fs::read_to_string(&report).map_err(|e| e.to_string())?)
 }
 
-fn evaluate(truth: &Path, tracks: &Path) -> Said<Value> {
+fn evaluate(truth: &Path, tracks: &Path) -> StepResult<Value> {
     let mut command = program("tracker");
     parse(&run(command.args(["eval", "--json", "--truth"]).arg(truth).arg("--tracks").arg(tracks))?)
 }
 
-fn parse(text: &str) -> Said<Value> {
+fn parse(text: &str) -> StepResult<Value> {
     serde_json::from_str(text).map_err(|e| e.to_string())
 }
 

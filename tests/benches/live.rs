@@ -1,5 +1,4 @@
-//! Figures of `tracker run` on live cameras, each beside the bound that is asked for: a table, and a line of JSON for
-//! each.
+//! Figures of `tracker run` on live cameras, each beside the required bound: a table, and a line of JSON for each.
 //!
 //! `cargo build --release --bins && cargo bench -p tests --bench live` measures everything with short durations.
 //! Arguments choose scenarios, in seconds where there is an `=`; `all` measures with the durations that the figures

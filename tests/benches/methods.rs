@@ -9,9 +9,9 @@ use std::time::Instant;
 
 use calib::Distortion;
 use serde_json::Value;
-use tests::chain::{Said, run};
+use tests::chain::{StepResult, run};
 use tests::data::{office, program};
-use tests::live::films::{Hall, Recorded, office_recorded};
+use tests::live::films::{Hall, RecordedRoom, office_recorded};
 
 /// Name of each method, and its options.
 const METHODS: [(&str, &[&str]); 7] = [
@@ -29,7 +29,7 @@ const HALLS: [u64; 3] = [7001, 7002, 7003];
 const CAMERAS: usize = 3;
 const PEOPLE: usize = 4;
 
-fn main() -> Said<()> {
+fn main() -> StepResult<()> {
     let asked: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with("--")).collect();
     let seeds: Vec<u64> = asked.iter().filter_map(|a| a.parse().ok()).collect();
     let halls = if asked.is_empty() { HALLS.to_vec() } else { seeds };
@@ -48,7 +48,7 @@ fn main() -> Said<()> {
 }
 
 /// Prints a line for each method.
-fn compare(set: &str, recorded: &Recorded, truth: &Path) -> Said<()> {
+fn compare(set: &str, recorded: &RecordedRoom, truth: &Path) -> StepResult<()> {
     let scratch = tempfile::tempdir().map_err(|e| e.to_string())?;
     for (method, options) in METHODS {
         let out = scratch.path().join(method.replace(' ', "_"));
@@ -66,8 +66,8 @@ fn compare(set: &str, recorded: &Recorded, truth: &Path) -> Said<()> {
     Ok(())
 }
 
-/// Runs a method; returns what it told on standard error.
-fn follow(recorded: &Recorded, out: &Path, options: &[&str]) -> Said<String> {
+/// Runs a method; returns its standard error.
+fn follow(recorded: &RecordedRoom, out: &Path, options: &[&str]) -> StepResult<String> {
     let videos = recorded.videos.iter();
     let videos = videos.flat_map(|(name, path)| ["--video".to_owned(), format!("{name}={}", path.display())]);
     let mut command = program("tracker");
@@ -77,13 +77,13 @@ fn follow(recorded: &Recorded, out: &Path, options: &[&str]) -> Said<String> {
     if output.status.success() { Ok(told) } else { Err(told) }
 }
 
-fn evaluate(truth: &Path, tracks: &Path) -> Said<Value> {
+fn evaluate(truth: &Path, tracks: &Path) -> StepResult<Value> {
     let mut command = program("tracker");
     command.args(["eval", "--json", "--truth"]).arg(truth).arg("--tracks").arg(tracks);
     serde_json::from_str(&run(&mut command)?).map_err(|e| e.to_string())
 }
 
-/// Bytes that each station would send to each neighbour, as the run tells.
+/// Traffic of each station to each neighbour, from the run's log, kB/s.
 fn traffic_kb_s(told: &str) -> Option<f64> {
     told.split("would send ").nth(1)?.split(' ').next()?.parse().ok()
 }

@@ -1,4 +1,4 @@
-//! The office's numbers, each beside the least it must be: capture motion, room, depth, tracks, frames a second.
+//! Figures of the office, each beside its bound: capture motion, room, depth, tracks, frames per second.
 //!
 //! `make bench`, or `cargo build --release --bins && cargo bench -p tests --bench office`; with `-- tracks` only what needs
 //! no reconstruction, in seconds.
@@ -10,18 +10,18 @@ use std::time::Instant;
 use recon::capture::{Capture, ReferenceFrame};
 use recon::motion::{self, MotionOptions};
 use tests::accuracy;
-use tests::chain::{Said, build_room, compare_rooms, evaluate, track};
+use tests::chain::{StepResult, build_room, compare_rooms, evaluate, track};
 use tests::data::office;
 
 /// Frames of the office's videos.
 const FRAMES: f64 = 300.0;
 
-/// One figure: what, how much, and the least or the most it may be.
+/// Prints one figure: name, value, and the bound on it.
 fn row(what: &str, value: f64, unit: &str, bound: &str) {
     println!("{what:<62} {value:>8.2} {unit:<9} {bound}");
 }
 
-fn main() -> Said<()> {
+fn main() -> StepResult<()> {
     let office = office();
     let scratch = tempfile::tempdir().map_err(|e| e.to_string())?;
     let (built, truth) = (scratch.path().join("room"), office.join("room"));
@@ -63,8 +63,8 @@ fn main() -> Said<()> {
     hidden(&office, scratch.path())
 }
 
-/// The room made of the captures, against the truth.
-fn rebuilt(office: &Path, built: &Path) -> Said<()> {
+/// Compares the room built from the captures with the truth.
+fn rebuilt(office: &Path, built: &Path) -> StepResult<()> {
     for camera in ["cam0", "cam1"] {
         capture_motion(office, camera)?;
     }
@@ -90,8 +90,8 @@ fn rebuilt(office: &Path, built: &Path) -> Said<()> {
     Ok(())
 }
 
-/// With the room's geometry and without: everybody, and those whom a camera hardly sees.
-fn hidden(office: &Path, scratch: &Path) -> Said<()> {
+/// Compares tracking with the room's geometry and without: everybody, and people who are mostly hidden from a camera.
+fn hidden(office: &Path, scratch: &Path) -> StepResult<()> {
     let room = office.join("room");
     let mut hidden = Vec::new();
     for (what, options) in [("", &[][..]), (", --no-occlusion", &["--no-occlusion"])] {
@@ -119,7 +119,7 @@ fn hidden(office: &Path, scratch: &Path) -> Said<()> {
     Ok(())
 }
 
-fn capture_motion(office: &Path, camera: &str) -> Said<()> {
+fn capture_motion(office: &Path, camera: &str) -> StepResult<()> {
     let told = |e: &dyn std::fmt::Display| e.to_string();
     let lens = calib::files::read_intrinsics(&office.join(format!("{camera}.toml"))).map_err(|e| told(&e))?;
     let film = office.join(format!("capture/{camera}.mp4"));

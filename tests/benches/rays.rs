@@ -1,5 +1,5 @@
-//! Speed of what is built on rays: the hierarchy, a static depth map, segments, the walkable map; on the office as a
-//! mesh, and as the cloud of discs that a reconstruction makes of it (a disc a pixel of each camera).
+//! Speed of ray casting: the hierarchy, a static depth map, segments, the walkable map; on the office as a mesh, and as
+//! the cloud of discs of a reconstruction (a disc a pixel of each camera).
 //!
 //! `cargo bench -p tests --bench rays`
 #![allow(clippy::expect_used, missing_docs)] // a benchmark that cannot go on should stop; criterion's macro makes a function
@@ -17,7 +17,7 @@ use scenes::raycast::RayScene;
 use scenes::room::Room;
 use scenes::walkable::WalkableMap;
 
-/// A disc for every pixel that sees something, facing the camera.
+/// A disc for every pixel that sees a surface, facing the camera.
 fn cloud(room: &Room, scene: &RayScene) -> Geometry {
     let mut discs = Vec::new();
     for camera in room.cameras.iter().map(|c| &c.camera) {
@@ -37,7 +37,7 @@ fn cloud(room: &Room, scene: &RayScene) -> Geometry {
     Geometry::Discs(discs)
 }
 
-/// Segments between cameras and places in the room, as occlusion asks for them.
+/// Segments between cameras and places in the room, as in occlusion tests.
 fn segments(room: &Room, count: usize) -> Vec<(Vec3, Vec3)> {
     let mut rng = Pcg64Mcg::seed_from_u64(1);
     let eyes: Vec<Vec3> = room.cameras.iter().map(|c| vec3_from_point(&c.camera.center())).collect();

@@ -1,5 +1,5 @@
-//! Which likelihood with which acceptance rule follows people best, over all data at hand: what the sampler's defaults
-//! were chosen by. Every row is a whole run of the program on the same masks, with two seeds; figures are means.
+//! Comparison of likelihoods and acceptance rules over all available data, by which the sampler's defaults were chosen.
+//! Every row is a whole run of the program on the same masks, with two seeds; figures are means.
 //!
 //! `make bench`, or `cargo build --release --bins && cargo bench -p tests --bench sampler`
 #![forbid(unsafe_code)]
@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use serde_json::Value;
-use tests::chain::{Said, run};
+use tests::chain::{StepResult, run};
 use tests::data::{office, program, shared};
 
 /// The choices, by the options that make them.
@@ -24,21 +24,21 @@ const CHOICES: [(&str, &[&str]); 7] = [
 const SEEDS: [&str; 2] = ["1", "2"];
 
 /// One recording with its truth.
-struct Recording {
+struct MaskRecording {
     name: &'static str,
     room: PathBuf,
     /// `NAME=PATH` of each camera's masks.
     masks: Vec<String>,
-    /// How `tracker run` learns the frames' times.
+    /// Options from which `tracker run` takes the frames' times.
     times: Vec<String>,
     truth: PathBuf,
-    /// What `tracker eval` judges.
+    /// Options of `tracker eval` that restrict the judged part.
     judged: Vec<String>,
-    /// What the default must reach.
+    /// Required figure of the default.
     asked: &'static str,
 }
 
-fn main() -> Said<()> {
+fn main() -> StepResult<()> {
     let scratch = tempfile::tempdir().map_err(|e| e.to_string())?;
     println!(
         "{:<9} {:<38} {:>7} {:>7} {:>7} {:>8} {:>8} {:>9}",
@@ -49,7 +49,7 @@ fn main() -> Said<()> {
             let runs: Vec<[f64; 6]> = SEEDS
                 .iter()
                 .map(|seed| recording.follow(&scratch.path().join("out"), options, seed))
-                .collect::<Said<_>>()?;
+                .collect::<StepResult<_>>()?;
             let mean = |i: usize| runs.iter().map(|figures| figures[i]).sum::<f64>() / runs.len() as f64;
             println!(
                 "{:<9} {choice:<38} {:>7.1} {:>7.1} {:>7.1} {:>8.1} {:>8.1} {:>9.2}",
@@ -67,10 +67,10 @@ fn main() -> Said<()> {
     Ok(())
 }
 
-/// The office, and what else is at hand. Masks of films are made once, so that every choice sees the same ones.
-fn recordings(scratch: &Path) -> Said<Vec<Recording>> {
+/// The office, and further available data. Masks of films are made once, so that every choice gets the same ones.
+fn recordings(scratch: &Path) -> StepResult<Vec<MaskRecording>> {
     let text = |path: PathBuf| path.display().to_string();
-    let masks_of = |name: &str, videos: &[(&str, PathBuf)], times: &[String]| -> Said<Vec<String>> {
+    let masks_of = |name: &str, videos: &[(&str, PathBuf)], times: &[String]| -> StepResult<Vec<String>> {
         let out = scratch.join(name);
         let mut command = program("tracker");
         command.arg("masks").arg("--out").arg(&out).args(times);
@@ -83,7 +83,7 @@ fn recordings(scratch: &Path) -> Said<Vec<Recording>> {
     let home = office();
     let rate = |rate: &str| vec!["--rate".to_owned(), rate.to_owned()];
     let videos = ["cam0", "cam1"].map(|name| (name, home.join(format!("video/{name}.mp4"))));
-    let mut recordings = vec![Recording {
+    let mut recordings = vec![MaskRecording {
         name: "office",
         masks: masks_of("office", &videos, &rate("12"))?,
         times: rate("12"),
@@ -93,7 +93,7 @@ fn recordings(scratch: &Path) -> Said<Vec<Recording>> {
         room: home.join("room"),
     }];
     if let Some(home) = shared("cmc1") {
-        recordings.push(Recording {
+        recordings.push(MaskRecording {
             name: "cmc1",
             masks: (1..=4).map(|i| format!("cam{i}={}", text(home.join(format!("masks/cam{i}"))))).collect(),
             times: vec!["--times".to_owned(), text(home.join("times.txt"))],
@@ -107,7 +107,7 @@ fn recordings(scratch: &Path) -> Said<Vec<Recording>> {
     if let Some(home) = shared("terrace") {
         let videos = ["C1", "C2", "C3", "C4"].map(|name| (name, home.join("video").join(name)));
         let times = vec!["--times".to_owned(), text(home.join("times.txt"))];
-        recordings.push(Recording {
+        recordings.push(MaskRecording {
             name: "terrace",
             masks: masks_of("terrace", &videos, &times)?,
             times,
@@ -118,7 +118,7 @@ fn recordings(scratch: &Path) -> Said<Vec<Recording>> {
         });
     }
     if let Some(home) = shared("pets") {
-        recordings.push(Recording {
+        recordings.push(MaskRecording {
             name: "pets",
             masks: masks_of("pets", &[("view1", home.join("view1.avi"))], &rate("7"))?,
             times: rate("7"),
@@ -131,9 +131,9 @@ fn recordings(scratch: &Path) -> Said<Vec<Recording>> {
     Ok(recordings)
 }
 
-impl Recording {
+impl MaskRecording {
     /// MOTA, MODA, IDF1, mean and maximum error, and the median time of inference; NaN where a figure means nothing.
-    fn follow(&self, out: &Path, options: &[&str], seed: &str) -> Said<[f64; 6]> {
+    fn follow(&self, out: &Path, options: &[&str], seed: &str) -> StepResult<[f64; 6]> {
         let mut command: Command = program("tracker");
         command.arg("run").arg(&self.room).args(["--no-film", "--threads", "1", "--seed", seed, "--out"]);
         command.arg(out).args(&self.times).args(options);
@@ -153,6 +153,6 @@ impl Recording {
     }
 }
 
-fn parse(text: &str) -> Said<Value> {
+fn parse(text: &str) -> StepResult<Value> {
     serde_json::from_str(text).map_err(|e| e.to_string())
 }

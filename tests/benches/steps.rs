@@ -1,4 +1,4 @@
-//! What a step of the sampler costs: on the office beside OpenCV's MOG2 on the same images, from 3 people to 30, and
+//! Time of a step of the sampler: on the office beside OpenCV's MOG2 on the same images, from 3 people to 30, and
 //! beside the oracle that casts a ray through every pixel. Ratios within one run.
 //!
 //! `cargo bench -p tests --bench steps`
@@ -15,7 +15,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use scenes::polygon::Polygon;
 use scenes::room::{Room, RoomCamera};
-use tests::chain::{Said, run};
+use tests::chain::{StepResult, run};
 use tests::data::{office, program};
 use tracker::likelihood::{Layers, Simulation, oracle, pack};
 use tracker::method::Method;
@@ -38,16 +38,17 @@ fn median(mut values: Vec<f64>) -> f64 {
     values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
-fn main() -> Said<()> {
-    // A time means what one thread takes.
+fn main() -> StepResult<()> {
+    // All times are those of one thread, here and in OpenCV.
     rayon::ThreadPoolBuilder::new().num_threads(1).build_global().map_err(told)?;
+    calib::vision::set_threads(1).map_err(told)?;
     on_the_office()?;
     from_three_to_thirty()?;
     beside_the_oracle()
 }
 
 /// The median frame of the office, 200 steps, and OpenCV's background subtraction of the same two images.
-fn on_the_office() -> Said<()> {
+fn on_the_office() -> StepResult<()> {
     let (home, scratch) = (office(), tempfile::tempdir().map_err(told)?);
     let names = ["cam0", "cam1"];
     let film = |name: &str| home.join(format!("video/{name}.mp4"));
@@ -122,8 +123,8 @@ fn hall() -> Room {
     }
 }
 
-/// Microseconds a step with so many people walking about in the hall.
-fn step_us(people: usize) -> Said<f64> {
+/// Microseconds a step with `people` people walking about in the hall.
+fn step_us(people: usize) -> StepResult<f64> {
     const STEPS: u32 = 4000;
     let room = hall();
     let stage = PreparedRoom::prepare(&room, std::path::Path::new("."), &PreparationOptions::default())
@@ -179,7 +180,7 @@ fn step_us(people: usize) -> Said<f64> {
     Ok(median(times))
 }
 
-fn from_three_to_thirty() -> Said<()> {
+fn from_three_to_thirty() -> StepResult<()> {
     let (few, many) = (step_us(3)?, step_us(30)?);
     row("hall, 4 cameras: a step with 3 people", few, "us", "");
     row("hall, 4 cameras: a step with 30 people", many, "us", "");
@@ -188,7 +189,7 @@ fn from_three_to_thirty() -> Said<()> {
 }
 
 /// One camera of the office in full resolution, three people, one of them moved.
-fn beside_the_oracle() -> Said<()> {
+fn beside_the_oracle() -> StepResult<()> {
     let home = office().join("room");
     let room = Room::read(&home).map_err(told)?;
     let stage = PreparedRoom::prepare(&room, &home, &PreparationOptions::default()).map_err(told)?;

@@ -1,5 +1,6 @@
-//! The crossing experiment of the room tracker's paper (seed 001, section 4.2, figure 9): two people walk past each other
-//! so that in both images, at once, one is wholly behind the other. Rendered people, ten pairs; figures drawn.
+//! The crossing experiment of T. Osawa, X. Wu, K. Sudo, K. Wakabayashi, T. Yasuno, "MCMC based Multiple People Tracking
+//! using 3D Environmental Information" (in Japanese), paper LI-007, section 4.2, figure 9: two people walk past each
+//! other so that in both images, at once, one is wholly behind the other. Rendered people, ten pairs; figures drawn.
 //!
 //! `cargo run --release -p tests --example crossing -- FIGURES-DIR`
 
@@ -13,7 +14,7 @@ use scenes::room::{Room, RoomCamera};
 use scenes::view::look_at;
 use shell::canvas::Color;
 use synthetic::{RoomOptions, SequenceOptions, SyntheticRoom, Walker};
-use tests::chain::Said;
+use tests::chain::StepResult;
 use tests::data::folder_to_write;
 use tracker::likelihood::LikelihoodRule;
 use tracker::method::Method;
@@ -25,28 +26,28 @@ use tracker::{CameraFrame, Moment};
 const PAIRS: u64 = 10;
 const RATE_HZ: f64 = 12.0;
 const FRAMES: u32 = 72;
-/// Half of how far apart the two pass each other.
+/// Half the distance at which the two pass each other.
 const ASIDE_M: f64 = 0.35;
-/// An estimate farther away is not this person.
+/// Distance beyond which an estimate does not belong to a person.
 const GATE_M: f64 = 0.5;
 
-/// What came out of one pair.
+/// Result of one pair.
 #[derive(Debug, Default)]
-struct Outcome {
-    /// Of each person, the estimates under each name.
+struct PairOutcome {
+    /// Number of estimates of each person under each id.
     names: BTreeMap<u32, BTreeMap<u32, u32>>,
     errors_m: Vec<f64>,
-    /// While one is hidden in either image.
+    /// Errors while one is hidden in either image.
     hidden_errors_m: Vec<f64>,
     missed: usize,
-    /// How much of the one behind is in sight in both images at once, at the least.
+    /// Least share of the person behind that is visible in both images at once.
     least_visible: f64,
     ways: BTreeMap<u32, Vec<Point2<f64>>>,
     truth: BTreeMap<u32, Vec<Point2<f64>>>,
 }
 
-impl Outcome {
-    /// Whether everybody went by one name from the first to the last frame, and by another than the others.
+impl PairOutcome {
+    /// Tells whether each person kept one id from the first to the last frame, different from the others'.
     fn kept_names(&self) -> bool {
         let names: Vec<&u32> =
             self.names.values().filter(|n| n.len() == 1).flat_map(BTreeMap::keys).collect();
@@ -54,7 +55,7 @@ impl Outcome {
     }
 }
 
-fn main() -> Said<()> {
+fn main() -> StepResult<()> {
     let figures = folder_to_write(std::env::args().nth(1))?;
     std::fs::create_dir_all(&figures).map_err(|e| format!("{figures}: {e}"))?;
     let published =
@@ -64,8 +65,8 @@ fn main() -> Said<()> {
         "", "names", "mean cm", "max. cm", "hidden mean cm", "missed"
     );
     for (name, options) in [("default", McmcOptions::default()), ("published, power 100", published)] {
-        let outcomes: Vec<Outcome> =
-            (1..=PAIRS).map(|pair| cross(pair, &options)).collect::<Said<Vec<Outcome>>>()?;
+        let outcomes: Vec<PairOutcome> =
+            (1..=PAIRS).map(|pair| cross(pair, &options)).collect::<StepResult<Vec<PairOutcome>>>()?;
         let errors: Vec<f64> = outcomes.iter().flat_map(|o| &o.errors_m).copied().collect();
         let hidden: Vec<f64> = outcomes.iter().flat_map(|o| &o.hidden_errors_m).copied().collect();
         println!(
@@ -94,7 +95,7 @@ fn mean(values: &[f64]) -> f64 {
 }
 
 /// An empty room with two cameras that look at each other.
-fn room(seed: u64) -> Said<SyntheticRoom> {
+fn room(seed: u64) -> StepResult<SyntheticRoom> {
     let options = RoomOptions { seed, furniture: 0, ..RoomOptions::default() };
     let mut made = options.build().map_err(|e| e.to_string())?;
     let [width, depth, _] = made.size_m;
@@ -114,7 +115,7 @@ fn room(seed: u64) -> Said<SyntheticRoom> {
     Ok(made)
 }
 
-fn cross(pair: u64, options: &McmcOptions) -> Said<Outcome> {
+fn cross(pair: u64, options: &McmcOptions) -> StepResult<PairOutcome> {
     let made = room(pair)?;
     let [width, depth, _] = made.size_m;
     let (near, far) = (0.5, depth - 0.5);
@@ -124,7 +125,7 @@ fn cross(pair: u64, options: &McmcOptions) -> Said<Outcome> {
         Walker::along(1, 2 * pair, 0.0, speed, &way(0.5 * width - ASIDE_M, near, far)),
         Walker::along(2, 2 * pair + 1, 0.0, speed, &way(0.5 * width + ASIDE_M, far, near)),
     ];
-    // Of one height, the one in front hides the other wholly.
+    // With equal heights, the person in front hides the other wholly.
     walkers[1].body.height_m = walkers[0].body.height_m;
     let folder = tempfile::tempdir().map_err(|e| e.to_string())?;
     made.room.write(folder.path()).map_err(|e| e.to_string())?;
@@ -137,7 +138,7 @@ fn cross(pair: u64, options: &McmcOptions) -> Said<Outcome> {
         walkers,
         SequenceOptions { seed: pair, rate_hz: RATE_HZ, frames: FRAMES, ..SequenceOptions::default() },
     );
-    let mut outcome = Outcome { least_visible: 1.0, ..Outcome::default() };
+    let mut outcome = PairOutcome { least_visible: 1.0, ..PairOutcome::default() };
     for frame in sequence.frames() {
         let seen = |c: &synthetic::CameraFrame| {
             let mask = Mask::from(&c.mask);
@@ -147,7 +148,7 @@ fn cross(pair: u64, options: &McmcOptions) -> Said<Outcome> {
         let cameras: Vec<CameraFrame> = frame.cameras.iter().map(seen).collect();
         let moment = Moment { frame: frame.frame, time_s: frame.time_s, cameras: &cameras };
         let people = tracker.step(&moment).map_err(|e| e.to_string())?;
-        // Whoever was inside from the beginning is found once they have moved.
+        // People who were inside from the beginning are found once they have moved.
         if frame.time_s < 1.5 {
             continue;
         }
@@ -174,8 +175,8 @@ fn cross(pair: u64, options: &McmcOptions) -> Said<Outcome> {
     Ok(outcome)
 }
 
-/// The true ways (black) and the estimated ones.
-fn draw(outcome: &Outcome, figure: &Path) -> Said<()> {
+/// Draws the true ways (black) and the estimated ones.
+fn draw(outcome: &PairOutcome, figure: &Path) -> StepResult<()> {
     let made = room(1)?;
     let options = PlanOptions {
         title: Some("Two people pass each other: their ways (black) and the estimated ones".into()),

@@ -1,21 +1,22 @@
-//! Writes the hall of the head tracker's experiments (seed 002, section 5) as files: a room, a folder of pictures a camera, a
-//! picture of each camera without anybody, and the truth. For `tracker run`, its films, and `tracker weightmap`.
+//! Writes the hall of the head tracker's experiments (Y. Matsumoto, T. Kato, T. Wada, section 5; see the benchmark
+//! `condensation`) as files: a room, a folder of pictures a camera, a picture of each camera without people, and the
+//! truth. For `tracker run`, its films, and `tracker weightmap`.
 //!
-//! `cargo run --release -p tests --example hall -- DIR [round|through] [PEOPLE] [CAMERAS]`: people who go round, or who come and
-//! leave.
+//! `cargo run --release -p tests --example hall -- DIR [round|through] [PEOPLE] [CAMERAS]`: people who go round, or who
+//! enter and leave.
 #![forbid(unsafe_code)]
 
 use std::fmt::Write as _;
 use std::path::Path;
 
 use synthetic::{RenderOptions, SequenceOptions};
-use tests::chain::Said;
+use tests::chain::StepResult;
 use tests::data::folder_to_write;
 use tests::hall::{going_round, hall, passing_through, recording};
 
 const RATE_HZ: f64 = 12.0;
 
-fn main() -> Said<()> {
+fn main() -> StepResult<()> {
     let mut given = std::env::args().skip(1);
     let folder = folder_to_write(given.next())?;
     let way = given.next().unwrap_or_else(|| "round".into());

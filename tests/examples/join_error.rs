@@ -1,9 +1,9 @@
-//! Prints how well small rooms that nobody has seen are built, by each of several `recon` programs: whether a change costs
-//! accuracy is told by many rooms, not by one.
+//! Prints the accuracy of small unseen rooms built by each of several `recon` programs: the accuracy cost of a change
+//! shows over many rooms, not in one.
 //!
 //! `cargo run --release -p tests --example join_error -- PROGRAM… [--seeds COUNT] [--first SEED] [--width PX] [--draft]`
 //!
-//! A row a room and program; then medians, the worst, and how the rooms differ from the first program's.
+//! One row a room and program; then medians, the worst, and the differences from the first program's rooms.
 #![forbid(unsafe_code)]
 
 use std::path::Path;
@@ -15,21 +15,21 @@ use scenes::raycast::RayScene;
 use scenes::room::Room;
 use synthetic::RoomOptions;
 use tests::accuracy::{camera_against_floor, relative_pose};
-use tests::chain::{Said, run};
+use tests::chain::{StepResult, run};
 
-/// Of a capture.
+/// Number of frames of a capture.
 const FRAMES: usize = 24;
-/// Depths this near to the truth are right.
+/// Largest error of a depth that counts as right.
 const TOLERANCE_M: f32 = 0.05;
-/// What is printed, by name.
+/// Names of the printed figures.
 const FIGURES: [&str; 5] = ["joining cm", "turn deg", "tilt deg", "height cm", "depth %"];
 
-fn main() -> Said<()> {
+fn main() -> StepResult<()> {
     let mut programs = Vec::new();
     let (mut seeds, mut first, mut width, mut draft) = (8_u64, 1_u64, 256_u32, false);
     let mut given = std::env::args().skip(1);
     while let Some(argument) = given.next() {
-        let mut number = || -> Said<u64> {
+        let mut number = || -> StepResult<u64> {
             let value = given.next().ok_or_else(|| format!("{argument}: how many?"))?;
             value.parse().map_err(|e| format!("{argument} {value}: {e}"))
         };
@@ -98,13 +98,13 @@ fn row(figures: &[f64; 5]) -> String {
     figures.map(|value| format!("{value:10.2}")).join(" ")
 }
 
-fn compare(built: &Path, truth: &Room) -> Said<[f64; 5]> {
+fn compare(built: &Path, truth: &Room) -> StepResult<[f64; 5]> {
     let built = Room::read(built).map_err(|e| e.to_string())?;
     let cameras = |room: &Room| [0, 1].map(|i| room.cameras[i].camera.clone());
     let ([a, b], [true_a, true_b]) = (cameras(&built), cameras(truth));
     let relative = relative_pose([&a, &b], [&true_a, &true_b]);
     let floor = camera_against_floor(&b, &true_b);
-    let depths = |room: &Room, cameras: [&Camera; 2]| -> Said<Vec<f32>> {
+    let depths = |room: &Room, cameras: [&Camera; 2]| -> StepResult<Vec<f32>> {
         let scene = RayScene::new(room.geometry.as_ref().ok_or("no geometry")?).map_err(|e| e.to_string())?;
         Ok(cameras.into_iter().flat_map(|camera| depth::render(&scene, camera).z_m).collect())
     };

@@ -1,4 +1,4 @@
-//! Prints the error of `recon`'s camera motion against the true poses: office and, where at hand, hololens.
+//! Prints the error of `recon`'s camera motion against the true poses: office and, where available, hololens.
 //!
 //! `cargo run --release -p tests --example motion_error [SET/CAMERA…] [--seed N | --seeds COUNT] [--no-intrinsics | --refine]`
 //!

@@ -1,6 +1,6 @@
-//! The accuracy experiment of the room tracker's paper (seed 001, section 4.3, figure 10) on the office: somebody alone on
-//! a known route, past large occluders; distances from the true way, which the paper did not know by time, and its
-//! figure drawn.
+//! The accuracy experiment of T. Osawa et al., "MCMC based Multiple People Tracking using 3D Environmental Information"
+//! (paper LI-007), section 4.3, figure 10, on the office: a single person on a known route, past large occluders;
+//! distances from the true way, whose times the paper did not know, and its figure drawn.
 //!
 //! `cargo build --release --bins && cargo run --release -p tests --example paper_route -- FIGURES-DIR`
 
@@ -11,13 +11,13 @@ use scenes::plan::{FloorPlan, PlanOptions};
 use scenes::room::Room;
 use shell::canvas::Color;
 use tests::accuracy::{ALONE, ROUTE, office_route, places};
-use tests::chain::{Said, track};
+use tests::chain::{StepResult, track};
 use tests::data::{folder_to_write, office};
 
 /// Frames of the videos.
 const RECORDED: f64 = 300.0;
 
-fn main() -> Said<()> {
+fn main() -> StepResult<()> {
     let figures = folder_to_write(std::env::args().nth(1))?;
     let (office, figures) = (office(), Path::new(&figures));
     std::fs::create_dir_all(figures).map_err(|e| format!("{}: {e}", figures.display()))?;

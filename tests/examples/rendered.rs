@@ -1,6 +1,6 @@
-//! Writes a rendered office that nobody has seen as files: a room with its geometry and depths (what `room_error` compares
-//! with), a folder of pictures a camera, where everybody truly is, and a capture project of so many frames a camera.
-//! `recon build` and `tracker run` on several seeds tell how far figures of the rooms at hand carry.
+//! Writes a rendered, unseen office as files: a room with its geometry and depths (the reference of `room_error`), a
+//! folder of pictures a camera, the true positions of the people, and a capture project of `FRAMES` frames a camera.
+//! Runs of `recon build` and `tracker run` on several seeds show whether figures of the available rooms generalise.
 //!
 //! `cargo run --release -p tests --example rendered -- DIR [SEED] [PEOPLE] [CAMERAS] [FRAMES]`
 #![forbid(unsafe_code)]
@@ -10,13 +10,13 @@ use std::path::Path;
 
 use scenes::raycast::RayScene;
 use synthetic::{RoomOptions, SequenceOptions, WalkerOptions};
-use tests::chain::Said;
+use tests::chain::StepResult;
 use tests::data::folder_to_write;
 
 const RATE_HZ: f64 = 12.0;
 const SECONDS: f64 = 30.0;
 
-fn main() -> Said<()> {
+fn main() -> StepResult<()> {
     let mut given = std::env::args().skip(1);
     let folder = folder_to_write(given.next())?;
     let mut number = |what: &str, default: u64| match given.next() {

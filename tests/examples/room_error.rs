@@ -1,16 +1,15 @@
-//! Prints how far a built room is from the true one: relative camera poses, floor, depth, metres.
+//! Prints the errors of a built room: relative camera poses, floor, depth, metres.
 //!
 //! `cargo run --release -p tests --example room_error -- ROOM-DIR TRUTH-DIR`
 //!
 //! The truth is a room with `depth_NAME.png` beside its `scene.toml`, as in `tests/office/room`, or a folder with those
-//! and `truth.json`. A room's frame is its own business: relative poses, heights and depths are compared, never
-//! coordinates.
+//! and `truth.json`. A room's frame is arbitrary: relative poses, heights and depths are compared, never coordinates.
 
 use std::path::Path;
 
-use tests::chain::{Said, compare_rooms};
+use tests::chain::{StepResult, compare_rooms};
 
-fn main() -> Said<()> {
+fn main() -> StepResult<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [built, truth] = arguments.as_slice() else { return Err("ROOM-DIR TRUTH-DIR".into()) };
     let errors = compare_rooms(Path::new(built), Path::new(truth), 50)?;

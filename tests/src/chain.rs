@@ -1,4 +1,4 @@
-//! The chain as a person runs it, program by program, with what it measures.
+//! The chain of programs as a person runs it, with measurements.
 
 use std::path::Path;
 use std::process::Command;
@@ -13,11 +13,11 @@ use crate::accuracy::{
 };
 use crate::data::program;
 
-/// What a failed step said, with the step.
-pub type Said<T> = Result<T, String>;
+/// Result of a step; the error is the failed step with its message.
+pub type StepResult<T> = Result<T, String>;
 
 /// Runs a program and returns what it wrote to standard output.
-pub fn run(command: &mut Command) -> Said<String> {
+pub fn run(command: &mut Command) -> StepResult<String> {
     let output = command.output().map_err(|e| format!("{command:?}: {e}"))?;
     if output.status.success() {
         return Ok(String::from_utf8_lossy(&output.stdout).into_owned());
@@ -26,7 +26,7 @@ pub fn run(command: &mut Command) -> Said<String> {
 }
 
 /// `recon build` of a capture project with its zones.
-pub fn build_room(project: &Path, room: &Path) -> Said<String> {
+pub fn build_room(project: &Path, room: &Path) -> StepResult<String> {
     run(program("recon")
         .arg("build")
         .arg(project.join("room.toml"))
@@ -37,13 +37,18 @@ pub fn build_room(project: &Path, room: &Path) -> Said<String> {
 }
 
 /// `tracker run` of the office's two videos without film, with further options.
-pub fn track(office: &Path, room: &Path, out: &Path, options: &[&str]) -> Said<String> {
+pub fn track(office: &Path, room: &Path, out: &Path, options: &[&str]) -> StepResult<String> {
     let videos = ["cam0", "cam1"].map(|name| (name, office.join(format!("video/{name}.mp4"))));
     track_videos(room, &[(videos[0].0, &videos[0].1), (videos[1].0, &videos[1].1)], out, options)
 }
 
 /// `tracker run` of named videos without film, with further options.
-pub fn track_videos(room: &Path, videos: &[(&str, &Path)], out: &Path, options: &[&str]) -> Said<String> {
+pub fn track_videos(
+    room: &Path,
+    videos: &[(&str, &Path)],
+    out: &Path,
+    options: &[&str],
+) -> StepResult<String> {
     let videos =
         videos.iter().flat_map(|(name, path)| ["--video".to_owned(), format!("{name}={}", path.display())]);
     run(program("tracker")
@@ -55,7 +60,7 @@ pub fn track_videos(room: &Path, videos: &[(&str, &Path)], out: &Path, options: 
         .args(options))
 }
 
-/// What the evaluator says of one run.
+/// Figures of the evaluator for one run.
 #[derive(Debug, Clone, Copy)]
 pub struct Tracking {
     /// Tracking accuracy, percent.
@@ -66,19 +71,19 @@ pub struct Tracking {
     pub mean_m: f64,
     /// Maximum distance from the truth, metres.
     pub maximum_m: f64,
-    /// How far confidences are from the share of tracks that are somebody, percent.
+    /// Difference between confidences and the share of tracks that are people, percent.
     pub existence_error: f64,
-    /// Frames whose true number of people is likely by the confidences, percent.
+    /// Share of the frames whose true number of people is likely by the confidences, percent.
     pub count_coverage: f64,
 }
 
 /// `tracker eval` against the office's truth; the tracks' room is aligned with the true one by their cameras.
-pub fn evaluate(office: &Path, room: &Path, out: &Path) -> Said<Tracking> {
+pub fn evaluate(office: &Path, room: &Path, out: &Path) -> StepResult<Tracking> {
     evaluate_against(&office.join("truth.txt"), &office.join("room"), room, out)
 }
 
 /// [`evaluate`] against another file of true positions, in the frame of `truth_room`.
-pub fn evaluate_against(truth: &Path, truth_room: &Path, room: &Path, out: &Path) -> Said<Tracking> {
+pub fn evaluate_against(truth: &Path, truth_room: &Path, room: &Path, out: &Path) -> StepResult<Tracking> {
     let text = run(program("tracker")
         .args(["eval", "--json", "--truth"])
         .arg(truth)
@@ -101,22 +106,22 @@ pub fn evaluate_against(truth: &Path, truth_room: &Path, room: &Path, out: &Path
     })
 }
 
-/// What a built room is worth against the true one.
+/// Errors of a built room against the true one.
 #[derive(Debug, Clone)]
 pub struct RoomErrors {
-    /// The second camera's pose seen from the first.
+    /// Error of the second camera's pose relative to the first.
     pub relative: RelativePoseError,
     /// Each camera above the floor, with its name.
     pub cameras: Vec<(String, CameraError)>,
     /// Each camera's static depth, with its name.
     pub depth: Vec<(String, DepthAgreement)>,
-    /// Lengths between things that each camera sees, with its name.
+    /// Lengths between surface points seen by each camera, with its name.
     pub lengths: Vec<(String, LengthAgreement)>,
 }
 
 /// Measures a built room against the truth in a directory: `depth_NAME.png` for each camera, and the true cameras in
 /// `scene.toml` or, where the truth is no room, in `truth.json`.
-pub fn compare_rooms(built: &Path, truth: &Path, tolerance_mm: u16) -> Said<RoomErrors> {
+pub fn compare_rooms(built: &Path, truth: &Path, tolerance_mm: u16) -> StepResult<RoomErrors> {
     let built_room = Room::read(built).map_err(|e| e.to_string())?;
     let pairs: Vec<(String, Camera, Camera)> = built_room
         .cameras
@@ -126,7 +131,7 @@ pub fn compare_rooms(built: &Path, truth: &Path, tolerance_mm: u16) -> Said<Room
             let true_camera = Camera { camera_from_world: true_pose(truth, &name)?, ..camera.clone() };
             Ok((name, camera, true_camera))
         })
-        .collect::<Said<_>>()?;
+        .collect::<StepResult<_>>()?;
     let [(_, first, true_first), (_, second, true_second), ..] = &pairs[..] else {
         return Err("fewer than two cameras to compare".into());
     };
@@ -137,7 +142,7 @@ pub fn compare_rooms(built: &Path, truth: &Path, tolerance_mm: u16) -> Said<Room
     for (name, camera, _) in &pairs {
         let png = scratch.path().join("depth.png");
         run(program("scenes").arg("depth").arg(built).args(["--camera", name, "--out"]).arg(&png))?;
-        let pixels = |path: &Path| -> Said<Vec<u16>> {
+        let pixels = |path: &Path| -> StepResult<Vec<u16>> {
             let picture = image::open(path).map_err(|e| format!("{}: {e}", path.display()))?;
             Ok(picture.into_luma16().into_raw())
         };
@@ -151,7 +156,7 @@ pub fn compare_rooms(built: &Path, truth: &Path, tolerance_mm: u16) -> Said<Room
     Ok(RoomErrors { relative, cameras, depth: depths, lengths: metres })
 }
 
-fn true_pose(truth: &Path, camera: &str) -> Said<Isometry3<f64>> {
+fn true_pose(truth: &Path, camera: &str) -> StepResult<Isometry3<f64>> {
     let json = truth.join("truth.json");
     if json.is_file() {
         return installed_truth(&json, camera)

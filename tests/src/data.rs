@@ -1,4 +1,4 @@
-//! Where the data and the programs are.
+//! Paths of the data and the programs.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -8,7 +8,8 @@ pub fn office() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("office")
 }
 
-/// A data set that is too large or not ours to ship; `None`, with a line that says so, where it is not at hand.
+/// Path of a data set that is too large or not licensed to ship; `None`, with a visible line, where it is not
+/// available.
 pub fn shared(name: &str) -> Option<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data").join(name);
     if folder.is_dir() {
@@ -21,11 +22,11 @@ pub fn shared(name: &str) -> Option<PathBuf> {
 /// One of the project's programs, built with the same profile as the running test.
 ///
 /// # Panics
-/// When it has not been built: `make test` builds all programs first.
+/// Panics when the program has not been built: `make test` builds all programs first.
 #[allow(clippy::panic)] // A test cannot go on without the program; the message says what to do.
 pub fn program(name: &str) -> Command {
     let built = std::env::current_exe().ok().and_then(|exe| {
-        // target/PROFILE/deps/test-binary → target/PROFILE/program
+        // target/PROFILE/deps/test-binary → target/PROFILE/program.
         let program = exe.parent()?.parent()?.join(name);
         program.is_file().then_some(program)
     });
@@ -35,10 +36,10 @@ pub fn program(name: &str) -> Command {
     Command::new(program)
 }
 
-/// The folder that an example is to write, from its first argument.
+/// Folder that an example writes, from its first argument.
 ///
 /// # Errors
-/// When there is none, or an option in its place: `--help` would become a folder.
+/// A missing argument, or an option in its place: `--help` would become a folder.
 pub fn folder_to_write(given: Option<String>) -> Result<String, String> {
     match given {
         Some(folder) if !folder.starts_with('-') => Ok(folder),

@@ -11,16 +11,16 @@ use tracker::method::condensation::{Condensation, CondensationOptions};
 use tracker::prepared_room::{PreparationOptions, PreparedRoom};
 use tracker::{CameraFrame, Moment, PersonEstimate};
 
-use crate::chain::Said;
+use crate::chain::StepResult;
 
 /// The hall's width, depth and height, metres.
 const SIZE_M: [f64; 3] = [8.0, 6.0, 2.9];
 
-/// Along the hall's long axis.
+/// Screen along the hall's long axis.
 const SCREEN: Screen = Screen { middle: Point2::new(4.0, 2.55), yaw_deg: 0.0, width_m: 3.0, height_m: 2.1 };
 
-/// The hall with so many cameras. A screen hides from the cameras on one side who walks on the other.
-pub fn hall(seed: u64, cameras: usize, with_screen: bool) -> Said<SyntheticRoom> {
+/// The hall with `cameras` cameras. A screen hides people on one side from the cameras on the other.
+pub fn hall(seed: u64, cameras: usize, with_screen: bool) -> StepResult<SyntheticRoom> {
     let options = RoomOptions {
         seed,
         kind: RoomKind::Hall,
@@ -35,7 +35,7 @@ pub fn hall(seed: u64, cameras: usize, with_screen: bool) -> Said<SyntheticRoom>
     options.build().map_err(|e| e.to_string())
 }
 
-/// How many cameras the screen hides a head from: those whose rays to it meet the board.
+/// Number of cameras from which the screen hides a head: those whose rays to it hit the board.
 pub fn hidden_from(room: &SyntheticRoom, head: &Point3<f64>) -> usize {
     let hides = |camera: Point3<f64>| {
         let share = (SCREEN.middle.y - camera.y) / (head.y - camera.y);
@@ -47,13 +47,13 @@ pub fn hidden_from(room: &SyntheticRoom, head: &Point3<f64>) -> usize {
     room.room.cameras.iter().filter(|c| hides(c.camera.center())).count()
 }
 
-/// Somebody who walks behind the screen, turns around there, turns again, and walks on.
+/// A person who walks behind the screen, turns around there, turns again, and walks on.
 pub fn behind_the_screen(seed: u64) -> WalkerOptions {
     let way = [1.2, 4.6, 3.4, 6.8].map(|x| Point2::new(x, SCREEN.middle.y + 0.7)).to_vec();
     WalkerOptions { seed, people: 1, first_s: 0.5, ways: vec![way], ..WalkerOptions::default() }
 }
 
-/// A way twice around the hall's middle (figure 20: 1 → 2 → 3 → 4 → 1), beginning at one of its corners.
+/// A way twice around the hall's middle (figure 20 of the paper: 1 → 2 → 3 → 4 → 1), beginning at one of its corners.
 fn round_way(first: usize, wide_m: f64) -> Vec<Point2<f64>> {
     let corners = [(-1.0, -0.6), (1.0, -0.6), (1.0, 0.6), (-1.0, 0.6)];
     let middle = Point2::new(0.5 * SIZE_M[0], 0.5 * SIZE_M[1]);
@@ -61,13 +61,13 @@ fn round_way(first: usize, wide_m: f64) -> Vec<Point2<f64>> {
     (0..9).map(|i| corner(first + i)).collect()
 }
 
-/// People who come in one after the other and go around the hall.
+/// People who enter one after the other and go around the hall.
 pub fn going_round(people: usize, interval_s: f64) -> WalkerOptions {
     let ways = (0..people).map(|i| round_way(i, 1.0 + 0.3 * (i % 3) as f64)).collect();
     WalkerOptions { seed: 31, people, first_s: 0.5, interval_s, ways, ..WalkerOptions::default() }
 }
 
-/// People who come in one after the other, turn around somewhere, and leave.
+/// People who enter one after the other, turn around in the middle of their way, and leave.
 pub fn passing_through(people: usize) -> WalkerOptions {
     WalkerOptions {
         seed: 21,
@@ -97,13 +97,13 @@ pub fn recording<'a>(
     room.sequence(room.walkers(walkers), options)
 }
 
-/// The tracker in the hall; it is shown the empty hall.
-pub fn tracker(room: &SyntheticRoom, options: CondensationOptions) -> Said<Condensation> {
+/// Tracker in the hall, initialised with the empty hall.
+pub fn tracker(room: &SyntheticRoom, options: CondensationOptions) -> StepResult<Condensation> {
     let with_room = options.integration == tracker::method::condensation::integration::Integration::Room;
     let scratch = tempfile::tempdir().map_err(|e| e.to_string())?;
     let mut scene = room.room.clone();
     if !with_room {
-        // The paper's system knows cameras and gates alone.
+        // The paper's system knows only cameras and gates.
         scene.geometry = None;
     }
     scene.write(scratch.path()).map_err(|e| e.to_string())?;
@@ -124,14 +124,18 @@ pub fn tracker(room: &SyntheticRoom, options: CondensationOptions) -> Said<Conde
     Ok(tracker)
 }
 
-/// A moment's pictures as a tracker takes them.
+/// A moment's pictures as a tracker receives them.
 pub fn pictures(frame: &Frame) -> Vec<CameraFrame> {
     let seen = |image: &RgbImage| CameraFrame::of_image(image.clone());
     frame.cameras.iter().map(|c| c.image.as_ref().map(seen).unwrap_or_default()).collect()
 }
 
 /// One step of a tracker.
-pub fn step(tracker: &mut Condensation, frame: &Frame, cameras: &[CameraFrame]) -> Said<Vec<PersonEstimate>> {
+pub fn step(
+    tracker: &mut Condensation,
+    frame: &Frame,
+    cameras: &[CameraFrame],
+) -> StepResult<Vec<PersonEstimate>> {
     let moment = Moment { frame: frame.frame, time_s: frame.time_s, cameras };
     tracker.step(&moment).map_err(|e| e.to_string())
 }

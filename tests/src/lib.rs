@@ -1,11 +1,11 @@
-//! What the end-to-end tests and the benchmarks share: where the data is, and how far a result is from the truth.
+//! Shared parts of the end-to-end tests and the benchmarks: paths of the data, and errors of results against the truth.
 //!
-//! * [`data`] — the office shipped beside this crate, the larger data sets where they are at hand, the binaries.
-//! * [`chain`] — the programs, run as a person runs them, with what they measure.
+//! * [`data`] — the office shipped beside this crate, the larger data sets where available, the programs.
+//! * [`chain`] — the programs, run as a person runs them, with measurements.
 //! * [`hall`] — a synthetic hall with true heads, for the head tracker's experiments.
 //! * [`project`] — a synthetic room's captures, as `recon build` takes them.
 //! * [`network_camera`] — a fake network camera with a clock, losses and faults of its own.
-//! * [`live`] — scenarios of live input: what a run makes of such cameras, as figures.
+//! * [`live`] — scenarios of live input, with figures of a run on such cameras.
 //! * [`accuracy`] — errors of camera motion, of a finished room and of its depth, against ground truth.
 #![forbid(unsafe_code)]
 

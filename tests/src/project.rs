@@ -1,5 +1,5 @@
-//! A capture project of a synthetic room, as a person would make it: films of moved cameras, lenses, picks, the height of a
-//! camera.
+//! A capture project of a synthetic room, as a person would make it: films of moved cameras, lenses, picks, the height
+//! of a camera.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -12,11 +12,11 @@ use rand_pcg::Pcg64Mcg;
 use scenes::raycast::RayScene;
 use synthetic::{CaptureOptions, SyntheticRoom};
 
-use crate::chain::Said;
+use crate::chain::StepResult;
 
-/// Picks that a person clicks.
+/// Number of picks.
 const PICKS: usize = 14;
-/// Of an image's width: nearer to its border nobody picks.
+/// Least distance of picks from the image's border, as a share of its width.
 const MARGIN: f64 = 1.0 / 16.0;
 
 /// Films the room's first two cameras, moved by hand, and writes `room.toml` with picks as exact as their pixels, and
@@ -24,7 +24,7 @@ const MARGIN: f64 = 1.0 / 16.0;
 ///
 /// # Errors
 /// A room of fewer than two cameras or without geometry; a file that cannot be written.
-pub fn write(folder: &Path, room: &SyntheticRoom, frames: usize) -> Said<()> {
+pub fn write(folder: &Path, room: &SyntheticRoom, frames: usize) -> StepResult<()> {
     let [first, second, ..] = room.room.cameras.as_slice() else { return Err("one camera alone".into()) };
     let mut text = String::new();
     for (seed, entry) in (1..).zip([first, second]) {
@@ -52,8 +52,8 @@ pub fn write(folder: &Path, room: &SyntheticRoom, frames: usize) -> Said<()> {
     save("zones.toml", &zones(room, &first.camera))
 }
 
-/// Places that both cameras see, well inside both images.
-fn picks(room: &SyntheticRoom, [a, b]: [&Camera; 2]) -> Said<Vec<[Point2<f64>; 2]>> {
+/// Places visible to both cameras, well inside both images.
+fn picks(room: &SyntheticRoom, [a, b]: [&Camera; 2]) -> StepResult<Vec<[Point2<f64>; 2]>> {
     let geometry = room.room.geometry.as_ref().ok_or("the room has no geometry")?;
     let scene = RayScene::new(geometry).map_err(|e| e.to_string())?;
     let single = |p: Point3<f64>| Vec3::new(p.x as f32, p.y as f32, p.z as f32);

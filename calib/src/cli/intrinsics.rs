@@ -28,15 +28,15 @@ pub(crate) struct Intrinsics {
     /// Side of a square, metres
     #[arg(long, value_name = "METRES")]
     square: f64,
-    /// Where to write the intrinsics (TOML, as `room.toml` names it)
+    /// File to write the intrinsics to (TOML, as `room.toml` names it)
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Where to write the found corners, drawn on each picture: the second of a name gets a number
+    /// Folder to write the found corners to, drawn on each picture: the second of a name gets a number
     #[arg(long, value_name = "FOLDER")]
     pictures: Option<PathBuf>,
 }
 
-/// A view whose residual is this many times the median is worth a warning: a blurred or mistaken board.
+/// Factor over the median residual from which on a view is warned of: a blurred or mistaken board.
 const OUTLIER_FACTOR: f64 = 3.0;
 
 impl Intrinsics {
@@ -102,7 +102,8 @@ impl Intrinsics {
         Ok(())
     }
 
-    /// Where the drawing of each picture goes, if anywhere: named after it, with a number where several have one name.
+    /// Path of each picture's drawing, named after it, with a number where several have one name; empty without
+    /// `--pictures`.
     fn drawings(&self) -> Vec<PathBuf> {
         let Some(folder) = &self.pictures else { return Vec::new() };
         let mut taken = HashSet::new();

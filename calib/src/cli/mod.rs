@@ -7,7 +7,7 @@ use std::io::Write;
 
 use clap::{Parser, Subcommand};
 
-/// Camera calibration: what a camera is, and where it stands.
+/// Camera calibration: intrinsics and pose of a camera.
 #[derive(Parser)]
 #[command(name = "calib", version, about)]
 pub(crate) struct Arguments {

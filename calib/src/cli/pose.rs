@@ -1,4 +1,4 @@
-//! `calib pose`: where a camera stands, from known points and their pixels.
+//! `calib pose`: a camera's pose from known points and their pixels.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -29,13 +29,13 @@ Examples:
   calib pose --intrinsics cam1.toml --picks picks.csv --out pose.toml --image reference.jpg --picture check.png
   calib pose --size 640x480 --picks picks.csv --out camera.toml")]
 pub(crate) struct Pose {
-    /// The camera, as `calib intrinsics` writes it; without it the picks tell the lens, too
+    /// The camera, as `calib intrinsics` writes it; without it the lens is estimated from the picks, too
     #[arg(long, value_name = "FILE")]
     intrinsics: Option<PathBuf>,
     /// Known points and their pixels
     #[arg(long, value_name = "FILE")]
     picks: PathBuf,
-    /// Where to write the pose: `rotation` and `translation` (world to camera) as `scene.toml` has them
+    /// File to write the pose to: `rotation` and `translation` (world to camera) as `scene.toml` has them
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
     /// The image that the pixels were picked in: its size is checked, or taken, and --picture draws on it
@@ -44,7 +44,7 @@ pub(crate) struct Pose {
     /// The size of the image that the pixels were picked in, without --intrinsics and --image
     #[arg(long, value_name = "WxH", value_parser = size, conflicts_with_all = ["intrinsics", "image"])]
     size: Option<(u32, u32)>,
-    /// Where to draw the picks (green) and the projections of their points (red)
+    /// File to draw the picks (green) and the projections of their points (red) to
     #[arg(long, value_name = "FILE", requires = "image")]
     picture: Option<PathBuf>,
 }
@@ -55,7 +55,7 @@ fn size(text: &str) -> Result<(u32, u32), &'static str> {
 }
 
 #[derive(Deserialize)]
-struct Row {
+struct PickRow {
     x: f64,
     y: f64,
     z: f64,
@@ -63,8 +63,8 @@ struct Row {
     v: f64,
 }
 
-/// What is found: the camera, and how well its lens is known where the picks had to tell it, too.
-struct Found {
+/// The estimated camera, and the uncertainty of its lens where the lens was estimated from the picks, too.
+struct PoseEstimate {
     resection: Resection,
     lens_sigma_px: Option<[f64; 4]>,
 }
@@ -95,8 +95,8 @@ impl Pose {
         let c = camera.center();
         writeln!(out, "camera   at {:.3} {:.3} {:.3} m; residual {rms_px:.2} px rms", c.x, c.y, c.z)?;
         writeln!(out, "written  {}", self.out.display())?;
-        if let Some(rival) = &found.resection.rival {
-            let c = rival.camera.center();
+        if let Some(alternative) = &found.resection.alternative {
+            let c = alternative.camera.center();
             tracing::warn!(
                 "{}: a camera at {:.3} {:.3} {:.3} m explains the picks almost as well ({:.2} px rms): pick more points, \
                  off the others' plane and nearer to the camera",
@@ -104,7 +104,7 @@ impl Pose {
                 c.x,
                 c.y,
                 c.z,
-                rival.rms_px
+                alternative.rms_px
             );
         }
         Ok(())
@@ -122,7 +122,7 @@ impl Pose {
         Ok(())
     }
 
-    fn resect(&self, picks: &[Pick]) -> anyhow::Result<Found> {
+    fn resect(&self, picks: &[Pick]) -> anyhow::Result<PoseEstimate> {
         let shown = match &self.image {
             Some(image) => Some((image, picture::size(image)?)),
             None => None,
@@ -134,7 +134,7 @@ impl Pose {
                 "without --intrinsics the image's size is needed: give --size, as in --size 640x480, or the --image itself",
             )?;
             let found = resect_with_lens(size, picks).with_context(of_picks)?;
-            return Ok(Found { resection: found.resection, lens_sigma_px: Some(found.sigma_px) });
+            return Ok(PoseEstimate { resection: found.resection, lens_sigma_px: Some(found.sigma_px) });
         };
         let intrinsics = read_intrinsics(lens)?;
         let (width, height) = (intrinsics.width, intrinsics.height);
@@ -146,7 +146,7 @@ impl Pose {
             );
         }
         let resection = resect(&intrinsics, picks).with_context(of_picks)?;
-        Ok(Found { resection, lens_sigma_px: None })
+        Ok(PoseEstimate { resection, lens_sigma_px: None })
     }
 }
 
@@ -156,7 +156,7 @@ fn read_picks(path: &Path) -> anyhow::Result<Vec<Pick>> {
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(file);
     let mut picks = Vec::new();
     for (index, row) in reader.deserialize().enumerate() {
-        let row: Row = row.with_context(|| format!("{name}: point {}: expected x,y,z,u,v", index + 1))?;
+        let row: PickRow = row.with_context(|| format!("{name}: point {}: expected x,y,z,u,v", index + 1))?;
         picks.push(Pick { world: [row.x, row.y, row.z].into(), pixel: Point2::new(row.u, row.v) });
     }
     if picks.is_empty() {

@@ -1,5 +1,5 @@
-//! Resection of a camera of which nothing is known: the direct linear transform's 3 × 4 matrix holds the lens as well as
-//! the pose. They are parted by the dual image of the absolute conic, ω* = K Kᵀ (R. Hartley & A. Zisserman, *Multiple
+//! Resection of a camera with unknown lens: the direct linear transform's 3 × 4 matrix holds the lens as well as the
+//! pose. They are separated by the dual image of the absolute conic, ω* = K Kᵀ (R. Hartley & A. Zisserman, *Multiple
 //! View Geometry*, 2nd ed., sections 6.2.4 and 8.5), then refined together. The lens has no distortion.
 
 use nalgebra::{Cholesky, Matrix3, SMatrix, Vector2};
@@ -8,17 +8,17 @@ use super::linear::{PrincipalFrame, projection};
 use super::{LEAST_FOR_SPACE, PICK_SIGMA_PX, Pick, Resection, refine, refuse_not_finite, residuals_px};
 use crate::{Camera, Distortion, Error, Intrinsics, Result};
 
-/// A focal length that is not known to this share of it makes no lens: the camera could stand nearer or farther by as
-/// much.
+/// Largest relative standard deviation of a focal length that is accepted: the camera's distance is uncertain by the
+/// same share.
 const LARGEST_FOCAL_SIGMA: f64 = 0.2;
 
-/// A camera's pose and lens, and how well its lens is known.
+/// A camera's pose and lens, and the uncertainty of the lens.
 #[derive(Debug, Clone)]
 pub struct LensResection {
     /// The camera, its pose, and how well they explain the picks.
     pub resection: Resection,
-    /// One standard deviation of fx, fy, cx, cy, pixels, for picks that are good to half a pixel or to their residuals,
-    /// whichever is more.
+    /// Standard deviations of fx, fy, cx, cy, pixels, for picks with errors of half a pixel or of their residuals,
+    /// whichever is larger.
     pub sigma_px: [f64; 4],
 }
 
@@ -27,8 +27,9 @@ pub struct LensResection {
 /// `size` is the image's width and height, pixels.
 ///
 /// # Errors
-/// [`Error::Degenerate`] for fewer points, points on a line, on a plane or so near one that they do not tell the focal
-/// length, a number that is not finite, or points that come out behind the camera; [`Error::Invalid`] for an empty image.
+/// [`Error::Degenerate`] for fewer points, points on a line, on a plane or so near one that they do not determine the
+/// focal length, a number that is not finite, or points that come out behind the camera; [`Error::Invalid`] for an
+/// empty image.
 pub fn resect_with_lens((width, height): (u32, u32), picks: &[Pick]) -> Result<LensResection> {
     refuse_not_finite(picks)?;
     if picks.len() < LEAST_FOR_SPACE {
@@ -50,7 +51,7 @@ pub fn resect_with_lens((width, height): (u32, u32), picks: &[Pick]) -> Result<L
     if sigma_px[0] > LARGEST_FOCAL_SIGMA * k.fx || sigma_px[1] > LARGEST_FOCAL_SIGMA * k.fy {
         return Err(untold());
     }
-    Ok(LensResection { resection: Resection { camera, residuals_px, rival: None }, sigma_px })
+    Ok(LensResection { resection: Resection { camera, residuals_px, alternative: None }, sigma_px })
 }
 
 fn untold() -> Error {
@@ -62,7 +63,7 @@ fn untold() -> Error {
 }
 
 fn linear_camera((width, height): (u32, u32), frame: &PrincipalFrame, picks: &[Pick]) -> Option<Camera> {
-    // Pixels around zero and of size one, as algorithm 7.1 has them.
+    // Pixels centred and scaled to unit size, as in algorithm 7.1.
     let middle = picks.iter().map(|p| p.pixel.coords).sum::<Vector2<f64>>() / picks.len() as f64;
     let squares: f64 = picks.iter().map(|p| (p.pixel.coords - middle).norm_squared()).sum();
     let unit = (squares / picks.len() as f64).sqrt();

@@ -9,10 +9,10 @@ use nalgebra::{
 use super::Pick;
 use crate::{Error, Result};
 
-/// Points count as collinear when their middle principal spread is below this fraction of the largest.
+/// Ratio of the middle to the largest principal spread below which points count as collinear.
 const COLLINEARITY_RATIO: f64 = 1e-3;
 
-/// The picks' points seen from their centroid along their principal axes, the flattest last, with unit mean spread.
+/// Frame at the picks' centroid along their principal axes, the flattest last, with unit mean spread.
 pub(super) struct PrincipalFrame {
     pub(super) principal_from_world: Isometry3<f64>,
     pub(super) spread: f64,
@@ -96,7 +96,7 @@ pub(super) fn from_space(
     (scale > f64::EPSILON).then(|| frame.pose(&(left / scale), p.column(3) / scale))
 }
 
-/// `camera_from_world` of points on a plane; those near one are taken for their feet on it.
+/// `camera_from_world` of points on a plane; points near the plane are replaced by their projections onto it.
 pub(super) fn from_plane(
     frame: &PrincipalFrame,
     picks: &[Pick],

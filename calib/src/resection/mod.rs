@@ -1,8 +1,8 @@
-//! Resection: the pose of a camera from known points and their pixels; its lens, too, where that is not known.
+//! Resection: the pose of a camera from known points and their pixels; its lens, too, where that is unknown.
 //!
-//! Closed forms give starts, Levenberg–Marquardt on the reprojection error finishes each, and the least error decides.
-//! Which closed form fits is not asked of the points beforehand: four corners of a table measured by hand lie neither on
-//! one plane nor well in space, and a plane seen from afar has two poses that look alike.
+//! Closed forms give starting poses, Levenberg–Marquardt on the reprojection error refines each, and the least error
+//! decides. The closed form is not chosen from the points beforehand: four corners of a table measured by hand lie
+//! neither on one plane nor well in space, and a plane seen from afar has two poses with nearly the same image.
 //!
 //! | start | points | source |
 //! |---|---|---|
@@ -25,16 +25,16 @@ use linear::PrincipalFrame;
 
 pub use lens::{LensResection, resect_with_lens};
 
-/// Picks by hand are good to about this.
+/// Standard deviation of picks by hand.
 const PICK_SIGMA_PX: f64 = 0.5;
-/// Two poses whose residuals differ by less than this factor cannot be told apart.
-const RIVAL_FACTOR: f64 = 2.0;
-/// Refined poses that differ by less are one and the same.
+/// Ratio of two residuals below which the two poses cannot be told apart.
+const ALTERNATIVE_FACTOR: f64 = 2.0;
+/// Angle below which two refined poses count as the same.
 const SAME_POSE_DEG: f64 = 1.0;
-/// Points from which on a direct linear transform finds the pose in space.
+/// Least number of points for which a direct linear transform gives the pose in space.
 const LEAST_FOR_SPACE: usize = 6;
 
-/// A point whose place in the world is known, and where the camera sees it.
+/// A point with known world coordinates, and its pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pick {
     /// World coordinates, metres.
@@ -43,20 +43,20 @@ pub struct Pick {
     pub pixel: Point2<f64>,
 }
 
-/// A camera's pose and how well it explains the picks.
+/// A camera's pose and its residuals on the picks.
 #[derive(Debug, Clone)]
 pub struct Resection {
     /// The camera at its pose.
     pub camera: Camera,
     /// Distance between each pick and its point's projection, pixels.
     pub residuals_px: Vec<f64>,
-    /// Another pose that explains the picks almost as well, if there is one: more picks are needed to tell.
-    pub rival: Option<Rival>,
+    /// Another pose that explains the picks almost as well, if there is one: more picks are needed to decide.
+    pub alternative: Option<AlternativePose>,
 }
 
-/// A pose that the picks speak for almost as much as for the one that was taken.
+/// A pose whose residual is almost as small as that of the chosen one.
 #[derive(Debug, Clone)]
-pub struct Rival {
+pub struct AlternativePose {
     /// The camera at that pose.
     pub camera: Camera,
     /// Root mean square residual, pixels.
@@ -70,7 +70,7 @@ impl Resection {
     }
 }
 
-/// Estimates the pose of a camera whose lens is known, from 4 or more points.
+/// Estimates the pose of a camera with known lens, from 4 or more points.
 ///
 /// # Errors
 /// [`Error::Degenerate`] for too few points, points on a line, a number that is not finite, a pixel that the lens
@@ -107,18 +107,18 @@ pub fn resect(intrinsics: &Intrinsics, picks: &[Pick]) -> Result<Resection> {
             "no pose puts all points in front of the camera; check the picks' coordinates".into(),
         ));
     };
-    let indistinct = RIVAL_FACTOR * rms(&residuals_px).max(PICK_SIGMA_PX);
-    let rival = fits
-        .map(|(camera, residuals)| Rival { camera, rms_px: rms(&residuals) })
+    let indistinct = ALTERNATIVE_FACTOR * rms(&residuals_px).max(PICK_SIGMA_PX);
+    let alternative = fits
+        .map(|(camera, residuals)| AlternativePose { camera, rms_px: rms(&residuals) })
         .take_while(|other| other.rms_px <= indistinct)
         .find(|other| {
             let [a, b] = [&camera, &other.camera].map(|c| c.camera_from_world.rotation);
             crate::rotation::angle_between_deg(&a, &b) > SAME_POSE_DEG
         });
-    Ok(Resection { camera, residuals_px, rival })
+    Ok(Resection { camera, residuals_px, alternative })
 }
 
-/// Every pose that a closed form proposes.
+/// Poses proposed by all closed forms.
 fn starts(frame: &PrincipalFrame, picks: &[Pick], rays: &[Vector2<f64>]) -> Vec<Isometry3<f64>> {
     let mut starts = Vec::new();
     if picks.len() >= LEAST_FOR_SPACE {
@@ -133,8 +133,8 @@ fn starts(frame: &PrincipalFrame, picks: &[Pick], rays: &[Vector2<f64>]) -> Vec<
     starts
 }
 
-/// The pose in which the picks' plane leans the other way: seen from afar it looks the same, since depths are mirrored
-/// about the plane through the centroid that faces the camera.
+/// Mirror image of a pose, in which the picks' plane leans the other way: seen from afar it looks the same, since
+/// depths are mirrored about the plane through the centroid that faces the camera.
 fn mirrored(frame: &PrincipalFrame, pose: &Isometry3<f64>) -> Isometry3<f64> {
     let camera_from_principal = pose * frame.principal_from_world.inverse();
     let centroid = camera_from_principal.translation.vector;
@@ -154,7 +154,7 @@ fn refuse_not_finite(picks: &[Pick]) -> Result<()> {
     }
 }
 
-/// `None` when a point comes out behind the camera.
+/// Distance of each pick to its point's projection, pixels; `None` when a point comes out behind the camera.
 fn residuals_px(camera: &Camera, picks: &[Pick]) -> Option<Vec<f64>> {
     picks.iter().map(|pick| Some((camera.project(&pick.world)? - pick.pixel).norm())).collect()
 }

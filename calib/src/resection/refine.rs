@@ -6,11 +6,11 @@ use nalgebra::{Cholesky, Isometry3, Point2, SMatrix, SVector, Translation3, Unit
 use super::Pick;
 use crate::{Camera, Intrinsics};
 
-/// A dozen suffice from a linear start.
+/// Limit of the steps; a dozen suffice from a linear start.
 const MAX_STEPS: usize = 100;
 
 /// `JᵀJ` and `Jᵀr`, r the residuals.
-type NormalEquations<const N: usize> = (SMatrix<f64, N, N>, SVector<f64, N>);
+type PoseEquations<const N: usize> = (SMatrix<f64, N, N>, SVector<f64, N>);
 
 /// The pose of least reprojection error near `start`.
 pub(super) fn pose(intrinsics: &Intrinsics, picks: &[Pick], start: Isometry3<f64>) -> Isometry3<f64> {
@@ -63,7 +63,7 @@ fn moved(pose: &Isometry3<f64>, step: &SVector<f64, 6>) -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::from(shift), UnitQuaternion::from_scaled_axis(turn)) * pose
 }
 
-/// Infinite where a point is behind the camera, or the camera is none.
+/// Sum of squared residuals, pixels²; infinite where a point is behind the camera, or the camera is invalid.
 fn squared_error(camera: &Camera, picks: &[Pick]) -> f64 {
     if camera.intrinsics.validate().is_err() {
         return f64::INFINITY;
@@ -73,12 +73,12 @@ fn squared_error(camera: &Camera, picks: &[Pick]) -> f64 {
     picks.iter().map(error).sum()
 }
 
-/// `extended` makes the whole Jacobian of a pick from its pixel and the part that belongs to the pose.
+/// Normal equations of the picks; `extended` makes a pick's whole Jacobian from its pixel and the part of the pose.
 fn normal_equations<const N: usize>(
     camera: &Camera,
     picks: &[Pick],
     extended: impl Fn(&Point2<f64>, SMatrix<f64, 2, 6>) -> SMatrix<f64, 2, N>,
-) -> NormalEquations<N> {
+) -> PoseEquations<N> {
     let (mut hessian, mut gradient) = (SMatrix::zeros(), SVector::zeros());
     for pick in picks {
         let x = camera.camera_from_world * pick.world;
@@ -97,7 +97,7 @@ fn normal_equations<const N: usize>(
 fn descend<S, const N: usize>(
     start: S,
     cost: impl Fn(&S) -> f64,
-    equations: impl Fn(&S) -> NormalEquations<N>,
+    equations: impl Fn(&S) -> PoseEquations<N>,
     moved: impl Fn(&S, &SVector<f64, N>) -> S,
 ) -> S {
     let (mut state, mut damping) = (start, 1e-3);

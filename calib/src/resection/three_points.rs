@@ -2,23 +2,23 @@
 //! K. Ottenberg & M. Nölle, "Review and analysis of solutions of the three point perspective pose estimation problem",
 //! IJCV 13 (1994), write it (section 2.1): a quartic in the ratio of two distances from the camera.
 //!
-//! Written here, where OpenCV has several: the estimators build without it, and the refinement on all points takes away
-//! what a more careful solution of the quartic would gain.
+//! Own code, though OpenCV has several: the estimators build without OpenCV, and the refinement on all points removes
+//! the advantage of a more careful solution of the quartic.
 
 use nalgebra::{Isometry3, Matrix4, Point3, Schur, Vector2, Vector3};
 
 use super::Pick;
 use crate::absolute_orientation::rigid;
 
-/// A root of the quartic counts as real when its imaginary part is below this: where two meet, rounding and noise part
-/// them into a conjugate pair.
+/// Imaginary part below which a root of the quartic counts as real: where two real roots meet, rounding and noise
+/// split them into a conjugate pair.
 const IMAGINARY_TOLERANCE: f64 = 0.05;
-/// A dozen or two suffice.
+/// Limit of the QR iteration; a dozen or two steps suffice.
 const MAX_QR_STEPS: usize = 200;
-/// Solutions whose third side is off by more than this share of it belong to the other root of their second distance.
+/// Relative error of the third side beyond which a solution belongs to the other root of its second distance.
 const SIDE_TOLERANCE: f64 = 0.1;
 
-/// The poses from every three of the picks.
+/// Poses from every three of the picks.
 pub(super) fn from_triples(picks: &[Pick], rays: &[Vector2<f64>]) -> Vec<Isometry3<f64>> {
     let mut poses = Vec::new();
     for i in 0..picks.len() {
@@ -33,7 +33,7 @@ pub(super) fn from_triples(picks: &[Pick], rays: &[Vector2<f64>]) -> Vec<Isometr
     poses
 }
 
-/// Every `camera_from_world` that sees three points of the world in three unit directions.
+/// Every `camera_from_world` that maps three world points into three unit directions.
 fn solve(world: [Point3<f64>; 3], directions: [Vector3<f64>; 3]) -> Vec<Isometry3<f64>> {
     let squared = |i: usize, j: usize| (world[i] - world[j]).norm_squared();
     let (a2, b2, c2) = (squared(1, 2), squared(0, 2), squared(0, 1));
@@ -54,8 +54,8 @@ fn solve(world: [Point3<f64>; 3], directions: [Vector3<f64>; 3]) -> Vec<Isometry
     for ratio in real_roots(quartic).into_iter().filter(|v| *v > 0.0) {
         let first = (b2 / (1.0 + ratio * ratio - 2.0 * ratio * cos_b)).sqrt();
         let third = ratio * first;
-        // The second distance from its side to the first point, not from Haralick's equation 8, which divides by zero
-        // where the triangle is seen symmetrically.
+        // The second distance comes from its side to the first point, not from Haralick's equation 8, which divides by
+        // zero where the triangle is seen symmetrically.
         let discriminant = c2 - first * first * (1.0 - cos_c * cos_c);
         let half = discriminant.max(0.0).sqrt();
         for second in [first * cos_c + half, first * cos_c - half] {
@@ -72,7 +72,7 @@ fn solve(world: [Point3<f64>; 3], directions: [Vector3<f64>; 3]) -> Vec<Isometry
     poses
 }
 
-/// The real roots of Σ `coefficients[k]` xᵏ, as eigenvalues of its companion matrix.
+/// Real roots of Σ `coefficients[k]` xᵏ, as eigenvalues of its companion matrix.
 fn real_roots(coefficients: [f64; 5]) -> Vec<f64> {
     let monic = [0, 1, 2, 3].map(|k| -coefficients[k] / coefficients[4]);
     if !monic.iter().all(|c| c.is_finite()) {
@@ -85,7 +85,7 @@ fn real_roots(coefficients: [f64; 5]) -> Vec<f64> {
         0.0, 1.0, 0.0, monic[2],
         0.0, 0.0, 1.0, monic[3],
     );
-    // The QR iteration goes round in circles for some matrices.
+    // The QR iteration does not converge for some matrices.
     let Some(schur) = Schur::try_new(companion, f64::EPSILON, MAX_QR_STEPS) else { return Vec::new() };
     let roots = schur.complex_eigenvalues();
     roots.iter().filter(|r| r.im.abs() <= IMAGINARY_TOLERANCE).map(|r| r.re).collect()

@@ -37,7 +37,7 @@ fn start_s(input: &Input) -> Option<f64> {
     starts.map(|stream| seconds(stream.start_time(), stream.time_base())).min_by(f64::total_cmp)
 }
 
-/// Frames a second, where the container says so.
+/// Frames per second, where the container states it.
 pub(super) fn rate_hz(stream: &Stream) -> Option<f64> {
     // The rate whose grid fits all time stamps, unless it is the tick rate of the clock; then the mean rate.
     [stream.rate(), stream.avg_frame_rate()].into_iter().find_map(plausible_hz)
@@ -73,7 +73,7 @@ fn lasts_s(stream: &Stream, input: &Input) -> Option<f64> {
     (lasts_s > before_s).then_some(lasts_s - before_s)
 }
 
-/// Number of clockwise quarter turns to show a picture upright; telephones store it lying and say so.
+/// Number of clockwise quarter turns to show a picture upright; telephones store it lying and state the turn.
 pub(super) fn quarter_turns(stream: &Stream) -> u8 {
     let matrix = stream.side_data().find(|data| data.kind() == side_data::Type::DisplayMatrix);
     let Some(matrix) = matrix else { return 0 };

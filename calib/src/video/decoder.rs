@@ -14,11 +14,11 @@ use super::container;
 use super::pixels::{self, RgbBuffers};
 use super::stamp::{FrameStamp, PacketTimes, PresentationClock};
 
-/// How long a stream may take to open, and between two of its frames.
+/// Longest time that a stream may take to open, and between two of its frames.
 const OPENS_WITHIN: Duration = Duration::from_secs(10);
 const READS_WITHIN: Duration = Duration::from_secs(5);
 
-/// So many torn packets in a row end a video: noise, not a film.
+/// Number of torn packets in a row that end a video: it is noise, not a film.
 const TORN_IN_A_ROW: usize = 500;
 
 /// A video, and the picture of it that was decoded last.
@@ -31,10 +31,10 @@ pub(super) struct Decoder {
     quarter_turns: u8,
     /// Packets that the decoder has refused since the last picture.
     torn: usize,
-    /// With the network.
+    /// Timeouts of the network; `None` for files.
     patience: Option<Patience>,
-    end: Option<End>,
-    /// Whether the packet that was read last is shorter than the container says.
+    end: Option<PacketEnd>,
+    /// Whether the packet read last is shorter than the container states.
     is_short: bool,
     /// Clock of the time stamps; `None` for sources without one.
     clock: Option<PresentationClock>,
@@ -50,7 +50,7 @@ pub(super) struct Decoder {
 
 /// Ways in which a video's packets can end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum End {
+pub(super) enum PacketEnd {
     /// Regular end of a file or stream.
     Regular,
     /// End in the middle of a packet; in MPEG-TS, after a packet that was damaged in transmission.
@@ -114,12 +114,12 @@ impl Decoder {
         })
     }
 
-    /// From now on passes over pictures that no other picture refers to.
+    /// Skips, from now on, pictures that no other picture refers to.
     pub(super) fn only_references(&mut self) {
         self.codec.skip_frame(Discard::NonReference);
     }
 
-    /// Frames a second, where the container says so.
+    /// Frames per second, where the container states it.
     pub(super) fn rate_hz(&self) -> Option<f64> {
         self.rate_hz
     }
@@ -129,12 +129,12 @@ impl Decoder {
         self.frames
     }
 
-    /// Width and height of the picture that was decoded last, as it is to be seen.
+    /// Width and height of the picture decoded last, upright.
     pub(super) fn size(&self) -> (u32, u32) {
         pixels::turned((self.picture.width(), self.picture.height()), self.quarter_turns)
     }
 
-    /// Times of the picture that was decoded last.
+    /// Times of the picture decoded last.
     pub(super) fn stamp(&self) -> FrameStamp {
         self.stamp
     }
@@ -145,7 +145,7 @@ impl Decoder {
     }
 
     /// End of the packets; `None` while there are more.
-    pub(super) fn end(&self) -> Option<End> {
+    pub(super) fn end(&self) -> Option<PacketEnd> {
         self.end
     }
 
@@ -179,7 +179,7 @@ impl Decoder {
         false
     }
 
-    /// Hands the decoder the next packet, or tells it that there are no more.
+    /// Hands the decoder the next packet, or signals the end of the packets.
     fn feed(&mut self) {
         // A new packet for each read: FFmpeg overwrites a reused packet without freeing its contents; dropping it
         // frees them.
@@ -197,9 +197,9 @@ impl Decoder {
             Err(Error::InvalidData) => Err(Error::InvalidData),
             Err(error) => {
                 self.end = Some(match error {
-                    Error::Eof if self.is_short => End::InPacket,
-                    Error::Eof => End::Regular,
-                    _ => End::Broken(error),
+                    Error::Eof if self.is_short => PacketEnd::InPacket,
+                    Error::Eof => PacketEnd::Regular,
+                    _ => PacketEnd::Broken(error),
                 });
                 self.codec.send_eof()
             }
@@ -207,7 +207,7 @@ impl Decoder {
         self.torn += usize::from(sent.is_err());
     }
 
-    /// Converts the picture that was decoded last into an image of any size.
+    /// Converts the picture decoded last into an image of any size.
     pub(super) fn picture(&mut self, into: &mut RgbImage) -> Result<(), Error> {
         self.rgb.picture(&self.picture, self.quarter_turns, into)
     }
@@ -222,7 +222,7 @@ impl std::fmt::Debug for Decoder {
     }
 }
 
-/// Until when FFmpeg may wait for the network; it asks between its own waits.
+/// Deadline until which FFmpeg may wait for the network; FFmpeg asks between its own waits.
 #[derive(Clone)]
 struct Patience(Arc<Mutex<Instant>>);
 

@@ -14,19 +14,19 @@ use v4l::{FourCC, Fraction};
 use super::pixels::RgbBuffers;
 use super::stamp::FrameStamp;
 
-/// The formats that are understood: motion JPEG, and two bytes a pixel as nearly all of them can.
+/// Supported formats: motion JPEG, and YUYV with two bytes a pixel, which nearly all devices offer.
 const MOTION_JPEG: [u8; 4] = *b"MJPG";
 const YUYV: [u8; 4] = *b"YUYV";
 
-/// How long to wait for a picture.
+/// Longest wait for a picture.
 const READS_WITHIN: Duration = Duration::from_secs(5);
-/// Pictures that the driver may fill while one is looked at.
+/// Pictures that the driver may fill while one is in use.
 const BUFFERS: u32 = 4;
 
 /// A device, and the picture of it that came last.
 pub(super) struct Device {
     stream: MmapStream<'static>,
-    /// Of motion JPEG; the other format needs none.
+    /// Decoder of motion JPEG; the other format needs none.
     decoder: Option<decoder::Video>,
     picture: frame::Video,
     rgb: RgbBuffers,
@@ -35,7 +35,7 @@ pub(super) struct Device {
 }
 
 impl Device {
-    /// Opens a camera at the size and rate that it is set to (`v4l2-ctl` sets them).
+    /// Opens a camera at its present size and rate (`v4l2-ctl` sets them).
     pub(super) fn open(number: usize) -> Result<Self, String> {
         let said = |error: std::io::Error| format!("/dev/video{number}: {error}");
         let device = v4l::Device::new(number).map_err(said)?;
@@ -59,7 +59,7 @@ impl Device {
         Ok(Self { stream, decoder, picture, rgb: RgbBuffers::new(), stamp: FrameStamp::now(), rate_hz })
     }
 
-    /// Frames a second, where the driver says so.
+    /// Frames per second, where the driver states it.
     pub(super) fn rate_hz(&self) -> Option<f64> {
         self.rate_hz
     }
@@ -69,9 +69,9 @@ impl Device {
         (self.picture.width(), self.picture.height())
     }
 
-    /// Waits for the next picture. `false` when none comes any more.
+    /// Waits for the next picture. `false` when no more come.
     pub(super) fn advance(&mut self) -> bool {
-        // A camera's first pictures are torn now and then.
+        // The first pictures of a camera are sometimes torn.
         const TRIES: usize = 10;
         (0..TRIES).any(|_| {
             let Ok((bytes, metadata)) = self.stream.next() else { return false };
@@ -116,7 +116,7 @@ fn rate_hz(interval: Fraction) -> Option<f64> {
     (interval.numerator > 0).then(|| f64::from(interval.denominator) / f64::from(interval.numerator))
 }
 
-/// `false` for bytes that are too few for a picture.
+/// Copies YUYV bytes into a frame; `false` for bytes that are too few for a picture.
 fn paste_yuyv(bytes: &[u8], into: &mut frame::Video) -> bool {
     let (row_bytes, stride) = (2 * into.width() as usize, into.stride(0));
     if bytes.len() < row_bytes * into.height() as usize {

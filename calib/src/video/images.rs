@@ -10,16 +10,16 @@ use super::content;
 use super::pixels::{self, RgbBuffers};
 use crate::{Error, Result, picture};
 
-/// Images in the order in which they were taken, and the place of the one that is looked at.
+/// Images in the order in which they were taken, and the current position.
 pub(super) struct Images {
     paths: Vec<PathBuf>,
     ahead: usize,
-    decoded: Option<Decoded>,
+    decoded: Option<DecodedImage>,
     rgb: RgbBuffers,
 }
 
 /// The pixels of the image that was decoded last.
-struct Decoded {
+struct DecodedImage {
     /// Value of `Images::ahead` when these pixels were decoded: identifies their image.
     ahead: usize,
     pixels: RgbImage,
@@ -71,23 +71,23 @@ impl Images {
         Ok(Self::new(paths))
     }
 
-    /// How many there are.
+    /// Number of images.
     pub(super) fn len(&self) -> usize {
         self.paths.len()
     }
 
-    /// The first file.
+    /// Path of the first image.
     pub(super) fn first(&self) -> &Path {
-        // There is at least one, or it would not have been opened.
+        // Opening fails without an image, so there is at least one.
         &self.paths[0]
     }
 
-    /// Width and height of the first, upright.
+    /// Width and height of the first image, upright.
     pub(super) fn size(&self) -> Result<(u32, u32)> {
         picture::size(self.first())
     }
 
-    /// Goes on to the next. `false` when there are no more.
+    /// Goes on to the next image. `false` when there are no more.
     pub(super) fn advance(&mut self) -> bool {
         let more = self.ahead < self.paths.len();
         self.ahead += usize::from(more);
@@ -112,7 +112,7 @@ impl Images {
             into.copy_from_slice(&decoded.pixels);
             return Ok(());
         }
-        let Decoded { pixels, frame, .. } = decoded;
+        let DecodedImage { pixels, frame, .. } = decoded;
         let frame = frame.take().unwrap_or_else(|| {
             let mut frame = frame::Video::new(Pixel::RGB24, pixels.width(), pixels.height());
             pixels::paste_rgb(pixels, &mut frame);
@@ -125,7 +125,7 @@ impl Images {
         scaled.map_err(|error| content(self.path(), "image", &error.to_string()))
     }
 
-    fn decoded(&mut self) -> Result<&mut Decoded> {
+    fn decoded(&mut self) -> Result<&mut DecodedImage> {
         let decoded = match self.decoded.take() {
             Some(decoded) if decoded.ahead == self.ahead => decoded,
             _ => {
@@ -141,7 +141,7 @@ impl Images {
                     }
                     other => other.into_rgb8(),
                 };
-                Decoded { ahead: self.ahead, pixels, frame: None }
+                DecodedImage { ahead: self.ahead, pixels, frame: None }
             }
         };
         Ok(self.decoded.insert(decoded))

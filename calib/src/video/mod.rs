@@ -1,11 +1,11 @@
-//! Pictures in and films out: the project's one door to FFmpeg.
+//! Pictures in and films out: the only module that calls FFmpeg.
 //!
-//! Pictures cross this door as the `image` crate's [`image::RgbImage`]; no FFmpeg type appears in any signature.
+//! Pictures cross this boundary as the `image` crate's [`image::RgbImage`]; no FFmpeg type appears in any signature.
 //!
-//! * [`FrameSource`] — frames from whatever a user points at: a video, a folder of images, a printf pattern, the URL of
-//!   a stream, the number of a device.
+//! * [`FrameSource`] — frames from any source that a user names: a video, a folder of images, a printf pattern, the URL
+//!   of a stream, the number of a device.
 //! * [`FrameStamp`] — times of a frame on its source's clock, the sender's and ours.
-//! * [`FilmWriter`] — an MP4 film, whole or not at all.
+//! * [`FilmWriter`] — an MP4 film, under a temporary name until it is finished.
 
 use std::path::Path;
 use std::sync::Once;
@@ -29,7 +29,7 @@ pub use source::FrameSource;
 pub use stamp::FrameStamp;
 pub use writer::FilmWriter;
 
-/// Makes FFmpeg ready, the first time; without this its errors have no words.
+/// Initialises FFmpeg on the first call; without it FFmpeg's errors have no text.
 fn start_ffmpeg() -> Result<(), ffmpeg::Error> {
     static STARTED: Once = Once::new();
     let mut started = Ok(());
@@ -37,7 +37,7 @@ fn start_ffmpeg() -> Result<(), ffmpeg::Error> {
     started
 }
 
-/// A source that was found, but cannot be used.
+/// Error of a source that was found but cannot be used.
 fn content(path: &Path, place: &str, problem: &str) -> Error {
     Error::Content { path: path.to_owned(), place: place.to_owned(), problem: problem.to_owned() }
 }

@@ -1,7 +1,7 @@
-//! From the decoders' pixel formats to red, green and blue, and back for the encoder.
+//! Conversion of the decoders' pixel formats to red, green and blue, and back for the encoder.
 //!
-//! libswscale as OpenCV's `VideoCapture` uses it (bicubic chroma, BT.601), so that a film has the same colours here as in
-//! the tools that our users know.
+//! libswscale with the settings of OpenCV's `VideoCapture` (bicubic chroma, BT.601), so that a film has the same
+//! colours here as in the tools that our users know.
 
 use std::cell::RefCell;
 
@@ -111,7 +111,7 @@ fn copy_turned(frame: &frame::Video, quarter_turns: u8, into: &mut RgbImage) {
     }
 }
 
-/// The pixels of a frame of [`Pixel::RGB24`] into an image of its size.
+/// Copies a frame of [`Pixel::RGB24`] into an image of its size.
 fn copy_rgb(frame: &frame::Video, into: &mut RgbImage) {
     let row_bytes = 3 * frame.width() as usize;
     let lines = frame.data(0).chunks(frame.stride(0));
@@ -120,7 +120,7 @@ fn copy_rgb(frame: &frame::Video, into: &mut RgbImage) {
     }
 }
 
-/// The pixels of an image into a frame of [`Pixel::RGB24`] of its size.
+/// Copies an image into a frame of [`Pixel::RGB24`] of its size.
 pub(super) fn paste_rgb(image: &RgbImage, into: &mut frame::Video) {
     let (row_bytes, stride) = (3 * image.width() as usize, into.stride(0));
     let lines = into.data_mut(0).chunks_mut(stride);

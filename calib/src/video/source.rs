@@ -1,4 +1,4 @@
-//! Frames from whatever a user points at: a video file, a folder of images, a printf pattern, a stream URL or a
+//! Frames from any source that a user names: a video file, a folder of images, a printf pattern, a stream URL or a
 //! device number.
 
 use std::path::Path;
@@ -6,7 +6,7 @@ use std::path::Path;
 use image::RgbImage;
 
 use super::content;
-use super::decoder::{Decoder, End};
+use super::decoder::{Decoder, PacketEnd};
 #[cfg(target_os = "linux")]
 use super::device::Device;
 use super::extent;
@@ -29,33 +29,34 @@ pub struct FrameSource {
     name: String,
     width: u32,
     height: u32,
-    /// Frames a second, where the source says so.
+    /// Frames per second, where the source states it.
     rate: Option<f64>,
-    /// Frames in all, where the source can know.
+    /// Number of frames, where the source can know it.
     expected: Option<usize>,
     delivered: usize,
     frame_size: (u32, u32),
     stamp: FrameStamp,
-    /// The first frame of a video is decoded when it is opened: its size is known then, and that it can be decoded.
+    /// Whether the first frame is decoded but not yet delivered: opening a video decodes it, to learn its size and that
+    /// it can be decoded.
     is_ahead: bool,
     is_at_end: bool,
-    origin: Origin,
-    pictures: Pictures,
+    kind: SourceKind,
+    pictures: PictureReader,
 }
 
-/// What the user pointed at.
+/// Kind of a source.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Origin {
+enum SourceKind {
     Images,
     File,
-    /// A URL that says how long it lasts: a recording, but not ours to read twice.
+    /// A URL that states its duration: a recording, but one that cannot be read twice.
     Download,
     /// A device, or a stream without an end.
     Live,
 }
 
 #[derive(Debug)]
-enum Pictures {
+enum PictureReader {
     Images(Images),
     Video(Box<Decoder>),
     #[cfg(target_os = "linux")]
@@ -98,8 +99,8 @@ impl FrameSource {
             stamp: FrameStamp::now(),
             is_ahead: false,
             is_at_end: false,
-            origin: Origin::Images,
-            pictures: Pictures::Images(images),
+            kind: SourceKind::Images,
+            pictures: PictureReader::Images(images),
         })
     }
 
@@ -110,22 +111,22 @@ impl FrameSource {
         if length == 0 {
             return Err(content(path, "whole file", "the file is empty"));
         }
-        Self::of_video(spec, Origin::File, Decoder::open_file(spec))
+        Self::of_video(spec, SourceKind::File, Decoder::open_file(spec))
     }
 
     fn open_url(spec: &str) -> Result<Self> {
         let opened = Decoder::open_url(spec);
         let lasts = opened.as_ref().is_ok_and(|decoder| decoder.frames().is_some());
-        Self::of_video(spec, if lasts { Origin::Download } else { Origin::Live }, opened)
+        Self::of_video(spec, if lasts { SourceKind::Download } else { SourceKind::Live }, opened)
     }
 
     fn of_video(
         spec: &str,
-        origin: Origin,
+        kind: SourceKind,
         opened: std::result::Result<Decoder, ffmpeg::Error>,
     ) -> Result<Self> {
         let undecodable = |why: &str| {
-            let mend = if origin == Origin::File { "is it whole" } else { "does it stream" };
+            let mend = if kind == SourceKind::File { "is it whole" } else { "does it stream" };
             let problem =
                 format!("cannot be decoded as video ({why}); {mend}, and in a format that ffmpeg knows?");
             content(Path::new(spec), "frame 1", &problem)
@@ -140,14 +141,14 @@ impl FrameSource {
             width,
             height,
             rate: decoder.rate_hz(),
-            expected: decoder.frames().filter(|_| origin == Origin::File),
+            expected: decoder.frames().filter(|_| kind == SourceKind::File),
             delivered: 0,
             frame_size: (width, height),
             stamp: FrameStamp::now(),
             is_ahead: true,
             is_at_end: false,
-            origin,
-            pictures: Pictures::Video(Box::new(decoder)),
+            kind,
+            pictures: PictureReader::Video(Box::new(decoder)),
         })
     }
 
@@ -170,8 +171,8 @@ impl FrameSource {
             stamp: FrameStamp::now(),
             is_ahead: true,
             is_at_end: false,
-            origin: Origin::Live,
-            pictures: Pictures::Device(Box::new(device)),
+            kind: SourceKind::Live,
+            pictures: PictureReader::Device(Box::new(device)),
         })
     }
 
@@ -181,7 +182,7 @@ impl FrameSource {
         Err(content(Path::new(spec), "device", problem))
     }
 
-    /// What the user called it.
+    /// Name of the source as the user gave it.
     pub fn name(&self) -> &str {
         &self.name
     }
@@ -189,15 +190,15 @@ impl FrameSource {
     /// Path of the image that was read last; `None` for sources that are not image files.
     pub fn image_path(&self) -> Option<&Path> {
         match &self.pictures {
-            Pictures::Images(images) => Some(images.path()),
+            PictureReader::Images(images) => Some(images.path()),
             _ => None,
         }
     }
 
-    /// The first file, of images in files.
+    /// Path of the first image; `None` for sources that are not image files.
     pub fn first_image(&self) -> Option<&Path> {
         match &self.pictures {
-            Pictures::Images(images) => Some(images.first()),
+            PictureReader::Images(images) => Some(images.first()),
             _ => None,
         }
     }
@@ -219,13 +220,13 @@ impl FrameSource {
         self.stamp
     }
 
-    /// Frames a second, where the source says so (a folder of images does not).
+    /// Frames per second, where the source states it (a folder of images does not).
     pub fn rate(&self) -> Option<f64> {
         self.rate
     }
 
-    /// Frames in all, where the source can know. For a video this is an estimate from the container's header: frames
-    /// may be lost, or come at an uneven rate.
+    /// Number of frames, where the source can know it. For a video this is an estimate from the container's header:
+    /// frames may be lost, or come at an uneven rate.
     pub fn frame_count(&self) -> Option<usize> {
         self.expected
     }
@@ -244,13 +245,13 @@ impl FrameSource {
     /// does not show, are not an error.
     pub fn advance(&mut self) -> Result<bool> {
         if !self.step() {
-            return self.whole().map(|()| false);
+            return self.check_complete().map(|()| false);
         }
         self.frame_size = match &mut self.pictures {
-            Pictures::Images(images) => images.decode()?,
-            Pictures::Video(decoder) => decoder.size(),
+            PictureReader::Images(images) => images.decode()?,
+            PictureReader::Video(decoder) => decoder.size(),
             #[cfg(target_os = "linux")]
-            Pictures::Device(device) => device.size(),
+            PictureReader::Device(device) => device.size(),
         };
         self.delivered += 1;
         Ok(true)
@@ -271,10 +272,14 @@ impl FrameSource {
             return Err(refused(problem));
         }
         match &mut self.pictures {
-            Pictures::Images(images) => images.picture(into),
-            Pictures::Video(decoder) => decoder.picture(into).map_err(|error| refused(&error.to_string())),
+            PictureReader::Images(images) => images.picture(into),
+            PictureReader::Video(decoder) => {
+                decoder.picture(into).map_err(|error| refused(&error.to_string()))
+            }
             #[cfg(target_os = "linux")]
-            Pictures::Device(device) => device.picture(into).map_err(|error| refused(&error.to_string())),
+            PictureReader::Device(device) => {
+                device.picture(into).map_err(|error| refused(&error.to_string()))
+            }
         }
     }
 
@@ -290,7 +295,7 @@ impl FrameSource {
         if (w, h) != (width, height) {
             let problem = format!("is {w} × {h}, the frames before it are {width} × {height}");
             return Err(match &self.pictures {
-                Pictures::Images(images) => content(images.path(), "image", &problem),
+                PictureReader::Images(images) => content(images.path(), "image", &problem),
                 _ => content(Path::new(&self.name), &format!("frame {}", self.delivered), &problem),
             });
         }
@@ -301,12 +306,12 @@ impl FrameSource {
         Ok(true)
     }
 
-    /// From now on passes over the frames of a video that no other frame refers to: half of the frames of most files,
-    /// which then take little more than half of the time. Images and devices deliver every frame.
+    /// Skips, from now on, the frames of a video that no other frame refers to: half of the frames of most files, which
+    /// then take little more than half of the time. Images and devices deliver every frame.
     ///
-    /// For looks at a recording as a whole. A torn end is then not always told.
+    /// For looks at a recording as a whole. A torn end may go unreported then.
     pub fn only_references(&mut self) {
-        if let Pictures::Video(decoder) = &mut self.pictures {
+        if let PictureReader::Video(decoder) = &mut self.pictures {
             decoder.only_references();
         }
     }
@@ -323,10 +328,10 @@ impl FrameSource {
     fn step(&mut self) -> bool {
         let is_ahead = std::mem::take(&mut self.is_ahead);
         let (more, stamp) = match &mut self.pictures {
-            Pictures::Images(images) => (images.advance(), FrameStamp::now()),
-            Pictures::Video(decoder) => (is_ahead || decoder.advance(), decoder.stamp()),
+            PictureReader::Images(images) => (images.advance(), FrameStamp::now()),
+            PictureReader::Video(decoder) => (is_ahead || decoder.advance(), decoder.stamp()),
             #[cfg(target_os = "linux")]
-            Pictures::Device(device) => (is_ahead || device.advance(), device.stamp()),
+            PictureReader::Device(device) => (is_ahead || device.advance(), device.stamp()),
         };
         if more {
             self.stamp = stamp;
@@ -337,19 +342,19 @@ impl FrameSource {
 
     /// Checks that a file which has ended is complete. The check compares bytes with the sizes in the container, not
     /// numbers of frames: an edit list shows fewer frames than there are, and recorders lose some.
-    fn whole(&self) -> Result<()> {
-        let Pictures::Video(decoder) = &self.pictures else { return Ok(()) };
-        if self.origin != Origin::File {
+    fn check_complete(&self) -> Result<()> {
+        let PictureReader::Video(decoder) = &self.pictures else { return Ok(()) };
+        if self.kind != SourceKind::File {
             return Ok(());
         }
         let path = Path::new(&self.name);
         let format = decoder.format();
         let is_cut_off = extent::is_cut_off(path, &format)
             .map_err(|source| Error::Io { path: path.to_owned(), source })?
-            || (decoder.end() == Some(End::InPacket) && !ENDS_ANYWHERE.contains(&format.as_str()));
+            || (decoder.end() == Some(PacketEnd::InPacket) && !ENDS_ANYWHERE.contains(&format.as_str()));
         let promised = self.expected.filter(|promised| *promised > self.delivered);
         let problem = match (decoder.end(), promised) {
-            (Some(End::Broken(error)), _) => format!("cannot be read ({error}); copy the file again"),
+            (Some(PacketEnd::Broken(error)), _) => format!("cannot be read ({error}); copy the file again"),
             (_, Some(promised)) if is_cut_off => {
                 format!("the file ends here, but its header promises {promised} frames; copy it again")
             }
@@ -362,18 +367,18 @@ impl FrameSource {
         Err(content(path, &format!("frame {}", self.delivered + 1), &problem))
     }
 
-    /// Whether this is a recording that can be opened and read again, not a stream or a device.
+    /// Tells whether this is a recording that can be opened and read again, not a stream or a device.
     pub fn is_recording(&self) -> bool {
-        matches!(self.origin, Origin::Images | Origin::File)
+        matches!(self.kind, SourceKind::Images | SourceKind::File)
     }
 
-    /// Whether this has no end of its own: a device, or a stream that does not say how long it is. Where its frames end, it has
-    /// broken off.
+    /// Tells whether the source has no end of its own: a device, or a stream that does not state its duration. Where
+    /// its frames end, it has broken off.
     pub fn is_live(&self) -> bool {
-        self.origin == Origin::Live
+        self.kind == SourceKind::Live
     }
 
-    /// All remaining frames.
+    /// Reads all remaining frames.
     ///
     /// # Errors
     /// As [`Self::read`].

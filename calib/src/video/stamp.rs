@@ -221,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_parsed_packet_brings_belongs_to_the_next() {
+    fn the_time_on_a_parsed_packet_belongs_to_the_next_frame() {
         let mut clock = SenderClock::new(TICK, codec::Id::H264);
         let told = [(None, 0), (Some(5.2), 3600), (Some(5.3), 18_000), (None, 27_000), (Some(9.0), 28_800)];
         let times: Vec<Option<f64>> = told.map(|(told_s, pts)| clock.next_s(told_s, Some(pts))).into();

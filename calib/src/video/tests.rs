@@ -90,7 +90,7 @@ fn bad_sources_are_named() {
     assert!(odd.contains("2.png") && odd.contains("32 × 48"), "{odd}");
 }
 
-/// A film of one picture, red at the left and blue at the right, and whether it is to be turned when it is seen.
+/// A film of one picture, red at the left and blue at the right, with a rotation matrix for its display.
 fn lying_film(path: &Path, matrix: [i32; 4]) {
     let mut writer = FilmWriter::create(path, 64, 48, 10.0).unwrap();
     let picture =
@@ -111,7 +111,8 @@ fn lying_film(path: &Path, matrix: [i32; 4]) {
 fn a_telephones_film_is_turned_the_way_it_was_held() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("telephone.mp4");
-    // Where the picture's x and y axes go, in axes right and down; the size; a pixel that is red then, and one that is blue.
+    // Directions of the picture's x and y axes, in axes right and down; the size; a pixel that is red then, and one
+    // that is blue.
     for (matrix, size, red, blue) in [
         ([1, 0, 0, 1], (64, 48), (10, 24), (54, 24)),
         ([0, 1, -1, 0], (48, 64), (24, 10), (24, 54)),
@@ -140,7 +141,7 @@ fn a_film_that_is_cut_off_is_told_at_the_frame_where_it_ends() {
     assert!((10..50).contains(&source.delivered()), "{}", source.delivered());
     let place = format!("frame {}: the file ends here, but its header promises 60", source.delivered() + 1);
     assert!(said.contains("film.mp4") && said.contains(&place), "{said}");
-    // Its index lost, nothing of it can be read.
+    // Without its index nothing of the film can be read.
     std::fs::write(&path, &whole[..600]).unwrap();
     let said = FrameSource::open(path.to_str().unwrap()).unwrap_err().to_string();
     assert!(said.contains("film.mp4") && said.contains("cannot be decoded"), "{said}");

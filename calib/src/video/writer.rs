@@ -1,4 +1,4 @@
-//! Films out: an MP4 that browsers and players open, whole or not at all.
+//! Films out: an MP4 that browsers and players open, under a temporary name until it is finished.
 
 use std::path::{Path, PathBuf};
 
@@ -10,9 +10,9 @@ use image::RgbImage;
 use super::pixels;
 use crate::{Error, Result};
 
-/// A film can be entered about every so many seconds.
+/// Longest time between two key frames, at which a player can enter the film.
 const KEY_FRAME_EVERY_S: f64 = 2.0;
-/// The finest fraction that a rate is rounded to.
+/// Largest numerator of the fraction that a rate is rounded to.
 const FINEST_RATE: i32 = 100_000;
 
 /// Writes an MP4 film, frame by frame, under a temporary name until [`FilmWriter::finish`].
@@ -25,7 +25,7 @@ pub struct FilmWriter {
     yuv: frame::Video,
     packet: Packet,
     encoder: encoder::Video,
-    /// Of one frame, in seconds.
+    /// Duration of one frame, seconds.
     tick: Rational,
     output: Output,
 }
@@ -36,7 +36,7 @@ impl FilmWriter {
     /// H.264 where this FFmpeg has an encoder for it, MPEG-4 otherwise.
     ///
     /// # Errors
-    /// When the folder cannot be made or no encoder opens.
+    /// [`Error`] when the folder cannot be made or no encoder opens.
     pub fn create(target: &Path, width: u32, height: u32, rate: f64) -> Result<Self> {
         if let Some(folder) = target.parent() {
             std::fs::create_dir_all(folder)
@@ -45,7 +45,7 @@ impl FilmWriter {
         let partial = target.with_extension("partial.mp4");
         let opened = Self::open(target, &partial, (width, height), rate);
         if opened.is_err() {
-            // Opening has made the file; nothing half-written stays.
+            // Opening has created the file; a partial file must not stay.
             let _ = std::fs::remove_file(&partial);
         }
         opened.map_err(|error| Error::Content {
@@ -81,7 +81,7 @@ impl FilmWriter {
         let mut stream = output.add_stream(codec)?;
         stream.set_parameters(&encoder);
         stream.set_avg_frame_rate(rate_fraction);
-        // A player on a page begins before it has all of it.
+        // A player on a page can start before it has the whole film.
         output.write_header_with(ffmpeg::dict!("movflags" => "faststart"))?;
         Ok(Self {
             target: target.to_owned(),
@@ -110,7 +110,7 @@ impl FilmWriter {
             )));
         }
         pixels::paste_rgb(frame, &mut self.rgb);
-        // The encoder may still look at the picture before.
+        // The encoder may still refer to the picture before.
         self.yuv = frame::Video::new(Pixel::YUV420P, self.size.0, self.size.1);
         pixels::convert(&self.rgb, &mut self.yuv).map_err(|error| self.refused(error))?;
         self.yuv.set_pts(Some(self.frames));
@@ -131,10 +131,10 @@ impl FilmWriter {
         Ok(())
     }
 
-    /// Closes the film and gives it its name.
+    /// Closes the film and renames it to its final name.
     ///
     /// # Errors
-    /// When it cannot be written to its end, or renamed.
+    /// [`Error`] when the film cannot be finished or renamed.
     pub fn finish(mut self) -> Result<()> {
         self.encoder.send_eof().map_err(|error| self.refused(error))?;
         self.write_what_is_encoded()?;
@@ -154,12 +154,12 @@ impl FilmWriter {
 
 impl Drop for FilmWriter {
     fn drop(&mut self) {
-        // After `finish` nothing is left under this name; after an error or a panic a torn film is.
+        // After `finish` there is no file of this name; after an error or a panic it is a torn film.
         let _ = std::fs::remove_file(&self.partial);
     }
 }
 
-/// The best encoder at hand, and how it is to work: the quality of a film to look at, and quick.
+/// The best encoder available, with its settings: good visual quality, and fast.
 pub(super) fn best_codec() -> std::result::Result<(ffmpeg::Codec, Dictionary<'static>), ffmpeg::Error> {
     if let Some(codec) = encoder::find_by_name("libx264") {
         return Ok((codec, ffmpeg::dict!("preset" => "superfast", "crf" => "23")));

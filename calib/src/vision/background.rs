@@ -9,7 +9,7 @@ use opencv::video;
 use super::adapter;
 use crate::Result;
 
-/// Which adaptive model.
+/// Kind of adaptive background model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum AdaptiveKind {
     /// A mixture of Gaussians for each pixel.
@@ -21,35 +21,35 @@ pub enum AdaptiveKind {
 
 /// An adaptive background model of one camera.
 pub struct AdaptiveBackground {
-    model: Model,
-    /// Where OpenCV writes the background it is asked for.
+    model: AdaptiveModel,
+    /// Buffer for the background image that OpenCV returns.
     picture: Mat,
 }
 
-enum Model {
+enum AdaptiveModel {
     Mog2(Ptr<video::BackgroundSubtractorMOG2>),
     Knn(Ptr<video::BackgroundSubtractorKNN>),
 }
 
-/// What [`AdaptiveBackground::label`] writes where it sees a shadow.
+/// Label that [`AdaptiveBackground::label`] writes for shadow.
 pub const SHADOW: u8 = 127;
 
 impl AdaptiveBackground {
     /// A model that remembers about `history` learnt frames.
     ///
     /// # Errors
-    /// When OpenCV refuses.
+    /// [`crate::Error::OpenCv`] when OpenCV refuses.
     pub fn new(kind: AdaptiveKind, history: u32) -> Result<Self> {
         let making = adapter::refused("making a background model");
         let history = history.clamp(1, 100_000) as i32;
         // The squared distances at which a pixel leaves the background are OpenCV's own defaults.
         let model = match kind {
-            AdaptiveKind::Mog2 => {
-                Model::Mog2(video::create_background_subtractor_mog2(history, 16.0, true).map_err(&making)?)
-            }
-            AdaptiveKind::Knn => {
-                Model::Knn(video::create_background_subtractor_knn(history, 400.0, true).map_err(&making)?)
-            }
+            AdaptiveKind::Mog2 => AdaptiveModel::Mog2(
+                video::create_background_subtractor_mog2(history, 16.0, true).map_err(&making)?,
+            ),
+            AdaptiveKind::Knn => AdaptiveModel::Knn(
+                video::create_background_subtractor_knn(history, 400.0, true).map_err(&making)?,
+            ),
         };
         Ok(Self { model, picture: Mat::default() })
     }
@@ -58,7 +58,7 @@ impl AdaptiveBackground {
     /// at all, 1: forget everything before it). The first frame must be learnt.
     ///
     /// # Errors
-    /// When OpenCV refuses, for example for a frame of another size than the first.
+    /// [`crate::Error::OpenCv`] when OpenCV refuses, for example for a frame of another size than the first.
     pub fn label(&mut self, image: &RgbImage, rate: f64, into: &mut GrayImage) -> Result<()> {
         let labelling = adapter::refused("updating a background model");
         if into.dimensions() != image.dimensions() {
@@ -67,28 +67,28 @@ impl AdaptiveBackground {
         let frame = adapter::rgb(image)?;
         let mut labels = adapter::gray_mut(into)?;
         match &mut self.model {
-            Model::Mog2(m) => BackgroundSubtractorMOG2Trait::apply(m, &frame, &mut labels, rate),
-            Model::Knn(m) => BackgroundSubtractorTrait::apply(m, &frame, &mut labels, rate),
+            AdaptiveModel::Mog2(m) => BackgroundSubtractorMOG2Trait::apply(m, &frame, &mut labels, rate),
+            AdaptiveModel::Knn(m) => BackgroundSubtractorTrait::apply(m, &frame, &mut labels, rate),
         }
         .map_err(labelling)
     }
 
-    /// The background as the model sees it now.
+    /// Background image in the model's present state.
     ///
     /// # Errors
-    /// When nothing has been learnt yet.
+    /// [`crate::Error::OpenCv`] when nothing has been learnt yet.
     pub fn picture(&mut self, into: &mut RgbImage) -> Result<()> {
         let looking = adapter::refused("looking at a learnt background");
         match &self.model {
-            Model::Mog2(m) => m.get_background_image(&mut self.picture),
-            Model::Knn(m) => m.get_background_image(&mut self.picture),
+            AdaptiveModel::Mog2(m) => m.get_background_image(&mut self.picture),
+            AdaptiveModel::Knn(m) => m.get_background_image(&mut self.picture),
         }
         .map_err(&looking)?;
         let size = (self.picture.cols() as u32, self.picture.rows() as u32);
         if into.dimensions() != size {
             *into = RgbImage::new(size.0, size.1);
         }
-        // The model was fed red first, so no channels are exchanged here.
+        // The model was trained with red first, so no channels are exchanged here.
         self.picture.copy_to(&mut adapter::rgb_mut(into)?).map_err(&looking)
     }
 }

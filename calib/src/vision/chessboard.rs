@@ -13,15 +13,15 @@ use opencv::{calib3d, imgproc};
 use super::adapter;
 use crate::{Error, Intrinsics, Result};
 
-/// Corners are found to about this; an estimate that fits better is no better known.
+/// Standard deviation of detected corners; a smaller residual does not mean a better estimate.
 const CORNER_SIGMA_PX: f64 = 0.1;
-/// A focal length that is not known to this share of it is not told by the views.
+/// Largest relative standard deviation of a focal length that the views may leave.
 const LARGEST_FOCAL_SIGMA: f64 = 0.05;
 
-/// Boards whose normals are all within this of each other count as parallel.
+/// Angle within which all boards' normals count as parallel.
 const LEAST_TILT_DEG: f64 = 10.0;
 
-/// A chessboard, told by its inner corners.
+/// A chessboard, described by its inner corners.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Chessboard {
     /// Inner corners along a row.
@@ -50,16 +50,16 @@ impl fmt::Display for Chessboard {
     }
 }
 
-/// What views of a chessboard say of a camera.
+/// Estimate of a camera's intrinsics from views of a chessboard.
 #[derive(Debug, Clone)]
 pub struct Calibration {
     /// The camera.
     pub intrinsics: Intrinsics,
-    /// One standard deviation of fx, fy, cx, cy, pixels, as the residuals tell it.
+    /// Standard deviations of fx, fy, cx, cy, pixels, derived from the residuals.
     pub sigma_px: [f64; 4],
     /// Root mean square reprojection error over all views, pixels.
     pub rms_px: f64,
-    /// The same for each view.
+    /// Root mean square reprojection error of each view, pixels.
     pub view_rms_px: Vec<f64>,
 }
 
@@ -68,10 +68,10 @@ impl Chessboard {
         Size::new(self.columns as i32, self.rows as i32)
     }
 
-    /// The inner corners, row by row, to a fraction of a pixel; `None` when the board is not seen whole.
+    /// Finds the inner corners, row by row, to a fraction of a pixel; `None` when the board is not wholly visible.
     ///
     /// # Errors
-    /// When OpenCV refuses the image.
+    /// [`crate::Error::OpenCv`] when OpenCV refuses the image.
     pub fn find(self, image: &GrayImage) -> Result<Option<Vec<Point2<f64>>>> {
         let finding = adapter::refused("finding a chessboard");
         let view = adapter::gray(image)?;
@@ -80,7 +80,7 @@ impl Chessboard {
         if !calib3d::find_chessboard_corners(&view, self.size(), &mut corners, flags).map_err(&finding)? {
             return Ok(None);
         }
-        // A window of half the squares' spacing never takes in a neighbouring corner.
+        // A window of half the squares' spacing never contains a neighbouring corner.
         let first: Vec<Vector2<f32>> = corners.iter().take(2).map(|c| Vector2::new(c.x, c.y)).collect();
         let half = (0.4 * (first[1] - first[0]).norm()).clamp(2.0, 11.0) as i32;
         let until =
@@ -94,18 +94,18 @@ impl Chessboard {
     /// Draws found corners on a picture, as OpenCV does: a rainbow, row by row.
     ///
     /// # Errors
-    /// When OpenCV refuses the image.
+    /// [`crate::Error::OpenCv`] when OpenCV refuses the image.
     pub fn draw(self, picture: &mut RgbImage, corners: &[Point2<f64>]) -> Result<()> {
         let points: Vector<Point2f> = corners.iter().map(|c| Point2f::new(c.x as f32, c.y as f32)).collect();
         calib3d::draw_chessboard_corners(&mut adapter::rgb_mut(picture)?, self.size(), &points, true)
             .map_err(adapter::refused("drawing a chessboard"))
     }
 
-    /// Intrinsics from the corners of several views; squares of `square_m` metres.
+    /// Estimates the intrinsics from the corners of several views; squares of `square_m` metres.
     ///
     /// # Errors
-    /// [`Error::Degenerate`] for fewer than three views, or views that do not tell the focal length: copies of one, or
-    /// boards that are all parallel (section 4 of the paper).
+    /// [`Error::Degenerate`] for fewer than three views, or views that do not determine the focal length: copies of
+    /// one, or boards that are all parallel (section 4 of the paper).
     pub fn calibrate(
         self,
         views: &[Vec<Point2<f64>>],
@@ -149,10 +149,10 @@ impl Chessboard {
         let numbers =
             |mat: &Mat| -> Result<Vec<f64>> { Ok(mat.data_typed::<f64>().map_err(&calibrating)?.to_vec()) };
         let (k, d, s) = (numbers(&matrix)?, numbers(&distortion)?, numbers(&sigma)?);
-        // Exact corners leave no residual, whatever the views are worth.
+        // Exact corners leave no residual, however well the views determine the camera.
         let noise = (CORNER_SIGMA_PX / rms_px).max(1.0);
         let certain = |sigma: f64, focal: f64| noise * sigma <= LARGEST_FOCAL_SIGMA * focal;
-        // The deviations come from a pseudo-inverse, which knows nothing of what is not determined at all.
+        // The deviations come from a pseudo-inverse, which hides directions that are not determined at all.
         let tilt_deg = largest_tilt_deg(rotations.data_typed::<Vec3d>().map_err(&calibrating)?);
         if !(tilt_deg >= LEAST_TILT_DEG && certain(s[0], k[0]) && certain(s[1], k[4])) {
             return Err(Error::Degenerate(format!(
@@ -180,7 +180,7 @@ impl Chessboard {
     }
 }
 
-/// The largest angle between the normals of two boards, degrees; a rotation vector a board.
+/// Largest angle between the normals of two boards, degrees; `rotation_vectors` has one a board.
 fn largest_tilt_deg(rotation_vectors: &[Vec3d]) -> f64 {
     let normals: Vec<Vector3<f64>> = rotation_vectors
         .iter()
@@ -202,7 +202,7 @@ mod tests {
         }
     }
 
-    /// The exact corners of a board of 25 mm squares half a metre away, turned by these angles, at (x, y) from the axis.
+    /// Exact corners of a board of 25 mm squares half a metre away, turned by these angles, at (x, y) from the axis.
     fn seen(tilts_deg: &[[f64; 2]], places_m: &[[f64; 2]]) -> Vec<Vec<Point2<f64>>> {
         let camera = Intrinsics::from_horizontal_fov(640, 480, 60.0);
         let view = |([around_x, around_y], [x, y]): (&[f64; 2], &[f64; 2])| {
@@ -238,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn real_views_agree_with_the_reference_calibration() {
+    fn real_views_agree_with_the_reference_calibration_of_shared_data() {
         let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/chessboard");
         let Ok(entries) = std::fs::read_dir(folder) else {
             eprintln!("skipped: {folder} is not here");

@@ -8,7 +8,7 @@ use opencv::{imgproc, video};
 use super::adapter;
 use crate::{Error, Result};
 
-/// Below this smallest eigenvalue of the window's gradient matrix (a pixel, OpenCV's scale) a point cannot be followed.
+/// Smallest eigenvalue of the window's gradient matrix (per pixel, OpenCV's scale) with which a point can be followed.
 const MIN_EIGENVALUE: f64 = 1e-4;
 /// Lucas–Kanade steps a level, and the step in pixels at which they end.
 const MAX_STEPS: i32 = 30;
@@ -23,10 +23,11 @@ pub struct FlowPyramid {
 }
 
 impl FlowPyramid {
-    /// Halves the image up to `depth` times; `window_px` is the odd side of the square that is compared.
+    /// Builds the pyramid: halves the image up to `depth` times; `window_px` is the odd side of the square that is
+    /// compared.
     ///
     /// # Errors
-    /// When OpenCV refuses, for example for an image smaller than the window.
+    /// [`crate::Error::OpenCv`] when OpenCV refuses, for example for an image smaller than the window.
     pub fn new(image: &GrayImage, window_px: u32, depth: u32) -> Result<Self> {
         let window = window_px.max(3) as i32;
         let mut levels = Vector::new();
@@ -102,12 +103,12 @@ pub fn follow(
         .collect())
 }
 
-/// Corners after Shi and Tomasi (1994), the strongest first, at whole pixels.
+/// Finds corners after Shi and Tomasi (1994), the strongest first, at whole pixels.
 ///
 /// `block_px` is the window of the gradient matrix; corners weaker than `quality` times the strongest are left out.
 ///
 /// # Errors
-/// When OpenCV refuses.
+/// [`crate::Error::OpenCv`] when OpenCV refuses.
 pub fn corners(
     image: &GrayImage,
     at_most: usize,

@@ -1,5 +1,5 @@
 //! Scale-invariant keypoints (D. G. Lowe, "Distinctive image features from scale-invariant keypoints", IJCV 2004) and
-//! their matches between pictures, whatever lies between them.
+//! their matches between pictures taken from any two places.
 
 use image::GrayImage;
 use nalgebra::Point2;
@@ -10,9 +10,9 @@ use opencv::prelude::*;
 use super::adapter;
 use crate::{Error, Result};
 
-/// Numbers that describe a keypoint.
+/// Length of a keypoint's descriptor.
 const DESCRIPTOR: usize = 128;
-/// Lowe's settings.
+/// Settings of Lowe's paper.
 const LAYERS: i32 = 3;
 const EDGE: f64 = 10.0;
 const SIGMA_PX: f64 = 1.6;
@@ -20,17 +20,17 @@ const SIGMA_PX: f64 = 1.6;
 /// Keypoints of one or more pictures.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Keypoints {
-    /// Where they are, each in its picture.
+    /// Pixel of each keypoint in its picture.
     pub pixels: Vec<Point2<f64>>,
-    /// Of length 1 each: the square roots of SIFT's (R. Arandjelović, A. Zisserman, CVPR 2012).
+    /// Descriptors of length 1: the square roots of SIFT's (R. Arandjelović, A. Zisserman, CVPR 2012).
     descriptors: Vec<[f32; DESCRIPTOR]>,
 }
 
 impl Keypoints {
-    /// The strongest keypoints of a picture; those of less `contrast` (0.04 is Lowe's) are left out.
+    /// Finds the strongest keypoints of a picture; those of less `contrast` (0.04 is Lowe's) are left out.
     ///
     /// # Errors
-    /// When OpenCV refuses.
+    /// [`crate::Error::OpenCv`] when OpenCV refuses.
     pub fn find(image: &GrayImage, at_most: usize, contrast: f64) -> Result<Self> {
         let refused = adapter::refused("finding keypoints");
         let mut sift = SIFT::create(at_most as i32, LAYERS, contrast, EDGE, SIGMA_PX).map_err(&refused)?;
@@ -51,7 +51,7 @@ impl Keypoints {
         Ok(found)
     }
 
-    /// Those at the given indices, in their order.
+    /// The keypoints at the given indices, in their order.
     #[must_use]
     pub fn chosen(&self, indices: &[usize]) -> Self {
         Self {
@@ -60,14 +60,14 @@ impl Keypoints {
         }
     }
 
-    /// These, and those of another picture after them.
+    /// Appends the keypoints of another picture.
     pub fn append(&mut self, mut other: Self) {
         self.pixels.append(&mut other.pixels);
         self.descriptors.append(&mut other.descriptors);
     }
 
-    /// Pairs (index here, index there) that are each other's nearest, and nearer than `ratio` times the second nearest of
-    /// either.
+    /// Pairs (index here, index in `other`) that are each other's nearest, and nearer than `ratio` times the second
+    /// nearest of either.
     pub fn matches(&self, other: &Self, ratio: f32) -> Vec<(usize, usize)> {
         let there = nearest(&self.descriptors, &other.descriptors);
         let back = nearest(&other.descriptors, &self.descriptors);
@@ -88,7 +88,7 @@ struct Near {
     second: f32,
 }
 
-/// For each descriptor its nearest among others.
+/// Nearest descriptor of `among` for each of `from`.
 fn nearest(from: &[[f32; DESCRIPTOR]], among: &[[f32; DESCRIPTOR]]) -> Vec<Option<Near>> {
     let distance = |likeness: f32| (2.0 - 2.0 * likeness).max(0.0).sqrt();
     let of = |descriptor: &[f32; DESCRIPTOR]| {
@@ -102,14 +102,14 @@ fn nearest(from: &[[f32; DESCRIPTOR]], among: &[[f32; DESCRIPTOR]]) -> Vec<Optio
                 second = second.max(likeness);
             }
         }
-        // Alone, a descriptor has nothing that it could be mistaken for.
+        // A single descriptor cannot be mistaken for another one.
         let second = if second.is_finite() { distance(second) } else { f32::INFINITY };
         best.map(|index| Near { index, first: distance(first), second })
     };
     from.iter().map(of).collect()
 }
 
-/// The scalar product, summed in lanes that a processor takes at once.
+/// Scalar product, summed in lanes that a processor computes at once.
 fn likeness(a: &[f32; DESCRIPTOR], b: &[f32; DESCRIPTOR]) -> f32 {
     const LANES: usize = 16;
     let mut sums = [0.0_f32; LANES];

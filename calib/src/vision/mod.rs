@@ -1,6 +1,6 @@
-//! The project's one door to OpenCV: pixels in, pixels out.
+//! The only module that calls OpenCV: pixels in, pixels out.
 //!
-//! Pictures cross this door as the `image` crate's [`image::RgbImage`] and [`image::GrayImage`], points as
+//! Pictures cross this boundary as the `image` crate's [`image::RgbImage`] and [`image::GrayImage`], points as
 //! `nalgebra`'s; no OpenCV type appears in any signature, so the estimators build and test without it.
 
 mod adapter;
@@ -19,7 +19,7 @@ pub use people::PeopleClassifier;
 /// Limits the threads OpenCV uses for its own loops; results do not depend on it.
 ///
 /// # Errors
-/// When OpenCV refuses.
+/// [`crate::Error::OpenCv`] when OpenCV refuses.
 pub fn set_threads(threads: usize) -> crate::Result<()> {
     opencv::core::set_num_threads(threads as i32).map_err(adapter::refused("setting its number of threads"))
 }

@@ -8,35 +8,35 @@ use opencv::prelude::*;
 use super::adapter;
 use crate::Result;
 
-/// Filters for pictures of any size; keeps its scratch picture and its brushes between calls.
+/// Filters for pictures of any size; keeps its scratch picture and its structuring elements between calls.
 #[derive(Default)]
 pub struct Morphology {
     scratch: Mat,
-    /// Round brushes already made, by radius.
+    /// Round structuring elements already made, by radius.
     brushes: Vec<(u32, Mat)>,
 }
 
 impl Morphology {
-    /// Removes what is narrower than a disc of this radius (0: nothing).
+    /// Opens a mask: removes parts narrower than a disc of this radius (0: nothing).
     ///
     /// # Errors
-    /// When OpenCV refuses.
+    /// [`crate::Error::OpenCv`] when OpenCV refuses.
     pub fn open(&mut self, mask: &mut GrayImage, radius_px: u32) -> Result<()> {
         self.apply(mask, imgproc::MORPH_OPEN, radius_px)
     }
 
-    /// Fills what is narrower than a disc of this radius (0: nothing). The image border closes nothing.
+    /// Closes a mask: fills gaps narrower than a disc of this radius (0: nothing). The image border closes nothing.
     ///
     /// # Errors
-    /// When OpenCV refuses.
+    /// [`crate::Error::OpenCv`] when OpenCV refuses.
     pub fn close(&mut self, mask: &mut GrayImage, radius_px: u32) -> Result<()> {
         self.apply(mask, imgproc::MORPH_CLOSE, radius_px)
     }
 
-    /// Grows by a disc of this radius.
+    /// Dilates a mask by a disc of this radius.
     ///
     /// # Errors
-    /// When OpenCV refuses.
+    /// [`crate::Error::OpenCv`] when OpenCV refuses.
     pub fn dilate(&mut self, mask: &mut GrayImage, radius_px: u32) -> Result<()> {
         self.apply(mask, imgproc::MORPH_DILATE, radius_px)
     }
@@ -62,10 +62,10 @@ impl Morphology {
         self.scratch.copy_to(&mut adapter::gray_mut(mask)?).map_err(&filtering)
     }
 
-    /// Each pixel's mean over the square of `2 radius + 1` pixels around it; at the border the last pixel repeats.
+    /// Mean of each pixel over the square of side `2 radius + 1` around it; at the border the last pixel repeats.
     ///
     /// # Errors
-    /// When OpenCV refuses.
+    /// [`crate::Error::OpenCv`] when OpenCV refuses.
     pub fn box_blur(&mut self, from: &GrayImage, radius_px: u32, into: &mut GrayImage) -> Result<()> {
         if into.dimensions() != from.dimensions() {
             *into = GrayImage::new(from.width(), from.height());

@@ -11,18 +11,18 @@ use rayon::prelude::*;
 use super::adapter;
 use crate::{Error, Result};
 
-/// The window that is classified, pixels.
+/// Size of the window that is classified, pixels.
 pub const WINDOW_PX: (u32, u32) = (64, 128);
-/// A person's height in it: the rest is margin above and below, the same on both sides.
+/// Height of a person in the window: the rest is margin above and below, the same on both sides.
 pub const PERSON_HEIGHT_PX: u32 = 96;
-/// Windows are tried every so many pixels.
+/// Step between windows, pixels.
 const STRIDE_PX: i32 = 8;
-/// Most sizes of an image that are tried.
+/// Largest number of sizes of an image that are searched.
 const MOST_LEVELS: usize = 64;
 
 /// A rectangle of an image, pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Window {
+pub struct DetectionWindow {
     /// Left edge.
     pub left: f64,
     /// Top edge.
@@ -40,10 +40,10 @@ pub struct PeopleClassifier {
 }
 
 impl PeopleClassifier {
-    /// A classifier by its weights, one for each feature and the bias behind them.
+    /// Builds a classifier from its weights, one for each feature and the bias after them.
     ///
     /// # Errors
-    /// A wrong number of weights; when OpenCV refuses.
+    /// [`crate::Error`] for a wrong number of weights, or when OpenCV refuses.
     pub fn new(weights: &[f32]) -> Result<Self> {
         Ok(Self { hog: hog(weights)?, weights: weights.to_vec() })
     }
@@ -51,17 +51,17 @@ impl PeopleClassifier {
     /// OpenCV's weights for people, trained on the INRIA Person Dataset.
     ///
     /// # Errors
-    /// When OpenCV refuses.
+    /// [`crate::Error::OpenCv`] when OpenCV refuses.
     pub fn inria_weights() -> Result<Vec<f32>> {
         let weights = HOGDescriptor::get_default_people_detector();
         Ok(weights.map_err(adapter::refused("looking for OpenCV's detector"))?.to_vec())
     }
 
-    /// The features of a window of an image, brought to [`WINDOW_PX`]; beyond the image's rim its edge is repeated.
+    /// Features of a window of an image, resized to [`WINDOW_PX`]; beyond the image's rim its edge is repeated.
     ///
     /// # Errors
-    /// When OpenCV refuses.
-    pub fn features(&self, image: &RgbImage, window: &Window) -> Result<Vec<f32>> {
+    /// [`crate::Error::OpenCv`] when OpenCV refuses.
+    pub fn features(&self, image: &RgbImage, window: &DetectionWindow) -> Result<Vec<f32>> {
         let refused = adapter::refused("computing gradients");
         let (width, height) = (WINDOW_PX.0 as f32, WINDOW_PX.1 as f32);
         let corner = |u: f64, v: f64| {
@@ -90,18 +90,18 @@ impl PeopleClassifier {
         Ok(features.to_vec())
     }
 
-    /// Every window of the image, enlarged `zoom` times and reduced by `scale_step` again and again, that is classified
-    /// above `least`: with its score, the surest first, in the image's own pixels.
+    /// Windows classified above `least`, with their scores, the highest first, in the image's own pixels; the image is
+    /// enlarged `zoom` times and reduced by `scale_step` repeatedly.
     ///
     /// # Errors
-    /// When OpenCV refuses.
+    /// [`crate::Error::OpenCv`] when OpenCV refuses.
     pub fn windows(
         &self,
         image: &RgbImage,
         zoom: f64,
         scale_step: f64,
         least: f64,
-    ) -> Result<Vec<(Window, f64)>> {
+    ) -> Result<Vec<(DetectionWindow, f64)>> {
         let refused = adapter::refused("looking for people");
         let mut zoomed = Mat::default();
         let kind = if zoom < 1.0 { imgproc::INTER_AREA } else { imgproc::INTER_LINEAR };
@@ -113,23 +113,27 @@ impl PeopleClassifier {
         let size = (zoomed.cols() as u32, zoomed.rows() as u32);
         let bytes = zoomed.data_bytes().map_err(&refused)?.to_vec();
         let Some(zoomed) = RgbImage::from_raw(size.0, size.1, bytes) else { return Ok(Vec::new()) };
-        // Not by OpenCV's detectMultiScale: its threads mix up the scores of different windows.
+        // OpenCV's detectMultiScale is not used: its threads mix up the scores of different windows.
         let weights = &self.weights;
         let levels: Result<Vec<Vec<(core::Rect, f64)>>> = levels(size, scale_step)
             .into_par_iter()
             .map(|scale| level(&hog(weights)?, &zoomed, scale, least))
             .collect();
         let real = |pixels: i32| f64::from(pixels) / zoom;
-        let mut found: Vec<(Window, f64)> = levels?
+        let mut found: Vec<(DetectionWindow, f64)> = levels?
             .into_iter()
             .flatten()
             .map(|(r, score)| {
-                let window =
-                    Window { left: real(r.x), top: real(r.y), width: real(r.width), height: real(r.height) };
+                let window = DetectionWindow {
+                    left: real(r.x),
+                    top: real(r.y),
+                    width: real(r.width),
+                    height: real(r.height),
+                };
                 (window, score)
             })
             .collect();
-        let key = |(w, s): &(Window, f64)| [-*s, w.top, w.left, w.height];
+        let key = |(w, s): &(DetectionWindow, f64)| [-*s, w.top, w.left, w.height];
         found.sort_by(|a, b| {
             let (a, b) = (key(a), key(b));
             a.iter()
@@ -158,19 +162,19 @@ fn hog(weights: &[f32]) -> Result<HOGDescriptor> {
     Ok(hog)
 }
 
-/// The factors by which an image of this width and height is reduced, as long as a window fits.
+/// Factors by which an image of this width and height is reduced, as long as a window fits.
 fn levels((width, height): (u32, u32), step: f64) -> Vec<f64> {
     let scales = std::iter::successors(Some(1.0), |scale| (step > 1.0).then_some(scale * step));
     let fits = |scale: &f64| reduced(width, *scale) >= WINDOW_PX.0 && reduced(height, *scale) >= WINDOW_PX.1;
     scales.take_while(fits).take(MOST_LEVELS).collect()
 }
 
-/// A length in the image that is reduced by this factor, pixels.
+/// Length in the image reduced by this factor, pixels.
 fn reduced(pixels: u32, scale: f64) -> u32 {
     (f64::from(pixels) / scale).round_ties_even() as u32
 }
 
-/// The windows of an image reduced by this factor that are classified above `least`, in pixels of the image, with their
+/// Windows of an image reduced by this factor that are classified above `least`, in pixels of the image, with their
 /// scores.
 fn level(hog: &HOGDescriptor, image: &RgbImage, scale: f64, least: f64) -> Result<Vec<(core::Rect, f64)>> {
     let refused = adapter::refused("looking for people");
@@ -224,7 +228,7 @@ mod tests {
     #[test]
     fn a_classifier_finds_the_window_it_was_made_for() {
         let inria = PeopleClassifier::new(&PeopleClassifier::inria_weights().unwrap()).unwrap();
-        let window = Window { left: 128.0, top: 48.0, width: 64.0, height: 128.0 };
+        let window = DetectionWindow { left: 128.0, top: 48.0, width: 64.0, height: 128.0 };
         let wanted = inria.features(&figure(160, 64), &window).unwrap();
         let other = inria.features(&figure(40, 64), &window).unwrap();
         // The direction from the empty window to the figure's.

@@ -1,6 +1,6 @@
 //! One room from all cameras' surfaces: merged, with its floor found, in metres, fused.
 
-mod joined;
+mod join;
 #[cfg(test)]
 mod tests;
 
@@ -16,45 +16,45 @@ use crate::ray_depth::MeasuredPixel;
 use crate::scale::board::Square;
 use crate::surface::Surface;
 use crate::{Error, Result, scale};
-use joined::Joined;
+use join::JoinedCameras;
 
-/// Depths at picks that are off by more than this share are worth a word.
+/// Relative error of the depth at a pick from which on it is reported.
 const DOUBTFUL_DEPTH: f64 = 0.015;
 
-/// How a room is put together.
+/// Options of a room's assembly.
 #[derive(Debug, Clone, Default)]
 pub struct AssembleOptions {
-    /// Joining cameras.
+    /// Options of joining cameras.
     pub merge: MergeOptions,
-    /// Finding the floor.
+    /// Options of the floor's search.
     pub floor: FloorOptions,
-    /// Making discs.
+    /// Options of the fusion to discs.
     pub fusion: FusionOptions,
 }
 
-/// What was done.
+/// Report of a room's assembly.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AssembleReport {
-    /// Joining cameras.
+    /// Report of joining cameras.
     pub merge: MergeReport,
-    /// Finding the floor; lengths in units of the first camera's reconstruction.
+    /// Report of the floor's search; lengths in units of the first camera's reconstruction.
     pub floor: FloorReport,
     /// Metres in a unit of the first camera's reconstruction.
     pub metres_per_unit: f64,
-    /// Making discs.
+    /// Report of the fusion to discs.
     pub fusion: FusionReport,
 }
 
-/// What was made of the captures: everything once a camera of the project, in its order.
+/// Results of the captures: one entry a camera of the project, in its order.
 #[derive(Debug, Clone, Copy)]
 pub struct Captures<'a> {
-    /// What each sees from its reference view.
+    /// Surface seen by each reference view.
     pub surfaces: &'a [Surface],
-    /// What only each one's key frames saw, in its reference view's frame and unit.
+    /// Discs seen only by each camera's key frames, in its reference view's frame and unit.
     pub key_frame_discs: &'a [&'a [Disc]],
     /// Intrinsics as filmed.
     pub lenses: &'a [calib::Intrinsics],
-    /// The project's pixels whose depth was measured on its own.
+    /// Picked pixels with individually measured depths.
     pub measured: &'a [Vec<MeasuredPixel>],
     /// Normals of the interpretation planes of edges in the pictures, in the reference view's frame; may be empty.
     pub edges: &'a [Vec<Vector3<f64>>],
@@ -62,17 +62,18 @@ pub struct Captures<'a> {
     pub square: Option<Square>,
 }
 
-/// Puts a room together. Zones are left empty, reference images unnamed.
+/// Assembles a room. Zones are left empty, reference images unnamed.
 ///
 /// # Errors
-/// Picks that do not fit, no depth where it is needed, no floor: each with its place.
+/// Picks that do not fit, missing depth at picks, no floor: each with its place.
 pub fn assemble(
     project: &Project,
     captures: &Captures<'_>,
     options: &AssembleOptions,
 ) -> Result<(Room, AssembleReport)> {
     let Captures { surfaces, lenses, measured, square, .. } = *captures;
-    let Joined { merged, report: merge_report, poses, floor } = captures.joined(project, options)?;
+    let JoinedCameras { merged, report: merge_report, poses, floor } =
+        captures.join_cameras(project, options)?;
     for (point, camera, off) in &merge_report.outliers {
         tracing::warn!(
             "{}: [[point]] {point}, {}: left out, {off:.1} pixels from where the other picks put it",

@@ -1,4 +1,4 @@
-//! Rooms put together from surfaces whose truth is known.
+//! Rooms assembled from surfaces with known truth.
 
 use super::*;
 use crate::capture::ReferenceFrame;
@@ -12,7 +12,7 @@ use rand_pcg::Pcg64Mcg;
 use scenes::raycast::RayScene;
 use synthetic::RoomOptions;
 
-/// Points that both cameras see, picked to within a pixel.
+/// Points visible to both cameras, picked to within a pixel.
 fn picks(scene: &RayScene, [a, b]: [&Camera; 2], rng: &mut Pcg64Mcg) -> Vec<PickedPoint> {
     let single = |p: &Point3<f64>| Vec3::new(p.x as f32, p.y as f32, p.z as f32);
     let mut points: Vec<PickedPoint> = Vec::new();
@@ -51,7 +51,7 @@ fn furnished_rooms_come_out_metric_and_upright() {
         let built = RoomOptions { seed, ..RoomOptions::default() }.build().unwrap();
         let scene = RayScene::new(built.room.geometry.as_ref().unwrap()).unwrap();
         let truth = [0, 1].map(|i| &built.room.cameras[i].camera);
-        // Two captures know nothing of each other's unit.
+        // The two captures have different units.
         let surfaces = [(0, 1.9), (1, 0.7)].map(|(i, unit_m)| {
             Rendering { unit_m, noise: 0.005, holes: 0.2, seed: seed + i as u64 }.of(&scene, truth[i])
         });
@@ -122,8 +122,8 @@ fn a_board_gives_the_metres_in_whichever_camera_it_is_seen() {
     assert!(refused.contains("[scale], board"), "{refused}");
 }
 
-/// What pictures have in common says how cameras stand where their spaces are bent: across the image here, by half as
-/// much as the capture of a real room was. Both are bent the same way, so that their surfaces agree all the same.
+/// Corresponding points in the pictures align cameras whose spaces are bent: across the image here, by half as much as
+/// in the capture of a real room. Both are bent the same way, so that their surfaces agree nevertheless.
 #[test]
 fn pictures_hold_what_bent_depths_let_go() {
     let mut turns_deg = [0.0; 2];
@@ -158,10 +158,10 @@ fn pictures_hold_what_bent_depths_let_go() {
     assert!(with < 0.75 * without, "{with}° with, {without}° without what pictures have in common");
 }
 
-/// Where depths are bent, floors slope; what runs up in the pictures does not: a fourth of all edges here. From the top of
+/// In bent spaces floors slope, but vertical lines in the pictures do not: a fourth of all edges here. From the top of
 /// the image to its bottom one camera's depths are stretched by 12 %, the other's by 6 %.
 #[test]
-fn what_runs_up_in_the_pictures_says_how_level_a_bent_room_is() {
+fn vertical_lines_in_pictures_level_a_bent_room() {
     let mut tilts_deg = [0.0; 2];
     for seed in 1..=5 {
         let built = RoomOptions { seed, image_px: [480, 360], ..RoomOptions::default() }.build().unwrap();

@@ -1,31 +1,30 @@
-//! How well a problem's observations know the lens, though they err together.
+//! Uncertainty of the lens in a bundle problem with correlated errors.
 //!
-//! The covariance that least squares gives, `σ² H⁻¹`, takes each observation's error as its own. Here they are not: a
-//! feature's patch looks a little different from everywhere, so all its observations err alike, and a blurred frame moves
-//! all that it saw. What each observation contributes to the lens, its influence `H⁻¹ Jᵀ w r`, is therefore summed over
-//! each feature, and over each frame, before it is squared: the covariance clustered two ways of A. C. Cameron,
-//! J. B. Gelbach, D. L. Miller, "Robust inference with multiway clustering" (Journal of Business & Economic Statistics
-//! 2011), equation 2.8, `features + frames − single observations`.
+//! The covariance of least squares, `σ² H⁻¹`, assumes independent errors. Here they are not: a feature's patch looks a
+//! little different from everywhere, so all its observations err alike, and a blurred frame moves all its observations.
+//! The contribution of each observation to the lens, its influence `H⁻¹ Jᵀ w r`, is therefore summed over each feature,
+//! and over each frame, before it is squared: the covariance clustered two ways of A. C. Cameron, J. B. Gelbach, D. L.
+//! Miller, "Robust inference with multiway clustering" (Journal of Business & Economic Statistics 2011), equation 2.8,
+//! `features + frames − single observations`.
 
 use nalgebra::{Matrix3, Vector3, Vector6};
 
 use super::residual;
 use super::schur::NormalEquations;
-use super::{BundleOptions, Problem};
+use super::{BundleOptions, BundleProblem};
 
-/// What observations say of `(ln f, k1, k2)`; zero where a parameter is fixed.
+/// Estimate of `(ln f, k1, k2)` from the observations; zero where a parameter is fixed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LensEvidence {
-    /// By how much the lens would change in the next step of adjustment, poses and points with it: nothing once it has
-    /// been adjusted.
+    /// Change of the lens in the next step of adjustment, poses and points with it: zero once it has been adjusted.
     pub step: Vector3<f64>,
-    /// Covariance of the lens so found.
+    /// Covariance of the estimated lens.
     pub covariance: Matrix3<f64>,
 }
 
-/// What a problem whose poses and points have been adjusted says of the lens; `options.lens` says what of it is
-/// unknown. `None` where the observations do not determine that.
-pub fn lens_evidence(problem: &Problem, options: &BundleOptions) -> Option<LensEvidence> {
+/// Estimates the lens of a problem whose poses and points have been adjusted; `options.lens` selects its unknowns.
+/// `None` where the observations do not determine them.
+pub fn lens_evidence(problem: &BundleProblem, options: &BundleOptions) -> Option<LensEvidence> {
     let columns = NormalEquations::build(problem, options).lens_columns(options.fixed_pose)?;
     let poses = problem.pose_matrices();
     let mut of_frames = vec![Vector3::zeros(); problem.poses.len()];
@@ -66,7 +65,7 @@ pub fn lens_evidence(problem: &Problem, options: &BundleOptions) -> Option<LensE
     let both = features + frames - singles;
     let count = columns.len();
     let is_covariance = |m: &Matrix3<f64>| m.view((0, 0), (count, count)).into_owned().cholesky().is_some();
-    // The difference need not be one where either kind of cluster hardly errs together.
+    // The difference may not be positive definite where either kind of cluster has nearly independent errors.
     let covariance = [both, features, singles].into_iter().find(is_covariance)?;
     Some(LensEvidence { step, covariance: covariance * (2.0 * weights / freedom) })
 }

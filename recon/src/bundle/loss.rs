@@ -1,13 +1,13 @@
 //! Robust losses ρ(s) of a squared residual s, with ρ(s) ≈ s for small s.
 
-/// How much a large residual counts.
+/// Robust loss of a residual.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Loss {
     /// ρ = s.
     Squares,
     /// Quadratic up to this residual, linear beyond.
     Huber(f64),
-    /// ρ = c² ln(1 + s / c²): outliers fade.
+    /// ρ = c² ln(1 + s / c²): the influence of outliers tends to zero.
     Cauchy(f64),
 }
 

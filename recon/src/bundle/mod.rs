@@ -31,24 +31,24 @@ pub use loss::Loss;
 use residual::PoseMatrix;
 use schur::NormalEquations;
 
-/// The squared residual, in pixels, that an observation behind its camera counts with, and any at most.
+/// Squared residual, in pixels, of an observation behind its camera, and the largest of any.
 const SQUARED_BEHIND_CAMERA: f64 = 1e6;
 
-/// One point seen by one camera.
+/// Observation of one point by one camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Observation {
-    /// Index into [`Problem::poses`].
+    /// Index into [`BundleProblem::poses`].
     pub pose: usize,
-    /// Where, in pixels (distorted, as in the image).
+    /// Pixel (distorted, as in the image).
     pub pixel: Point2<f64>,
 }
 
-/// What is adjusted.
+/// Unknowns and observations of an adjustment.
 #[derive(Debug, Clone)]
-pub struct Problem {
-    /// The lens all poses share.
+pub struct BundleProblem {
+    /// Intrinsics shared by all poses.
     pub intrinsics: Intrinsics,
-    /// `camera_from_world`.
+    /// Poses (`camera_from_world`).
     pub poses: Vec<Isometry3<f64>>,
     /// World points.
     pub points: Vec<Point3<f64>>,
@@ -56,20 +56,20 @@ pub struct Problem {
     pub observations: Vec<Vec<Observation>>,
 }
 
-/// Which part of the lens is free.
+/// Free parameters of the lens.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum LensFreedom {
-    /// Calibrated: nothing.
+    /// Calibrated: none is free.
     #[default]
     Fixed,
-    /// The focal lengths, in their ratio.
+    /// Focal lengths, in their ratio.
     Focal,
     /// Focal lengths and the radial coefficients k1 and k2.
     FocalRadial,
 }
 
 impl LensFreedom {
-    /// Free parameters.
+    /// Number of free parameters.
     fn count(self) -> usize {
         match self {
             Self::Fixed => 0,
@@ -79,18 +79,18 @@ impl LensFreedom {
     }
 }
 
-/// How to adjust.
+/// Options of an adjustment.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BundleOptions {
     /// Robust loss of the residual in pixels.
     pub loss: Loss,
-    /// The pose that stays put.
+    /// Index of the pose that is held fixed.
     pub fixed_pose: usize,
-    /// What of the lens is adjusted.
+    /// Free parameters of the lens.
     pub lens: LensFreedom,
-    /// Steps at most.
+    /// Largest number of steps.
     pub max_steps: usize,
-    /// Ends when a step lowers the cost by less than this fraction.
+    /// Relative decrease of the cost below which the adjustment ends.
     pub cost_end: f64,
 }
 
@@ -106,26 +106,26 @@ impl Default for BundleOptions {
     }
 }
 
-/// What adjustment did.
+/// Report of an adjustment.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct BundleReport {
     /// Steps taken or tried.
     pub steps: usize,
-    /// Σ ρ before.
+    /// Σ ρ before the adjustment.
     pub initial_cost: f64,
-    /// Σ ρ after.
+    /// Σ ρ after the adjustment.
     pub final_cost: f64,
-    /// Root mean square residual after (a pixel distance), outliers included.
+    /// Root mean square residual after the adjustment (a pixel distance), outliers included.
     pub rms_px: f64,
 }
 
-impl Problem {
-    /// Observations in all.
+impl BundleProblem {
+    /// Number of observations.
     pub fn observation_count(&self) -> usize {
         self.observations.iter().map(Vec::len).sum()
     }
 
-    /// The distance between projected and measured pixel; infinite behind the camera.
+    /// Distance between projected and measured pixel; infinite behind the camera.
     pub fn error_px(&self, point: usize, observation: &Observation) -> f64 {
         let pose = PoseMatrix::new(&self.poses[observation.pose]);
         residual::residual(&self.intrinsics, &pose, &self.points[point], &observation.pixel)
@@ -136,7 +136,7 @@ impl Problem {
         self.poses.iter().map(PoseMatrix::new).collect()
     }
 
-    /// The squared distance between projected and measured pixel.
+    /// Squared distance between projected and measured pixel.
     fn squared_error(&self, poses: &[PoseMatrix], point: usize, observation: &Observation) -> f64 {
         let pose = &poses[observation.pose];
         residual::residual(&self.intrinsics, pose, &self.points[point], &observation.pixel)
@@ -170,10 +170,10 @@ impl Problem {
     }
 }
 
-/// Adjusts the problem in place; it never gets worse.
+/// Adjusts the problem in place; its cost never increases.
 ///
 /// A problem that does not determine its unknowns is damped, not refused; the overall scale is such an unknown.
-pub fn adjust(problem: &mut Problem, options: &BundleOptions) -> BundleReport {
+pub fn adjust(problem: &mut BundleProblem, options: &BundleOptions) -> BundleReport {
     let mut report = BundleReport::default();
     let mut cost = problem.cost(options.loss);
     report.initial_cost = cost;
@@ -217,7 +217,7 @@ pub fn adjust(problem: &mut Problem, options: &BundleOptions) -> BundleReport {
             }
         }
     }
-    // Rounding of many small turns.
+    // Many small rotations accumulate rounding errors.
     for pose in &mut problem.poses {
         pose.rotation.renormalize();
     }

@@ -6,7 +6,7 @@
 use calib::Intrinsics;
 use nalgebra::{Isometry3, Matrix2x3, Matrix3, Point2, Point3, SMatrix, Vector2, Vector3};
 
-/// Points nearer to the camera plane than this (in the scene's unit) have no image.
+/// Least depth with which a point has an image, in the scene's unit.
 const MIN_DEPTH: f64 = 1e-6;
 
 /// Derivative of a pixel by the pose's six parameters: translation first.
@@ -14,7 +14,7 @@ pub(super) type PoseJacobian = SMatrix<f64, 2, 6>;
 /// Derivative of a pixel by `(ln f, k1, k2)`.
 pub(super) type LensJacobian = SMatrix<f64, 2, 3>;
 
-/// A pose as the matrix that many points are multiplied by.
+/// A pose as a matrix, for the multiplication of many points.
 pub(super) struct PoseMatrix {
     pub(super) rotation: Matrix3<f64>,
     translation: Vector3<f64>,
@@ -28,14 +28,14 @@ impl PoseMatrix {
         }
     }
 
-    /// A world point in the camera's coordinates; `None` behind the camera.
+    /// World point in the camera's coordinates; `None` behind the camera.
     fn before(&self, point: &Point3<f64>) -> Option<Point3<f64>> {
         let p = self.rotation * point.coords + self.translation;
         (p.z >= MIN_DEPTH).then_some(Point3::from(p))
     }
 }
 
-/// A residual with what the derivatives of the projected pixel are made of.
+/// A residual with the factors of the derivatives of the projected pixel.
 pub(super) struct Linearised {
     pub(super) residual: Vector2<f64>,
     /// `X_c`.
@@ -102,7 +102,7 @@ fn off(lens: &Intrinsics, p: &Point3<f64>, pixel: &Point2<f64>) -> Vector2<f64> 
     Vector2::new(lens.fx * d.x + lens.cx - pixel.x, lens.fy * d.y + lens.cy - pixel.y)
 }
 
-/// The pose after a step of its six parameters.
+/// Pose after a step of its six parameters.
 pub(super) fn moved_pose(pose: &Isometry3<f64>, step: &[f64]) -> Isometry3<f64> {
     let turn = Isometry3::rotation(Vector3::new(step[3], step[4], step[5]));
     let mut moved = turn * pose;
@@ -110,7 +110,7 @@ pub(super) fn moved_pose(pose: &Isometry3<f64>, step: &[f64]) -> Isometry3<f64> 
     moved
 }
 
-/// The camera after a step of `(ln f, k1, k2)`.
+/// Camera after a step of `(ln f, k1, k2)`.
 pub(super) fn moved_lens(lens: &Intrinsics, step: &[f64]) -> Intrinsics {
     let mut moved = lens.clone();
     moved.fx *= step[0].exp();

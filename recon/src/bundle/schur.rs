@@ -4,12 +4,12 @@ use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, Vector3, Vector6};
 use rayon::prelude::*;
 
 use super::residual::{self, LensJacobian, PoseMatrix};
-use super::{BundleOptions, Problem};
+use super::{BundleOptions, BundleProblem};
 
 type Block6x3 = SMatrix<f64, 6, 3>;
 
 /// One observation's part of W.
-struct Edge {
+struct PoseEdge {
     pose: usize,
     /// `J_poseᵀ w J_point`.
     w: Block6x3,
@@ -20,7 +20,7 @@ struct PointBlock {
     /// V before damping.
     v: Matrix3<f64>,
     gradient: Vector3<f64>,
-    edges: Vec<Edge>,
+    edges: Vec<PoseEdge>,
     /// `J_lensᵀ w J_point`, summed over the point's observations.
     lens: Matrix3<f64>,
 }
@@ -28,10 +28,10 @@ struct PointBlock {
 /// One pose's part of the system.
 #[derive(Clone)]
 struct PoseBlock {
-    /// Its upper triangle.
+    /// Upper triangle of U.
     u: SMatrix<f64, 6, 6>,
     gradient: Vector6<f64>,
-    /// With the lens.
+    /// Block shared with the lens.
     border: Block6x3,
 }
 
@@ -41,10 +41,11 @@ impl PoseBlock {
     }
 }
 
-/// Points whose parts of the camera side are summed together, so that sums do not depend on the number of threads.
+/// Number of points whose contributions to the cameras are summed together, so that sums do not depend on the number of
+/// threads.
 const CHUNK: usize = 128;
 
-/// What a chunk of points contributes.
+/// Contribution of a chunk of points.
 struct Chunk {
     points: Vec<PointBlock>,
     poses: Vec<PoseBlock>,
@@ -63,7 +64,7 @@ impl Chunk {
     }
 }
 
-/// The system of one linearisation; solved for several dampings.
+/// Normal equations of one linearisation; solved for several dampings.
 pub(super) struct NormalEquations {
     poses: usize,
     lens_count: usize,
@@ -75,12 +76,12 @@ pub(super) struct NormalEquations {
     seen: Vec<Vec<(usize, usize)>>,
 }
 
-/// A solution.
-pub(super) struct Step {
+/// Solution of the normal equations.
+pub(super) struct BundleStep {
     /// Six numbers a pose, then the lens's.
     pub(super) cameras: Vec<f64>,
     pub(super) points: Vec<Vector3<f64>>,
-    /// How much the linearised cost falls.
+    /// Predicted decrease of the linearised cost.
     pub(super) predicted_gain: f64,
 }
 
@@ -88,13 +89,13 @@ pub(super) struct Step {
 pub(super) struct Column {
     /// Six numbers a pose, then the lens's.
     pub(super) cameras: Vec<f64>,
-    /// The lens's again, 0 where it is fixed.
+    /// Lens's entries again, 0 where it is fixed.
     pub(super) lens: Vector3<f64>,
     pub(super) points: Vec<Vector3<f64>>,
 }
 
 impl NormalEquations {
-    pub(super) fn build(problem: &Problem, options: &BundleOptions) -> Self {
+    pub(super) fn build(problem: &BundleProblem, options: &BundleOptions) -> Self {
         let poses = problem.poses.len();
         let matrices = problem.pose_matrices();
         let chunks: Vec<Chunk> = (0..problem.points.len().div_ceil(CHUNK))
@@ -132,22 +133,23 @@ impl NormalEquations {
         Self { poses, lens_count, pose_blocks, lens_block, lens_gradient, points, seen }
     }
 
-    /// The step for one damping (relative to the diagonal); `None` when the reduced matrix is not positive definite.
-    pub(super) fn solve(&self, damping: f64, fixed_pose: usize) -> Option<Step> {
+    /// Solves for the step of one damping (relative to the diagonal); `None` when the reduced matrix is not positive
+    /// definite.
+    pub(super) fn solve(&self, damping: f64, fixed_pose: usize) -> Option<BundleStep> {
         let inverses = self.inverses(damping)?;
         let (matrix, right) = self.reduced(&inverses, damping, fixed_pose);
         let cameras = matrix.cholesky()?.solve(&right);
         let lens_step = self.lens_step(&cameras);
         let points = self.points_for(&cameras, &inverses, |block| block.gradient);
         let predicted_gain = self.predicted_gain(&cameras, &lens_step, &points, damping);
-        Some(Step { cameras: cameras.as_slice().to_vec(), points, predicted_gain })
+        Some(BundleStep { cameras: cameras.as_slice().to_vec(), points, predicted_gain })
     }
 
     fn inverses(&self, damping: f64) -> Option<Vec<Matrix3<f64>>> {
         self.points.iter().map(|p| damped(&p.v, damping).try_inverse()).collect()
     }
 
-    /// The reduced matrix and its right side, the fixed pose's step held at zero.
+    /// Reduced matrix and its right side, the fixed pose's step held at zero.
     fn reduced(
         &self,
         inverses: &[Matrix3<f64>],
@@ -164,7 +166,7 @@ impl NormalEquations {
             right.rows_mut(6 * pose, 6).copy_from(gradient);
         }
         self.add_lens(&mut matrix, &mut right, damping, inverses);
-        // The lower triangle from the upper, which is all that was summed.
+        // Only the upper triangle was summed.
         matrix.fill_lower_triangle_with_upper_triangle();
         // The fixed pose: its rows and columns become the identity's, its step zero.
         for k in 6 * fixed_pose..6 * fixed_pose + 6 {
@@ -176,7 +178,7 @@ impl NormalEquations {
         (matrix, right)
     }
 
-    /// The points' part of a solution: `V⁻¹ (right − Wᵀ cameras)`.
+    /// Points' part of a solution: `V⁻¹ (right − Wᵀ cameras)`.
     fn points_for(
         &self,
         cameras: &DVector<f64>,
@@ -194,9 +196,9 @@ impl NormalEquations {
         self.points.par_iter().with_min_len(64).zip(inverses).map(of_point).collect()
     }
 
-    /// The lens's columns of the inverse of the whole matrix. `None` where the lens is fixed or nothing is determined.
+    /// Lens's columns of the inverse of the whole matrix. `None` where the lens is fixed or nothing is determined.
     pub(super) fn lens_columns(&self, fixed_pose: usize) -> Option<Vec<Column>> {
-        /// Scale is free, so the matrix is singular; it does not touch the lens.
+        /// Damping that makes the matrix, singular by the free scale, invertible; it does not affect the lens.
         const DAMPING: f64 = 1e-10;
         if self.lens_count == 0 {
             return None;
@@ -324,12 +326,12 @@ fn subtract_product(block: &mut SMatrix<f64, 6, 6>, y: &Block6x3, w: &Block6x3) 
     }
 }
 
-/// A point's block, its edges by pose; what its observations say of poses and lens is added to `sums`.
+/// Block of a point, its edges by pose; its observations' contributions to poses and lens are added to `sums`.
 ///
 /// A pose's Jacobian is that by the point in camera coordinates times `[I, −[X_c]×]`, a point's the same times the
 /// rotation: so all blocks come from `A = w Jᵀ J` of 3 × 3.
 fn point_block(
-    problem: &Problem,
+    problem: &BundleProblem,
     poses: &[PoseMatrix],
     options: &BundleOptions,
     point: usize,
@@ -356,7 +358,7 @@ fn point_block(
         let by_point = a * pose.rotation;
         block.v += pose.rotation.tr_mul(&by_point);
         block.gradient -= pose.rotation.tr_mul(&gradient);
-        block.edges.push(Edge { pose: observation.pose, w: for_pose(at, &by_point) });
+        block.edges.push(PoseEdge { pose: observation.pose, w: for_pose(at, &by_point) });
         let sum = &mut sums.poses[observation.pose];
         let turned = crossed(at, &a).transpose();
         add(&mut sum.u, 0, 0, &a);
@@ -379,7 +381,7 @@ fn point_block(
     block
 }
 
-/// `[I, −[x]×]ᵀ m`: what a point in camera coordinates says of its camera's pose.
+/// `[I, −[x]×]ᵀ m`: contribution of a point in camera coordinates to its camera's pose.
 fn for_pose(x: &Vector3<f64>, m: &Matrix3<f64>) -> Block6x3 {
     let mut block = Block6x3::zeros();
     block.fixed_rows_mut::<3>(0).copy_from(m);
@@ -398,7 +400,7 @@ fn add(sum: &mut SMatrix<f64, 6, 6>, row: usize, column: usize, m: &Matrix3<f64>
     block += m;
 }
 
-/// A 3 × 3 block with its diagonal raised; a point nobody sees gets the identity.
+/// A 3 × 3 block with its diagonal raised; the identity for a point without observations.
 fn damped(block: &Matrix3<f64>, damping: f64) -> Matrix3<f64> {
     let mut raised = *block;
     let floor = 1e-13 * block.trace().max(1e-9);

@@ -1,4 +1,4 @@
-//! Adjustment against scenes whose truth is known.
+//! Adjustment of scenes with known truth.
 
 use super::*;
 use calib::Distortion;
@@ -9,17 +9,17 @@ use rand_pcg::Pcg64Mcg;
 use synthetic::tracks::{self, TrackOptions};
 
 /// Synthetic tracks in the frame of their first camera.
-fn scene(noise_px: f64, seed: u64) -> Problem {
+fn scene(noise_px: f64, seed: u64) -> BundleProblem {
     let mut intrinsics = Intrinsics::from_horizontal_fov(640, 480, 65.0);
     intrinsics.distortion = Distortion { k1: -0.08, k2: 0.02, ..Distortion::NONE };
     let options =
         TrackOptions { seed, cameras: 8, noise_px, gaps: 0.0, intrinsics, ..TrackOptions::default() };
     let tracks = options.build();
     let first_from_world = tracks.camera_from_world[0];
-    let of_point = |seen: &Vec<tracks::Observation>| {
+    let of_point = |seen: &Vec<tracks::PointObservation>| {
         seen.iter().map(|o| Observation { pose: o.camera, pixel: o.pixel }).collect()
     };
-    Problem {
+    BundleProblem {
         intrinsics: options.intrinsics,
         poses: tracks.camera_from_world.iter().map(|pose| pose * first_from_world.inverse()).collect(),
         points: tracks.points.iter().map(|point| first_from_world * point).collect(),
@@ -28,7 +28,7 @@ fn scene(noise_px: f64, seed: u64) -> Problem {
 }
 
 /// The same problem with everything but the first pose disturbed.
-fn disturbed(truth: &Problem, seed: u64) -> Problem {
+fn disturbed(truth: &BundleProblem, seed: u64) -> BundleProblem {
     let mut rng = Pcg64Mcg::seed_from_u64(seed);
     let normal = Normal::new(0.0, 0.02).unwrap();
     let mut start = truth.clone();
@@ -43,7 +43,7 @@ fn disturbed(truth: &Problem, seed: u64) -> Problem {
 }
 
 /// Largest rotation (radians) and direction-of-translation error against the truth; the scale is free.
-fn pose_errors(found: &Problem, truth: &Problem) -> (f64, f64) {
+fn pose_errors(found: &BundleProblem, truth: &BundleProblem) -> (f64, f64) {
     let scale = found.poses[7].translation.vector.norm() / truth.poses[7].translation.vector.norm();
     let mut worst = (0.0_f64, 0.0_f64);
     for (f, t) in found.poses.iter().zip(&truth.poses) {
@@ -166,7 +166,7 @@ fn any_number_of_threads_gives_the_same_bytes() {
 
 #[test]
 fn nothing_to_adjust_is_no_accident() {
-    let empty = Problem {
+    let empty = BundleProblem {
         intrinsics: Intrinsics::from_horizontal_fov(64, 48, 60.0),
         poses: vec![Isometry3::identity(); 2],
         points: vec![Point3::new(0.0, 0.0, -1.0)],
@@ -174,12 +174,12 @@ fn nothing_to_adjust_is_no_accident() {
     };
     let mut problem = empty.clone();
     assert!(adjust(&mut problem, &BundleOptions::default()).final_cost.is_finite());
-    problem = Problem { points: vec![], observations: vec![], ..empty };
+    problem = BundleProblem { points: vec![], observations: vec![], ..empty };
     assert_eq!(adjust(&mut problem, &BundleOptions::default()).steps, 0);
 }
 
-/// The scatter of the focal length's logarithm over many repeats of `noise`, and the mean of what is said of it.
-fn focal_scatter_and_sigma(mut noise: impl FnMut(&mut Problem, &mut Pcg64Mcg)) -> (f64, f64) {
+/// Scatter of the focal length's logarithm over many repeats of `noise`, and the mean of its estimated deviation.
+fn focal_scatter_and_sigma(mut noise: impl FnMut(&mut BundleProblem, &mut Pcg64Mcg)) -> (f64, f64) {
     const REPEATS: u64 = 40;
     let options = BundleOptions {
         loss: Loss::Squares,
@@ -202,7 +202,7 @@ fn focal_scatter_and_sigma(mut noise: impl FnMut(&mut Problem, &mut Pcg64Mcg)) -
     ((squares / REPEATS as f64).sqrt(), said.sqrt())
 }
 
-/// The predicted standard deviation is the one that repeated measurements show.
+/// The predicted standard deviation equals the scatter of repeated measurements.
 #[test]
 fn the_focal_lengths_sigma_is_its_scatter() {
     let normal = Normal::new(0.0, 0.4).unwrap();
@@ -212,7 +212,7 @@ fn the_focal_lengths_sigma_is_its_scatter() {
             observation.pixel.y += normal.sample(rng);
         }
     });
-    // Forty repeats know a standard deviation to 11 %.
+    // Forty repeats determine a standard deviation to 11 %.
     assert!((0.7..1.4).contains(&(said / scatter)), "said {said}, scatter {scatter}");
 }
 
@@ -225,7 +225,7 @@ fn observations_that_err_alike_say_no_more_than_one() {
                 observation.pixel.x += normal.sample(rng);
                 observation.pixel.y += normal.sample(rng);
             }
-            // Were each of these a measurement of its own, three times as much would be known.
+            // If each were an independent measurement, the standard deviation would be a third.
             *observations = observations.iter().flat_map(|o| [*o; 9]).collect();
         }
     });

@@ -1,4 +1,4 @@
-//! `recon build`: a capture project → a room directory.
+//! `recon build`: builds a room directory from a capture project.
 
 use std::path::PathBuf;
 
@@ -7,15 +7,15 @@ use clap::ValueEnum;
 use recon::dense::DenseOptions;
 use recon::motion::MotionOptions;
 use recon::pipeline::{self, BuildOptions, BuildReport};
-use shell::console::{Console, Stages};
+use shell::console::{Console, ProgressStages};
 
 /// Build a room directory from a capture project.
 ///
 /// Besides scene.toml, room.ply and the reference images, the room gets pictures that show whether it worked: plan.png
 /// (the floor plan) and preview/NAME.png (reference image, depth, the room redrawn); and report.json.
 ///
-/// What was made of a capture is kept (in DIR.unfinished, later in DIR/cache): an interrupted build goes on where it
-/// ended, and another pick or distance costs seconds.
+/// Results of each capture are kept (in DIR.unfinished, later in DIR/cache): an interrupted build is resumed, and
+/// another pick or distance costs seconds.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   recon build room.toml --out myroom
@@ -32,10 +32,10 @@ pub(crate) struct Build {
     /// Take the [[zone]] tables of this file; without it a replaced room's zones are kept.
     #[arg(long, value_name = "FILE")]
     zones: Option<PathBuf>,
-    /// How much stereo is done: a draft shows whether picks, floor and metres are right.
+    /// Effort spent on stereo: a draft shows whether picks, floor and metres are right.
     #[arg(long, value_enum, default_value_t = Quality::Full)]
     quality: Quality,
-    /// Where a capture speaks clearly against its intrinsics file, take focal length and radial distortion from both.
+    /// Take focal length and radial distortion from both where a capture clearly contradicts its intrinsics file.
     #[arg(long)]
     refine_intrinsics: bool,
     /// Seed of everything random.
@@ -50,7 +50,7 @@ pub(crate) struct Build {
 pub(super) enum Quality {
     /// Fewer key frames and rounds
     Draft,
-    /// What a room is followed in
+    /// Quality for tracking people
     Full,
 }
 
@@ -63,7 +63,7 @@ impl Quality {
     }
 }
 
-/// Works with so many threads from now on, if it is said with how many.
+/// Limits the number of worker threads from now on, if one is given.
 pub(super) fn limit_threads(threads: Option<u16>) -> anyhow::Result<()> {
     if let Some(threads) = threads.map(usize::from) {
         rayon::ThreadPoolBuilder::new().num_threads(threads).build_global().context("--threads")?;
@@ -81,7 +81,7 @@ impl Build {
         let small_pictures = self.quality == Quality::Draft;
         let options =
             BuildOptions { zones, seed: self.seed, motion, dense, small_pictures, ..BuildOptions::default() };
-        let mut stages: Option<Stages> = None;
+        let mut stages: Option<ProgressStages> = None;
         let report = pipeline::build(&self.project, &self.out, &options, &mut |step| {
             stages.get_or_insert_with(|| console.stages(step.of)).show(step.number, &step.what);
         });
@@ -111,7 +111,7 @@ impl Build {
                 ));
             }
         }
-        // One camera alone is joined to none.
+        // A single camera is not joined to others.
         let picks = if report.cameras.len() > 1 {
             format!("picks to {:.2} px, ", report.pick_rms_px)
         } else {

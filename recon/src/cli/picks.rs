@@ -6,22 +6,22 @@ use anyhow::{Context, bail};
 use calib::files::write_together;
 use recon::pipeline::{self, BuildOptions, ReferenceView};
 use recon::project::{PickedPoint, Project};
-use recon::proposals::{self, Found, Pair, ProposalOptions};
+use recon::proposals::{self, CameraPair, Correspondence, ProposalOptions};
 use recon::surface::Surface;
-use shell::console::{Console, Stages};
+use shell::console::{Console, ProgressStages};
 
 use super::build::Quality;
 
-/// A pick farther than this from where both captures put it is worth a line, pixels.
+/// Distance of a pick from its position by both captures from which on it is reported, pixels.
 const DOUBTFUL_PX: f64 = 6.0;
 
 /// Propose points that cameras have in common.
 ///
-/// Works through the captures as `recon build` does, looks for the same physical points in the cameras' reference images,
-/// and writes those that both captures' geometry and pictures bear out as [[point]] tables, with a picture in which they are
-/// numbered. Look at them there before you copy them into ROOM.toml. Where nothing is borne out, nothing is proposed:
-/// pick at least three points of that pair by hand. Points that ROOM.toml has already are checked; neither they nor a
-/// scale are needed.
+/// Works through the captures as `recon build` does, looks for the same physical points in the cameras' reference
+/// images, and writes those that both captures' geometry and pictures confirm as [[point]] tables, with a picture in
+/// which they are numbered. Look at them there before you copy them into ROOM.toml. Where nothing is confirmed, nothing
+/// is proposed: pick at least three points of that pair by hand. Points that ROOM.toml has already are checked; neither
+/// they nor a scale are needed.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   recon picks room.toml --out picks.toml
@@ -30,16 +30,17 @@ pub(crate) struct Picks {
     /// The capture project; its cameras suffice.
     #[arg(value_name = "ROOM.toml")]
     project: PathBuf,
-    /// Where to write the [[point]] tables.
+    /// File to write the [[point]] tables to.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Where to draw them; beside the tables, as PNG, when not given.
+    /// File to draw them in; beside the tables, as PNG, when not given.
     #[arg(long, value_name = "FILE")]
     picture: Option<PathBuf>,
-    /// The room directory that `recon build` makes or made: what is made of the captures is taken from there, and kept for it.
+    /// The room directory that `recon build` makes or made: results of the captures are taken from there, and kept for
+    /// it.
     #[arg(long, value_name = "DIR")]
     room: Option<PathBuf>,
-    /// How much stereo is done, as for `recon build`.
+    /// Effort spent on stereo, as for `recon build`.
     #[arg(long, value_enum, default_value_t = Quality::Full)]
     quality: Quality,
     /// Points a pair of cameras, at most; three are the fewest that join two cameras.
@@ -69,7 +70,7 @@ impl Picks {
         }
         let options =
             BuildOptions { seed: self.seed, dense: self.quality.dense(), ..BuildOptions::default() };
-        let mut stages: Option<Stages> = None;
+        let mut stages: Option<ProgressStages> = None;
         let views = pipeline::reference_views(&cameras, self.room.as_deref(), &options, &mut |step| {
             stages.get_or_insert_with(|| console.stages(step.of)).show(step.number, &step.what);
         });
@@ -81,7 +82,7 @@ impl Picks {
         let pairs = proposals::propose(&surfaces, &how)?;
         let mut proposed = Vec::new();
         for pair in &pairs {
-            console.line(&told(pair, &views, &points, &mut proposed));
+            console.line(&describe(pair, &views, &points, &mut proposed));
         }
         if proposed.is_empty() {
             bail!(
@@ -117,9 +118,9 @@ impl Picks {
     }
 }
 
-/// Adds a pair's proposals, and says what is known of the pair.
-fn told(
-    pair: &Pair,
+/// Adds a pair's proposals, and returns a line about the pair.
+fn describe(
+    pair: &CameraPair,
     views: &[ReferenceView],
     points: &[PickedPoint],
     proposed: &mut Vec<(PickedPoint, f64)>,
@@ -144,8 +145,13 @@ fn told(
     format!("{both}: {count} points proposed, of {} that agree{known}", found.matches)
 }
 
-/// What the proposals say of the points that are there already.
-fn against(found: &Found, [a, b]: [usize; 2], views: &[ReferenceView], points: &[PickedPoint]) -> String {
+/// Comparison of existing points with the proposals, as part of a line.
+fn against(
+    found: &Correspondence,
+    [a, b]: [usize; 2],
+    views: &[ReferenceView],
+    points: &[PickedPoint],
+) -> String {
     let misses: Vec<(usize, f64)> = points
         .iter()
         .enumerate()

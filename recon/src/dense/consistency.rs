@@ -1,14 +1,13 @@
-//! Which depths can be believed: those that several key frames, matched on their own, come back to.
+//! Reliability of depths: agreement with the depth maps of several key frames, which are matched independently.
 
 use rayon::prelude::*;
 
 use super::DenseOptions;
-use super::patchmatch::Problem;
+use super::patchmatch::DepthProblem;
 use super::support::SupportMap;
 
-/// For each pixel the number of sources whose own depth map agrees with it; 0 where that is too few or the patch
-/// does not correlate.
-pub(super) fn agreeing(problem: &Problem<'_>, map: &SupportMap, options: &DenseOptions) -> Vec<u8> {
+/// Number of sources whose own depth map agrees with each pixel; 0 where too few agree or the patch does not correlate.
+pub(super) fn agreeing(problem: &DepthProblem<'_>, map: &SupportMap, options: &DenseOptions) -> Vec<u8> {
     (0..map.supports.len())
         .into_par_iter()
         .map(|i| {

@@ -1,24 +1,24 @@
-//! Which frames of a capture take part: spread as wide as the camera went, yet looking at what the reference sees.
+//! Choice of a capture's key frames: spread as wide as the camera went, yet with much of the reference's view in sight.
 
 use nalgebra::{Isometry3, Point3};
 
 use super::DenseOptions;
 use calib::Intrinsics;
 
-/// What the choice needs to know of one frame.
-pub(super) struct Candidate {
+/// Properties of a frame for the choice.
+pub(super) struct KeyFrameCandidate {
     pub(super) frame: usize,
     pub(super) camera_from_reference: Isometry3<f64>,
     /// Mean absolute brightness gradient: blurred frames have less of it.
     pub(super) sharpness: f64,
 }
 
-impl Candidate {
+impl KeyFrameCandidate {
     fn center(&self) -> Point3<f64> {
         self.camera_from_reference.inverse() * Point3::origin()
     }
 
-    /// The median angle between the rays from the reference and from here to the points, degrees.
+    /// Median angle between the rays from the reference and from here to the points, degrees.
     fn parallax_deg(&self, points: &[Point3<f64>]) -> f64 {
         let center = self.center();
         let mut angles: Vec<f64> = points.iter().map(|p| p.coords.angle(&(p - center))).collect();
@@ -27,7 +27,7 @@ impl Candidate {
     }
 }
 
-/// The points (in the reference camera's frame) that fall into a camera's image.
+/// Points (in the reference camera's frame) whose projections lie in a camera's image.
 pub(super) fn seen_by(
     camera_from_reference: &Isometry3<f64>,
     points: &[Point3<f64>],
@@ -39,11 +39,12 @@ pub(super) fn seen_by(
     points.iter().filter(seen).copied().collect()
 }
 
-/// At most `options.key_frames` frames, farthest first: each the one whose centre lies farthest from all chosen
-/// before (the reference first), blurred frames and such as see little of the reference's points put back. Frames that
-/// see things from too different a side are left out: patches no longer look alike, and hide behind each other.
+/// Chooses at most `options.key_frames` frames, farthest first: each the one whose centre lies farthest from all chosen
+/// before (the reference first), with penalties for blurred frames and frames that see few of the reference's points.
+/// Frames that see the points from too different a direction are left out: patches no longer look alike, and are
+/// occluded.
 pub(super) fn choose(
-    candidates: &[Candidate],
+    candidates: &[KeyFrameCandidate],
     points: &[Point3<f64>],
     intrinsics: &Intrinsics,
     options: &DenseOptions,
@@ -84,11 +85,11 @@ mod tests {
     use super::*;
     use nalgebra::{Translation3, UnitQuaternion, Vector3};
 
-    /// Looks at the middle of things 3 away, from that angle to the side.
-    fn from_the_side(frame: usize, angle_deg: f64) -> Candidate {
+    /// Camera that looks at the middle of points 3 away, from that angle to the side.
+    fn from_the_side(frame: usize, angle_deg: f64) -> KeyFrameCandidate {
         let turn = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), angle_deg.to_radians());
         let middle = Translation3::new(0.0, 0.0, 3.0);
-        Candidate { frame, camera_from_reference: middle * turn * middle.inverse(), sharpness: 1.0 }
+        KeyFrameCandidate { frame, camera_from_reference: middle * turn * middle.inverse(), sharpness: 1.0 }
     }
 
     fn things() -> Vec<Point3<f64>> {
@@ -99,7 +100,7 @@ mod tests {
 
     #[test]
     fn the_widest_baselines_that_patches_survive_come_first() {
-        let candidates: Vec<Candidate> = [2.0, 33.0, -20.0, 60.0, 10.0]
+        let candidates: Vec<KeyFrameCandidate> = [2.0, 33.0, -20.0, 60.0, 10.0]
             .into_iter()
             .enumerate()
             .map(|(i, a)| from_the_side(i, a))

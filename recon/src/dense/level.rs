@@ -1,4 +1,4 @@
-//! One view at one resolution: the brightness image that patches are compared in, and its camera.
+//! One view at one resolution: the brightness image in which patches are compared, and its camera.
 
 use calib::Intrinsics;
 use image::RgbImage;
@@ -9,18 +9,18 @@ use super::support::Pinhole;
 
 /// A brightness image with a one-pixel border repeated around it, so that interpolation needs no special cases.
 #[derive(Debug, Clone)]
-pub(super) struct Level {
+pub(super) struct PyramidLevel {
     pub(super) width: usize,
     pub(super) height: usize,
     pub(super) camera: Pinhole,
-    /// Pixels a row of `padded`.
+    /// Length of a row of `padded`.
     stride: usize,
     /// Each pixel with the one below it, so that the four around a place lie side by side.
     padded: Vec<[f32; 2]>,
 }
 
-impl Level {
-    /// From a pinhole picture.
+impl PyramidLevel {
+    /// Converts a pinhole picture.
     pub(super) fn new(picture: &RgbImage, intrinsics: &Intrinsics) -> Self {
         let (width, height) = (picture.width() as usize, picture.height() as usize);
         let gray = picture
@@ -75,23 +75,23 @@ impl Level {
         (Self::from_gray(width, height, &gray, &half), half)
     }
 
-    /// The pixel's brightness; coordinates are clamped to the image.
+    /// Brightness of a pixel; coordinates are clamped to the image.
     pub(super) fn at(&self, x: isize, y: isize) -> f32 {
         let x = (x + 1).clamp(0, self.width as isize + 1) as usize;
         let y = (y + 1).clamp(0, self.height as isize + 1) as usize;
         self.padded[y * self.stride + x][0]
     }
 
-    /// `count` pixels to the right from one on, each with the one below it; all must lie in the image.
+    /// `count` pixels to the right from (`x`, `y`), each with the one below it; all must lie in the image.
     pub(super) fn row(&self, x: usize, y: usize, count: usize) -> &[[f32; 2]] {
         &self.padded[(y + 1) * self.stride + x + 1..][..count]
     }
 
-    /// Brightness between pixels, bilinear, at four places. `x` must lie in `-1 ..= width`, `y` likewise: not checked
-    /// here.
+    /// Brightness between pixels, bilinear, at four places. `x` must lie in `-1 ..= width`, `y` likewise; this is not
+    /// checked.
     #[inline]
     pub(super) fn between(&self, x: f32x4, y: f32x4) -> f32x4 {
-        // With the border nothing is negative, so rounding towards zero rounds down.
+        // With the border no coordinate is negative, so rounding towards zero rounds down.
         let (x, y) = (x + f32x4::ONE, y + f32x4::ONE);
         let (left, top) = (x.fast_trunc_int(), y.fast_trunc_int());
         let (fx, fy) = (x - left.round_float(), y - top.round_float());
@@ -111,15 +111,15 @@ impl Level {
     }
 }
 
-/// How pixels of one view map into another: `source ∝ a · (u, v, 1) + b · w` for inverse depth `w`.
+/// Mapping of pixels of one view into another: `source ∝ a · (u, v, 1) + b · w` for inverse depth `w`.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Pair {
+pub(super) struct ViewMapping {
     pub(super) a: [[f32; 3]; 3],
     pub(super) b: [f32; 3],
 }
 
-impl Pair {
-    /// From two pinhole cameras; `source_from_reference` takes points of the one into the other.
+impl ViewMapping {
+    /// Mapping between two pinhole cameras; `source_from_reference` transforms points between their frames.
     pub(super) fn new(
         reference: &Intrinsics,
         source: &Intrinsics,
@@ -137,7 +137,7 @@ impl Pair {
         }
     }
 
-    /// The source's homogeneous pixel of the reference's pixel at inverse depth `w`.
+    /// Homogeneous source pixel of a reference pixel at inverse depth `w`.
     #[inline]
     pub(super) fn map(&self, u: f32, v: f32, w: f32) -> [f32; 3] {
         std::array::from_fn(|r| self.a[r][0] * u + self.a[r][1] * v + self.a[r][2] + self.b[r] * w)
@@ -150,13 +150,13 @@ mod tests {
     use approx::assert_relative_eq;
     use nalgebra::{Point3, Translation3, UnitQuaternion};
 
-    /// An irregular picture: on a ramp, which pixels were read does not show.
+    /// An irregular picture: a ramp would not distinguish the pixels that were read.
     #[test]
     fn interpolation_weighs_the_four_pixels_around_and_repeats_the_border() {
         let (width, height) = (20_u32, 10_u32);
         let gray = |x: u32, y: u32| (x * x * 37 + y * 91 + x * y * 13) % 251;
         let picture = RgbImage::from_fn(width, height, |x, y| image::Rgb([gray(x, y) as u8; 3]));
-        let level = Level::new(&picture, &Intrinsics::from_horizontal_fov(width, height, 60.0));
+        let level = PyramidLevel::new(&picture, &Intrinsics::from_horizontal_fov(width, height, 60.0));
         let pixel = |x: f64, y: f64| {
             let last = |v: f64, size: u32| v.clamp(0.0, f64::from(size - 1)) as u32;
             f64::from(gray(last(x, width), last(y, height)))
@@ -197,7 +197,7 @@ mod tests {
         let pixel = a.project(&point).unwrap();
         let expected = b.project(&(b_from_a * point)).unwrap();
         let [x, y, z] =
-            Pair::new(&a, &b, &b_from_a).map(pixel.x as f32, pixel.y as f32, 1.0 / point.z as f32);
+            ViewMapping::new(&a, &b, &b_from_a).map(pixel.x as f32, pixel.y as f32, 1.0 / point.z as f32);
         assert_relative_eq!(x / z, expected.x as f32, epsilon = 1e-2);
         assert_relative_eq!(y / z, expected.y as f32, epsilon = 1e-2);
     }

@@ -1,4 +1,4 @@
-//! Dense multi-view stereo: a depth and a normal for the reference image's pixels, where they can be had.
+//! Dense multi-view stereo: a depth and a normal for the reference image's pixels, where they can be estimated.
 //!
 //! The reference view and a few key frames of the capture ([`keyframes`]) each get a depth map by PatchMatch
 //! ([`patchmatch`]) at half size, which in a draft starts from one at a quarter; each then checks the others
@@ -20,40 +20,41 @@ use nalgebra::{Isometry3, Point3};
 pub use support::{Pinhole, Support, SupportMap};
 
 use crate::{Error, Result};
-use level::{Level, Pair};
-use patchmatch::{Guide, Problem, Source};
+use level::{PyramidLevel, ViewMapping};
+use patchmatch::{DepthProblem, Guide, Source};
 
-/// How dense stereo goes about it.
+/// Options of dense stereo.
 #[derive(Debug, Clone)]
 pub struct DenseOptions {
-    /// Key frames besides the reference.
+    /// Number of key frames besides the reference.
     pub key_frames: usize,
-    /// Views that a key frame itself is compared with, at most 8.
+    /// Number of views that a key frame itself is compared with, at most 8.
     pub sources: usize,
-    /// A key frame must see at least this share of the sparse points that the reference sees.
+    /// Least share of the reference's sparse points that a key frame must see.
     pub least_shared_view: f64,
-    /// It must not see them from a direction further off than this, in the median.
+    /// Largest median angle between its and the reference's rays to the points, degrees.
     pub largest_parallax_deg: f64,
-    /// A hypothesis has to please this many views, the best ones.
+    /// Number of views, the best ones, that decide a hypothesis's cost.
     pub best_views: usize,
-    /// A hypothesis that costs more by this in the most telling views than the best one so far is not tried in the others.
+    /// Excess of a hypothesis's cost over the best so far, in the most informative views, above which the others are
+    /// skipped.
     pub catching_up: f32,
-    /// Grey levels at which a neighbour's weight in a patch falls to 1/e.
+    /// Difference in grey levels at which a neighbour's weight in a patch falls to 1/e.
     pub color_sigma: f32,
-    /// How often images are halved for the first round, from random hypotheses: at least once.
+    /// Number of halvings of the images for the first round, from random hypotheses: at least one.
     pub halvings: usize,
-    /// Whether hypotheses come from far regions and out of nowhere even where a coarser map is at hand.
+    /// Whether hypotheses also come from far regions and at random where a coarser map is available.
     pub always_afar: bool,
-    /// Rounds of propagation: from random hypotheses, at half size with the other views' depths known, at full size (where
-    /// without any, what half size found is compared in full).
+    /// Rounds of propagation: from random hypotheses, at half size with the other views' depths known, at full size
+    /// (with 0 rounds there, the planes of half size are only compared at full size).
     pub iterations: [usize; 3],
-    /// A depth is reliable if at least this many key frames agree …
+    /// Least number of key frames that must agree with a reliable depth …
     pub least_agreeing: usize,
-    /// … to within this many pixels of the reference image …
+    /// … the largest distance at which they agree, pixels of the reference image …
     pub agreement_px: f32,
-    /// … and its patch correlates: 1 − NCC, geometric disagreement included, below this.
+    /// … and the largest cost of its patch: 1 − NCC, geometric disagreement included.
     pub largest_cost: f32,
-    /// Whether what only key frames see comes into the room, too.
+    /// Whether surfaces seen only by key frames are added to the room.
     pub fuse_key_frames: bool,
     /// Seed of the random hypotheses.
     pub seed: u64,
@@ -82,8 +83,8 @@ impl Default for DenseOptions {
 }
 
 impl DenseOptions {
-    /// For a first look: the first round at a quarter of the size, fewer key frames, rounds and hypotheses, those that fall
-    /// behind given up early, and planes found at half size only compared at full size.
+    /// Options for a first look: the first round at a quarter of the size, fewer key frames, rounds and hypotheses,
+    /// poor ones given up early, and planes found at half size only compared at full size.
     pub fn draft() -> Self {
         Self {
             key_frames: 5,
@@ -102,34 +103,34 @@ impl DenseOptions {
 /// A capture with known motion.
 #[derive(Debug, Clone, Copy)]
 pub struct PosedCapture<'a> {
-    /// The camera's name, for messages.
+    /// Name of the camera, for messages.
     pub name: &'a str,
-    /// As filmed, distorted.
+    /// Frames as filmed, distorted.
     pub frames: &'a [RgbImage],
     /// Index of the reference frame.
     pub reference: usize,
-    /// The lens.
+    /// Intrinsics of the frames.
     pub intrinsics: &'a Intrinsics,
     /// Pose of each frame that has one.
     pub camera_from_world: &'a [Option<Isometry3<f64>>],
-    /// Sparse points: they tell the range of depths.
+    /// Sparse points, from which the range of depths is taken.
     pub points: &'a [Point3<f64>],
 }
 
-/// What stereo saw from one pose of the camera.
+/// Stereo's result for one pose of the camera.
 #[derive(Debug, Clone)]
 pub struct DenseView {
-    /// The pinhole picture.
+    /// Undistorted (pinhole) picture.
     pub picture: RgbImage,
-    /// Its camera.
+    /// Pinhole camera of the picture.
     pub intrinsics: Intrinsics,
-    /// Where it stood; the identity for the reference view.
+    /// Pose; the identity for the reference view.
     pub camera_from_reference: Isometry3<f64>,
-    /// A plane a pixel, reliable or not.
+    /// Plane of each pixel, reliable or not.
     pub map: SupportMap,
-    /// How many other views agree with each pixel's depth; 0: not reliable.
+    /// Number of other views that agree with each pixel's depth; 0: not reliable.
     pub agreeing: Vec<u8>,
-    /// Inverse depth of a pixel's shift in the view that lies farthest away: the unit of stereo's errors.
+    /// Change of inverse depth that shifts a pixel by one in the farthest view: the unit of stereo's errors.
     pub step: f32,
 }
 
@@ -140,14 +141,14 @@ impl DenseView {
         (self.agreeing[i] > 0).then(|| 1.0 / self.map.supports[i].w)
     }
 
-    /// The camera for inner loops.
+    /// Camera in single precision for inner loops.
     pub fn pinhole(&self) -> Pinhole {
         let k = &self.intrinsics;
         Pinhole { fx: k.fx as f32, fy: k.fy as f32, cx: k.cx as f32, cy: k.cy as f32 }
     }
 }
 
-/// What dense stereo did.
+/// Report of dense stereo.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DenseReport {
     /// Key frames used, as indices into the capture.
@@ -156,10 +157,11 @@ pub struct DenseReport {
     pub covered: f64,
 }
 
-/// The reference view at full size first, then the key frames at half size.
+/// Computes the depth maps: the reference view at full size first, then the key frames at half size.
 ///
 /// # Errors
-/// When no frame lies far enough from the reference, or there are too few points to tell the range of depths.
+/// [`Error::Capture`] when no frame lies far enough from the reference, or there are too few points for a range of
+/// depths.
 pub fn reconstruct(
     capture: &PosedCapture<'_>,
     options: &DenseOptions,
@@ -184,12 +186,12 @@ pub fn reconstruct(
     }
     let undistort = UndistortMap::new(capture.intrinsics);
     let pinhole = capture.intrinsics.pinhole();
-    let mut views: Vec<View> = Vec::with_capacity(frames.len() + 1);
+    let mut views: Vec<StereoView> = Vec::with_capacity(frames.len() + 1);
     for &frame in std::iter::once(&capture.reference).chain(&frames) {
         let camera_from_reference =
             capture.camera_from_world[frame].map_or_else(Isometry3::identity, |pose| pose * to_reference);
         let picture = undistort.image(&capture.frames[frame]);
-        let mut levels = vec![(Level::new(&picture, &pinhole), pinhole.clone())];
+        let mut levels = vec![(PyramidLevel::new(&picture, &pinhole), pinhole.clone())];
         for halved in 0..options.halvings.max(1) {
             let (level, intrinsics) = &levels[halved];
             levels.push(level.halved(intrinsics));
@@ -197,7 +199,7 @@ pub fn reconstruct(
         let range = inverse_depth_range(&points, &camera_from_reference).ok_or_else(|| {
             Error::capture(capture.name, "too few points are seen to tell the range of depths")
         })?;
-        views.push(View { picture, camera_from_reference, levels, range });
+        views.push(StereoView { picture, camera_from_reference, levels, range });
     }
     let maps = estimate_half(&views, options);
     let (reference_map, agreeing) = refine_reference(&views, &maps, &pinhole, options);
@@ -236,12 +238,12 @@ pub fn reconstruct(
     Ok((result, DenseReport { key_frames: frames, covered }))
 }
 
-/// One view while it is being worked on.
-struct View {
+/// One view with its image pyramid.
+struct StereoView {
     picture: RgbImage,
     camera_from_reference: Isometry3<f64>,
-    /// At full size, at half of it, and so on, each with its camera.
-    levels: Vec<(Level, Intrinsics)>,
+    /// Images at full size, at half of it, and so on, each with its camera.
+    levels: Vec<(PyramidLevel, Intrinsics)>,
     range: (f32, f32),
 }
 
@@ -251,14 +253,14 @@ fn choose_frames(
     points: &[Point3<f64>],
     options: &DenseOptions,
 ) -> Vec<usize> {
-    let candidates: Vec<keyframes::Candidate> = capture
+    let candidates: Vec<keyframes::KeyFrameCandidate> = capture
         .camera_from_world
         .iter()
         .enumerate()
         .filter(|(frame, _)| *frame != capture.reference)
         .filter_map(|(frame, pose)| {
             let picture = capture.frames.get(frame)?;
-            Some(keyframes::Candidate {
+            Some(keyframes::KeyFrameCandidate {
                 frame,
                 camera_from_reference: (*pose)? * to_reference,
                 sharpness: sharpness(picture),
@@ -280,7 +282,7 @@ fn sharpness(picture: &RgbImage) -> f64 {
 
 /// Inverse depths from well behind the farthest point to well before the nearest.
 fn inverse_depth_range(points: &[Point3<f64>], camera_from_reference: &Isometry3<f64>) -> Option<(f32, f32)> {
-    /// Fewer points say nothing about a range.
+    /// Least number of points from which a range is taken.
     const LEAST: usize = 8;
     let mut depths: Vec<f64> =
         points.iter().map(|p| (camera_from_reference * p).z).filter(|z| *z > 0.0).collect();
@@ -293,7 +295,7 @@ fn inverse_depth_range(points: &[Point3<f64>], camera_from_reference: &Isometry3
 }
 
 /// Photometric estimates of all views, then again at half size with each other's depths known.
-fn estimate_half(views: &[View], options: &DenseOptions) -> Vec<SupportMap> {
+fn estimate_half(views: &[StereoView], options: &DenseOptions) -> Vec<SupportMap> {
     let each = 0..views.len();
     let smallest = options.halvings.max(1);
     let mut photometric: Vec<SupportMap> =
@@ -308,16 +310,16 @@ fn estimate_half(views: &[View], options: &DenseOptions) -> Vec<SupportMap> {
         .collect()
 }
 
-/// The depth map of one view, its image `halved` so often; `maps`: the depths of all, if known.
+/// Estimation problem of one view, its image `halved` so often; `maps`: the depths of all views, if known.
 fn problem<'a>(
-    views: &'a [View],
+    views: &'a [StereoView],
     index: usize,
     halved: usize,
     maps: Option<&'a [SupportMap]>,
     options: &DenseOptions,
-) -> Problem<'a> {
+) -> DepthProblem<'a> {
     let view = &views[index];
-    // Key frames are chosen farthest first, so the first few are the most telling ones.
+    // Key frames are chosen farthest first, so the first few are the most informative.
     let sources = views
         .iter()
         .enumerate()
@@ -328,16 +330,16 @@ fn problem<'a>(
             let (from, to) = (&view.levels[halved].1, &other.levels[halved].1);
             Source {
                 image: &other.levels[halved].0,
-                pair: Pair::new(from, to, &forward),
+                pair: ViewMapping::new(from, to, &forward),
                 guide: maps.map(|maps| Guide {
                     map: &maps[i],
                     scale: 1.0,
-                    back: Pair::new(to, from, &forward.inverse()),
+                    back: ViewMapping::new(to, from, &forward.inverse()),
                 }),
             }
         })
         .collect();
-    Problem {
+    DepthProblem {
         reference: &view.levels[halved].0,
         sources,
         range: view.range,
@@ -351,8 +353,8 @@ fn problem<'a>(
     }
 }
 
-/// Inverse depth a pixel of shift in the farthest view.
-fn inverse_depth_step(views: &[View], index: usize, focal_px: f64) -> f32 {
+/// Change of inverse depth that shifts a pixel by one in the farthest view.
+fn inverse_depth_step(views: &[StereoView], index: usize, focal_px: f64) -> f32 {
     let here = views[index].camera_from_reference;
     let baseline = views
         .iter()
@@ -361,9 +363,9 @@ fn inverse_depth_step(views: &[View], index: usize, focal_px: f64) -> f32 {
     (1.0 / (focal_px * baseline).max(1e-9)) as f32
 }
 
-/// The reference's map at full size, and how many key frames agree with each pixel.
+/// Reference's map at full size, and the number of key frames that agree with each pixel.
 fn refine_reference(
-    views: &[View],
+    views: &[StereoView],
     maps: &[SupportMap],
     pinhole: &Intrinsics,
     options: &DenseOptions,
@@ -376,16 +378,16 @@ fn refine_reference(
             let forward = other.camera_from_reference;
             Source {
                 image: &other.levels[0].0,
-                pair: Pair::new(pinhole, pinhole, &forward),
+                pair: ViewMapping::new(pinhole, pinhole, &forward),
                 guide: Some(Guide {
                     map,
                     scale: 0.5,
-                    back: Pair::new(&other.levels[1].1, pinhole, &forward.inverse()),
+                    back: ViewMapping::new(&other.levels[1].1, pinhole, &forward.inverse()),
                 }),
             }
         })
         .collect();
-    let problem = Problem {
+    let problem = DepthProblem {
         reference: &reference.levels[0].0,
         sources,
         range: reference.range,

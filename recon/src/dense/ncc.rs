@@ -1,25 +1,25 @@
-//! How well a plane hypothesis explains a patch in another view: normalised cross-correlation, weighted so that
-//! pixels of another colour than the centre (another surface, as a rule) count little.
+//! Cost of a plane hypothesis for a patch in another view: normalised cross-correlation, weighted so that pixels of
+//! another colour than the centre (usually another surface) count little.
 
 use wide::f32x4;
 
-use super::level::{Level, Pair};
+use super::level::{PyramidLevel, ViewMapping};
 use super::support::Support;
 
-/// Patch samples lie at these offsets in both directions: 11 × 11 pixels, every second one.
+/// Offsets of the patch's samples in both directions: 11 × 11 pixels, every second one.
 const OFFSETS: [i32; 6] = [-5, -3, -1, 1, 3, 5];
-/// Samples a patch.
+/// Number of samples of a patch.
 const SAMPLES: usize = OFFSETS.len() * OFFSETS.len();
-/// They are read by fours.
+/// Number of vectors of four samples.
 const FOURS: usize = SAMPLES / 4;
-/// The samples' offsets to the right and downwards, row by row.
+/// Offsets of the samples to the right and downwards, row by row.
 const ASIDE: [[[f32; 4]; FOURS]; 2] = by_fours();
 /// Patch radius, pixels.
 const RADIUS: f32 = 5.0;
-/// Cost of a hypothesis that falls out of the source image, and of no correlation at all being possible.
+/// Cost of a hypothesis outside the source image, and of one for which no correlation can be computed.
 pub(super) const WORST: f32 = 2.0;
 
-/// The weights of bilateral support, tabulated over the difference in brightness.
+/// Bilateral weights of the support, tabulated over the difference in brightness.
 pub(super) struct Weights {
     by_difference: [f32; 256],
     by_place: [f32; SAMPLES],
@@ -54,22 +54,22 @@ fn offset(i: usize) -> (f32, f32) {
 }
 
 /// A patch of the reference view, prepared once and compared with many hypotheses.
-pub(super) struct Patch {
+pub(super) struct StereoPatch {
     /// Weights, summing to one.
     weights: [f32x4; FOURS],
     /// Weight × (brightness − mean).
     centred: [f32x4; FOURS],
-    /// The patch's weighted variance, grey levels squared.
+    /// Weighted variance of the patch, grey levels squared.
     pub(super) variance: f32,
     u: f32,
     v: f32,
 }
 
-impl Patch {
-    pub(super) fn new(reference: &Level, x: usize, y: usize, table: &Weights) -> Self {
+impl StereoPatch {
+    pub(super) fn new(reference: &PyramidLevel, x: usize, y: usize, table: &Weights) -> Self {
         let reach = RADIUS as usize;
         if x >= reach && y >= reach && x + reach < reference.width && y + reach < reference.height {
-            // Away from the border nothing need be asked of each sample.
+            // Away from the border samples need no bounds check.
             let row = |dv: i32| reference.row(x - reach, (y as i32 + dv) as usize, 2 * reach + 1);
             let rows = OFFSETS.map(row);
             return Self::of_samples(x, y, table, reference.at(x as isize, y as isize), |i, j| {
@@ -85,7 +85,7 @@ impl Patch {
         Self::of_samples(x, y, table, reference.at(x as isize, y as isize), |i, j| at(OFFSETS[i], OFFSETS[j]))
     }
 
-    /// `value`: of the sample at the i-th offset to the right and the j-th downwards; `None` outside the image.
+    /// `value`: the sample at the i-th offset to the right and the j-th downwards; `None` outside the image.
     #[inline]
     fn of_samples(
         x: usize,
@@ -122,9 +122,9 @@ impl Patch {
         Self { weights: fours(weights), centred: fours(centred), variance, u: x as f32, v: y as f32 }
     }
 
-    /// 1 − correlation of the patch with where `support` puts it in `source`: 0 … [`WORST`].
+    /// 1 − correlation of the patch with its image under `support` in `source`: 0 … [`WORST`].
     #[inline]
-    pub(super) fn cost(&self, support: &Support, source: &Level, pair: &Pair) -> f32 {
+    pub(super) fn cost(&self, support: &Support, source: &PyramidLevel, pair: &ViewMapping) -> f32 {
         let [hx, hy, hz] = pair.map(self.u, self.v, support.w);
         if hz <= 1e-6 {
             return WORST;
@@ -157,7 +157,7 @@ impl Patch {
     fn correlate(
         &self,
         affine: [f32; 6],
-        source: &Level,
+        source: &PyramidLevel,
         place: impl Fn(f32x4, f32x4) -> (f32x4, f32x4),
     ) -> f32 {
         let [x, y, xu, yu, xv, yv] = affine.map(f32x4::splat);
@@ -173,7 +173,8 @@ impl Patch {
         }
         let [covariance, mean, square] = [covariance, mean, square].map(f32x4::reduce_add);
         let variance = square - mean * mean;
-        // Below a grey level of noise nothing correlates; the constant makes flat patches cost one, not noise.
+        // Deviations below a grey level are noise; the constant gives flat patches the cost one instead of a random
+        // one.
         let norm = (self.variance.max(0.05) * variance.max(0.05)).sqrt();
         (1.0 - covariance / norm).clamp(0.0, WORST)
     }
@@ -187,7 +188,7 @@ mod tests {
     use nalgebra::{Isometry3, Point2, Point3, Vector3};
 
     /// A slanted textured plane, 1/z = 0.4 + 0.1 x (in z = 1 coordinates), seen from the identity and from 0.3 to the side.
-    fn views() -> (Level, Level, Pair, Intrinsics) {
+    fn views() -> (PyramidLevel, PyramidLevel, ViewMapping, Intrinsics) {
         let k = Intrinsics::from_horizontal_fov(160, 120, 60.0);
         let texture = |p: &Point3<f64>| {
             let value =
@@ -203,8 +204,8 @@ mod tests {
             })
         };
         let source_from_reference = Isometry3::translation(-0.3, 0.0, 0.0);
-        let pair = Pair::new(&k, &k, &source_from_reference);
-        (Level::new(&seen_from(0.0), &k), Level::new(&seen_from(0.3), &k), pair, k)
+        let pair = ViewMapping::new(&k, &k, &source_from_reference);
+        (PyramidLevel::new(&seen_from(0.0), &k), PyramidLevel::new(&seen_from(0.3), &k), pair, k)
     }
 
     #[test]
@@ -214,7 +215,7 @@ mod tests {
         for (x, y) in [(60, 40), (80, 60), (100, 90)] {
             let ray = k.unproject(&Point2::new(x as f64, y as f64)).unwrap();
             let truth = Support { w: (0.4 + 0.1 * ray.x) as f32, gu: n.x as f32, gv: 0.0 };
-            let patch = Patch::new(&reference, x, y, &Weights::new(24.0));
+            let patch = StereoPatch::new(&reference, x, y, &Weights::new(24.0));
             let at = |w: f32| patch.cost(&Support { w, ..truth }, &source, &pair);
             assert!(at(truth.w) < 0.02, "{}", at(truth.w));
             for wrong in [0.9, 0.95, 1.05, 1.1] {
@@ -226,7 +227,7 @@ mod tests {
     #[test]
     fn outside_the_source_nothing_is_believed() {
         let (reference, source, pair, _) = views();
-        let patch = Patch::new(&reference, 5, 60, &Weights::new(24.0));
+        let patch = StereoPatch::new(&reference, 5, 60, &Weights::new(24.0));
         let near = Support { w: 5.0, gu: 0.0, gv: 0.0 };
         assert!(patch.cost(&near, &source, &pair) >= WORST);
         let behind = Support { w: f32::NAN, gu: 0.0, gv: 0.0 };

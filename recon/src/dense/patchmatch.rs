@@ -1,40 +1,41 @@
-//! PatchMatch multi-view stereo: random planes a pixel, the good ones spread to their neighbours.
+//! PatchMatch multi-view stereo: a random plane for each pixel, and propagation of good planes to neighbours.
 //!
-//! After Bleyer et al. (BMVC 2011: slanted supports), Galliani et al. (ICCV 2015: red-black propagation, best-K
-//! views) and Xu & Tao (CVPR 2019: the best of each region is handed on; geometric consistency across views). Half
-//! of the pixels, like a chessboard's white squares, are improved from the other half, which stays as it is
-//! meanwhile: rows go in parallel, and the result does not depend on who did which. Each pixel draws from its own
-//! random numbers.
+//! After M. Bleyer, C. Rhemann, C. Rother, "PatchMatch stereo" (BMVC 2011: slanted supports), S. Galliani, K. Lasinger,
+//! K. Schindler, "Massively parallel multiview stereopsis by surface normal diffusion" (ICCV 2015: red-black
+//! propagation, best-K views) and Q. Xu, W. Tao, "Multi-scale geometric consistency guided multi-view stereo" (CVPR
+//! 2019: propagation of the best hypothesis of each region; geometric consistency across views). Half of the pixels,
+//! like a chessboard's white squares, are improved from the other half, which stays unchanged meanwhile: rows go in
+//! parallel, and the result does not depend on the threads. Each pixel draws from its own random numbers.
 
 use rayon::prelude::*;
 
-use super::level::{Level, Pair};
-use super::ncc::{Patch, WORST, Weights};
+use super::level::{PyramidLevel, ViewMapping};
+use super::ncc::{StereoPatch, WORST, Weights};
 use super::support::{Support, SupportMap};
 
-/// A view that hypotheses are tried in.
+/// A view in which hypotheses are evaluated.
 pub(super) struct Source<'a> {
-    pub(super) image: &'a Level,
-    pub(super) pair: Pair,
-    /// What is known of the source's own depth, once it has been estimated.
+    pub(super) image: &'a PyramidLevel,
+    pub(super) pair: ViewMapping,
+    /// Depth of the source, once it has been estimated.
     pub(super) guide: Option<Guide<'a>>,
 }
 
 impl Source<'_> {
     /// Cost of a hypothesis in one view, geometric disagreement included where the view has depth.
-    fn cost(&self, patch: &Patch, x: usize, y: usize, support: &Support) -> f32 {
+    fn cost(&self, patch: &StereoPatch, x: usize, y: usize, support: &Support) -> f32 {
         self.cost_from(self.least_cost(x, y, support), patch, support)
     }
 
-    /// What a hypothesis costs at least: the geometric disagreement alone, 0 where the view has no depth.
+    /// Lower bound of a hypothesis's cost: the geometric disagreement alone, 0 where the view has no depth.
     fn least_cost(&self, x: usize, y: usize, support: &Support) -> f32 {
         let Some(guide) = &self.guide else { return 0.0 };
         let error = guide.return_error_px(&self.pair, x as f32, y as f32, support.w);
         GEOMETRIC_WEIGHT * error.unwrap_or(GEOMETRIC_CAP_PX).min(GEOMETRIC_CAP_PX)
     }
 
-    /// [`Self::cost`] where the least cost is known.
-    fn cost_from(&self, least: f32, patch: &Patch, support: &Support) -> f32 {
+    /// [`Self::cost`] for a known lower bound.
+    fn cost_from(&self, least: f32, patch: &StereoPatch, support: &Support) -> f32 {
         (patch.cost(support, self.image, &self.pair) + least).min(WORST)
     }
 }
@@ -44,14 +45,14 @@ pub(super) struct Guide<'a> {
     pub(super) map: &'a SupportMap,
     /// Pixels of `map` a pixel of the source image.
     pub(super) scale: f32,
-    /// From pixels of `map` back into the reference image.
-    pub(super) back: Pair,
+    /// Mapping from pixels of `map` back into the reference image.
+    pub(super) back: ViewMapping,
 }
 
 impl Guide<'_> {
-    /// How far from (u, v) the source's own surface comes back, in reference pixels, when looked up where
-    /// the point at inverse depth `w` falls. `None` where the source says nothing.
-    pub(super) fn return_error_px(&self, pair: &Pair, u: f32, v: f32, w: f32) -> Option<f32> {
+    /// Distance between (u, v) and the reprojection of the source's own surface, in reference pixels, looked up at the
+    /// image of the point at inverse depth `w`. `None` where the source has no depth.
+    pub(super) fn return_error_px(&self, pair: &ViewMapping, u: f32, v: f32, w: f32) -> Option<f32> {
         let [hx, hy, hz] = pair.map(u, v, w);
         if hz <= 1e-6 {
             return None;
@@ -75,32 +76,32 @@ impl Guide<'_> {
     }
 }
 
-/// One depth map to be estimated.
-pub(super) struct Problem<'a> {
-    pub(super) reference: &'a Level,
+/// Estimation problem of one depth map.
+pub(super) struct DepthProblem<'a> {
+    pub(super) reference: &'a PyramidLevel,
     pub(super) sources: Vec<Source<'a>>,
-    /// Least and largest inverse depth.
+    /// Smallest and largest inverse depth.
     pub(super) range: (f32, f32),
-    /// Inverse depth that shifts a pixel by one in the source that sees it shift most.
+    /// Change of inverse depth that shifts a pixel by one in the source with the largest shift.
     pub(super) step: f32,
-    /// How many of the sources, the best ones, a hypothesis has to please.
+    /// Number of sources, the best ones, that decide a hypothesis's cost.
     pub(super) best_views: usize,
-    /// A hypothesis that costs more by this in the most telling views is not tried in the others.
+    /// Excess of a hypothesis's cost in the most informative views above which the others are skipped.
     pub(super) catching_up: f32,
-    /// Grey levels at which a neighbour's weight in a patch falls to 1/e.
+    /// Difference in grey levels at which a neighbour's weight in a patch falls to 1/e.
     pub(super) color_sigma: f32,
-    /// Whether hypotheses come from far regions and out of nowhere, too.
+    /// Whether hypotheses also come from far regions and at random.
     pub(super) afar: bool,
     pub(super) iterations: usize,
     pub(super) seed: u64,
 }
 
-/// Cost added a pixel of geometric disagreement, and the disagreement at which it stops growing.
+/// Cost of a pixel of geometric disagreement, and the disagreement at which it stops growing.
 const GEOMETRIC_WEIGHT: f32 = 0.15;
 const GEOMETRIC_CAP_PX: f32 = 3.0;
 
-impl Problem<'_> {
-    /// Estimates, from random hypotheses or from `start`.
+impl DepthProblem<'_> {
+    /// Estimates the map, from random hypotheses or from `start`.
     pub(super) fn solve(&self, start: Option<SupportMap>) -> SupportMap {
         let (width, height) = (self.reference.width, self.reference.height);
         let table = Weights::new(self.color_sigma);
@@ -113,7 +114,7 @@ impl Problem<'_> {
             .flat_map_iter(|y| {
                 let (map, table) = (&map, &table);
                 (0..width).map(move |x| {
-                    let patch = Patch::new(self.reference, x, y, table);
+                    let patch = StereoPatch::new(self.reference, x, y, table);
                     self.choose_views(&patch, x, y, &[(map.supports[y * width + x], None)]).1[0]
                 })
             })
@@ -155,17 +156,17 @@ impl Problem<'_> {
         })
     }
 
-    /// The views in which at least one of `hypotheses` fares best, and the cost of each hypothesis over them. What one is
-    /// known to cost in a view is not told anew.
+    /// Chooses the views in which at least one of `hypotheses` has the least cost, and returns the cost of each
+    /// hypothesis over them. Known costs of a hypothesis in a view are not computed again.
     ///
     /// Fewer than wanted where the image's border leaves fewer views, but at least two.
     fn choose_views<const N: usize>(
         &self,
-        patch: &Patch,
+        patch: &StereoPatch,
         x: usize,
         y: usize,
         hypotheses: &[(Support, Option<&Costs>); N],
-    ) -> (Views, [Costs; N]) {
+    ) -> (ChosenViews, [Costs; N]) {
         let mut all = [([WORST; N], WORST, 0); MOST_VIEWS];
         let count = self.sources.len().min(MOST_VIEWS);
         let mut each = [Costs::UNKNOWN; N];
@@ -183,7 +184,7 @@ impl Problem<'_> {
         all.sort_unstable_by(|a, b| a.1.total_cmp(&b.1).then(a.2.cmp(&b.2)));
         let seen = all.iter().filter(|view| view.1 < WORST).count();
         let wanted = self.best_views.min(seen.max(LEAST_VIEWS)).min(count);
-        let mut views = Views { indices: [0; MOST_VIEWS], count: wanted };
+        let mut views = ChosenViews { indices: [0; MOST_VIEWS], count: wanted };
         for (k, (costs, _, view)) in all[..wanted].iter().enumerate() {
             views.indices[k] = *view;
             for (of, cost) in each.iter_mut().zip(costs) {
@@ -193,12 +194,12 @@ impl Problem<'_> {
         (views, each)
     }
 
-    /// What a hypothesis costs in the views, if that is less than `least`: most cost more, and one or two views tell.
+    /// Cost of a hypothesis in the views, if it is below `least`: most cost more, which one or two views reveal.
     fn cost_below(
         &self,
         least: &Costs,
-        views: &Views,
-        patch: &Patch,
+        views: &ChosenViews,
+        patch: &StereoPatch,
         x: usize,
         y: usize,
         support: &Support,
@@ -209,7 +210,7 @@ impl Problem<'_> {
             *cost = self.sources[*i].least_cost(x, y, support);
         }
         let mean = |in_views: &[f32]| in_views[..views.count].iter().sum::<f32>() / views.count.max(1) as f32;
-        // Over the views so far; the most telling come first.
+        // Sum over the views so far; the most informative come first.
         let mut behind = 0.0;
         for (k, i) in indices.iter().enumerate() {
             if behind > self.catching_up || mean(&in_views) >= least.mean {
@@ -236,7 +237,7 @@ impl Problem<'_> {
     ) -> (Support, Costs) {
         let width = self.reference.width;
         let pixel = y * width + x;
-        let patch = Patch::new(self.reference, x, y, table);
+        let patch = StereoPatch::new(self.reference, x, y, table);
         let current = map.supports[pixel];
         let regions = if self.afar { &REGIONS[..] } else { &REGIONS[..NEAR_REGIONS] };
         let offered = &mut [(current, f32::MAX); REGIONS.len()][..regions.len()];
@@ -252,7 +253,7 @@ impl Problem<'_> {
                 }
             }
         }
-        // The neighbour that fares best helps to choose the views: the own hypothesis may be nonsense yet.
+        // The best neighbour helps to choose the views: the pixel's own hypothesis may still be random.
         let allowed = |c: &Support| c.w >= self.range.0 && c.w <= self.range.1 && self.is_seen(c, x, y);
         let first = (0..offered.len())
             .filter(|i| allowed(&offered[*i].0))
@@ -284,7 +285,7 @@ impl Problem<'_> {
                 consider(best, candidate);
             }
         };
-        // Anything at all; then ever smaller changes of what is best so far.
+        // A random hypothesis; then ever smaller perturbations of the best one.
         if self.afar {
             let drawn = self.range.0 + random.unit() * (self.range.1 - self.range.0);
             let normal = best.0.normal(u, v, camera);
@@ -304,13 +305,14 @@ impl Problem<'_> {
         best
     }
 
-    /// Planes that differ by less than a hundredth of a pixel over a patch need no second look.
+    /// Tells whether two planes differ by less than a hundredth of a pixel over a patch, so that one of them can be
+    /// skipped.
     fn is_same(&self, a: &Support, b: &Support) -> bool {
         let slope = (a.gu - b.gu).abs().max((a.gv - b.gv).abs());
         (a.w - b.w).abs() + 5.0 * slope < 0.02 * self.step
     }
 
-    /// Propagated planes must not be looked at edge-on either.
+    /// Tells whether a plane is visible and not seen edge-on; propagated planes must satisfy this, too.
     fn is_seen(&self, support: &Support, x: usize, y: usize) -> bool {
         let (u, v) = (x as f32, y as f32);
         let ray = self.reference.camera.ray(u, v);
@@ -318,17 +320,17 @@ impl Problem<'_> {
     }
 }
 
-/// More views than this bring nothing.
+/// Largest number of views; more bring no improvement.
 pub(super) const MOST_VIEWS: usize = 8;
-/// A hypothesis seen by one view alone proves nothing.
+/// Least number of views in which a hypothesis must be visible.
 const LEAST_VIEWS: usize = 2;
 
-/// What one hypothesis costs.
+/// Costs of one hypothesis.
 #[derive(Debug, Clone, Copy)]
 struct Costs {
-    /// Over the views it was tried in, or over those it was chosen for.
+    /// Mean over the views in which it was evaluated, or for which it was chosen.
     mean: f32,
-    /// In each of the sources; NaN where it was not tried.
+    /// Cost in each of the sources; NaN where it was not evaluated.
     in_view: [f32; MOST_VIEWS],
 }
 
@@ -337,13 +339,13 @@ impl Costs {
 }
 
 /// The views chosen for one pixel.
-struct Views {
+struct ChosenViews {
     indices: [usize; MOST_VIEWS],
     count: usize,
 }
 
-/// Where hypotheses come from: of each region the neighbour that fares best hands on its plane. All offsets are odd
-/// in sum, so they lie on the other colour. The first [`NEAR_REGIONS`] are near.
+/// Regions from which hypotheses are propagated: the best neighbour of each hands on its plane. All offsets are odd in
+/// sum, so they lie on the other colour. The first [`NEAR_REGIONS`] are near.
 const REGIONS: [&[(i32, i32)]; 8] = [
     &[(0, -1), (-1, -2), (1, -2), (-2, -3), (2, -3)],
     &[(0, 1), (-1, 2), (1, 2), (-2, 3), (2, 3)],
@@ -375,17 +377,17 @@ impl PixelRandom {
         z ^ (z >> 31)
     }
 
-    /// In 0 … 1.
+    /// Random number in 0 … 1.
     fn unit(&mut self) -> f32 {
         (self.next() >> 40) as f32 / (1u64 << 24) as f32
     }
 
-    /// In −1 … 1.
+    /// Random number in −1 … 1.
     fn signed(&mut self) -> f32 {
         2.0 * self.unit() - 1.0
     }
 
-    /// A direction uniform over the hemisphere that looks against `ray`.
+    /// A direction uniform over the hemisphere that faces against `ray`.
     fn normal_towards(&mut self, ray: glam::Vec3) -> glam::Vec3 {
         let z = self.signed();
         let angle = std::f32::consts::TAU * self.unit();

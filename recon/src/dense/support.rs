@@ -1,9 +1,9 @@
 //! Slanted supports: a plane in space, written as an inverse depth that is linear over the image.
 //!
-//! Along a plane the inverse depth 1/z is an affine function of the pixel, so a hypothesis of PatchMatch stereo
-//! (Bleyer et al., BMVC 2011) is three numbers: the inverse depth at the pixel and its two derivatives. Moving a
-//! hypothesis to a neighbouring pixel is then one multiplication an axis, and the homography that a plane induces
-//! between two views is `A + b mᵀ` with `m` the plane's affine coefficients.
+//! Along a plane the inverse depth 1/z is an affine function of the pixel, so a hypothesis of PatchMatch stereo (M.
+//! Bleyer et al., "PatchMatch stereo", BMVC 2011) is three numbers: the inverse depth at the pixel and its two
+//! derivatives. Moving a hypothesis to a neighbouring pixel is then one multiplication an axis, and the homography that
+//! a plane induces between two views is `A + b mᵀ` with `m` the plane's affine coefficients.
 
 use glam::Vec3;
 
@@ -18,7 +18,7 @@ pub struct Support {
     pub gv: f32,
 }
 
-/// A pinhole camera in single precision: what the inner loops need.
+/// A pinhole camera in single precision, for inner loops.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pinhole {
     /// Focal lengths, pixels.
@@ -32,18 +32,18 @@ pub struct Pinhole {
 }
 
 impl Pinhole {
-    /// The point of a pixel's ray at z = 1.
+    /// Point of a pixel's ray at z = 1.
     pub fn ray(&self, u: f32, v: f32) -> Vec3 {
         Vec3::new((u - self.cx) / self.fx, (v - self.cy) / self.fy, 1.0)
     }
 }
 
 impl Support {
-    /// The most slanted plane that is believed: the cosine between its normal and the ray, 87.7°. A ceiling just above a
-    /// camera is seen as flat as that.
+    /// Least cosine between the ray and the normal of an accepted plane, 87.7°: a ceiling just above a camera is seen
+    /// that flat.
     pub const LEAST_COSINE: f32 = 0.04;
 
-    /// The plane through inverse depth `w` on `ray` with this normal; `None` when it is seen edge-on or from behind.
+    /// Plane through inverse depth `w` on `ray` with this normal; `None` when it is seen edge-on or from behind.
     pub fn from_normal(w: f32, normal: Vec3, ray: Vec3, camera: &Pinhole) -> Option<Self> {
         let towards = normal.dot(ray);
         if towards >= -Self::LEAST_COSINE * ray.length() * normal.length() {
@@ -53,7 +53,7 @@ impl Support {
         Some(Self { w, gu: normal.x * scale / camera.fx, gv: normal.y * scale / camera.fy })
     }
 
-    /// The plane's unit normal in camera coordinates, towards the camera; (u, v) is the support's own pixel.
+    /// Unit normal of the plane in camera coordinates, towards the camera; (u, v) is the support's own pixel.
     pub fn normal(&self, u: f32, v: f32, camera: &Pinhole) -> Vec3 {
         let m = Vec3::new(self.gu, self.gv, self.w - self.gu * u - self.gv * v);
         // Kᵀ m, the plane's vector in space: dot with a point of the plane is 1.
@@ -61,7 +61,7 @@ impl Support {
         -plane.normalize_or_zero()
     }
 
-    /// The same plane, told at the pixel `du`, `dv` away.
+    /// The same plane, expressed at the pixel `du`, `dv` away.
     #[must_use]
     pub fn moved(&self, du: f32, dv: f32) -> Self {
         Self { w: self.w + self.gu * du + self.gv * dv, ..*self }
@@ -81,14 +81,14 @@ pub struct SupportMap {
     pub width: usize,
     /// Height in pixels.
     pub height: usize,
-    /// One a pixel.
+    /// Support of each pixel.
     pub supports: Vec<Support>,
     /// Matching cost: 0 perfect, 1 uncorrelated, above: worse than chance.
     pub costs: Vec<f32>,
 }
 
 impl SupportMap {
-    /// The map for the image twice as large, each support told at its new pixel.
+    /// Map for the image twice as large, each support expressed at its new pixel.
     #[must_use]
     pub fn doubled(&self, width: usize, height: usize) -> Self {
         let nearest = |i: usize, n: usize| (i / 2).min(n.saturating_sub(1));
@@ -125,7 +125,7 @@ mod tests {
             let ray = CAMERA.ray(u, v);
             let Some(support) = Support::from_normal(1.0 / z, normal, ray, &CAMERA) else { return Ok(()) };
             prop_assert!((support.normal(u, v, &CAMERA) - normal).length() < 1e-3);
-            // The closed form: where the neighbour's ray meets the plane through z · ray.
+            // Closed form: intersection of the neighbour's ray with the plane through z · ray.
             let other = CAMERA.ray(u + du, v + dv);
             let depth = normal.dot(ray * z) / normal.dot(other);
             prop_assume!(depth > 0.1 && depth < 100.0);

@@ -1,4 +1,4 @@
-//! Stereo against the depth of a synthetic room that was rendered from known places.
+//! Stereo against the depth of a rendered synthetic room.
 
 use nalgebra::Point2;
 use scenes::depth;
@@ -7,15 +7,15 @@ use synthetic::{CaptureOptions, RoomOptions};
 
 use super::*;
 
-/// The share of a rendered room's image that has a depth, and of that the shares within half a pixel, one and two of
-/// the truth: shifts in the farthest view.
+/// Share of a rendered room's image that has a depth, and the shares of it within half a pixel, one and two of the
+/// truth: shifts in the farthest view.
 fn depth_of_a_rendered_room(options: &DenseOptions) -> (f64, [f64; 3]) {
     let room = RoomOptions { seed: 4, image_px: [200, 150], ..RoomOptions::default() }.build().unwrap();
     let camera = &room.room.cameras[0].camera;
     let (frames, poses) = room.capture(camera, &CaptureOptions { frames: 9, ..CaptureOptions::default() });
     let scene = RayScene::new(room.room.geometry.as_ref().unwrap()).unwrap();
     let truth = depth::render(&scene, camera);
-    // The points a sparse reconstruction would know.
+    // Points as a sparse reconstruction would have them.
     let to_reference = camera.camera_from_world.inverse();
     let points: Vec<Point3<f64>> = (0..150)
         .step_by(15)
@@ -62,7 +62,7 @@ fn a_rendered_room_has_the_depth_it_was_rendered_with() {
 
 #[test]
 fn a_quarter_of_the_size_tells_depth_in_the_rough() {
-    // Nothing is done at half and full size but to take over, and to ask who agrees.
+    // Half and full size only take over the depths and check consistency.
     let options = DenseOptions { iterations: [6, 0, 0], ..DenseOptions::draft() };
     let (known, within) = depth_of_a_rendered_room(&options);
     assert!(known > 0.5 && within[2] > 0.6, "{known} {within:?}");

@@ -1,8 +1,8 @@
 //! Rank-three factorization of measurements with missing entries: `w_fp = M_f s_p + o_f`.
 //!
-//! C. Tomasi and T. Kanade, "Shape and motion from image streams under orthography" (IJCV 1992): the points seen in
-//! every frame give motion by a singular value decomposition (section 3); the others follow by intersection with that
-//! motion (section 5), and alternation settles both.
+//! C. Tomasi and T. Kanade, "Shape and motion from image streams under orthography: a factorization method" (IJCV
+//! 1992): the points seen in every frame give motion by a singular value decomposition (section 3); the others follow
+//! by intersection with that motion (section 5), and alternation refines both.
 
 use nalgebra::{DMatrix, Matrix2x3, Matrix3, Matrix4, SMatrix, SymmetricEigen, Vector2, Vector3, Vector4};
 
@@ -10,19 +10,19 @@ use nalgebra::{DMatrix, Matrix2x3, Matrix3, Matrix4, SMatrix, SymmetricEigen, Ve
 pub(crate) const MIN_COMPLETE: usize = 8;
 const ALTERNATIONS: usize = 4;
 
-/// Measurements of points (outer) in frames (inner); `None` where a point was not seen.
+/// Measurements of points (outer) in frames (inner); `None` where a point was not observed.
 pub(crate) type Measurements = Vec<Vec<Option<Vector2<f64>>>>;
 
 /// Affine motion and shape; the points' mean is the origin.
 #[derive(Debug, Clone)]
 pub(crate) struct Affine {
     pub(crate) motion: Vec<Matrix2x3<f64>>,
-    /// Where the origin is seen.
+    /// Image of the origin in each frame.
     pub(crate) offset: Vec<Vector2<f64>>,
     pub(crate) points: Vec<Vector3<f64>>,
 }
 
-/// Factorizes; `None` when too few points are seen throughout or a point or frame is undetermined.
+/// Factorizes; `None` when too few points are observed throughout or a point or frame is undetermined.
 pub(crate) fn factorize(measured: &Measurements) -> Option<Affine> {
     let frames = measured.first()?.len();
     let complete: Vec<Vec<Vector2<f64>>> =
@@ -60,7 +60,7 @@ pub(crate) fn factorize(measured: &Measurements) -> Option<Affine> {
 }
 
 impl Affine {
-    /// Each point from the frames that saw it.
+    /// Solves for each point from the frames that observed it.
     fn solve_points(&mut self, measured: &Measurements) -> Option<()> {
         let point = |seen: &Vec<Option<Vector2<f64>>>| -> Option<Vector3<f64>> {
             let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
@@ -76,7 +76,7 @@ impl Affine {
         Some(())
     }
 
-    /// Each frame from the points it saw.
+    /// Solves for each frame's motion from its observed points.
     fn solve_motion(&mut self, measured: &Measurements) -> Option<()> {
         for f in 0..self.motion.len() {
             let (mut normal, mut right) = (Matrix4::zeros(), SMatrix::<f64, 4, 2>::zeros());

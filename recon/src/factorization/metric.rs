@@ -1,7 +1,7 @@
-//! From affine to metric: the 3 × 3 matrix that makes the motion's rows a camera's axes.
+//! Metric upgrade: the 3 × 3 matrix that makes the rows of the affine motion a camera's axes.
 //!
 //! C. J. Poelman and T. Kanade, "A paraperspective factorization method for shape and motion recovery" (PAMI 1997).
-//! Image coordinates are normalised (focal length 1). With the origin seen at `(x_f, y_f)` and at depth `z_f`, the
+//! Image coordinates are normalised (focal length 1). With the origin's image at `(x_f, y_f)` and its depth `z_f`, the
 //! rows of paraperspective motion are
 //!
 //! ```text
@@ -17,9 +17,9 @@ use nalgebra::{
 
 use super::affine::Affine;
 
-/// The camera that affine measurements are read with.
+/// Camera model of affine measurements.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Model {
+pub(crate) enum AffineModel {
     /// Parallel rays along the optical axis, scaled with distance.
     Orthographic,
     /// Parallel rays along the line of sight to the origin.
@@ -28,7 +28,7 @@ pub(crate) enum Model {
 
 /// Poses and points; the points' mean is the origin.
 #[derive(Debug, Clone)]
-pub(crate) struct Metric {
+pub(crate) struct MetricMotion {
     /// `camera_from_world`.
     pub(crate) poses: Vec<Isometry3<f64>>,
     pub(crate) points: Vec<Vector3<f64>>,
@@ -37,28 +37,28 @@ pub(crate) struct Metric {
 /// Least eigenvalue of `Q`, relative to the largest: noise may push it below zero when the camera hardly turned.
 const MIN_EIGENVALUE: f64 = 1e-4;
 
-/// The metric reading of an affine factorization, and its mirror: both explain affine measurements equally.
-pub(crate) fn upgrade(affine: &Affine, model: Model) -> Option<[Metric; 2]> {
+/// Metric interpretation of an affine factorization, and its mirror: both explain affine measurements equally.
+pub(crate) fn upgrade(affine: &Affine, model: AffineModel) -> Option<[MetricMotion; 2]> {
     let a = metric_matrix(affine, model)?;
     let back = a.try_inverse()?;
-    let metric = |sign: f64| -> Option<Metric> {
+    let metric = |sign: f64| -> Option<MetricMotion> {
         let points = affine.points.iter().map(|s| back * s * sign).collect();
         let poses =
             (0..affine.motion.len()).map(|f| pose(affine, f, &(a * sign), model)).collect::<Option<_>>()?;
-        Some(Metric { poses, points })
+        Some(MetricMotion { poses, points })
     };
     Some([metric(1.0)?, metric(-1.0)?])
 }
 
-/// Where the constraints see the origin.
-fn sight(affine: &Affine, f: usize, model: Model) -> (f64, f64) {
+/// Image of the origin in the constraints.
+fn origin_image(affine: &Affine, f: usize, model: AffineModel) -> (f64, f64) {
     match model {
-        Model::Orthographic => (0.0, 0.0),
-        Model::Paraperspective => (affine.offset[f].x, affine.offset[f].y),
+        AffineModel::Orthographic => (0.0, 0.0),
+        AffineModel::Paraperspective => (affine.offset[f].x, affine.offset[f].y),
     }
 }
 
-fn metric_matrix(affine: &Affine, model: Model) -> Option<Matrix3<f64>> {
+fn metric_matrix(affine: &Affine, model: AffineModel) -> Option<Matrix3<f64>> {
     let frames = affine.motion.len();
     let mut system = DMatrix::zeros(2 * frames + 1, 6);
     let mut right = DVector::zeros(2 * frames + 1);
@@ -67,7 +67,7 @@ fn metric_matrix(affine: &Affine, model: Model) -> Option<Matrix3<f64>> {
         [a.x * b.x, a.x * b.y + a.y * b.x, a.x * b.z + a.z * b.x, a.y * b.y, a.y * b.z + a.z * b.y, a.z * b.z]
     };
     for f in 0..frames {
-        let (x, y) = sight(affine, f, model);
+        let (x, y) = origin_image(affine, f, model);
         let m: Vector3<f64> = affine.motion[f].row(0).transpose();
         let n: Vector3<f64> = affine.motion[f].row(1).transpose();
         let (mm, nn, mn) = (form(&m, &m), form(&n, &n), form(&m, &n));
@@ -75,12 +75,12 @@ fn metric_matrix(affine: &Affine, model: Model) -> Option<Matrix3<f64>> {
             let (across, down) = (mm[k] / (1.0 + x * x), nn[k] / (1.0 + y * y));
             system[(2 * f, k)] = across - down;
             system[(2 * f + 1, k)] = 2.0 * mn[k] - x * y * (across + down);
-            // The scale is free: depths are 1 in the mean (of 1 / z²).
+            // The scale is free: the mean of 1 / z² is set to 1.
             system[(2 * frames, k)] += 0.5 * (across + down);
         }
     }
     right[2 * frames] = frames as f64;
-    // Columns of very different size when the affine frame is skewed: scaled before solving.
+    // Columns differ much in size when the affine frame is skewed, so they are scaled before solving.
     let scale: Vec<f64> = (0..6).map(|k| system.column(k).norm().max(1e-12)).collect();
     for (k, s) in scale.iter().enumerate() {
         system.column_mut(k).scale_mut(1.0 / s);
@@ -97,9 +97,9 @@ fn metric_matrix(affine: &Affine, model: Model) -> Option<Matrix3<f64>> {
     Some(eigen.eigenvectors * Matrix3::from_diagonal(&roots))
 }
 
-/// One frame's pose from its metric motion rows.
-fn pose(affine: &Affine, f: usize, a: &Matrix3<f64>, model: Model) -> Option<Isometry3<f64>> {
-    let (x, y) = sight(affine, f, model);
+/// Pose of a frame from its metric motion rows.
+fn pose(affine: &Affine, f: usize, a: &Matrix3<f64>, model: AffineModel) -> Option<Isometry3<f64>> {
+    let (x, y) = origin_image(affine, f, model);
     let rows = affine.motion[f] * a;
     let (m, n): (Vector3<f64>, Vector3<f64>) = (rows.row(0).transpose(), rows.row(1).transpose());
     let inverse_depth = (0.5 * (m.norm_squared() / (1.0 + x * x) + n.norm_squared() / (1.0 + y * y))).sqrt();

@@ -8,36 +8,38 @@
 //! ```
 //!
 //! so corrected measurements factorize affinely. `ε` starts at zero and follows from each solution. The mirrored
-//! solution is a fixed point of the first step only: each of the two is followed on its own.
+//! solution is a fixed point of the first step only: each of the two is iterated on its own.
 
 use nalgebra::{Isometry3, Vector2, Vector3};
 
 use super::affine::{self, Measurements};
-use super::metric::{self, Metric, Model};
+use super::metric::{self, AffineModel, MetricMotion};
 
 const MAX_ITERATIONS: usize = 40;
-/// Smallest share of a correction that is followed.
+/// Smallest share of a correction that is applied.
 const MIN_STRIDE: f64 = 0.1;
-/// Mean change of the corrections at which the iteration has settled.
+/// Mean change of the corrections at which the iteration has converged.
 const CHANGE_END: f64 = 1e-7;
-/// Corrections are kept here: a point at less than a fifth of its origin's depth is no start for anything.
+/// Range of the corrections: a point at less than a fifth of its origin's depth is no start for anything.
 const EPSILON_RANGE: (f64, f64) = (-0.8, 4.0);
 
-/// Both perspective readings of the measurements (normalised image coordinates), the better first, each with its root
-/// mean square residual.
-pub(crate) fn factorize(measured: &Measurements) -> Vec<(Metric, f64)> {
+/// Both perspective interpretations of the measurements (normalised image coordinates), the better first, each with its
+/// root mean square residual.
+pub(crate) fn factorize(measured: &Measurements) -> Vec<(MetricMotion, f64)> {
     let Some(start) = affine::factorize(measured) else { return Vec::new() };
-    // The affine camera that leaves less starts the iteration: paraperspective, unless noise spoils its constraints.
-    let least =
-        |readings: &[Metric; 2]| readings.iter().map(|r| residual(measured, r)).fold(f64::INFINITY, f64::min);
-    let Some(readings) = [Model::Paraperspective, Model::Orthographic]
+    // The affine camera with the smaller residual starts the iteration: paraperspective, unless noise spoils its
+    // constraints.
+    let least = |readings: &[MetricMotion; 2]| {
+        readings.iter().map(|r| residual(measured, r)).fold(f64::INFINITY, f64::min)
+    };
+    let Some(readings) = [AffineModel::Paraperspective, AffineModel::Orthographic]
         .into_iter()
         .filter_map(|model| metric::upgrade(&start, model))
         .min_by(|a, b| least(a).total_cmp(&least(b)))
     else {
         return Vec::new();
     };
-    let mut settled: Vec<(Metric, f64)> = readings
+    let mut settled: Vec<(MetricMotion, f64)> = readings
         .into_iter()
         .map(|reading| settle(measured, reading))
         .map(|metric| {
@@ -49,9 +51,9 @@ pub(crate) fn factorize(measured: &Measurements) -> Vec<(Metric, f64)> {
     settled
 }
 
-/// Iterates from one reading; keeps the best solution met. Where the residual grows, corrections follow by smaller
-/// steps: far from affine (wide lenses, near things) whole steps overshoot.
-fn settle(measured: &Measurements, start: Metric) -> Metric {
+/// Iterates from one interpretation; keeps the best solution met. Where the residual grows, corrections are applied in
+/// smaller steps: far from affine (wide lenses, near things) whole steps overshoot.
+fn settle(measured: &Measurements, start: MetricMotion) -> MetricMotion {
     let (mut best, mut least) = (start.clone(), residual(measured, &start));
     let mut current = start;
     let mut epsilon = vec![vec![0.0; current.poses.len()]; measured.len()];
@@ -67,7 +69,7 @@ fn settle(measured: &Measurements, start: Metric) -> Metric {
                 *e += stride * (wanted - *e);
             }
         }
-        // Where the origin is seen moves with the corrections, by the same strides.
+        // The origin's image moves with the corrections, by the same steps.
         let seen_at = current.poses.iter().map(|pose| pose.translation.vector.xy() / pose.translation.z);
         let moved: Vec<Vector2<f64>> = match origins {
             Some(old) => old.iter().zip(seen_at).map(|(o, n)| o + stride * (n - o)).collect(),
@@ -78,9 +80,10 @@ fn settle(measured: &Measurements, start: Metric) -> Metric {
         if change < CHANGE_END * (epsilon.len() * current.poses.len()) as f64 {
             break;
         }
-        let next = affine::factorize(&corrected).and_then(|a| metric::upgrade(&a, Model::Paraperspective));
+        let next =
+            affine::factorize(&corrected).and_then(|a| metric::upgrade(&a, AffineModel::Paraperspective));
         let Some(readings) = next else { break };
-        // Of the two readings, the one that is not the mirror of the last.
+        // Of the two interpretations, the one that is not the mirror of the last.
         let likest =
             readings.into_iter().max_by(|a, b| likeness(&current, a).total_cmp(&likeness(&current, b)));
         let Some(next) = likest else { break };
@@ -95,15 +98,15 @@ fn settle(measured: &Measurements, start: Metric) -> Metric {
     best
 }
 
-/// Positive where two shapes agree about what is near and far as the first frame sees it.
-fn likeness(a: &Metric, b: &Metric) -> f64 {
-    let depth = |metric: &Metric| -> Vec<f64> {
+/// Positive where two shapes have the same depth order in the first frame.
+fn likeness(a: &MetricMotion, b: &MetricMotion) -> f64 {
+    let depth = |metric: &MetricMotion| -> Vec<f64> {
         metric.points.iter().map(|s| (metric.poses[0].rotation * s).z).collect()
     };
     depth(a).iter().zip(depth(b)).map(|(x, y)| x * y).sum()
 }
 
-/// What a paraperspective camera would have measured, by the present corrections.
+/// Measurements of a paraperspective camera by the present corrections.
 fn corrected(measured: &Measurements, epsilon: &[Vec<f64>], origins: &[Vector2<f64>]) -> Measurements {
     let correct =
         |(w, (e, o)): (&Option<Vector2<f64>>, (&f64, &Vector2<f64>))| w.map(|w| (w - o) * (1.0 + e) + o);
@@ -115,7 +118,7 @@ fn corrected(measured: &Measurements, epsilon: &[Vec<f64>], origins: &[Vector2<f
 }
 
 /// Root mean square distance between measured and projected normalised coordinates; 1 behind a camera.
-pub(crate) fn residual(measured: &Measurements, metric: &Metric) -> f64 {
+pub(crate) fn residual(measured: &Measurements, metric: &MetricMotion) -> f64 {
     let (mut sum, mut count) = (0.0, 0);
     for (point, seen) in metric.points.iter().zip(measured) {
         for (w, pose) in seen.iter().zip(&metric.poses) {

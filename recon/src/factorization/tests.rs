@@ -1,4 +1,4 @@
-//! Factorization against motion whose truth is known, and on the classical track file.
+//! Factorization against known motion, and on the classical track file.
 
 use std::path::Path;
 
@@ -10,9 +10,9 @@ use rand_pcg::Pcg64Mcg;
 use synthetic::tracks::TrackOptions;
 
 use super::affine::{self, Measurements};
-use super::metric::{self, Metric, Model};
+use super::metric::{self, AffineModel, MetricMotion};
 use super::{perspective, windows};
-use crate::features::Track;
+use crate::features::FeatureTrack;
 
 /// A cloud about the origin and cameras that look at it from an arc.
 fn scene(frames: usize, points: usize, depth: f64) -> (Vec<Isometry3<f64>>, Vec<Vector3<f64>>) {
@@ -36,7 +36,7 @@ fn perspective_image(pose: &Isometry3<f64>, point: &Vector3<f64>) -> Vector2<f64
 }
 
 /// Largest angle between estimated and true rotations, the world's frame being free.
-fn worst_turn_deg(found: &Metric, truth: &[Isometry3<f64>]) -> f64 {
+fn worst_turn_deg(found: &MetricMotion, truth: &[Isometry3<f64>]) -> f64 {
     let world = found.poses[0].rotation.inverse() * truth[0].rotation;
     let turns = found.poses.iter().zip(truth).map(|(f, t)| (f.rotation * world).angle_to(&t.rotation));
     turns.fold(0.0, f64::max).to_degrees()
@@ -50,7 +50,7 @@ fn orthographic_measurements_give_the_rotations_of_one_of_two_readings() {
         .map(|s| poses.iter().map(|p| Some((p * Point3::from(*s)).coords.xy() / p.translation.z)).collect())
         .collect();
     let affine = affine::factorize(&measured).unwrap();
-    let readings = metric::upgrade(&affine, Model::Orthographic).unwrap();
+    let readings = metric::upgrade(&affine, AffineModel::Orthographic).unwrap();
     let turns = readings.map(|r| worst_turn_deg(&r, &poses));
     assert!(turns[0].min(turns[1]) < 1e-4, "{turns:?}");
     assert!(turns[0].max(turns[1]) > 5.0, "the mirror must be another motion: {turns:?}");
@@ -66,7 +66,7 @@ fn paraperspective_is_nearer_to_perspective_than_orthographic() {
         let readings = metric::upgrade(&affine, model).unwrap();
         readings.map(|r| worst_turn_deg(&r, &poses)).into_iter().fold(f64::INFINITY, f64::min)
     };
-    assert!(worst(Model::Paraperspective) < worst(Model::Orthographic));
+    assert!(worst(AffineModel::Paraperspective) < worst(AffineModel::Orthographic));
 }
 
 #[test]
@@ -92,7 +92,7 @@ fn iteration_reaches_the_perspective_truth_and_drops_the_mirror() {
 fn windows_are_chained_over_a_long_noisy_sequence_with_gaps() {
     let mut rng = Pcg64Mcg::seed_from_u64(5);
     let intrinsics = Intrinsics::from_horizontal_fov(640, 480, 55.0);
-    // Sideways past a long wall of things: no point is seen throughout.
+    // Sideways past a long wall of points: no point is observed throughout.
     let frames = 90;
     let truth: Vec<Isometry3<f64>> = (0..frames)
         .map(|f| {
@@ -105,7 +105,7 @@ fn windows_are_chained_over_a_long_noisy_sequence_with_gaps() {
         .collect();
     let (along, side) = (Uniform::new(-2.5, 8.5).unwrap(), Uniform::new(-1.0, 1.0).unwrap());
     let noise = Normal::new(0.0, 0.15).unwrap();
-    let tracks: Vec<Track> = (0..1200)
+    let tracks: Vec<FeatureTrack> = (0..1200)
         .map(|_| {
             let p = Point3::new(
                 along.sample(&mut rng),
@@ -116,7 +116,7 @@ fn windows_are_chained_over_a_long_noisy_sequence_with_gaps() {
                 let pixel = intrinsics.project(&(pose * p)).filter(|q| intrinsics.contains(q))?;
                 Some((f, pixel + Vector2::new(noise.sample(&mut rng), noise.sample(&mut rng))))
             });
-            Track { observations: observations.collect() }
+            FeatureTrack { observations: observations.collect() }
         })
         .filter(|t| t.observations.len() >= 3)
         .collect();
@@ -134,21 +134,21 @@ fn windows_are_chained_over_a_long_noisy_sequence_with_gaps() {
 }
 
 #[test]
-fn the_classical_tracks_factorize() {
+fn the_classical_tracks_of_shared_data_factorize() {
     let path =
         Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/factorization_tracks/tracks.csv"));
     let Ok(text) = std::fs::read_to_string(path) else {
         eprintln!("skipped: {} is not here", path.display());
         return;
     };
-    let mut tracks: Vec<Track> = Vec::new();
+    let mut tracks: Vec<FeatureTrack> = Vec::new();
     for line in text.lines().skip(1) {
         let field: Vec<f64> = line.split(',').map(|v| v.parse().unwrap()).collect();
         let (frame, point) = (field[0] as usize - 1, field[1] as usize - 1);
-        tracks.resize_with(tracks.len().max(point + 1), Track::default);
+        tracks.resize_with(tracks.len().max(point + 1), FeatureTrack::default);
         tracks[point].observations.push((frame, Point2::new(field[2], field[3])));
     }
-    // The lens is not known; a usual one. The residuals say whether the shape is rigid under it.
+    // The lens is unknown; a usual one is assumed. The residuals tell whether the shape is rigid under it.
     let intrinsics = Intrinsics::from_horizontal_fov(640, 480, 40.0);
     let measured: Measurements = tracks
         .iter()
@@ -178,10 +178,10 @@ fn synthetic_tracks_with_noise_and_gaps_give_their_cameras() {
             ..TrackOptions::default()
         };
         let scene = options.build();
-        let tracks: Vec<Track> = scene
+        let tracks: Vec<FeatureTrack> = scene
             .observations
             .iter()
-            .map(|seen| Track { observations: seen.iter().map(|o| (o.camera, o.pixel)).collect() })
+            .map(|seen| FeatureTrack { observations: seen.iter().map(|o| (o.camera, o.pixel)).collect() })
             .collect();
         let found = windows::reconstruct(&tracks, &options.intrinsics, 20).unwrap();
         let found: Vec<Isometry3<f64>> = found.into_iter().map(|pose| pose.unwrap()).collect();

@@ -7,45 +7,45 @@ use rayon::prelude::*;
 
 use super::affine::{MIN_COMPLETE, Measurements};
 use super::perspective;
-use crate::bundle::{self, BundleOptions, Loss, Observation, Problem};
-use crate::features::Track;
+use crate::bundle::{self, BundleOptions, BundleProblem, Loss, Observation};
+use crate::features::FeatureTrack;
 
 /// Longest window, frames; longer ones gain little and hold few complete tracks.
 const MAX_FRAMES: usize = 40;
-/// Shortest window worth factorizing.
+/// Shortest window that is factorized.
 const MIN_FRAMES: usize = 4;
 /// Complete tracks a window should have; it shrinks until it has them.
 const ENOUGH_COMPLETE: usize = 40;
-/// A track takes part in a window when it was seen in this share of its frames.
+/// Least share of a window's frames in which a track must be observed to take part.
 const MIN_SEEN: f64 = 0.6;
-/// Tracks that take part, at most.
+/// Largest number of tracks that take part.
 const MAX_TRACKS: usize = 300;
-/// Points two windows must share to be chained.
+/// Least number of shared points by which two windows are chained.
 const MIN_SHARED: usize = 8;
-/// Mean robust cost of an observation (px²) beyond which a window is no rigid scene but a wrong minimum.
+/// Mean robust cost of an observation (px²) beyond which a window has converged to a wrong minimum.
 const MAX_COST: f64 = 0.6;
 
-/// A stretch of frames reconstructed on its own.
-struct Window {
+/// A range of frames reconstructed on its own.
+struct FrameWindow {
     /// First frame.
     first: usize,
     poses: Vec<Isometry3<f64>>,
-    /// (track, position)
+    /// Points as (track, position).
     points: Vec<(usize, Point3<f64>)>,
     /// Mean robust cost of an observation, px².
     cost: f64,
 }
 
-/// A pose for each frame of the sequence that a chain of windows reaches; `None` when not even one window factorizes.
+/// Poses of the frames that a chain of windows reaches; `None` when not even one window factorizes.
 ///
 /// The chain starts at the window with the smallest residual and goes both ways until one cannot be placed; frames
 /// beyond are left to resection.
 pub(crate) fn reconstruct(
-    tracks: &[Track],
+    tracks: &[FeatureTrack],
     intrinsics: &Intrinsics,
     frames: usize,
 ) -> Option<Vec<Option<Isometry3<f64>>>> {
-    let windows: Vec<Option<Window>> = cover(tracks, frames)
+    let windows: Vec<Option<FrameWindow>> = cover(tracks, frames)
         .into_par_iter()
         .map(|(first, length, chosen)| solve(tracks, &chosen, intrinsics, first, length))
         .map(|window| window.filter(|w| w.cost <= MAX_COST))
@@ -55,7 +55,7 @@ pub(crate) fn reconstruct(
         .enumerate()
         .filter_map(|(index, window)| Some((index, window.as_ref()?.cost)))
         .min_by(|a, b| a.1.total_cmp(&b.1))?;
-    let mut chain = Chain { poses: vec![None; frames], points: vec![None; tracks.len()] };
+    let mut chain = WindowChain { poses: vec![None; frames], points: vec![None; tracks.len()] };
     for window in windows[start..].iter().map_while(Option::as_ref) {
         if !chain.append(window) {
             break;
@@ -70,7 +70,7 @@ pub(crate) fn reconstruct(
 }
 
 /// Windows that overlap by half, with the tracks that take part in each.
-fn cover(tracks: &[Track], frames: usize) -> Vec<(usize, usize, Vec<usize>)> {
+fn cover(tracks: &[FeatureTrack], frames: usize) -> Vec<(usize, usize, Vec<usize>)> {
     let mut windows = Vec::new();
     let mut first = 0;
     while first + MIN_FRAMES <= frames {
@@ -87,17 +87,17 @@ fn cover(tracks: &[Track], frames: usize) -> Vec<(usize, usize, Vec<usize>)> {
     windows
 }
 
-/// What the windows so far say, in the frame and scale of the first.
-struct Chain {
-    /// One a frame.
+/// Poses and points of the windows so far, in the frame and scale of the first.
+struct WindowChain {
+    /// Pose of each frame.
     poses: Vec<Option<Isometry3<f64>>>,
-    /// One a track.
+    /// Point of each track.
     points: Vec<Option<Point3<f64>>>,
 }
 
-impl Chain {
-    /// `false` when the window shares too little with the chain.
-    fn append(&mut self, window: &Window) -> bool {
+impl WindowChain {
+    /// Appends a window; `false` when it shares too little with the chain.
+    fn append(&mut self, window: &FrameWindow) -> bool {
         let Some(placed) = place(window, &self.points) else { return false };
         for (offset, pose) in window.poses.iter().enumerate() {
             self.poses[window.first + offset].get_or_insert_with(|| moved(pose, &placed));
@@ -110,9 +110,9 @@ impl Chain {
 }
 
 /// The longest window from a frame on with enough complete tracks, and the tracks that take part.
-fn choose(tracks: &[Track], first: usize, frames: usize) -> Option<(usize, Vec<usize>)> {
+fn choose(tracks: &[FeatureTrack], first: usize, frames: usize) -> Option<(usize, Vec<usize>)> {
     let longest = MAX_FRAMES.min(frames - first);
-    let seen_within = |track: &Track, end: usize| {
+    let seen_within = |track: &FeatureTrack, end: usize| {
         track.observations.iter().filter(|(f, _)| (first..end).contains(f)).count()
     };
     let complete = |length: usize| tracks.iter().filter(|t| seen_within(t, first + length) == length).count();
@@ -131,14 +131,14 @@ fn choose(tracks: &[Track], first: usize, frames: usize) -> Option<(usize, Vec<u
     Some((length, chosen.into_iter().map(|(_, index)| index).collect()))
 }
 
-/// Factorizes one window; both depth readings are adjusted, and the one with the smaller residual stays.
+/// Factorizes one window; both depth interpretations are adjusted, and the one with the smaller residual stays.
 fn solve(
-    tracks: &[Track],
+    tracks: &[FeatureTrack],
     chosen: &[usize],
     intrinsics: &Intrinsics,
     first: usize,
     length: usize,
-) -> Option<Window> {
+) -> Option<FrameWindow> {
     let mut measured: Measurements = Vec::with_capacity(chosen.len());
     let mut observations: Vec<Vec<Observation>> = Vec::with_capacity(chosen.len());
     for &index in chosen {
@@ -155,7 +155,7 @@ fn solve(
         observations.push(seen);
     }
     let adjusted = perspective::factorize(&measured).into_iter().map(|(metric, _)| {
-        let mut problem = Problem {
+        let mut problem = BundleProblem {
             intrinsics: intrinsics.clone(),
             poses: metric.poses,
             points: metric.points.into_iter().map(Point3::from).collect(),
@@ -182,7 +182,7 @@ fn solve(
         .filter(|(p, _)| agrees(*p))
         .map(|(p, &track)| (track, problem.points[p]))
         .collect();
-    Some(Window {
+    Some(FrameWindow {
         first,
         cost: cost / problem.observation_count().max(1) as f64,
         poses: problem.poses,
@@ -190,8 +190,8 @@ fn solve(
     })
 }
 
-/// `chain_from_window`, by the points both hold; distant points, whose depths are uncertain, count less.
-fn place(window: &Window, known: &[Option<Point3<f64>>]) -> Option<Similarity3<f64>> {
+/// `chain_from_window`, by the shared points; distant points, whose depths are uncertain, count less.
+fn place(window: &FrameWindow, known: &[Option<Point3<f64>>]) -> Option<Similarity3<f64>> {
     if known.iter().all(Option::is_none) {
         return Some(Similarity3::identity());
     }
@@ -201,7 +201,7 @@ fn place(window: &Window, known: &[Option<Point3<f64>>]) -> Option<Similarity3<f
             let depth = (window.poses[0] * point).z;
             a.push(*point);
             b.push(chain);
-            // The depth's deviation grows with the depth squared.
+            // The standard deviation of a depth grows with the depth squared.
             weights.push(1.0 / depth.max(1e-3).powi(4));
         }
     }
@@ -225,7 +225,7 @@ fn place(window: &Window, known: &[Option<Point3<f64>>]) -> Option<Similarity3<f
 /// A pose of the window's frame in the chain's, whose unit of length it takes.
 fn moved(pose: &Isometry3<f64>, chain_from_window: &Similarity3<f64>) -> Isometry3<f64> {
     let rotation = pose.rotation * chain_from_window.isometry.rotation.inverse();
-    // The camera's centre moves as a point.
+    // The camera's centre transforms as a point.
     let center = chain_from_window * (pose.inverse() * Point3::origin());
     Isometry3::from_parts((rotation * -center.coords).into(), rotation)
 }

@@ -1,10 +1,10 @@
-//! Brightness as `f32`, slightly smoothed: what patches are cut from and registered in.
+//! Brightness as `f32`, slightly smoothed, for cutting and registering patches.
 
 use image::RgbImage;
 use wide::{f32x4, i32x4};
 
-/// Smoothing before patches are compared: enough that bilinear reading between pixels is unbiased, and that
-/// gradients rise above the sensor's noise.
+/// Standard deviation of the smoothing before patches are compared: enough that bilinear interpolation is unbiased, and
+/// that gradients rise above the sensor's noise.
 const SMOOTHING_PX: f32 = 0.8;
 
 /// A brightness image; values 0–255.
@@ -76,7 +76,7 @@ impl Intensity {
         self.values[y * self.width + x]
     }
 
-    /// Whether a point may be read by [`Self::at`].
+    /// Tells whether a point may be read by [`Self::at`].
     pub(crate) fn holds(&self, x: f64, y: f64) -> bool {
         x >= 0.0 && y >= 0.0 && x < (self.width - 1) as f64 && y < (self.height - 1) as f64
     }
@@ -84,13 +84,13 @@ impl Intensity {
     /// Bilinear reading; the point must be one that [`Self::holds`].
     #[inline]
     pub(crate) fn at(&self, x: f64, y: f64) -> f32 {
-        // By way of `i32`, which processors convert at once; every pixel's index fits.
+        // The conversion goes through `i32`, which processors do at once; every pixel's index fits.
         let (left, top) = (x as i32, y as i32);
         let (fx, fy) = ((x - f64::from(left)) as f32, (y - f64::from(top)) as f32);
         self.between(top as usize * self.width + left as usize, fx, fy)
     }
 
-    /// [`Self::at`] four places. What lies outside the image reads as something in it, or 0.
+    /// [`Self::at`] for four places. A place outside the image reads as some pixel in it, or 0.
     #[inline]
     pub(crate) fn at_four(&self, x: f32x4, y: f32x4) -> f32x4 {
         let (left, top) = (x.fast_trunc_int(), y.fast_trunc_int());
@@ -112,7 +112,7 @@ impl Intensity {
         above + fy * (below - above)
     }
 
-    /// The brightness of `count` pixels from the one with an index on, in rows; `None` beyond the image.
+    /// Brightness of `count` pixels in row order from an index on; `None` beyond the image.
     #[inline]
     pub(crate) fn from(&self, index: usize, count: usize) -> Option<&[f32]> {
         self.values.get(index..index + count)

@@ -1,10 +1,10 @@
 //! Feature tracks over a capture: KLT, each feature re-registered against its first appearance.
 //!
-//! A frame's points are looked for in the next where the camera's turn ([`turn`]) carries them, followed by pyramidal
-//! Lucas–Kanade (C. Tomasi and T. Kanade 1991; corners after J. Shi and C. Tomasi 1994), and checked by following
-//! them back. Lucas–Kanade from frame to frame drifts; so each point then is registered ([`register`]) against the
-//! patch it was born with, which also tells when it shows something else. Lost features are replaced, spread over the
-//! image, so tracks come and go.
+//! A frame's points are predicted in the next by the camera's rotation ([`turn`]), followed by pyramidal Lucas–Kanade
+//! (C. Tomasi and T. Kanade, "Detection and tracking of point features", 1991; corners after J. Shi and C. Tomasi,
+//! "Good features to track", CVPR 1994), and checked by following them back. Lucas–Kanade from frame to frame drifts;
+//! so each point then is registered ([`register`]) against the patch of its first appearance, which also detects when
+//! it shows something else. Lost features are replaced, spread over the image, so tracks come and go.
 
 mod intensity;
 mod probe;
@@ -23,12 +23,12 @@ pub(crate) use intensity::Intensity;
 pub(crate) use register::{Patch, Reading, Warp};
 use turn::CoarseScales;
 
-/// How features are found and followed.
+/// Options of feature detection and tracking.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FeatureOptions {
-    /// Features followed at a time.
+    /// Number of features followed at a time.
     pub count: usize,
-    /// Cells along the longer image side over which they are spread.
+    /// Number of cells along the longer image side over which they are spread.
     pub grid: usize,
     /// Least distance between features, pixels.
     pub min_distance_px: f64,
@@ -36,15 +36,15 @@ pub struct FeatureOptions {
     pub patch_radius_px: i32,
     /// Side of the Lucas–Kanade window, pixels.
     pub window_px: u32,
-    /// How often Lucas–Kanade halves the image.
+    /// Number of times that Lucas–Kanade halves the image.
     pub pyramid_depth: u32,
-    /// A feature must come back this close when followed backwards, pixels.
+    /// Largest distance of a feature from its start when it is followed backwards, pixels.
     pub max_return_px: f64,
-    /// Lucas–Kanade and registration must agree this well, pixels.
+    /// Largest distance between the results of Lucas–Kanade and of registration, pixels.
     pub max_disagreement_px: f64,
     /// Least correlation with a feature's first appearance.
     pub min_correlation: f64,
-    /// Corners weaker than this fraction of the strongest are no features.
+    /// Quality of a corner, as a fraction of the strongest, below which it is no feature.
     pub corner_quality: f64,
 }
 
@@ -65,21 +65,21 @@ impl Default for FeatureOptions {
     }
 }
 
-/// Where one feature was seen: frames (from 0, rising, with gaps perhaps) and pixels.
+/// Observations of one feature: frames (from 0, rising, with gaps perhaps) and pixels.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Track {
-    /// One entry a frame that saw the feature.
+pub struct FeatureTrack {
+    /// One entry a frame that observed the feature.
     pub observations: Vec<(usize, Point2<f64>)>,
 }
 
-/// What tracking did.
+/// Report of feature tracking.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct FeatureReport {
-    /// Tracks of two frames or more.
+    /// Number of tracks of two frames or more.
     pub tracks: usize,
-    /// Observations of all tracks.
+    /// Number of observations of all tracks.
     pub observations: usize,
-    /// Features carried from each frame to the next; one fewer than frames.
+    /// Number of features carried from each frame to the next; one entry fewer than frames.
     pub carried: Vec<usize>,
 }
 
@@ -93,25 +93,25 @@ struct Feature {
 /// Follows features through the frames; `intrinsics` need only be roughly right.
 ///
 /// # Errors
-/// When OpenCV refuses.
+/// [`crate::error::Error::Calib`] when OpenCV refuses.
 pub fn track(
     frames: &[RgbImage],
     intrinsics: &Intrinsics,
     options: &FeatureOptions,
-) -> Result<(Vec<Track>, FeatureReport)> {
-    let mut tracks: Vec<Track> = Vec::new();
+) -> Result<(Vec<FeatureTrack>, FeatureReport)> {
+    let mut tracks: Vec<FeatureTrack> = Vec::new();
     let mut report = FeatureReport::default();
     let mut live: Vec<Feature> = Vec::new();
-    let mut before: Option<Seen> = None;
+    let mut before: Option<FrameImages> = None;
     for (frame, image) in frames.iter().enumerate() {
-        let seen = Seen::new(image, intrinsics, options)?;
+        let seen = FrameImages::new(image, intrinsics, options)?;
         if let Some(before) = &before {
             live = carry(live, before, &seen, intrinsics, options)?;
             report.carried.push(live.len());
         }
         let born = births(&seen, &live, options)?;
         live.extend(born.into_iter().map(|(patch, warp)| {
-            tracks.push(Track::default());
+            tracks.push(FeatureTrack::default());
             Feature { track: tracks.len() - 1, patch, warp }
         }));
         for feature in &live {
@@ -126,14 +126,14 @@ pub fn track(
 }
 
 /// A frame in the forms that tracking reads.
-struct Seen {
+struct FrameImages {
     gray: image::GrayImage,
     intensity: Intensity,
     pyramid: FlowPyramid,
     coarse: CoarseScales,
 }
 
-impl Seen {
+impl FrameImages {
     fn new(image: &RgbImage, intrinsics: &Intrinsics, options: &FeatureOptions) -> Result<Self> {
         let gray = image::imageops::grayscale(image);
         let intensity = Intensity::new(image);
@@ -143,11 +143,11 @@ impl Seen {
     }
 }
 
-/// Carries features from one frame to the next; those that are lost end.
+/// Carries features from one frame to the next; lost ones end.
 fn carry(
     live: Vec<Feature>,
-    from: &Seen,
-    to: &Seen,
+    from: &FrameImages,
+    to: &FrameImages,
     intrinsics: &Intrinsics,
     options: &FeatureOptions,
 ) -> Result<Vec<Feature>> {
@@ -186,8 +186,8 @@ fn carry(
     Ok(carried.collect::<Vec<_>>().into_iter().flatten().collect())
 }
 
-/// New features where the image has corners and no feature yet, spread over a grid.
-fn births(seen: &Seen, live: &[Feature], options: &FeatureOptions) -> Result<Vec<(Patch, Warp)>> {
+/// New features at corners without a feature, spread over a grid.
+fn births(seen: &FrameImages, live: &[Feature], options: &FeatureOptions) -> Result<Vec<(Patch, Warp)>> {
     let (width, height) = (seen.intensity.width, seen.intensity.height);
     let cell = (width.max(height) as f64 / options.grid as f64).max(1.0);
     let (columns, rows) = ((width as f64 / cell).ceil() as usize, (height as f64 / cell).ceil() as usize);
@@ -207,7 +207,7 @@ fn births(seen: &Seen, live: &[Feature], options: &FeatureOptions) -> Result<Vec
         5,
     )?;
     let mut born = Vec::new();
-    // First every cell gets its share; then, where walls are plain, the others may hold more.
+    // First every cell gets its share; then the others may hold more, since plain walls leave cells empty.
     for share in [quota, 3 * quota] {
         for corner in &corners {
             let home = cell_of(corner);

@@ -1,4 +1,4 @@
-//! A patch thinned out, for looking through many places by correlation before it is registered at the best.
+//! A subsampled patch, for searching many places by correlation before it is registered at the best.
 
 use nalgebra::{Matrix2, Point2, Vector2};
 
@@ -6,7 +6,7 @@ use super::intensity::Intensity;
 use super::register::{MIN_CONTRAST, Patch, window};
 
 impl Patch {
-    /// Every second pixel of the patch, deformed: what is tried at many places before registration.
+    /// Every second pixel of the patch, deformed, for correlation at many places before registration.
     pub(crate) fn probe(&self, affine: &Matrix2<f64>) -> Probe {
         let kept = |(x, y): &(i32, i32)| (x + self.radius) % 2 == 0 && (y + self.radius) % 2 == 0;
         let taken: Vec<(f32, f32, Vector2<f64>)> = window(self.radius)
@@ -18,36 +18,36 @@ impl Patch {
             .collect();
         let total: f32 = taken.iter().map(|(weight, ..)| weight).sum();
         let mean = taken.iter().map(|(weight, value, _)| weight * value).sum::<f32>() / total;
-        let samples: Vec<Sample> = taken
+        let samples: Vec<ProbeSample> = taken
             .into_iter()
-            .map(|(weight, value, aside)| Sample { aside, weight: weight / total, value: value - mean })
+            .map(|(weight, value, aside)| ProbeSample { aside, weight: weight / total, value: value - mean })
             .collect();
         let reach = f64::from(self.radius) * (affine.row(0).abs().sum()).max(affine.row(1).abs().sum());
-        // Rounding must not carry a sample beyond it.
+        // Rounding must not move a sample beyond it.
         let reach = reach + 1e-9;
         let deviation = samples.iter().map(|s| s.weight * s.value * s.value).sum::<f32>().sqrt();
         Probe { samples, reach, deviation }
     }
 }
 
-/// Pixels between the places of a [`PlacedProbe::row`].
+/// Step between the places of a [`PlacedProbe::row`], pixels.
 pub(crate) const STEP_PX: i32 = 2;
-/// Places of a [`PlacedProbe::row`].
+/// Number of places of a [`PlacedProbe::row`].
 pub(crate) const PLACES: usize = 8;
 
 /// A coarse, deformed patch.
 pub(crate) struct Probe {
-    samples: Vec<Sample>,
-    /// How far samples lie from the centre along an axis, pixels.
+    samples: Vec<ProbeSample>,
+    /// Largest distance of a sample from the centre along an axis, pixels.
     reach: f64,
     deviation: f32,
 }
 
-struct Sample {
+struct ProbeSample {
     aside: Vector2<f64>,
-    /// All add up to 1.
+    /// Weight; all add up to 1.
     weight: f32,
-    /// Weighted mean 0.
+    /// Value; the weighted mean is 0.
     value: f32,
 }
 
@@ -57,7 +57,7 @@ impl Probe {
         self.placed(image, center).correlation(0, 0)
     }
 
-    /// Ready to be tried at `center` and any whole number of pixels beside it.
+    /// Places the probe at `center`, ready for correlation there and at whole-pixel offsets.
     pub(crate) fn placed<'a>(&'a self, image: &'a Intensity, center: &Point2<f64>) -> PlacedProbe<'a> {
         let taps = self.samples.iter().map(|s| {
             let (x, y) = (center.x + s.aside.x, center.y + s.aside.y);
@@ -69,18 +69,18 @@ impl Probe {
     }
 }
 
-/// A probe over an image: whole steps leave the fractions of its samples as they are.
+/// A probe over an image: whole-pixel steps leave the fractions of its samples unchanged.
 pub(crate) struct PlacedProbe<'a> {
     probe: &'a Probe,
     image: &'a Intensity,
     center: Point2<f64>,
-    /// One a sample.
+    /// One entry a sample.
     taps: Vec<Tap>,
 }
 
-/// Where a sample is read.
+/// Position at which a sample is read.
 struct Tap {
-    /// Of the pixel left of and above it; outside the image perhaps, until the probe is moved.
+    /// Index of the pixel left of and above it; perhaps outside the image, until the probe is moved.
     index: i64,
     fraction: [f32; 2],
 }
@@ -111,7 +111,7 @@ impl PlacedProbe<'_> {
             let index = tap.index + first;
             let rows = [index, index + self.image.width as i64].map(|i| self.pairs(i));
             let [Some(upper), Some(lower)] = rows else {
-                // Beside the first or the last pixels of the image.
+                // The row touches the first or the last pixels of the image.
                 return std::array::from_fn(|k| self.correlation(dx + STEP_PX * k as i32, dy));
             };
             let [fx, fy] = tap.fraction;
@@ -131,13 +131,13 @@ impl PlacedProbe<'_> {
         })
     }
 
-    /// The two pixels that each place of a row lies between.
+    /// The two pixels between which each place of a row lies.
     fn pairs(&self, index: i64) -> Option<&[[f32; 2]; PLACES]> {
         let index = usize::try_from(index).ok()?;
         self.image.from(index, 2 * PLACES)?.as_chunks::<2>().0.try_into().ok()
     }
 
-    /// Whether the whole probe lies in the image.
+    /// Tells whether the whole probe lies in the image.
     fn holds(&self, dx: i32, dy: i32) -> bool {
         let (x, y) = (self.center.x + f64::from(dx), self.center.y + f64::from(dy));
         let held = |sign: f64| self.image.holds(x + sign * self.probe.reach, y + sign * self.probe.reach);
@@ -179,7 +179,7 @@ mod tests {
                     values.push(f64::from(s.value));
                 }
             }
-            // Pearson's correlation as a textbook has it.
+            // Pearson's correlation by its textbook formula.
             let mean = |of: &[f64]| of.iter().zip(&weights).map(|(v, w)| v * w).sum::<f64>();
             let (m, n) = (mean(&reads), mean(&values));
             let with = |a: &[f64], b: &[f64], m: f64, n: f64| {
@@ -200,7 +200,7 @@ mod tests {
         let image = Intensity::from_fn(64, 40, |x, y| texture(x as f64, y as f64));
         let home = Warp { center: Point2::new(30.0, 20.0), affine: Matrix2::identity() };
         let probe = Patch::cut(&image, &home, 6).unwrap().probe(&Matrix2::new(1.1, -0.2, 0.15, 0.9));
-        // Inside, and at each border and corner of the image.
+        // Places inside, and at each border and corner of the image.
         for (x, y) in
             [(31.4, 19.2), (8.2, 20.0), (55.9, 19.0), (30.0, 7.9), (30.0, 32.3), (9.0, 8.5), (56.1, 31.6)]
         {

@@ -15,46 +15,46 @@ use wide::f32x4;
 
 use super::intensity::Intensity;
 
-/// What converges takes half as many; what takes more is no place to rely on.
+/// Limit of the steps: registrations that converge take half as many, others are unreliable.
 const MAX_STEPS: usize = 12;
-/// The centre's step at which registration has converged.
+/// Step of the centre at which registration has converged.
 const STEP_END_PX: f64 = 0.003;
 /// Deviation of the patch, in grey levels, below which there is only noise.
 pub(super) const MIN_CONTRAST: f64 = 2.0;
 /// Damping of the affine part, relative: keeps `A` near its start where a patch hardly shows it.
 const AFFINE_DAMPING: f64 = 3e-3;
-/// A registration that wanders further than this from its start has found something else.
+/// Distance from its start beyond which a registration has found something else.
 const MAX_SHIFT_PX: f64 = 6.0;
 
-/// Where a patch lies in an image: `x(u) = center + affine · u`.
+/// Position and deformation of a patch in an image: `x(u) = center + affine · u`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Warp {
     pub(crate) center: Point2<f64>,
     pub(crate) affine: Matrix2<f64>,
 }
 
-/// The appearance of a feature, cut from one image. Rows are filled up to whole fours with pixels of weight 0.
+/// Appearance of a feature, cut from one image. Rows are filled up to whole fours with pixels of weight 0.
 #[derive(Debug, Clone)]
 pub(crate) struct Patch {
     pub(super) radius: i32,
     weights: Vec<f32x4>,
-    /// Weighted mean 0, deviation 1.
+    /// Values with weighted mean 0, deviation 1.
     values: Vec<f32x4>,
     gradient: Vec<[f32x4; 2]>,
 }
 
-/// The image as a patch would see it: buffers that are written over again and again.
+/// The image resampled in the patch's coordinates: buffers that are reused.
 #[derive(Default)]
 pub(crate) struct Reading {
     /// Brightness, a pixel wider on each side than the patch.
     raw: Vec<f32>,
-    /// Weighted mean 0, deviation 1.
+    /// Values with weighted mean 0, deviation 1.
     values: Vec<f32x4>,
-    /// Of the values, in patch coordinates.
+    /// Gradient of the values, in patch coordinates.
     gradient: Vec<[f32x4; 2]>,
 }
 
-/// What registration found.
+/// Result of a registration.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Registration {
     pub(crate) warp: Warp,
@@ -81,14 +81,14 @@ impl Patch {
         Some(patch)
     }
 
-    /// The weight and the value of one of its pixels.
+    /// Weight and value of a pixel.
     pub(super) fn at(&self, x: i32, y: i32) -> (f32, f32) {
         let column = (x + self.radius) as usize;
         let index = (y + self.radius) as usize * fours(self.radius) + column / 4;
         (self.weights[index].to_array()[column % 4], self.values[index].to_array()[column % 4])
     }
 
-    /// The image as the patch would see it, written over `reading`.
+    /// Resamples the image in the patch's coordinates into `reading`.
     fn read(&self, image: &Intensity, warp: &Warp, reading: &mut Reading) -> Option<()> {
         let deviation = self.read_values(image, warp, reading)?;
         let (side, fours) = ((2 * self.radius + 1) as usize, fours(self.radius));
@@ -106,7 +106,7 @@ impl Patch {
         Some(())
     }
 
-    /// All of a reading but its gradient, and the deviation it had before it was brought to 1.
+    /// Fills a reading without its gradient, and returns the deviation before normalisation.
     fn read_values(&self, image: &Intensity, warp: &Warp, reading: &mut Reading) -> Option<f32> {
         let reach = f64::from(self.radius + 1);
         let to_image = |x: f64, y: f64| {
@@ -134,9 +134,9 @@ impl Patch {
                 x += f32x4::splat(4.0);
             }
         }
-        // So that a row's last four may be read from its second pixel on.
+        // The padding allows reading a row's last four from its second pixel on.
         raw.push(0.0);
-        // The patch's pixels, four at a time; those above, below and beside them.
+        // The patch's pixels, four at a time, and those above, below and beside them.
         let inner = |row: usize, k: usize| four(raw, (row + 1) * wide + 1 + 4 * k);
         values.clear();
         values.reserve(side * fours);
@@ -168,7 +168,7 @@ impl Patch {
         Some(self.likeness(reading))
     }
 
-    /// Weighted correlation with what was read.
+    /// Weighted correlation of the patch with a reading.
     fn likeness(&self, reading: &Reading) -> f64 {
         let mut sum = f32x4::ZERO;
         for ((w, i), t) in self.weights.iter().zip(&reading.values).zip(&self.values) {
@@ -177,12 +177,12 @@ impl Patch {
         f64::from(sum.reduce_add())
     }
 
-    /// What is left of `Σ w J Jᵀ` and of `−Σ w J r` once bias and gain are eliminated, with `J = (gx, gy, gx x, gx y, gy x,
-    /// gy y)`: all are sums of `gx²`, `gx gy`, `gy²` and of `gx`, `gy`, alone and times `r` and `m`, times powers of x and y,
-    /// those of x summed along each row.
+    /// `Σ w J Jᵀ` and `−Σ w J r` after elimination of bias and gain, with `J = (gx, gy, gx x, gx y, gy x, gy y)`: all
+    /// are sums of `gx²`, `gx gy`, `gy²` and of `gx`, `gy`, alone and times `r` and `m`, times powers of x and y, those
+    /// of x summed along each row.
     fn normal_equations(&self, reading: &Reading) -> (Matrix6<f64>, Vector6<f64>) {
         let fours = fours(self.radius);
-        // Of each product the sums with 1, x, y, x², xy, y².
+        // Sums of each product with 1, x, y, x², xy, y².
         let (mut squares, mut singles) = ([[f32x4::ZERO; 6]; 3], [[f32x4::ZERO; 3]; 6]);
         let mut strength = f32x4::ZERO;
         for (row, y) in (-self.radius..=self.radius).enumerate() {
@@ -228,11 +228,11 @@ impl Patch {
             bx, cx, bxx, bxy, cxx, cxy,
             by, cy, bxy, byy, cxy, cyy,
         );
-        // Of products with gx and with gy, each in a row: with 1, x and y.
+        // Sums of products with gx and with gy, each in a row: with 1, x and y.
         let [off_x, off_y, bias_x, bias_y, gain_x, gain_y] = singles.map(|sums| sums.map(over_lanes));
         let column = |[[r, rx, ry], [s, sx, sy]]: [[f64; 3]; 2]| Vector6::new(r, s, rx, ry, sx, sy);
         let (bias, gain) = (column([bias_x, bias_y]), column([gain_x, gain_y]));
-        // Of patches that are each other's negative nothing is left to have a gain.
+        // The sum is zero for patches that are each other's negative; their gain is undetermined.
         let strength = over_lanes(strength).max(f64::EPSILON);
         normal -= bias * bias.transpose() + gain * gain.transpose() / strength;
         (normal, -column([off_x, off_y]))
@@ -257,7 +257,7 @@ impl Patch {
                 return None;
             }
             if shift.norm() < STEP_END_PX {
-                // As read before this last step, which is too short to matter.
+                // Read before this last step, which is too short to matter.
                 return Some(Registration { warp, correlation: self.likeness(&reading) });
             }
         }
@@ -265,24 +265,24 @@ impl Patch {
     }
 }
 
-/// Whether a warp still shows the same thing: not turned inside out, not squeezed or grown beyond threefold area.
+/// Tells whether a warp is plausible: not mirrored, not squeezed or grown beyond threefold area.
 fn is_plausible(affine: &Matrix2<f64>) -> bool {
     let area = affine.determinant();
     let singular = affine.singular_values();
     (1.0 / 3.0..3.0).contains(&area) && singular.max() < 3.0 * singular.min()
 }
 
-/// Four that follow each other.
+/// Four consecutive values.
 fn four(raw: &[f32], at: usize) -> f32x4 {
     f32x4::new([raw[at], raw[at + 1], raw[at + 2], raw[at + 3]])
 }
 
-/// Fours that hold a patch's row with a pixel more on each side.
+/// Number of fours that hold a patch's row with a pixel more on each side.
 fn fours(radius: i32) -> usize {
     (2 * radius + 3).unsigned_abs().div_ceil(4) as usize
 }
 
-/// The patch's grid, row by row.
+/// Offsets of the patch's grid, row by row.
 pub(super) fn window(radius: i32) -> impl Iterator<Item = (i32, i32)> {
     (-radius..=radius).flat_map(move |y| (-radius..=radius).map(move |x| (x, y)))
 }
@@ -310,7 +310,7 @@ mod tests {
         let patch = Patch::cut(&first, &home, 8).unwrap();
         let start = Warp { center: Point2::new(42.5, 36.8), affine: Matrix2::identity() };
         let found = patch.register(&second, &start).unwrap();
-        // What is off is the bilinear reading's own error: registration has ended, and from there it stays.
+        // The remaining error is that of bilinear interpolation: the registration has converged.
         assert!((found.warp.center - truth.center).norm() < 0.0105, "{:?}", found.warp);
         let again = patch.register(&second, &found.warp).unwrap();
         assert!((again.warp.center - found.warp.center).norm() < 1e-3, "{:?}", again.warp);
@@ -353,7 +353,7 @@ mod tests {
         let across = all.fixed_view::<6, 2>(0, 6) * all.fixed_view::<2, 2>(6, 6).try_inverse().unwrap();
         let normal: Matrix6<f64> = all.fixed_view::<6, 6>(0, 0) - across * all.fixed_view::<2, 6>(6, 0);
         let right: Vector6<f64> = all_right.fixed_rows::<6>(0) - across * all_right.fixed_rows::<2>(6);
-        // To single precision, in which they are summed before anything is taken away.
+        // Compared to single precision, in which the sums are formed before the elimination.
         let (found, found_right) = patch.normal_equations(&reading);
         assert!((found - normal).amax() < 1e-5 * all.amax(), "{found} {normal}");
         assert!((found_right - right).amax() < 1e-5 * all.amax(), "{found_right} {right}");

@@ -1,10 +1,9 @@
-//! Features that were lost and come into view again.
+//! Search for lost features that come into view again.
 //!
-//! Following from frame to frame ends a track where the camera turns away, where a frame is blurred, or where
-//! something passes before it. Once there is a first reconstruction it predicts where each feature lies in the frames
-//! that did not follow it, and how its patch is deformed there. Around that prediction the patch is looked for by
-//! correlation and registered as [`super::track`] does. What could as well be its neighbour (a repeated pattern, an
-//! edge along which the patch slides) is left alone.
+//! Following from frame to frame ends a track where the camera turns away, where a frame is blurred, or where something
+//! passes before it. A first reconstruction predicts the position of each feature, and the deformation of its patch, in
+//! the frames that did not follow it. Around that prediction the patch is searched by correlation and registered as
+//! [`super::track`] does. Ambiguous matches (a repeated pattern, an edge along which the patch slides) are left out.
 
 use nalgebra::{Point2, Vector2};
 use rayon::prelude::*;
@@ -12,33 +11,33 @@ use rayon::prelude::*;
 use super::intensity::Intensity;
 use super::probe::{PLACES, STEP_PX};
 use super::register::{Patch, Warp};
-use super::{FeatureOptions, Track};
+use super::{FeatureOptions, FeatureTrack};
 
-/// How lost features are looked for.
+/// Options of the search for lost features.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct RevisitOptions {
-    /// A feature may lie this far from its prediction, pixels.
+    /// Largest distance of a feature from its prediction, pixels.
     pub(crate) search_px: i32,
     /// Least correlation with its first appearance.
     pub(crate) min_correlation: f64,
-    /// Any other peak within reach must correlate less by this.
+    /// Least difference in correlation to any other peak within reach.
     pub(crate) min_lead: f32,
 }
 
-/// Places this close to the best belong to its peak.
+/// Distance from the best place within which others belong to its peak, pixels.
 const PEAK_PX: f64 = 3.5;
 
-/// The tracks with what was seen again.
+/// Tracks completed by the features found again.
 ///
-/// `predict(track, frame)` is where the patch cut at the track's first observation lies in a frame, if it can be seen
-/// there.
+/// `predict(track, frame)` is the predicted warp in a frame of the patch cut at the track's first observation, if it is
+/// visible there.
 pub(crate) fn seen_again(
     frames: &[Intensity],
-    tracks: &[Track],
+    tracks: &[FeatureTrack],
     predict: impl Fn(usize, usize) -> Option<Warp> + Sync,
     how: &RevisitOptions,
     options: &FeatureOptions,
-) -> Vec<Track> {
+) -> Vec<FeatureTrack> {
     tracks
         .par_iter()
         .enumerate()
@@ -59,7 +58,7 @@ pub(crate) fn seen_again(
         .collect()
 }
 
-fn first_appearance(frames: &[Intensity], track: &Track, options: &FeatureOptions) -> Option<Patch> {
+fn first_appearance(frames: &[Intensity], track: &FeatureTrack, options: &FeatureOptions) -> Option<Patch> {
     let (frame, center) = *track.observations.first()?;
     let warp = Warp { center, affine: nalgebra::Matrix2::identity() };
     Patch::cut(&frames[frame], &warp, options.patch_radius_px)
@@ -95,7 +94,7 @@ mod tests {
     use super::*;
     use nalgebra::Matrix2;
 
-    /// Irregular everywhere.
+    /// An irregular texture.
     fn irregular(x: f64, y: f64) -> f64 {
         120.0
             + 30.0 * (0.29 * x + 0.003 * y * y).sin()
@@ -103,7 +102,7 @@ mod tests {
             + 20.0 * (0.011 * x * y).sin()
     }
 
-    /// The same every 10 pixels.
+    /// A texture that repeats every 10 pixels.
     fn wallpaper(x: f64, y: f64) -> f64 {
         let turn = std::f64::consts::TAU / 10.0;
         120.0 + 40.0 * (turn * x).sin() + 40.0 * (turn * y).cos()
@@ -117,7 +116,7 @@ mod tests {
         };
         let frames = [image(0.0, 0.0), image(1.0, 0.0), image(9.3, -4.6)];
         let home = Point2::new(50.0, 45.0);
-        let track = Track { observations: vec![(0, home), (1, home + Vector2::x())] };
+        let track = FeatureTrack { observations: vec![(0, home), (1, home + Vector2::x())] };
         let predict = |_, frame| {
             let center = home + Vector2::new(9.3 - 5.0, -4.6 + 3.0);
             (frame == 2).then_some(Warp { center, affine: Matrix2::identity() })

@@ -1,4 +1,4 @@
-//! How far the camera turned between two frames, from the whole image at low resolution: where points are looked for
+//! Rotation of the camera between two frames, from the whole image at low resolution: it predicts the points' positions
 //! in the next frame. A hand-held camera turns by tens of pixels a frame and shifts by few.
 //!
 //! All shifts are tried at the coarsest scale; Gauss–Newton on the rotation `R` of the infinite homography
@@ -9,14 +9,14 @@ use nalgebra::{Matrix3, Point2, Point3, UnitQuaternion, Vector3};
 
 use super::intensity::Intensity;
 
-/// Image width at which all shifts are tried.
+/// Least width of the coarsest image, at which all shifts are tried; halving 640 px ends at 80.
 const COARSE_WIDTH_PX: usize = 48;
-/// Shifts tried, as a fraction of the image.
+/// Largest shift tried, as a fraction of the image.
 const LARGEST_SHIFT: f64 = 0.4;
-/// Scales, each twice the one before, on which the rotation is refined.
+/// Number of scales, each twice the one before, on which the rotation is refined.
 const REFINED_SCALES: usize = 2;
 const STEPS: usize = 12;
-/// Residual, in standard deviations, where a pixel's weight starts to fall: parallax and moving things.
+/// Residual, in standard deviations, from which on a pixel's weight falls: parallax and moving things.
 const HUBER: f64 = 0.7;
 
 /// An image at the coarse scales, the coarsest first, with their pinhole cameras.
@@ -43,7 +43,7 @@ impl CoarseScales {
         Self(sized.collect())
     }
 
-    /// The rotation `to_from_from` that best carries this image into `to`.
+    /// Rotation `to_from_from` that best maps this image onto `to`.
     pub(crate) fn turn_to(&self, to: &Self) -> UnitQuaternion<f64> {
         let (Some(first), Some(second)) = (self.0.first(), to.0.first()) else {
             return UnitQuaternion::identity();
@@ -63,7 +63,7 @@ impl CoarseScales {
     }
 }
 
-/// Where a rotation of the camera moves a pixel; `None` behind the camera.
+/// Position of a pixel after a rotation of the camera; `None` behind the camera.
 pub(crate) fn moved(
     pixel: &Point2<f64>,
     intrinsics: &Intrinsics,
@@ -72,7 +72,7 @@ pub(crate) fn moved(
     intrinsics.project(&Point3::from(rotation * intrinsics.unproject(pixel)?))
 }
 
-/// The whole-pixel shift with the highest correlation over what overlaps.
+/// Whole-pixel shift with the highest correlation over the overlap.
 fn best_shift(from: &Intensity, to: &Intensity) -> (i32, i32) {
     let (width, height) = (from.width as i32, from.height as i32);
     let (reach_x, reach_y) = ((LARGEST_SHIFT * width as f64) as i32, (LARGEST_SHIFT * height as f64) as i32);
@@ -94,7 +94,7 @@ fn best_shift(from: &Intensity, to: &Intensity) -> (i32, i32) {
             }
             let variance = (saa - sa * sa / n) * (sbb - sb * sb / n);
             let correlation = if variance > 1e-6 { (sab - sa * sb / n) / variance.sqrt() } else { -1.0 };
-            // A slight pull to no motion decides between equals on blank images.
+            // A slight preference for no motion decides between equals on blank images.
             let score = correlation - 1e-4 * f64::from(dx.abs() + dy.abs());
             if score > best.0 {
                 best = (score, (dx, dy));

@@ -4,32 +4,32 @@ use nalgebra::{Matrix3, Point3, Vector3};
 
 use super::{FloorOptions, Plane, SurfacePoint};
 
-/// Thicknesses of the slabs, one after the other; in [`FloorOptions::thickness`].
+/// Thicknesses of the successive slabs, in units of [`FloorOptions::thickness`].
 const SLABS: [f64; 6] = [3.0, 2.0, 1.5, 1.0, 1.0, 1.0];
-/// Fewer points make no plane.
+/// Least number of points of a plane.
 const LEAST_POINTS: usize = 10;
-/// Planes that differ in direction by less than this, degrees, are the same …
+/// Angle below which planes have the same direction, degrees …
 const SAME_DEG: f64 = 0.05;
-/// … where they lie apart by less than this share of their thickness.
+/// … and distance, as a share of their thickness, below which they are the same.
 const SAME_SHARE: f64 = 0.05;
 
 /// A plane fitted to surface points.
 #[derive(Debug, Clone)]
-pub(super) struct Fit {
+pub(super) struct PlaneFit {
     pub(super) plane: Plane,
-    /// The points' area.
+    /// Area of the points.
     pub(super) area: f64,
-    /// Root mean square distance of the points.
+    /// Root mean square distance of the points from the plane.
     pub(super) rms: f64,
-    /// Weighted mean of what stereo says of its own standard deviation, squared.
+    /// Weighted mean of stereo's variance of the points.
     pub(super) sigma_squared: f64,
-    /// The points' weighted mean …
+    /// Weighted mean of the points …
     pub(super) mean: Point3<f64>,
     /// … and covariance.
     pub(super) spread: Matrix3<f64>,
 }
 
-impl Fit {
+impl PlaneFit {
     fn is_same(&self, other: &Self, thickness: f64) -> bool {
         self.plane.normal.dot(&other.plane.normal) > SAME_DEG.to_radians().cos()
             && self.plane.height(&other.mean).abs() < SAME_SHARE * thickness
@@ -37,11 +37,11 @@ impl Fit {
     }
 }
 
-/// What planes are fitted to.
+/// Surface points to which planes are fitted.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Cloud<'a> {
     pub(super) points: &'a [SurfacePoint],
-    /// The room's.
+    /// Size of the room.
     pub(super) size: f64,
     pub(super) options: &'a FloorOptions,
 }
@@ -51,15 +51,15 @@ impl Cloud<'_> {
         self.points.iter().map(|p| p.area).sum()
     }
 
-    /// The area of what lies clearly behind a plane.
+    /// Area of the points that lie clearly behind a plane.
     pub(super) fn area_behind(&self, plane: &Plane) -> f64 {
         let clearly = |p: &&SurfacePoint| plane.height(&p.position) < -3.0 * (self.thickness() + p.sigma);
         self.points.iter().filter(clearly).map(|p| p.area).sum()
     }
 
-    /// What the peaks of the accumulator become, each plane once, the largest first.
-    pub(super) fn planes(&self, peaks: &[Plane]) -> Vec<Fit> {
-        let mut fits: Vec<Fit> = Vec::with_capacity(peaks.len());
+    /// Planes refined from the peaks of the accumulator, each once, the largest first.
+    pub(super) fn planes(&self, peaks: &[Plane]) -> Vec<PlaneFit> {
+        let mut fits: Vec<PlaneFit> = Vec::with_capacity(peaks.len());
         for fit in peaks.iter().filter_map(|peak| self.refine(peak)) {
             if !fits.iter().any(|other| other.is_same(&fit, self.thickness())) {
                 fits.push(fit);
@@ -69,24 +69,24 @@ impl Cloud<'_> {
         fits
     }
 
-    /// Least squares on what lies within an ever thinner slab; `None` where hardly anything does.
-    fn refine(&self, start: &Plane) -> Option<Fit> {
-        SLABS.iter().try_fold(None, |fit: Option<Fit>, thickness| {
+    /// Least squares on the points within an ever thinner slab; `None` where there are hardly any.
+    fn refine(&self, start: &Plane) -> Option<PlaneFit> {
+        SLABS.iter().try_fold(None, |fit: Option<PlaneFit>, thickness| {
             let about = fit.map_or(*start, |fit| fit.plane);
             self.fitted(&about, *thickness).map(Some)
         })?
     }
 
-    /// [`Self::refine`] with slabs that stay parallel; what lies in the last one may slope within it.
-    pub(super) fn refine_parallel(&self, start: &Plane) -> Option<Fit> {
-        SLABS.iter().try_fold(None, |fit: Option<Fit>, thickness| {
+    /// [`Self::refine`] with slabs that stay parallel; the points in the last one may slope within it.
+    pub(super) fn refine_parallel(&self, start: &Plane) -> Option<PlaneFit> {
+        SLABS.iter().try_fold(None, |fit: Option<PlaneFit>, thickness| {
             let distance = fit.map_or(start.distance, |fit| start.normal.dot(&fit.mean.coords));
             self.fitted(&Plane { distance, ..*start }, *thickness).map(Some)
         })?
     }
 
-    /// The plane through what lies in a slab about another.
-    fn fitted(&self, about: &Plane, thickness: f64) -> Option<Fit> {
+    /// Plane through the points in a slab about another plane.
+    fn fitted(&self, about: &Plane, thickness: f64) -> Option<PlaneFit> {
         let slab = thickness * self.thickness();
         let near = self.options.normal_spread_deg.to_radians().cos();
         let inside: Vec<&SurfacePoint> = self
@@ -97,7 +97,7 @@ impl Cloud<'_> {
         if inside.len() < LEAST_POINTS {
             return None;
         }
-        // By area, so that every piece of floor has its say, and by what is known of it.
+        // Weighted by area, so that every piece of floor counts, and by precision.
         let weight = |p: &SurfacePoint| p.area / (p.sigma.powi(2) + (0.1 * slab).powi(2));
         let total: f64 = inside.iter().map(|p| weight(p)).sum();
         let mean = inside.iter().map(|p| p.position.coords * weight(p)).sum::<Vector3<f64>>() / total;
@@ -113,7 +113,7 @@ impl Cloud<'_> {
         let smallest = eigen.eigenvalues.imin();
         let normal: Vector3<f64> = eigen.eigenvectors.column(smallest).into_owned();
         let normal = if normal.dot(&about.normal) < 0.0 { -normal } else { normal };
-        Some(Fit {
+        Some(PlaneFit {
             plane: Plane { normal, distance: normal.dot(&mean) },
             area: inside.iter().map(|p| p.area).sum(),
             rms: eigen.eigenvalues[smallest].max(0.0).sqrt(),

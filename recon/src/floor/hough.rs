@@ -17,12 +17,12 @@ fn directions(count: usize) -> Vec<Vector3<f64>> {
         .collect()
 }
 
-/// The strongest cells of the accumulator, none near a stronger one.
+/// Strongest cells of the accumulator, none near a stronger one.
 pub(super) fn peaks(points: &[SurfacePoint], size: f64, options: &FloorOptions) -> Vec<Plane> {
     let directions = directions(options.directions);
     let cell = options.distance_cell * size;
     let near = options.normal_spread_deg.to_radians().cos();
-    // A direction's cells are its own, so directions go in parallel.
+    // Each direction has its own cells, so directions go in parallel.
     let mut cells: Vec<(f64, Plane)> = directions
         .par_iter()
         .flat_map_iter(|normal| {
@@ -33,7 +33,7 @@ pub(super) fn peaks(points: &[SurfacePoint], size: f64, options: &FloorOptions) 
             let count = if low <= high { ((high - low) / cell) as usize + 2 } else { 0 };
             let mut votes = vec![0.0; count];
             for (distance, area) in voters {
-                // Shared between the two nearest cells, so that a plane on a border loses nothing.
+                // A vote is shared between the two nearest cells, so that a plane on a border loses nothing.
                 let at = (distance - low) / cell;
                 let (below, share) = (at as usize, at.fract());
                 votes[below] += area * (1.0 - share);

@@ -1,14 +1,15 @@
 //! The floor: a three-dimensional Hough transform over plane parameters, and the world frame that stands on it.
 //!
 //! A plane is a direction on the sphere (its normal, towards the cameras) and a distance. Every surface point votes for
-//! the planes through it whose normal is near its own, with the area it stands for, so that densely sampled
-//! nearby things do not win. Peaks are thinned by non-maximum suppression and refined by weighted least squares.
-//! Osawa et al. take the plane of the largest area; in many rooms that is a wall, and in bent space what looks like a large
-//! floor is a little of it and something else. Here each plane that could be level by the way the images stand is asked
-//! what would be the floor then: a plane that has almost nothing behind it and every camera above it. The area that is
-//! level or plumb with it ([`vertical`]), and what runs up in the pictures ([`crate::plumb`]), tell which way is up, and the
-//! floor's own area which plane at that, so the largest
-//! sum of both is taken, less what lies behind: in a polished floor there is another ceiling.
+//! the planes through it whose normal is near its own, with the area it stands for, so that densely sampled nearby
+//! things do not win. Peaks are thinned by non-maximum suppression and refined by weighted least squares. T. Osawa et
+//! al. ("MCMC based Multiple People Tracking using 3D Environmental Information", paper LI-007) take the plane of the
+//! largest area; in many rooms that is a wall, and in a bent reconstruction a seemingly large floor combines a little
+//! of it with something else. Here every plane that could be level given the cameras' orientations determines a
+//! candidate floor: a plane that has almost nothing behind it and every camera above it. The area of the planes level
+//! or plumb with it ([`vertical`]) and the vertical lines in the pictures ([`crate::plumb`]) support the vertical, and
+//! the floor's own area the plane at that height, so the candidate with the largest sum of both wins, less the area
+//! behind it: a polished floor reflects another ceiling.
 
 mod fit;
 mod hough;
@@ -20,46 +21,46 @@ use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Similarity3, Translation3,
 
 use crate::plumb::Plumb;
 use crate::{Error, Result};
-use fit::{Cloud, Fit};
-use vertical::Voices;
+use fit::{Cloud, PlaneFit};
+use vertical::VerticalConsensus;
 
-/// A piece of surface.
+/// A surface point with the area it stands for.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SurfacePoint {
-    /// Where it is.
+    /// Position.
     pub position: Point3<f64>,
     /// Unit normal, towards the camera that saw it.
     pub normal: Vector3<f64>,
-    /// The area it stands for, in the positions' units squared.
+    /// Area that the point stands for, in the positions' units squared.
     pub area: f64,
     /// Standard deviation of the position along the ray it was seen on.
     pub sigma: f64,
 }
 
-/// How the floor is looked for. Lengths are shares of the room's size: the median distance of surface and cameras.
+/// Options of the floor's search. Lengths are shares of the room's size: the median distance of surface and cameras.
 #[derive(Debug, Clone)]
 pub struct FloorOptions {
-    /// Directions on the sphere.
+    /// Number of directions on the sphere.
     pub directions: usize,
     /// Width of a distance cell.
     pub distance_cell: f64,
-    /// A point votes for directions this close to its normal, degrees.
+    /// Angle between a point's normal and the directions it votes for, degrees.
     pub normal_spread_deg: f64,
-    /// Points this close belong to the plane.
+    /// Largest distance of a plane's points.
     pub thickness: f64,
-    /// At most this share of the area may lie behind a floor.
+    /// Largest share of the area that may lie behind a floor.
     pub largest_behind: f64,
-    /// A camera is turned about its axis by at most this much against the floor, degrees …
+    /// Largest rotation of a camera about its axis against the floor, degrees …
     pub largest_roll_deg: f64,
-    /// … and looks at most this far upwards; downwards it may look as it likes.
+    /// … and largest angle by which it may look upwards; downwards there is no limit.
     pub largest_upward_deg: f64,
-    /// A floor has at least this share of the area seen.
+    /// Least share of the seen area that a floor has.
     pub least_share: f64,
-    /// Peaks looked at.
+    /// Number of peaks examined.
     pub peaks: usize,
-    /// Over this length residuals hang together.
+    /// Correlation length of the residuals.
     pub correlated: f64,
-    /// How far level furniture and ceilings are from level, degrees (standard deviation).
+    /// Standard deviation of furniture and ceilings from level, degrees.
     pub level_sigma_deg: f64,
 }
 
@@ -86,44 +87,44 @@ impl Default for FloorOptions {
 pub struct Plane {
     /// Unit normal, towards the cameras.
     pub normal: Vector3<f64>,
-    /// Its distance from the origin along the normal.
+    /// Distance from the origin along the normal.
     pub distance: f64,
 }
 
 impl Plane {
-    /// How far a point lies before the plane.
+    /// Signed distance of a point in front of the plane.
     pub fn height(&self, p: &Point3<f64>) -> f64 {
         self.normal.dot(&p.coords) - self.distance
     }
 }
 
-/// What was found.
+/// Report of the floor's search.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FloorReport {
-    /// Planes that were looked at, after suppression.
+    /// Number of planes examined, after suppression.
     pub peaks: usize,
-    /// The floor's share of all area seen.
+    /// Floor's share of all area seen.
     pub area_share: f64,
-    /// The share of the area that lies behind it.
+    /// Share of the area that lies behind the floor.
     pub behind_share: f64,
-    /// Root mean square distance of its points.
+    /// Root mean square distance of the floor's points.
     pub rms: f64,
-    /// Planes that say which way is up: the floor and those parallel to it …
+    /// Number of planes that support the vertical: the floor and those parallel to it …
     pub level_planes: usize,
     /// … and walls; …
     pub plumb_planes: usize,
-    /// … captures in whose pictures plumb lines do.
+    /// … and captures whose pictures' vertical lines support it.
     pub plumb_captures: usize,
 }
 
-/// The floor among `points`.
+/// Finds the floor among `points`.
 ///
 /// # Arguments
-/// `cameras`: each camera's pose (camera from the points' frame). `plumb`: which way is up there by the lines in each
-/// camera's pictures, of those that tell.
+/// `cameras`: each camera's pose (camera from the points' frame). `plumb`: vertical there by the lines in each camera's
+/// pictures, where they determine it.
 ///
 /// # Errors
-/// [`Error::Room`] when no plane can be a floor, saying what was wrong with the best.
+/// [`Error::Room`] when no plane can be a floor, naming the problem of the best.
 pub fn find(
     points: &[SurfacePoint],
     cameras: &[Isometry3<f64>],
@@ -133,7 +134,8 @@ pub fn find(
     let centres: Vec<Point3<f64>> = cameras.iter().map(|c| c.inverse() * Point3::origin()).collect();
     let size = room_size(points, &centres)
         .ok_or_else(|| Error::Room("no surface was reconstructed, so there is no floor to find".into()))?;
-    // What is not known to within a plane's thickness says as much less about planes: far things are large and vague.
+    // The weight of a point falls with its uncertainty relative to a plane's thickness: far points are large and
+    // uncertain.
     let vague = |p: &SurfacePoint| 1.0 + (p.sigma / (options.thickness * size)).powi(2);
     let points: Vec<SurfacePoint> =
         points.iter().map(|p| SurfacePoint { area: p.area / vague(p), ..p.clone() }).collect();
@@ -141,11 +143,11 @@ pub fn find(
     let total = cloud.area();
     let peaks = hough::peaks(&points, size, options);
     let fits = cloud.planes(&peaks);
-    let large: Vec<&Fit> = fits.iter().filter(|f| f.area >= options.least_share * total).collect();
-    let upright = |fit: &Fit| {
+    let large: Vec<&PlaneFit> = fits.iter().filter(|f| f.area >= options.least_share * total).collect();
+    let upright = |fit: &PlaneFit| {
         2 * cameras.iter().filter(|camera| stands_on(camera, &fit.plane, options)).count() > cameras.len()
     };
-    let level: Vec<&Fit> = large.iter().copied().filter(|fit| upright(fit)).collect();
+    let level: Vec<&PlaneFit> = large.iter().copied().filter(|fit| upright(fit)).collect();
     let mut refusal = if fits.iter().any(upright) {
         "the planes that lie level are too small; let the captures show more of the floor"
     } else {
@@ -167,7 +169,7 @@ pub fn find(
                 refusal = "each plane that lies level has too much below it; is the floor itself in view?";
                 break;
             }
-            let voices = Voices::new(&floor, &large, plumb, size, options);
+            let voices = VerticalConsensus::new(&floor, &large, plumb, size, options);
             let ups = std::iter::once(&plane.normal).chain(plumb.iter().map(|of| &of.up));
             let agreed = ups.filter_map(|up| voices.consensus(up));
             let Some(agreed) = agreed.reduce(|a, b| if b.area > a.area { b } else { a }) else { continue };
@@ -192,11 +194,11 @@ pub fn find(
         .ok_or_else(|| Error::Room(format!("no floor found among {} planes: {refusal}", peaks.len())))
 }
 
-/// What could be the floor if a plane is level, the lowest first, each with the level plane through it: what lies parallel
-/// to the plane where others do, and the plane itself.
-fn grounds(cloud: &Cloud<'_>, up: &Fit, level: &[&Fit]) -> impl Iterator<Item = (Fit, Plane)> {
+/// Candidate floors if a plane is level, the lowest first, each with the level plane through it: points parallel to the
+/// plane at the heights of others, and the plane itself.
+fn grounds(cloud: &Cloud<'_>, up: &PlaneFit, level: &[&PlaneFit]) -> impl Iterator<Item = (PlaneFit, Plane)> {
     let normal = up.plane.normal;
-    let height = move |fit: &Fit| normal.dot(&fit.mean.coords);
+    let height = move |fit: &PlaneFit| normal.dot(&fit.mean.coords);
     let apart = cloud.options.thickness * cloud.size;
     let its_own = move |distance: f64| (distance - height(up)).abs() < apart;
     let mut heights: Vec<f64> = level.iter().map(|other| height(other)).filter(|h| !its_own(*h)).collect();
@@ -211,8 +213,8 @@ fn grounds(cloud: &Cloud<'_>, up: &Fit, level: &[&Fit]) -> impl Iterator<Item = 
     })
 }
 
-/// Whether the plane could be the floor by the way a camera's image stands: its normal goes up in the image or, when the
-/// camera looks down, towards it; walls go sideways, or away.
+/// Tells whether the plane could be the floor given a camera's orientation: its normal points up in the image or, when
+/// the camera looks down, towards it; the normals of walls point sideways, or away.
 fn stands_on(camera: &Isometry3<f64>, plane: &Plane, options: &FloorOptions) -> bool {
     let normal = camera.rotation * plane.normal;
     let (right, up, back) = (normal.x, -normal.y, -normal.z);
@@ -222,15 +224,16 @@ fn stands_on(camera: &Isometry3<f64>, plane: &Plane, options: &FloorOptions) -> 
         && pitch_deg < 90.0 + options.largest_upward_deg
 }
 
-/// The world frame of `interfaces.md`: the floor is z = 0, the origin lies below the first camera's centre, x is the
-/// horizontal projection of its optical axis. Returns `world_from_common`, without scale.
+/// World frame of a room: the floor is z = 0, the origin lies below the first camera's centre, x is the horizontal
+/// projection of its optical axis. Returns `world_from_common`, without scale.
 pub fn world_frame(floor: &Plane, first_camera: &Isometry3<f64>) -> Isometry3<f64> {
     let centre = first_camera.inverse() * Point3::origin();
     let origin = centre - floor.normal * floor.height(&centre);
     let level = |direction: Vector3<f64>| direction - floor.normal * floor.normal.dot(&direction);
     let from_camera = first_camera.rotation.inverse();
     let ahead = level(from_camera * Vector3::z());
-    // Looking straight down (or up), ahead is no direction on the floor; what is up in the image is.
+    // A camera that looks straight down (or up) has no direction ahead on the floor; the image's upward direction is
+    // used.
     let ahead = if ahead.norm() > 0.02 { ahead } else { level(from_camera * -Vector3::y()) };
     let x = ahead.normalize();
     let y = floor.normal.cross(&x);
@@ -252,7 +255,7 @@ pub fn metric(world_from_common: &Isometry3<f64>, metres_per_unit: f64) -> Simil
     )
 }
 
-/// The median distance between surface points and the cameras' mean.
+/// Median distance between surface points and the cameras' mean.
 fn room_size(points: &[SurfacePoint], cameras: &[Point3<f64>]) -> Option<f64> {
     let mean = cameras.iter().map(|c| c.coords).sum::<Vector3<f64>>() / cameras.len().max(1) as f64;
     let mut distances: Vec<f64> = points.iter().map(|p| (p.position.coords - mean).norm()).collect();

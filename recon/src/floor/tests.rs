@@ -1,4 +1,4 @@
-//! Rooms whose floor is known.
+//! Rooms with a known floor.
 
 use super::*;
 use approx::assert_relative_eq;
@@ -13,7 +13,7 @@ fn room(seed: u64, density: f64, pose: &Similarity3<f64>) -> (Vec<SurfacePoint>,
     let (w, d, h) =
         (4.0 + rng.random::<f64>() * 4.0, 3.0 + rng.random::<f64>() * 3.0, 2.3 + rng.random::<f64>());
     let table = (0.3 * w, 0.3 * d, 0.75);
-    // From a floor that lies open to one that is mostly covered; cameras that look level, or steeply down.
+    // Floors from open to mostly covered; cameras that look level, or steeply down.
     let open = rng.random_range(0.25..0.9);
     let aim_m: f64 = rng.random_range(0.0..1.9);
     // Origin, two edges, normal, density (points a square metre).
@@ -70,11 +70,12 @@ fn the_floors_of_a_thousand_rooms_are_found() {
         let (points, cameras) = room(seed, 0.15, &pose);
         let (plane, report) = find(&points, &cameras, &[], &FloorOptions::default())
             .unwrap_or_else(|line| panic!("room {seed}: {line}"));
-        // Upside down would be 180°; some 60 points a centimetre off, on a strip a metre wide, leave a fraction of one.
+        // Upside down would be 180°; some 60 points a centimetre off, on a strip a metre wide, leave a fraction of a
+        // degree.
         let tilt_deg = plane.normal.angle(&(rotation * Vector3::z())).to_degrees();
         let height = plane.height(&(pose * Point3::new(1.0, 0.4, 0.0))) / scale;
         assert!(tilt_deg < 1.5 && height.abs() < 0.015, "room {seed}: {tilt_deg}°, {height} m, {report:?}");
-        // A world that is a rotation mirrors nothing, and the room stands in it as it stood.
+        // The world frame is a rotation without mirroring, and the room stands in it as before.
         let world = metric(&world_frame(&plane, &cameras[0]), 1.0 / scale);
         let corner = |x, y, z| world * (pose * Point3::new(x, y, z));
         let [o, x, y, z] =
@@ -108,7 +109,7 @@ fn of_a_floor_hardly_seen_the_table_says_which_way_is_up() {
     let (plane, report) = find(&points, &[camera], &[], &FloorOptions::default()).unwrap();
     let tilt_deg = plane.normal.angle(&Vector3::z()).to_degrees();
     assert!(report.level_planes == 2 && tilt_deg < 0.6, "{tilt_deg}, {report:?}");
-    // How far down the floor is, it says itself.
+    // The height of the floor comes from its own points.
     assert_relative_eq!(plane.height(&Point3::new(0.4, 0.7, 0.0)), 0.0, epsilon = 0.003);
 }
 
@@ -140,7 +141,7 @@ fn of_a_sloping_strip_of_floor_plumb_lines_say_which_way_is_up() {
     assert!(alone_deg > 1.5, "{alone_deg}");
     let (tilt_deg, captures) = with(Vector3::z(), 0.3);
     assert!(tilt_deg < 0.6 && captures == 1, "{tilt_deg} {captures}");
-    // What says little, and what runs another way, changes little, or nothing.
+    // Lines with large uncertainty, and lines in another direction, change little, or nothing.
     let (vague_deg, _) = with(Vector3::z(), 20.0);
     assert!(vague_deg > 1.4, "{vague_deg}");
     let aslant = Vector3::new(0.3, 0.2, 1.0).normalize();
@@ -185,10 +186,10 @@ fn a_little_floor_with_something_else_makes_no_larger_floor() {
 }
 
 #[test]
-fn what_a_polished_floor_reflects_is_no_floor() {
+fn a_reflection_below_a_polished_floor_is_not_taken_for_the_floor() {
     for seed in 0..5 {
         let (mut points, cameras) = room(seed, 1.0, &Similarity3::identity());
-        // A lamp on the ceiling, seen in the floor: as far below as the lamp is above.
+        // A lamp on the ceiling reflected in the floor: as far below as the lamp is above.
         let total: f64 = points.iter().map(|p| p.area).sum();
         let mut rng = Pcg64Mcg::seed_from_u64(seed);
         for _ in 0..500 {
@@ -211,7 +212,7 @@ fn without_its_floor_a_room_has_none() {
     let (points, cameras) = room(3, 1.0, &Similarity3::identity());
     let without: Vec<SurfacePoint> = points.into_iter().filter(|p| p.position.z > 0.2).collect();
     let line = find(&without, &cameras, &[], &FloorOptions::default());
-    // The ceiling looks down, so at most the table is left, and walls reach below it.
+    // The ceiling's normal points down, so at most the table is left, and walls reach below it.
     assert!(line.is_err(), "{line:?}");
     assert!(find(&[], &cameras, &[], &FloorOptions::default()).is_err());
 }

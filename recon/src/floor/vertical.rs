@@ -1,11 +1,12 @@
-//! Which way is up: of a floor that is mostly covered less is known than of the table on it and the walls around it.
+//! Estimates the vertical by robust consensus over floor, horizontal planes, walls and vertical lines: the table and
+//! the walls around a mostly covered floor determine it better than the floor alone.
 //!
-//! A plane tilted by the small vector t moves a point at x from its mean by t · x. Residuals hang together over some
-//! length a (where a capture's space is bent, its surfaces are bent with it), so that a plane of area A is worth
-//! `n = max(1, A / a²)` observations. With the points' covariance S and the residuals' variance r², what plane k knows of
-//! its tilt is `Λ = n S / r²`. Things are level, or plumb, only within σ; the floor is what level means. Tilts are seen
-//! from the floor as it was fitted, so t is how far up tilts against its normal; of a wall, n is the normal across that one,
-//! and s what it has along it:
+//! A plane tilted by the small vector t moves a point at x from its mean by t · x. Residuals are correlated over some
+//! length a (where a capture's space is bent, its surfaces are bent with it), so that a plane of area A counts as `n =
+//! max(1, A / a²)` observations. With the points' covariance S and the residuals' variance r², the information of plane
+//! k about its tilt is `Λ = n S / r²`. Things are level, or plumb, only within σ; the floor defines level. Tilts are
+//! relative to the fitted floor, so t is the tilt of the vertical against its normal; of a wall, n is the normal across
+//! that one, and s its component along it:
 //!
 //! ```text
 //! floor          0 = t     + N(0, Λ⁻¹)
@@ -14,57 +15,58 @@
 //! plumb lines  t_k = t     + N(0, C_k)
 //! ```
 //!
-//! The last are those of one capture's pictures, with the covariance C that [`crate::plumb`] tells.
+//! The last are those of one capture's pictures, with the covariance C of [`crate::plumb`].
 //!
-//! Sloped desks and leaning boards have no say: of the planes that face up, down or sideways to within some angle, true
-//! ones are taken to be q times as many as others, and those to stand anyhow within that angle. So a plane is the more
-//! likely true one where its density is the larger,
+//! Sloped desks and leaning boards must be excluded: among the planes that face up, down or sideways to within some
+//! angle, true ones are assumed q times as frequent as others, which are spread evenly within that angle. So a plane is
+//! more likely a true one where its density is larger,
 //!
 //! ```text
 //! χ²_k(t) < 2 ln (q · peak density / even density)
 //! ```
 //!
-//! and those that are say together what t is. That has many answers; how much each is worth is the area that agrees, in shares
-//! of `1 − χ² / bound` (Blake & Zisserman's truncated quadratics, "Visual Reconstruction", 1987).
+//! and the true planes together determine t. That has many solutions; each is rated by the area that agrees, in shares
+//! of `1 − χ² / bound` (the truncated quadratics of A. Blake and A. Zisserman, "Visual Reconstruction", MIT Press
+//! 1987).
 
 use nalgebra::{Matrix2, Matrix3x2, Vector2, Vector3};
 
 use super::FloorOptions;
-use super::fit::Fit;
+use super::fit::PlaneFit;
 use crate::plumb::{Plumb, tangents};
 
-/// Of planes that are almost level or plumb so many are for each that is not.
+/// Ratio of true level or plumb planes to sloped ones, q.
 const TRUE_TO_SLOPED: f64 = 10.0;
-/// Rounds in which planes may still change their minds.
+/// Largest number of rounds of reassignment.
 const ROUNDS: usize = 20;
 
-/// What was agreed on.
+/// Result of the consensus.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Consensus {
-    /// The normal of all that is level.
+pub(super) struct ConsensusResult {
+    /// Common normal of all level planes.
     pub(super) up: Vector3<f64>,
-    /// Level planes that agree, the floor among them.
+    /// Number of level planes that agree, the floor among them.
     pub(super) level: usize,
-    /// Plumb planes that agree.
+    /// Number of plumb planes that agree.
     pub(super) plumb: usize,
-    /// Captures whose plumb lines agree.
+    /// Number of captures whose vertical lines agree.
     pub(super) lines: usize,
-    /// The area of all that agree, each as much as it does.
+    /// Area of all that agree, weighted by their agreement.
     pub(super) area: f64,
 }
 
-/// What one plane says of the tilt: `χ²(t) = (t − tilt)ᵀ information (t − tilt)`.
+/// Constraint of one plane on the tilt: `χ²(t) = (t − tilt)ᵀ information (t − tilt)`.
 #[derive(Debug)]
-struct Voice {
+struct TiltConstraint {
     tilt: Vector2<f64>,
     information: Matrix2<f64>,
-    /// χ² at which the plane is as likely to stand any other way.
+    /// χ² at which the plane is as likely to be a sloped one.
     bound: f64,
     area: f64,
 }
 
-impl Voice {
-    /// Of a plane that ought to be level, whose normal tilts by `tilt`; `widest` (radians): how far it could.
+impl TiltConstraint {
+    /// Constraint of a level plane whose normal tilts by `tilt`; `widest` (radians): largest tilt of sloped planes.
     fn level(tilt: Vector2<f64>, covariance: &Matrix2<f64>, area: f64, widest: f64) -> Option<Self> {
         let information = covariance.try_inverse().filter(|m| m.iter().all(|v| v.is_finite()))?;
         let peak = information.determinant().sqrt() / std::f64::consts::TAU;
@@ -72,7 +74,7 @@ impl Voice {
         Self::believed(tilt, information, peak / even, area)
     }
 
-    /// Of one that ought to be plumb, whose normal is `across` along the axes of tilts and goes up by `rise`.
+    /// Constraint of a plumb plane whose normal is `across` along the axes of tilts and rises by `rise`.
     fn plumb(across: &Vector2<f64>, rise: f64, variance: f64, area: f64, widest: f64) -> Option<Self> {
         let information = across * across.transpose() / variance;
         let tilt = across * (-rise / across.norm_squared());
@@ -82,7 +84,8 @@ impl Voice {
         finite.then(|| Self::believed(tilt, information, peak / even, area))?
     }
 
-    /// `None` where so little is known that the plane may well stand any way; `ratio`: of its density's peak to the even one.
+    /// `None` where the information is too little to exclude a sloped plane; `ratio`: density's peak over the even
+    /// density.
     fn believed(tilt: Vector2<f64>, information: Matrix2<f64>, ratio: f64, area: f64) -> Option<Self> {
         let bound = 2.0 * (TRUE_TO_SLOPED * ratio).ln();
         (bound > 0.0).then_some(Self { tilt, information, bound, area })
@@ -92,31 +95,31 @@ impl Voice {
         self.agreement(tilt) > 0.0
     }
 
-    /// From 1 where nothing is better to 0 where any other way is as likely.
+    /// Agreement with a tilt: from 1 at the optimum to 0 where a sloped plane is as likely.
     fn agreement(&self, tilt: &Vector2<f64>) -> f64 {
         let off = tilt - self.tilt;
         (1.0 - off.dot(&(self.information * off)) / self.bound).max(0.0)
     }
 }
 
-/// All that has a say, as seen from one floor.
-pub(super) struct Voices {
+/// Consensus over all constraints, relative to one floor.
+pub(super) struct VerticalConsensus {
     floor_normal: Vector3<f64>,
     floor_area: f64,
-    /// The axes of tilts, and what the floor says: nothing can be said of a floor that is a line.
-    floor: Option<(Matrix3x2<f64>, Voice)>,
-    level: Vec<Voice>,
-    plumb: Vec<Voice>,
-    lines: Vec<Voice>,
+    /// Axes of tilts, and the constraint of the floor; `None` for a floor that is a line.
+    floor: Option<(Matrix3x2<f64>, TiltConstraint)>,
+    level: Vec<TiltConstraint>,
+    plumb: Vec<TiltConstraint>,
+    lines: Vec<TiltConstraint>,
 }
 
-impl Voices {
+impl VerticalConsensus {
     /// # Arguments
-    /// `planes`: any planes, the largest first; one that hardly lies apart from an earlier one is the same again. `plumb`:
-    /// what the edges in each capture's pictures agree on. `size`: the room's.
+    /// `planes`: any planes, the largest first; one that hardly lies apart from an earlier one is skipped. `plumb`:
+    /// vertical by the edges in each capture's pictures. `size`: that of the room.
     pub(super) fn new(
-        floor: &Fit,
-        planes: &[&Fit],
+        floor: &PlaneFit,
+        planes: &[&PlaneFit],
         plumb: &[Plumb],
         size: f64,
         options: &FloorOptions,
@@ -135,24 +138,24 @@ impl Voices {
         let Some(across) = tangents(&up) else { return voices };
         let own = covariance(floor, &across, patch);
         voices.floor = own
-            .and_then(|own| Voice::level(Vector2::zeros(), &own, floor.area, widest))
+            .and_then(|own| TiltConstraint::level(Vector2::zeros(), &own, floor.area, widest))
             .map(|voice| (across, voice));
         let apart = 4.0 * options.thickness * size;
         let untrue = options.level_sigma_deg.to_radians().powi(2);
-        // Lines have no area of their own. A capture shows them on many things, so they are worth what its largest plane is.
+        // Lines have no area. A capture has them on many things, so they count as much as its largest plane.
         let largest = planes.iter().map(|plane| plane.area).fold(0.0, f64::max);
         let said = |of: &Plumb| {
             let tilt = across.tr_mul(&of.up) / of.up.dot(&up);
-            Voice::level(tilt, &(across.transpose() * of.covariance * across), largest, widest)
+            TiltConstraint::level(tilt, &(across.transpose() * of.covariance * across), largest, widest)
         };
         let near = |of: &&Plumb| of.up.dot(&up) > widest.cos();
         voices.lines = plumb.iter().filter(near).filter_map(said).collect();
-        let (mut heights, mut walls) = (vec![0.0], Vec::<&Fit>::new());
+        let (mut heights, mut walls) = (vec![0.0], Vec::<&PlaneFit>::new());
         for &plane in planes {
             let normal = plane.plane.normal;
             let facing = normal.dot(&up);
             if facing.abs() > widest.cos() {
-                // Smaller planes at this height are parts of it, and of what lies beside it.
+                // Smaller planes at this height are parts of it, or of surfaces beside it.
                 let height = up.dot(&(plane.mean - floor.mean));
                 if heights.iter().any(|other: &f64| (height - other).abs() < apart) {
                     continue;
@@ -161,9 +164,9 @@ impl Voices {
                 // A ceiling faces down.
                 let its = across.transpose() * normal * facing.signum();
                 let own = covariance(plane, &across, patch).map(|c| c + Matrix2::identity() * untrue);
-                voices.level.extend(own.and_then(|own| Voice::level(its, &own, plane.area, widest)));
+                voices.level.extend(own.and_then(|own| TiltConstraint::level(its, &own, plane.area, widest)));
             } else if facing.abs() < widest.sin() {
-                let same = |wall: &&Fit| {
+                let same = |wall: &&PlaneFit| {
                     wall.plane.normal.dot(&normal).abs() > widest.cos()
                         && wall.plane.height(&plane.mean).abs() < apart
                 };
@@ -175,17 +178,19 @@ impl Voices {
                 let along = Matrix3x2::from_columns(&[rising, normal.cross(&rising)]);
                 let own = covariance(plane, &along, patch).map(|c| c[(0, 0)] + untrue);
                 let its = across.transpose() * normal;
-                voices.plumb.extend(own.and_then(|own| Voice::plumb(&its, facing, own, plane.area, widest)));
+                voices
+                    .plumb
+                    .extend(own.and_then(|own| TiltConstraint::plumb(&its, facing, own, plane.area, widest)));
             }
         }
         voices
     }
 
-    /// What those agree on that agree with `up`, more or less: `up` itself where the floor is a line. `None` where the floor
-    /// does not agree.
-    pub(super) fn consensus(&self, up: &Vector3<f64>) -> Option<Consensus> {
+    /// Vertical by the constraints that agree with `up`, weighted by their agreement: `up` itself where the floor is a
+    /// line. `None` where the floor does not agree.
+    pub(super) fn consensus(&self, up: &Vector3<f64>) -> Option<ConsensusResult> {
         let Some((across, floor)) = &self.floor else {
-            return Some(Consensus { up: *up, level: 1, plumb: 0, lines: 0, area: self.floor_area });
+            return Some(ConsensusResult { up: *up, level: 1, plumb: 0, lines: 0, area: self.floor_area });
         };
         let all = || std::iter::once(floor).chain(&self.level).chain(&self.plumb).chain(&self.lines);
         let facing = up.dot(&self.floor_normal);
@@ -204,8 +209,8 @@ impl Voices {
                 break;
             }
         }
-        let count = |voices: &[Voice]| voices.iter().filter(|v| v.agrees(&tilt)).count();
-        floor.agrees(&tilt).then(|| Consensus {
+        let count = |voices: &[TiltConstraint]| voices.iter().filter(|v| v.agrees(&tilt)).count();
+        floor.agrees(&tilt).then(|| ConsensusResult {
             up: (self.floor_normal + across * tilt).normalize(),
             level: 1 + count(&self.level),
             plumb: count(&self.plumb),
@@ -215,10 +220,10 @@ impl Voices {
     }
 }
 
-/// Covariance of a plane's tilt along `across`, residuals being one observation a `patch` (an area); `None` when its
+/// Covariance of a plane's tilt along `across`, with one independent observation a `patch` (an area); `None` when its
 /// points lie on a line.
-fn covariance(fit: &Fit, across: &Matrix3x2<f64>, patch: f64) -> Option<Matrix2<f64>> {
-    // Where planes were made exact, stereo's own noise tells what the residuals no longer do.
+fn covariance(fit: &PlaneFit, across: &Matrix3x2<f64>, patch: f64) -> Option<Matrix2<f64>> {
+    // Where planes were made exact, stereo's own noise replaces the residuals.
     let variance = fit.rms.powi(2).max(fit.sigma_squared) / (fit.area / patch).max(1.0);
     let spread: Matrix2<f64> = across.transpose() * fit.spread * across;
     spread.try_inverse().map(|inverse| inverse * variance).filter(|c| c.iter().all(|v| v.is_finite()))
@@ -233,14 +238,14 @@ mod tests {
 
     const SIZE: f64 = 2.0;
 
-    /// A rectangle `size` (x, y) of standard deviations about (0, 0, `height`), tilted about y by `tilt_deg`, its points
-    /// off by `rms`.
-    fn rectangle(size: [f64; 2], height: f64, tilt_deg: f64, rms: f64) -> Fit {
+    /// A rectangle `size` (x, y) of standard deviations about (0, 0, `height`), tilted about y by `tilt_deg`, with
+    /// residuals `rms`.
+    fn rectangle(size: [f64; 2], height: f64, tilt_deg: f64, rms: f64) -> PlaneFit {
         let turned = Rotation3::from_axis_angle(&Vector3::y_axis(), tilt_deg.to_radians());
         let normal = turned * Vector3::z();
         let spread = Matrix3::from_diagonal(&Vector3::new(size[0].powi(2), size[1].powi(2), rms.powi(2)));
         let mean = Point3::new(0.0, 0.0, height);
-        Fit {
+        PlaneFit {
             plane: Plane { normal, distance: normal.dot(&mean.coords) },
             area: 12.0 * size[0] * size[1],
             rms,
@@ -254,9 +259,9 @@ mod tests {
         FloorOptions { level_sigma_deg, ..FloorOptions::default() }
     }
 
-    /// Asked as [`super::super::find`] asks: with each plane taken to be level.
-    fn vote(floor: &Fit, planes: &[&Fit], options: &FloorOptions) -> Consensus {
-        let voices = Voices::new(floor, planes, &[], SIZE, options);
+    /// Consensus as [`super::super::find`] computes it: with each plane taken to be level.
+    fn vote(floor: &PlaneFit, planes: &[&PlaneFit], options: &FloorOptions) -> ConsensusResult {
+        let voices = VerticalConsensus::new(floor, planes, &[], SIZE, options);
         let ups = std::iter::once(&floor).chain(planes).map(|p| p.plane.normal * p.plane.normal.z.signum());
         ups.filter_map(|up| voices.consensus(&up)).reduce(|a, b| if b.area > a.area { b } else { a }).unwrap()
     }
@@ -267,10 +272,10 @@ mod tests {
 
     #[test]
     fn each_plane_counts_as_what_is_known_of_it() {
-        // Sine and tangent of a degree differ by less than what is asked.
+        // Sine and tangent of a degree differ by less than the tolerance.
         let floor = rectangle([0.3, 0.6], 0.0, 0.0, 0.012);
         let table = rectangle([0.6, 0.4], 0.7, 1.0, 0.009);
-        let patches = |fit: &Fit| (fit.area / (0.3 * SIZE).powi(2)).sqrt();
+        let patches = |fit: &PlaneFit| (fit.area / (0.3 * SIZE).powi(2)).sqrt();
         assert!(patches(&floor) > 2.0 && patches(&table) > 2.0);
         let sigma = [0.012 / 0.3 / patches(&floor), 0.009 / 0.6 / patches(&table)];
         for level_deg in [0.0, 0.5, 1.5] {
@@ -285,12 +290,12 @@ mod tests {
         let level = rectangle([0.6, 0.4], 0.7, 0.0, 0.009);
         let agreed = vote(&floor, &[&level], &options(0.5));
         assert_relative_eq!(agreed.area, floor.area + level.area, epsilon = 1e-9);
-        // Less than a patch is one observation.
+        // Less than a patch counts as one observation.
         let whole = FloorOptions { correlated: 10.0, ..options(0.0) };
         let expected_deg = 1.0 / (1.0 + (0.009f64 / 0.6 * 0.3 / 0.012).powi(2));
         assert_relative_eq!(tilt_deg(&vote(&floor, &[&table], &whole).up), expected_deg, epsilon = 2e-3);
-        // Where planes were made exact, nothing but stereo's own deviation is left to go by.
-        let exact = Fit { rms: 0.0, sigma_squared: 0.009f64.powi(2), ..table.clone() };
+        // Where planes were made exact, only stereo's own deviation is left.
+        let exact = PlaneFit { rms: 0.0, sigma_squared: 0.009f64.powi(2), ..table.clone() };
         assert_eq!(vote(&floor, &[&exact], &options(0.5)), vote(&floor, &[&table], &options(0.5)));
     }
 
@@ -298,7 +303,8 @@ mod tests {
     fn a_ceiling_has_a_say_and_a_plane_only_once() {
         let floor = rectangle([0.3, 0.6], 0.0, 0.0, 0.012);
         let ceiling = rectangle([0.6, 0.4], 2.4, 1.5, 0.009);
-        let below = Fit { plane: Plane { normal: -ceiling.plane.normal, distance: -2.4 }, ..ceiling.clone() };
+        let below =
+            PlaneFit { plane: Plane { normal: -ceiling.plane.normal, distance: -2.4 }, ..ceiling.clone() };
         let once = vote(&floor, &[&ceiling], &options(0.5));
         assert!(once.level == 2 && tilt_deg(&once.up) > 0.5);
         assert_eq!(vote(&floor, &[&below], &options(0.5)), once);
@@ -308,25 +314,25 @@ mod tests {
     #[test]
     fn a_wall_says_how_its_normal_leans_and_nothing_else() {
         let floor = rectangle([0.3, 0.3], 0.0, 0.0, 0.012);
-        let patches = |fit: &Fit| fit.area / (0.3 * SIZE).powi(2);
+        let patches = |fit: &PlaneFit| fit.area / (0.3 * SIZE).powi(2);
         let wall = rectangle([0.8, 0.5], 1.2, 91.0, 0.009);
         let level_deg: f64 = 0.5;
         let own = (0.009_f64 / 0.8).powi(2) / patches(&wall) + level_deg.to_radians().powi(2);
         let floors = (0.012_f64 / 0.3).powi(2) / patches(&floor);
-        // It leans as a floor would that is tilted by a degree.
+        // Expected tilt: that of a floor tilted by a degree.
         let expected_deg = (1.0 / own) / (1.0 / own + 1.0 / floors);
         let agreed = vote(&floor, &[&wall], &options(level_deg));
         assert_eq!((agreed.level, agreed.plumb), (1, 1));
         assert_relative_eq!(tilt_deg(&agreed.up), expected_deg, epsilon = 2e-3);
         assert_relative_eq!(agreed.up.y, 0.0, epsilon = 1e-12);
-        // From behind it is the same wall, and once is enough.
-        let behind = Fit {
+        // From behind it is the same wall, and it counts once.
+        let behind = PlaneFit {
             plane: Plane { normal: -wall.plane.normal, distance: -wall.plane.distance },
             ..wall.clone()
         };
         assert_eq!(vote(&floor, &[&behind], &options(level_deg)), agreed);
         assert_eq!(vote(&floor, &[&wall, &behind], &options(level_deg)), agreed);
-        // A board that leans has no say; nor has a wall of which only a level line is seen.
+        // A leaning board does not count, nor does a wall of which only a level line is seen.
         for wall in [rectangle([0.8, 0.5], 1.2, 102.0, 0.004), rectangle([0.0, 0.5], 1.2, 91.0, 0.004)] {
             let alone = vote(&floor, &[&wall], &options(level_deg));
             assert_eq!((alone.up, alone.plumb), (Vector3::z(), 0));
@@ -334,30 +340,33 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_level_has_no_say() {
+    fn sloped_planes_do_not_affect_the_vertical() {
         let floor = rectangle([1.5, 1.0], 0.0, 0.0, 0.01);
-        let is_alone = |agreed: Consensus| agreed.up == Vector3::z() && agreed.level == 1;
+        let is_alone = |agreed: ConsensusResult| agreed.up == Vector3::z() && agreed.level == 1;
         for tilt_deg in [4.0, 12.0, 60.0] {
             let desk = rectangle([0.7, 0.4], 0.7, tilt_deg, 0.004);
             assert!(is_alone(vote(&floor, &[&desk], &options(0.5))), "{tilt_deg}°");
         }
-        // The level part of a desk is what its slope and something else make together.
+        // The level part of a desk: its slope combined with another surface.
         let desk = rectangle([0.7, 0.4], 0.7, 12.0, 0.004);
         let part = rectangle([0.4, 0.3], 0.72, 0.1, 0.004);
         assert_eq!(vote(&floor, &[&part], &options(0.5)).level, 2);
         assert!(is_alone(vote(&floor, &[&desk, &part], &options(0.5))));
-        // Too little is known of a line's tilt, and of a floor that is a line.
+        // The tilt of a line is undetermined, also for a floor that is a line.
         let line = rectangle([0.7, 0.0], 0.7, 0.5, 0.004);
         assert!(is_alone(vote(&floor, &[&line], &options(0.5))));
         let table = rectangle([0.7, 0.5], 0.7, 0.5, 0.004);
         let strip = rectangle([0.7, 0.0], 0.0, 0.0, 0.004);
         assert!(is_alone(vote(&strip, &[&table], &options(0.5))));
         let up = table.plane.normal;
-        assert_eq!(Voices::new(&strip, &[&table], &[], SIZE, &options(0.5)).consensus(&up).unwrap().up, up);
+        assert_eq!(
+            VerticalConsensus::new(&strip, &[&table], &[], SIZE, &options(0.5)).consensus(&up).unwrap().up,
+            up
+        );
     }
 
     #[test]
-    fn what_contradicts_a_large_plane_has_no_say_however_little_is_known_of_the_floor() {
+    fn planes_that_contradict_a_large_one_are_excluded_even_with_an_uncertain_floor() {
         let floor = rectangle([0.15, 0.6], 0.0, 0.0, 0.014);
         let table = rectangle([0.6, 0.4], 0.7, -2.0, 0.012);
         let seat = rectangle([0.2, 0.2], 1.0, 9.0, 0.012);
@@ -373,13 +382,14 @@ mod tests {
         for sigma in [0.005_f64, 0.02, 0.05] {
             let variance = sigma.powi(2);
             let level =
-                Voice::level(Vector2::zeros(), &(Matrix2::identity() * variance), 1.0, widest).unwrap();
-            let plumb = Voice::plumb(&Vector2::new(0.6, -0.8), 0.0, variance, 1.0, widest).unwrap();
+                TiltConstraint::level(Vector2::zeros(), &(Matrix2::identity() * variance), 1.0, widest)
+                    .unwrap();
+            let plumb = TiltConstraint::plumb(&Vector2::new(0.6, -0.8), 0.0, variance, 1.0, widest).unwrap();
             for step in 1..100 {
                 let tilt = 0.003 * f64::from(step);
                 let bell = (-0.5 * (tilt / sigma).powi(2)).exp();
-                // Of level planes there are ten for each that slopes anywhere in a circle, of plumb ones for each that
-                // leans within as much to both sides.
+                // There are ten level planes for each that slopes anywhere in a circle, and ten plumb ones for each
+                // that leans within as much to both sides.
                 let is_level = 10.0 * bell / (std::f64::consts::TAU * variance)
                     > 1.0 / (std::f64::consts::PI * widest.powi(2));
                 let is_plumb = 10.0 * bell / (std::f64::consts::TAU.sqrt() * sigma) > 0.5 / widest;

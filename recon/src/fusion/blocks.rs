@@ -1,10 +1,11 @@
-//! Pixels → discs: a block of pixels that lies on one plane becomes one disc, others are split down to single pixels.
+//! Conversion of pixels to discs: a block of pixels on one plane becomes one disc, others are split down to single
+//! pixels.
 
 use glam::Vec3;
 use scenes::geometry::Disc;
 
 use crate::dense::Support;
-use crate::surface::{Origin, Surface};
+use crate::surface::{DepthOrigin, Surface};
 
 /// Side of the largest block, pixels.
 const LARGEST: usize = 4;
@@ -52,7 +53,7 @@ fn single(surface: &Surface, i: usize) -> Option<Disc> {
         normal: surface.normal[i],
         radius: surface.radius(i),
         color: surface.picture.get_pixel(u, v).0,
-        filled: surface.origin[i] == Origin::Filled,
+        filled: surface.origin[i] == DepthOrigin::Filled,
         confidence: confidence(surface, std::iter::once(i)),
     })
 }
@@ -100,7 +101,7 @@ fn block(
     let (u, v) = (x as f32 + middle, y as f32 + middle);
     let (ray, normal) = (camera.ray(u, v), Support { w, gu, gv }.normal(u, v, &camera));
     let cosine = -normal.dot(ray) / ray.length();
-    // A block on a steep slope would stick out far beyond its pixels.
+    // A block on a steep slope would reach far beyond its pixels.
     if cosine < 0.15 {
         return None;
     }
@@ -110,14 +111,14 @@ fn block(
         normal,
         radius: half_diagonal / (w * camera.fx.min(camera.fy)) / cosine.sqrt(),
         color: color.round().to_array().map(|c| c as u8),
-        filled: first == Origin::Filled,
+        filled: first == DepthOrigin::Filled,
         confidence: confidence(surface, pixels().map(|(u, v)| v * width + u)),
     })
 }
 
-/// How many views agree with what is measured at pixels of one origin, on average.
+/// Mean number of views that agree with the measured ones of these pixels of one origin.
 fn confidence(surface: &Surface, pixels: impl Iterator<Item = usize> + Clone) -> f32 {
-    let measured = pixels.clone().filter(|i| surface.origin[*i] == Origin::Stereo);
+    let measured = pixels.clone().filter(|i| surface.origin[*i] == DepthOrigin::Stereo);
     let agreeing: u32 = measured.map(|i| u32::from(surface.agreeing[i])).sum();
     agreeing as f32 / pixels.count().max(1) as f32
 }
@@ -143,7 +144,7 @@ mod tests {
             depth,
             normal: vec![-Vec3::Z; 512],
             agreeing: vec![3; 512],
-            origin: vec![Origin::Stereo; 512],
+            origin: vec![DepthOrigin::Stereo; 512],
             step: 0.005,
         };
         let discs = discs(&surface, &[true; 512], 1e-3);

@@ -1,9 +1,9 @@
-//! What key frames see beside the reference view: past the borders of its picture, behind its near things, and where it
-//! knows nothing.
+//! Surfaces that key frames see beside the reference view: past the borders of its picture, behind its near things, and
+//! in its holes.
 //!
-//! From where the camera is installed its own view is the better one, always; but who walks behind a cupboard walks on a
-//! floor that only key frames saw. Each key frame's view is completed as the reference's is ([`complete`]), and what
-//! several of them tell alike, and none looks past, is taken.
+//! The camera's own view from its installed pose always takes precedence; but a person behind a cupboard walks on floor
+//! that only key frames saw. Each key frame's view is completed as the reference's is ([`complete`]), and surfaces that
+//! several of them confirm, and none looks past, are added.
 
 use glam::Vec3;
 use nalgebra::{Isometry3, Similarity3};
@@ -16,29 +16,29 @@ use crate::dense::DenseView;
 use crate::planes::{Completed, PlaneOptions, complete};
 use crate::surface::Surface;
 
-/// Depths of two key frames that differ by less than this share are the same surface: they share the capture's motion, so
-/// they differ by less than two cameras' do.
+/// Relative difference of two key frames' depths below which they are the same surface: key frames share the capture's
+/// motion, so they differ by less than two cameras do.
 const SAME_SURFACE: f32 = 0.015;
-/// Other key frames that must see the same surface there.
+/// Least number of other key frames that must see the same surface.
 const LEAST_AGREEING: usize = 2;
 
-/// Discs in the reference camera's frame. `views`: the reference first, then the key frames; `reference`: what was made of
-/// the former.
+/// Discs in the reference camera's frame. `views`: the reference first, then the key frames; `reference`: its completed
+/// view.
 pub(crate) fn discs(
     views: &[DenseView],
     reference: &Completed,
     planes: &PlaneOptions,
     options: &FusionOptions,
 ) -> Vec<Disc> {
-    let keys: Vec<Key> =
-        (1..views.len()).into_par_iter().filter_map(|key| Key::of(views, key, planes)).collect();
+    let keys: Vec<KeyFrameView> =
+        (1..views.len()).into_par_iter().filter_map(|key| KeyFrameView::of(views, key, planes)).collect();
     let each = |index: usize| {
         let key = &keys[index];
         let reference_from_key = rigid(&key.camera_from_reference.inverse());
         let installed = Witness::new(&reference.surface, &reference_from_key, true);
         let others: Vec<Witness<'_>> = (0..keys.len())
             .filter(|other| *other != index)
-            // The earlier one tells what two of them see: they were chosen farthest first.
+            // Of two key frames that see a surface the earlier one makes the disc: they were chosen farthest first.
             .map(|other| Witness::new(&keys[other].surface, &key.to(&keys[other]), other < index))
             .collect();
         let is_beside = |point: Vec3| {
@@ -55,13 +55,13 @@ pub(crate) fn discs(
     (0..keys.len()).into_par_iter().flat_map_iter(each).collect()
 }
 
-/// A key frame's own view, completed.
-struct Key {
+/// Completed view of a key frame.
+struct KeyFrameView {
     surface: Surface,
     camera_from_reference: Isometry3<f64>,
 }
 
-impl Key {
+impl KeyFrameView {
     fn of(views: &[DenseView], key: usize, planes: &PlaneOptions) -> Option<Self> {
         let camera_from_reference = views[key].camera_from_reference;
         let from_key = |view: &DenseView| DenseView {
@@ -78,8 +78,8 @@ impl Key {
     }
 }
 
-/// Whether a disc of one camera's key frames tells another camera anything: it is neither on nor before what that camera
-/// sees itself, and not so near that it would be a blot in its picture.
+/// Tells whether a disc of one camera's key frames adds to another camera's view: it is neither on nor before surfaces
+/// that the camera sees itself, and not so near that it would be a blot in its picture.
 pub(super) fn is_new(disc: &Disc, other: &Witness<'_>, options: &FusionOptions) -> bool {
     let is_blot = other
         .pixel(disc.center)
@@ -87,7 +87,7 @@ pub(super) fn is_new(disc: &Disc, other: &Witness<'_>, options: &FusionOptions) 
     !is_blot && is_unseen(other, disc.center, options) && !hangs_before(disc, other, options)
 }
 
-/// Whether a disc that belongs beside what a view sees reaches before it: past the border of its picture, or round an edge.
+/// Tells whether a disc beside a view's surfaces overlaps it: past the border of its picture, or round an edge.
 fn hangs_before(disc: &Disc, view: &Witness<'_>, options: &FusionOptions) -> bool {
     const RIM: u8 = 8;
     let (right, up) = disc.normal.any_orthonormal_pair();
@@ -98,13 +98,12 @@ fn hangs_before(disc: &Disc, view: &Witness<'_>, options: &FusionOptions) -> boo
     })
 }
 
-/// Whether a view has no word in what is at a point: it lies outside its picture, behind what it sees, or where it sees
-/// nothing.
+/// Tells whether a view has no observation of a point: it lies outside its picture, behind a surface, or in a hole.
 fn is_unseen(view: &Witness<'_>, point: Vec3, options: &FusionOptions) -> bool {
     view.seen_at(point).is_none_or(|(seen, z)| z > seen * (1.0 + options.same_surface))
 }
 
-/// Whether enough key frames agree, none looks past, and no earlier one has told it already.
+/// Tells whether enough key frames agree, none looks past, and no earlier one has made the disc already.
 fn is_confirmed(others: &[Witness<'_>], point: Vec3) -> bool {
     let mut agreeing = 0;
     for view in others {
@@ -121,11 +120,12 @@ fn is_confirmed(others: &[Witness<'_>], point: Vec3) -> bool {
     agreeing >= LEAST_AGREEING
 }
 
-/// Whether a point of the reference's frame lies behind a plane that encloses the room: a reflection, or a mistake.
+/// Tells whether a point of the reference's frame lies behind a plane that encloses the room: a reflection, or a
+/// mistake.
 fn is_outside(reference: &Completed, point: Vec3) -> bool {
     let camera = reference.surface.pinhole();
     let (u, v) = (camera.fx * point.x / point.z + camera.cx, camera.fy * point.y / point.z + camera.cy);
-    // A point behind the camera has no pixel; planes say nothing of it.
+    // A point behind the camera has no pixel, so planes do not exclude it.
     point.z > 0.0
         && reference.enclosing.iter().any(|plane| plane.hides(u, v, point.z, reference.surface.step))
 }
@@ -144,19 +144,19 @@ mod tests {
 
     const WALL_Z: f32 = 4.0;
     const FLOOR_Y: f32 = 1.2;
-    /// A board that stands before the wall: depth, half its width, its upper and its lower edge.
+    /// A board before the wall: depth, half its width, its upper and its lower edge.
     const BOARD: (f32, f32, [f32; 2]) = (2.0, 0.5, [-0.4, 0.6]);
-    /// Stereo's noise, metres at the wall: none, for what is measured has to be exact then.
+    /// Stereo's noise, metres at the wall; the measurements of this test are exact.
     const STEP: f32 = 0.002;
 
     fn lens() -> Intrinsics {
         Intrinsics::from_horizontal_fov(160, 120, 70.0)
     }
 
-    /// A thing past the reference's border that is there for some views only.
+    /// A thing past the reference's border that only some views see.
     const THING: (f32, [f32; 2], f32) = (3.0, [2.15, 2.45], 0.3);
 
-    /// The plane that a ray from (x, 0, 0) meets first, `n · X = 1` in the camera's frame there, and its colour.
+    /// Plane that a ray from (x, 0, 0) hits first, `n · X = 1` in the camera's frame there, and its colour.
     fn met(x: f32, ray: Vec3, with_thing: bool) -> (Vec3, [u8; 3]) {
         let (z, [left, right], half) = THING;
         let hit = ray * z + Vec3::X * x;
@@ -172,7 +172,7 @@ mod tests {
         if floor.dot(ray) > wall.dot(ray) { (floor, [120, 80, 50]) } else { (wall, [200, 200, 190]) }
     }
 
-    /// What stereo sees from (x, 0, 0).
+    /// Stereo's view from (x, 0, 0).
     fn view(x: f32, with_thing: bool) -> DenseView {
         let k = lens();
         let camera = Pinhole { fx: k.fx as f32, fy: k.fy as f32, cx: k.cx as f32, cy: k.cy as f32 };
@@ -205,7 +205,7 @@ mod tests {
         [0.0, -0.6, 0.6, -0.5, 0.5, -0.4, 0.4].map(|x| view(x, false)).into()
     }
 
-    /// Whether the board hides a point of wall or floor from the reference.
+    /// Tells whether the board hides a point of wall or floor from the reference.
     fn is_hidden(p: Vec3) -> bool {
         let (z, half, [top, bottom]) = BOARD;
         let on_board = p * z / p.z;
@@ -227,8 +227,8 @@ mod tests {
             let off = (disc.center.z - WALL_Z).abs().min((disc.center.y - FLOOR_Y).abs());
             assert!(off < 0.02, "{disc:?}");
         }
-        // The three key frames of a side see the wall up to 0.4 behind the board, over its height doubled. Once each: discs
-        // that cover squares are π / 2 as large.
+        // The three key frames of a side see the wall up to 0.4 behind the board, over its height doubled. Each is
+        // counted once: discs that cover squares are π / 2 as large.
         let area: f32 = hidden.iter().map(|d| std::f32::consts::PI * d.radius * d.radius).sum();
         let all = 2.0 * 0.4 * 2.0 * (BOARD.2[1] - BOARD.2[0]);
         assert!(area < 1.3 * std::f32::consts::FRAC_PI_2 * all, "{area} of {all}");

@@ -1,8 +1,9 @@
-//! Surfaces of all cameras → the room's oriented, coloured discs, in the world frame.
+//! Fusion of all cameras' surfaces to the room's oriented, coloured discs, in the world frame.
 //!
-//! What two cameras see alike is kept once, from the one that resolves it finer ([`Witness`]); what one camera looks
-//! through is dropped. Smooth regions become larger discs ([`blocks`]), so that a wall does not cost a disc a pixel. What
-//! only key frames saw ([`key_frames`]) comes along where no camera sees the place itself.
+//! Surfaces that two cameras see alike are kept once, from the camera with the finer resolution ([`Witness`]); surfaces
+//! that one camera looks through are dropped. Smooth regions become larger discs ([`blocks`]), so that a wall does not
+//! cost a disc a pixel. Surfaces seen only by key frames ([`key_frames`]) are added where no camera sees the place
+//! itself.
 
 mod blocks;
 pub(crate) mod key_frames;
@@ -13,18 +14,18 @@ use nalgebra::Similarity3;
 use rayon::prelude::*;
 use scenes::geometry::{Disc, point_from_vec3, vec3_from_point, vec3_from_vector, vector_from_vec3};
 
-use crate::surface::{Origin, Surface};
+use crate::surface::{DepthOrigin, Surface};
 use witness::Witness;
 
-/// How surfaces are fused.
+/// Options of the fusion.
 #[derive(Debug, Clone)]
 pub struct FusionOptions {
-    /// Depths of two cameras that differ by less than this share are the same surface.
+    /// Relative difference of two cameras' depths below which they are the same surface.
     pub same_surface: f32,
-    /// A disc that would look larger than this in another camera's image, radius in pixels, is too coarse for it: what
-    /// stands before a camera is for that camera to tell.
+    /// Largest radius of a disc in another camera's image, pixels; coarser discs are dropped, since that camera
+    /// resolves the surface itself.
     pub largest_radius_px: f32,
-    /// A block of pixels becomes one disc when none of its depths is off the block's plane by more than this share.
+    /// Largest relative distance of depths from a block's plane for the block to become one disc.
     pub flatness: f32,
 }
 
@@ -34,27 +35,27 @@ impl Default for FusionOptions {
     }
 }
 
-/// What fusion did.
+/// Report of the fusion.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct FusionReport {
-    /// Pixels with a depth, of all cameras.
+    /// Number of pixels with a depth, of all cameras.
     pub pixels: usize,
-    /// Dropped since another camera shows the same surface finer.
+    /// Pixels dropped since another camera shows the same surface finer.
     pub duplicates: usize,
-    /// Dropped since another camera looks through them.
+    /// Pixels dropped since another camera looks through them.
     pub seen_through: usize,
-    /// Dropped since another camera stands so near that they would fill its view.
+    /// Pixels dropped since another camera stands so near that they would fill its view.
     pub too_coarse: usize,
-    /// Discs made.
+    /// Number of discs.
     pub discs: usize,
-    /// Of these, not measured but filled in.
+    /// Number of these that were not measured but filled in.
     pub filled: usize,
-    /// Of these, seen by key frames alone.
+    /// Number of these that only key frames saw.
     pub key_frame_discs: usize,
 }
 
-/// Fuses all surfaces; `world_from_camera` in metres, one a surface. `key_frame_discs`: for each what only its key
-/// frames saw ([`key_frames::discs`]), in its camera's frame and unit.
+/// Fuses all surfaces; `world_from_camera` in metres, one a surface. `key_frame_discs`: for each the discs that only
+/// its key frames saw ([`key_frames::discs`]), in its camera's frame and unit.
 pub fn fuse(
     surfaces: &[Surface],
     key_frame_discs: &[&[Disc]],
@@ -76,13 +77,13 @@ pub fn fuse(
                 )
             })
             .collect();
-        let verdicts: Vec<Verdict> =
+        let verdicts: Vec<PixelVerdict> =
             (0..surface.depth.len()).into_par_iter().map(|i| judge(surface, i, &others, options)).collect();
-        report.pixels += verdicts.iter().filter(|v| **v != Verdict::Nothing).count();
-        report.duplicates += verdicts.iter().filter(|v| **v == Verdict::Duplicate).count();
-        report.seen_through += verdicts.iter().filter(|v| **v == Verdict::SeenThrough).count();
-        report.too_coarse += verdicts.iter().filter(|v| **v == Verdict::TooCoarse).count();
-        let keep: Vec<bool> = verdicts.iter().map(|v| *v == Verdict::Keep).collect();
+        report.pixels += verdicts.iter().filter(|v| **v != PixelVerdict::Nothing).count();
+        report.duplicates += verdicts.iter().filter(|v| **v == PixelVerdict::Duplicate).count();
+        report.seen_through += verdicts.iter().filter(|v| **v == PixelVerdict::SeenThrough).count();
+        report.too_coarse += verdicts.iter().filter(|v| **v == PixelVerdict::TooCoarse).count();
+        let keep: Vec<bool> = verdicts.iter().map(|v| *v == PixelVerdict::Keep).collect();
         let world = &world_from_camera[index];
         discs.extend(
             blocks::discs(surface, &keep, options.flatness).into_iter().map(|disc| moved(&disc, world)),
@@ -99,7 +100,7 @@ pub fn fuse(
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Verdict {
+enum PixelVerdict {
     Nothing,
     Keep,
     Duplicate,
@@ -107,39 +108,39 @@ enum Verdict {
     TooCoarse,
 }
 
-fn judge(surface: &Surface, i: usize, others: &[Witness<'_>], options: &FusionOptions) -> Verdict {
-    let Some(point) = surface.point(i) else { return Verdict::Nothing };
+fn judge(surface: &Surface, i: usize, others: &[Witness<'_>], options: &FusionOptions) -> PixelVerdict {
+    let Some(point) = surface.point(i) else { return PixelVerdict::Nothing };
     for witness in others {
         let Some((u, v, z)) = witness.pixel(point) else { continue };
         if surface.radius(i) * witness.scale * witness.camera.fx > options.largest_radius_px * z {
-            return Verdict::TooCoarse;
+            return PixelVerdict::TooCoarse;
         }
         let j = v * witness.surface.width() + u;
         let seen = witness.surface.depth[j];
         if seen <= 0.0 {
             continue;
         }
-        let measured = witness.surface.origin[j] == Origin::Stereo;
+        let measured = witness.surface.origin[j] == DepthOrigin::Stereo;
         if (z / seen - 1.0).abs() < options.same_surface {
             let (own, other) = (surface.radius(i) * witness.scale, witness.surface.radius(j));
-            let own_measured = surface.origin[i] == Origin::Stereo;
-            // What is measured beats what is filled in; then the finer; then the camera that comes first.
+            let own_measured = surface.origin[i] == DepthOrigin::Stereo;
+            // Measured beats filled in; then the finer; then the camera that comes first.
             let other_better = match (own_measured, measured) {
                 (true, false) => false,
                 (false, true) => true,
                 _ => other < 0.999 * own || (witness.first && other < 1.001 * own),
             };
             if other_better {
-                return Verdict::Duplicate;
+                return PixelVerdict::Duplicate;
             }
         } else if measured && z < seen && witness.looks_past((u, v), z, options.same_surface) {
-            let filled = surface.origin[i] == Origin::Filled;
+            let filled = surface.origin[i] == DepthOrigin::Filled;
             if filled || surface.agreeing[i] <= witness.surface.agreeing[j] {
-                return Verdict::SeenThrough;
+                return PixelVerdict::SeenThrough;
             }
         }
     }
-    Verdict::Keep
+    PixelVerdict::Keep
 }
 
 fn moved(disc: &Disc, world: &Similarity3<f64>) -> Disc {
@@ -158,8 +159,8 @@ mod tests {
     use calib::Intrinsics;
     use image::{Rgb, RgbImage};
 
-    /// A camera that looks square on at a wall at depth `z`.
-    fn wall(z: f32, size: u32, origin: Origin) -> Surface {
+    /// A camera that faces a wall at depth `z` squarely.
+    fn wall(z: f32, size: u32, origin: DepthOrigin) -> Surface {
         let count = (size * size) as usize;
         Surface {
             picture: RgbImage::from_pixel(size, size, Rgb([90, 120, 150])),
@@ -173,8 +174,8 @@ mod tests {
     }
 
     #[test]
-    fn what_two_cameras_see_alike_is_kept_once_from_the_finer() {
-        let views = [wall(2.0, 32, Origin::Stereo), wall(2.0, 64, Origin::Stereo)];
+    fn surfaces_seen_alike_are_kept_once_from_the_finer_camera() {
+        let views = [wall(2.0, 32, DepthOrigin::Stereo), wall(2.0, 64, DepthOrigin::Stereo)];
         let still = [Similarity3::identity(), Similarity3::identity()];
         let (discs, report) = fuse(&views, &[], &still, &FusionOptions::default());
         // The coarse camera keeps its outermost ring, where the fine one's lookup would leave its image.
@@ -188,20 +189,20 @@ mod tests {
     }
 
     #[test]
-    fn what_another_camera_looks_through_is_dropped() {
-        let views = [wall(1.0, 32, Origin::Filled), wall(2.0, 32, Origin::Stereo)];
+    fn surfaces_another_camera_looks_through_are_dropped() {
+        let views = [wall(1.0, 32, DepthOrigin::Filled), wall(2.0, 32, DepthOrigin::Stereo)];
         let still = [Similarity3::identity(), Similarity3::identity()];
         let (_, report) = fuse(&views, &[], &still, &FusionOptions::default());
         assert!(report.seen_through >= 900, "{report:?}");
-        // The other way round nothing is contradicted: a filled wall behind a measured one is only hidden.
-        let views = [wall(1.0, 32, Origin::Stereo), wall(2.0, 32, Origin::Filled)];
+        // In the opposite order there is no contradiction: a filled wall behind a measured one is only hidden.
+        let views = [wall(1.0, 32, DepthOrigin::Stereo), wall(2.0, 32, DepthOrigin::Filled)];
         assert_eq!(fuse(&views, &[], &still, &FusionOptions::default()).1.seen_through, 0);
     }
 
     #[test]
     fn a_disc_tells_how_many_views_agree_with_it() {
         // The upper half, 16 rows or four blocks, was seen by one view more in each second column.
-        let mut measured = wall(2.0, 32, Origin::Stereo);
+        let mut measured = wall(2.0, 32, DepthOrigin::Stereo);
         for (i, agreeing) in measured.agreeing.iter_mut().enumerate().take(16 * 32) {
             *agreeing += (i % 2) as u8;
         }
@@ -210,13 +211,13 @@ mod tests {
             let expected = if disc.center.y < 0.0 { 4.5 } else { 4.0 };
             assert!((disc.confidence - expected).abs() < 1e-6, "{disc:?}");
         }
-        let filled = wall(2.0, 32, Origin::Filled);
+        let filled = wall(2.0, 32, DepthOrigin::Filled);
         let (discs, _) = fuse(&[filled], &[], &[Similarity3::identity()], &FusionOptions::default());
         assert!(discs.iter().all(|d| d.filled && d.confidence.to_bits() == 0));
     }
 
     #[test]
-    fn what_key_frames_saw_comes_along_unless_another_camera_sees_the_place() {
+    fn key_frame_surfaces_are_added_unless_another_camera_sees_the_place() {
         let disc = |z: f32| Disc {
             center: Vec3::new(0.0, 0.0, z),
             normal: -Vec3::Z,
@@ -227,7 +228,7 @@ mod tests {
         };
         // Behind the second camera's wall, before it, and behind its back.
         let key_frame_discs = [disc(5.0), disc(1.0), disc(-1.0)];
-        let views = [wall(4.0, 32, Origin::Stereo), wall(2.0, 32, Origin::Stereo)];
+        let views = [wall(4.0, 32, DepthOrigin::Stereo), wall(2.0, 32, DepthOrigin::Stereo)];
         let twice = Similarity3::from_scaling(2.0);
         let (discs, report) =
             fuse(&views, &[&key_frame_discs, &[]], &[twice, twice], &FusionOptions::default());
@@ -239,7 +240,7 @@ mod tests {
     fn discs_stand_in_the_world_with_its_scale() {
         let world = Similarity3::new(nalgebra::Vector3::new(1.0, 2.0, 3.0), nalgebra::Vector3::zeros(), 2.0);
         let (discs, report) =
-            fuse(&[wall(2.0, 32, Origin::Stereo)], &[], &[world], &FusionOptions::default());
+            fuse(&[wall(2.0, 32, DepthOrigin::Stereo)], &[], &[world], &FusionOptions::default());
         assert_eq!((report.discs, report.filled, report.pixels), (discs.len(), 0, 1024));
         assert!(discs.iter().all(|d| (d.center.z - 7.0).abs() < 1e-5 && d.color == [90, 120, 150]));
         // All discs together cover the wall: 2 · 2 · tan 30° · 2 wide.

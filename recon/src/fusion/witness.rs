@@ -1,4 +1,4 @@
-//! Another view as a witness: what did it see where a point falls into its picture?
+//! Observations of the same points by another view.
 
 use glam::{Affine3A, Vec3};
 use nalgebra::Similarity3;
@@ -6,14 +6,14 @@ use nalgebra::Similarity3;
 use crate::dense::Pinhole;
 use crate::surface::Surface;
 
-/// Another camera that may have seen the same.
+/// Another camera that may have seen the same surface.
 pub(super) struct Witness<'a> {
     pub(super) surface: &'a Surface,
     pub(super) camera: Pinhole,
     pub(super) from_camera: Affine3A,
-    /// Length of a unit of this camera in the witness's.
+    /// Factor from lengths of this camera to lengths of the witness.
     pub(super) scale: f32,
-    /// Whether it has precedence where both see equally well.
+    /// Whether the witness takes precedence where both see equally well.
     pub(super) first: bool,
 }
 
@@ -28,7 +28,7 @@ impl<'a> Witness<'a> {
         Self { camera: surface.pinhole(), surface, from_camera, scale, first }
     }
 
-    /// The witness's pixel that a point falls into, and the point's depth there.
+    /// Pixel of a point in the witness's picture, and the point's depth there.
     pub(super) fn pixel(&self, point: Vec3) -> Option<(usize, usize, f32)> {
         let p = self.from_camera.transform_point3(point);
         if p.z <= 0.0 {
@@ -43,14 +43,14 @@ impl<'a> Witness<'a> {
         inside.then_some((u as usize, v as usize, p.z))
     }
 
-    /// The depth that the witness sees where a point falls, and the point's own depth there; `None` where it sees nothing.
+    /// Depth that the witness sees at a point's pixel, and the point's own depth there; `None` where it sees nothing.
     pub(super) fn seen_at(&self, point: Vec3) -> Option<(f32, f32)> {
         let (u, v, z) = self.pixel(point)?;
         let seen = self.surface.depth[v * self.surface.width() + u];
         (seen > 0.0).then_some((seen, z))
     }
 
-    /// Whether everything that the witness measured around a pixel lies well behind `z`.
+    /// Tells whether all surfaces that the witness measured around a pixel lie well behind `z`.
     pub(super) fn looks_past(&self, (u, v): (usize, usize), z: f32, same_surface: f32) -> bool {
         (v - 1..=v + 1).all(|y| {
             (u - 1..=u + 1).all(|x| {

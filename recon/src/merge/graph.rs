@@ -1,16 +1,16 @@
-//! First similarities: every pair's by Horn from its most consistent picks, chained along the best-joined pairs.
+//! Initial similarities: each pair's by Horn from its most consistent picks, chained along the best-joined pairs.
 
 use calib::absolute_orientation;
 use nalgebra::{Point3, Similarity3};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 
-use super::{Pick, is_wide};
-use crate::project::{LEAST_SHARED_POINTS, Project};
+use super::LiftedPick;
+use crate::project::{LEAST_SHARED_POINTS, Project, is_wide};
 use crate::{Error, Result};
 
-/// A similarity between two cameras and how many picks support it.
-struct Edge {
+/// A similarity between two cameras and the number of picks that support it.
+struct PairSimilarity {
     a: usize,
     b: usize,
     a_from_b: Similarity3<f64>,
@@ -19,28 +19,32 @@ struct Edge {
     spread: f64,
 }
 
-/// Two cameras that share enough points, and are not joined by them.
+/// Two cameras that share enough points but are not joined by them.
 struct Failure {
     a: usize,
     b: usize,
-    /// Points of which both know the depth.
+    /// Number of points whose depth is known in both.
     usable: usize,
-    why: Why,
+    why: FailureReason,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Why {
+enum FailureReason {
     Disagree,
     OnALine,
 }
 
-/// Two picks of one point agree if they fall together to within this share of their depth.
+/// Largest distance between the positions of a point from two picks for them to agree, as a share of its depth.
 const AGREEMENT: f64 = 0.06;
-/// Triples tried for a pair; all of them up to 25 points.
+/// Number of triples tried for a pair; all of them up to 25 points.
 const MOST_TRIPLES: usize = 2300;
 
-/// `common_from_camera` of each camera, the first the identity.
-pub(super) fn chain(project: &Project, picks: &[Pick], cameras: usize) -> Result<Vec<Similarity3<f64>>> {
+/// Initial `common_from_camera` of each camera, the first the identity.
+pub(super) fn chain(
+    project: &Project,
+    picks: &[LiftedPick],
+    cameras: usize,
+) -> Result<Vec<Similarity3<f64>>> {
     let mut edges = Vec::new();
     let mut failures = Vec::new();
     for a in 0..cameras {
@@ -50,12 +54,14 @@ pub(super) fn chain(project: &Project, picks: &[Pick], cameras: usize) -> Result
                 continue;
             }
             match pair(&shared) {
-                Ok((a_from_b, support, spread)) => edges.push(Edge { a, b, a_from_b, support, spread }),
+                Ok((a_from_b, support, spread)) => {
+                    edges.push(PairSimilarity { a, b, a_from_b, support, spread });
+                }
                 Err(why) => failures.push(Failure { a, b, usable: shared.len(), why }),
             }
         }
     }
-    // The strongest pairs first, like Prim's tree: most agreeing picks, then the tightest.
+    // The strongest pairs first, as in Prim's algorithm: most agreeing picks, then the smallest spread.
     edges.sort_by(|x, y| y.support.cmp(&x.support).then(x.spread.total_cmp(&y.spread)));
     let mut placed: Vec<Option<Similarity3<f64>>> = vec![None; cameras];
     placed[0] = Some(Similarity3::identity());
@@ -71,11 +77,11 @@ pub(super) fn chain(project: &Project, picks: &[Pick], cameras: usize) -> Result
     placed
         .iter()
         .enumerate()
-        .map(|(camera, pose)| pose.ok_or_else(|| unjoined(project, picks, &failures, camera)))
+        .map(|(camera, pose)| pose.ok_or_else(|| not_joined_error(project, picks, &failures, camera)))
         .collect()
 }
 
-fn unjoined(project: &Project, picks: &[Pick], failures: &[Failure], camera: usize) -> Error {
+fn not_joined_error(project: &Project, picks: &[LiftedPick], failures: &[Failure], camera: usize) -> Error {
     let name = |i: usize| &project.cameras[i].name;
     let of_camera = failures.iter().find(|f| f.a == camera || f.b == camera);
     let Some(Failure { a, b, usable, why }) = of_camera else {
@@ -96,7 +102,7 @@ fn unjoined(project: &Project, picks: &[Pick], failures: &[Failure], camera: usi
         );
         return Error::content(&project.path, "[[point]]", problem);
     }
-    if *why == Why::OnALine {
+    if *why == FailureReason::OnALine {
         let problem = format!(
             "the points shared by `{}` and `{}` lie on a line, almost, which leaves a turn about it open; pick some well \
              beside it",
@@ -114,8 +120,8 @@ fn unjoined(project: &Project, picks: &[Pick], failures: &[Failure], camera: usi
     Error::content(&project.path, "[[point]]", problem)
 }
 
-/// Points seen with depth by both: positions in `a` and in `b`.
-fn shared(picks: &[Pick], a: usize, b: usize) -> Vec<(Point3<f64>, Point3<f64>)> {
+/// Points with depth in both cameras: positions in `a` and in `b`.
+fn shared(picks: &[LiftedPick], a: usize, b: usize) -> Vec<(Point3<f64>, Point3<f64>)> {
     picks
         .iter()
         .filter(|p| p.camera == a)
@@ -126,21 +132,23 @@ fn shared(picks: &[Pick], a: usize, b: usize) -> Vec<(Point3<f64>, Point3<f64>)>
         .collect()
 }
 
-/// The similarity that most picks agree on, from triples of them.
-fn pair(shared: &[(Point3<f64>, Point3<f64>)]) -> std::result::Result<(Similarity3<f64>, usize, f64), Why> {
-    let (similarity, inside) = most_agreed(shared).ok_or(Why::Disagree)?;
-    // All of them: where depths are bent, few agree yet.
+/// Similarity on which most picks agree, from triples of them.
+fn pair(
+    shared: &[(Point3<f64>, Point3<f64>)],
+) -> std::result::Result<(Similarity3<f64>, usize, f64), FailureReason> {
+    let (similarity, inside) = most_agreed(shared).ok_or(FailureReason::Disagree)?;
+    // Fitted to all of them: where depths are bent, few agree yet.
     let (in_a, in_b): (Vec<_>, Vec<_>) = shared.iter().copied().unzip();
     if !is_wide(&in_a) && !is_wide(&in_b) {
-        return Err(Why::OnALine);
+        return Err(FailureReason::OnALine);
     }
     let mut spread: Vec<f64> = inside.iter().map(|i| distance(&shared[*i], &similarity)).collect();
     spread.sort_by(f64::total_cmp);
-    let median = spread.get(spread.len() / 2).copied().ok_or(Why::Disagree)?;
+    let median = spread.get(spread.len() / 2).copied().ok_or(FailureReason::Disagree)?;
     Ok((similarity, inside.len(), median))
 }
 
-/// The similarity with those that agree with it; `None` if not even three do.
+/// Similarity with the picks that agree with it; `None` if not even three do.
 fn most_agreed(shared: &[(Point3<f64>, Point3<f64>)]) -> Option<(Similarity3<f64>, Vec<usize>)> {
     let mut best: Option<(f64, Vec<usize>)> = None;
     for triple in triples(shared.len()) {
@@ -152,7 +160,7 @@ fn most_agreed(shared: &[(Point3<f64>, Point3<f64>)]) -> Option<(Similarity3<f64
     }
     let (_, mut inside) = best?;
     let mut similarity = None;
-    // The inliers of a triple are enlarged by refitting to all of them.
+    // Refitting to all inliers of a triple enlarges their set.
     for _ in 0..3 {
         if inside.len() < LEAST_SHARED_POINTS {
             return None;
@@ -164,7 +172,7 @@ fn most_agreed(shared: &[(Point3<f64>, Point3<f64>)]) -> Option<(Similarity3<f64
     Some((similarity?, inside))
 }
 
-/// All triples of so many points, or, where these are too many, some at random.
+/// All triples of `n` points, or, where these are too many, random ones.
 fn triples(n: usize) -> Vec<[usize; 3]> {
     if n < 3 {
         return Vec::new();
@@ -192,7 +200,7 @@ fn agreeing(shared: &[(Point3<f64>, Point3<f64>)], a_from_b: &Similarity3<f64>) 
     (0..shared.len()).filter(|i| distance(&shared[*i], a_from_b) < AGREEMENT).collect()
 }
 
-/// Distance as a share of depth; the larger of both directions' shares, so that scale cannot shrink it away.
+/// Distance as a share of depth; the larger of both directions' shares, so that a small scale does not shrink it.
 fn distance((a, b): &(Point3<f64>, Point3<f64>), a_from_b: &Similarity3<f64>) -> f64 {
     let gap = (a_from_b * b - a).norm();
     let depth = a.coords.norm().min(b.coords.norm() * a_from_b.scaling());

@@ -1,19 +1,18 @@
-//! All cameras in one frame: picked points → similarities, chained over the cameras, then refined jointly.
+//! All cameras in one frame: similarities from picked points, chained over the cameras, then refined jointly.
 //!
 //! Each camera's reconstruction has its own frame and scale. Points picked in two reference images give, with the
 //! depth measured there ([`crate::ray_depth`]; where that fails, dense stereo's), two sets of 3-D points and so a
-//! similarity by Horn's closed form ([`calib::absolute_orientation`]); the best-joined pairs are chained from the
-//! first camera on ([`graph`]). The joint refinement ([`refine`]) then moves cameras and points until the picks fall
-//! where they were picked, the surfaces that cameras see in common lie on each other, and up is the same for all. Once it
-//! is known how the cameras stand, their pictures are found to have more in common ([`crate::proposals`]): that refines
-//! them again.
+//! similarity by Horn's closed form ([`calib::absolute_orientation`]); the best-joined pairs are chained from the first
+//! camera on ([`graph`]). The joint refinement ([`refine`]) then moves cameras and points until the picks project onto
+//! their pixels, common surfaces of cameras coincide, and the vertical is the same for all. With known relative poses
+//! more correspondences are found between the pictures ([`crate::proposals`]), and the refinement is repeated with
+//! them.
 
 mod graph;
 mod overlap;
 mod refine;
 #[cfg(test)]
 mod tests;
-mod width;
 
 use nalgebra::{Isometry3, Point2, Point3, Similarity3};
 
@@ -23,25 +22,24 @@ use crate::proposals;
 use crate::ray_depth::{MeasuredPixel, RayDepth};
 use crate::surface::Surface;
 use crate::{Error, Result};
-pub(crate) use width::is_wide;
 
-/// How cameras are joined.
+/// Options of joining cameras.
 #[derive(Debug, Clone)]
 pub struct MergeOptions {
     /// Standard deviation of a pick, pixels.
     pub pick_sigma_px: f64,
-    /// Standard deviation of the depth that dense stereo has at a pick, as a share of the depth.
+    /// Standard deviation of dense stereo's depth at a pick, as a share of the depth.
     pub depth_sigma: f64,
-    /// What a depth measured along a pick's ray is off by beyond its own standard deviation, as a share: the error of
-    /// the capture's motion.
+    /// Relative error of a depth measured along a pick's ray beyond its own standard deviation: the error of the
+    /// capture's motion.
     pub motion_sigma: f64,
-    /// A pick farther off than this after refinement is out, pixels.
+    /// Distance from its projection after refinement beyond which a pick is an outlier, pixels.
     pub outlier_px: f64,
-    /// Places that two cameras' pictures are found to have in common, at most so many a pair, join them beside the picks.
+    /// Largest number of matches found between the pictures of a pair, which join the cameras beside the picks.
     pub matches: usize,
     /// Standard deviation of such a match, pixels.
     pub match_sigma_px: f64,
-    /// Whether surfaces seen by two cameras are laid on each other (point-to-plane).
+    /// Whether surfaces seen by two cameras are aligned (point-to-plane).
     pub align_surfaces: bool,
 }
 
@@ -59,40 +57,40 @@ impl Default for MergeOptions {
     }
 }
 
-/// What merging did.
+/// Report of joining cameras.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct MergeReport {
-    /// Root mean square distance between the picks and where the room puts them, pixels, outliers left out.
+    /// Root mean square distance between the picks and the projections of their points, pixels, without outliers.
     pub pick_rms_px: f64,
-    /// Picks left out: number of the point (from 1), index of the camera, distance in pixels.
+    /// Outliers among the picks: number of the point (from 1), index of the camera, distance in pixels.
     pub outliers: Vec<(usize, usize, f64)>,
-    /// Places that pictures were found to have in common and that joined the cameras beside the picks.
+    /// Number of matches between pictures that joined the cameras beside the picks.
     pub matches: usize,
-    /// What the depths at a camera's picks turned out to be off by, as a share of them; one a camera.
+    /// Estimated relative standard deviation of the depths at each camera's picks.
     pub depth_sigma: Vec<f64>,
-    /// Pairs of surface points that were laid on each other.
+    /// Number of pairs of surface points that were aligned.
     pub surface_pairs: usize,
-    /// Their root mean square distance, in units of the first camera's reconstruction.
+    /// Root mean square distance of these pairs, in units of the first camera's reconstruction.
     pub surface_rms: f64,
 }
 
-/// Where everything stands in the first camera's frame and scale.
+/// Cameras and points in the first camera's frame and scale.
 #[derive(Debug, Clone)]
 pub struct Merged {
-    /// One a camera; the first is the identity.
+    /// Similarity of each camera; the first is the identity.
     pub common_from_camera: Vec<Similarity3<f64>>,
-    /// The picked points, `None` for those left out; beyond them, those that pictures have in common.
+    /// Picked points, `None` for outliers; after them, the matches between pictures.
     pub points: Vec<Option<Point3<f64>>>,
 }
 
 impl Merged {
-    /// Each camera from the common frame.
+    /// Pose of each camera from the common frame.
     pub fn poses(&self) -> Vec<Isometry3<f64>> {
         self.common_from_camera.iter().map(camera_pose).collect()
     }
 }
 
-/// A camera's pose in the other frame, in that frame's units: the scale only stretches what the camera sees.
+/// Pose of a camera in the other frame, in that frame's units: the scale only stretches the camera's space.
 pub(crate) fn camera_pose(frame_from_camera: &Similarity3<f64>) -> Isometry3<f64> {
     frame_from_camera.isometry.inverse()
 }
@@ -100,10 +98,11 @@ pub(crate) fn camera_pose(frame_from_camera: &Similarity3<f64>) -> Isometry3<f64
 /// Joins all cameras.
 ///
 /// # Arguments
-/// `plumb`: which way is up in each camera's frame by the lines in its pictures, where that is known; may be empty.
+/// `plumb`: vertical in each camera's frame by the lines in its pictures, where that is known; may be empty.
 ///
 /// # Errors
-/// [`Error::Content`] naming the pick that spoils a pair, or a pair without enough usable depth at its picks.
+/// [`Error::Content`] naming the pick that contradicts the others of a pair, or a pair without enough usable depth at
+/// its picks.
 pub fn merge(
     project: &Project,
     surfaces: &[Surface],
@@ -119,10 +118,10 @@ pub fn merge(
     let matches = matches(surfaces, &merged, project.points.len(), options)?;
     if !matches.is_empty() {
         let count = matches.len() / 2;
-        let left_out = |pick: &Pick| report.outliers.iter().any(|(point, ..)| *point == pick.point + 1);
-        let all: Vec<Pick> = picks.into_iter().filter(|p| !left_out(p)).chain(matches).collect();
+        let left_out = |pick: &LiftedPick| report.outliers.iter().any(|(point, ..)| *point == pick.point + 1);
+        let all: Vec<LiftedPick> = picks.into_iter().filter(|p| !left_out(p)).chain(matches).collect();
         let (joined, told) = refine::refine(&all, &merged.common_from_camera, surfaces, plumb, options);
-        // What people picked is right: what contradicts it is not.
+        // Picks take precedence over matches.
         if told.outliers.is_empty() && !spoils(told.pick_rms_px, report.pick_rms_px) {
             merged = joined;
             report = MergeReport { outliers: report.outliers, matches: count, ..told };
@@ -131,13 +130,19 @@ pub fn merge(
     Ok((merged, report))
 }
 
-/// Whether something spoils the fit of the picks: their root mean square distance with it and without it, pixels.
+/// Tells whether a further constraint spoils the fit of the picks: root mean square distances with it and without it,
+/// pixels.
 pub(crate) fn spoils(with_px: f64, without_px: f64) -> bool {
     with_px > 1.5 * without_px + 0.5
 }
 
-/// What the pictures of each two cameras are found to have in common, as picks of points beyond those that were picked.
-fn matches(surfaces: &[Surface], merged: &Merged, first: usize, options: &MergeOptions) -> Result<Vec<Pick>> {
+/// Matches between the pictures of each pair of cameras, as picks of further points.
+fn matches(
+    surfaces: &[Surface],
+    merged: &Merged,
+    first: usize,
+    options: &MergeOptions,
+) -> Result<Vec<LiftedPick>> {
     let mut picks = Vec::new();
     if options.matches == 0 {
         return Ok(picks);
@@ -154,8 +159,9 @@ fn matches(surfaces: &[Surface], merged: &Merged, first: usize, options: &MergeO
             for pixels in found {
                 for (camera, pixel) in [a, b].into_iter().zip(pixels) {
                     let seen = surfaces[camera].point_at(&pixel);
-                    // Their depths say no more of two bent spaces than the surfaces do; where rays meet says what bends neither.
-                    picks.push(Pick { point, camera, pixel, seen, depth: None, by_hand: false });
+                    // Their depths add no information about two bent spaces beyond the surfaces'; the intersection of
+                    // rays bends neither.
+                    picks.push(LiftedPick { point, camera, pixel, seen, depth: None, by_hand: false });
                 }
                 point += 1;
             }
@@ -164,17 +170,17 @@ fn matches(surfaces: &[Surface], merged: &Merged, first: usize, options: &MergeO
     Ok(picks)
 }
 
-/// A pick in three dimensions.
+/// A pick with its depth.
 #[derive(Debug, Clone)]
-struct Pick {
+struct LiftedPick {
     /// Index of the point in the project.
     point: usize,
     camera: usize,
-    /// In the pinhole image.
+    /// Pixel in the pinhole image.
     pixel: Point2<f64>,
-    /// In the camera's frame, where its depth is known.
+    /// Position in the camera's frame, where its depth is known.
     seen: Option<Point3<f64>>,
-    /// The depth along z and its standard deviation as a share of it, where it is known.
+    /// Depth along z and its relative standard deviation, where it is known.
     depth: Option<(f64, f64)>,
     /// Whether a person picked it.
     by_hand: bool,
@@ -186,7 +192,7 @@ fn lift(
     lenses: &[calib::Intrinsics],
     measured: &[Vec<MeasuredPixel>],
     options: &MergeOptions,
-) -> Result<Vec<Pick>> {
+) -> Result<Vec<LiftedPick>> {
     let mut picks = Vec::new();
     for (point, picked) in project.points.iter().enumerate() {
         for (camera, pixel) in &picked.picks {
@@ -200,25 +206,25 @@ fn lift(
             let depth = own.or_else(dense);
             let ray = surfaces[*camera].intrinsics.unproject(&pinhole);
             let seen = depth.zip(ray).map(|((depth, _), ray)| Point3::from(ray * depth));
-            picks.push(Pick { point, camera: *camera, pixel: pinhole, seen, depth, by_hand: true });
+            picks.push(LiftedPick { point, camera: *camera, pixel: pinhole, seen, depth, by_hand: true });
         }
     }
     Ok(picks)
 }
 
-/// What was measured at exactly this pixel (as filmed).
+/// Measured depth at exactly this pixel (as filmed).
 pub(crate) fn measured_at(measured: &[MeasuredPixel], pixel: &Point2<f64>) -> Option<RayDepth> {
     measured.iter().find(|m| m.pixel == *pixel).map(|m| m.depth)
 }
 
-/// A pixel as filmed → the same ray's pixel in the pinhole image.
+/// Converts a pixel as filmed to the pixel of the same ray in the pinhole image.
 pub(crate) fn pinhole_pixel(lens: &calib::Intrinsics, pixel: &Point2<f64>) -> Option<Point2<f64>> {
     let ray = lens.unproject(pixel)?;
     lens.pinhole().project(&ray.into())
 }
 
-/// When leaving outliers out leaves a pair with too few points, the worst of them is the message.
-fn check_pairs(project: &Project, picks: &[Pick], report: &MergeReport) -> Result<()> {
+/// Checks that every camera keeps enough points without the outliers; otherwise the worst outlier is reported.
+fn check_pairs(project: &Project, picks: &[LiftedPick], report: &MergeReport) -> Result<()> {
     let worst = report.outliers.iter().max_by(|a, b| a.2.total_cmp(&b.2));
     let Some((point, camera, off)) = worst else { return Ok(()) };
     for joined in 0..project.cameras.len() {

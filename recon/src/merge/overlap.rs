@@ -1,9 +1,9 @@
-//! Surface points that two cameras both see, found by projecting one's into the other (projective association).
+//! Surface points visible to two cameras, found by projecting one's into the other (projective association).
 
 use nalgebra::{Point3, RowVector3, Similarity3, Vector3};
 use scenes::geometry::{point_from_vec3, vector_from_vec3};
 
-use crate::surface::{Origin, Surface};
+use crate::surface::{DepthOrigin, Surface};
 
 /// A point of one camera's surface that lies close to another's.
 #[derive(Debug, Clone, PartialEq)]
@@ -15,12 +15,12 @@ pub(super) struct Contact {
     pub(super) onto: usize,
     pub(super) surface: Point3<f64>,
     pub(super) normal: Vector3<f64>,
-    /// Standard deviation that stereo gives their distance, as a share of the depth.
+    /// Standard deviation of their distance by stereo, as a share of the depth.
     pub(super) sigma: f64,
 }
 
 impl Contact {
-    /// What the distance in standard deviations changes by as the point moves in the frame of the surface's camera.
+    /// Derivative of the distance in standard deviations by the point in the frame of the surface's camera.
     pub(super) fn by_point(&self) -> RowVector3<f64> {
         self.normal.transpose() / (self.surface.z * self.sigma)
     }
@@ -42,12 +42,12 @@ impl Contact {
     }
 }
 
-/// Every this many pixels a point is tried.
+/// Step between the pixels that are projected.
 const STRIDE: usize = 7;
-/// Surfaces that face more than 30° apart are not the same.
+/// Least cosine of the angle between the normals of one surface, 30°.
 const LEAST_FACING: f32 = 0.866;
 
-/// All contacts between all pairs whose distance is below `gate` (a share of the depth).
+/// Contacts between all pairs whose distance is below `gate` (a share of the depth).
 pub(super) fn contacts(surfaces: &[Surface], poses: &[Similarity3<f64>], gate: f64) -> Vec<Contact> {
     let mut found = Vec::new();
     for from in 0..surfaces.len() {
@@ -73,7 +73,7 @@ fn between(
     for y in (STRIDE / 2..source.height()).step_by(STRIDE) {
         for x in (STRIDE / 2..source.width()).step_by(STRIDE) {
             let i = y * source.width() + x;
-            let Some(point) = source.point(i).filter(|_| source.origin[i] == Origin::Stereo) else {
+            let Some(point) = source.point(i).filter(|_| source.origin[i] == DepthOrigin::Stereo) else {
                 continue;
             };
             let point = point_from_vec3(point);
@@ -84,7 +84,7 @@ fn between(
                 continue;
             }
             let j = v as usize * width + u as usize;
-            let Some(surface) = target.point(j).filter(|_| target.origin[j] == Origin::Stereo) else {
+            let Some(surface) = target.point(j).filter(|_| target.origin[j] == DepthOrigin::Stereo) else {
                 continue;
             };
             let normal = vector_from_vec3(target.normal[j]);

@@ -1,14 +1,14 @@
-//! Captures that cannot work, and what to film instead.
+//! Errors of captures that determine no motion, with what to film instead.
 
 use super::{MotionOptions, MotionReport};
 use crate::capture::Capture;
 use crate::features::FeatureReport;
 use crate::{Error, Result};
 
-/// Fewest features that must be carried from a frame to the next, in the median.
+/// Least median number of features that must be carried from a frame to the next.
 const MIN_CARRIED: usize = 30;
 
-/// Whether tracking found enough to go on.
+/// Checks that tracking found enough features.
 pub(super) fn features(camera: &str, report: &FeatureReport, frames: usize) -> Result<()> {
     let mut carried = report.carried.clone();
     carried.sort_unstable();
@@ -25,7 +25,7 @@ pub(super) fn features(camera: &str, report: &FeatureReport, frames: usize) -> R
     Ok(())
 }
 
-/// No two frames show the same things from different places.
+/// Error when no two frames show the same things from different places.
 pub(super) fn no_start(camera: &str) -> Error {
     Error::capture(
         camera,
@@ -34,7 +34,7 @@ pub(super) fn no_start(camera: &str) -> Error {
     )
 }
 
-/// The frame that matters most has no pose.
+/// Error when the reference frame has no pose.
 pub(super) fn reference_missing(capture: &Capture) -> Error {
     let number = capture.sampled.number(capture.reference);
     Error::capture(
@@ -46,11 +46,11 @@ pub(super) fn reference_missing(capture: &Capture) -> Error {
     )
 }
 
-/// Whether the reference frame shows what the others show. A few chance likenesses suffice to place a frame somewhere.
+/// Checks that the reference frame shows the same things as the others: a few chance matches suffice for a wrong pose.
 ///
-/// `seen`: how many points each frame saw where they are.
+/// `seen`: number of inlier points of each frame.
 pub(super) fn reference(capture: &Capture, seen: &[usize]) -> Result<()> {
-    /// Least share of what a frame sees in the median.
+    /// Least share of the median number of points.
     const LEAST_SHARE: f64 = 0.1;
     let mut sorted = seen.to_vec();
     sorted.sort_unstable();
@@ -59,7 +59,7 @@ pub(super) fn reference(capture: &Capture, seen: &[usize]) -> Result<()> {
     if (seen[capture.reference] as f64) < least { Err(reference_missing(capture)) } else { Ok(()) }
 }
 
-/// Whether the result may be trusted.
+/// Checks that the result is reliable.
 pub(super) fn motion(
     camera: &str,
     frames: usize,
@@ -118,7 +118,7 @@ mod tests {
     use crate::motion::{LensOrigin, Starts};
 
     #[test]
-    fn what_moves_is_named_before_its_consequences() {
+    fn moving_scenes_are_named_before_their_consequences() {
         let options = MotionOptions::default();
         let report = |explained_share| MotionReport {
             features: FeatureReport::default(),

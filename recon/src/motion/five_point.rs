@@ -1,9 +1,9 @@
-//! The essential matrices through five pairs of rays.
+//! Essential matrices from five pairs of rays.
 //!
 //! D. Nistér, "An efficient solution to the five-point relative pose problem" (PAMI 2004), solved as in H. Stewénius,
-//! C. Engels, D. Nistér (ISPRS 2006): the ten cubic constraints on `E = xX + yY + zZ + W` (det E = 0 and
-//! `2 E Eᵀ E − tr(E Eᵀ) E = 0`) are reduced by Gauss–Jordan to a Gröbner basis, and x, y, z read off the eigenvectors
-//! of multiplication by x in the quotient ring.
+//! C. Engels, D. Nistér, "Recent developments on direct relative orientation" (ISPRS 2006): the ten cubic constraints
+//! on `E = xX + yY + zZ + W` (det E = 0 and `2 E Eᵀ E − tr(E Eᵀ) E = 0`) are reduced by Gauss–Jordan to a Gröbner
+//! basis, and x, y, z read off the eigenvectors of multiplication by x in the quotient ring.
 
 use nalgebra::{Matrix3, SMatrix, SVector, Schur, Vector3};
 
@@ -35,7 +35,7 @@ const CUBIC: [[u8; 3]; 20] = [
 #[derive(Clone, Copy)]
 struct Polynomial([f64; 20]);
 
-/// Where the product of two monomials stands; unused (20) beyond degree three.
+/// Index of the product of two monomials; unused (20) beyond degree three.
 const PRODUCT: [[usize; 20]; 20] = product_table();
 
 const fn product_table() -> [[usize; 20]; 20] {
@@ -128,7 +128,7 @@ fn null_space(a: &[Vector3<f64>; 5], b: &[Vector3<f64>; 5]) -> Option<[Matrix3<f
     Some(std::array::from_fn(|k| Matrix3::from_row_slice(eigen.eigenvectors.column(order[k]).as_slice())))
 }
 
-/// The ten constraints with the ten cubic monomials eliminated: row i says `monomial i = −row · basis`.
+/// The ten constraints with the ten cubic monomials eliminated: row i means `monomial i = −row · basis`.
 fn reduced_constraints(basis: &[Matrix3<f64>; 4]) -> Option<SMatrix<f64, 10, 10>> {
     let entry = |i: usize, j: usize| {
         Polynomial::linear(basis[0][(i, j)], basis[1][(i, j)], basis[2][(i, j)], basis[3][(i, j)])
@@ -160,7 +160,7 @@ fn reduced_constraints(basis: &[Matrix3<f64>; 4]) -> Option<SMatrix<f64, 10, 10>
     cubic.full_piv_lu().solve(&rest)
 }
 
-/// The eigenvector of a known eigenvalue, by inverse iteration.
+/// Eigenvector of a known eigenvalue, by inverse iteration.
 fn eigenvector(matrix: &SMatrix<f64, 10, 10>, value: f64) -> Option<SVector<f64, 10>> {
     let nudge = 1e-10 * (1.0 + value.abs());
     let lu = (matrix - SMatrix::identity() * (value + nudge)).lu();
@@ -204,7 +204,7 @@ mod tests {
     }
 
     #[test]
-    fn five_times_the_same_pair_gives_no_wild_answer() {
+    fn five_times_the_same_pair_ends_without_a_panic_and_without_infinite_numbers() {
         let ray = [Vector3::new(0.1, 0.2, 1.0); 5];
         for e in essential_matrices(&ray, &ray) {
             assert!(e.iter().all(|v| v.is_finite()));

@@ -4,56 +4,56 @@
 use nalgebra::{Isometry3, Point2, Vector3};
 use rand_pcg::Pcg64Mcg;
 
-use super::resection::{Resection, resect};
-use super::sketch::{Adjustment, PASSING, Sketch};
-use super::triangulation::Acceptance;
+use super::partial_reconstruction::{Adjustment, PASSING, PartialReconstruction};
+use super::resection::{ResectedPose, resect};
+use super::triangulation::TriangulationLimits;
 use super::two_views::{TwoViews, parallax_beyond_rotation, relative_motion};
 use crate::bundle::{LensFreedom, Loss};
 
-/// Fewest shared tracks of a pair to start from.
+/// Least number of shared tracks of a starting pair.
 const MIN_SHARED: usize = 40;
-/// Parallax beyond which more no longer helps a pair's rank, pixels.
+/// Parallax beyond which more does not raise a pair's rank, pixels.
 const ENOUGH_PARALLAX_PX: f64 = 40.0;
-/// Pairs whose relative motion is tried.
+/// Number of pairs whose relative motion is estimated.
 const PAIRS_TRIED: usize = 6;
-/// A pair of rays agrees with an essential matrix within this, pixels.
+/// Distance within which a pair of rays agrees with an essential matrix, pixels.
 const EPIPOLAR_PX: f64 = 1.0;
-/// Fewest known points a frame is resected from.
+/// Least number of known points from which a frame is resected.
 const MIN_KNOWN: usize = 15;
-/// The pixel distance of an inlier in resection.
+/// Pixel distance of an inlier in resection.
 const INLIER_PX: f64 = 1.5;
 /// Least angle between the rays to a point that frames are resected from, degrees.
 const GROWING_ANGLE_DEG: f64 = 1.5;
 
-/// What each frame saw: (track, pixel).
-pub(crate) type Seen = Vec<Vec<(usize, Point2<f64>)>>;
+/// Observations of each frame: (track, pixel).
+pub(crate) type FrameObservations = Vec<Vec<(usize, Point2<f64>)>>;
 
-/// Fills the empty sketch as far as it goes. `false` when no pair of frames starts it.
+/// Fills the empty reconstruction as far as possible. `false` when no pair of frames starts it.
 pub(crate) fn reconstruct(
-    sketch: &mut Sketch<'_>,
-    seen: &Seen,
+    partial: &mut PartialReconstruction<'_>,
+    seen: &FrameObservations,
     lens: LensFreedom,
     rng: &mut Pcg64Mcg,
 ) -> bool {
-    if !start(sketch, seen, rng) {
+    if !start(partial, seen, rng) {
         return false;
     }
-    grow(sketch, seen, lens);
+    grow(partial, seen, lens);
     true
 }
 
 /// Rays of the tracks two frames share.
-struct Pair {
+struct FramePair {
     frames: (usize, usize),
     first: Vec<Vector3<f64>>,
     second: Vec<Vector3<f64>>,
     rank: f64,
 }
 
-/// Poses for the best pair of frames and points for what both see.
-fn start(sketch: &mut Sketch<'_>, seen: &Seen, rng: &mut Pcg64Mcg) -> bool {
-    let focal = 0.5 * (sketch.intrinsics.fx + sketch.intrinsics.fy);
-    let mut pairs = ranked_pairs(sketch, seen, focal);
+/// Poses for the best pair of frames and points for their shared tracks.
+fn start(partial: &mut PartialReconstruction<'_>, seen: &FrameObservations, rng: &mut Pcg64Mcg) -> bool {
+    let focal = 0.5 * (partial.intrinsics.fx + partial.intrinsics.fy);
+    let mut pairs = ranked_pairs(partial, seen, focal);
     pairs.truncate(PAIRS_TRIED);
     let mut best: Option<(usize, (usize, usize), TwoViews)> = None;
     for pair in pairs {
@@ -73,10 +73,10 @@ fn start(sketch: &mut Sketch<'_>, seen: &Seen, rng: &mut Pcg64Mcg) -> bool {
     if views.agreeing.len() < MIN_SHARED / 2 {
         return false;
     }
-    sketch.poses[a] = Some(Isometry3::identity());
-    sketch.poses[b] = Some(views.motion);
-    sketch.triangulate(
-        &Acceptance { max_error_px: 3.0, min_angle: 0.5_f64.to_radians(), min_sightings: 2 },
+    partial.poses[a] = Some(Isometry3::identity());
+    partial.poses[b] = Some(views.motion);
+    partial.triangulate(
+        &TriangulationLimits { max_error_px: 3.0, min_angle: 0.5_f64.to_radians(), min_sightings: 2 },
         false,
     );
     let how = Adjustment {
@@ -86,38 +86,43 @@ fn start(sketch: &mut Sketch<'_>, seen: &Seen, rng: &mut Pcg64Mcg) -> bool {
         max_steps: 15,
         cost_end: PASSING,
     };
-    sketch.adjust(&how).is_some()
+    partial.adjust(&how).is_some()
 }
 
-/// Pairs of frames with enough in common, those that promise most first.
-fn ranked_pairs(sketch: &Sketch<'_>, seen: &Seen, focal: f64) -> Vec<Pair> {
+/// Pairs of frames with enough shared tracks, the most promising first.
+fn ranked_pairs(partial: &PartialReconstruction<'_>, seen: &FrameObservations, focal: f64) -> Vec<FramePair> {
     let frames = seen.len();
     let stride = (frames / 12).max(1);
     let mut pairs = Vec::new();
     for a in (0..frames).step_by(stride) {
         for b in (a + 1..frames).filter(|b| (b - a) % stride.min(3) == 0) {
-            let pair = shared_rays(sketch, seen, a, b);
+            let pair = shared_rays(partial, seen, a, b);
             if pair.first.len() < MIN_SHARED {
                 continue;
             }
             let Some(parallax) = parallax_beyond_rotation(&pair.first, &pair.second) else { continue };
             let rank = (pair.first.len() as f64).sqrt() * (parallax * focal).min(ENOUGH_PARALLAX_PX);
-            pairs.push(Pair { rank, ..pair });
+            pairs.push(FramePair { rank, ..pair });
         }
     }
     pairs.sort_by(|p, q| q.rank.total_cmp(&p.rank).then(p.frames.cmp(&q.frames)));
     pairs
 }
 
-fn shared_rays(sketch: &Sketch<'_>, seen: &Seen, a: usize, b: usize) -> Pair {
-    let mut pair = Pair { frames: (a, b), first: Vec::new(), second: Vec::new(), rank: 0.0 };
+fn shared_rays(
+    partial: &PartialReconstruction<'_>,
+    seen: &FrameObservations,
+    a: usize,
+    b: usize,
+) -> FramePair {
+    let mut pair = FramePair { frames: (a, b), first: Vec::new(), second: Vec::new(), rank: 0.0 };
     // Both lists are in the order of tracks.
     let mut others = seen[b].iter().peekable();
     for (track, pixel) in &seen[a] {
         while others.next_if(|(other, _)| other < track).is_some() {}
         if let Some((_, other)) = others.next_if(|(other, _)| other == track)
             && let (Some(ray), Some(other)) =
-                (sketch.intrinsics.unproject(pixel), sketch.intrinsics.unproject(other))
+                (partial.intrinsics.unproject(pixel), partial.intrinsics.unproject(other))
         {
             pair.first.push(ray);
             pair.second.push(other);
@@ -127,52 +132,60 @@ fn shared_rays(sketch: &Sketch<'_>, seen: &Seen, a: usize, b: usize) -> Pair {
 }
 
 /// Adds frames while one can be resected.
-pub(crate) fn grow(sketch: &mut Sketch<'_>, seen: &Seen, lens: LensFreedom) {
+pub(crate) fn grow(partial: &mut PartialReconstruction<'_>, seen: &FrameObservations, lens: LensFreedom) {
     let mut refused = vec![false; seen.len()];
-    let mut adjusted_at = sketch.registered();
+    let mut adjusted_at = partial.registered();
     loop {
         let next = (0..seen.len())
-            .filter(|&f| sketch.poses[f].is_none() && !refused[f])
-            .map(|f| (sketch.pairs(&seen[f]).len(), std::cmp::Reverse(f)))
+            .filter(|&f| partial.poses[f].is_none() && !refused[f])
+            .map(|f| (partial.pairs(&seen[f]).len(), std::cmp::Reverse(f)))
             .max();
         let Some((known, std::cmp::Reverse(frame))) = next else { break };
         if known < MIN_KNOWN {
             break;
         }
-        let Some(found) = resect_frame(sketch, seen, frame) else {
+        let Some(found) = resect_frame(partial, seen, frame) else {
             refused[frame] = true;
             continue;
         };
-        sketch.poses[frame] = Some(found.camera_from_world);
+        partial.poses[frame] = Some(found.camera_from_world);
         refused.fill(false);
-        // Two sightings suffice: where the camera turns fast, tracks are short, and resection bears wrong points.
-        let accept =
-            Acceptance { max_error_px: 3.0, min_angle: GROWING_ANGLE_DEG.to_radians(), min_sightings: 2 };
-        sketch.triangulate(&accept, true);
-        if sketch.registered() >= adjusted_at + (adjusted_at / 4).clamp(1, 6) {
+        // Two observations suffice: where the camera turns fast, tracks are short, and resection tolerates wrong
+        // points.
+        let accept = TriangulationLimits {
+            max_error_px: 3.0,
+            min_angle: GROWING_ANGLE_DEG.to_radians(),
+            min_sightings: 2,
+        };
+        partial.triangulate(&accept, true);
+        if partial.registered() >= adjusted_at + (adjusted_at / 4).clamp(1, 6) {
             let how =
                 Adjustment { gate_px: 6.0, loss: Loss::Cauchy(1.0), lens, max_steps: 8, cost_end: PASSING };
-            sketch.adjust(&how);
-            sketch.triangulate(&accept, false);
-            adjusted_at = sketch.registered();
+            partial.adjust(&how);
+            partial.triangulate(&accept, false);
+            adjusted_at = partial.registered();
         }
     }
 }
 
-/// One frame's pose from the points it sees, starting from its neighbours' poses.
-fn resect_frame(sketch: &Sketch<'_>, seen: &Seen, frame: usize) -> Option<Resection> {
-    let pairs = sketch.pairs(&seen[frame]);
+/// Pose of one frame from the points it observes, starting from its neighbours' poses.
+fn resect_frame(
+    partial: &PartialReconstruction<'_>,
+    seen: &FrameObservations,
+    frame: usize,
+) -> Option<ResectedPose> {
+    let pairs = partial.pairs(&seen[frame]);
     let mut starts: Vec<Isometry3<f64>> = Vec::new();
-    let before: Vec<usize> = (0..frame).rev().filter(|&f| sketch.poses[f].is_some()).take(2).collect();
-    let after: Vec<usize> = (frame + 1..seen.len()).filter(|&f| sketch.poses[f].is_some()).take(2).collect();
+    let before: Vec<usize> = (0..frame).rev().filter(|&f| partial.poses[f].is_some()).take(2).collect();
+    let after: Vec<usize> = (frame + 1..seen.len()).filter(|&f| partial.poses[f].is_some()).take(2).collect();
     for side in [&before, &after] {
-        let poses: Vec<Isometry3<f64>> = side.iter().filter_map(|&f| sketch.poses[f]).collect();
+        let poses: Vec<Isometry3<f64>> = side.iter().filter_map(|&f| partial.poses[f]).collect();
         starts.extend(poses.first());
         if let [near, far] = poses[..] {
             starts.push(near * far.inverse() * near);
         }
     }
-    let found = starts.iter().filter_map(|s| resect(&sketch.intrinsics, &pairs, s, INLIER_PX));
+    let found = starts.iter().filter_map(|s| resect(&partial.intrinsics, &pairs, s, INLIER_PX));
     let best = found.min_by(|a, b| a.cost.total_cmp(&b.cost))?;
     (best.inliers >= MIN_KNOWN && 2 * best.inliers > pairs.len()).then_some(best)
 }

@@ -1,71 +1,72 @@
-//! The lens that a capture shows, against what was known of it beforehand.
+//! Estimate of the lens from a capture, combined with prior knowledge.
 //!
-//! A wrong lens bends the space that is reconstructed with it. What was known beforehand is a measurement like others, with
-//! a standard deviation; together with what the capture says it gives `θ = θ₀ + P (P + C)⁻¹ (θ_capture − θ₀)` for
-//! `θ = (ln f, k1, k2)` with the covariances `P` of what was known and `C` of what the capture says
-//! ([`crate::bundle::lens_evidence`]). A lens of which nothing was given takes that. Given intrinsics stay as they are
-//! unless refining them is asked for and the capture speaks clearly against them: a rolling shutter speaks like a lens, too.
+//! A wrong lens bends the reconstructed space. Prior knowledge of it is a measurement with a standard deviation;
+//! combined with the capture's estimate it gives `θ = θ₀ + P (P + C)⁻¹ (θ_capture − θ₀)` for `θ = (ln f, k1, k2)` with
+//! the covariances `P` of the prior and `C` of the capture ([`crate::bundle::lens_evidence`]). An unknown lens takes
+//! that estimate. Given intrinsics are kept unless refining them is asked for and the capture contradicts them clearly:
+//! a rolling shutter looks like a lens error, too.
 
 use calib::Intrinsics;
 use nalgebra::{Matrix3, Point2, Point3, Vector3};
 
-use super::sketch::{FINAL, Sketch};
+use super::partial_reconstruction::{FINAL, PartialReconstruction};
 use crate::bundle::{LensEvidence, LensFreedom};
 
 /// Standard deviations of `ln f`, `k1` and `k2` of given intrinsics: those of a calibration at another focus, or of
 /// another device of the kind.
 const GIVEN_SIGMA: [f64; 3] = [0.01, 0.1, 0.1];
-/// The same of a lens of which nothing is known but that it is no fisheye.
+/// Standard deviations of an unknown lens that is no fisheye.
 const UNKNOWN_SIGMA: [f64; 3] = [1.0, 0.1, 0.1];
-/// Squared distance, in standard deviations of three parameters, that chance exceeds once in twenty: the lens is adjusted
-/// to see more.
+/// Squared distance, in standard deviations of three parameters, that chance exceeds once in twenty: above it the lens
+/// is adjusted for a closer check.
 const WORTH_A_LOOK: f64 = 7.81;
-/// The same for once in a thousand: the capture speaks clearly against given intrinsics.
+/// The same for once in a thousand: the capture clearly contradicts given intrinsics.
 const CLEAR: f64 = 16.27;
-/// Lenses whose pixels differ by less in the image's corner are the same for all that is made with them.
+/// Shift of pixels in the image's corner below which two lenses count as the same.
 const ALIKE_PX: f64 = 1.0;
 /// Rounds of polish with a new lens.
 const ROUNDS: usize = 2;
 
-/// Where the intrinsics of a motion come from.
+/// Origin of a motion's intrinsics.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LensOrigin {
-    /// They were given, and the capture does not speak against them.
+    /// Given, and not contradicted by the capture.
     Given,
-    /// They were given and kept, though the capture speaks clearly against them.
+    /// Given and kept, though the capture contradicts them clearly.
     Contradicted,
-    /// They were given, the capture spoke clearly against them, and refining them was asked for.
+    /// Given, contradicted clearly by the capture, and refined on request.
     Refined,
-    /// Nothing was given.
+    /// Not given; estimated from the capture.
     Estimated,
 }
 
-/// What became of the lens.
+/// Result of the lens estimation.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Settled {
     pub(super) origin: LensOrigin,
-    /// What to tell where the capture speaks against given intrinsics that are kept.
+    /// Warning where the capture contradicts given intrinsics that are kept.
     pub(super) doubt: Option<String>,
-    /// Standard deviation of the focal length as a share of it, where it is not as given and can be told.
+    /// Relative standard deviation of the focal length, where it was estimated and is determined.
     pub(super) focal_sigma: Option<f64>,
 }
 
-/// Settles the lens of a polished sketch. `given`: whether its intrinsics were; `refine`: whether these may be changed.
-pub(super) fn settle(sketch: &mut Sketch<'_>, given: bool, refine: bool) -> Settled {
+/// Settles the lens of a polished reconstruction. `given`: whether its intrinsics were given; `refine`: whether these
+/// may be changed.
+pub(super) fn settle(partial: &mut PartialReconstruction<'_>, given: bool, refine: bool) -> Settled {
     let origin = if given { LensOrigin::Given } else { LensOrigin::Estimated };
     let unchanged = Settled { origin, doubt: None, focal_sigma: None };
     let speaks = |change: &Vector3<f64>, covariance: &Matrix3<f64>, least: f64| {
         distance(change, covariance).is_some_and(|d| d >= least)
     };
     if given {
-        // One step tells cheaply, which is all that most captures need.
-        match sketch.lens_evidence(LensFreedom::FocalRadial) {
+        // One linear step is cheap, and suffices for most captures.
+        match partial.lens_evidence(LensFreedom::FocalRadial) {
             Some(LensEvidence { step, covariance }) if speaks(&step, &covariance, WORTH_A_LOOK) => {}
             _ => return unchanged,
         }
     }
-    let before = sketch.intrinsics.clone();
-    let mut adjusted = sketch.clone();
+    let before = partial.intrinsics.clone();
+    let mut adjusted = partial.clone();
     adjusted.polish(LensFreedom::FocalRadial, ROUNDS, FINAL);
     let Some(LensEvidence { covariance, .. }) = adjusted.lens_evidence(LensFreedom::FocalRadial) else {
         return unchanged;
@@ -87,7 +88,7 @@ pub(super) fn settle(sketch: &mut Sketch<'_>, given: bool, refine: bool) -> Sett
     {
         return unchanged;
     }
-    *sketch = adjusted;
+    *partial = adjusted;
     let origin = if given { LensOrigin::Refined } else { LensOrigin::Estimated };
     Settled { origin, doubt: None, focal_sigma: Some(covariance[(0, 0)].max(0.0).sqrt()) }
 }
@@ -106,7 +107,7 @@ fn contradicted(given: &Intrinsics, found: &Intrinsics, sigma: f64) -> String {
     )
 }
 
-/// A change that was measured with a covariance, of what was known with another to be zero: the best of both, and its
+/// Combination of a measured change, with its covariance, and the prior of no change: the best estimate, and its
 /// covariance.
 fn together(
     known: &Matrix3<f64>,
@@ -122,20 +123,20 @@ fn distance(change: &Vector3<f64>, covariance: &Matrix3<f64>) -> Option<f64> {
     Some(change.dot(&covariance.cholesky()?.solve(change)))
 }
 
-/// Whether two lenses show the same, to within [`ALIKE_PX`], in the corner of the image.
+/// Tells whether two lenses agree, to within [`ALIKE_PX`], in the corner of the image.
 fn alike(a: &Intrinsics, b: &Intrinsics) -> bool {
     let corner = Point2::origin();
     let of_b = a.unproject(&corner).and_then(|ray| b.project(&Point3::from(ray)));
     of_b.is_some_and(|pixel| (pixel - corner).norm() < ALIKE_PX)
 }
 
-/// From one lens to another, in `(ln f, k1, k2)`.
+/// Change from one lens to another, in `(ln f, k1, k2)`.
 fn change(from: &Intrinsics, to: &Intrinsics) -> Vector3<f64> {
     let (d, e) = (&from.distortion, &to.distortion);
     Vector3::new((to.fx / from.fx).ln(), e.k1 - d.k1, e.k2 - d.k2)
 }
 
-/// The lens that [`change`] leads to.
+/// The lens after a [`change`].
 fn changed(from: &Intrinsics, by: &Vector3<f64>) -> Intrinsics {
     let mut to = from.clone();
     to.fx *= by.x.exp();
@@ -150,10 +151,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_known_better_counts_more() {
+    fn precise_measurements_count_more() {
         let squares = |sigma: [f64; 3]| Matrix3::from_diagonal(&Vector3::from(sigma).map(|s| s * s));
         let measured = Vector3::new(0.03, -0.2, 0.1);
-        // One parameter known four times better than measured, one as well, one four times worse.
+        // One parameter is known four times better than measured, one equally well, one four times worse.
         let (best, covariance) =
             together(&squares([0.01, 0.1, 0.4]), &measured, &squares([0.04, 0.1, 0.1])).unwrap();
         let wanted = Vector3::new(0.03 / 17.0, -0.2 / 2.0, 0.1 * 16.0 / 17.0);

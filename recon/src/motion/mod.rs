@@ -2,20 +2,20 @@
 //!
 //! Tracks ([`crate::features`]) start two competing reconstructions: by factorization, without any guess, and by two
 //! views and growth ([`incremental`]). Both are adjusted ([`crate::bundle`]); the one with the smaller robust
-//! reprojection error is kept. It tells where features lie that were lost ([`revisit`]): links between frames that are
-//! not neighbours, which hold the drift of long paths. It tells how long a frame's rows were read ([`readout`]). Then it
-//! is polished by renewed triangulation and adjustment, and what it says of the lens is weighed against what was known
-//! ([`lens`]). A capture that cannot work is refused with what to film instead.
+//! reprojection error is kept. It predicts the positions of lost features ([`revisit`]): links between frames that are
+//! not neighbours, which limit the drift of long paths. Then the readout time of the frames is estimated ([`readout`]),
+//! the reconstruction is polished by renewed triangulation and adjustment, and its estimate of the lens is combined
+//! with prior knowledge ([`lens`]). A capture that determines no motion is refused with what to film instead.
 
+mod ambiguity;
 mod diagnosis;
 mod five_point;
 mod incremental;
 mod lens;
+mod partial_reconstruction;
 mod readout;
 mod resection;
 mod revisit;
-mod rival;
-mod sketch;
 pub(crate) mod triangulation;
 mod two_views;
 
@@ -27,34 +27,34 @@ use rand_pcg::Pcg64Mcg;
 use crate::bundle::{LensFreedom, Loss};
 use crate::capture::Capture;
 use crate::factorization::windows;
-use crate::features::{self, FeatureOptions, FeatureReport, Track};
+use crate::features::{self, FeatureOptions, FeatureReport, FeatureTrack};
 use crate::{Error, Result};
-use incremental::Seen;
+use incremental::FrameObservations;
 pub use lens::LensOrigin;
-use sketch::{Adjustment, FINAL, PASSING, Sketch};
-use triangulation::Acceptance;
+use partial_reconstruction::{Adjustment, FINAL, PASSING, PartialReconstruction};
+use triangulation::TriangulationLimits;
 
 /// Rounds of polish before the competing starts are compared.
 const START_ROUNDS: usize = 2;
 
-/// How motion is estimated.
+/// Options of motion estimation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MotionOptions {
-    /// How features are followed.
+    /// Options of feature tracking.
     pub features: FeatureOptions,
     /// Seed of the random samples.
     pub seed: u64,
-    /// Rounds of adjustment and renewed triangulation at the end.
+    /// Number of rounds of adjustment and renewed triangulation at the end.
     pub polish_rounds: usize,
-    /// Largest noise of a pixel coordinate that still counts as a rigid scene seen by this lens.
+    /// Largest noise of a pixel coordinate with which the capture counts as a rigid scene seen by this lens.
     pub max_noise_px: f64,
     /// Least median angle between the rays to a point, degrees.
     pub min_parallax_deg: f64,
     /// Least share of the frames that must have a pose.
     pub min_registered: f64,
-    /// Least share of what was followed that must have stood still.
+    /// Least share of the observations that must belong to a static scene.
     pub min_explained: f64,
-    /// Whether given intrinsics (focal length, k1, k2) are refined where the capture speaks clearly against them.
+    /// Whether given intrinsics (focal length, k1, k2) are refined where the capture contradicts them clearly.
     pub refine_lens: bool,
 }
 
@@ -73,60 +73,60 @@ impl Default for MotionOptions {
     }
 }
 
-/// Where the camera was and what it saw; scale arbitrary, world = the reference frame's camera.
+/// Camera poses and sparse points; scale arbitrary, world = the reference frame's camera.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Motion {
-    /// The capture's intrinsics, refined where they were not given.
+    /// Intrinsics of the capture, refined where they were not given.
     pub intrinsics: Intrinsics,
-    /// One a frame, at the instant of its middle row; `None` where the frame could not be placed. The reference frame's
-    /// is the identity.
+    /// Pose of each frame, at the instant of its middle row; `None` where the frame could not be placed. The reference
+    /// frame's is the identity.
     pub camera_from_world: Vec<Option<Isometry3<f64>>>,
-    /// Points seen by three frames or more.
+    /// Points observed by three frames or more.
     pub points: Vec<SparsePoint>,
 }
 
-/// A point and where it was seen.
+/// A point and its observations.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SparsePoint {
-    /// In the world of [`Motion`].
+    /// Position in the world of [`Motion`].
     pub position: Point3<f64>,
-    /// Frame (from 0) and pixel, those that agree with the position; as if the frame had been filmed at once
+    /// Frame (from 0) and pixel of the inlier observations; corrected for the rolling shutter
     /// ([`crate::rolling_shutter`]).
     pub observations: Vec<(usize, Point2<f64>)>,
 }
 
-/// What estimation did.
+/// Report of motion estimation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MotionReport {
-    /// What tracking did.
+    /// Report of feature tracking.
     pub features: FeatureReport,
-    /// How the two ways to start compare.
+    /// Comparison of the two starts.
     pub starts: Starts,
-    /// Frames with a pose.
+    /// Number of frames with a pose.
     pub registered: usize,
-    /// Points.
+    /// Number of points.
     pub points: usize,
-    /// Observations that agree with their points.
+    /// Number of inlier observations.
     pub observations: usize,
     /// Root mean square reprojection error of those, pixels.
     pub rms_px: f64,
     /// Median of the widest angle between the rays to a point, degrees.
     pub parallax_deg: f64,
-    /// The share of what was followed that stood still, as the reconstruction before lost features were looked for has
-    /// it.
+    /// Share of the observations that belong to a static scene, in the reconstruction before lost features were
+    /// searched.
     pub explained_share: f64,
-    /// The time from a frame's first row to its last, as a share of the time between frames; 0 for all at once.
+    /// Time from a frame's first row to its last, as a share of the time between frames; 0 for a global shutter.
     pub readout: f64,
-    /// Where the intrinsics come from.
+    /// Origin of the intrinsics.
     pub lens: LensOrigin,
-    /// Standard deviation of the focal length as a share of it, where it was estimated or refined and can be told.
+    /// Relative standard deviation of the focal length, where it was estimated or refined and is determined.
     pub focal_sigma: Option<f64>,
-    /// What the capture leaves in doubt though a motion was found, a sentence each, with its mend.
+    /// Doubts about the motion found, a sentence each, with what to do.
     pub doubts: Vec<String>,
 }
 
-/// Robust reprojection error of each start after adjustment, pixels: observations that are off or unexplained count
-/// with a fixed distance. Infinite where a start failed. The smaller one was kept.
+/// Robust reprojection error of each start after adjustment, pixels: outliers and unexplained observations count with a
+/// fixed distance. Infinite where a start failed. The smaller one was kept.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Starts {
     /// Factorization of windows, chained.
@@ -136,7 +136,7 @@ pub struct Starts {
 }
 
 impl Starts {
-    /// Whether factorization's reconstruction was kept; it is when both are equally good.
+    /// Tells whether factorization's reconstruction was kept; it is when both are equally good.
     pub fn factorization_won(&self) -> bool {
         self.factorization_px <= self.two_views_px
     }
@@ -146,7 +146,7 @@ impl Starts {
 ///
 /// # Errors
 /// [`Error::Capture`] when the capture does not determine a motion: too few features, too little translation, a scene
-/// that is not rigid, frames that do not connect to the reference frame. The line says what to film instead.
+/// that is not rigid, frames that do not connect to the reference frame. The line names what to film instead.
 pub fn estimate(capture: &Capture, options: &MotionOptions) -> Result<(Motion, MotionReport)> {
     let Some(first) = capture.frames.first() else {
         return Err(Error::capture(&capture.name, "the capture holds no frames"));
@@ -158,35 +158,41 @@ pub fn estimate(capture: &Capture, options: &MotionOptions) -> Result<(Motion, M
 
     let seen = seen_by_frame(&tracks, capture.frames.len());
     let mut rng = Pcg64Mcg::seed_from_u64(options.seed);
-    let blank = Sketch::new(&tracks, intrinsics, capture.frames.len());
+    let blank = PartialReconstruction::new(&tracks, intrinsics, capture.frames.len());
     let by_factorization = start_by_factorization(blank.clone(), &seen, lens);
     let by_two_views = start_by_two_views(blank, &seen, lens, &mut rng);
-    let error = |sketch: &Option<Sketch<'_>>| sketch.as_ref().map_or(f64::INFINITY, Sketch::robust_error_px);
+    let error = |partial: &Option<PartialReconstruction<'_>>| {
+        partial.as_ref().map_or(f64::INFINITY, PartialReconstruction::robust_error_px)
+    };
     let starts = Starts { factorization_px: error(&by_factorization), two_views_px: error(&by_two_views) };
     let (winner, other) = if starts.factorization_won() {
         (by_factorization, by_two_views)
     } else {
         (by_two_views, by_factorization)
     };
-    let Some(mut sketch) = winner else {
+    let Some(mut partial) = winner else {
         return Err(diagnosis::no_start(&capture.name));
     };
-    let rival = rival::doubt(&sketch, other.as_ref());
-    let explained = sketch.explained_share(agreement_px(&sketch));
-    revisit::revisit(&mut sketch, &capture.frames, &options.features, lens);
-    let readout = readout::settle(&mut sketch, lens);
-    sketch.polish(lens, options.polish_rounds, FINAL);
-    let lens = lens::settle(&mut sketch, capture.intrinsics.is_some(), options.refine_lens);
-    finish(capture, options, &sketch, Before { features, starts, rival, explained, readout, lens })
+    let ambiguity = ambiguity::doubt(&partial, other.as_ref());
+    let explained = partial.explained_share(agreement_px(&partial));
+    revisit::revisit(&mut partial, &capture.frames, &options.features, lens);
+    let readout = readout::settle(&mut partial, lens);
+    partial.polish(lens, options.polish_rounds, FINAL);
+    let lens = lens::settle(&mut partial, capture.intrinsics.is_some(), options.refine_lens);
+    finish(capture, options, &partial, Before { features, starts, ambiguity, explained, readout, lens })
 }
 
-/// Poses from factorized windows; what they did not reach is resected.
-fn start_by_factorization<'a>(mut sketch: Sketch<'a>, seen: &Seen, lens: LensFreedom) -> Option<Sketch<'a>> {
-    sketch.poses = windows::reconstruct(&sketch.tracks, &sketch.intrinsics, sketch.poses.len())?;
-    // The chain of windows may be off by more than a track's noise: wide bounds first.
+/// Start by factorization: poses from factorized windows; the remaining frames are resected.
+fn start_by_factorization<'a>(
+    mut partial: PartialReconstruction<'a>,
+    seen: &FrameObservations,
+    lens: LensFreedom,
+) -> Option<PartialReconstruction<'a>> {
+    partial.poses = windows::reconstruct(&partial.tracks, &partial.intrinsics, partial.poses.len())?;
+    // The chain of windows may be off by more than a track's noise, so bounds begin wide.
     for (max_error_px, scale_px) in [(16.0, 4.0), (8.0, 2.0), (4.0, 1.0)] {
-        let accept = Acceptance { max_error_px, min_angle: 0.5_f64.to_radians(), min_sightings: 3 };
-        sketch.triangulate(&accept, false);
+        let accept = TriangulationLimits { max_error_px, min_angle: 0.5_f64.to_radians(), min_sightings: 3 };
+        partial.triangulate(&accept, false);
         let how = Adjustment {
             gate_px: 2.0 * max_error_px,
             loss: Loss::Cauchy(scale_px),
@@ -194,35 +200,35 @@ fn start_by_factorization<'a>(mut sketch: Sketch<'a>, seen: &Seen, lens: LensFre
             max_steps: 15,
             cost_end: PASSING,
         };
-        sketch.adjust(&how)?;
+        partial.adjust(&how)?;
     }
-    incremental::grow(&mut sketch, seen, lens);
-    sketch.polish(lens, START_ROUNDS, PASSING);
-    Some(sketch)
+    incremental::grow(&mut partial, seen, lens);
+    partial.polish(lens, START_ROUNDS, PASSING);
+    Some(partial)
 }
 
-/// The best pair of frames and growth from it.
+/// Start by two views: the best pair of frames, and growth from it.
 fn start_by_two_views<'a>(
-    mut sketch: Sketch<'a>,
-    seen: &Seen,
+    mut partial: PartialReconstruction<'a>,
+    seen: &FrameObservations,
     lens: LensFreedom,
     rng: &mut Pcg64Mcg,
-) -> Option<Sketch<'a>> {
-    if !incremental::reconstruct(&mut sketch, seen, lens, rng) {
+) -> Option<PartialReconstruction<'a>> {
+    if !incremental::reconstruct(&mut partial, seen, lens, rng) {
         return None;
     }
-    sketch.polish(lens, START_ROUNDS, PASSING);
-    // Frames that were refused on the way may fit the polished points.
-    let registered = sketch.registered();
-    incremental::grow(&mut sketch, seen, lens);
-    if sketch.registered() > registered {
-        sketch.polish(lens, START_ROUNDS, PASSING);
+    partial.polish(lens, START_ROUNDS, PASSING);
+    // Frames that were refused during growth may fit the polished points.
+    let registered = partial.registered();
+    incremental::grow(&mut partial, seen, lens);
+    if partial.registered() > registered {
+        partial.polish(lens, START_ROUNDS, PASSING);
     }
-    Some(sketch)
+    Some(partial)
 }
 
-/// What each frame saw, in the order of tracks.
-fn seen_by_frame(tracks: &[Track], frames: usize) -> Seen {
+/// Observations of each frame, in the order of tracks.
+fn seen_by_frame(tracks: &[FeatureTrack], frames: usize) -> FrameObservations {
     let mut seen = vec![Vec::new(); frames];
     for (index, track) in tracks.iter().enumerate() {
         for (frame, pixel) in &track.observations {
@@ -232,7 +238,7 @@ fn seen_by_frame(tracks: &[Track], frames: usize) -> Seen {
     seen
 }
 
-/// How many points each frame saw where they are.
+/// Number of inlier points of each frame.
 fn seen_points(points: &[SparsePoint], frames: usize) -> Vec<usize> {
     let mut seen = vec![0; frames];
     for (frame, _) in points.iter().flat_map(|p| &p.observations) {
@@ -241,48 +247,48 @@ fn seen_points(points: &[SparsePoint], frames: usize) -> Vec<usize> {
     seen
 }
 
-/// What earlier stages report.
+/// Reports of earlier stages.
 struct Before {
     features: FeatureReport,
     starts: Starts,
-    rival: Option<String>,
+    ambiguity: Option<String>,
     explained: f64,
     readout: f64,
     lens: lens::Settled,
 }
 
-/// The distance to which an observation agrees with its point, pixels.
-fn agreement_px(sketch: &Sketch<'_>) -> f64 {
-    (6.0 * sketch.noise_px()).max(1.0)
+/// Largest distance of an inlier observation from its point, pixels.
+fn agreement_px(partial: &PartialReconstruction<'_>) -> f64 {
+    (6.0 * partial.noise_px()).max(1.0)
 }
 
-/// Checks the result, makes the reference camera the world, and leaves out what disagrees.
+/// Checks the result, makes the reference camera the world, and leaves out outliers.
 fn finish(
     capture: &Capture,
     options: &MotionOptions,
-    sketch: &Sketch<'_>,
+    partial: &PartialReconstruction<'_>,
     before: Before,
 ) -> Result<(Motion, MotionReport)> {
-    let noise = sketch.noise_px();
-    let agree_px = agreement_px(sketch);
-    let Some(reference) = sketch.poses[capture.reference] else {
+    let noise = partial.noise_px();
+    let agree_px = agreement_px(partial);
+    let Some(reference) = partial.poses[capture.reference] else {
         return Err(diagnosis::reference_missing(capture));
     };
     let reference_from_world = reference;
     let world_from_reference = reference.inverse();
     let mut camera_from_world: Vec<Option<Isometry3<f64>>> =
-        sketch.poses.iter().map(|pose| pose.map(|p| p * world_from_reference)).collect();
-    // Not merely up to rounding.
+        partial.poses.iter().map(|pose| pose.map(|p| p * world_from_reference)).collect();
+    // Set exactly, without rounding.
     camera_from_world[capture.reference] = Some(Isometry3::identity());
 
     let mut points = Vec::new();
     let (mut squares, mut count) = (0.0, 0_usize);
     let mut angles = Vec::new();
-    for (track, point) in sketch.tracks.iter().zip(&sketch.points) {
+    for (track, point) in partial.tracks.iter().zip(&partial.points) {
         let Some(point) = point else { continue };
         let mut observations = Vec::new();
         for (frame, pixel) in &track.observations {
-            match sketch.error_px(*frame, point, pixel) {
+            match partial.error_px(*frame, point, pixel) {
                 Some(error) if error <= agree_px => {
                     squares += error * error;
                     observations.push((*frame, *pixel));
@@ -292,7 +298,7 @@ fn finish(
         }
         if observations.len() >= 3 {
             count += observations.len();
-            let poses = observations.iter().filter_map(|(f, _)| sketch.poses[*f].as_ref());
+            let poses = observations.iter().filter_map(|(f, _)| partial.poses[*f].as_ref());
             angles.push(triangulation::widest_angle(poses, point).to_degrees());
             points.push(SparsePoint { position: reference_from_world * point, observations });
         }
@@ -300,7 +306,7 @@ fn finish(
     let report = MotionReport {
         features: before.features,
         starts: before.starts,
-        registered: sketch.registered(),
+        registered: partial.registered(),
         points: points.len(),
         observations: count,
         rms_px: (squares / count.max(1) as f64).sqrt(),
@@ -309,9 +315,9 @@ fn finish(
         readout: before.readout,
         lens: before.lens.origin,
         focal_sigma: before.lens.focal_sigma,
-        doubts: before.rival.into_iter().chain(before.lens.doubt).collect(),
+        doubts: before.ambiguity.into_iter().chain(before.lens.doubt).collect(),
     };
     diagnosis::motion(&capture.name, capture.frames.len(), noise, &report, options)?;
     diagnosis::reference(capture, &seen_points(&points, capture.frames.len()))?;
-    Ok((Motion { intrinsics: sketch.intrinsics.clone(), camera_from_world, points }, report))
+    Ok((Motion { intrinsics: partial.intrinsics.clone(), camera_from_world, points }, report))
 }

@@ -1,43 +1,44 @@
-//! How long the rows of a frame were read: the readout that leaves the least error.
+//! Readout time of a frame's rows: the value with the least reprojection error.
 //!
-//! A sensor that reads row after row bends what is reconstructed from a turning camera, without leaving much error: what
-//! error it leaves tells. Observations are brought to the instants of their frames' middle rows ([`RollingShutter`]) with a few
-//! readouts, the reconstruction is adjusted to each, and a parabola through the squared errors has the best one.
+//! A rolling shutter bends the reconstruction of a turning camera, and leaves a small reprojection error, which depends
+//! on the readout. Observations are brought to the instants of their frames' middle rows ([`RollingShutter`]) with a
+//! few readouts, the reconstruction is adjusted to each, and a parabola through the squared errors gives the best one.
 
 use nalgebra::Point2;
 
-use super::sketch::{FINAL, Sketch};
+use super::partial_reconstruction::{FINAL, PartialReconstruction};
 use crate::bundle::LensFreedom;
-use crate::features::Track;
+use crate::features::FeatureTrack;
 use crate::rolling_shutter::RollingShutter;
 
-/// Readouts are tried by this much on both sides of the best so far; shares of the time between frames.
+/// Step between the readouts that are tried, on both sides of the best so far; a share of the time between frames.
 const STEP: f64 = 0.05;
-/// A better one is believed up to so many steps away.
+/// Largest extrapolation to a better readout, in steps.
 const FARTHEST_STEPS: f64 = 2.0;
-/// Rows are read before the next frame begins.
+/// Largest readout: rows are read before the next frame begins.
 const LONGEST: f64 = 1.0;
-/// What shifts no row by more than this, pixels, is not looked for.
+/// Shift of the rows by a readout below which it is not estimated, pixels.
 const LEAST_SHIFT_PX: f64 = 0.1;
-/// By this share the error's square must fall, or chance may have done it.
+/// Least relative decrease of the squared error; less may be chance.
 const LEAST_GAIN: f64 = 0.1;
-/// Times the best readout is looked for anew: poses follow it only step by step.
+/// Number of repetitions of the search: poses follow the readout only step by step.
 const SEARCHES: usize = 6;
 /// Rounds of polish with a better readout.
 const ROUNDS: usize = 2;
-/// Points that one number is looked for with; all are adjusted once it is found.
+/// Number of points used for the search of the readout; all are adjusted once it is found.
 const POINTS: usize = 700;
 
-/// Finds the readout of a sketch that nears its best, brings its tracks to the middle rows' instants and its poses near
-/// what these ask for; 0 where none is seen.
-pub(super) fn settle(sketch: &mut Sketch<'_>, lens: LensFreedom) -> f64 {
-    let fast = RollingShutter::new(1.0, &sketch.poses, sketch.intrinsics.height).shift_px(&sketch.intrinsics);
+/// Finds the readout of a nearly polished reconstruction, brings its tracks to the middle rows' instants and its poses
+/// near the adjusted ones; 0 where there is none.
+pub(super) fn settle(partial: &mut PartialReconstruction<'_>, lens: LensFreedom) -> f64 {
+    let fast =
+        RollingShutter::new(1.0, &partial.poses, partial.intrinsics.height).shift_px(&partial.intrinsics);
     let least = LEAST_SHIFT_PX / fast.max(f64::MIN_POSITIVE);
     if STEP < least {
         return 0.0;
     }
-    let square = |sketch: &Sketch<'_>| sketch.noise_px().powi(2);
-    let some = some_of(sketch);
+    let square = |partial: &PartialReconstruction<'_>| partial.noise_px().powi(2);
+    let some = some_of(partial);
     let Some(mut best) = adjusted(&some, &some, 0.0, lens, ROUNDS) else { return 0.0 };
     let (none, mut readout) = (square(&best), 0.0);
     for _ in 0..SEARCHES {
@@ -59,22 +60,22 @@ pub(super) fn settle(sketch: &mut Sketch<'_>, lens: LensFreedom) -> f64 {
     if square(&best) > (1.0 - LEAST_GAIN) * none {
         return 0.0;
     }
-    let posed = Sketch { poses: best.poses, intrinsics: best.intrinsics, ..sketch.clone() };
-    *sketch = rectified(sketch, &posed, readout);
+    let posed = PartialReconstruction { poses: best.poses, intrinsics: best.intrinsics, ..partial.clone() };
+    *partial = rectified(partial, &posed, readout);
     readout
 }
 
-/// Every so many tracks that have a point, of all parts of the capture.
-fn some_of<'a>(sketch: &Sketch<'a>) -> Sketch<'a> {
-    let known: Vec<usize> = (0..sketch.points.len()).filter(|t| sketch.points[*t].is_some()).collect();
+/// Every n-th track that has a point, from all parts of the capture.
+fn some_of<'a>(partial: &PartialReconstruction<'a>) -> PartialReconstruction<'a> {
+    let known: Vec<usize> = (0..partial.points.len()).filter(|t| partial.points[*t].is_some()).collect();
     let kept = known.iter().step_by(known.len().div_ceil(POINTS).max(1));
-    let (tracks, points): (Vec<Track>, _) =
-        kept.map(|t| (sketch.tracks[*t].clone(), sketch.points[*t])).unzip();
-    Sketch { tracks: tracks.into(), points, ..sketch.clone() }
+    let (tracks, points): (Vec<FeatureTrack>, _) =
+        kept.map(|t| (partial.tracks[*t].clone(), partial.points[*t])).unzip();
+    PartialReconstruction { tracks: tracks.into(), points, ..partial.clone() }
 }
 
-/// How far the lowest point lies, given the squared errors a step before, here and a step after; `None` where there is
-/// nothing lower than here.
+/// Position of the lowest point, given the squared errors a step before, here and a step after; `None` where nothing is
+/// lower than here.
 fn lowest(low: f64, here: f64, high: f64) -> Option<f64> {
     let curvature = low - 2.0 * here + high;
     let downhill = STEP * (low - high).signum();
@@ -87,30 +88,34 @@ fn lowest(low: f64, here: f64, high: f64) -> Option<f64> {
 
 /// `posed` adjusted to the tracks of `filmed` with a readout.
 fn adjusted<'a>(
-    filmed: &Sketch<'a>,
-    posed: &Sketch<'a>,
+    filmed: &PartialReconstruction<'a>,
+    posed: &PartialReconstruction<'a>,
     readout: f64,
     lens: LensFreedom,
     rounds: usize,
-) -> Option<Sketch<'a>> {
+) -> Option<PartialReconstruction<'a>> {
     let mut adjusted = rectified(filmed, posed, readout);
     adjusted.polish(lens, rounds, FINAL)?;
     Some(adjusted)
 }
 
-/// `posed` with the tracks of `filmed`, as if each frame had been filmed at once.
-fn rectified<'a>(filmed: &Sketch<'a>, posed: &Sketch<'a>, readout: f64) -> Sketch<'a> {
+/// `posed` with the rectified tracks of `filmed`.
+fn rectified<'a>(
+    filmed: &PartialReconstruction<'a>,
+    posed: &PartialReconstruction<'a>,
+    readout: f64,
+) -> PartialReconstruction<'a> {
     let shutter = RollingShutter::new(readout, &posed.poses, posed.intrinsics.height);
     let at_once = |(frame, pixel): &(usize, Point2<f64>)| {
         let rectified = shutter.rectified(&posed.intrinsics, *frame, pixel);
         (*frame, rectified.unwrap_or(*pixel))
     };
-    let tracks: Vec<Track> = filmed
+    let tracks: Vec<FeatureTrack> = filmed
         .tracks
         .iter()
-        .map(|track| Track { observations: track.observations.iter().map(at_once).collect() })
+        .map(|track| FeatureTrack { observations: track.observations.iter().map(at_once).collect() })
         .collect();
-    Sketch { tracks: tracks.into(), ..posed.clone() }
+    PartialReconstruction { tracks: tracks.into(), ..posed.clone() }
 }
 
 #[cfg(test)]
@@ -126,7 +131,7 @@ mod tests {
     const FRAMES: usize = 16;
     const NOISE_PX: f64 = 0.2;
 
-    /// A hand's motion, in frames: it sways and never turns evenly.
+    /// Motion of a hand, over time in frames: it sways and never turns evenly.
     fn hand(time: f64) -> Isometry3<f64> {
         let turn =
             Vector3::new((0.8 * time).sin(), (0.6 * time + 1.0).sin(), 0.3 * (0.9 * time).cos()) * 0.12;
@@ -135,8 +140,8 @@ mod tests {
         Isometry3::from_parts(Translation3::from(moved), UnitQuaternion::from_scaled_axis(turn))
     }
 
-    /// What a camera in that hand films, each row at its own time; its points stand where they are.
-    fn filmed(readout: f64) -> (Vec<Track>, Vec<Option<Point3<f64>>>, Intrinsics) {
+    /// Film of a camera in that hand, each row at its own time; its points do not move.
+    fn filmed(readout: f64) -> (Vec<FeatureTrack>, Vec<Option<Point3<f64>>>, Intrinsics) {
         let lens = Intrinsics::from_horizontal_fov(640, 480, 65.0);
         let mut rng = Pcg64Mcg::seed_from_u64(5);
         let noise = Normal::new(0.0, NOISE_PX).unwrap();
@@ -161,7 +166,7 @@ mod tests {
                 observations.extend(pixel.map(|pixel| (frame, pixel + jitter)));
             }
             if observations.len() > 3 {
-                tracks.push(Track { observations });
+                tracks.push(FeatureTrack { observations });
                 points.push(Some(place));
             }
         }
@@ -172,20 +177,20 @@ mod tests {
     fn the_readout_of_a_film_is_found_and_its_poses_with_it() {
         for readout in [0.3, -0.2, 0.0] {
             let (tracks, points, lens) = filmed(readout);
-            let mut sketch = Sketch::new(&tracks, lens, FRAMES);
-            sketch.poses = (0..FRAMES).map(|frame| Some(hand(frame as f64))).collect();
-            sketch.points = points;
-            sketch.polish(LensFreedom::Fixed, ROUNDS, FINAL).unwrap();
-            let noise = sketch.noise_px();
-            let found = settle(&mut sketch, LensFreedom::Fixed);
-            sketch.polish(LensFreedom::Fixed, ROUNDS, FINAL).unwrap();
+            let mut partial = PartialReconstruction::new(&tracks, lens, FRAMES);
+            partial.poses = (0..FRAMES).map(|frame| Some(hand(frame as f64))).collect();
+            partial.points = points;
+            partial.polish(LensFreedom::Fixed, ROUNDS, FINAL).unwrap();
+            let noise = partial.noise_px();
+            let found = settle(&mut partial, LensFreedom::Fixed);
+            partial.polish(LensFreedom::Fixed, ROUNDS, FINAL).unwrap();
             if readout == 0.0 {
                 assert!(found.abs() < f64::EPSILON, "{found} where all rows were read at once");
                 continue;
             }
-            // The camera's own travel within a frame is not undone, and takes a part of the readout on itself.
+            // The camera's translation within a frame is not corrected, and biases the readout.
             assert!((found / readout - 1.0).abs() < 0.15, "{found} for {readout}");
-            assert!(sketch.noise_px() < 0.8 * noise, "{} px, before {noise}", sketch.noise_px());
+            assert!(partial.noise_px() < 0.8 * noise, "{} px, before {noise}", partial.noise_px());
         }
     }
 
@@ -196,7 +201,7 @@ mod tests {
             let found = lowest(square(-STEP), square(0.0), square(STEP)).unwrap();
             assert!((found - at).abs() < 1e-9, "{found} for {at}");
         }
-        // Far away it is gone towards, not jumped at; on a ridge, downhill.
+        // Far away it moves towards the minimum by a bounded step; on a ridge, downhill.
         assert!((lowest(2.0, 1.0, 0.01).unwrap() - FARTHEST_STEPS * STEP).abs() < 1e-9);
         assert!((lowest(0.5, 1.0, 0.4).unwrap() - STEP).abs() < 1e-9);
         assert!(lowest(1.0, 1.0, 1.0).is_none() && lowest(1.0, f64::NAN, 1.0).is_none());

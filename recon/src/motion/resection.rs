@@ -10,26 +10,26 @@ use super::two_views::median;
 use crate::bundle::Loss;
 
 const STEPS: usize = 60;
-/// Fewest points a pose is taken from.
+/// Least number of points of a pose.
 const MIN_POINTS: usize = 6;
 
 /// A resected pose.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Resection {
+pub(crate) struct ResectedPose {
     pub(crate) camera_from_world: Isometry3<f64>,
     /// Points within the inlier distance.
     pub(crate) inliers: usize,
-    /// Mean truncated squared error; compares poses.
+    /// Mean truncated squared error, for comparing poses.
     pub(crate) cost: f64,
 }
 
-/// The pose nearest to `start` that explains the pairs, with the Cauchy scale ending at `inlier_px`.
+/// Pose nearest to `start` that explains the pairs, with the Cauchy scale ending at `inlier_px`.
 pub(crate) fn resect(
     intrinsics: &Intrinsics,
     pairs: &[(Point3<f64>, Point2<f64>)],
     start: &Isometry3<f64>,
     inlier_px: f64,
-) -> Option<Resection> {
+) -> Option<ResectedPose> {
     if pairs.len() < MIN_POINTS {
         return None;
     }
@@ -86,7 +86,7 @@ pub(crate) fn resect(
     let inliers = found.iter().filter(|e| **e <= 2.0 * inlier_px).count();
     let limit = (4.0 * inlier_px).powi(2);
     let cost = found.iter().map(|e| (e * e).min(limit)).sum::<f64>() / found.len() as f64;
-    Some(Resection { camera_from_world: pose, inliers, cost })
+    Some(ResectedPose { camera_from_world: pose, inliers, cost })
 }
 
 #[cfg(test)]

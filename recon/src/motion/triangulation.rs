@@ -1,39 +1,39 @@
-//! A track's point from the poses that saw it.
+//! Triangulation of a track's point from the poses that observed it.
 
 use calib::Intrinsics;
 use nalgebra::{Isometry3, Matrix3, Point2, Point3, Vector3};
 
 use crate::bundle::Loss;
 
-/// One sighting: where the camera stood and the pixel.
-pub(crate) type Sighting<'a> = (&'a Isometry3<f64>, Point2<f64>);
+/// One observation: the camera's pose and the pixel.
+pub(crate) type PoseObservation<'a> = (&'a Isometry3<f64>, Point2<f64>);
 
-/// When a triangulated point is accepted.
+/// Conditions for accepting a triangulated point.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Acceptance {
-    /// Largest reprojection error of a sighting that counts, pixels.
+pub(crate) struct TriangulationLimits {
+    /// Largest reprojection error of an inlier observation, pixels.
     pub(crate) max_error_px: f64,
-    /// Least angle between two rays that count, radians.
+    /// Least angle between two inlier rays, radians.
     pub(crate) min_angle: f64,
-    /// Least sightings that count.
+    /// Least number of inlier observations.
     pub(crate) min_sightings: usize,
 }
 
-/// The world point that sightings agree on, or `None` when too few agree or their rays are too parallel.
+/// World point on which the observations agree; `None` when too few agree or their rays are too parallel.
 pub(crate) fn triangulate(
     intrinsics: &Intrinsics,
-    sightings: &[Sighting<'_>],
-    accept: &Acceptance,
+    sightings: &[PoseObservation<'_>],
+    accept: &TriangulationLimits,
 ) -> Option<Point3<f64>> {
-    let mut used: Vec<Sighting<'_>> = sightings.to_vec();
-    // Twice: the second time without those that disagreed with the first.
+    let mut used: Vec<PoseObservation<'_>> = sightings.to_vec();
+    // The second pass leaves out the outliers of the first.
     for _ in 0..2 {
         if used.len() < accept.min_sightings.max(2) {
             return None;
         }
         let start = nearest_to_rays(intrinsics, &used)?;
         let point = refined(intrinsics, &used, start, accept.max_error_px)?;
-        let agreeing: Vec<Sighting<'_>> = sightings
+        let agreeing: Vec<PoseObservation<'_>> = sightings
             .iter()
             .filter(|s| error_px(intrinsics, s, &point) <= accept.max_error_px)
             .copied()
@@ -47,12 +47,12 @@ pub(crate) fn triangulate(
     None
 }
 
-/// Distance between a sighting and the projection; infinite behind the camera.
-fn error_px(intrinsics: &Intrinsics, sighting: &Sighting<'_>, point: &Point3<f64>) -> f64 {
+/// Distance between an observation and the projection; infinite behind the camera.
+fn error_px(intrinsics: &Intrinsics, sighting: &PoseObservation<'_>, point: &Point3<f64>) -> f64 {
     intrinsics.project(&(sighting.0 * point)).map_or(f64::INFINITY, |p| (p - sighting.1).norm())
 }
 
-/// The widest angle between the rays to a point, radians, from the first ray and from the ray furthest from it.
+/// Widest angle between the rays to a point, radians, from the first ray and from the ray furthest from it.
 pub(crate) fn widest_angle<'a>(poses: impl Iterator<Item = &'a Isometry3<f64>>, point: &Point3<f64>) -> f64 {
     let rays: Vec<Vector3<f64>> = poses.map(|pose| point - pose.inverse() * Point3::origin()).collect();
     let furthest = |from: &Vector3<f64>| {
@@ -64,8 +64,8 @@ pub(crate) fn widest_angle<'a>(poses: impl Iterator<Item = &'a Isometry3<f64>>, 
     furthest(&rays[index]).1
 }
 
-/// The point with the least squared distances to all rays.
-fn nearest_to_rays(intrinsics: &Intrinsics, sightings: &[Sighting<'_>]) -> Option<Point3<f64>> {
+/// Point with the least squared distances to all rays.
+fn nearest_to_rays(intrinsics: &Intrinsics, sightings: &[PoseObservation<'_>]) -> Option<Point3<f64>> {
     let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
     for (pose, pixel) in sightings {
         let direction = pose.rotation.inverse() * intrinsics.unproject(pixel)?.normalize();
@@ -77,10 +77,10 @@ fn nearest_to_rays(intrinsics: &Intrinsics, sightings: &[Sighting<'_>]) -> Optio
     normal.cholesky().map(|c| Point3::from(c.solve(&right)))
 }
 
-/// Gauss–Newton on the reprojection errors, damped, robust.
+/// Damped, robust Gauss–Newton on the reprojection errors.
 fn refined(
     intrinsics: &Intrinsics,
-    sightings: &[Sighting<'_>],
+    sightings: &[PoseObservation<'_>],
     start: Point3<f64>,
     scale_px: f64,
 ) -> Option<Point3<f64>> {
@@ -140,13 +140,14 @@ mod tests {
             .collect()
     }
 
-    const ACCEPT: Acceptance = Acceptance { max_error_px: 2.0, min_angle: 0.01, min_sightings: 3 };
+    const ACCEPT: TriangulationLimits =
+        TriangulationLimits { max_error_px: 2.0, min_angle: 0.01, min_sightings: 3 };
 
     #[test]
     fn a_point_is_found_with_one_wrong_sighting_and_refused_without_parallax() {
         let (camera, truth) = (Intrinsics::from_horizontal_fov(640, 480, 60.0), Point3::new(0.3, -0.2, 3.0));
         let poses = poses();
-        let mut sightings: Vec<Sighting<'_>> =
+        let mut sightings: Vec<PoseObservation<'_>> =
             poses.iter().map(|p| (p, camera.project(&(p * truth)).unwrap())).collect();
         assert!((triangulate(&camera, &sightings, &ACCEPT).unwrap() - truth).norm() < 1e-6);
         sightings[2].1.y += 15.0;
@@ -160,7 +161,7 @@ mod tests {
     fn points_behind_are_refused() {
         let (camera, poses) = (Intrinsics::from_horizontal_fov(640, 480, 60.0), poses());
         // Rays that diverge in front of the cameras meet behind them.
-        let sightings: Vec<Sighting<'_>> =
+        let sightings: Vec<PoseObservation<'_>> =
             poses.iter().enumerate().map(|(i, p)| (p, Point2::new(320.0 + 40.0 * i as f64, 240.0))).collect();
         assert!(triangulate(&camera, &sightings, &ACCEPT).is_none());
     }

@@ -1,4 +1,4 @@
-//! Relative motion of two views: essential matrix by RANSAC, and which of its four motions sees points in front.
+//! Relative motion of two views: essential matrix by RANSAC, and the choice among its four motions.
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use rand::seq::index::sample;
@@ -6,19 +6,19 @@ use rand_pcg::Pcg64Mcg;
 
 use super::five_point::essential_matrices;
 
-/// Samples of five pairs drawn.
+/// Number of samples of five pairs.
 const DRAWS: usize = 400;
 
-/// What two views say.
+/// Relative motion of two views.
 pub(crate) struct TwoViews {
     /// `second_from_first`, translation of length 1.
     pub(crate) motion: Isometry3<f64>,
-    /// Pairs that agree with it, and lie before both cameras.
+    /// Indices of the pairs that agree with it, and lie before both cameras.
     pub(crate) agreeing: Vec<usize>,
 }
 
-/// The relative motion from pairs of rays (z = 1); `tolerance` is the epipolar distance on the z = 1 plane at which a
-/// pair still agrees.
+/// Relative motion from pairs of rays (z = 1); `tolerance` is the epipolar distance on the z = 1 plane at which a pair
+/// still agrees.
 pub(crate) fn relative_motion(
     first: &[Vector3<f64>],
     second: &[Vector3<f64>],
@@ -34,7 +34,7 @@ pub(crate) fn relative_motion(
         let a: [Vector3<f64>; 5] = std::array::from_fn(|k| first[drawn.index(k)]);
         let b: [Vector3<f64>; 5] = std::array::from_fn(|k| second[drawn.index(k)]);
         for essential in essential_matrices(&a, &b) {
-            // Truncated squares: how far the agreeing ones are off counts as well as how many they are.
+            // Truncated squares: the errors of the agreeing pairs count as well as their number.
             let cost: f64 = first
                 .iter()
                 .zip(second)
@@ -67,7 +67,8 @@ fn sampson_squared(e: &Matrix3<f64>, a: &Vector3<f64>, b: &Vector3<f64>) -> f64 
     b.dot(&ea).powi(2) / slope.max(f64::MIN_POSITIVE)
 }
 
-/// The two rotations and two directions an essential matrix stands for (Hartley & Zisserman, result 9.19).
+/// The two rotations and two directions of an essential matrix (Hartley & Zisserman, *Multiple View Geometry*, 2nd ed.,
+/// result 9.19).
 fn four_motions(essential: &Matrix3<f64>) -> Option<[Isometry3<f64>; 4]> {
     let svd = essential.svd(true, true);
     let (mut u, mut v_t) = (svd.u?, svd.v_t?);
@@ -86,7 +87,7 @@ fn four_motions(essential: &Matrix3<f64>) -> Option<[Isometry3<f64>; 4]> {
     Some([motion(turns[0], t), motion(turns[0], -t), motion(turns[1], t), motion(turns[1], -t)])
 }
 
-/// Whether two rays meet before both cameras.
+/// Tells whether two rays meet before both cameras.
 fn meets_in_front(motion: &Isometry3<f64>, a: &Vector3<f64>, b: &Vector3<f64>) -> bool {
     let turned = motion.rotation * a;
     // depth_b · b = depth_a · R a + t, in the least-squares sense.
@@ -98,8 +99,8 @@ fn meets_in_front(motion: &Isometry3<f64>, a: &Vector3<f64>, b: &Vector3<f64>) -
     depth_a > 0.0 && depth_b > 0.0
 }
 
-/// The rotation that best explains pairs of rays without any translation, and the median distance on the z = 1 plane
-/// that it leaves: the parallax.
+/// Rotation that best explains pairs of rays without any translation, and the median distance on the z = 1 plane that
+/// it leaves: the parallax.
 pub(crate) fn parallax_beyond_rotation(first: &[Vector3<f64>], second: &[Vector3<f64>]) -> Option<f64> {
     let mut keep: Vec<usize> = (0..first.len()).collect();
     let mut left: Vec<f64> = Vec::new();
@@ -122,14 +123,14 @@ pub(crate) fn parallax_beyond_rotation(first: &[Vector3<f64>], second: &[Vector3
     median(&left)
 }
 
-/// The middle value (the upper of two); `None` of nothing.
+/// Middle value (the upper of two); `None` for an empty slice.
 pub(crate) fn median(values: &[f64]) -> Option<f64> {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     sorted.get(sorted.len() / 2).copied()
 }
 
-/// Where two rays of a known motion come closest, in the first camera's frame.
+/// Point of closest approach of two rays of a known motion, in the first camera's frame.
 #[cfg(test)]
 fn meeting(motion: &Isometry3<f64>, a: &Vector3<f64>, b: &Vector3<f64>) -> nalgebra::Point3<f64> {
     let turned = motion.rotation * a;

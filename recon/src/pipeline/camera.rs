@@ -1,4 +1,4 @@
-//! One camera's part of a build: its capture becomes motion, depth and a surface.
+//! One camera's part of a build: from its capture to motion, depth and a surface.
 
 use std::time::Instant;
 
@@ -13,49 +13,53 @@ use crate::dense::{self, DenseOptions, PosedCapture};
 use crate::fusion::key_frames;
 use crate::motion::{self, MotionOptions};
 use crate::planes::{self, Completed, PlaneOptions};
-use crate::ray_depth::{self, Asked, Filmed, MeasuredPixel};
+use crate::ray_depth::{self, Asked, MeasuredPixel, PosedFilm};
 use crate::rolling_shutter::RollingShutter;
 use crate::surface::Surface;
 use crate::{Error, Result};
 
-/// A camera once it is known how it moved.
+/// A camera with known motion.
 #[derive(Debug, Clone)]
-pub(super) struct Moved {
-    /// As filmed.
+pub(super) struct CameraMotion {
+    /// Intrinsics as filmed.
     pub(super) lens: Intrinsics,
-    /// One a frame; world = the reference frame's camera.
+    /// Pose of each frame; world = the reference frame's camera.
     pub(super) camera_from_world: Vec<Option<Isometry3<f64>>>,
     /// Sparse points.
     pub(super) points: Vec<Point3<f64>>,
-    /// What is known so far.
+    /// Report so far.
     pub(super) report: CameraReport,
 }
 
-/// A camera once its capture has been worked through.
+/// A camera whose capture is fully processed.
 #[derive(Debug, Clone)]
-pub(super) struct Seen {
-    /// As filmed.
+pub(super) struct ProcessedCapture {
+    /// Intrinsics as filmed.
     pub(super) lens: Intrinsics,
     pub(super) surface: Surface,
-    /// What only the capture's key frames saw, in the reference camera's frame and the capture's unit.
+    /// Discs that only the capture's key frames saw, in the reference camera's frame and the capture's unit.
     pub(super) key_frame_discs: Vec<Disc>,
-    /// One a frame; world = the reference frame's camera.
+    /// Pose of each frame; world = the reference frame's camera.
     pub(super) camera_from_world: Vec<Option<Isometry3<f64>>>,
-    /// The nearest and the farthest depth of what is seen.
+    /// Smallest and largest depth of the view.
     pub(super) range: (f64, f64),
     pub(super) report: CameraReport,
 }
 
-/// A camera's reference image and what was made of its capture.
-pub(super) struct Camera {
+/// A camera's reference image and the results of its capture.
+pub(super) struct CameraResult {
     pub(super) name: String,
     /// The reference image as filmed.
     pub(super) reference: RgbImage,
-    pub(super) seen: Seen,
+    pub(super) processed: ProcessedCapture,
 }
 
-/// How the camera of a capture moved; `step` is told what is being done.
-pub(super) fn follow(capture: &Capture, options: &BuildOptions, step: &dyn Fn(String)) -> Result<Moved> {
+/// Estimates the motion of a capture's camera; `step` is called with the present activity.
+pub(super) fn estimate_motion(
+    capture: &Capture,
+    options: &BuildOptions,
+    step: &dyn Fn(String),
+) -> Result<CameraMotion> {
     let name = &capture.name;
     step(format!("{name}: camera motion"));
     let start = Instant::now();
@@ -68,7 +72,7 @@ pub(super) fn follow(capture: &Capture, options: &BuildOptions, step: &dyn Fn(St
         );
     }
     let report = CameraReport::of_motion(capture, &motion.intrinsics, &told, start.elapsed());
-    Ok(Moved {
+    Ok(CameraMotion {
         lens: motion.intrinsics,
         camera_from_world: motion.camera_from_world,
         points: motion.points.iter().map(|p| p.position).collect(),
@@ -76,18 +80,18 @@ pub(super) fn follow(capture: &Capture, options: &BuildOptions, step: &dyn Fn(St
     })
 }
 
-/// What a capture shows, once its camera's motion is known and its frames are as if filmed at once; `step` is told what is
-/// being done.
-pub(super) fn see(
+/// Computes depth and surface of a capture with known motion and rectified frames; `step` is called with the present
+/// activity.
+pub(super) fn reconstruct(
     capture: &Capture,
-    moved: Moved,
+    motion: CameraMotion,
     options: &BuildOptions,
     step: &dyn Fn(String),
-) -> Result<Seen> {
+) -> Result<ProcessedCapture> {
     let name = &capture.name;
     step(format!("{name}: depth"));
     let start = Instant::now();
-    let Moved { lens, camera_from_world, points, report } = moved;
+    let CameraMotion { lens, camera_from_world, points, report } = motion;
     let posed = PosedCapture {
         name,
         frames: &capture.frames,
@@ -110,18 +114,18 @@ pub(super) fn see(
     tracing::info!("{name}: {plane_report:?}, {} discs seen by key frames alone", key_frame_discs.len());
     let report = report.with_depth(capture.sampled, &dense_report, &surface, start.elapsed());
     let range = depth_range(&points);
-    Ok(Seen { lens, surface, key_frame_discs, camera_from_world, range, report })
+    Ok(ProcessedCapture { lens, surface, key_frame_discs, camera_from_world, range, report })
 }
 
-impl Moved {
-    /// How the capture's rows were read; `None` for all at once.
+impl CameraMotion {
+    /// Rolling-shutter model of the capture; `None` for a global shutter.
     pub(super) fn shutter(&self) -> Option<RollingShutter> {
         shutter(&self.report, &self.camera_from_world, &self.lens)
     }
 }
 
-impl Seen {
-    /// Where filmed pixels of a frame would be, had the frame been filmed at once.
+impl ProcessedCapture {
+    /// Rectified positions of filmed pixels of a frame.
     pub(super) fn at_once(&self, frame: usize) -> impl Fn(&Point2<f64>) -> Point2<f64> {
         let shutter = self.shutter();
         move |pixel| {
@@ -130,14 +134,14 @@ impl Seen {
         }
     }
 
-    /// How the capture's rows were read; `None` for all at once.
+    /// Rolling-shutter model of the capture; `None` for a global shutter.
     pub(super) fn shutter(&self) -> Option<RollingShutter> {
         shutter(&self.report, &self.camera_from_world, &self.lens)
     }
 
-    /// The capture that this was seen in, its frames as if filmed at once.
-    pub(super) fn filmed<'a>(&'a self, capture: &'a Capture) -> Filmed<'a> {
-        Filmed {
+    /// Capture with its motion, its frames rectified.
+    pub(super) fn filmed<'a>(&'a self, capture: &'a Capture) -> PosedFilm<'a> {
+        PosedFilm {
             frames: &capture.frames,
             reference: capture.reference,
             intrinsics: &self.lens,
@@ -155,15 +159,15 @@ fn shutter(
     (readout != 0.0).then(|| RollingShutter::new(readout, camera_from_world, lens.height))
 }
 
-/// All frames of a capture become what they would be, filmed at once; without a shutter they are.
-pub(super) fn all_at_once(capture: &mut Capture, lens: &Intrinsics, shutter: Option<RollingShutter>) {
+/// Rectifies all frames of a capture; does nothing without a shutter model.
+pub(super) fn rectify_all(capture: &mut Capture, lens: &Intrinsics, shutter: Option<RollingShutter>) {
     let Some(shutter) = shutter else { return };
     for (index, frame) in capture.frames.iter_mut().enumerate() {
         *frame = shutter.frame(lens, index, frame);
     }
 }
 
-/// Where points lie before the reference camera, with some room on both sides.
+/// Range of the points' depths from the reference camera, with a margin on both sides.
 fn depth_range(points: &[Point3<f64>]) -> (f64, f64) {
     let mut depths: Vec<f64> = points.iter().map(|p| p.z).filter(|z| *z > 0.0).collect();
     depths.sort_by(f64::total_cmp);
@@ -174,15 +178,19 @@ fn depth_range(points: &[Point3<f64>]) -> (f64, f64) {
     }
 }
 
-/// Measures the depth of single pixels of the reference image from all frames; those that cannot be are left out.
-pub(super) fn measure(capture: &Capture, seen: &Seen, pixels: &[Point2<f64>]) -> Vec<MeasuredPixel> {
-    let film = seen.filmed(capture);
-    let surface = &seen.surface;
+/// Measures the depth of single pixels of the reference image from all frames; pixels without one are left out.
+pub(super) fn measure(
+    capture: &Capture,
+    processed: &ProcessedCapture,
+    pixels: &[Point2<f64>],
+) -> Vec<MeasuredPixel> {
+    let film = processed.filmed(capture);
+    let surface = &processed.surface;
     let normal = |pixel: &Point2<f64>| {
-        surface.normal_at(&crate::merge::pinhole_pixel(&seen.lens, pixel)?).map(vector_from_vec3)
+        surface.normal_at(&crate::merge::pinhole_pixel(&processed.lens, pixel)?).map(vector_from_vec3)
     };
     let asked: Vec<Asked> = pixels.iter().map(|p| Asked { pixel: *p, normal: normal(p) }).collect();
-    let depths = ray_depth::measure(&film, &asked, seen.range);
+    let depths = ray_depth::measure(&film, &asked, processed.range);
     let known =
         |(pixel, depth): (&Point2<f64>, Option<_>)| Some(MeasuredPixel { pixel: *pixel, depth: depth? });
     pixels.iter().zip(depths).filter_map(known).collect()

@@ -1,11 +1,11 @@
-//! `recon build`: a capture project → a room directory, whole or not at all.
+//! `recon build`: builds a room directory from a capture project; the directory is replaced in one step.
 //!
-//! Each camera's capture becomes motion, depth and a surface on its own ([`camera`]), which is kept until the capture
-//! changes ([`kept`]); then one room is assembled, written beside its target with its previews and a report, and only
+//! Each camera's capture becomes motion, depth and a surface on its own ([`camera`]), which is cached until the capture
+//! changes ([`cache`]); then one room is assembled, written beside its target with its previews and a report, and only
 //! then takes the target's name.
 
+mod cache;
 mod camera;
-mod kept;
 mod output;
 mod preview;
 mod reference_view;
@@ -33,55 +33,55 @@ use crate::project::{Project, ProjectCamera};
 use crate::scale;
 use crate::surface::Surface;
 use crate::{Error, Result};
-use camera::{Camera, Seen};
-use kept::{Kept, Keys};
+use cache::{Keys, StageCache};
+use camera::{CameraResult, ProcessedCapture};
 pub use reference_view::{ReferenceView, reference_views};
 pub use report::{BuildReport, CameraReport, StartErrors};
 
-/// How a room is built.
+/// Options of building a room.
 #[derive(Debug, Clone, Default)]
 pub struct BuildOptions {
-    /// Zones for the new room; without them those of the room that is replaced are kept, if there is one.
+    /// File with the zones of the new room; without it the zones of a replaced room are kept.
     pub zones: Option<PathBuf>,
-    /// Seed of everything random; the room is the same for the same seed, whatever the number of threads.
+    /// Seed of everything random; the room is the same for the same seed, at any number of threads.
     pub seed: u64,
-    /// Camera motion.
+    /// Options of camera motion.
     pub motion: MotionOptions,
-    /// Dense stereo.
+    /// Options of dense stereo.
     pub dense: DenseOptions,
-    /// Planes found and filled.
+    /// Options of plane detection and filling.
     pub planes: PlaneOptions,
-    /// Joining cameras, floor, discs.
+    /// Options of joining cameras, floor, discs.
     pub assemble: AssembleOptions,
-    /// Draws plan and previews at half their usual size, in a quarter of the time.
+    /// Whether plan and previews are drawn at half their usual size, in a quarter of the time.
     pub small_pictures: bool,
 }
 
-/// What is being done, for a progress bar.
+/// Progress of a build, for a progress bar.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Step {
+pub struct BuildStep {
     /// Number of this step, from 0; the last report has `number == of`.
     pub number: usize,
-    /// Steps in all.
+    /// Number of steps in all.
     pub of: usize,
-    /// For people.
+    /// Activity, in words.
     pub what: String,
 }
 
-/// Steps a camera, and steps for the whole room.
+/// Number of steps a camera, and of steps for the whole room.
 const STEPS_A_CAMERA: usize = 3;
 const STEPS_A_ROOM: usize = 2;
 
 /// Builds the room of `project_file` into the directory `out`.
 ///
 /// # Errors
-/// The first thing that is wrong, with its place. `out` is then as it was before; cameras that were finished are kept
-/// beside it for the next time.
+/// The first problem, with its place. `out` is then as it was before; finished cameras are cached beside it for the
+/// next time.
 pub fn build(
     project_file: &Path,
     out: &Path,
     options: &BuildOptions,
-    progress: &mut (dyn FnMut(&Step) + Send),
+    progress: &mut (dyn FnMut(&BuildStep) + Send),
 ) -> Result<BuildReport> {
     let mut project = Project::read(project_file)?;
     let zones = options.zones.as_deref().map(scenes::room::read_zones).transpose()?;
@@ -89,7 +89,7 @@ pub fn build(
     let of = project.cameras.len() * STEPS_A_CAMERA + STEPS_A_ROOM;
     let mut number = 0;
     let mut step = |what: String| {
-        progress(&Step { number, of, what });
+        progress(&BuildStep { number, of, what });
         number += 1;
     };
 
@@ -97,23 +97,24 @@ pub fn build(
     let sizes: Vec<(u32, u32)> = files.iter().map(CaptureFile::size).collect();
     project.check_pixels(&sizes)?;
 
-    let kept = Kept::beside(out);
+    let cache = StageCache::beside(out);
     let mut report = BuildReport::default();
     let (mut measured, mut edges) = (Vec::with_capacity(files.len()), Vec::with_capacity(files.len()));
-    let picks = |index: usize, capture: &Capture, seen: &Seen| {
-        let at_once = seen.at_once(capture.reference);
+    let picks = |index: usize, capture: &Capture, processed: &ProcessedCapture| {
+        let at_once = processed.at_once(capture.reference);
         let pixels: Vec<Point2<f64>> = project.pixels_of(index).iter().map(at_once).collect();
-        let measured = camera::measure(capture, seen, &pixels);
-        let edges = plumb::edges::of_capture(&capture.frames, &seen.lens, &seen.camera_from_world);
-        let square = project.board_of(index).map(|board| scale::board::square(&seen.filmed(capture), board));
+        let measured = camera::measure(capture, processed, &pixels);
+        let edges = plumb::edges::of_capture(&capture.frames, &processed.lens, &processed.camera_from_world);
+        let square =
+            project.board_of(index).map(|board| scale::board::square(&processed.filmed(capture), board));
         (capture.reference, measured, edges, square)
     };
-    let done = worked_through(&files, Some(&kept), options, &mut step, &picks)?;
+    let done = process_all(&files, Some(&cache), options, &mut step, &picks)?;
     let (mut cameras, mut square) = (Vec::with_capacity(done.len()), None);
     for (index, (camera, keys, (reference, depths, lines, board))) in done.into_iter().enumerate() {
         tracing::debug!("{}: depths at picks {depths:?}", camera.name);
-        report.cameras.push(camera.seen.report.clone());
-        project.move_pixels(index, &camera.seen.at_once(reference));
+        report.cameras.push(camera.processed.report.clone());
+        project.move_pixels(index, &camera.processed.at_once(reference));
         measured.push(depths);
         if let Some(board) = board {
             let board = board.map_err(|problem| Error::content(&project.path, "[scale], board", problem))?;
@@ -125,10 +126,10 @@ pub fn build(
     }
     step("the room: cameras, floor, metres".into());
     let start = Instant::now();
-    let surfaces: Vec<Surface> = cameras.iter().map(|(c, _)| c.seen.surface.clone()).collect();
+    let surfaces: Vec<Surface> = cameras.iter().map(|(c, _)| c.processed.surface.clone()).collect();
     let key_frame_discs: Vec<&[Disc]> =
-        cameras.iter().map(|(c, _)| c.seen.key_frame_discs.as_slice()).collect();
-    let lenses: Vec<Intrinsics> = cameras.iter().map(|(c, _)| c.seen.lens.clone()).collect();
+        cameras.iter().map(|(c, _)| c.processed.key_frame_discs.as_slice()).collect();
+    let lenses: Vec<Intrinsics> = cameras.iter().map(|(c, _)| c.processed.lens.clone()).collect();
     let captures = Captures {
         surfaces: &surfaces,
         key_frame_discs: &key_frame_discs,
@@ -139,7 +140,7 @@ pub fn build(
     };
     let (mut room, assembled) = assemble::assemble(&project, &captures, &options.assemble)?;
     report.assembled(&project, &assembled, start.elapsed());
-    take_over(&mut room, before, zones);
+    take_over_zones(&mut room, before, zones);
 
     step("writing the room and its previews".into());
     let start = Instant::now();
@@ -148,53 +149,54 @@ pub fn build(
     output::write(out, &mut room, &references, &mut |dir, room| {
         preview::write(dir, room, &references, options.small_pictures)?;
         for (camera, keys) in &cameras {
-            kept.hand_over(dir, &camera.name, keys);
+            cache.hand_over(dir, &camera.name, keys);
         }
         report.seconds.writing = start.elapsed().as_secs_f64();
         report.write(dir)
     })?;
-    kept.done(cameras.iter().map(|(c, _)| c.name.as_str()));
+    cache.done(cameras.iter().map(|(c, _)| c.name.as_str()));
     step("done".into());
     Ok(report)
 }
 
-/// The captures of a project's cameras, all looked through before the first is worked on.
+/// Captures of a project's cameras, all checked before the first is processed.
 fn files_of(cameras: &[ProjectCamera]) -> Result<Vec<CaptureFile>> {
     let open = |camera: &ProjectCamera| {
         CaptureFile::open(&camera.name, &camera.capture, camera.reference, camera.intrinsics.clone())
     };
     let opened: Vec<Result<CaptureFile>> = cameras.par_iter().map(open).collect();
-    // The first that is wrong is told, not the first that was found to be.
+    // The first error in file order is reported, not the first one found.
     opened.into_iter().collect()
 }
 
-/// Each capture is read and becomes motion, depth and a surface, or is found among what was kept; with the keys it is kept
-/// by. Captures are worked through beside each other, and their frames let go one after the other: before that, `each` is
-/// asked of them, as if filmed at once.
+/// Processes each capture to motion, depth and a surface, or takes them from the cache; returns them with their cache
+/// keys. Captures are processed in parallel, and their frames are freed one after the other: before that, `each` is
+/// called with the rectified capture.
 ///
 /// # Errors
-/// The first capture's that fails; what was made of others is kept.
-fn worked_through<T: Send>(
+/// The error of the first capture that fails; results of others are cached.
+fn process_all<T: Send>(
     files: &[CaptureFile],
-    kept: Option<&Kept>,
+    cache: Option<&StageCache>,
     options: &BuildOptions,
     step: &mut (dyn FnMut(String) + Send),
-    each: &(dyn Fn(usize, &Capture, &Seen) -> T + Sync),
-) -> Result<Vec<(Camera, Keys, T)>> {
+    each: &(dyn Fn(usize, &Capture, &ProcessedCapture) -> T + Sync),
+) -> Result<Vec<(CameraResult, Keys, T)>> {
     let step = Mutex::new(step);
     let step = |what: String| {
-        // A progress bar that panicked is of no use to anybody.
+        // A progress bar that panicked is ignored.
         if let Ok(mut step) = step.lock() {
             step(what);
         }
     };
     let first_failed = AtomicUsize::new(usize::MAX);
     let work = |(index, file): (usize, &CaptureFile)| {
-        // Who waits to hear what is wrong with a capture need not wait for those that come after it.
+        // After a failure, captures that come later in the file are skipped, so that the error is reported soon.
         if first_failed.load(Ordering::Relaxed) < index {
             return None;
         }
-        let done = one(file, kept, options, &step, &|capture, seen| each(index, capture, seen));
+        let done =
+            process(file, cache, options, &step, &|capture, processed| each(index, capture, processed));
         if done.is_err() {
             first_failed.fetch_min(index, Ordering::Relaxed);
         }
@@ -204,51 +206,51 @@ fn worked_through<T: Send>(
     done.into_iter().flatten().collect()
 }
 
-/// One capture, worked through now or before.
-fn one<T>(
+/// Results of one capture, computed now or cached.
+fn process<T>(
     file: &CaptureFile,
-    kept: Option<&Kept>,
+    cache: Option<&StageCache>,
     options: &BuildOptions,
     step: &dyn Fn(String),
-    each: &dyn Fn(&Capture, &Seen) -> T,
-) -> Result<(Camera, Keys, T)> {
+    each: &dyn Fn(&Capture, &ProcessedCapture) -> T,
+) -> Result<(CameraResult, Keys, T)> {
     step(reading(file));
     let mut capture = file.read()?;
     let name = capture.name.clone();
     let keys = Keys::of(&capture, options);
     let reference = capture.frames[capture.reference].clone();
-    let before = kept.and_then(|kept| kept.seen(&name, &keys));
-    let seen = if let Some(seen) = before {
+    let before = cache.and_then(|cache| cache.surface(&name, &keys));
+    let processed = if let Some(processed) = before {
         step(format!("{name}: camera motion kept from before"));
         step(format!("{name}: depth kept from before"));
-        camera::all_at_once(&mut capture, &seen.lens, seen.shutter());
-        seen
+        camera::rectify_all(&mut capture, &processed.lens, processed.shutter());
+        processed
     } else {
-        let moved = if let Some(moved) = kept.and_then(|kept| kept.moved(&name, &keys)) {
+        let motion = if let Some(motion) = cache.and_then(|cache| cache.motion(&name, &keys)) {
             step(format!("{name}: camera motion kept from before"));
-            moved
+            motion
         } else {
-            let moved = camera::follow(&capture, options, step)?;
-            if let Some(kept) = kept {
-                kept.keep_moved(&name, &keys, &moved);
+            let motion = camera::estimate_motion(&capture, options, step)?;
+            if let Some(cache) = cache {
+                cache.store_motion(&name, &keys, &motion);
             }
-            moved
+            motion
         };
-        camera::all_at_once(&mut capture, &moved.lens, moved.shutter());
-        let seen = camera::see(&capture, moved, options, step)?;
-        if let Some(kept) = kept {
-            kept.keep_seen(&name, &keys, &seen);
+        camera::rectify_all(&mut capture, &motion.lens, motion.shutter());
+        let processed = camera::reconstruct(&capture, motion, options, step)?;
+        if let Some(cache) = cache {
+            cache.store_surface(&name, &keys, &processed);
         }
-        seen
+        processed
     };
-    for doubt in &seen.report.doubts {
+    for doubt in &processed.report.doubts {
         tracing::warn!("camera `{name}`: {doubt}");
     }
-    let told = each(&capture, &seen);
-    Ok((Camera { name, reference, seen }, keys, told))
+    let told = each(&capture, &processed);
+    Ok((CameraResult { name, reference, processed }, keys, told))
 }
 
-/// For people: what is read of a capture.
+/// Progress text of reading a capture.
 fn reading(file: &CaptureFile) -> String {
     let name = file.name();
     match file.stride() {
@@ -257,8 +259,8 @@ fn reading(file: &CaptureFile) -> String {
     }
 }
 
-/// What people have drawn into a room outlives its rebuilding: its coordinates stay.
-fn take_over(room: &mut Room, before: Option<Room>, zones: Option<Vec<Zone>>) {
+/// Takes zones and walkable regions over into a rebuilt room: its coordinates stay the same.
+fn take_over_zones(room: &mut Room, before: Option<Room>, zones: Option<Vec<Zone>>) {
     if let Some(before) = before {
         room.walkable = before.walkable;
         room.zones = before.zones;

@@ -1,7 +1,7 @@
-//! The room directory: made beside its target, then put in its place.
+//! The room directory: written beside its target, then moved in its place.
 //!
-//! In one step, where the file system knows how to exchange two names: whoever reads the room meanwhile has the old one or
-//! the new one. What other programs and people have put into the old one (tracks, notes) stays.
+//! The exchange is one step where the file system can exchange two names: a reader of the room meanwhile has the old
+//! one or the new one. Files of other programs and people in the old one (tracks, notes) are kept.
 
 use std::fs;
 use std::io;
@@ -17,8 +17,8 @@ const REFERENCES: &str = "reference";
 /// Quality of the reference images.
 const JPEG_QUALITY: u8 = 95;
 
-/// The room that will be replaced, if there is one. A target must be new, empty, or a room: anything else is not ours
-/// to replace. Nothing is left behind by asking.
+/// Checks that the target is new, empty, or a room, and returns the room that will be replaced: other directories must
+/// not be replaced. The check leaves no files behind.
 ///
 /// # Errors
 /// [`Error::Content`] when the target cannot be written or replaced without loss: hours of work must not end there.
@@ -47,13 +47,13 @@ pub(super) fn check_target(out: &Path) -> Result<Option<Room>> {
     if !out.join(SCENE_FILE).is_file() {
         return refuse("exists, holds other things and is no room; name a new directory");
     }
-    // Its zones are kept; a room that does not tell them must not be lost with them.
+    // The room's zones are kept; a room whose zones cannot be read must not be lost with them.
     Room::read(out).map(Some).or_else(|e| {
         refuse(&format!("the room that is there cannot be replaced, since it cannot be read ({e}); mend it or name a new directory"))
     })
 }
 
-/// Whether a directory can be made beside the target.
+/// Checks that a directory can be made beside the target.
 fn check_creatable(out: &Path) -> Result<()> {
     let absolute = std::path::absolute(out).map_err(|source| Error::Io { path: out.to_owned(), source })?;
     let above = absolute.ancestors().skip(1).find(|folder| folder.exists()).unwrap_or(Path::new("/"));
@@ -63,7 +63,7 @@ fn check_creatable(out: &Path) -> Result<()> {
     })
 }
 
-/// Writes the room whole: references, geometry, then whatever `more` adds.
+/// Writes the whole room: references, geometry, then the files that `more` adds.
 pub(super) fn write(
     out: &Path,
     room: &mut Room,
@@ -92,15 +92,15 @@ pub(super) fn write(
     }
     let before = exchange(&fresh, out, &beside.path().join("before")).map_err(io(out))?;
     if let Err(source) = take_over_foreign(&before, out) {
-        // Nothing that is not ours is lost: the old room stays where it is.
-        let kept = beside.keep();
-        let problem = format!("the room is finished, but {source}; the old one is in {}", kept.display());
+        // The old room stays in place, so that no foreign file is lost.
+        let cache = beside.keep();
+        let problem = format!("the room is finished, but {source}; the old one is in {}", cache.display());
         return Err(Error::content(out, "files of others", problem));
     }
     Ok(())
 }
 
-/// The fresh room takes the name of the old one; where the old one is then.
+/// Gives the fresh room the name of the old one; returns the old one's new path.
 fn exchange(fresh: &Path, out: &Path, elsewhere: &Path) -> io::Result<PathBuf> {
     #[cfg(target_os = "linux")]
     {
@@ -109,17 +109,17 @@ fn exchange(fresh: &Path, out: &Path, elsewhere: &Path) -> io::Result<PathBuf> {
             return Ok(fresh.to_owned());
         }
     }
-    // Not every file system can; then there is a moment without a room.
+    // Not every file system can exchange names; then there is a moment without a room.
     fs::rename(out, elsewhere)?;
     if let Err(error) = fs::rename(fresh, out) {
-        // Best effort: the old room comes back under its name.
+        // Best effort: the old room gets its name back.
         let _ = fs::rename(elsewhere, out);
         return Err(error);
     }
     Ok(elsewhere.to_owned())
 }
 
-/// What the new room does not have is somebody else's, and moves into it.
+/// Moves foreign files, those that the new room does not have, into it.
 fn take_over_foreign(before: &Path, out: &Path) -> io::Result<()> {
     for entry in fs::read_dir(before)? {
         let name = entry?.file_name();
@@ -130,7 +130,7 @@ fn take_over_foreign(before: &Path, out: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// Whether a directory is on another device than the one it lies in.
+/// Tells whether a directory is on another device than its parent.
 #[cfg(unix)]
 fn is_mount_point(dir: &Path) -> bool {
     use std::os::unix::fs::MetadataExt;
@@ -207,14 +207,14 @@ mod tests {
         let before = exchange(&fresh, &out, &folder.path().join("elsewhere")).unwrap();
         assert_eq!(fs::read(out.join("mark")).unwrap(), b"fresh");
         assert_eq!(fs::read(before.join("mark")).unwrap(), b"out");
-        // Nothing to put there: the old one stays.
+        // Without a fresh room the old one stays.
         let gone = exchange(&folder.path().join("nothing"), &out, &folder.path().join("elsewhere"));
         assert!(gone.is_err());
         assert_eq!(fs::read(out.join("mark")).unwrap(), b"fresh");
     }
 
     #[test]
-    fn what_cannot_be_replaced_is_refused_beforehand() {
+    fn targets_that_cannot_be_replaced_are_refused_beforehand() {
         // Tests run in their crate's folder.
         let said = check_target(Path::new(".")).unwrap_err().to_string();
         assert!(said.contains("started"), "{said}");

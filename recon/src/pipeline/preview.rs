@@ -1,5 +1,5 @@
-//! Pictures that show at a glance whether it worked: the floor plan, and for each camera its reference image, its depth
-//! in the finished room and the room drawn from where it stands, side by side.
+//! Pictures that show at a glance whether a build worked: the floor plan, and for each camera its reference image, its
+//! depth in the finished room and the room rendered from its pose, side by side.
 
 use std::path::Path;
 
@@ -18,16 +18,17 @@ use crate::Result;
 /// Space between the pictures, pixels.
 const GAP: u32 = 6;
 
-/// The floor plan; not in `preview/`, where a camera may be called so.
+/// Name of the floor plan; it is not in `preview/`, where a camera may have this name.
 const PLAN: &str = "plan.png";
 
-/// Writes `plan.png` and `preview/NAME.png` for each camera, beside each other; at half their size if they are to be `small`.
+/// Writes `plan.png` and `preview/NAME.png` for each camera, in parallel; at half their size if `small`.
 pub(super) fn write(dir: &Path, room: &Room, references: &[(&str, &RgbImage)], small: bool) -> Result<()> {
     let (plan, views) = rayon::join(|| write_plan(dir, small), || write_views(dir, room, references, small));
     plan.and(views)
 }
 
-/// Of the room as it is read, and kept beside it: the first `tracker run` in it need not draw the plan again.
+/// Draws the plan of the room as read from disk, through its cache: the first `tracker run` in it need not draw it
+/// again.
 fn write_plan(dir: &Path, small: bool) -> Result<()> {
     let mut options = PlanOptions { room_dir: Some(dir.to_owned()), ..PlanOptions::default() };
     if small {
@@ -42,18 +43,18 @@ fn write_views(dir: &Path, room: &Room, references: &[(&str, &RgbImage)], small:
     for (camera, (name, reference)) in room.cameras.iter().zip(references) {
         let mut pinhole = camera.camera.clone();
         pinhole.intrinsics = pinhole.intrinsics.pinhole();
-        let mut seen = UndistortMap::new(&camera.camera.intrinsics).image(reference);
+        let mut processed = UndistortMap::new(&camera.camera.intrinsics).image(reference);
         if small {
-            let (width, height) = (seen.width().div_ceil(2), seen.height().div_ceil(2));
-            seen = imageops::resize(&seen, width, height, FilterType::Triangle);
+            let (width, height) = (processed.width().div_ceil(2), processed.height().div_ceil(2));
+            processed = imageops::resize(&processed, width, height, FilterType::Triangle);
             pinhole.intrinsics = pinhole.intrinsics.resized(width, height);
         }
         let depth = colored(&depth::render(&scene, &pinhole));
         let options = ViewOptions { samples: 1, shading: 0.0, brighten: false, ..ViewOptions::default() };
         let drawn = View::new(geometry, &scene, &pinhole, &options).image();
-        let (width, height) = seen.dimensions();
+        let (width, height) = processed.dimensions();
         let mut canvas = Canvas::new(3 * width + 2 * GAP, height, Color::PAPER);
-        for (i, picture) in [&seen, &depth, &drawn].into_iter().enumerate() {
+        for (i, picture) in [&processed, &depth, &drawn].into_iter().enumerate() {
             canvas.blit(picture, i64::from((width + GAP) * i as u32), 0);
         }
         calib::picture::write(&dir.join("preview").join(format!("{name}.png")), &canvas.into_image())?;
@@ -61,7 +62,8 @@ fn write_views(dir: &Path, room: &Room, references: &[(&str, &RgbImage)], small:
     Ok(())
 }
 
-/// Near is warm, far is cool, nothing is black; equal steps of inverse depth, as stereo resolves it.
+/// Depth as colours: near is warm, far is dark, pixels without depth are black; equal steps of inverse depth, like
+/// stereo's resolution.
 fn colored(map: &DepthMap) -> RgbImage {
     let mut inverse: Vec<f32> = map.z_m.iter().filter(|z| **z > 0.0).map(|z| 1.0 / z).collect();
     inverse.sort_by(f32::total_cmp);
@@ -73,7 +75,9 @@ fn colored(map: &DepthMap) -> RgbImage {
     })
 }
 
-/// 0 far: dark blue, over green, to 1 near: yellow and red. Mikhailov's Turbo, as its polynomial of fifth degree.
+/// Colour of an inverse depth from 0 (far: almost black) over blue and green to 1 (near: yellow, red and dark red).
+/// Turbo (A. Mikhailov, "Turbo, an improved rainbow colormap for visualization", 2019) by its polynomial approximation
+/// of fifth degree.
 fn warm_to_cool(t: f32) -> Rgb<u8> {
     let t = t.clamp(0.0, 1.0);
     let polynomial = |c: [f32; 6]| c.iter().rev().fold(0.0, |sum, k| sum * t + k);
@@ -88,11 +92,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn near_is_red_far_is_blue_and_nothing_is_black() {
+    fn near_is_red_far_is_almost_black_and_nothing_is_black() {
         let map = DepthMap { width: 3, height: 1, z_m: vec![1.0, 8.0, 0.0] };
         let picture = colored(&map);
         let [near, far, nothing] = [0, 1, 2].map(|u| picture.get_pixel(u, 0).0);
-        assert!(near[0] > near[2] && far[2] > far[0] / 2, "{near:?} {far:?}");
-        assert_eq!(nothing, [0, 0, 0]);
+        assert!(near[0] > 3 * near[1].max(near[2]) && near[0] > 100, "{near:?}");
+        assert_eq!((far, nothing), ([34, 23, 27], [0, 0, 0]));
+    }
+
+    #[test]
+    fn colours_run_from_blue_over_green_to_yellow() {
+        let [blue, green, yellow] = [0.2, 0.5, 0.7].map(|t| warm_to_cool(t).0);
+        assert!(blue[2] > blue[1] && blue[1] > blue[0], "{blue:?}");
+        assert!(green[1] > green[0] && green[1] > 2 * green[2], "{green:?}");
+        assert!(yellow[0].min(yellow[1]) > 2 * yellow[2], "{yellow:?}");
     }
 }

@@ -1,4 +1,4 @@
-//! What each capture of a project shows from its installed pose, without a room made of them: for `recon picks`.
+//! Reference views of a project's captures, without a room: for `recon picks`.
 
 use std::path::Path;
 
@@ -6,8 +6,8 @@ use calib::Intrinsics;
 use image::RgbImage;
 use nalgebra::Point2;
 
-use super::kept::{Kept, Keys};
-use super::{BuildOptions, STEPS_A_CAMERA, Step, files_of, worked_through};
+use super::cache::{Keys, StageCache};
+use super::{BuildOptions, BuildStep, STEPS_A_CAMERA, files_of, process_all};
 use crate::Result;
 use crate::merge::pinhole_pixel;
 use crate::project::ProjectCamera;
@@ -21,15 +21,15 @@ pub struct ReferenceView {
     pub name: String,
     /// The reference image as filmed.
     pub picture: RgbImage,
-    /// What it shows, in the capture's own unit.
+    /// Surface of the view, in the capture's own unit.
     pub surface: Surface,
     lens: Intrinsics,
-    /// How its rows were read, and the frame's index.
+    /// Rolling-shutter model, and the index of the reference frame.
     shutter: Option<(RollingShutter, usize)>,
 }
 
 impl ReferenceView {
-    /// Where a pixel of the surface's pinhole picture was filmed; `None` outside the image.
+    /// Filmed position of a pixel of the surface's pinhole picture; `None` outside the image.
     pub fn filmed(&self, pinhole: &Point2<f64>) -> Option<Point2<f64>> {
         let ray = self.surface.intrinsics.unproject(pinhole)?;
         let at_once = self.lens.project(&ray.into())?;
@@ -40,7 +40,7 @@ impl ReferenceView {
         self.lens.contains(&filmed).then_some(filmed)
     }
 
-    /// Where a filmed pixel is in the surface's pinhole picture.
+    /// Position of a filmed pixel in the surface's pinhole picture.
     pub fn pinhole(&self, filmed: &Point2<f64>) -> Option<Point2<f64>> {
         let at_once = match &self.shutter {
             Some((shutter, frame)) => shutter.rectified(&self.lens, *frame, filmed)?,
@@ -50,32 +50,32 @@ impl ReferenceView {
     }
 }
 
-/// Works through the captures of all cameras. What was made of them for `room` before is taken from there, and what is
-/// made now is kept for it, as [`super::build`] does.
+/// Processes the captures of all cameras. Results cached for `room` are taken from there, and new ones are cached for
+/// it, as [`super::build`] does.
 ///
 /// # Errors
-/// The first capture that cannot be read or worked through.
+/// The error of the first capture that cannot be read or processed.
 pub fn reference_views(
     cameras: &[ProjectCamera],
     room: Option<&Path>,
     options: &BuildOptions,
-    progress: &mut (dyn FnMut(&Step) + Send),
+    progress: &mut (dyn FnMut(&BuildStep) + Send),
 ) -> Result<Vec<ReferenceView>> {
     let of = cameras.len() * STEPS_A_CAMERA;
     let mut number = 0;
     let mut step = |what: String| {
-        progress(&Step { number, of, what });
+        progress(&BuildStep { number, of, what });
         number += 1;
     };
     let files = files_of(cameras)?;
-    let kept = room.map(Kept::beside);
-    let done = worked_through(&files, kept.as_ref(), options, &mut step, &|_, capture, _| capture.reference)?;
-    let view = |(camera, _, reference): (super::Camera, Keys, usize)| ReferenceView {
-        shutter: camera.seen.shutter().map(|shutter| (shutter, reference)),
+    let cache = room.map(StageCache::beside);
+    let done = process_all(&files, cache.as_ref(), options, &mut step, &|_, capture, _| capture.reference)?;
+    let view = |(camera, _, reference): (super::CameraResult, Keys, usize)| ReferenceView {
+        shutter: camera.processed.shutter().map(|shutter| (shutter, reference)),
         name: camera.name,
         picture: camera.reference,
-        surface: camera.seen.surface,
-        lens: camera.seen.lens,
+        surface: camera.processed.surface,
+        lens: camera.processed.lens,
     };
     Ok(done.into_iter().map(view).collect())
 }

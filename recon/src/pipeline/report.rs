@@ -1,4 +1,4 @@
-//! `report.json`: what building a room did — counts, residuals, time a stage.
+//! `report.json`: counts, residuals and times of a build.
 
 use std::path::Path;
 use std::time::Duration;
@@ -11,103 +11,103 @@ use crate::capture::{ASSUMED_FOV_DEG, Capture, Sampled};
 use crate::dense::DenseReport;
 use crate::motion::{LensOrigin, MotionReport, Starts};
 use crate::project::Project;
-use crate::surface::{Origin, Surface};
+use crate::surface::{DepthOrigin, Surface};
 use crate::{Error, Result};
 
-/// What building a room did.
+/// Report of a build.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct BuildReport {
-    /// One a camera, in the project's order.
+    /// Report of each camera, in the project's order.
     pub cameras: Vec<CameraReport>,
-    /// Root mean square distance of the picks from where the room puts them, pixels.
+    /// Root mean square distance between the picks and the projections of their points, pixels.
     pub pick_rms_px: f64,
-    /// Picks left out, each told as a sentence.
+    /// Outliers among the picks, a sentence each.
     pub picks_left_out: Vec<String>,
-    /// Places that pictures were found to have in common and that joined the cameras beside the picks.
+    /// Number of matches between pictures that joined the cameras beside the picks.
     pub matches: usize,
-    /// What the depths at each camera's picks turned out to be off by, as a share of them; empty for one camera.
+    /// Estimated relative standard deviation of the depths at each camera's picks; empty for one camera.
     pub pick_depth_sigma: Vec<f64>,
-    /// Pairs of surface points of different cameras that were laid on each other.
+    /// Number of pairs of surface points of different cameras that were aligned.
     pub surface_pairs: usize,
-    /// Their root mean square distance, metres.
+    /// Root mean square distance of these pairs, metres.
     pub surface_rms_m: f64,
     /// Root mean square distance of the floor's points from its plane, metres.
     pub floor_rms_m: f64,
-    /// The floor's share of all area seen.
+    /// Floor's share of all area seen.
     pub floor_share: f64,
-    /// Planes that say which way is up: the floor and those parallel to it …
+    /// Number of planes that support the vertical: the floor and those parallel to it …
     pub level_planes: usize,
     /// … and walls; …
     pub plumb_planes: usize,
-    /// … captures in whose pictures plumb lines do.
+    /// … and captures whose pictures' vertical lines support it.
     pub plumb_captures: usize,
-    /// Discs in the room.
+    /// Number of discs in the room.
     pub discs: usize,
-    /// Of these, filled in rather than measured.
+    /// Number of these that were filled in rather than measured.
     pub filled_discs: usize,
-    /// Of these, seen only from key frames, beside what the cameras see from where they are installed.
+    /// Number of these that only key frames saw.
     pub key_frame_discs: usize,
-    /// Pixels dropped since another camera showed the same finer.
+    /// Number of pixels dropped since another camera showed the same surface finer.
     pub duplicate_pixels: usize,
-    /// Pixels dropped since another camera looks through them.
+    /// Number of pixels dropped since another camera looks through them.
     pub seen_through_pixels: usize,
-    /// Time for the whole room; each camera has its own.
+    /// Times of the whole room; each camera has its own.
     pub seconds: RoomSeconds,
 }
 
 /// Wall time of the stages that concern the whole room.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct RoomSeconds {
-    /// Merging, floor, metres, fusion.
+    /// Time of merging, floor, metres, fusion.
     pub assembling: f64,
-    /// Files and previews.
+    /// Time of files and previews.
     pub writing: f64,
 }
 
-/// What became of one capture.
+/// Report of one capture.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct CameraReport {
-    /// The camera.
+    /// Name of the camera.
     pub name: String,
-    /// Frames used.
+    /// Number of frames used.
     pub frames: usize,
-    /// The frame at the installed pose, by its number in the film, counted from 1.
+    /// Number in the film, counted from 1, of the frame at the installed pose.
     pub reference: usize,
-    /// How its motion began: by "factorization" or from "two views", whichever came to the smaller error.
+    /// Start of its motion, "factorization" or "two views": the one with the smaller error.
     pub start: String,
-    /// The robust reprojection error that each start came to, pixels.
+    /// Robust reprojection error of each start, pixels.
     pub start_error_px: StartErrors,
-    /// Frames whose pose was found.
+    /// Number of frames with a pose.
     pub registered: usize,
-    /// Sparse points.
+    /// Number of sparse points.
     pub points: usize,
     /// Their root mean square reprojection error, pixels.
     pub reprojection_rms_px: f64,
-    /// The share of what was followed that stood still.
+    /// Share of the observations that belong to a static scene.
     pub explained_share: f64,
-    /// The time from a frame's first row to its last, as a share of the time between frames; 0 for all at once.
+    /// Time from a frame's first row to its last, as a share of the time between frames; 0 for a global shutter.
     pub readout: f64,
-    /// Where the estimation of a focal length that was not given started: what the photographs tell, or an assumption.
+    /// Start of the estimation of a focal length that was not given: EXIF, or an assumption.
     pub focal_start: Option<String>,
-    /// The focal length where it was estimated or refined from the capture, pixels.
+    /// Focal length where it was estimated or refined from the capture, pixels.
     pub estimated_focal_px: Option<f64>,
-    /// Its standard deviation, pixels, where it can be told.
+    /// Standard deviation of the focal length, pixels, where it is determined.
     pub focal_sigma_px: Option<f64>,
-    /// What the capture leaves in doubt though a motion was found, a sentence each; they are warned of, too.
+    /// Doubts about the motion found, a sentence each; they are logged as warnings, too.
     pub doubts: Vec<String>,
     /// Frames matched densely, by their numbers in the film, counted from 1.
     pub key_frames: Vec<usize>,
     /// Share of the reference image's pixels that stereo measured.
     pub measured_share: f64,
-    /// Share that was filled in.
+    /// Share of the pixels that was filled in.
     pub filled_share: f64,
-    /// Wall time of motion and of everything dense.
+    /// Wall time of the motion's estimation, seconds.
     pub motion_seconds: f64,
-    /// See `motion_seconds`.
+    /// Wall time of stereo, planes and key frames, seconds.
     pub dense_seconds: f64,
 }
 
-/// What each start of a motion came to, pixels; none where it came to nothing.
+/// Error of each start of a motion, pixels; `None` where the start failed.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct StartErrors {
     /// Factorization of windows, chained.
@@ -117,7 +117,7 @@ pub struct StartErrors {
 }
 
 impl CameraReport {
-    /// What is known once a capture's motion is.
+    /// Report of a capture after motion estimation.
     pub(super) fn of_motion(
         capture: &Capture,
         lens: &Intrinsics,
@@ -150,7 +150,7 @@ impl CameraReport {
         }
     }
 
-    /// The same once its depths are known, too.
+    /// Adds the results of stereo to the report.
     pub(super) fn with_depth(
         self,
         sampled: Sampled,
@@ -158,23 +158,23 @@ impl CameraReport {
         surface: &Surface,
         took: Duration,
     ) -> Self {
-        let share = |origin: Origin| {
+        let share = |origin: DepthOrigin| {
             let count = surface.origin.iter().filter(|o| **o == origin).count();
             count as f64 / surface.origin.len().max(1) as f64
         };
         Self {
             key_frames: dense.key_frames.iter().map(|f| sampled.number(*f)).collect(),
-            measured_share: share(Origin::Stereo),
-            filled_share: share(Origin::Filled),
+            measured_share: share(DepthOrigin::Stereo),
+            filled_share: share(DepthOrigin::Filled),
             dense_seconds: took.as_secs_f64(),
             ..self
         }
     }
 }
 
-/// In words, for people.
+/// Start of the focal length's estimation, in words.
 fn focal_start(capture: &Capture) -> Option<String> {
-    let told = capture.told_focal_px.map(|px| format!("EXIF, {px:.1} px"));
+    let told = capture.exif_focal_px.map(|px| format!("EXIF, {px:.1} px"));
     let assumed = || format!("a field of view of {ASSUMED_FOV_DEG}°");
     capture.intrinsics.is_none().then(|| told.unwrap_or_else(assumed))
 }

@@ -1,5 +1,6 @@
-//! Planes that many neighbourhoods share: random ones of them are tried, the one most agree with is refined and taken,
-//! and the search goes on in what is left (RANSAC, in the manner of Schnabel et al. 2007).
+//! Detection of planes shared by many neighbourhoods: of random ones the one with most support is refined and taken,
+//! and the search continues in the rest (RANSAC, in the manner of R. Schnabel, R. Wahl, R. Klein, "Efficient RANSAC for
+//! point-cloud shape detection", Computer Graphics Forum 2007).
 
 use glam::Vec3;
 use nalgebra::{Matrix3, Vector3};
@@ -11,22 +12,22 @@ use super::local::{CELL, Cells};
 use crate::dense::Support;
 use crate::surface::Surface;
 
-/// A plane as the image shows it: `1/z = a u + b v + c`.
+/// A plane as a function of the pixel: `1/z = a u + b v + c`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ImagePlane {
     coefficients: [f32; 3],
     /// Unit normal in camera coordinates, towards the camera.
     pub normal: Vec3,
-    /// Pixels that lie on it.
+    /// Number of pixels on the plane.
     pub pixels: usize,
-    /// Almost nothing lies behind it: a wall, the floor or the ceiling of the room.
+    /// Whether almost nothing lies behind it: a wall, the floor or the ceiling of the room.
     pub encloses: bool,
-    /// Its direction is that of the plane opposite to it, its distance what single pixels say.
+    /// Whether its direction is that of the opposite plane, and only its distance was measured.
     pub(super) opposite: bool,
 }
 
 impl ImagePlane {
-    /// The plane with this unit normal towards the camera, at this distance from it, that bounds the room.
+    /// Plane with this unit normal towards the camera, at this distance from it, that bounds the room.
     pub(super) fn facing(normal: Vec3, distance: f32, camera: &crate::dense::Pinhole, pixels: usize) -> Self {
         // On the plane −normal · ray · z = distance.
         let scaled = -normal / distance;
@@ -35,15 +36,15 @@ impl ImagePlane {
         Self { coefficients: [a, b, c], normal, pixels, encloses: true, opposite: true }
     }
 
-    /// Inverse depth at a pixel; not positive where the ray does not meet the plane.
+    /// Inverse depth at a pixel; not positive where the ray does not hit the plane.
     pub fn at(&self, u: f32, v: f32) -> f32 {
         self.coefficients[0] * u + self.coefficients[1] * v + self.coefficients[2]
     }
 
-    /// Whether what is seen at a pixel at this depth lies behind the plane, by more than stereo's noise. `step`: inverse depth
-    /// of a pixel of disparity.
+    /// Tells whether a surface at a pixel at this depth lies behind the plane, by more than stereo's noise. `step`:
+    /// inverse depth of a pixel of disparity.
     pub(crate) fn hides(&self, u: f32, v: f32, depth: f32, step: f32) -> bool {
-        /// Pixels of disparity beyond noise.
+        /// Noise of the disparity, pixels.
         const BEHIND_PX: f32 = 1.5;
         self.at(u, v) - 1.0 / depth > BEHIND_PX * step
     }
@@ -54,12 +55,12 @@ impl ImagePlane {
     }
 }
 
-/// Neighbourhoods tried for each plane.
+/// Number of neighbourhoods tried for each plane.
 const TRIES: usize = 400;
-/// At most this share of what is measured lies behind an enclosing plane.
+/// Largest share of the measured surface behind an enclosing plane.
 const LARGEST_BEHIND: f32 = 0.01;
 
-/// The planes of a view, largest first as a rule.
+/// Planes of a view, usually the largest first.
 pub(super) fn planes(surface: &Surface, cells: &Cells, step: f32, options: &PlaneOptions) -> Vec<ImagePlane> {
     let camera = surface.pinhole();
     let mut left: Vec<(usize, Support, Vec3)> = cells
@@ -148,7 +149,7 @@ fn least_squares(
     })
 }
 
-/// The share of all neighbourhoods that lie well behind a plane.
+/// Share of all neighbourhoods that lie well behind a plane.
 fn behind(all: &[(usize, Support, Vec3)], cells: &Cells, plane: &ImagePlane, step: f32) -> f32 {
     let count = all
         .iter()

@@ -1,5 +1,5 @@
-//! Planes grow into what stereo measured a little before or behind them, wherever the key frames' colours fit the plane
-//! better than the depth that was measured: soft shadows and shading match at any depth, so that a plain wall
+//! Growth of planes into pixels that stereo measured a little before or behind them, wherever the key frames' colours
+//! fit the plane better than the measured depth: soft shadows and shading match at any depth, so that a plain wall
 //! beside a box leans towards the box. The box itself stops the plane: its own depth explains its outline better.
 
 use std::collections::VecDeque;
@@ -57,7 +57,7 @@ mod tests {
     const WALL_M: f32 = 4.0;
     /// The farthest view's baseline.
     const BASELINE_M: f32 = 0.6;
-    /// How far a board hangs before the wall, pixels of disparity in the farthest view.
+    /// Disparity of a board before the wall, pixels in the farthest view.
     const BOARD_PX: f32 = 2.0;
 
     fn lens() -> Intrinsics {
@@ -68,7 +68,7 @@ mod tests {
         1.0 / (lens().fx as f32 * BASELINE_M)
     }
 
-    /// What a ray from `eye` along (x, y, 1) shows: whether that is the board, its inverse depth and its brightness.
+    /// Surface hit by a ray from `eye` along (x, y, 1): whether it is the board, its inverse depth and its brightness.
     fn shown(eye: Vec3, x: f32, y: f32) -> (bool, f32, u8) {
         let wave = |p: Vec3, k: f32| (k * p.x + 1.0).sin() + (0.7 * k * p.y).cos() + (k * (p.x + p.y)).sin();
         let board = 1.0 / WALL_M + BOARD_PX * step();
@@ -149,7 +149,7 @@ mod tests {
         assert!(taken > rim.len() * 9 / 10, "{taken} of {}", rim.len());
         assert!(lost < board / 20, "{lost} of {board}");
 
-        // What lies farther off than noise and rims go belongs to something else.
+        // Pixels farther off than noise and rims belong to another surface.
         let mut labels: Vec<Option<u16>> = labels.iter().map(|label| label.filter(|_| false)).collect();
         labels[30 * SIZE.0 + 20] = Some(0);
         let options = PlaneOptions { loose_tolerance_px: 0.5 * BOARD_PX, ..PlaneOptions::default() };
@@ -165,7 +165,7 @@ mod tests {
         let witnesses = Witnesses::new(&others);
         let photo = PhotoConsistency::new(&view, &witnesses).unwrap();
         let cost = |x, y, w| photo.cost(x, y, &Support { w, gu: 0.0, gv: 0.0 });
-        // In the middle the board, above it the wall.
+        // The board in the middle, the wall above it.
         for (x, y, w) in [(80, 60, 1.0 / WALL_M + BOARD_PX * step()), (80, 22, 1.0 / WALL_M)] {
             let truth = cost(x, y, w).unwrap();
             assert!(truth < 2.0, "{truth}");

@@ -1,4 +1,4 @@
-//! A plane fitted to every small neighbourhood: far steadier than a single pixel's normal.
+//! A plane fitted to every small neighbourhood, much more precise than a single pixel's normal.
 
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
@@ -8,27 +8,27 @@ use crate::surface::Surface;
 
 /// Distance between neighbourhoods, pixels.
 pub(super) const CELL: usize = 4;
-/// Their half width, pixels.
+/// Half width of a neighbourhood, pixels.
 const RADIUS: isize = 7;
-/// Least share of a neighbourhood that has to lie on its plane.
+/// Least share of a neighbourhood that must lie on its plane.
 const LEAST_INSIDE: f64 = 0.6;
 
 /// Local planes on a grid over the image.
 pub(super) struct Cells {
     columns: usize,
     rows: usize,
-    /// Told at the cell's middle pixel; `None` where the neighbourhood is no plane.
+    /// Plane of each cell at its middle pixel; `None` where the neighbourhood is no plane.
     pub(super) supports: Vec<Option<Support>>,
 }
 
 impl Cells {
-    /// The middle pixel of a cell.
+    /// Middle pixel of a cell.
     pub(super) fn middle(&self, cell: usize) -> (f32, f32) {
         let (column, row) = (cell % self.columns, cell / self.columns);
         ((column * CELL + CELL / 2) as f32, (row * CELL + CELL / 2) as f32)
     }
 
-    /// The local plane at a pixel, told there.
+    /// Local plane at a pixel.
     pub(super) fn near(&self, x: usize, y: usize) -> Option<Support> {
         let (column, row) = ((x / CELL).min(self.columns - 1), (y / CELL).min(self.rows - 1));
         let cell = row * self.columns + column;
@@ -69,7 +69,8 @@ fn neighbourhood(surface: &Surface, u: isize, v: isize, step: f32) -> Option<Sup
     if (samples.len() as f64) < needed {
         return None;
     }
-    // Start from what most agree on, so that an edge through the neighbourhood does not tip the plane.
+    // The fit starts from the depth with most support, so that an edge through the neighbourhood does not tip the
+    // plane.
     let mut inverse: Vec<f64> = samples.iter().map(|s| s[2]).collect();
     inverse.sort_by(f64::total_cmp);
     let median = inverse[inverse.len() / 2];

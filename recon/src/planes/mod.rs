@@ -1,10 +1,10 @@
-//! The room's planes: what stereo measured is made exact on them, and what it could not see is filled from them.
+//! The room's planes: measured depths are made exact on them, and holes of stereo are filled from them.
 //!
-//! Indoors, untextured walls and floors leave holes in stereo, and a hole in a wall is a hole in the prediction of what
-//! it hides. Planes are found in the measured depths ([`detect`]), the ceiling opposite the floor ([`opposite`]); pixels
-//! on a plane take its depth, and so do those beside them whose colours the plane explains better than stereo did ([`grow`],
-//! [`photo`]); doubtful rims of near things, where patches reach over the edge, are forgotten ([`rims`]);
-//! what is unknown then takes the plane of the measured pixel that is nearest along paths which avoid edges in the
+//! Indoors, untextured walls and floors leave holes in stereo, and a hole in a wall is a hole in the prediction of
+//! occlusion. Planes are found in the measured depths ([`detect`]), the ceiling opposite the floor ([`opposite`]);
+//! pixels on a plane take its depth, and so do those beside them whose colours the plane explains better than stereo
+//! did ([`grow`], [`photo`]); unreliable rims of near things, where patches reach over the edge, are discarded
+//! ([`rims`]); unknown pixels then take the plane of the nearest measured pixel along paths which avoid edges in the
 //! picture ([`spread`]), unless another view looks past it ([`witness`]). Filled pixels are marked as such.
 //!
 //! Everything happens in inverse depth, where a plane is linear over the image and stereo's noise is the same everywhere.
@@ -25,38 +25,38 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::dense::{DenseView, Support};
-use crate::surface::{Origin, Surface};
+use crate::surface::{DepthOrigin, Surface};
 
 pub use detect::ImagePlane;
 
-/// How planes are found and used. Depth tolerances are in pixels of stereo's disparity.
+/// Options of plane detection and filling. Depth tolerances are in pixels of stereo's disparity.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlaneOptions {
-    /// A measured pixel this close to a plane lies on it, pixels of disparity.
+    /// Largest distance of a measured pixel from its plane, pixels of disparity.
     pub tolerance_px: f32,
-    /// … and this close, if it lies amid pixels of the plane, or beside one and the colours in other views agree.
+    /// … and the largest if it lies amid pixels of the plane, or beside one and the colours in other views agree.
     pub loose_tolerance_px: f32,
-    /// The former only if its neighbourhood faces the plane's way to within this, degrees.
+    /// Largest angle between the plane's and the neighbourhood's normals for the former, degrees.
     pub facing_deg: f32,
     /// Least share of the image that makes a plane.
     pub least_share: f32,
-    /// Planes looked for.
+    /// Largest number of planes.
     pub most_planes: usize,
-    /// Patches of equal depth smaller than this share of the image are thrown away.
+    /// Largest share of the image of patches of equal depth that are discarded.
     pub speckle_share: f32,
-    /// Width of the doubtful rim of near things, pixels.
+    /// Width of the unreliable rim of near things, pixels.
     pub rim_px: usize,
-    /// Pixels of disparity by which a surface lies before another where there is an edge between them.
+    /// Pixels of disparity between two surfaces with an edge between them.
     pub edge_px: f32,
-    /// Depths of neighbouring pixels that differ by more than half this share do not hang together.
+    /// Relative difference between the depths of neighbouring pixels, half of which separates two surfaces.
     pub edge: f32,
-    /// How many pixels of smooth picture a step of one grey level counts as.
+    /// Pixels of smooth picture whose path cost equals a step of one grey level.
     pub edge_cost: f32,
-    /// A plane is continued at most this far, pixels, and no farther than its own half width.
+    /// Largest distance over which a plane is continued, pixels; also limited to its own half width.
     pub reach_px: f32,
-    /// A surface that is on no plane is continued at most this far, pixels.
+    /// Largest distance over which a surface on no plane is continued, pixels.
     pub surface_reach_px: f32,
-    /// Another view looks past a filled point if it measured something farther off by this share.
+    /// Relative excess of another view's measured depth from which on it looks past a filled point.
     pub looked_past: f32,
     /// Seed of the random samples.
     pub seed: u64,
@@ -83,31 +83,31 @@ impl Default for PlaneOptions {
     }
 }
 
-/// What was done.
+/// Report of plane detection and filling.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PlaneReport {
-    /// Planes found.
+    /// Number of planes found.
     pub planes: usize,
     /// Share of the image that lies on one of them and was measured.
     pub on_planes: f64,
-    /// Share that was measured but not believed: speckles, rims, behind the room.
+    /// Share that was measured but discarded: speckles, rims, behind the room.
     pub forgotten: f64,
     /// Share that was filled.
     pub filled: f64,
 }
 
-/// A reference view with its room's planes known.
+/// A completed reference view with its room's planes.
 #[derive(Debug, Clone)]
 pub struct Completed {
-    /// What the view sees, cleaned and completed.
+    /// Surface of the view, cleaned and completed.
     pub surface: Surface,
-    /// The planes that enclose the room: nothing real lies behind them.
+    /// Planes that enclose the room: nothing real lies behind them.
     pub enclosing: Vec<ImagePlane>,
-    /// What was done.
+    /// Report of the completion.
     pub report: PlaneReport,
 }
 
-/// The reference view's surface, cleaned and completed; `None` without a view. `views`: the reference first, then the key
+/// Cleans and completes the reference view's surface; `None` without a view. `views`: the reference first, then the key
 /// frames.
 pub fn complete(views: &[DenseView], options: &PlaneOptions) -> Option<Completed> {
     let view = views.first()?;
@@ -145,7 +145,7 @@ pub fn complete(views: &[DenseView], options: &PlaneOptions) -> Option<Completed
     Some(Completed { surface, enclosing, report })
 }
 
-/// What lies behind a wall that nothing else lies behind is a reflection, or a mistake.
+/// Discards depths behind an enclosing plane: reflections, or mistakes.
 fn forget_behind(surface: &mut Surface, planes: &[ImagePlane], step: f32) {
     let width = surface.width();
     for i in 0..surface.depth.len() {
@@ -159,7 +159,7 @@ fn forget_behind(surface: &mut Surface, planes: &[ImagePlane], step: f32) {
     }
 }
 
-/// For each measured pixel the plane it lies on.
+/// Plane of each measured pixel.
 fn label(
     surface: &Surface,
     cells: &local::Cells,
@@ -181,7 +181,7 @@ fn label(
             let mut best: Option<(f32, u16)> = None;
             for (k, plane) in planes.iter().enumerate() {
                 let off = (plane.at(u, v) - w).abs() / step;
-                // Where the neighbourhood is no plane itself, the pixel has to fit all the better.
+                // Where the neighbourhood is no plane itself, the pixel must fit better.
                 let fits = match around {
                     Some(normal) => off < options.tolerance_px && normal.dot(plane.normal) > facing,
                     None => off < 0.5 * options.tolerance_px,
@@ -197,7 +197,7 @@ fn label(
         .collect()
 }
 
-/// A pixel amid a plane's pixels that is off by little more than noise lies on that plane, too.
+/// Assigns pixels amid a plane's pixels that are off by little more than noise to that plane, too.
 fn agree_with_neighbours(
     surface: &Surface,
     planes: &[ImagePlane],
@@ -229,7 +229,7 @@ fn agree_with_neighbours(
         .collect()
 }
 
-/// Pixels on planes take the planes' depth and normal; how many there were.
+/// Sets pixels on planes to the planes' depth and normal; returns their number.
 fn snap(surface: &mut Surface, planes: &[ImagePlane], labels: &[Option<u16>]) -> usize {
     let width = surface.width();
     let mut count = 0;
@@ -240,8 +240,8 @@ fn snap(surface: &mut Surface, planes: &[ImagePlane], labels: &[Option<u16>]) ->
             surface.depth[i] = 1.0 / w;
             surface.normal[i] = plane.normal;
             if plane.opposite {
-                // Its direction is assumed: good enough to fill, not to lay cameras' surfaces on each other.
-                surface.origin[i] = Origin::Filled;
+                // The plane's direction is assumed: good enough for filling, not for aligning cameras' surfaces.
+                surface.origin[i] = DepthOrigin::Filled;
                 surface.agreeing[i] = 0;
             }
             count += 1;
@@ -251,15 +251,15 @@ fn snap(surface: &mut Surface, planes: &[ImagePlane], labels: &[Option<u16>]) ->
 }
 
 impl Surface {
-    /// Nothing is known of this pixel any more.
+    /// Sets a pixel to unknown.
     pub(crate) fn forget(&mut self, i: usize) {
         self.depth[i] = 0.0;
         self.normal[i] = Vec3::ZERO;
         self.agreeing[i] = 0;
-        self.origin[i] = Origin::Unknown;
+        self.origin[i] = DepthOrigin::Unknown;
     }
 
-    /// The plane through a measured pixel.
+    /// Plane through a measured pixel.
     pub(crate) fn support(&self, i: usize) -> Option<Support> {
         let (u, v) = ((i % self.width()) as f32, (i / self.width()) as f32);
         let camera = self.pinhole();

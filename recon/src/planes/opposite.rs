@@ -1,7 +1,7 @@
-//! The plane opposite a wall or the floor: the ceiling, most often. It is plain and seen at a glancing angle, so that few
+//! The plane opposite a wall or the floor: usually the ceiling. It is plain and seen at a glancing angle, so that few
 //! neighbourhoods on it are measured well enough to make a plane of their own ([`super::detect`]), and the tilt of one
-//! would be poorly known. Rooms have parallel sides: the opposite plane's direction is taken from the plane that is
-//! known well, and only its distance from what single pixels say.
+//! would be poorly known. Rooms have parallel sides: the opposite plane's direction is taken from the well-measured
+//! plane, and only its distance from single pixels.
 
 use std::cmp::Reverse;
 
@@ -11,19 +11,20 @@ use super::PlaneOptions;
 use super::detect::ImagePlane;
 use crate::surface::Surface;
 
-/// Pixels must face the opposite way to within this to vote (cosine of 60°: single pixels' normals are rough).
+/// Least cosine between a pixel's normal and the opposite direction for it to vote (60°: single pixels' normals are
+/// rough).
 pub(super) const LEAST_FACING: f32 = 0.5;
-/// Least share of these that agree on the distance; anything else is spread over many times its width.
+/// Least share of the votes that agree on the distance; other surfaces spread over many times its width.
 const LEAST_AGREEING: f32 = 0.25;
-/// At most this share of the pixels beyond the camera lies behind the plane: it encloses the room.
+/// Largest share of the pixels beyond the camera behind the plane, for it to enclose the room.
 const LARGEST_BEHIND: f32 = 0.1;
-/// Pixels of disparity that a pixel of the plane may be off.
+/// Largest distance of a pixel from the plane, pixels of disparity.
 const NOISE_PX: f32 = 2.5;
 /// Half width of the window in which distances agree, in logarithms: a share of the distance.
 const WINDOW: f32 = 0.04;
 
-/// For each direction the plane opposite to the largest enclosing one, where pixels show one; what was found there
-/// before is removed.
+/// Adds, for each direction, the plane opposite to the largest enclosing one, where pixels support one; planes found
+/// there before are removed.
 pub(super) fn add(surface: &Surface, planes: &mut Vec<ImagePlane>, step: f32, options: &PlaneOptions) {
     let alike = options.facing_deg.to_radians().cos();
     let mut known: Vec<ImagePlane> = planes.iter().copied().filter(|p| p.encloses).collect();
@@ -41,7 +42,7 @@ pub(super) fn add(surface: &Surface, planes: &mut Vec<ImagePlane>, step: f32, op
     }
 }
 
-/// The plane that bounds the room in the direction `across`.
+/// Plane that bounds the room in the direction `across`.
 fn opposite(surface: &Surface, across: Vec3, step: f32, options: &PlaneOptions) -> Option<ImagePlane> {
     let mut beyond = 0;
     let mut votes: Vec<Vote> = Vec::new();
@@ -49,7 +50,7 @@ fn opposite(surface: &Surface, across: Vec3, step: f32, options: &PlaneOptions) 
         let Some(distance) = surface.point(i).map(|p| across.dot(p)).filter(|d| *d > 0.0) else { continue };
         beyond += 1;
         if across.dot(surface.normal[i]) < -LEAST_FACING {
-            // Errors are alike in inverse depth: as a share of the distance they grow with the depth.
+            // Errors are equal in inverse depth, so as a share of the distance they grow with the depth.
             votes.push(Vote { log_distance: distance.ln(), weight: (step * surface.depth[i]).powi(-2) });
         }
     }
@@ -68,14 +69,14 @@ fn opposite(surface: &Surface, across: Vec3, step: f32, options: &PlaneOptions) 
     ((behind as f32) < LARGEST_BEHIND * beyond as f32).then_some(plane)
 }
 
-/// What a pixel says of the plane's distance.
+/// Vote of a pixel for the plane's distance.
 #[derive(Debug, Clone, Copy)]
 struct Vote {
     log_distance: f32,
     weight: f32,
 }
 
-/// The distance (its logarithm) that most votes, given in order, agree on, and how many they are.
+/// Distance (its logarithm) on which most sorted votes agree, and their number.
 fn agreed(votes: &[Vote]) -> Option<(f32, usize)> {
     let mut fullest = 0..0;
     let mut end = 0;
@@ -89,7 +90,7 @@ fn agreed(votes: &[Vote]) -> Option<(f32, usize)> {
     }
     let mut middle = weighted_median(&votes[fullest])?;
     let mut within: &[Vote] = &[];
-    // The median of the fullest window need not be its middle: a few steps centre the window on it.
+    // The median of the fullest window may be off its middle: a few steps centre the window on it.
     for _ in 0..5 {
         let first = votes.partition_point(|v| v.log_distance < middle - WINDOW);
         let last = votes.partition_point(|v| v.log_distance <= middle + WINDOW);
@@ -99,7 +100,7 @@ fn agreed(votes: &[Vote]) -> Option<(f32, usize)> {
     Some((middle, within.len()))
 }
 
-/// Of votes in order.
+/// Weighted median of sorted votes.
 fn weighted_median(votes: &[Vote]) -> Option<f32> {
     let half = 0.5 * votes.iter().map(|v| v.weight).sum::<f32>();
     let mut sum = 0.0;
@@ -112,7 +113,7 @@ fn weighted_median(votes: &[Vote]) -> Option<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::surface::Origin;
+    use crate::surface::DepthOrigin;
     use calib::Intrinsics;
     use image::RgbImage;
     use rand::{RngExt, SeedableRng};
@@ -125,8 +126,8 @@ mod tests {
     const FLOOR_M: f32 = 1.8;
     const WALL_M: f32 = 5.0;
 
-    /// A room whose ceiling lies `ceiling_m` above the camera: floor and back wall as they are, of the ceiling two pixels
-    /// of three unknown, the others off by up to two pixels of disparity and facing anywhere within 40°.
+    /// A room whose ceiling lies `ceiling_m` above the camera: exact floor and back wall; two ceiling pixels of three
+    /// unknown, the others off by up to two pixels of disparity and with normals anywhere within 40°.
     fn room(ceiling_m: f32) -> (Surface, Vec<ImagePlane>) {
         let intrinsics = Intrinsics::from_horizontal_fov(SIZE.0, SIZE.1, 70.0);
         let count = (SIZE.0 * SIZE.1) as usize;
@@ -136,7 +137,7 @@ mod tests {
             depth: vec![0.0; count],
             normal: vec![Vec3::ZERO; count],
             agreeing: vec![4; count],
-            origin: vec![Origin::Stereo; count],
+            origin: vec![DepthOrigin::Stereo; count],
             step: STEP,
         };
         let camera = surface.pinhole();
@@ -186,12 +187,12 @@ mod tests {
         assert_eq!(planes.len(), 3);
         assert!(planes.iter().all(|p| p.normal != crooked));
 
-        // No ceiling in view: the wall goes on to the image's top.
+        // No ceiling in view: the wall continues to the image's top.
         let (surface, planes) = room(50.0);
         let mut more = planes.clone();
         add(&surface, &mut more, STEP, &PlaneOptions::default());
         assert_eq!(more, planes);
-        // A shelf above the camera, past which the wall is seen, bounds no room.
+        // A shelf above the camera, past which the wall is visible, bounds no room.
         let (mut surface, planes) = room(0.8);
         for (i, (depth, normal)) in surface.depth.iter_mut().zip(&mut surface.normal).enumerate() {
             if i % SIZE.0 as usize > 60 && *normal != -DOWN {

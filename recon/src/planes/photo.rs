@@ -1,8 +1,8 @@
-//! Photo-consistency: how well a plane at a pixel explains what the key frames show there.
+//! Photo-consistency: agreement of the key frames' colours with a plane at a pixel.
 //!
 //! Stereo compares correlations, which a smooth gradient satisfies at any depth and which a patch's brightest edge
-//! dominates. To tell two candidate planes apart, colours themselves are compared here, over a small neighbourhood of
-//! the pixel's own colour: nothing a hand's breadth away on another surface has a say.
+//! dominates. To decide between two candidate planes, colours are compared directly, over a small neighbourhood of
+//! pixels of similar colour, so that other surfaces nearby have no influence.
 
 use glam::{Affine3A, Vec2, Vec3};
 use image::RgbImage;
@@ -11,23 +11,23 @@ use image::imageops::{self, FilterType};
 use super::witness::Witnesses;
 use crate::dense::{DenseView, Pinhole, Support};
 
-/// Samples lie at these offsets in both directions, pixels, and in the middle.
+/// Offsets of the samples in both directions, pixels; another one is in the middle.
 const OFFSETS: [f32; 4] = [-3.0, -1.0, 1.0, 3.0];
 const SAMPLES: usize = OFFSETS.len() * OFFSETS.len() + 1;
-/// More views than this bring nothing.
+/// Largest number of views; more bring no improvement.
 const MOST_VIEWS: usize = 16;
-/// Fewer views than this prove nothing.
+/// Least number of views.
 const LEAST_VIEWS: usize = 2;
-/// Grey levels at which a sample's weight has fallen to 1/e.
+/// Difference in grey levels at which a sample's weight has fallen to 1/e.
 const COLOUR_SIGMA: f32 = 20.0;
-/// Grey levels by which exposure and shading may differ between views without being a difference.
+/// Difference in grey levels that is attributed to exposure and shading.
 const EXPOSURE: f32 = 6.0;
-/// Grey levels at which a difference stops growing: a highlight, something else that stands before.
+/// Difference in grey levels at which the cost stops growing: a highlight, or an occluder.
 const CAP: f32 = 30.0;
 
-/// The reference picture beside the key frames'.
+/// Reference picture and key frames for the comparison.
 pub(super) struct PhotoConsistency<'a> {
-    /// As small as the key frames', so that both are equally sharp.
+    /// Reference picture at the key frames' size, so that both are equally sharp.
     reference: RgbImage,
     camera: Pinhole,
     /// Pixels of `reference` a pixel of the surface.
@@ -36,7 +36,7 @@ pub(super) struct PhotoConsistency<'a> {
 }
 
 impl<'a> PhotoConsistency<'a> {
-    /// `None` without key frames.
+    /// Prepares the comparison; `None` without key frames.
     pub(super) fn new(view: &DenseView, witnesses: &'a Witnesses<'a>) -> Option<Self> {
         let (first, small, _) = witnesses.views.first()?;
         let (width, height) = first.picture.dimensions();
@@ -46,7 +46,7 @@ impl<'a> PhotoConsistency<'a> {
     }
 
     /// Mean difference of colour, grey levels, in the better half of the key frames that see the pixel's whole
-    /// neighbourhood (something may stand before it in the others); `None` where fewer than two do.
+    /// neighbourhood (it may be occluded in the others); `None` where fewer than two do.
     pub(super) fn cost(&self, x: usize, y: usize, support: &Support) -> Option<f32> {
         let samples = self.samples(x as f32, y as f32, support)?;
         let mut costs = [0.0; MOST_VIEWS];
@@ -63,28 +63,28 @@ impl<'a> PhotoConsistency<'a> {
         Some(better.iter().sum::<f32>() / better.len() as f32)
     }
 
-    /// The neighbourhood on the plane; `None` where it leaves the image or the plane lies behind.
-    fn samples(&self, u: f32, v: f32, support: &Support) -> Option<[Sample; SAMPLES]> {
+    /// Samples of the neighbourhood on the plane; `None` where it leaves the image or the plane lies behind.
+    fn samples(&self, u: f32, v: f32, support: &Support) -> Option<[PhotoSample; SAMPLES]> {
         let color_at = |u: f32, v: f32| {
             let place = (Vec2::new(u, v) + 0.5) * self.scale - 0.5;
             between(&self.reference, place)
         };
         let centre = color_at(u, v)?;
-        let mut samples = [Sample { point: Vec3::ZERO, color: centre, weight: 1.0 }; SAMPLES];
+        let mut samples = [PhotoSample { point: Vec3::ZERO, color: centre, weight: 1.0 }; SAMPLES];
         let around = OFFSETS.iter().flat_map(|dv| OFFSETS.iter().map(move |du| (*du, *dv)));
         for (sample, (du, dv)) in samples.iter_mut().zip(std::iter::once((0.0, 0.0)).chain(around)) {
             let w = Some(support.moved(du, dv).w).filter(|w| *w > 0.0)?;
             let color = color_at(u + du, v + dv)?;
             let weight = (-(color - centre).abs().max_element() / COLOUR_SIGMA).exp();
-            *sample = Sample { point: self.camera.ray(u + du, v + dv) / w, color, weight };
+            *sample = PhotoSample { point: self.camera.ray(u + du, v + dv) / w, color, weight };
         }
         Some(samples)
     }
 }
 
-/// A point of the plane, in the reference's frame, and what colour the reference picture shows there.
+/// A point of the plane, in the reference's frame, and its colour in the reference picture.
 #[derive(Clone, Copy)]
-struct Sample {
+struct PhotoSample {
     point: Vec3,
     color: Vec3,
     weight: f32,
@@ -92,7 +92,7 @@ struct Sample {
 
 /// Mean difference of colour in one view; `None` where it does not see all samples.
 fn difference(
-    samples: &[Sample; SAMPLES],
+    samples: &[PhotoSample; SAMPLES],
     picture: &RgbImage,
     camera: &Pinhole,
     camera_from_reference: &Affine3A,
@@ -107,7 +107,7 @@ fn difference(
         total += sample.weight;
     }
     let exposure = (sum / total).clamp(Vec3::splat(-EXPOSURE), Vec3::splat(EXPOSURE));
-    let of = |(d, s): (&Vec3, &Sample)| s.weight * ((*d - exposure).abs().element_sum() / 3.0).min(CAP);
+    let of = |(d, s): (&Vec3, &PhotoSample)| s.weight * ((*d - exposure).abs().element_sum() / 3.0).min(CAP);
     Some(differences.iter().zip(samples).map(of).sum::<f32>() / total)
 }
 

@@ -1,20 +1,21 @@
-//! The doubtful rims of near things. A patch beside an edge is matched by the near side's texture, so near surfaces
-//! come out fatter than they are by up to the patch's radius. Those rims are forgotten; the picture's own edges
-//! then decide whose they are, and where they decide as stereo did, what was measured stands.
+//! Unreliable rims of near things. A patch beside an edge is matched by the near side's texture, so near surfaces come
+//! out too wide by up to the patch's radius. Those rims are discarded; the picture's own edges then decide which
+//! surface they belong to, and where they confirm stereo, its measurement is restored.
 
 use rayon::prelude::*;
 
 use super::local::Cells;
 use super::{ImagePlane, PlaneOptions};
 use crate::dense::Support;
-use crate::surface::{Origin, Surface};
+use crate::surface::{DepthOrigin, Surface};
 
-/// Directions in which a rim's edge is looked for.
+/// Number of directions in which a rim's edge is searched.
 const DIRECTIONS: usize = 16;
-/// A pixel whose surface goes on at least this much farther from the edge is no middle of something thin, pixels.
+/// Distance by which a surface must continue beyond a pixel, away from the edge, for it not to be the middle of
+/// something thin, pixels.
 const THIN_PX: f32 = 2.0;
 
-/// What was measured on rims and is forgotten for now.
+/// Measurements on rims that are discarded for now.
 pub(super) struct Rims {
     pixels: Vec<Rim>,
 }
@@ -25,17 +26,17 @@ struct Rim {
     agreeing: u8,
 }
 
-/// Each pixel's plane, and how it goes on around it.
+/// Plane of each pixel, for comparison with its neighbours.
 struct Neighbourhood<'a> {
     width: isize,
     height: isize,
     supports: &'a [Option<Support>],
     labels: &'a [Option<u16>],
-    /// Inverse depth that makes an edge.
+    /// Difference in inverse depth that makes an edge.
     edge: f32,
 }
 
-/// Forgets the near side of depth edges; of something thin the middle stays.
+/// Discards the near side of depth edges; the middle of thin things stays.
 pub(super) fn forget(
     surface: &mut Surface,
     planes: &[ImagePlane],
@@ -57,7 +58,7 @@ pub(super) fn forget(
     };
     let rings = rings(options.rim_px);
     let beyond = options.rim_px as f32 + 1.0;
-    // How far off the nearest edge is that a pixel is on the near side of, pixels.
+    // Distance of each pixel from the nearest edge whose near side it is on, pixels.
     let distance: Vec<f32> = (0..supports.len())
         .into_par_iter()
         .map(|i| {
@@ -73,7 +74,7 @@ pub(super) fn forget(
         (0..supports.len()).into_par_iter().filter(|i| distance[*i] < beyond && has_core(*i)).collect();
     let mut pixels = Vec::with_capacity(doubtful.len());
     for pixel in doubtful {
-        // A plane of assumed direction was never measured as such.
+        // A plane of assumed direction was never measured.
         let assumed = labels[pixel].and_then(|k| planes.get(usize::from(k))).is_some_and(|p| p.opposite);
         if let Some(support) = supports[pixel].filter(|_| !assumed) {
             pixels.push(Rim { pixel, support, agreeing: surface.agreeing[pixel] });
@@ -84,7 +85,7 @@ pub(super) fn forget(
 }
 
 impl Rims {
-    /// Takes back what was measured where the same was filled in.
+    /// Restores measurements where the filled surface confirms them.
     pub(super) fn confirm(&self, surface: &mut Surface, step: f32, options: &PlaneOptions) {
         let (width, camera) = (surface.width(), surface.pinhole());
         for Rim { pixel, support, agreeing } in &self.pixels {
@@ -94,7 +95,7 @@ impl Rims {
                 surface.depth[i] = 1.0 / support.w;
                 surface.normal[i] = support.normal((i % width) as f32, (i / width) as f32, &camera);
                 surface.agreeing[i] = *agreeing;
-                surface.origin[i] = Origin::Stereo;
+                surface.origin[i] = DepthOrigin::Stereo;
             }
         }
     }
@@ -106,7 +107,7 @@ impl Neighbourhood<'_> {
         (x >= 0 && y >= 0 && x < self.width && y < self.height).then(|| (y * self.width + x) as usize)
     }
 
-    /// By how much one pixel's surface lies before another's, in inverse depth: where both planes say so. Of two sides
+    /// Difference in inverse depth by which one pixel's surface lies before another's, by both planes. Of two sides
     /// that meet at a crease each lies behind the other's plane, or each before it, but never one before the other.
     fn before(&self, i: usize, j: usize, (dx, dy): (isize, isize)) -> Option<f32> {
         let (here, there) = (self.supports[i].as_ref()?, self.supports[j].as_ref()?);
@@ -118,14 +119,14 @@ impl Neighbourhood<'_> {
         self.labels[i].is_some() && self.labels[i] == self.labels[j]
     }
 
-    /// Whether a pixel lies on the near side of an edge between it and the other.
+    /// Tells whether a pixel lies on the near side of an edge between it and the other.
     fn edge(&self, i: usize, offset: (isize, isize)) -> bool {
         self.at(i, offset).is_some_and(|j| {
             !self.same_plane(i, j) && self.before(i, j, offset).is_some_and(|off| off > self.edge)
         })
     }
 
-    /// The other pixel, if it shows the same surface.
+    /// The other pixel, if it is on the same surface.
     fn continued(&self, i: usize, offset: (isize, isize)) -> Option<usize> {
         self.at(i, offset).filter(|j| {
             self.same_plane(i, *j) || self.before(i, *j, offset).is_some_and(|off| off.abs() < self.edge)
@@ -133,7 +134,7 @@ impl Neighbourhood<'_> {
     }
 }
 
-/// A measured pixel's plane: the room's, its neighbourhood's, or its own.
+/// Plane of a measured pixel: the room's, its neighbourhood's, or its own.
 fn support(
     surface: &Surface,
     planes: &[ImagePlane],

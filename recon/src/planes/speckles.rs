@@ -1,9 +1,9 @@
-//! Small patches of depth that hang together with nothing: mistakes, as a rule, and in free space they would hide people.
+//! Removal of small isolated patches of depth: usually mistakes, and in free space they would hide people.
 
 use super::PlaneOptions;
 use crate::surface::Surface;
 
-/// Forgets patches of continuous depth that are too small.
+/// Discards patches of continuous depth that are too small.
 pub(super) fn remove(surface: &mut Surface, options: &PlaneOptions) {
     let (width, height) = (surface.width(), surface.height());
     let least = (options.speckle_share * (width * height) as f32) as usize;
@@ -36,7 +36,7 @@ pub(super) fn remove(surface: &mut Surface, options: &PlaneOptions) {
     }
 }
 
-/// The pixels left, right, above and below.
+/// Pixels left, right, above and below.
 pub(super) fn neighbours(i: usize, width: usize, height: usize) -> impl Iterator<Item = usize> {
     let (x, y) = (i % width, i / width);
     [

@@ -1,7 +1,7 @@
-//! Known surfaces spread into the unknown, along paths that avoid edges in the picture.
+//! Continuation of known surfaces into unknown pixels, along paths that avoid edges in the picture.
 //!
-//! A shortest-path search (Dijkstra) from all known pixels at once: a step costs a pixel plus the change of colour,
-//! so a region of one colour is taken by what borders it, and an outline stops whatever comes from beyond. A plane of
+//! A shortest-path search (E. W. Dijkstra) from all known pixels at once: a step costs a pixel plus the change of
+//! colour, so a region of one colour is filled from its border, and an outline stops the surfaces beyond. A plane of
 //! the room is continued far; a surface on no plane only over the width of a rim.
 
 use std::cmp::Reverse;
@@ -11,9 +11,9 @@ use super::speckles::neighbours;
 use super::witness::Witnesses;
 use super::{ImagePlane, PlaneOptions};
 use crate::dense::Support;
-use crate::surface::{Origin, Surface};
+use crate::surface::{DepthOrigin, Surface};
 
-/// What spreads from a known pixel.
+/// Source of a filled pixel.
 #[derive(Clone, Copy)]
 enum Seed {
     Plane(u16),
@@ -21,7 +21,7 @@ enum Seed {
     Pixel(u32),
 }
 
-/// Fills what is unknown; how many pixels were.
+/// Fills unknown pixels; returns their number.
 pub(super) fn fill(
     surface: &mut Surface,
     planes: &[ImagePlane],
@@ -58,24 +58,25 @@ pub(super) fn fill(
         let normal = support.normal(u, v, &camera);
         let ray = camera.ray(u, v);
         let grazing = normal.dot(ray) > -Support::LEAST_COSINE * ray.length();
-        // What other views see behind the room's own walls is a reflection; anything else they may contradict.
+        // Surfaces that other views see behind the room's own walls are reflections; all other fillings they may
+        // contradict.
         if grazing || (!encloses && witnesses.contradict(ray / support.w, options.looked_past)) {
             continue;
         }
         surface.depth[i] = 1.0 / support.w;
         surface.normal[i] = normal;
-        surface.origin[i] = Origin::Filled;
+        surface.origin[i] = DepthOrigin::Filled;
         filled += 1;
     }
     filled
 }
 
-/// A filled plane may come no nearer than anything that was measured.
+/// Smallest measured depth: a filled plane must not come nearer.
 fn nearest_depth(surface: &Surface) -> f32 {
     surface.depth.iter().copied().filter(|z| *z > 0.0).fold(f32::INFINITY, f32::min)
 }
 
-/// The room's shell at a pixel: the nearest of the planes that enclose it.
+/// Nearest enclosing plane at a pixel.
 fn nearest_enclosing(planes: &[ImagePlane], u: f32, v: f32) -> Option<Support> {
     planes
         .iter()
@@ -85,22 +86,22 @@ fn nearest_enclosing(planes: &[ImagePlane], u: f32, v: f32) -> Option<Support> {
         .filter(|s| s.w > 0.0)
 }
 
-/// For each pixel the seed that reaches it at the least cost, if any is allowed to come so far.
+/// Seed that reaches each pixel at the least cost, within its reach.
 fn reached(
     surface: &Surface,
     planes: &[ImagePlane],
     labels: &[Option<u16>],
     options: &PlaneOptions,
 ) -> Vec<Option<Seed>> {
-    /// Costs are kept in whole hundredths, so that the order of equal ones is the same everywhere.
+    /// Unit of the costs, hundredths of a pixel as integers, so that ties are broken the same everywhere.
     const UNIT: f32 = 100.0;
-    /// What a surface on no plane has to make up, pixels.
+    /// Additional cost of a surface on no plane, pixels.
     const PIXEL_HANDICAP_PX: f32 = 4.0;
     let (width, height) = (surface.width(), surface.height());
     let reach = |seed: &Seed| match seed {
         Seed::Plane(k) => {
             let own = planes.get(usize::from(*k)).map_or(0.0, |p| {
-                // A ceiling is measured here and there only: it goes on until something stands before it.
+                // A ceiling is measured only in parts: it is continued until something stands before it.
                 if p.opposite { f32::INFINITY } else { 0.5 * (p.pixels as f32).sqrt() }
             });
             own.clamp(options.surface_reach_px, options.reach_px)
@@ -114,7 +115,7 @@ fn reached(
         if surface.depth[i] <= 0.0 {
             continue;
         }
-        // A single pixel's plane is a poor one: planes of the room have a start.
+        // A single pixel's plane is imprecise: planes of the room have a start.
         let (seed, cost) = match labels[i] {
             Some(k) => (Seed::Plane(k), 0),
             None if surface.support(i).is_some() => {
@@ -144,9 +145,9 @@ fn reached(
     seeds
 }
 
-/// The largest change of a colour channel between two pixels, less what is noise.
+/// Largest change of a colour channel between two pixels, above the noise.
 fn colour_step(surface: &Surface, i: usize, j: usize) -> f32 {
-    /// Grey levels that mean nothing: sensor noise and compression.
+    /// Change in grey levels by sensor noise and compression.
     const NOISE: f32 = 4.0;
     let width = surface.width();
     let at = |i: usize| surface.picture.get_pixel((i % width) as u32, (i / width) as u32).0;

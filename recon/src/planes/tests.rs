@@ -10,7 +10,7 @@ use rand_pcg::Pcg64Mcg;
 
 const WIDTH: usize = 160;
 const HEIGHT: usize = 120;
-/// Inverse depth of a pixel of disparity: noise is a sixth of it.
+/// Inverse depth of a pixel of disparity; the noise is a sixth of it.
 const STEP: f32 = 0.004;
 
 /// A plane `n · X = 1` and its colour.
@@ -22,7 +22,7 @@ fn is_box(x: usize, y: usize) -> bool {
     (60..100).contains(&x) && (40..80).contains(&y)
 }
 
-/// What a pixel shows: the box, or the nearer of floor and wall.
+/// Surface at a pixel: the box, or the nearer of floor and wall.
 fn shown(x: usize, y: usize) -> ((Vec3, [u8; 3]), f32) {
     let ray = camera().ray(x as f32, y as f32);
     let plane = if is_box(x, y) {
@@ -44,7 +44,7 @@ fn camera() -> crate::dense::Pinhole {
     crate::dense::Pinhole { fx: k.fx as f32, fy: k.fy as f32, cx: k.cx as f32, cy: k.cy as f32 }
 }
 
-/// The view with noise, unknown where `unknown` says so.
+/// The view with noise, unknown where `unknown` returns true.
 fn view(unknown: impl Fn(usize, usize) -> bool) -> DenseView {
     let mut rng = Pcg64Mcg::seed_from_u64(5);
     let mut supports = Vec::new();
@@ -91,9 +91,9 @@ fn holes_in_planes_are_filled_exactly_and_marked() {
     let holes = (0..WIDTH * HEIGHT).filter(|i| hole(i % WIDTH, i / WIDTH)).count();
     assert!(wrong < holes / 50, "{wrong} of {holes}");
     for (x, y) in [(25, 20), (130, 60), (130, 85), (95, 50), (105, 50)] {
-        assert_eq!(surface.origin[y * WIDTH + x], Origin::Filled, "{x}, {y}");
+        assert_eq!(surface.origin[y * WIDTH + x], DepthOrigin::Filled, "{x}, {y}");
     }
-    assert_eq!(surface.origin[10 * WIDTH + 50], Origin::Stereo);
+    assert_eq!(surface.origin[10 * WIDTH + 50], DepthOrigin::Stereo);
 }
 
 #[test]
@@ -115,11 +115,11 @@ fn speckles_in_free_space_go() {
     let options = PlaneOptions { speckle_share: 0.0005, ..PlaneOptions::default() };
     let Completed { surface, .. } = complete(&[view], &options).unwrap();
     assert!(relative_error(&surface, 20, 20) < 0.01);
-    assert_eq!(surface.origin[20 * WIDTH + 20], Origin::Filled);
+    assert_eq!(surface.origin[20 * WIDTH + 20], DepthOrigin::Filled);
 }
 
 #[test]
-fn what_lies_behind_the_rooms_walls_is_a_reflection() {
+fn depths_behind_the_rooms_walls_are_discarded() {
     let mut view = view(|_, _| false);
     // A mirror image below the floor.
     for y in 105..115 {
@@ -145,12 +145,12 @@ fn two_views_that_look_past_a_point_contradict_it() {
     let on_wall = camera().ray(20.0, 20.0) * 4.0;
     assert!(!witnesses.contradict(on_wall, 0.04));
     assert!(witnesses.contradict(on_wall * 0.7, 0.04));
-    // Behind what they see nothing can be said.
+    // Behind the surfaces they see there is no evidence.
     assert!(!witnesses.contradict(on_wall * 1.5, 0.04));
     assert!(!witness::Witnesses::new(&views[..1]).contradict(on_wall * 0.7, 0.04));
 }
 
-/// A plane `n · X = 1` of which that many pixels were seen.
+/// A plane `n · X = 1` with that many pixels.
 fn seen_plane(n: Vec3, pixels: usize) -> ImagePlane {
     ImagePlane::facing(-n.normalize(), n.length().recip(), &camera(), pixels)
 }
@@ -175,13 +175,13 @@ fn a_plane_of_assumed_direction_is_filled_in_and_not_measured() {
     assert_eq!(snapped, labels.iter().flatten().count());
     for (i, label) in labels.iter().enumerate() {
         let (x, y) = (i % WIDTH, i / WIDTH);
-        let expected = if *label == Some(1) { (Origin::Filled, 0) } else { (Origin::Stereo, 4) };
+        let expected = if *label == Some(1) { (DepthOrigin::Filled, 0) } else { (DepthOrigin::Stereo, 4) };
         assert_eq!((surface.origin[i], surface.agreeing[i]), expected, "{x}, {y}");
         assert!(label.is_none() || relative_error(&surface, x, y) < 1e-4, "{x}, {y}");
     }
 }
 
-/// Only column 10 is known, and lies on a plane `n · X = 1` of which few pixels were seen.
+/// Only column 10 is known, and lies on a plane `n · X = 1` with few pixels.
 fn a_line_of(n: Vec3) -> (Surface, ImagePlane, Vec<Option<u16>>) {
     let mut surface = Surface::from_view(&view(|_, _| true));
     surface.picture.fill(128);
@@ -190,14 +190,14 @@ fn a_line_of(n: Vec3) -> (Surface, ImagePlane, Vec<Option<u16>>) {
         let w = n.dot(camera().ray(10.0, (i / WIDTH) as f32));
         (surface.depth[i], surface.normal[i], labels[i]) = (1.0 / w, -n.normalize(), Some(0));
     }
-    // Nothing is filled in nearer than what was measured.
+    // Filled surfaces are not nearer than measured ones.
     surface.depth[0] = 1.0;
     (surface, seen_plane(n, 100), labels)
 }
 
 #[test]
-fn what_goes_on_behind_the_rooms_shell_lies_on_the_shell() {
-    // A side wall of something, that meets the room's wall at x = 60 or so, and goes on behind it.
+fn planes_continued_behind_the_shell_are_set_onto_it() {
+    // A side wall of something, that meets the room's wall at x = 60 or so, and continues behind it.
     let side = Vec3::new(-0.25, 0.0, 0.23);
     let (surface, plane, labels) = a_line_of(side);
     let shell = seen_plane(WALL.0, 5000);
@@ -254,7 +254,7 @@ fn a_fat_rim_goes_back_to_what_lies_behind_and_the_things_own_stays_measured() {
     let back = all().filter(|(x, y)| fat(*x, *y) && right(*x, *y)).count();
     assert!(back > rim * 9 / 10, "{back} of {rim}");
     let inside = all().filter(|(x, y)| is_box(*x, *y)).count();
-    let measured = |x: usize, y: usize| surface.origin[y * WIDTH + x] == Origin::Stereo;
+    let measured = |x: usize, y: usize| surface.origin[y * WIDTH + x] == DepthOrigin::Stereo;
     let kept = all().filter(|(x, y)| is_box(*x, *y) && right(*x, *y) && measured(*x, *y)).count();
     assert!(kept > inside * 97 / 100, "{kept} of {inside}");
 }

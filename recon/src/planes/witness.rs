@@ -1,10 +1,10 @@
-//! Other views of the capture as witnesses: does one of them look past a point that is to be filled in?
+//! Evidence of the capture's other views about points that are to be filled in.
 
 use glam::{Affine3A, Quat, Vec3};
 
 use crate::dense::{DenseView, Pinhole};
 
-/// The key frames' measured depths.
+/// Measured depths of the key frames.
 pub(super) struct Witnesses<'a> {
     pub(super) views: Vec<(&'a DenseView, Pinhole, Affine3A)>,
 }
@@ -23,7 +23,7 @@ impl<'a> Witnesses<'a> {
         Self { views }
     }
 
-    /// Whether more views look past a point of the reference's frame than agree with it.
+    /// Tells whether more views look past a point of the reference's frame than agree with it.
     pub(super) fn contradict(&self, point: Vec3, tolerance: f32) -> bool {
         let (mut past, mut agree) = (0, 0);
         for (view, camera, camera_from_reference) in &self.views {

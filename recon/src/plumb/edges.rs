@@ -1,6 +1,6 @@
-//! Straight edges in a capture's pictures. Each is the image of a line somewhere in the plane through it and the camera's
-//! centre, its interpretation plane (S. T. Barnard, "Interpreting perspective images", Artificial Intelligence 21, 1983):
-//! all that a single picture tells of the line's direction is that this plane's normal is square to it.
+//! Straight edges in a capture's pictures. Each is the image of a line somewhere in the plane through it and the
+//! camera's centre, its interpretation plane (S. T. Barnard, "Interpreting perspective images", Artificial Intelligence
+//! 21, 1983); a single picture determines only that the line's direction is perpendicular to this plane's normal.
 //!
 //! An edge's own direction is that of the structure tensor (J. Bigün, G. H. Granlund, "Optimal orientation detection of
 //! linear symmetry", ICCV 1987), the mean over a few pixels: one gradient alone is off by degrees, and more so the
@@ -13,24 +13,24 @@ use rayon::prelude::*;
 
 use crate::features::Intensity;
 
-/// Pictures looked at, spread evenly over the capture: neighbours show much the same.
+/// Number of pictures used, spread evenly over the capture: neighbours show much the same.
 const PICTURES: usize = 12;
-/// Pictures larger than this are halved, pixels: so long an edge is as much of each picture, and none takes much memory.
+/// Size above which pictures are halved, pixels: edges are then of similar length, and memory is limited.
 const LARGEST_PX: usize = 1000;
-/// Edge pixels taken of a picture, spread evenly over it.
+/// Largest number of edge pixels of a picture, spread evenly over it.
 const MOST: usize = 1500;
-/// Least gradient of an edge, grey levels a pixel: what a sensor's noise leaves is less.
+/// Least gradient of an edge, grey levels a pixel, above a sensor's noise.
 const LEAST_GRADIENT: f32 = 4.0;
-/// Over this distance (standard deviation, pixels) gradients are averaged.
+/// Standard deviation of the averaging of gradients, pixels.
 const AVERAGED_PX: f32 = 2.0;
-/// Least coherence of what is averaged: 1 where all gradients are parallel, 0 where there is no direction.
+/// Least coherence of the averaged gradients: 1 where all are parallel, 0 without a direction.
 const COHERENT: f32 = 0.9;
-/// Shorter edges, pixels, are patterns' and things', and run any way.
+/// Least length of an edge, pixels: shorter ones belong to patterns and things, with any direction.
 const LEAST_RUN_PX: usize = 24;
-/// Sine of the angle by which pixels of one edge may differ in direction.
+/// Largest sine of the angle between the directions of pixels of one edge.
 const STRAIGHT: f32 = 0.1;
 
-/// The unit normals of the interpretation planes of a capture's edges, one an edge pixel, in the world's frame. Frames
+/// Unit normals of the interpretation planes of a capture's edges, one an edge pixel, in the world's frame. Frames
 /// without a pose are left out.
 pub fn of_capture(
     frames: &[RgbImage],
@@ -50,7 +50,7 @@ pub fn of_capture(
     taken.into_par_iter().map(of_picture).collect::<Vec<_>>().concat()
 }
 
-/// A picture's edges, looked for where it is no larger than it need be.
+/// Edges of a picture, after halving it to the size limit.
 fn of_size(mut picture: Intensity) -> Vec<EdgePixel> {
     let mut px = 1.0;
     while picture.width.max(picture.height) > LARGEST_PX {
@@ -77,15 +77,15 @@ struct EdgePixel {
 }
 
 impl EdgePixel {
-    /// The unit normal of its interpretation plane, in the camera's frame; `None` where the lens shows nothing.
+    /// Unit normal of its interpretation plane, in the camera's frame; `None` where the lens has no image.
     fn plane(&self, lens: &Intrinsics) -> Option<Vector3<f64>> {
         let [before, after] = [-1.0, 1.0].map(|way| lens.unproject(&(self.pixel + way * self.along)));
         before?.cross(&after?).try_normalize(0.0)
     }
 }
 
-/// How fast brightness changes to the right and downwards, by H. Scharr's operator ("Optimale Operatoren in der Digitalen
-/// Bildverarbeitung", 2000), whose directions are true at all angles; the border repeats.
+/// Derivatives of brightness to the right and downwards, by H. Scharr's operator ("Optimale Operatoren in der Digitalen
+/// Bildverarbeitung", 2000), whose directions are accurate at all angles; the border repeats.
 fn gradients(picture: &Intensity) -> (Intensity, Intensity) {
     const SIDE: f32 = 3.0 / 32.0;
     const MIDDLE: f32 = 10.0 / 32.0;
@@ -106,7 +106,7 @@ fn gradients(picture: &Intensity) -> (Intensity, Intensity) {
     (across, down)
 }
 
-/// The pixels of a picture where brightness changes fastest across a straight edge, row by row.
+/// Edge pixels of a picture, where brightness changes fastest across a straight edge, row by row.
 fn in_picture(picture: &Intensity) -> Vec<EdgePixel> {
     let (width, height) = (picture.width, picture.height);
     if width < 3 || height < 3 {
@@ -118,7 +118,7 @@ fn in_picture(picture: &Intensity) -> Vec<EdgePixel> {
     };
     let (xx, xy, yy) = (averaged(&across, &across), averaged(&across, &down), averaged(&down, &down));
     let squared = |x: usize, y: usize| across.pixel(x, y).powi(2) + down.pixel(x, y).powi(2);
-    // Of each pixel the angle across its edge; NaN where there is none.
+    // Angle across each pixel's edge; NaN where there is none.
     let angle = Intensity::from_fn(width, height, |x, y| {
         let (difference, twice) = (xx.pixel(x, y) - yy.pixel(x, y), 2.0 * xy.pixel(x, y));
         let is_edge = squared(x, y) >= LEAST_GRADIENT * LEAST_GRADIENT
@@ -128,7 +128,7 @@ fn in_picture(picture: &Intensity) -> Vec<EdgePixel> {
     let mut edges = Vec::new();
     for (y, x) in (1..height - 1).flat_map(|y| (1..width - 1).map(move |x| (y, x))) {
         let (sin, cos) = angle.pixel(x, y).sin_cos();
-        // The neighbours that lie across the edge.
+        // Neighbours across the edge.
         let beside = |way: f32| {
             let step = |part: f32| (way * part).round() as isize;
             squared(x.wrapping_add_signed(step(cos)), y.wrapping_add_signed(step(sin)))
@@ -142,13 +142,13 @@ fn in_picture(picture: &Intensity) -> Vec<EdgePixel> {
     edges
 }
 
-/// How far a straight edge reaches to both sides of one of its pixels, up to as far as is asked for.
+/// Length of a straight edge to both sides of one of its pixels, up to a limit.
 fn run_px(angle: &Intensity, x: usize, y: usize) -> usize {
     let (sin, cos) = angle.pixel(x, y).sin_cos();
     let goes_on = |step: f32| {
         let (x, y) = ((x as f32 - step * sin).round(), (y as f32 + step * cos).round());
         let inside = x >= 0.0 && y >= 0.0 && x < angle.width as f32 && y < angle.height as f32;
-        // The sine of the angle between both; nothing is less than NaN.
+        // Sine of the angle between both; the comparison is false for NaN.
         inside && {
             let (s, c) = angle.pixel(x as usize, y as usize).sin_cos();
             (s * cos - c * sin).abs() < STRAIGHT
@@ -203,7 +203,7 @@ mod tests {
 
     #[test]
     fn a_line_lies_in_the_planes_of_all_its_pictures() {
-        // A bright half of the world, whose border is a line; each camera sees it elsewhere, through a lens that bends it.
+        // A bright half of the world, whose border is a line; each camera sees it elsewhere, through a distorting lens.
         let mut lens = Intrinsics::from_horizontal_fov(160, 120, 70.0);
         lens.distortion.k1 = -0.1;
         let (through, direction) = (Point3::new(0.2, 0.1, 4.0), Vector3::new(0.2, 1.0, 0.3).normalize());
@@ -236,7 +236,7 @@ mod tests {
 
     #[test]
     fn short_edges_are_left_out_however_many() {
-        // A wall of bars, each a few pixels long, and the same bars drawn through.
+        // A wall of bars, each a few pixels long, and the same bars uninterrupted.
         let bars = |length: usize| {
             let bar = move |x: usize, y: usize| if x % 16 < 8 && y % 32 < length { 200.0 } else { 60.0 };
             in_picture(&Intensity::from_fn(128, 96, bar).smoothed(0.8))
@@ -247,7 +247,7 @@ mod tests {
 
     #[test]
     fn a_large_picture_tells_what_a_small_one_would_of_the_same_place() {
-        // A border that the middle of one of the smaller one's pixels is on.
+        // A border through the middle of one of the smaller picture's pixels.
         const BORDER: f64 = 360.5 / 600.0;
         let film = |width: u32, height: u32| {
             RgbImage::from_fn(width, height, |x, _| {
@@ -268,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_taken_is_spread_evenly() {
+    fn indices_are_spread_evenly() {
         assert_eq!(evenly(5, 9).collect::<Vec<_>>(), [0, 1, 2, 3, 4]);
         assert_eq!(evenly(10, 3).collect::<Vec<_>>(), [2, 5, 9]);
         assert_eq!(evenly(0, 3).count(), 0);

@@ -1,54 +1,56 @@
-//! Which way is up by what runs up in the pictures: door frames, corners of the room, sides of furniture. It needs no
-//! depth, so it is exact where surfaces are bent, plain or covered.
+//! The vertical, estimated from vertical lines in the pictures: door frames, corners of the room, sides of furniture.
+//! It needs no depth, so it is accurate where surfaces are bent, plain or covered.
 //!
-//! The interpretation plane of a plumb line ([`edges`]) has its normal n square to up. Few edges are plumb, so up
-//! is where the most are to within the deviation σ of an edge's own direction: the mode of
+//! The interpretation plane of a plumb line ([`edges`]) has its normal n perpendicular to the vertical. Few edges are
+//! plumb, so the vertical is the direction with most support to within the deviation σ of an edge's own direction: the
+//! mode of
 //!
 //! ```text
 //! Σ exp(−r² / 2σ²),   r = n · (u + A t)
 //! ```
 //!
-//! over tilts t, A being the two axes across a first idea u of up. It is climbed from a wide σ to the narrow one (graduated
-//! non-convexity, Blake & Zisserman 1987), each step being weighted least squares. How exact that is tells the
-//! spread of what different lines say, not their pixels, of which many belong to one line: pixels are taken together by the
-//! direction in which their planes face, and the covariance is that of clustered scores (K.-Y. Liang, S. L. Zeger,
-//! "Longitudinal data analysis using generalized linear models", Biometrika 73, 1986).
+//! over tilts t, A being the two axes across an initial vertical u. The mode is tracked from a wide σ to the narrow one
+//! (graduated non-convexity, A. Blake and A. Zisserman, "Visual Reconstruction", MIT Press 1987), each step being
+//! weighted least squares. Its covariance follows from the scatter of different lines, not of their pixels, of which
+//! many belong to one line: pixels are grouped by the direction that their planes face, and the covariance is that of
+//! clustered scores (K.-Y. Liang, S. L. Zeger, "Longitudinal data analysis using generalized linear models", Biometrika
+//! 73, 1986).
 
 pub mod edges;
 
 use nalgebra::{Matrix2, Matrix3, Matrix3x2, UnitQuaternion, Vector2, Vector3};
 
-/// Standard deviations σ with which the mode is climbed, degrees; the last is that of an edge's direction.
+/// Standard deviations σ through which the mode is tracked, degrees; the last is that of an edge's direction.
 const SIGMAS_DEG: [f64; 5] = [4.0, 2.8, 2.0, 1.4, 1.0];
-/// Every fourth edge or so is enough to get near it.
+/// Step between the edges that are used for the approximate mode.
 const ROUGHLY: usize = 4;
-/// Rounds at the last deviation, with all edges.
+/// Largest number of rounds at the last deviation, with all edges.
 const ROUNDS: usize = 20;
-/// Changes of the tilt that are none.
+/// Change of the tilt at which the iteration has converged.
 const SETTLED: f64 = 1e-6;
-/// So many times as many edges as beside it must say that up is there: where more than half of them are not plumb, what they
-/// agree on is chance.
+/// Least ratio of the support of the mode to that beside it: where more than half of the edges are not plumb, a weaker
+/// mode may be chance.
 const STANDS_OUT: f64 = 2.2;
-/// Edges farther off than so many σ weigh nothing, and will not by a last few steps.
+/// Distance in σ beyond which edges have no weight, nor will have after the last few steps.
 const OUT_OF_REACH: f64 = 8.0;
-/// Sectors of the half circle of horizontal directions; what faces the same way is one thing said once.
+/// Number of sectors of the half circle of horizontal directions; edges in one sector count as one cluster.
 const SECTORS: usize = 18;
-/// By how much a capture's motion turns all its lines together, and a building its own, degrees.
+/// Error common to all lines of a capture, by its motion and the building, degrees.
 const TURNED_DEG: f64 = 0.3;
-/// With so many independent ones nothing is left to tell how far they scatter.
+/// Number of independent clusters up to which their scatter cannot be estimated.
 const UNKNOWNS: f64 = 2.0;
 
-/// What the edges of one capture agree on.
+/// Vertical by the edges of one capture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Plumb {
-    /// Unit vector, in the frame of the normals it was found by.
+    /// Unit vector, in the frame of the normals.
     pub up: Vector3<f64>,
-    /// Its covariance; nothing along itself.
+    /// Covariance of the unit vector; zero along itself.
     pub covariance: Matrix3<f64>,
 }
 
 impl Plumb {
-    /// The same in another frame.
+    /// The same vertical in another frame.
     #[must_use]
     pub fn turned(&self, by: &UnitQuaternion<f64>) -> Self {
         let turn = by.to_rotation_matrix().into_inner();
@@ -56,8 +58,8 @@ impl Plumb {
     }
 }
 
-/// Where up is by the normals of interpretation planes, looked for near the unit vector `near`. `None` where too few lines
-/// are plumb to tell.
+/// Vertical by the normals of interpretation planes, searched near the unit vector `near`. `None` where too few lines
+/// are plumb.
 pub fn agreed(normals: &[Vector3<f64>], near: &Vector3<f64>) -> Option<Plumb> {
     let across = tangents(near)?;
     let mut seen: Vec<(Vector2<f64>, f64)> =
@@ -68,7 +70,7 @@ pub fn agreed(normals: &[Vector3<f64>], near: &Vector3<f64>) -> Option<Plumb> {
         tilt = step(&some, &tilt, sigma_deg.to_radians())?;
     }
     let sigma = SIGMAS_DEG[SIGMAS_DEG.len() - 1].to_radians();
-    // What is far off by now stays so.
+    // Edges that are far off now stay so.
     seen.retain(|(axes, height)| (height + axes.dot(&tilt)).abs() < OUT_OF_REACH * sigma);
     for _ in 0..ROUNDS {
         let next = step(&seen, &tilt, sigma)?;
@@ -94,12 +96,12 @@ pub(crate) fn tangents(up: &Vector3<f64>) -> Option<Matrix3x2<f64>> {
     Some(Matrix3x2::from_columns(&[first, up.cross(&first)]))
 }
 
-/// How many edges say that up is at a tilt.
+/// Support of a tilt by the edges.
 fn weight(seen: &[(Vector2<f64>, f64)], tilt: &Vector2<f64>, sigma: f64) -> f64 {
     seen.iter().map(|(axes, height)| (-0.5 * ((height + axes.dot(tilt)) / sigma).powi(2)).exp()).sum()
 }
 
-/// The same on average beside the mode, which is at no tilt: as many happen to run like plumb lines.
+/// Mean support beside the mode, which is at zero tilt: by edges that are plumb by chance.
 fn weight_beside(seen: &[(Vector2<f64>, f64)], sigma: f64) -> f64 {
     const DIRECTIONS: u32 = 16;
     const BESIDE: f64 = 4.0;
@@ -120,11 +122,11 @@ fn step(seen: &[(Vector2<f64>, f64)], tilt: &Vector2<f64>, sigma: f64) -> Option
         sum -= weighted * *height;
     }
     let tilt = information.try_inverse()? * sum;
-    // Beyond, the first idea was none.
+    // Beyond this, the initial vertical was wrong.
     (tilt.norm() < 1.0).then_some(tilt)
 }
 
-/// Of the mode, which is at no tilt. `None` where it is none, or too few say so.
+/// Covariance of the mode, which is at zero tilt. `None` where it is no maximum, or has too little support.
 fn covariance(seen: &[(Vector2<f64>, f64)], sigma: f64) -> Option<Matrix2<f64>> {
     let mut curvature = Matrix2::zeros();
     let (mut scores, mut weights) = ([Vector2::zeros(); SECTORS], [0.0; SECTORS]);
@@ -156,8 +158,9 @@ mod tests {
     use rand_distr::{Distribution, StandardNormal};
     use rand_pcg::Pcg64Mcg;
 
-    /// Normals of planes through `lines` plumb lines, each of so many pixels, and through as many edges of any direction
-    /// as `others` says; up is tilted by `tilt_deg`. Directions are off by `sigma_deg`, and each line's by `leaning_deg`.
+    /// Normals of planes through `lines` plumb lines, each of many pixels, and through `others` edges of any direction;
+    /// the vertical is tilted by `tilt_deg`. Directions are off by the deviation of an edge, and each line's by
+    /// `leaning_deg`.
     fn normals(
         seed: u64,
         lines: usize,
@@ -202,8 +205,8 @@ mod tests {
     }
 
     #[test]
-    fn where_it_says_up_is_scatters_as_it_says() {
-        // Lines lean each on its own: many pixels on few lines are few observations.
+    fn the_vertical_scatters_by_its_covariance() {
+        // Each line leans on its own: many pixels on few lines are few observations.
         let (mut squares, mut believed, runs) = (0.0, 0.0, 200);
         for seed in 0..runs {
             let found = agreed(&normals(seed, 30, 0, [0.0, 0.0], 0.4), &Vector3::z()).unwrap();
@@ -226,7 +229,7 @@ mod tests {
     fn without_lines_that_differ_nothing_is_said() {
         let up = Vector3::z();
         assert!(agreed(&[], &up).is_none());
-        // One line seen over and over, and two that face alike.
+        // A single line seen over and over, and two that face alike.
         let one = normals(1, 1, 0, [0.0, 0.0], 0.0);
         assert!(agreed(&one, &up).is_none());
         assert!(agreed(&[Vector3::x(); 50], &up).is_none());
@@ -235,7 +238,7 @@ mod tests {
 
     #[test]
     fn lines_in_one_wall_say_nothing_of_a_tilt_along_their_planes() {
-        // All face along x, to within 25°.
+        // All lines face along x, to within 25°.
         let mut rng = Pcg64Mcg::seed_from_u64(3);
         let normals: Vec<Vector3<f64>> = (0..4000)
             .map(|_| {
@@ -251,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_said_turns_with_the_frame() {
+    fn the_vertical_turns_with_its_frame() {
         let normals = normals(1, 40, 500, [2.0, 1.0], 0.3);
         let turn = UnitQuaternion::from_euler_angles(0.4, -1.1, 2.0);
         let found = agreed(&normals, &Vector3::z()).unwrap().turned(&turn);

@@ -1,4 +1,4 @@
-//! Whether the picked points can join all cameras.
+//! Check that the picked points can join all cameras.
 
 use nalgebra::Point2;
 
@@ -6,7 +6,7 @@ use super::{LEAST_SHARED_POINTS, Project};
 use crate::{Error, Result};
 
 impl Project {
-    /// Every camera must hang together with the first over pairs that share enough points, not on a line.
+    /// Checks that every camera is connected with the first over pairs that share enough points, not on a line.
     pub(super) fn check_connected(&self) -> Result<()> {
         let mut joined = vec![false; self.cameras.len()];
         joined[0] = true;
@@ -53,7 +53,7 @@ impl Project {
     }
 }
 
-/// Whether pixels lie on a line to within half a pixel: the smaller principal spread.
+/// Tells whether pixels lie on a line to within half a pixel: the smaller principal spread.
 fn on_a_line(pixels: &[Point2<f64>]) -> bool {
     let n = pixels.len() as f64;
     let mean = pixels.iter().map(|p| p.coords).sum::<nalgebra::Vector2<f64>>() / n;

@@ -1,12 +1,13 @@
-//! The capture project `room.toml`: which captures make the room, the picked points that join them, the metres.
+//! The capture project `room.toml`: the captures, the picked points that join them, and the metric scale.
 //!
-//! Everything that can be known to be wrong before hours of film are read is found here, and named with its place.
+//! Every error that can be found before hours of film are read is reported here, with its place.
 
 mod connected;
 mod pixels;
 mod tables;
 #[cfg(test)]
 mod tests;
+mod width;
 
 use std::path::{Path, PathBuf};
 
@@ -18,32 +19,34 @@ use crate::Result;
 use crate::capture::ReferenceFrame;
 use tables::ProjectFile;
 
-/// Points a pair of cameras must share for Horn's closed form.
+pub(crate) use width::is_wide;
+
+/// Number of points that a pair of cameras must share for Horn's closed form.
 pub const LEAST_SHARED_POINTS: usize = 3;
 
 /// A capture project, checked.
 #[derive(Debug, Clone)]
 pub struct Project {
-    /// The file it was read from, for messages.
+    /// Path of the file, for messages.
     pub path: PathBuf,
-    /// In file order; the first one gives the room its origin.
+    /// Cameras in file order; the first one gives the room its origin.
     pub cameras: Vec<ProjectCamera>,
     /// Physical points picked in two or more reference images.
     pub points: Vec<PickedPoint>,
-    /// What fixes the metres.
+    /// Source of the metric scale.
     pub scale: Scale,
 }
 
 /// One camera of the project.
 #[derive(Debug, Clone)]
 pub struct ProjectCamera {
-    /// Unique; letters, digits, `-`, `_` and `.`: it becomes a file name.
+    /// Name, unique; letters, digits, `-`, `_` and `.`: it becomes a file name.
     pub name: String,
     /// A folder of images or a video file, relative paths resolved against the project file's folder.
     pub capture: PathBuf,
     /// The frame at the installed pose.
     pub reference: ReferenceFrame,
-    /// As calibrated, if it was.
+    /// Calibrated intrinsics, if given.
     pub intrinsics: Option<Intrinsics>,
 }
 
@@ -55,16 +58,16 @@ pub struct PickedPoint {
 }
 
 impl PickedPoint {
-    /// The pixel in one camera.
+    /// Pixel in one camera.
     pub fn pixel(&self, camera: usize) -> Option<Point2<f64>> {
         self.picks.iter().find(|(c, _)| *c == camera).map(|(_, pixel)| *pixel)
     }
 }
 
-/// What fixes the metres.
+/// Source of the metric scale.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Scale {
-    /// A known distance between what two pixels of one reference image show.
+    /// A known distance between the points at two pixels of one reference image.
     Distance {
         /// Index of the camera.
         camera: usize,
@@ -72,7 +75,7 @@ pub enum Scale {
         from: Point2<f64>,
         /// The other end, pixels.
         to: Point2<f64>,
-        /// Their distance.
+        /// Distance between the two points, metres.
         metres: f64,
     },
     /// A known height of a camera's centre above the floor.
@@ -86,7 +89,7 @@ pub enum Scale {
     Board {
         /// Index of the camera.
         camera: usize,
-        /// Its inner corners.
+        /// Inner corners of the board.
         board: Chessboard,
         /// Side of a square, metres.
         square_m: f64,
@@ -94,7 +97,7 @@ pub enum Scale {
 }
 
 impl Project {
-    /// Reads and checks a project file and the intrinsics files it names. Captures are only looked for, not read.
+    /// Reads and checks a project file and the intrinsics files it names. Captures need only exist; they are not read.
     ///
     /// # Errors
     /// [`crate::Error::Content`] naming the table and key at fault, or [`crate::Error::Calib`] for a file that cannot be read or
@@ -114,7 +117,7 @@ impl Project {
         Ok(project)
     }
 
-    /// Reads a project that is not picked yet: its cameras, and the points that are there.
+    /// Reads a project without picks: its cameras, and the points that exist.
     ///
     /// # Errors
     /// As [`Self::read`]; but points and scale may be missing.
@@ -125,7 +128,7 @@ impl Project {
         Ok((cameras, points))
     }
 
-    /// All pixels of one camera whose depth matters: its picks, and the ends of a known distance.
+    /// All pixels of one camera that need a depth: its picks, and the ends of a known distance.
     pub fn pixels_of(&self, camera: usize) -> Vec<Point2<f64>> {
         let ends = match &self.scale {
             Scale::Distance { camera: measured, from, to, .. } if *measured == camera => vec![*from, *to],
@@ -134,7 +137,7 @@ impl Project {
         self.points.iter().filter_map(|p| p.pixel(camera)).chain(ends).collect()
     }
 
-    /// The calibration board in one camera's capture, if the metres come from there.
+    /// Calibration board in one camera's capture, if it gives the scale.
     pub fn board_of(&self, camera: usize) -> Option<Chessboard> {
         match self.scale {
             Scale::Board { camera: of, board, .. } if of == camera => Some(board),
@@ -156,7 +159,7 @@ impl Project {
         }
     }
 
-    /// The points seen by both cameras, as pairs of pixels.
+    /// Points picked in both cameras, as pairs of pixels.
     pub fn shared(&self, a: usize, b: usize) -> Vec<(Point2<f64>, Point2<f64>)> {
         self.points.iter().filter_map(|p| Some((p.pixel(a)?, p.pixel(b)?))).collect()
     }

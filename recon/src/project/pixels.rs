@@ -1,4 +1,4 @@
-//! Whether every pixel of the project lies in the image that it was picked in.
+//! Check that every pixel of the project lies in the image in which it was picked.
 
 use nalgebra::Point2;
 

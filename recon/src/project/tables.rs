@@ -1,4 +1,4 @@
-//! `room.toml` as it stands on disk, table by table. Unknown keys are an error: most are misspelt known ones.
+//! Serialised form of `room.toml`, table by table. Unknown keys are an error: most are misspelt known ones.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -14,7 +14,7 @@ use crate::{Error, Result};
 #[serde(deny_unknown_fields)]
 pub(super) struct ProjectFile {
     #[serde(default)]
-    camera: Vec<CameraTable>,
+    camera: Vec<ProjectCameraTable>,
     #[serde(default)]
     point: Vec<BTreeMap<String, [f64; 2]>>,
     scale: Option<ScaleTable>,
@@ -22,7 +22,7 @@ pub(super) struct ProjectFile {
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct CameraTable {
+struct ProjectCameraTable {
     name: String,
     capture: PathBuf,
     #[serde(default)]
@@ -56,7 +56,7 @@ struct ScaleTable {
 }
 
 impl ProjectFile {
-    /// The cameras, with the intrinsics files they name; captures are only looked for.
+    /// Cameras, with the intrinsics files they name; captures need only exist.
     pub(super) fn cameras(&self, path: &Path) -> Result<Vec<ProjectCamera>> {
         if self.camera.is_empty() {
             return Err(Error::content(path, "[[camera]]", "no camera; add a [[camera]] table for each"));
@@ -79,7 +79,7 @@ impl ProjectFile {
         self.point.iter().enumerate().map(|(i, table)| point(path, i + 1, table, cameras)).collect()
     }
 
-    /// What fixes the metres.
+    /// Source of the metric scale.
     pub(super) fn scale(&self, path: &Path, cameras: &[ProjectCamera]) -> Result<Scale> {
         let Some(table) = &self.scale else {
             let problem =
@@ -90,7 +90,7 @@ impl ProjectFile {
     }
 }
 
-fn camera(path: &Path, number: usize, table: &CameraTable) -> Result<ProjectCamera> {
+fn camera(path: &Path, number: usize, table: &ProjectCameraTable) -> Result<ProjectCamera> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let place = |key: &str| format!("[[camera]] {number}, {key}");
     let fits = |c: char| c.is_alphanumeric() || ['-', '_', '.', ' '].contains(&c);

@@ -1,4 +1,4 @@
-//! Projects that are right, and every kind that is not.
+//! Valid projects, and every kind of invalid one.
 
 use std::path::Path;
 
@@ -40,7 +40,7 @@ fn read(text: &str) -> std::result::Result<Project, String> {
     result
 }
 
-/// The message for a project that is right but for `from` → `to`.
+/// Error of a project that is valid but for the change `from` → `to`.
 fn refusal(from: &str, to: &str) -> String {
     let text = format!("{CAMERAS}{POINTS}{SCALE}");
     assert!(text.contains(from), "{from}");

@@ -1,5 +1,5 @@
-//! The similarities between two cameras' spaces that many candidates agree on, the one with most first: random triples
-//! (RANSAC) and Horn's closed form, then again without those that agreed.
+//! Similarities between two cameras' spaces on which many candidates agree, the best supported first: random triples
+//! (RANSAC) and Horn's closed form, then again without the inliers.
 
 use calib::{Intrinsics, absolute_orientation};
 use nalgebra::{Point2, Point3, Similarity3};
@@ -8,23 +8,23 @@ use rand_pcg::Pcg64Mcg;
 
 use super::landmarks::Candidate;
 
-/// Triples tried for each similarity.
+/// Number of triples tried for each similarity.
 const TRIES: usize = 20_000;
-/// The sides of a triple's two triangles must have one ratio, to within this factor.
+/// Largest factor between the ratios of the sides of a triple's two triangles.
 const RATIO_OF_SIDES: f64 = 1.15;
-/// Rounds of refitting to all that agree.
+/// Number of rounds of refitting to all inliers.
 const ROUNDS: usize = 6;
-/// Similarities looked for: what a room repeats may have more support than what is true.
+/// Number of similarities searched: a repeated structure may have more support than the true one.
 const MOST: usize = 6;
 
-/// A similarity and the candidates (indices) that agree on it.
+/// A similarity and the indices of the candidates that agree on it.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Alignment {
+pub(super) struct CandidateAlignment {
     pub(super) first_from_second: Similarity3<f64>,
     pub(super) agreeing: Vec<usize>,
 }
 
-/// How far a candidate's places are from each other, seen by either camera; infinite behind one.
+/// Reprojection distance of a candidate's points, the larger of both cameras', pixels; infinite behind one.
 pub(super) fn miss_px(
     candidate: &Candidate,
     [first, second]: [&Intrinsics; 2],
@@ -41,14 +41,14 @@ pub(super) fn miss_px(
     here.max(off(second, first_from_second.inverse_transform_point(&a.position), b.pixel))
 }
 
-/// The similarities that at least `least` candidates agree on to within `tolerance_px`.
+/// Similarities on which at least `least` candidates agree to within `tolerance_px`.
 pub(super) fn find(
     candidates: &[Candidate],
     lenses: [&Intrinsics; 2],
     tolerance_px: f64,
     least: usize,
     rng: &mut Pcg64Mcg,
-) -> Vec<Alignment> {
+) -> Vec<CandidateAlignment> {
     let mut left: Vec<usize> = (0..candidates.len()).collect();
     let mut found = Vec::new();
     while found.len() < MOST && left.len() >= least.max(3) {
@@ -58,7 +58,7 @@ pub(super) fn find(
             break;
         }
         left.retain(|i| !agreeing.contains(i));
-        found.push(Alignment { first_from_second: similarity, agreeing });
+        found.push(CandidateAlignment { first_from_second: similarity, agreeing });
     }
     found
 }
@@ -86,7 +86,7 @@ fn best_triple(
     best.map(|(_, similarity)| similarity)
 }
 
-/// Whether two triangles may be similar: a cheap look before the fit.
+/// Tells whether two triangles may be similar: a cheap test before the fit.
 fn alike(triple: [&Candidate; 3]) -> bool {
     let ratio = |i: usize, j: usize| {
         let side = |camera: usize| (triple[i][camera].position - triple[j][camera].position).norm();
@@ -175,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn what_lies_behind_a_camera_is_no_match() {
+    fn points_behind_a_camera_do_not_match() {
         let lens = Intrinsics::from_horizontal_fov(640, 480, 60.0);
         let at = |z: f64| Landmark { pixel: Point2::new(319.5, 239.5), position: Point3::new(0.0, 0.0, z) };
         let same = Similarity3::identity();

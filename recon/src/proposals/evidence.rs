@@ -1,65 +1,65 @@
-//! What both cameras' surfaces and pictures say of a similarity that features suggest.
+//! Verification of a similarity that features suggest, by both cameras' surfaces and pictures.
 //!
-//! Rooms repeat: two corners with the same wallpaper, lamps and doors are each other's likeness, and features alone take
-//! one for the other, all of them together. But where two surfaces meet, they show the same; and what one camera looks
-//! through cannot be filled by what the other sees.
+//! Rooms have repetitions: two corners with the same wallpaper, lamps and doors look alike, and features alone confuse
+//! them consistently. But where two surfaces coincide, their pictures must agree; and a space that one camera looks
+//! through cannot be filled by the other's surfaces.
 
 use nalgebra::{Matrix2, Point2, Point3, Similarity3, Vector3};
 use rayon::prelude::*;
 
 use crate::features::{Intensity, Patch, Reading, Warp};
-use crate::surface::{Origin, Surface};
+use crate::surface::{DepthOrigin, Surface};
 
-/// Pixels between the places that are looked at.
+/// Step between the pixels that are compared.
 const STRIDE: usize = 6;
-/// Surfaces this close in depth, as a share of it, may be the same …
+/// Largest relative difference in depth of coinciding surfaces …
 const SAME: f64 = 0.04;
-/// … if they face the same way (cosine); and what lies nearer by this share stands in the other's way.
+/// … least cosine between their normals; and relative distance by which a nearer surface obstructs the other's view.
 const FACING: f64 = 0.85;
 const BEFORE: f64 = 0.06;
 /// Half the side of the patches that are compared.
 const RADIUS_PX: i32 = 7;
 
-/// A reference view, ready to be compared.
-pub(super) struct Seen<'a> {
+/// A reference view prepared for the comparison.
+pub(super) struct ComparedView<'a> {
     pub(super) surface: &'a Surface,
     pub(super) intensity: Intensity,
 }
 
-/// What was found.
+/// Evidence for a similarity.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub(super) struct Evidence {
-    /// The share of what one camera sees in the other's view that stands in the way of what that one sees.
+pub(super) struct SimilarityEvidence {
+    /// Share of one camera's surface within the other's view that obstructs that view.
     pub(super) in_the_way: f64,
-    /// Places that both see and that have something to show.
+    /// Number of places that both see and that have texture.
     pub(super) compared: usize,
-    /// The correlation of their pictures, in the median.
+    /// Median correlation of their pictures.
     pub(super) correlation: f64,
 }
 
-/// What one camera's place is to the other's view.
-enum Told {
+/// Relation of one camera's surface point to the other's view.
+enum Relation {
     InTheWay,
     Apart,
     Correlation(Option<f64>),
 }
 
-/// Both ways.
-pub(super) fn of(seen: [&Seen<'_>; 2], first_from_second: &Similarity3<f64>) -> Evidence {
+/// Evidence in both directions.
+pub(super) fn of(seen: [&ComparedView<'_>; 2], first_from_second: &Similarity3<f64>) -> SimilarityEvidence {
     let mut told = one_way(seen[0], seen[1], &first_from_second.inverse());
     told.extend(one_way(seen[1], seen[0], first_from_second));
-    let in_the_way = told.iter().filter(|t| matches!(t, Told::InTheWay)).count();
+    let in_the_way = told.iter().filter(|t| matches!(t, Relation::InTheWay)).count();
     let mut correlations: Vec<f64> =
-        told.iter().filter_map(|t| if let Told::Correlation(c) = t { *c } else { None }).collect();
+        told.iter().filter_map(|t| if let Relation::Correlation(c) = t { *c } else { None }).collect();
     correlations.sort_by(f64::total_cmp);
-    Evidence {
+    SimilarityEvidence {
         in_the_way: in_the_way as f64 / told.len().max(1) as f64,
         compared: correlations.len(),
         correlation: correlations.get(correlations.len() / 2).copied().unwrap_or(0.0),
     }
 }
 
-fn one_way(from: &Seen<'_>, onto: &Seen<'_>, onto_from: &Similarity3<f64>) -> Vec<Told> {
+fn one_way(from: &ComparedView<'_>, onto: &ComparedView<'_>, onto_from: &Similarity3<f64>) -> Vec<Relation> {
     let (width, height) = (from.surface.width(), from.surface.height());
     let rows: Vec<usize> = (STRIDE / 2..height).step_by(STRIDE).collect();
     let tell = |x: usize, y: usize| tell(from, onto, onto_from, (x, y));
@@ -68,15 +68,15 @@ fn one_way(from: &Seen<'_>, onto: &Seen<'_>, onto_from: &Similarity3<f64>) -> Ve
         .collect()
 }
 
-/// `None` where either surface is unknown or the other camera does not look.
+/// Relation of one pixel; `None` where either surface is unknown or the pixel is outside the other's view.
 fn tell(
-    from: &Seen<'_>,
-    onto: &Seen<'_>,
+    from: &ComparedView<'_>,
+    onto: &ComparedView<'_>,
     onto_from: &Similarity3<f64>,
     (x, y): (usize, usize),
-) -> Option<Told> {
+) -> Option<Relation> {
     let i = y * from.surface.width() + x;
-    if from.surface.origin[i] != Origin::Stereo {
+    if from.surface.origin[i] != DepthOrigin::Stereo {
         return None;
     }
     let point = from.surface.point(i)?;
@@ -94,21 +94,21 @@ fn tell(
     }
     let ratio = there.z / depth;
     if ratio < 1.0 - BEFORE {
-        return Some(Told::InTheWay);
+        return Some(Relation::InTheWay);
     }
     let double = |n: glam::Vec3| Vector3::<f64>::new(n.x.into(), n.y.into(), n.z.into());
     let turned = onto_from.isometry.rotation * double(from.surface.normal[i]);
     if (ratio - 1.0).abs() > SAME || turned.dot(&double(onto.surface.normal[j])) < FACING {
-        return Some(Told::Apart);
+        return Some(Relation::Apart);
     }
     let home = Point2::new(x as f64, y as f64);
-    Some(Told::Correlation(correlation(from, onto, onto_from, &home)))
+    Some(Relation::Correlation(correlation(from, onto, onto_from, &home)))
 }
 
-/// `None` for what has nothing to show, or is cut by an image's border.
+/// Correlation of the pictures around a pixel; `None` without texture, or at an image's border.
 fn correlation(
-    from: &Seen<'_>,
-    onto: &Seen<'_>,
+    from: &ComparedView<'_>,
+    onto: &ComparedView<'_>,
     onto_from: &Similarity3<f64>,
     pixel: &Point2<f64>,
 ) -> Option<f64> {
@@ -121,11 +121,11 @@ fn correlation(
     });
     let home = Warp { center: *pixel, affine: Matrix2::identity() };
     let patch = Patch::cut(&from.intensity, &home, RADIUS_PX).filter(|_| inside)?;
-    // What shows something here and nothing there is no likeness.
+    // Texture in one picture and none in the other counts as no correlation.
     Some(patch.correlation(&onto.intensity, &warp, &mut Reading::default()).unwrap_or(0.0))
 }
 
-/// Where the surface around a pixel lies in the other camera's picture.
+/// Warp of the surface around a pixel into the other camera's picture.
 pub(super) fn carried(
     from: &Surface,
     onto: &Surface,

@@ -1,5 +1,6 @@
-//! Large flat things seen square on: a table, a floor or a wall looks alike from all sides once its slant is undone (C. Wu,
-//! B. Clipp, X. Li, J.-M. Frahm and M. Pollefeys, "3D model matching with viewpoint-invariant patches", CVPR 2008).
+//! Large planes rectified to a frontal view: a table, a floor or a wall looks alike from all sides once its slant is
+//! removed (C. Wu, B. Clipp, X. Li, J.-M. Frahm and M. Pollefeys, "3D model matching with viewpoint-invariant patches",
+//! CVPR 2008).
 
 use image::{GrayImage, Luma};
 use nalgebra::{Matrix3, Point2, Point3, SymmetricEigen, Vector3};
@@ -8,56 +9,56 @@ use rand_pcg::Pcg64Mcg;
 
 use crate::surface::Surface;
 
-/// Flat things looked for, and the least share of the image that makes one.
+/// Largest number of planes, and the least share of the image of one.
 const MOST: usize = 8;
 const LEAST_SHARE: f64 = 0.02;
-/// A point this close to a plane lies on it, as a share of its depth: what is flat enough to look alike.
+/// Largest distance of a point from its plane, as a share of its depth …
 const TOLERANCE: f64 = 0.02;
-/// … if it faces the plane's way (cosine).
+/// … and least cosine between their normals.
 const FACING: f64 = 0.85;
-/// Planes tried, and points they are tried on.
+/// Number of planes tried, and of points that they are tried on.
 const TRIES: usize = 300;
 const SAMPLE: usize = 4000;
-/// Rounds of refitting.
+/// Number of rounds of refitting.
 const ROUNDS: usize = 4;
-/// A plane's picture is no larger than this a side, pixels.
+/// Largest side of a plane's picture, pixels.
 const LARGEST_PX: f64 = 1500.0;
-/// Around a pixel of the plane, this share of 5 × 5 pixels must lie on it.
+/// Least number of the 5 × 5 pixels around a pixel of the plane that must lie on it.
 const LEAST_AROUND: usize = 18;
 
 /// A plane of a surface, `normal · x = offset` in the camera's frame.
-pub(super) struct Flat {
+pub(super) struct SurfacePlane {
     normal: Vector3<f64>,
     offset: f64,
-    /// Which pixels lie on it.
+    /// Whether each pixel lies on it.
     member: Vec<bool>,
 }
 
-/// A plane's picture, square on.
+/// Frontal picture of a plane.
 pub(super) struct SquareOn {
     pub(super) picture: GrayImage,
-    /// Where the picture's first pixel lies, and the steps to the next along a row and to the next row.
+    /// Position of the picture's first pixel, and the steps to the next along a row and to the next row.
     origin: Point3<f64>,
     along: Vector3<f64>,
     down: Vector3<f64>,
 }
 
 impl SquareOn {
-    /// What a pixel of the picture shows, in the camera's frame.
+    /// Position of a pixel of the picture, in the camera's frame.
     pub(super) fn position(&self, pixel: &Point2<f64>) -> Point3<f64> {
         self.origin + self.along * pixel.x + self.down * pixel.y
     }
 }
 
-/// A pixel's point and the way it faces.
+/// Point and normal of a pixel.
 struct Faced {
     pixel: usize,
     point: Vector3<f64>,
     normal: Vector3<f64>,
 }
 
-/// The surface's large planes.
-pub(super) fn find(surface: &Surface, rng: &mut Pcg64Mcg) -> Vec<Flat> {
+/// Large planes of the surface.
+pub(super) fn find(surface: &Surface, rng: &mut Pcg64Mcg) -> Vec<SurfacePlane> {
     let mut left: Vec<Faced> = (0..surface.depth.len())
         .filter_map(|pixel| {
             let (point, normal) = (surface.point(pixel)?, surface.normal[pixel]);
@@ -78,7 +79,7 @@ pub(super) fn find(surface: &Surface, rng: &mut Pcg64Mcg) -> Vec<Flat> {
             member[point.pixel] = true;
         }
         if member.iter().filter(|m| **m).count() >= least {
-            found.push(Flat { normal, offset, member });
+            found.push(SurfacePlane { normal, offset, member });
         }
         let before = left.len();
         left.retain(|p| (normal.dot(&p.point) - offset).abs() >= TOLERANCE * p.point.z);
@@ -93,7 +94,7 @@ fn lies_on(p: &Faced, normal: &Vector3<f64>, offset: f64) -> bool {
     (normal.dot(&p.point) - offset).abs() < TOLERANCE * p.point.z && normal.dot(&p.normal) > FACING
 }
 
-/// The plane of a point and its normal that most others lie on, fitted to those.
+/// Plane of a point and its normal with most support, fitted to its inliers.
 fn most_agreed(points: &[Faced], rng: &mut Pcg64Mcg) -> Option<(Vector3<f64>, f64)> {
     let sample: Vec<&Faced> = (0..SAMPLE).map(|_| &points[rng.random_range(0..points.len())]).collect();
     let (mut normal, mut offset) = sample
@@ -103,7 +104,7 @@ fn most_agreed(points: &[Faced], rng: &mut Pcg64Mcg) -> Option<(Vector3<f64>, f6
         .max_by_key(|(normal, offset)| sample.iter().filter(|p| lies_on(p, normal, *offset)).count())?;
     for _ in 0..ROUNDS {
         let inside: Vec<&Faced> = points.iter().filter(|p| lies_on(p, &normal, offset)).collect();
-        // Stereo errs in proportion to depth and more.
+        // Stereo's error grows at least in proportion to depth.
         let weights: Vec<f64> = inside.iter().map(|p| p.point.z.powi(-2)).collect();
         let total: f64 = weights.iter().sum();
         let mean: Vector3<f64> =
@@ -124,8 +125,8 @@ fn most_agreed(points: &[Faced], rng: &mut Pcg64Mcg) -> Option<(Vector3<f64>, f6
     Some((normal, offset))
 }
 
-impl Flat {
-    /// Whether a pixel of the reference picture lies on the plane, its neighbourhood with it.
+impl SurfacePlane {
+    /// Tells whether a pixel of the reference picture and its neighbourhood lie on the plane.
     pub(super) fn holds(&self, surface: &Surface, pixel: &Point2<f64>) -> bool {
         let (width, height) = (surface.width() as isize, surface.height() as isize);
         let (x, y) = (pixel.x.round() as isize, pixel.y.round() as isize);
@@ -136,10 +137,11 @@ impl Flat {
         around.filter(|i| self.member[*i as usize]).count() >= LEAST_AROUND
     }
 
-    /// The plane's picture, as fine as the reference picture shows its middle; `None` where it is too small.
+    /// Frontal picture of the plane, at the resolution of the reference picture in its middle; `None` where it is too
+    /// small.
     pub(super) fn square_on(&self, surface: &Surface, gray: &GrayImage) -> Option<SquareOn> {
         let across = self.normal.cross(&Vector3::z());
-        // A plane that faces the camera has no slant to go by.
+        // A plane that faces the camera has no direction of slant.
         let along = if across.norm() > 0.1 { across.normalize() } else { Vector3::x() };
         let along = (along - self.normal * self.normal.dot(&along)).normalize();
         let down = self.normal.cross(&along);

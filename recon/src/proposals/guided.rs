@@ -1,5 +1,5 @@
-//! Once it is known how two cameras' spaces lie to each other, there is more to match than what looks alike at first sight: each
-//! corner of either picture is looked for where its surface lies in the other.
+//! Guided matching under a known similarity between two cameras' spaces: each corner of either picture is searched
+//! around the projection of its surface point in the other.
 
 use calib::absolute_orientation;
 use calib::vision::flow;
@@ -8,46 +8,46 @@ use rayon::prelude::*;
 
 use super::ProposalOptions;
 use super::alignment::miss_px;
-use super::evidence::{Seen, carried};
+use super::evidence::{ComparedView, carried};
 use super::landmarks::Landmark;
 use crate::Result;
 use crate::features::{Patch, Reading, Warp};
 use crate::surface::Surface;
 
-/// Corners tried, as strong as this share of the strongest, and pixels between them.
+/// Number of corners, their least strength as a share of the strongest, and the least distance between them.
 const CORNERS: usize = 3000;
 const QUALITY: f64 = 0.0005;
 const APART_PX: f64 = 7.0;
 const BLOCK_PX: u32 = 5;
-/// Surfaces this close in depth, as a share of it, may be the same.
+/// Largest relative difference in depth of coinciding surfaces.
 const SAME: f64 = 0.06;
-/// A surface is whole where so many of its depths are known, and so many of these on a plane, to within this share.
+/// Least share of known depths, and of these on one plane, of a continuous patch, and the tolerance for the latter.
 const LEAST_WHOLE: f64 = 0.7;
 const WHOLE: f32 = 0.03;
-/// Followed back, a match must end where it began.
+/// Largest distance from its start of a match followed back.
 const RETURN_PX: f64 = 1.0;
-/// What looks as alike, to within this correlation, but lies farther off than this, is a likeness too many.
+/// Difference in correlation below which another match is ambiguous, and distance from which on it is another one.
 const LEAST_LEAD: f64 = 0.02;
 const ELSEWHERE_PX: f64 = 3.0;
-/// Rounds of matching, each with a similarity refitted to the matches before.
+/// Number of rounds of matching, each with a similarity refitted to the matches before.
 const ROUNDS: usize = 3;
-/// What is off by more than so many times the median is no match …
+/// Factor over the median error beyond which a match is an outlier …
 const OUTLYING: f64 = 3.0;
-/// … but nothing is known to be nearer than this.
+/// … and least error for that threshold.
 const EXACT_PX: f64 = 0.01;
 
-/// A match to a fraction of a pixel: both pixels, and how well the pictures correlate.
+/// A subpixel match: both pixels, and the correlation of the pictures.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Match {
+pub(super) struct GuidedMatch {
     pub(super) pixels: [Point2<f64>; 2],
     pub(super) positions: [Point3<f64>; 2],
     pub(super) correlation: f64,
-    /// How far it lies from where the similarity and the other camera's depth have it, pixels.
+    /// Distance from its prediction by the similarity and the other camera's depth, pixels.
     pub(super) off_px: f64,
 }
 
-impl Match {
-    /// The same with the cameras in the other order.
+impl GuidedMatch {
+    /// The same match with the cameras exchanged.
     fn swapped(mut self) -> Self {
         self.pixels.reverse();
         self.positions.reverse();
@@ -55,30 +55,31 @@ impl Match {
     }
 }
 
-/// All matches that a similarity leads to, and the similarity that they lead to.
+/// All matches guided by a similarity, and the similarity refitted to them.
 ///
 /// # Errors
-/// When OpenCV refuses.
+/// [`crate::error::Error::Calib`] when OpenCV refuses.
 pub(super) fn matches(
-    seen: [&Seen<'_>; 2],
+    seen: [&ComparedView<'_>; 2],
     start: &Similarity3<f64>,
     tolerance_px: f64,
     options: &ProposalOptions,
-) -> Result<(Similarity3<f64>, Vec<Match>)> {
-    let corners = |seen: &Seen<'_>| {
+) -> Result<(Similarity3<f64>, Vec<GuidedMatch>)> {
+    let corners = |seen: &ComparedView<'_>| {
         let gray = image::imageops::grayscale(&seen.surface.picture);
         flow::corners(&gray, CORNERS, QUALITY, APART_PX, BLOCK_PX)
     };
     let corners = [corners(seen[0])?, corners(seen[1])?];
     let mut similarity = *start;
-    let mut matches: Vec<Match> = Vec::new();
+    let mut matches: Vec<GuidedMatch> = Vec::new();
     let mut reach_px = tolerance_px;
     for _ in 0..ROUNDS {
         let inverse = similarity.inverse();
         let both = [&similarity, &inverse];
         let there = |corner: &Point2<f64>| follow(seen, both, corner, reach_px, options);
         let back = |corner: &Point2<f64>| {
-            follow([seen[1], seen[0]], [both[1], both[0]], corner, reach_px, options).map(Match::swapped)
+            follow([seen[1], seen[0]], [both[1], both[0]], corner, reach_px, options)
+                .map(GuidedMatch::swapped)
         };
         matches = corners[0].par_iter().filter_map(there).collect();
         matches.par_extend(corners[1].par_iter().filter_map(back));
@@ -93,40 +94,40 @@ pub(super) fn matches(
     Ok((similarity, matches))
 }
 
-/// The similarity that matches lead to, those that are off by more than `median_px` counting less.
+/// Similarity fitted to the matches; matches with errors above `median_px` count less.
 fn refitted(
-    seen: [&Seen<'_>; 2],
+    seen: [&ComparedView<'_>; 2],
     first_from_second: &Similarity3<f64>,
-    matches: &[Match],
+    matches: &[GuidedMatch],
     median_px: f64,
 ) -> Option<Similarity3<f64>> {
-    // Either camera's depths err by the square of the distance.
-    let variance = |m: &Match| {
+    // The error of either camera's depths grows with the square of the distance.
+    let variance = |m: &GuidedMatch| {
         let error = |camera: usize| {
             let depth = m.positions[camera].z;
             depth * seen[camera].surface.depth_sigma(depth as f32)
         };
         error(0).powi(2) + (first_from_second.scaling() * error(1)).powi(2)
     };
-    // What fits badly may be no match.
-    let weight = |m: &Match| 1.0 / (variance(m) * (1.0 + (m.off_px / median_px).powi(2)));
+    // A match with a large error may be wrong.
+    let weight = |m: &GuidedMatch| 1.0 / (variance(m) * (1.0 + (m.off_px / median_px).powi(2)));
     let weights: Vec<f64> = matches.iter().map(weight).collect();
     let (a, b): (Vec<_>, Vec<_>) = matches.iter().map(|m| (m.positions[0], m.positions[1])).unzip();
     absolute_orientation::similarity_weighted(&b, &a, &weights).ok()
 }
 
-/// Looks for a corner of the first picture in the second.
+/// Searches a corner of the first picture in the second.
 fn follow(
-    seen: [&Seen<'_>; 2],
+    seen: [&ComparedView<'_>; 2],
     [first_from_second, second_from_first]: [&Similarity3<f64>; 2],
     corner: &Point2<f64>,
     reach_px: f64,
     options: &ProposalOptions,
-) -> Option<Match> {
+) -> Option<GuidedMatch> {
     let [here, there] = seen;
     let position = here.surface.point_at(corner).filter(|_| is_whole(here.surface, corner, options))?;
     let expected = carried(here.surface, there.surface, second_from_first, corner)?;
-    // Hidden things are behind what the other camera sees.
+    // Occluded points are behind the other camera's surface.
     let meets = |surface: &Surface, pixel: &Point2<f64>, position: &Point3<f64>| {
         let seen = surface.point_at(pixel)?;
         ((position.z / seen.z - 1.0).abs() < SAME).then_some(seen)
@@ -139,7 +140,7 @@ fn follow(
     let pair = [Landmark { pixel: *corner, position }, Landmark { pixel, position: other }];
     let lenses = seen.map(|s| &s.surface.intrinsics);
     let off_px = miss_px(&pair, lenses, first_from_second);
-    ((again - corner).norm() <= RETURN_PX).then_some(Match {
+    ((again - corner).norm() <= RETURN_PX).then_some(GuidedMatch {
         pixels: [*corner, pixel],
         positions: [position, other],
         correlation,
@@ -147,7 +148,7 @@ fn follow(
     })
 }
 
-/// Whether what a patch shows is one surface: an edge, with what lies behind it, looks otherwise from elsewhere.
+/// Tells whether a patch shows one surface: an edge and the surface behind it look different from elsewhere.
 fn is_whole(surface: &Surface, pixel: &Point2<f64>, options: &ProposalOptions) -> bool {
     let (width, height) = (surface.width() as i32, surface.height() as i32);
     let (x, y) = (pixel.x.round() as i32, pixel.y.round() as i32);
@@ -169,10 +170,11 @@ fn is_whole(surface: &Surface, pixel: &Point2<f64>, options: &ProposalOptions) -
     f64::from(known) > LEAST_WHOLE * f64::from(all) && f64::from(on_plane) > LEAST_WHOLE * f64::from(known)
 }
 
-/// Looks for what is around a pixel of one picture in the other: everywhere within `reach_px`, then to a fraction of a pixel.
+/// Searches the patch around a pixel of one picture in the other: exhaustively within `reach_px`, then to a fraction of
+/// a pixel.
 fn register(
-    from: &Seen<'_>,
-    onto: &Seen<'_>,
+    from: &ComparedView<'_>,
+    onto: &ComparedView<'_>,
     pixel: &Point2<f64>,
     (start, reach_px): (&Warp, f64),
     options: &ProposalOptions,

@@ -1,4 +1,4 @@
-//! Keypoints of a reference view that have a place in space, and those of two views that look alike.
+//! Keypoints of a reference view with their positions in space, and matches between two views.
 
 use calib::vision::Keypoints;
 use image::GrayImage;
@@ -9,46 +9,46 @@ use super::flat;
 use crate::Result;
 use crate::surface::Surface;
 
-/// Keypoints a picture, and their least contrast: rooms are plain, and squared-on pictures smooth.
+/// Number of keypoints of a picture, and their least contrast: rooms are plain, and rectified pictures smooth.
 const KEYPOINTS: usize = 4000;
 const CONTRAST: f64 = 0.02;
 const CONTRAST_SQUARE_ON: f64 = 0.01;
-/// A match must be nearer than this share of the next likely one.
+/// Largest ratio of a match's distance to that of the second nearest.
 const RATIO: f32 = 0.85;
 
 /// A keypoint in space.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Landmark {
-    /// In the pinhole picture of its camera.
+    /// Pixel in the pinhole picture of its camera.
     pub(super) pixel: Point2<f64>,
-    /// In its camera's frame.
+    /// Position in its camera's frame.
     pub(super) position: Point3<f64>,
 }
 
-/// What could be the same place: a landmark of one camera and one of another.
+/// Candidate correspondence: a landmark of one camera and one of another.
 pub(super) type Candidate = [Landmark; 2];
 
-/// The landmarks of a view.
+/// Landmarks of a view.
 pub(super) struct Landmarks {
-    /// From the picture as it is, and from its flat things seen square on: a place may be among both.
+    /// Landmarks from the picture as it is, and from its planes' frontal pictures: a place may be among both.
     kinds: [(Vec<Landmark>, Keypoints); 2],
 }
 
 impl Landmarks {
     /// # Errors
-    /// When OpenCV refuses.
+    /// [`crate::error::Error::Calib`] when OpenCV refuses.
     pub(super) fn of(surface: &Surface, rng: &mut Pcg64Mcg) -> Result<Self> {
         let gray = image::imageops::grayscale(&surface.picture);
         Ok(Self { kinds: [as_seen(surface, &gray)?, square_on(surface, &gray, rng)?] })
     }
 
-    /// What looks alike in both views.
+    /// Candidate correspondences by similar descriptors.
     pub(super) fn candidates(&self, other: &Self) -> Vec<Candidate> {
         let mut candidates: Vec<Candidate> = Vec::new();
         for ((here, keypoints), (there, others)) in self.kinds.iter().zip(&other.kinds) {
             for (i, j) in keypoints.matches(others, RATIO) {
                 let candidate = [here[i], there[j]];
-                // A place with two orientations, or found in both ways, speaks once.
+                // A place with two orientations, or found in both kinds, counts once.
                 let same =
                     |c: &Candidate| c.iter().zip(&candidate).all(|(p, q)| (p.pixel - q.pixel).norm() < 1.5);
                 if !candidates.iter().any(same) {

@@ -1,4 +1,4 @@
-//! The picture by which a person confirms proposed points: all reference images, the same number at the same place.
+//! Picture by which a person confirms proposed points: all reference images, with the same number at the same point.
 
 use image::RgbImage;
 use nalgebra::Point2;

@@ -1,23 +1,22 @@
-//! Few points for many: those that lie farthest apart in space.
+//! Choice of few matches out of many: those that lie farthest apart in space.
 
 use nalgebra::Point3;
 
-use super::guided::Match;
-use crate::merge;
-use crate::project::LEAST_SHARED_POINTS;
+use super::guided::GuidedMatch;
+use crate::project::{self, LEAST_SHARED_POINTS};
 
-/// At most `count` of them, one after the other the one farthest from all before; the best-correlated first.
-pub(super) fn choose(found: &[Match], count: usize) -> Vec<Match> {
+/// Chooses at most `count` matches, each the one farthest from all before; the best-correlated first.
+pub(super) fn choose(found: &[GuidedMatch], count: usize) -> Vec<GuidedMatch> {
     let mut left = found.to_vec();
     left.sort_by(|p, q| q.correlation.total_cmp(&p.correlation));
-    let mut chosen: Vec<Match> = Vec::new();
+    let mut chosen: Vec<GuidedMatch> = Vec::new();
     while chosen.len() < count && !left.is_empty() {
-        let apart = |m: &Match| {
+        let apart = |m: &GuidedMatch| {
             let at = &m.positions[0];
-            let distance = |other: &Match| (other.positions[0] - at).norm() / at.coords.norm();
+            let distance = |other: &GuidedMatch| (other.positions[0] - at).norm() / at.coords.norm();
             chosen.iter().map(distance).fold(f64::INFINITY, f64::min)
         };
-        // The first of equals, which is the better correlated.
+        // Of equal distances the first one, which is better correlated.
         let farthest = (0..left.len()).rev().max_by(|i, j| apart(&left[*i]).total_cmp(&apart(&left[*j])));
         let Some(farthest) = farthest else { break };
         let next = left.remove(farthest);
@@ -29,10 +28,10 @@ pub(super) fn choose(found: &[Match], count: usize) -> Vec<Match> {
     chosen
 }
 
-/// Whether the points suffice to join two cameras: enough, and not on a line.
-pub(super) fn is_wide(chosen: &[Match]) -> bool {
+/// Tells whether the points suffice to join two cameras: enough, and not on a line.
+pub(super) fn is_wide(chosen: &[GuidedMatch]) -> bool {
     let points: Vec<Point3<f64>> = chosen.iter().map(|m| m.positions[0]).collect();
-    points.len() >= LEAST_SHARED_POINTS && merge::is_wide(&points)
+    points.len() >= LEAST_SHARED_POINTS && project::is_wide(&points)
 }
 
 #[cfg(test)]
@@ -40,17 +39,17 @@ mod tests {
     use super::*;
     use nalgebra::Point2;
 
-    fn at(x: f64, y: f64, correlation: f64) -> Match {
+    fn at(x: f64, y: f64, correlation: f64) -> GuidedMatch {
         let pixel = Point2::new(100.0 * x, 100.0 * y);
         let position = Point3::new(x, y, 3.0);
-        Match { pixels: [pixel; 2], positions: [position; 2], correlation, off_px: 0.0 }
+        GuidedMatch { pixels: [pixel; 2], positions: [position; 2], correlation, off_px: 0.0 }
     }
 
     #[test]
-    fn what_lies_far_apart_is_chosen() {
+    fn matches_far_apart_are_chosen() {
         let crowd = (0..20).map(|i| at(0.5 + 0.001 * f64::from(i), 0.5, 0.9));
         let corners = [at(0.0, 0.0, 0.8), at(1.0, 0.0, 0.8), at(0.0, 1.0, 0.8), at(1.0, 1.0, 0.8)];
-        let all: Vec<Match> = crowd.chain(corners).collect();
+        let all: Vec<GuidedMatch> = crowd.chain(corners).collect();
         let chosen = choose(&all, 5);
         assert_eq!(chosen.len(), 5);
         for corner in corners {
@@ -70,7 +69,8 @@ mod tests {
 
     #[test]
     fn points_on_a_line_do_not_join_cameras() {
-        let line: Vec<Match> = (0..6).map(|i| at(0.3 * f64::from(i), 0.1 * f64::from(i), 0.9)).collect();
+        let line: Vec<GuidedMatch> =
+            (0..6).map(|i| at(0.3 * f64::from(i), 0.1 * f64::from(i), 0.9)).collect();
         assert!(!is_wide(&line) && !is_wide(&line[..2]) && !is_wide(&[]));
         assert!(is_wide(&[line[0], line[5], at(0.0, 0.8, 0.9)]));
     }

@@ -20,7 +20,7 @@ pub fn to_toml(points: &[(PickedPoint, f64)], names: &[&str]) -> String {
     text
 }
 
-/// A name as TOML writes it before an equals sign: quoted only where it has to be.
+/// Key of a TOML table: quoted only where necessary.
 fn key(name: &str) -> String {
     let is_bare = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
     if !name.is_empty() && name.chars().all(is_bare) {

@@ -1,4 +1,4 @@
-//! Proposals on rendered rooms of which everything is known: where a proposed pixel's place truly is in the other image.
+//! Proposals on rendered rooms with ground truth: the true position of a proposed point in the other image.
 
 use super::*;
 use crate::surface::rendered::Rendering;
@@ -12,13 +12,13 @@ fn room(seed: u64) -> SyntheticRoom {
     RoomOptions { seed, image_px: [480, 360], ..RoomOptions::default() }.build().unwrap()
 }
 
-/// What a camera's capture would become: stereo with noise and holes in a unit of its own, under a picture with a sensor's noise.
+/// Surface as of a camera's capture: stereo with noise and holes in a unit of its own, and a picture with sensor noise.
 fn surface(room: &SyntheticRoom, camera: &Camera, seed: u64) -> Surface {
     let unit_m = 0.6 + 0.3 * seed as f64;
     Rendering { unit_m, noise: 0.005, holes: 0.2, seed }.filmed(room, camera)
 }
 
-/// How far a proposal's second pixel is from where the place at its first one truly is; `None` for what is hidden there.
+/// Distance of a proposal's second pixel from the true projection of the first one's point; `None` where it is hidden.
 fn miss_px(scene: &RayScene, [a, b]: [&Camera; 2], proposal: &Proposal) -> Option<f64> {
     let ray = a.camera_from_world.rotation.inverse() * a.intrinsics.unproject(&proposal.pixels[0])?;
     let hit = scene.cast(vec3_from_point(&a.center()), vec3_from_vector(&ray))?;
@@ -26,13 +26,13 @@ fn miss_px(scene: &RayScene, [a, b]: [&Camera; 2], proposal: &Proposal) -> Optio
     Some((b.project(&place)? - proposal.pixels[1]).norm())
 }
 
-/// From another place in the room.
+/// The camera moved to another place in the room.
 fn aside(camera: &Camera) -> Camera {
     let step = Isometry3::new(Vector3::new(-0.3, 0.0, -0.9), Vector3::new(0.05, 0.25, 0.0));
     Camera { intrinsics: camera.intrinsics.clone(), camera_from_world: step * camera.camera_from_world }
 }
 
-fn only(surfaces: [&Surface; 2]) -> Option<Found> {
+fn only(surfaces: [&Surface; 2]) -> Option<Correspondence> {
     propose(&surfaces, &ProposalOptions::default()).unwrap().pop().unwrap().found
 }
 
@@ -50,7 +50,7 @@ fn proposals_are_the_same_place_from_beside_and_from_the_opposite_wall() {
             assert!((5..=12).contains(&found.proposals.len()), "seed {seed}: {found:?}");
             misses.extend(found.proposals.iter().filter_map(|p| miss_px(&scene, [a, other], p)));
 
-            // The similarity is that of the two cameras, and tells a pick's slip.
+            // The similarity is that of the two cameras, and reveals an error of a pick.
             let true_pose = a.camera_from_world * other.camera_from_world.inverse();
             let turn = found.first_from_second.isometry.rotation.angle_to(&true_pose.rotation);
             assert!(turn.to_degrees() < 1.0, "seed {seed}: {}°", turn.to_degrees());
@@ -72,7 +72,8 @@ fn surfaces_and_pictures_bear_out_the_truth_alone() {
     let room = room(2);
     let [a, b] = [0, 1].map(|i| &room.room.cameras[i].camera);
     let surfaces = [surface(&room, a, 1), surface(&room, b, 2)];
-    let seen = surfaces.each_ref().map(|s| Seen { surface: s, intensity: Intensity::new(&s.picture) });
+    let seen =
+        surfaces.each_ref().map(|s| ComparedView { surface: s, intensity: Intensity::new(&s.picture) });
     // Units: 0.9 m and 1.2 m.
     let relative = a.camera_from_world * b.camera_from_world.inverse();
     let truth =
@@ -80,20 +81,20 @@ fn surfaces_and_pictures_bear_out_the_truth_alone() {
     let told = evidence::of([&seen[0], &seen[1]], &truth);
     assert!(told.in_the_way < 0.1 && told.correlation > 0.5 && told.compared > 200, "{told:?}");
 
-    // As if both stood in the same corner: the room's shape fits, its pictures do not.
+    // As if both cameras stood in the same corner: the room's shape fits, its pictures do not.
     let corner = evidence::of([&seen[0], &seen[1]], &Similarity3::from_scaling(1.2 / 0.9));
     assert!(corner.correlation < options.least_correlation && corner.compared > 100, "{corner:?}");
-    // Farther along the way they look, one's wall stands before what the other sees.
+    // Moved along its viewing direction, one camera's wall stands before the other's surfaces.
     let step = Similarity3::new(Vector3::new(0.0, 0.0, -2.0), Vector3::zeros(), 1.0);
     let behind = evidence::of([&seen[0], &seen[1]], &(step * truth));
     assert!(behind.in_the_way > options.most_in_the_way, "{behind:?}");
 }
 
 #[test]
-fn what_fits_exactly_stays_where_it_is() {
+fn exact_matches_are_not_moved() {
     let room = room(1);
     let surface = surface(&room, &room.room.cameras[0].camera, 1);
-    let seen = Seen { surface: &surface, intensity: Intensity::new(&surface.picture) };
+    let seen = ComparedView { surface: &surface, intensity: Intensity::new(&surface.picture) };
     let start = Similarity3::identity();
     let (found, matches) = guided::matches([&seen, &seen], &start, 2.0, &ProposalOptions::default()).unwrap();
     assert!(
@@ -117,7 +118,7 @@ fn cameras_of_different_rooms_have_nothing_in_common() {
 }
 
 #[test]
-fn where_nothing_is_seen_nothing_is_proposed() {
+fn blank_views_give_no_proposals() {
     let room = room(1);
     let seen = surface(&room, &room.room.cameras[0].camera, 1);
     let mut blank = seen.clone();

@@ -1,8 +1,8 @@
-//! A calibration board in a capture: how long a side of its squares is in the capture's own unit.
+//! A calibration board in a capture: the side of its squares in the capture's own unit.
 //!
-//! The board lies still while the camera moves. Its corners are found in every frame, their points triangulated, and the
-//! board's pose and the side of its squares are then what makes all sightings most probable together: seven numbers from
-//! twice as many equations as there are corners in all frames, by damped Gauss–Newton on the reprojection errors.
+//! The board lies still while the camera moves. Its corners are found in every frame and triangulated, and the board's
+//! pose and the side of its squares are the maximum-likelihood estimate of all observations: seven parameters from two
+//! equations a corner and frame, by damped Gauss–Newton on the reprojection errors.
 
 use std::fmt;
 
@@ -12,27 +12,27 @@ use nalgebra::{Isometry3, Point2, Point3, SMatrix, SVector, Translation3, UnitQu
 use rayon::prelude::*;
 
 use crate::bundle::Loss;
-use crate::motion::triangulation::{Acceptance, triangulate};
-use crate::ray_depth::Filmed;
+use crate::motion::triangulation::{TriangulationLimits, triangulate};
+use crate::ray_depth::PosedFilm;
 
-/// Corners are found to about this, pixels; a board that fits better is no better known.
+/// Standard deviation of detected corners, pixels; a smaller residual does not mean a better estimate.
 const CORNER_SIGMA_PX: f64 = 0.1;
-/// Beyond this a board moved while it was filmed, is bent, or is not what it is said to be.
+/// Largest residual of a board that is still, flat and as described.
 const LARGEST_RMS_PX: f64 = 2.0;
-/// A side that is not known to this share of itself gives no metres.
+/// Largest relative standard deviation of a side from which metres are taken.
 const LARGEST_SIGMA: f64 = 0.03;
 const STEPS: usize = 30;
 
 /// The side of a board's squares.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Square {
-    /// In the capture's unit.
+    /// Side in the capture's unit.
     pub side: f64,
-    /// Standard deviation as a share of the side.
+    /// Relative standard deviation.
     pub sigma: f64,
-    /// Frames in which the board was seen whole.
+    /// Number of frames in which the whole board was detected.
     pub frames: usize,
-    /// Root mean square distance of corners from where the board puts them, pixels.
+    /// Root mean square reprojection error of the corners, pixels.
     pub rms_px: f64,
 }
 
@@ -43,25 +43,25 @@ impl fmt::Display for Square {
     }
 }
 
-/// How long a side of the board's squares is.
+/// Estimates the side of the board's squares.
 ///
 /// # Errors
-/// What to film instead: a board that is seen whole in fewer than two frames, moves, is bent, or whose distance the
-/// camera's motion does not tell.
-pub fn square(film: &Filmed<'_>, board: Chessboard) -> Result<Square, String> {
+/// Advice on what to film instead, for a board that is wholly visible in fewer than two frames, moves, is bent, or
+/// whose distance the camera's motion does not determine.
+pub fn square(film: &PosedFilm<'_>, board: Chessboard) -> Result<Square, String> {
     let find = |(frame, pose): (&image::RgbImage, &Option<Isometry3<f64>>)| {
-        // What OpenCV refuses to look at shows no board.
+        // A frame that OpenCV refuses counts as one without a board.
         let corners = board.find(&image::imageops::grayscale(frame)).ok().flatten();
         pose.zip(corners)
     };
-    let views: Vec<View> = film.frames.par_iter().zip(film.camera_from_world).filter_map(find).collect();
+    let views: Vec<BoardView> = film.frames.par_iter().zip(film.camera_from_world).filter_map(find).collect();
     fitted(film.intrinsics, board, views)
 }
 
 /// A frame's pose, camera from world, and the board's corners in it, row by row from any of its corners.
-type View = (Isometry3<f64>, Vec<Point2<f64>>);
+type BoardView = (Isometry3<f64>, Vec<Point2<f64>>);
 
-fn fitted(lens: &calib::Intrinsics, board: Chessboard, mut views: Vec<View>) -> Result<Square, String> {
+fn fitted(lens: &calib::Intrinsics, board: Chessboard, mut views: Vec<BoardView>) -> Result<Square, String> {
     if views.len() < 2 {
         return Err(format!(
             "the {board} board is seen whole in {} frames of the capture; lay it where the camera sees it from several places",
@@ -96,11 +96,11 @@ fn fitted(lens: &calib::Intrinsics, board: Chessboard, mut views: Vec<View>) -> 
     }
 }
 
-/// Which corner of a board comes first is the detector's choice: all views get the order of the first. A board looks the
-/// same turned by half, square ones by a quarter; a camera that moves by hand is turned by less.
-fn same_order(lens: &calib::Intrinsics, board: Chessboard, views: &mut [View]) {
-    // Directions in the world, from the board's middle: parallax moves all alike.
-    let shape = |(pose, corners): &View| -> Vec<Vector3<f64>> {
+/// Brings the corners of all views into the order of the first: the detector may start at any corner. A board looks the
+/// same rotated by half a turn, square ones by a quarter; a camera that moves by hand turns by less.
+fn same_order(lens: &calib::Intrinsics, board: Chessboard, views: &mut [BoardView]) {
+    // Directions in the world relative to the board's middle: parallax moves all alike.
+    let shape = |(pose, corners): &BoardView| -> Vec<Vector3<f64>> {
         let rays: Vec<Vector3<f64>> = corners
             .iter()
             .map(|c| {
@@ -123,7 +123,7 @@ fn same_order(lens: &calib::Intrinsics, board: Chessboard, views: &mut [View]) {
     }
 }
 
-/// The orders in which a detector may tell a board's corners.
+/// Orders in which a detector may list a board's corners.
 fn orders(board: Chessboard) -> Vec<Vec<usize>> {
     let (columns, rows) = (board.columns as usize, board.rows as usize);
     let count = columns * rows;
@@ -137,7 +137,7 @@ fn orders(board: Chessboard) -> Vec<Vec<usize>> {
     orders
 }
 
-/// A board's place and size.
+/// Pose and size of a board.
 #[derive(Debug, Clone, Copy)]
 struct Board {
     world_from_board: Isometry3<f64>,
@@ -149,7 +149,7 @@ impl Board {
         self.world_from_board * (on_board * self.side)
     }
 
-    /// Turned about the board's first corner, moved, scaled.
+    /// Board after a step: rotated about its first corner, moved, scaled.
     fn moved(&self, step: &SVector<f64, 7>) -> Self {
         let turn = UnitQuaternion::from_scaled_axis(step.fixed_rows::<3>(0).into_owned());
         let shift = Translation3::from(self.world_from_board.translation.vector + step.fixed_rows::<3>(3));
@@ -158,9 +158,10 @@ impl Board {
     }
 }
 
-/// Where the corners' sightings meet, one corner after the other.
-fn triangulated(lens: &calib::Intrinsics, on_board: &[Point3<f64>], views: &[View]) -> Option<Board> {
-    const ACCEPT: Acceptance = Acceptance { max_error_px: 3.0, min_angle: 0.003, min_sightings: 2 };
+/// Initial board from triangulated corners.
+fn triangulated(lens: &calib::Intrinsics, on_board: &[Point3<f64>], views: &[BoardView]) -> Option<Board> {
+    const ACCEPT: TriangulationLimits =
+        TriangulationLimits { max_error_px: 3.0, min_angle: 0.003, min_sightings: 2 };
     let point = |(i, corner): (usize, &Point3<f64>)| {
         let sightings: Vec<_> = views.iter().map(|(pose, corners)| (pose, corners[i])).collect();
         Some((*corner, triangulate(lens, &sightings, &ACCEPT)?))
@@ -170,11 +171,11 @@ fn triangulated(lens: &calib::Intrinsics, on_board: &[Point3<f64>], views: &[Vie
     Some(Board { world_from_board: fit.isometry, side: fit.scaling() })
 }
 
-/// Where all sightings together put the board, and how well they tell its size.
+/// Maximum-likelihood board from all observations, and the precision of its size.
 fn polished(
     lens: &calib::Intrinsics,
     on_board: &[Point3<f64>],
-    views: &[View],
+    views: &[BoardView],
     start: Board,
 ) -> Option<Square> {
     let loss = Loss::Cauchy(1.0);
@@ -234,7 +235,7 @@ fn polished(
         residual(&board, pose, corner, pixel).map_or(f64::INFINITY, |r: Vector2<f64>| r.norm_squared())
     });
     let rms_px = (squares.sum::<f64>() / sightings().count().max(1) as f64).sqrt();
-    // One corner's error is another's: of a blurred or bent board all are off together, so a frame counts once.
+    // Corner errors in a blurred or bent board are correlated, so a frame counts as one observation.
     let noise_px = rms_px.max(CORNER_SIGMA_PX) * (on_board.len() as f64).sqrt();
     let variance = normal.try_inverse()?[(6, 6)];
     Some(Square { side: board.side, sigma: noise_px * variance.sqrt(), frames: views.len(), rms_px })
@@ -248,8 +249,8 @@ mod tests {
 
     const SIDE: f64 = 0.06;
 
-    /// A board of squares of 0.06 units, 1.5 units away, seen by a camera that moves `step` aside from frame to frame.
-    fn views(lens: &Intrinsics, board: Chessboard, step: f64, noise_px: f64) -> Vec<View> {
+    /// Board of squares of 0.06 units, 1.5 units away, seen by a camera that moves `step` aside from frame to frame.
+    fn views(lens: &Intrinsics, board: Chessboard, step: f64, noise_px: f64) -> Vec<BoardView> {
         let world_from_board = Isometry3::new(Vector3::new(-0.25, -0.1, 1.5), Vector3::new(0.5, -0.3, 0.2));
         let truth = Board { world_from_board, side: SIDE };
         let mut rng = rand_pcg::Pcg64Mcg::new(7);
@@ -302,13 +303,13 @@ mod tests {
     }
 
     #[test]
-    fn what_gives_no_metres_says_what_to_film() {
+    fn boards_that_give_no_metres_are_refused_with_advice() {
         let board = Chessboard { columns: 9, rows: 6 };
-        let said = |views: Vec<View>| fitted(&lens(), board, views).unwrap_err();
+        let said = |views: Vec<BoardView>| fitted(&lens(), board, views).unwrap_err();
         assert!(said(Vec::new()).contains("seen whole in 0 frames"));
         assert!(said(views(&lens(), board, 0.05, 0.0)[..1].to_vec()).contains("seen whole in 1 frames"));
         assert!(said(views(&lens(), board, 0.0, 0.1)).contains("further apart"));
-        // Somebody carries the board along: it is where it was for the first four frames, then elsewhere.
+        // The board is moved: it is in one place for the first four frames, then elsewhere.
         let mut carried = views(&lens(), board, 0.05, 0.1);
         for (i, (_, corners)) in carried.iter_mut().enumerate() {
             for corner in corners {

@@ -1,4 +1,4 @@
-//! Metres: how long a unit of the common frame is, from one known length.
+//! Metric scale of the common frame, from one known length.
 
 pub mod board;
 
@@ -12,14 +12,14 @@ use crate::surface::Surface;
 use crate::{Error, Result};
 use board::Square;
 
-/// Metres a unit of the common frame.
+/// Metres in a unit of the common frame.
 ///
 /// # Arguments
 /// `lenses`: each camera's intrinsics as filmed. `square`: the side of the project's board, in its camera's unit. `floor`: the
 /// floor in the common frame, for a known height.
 ///
 /// # Errors
-/// [`Error::Content`] naming the pixel at which there is no depth, or the board that was not measured.
+/// [`Error::Content`] naming the pixel without a depth, or the board that was not measured.
 pub fn metres_per_unit(
     project: &Project,
     surfaces: &[Surface],
@@ -70,9 +70,9 @@ pub fn metres_per_unit(
     }
 }
 
-/// A pixel that is also a picked point has been seen by several cameras, and is known better than by depth alone.
+/// Position of a pixel that is also a picked point: several cameras determine it better than a depth alone.
 fn picked(project: &Project, merged: &Merged, camera: usize, pixel: &Point2<f64>) -> Option<Point3<f64>> {
-    /// The same pixel.
+    /// Largest distance between identical pixels.
     const SAME_PX: f64 = 1.0;
     let close = |p: Point2<f64>| (p - pixel).norm() <= SAME_PX;
     let point = project.points.iter().position(|p| p.pixel(camera).is_some_and(close))?;

@@ -1,6 +1,6 @@
-//! What a camera's reference view is known to see: for each pixel a depth, a normal, and where that comes from.
+//! Depth, normal and origin of each pixel of a camera's reference view.
 //!
-//! In the camera's own frame (the identity) and the capture's own scale; the picture and the pixels are those of the
+//! The frame is the camera's own (the identity), the scale the capture's; the picture and the pixels are those of the
 //! pinhole camera.
 
 #[cfg(test)]
@@ -13,39 +13,39 @@ use nalgebra::{Point2, Point3};
 
 use crate::dense::{DenseView, Pinhole};
 
-/// Where a pixel's depth comes from.
+/// Origin of a pixel's depth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Origin {
-    /// There is none.
+pub enum DepthOrigin {
+    /// There is no depth.
     #[default]
     Unknown,
-    /// Stereo saw it.
+    /// Measured by stereo.
     Stereo,
-    /// Filled in from a plane that stereo saw nearby.
+    /// Filled in from a plane that stereo measured nearby.
     Filled,
 }
 
-/// A camera's reference view in depth.
+/// A camera's reference view with depth.
 #[derive(Debug, Clone)]
 pub struct Surface {
-    /// The pinhole picture.
+    /// Pinhole picture.
     pub picture: RgbImage,
-    /// Its camera, without distortion.
+    /// Camera of the picture, without distortion.
     pub intrinsics: Intrinsics,
     /// Depth along z a pixel, row by row; 0 where unknown.
     pub depth: Vec<f32>,
     /// Unit normal in camera coordinates, towards the camera.
     pub normal: Vec<Vec3>,
-    /// How many other views agree: 0 for what is not measured.
+    /// Number of other views that agree: 0 for pixels that are not measured.
     pub agreeing: Vec<u8>,
-    /// Where each depth comes from.
-    pub origin: Vec<Origin>,
-    /// Inverse depth of a pixel's shift in the farthest view: the unit of stereo's errors.
+    /// Origin of each depth.
+    pub origin: Vec<DepthOrigin>,
+    /// Change of inverse depth that shifts a pixel by one in the farthest view: the unit of stereo's errors.
     pub step: f32,
 }
 
 impl Surface {
-    /// The reliable part of a dense view.
+    /// Reliable part of a dense view.
     pub fn from_view(view: &DenseView) -> Self {
         let (camera, width) = (view.pinhole(), view.map.width);
         let known = |i: usize| view.agreeing[i] > 0;
@@ -60,7 +60,7 @@ impl Surface {
             depth: all.clone().map(|i| if known(i) { 1.0 / view.map.supports[i].w } else { 0.0 }).collect(),
             normal: all.clone().map(|i| if known(i) { normal(i) } else { Vec3::ZERO }).collect(),
             agreeing: view.agreeing.clone(),
-            origin: all.map(|i| if known(i) { Origin::Stereo } else { Origin::Unknown }).collect(),
+            origin: all.map(|i| if known(i) { DepthOrigin::Stereo } else { DepthOrigin::Unknown }).collect(),
             step: view.step,
         }
     }
@@ -75,19 +75,19 @@ impl Surface {
         self.intrinsics.height as usize
     }
 
-    /// The camera for inner loops.
+    /// Camera in single precision for inner loops.
     pub fn pinhole(&self) -> Pinhole {
         let k = &self.intrinsics;
         Pinhole { fx: k.fx as f32, fy: k.fy as f32, cx: k.cx as f32, cy: k.cy as f32 }
     }
 
-    /// The point seen at pixel number `i`; `None` where unknown.
+    /// Point at pixel number `i`; `None` where unknown.
     pub fn point(&self, i: usize) -> Option<Vec3> {
         let (u, v) = ((i % self.width()) as f32, (i / self.width()) as f32);
         (self.depth[i] > 0.0).then(|| self.pinhole().ray(u, v) * self.depth[i])
     }
 
-    /// The radius of the disc that covers pixel number `i`, slanted as the surface is.
+    /// Radius of the disc that covers pixel number `i`, with the surface's slant.
     pub fn radius(&self, i: usize) -> f32 {
         let (u, v) = ((i % self.width()) as f32, (i / self.width()) as f32);
         let camera = self.pinhole();
@@ -97,7 +97,7 @@ impl Surface {
         std::f32::consts::FRAC_1_SQRT_2 * self.depth[i] / camera.fx.min(camera.fy) / cosine.sqrt()
     }
 
-    /// The area of surface that pixel number `i` shows, in the capture's units squared.
+    /// Surface area at pixel number `i`, in the capture's units squared.
     pub fn area(&self, i: usize) -> f32 {
         let (u, v) = ((i % self.width()) as f32, (i / self.width()) as f32);
         let camera = self.pinhole();
@@ -107,18 +107,18 @@ impl Surface {
         self.depth[i].powi(2) / (camera.fx * camera.fy * ray.length() * towards)
     }
 
-    /// Standard deviation of a depth that stereo measured, as a share of it: a fraction of a pixel in the farthest view.
+    /// Relative standard deviation of a depth measured by stereo: a fraction of a pixel in the farthest view.
     pub fn depth_sigma(&self, depth: f32) -> f64 {
         STEREO_SIGMA_PX * f64::from(self.step * depth)
     }
 
-    /// The share of pixels with a depth.
+    /// Share of pixels with a depth.
     pub fn coverage(&self) -> f64 {
         self.depth.iter().filter(|z| **z > 0.0).count() as f64 / self.depth.len().max(1) as f64
     }
 
-    /// The point seen at a pinhole pixel, read from its neighbourhood: an edge belongs to what is nearer, since a
-    /// person picks corners of things and not the wall behind them.
+    /// Point at a pinhole pixel, from its neighbourhood: an edge belongs to the nearer surface, since a person picks
+    /// corners of things and not the wall behind them.
     pub fn point_at(&self, pixel: &Point2<f64>) -> Option<Point3<f64>> {
         for radius in [2isize, 4, 8] {
             if let Some(depth) = self.neighbourhood_depth(pixel, radius) {
@@ -129,7 +129,7 @@ impl Surface {
         None
     }
 
-    /// The normal at a pinhole pixel; `None` where nothing is known.
+    /// Normal at a pinhole pixel; `None` where it is unknown.
     pub fn normal_at(&self, pixel: &Point2<f64>) -> Option<Vec3> {
         let (x, y) = (pixel.x.round(), pixel.y.round());
         if !(0.0..self.width() as f64).contains(&x) || !(0.0..self.height() as f64).contains(&y) {
@@ -139,7 +139,7 @@ impl Surface {
         (self.depth[i] > 0.0).then(|| self.normal[i])
     }
 
-    /// The median depth of the nearer surface around a pixel; `None` when too little is known there.
+    /// Median depth of the nearer surface around a pixel; `None` when too little is known there.
     fn neighbourhood_depth(&self, pixel: &Point2<f64>, radius: isize) -> Option<f64> {
         let (cx, cy) = (pixel.x.round() as isize, pixel.y.round() as isize);
         let mut depths: Vec<f32> = Vec::with_capacity((2 * radius as usize + 1).pow(2));
@@ -170,11 +170,11 @@ impl Surface {
     }
 }
 
-/// Surfaces seen flatter than this (84°) are drawn and weighted as if they were seen so.
+/// Least cosine (84°) as which flatter surfaces are drawn and weighted.
 const LEAST_COSINE: f32 = 0.1;
-/// Standard deviation of stereo, in pixels of shift in the farthest view.
+/// Standard deviation of stereo, pixels in the farthest view.
 const STEREO_SIGMA_PX: f64 = 0.3;
-/// Neighbouring pixels whose depths differ by more than this ratio show two surfaces.
+/// Ratio of the depths of neighbouring pixels from which on they show two surfaces.
 const SURFACE_GAP: f32 = 1.02;
 
 #[cfg(test)]
@@ -192,7 +192,7 @@ mod tests {
             depth,
             normal: vec![-Vec3::Z; 1200],
             agreeing: vec![3; 1200],
-            origin: vec![Origin::Stereo; 1200],
+            origin: vec![DepthOrigin::Stereo; 1200],
             step: 0.005,
         }
     }
@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn where_nothing_is_known_there_is_no_point() {
+    fn unknown_pixels_have_no_point() {
         let mut surface = boxed();
         surface.depth.fill(0.0);
         assert!(surface.point_at(&Point2::new(10.0, 10.0)).is_none());

@@ -1,5 +1,4 @@
-//! Surfaces as good stereo would give them, cast from the cameras of a synthetic room: for the tests of what follows
-//! stereo.
+//! Surfaces as of good stereo, rendered from the cameras of a synthetic room: for the tests of the stages after stereo.
 
 use calib::Camera;
 use glam::Vec3;
@@ -11,13 +10,13 @@ use rand_pcg::Pcg64Mcg;
 use scenes::raycast::RayScene;
 use synthetic::{CaptureOptions, SyntheticRoom};
 
-use super::{Origin, Surface};
+use super::{DepthOrigin, Surface};
 
-/// What stereo would make of a room.
+/// Simulated stereo.
 pub(crate) struct Rendering {
     /// Metres in a unit of the surface's depth.
     pub(crate) unit_m: f64,
-    /// Standard deviation of a depth as a share of it.
+    /// Relative standard deviation of a depth.
     pub(crate) noise: f64,
     /// Share of the pixels that stay unknown.
     pub(crate) holes: f64,
@@ -25,7 +24,7 @@ pub(crate) struct Rendering {
 }
 
 impl Rendering {
-    /// The surface seen by a camera without distortion.
+    /// Surface seen by a camera without distortion.
     pub(crate) fn of(&self, scene: &RayScene, camera: &Camera) -> Surface {
         let mut rng = Pcg64Mcg::seed_from_u64(self.seed);
         let lens = camera.intrinsics.clone();
@@ -37,7 +36,7 @@ impl Rendering {
             depth: vec![0.0; count],
             normal: vec![Vec3::ZERO; count],
             agreeing: vec![0; count],
-            origin: vec![Origin::Unknown; count],
+            origin: vec![DepthOrigin::Unknown; count],
             step: (0.004 * self.unit_m) as f32,
             intrinsics: lens.clone(),
         };
@@ -54,14 +53,14 @@ impl Rendering {
             surface.depth[i] = depth as f32;
             surface.normal[i] = single(&normal);
             surface.agreeing[i] = 4;
-            surface.origin[i] = Origin::Stereo;
+            surface.origin[i] = DepthOrigin::Stereo;
         }
         surface
     }
 
-    /// The same under the picture that the camera films, with a sensor's noise.
+    /// The same surface with the camera's picture and a sensor's noise.
     pub(crate) fn filmed(&self, room: &SyntheticRoom, camera: &Camera) -> Surface {
-        // A synthetic room is never without geometry, and a camera films as many frames as it is asked to.
+        // A synthetic room always has geometry, and a camera renders as many frames as asked for.
         let scene = RayScene::new(room.room.geometry.as_ref().unwrap()).unwrap();
         let options = CaptureOptions { seed: self.seed, frames: 1, ..CaptureOptions::default() };
         let picture = room.capture(camera, &options).0.pop().unwrap();

@@ -1,4 +1,4 @@
-//! `scenes check`: is this a room, and what is in it?
+//! `scenes check`: checks a room directory and prints its contents.
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -11,15 +11,15 @@ use scenes::raycast::RayScene;
 use scenes::room::{Room, RoomCamera, ZoneKind};
 use scenes::walkable::WalkableMap;
 
-/// Width in pixels at which it is measured how much of the room a camera sees.
+/// Width in pixels of the depth map from which the visible share of the room is measured.
 const GLANCE_WIDTH_PX: u32 = 160;
 
-/// Geometry larger than this, in metres, is more likely in millimetres.
+/// Size above which the geometry's unit is more likely the millimetre, metres.
 const MOST_LIKELY_SIZE_M: f32 = 1000.0;
 
 /// Check a room directory and print what is in it.
 ///
-/// Exits with 1 and one line that says what is wrong and where, if something is. What merely looks odd is a warning.
+/// Exits with 1 and one line that names the problem and its place, if there is one. What merely looks odd is a warning.
 #[derive(Args)]
 #[command(after_help = "Example:\n  scenes check myroom")]
 pub(crate) struct Check {
@@ -106,7 +106,7 @@ impl Check {
         Ok(())
     }
 
-    /// What is odd about a reference image that is there; reading the room has told of those that are not.
+    /// Problem of a reference image that exists; [`Room::read`] has warned of missing ones.
     fn reference_defect(&self, entry: &RoomCamera) -> Option<String> {
         let path = self.room.join(entry.reference.as_ref()?);
         let (expected, shown) = (&entry.camera.intrinsics, path.display());
@@ -126,7 +126,7 @@ impl Check {
     }
 }
 
-/// Between the middles of the left and the right edge.
+/// Horizontal angle of view between the middles of the left and the right edge.
 fn field_of_view_deg(k: &calib::Intrinsics) -> Option<f64> {
     let middle = 0.5 * (k.height as f64 - 1.0);
     let left = k.unproject(&Point2::new(-0.5, middle))?;

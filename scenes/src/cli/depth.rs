@@ -1,4 +1,4 @@
-//! `scenes depth`: what a camera sees of the empty room, as a picture.
+//! `scenes depth`: a camera's depth map of the empty room, as a picture.
 
 use std::path::PathBuf;
 
@@ -19,7 +19,7 @@ pub(crate) struct Depth {
     /// The camera's name in scene.toml.
     #[arg(long, value_name = "NAME")]
     camera: String,
-    /// Where to write the PNG.
+    /// File to write the PNG to.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
 }

@@ -19,14 +19,14 @@ pub(crate) struct Edit {
     /// Port to listen on; 0 takes any free one.
     #[arg(long, value_name = "PORT", default_value_t = 8080)]
     port: u16,
-    /// Address to listen on. Whoever reaches another than the loopback can change the zones.
+    /// Address to listen on. Anyone who can reach an address other than the loopback can change the zones.
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1")]
     host: String,
 }
 
 impl Edit {
     pub(crate) fn run(&self, out: &mut impl Write) -> anyhow::Result<()> {
-        // The port first: a room may take a while to read.
+        // The port is bound first: a room may take a while to read.
         let server = Server::bind(&self.host, self.port)?;
         let session = Session::open(&self.room)?;
         let address = server.address();

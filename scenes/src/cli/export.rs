@@ -15,7 +15,7 @@ pub(crate) struct Export {
     /// The room directory.
     #[arg(value_name = "DIR")]
     room: PathBuf,
-    /// What to write.
+    /// Format to write.
     #[arg(long, value_enum)]
     format: Format,
     /// The folder (COLMAP) or file (nerfstudio) to write.

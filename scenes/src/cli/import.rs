@@ -1,18 +1,19 @@
-//! `scenes import`: a room from what other programs reconstructed, scanned or calibrated.
+//! `scenes import`: a room from the output of reconstruction, scanning or calibration programs.
 
 use std::path::PathBuf;
 
 use clap::Args;
-use scenes::exchange::{self, given};
+use scenes::exchange::{self, calib_files};
 use scenes::geometry::{ply, vec3_from_point};
 use scenes::room::{GEOMETRY_FILE, Room, SCENE_FILE};
 
 /// Make a room directory from cameras and a mesh or cloud.
 ///
-/// Cameras come from a COLMAP model (text or binary), from nerfstudio's transforms.json, or one by one from what `calib
-/// intrinsics` and `calib pose` wrote. Their world has to be the room's: metres, Z up, the floor at z = 0, and that of the
-/// geometry, too; `colmap model_aligner` brings a model there. Images become cameras of their names. A laser scanner's
-/// cloud without normals gets them here; so do a COLMAP model's own points, which are taken where no geometry is given.
+/// Cameras come from a COLMAP model (text or binary), from nerfstudio's transforms.json, or one by one from the files
+/// of `calib intrinsics` and `calib pose`. Their world has to be the room's: metres, Z up, the floor at z = 0, and that
+/// of the geometry, too; `colmap model_aligner` brings a model there. Images become cameras of their names. Normals are
+/// estimated for a laser scanner's cloud without normals, and for a COLMAP model's own points, which are used where no
+/// geometry is given.
 #[derive(Args)]
 #[command(after_help = "Examples:
   scenes import sparse/0 --geometry meshed-poisson.ply --out myroom
@@ -25,7 +26,7 @@ pub(crate) struct Import {
     /// A camera of its own: its lens (`calib intrinsics`) and its pose (`calib pose`); once a camera.
     #[arg(long, value_name = "NAME=LENS,POSE", value_parser = camera)]
     camera: Vec<(String, PathBuf, PathBuf)>,
-    /// What stands in the room, as PLY; without it a COLMAP model's points, or nothing.
+    /// Geometry of the room as PLY; without it a COLMAP model's points, or nothing.
     #[arg(long, value_name = "FILE")]
     geometry: Option<PathBuf>,
     /// The room directory to make.
@@ -45,7 +46,7 @@ impl Import {
     pub(crate) fn run(&self) -> anyhow::Result<()> {
         let mut cameras = self.model.as_deref().map(exchange::cameras).transpose()?.unwrap_or_default();
         for (name, lens, pose) in &self.camera {
-            cameras.push(given::camera(name, lens, pose)?);
+            cameras.push(calib_files::camera(name, lens, pose)?);
         }
         let eyes: Vec<_> = cameras.iter().map(|c| vec3_from_point(&c.camera.center())).collect();
         let geometry = match (&self.geometry, &self.model) {

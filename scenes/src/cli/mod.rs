@@ -12,7 +12,7 @@ use std::io::Write;
 use clap::{Parser, Subcommand};
 use shell::console::CANNOT;
 
-/// The room model: what stands in a room, and what its cameras see of it.
+/// The room model: a room's geometry, and what its cameras see of it.
 #[derive(Parser)]
 #[command(name = "scenes", version, about)]
 pub(crate) struct Arguments {
@@ -45,7 +45,7 @@ impl Command {
         }
     }
 
-    /// The exit status when the command fails: a room that does not pass the check is an answer, not misuse.
+    /// Exit status of a failed command: a room that does not pass the check is an answer, not misuse.
     pub(crate) fn failure(&self) -> u8 {
         match self {
             Self::Check(_) => 1,

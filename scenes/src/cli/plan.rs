@@ -15,7 +15,7 @@ pub(crate) struct Plan {
     /// The room directory.
     #[arg(value_name = "DIR")]
     room: PathBuf,
-    /// Where to write the PNG.
+    /// File to write the PNG to.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
     /// Longest side of the picture in pixels.

@@ -1,4 +1,4 @@
-//! Depth maps kept beside the room: one a camera, rendered again whenever geometry or camera change.
+//! Depth maps cached beside the room: one a camera, rendered again whenever geometry or camera change.
 
 use std::path::Path;
 
@@ -10,13 +10,13 @@ use crate::raycast::RayScene;
 use crate::room::{Room, RoomCamera};
 use crate::{Result, cache};
 
-/// Part of the key: changes when the renderer does.
+/// Part of the key: change it when the renderer changes.
 const RENDERER: &[u8] = b"depth 1";
 
-/// The static depth of one camera's pinhole twin, from the cache of the room directory where it is up to date.
+/// Static depth of one camera's pinhole twin, from the cache of the room directory where that is up to date.
 ///
-/// A cache that is broken or out of date is rebuilt; a directory that cannot be written only costs the time of
-/// rendering again. Without geometry the map says nothing everywhere.
+/// A cache that is damaged or out of date is rebuilt; a directory that cannot be written only costs the time of
+/// rendering again. Without geometry every pixel of the map is empty.
 ///
 /// # Errors
 /// [`crate::Error::UnknownCamera`]; [`crate::Error::Geometry`] when the geometry cannot be intersected.
@@ -80,7 +80,7 @@ fn key(shape: &blake3::Hash, pinhole: &Camera) -> blake3::Hash {
     hasher.finalize()
 }
 
-/// Width, height, then the depths; little endian.
+/// Serialises width, height, then the depths; little endian.
 fn encode(map: &DepthMap) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(8 + 4 * map.z_m.len());
     bytes.extend(map.width.to_le_bytes());

@@ -1,4 +1,4 @@
-//! What a fixed camera sees of the empty room: metres along its z axis, a number a pixel.
+//! Depth maps of the empty room as seen by a fixed camera: metres along its z axis, a number a pixel.
 //!
 //! The room's cameras do not move, so each map is computed once and [`cached`] beside the room.
 
@@ -16,24 +16,24 @@ use crate::raycast::RayScene;
 
 pub use cache::{cached, cached_all};
 
-/// The distance to the room along a camera's z axis, for each of its pixels.
+/// Distance to the room along a camera's z axis, for each of its pixels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DepthMap {
-    /// Pixels a row.
+    /// Width in pixels.
     pub width: u32,
-    /// Rows.
+    /// Height in pixels.
     pub height: u32,
-    /// Metres along the camera's z, row by row; 0.0 where there is nothing.
+    /// Metres along the camera's z, row by row; 0.0 where nothing is hit.
     pub z_m: Vec<f32>,
 }
 
 impl DepthMap {
-    /// A camera's map of a room without geometry.
+    /// Depth map of a room without geometry.
     pub fn nothing(width: u32, height: u32) -> Self {
         Self { width, height, z_m: vec![0.0; width as usize * height as usize] }
     }
 
-    /// The depth at column `u`, row `v`; 0.0 where there is nothing, and outside the image.
+    /// Depth at column `u`, row `v`, metres; 0.0 where nothing is hit, and outside the image.
     pub fn at(&self, u: u32, v: u32) -> f32 {
         if u < self.width && v < self.height {
             self.z_m[v as usize * self.width as usize + u as usize]
@@ -42,7 +42,7 @@ impl DepthMap {
         }
     }
 
-    /// The fraction of pixels that see something.
+    /// Fraction of pixels that see a surface.
     pub fn coverage(&self) -> f64 {
         self.z_m.iter().filter(|z| **z > 0.0).count() as f64 / self.z_m.len().max(1) as f64
     }
@@ -50,8 +50,8 @@ impl DepthMap {
 
 /// Renders the depth of a scene in a camera, its distortion included, one ray through the centre of each pixel.
 ///
-/// For simulation pass the [pinhole](calib::Intrinsics::pinhole) twin. Rows run in parallel; the result does not depend on the
-/// number of threads. Pixels to which the lens gives no ray see nothing.
+/// For simulation pass the [pinhole](calib::Intrinsics::pinhole) twin. Rows run in parallel; the result does not depend
+/// on the number of threads. Pixels to which the lens gives no ray are empty.
 pub fn render(scene: &RayScene, camera: &Camera) -> DepthMap {
     let (width, height) = (camera.intrinsics.width, camera.intrinsics.height);
     let mut map = DepthMap::nothing(width, height);
@@ -59,7 +59,7 @@ pub fn render(scene: &RayScene, camera: &Camera) -> DepthMap {
     let world_from_camera = camera.camera_from_world.rotation.inverse();
     map.z_m.par_chunks_mut(width.max(1) as usize).enumerate().for_each(|(v, row)| {
         for (u, z) in row.iter_mut().enumerate() {
-            // The direction has z = 1 in the camera, so the distance counts in metres along the camera's z.
+            // The direction has z = 1 in the camera, so the distance is metres along the camera's z.
             *z = camera
                 .intrinsics
                 .unproject(&Point2::new(u as f64, v as f64))

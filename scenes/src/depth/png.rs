@@ -8,8 +8,8 @@ use image::{DynamicImage, ImageBuffer, ImageFormat, Luma};
 use super::DepthMap;
 use crate::{Error, Result};
 
-/// Writes a depth map, whole or not at all. Rounded to the millimetre; beyond 65.535 m it says 65.535 m, and below
-/// half a millimetre one millimetre, so that something never becomes nothing.
+/// Writes a depth map, rounded to the millimetre and clamped to 1 mm … 65.535 m, so that a surface never becomes an
+/// empty pixel; the file is replaced in one step.
 ///
 /// # Errors
 /// [`Error::Calib`] when the file cannot be written.
@@ -25,7 +25,7 @@ pub fn write(path: &Path, map: &DepthMap) -> Result<()> {
     Ok(calib::files::write_atomic(path, bytes.get_ref())?)
 }
 
-/// Reads what [`write()`] wrote.
+/// Reads a depth map written by [`write()`].
 ///
 /// # Errors
 /// [`Error::Io`], or [`Error::Content`] when it is no 16-bit grey PNG.

@@ -1,12 +1,13 @@
-//! The zone editor: a page in the browser on which a person draws zones on the floor plan and sees them, meanwhile, in
-//! the image of every camera.
+//! The zone editor: a page in the browser on which a person draws zones on the floor plan, and which shows them in the
+//! image of every camera meanwhile.
 //!
-//! The page only draws. Where a zone's outline runs in an image, lens and furniture included, and which place of the
-//! floor a pixel shows, the server answers, so that there is one camera model. From outside to inside:
+//! The page only draws. The server computes the outline of a zone in an image, with the lens's distortion and the
+//! furniture that hides it, and the floor point that a pixel shows, so that there is one camera model. From outside to
+//! inside:
 //!
-//! * [`server`] — [`Server`]: refuses what is not the page's, and finds who answers; it listens by
+//! * [`server`] — [`Server`]: refuses foreign requests, and dispatches the page's; it listens by
 //!   [`shell::loopback`]. Start here.
-//! * [`session`] — the room that is edited: loaded, asked, saved.
+//! * [`session`] — the room that is edited: loading, queries, saving.
 //! * [`outline`] — an outline on the floor, as lines in an image.
 //! * [`picture`] — the plan and the cameras' images; [`page`] — the page's own files.
 

@@ -1,8 +1,8 @@
 //! The outline of a polygon on the floor, as lines in a camera's image.
 //!
-//! A straight edge is straight in the image of a pinhole, so it is clipped there, in closed form: to what is in front of
-//! the camera and to the cone in which the lens has an image. Along what is left, points a few pixels apart go through
-//! the lens, and a ray to the middle of each step tells whether the room hides it.
+//! A straight edge is straight in the image of a pinhole, so it is clipped there, in closed form: to the half space in
+//! front of the camera and to the cone in which the lens has an image. Along the remaining part, points a few pixels
+//! apart go through the lens, and a ray to the middle of each step tells whether the room hides it.
 
 use calib::Camera;
 use nalgebra::{Point2, Point3, Vector2};
@@ -10,52 +10,53 @@ use serde::Serialize;
 
 use crate::polygon::Polygon;
 use crate::raycast::RayScene;
-use crate::sight::is_hidden;
+use crate::visibility::is_hidden;
 
 /// Length of a step along an edge, in pixels at the image's middle.
 const STEP_PX: f64 = 3.0;
-/// Edges that cross the widest image have no more steps.
+/// Largest number of steps of an edge, enough to cross the widest image.
 const MOST_STEPS: f64 = 4096.0;
-/// What is nearer to the camera, along its axis, is behind it, metres.
+/// Distance along the camera's axis below which a point counts as behind the camera, metres.
 const NEAR_M: f64 = 1e-3;
-/// How far beyond the image lines are followed, of its half diagonal.
+/// Distance to which lines are followed beyond the image, as a multiple of its half diagonal.
 const REACH: f64 = 1.2;
-/// The widest that is followed where the lens does not say how far the image reaches: the tangent of 76°.
+/// Largest radius that is followed where the lens has no limit to its image: the tangent of 76°.
 const WIDEST: f64 = 4.0;
 
 /// An outline in an image, in pixels; parts of it may lie a little outside.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
-pub(super) struct Outline {
-    /// The pixel of each corner; none behind the camera and where the lens has no image.
+pub(super) struct ImageOutline {
+    /// Pixel of each corner; `None` behind the camera and where the lens has no image.
     pub corners: Vec<Option<Point2<f64>>>,
-    /// Lines that the camera sees.
+    /// Lines visible to the camera.
     pub visible: Vec<Vec<Point2<f64>>>,
-    /// Lines behind what stands in the room.
+    /// Lines hidden by the room.
     pub hidden: Vec<Vec<Point2<f64>>>,
 }
 
 /// A camera that outlines are drawn in.
-pub(super) struct Drawer<'a> {
+pub(super) struct OutlineDrawer<'a> {
     camera: &'a Camera,
     scene: Option<&'a RayScene>,
     eye: Point3<f64>,
-    /// The largest radius on the plane z = 1 that is followed.
+    /// Largest radius on the plane z = 1 that is followed.
     widest: f64,
 }
 
-impl<'a> Drawer<'a> {
-    /// Without a scene nothing is hidden.
+impl<'a> OutlineDrawer<'a> {
+    /// A drawer for a camera; without a scene nothing is hidden.
     pub(super) fn new(camera: &'a Camera, scene: Option<&'a RayScene>) -> Self {
         Self { camera, scene, eye: camera.center(), widest: widest(camera) }
     }
 
-    /// The outline of a polygon on the floor, metres; an open line leaves out the edge from the last corner to the first.
-    pub(super) fn outline(&self, polygon: &Polygon, closed: bool) -> Outline {
+    /// Outline of a polygon on the floor, metres; an open line leaves out the edge from the last corner to the first.
+    pub(super) fn outline(&self, polygon: &Polygon, closed: bool) -> ImageOutline {
         let corners = &polygon.0;
         let pixel = |p: &Point2<f64>| self.camera.project(&on_floor(p));
-        let mut outline = Outline { corners: corners.iter().map(pixel).collect(), ..Outline::default() };
+        let mut outline =
+            ImageOutline { corners: corners.iter().map(pixel).collect(), ..ImageOutline::default() };
         let edges = if closed { corners.len() } else { corners.len().saturating_sub(1) };
-        let mut line = Line::default();
+        let mut line = OutlinePart::default();
         for (a, b) in polygon.edges().take(edges) {
             self.follow(&a, &b, &mut line, &mut outline);
         }
@@ -63,8 +64,8 @@ impl<'a> Drawer<'a> {
         outline
     }
 
-    /// Adds what the image shows of an edge.
-    fn follow(&self, a: &Point2<f64>, b: &Point2<f64>, line: &mut Line, outline: &mut Outline) {
+    /// Adds the visible and hidden parts of an edge in the image.
+    fn follow(&self, a: &Point2<f64>, b: &Point2<f64>, line: &mut OutlinePart, outline: &mut ImageOutline) {
         let [a, b] = [a, b].map(|p| self.camera.camera_from_world * on_floor(p));
         let Some([a, b]) = in_front(a, b) else { return };
         let [on_a, on_b] = [a, b].map(|p| Point2::new(p.x / p.z, p.y / p.z));
@@ -95,14 +96,14 @@ impl<'a> Drawer<'a> {
 
 /// The line that is being drawn.
 #[derive(Default)]
-struct Line {
+struct OutlinePart {
     points: Vec<Point2<f64>>,
     is_hidden: bool,
 }
 
-impl Line {
-    /// Goes on with a step, or ends the line and begins another.
-    fn step(&mut self, from: Point2<f64>, to: Point2<f64>, is_hidden: bool, outline: &mut Outline) {
+impl OutlinePart {
+    /// Continues the line by a step, or ends it and begins another.
+    fn step(&mut self, from: Point2<f64>, to: Point2<f64>, is_hidden: bool, outline: &mut ImageOutline) {
         let goes_on = self.points.last().is_some_and(|last| (last - from).amax() < 1e-6);
         if !goes_on || is_hidden != self.is_hidden {
             std::mem::take(self).end(outline);
@@ -111,7 +112,7 @@ impl Line {
         self.points.push(to);
     }
 
-    fn end(self, outline: &mut Outline) {
+    fn end(self, outline: &mut ImageOutline) {
         if !self.points.is_empty() {
             if self.is_hidden { &mut outline.hidden } else { &mut outline.visible }.push(self.points);
         }
@@ -122,8 +123,8 @@ fn on_floor(p: &Point2<f64>) -> Point3<f64> {
     Point3::new(p.x, p.y, 0.0)
 }
 
-/// The largest radius on the plane z = 1 at which there can be something to draw: a little outside the image, and short
-/// of where the lens model folds back.
+/// Largest radius on the plane z = 1 at which there can be something to draw: a little outside the image, and within
+/// the radius at which the lens model folds back.
 fn widest(camera: &Camera) -> f64 {
     let k = &camera.intrinsics;
     let fold = k.distortion.max_radius();
@@ -134,7 +135,7 @@ fn widest(camera: &Camera) -> f64 {
     (REACH * image).min(fold * (1.0 - 1e-9))
 }
 
-/// The part of a segment, in camera coordinates, that is in front of the camera.
+/// Part of a segment, in camera coordinates, in front of the camera; `None` if it is wholly behind.
 fn in_front(a: Point3<f64>, b: Point3<f64>) -> Option<[Point3<f64>; 2]> {
     let cut = |from: Point3<f64>, to: Point3<f64>| {
         let share = (NEAR_M - from.z) / (to.z - from.z);
@@ -144,12 +145,12 @@ fn in_front(a: Point3<f64>, b: Point3<f64>) -> Option<[Point3<f64>; 2]> {
         (true, true) => Some([a, b]),
         (true, false) => Some([a, cut(a, b)]),
         (false, true) => Some([cut(a, b), b]),
-        // False for a number that is none, too.
+        // The comparison is false for NaN, too.
         (false, false) => None,
     }
 }
 
-/// The part of a segment, as shares of its length, within a circle around the origin.
+/// Part of a segment, as shares of its length, within a circle around the origin.
 fn in_circle(a: Point2<f64>, b: Point2<f64>, radius: f64) -> Option<[f64; 2]> {
     let along: Vector2<f64> = b - a;
     let (square, half, rest) =

@@ -1,8 +1,8 @@
-//! The page's own files.
+//! Files of the editor's page, compiled into the program.
 
 use shell::loopback::PageFile;
 
-/// All of them.
+/// All files of the page.
 pub(super) const FILES: [PageFile; 11] = [
     PageFile::html("/", include_str!("page/index.html")),
     PageFile::svg("/icon.svg", include_str!("page/icon.svg")),

@@ -1,4 +1,4 @@
-//! The pictures that zones are drawn on: the floor plan, and an image for each camera.
+//! Pictures on which zones are drawn: the floor plan, and an image for each camera.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -12,29 +12,29 @@ use crate::view::{View, ViewOptions};
 use crate::walkable::WalkableMap;
 use crate::{Error, Result};
 
-/// Pictures made here are no wider: nobody looks closer.
+/// Largest width of pictures rendered here; the page shows them no larger.
 const WIDEST_PX: u32 = 960;
-/// Where neither an image nor geometry shows anything.
+/// Colour of pixels for which there is neither an image nor geometry.
 const GREY: Rgb<u8> = Rgb([128; 3]);
 
 /// An encoded picture.
 pub(super) struct Picture {
     /// PNG or JPEG.
     pub bytes: Vec<u8>,
-    /// What HTTP calls that.
+    /// Media type of the bytes, as HTTP names it.
     pub media_type: &'static str,
 }
 
-/// A floor plan, and where places of the floor are on it.
-pub(super) struct Plan {
+/// A floor plan, and the mapping of the floor to its pixels.
+pub(super) struct PlanPicture {
     pub picture: Picture,
     pub width: u32,
     pub height: u32,
     pub mapping: Mapping,
 }
 
-/// The plan of a room without the zones, which the page draws, but with the floor that they cover.
-pub(super) fn plan(dir: &Path, room: &Room, zones: &[Zone], walkable: &WalkableMap) -> Result<Plan> {
+/// Plan of a room without the zones, which the page draws, but with the floor that they cover.
+pub(super) fn plan(dir: &Path, room: &Room, zones: &[Zone], walkable: &WalkableMap) -> Result<PlanPicture> {
     let options = PlanOptions {
         walkable: Some(walkable.clone()),
         places: zones.iter().flat_map(|zone| zone.polygon.0.iter().copied()).collect(),
@@ -44,10 +44,10 @@ pub(super) fn plan(dir: &Path, room: &Room, zones: &[Zone], walkable: &WalkableM
     let plan = FloorPlan::new(room, &options)?;
     let mapping = plan.mapping();
     let image = plan.into_image();
-    Ok(Plan { width: image.width(), height: image.height(), mapping, picture: png(&image)? })
+    Ok(PlanPicture { width: image.width(), height: image.height(), mapping, picture: png(&image)? })
 }
 
-/// A camera's reference image; where there is none that can be shown, the room as the camera sees it.
+/// Reference image of a camera; where there is none that can be shown, a rendering of the room from the camera.
 ///
 /// # Errors
 /// [`Error::Room`] when a picture cannot be encoded.
@@ -73,7 +73,7 @@ pub(super) fn of_camera(
     png(&image)
 }
 
-/// The bytes of a file, if it is a picture that browsers show.
+/// Content of a file, if it is a picture that browsers show.
 fn reference(path: &Path) -> Option<Picture> {
     let bytes = std::fs::read(path).ok()?;
     let media_type = match image::guess_format(&bytes).ok()? {

@@ -1,7 +1,7 @@
-//! The server of the zone editor: one room, HTTP, on the loopback unless told otherwise.
+//! Server of the zone editor: one room, HTTP, on the loopback unless told otherwise.
 //!
-//! What changes or asks something has to come as JSON, which a browser does not send across sites without asking first;
-//! that question is answered by 405.
+//! A request that changes or queries something has to come as JSON, which a browser does not send across sites without
+//! a preflight request; that request is answered by 405.
 
 use std::io;
 use std::net::SocketAddr;
@@ -18,9 +18,9 @@ use super::session::{OutlinesRequest, PlaceRequest, Session, ZonesRequest};
 use crate::Error;
 use shell::loopback::{Answer, Listener, PageFile};
 
-/// The largest body that is read.
+/// Largest body that is read.
 const MOST_BODY_BYTES: usize = 1 << 20;
-/// The most corners in one question.
+/// Largest number of corners in one request.
 const MOST_CORNERS: usize = 5000;
 const JSON: &str = "application/json";
 
@@ -36,7 +36,7 @@ impl Server {
         Ok(Self(Listener::bind(host, port, "--port")?))
     }
 
-    /// Where it listens.
+    /// Address of the socket.
     pub fn address(&self) -> SocketAddr {
         self.0.address()
     }
@@ -44,7 +44,7 @@ impl Server {
     /// Answers pages that edit this room until the process ends.
     ///
     /// # Errors
-    /// When the system takes the socket away.
+    /// An I/O error when the system closes the socket.
     pub fn run(self, session: Session) -> io::Result<()> {
         let session = Arc::new(session);
         let runtime = tokio::runtime::Builder::new_current_thread().enable_io().build()?;
@@ -54,7 +54,7 @@ impl Server {
 
 async fn serve(session: Arc<Session>, request: Request) -> Answer {
     let answer = match accepted(request).await {
-        // Files, rays and pictures take their time; meanwhile others are listened to.
+        // Files, rays and pictures take their time; meanwhile other requests are accepted.
         Ok((route, body)) => tokio::task::spawn_blocking(move || answer(&session, route, &body))
             .await
             .unwrap_or_else(|e| Err(Answer::error(500, &e.to_string()))),
@@ -63,11 +63,11 @@ async fn serve(session: Arc<Session>, request: Request) -> Answer {
     answer.unwrap_or_else(|refusal| refusal)
 }
 
-/// What is asked for, with the body if there is to be one; or why the request is refused.
-async fn accepted(request: Request) -> Result<(Route, Bytes), Answer> {
+/// Route of a request, with its body if the route takes one; or the answer that refuses the request.
+async fn accepted(request: Request) -> Result<(EditorRoute, Bytes), Answer> {
     let (head, body) = request.into_parts();
     let path = head.uri.path();
-    let route = Route::of(path).ok_or_else(|| Answer::nowhere(path))?;
+    let route = EditorRoute::of(path).ok_or_else(|| Answer::not_found(path))?;
     let allow = route.methods();
     if !allow.split(", ").any(|method| method == head.method.as_str()) {
         return Err(Answer::other_method(path, allow));
@@ -78,7 +78,7 @@ async fn accepted(request: Request) -> Result<(Route, Bytes), Answer> {
     if !is_json(&head) {
         return Err(Answer::error(415, "the body has to be JSON, with `Content-Type: application/json`"));
     }
-    // Whoever sends a little too much is heard out, to read the answer.
+    // A body a little too large is read to its end, so that the client reads the answer.
     match to_bytes(body, 2 * MOST_BODY_BYTES).await {
         Ok(bytes) if bytes.len() <= MOST_BODY_BYTES => Ok((route, bytes)),
         Ok(_) => Err(Answer::error(413, "the body is larger than 1 MiB; draw fewer corners")),
@@ -91,27 +91,27 @@ fn is_json(head: &Parts) -> bool {
     media_type.is_some_and(|media_type| media_type.trim().eq_ignore_ascii_case(JSON))
 }
 
-fn answer(session: &Session, route: Route, body: &[u8]) -> Result<Answer, Answer> {
+fn answer(session: &Session, route: EditorRoute, body: &[u8]) -> Result<Answer, Answer> {
     match route {
-        Route::Page(file) => Ok(Answer::file(file)),
-        Route::Room => Answer::json(&session.room()?),
-        Route::Plan => {
-            let stage = session.stage();
-            Ok(Answer::ok(stage.plan().media_type, stage.plan().bytes.clone()))
+        EditorRoute::Page(file) => Ok(Answer::file(file)),
+        EditorRoute::Room => Answer::json(&session.room()?),
+        EditorRoute::Plan => {
+            let editor_room = session.editor_room();
+            Ok(Answer::ok(editor_room.plan().media_type, editor_room.plan().bytes.clone()))
         }
-        Route::Camera(name) => {
-            let picture = session.stage().picture(&name)?;
+        EditorRoute::Camera(name) => {
+            let picture = session.editor_room().picture(&name)?;
             Ok(Answer::ok(picture.media_type, picture.bytes.clone()))
         }
-        Route::Outlines => {
+        EditorRoute::Outlines => {
             let asked: OutlinesRequest = parsed(body)?;
             if asked.corners() > MOST_CORNERS {
                 return Err(Answer::error(400, &format!("more than {MOST_CORNERS} corners; draw fewer")));
             }
-            Answer::json(&session.stage().outlines(&asked))
+            Answer::json(&session.editor_room().outlines(&asked))
         }
-        Route::Place => Answer::json(&session.stage().place(&parsed::<PlaceRequest>(body)?)?),
-        Route::Zones => Answer::json(&session.save(parsed::<ZonesRequest>(body)?)?),
+        EditorRoute::Place => Answer::json(&session.editor_room().place(&parsed::<PlaceRequest>(body)?)?),
+        EditorRoute::Zones => Answer::json(&session.save(parsed::<ZonesRequest>(body)?)?),
     }
 }
 
@@ -119,8 +119,8 @@ fn parsed<T: DeserializeOwned>(body: &[u8]) -> Result<T, Answer> {
     serde_json::from_slice(body).map_err(|e| Answer::error(400, &format!("the body is not understood: {e}")))
 }
 
-/// What there is to ask for.
-enum Route {
+/// Routes of the server.
+enum EditorRoute {
     Page(&'static PageFile),
     Room,
     Plan,
@@ -130,7 +130,7 @@ enum Route {
     Zones,
 }
 
-impl Route {
+impl EditorRoute {
     fn of(path: &str) -> Option<Self> {
         if let Some(file) = FILES.iter().find(|file| file.path == path) {
             return Some(Self::Page(file));
@@ -145,7 +145,7 @@ impl Route {
         }
     }
 
-    /// As in an `Allow` header.
+    /// Methods of the route, as in an `Allow` header.
     fn methods(&self) -> &'static str {
         match self {
             Self::Page(_) | Self::Room | Self::Plan | Self::Camera(_) => "GET, HEAD",
@@ -171,7 +171,7 @@ impl From<Error> for Answer {
     }
 }
 
-/// A part of a URL's path as it was before it was escaped.
+/// Decodes the percent escapes of a part of a URL's path.
 fn percent_decoded(part: &str) -> Option<String> {
     let mut bytes = Vec::with_capacity(part.len());
     let mut rest = part.as_bytes();

@@ -1,4 +1,4 @@
-//! The room that is edited: loaded, asked about places and outlines, saved.
+//! The room that is edited: loading, queries for places and outlines, saving.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -7,42 +7,42 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use nalgebra::{Point2, Point3, Vector2};
 use serde::{Deserialize, Serialize};
 
-use super::outline::{Drawer, Outline};
-use super::picture::{self, Picture, Plan};
+use super::outline::{ImageOutline, OutlineDrawer};
+use super::picture::{self, Picture, PlanPicture};
 use crate::Result;
 use crate::polygon::Polygon;
 use crate::raycast::RayScene;
 use crate::room::{Room, RoomCamera, SceneVersion, Zone, replace_zones};
-use crate::sight::{floor_under, is_hidden};
+use crate::visibility::{floor_under, is_hidden};
 use crate::walkable::WalkableMap;
 
-/// A room directory while its zones are edited. Several pages may look at it; who saves first wins.
+/// A room directory while its zones are edited. Several pages may show it; the first to save wins.
 pub struct Session {
     dir: PathBuf,
-    state: Mutex<State>,
+    state: Mutex<SessionState>,
 }
 
-/// What was last read or written.
-struct State {
+/// State that was last read or written.
+struct SessionState {
     version: SceneVersion,
     zones: Vec<Zone>,
-    stage: Arc<Stage>,
+    editor_room: Arc<EditorRoom>,
 }
 
-/// What no zone changes, and zones are drawn on.
-pub(super) struct Stage {
+/// The part of the room that zones are drawn on and do not change.
+pub(super) struct EditorRoom {
     dir: PathBuf,
-    /// Without its zones.
+    /// The room without its zones.
     room: Room,
     scene: Option<RayScene>,
-    /// Where people can stand as the room has it, whatever zones are drawn.
+    /// Walkable map of the room, independent of the zones being drawn.
     walkable: WalkableMap,
-    plan: Plan,
-    /// By camera, made when somebody looks.
+    plan: PlanPicture,
+    /// Pictures by camera, made at the first request.
     pictures: Mutex<HashMap<String, Arc<Picture>>>,
 }
 
-/// What the page is told of a room.
+/// Description of a room for the page.
 #[derive(Serialize)]
 pub(super) struct RoomReply {
     name: String,
@@ -77,7 +77,7 @@ pub(super) struct OutlinesRequest {
     zones: Vec<Drawn>,
 }
 
-/// A polygon, or while it is being drawn a line.
+/// A polygon, or an open line while it is being drawn.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Drawn {
@@ -91,17 +91,17 @@ fn yes() -> bool {
 }
 
 impl OutlinesRequest {
-    /// Corners of all polygons together.
+    /// Number of corners of all polygons together.
     pub(super) fn corners(&self) -> usize {
         self.zones.iter().map(|zone| zone.polygon.0.len()).sum()
     }
 }
 
-/// The outlines in a camera, in the order they were asked for.
+/// Outlines in a camera, in the order of the request.
 #[derive(Serialize)]
 pub(super) struct OutlinesReply {
     camera: String,
-    outlines: Vec<Outline>,
+    outlines: Vec<ImageOutline>,
 }
 
 /// A place: a pixel of a camera, or metres on the floor.
@@ -112,7 +112,7 @@ pub(super) enum PlaceRequest {
     Floor { floor: Point2<f64> },
 }
 
-/// A place of the floor, and where each camera has it; none where the pixel shows no floor.
+/// A place of the floor, and its pixel in each camera; `None` where the pixel shows no floor.
 #[derive(Serialize)]
 pub(super) struct PlaceReply {
     floor: Option<Point2<f64>>,
@@ -126,7 +126,7 @@ struct PixelReply {
     hidden: bool,
 }
 
-/// Zones to save, and what they were made from.
+/// Zones to save, and the version of the file that they were made from.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ZonesRequest {
@@ -134,7 +134,7 @@ pub(super) struct ZonesRequest {
     version: SceneVersion,
 }
 
-/// What is on disk now, and what is odd about it.
+/// Version now on disk, and warnings about it.
 #[derive(Serialize)]
 pub(super) struct ZonesReply {
     version: SceneVersion,
@@ -142,21 +142,21 @@ pub(super) struct ZonesReply {
 }
 
 impl Session {
-    /// Reads a room and prepares what zones are drawn on; that is kept in the room's cache.
+    /// Reads a room and prepares the pictures that zones are drawn on; they are kept in the room's cache.
     ///
     /// # Errors
     /// As [`Room::read`]; [`crate::Error::Geometry`] when the geometry cannot be intersected.
     pub fn open(dir: &Path) -> Result<Self> {
-        Ok(Self { dir: dir.to_owned(), state: Mutex::new(State::load(dir)?) })
+        Ok(Self { dir: dir.to_owned(), state: Mutex::new(SessionState::load(dir)?) })
     }
 
-    /// The room as it is on disk; read again if somebody else has changed it.
+    /// Describes the room as it is on disk; reads it again if another program has changed it.
     pub(super) fn room(&self) -> Result<RoomReply> {
         let mut state = self.state();
         if SceneVersion::of(&self.dir)? != state.version {
-            *state = State::load(&self.dir)?;
+            *state = SessionState::load(&self.dir)?;
         }
-        let Stage { room, plan, .. } = &*state.stage;
+        let EditorRoom { room, plan, .. } = &*state.editor_room;
         let camera =
             |(name, width, height): (&String, u32, u32)| CameraReply { name: name.clone(), width, height };
         let sizes =
@@ -177,9 +177,9 @@ impl Session {
         })
     }
 
-    /// What zones are drawn on.
-    pub(super) fn stage(&self) -> Arc<Stage> {
-        Arc::clone(&self.state().stage)
+    /// The part of the room that zones are drawn on.
+    pub(super) fn editor_room(&self) -> Arc<EditorRoom> {
+        Arc::clone(&self.state().editor_room)
     }
 
     /// Writes zones into the room's `scene.toml`.
@@ -187,10 +187,10 @@ impl Session {
     /// # Errors
     /// As [`replace_zones`].
     pub(super) fn save(&self, request: ZonesRequest) -> Result<ZonesReply> {
-        // Held until the file is written: one page after the other.
+        // The lock is held until the file is written: pages save one after the other.
         let mut state = self.state();
         let version = replace_zones(&self.dir, &request.zones, &request.version)?;
-        let off_limits = |zone: &&Zone| !state.stage.walkable.reaches_into(&zone.polygon);
+        let off_limits = |zone: &&Zone| !state.editor_room.walkable.reaches_into(&zone.polygon);
         let warning =
             |zone: &Zone| format!("zone `{}`: nobody can stand in it; move it, or mend [floor]", zone.name);
         let warnings = request.zones.iter().filter(off_limits).map(warning).collect();
@@ -199,21 +199,21 @@ impl Session {
         Ok(ZonesReply { version, warnings })
     }
 
-    fn state(&self) -> MutexGuard<'_, State> {
-        // Nothing is left half changed by a thread that ended early: each change is one assignment of whole values.
+    fn state(&self) -> MutexGuard<'_, SessionState> {
+        // A thread that panics leaves no half-changed state: each change is one assignment of whole values.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// The directory's own name, for the page's title.
+/// Name of the directory, for the page's title.
 fn name_of(dir: &Path) -> String {
     let whole = dir.canonicalize().unwrap_or_else(|_| dir.to_owned());
     whole.file_name().map_or_else(|| whole.display().to_string(), |name| name.to_string_lossy().into_owned())
 }
 
-impl State {
+impl SessionState {
     fn load(dir: &Path) -> Result<Self> {
-        // The version first: a change between the two is then noticed when zones are saved.
+        // The version is read first: a change between the two reads is then noticed when zones are saved.
         let version = SceneVersion::of(dir)?;
         let mut room = Room::read(dir)?;
         let zones = std::mem::take(&mut room.zones);
@@ -221,24 +221,24 @@ impl State {
         let walkable = WalkableMap::of_room(&room)?;
         let plan = picture::plan(dir, &room, &zones, &walkable)?;
         let (dir, pictures) = (dir.to_owned(), Mutex::default());
-        let stage = Stage { dir, room, scene, walkable, plan, pictures };
-        Ok(Self { version, zones, stage: Arc::new(stage) })
+        let editor_room = EditorRoom { dir, room, scene, walkable, plan, pictures };
+        Ok(Self { version, zones, editor_room: Arc::new(editor_room) })
     }
 }
 
-impl Stage {
+impl EditorRoom {
     /// The plan's picture.
     pub(super) fn plan(&self) -> &Picture {
         &self.plan.picture
     }
 
-    /// The picture of the camera of that name.
+    /// Picture of the camera of that name.
     ///
     /// # Errors
     /// [`crate::Error::UnknownCamera`]; [`crate::Error::Room`] when the picture cannot be encoded.
     pub(super) fn picture(&self, camera: &str) -> Result<Arc<Picture>> {
         let entry = self.room.camera(camera)?;
-        // Held while a picture is made: rendering keeps all cores busy by itself.
+        // The lock is held while a picture is made: rendering keeps all cores busy by itself.
         let mut pictures = self.pictures.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(picture) = pictures.get(camera) {
             return Ok(Arc::clone(picture));
@@ -251,7 +251,7 @@ impl Stage {
     /// Outlines in every camera, in the room's order.
     pub(super) fn outlines(&self, request: &OutlinesRequest) -> Vec<OutlinesReply> {
         let of_camera = |camera: &RoomCamera| {
-            let drawer = Drawer::new(&camera.camera, self.scene.as_ref());
+            let drawer = OutlineDrawer::new(&camera.camera, self.scene.as_ref());
             let outlines = request.zones.iter().map(|zone| drawer.outline(&zone.polygon, zone.closed));
             OutlinesReply { camera: camera.name.clone(), outlines: outlines.collect() }
         };

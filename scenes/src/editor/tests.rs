@@ -12,14 +12,14 @@ use nalgebra::{Isometry3, Matrix3, Point2, Point3, Translation3};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use super::outline::{Drawer, Outline};
+use super::outline::{ImageOutline, OutlineDrawer};
 use super::{Server, Session};
 use crate::geometry::{Geometry, Mesh};
 use crate::polygon::Polygon;
 use crate::raycast::RayScene;
 use crate::room::{Room, RoomCamera, Zone, ZoneKind};
-use crate::sight::floor_under;
 use crate::view::look_at;
+use crate::visibility::floor_under;
 
 /// Focal length and principal point of the cameras below.
 const F: f64 = 100.0;
@@ -30,13 +30,14 @@ fn intrinsics() -> Intrinsics {
     Intrinsics { fx: F, fy: F, cx: C, cy: C, ..pinhole }
 }
 
-/// Above the origin, its image's axes along the world's.
+/// Camera above the origin that looks down, its image's axes along the world's.
 fn looking_down(height_m: f64) -> Camera {
     let rotation = Matrix3::new(1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, -1.0);
     posed(intrinsics(), &rotation, Point3::new(0.0, 0.0, height_m))
 }
 
-/// Above the origin, level, along the world's x: a floor place (x, y) is at u = C − F y / x, v = C + F h / x.
+/// Level camera above the origin that looks along the world's x: a floor place (x, y) is at u = C − F y / x, v = C + F
+/// h / x.
 fn looking_ahead(height_m: f64) -> Camera {
     let rotation = Matrix3::new(0.0, -1.0, 0.0, 0.0, 0.0, -1.0, 1.0, 0.0, 0.0);
     posed(intrinsics(), &rotation, Point3::new(0.0, 0.0, height_m))
@@ -48,7 +49,7 @@ fn posed(intrinsics: Intrinsics, rotation: &Matrix3<f64>, eye: Point3<f64>) -> C
     Camera { intrinsics, camera_from_world: Isometry3::from_parts(translation, rotation) }
 }
 
-/// A lens that bends, looking down into a room.
+/// A distorting lens, looking down into a room.
 fn bent() -> Camera {
     let mut camera = looking_ahead(1.0);
     camera.intrinsics.distortion = [-0.25, 0.08, 0.002, -0.001, -0.01].into();
@@ -90,7 +91,7 @@ fn a_square_below_a_pinhole_is_a_square() {
     // Half a metre around the origin, seen from two: 25 px around the image's middle.
     let square = polygon(&[(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]);
     let camera = looking_down(2.0);
-    let Outline { corners, visible, hidden } = Drawer::new(&camera, None).outline(&square, true);
+    let ImageOutline { corners, visible, hidden } = OutlineDrawer::new(&camera, None).outline(&square, true);
     let expected = [(-25.0, 25.0), (25.0, 25.0), (25.0, -25.0), (-25.0, -25.0)];
     for (corner, (u, v)) in corners.iter().zip(expected) {
         assert_relative_eq!(corner.unwrap(), Point2::new(C + u, C + v), epsilon = 1e-9);
@@ -101,12 +102,12 @@ fn a_square_below_a_pinhole_is_a_square() {
     for p in visible.iter().flatten() {
         assert_relative_eq!((p - Point2::new(C, C)).amax(), 25.0, epsilon = 1e-9);
     }
-    // Not closed, the edge from the last corner to the first is left out.
-    let open = Drawer::new(&camera, None).outline(&square, false);
+    // An open line leaves out the edge from the last corner to the first.
+    let open = OutlineDrawer::new(&camera, None).outline(&square, false);
     assert_relative_eq!(length(&open.visible), 3.0 * 50.0, epsilon = 1e-6);
     for few in 0..3 {
         let few = Polygon(square.0[..few].to_vec());
-        assert_eq!(Drawer::new(&camera, None).outline(&few, false).corners.len(), few.0.len());
+        assert_eq!(OutlineDrawer::new(&camera, None).outline(&few, false).corners.len(), few.0.len());
     }
 }
 
@@ -114,12 +115,12 @@ fn a_square_below_a_pinhole_is_a_square() {
 fn a_bent_lens_bends_the_edges() {
     let zone = polygon(&[(2.0, -0.5), (4.5, -1.0), (5.0, 2.0), (3.0, 1.5)]);
     let camera = bent();
-    let outline = Drawer::new(&camera, None).outline(&zone, true);
+    let outline = OutlineDrawer::new(&camera, None).outline(&zone, true);
     for (corner, place) in outline.corners.iter().zip(&zone.0) {
         let expected = camera.project(&Point3::new(place.x, place.y, 0.0)).unwrap();
         assert_relative_eq!(corner.unwrap(), expected, epsilon = 1e-9);
     }
-    // Places along each edge, straight through calib, lie on the line, and the line goes nowhere else.
+    // Points along each edge, projected by calib, lie on the line, and the line has no other points.
     let along: Vec<Point2<f64>> = zone
         .edges()
         .flat_map(|(a, b)| (0..4000).map(move |i| a + (b - a) * (f64::from(i) / 4000.0)))
@@ -133,10 +134,10 @@ fn a_bent_lens_bends_the_edges() {
 }
 
 #[test]
-fn what_is_behind_the_camera_is_cut_off() {
+fn outlines_behind_the_camera_are_cut_off() {
     let camera = looking_ahead(1.5);
     let around = polygon(&[(-5.0, -2.0), (5.0, -2.0), (5.0, 2.0), (-5.0, 2.0)]);
-    let outline = Drawer::new(&camera, None).outline(&around, true);
+    let outline = OutlineDrawer::new(&camera, None).outline(&around, true);
     let at = |x: f64, y: f64| Point2::new(C - F * y / x, C + F * 1.5 / x);
     assert_eq!(outline.corners[0], None);
     assert_relative_eq!(outline.corners[2].unwrap(), at(5.0, 2.0), epsilon = 1e-9);
@@ -147,14 +148,14 @@ fn what_is_behind_the_camera_is_cut_off() {
         let is_far = (dv - 30.0).abs() < 1e-6 && du.abs() < 40.0 + 1e-6;
         assert!(is_far || ((du.abs() / dv - 2.0 / 1.5).abs() < 1e-6 && dv > 30.0 - 1e-6), "{p}");
     }
-    // The sides are followed to where they leave the image.
+    // The sides are followed to the image's rim.
     assert!(points.iter().any(|p| p.x < 0.0) && points.iter().any(|p| p.x > 199.0));
     assert!(points.iter().all(|p| p.coords.amax() < 1000.0));
     // Wholly behind; across, both ends far outside.
     let behind = polygon(&[(-5.0, -2.0), (-1.0, -2.0), (-1.0, 2.0)]);
-    assert!(Drawer::new(&camera, None).outline(&behind, true).visible.is_empty());
+    assert!(OutlineDrawer::new(&camera, None).outline(&behind, true).visible.is_empty());
     let across = polygon(&[(3.0, -1e4), (3.0, 1e4)]);
-    let line = Drawer::new(&camera, None).outline(&across, false).visible;
+    let line = OutlineDrawer::new(&camera, None).outline(&across, false).visible;
     assert!(line.iter().flatten().all(|p| (p.y - (C + 50.0)).abs() < 1e-6));
     assert!(length(&line) > 200.0, "the middle of a long edge is lost");
 }
@@ -165,7 +166,7 @@ fn beyond_the_fold_of_a_lens_nothing_is_drawn() {
     camera.intrinsics.distortion.k1 = -0.3;
     // The fold is at a radius of √(1/0.9) = 1.054 m on the floor, where the image ends 70.3 px from its middle.
     let far = polygon(&[(0.0, -20.0), (0.0, 20.0), (-20.0, 0.9)]);
-    let outline = Drawer::new(&camera, None).outline(&far, true);
+    let outline = OutlineDrawer::new(&camera, None).outline(&far, true);
     assert_eq!(outline.corners, [None, None, None]);
     let fold_px = F * (1.0_f64 / 0.9).sqrt() * 2.0 / 3.0;
     let radii: Vec<f64> = outline.visible.iter().flatten().map(|p| (p - Point2::new(C, C)).norm()).collect();
@@ -183,7 +184,7 @@ fn edges_behind_a_box_are_hidden_and_the_others_not() {
     let scene = RayScene::new(&geometry).unwrap();
     let camera = looking_ahead(1.5);
     let edge = polygon(&[(5.0, -2.5), (5.0, 2.5)]);
-    let outline = Drawer::new(&camera, Some(&scene)).outline(&edge, false);
+    let outline = OutlineDrawer::new(&camera, Some(&scene)).outline(&edge, false);
     assert_eq!((outline.visible.len(), outline.hidden.len()), (2, 1));
     let reach = F * 0.5 / 3.0;
     let (first, last) = (outline.hidden[0][0], outline.hidden[0].last().unwrap());
@@ -193,7 +194,7 @@ fn edges_behind_a_box_are_hidden_and_the_others_not() {
     assert_relative_eq!(length(&outline.visible) + length(&outline.hidden), F * 5.0 / 5.0, epsilon = 1e-6);
     // Nothing hides the floor before the box, rough as it is.
     let near = polygon(&[(2.0, -1.0), (2.0, 1.0)]);
-    assert!(Drawer::new(&camera, Some(&scene)).outline(&near, false).hidden.is_empty());
+    assert!(OutlineDrawer::new(&camera, Some(&scene)).outline(&near, false).hidden.is_empty());
 }
 
 #[test]
@@ -209,7 +210,7 @@ fn a_pixel_finds_the_floor_that_it_shows() {
         }
     }
     assert!(found > 100);
-    // By hand: 45° down from 1.5 m. The horizon, above it, and just below it are nowhere.
+    // By hand: 45° down from 1.5 m. The horizon, a pixel above it, and one just below it show no floor.
     let level = looking_ahead(1.5);
     let ahead = floor_under(&level, &Point2::new(C, C + F)).unwrap();
     assert_relative_eq!(ahead, Point2::new(1.5, 0.0), epsilon = 1e-9);
@@ -247,7 +248,7 @@ fn scene_text(dir: &Path) -> String {
     std::fs::read_to_string(dir.join("scene.toml")).unwrap()
 }
 
-/// A server that ends with the tests.
+/// Starts a server that runs until the tests end.
 fn served(dir: &Path) -> SocketAddr {
     let (server, session) = (Server::bind("127.0.0.1", 0).unwrap(), Session::open(dir).unwrap());
     let address = server.address();
@@ -255,7 +256,7 @@ fn served(dir: &Path) -> SocketAddr {
     address
 }
 
-/// Head and body of the answer to a request, byte by byte as given.
+/// Head and body of the answer to a request, whose bytes are sent as given.
 fn exchange(address: SocketAddr, request: &[u8]) -> (String, Vec<u8>) {
     let mut stream = TcpStream::connect(address).unwrap();
     stream.write_all(request).unwrap();
@@ -276,7 +277,7 @@ fn get(address: SocketAddr, path: &str) -> (String, Vec<u8>) {
     )
 }
 
-/// Status and JSON.
+/// Status and JSON of the answer.
 fn send(address: SocketAddr, method: &str, path: &str, body: &str) -> (u16, Value) {
     let length = body.len();
     let head = format!(
@@ -305,7 +306,7 @@ fn the_room_is_told_and_shown() {
     assert!(head.contains("image/png") && head.contains("no-store") && head.contains("default-src 'none'"));
     let plan = image::load_from_memory(&plan).unwrap().into_rgb8();
     assert_eq!(json!([plan.width(), plan.height()]), json!([told["plan"]["width"], told["plan"]["height"]]));
-    // The zone is the page's to draw: its middle is as grey as the floor beside it.
+    // The server does not draw the zone: its middle is as grey as the floor beside it.
     let number = |value: &Value| value.as_f64().unwrap();
     let mapping = &told["plan"];
     let at = |x: f64, y: f64| {
@@ -317,7 +318,7 @@ fn the_room_is_told_and_shown() {
     };
     assert_eq!(at(-2.3, -2.3), at(-2.7, -2.3));
     assert_eq!(at(0.27, 0.31), at(-2.3, -2.3));
-    // A reference image goes out as it is; without one the room is rendered: the box is 3 to 4 m ahead.
+    // A reference image is sent unchanged; without one the room is rendered: the box is 3 to 4 m ahead.
     assert_eq!(get(address, "/camera/film").1, std::fs::read(folder.path().join("film.jpg")).unwrap());
     let (head, rendered) = get(address, "/camera/K%C3%BCche%20links");
     assert!(head.contains("image/png"), "{head}");
@@ -409,7 +410,7 @@ fn saving_changes_the_zones_and_nothing_else() {
 }
 
 #[test]
-fn what_others_write_is_seen_when_the_page_loads_again() {
+fn changes_by_other_programs_appear_when_the_page_reloads() {
     let folder = room();
     let address = served(folder.path());
     let version = room_json(address)["version"].clone();
@@ -508,7 +509,7 @@ fn requests_that_are_not_the_pages_are_refused() {
 }
 
 #[test]
-fn a_browser_shows_the_zones() {
+fn a_chromium_shows_the_zones() {
     let folder = room();
     let address = served(folder.path());
     let profile = tempfile::tempdir().unwrap();

@@ -11,17 +11,17 @@ use super::{CORNER_PX, camera_name, picture_name};
 use crate::room::{Room, RoomCamera};
 use crate::{Error, Result};
 
-/// Camera models without anything that ours lacks; distortion they do not have is zero in the file.
+/// Camera models that ours covers; distortion that a model does not have is zero in the file.
 const MODELS: [&str; 3] = ["OPENCV", "PINHOLE", "SIMPLE_PINHOLE"];
 
 #[derive(Serialize)]
 struct Transforms {
     camera_model: &'static str,
-    frames: Vec<Frame>,
+    frames: Vec<FrameOutput>,
 }
 
 #[derive(Serialize)]
-struct Frame {
+struct FrameOutput {
     file_path: String,
     w: u32,
     h: u32,
@@ -49,11 +49,11 @@ pub fn write(path: &Path, room: &Room) -> Result<()> {
         .map(|entry| {
             let k = &entry.camera.intrinsics;
             let [k1, k2, p1, p2, k3]: [f64; 5] = k.distortion.into();
-            // Down becomes up, forwards becomes backwards.
+            // The y axis turns from down to up, the z axis from forwards to backwards.
             let flip = Matrix4::from_diagonal(&nalgebra::Vector4::new(1.0, -1.0, -1.0, 1.0));
             let world_from_camera = entry.camera.camera_from_world.inverse().to_homogeneous() * flip;
             let file_path = entry.reference.as_ref().map(|r| r.to_string_lossy().into_owned());
-            Frame {
+            FrameOutput {
                 file_path: file_path.unwrap_or_else(|| picture_name(entry)),
                 w: k.width,
                 h: k.height,
@@ -75,25 +75,25 @@ pub fn write(path: &Path, room: &Room) -> Result<()> {
     Ok(calib::files::write_atomic(path, format!("{text}\n").as_bytes())?)
 }
 
-/// What is read: a lens stands in each frame or once for all, and what is no lens of ours must not be there.
+/// Content of an input file: a lens stands in each frame or once for all; unsupported lens parameters must be zero.
 #[derive(Deserialize)]
-struct Given {
+struct TransformsInput {
     camera_model: Option<String>,
     #[serde(flatten)]
-    lens: GivenLens,
-    frames: Vec<GivenFrame>,
+    lens: LensInput,
+    frames: Vec<FrameInput>,
 }
 
 #[derive(Deserialize)]
-struct GivenFrame {
+struct FrameInput {
     file_path: String,
     #[serde(flatten)]
-    lens: GivenLens,
+    lens: LensInput,
     transform_matrix: Vec<Vec<f64>>,
 }
 
 #[derive(Deserialize, Clone, Copy)]
-struct GivenLens {
+struct LensInput {
     w: Option<f64>,
     h: Option<f64>,
     fl_x: Option<f64>,
@@ -108,8 +108,8 @@ struct GivenLens {
     k4: Option<f64>,
 }
 
-impl GivenLens {
-    /// Each number from here, or else from what stands there for all frames.
+impl LensInput {
+    /// Fills missing numbers with those given for all frames.
     fn or(self, all: Self) -> Self {
         Self {
             w: self.w.or(all.w),
@@ -153,9 +153,9 @@ impl GivenLens {
     }
 }
 
-impl GivenFrame {
+impl FrameInput {
     fn pose(&self) -> std::result::Result<Isometry3<f64>, String> {
-        /// How far the last row may be from 0 0 0 1.
+        /// Largest deviation of the last row from 0 0 0 1.
         const TOLERANCE: f64 = 1e-6;
         let m = &self.transform_matrix;
         if m.len() < 3 || m.len() > 4 || m.iter().any(|row| row.len() != 4) {
@@ -177,14 +177,14 @@ impl GivenFrame {
     }
 }
 
-/// The cameras of a `transforms.json`, in its order, named after their pictures. Its world has to be the room's:
+/// Reads the cameras of a `transforms.json`, in its order, named after their pictures. Its world has to be the room's:
 /// metres, Z up, the floor at z = 0.
 ///
 /// # Errors
-/// [`Error::Calib`] when the file cannot be read, [`Error::Content`] naming the frame and what is wrong with it.
+/// [`Error::Calib`] when the file cannot be read, [`Error::Content`] naming the frame and its problem.
 pub fn read(path: &Path) -> Result<Vec<RoomCamera>> {
     let text = calib::files::read_text(path)?;
-    let given: Given = serde_json::from_str(&text).map_err(|e| {
+    let input: TransformsInput = serde_json::from_str(&text).map_err(|e| {
         let place = if e.line() > 0 {
             format!("line {}, column {}", e.line(), e.column())
         } else {
@@ -194,21 +194,21 @@ pub fn read(path: &Path) -> Result<Vec<RoomCamera>> {
         let problem = said.split(" at line ").next().unwrap_or_default();
         Error::content(path, place, format!("this is no transforms.json: {problem}"))
     })?;
-    if let Some(model) = given.camera_model.as_deref().filter(|m| !MODELS.contains(m)) {
+    if let Some(model) = input.camera_model.as_deref().filter(|m| !MODELS.contains(m)) {
         let problem = format!("the model {model} is not known here; undistort the pictures");
         return Err(Error::content(path, "camera_model", problem));
     }
-    if given.frames.is_empty() {
+    if input.frames.is_empty() {
         return Err(Error::content(path, "frames", "there is none; no camera was placed"));
     }
-    given
+    input
         .frames
         .iter()
         .zip(1..)
         .map(|(frame, number)| {
             let wrong =
                 |problem| Error::content(path, format!("frame {number} (`{}`)", frame.file_path), problem);
-            let intrinsics = frame.lens.or(given.lens).intrinsics().map_err(wrong)?;
+            let intrinsics = frame.lens.or(input.lens).intrinsics().map_err(wrong)?;
             let camera = Camera { intrinsics, camera_from_world: frame.pose().map_err(wrong)? };
             let picture = Path::new(&frame.file_path).file_name().unwrap_or_default().to_string_lossy();
             Ok(RoomCamera { name: camera_name(&picture), camera, reference: None })
@@ -283,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_named() {
+    fn defects_of_transforms_are_named() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("transforms.json");
         for (from, to, words) in [

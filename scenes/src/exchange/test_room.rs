@@ -1,4 +1,4 @@
-//! A room for tests of files.
+//! Room for tests of files.
 
 use calib::{Camera, Intrinsics};
 use glam::Vec3;
@@ -8,7 +8,7 @@ use crate::geometry::{Geometry, Mesh};
 use crate::room::{Room, RoomCamera};
 use crate::view::look_at;
 
-/// A floor of 6 by 5 m, seen by so many cameras that stand around it and look at its middle.
+/// A floor of 6 by 5 m, seen by `cameras` cameras that stand around it and look at its middle.
 pub(super) fn room(cameras: usize) -> Room {
     let camera = |i: usize| {
         let angle = 0.7 + 1.9 * i as f64;

@@ -1,11 +1,11 @@
-//! Bare points → discs: what a laser scan or a sparse model says of the surfaces that it was measured on.
+//! Conversion of bare points, as of a laser scan or a sparse model, to oriented discs.
 
 use glam::Vec3;
 
 use super::{Disc, normals, spacing};
 
-/// A disc a point, facing the nearest of the places that it was seen from, as wide as its neighbours are far. The points
-/// must be finite, metres; `colors` as many.
+/// One disc a point, facing the nearest of the viewpoints, its radius from the distance to its neighbours. The points
+/// must be finite, metres; `colors` has one entry a point.
 pub(crate) fn discs(points: &[Vec3], colors: &[[u8; 3]], viewpoints: &[Vec3]) -> Vec<Disc> {
     let faces = normals::estimate(points, viewpoints).into_iter().zip(spacing::radii(points));
     std::iter::zip(points, colors)

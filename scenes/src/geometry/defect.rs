@@ -1,10 +1,10 @@
-//! Why a mesh or a cloud cannot be intersected: the element and what is wrong with it.
+//! Defects for which a mesh or a cloud cannot be intersected: the element and its problem.
 
 use glam::Vec3;
 
 use super::{Disc, Mesh};
 
-/// How far a normal's length may be from 1.
+/// Largest deviation of a normal's length from 1.
 const UNIT_TOLERANCE: f32 = 1e-3;
 
 type Defect = (String, String);

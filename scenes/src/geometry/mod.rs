@@ -1,4 +1,4 @@
-//! What stands in a room: triangles, or discs around oriented points. World coordinates, metres.
+//! Geometry of a room: triangles, or discs around oriented points. World coordinates, metres.
 
 pub(crate) mod cloud;
 mod defect;
@@ -36,21 +36,21 @@ pub struct Mesh {
 pub struct Disc {
     /// Centre, metres.
     pub center: Vec3,
-    /// Unit normal, towards the side it was seen from.
+    /// Unit normal, towards the side from which it was seen.
     pub normal: Vec3,
     /// Radius, metres.
     pub radius: f32,
     /// Red, green, blue.
     pub color: [u8; 3],
-    /// Not measured: filled in from a plane of the room that stereo could not see.
+    /// Whether the disc was not measured, but filled in from a plane of the room that stereo could not see.
     pub filled: bool,
-    /// Confidence: how many views measured the same surface there beside the one it is told from, on average over the
-    /// disc; 0 for what is filled in.
+    /// Confidence: number of further views that measured the same surface there, on average over the disc; 0 for discs
+    /// that were filled in.
     pub confidence: f32,
 }
 
 impl Geometry {
-    /// How many triangles or discs there are.
+    /// Number of triangles or discs.
     pub fn len(&self) -> usize {
         match self {
             Self::Mesh(mesh) => mesh.triangles.len(),
@@ -58,13 +58,13 @@ impl Geometry {
         }
     }
 
-    /// Whether there is nothing that a ray could hit.
+    /// Tells whether there is nothing that a ray could hit.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// The smallest and the largest corner of the axis-aligned box around all vertices or disc centres, metres;
-    /// `None` without any.
+    /// Smallest and largest corner of the axis-aligned box around all vertices or disc centres, metres; `None` without
+    /// any.
     pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
         let grow = |b: Option<(Vec3, Vec3)>, p: Vec3| {
             Some(b.map_or((p, p), |(low, high)| (low.min(p), high.max(p))))
@@ -75,7 +75,7 @@ impl Geometry {
         }
     }
 
-    /// What makes this geometry unusable, if anything: the place in it, and the problem.
+    /// First defect for which this geometry is unusable: the place in it, and the problem.
     ///
     /// Numbers that are not finite, indices out of range, normals that are not of unit length, radii that are not
     /// positive.
@@ -94,22 +94,22 @@ impl Mesh {
     }
 }
 
-/// A point of the estimating crates' `f64` → one that is rendered or intersected.
+/// Converts a point of the estimating crates' `f64` to the `f32` of rendering.
 pub fn vec3_from_point(p: &Point3<f64>) -> Vec3 {
     vec3_from_vector(&p.coords)
 }
 
-/// A direction of the estimating crates' `f64` → one that is rendered or intersected.
+/// Converts a direction of the estimating crates' `f64` to the `f32` of rendering.
 pub fn vec3_from_vector(v: &Vector3<f64>) -> Vec3 {
     Vec3::new(v.x as f32, v.y as f32, v.z as f32)
 }
 
-/// A point that is rendered or intersected → `f64` for estimation.
+/// Converts a point of rendering to the `f64` of estimation.
 pub fn point_from_vec3(v: Vec3) -> Point3<f64> {
     vector_from_vec3(v).into()
 }
 
-/// A direction that is rendered or intersected → `f64` for estimation.
+/// Converts a direction of rendering to the `f64` of estimation.
 pub fn vector_from_vec3(v: Vec3) -> Vector3<f64> {
     Vector3::new(f64::from(v.x), f64::from(v.y), f64::from(v.z))
 }

@@ -1,5 +1,5 @@
-//! The way the surface faces at each point of a bare cloud, as laser scanners write them: the direction in which a
-//! point's neighbours spread least (Hoppe et al., SIGGRAPH 1992), turned to the camera that stands nearest.
+//! Normals of a bare cloud, as laser scanners write them: the direction in which a point's neighbours spread least (H.
+//! Hoppe et al., "Surface reconstruction from unorganized points", SIGGRAPH 1992), turned to the nearest camera.
 
 use std::num::NonZero;
 
@@ -10,12 +10,12 @@ use rayon::prelude::*;
 
 use super::vector_from_vec3;
 
-/// Neighbours that make a surface, the point itself among them.
+/// Number of neighbours that the surface is fitted to, the point itself included.
 const NEIGHBOURS: NonZero<usize> = NonZero::new(13).unwrap();
-/// Neighbours on a line tell no surface: their second largest spread as a share of the largest, both squared lengths.
+/// Ratio of the second largest to the largest squared spread below which neighbours count as lying on a line.
 const LEAST_WIDTH: f64 = 1e-4;
 
-/// A unit normal a point, towards the nearest of `viewpoints`; straight at it where the neighbours make no surface,
+/// Unit normal of each point, towards the nearest of `viewpoints`; straight at it where the neighbours make no surface,
 /// upwards without any viewpoint. The points must be finite.
 pub(super) fn estimate(points: &[Vec3], viewpoints: &[Vec3]) -> Vec<Vec3> {
     let entries: Vec<[f32; 3]> = points.iter().map(Vec3::to_array).collect();
@@ -37,8 +37,8 @@ pub(super) fn estimate(points: &[Vec3], viewpoints: &[Vec3]) -> Vec<Vec3> {
         .collect()
 }
 
-/// The direction of the least spread of points; offsets are taken from `origin` first, so that coordinates far from
-/// zero lose no digits.
+/// Direction of the least spread of points; `origin` is subtracted first, so that coordinates far from zero lose no
+/// digits.
 fn least_spread(origin: Vec3, points: &[Vec3]) -> Option<Vec3> {
     let offset = |p: &Vec3| vector_from_vec3(*p - origin);
     let mean = points.iter().map(offset).sum::<Vector3<f64>>() / points.len() as f64;

@@ -1,12 +1,12 @@
-//! A fingerprint of what rays can meet: caches that depend on the geometry are keyed by it.
+//! Hash of the shape that rays can hit, as a key of caches that depend on the geometry.
 
 use super::Geometry;
 
-/// Numbers are hashed in blocks of about this many bytes.
+/// Approximate size of the blocks that are hashed, bytes.
 const BLOCK_BYTES: usize = 1 << 16;
 
 impl Geometry {
-    /// The same for geometry of the same shape; colours do not count.
+    /// Hash that is the same for geometry of the same shape; colours do not count.
     pub(crate) fn shape_hash(&self) -> blake3::Hash {
         let mut hasher = blake3::Hasher::new();
         let mut block = Vec::with_capacity(BLOCK_BYTES);

@@ -1,4 +1,4 @@
-//! How large a disc each point of a cloud stands for, when the file does not say.
+//! Estimated radius of the disc that each point of a cloud stands for, when the file states none.
 //!
 //! A surface sampled with density ρ has its k-th neighbour at about √(k / πρ). Discs of half the distance to the
 //! sixth neighbour just close a square lattice (whose sixth neighbour is a diagonal one, √2 spacings away); a
@@ -9,16 +9,16 @@ use std::num::NonZero;
 use glam::Vec3;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 
-/// The neighbour whose distance tells the spacing.
+/// Rank of the neighbour from whose distance the spacing is estimated.
 const NEIGHBOUR: usize = 6;
 /// Radius as a fraction of that neighbour's distance.
 const FRACTION: f32 = 0.6;
-/// A lonely point must not become a wall: no radius exceeds this multiple of the median.
+/// Largest radius as a multiple of the median, so that a lonely point does not become a wall.
 const LARGEST_OVER_MEDIAN: f32 = 3.0;
-/// Radius in metres where nothing can be estimated, since fewer points than neighbours are asked for.
+/// Radius in metres where there are fewer points than neighbours.
 const FALLBACK_RADIUS_M: f32 = 0.02;
 
-/// A radius a point, in metres, from the distance to its neighbours. The points must be finite.
+/// Radius of each point, metres, from the distance to its neighbours. The points must be finite.
 pub(super) fn radii(points: &[Vec3]) -> Vec<f32> {
     let entries: Vec<[f32; 3]> = points.iter().map(Vec3::to_array).collect();
     let (Some(wanted), true) = (NonZero::new(NEIGHBOUR + 1), points.len() > NEIGHBOUR) else {
@@ -38,7 +38,7 @@ pub(super) fn radii(points: &[Vec3]) -> Vec<f32> {
     sorted.sort_by(f32::total_cmp);
     let median = sorted.get(sorted.len() / 2).copied().unwrap_or(FALLBACK_RADIUS_M);
     for radius in &mut radii {
-        // Piles of identical points have no spacing of their own.
+        // Identical points have no spacing of their own.
         *radius = if *radius > 0.0 { radius.min(LARGEST_OVER_MEDIAN * median) } else { median };
     }
     radii

@@ -1,8 +1,8 @@
-//! Polygonal faces → triangles, by cutting ears in the face's own plane (concave faces included).
+//! Triangulation of polygonal faces by ear clipping in the face's own plane (concave faces included).
 
 use glam::{Vec2, Vec3};
 
-/// Ear cutting is cubic in the worst case; faces with more corners than this are taken as convex.
+/// Largest number of corners that are clipped, since that is cubic in the worst case; larger faces count as convex.
 const MOST_CORNERS_TO_CUT: usize = 512;
 
 /// Appends the triangles of one face. Indices must be in range; fewer than three corners yield nothing.
@@ -13,7 +13,7 @@ pub(super) fn face(corners: &[u32], vertices: &[Vec3], triangles: &mut Vec<[u32;
     }
     let mut left = corners.to_vec();
     if left.len() <= MOST_CORNERS_TO_CUT {
-        let flat = Flat::of(&left, vertices);
+        let flat = FacePlane::of(&left, vertices);
         while left.len() > 3 {
             let Some(ear) = (0..left.len()).find(|&i| flat.is_ear(&left, vertices, i)) else { break };
             let n = left.len();
@@ -27,13 +27,13 @@ pub(super) fn face(corners: &[u32], vertices: &[Vec3], triangles: &mut Vec<[u32;
     }
 }
 
-/// The axes of the plane a face lies in, so that its corners run counter-clockwise.
-struct Flat {
+/// Axes of the plane of a face, in which its corners run counter-clockwise.
+struct FacePlane {
     x: Vec3,
     y: Vec3,
 }
 
-impl Flat {
+impl FacePlane {
     fn of(corners: &[u32], vertices: &[Vec3]) -> Self {
         // Newell: the sum of the corner triangles' normals is the face's, concave or not.
         let origin = vertices[corners[0] as usize];
@@ -50,7 +50,7 @@ impl Flat {
         Vec2::new(p.dot(self.x), p.dot(self.y))
     }
 
-    /// Whether corner `i` sticks out and no other corner lies in its triangle.
+    /// Tells whether corner `i` is convex and no other corner lies in its triangle.
     fn is_ear(&self, left: &[u32], vertices: &[Vec3], i: usize) -> bool {
         let n = left.len();
         let ids = [left[(i + n - 1) % n], left[i], left[(i + 1) % n]];

@@ -14,11 +14,11 @@ use shell::canvas::Color;
 const SAMPLES: u32 = 2;
 /// Rays a pixel.
 const RAYS: usize = (SAMPLES * SAMPLES) as usize;
-/// Colour of what is cut through.
+/// Colour of solid things that are cut through.
 const CUT: Vec3 = Vec3::new(58.0, 62.0, 72.0);
-/// How much of the paper shows through, so that lines and labels stand out.
+/// Share of the paper's colour in the picture, so that lines and labels stand out.
 const PALENESS: f32 = 0.22;
-/// Heights, as shares of the cut's, at which walls are looked for.
+/// Heights, as shares of the cut's, at which walls are detected.
 const WALL_HEIGHTS: [f32; 3] = [0.7, 0.85, 0.98];
 
 /// A raster of the floor, row by row from the largest y downwards.
@@ -43,7 +43,7 @@ impl Raster {
             .map(move |i| ((i % width) as f32, (i / width) as f32))
     }
 
-    /// The index of a pixel, if it is on the raster.
+    /// Index of a pixel, if it is on the raster.
     fn index(&self, column: i64, row: i64) -> Option<usize> {
         let (width, height) = (i64::from(self.width), i64::from(self.height));
         ((0..width).contains(&column) && (0..height).contains(&row))
@@ -51,7 +51,7 @@ impl Raster {
     }
 }
 
-/// What a ray from above saw.
+/// Topmost surface hit by a ray from above.
 #[derive(Clone, Copy)]
 struct Top {
     color: Vec3,
@@ -70,7 +70,7 @@ pub(super) fn picture(geometry: &Geometry, raster: &Raster, cut_m: f32) -> Resul
     Ok(picture)
 }
 
-/// Renders the raster; `paper` where there is nothing. Colours 0 to 255.
+/// Renders the raster; `paper` where nothing is hit. Colours 0 to 255.
 fn render(geometry: &Geometry, scene: &RayScene, raster: &Raster, cut_m: f32, paper: Vec3) -> Vec<Vec3> {
     let gain = exposure(geometry);
     let look_down = |place: Vec2| {
@@ -112,11 +112,11 @@ fn render(geometry: &Geometry, scene: &RayScene, raster: &Raster, cut_m: f32, pa
     (0..tops.len()).into_par_iter().map(pixel).collect()
 }
 
-/// Fills the small gaps between discs with what lies around them.
+/// Fills the small gaps between discs with the colours around them.
 fn close_gaps(tops: &mut [[Option<Top>; RAYS]], raster: &Raster) {
     /// Half the width of the widest gap that is closed.
     const REACH_M: f32 = 0.03;
-    // Where some rays of a pixel meet something, the others see the same.
+    // Where some rays of a pixel hit a surface, the others take the same one.
     for samples in tops.iter_mut() {
         if let Some(first) = samples.iter().flatten().next().copied() {
             for sample in samples {
@@ -135,12 +135,12 @@ fn close_gaps(tops: &mut [[Option<Top>; RAYS]], raster: &Raster) {
     }
 }
 
-/// Whether the cut goes through something solid: what is closed is seen from its back in every direction. `bare` tells
-/// where nothing lies below; the inside of what a cloud shows is.
+/// Marks pixels at which the cut goes through something solid: a closed surface is seen from its back in every
+/// direction. `bare` marks pixels with nothing below; the inside of a cloud's closed surface is bare.
 fn solid(geometry: &Geometry, scene: &RayScene, raster: &Raster, cut_m: f32, bare: &[bool]) -> Vec<bool> {
-    /// A cloud is known to be closed only where somebody could film it from all around: pillars, not houses.
+    /// Largest size for which a cloud counts as closed: pillars can be filmed from all around, houses not.
     const WIDEST_OF_DISCS_M: f32 = 0.8;
-    // Rays slip between discs: those at several heights vote.
+    // Rays slip between discs, so that rays at several heights vote.
     let (widest, heights, least): (f32, &[f32], usize) = match geometry {
         Geometry::Mesh(_) => (f32::INFINITY, &[1.0], 4),
         Geometry::Discs(_) => (WIDEST_OF_DISCS_M, &[1.0, 0.9, 0.8, 0.7, 0.6], 12),
@@ -163,7 +163,7 @@ fn solid(geometry: &Geometry, scene: &RayScene, raster: &Raster, cut_m: f32, bar
                 [Vec3::X, Vec3::Y, Vec3::NEG_X, Vec3::NEG_Y].iter().filter(|d| is_back(from, **d)).count()
             };
             let mut missing = least;
-            // Most places are settled by the first heights.
+            // Most pixels are decided by the first heights.
             for (i, height) in heights.iter().enumerate() {
                 missing = missing.saturating_sub(backs(height));
                 if missing == 0 || missing > 4 * (heights.len() - 1 - i) {
@@ -178,9 +178,10 @@ fn solid(geometry: &Geometry, scene: &RayScene, raster: &Raster, cut_m: f32, bar
     if 4 * count > solid.len() { vec![false; solid.len()] } else { solid }
 }
 
-/// How dark each pixel is for the walls in it, 0 to 1: what blocks the way to the next pixel, high above the floor.
+/// Darkness of each pixel by the walls in it, 0 to 1: surfaces that block the way to the next pixel, high above the
+/// floor.
 fn walls(scene: &RayScene, raster: &Raster, cut_m: f32) -> Vec<f32> {
-    /// Segments reach a little further than a pixel: their very ends do not count as blocked.
+    /// Reach of the segments, a little more than a pixel: hits at their very ends do not count as blocked.
     const REACH: f32 = 0.75;
     let blocked: Vec<f32> = raster
         .pixels()
@@ -208,9 +209,9 @@ fn walls(scene: &RayScene, raster: &Raster, cut_m: f32) -> Vec<f32> {
 
 /// Soft light over the height field: the darker the higher the smoothed surroundings rise above a point.
 fn corner_light(mut heights: Vec<f32>, raster: &Raster) -> Vec<f32> {
-    /// How far shade reaches; three box filters of that half width come close to a Gaussian.
+    /// Reach of the shade; three box filters of that half width approximate a Gaussian.
     const REACH_M: f32 = 0.07;
-    /// Higher things do not shade more.
+    /// Height above which things do not shade more.
     const HIGHEST_M: f32 = 1.0;
     const STRENGTH: f32 = 0.8;
     for h in &mut heights {
@@ -229,7 +230,7 @@ fn corner_light(mut heights: Vec<f32>, raster: &Raster) -> Vec<f32> {
     rise.map(|rise| 1.0 - STRENGTH * rise).collect()
 }
 
-/// The mean over `reach` neighbours on either side; the rim's value goes on beyond it.
+/// Mean over `reach` neighbours on either side; the rim's value is repeated beyond it.
 fn box_filter(line: &mut [f32], reach: usize) {
     let source = line.to_vec();
     let last = source.len() - 1;

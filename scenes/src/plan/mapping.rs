@@ -1,13 +1,13 @@
-//! Metres on the floor ↔ pixels of a plan.
+//! Mapping between metres on the floor and pixels of a plan.
 
 use nalgebra::{Point2, Vector2};
 
-/// Where places of the floor are on a plan. North (+Y) is up.
+/// Mapping of the floor to the pixels of a plan. North (+Y) is up.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mapping {
-    /// The corner of the shown floor with the smallest coordinates.
+    /// Corner of the shown floor with the smallest coordinates, metres.
     pub low: Point2<f64>,
-    /// The corner with the largest ones.
+    /// Corner of the shown floor with the largest coordinates, metres.
     pub high: Point2<f64>,
     /// Scale.
     pub px_per_m: f64,
@@ -16,13 +16,13 @@ pub struct Mapping {
 }
 
 impl Mapping {
-    /// The pixel of a place on the floor.
+    /// Pixel of a place on the floor.
     pub fn pixel(&self, floor: &Point2<f64>) -> Point2<f64> {
         let offset = Vector2::new(floor.x - self.low.x, self.high.y - floor.y);
         Point2::from(self.corner_px + offset * self.px_per_m)
     }
 
-    /// The place on the floor that a pixel shows.
+    /// Place on the floor that a pixel shows.
     pub fn floor(&self, pixel: &Point2<f64>) -> Point2<f64> {
         let offset = (pixel.coords - self.corner_px) / self.px_per_m;
         Point2::new(self.low.x + offset.x, self.high.y - offset.y)

@@ -1,4 +1,4 @@
-//! Zones, cameras with what they look at, and the walkable floor, on a plan.
+//! Zones, cameras with their fields of view, and the walkable floor, drawn on a plan.
 
 use nalgebra::{Point2, Rotation2, Vector2, Vector3};
 
@@ -9,16 +9,16 @@ use crate::room::{Room, RoomCamera, Zone, ZoneKind};
 use crate::walkable::{self, WalkableMap};
 use shell::canvas::{Color, Stroke, TextStyle};
 
-/// Zones: teal, which is no person's colour.
+/// Colour of zones: teal, which is no person's colour.
 const ZONE: Color = Color::rgb(0, 134, 139);
-/// Cameras: slate.
+/// Colour of cameras: slate.
 const CAMERA: Color = Color::rgb(52, 73, 110);
-/// The walkable floor's rim.
+/// Colour of the walkable floor's rim.
 const WALKABLE: Color = Color::rgb(46, 125, 50);
-/// How far a view cone reaches on the plan, and at least this share of its width.
+/// Length of a view cone on the plan, metres, and its least share of the plan's width.
 const CONE_M: f64 = 1.5;
 const CONE_SHARE: f64 = 0.1;
-/// Cells in which the walkable floor is looked up.
+/// Side of the cells in which the walkable floor is looked up.
 const CELL_M: f64 = 0.05;
 
 pub(super) fn draw(plan: &mut FloorPlan, room: &Room, options: &PlanOptions) -> Result<()> {
@@ -29,7 +29,7 @@ pub(super) fn draw(plan: &mut FloorPlan, room: &Room, options: &PlanOptions) -> 
     }
     room.zones.iter().for_each(|zone| draw_zone(plan, zone));
     room.cameras.iter().for_each(|camera| draw_cone(plan, camera));
-    // Names last, over everything.
+    // Names are drawn last, over everything.
     room.zones.iter().for_each(|zone| name_zone(plan, zone));
     room.cameras.iter().for_each(|camera| draw_camera(plan, camera));
     Ok(())
@@ -40,7 +40,7 @@ fn draw_walkable(plan: &mut FloorPlan, map: &WalkableMap) {
         return; // Everywhere is walkable: there is no rim.
     }
     let mapping = plan.mapping;
-    // Large sites do not need cells finer than two pixels.
+    // Cells finer than two pixels are not visible on large sites.
     let cell = CELL_M.max(2.0 / mapping.px_per_m);
     for line in outlines(|p| map.contains(p.x, p.y), mapping.low, mapping.high, cell) {
         let line: Vec<Point2<f64>> = line.iter().map(|p| mapping.pixel(p)).collect();
@@ -70,9 +70,9 @@ fn name_zone(plan: &mut FloorPlan, zone: &Zone) {
     plan.canvas.text(center, &format!("{}{way}", zone.name), &style);
 }
 
-/// The directions on the floor of the image's left and right edge; `None` for a camera that looks straight down or up.
+/// Directions on the floor of the image's left and right edge; `None` for a camera that looks straight down or up.
 fn edges(camera: &RoomCamera) -> Option<[Vector2<f64>; 2]> {
-    /// Below this share of the optical axis lying in the floor's plane, "ahead" means nothing on a plan.
+    /// Share of the optical axis in the floor's plane below which a camera has no direction on a plan.
     const LEAST_AHEAD: f64 = 0.08;
     let k = &camera.camera.intrinsics;
     let world_from_camera = camera.camera.camera_from_world.rotation.inverse();

@@ -1,8 +1,8 @@
 //! The floor plan: the room from straight above with its cameras and zones, and a mapping from metres to pixels, so
-//! that callers can draw where people went.
+//! that callers can draw people's paths.
 
+mod cache;
 mod ground;
-mod kept;
 mod mapping;
 mod marks;
 mod outline;
@@ -15,30 +15,29 @@ use nalgebra::{Point2, Vector2};
 
 use crate::Result;
 use crate::room::Room;
-use crate::sight::floor_nearby;
 use crate::view::extent;
+use crate::visibility::floor_nearby;
 use crate::walkable::WalkableMap;
 use shell::canvas::{Canvas, Color, Stroke, TextStyle};
 
 pub use mapping::Mapping;
 
-/// How a plan is drawn.
+/// Options of a drawn plan.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlanOptions {
     /// Longest side of the picture, with its margins; at least 200.
     pub longest_side_px: u32,
     /// Height at which the room is cut open; by default 2 m, or 30 cm below a lower ceiling.
     pub cut_height_m: Option<f64>,
-    /// Draw zones, cameras and the outline of the walkable floor.
+    /// Whether zones, cameras and the outline of the walkable floor are drawn.
     pub marks: bool,
-    /// The walkable floor to outline among the marks; by default what the room says, or its geometry.
+    /// Walkable floor to outline among the marks; by default the room's own, or the one derived from its geometry.
     pub walkable: Option<WalkableMap>,
-    /// Written above the plan.
+    /// Title above the plan.
     pub title: Option<String>,
-    /// Places on the floor that have to be on the plan besides the room, metres: where people went.
+    /// Places on the floor that have to be on the plan besides the room, metres, such as people's paths.
     pub places: Vec<Point2<f64>>,
-    /// The room's directory: what is drawn from its geometry is kept there and taken from there. Without it everything
-    /// is drawn anew.
+    /// Directory of the room, in whose cache the rendered ground is kept. Without it everything is rendered anew.
     pub room_dir: Option<PathBuf>,
 }
 
@@ -62,9 +61,9 @@ const RIM_M: f64 = 0.35;
 const MARGIN_PX: [f64; 4] = [46.0, 16.0, 16.0, 62.0];
 /// Additional space for a title.
 const TITLE_PX: f64 = 34.0;
-/// What is shown around the origin of a room in which nothing has a place.
+/// Half side of the shown floor for a room in which nothing has a place.
 const EMPTY_ROOM_M: f64 = 5.0;
-/// Numbers and names around the plan.
+/// Style of the numbers and names around the plan.
 const NOTES: TextStyle = TextStyle::new(15.0).color(Color::rgb(92, 96, 104));
 
 /// A drawn floor plan.
@@ -75,7 +74,7 @@ pub struct FloorPlan {
 }
 
 impl FloorPlan {
-    /// Draws the plan of a room; of one without geometry, its zones, cameras and walkable floor.
+    /// Draws the plan of a room; for a room without geometry, its zones, cameras and walkable floor.
     ///
     /// # Errors
     /// [`crate::Error::Geometry`] when the geometry cannot be intersected.
@@ -99,12 +98,12 @@ impl FloorPlan {
         Ok(plan)
     }
 
-    /// Where places are on the plan.
+    /// Mapping of the floor to pixels.
     pub fn mapping(&self) -> Mapping {
         self.mapping
     }
 
-    /// The canvas, to draw on.
+    /// Canvas of the plan, for further drawing.
     pub fn canvas_mut(&mut self) -> &mut Canvas {
         &mut self.canvas
     }
@@ -114,8 +113,8 @@ impl FloorPlan {
         self.canvas.into_image()
     }
 
-    /// Draws where somebody went (metres on the floor): a line in their colour with a light casing, a dot where it
-    /// begins and a label, if not empty, where it ends.
+    /// Draws a person's path (metres on the floor): a line in their colour with a light casing, a dot at its beginning
+    /// and a label, if not empty, at its end.
     pub fn trajectory(&mut self, places: &[Point2<f64>], color: Color, label: &str) {
         let line: Vec<Point2<f64>> = places.iter().map(|p| self.mapping.pixel(p)).collect();
         let (Some(first), Some(last)) = (line.first(), line.last()) else { return };
@@ -144,7 +143,7 @@ impl FloorPlan {
             pixel_m: (1.0 / self.mapping.px_per_m) as f32,
         };
         let picture = match &options.room_dir {
-            Some(room_dir) => kept::picture(room_dir, geometry, &raster, cut_m)?,
+            Some(room_dir) => cache::picture(room_dir, geometry, &raster, cut_m)?,
             None => ground::picture(geometry, &raster, cut_m)?,
         };
         self.canvas.blit(&picture, left.ceil() as i64, upper.ceil() as i64);
@@ -196,8 +195,8 @@ impl FloorPlan {
     }
 }
 
-/// The floor to show: what the geometry, the cameras, the zones and the walkable regions cover, and a rim; without either
-/// geometry or walkable regions also what the cameras see.
+/// Part of the floor to show: geometry, cameras, zones and walkable regions, and a rim; without either geometry or
+/// walkable regions also the floor that the cameras see.
 fn shown(room: &Room, places: &[Point2<f64>]) -> (Point2<f64>, Point2<f64>) {
     let is_finite = |p: &&Point2<f64>| p.x.is_finite() && p.y.is_finite();
     let mut places: Vec<Point2<f64>> = places.iter().filter(is_finite).copied().collect();
@@ -206,7 +205,7 @@ fn shown(room: &Room, places: &[Point2<f64>]) -> (Point2<f64>, Point2<f64>) {
         places.extend([a, b].map(|p| Point2::new(f64::from(p.x), f64::from(p.y))));
     }
     if room.geometry.is_none() && room.walkable.is_none() {
-        // Nothing tells how far the room goes: as far as its cameras see somebody.
+        // The extent of the room is unknown: show the floor as far as its cameras see a person.
         places.extend(room.cameras.iter().flat_map(|c| floor_nearby(&c.camera)));
     }
     let regions = room.zones.iter().map(|z| &z.polygon).chain(room.walkable.iter().flatten());
@@ -221,7 +220,7 @@ fn shown(room: &Room, places: &[Point2<f64>]) -> (Point2<f64>, Point2<f64>) {
     (low - rim, high + rim)
 }
 
-/// Below the ceiling, but above what people stand beside.
+/// Default height of the cut, metres: below the ceiling, but above the furniture.
 fn default_cut_m(top_m: f32) -> f32 {
     if top_m > 2.0 { 2.0_f32.min(top_m - 0.3) } else { top_m + 0.05 }
 }

@@ -1,13 +1,13 @@
-//! The outline of a region that is known cell by cell, as closed lines.
+//! Outline of a region sampled in cells, as closed lines.
 
 use std::collections::BTreeMap;
 
 use nalgebra::Point2;
 
-/// The outlines of where `inside` holds, sampled at the centres of square cells over a box.
+/// Outlines of the region in which `inside` holds, sampled at the centres of square cells over a box.
 ///
-/// Closed lines in metres, the inside on their left, corners cut once so that steps do not look like a saw.
-/// What reaches the box's rim ends there.
+/// Closed lines in metres, the inside on their left, corners cut once so that steps do not look like a saw. Regions
+/// that reach the box's rim end there.
 pub(super) fn outlines(
     inside: impl Fn(Point2<f64>) -> bool,
     low: Point2<f64>,
@@ -54,7 +54,7 @@ pub(super) fn outlines(
     lines
 }
 
-/// Corners in cells → a line through the middles of its edges, in metres.
+/// Converts corners in cells to a line through the middles of its edges, in metres.
 fn cut_corners(corners: &[(i64, i64)], low: Point2<f64>, cell_m: f64) -> Vec<Point2<f64>> {
     let metres = |(i, j): (i64, i64)| Point2::new(low.x + i as f64 * cell_m, low.y + j as f64 * cell_m);
     let edges = corners.iter().zip(corners.iter().cycle().skip(1));

@@ -1,4 +1,4 @@
-//! Plans of simple rooms: what is where, to the pixel.
+//! Plans of simple rooms: the position of each thing, to the pixel.
 
 use super::*;
 use crate::geometry::{Geometry, Mesh};
@@ -69,7 +69,7 @@ fn the_plan_shows_each_thing_where_it_stands() {
         image.get_pixel(p.x.round() as u32, p.y.round() as u32).0
     };
     let is_red = |c: [u8; 3]| c[0] > 150 && c[1] < 110;
-    // Not on grid lines.
+    // These points are not on grid lines.
     for (x, y) in [(1.5, 1.5), (1.05, 1.95), (1.95, 1.05)] {
         assert!(is_red(at(x, y)), "{x} {y} {:?}", at(x, y));
     }
@@ -153,20 +153,20 @@ fn steps_are_round_numbers() {
 fn a_kept_ground_is_the_same_until_the_room_changes() {
     let folder = tempfile::tempdir().unwrap();
     let anew = PlanOptions { longest_side_px: 300, ..PlanOptions::default() };
-    let kept = PlanOptions { room_dir: Some(folder.path().to_owned()), ..anew.clone() };
+    let cached_options = PlanOptions { room_dir: Some(folder.path().to_owned()), ..anew.clone() };
     let draw = |room: &Room, options: &PlanOptions| FloorPlan::new(room, options).unwrap().into_image();
     let mut room = room();
-    // Twice: made, then taken.
+    // The first pass renders the ground, the second reads it from the cache.
     for _ in 0..2 {
-        assert!(draw(&room, &kept) == draw(&room, &anew));
+        assert!(draw(&room, &cached_options) == draw(&room, &anew));
     }
     let file = crate::cache::file_of(folder.path(), "plan");
     let first = std::fs::read(&file).unwrap();
     let Some(Geometry::Mesh(mesh)) = &mut room.geometry else { panic!("the room has a mesh") };
     mesh.colors.iter_mut().for_each(|color| *color = [90, 120, 150]);
-    assert!(draw(&room, &kept) == draw(&room, &anew), "a change of colours alone is seen");
+    assert!(draw(&room, &cached_options) == draw(&room, &anew), "a change of colours alone is seen");
     assert!(std::fs::read(&file).unwrap() != first);
-    let larger = PlanOptions { longest_side_px: 340, ..kept.clone() };
+    let larger = PlanOptions { longest_side_px: 340, ..cached_options.clone() };
     assert!(draw(&room, &larger) == draw(&room, &PlanOptions { room_dir: None, ..larger.clone() }));
 }
 

@@ -1,11 +1,11 @@
-//! Rays against a room's geometry: the one bounding volume hierarchy behind depth maps, views and occlusion.
+//! Rays against a room's geometry: the bounding volume hierarchy behind depth maps, views and occlusion.
 //!
 //! The hierarchy is obvhs's binary one (PLOC with reinsertion, Meister and Bittner 2018). Primitives are stored in
 //! its order, so that a leaf's primitives lie side by side; every box is padded, since exactly axis-aligned walls at
 //! the scene's edge otherwise slow traversal down by a factor of 70.
 //!
-//! A [`RayScene`] is immutable and shared freely between threads. Equal distances are settled by the smaller index,
-//! so a picture has the same bytes at any thread count.
+//! A [`RayScene`] is immutable and shared freely between threads. Of equal distances the smaller index wins, so a
+//! picture has the same bytes at any thread count.
 
 mod primitive;
 #[cfg(test)]
@@ -26,24 +26,24 @@ use primitive::{FlatDisc, Primitive, Triangle};
 
 /// Padding of every box, relative to the largest coordinate (and at least as much for 1 m).
 const RELATIVE_PADDING: f32 = 2e-6;
-/// Surfaces this close to either end of a segment do not block it: the ends usually lie on a surface.
+/// Distance from either end of a segment within which surfaces do not block it: the ends usually lie on a surface.
 const SEGMENT_END_MARGIN_M: f32 = 1e-3;
 
-/// A room's geometry, ready for rays.
+/// Geometry of a room in a hierarchy for ray casts.
 pub struct RayScene {
     bvh: Bvh2,
     primitives: Primitives,
-    /// The index that each primitive has in the [`Geometry`].
+    /// Index of each primitive in the [`Geometry`].
     original: Vec<u32>,
 }
 
-/// In the hierarchy's order.
+/// Primitives in the hierarchy's order.
 enum Primitives {
     Triangles(Vec<Triangle>),
     Discs(Vec<FlatDisc>),
 }
 
-/// Where a ray first meets the room.
+/// First intersection of a ray with the room.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hit {
     /// Distance from the origin in units of the direction's length: metres for a unit direction.
@@ -55,8 +55,7 @@ pub struct Hit {
 }
 
 impl RayScene {
-    /// Builds the hierarchy. Triangles without area are left out, since no ray can meet them; geometry without
-    /// anything in it is met by no ray.
+    /// Builds the hierarchy. Triangles without area are left out, since no ray can hit them; rays miss empty geometry.
     ///
     /// # Errors
     /// [`Error::Geometry`] when the geometry has a [defect](Geometry::defect).
@@ -86,13 +85,13 @@ impl RayScene {
         Self { bvh, primitives, original }
     }
 
-    /// The nearest surface along a ray, in front of its origin. `direction` need not be of unit length, but
+    /// Nearest surface along a ray, in front of its origin. `direction` need not be of unit length, but
     /// [`Hit::distance`] counts in its lengths. `None` also for a direction that is zero or not finite.
     pub fn cast(&self, origin: Vec3, direction: Vec3) -> Option<Hit> {
         self.cast_within(origin, direction, f32::INFINITY)
     }
 
-    /// The same if it is no further than `farthest`, in lengths of the direction.
+    /// [`Self::cast`] limited to the distance `farthest`, in lengths of the direction.
     pub fn cast_within(&self, origin: Vec3, direction: Vec3, farthest: f32) -> Option<Hit> {
         let ray = checked(origin, direction, farthest)?;
         match &self.primitives {
@@ -101,7 +100,7 @@ impl RayScene {
         }
     }
 
-    /// Whether anything stands between two points. Surfaces within a millimetre of either end do not count.
+    /// Tells whether a surface lies between two points. Surfaces within a millimetre of either end do not count.
     pub fn is_blocked(&self, from: Vec3, to: Vec3) -> bool {
         match &self.primitives {
             Primitives::Triangles(triangles) => self.any(triangles, from, to),
@@ -118,7 +117,7 @@ impl RayScene {
             }
             t
         });
-        // A miss at infinity sorts below the index that stands for nothing, so the distance decides.
+        // A miss has an infinite distance and is discarded here, whatever its index.
         (distance < f32::INFINITY && distance <= ray.tmax).then(|| {
             let normal: Vec3 = primitives[position].normal().into();
             let normal = if normal.dot(ray.direction.into()) > 0.0 { -normal } else { normal };
@@ -136,7 +135,7 @@ impl RayScene {
     }
 }
 
-/// The ray, unless it cannot be followed.
+/// The ray, if its numbers are valid.
 fn checked(origin: Vec3, direction: Vec3, longest: f32) -> Option<Ray> {
     let sound = origin.is_finite() && direction.is_finite() && direction != Vec3::ZERO && longest > 0.0;
     sound.then(|| Ray::new(origin.into(), direction.into(), 0.0, longest))

@@ -1,11 +1,11 @@
-//! Triangles and discs as rays meet them, both sides alike.
+//! Triangles and discs as ray targets, both sides alike.
 
 use glam::{Vec3, Vec3A};
 use obvhs::aabb::Aabb;
 
 use crate::geometry::Disc;
 
-/// Something flat that a ray can meet.
+/// A flat ray target.
 pub(super) trait Primitive: Copy + Send + Sync {
     fn aabb(&self) -> Aabb;
 
@@ -19,7 +19,7 @@ pub(super) trait Primitive: Copy + Send + Sync {
 /// Distance along the ray to the plane through `point`, infinity behind the origin and for a parallel ray.
 fn plane_distance(point: Vec3A, normal: Vec3A, origin: Vec3A, direction: Vec3A) -> f32 {
     let t = normal.dot(point - origin) / normal.dot(direction);
-    // False for NaN, too.
+    // The comparison is false for NaN, too.
     if t > 0.0 { t } else { f32::INFINITY }
 }
 
@@ -47,8 +47,8 @@ impl Primitive for Triangle {
         Aabb::from_points(&self.0)
     }
 
-    /// By the volumes that the ray spans with each edge (Plücker's coordinates, as in Embree). The volume of an edge
-    /// is exactly opposite in the two triangles that share it, so no ray slips between them.
+    /// Computed from the volumes that the ray spans with each edge (Plücker's coordinates, as in Embree). The volume of
+    /// an edge is exactly opposite in the two triangles that share it, so no ray slips between them.
     fn distance(&self, origin: Vec3A, direction: Vec3A) -> f32 {
         let [a, b, c] = self.0.map(|corner| corner - origin);
         let volume = |p: Vec3A, q: Vec3A| (p - q).cross(p + q).dot(direction);

@@ -75,7 +75,7 @@ fn casts_agree_with_the_oracle() {
             let scene = RayScene::new(&geometry).unwrap();
             for _ in 0..500 {
                 let origin = vector(&mut rng, 4.0);
-                // Towards the scene, of any length.
+                // The direction leads to the scene and has any length.
                 let direction = (vector(&mut rng, 2.0) - origin) * rng.random_range(0.2..3.0);
                 let found = scene.cast(origin, direction);
                 // Rounding decides within ten micrometres of an outline: both answers are right there.

@@ -1,7 +1,7 @@
 //! The room: cameras, zones, floor and geometry, and the directory that holds them.
 
 mod read;
-mod rezone;
+mod replace_zones;
 mod scene_file;
 #[cfg(test)]
 mod tests;
@@ -18,11 +18,11 @@ use crate::polygon::Polygon;
 use crate::{Error, Result};
 
 pub use read::read_zones;
-pub use rezone::{SceneVersion, replace_zones};
+pub use replace_zones::{SceneVersion, replace_zones};
 
-/// The file of a room directory that names all others.
+/// Name of the file of a room directory that names all others.
 pub const SCENE_FILE: &str = "scene.toml";
-/// Where [`Room::write`] puts the geometry.
+/// Name of the file to which [`Room::write`] writes the geometry.
 pub const GEOMETRY_FILE: &str = "room.ply";
 
 /// A room with its cameras. World coordinates: metres, Z up, the floor is z = 0.
@@ -30,22 +30,22 @@ pub const GEOMETRY_FILE: &str = "room.ply";
 pub struct Room {
     /// The cameras, in file order.
     pub cameras: Vec<RoomCamera>,
-    /// Where people appear and disappear.
+    /// Regions where people appear and disappear.
     pub zones: Vec<Zone>,
-    /// Where a person can stand, when somebody said so; otherwise derived from the geometry.
+    /// Regions where a person can stand, if stated; otherwise they are derived from the geometry.
     pub walkable: Option<Vec<Polygon>>,
-    /// What stands in the room; without it nothing is hidden by the room.
+    /// Geometry of the room; without it the room hides nothing.
     pub geometry: Option<Geometry>,
 }
 
 /// A fixed camera of a room.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RoomCamera {
-    /// Unique in the room.
+    /// Name, unique in the room.
     pub name: String,
     /// Intrinsics and pose (`camera_from_world`, metres).
     pub camera: Camera,
-    /// The image at the installed pose, relative to the room directory.
+    /// Reference image at the installed pose, relative to the room directory.
     pub reference: Option<PathBuf>,
 }
 
@@ -53,16 +53,16 @@ pub struct RoomCamera {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Zone {
-    /// For people.
+    /// Name to show to people.
     pub name: String,
-    /// On the floor, metres.
+    /// Region on the floor, metres.
     pub polygon: Polygon,
-    /// Which way people pass.
+    /// Direction in which people pass.
     #[serde(default)]
     pub kind: ZoneKind,
 }
 
-/// Which way people pass a zone.
+/// Direction in which people pass a zone.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum ZoneKind {
@@ -76,10 +76,10 @@ pub enum ZoneKind {
 }
 
 impl Room {
-    /// The camera of that name.
+    /// Camera of that name.
     ///
     /// # Errors
-    /// [`Error::UnknownCamera`], listing the names there are.
+    /// [`Error::UnknownCamera`], listing the existing names.
     pub fn camera(&self, name: &str) -> Result<&RoomCamera> {
         self.cameras.iter().find(|c| c.name == name).ok_or_else(|| Error::UnknownCamera {
             name: name.to_owned(),

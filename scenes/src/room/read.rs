@@ -1,4 +1,4 @@
-//! Room directory → [`Room`].
+//! Reading of a room directory as a [`Room`].
 
 use std::path::{Path, PathBuf};
 
@@ -14,7 +14,7 @@ use crate::{Error, Result};
 impl Room {
     /// Reads a room directory with its geometry, and checks it.
     ///
-    /// A reference image that is missing is only worth a warning: nothing but previews needs it.
+    /// A missing reference image is only worth a warning: nothing but previews needs it.
     ///
     /// # Errors
     /// [`Error::Io`], [`Error::Content`] or [`Error::Calib`], naming the file, the place in it and the problem.
@@ -62,7 +62,7 @@ impl Room {
         Ok(room)
     }
 
-    /// The reference images that `scene.toml` names and that are not there: camera and file.
+    /// Reference images that `scene.toml` names but that are missing: camera and file.
     pub fn missing_references(&self, dir: &Path) -> Vec<(&str, PathBuf)> {
         self.cameras
             .iter()
@@ -86,7 +86,7 @@ pub(super) fn scene_file_in(dir: &Path) -> Result<PathBuf> {
     Err(Error::content(dir, "room directory", problem))
 }
 
-/// The zones of a file: its `[[zone]]` tables, whatever else stands in it. A room's `scene.toml` will do.
+/// Zones of a file: its `[[zone]]` tables; other content is ignored. A room's `scene.toml` will do.
 ///
 /// # Errors
 /// [`Error::Calib`] when it cannot be read or parsed, [`Error::Content`] when it holds no zone or one without area.

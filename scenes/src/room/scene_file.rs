@@ -1,4 +1,4 @@
-//! `scene.toml` as it stands on disk. Unknown keys are an error: most are misspelt known ones.
+//! Serialised form of `scene.toml`. Unknown keys are an error: most are misspelt known ones.
 
 use std::path::PathBuf;
 
@@ -10,10 +10,10 @@ use serde::{Deserialize, Serialize};
 use super::{Room, RoomCamera, Zone};
 use crate::polygon::Polygon;
 
-/// The only version of the format there is.
+/// The only version of the format.
 pub(super) const FORMAT: i64 = 1;
 
-/// Read before everything else, so that a newer format is not called a misspelt key.
+/// Version of the format, parsed before everything else, so that a newer format is not reported as a misspelt key.
 #[derive(Deserialize)]
 pub(super) struct Version {
     pub(super) format: i64,
@@ -26,7 +26,7 @@ pub(super) struct SceneFile {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) geometry: Option<PathBuf>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(super) floor: Option<Floor>,
+    pub(super) floor: Option<FloorTable>,
     #[serde(default)]
     pub(super) camera: Vec<CameraTable>,
     #[serde(default)]
@@ -35,7 +35,7 @@ pub(super) struct SceneFile {
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Floor {
+pub(super) struct FloorTable {
     pub(super) walkable: Option<Vec<Polygon>>,
 }
 
@@ -55,7 +55,7 @@ pub(super) struct CameraTable {
 }
 
 impl CameraTable {
-    /// The camera, or the key that makes none of it and why.
+    /// Converts to a camera, or names the invalid key and its problem.
     pub(super) fn camera(self) -> Result<RoomCamera, (&'static str, String)> {
         let intrinsics = Intrinsics::from_matrix(
             self.width,
@@ -87,12 +87,12 @@ impl CameraTable {
 }
 
 impl SceneFile {
-    /// The file of a room whose geometry, if it has any, stands in `geometry`.
+    /// File of a room whose geometry, if it has any, is in the file `geometry`.
     pub(super) fn of(room: &Room, geometry: &str) -> Self {
         Self {
             format: FORMAT,
             geometry: room.geometry.as_ref().map(|_| geometry.into()),
-            floor: room.walkable.clone().map(|polygons| Floor { walkable: Some(polygons) }),
+            floor: room.walkable.clone().map(|polygons| FloorTable { walkable: Some(polygons) }),
             camera: room.cameras.iter().map(CameraTable::of).collect(),
             zone: room.zones.clone(),
         }

@@ -1,24 +1,24 @@
-//! What every other part of the program relies on in a room.
+//! Checks of the invariants of a room.
 
 use super::{Room, RoomCamera, Zone};
 use crate::{Error, Result};
 
-/// No camera is larger; a misplaced digit must not exhaust memory.
+/// Largest side of a camera's image; a misplaced digit must not exhaust memory.
 const LARGEST_SIDE_PX: u32 = 20_000;
-/// Nobody draws more; every pair of edges is looked at.
+/// Largest number of a zone's corners: the check visits every pair of edges.
 const MOST_CORNERS: usize = 1000;
 
 impl Room {
-    /// Checks what every other part of the program relies on.
+    /// Checks the invariants that every other part of the program relies on.
     ///
     /// # Errors
-    /// [`Error::Room`] for the first thing that is wrong: no camera, names that are empty, doubled or no file names,
-    /// numbers that are not finite, polygons without area, geometry that cannot be intersected.
+    /// [`Error::Room`] for the first defect: no camera, names that are empty, doubled or no file names, numbers that
+    /// are not finite, polygons without area, geometry that cannot be intersected.
     pub fn validate(&self) -> Result<()> {
         self.defect().map_or(Ok(()), |(place, problem)| Err(Error::Room { place, problem }))
     }
 
-    /// The first thing that is wrong with the room: its place, and the problem.
+    /// First defect of the room: its place, and the problem.
     pub(super) fn defect(&self) -> Option<(String, String)> {
         if self.cameras.is_empty() {
             return Some(("camera".into(), "there is no [[camera]]; a room needs at least one".into()));
@@ -60,8 +60,8 @@ impl Room {
     }
 }
 
-/// The first thing that is wrong with zones that somebody draws: besides what every room is checked for, names that are
-/// empty or doubled, and outlines that cross themselves. Rooms on disk may have them; nothing new should.
+/// First defect of newly drawn zones: besides the checks of every room, names that are empty or doubled, and outlines
+/// that cross themselves. Rooms on disk may have such zones; new ones may not.
 pub(super) fn drawn_zones_defect(zones: &[Zone]) -> Option<(String, String)> {
     zones.iter().enumerate().find_map(|(i, zone)| {
         let problem = drawn_zone_defect(zone).or_else(|| {
@@ -83,7 +83,7 @@ fn drawn_zone_defect(zone: &Zone) -> Option<String> {
     if corners > MOST_CORNERS {
         return Some(format!("it has {corners} corners; {MOST_CORNERS} are the most"));
     }
-    // A bow tie may have no area, too, but that is not what is wrong with it.
+    // A bow tie may have no area, too, but its problem is the crossing.
     let Some((a, b)) = zone.polygon.crossing().filter(|_| corners >= 3) else { return zone.polygon.defect() };
     let edge = |i: usize| format!("{} to {}", i + 1, (i + 1) % corners + 1);
     Some(format!(
@@ -93,12 +93,12 @@ fn drawn_zone_defect(zone: &Zone) -> Option<String> {
     ))
 }
 
-/// How a zone is named in messages: by its place in the list, and by its name.
+/// Name of a zone in messages: its place in the list, and its name.
 pub(super) fn zone_place(index: usize, name: &str) -> String {
     format!("zone {} (`{name}`)", index + 1)
 }
 
-/// How a camera is named in messages: by its place in the file, and by its name.
+/// Name of a camera in messages: its place in the file, and its name.
 pub(super) fn camera_place(index: usize, name: &str) -> String {
     format!("camera {} (`{name}`)", index + 1)
 }

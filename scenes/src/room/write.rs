@@ -1,4 +1,4 @@
-//! [`Room`] → room directory.
+//! Writing of a [`Room`] as a room directory.
 
 use std::path::Path;
 
@@ -22,7 +22,7 @@ impl Room {
             .map_err(|e| Error::Room { place: SCENE_FILE.into(), problem: e.to_string() })?;
         let (scene_path, geometry_path) = (dir.join(SCENE_FILE), dir.join(GEOMETRY_FILE));
         let geometry = self.geometry.as_ref().map(ply::encode).transpose()?;
-        // The geometry first: an older scene.toml beside a newer geometry still reads.
+        // The geometry takes its name first: an older scene.toml beside a newer geometry still reads.
         let mut files: Vec<(&Path, &[u8])> = Vec::with_capacity(2);
         if let Some(bytes) = &geometry {
             files.push((&geometry_path, bytes));

@@ -1,11 +1,11 @@
 //! Small gaps between the discs of a reconstruction, closed in pictures.
 //!
-//! For the eye only: rays that estimate anything pass through gaps as they are.
+//! For display only: rays that estimate anything pass through gaps as they are.
 
 use rayon::prelude::*;
 
-/// For each empty cell of a grid that is surrounded by others within `reach` cells, those others, nearest in each of
-/// eight directions. At a rim (fewer than six directions meet something) nothing grows.
+/// Empty cells of a grid that are surrounded by others within `reach` cells, each with those others, the nearest in
+/// each of eight directions. At a rim (fewer than six directions hit a filled cell) nothing grows.
 pub(crate) fn surrounded(
     width: usize,
     is_empty: &(impl Fn(usize) -> bool + Sync),

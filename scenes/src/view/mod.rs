@@ -1,8 +1,10 @@
-//! The room drawn from any point of view, with the people in it (seed 001, figures 7 and 9).
+//! Renderings of the room from any point of view with the people in it, as in figures 7 and 9 of T. Osawa, X. Wu, K.
+//! Sudo, K. Wakabayashi, T. Yasuno, "MCMC based Multiple People Tracking using 3D Environmental Information" (in
+//! Japanese), paper LI-007.
 //!
-//! The room itself is rendered once a view, by rays through the BVH; people are put in per frame by the ray–quadric
-//! equation, hidden where the room is nearer. From outside ([`birds_eye`]) the ceiling is cut away and walls are seen
-//! only from within the room, so that one looks into it as into a doll's house.
+//! The room itself is rendered once a view, by rays through the BVH; people are added per frame by the ray–quadric
+//! equation, hidden where the room is nearer. From outside ([`birds_eye`]) the ceiling is cut away and walls are
+//! visible only from within the room, as in a doll's house.
 
 mod gaps;
 mod surface;
@@ -22,25 +24,25 @@ pub(crate) use gaps::surrounded;
 pub(crate) use surface::{exposure, first_seen};
 pub use viewpoint::{birds_eye, extent, look_at};
 
-/// How a view is rendered.
+/// Options of a rendered view.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ViewOptions {
-    /// Surfaces above this height are not shown.
+    /// Height above which surfaces are not shown.
     pub cut_height_m: Option<f32>,
-    /// Leave out surfaces that are seen from behind, so that one can look into a room from outside.
+    /// Whether surfaces seen from behind are left out, so that one can look into a room from outside.
     pub cut_backs: bool,
-    /// What is seen where there is nothing.
+    /// Colour where nothing is hit.
     pub ground: Color,
     /// Rays along each side of a pixel: 2 gives smooth edges.
     pub samples: u32,
-    /// How much of a surface's brightness depends on the light; the rest is its own colour.
+    /// Share of a surface's brightness that depends on the light; the rest is its own colour.
     pub shading: f32,
-    /// Brighten geometry whose colours are dark.
+    /// Whether geometry with dark colours is brightened.
     pub brighten: bool,
 }
 
 impl Default for ViewOptions {
-    /// The room as a camera in it sees it.
+    /// Options to show the room like a camera in it.
     fn default() -> Self {
         Self {
             cut_height_m: None,
@@ -54,24 +56,24 @@ impl Default for ViewOptions {
 }
 
 impl ViewOptions {
-    /// For looking into the room from outside and above; the ceiling, given its height, is cut away.
+    /// Options for looking into the room from outside and above; the ceiling, given its height, is cut away.
     pub fn from_outside(ceiling_m: f32) -> Self {
         Self { cut_height_m: Some(0.9 * ceiling_m), cut_backs: true, ..Self::default() }
     }
 }
 
-/// A person as the tracker knows one: an upright ellipsoid on the floor.
+/// Tracker's model of a person: an upright ellipsoid on the floor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ellipsoid {
-    /// Where it stands.
+    /// Position, x.
     pub x_m: f32,
-    /// Where it stands.
+    /// Position, y.
     pub y_m: f32,
-    /// Half its width.
+    /// Half the width.
     pub radius_m: f32,
-    /// Its height; it touches the floor.
+    /// Height; the ellipsoid touches the floor.
     pub height_m: f32,
-    /// Its colour.
+    /// Colour.
     pub color: Color,
 }
 
@@ -83,7 +85,7 @@ pub struct View {
     eye: Vec3,
     /// One ray a sample, row by row of the finer grid; zero where the lens model has none.
     directions: Vec<Vec3>,
-    /// Distance along the ray; infinite where it meets nothing.
+    /// Distance along the ray; infinite where nothing is hit.
     distances: Vec<f32>,
     /// Colours, 0 to 255.
     colors: Vec<Vec3>,
@@ -143,7 +145,7 @@ impl View {
         view
     }
 
-    /// Discs leave gaps of a pixel or two where they are seen from nearer than the room was filmed.
+    /// Closes the gaps of a pixel or two that discs leave where they are seen from nearer than the room was filmed.
     fn close_gaps(&mut self) {
         /// Widest gap that is closed, in pixels to either side.
         const REACH_PX: u32 = 3;
@@ -157,17 +159,17 @@ impl View {
         }
     }
 
-    /// The camera the view was rendered for.
+    /// Camera of the view.
     pub fn camera(&self) -> &Camera {
         &self.camera
     }
 
-    /// The empty room.
+    /// Picture of the empty room.
     pub fn image(&self) -> RgbImage {
         self.averaged(&self.colors)
     }
 
-    /// The room with people in it, who stand on the floor, hide and are hidden.
+    /// Picture of the room with people who stand on the floor, hide it and are hidden by it.
     pub fn with_people(&self, people: &[Ellipsoid]) -> RgbImage {
         let mut colors = self.colors.clone();
         let width = (self.camera.intrinsics.width * self.samples) as usize;
@@ -218,7 +220,7 @@ impl View {
             let side = |bit: usize| if i >> bit & 1 == 0 { -reach } else { reach };
             let z = if i & 4 == 0 { 0.0 } else { f64::from(person.height_m) };
             let corner = Point3::new(f64::from(person.x_m) + side(0), f64::from(person.y_m) + side(1), z);
-            // A corner behind the camera has no image: then the whole picture is looked through.
+            // A corner behind the camera has no image: then the whole picture is searched.
             let Some(p) = self.camera.project(&corner) else {
                 return Some([0, 0, width as usize, height as usize]);
             };
@@ -250,10 +252,10 @@ impl View {
     }
 }
 
-/// How far a person's soft shadow reaches, in radii.
+/// Radius of a person's soft shadow, in radii of the person.
 const SHADOW_REACH: f32 = 1.6;
 
-/// The centre of a sample, in pixels of the picture.
+/// Centre of a sample, in pixels of the picture.
 fn sample_center(index: u32, samples: u32) -> f64 {
     (f64::from(index) + 0.5) / f64::from(samples) - 0.5
 }
@@ -274,7 +276,7 @@ fn body_shade(normal: Vec3, direction: Vec3) -> f32 {
     (0.45 + 0.4 * facing + 0.25 * normal.z.max(0.0)).min(1.1)
 }
 
-/// Where a ray meets an upright ellipsoid first: the distance and the outward normal.
+/// First intersection of a ray with an upright ellipsoid: the distance and the outward normal.
 ///
 /// The ellipsoid is the unit sphere in coordinates scaled by its axes (r, r, h/2): |o + t d|² = 1 there.
 fn intersect(person: &Ellipsoid, eye: Vec3, direction: Vec3) -> Option<(f32, Vec3)> {

@@ -1,34 +1,34 @@
-//! What a ray saw: the colour and the normal of a triangle or a disc at a point of it.
+//! Colour and normal of the surface that a ray hits.
 
 use glam::Vec3;
 
 use crate::geometry::{Disc, Geometry, Mesh};
 use crate::raycast::RayScene;
 
-/// Discs this much further along the ray than the first, metres plus a share of the distance, are of the same surface:
-/// their colours are mixed, so that overlapping discs do not end in hard rims.
+/// Distance along the ray beyond the first disc, metres plus a share of the distance, within which discs belong to the
+/// same surface: their colours are mixed, so that overlapping discs do not end in hard rims.
 const SAME_SURFACE_M: f32 = 0.02;
 const SAME_SURFACE_SHARE: f32 = 0.005;
-/// Discs mixed at most.
+/// Largest number of discs mixed.
 const MIXED_DISCS: usize = 4;
-/// How far behind a hit the next ray begins.
+/// Distance behind a hit at which the next ray begins.
 const STEP_M: f32 = 1e-4;
 
-/// A point of a surface that a ray met.
+/// A point of a surface that a ray hit.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Seen {
-    /// Along the (unit) direction.
+pub(crate) struct SurfaceHit {
+    /// Distance along the (unit) direction.
     pub distance: f32,
-    /// As the geometry has it: it may point away from the eye.
+    /// Normal as stored in the geometry: it may point away from the eye.
     pub normal: Vec3,
     /// Red, green, blue, 0 to 255.
     pub color: Vec3,
 }
 
-/// The factor that brings a geometry's colours to the brightness of a well exposed picture: vertex colours baked
-/// in a dark room make dark figures. Never darker than they are, at most four times as bright.
+/// Factor that brings a geometry's colours to the brightness of a well exposed picture, from 1 to 4: vertex colours
+/// baked in a dark room make dark figures.
 pub(crate) fn exposure(geometry: &Geometry) -> f32 {
-    /// Where the brighter tenth of a well exposed picture begins.
+    /// Lower bound of the brightest tenth of a well exposed picture.
     const BRIGHT: f32 = 205.0;
     let brightness = |c: &[u8; 3]| c.iter().copied().max().unwrap_or(0);
     let mut values: Vec<u8> = match geometry {
@@ -40,15 +40,15 @@ pub(crate) fn exposure(geometry: &Geometry) -> f32 {
     (BRIGHT / f32::from(bright.max(1))).clamp(1.0, 4.0)
 }
 
-/// The first surface along a ray that `keep` (given the point and the normal) does not pass over.
+/// First surface along a ray that `keep` (given the point and the normal) accepts.
 pub(crate) fn first_seen(
     geometry: &Geometry,
     scene: &RayScene,
     origin: Vec3,
     direction: Vec3,
     keep: impl Fn(Vec3, Vec3) -> bool,
-) -> Option<Seen> {
-    /// Layers that are passed over at most: a bound for broken geometry, far above what a room has.
+) -> Option<SurfaceHit> {
+    /// Largest number of layers passed over: a bound for broken geometry, far above that of a room.
     const MAX_LAYERS: usize = 256;
     let mut start = 0.0;
     for _ in 0..MAX_LAYERS {
@@ -61,14 +61,14 @@ pub(crate) fn first_seen(
                 Geometry::Mesh(_) => color,
                 Geometry::Discs(discs) => mixed(discs, scene, (origin, direction), (hit.primitive, distance)),
             };
-            return Some(Seen { distance, normal, color });
+            return Some(SurfaceHit { distance, normal, color });
         }
         start = distance + STEP_M;
     }
     None
 }
 
-/// The colour of overlapping discs, from the first that the ray meets on, each weighted by how near its middle it passes.
+/// Colour of overlapping discs from the first hit on, each weighted by the ray's distance from its middle.
 fn mixed(discs: &[Disc], scene: &RayScene, (origin, direction): (Vec3, Vec3), first: (u32, f32)) -> Vec3 {
     let limit = first.1 + SAME_SURFACE_M + SAME_SURFACE_SHARE * first.1;
     let (mut sum, mut weights, mut next) = (Vec3::ZERO, 0.0, Some(first));

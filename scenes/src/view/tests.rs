@@ -24,7 +24,7 @@ fn camera(eye: [f64; 3], target: [f64; 3]) -> Camera {
     }
 }
 
-/// Colours as they are, one ray a pixel.
+/// Options without shading, one ray a pixel.
 fn plain() -> ViewOptions {
     ViewOptions { samples: 1, shading: 0.0, brighten: false, ..ViewOptions::default() }
 }
@@ -64,7 +64,7 @@ fn people_cover_what_the_closed_form_says_and_are_hidden_by_the_room() {
     let (empty, image) = (view.image(), view.with_people(&[person]));
     let is_person = |p: &image::Rgb<u8>| p.0[0] > 60 && p.0[1] < 5;
     for (x, y, p) in image.enumerate_pixels() {
-        // Sample the ray finely and look whether it dips into the ellipsoid.
+        // The ray is sampled finely to find whether it enters the ellipsoid.
         let ray = camera.ray(&Point2::new(f64::from(x), f64::from(y))).unwrap();
         let least = (0..4000)
             .map(|i| {

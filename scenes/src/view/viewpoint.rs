@@ -6,10 +6,10 @@ use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vecto
 
 use crate::geometry::{Geometry, point_from_vec3};
 
-/// Share of a cloud's coordinates that counts as stray at either end: a reconstruction has some wild points.
+/// Share of a cloud's coordinates at either end that counts as stray: a reconstruction has some wild points.
 const STRAY_SHARE: f64 = 0.01;
 
-/// The pose (`camera_from_world`) of an upright camera at `eye` that looks at `target`.
+/// Pose (`camera_from_world`) of an upright camera at `eye` that looks at `target`.
 ///
 /// Straight up or down, the image's top points along +Y. An eye at its target looks along +X.
 pub fn look_at(eye: &Point3<f64>, target: &Point3<f64>) -> Isometry3<f64> {
@@ -25,8 +25,8 @@ pub fn look_at(eye: &Point3<f64>, target: &Point3<f64>) -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::from(-(rotation * eye.coords)), rotation)
 }
 
-/// The smallest and the largest corner of the box that holds what stands above the floor, for pictures: the whole of
-/// a mesh, a cloud but for its stray points. `None` without any.
+/// Smallest and largest corner of the box around the geometry above the floor, for pictures: the whole of a mesh, a
+/// cloud without its stray points. `None` without any.
 pub fn extent(geometry: &Geometry) -> Option<(Vec3, Vec3)> {
     let (points, stray_share): (Vec<Vec3>, f64) = match geometry {
         Geometry::Mesh(mesh) => (mesh.vertices.clone(), 0.0),
@@ -43,9 +43,9 @@ pub fn extent(geometry: &Geometry) -> Option<(Vec3, Vec3)> {
     Some((Vec3::new(x.0, y.0, z.0.max(0.0).min(z.1)), Vec3::new(x.1, y.1, z.1)))
 }
 
-/// A camera outside and above a box that sees the whole of it, as near as that allows.
+/// Camera outside and above a box that sees the whole of it from the least distance.
 ///
-/// `azimuth_deg` says from which side: 0 from +X, 90 from +Y. `elevation_deg` is the angle above the horizon.
+/// `azimuth_deg` is the side: 0 from +X, 90 from +Y. `elevation_deg` is the angle above the horizon.
 pub fn birds_eye(
     (low, high): (Vec3, Vec3),
     [width, height]: [u32; 2],
@@ -75,7 +75,7 @@ pub fn birds_eye(
         intrinsics.cy += shift_px[1];
         Camera { intrinsics, camera_from_world: look_at(&(center + outwards * distance), &center) }
     };
-    // Left, top, right and bottom of what the box covers; `None` when a corner is behind the camera.
+    // Left, top, right and bottom of the box's image; `None` when a corner is behind the camera.
     let covered = |camera: &Camera| {
         corners.iter().try_fold([f64::MAX, f64::MAX, f64::MIN, f64::MIN], |b, corner| {
             let p = camera.project(corner)?;

@@ -1,4 +1,4 @@
-//! A derived map kept beside the room, like the depth maps it is derived with.
+//! Cache of derived walkable maps, like that of the depth maps.
 
 use std::path::Path;
 
@@ -8,13 +8,13 @@ use super::{Grid, WalkableMap, WalkableOptions};
 use crate::room::Room;
 use crate::{Result, cache};
 
-/// Part of the key: changes when the derivation does.
+/// Part of the key: change it when the derivation changes.
 const DERIVATION: &str = "walkable 3";
 const NAME: &str = "walkable";
 
 /// [`WalkableMap::of_room`], from the cache of the room directory where that is up to date.
 ///
-/// Only maps that are derived from geometry are kept; the others are made in no time.
+/// Only maps that are derived from geometry are cached; the others take no time.
 ///
 /// # Errors
 /// As [`WalkableMap::of_room`].
@@ -22,7 +22,7 @@ pub fn cached(room_dir: &Path, room: &Room) -> Result<WalkableMap> {
     let (Some(geometry), None) = (&room.geometry, &room.walkable) else { return WalkableMap::of_room(room) };
     let eyes: Vec<_> = room.cameras.iter().map(|c| c.camera.center()).collect();
     let polygons: Vec<_> = room.zones.iter().map(|zone| &zone.polygon).collect();
-    // Rust prints floats so that they read back as they were, so the text stands for the values.
+    // Rust prints floats so that they read back exactly, so the text stands for the values.
     let made_from = format!(
         "{DERIVATION} {} {eyes:?} {polygons:?} {:?}",
         geometry.shape_hash(),
@@ -37,7 +37,7 @@ pub fn cached(room_dir: &Path, room: &Room) -> Result<WalkableMap> {
     Ok(map)
 }
 
-/// Origin, cell, columns, rows (eight bytes each, little endian), then a byte a cell; nothing for everywhere.
+/// Serialises origin, cell, columns, rows (eight bytes each, little endian), then a byte a cell; empty for everywhere.
 fn encode(map: &WalkableMap) -> Vec<u8> {
     let Some(grid) = &map.grid else { return Vec::new() };
     let mut bytes = Vec::with_capacity(40 + grid.bits.len());
@@ -77,7 +77,7 @@ mod tests {
     use crate::polygon::Polygon;
 
     #[test]
-    fn what_is_kept_comes_back_and_changes_are_noticed() {
+    fn cached_maps_are_reused_until_the_room_changes() {
         let (folder, mut room) = (tempfile::tempdir().unwrap(), furnished());
         let fresh = WalkableMap::of_room(&room).unwrap();
         assert_eq!(cached(folder.path(), &room).unwrap(), fresh);

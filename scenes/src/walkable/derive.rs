@@ -1,10 +1,10 @@
-//! Geometry → walkable map.
+//! Derivation of the walkable map from geometry.
 //!
 //! 1. The floor that was seen; its patches, strays aside, give a convex hull.
 //! 2. Inside the hull, a cell is free unless it is obstructed.
-//! 3. Free cells count where floor was seen, where some camera saw something behind a person who would stand there, and
-//!    a little way on from such cells: what lies behind the walls has neither floor nor view, and no way to it.
-//! 4. Zones are walkable whatever the geometry says: people do come in there.
+//! 3. Free cells count where floor was seen, where some camera saw a surface behind a person who would stand there, and
+//!    a little way on from such cells: the space behind the walls has neither floor nor view, and no way to it.
+//! 4. Zones are walkable regardless of the geometry: people do come in there.
 //! 5. Pockets too small to walk into are closed.
 
 use glam::Vec3;
@@ -24,10 +24,11 @@ const GAP_M: f64 = 0.5;
 const STRAY_FLOOR_SHARE: f64 = 0.02;
 /// Heights of a standing body that a camera may see, metres.
 const BODY_HEIGHTS_M: [f32; 4] = [0.4, 0.8, 1.2, 1.6];
-/// How many of them one camera must look past: a single one may show through a hole in a reconstructed wall.
+/// Number of these heights that one camera must look past: a single one may show through a hole in a reconstructed
+/// wall.
 const SEEN_PARTS: usize = 2;
 
-/// `None` when nothing is below head height, so that everywhere is walkable.
+/// Derives the grid; `None` when nothing is below head height, so that everywhere is walkable.
 pub(super) fn from_geometry(
     geometry: &Geometry,
     cameras: &[RoomCamera],
@@ -63,7 +64,7 @@ pub(super) fn from_geometry(
     Ok(Some(walkable))
 }
 
-/// The convex hull of the floor that was seen; without floor, of everything obstructing.
+/// Convex hull of the seen floor; without floor, of everything obstructing.
 fn floor_hull(survey: &Survey) -> Polygon {
     let seen = &survey.floor;
     let grown = seen.dilated(0.5 * GAP_M);
@@ -86,15 +87,15 @@ fn floor_hull(survey: &Survey) -> Polygon {
     Polygon::convex_hull(cells.into_iter().flat_map(corner).collect())
 }
 
-/// Whether some camera looks past enough of a body in the cell, onto something behind it.
+/// Tells whether some camera looks past enough of a body in the cell, onto a surface behind it.
 fn is_looked_past(scene: &RayScene, eyes: &[Vec3], grid: &Grid, cell: usize) -> bool {
     let place = grid.center(cell);
     let body = BODY_HEIGHTS_M.map(|z| Vec3::new(place.x as f32, place.y as f32, z));
     eyes.iter().any(|&eye| body.iter().filter(|&&part| looks_past(scene, eye, part)).count() >= SEEN_PARTS)
 }
 
-/// Whether the line from the eye meets a surface, and not before the part. A line that meets nothing says nothing: in a
-/// reconstruction it goes through a hole in a wall, or where no camera looked.
+/// Tells whether the line from the eye hits a surface, and not before the part. A line without a hit proves nothing: in
+/// a reconstruction it goes through a hole in a wall, or through space that no camera saw.
 fn looks_past(scene: &RayScene, eye: Vec3, part: Vec3) -> bool {
     scene.cast(eye, part - eye).is_some_and(|hit| hit.distance > 1.0)
 }

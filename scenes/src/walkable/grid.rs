@@ -6,13 +6,13 @@ use nalgebra::Point2;
 
 use crate::polygon::Polygon;
 
-/// No side has more cells than this: a room of 100 m has cells of 5 cm.
+/// Largest number of cells a side: a room of 100 m has cells of 5 cm.
 const MOST_CELLS_A_SIDE: f64 = 2000.0;
 
 /// Square cells on the floor, each set or not.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grid {
-    /// The lower left corner of the first cell, metres.
+    /// Lower left corner of the first cell, metres.
     pub origin: Point2<f64>,
     /// Side of a cell, metres.
     pub cell_m: f64,
@@ -25,8 +25,8 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// An empty grid over all of the given bounds (smallest and largest corner), with cells of `cell_m` or, if the
-    /// bounds are very large, more. `None` without finite bounds.
+    /// An empty grid over all of the given bounds (smallest and largest corner), with cells of side `cell_m` or, if the
+    /// bounds are very large, of a larger side. `None` without finite bounds.
     pub(super) fn around(
         bounds: impl IntoIterator<Item = (Point2<f64>, Point2<f64>)>,
         cell_m: f64,
@@ -52,21 +52,21 @@ impl Grid {
         Self { bits, ..*self }
     }
 
-    /// The index of the cell that holds a place.
+    /// Index of the cell that holds a place.
     pub fn index_of(&self, p: &Point2<f64>) -> Option<usize> {
         let place = (p - self.origin) / self.cell_m;
-        // False for NaN, too.
+        // The comparison is false for NaN, too.
         let inside =
             (0.0..self.columns as f64).contains(&place.x) && (0.0..self.rows as f64).contains(&place.y);
         inside.then(|| place.y as usize * self.columns + place.x as usize)
     }
 
-    /// Whether the cell that holds a place is set; not outside the grid.
+    /// Tells whether the cell that holds a place is set; `false` outside the grid.
     pub fn contains(&self, p: &Point2<f64>) -> bool {
         self.index_of(p).is_some_and(|i| self.bits[i])
     }
 
-    /// The middle of a cell, metres.
+    /// Middle of a cell, metres.
     pub fn center(&self, index: usize) -> Point2<f64> {
         let (column, row) = ((index % self.columns) as f64, (index / self.columns) as f64);
         self.origin + nalgebra::Vector2::new(column + 0.5, row + 0.5) * self.cell_m
@@ -77,7 +77,7 @@ impl Grid {
         self.bits.iter().filter(|bit| **bit).count() as f64 * self.cell_m * self.cell_m
     }
 
-    /// The smallest and the largest corner of the rectangle around the set cells, metres.
+    /// Smallest and largest corner of the rectangle around the set cells, metres.
     pub fn bounds(&self) -> Option<(Point2<f64>, Point2<f64>)> {
         let half = nalgebra::Vector2::repeat(0.5 * self.cell_m);
         self.set_cells()
@@ -116,9 +116,9 @@ impl Grid {
         )
     }
 
-    /// The cells, itself included, whose middle lies within `radius_m` of a cell's.
+    /// Cells, itself included, whose middle lies within `radius_m` of a cell's.
     pub(super) fn within(&self, index: usize, radius_m: f64) -> impl Iterator<Item = usize> + use<> {
-        // A hair more, so that a whole number of cells is reached whatever its rounding.
+        // Slightly enlarged, so that a whole number of cells is reached despite rounding.
         let cells = radius_m / self.cell_m + 1e-9;
         let (column, row) = ((index % self.columns) as i64, (index / self.columns) as i64);
         let (columns, rows) = (self.columns as i64, self.rows as i64);
@@ -131,7 +131,7 @@ impl Grid {
         ((-reach).max(-row)..=reach.min(rows - 1 - row)).flat_map(on_row)
     }
 
-    /// The connected patches of set cells (diagonals connect), each as the indices of its cells.
+    /// Connected patches of set cells (diagonals connect), each as the indices of its cells.
     pub(super) fn patches(&self) -> Vec<Vec<usize>> {
         let mut seen = vec![false; self.bits.len()];
         let mut patches = Vec::new();
@@ -154,8 +154,8 @@ impl Grid {
         patches
     }
 
-    /// The set cells that can be reached from `starts` (which must be set, too) in at most `steps` steps from cell to
-    /// cell, diagonals included.
+    /// Set cells that can be reached from `starts` (which must be set, too) in at most `steps` steps from cell to cell,
+    /// diagonals included.
     pub(super) fn reached_from(&self, starts: &Self, steps: usize) -> Self {
         let mut reached = self.cleared();
         let mut queue = VecDeque::new();
@@ -181,16 +181,16 @@ impl Grid {
         self.with(self.bits.iter().map(|bit| !bit).collect())
     }
 
-    /// With gaps and holes narrower than twice `radius_m` filled (dilated, then eroded again).
+    /// Morphological closing: fills gaps and holes narrower than twice `radius_m`.
     pub(super) fn closed(&self, radius_m: f64) -> Self {
         self.dilated(radius_m).inverted().dilated(radius_m).inverted()
     }
 
-    /// The cells with a set cell within `radius_m` of theirs, middle to middle.
+    /// Morphological dilation: cells with a set cell within `radius_m` of theirs, middle to middle.
     pub(super) fn dilated(&self, radius_m: f64) -> Self {
         let mut out = self.clone();
         for i in self.set_cells() {
-            // Cells amid set ones add nothing that their neighbours do not.
+            // A cell whose neighbours are all set adds nothing that they do not.
             if self.neighbours(i).filter(|&n| self.bits[n]).count() < 8 {
                 for k in self.within(i, radius_m) {
                     out.bits[k] = true;

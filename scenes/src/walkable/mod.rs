@@ -1,8 +1,9 @@
-//! Where a person can stand: the function H of the paper's state prior, as a map of the floor.
+//! The walkable floor: the function H of the paper's state prior (T. Osawa et al., "MCMC based Multiple People Tracking
+//! using 3D Environmental Information", paper LI-007), as a map of the floor.
 //!
-//! A room may say it (`[floor]` in `scene.toml`); otherwise it is derived from the geometry: the floor's extent minus
-//! what stands on it between ankle and head height. Reconstructions have holes and strays, so the map errs on the
-//! side of letting people stand: see [`WalkableOptions`].
+//! A room may state it (`[floor]` in `scene.toml`); otherwise it is derived from the geometry: the floor's extent minus
+//! the obstacles between ankle and head height. Reconstructions have holes and strays, so the map errs on the side of
+//! letting people stand: see [`WalkableOptions`].
 
 mod cached;
 mod derive;
@@ -21,33 +22,34 @@ use crate::room::Room;
 pub use cached::cached;
 pub use grid::Grid;
 
-/// How a walkable map is derived from geometry.
+/// Options of the derivation of a walkable map from geometry.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WalkableOptions {
     /// Side of a cell, metres. Grows with very large rooms, so that no side has more than 2000 cells.
     pub cell_m: f64,
-    /// Surfaces within this height of z = 0 that face up or down are floor.
+    /// Height around z = 0 within which surfaces that face up or down are floor, metres.
     pub floor_tolerance_m: f64,
-    /// What is lower than this can be stepped on, and is lost in the noise of a reconstructed floor.
+    /// Height below which things can be stepped on, and are lost in the noise of a reconstructed floor, metres.
     pub ankle_m: f64,
-    /// What is higher than this is walked under.
+    /// Height above which things are walked under, metres.
     pub head_m: f64,
-    /// A place is obstructed when the surfaces between ankle and head make up this fraction of the floor's area around
-    /// it, or more. Well below 1: what stereo sees at a grazing angle is sparse.
+    /// Ratio of the surface area between ankle and head to the floor area around a place from which on the place is
+    /// obstructed. Well below 1: stereo at a grazing angle is sparse.
     pub obstructed_fraction: f64,
-    /// How far "around it" reaches, metres.
+    /// Radius of "around a place", metres.
     pub window_m: f64,
-    /// Obstructed patches smaller than this (m²) are strays, unless they are as high as `pole_height_m`.
+    /// Area below which obstructed patches are strays, m², unless they are as high as `pole_height_m`.
     pub stray_area_m2: f64,
-    /// How high a narrow thing must reach to be believed.
+    /// Least height of a narrow thing that counts as an obstacle, metres.
     pub pole_height_m: f64,
-    /// Holes in obstructed patches narrower than twice this are closed, metres.
+    /// Half the width of holes in obstructed patches that are closed, metres.
     pub close_m: f64,
-    /// How far the middle of a person may reach over the edge of a table top or a shelf board, metres.
+    /// Distance by which the middle of a person may reach over the edge of a table top or a shelf board, metres.
     pub lean_m: f64,
-    /// How far from floor that was seen, or from places that a camera looks onto freely, hidden floor is believed in.
+    /// Distance from seen floor, or from places that a camera looks onto freely, within which hidden floor is assumed,
+    /// metres.
     pub hidden_reach_m: f64,
-    /// Walkable pockets smaller than this (m²) that hold no zone cannot be walked into: the inside of a pillar.
+    /// Area below which walkable pockets without a zone are closed, m²: the inside of a pillar.
     pub pocket_area_m2: f64,
 }
 
@@ -70,20 +72,20 @@ impl Default for WalkableOptions {
     }
 }
 
-/// Where on the floor a person can stand.
+/// Map of the floor on which a person can stand.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WalkableMap {
-    /// `None`: everywhere.
+    /// `None` if everywhere is walkable.
     grid: Option<Grid>,
 }
 
 impl WalkableMap {
-    /// Everywhere: nothing is known of the room.
+    /// Map for an unknown room: everywhere is walkable.
     pub fn everywhere() -> Self {
         Self { grid: None }
     }
 
-    /// Inside any of the polygons, to the nearest cell.
+    /// Map of the inside of any of the polygons, to the nearest cell.
     pub fn of_polygons(polygons: &[Polygon]) -> Self {
         let cell_m = WalkableOptions::default().cell_m;
         let Some(mut grid) = Grid::around(polygons.iter().map(Polygon::bounds), cell_m) else {
@@ -95,7 +97,7 @@ impl WalkableMap {
         Self { grid: Some(grid) }
     }
 
-    /// The map of a room: its own polygons; else derived from its geometry, with its zones walkable in any case; else
+    /// Map of a room: its own polygons; else derived from its geometry, with its zones walkable in any case; else
     /// everywhere.
     ///
     /// # Errors
@@ -118,24 +120,24 @@ impl WalkableMap {
         }
     }
 
-    /// Whether a person can stand at a place of the floor, metres. Never at one that is not finite.
+    /// Tells whether a person can stand at a place of the floor, metres; `false` where it is not finite.
     pub fn contains(&self, x_m: f64, y_m: f64) -> bool {
         let place = Point2::new(x_m, y_m);
         self.grid.as_ref().map_or(x_m.is_finite() && y_m.is_finite(), |grid| grid.contains(&place))
     }
 
-    /// Whether a person can stand somewhere in a region of the floor.
+    /// Tells whether a person can stand somewhere in a region of the floor.
     pub fn reaches_into(&self, region: &Polygon) -> bool {
         let Some(grid) = &self.grid else { return true };
         (0..grid.bits.len()).any(|cell| grid.bits[cell] && region.contains(&grid.center(cell)))
     }
 
-    /// The cells, unless everywhere is walkable.
+    /// Cells of the map; `None` if everywhere is walkable.
     pub fn grid(&self) -> Option<&Grid> {
         self.grid.as_ref()
     }
 
-    /// The smallest and the largest corner of the rectangle around all walkable cells, metres; `None` if everywhere is
+    /// Smallest and largest corner of the rectangle around all walkable cells, metres; `None` if everywhere is
     /// walkable, or nothing.
     pub fn bounds(&self) -> Option<(Point2<f64>, Point2<f64>)> {
         self.grid.as_ref()?.bounds()

@@ -1,4 +1,4 @@
-//! How much surface there is above each cell of the floor, and at which heights.
+//! Surface area above each cell of the floor, by height.
 
 use glam::{Vec2, Vec3};
 use nalgebra::Point2;
@@ -6,33 +6,34 @@ use nalgebra::Point2;
 use super::{Grid, WalkableOptions};
 use crate::geometry::Geometry;
 
-/// Height of a storey in [`Survey::storeys`], metres.
-pub(super) const STOREY_M: f64 = 0.1;
-/// Surfaces whose normal is this close to vertical can be floor: 37° of noise.
+/// Height of a band in [`Survey::height_bands`], metres.
+pub(super) const BAND_M: f64 = 0.1;
+/// Least vertical component of a floor normal: 37° of noise.
 const FLOOR_NORMAL_Z: f32 = 0.8;
-/// No triangle is sampled more densely than this along a side, however large it is.
+/// Largest number of samples along a side of a triangle.
 const MOST_SAMPLES_A_SIDE: f32 = 4096.0;
-/// Spacing in metres at which the floor's extent is found.
+/// Spacing of the samples from which the floor's extent is found, metres.
 const COARSE_SPACING_M: f32 = 0.25;
 /// Share of the floor's area that is cut off at each end of x and y: strays far away must not enlarge the grid.
 const CUT_OFF: f64 = 0.002;
-/// Room around what remains, metres.
+/// Border around the remaining floor, metres.
 const BORDER_M: f64 = 0.5;
-/// With less floor than this (m²) the extent of everything is taken instead.
+/// Area of floor below which the extent of all surfaces is used instead, m².
 const LEAST_FLOOR_M2: f64 = 0.25;
 
-/// What was counted above each cell.
+/// Counts of surface above each cell.
 pub(super) struct Survey {
     /// Cells with floor in them.
     pub(super) floor: Grid,
     /// Square metres of surface between ankle and head.
     pub(super) obstructing_m2: Vec<f32>,
-    /// Which storeys between ankle and head hold surface: bit 0 starts at the ankle, each is 0.1 m high.
-    pub(super) storeys: Vec<u32>,
+    /// Bit set of the height bands between ankle and head that hold surface: bit 0 starts at the ankle, each is 0.1 m
+    /// high.
+    pub(super) height_bands: Vec<u32>,
 }
 
 impl Survey {
-    /// `None` when there is nothing below head height. `include` are regions that the grid must cover.
+    /// Surveys the geometry; `None` when nothing is below head height. The grid covers the regions of `include`.
     pub(super) fn of(
         geometry: &Geometry,
         include: &[(Point2<f64>, Point2<f64>)],
@@ -42,7 +43,7 @@ impl Survey {
         let empty = Grid::around(include.iter().copied().chain([extent]), options.cell_m)?;
         let mut floor_m2 = vec![0.0_f32; empty.bits.len()];
         let mut obstructing_m2 = vec![0.0_f32; empty.bits.len()];
-        let mut storeys = vec![0_u32; empty.bits.len()];
+        let mut height_bands = vec![0_u32; empty.bits.len()];
         let (ankle, head) = (options.ankle_m as f32, options.head_m as f32);
         each_sample(geometry, 0.5 * empty.cell_m as f32, &mut |p, normal, area| {
             let Some(i) = empty.index_of(&Point2::new(f64::from(p.x), f64::from(p.y))) else { return };
@@ -50,12 +51,12 @@ impl Survey {
                 floor_m2[i] += area;
             } else if (ankle..head).contains(&p.z) {
                 obstructing_m2[i] += area;
-                storeys[i] |= 1 << (((p.z - ankle) / STOREY_M as f32) as u32).min(31);
+                height_bands[i] |= 1 << (((p.z - ankle) / BAND_M as f32) as u32).min(31);
             }
         });
         let enough = (options.obstructed_fraction * empty.cell_m * empty.cell_m) as f32;
         let floor = empty.with(floor_m2.iter().map(|area| *area >= enough).collect());
-        Some(Self { floor, obstructing_m2, storeys })
+        Some(Self { floor, obstructing_m2, height_bands })
     }
 }
 
@@ -63,7 +64,7 @@ fn is_floor(p: Vec3, normal: Vec3, options: &WalkableOptions) -> bool {
     p.z.abs() <= options.floor_tolerance_m as f32 && normal.z.abs() >= FLOOR_NORMAL_Z
 }
 
-/// The rectangle of the floor, without strays far away.
+/// Bounds of the floor, without strays far away.
 fn extent(geometry: &Geometry, options: &WalkableOptions) -> Option<(Point2<f64>, Point2<f64>)> {
     let (mut floor, mut all) = (Vec::new(), Vec::new());
     let mut floor_m2 = 0.0;
@@ -83,7 +84,7 @@ fn extent(geometry: &Geometry, options: &WalkableOptions) -> Option<(Point2<f64>
     Some((Point2::new(x_low - BORDER_M, y_low - BORDER_M), Point2::new(x_high + BORDER_M, y_high + BORDER_M)))
 }
 
-/// The range of a coordinate without [`CUT_OFF`] of the area at either end.
+/// Range of a coordinate without [`CUT_OFF`] of the area at either end.
 fn middle_part(samples: &mut [(Vec2, f64)], coordinate: impl Fn(Vec2) -> f32) -> Option<(f64, f64)> {
     samples.sort_by(|a, b| coordinate(a.0).total_cmp(&coordinate(b.0)));
     let cut = CUT_OFF * samples.iter().map(|(_, area)| area).sum::<f64>();
@@ -97,8 +98,8 @@ fn middle_part(samples: &mut [(Vec2, f64)], coordinate: impl Fn(Vec2) -> f32) ->
     Some((f64::from(coordinate(low.0)), f64::from(coordinate(high.0))))
 }
 
-/// Calls `visit` with points all over the surfaces, not farther apart than `spacing`: place, unit normal (either
-/// side), and the square metres that the point stands for.
+/// Calls `visit` with points all over the surfaces, at most `spacing` apart: place, unit normal (either side), and the
+/// square metres that the point stands for.
 fn each_sample(geometry: &Geometry, spacing: f32, visit: &mut impl FnMut(Vec3, Vec3, f32)) {
     match geometry {
         Geometry::Mesh(mesh) => {
@@ -114,7 +115,7 @@ fn each_sample(geometry: &Geometry, spacing: f32, visit: &mut impl FnMut(Vec3, V
     }
 }
 
-/// The middles of the n² like parts of a triangle.
+/// Visits the middles of the n² congruent parts of a triangle.
 fn sample_triangle([a, b, c]: [Vec3; 3], spacing: f32, visit: &mut impl FnMut(Vec3, Vec3, f32)) {
     let cross = (b - a).cross(c - a);
     let Some(normal) = cross.try_normalize() else { return };
@@ -133,7 +134,7 @@ fn sample_triangle([a, b, c]: [Vec3; 3], spacing: f32, visit: &mut impl FnMut(Ve
     }
 }
 
-/// A lattice on the disc, at least its centre.
+/// Visits a lattice on the disc, at least its centre.
 fn sample_disc(
     center: Vec3,
     normal: Vec3,

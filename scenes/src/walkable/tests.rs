@@ -141,17 +141,13 @@ fn polygons_come_first_and_nothing_means_everywhere() {
     assert!(WalkableMap::of_room(&Room { geometry: Some(wall), ..bare }).is_ok());
 }
 
-fn office() -> Option<(PathBuf, Room)> {
-    let dir = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data/office"));
-    if !dir.exists() {
-        eprintln!("skipped: no {}", dir.display());
-        return None;
-    }
+fn office() -> (PathBuf, Room) {
+    let dir = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/office"));
     let room = Room::read(&dir.join("room")).unwrap();
-    Some((dir, room))
+    (dir, room)
 }
 
-/// Where people stood, from `truth.txt`.
+/// Positions of the people, from `truth.txt`.
 fn places(dir: &std::path::Path) -> Vec<(f64, f64)> {
     let text = std::fs::read_to_string(dir.join("truth.txt")).unwrap();
     let place = |line: &str| {
@@ -161,7 +157,7 @@ fn places(dir: &std::path::Path) -> Vec<(f64, f64)> {
     text.lines().map(place).collect()
 }
 
-/// The middles of the furniture that nobody can stand in, from `truth.json`.
+/// Middles of the furniture in which no person can stand, from `truth.json`.
 const FURNITURE: [(&str, f64, f64); 6] = [
     ("table", 3.4, 2.4),
     ("pillar", 2.35, 3.0),
@@ -173,7 +169,7 @@ const FURNITURE: [(&str, f64, f64); 6] = [
 
 #[test]
 fn in_the_office_people_stood_where_the_map_lets_them() {
-    let Some((dir, room)) = office() else { return };
+    let (dir, room) = office();
     let map = WalkableMap::of_room(&room).unwrap();
     let places = places(&dir);
     let inside = places.iter().filter(|(x, y)| map.contains(*x, *y)).count();
@@ -184,7 +180,7 @@ fn in_the_office_people_stood_where_the_map_lets_them() {
     }
 }
 
-/// What stereo would make of the office: one disc a few pixels from each camera, with noise of a hundredth of the
+/// The office as stereo would reconstruct it: one disc a few pixels from each camera, with noise of a hundredth of the
 /// distance, every fifth one missing, and every twentieth hanging somewhere in the air before the surface.
 fn as_reconstructed(room: &Room, rng: &mut Pcg64Mcg) -> Geometry {
     const STEP_PX: u32 = 3;
@@ -222,7 +218,7 @@ fn as_reconstructed(room: &Room, rng: &mut Pcg64Mcg) -> Geometry {
 
 #[test]
 fn in_a_noisy_office_people_stand_nearly_everywhere_they_did() {
-    let Some((dir, room)) = office() else { return };
+    let (dir, room) = office();
     let mut rng = Pcg64Mcg::seed_from_u64(5);
     let noisy = Room { geometry: Some(as_reconstructed(&room, &mut rng)), ..room };
     let map = WalkableMap::of_room(&noisy).unwrap();

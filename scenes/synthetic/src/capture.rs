@@ -1,4 +1,4 @@
-//! The capture: a camera is moved by hand around the place where it is going to be fixed, and ends there.
+//! The capture: a camera is moved by hand around the place of its installation, and ends there.
 
 use calib::Camera;
 use image::RgbImage;
@@ -6,17 +6,17 @@ use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use super::render::{RenderOptions, Still, finish};
+use super::render::{RenderOptions, StaticView, finish};
 use super::room::SyntheticRoom;
 
-/// How a capture is moved and rendered.
+/// Options of a capture's motion and rendering.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CaptureOptions {
-    /// Decides the hand's motion.
+    /// Seed of the hand's motion.
     pub seed: u64,
-    /// Frames; the last is at the installed pose.
+    /// Number of frames; the last is at the installed pose.
     pub frames: usize,
-    /// How far the camera is moved to either side.
+    /// Largest displacement of the camera to either side.
     pub reach_m: f64,
     /// Rendering and noise.
     pub render: RenderOptions,
@@ -37,7 +37,7 @@ impl SyntheticRoom {
             .enumerate()
             .map(|(i, pose)| {
                 let moved = Camera { camera_from_world: *pose, ..camera.clone() };
-                let still = Still::new(self, &moved, options.render.samples);
+                let still = StaticView::new(self, &moved, options.render.samples);
                 finish(&still.colors(), &still, options.seed ^ 0xca97, i as u64, &options.render)
             })
             .collect();
@@ -46,7 +46,7 @@ impl SyntheticRoom {
 
     /// The poses of a capture: an arc around the installed pose that comes to rest there, with a hand's sway.
     pub fn hand_held(&self, camera: &Camera, options: &CaptureOptions) -> Vec<Isometry3<f64>> {
-        /// Off walls and ceiling.
+        /// Least distance to walls and ceiling.
         const MARGIN_M: f64 = 0.12;
         let mut rng = Pcg64Mcg::seed_from_u64(options.seed);
         let mut wave = || {

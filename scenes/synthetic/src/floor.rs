@@ -1,4 +1,4 @@
-//! Where the middle of a person can be in a synthetic room: a grid, exactly from the furniture's footprints.
+//! Free floor of a synthetic room: a grid of places for the middle of a person, exact from the furniture's footprints.
 
 use std::collections::VecDeque;
 
@@ -12,22 +12,22 @@ use scenes::polygon::Polygon;
 /// Side of a cell.
 pub(super) const CELL_M: f64 = 0.1;
 
-/// How far from walls and furniture the middle of a person stays.
+/// Distance that the middle of a person keeps from walls and furniture.
 pub(super) const CLEARANCE_M: f64 = 0.32;
 
 /// A cell of the floor.
-pub(super) type Cell = (i16, i16);
+pub(super) type FloorCell = (i16, i16);
 
 /// The free floor of a room and of the passages behind its doors.
 #[derive(Debug, Clone)]
-pub(super) struct Floor {
+pub(super) struct FreeFloor {
     origin: Point2<f64>,
     columns: i16,
     rows: i16,
     free: Vec<bool>,
 }
 
-impl Floor {
+impl FreeFloor {
     /// The floor that is `clearance` metres from every wall and piece of furniture.
     pub(super) fn new(size: Vec3, doors: &[Door], furniture: &[Furniture], clearance: f64) -> Self {
         let rim = Vector2::new(2.0, 2.0);
@@ -51,28 +51,28 @@ impl Floor {
         floor
     }
 
-    pub(super) fn center(&self, (i, j): Cell) -> Point2<f64> {
+    pub(super) fn center(&self, (i, j): FloorCell) -> Point2<f64> {
         self.origin + Vector2::new(f64::from(i) + 0.5, f64::from(j) + 0.5) * CELL_M
     }
 
-    pub(super) fn cell(&self, p: &Point2<f64>) -> Cell {
+    pub(super) fn cell(&self, p: &Point2<f64>) -> FloorCell {
         let offset = (p - self.origin) / CELL_M;
         (offset.x.floor() as i16, offset.y.floor() as i16)
     }
 
-    pub(super) fn is_free(&self, (i, j): Cell) -> bool {
+    pub(super) fn is_free(&self, (i, j): FloorCell) -> bool {
         (0..self.columns).contains(&i)
             && (0..self.rows).contains(&j)
             && self.free[usize::from(j as u16) * usize::from(self.columns as u16) + usize::from(i as u16)]
     }
 
     /// Free cells, row by row.
-    pub(super) fn free_cells(&self) -> impl Iterator<Item = Cell> + '_ {
+    pub(super) fn free_cells(&self) -> impl Iterator<Item = FloorCell> + '_ {
         (0..self.rows).flat_map(|j| (0..self.columns).map(move |i| (i, j))).filter(|c| self.is_free(*c))
     }
 
     /// The free cells that can be reached from a place.
-    pub(super) fn reachable(&self, from: &Point2<f64>) -> Vec<Cell> {
+    pub(super) fn reachable(&self, from: &Point2<f64>) -> Vec<FloorCell> {
         let start = self.cell(from);
         let mut seen = vec![false; self.free.len()];
         let mut found = Vec::new();
@@ -92,7 +92,7 @@ impl Floor {
         found
     }
 
-    /// Whether the straight way between two places is free.
+    /// Tells whether the straight way between two places is free.
     pub(super) fn is_clear(&self, a: &Point2<f64>, b: &Point2<f64>) -> bool {
         let steps = ((b - a).norm() / (0.5 * CELL_M)).ceil().max(1.0) as usize;
         (0..=steps).all(|i| self.is_free(self.cell(&(a + (b - a) * (i as f64 / steps as f64)))))

@@ -1,16 +1,16 @@
-//! Where furniture stands: at random, but off the doors, with ways between, and with no place cut off.
+//! Random placement of furniture: off the doors, with ways between, and with no place cut off.
 
 use glam::{Vec2, Vec3};
 use nalgebra::Point2;
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 
-use super::floor::{CLEARANCE_M, Floor};
+use super::floor::{CLEARANCE_M, FreeFloor};
 use super::furniture::{Furniture, Kind};
 use super::shell::Door;
 use scenes::polygon::Polygon;
 
-/// What kind of room is built.
+/// Kind of room.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum RoomKind {
     /// About 6 × 5 × 2.7 m, furnished.
@@ -20,10 +20,10 @@ pub enum RoomKind {
     Hall,
 }
 
-/// What furniture leaves free for people to walk through.
+/// Width that furniture leaves free for people to walk through.
 const WAY_M: f64 = 0.75;
 
-/// Furniture for a room of that kind and size: up to `count` pieces (or tables with their chairs).
+/// Furnishes a room of that kind and size: up to `count` pieces (or tables with their chairs).
 pub(super) fn furnish(
     room: RoomKind,
     count: usize,
@@ -31,7 +31,7 @@ pub(super) fn furnish(
     doors: &[Door],
     rng: &mut Pcg64Mcg,
 ) -> Vec<Furniture> {
-    /// Places tried for each piece.
+    /// Number of places tried for each piece.
     const ATTEMPTS: usize = 60;
     let order: &[Kind] = match room {
         RoomKind::Office => &[
@@ -62,7 +62,7 @@ pub(super) fn furnish(
     pieces
 }
 
-/// Whether a group stands in the room, off the doors and the others, and leaves every place reachable.
+/// Tells whether a group fits: in the room, off the doors and the others, with every place reachable.
 fn fits(group: &[Furniture], others: &[Furniture], size: Vec3, doors: &[Door]) -> bool {
     let inside = |p: &Point2<f64>| {
         (0.0..=f64::from(size.x)).contains(&p.x) && (0.0..=f64::from(size.y)).contains(&p.y)
@@ -76,9 +76,9 @@ fn fits(group: &[Furniture], others: &[Furniture], size: Vec3, doors: &[Door]) -
         return false;
     }
     let all: Vec<Furniture> = others.iter().chain(group).cloned().collect();
-    let floor = Floor::new(size, doors, &all, CLEARANCE_M);
+    let floor = FreeFloor::new(size, doors, &all, CLEARANCE_M);
     let reached = floor.reachable(&doors[0].outside()).len();
-    // Nothing is cut off: not a door, and hardly a corner.
+    // No door is cut off, and almost no corner.
     reached as f64 > 0.97 * floor.free_cells().count() as f64
         && doors.iter().all(|door| floor.reachable(&door.outside()).len() == reached)
 }
@@ -87,7 +87,7 @@ fn fits(group: &[Furniture], others: &[Furniture], size: Vec3, doors: &[Door]) -
 fn distance_m(a: &Polygon, b: &Polygon) -> f64 {
     let one_way =
         |a: &Polygon, b: &Polygon| a.0.iter().map(|p| b.distance_m(p)).fold(f64::INFINITY, f64::min);
-    // Two long boxes can cross without a corner in the other: their centres tell.
+    // Two long boxes can cross without a corner in the other: their centres decide.
     let crossing = a.contains(&b.center()) || b.contains(&a.center());
     if crossing { 0.0 } else { one_way(a, b).min(one_way(b, a)) }
 }

@@ -15,23 +15,23 @@ pub(super) struct Block {
     pub half: Vec3,
     pub yaw: f32,
     pub material: Material,
-    /// The sides at −y look like this instead: the front of a shelf.
+    /// Material of the sides at −y, if it differs: the front of a shelf.
     pub front: Option<Material>,
 }
 
 /// A piece of furniture.
 #[derive(Debug, Clone)]
 pub struct Furniture {
-    /// What it is.
+    /// Kind of piece.
     pub name: &'static str,
-    /// The floor it takes, as far as a person is concerned (a table with its legs and what is between).
+    /// Floor that the piece occupies for a person (a table with its legs and the space between).
     pub footprint: Polygon,
-    /// Its height.
+    /// Height of the piece.
     pub height_m: f64,
     pub(super) blocks: Vec<Block>,
 }
 
-/// What kinds of furniture there are.
+/// Kinds of furniture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     Table,
@@ -61,7 +61,7 @@ impl Kind {
         }
     }
 
-    /// Whether it stands with its back (+y) against a wall.
+    /// Tells whether the piece stands with its back (+y) against a wall.
     pub(super) fn wants_wall(self) -> bool {
         matches!(self, Self::Sofa | Self::Shelf | Self::Cabinet | Self::Boxes)
     }
@@ -101,18 +101,18 @@ impl Furniture {
 /// An upright board that stands on the floor.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Screen {
-    /// Where its middle stands.
+    /// Middle of the board on the floor.
     pub middle: Point2<f64>,
-    /// The way its width runs; 0 is along x.
+    /// Direction of the width; 0 is along x.
     pub yaw_deg: f64,
-    /// Its width.
+    /// Width.
     pub width_m: f64,
-    /// Its height.
+    /// Height.
     pub height_m: f64,
 }
 
 impl Screen {
-    /// The board; `seed` decides its colours.
+    /// Builds the board; `seed` decides its colours.
     pub(super) fn furniture(&self, seed: u64) -> Furniture {
         const THICKNESS_M: f64 = 0.05;
         let mut rng = Pcg64Mcg::seed_from_u64(seed ^ self.middle.x.to_bits() ^ self.middle.y.to_bits());
@@ -168,7 +168,7 @@ impl Builder {
         let (half, wood) = (0.5 * size, wood(rng));
         self.block(Vec3::new(-half.x, -half.y, size.z - 0.05), half.with_z(size.z), wood);
         self.legs(size, 0.06, size.z - 0.05, wood);
-        // A few things on it.
+        // A few things on the table.
         for _ in 0..rng.random_range(2..5) {
             let reach = half.truncate() - Vec2::splat(0.18);
             let at = Vec2::new(rng.random_range(-1.0..1.0), rng.random_range(-1.0..1.0)) * reach;
@@ -272,14 +272,14 @@ impl Builder {
     }
 }
 
-/// Some wood.
+/// A random wood.
 pub(super) fn wood(rng: &mut Pcg64Mcg) -> Material {
     let tone = rng.random_range(0.35..1.0_f32);
     let base = Vec3::new(0.75, 0.55, 0.36) * tone;
     Material { base, accent: base * 0.6, pattern: Pattern::Wood, seed: rng.random() }
 }
 
-/// Two colours that go together in some pattern.
+/// Two matching colours in some pattern.
 pub(super) fn colourful(pattern: Pattern, rng: &mut Pcg64Mcg) -> Material {
     let hue = rng.random_range(0.0..1.0_f32);
     let color = |hue: f32, value: f32| {

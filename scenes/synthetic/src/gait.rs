@@ -1,26 +1,26 @@
 //! Walking: each foot is planted on the floor while the body passes over it, then swings to its next place.
 //!
-//! The gait is driven by the way walked, not by time, so that feet stay where they are planted at any speed and around
-//! corners. Legs follow from the feet by inverse kinematics of two bones.
+//! The gait depends on the distance walked, not on time, so that feet stay where they are planted at any speed and
+//! around corners. Legs follow from the feet by inverse kinematics of two bones.
 
 use glam::{Vec2, Vec3};
 
 use super::proportions::{ANKLE, HIP, HIP_HALF_WIDTH, SHANK, SOLE, THIGH};
 
-/// A step's length as a share of the height.
+/// Length of a step as a share of the height.
 const STEP: f32 = 0.37;
-/// A foot is planted until the body is this many steps past it,
+/// Distance of the body past a planted foot at which the foot leaves the floor, in steps.
 const LEAVES: f32 = 0.72;
-/// having come down when the body was this many steps before it.
+/// Distance of the body before a foot at which the foot lands, in steps.
 const LANDS: f32 = 0.46;
-/// From this many steps past the foot on, the heel rises.
+/// Distance of the body past a foot at which the heel begins to rise, in steps.
 const HEEL_RISES: f32 = 0.25;
-/// The foot's pitch when it leaves the floor.
+/// Pitch of a foot when it leaves the floor.
 const TOE_OFF_RAD: f32 = 0.75;
-/// From the ankle forward to the ball of the foot, and back to the heel.
+/// Distance from the ankle forward to the ball of the foot, and back to the heel.
 const BALL: f32 = 0.085;
 const HEEL: f32 = 0.028;
-/// How high a swinging foot is lifted.
+/// Height to which a swinging foot is lifted.
 const LIFT: f32 = 0.035;
 
 /// The angles of an arm.
@@ -45,12 +45,12 @@ pub(super) struct Leg {
 
 /// A body's pose.
 #[derive(Debug, Clone)]
-pub(super) struct Pose {
-    /// Between the hip joints.
+pub(super) struct BodyPose {
+    /// Middle between the hip joints.
     pub pelvis: Vec3,
-    /// Where the body faces; 0 is +x.
+    /// Direction that the body faces; 0 is +x.
     pub heading_rad: f32,
-    /// How far the trunk leans forwards.
+    /// Angle by which the trunk leans forwards.
     pub lean_rad: f32,
     /// Left, right.
     pub arms: [Arm; 2],
@@ -58,34 +58,34 @@ pub(super) struct Pose {
     pub legs: [Leg; 2],
 }
 
-/// A line on the floor that a person walks along: place and direction after a way of so many metres, also before its
-/// beginning and beyond its end.
-pub(super) trait Way {
+/// A line on the floor that a person walks along: place and direction after a distance of `way_m` metres, also before
+/// its beginning and beyond its end.
+pub(super) trait WalkedLine {
     fn at(&self, way_m: f32) -> (Vec2, Vec2);
 }
 
-impl Pose {
+impl BodyPose {
     /// Standing still with both feet beside each other.
     #[cfg(test)]
     pub(super) fn standing(at: Vec2, heading_rad: f32, height_m: f32) -> Self {
-        struct Still(Vec2, Vec2);
-        impl Way for Still {
+        struct Standing(Vec2, Vec2);
+        impl WalkedLine for Standing {
             fn at(&self, _: f32) -> (Vec2, Vec2) {
                 (self.0, self.1)
             }
         }
-        Self::walking(&Still(at, Vec2::from_angle(heading_rad)), 0.0, 0.0, height_m)
+        Self::walking(&Standing(at, Vec2::from_angle(heading_rad)), 0.0, 0.0, height_m)
     }
 
-    /// The pose after a way of `way_m` at a given speed, of somebody of that height.
-    pub(super) fn walking(way: &impl Way, way_m: f32, speed_m_s: f32, height_m: f32) -> Self {
-        // How much of a gait there is: somebody who hardly moves does not lift their feet.
+    /// Pose after a distance of `way_m` at a given speed, of a person of that height.
+    pub(super) fn walking(way: &impl WalkedLine, way_m: f32, speed_m_s: f32, height_m: f32) -> Self {
+        // Strength of the gait: people who hardly move do not lift their feet.
         let vigour = (speed_m_s / 0.5).clamp(0.0, 1.0);
         let (at, direction) = way.at(way_m);
         let forward = direction.extend(0.0);
         let left = direction.perp().extend(0.0);
         let feet = [0, 1].map(|side| Foot::new(way, way_m, side, vigour, height_m));
-        // As high as the legs reach: knees never quite straight.
+        // Height of the hips that the legs can reach: knees never quite straight.
         let reach = 0.992 * (THIGH + SHANK) * height_m;
         let hip_place = |side: usize| at.extend(0.0) + left * ([1.0, -1.0][side] * HIP_HALF_WIDTH * height_m);
         let highest = (HIP - 0.004) * height_m;
@@ -111,7 +111,7 @@ impl Pose {
     }
 }
 
-/// Where a foot is.
+/// Position of a foot.
 struct Foot {
     ankle: Vec3,
     heel: Vec3,
@@ -119,8 +119,8 @@ struct Foot {
 }
 
 impl Foot {
-    /// The left (0) or right (1) foot when the body has come `way_m` metres.
-    fn new(way: &impl Way, way_m: f32, side: usize, vigour: f32, height_m: f32) -> Self {
+    /// Left (0) or right (1) foot after the body has come `way_m` metres.
+    fn new(way: &impl WalkedLine, way_m: f32, side: usize, vigour: f32, height_m: f32) -> Self {
         let step = STEP * height_m;
         // Left feet are planted at even numbers of steps, right ones at odd.
         let steps = way_m / step - side as f32;
@@ -155,7 +155,7 @@ impl Foot {
             toe + forward * (height_m * (up * sin - back * cos))
                 + Vec3::Z * (height_m * (back * sin + up * cos))
         };
-        // Pitching about the ball: what is behind it rises.
+        // The foot pitches about its ball: the parts behind it rise.
         Self { ankle: behind(BALL, ANKLE - SOLE), heel: behind(BALL + HEEL, 0.001), toe }
     }
 
@@ -180,7 +180,7 @@ mod tests {
 
     /// A circle of 2 m radius.
     struct Circle;
-    impl Way for Circle {
+    impl WalkedLine for Circle {
         fn at(&self, way_m: f32) -> (Vec2, Vec2) {
             let angle = way_m / 2.0;
             (2.0 * Vec2::from_angle(angle), Vec2::from_angle(angle).perp())
@@ -191,8 +191,8 @@ mod tests {
     fn feet_stay_above_the_floor_and_where_they_are_planted() {
         let height = 1.75;
         let (mut planted, mut fastest) = (0, 0.0_f32);
-        let poses: Vec<Pose> =
-            (0..4000).map(|i| Pose::walking(&Circle, i as f32 * 0.002, 1.3, height)).collect();
+        let poses: Vec<BodyPose> =
+            (0..4000).map(|i| BodyPose::walking(&Circle, i as f32 * 0.002, 1.3, height)).collect();
         for pair in poses.windows(2) {
             for side in 0..2 {
                 let (a, b) = (pair[0].legs[side], pair[1].legs[side]);
@@ -217,8 +217,8 @@ mod tests {
     #[test]
     fn bones_keep_their_length_and_joints_move_smoothly() {
         let height = 1.6;
-        let poses: Vec<Pose> =
-            (0..2000).map(|i| Pose::walking(&Circle, i as f32 * 0.004, 1.2, height)).collect();
+        let poses: Vec<BodyPose> =
+            (0..2000).map(|i| BodyPose::walking(&Circle, i as f32 * 0.004, 1.2, height)).collect();
         let mut lowest = f32::MAX;
         for pair in poses.windows(2) {
             for (before, leg) in pair[0].legs.iter().zip(&pair[1].legs) {
@@ -234,8 +234,8 @@ mod tests {
     }
 
     #[test]
-    fn who_stands_has_both_soles_on_the_floor() {
-        let pose = Pose::standing(Vec2::new(1.0, 2.0), 1.1, 1.8);
+    fn a_standing_person_has_both_soles_on_the_floor() {
+        let pose = BodyPose::standing(Vec2::new(1.0, 2.0), 1.1, 1.8);
         for leg in &pose.legs {
             assert!((leg.heel.z - leg.toe.z).abs() < 0.01);
             assert!(leg.knee.distance(leg.hip.lerp(leg.ankle, 0.5)) < 0.08);

@@ -1,5 +1,5 @@
-//! The light in a room, computed once at the vertices of its mesh: lamps at the ceiling with soft shadows, and what
-//! comes from all around, less in corners.
+//! Light in a room, computed once at the vertices of its mesh: lamps at the ceiling with soft shadows, and ambient
+//! light, which is weaker in corners.
 
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
@@ -10,26 +10,26 @@ use scenes::raycast::RayScene;
 
 /// Side of a square lamp.
 const LAMP_M: f32 = 0.7;
-/// Points of a lamp, along each side, that shadows are looked up from.
+/// Number of points of a lamp, along each side, from which shadows are cast.
 const LAMP_POINTS: i32 = 3;
-/// Directions in which the surroundings are looked up.
+/// Number of directions in which occlusion of the ambient light is tested.
 const AROUND: u32 = 32;
-/// Surroundings further away than this are bright.
+/// Distance beyond which surroundings do not darken.
 const AROUND_M: f32 = 1.6;
-/// Brightness of the light from all around; the lamps add about as much below them.
+/// Brightness of the ambient light; the lamps add about as much below them.
 const AMBIENT: f32 = 0.42;
 
 /// Lamps that shine downwards.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Lamps {
-    /// Centres.
+    /// Centres of the lamps.
     pub places: Vec<Vec3>,
-    /// Each one's brightness, so that the floor below is lit by about 0.5.
+    /// Brightness of each lamp, such that the floor below is lit by about 0.5.
     pub strength: f32,
 }
 
 impl Lamps {
-    /// What a lamp's point gives to a surface, without shadows: falls with the square of the distance, and slanted.
+    /// Light of a lamp's point on a surface, without shadows: by the inverse square of the distance, and slanted.
     fn point_light(&self, lamp: Vec3, point: Vec3, normal: Vec3) -> f32 {
         let towards = lamp - point;
         let squared = towards.length_squared().max(0.05);
@@ -37,7 +37,7 @@ impl Lamps {
         self.strength * normal.dot(direction).max(0.0) * direction.z.max(0.05) / squared
     }
 
-    /// Light on a surface that nothing shades: people.
+    /// Light on an unshaded surface, used for people.
     pub(super) fn open(&self, point: Vec3, normal: Vec3) -> f32 {
         let lamps: f32 = self.places.iter().map(|lamp| self.point_light(*lamp, point, normal)).sum();
         AMBIENT * (0.75 + 0.25 * normal.z) + lamps
@@ -61,7 +61,7 @@ impl Lamps {
     }
 }
 
-/// The share of the surroundings that is open, weighted by the cosine to the normal.
+/// Open share of the surroundings, weighted by the cosine to the normal.
 fn openness(scene: &RayScene, point: Vec3, normal: Vec3, seed: u32) -> f32 {
     let (tangent, bitangent) = normal.any_orthonormal_pair();
     let turn = unit(glam::IVec2::new(1, 2), seed);
@@ -79,14 +79,14 @@ fn openness(scene: &RayScene, point: Vec3, normal: Vec3, seed: u32) -> f32 {
     open / AROUND as f32
 }
 
-/// The light at each vertex of a room's mesh.
+/// Light at each vertex of a room's mesh.
 pub(super) fn bake(
     surfaces: &Surfaces,
     tessellation: &Tessellation,
     scene: &RayScene,
     lamps: &Lamps,
 ) -> Vec<f32> {
-    /// Lit points lie this far off their surface and from its rim, where others touch it.
+    /// Distance of lit points from their surface and from its rim, where other surfaces touch it.
     const OFF_M: f32 = 0.02;
     let vertices = tessellation.mesh.vertices.par_iter().zip(&tessellation.quad_of_vertex).enumerate();
     vertices
@@ -101,7 +101,7 @@ pub(super) fn bake(
         .collect()
 }
 
-/// Linear light → sRGB (by the plain power of 2.2).
+/// Converts linear light to sRGB (by the plain power of 2.2).
 pub(super) fn encode(linear: Vec3) -> [u8; 3] {
     linear.to_array().map(|c| (c.clamp(0.0, 1.0).powf(1.0 / 2.2) * 255.0).round() as u8)
 }

@@ -1,20 +1,20 @@
-//! Where people walk: from a door through waypoints to a door, around furniture and around each other.
+//! People's paths: from a door through waypoints to a door, around furniture and around each other.
 //!
 //! People are planned one after the other by A* in space and time, so that each finds a way around those planned before
-//! (Silver 2005); lattice corners are then smoothed away.
+//! (D. Silver, "Cooperative pathfinding", AIIDE 2005); lattice corners are then smoothed away.
 
 use glam::Vec2;
 use nalgebra::{Point2, Vector2};
 use pathfinding::directed::astar::astar;
 
-use super::floor::{CELL_M, Cell, Floor};
-use super::gait::Way;
+use super::floor::{CELL_M, FloorCell, FreeFloor};
+use super::gait::WalkedLine;
 
 /// Time of a planning step.
 pub(super) const PLAN_STEP_S: f64 = 0.25;
-/// People's middles stay this far apart in the plan.
+/// Distance between people's middles in the plan.
 const APART_M: f64 = 0.8;
-/// Within this cost of the goal, one step, somebody is there.
+/// Cost of one step, within which a person has reached the goal.
 const ARRIVED: u32 = 250;
 /// Longest way from stop to stop, in planning steps.
 const LONGEST_STEPS: usize = 320;
@@ -23,37 +23,37 @@ const SAMPLE_S: f64 = 0.025;
 /// Standard deviation in time of the filter that rounds corners.
 const SMOOTHING_S: f64 = 0.3;
 
-/// Where somebody is at each moment.
+/// Place of a person over time.
 #[derive(Debug, Clone)]
 pub(super) struct Trajectory {
     start_s: f64,
-    /// Every `SAMPLE_S` seconds.
+    /// Place every `SAMPLE_S` seconds.
     places: Vec<Point2<f64>>,
-    /// Metres walked until each sample.
+    /// Distance walked until each sample, metres.
     way_m: Vec<f64>,
 }
 
-/// A stop on somebody's way.
+/// A stop on a person's way.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Stop {
     pub place: Point2<f64>,
-    /// How long they stay.
+    /// Duration of the stay.
     pub stay_s: f64,
 }
 
-/// Others' planned places: for each person the time they appear and their place at each planning step.
-pub(super) type Plan = (usize, Vec<Point2<f64>>);
+/// A person's planned path: the step at which they appear and their place at each planning step.
+pub(super) type PlannedPath = (usize, Vec<Point2<f64>>);
 
-/// Plans somebody's places from a number of steps on; `None` if there is no way that keeps off everybody else.
+/// Plans a person's places from a step on; `None` if there is no way that keeps off everybody else.
 pub(super) fn plan(
-    floor: &Floor,
-    others: &[Plan],
+    floor: &FreeFloor,
+    others: &[PlannedPath],
     first_step: usize,
     stops: &[Stop],
     speed_m_s: f64,
-) -> Option<Plan> {
+) -> Option<PlannedPath> {
     let moves = moves(speed_m_s);
-    let is_apart = |cell: Cell, step: usize| {
+    let is_apart = |cell: FloorCell, step: usize| {
         let p = floor.center(cell);
         others.iter().all(|(start, places)| {
             let there = step.checked_sub(*start).and_then(|i| places.get(i));
@@ -61,7 +61,7 @@ pub(super) fn plan(
         })
     };
     let mut cells = vec![floor.cell(&stops.first()?.place)];
-    // Where no way leads even through an empty room, a search in time would go on for long.
+    // Without any way through the empty room, the search in time would take long.
     let reachable = floor.reachable(&stops.first()?.place);
     for stop in stops.iter().skip(1) {
         let goal = floor.cell(&stop.place);
@@ -70,7 +70,7 @@ pub(super) fn plan(
         }
         let from = (*cells.last()?, first_step + cells.len() - 1);
         let latest = from.1 + LONGEST_STEPS;
-        let successors = |&(cell, step): &(Cell, usize)| {
+        let successors = |&(cell, step): &(FloorCell, usize)| {
             let allowed = step < latest;
             let next = moves
                 .iter()
@@ -83,8 +83,8 @@ pub(super) fn plan(
             });
             fitting.map(|(to, step, cost)| ((to, step), cost)).collect::<Vec<_>>()
         };
-        let left = |&(cell, _): &(Cell, usize)| distance(cell, goal).saturating_sub(ARRIVED);
-        let arrived = |&(cell, _): &(Cell, usize)| distance(cell, goal) <= ARRIVED;
+        let left = |&(cell, _): &(FloorCell, usize)| distance(cell, goal).saturating_sub(ARRIVED);
+        let arrived = |&(cell, _): &(FloorCell, usize)| distance(cell, goal) <= ARRIVED;
         let (found, _) = astar(&from, successors, left, arrived)?;
         cells.extend(found.into_iter().skip(1).map(|(cell, _)| cell));
         let here = *cells.last()?;
@@ -101,11 +101,11 @@ pub(super) fn plan(
 }
 
 /// Cost of the straight way between two cells: a hundred a cell, rounded down, so that it never overestimates.
-fn distance(a: Cell, b: Cell) -> u32 {
+fn distance(a: FloorCell, b: FloorCell) -> u32 {
     (100.0 * f64::from(a.0 - b.0).hypot(f64::from(a.1 - b.1))) as u32
 }
 
-/// What can be done in a planning step: going about as far as the speed allows, going slowly, waiting.
+/// Moves of one planning step: going about as far as the speed allows, going slowly, waiting.
 fn moves(speed_m_s: f64) -> Vec<(i16, i16, u32)> {
     let reach = speed_m_s * PLAN_STEP_S / CELL_M;
     let limit = reach.ceil() as i16 + 1;
@@ -121,8 +121,8 @@ fn moves(speed_m_s: f64) -> Vec<(i16, i16, u32)> {
 }
 
 impl Trajectory {
-    /// Rounds off a plan.
-    pub(super) fn new((first_step, places): &Plan) -> Self {
+    /// Smooths a plan.
+    pub(super) fn new((first_step, places): &PlannedPath) -> Self {
         let duration_s = (places.len().saturating_sub(1)) as f64 * PLAN_STEP_S;
         let count = (duration_s / SAMPLE_S).round() as usize + 1;
         let linear = |time_s: f64| {
@@ -131,7 +131,7 @@ impl Trajectory {
             let next = places[(i + 1).min(places.len() - 1)];
             places[i] + (next - places[i]) * (at - i as f64)
         };
-        // Beyond the ends the line goes on as its mirror image, so that the ends stay where they are.
+        // Beyond the ends the line continues as its mirror image, so that the ends stay in place.
         let reach = (3.0 * SMOOTHING_S / SAMPLE_S) as i64;
         let mirrored = |time_s: f64| match time_s {
             t if t < 0.0 => places[0] + (places[0] - linear(-t)),
@@ -160,7 +160,7 @@ impl Trajectory {
         Self { start_s: *first_step as f64 * PLAN_STEP_S, places: smooth, way_m }
     }
 
-    /// From the first to the last moment, seconds.
+    /// First and last moment, seconds.
     pub(super) fn span_s(&self) -> (f64, f64) {
         (self.start_s, self.start_s + (self.places.len() - 1) as f64 * SAMPLE_S)
     }
@@ -179,7 +179,7 @@ impl Trajectory {
         Some((place, way, (self.way_m[j] - self.way_m[i]) / SAMPLE_S))
     }
 
-    /// The place after a way, straight on beyond the ends.
+    /// Place after a distance, straight on beyond the ends.
     fn at_way(&self, way_m: f64) -> Point2<f64> {
         let last = self.places.len() - 1;
         let total = self.way_m[last];
@@ -199,9 +199,9 @@ impl Trajectory {
     }
 }
 
-impl Way for Trajectory {
+impl WalkedLine for Trajectory {
     fn at(&self, way_m: f32) -> (Vec2, Vec2) {
-        /// The direction is that of a chord of this length: nobody turns on the spot in an instant.
+        /// Length of the chord whose direction is taken: people do not turn on the spot in an instant.
         const CHORD_M: f64 = 0.36;
         let way_m = f64::from(way_m);
         let single = |p: Point2<f64>| Vec2::new(p.x as f32, p.y as f32);
@@ -216,8 +216,8 @@ mod tests {
     use super::*;
     use glam::Vec3;
 
-    fn hall() -> Floor {
-        Floor::new(Vec3::new(8.0, 5.0, 3.0), &[], &[], 0.3)
+    fn hall() -> FreeFloor {
+        FreeFloor::new(Vec3::new(8.0, 5.0, 3.0), &[], &[], 0.3)
     }
 
     fn stop(x: f64, y: f64) -> Stop {
@@ -239,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn who_meets_head_on_walks_around_the_other() {
+    fn people_who_meet_head_on_walk_around_each_other() {
         let floor = hall();
         let first = plan(&floor, &[], 0, &[stop(0.6, 2.5), stop(7.3, 2.5)], 1.2).unwrap();
         let second =

@@ -1,18 +1,18 @@
 //! A person's body: a head, a torso, arms and legs of ellipsoids and tapered capsules, in textured clothes.
 //!
-//! Deliberately nothing like the single upright ellipsoid that trackers think people are.
+//! Deliberately unlike the single upright ellipsoid by which trackers model people.
 
 use glam::{Quat, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 use super::furniture::colourful;
-use super::gait::Pose;
+use super::gait::BodyPose;
 use super::proportions::{HIP, SOLE};
 use super::shape::Shape;
 use super::texture::{Material, Pattern};
 
-/// What a person looks like.
+/// Appearance of a person.
 #[derive(Debug, Clone)]
 pub struct Body {
     /// Standing height.
@@ -29,7 +29,7 @@ pub struct Body {
 
 /// A part of a body.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Part {
+pub(super) struct BodyPart {
     pub shape: Shape,
     pub material: Material,
 }
@@ -57,14 +57,14 @@ impl Body {
         }
     }
 
-    /// The middle of the head in a pose: half-way between chin and crown, skin and hair together.
-    pub(super) fn head(&self, pose: &Pose) -> Vec3 {
+    /// Middle of the head in a pose: half-way between chin and crown, skin and hair together.
+    pub(super) fn head(&self, pose: &BodyPose) -> Vec3 {
         self.frame(pose)(0.003, 0.0, 0.932)
     }
 
-    /// From the body's own frame, in shares of the height (x forwards, y to its left, z up, the floor below the pelvis at the
-    /// origin), to the room.
-    fn frame(&self, pose: &Pose) -> impl Fn(f32, f32, f32) -> Vec3 {
+    /// Map to the room from the body's own frame, in shares of the height (x forwards, y to its left, z up, the floor
+    /// below the pelvis at the origin).
+    fn frame(&self, pose: &BodyPose) -> impl Fn(f32, f32, f32) -> Vec3 {
         let h = self.height_m as f32;
         let turn = Quat::from_rotation_z(pose.heading_rad);
         let lean = Quat::from_rotation_y(pose.lean_rad);
@@ -73,7 +73,7 @@ impl Body {
     }
 
     /// The parts of the body in a pose.
-    pub(super) fn parts(&self, pose: &Pose) -> Vec<Part> {
+    pub(super) fn parts(&self, pose: &BodyPose) -> Vec<BodyPart> {
         let h = self.height_m as f32;
         let g = h * self.girth;
         let turn = Quat::from_rotation_z(pose.heading_rad);
@@ -81,7 +81,7 @@ impl Body {
         let at = self.frame(pose);
         let mut parts = Vec::with_capacity(20);
         let mut ellipsoid = |center: Vec3, axes: Vec3, material: Material| {
-            parts.push(Part { shape: Shape::Ellipsoid { center, axes, turn: turn * lean }, material });
+            parts.push(BodyPart { shape: Shape::Ellipsoid { center, axes, turn: turn * lean }, material });
         };
         ellipsoid(at(0.0, 0.0, 0.525), Vec3::new(0.07, 0.098, 0.075) * g, self.trousers);
         ellipsoid(at(0.003, 0.0, 0.615), Vec3::new(0.066, 0.09, 0.095) * g, self.shirt);
@@ -89,7 +89,7 @@ impl Body {
         ellipsoid(at(0.012, 0.0, 0.93), Vec3::new(0.056, 0.046, 0.066) * h, self.skin);
         ellipsoid(at(-0.006, 0.0, 0.942), Vec3::new(0.056, 0.05, 0.058) * h, self.hair);
         let mut capsule = |a: Vec3, b: Vec3, radius_a: f32, radius_b: f32, material: Material| {
-            parts.push(Part { shape: Shape::Capsule { a, b, radius_a, radius_b }, material });
+            parts.push(BodyPart { shape: Shape::Capsule { a, b, radius_a, radius_b }, material });
         };
         capsule(at(0.0, 0.0, 0.79), at(0.006, 0.0, 0.89), 0.034 * g, 0.028 * h, self.skin);
         capsule(at(0.0, 0.09, 0.795), at(0.0, -0.09, 0.795), 0.042 * g, 0.042 * g, self.shirt);
@@ -124,7 +124,7 @@ mod tests {
     fn a_standing_body_is_as_tall_as_it_says_and_stands_on_the_floor() {
         for seed in 0..20 {
             let body = Body::random(&mut Pcg64Mcg::seed_from_u64(seed));
-            let pose = Pose::standing(Vec2::new(1.0, 2.0), 0.7, body.height_m as f32);
+            let pose = BodyPose::standing(Vec2::new(1.0, 2.0), 0.7, body.height_m as f32);
             let (mut top, mut bottom) = (f32::MIN, f32::MAX);
             for part in body.parts(&pose) {
                 match part.shape {

@@ -9,7 +9,7 @@ pub(super) const THIGH: f32 = 0.245;
 pub(super) const SHANK: f32 = 0.246;
 /// Height of the ankle.
 pub(super) const ANKLE: f32 = 0.039;
-/// From the middle to each hip joint.
+/// Distance from the middle to each hip joint.
 pub(super) const HIP_HALF_WIDTH: f32 = 0.052;
 /// Radius of the foot's capsule.
 pub(super) const SOLE: f32 = 0.02;

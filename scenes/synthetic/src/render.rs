@@ -8,21 +8,21 @@ use nalgebra::Point2;
 use rayon::prelude::*;
 
 use super::light::Lamps;
-use super::person::Part;
+use super::person::BodyPart;
 use super::room::SyntheticRoom;
 use super::shape::Met;
 use super::texture::unit;
 use scenes::depth::DepthMap;
 use scenes::geometry::point_from_vec3;
 
-/// How pictures are made.
+/// Options of rendered pictures.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RenderOptions {
     /// Rays along each side of a pixel.
     pub samples: u32,
     /// Standard deviation of the sensor's noise, of 255.
     pub noise: f32,
-    /// Share by which the brightness swings from frame to frame.
+    /// Share by which the brightness varies from frame to frame.
     pub flicker: f32,
     /// Soft shadows on the floor under people; they are not part of any mask.
     pub shadows: bool,
@@ -35,46 +35,46 @@ impl Default for RenderOptions {
 }
 
 impl RenderOptions {
-    /// One ray a pixel, no noise, no flicker, no shadows: pictures that differ exactly where somebody is seen.
+    /// One ray a pixel, no noise, no flicker, no shadows: pictures that differ exactly where a person is visible.
     pub fn exact() -> Self {
         Self { samples: 1, noise: 0.0, flicker: 0.0, shadows: false }
     }
 }
 
-/// What a camera sees of the empty room.
+/// A camera's view of the empty room.
 #[derive(Debug, Clone)]
-pub(super) struct Still {
+pub(super) struct StaticView {
     camera: Camera,
     samples: u32,
     eye: Vec3,
-    /// One unit vector a sample, row by row of the finer grid; zero where the lens shows nothing.
+    /// One unit vector a sample, row by row of the finer grid; zero where the lens has no image.
     directions: Vec<Vec3>,
-    /// Along the ray; infinite where there is nothing.
+    /// Distance along the ray; infinite where nothing is hit.
     distances: Vec<f32>,
-    /// Linear light.
+    /// Colours in linear light.
     colors: Vec<Vec3>,
 }
 
-/// Somebody as seen by one camera: parts with the columns and rows (of the finer grid) that each can touch.
-pub(super) struct Figure {
-    parts: Vec<(Part, [usize; 4])>,
+/// A person as seen by one camera: parts with the columns and rows (of the finer grid) that each can touch.
+pub(super) struct BodyView {
+    parts: Vec<(BodyPart, [usize; 4])>,
     bounds: [usize; 4],
-    /// Where the shadow lies.
+    /// Positions of the feet, for the shadow.
     feet: [Vec3; 2],
     shadow_bounds: [usize; 4],
 }
 
-/// Who is seen where, at the centre of each pixel.
-pub(super) struct Labels {
-    /// 0 for nobody, else one more than the index of the figure.
+/// Visible person at the centre of each pixel.
+pub(super) struct PersonLabels {
+    /// 0 for nobody, else one more than the index of the person.
     pub owners: Vec<u16>,
-    /// Along the ray, people included.
+    /// Distance along the ray, people included.
     pub distances: Vec<f32>,
-    /// For each figure: pixels that would show it if it were alone in an empty world, and those that do.
+    /// For each person: pixels that would show them if they were alone in an empty world, and those that do.
     pub counts: Vec<(usize, usize)>,
 }
 
-impl Still {
+impl StaticView {
     pub(super) fn new(room: &SyntheticRoom, camera: &Camera, samples: u32) -> Self {
         let samples = samples.max(1);
         let center = camera.center();
@@ -106,7 +106,7 @@ impl Still {
         }
     }
 
-    /// The empty room in linear light.
+    /// Colours of the empty room in linear light.
     pub(super) fn colors(&self) -> Vec<Vec3> {
         self.colors.clone()
     }
@@ -119,9 +119,9 @@ impl Still {
         (self.camera.intrinsics.height * self.samples) as usize
     }
 
-    /// Somebody's parts with what they can touch of this picture.
-    pub(super) fn figure(&self, parts: Vec<Part>) -> Figure {
-        let parts: Vec<(Part, [usize; 4])> = parts
+    /// A person's parts with the pixels of this picture that they can touch.
+    pub(super) fn figure(&self, parts: Vec<BodyPart>) -> BodyView {
+        let parts: Vec<(BodyPart, [usize; 4])> = parts
             .into_iter()
             .map(|part| {
                 let (center, radius) = part.shape.around();
@@ -141,12 +141,12 @@ impl Still {
         };
         let feet = [low(0), low(1)];
         let middle = 0.5 * (feet[0] + feet[1]);
-        Figure { parts, bounds, feet, shadow_bounds: self.bounds(middle, 1.0) }
+        BodyView { parts, bounds, feet, shadow_bounds: self.bounds(middle, 1.0) }
     }
 
-    /// Left, top, right, bottom (exclusive) of what a sphere can touch.
+    /// Left, top, right, bottom (exclusive) of the pixels that a sphere can touch.
     fn bounds(&self, center: Vec3, radius: f32) -> [usize; 4] {
-        /// For what the lens's distortion stretches.
+        /// Factor for the stretching by the lens's distortion.
         const SLACK: f64 = 1.3;
         let world = point_from_vec3(center);
         let in_camera = self.camera.camera_from_world * world;
@@ -173,8 +173,8 @@ impl Still {
         ]
     }
 
-    /// The room with people in it, in linear light.
-    pub(super) fn with_people(&self, lamps: &Lamps, figures: &[Figure], shadows: bool) -> Vec<Vec3> {
+    /// Colours of the room with people in it, in linear light.
+    pub(super) fn with_people(&self, lamps: &Lamps, figures: &[BodyView], shadows: bool) -> Vec<Vec3> {
         let width = self.width();
         let mut colors = self.colors.clone();
         colors.par_chunks_exact_mut(width).enumerate().for_each(|(row, line)| {
@@ -205,10 +205,10 @@ impl Still {
         colors
     }
 
-    /// Who is seen at each pixel; for one ray a pixel.
-    pub(super) fn labels(&self, figures: &[Figure]) -> Labels {
+    /// Visible person at each pixel; for views of one ray a pixel.
+    pub(super) fn labels(&self, figures: &[BodyView]) -> PersonLabels {
         let width = self.width();
-        let rows: Vec<Labels> = (0..self.height())
+        let rows: Vec<PersonLabels> = (0..self.height())
             .into_par_iter()
             .map(|row| {
                 let start = row * width;
@@ -230,10 +230,10 @@ impl Still {
                         counts[usize::from(owners[column]) - 1].1 += 1;
                     }
                 }
-                Labels { owners, distances, counts }
+                PersonLabels { owners, distances, counts }
             })
             .collect();
-        let mut labels = Labels {
+        let mut labels = PersonLabels {
             owners: Vec::with_capacity(self.distances.len()),
             distances: Vec::with_capacity(self.distances.len()),
             counts: vec![(0, 0); figures.len()],
@@ -248,7 +248,7 @@ impl Still {
         labels
     }
 
-    /// Distances along rays → depth along the camera's z.
+    /// Converts distances along rays to depth along the camera's z.
     pub(super) fn depth(&self, distances: &[f32]) -> DepthMap {
         let forward = self.camera.camera_from_world.rotation.inverse() * nalgebra::Vector3::z();
         let forward = Vec3::new(forward.x as f32, forward.y as f32, forward.z as f32);
@@ -262,8 +262,8 @@ impl Still {
         }
     }
 
-    /// The pixels that one of the figures is seen at.
-    pub(super) fn mask(&self, labels: &Labels) -> GrayImage {
+    /// Mask of the pixels that show a person.
+    pub(super) fn mask(&self, labels: &PersonLabels) -> GrayImage {
         let width = self.width();
         GrayImage::from_fn(self.width() as u32, self.height() as u32, |x, y| {
             Luma([if labels.owners[y as usize * width + x as usize] > 0 { 255 } else { 0 }])
@@ -275,9 +275,9 @@ fn within(bounds: [usize; 4], column: usize, row: usize) -> bool {
     (bounds[0]..bounds[2]).contains(&column) && (bounds[1]..bounds[3]).contains(&row)
 }
 
-impl Figure {
-    /// The part that a ray meets first.
-    fn meet(&self, eye: Vec3, direction: Vec3, column: usize, row: usize) -> Option<(Met, &Part)> {
+impl BodyView {
+    /// Part that a ray hits first.
+    fn meet(&self, eye: Vec3, direction: Vec3, column: usize, row: usize) -> Option<(Met, &BodyPart)> {
         if !within(self.bounds, column, row) {
             return None;
         }
@@ -287,9 +287,9 @@ impl Figure {
             .reduce(|nearer, other| if other.0.distance < nearer.0.distance { other } else { nearer })
     }
 
-    /// What is left of the light at a point near the figure's feet.
+    /// Share of the light that is left at a point near the person's feet.
     fn shadow(&self, point: Vec3) -> f32 {
-        /// Higher than this there is no shadow.
+        /// Height above which there is no shadow.
         const LOW_M: f32 = 0.05;
         if point.z > LOW_M {
             return 1.0;
@@ -304,7 +304,7 @@ impl Figure {
 }
 
 impl SyntheticRoom {
-    /// The light that a triangle sends to the eye from a point of it: its surface's colour there, lit.
+    /// Light that a triangle sends to the eye from a point of it: its surface's colour there, lit.
     fn radiance(&self, triangle: u32, point: Vec3) -> Vec3 {
         let t = &self.tessellation;
         let quad = &self.surfaces.quads[t.quad_of_triangle[triangle as usize] as usize];
@@ -320,10 +320,10 @@ impl SyntheticRoom {
     }
 }
 
-/// Linear light at the samples → a picture as a sensor gives it.
+/// Converts linear light at the samples to a picture as a sensor gives it.
 pub(super) fn finish(
     colors: &[Vec3],
-    still: &Still,
+    still: &StaticView,
     seed: u64,
     frame: u64,
     options: &RenderOptions,

@@ -19,18 +19,18 @@ use scenes::raycast::RayScene;
 use scenes::room::{Room, RoomCamera, Zone, ZoneKind};
 use scenes::view::look_at;
 
-/// What room to build.
+/// Options of a room.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RoomOptions {
-    /// Decides everything that is not fixed below.
+    /// Seed of everything that is not fixed below.
     pub seed: u64,
     /// Office or hall.
     pub kind: RoomKind,
-    /// Pieces of furniture that are tried; those that would block the ways are left out.
+    /// Number of pieces of furniture that are tried; those that would block the ways are left out.
     pub furniture: usize,
-    /// Doors, one to four.
+    /// Number of doors, one to four.
     pub doors: usize,
-    /// Cameras, in the corners first, then in the middle of the walls, then between; sixteen at most.
+    /// Number of cameras, in the corners first, then in the middle of the walls, then between; sixteen at most.
     pub cameras: usize,
     /// Width, depth and height; `None` for a size of the room's kind.
     pub size_m: Option<[f64; 3]>,
@@ -64,13 +64,13 @@ impl Default for RoomOptions {
 /// Edge of the triangles that light and vertex colours are kept on.
 const CELL_M: f32 = 0.2;
 
-/// A room of which everything is known.
+/// A synthetic room with its ground truth.
 pub struct SyntheticRoom {
     /// Cameras, zones and geometry, as [`Room::write`] writes them.
     pub room: Room,
     /// Width (x), depth (y) and height; one corner of the floor is the origin.
     pub size_m: [f64; 3],
-    /// What stands in it.
+    /// Furniture in the room.
     pub furniture: Vec<Furniture>,
     /// The doorways, one for each zone.
     pub(super) doors: Vec<Door>,
@@ -134,7 +134,7 @@ impl RoomOptions {
     }
 
     fn place_cameras(&self, size: Vec3, rng: &mut Pcg64Mcg) -> Vec<RoomCamera> {
-        /// Off the walls.
+        /// Distance of the cameras from the walls.
         const INSET: f32 = 0.28;
         let intrinsics = Intrinsics {
             distortion: self.distortion,
@@ -173,14 +173,14 @@ impl RoomOptions {
 }
 
 impl SyntheticRoom {
-    /// Whether a point of the floor is in the room and outside all furniture.
+    /// Tells whether a point of the floor is in the room and outside all furniture.
     pub fn is_free(&self, p: &Point2<f64>) -> bool {
         (0.0..=self.size_m[0]).contains(&p.x)
             && (0.0..=self.size_m[1]).contains(&p.y)
             && !self.furniture.iter().any(|piece| piece.footprint.contains(p))
     }
 
-    /// Whether a point of the floor is in the room, not in a corridor behind a door.
+    /// Tells whether a point of the floor is in the room, not in a corridor behind a door.
     pub fn is_inside(&self, p: &Point2<f64>) -> bool {
         (0.0..=self.size_m[0]).contains(&p.x) && (0.0..=self.size_m[1]).contains(&p.y)
     }
@@ -263,7 +263,7 @@ fn lamps(size: Vec3) -> Lamps {
     Lamps { places, strength: 0.55 * size.z * size.z * 0.6 }
 }
 
-/// What a vertex looks like in the finished room: its surface's colours around it, lit.
+/// Colour of each vertex in the finished room: its surface's colours around it, lit.
 fn vertex_colors(surfaces: &Surfaces, tessellation: &Tessellation, light: &[f32]) -> Vec<[u8; 3]> {
     let vertices = tessellation.mesh.vertices.iter().zip(&tessellation.quad_of_vertex).zip(light);
     vertices

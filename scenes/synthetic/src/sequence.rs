@@ -1,25 +1,25 @@
-//! Frames of a room with people in it, made one at a time as they are asked for, each with the truth about it.
+//! Frames of a room with people in it, rendered one at a time on request, each with its ground truth.
 
 use std::fmt::Write as _;
 
 use image::{GrayImage, RgbImage};
 use nalgebra::{Point2, Point3};
 
-use super::render::{RenderOptions, Still, finish};
+use super::render::{RenderOptions, StaticView, finish};
 use super::room::SyntheticRoom;
 use super::walkers::Walker;
 use scenes::depth::DepthMap;
 
-/// How a sequence is made.
+/// Options of a sequence.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SequenceOptions {
-    /// Decides noise and flicker.
+    /// Seed of noise and flicker.
     pub seed: u64,
-    /// Frames a second.
+    /// Frames per second.
     pub rate_hz: f64,
-    /// How many frames there are.
+    /// Number of frames.
     pub frames: u32,
-    /// Whether pictures are rendered, or masks and truth alone.
+    /// Whether pictures are rendered, or only masks and truth.
     pub images: bool,
     /// Rendering and noise.
     pub render: RenderOptions,
@@ -36,61 +36,61 @@ pub struct Sequence<'a> {
     room: &'a SyntheticRoom,
     walkers: Vec<Walker>,
     options: SequenceOptions,
-    /// For the pictures; empty without them.
-    pictures: Vec<Still>,
-    /// One ray through each pixel's centre, for what is exact.
-    exact: Vec<Still>,
+    /// Views for the pictures; empty without them.
+    pictures: Vec<StaticView>,
+    /// Views of one ray through each pixel's centre, for the exact truth.
+    exact: Vec<StaticView>,
 }
 
-/// One moment, with everything there is to know about it.
+/// One moment with its ground truth.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
-    /// Counted from 1.
+    /// Number of the frame, counted from 1.
     pub frame: u32,
-    /// Since the first frame.
+    /// Time since the first frame.
     pub time_s: f64,
-    /// What each camera of the room sees.
+    /// View of each camera of the room.
     pub cameras: Vec<CameraFrame>,
-    /// Who is there, by id; corridors behind the doors included.
+    /// People present, by id; corridors behind the doors included.
     pub people: Vec<PersonTruth>,
 }
 
-/// What one camera sees, in its own (distorted) pixels.
+/// View of one camera, in its own (distorted) pixels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CameraFrame {
     /// The picture, if asked for.
     pub image: Option<RgbImage>,
-    /// 255 where somebody is seen at the pixel's centre, else 0.
+    /// 255 where a person is visible at the pixel's centre, else 0.
     pub mask: GrayImage,
-    /// For each pixel the id of whoever is seen there, 0 for nobody; row by row.
+    /// Id of the person visible at each pixel, 0 for nobody; row by row.
     pub ids: Vec<u32>,
     /// Depth along the camera's z, people included.
     pub depth: DepthMap,
 }
 
-/// The truth about a person at a moment.
+/// Ground truth about a person at a moment.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PersonTruth {
-    /// Counted from 1.
+    /// Id, counted from 1.
     pub id: u32,
-    /// The middle of the pelvis, projected to the floor.
+    /// Middle of the pelvis, projected to the floor.
     pub place: Point2<f64>,
-    /// The middle of the head, half-way between chin and crown.
+    /// Middle of the head, half-way between chin and crown.
     pub head: Point3<f64>,
     /// Standing height.
     pub height_m: f64,
-    /// In the room, not in a corridor behind a door.
+    /// Whether the person is in the room, not in a corridor behind a door.
     pub inside: bool,
     /// For each camera: the share of the person's pixels within the image that neither the room nor others hide; 0 for
-    /// somebody outside the image.
+    /// a person outside the image.
     pub visible: Vec<f64>,
 }
 
 impl SyntheticRoom {
     /// A recording of these people by all cameras of the room.
     pub fn sequence(&self, walkers: Vec<Walker>, options: SequenceOptions) -> Sequence<'_> {
-        let still = |samples: u32| -> Vec<Still> {
-            self.room.cameras.iter().map(|c| Still::new(self, &c.camera, samples)).collect()
+        let still = |samples: u32| -> Vec<StaticView> {
+            self.room.cameras.iter().map(|c| StaticView::new(self, &c.camera, samples)).collect()
         };
         let exact = still(1);
         let pictures = match options.images {
@@ -103,24 +103,24 @@ impl SyntheticRoom {
 }
 
 impl Sequence<'_> {
-    /// The people, whether there at the moment or not.
+    /// All people of the sequence, present or not.
     pub fn walkers(&self) -> &[Walker] {
         &self.walkers
     }
 
-    /// All frames in order, each made when it is asked for.
+    /// All frames in order, each rendered on request.
     pub fn frames(&self) -> impl Iterator<Item = Frame> + '_ {
         (1..=self.options.frames).map(|frame| self.frame(frame))
     }
 
-    /// The frame of that number (from 1); also beyond the last.
+    /// Frame of that number (from 1); also beyond the last.
     pub fn frame(&self, frame: u32) -> Frame {
         let time_s = self.time_s(frame);
         let present: Vec<&Walker> = self.walkers.iter().filter(|w| w.place(time_s).is_some()).collect();
         let mut people: Vec<PersonTruth> = present.iter().filter_map(|w| self.truth(w, time_s)).collect();
         let mut cameras = Vec::with_capacity(self.exact.len());
         for (c, exact) in self.exact.iter().enumerate() {
-            let figures = |still: &Still| -> Vec<_> {
+            let figures = |still: &StaticView| -> Vec<_> {
                 present.iter().filter_map(|w| w.parts(time_s)).map(|parts| still.figure(parts)).collect()
             };
             let labels = exact.labels(&figures(exact));
@@ -143,7 +143,7 @@ impl Sequence<'_> {
         Frame { frame, time_s, cameras, people }
     }
 
-    /// The true tracks of the people in the room as `MOTChallenge` 3-D rows, as in `tracks.txt`.
+    /// True tracks of the people in the room as `MOTChallenge` 3-D rows, as in `tracks.txt`.
     pub fn truth_rows(&self) -> String {
         let mut rows = String::new();
         for frame in 1..=self.options.frames {
@@ -165,7 +165,7 @@ impl Sequence<'_> {
         f64::from(frame.saturating_sub(1)) / self.options.rate_hz
     }
 
-    /// Without the visible shares.
+    /// Truth about a person without the visible shares.
     fn truth(&self, walker: &Walker, time_s: f64) -> Option<PersonTruth> {
         let place = walker.place(time_s)?;
         Some(PersonTruth {

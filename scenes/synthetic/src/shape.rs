@@ -1,8 +1,8 @@
-//! The shapes that bodies are made of, and rays against them in closed form.
+//! Shapes that bodies are made of, and their intersections with rays in closed form.
 
 use glam::{Quat, Vec2, Vec3};
 
-/// A shape that a ray can meet.
+/// A shape that a ray can hit.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Shape {
     /// A sphere swept from `a` to `b` while its radius changes.
@@ -11,7 +11,7 @@ pub(super) enum Shape {
     Ellipsoid { center: Vec3, axes: Vec3, turn: Quat },
 }
 
-/// Where a ray meets a shape: the distance and the outward normal.
+/// Intersection of a ray with a shape: the distance and the outward normal.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Met {
     pub distance: f32,
@@ -29,7 +29,7 @@ impl Shape {
         }
     }
 
-    /// The first point of a ray (unit direction, eye outside) on the shape.
+    /// First point of a ray (unit direction, eye outside) on the shape.
     pub(super) fn intersect(&self, eye: Vec3, direction: Vec3) -> Option<Met> {
         match *self {
             Self::Capsule { a, b, radius_a, radius_b } => capsule(eye, direction, a, b, radius_a, radius_b),
@@ -48,7 +48,7 @@ impl Shape {
         }
     }
 
-    /// Where a point lies on the shape's surface, metres: around it, and along it.
+    /// Coordinates of a point on the shape's surface, metres: around it, and along it.
     pub(super) fn place(&self, point: Vec3) -> Vec2 {
         match *self {
             Self::Capsule { a, b, radius_a, .. } => {
@@ -77,12 +77,13 @@ fn sphere(eye: Vec3, direction: Vec3, center: Vec3, radius: f32) -> Option<Met> 
     (distance > 0.0).then(|| Met { distance, normal: (o + direction * distance) / radius })
 }
 
-/// The cone that touches both end spheres, between the circles of contact; else the nearer sphere.
+/// Intersection with the cone that touches both end spheres, between the circles of contact; else with the nearer
+/// sphere.
 ///
 /// With the axis m from a to b and the radii's difference ρ, a point a + q of the cone satisfies
 /// (|m|² − ρ²) |q|² − (q·m)² + 2 rₐ ρ q·m − rₐ² |m|² = 0, a quadratic along the ray (after Quilez).
 fn capsule(eye: Vec3, direction: Vec3, a: Vec3, b: Vec3, radius_a: f32, radius_b: f32) -> Option<Met> {
-    // Ends, when one sphere holds the other.
+    // Ends only, when one sphere contains the other.
     let ends = [sphere(eye, direction, a, radius_a), sphere(eye, direction, b, radius_b)];
     let nearer_end = ends
         .into_iter()
@@ -162,7 +163,7 @@ mod tests {
                 let p = eye + direction * m.distance;
                 assert!(depth_in(&shape, p).abs() < 3e-3, "{shape:?}: {}", depth_in(&shape, p));
                 assert!((m.normal.length() - 1.0).abs() < 1e-3 && m.normal.dot(direction) < 1e-3);
-                // Nothing earlier, and the normal points out.
+                // There is no earlier hit, and the normal points out.
                 assert!((0..100).all(|k| {
                     depth_in(&shape, eye + direction * (m.distance - 0.01 - 0.03 * k as f32)) < 1e-4
                 }));

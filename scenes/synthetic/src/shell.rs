@@ -13,9 +13,9 @@ use scenes::polygon::Polygon;
 pub(super) struct Door {
     /// 0: y = 0, 1: x = width, 2: y = depth, 3: x = 0.
     pub(super) wall: usize,
-    /// The middle of the doorway on the floor, on the wall's inner side.
+    /// Middle of the doorway on the floor, on the wall's inner side.
     pub(super) middle: Vec2,
-    /// Into the room.
+    /// Direction into the room.
     pub(super) inwards: Vec2,
 }
 
@@ -23,14 +23,14 @@ pub(super) struct Door {
 pub(super) const DOOR_WIDTH_M: f32 = 1.0;
 /// Height of a doorway.
 const DOOR_HEIGHT_M: f32 = 2.08;
-/// How far the corridor behind reaches.
+/// Depth of the corridor behind a doorway.
 pub(super) const CORRIDOR_M: f32 = 1.7;
-/// How much wider the corridor is than its doorway, on either side.
+/// Excess of the corridor's width over its doorway, on either side.
 const CORRIDOR_RIM_M: f32 = 0.35;
-/// How far a door's zone reaches into the room.
+/// Depth of a door's zone in the room.
 const ZONE_M: f32 = 0.8;
 
-/// What the parts of a shell are made of.
+/// Materials of the parts of a shell.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ShellMaterials {
     pub floor: Material,
@@ -64,31 +64,32 @@ impl Door {
         ])
     }
 
-    /// The floor where people appear and disappear.
+    /// Floor where people appear and disappear.
     pub(super) fn zone(&self) -> Polygon {
         self.rectangle(0.5 * DOOR_WIDTH_M, 0.0, ZONE_M)
     }
 
-    /// The floor of the doorway and the corridor behind it that a person's middle can be on, `clearance` off its walls.
+    /// Floor of the doorway and the corridor behind it that a person's middle can be on, `clearance` off its walls.
     pub(super) fn passage(&self, clearance: f32) -> Polygon {
         self.rectangle(0.5 * DOOR_WIDTH_M - clearance, CORRIDOR_M - clearance, clearance + 0.05)
     }
 
-    /// The floor that furniture must leave free.
+    /// Floor that furniture must leave free.
     pub(super) fn kept_free(&self) -> Polygon {
         self.rectangle(0.5 * DOOR_WIDTH_M + 0.15, 0.0, 1.3)
     }
 
-    /// Where people come from, out of sight or nearly so.
+    /// Place in the corridor from which people come, out of sight or nearly so.
     pub(super) fn outside(&self) -> Point2<f64> {
         let p = self.middle - self.inwards * (CORRIDOR_M - 0.5);
         Point2::new(f64::from(p.x), f64::from(p.y))
     }
 }
 
-/// Where a wall begins (as seen from the room, on its right), its edge along the floor, and the direction into the room.
+/// Beginning of a wall (as seen from the room, on its right), its edge along the floor, and the direction into the
+/// room.
 ///
-/// Going along, the room is on the left.
+/// Along the edge, the room is on the left.
 fn wall_frame(wall: usize, size: Vec3) -> (Vec2, Vec2, Vec2) {
     let (w, d) = (size.x, size.y);
     match wall % 4 {

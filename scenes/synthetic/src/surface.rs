@@ -21,7 +21,7 @@ impl Quad {
         self.u.cross(self.v).normalize_or_zero()
     }
 
-    /// Its colour at a point of it. A picture fills the rectangle, everything else has its natural size.
+    /// Colour at a point of the rectangle. A poster fills the rectangle, all other patterns have their natural size.
     pub(super) fn color(&self, point: Vec3) -> Vec3 {
         let place = self.place(point);
         match self.material.pattern {
@@ -30,7 +30,7 @@ impl Quad {
         }
     }
 
-    /// Place of a point on the rectangle, metres along its edges.
+    /// Coordinates of a point on the rectangle, metres along its edges.
     fn place(&self, point: Vec3) -> Vec2 {
         let offset = point - self.origin;
         Vec2::new(offset.dot(self.u.normalize_or_zero()), offset.dot(self.v.normalize_or_zero()))
@@ -46,11 +46,11 @@ pub(super) struct Surfaces {
 /// Surfaces cut into triangles: light and colours are kept at the vertices.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Tessellation {
-    /// Without colours at first.
+    /// The mesh, at first without colours.
     pub mesh: Mesh,
-    /// The surface that each triangle is a part of.
+    /// Surface that each triangle is a part of.
     pub quad_of_triangle: Vec<u32>,
-    /// The surface that each vertex is a part of.
+    /// Surface that each vertex is a part of.
     pub quad_of_vertex: Vec<u32>,
 }
 

@@ -1,4 +1,4 @@
-//! Whole frames against the truth they come with.
+//! Whole frames against their ground truth.
 
 use super::*;
 use calib::Distortion;
@@ -88,7 +88,7 @@ fn visible_shares_are_shares_and_one_where_nothing_hides() {
     assert!(partly > 10, "furniture hides somebody now and then");
 }
 
-/// How far somebody is from the walls of a room: near a doorway its frame hides them.
+/// Distance of a person from the walls of a room: near a doorway its frame hides them.
 fn bare_distance(room: &SyntheticRoom, person: &PersonTruth) -> f64 {
     let p = person.place;
     p.x.min(p.y).min(room.size_m[0] - p.x).min(room.size_m[1] - p.y)
@@ -117,7 +117,8 @@ fn people_are_seen_where_they_stand() {
                     continue;
                 }
                 let depth = (camera.camera_from_world * body).z;
-                // Cameras are level, so sideways is along the rows; up and down depends on how one is looked down upon.
+                // Cameras are level, so sideways is along the rows; the vertical offset depends on the camera's tilt
+                // towards the person.
                 let off = (middle - expected) / camera.intrinsics.fx * depth;
                 // Somebody cut by the image's rim is seen in part.
                 let cut = pixels.iter().any(|i| {
@@ -198,7 +199,7 @@ fn rooms_can_be_written_read_and_told_apart() {
 }
 
 #[test]
-fn what_is_walkable_agrees_with_the_derived_map() {
+fn free_floor_agrees_with_the_derived_map() {
     let room = room(6);
     let derived = scenes::walkable::WalkableMap::of_room(&room.room).unwrap();
     let mut rng = <rand_pcg::Pcg64Mcg as rand::SeedableRng>::seed_from_u64(1);

@@ -1,20 +1,20 @@
-//! Procedural surfaces: enough detail at every scale that feature tracking and stereo have something to hold on to.
+//! Procedural surfaces: enough detail at every scale for feature tracking and stereo.
 //!
 //! A [`Material`] gives the colour of each point of a surface from its place on it (metres). All randomness is a hash
 //! of lattice coordinates, so a surface looks the same from everywhere and in every run.
 
 use glam::{IVec2, Vec2, Vec3};
 
-/// What a surface looks like.
+/// Appearance of a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Material {
     /// Main colour, sRGB from 0 to 1.
     pub base: Vec3,
     /// Second colour, where the pattern has one.
     pub accent: Vec3,
-    /// The pattern.
+    /// Pattern.
     pub pattern: Pattern,
-    /// Makes two surfaces of one pattern differ.
+    /// Seed that makes two surfaces of one pattern differ.
     pub seed: u32,
 }
 
@@ -48,7 +48,7 @@ pub(super) enum Pattern {
 }
 
 impl Material {
-    /// The colour at a place of the surface (u, v in metres), sRGB from 0 to 1.
+    /// Colour at a place of the surface (u, v in metres), sRGB from 0 to 1.
     pub(super) fn color(&self, at: Vec2) -> Vec3 {
         let grain = 1.0 + 0.10 * (fbm(at * 45.0, self.seed ^ 0x51) - 0.5);
         let clouds = 1.0 + 0.22 * (fbm(at * 2.3, self.seed) - 0.5);
@@ -190,7 +190,7 @@ impl Material {
     }
 }
 
-/// A number from 0 to 1 for each lattice point and seed.
+/// Hash of a lattice point and a seed to a number from 0 to 1.
 pub(super) fn unit(cell: IVec2, seed: u32) -> f32 {
     // Multiply and shift (Wang's and Jenkins' constants): every input bit reaches every output bit.
     let mut h = seed.wrapping_mul(0x9e37_79b9) ^ (cell.x as u32).wrapping_mul(0x85eb_ca6b);
@@ -219,7 +219,7 @@ fn fbm(at: Vec2, seed: u32) -> f32 {
     (0..4).map(octave).sum::<f32>() / 0.9375
 }
 
-/// 0 below 0, 1 above 1, smooth between.
+/// Smooth step: 0 below 0, 1 above 1.
 fn smooth(t: f32) -> f32 {
     let t = t.clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)

@@ -1,4 +1,4 @@
-//! Sparse scenes: random points before moving cameras, and their tracks with noise, gaps and outliers.
+//! Sparse scenes: random points in front of moving cameras, and their tracks with noise, gaps and outliers.
 //!
 //! For the tests of solvers (factorization, resection, bundle adjustment), which need no pictures.
 
@@ -10,24 +10,24 @@ use rand_pcg::Pcg64Mcg;
 
 use scenes::view::look_at;
 
-/// A random sparse scene.
+/// Options of a random sparse scene.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrackOptions {
-    /// Decides everything.
+    /// Seed of the whole scene.
     pub seed: u64,
-    /// Cameras along an arc before the points.
+    /// Number of cameras along an arc in front of the points.
     pub cameras: usize,
-    /// Points in a box, 2 m in front of the cameras and 3 m deep.
+    /// Number of points in a box, 2 m in front of the cameras and 3 m deep.
     pub points: usize,
     /// Length of the cameras' arc, metres.
     pub baseline_m: f64,
     /// Standard deviation of the observations.
     pub noise_px: f64,
-    /// Share of the observations that are somewhere else in the image.
+    /// Share of the observations that are placed elsewhere in the image.
     pub outliers: f64,
     /// Share of the observations that are missing.
     pub gaps: f64,
-    /// The camera.
+    /// Intrinsics of the camera.
     pub intrinsics: Intrinsics,
 }
 
@@ -46,31 +46,31 @@ impl Default for TrackOptions {
     }
 }
 
-/// Cameras, points and what the cameras saw of them.
+/// Cameras, points and their observations.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Tracks {
+pub struct PointTracks {
     /// The true poses.
     pub camera_from_world: Vec<Isometry3<f64>>,
     /// The true points.
     pub points: Vec<Point3<f64>>,
-    /// For each point: the cameras that saw it, where, and whether that is an outlier.
-    pub observations: Vec<Vec<Observation>>,
+    /// Observations of each point.
+    pub observations: Vec<Vec<PointObservation>>,
 }
 
-/// A point seen by a camera.
+/// Observation of a point by a camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Observation {
+pub struct PointObservation {
     /// Index of the camera.
     pub camera: usize,
-    /// Where it was seen.
+    /// Observed pixel.
     pub pixel: Point2<f64>,
-    /// Whether it is nowhere near the truth.
+    /// Whether the pixel is an outlier, unrelated to the truth.
     pub outlier: bool,
 }
 
 impl TrackOptions {
     /// Makes the scene. Shares are clamped to 0 … 1, a noise that is no standard deviation counts as none.
-    pub fn build(&self) -> Tracks {
+    pub fn build(&self) -> PointTracks {
         let mut rng = Pcg64Mcg::seed_from_u64(self.seed);
         let camera_from_world = self.poses(&mut rng);
         let points: Vec<Point3<f64>> = (0..self.points)
@@ -91,7 +91,8 @@ impl TrackOptions {
                     let exact =
                         self.intrinsics.project(&(pose * point)).filter(|p| self.intrinsics.contains(p));
                     let Some(exact) = exact else { continue };
-                    // Always the same numbers of draws, so that options do not change each other's.
+                    // The number of draws is always the same, so that one option does not change the randomness of
+                    // another.
                     let missing = rng.random_bool(self.gaps.clamp(0.0, 1.0));
                     let outlier = rng.random_bool(self.outliers.clamp(0.0, 1.0));
                     let mut draw = || noise.map_or(0.0, |noise| noise.sample(&mut rng));
@@ -102,13 +103,13 @@ impl TrackOptions {
                     );
                     let pixel = if outlier { elsewhere } else { exact + offset };
                     if !missing {
-                        seen.push(Observation { camera, pixel, outlier });
+                        seen.push(PointObservation { camera, pixel, outlier });
                     }
                 }
                 seen
             })
             .collect();
-        Tracks { camera_from_world, points, observations }
+        PointTracks { camera_from_world, points, observations }
     }
 
     /// Cameras on an arc, up and down a little, that look at the middle of the points.
@@ -129,7 +130,7 @@ impl TrackOptions {
     }
 }
 
-impl Tracks {
+impl PointTracks {
     /// The cameras, given the intrinsics they were made with.
     pub fn cameras(&self, intrinsics: &Intrinsics) -> Vec<Camera> {
         let camera =
@@ -165,7 +166,7 @@ mod tests {
         let share = f64::from(outliers) / f64::from(outliers + inliers);
         assert!((share - 0.05).abs() < 0.025 && near * 20 < outliers + 20, "{share} {near}");
         let full = TrackOptions { gaps: 0.0, ..options.clone() }.build();
-        let count = |t: &Tracks| t.observations.iter().map(Vec::len).sum::<usize>() as f64;
+        let count = |t: &PointTracks| t.observations.iter().map(Vec::len).sum::<usize>() as f64;
         assert!((count(&tracks) / count(&full) - 0.8).abs() < 0.05);
         assert_eq!(tracks, options.build());
     }

@@ -4,25 +4,26 @@ use nalgebra::{Point2, Point3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use super::floor::{CLEARANCE_M, Floor};
-use super::gait::Pose;
-use super::path::{PLAN_STEP_S, Plan, Stop, Trajectory, plan};
-use super::person::{Body, Part};
+use super::floor::{CLEARANCE_M, FreeFloor};
+use super::gait::BodyPose;
+use super::path::{PLAN_STEP_S, PlannedPath, Stop, Trajectory, plan};
+use super::person::{Body, BodyPart};
 use super::room::SyntheticRoom;
 use scenes::geometry::point_from_vec3;
 
-/// Who walks, and when.
+/// Options of the people who walk through a room.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WalkerOptions {
-    /// Decides bodies and ways.
+    /// Seed of bodies and ways.
     pub seed: u64,
-    /// How many people.
+    /// Number of people.
     pub people: usize,
-    /// The room is empty until then.
+    /// Time until which the room is empty.
     pub first_s: f64,
-    /// Mean time between two people's entering.
+    /// Mean time between the entries of two people.
     pub interval_s: f64,
-    /// Places each one goes to between the doors; the middle one is near the middle of the room, where ways cross.
+    /// Number of stops of each person between the doors; the middle one is near the middle of the room, where ways
+    /// cross.
     pub stops: usize,
     /// Longest stay at a place.
     pub longest_stay_s: f64,
@@ -44,19 +45,19 @@ impl Default for WalkerOptions {
     }
 }
 
-/// Somebody who walks through the room.
+/// A person who walks through the room.
 #[derive(Debug, Clone)]
 pub struct Walker {
-    /// Counted from 1.
+    /// Id, counted from 1.
     pub id: u32,
-    /// What they look like.
+    /// Appearance of the person.
     pub body: Body,
     trajectory: Trajectory,
 }
 
 impl Walker {
-    /// Somebody, random but for the way: from `first_s` on (to a quarter of a second) through the corners of a way, at a
-    /// steady speed. Nobody looks where they go.
+    /// A random person on a given way: from `first_s` on (to a quarter of a second) through the corners of the way, at
+    /// a steady speed. Collisions are not avoided.
     pub fn along(id: u32, seed: u64, first_s: f64, speed_m_s: f64, way: &[Point2<f64>]) -> Self {
         let step_m = speed_m_s * PLAN_STEP_S;
         let mut places: Vec<Point2<f64>> = way.first().copied().into_iter().collect();
@@ -74,39 +75,40 @@ impl Walker {
         Self { id, body: Body::random(&mut rng), trajectory: Trajectory::new(&(first_step, places)) }
     }
 
-    /// From when to when they are there, seconds, corridors included.
+    /// First and last moment of the person's presence, seconds, corridors included.
     pub fn span_s(&self) -> (f64, f64) {
         self.trajectory.span_s()
     }
 
-    /// Where they are: the middle of the pelvis, projected to the floor; `None` before they come and after they left.
+    /// Place of the person: the middle of the pelvis, projected to the floor; `None` before they come and after they
+    /// left.
     pub fn place(&self, time_s: f64) -> Option<Point2<f64>> {
         self.trajectory.at_time(time_s).map(|(place, ..)| place)
     }
 
-    /// The middle of their head; `None` when they are not there.
+    /// Middle of the head; `None` when the person is not there.
     pub fn head(&self, time_s: f64) -> Option<Point3<f64>> {
         Some(point_from_vec3(self.body.head(&self.pose(time_s)?)))
     }
 
-    pub(super) fn pose(&self, time_s: f64) -> Option<Pose> {
+    pub(super) fn pose(&self, time_s: f64) -> Option<BodyPose> {
         let (_, way_m, speed_m_s) = self.trajectory.at_time(time_s)?;
-        Some(Pose::walking(&self.trajectory, way_m as f32, speed_m_s as f32, self.body.height_m as f32))
+        Some(BodyPose::walking(&self.trajectory, way_m as f32, speed_m_s as f32, self.body.height_m as f32))
     }
 
-    pub(super) fn parts(&self, time_s: f64) -> Option<Vec<Part>> {
+    pub(super) fn parts(&self, time_s: f64) -> Option<Vec<BodyPart>> {
         Some(self.body.parts(&self.pose(time_s)?))
     }
 }
 
 impl SyntheticRoom {
-    /// People for this room. Somebody for whom there is no way off all others for a minute is left out.
+    /// People for this room. A person without a collision-free way for a minute is left out.
     pub fn walkers(&self, options: &WalkerOptions) -> Vec<Walker> {
-        /// Entries are tried this often, each a second after the last.
+        /// Number of tries to enter, each a second after the last.
         const ATTEMPTS: usize = 60;
         let mut rng = Pcg64Mcg::seed_from_u64(options.seed);
-        let floor = Floor::new(self.size(), &self.doors, &self.furniture, CLEARANCE_M);
-        let mut plans: Vec<Plan> = Vec::new();
+        let floor = FreeFloor::new(self.size(), &self.doors, &self.furniture, CLEARANCE_M);
+        let mut plans: Vec<PlannedPath> = Vec::new();
         let mut walkers: Vec<Walker> = Vec::new();
         let mut enters_s = options.first_s;
         for person in 0..options.people {
@@ -132,7 +134,7 @@ impl SyntheticRoom {
     }
 
     /// A way through the room: a door, places, a door.
-    fn stops(&self, floor: &Floor, options: &WalkerOptions, rng: &mut Pcg64Mcg) -> Vec<Stop> {
+    fn stops(&self, floor: &FreeFloor, options: &WalkerOptions, rng: &mut Pcg64Mcg) -> Vec<Stop> {
         let first = rng.random_range(0..self.doors.len());
         let last = rng.random_range(0..self.doors.len());
         let door = |i: usize| Stop { place: self.doors[i].outside(), stay_s: 0.0 };

@@ -1,4 +1,4 @@
-//! Colours, and the palette that tells people apart.
+//! Colours, and the palette that distinguishes people.
 
 use image::Rgb;
 
@@ -15,7 +15,7 @@ pub struct Color {
     pub a: u8,
 }
 
-/// Okabe & Ito's colours (2008), which people with any of the common colour-vision deficiencies tell apart, in an
+/// Colours of Okabe & Ito (2008), which viewers with any of the common colour-vision deficiencies can tell apart, in an
 /// order that sets neighbours far apart. Black is left out: on pictures it is taken for shadow.
 const PEOPLE: [Color; 7] = [
     Color::rgb(213, 94, 0),    // vermilion
@@ -76,7 +76,7 @@ impl Color {
     pub fn text_on(self) -> Self {
         let linear = |c: u8| (f32::from(c) / 255.0).powf(2.2);
         let luminance = 0.2126 * linear(self.r) + 0.7152 * linear(self.g) + 0.0722 * linear(self.b);
-        // Where the contrast ratios (L + 0.05) / 0.05 and 1.05 / (L + 0.05) are equal.
+        // At this luminance the contrast ratios (L + 0.05) / 0.05 and 1.05 / (L + 0.05) are equal.
         if luminance > 0.179 { Self::INK } else { Self::WHITE }
     }
 

@@ -1,8 +1,8 @@
-//! The one place that draws: antialiased shapes and text over a picture.
+//! Drawing: antialiased shapes and text over a picture; the only module of the project that draws.
 //!
-//! Coordinates are pixels as everywhere in the project: (0, 0) is the **centre** of the top left pixel, so what
-//! [`calib::Camera::project`] returns can be drawn as it is. Points that are not finite are left out; shapes beyond
-//! the picture's rim are clipped. A film keeps one conversion a frame: [`Canvas::from_image`], draw,
+//! Coordinates are pixels as everywhere in the project: (0, 0) is the **centre** of the top left pixel, so the results
+//! of [`calib::Camera::project`] can be drawn as they are. Points that are not finite are left out; shapes beyond the
+//! picture's rim are clipped. A film needs one conversion a frame: [`Canvas::from_image`], draw,
 //! [`Canvas::into_image`].
 
 mod color;
@@ -18,24 +18,24 @@ use tiny_skia::{
 pub use color::Color;
 pub use text::{Face, TextStyle, Weight};
 
-/// The longest side of a canvas.
+/// Longest side of a canvas.
 const MAX_SIDE_PX: u32 = 16_384;
-/// Points further out are moved here: the rasteriser's fixed-point numbers end not far beyond.
+/// Bound to which points further out are moved: the rasteriser's fixed-point numbers end not far beyond.
 const FURTHEST_PX: f64 = 30_000.0;
 
-/// How a line is drawn.
+/// Style of a line.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stroke {
-    /// Its colour.
+    /// Colour of the line.
     pub color: Color,
-    /// Its width.
+    /// Width of the line.
     pub width_px: f32,
-    /// Lengths of dash and gap; `None` draws through.
+    /// Lengths of dash and gap; `None` for a solid line.
     pub dash_px: Option<[f32; 2]>,
 }
 
 impl Stroke {
-    /// A line drawn through.
+    /// A solid line.
     pub const fn solid(color: Color, width_px: f32) -> Self {
         Self { color, width_px, dash_px: None }
     }
@@ -50,7 +50,7 @@ impl Stroke {
 #[derive(Debug, Clone)]
 pub struct Canvas {
     pixmap: Pixmap,
-    /// From our pixel centres to the rasteriser's pixel corners.
+    /// Transform from the project's pixel centres to the rasteriser's pixel corners.
     to_skia: Transform,
 }
 
@@ -255,7 +255,7 @@ fn circle(center: Point2<f64>, radius_px: f64) -> Option<Path> {
 }
 
 fn rounded_rectangle(bounds: [f64; 4], corner_px: f64) -> Option<Path> {
-    /// How far a cubic's handles reach along a quarter circle, of its radius.
+    /// Length of a cubic's handles for a quarter circle, as a share of its radius.
     const HANDLE: f32 = 0.552_284_8;
     if !(bounds.iter().all(|b| b.is_finite()) && bounds[0] < bounds[2] && bounds[1] < bounds[3]) {
         return None;

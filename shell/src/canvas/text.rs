@@ -20,19 +20,19 @@ pub enum Face {
     Mono,
 }
 
-/// How heavy the stems are.
+/// Thickness of the stems.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Weight {
-    /// As the sans face comes.
+    /// The sans face's own weight.
     Light,
-    /// For most text.
+    /// Weight of most text.
     #[default]
     Regular,
-    /// For ids and titles.
+    /// Weight of ids and titles.
     Bold,
 }
 
-/// How a text looks and which point of it is placed.
+/// Look of a text, and the point of its box that is placed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TextStyle {
     /// Height of a line, from the highest ascender to the lowest descender.
@@ -43,16 +43,16 @@ pub struct TextStyle {
     pub face: Face,
     /// Weight of the stems.
     pub weight: Weight,
-    /// A rounded plate behind the text.
+    /// Colour of a rounded plate behind the text.
     pub plate: Option<Color>,
-    /// A rim around each letter, for text straight on a picture.
+    /// Colour of a rim around each letter, for text straight on a picture.
     pub halo: Option<Color>,
-    /// Which point of the text's box is placed: (0, 0) its top left corner, (1, 1) its bottom right one.
+    /// Point of the text's box that is placed: (0, 0) its top left corner, (1, 1) its bottom right one.
     pub anchor: [f32; 2],
 }
 
 impl TextStyle {
-    /// Plain dark text of that size, placed by its top left corner.
+    /// Plain dark text of size `size_px`, placed by its top left corner.
     pub const fn new(size_px: f32) -> Self {
         Self {
             size_px,
@@ -65,37 +65,37 @@ impl TextStyle {
         }
     }
 
-    /// In another colour.
+    /// The same style in another colour.
     #[must_use]
     pub const fn color(self, color: Color) -> Self {
         Self { color, ..self }
     }
 
-    /// In the mono face.
+    /// The same style in the mono face.
     #[must_use]
     pub const fn mono(self) -> Self {
         Self { face: Face::Mono, ..self }
     }
 
-    /// Bold.
+    /// The same style in bold.
     #[must_use]
     pub const fn bold(self) -> Self {
         Self { weight: Weight::Bold, ..self }
     }
 
-    /// On a plate of that colour, in letters that read on it.
+    /// The same style on a plate of this colour, in letters that contrast with it.
     #[must_use]
     pub fn on_plate(self, plate: Color) -> Self {
         Self { plate: Some(plate), color: plate.text_on(), ..self }
     }
 
-    /// With a rim of that colour around the letters.
+    /// The same style with a rim of this colour around the letters.
     #[must_use]
     pub const fn halo(self, halo: Color) -> Self {
         Self { halo: Some(halo), ..self }
     }
 
-    /// Placed by another point of its box: `anchor(0.5, 1.0)` stands centred above the point.
+    /// The same style, placed by another point of its box: `anchor(0.5, 1.0)` stands centred above the point.
     #[must_use]
     pub const fn anchor(self, x: f32, y: f32) -> Self {
         Self { anchor: [x, y], ..self }

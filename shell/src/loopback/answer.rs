@@ -1,4 +1,4 @@
-//! What a server answers.
+//! Answers of a server, with the headers that all of them carry.
 
 use axum::body::{Body, Bytes};
 use axum::http::header::{ALLOW, CONTENT_TYPE};
@@ -7,8 +7,8 @@ use serde::Serialize;
 
 use super::PageFile;
 
-/// For every answer: nothing is kept by the browser, taken for another type, framed, loaded from elsewhere, or shown by
-/// another site's page.
+/// Headers of every answer: the browser must not cache it, take it for another type, frame it or load parts from
+/// elsewhere, and another site's page must not show it.
 const HEADERS: [(&str, &str); 5] = [
     ("cache-control", "no-store"),
     ("x-content-type-options", "nosniff"),
@@ -22,31 +22,31 @@ const HEADERS: [(&str, &str); 5] = [
 ];
 const JSON: &str = "application/json";
 
-/// What goes back.
+/// One HTTP answer.
 #[derive(Debug)]
 pub struct Answer {
     status: u16,
     media_type: &'static str,
-    /// The methods there are, where another was tried.
+    /// Methods that the path accepts, where another was used; empty otherwise.
     allow: &'static str,
     body: Bytes,
 }
 
 impl Answer {
-    /// What was asked for.
+    /// Answer 200 with the requested content.
     pub fn ok(media_type: &'static str, body: impl Into<Bytes>) -> Self {
         Self { status: 200, media_type, allow: "", body: body.into() }
     }
 
-    /// One of the page's files.
+    /// Answer 200 with one of the page's files.
     pub fn file(file: &PageFile) -> Self {
         Self::ok(file.media_type, file.text)
     }
 
-    /// What was asked for, as JSON.
+    /// Answer 200 with a value as JSON.
     ///
     /// # Errors
-    /// The answer that says why it cannot be written as JSON.
+    /// An answer 500 with the reason when the value cannot be written as JSON.
     pub fn json(value: &impl Serialize) -> Result<Self, Self> {
         match serde_json::to_vec(value) {
             Ok(body) => Ok(Self::ok(JSON, body)),
@@ -54,17 +54,17 @@ impl Answer {
         }
     }
 
-    /// One line, for a person: `{"error": line}`.
+    /// Error answer with one line for a person: `{"error": line}`.
     pub fn error(status: u16, line: &str) -> Self {
         Self { status, ..Self::ok(JSON, serde_json::json!({ "error": line }).to_string()) }
     }
 
-    /// There is nothing at that path.
-    pub fn nowhere(path: &str) -> Self {
+    /// Answer 404: there is nothing at that path.
+    pub fn not_found(path: &str) -> Self {
         Self::error(404, &format!("there is no {path} here"))
     }
 
-    /// The path is asked by another method than those of `allow`, which is as in an `Allow` header.
+    /// Answer 405: the path accepts only the methods of `allow`, which is written as in an `Allow` header.
     pub fn other_method(path: &str, allow: &'static str) -> Self {
         Self { allow, ..Self::error(405, &format!("{path} is for {allow}")) }
     }
@@ -73,7 +73,7 @@ impl Answer {
 impl From<Answer> for Response<Body> {
     fn from(answer: Answer) -> Self {
         let mut response = Self::new(answer.body.into());
-        // Each of them is a constant of the program.
+        // Each status is a constant of the program and valid.
         *response.status_mut() = StatusCode::from_u16(answer.status).unwrap_or_default();
         let own = [(CONTENT_TYPE, answer.media_type), (ALLOW, answer.allow)];
         let common = HEADERS.map(|(name, value)| (HeaderName::from_static(name), value));

@@ -1,4 +1,4 @@
-//! The socket of a server, and who may ask it.
+//! Socket of a server, and the check of who may send requests.
 
 use std::io::{self, ErrorKind};
 use std::net::{SocketAddr, TcpListener};
@@ -11,17 +11,17 @@ use axum::http::{HeaderMap, Response};
 
 use super::Answer;
 
-/// An address at which no page can be served.
+/// Error of an address at which no page can be served.
 #[derive(Debug, thiserror::Error)]
 #[error("{address}: {problem}")]
 pub struct ListenError {
     /// Host and port.
     pub address: String,
-    /// What is wrong and what to do about it.
+    /// Problem, and what to do about it.
     pub problem: String,
 }
 
-/// An address of this machine that is listened to.
+/// A bound socket of this machine that listens.
 #[derive(Debug)]
 pub struct Listener {
     listener: TcpListener,
@@ -29,15 +29,15 @@ pub struct Listener {
 }
 
 impl Listener {
-    /// Listens on an address of this machine, by name or number; port 0 is any free one. `option` is the one by which a
-    /// person names the port.
+    /// Listens on an address of this machine, by name or number; port 0 is any free one. `option` is the command-line
+    /// option that names the port, for the error's text.
     ///
     /// # Errors
     /// [`ListenError`] when the address is not this machine's, or the port is in use or reserved.
     pub fn bind(host: &str, port: u16, option: &str) -> Result<Self, ListenError> {
         let listen = || {
             let listener = TcpListener::bind((host, port))?;
-            // What the runtime asks of a socket that it takes over.
+            // The runtime requires a non-blocking socket.
             listener.set_nonblocking(true)?;
             Ok(Self { address: listener.local_addr()?, listener })
         };
@@ -60,15 +60,15 @@ impl Listener {
         })
     }
 
-    /// Where it listens.
+    /// Address of the socket.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// Answers whoever may ask, in the runtime that this is called in, until that ends.
+    /// Answers every request, within the runtime that this is called in, until the runtime ends.
     ///
     /// # Errors
-    /// When the system takes the socket away.
+    /// An I/O error when the system closes the socket.
     pub async fn serve<A, F>(self, answer: A) -> io::Result<()>
     where
         A: Fn(Request) -> F + Clone + Send + Sync + 'static,
@@ -89,7 +89,7 @@ impl Listener {
     }
 }
 
-/// Whether the `Host`, with or without a port, is the loopback.
+/// Tells whether the `Host`, with or without a port, names the loopback.
 fn names_loopback(headers: &HeaderMap) -> bool {
     let Some(host) = headers.get(HOST).and_then(|value| value.to_str().ok()) else { return false };
     let name = match host.strip_prefix('[') {

@@ -1,21 +1,21 @@
-//! A page's own files.
+//! Files of a page, compiled into the program.
 
-/// A file of a page.
+/// One file of a page.
 #[derive(Debug)]
 pub struct PageFile {
-    /// Where it is served.
+    /// Path at which the file is served.
     pub path: &'static str,
-    /// What HTTP calls its kind.
+    /// Media type of the file, as HTTP names it.
     pub media_type: &'static str,
-    /// What is in it.
+    /// Content of the file.
     pub text: &'static str,
 }
 
 impl PageFile {
-    /// The colours and letters that all pages have.
+    /// Style sheet with the colours and fonts that all pages share.
     pub const PALETTE: Self = Self::css("/palette.css", include_str!("palette.css"));
 
-    /// A page.
+    /// An HTML page.
     pub const fn html(path: &'static str, text: &'static str) -> Self {
         Self { path, media_type: "text/html; charset=utf-8", text }
     }

@@ -1,11 +1,11 @@
-//! Whether the uncertainty that is told is the uncertainty there is.
+//! Calibration of the reported uncertainty.
 
 use super::Matched;
 
-/// Of a normal distribution on the plane, 95 % lie within this many squared standard deviations.
+/// 95 % quantile of the squared distance, in standard deviations, of a normal distribution on the plane.
 const ELLIPSE_95: f64 = 5.991;
 
-/// The share of the found people whose true place lies in the 95 % ellipse around the estimate; `None` when nobody was
+/// Share of the found people whose true place lies in the 95 % ellipse around the estimate; `None` when nobody was
 /// found.
 pub fn coverage(matched: &[Matched]) -> Option<f64> {
     let inside: Vec<bool> = matched

@@ -1,6 +1,6 @@
 //! Static depth against true depth: 16-bit millimetres along the camera's z, 0 = nothing.
 
-/// How much of the true depth an estimate reproduces.
+/// Agreement of an estimated depth image with the truth.
 #[derive(Debug, Clone, Copy)]
 pub struct DepthAgreement {
     /// Fraction of the pixels with true depth whose estimate is within the tolerance.

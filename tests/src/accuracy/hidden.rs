@@ -1,4 +1,4 @@
-//! How well those are followed whom a camera hardly sees.
+//! Accuracy for people who are mostly hidden from a camera.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -7,25 +7,25 @@ use nalgebra::Point3;
 use scenes::room::Room;
 
 use super::Matched;
-use crate::chain::Said;
+use crate::chain::StepResult;
 
-/// How people are followed while they are hidden.
+/// Accuracy for hidden people.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HiddenPeople {
-    /// Rows of the truth that count.
+    /// Number of rows of the truth that count.
     pub people: usize,
-    /// The share of them that is found.
+    /// Share of them that is found.
     pub recall: f64,
-    /// Mean error of those that are, metres.
+    /// Mean error of the found ones, metres.
     pub mean_m: f64,
 }
 
-/// The people of the office of whom, in one camera's image, at least half is hidden: by the rendered truth in
-/// `truth_visible.csv`. Whoever stands outside an image is not hidden in it.
+/// Accuracy for the people of the office of whom, in one camera's image, at least half is hidden: by the rendered truth
+/// in `truth_visible.csv`. A person outside an image does not count as hidden in it.
 ///
 /// # Errors
-/// A file that cannot be read, a row that is none.
-pub fn hidden_people(office: &Path, matched: &[Matched]) -> Said<HiddenPeople> {
+/// A file that cannot be read, an invalid row.
+pub fn hidden_people(office: &Path, matched: &[Matched]) -> StepResult<HiddenPeople> {
     const HIDDEN: f64 = 0.5;
     let room = Room::read(&office.join("room")).map_err(|e| e.to_string())?;
     let file = office.join("truth_visible.csv");

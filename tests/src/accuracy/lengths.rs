@@ -1,23 +1,23 @@
-//! Lengths in a built room against true ones: how far apart are two things that one reference image shows? None of
-//! these lengths gave the room its metres.
+//! Lengths in a built room against true ones: distances between surface points in one reference image. None of these
+//! lengths gave the room its metres.
 
 use calib::Intrinsics;
 use nalgebra::{Point2, Vector3};
 
-/// Lengths as the built room has them, over the true ones.
+/// Ratios of the lengths in the built room to the true ones.
 #[derive(Debug, Clone, Copy)]
 pub struct LengthAgreement {
-    /// Lengths compared.
+    /// Number of lengths compared.
     pub count: usize,
-    /// Built over true, the median.
+    /// Median ratio of built to true.
     pub median: f64,
-    /// Nine in ten are off by less than this share.
+    /// Relative error that nine in ten lengths stay below.
     pub ninety_off: f64,
 }
 
-/// Compares lengths of half a metre and more between pixels of the upper and of the lower half of what is seen, by two depth
-/// images in millimetres along z; edges are left out, since there a hundredth of a pixel decides what is seen. `None` when the
-/// sizes differ or nothing is seen in both.
+/// Compares lengths of half a metre and more between pixels of the upper and of the lower half of the image, by two
+/// depth images in millimetres along z; edges are left out, since there a hundredth of a pixel decides which surface is
+/// seen. `None` when the sizes differ or no pixel has both depths.
 pub fn lengths(lens: &Intrinsics, built_mm: &[u16], truth_mm: &[u16]) -> Option<LengthAgreement> {
     const STRIDE: usize = 8;
     const SHORTEST_MM: f64 = 500.0;

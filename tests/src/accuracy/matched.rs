@@ -1,4 +1,4 @@
-//! Each person of the truth beside the estimate that is nearest to them: what figures about single people are made of.
+//! Each person of the truth with the estimate nearest to them: the basis of figures about single people.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -6,37 +6,37 @@ use std::path::Path;
 use nalgebra::Point2;
 use tracker::tracks::jsonl::{self, PersonLine};
 
-use crate::chain::Said;
+use crate::chain::StepResult;
 
-/// Nobody is found by an estimate farther away than this, metres: the gate of `tracker eval`.
+/// Largest distance of an estimate that finds a person, metres: the gate of `tracker eval`.
 const GATE_M: f64 = 0.5;
 
 /// A person of the truth at one time.
 #[derive(Debug, Clone)]
 pub struct Matched {
-    /// From 1.
+    /// Number of the frame, from 1.
     pub frame: u32,
-    /// Who, in the truth.
+    /// Id in the truth.
     pub id: u32,
-    /// Where they are, metres.
+    /// True place, metres.
     pub place: Point2<f64>,
     /// The estimate that found them.
     pub found: Option<PersonLine>,
 }
 
 impl Matched {
-    /// How far off the estimate is, metres.
+    /// Distance of the estimate, metres.
     pub fn error_m(&self) -> Option<f64> {
         self.found.as_ref().map(|found| (Point2::new(found.x, found.y) - self.place).norm())
     }
 }
 
-/// Everybody of the truth (`MOTChallenge` rows on the floor) with what a run's `tracks.jsonl` says of them. Nearest pairs
-/// first, each estimate once.
+/// Matches everybody of the truth (`MOTChallenge` rows on the floor) with the estimates of a run's `tracks.jsonl`.
+/// Nearest pairs first, each estimate once.
 ///
 /// # Errors
-/// A file that cannot be read, a row that is none.
-pub fn matched(truth: &Path, tracks: &Path) -> Said<Vec<Matched>> {
+/// A file that cannot be read, an invalid row.
+pub fn matched(truth: &Path, tracks: &Path) -> StepResult<Vec<Matched>> {
     let text = std::fs::read_to_string(truth).map_err(|e| format!("{}: {e}", truth.display()))?;
     let mut frames: BTreeMap<u32, Vec<Matched>> = BTreeMap::new();
     for line in text.lines() {

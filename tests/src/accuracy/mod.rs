@@ -1,4 +1,4 @@
-//! How far a result is from the truth.
+//! Errors of results against the truth.
 
 mod coverage;
 mod depth;

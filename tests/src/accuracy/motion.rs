@@ -4,7 +4,7 @@ use std::path::Path;
 
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
-/// What remains after the best similarity between estimated and true motion.
+/// Residual of the best similarity between estimated and true motion.
 #[derive(Debug, Clone, Copy)]
 pub struct MotionError {
     /// Root mean square distance between camera centres, centimetres.
@@ -51,12 +51,12 @@ pub fn motion(estimated: &[Option<Isometry3<f64>>], truth: &[Isometry3<f64>]) ->
     })
 }
 
-/// The true poses (`camera_from_world`) of one camera's capture, from a data set's `truth.json`.
+/// True poses (`camera_from_world`) of one camera's capture, from a data set's `truth.json`.
 pub fn capture_truth(truth_json: &Path, camera: &str) -> Option<Vec<Isometry3<f64>>> {
     camera_truth(truth_json, camera)?["capture"].as_array()?.iter().map(pose).collect()
 }
 
-/// The true pose (`camera_from_world`) of one camera once it is put up, from a data set's `truth.json`.
+/// True pose (`camera_from_world`) of one installed camera, from a data set's `truth.json`.
 pub fn installed_truth(truth_json: &Path, camera: &str) -> Option<Isometry3<f64>> {
     pose(&camera_truth(truth_json, camera)?)
 }

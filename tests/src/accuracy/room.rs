@@ -12,7 +12,7 @@ pub struct RelativePoseError {
     pub rotation_deg: f64,
 }
 
-/// The pose of `second` in `first`'s frame, against the truth. Metres count: no scale is taken out.
+/// Pose of `second` in `first`'s frame, against the truth. Metres count: no scale is removed.
 pub fn relative_pose(estimated: [&Camera; 2], truth: [&Camera; 2]) -> RelativePoseError {
     let first_from_second = |[first, second]: [&Camera; 2]| -> Isometry3<f64> {
         first.camera_from_world * second.camera_from_world.inverse()
@@ -24,16 +24,16 @@ pub fn relative_pose(estimated: [&Camera; 2], truth: [&Camera; 2]) -> RelativePo
     }
 }
 
-/// Error of a camera's stand above the floor.
+/// Error of a camera's pose above the floor.
 #[derive(Debug, Clone, Copy)]
 pub struct CameraError {
-    /// Angle between the estimated and the true up direction as the camera sees it, degrees.
+    /// Angle between the estimated and the true vertical in the camera's frame, degrees.
     pub tilt_deg: f64,
     /// Estimated less true height above the floor, centimetres.
     pub height_cm: f64,
 }
 
-/// How one camera stands above the floor, against the truth.
+/// Error of one camera's pose above the floor.
 pub fn camera_against_floor(estimated: &Camera, truth: &Camera) -> CameraError {
     let up = |camera: &Camera| camera.camera_from_world.rotation * Vector3::z();
     CameraError {

@@ -1,22 +1,23 @@
-//! How far a track lies from a known route, as Osawa et al. measure it (seed 001, section 4.3): video and true positions
-//! are not synchronised there, so each estimated place counts with its distance from the route, wherever on it.
+//! Distance of a track from a known route, as T. Osawa et al. measure it ("MCMC based Multiple People Tracking using 3D
+//! Environmental Information", paper LI-007, section 4.3): video and true positions are not synchronised there, so each
+//! estimated place counts with its distance from the nearest point of the route.
 
 use std::ops::RangeInclusive;
 use std::path::Path;
 
 use nalgebra::Point2;
 
-use crate::chain::Said;
+use crate::chain::StepResult;
 
-/// The office's frames in which person 1 is alone: in from the door, and along a rectangle.
+/// Frames of the office in which person 1 is alone: in from the door, and along a rectangle.
 pub const ALONE: RangeInclusive<u32> = 45..=170;
-/// The frames of the true way that count as the route: what is estimated early or late still lies beside it.
+/// Frames of the true way that count as the route: early and late estimates still lie beside it.
 pub const ROUTE: RangeInclusive<u32> = 35..=173;
 
 /// Distances of a track's places from a route.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RouteError {
-    /// Places that were measured.
+    /// Number of places measured.
     pub places: usize,
     /// Mean distance, metres.
     pub mean_m: f64,
@@ -24,7 +25,7 @@ pub struct RouteError {
     pub maximum_m: f64,
 }
 
-/// The distances of places from the line through the points of a route; `None` without places, or a route of fewer than
+/// Distances of places from the line through the points of a route; `None` without places, or for a route of fewer than
 /// two points.
 pub fn route(places: &[Point2<f64>], line: &[Point2<f64>]) -> Option<RouteError> {
     let distances: Option<Vec<f64>> = places.iter().map(|place| distance_m(place, line)).collect();
@@ -39,17 +40,17 @@ pub fn route(places: &[Point2<f64>], line: &[Point2<f64>]) -> Option<RouteError>
 /// [`route`] of a run on the office, against its truth.
 ///
 /// # Errors
-/// A file that cannot be read; nobody in these frames.
-pub fn office_route(office: &Path, tracks: &Path) -> Said<RouteError> {
+/// A file that cannot be read; no person in these frames.
+pub fn office_route(office: &Path, tracks: &Path) -> StepResult<RouteError> {
     let way = places(&office.join("truth.txt"), &ROUTE)?;
     route(&places(tracks, &ALONE)?, &way).ok_or_else(|| format!("{}: nobody to measure", tracks.display()))
 }
 
-/// Where anybody is in some frames of a file of `MOTChallenge` rows on the floor.
+/// Places of all people in some frames of a file of `MOTChallenge` rows on the floor.
 ///
 /// # Errors
-/// A file that cannot be read, a row that is none.
-pub fn places(rows: &Path, frames: &RangeInclusive<u32>) -> Said<Vec<Point2<f64>>> {
+/// A file that cannot be read, an invalid row.
+pub fn places(rows: &Path, frames: &RangeInclusive<u32>) -> StepResult<Vec<Point2<f64>>> {
     let text = std::fs::read_to_string(rows).map_err(|e| format!("{}: {e}", rows.display()))?;
     let place = |line: &str| {
         let columns: Vec<f64> = line.split(',').map_while(|value| value.trim().parse().ok()).collect();

@@ -6,10 +6,10 @@ use std::time::{Duration, Instant};
 use calib::video::{FilmWriter, FrameSource};
 use image::RgbImage;
 
-use crate::chain::{Said, Tracking, evaluate_against};
+use crate::chain::{StepResult, Tracking, evaluate_against};
 use crate::live::Figure;
 use crate::live::office::{self, CAMERAS, FRAMES, RATE_HZ, Truth};
-use crate::live::rows::{self, Row};
+use crate::live::rows::{self, LiveRow};
 use crate::live::run::{LiveRun, Scratch, videos};
 use crate::network_camera::{AtEnd, CameraOptions};
 
@@ -22,7 +22,7 @@ const LONGEST: Duration = Duration::from_mins(5);
 
 /// Evaluates rows of a run against the truth at their times. The time of the film's first frame on the run's clock is
 /// estimated.
-fn judged(rows: &[Row], room: &Path, scratch: &Scratch) -> Said<Tracking> {
+fn judged(rows: &[LiveRow], room: &Path, scratch: &Scratch) -> StepResult<Tracking> {
     let truth = Truth::read()?;
     let first_s = office::first_frame_s(rows, &truth);
     let (true_rows, tracks) = office::matched_rows(rows, &truth, first_s);
@@ -33,7 +33,7 @@ fn judged(rows: &[Row], room: &Path, scratch: &Scratch) -> Said<Tracking> {
     evaluate_against(&path, &office::room(), room, &out)
 }
 
-fn figures(what: &str, tracking: Said<Tracking>, asked: [&'static str; 3]) -> Vec<Figure> {
+fn figures(what: &str, tracking: StepResult<Tracking>, asked: [&'static str; 3]) -> Vec<Figure> {
     match tracking {
         Ok(tracking) => vec![
             Figure::new(format!("{what}: MOTA"), tracking.mota, "%", asked[0]),
@@ -53,7 +53,7 @@ pub fn live(seed: u64, arguments: &[&str]) -> Vec<Figure> {
     figures(&what, follow_live(seed, arguments), [">= 96", ">= 97", "<= 7"])
 }
 
-fn follow_live(seed: u64, arguments: &[&str]) -> Said<Tracking> {
+fn follow_live(seed: u64, arguments: &[&str]) -> StepResult<Tracking> {
     let options = CameraOptions {
         jitter_s: 0.08,
         loss: 0.02,
@@ -97,7 +97,7 @@ pub fn recordings() -> Vec<Figure> {
     }
 }
 
-fn follow_recordings() -> Said<(Said<f64>, Said<Tracking>)> {
+fn follow_recordings() -> StepResult<(StepResult<f64>, StepResult<Tracking>)> {
     let scratch = Scratch::new()?;
     let (early, late) = (office::video(CAMERAS[0]), scratch.path("late.mp4"));
     trimmed(&office::video(CAMERAS[1]), LATER_FRAMES, &late)?;
@@ -111,7 +111,7 @@ fn follow_recordings() -> Said<(Said<f64>, Said<Tracking>)> {
 }
 
 /// Writes a video without its first frames.
-fn trimmed(video: &Path, frames: usize, to: &Path) -> Said<()> {
+fn trimmed(video: &Path, frames: usize, to: &Path) -> StepResult<()> {
     let spec = video.to_str().ok_or("the video's path is not UTF-8")?;
     let mut source = FrameSource::open(spec).map_err(|e| e.to_string())?;
     let (width, height) = source.size();
@@ -127,7 +127,7 @@ fn trimmed(video: &Path, frames: usize, to: &Path) -> Said<()> {
 }
 
 /// Offset of the second camera against the first, seconds, from `timings.json`.
-fn offset_s(out: &Path) -> Said<f64> {
+fn offset_s(out: &Path) -> StepResult<f64> {
     let path = out.join("timings.json");
     let text = std::fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
     let json: serde_json::Value = serde_json::from_str(&text).map_err(|e| e.to_string())?;

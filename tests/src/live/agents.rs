@@ -5,11 +5,11 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use crate::chain::Said;
+use crate::chain::StepResult;
 use crate::live::Figure;
 use crate::live::office::{self, CAMERAS, RATE_HZ};
 use crate::live::proxy::Proxy;
-use crate::live::rows::Row;
+use crate::live::rows::LiveRow;
 use crate::live::run::{LiveRun, Scratch, free_address};
 use crate::network_camera::NetworkCamera;
 
@@ -28,7 +28,7 @@ const BOUND: Duration = Duration::from_mins(1);
 
 /// Two stations, their cameras, and the network between them.
 #[derive(Debug)]
-pub struct Pair {
+pub struct StationPair {
     /// Station of each camera; `None` while it does not run.
     pub stations: [Option<LiveRun>; 2],
     /// The second station's way to the first.
@@ -40,12 +40,12 @@ pub struct Pair {
     starts: usize,
 }
 
-impl Pair {
+impl StationPair {
     /// Starts two stations; people come in from this frame of the office on.
     ///
     /// # Errors
     /// A camera or a process that does not start.
-    pub fn start(first_frame: usize) -> Said<Self> {
+    pub fn start(first_frame: usize) -> StepResult<Self> {
         let pictures = |seconds: f64| (seconds * RATE_HZ) as usize;
         let coming = first_frame.min(INSIDE.start)..INSIDE.start;
         let inside = office::to_and_fro(INSIDE).take(pictures(FILM_S));
@@ -64,7 +64,7 @@ impl Pair {
     ///
     /// # Errors
     /// The process does not start.
-    pub fn begin(&mut self, camera: usize, further: &[&str]) -> Said<()> {
+    pub fn begin(&mut self, camera: usize, further: &[&str]) -> StepResult<()> {
         let mut arguments = vec!["--video".to_owned(), self.cameras[camera].url()];
         arguments.extend(["--listen".to_owned(), format!("tcp/{}", self.addresses[camera])]);
         if camera == 1 {
@@ -92,7 +92,7 @@ impl Pair {
     ///
     /// # Errors
     /// The station does not run.
-    pub fn station(&mut self, camera: usize) -> Said<&mut LiveRun> {
+    pub fn station(&mut self, camera: usize) -> StepResult<&mut LiveRun> {
         let station = self.stations[camera].as_mut();
         station.ok_or_else(|| format!("the station of {} does not run", CAMERAS[camera]))
     }
@@ -101,7 +101,7 @@ impl Pair {
     ///
     /// # Errors
     /// The station does not run.
-    pub fn people(&mut self, camera: usize) -> Said<Option<BTreeSet<u32>>> {
+    pub fn people(&mut self, camera: usize) -> StepResult<Option<BTreeSet<u32>>> {
         let rows = self.station(camera)?.rows();
         let last = &rows[rows.len().saturating_sub(AGREED)..];
         let sets: Vec<BTreeSet<u32>> = last.iter().map(ids).collect();
@@ -113,7 +113,7 @@ impl Pair {
     ///
     /// # Errors
     /// The stations do not agree within a minute (the message has the people of each), or one ends.
-    pub fn agreement(&mut self, count: usize) -> Said<BTreeSet<u32>> {
+    pub fn agreement(&mut self, count: usize) -> StepResult<BTreeSet<u32>> {
         let begun = Instant::now();
         loop {
             let [first, second] = [self.people(0)?, self.people(1)?];
@@ -136,7 +136,7 @@ impl Pair {
     ///
     /// # Errors
     /// The station ends.
-    pub fn pass(&mut self, camera: usize, time: Duration) -> Said<()> {
+    pub fn pass(&mut self, camera: usize, time: Duration) -> StepResult<()> {
         self.station(camera)?.wait_until(Instant::now() + time)
     }
 
@@ -144,7 +144,7 @@ impl Pair {
     ///
     /// # Errors
     /// No such line within a minute (the message has the log), or the station ends.
-    pub fn line(&mut self, camera: usize, text: &str) -> Said<()> {
+    pub fn line(&mut self, camera: usize, text: &str) -> StepResult<()> {
         let begun = Instant::now();
         loop {
             let log = self.station(camera)?.log();
@@ -160,13 +160,13 @@ impl Pair {
 }
 
 /// Ids of everybody in a row.
-pub fn ids(row: &Row) -> BTreeSet<u32> {
+pub fn ids(row: &LiveRow) -> BTreeSet<u32> {
     row.people.iter().map(|(id, _)| *id).collect()
 }
 
 /// Result of a station's death and return.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Restart {
+pub struct RestartResult {
     /// Ids at both stations before.
     pub before: BTreeSet<u32>,
     /// Ids in each row of the other station, from the death until the restarted one knew everybody.
@@ -179,7 +179,7 @@ pub struct Restart {
 ///
 /// # Errors
 /// A station ends, or does not come to know the people.
-pub fn restart(pair: &mut Pair, away: Duration) -> Said<Restart> {
+pub fn restart(pair: &mut StationPair, away: Duration) -> StepResult<RestartResult> {
     let before = pair.agreement(3)?;
     pair.kill(1);
     let killed = Instant::now();
@@ -196,14 +196,18 @@ pub fn restart(pair: &mut Pair, away: Duration) -> Said<Restart> {
     };
     let others = pair.station(0)?.rows();
     let meanwhile = others.iter().filter(|row| row.found > killed && row.found < back.found).map(ids);
-    Ok(Restart { meanwhile: meanwhile.collect(), back_s: (back.found - first.found).as_secs_f64(), before })
+    Ok(RestartResult {
+        meanwhile: meanwhile.collect(),
+        back_s: (back.found - first.found).as_secs_f64(),
+        before,
+    })
 }
 
 /// [`restart`] as figures.
 pub fn restarted() -> Vec<Figure> {
     let what = "a station killed and started again: from its first frame to everybody under the old ids";
     let kept = "the same: frames of the other station meanwhile in which somebody has a new id";
-    match Pair::start(FIRST_FRAME).and_then(|mut pair| restart(&mut pair, Duration::from_secs(3))) {
+    match StationPair::start(FIRST_FRAME).and_then(|mut pair| restart(&mut pair, Duration::from_secs(3))) {
         Ok(found) => {
             let other = found.meanwhile.iter().filter(|people| !people.is_subset(&found.before)).count();
             vec![Figure::new(what, found.back_s, "s", "<= 1"), Figure::new(kept, other as f64, "frames", "0")]

@@ -3,12 +3,12 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use crate::chain::{Said, Tracking, evaluate_against};
+use crate::chain::{StepResult, Tracking, evaluate_against};
 use crate::data::office;
 use crate::live::Figure;
-use crate::live::films::{self, Recorded};
+use crate::live::films::{self, RecordedRoom};
 use crate::live::office::FRAMES;
-use crate::live::run::{Ended, LiveRun, Scratch, videos};
+use crate::live::run::{EndedRun, LiveRun, Scratch, videos};
 
 /// Longest time that a run may take.
 const LONGEST: Duration = Duration::from_mins(30);
@@ -18,7 +18,7 @@ const CAMERA_RATE_HZ: f64 = 15.0;
 const FIRST_ROWS: usize = 25;
 
 /// Runs over recordings to their end; returns also the duration of the process, seconds.
-fn follow(recorded: &Recorded, out: &Path, arguments: &[&str]) -> Said<(Ended, f64)> {
+fn follow(recorded: &RecordedRoom, out: &Path, arguments: &[&str]) -> StepResult<(EndedRun, f64)> {
     let specs = recorded.videos.iter().map(|(name, film)| (name.as_str(), film.display().to_string()));
     let mut given = videos(specs);
     given.extend(arguments.iter().map(|argument| (*argument).to_owned()));
@@ -28,7 +28,7 @@ fn follow(recorded: &Recorded, out: &Path, arguments: &[&str]) -> Said<(Ended, f
 }
 
 /// Moments a second, by the times at which the rows came to the disk, without the first rows.
-fn moments_per_s(ended: &Ended) -> Said<f64> {
+fn moments_per_s(ended: &EndedRun) -> StepResult<f64> {
     match (ended.rows.get(FIRST_ROWS), ended.rows.last()) {
         (Some(first), Some(last)) if last.found > first.found => {
             let moments = (ended.rows.len() - 1 - FIRST_ROWS) as f64;
@@ -43,12 +43,12 @@ fn moments_per_s(ended: &Ended) -> Said<f64> {
 /// encoder for it.
 pub fn full_hd(cameras: usize) -> Vec<Figure> {
     let what = format!("{cameras} cameras of 1920 × 1080, k1 = −0.3");
-    let rate = |arguments: &[&str]| -> Said<f64> {
+    let rate = |arguments: &[&str]| -> StepResult<f64> {
         let (recorded, scratch) = (films::office_full_hd(cameras / 2, 1)?, Scratch::new()?);
         let moments = moments_per_s(&follow(&recorded, &scratch.path("out"), arguments)?.0)?;
         Ok(moments * recorded.videos.len() as f64 / CAMERA_RATE_HZ)
     };
-    let figure = |with: &str, rate: Said<f64>, asked| {
+    let figure = |with: &str, rate: StepResult<f64>, asked| {
         let what = format!("{what}, {with}: followed in real time");
         match rate {
             Ok(rate) => Figure::new(what, rate, "cameras", asked),
@@ -61,7 +61,7 @@ pub fn full_hd(cameras: usize) -> Vec<Figure> {
 /// MOTA of the office at 1920 × 1080 through a wide lens, at the working size and at full size.
 pub fn working_size() -> Vec<Figure> {
     let what = "two cameras of 1920 × 1080, k1 = −0.3";
-    let tracking = |arguments: &[&str]| -> Said<Tracking> {
+    let tracking = |arguments: &[&str]| -> StepResult<Tracking> {
         let (recorded, scratch) = (films::office_full_hd(1, 1)?, Scratch::new()?);
         let out = scratch.path("out");
         follow(&recorded, &out, &[&["--no-film"], arguments].concat())?;
@@ -72,7 +72,7 @@ pub fn working_size() -> Vec<Figure> {
         (Ok(usual), Ok(full)) => Ok(full.mota - usual.mota),
         (Err(why), _) | (_, Err(why)) => Err(why.clone()),
     };
-    let figure = |what: String, value: Said<f64>, asked| match value {
+    let figure = |what: String, value: StepResult<f64>, asked| match value {
         Ok(value) => Figure::new(what, value, "%", asked),
         Err(why) => Figure::unavailable(what, why, asked),
     };
@@ -86,12 +86,12 @@ pub fn working_size() -> Vec<Figure> {
 /// give the same bytes.
 pub fn office_from_files() -> Vec<Figure> {
     let recorded = films::office_recorded();
-    let rate = |arguments: &[&str]| -> Said<f64> {
+    let rate = |arguments: &[&str]| -> StepResult<f64> {
         let scratch = Scratch::new()?;
         let (_, seconds) = follow(&recorded, &scratch.path("out"), arguments)?;
         Ok(FRAMES as f64 / seconds)
     };
-    let figure = |what: &str, rate: Said<f64>, asked| match rate {
+    let figure = |what: &str, rate: StepResult<f64>, asked| match rate {
         Ok(rate) => Figure::new(what, rate, "frames/s", asked),
         Err(why) => Figure::unavailable(what, why, asked),
     };
@@ -111,7 +111,7 @@ pub fn office_from_files() -> Vec<Figure> {
     ]
 }
 
-fn equal_bytes(recorded: &Recorded) -> Said<bool> {
+fn equal_bytes(recorded: &RecordedRoom) -> StepResult<bool> {
     let scratch = Scratch::new()?;
     let mut bytes = Vec::new();
     for threads in ["1", "2"] {
@@ -126,7 +126,7 @@ fn equal_bytes(recorded: &Recorded) -> Said<bool> {
 ///
 /// # Errors
 /// A file that cannot be read.
-pub fn track_bytes(out: &Path) -> Said<[Vec<u8>; 2]> {
+pub fn track_bytes(out: &Path) -> StepResult<[Vec<u8>; 2]> {
     let read = |name: &str| std::fs::read(out.join(name)).map_err(|e| format!("{name}: {e}"));
     Ok([read("tracks.txt")?, read("tracks.jsonl")?])
 }
@@ -134,7 +134,7 @@ pub fn track_bytes(out: &Path) -> Said<[Vec<u8>; 2]> {
 /// Moments a second in a synthetic hall with six people and six cameras of 640 × 480 with distortion.
 pub fn hall() -> Vec<Figure> {
     let what = "six cameras with distortion, 640 × 480, six people";
-    let rate = || -> Said<f64> {
+    let rate = || -> StepResult<f64> {
         let (recorded, scratch) = (films::Hall::SIX_WIDE_CAMERAS.recorded()?, Scratch::new()?);
         moments_per_s(&follow(&recorded, &scratch.path("out"), &["--no-film"])?.0)
     };

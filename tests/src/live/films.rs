@@ -12,12 +12,12 @@ use synthetic::{
     RenderOptions, RoomKind, RoomOptions, Sequence, SequenceOptions, SyntheticRoom, WalkerOptions,
 };
 
-use crate::chain::Said;
+use crate::chain::StepResult;
 use crate::data::office;
 use crate::live::office::{CAMERAS, RATE_HZ, video};
 
 /// Path of a film or room that is kept between measurements: `target/PROFILE/live-films/NAME`.
-fn kept(name: &str) -> Said<PathBuf> {
+fn kept(name: &str) -> StepResult<PathBuf> {
     let program = std::env::current_exe().map_err(|e| e.to_string())?;
     let profile = program.parent().and_then(Path::parent).ok_or("the program is in no folder")?;
     Ok(profile.join("live-films").join(name))
@@ -25,7 +25,7 @@ fn kept(name: &str) -> Said<PathBuf> {
 
 /// A room and its cameras' recordings.
 #[derive(Debug)]
-pub struct Recorded {
+pub struct RecordedRoom {
     /// The room's directory.
     pub room: PathBuf,
     /// Each camera's name and recording.
@@ -94,7 +94,7 @@ fn seen(picture: &RgbImage, places: &[Option<Point2<f32>>], [width, height]: [u3
 ///
 /// # Errors
 /// A film that cannot be written.
-pub fn office_full_hd(copies: usize, times: usize) -> Said<Recorded> {
+pub fn office_full_hd(copies: usize, times: usize) -> StepResult<RecordedRoom> {
     let mut room = Room::read(&office().join("room")).map_err(|e| e.to_string())?;
     let mut videos = Vec::new();
     for camera in &mut room.cameras {
@@ -117,11 +117,11 @@ pub fn office_full_hd(copies: usize, times: usize) -> Said<Recorded> {
     }
     let folder = kept(&format!("office_full_hd_{}", room.cameras.len()))?;
     room.write(&folder).map_err(|e| e.to_string())?;
-    Ok(Recorded { room: folder, videos })
+    Ok(RecordedRoom { room: folder, videos })
 }
 
 /// Writes a video as seen at other places, `times` times over.
-fn remade(video: &Path, film: &Path, places: &[Option<Point2<f32>>], times: usize) -> Said<()> {
+fn remade(video: &Path, film: &Path, places: &[Option<Point2<f32>>], times: usize) -> StepResult<()> {
     let [width, height] = FULL_HD;
     let mut writer = FilmWriter::create(film, width, height, RATE_HZ).map_err(|e| e.to_string())?;
     for _ in 0..times {
@@ -136,9 +136,9 @@ fn remade(video: &Path, film: &Path, places: &[Option<Point2<f32>>], times: usiz
 }
 
 /// The office's own recordings.
-pub fn office_recorded() -> Recorded {
+pub fn office_recorded() -> RecordedRoom {
     let videos = CAMERAS.map(|name| (name.to_owned(), video(name)));
-    Recorded { room: office().join("room"), videos: videos.to_vec() }
+    RecordedRoom { room: office().join("room"), videos: videos.to_vec() }
 }
 
 /// Duration of a hall's recording, seconds.
@@ -163,7 +163,7 @@ impl Hall {
     /// Six people, seen by six cameras with wide lenses.
     pub const SIX_WIDE_CAMERAS: Self = Self { seed: 1031, cameras: 6, people: 6, lens: WIDE_LENS };
 
-    fn file(&self, what: &str) -> Said<PathBuf> {
+    fn file(&self, what: &str) -> StepResult<PathBuf> {
         let Self { seed, cameras, people, lens } = self;
         let bent = if *lens == Distortion::NONE { "" } else { "_wide" };
         kept(&format!("hall_{seed}_{cameras}_{people}{bent}_{what}"))
@@ -173,7 +173,7 @@ impl Hall {
     ///
     /// # Errors
     /// A room or a film that cannot be written.
-    pub fn recorded(&self) -> Said<Recorded> {
+    pub fn recorded(&self) -> StepResult<RecordedRoom> {
         let options = RoomOptions {
             seed: self.seed,
             kind: RoomKind::Hall,
@@ -190,13 +190,14 @@ impl Hall {
         made.room.write(&folder).map_err(|e| e.to_string())?;
         let name = |camera: &scenes::room::RoomCamera| camera.name.clone();
         let names: Vec<String> = made.room.cameras.iter().map(name).collect();
-        let films = names.iter().map(|name| self.file(&format!("{name}.mp4"))).collect::<Said<Vec<_>>>()?;
+        let films =
+            names.iter().map(|name| self.file(&format!("{name}.mp4"))).collect::<StepResult<Vec<_>>>()?;
         let sequence = self.sequence(&made);
         std::fs::write(folder.join("truth.txt"), sequence.truth_rows()).map_err(|e| e.to_string())?;
         if !films.iter().all(|film| film.is_file()) {
             record(&sequence, &films)?;
         }
-        Ok(Recorded { room: folder, videos: names.into_iter().zip(films).collect() })
+        Ok(RecordedRoom { room: folder, videos: names.into_iter().zip(films).collect() })
     }
 
     fn sequence<'a>(&self, made: &'a SyntheticRoom) -> Sequence<'a> {
@@ -218,10 +219,10 @@ impl Hall {
     }
 }
 
-fn record(sequence: &Sequence<'_>, films: &[PathBuf]) -> Said<()> {
+fn record(sequence: &Sequence<'_>, films: &[PathBuf]) -> StepResult<()> {
     let [width, height] = HALL_PX;
     let writer = |film: &PathBuf| FilmWriter::create(film, width, height, RATE_HZ).map_err(|e| e.to_string());
-    let mut writers = films.iter().map(writer).collect::<Said<Vec<_>>>()?;
+    let mut writers = films.iter().map(writer).collect::<StepResult<Vec<_>>>()?;
     for frame in sequence.frames() {
         for (writer, seen) in writers.iter_mut().zip(&frame.cameras) {
             let picture = seen.image.as_ref().ok_or("a camera without a picture")?;

@@ -2,10 +2,10 @@
 
 use std::time::{Duration, Instant};
 
-use crate::chain::Said;
+use crate::chain::StepResult;
 use crate::live::office::{self, RATE_HZ};
 use crate::live::page;
-use crate::live::rows::Row;
+use crate::live::rows::LiveRow;
 use crate::live::run::{LiveRun, Scratch};
 use crate::live::{Figure, quantile};
 use crate::network_camera::CameraOptions;
@@ -33,7 +33,7 @@ pub struct Latencies {
 ///
 /// # Errors
 /// The run's line, if it fails; a page from which no picture could be read.
-pub fn latencies(measured_s: f64, arguments: &[&str]) -> Said<Latencies> {
+pub fn latencies(measured_s: f64, arguments: &[&str]) -> StepResult<Latencies> {
     let from_s = START_S + WATCHED_S + QUIET_S;
     let until_s = from_s + measured_s;
     let order = office::repeated(START_S, ((until_s + START_S) * RATE_HZ) as usize);
@@ -59,7 +59,7 @@ pub fn latencies(measured_s: f64, arguments: &[&str]) -> Said<Latencies> {
     let starts = moments.map(|(sighting, captured_s)| captured_s - sighting.time_s);
     let start_s = quantile(starts, 0.5).ok_or("no stamped picture was seen on the page")?;
     let rows = rows.iter().filter(|row| row.found >= at(from_s) && row.found < at(until_s));
-    let rows: Vec<&Row> = rows.collect();
+    let rows: Vec<&LiveRow> = rows.collect();
     let (Some(first), Some(last)) = (rows.first(), rows.last()) else { return Err("no row came".into()) };
     let clock_rate = (last.time_s - first.time_s) / (since(last.found) - since(first.found));
     let rows_s = rows.iter().map(|row| since(row.found) - (start_s + row.time_s)).collect();

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::chain::Said;
+use crate::chain::StepResult;
 use crate::live::office::{self, RATE_HZ};
 use crate::live::run::{LiveRun, Scratch};
 use crate::live::{Figure, quantile};
@@ -14,7 +14,7 @@ const LOOKS: u32 = 11;
 const EVERY: Duration = Duration::from_secs(1);
 
 /// Resident set of a process, bytes.
-fn resident_bytes(pid: u32) -> Said<f64> {
+fn resident_bytes(pid: u32) -> StepResult<f64> {
     let path = format!("/proc/{pid}/status");
     let status = std::fs::read_to_string(&path).map_err(|e| format!("{path}: {e}"))?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
@@ -26,7 +26,7 @@ fn resident_bytes(pid: u32) -> Said<f64> {
 ///
 /// # Errors
 /// The run's line, if it ends.
-pub fn resident(early_s: f64, late_s: f64, arguments: &[&str]) -> Said<[f64; 2]> {
+pub fn resident(early_s: f64, late_s: f64, arguments: &[&str]) -> StepResult<[f64; 2]> {
     let order = office::repeated(8.0, office::FRAMES + (8.0 * RATE_HZ) as usize);
     let options = CameraOptions::default();
     let (cameras, epoch) = office::cameras(&order, false, [options.clone(), options])?;
@@ -34,7 +34,7 @@ pub fn resident(early_s: f64, late_s: f64, arguments: &[&str]) -> Said<[f64; 2]>
     let mut given = office::videos(&cameras);
     given.extend(arguments.iter().map(|argument| (*argument).to_owned()));
     let mut run = LiveRun::start(&office::room(), &scratch.path("out"), &given)?;
-    let mut median = |at_s: f64| -> Said<f64> {
+    let mut median = |at_s: f64| -> StepResult<f64> {
         let half_s = EVERY.as_secs_f64() * f64::from(LOOKS / 2);
         let first = epoch + Duration::from_secs_f64((at_s - half_s).max(0.0));
         let mut seen = Vec::new();

@@ -34,7 +34,7 @@ pub mod rows;
 pub mod run;
 pub mod stations;
 
-use crate::chain::Said;
+use crate::chain::StepResult;
 
 /// One measured figure.
 #[derive(Debug, Clone, PartialEq)]
@@ -42,10 +42,10 @@ pub struct Figure {
     /// Measured quantity, and its conditions.
     pub what: String,
     /// The value; an error where the program cannot do this yet, in the program's words.
-    pub value: Said<f64>,
+    pub value: StepResult<f64>,
     /// Unit of the value.
     pub unit: &'static str,
-    /// The bound that is asked for; empty for a figure that only informs.
+    /// Required bound; empty for a figure that only informs.
     pub asked: &'static str,
 }
 

@@ -7,9 +7,9 @@ use std::time::Instant;
 
 use nalgebra::Point2;
 
-use crate::chain::Said;
+use crate::chain::StepResult;
 use crate::data::office;
-use crate::live::rows::Row;
+use crate::live::rows::LiveRow;
 use crate::network_camera::film::Film;
 use crate::network_camera::{CameraOptions, NetworkCamera};
 
@@ -49,7 +49,7 @@ pub fn cameras(
     order: &[usize],
     is_stamped: bool,
     options: [CameraOptions; 2],
-) -> Said<([NetworkCamera; 2], Instant)> {
+) -> StepResult<([NetworkCamera; 2], Instant)> {
     let film = |name: &str| {
         let frames = Film::frames(&office().join(format!("video/{name}.mp4")))?;
         Film::encode(&frames, order, is_stamped)
@@ -80,7 +80,7 @@ impl Truth {
     ///
     /// # Errors
     /// A file that cannot be read, a row that is none.
-    pub fn read() -> Said<Self> {
+    pub fn read() -> StepResult<Self> {
         let path = office().join("truth.txt");
         let text = std::fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
         let mut frames = vec![BTreeMap::new(); FRAMES];
@@ -119,7 +119,7 @@ impl Truth {
 /// of people who are found; of shifts that find as many, the one with the smaller distances scores higher.
 /// (Everything else that MOTA counts, except changes of identity, which no shift alters, follows from it: all rows
 /// together have a fixed number of estimates.)
-fn score(rows: &[Row], truth: &Truth, first_s: f64) -> f64 {
+fn score(rows: &[LiveRow], truth: &Truth, first_s: f64) -> f64 {
     let (mut distance_m, mut found) = (0.0, 0);
     for row in rows {
         let Some(people) = truth.at(row.time_s - first_s) else { continue };
@@ -144,7 +144,7 @@ fn score(rows: &[Row], truth: &Truth, first_s: f64) -> f64 {
 
 /// Time of the film's first frame on the clock of a run's rows, seconds: the shift, on a grid of 10 ms, that makes
 /// the rows fit best.
-pub fn first_frame_s(rows: &[Row], truth: &Truth) -> f64 {
+pub fn first_frame_s(rows: &[LiveRow], truth: &Truth) -> f64 {
     let (first, last) = match (rows.first(), rows.last()) {
         (Some(first), Some(last)) => (first.time_s, last.time_s),
         _ => (0.0, 0.0),
@@ -161,7 +161,7 @@ pub fn first_frame_s(rows: &[Row], truth: &Truth) -> f64 {
 
 /// `MOTChallenge` rows of truth and of tracks for the rows within the film, whose first frame is at `first_s` on the
 /// run's clock; frames are the run's.
-pub fn matched_rows(rows: &[Row], truth: &Truth, first_s: f64) -> (String, String) {
+pub fn matched_rows(rows: &[LiveRow], truth: &Truth, first_s: f64) -> (String, String) {
     let (mut true_rows, mut tracks) = (String::new(), String::new());
     for row in rows {
         let Some(people) = truth.at(row.time_s - first_s) else { continue };
@@ -176,7 +176,7 @@ pub fn matched_rows(rows: &[Row], truth: &Truth, first_s: f64) -> (String, Strin
 }
 
 /// Whether each person of the truth is found by an estimate of the row within the gate.
-pub fn all_found(row: &Row, people: &[(u32, Point2<f64>)]) -> bool {
+pub fn all_found(row: &LiveRow, people: &[(u32, Point2<f64>)]) -> bool {
     people.iter().all(|(_, place)| row.people.iter().any(|(_, estimate)| (estimate - place).norm() <= GATE_M))
 }
 
@@ -195,11 +195,11 @@ mod tests {
     use super::*;
 
     /// Rows of a perfect run, on whose clock the film begins at `first_s`, at moments between the frames.
-    fn perfect(truth: &Truth, first_s: f64) -> Vec<Row> {
+    fn perfect(truth: &Truth, first_s: f64) -> Vec<LiveRow> {
         let row = |i: u32| {
             let time_s = f64::from(i) * 0.09;
             let people = truth.at(time_s - first_s).unwrap_or_default();
-            Row { frame: i + 1, time_s, people, found: Instant::now() }
+            LiveRow { frame: i + 1, time_s, people, found: Instant::now() }
         };
         (0..400).map(row).collect()
     }

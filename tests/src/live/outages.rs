@@ -2,11 +2,11 @@
 
 use std::time::{Duration, Instant};
 
-use crate::chain::Said;
+use crate::chain::StepResult;
 use crate::live::Figure;
 use crate::live::office::{self, RATE_HZ, Truth};
 use crate::live::page::{self, Sighting};
-use crate::live::rows::Row;
+use crate::live::rows::LiveRow;
 use crate::live::run::{LiveRun, Scratch};
 use crate::network_camera::{CameraOptions, Fault, Outage};
 
@@ -42,7 +42,7 @@ fn greatest<'a>(sightings: impl Iterator<Item = &'a Sighting>) -> Option<f64> {
 ///
 /// # Errors
 /// The run's line, if it fails.
-pub fn misalignment(silent_s: f64) -> Said<Misalignment> {
+pub fn misalignment(silent_s: f64) -> StepResult<Misalignment> {
     let back_s = BEFORE_S + silent_s;
     let until_s = back_s + SETTLE_S + JUDGED_S;
     // The film is longer than the run, so it never repeats, and stamps are unique.
@@ -106,7 +106,7 @@ pub struct Absence {
 ///
 /// # Errors
 /// The run's line, if it ends.
-pub fn all_away(away_s: f64) -> Said<Absence> {
+pub fn all_away(away_s: f64) -> StepResult<Absence> {
     let back_s = BEFORE_S + away_s;
     let until_s = back_s + LONGEST_S;
     let count = |seconds: f64| (seconds * RATE_HZ) as usize;
@@ -133,7 +133,8 @@ pub fn all_away(away_s: f64) -> Said<Absence> {
     run.wait_for(at(until_s), |rows| {
         let mut back = rows.iter().filter(|row| since(row.found).is_some());
         first_s = back.clone().find(|row| !row.people.is_empty()).and_then(|row| since(row.found));
-        let everybody = |row: &&Row| people(row.found).is_some_and(|people| office::all_found(row, &people));
+        let everybody =
+            |row: &&LiveRow| people(row.found).is_some_and(|people| office::all_found(row, &people));
         all_s = back.find(everybody).and_then(|row| since(row.found));
         all_s.is_some()
     })?;

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
-use crate::chain::Said;
+use crate::chain::StepResult;
 use crate::network_camera::stamp;
 
 /// Time without an answer after which the page counts as gone.
@@ -32,7 +32,7 @@ pub struct Sighting {
 ///
 /// # Errors
 /// The connection fails, or the answer is not HTTP.
-pub fn get(address: SocketAddr, path: &str) -> Said<(String, Vec<u8>)> {
+pub fn get(address: SocketAddr, path: &str) -> StepResult<(String, Vec<u8>)> {
     let request = || -> std::io::Result<Vec<u8>> {
         let mut stream = TcpStream::connect_timeout(&address, PATIENCE)?;
         stream.set_read_timeout(Some(PATIENCE))?;
@@ -47,7 +47,7 @@ pub fn get(address: SocketAddr, path: &str) -> Said<(String, Vec<u8>)> {
     Ok((String::from_utf8_lossy(&answer[..end]).into_owned(), answer[end + 4..].to_vec()))
 }
 
-fn moment(address: SocketAddr, query: &str) -> Said<Value> {
+fn moment(address: SocketAddr, query: &str) -> StepResult<Value> {
     let (_, body) = get(address, &format!("/moment{query}"))?;
     serde_json::from_slice(&body).map_err(|e| e.to_string())
 }
@@ -75,7 +75,7 @@ pub fn watch(address: SocketAddr, until: Instant) -> Vec<Sighting> {
 
 /// Number of the newest change after `latest`, and its moment if its pictures were not replaced while they were
 /// fetched.
-fn look(address: SocketAddr, latest: &str) -> Said<(u64, Option<Sighting>)> {
+fn look(address: SocketAddr, latest: &str) -> StepResult<(u64, Option<Sighting>)> {
     let now = moment(address, latest)?;
     let number = now["number"].as_u64().ok_or("a moment without a number")?;
     let (Some(before), Some(frame), Some(time_s)) =
@@ -86,7 +86,7 @@ fn look(address: SocketAddr, latest: &str) -> Said<(u64, Option<Sighting>)> {
     };
     let seen = Instant::now();
     let jpegs = (0..before.len()).map(|camera| get(address, &format!("/camera/{camera}.jpg")));
-    let jpegs = jpegs.collect::<Said<Vec<_>>>()?;
+    let jpegs = jpegs.collect::<StepResult<Vec<_>>>()?;
     if pictures(&moment(address, "")?) != Some(before) {
         return Ok((number, None));
     }

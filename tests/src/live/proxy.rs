@@ -6,18 +6,18 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread;
 
-use crate::chain::Said;
+use crate::chain::StepResult;
 
 /// Proxy that forwards connections to an address.
 #[derive(Debug)]
 pub struct Proxy {
     /// Address of the proxy itself.
     pub address: SocketAddr,
-    shared: Arc<Shared>,
+    shared: Arc<ProxyState>,
 }
 
 #[derive(Debug, Default)]
-struct Shared {
+struct ProxyState {
     /// Bytes that have come back from the address.
     bytes: AtomicU64,
     /// Number of cuts so far; a connection ends with the first after its start.
@@ -30,10 +30,10 @@ impl Proxy {
     ///
     /// # Errors
     /// No port is free.
-    pub fn start(to: SocketAddr) -> Said<Self> {
+    pub fn start(to: SocketAddr) -> StepResult<Self> {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).map_err(|e| e.to_string())?;
         let address = listener.local_addr().map_err(|e| e.to_string())?;
-        let shared = Arc::<Shared>::default();
+        let shared = Arc::<ProxyState>::default();
         let own = Arc::clone(&shared);
         // The thread waits for connections until the process ends.
         thread::spawn(move || {
@@ -70,7 +70,7 @@ impl Proxy {
     }
 }
 
-fn forward(mut from: TcpStream, mut to: TcpStream, shared: &Shared, is_back: bool) {
+fn forward(mut from: TcpStream, mut to: TcpStream, shared: &ProxyState, is_back: bool) {
     let cuts = shared.cuts.load(Ordering::Relaxed);
     let mut chunk = [0; 16384];
     while let Ok(count) = from.read(&mut chunk) {

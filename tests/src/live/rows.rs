@@ -10,14 +10,14 @@ use std::time::{Duration, Instant};
 
 use nalgebra::Point2;
 
-use crate::chain::Said;
+use crate::chain::StepResult;
 
 /// Polling interval of the file, which is the error of the times.
 const POLL: Duration = Duration::from_millis(2);
 
 /// One line of `tracks.jsonl`.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Row {
+pub struct LiveRow {
     /// Number of the frame, from 1.
     pub frame: u32,
     /// Time of the moment, seconds.
@@ -28,7 +28,7 @@ pub struct Row {
     pub found: Instant,
 }
 
-impl Row {
+impl LiveRow {
     fn parse(line: &str, found: Instant) -> Option<Self> {
         let json: serde_json::Value = serde_json::from_str(line).ok()?;
         let person = |person: &serde_json::Value| {
@@ -48,17 +48,17 @@ impl Row {
 ///
 /// # Errors
 /// A file that cannot be read, or a line that is not a row.
-pub fn read(path: &Path) -> Said<Vec<Row>> {
+pub fn read(path: &Path) -> StepResult<Vec<LiveRow>> {
     let (text, found) = (std::fs::read_to_string(path), Instant::now());
     let text = text.map_err(|e| format!("{}: {e}", path.display()))?;
-    let row = |line: &str| Row::parse(line, found).ok_or_else(|| format!("{}: {line}", path.display()));
+    let row = |line: &str| LiveRow::parse(line, found).ok_or_else(|| format!("{}: {line}", path.display()));
     text.lines().map(row).collect()
 }
 
 /// Watcher that follows the file while it grows, until it is dropped.
 #[derive(Debug)]
 pub struct RowWatch {
-    rows: Arc<Mutex<Vec<Row>>>,
+    rows: Arc<Mutex<Vec<LiveRow>>>,
     has_ended: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
@@ -66,7 +66,7 @@ pub struct RowWatch {
 impl RowWatch {
     /// Starts to follow a file, which need not exist yet.
     pub fn start(path: PathBuf) -> Self {
-        let (rows, has_ended) = (Arc::<Mutex<Vec<Row>>>::default(), Arc::<AtomicBool>::default());
+        let (rows, has_ended) = (Arc::<Mutex<Vec<LiveRow>>>::default(), Arc::<AtomicBool>::default());
         let (found, end) = (Arc::clone(&rows), Arc::clone(&has_ended));
         let thread = thread::spawn(move || {
             let (mut at, mut partial) = (0, String::new());
@@ -76,7 +76,7 @@ impl RowWatch {
                 partial.push_str(&new);
                 while let Some(end) = partial.find('\n') {
                     let line: String = partial.drain(..=end).collect();
-                    let row = Row::parse(line.trim_end(), now);
+                    let row = LiveRow::parse(line.trim_end(), now);
                     found.lock().unwrap_or_else(PoisonError::into_inner).extend(row);
                 }
                 thread::sleep(POLL);
@@ -86,7 +86,7 @@ impl RowWatch {
     }
 
     /// The rows so far.
-    pub fn rows(&self) -> Vec<Row> {
+    pub fn rows(&self) -> Vec<LiveRow> {
         self.rows.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 }

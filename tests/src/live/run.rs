@@ -8,9 +8,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use crate::chain::Said;
+use crate::chain::StepResult;
 use crate::data::program;
-use crate::live::rows::{Row, RowWatch};
+use crate::live::rows::{LiveRow, RowWatch};
 
 /// Polling interval of a wait.
 const POLL: Duration = Duration::from_millis(20);
@@ -30,13 +30,13 @@ pub struct LiveRun {
 
 /// A run that is over.
 #[derive(Debug)]
-pub struct Ended {
+pub struct EndedRun {
     /// Exit status of the process.
     pub status: ExitStatus,
     /// The lines of its standard error.
     pub log: Vec<String>,
     /// Rows of the run.
-    pub rows: Vec<Row>,
+    pub rows: Vec<LiveRow>,
 }
 
 /// `--video NAME=SPEC` for each camera.
@@ -48,8 +48,8 @@ impl LiveRun {
     /// Starts `tracker run ROOM --out OUT` with further arguments.
     ///
     /// # Errors
-    /// When the process does not start.
-    pub fn start(room: &Path, out: &Path, arguments: &[String]) -> Said<Self> {
+    /// A line when the process does not start.
+    pub fn start(room: &Path, out: &Path, arguments: &[String]) -> StepResult<Self> {
         let mut command = program("tracker");
         command.arg("run").arg(room).arg("--out").arg(out).args(arguments);
         Self::spawn(&mut command, out, None)
@@ -59,7 +59,7 @@ impl LiveRun {
     ///
     /// # Errors
     /// As [`Self::start`]; when no port is free.
-    pub fn start_with_page(room: &Path, out: &Path, arguments: &[String]) -> Said<Self> {
+    pub fn start_with_page(room: &Path, out: &Path, arguments: &[String]) -> StepResult<Self> {
         let page = free_address()?;
         let mut command = program("tracker");
         command.arg("run").arg(room).arg("--out").arg(out).args(arguments);
@@ -71,14 +71,14 @@ impl LiveRun {
     ///
     /// # Errors
     /// The process does not start.
-    pub fn start_agents(room: &Path, camera: &str, out: &Path, arguments: &[String]) -> Said<Self> {
+    pub fn start_agents(room: &Path, camera: &str, out: &Path, arguments: &[String]) -> StepResult<Self> {
         let mut command = program("tracker");
         command.arg("station").arg(room).args(["--method", "agents", "--camera", camera]);
         command.arg("--out").arg(out).args(arguments);
         Self::spawn(&mut command, out, None)
     }
 
-    fn spawn(command: &mut Command, out: &Path, page: Option<SocketAddr>) -> Said<Self> {
+    fn spawn(command: &mut Command, out: &Path, page: Option<SocketAddr>) -> StepResult<Self> {
         let started = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn();
         let mut child = started.map_err(|e| format!("{command:?}: {e}"))?;
         let log = Arc::<Mutex<Vec<String>>>::default();
@@ -105,7 +105,7 @@ impl LiveRun {
     }
 
     /// The rows so far.
-    pub fn rows(&self) -> Vec<Row> {
+    pub fn rows(&self) -> Vec<LiveRow> {
         self.rows.rows()
     }
 
@@ -118,7 +118,7 @@ impl LiveRun {
     ///
     /// # Errors
     /// The run's last line, if the run ends before.
-    pub fn wait_until(&mut self, time: Instant) -> Said<()> {
+    pub fn wait_until(&mut self, time: Instant) -> StepResult<()> {
         self.wait_for(time, |_| false).map(|_| ())
     }
 
@@ -126,7 +126,11 @@ impl LiveRun {
     ///
     /// # Errors
     /// The run's last line, if the run ends before.
-    pub fn wait_for(&mut self, until: Instant, mut is_true: impl FnMut(&[Row]) -> bool) -> Said<bool> {
+    pub fn wait_for(
+        &mut self,
+        until: Instant,
+        mut is_true: impl FnMut(&[LiveRow]) -> bool,
+    ) -> StepResult<bool> {
         loop {
             if is_true(&self.rows.rows()) {
                 return Ok(true);
@@ -146,7 +150,7 @@ impl LiveRun {
     ///
     /// # Errors
     /// The run's last line, if it fails; a run that goes on until then.
-    pub fn finish(mut self, until: Instant) -> Said<Ended> {
+    pub fn finish(mut self, until: Instant) -> StepResult<EndedRun> {
         while self.is_running() {
             if Instant::now() > until {
                 return Err(format!("the run has not ended in time; {}", self.failure()));
@@ -160,7 +164,7 @@ impl LiveRun {
     ///
     /// # Errors
     /// The program `kill` cannot be run.
-    pub fn signal(&self, name: &str) -> Said<()> {
+    pub fn signal(&self, name: &str) -> StepResult<()> {
         let sent = Command::new("kill").args([&format!("-{name}"), &self.pid().to_string()]).status();
         sent.map(drop).map_err(|e| format!("kill: {e}"))
     }
@@ -169,14 +173,14 @@ impl LiveRun {
     ///
     /// # Errors
     /// The run's last line, if it fails or does not end.
-    pub fn interrupt(mut self) -> Said<Ended> {
+    pub fn interrupt(mut self) -> StepResult<EndedRun> {
         if self.is_running() {
             self.signal("INT")?;
         }
         self.finish(Instant::now() + FAREWELL)
     }
 
-    fn ended(&mut self) -> Said<Ended> {
+    fn ended(&mut self) -> StepResult<EndedRun> {
         let status = self.child.wait().map_err(|e| e.to_string())?;
         if !status.success() {
             return Err(self.failure());
@@ -187,7 +191,7 @@ impl LiveRun {
         }
         // The last rows are found at the next look.
         thread::sleep(POLL);
-        Ok(Ended { status, log: self.log(), rows: self.rows() })
+        Ok(EndedRun { status, log: self.log(), rows: self.rows() })
     }
 
     /// The lines of the log so far.
@@ -225,7 +229,7 @@ pub fn error_line<S: AsRef<str>>(log: &[S]) -> String {
 ///
 /// # Errors
 /// No port is free.
-pub fn free_address() -> Said<SocketAddr> {
+pub fn free_address() -> StepResult<SocketAddr> {
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).map_err(|e| e.to_string())?;
     listener.local_addr().map_err(|e| e.to_string())
 }
@@ -239,7 +243,7 @@ impl Scratch {
     ///
     /// # Errors
     /// The folder cannot be made.
-    pub fn new() -> Said<Self> {
+    pub fn new() -> StepResult<Self> {
         tempfile::tempdir().map(Self).map_err(|e| e.to_string())
     }
 

@@ -7,7 +7,7 @@ use std::process::{Child, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use crate::chain::Said;
+use crate::chain::StepResult;
 use crate::data::program;
 use crate::live::Figure;
 use crate::live::capacity::track_bytes;
@@ -24,13 +24,13 @@ const LONGEST: Duration = Duration::from_mins(5);
 const THREE_INSIDE: std::ops::Range<usize> = 225..265;
 
 /// Process of `tracker station` for one camera.
-struct Station {
+struct StationProcess {
     child: Child,
     address: SocketAddr,
 }
 
-impl Station {
-    fn start(room: &Path, camera: &str, video: &str) -> Said<Self> {
+impl StationProcess {
+    fn start(room: &Path, camera: &str, video: &str) -> StepResult<Self> {
         let address = free_address()?;
         let mut command = program("tracker");
         command.arg("station").arg(room).args(["--camera", camera, "--video", video]);
@@ -60,7 +60,7 @@ impl Station {
     }
 }
 
-impl Drop for Station {
+impl Drop for StationProcess {
     fn drop(&mut self) {
         // An error means that the process has ended.
         let _ = self.child.kill();
@@ -75,7 +75,7 @@ fn stations_argument(addresses: &[SocketAddr]) -> [String; 2] {
 }
 
 /// Bytes a second that the first of two stations sends in `measured_s` seconds with three people in its picture.
-fn bytes_per_s(measured_s: f64) -> Said<f64> {
+fn bytes_per_s(measured_s: f64) -> StepResult<f64> {
     const START_S: f64 = 15.0;
     let pictures = |seconds: f64| (seconds * RATE_HZ) as usize;
     let inside = office::to_and_fro(THREE_INSIDE).take(pictures(START_S + measured_s));
@@ -84,7 +84,7 @@ fn bytes_per_s(measured_s: f64) -> Said<f64> {
     let options = CameraOptions::default();
     let (cameras, epoch) = office::cameras(&order, false, [options.clone(), options])?;
     let (room, scratch) = (office::room(), Scratch::new()?);
-    let station = |camera: usize| Station::start(&room, CAMERAS[camera], &cameras[camera].url());
+    let station = |camera: usize| StationProcess::start(&room, CAMERAS[camera], &cameras[camera].url());
     let stations = [station(0)?, station(1)?];
     let proxy = Proxy::start(stations[0].address)?;
     let mut given = stations_argument(&[proxy.address, stations[1].address]).to_vec();
@@ -99,15 +99,17 @@ fn bytes_per_s(measured_s: f64) -> Said<f64> {
 }
 
 /// Whether two stations on the office's recordings give the tracks of one process, to the byte.
-fn equal_tracks() -> Said<bool> {
+fn equal_tracks() -> StepResult<bool> {
     let (room, scratch) = (office::room(), Scratch::new()?);
     let specs = CAMERAS.map(|name| office::video(name).display().to_string());
     let until = Instant::now() + LONGEST;
     let mut given = videos(CAMERAS.into_iter().zip(specs.clone()));
     given.push("--no-film".to_owned());
     LiveRun::start(&room, &scratch.path("one"), &given)?.finish(until)?;
-    let stations =
-        [Station::start(&room, CAMERAS[0], &specs[0])?, Station::start(&room, CAMERAS[1], &specs[1])?];
+    let stations = [
+        StationProcess::start(&room, CAMERAS[0], &specs[0])?,
+        StationProcess::start(&room, CAMERAS[1], &specs[1])?,
+    ];
     let mut given = stations_argument(&[stations[0].address, stations[1].address]).to_vec();
     given.push("--no-film".to_owned());
     LiveRun::start(&room, &scratch.path("two"), &given)?.finish(until)?;

@@ -10,7 +10,7 @@ use image::codecs::jpeg::JpegEncoder;
 use image::imageops::{FilterType, resize};
 
 use super::stamp;
-use crate::chain::Said;
+use crate::chain::StepResult;
 
 /// Quality of the JPEGs, 1 to 100, as cameras choose it.
 const QUALITY: u8 = 85;
@@ -37,7 +37,7 @@ impl Film {
     ///
     /// # Errors
     /// No pictures, an index beyond them, or too many places to number.
-    pub fn encode(pictures: &[RgbImage], order: &[usize], is_stamped: bool) -> Said<Self> {
+    pub fn encode(pictures: &[RgbImage], order: &[usize], is_stamped: bool) -> StepResult<Self> {
         if order.is_empty() || order.iter().any(|place| *place >= pictures.len()) {
             return Err("a film needs places, and a picture for each".into());
         }
@@ -57,7 +57,7 @@ impl Film {
         order: &[usize],
         is_stamped: bool,
         sizes: &[(u32, u32)],
-    ) -> Said<Self> {
+    ) -> StepResult<Self> {
         let mut film = Self::encode(pictures, order, is_stamped)?;
         for (width, height) in sizes {
             let scaled = pictures.iter().map(|p| resize(p, *width, *height, FilterType::Triangle));
@@ -71,7 +71,7 @@ impl Film {
     ///
     /// # Errors
     /// As [`FrameSource`].
-    pub fn frames(video: &Path) -> Said<Vec<RgbImage>> {
+    pub fn frames(video: &Path) -> StepResult<Vec<RgbImage>> {
         let spec = video.to_str().ok_or("the video's path is not UTF-8")?;
         let mut source = FrameSource::open(spec).map_err(|e| e.to_string())?;
         source.read_all().map_err(|e| e.to_string())
@@ -102,7 +102,7 @@ impl Film {
 }
 
 impl Jpegs {
-    fn encode(pictures: &[RgbImage], order: &[usize], is_stamped: bool) -> Said<Self> {
+    fn encode(pictures: &[RgbImage], order: &[usize], is_stamped: bool) -> StepResult<Self> {
         let places = if is_stamped {
             let mut places = Vec::with_capacity(order.len());
             for (number, picture) in order.iter().enumerate() {
@@ -112,7 +112,7 @@ impl Jpegs {
             }
             places
         } else {
-            let encoded = pictures.iter().map(jpeg).collect::<Said<Vec<_>>>()?;
+            let encoded = pictures.iter().map(jpeg).collect::<StepResult<Vec<_>>>()?;
             order.iter().map(|picture| Arc::clone(&encoded[*picture])).collect()
         };
         let (width, height) = pictures[order[0]].dimensions();
@@ -120,7 +120,7 @@ impl Jpegs {
     }
 }
 
-fn jpeg(picture: &RgbImage) -> Said<Arc<[u8]>> {
+fn jpeg(picture: &RgbImage) -> StepResult<Arc<[u8]>> {
     let mut bytes = Vec::new();
     JpegEncoder::new_with_quality(&mut bytes, QUALITY).encode_image(picture).map_err(|e| e.to_string())?;
     Ok(bytes.into())

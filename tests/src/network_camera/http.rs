@@ -5,10 +5,10 @@ use std::net::TcpStream;
 use std::thread;
 
 use super::schedule::Fault;
-use super::{POLL, Shared};
+use super::{CameraState, POLL};
 
 /// Plays to one client until either side ends.
-pub(super) fn stream(shared: &Shared, mut client: TcpStream) -> std::io::Result<()> {
+pub(super) fn stream(shared: &CameraState, mut client: TcpStream) -> std::io::Result<()> {
     let mut request = [0; 4096];
     // Any request is answered with the film.
     if client.read(&mut request)? == 0 {

@@ -21,10 +21,10 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use crate::chain::Said;
+use crate::chain::StepResult;
 use film::Film;
 pub use schedule::{AtEnd, CameraOptions, Fault, Outage};
-use schedule::{Playback, Step};
+use schedule::{Playback, PlaybackStep};
 
 /// Interval at which the server looks for new clients, ends and faults.
 const POLL: Duration = Duration::from_millis(10);
@@ -33,13 +33,13 @@ const POLL: Duration = Duration::from_millis(10);
 #[derive(Debug)]
 pub struct NetworkCamera {
     address: SocketAddr,
-    shared: Arc<Shared>,
+    shared: Arc<CameraState>,
     server: Option<JoinHandle<()>>,
 }
 
 /// State that the server shares with its clients' threads.
 #[derive(Debug)]
-struct Shared {
+struct CameraState {
     film: Film,
     options: CameraOptions,
     epoch: Instant,
@@ -53,7 +53,7 @@ impl NetworkCamera {
     ///
     /// # Errors
     /// Options outside their ranges, a fault that needs pictures of a size that the film does not have, no free port.
-    pub fn start(film: Film, options: CameraOptions, epoch: Instant) -> Said<Self> {
+    pub fn start(film: Film, options: CameraOptions, epoch: Instant) -> StepResult<Self> {
         options.validate()?;
         if let Some((w, h)) =
             options.faults.iter().filter_map(Outage::size).find(|size| !film.has_size(*size))
@@ -63,7 +63,7 @@ impl NetworkCamera {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).map_err(|e| e.to_string())?;
         let address = listener.local_addr().map_err(|e| e.to_string())?;
         let (has_ended, connections) = (AtomicBool::new(false), AtomicUsize::new(0));
-        let shared = Arc::new(Shared { film, options, epoch, has_ended, connections });
+        let shared = Arc::new(CameraState { film, options, epoch, has_ended, connections });
         let own = Arc::clone(&shared);
         let server = thread::spawn(move || serve(&own, address, listener));
         Ok(Self { address, shared, server: Some(server) })
@@ -96,7 +96,7 @@ impl Drop for NetworkCamera {
     }
 }
 
-impl Shared {
+impl CameraState {
     /// Time since the epoch, seconds; negative before it.
     fn now_s(&self) -> f64 {
         let now = Instant::now();
@@ -140,7 +140,7 @@ impl Shared {
     fn play(&self, mut send: impl FnMut(&[u8]) -> std::io::Result<()>) -> std::io::Result<()> {
         let mut playback = Playback::new(&self.options, self.film.len(), self.now_s());
         loop {
-            let Step { shown, due_s } = playback.next();
+            let PlaybackStep { shown, due_s } = playback.next();
             let asleep_from_s = self.now_s();
             // On a slow machine a whole refusal may pass in one sleep.
             if !self.sleep_until(due_s) || self.options.is_refusing_within(asleep_from_s, self.now_s()) {
@@ -168,7 +168,7 @@ impl Shared {
 const LATEST_S: f64 = 1.0;
 
 /// Accepts clients until the camera ends. The port is closed while the camera refuses connections.
-fn serve(shared: &Arc<Shared>, address: SocketAddr, first: TcpListener) {
+fn serve(shared: &Arc<CameraState>, address: SocketAddr, first: TcpListener) {
     let mut listener = Some(first);
     while !shared.has_ended() {
         if shared.is_away() {

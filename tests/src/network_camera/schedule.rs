@@ -3,7 +3,7 @@
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use crate::chain::Said;
+use crate::chain::StepResult;
 
 /// Options of a camera: its clock, its network, its faults.
 #[derive(Debug, Clone, PartialEq)]
@@ -95,7 +95,7 @@ impl Outage {
 
 impl CameraOptions {
     /// Checks the ranges.
-    pub(super) fn validate(&self) -> Said<()> {
+    pub(super) fn validate(&self) -> StepResult<()> {
         let in_range = [
             ("rate_hz", self.rate_hz > 0.0 && self.rate_hz.is_finite()),
             ("delay_s", self.delay_s >= 0.0 && self.delay_s.is_finite()),
@@ -166,7 +166,7 @@ pub(super) struct Playback<'a> {
 
 /// Turn of one picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Step {
+pub(super) struct PlaybackStep {
     /// Place of the picture in the film; `None` for black.
     pub(super) shown: Option<usize>,
     /// Time at which it is to be sent, seconds from the epoch.
@@ -188,7 +188,7 @@ impl<'a> Playback<'a> {
     }
 
     /// The next picture that is not lost.
-    pub(super) fn next(&mut self) -> Step {
+    pub(super) fn next(&mut self) -> PlaybackStep {
         loop {
             let number = self.next;
             self.next += 1;
@@ -199,7 +199,7 @@ impl<'a> Playback<'a> {
             };
             let due_s = (self.options.shown_at_s(number) + jitter_s).max(self.latest_s);
             self.latest_s = due_s;
-            return Step { shown: place.map(|place| place as usize), due_s };
+            return PlaybackStep { shown: place.map(|place| place as usize), due_s };
         }
     }
 }

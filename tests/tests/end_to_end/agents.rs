@@ -1,24 +1,24 @@
-//! Stations that track together, each in a process of its own, and what may happen to them: the others go on.
+//! Stations that track together, each in a process of its own, with failures of one: the others go on.
 
 use std::collections::BTreeSet;
 use std::net::SocketAddr;
 use std::time::{Duration, Instant};
 
 use scenes::room::Room;
-use tests::live::agents::{FIRST_FRAME, Pair, ids, restart};
+use tests::live::agents::{FIRST_FRAME, StationPair, ids, restart};
 use tests::live::office;
-use tests::live::rows::Row;
+use tests::live::rows::LiveRow;
 use tracker::wire::Fingerprint;
 use zenoh::{Session, Wait};
 
 /// Asserts that a station never gave one id to two people in a row.
-fn assert_no_duplicates(rows: &[Row]) {
+fn assert_no_duplicates(rows: &[LiveRow]) {
     for row in rows {
         assert_eq!(ids(row).len(), row.people.len(), "{row:?}");
     }
 }
 
-/// Asserts that a station never knew anybody but these people, and nearly always all of them.
+/// Asserts that a station knew only these people, and nearly always all of them.
 fn assert_kept(rows: &[BTreeSet<u32>], people: &BTreeSet<u32>) {
     let whole = rows.iter().filter(|row| *row == people).count();
     let is_kept = rows.iter().all(|row| row.is_subset(people));
@@ -27,7 +27,7 @@ fn assert_kept(rows: &[BTreeSet<u32>], people: &BTreeSet<u32>) {
 
 #[test]
 fn a_killed_and_a_stalled_station_come_back_and_the_other_keeps_its_ids() {
-    let mut pair = Pair::start(FIRST_FRAME).unwrap();
+    let mut pair = StationPair::start(FIRST_FRAME).unwrap();
     let found = restart(&mut pair, Duration::from_secs(2)).unwrap();
     println!("back after {} s", found.back_s);
     assert!(found.meanwhile.len() > 10 && found.back_s < 5.0, "{found:?}");
@@ -49,7 +49,7 @@ fn a_killed_and_a_stalled_station_come_back_and_the_other_keeps_its_ids() {
     }
 }
 
-/// Session of a stranger that may do everything that Zenoh allows.
+/// Session of an unknown Zenoh peer with all permissions.
 fn stranger(addresses: &[SocketAddr]) -> Session {
     let mut config = zenoh::Config::default();
     let connect: Vec<String> = addresses.iter().map(|address| format!("\"tcp/{address}\"")).collect();
@@ -65,7 +65,7 @@ fn stranger(addresses: &[SocketAddr]) -> Session {
 
 #[test]
 fn nonsense_is_told_once_and_wrong_clocks_are_corrected_or_left_out() {
-    let mut pair = Pair::start(FIRST_FRAME).unwrap();
+    let mut pair = StationPair::start(FIRST_FRAME).unwrap();
     let people = pair.agreement(3).unwrap();
     let hostile = stranger(&pair.addresses);
     let key = format!("roomtrack/1/{}/agents/cam1", Fingerprint::of(&Room::read(&office::room()).unwrap()));
@@ -114,7 +114,7 @@ fn nonsense_is_told_once_and_wrong_clocks_are_corrected_or_left_out() {
 
 #[test]
 fn a_network_that_is_cut_and_healed_leaves_each_person_one_id() {
-    let mut pair = Pair::start(FIRST_FRAME).unwrap();
+    let mut pair = StationPair::start(FIRST_FRAME).unwrap();
     // The cut comes when one person is inside; two come in while it lasts, and get ids from both stations.
     let first = pair.agreement(1).unwrap();
     pair.network.cut();
@@ -135,7 +135,7 @@ fn a_network_that_is_cut_and_healed_leaves_each_person_one_id() {
     }
 }
 
-fn has_three(rows: &[Row]) -> bool {
+fn has_three(rows: &[LiveRow]) -> bool {
     rows.len() > 10 && rows[rows.len() - 10..].iter().map(ids).all(|people: BTreeSet<u32>| people.len() == 3)
 }
 

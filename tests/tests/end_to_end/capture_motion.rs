@@ -42,7 +42,7 @@ fn the_office_captures_are_followed_to_a_millimetre() {
 }
 
 #[test]
-fn a_real_kitchen_with_blur_and_plain_walls_is_followed_to_its_truths_own_error() {
+fn a_real_kitchen_of_shared_data_is_followed_to_its_truths_own_error() {
     let Some(folder) = tests::data::shared("hololens") else { return };
     for (camera, position_cm, rotation_deg) in [("a", 2.0, 0.6), ("b", 2.2, 0.36)] {
         let source = folder.join("capture").join(camera);
@@ -83,7 +83,7 @@ fn wrong_intrinsics_are_contradicted_and_refined_when_asked() {
         (given, motion.intrinsics, report)
     };
     let truth = capture.intrinsics.clone().unwrap();
-    // The right lens stays as it is, though it may be refined.
+    // A correct lens is kept, though refining it is allowed.
     let (given, used, report) = run(1.0, true);
     assert_eq!((&used, report.lens), (&given, LensOrigin::Given));
     let (given, used, report) = run(1.03, false);
@@ -112,7 +112,7 @@ fn rayon_pool(threads: usize) -> rayon::ThreadPool {
     rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap()
 }
 
-/// What a camera sees that only turns: one frame, seen through rotations.
+/// Capture of a camera that only turns: one frame, warped by rotations.
 fn turning(picture: &RgbImage, wide: &Intrinsics, frames: u32) -> Capture {
     let narrow = Intrinsics::from_horizontal_fov(400, 300, 40.0);
     let seen = |turn: &UnitQuaternion<f64>| {
@@ -132,7 +132,7 @@ fn turning(picture: &RgbImage, wide: &Intrinsics, frames: u32) -> Capture {
         sampled: Sampled::ALL,
         reference: frames as usize - 1,
         intrinsics: Some(narrow),
-        told_focal_px: None,
+        exif_focal_px: None,
     }
 }
 
@@ -159,14 +159,14 @@ fn a_camera_that_only_turns_is_told_to_move() {
     assert!(said.contains("`turning`") && said.contains("sideways"), "{said}");
 }
 
-/// The capture with a poster carried about in it, which covers these columns (as shares of the width); posters of
-/// different phases move differently.
+/// The capture with a moving poster that covers these columns (as shares of the width); posters of different phases
+/// move differently.
 fn with_a_moving_poster(mut capture: Capture, columns: Range<f64>, phase: i64) -> Capture {
     let poster = shipped("cam1").frames.swap_remove(20);
     let (width, height) = poster.dimensions();
     let column = |share: f64| (share * f64::from(width)) as u32;
     for (index, frame) in (phase..).zip(&mut capture.frames) {
-        // To and fro, and up and down, as nothing that stands still could seem to move.
+        // To and fro, and up and down, unlike any static thing's apparent motion.
         let (dx, dy) = (4 * (index % 7 - 3).abs(), 4 * ((index + 2) % 5 - 2).abs());
         for v in 0..height {
             for u in column(columns.start)..column(columns.end) {
@@ -179,7 +179,7 @@ fn with_a_moving_poster(mut capture: Capture, columns: Range<f64>, phase: i64) -
 }
 
 #[test]
-fn what_moves_is_left_out_and_when_most_moves_it_is_said() {
+fn moving_things_are_left_out_and_mostly_moving_scenes_are_reported() {
     let mut capture = shipped("cam0");
     capture.frames.drain(..30);
     capture.reference = capture.frames.len() - 1;
@@ -191,7 +191,7 @@ fn what_moves_is_left_out_and_when_most_moves_it_is_said() {
     assert!(error.position_rms_cm < 0.1 && error.rotation_rms_deg < 0.02, "{error:?}");
     assert!(report.explained_share < 0.85, "{report:?}");
 
-    // Two, as all that a single one would show is a camera that moves before it.
+    // Two posters: a single one could be explained by a camera that moves before it.
     let most = with_a_moving_poster(with_a_moving_poster(capture, 0.0..0.45, 0), 0.5..1.0, 3);
     let said = estimate(&most, &MotionOptions::default()).map(|r| r.1).unwrap_err().to_string();
     assert!(said.contains("`cam0`") && said.contains("move through"), "{said}");
@@ -200,7 +200,7 @@ fn what_moves_is_left_out_and_when_most_moves_it_is_said() {
 #[test]
 fn a_capture_that_does_not_show_its_reference_is_told_so() {
     let mut capture = shipped("cam0");
-    // The last frame is another camera's: as if the camera had been put up elsewhere.
+    // The last frame is another camera's, as if the camera had been installed elsewhere.
     let elsewhere = shipped("cam1").frames.pop().unwrap();
     capture.frames.drain(..30);
     capture.reference = capture.frames.len() - 1;

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use calib::video::{FilmWriter, FrameSource};
 use image::RgbImage;
 use synthetic::{RoomOptions, SequenceOptions, WalkerOptions};
-use tests::chain::{Said, Tracking, evaluate_against, track_videos};
+use tests::chain::{StepResult, Tracking, evaluate_against, track_videos};
 use tests::data::{office, program};
 
 /// Every `step`-th frame of an office video from frame `first` (from 1) on, as a film of the rate that keeps its speed.
@@ -28,7 +28,7 @@ fn retimed(name: &str, first: usize, step: usize, folder: &Path) -> PathBuf {
     path
 }
 
-/// The office's truth at every `step`-th frame, as it counts there.
+/// The office's truth at every `step`-th frame, numbered as there.
 fn truth(first: usize, step: usize, folder: &Path) -> PathBuf {
     let text = std::fs::read_to_string(office().join("truth.txt")).unwrap();
     let rows = text.lines().filter_map(|line| {
@@ -42,7 +42,7 @@ fn truth(first: usize, step: usize, folder: &Path) -> PathBuf {
     path
 }
 
-fn tracked(videos: [&Path; 2], truth: &Path, folder: &Path, options: &[&str]) -> Said<Tracking> {
+fn tracked(videos: [&Path; 2], truth: &Path, folder: &Path, options: &[&str]) -> StepResult<Tracking> {
     let (room, out) = (office().join("room"), folder.join("out"));
     track_videos(&room, &[("cam0", videos[0]), ("cam1", videos[1])], &out, options)?;
     evaluate_against(truth, &room, &room, &out)
@@ -56,7 +56,7 @@ fn a_camera_of_half_the_rate_is_matched_by_time() {
     let truth = truth(1, 1, scratch.path());
     let found = tracked([&fast, &slow], &truth, scratch.path(), &[]).unwrap();
     assert!(found.mota >= 85.0 && found.mean_m <= 0.12, "{found:?}");
-    // The film's header may be believed or not: frame by frame nothing fits.
+    // With the rate of the film's header, frames do not match.
     let wrong = tracked([&fast, &slow], &truth, scratch.path(), &["--rate", "12"]).unwrap();
     assert!(wrong.mota < found.mota - 30.0, "{wrong:?}");
 }
@@ -69,7 +69,7 @@ fn a_camera_that_began_later_is_matched_by_its_offset() {
     let truth = truth(13, 1, scratch.path());
     let found = tracked([&early, &late], &truth, scratch.path(), &["--offset", "cam1=1"]).unwrap();
     assert!(found.mota >= 90.0 && found.mean_m <= 0.10, "{found:?}");
-    // The same, told the other way round: the tracks' frames are those of `cam0`.
+    // The same offset, given for the other camera: the tracks' frames are those of `cam0`.
     let same = tracked([&early, &late], &truth, scratch.path(), &["--offset", "cam0=-1"]).unwrap();
     assert!((same.mota - found.mota).abs() < 1e-9, "{same:?} against {found:?}");
     let wrong = tracked([&early, &late], &truth, scratch.path(), &[]).unwrap();
@@ -98,7 +98,7 @@ fn sixty_frames_a_second_are_not_too_many() {
     for camera in [0, 1] {
         std::fs::create_dir(masks(camera)).unwrap();
     }
-    // Whoever no camera has seen cannot be asked for; from then on they count.
+    // People count from the first frame in which a camera has seen them.
     let (mut seen_once, mut rows) = (BTreeSet::new(), String::new());
     for frame in sequence.frames() {
         for person in frame.people.iter().filter(|person| person.inside) {

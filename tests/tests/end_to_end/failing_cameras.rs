@@ -1,4 +1,4 @@
-//! Cameras that freeze or go dark for a while: set aside, taken back, and said so.
+//! Cameras that freeze or go dark for a while are excluded, taken back, and reported.
 
 use std::path::Path;
 
@@ -11,7 +11,7 @@ const FROZEN: std::ops::RangeInclusive<u32> = 20..=36;
 /// …and in which `cam1` is covered.
 const COVERED: std::ops::RangeInclusive<u32> = 45..=52;
 
-/// Two cameras' pictures of a room with somebody in it, with the failures.
+/// Two cameras' pictures of a room with a person in it, with the failures.
 fn recorded(folder: &Path) {
     let made = RoomOptions { seed: 5, image_px: [160, 120], ..RoomOptions::default() }.build().unwrap();
     let walkers = made.walkers(&WalkerOptions { people: 1, first_s: 0.0, ..WalkerOptions::default() });

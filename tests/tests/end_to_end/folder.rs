@@ -1,4 +1,4 @@
-//! A folder of a test's own, which programs run in.
+//! Folder of a test, in which programs run.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -33,7 +33,7 @@ impl Folder {
         program(name).current_dir(self.0.path()).args(arguments).output().expect("the program starts")
     }
 
-    /// Everything in the folder, with what is in it, in order.
+    /// All files of the folder with their content, in order.
     pub(crate) fn files(&self) -> Vec<(PathBuf, Vec<u8>)> {
         let mut files = Vec::new();
         list(self.0.path(), &mut files);

@@ -1,4 +1,4 @@
-//! What `tracker detect`, `link` and `eval` say to bad input; and that nothing is half-written.
+//! Error lines of `tracker detect`, `link` and `eval` on bad input; no file is half-written.
 
 use std::path::{Path, PathBuf};
 use std::process::Output;
@@ -7,11 +7,11 @@ use tests::data::program;
 
 use crate::refusal::refused;
 
-struct Bench {
+struct LinkBench {
     folder: tempfile::TempDir,
 }
 
-impl Bench {
+impl LinkBench {
     fn new() -> Self {
         Self { folder: tempfile::tempdir().unwrap() }
     }
@@ -27,7 +27,7 @@ impl Bench {
 
 fn tracker(words: &[&str], paths: &[&Path]) -> Output {
     let mut command = program("tracker");
-    // Words and paths take turns where a word is empty.
+    // A path is taken where a word is empty.
     let mut paths = paths.iter();
     for word in words {
         match *word {
@@ -42,7 +42,7 @@ const ROWS: &str = "1,-1,10,10,30,60,0.9\n2,-1,11,10,30,60,0.9\n3,-1,12,10,30,60
 
 #[test]
 fn linking_names_file_line_and_option() {
-    let bench = Bench::new();
+    let bench = LinkBench::new();
     let (good, out) = (bench.file("good.txt", ROWS), bench.file("out.txt", "as it was\n"));
     let bad = bench.file("bad.txt", "1,-1,10,10,30,60,0.9\n2,-1,10,NaN,30,60,0.9\n");
     refused(&tracker(&["link", "", "--out", ""], &[&bad, &out]), &["bad.txt", "line 2", "top"]);
@@ -68,7 +68,7 @@ fn linking_names_file_line_and_option() {
 
 #[test]
 fn colours_need_the_video_that_the_boxes_were_found_in() {
-    let bench = Bench::new();
+    let bench = LinkBench::new();
     let (good, out, video) = (bench.file("good.txt", ROWS), bench.path("out.txt"), bench.path("video"));
     std::fs::create_dir(&video).unwrap();
     let write = |frames: std::ops::RangeInclusive<u32>, size: u32| {
@@ -92,7 +92,7 @@ fn colours_need_the_video_that_the_boxes_were_found_in() {
 
 #[test]
 fn files_that_are_none_are_named_and_so_is_a_rate_that_is_none() {
-    let bench = Bench::new();
+    let bench = LinkBench::new();
     let (good, out) = (bench.file("good.txt", ROWS), bench.path("out.txt"));
     refused(&tracker(&["link", "", "--out", ""], &[bench.folder.path(), &out]), &["Is a directory"]);
     let cut = bench.file("cut.txt", "1,-1,10,10,30,60,0.9\n2,-1,10");
@@ -105,7 +105,7 @@ fn files_that_are_none_are_named_and_so_is_a_rate_that_is_none() {
 
 #[test]
 fn tuning_and_evaluating_name_what_is_missing() {
-    let bench = Bench::new();
+    let bench = LinkBench::new();
     let good = bench.file("good.txt", ROWS);
     refused(&tracker(&["link", "tune", "", "--truth", ""], &[&good, &good]), &["good.txt", "ids"]);
     let truth = bench.file("truth.txt", &ROWS.replace("-1,", "1,"));
@@ -119,7 +119,7 @@ fn tuning_and_evaluating_name_what_is_missing() {
 
 #[test]
 fn detecting_names_video_and_model() {
-    let bench = Bench::new();
+    let bench = LinkBench::new();
     let (out, model) = (bench.path("out.txt"), bench.file("model.json", "{\"format\":1,\"weights\":[1.0]}"));
     let (none, empty) = (bench.path("none.avi"), bench.file("empty.avi", ""));
     refused(&tracker(&["detect", "", "--out", ""], &[&none, &out]), &["none.avi"]);

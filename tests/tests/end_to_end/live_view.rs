@@ -1,4 +1,4 @@
-//! `tracker run --view` as a browser sees it: pages and pictures while the run goes on, and the run as without it.
+//! `tracker run --view` as a browser sees it: pages and pictures during the run, and the run unchanged by it.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
@@ -13,10 +13,10 @@ use tests::data::{office, program};
 use crate::folder::Folder;
 use crate::refusal::refused;
 
-/// How many of the office's frames are followed: in the last of them there are people.
+/// Number of the office's frames that are followed: in the last of them there are people.
 const FRAMES: u64 = 100;
 
-/// Head and body of what is at a path; `None` once nobody answers.
+/// Head and body of the answer for a path; `None` once the server has ended.
 fn get(address: SocketAddr, path: &str) -> Option<(String, Vec<u8>)> {
     let mut stream = TcpStream::connect(address).ok()?;
     write!(stream, "GET {path} HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n").ok()?;
@@ -26,7 +26,7 @@ fn get(address: SocketAddr, path: &str) -> Option<(String, Vec<u8>)> {
     Some((String::from_utf8_lossy(&answer[..end]).into_owned(), answer[end + 4..].to_vec()))
 }
 
-/// What somebody saw who watched a run.
+/// Frames and pictures seen by a viewer of a run.
 #[derive(Default)]
 struct Watched {
     frames: Vec<u64>,
@@ -63,7 +63,7 @@ impl Watched {
     }
 }
 
-/// Runs a program while somebody watches at the address that it tells.
+/// Runs a program while a viewer watches at the address in its log.
 fn run_watched(command: &mut Command) -> Watched {
     let mut run = command.stderr(Stdio::piped()).spawn().unwrap();
     let mut said = BufReader::new(run.stderr.take().unwrap());
@@ -75,7 +75,7 @@ fn run_watched(command: &mut Command) -> Watched {
         address = told.map(|told| told.parse().unwrap());
     }
     let watcher = std::thread::spawn(move || Watched::of(address.unwrap()));
-    // Somebody who asks once and never reads.
+    // A viewer that sends one request and never reads.
     let mut deaf = TcpStream::connect(address.unwrap()).unwrap();
     deaf.write_all(b"GET /moment?after=1 HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();
     said.read_to_string(&mut text).unwrap();
@@ -88,7 +88,7 @@ fn tracks(out: &Path) -> [Vec<u8>; 2] {
     ["tracks.txt", "tracks.jsonl"].map(|file| std::fs::read(out.join(file)).unwrap())
 }
 
-/// That frames were told in order, the end after them, and a picture of this size for each camera that shows something.
+/// Asserts that frames came in order, then the end, and a picture of this size for each camera.
 fn saw(watched: &Watched, size: (u32, u32), cameras: usize, frames: u64) {
     let told = &watched.frames;
     assert!(watched.has_ended && !told.is_empty() && told.is_sorted(), "{told:?}");
@@ -165,7 +165,7 @@ fn every_method_is_watched_with_films_and_without() {
             // 160 pixels are enlarged to 480.
             saw(&watched, (2 * 480, 360), 2, 60);
             if more.is_empty() {
-                // The last picture of the film was there to see.
+                // The last picture of the film was shown.
                 assert_eq!(watched.frames.last(), Some(&60));
                 assert!(folder.path().join(&seen).join("overlay/cam1.mp4").is_file());
             }

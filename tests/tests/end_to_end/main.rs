@@ -1,6 +1,6 @@
 //! The chain against the truth and against damaged input: one test binary, one module a subject.
 #![forbid(unsafe_code)]
-// Whoever calls a test's helpers is a test: a failure there is the test's.
+// All callers of a test's helpers are tests: a failure there is the test's.
 #![allow(clippy::unwrap_used, clippy::expect_used)]
 
 mod agents;

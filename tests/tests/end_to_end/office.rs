@@ -23,7 +23,7 @@ fn people_are_followed_in_the_true_room() {
     assert!(maxima_m[1] <= 0.30, "{maxima_m:?} m");
 }
 
-/// Where people go tells where they were: what is told 0.4 s later is nearer to the truth.
+/// Later frames improve the estimates of earlier ones: estimates reported 0.4 s later are nearer to the truth.
 #[test]
 fn hindsight_is_worth_its_wait() {
     let (office, out) = (office(), tempfile::tempdir().unwrap());
@@ -67,8 +67,8 @@ fn the_room_comes_out_right_and_people_are_followed_in_it() {
     assert!(tracking.mota >= 88.0 && tracking.idf1 >= 90.0 && tracking.mean_m <= 0.12, "{tracking:?}");
 }
 
-/// How far the points that `recon picks` proposes are from where the renderer's depth puts them, the least first; the smaller of
-/// both ways, since a depth at an edge may be another surface's.
+/// Distances of the points proposed by `recon picks` from their true positions by the rendered depth, pixels, the least
+/// first; the smaller of both directions, since a depth at an edge may belong to another surface.
 fn picks_miss_px(office: &Path, room: &Path, scratch: &Path) -> Vec<f64> {
     let picks = scratch.join("picks.toml");
     let project = office.join("room.toml");

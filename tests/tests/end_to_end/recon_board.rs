@@ -88,12 +88,12 @@ fn a_board_in_the_capture_gives_the_metres() {
     };
     run(&mut build()).unwrap();
     let errors = compare_rooms(&room, &office.join("room"), 50).unwrap();
-    // cam0's picture has the board where its truth has the room.
+    // cam0's picture shows the board, which its truth does not have.
     let (_, lengths) = errors.lengths.iter().find(|(name, _)| name == "cam1").unwrap();
     assert!((lengths.median - 1.0).abs() < 0.01, "{errors:?}");
     assert!(errors.cameras.iter().all(|(_, camera)| camera.height_cm.abs() < 3.0), "{errors:?}");
 
-    // Another camera's capture shows no board.
+    // The other camera's capture shows no board.
     let text = std::fs::read_to_string(&project)
         .unwrap()
         .replace("camera = \"cam0\"\nboard", "camera = \"cam1\"\nboard");

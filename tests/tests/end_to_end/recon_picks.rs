@@ -15,7 +15,7 @@ fn cameras_of_two_rooms_are_told_apart_by_name_and_nothing_is_written() {
         let room = RoomOptions { seed, image_px: [256, 192], ..RoomOptions::default() }.build().unwrap();
         tests::project::write(&folder.join(seed.to_string()), &room, 16).unwrap();
     }
-    // No points, no scale: picks come before them.
+    // Neither points nor a scale: picks are proposed before them.
     let camera = |name: &str, capture: &str| {
         format!("[[camera]]\nname = \"{name}\"\ncapture = \"{capture}\"\nintrinsics = \"{capture}.toml\"\n")
     };
@@ -33,7 +33,7 @@ fn cameras_of_two_rooms_are_told_apart_by_name_and_nothing_is_written() {
     assert!(said.contains("kitchen and hall: nothing that both show"), "{said}");
     assert!(!folder.join("picks.toml").exists() && !folder.join("picks.png").exists());
 
-    // What was made of the captures is kept.
+    // The results of the captures are cached.
     let again = picks(&arguments);
     assert!(String::from_utf8_lossy(&again.stderr).contains("hall: depth kept from before"));
 

@@ -1,5 +1,5 @@
-//! `recon build` with everything that can be wrong with what it reads: one clear line, exit status 2, no panic, and the
-//! room directory as it was before.
+//! `recon build` with every kind of wrong input: one clear line, exit status 2, no panic, and the room directory as it
+//! was before.
 
 use std::fs;
 use std::ops::Deref;
@@ -70,12 +70,12 @@ name = "drawn by hand"
 polygon = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]
 "#;
 
-/// A capture project whose every file is right, but whose films are plain grey: it fails only once all has been read.
-struct Project {
+/// A valid capture project whose films are plain grey: it fails only after everything has been read.
+struct GreyProject {
     folder: Folder,
 }
 
-impl Deref for Project {
+impl Deref for GreyProject {
     type Target = Folder;
 
     fn deref(&self) -> &Folder {
@@ -87,7 +87,7 @@ fn grey(width: u32, height: u32) -> RgbImage {
     RgbImage::from_pixel(width, height, Rgb([90, 100, 110]))
 }
 
-impl Project {
+impl GreyProject {
     fn new() -> Self {
         let project = Self { folder: Folder::new() };
         project.write("room.toml", PROJECT);
@@ -106,14 +106,14 @@ impl Project {
         self.run_program("recon", &[&["build", "room.toml", "--zones", "zones.toml"], out, more].concat())
     }
 
-    /// Refused with these words, and nothing is written where the room should be, nor anywhere beside.
+    /// Asserts that the build is refused with these words and writes nothing, neither the room nor a file beside it.
     fn refuses(&self, more: &[&str], words: &[&str]) {
         let before = self.files();
         refused(&self.build(more), words);
         assert_eq!(self.files(), before, "the files beside the project changed");
     }
 
-    /// The project file with a change is refused.
+    /// Asserts that the project file with a change is refused.
     fn refuses_changed(&self, from: &str, to: &str, words: &[&str]) {
         assert!(PROJECT.contains(from), "{from}");
         self.write("room.toml", PROJECT.replacen(from, to, 1));
@@ -124,12 +124,12 @@ impl Project {
 
 #[test]
 fn the_same_project_is_read_whole_before_its_films_are_found_wanting() {
-    Project::new().refuses(&[], &["`left`", "0 features", "more light"]);
+    GreyProject::new().refuses(&[], &["`left`", "0 features", "more light"]);
 }
 
 #[test]
 fn the_project_file() {
-    let project = Project::new();
+    let project = GreyProject::new();
     for (text, words) in [
         ("", &["room.toml", "[[camera]]"][..]),
         (&PROJECT[..PROJECT.len() / 2], &["room.toml"]),
@@ -150,7 +150,7 @@ fn the_project_file() {
 
 #[test]
 fn names_numbers_and_picks() {
-    let project = Project::new();
+    let project = GreyProject::new();
     for (from, to, words) in [
         ("\"right\"\ncapture", "\"left\"\ncapture", &["[[camera]] 2, name", "taken"][..]),
         ("\"left\"\ncapture", "\"a/b\"\ncapture", &["[[camera]] 1, name", "file name"]),
@@ -179,7 +179,7 @@ fn names_numbers_and_picks() {
 
 #[test]
 fn intrinsics() {
-    let project = Project::new();
+    let project = GreyProject::new();
     for (text, words) in [
         (String::new(), &["lens.toml"][..]),
         (LENS[..LENS.len() / 2].to_owned(), &["lens.toml", "line 3"]),
@@ -198,7 +198,7 @@ fn intrinsics() {
 
 #[test]
 fn captures() {
-    let project = Project::new();
+    let project = GreyProject::new();
     let whole = fs::read(project.path("capture/right/3.png")).expect("a picture");
     for (content, words) in [
         (&whole[..whole.len() / 2], &["capture/right/3.png", "whole"][..]),
@@ -222,7 +222,7 @@ fn captures() {
 
 #[test]
 fn a_capture_without_its_reference() {
-    Project::new().refuses_changed(
+    GreyProject::new().refuses_changed(
         "reference = 2",
         "reference = 9",
         &["capture/right", "reference", "frame 9", "there are 4"],
@@ -231,7 +231,7 @@ fn a_capture_without_its_reference() {
 
 #[test]
 fn films() {
-    let project = Project::new();
+    let project = GreyProject::new();
     project.write("empty.mp4", "");
     project.write("text.mp4", "this is no video");
     let whole = fs::read(office().join("capture/cam0.mp4")).expect("the office");
@@ -247,7 +247,7 @@ fn films() {
 
 #[test]
 fn zones() {
-    let project = Project::new();
+    let project = GreyProject::new();
     for (text, words) in [
         (String::new(), &["zones.toml", "[[zone]]"][..]),
         (ZONES[..ZONES.len() - 4].to_owned(), &["zones.toml", "line"]),
@@ -264,12 +264,12 @@ fn zones() {
 
 #[test]
 fn places_for_the_room() {
-    let project = Project::new();
+    let project = GreyProject::new();
     project.write("thesis/chapter1.txt", "years of work");
     project.refuses(&["--out", "thesis"], &["thesis", "--out", "no room"]);
     project.refuses(&["--out", "thesis/chapter1.txt"], &["chapter1.txt", "is a file"]);
     project.refuses(&["--out", "thesis/chapter1.txt/room"], &["chapter1.txt", "--out"]);
-    // A room that cannot be read may hold zones that somebody drew.
+    // A room that cannot be read may hold zones that a person drew.
     project.write("old/scene.toml", ROOM.replace("[1.0, 1.0]]", "[1.0,"));
     project.refuses(&["--out", "old"], &["old", "scene.toml: line", "mend it"]);
     // A room that can be read stays as it is when the new one fails.
@@ -279,7 +279,7 @@ fn places_for_the_room() {
 
 #[test]
 fn options() {
-    let project = Project::new();
+    let project = GreyProject::new();
     for arguments in
         [&["--threads", "0"][..], &["--seed", "x"], &["--quality", "best"], &["--zones"], &["--wrong"]]
     {

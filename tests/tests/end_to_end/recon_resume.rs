@@ -1,5 +1,5 @@
-//! `recon build` of a synthetic room that is interrupted: what was finished is kept, and the room comes out as if nothing
-//! had happened.
+//! `recon build` of a synthetic room that is interrupted: finished stages are kept, and the room comes out the same as
+//! without the interruption.
 
 use std::fs;
 use std::path::Path;
@@ -29,7 +29,7 @@ fn an_interrupted_build_goes_on_where_it_ended() {
     tests::project::write(folder, &truth, 24).unwrap();
 
     let mut interrupted = recon(folder).stderr(Stdio::null()).spawn().unwrap();
-    // The captures are worked through beside each other: either may be kept first.
+    // The captures are processed in parallel: either may be kept first.
     let captures = ["cam0", "cam1"];
     let is_kept = |name: &str| folder.join(format!("room.unfinished/cache/capture_{name}.bin")).exists();
     let started = Instant::now();
@@ -68,7 +68,7 @@ fn an_interrupted_build_goes_on_where_it_ended() {
     assert!(relative.position_cm < 9.0 && relative.rotation_deg < 1.0, "{relative:?}");
     assert!(floor.tilt_deg < 1.0 && floor.height_cm.abs() < 6.0, "{floor:?}");
 
-    // The motion serves a draft, too.
+    // The cached motion serves a draft, too.
     let draft = recon(folder).args(["--quality", "draft"]).output().unwrap();
     let text = said(&draft);
     assert!(draft.status.success(), "{text}");

@@ -1,9 +1,9 @@
-//! What every program owes a person whose input is bad: one clear line of error, its exit status, no panic.
+//! Common requirements on every program's refusal of bad input: one clear line of error, its exit status, no panic.
 
 use std::process::Output;
 
-/// One line of error with these words in it, nothing that libraries print besides warnings and plain lines of progress,
-/// and this exit status.
+/// Asserts one line of error with these words, no output of libraries besides warnings and plain lines of progress, and
+/// this exit status.
 pub(crate) fn refused_with(status: i32, output: &Output, words: &[&str]) {
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(status), "{said}");
@@ -23,7 +23,7 @@ pub(crate) fn refused_with(status: i32, output: &Output, words: &[&str]) {
     }
 }
 
-/// [`refused_with`] the exit status of what cannot be done.
+/// [`refused_with`] the exit status of a failed command.
 pub(crate) fn refused(output: &Output, words: &[&str]) {
     refused_with(2, output, words);
 }

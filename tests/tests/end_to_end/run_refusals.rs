@@ -1,4 +1,4 @@
-//! `tracker run` with everything that can be wrong with what it reads: one clear line, exit status 2, no panic.
+//! `tracker run` with every kind of wrong input: one clear line, exit status 2, no panic.
 
 use std::fs;
 use std::ops::Deref;
@@ -199,10 +199,10 @@ fn a_film_that_ends_too_early() {
         .output()
         .expect("the program starts");
     refused(&output, &["torn.mp4", "frame", "promises 300"]);
-    whole_lines(&small.path("out/tracks.jsonl"));
+    assert_whole_lines(&small.path("out/tracks.jsonl"));
 }
 
-/// Of what can be told of the frames before an error, all is there; nothing is half-written.
+/// All results of the frames before an error are written, and no file is half-written.
 #[test]
 fn films_plan_and_times_of_the_frames_before_an_error() {
     let small = Small::new();
@@ -220,8 +220,8 @@ fn films_plan_and_times_of_the_frames_before_an_error() {
     assert!(films.len() == 2 && films.iter().all(|name| !name.contains("partial")), "{films:?}");
 }
 
-/// What was written before the error is whole.
-fn whole_lines(path: &Path) {
+/// Asserts that the lines written before the error are complete.
+fn assert_whole_lines(path: &Path) {
     if let Ok(text) = fs::read_to_string(path) {
         assert!(text.is_empty() || text.ends_with('\n'), "{} ends in the middle of a line", path.display());
     }

@@ -1,5 +1,5 @@
-//! `scenes` with everything that can be wrong with a room directory: one clear line, no panic, nothing written; exit
-//! status 1 where `check` was asked about the room, 2 elsewhere.
+//! `scenes` with every kind of invalid room directory: one clear line, no panic, nothing written; exit status 1 for
+//! `check`, 2 otherwise.
 
 use std::fs;
 use std::ops::Deref;
@@ -47,11 +47,11 @@ end_header
 3 0 2 3
 ";
 
-struct Room {
+struct RoomFolder {
     folder: Folder,
 }
 
-impl Deref for Room {
+impl Deref for RoomFolder {
     type Target = Folder;
 
     fn deref(&self) -> &Folder {
@@ -59,7 +59,7 @@ impl Deref for Room {
     }
 }
 
-impl Room {
+impl RoomFolder {
     fn new() -> Self {
         let room = Self { folder: Folder::new() };
         room.write("room/scene.toml", SCENE);
@@ -84,7 +84,7 @@ impl Room {
         self.scenes(&["plan", "room", "--out", "plan.png"])
     }
 
-    /// All three commands refuse the room with these words.
+    /// Asserts that all three commands refuse the room with these words.
     fn refused(&self, words: &[&str]) {
         refused_with(1, &self.check(), words);
         refused(&self.depth(), words);
@@ -107,7 +107,7 @@ impl Room {
 
 #[test]
 fn the_same_room_is_right() {
-    let room = Room::new();
+    let room = RoomFolder::new();
     for output in [room.check(), room.depth(), room.plan()] {
         let said = String::from_utf8_lossy(&output.stderr);
         assert!(output.status.success() && said.is_empty(), "{said}");
@@ -120,7 +120,7 @@ fn the_same_room_is_right() {
 
 #[test]
 fn directories() {
-    let room = Room::new();
+    let room = RoomFolder::new();
     fs::remove_file(room.path("room/scene.toml")).expect("the file");
     room.refused(&["room", "no scene.toml", "recon build"]);
     fs::remove_dir_all(room.path("room")).expect("the folder");
@@ -131,7 +131,7 @@ fn directories() {
 
 #[test]
 fn scene_files() {
-    let room = Room::new();
+    let room = RoomFolder::new();
     room.write("room/scene.toml", "");
     room.refused(&["scene.toml", "empty"]);
     room.write("room/scene.toml", &SCENE[..SCENE.len() / 2]);
@@ -163,7 +163,7 @@ fn scene_files() {
 
 #[test]
 fn geometry() {
-    let room = Room::new();
+    let room = RoomFolder::new();
     room.refuses_geometry("", &["empty"]);
     room.refuses_geometry("a poem", &["header"]);
     room.refuses_geometry(&GEOMETRY[..GEOMETRY.len() / 4], &["header"]);
@@ -182,7 +182,7 @@ fn geometry() {
 
 #[test]
 fn reference_images_that_are_wrong_are_worth_a_warning() {
-    let room = Room::new();
+    let room = RoomFolder::new();
     let warned = |words: &[&str]| {
         let output = room.check();
         let said = String::from_utf8_lossy(&output.stderr);
@@ -202,7 +202,7 @@ fn reference_images_that_are_wrong_are_worth_a_warning() {
 
 #[test]
 fn names_and_places() {
-    let room = Room::new();
+    let room = RoomFolder::new();
     refused(
         &room.scenes(&["depth", "room", "--camera", "right", "--out", "depth.png"]),
         &["`right`", "`left`"],
@@ -233,7 +233,7 @@ fn names_and_places() {
 
 #[test]
 fn models_of_other_programs() {
-    let room = Room::new();
+    let room = RoomFolder::new();
     let succeeds = |arguments: &[&str]| {
         let output = room.scenes(arguments);
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));

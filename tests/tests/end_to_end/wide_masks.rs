@@ -1,18 +1,20 @@
-//! Masks wider than people, from cameras that disagree by a hand's breadth: ellipses in a detector's boxes, in a real room.
+//! Masks wider than people, from cameras that disagree by about ten centimetres: ellipses in a detector's boxes, in a
+//! real room.
 
 use std::collections::BTreeMap;
 use std::fs;
 
 use tests::data::{program, shared};
 
-/// Behind the door of this room, people wait shoulder to shoulder; farther in, its truth has nobody within 1.5 m of another.
+/// Least x of people who count: behind the door of this room people wait shoulder to shoulder; farther in, its truth
+/// has nobody within 1.5 m of another, metres.
 const INSIDE_FROM_X_M: f64 = 2.5;
 
 #[test]
-fn nobody_is_followed_twice() {
+fn nobody_is_followed_twice_in_shared_data() {
     let Some(room) = shared("cmc1") else { return };
     let scratch = tempfile::tempdir().unwrap();
-    // Of eight seeds those in which it happened while births might overlap people.
+    // Two of eight seeds in which it happened while births were allowed to overlap people.
     for seed in ["3", "5"] {
         let out = scratch.path().join(seed);
         let mut run = program("tracker");

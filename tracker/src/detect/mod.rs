@@ -14,7 +14,7 @@ pub mod train;
 
 use std::fmt::Write;
 
-use calib::vision::people::{PERSON_HEIGHT_PX, PeopleClassifier, WINDOW_PX, Window};
+use calib::vision::people::{DetectionWindow, PERSON_HEIGHT_PX, PeopleClassifier, WINDOW_PX};
 use image::RgbImage;
 
 use crate::tracks::rows::PixelBox;
@@ -121,7 +121,7 @@ impl Detector {
 }
 
 /// Box of the person in a window of the classifier.
-fn person_in(window: &Window) -> PixelBox {
+fn person_in(window: &DetectionWindow) -> PixelBox {
     let height = window.height * f64::from(PERSON_HEIGHT_PX) / f64::from(WINDOW_PX.1);
     let width = ASPECT * height;
     PixelBox {
@@ -133,10 +133,10 @@ fn person_in(window: &Window) -> PixelBox {
 }
 
 /// Window of the classifier for a person, which has their height whatever their width.
-fn window_of(person: &PixelBox) -> Window {
+fn window_of(person: &PixelBox) -> DetectionWindow {
     let height = person.height * f64::from(WINDOW_PX.1) / f64::from(PERSON_HEIGHT_PX);
     let width = height * f64::from(WINDOW_PX.0) / f64::from(WINDOW_PX.1);
-    Window {
+    DetectionWindow {
         left: person.left + 0.5 * (person.width - width),
         top: person.top + 0.5 * (person.height - height),
         width,

@@ -2,7 +2,7 @@
 //! the gaps between people who are close together, and false positives of the previous detector.
 
 use calib::vision::PeopleClassifier;
-use calib::vision::people::Window;
+use calib::vision::people::DetectionWindow;
 use image::RgbImage;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -99,7 +99,7 @@ pub fn train(
         for person in *people {
             let window = window_of(person);
             let left = f64::from(image.width()) - window.left - window.width;
-            for (image, window) in [(*image, window), (&mirrored, Window { left, ..window })] {
+            for (image, window) in [(*image, window), (&mirrored, DetectionWindow { left, ..window })] {
                 samples
                     .push(TrainingSample { features: classifier.features(image, &window)?, is_person: true });
                 report.people += 1;

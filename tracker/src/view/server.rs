@@ -156,7 +156,7 @@ async fn farewell(last_activity: &LastActivity) {
 
 async fn answer(screens: &Screens, request: Request) -> std::result::Result<Answer, Answer> {
     let path = request.uri().path();
-    let route = ViewRoute::of(path).ok_or_else(|| Answer::nowhere(path))?;
+    let route = ViewRoute::of(path).ok_or_else(|| Answer::not_found(path))?;
     if ![Method::GET, Method::HEAD].contains(request.method()) {
         return Err(Answer::other_method(path, "GET, HEAD"));
     }

@@ -43,13 +43,13 @@ pub(super) fn noisy_film(path: &Path, width: u32, height: u32, frames: u32) {
 }
 
 /// One encoded stream of pictures.
-pub(super) struct Track {
+pub(super) struct EncodedTrack {
     pub(super) packets: Vec<Packet>,
     parameters: codec::Parameters,
     tick: Rational,
 }
 
-impl Track {
+impl EncodedTrack {
     /// Encodes pictures, each with the time at which it is shown, in ticks.
     pub(super) fn new(
         codec: codec::Id,
@@ -110,7 +110,7 @@ impl Track {
 }
 
 /// Writes tracks into a container of the kind that the path's extension names.
-pub(super) fn mux(path: &Path, tracks: &[Track], options: &[(&str, &str)]) {
+pub(super) fn mux(path: &Path, tracks: &[EncodedTrack], options: &[(&str, &str)]) {
     let mut output = format::output(path).unwrap();
     for track in tracks {
         let mut stream = output.add_stream(codec::Id::None).unwrap();

@@ -19,7 +19,7 @@ pub(super) fn camera(
     let url = format!("{scheme}://{}/camera", listener.local_addr().unwrap());
     let serving = std::thread::spawn(move || {
         let (viewer, _) = listener.accept().unwrap();
-        // An error here is a viewer that has seen enough and hangs up.
+        // An error here is a viewer that hangs up.
         let _ = serve(viewer);
     });
     (url, serving)

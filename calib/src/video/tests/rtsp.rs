@@ -6,13 +6,13 @@ use std::net::TcpStream;
 use ffmpeg::codec::Id;
 use image::RgbImage;
 
-use super::films::{MILLISECONDS, Track, smooth};
+use super::films::{EncodedTrack, MILLISECONDS, smooth};
 use super::live::camera;
 use crate::video::FrameSource;
 
-/// Seconds from 1900, where NTP counts from, to 1970.
+/// Seconds from 1900, the zero of NTP, to 1970.
 const NTP_EPOCH_S: f64 = 2_208_988_800.0;
-/// The camera's RTP clock when its first frame is taken.
+/// The camera's RTP clock at the time of its first frame.
 const FIRST_TICK: u32 = 123_456_789;
 
 /// One frame of a camera: capture time, RTP payloads, and the camera's wall clock in the sender report before the
@@ -154,7 +154,7 @@ fn h264_frames_have_the_senders_time_after_a_report() {
     let shown: Vec<(i64, RgbImage)> = (0..60).map(|k| (40 * i64::from(k), smooth(64, 48, k))).collect();
     // Parameters in the stream, no frame out of order: as cameras encode.
     let options = [("flags", "-global_header"), ("preset", "ultrafast"), ("tune", "zerolatency")];
-    let track = Track::new(Id::H264, &options, MILLISECONDS, &shown);
+    let track = EncodedTrack::new(Id::H264, &options, MILLISECONDS, &shown);
     let payloads = |k: usize| units(track.packets[k].data().unwrap());
     let media = "m=video 0 RTP/AVP 96\r\na=rtpmap:96 H264/90000\r\na=fmtp:96 packetization-mode=1\r\n";
     let seen = seen(media, 96, film(payloads));
@@ -164,7 +164,7 @@ fn h264_frames_have_the_senders_time_after_a_report() {
 #[test]
 fn motion_jpeg_frames_have_the_senders_time_after_a_report() {
     let shown: Vec<(i64, RgbImage)> = (0..60).map(|k| (40 * i64::from(k), smooth(64, 48, k))).collect();
-    let track = Track::new(Id::MJPEG, &[("huffman", "default")], MILLISECONDS, &shown);
+    let track = EncodedTrack::new(Id::MJPEG, &[("huffman", "default")], MILLISECONDS, &shown);
     let payloads = |k: usize| vec![jpeg_payload(track.packets[k].data().unwrap())];
     let seen = seen("m=video 0 RTP/AVP 26\r\n", 26, film(payloads));
     assert_on_time(&seen, &film(payloads), 58);

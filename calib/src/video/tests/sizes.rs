@@ -3,7 +3,7 @@
 use ffmpeg::codec::Id;
 use image::{Rgb, RgbImage};
 
-use super::films::{MILLISECONDS, Track, mux, smooth};
+use super::films::{EncodedTrack, MILLISECONDS, mux, smooth};
 use super::lying_film;
 use crate::video::FrameSource;
 
@@ -56,7 +56,7 @@ fn smaller_pictures_are_area_averages_of_films_and_of_folders() {
         picture.save(images.join(format!("{time:03}.png"))).unwrap();
     }
     let film = folder.path().join("film.mp4");
-    mux(&film, &[Track::new(Id::H264, &[], MILLISECONDS, &shown)], &[]);
+    mux(&film, &[EncodedTrack::new(Id::H264, &[], MILLISECONDS, &shown)], &[]);
     for spec in [&film, &images] {
         let [mut whole, mut scaled] = [0; 2].map(|_| FrameSource::open(spec.to_str().unwrap()).unwrap());
         let mut full = RgbImage::default();
@@ -131,7 +131,7 @@ fn a_stream_may_change_its_size_between_frames() {
     let film = |width, height, from: i64| {
         let shown: Vec<(i64, RgbImage)> =
             (0..12).map(|k| (100 * (from + i64::from(k)), smooth(width, height, 7))).collect();
-        mux(&path, &[Track::new(Id::H264, &[], MILLISECONDS, &shown)], &[]);
+        mux(&path, &[EncodedTrack::new(Id::H264, &[], MILLISECONDS, &shown)], &[]);
         std::fs::read(&path).unwrap()
     };
     let both = [film(96, 64, 0), film(64, 48, 12)].concat();

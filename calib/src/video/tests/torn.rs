@@ -1,11 +1,11 @@
-//! Files that are whole, and files that are not.
+//! Complete and truncated files.
 
 use std::path::{Path, PathBuf};
 
 use ffmpeg::Rational;
 use ffmpeg::codec::Id;
 
-use super::films::{Track, mux, noise, noisy_film};
+use super::films::{EncodedTrack, mux, noise, noisy_film};
 use crate::video::FrameSource;
 
 /// Number of frames that can be read from a file, and the error at its end if it is not complete.
@@ -30,7 +30,7 @@ fn lossy_films(folder: &Path) -> Vec<PathBuf> {
         let path = folder.join(name);
         let options = [("movflags", flags)];
         let options = if flags.is_empty() { &options[..0] } else { &options };
-        mux(&path, &[Track::new(codec, &[], Rational(1, 10), &shown)], options);
+        mux(&path, &[EncodedTrack::new(codec, &[], Rational(1, 10), &shown)], options);
         path
     })
     .into()
@@ -56,7 +56,7 @@ fn a_transport_stream_may_end_anywhere() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("film.ts");
     let shown: Vec<_> = (0..60).filter(|k| k % 7 != 3).map(|k| (k, noise(64, 48, k as u32))).collect();
-    mux(&path, &[Track::new(Id::H264, &[], Rational(1, 10), &shown)], &[]);
+    mux(&path, &[EncodedTrack::new(Id::H264, &[], Rational(1, 10), &shown)], &[]);
     assert_eq!(frames(&path), (shown.len(), None));
     let whole = std::fs::read(&path).unwrap();
     std::fs::write(&path, &whole[..whole.len() * 6 / 10]).unwrap();
@@ -86,7 +86,7 @@ fn frames_behind_the_end_of_an_edit_list_are_not_missed() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("film.mp4");
     let shown: Vec<_> = (0..60).map(|k| (k, noise(64, 48, k as u32))).collect();
-    mux(&path, &[Track::new(Id::H264, &[], Rational(1, 10), &shown)], &[("movflags", "faststart")]);
+    mux(&path, &[EncodedTrack::new(Id::H264, &[], Rational(1, 10), &shown)], &[("movflags", "faststart")]);
     // Trim as by telephones: the edit list (ISO 14496-12, `elst`) shows half of the film.
     let mut film = std::fs::read(&path).unwrap();
     let list = film.windows(4).position(|name| name == b"elst").unwrap();

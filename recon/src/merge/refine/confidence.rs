@@ -1,19 +1,19 @@
-//! Where the picks say that the cameras are not: outside their region of confidence.
+//! Confidence region of the camera poses by the picks.
 //!
-//! What else joins the cameras moves them off where the picks and their depths alone put them. Where it is right, the
-//! picks' cost, a sum of squares in standard deviations, grows by χ² of as many degrees of freedom as numbers move the
-//! cameras; what grows it more, the picks rule out.
+//! Other constraints move the cameras off their poses by the picks and their depths alone. If those constraints are
+//! right, the picks' cost, a sum of squares in standard deviations, grows by χ² with as many degrees of freedom as the
+//! cameras have parameters; a larger growth is rejected.
 
 use super::state::POSE;
 
-/// Whether picks rule out what makes their cost grow by so much; `moving` cameras are not where the picks alone put them.
+/// Tells whether the growth of the picks' cost rejects other constraints; `moving` cameras have free poses.
 pub(super) fn picks_rule_out(grown: f64, moving: usize) -> bool {
     grown > chi_squared_99(POSE * moving)
 }
 
-/// What χ² exceeds in one case of a hundred (Wilson and Hilferty 1931).
+/// 99 % quantile of χ² (E. B. Wilson, M. M. Hilferty, "The distribution of chi-square", PNAS 1931).
 fn chi_squared_99(freedoms: usize) -> f64 {
-    /// Of a normal variable.
+    /// The same quantile of a normal variable.
     const QUANTILE: f64 = 2.326_347_9;
     let n = freedoms as f64;
     let spread = 2.0 / (9.0 * n);
@@ -30,7 +30,7 @@ mod tests {
             let found = chi_squared_99(freedoms);
             assert!((found / expected - 1.0).abs() < 3e-3, "{found} for {expected}");
         }
-        // Two cameras that move let the picks' cost grow by more than one.
+        // Two cameras with free poses allow the cost a larger growth than one.
         assert!(picks_rule_out(20.0, 1) && !picks_rule_out(18.0, 1) && !picks_rule_out(20.0, 2));
     }
 }

@@ -1,25 +1,26 @@
-//! Up is the same for two cameras: what the plumb lines in the pictures of one ([`crate::plumb`]) say of it is, seen from the
-//! other, what its own lines say. It needs no place that both see, and holds where their spaces are bent.
+//! Constraint that the vertical is the same for two cameras: the vertical by the plumb lines in the pictures of one
+//! ([`crate::plumb`]), transformed to the other, equals the vertical by its own lines. It needs no common points, and
+//! holds where the cameras' spaces are bent.
 
 use nalgebra::{Matrix2x3, Matrix3, Similarity3, Vector2, Vector3};
 
-use super::term::ByCamera;
+use super::state::ByCamera;
 use crate::plumb::{Plumb, tangents};
 
-/// What two cameras' lines say.
+/// Difference between the verticals of two cameras.
 #[derive(Debug, Clone)]
-pub(super) struct Level {
+pub(super) struct LevelConstraint {
     pub(super) from: usize,
     pub(super) onto: usize,
-    /// In the frame of `from`.
+    /// Vertical in the frame of `from`.
     up: Vector3<f64>,
-    /// Across the other's up, in standard deviations of both.
+    /// Axes across the other's vertical, in standard deviations of both.
     across: Matrix2x3<f64>,
 }
 
-impl Level {
-    /// Of all cameras whose pictures tell, each with the first that does; standard deviations are as they are seen where the
-    /// cameras stand now.
+impl LevelConstraint {
+    /// Constraints of all cameras with a vertical, each with the first of them; standard deviations are those at the
+    /// present poses.
     pub(super) fn all(plumb: &[Option<Plumb>], poses: &[Similarity3<f64>]) -> Vec<Self> {
         let mut told = plumb.iter().enumerate().filter_map(|(camera, of)| Some((camera, of.as_ref()?)));
         let Some(first) = told.next() else { return Vec::new() };
@@ -43,7 +44,7 @@ impl Level {
         self.across * (poses[self.onto].isometry.rotation.inverse() * common)
     }
 
-    /// The residual's derivatives as `from` turns; as `onto` does, they are the opposite.
+    /// Derivative of the residual by the rotation of `from`; that by the rotation of `onto` is the opposite.
     pub(super) fn by_turning(&self, poses: &[Similarity3<f64>]) -> ByCamera {
         let common: Vector3<f64> = poses[self.from].isometry.rotation * self.up;
         let back: Matrix3<f64> =

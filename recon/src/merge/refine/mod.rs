@@ -1,69 +1,71 @@
 //! The joint refinement: cameras and picked points move until picks, depths and common surfaces fit best.
 //!
-//! Levenberg–Marquardt over seven numbers a camera (log scale, rotation, translation; the first camera stands still)
-//! and three a point. Residuals, each in standard deviations: a pick's pixel; the depth read at a pick, as a
-//! logarithm; the distance of one camera's surface point from another's surface, along that one's normal; which way
-//! is up by the lines that two cameras' pictures show ([`level`]). All are robust (Cauchy), reweighted as they go. How good the depths are is estimated along with them ([`variance`]), and how far
-//! the surfaces can be laid on each other at all ([`worth`]), since a capture's motion may bend its whole space. Residuals
-//! and their derivatives are [`term`]'s; what they make of a step is [`schur`]'s.
+//! Levenberg–Marquardt over seven numbers a camera (log scale, rotation, translation; the first camera is fixed) and
+//! three a point. Residuals, each in standard deviations: a pick's pixel; the depth measured at a pick, as a logarithm;
+//! the distance of one camera's surface point from another's surface, along that one's normal; the difference between
+//! the verticals by two cameras' lines ([`level`]). All are robust (Cauchy), iteratively reweighted. The precision of
+//! the depths is estimated along with them ([`variance`]), and the number of independent surface observations
+//! ([`effective_counts`]), since a capture's motion may bend its whole space. [`term`] has the residuals and their
+//! derivatives, [`schur`] the normal equations.
 
 mod confidence;
+mod effective_counts;
 mod first_points;
 mod level;
 mod schur;
 mod state;
 mod term;
 mod variance;
-mod worth;
 
 use nalgebra::Similarity3;
 
 use super::overlap::{self, Contact};
-use super::{MergeOptions, MergeReport, Merged, Pick};
+use super::{LiftedPick, MergeOptions, MergeReport, Merged};
 use crate::plumb::Plumb;
 use crate::surface::Surface;
 use confidence::picks_rule_out;
+use effective_counts::EffectiveCounts;
 use first_points::first_points;
-use level::Level;
-use schur::NormalEquations;
-use state::State;
+use level::LevelConstraint;
+use schur::RefinementEquations;
+use state::RefinementState;
 use term::{Term, norm, terms};
 use variance::Factors;
-use worth::Worth;
 
-/// Rounds of finding common surface points anew.
+/// Number of rounds of associating common surface points.
 const ASSOCIATIONS: usize = 6;
-/// Rounds of minimising and judging depths and picks anew.
+/// Largest number of rounds of minimising and re-estimating the precision of depths and picks.
 const VARIANCE_ROUNDS: usize = 8;
-/// Surfaces are looked for within this share of the depth, at first.
+/// First gate for the association of surfaces, as a share of the depth.
 const WIDEST_GATE: f64 = 0.06;
-/// A depth this far (logarithm) from where both cameras' rays meet is another surface's.
+/// Difference (logarithm) between a depth and the intersection of both cameras' rays beyond which the depth belongs to
+/// another surface.
 const DEPTH_MISMATCH: f64 = 0.1;
 
-struct Scene<'a> {
+struct Refinement<'a> {
     surfaces: &'a [Surface],
     options: &'a MergeOptions,
-    /// How much worse depths and picks are than they claim.
+    /// Estimated factors on the claimed standard deviations of depths and picks.
     factors: Factors,
-    levels: &'a [Level],
+    levels: &'a [LevelConstraint],
 }
 
-/// Refines `start`; picks that do not fit are left out and reported.
+/// Refines `start`; outliers among the picks are left out and reported.
 pub(super) fn refine(
-    picks: &[Pick],
+    picks: &[LiftedPick],
     start: &[Similarity3<f64>],
     surfaces: &[Surface],
     plumb: &[Option<Plumb>],
     options: &MergeOptions,
 ) -> (Merged, MergeReport) {
-    let levels = Level::all(plumb, start);
-    let mut scene = Scene { surfaces, options, factors: Factors::loose(start.len()), levels: &levels };
+    let levels = LevelConstraint::all(plumb, start);
+    let mut scene = Refinement { surfaces, options, factors: Factors::loose(start.len()), levels: &levels };
     let mut report = MergeReport::default();
     let points = first_points(picks, start, surfaces);
-    // Where nothing tells a point, its picks say nothing.
-    let mut kept: Vec<Pick> = picks.iter().filter(|p| points[p.point].is_some()).cloned().collect();
-    let mut state = State { poses: start.to_vec(), points };
-    // Each round leaves out the worst point, since it may have pulled others off.
+    // Picks of a point without a position give no constraint.
+    let mut kept: Vec<LiftedPick> = picks.iter().filter(|p| points[p.point].is_some()).cloned().collect();
+    let mut state = RefinementState { poses: start.to_vec(), points };
+    // Each round leaves out the worst point only, since it may have pulled others off.
     loop {
         scene.factors = Factors::loose(start.len());
         for _ in 0..VARIANCE_ROUNDS {
@@ -88,23 +90,28 @@ pub(super) fn refine(
     report.pick_rms_px = scene.pick_rms(&state, &kept);
     report.depth_sigma = scene.depth_sigma(&kept);
     if options.align_surfaces && surfaces.len() > 1 {
-        scene.lay_on_each_other(&mut state, &kept, &mut report);
+        scene.align_surfaces_robustly(&mut state, &kept, &mut report);
     }
     (Merged { common_from_camera: state.poses, points: state.points }, report)
 }
 
-impl Scene<'_> {
-    /// Lays common surfaces on each other, unless the picks rule out where that puts the cameras.
-    fn lay_on_each_other(&self, state: &mut State, picks: &[Pick], report: &mut MergeReport) {
+impl Refinement<'_> {
+    /// Aligns common surfaces, unless the picks reject the resulting poses.
+    fn align_surfaces_robustly(
+        &self,
+        state: &mut RefinementState,
+        picks: &[LiftedPick],
+        report: &mut MergeReport,
+    ) {
         let before = state.clone();
-        // A first try, with surfaces taken at stereo's word, shows how far they can agree.
-        let straight = Worth::straight(self.surfaces.len(), picks.iter().any(|pick| !pick.by_hand));
-        self.lay(state, picks, &straight);
+        // A first alignment, with stereo's own precision, shows the distance that remains.
+        let straight = EffectiveCounts::straight(self.surfaces.len(), picks.iter().any(|pick| !pick.by_hand));
+        self.align(state, picks, &straight);
         let contacts = overlap::contacts(self.surfaces, &state.poses, WIDEST_GATE);
         let at_picks = report.depth_sigma.iter().copied().fold(0.0, f64::max);
-        let worth = straight.bent(&contacts, &state.poses, self.options.depth_sigma, at_picks);
+        let effective_counts = straight.bent(&contacts, &state.poses, self.options.depth_sigma, at_picks);
         state.clone_from(&before);
-        let contacts = self.lay(state, picks, &worth);
+        let contacts = self.align(state, picks, &effective_counts);
         let told = terms(picks, &[], self.levels);
         let alone = self.cost(&before, &told);
         if picks_rule_out(self.cost(state, &told) - alone, self.surfaces.len() - 1) {
@@ -117,26 +124,31 @@ impl Scene<'_> {
         report.surface_rms = (squares / contacts.len().max(1) as f64).sqrt();
     }
 
-    /// Finds common surface points and minimises, round after round; the last round's points.
-    fn lay(&self, state: &mut State, picks: &[Pick], worth: &Worth) -> Vec<Contact> {
+    /// Associates common surface points and minimises, round after round; returns the last round's contacts.
+    fn align(
+        &self,
+        state: &mut RefinementState,
+        picks: &[LiftedPick],
+        effective_counts: &EffectiveCounts,
+    ) -> Vec<Contact> {
         let mut contacts = Vec::new();
         for round in 0..ASSOCIATIONS {
-            // The gate narrows as the surfaces come together.
+            // The gate narrows as the surfaces approach each other.
             let gate = WIDEST_GATE * 0.7f64.powi(round as i32);
             contacts = overlap::contacts(self.surfaces, &state.poses, gate);
-            let weights = worth.weights(&contacts);
+            let weights = effective_counts.weights(&contacts);
             let weighted: Vec<(&Contact, f64)> = contacts.iter().zip(weights).collect();
             self.minimise(state, picks, &weighted);
         }
         contacts
     }
 
-    /// Robust cost: Cauchy's, of the squared residual.
-    fn cost(&self, state: &State, terms: &[Term<'_>]) -> f64 {
+    /// Robust cost: Cauchy's loss of the squared residual.
+    fn cost(&self, state: &RefinementState, terms: &[Term<'_>]) -> f64 {
         terms.iter().map(|t| t.loss(self.residual(state, t))).sum()
     }
 
-    fn minimise(&self, state: &mut State, picks: &[Pick], contacts: &[(&Contact, f64)]) {
+    fn minimise(&self, state: &mut RefinementState, picks: &[LiftedPick], contacts: &[(&Contact, f64)]) {
         const ITERATIONS: usize = 60;
         let terms = terms(picks, contacts, self.levels);
         if state.parameters() == 0 {
@@ -145,7 +157,7 @@ impl Scene<'_> {
         let mut damping = 1e-3;
         let mut cost = self.cost(state, &terms);
         for _ in 0..ITERATIONS {
-            let mut normal = NormalEquations::new(state);
+            let mut normal = RefinementEquations::new(state);
             for term in &terms {
                 let told = self.linearised(state, term);
                 normal.add(&told, term.weight(told.residual));
@@ -173,9 +185,10 @@ impl Scene<'_> {
         }
     }
 
-    /// How far a pick is from where the others put its point. When its depths contradict each other although the
-    /// rays meet, that is the distance between the pick and the other cameras' depths, seen from here.
-    fn misfit_px(&self, state: &State, pick: &Pick, picks: &[Pick]) -> f64 {
+    /// Distance of a pick from the projection of its point by the others. When its depths contradict each other
+    /// although the rays meet, it is the distance between the pick and the points by the other cameras' depths, in this
+    /// picture.
+    fn misfit_px(&self, state: &RefinementState, pick: &LiftedPick, picks: &[LiftedPick]) -> f64 {
         let off = norm(self.residual(state, &Term::Pixel(pick))) * self.sigma_px(pick);
         let mut of_point = picks.iter().filter(|p| p.point == pick.point);
         let contradicted = of_point.all(|p| {
@@ -201,10 +214,10 @@ impl Scene<'_> {
         off.max(from_others)
     }
 
-    fn pick_rms(&self, state: &State, picks: &[Pick]) -> f64 {
+    fn pick_rms(&self, state: &RefinementState, picks: &[LiftedPick]) -> f64 {
         let by_hand = || picks.iter().filter(|p| p.by_hand);
         let squares: f64 = by_hand().map(|p| norm(self.residual(state, &Term::Pixel(p))).powi(2)).sum();
-        // Of no picks the sum is −0.
+        // The sum over no picks is −0.
         self.pick_sigma_px() * (squares.abs() / by_hand().count().max(1) as f64).sqrt()
     }
 }

@@ -1,38 +1,38 @@
-//! Normal equations of cameras and points. No observation ties two points, so points are eliminated first (Schur complement)
-//! and what is factored has the cameras' size alone.
+//! Normal equations of cameras and points. No observation ties two points, so points are eliminated first (Schur
+//! complement) and the factored matrix has the cameras' size.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, MatrixXx3, Vector2, Vector3};
 
-use super::state::{POINT, POSE, State};
-use super::term::Linearised;
+use super::state::{POINT, POSE, RefinementState};
+use super::term::LinearisedTerm;
 
 /// `JᵀWJ` in blocks, and `JᵀWr`.
-pub(super) struct NormalEquations {
+pub(super) struct RefinementEquations {
     cameras: DMatrix<f64>,
     points: Vec<Matrix3<f64>>,
-    /// Cameras' rows, one point's columns.
+    /// Blocks between the cameras' rows and one point's columns.
     across: Vec<MatrixXx3<f64>>,
     gradient: DVector<f64>,
 }
 
-/// They with what damps them, ready to be solved.
+/// Damped normal equations, factored for solving.
 pub(super) struct Factored {
-    /// Of what the cameras' block is once the points follow.
+    /// Factor of the reduced camera block.
     cameras: Cholesky<f64, Dyn>,
     points: Vec<Point>,
 }
 
-/// What of one point is needed to put it where the cameras want it.
+/// Back-substitution data of one point.
 struct Point {
-    /// Of its own block.
+    /// Inverse of the point's own block.
     inverse: Matrix3<f64>,
-    /// The block across times that.
+    /// The block across times that inverse.
     follows: MatrixXx3<f64>,
 }
 
-impl NormalEquations {
-    /// Of no observation yet.
-    pub(super) fn new(state: &State) -> Self {
+impl RefinementEquations {
+    /// Normal equations without observations.
+    pub(super) fn new(state: &RefinementState) -> Self {
         let (cameras, points) = (state.point_at(0), state.points.len());
         Self {
             cameras: DMatrix::zeros(cameras, cameras),
@@ -42,8 +42,8 @@ impl NormalEquations {
         }
     }
 
-    /// Adds an observation of this weight.
-    pub(super) fn add(&mut self, told: &Linearised, weight: f64) {
+    /// Adds an observation with this weight.
+    pub(super) fn add(&mut self, told: &LinearisedTerm, weight: f64) {
         let residual = Vector2::from(told.residual);
         for (a, by_a) in told.cameras() {
             let weighted = by_a.transpose() * weight;
@@ -66,9 +66,9 @@ impl NormalEquations {
         }
     }
 
-    /// With `damping` times the diagonal added; `None` if that is not enough for a step.
+    /// Adds `damping` times the diagonal and factors; `None` if the matrix is not positive definite.
     pub(super) fn factor(&self, damping: f64) -> Option<Factored> {
-        /// What nothing observes, such as a point that was left out, stays where it is.
+        /// Diagonal of unobserved parameters, such as a left-out point, so that they do not move.
         const STILL: f64 = 1e-9;
         let damp = |value: &mut f64| *value += damping * *value + STILL;
         let mut cameras = self.cameras.clone();
@@ -89,14 +89,14 @@ impl NormalEquations {
         Some(Factored { points: points?, cameras: cameras.cholesky()? })
     }
 
-    /// Half the gradient of the squared residuals.
+    /// Half the gradient of the sum of squared residuals.
     pub(super) fn gradient(&self) -> &DVector<f64> {
         &self.gradient
     }
 }
 
 impl Factored {
-    /// The parameters whose normal equations have this right side.
+    /// Solves for the parameters with this right side.
     pub(super) fn solve(&self, right: &DVector<f64>) -> DVector<f64> {
         let cameras = self.cameras.l_dirty().nrows();
         let of_point = |values: &DVector<f64>, i: usize| -> Vector3<f64> {
@@ -116,8 +116,8 @@ impl Factored {
         solved
     }
 
-    /// The variance of what one number of an observation says: its derivatives around the inverse.
-    pub(super) fn variance(&self, told: &Linearised, side: usize) -> f64 {
+    /// Variance of one component of an observation: its derivatives around the inverse.
+    pub(super) fn variance(&self, told: &LinearisedTerm, side: usize) -> f64 {
         let mut by_cameras = DVector::zeros(self.cameras.l_dirty().nrows());
         for (at, by) in told.cameras() {
             let mut of_camera = by_cameras.fixed_rows_mut::<POSE>(*at);
@@ -139,19 +139,19 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64Mcg;
 
-    use super::super::term::{ByCamera, ByPoint};
+    use super::super::state::{ByCamera, ByPoint};
     use super::*;
 
     const CAMERAS: usize = 4;
     const POINTS: usize = 9;
 
-    fn none_moved() -> State {
-        State { poses: vec![Similarity3::identity(); CAMERAS], points: vec![None; POINTS] }
+    fn none_moved() -> RefinementState {
+        RefinementState { poses: vec![Similarity3::identity(); CAMERAS], points: vec![None; POINTS] }
     }
 
-    /// Observations as merging makes them: a point from a camera, or from the one that stands still, or a camera from another.
-    /// The last point is never seen.
-    fn observed(rng: &mut Pcg64Mcg) -> Vec<Linearised> {
+    /// Observations as in a merge: a point from a camera, or from the fixed one, or a camera from another. The last
+    /// point is never observed.
+    fn observed(rng: &mut Pcg64Mcg) -> Vec<LinearisedTerm> {
         let mut rows = Vec::new();
         for camera in 0..CAMERAS - 1 {
             for point in 0..POINTS - 1 {
@@ -163,15 +163,15 @@ mod tests {
         rows
     }
 
-    fn random(rng: &mut Pcg64Mcg, cameras: &[usize], point: Option<usize>) -> Linearised {
+    fn random(rng: &mut Pcg64Mcg, cameras: &[usize], point: Option<usize>) -> LinearisedTerm {
         let mut number = |_, _| rng.random_range(-1.0..1.0);
         let cameras: Vec<_> = cameras.iter().map(|c| (c * POSE, ByCamera::from_fn(&mut number))).collect();
         let point = point.map(|p| (p, ByPoint::from_fn(&mut number)));
-        Linearised::of([number(0, 0), number(0, 0)], &cameras, point)
+        LinearisedTerm::of([number(0, 0), number(0, 0)], &cameras, point)
     }
 
-    /// One number's derivatives, by all parameters.
-    fn jacobian(state: &State, told: &Linearised, side: usize) -> DVector<f64> {
+    /// Derivatives of one component by all parameters.
+    fn jacobian(state: &RefinementState, told: &LinearisedTerm, side: usize) -> DVector<f64> {
         let mut dense = DVector::zeros(state.parameters());
         for (at, by) in told.cameras() {
             dense.fixed_rows_mut::<POSE>(*at).copy_from(&by.row(side).transpose());
@@ -188,7 +188,7 @@ mod tests {
         let state = none_moved();
         let rows = observed(rng);
         for damping in [0.0, 1e-3, 2.0] {
-            let mut blocks = NormalEquations::new(&state);
+            let mut blocks = RefinementEquations::new(&state);
             let size = state.parameters();
             let (mut dense, mut gradient) = (DMatrix::<f64>::zeros(size, size), DVector::<f64>::zeros(size));
             for row in &rows {
@@ -219,11 +219,11 @@ mod tests {
     }
 
     #[test]
-    fn what_is_infinite_is_no_step() {
+    fn infinite_equations_give_no_step() {
         let state = none_moved();
-        let mut blocks = NormalEquations::new(&state);
+        let mut blocks = RefinementEquations::new(&state);
         let nothing = ByCamera::repeat(f64::NAN);
-        blocks.add(&Linearised::of([1.0, 0.0], &[(0, nothing)], None), 1.0);
+        blocks.add(&LinearisedTerm::of([1.0, 0.0], &[(0, nothing)], None), 1.0);
         assert!(blocks.factor(1.0).is_none());
     }
 }

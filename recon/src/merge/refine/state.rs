@@ -1,23 +1,28 @@
-//! What the joint refinement moves: the cameras' similarities and the picked points, as one vector of parameters.
+//! Parameters of the joint refinement: the cameras' similarities and the picked points, as one vector.
 
-use nalgebra::{DVector, Point3, Similarity3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{DVector, Point3, SMatrix, Similarity3, Translation3, UnitQuaternion, Vector3};
 
-/// Parameters a camera.
+/// Number of parameters of a camera.
 pub(super) const POSE: usize = 7;
-/// Parameters a point.
+/// Number of parameters of a point.
 pub(super) const POINT: usize = 3;
 
-/// Cameras and points as they are now.
+/// Derivatives of a residual by a pose: a row for each component.
+pub(super) type ByCamera = SMatrix<f64, 2, POSE>;
+/// Derivatives of a residual by a point.
+pub(super) type ByPoint = SMatrix<f64, 2, POINT>;
+
+/// Present cameras and points.
 #[derive(Clone)]
-pub(super) struct State {
-    /// From each camera's own frame into the common one.
+pub(super) struct RefinementState {
+    /// Similarities from each camera's own frame into the common one.
     pub(super) poses: Vec<Similarity3<f64>>,
-    /// In the common frame; `None` for a point that was left out.
+    /// Points in the common frame; `None` for a point that was left out.
     pub(super) points: Vec<Option<Point3<f64>>>,
 }
 
-impl State {
-    /// All parameters moved.
+impl RefinementState {
+    /// State after a step of all parameters.
     pub(super) fn moved(&self, by: &DVector<f64>) -> Self {
         let poses = self
             .poses
@@ -40,23 +45,23 @@ impl State {
         Self { poses, points }
     }
 
-    /// How many there are.
+    /// Number of parameters.
     pub(super) fn parameters(&self) -> usize {
         self.point_at(self.points.len())
     }
 
-    /// Where a point's parameters begin.
+    /// Index of a point's first parameter.
     pub(super) fn point_at(&self, point: usize) -> usize {
         (self.poses.len() - 1) * POSE + point * POINT
     }
 }
 
-/// Where a camera's parameters begin; `None` for the first, which stands still.
+/// Index of a camera's first parameter; `None` for the first camera, which is fixed.
 pub(super) fn pose_at(camera: usize) -> Option<usize> {
     camera.checked_sub(1).map(|moving| moving * POSE)
 }
 
-/// Scale, rotation about the camera's own centre, translation.
+/// Similarity after a step: scale, rotation about the camera's own centre, translation.
 fn move_pose(pose: &Similarity3<f64>, delta: &[f64; POSE]) -> Similarity3<f64> {
     let [scale, rx, ry, rz, tx, ty, tz] = *delta;
     let rotation = UnitQuaternion::from_scaled_axis(Vector3::new(rx, ry, rz)) * pose.isometry.rotation;

@@ -1,52 +1,47 @@
-//! One observation: its residual, in standard deviations, and what that changes by as cameras and points move.
+//! One observation: its residual, in standard deviations, and its derivatives by cameras and points.
 //!
-//! All residuals are functions of where a point stands in a camera's frame, `y = Rᵀ (X − t) / s`, so all derivatives
-//! are products of one row with those of `y` by the camera's log scale, rotation and translation, and by the point.
+//! All residuals are functions of a point's position in a camera's frame, `y = Rᵀ (X − t) / s`, so all derivatives are
+//! products of one row with those of `y` by the camera's log scale, rotation and translation, and by the point.
 
 use nalgebra::{Matrix3, Point3, RowVector3, SMatrix, Similarity3, Vector3};
 
-use super::level::Level;
-use super::state::{POINT, POSE, State, pose_at};
-use super::{Pick, Scene};
+use super::level::LevelConstraint;
+use super::state::{ByCamera, ByPoint, POSE, RefinementState, pose_at};
+use super::{LiftedPick, Refinement};
 use crate::merge::overlap::Contact;
 
-/// What a camera or a point is asked to agree with.
+/// An observation that constrains cameras or points.
 pub(super) enum Term<'a> {
-    Pixel(&'a Pick),
-    /// A depth and its standard deviation as a share of it.
-    Depth(&'a Pick, (f64, f64)),
+    Pixel(&'a LiftedPick),
+    /// A depth and its relative standard deviation.
+    Depth(&'a LiftedPick, (f64, f64)),
     /// A contact and the weight of its residual.
     Surface(&'a Contact, f64),
-    /// What two cameras' plumb lines say.
-    Level(&'a Level),
+    /// Difference between the verticals of two cameras.
+    Level(&'a LevelConstraint),
 }
 
 /// Derivatives of a point by the similarity that moves it.
 type ByPose = SMatrix<f64, 3, POSE>;
 
-/// Derivatives of a residual by a pose: a row for each of its numbers.
-pub(super) type ByCamera = SMatrix<f64, 2, POSE>;
-/// The same by a point.
-pub(super) type ByPoint = SMatrix<f64, 2, POINT>;
-
-/// A residual (the second number is 0 but for pixels and levels) and its derivatives by what it depends on.
+/// A residual (the second component is 0 except for pixels and levels) and its derivatives.
 #[derive(Default)]
-pub(super) struct Linearised {
+pub(super) struct LinearisedTerm {
     pub(super) residual: [f64; 2],
-    /// With where the camera's parameters begin; none for a camera that stands still.
+    /// Derivatives by up to two cameras, each with the index of its first parameter; none for the fixed camera.
     cameras: [Option<(usize, ByCamera)>; 2],
-    /// With the point's number.
+    /// Derivative by a point, with the point's index.
     pub(super) point: Option<(usize, ByPoint)>,
 }
 
-/// What a point behind a camera costs.
+/// Residual of a point behind a camera.
 const BEHIND: [f64; 2] = [1e3, 1e3];
 
 /// All observations; contacts come with their weights.
 pub(super) fn terms<'a>(
-    picks: &'a [Pick],
+    picks: &'a [LiftedPick],
     contacts: &[(&'a Contact, f64)],
-    levels: &'a [Level],
+    levels: &'a [LevelConstraint],
 ) -> Vec<Term<'a>> {
     let depths = picks.iter().filter_map(|p| Some(Term::Depth(p, p.depth?)));
     picks
@@ -59,8 +54,8 @@ pub(super) fn terms<'a>(
 }
 
 impl Term<'_> {
-    /// Residuals beyond this many standard deviations pull less and less. Depths read at corners are often another
-    /// surface's, so they give way earlier.
+    /// Residual, in standard deviations, beyond which the influence falls. Depths measured at corners often belong to
+    /// another surface, so theirs falls earlier.
     fn softness(&self) -> f64 {
         match self {
             Term::Pixel(_) | Term::Level(_) => 3.0,
@@ -75,14 +70,14 @@ impl Term<'_> {
         c * c * (1.0 + (norm(residual) / c).powi(2)).ln()
     }
 
-    /// What the squared residual counts as in least squares.
+    /// Weight of the squared residual in least squares.
     pub(super) fn weight(&self, residual: [f64; 2]) -> f64 {
         1.0 / (1.0 + (norm(residual) / self.softness()).powi(2))
     }
 }
 
-impl Scene<'_> {
-    pub(super) fn residual(&self, state: &State, term: &Term<'_>) -> [f64; 2] {
+impl Refinement<'_> {
+    pub(super) fn residual(&self, state: &RefinementState, term: &Term<'_>) -> [f64; 2] {
         match term {
             Term::Pixel(pick) => {
                 let Some(seen) = state.seen(pick) else { return [0.0; 2] };
@@ -102,9 +97,9 @@ impl Scene<'_> {
         }
     }
 
-    /// The residual with its derivatives; without any where it does not depend on anything, such as behind a camera.
-    pub(super) fn linearised(&self, state: &State, term: &Term<'_>) -> Linearised {
-        let mut told = Linearised { residual: self.residual(state, term), ..Linearised::default() };
+    /// The residual with its derivatives; without derivatives where it is constant, such as behind a camera.
+    pub(super) fn linearised(&self, state: &RefinementState, term: &Term<'_>) -> LinearisedTerm {
+        let mut told = LinearisedTerm { residual: self.residual(state, term), ..LinearisedTerm::default() };
         if told.residual == BEHIND {
             return told;
         }
@@ -142,8 +137,8 @@ impl Scene<'_> {
     }
 }
 
-impl Linearised {
-    /// From its parts; at most two cameras.
+impl LinearisedTerm {
+    /// Assembles an observation from its parts; at most two cameras.
     #[cfg(test)]
     pub(super) fn of(
         residual: [f64; 2],
@@ -153,42 +148,49 @@ impl Linearised {
         Self { residual, cameras: std::array::from_fn(|i| cameras.get(i).copied()), point }
     }
 
-    /// What the cameras that move change it by.
+    /// Derivatives by the free cameras.
     pub(super) fn cameras(&self) -> impl Iterator<Item = &(usize, ByCamera)> + Clone {
         self.cameras.iter().flatten()
     }
 
-    /// By the pose of a pick's camera and by its point, which is at `seen` there; `rows` are derivatives by the latter.
-    fn seen_by(&mut self, state: &State, pick: &Pick, seen: &Point3<f64>, rows: &SMatrix<f64, 2, 3>) {
+    /// Sets the derivatives by the pose of a pick's camera and by its point, at `seen` in the camera's frame; `rows`
+    /// are derivatives by the latter.
+    fn seen_by(
+        &mut self,
+        state: &RefinementState,
+        pick: &LiftedPick,
+        seen: &Point3<f64>,
+        rows: &SMatrix<f64, 2, 3>,
+    ) {
         let pose = &state.poses[pick.camera];
         self.cameras[0] = moving(pick.camera, rows * by_seen_from(pose, seen));
         self.point = Some((pick.point, rows * turned_back(pose)));
     }
 }
 
-/// With where a camera's parameters begin.
+/// Pairs a camera's derivative with the index of its first parameter.
 fn moving(camera: usize, by: ByCamera) -> Option<(usize, ByCamera)> {
     Some((pose_at(camera)?, by))
 }
 
-/// The derivatives of a residual that is one number.
+/// Derivatives of a scalar residual.
 fn alone(row: &RowVector3<f64>) -> SMatrix<f64, 2, 3> {
     SMatrix::from_rows(&[*row, RowVector3::zeros()])
 }
 
-impl State {
-    /// Where a pick's camera sees its point now; `None` when the point was left out.
-    fn seen(&self, pick: &Pick) -> Option<Point3<f64>> {
+impl RefinementState {
+    /// Position of a pick's point in its camera's frame; `None` when the point was left out.
+    fn seen(&self, pick: &LiftedPick) -> Option<Point3<f64>> {
         Some(self.poses[pick.camera].inverse() * self.points[pick.point]?)
     }
 }
 
-/// What a point of the common frame changes by in a camera's: `Rᵀ / s`.
+/// Derivative of a point in a camera's frame by the point in the common frame: `Rᵀ / s`.
 fn turned_back(pose: &Similarity3<f64>) -> Matrix3<f64> {
     pose.isometry.rotation.inverse().to_rotation_matrix().into_inner() / pose.scaling()
 }
 
-/// What a point that stands still changes by in a camera's frame, where it is at `seen`, as the camera moves.
+/// Derivative by the camera's parameters of a fixed point that is at `seen` in the camera's frame.
 fn by_seen_from(pose: &Similarity3<f64>, seen: &Point3<f64>) -> ByPose {
     let arm = pose * seen.coords;
     let back = turned_back(pose);
@@ -201,7 +203,7 @@ fn by_seen_from(pose: &Similarity3<f64>, seen: &Point3<f64>) -> ByPose {
     by
 }
 
-/// What a camera's point, at `common` in the common frame, changes by there as the camera moves and takes it along.
+/// Derivative by the camera's parameters of a point fixed to the camera, at `common` in the common frame.
 fn by_moved(pose: &Similarity3<f64>, common: &Point3<f64>) -> ByPose {
     let arm = common.coords - pose.isometry.translation.vector;
     let mut by = ByPose::zeros();
@@ -221,6 +223,7 @@ pub(super) fn norm(residual: [f64; 2]) -> f64 {
 mod tests {
     use nalgebra::{DVector, Point2};
 
+    use super::super::state::POINT;
     use super::super::variance::Factors;
     use super::*;
     use crate::merge::MergeOptions;
@@ -236,8 +239,9 @@ mod tests {
         const STEP: f64 = 1e-6;
         let surfaces = [0, 1, 0].map(surface);
         let options = MergeOptions::default();
-        let scene = Scene { surfaces: &surfaces, options: &options, factors: Factors::loose(3), levels: &[] };
-        let state = State {
+        let scene =
+            Refinement { surfaces: &surfaces, options: &options, factors: Factors::loose(3), levels: &[] };
+        let state = RefinementState {
             poses: vec![
                 Similarity3::identity(),
                 pose([0.3, -0.5, 0.2], [1.0, -0.4, 0.3], 1.7),
@@ -245,7 +249,7 @@ mod tests {
             ],
             points: vec![None, Some(Point3::new(0.4, -0.3, 5.0)), Some(Point3::new(0.2, 0.1, -30.0))],
         };
-        let pick = |point: usize, camera: usize| Pick {
+        let pick = |point: usize, camera: usize| LiftedPick {
             point,
             camera,
             pixel: Point2::new(300.0, 250.0),
@@ -253,7 +257,7 @@ mod tests {
             depth: Some((4.0, 0.02)),
             by_hand: camera == 1,
         };
-        let picks: Vec<Pick> =
+        let picks: Vec<LiftedPick> =
             (0..3).flat_map(|point| (0..3).map(move |camera| pick(point, camera))).collect();
         let contact = |from: usize, onto: usize| Contact {
             from,
@@ -272,8 +276,11 @@ mod tests {
             Some(Plumb { up, covariance: without * sigma * sigma * without })
         };
         let ups = [[0.1, -0.9, 0.2], [0.5, -0.7, -0.3], [-0.3, -0.8, 0.4]].map(plumb);
-        let levels =
-            [Level::all(&ups, &state.poses), Level::all(&[None, ups[1], ups[2]], &state.poses)].concat();
+        let levels = [
+            LevelConstraint::all(&ups, &state.poses),
+            LevelConstraint::all(&[None, ups[1], ups[2]], &state.poses),
+        ]
+        .concat();
         assert_eq!(levels.len(), 3);
         let size = 2 * POSE + 3 * POINT;
         let mut compared = 0;

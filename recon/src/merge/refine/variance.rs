@@ -1,39 +1,40 @@
-//! How good the picks and each camera's depths at them are: variance components (F. R. Helmert 1907; W. Förstner 1979).
+//! Precision of the picks and of each camera's depths at them, by variance components (F. R. Helmert, 1907; W.
+//! Förstner, "Ein Verfahren zur Schätzung von Varianz- und Kovarianzkomponenten", 1979).
 //!
-//! A hand's error is known roughly. The error of depth is not: a capture with a short path, or a lens that is slightly
-//! off, bends the space it reconstructs, all depths at once. What residuals the joint fit leaves, compared with
-//! their redundancy (the share of an observation that the others could predict), tells.
+//! The error of a pick by hand is known roughly. The error of depth is not: a capture with a short path, or a lens that
+//! is slightly off, bends the space it reconstructs, all depths at once. It is estimated from the residuals of the
+//! joint fit and their redundancy (the share of an observation that the others could predict).
 
-use super::schur::NormalEquations;
-use super::state::State;
+use super::schur::RefinementEquations;
+use super::state::RefinementState;
 use super::term::{Term, terms};
-use super::{Pick, Scene};
+use super::{LiftedPick, Refinement};
 
-/// A claim counts as much as this many observations.
+/// Number of observations as which the claimed precision counts.
 const PRIOR: f64 = 4.0;
-/// Depths that look worse than they claim by less than this do so by chance.
+/// Factor on the claimed deviation of depths below which the excess is attributed to chance.
 const CHANCE: f64 = 1.5;
 /// Bounds of the factors of picks and of depths.
 const PICK_RANGE: (f64, f64) = (1.0, 3.0);
 const DEPTH_RANGE: (f64, f64) = (0.5, 30.0);
 
-/// By how much standard deviations differ from what is claimed.
+/// Factors on the claimed standard deviations.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Factors {
-    /// Of all picks by hand.
+    /// Factor of all picks by hand.
     pick: f64,
-    /// Of the depths of each camera.
+    /// Factor of the depths of each camera.
     pub(super) depth: Vec<f64>,
 }
 
 impl Factors {
-    /// Where estimation starts: with depths trusted so little that no bent one looks like an outlier.
+    /// Initial factors: with so little weight of the depths that no bent one looks like an outlier.
     pub(super) fn loose(cameras: usize) -> Self {
         const DEPTH: f64 = 6.0;
         Self { pick: 1.0, depth: vec![DEPTH; cameras] }
     }
 
-    /// Depths that look a little worse than they claim, or better, do so by chance.
+    /// Resets the factors of depths that exceed their claim by little, which is attributed to chance.
     pub(super) fn leave_chance(&mut self) {
         for depth in &mut self.depth {
             if *depth < CHANCE {
@@ -46,14 +47,14 @@ impl Factors {
 /// One group of observations.
 #[derive(Default)]
 struct Group {
-    /// Residuals in units of the claim, each as large as it would be had it not been fitted.
+    /// Residuals in units of the claim, each scaled to its size without the fit.
     scatter: Vec<f64>,
     redundancy: f64,
 }
 
 impl Group {
     fn add(&mut self, residual: f64, redundancy: f64) {
-        /// What the fit depends on alone has no residual to speak of.
+        /// Least redundancy: an observation that alone determines parameters has no residual.
         const LEAST: f64 = 0.1;
         if redundancy > LEAST {
             self.scatter.push(residual.abs() / redundancy.sqrt());
@@ -61,9 +62,9 @@ impl Group {
         }
     }
 
-    /// From the median: a depth read at an edge is another surface's, and no scatter.
+    /// Factor by the median, since a depth measured at an edge belongs to another surface.
     fn factor(&self) -> f64 {
-        /// Of the absolute value of a normal variable.
+        /// Median of the absolute value of a standard normal variable.
         const MEDIAN: f64 = 0.6745;
         let mut sorted = self.scatter.clone();
         sorted.sort_by(f64::total_cmp);
@@ -76,23 +77,23 @@ impl Group {
     }
 }
 
-impl Scene<'_> {
-    /// Standard deviation of a coordinate that a person picked.
+impl Refinement<'_> {
+    /// Standard deviation of a coordinate of a pick by hand.
     pub(super) fn pick_sigma_px(&self) -> f64 {
         self.options.pick_sigma_px * self.factors.pick
     }
 
-    /// Standard deviation of a pick's coordinate, whoever picked it.
-    pub(super) fn sigma_px(&self, pick: &Pick) -> f64 {
+    /// Standard deviation of a coordinate of a pick or match.
+    pub(super) fn sigma_px(&self, pick: &LiftedPick) -> f64 {
         if pick.by_hand { self.pick_sigma_px() } else { self.options.match_sigma_px }
     }
 
-    /// The factors that the residuals of a minimum speak for.
-    pub(super) fn variance_factors(&self, state: &State, picks: &[Pick]) -> Factors {
+    /// Factors estimated from the residuals of a minimum.
+    pub(super) fn variance_factors(&self, state: &RefinementState, picks: &[LiftedPick]) -> Factors {
         let cameras = state.poses.len();
         let terms = terms(picks, &[], self.levels);
         let rows: Vec<_> = terms.iter().map(|term| self.linearised(state, term)).collect();
-        let mut normal = NormalEquations::new(state);
+        let mut normal = RefinementEquations::new(state);
         for row in &rows {
             normal.add(row, 1.0);
         }
@@ -116,8 +117,8 @@ impl Scene<'_> {
         }
     }
 
-    /// The depths' standard deviation as a share of them, in the median of each camera's picks; 0 without any.
-    pub(super) fn depth_sigma(&self, picks: &[Pick]) -> Vec<f64> {
+    /// Median relative standard deviation of the depths at each camera's picks; 0 without any.
+    pub(super) fn depth_sigma(&self, picks: &[LiftedPick]) -> Vec<f64> {
         let of = |(camera, factor): (usize, &f64)| {
             let mut sigmas: Vec<f64> =
                 picks.iter().filter(|p| p.camera == camera).filter_map(|p| Some(p.depth?.1)).collect();

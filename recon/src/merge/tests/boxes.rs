@@ -1,11 +1,11 @@
-//! A room of boxes, and what a camera sees of it without error.
+//! A room of boxes, and error-free surfaces of it.
 
 use calib::Intrinsics;
 use glam::Vec3;
 use image::RgbImage;
 use nalgebra::{Isometry3, Point2, Point3, Vector3};
 
-use crate::surface::{Origin, Surface};
+use crate::surface::{DepthOrigin, Surface};
 
 /// Boxes by their least and greatest corners.
 pub(super) struct Boxes {
@@ -16,7 +16,7 @@ pub(super) struct Boxes {
 }
 
 impl Boxes {
-    /// How far along a ray from inside the room something is, and its normal there.
+    /// Distance along a ray from inside the room to the first surface, and its normal there.
     pub(super) fn hit(&self, eye: &Point3<f64>, ray: &Vector3<f64>) -> (f64, Vector3<f64>) {
         let (_, wall) = crossing(&self.room, eye, ray);
         let in_front = |cuboid| {
@@ -28,7 +28,7 @@ impl Boxes {
         (t, -Vector3::ith(axis, ray[axis].signum()))
     }
 
-    /// What a camera sees whose unit is so many metres.
+    /// Surface seen by a camera whose unit is `unit` metres.
     pub(super) fn seen(&self, lens: &Intrinsics, pose: &Isometry3<f64>, unit: f64) -> Surface {
         let eye = pose.inverse() * Point3::origin();
         let (mut depth, mut normal) = (Vec::new(), Vec::new());
@@ -48,13 +48,13 @@ impl Boxes {
             depth,
             normal,
             agreeing: vec![4; count],
-            origin: vec![Origin::Stereo; count],
+            origin: vec![DepthOrigin::Stereo; count],
             step: 0.005,
         }
     }
 }
 
-/// Where the line of a ray enters a box and where it leaves it: how far along, and across which axis.
+/// Entry and exit of a ray's line through a box: distance, and axis of the face.
 fn crossing(
     [low, high]: &[Point3<f64>; 2],
     eye: &Point3<f64>,

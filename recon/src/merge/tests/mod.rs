@@ -9,9 +9,9 @@ use boxes::Boxes;
 use calib::{Intrinsics, rotation};
 use nalgebra::{Isometry3, Matrix3, UnitQuaternion, Vector3};
 
-/// The room is a box of these half extents around the origin.
+/// Half extents of the room, a box around the origin.
 const HALF: Vector3<f64> = Vector3::new(3.0, 2.0, 1.3);
-/// What each camera's unit is, in metres.
+/// Unit of each camera, metres.
 const UNITS: [f64; 2] = [1.7, 0.6];
 
 fn lens() -> Intrinsics {
@@ -51,7 +51,7 @@ fn picked(places: &[(f64, f64)]) -> Vec<PickedPoint> {
         .collect()
 }
 
-/// Points that both cameras see.
+/// Points visible to both cameras.
 fn project() -> Project {
     let places = [(-1.0, -1.0), (1.2, -0.8), (0.3, 0.9), (-0.6, 0.7), (0.9, 0.3), (-0.2, -0.4), (1.5, 0.8)];
     project_of(picked(&places), &lens())
@@ -77,7 +77,7 @@ fn merged(project: &Project, options: &MergeOptions) -> Result<(Merged, MergeRep
     merge(project, &[surface(0), surface(1)], &[lens(), lens()], &[vec![], vec![]], &[], options)
 }
 
-/// Error of the second camera's pose as seen from the first: share of their distance, degrees, share of the scale.
+/// Error of the second camera's pose relative to the first: share of their distance, degrees, share of the scale.
 fn errors(merged: &Merged) -> (f64, f64, f64) {
     let truth = poses()[0] * poses()[1].inverse();
     let found = merged.common_from_camera[1];
@@ -144,7 +144,7 @@ fn picks_without_depth_are_told() {
     assert!(line.contains("depth at only 0") && line.contains("[[point]] 1, b"), "{line}");
 }
 
-/// Surfaces whose depth is not known at some of the project's points, in either camera.
+/// Surfaces without depth at some of the project's points, in either camera.
 fn blind_at(project: &Project, points: &[usize]) -> [Surface; 2] {
     [0, 1].map(|camera| {
         let mut surface = surface(camera);
@@ -174,8 +174,8 @@ fn picks_without_depth_still_count_by_where_their_rays_meet() {
     assert!(report.outliers.is_empty(), "{report:?}");
     let there = poses()[0] * Point3::new(1.2, -0.8, -HALF.z) / UNITS[0];
     assert!((result.points[1].unwrap() - there).norm() < 0.05, "{:?} {there}", result.points[1]);
-    // One that is wrong is noticed where others are enough to tell: some turn of a camera lets the rays of a few points meet
-    // whatever was picked. The cameras face each other, so its own rays pass beside each other.
+    // A wrong pick is detected where there are enough others: with few points some rotation of a camera lets the rays
+    // meet for any picks. The cameras face each other, so the wrong pick's own rays pass beside each other.
     project.points.extend(picked(&[
         (0.0, 0.2),
         (0.6, -1.1),
@@ -206,7 +206,7 @@ fn picks_almost_on_a_line_are_refused() {
     assert!(line.contains("on a line") && line.contains("`a` and `b`"), "{line}");
 }
 
-/// A surface as a capture reconstructs it whose lens or path bends its space: depth off by more and more across the image.
+/// Surface of a capture whose lens or path bends its space: the error of the depth grows across the image.
 fn bent(camera: usize, slope: f64) -> Surface {
     let mut surface = surface(camera);
     let lens = lens();
@@ -241,7 +241,7 @@ fn bent_surfaces_are_not_forced_on_each_other() {
     };
     let ((picks_only, _), (laid, report)) = (run(false), run(true));
     let (picks_only, laid) = (errors(&picks_only), errors(&laid));
-    // Taken at stereo's word, these surfaces turn the camera seven times as far.
+    // With stereo's own precision, these surfaces rotate the camera seven times as far.
     assert!(report.surface_pairs > 100, "{report:?}");
     assert!(laid.1 < 2.0 * picks_only.1 && laid.0 < picks_only.0, "{laid:?} {picks_only:?}");
 }
@@ -249,7 +249,7 @@ fn bent_surfaces_are_not_forced_on_each_other() {
 #[test]
 fn picks_whose_depth_is_another_surfaces_do_not_make_a_space_bent() {
     let project = project();
-    // Four of the seven, measured with confidence on what lies before or behind, as at the edge of a table.
+    // Four of the seven, measured with small deviation on surfaces before or behind, as at the edge of a table.
     let beside: Vec<MeasuredPixel> = project.points[..4]
         .iter()
         .zip([1.06, 0.95, 1.04, 0.93])
@@ -271,8 +271,8 @@ fn picks_whose_depth_is_another_surfaces_do_not_make_a_space_bent() {
 }
 
 #[test]
-fn what_pictures_say_of_up_turns_a_camera_that_picks_leave_askew() {
-    // Picked as if the second camera had rolled.
+fn vertical_lines_correct_a_camera_rolled_by_its_picks() {
+    // Picks as if the second camera had rolled.
     let surfaces = [surface(0), surface(1)];
     let mut project = project();
     for point in &mut project.points {
@@ -297,7 +297,7 @@ fn what_pictures_say_of_up_turns_a_camera_that_picks_leave_askew() {
     assert!(askew_deg(&without) > 0.5, "{}", askew_deg(&without));
     assert!(askew_deg(&with) < 0.2, "{}", askew_deg(&with));
     assert!(errors(&with).1 < errors(&without).1, "{:?} {:?}", errors(&with), errors(&without));
-    // One that tells alone, or none, changes nothing.
+    // The vertical of a single camera, or of none, changes nothing.
     for plumb in [[None, plumb[1]], [None, None]] {
         assert_eq!(run(&plumb).common_from_camera, without.common_from_camera);
     }

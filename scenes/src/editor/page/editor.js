@@ -11,7 +11,7 @@ const byId = (id) => document.getElementById(id);
 const HINTS = {
   idle: "Drag a zone or its corners; a dot on an edge makes a corner, Delete removes one. N draws a zone.",
   empty: "Draw a zone where people enter or leave the room: button above, or N.",
-  draft: "Click corners, on the plan or in a camera. Enter, double click or the first corner closes; Esc gives up.",
+  draft: "Click corners, on the plan or in a camera. Enter closes, and on the plan a double click or the first corner; Esc gives up.",
 };
 const DRAFT = { id: null, name: "", selected: true };
 

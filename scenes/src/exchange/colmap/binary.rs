@@ -1,10 +1,10 @@
-//! `cameras.bin`, `images.bin` and `points3D.bin` of a COLMAP model: little endian, without any mark of what they are.
+//! `cameras.bin`, `images.bin` and `points3D.bin` of a COLMAP model: little endian, without a magic number.
 
-use super::model::{Defect, Lens, MODELS, Picture, Point};
+use super::model::{Defect, MODELS, ModelCamera, ModelImage, ModelPoint};
 
 type Parsed<T> = Result<T, Defect>;
 
-/// What is left of a file.
+/// The unread rest of a file.
 struct Bytes<'a> {
     left: &'a [u8],
     place: String,
@@ -48,10 +48,10 @@ impl<'a> Bytes<'a> {
     }
 }
 
-pub(super) fn lenses(bytes: &[u8]) -> Parsed<Vec<Lens>> {
+pub(super) fn cameras(bytes: &[u8]) -> Parsed<Vec<ModelCamera>> {
     let mut bytes = Bytes { left: bytes, place: "number of cameras".into() };
     let count = bytes.u64()?;
-    let mut lenses = Vec::new();
+    let mut cameras = Vec::new();
     for i in 1..=count {
         bytes.place = format!("camera {i} of {count}");
         let id = bytes.u32()?;
@@ -61,12 +61,12 @@ pub(super) fn lenses(bytes: &[u8]) -> Parsed<Vec<Lens>> {
         };
         let (width, height) = (bytes.u64()?, bytes.u64()?);
         let parameters = (0..model.parameters).map(|_| bytes.f64()).collect::<Parsed<_>>()?;
-        lenses.push(Lens { id, model, width, height, parameters });
+        cameras.push(ModelCamera { id, model, width, height, parameters });
     }
-    Ok(lenses)
+    Ok(cameras)
 }
 
-pub(super) fn pictures(bytes: &[u8]) -> Parsed<Vec<Picture>> {
+pub(super) fn pictures(bytes: &[u8]) -> Parsed<Vec<ModelImage>> {
     /// A sighting: two pixels and the number of its point.
     const SIGHTING_BYTES: usize = 24;
     let mut bytes = Bytes { left: bytes, place: "number of images".into() };
@@ -77,16 +77,16 @@ pub(super) fn pictures(bytes: &[u8]) -> Parsed<Vec<Picture>> {
         bytes.u32()?;
         let rotation = [bytes.f64()?, bytes.f64()?, bytes.f64()?, bytes.f64()?];
         let translation = [bytes.f64()?, bytes.f64()?, bytes.f64()?];
-        let lens = bytes.u32()?;
+        let camera = bytes.u32()?;
         let name = String::from_utf8_lossy(bytes.until_zero()?).into_owned();
         let sightings = bytes.u64()?;
         bytes.skip(sightings, SIGHTING_BYTES)?;
-        pictures.push(Picture { name, lens, rotation, translation });
+        pictures.push(ModelImage { name, camera, rotation, translation });
     }
     Ok(pictures)
 }
 
-pub(super) fn points(bytes: &[u8]) -> Parsed<Vec<Point>> {
+pub(super) fn points(bytes: &[u8]) -> Parsed<Vec<ModelPoint>> {
     /// A sighting: the numbers of its picture and of its pixel there.
     const SIGHTING_BYTES: usize = 8;
     let mut bytes = Bytes { left: bytes, place: "number of points".into() };
@@ -100,7 +100,7 @@ pub(super) fn points(bytes: &[u8]) -> Parsed<Vec<Point>> {
         let _error_px = bytes.f64()?;
         let sightings = bytes.u64()?;
         bytes.skip(sightings, SIGHTING_BYTES)?;
-        points.push(Point { place, color });
+        points.push(ModelPoint { place, color });
     }
     Ok(points)
 }

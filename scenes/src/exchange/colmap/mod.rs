@@ -23,21 +23,21 @@ use crate::{Error, Result};
 /// [`Error::Io`], or [`Error::Content`] naming the file, the place in it and the problem.
 pub fn read(dir: &Path) -> Result<Vec<RoomCamera>> {
     let named = |name: &str| dir.join(name);
-    let (lens_file, picture_file, lenses, pictures) = if named("cameras.bin").is_file() {
+    let (lens_file, picture_file, cameras, pictures) = if named("cameras.bin").is_file() {
         let (lens_file, picture_file) = (named("cameras.bin"), named("images.bin"));
-        let (lenses, pictures) = (bytes_of(&lens_file)?, bytes_of(&picture_file)?);
-        (lens_file, picture_file, binary::lenses(&lenses), binary::pictures(&pictures))
+        let (cameras, pictures) = (bytes_of(&lens_file)?, bytes_of(&picture_file)?);
+        (lens_file, picture_file, binary::cameras(&cameras), binary::pictures(&pictures))
     } else if named("cameras.txt").is_file() {
         let (lens_file, picture_file) = (named("cameras.txt"), named("images.txt"));
-        let (lenses, pictures) =
+        let (cameras, pictures) =
             (calib::files::read_text(&lens_file)?, calib::files::read_text(&picture_file)?);
-        (lens_file, picture_file, text::lenses(&lenses), text::pictures(&pictures))
+        (lens_file, picture_file, text::cameras(&cameras), text::pictures(&pictures))
     } else {
         let problem =
             "it holds no cameras.txt or cameras.bin, so it is no COLMAP model; name its folder `sparse/0`";
         return Err(Error::content(dir, "folder", problem));
     };
-    let lenses = lenses.map_err(|(place, problem)| Error::content(&lens_file, place, problem))?;
+    let cameras = cameras.map_err(|(place, problem)| Error::content(&lens_file, place, problem))?;
     let pictures = pictures.map_err(|(place, problem)| Error::content(&picture_file, place, problem))?;
     if pictures.is_empty() {
         return Err(Error::content(&picture_file, "whole file", "it holds no image; no camera was placed"));
@@ -47,11 +47,11 @@ pub fn read(dir: &Path) -> Result<Vec<RoomCamera>> {
         .map(|picture| {
             let place = format!("image `{}`", picture.name);
             let wrong = |problem: String| Error::content(&picture_file, place.as_str(), problem);
-            let lens = lenses.iter().find(|lens| lens.id == picture.lens);
-            let lens = lens.ok_or_else(|| wrong(format!("there is no camera {}", picture.lens)))?;
-            let intrinsics = lens
+            let camera = cameras.iter().find(|camera| camera.id == picture.camera);
+            let camera = camera.ok_or_else(|| wrong(format!("there is no camera {}", picture.camera)))?;
+            let intrinsics = camera
                 .intrinsics()
-                .map_err(|problem| Error::content(&lens_file, format!("camera {}", lens.id), problem))?;
+                .map_err(|problem| Error::content(&lens_file, format!("camera {}", camera.id), problem))?;
             let camera_from_world = picture.pose().map_err(wrong)?;
             let name = camera_name(&picture.name);
             Ok(RoomCamera { name, camera: Camera { intrinsics, camera_from_world }, reference: None })
@@ -59,8 +59,8 @@ pub fn read(dir: &Path) -> Result<Vec<RoomCamera>> {
         .collect()
 }
 
-/// The model's points as discs that face the cameras, which stand at `viewpoints`; `None` without any. They are as sparse
-/// as the model: what stands between them hides nobody.
+/// The model's points as discs that face the cameras at `viewpoints`; `None` without any. They are as sparse as the
+/// model: surfaces between them hide nobody.
 ///
 /// # Errors
 /// As [`read`]; for a point that is not finite, too.
@@ -94,7 +94,7 @@ pub fn read_points(dir: &Path, viewpoints: &[Vec3]) -> Result<Option<Geometry>> 
 /// Writes the room as a model in text: its cameras, and its vertices or disc centres as points.
 ///
 /// # Errors
-/// [`Error::Calib`] when a file cannot be written; then none is.
+/// [`Error::Calib`] when a file cannot be written; then none is written.
 pub fn write(dir: &Path, room: &Room) -> Result<()> {
     let (mut cameras, mut images, mut points) = (
         "# CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]\n".to_owned(),
@@ -190,15 +190,15 @@ mod tests {
     /// The binary form, written here after COLMAP's description of it.
     fn binary_model(dir: &Path, cameras: &[RoomCamera]) {
         let count = (cameras.len() as u64).to_le_bytes();
-        let (mut lenses, mut images) = (count.to_vec(), count.to_vec());
+        let (mut camera_bytes, mut images) = (count.to_vec(), count.to_vec());
         for (id, entry) in (7_u32..).zip(cameras) {
             let k = &entry.camera.intrinsics;
             let [k1, k2, p1, p2, k3]: [f64; 5] = k.distortion.into();
-            lenses.extend(id.to_le_bytes());
-            lenses.extend(6_i32.to_le_bytes());
-            lenses.extend([k.width, k.height].map(u64::from).map(u64::to_le_bytes).concat());
+            camera_bytes.extend(id.to_le_bytes());
+            camera_bytes.extend(6_i32.to_le_bytes());
+            camera_bytes.extend([k.width, k.height].map(u64::from).map(u64::to_le_bytes).concat());
             let parameters = [k.fx, k.fy, k.cx + 0.5, k.cy + 0.5, k1, k2, p1, p2, k3, 0.0, 0.0, 0.0];
-            lenses.extend(parameters.map(f64::to_le_bytes).concat());
+            camera_bytes.extend(parameters.map(f64::to_le_bytes).concat());
             let (q, t) =
                 (entry.camera.camera_from_world.rotation, entry.camera.camera_from_world.translation);
             images.extend(id.to_le_bytes());
@@ -208,7 +208,7 @@ mod tests {
             images.extend(2_u64.to_le_bytes());
             images.extend([0_u8; 48]);
         }
-        std::fs::write(dir.join("cameras.bin"), lenses).unwrap();
+        std::fs::write(dir.join("cameras.bin"), camera_bytes).unwrap();
         std::fs::write(dir.join("images.bin"), images).unwrap();
     }
 
@@ -233,9 +233,9 @@ mod tests {
         }
     }
 
-    /// What pycolmap wrote (`tests/peers/colmap.py`), and where it says that the points are seen.
+    /// Output of pycolmap (`tests/peers/colmap.py`), and the pixels at which pycolmap sees the points.
     #[derive(serde::Deserialize)]
-    struct Peer {
+    struct PeerModel {
         points: Vec<PeerPoint>,
         pixels: std::collections::BTreeMap<String, Vec<[f64; 2]>>,
     }
@@ -251,9 +251,9 @@ mod tests {
     }
 
     #[test]
-    fn what_colmap_writes_is_seen_as_colmap_sees_it() {
+    fn models_written_by_colmap_project_as_in_colmap() {
         let expected = std::fs::read_to_string(peers().join("colmap.json")).unwrap();
-        let expected: Peer = serde_json::from_str(&expected).unwrap();
+        let expected: PeerModel = serde_json::from_str(&expected).unwrap();
         for folder in ["colmap_binary", "colmap_text"] {
             let folder = peers().join(folder);
             let cameras = read(&folder).unwrap();
@@ -323,14 +323,14 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_named() {
+    fn defects_of_models_are_named() {
         let folder = tempfile::tempdir().unwrap();
         let said = || read(folder.path()).unwrap_err().to_string();
         assert!(said().contains("no COLMAP model"));
         let put = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
-        let lens = "# a comment\n1 PINHOLE 64 48 60 60 32 24\n";
+        let camera = "# a comment\n1 PINHOLE 64 48 60 60 32 24\n";
         let image = "1 1 0 0 0 0 1.2 3 1 left.png\n\n";
-        put("cameras.txt", lens);
+        put("cameras.txt", camera);
         assert!(said().contains("images.txt"));
         put("images.txt", image);
         assert_eq!(read(folder.path()).unwrap()[0].name, "left");
@@ -341,11 +341,11 @@ mod tests {
             ("60 60 32 24", "60 60 32", &["cameras.txt", "line 2", "4"]),
             ("64 48", "0 48", &["cameras.txt", "camera 1", "empty"]),
         ] {
-            put("cameras.txt", &lens.replace(from, to));
+            put("cameras.txt", &camera.replace(from, to));
             let line = said();
             assert!(words.iter().all(|word| line.contains(word)), "{line}");
         }
-        put("cameras.txt", lens);
+        put("cameras.txt", camera);
         for (from, to, words) in [
             ("1 1 0 0 0 0", "1 2 0 0 0 0", &["images.txt", "`left.png`", "rotation"][..]),
             ("3 1 left", "nan 1 left", &["images.txt", "finite"]),

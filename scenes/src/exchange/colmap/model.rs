@@ -1,4 +1,4 @@
-//! What a COLMAP model is made of: lenses, and pictures that were taken through them.
+//! Elements of a COLMAP model: lenses, and pictures taken through them.
 
 use calib::Intrinsics;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
@@ -7,58 +7,58 @@ use crate::exchange::CORNER_PX;
 
 /// A lens as the model has it.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Lens {
+pub(super) struct ModelCamera {
     pub(super) id: u32,
-    pub(super) model: &'static Model,
+    pub(super) model: &'static CameraModel,
     pub(super) width: u64,
     pub(super) height: u64,
     pub(super) parameters: Vec<f64>,
 }
 
-/// A picture and where it was taken from.
+/// A picture and its pose.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Picture {
+pub(super) struct ModelImage {
     pub(super) name: String,
-    pub(super) lens: u32,
+    pub(super) camera: u32,
     /// w, x, y, z.
     pub(super) rotation: [f64; 4],
     pub(super) translation: [f64; 3],
 }
 
-/// A point of the model; what saw it is not kept.
+/// A point of the model, without its observations.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Point {
+pub(super) struct ModelPoint {
     pub(super) place: [f64; 3],
     pub(super) color: [u8; 3],
 }
 
 /// One of COLMAP's camera models.
 #[derive(Debug, PartialEq, Eq)]
-pub(super) struct Model {
+pub(super) struct CameraModel {
     pub(super) id: i32,
     pub(super) name: &'static str,
     pub(super) parameters: usize,
 }
 
-/// All that have been given a number; the fisheyes are only known so that they can be told.
-pub(super) static MODELS: [Model; 11] = [
-    Model { id: 0, name: "SIMPLE_PINHOLE", parameters: 3 },
-    Model { id: 1, name: "PINHOLE", parameters: 4 },
-    Model { id: 2, name: "SIMPLE_RADIAL", parameters: 4 },
-    Model { id: 3, name: "RADIAL", parameters: 5 },
-    Model { id: 4, name: "OPENCV", parameters: 8 },
-    Model { id: 5, name: "OPENCV_FISHEYE", parameters: 8 },
-    Model { id: 6, name: "FULL_OPENCV", parameters: 12 },
-    Model { id: 7, name: "FOV", parameters: 5 },
-    Model { id: 8, name: "SIMPLE_RADIAL_FISHEYE", parameters: 4 },
-    Model { id: 9, name: "RADIAL_FISHEYE", parameters: 5 },
-    Model { id: 10, name: "THIN_PRISM_FISHEYE", parameters: 12 },
+/// All numbered camera models; the fisheyes are listed only so that an error can name them.
+pub(super) static MODELS: [CameraModel; 11] = [
+    CameraModel { id: 0, name: "SIMPLE_PINHOLE", parameters: 3 },
+    CameraModel { id: 1, name: "PINHOLE", parameters: 4 },
+    CameraModel { id: 2, name: "SIMPLE_RADIAL", parameters: 4 },
+    CameraModel { id: 3, name: "RADIAL", parameters: 5 },
+    CameraModel { id: 4, name: "OPENCV", parameters: 8 },
+    CameraModel { id: 5, name: "OPENCV_FISHEYE", parameters: 8 },
+    CameraModel { id: 6, name: "FULL_OPENCV", parameters: 12 },
+    CameraModel { id: 7, name: "FOV", parameters: 5 },
+    CameraModel { id: 8, name: "SIMPLE_RADIAL_FISHEYE", parameters: 4 },
+    CameraModel { id: 9, name: "RADIAL_FISHEYE", parameters: 5 },
+    CameraModel { id: 10, name: "THIN_PRISM_FISHEYE", parameters: 12 },
 ];
 
-/// What is wrong in a file: the place and the problem.
+/// Defect of a file: the place and the problem.
 pub(super) type Defect = (String, String);
 
-impl Lens {
+impl ModelCamera {
     pub(super) fn intrinsics(&self) -> Result<Intrinsics, String> {
         let p = &self.parameters;
         let (fx, fy, cx, cy, distortion) = match self.model.name {
@@ -84,7 +84,7 @@ impl Lens {
     }
 }
 
-impl Picture {
+impl ModelImage {
     pub(super) fn pose(&self) -> Result<Isometry3<f64>, String> {
         let [w, x, y, z] = self.rotation;
         let quaternion = Quaternion::new(w, x, y, z);

@@ -2,11 +2,11 @@
 
 use std::str::{FromStr, SplitWhitespace};
 
-use super::model::{Defect, Lens, MODELS, Picture, Point};
+use super::model::{Defect, MODELS, ModelCamera, ModelImage, ModelPoint};
 
 type Parsed<T> = Result<T, Defect>;
 
-/// A line's words, one after the other.
+/// The words of a line, read one after the other.
 struct Words<'a> {
     line: usize,
     words: SplitWhitespace<'a>,
@@ -27,16 +27,16 @@ impl<'a> Words<'a> {
     }
 }
 
-/// The lines that are no comments, counted from 1.
+/// Lines that are no comments, numbered from 1.
 fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
     (1..).zip(text.lines().map(str::trim)).filter(|(_, line)| !line.starts_with('#'))
 }
 
-pub(super) fn lenses(text: &str) -> Parsed<Vec<Lens>> {
-    lines(text).filter(|(_, line)| !line.is_empty()).map(|(line, text)| lens(line, text)).collect()
+pub(super) fn cameras(text: &str) -> Parsed<Vec<ModelCamera>> {
+    lines(text).filter(|(_, line)| !line.is_empty()).map(|(line, text)| camera(line, text)).collect()
 }
 
-fn lens(line: usize, text: &str) -> Parsed<Lens> {
+fn camera(line: usize, text: &str) -> Parsed<ModelCamera> {
     let mut words = Words { line, words: text.split_whitespace() };
     let id = words.number("camera number")?;
     let name = words.word("camera model")?;
@@ -52,11 +52,11 @@ fn lens(line: usize, text: &str) -> Parsed<Lens> {
         let problem = format!("{name} has {} parameters, here are {}", model.parameters, parameters.len());
         return Err(words.wrong(problem));
     }
-    Ok(Lens { id, model, width, height, parameters })
+    Ok(ModelCamera { id, model, width, height, parameters })
 }
 
 /// Two lines a picture: the second, its points, may be empty.
-pub(super) fn pictures(text: &str) -> Parsed<Vec<Picture>> {
+pub(super) fn pictures(text: &str) -> Parsed<Vec<ModelImage>> {
     let mut pictures = Vec::new();
     let mut lines = lines(text);
     while let Some((line, text)) = lines.next() {
@@ -70,20 +70,20 @@ pub(super) fn pictures(text: &str) -> Parsed<Vec<Picture>> {
             *value = words.number("number of a pose")?;
         }
         let [w, x, y, z, tx, ty, tz] = numbers;
-        let lens = words.number("camera number")?;
+        let camera = words.number("camera number")?;
         // A name may hold spaces.
         let mut name = words.word("name")?.to_owned();
         for word in words.words {
             name.push(' ');
             name.push_str(word);
         }
-        pictures.push(Picture { name, lens, rotation: [w, x, y, z], translation: [tx, ty, tz] });
+        pictures.push(ModelImage { name, camera, rotation: [w, x, y, z], translation: [tx, ty, tz] });
         lines.next();
     }
     Ok(pictures)
 }
 
-pub(super) fn points(text: &str) -> Parsed<Vec<Point>> {
+pub(super) fn points(text: &str) -> Parsed<Vec<ModelPoint>> {
     lines(text)
         .filter(|(_, line)| !line.is_empty())
         .map(|(line, text)| {
@@ -93,7 +93,7 @@ pub(super) fn points(text: &str) -> Parsed<Vec<Point>> {
             let place = [coordinate()?, coordinate()?, coordinate()?];
             let mut level = || words.number("colour from 0 to 255");
             let color = [level()?, level()?, level()?];
-            Ok(Point { place, color })
+            Ok(ModelPoint { place, color })
         })
         .collect()
 }

@@ -1,8 +1,9 @@
 //! PLY files in and out: faces make a [`Mesh`](super::Mesh), points with normals make [`Disc`](super::Disc)s.
 //!
-//! Vertex properties: `x y z`, `nx ny nz` (needed without faces), `red green blue` (0 to 255, or 0.0 to 1.0 as
-//! float), `radius` in metres (estimated from the points' spacing when absent), `filled` (1: not measured, see
-//! [`Disc::filled`](super::Disc::filled)) and `confidence` ([`Disc::confidence`](super::Disc::confidence); 1 when absent). Any number type is accepted. Anything else in the file is skipped.
+//! Vertex properties: `x y z`, `nx ny nz` (needed without faces), `red green blue` (0 to 255, or 0.0 to 1.0 as float),
+//! `radius` in metres (estimated from the points' spacing when absent), `filled` (1: not measured, see
+//! [`Disc::filled`](super::Disc::filled)) and `confidence` ([`Disc::confidence`](super::Disc::confidence); 1 when
+//! absent). Any number type is accepted. Other properties and elements are skipped.
 
 mod read;
 mod row;

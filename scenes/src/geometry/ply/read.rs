@@ -13,12 +13,12 @@ use crate::{Error, Result};
 /// Reads a room's geometry from a PLY file, ASCII or binary.
 ///
 /// # Errors
-/// [`Error::Io`], or [`Error::Content`] naming the element and what is wrong with it.
+/// [`Error::Io`], or [`Error::Content`] naming the element and its problem.
 pub fn read(path: &Path) -> Result<Geometry> {
     read_with(path, None)
 }
 
-/// [`read`], and a cloud without normals gets some, each towards the nearest of the places that it was seen from.
+/// [`read`] for clouds that may lack normals: they are estimated, each towards the nearest of the viewpoints.
 ///
 /// # Errors
 /// As [`read`].
@@ -35,7 +35,7 @@ fn read_with(path: &Path, viewpoints: Option<&[Vec3]>) -> Result<Geometry> {
     })
 }
 
-/// The place in the file, and the problem.
+/// Defect of a file: the place and the problem.
 type Defect = (String, String);
 type Decoded<T> = std::result::Result<T, Defect>;
 
@@ -77,7 +77,7 @@ fn decode(bytes: &[u8], viewpoints: Option<&[Vec3]>) -> Decoded<Geometry> {
     geometry.defect().map_or(Ok(geometry), Err)
 }
 
-/// Refuses a file that is too short for what its header announces, before memory is taken for it.
+/// Refuses a file that is too short for the sizes in its header, before memory is allocated for it.
 fn check_sizes(header: &Header, available: usize) -> Decoded<()> {
     let mut needed: u128 = 0;
     for element in header.elements.values() {
@@ -101,7 +101,7 @@ fn check_sizes(header: &Header, available: usize) -> Decoded<()> {
     Ok(())
 }
 
-/// The fewest bytes that a property takes in a row: a digit and a separator a number in ASCII, an empty list.
+/// Fewest bytes of a property in a row: a digit and a separator a number in ASCII, an empty list.
 fn smallest_size(data_type: &PropertyType, encoding: Encoding) -> u128 {
     let (PropertyType::Scalar(scalar) | PropertyType::List(scalar, _)) = data_type;
     match (encoding, scalar) {
@@ -122,7 +122,7 @@ fn rows<R: PropertyAccess>(
         .map_err(|e| bad_row(element, &one_line(&e.to_string())))
 }
 
-/// The parser tells the line of an ASCII file and then, at length, its own grammar.
+/// Defect of a row, from the parser's message: the line of an ASCII file and then, at length, its own grammar.
 fn bad_row(element: &ElementDef, said: &str) -> Defect {
     let place = format!("element {}", element.name);
     let line = said.strip_prefix("Line ").and_then(|rest| rest.split_once(':'));
@@ -168,9 +168,9 @@ fn discs(rows: &[VertexRow], radius_given: bool) -> Decoded<Vec<Disc>> {
         if !(center.is_finite() && normal.is_finite()) {
             return Err(not_finite(i));
         }
-        // `Geometry::defect` names the zero normals.
+        // `Geometry::defect` reports zero normals.
         let normal = normal.try_normalize().unwrap_or(Vec3::ZERO);
-        // Nothing rests on how sure a point is, so that a file is not refused for it.
+        // A confidence that is not finite counts as 0: no computation depends on it, so the file is not refused.
         let confidence = if row.confidence.is_finite() { row.confidence } else { 0.0 };
         let VertexRow { radius, color, filled, .. } = *row;
         discs.push(Disc { center, normal, radius, color, filled, confidence });
@@ -205,7 +205,7 @@ fn mesh(rows: &[VertexRow], faces: &[FaceRow]) -> Decoded<Mesh> {
     Ok(mesh)
 }
 
-/// A library's message on one line of bearable length.
+/// Shortens a library's message to one line.
 fn one_line(message: &str) -> String {
     const LONGEST: usize = 200;
     let mut line = message.split_whitespace().collect::<Vec<_>>().join(" ");
@@ -326,7 +326,7 @@ mod tests {
             panic!("points make discs")
         };
         assert!(discs.iter().all(|d| d.normal.distance(-Vec3::Z) < 1e-4 && d.radius > 0.5 && d.radius < 1.5));
-        // Without cameras nobody knows which side was seen; normals that are there stay as they are.
+        // Without cameras the seen side is unknown; existing normals are kept.
         assert!(problem(&bare(&floor)).contains("scenes import"));
         let Geometry::Discs(discs) = decode(POINT.as_bytes(), Some(&below)).unwrap() else { panic!("discs") };
         assert_eq!(discs[0].normal, Vec3::Z);

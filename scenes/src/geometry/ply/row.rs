@@ -1,11 +1,11 @@
-//! A PLY file's rows of vertices and faces, as `ply-rs` fills and asks for them.
+//! Rows of vertices and faces of a PLY file, as `ply-rs` fills and reads them.
 
 use ply_rs::ply::{BeginList, Property, PropertyAccess, PropertyAccessResult};
 
-/// Colour of what has none.
+/// Grey level of elements without a colour.
 const GREY: u8 = 180;
 
-/// A vertex; what its file does not give stays at the values of [`PropertyAccess::new`].
+/// A vertex; properties that its file lacks keep the values of [`PropertyAccess::new`].
 #[derive(Debug, Clone)]
 pub(super) struct VertexRow {
     pub(super) position: [f32; 3],
@@ -92,11 +92,11 @@ impl PropertyAccess for VertexRow {
 #[derive(Debug, Clone)]
 pub(super) struct FaceRow {
     pub(super) corners: Vec<u32>,
-    /// The same for the writer, which writes the common `int`.
+    /// The same indices for the writer, which writes the common type `int`.
     pub(super) signed: Vec<i32>,
 }
 
-/// The two names in use for a face's corners.
+/// The two names in use for the list of a face's corners.
 pub(super) const CORNERS: [&str; 2] = ["vertex_indices", "vertex_index"];
 
 impl PropertyAccess for FaceRow {
@@ -128,7 +128,7 @@ impl PropertyAccess for FaceRow {
     }
 }
 
-/// A row of an element that nobody needs.
+/// A row of an element that is skipped.
 #[derive(Debug, Clone)]
 pub(super) struct SkippedRow;
 

@@ -11,7 +11,7 @@ use super::row::{CORNERS, FaceRow, VertexRow};
 use crate::geometry::{Disc, Geometry, Mesh};
 use crate::{Error, Result};
 
-/// Writes geometry as a binary PLY file, whole or not at all. [`super::read()`] gives back the same numbers.
+/// Writes geometry as a binary PLY file, replaced in one step. [`super::read()`] gives back the same numbers.
 ///
 /// # Errors
 /// [`Error::Geometry`] when it has a defect, [`Error::Calib`] when the file cannot be written.
@@ -19,7 +19,7 @@ pub fn write(path: &Path, geometry: &Geometry) -> Result<()> {
     Ok(calib::files::write_atomic(path, &encode(geometry)?)?)
 }
 
-/// The bytes of the file.
+/// Encodes geometry as the bytes of the file.
 pub(crate) fn encode(geometry: &Geometry) -> Result<Vec<u8>> {
     if let Some((place, problem)) = geometry.defect() {
         return Err(Error::Geometry(format!("{place}: {problem}")));
@@ -121,7 +121,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn what_is_written_is_read(discs in prop::collection::vec(disc(), 1..40)) {
+        fn written_discs_read_back_equal(discs in prop::collection::vec(disc(), 1..40)) {
             let folder = tempfile::tempdir().unwrap();
             let path = folder.path().join("room.ply");
             write(&path, &Geometry::Discs(discs.clone())).unwrap();

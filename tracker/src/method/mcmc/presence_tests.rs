@@ -12,7 +12,7 @@ use scenes::walkable::WalkableMap;
 use super::tests::{Feeder, cuboid, empty_room, masks, room, stand, standing};
 use super::*;
 use crate::TrackId;
-use crate::stage::Floor;
+use crate::prepared_room::Floor;
 
 const BOTH_CORNERS: [(f64, f64); 2] = [(0.2, 0.2), (0.2, 4.8)];
 
@@ -94,7 +94,7 @@ fn a_person_who_left_during_an_outage_is_gone_soon_after() {
 }
 
 /// A room whose floor goes on for two metres behind the wall with the door, where no camera sees it.
-fn room_with_corridor() -> Stage {
+fn room_with_corridor() -> PreparedRoom {
     let mut stage = room(&BOTH_CORNERS, ZoneKind::Both);
     let rectangle = |x0, y0, x1, y1| Polygon::rectangle(Point2::new(x0, y0), Point2::new(x1, y1));
     let floor = WalkableMap::of_polygons(&[rectangle(0.0, 0.0, 6.0, 5.0), rectangle(6.0, -1.0, 8.5, 6.0)]);

@@ -1,8 +1,8 @@
-//! Other zones in a `scene.toml`, everything else in it as it was, byte for byte.
+//! Replacement of the zones in a `scene.toml`, with everything else preserved byte for byte.
 //!
-//! People write in that file, too. So it is not written anew from what was read: the parser only tells where each zone
-//! stands, and the text between is left alone, comments, layout and line ends included. A zone keeps its table, with the
-//! comments in it, as long as it keeps its name or its outline; tables of new zones follow the last one.
+//! People edit that file, too. So it is not serialised anew: the parser only locates each zone, and the text between is
+//! left alone, comments, layout and line ends included. A zone keeps its table, with the comments in it, as long as it
+//! keeps its name or its outline; tables of new zones follow the last one.
 
 #[cfg(test)]
 mod tests;
@@ -22,16 +22,16 @@ use super::{Zone, ZoneKind};
 use crate::polygon::Polygon;
 use crate::{Error, Result};
 
-/// Corners closer than this, in metres, are the same: a number may have gone to a page and back.
+/// Distance below which corners are the same, metres: a number may have gone to a page and back.
 const SAME_M: f64 = 1e-9;
 
-/// Which state of a `scene.toml` something was made from: a hash of its bytes.
+/// Version of a `scene.toml`: a hash of its bytes.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct SceneVersion(String);
 
 impl SceneVersion {
-    /// The state that the file of a room directory is in now.
+    /// Present version of the file of a room directory.
     ///
     /// # Errors
     /// [`Error::Content`] when there is no such file, [`Error::Io`] when it cannot be read.
@@ -46,13 +46,13 @@ impl SceneVersion {
     }
 }
 
-/// Gives a room directory other zones, in place of those it has, and returns the file's new version. Nothing but the
-/// `[[zone]]` tables changes; the file is written whole or not at all.
+/// Replaces the zones of a room directory, and returns the file's new version. Only the `[[zone]]` tables change; the
+/// file is replaced in one step.
 ///
 /// # Errors
-/// [`Error::Room`] for zones nobody should draw: without a name, with the name of another, not simple, without area.
-/// [`Error::Changed`] when the file is not of that version any more. [`Error::Content`] when it cannot be parsed, must
-/// not be written, or is a link; [`Error::Io`] or [`Error::Calib`] when it cannot be read or written.
+/// [`Error::Room`] for zones that must not be drawn: without a name, with the name of another, not simple, without
+/// area. [`Error::Changed`] when the file is not of that version any more. [`Error::Content`] when it cannot be parsed,
+/// must not be written, or is a link; [`Error::Io`] or [`Error::Calib`] when it cannot be read or written.
 pub fn replace_zones(dir: &Path, zones: &[Zone], version: &SceneVersion) -> Result<SceneVersion> {
     if let Some((place, problem)) = drawn_zones_defect(zones) {
         return Err(Error::Room { place, problem });
@@ -69,7 +69,7 @@ pub fn replace_zones(dir: &Path, zones: &[Zone], version: &SceneVersion) -> Resu
     Ok(SceneVersion::of_bytes(rewritten.as_bytes()))
 }
 
-/// A file takes the place of another by its name: a link would become a file, and a protection against writing be lost.
+/// Refuses links and write-protected files: replacing a link by name would make it a file, and lose the protection.
 fn refuse_what_is_not_ours_to_write(path: &Path) -> Result<()> {
     let io = |source| Error::Io { path: path.to_owned(), source };
     let problem = if path.symlink_metadata().map_err(io)?.is_symlink() {
@@ -82,49 +82,50 @@ fn refuse_what_is_not_ours_to_write(path: &Path) -> Result<()> {
     Err(Error::content(path, "whole file", problem))
 }
 
-/// What is looked at of a `scene.toml`.
+/// The part of a `scene.toml` that is parsed here.
 #[derive(Deserialize)]
 struct Tables {
     #[serde(default)]
-    zone: Vec<Spanned<Table>>,
+    zone: Vec<Spanned<ZoneTable>>,
 }
 
-/// A zone, and where its values stand.
+/// A zone's table, with the spans of its values.
 #[derive(Deserialize)]
-struct Table {
+struct ZoneTable {
     name: Spanned<String>,
     polygon: Spanned<Polygon>,
     kind: Option<Spanned<ZoneKind>>,
 }
 
-impl Table {
-    /// The end of the value that stands last.
+impl ZoneTable {
+    /// End of the last value.
     fn end(&self) -> usize {
         let kind = self.kind.as_ref().map_or(0, |kind| kind.span().end);
         self.name.span().end.max(self.polygon.span().end).max(kind)
     }
 }
 
-/// A piece of the text and what takes its place.
+/// A range of the text and its replacement.
 type Cut = (Range<usize>, String);
 
-/// The text of a scene file with other zones.
+/// Text of a scene file with other zones.
 fn rewritten(text: &str, zones: &[Zone]) -> std::result::Result<String, toml::de::Error> {
     let Tables { zone: tables } = toml::from_str(text)?;
     let newline = if text.contains("\r\n") { "\r\n" } else { "\n" };
     let mut cuts: Vec<Cut> = Vec::new();
     let mut is_new = vec![true; zones.len()];
-    // Where new tables go.
+    // Position at which new tables are inserted.
     let mut end = text.len();
     if let Some(assignment) = assigned(text)? {
-        // `zone = [{ … }]`: one value, for which tables are written instead, since lines cannot be put into all of those.
+        // `zone = [{ … }]` is one value; tables are written instead, since lines cannot be inserted into every form of
+        // it.
         cuts.push((lines(text, assignment), String::new()));
     } else {
-        let kept = kept(&tables, zones);
-        for (table, kept) in tables.iter().zip(kept) {
+        let zone_of_table = zone_of_each_table(&tables, zones);
+        for (table, zone) in tables.iter().zip(zone_of_table) {
             let place = table.span().start..table.get_ref().end();
             end = end_of_line(text, place.end);
-            if let Some(i) = kept {
+            if let Some(i) = zone {
                 is_new[i] = false;
                 cuts.extend(changes(text, table.get_ref(), &zones[i], newline));
             } else {
@@ -140,7 +141,7 @@ fn rewritten(text: &str, zones: &[Zone]) -> std::result::Result<String, toml::de
         added.insert_str(0, newline);
     }
     cuts.push((end..end, added));
-    // What is put in at a place comes after what is cut away before it.
+    // At equal positions insertions come after deletions that end there.
     cuts.sort_by_key(|(range, _)| (range.start, range.end));
     let mut result = String::with_capacity(text.len());
     let mut at = 0;
@@ -153,7 +154,7 @@ fn rewritten(text: &str, zones: &[Zone]) -> std::result::Result<String, toml::de
     Ok(result)
 }
 
-/// Where `zone = …` stands, if the zones are written as a value and not as tables.
+/// Span of `zone = …`, if the zones are written as a value and not as tables.
 fn assigned(text: &str) -> std::result::Result<Option<Range<usize>>, toml::de::Error> {
     let document = DeTable::parse(text)?;
     let Some((key, value)) = document.get_ref().get_key_value("zone") else { return Ok(None) };
@@ -162,11 +163,11 @@ fn assigned(text: &str) -> std::result::Result<Option<Range<usize>>, toml::de::E
     Ok(is_value.then(|| key.span().start..value.span().end))
 }
 
-/// For each table the zone that it belongs to from now on: the one of its name, else the one of its outline.
-fn kept(tables: &[Spanned<Table>], zones: &[Zone]) -> Vec<Option<usize>> {
+/// Index of the zone that each table belongs to from now on: the one of its name, else the one of its outline.
+fn zone_of_each_table(tables: &[Spanned<ZoneTable>], zones: &[Zone]) -> Vec<Option<usize>> {
     let mut of_table = vec![None; tables.len()];
     let mut taken = vec![false; zones.len()];
-    let belongs: [fn(&Table, &Zone) -> bool; 2] = [
+    let belongs: [fn(&ZoneTable, &Zone) -> bool; 2] = [
         |table, zone| *table.name.get_ref() == zone.name,
         |table, zone| is_same(table.polygon.get_ref(), &zone.polygon),
     ];
@@ -185,8 +186,8 @@ fn is_same(a: &Polygon, b: &Polygon) -> bool {
     a.0.len() == b.0.len() && a.0.iter().zip(&b.0).all(|(a, b)| (a - b).amax() <= SAME_M)
 }
 
-/// The values of a table that differ from a zone's.
-fn changes(text: &str, table: &Table, zone: &Zone, newline: &str) -> Vec<Cut> {
+/// Edits for the values of a table that differ from a zone's.
+fn changes(text: &str, table: &ZoneTable, zone: &Zone, newline: &str) -> Vec<Cut> {
     let mut cuts = Vec::new();
     if *table.name.get_ref() != zone.name {
         cuts.push((table.name.span(), name_text(&zone.name)));
@@ -208,7 +209,7 @@ fn changes(text: &str, table: &Table, zone: &Zone, newline: &str) -> Vec<Cut> {
     cuts
 }
 
-/// A zone's table, with an empty line before it.
+/// Text of a zone's table, with an empty line before it.
 fn written(zone: &Zone, newline: &str) -> String {
     let (name, polygon) = (name_text(&zone.name), polygon_text(&zone.polygon));
     let mut table = format!("{newline}[[zone]]{newline}name = {name}{newline}polygon = {polygon}{newline}");
@@ -236,7 +237,7 @@ fn kind_text(kind: ZoneKind) -> &'static str {
     }
 }
 
-/// The whole lines that a piece of the text stands on, with the empty line before them, if there is one.
+/// Whole lines that a range of the text stands on, with the empty line before them, if there is one.
 fn lines(text: &str, place: Range<usize>) -> Range<usize> {
     let start_of_line = |at: usize| text[..at].rfind('\n').map_or(0, |i| i + 1);
     let start = start_of_line(place.start);
@@ -245,7 +246,7 @@ fn lines(text: &str, place: Range<usize>) -> Range<usize> {
     start..end_of_line(text, place.end)
 }
 
-/// The place after the line break that ends the line of a place, or the text's end.
+/// Position after the line break that ends the line of `at`, or the text's end.
 fn end_of_line(text: &str, at: usize) -> usize {
     text[at..].find('\n').map_or(text.len(), |i| at + i + 1)
 }

@@ -3,14 +3,14 @@
 use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
-use super::numbers::{Lens, head_of, numbers_of, poses_of, with_head};
+use super::numbers::{CachedLens, head_of, numbers_of, poses_of, with_head};
 use crate::pipeline::CameraReport;
-use crate::pipeline::camera::Moved;
+use crate::pipeline::camera::CameraMotion;
 
-/// What comes before the points, as text.
+/// Text before the points.
 #[derive(Serialize, Deserialize)]
-struct Head {
-    lens: Lens,
+struct MotionHead {
+    lens: CachedLens,
     /// Quaternion (i, j, k, w) and translation of each frame; empty where it has no pose.
     poses: Vec<Vec<f64>>,
     report: CameraReport,
@@ -18,28 +18,28 @@ struct Head {
 
 const BYTES_A_POINT: usize = 3 * size_of::<f64>();
 
-/// The head, then point by point three numbers of eight bytes.
-pub(super) fn encode(moved: &Moved) -> Option<Vec<u8>> {
-    let head = Head {
-        lens: Lens::of(&moved.lens),
-        poses: moved.camera_from_world.iter().map(|pose| numbers_of(pose.as_ref())).collect(),
-        report: moved.report.clone(),
+/// Serialises the head, then point by point three numbers of eight bytes.
+pub(super) fn encode(motion: &CameraMotion) -> Option<Vec<u8>> {
+    let head = MotionHead {
+        lens: CachedLens::of(&motion.lens),
+        poses: motion.camera_from_world.iter().map(|pose| numbers_of(pose.as_ref())).collect(),
+        report: motion.report.clone(),
     };
-    let mut bytes = with_head(&head, BYTES_A_POINT * moved.points.len())?;
+    let mut bytes = with_head(&head, BYTES_A_POINT * motion.points.len())?;
     bytes.extend(
-        moved.points.iter().flat_map(|p| p.coords.iter().flat_map(|c| c.to_le_bytes()).collect::<Vec<_>>()),
+        motion.points.iter().flat_map(|p| p.coords.iter().flat_map(|c| c.to_le_bytes()).collect::<Vec<_>>()),
     );
     Some(bytes)
 }
 
-pub(super) fn decode(bytes: &[u8]) -> Option<Moved> {
-    let (head, rest): (Head, &[u8]) = head_of(bytes)?;
+pub(super) fn decode(bytes: &[u8]) -> Option<CameraMotion> {
+    let (head, rest): (MotionHead, &[u8]) = head_of(bytes)?;
     let (points, []) = rest.as_chunks::<BYTES_A_POINT>() else { return None };
     let point = |bytes: &[u8; BYTES_A_POINT]| {
         let (numbers, _) = bytes.as_chunks::<8>();
         Point3::from_slice(&[0, 1, 2].map(|k| f64::from_le_bytes(numbers[k])))
     };
-    Some(Moved {
+    Some(CameraMotion {
         lens: head.lens.intrinsics(),
         camera_from_world: poses_of(&head.poses)?,
         points: points.iter().map(point).collect(),
@@ -52,9 +52,9 @@ pub(super) mod tests {
     use super::*;
     use crate::pipeline::report::StartErrors;
 
-    pub(in super::super) fn moved() -> Moved {
-        let super::super::super::camera::Seen { lens, camera_from_world, .. } =
-            super::super::seen::tests::seen();
+    pub(in super::super) fn motion() -> CameraMotion {
+        let super::super::super::camera::ProcessedCapture { lens, camera_from_world, .. } =
+            super::super::surface::tests::processed();
         let report = CameraReport {
             name: "cam0".into(),
             start: "two views".into(),
@@ -63,12 +63,12 @@ pub(super) mod tests {
             ..CameraReport::default()
         };
         let points = vec![Point3::new(0.1 + 0.2, -1.0 / 3.0, 7.0), Point3::new(1e-300, -0.0, 2.5)];
-        Moved { lens, camera_from_world, points, report }
+        CameraMotion { lens, camera_from_world, points, report }
     }
 
     #[test]
     fn damaged_contents_count_as_missing() {
-        let whole = encode(&moved()).unwrap();
+        let whole = encode(&motion()).unwrap();
         assert!(decode(&whole).is_some());
         for length in [0, 7, 8, 100, whole.len() - 1] {
             assert!(decode(&whole[..length]).is_none(), "{length}");

@@ -11,24 +11,24 @@ pub(super) fn numbers_of(pose: Option<&Isometry3<f64>>) -> Vec<f64> {
     pose.map_or(Vec::new(), numbers)
 }
 
-/// As [`numbers_of`] wrote it; `None` when these are not a pose's numbers.
+/// Inverse of [`numbers_of`]; `None` when these are not a pose's numbers.
 fn pose_of(numbers: &[f64]) -> Option<Isometry3<f64>> {
     let [i, j, k, w, x, y, z] = *numbers else { return None };
-    // As it was, to the last bit: it was of length 1.
+    // Exactly as serialised: it was of length 1.
     let rotation = UnitQuaternion::new_unchecked(Quaternion::new(w, i, j, k));
     Some(Isometry3::from_parts(Translation3::new(x, y, z), rotation))
 }
 
 /// Intrinsics.
 #[derive(Serialize, Deserialize)]
-pub(super) struct Lens {
+pub(super) struct CachedLens {
     size: [u32; 2],
     focal: [f64; 2],
     center: [f64; 2],
     distortion: Distortion,
 }
 
-impl Lens {
+impl CachedLens {
     pub(super) fn of(k: &Intrinsics) -> Self {
         Self {
             size: [k.width, k.height],
@@ -44,7 +44,7 @@ impl Lens {
     }
 }
 
-/// Poses as [`numbers_of`] wrote them; `None` when one is neither a pose nor missing.
+/// Poses serialised by [`numbers_of`]; `None` when one is neither a pose nor missing.
 pub(super) fn poses_of(poses: &[Vec<f64>]) -> Option<Vec<Option<Isometry3<f64>>>> {
     poses
         .iter()
@@ -52,7 +52,7 @@ pub(super) fn poses_of(poses: &[Vec<f64>]) -> Option<Vec<Option<Isometry3<f64>>>
         .collect()
 }
 
-/// A head of so many bytes (eight, little endian), then the head, then the rest.
+/// Length of the head (eight bytes, little endian), then the head, with space for `rest` more bytes.
 pub(super) fn with_head(head: &impl Serialize, rest: usize) -> Option<Vec<u8>> {
     let head = toml::to_string(head).ok()?;
     let mut bytes = Vec::with_capacity(8 + head.len() + rest);
@@ -61,7 +61,7 @@ pub(super) fn with_head(head: &impl Serialize, rest: usize) -> Option<Vec<u8>> {
     Some(bytes)
 }
 
-/// What [`with_head`] began, and what follows it.
+/// Head serialised by [`with_head`], and the bytes after it.
 pub(super) fn head_of<T: serde::de::DeserializeOwned>(bytes: &[u8]) -> Option<(T, &[u8])> {
     let (length, rest) = bytes.split_first_chunk::<8>()?;
     let (head, rest) = rest.split_at_checked(usize::try_from(u64::from_le_bytes(*length)).ok()?)?;

@@ -1,4 +1,4 @@
-//! A plan's ground kept beside the room: rays make it, and it stays the same from run to run.
+//! Cache of a plan's ground, which rays render and which stays the same from run to run.
 
 use std::path::Path;
 
@@ -8,15 +8,15 @@ use super::ground::{self, Raster};
 use crate::geometry::Geometry;
 use crate::{Result, cache};
 
-/// Part of the key: changes when the drawing does.
+/// Part of the key: change it when the drawing changes.
 const DRAWING: &[u8] = b"plan 1";
 const NAME: &str = "plan";
 
 /// [`ground::picture`], from the cache of the room directory where that is up to date.
 pub(super) fn picture(room_dir: &Path, geometry: &Geometry, raster: &Raster, cut_m: f32) -> Result<RgbImage> {
     let key = key(geometry, raster, cut_m);
-    let kept = cache::read(room_dir, NAME, &key);
-    if let Some(picture) = kept.and_then(|bytes| RgbImage::from_raw(raster.width, raster.height, bytes)) {
+    let cached = cache::read(room_dir, NAME, &key);
+    if let Some(picture) = cached.and_then(|bytes| RgbImage::from_raw(raster.width, raster.height, bytes)) {
         return Ok(picture);
     }
     let picture = ground::picture(geometry, raster, cut_m)?;

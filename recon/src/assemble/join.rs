@@ -1,7 +1,7 @@
-//! All cameras in one frame, upright, and the floor there. Two things need each other: lines in the pictures say how level
-//! the cameras stand once it is known about where up is, and that is where the floor's normal points, which is found where
-//! cameras are joined. So cameras are joined by what people picked, a first look at the surfaces tells about where up is, and
-//! they are joined again, by what the lines say as well.
+//! All cameras in one frame, with the vertical and the floor there. Two estimates depend on each other: lines in the
+//! pictures level the cameras once the vertical is roughly known, and the vertical is the floor's normal, which is
+//! found after the cameras are joined. So cameras are first joined by the picks, a coarse floor gives the approximate
+//! vertical, and they are joined again with the lines as further constraints.
 
 use nalgebra::{Isometry3, Similarity3, Vector3};
 use scenes::geometry::{point_from_vec3, vector_from_vec3};
@@ -12,26 +12,26 @@ use crate::floor::{self, FloorReport, Plane, SurfacePoint};
 use crate::merge::{self, MergeReport, Merged};
 use crate::plumb::{self, Plumb};
 use crate::project::Project;
-use crate::surface::{Origin, Surface};
+use crate::surface::{DepthOrigin, Surface};
 
-/// Pixels between those that a floor is looked for among …
+/// Step between the pixels among which the floor is searched …
 const STRIDE: usize = 4;
-/// … and at first, to know about where it is.
+/// … and the step of the first, coarse search.
 const COARSE_STRIDE: usize = 8;
 
 /// Cameras in one frame, and the floor there.
-pub(super) struct Joined {
+pub(super) struct JoinedCameras {
     pub(super) merged: Merged,
     pub(super) report: MergeReport,
-    /// Camera from the common frame, one a camera.
+    /// Pose (camera from the common frame) of each camera.
     pub(super) poses: Vec<Isometry3<f64>>,
-    /// An error where no plane can be a floor: what is wrong with the picks is told first.
+    /// The floor; an error where no plane can be one, kept so that problems of the picks are reported first.
     pub(super) floor: Result<(Plane, FloorReport)>,
 }
 
 impl Captures<'_> {
-    /// Joined by what people picked and, where nothing of that suffers, by what runs up in the pictures.
-    pub(super) fn joined(&self, project: &Project, options: &AssembleOptions) -> Result<Joined> {
+    /// Joins the cameras by the picks and, where the picks do not contradict it, by the lines in the pictures.
+    pub(super) fn join_cameras(&self, project: &Project, options: &AssembleOptions) -> Result<JoinedCameras> {
         let merge = |plumb: &[Option<Plumb>]| {
             merge::merge(project, self.surfaces, self.lenses, self.measured, plumb, &options.merge)
         };
@@ -39,7 +39,7 @@ impl Captures<'_> {
         let plumb = self.plumb(&merged, options);
         if plumb.iter().flatten().count() > 1
             && let Ok((level, level_report)) = merge(&plumb)
-            // What people picked is right: what contradicts it is not.
+            // Picks take precedence over lines.
             && level_report.outliers == report.outliers
             && !merge::spoils(level_report.pick_rms_px, report.pick_rms_px)
         {
@@ -51,7 +51,7 @@ impl Captures<'_> {
         Ok(self.on_floor(merged, report, &plumb, options))
     }
 
-    /// Which way is up in each camera's frame by the lines in its pictures; of none where a first look finds no floor.
+    /// Vertical in each camera's frame by the lines in its pictures; empty where the coarse search finds no floor.
     fn plumb(&self, merged: &Merged, options: &AssembleOptions) -> Vec<Option<Plumb>> {
         let poses = merged.poses();
         let points = surface_points(self.surfaces, &merged.common_from_camera, COARSE_STRIDE);
@@ -68,18 +68,18 @@ impl Captures<'_> {
         report: MergeReport,
         plumb: &[Option<Plumb>],
         options: &AssembleOptions,
-    ) -> Joined {
+    ) -> JoinedCameras {
         let poses = merged.poses();
         let points = surface_points(self.surfaces, &merged.common_from_camera, STRIDE);
         let told = plumb.iter().zip(&poses);
         let plumb: Vec<Plumb> =
             told.filter_map(|(of, pose)| Some(of.as_ref()?.turned(&pose.rotation.inverse()))).collect();
         let floor = floor::find(&points, &poses, &plumb, &options.floor);
-        Joined { merged, report, poses, floor }
+        JoinedCameras { merged, report, poses, floor }
     }
 }
 
-/// Every few pixels of what was measured, in the common frame.
+/// Measured surface at every `stride`-th pixel, in the common frame.
 fn surface_points(
     surfaces: &[Surface],
     common_from_camera: &[Similarity3<f64>],
@@ -90,7 +90,8 @@ fn surface_points(
         for y in (0..surface.height()).step_by(stride) {
             for x in (0..surface.width()).step_by(stride) {
                 let i = y * surface.width() + x;
-                let Some(point) = surface.point(i).filter(|_| surface.origin[i] == Origin::Stereo) else {
+                let Some(point) = surface.point(i).filter(|_| surface.origin[i] == DepthOrigin::Stereo)
+                else {
                     continue;
                 };
                 let scale = common.scaling();

@@ -1,33 +1,33 @@
-//! Finished stages of each capture are kept, so that a build that was interrupted or refused (a pick that is out, most
-//! often) goes on where it ended, and a room is built anew from other picks without its films being worked through again.
+//! Cache of the finished stages of each capture: an interrupted or refused build (because of a wrong pick, most often)
+//! resumes at its last stage, and a room is rebuilt from other picks without processing its films again.
 //!
-//! While a room is unfinished they lie in `OUT.unfinished`, afterwards in the room's cache ([`scenes::cache`]), each
-//! keyed by all that it was made from: the camera's motion ([`moved`]) by frames, lens, its options, seed; what the capture
-//! shows ([`seen`]) by these and the options of stereo and planes.
+//! While a room is unfinished the files are in `OUT.unfinished`, afterwards in the room's cache ([`scenes::cache`]),
+//! each keyed by all its inputs: the camera's motion ([`motion`]) by frames, lens, its options, seed; the surface
+//! ([`surface`]) by these and the options of stereo and planes.
 
-mod moved;
+mod motion;
 mod numbers;
-mod seen;
+mod surface;
 
 use std::path::{Path, PathBuf};
 
 use scenes::cache;
 
 use super::BuildOptions;
-use super::camera::{Moved, Seen};
+use super::camera::{CameraMotion, ProcessedCapture};
 use crate::capture::Capture;
 
-/// Parts of the keys: they change when what is made of a capture does.
+/// Parts of the keys: change them when the results of a capture change.
 const MOTION: &str = "capture to motion 1";
 const SURFACE: &str = "motion to surface 2";
 
-/// Where finished stages are kept.
-pub(super) struct Kept {
+/// Cache folders of a room's finished stages.
+pub(super) struct StageCache {
     unfinished: PathBuf,
     room: PathBuf,
 }
 
-/// By what a capture's stages are kept.
+/// Cache keys of a capture's stages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Keys {
     motion: blake3::Hash,
@@ -35,17 +35,17 @@ pub(super) struct Keys {
 }
 
 impl Keys {
-    /// Of everything that decides what becomes of a capture as it was filmed.
+    /// Keys of a capture as filmed, from everything that decides its results.
     pub(super) fn of(capture: &Capture, options: &BuildOptions) -> Self {
         let mut hasher = blake3::Hasher::new();
-        // Rust prints floats so that they read back as they were, so the text stands for the values.
+        // Rust prints floats so that they read back exactly, so the text stands for the values.
         let made_from = format!(
             "{MOTION} {} {:?} {} {:?} {:?} {} {:?}",
             capture.name,
             capture.sampled,
             capture.reference,
             capture.intrinsics,
-            capture.told_focal_px,
+            capture.exif_focal_px,
             options.seed,
             options.motion,
         );
@@ -63,38 +63,38 @@ impl Keys {
     }
 }
 
-impl Kept {
+impl StageCache {
     pub(super) fn beside(room: &Path) -> Self {
         let mut name = room.file_name().unwrap_or_default().to_owned();
         name.push(".unfinished");
         Self { unfinished: room.with_file_name(name), room: room.to_owned() }
     }
 
-    /// How the camera of the same capture moved by the same options, if that is still there.
-    pub(super) fn moved(&self, camera: &str, keys: &Keys) -> Option<Moved> {
-        moved::decode(&self.read(&motion_file(camera), &keys.motion)?)
+    /// Cached motion of the same capture by the same options.
+    pub(super) fn motion(&self, camera: &str, keys: &Keys) -> Option<CameraMotion> {
+        motion::decode(&self.read(&motion_file(camera), &keys.motion)?)
     }
 
-    /// What was made of the same capture in the same way, if it is still there.
-    pub(super) fn seen(&self, camera: &str, keys: &Keys) -> Option<Seen> {
-        seen::decode(&self.read(&surface_file(camera), &keys.surface)?)
+    /// Cached results of the same capture by the same options.
+    pub(super) fn surface(&self, camera: &str, keys: &Keys) -> Option<ProcessedCapture> {
+        surface::decode(&self.read(&surface_file(camera), &keys.surface)?)
     }
 
-    /// Keeps a camera's motion until the room is finished.
-    pub(super) fn keep_moved(&self, camera: &str, keys: &Keys, moved: &Moved) {
-        if let Some(content) = moved::encode(moved) {
+    /// Caches a camera's motion until the room is finished.
+    pub(super) fn store_motion(&self, camera: &str, keys: &Keys, motion: &CameraMotion) {
+        if let Some(content) = motion::encode(motion) {
             cache::write(&self.unfinished, &motion_file(camera), &keys.motion, &content);
         }
     }
 
-    /// Keeps what a capture shows until the room is finished.
-    pub(super) fn keep_seen(&self, camera: &str, keys: &Keys, seen: &Seen) {
-        if let Some(content) = seen::encode(seen) {
+    /// Caches the results of a capture until the room is finished.
+    pub(super) fn store_surface(&self, camera: &str, keys: &Keys, processed: &ProcessedCapture) {
+        if let Some(content) = surface::encode(processed) {
             cache::write(&self.unfinished, &surface_file(camera), &keys.surface, &content);
         }
     }
 
-    /// Hands what is kept of a camera over to the finished room in `dir`.
+    /// Moves the cached stages of a camera to the finished room in `dir`.
     pub(super) fn hand_over(&self, dir: &Path, camera: &str, keys: &Keys) {
         for (file, key) in [(motion_file(camera), &keys.motion), (surface_file(camera), &keys.surface)] {
             if let Some(content) = self.read(&file, key) {
@@ -103,11 +103,11 @@ impl Kept {
         }
     }
 
-    /// The room is finished: nothing of ours stays beside it.
+    /// Removes the cache folder beside the finished room.
     pub(super) fn done<'a>(&self, cameras: impl Iterator<Item = &'a str>) {
         for file in cameras.flat_map(|camera| [motion_file(camera), surface_file(camera)]) {
             let file = cache::file_of(&self.unfinished, &file);
-            // What is not there, or cannot be removed, does no harm.
+            // A file that does not exist or cannot be removed does no harm.
             let _ = std::fs::remove_file(&file);
             let _ = file.parent().map(std::fs::remove_dir);
         }
@@ -142,40 +142,43 @@ mod tests {
             sampled: Sampled::ALL,
             reference: 1,
             intrinsics: None,
-            told_focal_px: None,
+            exif_focal_px: None,
         }
     }
 
     #[test]
-    fn what_is_kept_comes_back_to_the_last_bit() {
+    fn cached_stages_read_back_bit_by_bit() {
         let folder = tempfile::tempdir().unwrap();
-        let kept = Kept::beside(&folder.path().join("room"));
-        let (seen, moved) = (seen::tests::seen(), moved::tests::moved());
+        let cache = StageCache::beside(&folder.path().join("room"));
+        let (processed, motion) = (surface::tests::processed(), motion::tests::motion());
         let keys = Keys::of(&capture(), &BuildOptions::default());
-        assert!(kept.seen("cam0", &keys).is_none() && kept.moved("cam0", &keys).is_none());
-        kept.keep_moved("cam0", &keys, &moved);
-        let back = kept.moved("cam0", &keys).unwrap();
-        assert_eq!((back.lens, back.report), (moved.lens, moved.report));
-        assert_eq!((back.camera_from_world, back.points), (moved.camera_from_world, moved.points));
+        assert!(cache.surface("cam0", &keys).is_none() && cache.motion("cam0", &keys).is_none());
+        cache.store_motion("cam0", &keys, &motion);
+        let back = cache.motion("cam0", &keys).unwrap();
+        assert_eq!((back.lens, back.report), (motion.lens, motion.report));
+        assert_eq!((back.camera_from_world, back.points), (motion.camera_from_world, motion.points));
 
-        kept.keep_seen("cam0", &keys, &seen);
-        let whole = |back: Seen| {
-            assert_eq!((&back.lens, &back.report), (&seen.lens, &seen.report));
-            assert_eq!((&back.camera_from_world, back.range), (&seen.camera_from_world, seen.range));
-            let (a, b) = (&back.surface, &seen.surface);
+        cache.store_surface("cam0", &keys, &processed);
+        let whole = |back: ProcessedCapture| {
+            assert_eq!((&back.lens, &back.report), (&processed.lens, &processed.report));
+            assert_eq!(
+                (&back.camera_from_world, back.range),
+                (&processed.camera_from_world, processed.range)
+            );
+            let (a, b) = (&back.surface, &processed.surface);
             assert_eq!((&a.picture, &a.depth, &a.normal), (&b.picture, &b.depth, &b.normal));
             assert_eq!((&a.agreeing, &a.origin, a.step), (&b.agreeing, &b.origin, b.step));
-            assert_eq!((&a.intrinsics, &back.key_frame_discs), (&b.intrinsics, &seen.key_frame_discs));
+            assert_eq!((&a.intrinsics, &back.key_frame_discs), (&b.intrinsics, &processed.key_frame_discs));
         };
-        whole(kept.seen("cam0", &keys).unwrap());
+        whole(cache.surface("cam0", &keys).unwrap());
 
-        // The finished room has both; nothing is left beside it.
+        // The finished room has both files; nothing is left beside it.
         let room = folder.path().join("room");
-        kept.hand_over(&room, "cam0", &keys);
-        kept.done(["cam0"].into_iter());
+        cache.hand_over(&room, "cam0", &keys);
+        cache.done(["cam0"].into_iter());
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "something was left behind");
-        whole(kept.seen("cam0", &keys).unwrap());
-        assert!(kept.moved("cam0", &keys).is_some());
+        whole(cache.surface("cam0", &keys).unwrap());
+        assert!(cache.motion("cam0", &keys).is_some());
     }
 
     #[test]
@@ -192,7 +195,7 @@ mod tests {
         other(&|capture, _| capture.reference = 0);
         other(&|capture, _| capture.sampled = Sampled { first: 0, stride: 2 });
         other(&|capture, _| capture.intrinsics = Some(Intrinsics::from_horizontal_fov(8, 6, 60.0)));
-        other(&|capture, _| capture.told_focal_px = Some(7.0));
+        other(&|capture, _| capture.exif_focal_px = Some(7.0));
         other(&|capture, _| capture.frames = vec![RgbImage::new(6, 8), RgbImage::new(6, 8)]);
         other(&|_, options| options.seed = 1);
         let all = |others: &[Keys], of: fn(&Keys) -> blake3::Hash| {
@@ -203,12 +206,12 @@ mod tests {
         others.push(same);
         assert_eq!(all(&others, |keys| keys.motion), others.len());
         assert_eq!(all(&others, |keys| keys.surface), others.len());
-        // How densely is measured does not concern the motion: a draft's serves the full room.
+        // Stereo's options do not affect the motion: a draft's serves the full room.
         let mut dense = BuildOptions::default();
         dense.dense.key_frames = 3;
         let dense = Keys::of(&capture(), &dense);
         assert!(dense.motion == same.motion && dense.surface != same.surface);
-        // Picks, metres and zones concern the room alone.
+        // Picks, metres and zones affect the room alone.
         let mut options = BuildOptions { zones: Some("zones.toml".into()), ..BuildOptions::default() };
         options.assemble.merge.outlier_px = 3.0;
         assert_eq!(Keys::of(&capture(), &options), same);

@@ -1,4 +1,4 @@
-//! What an eye sees of the floor.
+//! Visibility of the floor from a camera.
 
 use calib::Camera;
 use nalgebra::{Point2, Point3};
@@ -6,16 +6,16 @@ use nalgebra::{Point2, Point3};
 use crate::geometry::vec3_from_point;
 use crate::raycast::RayScene;
 
-/// What is lower than this counts as floor: a reconstructed floor is not flat.
+/// Height below which surfaces count as floor: a reconstructed floor is not flat.
 const FLOOR_TOLERANCE_M: f64 = 0.1;
-/// Looked for no farther than this where nothing tells how large a place is: further off a camera sees little of anybody.
+/// Largest distance of floor that is considered where the room's extent is unknown: further off people appear small.
 const NEAR_M: f64 = 15.0;
-/// Parts of an image's width and height, whose corners are looked at.
+/// Number of parts of an image's width and height at whose corners the floor is sampled.
 const PARTS: u32 = 12;
-/// Places of the floor further away from a camera are nowhere: just below the horizon a pixel spans kilometres.
+/// Distance beyond which a floor point is discarded: just below the horizon a pixel spans kilometres.
 const FARTHEST_M: f64 = 1000.0;
 
-/// Whether something stands between an eye and a place of the floor (z = 0), both in the world, metres.
+/// Tells whether a surface stands between an eye and a place of the floor (z = 0), both in the world, metres.
 pub(crate) fn is_hidden(scene: &RayScene, eye: &Point3<f64>, floor: &Point2<f64>) -> bool {
     if eye.z <= FLOOR_TOLERANCE_M {
         return false;
@@ -25,16 +25,16 @@ pub(crate) fn is_hidden(scene: &RayScene, eye: &Point3<f64>, floor: &Point2<f64>
     scene.is_blocked(vec3_from_point(eye), vec3_from_point(&end))
 }
 
-/// The place of the floor (z = 0) that a pixel looks at, whatever stands before it. `None` above the horizon, a kilometre
-/// off or where the lens gives no ray.
+/// Place of the floor (z = 0) on a pixel's ray, without regard to occlusion. `None` above the horizon, a kilometre off
+/// or where the lens gives no ray.
 pub(crate) fn floor_under(camera: &Camera, pixel: &Point2<f64>) -> Option<Point2<f64>> {
     let (eye, ray) = (camera.center(), camera.ray(pixel)?);
     let distance = -eye.z / ray.z;
-    // False for a ray along the floor, too, which is nowhere near it.
+    // The comparison is false for a ray parallel to the floor, too.
     ((0.0..=FARTHEST_M).contains(&distance)).then(|| (eye + ray.into_inner() * distance).xy())
 }
 
-/// Places of the floor (z = 0) all over what a camera sees of it nearby, whatever stands before them.
+/// Floor places (z = 0) sampled over the part of a camera's image that shows floor nearby, without regard to occlusion.
 pub(crate) fn floor_nearby(camera: &Camera) -> impl Iterator<Item = Point2<f64>> + '_ {
     let (width, height) =
         (f64::from(camera.intrinsics.width) - 1.0, f64::from(camera.intrinsics.height) - 1.0);
@@ -65,11 +65,11 @@ mod tests {
         let down = looking(Point3::new(1.0, 2.0, 0.0), Vector3::y());
         let farthest = floor_nearby(&down).map(|p| (p.x - 1.0).abs()).fold(0.0, f64::max);
         assert!((2.97..=3.0).contains(&farthest), "{farthest}");
-        // Level: from where the image's lower edge meets the floor (3 m below 36.8°) on, and no farther than is looked for.
+        // Level: from the floor at the image's lower edge (3 m below 36.8°) to the largest distance.
         let level = looking(Point3::new(9.0, 2.0, 3.0), Vector3::z());
         let ahead: Vec<f64> = floor_nearby(&level).map(|p| p.x - 1.0).collect();
         assert!(ahead.iter().all(|x| (3.9..=NEAR_M).contains(x)) && ahead.len() > 40, "{ahead:?}");
-        // At the sky.
+        // A camera that looks at the sky.
         assert_eq!(floor_nearby(&looking(Point3::new(1.1, 2.0, 9.0), Vector3::y())).count(), 0);
     }
 }

@@ -1,4 +1,4 @@
-//! Cameras given one by one: a lens as `calib intrinsics` writes it, a pose as `calib pose` does.
+//! Cameras from the files of `calib`: a lens as `calib intrinsics` writes it, a pose as `calib pose` does.
 
 use std::path::Path;
 
@@ -10,20 +10,20 @@ use serde::Deserialize;
 use crate::room::RoomCamera;
 use crate::{Error, Result};
 
-/// What is needed of a pose; files of `calib pose` hold their residual besides.
+/// The part of a pose file that is used; files of `calib pose` hold their residual besides.
 #[derive(Deserialize)]
-struct Pose {
+struct PoseInput {
     rotation: [[f64; 3]; 3],
     translation: [f64; 3],
 }
 
-/// The camera of a lens and of a pose, world to camera in metres.
+/// Camera with a lens and a pose, world to camera in metres.
 ///
 /// # Errors
 /// [`Error::Calib`] when a file cannot be read or parsed, [`Error::Content`] when it holds no camera or no pose.
 pub fn camera(name: &str, lens: &Path, pose: &Path) -> Result<RoomCamera> {
     let intrinsics = read_intrinsics(lens)?;
-    let Pose { rotation, translation } = read_toml(pose)?;
+    let PoseInput { rotation, translation } = read_toml(pose)?;
     let rotation = calib::rotation::from_matrix(&matrix_from_rows(&rotation))
         .map_err(|e| Error::content(pose, "rotation", e.to_string()))?;
     if !translation.iter().all(|t| t.is_finite()) {

@@ -1,34 +1,37 @@
-//! Whether a second, different reconstruction fits the same tracks almost as well.
+//! Check for a second, different reconstruction that fits the same tracks almost as well.
 //!
-//! Repeated things, or a path that hardly shows depth, let a capture be read in two ways, and the smaller error need not
-//! be the right one. The two starts of [`super::estimate`] are independent enough to notice: where both fit, they must
-//! agree.
+//! With repeated things, or a path that hardly shows depth, a capture can be interpreted in two ways, and the smaller
+//! error need not be the right one. The two starts of [`super::estimate`] are independent enough to detect this: where
+//! both fit, they must agree.
 
 use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
 
-use super::sketch::Sketch;
+use super::partial_reconstruction::PartialReconstruction;
 
-/// A start fits almost as well when its error exceeds the better one's by no more than this share of it.
+/// Relative excess of the worse start's error up to which it fits almost as well.
 const ALMOST: f64 = 0.1;
-/// Poses that differ by more, root mean square, are another motion: degrees, and share of the path's extent.
+/// Root mean square difference of poses above which they are another motion: degrees, and share of the path's extent.
 const OTHER_DEG: f64 = 1.0;
 const OTHER_SHARE: f64 = 0.1;
 
-/// By how much two motions differ, whatever their frames and scales.
+/// Difference of two motions, independent of their frames and scales.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Difference {
-    /// Root mean square.
+    /// Root mean square rotation, degrees.
     rotation_deg: f64,
-    /// Root mean square distance of the centres as a share of the first motion's.
+    /// Root mean square distance of the centres as a share of the first motion's extent.
     position_share: f64,
 }
 
-/// What to tell when the start that lost fits almost as well as the one that was kept, and says something else.
-pub(super) fn doubt(kept: &Sketch<'_>, lost: Option<&Sketch<'_>>) -> Option<String> {
+/// Warning when the start that lost fits almost as well as the one that was kept, and differs from it.
+pub(super) fn doubt(
+    kept: &PartialReconstruction<'_>,
+    lost: Option<&PartialReconstruction<'_>>,
+) -> Option<String> {
     let lost = lost?;
     let errors = [kept.robust_error_px(), lost.robust_error_px()];
     let difference = difference(&kept.poses, &lost.poses)?;
-    is_rival(errors, &difference).then(|| {
+    is_ambiguous(errors, &difference).then(|| {
         format!(
             "two different motions fit its capture almost equally well ({:.2} and {:.2} px; they differ by {:.1}° and {:.0} % of \
              the path), so the one kept may be wrong: look at its preview, and film along a wider path, with more different \
@@ -41,19 +44,19 @@ pub(super) fn doubt(kept: &Sketch<'_>, lost: Option<&Sketch<'_>>) -> Option<Stri
     })
 }
 
-fn is_rival([kept_px, lost_px]: [f64; 2], difference: &Difference) -> bool {
+fn is_ambiguous([kept_px, lost_px]: [f64; 2], difference: &Difference) -> bool {
     lost_px <= (1.0 + ALMOST) * kept_px
         && (difference.rotation_deg > OTHER_DEG || difference.position_share > OTHER_SHARE)
 }
 
-/// Over the frames that both motions have; `None` for fewer than three, or without movement.
+/// Difference over the frames that both motions have; `None` for fewer than three, or without movement.
 fn difference(a: &[Option<Isometry3<f64>>], b: &[Option<Isometry3<f64>>]) -> Option<Difference> {
     let both: Vec<(Isometry3<f64>, Isometry3<f64>)> =
         a.iter().zip(b).filter_map(|(a, b)| Some(((*a)?, (*b)?))).collect();
     if both.len() < 3 {
         return None;
     }
-    // World a from world b, by the mean of what each frame says.
+    // Rotation of world a from world b, averaged over the frames.
     let turns: Matrix3<f64> =
         both.iter().map(|(a, b)| (a.rotation.inverse() * b.rotation).to_rotation_matrix().into_inner()).sum();
     let turn = UnitQuaternion::from_rotation_matrix(&calib::rotation::nearest(&turns));
@@ -103,19 +106,19 @@ mod tests {
             pose.translation.vector *= 2.5;
             Some(pose)
         });
-        // A pose's translation scales with the world once that has been turned and shifted.
+        // A pose's translation scales with the world after rotation and shift.
         let same = difference(&path(0.0), &moved.collect::<Vec<_>>()).unwrap();
         assert!(same.rotation_deg < 1e-5 && same.position_share < 1e-9, "{same:?}");
-        assert!(!is_rival([0.5, 0.5], &same));
+        assert!(!is_ambiguous([0.5, 0.5], &same));
     }
 
     #[test]
     fn another_motion_that_fits_as_well_is_a_rival() {
         let other = difference(&path(0.0), &path(0.2)).unwrap();
         assert!(other.rotation_deg > 2.0 && other.position_share > 0.1, "{other:?}");
-        assert!(is_rival([0.5, 0.52], &other) && !is_rival([0.5, 0.6], &other));
+        assert!(is_ambiguous([0.5, 0.52], &other) && !is_ambiguous([0.5, 0.6], &other));
         let turned = Difference { rotation_deg: 0.2, position_share: 0.3 };
-        assert!(is_rival([0.5, 0.5], &turned));
+        assert!(is_ambiguous([0.5, 0.5], &turned));
     }
 
     #[test]

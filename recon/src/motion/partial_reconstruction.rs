@@ -1,4 +1,4 @@
-//! The state of a reconstruction under way: which frames have poses, which tracks have points.
+//! Partial reconstruction: poses of some frames and points of some tracks.
 
 use std::borrow::Cow;
 
@@ -6,47 +6,48 @@ use calib::Intrinsics;
 use nalgebra::{Isometry3, Point2, Point3};
 use rayon::prelude::*;
 
-use super::triangulation::{self, Acceptance, Sighting};
+use super::triangulation::{self, PoseObservation, TriangulationLimits};
 use super::two_views::median;
 use crate::bundle::{
-    self, BundleOptions, BundleReport, LensEvidence, LensFreedom, Loss, Observation, Problem,
+    self, BundleOptions, BundleProblem, BundleReport, LensEvidence, LensFreedom, Loss, Observation,
 };
-use crate::features::Track;
+use crate::features::FeatureTrack;
 
 /// Error at which an observation counts as wrong when whole reconstructions are compared, pixels.
 const WRONG_PX: f64 = 3.0;
-/// An adjustment that others follow ends where its cost falls by less than this share: what it leaves undone, they do.
-/// Competing starts end by it, too: the one that wins is adjusted again, and a tie this close may go either way.
+/// Relative decrease of the cost at which an intermediate adjustment ends: later ones do the rest. Competing starts end
+/// by it, too: the winner is adjusted again, and a tie this close may go either way.
 pub(super) const PASSING: f64 = 1e-3;
-/// The same for an adjustment whose outcome is kept, or measured by how little its error changes (readout, lens).
+/// The same for an adjustment whose result is kept, or measured by small changes of its error (readout, lens).
 pub(super) const FINAL: f64 = 1e-5;
 
-/// Poses and points, in the frame and scale of whatever started them.
+/// Poses and points, in the frame and scale of their start.
 #[derive(Debug, Clone)]
-pub(crate) struct Sketch<'a> {
-    /// Borrowed until lost features are seen again.
-    pub(crate) tracks: Cow<'a, [Track]>,
+pub(crate) struct PartialReconstruction<'a> {
+    /// Tracks; borrowed until lost features are found again.
+    pub(crate) tracks: Cow<'a, [FeatureTrack]>,
     pub(crate) intrinsics: Intrinsics,
-    /// One a frame.
+    /// Pose of each frame.
     pub(crate) poses: Vec<Option<Isometry3<f64>>>,
-    /// One a track.
+    /// Point of each track.
     pub(crate) points: Vec<Option<Point3<f64>>>,
 }
 
-/// How an adjustment of the whole sketch runs.
+/// Options of an adjustment of the whole reconstruction.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Adjustment {
-    /// Observations further off than this are left out, pixels.
+    /// Largest error of an observation that takes part, pixels.
     pub(crate) gate_px: f64,
     pub(crate) loss: Loss,
     pub(crate) lens: LensFreedom,
     pub(crate) max_steps: usize,
-    /// Ends where the cost falls by less than this share: [`PASSING`] or [`FINAL`].
+    /// Relative decrease of the cost at which it ends: [`PASSING`] or [`FINAL`].
     pub(crate) cost_end: f64,
 }
 
 impl Adjustment {
-    /// What only noise is left to: observations within ten, a loss that fades from two and a half standard deviations.
+    /// Options when only noise is left: observations within ten standard deviations, a loss that fades from two and a
+    /// half.
     fn last(noise_px: f64, lens: LensFreedom, cost_end: f64) -> Self {
         Self {
             gate_px: (10.0 * noise_px).max(1.5),
@@ -68,8 +69,8 @@ impl Adjustment {
     }
 }
 
-impl<'a> Sketch<'a> {
-    pub(crate) fn new(tracks: &'a [Track], intrinsics: Intrinsics, frames: usize) -> Self {
+impl<'a> PartialReconstruction<'a> {
+    pub(crate) fn new(tracks: &'a [FeatureTrack], intrinsics: Intrinsics, frames: usize) -> Self {
         Self {
             tracks: Cow::Borrowed(tracks),
             intrinsics,
@@ -78,7 +79,7 @@ impl<'a> Sketch<'a> {
         }
     }
 
-    /// Frames that have a pose.
+    /// Number of frames that have a pose.
     pub(crate) fn registered(&self) -> usize {
         self.poses.iter().flatten().count()
     }
@@ -89,14 +90,14 @@ impl<'a> Sketch<'a> {
     }
 
     /// Triangulates every track anew, or only those without a point.
-    pub(crate) fn triangulate(&mut self, accept: &Acceptance, only_missing: bool) {
+    pub(crate) fn triangulate(&mut self, accept: &TriangulationLimits, only_missing: bool) {
         let points: Vec<Option<Point3<f64>>> = (0..self.tracks.len())
             .into_par_iter()
             .with_min_len(16)
             .map(|track| match self.points[track] {
                 Some(point) if only_missing => Some(point),
                 _ => {
-                    let sightings: Vec<Sighting<'_>> = self.tracks[track]
+                    let sightings: Vec<PoseObservation<'_>> = self.tracks[track]
                         .observations
                         .iter()
                         .filter_map(|(frame, pixel)| Some((self.poses[*frame].as_ref()?, *pixel)))
@@ -108,28 +109,28 @@ impl<'a> Sketch<'a> {
         self.points = points;
     }
 
-    /// The error of every observation that has a pose and a point, in pixels.
+    /// Errors of all observations that have a pose and a point, pixels.
     pub(crate) fn errors_px(&self) -> Vec<f64> {
-        let of_track = |(track, point): (&Track, &Option<Point3<f64>>)| -> Vec<f64> {
+        let of_track = |(track, point): (&FeatureTrack, &Option<Point3<f64>>)| -> Vec<f64> {
             let Some(point) = point else { return Vec::new() };
             track.observations.iter().filter_map(|(f, pixel)| self.error_px(*f, point, pixel)).collect()
         };
         self.tracks.iter().zip(&self.points).flat_map(of_track).collect()
     }
 
-    /// `None` where the frame has no pose; infinite behind the camera.
+    /// Error of an observation, pixels; `None` where the frame has no pose, infinite behind the camera.
     pub(crate) fn error_px(&self, frame: usize, point: &Point3<f64>, pixel: &Point2<f64>) -> Option<f64> {
         let pose = self.poses[frame].as_ref()?;
         Some(self.intrinsics.project(&(pose * point)).map_or(f64::INFINITY, |p| (p - pixel).norm()))
     }
 
-    /// The noise of a pixel coordinate, from the median error (whose ratio to it is √(2 ln 2) for Gaussian noise).
+    /// Noise of a pixel coordinate, from the median error (whose ratio to it is √(2 ln 2) for Gaussian noise).
     pub(crate) fn noise_px(&self) -> f64 {
         median(&self.errors_px()).unwrap_or(f64::INFINITY) / (2.0 * 2.0_f64.ln()).sqrt()
     }
 
-    /// Root mean truncated squared error over all observations of all tracks, explained or not: what competing
-    /// reconstructions are compared by.
+    /// Root mean truncated squared error over all observations of all tracks, explained or not, for comparing competing
+    /// reconstructions.
     pub(crate) fn robust_error_px(&self) -> f64 {
         let (mut sum, mut count) = (0.0, 0);
         for (track, point) in self.tracks.iter().zip(&self.points).filter(|(t, _)| t.observations.len() >= 3)
@@ -157,14 +158,14 @@ impl<'a> Sketch<'a> {
         Some(report)
     }
 
-    /// What the polished sketch says of its lens.
+    /// Estimate of the lens by the polished reconstruction.
     pub(crate) fn lens_evidence(&self, lens: LensFreedom) -> Option<LensEvidence> {
         let how = Adjustment::last(self.noise_px().clamp(0.05, 4.0), lens, FINAL);
         let (problem, ..) = self.problem(&how)?;
         bundle::lens_evidence(&problem, &how.options())
     }
 
-    /// The share of all observations of longer tracks that a point explains, to within `agree_px`.
+    /// Share of all observations of longer tracks that a point explains, to within `agree_px`.
     pub(crate) fn explained_share(&self, agree_px: f64) -> f64 {
         let (mut explained, mut count) = (0_usize, 0_usize);
         for (track, point) in self.tracks.iter().zip(&self.points).filter(|(t, _)| t.observations.len() >= 3)
@@ -178,14 +179,14 @@ impl<'a> Sketch<'a> {
         explained as f64 / count.max(1) as f64
     }
 
-    /// What is to be adjusted, with the frame of each of its poses and the track of each of its points.
-    fn problem(&self, how: &Adjustment) -> Option<(Problem, Vec<usize>, Vec<usize>)> {
+    /// Bundle problem, with the frame of each of its poses and the track of each of its points.
+    fn problem(&self, how: &Adjustment) -> Option<(BundleProblem, Vec<usize>, Vec<usize>)> {
         let frames: Vec<usize> = (0..self.poses.len()).filter(|&f| self.poses[f].is_some()).collect();
         let mut pose_of = vec![usize::MAX; self.poses.len()];
         for (index, frame) in frames.iter().enumerate() {
             pose_of[*frame] = index;
         }
-        let mut problem = Problem {
+        let mut problem = BundleProblem {
             intrinsics: self.intrinsics.clone(),
             poses: self.poses.iter().flatten().copied().collect(),
             points: Vec::new(),
@@ -215,13 +216,13 @@ impl<'a> Sketch<'a> {
         Some((problem, frames, tracks))
     }
 
-    /// Adjusts, triangulates anew and adjusts again with tighter bounds, until only noise is left.
-    /// The last adjustment ends by `cost_end`.
+    /// Adjusts, triangulates anew and adjusts again with tighter bounds, until only noise is left. The last adjustment
+    /// ends by `cost_end`.
     pub(crate) fn polish(&mut self, lens: LensFreedom, rounds: usize, cost_end: f64) -> Option<BundleReport> {
         let mut report = None;
         for round in 0..rounds {
             let noise = self.noise_px().clamp(0.05, 4.0);
-            let accept = Acceptance {
+            let accept = TriangulationLimits {
                 max_error_px: (8.0 * noise).max(1.0),
                 min_angle: 0.5_f64.to_radians(),
                 min_sightings: 3,

@@ -1,4 +1,4 @@
-//! What stays and what changes in a `scene.toml`, byte for byte.
+//! Preserved and changed bytes of a `scene.toml`.
 
 use super::*;
 use crate::room::{Room, SCENE_FILE};
@@ -6,7 +6,7 @@ use nalgebra::Point2;
 use proptest::prelude::*;
 use tempfile::TempDir;
 
-/// As somebody may have written it: comments everywhere, cameras between zones, odd spaces, no line end at the end.
+/// A hand-written file: comments everywhere, cameras between zones, odd spaces, no line end at the end.
 const SCENE: &str = r#"# my room
 format = 1   # of the file
 
@@ -99,7 +99,7 @@ fn zones_come_after_the_last_and_go_with_their_lines() {
                kind = \"entry\"\n";
     assert_eq!(text(folder.path()), SCENE.replace(table, new));
     assert_eq!(zones(folder.path()), all);
-    // The other way round, and down to none: everything that is no zone's stays.
+    // In reverse order, and down to no zone: everything outside the zones is preserved.
     replace(folder.path(), &[gate]).unwrap();
     replace(folder.path(), &[]).unwrap();
     let first = &SCENE[SCENE.find("[[zone]]").unwrap()..SCENE.find("\n[[camera]]").unwrap()];
@@ -127,7 +127,7 @@ fn without_zones() -> String {
 }
 
 #[test]
-fn what_nobody_should_draw_is_refused_by_name_and_nothing_is_written() {
+fn invalid_zones_are_refused_by_name_and_nothing_is_written() {
     let folder = room(SCENE);
     let bow_tie =
         Polygon([(0.0, 0.0), (1.0, 1.0), (1.0, 0.0), (0.0, 1.0)].map(|(x, y)| Point2::new(x, y)).to_vec());
@@ -189,7 +189,7 @@ fn some_zones() -> impl Strategy<Value = Vec<Zone>> {
 }
 
 proptest! {
-    /// Whatever zones follow each other, they are read back, and what is no zone's stays.
+    /// For any sequence of zones, they are read back, and the rest of the file is preserved.
     #[test]
     fn zones_read_back_as_they_were_saved(steps in prop::collection::vec(some_zones(), 1..4), crlf: bool) {
         let newline = if crlf { "\r\n" } else { "\n" };

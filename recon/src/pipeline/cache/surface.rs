@@ -1,54 +1,56 @@
-//! A capture's surface, with the motion it was seen from, as bytes.
+//! A capture's surface and motion as bytes.
 
 use glam::Vec3;
 use image::RgbImage;
 use scenes::geometry::Disc;
 use serde::{Deserialize, Serialize};
 
-use super::numbers::{Lens, head_of, numbers_of, poses_of, with_head};
+use super::numbers::{CachedLens, head_of, numbers_of, poses_of, with_head};
 use crate::pipeline::CameraReport;
-use crate::pipeline::camera::Seen;
-use crate::surface::{Origin, Surface};
+use crate::pipeline::camera::ProcessedCapture;
+use crate::surface::{DepthOrigin, Surface};
 
-/// What comes before the pixels, as text.
+/// Text before the pixels.
 #[derive(Serialize, Deserialize)]
-struct Head {
+struct SurfaceHead {
     step: f64,
-    lens: Lens,
-    pinhole: Lens,
+    lens: CachedLens,
+    pinhole: CachedLens,
     /// Quaternion (i, j, k, w) and translation of each frame; empty where it has no pose.
     poses: Vec<Vec<f64>>,
     range: [f64; 2],
-    /// How many discs come after the pixels.
+    /// Number of discs after the pixels.
     discs: usize,
     report: CameraReport,
 }
 
-/// The head, then pixel by pixel colour, depth and normal (four bytes a number), agreeing views, origin; then the discs that
-/// only key frames saw: centre, normal, radius, confidence, colour, whether it was filled.
-pub(super) fn encode(seen: &Seen) -> Option<Vec<u8>> {
-    let surface = &seen.surface;
-    let head = Head {
+/// Serialises the head, then pixel by pixel colour, depth and normal (four bytes a number), agreeing views, origin;
+/// then the discs that only key frames saw: centre, normal, radius, confidence, colour, whether it was filled.
+pub(super) fn encode(processed: &ProcessedCapture) -> Option<Vec<u8>> {
+    let surface = &processed.surface;
+    let head = SurfaceHead {
         step: f64::from(surface.step),
-        lens: Lens::of(&seen.lens),
-        pinhole: Lens::of(&surface.intrinsics),
-        poses: seen.camera_from_world.iter().map(|pose| numbers_of(pose.as_ref())).collect(),
-        range: seen.range.into(),
-        discs: seen.key_frame_discs.len(),
-        report: seen.report.clone(),
+        lens: CachedLens::of(&processed.lens),
+        pinhole: CachedLens::of(&surface.intrinsics),
+        poses: processed.camera_from_world.iter().map(|pose| numbers_of(pose.as_ref())).collect(),
+        range: processed.range.into(),
+        discs: processed.key_frame_discs.len(),
+        report: processed.report.clone(),
     };
-    let mut bytes =
-        with_head(&head, BYTES_A_PIXEL * surface.depth.len() + BYTES_A_DISC * seen.key_frame_discs.len())?;
+    let mut bytes = with_head(
+        &head,
+        BYTES_A_PIXEL * surface.depth.len() + BYTES_A_DISC * processed.key_frame_discs.len(),
+    )?;
     bytes.extend(surface.picture.as_raw());
     bytes.extend(surface.depth.iter().flat_map(|z| z.to_le_bytes()));
     bytes.extend(surface.normal.iter().flat_map(Vec3::to_array).flat_map(f32::to_le_bytes));
     bytes.extend(&surface.agreeing);
     bytes.extend(surface.origin.iter().map(|origin| match origin {
-        Origin::Unknown => 0,
-        Origin::Stereo => 1,
-        Origin::Filled => 2,
+        DepthOrigin::Unknown => 0,
+        DepthOrigin::Stereo => 1,
+        DepthOrigin::Filled => 2,
     }));
-    for disc in &seen.key_frame_discs {
+    for disc in &processed.key_frame_discs {
         let numbers = [disc.center.to_array(), disc.normal.to_array()].concat();
         let numbers = numbers.into_iter().chain([disc.radius, disc.confidence]);
         bytes.extend(numbers.flat_map(f32::to_le_bytes));
@@ -61,8 +63,8 @@ pub(super) fn encode(seen: &Seen) -> Option<Vec<u8>> {
 const BYTES_A_PIXEL: usize = 3 + 4 + 12 + 1 + 1;
 const BYTES_A_DISC: usize = 4 * 8 + 3 + 1;
 
-pub(super) fn decode(bytes: &[u8]) -> Option<Seen> {
-    let (head, rest): (Head, &[u8]) = head_of(bytes)?;
+pub(super) fn decode(bytes: &[u8]) -> Option<ProcessedCapture> {
+    let (head, rest): (SurfaceHead, &[u8]) = head_of(bytes)?;
     let (lens, pinhole) = (head.lens.intrinsics(), head.pinhole.intrinsics());
     let pixels = (pinhole.width as usize).checked_mul(pinhole.height as usize)?;
     let discs = head.discs.checked_mul(BYTES_A_DISC)?;
@@ -85,9 +87,9 @@ pub(super) fn decode(bytes: &[u8]) -> Option<Seen> {
         origin: origin
             .iter()
             .map(|code| match code {
-                1 => Origin::Stereo,
-                2 => Origin::Filled,
-                _ => Origin::Unknown,
+                1 => DepthOrigin::Stereo,
+                2 => DepthOrigin::Filled,
+                _ => DepthOrigin::Unknown,
             })
             .collect(),
         intrinsics: pinhole,
@@ -95,7 +97,7 @@ pub(super) fn decode(bytes: &[u8]) -> Option<Seen> {
     };
     let camera_from_world = poses_of(&head.poses)?;
     let key_frame_discs = discs.as_chunks::<BYTES_A_DISC>().0.iter().map(disc).collect();
-    Some(Seen {
+    Some(ProcessedCapture {
         lens,
         surface,
         key_frame_discs,
@@ -129,12 +131,12 @@ pub(super) mod tests {
     use scenes::raycast::RayScene;
     use synthetic::RoomOptions;
 
-    pub(in super::super) fn seen() -> Seen {
+    pub(in super::super) fn processed() -> ProcessedCapture {
         let room = RoomOptions { image_px: [64, 48], ..RoomOptions::default() }.build().unwrap();
         let scene = RayScene::new(room.room.geometry.as_ref().unwrap()).unwrap();
         let rendering = Rendering { unit_m: 0.7, noise: 0.01, holes: 0.1, seed: 1 };
         let mut surface = rendering.of(&scene, &room.room.cameras[0].camera);
-        surface.origin[7] = Origin::Filled;
+        surface.origin[7] = DepthOrigin::Filled;
         let mut lens = surface.intrinsics.clone();
         lens.distortion = [-0.1, 0.02, 1e-4, -3e-5, 0.1 + 0.2].into();
         let report =
@@ -149,12 +151,19 @@ pub(super) mod tests {
             confidence: 3.5,
         };
         let key_frame_discs = vec![disc, Disc { center: Vec3::ONE, filled: true, ..disc }];
-        Seen { lens, surface, key_frame_discs, camera_from_world, range: (0.1 + 0.2, 7.0), report }
+        ProcessedCapture {
+            lens,
+            surface,
+            key_frame_discs,
+            camera_from_world,
+            range: (0.1 + 0.2, 7.0),
+            report,
+        }
     }
 
     #[test]
     fn damaged_contents_count_as_missing() {
-        let whole = encode(&seen()).unwrap();
+        let whole = encode(&processed()).unwrap();
         assert!(decode(&whole).is_some());
         for length in [0, 7, 8, 100, whole.len() - 1] {
             assert!(decode(&whole[..length]).is_none(), "{length}");

@@ -1,43 +1,44 @@
-//! How much the contacts of two cameras' surfaces are worth.
+//! Effective number of independent observations in the contacts of each camera pair.
 //!
-//! Where a capture's motion has bent its space, its surfaces err together, however many contacts there are; laid on another
-//! camera's they then keep a distance that no turn or stretch takes away. Stereo's noise keeps them apart as well, and picks'
-//! depths are read at edges, where the next surface begins: a space is bent if both say so. Even a straight space has errors
-//! that all its surface shares, such as a tenth of a pixel by which features were drawn along, so contacts are never worth
-//! their number.
+//! If a capture's motion has bent its space, its surfaces err together, however many contacts there are; aligned with
+//! another camera's they keep a distance that no rotation or scale removes. Stereo's noise keeps them apart as well,
+//! and picks' depths are measured at edges, near other surfaces: a space counts as bent if both the contacts and the
+//! picks indicate it. Even a straight space has errors common to all its surface, such as a tenth of a pixel of drift
+//! of the features, so the effective number is always below the number of contacts.
 
 use nalgebra::Similarity3;
 
 use crate::merge::overlap::Contact;
 
-/// As many independent observations as stereo's own errors leave in the contacts of two cameras: neighbours err together.
+/// Number of independent observations in the contacts of two straight spaces: neighbouring errors are correlated.
 const STEREO: f64 = 64.0;
-/// The same where pictures' matches hold the cameras: two spaces that are bent alike agree and turn the cameras all the same,
-/// which a hand's picks are too coarse to tell, and matches are not.
+/// The same number where matches constrain the cameras: two spaces bent alike agree and nevertheless rotate the
+/// cameras, which picks by hand are too coarse to reveal, and matches are not.
 const STEREO_BESIDE_MATCHES: f64 = 4.0;
-/// In how many ways a space bends: by depth, across and along the image. What is bent is known as often.
+/// Number of ways in which a space bends: by depth, across and along the image; a bent space counts as so many
+/// observations.
 const BENDS: f64 = 3.0;
 
-/// The number of independent observations, of stereo's standard deviation, that the contacts of each pair of cameras count
-/// as.
+/// Effective number of independent observations, of stereo's standard deviation, in the contacts of each pair of
+/// cameras.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Worth {
+pub(super) struct EffectiveCounts {
     cameras: usize,
-    /// What contacts of straight spaces count as.
+    /// Number for straight spaces.
     stereo: f64,
-    /// Row by row, the lower camera first.
+    /// Number for each pair, row by row, the lower camera first.
     independent: Vec<f64>,
 }
 
-impl Worth {
-    /// Only stereo errs; `beside_matches`: whether pictures' matches hold the cameras.
+impl EffectiveCounts {
+    /// Numbers for straight spaces; `beside_matches`: whether matches constrain the cameras.
     pub(super) fn straight(cameras: usize, beside_matches: bool) -> Self {
         let stereo = if beside_matches { STEREO_BESIDE_MATCHES } else { STEREO };
         Self { cameras, stereo, independent: vec![stereo; cameras * cameras] }
     }
 
-    /// The same from what contacts keep between surfaces that were laid on each other; `depth_sigma` is stereo's own, and
-    /// `pick_sigma` what depths at picks turned out to be off by.
+    /// Reduces the numbers by the distances that remain between aligned surfaces; `depth_sigma` is stereo's own
+    /// deviation, and `pick_sigma` the estimated one of depths at picks.
     pub(super) fn bent(
         mut self,
         contacts: &[Contact],
@@ -45,9 +46,9 @@ impl Worth {
         depth_sigma: f64,
         pick_sigma: f64,
     ) -> Self {
-        /// Of the absolute value of a normal variable.
+        /// Median of the absolute value of a standard normal variable.
         const MEDIAN: f64 = 0.6745;
-        /// Up to so many times what stereo claims for a single pick, a space may be straight.
+        /// Ratio of the picks' deviation to stereo's up to which a space may be straight.
         const BENT: f64 = 2.0;
         let at_picks = ((pick_sigma / depth_sigma).powi(2) - BENT.powi(2)).max(0.0);
         let mut errors: Vec<Vec<f64>> = vec![Vec::new(); self.independent.len()];
@@ -64,7 +65,7 @@ impl Worth {
         self
     }
 
-    /// A factor for each contact's residual.
+    /// Factor on each contact's residual.
     pub(super) fn weights(&self, contacts: &[Contact]) -> Vec<f64> {
         let mut counts = vec![0_usize; self.independent.len()];
         for contact in contacts {
