@@ -42,6 +42,7 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
     let started = Instant::now();
     // What is wrong with the options is told before anything is read.
     args.sampler.options(args.seed)?;
+    args.check_detections()?;
     args.heads.options(args.seed, args.sampler.published)?;
     // The port before what takes its time to read.
     let listener = args.view.listener()?;

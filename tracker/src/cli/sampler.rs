@@ -61,6 +61,11 @@ impl SamplerArguments {
         self.changed(if self.published { McmcOptions::published() } else { McmcOptions::default() }, seed)
     }
 
+    /// The sampler's options for a detector's boxes alone.
+    pub(super) fn of_boxes(&self, seed: u64) -> anyhow::Result<McmcOptions> {
+        self.changed(if self.published { McmcOptions::published() } else { McmcOptions::of_boxes() }, seed)
+    }
+
     /// The sampler's options as the image tracking of agents, whatever rule these follow.
     pub(super) fn image_tracking(&self, seed: u64) -> anyhow::Result<McmcOptions> {
         self.changed(McmcOptions::default(), seed)

@@ -10,7 +10,7 @@ use tracker::foreground::Start;
 use tracker::method::Method;
 use tracker::method::condensation::Condensation;
 use tracker::method::condensation::integration::Integration;
-use tracker::source::{self, NamedSource, VideoSource};
+use tracker::source::{self, NamedSource, NamedSources, VideoSource};
 use tracker::stage::{Stage, StageOptions};
 use tracker::{CameraFrame, Moment};
 
@@ -60,7 +60,7 @@ pub(crate) fn weightmap(args: &WeightMapArgs) -> anyhow::Result<String> {
     let options = args.heads.options(1, args.published)?;
     let needs_empty = options.edges.moving_only;
     let room = Room::read(&args.room)?;
-    let sources = source::open(&room, &args.video, &[])?;
+    let sources = source::open(&room, NamedSources { videos: &args.video, ..NamedSources::default() })?;
     args.background.check_names(&args.video, &[])?;
     let names = sources.iter().map(|s| s.name.clone()).collect();
     let stage =

@@ -14,7 +14,7 @@ use crate::foreground::backdrop::Backdrop;
 use crate::foreground::{Foreground, ForegroundOptions, Start};
 use crate::gathering::{Alignment, GatheringOptions};
 use crate::method::Needs;
-use crate::source::{self, CaptureTimes, NamedSource, Times, VideoSource};
+use crate::source::{self, CaptureTimes, NamedSource, NamedSources, Times, VideoSource};
 use crate::stage::{Stage, StageOptions};
 use crate::station::{self, Masks, Observer, Permits, PictureDemand, RecordedStation, Station, Work};
 
@@ -187,7 +187,10 @@ fn gathered(
     let (permits, (inbox, events)) = (Permits::new(threads), std::sync::mpsc::channel());
     let mut ports = Vec::new();
     for (camera, (source, (times, _))) in
-        source::open(room, &videos, &[])?.into_iter().zip(clocks).enumerate()
+        source::open(room, NamedSources { videos: &videos, ..NamedSources::default() })?
+            .into_iter()
+            .zip(clocks)
+            .enumerate()
     {
         let start = Start::Backdrop(empty.clone());
         let foreground = Foreground::new(SIZE.0, SIZE.1, start, ForegroundOptions::default())?;
@@ -213,6 +216,7 @@ fn recorded_station(
     let work = RecordedStation {
         video,
         masks,
+        detections: None,
         times: CaptureTimes::given(name, times.clone()),
         observer: Observer::new(stage, name, made, needs)?,
         drawn: (panel, PictureDemand::Always),
@@ -322,7 +326,8 @@ fn masks_alone_are_enough_and_a_full_one_is_set_aside() {
     }
     let stage = Stage::prepare(&room, folder.path(), &StageOptions::default()).unwrap();
     let named: NamedSource = format!("a={}", masks.display()).parse().unwrap();
-    let source = source::open(&room, &[], &[named]).unwrap().remove(0);
+    let source =
+        source::open(&room, NamedSources { masks: &[named], ..NamedSources::default() }).unwrap().remove(0);
     let times = Times::steady(4.0).unwrap();
     let made = Masks::ready(&masks.display().to_string());
     let station = recorded_station(&stage, "a", None, source.masks, made, (&times, MASKS)).unwrap();
