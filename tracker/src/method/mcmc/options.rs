@@ -101,8 +101,8 @@ impl Default for BoxOptions {
     fn default() -> Self {
         Self {
             alone: false,
-            burn_in_per_person: 15,
-            kept_per_person: 30,
+            burn_in_per_person: 25,
+            kept_per_person: 50,
             apart_m: 0.3,
             repulsion_weight: 4.0,
         }

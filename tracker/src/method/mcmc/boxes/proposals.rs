@@ -181,7 +181,7 @@ impl Hotspots {
 
     #[cfg(test)]
     pub(in super::super) fn at(places: &[(f64, f64)]) -> Self {
-        let covariance = Matrix2::identity() * 0.04;
+        let covariance = Matrix2::identity();
         let found: Vec<_> = places
             .iter()
             .enumerate()
