@@ -172,7 +172,7 @@ impl HallCrossing {
             let seen = |c: &synthetic::CameraFrame| {
                 let mask = Mask::from(&c.mask);
                 let colours = c.image.as_ref().map(|image| Colours::of_picture(&mask, 2, image));
-                CameraFrame { mask: Some(mask), colours, image: None }
+                CameraFrame { mask: Some(mask), colours, ..CameraFrame::default() }
             };
             let cameras: Vec<CameraFrame> = frame.cameras.iter().map(seen).collect();
             let moment = Moment { frame: frame.frame, time_s: frame.time_s, cameras: &cameras };

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use image::RgbImage;
 use serde::{Deserialize, Serialize};
 
-use crate::observation::{Colours, Mask};
+use crate::observation::{Colours, Mask, PersonBox};
 
 /// Number of a track. A run never uses a number twice.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
@@ -27,6 +27,8 @@ pub struct CameraFrame {
     pub mask: Option<Mask>,
     /// Colours of the foreground, for appearance; `None` when only masks are given.
     pub colours: Option<Colours>,
+    /// Boxes that a detector drew around people; `None` without a detector.
+    pub boxes: Option<Vec<PersonBox>>,
     /// The picture, for methods that ask for it ([`crate::method::Needs`]).
     pub image: Option<Arc<RgbImage>>,
 }
@@ -35,6 +37,11 @@ impl CameraFrame {
     /// Builds the frame of a camera from its mask alone.
     pub fn of_mask(mask: impl Into<Mask>) -> Self {
         Self { mask: Some(mask.into()), ..Self::default() }
+    }
+
+    /// Builds the frame of a camera from a detector's boxes alone.
+    pub fn of_boxes(boxes: Vec<PersonBox>) -> Self {
+        Self { boxes: Some(boxes), ..Self::default() }
     }
 
     /// Builds the frame of a camera from its picture alone.

@@ -203,7 +203,8 @@ impl Follower {
         self.time_s = time_s;
         self.frame =
             u32::try_from(observation.sequence).unwrap_or(u32::MAX).max(self.frame.saturating_add(1));
-        let camera = CameraFrame { mask: observation.mask, colours: observation.colours, image: None };
+        let camera =
+            CameraFrame { mask: observation.mask, colours: observation.colours, ..CameraFrame::default() };
         let heard = self.mesh.heard();
         let (tracker, outputs, frame) = (&mut self.tracker, &mut self.outputs, self.frame);
         outputs.stopwatch.record("decode", decode);

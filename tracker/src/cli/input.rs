@@ -64,7 +64,7 @@ impl RunSources {
     pub(super) fn open(args: &RunArgs, room: &Room) -> anyhow::Result<Self> {
         if args.stations.is_none() && !args.endpoints.gathers() {
             args.endpoints.check_unused()?;
-            let sources = source::open(room, &args.video, &args.masks)?;
+            let sources = source::open(room, args.sources())?;
             args.background.check_names(&args.video, args.used_masks())?;
             for camera in room.cameras.iter().filter(|c| !sources.iter().any(|s| s.name == c.name)) {
                 tracing::warn!("camera `{}` has no source and is left out", camera.name);
@@ -72,9 +72,9 @@ impl RunSources {
             let clocks = args.clocks.clocks(&sources)?;
             return Ok(Self::Local { sources, clocks });
         }
-        if let Some(source) = args.video.iter().chain(&args.masks).next() {
+        if let Some(source) = args.video.iter().chain(&args.masks).chain(&args.detections).next() {
             bail!(
-                "--stations: takes the place of --video and --masks; start `tracker station` for camera `{}` as well",
+                "--stations: takes the place of --video, --masks and --detections; start `tracker station` for camera `{}` as well",
                 source.name
             );
         }
@@ -176,7 +176,7 @@ impl RunInput {
             let found = search_offsets(builder.room, ports, &events, &self.alignments)?;
             self.alignments = found;
             let room = Room::read(&args.room)?;
-            let again = source::open(&room, &args.video, &args.masks)?;
+            let again = source::open(&room, args.sources())?;
             stations = builder.build(again, times)?.into_iter().map(|built| built.station).collect();
         }
         let (ports, events) = start(stations, threads);

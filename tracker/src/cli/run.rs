@@ -42,6 +42,7 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
     let started = Instant::now();
     // Invalid options are reported before anything is read.
     args.sampler.options(args.seed)?;
+    args.check_detections()?;
     args.heads.options(args.seed, args.sampler.published)?;
     // The port is bound before the slow reading of the room.
     let listener = args.view.listener()?;

@@ -2,13 +2,14 @@
 
 use std::path::PathBuf;
 
+use anyhow::bail;
 use clap::{Args, ValueEnum};
 use tracker::method::Method;
 use tracker::method::agents::Agents;
 use tracker::method::condensation::Condensation;
 use tracker::method::mcmc::Mcmc;
 use tracker::prepared_room::{PreparedRoom, WORKING_WIDTH_PX};
-use tracker::source::NamedSource;
+use tracker::source::{NamedSource, NamedSources};
 use tracker::wire::Endpoint;
 
 use super::background::BackgroundArguments;
@@ -46,6 +47,7 @@ pub(super) enum MethodName {
   tracker run myroom --video a=a.mp4 --video b=b.mp4 --offset b=2.4 --out out
   tracker run myroom --video a=a.mp4 --video b=b.mp4 --out out --view
   tracker run myroom --masks a=masks/a --masks b=masks/b --rate 4 --out out
+  tracker run myroom --detections a=a.txt --detections b=b.txt --times times.txt --out out
   tracker run myroom --video a=rtsp://camera/stream --background a=empty.mp4 --out out
   tracker run myroom --stations hall.local:7447,shop.local:7447 --out out")]
 pub(crate) struct RunArgs {
@@ -62,6 +64,10 @@ pub(crate) struct RunArgs {
     /// subtraction.
     #[arg(long, value_name = "NAME=PATH")]
     pub(super) masks: Vec<NamedSource>,
+    /// A detector's boxes of people in a camera (MOTChallenge rows frame,id,left,top,width,height,…; ids are ignored), beside
+    /// video or masks or in place of them; for --method mcmc
+    #[arg(long, value_name = "NAME=FILE")]
+    pub(super) detections: Vec<NamedSource>,
     /// Folder to write to.
     #[arg(long)]
     pub(super) out: PathBuf,
@@ -78,7 +84,8 @@ pub(crate) struct RunArgs {
     pub(super) clocks: ClockArguments,
     #[command(flatten)]
     pub(super) endpoints: EndpointArguments,
-    /// Largest number of people tracked at once, up to 31 [default: 24]
+    /// Largest number of people tracked at once; the sampler takes up to 31, of boxes alone up to 255 [default: 24, of boxes
+    /// alone 255]
     #[arg(long, value_name = "N")]
     pub(super) most_people: Option<usize>,
     /// Ignore the room's geometry: only the floor hides people. For comparison.
@@ -111,6 +118,26 @@ pub(crate) struct RunArgs {
 }
 
 impl RunArgs {
+    /// The sources of this machine.
+    pub(super) fn sources(&self) -> NamedSources<'_> {
+        NamedSources { videos: &self.video, masks: &self.masks, detections: &self.detections }
+    }
+
+    /// Whether a detector's boxes are all that there is.
+    fn has_boxes_alone(&self) -> bool {
+        !self.detections.is_empty() && self.video.is_empty() && self.masks.is_empty()
+    }
+
+    /// Refuses boxes for methods that do not look at them.
+    pub(super) fn check_detections(&self) -> anyhow::Result<()> {
+        if let (Some(given), MethodName::Condensation | MethodName::Agents) =
+            (self.detections.first(), self.method)
+        {
+            bail!("--detections {}={}: only --method mcmc takes boxes", given.name, given.spec);
+        }
+        Ok(())
+    }
+
     /// Masks that the method uses.
     pub(super) fn used_masks(&self) -> &[NamedSource] {
         match self.method {
@@ -124,7 +151,11 @@ impl RunArgs {
     pub(super) fn method(&self, prepared: &PreparedRoom, is_live: bool) -> anyhow::Result<Box<dyn Method>> {
         Ok(match self.method {
             MethodName::Mcmc => {
-                let mut options = self.sampler.options(self.seed)?;
+                let mut options = if self.has_boxes_alone() {
+                    self.sampler.of_boxes(self.seed)?
+                } else {
+                    self.sampler.options(self.seed)?
+                };
                 options.max_people = self.most_people.unwrap_or(options.max_people);
                 if self.sampler.lag.is_none() && is_live {
                     options.lag_s = 0.0;

@@ -61,6 +61,11 @@ impl SamplerArguments {
         self.changed(if self.published { McmcOptions::published() } else { McmcOptions::default() }, seed)
     }
 
+    /// Options of the sampler for a detector's boxes alone.
+    pub(super) fn of_boxes(&self, seed: u64) -> anyhow::Result<McmcOptions> {
+        self.changed(if self.published { McmcOptions::published() } else { McmcOptions::of_boxes() }, seed)
+    }
+
     /// Options of the sampler as the image tracking of agents, for either of their rules.
     pub(super) fn image_tracking(&self, seed: u64) -> anyhow::Result<McmcOptions> {
         self.changed(McmcOptions::default(), seed)

@@ -11,7 +11,7 @@ use shell::console::Console;
 use tracker::film::FilmOptions;
 use tracker::method::Needs;
 use tracker::prepared_room::{PreparationOptions, PreparedRoom, WORKING_WIDTH_PX};
-use tracker::source::{self, NamedSource};
+use tracker::source::{self, NamedSource, NamedSources};
 use tracker::station::{Event, Pace, Permits, PictureDemand};
 use tracker::wire::{Endpoint, Fingerprint, Hello, Uplink};
 
@@ -99,7 +99,7 @@ pub(crate) fn station(args: &StationArgs, console: &Console) -> anyhow::Result<S
         one.collect()
     };
     let (videos, masks) = (named(&args.video), named(&args.masks));
-    let sources = source::open(&room, &videos, &masks)?;
+    let sources = source::open(&room, NamedSources { videos: &videos, masks: &masks, detections: &[] })?;
     args.background.check_names(&videos, &masks)?;
     args.clocks.refuse_offsets()?;
     let clocks = args.clocks.clocks(&sources)?;

@@ -56,10 +56,10 @@ impl StationBuilder<'_> {
 
     fn station(&self, source: CameraSource, times: CaptureTimes) -> anyhow::Result<Built> {
         let rate_hz = source.rate().or_else(|| (!source.is_live()).then(|| times.mean_rate()));
-        let CameraSource { name, video, masks } = source;
+        let CameraSource { name, video, masks, detections } = source;
         let masks = masks.filter(|_| self.needs.masks);
         if self.needs.pictures && video.is_none() {
-            let problem = format!("camera `{name}` has masks alone; give --video {name}=PATH");
+            let problem = format!("camera `{name}` has no pictures; give --video {name}=PATH");
             return Err(Error::option("--video", problem).into());
         }
         let camera = self.room.camera_index(&name);
@@ -72,6 +72,12 @@ impl StationBuilder<'_> {
                 "camera `{name}` is a stream, whose frames no file of masks belongs to; leave one out"
             );
             return Err(Error::option("--masks", problem).into());
+        }
+        if detections.is_some() && matches!(video, Some(VideoSource::Live(_))) {
+            let problem = format!(
+                "camera `{name}` is a stream, whose frames no file of boxes belongs to; leave one out"
+            );
+            return Err(Error::option("--detections", problem).into());
         }
         let is_subtracted = self.needs.masks && masks.is_none();
         let start = match &video {
@@ -109,7 +115,15 @@ impl StationBuilder<'_> {
                     VideoSource::Live(_) => None,
                 });
                 let pace = self.pace;
-                Work::Recorded(Box::new(RecordedStation { video, masks, times, observer, drawn, pace }))
+                Work::Recorded(Box::new(RecordedStation {
+                    video,
+                    masks,
+                    detections,
+                    times,
+                    observer,
+                    drawn,
+                    pace,
+                }))
             }
         };
         let empty_scene = match start {

@@ -11,7 +11,7 @@ use tracker::method::Method;
 use tracker::method::condensation::Condensation;
 use tracker::method::condensation::integration::Integration;
 use tracker::prepared_room::{PreparationOptions, PreparedRoom};
-use tracker::source::{self, NamedSource, VideoSource};
+use tracker::source::{self, NamedSource, NamedSources, VideoSource};
 use tracker::{CameraFrame, Moment};
 
 use super::background::BackgroundArguments;
@@ -61,7 +61,7 @@ pub(crate) fn weightmap(args: &WeightMapArgs) -> anyhow::Result<String> {
     let options = args.heads.options(1, args.published)?;
     let needs_empty = options.edges.moving_only;
     let room = Room::read(&args.room)?;
-    let sources = source::open(&room, &args.video, &[])?;
+    let sources = source::open(&room, NamedSources { videos: &args.video, ..NamedSources::default() })?;
     args.background.check_names(&args.video, &[])?;
     let names = sources.iter().map(|s| s.name.clone()).collect();
     let prepared = PreparedRoom::prepare(

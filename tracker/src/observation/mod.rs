@@ -2,14 +2,17 @@
 //!
 //! * [`Mask`] — the foreground, one bit a pixel, in the camera's pinhole image at the working size.
 //! * [`Colours`] — the colours of that foreground on a coarse grid, for appearance.
-//! * [`Observation`] — both with capture time, sequence number and health.
+//! * [`PersonBox`] — a detector's box around one person.
+//! * [`Observation`] — all of these with capture time, sequence number and health.
 //! * [`Feedback`] — the tracker's estimates of the people, sent back so that they are not learnt as background.
 
+mod boxes;
 mod colours;
 mod mask;
 
 use nalgebra::Vector2;
 
+pub use self::boxes::PersonBox;
 pub use self::colours::Colours;
 pub use self::mask::Mask;
 use crate::foreground::Verdict;
@@ -29,12 +32,14 @@ pub struct Observation {
     pub mask: Option<Mask>,
     /// Colours of the foreground; `None` without a picture.
     pub colours: Option<Colours>,
+    /// Boxes of people; `None` without a detector.
+    pub boxes: Option<Vec<PersonBox>>,
 }
 
 impl Observation {
     /// Observation of a camera without a usable frame.
     pub fn unusable(sequence: u64, time_s: f64, health: Verdict) -> Self {
-        Self { sequence, time_s, health, mask: None, colours: None }
+        Self { sequence, time_s, health, mask: None, colours: None, boxes: None }
     }
 }
 

@@ -19,6 +19,8 @@ use scenes::room::{Room, Zone};
 use scenes::walkable::{self, WalkableMap};
 
 pub use self::floor::Floor;
+use crate::observation::PersonBox;
+use crate::tracks::rows::PixelBox;
 use crate::{Error, Result};
 
 /// Options of [`PreparedRoom::prepare`].
@@ -60,6 +62,9 @@ pub struct PreparedCamera {
     /// File of the room's reference picture of this camera, at full size.
     pub reference: Option<PathBuf>,
 }
+
+/// An edge of a box this near to the image's border, in parts of the width, is cut by it.
+const CUT_PART: f64 = 0.012;
 
 /// Narrowest working image in which a person is visible, pixels.
 const LEAST_WORKING_PX: u32 = 32;
@@ -211,6 +216,14 @@ impl PreparedCamera {
         self.static_z_m.iter().zip(self.floor_z_m()).all(|(z_m, floor_z_m)| *z_m <= floor_z_m)
     }
 
+    /// Whether nothing stands before the floor.
+    pub(crate) fn is_bare(&self) -> bool {
+        /// Depths that differ by no more than this part are the same.
+        const SAME: f32 = 1e-3;
+        let mut pairs = self.static_z_m.iter().zip(self.floor_z_m());
+        pairs.all(|(z_m, floor_z_m)| *z_m <= 0.0 || z_m.is_infinite() || *z_m >= floor_z_m * (1.0 - SAME))
+    }
+
     /// Distance along the camera's z to the floor, metres, per pinhole pixel, row by row; infinite where the floor is
     /// not in front.
     fn floor_z_m(&self) -> impl Iterator<Item = f32> {
@@ -237,6 +250,38 @@ impl PreparedCamera {
     pub fn to_real(&self, pinhole_pixel: &Point2<f64>) -> Option<Point2<f64>> {
         let ray = self.pinhole.intrinsics.unproject(pinhole_pixel)?;
         self.real.intrinsics.project(&ray.into())
+    }
+
+    /// A detector's box in what the camera films, full size → the box in the pinhole image: the undistorted middles of its
+    /// edges. An edge whose middle the lens does not show is only scaled.
+    pub fn to_pinhole_box(&self, filmed: &PixelBox) -> PersonBox {
+        let k = &self.filmed.intrinsics;
+        let (right, bottom) = (filmed.left + filmed.width, filmed.top + filmed.height);
+        let middle = Point2::new(0.5 * (filmed.left + right), 0.5 * (filmed.top + bottom));
+        let pinhole = &self.pinhole.intrinsics;
+        let (scale_u, scale_v) = (pinhole.fx / k.fx, pinhole.fy / k.fy);
+        let of = |u: f64, v: f64| {
+            let scaled = Point2::new(pinhole.cx + (u - k.cx) * scale_u, pinhole.cy + (v - k.cy) * scale_v);
+            if self.undistort.is_identity() {
+                return scaled;
+            }
+            let ray = k.unproject(&Point2::new(u, v));
+            ray.and_then(|ray| pinhole.project(&ray.into())).unwrap_or(scaled)
+        };
+        let margin = CUT_PART * f64::from(k.width);
+        let is_cut = |edge: f64, border: f64| (edge - border).abs() < margin;
+        PersonBox {
+            left: of(filmed.left, middle.y).x,
+            top: of(middle.x, filmed.top).y,
+            right: of(right, middle.y).x,
+            bottom: of(middle.x, bottom).y,
+            cut: [
+                is_cut(filmed.left, 0.0),
+                is_cut(filmed.top, 0.0),
+                is_cut(right, f64::from(k.width)),
+                is_cut(bottom, f64::from(k.height)),
+            ],
+        }
     }
 }
 

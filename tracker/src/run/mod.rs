@@ -21,6 +21,7 @@ pub use search_offsets::search_offsets;
 use crate::foreground::Verdict;
 use crate::gathering::{Gathered, Gathering, LeftOut, MomentPart, NextMoment};
 use crate::method::Method;
+use crate::observation::Observation;
 use crate::silhouette::Body;
 use crate::station::{ObservedFrame, Pictures};
 use crate::tracks::{Stopwatch, Timings};
@@ -188,8 +189,9 @@ impl Pipeline {
                     decode += decoding;
                     foreground += observing;
                     let image = pictures.pinhole.clone();
-                    let camera = CameraFrame { mask: observation.mask, colours: observation.colours, image };
-                    (camera, pictures, observation.health)
+                    let Observation { mask, colours, boxes, health, .. } = observation;
+                    let camera = CameraFrame { mask, colours, boxes, image };
+                    (camera, pictures, health)
                 }
                 MomentPart::Nothing(why) => (CameraFrame::default(), Pictures::default(), why),
             };

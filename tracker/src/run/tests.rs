@@ -15,7 +15,7 @@ use crate::foreground::{Foreground, ForegroundOptions, InitialBackground};
 use crate::gathering::{ClockAlignment, GatheringOptions};
 use crate::method::Needs;
 use crate::prepared_room::{PreparationOptions, PreparedRoom};
-use crate::source::{self, CaptureTimes, NamedSource, Times, VideoSource};
+use crate::source::{self, CaptureTimes, NamedSource, NamedSources, Times, VideoSource};
 use crate::station::{self, Masks, Observer, Permits, PictureDemand, RecordedStation, Station, Work};
 
 const SIZE: (u32, u32) = (64, 48);
@@ -192,7 +192,10 @@ fn gathered(
     let (permits, (inbox, events)) = (Permits::new(threads), std::sync::mpsc::channel());
     let mut ports = Vec::new();
     for (camera, (source, (times, _))) in
-        source::open(room, &videos, &[])?.into_iter().zip(clocks).enumerate()
+        source::open(room, NamedSources { videos: &videos, ..NamedSources::default() })?
+            .into_iter()
+            .zip(clocks)
+            .enumerate()
     {
         let start = InitialBackground::Backdrop(empty.clone());
         let foreground = Foreground::new(SIZE.0, SIZE.1, start, ForegroundOptions::default())?;
@@ -219,6 +222,7 @@ fn recorded_station(
     let work = RecordedStation {
         video,
         masks,
+        detections: None,
         times: CaptureTimes::given(name, times.clone()),
         observer: Observer::new(prepared, name, made, needs)?,
         drawn: (panel, PictureDemand::Always),
@@ -328,7 +332,8 @@ fn masks_alone_are_enough_and_a_full_one_is_set_aside() {
     }
     let prepared = PreparedRoom::prepare(&room, folder.path(), &PreparationOptions::default()).unwrap();
     let named: NamedSource = format!("a={}", masks.display()).parse().unwrap();
-    let source = source::open(&room, &[], &[named]).unwrap().remove(0);
+    let source =
+        source::open(&room, NamedSources { masks: &[named], ..NamedSources::default() }).unwrap().remove(0);
     let times = Times::steady(4.0).unwrap();
     let made = Masks::ready(&masks.display().to_string());
     let station = recorded_station(&prepared, "a", None, source.masks, made, (&times, MASKS)).unwrap();

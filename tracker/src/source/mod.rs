@@ -2,6 +2,7 @@
 
 mod arrival;
 mod capture_times;
+mod detections;
 pub mod sampling;
 pub mod times;
 
@@ -13,6 +14,7 @@ use scenes::room::{Room, RoomCamera};
 
 pub use arrival::{ArrivalClock, utc_s};
 pub use capture_times::CaptureTimes;
+pub use detections::Detections;
 pub use times::Times;
 
 use crate::{Error, Result};
@@ -39,7 +41,7 @@ impl FromStr for NamedSource {
     }
 }
 
-/// Input of one camera: a video, masks, or both.
+/// Input of one camera: a video, masks, a detector's boxes, or several of these.
 #[derive(Debug)]
 pub struct CameraSource {
     /// The camera's name in the room.
@@ -48,6 +50,19 @@ pub struct CameraSource {
     pub video: Option<VideoSource>,
     /// Ready-made masks, which replace background subtraction.
     pub masks: Option<FrameSource>,
+    /// A detector's boxes of people.
+    pub detections: Option<Detections>,
+}
+
+/// The sources of a run as they were named, each of them for one camera.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct NamedSources<'a> {
+    /// Videos.
+    pub videos: &'a [NamedSource],
+    /// Ready-made masks.
+    pub masks: &'a [NamedSource],
+    /// Files of detections.
+    pub detections: &'a [NamedSource],
 }
 
 /// Pictures of one camera.
@@ -81,8 +96,9 @@ fn may_be_live(spec: &str) -> bool {
 /// # Errors
 /// A name the room does not have (all of its names are listed), a name given twice, no source at all, a source that
 /// cannot be opened, or one whose images do not have the camera's size.
-pub fn open(room: &Room, videos: &[NamedSource], masks: &[NamedSource]) -> Result<Vec<CameraSource>> {
-    for (option, named) in [("videos", videos), ("masks", masks)] {
+pub fn open(room: &Room, named: NamedSources<'_>) -> Result<Vec<CameraSource>> {
+    let NamedSources { videos, masks, detections } = named;
+    for (option, named) in [("videos", videos), ("masks", masks), ("detections", detections)] {
         for (i, source) in named.iter().enumerate() {
             room.camera(&source.name)
                 .map_err(|e| Error::option(format!("{option} {}", written(source)), e.to_string()))?;
@@ -104,8 +120,10 @@ pub fn open(room: &Room, videos: &[NamedSource], masks: &[NamedSource]) -> Resul
             None => None,
         };
         let masks = find(masks).map(|source| open_one(camera, &source)).transpose()?;
-        if video.is_some() || masks.is_some() {
-            sources.push(CameraSource { name: camera.name.clone(), video, masks });
+        let detections =
+            find(detections).map(|source| Detections::read(Path::new(&source.spec))).transpose()?;
+        if video.is_some() || masks.is_some() || detections.is_some() {
+            sources.push(CameraSource { name: camera.name.clone(), video, masks, detections });
         }
     }
     // A live camera that is out of reach does not stop a run with other cameras; when no camera has a source, the
@@ -121,8 +139,17 @@ pub fn open(room: &Room, videos: &[NamedSource], masks: &[NamedSource]) -> Resul
         let names: Vec<&str> = room.cameras.iter().map(|c| c.name.as_str()).collect();
         return Err(Error::option(
             "videos",
-            format!("no source is given; give a video or masks, as NAME=PATH, for {}", names.join(", ")),
+            format!(
+                "no source is given; give a video, masks or detections, as NAME=PATH, for {}",
+                names.join(", ")
+            ),
         ));
+    }
+    // A detector may find nobody in one camera while others show people.
+    let detected = || sources.iter().filter_map(|source| source.detections.as_ref());
+    let frames = detected().map(Detections::frame_count).max().unwrap_or(0);
+    for source in &mut sources {
+        source.detections.iter_mut().for_each(|detections| detections.extend_to(frames));
     }
     Ok(sources)
 }
@@ -176,7 +203,8 @@ impl CameraSource {
             return None;
         }
         let counts: Option<Vec<usize>> = self.sources().map(FrameSource::frame_count).collect();
-        counts?.into_iter().min()
+        let alone = self.detections.as_ref().filter(|_| self.sources().next().is_none());
+        counts?.into_iter().chain(alone.map(|detections| detections.frame_count() as usize)).min()
     }
 
     /// Frames a second, if a source states them.
@@ -228,6 +256,10 @@ mod tests {
         format!("{name}={}", folder.path().display()).parse().unwrap()
     }
 
+    fn of<'a>(videos: &'a [NamedSource], masks: &'a [NamedSource]) -> NamedSources<'a> {
+        NamedSources { videos, masks, detections: &[] }
+    }
+
     #[test]
     fn names_split_at_the_first_equals_sign() {
         let source: NamedSource = "a=rtsp://host/x?y=1".parse().unwrap();
@@ -241,7 +273,7 @@ mod tests {
     fn sources_come_in_the_rooms_order_and_cameras_without_one_are_left_out() {
         let (room, images) = (room(&["a", "b", "c"]), folder(32));
         let sources =
-            open(&room, &[named("c", &images), named("a", &images)], &[named("a", &images)]).unwrap();
+            open(&room, of(&[named("c", &images), named("a", &images)], &[named("a", &images)])).unwrap();
         let names: Vec<&str> = sources.iter().map(|s| s.name.as_str()).collect();
         assert_eq!(names, ["a", "c"]);
         assert!(sources[0].masks.is_some() && sources[1].masks.is_none());
@@ -251,7 +283,7 @@ mod tests {
     #[test]
     fn wrong_names_sizes_and_repeats_are_named() {
         let (room, images, wide) = (room(&["a", "b"]), folder(32), folder(40));
-        let said = |videos: &[NamedSource]| open(&room, videos, &[]).unwrap_err().to_string();
+        let said = |videos: &[NamedSource]| open(&room, of(videos, &[])).unwrap_err().to_string();
         let unknown = said(&[named("x", &images)]);
         assert!(unknown.contains("`x`") && unknown.contains("`a`, `b`"), "{unknown}");
         assert!(said(&[named("a", &images), named("a", &images)]).contains("already"));

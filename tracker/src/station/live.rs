@@ -13,7 +13,7 @@ use std::time::{Duration, Instant, SystemTime};
 use calib::video::FrameSource;
 use image::RgbImage;
 
-use super::observer::Observer;
+use super::observer::{FrameInput, Observer};
 use super::permits::Permits;
 use super::seen::{Event, ObservedFrame, PictureDemand, Pictures};
 use crate::foreground::Verdict;
@@ -122,7 +122,10 @@ fn newest(feedback: &Receiver<Feedback>) -> std::result::Result<Option<Feedback>
 
 fn observe(observer: &mut Observer, frame: DecodedFrame) -> Result<ObservedFrame> {
     let started = Instant::now();
-    let observed = observer.observe(frame.sequence, frame.time_s, Some(&frame.picture), None)?;
+    let observed = {
+        let shown = FrameInput { picture: Some(&frame.picture), ..FrameInput::default() };
+        observer.observe(frame.sequence, frame.time_s, &shown)?
+    };
     Ok(ObservedFrame {
         observation: observed.observation,
         pictures: Pictures { pinhole: observed.pinhole, filmed: frame.filmed.map(Arc::new) },

@@ -18,7 +18,7 @@ use std::sync::mpsc::{Receiver, channel};
 use std::thread;
 
 pub use live::LiveStation;
-pub use observer::{Masks, Observer};
+pub use observer::{FrameInput, Masks, Observer};
 pub use permits::Permits;
 pub use port::{Inbox, Port};
 pub use recorded::{Pace, RecordedStation};

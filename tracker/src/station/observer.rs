@@ -10,8 +10,9 @@ use crate::foreground::health::{self, Health};
 use crate::foreground::{Foreground, Verdict};
 use crate::method::Needs;
 use crate::observation::{Colours, Feedback, Mask, Observation};
-use crate::prepared_room::{PreparedRoom, resolution};
+use crate::prepared_room::{PreparedCamera, PreparedRoom, resolution};
 use crate::silhouette::{Body, Silhouette, View};
+use crate::tracks::rows::PixelBox;
 use crate::{Error, Result};
 
 /// Largest fraction of foreground in a usable ready-made mask.
@@ -50,12 +51,24 @@ impl Masks {
     }
 }
 
+/// What there is of one frame.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct FrameInput<'a> {
+    /// Picture, of the observer's [size](Observer::size).
+    pub picture: Option<&'a RgbImage>,
+    /// Ready-made mask, of the same size.
+    pub mask: Option<&'a RgbImage>,
+    /// A detector's boxes, in pixels of what the camera films.
+    pub boxes: Option<&'a [PixelBox]>,
+}
+
 /// Makes the observations of one camera, frame by frame.
 pub struct Observer {
     masks: Masks,
     needs: Needs,
     size: (u32, u32),
     undistort: UndistortMap,
+    camera: PreparedCamera,
     colour_step: u8,
     /// The camera at the sampler's resolution, for the silhouettes of believed people.
     view: View,
@@ -99,6 +112,7 @@ impl Observer {
             needs,
             size,
             undistort: camera.undistort.clone(),
+            camera: camera.clone(),
             colour_step: block.saturating_mul(COLOUR_BLOCKS),
             view: View::coarse(camera, block),
             silhouette: Silhouette::default(),
@@ -117,18 +131,13 @@ impl Observer {
         self.size
     }
 
-    /// Observes one frame. `picture` and `mask` (for ready-made masks) have this observer's [size](Self::size).
+    /// Observes one frame.
     ///
     /// # Errors
     /// An error of OpenCV.
-    pub fn observe(
-        &mut self,
-        sequence: u64,
-        time_s: f64,
-        picture: Option<&RgbImage>,
-        mask: Option<&RgbImage>,
-    ) -> Result<Observed> {
+    pub fn observe(&mut self, sequence: u64, time_s: f64, frame: &FrameInput<'_>) -> Result<Observed> {
         self.draw_believed(time_s)?;
+        let FrameInput { picture, mask, boxes } = *frame;
         let health = match (&mut self.masks, picture, mask) {
             (Masks::Subtracted(foreground), Some(picture), _) => {
                 foreground.mask(picture, time_s, &mut self.mask)?
@@ -139,13 +148,18 @@ impl Observer {
                 () if health.is_frozen(picture, time_s) => Verdict::Frozen,
                 () => Verdict::Usable,
             },
+            (_, None, None) if boxes.is_some() => Verdict::Usable,
             _ => Verdict::Lost,
         };
         let mut observation = Observation::unusable(sequence, time_s, health);
+        if !matches!(health, Verdict::Frozen | Verdict::Dark | Verdict::Lost) {
+            observation.boxes =
+                boxes.map(|boxes| boxes.iter().map(|b| self.camera.to_pinhole_box(b)).collect());
+        }
         if health != Verdict::Usable {
             return Ok(Observed { observation, pinhole: None });
         }
-        if self.needs.masks {
+        if self.needs.masks && (picture.is_some() || mask.is_some()) {
             let mask = self.pinhole_mask();
             observation.colours = picture.map(|picture| self.colours(&mask, picture));
             observation.mask = Some(mask);

@@ -8,11 +8,11 @@ use std::time::{Duration, Instant, SystemTime};
 use calib::video::FrameSource;
 use image::RgbImage;
 
-use super::observer::Observer;
+use super::observer::{FrameInput, Observer};
 use super::permits::Permits;
 use super::seen::{Event, ObservedFrame, PictureDemand, Pictures};
 use crate::observation::Feedback;
-use crate::source::{CaptureTimes, utc_s};
+use crate::source::{CaptureTimes, Detections, utc_s};
 use crate::{Error, Result};
 
 /// Station of one camera's recording.
@@ -21,6 +21,8 @@ pub struct RecordedStation {
     pub video: Option<FrameSource>,
     /// Ready-made masks.
     pub masks: Option<FrameSource>,
+    /// A detector's boxes.
+    pub detections: Option<Detections>,
     /// Capture times of the frames.
     pub times: CaptureTimes,
     /// Maker of the observations.
@@ -107,8 +109,8 @@ impl RecordedStation {
         }
     }
 
-    /// Reads and observes the next frame; the shorter of pictures and masks determines the end. `picture` and `mask`
-    /// are buffers.
+    /// Reads and observes the next frame; the shorter of pictures and masks determines the end, without either the
+    /// detections do. `picture` and `mask` are buffers.
     fn next(&mut self, sequence: u64, picture: &mut RgbImage, mask: &mut RgbImage) -> Result<RecordedFrame> {
         let started = Instant::now();
         let mut stamp_s = None;
@@ -124,6 +126,13 @@ impl RecordedStation {
             }
             if self.video.is_none() {
                 stamp_s = masks.stamp().presentation_s;
+            }
+        }
+        let boxes = self.detections.as_ref().map(|detections| detections.of(sequence));
+        if self.video.is_none() && self.masks.is_none() {
+            let frames = self.detections.as_ref().map_or(0, Detections::frame_count);
+            if sequence > u64::from(frames) {
+                return Ok(RecordedFrame::Ended);
             }
         }
         let time_s = self.times.next(stamp_s)?;
@@ -148,7 +157,7 @@ impl RecordedStation {
         let decode = started.elapsed();
         let picture = self.video.is_some().then_some(&*picture);
         let mask = self.masks.is_some().then_some(&*mask);
-        let observed = self.observer.observe(sequence, time_s, picture, mask)?;
+        let observed = self.observer.observe(sequence, time_s, &FrameInput { picture, mask, boxes })?;
         Ok(RecordedFrame::Seen(Box::new(ObservedFrame {
             observation: observed.observation,
             pictures: Pictures { pinhole: observed.pinhole, filmed },

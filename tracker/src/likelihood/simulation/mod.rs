@@ -168,7 +168,10 @@ impl Simulation {
     /// Applies the change that was tried last, with the same arguments.
     pub fn commit(&mut self, old: Option<&[Silhouette]>, new: Option<&[Silhouette]>) {
         self.bodies = self.bodies + usize::from(new.is_some()) - usize::from(old.is_some());
-        debug_assert!(self.bodies <= MAX_BODIES, "more bodies than the digits of a pixel can count");
+        debug_assert!(
+            self.bodies <= MAX_BODIES || !self.sees_anything(),
+            "more bodies than the digits of a pixel can count"
+        );
         for (i, layer) in self.layers.iter_mut().enumerate().filter(|(_, l)| l.in_use) {
             if let Some(old) = old {
                 layer.cover.remove(&old[i]);

@@ -11,6 +11,7 @@ use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
 
 use super::births::BirthMap;
+use super::boxes::Hotspots;
 use crate::likelihood::prior::LOG_IMPOSSIBLE;
 use crate::prepared_room::Floor;
 
@@ -26,6 +27,9 @@ pub(super) const EXPECTED_M: f64 = 0.8;
 
 /// A person whom persistent evidence shows has to explain so many times what somebody in a zone does.
 const RESCUE_EVIDENCE: f64 = 1.0;
+
+/// The part of ADD's proposals that go to places where a detector's boxes ask for people, where there are any.
+const TO_HOTSPOTS: f64 = 0.8;
 
 /// The part of ADD's proposals that go to openings, where there are any.
 const TO_OPENINGS: f64 = 0.5;
@@ -73,6 +77,10 @@ pub(super) struct Appearance<'a> {
     /// Where else they may appear: where others see them, at persistent evidence, and where company comes apart. The first
     /// that holds a place decides about it.
     pub(super) openings: [Opening<'a>; 3],
+    /// Of the expected number a m² everywhere else; [`LOG_IMPOSSIBLE`] without boxes, which tell people from what else moves.
+    pub(super) log_elsewhere: f64,
+    /// Where boxes ask for people.
+    pub(super) hotspots: &'a Hotspots,
 }
 
 impl Appearance<'_> {
@@ -83,7 +91,7 @@ impl Appearance<'_> {
             self.log_density
         } else {
             let mut holding = self.open().filter(|opening| opening.map.density(x_m, y_m, 1.0) > 0.0);
-            holding.next().map_or(LOG_IMPOSSIBLE, |opening| opening.log_density)
+            holding.next().map_or(self.log_elsewhere, |opening| opening.log_density)
         }
     }
 
@@ -94,11 +102,15 @@ impl Appearance<'_> {
 
     /// Whether there is nowhere to appear.
     pub(super) fn is_nowhere(&self) -> bool {
-        self.births.is_empty() && self.open().next().is_none()
+        self.births.is_empty() && self.open().next().is_none() && self.hotspots.is_empty()
     }
 
     /// Proposes a place, which need not be a possible one. There must be somewhere to appear.
     pub(super) fn sample(&self, rng: &mut Pcg64Mcg) -> Point2<f64> {
+        let to_hotspots = self.share_of_hotspots();
+        if to_hotspots > 0.0 && rng.random::<f64>() < to_hotspots {
+            return self.hotspots.sample(rng).into();
+        }
         let share = self.share_of_opening();
         let mut mark = if share > 0.0 { rng.random::<f64>() } else { 1.0 };
         for opening in self.open() {
@@ -117,7 +129,9 @@ impl Appearance<'_> {
         let rest = 1.0 - share * self.open().count() as f64;
         let of_births =
             if self.births.is_empty() { 0.0 } else { self.births.density(x_m, y_m, self.informed) };
-        share * of_openings + rest * of_births
+        let to_hotspots = self.share_of_hotspots();
+        let of_hotspots = if to_hotspots > 0.0 { self.hotspots.density(x_m, y_m) } else { 0.0 };
+        to_hotspots * of_hotspots + (1.0 - to_hotspots) * (share * of_openings + rest * of_births)
     }
 
     /// The openings in which a person would explain something.
@@ -125,7 +139,18 @@ impl Appearance<'_> {
         self.openings.iter().filter(|opening| opening.map.is_weighed())
     }
 
-    /// The part of the proposals that goes to each of the openings.
+    /// The part of the proposals that goes to hotspots.
+    fn share_of_hotspots(&self) -> f64 {
+        if self.hotspots.is_empty() {
+            0.0
+        } else if self.births.is_empty() && self.open().next().is_none() {
+            1.0
+        } else {
+            TO_HOTSPOTS
+        }
+    }
+
+    /// The part of the rest that goes to each of the openings.
     fn share_of_opening(&self) -> f64 {
         let together = if self.births.is_empty() { 1.0 } else { TO_OPENINGS };
         match self.open().count() {

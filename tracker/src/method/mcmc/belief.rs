@@ -1,38 +1,80 @@
 //! From a moment's states to what is believed: who lives, how sure that is, who is who.
 
 use super::Mcmc;
+use super::boxes::Shown;
 use super::evidence::{Evidence, worst_filled};
+use super::options::Spread;
 use super::rescue::is_person_shown;
-use super::tally::Tally;
+use super::tally::{Sums, Tally};
 use super::track::{Found, Track};
 use crate::likelihood::Counts;
+use crate::likelihood::prior::log_separation;
 use crate::silhouette::visibility::visible_fractions;
 use crate::silhouette::{Body, Silhouette};
 use crate::{CameraFrame, TrackId};
+
+/// A detector has found a person whose boxes are worth this much, in nats.
+const DETECTED_NATS: f64 = 3.0;
 
 impl Mcmc {
     /// Turns the tally into tracks: people in most of the states live, the others are gone.
     pub(super) fn take_in(&mut self, tally: &Tally, found: Found) {
         let lives = |states: u32| states * 2 > tally.states();
         self.tracks.retain(|track| tally.of(track.key).is_some_and(|s| lives(s.states)));
-        let bodies: Vec<Body> = self.tracks.iter().map(Track::body).collect();
-        let visible = visible_fractions(self.layers.views(), &bodies);
-        for (track, visible) in self.tracks.iter_mut().zip(visible) {
-            if let Some(sums) = tally.of(track.key) {
-                let looking =
-                    (0..visible.len()).filter(|c| self.simulation.in_use(self.layers.innermost(*c)));
-                let best = looking.map(|c| visible[c]).fold(0.0, f64::max);
+        let is_known = |sums: &Sums| self.tracks.iter().any(|t| t.key == sums.key);
+        let new: Vec<&Sums> = tally.all().iter().filter(|s| lives(s.states) && !is_known(s)).collect();
+        let shown = self.shown(tally, &new);
+        let alone = self.observes_boxes_alone();
+        let visible = if self.simulation.sees_anything() {
+            let bodies: Vec<Body> = self.tracks.iter().map(Track::body).collect();
+            visible_fractions(self.layers.views(), &bodies)
+        } else {
+            vec![Vec::new(); self.tracks.len()]
+        };
+        for (person, (track, visible)) in self.tracks.iter_mut().zip(visible).enumerate() {
+            let looking = (0..visible.len()).filter(|c| self.simulation.in_use(self.layers.innermost(*c)));
+            let best = looking.map(|c| visible[c]).fold(self.boxes.visible(person), f64::max);
+            if alone {
+                track.see(best);
+                if let Some(shown) = &shown[person] {
+                    track.measure(shown, &self.options);
+                }
+            } else if let Some(sums) = tally.of(track.key) {
                 track.update(sums, best, &self.options);
             }
         }
-        for sums in tally.all().iter().filter(|s| lives(s.states)) {
-            let is_new = self.tracks.iter().all(|t| t.key != sums.key);
+        let known = self.tracks.len();
+        for (i, sums) in new.into_iter().enumerate() {
             // More may live in most of the states than in any one of them.
-            if is_new && self.capacity.has_room(self.tracks.len()) {
-                self.tracks.push(Track::born(sums, found, &self.options));
+            if self.capacity.has_room(self.tracks.len()) {
+                let mut track = Track::born(sums, found, &self.options);
+                if let Some(Some(shown)) = shown.get(known + i) {
+                    track.appear(shown, &self.options);
+                }
+                self.tracks.push(track);
             }
         }
         self.capacity.note(self.tracks.len());
+    }
+
+    /// What the boxes say of each track and of those who are new, who become the people of the boxes' state: where they stand
+    /// in the tally. Nothing where masks have a say, too: there the tally speaks for both.
+    fn shown(&mut self, tally: &Tally, new: &[&Sums]) -> Vec<Option<Shown>> {
+        self.boxes.clear();
+        let of_track = |track: &Track| {
+            let place = tally.of(track.key).map_or(track.motion.silhouette_place(), Sums::place);
+            (Body { x_m: place.x, y_m: place.y, ..track.body() }, track.radius, track.height)
+        };
+        let of_new = |sums: &&Sums| {
+            let place = sums.place();
+            let (radius_m, height_m) = (sums.radius_m(), sums.height_m());
+            let body = Body { x_m: place.x, y_m: place.y, radius_m, height_m };
+            (body, self.options.radius, self.options.height)
+        };
+        let people: Vec<(Body, Spread, Spread)> =
+            self.tracks.iter().map(of_track).chain(new.iter().map(of_new)).collect();
+        people.iter().for_each(|(body, ..)| self.boxes.insert(body));
+        if self.observes_boxes_alone() { self.boxes.shown(&people) } else { Vec::new() }
     }
 
     /// Takes in, for each person, how much better the masks are explained with them than without; believes in those who
@@ -47,7 +89,9 @@ impl Mcmc {
         for silhouettes in &drawn {
             self.simulation.insert(silhouettes);
         }
-        if self.may_rescue() {
+        self.boxes.clear();
+        self.tracks.iter().for_each(|track| self.boxes.insert(&track.body()));
+        if self.may_rescue() && !self.observes_boxes_alone() {
             self.rescue.observe(&self.layers, &self.simulation, &drawn, &self.anywhere, dt_s);
         }
         let rule = self.options.likelihood;
@@ -56,16 +100,22 @@ impl Mcmc {
             self.rule.log_likelihood(counts.filter_map(|(i, (c, px))| Some((self.layers.shape(i), c?, *px))))
         };
         let with = nats(&mut self.simulation.counts());
-        for (track, silhouettes) in self.tracks.iter_mut().zip(&drawn) {
+        let alone = self.observes_boxes_alone();
+        let crowding = if alone { self.crowding() } else { Vec::new() };
+        for (person, (track, silhouettes)) in self.tracks.iter_mut().zip(&drawn).enumerate() {
+            let by_boxes = self.boxes.log_likelihood() - self.boxes.try_change(Some(person), None)
+                + crowding.get(person).copied().unwrap_or(0.0);
             self.simulation.try_change(Some(silhouettes), None);
             let average = Body { height_m: self.options.height.mean_m, ..track.body() };
             let evidence = Evidence {
-                support_nats: with - nats(&mut self.simulation.tried()),
-                chance_nats: rule.worth_of(self.options.birth_evidence),
+                support_nats: with - nats(&mut self.simulation.tried()) + by_boxes,
+                chance_nats: if alone { 0.0 } else { rule.worth_of(self.options.birth_evidence) },
                 is_upright: track.may_be_furniture()
-                    && is_person_shown(&self.simulation, &self.layers, &average),
+                    && (by_boxes > DETECTED_NATS
+                        || is_person_shown(&self.simulation, &self.layers, &average)),
                 worst_filled: worst_filled(&self.simulation, &self.layers, silhouettes),
                 in_sight: track.in_sight,
+                is_by_boxes: alone,
             };
             track.weigh(&evidence, dt_s);
             if track.id.is_none() && track.is_believable(&self.options) {
@@ -73,6 +123,19 @@ impl Mcmc {
                 self.next_id += 1;
             }
         }
+        let existence: Vec<f64> = self.tracks.iter().map(Track::existence).collect();
+        self.boxes.learn(&existence);
+    }
+
+    /// What each track's nearness to the others makes of the likelihood where boxes are all that is seen: `log R`, in nats.
+    fn crowding(&self) -> Vec<f64> {
+        let bodies: Vec<Body> = self.tracks.iter().map(Track::body).collect();
+        let options = &self.options;
+        let of_one = |i: usize| -> f64 {
+            let others = (0..bodies.len()).filter(|j| *j != i);
+            others.map(|j| log_separation(&bodies[i], &bodies[j], options.repulsion_per_m)).sum()
+        };
+        (0..bodies.len()).map(|i| options.boxes.repulsion_weight * of_one(i)).collect()
     }
 
     /// Gives people who have exchanged their names in an encounter their own ones back, with what is known of their sizes.

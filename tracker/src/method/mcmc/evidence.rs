@@ -5,6 +5,8 @@ use crate::silhouette::Silhouette;
 
 /// One moment's masks err together: they are worth no more than this about whether somebody is there.
 const MOST_EVIDENCE_NATS: f64 = 4.0;
+/// A detector's cameras err each for itself: together they may show within a moment that nobody is there.
+const MOST_AGAINST_BY_BOXES_NATS: f64 = 15.0;
 /// Somebody in clear view of a camera fills at least this part of their silhouette with foreground: the worst masks of
 /// real people fill half, the best of nobody's a quarter.
 const LEAST_FILLED: f64 = 0.35;
@@ -26,6 +28,8 @@ pub(super) struct Evidence {
     pub(super) is_upright: bool,
     /// Whether a camera sees any of the body.
     pub(super) in_sight: bool,
+    /// Whether all this is a detector's: misses and false boxes are then weighed as often as they happen.
+    pub(super) is_by_boxes: bool,
 }
 
 impl Evidence {
@@ -40,6 +44,9 @@ impl Evidence {
     }
 
     fn bounded(&self, nats: f64) -> f64 {
+        if self.is_by_boxes {
+            return nats.clamp(-MOST_AGAINST_BY_BOXES_NATS, MOST_EVIDENCE_NATS);
+        }
         let nats = if self.is_contradicted() { -MOST_EVIDENCE_NATS } else { nats };
         // Limbs that reach beyond what hides a body may as well be held close to it.
         let least = if self.in_sight { -MOST_EVIDENCE_NATS } else { 0.0 };

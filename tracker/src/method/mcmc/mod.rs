@@ -15,6 +15,8 @@
 mod appearance;
 mod belief;
 mod births;
+mod boxes;
+mod by_boxes;
 mod chain;
 mod evidence;
 mod filled;
@@ -38,11 +40,12 @@ use rand_pcg::Pcg64Mcg;
 
 use self::appearance::{Appearance, Opening};
 use self::births::BirthMap;
+use self::boxes::Boxes;
 use self::chain::{Chain, Setting};
 use self::hindsight::Hindsight;
 use self::left_over::LeftOver;
 pub use self::measured::Measured;
-pub use self::options::{Acceptance, McmcOptions, MotionOptions, MoveWeights, Spread};
+pub use self::options::{Acceptance, BoxOptions, McmcOptions, MotionOptions, MoveWeights, Spread};
 use self::outage::{FORGOTTEN_AFTER_S, OUTAGE_S, Settling};
 use self::person::{Key, Person};
 use self::rescue::Rescue;
@@ -51,6 +54,7 @@ use self::track::{Found, Track};
 use super::capacity::Capacity;
 use super::{Method, Needs};
 use crate::identity::Identities;
+use crate::likelihood::prior::LOG_IMPOSSIBLE;
 use crate::likelihood::{Counts, Layers, PreparedLikelihood, Simulation, pack};
 use crate::prepared_room::{PreparedCamera, PreparedRoom, resolution};
 use crate::silhouette::{Body, View};
@@ -96,6 +100,7 @@ pub struct Mcmc {
     settling: Settling,
     left_over: LeftOver,
     simulation: Simulation,
+    boxes: Boxes,
     capacity: Capacity,
     tracks: Vec<Track>,
     identities: Identities,
@@ -134,6 +139,7 @@ impl Mcmc {
             typical_px: anywhere.typical_px(&layers),
             left_over: LeftOver::default(),
             simulation: Simulation::new(&layers),
+            boxes: Boxes::new(&stage),
             layers,
             rng: Pcg64Mcg::seed_from_u64(options.seed),
             stage,
@@ -245,6 +251,18 @@ impl Mcmc {
 
     /// Weighs the maps of births by what the predicted people leave over. Returns the area open to rescue, m².
     fn weigh_births(&mut self, people: &[Person], settling: bool, is_left_over: bool) -> f64 {
+        if !self.simulation.sees_anything() {
+            let maps = [
+                &mut self.anywhere,
+                &mut self.zones,
+                &mut self.company,
+                &mut self.rescued,
+                &mut self.expected,
+            ];
+            maps.into_iter().for_each(BirthMap::forget);
+            self.expected_at.clear();
+            return 0.0;
+        }
         let (prepared, layers, typical_px) = (self.rule, &self.layers, &self.typical_px);
         let worth = |camera: usize, [simulated, both]: [u32; 2]| {
             let counts = Counts {
@@ -288,7 +306,9 @@ impl Mcmc {
     }
 
     /// Runs the chain of one moment and returns the tally of its kept states.
-    fn sample(&mut self, people: Vec<Person>, dt_s: f64, settling: bool) -> Tally {
+    fn sample(&mut self, mut people: Vec<Person>, dt_s: f64, settling: bool) -> Tally {
+        let hotspots = self.look_at_boxes(&mut people);
+        let alone = self.observes_boxes_alone();
         let (rule, typical_px, layers) = (self.options.likelihood, &self.typical_px, &self.layers);
         // The outermost shape has the least left over.
         let left_over = self
@@ -303,7 +323,8 @@ impl Mcmc {
         let open_m2 = self.weigh_births(&people, settling, is_left_over);
         let births = if settling { &self.anywhere } else { &self.zones };
         let unexplained = (is_left_over && self.anywhere.is_weighed()).then_some(&self.anywhere);
-        let chance = rule.worth_of(self.options.birth_evidence);
+        // False boxes are in the likelihood; pieces of foreground are not.
+        let chance = if alone { 0.0 } else { rule.worth_of(self.options.birth_evidence) };
         let births_s = dt_s.min(LONGEST_BIRTHS_S);
         let expected = |per_s: f64| per_s * births_s;
         let openings = [
@@ -328,6 +349,12 @@ impl Mcmc {
             informed: self.options.informed_births,
             log_density: (expected(self.options.births_per_s) / births.area_m2().max(1e-3)).ln() - chance,
             openings,
+            log_elsewhere: if self.boxes.is_in_use() {
+                (expected(self.options.rescues_per_s) / self.anywhere.area_m2().max(1e-3)).ln() - chance
+            } else {
+                LOG_IMPOSSIBLE
+            },
+            hotspots: &hotspots,
         };
         let setting = Setting {
             floor: &self.stage.floor,
@@ -337,18 +364,28 @@ impl Mcmc {
             appearance,
             unexplained,
             typical_px: &self.typical_px,
-            repulsion_weight: rule.worth_of(0.5).max(1.0),
+            repulsion_per_m: self.options.repulsion_per_m,
+            repulsion_weight: if alone {
+                self.options.boxes.repulsion_weight
+            } else {
+                rule.worth_of(0.5).max(1.0)
+            },
+            apart_m: if alone { self.options.boxes.apart_m } else { 2.0 * self.options.radius.mean_m },
         };
-        let patience = self.patience(dt_s, is_left_over);
-        let steps = |least: u32| {
-            let least = least.max(self.options.steps_per_person.saturating_mul(people.len() as u32));
-            (f64::from(least) * patience).round() as u32
+        let [burn_in, kept] = if alone {
+            self.steps_by_boxes(people.len(), hotspots.len(), settling)
+        } else {
+            let patience = self.patience(dt_s, is_left_over);
+            let steps = |least: u32| {
+                let least = least.max(self.options.steps_per_person.saturating_mul(people.len() as u32));
+                (f64::from(least) * patience).round() as u32
+            };
+            let settling_steps =
+                if settling { SETTLING_STEPS.saturating_mul(self.options.burn_in_steps) } else { 0 };
+            [steps(self.options.burn_in_steps).max(settling_steps), steps(self.options.kept_steps)]
         };
-        let kept = steps(self.options.kept_steps);
-        let settling_steps =
-            if settling { SETTLING_STEPS.saturating_mul(self.options.burn_in_steps) } else { 0 };
-        let burn_in = steps(self.options.burn_in_steps).max(settling_steps);
-        let mut chain = Chain::new(setting, &mut self.simulation, people, &mut self.next_key);
+        let factors = (&mut self.simulation, &mut self.boxes);
+        let mut chain = Chain::new(setting, factors, people, &mut self.next_key);
         for _ in 0..burn_in {
             chain.step(&mut self.rng);
         }
@@ -369,9 +406,10 @@ impl Method for Mcmc {
     fn step(&mut self, moment: &Moment<'_>) -> Result<Vec<PersonEstimate>> {
         let masks = self.packed_masks(moment)?;
         self.simulation.restart(&masks);
+        self.boxes.restart(moment.cameras.iter().map(|camera| camera.boxes.as_deref()));
         let dt_s = self.last_time_s.map_or(FIRST_STEP_S, |last| moment.time_s - last).max(LEAST_STEP_S);
         self.last_time_s = Some(moment.time_s);
-        let sees_anything = self.simulation.sees_anything();
+        let sees_anything = self.simulation.sees_anything() || self.boxes.is_in_use();
         let unseen_s = self.settling.observe(moment.time_s, sees_anything);
         self.forget_after(unseen_s, sees_anything);
         let settling = self.settling.is_on(moment.time_s, self.options.settling_s);
@@ -385,6 +423,7 @@ impl Method for Mcmc {
         // The birth map weighs what the predicted people leave unexplained.
         for person in &people {
             self.simulation.insert(&person.silhouettes);
+            self.boxes.insert(&person.body);
         }
         let tally = self.sample(people, dt_s, settling);
         self.take_in(&tally, found);

@@ -144,19 +144,10 @@ impl Motion {
         posterior: &Matrix2<f64>,
         options: &MotionOptions,
     ) {
-        let mut prior = self.silhouette_covariance();
         let gait = Matrix2::identity() * options.gait_sigma_m.powi(2);
         let shift = place - self.silhouette_place();
-        let surprise = (prior + gait).try_inverse().map_or(0.0, |inverse| shift.dot(&(inverse * shift)));
-        if surprise > SURPRISE {
-            // They were not where they were predicted: the prediction was worth less than it said.
-            let more = shift * shift.transpose();
-            self.belief.covariance.fixed_view_mut::<2, 2>(0, 0).add_assign(&more);
-            if let Some(step) = &mut self.arrived {
-                step.predicted.covariance.copy_from(&self.belief.covariance);
-            }
-            prior = self.silhouette_covariance();
-        }
+        self.doubt_prediction(&shift, &gait);
+        let prior = self.silhouette_covariance();
         let Some(root) = prior.cholesky().map(|c| c.l()) else { return };
         let Some(inverse_root) = root.try_inverse() else { return };
         // In units of the prior, the posterior's axes are those of the likelihood: what was measured are the coordinates
@@ -179,6 +170,42 @@ impl Motion {
         noise += measures * gait * measures.transpose();
         self.measured = self.measurement(&measures, &found, &noise);
         let observation = measures * self.silhouette_from_state();
+        self.update(&observation, &found, &noise);
+    }
+}
+
+impl Motion {
+    /// Takes in a measurement of the silhouette's place with this covariance, whatever was predicted.
+    pub(super) fn measure(
+        &mut self,
+        place: &Vector2<f64>,
+        covariance: &Matrix2<f64>,
+        options: &MotionOptions,
+    ) {
+        let noise = covariance + Matrix2::identity() * options.gait_sigma_m.powi(2);
+        self.doubt_prediction(&(place - self.silhouette_place()), &noise);
+        let shift = place - self.silhouette_place();
+        self.measured = self.measurement(&Matrix2::identity(), &shift, &noise);
+        self.update(&self.silhouette_from_state(), &shift, &noise);
+    }
+
+    /// Makes the prediction worth less where something is this far from it that is only so uncertain itself.
+    fn doubt_prediction(&mut self, shift: &Vector2<f64>, noise: &Matrix2<f64>) {
+        let surprise = (self.silhouette_covariance() + noise)
+            .try_inverse()
+            .map_or(0.0, |inverse| shift.dot(&(inverse * shift)));
+        if surprise > SURPRISE {
+            // They were not where they were predicted: the prediction was worth less than it said.
+            let more = shift * shift.transpose();
+            self.belief.covariance.fixed_view_mut::<2, 2>(0, 0).add_assign(&more);
+            if let Some(step) = &mut self.arrived {
+                step.predicted.covariance.copy_from(&self.belief.covariance);
+            }
+        }
+    }
+
+    /// Kalman update with `observation · state = silhouette's prediction + found ± noise`.
+    fn update(&mut self, observation: &Matrix2x4<f64>, found: &Vector2<f64>, noise: &Matrix2<f64>) {
         let Belief { mean, covariance } = &mut self.belief;
         let innovation = observation * *covariance * observation.transpose() + noise;
         let Some(inverse) = innovation.try_inverse() else { return };
@@ -189,9 +216,7 @@ impl Motion {
         let updated = rest * *covariance * rest.transpose() + gain * noise * gain.transpose();
         *covariance = 0.5 * (updated + updated.transpose());
     }
-}
 
-impl Motion {
     /// The place of which `measures · (silhouette − predicted silhouette) = found ± noise`, for somebody who leans as
     /// predicted.
     fn measurement(
@@ -297,6 +322,14 @@ mod tests {
         assert_relative_eq!(motion.belief.mean, prior.belief.mean, epsilon = 1e-9);
         assert_relative_eq!(motion.belief.covariance, prior.belief.covariance, epsilon = 1e-9);
         assert_eq!(motion.measured, None);
+    }
+
+    #[test]
+    fn a_measurement_far_from_the_prediction_is_believed() {
+        let (mut motion, options) = (start(), MotionOptions::default());
+        let place = motion.silhouette_place() + Vector2::new(1.5, 0.0);
+        motion.measure(&place, &(Matrix2::identity() * 0.001), &options);
+        assert!((motion.silhouette_place() - place).norm() < 0.1, "{:?}", motion.belief);
     }
 
     #[test]

@@ -47,6 +47,8 @@ pub(super) struct Known {
     pub(super) height: Spread,
     /// Log odds of still being there, before looking.
     pub(super) log_odds: f64,
+    /// Where a detector's boxes show this person: a proposal, of which the belief knows nothing.
+    pub(super) fit: Option<Gaussian>,
 }
 
 impl Known {
@@ -87,6 +89,11 @@ impl Place {
         }
     }
 
+    /// Covariance of the prediction.
+    pub(super) fn covariance(&self) -> Matrix2<f64> {
+        self.near.root * self.near.root.transpose()
+    }
+
     /// The prediction.
     pub(super) fn mean(&self) -> Vector2<f64> {
         self.near.mean
@@ -109,7 +116,7 @@ impl Place {
 
 /// A normal distribution on the floor.
 #[derive(Debug, Clone)]
-struct Gaussian {
+pub(super) struct Gaussian {
     mean: Vector2<f64>,
     inverse: Matrix2<f64>,
     /// Lower triangular root of the covariance.
@@ -119,7 +126,7 @@ struct Gaussian {
 
 impl Gaussian {
     /// With this mean and covariance. A covariance that is not positive is replaced by a centimetre's.
-    fn new(mean: Vector2<f64>, covariance: &Matrix2<f64>) -> Self {
+    pub(super) fn new(mean: Vector2<f64>, covariance: &Matrix2<f64>) -> Self {
         let safe = Matrix2::identity() * 1e-4;
         let (inverse, root) = match (covariance.try_inverse(), covariance.cholesky()) {
             (Some(inverse), Some(cholesky)) => (inverse, cholesky.l()),
@@ -129,7 +136,7 @@ impl Gaussian {
         Self { mean, inverse, root, log_norm }
     }
 
-    fn log_density(&self, x_m: f64, y_m: f64) -> f64 {
+    pub(super) fn log_density(&self, x_m: f64, y_m: f64) -> f64 {
         self.log_norm - 0.5 * self.squared_sigmas(x_m, y_m)
     }
 
@@ -139,7 +146,7 @@ impl Gaussian {
         d.dot(&(self.inverse * d))
     }
 
-    fn sample(&self, rng: &mut Pcg64Mcg) -> Vector2<f64> {
+    pub(super) fn sample(&self, rng: &mut Pcg64Mcg) -> Vector2<f64> {
         let z: Vector2<f64> = Vector2::new(rng.sample(StandardNormal), rng.sample(StandardNormal));
         self.mean + self.root * z
     }

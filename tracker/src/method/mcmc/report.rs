@@ -14,7 +14,7 @@ impl Mcmc {
         let visible = visible_fractions(&self.views, &bodies);
         let trace = |(track, visible): (&Track, Vec<f64>)| Trace {
             key: track.key,
-            id: track.id,
+            id: track.id.filter(|_| !track.is_doubted),
             motion: track.motion.clone(),
             radius_m: track.radius.mean_m,
             height_m: track.height.mean_m,

@@ -198,7 +198,7 @@ fn follow(
             let mask = (verdict == Verdict::Usable).then(|| Mask::from(&pinhole));
             let straight = camera.undistort.image(&picture);
             let colours = mask.as_ref().map(|mask| Colours::of_picture(mask, 1, &straight));
-            cameras.push(CameraFrame { mask, colours, image: None });
+            cameras.push(CameraFrame { mask, colours, ..CameraFrame::default() });
         }
         let people =
             mcmc.step(&Moment { frame: frame.frame, time_s: frame.time_s, cameras: &cameras }).unwrap();

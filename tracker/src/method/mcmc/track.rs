@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix2, Vector2};
 
+use super::boxes::Shown;
 use super::evidence::Evidence;
 use super::motion::Motion;
 use super::options::{McmcOptions, Spread};
@@ -85,6 +86,8 @@ pub(super) struct Track {
     pub(super) log_odds: f64,
     /// For how long a camera that should see this person has not.
     contradicted_s: f64,
+    /// Whether a detector's boxes speak against this person, all in all.
+    pub(super) is_doubted: bool,
     /// What has spoken for this person since birth, beyond what chance explains, nats.
     pub(super) earned_nats: f64,
     /// Whether some camera saw this person at the last moment.
@@ -112,6 +115,7 @@ impl Track {
             height: options.height,
             log_odds: 0.0,
             contradicted_s: 0.0,
+            is_doubted: false,
             earned_nats: 0.0,
             in_sight: true,
             found,
@@ -136,15 +140,33 @@ impl Track {
         self.height = drifted(&self.height, HEIGHT_DRIFT_M, options.height.sigma_m);
     }
 
+    /// Takes in the largest fraction of the person that any camera saw.
+    pub(super) fn see(&mut self, visible: f64) {
+        self.in_sight = visible >= IN_SIGHT;
+    }
+
     /// Takes in a moment's states. `visible` is the largest fraction of the person that any camera saw.
     pub(super) fn update(&mut self, sums: &Sums, visible: f64, options: &McmcOptions) {
-        self.in_sight = visible >= IN_SIGHT;
+        self.see(visible);
         if visible == 0.0 {
             // Nobody looked: whatever the chain did, it was not for what it saw.
             return;
         }
         self.motion.condition(&sums.place(), &sums.covariance(), &options.motion);
         self.resize(sums, visible);
+    }
+
+    /// Takes in where a detector's boxes show the person, and how large.
+    pub(super) fn measure(&mut self, shown: &Shown, options: &McmcOptions) {
+        self.motion.measure(&shown.place, &shown.covariance, &options.motion);
+        (self.radius, self.height) = (shown.radius, shown.height);
+    }
+
+    /// The same for somebody who was born in this moment.
+    pub(super) fn appear(&mut self, shown: &Shown, options: &McmcOptions) {
+        let gait = Matrix2::identity() * options.motion.gait_sigma_m.powi(2);
+        self.motion = Motion::appeared(shown.place, &(shown.covariance + gait), &options.motion);
+        (self.radius, self.height) = (shown.radius, shown.height);
     }
 
     fn resize(&mut self, sums: &Sums, visible: f64) {
@@ -193,6 +215,7 @@ impl Track {
         self.log_odds = (self.log_odds + new * evidence.for_presence()).clamp(-SUREST_NATS, SUREST_NATS);
         self.earned_nats += new * evidence.beyond_chance();
         self.contradicted_s = if evidence.is_against() { self.contradicted_s + dt_s } else { 0.0 };
+        self.is_doubted = evidence.is_by_boxes && self.log_odds < 0.0;
         self.upright_s = evidence.is_upright.then(|| self.upright_s.map_or(0.0, |since_s| since_s + dt_s));
         let place = self.motion.place();
         self.still_at = self.still_at.filter(|found| (place - found).norm() < MOVED_M);
@@ -211,7 +234,7 @@ impl Track {
 
     /// Whether this person may be a mistake: not believed in yet, or for long not where cameras see clearly.
     pub(super) fn is_tentative(&self) -> bool {
-        self.id.is_none() || self.contradicted_s > CONTRADICTED_FOR_S
+        self.id.is_none() || self.is_doubted || self.contradicted_s > CONTRADICTED_FOR_S
     }
 
     /// The one goes on as the other: what belongs to a person and not to a place changes sides.
@@ -222,7 +245,7 @@ impl Track {
     }
 
     /// Probability of being there, by the cameras' evidence; what may happen out of sight has its own ([`Self::presence`]).
-    fn existence(&self) -> f64 {
+    pub(super) fn existence(&self) -> f64 {
         1.0 / (1.0 + (-self.log_odds).exp())
     }
 
@@ -242,6 +265,7 @@ impl Track {
             radius: posed(&self.radius, RADIUS_POSE_SIGMA_M),
             height: posed(&self.height, HEIGHT_POSE_SIGMA_M),
             log_odds: self.log_odds,
+            fit: None,
         }
     }
 

@@ -231,6 +231,9 @@ fn put_seen(out: &mut Vec<u8>, seen: &ObservedFrame) -> Decoded<()> {
     if !observation.time_s.is_finite() {
         return Err(Malformed("an observation's time is not finite"));
     }
+    if observation.boxes.is_some() {
+        return Err(Malformed("an observation has boxes, which do not travel"));
+    }
     put_varint(out, observation.sequence);
     put_f64(out, observation.time_s);
     out.push(health_code(observation.health));
@@ -279,7 +282,7 @@ fn seen(reader: &mut Reader<'_>, limits: Limits) -> Decoded<ObservedFrame> {
     } else {
         None
     };
-    let observation = Observation { sequence, time_s, health, mask, colours };
+    let observation = Observation { sequence, time_s, health, mask, colours, boxes: None };
     Ok(ObservedFrame { observation, pictures: Pictures { pinhole: None, filmed }, decode, foreground })
 }
 

@@ -53,6 +53,7 @@ fn noise(seed: u64, width: u32, height: u32, grain: u32, step: u8) -> ObservedFr
             health: HEALTHS[rng.random_range(0..HEALTHS.len())],
             colours: (step > 0).then(|| Colours::of_picture(&mask, step, &picture)),
             mask: Some(mask),
+            boxes: None,
         },
         pictures: Pictures::default(),
         decode: Duration::from_nanos(rng.random_range(0..1 << 40)),
@@ -244,7 +245,8 @@ fn office(camera: &str) -> Vec<(ObservedFrame, RgbImage)> {
         let time_s = i as f64 / 12.0;
         let health = foreground.mask(&frame, time_s, &mut image).unwrap();
         let mask = (health == Verdict::Usable).then(|| Mask::from(&image));
-        let observation = Observation { sequence: i as u64 + 1, time_s, health, colours: None, mask };
+        let observation =
+            Observation { sequence: i as u64 + 1, time_s, health, colours: None, mask, boxes: None };
         let (decode, foreground) = (Duration::from_micros(700), Duration::from_micros(4100));
         seen.push((ObservedFrame { observation, pictures: Pictures::default(), decode, foreground }, frame));
     }

@@ -87,6 +87,7 @@ impl Chain<'_> {
     /// The proposed body becomes a person of the state.
     fn take_in(&mut self, mut person: Person, likelihood: f64) {
         self.simulation.commit(None, Some(&self.proposed));
+        self.boxes.commit(None, true);
         self.arrive(likelihood);
         let spare =
             self.spare.pop().unwrap_or_else(|| vec![Silhouette::default(); self.setting.layers.count()]);
@@ -121,6 +122,7 @@ impl Chain<'_> {
         if let Some(likelihood) = self.decide(Some(which), None, log_ratio, rng) {
             let mut person = self.people.swap_remove(which);
             self.simulation.commit(Some(&person.silhouettes), None);
+            self.boxes.commit(Some(which), false);
             self.arrive(likelihood);
             self.spare.push(std::mem::take(&mut person.silhouettes));
             if !person.is_new() {

@@ -11,7 +11,53 @@ use crate::silhouette::Body;
 /// Probability that a step also tries to exchange the label of somebody born now.
 pub(super) const RELABEL: f64 = 0.1;
 
+/// Probability that a step also tries to exchange the labels of two people who are close, where boxes are looked at.
+pub(super) const EXCHANGE: f64 = 0.2;
+/// Labels are exchanged between people no farther apart than this, metres.
+const EXCHANGE_M: f64 = 2.5;
+
 impl Chain<'_> {
+    /// Exchanges the labels of two people who are close: who came from where. No pixel and no box sees labels, so only what was
+    /// known of the two decides; one of them may be born now. The pair is as likely to be drawn before as after.
+    pub(super) fn exchange(&mut self, rng: &mut Pcg64Mcg) {
+        if self.people.len() < 2 || self.setting.options.acceptance == Acceptance::Published {
+            return;
+        }
+        let a = rng.random_range(0..self.people.len());
+        let body_a = self.people[a].body;
+        let is_close = |b: usize| b != a && self.people[b].body.floor_distance_m(&body_a) < EXCHANGE_M;
+        let close = (0..self.people.len()).filter(|b| is_close(*b)).count();
+        if close == 0 {
+            return;
+        }
+        let nth = rng.random_range(0..close);
+        let Some(b) = (0..self.people.len()).filter(|b| is_close(*b)).nth(nth) else { return };
+        let body_b = self.people[b].body;
+        let is_new = [a, b].map(|i| self.people[i].is_new());
+        // Who is born now appears where people do, and stands apart from everybody.
+        let may_be_born = |i: usize, body: &Body| {
+            self.setting.appearance.is_possible(body.x_m, body.y_m) && self.stands_apart(body, Some(i))
+        };
+        let is_possible = match is_new {
+            [true, true] => false,
+            [true, false] => may_be_born(b, &body_b),
+            [false, true] => may_be_born(a, &body_a),
+            [false, false] => true,
+        };
+        if !is_possible {
+            return;
+        }
+        let exchanged = self.log_prior(a, &body_b) + self.log_prior(b, &body_a);
+        let present = self.log_prior(a, &body_a) + self.log_prior(b, &body_b);
+        if accepted(exchanged - present, rng) {
+            let (first, rest) = self.people.split_at_mut(a.max(b));
+            let (one, other) = (&mut first[a.min(b)], &mut rest[0]);
+            std::mem::swap(&mut one.key, &mut other.key);
+            std::mem::swap(&mut one.known, &mut other.known);
+            std::mem::swap(&mut one.tentative, &mut other.tentative);
+        }
+    }
+
     /// Somebody born now may be somebody deleted now, who went farther than the chain's steps: exchanges the labels, which
     /// no pixel sees. Comes on top of a step and costs next to nothing.
     pub(super) fn relabel(&mut self, rng: &mut Pcg64Mcg) {

@@ -13,8 +13,9 @@
 //! of their proposal probabilities (Green 2003; Khan, Balch & Dellaert 2005). ADD either bears somebody new or takes a
 //! deletion of this moment back, so that a person who is deleted on the way keeps their identity when they return.
 //!
-//! * [`jumps`] — ADD and DELETE; [`updates`] — UPDATE-P and UPDATE-S; [`labels`] — who of those born is who was deleted.
+//! * [`jumps`] — ADD and DELETE; [`updates`] — UPDATE-P and UPDATE-S; [`by_boxes`] — UPDATE-P where a detector has a say; [`labels`] — who of those born is who was deleted.
 
+mod by_boxes;
 mod jumps;
 mod labels;
 #[cfg(test)]
@@ -26,6 +27,7 @@ use rand_pcg::Pcg64Mcg;
 
 use super::appearance::Appearance;
 use super::births::BirthMap;
+use super::boxes::Boxes;
 use super::options::{Acceptance, McmcOptions, Spread};
 use super::person::{Key, Person};
 use crate::likelihood::prior::{LOG_IMPOSSIBLE, log_separation};
@@ -56,17 +58,22 @@ pub(super) struct Setting<'a> {
     /// What multiplies `log R`. As published, R stands beside a V that goes from 0 to 1; beside a V that counts for
     /// hundreds of nats it has to weigh as much more.
     pub(super) repulsion_weight: f64,
+    /// λ of R(S), 1/m.
+    pub(super) repulsion_per_m: f64,
+    /// Who is born now stands this far from everybody, metres.
+    pub(super) apart_m: f64,
 }
 
 /// The state and what is kept about it.
 pub(super) struct Chain<'a> {
     setting: Setting<'a>,
     simulation: &'a mut Simulation,
+    boxes: &'a mut Boxes,
     /// Who is there.
     pub(super) people: Vec<Person>,
     /// Who was there at the last moment and has been deleted since.
     pub(super) gone: Vec<Person>,
-    /// `log V` of the state.
+    /// `log V` of the state, and that of the boxes.
     log_likelihood: f64,
     /// Of whom the simulation knows what the state loses without them.
     removed: Option<usize>,
@@ -86,10 +93,10 @@ enum Move {
 }
 
 impl<'a> Chain<'a> {
-    /// Starts from the predicted people. The simulation has the moment's masks and their bodies.
+    /// Starts from the predicted people. The simulation has the moment's masks and their bodies, and so have the boxes.
     pub(super) fn new(
         setting: Setting<'a>,
-        simulation: &'a mut Simulation,
+        (simulation, boxes): (&'a mut Simulation, &'a mut Boxes),
         people: Vec<Person>,
         next_key: &'a mut Key,
     ) -> Self {
@@ -97,6 +104,7 @@ impl<'a> Chain<'a> {
         let mut chain = Self {
             setting,
             simulation,
+            boxes,
             people,
             gone: Vec::new(),
             log_likelihood: 0.0,
@@ -105,7 +113,7 @@ impl<'a> Chain<'a> {
             proposed,
             spare: Vec::new(),
         };
-        chain.log_likelihood = chain.rule_of(chain.simulation.counts());
+        chain.log_likelihood = chain.rule_of(chain.simulation.counts()) + chain.boxes.log_likelihood();
         chain
     }
 
@@ -113,6 +121,9 @@ impl<'a> Chain<'a> {
     pub(super) fn step(&mut self, rng: &mut Pcg64Mcg) {
         if rng.random::<f64>() < labels::RELABEL {
             self.relabel(rng);
+        }
+        if self.boxes.is_in_use() && rng.random::<f64>() < labels::EXCHANGE {
+            self.exchange(rng);
         }
         let mut mark = rng.random::<f64>();
         for (kind, probability) in self.moves(self.people.len(), self.deletable(), self.gone.len()) {
@@ -124,6 +135,7 @@ impl<'a> Chain<'a> {
                     }
                     Move::Add => self.bear(rng),
                     Move::Delete => self.delete(rng),
+                    Move::Position if self.boxes.is_in_use() => self.update_position_by_boxes(rng),
                     Move::Position => self.update_position(rng),
                     Move::Size => self.update_size(rng),
                 }
@@ -190,7 +202,7 @@ impl<'a> Chain<'a> {
             if apart && (is_new || other.is_new()) && self.overlap(body, &other.body) {
                 return LOG_IMPOSSIBLE;
             }
-            log_r += log_separation(body, &other.body, options.repulsion_per_m);
+            log_r += log_separation(body, &other.body, self.setting.repulsion_per_m);
         }
         (self.setting.repulsion_weight * log_r).max(LOG_IMPOSSIBLE)
     }
@@ -204,7 +216,7 @@ impl<'a> Chain<'a> {
     }
 
     fn overlap(&self, a: &Body, b: &Body) -> bool {
-        a.floor_distance_m(b) < 2.0 * self.setting.options.radius.mean_m
+        a.floor_distance_m(b) < self.setting.apart_m
     }
 
     fn others(&self, except: Option<usize>) -> impl Iterator<Item = &Person> {
@@ -231,6 +243,8 @@ impl<'a> Chain<'a> {
     /// Draws the proposal (into `proposed`) and works out its `log V`, layer by layer; `None` as soon as it is sure to
     /// be less than `least`.
     fn likelihood_of(&mut self, old: Option<usize>, new: Option<&Body>, least: f64) -> Option<f64> {
+        let boxes = self.boxes.try_change(old, new);
+        let least = least - boxes;
         let layers = self.setting.layers;
         if old.is_some() && old == self.removed {
             // Most proposals are refused, and the next is often about the same person.
@@ -252,7 +266,7 @@ impl<'a> Chain<'a> {
             }
             self.simulation.try_addition(layer, old, new.map(|_| self.proposed.as_slice()));
         }
-        Some(self.rule_of(self.simulation.tried()))
+        Some(self.rule_of(self.simulation.tried()) + boxes)
     }
 
     /// The state is the one last tried, whose `log V` is this.

@@ -2,8 +2,9 @@
 //! those of the prior, whatever is proposed.
 
 use super::super::appearance::{COMPANY_M, Opening};
+use super::super::boxes::Hotspots;
 use super::super::left_over::LeftOver;
-use super::super::person::{Known, Place};
+use super::super::person::{Gaussian, Known, Place};
 use super::super::tests::{empty_room, masks, standing};
 use super::*;
 use crate::likelihood::{LikelihoodRule, pack};
@@ -19,6 +20,7 @@ fn on_all_the_floor<'a>(
     births: &'a BirthMap,
     options: &McmcOptions,
     log_density: f64,
+    hotspots: &'a Hotspots,
 ) -> Appearance<'a> {
     Appearance {
         floor: &stage.floor,
@@ -27,6 +29,8 @@ fn on_all_the_floor<'a>(
         informed: options.informed_births,
         log_density,
         openings: [Opening { map: births, log_density: LOG_IMPOSSIBLE }; 3],
+        log_elsewhere: LOG_IMPOSSIBLE,
+        hotspots,
     }
 }
 
@@ -57,6 +61,7 @@ fn proposals_are_given_up_early_only_where_they_would_be_refused() {
             seen.iter().zip(&views).map(|(frame, view)| frame.mask.as_ref().map(|m| pack(m, view))).collect();
         let layers = Layers::new(views, likelihood.shapes());
         let births = BirthMap::new(&layers, &standing(0.0, 0.0), stage.floor.bounds(), |_, _| true);
+        let hotspots = Hotspots::default();
         let mut simulation = Simulation::new(&layers);
         simulation.restart(&packed);
         let at = [standing(3.1, 1.6), standing(3.4, 2.1), standing(1.9, 3.6)];
@@ -76,13 +81,15 @@ fn proposals_are_given_up_early_only_where_they_would_be_refused() {
             layers: &layers,
             options: &options,
             rule: likelihood.prepared(),
-            appearance: on_all_the_floor(&stage, &births, &options, 0.0),
+            appearance: on_all_the_floor(&stage, &births, &options, 0.0, &hotspots),
             unexplained: None,
             typical_px: &births.typical_px(&layers),
             repulsion_weight: 1.0,
+            repulsion_per_m: options.repulsion_per_m,
+            apart_m: 2.0 * options.radius.mean_m,
         };
-        let mut next_key = 3;
-        let mut chain = Chain::new(setting, &mut simulation, people, &mut next_key);
+        let (mut next_key, mut boxes) = (3, Boxes::new(&stage));
+        let mut chain = Chain::new(setting, (&mut simulation, &mut boxes), people, &mut next_key);
         let (mut taken, mut refused, mut given_up) = (0, 0, 0);
         for _ in 0..3000 {
             let which = rng.random_range(0..at.len());
@@ -188,19 +195,28 @@ fn drawn_by_rejection(
 
 #[test]
 fn where_nothing_is_seen_the_states_are_those_of_the_prior() {
-    states_are_those_of_the_prior(true, [0.03; 3], 600_000);
+    states_are_those_of_the_prior(true, [0.03; 3], None, 600_000);
 }
 
 /// The same where people appear through the door, and more a m² at persistent evidence and out of somebody's company.
 #[test]
 fn where_nothing_is_seen_people_come_in_and_out_of_openings_as_often_as_expected() {
-    states_are_those_of_the_prior(false, [0.3, 0.6, 1.0], 2_000_000);
+    states_are_those_of_the_prior(false, [0.3, 0.6, 1.0], None, 2_000_000);
 }
 
-/// So many people are expected a m²: in zones or anywhere, at persistent evidence, and out of company.
+/// The same with the moves for a detector's boxes, which has none: people also appear everywhere else, are proposed where boxes
+/// ask for them, and exchange their labels.
+#[test]
+fn where_nothing_is_detected_the_states_are_those_of_the_prior() {
+    states_are_those_of_the_prior(false, [0.3, 0.6, 1.0], Some(0.05), 2_000_000);
+}
+
+/// So many people are expected a m²: in zones or anywhere, at persistent evidence, and out of company; and everywhere else,
+/// where boxes are looked at.
 fn states_are_those_of_the_prior(
     anywhere: bool,
     [per_m2, rescued_per_m2, of_company_per_m2]: [f64; 3],
+    elsewhere_per_m2: Option<f64>,
     steps: u32,
 ) {
     let stage = empty_room();
@@ -240,7 +256,7 @@ fn states_are_those_of_the_prior(
         } else if company.density(x, y, 1.0) > 0.0 {
             of_company_per_m2
         } else {
-            0.0
+            elsewhere_per_m2.unwrap_or(0.0)
         }
     };
 
@@ -251,6 +267,7 @@ fn states_are_those_of_the_prior(
         radius: Spread { mean_m: 0.3, sigma_m: 0.03 },
         height: Spread { mean_m: 1.6, sigma_m: 0.05 },
         log_odds,
+        fit: elsewhere_per_m2.map(|_| Gaussian::new(Vector2::new(3.1, 2.1), &(Matrix2::identity() * 0.02))),
     };
     let person = Person {
         key: 0,
@@ -261,6 +278,10 @@ fn states_are_those_of_the_prior(
         tentative: true,
     };
     simulation.insert(&person.silhouettes);
+    let hotspots = match elsewhere_per_m2 {
+        Some(_) => Hotspots::at(&[(2.0, 1.5), (3.2, 2.4), (4.5, 3.0)]),
+        None => Hotspots::default(),
+    };
     let setting = Setting {
         floor: &stage.floor,
         layers: &layers,
@@ -274,13 +295,23 @@ fn states_are_those_of_the_prior(
             log_density: per_m2.ln(),
             openings: [(&unopened, 1.0), (&rescued, rescued_per_m2), (&company, of_company_per_m2)]
                 .map(|(map, per_m2)| Opening { map, log_density: per_m2.ln() }),
+            log_elsewhere: elsewhere_per_m2.map_or(LOG_IMPOSSIBLE, f64::ln),
+            hotspots: &hotspots,
         },
         unexplained: Some(&everywhere),
         typical_px: &everywhere.typical_px(&layers),
         repulsion_weight: 1.0,
+        repulsion_per_m: options.repulsion_per_m,
+        apart_m: 2.0 * options.radius.mean_m,
     };
     let (mut next_key, mut rng) = (1, Pcg64Mcg::seed_from_u64(4));
-    let mut chain = Chain::new(setting, &mut simulation, vec![person], &mut next_key);
+    let mut boxes = Boxes::new(&stage);
+    if elsewhere_per_m2.is_some() {
+        boxes.blind();
+        boxes.restart(stage.cameras.iter().map(|_| Some(&[][..])));
+        boxes.insert(&person.body);
+    }
+    let mut chain = Chain::new(setting, (&mut simulation, &mut boxes), vec![person], &mut next_key);
     let sampled: Vec<_> = (0..steps)
         .map(|_| {
             chain.step(&mut rng);
@@ -288,7 +319,7 @@ fn states_are_those_of_the_prior(
         })
         .collect();
 
-    let most_per_m2 = per_m2.max(rescued_per_m2).max(of_company_per_m2);
+    let most_per_m2 = per_m2.max(rescued_per_m2).max(of_company_per_m2).max(elsewhere_per_m2.unwrap_or(0.0));
     let drawn = drawn_by_rejection(&stage, &options, &known, (most_per_m2, expected_per_m2), &mut rng);
     for (i, ((found, off), (expected, by))) in means(&sampled).into_iter().zip(means(&drawn)).enumerate() {
         assert!(

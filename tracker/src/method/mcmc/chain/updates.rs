@@ -13,7 +13,7 @@ use crate::silhouette::Body;
 /// anywhere.
 const TO_LEFT_OVER: f64 = 0.9;
 /// Standard deviation of a step along a line of sight: the direction in which one camera alone knows least.
-const LINE_OF_SIGHT_STEP_M: f64 = 0.15;
+pub(super) const LINE_OF_SIGHT_STEP_M: f64 = 0.15;
 
 impl Chain<'_> {
     /// UPDATE-P: a step of one of three lengths; under reversible jump, for somebody known, also a place drawn from the
@@ -84,7 +84,7 @@ impl Chain<'_> {
     }
 
     /// Takes `body` for one of the people, or not.
-    fn update(&mut self, which: usize, body: Body, log_proposal_ratio: f64, rng: &mut Pcg64Mcg) {
+    pub(super) fn update(&mut self, which: usize, body: Body, log_proposal_ratio: f64, rng: &mut Pcg64Mcg) {
         let old = self.people[which].body;
         if !is_a_size(&body) {
             return;
@@ -100,6 +100,7 @@ impl Chain<'_> {
             + log_proposal_ratio;
         if let Some(likelihood) = self.decide(Some(which), Some(&body), log_ratio, rng) {
             self.simulation.commit(Some(&self.people[which].silhouettes), Some(&self.proposed));
+            self.boxes.commit(Some(which), true);
             self.arrive(likelihood);
             let at_exit = self.is_exit(&body);
             let person = &mut self.people[which];

@@ -89,6 +89,7 @@ fn seen(camera: &str, sequence: u64) -> ObservedFrame {
         health: Verdict::Usable,
         mask: Some(mask),
         colours: Some(colours),
+        boxes: None,
     };
     ObservedFrame {
         observation,

@@ -1,0 +1,66 @@
+//! What a moment's boxes alone say of where somebody stands: the measurement behind the sampler's states.
+//!
+//! The sampler settles who is there and which boxes are whose. Its mean over a few hundred states has noise of its own, and
+//! its covariance more; least squares on the boxes that it found has neither.
+
+use nalgebra::{Matrix2, Vector2, Vector4};
+
+use super::super::options::Spread;
+use super::Boxes;
+use super::in_camera::InCamera;
+use super::least_squares::{Prior, fit};
+use crate::silhouette::Body;
+
+/// So far from the mean of the states people are looked for, metres: not so near that it says anything of the place.
+const LOOKED_FOR_M: f64 = 3.0;
+/// Boxes are somebody's with at least this probability.
+const LEAST_MATCH: f64 = 0.3;
+
+/// What the boxes of one moment say of a person.
+#[derive(Debug, Clone)]
+pub(in super::super) struct Shown {
+    /// Place on the floor, metres, without what was predicted.
+    pub(in super::super) place: Vector2<f64>,
+    /// Its covariance, m².
+    pub(in super::super) covariance: Matrix2<f64>,
+    /// Radius, with what was known before.
+    pub(in super::super) radius: Spread,
+    /// Height, with what was known before.
+    pub(in super::super) height: Spread,
+}
+
+impl Boxes {
+    /// What the boxes say of each person of the present state; `None` of whom no camera has a box. `sizes`: what is known of
+    /// radius and height.
+    pub(in super::super) fn shown(&self, people: &[(Body, Spread, Spread)]) -> Vec<Option<Shown>> {
+        let matchings: Vec<_> = self.cameras.iter().map(InCamera::matching).collect();
+        let matches: Vec<Vec<Vec<(usize, f64)>>> =
+            matchings.iter().map(|m| m.matches().map(Iterator::collect).collect()).collect();
+        let of_one = |(person, (body, radius, height)): (usize, &(Body, Spread, Spread))| {
+            let probability = |camera: usize, b: usize| {
+                let pairs = matches[camera].get(person)?;
+                pairs.iter().find(|(of, p)| *of == b && *p > LEAST_MATCH).map(|(_, p)| *p)
+            };
+            let has_any = |camera: &Vec<Vec<(usize, f64)>>| {
+                camera.get(person).is_some_and(|m| m.iter().any(|(_, p)| *p > LEAST_MATCH))
+            };
+            if !matches.iter().any(has_any) {
+                return None;
+            }
+            let prior = Prior {
+                mean: Vector4::new(body.x_m, body.y_m, radius.mean_m, height.mean_m),
+                precision: Vector4::new(0.0, 0.0, radius.sigma_m.powi(-2), height.sigma_m.powi(-2)),
+                place_precision: Matrix2::from_diagonal_element(LOOKED_FOR_M.powi(-2)),
+            };
+            let fitted = fit(self, &prior, body, |camera, b| probability(camera, b).unwrap_or(0.0))?;
+            let spread = |i: usize| Spread { mean_m: fitted.state[i], sigma_m: fitted.sigma(i) };
+            Some(Shown {
+                place: fitted.place(),
+                covariance: fitted.place_covariance(),
+                radius: spread(2),
+                height: spread(3),
+            })
+        };
+        people.iter().enumerate().map(of_one).collect()
+    }
+}

@@ -1,0 +1,192 @@
+//! Where boxes ask for people: proposals for the sampler, whose density is known everywhere.
+
+use nalgebra::{Matrix2, Vector2, Vector4};
+use rand::RngExt;
+use rand_pcg::Pcg64Mcg;
+
+use super::super::options::Spread;
+use super::super::person::{Gaussian, Known};
+use super::Boxes;
+use super::in_camera::InCamera;
+use super::least_squares::{Prior, body, fit};
+use crate::silhouette::Body;
+
+/// Proposals are wider than the fit by this factor: the posterior has wider tails.
+const WIDER: f64 = 1.5;
+/// Nor is any proposal narrower than this, metres.
+const LEAST_SIGMA_M: f64 = 0.02;
+
+/// A box asks for another person when it is nobody of the predicted ones with this probability.
+const UNEXPLAINED: f64 = 0.3;
+/// Where a single box says that a person is, before other cameras are asked, metres.
+const SEED_SIGMA_M: f64 = 0.7;
+/// Of hotspots nearer to each other than this, metres, the better one stays.
+const APART_M: f64 = 0.15;
+/// Hotspots at most.
+const MOST_HOTSPOTS: usize = 128;
+/// Part of the proposals that goes to all hotspots alike, the rest by what they explain.
+const ALIKE: f64 = 0.5;
+/// The best hotspot is preferred to the least by so many nats at most.
+const MOST_PREFERENCE: f64 = 5.0;
+
+/// Where boxes show one person: a normal distribution of the place.
+type Fit = Gaussian;
+
+fn widened(covariance: &Matrix2<f64>) -> Matrix2<f64> {
+    covariance * WIDER + Matrix2::from_diagonal_element(LEAST_SIGMA_M.powi(2))
+}
+
+impl Boxes {
+    /// Where the boxes show each of the people of the present state who are known, in its order: the best body, and the
+    /// distribution of its place.
+    pub(in super::super) fn fits<'a>(
+        &self,
+        people: impl Iterator<Item = (Body, Option<&'a Known>)>,
+    ) -> Vec<Option<(Body, Fit)>> {
+        let matchings: Vec<_> = self.cameras.iter().map(InCamera::matching).collect();
+        let unexplained: Vec<Vec<f64>> = matchings.iter().map(|m| m.unexplained().collect()).collect();
+        let matches: Vec<Vec<Vec<(usize, f64)>>> =
+            matchings.iter().map(|m| m.matches().map(Iterator::collect).collect()).collect();
+        let of_one = |(person, (present, known)): (usize, (Body, Option<&Known>))| {
+            let known = known?;
+            let (place, covariance) = (known.place.mean(), known.place.covariance());
+            let prior = Prior {
+                mean: Vector4::new(place.x, place.y, known.radius.mean_m, known.height.mean_m),
+                precision: Vector4::new(
+                    0.0,
+                    0.0,
+                    known.radius.sigma_m.powi(-2),
+                    known.height.sigma_m.powi(-2),
+                ),
+                place_precision: covariance.try_inverse()?,
+            };
+            let free = |camera: usize, b: usize| {
+                let own = matches[camera][person].iter().find(|(of, _)| *of == b).map_or(0.0, |(_, p)| *p);
+                unexplained[camera][b] + own
+            };
+            let fitted = fit(self, &prior, &present, free)?;
+            let place = Gaussian::new(fitted.place(), &widened(&fitted.place_covariance()));
+            Some((body(&fitted.state), place))
+        };
+        people.enumerate().map(of_one).collect()
+    }
+
+    /// Where boxes that the present state leaves unexplained ask for people of such sizes, who may stand where `is_possible`.
+    pub(in super::super) fn hotspots(
+        &mut self,
+        (radius, height): (&Spread, &Spread),
+        is_possible: impl Fn(f64, f64) -> bool,
+    ) -> Hotspots {
+        if !self.has_any {
+            return Hotspots::default();
+        }
+        let unexplained: Vec<Vec<f64>> =
+            (self.cameras.iter()).map(|camera| camera.matching().unexplained().collect()).collect();
+        let mut found: Vec<(f64, Vector2<f64>, Matrix2<f64>)> = Vec::new();
+        for (camera, unexplained_here) in (0..self.cameras.len()).zip(&unexplained) {
+            for b in (0..unexplained_here.len()).filter(|b| unexplained_here[*b] > UNEXPLAINED) {
+                let detected = self.cameras[camera].boxes[b];
+                let [left, top, right, bottom] = detected.edges;
+                let middle = 0.5 * (left + right);
+                let seeds = [(!detected.cut[3], bottom, 0.0), (!detected.cut[1], top, height.mean_m)];
+                for (_, row, at_m) in seeds.into_iter().filter(|(is_seen, ..)| *is_seen) {
+                    let Some([x, y]) = self.cameras[camera].camera.place(middle, row, at_m) else { continue };
+                    let prior = Prior {
+                        mean: Vector4::new(x, y, radius.mean_m, height.mean_m),
+                        precision: Vector4::new(0.0, 0.0, radius.sigma_m.powi(-2), height.sigma_m.powi(-2)),
+                        place_precision: Matrix2::from_diagonal_element(SEED_SIGMA_M.powi(-2)),
+                    };
+                    let free = |c: usize, b: usize| {
+                        if unexplained[c][b] > UNEXPLAINED { unexplained[c][b] } else { 0.0 }
+                    };
+                    let Some(fitted) = fit(self, &prior, &body(&prior.mean), free) else { continue };
+                    let (state, covariance) = (fitted.state, fitted.place_covariance());
+                    if !is_possible(state[0], state[1]) {
+                        continue;
+                    }
+                    let gain = self.try_change(None, Some(&body(&state))) - self.log_likelihood();
+                    found.push((gain, Vector2::new(state[0], state[1]), covariance));
+                }
+            }
+        }
+        found.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let mut kept: Vec<(f64, Vector2<f64>, Matrix2<f64>)> = Vec::new();
+        for spot in found {
+            if kept.len() < MOST_HOTSPOTS && kept.iter().all(|other| (other.1 - spot.1).norm() > APART_M) {
+                kept.push(spot);
+            }
+        }
+        Hotspots::new(&kept)
+    }
+}
+
+/// Places at which boxes ask for people: a mixture of normal distributions.
+#[derive(Debug, Clone, Default)]
+pub(in super::super) struct Hotspots {
+    spots: Vec<Gaussian>,
+    /// Logarithms of the spots' parts.
+    log_parts: Vec<f64>,
+    /// Running sums of the spots' parts, ending in 1.
+    cumulative: Vec<f64>,
+}
+
+impl Hotspots {
+    /// Of places with their gain in nats, the best first, and their covariance.
+    fn new(found: &[(f64, Vector2<f64>, Matrix2<f64>)]) -> Self {
+        let Some((best, ..)) = found.first() else { return Self::default() };
+        let preference = |gain: f64| (gain - best).max(-MOST_PREFERENCE).exp();
+        let sum: f64 = found.iter().map(|(gain, ..)| preference(*gain)).sum();
+        let parts: Vec<f64> = (found.iter())
+            .map(|(gain, ..)| ALIKE / found.len() as f64 + (1.0 - ALIKE) * preference(*gain) / sum)
+            .collect();
+        let mut so_far = 0.0;
+        Self {
+            spots: found
+                .iter()
+                .map(|(_, place, covariance)| Gaussian::new(*place, &widened(covariance)))
+                .collect(),
+            log_parts: parts.iter().map(|part| part.ln()).collect(),
+            cumulative: parts
+                .iter()
+                .map(|part| {
+                    so_far += part;
+                    so_far
+                })
+                .collect(),
+        }
+    }
+
+    /// Whether no box asks for anybody.
+    pub(in super::super) fn is_empty(&self) -> bool {
+        self.spots.is_empty()
+    }
+
+    /// Number of places.
+    pub(in super::super) fn len(&self) -> usize {
+        self.spots.len()
+    }
+
+    /// Draws a place. There must be one.
+    pub(in super::super) fn sample(&self, rng: &mut Pcg64Mcg) -> Vector2<f64> {
+        let mark = rng.random::<f64>();
+        let spot = self.cumulative.partition_point(|sum| *sum <= mark).min(self.spots.len() - 1);
+        self.spots[spot].sample(rng)
+    }
+
+    /// Density of [`Self::sample`], 1/m².
+    pub(in super::super) fn density(&self, x_m: f64, y_m: f64) -> f64 {
+        let spots = self.spots.iter().zip(&self.log_parts);
+        spots.map(|(spot, log_part)| (log_part + spot.log_density(x_m, y_m)).exp()).sum()
+    }
+
+    #[cfg(test)]
+    pub(in super::super) fn at(places: &[(f64, f64)]) -> Self {
+        let covariance = Matrix2::identity();
+        let found: Vec<_> = places
+            .iter()
+            .enumerate()
+            .map(|(i, (x, y))| (-(i as f64), Vector2::new(*x, *y), covariance))
+            .collect();
+        Self::new(&found)
+    }
+}

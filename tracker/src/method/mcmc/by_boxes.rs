@@ -1,0 +1,88 @@
+//! A moment in which a detector's boxes are looked at: where the chain starts, how long it runs.
+
+use super::boxes::Hotspots;
+use super::person::Person;
+use super::{BoxOptions, Mcmc, SETTLING_STEPS};
+use crate::likelihood::prior::LOG_IMPOSSIBLE;
+
+/// Sweeps in which everybody is fitted to the boxes that the others leave.
+const SWEEPS: usize = 3;
+/// People no farther apart than this may turn out to be each other, metres.
+const EXCHANGE_M: f64 = 2.5;
+/// Rounds of exchanges at most.
+const MOST_ROUNDS: usize = 8;
+
+impl Mcmc {
+    /// Whether boxes are all that there is of this moment.
+    pub(super) fn observes_boxes_alone(&self) -> bool {
+        self.boxes.is_in_use() && !self.simulation.sees_anything()
+    }
+
+    /// Moves the predicted people to where the boxes show them, and says where boxes ask for others.
+    ///
+    /// A chain may start anywhere; from here it need not find first what least squares find at once. The predictions stay what
+    /// they are: the prior.
+    pub(super) fn look_at_boxes(&mut self, people: &mut [Person]) -> Hotspots {
+        if !self.boxes.is_in_use() {
+            return Hotspots::default();
+        }
+        let floor = &self.stage.floor;
+        for _ in 0..SWEEPS {
+            let fits = self.boxes.fits(people.iter().map(|person| (person.body, person.known.as_ref())));
+            for (person, fit) in people.iter_mut().zip(fits) {
+                let Some(known) = &mut person.known else { continue };
+                if let Some((body, place)) = fit {
+                    let is_possible = floor.is_standable(body.x_m, body.y_m)
+                        && known.place.log_density(body.x_m, body.y_m) > LOG_IMPOSSIBLE;
+                    if is_possible && !self.simulation.sees_anything() {
+                        person.body = body;
+                        person.at_exit = floor.may_disappear(body.x_m, body.y_m);
+                    }
+                    known.fit = Some(place);
+                }
+            }
+            exchange(people);
+            self.boxes.clear();
+            people.iter().for_each(|person| self.boxes.insert(&person.body));
+        }
+        self.boxes.hotspots((&self.options.radius, &self.options.height), |x, y| floor.is_standable(x, y))
+    }
+
+    /// Steps of a moment of boxes alone that are thrown away, and that are kept.
+    pub(super) fn steps_by_boxes(&self, people: usize, hotspots: usize, settling: bool) -> [u32; 2] {
+        let BoxOptions { burn_in_per_person, kept_per_person, .. } = self.options.boxes;
+        let parts = u32::try_from(people + hotspots).unwrap_or(u32::MAX);
+        let settling = if settling { SETTLING_STEPS } else { 1 };
+        let burn_in = self.options.burn_in_steps.max(burn_in_per_person.saturating_mul(parts));
+        let kept = self.options.kept_steps.max(kept_per_person.saturating_mul(parts));
+        [burn_in.saturating_mul(settling), kept]
+    }
+}
+
+/// Exchanges the places of people who are more likely to be each other, by what was known of them.
+fn exchange(people: &mut [Person]) {
+    for _ in 0..MOST_ROUNDS {
+        let mut has_changed = false;
+        for a in 0..people.len() {
+            for b in 0..a {
+                let (body_a, body_b) = (people[a].body, people[b].body);
+                let (Some(known_a), Some(known_b)) = (&people[a].known, &people[b].known) else { continue };
+                if body_a.floor_distance_m(&body_b) > EXCHANGE_M {
+                    continue;
+                }
+                let present = known_a.log_density(&body_a) + known_b.log_density(&body_b);
+                let exchanged = known_a.log_density(&body_b) + known_b.log_density(&body_a);
+                if exchanged > present {
+                    let (first, rest) = people.split_at_mut(a);
+                    std::mem::swap(&mut first[b].body, &mut rest[0].body);
+                    std::mem::swap(&mut first[b].silhouettes, &mut rest[0].silhouettes);
+                    std::mem::swap(&mut first[b].at_exit, &mut rest[0].at_exit);
+                    has_changed = true;
+                }
+            }
+        }
+        if !has_changed {
+            return;
+        }
+    }
+}

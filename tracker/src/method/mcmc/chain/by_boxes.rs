@@ -1,0 +1,68 @@
+//! UPDATE-P where a detector's boxes are looked at: most places are drawn from where the boxes show the person.
+
+use rand::RngExt;
+use rand_distr::StandardNormal;
+use rand_pcg::Pcg64Mcg;
+
+use super::super::options::Acceptance;
+use super::Chain;
+use super::updates::LINE_OF_SIGHT_STEP_M;
+
+impl Chain<'_> {
+    /// UPDATE-P: a place drawn from the fit to the boxes, from the prediction or from the hotspots, a step along a line of
+    /// sight, or a step of one of three lengths. Which of them are on offer to a person does not change within a moment.
+    pub(super) fn update_position_by_boxes(&mut self, rng: &mut Pcg64Mcg) {
+        if self.setting.options.acceptance == Acceptance::Published {
+            self.update_position(rng);
+            return;
+        }
+        let which = rng.random_range(0..self.people.len());
+        let kernel = rng.random::<f64>();
+        let person = &self.people[which];
+        let mut body = person.body;
+        let known = person.known.as_ref();
+        let mut log_proposal_ratio = 0.0;
+        match (known, known.and_then(|known| known.fit.as_ref())) {
+            (_, Some(fit)) if kernel < 0.3 => {
+                let place = fit.sample(rng);
+                log_proposal_ratio = fit.log_density(body.x_m, body.y_m) - fit.log_density(place.x, place.y);
+                (body.x_m, body.y_m) = (place.x, place.y);
+            }
+            (Some(known), _) if kernel < 0.4 => {
+                let place = known.place.sample(rng);
+                log_proposal_ratio =
+                    known.place.log_density(body.x_m, body.y_m) - known.place.log_density(place.x, place.y);
+                (body.x_m, body.y_m) = (place.x, place.y);
+            }
+            (Some(known), _) if kernel < 0.5 => {
+                // As seen to the prediction, so that there and back are alike.
+                let views = self.setting.layers.views();
+                let eye = views[rng.random_range(0..views.len())].center.xy().coords;
+                let along = known.place.mean() - eye;
+                let length: f64 = rng.sample(StandardNormal);
+                let step = along / along.norm().max(1e-6) * (length * LINE_OF_SIGHT_STEP_M);
+                body.x_m += step.x;
+                body.y_m += step.y;
+            }
+            _ if kernel < 0.55 && !self.setting.appearance.hotspots.is_empty() => {
+                let hotspots = self.setting.appearance.hotspots;
+                let place = hotspots.sample(rng);
+                log_proposal_ratio =
+                    hotspots.density(body.x_m, body.y_m).ln() - hotspots.density(place.x, place.y).ln();
+                (body.x_m, body.y_m) = (place.x, place.y);
+            }
+            _ => {
+                let scale = match kernel {
+                    ..0.7 => 1.0 / 3.0,
+                    ..0.9 => 1.0,
+                    _ => 3.0,
+                };
+                let step = self.setting.options.position_step_m * scale;
+                let (dx, dy): (f64, f64) = (rng.sample(StandardNormal), rng.sample(StandardNormal));
+                body.x_m += step * dx;
+                body.y_m += step * dy;
+            }
+        }
+        self.update(which, body, log_proposal_ratio, rng);
+    }
+}

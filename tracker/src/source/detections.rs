@@ -1,0 +1,153 @@
+//! A detector's boxes of people, read from MOTChallenge rows.
+//!
+//! One row a box: `frame,id,left,top,width,height[,confidence[,x,y,z[,appearance…]]]`. Ids and floor positions are ignored.
+//! Numbers after the tenth column are an appearance vector, of the same length in all rows.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use crate::tracks::rows::PixelBox;
+use crate::{Error, Result};
+
+/// Names of the first columns of a row.
+const COLUMNS: [&str; 10] = ["frame", "id", "left", "top", "width", "height", "confidence", "x", "y", "z"];
+/// Columns that every row has.
+const LEAST_COLUMNS: usize = 6;
+
+/// One camera's boxes, frame by frame, in pixels of what the camera films.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Detections {
+    path: PathBuf,
+    by_frame: BTreeMap<u32, Vec<PixelBox>>,
+    frames: u32,
+}
+
+impl Detections {
+    /// Reads a file; an empty one is a detector that found nobody.
+    ///
+    /// # Errors
+    /// Naming file, line and mend: too few columns, a column that is no finite number, a frame that is no whole number from
+    /// 1, a box without width or height, an appearance vector of another length than that of the rows before.
+    pub fn read(path: &Path) -> Result<Self> {
+        Self::parse(path, &calib::files::read_text(path)?)
+    }
+
+    /// [`Self::read`] from text; `path` is only for messages.
+    pub fn parse(path: &Path, text: &str) -> Result<Self> {
+        let mut by_frame: BTreeMap<u32, Vec<PixelBox>> = BTreeMap::new();
+        let mut appearance = None;
+        for (index, content) in text.lines().enumerate() {
+            let content = content.trim().trim_start_matches('\u{feff}');
+            if content.is_empty() || content.starts_with('#') {
+                continue;
+            }
+            let refuse = |problem: String| Error::content(path, format!("line {}", index + 1), problem);
+            let (frame, pixel_box, length) = parse_row(content).map_err(refuse)?;
+            match appearance {
+                Some(before) if before != length => {
+                    return Err(refuse(format!(
+                        "has {length} numbers of appearance after the tenth column, the rows before have {before}; give \
+                         all rows as many"
+                    )));
+                }
+                _ => appearance = Some(length),
+            }
+            by_frame.entry(frame).or_default().push(pixel_box);
+        }
+        let frames = by_frame.last_key_value().map_or(0, |(frame, _)| *frame);
+        Ok(Self { path: path.to_owned(), by_frame, frames })
+    }
+
+    /// File that the boxes were read from.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Frames in all: by itself, up to the last one with a box.
+    pub fn frame_count(&self) -> u32 {
+        self.frames
+    }
+
+    /// Makes the frames at least so many: a detector finds nobody in the last ones.
+    pub fn extend_to(&mut self, frames: u32) {
+        self.frames = self.frames.max(frames);
+    }
+
+    /// The boxes of a frame, from 1.
+    pub fn of(&self, frame: u64) -> &[PixelBox] {
+        let boxes = u32::try_from(frame).ok().and_then(|frame| self.by_frame.get(&frame));
+        boxes.map_or(&[], Vec::as_slice)
+    }
+}
+
+/// Frame, box, and length of the appearance vector of one row.
+fn parse_row(content: &str) -> std::result::Result<(u32, PixelBox, usize), String> {
+    let mut values = [0.0; COLUMNS.len()];
+    let mut count = 0;
+    for text in content.split(',').map(str::trim) {
+        let name = || COLUMNS.get(count).map_or_else(|| format!("column {}", count + 1), |c| (*c).to_owned());
+        let value: f64 = text.parse().map_err(|_| format!("{} is `{text}`, which is no number", name()))?;
+        if !value.is_finite() {
+            return Err(format!("{} is {text}; only finite numbers can be used", name()));
+        }
+        if let Some(column) = values.get_mut(count) {
+            *column = value;
+        }
+        count += 1;
+    }
+    if count < LEAST_COLUMNS {
+        return Err(format!("has {count} columns; a row is frame,id,left,top,width,height,confidence"));
+    }
+    let [frame, _, left, top, width, height, ..] = values;
+    if !(frame.fract() == 0.0 && (1.0..=f64::from(u32::MAX)).contains(&frame)) {
+        return Err(format!("frame is {frame}; frames are whole numbers from 1"));
+    }
+    if !(width > 0.0 && height > 0.0) {
+        return Err(format!("the box is {width} × {height} pixels; give a width and a height above 0"));
+    }
+    let pixel_box = PixelBox { left, top, width, height };
+    Ok((frame as u32, pixel_box, count.saturating_sub(COLUMNS.len())))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(text: &str) -> Result<Detections> {
+        Detections::parse(Path::new("boxes.txt"), text)
+    }
+
+    #[test]
+    fn boxes_are_read_by_frame_and_ids_are_ignored() {
+        let found = parse("# boxes\n2,7,1,2,3,4\n1,7,5,6,7,8,0.5\n2,7,9,9,9,9,1,-1,-1,-1\r\n").unwrap();
+        assert_eq!(
+            (found.frame_count(), found.of(1).len(), found.of(2).len(), found.of(3).len()),
+            (2, 1, 2, 0)
+        );
+        assert_eq!(found.of(1)[0], PixelBox { left: 5.0, top: 6.0, width: 7.0, height: 8.0 });
+        let reid = "1,-1,1,2,3,4,0.9,-1,-1,-1,0.5,0.1\n1,-1,1,2,3,4,0.9,-1,-1,-1,0.2,0.7\n";
+        assert_eq!(parse(reid).unwrap().of(1).len(), 2);
+        let mut nobody = parse("").unwrap();
+        nobody.extend_to(5);
+        assert_eq!((nobody.frame_count(), nobody.of(5).len()), (5, 0));
+    }
+
+    #[test]
+    fn bad_rows_are_named_with_their_line() {
+        for (bad, word) in [
+            ("1,2,a,4,5,6,7", "left is `a`"),
+            ("1,2,3,4,5", "5 columns"),
+            ("1,2,3,4,5,inf", "height is inf"),
+            ("0,1,1,1,5,5,1", "frames are"),
+            ("1.5,1,1,1,5,5,1", "frames are"),
+            ("1,-1,1,1,0,5,1", "0 × 5 pixels"),
+            ("1,-1,1,1,5,5,1,-1,-1,-1,0.5", "1 numbers of appearance"),
+            ("1,-1,1,1,5,5,1,-1,-1,-1,x", "column 11"),
+            ("\u{0}\u{1}binary", "no number"),
+        ] {
+            let error = parse(&format!("1,1,0,0,5,5,1\n{bad}\n")).unwrap_err().to_string();
+            assert!(error.contains("boxes.txt: line 2") && error.contains(word), "{error}");
+            assert_eq!(error.lines().count(), 1);
+        }
+    }
+}
