@@ -94,6 +94,7 @@ pub(crate) struct RunArgs {
     /// At the end, link the tracks over the whole recording: a person who was lost for up to 2.5 seconds and found
     /// again keeps their id, and the gap is filled, in tracks.txt, tracks.jsonl and boxes. The films and the floor plan
     /// are drawn during the run, with the ids of that moment.
+    #[arg(long)]
     pub(super) smooth: bool,
     /// Write no films.
     #[arg(long)]
