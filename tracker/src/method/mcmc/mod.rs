@@ -6,7 +6,7 @@
 //! 2. a Markov chain changes one person a step (ADD, DELETE, UPDATE-P, UPDATE-S) and takes the change by how well the
 //!    simulated masks then fit the real ones ([`chain`]);
 //! 3. the mean over the last states is the estimate ([`tally`]), and becomes the belief of the next moment ([`belief`],
-//!    [`track`]); those who are believed in are told ([`report`]), at once or in [`hindsight`].
+//!    [`track`]); those who are believed in are told ([`report`]), at once or in [`smoother`].
 //!
 //! Where people are expected and proposed to appear is [`appearance`] ([`outage`]: anywhere for a while; [`rescue`]: at
 //! persistent evidence), with the floor in cells ([`births`]) weighed by what the
@@ -20,7 +20,6 @@ mod by_boxes;
 mod chain;
 mod evidence;
 mod filled;
-mod hindsight;
 mod left_over;
 mod measured;
 mod motion;
@@ -30,6 +29,7 @@ mod passage;
 mod person;
 mod report;
 mod rescue;
+mod smoother;
 mod tally;
 mod trace;
 mod track;
@@ -42,13 +42,13 @@ use self::appearance::{Appearance, Opening};
 use self::births::BirthMap;
 use self::boxes::Boxes;
 use self::chain::{Chain, Setting};
-use self::hindsight::Hindsight;
 use self::left_over::LeftOver;
 pub use self::measured::Measured;
 pub use self::options::{Acceptance, BoxOptions, McmcOptions, MotionOptions, MoveWeights, Spread};
 use self::outage::{FORGOTTEN_AFTER_S, OUTAGE_S, Settling};
 use self::person::{Key, Person};
 use self::rescue::Rescue;
+use self::smoother::FixedLagSmoother;
 use self::tally::Tally;
 use self::track::{Found, Track};
 use super::capacity::Capacity;
@@ -104,7 +104,7 @@ pub struct Mcmc {
     capacity: Capacity,
     tracks: Vec<Track>,
     identities: Identities,
-    hindsight: Hindsight,
+    smoother: FixedLagSmoother,
     rng: Pcg64Mcg,
     next_key: Key,
     next_id: u32,
@@ -157,7 +157,7 @@ impl Mcmc {
             anywhere,
             tracks: Vec::new(),
             identities: Identities::default(),
-            hindsight: Hindsight::default(),
+            smoother: FixedLagSmoother::default(),
             next_key: 0,
             next_id: 1,
             last_time_s: None,
@@ -426,15 +426,15 @@ impl Method for Mcmc {
             self.boxes.insert(&person.body);
         }
         let tally = self.sample(people, dt_s, settling);
-        self.take_in(&tally, found);
-        self.weigh(&masks, dt_s);
-        self.tell_apart(moment.cameras);
+        self.update_tracks(&tally, found);
+        self.update_existence(&masks, dt_s);
+        self.reidentify(moment.cameras);
         let traces = self.traces();
         let believed =
             traces.iter().filter_map(|trace| Some(trace.estimate(trace.id?, &trace.motion.belief)));
         let now = self.in_the_room(believed.collect());
         if self.options.lag_s > 0.0 {
-            self.hindsight.keep(moment.frame, moment.time_s, self.options.lag_s, traces);
+            self.smoother.push(moment.frame, moment.time_s, self.options.lag_s, traces);
         }
         Ok(now)
     }
@@ -444,7 +444,7 @@ impl Method for Mcmc {
     }
 
     fn smoothed(&mut self, frame: u32) -> Option<Vec<PersonEstimate>> {
-        let people = self.hindsight.of(frame)?;
+        let people = self.smoother.take(frame)?;
         Some(self.in_the_room(people))
     }
 }

@@ -337,7 +337,7 @@ impl McmcOptions {
         let most = if self.boxes.alone { Self::MOST_BY_BOXES } else { Simulation::MAX_BODIES };
         if self.max_people == 0 || self.max_people > most {
             return Err(Error::option(
-                "--most-people",
+                "max_people",
                 format!("the sampler follows 1 to {most} people, not {}", self.max_people),
             ));
         }

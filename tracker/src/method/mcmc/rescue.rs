@@ -182,7 +182,7 @@ fn support(filled: &[Filled], cameras: &[Option<Uncovered>]) -> Support {
         });
         let whole_px = RECTANGLE * f64::from(filled.area_px);
         if f64::from(filled.visible_px) >= SEES * whole_px {
-            shown.take_in(whole, upper, whole_px, camera.full_px, filled.rows.end < camera.rows);
+            shown.add_camera(whole, upper, whole_px, camera.full_px, filled.rows.end < camera.rows);
         }
     }
     shown.support()
@@ -205,7 +205,7 @@ pub(super) fn is_person_shown(simulation: &Simulation, layers: &Layers, body: &B
         if core.visible_px > 0 && f64::from(core.visible_px) >= SEES * whole_px {
             let full_px = u32::from(view.block).pow(2);
             let has_feet = core.row_range().end < view.height as usize;
-            shown.take_in(part(&core), part(&upper), whole_px, full_px, has_feet);
+            shown.add_camera(part(&core), part(&upper), whole_px, full_px, has_feet);
         }
     }
     shown.support() != Support::Missing
@@ -245,7 +245,7 @@ impl Default for Shown {
 
 impl Shown {
     /// Takes in a camera that sees some of the place. Without the feet it does not know how far away somebody is.
-    fn take_in(&mut self, whole: Part, upper: Part, whole_px: f64, full_px: u32, has_feet: bool) {
+    fn add_camera(&mut self, whole: Part, upper: Part, whole_px: f64, full_px: u32, has_feet: bool) {
         let free = f64::from(whole.free_px) / whole_px;
         // Somebody followed may hide the place from a camera that sees it: then it shows nobody.
         let found = if free < SEES { 0.0 } else { whole.found() };

@@ -14,7 +14,7 @@ pub(super) const REVIVE: f64 = 0.5;
 
 impl Chain<'_> {
     /// ADD somebody new.
-    pub(super) fn bear(&mut self, rng: &mut Pcg64Mcg) {
+    pub(super) fn propose_birth(&mut self, rng: &mut Pcg64Mcg) {
         let options = self.setting.options;
         if self.setting.appearance.is_nowhere() {
             return;
@@ -46,7 +46,7 @@ impl Chain<'_> {
             *self.next_key += 1;
             let at_exit = self.is_exit(&body);
             let person = Person { key, body, silhouettes: Vec::new(), at_exit, known: None, tentative: true };
-            self.take_in(person, likelihood);
+            self.insert_proposed(person, likelihood);
         }
     }
 
@@ -80,12 +80,12 @@ impl Chain<'_> {
         if let Some(likelihood) = self.decide(None, Some(&body), log_ratio, rng) {
             let mut person = self.gone.swap_remove(which);
             (person.body, person.at_exit) = (body, at_exit);
-            self.take_in(person, likelihood);
+            self.insert_proposed(person, likelihood);
         }
     }
 
     /// The proposed body becomes a person of the state.
-    fn take_in(&mut self, mut person: Person, likelihood: f64) {
+    fn insert_proposed(&mut self, mut person: Person, likelihood: f64) {
         self.simulation.commit(None, Some(&self.proposed));
         self.boxes.commit(None, true);
         self.arrive(likelihood);

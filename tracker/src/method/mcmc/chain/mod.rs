@@ -133,7 +133,7 @@ impl<'a> Chain<'a> {
                     Move::Add if !self.gone.is_empty() && rng.random::<f64>() < jumps::REVIVE => {
                         self.revive(rng);
                     }
-                    Move::Add => self.bear(rng),
+                    Move::Add => self.propose_birth(rng),
                     Move::Delete => self.delete(rng),
                     Move::Position if self.boxes.is_in_use() => self.update_position_by_boxes(rng),
                     Move::Position => self.update_position(rng),
