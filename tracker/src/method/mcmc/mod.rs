@@ -1,16 +1,21 @@
-//! The trans-dimensional MCMC tracker (seed 001, section 3; Khan, Balch & Dellaert 2005; Green 2003).
+//! Trans-dimensional MCMC tracker: Y. Osawa, X. Wu, K. Sudo, T. Wakabayashi, H. Yasuno, "MCMC based Multiple People
+//! Tracking using 3D Environmental Information" (paper LI-007), section 3. Section and equation numbers in this
+//! folder refer to it. Reversible jumps: Z. Khan, T. Balch, F. Dellaert, "MCMC-based particle filtering for tracking
+//! a variable number of interacting targets", IEEE TPAMI 27(11), 2005; P. J. Green, "Trans-dimensional Markov chain
+//! Monte Carlo", 2003.
 //!
-//! The state is how many people there are, where each stands, and how wide and tall each is. A moment goes like this:
+//! The state is the number of people, and each person's place, radius and height. One moment is processed in these
+//! steps:
 //!
-//! 1. every person is predicted ([`motion`]);
-//! 2. a Markov chain changes one person a step (ADD, DELETE, UPDATE-P, UPDATE-S) and takes the change by how well the
-//!    simulated masks then fit the real ones ([`chain`]);
-//! 3. the mean over the last states is the estimate ([`tally`]), and becomes the belief of the next moment ([`belief`],
-//!    [`track`]); those who are believed in are told ([`report`]), at once or in [`smoother`].
+//! 1. The motion model predicts every person ([`motion`]).
+//! 2. A Markov chain proposes changes of one person at a time (ADD, DELETE, UPDATE-P, UPDATE-S) and accepts them by how
+//!    well the simulated masks then fit the observed ones ([`chain`]).
+//! 3. The mean over the last states is the estimate ([`tally`]), which updates the tracks ([`belief`], [`track`]).
+//!    Confirmed tracks are reported ([`report`]), at once or after fixed-lag smoothing ([`smoother`]).
 //!
-//! Where people are expected and proposed to appear is [`appearance`] ([`outage`]: anywhere for a while; [`rescue`]: at
-//! persistent evidence), with the floor in cells ([`births`]) weighed by what the
-//! predicted ones leave over ([`left_over`]); what can be set is [`McmcOptions`].
+//! Births are modelled and proposed by [`appearance`]: in the zones, anywhere for a while ([`outage`]), and at
+//! persistent evidence ([`rescue`]). [`births`] divides the floor into cells and weights them by the foreground that
+//! the predicted people leave unexplained ([`left_over`]). [`McmcOptions`] holds the options.
 
 mod appearance;
 mod belief;
@@ -60,40 +65,41 @@ use crate::prepared_room::{PreparedCamera, PreparedRoom, resolution};
 use crate::silhouette::{Body, View};
 use crate::{CameraFrame, Error, Moment, PersonEstimate, Result};
 
-/// While people who were inside already are being found, a moment gets this many times the steps.
+/// Factor of the burn-in steps while people who were inside already are being found.
 const SETTLING_STEPS: u32 = 5;
 
-/// After a long gap nobody is where they were, and no search finds them there: no moment gets more than so many times the
-/// steps.
+/// Upper bound of the factor by which a moment's steps are increased: after a long gap people have moved too far for
+/// any search to find them by their prediction.
 const MOST_PATIENCE: f64 = 12.0;
 
-/// When more than this part of a typical silhouette is left unexplained by the predicted people, in some camera, somebody
-/// may have gone where they were not expected.
+/// Unexplained foreground in some camera, as a fraction of a typical silhouette, above which a person may be where
+/// they were not expected.
 const LEFT_OVER: f64 = 0.3;
-/// However long the step, no more people are expected to appear than in so many seconds.
+/// Upper bound of the time over which births are expected in one step, seconds.
 const LONGEST_BIRTHS_S: f64 = 10.0;
-/// What stands for the time before the first moment.
+/// Time step assumed before the first moment, seconds.
 const FIRST_STEP_S: f64 = 0.1;
-/// Times that stand still or run backwards are the source's mistake; the tracker survives them.
+/// Least time step, seconds: repeated or decreasing time stamps are errors of the source, which the tracker
+/// tolerates.
 const LEAST_STEP_S: f64 = 1e-3;
 
-/// The tracker.
+/// Tracker by trans-dimensional MCMC over the cameras' masks and boxes.
 #[derive(Debug, Clone)]
 pub struct Mcmc {
     stage: PreparedRoom,
     options: McmcOptions,
     rule: PreparedLikelihood,
     layers: Layers,
-    /// The cameras in full, for what is reported.
+    /// Views at full resolution, for the visible fractions that are reported.
     views: Vec<View>,
     typical_px: Vec<f64>,
     zones: BirthMap,
     anywhere: BirthMap,
-    /// Where somebody turns out to be two.
+    /// Birth cells near followed people, for two people who were taken for one.
     company: BirthMap,
-    /// Where evidence has persisted.
+    /// Birth cells with persistent evidence of a person whom no track explains.
     rescued: BirthMap,
-    /// Where others see people.
+    /// Birth cells near the places at which other trackers see people.
     expected: BirthMap,
     expected_at: Vec<Vector2<f64>>,
     rescue: Rescue,
@@ -182,13 +188,14 @@ impl Mcmc {
         self.stage.cameras.iter().zip(self.layers.views()).zip(moment.cameras).map(packed).collect()
     }
 
-    /// Whether people may be born away from the zones, where evidence for them persists; without zones they are born anywhere.
+    /// Whether people may be born outside the zones, where evidence for them persists; without zones they are born
+    /// anywhere anyway.
     fn may_rescue(&self) -> bool {
         self.options.rescues_per_s > 0.0 && !self.stage.zones.is_empty()
     }
 
-    /// Takes in that no camera had a mask for so long, seconds: people may have left unseen, and after a while nobody is known
-    /// any more.
+    /// Handles a gap of `unseen_s` seconds without observations: lowers the probability that people are still there,
+    /// and ends all tracks after [`FORGOTTEN_AFTER_S`].
     fn forget_after(&mut self, unseen_s: f64, sees_anything: bool) {
         if unseen_s > FORGOTTEN_AFTER_S {
             self.tracks.clear();
@@ -201,7 +208,8 @@ impl Mcmc {
         }
     }
 
-    /// What the last moment says about everybody now, drawn. People who have probably left unseen are followed no more. `in_doubt`: after an outage anybody may have left.
+    /// Predicts all tracks and returns their people with silhouettes drawn; tracks of people who have probably left
+    /// unseen end. `in_doubt`: whether anybody may be deleted anywhere, as after an outage.
     fn predicted(&mut self, dt_s: f64, in_doubt: bool) -> Vec<Person> {
         let (layers, floor, options, simulation) =
             (&self.layers, &self.stage.floor, &self.options, &self.simulation);
@@ -217,10 +225,10 @@ impl Mcmc {
             let was_at_exit = floor.may_disappear(before.x_m, before.y_m);
             track.may_leave_unseen([was_at_exit, is_at_exit], dt_s, options);
             if !floor.is_standable(body.x_m, body.y_m) && floor.is_standable(before.x_m, before.y_m) {
-                // Walked into a wall: they rather stopped.
+                // The prediction walked into a wall; the person more probably stopped.
                 (body.x_m, body.y_m) = (before.x_m, before.y_m);
                 if !track.in_sight {
-                    // Nothing that is seen would bring them back.
+                    // No observation of a hidden person would correct the prediction.
                     track.motion.halt(stood);
                 }
             }
@@ -241,15 +249,16 @@ impl Mcmc {
         people.into_iter().filter(|person| !gone.contains(&person.key)).collect()
     }
 
-    /// How many times the steps of a frame a moment gets. The longer ago people were seen, the wider the chain has to
-    /// search, which costs no more a second than frames that follow each other fast; and where foreground is left over,
-    /// somebody is not where they were expected.
+    /// Factor of this moment's steps, 1 to [`MOST_PATIENCE`]. It grows with the time step, since the chain then has
+    /// to search farther (at no more cost a second than at a high frame rate), and by `surprise` where foreground is
+    /// left over, since a person is then not where they were predicted.
     fn patience(&self, dt_s: f64, is_left_over: bool) -> f64 {
         let surprise = if is_left_over { self.options.surprise } else { 1.0 };
         ((dt_s / self.options.steps_for_s).max(1.0) * surprise).min(MOST_PATIENCE)
     }
 
-    /// Weighs the maps of births by what the predicted people leave over. Returns the area open to rescue, m².
+    /// Weights the birth maps by the foreground that the predicted people leave unexplained. Returns the area open to
+    /// rescue, m².
     fn weigh_births(&mut self, people: &[Person], settling: bool, is_left_over: bool) -> f64 {
         if !self.simulation.sees_anything() {
             let maps = [
@@ -310,7 +319,7 @@ impl Mcmc {
         let hotspots = self.look_at_boxes(&mut people);
         let alone = self.observes_boxes_alone();
         let (rule, typical_px, layers) = (self.options.likelihood, &self.typical_px, &self.layers);
-        // The outermost shape has the least left over.
+        // Only the outermost shape counts: it leaves the least foreground unexplained.
         let left_over = self
             .simulation
             .counts()
@@ -323,7 +332,7 @@ impl Mcmc {
         let open_m2 = self.weigh_births(&people, settling, is_left_over);
         let births = if settling { &self.anywhere } else { &self.zones };
         let unexplained = (is_left_over && self.anywhere.is_weighed()).then_some(&self.anywhere);
-        // False boxes are in the likelihood; pieces of foreground are not.
+        // The likelihood of boxes models false boxes; that of masks does not model stray pieces of foreground.
         let chance = if alone { 0.0 } else { rule.worth_of(self.options.birth_evidence) };
         let births_s = dt_s.min(LONGEST_BIRTHS_S);
         let expected = |per_s: f64| per_s * births_s;
@@ -449,7 +458,7 @@ impl Method for Mcmc {
     }
 }
 
-/// Whether a person standing here would have feet, middle or head in some camera's image.
+/// Whether the feet, middle or head of a person standing here are in some camera's image.
 fn is_seen(stage: &PreparedRoom, x_m: f64, y_m: f64, height_m: f64) -> bool {
     stage.cameras.iter().any(|camera| {
         [0.0, 0.5, 1.0].iter().any(|part| {
@@ -468,7 +477,7 @@ mod stillness_tests;
 #[cfg(test)]
 mod tests;
 
-/// A room of two cameras, and masks of people in it.
+/// Test room with two cameras, and masks of people in it.
 #[cfg(test)]
 pub(super) mod test_room {
     pub(crate) use super::tests::{empty_room, masks, standing};
