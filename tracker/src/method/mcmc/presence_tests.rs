@@ -1,4 +1,4 @@
-//! Who is in the room without having come in through a zone before the cameras' eyes: after an outage, after a camera has
+//! Tests of people who did not come in through a zone in sight of the cameras: after an outage, after a camera has
 //! come back, and in the place of furniture.
 
 use image::GrayImage;
@@ -20,12 +20,12 @@ fn seeded(seed: u64) -> McmcOptions {
     McmcOptions { seed, ..McmcOptions::default() }
 }
 
-/// What no camera sees.
+/// Frames in which no camera has a mask.
 fn blind() -> Vec<CameraFrame> {
     vec![CameraFrame::default(); 2]
 }
 
-/// Whether one person is told of, where a body is.
+/// Whether exactly one person is reported, at the place of a body.
 fn is_told(people: &[PersonEstimate], body: &Body) -> bool {
     people.iter().any(|p| (p.x_m - body.x_m).hypot(p.y_m - body.y_m) < 0.25)
 }
@@ -93,7 +93,7 @@ fn a_person_who_left_during_an_outage_is_gone_soon_after() {
     }
 }
 
-/// A room whose floor goes on for two metres behind the wall with the door, where no camera sees it.
+/// Room whose floor continues for two metres behind the wall with the door, out of all cameras' sight.
 fn room_with_corridor() -> PreparedRoom {
     let mut stage = room(&BOTH_CORNERS, ZoneKind::Both);
     let rectangle = |x0, y0, x1, y1| Polygon::rectangle(Point2::new(x0, y0), Point2::new(x1, y1));
@@ -109,7 +109,7 @@ fn a_person_who_left_through_a_door_is_not_followed_behind_the_wall() {
     for seed in 1..=8 {
         let mut feeder = Feeder::after_nobody(room_with_corridor(), seeded(seed));
         let known = feeder.bring_in();
-        // Through the door, and aside behind the wall.
+        // The person walks through the door, and aside behind the wall.
         let (inside, door, aside) = ([3.1, 1.6], [6.2, 1.6], [7.0, 4.0]);
         for [from, to] in [[inside, door], [door, aside]] {
             for step in 1..=30 {
@@ -126,7 +126,7 @@ fn a_person_who_left_through_a_door_is_not_followed_behind_the_wall() {
     }
 }
 
-/// One camera sees the middle of the room, and comes late.
+/// Only one camera sees the middle of the room, and it starts late.
 #[test]
 fn a_person_before_a_camera_that_comes_late_is_rescued() {
     let mut stage = room(&BOTH_CORNERS, ZoneKind::Both);
@@ -160,7 +160,7 @@ fn a_person_before_a_camera_that_comes_late_is_rescued() {
     }
 }
 
-/// Somebody whom neither camera has seen until now, of several who walk: both cameras see the place.
+/// One of several walking people, whom neither camera has seen until now: both cameras see the place.
 #[test]
 fn a_person_whom_several_cameras_see_is_rescued_walking_or_not() {
     for seed in 1..=4 {
@@ -182,7 +182,7 @@ fn a_person_whom_several_cameras_see_is_rescued_walking_or_not() {
     }
 }
 
-/// What the cameras see of a chair: a seat on a stem, with a back.
+/// Masks of a chair: a seat on a stem, with a back.
 fn chair_masks(stage: &PreparedRoom, x_m: f32, y_m: f32) -> Vec<CameraFrame> {
     let parts = [
         cuboid([x_m - 0.25, y_m - 0.25, 0.0], [x_m + 0.25, y_m + 0.25, 0.48]),
@@ -203,7 +203,7 @@ fn chair_masks(stage: &PreparedRoom, x_m: f32, y_m: f32) -> Vec<CameraFrame> {
 
 #[test]
 fn nobody_is_born_of_a_chair_that_was_moved() {
-    // Put there before the cameras' eyes, during an outage, before the start.
+    // The chair is put there in sight of the cameras, during an outage, or before the start.
     let ways = ["seen", "outage", "start"];
     for (cameras, way) in [1, 2].into_iter().flat_map(|cameras| ways.map(|way| (cameras, way))) {
         let stage = room(&BOTH_CORNERS[..cameras], ZoneKind::Both);
@@ -240,12 +240,12 @@ fn who_stands_there_at_the_start_is_told_in_the_end() {
     }
 }
 
-/// Where the rays to one of two people in one camera meet the rays to the other in the other camera.
+/// The rays to one of two people in one camera meet the rays to the other person in the other camera.
 #[test]
 fn nobody_is_born_where_the_rays_of_two_people_meet() {
     for seed in 1..=6 {
         let mut feeder = Feeder::after_nobody(empty_room(), seeded(seed));
-        // Both came in; they pass so that the rays meet before and behind them.
+        // Both people came in; they pass so that the rays meet in front of and behind them.
         let mut strangers = 0;
         for moment in 0..160 {
             let step = f64::from(moment);

@@ -1,4 +1,4 @@
-//! The sampler as a whole, on moments made to try one rule each.
+//! Tests of the whole sampler, on moments constructed to check one rule each.
 
 use calib::{Camera, Intrinsics};
 use image::{GrayImage, Luma};
@@ -17,12 +17,12 @@ use crate::silhouette::Silhouette;
 
 const RATE_HZ: f64 = 12.0;
 
-/// Two cameras in the corners of an empty room of 6 × 5 m, with a door in the wall x = 6.
+/// Room of 6 × 5 m without furniture, with two cameras in its corners and a door in the wall x = 6.
 pub(crate) fn empty_room() -> PreparedRoom {
     room(&[(0.2, 0.2), (0.2, 4.8)], ZoneKind::Both)
 }
 
-/// The same with cameras at these places, 2.4 m above the floor, and a door of this kind.
+/// Room of 6 × 5 m with cameras at these places, 2.4 m above the floor, and a door of this kind.
 pub(super) fn room(cameras: &[(f64, f64)], kind: ZoneKind) -> PreparedRoom {
     let camera = |(x, y): &(f64, f64)| {
         let pose =
@@ -46,7 +46,7 @@ pub(crate) fn standing(x_m: f64, y_m: f64) -> Body {
     Body { x_m, y_m, radius_m: 0.25, height_m: 1.75 }
 }
 
-/// What the cameras of the stage see of bodies before which nothing stands.
+/// Masks of bodies in all cameras, with nothing in front of the bodies.
 pub(crate) fn masks(stage: &PreparedRoom, bodies: &[Body]) -> Vec<CameraFrame> {
     let seen = |camera: &PreparedCamera| {
         let mut mask = GrayImage::new(camera.width(), camera.height());
@@ -60,40 +60,40 @@ pub(crate) fn masks(stage: &PreparedRoom, bodies: &[Body]) -> Vec<CameraFrame> {
     stage.cameras.iter().map(seen).collect()
 }
 
-/// A tracker that is fed frame by frame.
+/// Tracker that is fed frame by frame.
 pub(super) struct Feeder {
     pub(super) stage: PreparedRoom,
     pub(super) mcmc: Mcmc,
     frame: u32,
-    /// Time at which the present rate began, seconds, and frames since.
+    /// Time at which the present frame rate began, seconds, and frames since.
     since_s: f64,
     frames: u32,
     rate_hz: f64,
 }
 
 impl Feeder {
-    /// At the first frame.
+    /// Tracker before its first frame.
     pub(super) fn at_first(stage: PreparedRoom, options: McmcOptions) -> Self {
         let mcmc = Mcmc::new(stage.clone(), options).unwrap();
         Self { mcmc, stage, frame: 0, since_s: 0.0, frames: 0, rate_hz: RATE_HZ }
     }
 
-    /// The same at another rate.
+    /// Continues at another frame rate, 1/s.
     pub(super) fn at_rate(self, rate_hz: f64) -> Self {
         Self { since_s: self.time_s(), frames: 0, rate_hz, ..self }
     }
 
-    /// Lets time pass without any moment.
+    /// Advances the time without any moment.
     pub(super) fn skip(&mut self, seconds: f64) {
         self.since_s += seconds;
     }
 
-    /// After a second of nobody in the empty room.
+    /// Tracker in the empty room, after one second of frames without people.
     fn new(seed: u64) -> Self {
         Self::after_nobody(empty_room(), McmcOptions { seed, ..McmcOptions::default() })
     }
 
-    /// After a second of nobody.
+    /// Tracker after one second of frames without people.
     pub(super) fn after_nobody(stage: PreparedRoom, options: McmcOptions) -> Self {
         let mut feeder = Self::at_first(stage, options);
         for _ in 0..12 {
@@ -117,7 +117,7 @@ impl Feeder {
         self.feed(&cameras)
     }
 
-    /// Somebody comes in through the door and walks to (3, 1.6), where they stay for a second.
+    /// Feeds a person who comes in through the door, walks to (3.1, 1.6) and stays there for a second.
     pub(super) fn bring_in(&mut self) -> PersonEstimate {
         for step in 0..30 {
             self.see(&[standing(6.0 - 0.1 * f64::from(step), 1.6)]);
@@ -130,7 +130,7 @@ impl Feeder {
 
 #[test]
 fn people_come_in_through_zones_and_nowhere_else() {
-    // What persists is another matter.
+    // Persistent evidence is tested elsewhere.
     let options = McmcOptions { rescues_per_s: 0.0, ..McmcOptions::default() };
     let mut feeder = Feeder::after_nobody(empty_room(), options);
     for _ in 0..24 {
@@ -154,7 +154,7 @@ fn whoever_is_hidden_is_still_there_less_and_less_certain() {
         sigma_m = people[0].sigma_m[0];
     }
     assert!(sigma_m > 0.3, "{sigma_m}");
-    // They have stepped aside meanwhile, and are recognised.
+    // The person has stepped aside meanwhile and keeps the id.
     let after = (0..12).map(|_| feeder.see(&[standing(3.3, 1.9)])).last().unwrap();
     assert_eq!(after.len(), 1);
     assert_eq!(after[0].id, before.id);
@@ -175,7 +175,7 @@ fn people_leave_through_zones() {
     assert_eq!(people, [], "person {} has left", person.id);
 }
 
-/// With a foot on the doorstep they are told, and not as if they were surely in the room.
+/// A person partly on the doorstep is reported with a reduced confidence.
 #[test]
 fn who_goes_out_is_less_and_less_surely_in_the_room() {
     let mut feeder = Feeder::new(3);
@@ -232,7 +232,7 @@ fn people_leave_through_a_door_that_is_an_exit_alone() {
     }
 }
 
-/// Puts an upright box before the cameras.
+/// Draws an upright box into the cameras' static depth.
 pub(super) fn stand(stage: &mut PreparedRoom, low: [f32; 3], high: [f32; 3]) {
     let scene = RayScene::new(&Geometry::Mesh(cuboid(low, high))).unwrap();
     for camera in &mut stage.cameras {
@@ -243,7 +243,7 @@ pub(super) fn stand(stage: &mut PreparedRoom, low: [f32; 3], high: [f32; 3]) {
     }
 }
 
-/// An upright box.
+/// Upright box.
 pub(super) fn cuboid(low: [f32; 3], high: [f32; 3]) -> Mesh {
     let vertices = (0..8).map(|corner| {
         glam::Vec3::from_array(std::array::from_fn(|axis| {
@@ -256,7 +256,7 @@ pub(super) fn cuboid(low: [f32; 3], high: [f32; 3]) -> Mesh {
     Mesh { vertices: vertices.collect(), triangles, colors: vec![[0; 3]; 8] }
 }
 
-/// A pillar hides the body, but not all that arms could reach beyond it. What nobody sees neither ends nor walks out.
+/// A pillar hides the body, but not all that arms could reach beyond it: an unseen track neither ends nor walks away.
 #[test]
 fn whoever_stands_behind_a_pillar_no_wider_than_they_is_still_there() {
     for (seed, width_m) in (1..=4).zip([0.50, 0.54, 0.58, 0.62]) {
@@ -279,8 +279,8 @@ fn whoever_stands_behind_a_pillar_no_wider_than_they_is_still_there() {
     }
 }
 
-/// Two who come in as one: abreast or one behind the other, so far apart. Whether both are told of, where they are, a second
-/// and a half after they began to part in the middle of the room.
+/// Whether both of two people who come in merged, `gap_m` apart and either abreast or one behind the other, are
+/// reported at their places 1.5 s after they begin to part in the middle of the room.
 fn both_are_told(gap_m: f64, abreast: bool, options: McmcOptions) -> bool {
     let mut feeder = Feeder::after_nobody(empty_room(), options);
     let (mut people, mut bodies) = (Vec::new(), [standing(0.0, 0.0); 2]);

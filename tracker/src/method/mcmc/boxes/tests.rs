@@ -1,4 +1,4 @@
-//! What is kept up to date while people move is what a fresh start would give; fits and hotspots find who is there.
+//! Tests of boxes: incremental updates equal a fresh computation, and fits and hotspots find the people.
 
 use nalgebra::{Matrix2, Vector2};
 use rand::{RngExt, SeedableRng};
@@ -9,7 +9,7 @@ use super::super::person::{Known, Place};
 use super::super::tests::{empty_room, standing};
 use super::*;
 
-/// The boxes that a perfect detector draws around these people, `skipping` some (camera, person).
+/// Boxes of a perfect detector around these people, without those of the pairs (camera, person) in `skipping`.
 fn detected(stage: &PreparedRoom, people: &[Body], skipping: &[(usize, usize)]) -> Vec<Vec<PersonBox>> {
     let boxes_of = |camera: usize| {
         let of_boxes = BoxCamera::new(&stage.cameras[camera]);
@@ -124,7 +124,7 @@ fn hotspots_and_fits_find_who_is_there() {
     };
     let fit = boxes.fits(std::iter::once((crowd[0], Some(&known)))).remove(0).unwrap().1;
     assert!(fit.log_density(2.0, 1.5) > fit.log_density(1.8, 1.6) + 2.0);
-    // Nobody is left over.
+    // All people are explained.
     boxes.insert(&crowd[1]);
     assert!(boxes.hotspots((&options.radius, &options.height), |_, _| true).is_empty());
 }
