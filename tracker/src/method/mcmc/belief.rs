@@ -2,12 +2,12 @@
 //! restores exchanged identities.
 
 use super::Mcmc;
-use super::boxes::Shown;
+use super::boxes::BoxMeasurement;
 use super::evidence::{Evidence, worst_filled};
 use super::options::Spread;
 use super::rescue::is_person_shown;
 use super::tally::{Sums, Tally};
-use super::track::{Found, Track};
+use super::track::{BirthPhase, Track};
 use crate::likelihood::Counts;
 use crate::likelihood::prior::log_separation;
 use crate::silhouette::visibility::visible_fractions;
@@ -20,12 +20,12 @@ const DETECTED_NATS: f64 = 3.0;
 impl Mcmc {
     /// Updates the tracks from the tally: people who are in more than half of the states survive or are born, the
     /// others end.
-    pub(super) fn update_tracks(&mut self, tally: &Tally, found: Found) {
+    pub(super) fn update_tracks(&mut self, tally: &Tally, found: BirthPhase) {
         let lives = |states: u32| states * 2 > tally.states();
         self.tracks.retain(|track| tally.of(track.key).is_some_and(|s| lives(s.states)));
         let is_known = |sums: &Sums| self.tracks.iter().any(|t| t.key == sums.key);
         let new: Vec<&Sums> = tally.all().iter().filter(|s| lives(s.states) && !is_known(s)).collect();
-        let shown = self.shown(tally, &new);
+        let shown = self.measurements(tally, &new);
         let alone = self.observes_boxes_alone();
         let visible = if self.simulation.sees_anything() {
             let bodies: Vec<Body> = self.tracks.iter().map(Track::body).collect();
@@ -61,7 +61,7 @@ impl Mcmc {
 
     /// Measurements by the boxes of each track and then of each newborn person, who become the people of the boxes'
     /// state at their mean place in the tally. Empty if masks are observed, too: the tally then accounts for both.
-    fn shown(&mut self, tally: &Tally, new: &[&Sums]) -> Vec<Option<Shown>> {
+    fn measurements(&mut self, tally: &Tally, new: &[&Sums]) -> Vec<Option<BoxMeasurement>> {
         self.boxes.clear();
         let of_track = |track: &Track| {
             let place = tally.of(track.key).map_or(track.motion.silhouette_place(), Sums::place);
@@ -76,7 +76,7 @@ impl Mcmc {
         let people: Vec<(Body, Spread, Spread)> =
             self.tracks.iter().map(of_track).chain(new.iter().map(of_new)).collect();
         people.iter().for_each(|(body, ..)| self.boxes.insert(body));
-        if self.observes_boxes_alone() { self.boxes.shown(&people) } else { Vec::new() }
+        if self.observes_boxes_alone() { self.boxes.measurements(&people) } else { Vec::new() }
     }
 
     /// Updates each track's probability of existence by the log-likelihood ratio of the observations with and without
@@ -120,7 +120,7 @@ impl Mcmc {
                 is_by_boxes: alone,
             };
             track.update_existence(&evidence, dt_s);
-            if track.id.is_none() && track.is_believable(&self.options) {
+            if track.id.is_none() && track.is_confirmable(&self.options) {
                 track.id = Some(TrackId(self.next_id));
                 self.next_id += 1;
             }

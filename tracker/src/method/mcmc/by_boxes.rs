@@ -22,7 +22,7 @@ impl Mcmc {
     ///
     /// A chain may start in any state; starting at the least-squares fits saves the steps to find them. The
     /// predictions, which are the prior, do not change.
-    pub(super) fn look_at_boxes(&mut self, people: &mut [Person]) -> Hotspots {
+    pub(super) fn fit_people_to_boxes(&mut self, people: &mut [Person]) -> Hotspots {
         if !self.boxes.is_in_use() {
             return Hotspots::default();
         }

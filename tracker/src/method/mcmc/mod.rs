@@ -55,7 +55,7 @@ use self::person::{Key, Person};
 use self::rescue::Rescue;
 use self::smoother::FixedLagSmoother;
 use self::tally::Tally;
-use self::track::{Found, Track};
+use self::track::{BirthPhase, Track};
 use super::capacity::Capacity;
 use super::{Method, Needs};
 use crate::identity::Identities;
@@ -70,7 +70,7 @@ const SETTLING_STEPS: u32 = 5;
 
 /// Upper bound of the factor by which a moment's steps are increased: after a long gap people have moved too far for
 /// any search to find them by their prediction.
-const MOST_PATIENCE: f64 = 12.0;
+const MAX_STEP_FACTOR: f64 = 12.0;
 
 /// Unexplained foreground in some camera, as a fraction of a typical silhouette, above which a person may be where
 /// they were not expected.
@@ -196,7 +196,7 @@ impl Mcmc {
 
     /// Handles a gap of `unseen_s` seconds without observations: lowers the probability that people are still there,
     /// and ends all tracks after [`FORGOTTEN_AFTER_S`].
-    fn forget_after(&mut self, unseen_s: f64, sees_anything: bool) {
+    fn handle_gap(&mut self, unseen_s: f64, sees_anything: bool) {
         if unseen_s > FORGOTTEN_AFTER_S {
             self.tracks.clear();
         } else if unseen_s >= OUTAGE_S && sees_anything {
@@ -249,12 +249,12 @@ impl Mcmc {
         people.into_iter().filter(|person| !gone.contains(&person.key)).collect()
     }
 
-    /// Factor of this moment's steps, 1 to [`MOST_PATIENCE`]. It grows with the time step, since the chain then has
+    /// Factor of this moment's steps, 1 to [`MAX_STEP_FACTOR`]. It grows with the time step, since the chain then has
     /// to search farther (at no more cost a second than at a high frame rate), and by `surprise` where foreground is
     /// left over, since a person is then not where they were predicted.
-    fn patience(&self, dt_s: f64, is_left_over: bool) -> f64 {
-        let surprise = if is_left_over { self.options.surprise } else { 1.0 };
-        ((dt_s / self.options.steps_for_s).max(1.0) * surprise).min(MOST_PATIENCE)
+    fn step_factor(&self, dt_s: f64, is_left_over: bool) -> f64 {
+        let unexplained_factor = if is_left_over { self.options.surprise } else { 1.0 };
+        ((dt_s / self.options.steps_for_s).max(1.0) * unexplained_factor).min(MAX_STEP_FACTOR)
     }
 
     /// Weights the birth maps by the foreground that the predicted people leave unexplained. Returns the area open to
@@ -293,7 +293,7 @@ impl Mcmc {
         self.rescued.forget();
         self.expected.forget();
         let expected_at = std::mem::take(&mut self.expected_at);
-        // Without zones people are born anywhere, company or not.
+        // Without zones people are born anywhere anyway.
         if settling || self.stage.zones.is_empty() || !is_left_over {
             return 0.0;
         }
@@ -316,7 +316,7 @@ impl Mcmc {
 
     /// Runs the chain of one moment and returns the tally of its kept states.
     fn sample(&mut self, mut people: Vec<Person>, dt_s: f64, settling: bool) -> Tally {
-        let hotspots = self.look_at_boxes(&mut people);
+        let hotspots = self.fit_people_to_boxes(&mut people);
         let alone = self.observes_boxes_alone();
         let (rule, typical_px, layers) = (self.options.likelihood, &self.typical_px, &self.layers);
         // Only the outermost shape counts: it leaves the least foreground unexplained.
@@ -384,10 +384,10 @@ impl Mcmc {
         let [burn_in, kept] = if alone {
             self.steps_by_boxes(people.len(), hotspots.len(), settling)
         } else {
-            let patience = self.patience(dt_s, is_left_over);
+            let step_factor = self.step_factor(dt_s, is_left_over);
             let steps = |least: u32| {
                 let least = least.max(self.options.steps_per_person.saturating_mul(people.len() as u32));
-                (f64::from(least) * patience).round() as u32
+                (f64::from(least) * step_factor).round() as u32
             };
             let settling_steps =
                 if settling { SETTLING_STEPS.saturating_mul(self.options.burn_in_steps) } else { 0 };
@@ -420,16 +420,16 @@ impl Method for Mcmc {
         self.last_time_s = Some(moment.time_s);
         let sees_anything = self.simulation.sees_anything() || self.boxes.is_in_use();
         let unseen_s = self.settling.observe(moment.time_s, sees_anything);
-        self.forget_after(unseen_s, sees_anything);
+        self.handle_gap(unseen_s, sees_anything);
         let settling = self.settling.is_on(moment.time_s, self.options.settling_s);
         let found = match (settling, self.settling.had_outage()) {
-            (false, _) => Found::Appearing,
-            (true, false) => Found::AtStart,
-            (true, true) => Found::AfterOutage,
+            (false, _) => BirthPhase::Appearing,
+            (true, false) => BirthPhase::AtStart,
+            (true, true) => BirthPhase::AfterOutage,
         };
 
-        let people = self.predicted(dt_s, found == Found::AfterOutage);
-        // The birth map weighs what the predicted people leave unexplained.
+        let people = self.predicted(dt_s, found == BirthPhase::AfterOutage);
+        // The birth maps weight the foreground that the predicted people leave unexplained.
         for person in &people {
             self.simulation.insert(&person.silhouettes);
             self.boxes.insert(&person.body);
@@ -439,9 +439,9 @@ impl Method for Mcmc {
         self.update_existence(&masks, dt_s);
         self.reidentify(moment.cameras);
         let traces = self.traces();
-        let believed =
+        let confirmed =
             traces.iter().filter_map(|trace| Some(trace.estimate(trace.id?, &trace.motion.belief)));
-        let now = self.in_the_room(believed.collect());
+        let now = self.inside_room(confirmed.collect());
         if self.options.lag_s > 0.0 {
             self.smoother.push(moment.frame, moment.time_s, self.options.lag_s, traces);
         }
@@ -454,7 +454,7 @@ impl Method for Mcmc {
 
     fn smoothed(&mut self, frame: u32) -> Option<Vec<PersonEstimate>> {
         let people = self.smoother.take(frame)?;
-        Some(self.in_the_room(people))
+        Some(self.inside_room(people))
     }
 }
 

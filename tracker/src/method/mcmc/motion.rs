@@ -24,9 +24,9 @@ const LONGEST_PART: f64 = 0.25;
 /// Largest number of parts of one step.
 const MOST_PARTS: f64 = 1000.0;
 /// Standard deviation of a measurement along an axis without information, metres.
-const UNLEARNT_M: f64 = 5.0;
+const UNINFORMED_SIGMA_M: f64 = 5.0;
 /// Ratio of posterior to prior variance above which an axis has no information but the sampler's own noise.
-const NOTHING_LEARNT: f64 = 0.9;
+const UNINFORMED_VARIANCE_RATIO: f64 = 0.9;
 
 /// Place (m) and velocity (m/s) on the floor, with their covariance. Order: x, y, vx, vy.
 #[derive(Debug, Clone)]
@@ -62,7 +62,7 @@ pub(super) struct Step {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Measurement {
     pub(super) place: Vector2<f64>,
-    /// Covariance, m²; the standard deviation is [`UNLEARNT_M`] along an axis without information.
+    /// Covariance, m²; the standard deviation is [`UNINFORMED_SIGMA_M`] along an axis without information.
     pub(super) covariance: Matrix2<f64>,
 }
 
@@ -148,7 +148,7 @@ impl Motion {
     ) {
         let gait = Matrix2::identity() * options.gait_sigma_m.powi(2);
         let shift = place - self.silhouette_place();
-        self.doubt_prediction(&shift, &gait);
+        self.inflate_prediction(&shift, &gait);
         let prior = self.silhouette_covariance();
         let Some(root) = prior.cholesky().map(|c| c.l()) else { return };
         let Some(inverse_root) = root.try_inverse() else { return };
@@ -160,7 +160,7 @@ impl Motion {
         let mut noise = Matrix2::zeros();
         for i in 0..2 {
             let left = relative.eigenvalues[i].clamp(1e-6, 1.0);
-            if left < NOTHING_LEARNT {
+            if left < UNINFORMED_VARIANCE_RATIO {
                 found[i] /= 1.0 - left;
                 noise[(i, i)] = left / (1.0 - left);
             } else {
@@ -186,14 +186,14 @@ impl Motion {
         options: &MotionOptions,
     ) {
         let noise = covariance + Matrix2::identity() * options.gait_sigma_m.powi(2);
-        self.doubt_prediction(&(place - self.silhouette_place()), &noise);
+        self.inflate_prediction(&(place - self.silhouette_place()), &noise);
         let shift = place - self.silhouette_place();
         self.measured = self.measurement(&Matrix2::identity(), &shift, &noise);
         self.update(&self.silhouette_from_state(), &shift, &noise);
     }
 
     /// Widens the prediction if a measurement with this noise is too far from it.
-    fn doubt_prediction(&mut self, shift: &Vector2<f64>, noise: &Matrix2<f64>) {
+    fn inflate_prediction(&mut self, shift: &Vector2<f64>, noise: &Matrix2<f64>) {
         let squared_sigmas = (self.silhouette_covariance() + noise)
             .try_inverse()
             .map_or(0.0, |inverse| shift.dot(&(inverse * shift)));
@@ -232,7 +232,7 @@ impl Motion {
             return None;
         }
         let weighted = measures.transpose() * noise.try_inverse()?;
-        let information = weighted * measures + Matrix2::from_diagonal_element(UNLEARNT_M.powi(-2));
+        let information = weighted * measures + Matrix2::from_diagonal_element(UNINFORMED_SIGMA_M.powi(-2));
         let covariance = information.try_inverse()?;
         Some(Measurement { place: self.place() + covariance * weighted * found, covariance })
     }

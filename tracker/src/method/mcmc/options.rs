@@ -48,7 +48,7 @@ impl Default for MoveWeights {
     }
 }
 
-/// How people walk.
+/// Options of the motion model.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MotionOptions {
@@ -153,7 +153,7 @@ pub struct McmcOptions {
     pub radius_step_m: f64,
     /// Standard deviation of a step of UPDATE-S in height, metres.
     pub height_step_m: f64,
-    /// How people walk.
+    /// Options of the motion model.
     pub motion: MotionOptions,
     /// Rate of births over all zones together, 1/s.
     pub births_per_s: f64,

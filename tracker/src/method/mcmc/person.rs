@@ -66,26 +66,26 @@ impl Known {
 pub(super) struct Place {
     near: Gaussian,
     around: Gaussian,
-    /// Distribution of the gate, which ends at [`FARTHEST_SIGMAS`] of its standard deviations.
-    farthest: Gaussian,
+    /// Distribution of the gate, which ends at [`GATE_SIGMAS`] of its standard deviations.
+    gate: Gaussian,
 }
 
 /// Weight of the wider distribution: the probability that a person deviates from the motion model.
-const ASTRAY: f64 = 0.02;
+const DEVIATION_WEIGHT: f64 = 0.02;
 /// Standard deviation of that deviation, metres.
-const ASTRAY_SIGMA_M: f64 = 0.5;
+const DEVIATION_SIGMA_M: f64 = 0.5;
 /// Gate in standard deviations of the prediction and the deviation together: a person farther away is another one.
-const FARTHEST_SIGMAS: f64 = 3.0;
+const GATE_SIGMAS: f64 = 3.0;
 
 impl Place {
-    /// Prior around a prediction with this covariance (m²); `astray_m` is the standard deviation, metres, by which
+    /// Prior around a prediction with this covariance (m²); `deviation_m` is the standard deviation, metres, by which
     /// the gate is wider than the prediction.
-    pub(super) fn new(mean: Vector2<f64>, covariance: &Matrix2<f64>, astray_m: f64) -> Self {
+    pub(super) fn new(mean: Vector2<f64>, covariance: &Matrix2<f64>, deviation_m: f64) -> Self {
         let wider = |by_m: f64| Gaussian::new(mean, &(covariance + Matrix2::identity() * by_m.powi(2)));
         Self {
             near: Gaussian::new(mean, covariance),
-            around: wider(ASTRAY_SIGMA_M),
-            farthest: wider(astray_m),
+            around: wider(DEVIATION_SIGMA_M),
+            gate: wider(deviation_m),
         }
     }
 
@@ -100,17 +100,17 @@ impl Place {
     }
 
     pub(super) fn log_density(&self, x_m: f64, y_m: f64) -> f64 {
-        if self.farthest.squared_sigmas(x_m, y_m) > FARTHEST_SIGMAS * FARTHEST_SIGMAS {
+        if self.gate.squared_sigmas(x_m, y_m) > GATE_SIGMAS * GATE_SIGMAS {
             return LOG_IMPOSSIBLE;
         }
-        let near = self.near.log_density(x_m, y_m) + (1.0 - ASTRAY).ln();
-        let around = self.around.log_density(x_m, y_m) + ASTRAY.ln();
+        let near = self.near.log_density(x_m, y_m) + (1.0 - DEVIATION_WEIGHT).ln();
+        let around = self.around.log_density(x_m, y_m) + DEVIATION_WEIGHT.ln();
         let larger = near.max(around);
         larger + ((near - larger).exp() + (around - larger).exp()).ln()
     }
 
     pub(super) fn sample(&self, rng: &mut Pcg64Mcg) -> Vector2<f64> {
-        if rng.random::<f64>() < ASTRAY { self.around.sample(rng) } else { self.near.sample(rng) }
+        if rng.random::<f64>() < DEVIATION_WEIGHT { self.around.sample(rng) } else { self.near.sample(rng) }
     }
 }
 

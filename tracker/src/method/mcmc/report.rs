@@ -26,7 +26,7 @@ impl Mcmc {
 
     /// Keeps the estimates inside the room, sorted by id. A person on a doorstep is in the room with a probability
     /// below 1, by which the confidence is multiplied.
-    pub(super) fn in_the_room(&self, mut people: Vec<PersonEstimate>) -> Vec<PersonEstimate> {
+    pub(super) fn inside_room(&self, mut people: Vec<PersonEstimate>) -> Vec<PersonEstimate> {
         people.retain(|person| self.stage.floor.is_inside(person.x_m, person.y_m));
         for person in &mut people {
             person.confidence *= self.stage.floor.share_inside(person.x_m, person.y_m, person.sigma_m);

@@ -175,7 +175,7 @@ impl Rescue {
 
 /// Support of the cameras for an unexplained person who would fill these pixels.
 fn support(filled: &[Filled], cameras: &[Option<Uncovered>]) -> Support {
-    let mut shown = Shown::default();
+    let mut shown = CameraSupport::default();
     for (filled, camera) in filled.iter().zip(cameras) {
         let Some(camera) = camera.as_ref().filter(|_| filled.visible_px > 0) else { continue };
         let parts = [(&filled.rows, filled.visible_px), (&filled.upper_rows, filled.upper_visible_px)];
@@ -196,7 +196,7 @@ fn support(filled: &[Filled], cameras: &[Option<Uncovered>]) -> Support {
 /// there.
 pub(super) fn is_person_shown(simulation: &Simulation, layers: &Layers, body: &Body) -> bool {
     const UPPER_CORE: Shape = Shape { bottom: 1.0 - UPPER_BODY, ..Shape::CORE };
-    let mut shown = Shown::default();
+    let mut shown = CameraSupport::default();
     for (camera, view) in layers.views().iter().enumerate() {
         let layer = layers.innermost(camera);
         if !simulation.in_use(layer) {
@@ -233,7 +233,7 @@ impl Part {
 
 /// Accumulated view of a person over the cameras.
 #[derive(Debug, Clone, Copy)]
-struct Shown {
+struct CameraSupport {
     seeing: u32,
     clearly: u32,
     /// Smallest foreground fraction of the whole body over the cameras.
@@ -242,13 +242,13 @@ struct Shown {
     least_upper: Option<f64>,
 }
 
-impl Default for Shown {
+impl Default for CameraSupport {
     fn default() -> Self {
         Self { seeing: 0, clearly: 0, least: 1.0, least_upper: None }
     }
 }
 
-impl Shown {
+impl CameraSupport {
     /// Adds a camera that sees some of the place. A camera that does not see the feet cannot tell the distance, so it
     /// does not see the place clearly.
     fn add_camera(&mut self, whole: Part, upper: Part, whole_px: f64, full_px: u32, has_feet: bool) {

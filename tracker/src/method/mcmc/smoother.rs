@@ -144,7 +144,7 @@ mod tests {
                 information.view_mut(at, (4, 4)).copy_from(&sum);
             }
             if is_seen {
-                // The sampler's posterior, of which the belief then makes what gait leaves of it.
+                // The posterior of a sampler without gait noise; the belief adds that noise.
                 let seen = Vector2::new(x, y);
                 let s = h * prior.covariance * h.transpose() + noise;
                 let gain = prior.covariance * h.transpose() * s.try_inverse().unwrap();

@@ -134,7 +134,7 @@ impl Scenario {
     }
 }
 
-/// Mask of the people in a camera's image at full resolution.
+/// Mask of the people in a camera's real image, before rectification.
 fn silhouettes(camera: &PreparedCamera, view: &View, people: &[PersonEstimate]) -> GrayImage {
     let drawn: Vec<Silhouette> =
         people.iter().map(|p| Silhouette::new(view, &Shape::REACH.of(&Body::from(p)))).collect();

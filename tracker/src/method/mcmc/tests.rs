@@ -142,7 +142,7 @@ fn people_come_in_through_zones_and_nowhere_else() {
 }
 
 #[test]
-fn whoever_is_hidden_is_still_there_less_and_less_certain() {
+fn a_hidden_person_keeps_the_id_with_growing_uncertainty() {
     let mut feeder = Feeder::new(2);
     let before = feeder.bring_in();
     let blind = vec![CameraFrame::default(); 2];
@@ -177,7 +177,7 @@ fn people_leave_through_zones() {
 
 /// A person partly on the doorstep is reported with a reduced confidence.
 #[test]
-fn who_goes_out_is_less_and_less_surely_in_the_room() {
+fn confidence_falls_while_a_person_walks_out_of_the_room() {
     let mut feeder = Feeder::new(3);
     feeder.bring_in();
     let mut on_the_edge = 0;
@@ -196,11 +196,11 @@ fn who_goes_out_is_less_and_less_surely_in_the_room() {
 }
 
 #[test]
-fn whoever_was_inside_from_the_beginning_is_found_once_they_move() {
+fn a_person_inside_from_the_beginning_is_found_after_moving() {
     let mut feeder = Feeder::at_first(empty_room(), McmcOptions::default());
     for _ in 0..12 {
         let people = feeder.see(&[standing(2.0, 3.0)]);
-        assert_eq!(people, [], "what has always stood there may be anything");
+        assert_eq!(people, [], "an unmoved track at the start may be furniture");
     }
     let mut people = Vec::new();
     for step in 0..18 {
@@ -228,7 +228,11 @@ fn people_leave_through_a_door_that_is_an_exit_alone() {
         }
         let [stays] = people.as_slice() else { panic!("one of two has left: {people:?}") };
         assert!((stays.x_m - 2.4).hypot(stays.y_m - 3.5) < 0.1, "{stays:?}");
-        assert_eq!(feeder.mcmc.tracks.len(), 1, "whoever has left is not followed on the doorstep either");
+        assert_eq!(
+            feeder.mcmc.tracks.len(),
+            1,
+            "a person who has left is not tracked on the doorstep either"
+        );
     }
 }
 
@@ -258,7 +262,7 @@ pub(super) fn cuboid(low: [f32; 3], high: [f32; 3]) -> Mesh {
 
 /// A pillar hides the body, but not all that arms could reach beyond it: an unseen track neither ends nor walks away.
 #[test]
-fn whoever_stands_behind_a_pillar_no_wider_than_they_is_still_there() {
+fn a_person_behind_a_pillar_of_body_width_keeps_the_track() {
     for (seed, width_m) in (1..=4).zip([0.50, 0.54, 0.58, 0.62]) {
         let mut stage = room(&[(0.2, 2.5)], ZoneKind::Both);
         stand(&mut stage, [2.6, 3.24 - 0.5 * width_m, 0.0], [2.9, 3.24 + 0.5 * width_m, 2.5]);
@@ -281,7 +285,7 @@ fn whoever_stands_behind_a_pillar_no_wider_than_they_is_still_there() {
 
 /// Whether both of two people who come in merged, `gap_m` apart and either abreast or one behind the other, are
 /// reported at their places 1.5 s after they begin to part in the middle of the room.
-fn both_are_told(gap_m: f64, abreast: bool, options: McmcOptions) -> bool {
+fn both_are_reported(gap_m: f64, abreast: bool, options: McmcOptions) -> bool {
     let mut feeder = Feeder::after_nobody(empty_room(), options);
     let (mut people, mut bodies) = (Vec::new(), [standing(0.0, 0.0); 2]);
     for step in (0..=50).map(f64::from) {
@@ -295,25 +299,25 @@ fn both_are_told(gap_m: f64, abreast: bool, options: McmcOptions) -> bool {
         };
         people = feeder.see(&bodies);
     }
-    let is_told = |body: &Body| {
+    let is_reported = |body: &Body| {
         people.iter().any(|p: &PersonEstimate| (p.x_m - body.x_m).hypot(p.y_m - body.y_m) < 0.2)
     };
-    people.len() == 2 && bodies.iter().all(is_told)
+    people.len() == 2 && bodies.iter().all(is_reported)
 }
 
 #[test]
-fn two_who_came_in_as_one_are_two_once_they_part() {
+fn two_people_who_came_in_merged_are_separated_after_parting() {
     let pairs = || [0.25, 0.35, 0.45].into_iter().flat_map(|gap_m| [(gap_m, true), (gap_m, false)]);
-    let told = |companions_per_s: f64| {
+    let count_reported = |companions_per_s: f64| {
         let runs = (1..=4).flat_map(|seed| pairs().map(move |pair| (seed, pair)));
         let both = runs.filter(|(seed, (gap_m, abreast))| {
             let options = McmcOptions { seed: *seed, companions_per_s, ..McmcOptions::default() };
-            both_are_told(*gap_m, *abreast, options)
+            both_are_reported(*gap_m, *abreast, options)
         });
         both.count()
     };
-    let (with, without) = (told(McmcOptions::default().companions_per_s), told(0.0));
-    println!("of 24 pairs both are told: {with}, and {without} where nobody turns out to be two");
+    let (with, without) = (count_reported(McmcOptions::default().companions_per_s), count_reported(0.0));
+    println!("both of 24 pairs are reported: {with}, and {without} without births of companions");
     assert!(with >= 20, "{with} of 24");
     assert!(without <= 12, "{without} of 24: the pairs are too easy");
 }

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix2, Vector2};
 
-use super::boxes::Shown;
+use super::boxes::BoxMeasurement;
 use super::evidence::Evidence;
 use super::motion::Motion;
 use super::options::{McmcOptions, Spread};
@@ -26,10 +26,10 @@ const RADIUS_POSE_SIGMA_M: f64 = 0.025;
 const HEIGHT_POSE_SIGMA_M: f64 = 0.02;
 
 /// Bound of the absolute log odds of existence, nats.
-const SUREST_NATS: f64 = 12.0;
+const MAX_LOG_ODDS: f64 = 12.0;
 
 /// A person of whom no camera sees at least this fraction is out of sight.
-const IN_SIGHT: f64 = 0.1;
+const MIN_VISIBLE: f64 = 0.1;
 /// Interval from which on the evidence of successive moments counts as independent, seconds; evidence at shorter
 /// intervals is scaled down.
 const INDEPENDENT_AFTER_S: f64 = 0.08;
@@ -43,22 +43,22 @@ const STANDS_FOR_S: f64 = 2.0;
 
 /// Standard deviation by which people deviate from their prediction, metres (the gate is at three of it), and its
 /// growth for each second in which cameras contradict the track, m/s.
-const ASTRAY_M: f64 = 0.35;
-const ASTRAY_SPEED_M_S: f64 = 1.0;
+const DEVIATION_M: f64 = 0.35;
+const DEVIATION_SPEED_M_S: f64 = 1.0;
 
 /// A person who went through a door out of sight has left once the standard deviation of the place exceeds this,
 /// metres, at this rate per second.
 const LOST_BEHIND_DOOR_M: f64 = 1.0;
 const LEAVES_BEHIND_DOOR_PER_S: f64 = 2.0;
 /// A track out of sight ends when its probability of having stayed falls below this.
-const GONE: f64 = 0.1;
+const MIN_STAYED: f64 = 0.1;
 
 /// A track that a camera with a clear view contradicts for this long may be deleted anywhere, seconds.
 const CONTRADICTED_FOR_S: f64 = 3.0;
 
 /// Phase of the stream in which a track was born.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Found {
+pub(super) enum BirthPhase {
     /// At the start of the stream, when the track may be furniture that has always stood there.
     AtStart,
     /// After an outage of all cameras, during which furniture may have been moved.
@@ -67,7 +67,7 @@ pub(super) enum Found {
     Appearing,
 }
 
-impl Found {
+impl BirthPhase {
     /// Time for which the cameras have to show an average person before an unmoved track is confirmed, seconds.
     fn stands_for_s(self) -> f64 {
         match self {
@@ -96,20 +96,20 @@ pub(super) struct Track {
     pub(super) earned_nats: f64,
     /// Whether some camera saw this person at the last moment.
     pub(super) in_sight: bool,
-    found: Found,
+    found: BirthPhase,
     /// Birth place of a track found at the start or after an outage, metres; `None` once it has moved.
     still_at: Option<Vector2<f64>>,
     /// Way through the zones of people who leave; `None` until the first prediction.
     passage: Option<Passage>,
     /// Probability of not having left since a camera last saw the person.
     stayed: f64,
-    /// Seconds for which the cameras have shown an average person there; `None` when they did not at the last moment.
+    /// Time for which the cameras have shown an average person there, seconds; `None` if not at the last moment.
     upright_s: Option<f64>,
 }
 
 impl Track {
     /// New track of a person born in this moment.
-    pub(super) fn born(sums: &Sums, found: Found, options: &McmcOptions) -> Self {
+    pub(super) fn born(sums: &Sums, found: BirthPhase, options: &McmcOptions) -> Self {
         let gait = Matrix2::identity() * options.motion.gait_sigma_m.powi(2);
         let mut track = Self {
             key: sums.key,
@@ -123,7 +123,7 @@ impl Track {
             earned_nats: 0.0,
             in_sight: true,
             found,
-            still_at: (found != Found::Appearing).then(|| sums.place()),
+            still_at: (found != BirthPhase::Appearing).then(|| sums.place()),
             passage: None,
             stayed: 1.0,
             upright_s: None,
@@ -146,7 +146,7 @@ impl Track {
 
     /// Records whether any camera sees the person, by the largest visible fraction.
     pub(super) fn see(&mut self, visible: f64) {
-        self.in_sight = visible >= IN_SIGHT;
+        self.in_sight = visible >= MIN_VISIBLE;
     }
 
     /// Updates motion and size by a moment's states. `visible` is the largest fraction of the person that any camera
@@ -162,13 +162,13 @@ impl Track {
     }
 
     /// Updates motion and size by the measurement of a detector's boxes.
-    pub(super) fn measure(&mut self, shown: &Shown, options: &McmcOptions) {
+    pub(super) fn measure(&mut self, shown: &BoxMeasurement, options: &McmcOptions) {
         self.motion.measure(&shown.place, &shown.covariance, &options.motion);
         (self.radius, self.height) = (shown.radius, shown.height);
     }
 
     /// Initialises motion and size of a track born in this moment by the measurement of a detector's boxes.
-    pub(super) fn appear(&mut self, shown: &Shown, options: &McmcOptions) {
+    pub(super) fn appear(&mut self, shown: &BoxMeasurement, options: &McmcOptions) {
         let gait = Matrix2::identity() * options.motion.gait_sigma_m.powi(2);
         self.motion = Motion::appeared(shown.place, &(shown.covariance + gait), &options.motion);
         (self.radius, self.height) = (shown.radius, shown.height);
@@ -186,7 +186,7 @@ impl Track {
     /// Multiplies the probability of existence by the probability of not having left unseen.
     pub(super) fn may_have_left(&mut self, probability: f64) {
         let there = self.existence() * (1.0 - probability);
-        self.log_odds = (there / (1.0 - there)).ln().clamp(-SUREST_NATS, SUREST_NATS);
+        self.log_odds = (there / (1.0 - there)).ln().clamp(-MAX_LOG_ODDS, MAX_LOG_ODDS);
     }
 
     /// Updates the probability that a person out of sight has stayed, over `dt_s` seconds. `at_exit`: whether the
@@ -211,13 +211,13 @@ impl Track {
 
     /// Whether the person is out of sight and has probably left.
     pub(super) fn is_gone(&self) -> bool {
-        self.stayed < GONE
+        self.stayed < MIN_STAYED
     }
 
     /// Updates the log odds of existence and the confirmation counters by a moment's evidence.
     pub(super) fn update_existence(&mut self, evidence: &Evidence, dt_s: f64) {
         let new = (dt_s / INDEPENDENT_AFTER_S).min(1.0);
-        self.log_odds = (self.log_odds + new * evidence.for_presence()).clamp(-SUREST_NATS, SUREST_NATS);
+        self.log_odds = (self.log_odds + new * evidence.for_presence()).clamp(-MAX_LOG_ODDS, MAX_LOG_ODDS);
         self.earned_nats += new * evidence.beyond_chance();
         self.contradicted_s = if evidence.is_against() { self.contradicted_s + dt_s } else { 0.0 };
         self.is_doubted = evidence.is_by_boxes && self.log_odds < 0.0;
@@ -227,7 +227,7 @@ impl Track {
     }
 
     /// Whether the evidence suffices to confirm the track as a person.
-    pub(super) fn is_believable(&self, options: &McmcOptions) -> bool {
+    pub(super) fn is_confirmable(&self, options: &McmcOptions) -> bool {
         self.earned_nats >= options.believed_at_nats
             && (!self.may_be_furniture() || self.upright_s.is_some_and(|s| s >= self.found.stands_for_s()))
     }
@@ -266,7 +266,7 @@ impl Track {
             place: Place::new(
                 self.motion.silhouette_place(),
                 &self.motion.silhouette_covariance(),
-                self.astray_m(),
+                self.deviation_m(),
             ),
             radius: posed(&self.radius, RADIUS_POSE_SIGMA_M),
             height: posed(&self.height, HEIGHT_POSE_SIGMA_M),
@@ -276,8 +276,8 @@ impl Track {
     }
 
     /// Standard deviation of deviations from the prediction, metres; it grows while cameras contradict the track.
-    fn astray_m(&self) -> f64 {
-        ASTRAY_M + ASTRAY_SPEED_M_S * self.contradicted_s
+    fn deviation_m(&self) -> f64 {
+        DEVIATION_M + DEVIATION_SPEED_M_S * self.contradicted_s
     }
 
     /// Most probable body at the place of its silhouette.

@@ -166,7 +166,7 @@ impl Detector {
     }
 
     /// Makes the updates effective: recomputes the table of detection probabilities.
-    pub(super) fn learnt(&mut self) {
+    pub(super) fn apply_learnt(&mut self) {
         self.tabulate();
     }
 }
@@ -181,7 +181,7 @@ pub(super) struct Noise {
 
 impl Noise {
     /// Squared Mahalanobis distance above which the log density is below `log_least`.
-    pub(super) fn farthest(&self, log_least: f64) -> f64 {
+    pub(super) fn max_squared_sigmas(&self, log_least: f64) -> f64 {
         (FREEDOM - 2.0) * (((self.log_peak - log_least) * (2.0 / (FREEDOM + 4.0))).exp() - 1.0)
     }
 
@@ -255,7 +255,7 @@ mod tests {
             let noise = detector.noise(500.0, 480.0, 5.0);
             detector.learn_noise(&noise, &expected, &Detected { edges, cut: [false; 4] }, 1.0);
         }
-        detector.learnt();
+        detector.apply_learnt();
         let [miss, odds] = detector.miss_and_odds(POINTS, POINTS);
         assert!((odds - 1.0).abs() < 0.15 && (miss - 0.5_f64.ln()).abs() < 0.1, "{miss} {odds}");
         assert_eq!(detector.miss_and_odds(LEAST_POINTS - 1, POINTS)[1], 0.0);
@@ -267,7 +267,7 @@ mod tests {
     #[test]
     fn the_farthest_residuals_have_the_least_density() {
         let noise = Detector::new(1).noise(500.0, 480.0, 5.0);
-        let far = noise.farthest(-20.0);
+        let far = noise.max_squared_sigmas(-20.0);
         assert_relative_eq!(noise.density_over(far, -20.0), 1.0, epsilon = 1e-9);
     }
 }

@@ -116,12 +116,13 @@ impl InCamera {
             return presence;
         }
         let noise = presence.noise;
-        let farthest = noise.farthest(self.log_clutter + (LEAST_ODDS / MOST_HIT_ODDS).ln());
+        let max_squared_sigmas =
+            noise.max_squared_sigmas(self.log_clutter + (LEAST_ODDS / MOST_HIT_ODDS).ln());
         let beyond = self.beyond_border(&expected);
         for (b, detected) in self.boxes.iter().enumerate() {
             let censored = std::array::from_fn(|i| detected.cut[i] && beyond[i]);
             let squared = noise.squared_sigmas(&residuals(&expected, detected, censored));
-            if squared < farthest {
+            if squared < max_squared_sigmas {
                 presence.add((b as u32, noise.density_over(squared, self.log_clutter)));
             }
         }

@@ -18,7 +18,7 @@ const LEAST_MATCH: f64 = 0.3;
 
 /// Measurement of a person by the boxes of one moment.
 #[derive(Debug, Clone)]
-pub(in super::super) struct Shown {
+pub(in super::super) struct BoxMeasurement {
     /// Place on the floor, metres, without the prediction.
     pub(in super::super) place: Vector2<f64>,
     /// Its covariance, m².
@@ -32,7 +32,10 @@ pub(in super::super) struct Shown {
 impl Boxes {
     /// Measurement of each person of the present state, given with the priors of radius and height; `None` for a
     /// person without an associated box.
-    pub(in super::super) fn shown(&self, people: &[(Body, Spread, Spread)]) -> Vec<Option<Shown>> {
+    pub(in super::super) fn measurements(
+        &self,
+        people: &[(Body, Spread, Spread)],
+    ) -> Vec<Option<BoxMeasurement>> {
         let matchings: Vec<_> = self.cameras.iter().map(InCamera::matching).collect();
         let matches: Vec<Vec<Vec<(usize, f64)>>> =
             matchings.iter().map(|m| m.matches().map(Iterator::collect).collect()).collect();
@@ -54,7 +57,7 @@ impl Boxes {
             };
             let fitted = fit(self, &prior, body, |camera, b| probability(camera, b).unwrap_or(0.0))?;
             let spread = |i: usize| Spread { mean_m: fitted.state[i], sigma_m: fitted.sigma(i) };
-            Some(Shown {
+            Some(BoxMeasurement {
                 place: fitted.place(),
                 covariance: fitted.place_covariance(),
                 radius: spread(2),

@@ -26,7 +26,7 @@ mod tests;
 use self::camera::{BoxCamera, POINTS};
 use self::detector::{Detected, Detector};
 use self::in_camera::InCamera;
-pub(super) use self::measurement::Shown;
+pub(super) use self::measurement::BoxMeasurement;
 pub(super) use self::proposals::Hotspots;
 use crate::observation::PersonBox;
 use crate::prepared_room::PreparedRoom;
@@ -155,6 +155,6 @@ impl Boxes {
             }
             self.detector.learn_clutter(number, matchings[number].unexplained().sum());
         }
-        self.detector.learnt();
+        self.detector.apply_learnt();
     }
 }

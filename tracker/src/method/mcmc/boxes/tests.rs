@@ -29,7 +29,7 @@ fn restarted(boxes: &mut Boxes, seen: &[Vec<PersonBox>]) {
     boxes.restart(seen.iter().map(|camera| Some(camera.as_slice())));
 }
 
-fn somebody(rng: &mut Pcg64Mcg) -> Body {
+fn random_body(rng: &mut Pcg64Mcg) -> Body {
     Body {
         x_m: rng.random_range(1.0..4.5),
         y_m: rng.random_range(0.5..4.0),
@@ -42,7 +42,7 @@ fn somebody(rng: &mut Pcg64Mcg) -> Body {
 fn a_changing_state_has_the_likelihood_of_a_fresh_one() {
     let stage = empty_room();
     let mut rng = Pcg64Mcg::seed_from_u64(3);
-    let crowd: Vec<Body> = (0..8).map(|_| somebody(&mut rng)).collect();
+    let crowd: Vec<Body> = (0..8).map(|_| random_body(&mut rng)).collect();
     let seen = detected(&stage, &crowd, &[(0, 2), (1, 5)]);
     let (mut boxes, mut fresh) = (Boxes::new(&stage), Boxes::new(&stage));
     restarted(&mut boxes, &seen);

@@ -46,7 +46,7 @@ fn near(body: &Body, reach_m: f64, rng: &mut Pcg64Mcg) -> Body {
 }
 
 #[test]
-fn proposals_are_given_up_early_only_where_they_would_be_refused() {
+fn proposals_are_abandoned_early_only_if_they_would_be_rejected() {
     let stage = empty_room();
     let seen = masks(&stage, &[standing(3.0, 1.6), standing(3.4, 2.0), standing(1.8, 3.5)]);
     let mut rng = Pcg64Mcg::seed_from_u64(5);
@@ -90,7 +90,7 @@ fn proposals_are_given_up_early_only_where_they_would_be_refused() {
         };
         let (mut next_key, mut boxes) = (3, Boxes::new(&stage));
         let mut chain = Chain::new(setting, (&mut simulation, &mut boxes), people, &mut next_key);
-        let (mut taken, mut refused, mut given_up) = (0, 0, 0);
+        let (mut taken, mut refused, mut abandoned) = (0, 0, 0);
         for _ in 0..3000 {
             let which = rng.random_range(0..at.len());
             let (old, new) = match rng.random_range(0..4) {
@@ -108,19 +108,19 @@ fn proposals_are_given_up_early_only_where_they_would_be_refused() {
                 assert_eq!(chain.likelihood_of(old, new.as_ref(), least), Some(whole), "{old:?} {new:?}");
             }
             let present = chain.log_likelihood;
-            given_up += u32::from(chain.likelihood_of(old, new.as_ref(), present).is_none());
+            abandoned += u32::from(chain.likelihood_of(old, new.as_ref(), present).is_none());
             assert_eq!(chain.decide(old, new.as_ref(), log_ratio, &mut rng), wanted, "{old:?} {new:?}");
             assert_eq!(rng, other, "the next number drawn is another");
             *(if wanted.is_some() { &mut taken } else { &mut refused }) += 1;
         }
         assert!(taken > 500 && refused > 500, "{likelihood:?}: {taken} taken, {refused} refused");
-        assert!(given_up > 200, "{likelihood:?}: {given_up} given up");
+        assert!(abandoned > 200, "{likelihood:?}: {abandoned} abandoned");
     }
 }
 
 /// Statistics of a state: whether it has 0, 1 or 2 people; presence, x and height of the known person; sums over the
 /// people born in this moment of radius, x and two indicators of the place.
-fn told(people: &[(Body, bool)]) -> [f64; 10] {
+fn statistics(people: &[(Body, bool)]) -> [f64; 10] {
     let of = |is_new: bool| people.iter().filter(move |p| p.1 == is_new).map(|p| p.0);
     let is = |truth: bool| f64::from(u8::from(truth));
     let n = people.len();
@@ -187,33 +187,33 @@ fn drawn_by_rejection(
             (0..i).all(|j| people[i].0.floor_distance_m(&people[j].0) >= 2.0 * options.radius.mean_m)
         });
         if people.len() <= options.max_people && apart && people.iter().all(|p| is_a_size(&p.0)) {
-            drawn.push(told(&people));
+            drawn.push(statistics(&people));
         }
     }
     drawn
 }
 
 #[test]
-fn where_nothing_is_seen_the_states_are_those_of_the_prior() {
-    states_are_those_of_the_prior(true, [0.03; 3], None, 600_000);
+fn without_masks_the_states_sample_the_prior() {
+    assert_states_sample_the_prior(true, [0.03; 3], None, 600_000);
 }
 
 /// People appear through the door, and at a higher density at persistent evidence and close to followed people.
 #[test]
-fn where_nothing_is_seen_people_come_in_and_out_of_openings_as_often_as_expected() {
-    states_are_those_of_the_prior(false, [0.3, 0.6, 1.0], None, 2_000_000);
+fn without_masks_births_in_openings_are_as_frequent_as_expected() {
+    assert_states_sample_the_prior(false, [0.3, 0.6, 1.0], None, 2_000_000);
 }
 
 /// Moves for a detector's boxes, without any boxes: people also appear everywhere else, are proposed at hotspots, and
 /// exchange identities.
 #[test]
-fn where_nothing_is_detected_the_states_are_those_of_the_prior() {
-    states_are_those_of_the_prior(false, [0.3, 0.6, 1.0], Some(0.05), 2_000_000);
+fn without_boxes_the_states_sample_the_prior() {
+    assert_states_sample_the_prior(false, [0.3, 0.6, 1.0], Some(0.05), 2_000_000);
 }
 
 /// Compares the chain's states with the prior, for these densities of births (1/m²): in zones or anywhere, at
 /// persistent evidence, close to followed people; and everywhere else, where boxes are observed.
-fn states_are_those_of_the_prior(
+fn assert_states_sample_the_prior(
     anywhere: bool,
     [per_m2, rescued_per_m2, of_company_per_m2]: [f64; 3],
     elsewhere_per_m2: Option<f64>,
@@ -315,7 +315,7 @@ fn states_are_those_of_the_prior(
     let sampled: Vec<_> = (0..steps)
         .map(|_| {
             chain.step(&mut rng);
-            told(&chain.people.iter().map(|p| (p.body, p.is_new())).collect::<Vec<_>>())
+            statistics(&chain.people.iter().map(|p| (p.body, p.is_new())).collect::<Vec<_>>())
         })
         .collect();
 
