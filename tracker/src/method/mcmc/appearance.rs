@@ -74,8 +74,8 @@ pub(super) struct Appearance<'a> {
     pub(super) informed: f64,
     /// Log density of births there, 1/m².
     pub(super) log_density: f64,
-    /// Openings outside the zones, the first that holds a place decides: near people seen by other trackers, at
-    /// persistent evidence, close to merged people.
+    /// Openings outside the zones: near people seen by other trackers, at persistent evidence, close to merged
+    /// people. The first one that holds a place gives its density.
     pub(super) openings: [Opening<'a>; 3],
     /// Log density of births everywhere else, 1/m²; [`LOG_IMPOSSIBLE`] without boxes, since only boxes distinguish
     /// people from other moving things.

@@ -13,7 +13,7 @@ use crate::silhouette::Body;
 /// Least standard deviation of a fused place, metres, because the errors of several trackers may be correlated.
 const LEAST_KNOWN_M: f64 = 0.15;
 
-/// Measurement of one person at one moment, without what was believed before.
+/// Measurement of one person by one moment, without the prior.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measured {
     /// Identity of the person.
@@ -42,8 +42,8 @@ impl Mcmc {
         people
     }
 
-    /// Lets people appear near these places (metres) at the next moment, where the masks show a person whom no track
-    /// explains: other trackers see them there.
+    /// Allows births near these places (metres) at the next moment, where the masks show a person whom no track
+    /// explains: other trackers see people there.
     pub fn expect(&mut self, places: impl IntoIterator<Item = Point2<f64>>) {
         self.expected_at.clear();
         self.expected_at.extend(places.into_iter().map(|place| Vector2::new(place.x, place.y)));

@@ -4,9 +4,9 @@
 //! another person may stand at a track's predicted place, and after [`FORGOTTEN_AFTER_S`] the predictions cannot
 //! distinguish people: the tracks end.
 
-/// Seconds without a usable mask of any camera after which people may have come in unseen.
+/// Time without a usable mask of any camera after which people may have come in unseen, seconds.
 pub(super) const OUTAGE_S: f64 = 2.0;
-/// Seconds without a usable mask of any camera after which all tracks end.
+/// Time without a usable mask of any camera after which all tracks end, seconds.
 pub(super) const FORGOTTEN_AFTER_S: f64 = 30.0;
 
 /// Times of masks and outages, which determine whether people may appear anywhere, seconds.

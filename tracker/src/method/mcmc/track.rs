@@ -28,7 +28,7 @@ const HEIGHT_POSE_SIGMA_M: f64 = 0.02;
 /// Bound of the absolute log odds of existence, nats.
 const MAX_LOG_ODDS: f64 = 12.0;
 
-/// A person of whom no camera sees at least this fraction is out of sight.
+/// Visible fraction below which a person is out of sight, for the camera that sees most.
 const MIN_VISIBLE: f64 = 0.1;
 /// Interval from which on the evidence of successive moments counts as independent, seconds; evidence at shorter
 /// intervals is scaled down.
@@ -46,8 +46,8 @@ const STANDS_FOR_S: f64 = 2.0;
 const DEVIATION_M: f64 = 0.35;
 const DEVIATION_SPEED_M_S: f64 = 1.0;
 
-/// A person who went through a door out of sight has left once the standard deviation of the place exceeds this,
-/// metres, at this rate per second.
+/// Standard deviation of the place, metres, above which a person who went through a door and is out of sight counts
+/// as leaving, and the rate of leaving, 1/s.
 const LOST_BEHIND_DOOR_M: f64 = 1.0;
 const LEAVES_BEHIND_DOOR_PER_S: f64 = 2.0;
 /// A track out of sight ends when its probability of having stayed falls below this.
@@ -77,7 +77,7 @@ impl BirthPhase {
     }
 }
 
-/// A person the sampler follows.
+/// Track of one person.
 #[derive(Debug, Clone)]
 pub(super) struct Track {
     pub(super) key: Key,
@@ -99,7 +99,7 @@ pub(super) struct Track {
     found: BirthPhase,
     /// Birth place of a track found at the start or after an outage, metres; `None` once it has moved.
     still_at: Option<Vector2<f64>>,
-    /// Way through the zones of people who leave; `None` until the first prediction.
+    /// Passage through the exit zones; `None` until the first prediction.
     passage: Option<Passage>,
     /// Probability of not having left since a camera last saw the person.
     stayed: f64,

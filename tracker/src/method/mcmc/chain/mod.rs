@@ -13,8 +13,10 @@
 //! contains the ratio of their proposal probabilities (Green 2003; Khan, Balch & Dellaert 2005). ADD either proposes
 //! a birth or reverts a deletion of this moment, so that a person who is deleted temporarily keeps their identity.
 //!
-//! * [`jumps`] — ADD and DELETE; [`updates`] — UPDATE-P and UPDATE-S; [`by_boxes`] — UPDATE-P where boxes are
-//! observed; [`labels`] — exchanges of identities.
+//! * [`jumps`]: ADD and DELETE.
+//! * [`updates`]: UPDATE-P and UPDATE-S.
+//! * [`by_boxes`]: UPDATE-P where boxes are observed.
+//! * [`labels`]: exchanges of identities.
 
 mod by_boxes;
 mod jumps;
