@@ -1,29 +1,31 @@
-//! From a moment's states to what is believed: who lives, how sure that is, who is who.
+//! Track management after sampling: turns a moment's states into tracks, updates their probability of existence and
+//! restores exchanged identities.
 
 use super::Mcmc;
-use super::boxes::Shown;
+use super::boxes::BoxMeasurement;
 use super::evidence::{Evidence, worst_filled};
 use super::options::Spread;
 use super::rescue::is_person_shown;
 use super::tally::{Sums, Tally};
-use super::track::{Found, Track};
+use super::track::{BirthPhase, Track};
 use crate::likelihood::Counts;
 use crate::likelihood::prior::log_separation;
 use crate::silhouette::visibility::visible_fractions;
 use crate::silhouette::{Body, Silhouette};
 use crate::{CameraFrame, TrackId};
 
-/// A detector has found a person whose boxes are worth this much, in nats.
+/// A person counts as detected when the boxes support them by at least this log-likelihood ratio, nats.
 const DETECTED_NATS: f64 = 3.0;
 
 impl Mcmc {
-    /// Turns the tally into tracks: people in most of the states live, the others are gone.
-    pub(super) fn take_in(&mut self, tally: &Tally, found: Found) {
+    /// Updates the tracks from the tally: people who are in more than half of the states survive or are born, the
+    /// others end.
+    pub(super) fn update_tracks(&mut self, tally: &Tally, found: BirthPhase) {
         let lives = |states: u32| states * 2 > tally.states();
         self.tracks.retain(|track| tally.of(track.key).is_some_and(|s| lives(s.states)));
         let is_known = |sums: &Sums| self.tracks.iter().any(|t| t.key == sums.key);
         let new: Vec<&Sums> = tally.all().iter().filter(|s| lives(s.states) && !is_known(s)).collect();
-        let shown = self.shown(tally, &new);
+        let shown = self.measurements(tally, &new);
         let alone = self.observes_boxes_alone();
         let visible = if self.simulation.sees_anything() {
             let bodies: Vec<Body> = self.tracks.iter().map(Track::body).collect();
@@ -45,7 +47,7 @@ impl Mcmc {
         }
         let known = self.tracks.len();
         for (i, sums) in new.into_iter().enumerate() {
-            // More may live in most of the states than in any one of them.
+            // The number of people in more than half of the states can exceed the number in any one of them.
             if self.capacity.has_room(self.tracks.len()) {
                 let mut track = Track::born(sums, found, &self.options);
                 if let Some(Some(shown)) = shown.get(known + i) {
@@ -57,9 +59,9 @@ impl Mcmc {
         self.capacity.note(self.tracks.len());
     }
 
-    /// What the boxes say of each track and of those who are new, who become the people of the boxes' state: where they stand
-    /// in the tally. Nothing where masks have a say, too: there the tally speaks for both.
-    fn shown(&mut self, tally: &Tally, new: &[&Sums]) -> Vec<Option<Shown>> {
+    /// Measurements by the boxes of each track and then of each newborn person, who become the people of the boxes'
+    /// state at their mean place in the tally. Empty if masks are observed, too: the tally then accounts for both.
+    fn measurements(&mut self, tally: &Tally, new: &[&Sums]) -> Vec<Option<BoxMeasurement>> {
         self.boxes.clear();
         let of_track = |track: &Track| {
             let place = tally.of(track.key).map_or(track.motion.silhouette_place(), Sums::place);
@@ -74,12 +76,12 @@ impl Mcmc {
         let people: Vec<(Body, Spread, Spread)> =
             self.tracks.iter().map(of_track).chain(new.iter().map(of_new)).collect();
         people.iter().for_each(|(body, ..)| self.boxes.insert(body));
-        if self.observes_boxes_alone() { self.boxes.shown(&people) } else { Vec::new() }
+        if self.observes_boxes_alone() { self.boxes.measurements(&people) } else { Vec::new() }
     }
 
-    /// Takes in, for each person, how much better the masks are explained with them than without; believes in those who
-    /// have become likely enough.
-    pub(super) fn weigh(&mut self, masks: &[Option<Vec<u64>>], dt_s: f64) {
+    /// Updates each track's probability of existence by the log-likelihood ratio of the observations with and without
+    /// the person, and confirms the tracks that have become likely enough.
+    pub(super) fn update_existence(&mut self, masks: &[Option<Vec<u64>>], dt_s: f64) {
         self.simulation.restart(masks);
         let drawn: Vec<Vec<Silhouette>> = self
             .tracks
@@ -117,8 +119,8 @@ impl Mcmc {
                 in_sight: track.in_sight,
                 is_by_boxes: alone,
             };
-            track.weigh(&evidence, dt_s);
-            if track.id.is_none() && track.is_believable(&self.options) {
+            track.update_existence(&evidence, dt_s);
+            if track.id.is_none() && track.is_confirmable(&self.options) {
                 track.id = Some(TrackId(self.next_id));
                 self.next_id += 1;
             }
@@ -127,7 +129,8 @@ impl Mcmc {
         self.boxes.learn(&existence);
     }
 
-    /// What each track's nearness to the others makes of the likelihood where boxes are all that is seen: `log R`, in nats.
+    /// Log repulsion `log R` of each track against the others, nats, as it is weighted where boxes are the only
+    /// observations.
     fn crowding(&self) -> Vec<f64> {
         let bodies: Vec<Body> = self.tracks.iter().map(Track::body).collect();
         let options = &self.options;
@@ -138,8 +141,8 @@ impl Mcmc {
         (0..bodies.len()).map(|i| options.boxes.repulsion_weight * of_one(i)).collect()
     }
 
-    /// Gives people who have exchanged their names in an encounter their own ones back, with what is known of their sizes.
-    pub(super) fn tell_apart(&mut self, cameras: &[CameraFrame]) {
+    /// Re-identifies tracks whose people exchanged ids in an encounter: swaps ids and sizes back.
+    pub(super) fn reidentify(&mut self, cameras: &[CameraFrame]) {
         let named: Vec<(TrackId, Body)> =
             self.tracks.iter().filter_map(|track| Some((track.id?, track.body()))).collect();
         for (a, b) in self.identities.observe(cameras, self.layers.views(), &named) {

@@ -1,9 +1,10 @@
-//! Where new people are proposed: uniformly over a region of the floor, or where they would explain foreground.
+//! Birth map: proposes places of new people, uniformly over a region of the floor or where they would explain
+//! foreground.
 //!
-//! The region is cut into square cells. What an average person in the middle of each would fill of every image is known,
-//! as a rectangle, since the room was prepared; so a moment's unexplained foreground is weighed against a cell with four
-//! reads of a summed-area table a camera. The proposal is a mixture whose density is known everywhere, as the reversible
-//! jump needs it.
+//! The region is divided into square cells. The rectangle that an average person in the middle of each cell would
+//! fill in every image is computed once for the room, so a moment's unexplained foreground is counted with four reads
+//! of a summed-area table a cell and camera. The proposal is a mixture whose density is known everywhere, as the
+//! reversible jump requires.
 
 use nalgebra::{Point2, Vector2};
 use rand::RngExt;
@@ -14,40 +15,40 @@ use super::left_over::LeftOver;
 use crate::likelihood::Layers;
 use crate::silhouette::Body;
 
-/// Side of a cell: half of a person's width. Finer places are found by UPDATE-P.
+/// Least side of a cell, metres: half of a person's width. UPDATE-P finds the exact place.
 const CELL_M: f64 = 0.25;
-/// The most cells a region is cut into; a wide one gets larger cells.
+/// Largest number of cells of a region; a wide region gets larger cells.
 const MOST_CELLS: f64 = 12_000.0;
 
-/// A region of the floor in cells.
+/// Region of the floor, divided into cells.
 #[derive(Debug, Clone)]
 pub(super) struct BirthMap {
     cell_m: f64,
     low: Point2<f64>,
     columns: usize,
     cells: Vec<Cell>,
-    /// For each square of the whole box, row by row, the number of its cell.
+    /// Index of the cell of each square of the bounding box, row by row; `None` outside the region.
     cell_of: Vec<Option<u32>>,
-    /// Running sums of the cells' weights at this moment, ending in 1; empty when nothing is unexplained.
+    /// Running sums of the cells' weights in this moment, ending in 1; empty when no cell would explain foreground.
     cumulative: Vec<f64>,
 }
 
 #[derive(Debug, Clone)]
 struct Cell {
     center: Point2<f64>,
-    /// Of an average person in the middle, one a camera.
+    /// Rectangles of an average person in the middle, one a camera.
     filled: Vec<Filled>,
 }
 
 impl BirthMap {
-    /// Cuts the part of the box `low..high` where `inside` holds into cells.
+    /// Divides the part of the box `low..high` (metres) where `inside` holds into cells.
     pub(super) fn new(
         layers: &Layers,
         average: &Body,
         (low, high): (Point2<f64>, Point2<f64>),
         inside: impl Fn(f64, f64) -> bool,
     ) -> Self {
-        // The share of the box that is inside, by a coarse look, sizes the cells.
+        // The inside fraction of the box, coarsely sampled, determines the size of the cells.
         const LOOKS: usize = 40;
         let at = |i: usize, n: usize, from: f64, to: f64| from + (to - from) * (i as f64 + 0.5) / n as f64;
         let hits = (0..LOOKS * LOOKS)
@@ -76,27 +77,27 @@ impl BirthMap {
         Self { cell_m, low, columns, cells, cell_of, cumulative: Vec::new() }
     }
 
-    /// Whether the region holds no place at all.
+    /// Whether the region is empty.
     pub(super) fn is_empty(&self) -> bool {
         self.cells.is_empty()
     }
 
-    /// Whether some cell would explain something.
+    /// Whether some cell would explain foreground.
     pub(super) fn is_weighed(&self) -> bool {
         !self.cumulative.is_empty()
     }
 
-    /// How many cells there are.
+    /// Number of cells.
     pub(super) fn len(&self) -> usize {
         self.cells.len()
     }
 
-    /// What an average person in the middle of a cell would fill, one a camera.
+    /// Rectangles of an average person in the middle of a cell, one a camera.
     pub(super) fn filled(&self, cell: usize) -> &[Filled] {
         &self.cells[cell].filled
     }
 
-    /// The cells of the square around one, itself included: as far as this, and at least those that touch it.
+    /// Cells of the square around a cell, itself included, within `reach_m` metres, and at least its neighbours.
     pub(super) fn near(&self, cell: usize, reach_m: f64) -> impl Iterator<Item = usize> {
         let reach = (reach_m / self.cell_m).round().max(1.0) as isize;
         let (column, row) = self.square_of(&self.cells[cell].center);
@@ -119,8 +120,8 @@ impl BirthMap {
         self.cells.len() as f64 * self.cell_area_m2()
     }
 
-    /// For each layer, the mean area in pixels of an average person's innermost shape in its camera, over the cells from
-    /// which it is in the image.
+    /// Mean area in pixels of an average person's innermost shape in each layer's camera, over the cells from which
+    /// it is in the image.
     pub(super) fn typical_px(&self, layers: &Layers) -> Vec<f64> {
         (0..layers.count())
             .map(|layer| {
@@ -133,15 +134,15 @@ impl BirthMap {
             .collect()
     }
 
-    /// Weighs the cells by what a person there would explain of the foreground that is left over.
+    /// Weights the cells by the unexplained foreground that a person there would explain.
     ///
     /// `log_gain` turns the newly covered pixels (all, foreground) of each camera into nats.
     pub(super) fn weigh(&mut self, left_over: &LeftOver, log_gain: impl Fn(usize, [u32; 2]) -> f64) {
         self.weigh_where(left_over, log_gain, |_, _| true);
     }
 
-    /// The same for the cells alone whose middle is within `reach_m` of one of these places, and in which some camera has most
-    /// of a person whom nobody explains.
+    /// Weights only the cells whose middle is within `reach_m` metres of one of these places, and in which some
+    /// camera shows most of an unexplained person.
     pub(super) fn weigh_near(
         &mut self,
         places: &[Vector2<f64>],
@@ -153,7 +154,7 @@ impl BirthMap {
         self.weigh_where(left_over, log_gain, |_, cell| near(cell) && left_over.is_plain(&cell.filled));
     }
 
-    /// The same for the cells alone that are open, one entry a cell.
+    /// Weights only the open cells; `is_open` has one entry a cell.
     pub(super) fn weigh_open(
         &mut self,
         is_open: &[bool],
@@ -163,7 +164,7 @@ impl BirthMap {
         self.weigh_where(left_over, log_gain, |i, _| is_open[i]);
     }
 
-    /// Nothing is unexplained.
+    /// Clears the weights: no cell would explain foreground.
     pub(super) fn forget(&mut self) {
         self.cumulative.clear();
     }
@@ -183,7 +184,7 @@ impl BirthMap {
                     return 0.0;
                 }
                 let seen = || left_over.at(&cell.filled);
-                // Most places would explain nothing.
+                // Most places would explain no foreground.
                 let explains = seen().any(|(_, [_, found])| found > 0);
                 if explains { seen().map(|(camera, counts)| log_gain(camera, counts)).sum() } else { 0.0 }
             })
@@ -193,7 +194,8 @@ impl BirthMap {
         if best <= 0.0 {
             return;
         }
-        // The middle of a cell gains less than the best place in it, so the peak is made about five nats high.
+        // The middle of a cell gains less than the best place in it, so the weights are tempered to a peak of about
+        // five nats.
         let temperature = (best / 5.0).max(1.0);
         let mut sum = 0.0;
         for gain in gains {
@@ -205,8 +207,8 @@ impl BirthMap {
         }
     }
 
-    /// Draws a place: with probability `informed` by the weights, otherwise uniformly. The place may lie just outside the
-    /// region, in a cell that straddles its border.
+    /// Draws a place, metres: with probability `informed` by the weights, otherwise uniformly. The place may lie just
+    /// outside the region, in a cell that straddles its border.
     pub(super) fn sample(&self, informed: f64, rng: &mut Pcg64Mcg) -> Point2<f64> {
         let by_weight = self.is_weighed() && rng.random::<f64>() < informed;
         let i = if by_weight {
@@ -220,7 +222,7 @@ impl BirthMap {
         self.cells[i].center + Vector2::new(dx, dy)
     }
 
-    /// The density of [`Self::sample`] at a place, 1/m².
+    /// Density of [`Self::sample`] at a place, 1/m².
     pub(super) fn density(&self, x_m: f64, y_m: f64, informed: f64) -> f64 {
         let Some(i) = self.cell_at(x_m, y_m) else { return 0.0 };
         let uniform = 1.0 / self.cells.len() as f64;
@@ -233,7 +235,7 @@ impl BirthMap {
         share / self.cell_area_m2()
     }
 
-    /// Column and row of the square that holds a place of the box.
+    /// Column and row of the square of the bounding box that holds a place.
     fn square_of(&self, place: &Point2<f64>) -> (usize, usize) {
         let offset = (place - self.low) / self.cell_m;
         (offset.x as usize, offset.y as usize)
@@ -260,8 +262,8 @@ mod tests {
     use crate::silhouette::{Shape, Silhouette, View};
     use rand::SeedableRng;
 
-    /// One camera has the right person at a wrong distance, where the other sees nobody because something stands there (or
-    /// could see that nobody is there): of the proposals, the density at the true place.
+    /// Proposal density at the true place of a person whom one camera places at a wrong distance, where an obstacle
+    /// hides the wrong place from the other camera (`is_hidden`) or that camera sees that nobody stands there.
     fn density_at_truth(is_hidden: bool) -> f64 {
         let (truth, wrong) = (standing(3.125, 2.625), standing(3.71, 3.11));
         let mut stage = empty_room();
@@ -287,12 +289,12 @@ mod tests {
         let mut left_over = LeftOver::default();
         left_over.restart(&layers, &simulation, &[person]);
         let mut births = BirthMap::new(&layers, &standing(0.0, 0.0), stage.floor.bounds(), |_, _| true);
-        // Foreground is worth half of what its absence costs.
+        // A foreground pixel gains half of what a pixel without foreground costs.
         births.weigh(&left_over, |_, [all, found]| 3.0 * f64::from(found) - 2.0 * f64::from(all));
         births.density(truth.x_m, truth.y_m, 1.0)
     }
 
-    /// Draws fall into each cell as often as the density says, within five standard deviations of a binomial.
+    /// Draws fall into each cell as often as the density predicts, within five standard deviations of a binomial.
     #[test]
     fn places_are_drawn_as_the_density_says() {
         let stage = empty_room();
@@ -335,10 +337,10 @@ mod tests {
     }
 
     #[test]
-    fn who_is_at_a_wrong_distance_in_one_camera_is_proposed_where_another_sees_them() {
+    fn a_person_at_a_wrong_distance_in_one_camera_is_proposed_at_the_place_seen_by_another() {
         let even = 1.0 / 30.0;
         assert!(density_at_truth(true) > 5.0 * even, "{}", density_at_truth(true));
-        // Where the other camera could see the wrong one, that one is where they seem to be.
+        // Where the other camera could see the wrong place, it is evidence for that place.
         assert!(density_at_truth(false) < density_at_truth(true) / 5.0, "{}", density_at_truth(false));
     }
 }

@@ -1,28 +1,28 @@
-//! A moment in which a detector's boxes are looked at: where the chain starts, how long it runs.
+//! Start and length of the chain in a moment with a detector's boxes.
 
 use super::boxes::Hotspots;
 use super::person::Person;
 use super::{BoxOptions, Mcmc, SETTLING_STEPS};
 use crate::likelihood::prior::LOG_IMPOSSIBLE;
 
-/// Sweeps in which everybody is fitted to the boxes that the others leave.
+/// Number of sweeps in which every person is fitted to the boxes that the others leave.
 const SWEEPS: usize = 3;
-/// People no farther apart than this may turn out to be each other, metres.
+/// Largest distance between two people whose places are exchanged, metres.
 const EXCHANGE_M: f64 = 2.5;
-/// Rounds of exchanges at most.
+/// Largest number of rounds of exchanges.
 const MOST_ROUNDS: usize = 8;
 
 impl Mcmc {
-    /// Whether boxes are all that there is of this moment.
+    /// Whether boxes are the only observations of this moment.
     pub(super) fn observes_boxes_alone(&self) -> bool {
         self.boxes.is_in_use() && !self.simulation.sees_anything()
     }
 
-    /// Moves the predicted people to where the boxes show them, and says where boxes ask for others.
+    /// Moves the predicted people to their fits to the boxes, and returns the places of boxes that nobody explains.
     ///
-    /// A chain may start anywhere; from here it need not find first what least squares find at once. The predictions stay what
-    /// they are: the prior.
-    pub(super) fn look_at_boxes(&mut self, people: &mut [Person]) -> Hotspots {
+    /// A chain may start in any state; starting at the least-squares fits saves the steps to find them. The
+    /// predictions, which are the prior, do not change.
+    pub(super) fn fit_people_to_boxes(&mut self, people: &mut [Person]) -> Hotspots {
         if !self.boxes.is_in_use() {
             return Hotspots::default();
         }
@@ -48,7 +48,7 @@ impl Mcmc {
         self.boxes.hotspots((&self.options.radius, &self.options.height), |x, y| floor.is_standable(x, y))
     }
 
-    /// Steps of a moment of boxes alone that are thrown away, and that are kept.
+    /// Burn-in and kept steps of a moment with boxes alone.
     pub(super) fn steps_by_boxes(&self, people: usize, hotspots: usize, settling: bool) -> [u32; 2] {
         let BoxOptions { burn_in_per_person, kept_per_person, .. } = self.options.boxes;
         let parts = u32::try_from(people + hotspots).unwrap_or(u32::MAX);
@@ -59,7 +59,7 @@ impl Mcmc {
     }
 }
 
-/// Exchanges the places of people who are more likely to be each other, by what was known of them.
+/// Exchanges the places of pairs of people when their priors make the exchanged places more likely.
 fn exchange(people: &mut [Person]) {
     for _ in 0..MOST_ROUNDS {
         let mut has_changed = false;

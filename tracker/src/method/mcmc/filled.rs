@@ -1,11 +1,12 @@
-//! The rectangle of an image that a person at a place would fill: what birth maps and rescues compare foreground with.
+//! Rectangle that a person at a place would fill in an image, which birth maps and rescues compare with the
+//! foreground.
 
 use std::ops::Range;
 
 use crate::likelihood::Layers;
 use crate::silhouette::{Body, Silhouette, View};
 
-/// Part of a person's height that a chair never reaches, and somebody who sits does.
+/// Upper fraction of a standing person's height, which a sitting person reaches and a chair does not.
 pub(super) const UPPER_BODY: f64 = 0.4;
 
 /// Pixels that a person at a place would fill in one camera.
@@ -15,7 +16,8 @@ pub(super) struct Filled {
     pub(super) columns: Range<usize>,
     /// Pixels of the rectangle that the room does not hide.
     pub(super) visible_px: u32,
-    /// The upper rows of the rectangle, [`UPPER_BODY`] of them, and the pixels there that the room does not hide.
+    /// Upper rows of the rectangle, a fraction [`UPPER_BODY`] of them, and the pixels there that the room does not
+    /// hide.
     pub(super) upper_rows: Range<usize>,
     pub(super) upper_visible_px: u32,
     /// Pixels of the person's innermost shape, hidden or not.
@@ -23,7 +25,8 @@ pub(super) struct Filled {
 }
 
 impl Filled {
-    /// The middle of a body's innermost shape in one camera: what of the rectangle around it is hardly ever empty.
+    /// Rectangle in the middle of a body's innermost shape in one camera, which a person at the place nearly always
+    /// fills.
     pub(super) fn of(layers: &Layers, camera: usize, body: &Body) -> Self {
         let view: &View = &layers.views()[camera];
         let mut core = Silhouette::default();

@@ -1,37 +1,38 @@
-//! What a state leaves to be explained: where foreground is that nobody accounts for, and whom a camera sees alone.
+//! Residual of a state: foreground that no person explains, and pixels of people whom a single camera sees.
 //!
-//! How far away somebody is whom one camera alone sees is known badly: where their feet are hidden, by a metre. Another camera
-//! that comes to see them has foreground that nobody explains, where by the first camera nobody is missing.
+//! The distance of a person whom only one camera sees is uncertain: by a metre where the feet are hidden. When
+//! another camera begins to see that person, it shows foreground that nobody explains at a place where the first
+//! camera shows no unexplained foreground.
 
 use super::filled::Filled;
 use super::person::Person;
 use crate::likelihood::{Layers, Simulation, SummedArea};
 use crate::silhouette::Silhouette;
 
-/// A camera has a person whom nobody explains where this part of what they would fill is unexplained …
+/// A camera shows an unexplained person where this fraction of the pixels is unexplained foreground …
 const PLAIN: f64 = 0.75;
-/// … and says nothing of a place where somebody covers this part.
+/// … and is not asked about a place of which people seen by it alone cover this fraction.
 const TAKEN: f64 = 0.5;
 
-/// What a state leaves to be explained of a moment, ready to be counted.
+/// Residual of a state in all cameras, as tables for counting.
 #[derive(Debug, Clone, Default)]
 pub(super) struct LeftOver {
-    /// One a camera; `None` for those that are left out.
+    /// Residual of each camera; `None` for cameras without a mask.
     cameras: Vec<Option<LeftInCamera>>,
-    /// The packed image of those whom one camera alone sees: memory that is used again.
+    /// Packed image of the people whom one camera alone sees (reused memory).
     lone: Vec<u64>,
 }
 
-/// The same in one camera.
+/// Residual of a state in one camera.
 #[derive(Debug, Clone, Default)]
 struct LeftInCamera {
-    /// Foreground that nobody explains.
+    /// Foreground pixels that nobody explains.
     unexplained: SummedArea,
-    /// Pixels on which somebody is expected whom no other camera sees, as far as limbs reach.
+    /// Pixels that people seen by this camera alone cover, arms and legs included.
     covered: SummedArea,
 }
 
-/// What there is in one camera where a person would be seen. Pixels.
+/// Pixels in one camera at the place of a person.
 struct Under {
     visible: u32,
     unexplained: u32,
@@ -60,12 +61,12 @@ impl Under {
 }
 
 impl LeftOver {
-    /// What a person would explain who fills the images so: of each camera that has a say, the pixels, and those of them that
-    /// are foreground nobody explains.
+    /// Pixels and unexplained foreground pixels that a person filling these rectangles would explain, for each camera
+    /// that is asked.
     ///
-    /// A camera misses nobody where somebody is expected already, which speaks against a place. It has no say where it sees
-    /// that one alone and another camera has most of a person whom nobody explains: it may well have that person, at a wrong
-    /// distance.
+    /// In a camera whose foreground there is explained already, a new person explains nothing, which is evidence
+    /// against the place. A camera is not asked where it alone sees the person who covers the place while another
+    /// camera shows most of an unexplained person: both may be the same person, tracked at a wrong distance.
     pub(super) fn at(&self, filled: &[Filled]) -> impl Iterator<Item = (usize, [u32; 2])> {
         let seen = || {
             filled
@@ -81,13 +82,13 @@ impl LeftOver {
             .map(|(camera, under)| (camera, [under.visible, under.unexplained]))
     }
 
-    /// Whether some camera has most of a person who fills the images so, and whom nobody explains.
+    /// Whether some camera shows most of an unexplained person who would fill these rectangles.
     pub(super) fn is_plain(&self, filled: &[Filled]) -> bool {
         let seen = filled.iter().zip(&self.cameras).filter(|(filled, _)| filled.visible_px > 0);
         seen.filter_map(|(filled, left)| Some(left.as_ref()?.under(filled))).any(|under| under.is_plain())
     }
 
-    /// Takes in what the simulation's present state, made up of these people, leaves unexplained.
+    /// Computes the residual of the simulation's present state, which consists of these people.
     pub(super) fn restart(&mut self, layers: &Layers, simulation: &Simulation, people: &[Person]) {
         self.cameras.resize_with(layers.views().len(), || None);
         let is_seen = |person: &Person, camera: usize| {
@@ -116,7 +117,7 @@ impl LeftOver {
     }
 }
 
-/// Paints a silhouette into a packed image of so many words a row.
+/// Paints a silhouette into a packed image with this many words a row.
 pub(super) fn paint(silhouette: &Silhouette, words_per_row: usize, image: &mut [u64]) {
     for (row, bits) in silhouette.rows() {
         let start = row * words_per_row + silhouette.word_range().start;

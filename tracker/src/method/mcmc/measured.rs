@@ -1,6 +1,6 @@
-//! For those who bring together what several trackers see: what one moment alone showed of everybody, and what they
-//! make of it. Their knowledge is the prior of the next moment; as a measurement is what a moment says beyond its prior,
-//! nothing comes back twice.
+//! Interface for fusing several trackers: measurements of a moment going out, fused beliefs coming back. The fused
+//! belief is the prior of the next moment; a measurement holds only the information beyond its prior, so no
+//! information is counted twice.
 
 use nalgebra::{Matrix2, Matrix4, Point2, Vector2, Vector4};
 
@@ -10,25 +10,25 @@ use super::trace::LASTING_SIGMA_M;
 use crate::TrackId;
 use crate::silhouette::Body;
 
-/// Nobody's place is known better from others than this, metres: what they say may be wrong together.
+/// Least standard deviation of a fused place, metres, because the errors of several trackers may be correlated.
 const LEAST_KNOWN_M: f64 = 0.15;
 
-/// Measurement of one person at one moment, without what was believed before.
+/// Measurement of one person by one moment, without the prior.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measured {
-    /// The person.
+    /// Identity of the person.
     pub id: TrackId,
     /// Place on the floor, metres.
     pub place: Point2<f64>,
-    /// Covariance of the place, m². Errors that last for seconds are not in it, but for the silhouette's own.
+    /// Covariance of the place, m². Errors that last for seconds are not included, except the silhouette's own.
     pub covariance: Matrix2<f64>,
-    /// The person's body where it is believed to be.
+    /// Most probable body of the person.
     pub body: Body,
 }
 
 impl Mcmc {
-    /// Measurements of the people who are believed in and inside the room, at the last moment; nobody of whom it
-    /// showed nothing.
+    /// Measurements at the last moment of the confirmed people inside the room; people of whom it held no information
+    /// are left out.
     pub fn measured(&self) -> Vec<Measured> {
         let measured = self.tracks.iter().filter_map(|track| {
             let (id, measured, body) = (track.id?, track.motion.measured?, track.body());
@@ -42,15 +42,15 @@ impl Mcmc {
         people
     }
 
-    /// Lets people appear near these places at the next moment, where the masks show somebody whom nobody explains: others
-    /// see them there.
+    /// Allows births near these places (metres) at the next moment, where the masks show a person whom no track
+    /// explains: other trackers see people there.
     pub fn expect(&mut self, places: impl IntoIterator<Item = Point2<f64>>) {
         self.expected_at.clear();
         self.expected_at.extend(places.into_iter().map(|place| Vector2::new(place.x, place.y)));
     }
 
-    /// Takes over what is known of the people who are believed in, place and velocity with their covariance. Whoever is
-    /// not among these and was not seen at the last moment is followed no more.
+    /// Replaces the beliefs of confirmed people by these: place (m) and velocity (m/s) with their covariance. The
+    /// track of a person who is not listed and was not measured at the last moment ends.
     pub fn follow(&mut self, known: &[(TrackId, Vector4<f64>, Matrix4<f64>)]) {
         self.tracks.retain_mut(|track| {
             let Some(id) = track.id else { return true };
@@ -66,7 +66,7 @@ impl Mcmc {
         });
     }
 
-    /// Follows these people no more: they are nobody.
+    /// Ends the tracks of these people, who turned out not to exist.
     pub fn end(&mut self, people: &[TrackId]) {
         self.tracks.retain(|track| !track.id.is_some_and(|id| people.contains(&id)));
     }

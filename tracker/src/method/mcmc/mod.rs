@@ -1,16 +1,21 @@
-//! The trans-dimensional MCMC tracker (seed 001, section 3; Khan, Balch & Dellaert 2005; Green 2003).
+//! Trans-dimensional MCMC tracker: Y. Osawa, X. Wu, K. Sudo, T. Wakabayashi, H. Yasuno, "MCMC based Multiple People
+//! Tracking using 3D Environmental Information" (paper LI-007), section 3. Section and equation numbers in this
+//! folder refer to it. Reversible jumps: Z. Khan, T. Balch, F. Dellaert, "MCMC-based particle filtering for tracking
+//! a variable number of interacting targets", IEEE TPAMI 27(11), 2005; P. J. Green, "Trans-dimensional Markov chain
+//! Monte Carlo", 2003.
 //!
-//! The state is how many people there are, where each stands, and how wide and tall each is. A moment goes like this:
+//! The state is the number of people, and each person's place, radius and height. One moment is processed in these
+//! steps:
 //!
-//! 1. every person is predicted ([`motion`]);
-//! 2. a Markov chain changes one person a step (ADD, DELETE, UPDATE-P, UPDATE-S) and takes the change by how well the
-//!    simulated masks then fit the real ones ([`chain`]);
-//! 3. the mean over the last states is the estimate ([`tally`]), and becomes the belief of the next moment ([`belief`],
-//!    [`track`]); those who are believed in are told ([`report`]), at once or in [`hindsight`].
+//! 1. The motion model predicts every person ([`motion`]).
+//! 2. A Markov chain proposes changes of one person at a time (ADD, DELETE, UPDATE-P, UPDATE-S) and accepts them by how
+//!    well the simulated masks then fit the observed ones ([`chain`]).
+//! 3. The mean over the last states is the estimate ([`tally`]), which updates the tracks ([`belief`], [`track`]).
+//!    Confirmed tracks are reported ([`report`]), at once or after fixed-lag smoothing ([`smoother`]).
 //!
-//! Where people are expected and proposed to appear is [`appearance`] ([`outage`]: anywhere for a while; [`rescue`]: at
-//! persistent evidence), with the floor in cells ([`births`]) weighed by what the
-//! predicted ones leave over ([`left_over`]); what can be set is [`McmcOptions`].
+//! Births are modelled and proposed by [`appearance`]: in the zones, anywhere for a while ([`outage`]), and at
+//! persistent evidence ([`rescue`]). [`births`] divides the floor into cells and weights them by the foreground that
+//! the predicted people leave unexplained ([`left_over`]). [`McmcOptions`] holds the options.
 
 mod appearance;
 mod belief;
@@ -20,7 +25,6 @@ mod by_boxes;
 mod chain;
 mod evidence;
 mod filled;
-mod hindsight;
 mod left_over;
 mod measured;
 mod motion;
@@ -30,6 +34,7 @@ mod passage;
 mod person;
 mod report;
 mod rescue;
+mod smoother;
 mod tally;
 mod trace;
 mod track;
@@ -42,15 +47,15 @@ use self::appearance::{Appearance, Opening};
 use self::births::BirthMap;
 use self::boxes::Boxes;
 use self::chain::{Chain, Setting};
-use self::hindsight::Hindsight;
 use self::left_over::LeftOver;
 pub use self::measured::Measured;
 pub use self::options::{Acceptance, BoxOptions, McmcOptions, MotionOptions, MoveWeights, Spread};
 use self::outage::{FORGOTTEN_AFTER_S, OUTAGE_S, Settling};
 use self::person::{Key, Person};
 use self::rescue::Rescue;
+use self::smoother::FixedLagSmoother;
 use self::tally::Tally;
-use self::track::{Found, Track};
+use self::track::{BirthPhase, Track};
 use super::capacity::Capacity;
 use super::{Method, Needs};
 use crate::identity::Identities;
@@ -60,40 +65,41 @@ use crate::prepared_room::{PreparedCamera, PreparedRoom, resolution};
 use crate::silhouette::{Body, View};
 use crate::{CameraFrame, Error, Moment, PersonEstimate, Result};
 
-/// While people who were inside already are being found, a moment gets this many times the steps.
+/// Factor of the burn-in steps while people who were inside already are being found.
 const SETTLING_STEPS: u32 = 5;
 
-/// After a long gap nobody is where they were, and no search finds them there: no moment gets more than so many times the
-/// steps.
-const MOST_PATIENCE: f64 = 12.0;
+/// Upper bound of the factor by which a moment's steps are increased: after a long gap people have moved too far for
+/// any search to find them by their prediction.
+const MAX_STEP_FACTOR: f64 = 12.0;
 
-/// When more than this part of a typical silhouette is left unexplained by the predicted people, in some camera, somebody
-/// may have gone where they were not expected.
+/// Unexplained foreground in some camera, as a fraction of a typical silhouette, above which a person may be where
+/// they were not expected.
 const LEFT_OVER: f64 = 0.3;
-/// However long the step, no more people are expected to appear than in so many seconds.
+/// Upper bound of the time over which births are expected in one step, seconds.
 const LONGEST_BIRTHS_S: f64 = 10.0;
-/// What stands for the time before the first moment.
+/// Time step assumed before the first moment, seconds.
 const FIRST_STEP_S: f64 = 0.1;
-/// Times that stand still or run backwards are the source's mistake; the tracker survives them.
+/// Least time step, seconds: repeated or decreasing time stamps are errors of the source, which the tracker
+/// tolerates.
 const LEAST_STEP_S: f64 = 1e-3;
 
-/// The tracker.
+/// Tracker by trans-dimensional MCMC over the cameras' masks and boxes.
 #[derive(Debug, Clone)]
 pub struct Mcmc {
     stage: PreparedRoom,
     options: McmcOptions,
     rule: PreparedLikelihood,
     layers: Layers,
-    /// The cameras in full, for what is reported.
+    /// Views at full resolution, for the visible fractions that are reported.
     views: Vec<View>,
     typical_px: Vec<f64>,
     zones: BirthMap,
     anywhere: BirthMap,
-    /// Where somebody turns out to be two.
+    /// Birth cells near followed people, for two people who were taken for one.
     company: BirthMap,
-    /// Where evidence has persisted.
+    /// Birth cells with persistent evidence of a person whom no track explains.
     rescued: BirthMap,
-    /// Where others see people.
+    /// Birth cells near the places at which other trackers see people.
     expected: BirthMap,
     expected_at: Vec<Vector2<f64>>,
     rescue: Rescue,
@@ -104,7 +110,7 @@ pub struct Mcmc {
     capacity: Capacity,
     tracks: Vec<Track>,
     identities: Identities,
-    hindsight: Hindsight,
+    smoother: FixedLagSmoother,
     rng: Pcg64Mcg,
     next_key: Key,
     next_id: u32,
@@ -157,7 +163,7 @@ impl Mcmc {
             anywhere,
             tracks: Vec::new(),
             identities: Identities::default(),
-            hindsight: Hindsight::default(),
+            smoother: FixedLagSmoother::default(),
             next_key: 0,
             next_id: 1,
             last_time_s: None,
@@ -182,14 +188,15 @@ impl Mcmc {
         self.stage.cameras.iter().zip(self.layers.views()).zip(moment.cameras).map(packed).collect()
     }
 
-    /// Whether people may be born away from the zones, where evidence for them persists; without zones they are born anywhere.
+    /// Whether people may be born outside the zones, where evidence for them persists; without zones they are born
+    /// anywhere anyway.
     fn may_rescue(&self) -> bool {
         self.options.rescues_per_s > 0.0 && !self.stage.zones.is_empty()
     }
 
-    /// Takes in that no camera had a mask for so long, seconds: people may have left unseen, and after a while nobody is known
-    /// any more.
-    fn forget_after(&mut self, unseen_s: f64, sees_anything: bool) {
+    /// Handles a gap of `unseen_s` seconds without observations: lowers the probability that people are still there,
+    /// and ends all tracks after [`FORGOTTEN_AFTER_S`].
+    fn handle_gap(&mut self, unseen_s: f64, sees_anything: bool) {
         if unseen_s > FORGOTTEN_AFTER_S {
             self.tracks.clear();
         } else if unseen_s >= OUTAGE_S && sees_anything {
@@ -201,7 +208,8 @@ impl Mcmc {
         }
     }
 
-    /// What the last moment says about everybody now, drawn. People who have probably left unseen are followed no more. `in_doubt`: after an outage anybody may have left.
+    /// Predicts all tracks and returns their people with silhouettes drawn; tracks of people who have probably left
+    /// unseen end. `in_doubt`: whether anybody may be deleted anywhere, as after an outage.
     fn predicted(&mut self, dt_s: f64, in_doubt: bool) -> Vec<Person> {
         let (layers, floor, options, simulation) =
             (&self.layers, &self.stage.floor, &self.options, &self.simulation);
@@ -217,10 +225,10 @@ impl Mcmc {
             let was_at_exit = floor.may_disappear(before.x_m, before.y_m);
             track.may_leave_unseen([was_at_exit, is_at_exit], dt_s, options);
             if !floor.is_standable(body.x_m, body.y_m) && floor.is_standable(before.x_m, before.y_m) {
-                // Walked into a wall: they rather stopped.
+                // The prediction walked into a wall; the person more probably stopped.
                 (body.x_m, body.y_m) = (before.x_m, before.y_m);
                 if !track.in_sight {
-                    // Nothing that is seen would bring them back.
+                    // No observation of a hidden person would correct the prediction.
                     track.motion.halt(stood);
                 }
             }
@@ -241,15 +249,16 @@ impl Mcmc {
         people.into_iter().filter(|person| !gone.contains(&person.key)).collect()
     }
 
-    /// How many times the steps of a frame a moment gets. The longer ago people were seen, the wider the chain has to
-    /// search, which costs no more a second than frames that follow each other fast; and where foreground is left over,
-    /// somebody is not where they were expected.
-    fn patience(&self, dt_s: f64, is_left_over: bool) -> f64 {
-        let surprise = if is_left_over { self.options.surprise } else { 1.0 };
-        ((dt_s / self.options.steps_for_s).max(1.0) * surprise).min(MOST_PATIENCE)
+    /// Factor of this moment's steps, 1 to [`MAX_STEP_FACTOR`]. It grows with the time step, since the chain then has
+    /// to search farther (at no more cost a second than at a high frame rate), and by `surprise` where foreground is
+    /// left over, since a person is then not where they were predicted.
+    fn step_factor(&self, dt_s: f64, is_left_over: bool) -> f64 {
+        let unexplained_factor = if is_left_over { self.options.surprise } else { 1.0 };
+        ((dt_s / self.options.steps_for_s).max(1.0) * unexplained_factor).min(MAX_STEP_FACTOR)
     }
 
-    /// Weighs the maps of births by what the predicted people leave over. Returns the area open to rescue, m².
+    /// Weights the birth maps by the foreground that the predicted people leave unexplained. Returns the area open to
+    /// rescue, m².
     fn weigh_births(&mut self, people: &[Person], settling: bool, is_left_over: bool) -> f64 {
         if !self.simulation.sees_anything() {
             let maps = [
@@ -284,7 +293,7 @@ impl Mcmc {
         self.rescued.forget();
         self.expected.forget();
         let expected_at = std::mem::take(&mut self.expected_at);
-        // Without zones people are born anywhere, company or not.
+        // Without zones people are born anywhere anyway.
         if settling || self.stage.zones.is_empty() || !is_left_over {
             return 0.0;
         }
@@ -307,10 +316,10 @@ impl Mcmc {
 
     /// Runs the chain of one moment and returns the tally of its kept states.
     fn sample(&mut self, mut people: Vec<Person>, dt_s: f64, settling: bool) -> Tally {
-        let hotspots = self.look_at_boxes(&mut people);
+        let hotspots = self.fit_people_to_boxes(&mut people);
         let alone = self.observes_boxes_alone();
         let (rule, typical_px, layers) = (self.options.likelihood, &self.typical_px, &self.layers);
-        // The outermost shape has the least left over.
+        // Only the outermost shape counts: it leaves the least foreground unexplained.
         let left_over = self
             .simulation
             .counts()
@@ -323,7 +332,7 @@ impl Mcmc {
         let open_m2 = self.weigh_births(&people, settling, is_left_over);
         let births = if settling { &self.anywhere } else { &self.zones };
         let unexplained = (is_left_over && self.anywhere.is_weighed()).then_some(&self.anywhere);
-        // False boxes are in the likelihood; pieces of foreground are not.
+        // The likelihood of boxes models false boxes; that of masks does not model stray pieces of foreground.
         let chance = if alone { 0.0 } else { rule.worth_of(self.options.birth_evidence) };
         let births_s = dt_s.min(LONGEST_BIRTHS_S);
         let expected = |per_s: f64| per_s * births_s;
@@ -375,10 +384,10 @@ impl Mcmc {
         let [burn_in, kept] = if alone {
             self.steps_by_boxes(people.len(), hotspots.len(), settling)
         } else {
-            let patience = self.patience(dt_s, is_left_over);
+            let step_factor = self.step_factor(dt_s, is_left_over);
             let steps = |least: u32| {
                 let least = least.max(self.options.steps_per_person.saturating_mul(people.len() as u32));
-                (f64::from(least) * patience).round() as u32
+                (f64::from(least) * step_factor).round() as u32
             };
             let settling_steps =
                 if settling { SETTLING_STEPS.saturating_mul(self.options.burn_in_steps) } else { 0 };
@@ -411,30 +420,30 @@ impl Method for Mcmc {
         self.last_time_s = Some(moment.time_s);
         let sees_anything = self.simulation.sees_anything() || self.boxes.is_in_use();
         let unseen_s = self.settling.observe(moment.time_s, sees_anything);
-        self.forget_after(unseen_s, sees_anything);
+        self.handle_gap(unseen_s, sees_anything);
         let settling = self.settling.is_on(moment.time_s, self.options.settling_s);
         let found = match (settling, self.settling.had_outage()) {
-            (false, _) => Found::Appearing,
-            (true, false) => Found::AtStart,
-            (true, true) => Found::AfterOutage,
+            (false, _) => BirthPhase::Appearing,
+            (true, false) => BirthPhase::AtStart,
+            (true, true) => BirthPhase::AfterOutage,
         };
 
-        let people = self.predicted(dt_s, found == Found::AfterOutage);
-        // The birth map weighs what the predicted people leave unexplained.
+        let people = self.predicted(dt_s, found == BirthPhase::AfterOutage);
+        // The birth maps weight the foreground that the predicted people leave unexplained.
         for person in &people {
             self.simulation.insert(&person.silhouettes);
             self.boxes.insert(&person.body);
         }
         let tally = self.sample(people, dt_s, settling);
-        self.take_in(&tally, found);
-        self.weigh(&masks, dt_s);
-        self.tell_apart(moment.cameras);
+        self.update_tracks(&tally, found);
+        self.update_existence(&masks, dt_s);
+        self.reidentify(moment.cameras);
         let traces = self.traces();
-        let believed =
+        let confirmed =
             traces.iter().filter_map(|trace| Some(trace.estimate(trace.id?, &trace.motion.belief)));
-        let now = self.in_the_room(believed.collect());
+        let now = self.inside_room(confirmed.collect());
         if self.options.lag_s > 0.0 {
-            self.hindsight.keep(moment.frame, moment.time_s, self.options.lag_s, traces);
+            self.smoother.push(moment.frame, moment.time_s, self.options.lag_s, traces);
         }
         Ok(now)
     }
@@ -444,12 +453,12 @@ impl Method for Mcmc {
     }
 
     fn smoothed(&mut self, frame: u32) -> Option<Vec<PersonEstimate>> {
-        let people = self.hindsight.of(frame)?;
-        Some(self.in_the_room(people))
+        let people = self.smoother.take(frame)?;
+        Some(self.inside_room(people))
     }
 }
 
-/// Whether a person standing here would have feet, middle or head in some camera's image.
+/// Whether the feet, middle or head of a person standing here are in some camera's image.
 fn is_seen(stage: &PreparedRoom, x_m: f64, y_m: f64, height_m: f64) -> bool {
     stage.cameras.iter().any(|camera| {
         [0.0, 0.5, 1.0].iter().any(|part| {
@@ -468,7 +477,7 @@ mod stillness_tests;
 #[cfg(test)]
 mod tests;
 
-/// A room of two cameras, and masks of people in it.
+/// Test room with two cameras, and masks of people in it.
 #[cfg(test)]
 pub(super) mod test_room {
     pub(crate) use super::tests::{empty_room, masks, standing};

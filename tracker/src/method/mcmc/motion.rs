@@ -1,13 +1,14 @@
-//! Prediction (seed 001, equation 1), with what it does not know.
+//! Motion model: prediction (equation 1 of the paper cited in [`super`]) with its uncertainty, and measurement
+//! update.
 //!
-//! A person's velocity is an Ornstein–Uhlenbeck process: remembered for a while, pushed by white
-//! acceleration. Place and velocity are a 4-vector with covariance, carried from moment to moment over any time step;
-//! with infinite memory its mean is the published `S + V`. The sampler works on the place of the silhouette alone; what its
-//! posterior has learnt beyond the prediction is taken back as a measurement of that place.
+//! A person's velocity is an Ornstein–Uhlenbeck process: it decays over a memory time and is driven by white
+//! acceleration. Place and velocity form a 4-vector with covariance, which is predicted over any time step; with
+//! infinite memory its mean is the published `S + V`. The sampler works on the place of the silhouette alone; the
+//! information of its posterior beyond the prediction updates the state as a measurement of that place.
 //!
-//! Whoever walks leans forward: head and trunk, which make up most of the silhouette, are ahead of the pelvis by about
-//! `lean_s` times the velocity. So the silhouette stands at `C · state`, with `C = [I, lean_s · I]`, and what is reported is
-//! where the person stands.
+//! A walking person leans forward: head and trunk, which make up most of the silhouette, are ahead of the pelvis by
+//! about `lean_s` times the velocity. The silhouette therefore stands at `C · state`, with `C = [I, lean_s · I]`, and
+//! the reported place is that of the person.
 
 use std::ops::AddAssign;
 
@@ -15,17 +16,17 @@ use nalgebra::{Matrix2, Matrix2x4, Matrix4, Vector2, Vector4};
 
 use super::options::MotionOptions;
 
-/// Squared distance from the prediction, in standard deviations, beyond which the prediction is not believed: one in a
-/// thousand by chance.
-const SURPRISE: f64 = 13.8;
-/// A step no longer than this part of the velocity's memory is short.
+/// Squared Mahalanobis distance from the prediction above which the prediction is not trusted: one in a thousand by
+/// chance.
+const OUTLIER_SQUARED_SIGMAS: f64 = 13.8;
+/// Longest part of a step, as a fraction of the velocity's memory.
 const LONGEST_PART: f64 = 0.25;
-/// The most parts of one step.
+/// Largest number of parts of one step.
 const MOST_PARTS: f64 = 1000.0;
-/// Standard deviation of a measurement along an axis of which a moment taught nothing, metres.
-const UNLEARNT_M: f64 = 5.0;
-/// An axis whose posterior variance is more than this part of the prior's has taught nothing but the sampler's own noise.
-const NOTHING_LEARNT: f64 = 0.9;
+/// Standard deviation of a measurement along an axis without information, metres.
+const UNINFORMED_SIGMA_M: f64 = 5.0;
+/// Ratio of posterior to prior variance above which an axis has no information but the sampler's own noise.
+const UNINFORMED_VARIANCE_RATIO: f64 = 0.9;
 
 /// Place (m) and velocity (m/s) on the floor, with their covariance. Order: x, y, vx, vy.
 #[derive(Debug, Clone)]
@@ -49,35 +50,35 @@ impl Belief {
     }
 }
 
-/// How a belief came from the moment before.
+/// Prediction step from the moment before to this one.
 #[derive(Debug, Clone)]
 pub(super) struct Step {
     pub(super) transition: Matrix4<f64>,
-    /// What was believed before anything was seen.
+    /// Belief predicted for this moment, before its observations.
     pub(super) predicted: Belief,
 }
 
-/// What one moment alone says of where somebody stands.
+/// Measurement of a person's place by one moment alone.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Measurement {
     pub(super) place: Vector2<f64>,
-    /// As wide as [`UNLEARNT_M`] along an axis of which nothing was learnt.
+    /// Covariance, m²; the standard deviation is [`UNINFORMED_SIGMA_M`] along an axis without information.
     pub(super) covariance: Matrix2<f64>,
 }
 
-/// Where somebody is and goes.
+/// Place and velocity of a person over time.
 #[derive(Debug, Clone)]
 pub(super) struct Motion {
     pub(super) belief: Belief,
-    /// The measurement behind the last posterior; `None` when the moment taught nothing.
+    /// Measurement behind the last posterior; `None` when the moment had no information.
     pub(super) measured: Option<Measurement>,
-    /// `None` for somebody who has just appeared.
+    /// Step from the moment before; `None` for a person who has just appeared.
     pub(super) arrived: Option<Step>,
     lean_s: f64,
 }
 
 impl Motion {
-    /// Somebody who has just appeared: place known with this covariance, velocity not at all.
+    /// Motion of a person who has just appeared: place known with this covariance (m²), velocity unknown.
     pub(super) fn appeared(place: Vector2<f64>, covariance: &Matrix2<f64>, options: &MotionOptions) -> Self {
         let mut all = Matrix4::from_diagonal_element(options.initial_speed_sigma.powi(2));
         all.fixed_view_mut::<2, 2>(0, 0).copy_from(covariance);
@@ -92,7 +93,7 @@ impl Motion {
         self.belief.place()
     }
 
-    /// Where the silhouette of somebody upright would be like theirs.
+    /// Place of the person's silhouette, metres: an upright person standing there would have the same one.
     pub(super) fn silhouette_place(&self) -> Vector2<f64> {
         self.place() + self.belief.velocity() * self.lean_s
     }
@@ -103,14 +104,14 @@ impl Motion {
         c * self.belief.covariance * c.transpose()
     }
 
-    /// C.
+    /// Matrix C: silhouette's place from the state.
     fn silhouette_from_state(&self) -> Matrix2x4<f64> {
         let l = self.lean_s;
         Matrix2x4::new(1.0, 0.0, l, 0.0, 0.0, 1.0, 0.0, l)
     }
 
-    /// Carries the belief `dt_s` seconds on, for somebody in sight or not. A step that is long against the memory of the
-    /// velocity goes in parts, over each of which the acceleration is white.
+    /// Predicts the belief `dt_s` seconds ahead, for a person in sight or not. A step that is long against the memory
+    /// of the velocity is divided into parts, over each of which the acceleration is white.
     pub(super) fn predict(&mut self, dt_s: f64, in_sight: bool, options: &MotionOptions) {
         let memory_s = if in_sight { options.velocity_memory_s } else { options.unseen_velocity_memory_s };
         let parts = (dt_s / (LONGEST_PART * memory_s)).ceil().clamp(1.0, MOST_PARTS);
@@ -125,7 +126,7 @@ impl Motion {
         self.measured = None;
     }
 
-    /// They went no farther than this since the moment before, and stand.
+    /// Stops the person at this place: the predicted movement did not happen.
     pub(super) fn halt(&mut self, place: Vector2<f64>) {
         self.belief.mean = Vector4::new(place.x, place.y, 0.0, 0.0);
         if let Some(step) = &mut self.arrived {
@@ -133,11 +134,12 @@ impl Motion {
         }
     }
 
-    /// Takes in where the sampler found the silhouette, this belief having been its prior: the posterior's mean and covariance.
+    /// Updates the belief by the sampler's posterior of the silhouette's place (mean in metres, covariance in m²), of
+    /// which this belief was the prior.
     ///
-    /// The likelihood behind that posterior is `N(z, R)` with `R⁻¹ = Σ⁻¹ − P⁻¹`; what the silhouette's place means beyond
-    /// that (`gait_sigma_m`) is added to R, and the belief updated with it. Directions in which the sampler learnt
-    /// nothing (Σ as wide as P: the person is hidden) have no R⁻¹, and stay as predicted.
+    /// The likelihood behind that posterior is `N(z, R)` with `R⁻¹ = Σ⁻¹ − P⁻¹`. The offset between silhouette and
+    /// person (`gait_sigma_m`) is added to R, and the belief updated with the sum. Directions without information (Σ
+    /// as wide as P: the person is hidden) have no R⁻¹, and stay as predicted.
     pub(super) fn condition(
         &mut self,
         place: &Vector2<f64>,
@@ -146,23 +148,23 @@ impl Motion {
     ) {
         let gait = Matrix2::identity() * options.gait_sigma_m.powi(2);
         let shift = place - self.silhouette_place();
-        self.doubt_prediction(&shift, &gait);
+        self.inflate_prediction(&shift, &gait);
         let prior = self.silhouette_covariance();
         let Some(root) = prior.cholesky().map(|c| c.l()) else { return };
         let Some(inverse_root) = root.try_inverse() else { return };
-        // In units of the prior, the posterior's axes are those of the likelihood: what was measured are the coordinates
-        // along them.
+        // In units of the prior, the posterior and the likelihood have the same axes: the coordinates along them are
+        // the measurement.
         let relative = (inverse_root * posterior * inverse_root.transpose()).symmetric_eigen();
         let mut measures = relative.eigenvectors.transpose() * inverse_root;
         let mut found = measures * shift;
         let mut noise = Matrix2::zeros();
         for i in 0..2 {
             let left = relative.eigenvalues[i].clamp(1e-6, 1.0);
-            if left < NOTHING_LEARNT {
+            if left < UNINFORMED_VARIANCE_RATIO {
                 found[i] /= 1.0 - left;
                 noise[(i, i)] = left / (1.0 - left);
             } else {
-                // No measurement: a row of zeros, against which any noise will do.
+                // No measurement: a row of zeros, whose noise does not matter.
                 measures.row_mut(i).fill(0.0);
                 (found[i], noise[(i, i)]) = (0.0, 1.0);
             }
@@ -175,7 +177,8 @@ impl Motion {
 }
 
 impl Motion {
-    /// Takes in a measurement of the silhouette's place with this covariance, whatever was predicted.
+    /// Updates the belief by a measurement of the silhouette's place (metres) with this covariance (m²), which does
+    /// not depend on the prediction.
     pub(super) fn measure(
         &mut self,
         place: &Vector2<f64>,
@@ -183,19 +186,19 @@ impl Motion {
         options: &MotionOptions,
     ) {
         let noise = covariance + Matrix2::identity() * options.gait_sigma_m.powi(2);
-        self.doubt_prediction(&(place - self.silhouette_place()), &noise);
+        self.inflate_prediction(&(place - self.silhouette_place()), &noise);
         let shift = place - self.silhouette_place();
         self.measured = self.measurement(&Matrix2::identity(), &shift, &noise);
         self.update(&self.silhouette_from_state(), &shift, &noise);
     }
 
-    /// Makes the prediction worth less where something is this far from it that is only so uncertain itself.
-    fn doubt_prediction(&mut self, shift: &Vector2<f64>, noise: &Matrix2<f64>) {
-        let surprise = (self.silhouette_covariance() + noise)
+    /// Widens the prediction if a measurement with this noise is too far from it.
+    fn inflate_prediction(&mut self, shift: &Vector2<f64>, noise: &Matrix2<f64>) {
+        let squared_sigmas = (self.silhouette_covariance() + noise)
             .try_inverse()
             .map_or(0.0, |inverse| shift.dot(&(inverse * shift)));
-        if surprise > SURPRISE {
-            // They were not where they were predicted: the prediction was worth less than it said.
+        if squared_sigmas > OUTLIER_SQUARED_SIGMAS {
+            // The measurement contradicts the prediction, so the covariance grows by the square of the shift.
             let more = shift * shift.transpose();
             self.belief.covariance.fixed_view_mut::<2, 2>(0, 0).add_assign(&more);
             if let Some(step) = &mut self.arrived {
@@ -211,14 +214,14 @@ impl Motion {
         let Some(inverse) = innovation.try_inverse() else { return };
         let gain = *covariance * observation.transpose() * inverse;
         *mean += gain * found;
-        // Joseph's form keeps the covariance a covariance.
+        // Joseph's form keeps the covariance positive semidefinite.
         let rest = Matrix4::identity() - gain * observation;
         let updated = rest * *covariance * rest.transpose() + gain * noise * gain.transpose();
         *covariance = 0.5 * (updated + updated.transpose());
     }
 
-    /// The place of which `measures · (silhouette − predicted silhouette) = found ± noise`, for somebody who leans as
-    /// predicted.
+    /// Measurement of the person's place from `measures · (silhouette − predicted silhouette) = found ± noise`, for
+    /// the predicted lean.
     fn measurement(
         &self,
         measures: &Matrix2<f64>,
@@ -229,17 +232,17 @@ impl Motion {
             return None;
         }
         let weighted = measures.transpose() * noise.try_inverse()?;
-        let information = weighted * measures + Matrix2::from_diagonal_element(UNLEARNT_M.powi(-2));
+        let information = weighted * measures + Matrix2::from_diagonal_element(UNINFORMED_SIGMA_M.powi(-2));
         let covariance = information.try_inverse()?;
         Some(Measurement { place: self.place() + covariance * weighted * found, covariance })
     }
 }
 
-/// How the state is carried over a step that is short against the memory of the velocity, and the covariance that white
-/// acceleration of this density (m²/s³) adds.
+/// Transition matrix over a step that is short against the memory of the velocity, and the covariance added by white
+/// acceleration of this density (m²/s³).
 fn carried(dt_s: f64, memory_s: f64, density: f64) -> (Matrix4<f64>, Matrix4<f64>) {
     let beta = 1.0 / memory_s;
-    // How much of the velocity is left, and how far it carries.
+    // Remaining fraction of the velocity, and distance per unit of velocity.
     let left = (-beta * dt_s).exp();
     let carries = if beta * dt_s < 1e-6 { dt_s } else { (1.0 - left) / beta };
     let (pp, pv, vv) = (density * dt_s.powi(3) / 3.0, density * dt_s.powi(2) / 2.0, density * dt_s);
@@ -296,7 +299,7 @@ mod tests {
                 (Matrix4::identity() - k * h) * prior.belief.covariance,
             )
         };
-        // The sampler knows nothing of gait; the belief does.
+        // Only the belief includes the gait noise.
         let (mean, covariance) = update(noise);
         let sampled: Matrix2<f64> = h * covariance * h.transpose();
         let mut motion = prior.clone();
@@ -306,7 +309,7 @@ mod tests {
         assert_relative_eq!(motion.belief.mean, mean, epsilon = 1e-9);
         assert_relative_eq!(motion.belief.covariance, covariance, epsilon = 1e-9);
 
-        // The measurement itself is that of the silhouette, for somebody who leans as predicted.
+        // The measurement is that of the silhouette, for the predicted lean.
         let measured = motion.measured.unwrap();
         let stands = seen - prior.belief.velocity() * lean;
         assert_relative_eq!(measured.place, stands, epsilon = 2e-3);
@@ -343,7 +346,7 @@ mod tests {
         assert!(motion.belief.velocity().norm() < 0.05);
     }
 
-    /// The Ornstein–Uhlenbeck process in closed form (Uhlenbeck & Ornstein 1930): the variance of a place that was known.
+    /// Variance of a known place in the Ornstein–Uhlenbeck process in closed form (Uhlenbeck & Ornstein 1930).
     #[test]
     fn people_wander_over_minutes_as_far_as_the_process_says() {
         let options = MotionOptions::default();
@@ -356,7 +359,7 @@ mod tests {
             let (once, twice) = ((-seconds / memory_s).exp(), (-2.0 * seconds / memory_s).exp());
             let way_s = seconds - 2.0 * memory_s * (1.0 - once) + 0.5 * memory_s * (1.0 - twice);
             let variance = options.acceleration_density * memory_s.powi(2) * way_s;
-            // Parts of a quarter of the memory make some more of the acceleration than it is.
+            // Parts of a quarter of the memory overestimate the effect of the acceleration slightly.
             let found = motion.belief.covariance[(0, 0)] / variance;
             assert!((0.95..1.3).contains(&found), "{seconds} s: {found}");
         }

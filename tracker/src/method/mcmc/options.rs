@@ -1,4 +1,4 @@
-//! Everything that can be set about the sampler, with the reason for each default.
+//! Options of the sampler, with the reason for each default. "Published" refers to the paper cited in [`super`].
 
 use serde::{Deserialize, Serialize};
 
@@ -6,17 +6,17 @@ use crate::likelihood::{LikelihoodRule, Simulation};
 use crate::silhouette::Body;
 use crate::{Error, Result};
 
-/// When a proposed state is taken.
+/// Rule by which a proposed state is accepted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Acceptance {
-    /// As published: `min(1, L_new / L_old)`. Knows no prior but E and R, and leaves the proposal ratio out.
+    /// As published: `min(1, L_new / L_old)`. The only priors are E and R, and the proposal ratio is left out.
     Published,
     /// Green's reversible jump: the posterior ratio (likelihood, motion, size, birth and death) times the proposal ratio.
     ReversibleJump,
 }
 
-/// A normal distribution over a length.
+/// Normal distribution over a length.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Spread {
@@ -26,45 +26,49 @@ pub struct Spread {
     pub sigma_m: f64,
 }
 
-/// How often each move is proposed; only the proportions matter.
+/// Relative frequencies of the moves; only their proportions matter.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MoveWeights {
-    /// ADD: a new person.
+    /// ADD: adds a person.
     pub add: f64,
-    /// DELETE: one person less.
+    /// DELETE: removes a person.
     pub delete: f64,
-    /// UPDATE-P: another place.
+    /// UPDATE-P: changes a person's place.
     pub position: f64,
-    /// UPDATE-S: another size.
+    /// UPDATE-S: changes a person's size.
     pub size: f64,
 }
 
 impl Default for MoveWeights {
-    /// Most steps go to where people are; appearing and leaving are rare, and a data-driven ADD needs few attempts.
+    /// Most steps refine the places and sizes of people; births and deaths are rare, and a data-driven ADD needs few
+    /// attempts.
     fn default() -> Self {
         Self { add: 0.06, delete: 0.06, position: 0.66, size: 0.22 }
     }
 }
 
-/// How people walk.
+/// Options of the motion model.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MotionOptions {
-    /// Spectral density of the acceleration, m²/s³: how suddenly velocity changes. 1.5 lets a walker turn a corner
-    /// (1.2 m/s to the side) within half a second at two standard deviations.
+    /// Spectral density of the acceleration, m²/s³: how suddenly the velocity changes. At 1.5 a walker can turn a
+    /// corner (1.2 m/s to the side) within half a second at two standard deviations.
     pub acceleration_density: f64,
-    /// How long the velocity of somebody in sight is remembered, seconds. Infinite: constant velocity, as published
-    /// (equation 1).
+    /// Memory time of the velocity of a person in sight, seconds. Infinite: constant velocity, as published (equation
+    /// 1).
     pub velocity_memory_s: f64,
-    /// The same for somebody out of sight, who walks on for about this long: they may as well have stopped there.
+    /// Memory time of the velocity of a person out of sight, seconds: the person walks on for about this long, since
+    /// they may have stopped there.
     pub unseen_velocity_memory_s: f64,
-    /// Standard deviation of the velocity of somebody who has just appeared, m/s: people come in walking.
+    /// Standard deviation of the velocity of a person who has just appeared, m/s: people come in walking.
     pub initial_speed_sigma: f64,
-    /// What a silhouette's place means beyond the sampler's own spread, metres: swinging arms and legs move it.
+    /// Standard deviation of the silhouette's place around that of the person, beyond the sampler's own, metres:
+    /// swinging arms and legs move the silhouette.
     pub gait_sigma_m: f64,
-    /// How far ahead of where a person stands the silhouette of a walker is, seconds times velocity: a trunk that leans
-    /// forward by five degrees, as walkers' do, brings the middle of the silhouette 3 cm ahead of the pelvis at 1.2 m/s.
+    /// Lead of a walker's silhouette over the person's place per unit of velocity, seconds: a trunk that leans
+    /// forward by five degrees, as walkers' do, brings the middle of the silhouette 3 cm ahead of the pelvis at 1.2
+    /// m/s.
     pub lean_s: f64,
 }
 
@@ -81,19 +85,21 @@ impl Default for MotionOptions {
     }
 }
 
-/// How a detector's boxes are followed where nothing else is seen.
+/// Options for moments in which a detector's boxes are the only observations.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct BoxOptions {
-    /// Whether boxes are all that is ever seen. Then more people can be followed than masks can count.
+    /// Whether boxes are the only observations of the whole stream. Then more people can be followed than masks can
+    /// count.
     pub alone: bool,
-    /// Steps of a moment that are thrown away at least, for each person and each place at which boxes ask for one.
+    /// Least number of burn-in steps of a moment, for each person and each place proposed by boxes.
     pub burn_in_per_person: u32,
-    /// The same for steps that are kept.
+    /// Least number of kept steps of a moment, for each person and each place proposed by boxes.
     pub kept_per_person: u32,
-    /// Who is born now stands this far from everybody, metres: boxes tell people apart who are as near as this.
+    /// Least distance of a person born in this moment from everybody else, metres: boxes distinguish people this
+    /// close.
     pub apart_m: f64,
-    /// What multiplies `log R`: people a hand's breadth apart are rare, and one person followed twice is not.
+    /// Factor of `log R`: two people 10 cm apart are rare, one person tracked twice is not.
     pub repulsion_weight: f64,
 }
 
@@ -113,33 +119,33 @@ impl Default for BoxOptions {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct McmcOptions {
-    /// Seed of the generator; the same seed gives the same bytes.
+    /// Seed of the random number generator; the same seed gives the same bytes.
     pub seed: u64,
-    /// B: steps of a frame that are thrown away (published: 100).
+    /// B: burn-in steps of a moment, which are discarded (published: 100).
     pub burn_in_steps: u32,
-    /// N: steps of a frame whose mean is the estimate (published: 100).
+    /// N: kept steps of a moment, whose mean is the estimate (published: 100).
     pub kept_steps: u32,
-    /// With many people, both are at least this many for each of them: a chain that changes one person a step needs its
-    /// steps for every one (published: 0).
+    /// Least number of burn-in and of kept steps for each person: a chain that changes one person a step needs steps
+    /// for every one (published: 0).
     pub steps_per_person: u32,
-    /// These steps are for frames that follow each other in this time, seconds; later ones get as many times more, for what
-    /// may have happened meanwhile (published: infinite).
+    /// Longest time step for which these numbers of steps are made, seconds; longer time steps get proportionally
+    /// more, because people may have moved farther (published: infinite).
     pub steps_for_s: f64,
-    /// How many times the steps a moment gets in which the predicted people leave foreground over (published: 1).
+    /// Factor of the steps in a moment in which the predicted people leave foreground unexplained (published: 1).
     pub surprise: f64,
-    /// How often each move is proposed.
+    /// Relative frequencies of the moves.
     pub moves: MoveWeights,
-    /// How boxes are followed where there are no masks.
+    /// Options for moments with boxes and no masks.
     pub boxes: BoxOptions,
-    /// V(S).
+    /// Likelihood of masks, V(S).
     pub likelihood: LikelihoodRule,
-    /// When a proposal is taken.
+    /// Rule by which a proposal is accepted.
     pub acceptance: Acceptance,
-    /// λ of R(S), 1/m.
+    /// λ of the repulsion R(S), 1/m.
     pub repulsion_per_m: f64,
-    /// Radii of people's ellipsoids: arms and gait included, half of a shoulder width of 0.5 m.
+    /// Prior of the radii of people's ellipsoids: arms and gait included, half of a shoulder width of 0.5 m.
     pub radius: Spread,
-    /// Heights of people, shoes included.
+    /// Prior of people's heights, shoes included.
     pub height: Spread,
     /// Standard deviation of a step of UPDATE-P, metres. A mixture of a third, one and three times this is used.
     pub position_step_m: f64,
@@ -147,38 +153,39 @@ pub struct McmcOptions {
     pub radius_step_m: f64,
     /// Standard deviation of a step of UPDATE-S in height, metres.
     pub height_step_m: f64,
-    /// How people walk.
+    /// Options of the motion model.
     pub motion: MotionOptions,
-    /// How often people appear, per second over all zones together.
+    /// Rate of births over all zones together, 1/s.
     pub births_per_s: f64,
-    /// How often somebody turns out to be two people, per second and person in sight: who came in beside them, or hidden by
-    /// them. They may appear outside zones (published: 0).
+    /// Rate at which one person in sight turns out to be two, 1/s: a second person came in beside or behind them. The
+    /// second person may be born outside zones (published: 0).
     pub companions_per_s: f64,
-    /// How often a person is found in the middle of a room with zones, per second in which cameras show one persistently whom
+    /// Rate at which a person is born outside the zones, per second in which the cameras persistently show one whom
     /// no track explains (published: 0).
     pub rescues_per_s: f64,
-    /// What a new person has to explain beyond chance: this part of a typical silhouette in one camera. Shadows, swinging
-    /// limbs and reflections leave pieces of foreground that nobody explains, and they are no people.
+    /// Foreground that a new person has to explain beyond chance, as a fraction of a typical silhouette in one
+    /// camera. Shadows, swinging limbs and reflections leave pieces of unexplained foreground that are no people.
     pub birth_evidence: f64,
-    /// How often a person in a zone leaves, per second.
+    /// Rate at which a person in an exit zone leaves, 1/s.
     pub deaths_per_s: f64,
-    /// How often a person whom no camera sees leaves the room unseen, per second (published: 0). Slow: people who are
-    /// hidden usually come out again.
+    /// Rate at which a person whom no camera sees leaves the room unseen, 1/s (published: 0). It is low because
+    /// hidden people usually come out again.
     pub unseen_leaves_per_s: f64,
-    /// The part of ADD's proposals that goes where unexplained foreground is; the rest is uniform over the zones
+    /// Fraction of ADD's proposals drawn where unexplained foreground is; the rest is uniform over the zones
     /// (published: 0).
     pub informed_births: f64,
-    /// For this long from the first moment with a mask, and from the first after an outage of all cameras for two seconds or
-    /// more, people may appear anywhere: they were inside already (published: 0).
+    /// Time for which people may be born anywhere, seconds, from the first moment with a mask and from the first one
+    /// after an outage of all cameras of two seconds or more, since they may have been inside already (published: 0).
     pub settling_s: f64,
-    /// What a new person has to have earned (nats beyond chance) to be believed in: to get an id, to be reported, and no
-    /// longer to vanish outside zones. One moment is worth at most 4, so this sets the number of moments it takes.
+    /// Evidence at which a new person is confirmed, nats beyond chance: the person gets an id, is reported, and can
+    /// no longer be deleted outside zones. One moment contributes at most 4, so this sets the number of moments
+    /// needed.
     pub believed_at_nats: f64,
-    /// How long after a moment its people are told, seconds: what comes after it tells where they were, and who had just
-    /// come in (published: 0).
+    /// Lag of the smoother, seconds: estimates of a moment are reported after this time, corrected by the following
+    /// moments, and include the people confirmed meanwhile (published: 0).
     pub lag_s: f64,
-    /// The most people at one time, up to [`Simulation::MAX_BODIES`], by boxes alone up to [`Self::MOST_BY_BOXES`]; whoever
-    /// comes beyond that is not found.
+    /// Largest number of people at one time, up to [`Simulation::MAX_BODIES`], by boxes alone up to
+    /// [`Self::MOST_BY_BOXES`]; further people are not tracked.
     pub max_people: usize,
 }
 
@@ -224,11 +231,11 @@ impl Default for McmcOptions {
 }
 
 impl McmcOptions {
-    /// The sampler for a detector's boxes alone.
+    /// Options for a detector's boxes alone.
     ///
-    /// Boxes show a person's middle, which keeps its velocity better than a silhouette does, and they need no distance between
-    /// people; at two moments a second as at thirty, the velocity is remembered for some steps. Chosen on generated crowds of
-    /// 10 and 15 people.
+    /// Boxes show a person's middle, whose velocity is steadier than that of a silhouette, and they need no distance
+    /// between people. The memory of the velocity covers several steps at two moments a second as well as at thirty.
+    /// Chosen on generated crowds of 10 and 15 people.
     #[must_use]
     pub fn of_boxes() -> Self {
         Self {
@@ -247,15 +254,16 @@ impl McmcOptions {
         }
     }
 
-    /// The most people that are followed by boxes alone.
+    /// Largest number of people that are tracked by boxes alone.
     pub const MOST_BY_BOXES: usize = 255;
 
-    /// The sampler as published: overlap ratio, no prior, no proposal ratio, births uniform over the zones and nowhere else,
-    /// UPDATE-P by normal steps alone, constant velocity. For comparison.
+    /// Options of the published sampler, for comparison: overlap ratio, no prior, no proposal ratio, births uniform
+    /// over the zones and nowhere else, UPDATE-P by normal steps alone, constant velocity.
     ///
-    /// What the paper leaves open stays as it is here: identities (a person deleted and added again in one moment is the
-    /// same; names go by appearance after an encounter), whom to believe in, and how equation 9's mean over states of
-    /// different people becomes the next moment's S and V (person by person, as a measurement of a belief with covariance).
+    /// Details that the paper does not specify stay as in the defaults: identities (a person deleted and added again
+    /// in one moment keeps the identity; ids are exchanged back by appearance after an encounter), the confirmation
+    /// of tracks, and the step from equation 9's mean over states with different people to the next moment's S and V
+    /// (person by person, as a measurement of a belief with covariance).
     #[must_use]
     pub fn published() -> Self {
         Self {
@@ -279,7 +287,7 @@ impl McmcOptions {
         }
     }
 
-    /// Checks every number.
+    /// Checks every option.
     ///
     /// # Errors
     /// [`Error::Option`] naming the first option that makes no sense.
@@ -337,7 +345,7 @@ impl McmcOptions {
         let most = if self.boxes.alone { Self::MOST_BY_BOXES } else { Simulation::MAX_BODIES };
         if self.max_people == 0 || self.max_people > most {
             return Err(Error::option(
-                "--most-people",
+                "max_people",
                 format!("the sampler follows 1 to {most} people, not {}", self.max_people),
             ));
         }

@@ -1,26 +1,26 @@
-//! When people may appear anywhere: at the start of a stream, and again after an outage of all cameras.
+//! Phases in which people may appear anywhere: at the start of a stream, and again after an outage of all cameras.
 //!
 //! While no camera has a usable mask, tracks are only predicted. People walk a metre a second, so after a few seconds
-//! somebody else may stand where a track is expected, and after [`FORGOTTEN_AFTER_S`] no prediction tells two people
-//! apart: the tracks end.
+//! another person may stand at a track's predicted place, and after [`FORGOTTEN_AFTER_S`] the predictions cannot
+//! distinguish people: the tracks end.
 
-/// Seconds without a usable mask of any camera after which people may have come in unseen.
+/// Time without a usable mask of any camera after which people may have come in unseen, seconds.
 pub(super) const OUTAGE_S: f64 = 2.0;
-/// Seconds without a usable mask of any camera after which all tracks end.
+/// Time without a usable mask of any camera after which all tracks end, seconds.
 pub(super) const FORGOTTEN_AFTER_S: f64 = 30.0;
 
-/// The times that decide whether people may appear anywhere, seconds.
+/// Times of masks and outages, which determine whether people may appear anywhere, seconds.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Settling {
-    /// The latest moment with a usable mask.
+    /// Time of the latest moment with a usable mask.
     seen_s: Option<f64>,
-    /// The first moment with a usable mask since the start, or since the latest outage.
+    /// Time of the first moment with a usable mask since the start, or since the latest outage.
     since_s: Option<f64>,
     had_outage: bool,
 }
 
 impl Settling {
-    /// Takes in a moment. Returns for how long no camera had a usable mask before it, seconds.
+    /// Records a moment. Returns for how long no camera had a usable mask before it, seconds.
     pub(super) fn observe(&mut self, time_s: f64, sees_anything: bool) -> f64 {
         let unseen_s = self.seen_s.map_or(0.0, |seen_s| time_s - seen_s);
         if sees_anything {
@@ -34,7 +34,8 @@ impl Settling {
         unseen_s
     }
 
-    /// Whether people may appear anywhere in this moment, who may for `settling_s` seconds.
+    /// Whether people may appear anywhere in this moment: within `settling_s` seconds of the start or of the end of
+    /// an outage.
     pub(super) fn is_on(&self, time_s: f64, settling_s: f64) -> bool {
         settling_s > 0.0 && self.since_s.is_none_or(|since_s| time_s - since_s < settling_s)
     }
@@ -49,7 +50,8 @@ impl Settling {
 mod tests {
     use super::*;
 
-    /// Whether people may appear anywhere in each of these moments: time, and whether a camera has a mask.
+    /// Phases of these moments, each given as its time and whether a camera has a mask: whether people may appear
+    /// anywhere.
     fn phases(moments: &[(f64, bool)]) -> Vec<bool> {
         let mut settling = Settling::default();
         let phase = |(time_s, sees): &(f64, bool)| {
@@ -65,7 +67,7 @@ mod tests {
         assert_eq!(phases(&moments), [true, true, true, false, false, false], "1.9 s are no outage");
         let away = [(0.0, true), (0.6, true), (2.0, false), (2.7, true), (3.1, true), (3.3, true)];
         assert_eq!(phases(&away), [true, false, false, true, true, false]);
-        // Nothing came while the cameras were away.
+        // No moments arrived during the outage.
         assert_eq!(
             phases(&[(0.0, true), (0.6, true), (600.0, true), (600.6, true)]),
             [true, false, true, false]

@@ -1,13 +1,13 @@
-//! On which side of a door a person is, by the way through the zones of people who leave.
+//! Passage of a person through the exit zones, which tells on which side of a door the person is.
 
 use nalgebra::Vector2;
 
-/// Distance between the places at which a person entered and left a zone from which on the person went through it, metres.
+/// Distance between the places of entering and leaving a zone from which on the person went through it, metres.
 const THROUGH_M: f64 = 0.5;
 /// Time in sight after which a person beyond a zone is somewhere in the room after all, seconds.
 const SEEN_S: f64 = 5.0;
 
-/// A person's way through zones.
+/// State of a person's passage through zones.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Passage {
     /// In the room.
@@ -21,12 +21,12 @@ pub(super) enum Passage {
 }
 
 impl Passage {
-    /// A person who appeared at a place.
+    /// Passage of a person who appeared at a place.
     pub(super) fn new(place: Vector2<f64>, is_in_zone: bool) -> Self {
         if is_in_zone { Self::ReturningZone(place) } else { Self::Room }
     }
 
-    /// Follows the person, in sight, to a place, `dt_s` seconds later.
+    /// Updates the passage of a person in sight, who is at this place `dt_s` seconds later.
     pub(super) fn follow(&mut self, place: Vector2<f64>, is_in_zone: bool, dt_s: f64) {
         let is_through = |entered: Vector2<f64>| (place - entered).norm() >= THROUGH_M;
         *self = match (*self, is_in_zone) {
@@ -64,7 +64,7 @@ mod tests {
     #[test]
     fn crossing_a_zone_from_the_room_leads_beyond_it() {
         assert!(along(4.0, &[4.5, 5.1, 5.6, 5.9, 6.2, 7.0]).is_leaving());
-        // Back over its border for a moment.
+        // The person steps back over the zone's border for a moment.
         assert!(along(4.0, &[4.5, 5.1, 5.6, 6.1, 5.9, 6.2, 7.0]).is_leaving());
     }
 

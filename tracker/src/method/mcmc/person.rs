@@ -1,4 +1,4 @@
-//! One person of the sampler's state, and what was known of them before this moment.
+//! One person of the sampler's state, and the person's prior by the last moment.
 
 use nalgebra::{Matrix2, Vector2};
 use rand::RngExt;
@@ -9,50 +9,50 @@ use super::options::Spread;
 use crate::likelihood::prior::LOG_IMPOSSIBLE;
 use crate::silhouette::{Body, Silhouette};
 
-/// Who a person of the state is, within a run. Every proposed birth has a new one.
+/// Key of a person of the state, unique within a run. Every proposed birth has a new one.
 pub(super) type Key = u64;
 
-/// A person of the state.
+/// Person of the state.
 #[derive(Debug, Clone)]
 pub(super) struct Person {
     pub(super) key: Key,
     pub(super) body: Body,
-    /// One a layer, of `body`.
+    /// Silhouettes of `body`, one a layer.
     pub(super) silhouettes: Vec<Silhouette>,
     /// Whether people may disappear where `body` stands.
     pub(super) at_exit: bool,
-    /// The belief carried over from the last moment; `None` for somebody born in this one.
+    /// Prior by the last moment; `None` for a person born in this one.
     pub(super) known: Option<Known>,
-    /// Not yet reported: may vanish anywhere.
+    /// Whether DELETE may remove the person outside exit zones, too: the track is unconfirmed or doubtful.
     pub(super) tentative: bool,
 }
 
 impl Person {
-    /// Whether DELETE may take them.
+    /// Whether DELETE may remove the person.
     pub(super) fn may_leave(&self) -> bool {
         self.tentative || self.at_exit
     }
 
-    /// Whether they were born in this moment.
+    /// Whether the person was born in this moment.
     pub(super) fn is_new(&self) -> bool {
         self.known.is_none()
     }
 }
 
-/// What the last moment says about a person now.
+/// Prior of a person at this moment, by the last one.
 #[derive(Debug, Clone)]
 pub(super) struct Known {
     pub(super) place: Place,
     pub(super) radius: Spread,
     pub(super) height: Spread,
-    /// Log odds of still being there, before looking.
+    /// Log odds of existence before this moment's observations.
     pub(super) log_odds: f64,
-    /// Where a detector's boxes show this person: a proposal, of which the belief knows nothing.
+    /// Place by a detector's boxes, which UPDATE-P proposes from; no part of the prior.
     pub(super) fit: Option<Gaussian>,
 }
 
 impl Known {
-    /// Log density of a body, given this belief.
+    /// Log density of a body under this prior.
     pub(super) fn log_density(&self, body: &Body) -> f64 {
         self.place.log_density(body.x_m, body.y_m)
             + self.radius.log_density(body.radius_m)
@@ -60,72 +60,73 @@ impl Known {
     }
 }
 
-/// Where a person is expected: the prediction, and with a small probability somewhere around it. People trip, and a
-/// sampler that has lost somebody must be able to find them again.
+/// Prior of a person's place: the predicted normal distribution, mixed with a wider one of small weight, cut off at a
+/// gate. People deviate from the motion model, and the sampler must be able to find a lost person again.
 #[derive(Debug, Clone)]
 pub(super) struct Place {
     near: Gaussian,
     around: Gaussian,
-    /// Its outline a few standard deviations out bounds where this person can be.
-    farthest: Gaussian,
+    /// Distribution of the gate, which ends at [`GATE_SIGMAS`] of its standard deviations.
+    gate: Gaussian,
 }
 
-/// Probability that a person is not where they were predicted.
-const ASTRAY: f64 = 0.02;
-/// How far they are then, metres.
-const ASTRAY_SIGMA_M: f64 = 0.5;
-/// Nobody is farther away than this many standard deviations of the prediction and of how far they may have gone astray:
-/// that is somebody else.
-const FARTHEST_SIGMAS: f64 = 3.0;
+/// Weight of the wider distribution: the probability that a person deviates from the motion model.
+const DEVIATION_WEIGHT: f64 = 0.02;
+/// Standard deviation of that deviation, metres.
+const DEVIATION_SIGMA_M: f64 = 0.5;
+/// Gate in standard deviations of the prediction and the deviation together: a person farther away is another one.
+const GATE_SIGMAS: f64 = 3.0;
 
 impl Place {
-    /// Around a prediction with this covariance, and nowhere farther than people go astray (one standard deviation).
-    pub(super) fn new(mean: Vector2<f64>, covariance: &Matrix2<f64>, astray_m: f64) -> Self {
+    /// Prior around a prediction with this covariance (m²); `deviation_m` is the standard deviation, metres, by which
+    /// the gate is wider than the prediction.
+    pub(super) fn new(mean: Vector2<f64>, covariance: &Matrix2<f64>, deviation_m: f64) -> Self {
         let wider = |by_m: f64| Gaussian::new(mean, &(covariance + Matrix2::identity() * by_m.powi(2)));
         Self {
             near: Gaussian::new(mean, covariance),
-            around: wider(ASTRAY_SIGMA_M),
-            farthest: wider(astray_m),
+            around: wider(DEVIATION_SIGMA_M),
+            gate: wider(deviation_m),
         }
     }
 
-    /// Covariance of the prediction.
+    /// Covariance of the prediction, m².
     pub(super) fn covariance(&self) -> Matrix2<f64> {
         self.near.root * self.near.root.transpose()
     }
 
-    /// The prediction.
+    /// Predicted place, metres.
     pub(super) fn mean(&self) -> Vector2<f64> {
         self.near.mean
     }
 
     pub(super) fn log_density(&self, x_m: f64, y_m: f64) -> f64 {
-        if self.farthest.squared_sigmas(x_m, y_m) > FARTHEST_SIGMAS * FARTHEST_SIGMAS {
+        if self.gate.squared_sigmas(x_m, y_m) > GATE_SIGMAS * GATE_SIGMAS {
             return LOG_IMPOSSIBLE;
         }
-        let near = self.near.log_density(x_m, y_m) + (1.0 - ASTRAY).ln();
-        let around = self.around.log_density(x_m, y_m) + ASTRAY.ln();
+        let near = self.near.log_density(x_m, y_m) + (1.0 - DEVIATION_WEIGHT).ln();
+        let around = self.around.log_density(x_m, y_m) + DEVIATION_WEIGHT.ln();
         let larger = near.max(around);
         larger + ((near - larger).exp() + (around - larger).exp()).ln()
     }
 
     pub(super) fn sample(&self, rng: &mut Pcg64Mcg) -> Vector2<f64> {
-        if rng.random::<f64>() < ASTRAY { self.around.sample(rng) } else { self.near.sample(rng) }
+        if rng.random::<f64>() < DEVIATION_WEIGHT { self.around.sample(rng) } else { self.near.sample(rng) }
     }
 }
 
-/// A normal distribution on the floor.
+/// Normal distribution over places on the floor.
 #[derive(Debug, Clone)]
 pub(super) struct Gaussian {
     mean: Vector2<f64>,
     inverse: Matrix2<f64>,
-    /// Lower triangular root of the covariance.
+    /// Lower triangular Cholesky factor of the covariance.
     root: Matrix2<f64>,
     log_norm: f64,
 }
 
 impl Gaussian {
-    /// With this mean and covariance. A covariance that is not positive is replaced by a centimetre's.
+    /// Normal distribution with this mean and covariance. A covariance that is not positive definite is replaced by
+    /// that of 1 cm standard deviation.
     pub(super) fn new(mean: Vector2<f64>, covariance: &Matrix2<f64>) -> Self {
         let safe = Matrix2::identity() * 1e-4;
         let (inverse, root) = match (covariance.try_inverse(), covariance.cholesky()) {

@@ -1,4 +1,4 @@
-//! Who is in the room without having come in through a zone before the cameras' eyes: after an outage, after a camera has
+//! Tests of people who did not come in through a zone in sight of the cameras: after an outage, after a camera has
 //! come back, and in the place of furniture.
 
 use image::GrayImage;
@@ -20,18 +20,18 @@ fn seeded(seed: u64) -> McmcOptions {
     McmcOptions { seed, ..McmcOptions::default() }
 }
 
-/// What no camera sees.
+/// Frames in which no camera has a mask.
 fn blind() -> Vec<CameraFrame> {
     vec![CameraFrame::default(); 2]
 }
 
-/// Whether one person is told of, where a body is.
-fn is_told(people: &[PersonEstimate], body: &Body) -> bool {
+/// Whether exactly one person is reported, at the place of a body.
+fn is_reported(people: &[PersonEstimate], body: &Body) -> bool {
     people.iter().any(|p| (p.x_m - body.x_m).hypot(p.y_m - body.y_m) < 0.25)
 }
 
 #[test]
-fn people_who_came_in_during_an_outage_are_told_within_two_seconds() {
+fn people_who_came_in_during_an_outage_are_reported_within_two_seconds() {
     for seed in 1..=4 {
         for (rate_hz, with_moments, walks) in
             [(12.0, true, false), (12.0, false, true), (1.0, true, false), (60.0, false, true)]
@@ -59,8 +59,8 @@ fn people_who_came_in_during_an_outage_are_told_within_two_seconds() {
                 people = feeder.see(&place(f64::from(moment) / rate_hz));
             }
             let bodies = place(2.0);
-            let told = people.len() == 2 && bodies.iter().all(|body| is_told(&people, body));
-            assert!(told, "seed {seed}, {rate_hz} frames a second: {people:?}");
+            let reported = people.len() == 2 && bodies.iter().all(|body| is_reported(&people, body));
+            assert!(reported, "seed {seed}, {rate_hz} frames a second: {people:?}");
             assert!(people.iter().all(|p| p.id != before.id), "nobody is known after ten minutes");
         }
     }
@@ -77,7 +77,7 @@ fn a_person_keeps_the_id_over_an_outage_of_a_few_seconds() {
             let people = (0..12).map(|_| feeder.see(&[now])).last().unwrap();
             let ids: Vec<TrackId> = people.iter().map(|p| p.id).collect();
             assert_eq!(ids, [before.id], "seed {seed}, {seconds} s, {moved_m} m: {people:?}");
-            assert!(is_told(&people, &now), "{people:?}");
+            assert!(is_reported(&people, &now), "{people:?}");
         }
     }
 }
@@ -93,7 +93,7 @@ fn a_person_who_left_during_an_outage_is_gone_soon_after() {
     }
 }
 
-/// A room whose floor goes on for two metres behind the wall with the door, where no camera sees it.
+/// Room whose floor continues for two metres behind the wall with the door, out of all cameras' sight.
 fn room_with_corridor() -> PreparedRoom {
     let mut stage = room(&BOTH_CORNERS, ZoneKind::Both);
     let rectangle = |x0, y0, x1, y1| Polygon::rectangle(Point2::new(x0, y0), Point2::new(x1, y1));
@@ -109,7 +109,7 @@ fn a_person_who_left_through_a_door_is_not_followed_behind_the_wall() {
     for seed in 1..=8 {
         let mut feeder = Feeder::after_nobody(room_with_corridor(), seeded(seed));
         let known = feeder.bring_in();
-        // Through the door, and aside behind the wall.
+        // The person walks through the door, and aside behind the wall.
         let (inside, door, aside) = ([3.1, 1.6], [6.2, 1.6], [7.0, 4.0]);
         for [from, to] in [[inside, door], [door, aside]] {
             for step in 1..=30 {
@@ -126,7 +126,7 @@ fn a_person_who_left_through_a_door_is_not_followed_behind_the_wall() {
     }
 }
 
-/// One camera sees the middle of the room, and comes late.
+/// Only one camera sees the middle of the room, and it starts late.
 #[test]
 fn a_person_before_a_camera_that_comes_late_is_rescued() {
     let mut stage = room(&BOTH_CORNERS, ZoneKind::Both);
@@ -136,7 +136,7 @@ fn a_person_before_a_camera_that_comes_late_is_rescued() {
     let seen = masks(&stage, &[person]);
     assert!(seen[0].mask.iter().all(|mask| mask.count() == 0), "the wall hides the place");
     for seed in 1..=4 {
-        let told_after = |rescues_per_s: f64, rate_hz: f64| {
+        let reported_after = |rescues_per_s: f64, rate_hz: f64| {
             let options = McmcOptions { rescues_per_s, ..seeded(seed) };
             let mut feeder = Feeder::at_first(stage.clone(), options).at_rate(rate_hz);
             let late = |feeder: &mut Feeder| {
@@ -146,12 +146,12 @@ fn a_person_before_a_camera_that_comes_late_is_rescued() {
             };
             (0..(5.0 * rate_hz) as u32).for_each(|_| assert_eq!(late(&mut feeder), []));
             (1..=(8.0 * rate_hz) as u32)
-                .find(|_| is_told(&feeder.see(&[person]), &person))
+                .find(|_| is_reported(&feeder.see(&[person]), &person))
                 .map(|m| f64::from(m) / rate_hz)
         };
-        assert_eq!(told_after(0.0, 12.0), None, "the test needs no rescue");
+        assert_eq!(reported_after(0.0, 12.0), None, "the test needs no rescue");
         for (rate_hz, most_s) in [(12.0, 2.6), (1.0, 7.0), (40.0, 2.6)] {
-            let after_s = told_after(McmcOptions::default().rescues_per_s, rate_hz);
+            let after_s = reported_after(McmcOptions::default().rescues_per_s, rate_hz);
             assert!(
                 after_s.is_some_and(|s| (2.0..most_s + 1e-9).contains(&s)),
                 "seed {seed}, {rate_hz}/s: {after_s:?}"
@@ -160,29 +160,32 @@ fn a_person_before_a_camera_that_comes_late_is_rescued() {
     }
 }
 
-/// Somebody whom neither camera has seen until now, of several who walk: both cameras see the place.
+/// One of several walking people, whom neither camera has seen until now: both cameras see the place.
 #[test]
 fn a_person_whom_several_cameras_see_is_rescued_walking_or_not() {
     for seed in 1..=4 {
         for speed_m_s in [0.0, 0.4, 0.8] {
             let mut feeder = Feeder::after_nobody(empty_room(), seeded(seed));
             let known = feeder.bring_in();
-            let mut told = None;
+            let mut reported = None;
             for moment in 1..=36 {
                 let found = standing(1.7, 3.0 - speed_m_s * f64::from(moment) / 12.0);
                 let people = feeder.see(&[standing(3.1, 1.6), found]);
                 assert!(people.iter().any(|p| p.id == known.id), "the other stays who they are");
-                if people.len() == 2 && is_told(&people, &found) {
-                    told = told.or(Some(moment));
+                if people.len() == 2 && is_reported(&people, &found) {
+                    reported = reported.or(Some(moment));
                 }
             }
-            println!("seed {seed}, {speed_m_s} m/s: told after {told:?} moments");
-            assert!(told.is_some_and(|moment| moment <= 34), "seed {seed}, {speed_m_s} m/s: {told:?}");
+            println!("seed {seed}, {speed_m_s} m/s: reported after {reported:?} moments");
+            assert!(
+                reported.is_some_and(|moment| moment <= 34),
+                "seed {seed}, {speed_m_s} m/s: {reported:?}"
+            );
         }
     }
 }
 
-/// What the cameras see of a chair: a seat on a stem, with a back.
+/// Masks of a chair: a seat on a stem, with a back.
 fn chair_masks(stage: &PreparedRoom, x_m: f32, y_m: f32) -> Vec<CameraFrame> {
     let parts = [
         cuboid([x_m - 0.25, y_m - 0.25, 0.0], [x_m + 0.25, y_m + 0.25, 0.48]),
@@ -203,7 +206,7 @@ fn chair_masks(stage: &PreparedRoom, x_m: f32, y_m: f32) -> Vec<CameraFrame> {
 
 #[test]
 fn nobody_is_born_of_a_chair_that_was_moved() {
-    // Put there before the cameras' eyes, during an outage, before the start.
+    // The chair is put there in sight of the cameras, during an outage, or before the start.
     let ways = ["seen", "outage", "start"];
     for (cameras, way) in [1, 2].into_iter().flat_map(|cameras| ways.map(|way| (cameras, way))) {
         let stage = room(&BOTH_CORNERS[..cameras], ZoneKind::Both);
@@ -225,27 +228,30 @@ fn nobody_is_born_of_a_chair_that_was_moved() {
 }
 
 #[test]
-fn who_stands_there_at_the_start_is_told_in_the_end() {
+fn a_person_standing_since_the_start_is_reported_eventually() {
     for seed in 1..=4 {
         for body in [standing(2.0, 3.0), standing(3.4, 1.4)] {
             let mut feeder = Feeder::at_first(empty_room(), seeded(seed));
-            let told = (0..60).map(|_| feeder.see(&[body])).map(|people| is_told(&people, &body));
-            let told: Vec<bool> = told.collect();
-            assert!(!told[..12].iter().any(|told| *told), "seed {seed}: what stands there may be anything");
+            let reported = (0..60).map(|_| feeder.see(&[body])).map(|people| is_reported(&people, &body));
+            let reported: Vec<bool> = reported.collect();
             assert!(
-                told[42..].iter().all(|told| *told),
-                "seed {seed}: not told after three and a half seconds"
+                !reported[..12].iter().any(|reported| *reported),
+                "seed {seed}: an unmoved track at the start may be furniture"
+            );
+            assert!(
+                reported[42..].iter().all(|reported| *reported),
+                "seed {seed}: not reported after three and a half seconds"
             );
         }
     }
 }
 
-/// Where the rays to one of two people in one camera meet the rays to the other in the other camera.
+/// The rays to one of two people in one camera meet the rays to the other person in the other camera.
 #[test]
 fn nobody_is_born_where_the_rays_of_two_people_meet() {
     for seed in 1..=6 {
         let mut feeder = Feeder::after_nobody(empty_room(), seeded(seed));
-        // Both came in; they pass so that the rays meet before and behind them.
+        // Both people came in; they pass so that the rays meet in front of and behind them.
         let mut strangers = 0;
         for moment in 0..160 {
             let step = f64::from(moment);
@@ -257,8 +263,10 @@ fn nobody_is_born_where_the_rays_of_two_people_meet() {
                 .filter(|body| feeder.stage.floor.is_standable(body.x_m, body.y_m))
                 .collect();
             let people = feeder.see(&bodies);
-            strangers +=
-                people.iter().filter(|p| !bodies.iter().any(|b| is_told(std::slice::from_ref(p), b))).count();
+            strangers += people
+                .iter()
+                .filter(|p| !bodies.iter().any(|b| is_reported(std::slice::from_ref(p), b)))
+                .count();
         }
         assert!(strangers < 4, "seed {seed}: {strangers} moments with a stranger");
     }

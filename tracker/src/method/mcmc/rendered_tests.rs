@@ -1,4 +1,4 @@
-//! Walkers of rendered rooms, whose places are known.
+//! Tests on walkers in rendered rooms, whose places are known.
 
 use std::collections::BTreeMap;
 
@@ -23,7 +23,8 @@ fn walkers_of_a_rendered_room_are_followed_through_furniture_and_each_other() {
         walkers,
         SequenceOptions { frames: 240, images: false, rate_hz: RATE_HZ, ..SequenceOptions::default() },
     );
-    // Of those who are found at once as well as later, so that the means are of the same people at the same moments.
+    // Errors of the people found both at once and after smoothing, so that both means are over the same people and
+    // moments.
     let (mut at_once_m, mut later_m) = (0.0, 0.0);
     for seed in 1..=2 {
         let [at_once, later] = follow(
@@ -53,11 +54,12 @@ fn walkers_of_a_rendered_room_are_followed_through_furniture_and_each_other() {
             }
         }
     }
-    // How much less is a matter of how masks err, and these do not: on the office's film (tests/end_to_end) it is more.
+    // The improvement depends on the masks' errors, and these masks have none: on the office's film
+    // (tests/end_to_end) it is larger.
     assert!(later_m < at_once_m, "{later_m} after {at_once_m}");
 }
 
-/// How well people are followed at once, and in hindsight.
+/// Scores of the estimates reported at once, and of the smoothed ones.
 fn follow(mut mcmc: Mcmc, sequence: &Sequence) -> [Score; 2] {
     let waits = (mcmc.lag_s() * RATE_HZ).ceil() as u32;
     let (mut truths, mut at_once, mut later) = (Vec::new(), Vec::new(), Vec::new());
@@ -79,9 +81,9 @@ fn follow(mut mcmc: Mcmc, sequence: &Sequence) -> [Score; 2] {
 struct Score {
     truths: u32,
     strangers: u32,
-    /// How far from the truth everybody is who is found, by moment and person.
+    /// Distance of each found person from the truth by moment and person, metres.
     errors_m: BTreeMap<(usize, u32), f64>,
-    /// How often each person went by which id.
+    /// Number of moments of each id, by person.
     names: BTreeMap<u32, BTreeMap<TrackId, u32>>,
 }
 

@@ -1,4 +1,4 @@
-//! What is told of the people who are believed in.
+//! Estimates reported for the confirmed tracks.
 
 use super::Mcmc;
 use super::trace::Trace;
@@ -8,7 +8,7 @@ use crate::silhouette::Body;
 use crate::silhouette::visibility::visible_fractions;
 
 impl Mcmc {
-    /// Everybody who is followed.
+    /// Snapshots of all tracks, confirmed or not.
     pub(super) fn traces(&self) -> Vec<Trace> {
         let bodies: Vec<Body> = self.tracks.iter().map(Track::body).collect();
         let visible = visible_fractions(&self.views, &bodies);
@@ -24,9 +24,9 @@ impl Mcmc {
         self.tracks.iter().zip(visible).map(trace).collect()
     }
 
-    /// Of people who are believed in, those in the room: on a doorstep nobody is, and who may stand on either is in the room
-    /// with the probability of that.
-    pub(super) fn in_the_room(&self, mut people: Vec<PersonEstimate>) -> Vec<PersonEstimate> {
+    /// Keeps the estimates inside the room, sorted by id. A person on a doorstep is in the room with a probability
+    /// below 1, by which the confidence is multiplied.
+    pub(super) fn inside_room(&self, mut people: Vec<PersonEstimate>) -> Vec<PersonEstimate> {
         people.retain(|person| self.stage.floor.is_inside(person.x_m, person.y_m));
         for person in &mut people {
             person.confidence *= self.stage.floor.share_inside(person.x_m, person.y_m, person.sigma_m);

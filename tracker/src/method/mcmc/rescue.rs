@@ -1,13 +1,14 @@
-//! Births away from the zones, where persistent evidence shows a person whom no track explains.
+//! Births outside the zones, at persistent evidence of a person whom no track explains.
 //!
-//! A track can be lost, a camera can come back late, a person can have been hidden until now. So the tracker keeps, for
-//! every cell of the floor, for how long the cameras have shown an unexplained person there. Such a person may walk, so
-//! evidence passes on to neighbouring cells at walking speed. A cell is *open* for births once its evidence has lasted
-//! [`SEVERAL_S`] in several cameras, or [`LONE_S`] where one camera alone sees the place.
+//! A track can be lost, a camera can start late, a person can have been hidden until now. The tracker therefore
+//! keeps, for every cell of the floor, the time for which the cameras have shown an unexplained person there. Such a
+//! person may walk, so evidence spreads to neighbouring cells at walking speed. A cell is *open* for births once its
+//! evidence has lasted [`SEVERAL_S`] in several cameras, or [`LONE_S`] where only one camera sees the place.
 //!
-//! A camera supports a cell when most of what a person there would fill, beside what the followed people cover, is
-//! unexplained foreground. Every camera that sees part of the place has to support it, so that neither a chair (half as
-//! tall as a person in all cameras; seen steeply from above only the upper body tells) nor the intersection of two people's rays opens a cell.
+//! A camera supports a cell when most of the pixels that a person there would fill, and that no followed person
+//! covers, are unexplained foreground. Every camera that sees part of the place has to support it, so that neither a
+//! chair (half as tall as a person in every camera; seen steeply from above, only the upper body distinguishes the
+//! two) nor the intersection of two people's rays opens a cell.
 
 use super::births::BirthMap;
 use super::filled::{Filled, UPPER_BODY};
@@ -15,76 +16,78 @@ use super::left_over::paint;
 use crate::likelihood::{Layers, Simulation, SummedArea};
 use crate::silhouette::{Body, Shape, Silhouette};
 
-/// Seconds for which the evidence of several cameras has to last.
+/// Time for which the evidence of several cameras has to last, seconds.
 const SEVERAL_S: f64 = 1.0;
-/// Seconds for which the evidence of a camera has to last that sees the place alone.
+/// Time for which the evidence of a single camera has to last, seconds.
 const LONE_S: f64 = 2.0;
-/// Part of a person's visible core that has to be unexplained foreground: a person who sits fills 0.7 of a standing one's.
+/// Fraction of a person's visible core that has to be unexplained foreground: a sitting person fills 0.7 of a
+/// standing person's core.
 const PERSON: f64 = 0.6;
-/// The same where one camera alone sees the place, and so knows the distance badly.
+/// The same where only one camera sees the place and the distance is therefore uncertain.
 const LONE_PERSON: f64 = 0.75;
-/// Part of the upper body that has to be: a person who sits fills 0.3 of it, a chair nothing but what perspective adds.
+/// Fraction of the upper body that has to be unexplained foreground: a sitting person fills 0.3 of it, a chair only
+/// what perspective adds.
 const UPPER: f64 = 0.2;
-/// A camera sees a place when this part of a person there would be visible …
+/// A camera sees a place when this fraction of a person there would be visible …
 const SEES: f64 = 0.1;
-/// … and clearly, when this part would be, and so many pixels of the full image.
+/// … and sees it clearly when this fraction would be, and this many pixels of the full image.
 const CLEAR: f64 = 0.5;
 const CLEAR_PX: u32 = 100;
-/// The rectangle of a [`Filled`] holds this part of its ellipse: the middle two thirds of the width.
+/// Fraction of its ellipse that the rectangle of a [`Filled`] covers: the middle two thirds of the width.
 const RECTANGLE: f64 = 0.78;
-/// Evidence follows people up to this speed, m/s.
+/// Largest speed at which evidence spreads, m/s.
 const WALKING_M_S: f64 = 2.0;
-/// The floor is looked at no more often than this, seconds.
+/// Least interval between evaluations of the floor, seconds.
 const EVERY_S: f64 = 0.1;
-/// Evidence that is absent fades this many times as fast as it grew.
+/// Rate at which evidence fades, relative to the rate at which it grows.
 const FADES: f64 = 2.0;
 
-/// For how long each cell of the floor has shown an unexplained person.
+/// Persistence of unexplained people in each cell of the floor.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Rescue {
     cells: Vec<Evidence>,
     before: Vec<Evidence>,
-    /// One a camera; `None` for those without a mask.
+    /// Unexplained and covered pixels, one entry a camera; `None` for cameras without a mask.
     cameras: Vec<Option<Uncovered>>,
-    /// Packed image of the followed people in one camera.
+    /// Packed image of the followed people in one camera (reused memory).
     covered: Vec<u64>,
-    /// Time since the floor was looked at, seconds.
+    /// Time since the last evaluation of the floor, seconds.
     waited_s: f64,
 }
 
-/// What one cell has shown.
+/// Evidence of one cell.
 #[derive(Debug, Clone, Copy, Default)]
 struct Evidence {
-    /// Seconds for which the evidence has lasted.
+    /// Time for which the evidence has lasted, seconds.
     lasted_s: f64,
     is_open: bool,
 }
 
-/// What the followed people leave of one camera's mask.
+/// Pixels of one camera's mask that the followed people explain or cover.
 #[derive(Debug, Clone, Default)]
 struct Uncovered {
     unexplained: SummedArea,
-    /// Pixels that somebody followed covers, as far as limbs reach.
+    /// Pixels that a followed person covers, arms and legs included.
     covered: SummedArea,
     /// Rows of the view.
     rows: usize,
-    /// Pixels of the full image in one of the view's.
+    /// Pixels of the full image in one pixel of the view.
     full_px: u32,
 }
 
-/// Which cameras show an unexplained person at a place.
+/// Support of the cameras for an unexplained person at a place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Support {
-    /// Some camera that sees the place does not, or none sees it clearly.
+    /// A camera that sees the place shows nobody, or no camera sees it clearly.
     Missing,
-    /// The one camera that sees the place.
+    /// Only one camera sees the place, and it shows a person.
     Lone,
-    /// All of two or more cameras that see it.
+    /// Two or more cameras see the place, and all show a person.
     Several,
 }
 
 impl Support {
-    /// Seconds for which this has to last; `None` when it supports nothing.
+    /// Time for which this support has to last, seconds; `None` when it supports nobody.
     fn needed_s(self) -> Option<f64> {
         match self {
             Self::Missing => None,
@@ -95,8 +98,8 @@ impl Support {
 }
 
 impl Rescue {
-    /// Takes in a moment: `simulation` holds its masks and the people now believed to be there, drawn as `people`. `map` has
-    /// the cells of the whole floor.
+    /// Updates the evidence by a moment: `simulation` holds its masks and the people of the current tracks, drawn as
+    /// `people`. `map` holds the cells of the whole floor.
     pub(super) fn observe(
         &mut self,
         layers: &Layers,
@@ -122,14 +125,14 @@ impl Rescue {
                 Some(needed_s) => {
                     let around = map.near(i, reach_m).map(|j| self.before[j].lasted_s);
                     let lasted_s = around.fold(own_s, f64::max) + elapsed_s;
-                    // Evidence that was never there before has just begun.
+                    // Evidence that was absent until now begins at 0 s.
                     Evidence { lasted_s, is_open: lasted_s - elapsed_s >= needed_s - 1e-9 }
                 }
             };
         }
     }
 
-    /// Forgets all evidence: after an outage.
+    /// Clears all evidence, as after an outage.
     pub(super) fn forget(&mut self) {
         self.cells.fill(Evidence::default());
         self.waited_s = 0.0;
@@ -140,7 +143,8 @@ impl Rescue {
         self.cells.iter().any(|cell| cell.is_open)
     }
 
-    /// Whether people may be born in a cell: it or one beside it is open, since they may have moved since it was looked at.
+    /// Whether people may be born in a cell: it or a neighbour is open, since the person may have moved since the
+    /// last evaluation.
     pub(super) fn is_open(&self, map: &BirthMap, cell: usize) -> bool {
         let is_open = |i: usize| self.cells.get(i).is_some_and(|cell| cell.is_open);
         is_open(cell) || map.near(cell, 0.0).any(is_open)
@@ -169,9 +173,9 @@ impl Rescue {
     }
 }
 
-/// Which cameras show an unexplained person who would fill the images so.
+/// Support of the cameras for an unexplained person who would fill these pixels.
 fn support(filled: &[Filled], cameras: &[Option<Uncovered>]) -> Support {
-    let mut shown = Shown::default();
+    let mut shown = CameraSupport::default();
     for (filled, camera) in filled.iter().zip(cameras) {
         let Some(camera) = camera.as_ref().filter(|_| filled.visible_px > 0) else { continue };
         let parts = [(&filled.rows, filled.visible_px), (&filled.upper_rows, filled.upper_visible_px)];
@@ -182,16 +186,17 @@ fn support(filled: &[Filled], cameras: &[Option<Uncovered>]) -> Support {
         });
         let whole_px = RECTANGLE * f64::from(filled.area_px);
         if f64::from(filled.visible_px) >= SEES * whole_px {
-            shown.take_in(whole, upper, whole_px, camera.full_px, filled.rows.end < camera.rows);
+            shown.add_camera(whole, upper, whole_px, camera.full_px, filled.rows.end < camera.rows);
         }
     }
     shown.support()
 }
 
-/// Whether the cameras show an average person at the place of `body`, whoever explains the foreground there.
+/// Whether the cameras show an average person at the place of `body`, no matter which track explains the foreground
+/// there.
 pub(super) fn is_person_shown(simulation: &Simulation, layers: &Layers, body: &Body) -> bool {
     const UPPER_CORE: Shape = Shape { bottom: 1.0 - UPPER_BODY, ..Shape::CORE };
-    let mut shown = Shown::default();
+    let mut shown = CameraSupport::default();
     for (camera, view) in layers.views().iter().enumerate() {
         let layer = layers.innermost(camera);
         if !simulation.in_use(layer) {
@@ -205,18 +210,18 @@ pub(super) fn is_person_shown(simulation: &Simulation, layers: &Layers, body: &B
         if core.visible_px > 0 && f64::from(core.visible_px) >= SEES * whole_px {
             let full_px = u32::from(view.block).pow(2);
             let has_feet = core.row_range().end < view.height as usize;
-            shown.take_in(part(&core), part(&upper), whole_px, full_px, has_feet);
+            shown.add_camera(part(&core), part(&upper), whole_px, full_px, has_feet);
         }
     }
     shown.support() != Support::Missing
 }
 
-/// What one camera shows of a part of a person, pixels.
+/// Pixels of a part of a person in one camera.
 #[derive(Debug, Clone, Copy)]
 struct Part {
-    /// Neither hidden by the room nor covered by somebody followed.
+    /// Pixels that neither the room hides nor a followed person covers.
     free_px: u32,
-    /// Foreground of these.
+    /// Foreground pixels among these.
     found_px: u32,
 }
 
@@ -226,28 +231,29 @@ impl Part {
     }
 }
 
-/// What the cameras show of a person, gathered camera by camera.
+/// Accumulated view of a person over the cameras.
 #[derive(Debug, Clone, Copy)]
-struct Shown {
+struct CameraSupport {
     seeing: u32,
     clearly: u32,
-    /// The smallest part found of the whole.
+    /// Smallest foreground fraction of the whole body over the cameras.
     least: f64,
-    /// The smallest part found of the upper body, by the cameras that see some of it.
+    /// Smallest foreground fraction of the upper body, over the cameras that see some of it.
     least_upper: Option<f64>,
 }
 
-impl Default for Shown {
+impl Default for CameraSupport {
     fn default() -> Self {
         Self { seeing: 0, clearly: 0, least: 1.0, least_upper: None }
     }
 }
 
-impl Shown {
-    /// Takes in a camera that sees some of the place. Without the feet it does not know how far away somebody is.
-    fn take_in(&mut self, whole: Part, upper: Part, whole_px: f64, full_px: u32, has_feet: bool) {
+impl CameraSupport {
+    /// Adds a camera that sees some of the place. A camera that does not see the feet cannot tell the distance, so it
+    /// does not see the place clearly.
+    fn add_camera(&mut self, whole: Part, upper: Part, whole_px: f64, full_px: u32, has_feet: bool) {
         let free = f64::from(whole.free_px) / whole_px;
-        // Somebody followed may hide the place from a camera that sees it: then it shows nobody.
+        // A followed person may hide the place from a camera; the camera then shows nobody there.
         let found = if free < SEES { 0.0 } else { whole.found() };
         self.seeing += 1;
         self.clearly += u32::from(has_feet && free >= CLEAR && whole.free_px * full_px >= CLEAR_PX);
@@ -260,7 +266,7 @@ impl Shown {
 
     fn support(&self) -> Support {
         match (self.seeing, self.clearly) {
-            // Where the upper body is hidden, nothing tells a person from a chair.
+            // Where the upper body is hidden, a person cannot be distinguished from a chair.
             _ if self.least_upper.is_none_or(|found| found < UPPER) => Support::Missing,
             (1, 1) if self.least >= LONE_PERSON => Support::Lone,
             (2.., 1..) if self.least >= PERSON => Support::Several,

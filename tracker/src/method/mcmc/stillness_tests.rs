@@ -1,6 +1,6 @@
-//! Somebody who sits still for a quarter of an hour (in the ignored test for an hour) in a room with zones, through real
-//! background subtraction, with the believed people's silhouettes fed back to it: pictures of a rendered room, a frame a second,
-//! and more while others walk past.
+//! Tests of a person who sits still for a quarter of an hour (in the ignored test for an hour) in a room with zones,
+//! through real background subtraction, with the confirmed people's silhouettes fed back to it: images of a rendered
+//! room, one frame a second, and more while others walk past.
 
 use std::path::Path;
 
@@ -20,33 +20,33 @@ use crate::observation::{Colours, Mask};
 use crate::prepared_room::PreparationOptions;
 use crate::silhouette::{Shape, Silhouette};
 
-/// Frames a second while somebody walks …
+/// Frame rate while a person walks, 1/s …
 const RATE_HZ: u32 = 6;
-/// … and once in so many frames while all who are there sit still.
+/// … and the divisor of that rate while all people sit still.
 const STILL_EVERY: u32 = 6;
-/// Nobody is in the room before.
+/// Time before the first person enters, seconds.
 const EMPTY_S: f64 = 12.0;
-/// Walking speed of everybody, m/s.
+/// Walking speed, m/s.
 const SPEED_M_S: f64 = 1.0;
-/// Somebody else walks past once in this time.
+/// Interval at which another person walks past, seconds.
 const PASSING_S: f64 = 150.0;
-/// Somebody who "sits" creeps so far in all, since a walker always walks.
+/// Distance that a "sitting" person moves in all, metres, since a simulated walker always walks.
 const CREEP_M: f64 = 0.02;
 
-/// Pixels that each camera shows of somebody in full view, at least.
+/// Least number of pixels of a person in full view in each camera.
 const LEAST_PX: usize = 80;
 
-/// What happens in the room: one person walks to a place in view and stays, others walk past.
+/// Scenario: one person walks to a place in view and stays, others walk past.
 struct Scenario {
     people: Vec<Walker>,
-    /// When somebody walks, from and to, seconds.
+    /// Intervals in which a person walks, start and end, seconds.
     walking_s: Vec<(f64, f64)>,
     place: Point2<f64>,
     arrives_s: f64,
     leaves_s: f64,
 }
 
-/// A walker's way through the room, every quarter of a second.
+/// Places of a walker every quarter of a second, metres.
 fn way_of(walker: &Walker) -> Vec<Point2<f64>> {
     let (from_s, to_s) = walker.span_s();
     let times = (0..).map(|i| from_s + 0.25 * f64::from(i)).take_while(|t| *t < to_s);
@@ -57,7 +57,8 @@ fn length_m(way: &[Point2<f64>]) -> f64 {
     way.windows(2).map(|pair| (pair[1] - pair[0]).norm()).sum()
 }
 
-/// The place on a way that the camera that sees it least sees best, away from all zones; `None` when none is in full view.
+/// Index of the place on a way, away from all zones, that the camera with the worst view sees best; `None` when none
+/// is in full view.
 fn best_seen(made: &SyntheticRoom, stage: &PreparedRoom, seed: u64, way: &[Point2<f64>]) -> Option<usize> {
     let walker = Walker::along(1, seed, 0.0, SPEED_M_S, way);
     let frames = (length_m(way) * 4.0) as u32;
@@ -79,7 +80,7 @@ fn best_seen(made: &SyntheticRoom, stage: &PreparedRoom, seed: u64, way: &[Point
 }
 
 impl Scenario {
-    /// Of a seed: the place is the one on somebody's way, away from the doors, that all cameras together see best.
+    /// Scenario of a seed: the person sits at the best-seen place on a walker's way, away from the doors.
     fn new(made: &SyntheticRoom, stage: &PreparedRoom, seed: u64, stays_s: f64) -> Self {
         let way = |seed: u64| {
             let options = WalkerOptions { seed, people: 1, longest_stay_s: 0.0, ..WalkerOptions::default() };
@@ -122,7 +123,7 @@ impl Scenario {
         Self { people, walking_s, place: sits[at], arrives_s, leaves_s }
     }
 
-    /// The numbers of the frames that are taken.
+    /// Numbers of the frames that are processed.
     fn frames(&self) -> impl Iterator<Item = u32> {
         let is_taken = |frame: &u32| {
             let time_s = f64::from(*frame - 1) / f64::from(RATE_HZ);
@@ -133,7 +134,7 @@ impl Scenario {
     }
 }
 
-/// Where people are seen in a camera's real image.
+/// Mask of the people in a camera's real image, before rectification.
 fn silhouettes(camera: &PreparedCamera, view: &View, people: &[PersonEstimate]) -> GrayImage {
     let drawn: Vec<Silhouette> =
         people.iter().map(|p| Silhouette::new(view, &Shape::REACH.of(&Body::from(p)))).collect();
@@ -148,19 +149,19 @@ fn silhouettes(camera: &PreparedCamera, view: &View, people: &[PersonEstimate]) 
     })
 }
 
-/// What became of the person who sits.
+/// Tracking result of the person who sits.
 #[derive(Debug, Default)]
 struct Outcome {
-    /// Moments in which they sat, and in which they were told under their first id.
+    /// Moments in which the person sat, and those in which they were reported under their first id.
     moments: u32,
     kept: u32,
-    /// The ids under which they were told.
+    /// Ids under which the person was reported.
     ids: Vec<TrackId>,
-    /// Moments in which somebody was told nearby where nobody was any more, after they had left.
+    /// Moments after the person left in which a track nearby was reported with nobody there.
     ghosts: u32,
 }
 
-/// Follows the sequence with the feedback closed, or open.
+/// Tracks the people of the sequence with or without feedback to the background subtraction.
 fn follow(
     stage: &PreparedRoom,
     sequence: &Sequence<'_>,
@@ -208,7 +209,7 @@ fn follow(
             }
         }
         let near = people.iter().filter(|p| (Point2::new(p.x_m, p.y_m) - scenario.place).norm() < 0.4);
-        // A few seconds to be believed in.
+        // The person needs a few seconds to be confirmed.
         if (scenario.arrives_s + 5.0..scenario.leaves_s).contains(&frame.time_s) {
             outcome.moments += 1;
             let ids: Vec<TrackId> = near.map(|p| p.id).collect();
@@ -239,7 +240,7 @@ fn sit(seed: u64, minutes: f64, feedback: bool, folder: &Path) -> Outcome {
     follow(&stage, &sequence, &scenario, seed, feedback)
 }
 
-/// With the background given (odd seeds) and learnt while running.
+/// Runs the scenario with a given background (odd seeds) or one learnt while running.
 fn keeps_the_id(seed: u64, minutes: f64) {
     let folder = tempfile::tempdir().unwrap();
     let outcome = sit(seed, minutes, true, folder.path());

@@ -1,7 +1,7 @@
-//! The estimate of a moment: each person's mean over the kept states that hold them (seed 001, equation 9).
+//! Estimate of a moment: each person's mean over the kept states that hold them (equation 9).
 //!
-//! The states have different numbers of people, so the mean is taken person by person; somebody who is in no more than
-//! half of the states is not there.
+//! The states differ in their number of people, so the mean is taken person by person; a person in no more than half
+//! of the states is absent.
 
 use nalgebra::{Matrix2, Vector2};
 
@@ -19,7 +19,7 @@ pub(super) struct Tally {
 pub(super) struct Sums {
     pub(super) key: Key,
     pub(super) states: u32,
-    /// The first state's place: sums are of differences from it, so that nothing cancels.
+    /// Place in the first state, metres. Sums are of differences from it, to avoid cancellation.
     origin: Vector2<f64>,
     place: Vector2<f64>,
     square: Matrix2<f64>,
@@ -28,7 +28,7 @@ pub(super) struct Sums {
 }
 
 impl Tally {
-    /// Counts one state in.
+    /// Adds one state.
     pub(super) fn add(&mut self, people: &[Person]) {
         self.states += 1;
         for person in people {
@@ -49,17 +49,17 @@ impl Tally {
         }
     }
 
-    /// The states counted.
+    /// Number of states added.
     pub(super) fn states(&self) -> u32 {
         self.states
     }
 
-    /// One person's sums; `None` when no state held them.
+    /// Sums of one person; `None` when no state held them.
     pub(super) fn of(&self, key: Key) -> Option<&Sums> {
         self.people.iter().find(|s| s.key == key)
     }
 
-    /// Everybody who was in any state.
+    /// Sums of all people who were in any state.
     pub(super) fn all(&self) -> &[Sums] {
         &self.people
     }
@@ -78,12 +78,12 @@ impl Sums {
         }
     }
 
-    /// Mean place.
+    /// Mean place, metres.
     pub(super) fn place(&self) -> Vector2<f64> {
         self.origin + self.place / f64::from(self.states)
     }
 
-    /// Covariance of the place over the states.
+    /// Covariance of the place over the states, m².
     pub(super) fn covariance(&self) -> Matrix2<f64> {
         let mean = self.place / f64::from(self.states);
         self.square / f64::from(self.states) - mean * mean.transpose()

@@ -1,4 +1,4 @@
-//! The sampler as a whole, on moments made to try one rule each.
+//! Tests of the whole sampler, on moments constructed to check one rule each.
 
 use calib::{Camera, Intrinsics};
 use image::{GrayImage, Luma};
@@ -17,12 +17,12 @@ use crate::silhouette::Silhouette;
 
 const RATE_HZ: f64 = 12.0;
 
-/// Two cameras in the corners of an empty room of 6 × 5 m, with a door in the wall x = 6.
+/// Room of 6 × 5 m without furniture, with two cameras in its corners and a door in the wall x = 6.
 pub(crate) fn empty_room() -> PreparedRoom {
     room(&[(0.2, 0.2), (0.2, 4.8)], ZoneKind::Both)
 }
 
-/// The same with cameras at these places, 2.4 m above the floor, and a door of this kind.
+/// Room of 6 × 5 m with cameras at these places, 2.4 m above the floor, and a door of this kind.
 pub(super) fn room(cameras: &[(f64, f64)], kind: ZoneKind) -> PreparedRoom {
     let camera = |(x, y): &(f64, f64)| {
         let pose =
@@ -46,7 +46,7 @@ pub(crate) fn standing(x_m: f64, y_m: f64) -> Body {
     Body { x_m, y_m, radius_m: 0.25, height_m: 1.75 }
 }
 
-/// What the cameras of the stage see of bodies before which nothing stands.
+/// Masks of bodies in all cameras, with nothing in front of the bodies.
 pub(crate) fn masks(stage: &PreparedRoom, bodies: &[Body]) -> Vec<CameraFrame> {
     let seen = |camera: &PreparedCamera| {
         let mut mask = GrayImage::new(camera.width(), camera.height());
@@ -60,40 +60,40 @@ pub(crate) fn masks(stage: &PreparedRoom, bodies: &[Body]) -> Vec<CameraFrame> {
     stage.cameras.iter().map(seen).collect()
 }
 
-/// A tracker that is fed frame by frame.
+/// Tracker that is fed frame by frame.
 pub(super) struct Feeder {
     pub(super) stage: PreparedRoom,
     pub(super) mcmc: Mcmc,
     frame: u32,
-    /// Time at which the present rate began, seconds, and frames since.
+    /// Time at which the present frame rate began, seconds, and frames since.
     since_s: f64,
     frames: u32,
     rate_hz: f64,
 }
 
 impl Feeder {
-    /// At the first frame.
+    /// Tracker before its first frame.
     pub(super) fn at_first(stage: PreparedRoom, options: McmcOptions) -> Self {
         let mcmc = Mcmc::new(stage.clone(), options).unwrap();
         Self { mcmc, stage, frame: 0, since_s: 0.0, frames: 0, rate_hz: RATE_HZ }
     }
 
-    /// The same at another rate.
+    /// Continues at another frame rate, 1/s.
     pub(super) fn at_rate(self, rate_hz: f64) -> Self {
         Self { since_s: self.time_s(), frames: 0, rate_hz, ..self }
     }
 
-    /// Lets time pass without any moment.
+    /// Advances the time without any moment.
     pub(super) fn skip(&mut self, seconds: f64) {
         self.since_s += seconds;
     }
 
-    /// After a second of nobody in the empty room.
+    /// Tracker in the empty room, after one second of frames without people.
     fn new(seed: u64) -> Self {
         Self::after_nobody(empty_room(), McmcOptions { seed, ..McmcOptions::default() })
     }
 
-    /// After a second of nobody.
+    /// Tracker after one second of frames without people.
     pub(super) fn after_nobody(stage: PreparedRoom, options: McmcOptions) -> Self {
         let mut feeder = Self::at_first(stage, options);
         for _ in 0..12 {
@@ -117,7 +117,7 @@ impl Feeder {
         self.feed(&cameras)
     }
 
-    /// Somebody comes in through the door and walks to (3, 1.6), where they stay for a second.
+    /// Feeds a person who comes in through the door, walks to (3.1, 1.6) and stays there for a second.
     pub(super) fn bring_in(&mut self) -> PersonEstimate {
         for step in 0..30 {
             self.see(&[standing(6.0 - 0.1 * f64::from(step), 1.6)]);
@@ -130,7 +130,7 @@ impl Feeder {
 
 #[test]
 fn people_come_in_through_zones_and_nowhere_else() {
-    // What persists is another matter.
+    // Persistent evidence is tested elsewhere.
     let options = McmcOptions { rescues_per_s: 0.0, ..McmcOptions::default() };
     let mut feeder = Feeder::after_nobody(empty_room(), options);
     for _ in 0..24 {
@@ -142,7 +142,7 @@ fn people_come_in_through_zones_and_nowhere_else() {
 }
 
 #[test]
-fn whoever_is_hidden_is_still_there_less_and_less_certain() {
+fn a_hidden_person_keeps_the_id_with_growing_uncertainty() {
     let mut feeder = Feeder::new(2);
     let before = feeder.bring_in();
     let blind = vec![CameraFrame::default(); 2];
@@ -154,7 +154,7 @@ fn whoever_is_hidden_is_still_there_less_and_less_certain() {
         sigma_m = people[0].sigma_m[0];
     }
     assert!(sigma_m > 0.3, "{sigma_m}");
-    // They have stepped aside meanwhile, and are recognised.
+    // The person has stepped aside meanwhile and keeps the id.
     let after = (0..12).map(|_| feeder.see(&[standing(3.3, 1.9)])).last().unwrap();
     assert_eq!(after.len(), 1);
     assert_eq!(after[0].id, before.id);
@@ -175,9 +175,9 @@ fn people_leave_through_zones() {
     assert_eq!(people, [], "person {} has left", person.id);
 }
 
-/// With a foot on the doorstep they are told, and not as if they were surely in the room.
+/// A person partly on the doorstep is reported with a reduced confidence.
 #[test]
-fn who_goes_out_is_less_and_less_surely_in_the_room() {
+fn confidence_falls_while_a_person_walks_out_of_the_room() {
     let mut feeder = Feeder::new(3);
     feeder.bring_in();
     let mut on_the_edge = 0;
@@ -196,11 +196,11 @@ fn who_goes_out_is_less_and_less_surely_in_the_room() {
 }
 
 #[test]
-fn whoever_was_inside_from_the_beginning_is_found_once_they_move() {
+fn a_person_inside_from_the_beginning_is_found_after_moving() {
     let mut feeder = Feeder::at_first(empty_room(), McmcOptions::default());
     for _ in 0..12 {
         let people = feeder.see(&[standing(2.0, 3.0)]);
-        assert_eq!(people, [], "what has always stood there may be anything");
+        assert_eq!(people, [], "an unmoved track at the start may be furniture");
     }
     let mut people = Vec::new();
     for step in 0..18 {
@@ -228,11 +228,15 @@ fn people_leave_through_a_door_that_is_an_exit_alone() {
         }
         let [stays] = people.as_slice() else { panic!("one of two has left: {people:?}") };
         assert!((stays.x_m - 2.4).hypot(stays.y_m - 3.5) < 0.1, "{stays:?}");
-        assert_eq!(feeder.mcmc.tracks.len(), 1, "whoever has left is not followed on the doorstep either");
+        assert_eq!(
+            feeder.mcmc.tracks.len(),
+            1,
+            "a person who has left is not tracked on the doorstep either"
+        );
     }
 }
 
-/// Puts an upright box before the cameras.
+/// Draws an upright box into the cameras' static depth.
 pub(super) fn stand(stage: &mut PreparedRoom, low: [f32; 3], high: [f32; 3]) {
     let scene = RayScene::new(&Geometry::Mesh(cuboid(low, high))).unwrap();
     for camera in &mut stage.cameras {
@@ -243,7 +247,7 @@ pub(super) fn stand(stage: &mut PreparedRoom, low: [f32; 3], high: [f32; 3]) {
     }
 }
 
-/// An upright box.
+/// Upright box.
 pub(super) fn cuboid(low: [f32; 3], high: [f32; 3]) -> Mesh {
     let vertices = (0..8).map(|corner| {
         glam::Vec3::from_array(std::array::from_fn(|axis| {
@@ -256,9 +260,9 @@ pub(super) fn cuboid(low: [f32; 3], high: [f32; 3]) -> Mesh {
     Mesh { vertices: vertices.collect(), triangles, colors: vec![[0; 3]; 8] }
 }
 
-/// A pillar hides the body, but not all that arms could reach beyond it. What nobody sees neither ends nor walks out.
+/// A pillar hides the body, but not all that arms could reach beyond it: an unseen track neither ends nor walks away.
 #[test]
-fn whoever_stands_behind_a_pillar_no_wider_than_they_is_still_there() {
+fn a_person_behind_a_pillar_of_body_width_keeps_the_track() {
     for (seed, width_m) in (1..=4).zip([0.50, 0.54, 0.58, 0.62]) {
         let mut stage = room(&[(0.2, 2.5)], ZoneKind::Both);
         stand(&mut stage, [2.6, 3.24 - 0.5 * width_m, 0.0], [2.9, 3.24 + 0.5 * width_m, 2.5]);
@@ -279,9 +283,9 @@ fn whoever_stands_behind_a_pillar_no_wider_than_they_is_still_there() {
     }
 }
 
-/// Two who come in as one: abreast or one behind the other, so far apart. Whether both are told of, where they are, a second
-/// and a half after they began to part in the middle of the room.
-fn both_are_told(gap_m: f64, abreast: bool, options: McmcOptions) -> bool {
+/// Whether both of two people who come in merged, `gap_m` apart and either abreast or one behind the other, are
+/// reported at their places 1.5 s after they begin to part in the middle of the room.
+fn both_are_reported(gap_m: f64, abreast: bool, options: McmcOptions) -> bool {
     let mut feeder = Feeder::after_nobody(empty_room(), options);
     let (mut people, mut bodies) = (Vec::new(), [standing(0.0, 0.0); 2]);
     for step in (0..=50).map(f64::from) {
@@ -295,25 +299,25 @@ fn both_are_told(gap_m: f64, abreast: bool, options: McmcOptions) -> bool {
         };
         people = feeder.see(&bodies);
     }
-    let is_told = |body: &Body| {
+    let is_reported = |body: &Body| {
         people.iter().any(|p: &PersonEstimate| (p.x_m - body.x_m).hypot(p.y_m - body.y_m) < 0.2)
     };
-    people.len() == 2 && bodies.iter().all(is_told)
+    people.len() == 2 && bodies.iter().all(is_reported)
 }
 
 #[test]
-fn two_who_came_in_as_one_are_two_once_they_part() {
+fn two_people_who_came_in_merged_are_separated_after_parting() {
     let pairs = || [0.25, 0.35, 0.45].into_iter().flat_map(|gap_m| [(gap_m, true), (gap_m, false)]);
-    let told = |companions_per_s: f64| {
+    let count_reported = |companions_per_s: f64| {
         let runs = (1..=4).flat_map(|seed| pairs().map(move |pair| (seed, pair)));
         let both = runs.filter(|(seed, (gap_m, abreast))| {
             let options = McmcOptions { seed: *seed, companions_per_s, ..McmcOptions::default() };
-            both_are_told(*gap_m, *abreast, options)
+            both_are_reported(*gap_m, *abreast, options)
         });
         both.count()
     };
-    let (with, without) = (told(McmcOptions::default().companions_per_s), told(0.0));
-    println!("of 24 pairs both are told: {with}, and {without} where nobody turns out to be two");
+    let (with, without) = (count_reported(McmcOptions::default().companions_per_s), count_reported(0.0));
+    println!("both of 24 pairs are reported: {with}, and {without} without births of companions");
     assert!(with >= 20, "{with} of 24");
     assert!(without <= 12, "{without} of 24: the pairs are too easy");
 }

@@ -1,14 +1,14 @@
-//! Somebody at one moment, and what is told of them.
+//! One track at one moment, and the estimate reported for it.
 
 use super::motion::{Belief, Motion};
 use super::person::Key;
 use crate::{PersonEstimate, TrackId};
 
-/// How somebody holds themselves, and which side of them the cameras see, puts the middle of their silhouette off by this
-/// much for seconds at a time, in metres (one standard deviation): no number of moments averages that out.
+/// Standard deviation of the silhouette's slowly varying offset from the person's position, metres: posture and the
+/// visible side shift the silhouette for seconds at a time, so averaging over moments does not reduce it.
 pub(super) const LASTING_SIGMA_M: f64 = 0.035;
 
-/// Somebody at one moment, believed in or not yet.
+/// Snapshot of a track, confirmed or not, at one moment.
 #[derive(Debug, Clone)]
 pub(super) struct Trace {
     pub(super) key: Key,
@@ -21,7 +21,7 @@ pub(super) struct Trace {
 }
 
 impl Trace {
-    /// What is told of them, with this belief about where they are.
+    /// Estimate to report, with this belief about position and velocity.
     pub(super) fn estimate(&self, id: TrackId, belief: &Belief) -> PersonEstimate {
         let (place, velocity, covariance) = (belief.place(), belief.velocity(), belief.place_covariance());
         let sigma_m = |axis| covariance[(axis, axis)].sqrt().hypot(LASTING_SIGMA_M);

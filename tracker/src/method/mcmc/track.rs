@@ -1,8 +1,8 @@
-//! A person over time, as the sampler carries them from moment to moment.
+//! A track: one person as the sampler carries them from moment to moment.
 
 use nalgebra::{Matrix2, Vector2};
 
-use super::boxes::Shown;
+use super::boxes::BoxMeasurement;
 use super::evidence::Evidence;
 use super::motion::Motion;
 use super::options::{McmcOptions, Spread};
@@ -13,58 +13,62 @@ use super::tally::Sums;
 use crate::TrackId;
 use crate::silhouette::Body;
 
-/// A silhouette seen in full says this much about its person's radius and height, in metres (one standard deviation):
-/// gait and the mask's own errors go on from moment to moment.
+/// Standard deviations of the radius and the height measured from one fully visible silhouette, metres: gait and
+/// errors of the mask are correlated from moment to moment.
 const RADIUS_SEEN_SIGMA_M: f64 = 0.10;
 const HEIGHT_SEEN_SIGMA_M: f64 = 0.20;
-/// What is believed of a person's size fades by this much in a second.
+/// Random walk of a person's radius and height, metres of standard deviation after one second.
 const RADIUS_DRIFT_M: f64 = 0.005;
 const HEIGHT_DRIFT_M: f64 = 0.005;
-/// Around what a person measures, a single moment's body varies by this: strides, swinging arms, a bent back.
+/// Standard deviations of a single moment's radius and height around the person's size, metres: strides, swinging
+/// arms, a bent back.
 const RADIUS_POSE_SIGMA_M: f64 = 0.025;
 const HEIGHT_POSE_SIGMA_M: f64 = 0.02;
 
-/// Nobody is surer to be there, or not, than this.
-const SUREST_NATS: f64 = 12.0;
+/// Bound of the absolute log odds of existence, nats.
+const MAX_LOG_ODDS: f64 = 12.0;
 
-/// Somebody of whom no camera sees this part is out of sight.
-const IN_SIGHT: f64 = 0.1;
-/// Moments that follow each other faster say the same.
+/// Visible fraction below which a person is out of sight, for the camera that sees most.
+const MIN_VISIBLE: f64 = 0.1;
+/// Interval from which on the evidence of successive moments counts as independent, seconds; evidence at shorter
+/// intervals is scaled down.
 const INDEPENDENT_AFTER_S: f64 = 0.08;
-/// What was there at the beginning and has never been farther than this from its place may be anything.
+/// Distance from its first place from which on a track found at the start counts as moved, metres; before, it may be
+/// furniture.
 const MOVED_M: f64 = 0.5;
 
-/// A track found at the start whose person has not moved is believed once the cameras have shown a person for so long, seconds.
+/// Time for which the cameras have to show an average person before an unmoved track found at the start is confirmed,
+/// seconds.
 const STANDS_FOR_S: f64 = 2.0;
 
-/// How far from their prediction people are at most (a third of it, metres), and how much farther for every second in which they
-/// are not where they are believed to be.
-const ASTRAY_M: f64 = 0.35;
-const ASTRAY_SPEED_M_S: f64 = 1.0;
+/// Standard deviation by which people deviate from their prediction, metres (the gate is at three of it), and its
+/// growth for each second in which cameras contradict the track, m/s.
+const DEVIATION_M: f64 = 0.35;
+const DEVIATION_SPEED_M_S: f64 = 1.0;
 
-/// Somebody who went through a door and is out of sight has left once the uncertainty of the place passes this, metres (one
-/// standard deviation), at this rate per second.
+/// Standard deviation of the place, metres, above which a person who went through a door and is out of sight counts
+/// as leaving, and the rate of leaving, 1/s.
 const LOST_BEHIND_DOOR_M: f64 = 1.0;
 const LEAVES_BEHIND_DOOR_PER_S: f64 = 2.0;
-/// Somebody out of sight who has stayed with a smaller probability is not followed any more.
-const GONE: f64 = 0.1;
+/// A track out of sight ends when its probability of having stayed falls below this.
+const MIN_STAYED: f64 = 0.1;
 
-/// Somebody who for this long is not where a camera sees clearly was never there.
+/// A track that a camera with a clear view contradicts for this long may be deleted anywhere, seconds.
 const CONTRADICTED_FOR_S: f64 = 3.0;
 
-/// When somebody was found.
+/// Phase of the stream in which a track was born.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Found {
-    /// At the start: what has always stood there may be anything.
+pub(super) enum BirthPhase {
+    /// At the start of the stream, when the track may be furniture that has always stood there.
     AtStart,
-    /// After an outage of all cameras: what was put there meanwhile may be furniture.
+    /// After an outage of all cameras, during which furniture may have been moved.
     AfterOutage,
-    /// In between.
+    /// At any other time.
     Appearing,
 }
 
-impl Found {
-    /// Seconds for which cameras have to show an average person before one is believed in who has not moved.
+impl BirthPhase {
+    /// Time for which the cameras have to show an average person before an unmoved track is confirmed, seconds.
     fn stands_for_s(self) -> f64 {
         match self {
             Self::AtStart => STANDS_FOR_S,
@@ -73,39 +77,39 @@ impl Found {
     }
 }
 
-/// A person the sampler follows.
+/// Track of one person.
 #[derive(Debug, Clone)]
 pub(super) struct Track {
     pub(super) key: Key,
-    /// Given once the person is believed in.
+    /// Identity, assigned when the track is confirmed.
     pub(super) id: Option<TrackId>,
     pub(super) motion: Motion,
     pub(super) radius: Spread,
     pub(super) height: Spread,
-    /// Log odds of being there.
+    /// Log odds of existence by the cameras' evidence.
     pub(super) log_odds: f64,
-    /// For how long a camera that should see this person has not.
+    /// Time for which the evidence has spoken against the track, seconds.
     contradicted_s: f64,
-    /// Whether a detector's boxes speak against this person, all in all.
+    /// Whether the accumulated evidence of a detector's boxes speaks against the track.
     pub(super) is_doubted: bool,
-    /// What has spoken for this person since birth, beyond what chance explains, nats.
+    /// Evidence for the person since birth, beyond what chance explains, nats.
     pub(super) earned_nats: f64,
     /// Whether some camera saw this person at the last moment.
     pub(super) in_sight: bool,
-    found: Found,
-    /// Where somebody was found who did not appear before the cameras' eyes, until they move.
+    found: BirthPhase,
+    /// Birth place of a track found at the start or after an outage, metres; `None` once it has moved.
     still_at: Option<Vector2<f64>>,
-    /// Way through the zones of people who leave; `None` until the first prediction.
+    /// Passage through the exit zones; `None` until the first prediction.
     passage: Option<Passage>,
     /// Probability of not having left since a camera last saw the person.
     stayed: f64,
-    /// Seconds for which the cameras have shown an average person there; `None` when they did not at the last moment.
+    /// Time for which the cameras have shown an average person there, seconds; `None` if not at the last moment.
     upright_s: Option<f64>,
 }
 
 impl Track {
-    /// Somebody born in this moment.
-    pub(super) fn born(sums: &Sums, found: Found, options: &McmcOptions) -> Self {
+    /// New track of a person born in this moment.
+    pub(super) fn born(sums: &Sums, found: BirthPhase, options: &McmcOptions) -> Self {
         let gait = Matrix2::identity() * options.motion.gait_sigma_m.powi(2);
         let mut track = Self {
             key: sums.key,
@@ -119,7 +123,7 @@ impl Track {
             earned_nats: 0.0,
             in_sight: true,
             found,
-            still_at: (found != Found::Appearing).then(|| sums.place()),
+            still_at: (found != BirthPhase::Appearing).then(|| sums.place()),
             passage: None,
             stayed: 1.0,
             upright_s: None,
@@ -128,7 +132,7 @@ impl Track {
         track
     }
 
-    /// Carries the belief on in time.
+    /// Predicts motion and size `dt_s` seconds ahead.
     pub(super) fn predict(&mut self, dt_s: f64, options: &McmcOptions) {
         let in_sight = self.in_sight && dt_s < OUTAGE_S;
         self.motion.predict(dt_s, in_sight, &options.motion);
@@ -140,30 +144,31 @@ impl Track {
         self.height = drifted(&self.height, HEIGHT_DRIFT_M, options.height.sigma_m);
     }
 
-    /// Takes in the largest fraction of the person that any camera saw.
+    /// Records whether any camera sees the person, by the largest visible fraction.
     pub(super) fn see(&mut self, visible: f64) {
-        self.in_sight = visible >= IN_SIGHT;
+        self.in_sight = visible >= MIN_VISIBLE;
     }
 
-    /// Takes in a moment's states. `visible` is the largest fraction of the person that any camera saw.
+    /// Updates motion and size by a moment's states. `visible` is the largest fraction of the person that any camera
+    /// saw.
     pub(super) fn update(&mut self, sums: &Sums, visible: f64, options: &McmcOptions) {
         self.see(visible);
         if visible == 0.0 {
-            // Nobody looked: whatever the chain did, it was not for what it saw.
+            // No camera saw the person, so the states hold no measurement.
             return;
         }
         self.motion.condition(&sums.place(), &sums.covariance(), &options.motion);
         self.resize(sums, visible);
     }
 
-    /// Takes in where a detector's boxes show the person, and how large.
-    pub(super) fn measure(&mut self, shown: &Shown, options: &McmcOptions) {
+    /// Updates motion and size by the measurement of a detector's boxes.
+    pub(super) fn measure(&mut self, shown: &BoxMeasurement, options: &McmcOptions) {
         self.motion.measure(&shown.place, &shown.covariance, &options.motion);
         (self.radius, self.height) = (shown.radius, shown.height);
     }
 
-    /// The same for somebody who was born in this moment.
-    pub(super) fn appear(&mut self, shown: &Shown, options: &McmcOptions) {
+    /// Initialises motion and size of a track born in this moment by the measurement of a detector's boxes.
+    pub(super) fn appear(&mut self, shown: &BoxMeasurement, options: &McmcOptions) {
         let gait = Matrix2::identity() * options.motion.gait_sigma_m.powi(2);
         self.motion = Motion::appeared(shown.place, &(shown.covariance + gait), &options.motion);
         (self.radius, self.height) = (shown.radius, shown.height);
@@ -178,14 +183,14 @@ impl Track {
         self.height = seen(&self.height, sums.height_m(), HEIGHT_SEEN_SIGMA_M);
     }
 
-    /// Takes in that the person may have left unseen, with this probability.
+    /// Multiplies the probability of existence by the probability of not having left unseen.
     pub(super) fn may_have_left(&mut self, probability: f64) {
         let there = self.existence() * (1.0 - probability);
-        self.log_odds = (there / (1.0 - there)).ln().clamp(-SUREST_NATS, SUREST_NATS);
+        self.log_odds = (there / (1.0 - there)).ln().clamp(-MAX_LOG_ODDS, MAX_LOG_ODDS);
     }
 
-    /// Takes in that a person out of sight may have left unseen in `dt_s` seconds. `at_exit`: whether the person was, and is now
-    /// predicted to be, in a zone of people who leave.
+    /// Updates the probability that a person out of sight has stayed, over `dt_s` seconds. `at_exit`: whether the
+    /// person was, and is now predicted to be, in an exit zone.
     pub(super) fn may_leave_unseen(&mut self, at_exit: [bool; 2], dt_s: f64, options: &McmcOptions) {
         let place = self.motion.silhouette_place();
         let [was_at_exit, is_at_exit] = at_exit;
@@ -206,13 +211,13 @@ impl Track {
 
     /// Whether the person is out of sight and has probably left.
     pub(super) fn is_gone(&self) -> bool {
-        self.stayed < GONE
+        self.stayed < MIN_STAYED
     }
 
-    /// Takes in a moment's evidence about whether this person is there at all.
-    pub(super) fn weigh(&mut self, evidence: &Evidence, dt_s: f64) {
+    /// Updates the log odds of existence and the confirmation counters by a moment's evidence.
+    pub(super) fn update_existence(&mut self, evidence: &Evidence, dt_s: f64) {
         let new = (dt_s / INDEPENDENT_AFTER_S).min(1.0);
-        self.log_odds = (self.log_odds + new * evidence.for_presence()).clamp(-SUREST_NATS, SUREST_NATS);
+        self.log_odds = (self.log_odds + new * evidence.for_presence()).clamp(-MAX_LOG_ODDS, MAX_LOG_ODDS);
         self.earned_nats += new * evidence.beyond_chance();
         self.contradicted_s = if evidence.is_against() { self.contradicted_s + dt_s } else { 0.0 };
         self.is_doubted = evidence.is_by_boxes && self.log_odds < 0.0;
@@ -221,46 +226,47 @@ impl Track {
         self.still_at = self.still_at.filter(|found| (place - found).norm() < MOVED_M);
     }
 
-    /// Whether there is reason enough to believe that this is a person.
-    pub(super) fn is_believable(&self, options: &McmcOptions) -> bool {
+    /// Whether the evidence suffices to confirm the track as a person.
+    pub(super) fn is_confirmable(&self, options: &McmcOptions) -> bool {
         self.earned_nats >= options.believed_at_nats
             && (!self.may_be_furniture() || self.upright_s.is_some_and(|s| s >= self.found.stands_for_s()))
     }
 
-    /// Whether this may be what was there before the cameras looked, for all that its motion says.
+    /// Whether the track may be furniture: found at the start or after an outage, and not moved since.
     pub(super) fn may_be_furniture(&self) -> bool {
         self.still_at.is_some()
     }
 
-    /// Whether this person may be a mistake: not believed in yet, or for long not where cameras see clearly.
+    /// Whether the track is tentative and may be deleted anywhere: unconfirmed, doubted by boxes, or contradicted for
+    /// too long.
     pub(super) fn is_tentative(&self) -> bool {
         self.id.is_none() || self.is_doubted || self.contradicted_s > CONTRADICTED_FOR_S
     }
 
-    /// The one goes on as the other: what belongs to a person and not to a place changes sides.
+    /// Exchanges with another track what belongs to the person rather than to the place: id, radius and height.
     pub(super) fn exchange_names(&mut self, other: &mut Self) {
         std::mem::swap(&mut self.id, &mut other.id);
         std::mem::swap(&mut self.radius, &mut other.radius);
         std::mem::swap(&mut self.height, &mut other.height);
     }
 
-    /// Probability of being there, by the cameras' evidence; what may happen out of sight has its own ([`Self::presence`]).
+    /// Probability of existence by the cameras' evidence; leaving unseen is part of [`Self::presence`].
     pub(super) fn existence(&self) -> f64 {
         1.0 / (1.0 + (-self.log_odds).exp())
     }
 
-    /// Probability of being in the room.
+    /// Probability that the person exists and has not left unseen.
     pub(super) fn presence(&self) -> f64 {
         self.existence() * self.stayed
     }
 
-    /// What is known before the next moment is looked at.
+    /// Prior of the person for the next moment.
     pub(super) fn known(&self) -> Known {
         Known {
             place: Place::new(
                 self.motion.silhouette_place(),
                 &self.motion.silhouette_covariance(),
-                self.astray_m(),
+                self.deviation_m(),
             ),
             radius: posed(&self.radius, RADIUS_POSE_SIGMA_M),
             height: posed(&self.height, HEIGHT_POSE_SIGMA_M),
@@ -269,19 +275,19 @@ impl Track {
         }
     }
 
-    /// How far from the prediction they may be: farther the longer cameras contradict it.
-    fn astray_m(&self) -> f64 {
-        ASTRAY_M + ASTRAY_SPEED_M_S * self.contradicted_s
+    /// Standard deviation of deviations from the prediction, metres; it grows while cameras contradict the track.
+    fn deviation_m(&self) -> f64 {
+        DEVIATION_M + DEVIATION_SPEED_M_S * self.contradicted_s
     }
 
-    /// The most probable body, as it is seen.
+    /// Most probable body at the place of its silhouette.
     pub(super) fn body(&self) -> Body {
         let place = self.motion.silhouette_place();
         Body { x_m: place.x, y_m: place.y, radius_m: self.radius.mean_m, height_m: self.height.mean_m }
     }
 }
 
-/// What a single moment may show of a size that is known this well.
+/// Distribution of the size in a single moment: the size's own, widened by posture.
 fn posed(size: &Spread, pose_sigma_m: f64) -> Spread {
     Spread { sigma_m: size.sigma_m.hypot(pose_sigma_m), ..*size }
 }

@@ -1,55 +1,55 @@
-//! The box that a detector should draw around a person in one camera, and which parts of it are hidden.
+//! Expected box of a person in one camera, and the hidden part of it.
 
 use nalgebra::{Matrix3, Vector3};
 
 use crate::prepared_room::PreparedCamera;
 use crate::silhouette::{Body, View};
 
-/// The lowest point of a person in an image is this far from where they stand, towards the camera, metres: feet.
+/// Distance of the lowest visible point of a person (the feet) from their place, towards the camera, metres.
 const FOOT_M: f64 = 0.08;
-/// Nobody nearer than this along the camera's z has a box, metres.
+/// Least depth of a person with a box, along the camera's z, metres.
 pub(super) const LEAST_DEPTH_M: f64 = 0.4;
 
-/// Columns of the grid of points by which the visible part of a box is measured, in parts of the width.
+/// Columns of the grid of points that measures the visible part of a box, as fractions of the width.
 const COLUMNS: [f64; 5] = [0.1, 0.3, 0.5, 0.7, 0.9];
-/// Rows of the same grid, in parts of the height.
+/// Rows of the same grid, as fractions of the height.
 const ROWS: [f64; 6] = [0.06, 0.236, 0.412, 0.588, 0.764, 0.94];
-/// Points of the grid.
+/// Number of points of the grid.
 pub(super) const POINTS: u32 = (COLUMNS.len() * ROWS.len()) as u32;
-/// All points.
+/// Mask of all points.
 const ALL: u32 = (1 << POINTS) - 1;
 
-/// Somebody hides another who is farther away by more than this, metres.
+/// Least difference of depth at which one person hides another, metres.
 const NEARER_M: f64 = 0.12;
-/// The part of a box's width that its person does not fill at either side.
+/// Fraction of a box's width, at either side, that its person does not fill.
 const EMPTY_SIDE: f64 = 0.06;
-/// The room hides a person's points by what stands in front of them by more than this, metres.
+/// Least difference of depth at which the room hides a person's points, metres.
 const ROOM_NEARER_M: f64 = 0.3;
 
-/// A box as it is expected. Pixels of the pinhole image at the working size.
+/// Expected box. Pixels of the pinhole image at the working size.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct ExpectedBox {
-    /// Left, upper, right and lower edge.
+    /// Left, upper, right and lower edge, pixels.
     pub(super) edges: [f64; 4],
-    /// Distance of the person's middle along the camera's z, metres.
+    /// Depth of the person's middle along the camera's z, metres.
     pub(super) depth_m: f64,
 }
 
-/// One camera, as far as boxes need it.
+/// Projection of one camera, as boxes need it.
 #[derive(Debug, Clone)]
 pub(super) struct BoxCamera {
-    /// K R and K t: from the world to homogeneous pixels.
+    /// K R and K t: homogeneous pixels from the world.
     matrix: Matrix3<f64>,
     offset: Vector3<f64>,
-    /// Of the rows i and j of the matrix, for (0, 0), (0, 2), (1, 1), (1, 2), (2, 2): the products of the entries for x and y
-    /// together, and of those for z.
+    /// Products of the entries of the matrix's rows i and j, summed over x and y, and those of z, for (i, j) = (0,
+    /// 0), (0, 2), (1, 1), (1, 2), (2, 2).
     products: [[f64; 2]; 5],
     center: [f64; 2],
     /// Focal length, pixels.
     pub(super) focal_px: f64,
     pub(super) width_px: f64,
     pub(super) height_px: f64,
-    /// What stands before the floor; `None` where nothing does.
+    /// Static depth of the room; `None` where nothing hides the floor.
     room: Option<View>,
 }
 
@@ -76,8 +76,9 @@ impl BoxCamera {
         }
     }
 
-    /// The box of a body: its ellipsoid's image has the dual conic `P Q* Pᵀ`, whose tangents along rows and columns are the
-    /// roots of quadratics; the lower edge is where the feet are. `None` for somebody who is not wholly in front.
+    /// Expected box of a body. The image of its ellipsoid has the dual conic `P Q* Pᵀ`, whose tangents along rows and
+    /// columns are the roots of quadratics; the lower edge is that of the feet. `None` for a person not wholly in
+    /// front of the camera.
     pub(super) fn expected(&self, body: &Body) -> Option<ExpectedBox> {
         let half = 0.5 * body.height_m;
         let p = self.matrix * Vector3::new(body.x_m, body.y_m, half) + self.offset;
@@ -107,12 +108,12 @@ impl BoxCamera {
         Some(ExpectedBox { edges: [left, top, right, row(1) / foot_z], depth_m: p.z })
     }
 
-    /// The points of a box that are outside the image, a bit each.
+    /// Points of a box that are outside the image, a bit each.
     pub(super) fn outside(&self, expected: &ExpectedBox) -> u32 {
         ALL & !inside(expected, [0.0, 0.0, self.width_px, self.height_px])
     }
 
-    /// The points of a box that the room hides, a bit each; those outside the image are none of them.
+    /// Points of a box that the room hides, a bit each, except those outside the image.
     pub(super) fn hidden_by_room(&self, expected: &ExpectedBox, outside: u32) -> u32 {
         let Some(room) = &self.room else { return 0 };
         let [left, top, right, bottom] = expected.edges;
@@ -133,8 +134,8 @@ impl BoxCamera {
         hidden
     }
 
-    /// Floor place of a person whose middle is at this column and whose height above the floor is `height_m` at this row;
-    /// `None` where the ray does not come down to it.
+    /// Place on the floor (metres) of a person whose middle is at column `u` and who appears in row `v` at the height
+    /// `height_m` above the floor; `None` where the ray does not meet that height.
     pub(super) fn place(&self, u: f64, v: f64, height_m: f64) -> Option<[f64; 2]> {
         let inverse = self.matrix.try_inverse()?;
         let center = -(inverse * self.offset);
@@ -144,7 +145,7 @@ impl BoxCamera {
     }
 }
 
-/// The points of a box that another person hides, a bit each.
+/// Points of a box that another person hides, a bit each.
 pub(super) fn hidden_by(expected: &ExpectedBox, other: &ExpectedBox) -> u32 {
     let [left, top, right, bottom] = other.edges;
     let apart = other.depth_m >= expected.depth_m - NEARER_M
@@ -159,7 +160,7 @@ pub(super) fn hidden_by(expected: &ExpectedBox, other: &ExpectedBox) -> u32 {
     inside(expected, [left + side, top, right - side, bottom])
 }
 
-/// The points of a box that are within these edges, a bit each.
+/// Points of a box that are within these edges, a bit each.
 fn inside(expected: &ExpectedBox, [from_u, from_v, to_u, to_v]: [f64; 4]) -> u32 {
     let [left, top, right, bottom] = expected.edges;
     let within = |parts: &[f64], start: f64, length: f64, from: f64, to: f64| {
@@ -170,7 +171,7 @@ fn inside(expected: &ExpectedBox, [from_u, from_v, to_u, to_v]: [f64; 4]) -> u32
     };
     let columns = within(&COLUMNS, left, right - left, from_u, to_u);
     let rows = within(&ROWS, top, bottom - top, from_v, to_v);
-    // The bits of the rows, spread to the starts of the rows.
+    // The bits of the columns, repeated at the start of each row that is inside.
     (0..ROWS.len()).fold(0, |bits, i| bits | (rows >> i & 1) * columns << (i * COLUMNS.len()))
 }
 

@@ -1,71 +1,70 @@
-//! What is known of the detector: how often it finds a person by the part that is visible, how many false boxes it draws,
-//! and how far its boxes' edges are off. Learnt while it runs.
+//! Parameters of the detector, learnt while it runs: probability of detection by the visible fraction, number of
+//! false boxes, and spread of the boxes' edges.
 
 use super::camera::{ExpectedBox, POINTS};
 
-/// Middles of the bins of the visible part.
+/// Middles of the bins of the visible fraction.
 const BINS: [f64; 5] = [0.05, 0.25, 0.5, 0.75, 0.95];
-/// Hits in each bin, of [`PRIOR_TRIALS`], before anything is seen: detectors find most of the people who are half visible.
+/// Prior hits in each bin, of [`PRIOR_TRIALS`]: detectors find most of the people who are half visible.
 const PRIOR_HITS: [f64; 5] = [2.0, 4.0, 8.0, 16.0, 18.0];
 const PRIOR_TRIALS: f64 = 20.0;
-/// Trials of a bin after which the oldest are forgotten.
+/// Number of trials of a bin above which its counts are halved.
 const MOST_TRIALS: f64 = 600.0;
-/// No detector is surer than this to find a person, or to miss one.
+/// Range of the probability of detection.
 const PROBABILITIES: std::ops::RangeInclusive<f64> = 0.05..=0.97;
-/// People of whom less than this many points are in the image are not expected to be found.
+/// Least number of points in the image of a person whose detection is expected.
 const LEAST_POINTS: u32 = 4;
-/// Probability that somebody outside the image is found all the same.
+/// Probability that a person outside the image is detected nevertheless.
 const OUTSIDE: f64 = 0.01;
 
-/// False boxes in a picture before anything is seen.
+/// Prior number of false boxes a picture.
 const PRIOR_CLUTTER: f64 = 1.0;
 const LEAST_CLUTTER: f64 = 0.1;
-/// Weight of the newest picture's false boxes.
+/// Weight of the newest picture in the running mean of false boxes.
 const FOLLOW: f64 = 0.03;
-/// False boxes are spread over the image, and have any width and height up to these parts of it.
+/// Largest width and height of false boxes, as fractions of the image's; their places are uniform.
 const CLUTTER_WIDTH: f64 = 0.25;
 const CLUTTER_HEIGHT: f64 = 0.5;
 
-/// Standard deviations of a box's middle column, width, upper and lower edge in the distance of the person, before anything is
-/// seen, metres.
+/// Prior standard deviations of a box's middle column, width, upper and lower edge, metres at the person's distance.
 const SIGMAS_M: [f64; 4] = [0.05, 0.12, 0.05, 0.06];
-/// The same of any box, in parts of the image's height: of pixels, annotation, calibration.
+/// Additional standard deviation of every box, as a fraction of the image's height: pixels, annotation, calibration.
 const SIGMA_PART: f64 = 0.004;
-/// The learnt variances are within these multiples of the square of [`SIGMAS_M`].
+/// Bounds of the learnt variances, as multiples of the square of [`SIGMAS_M`].
 const LEAST_SCALES: [f64; 4] = [0.12, 0.2, 0.3, 0.3];
 const MOST_SCALE: f64 = 4.0;
-/// By how much a residual changes the logarithm of its variance: the variances follow the median of the residuals.
+/// Change of the log variance by one residual: the variances follow the median of the residuals.
 const SCALE_STEP: f64 = 0.03;
-/// Of normal residuals half are within so many standard deviations.
+/// Median of the absolute value of a normal residual, in standard deviations.
 const MEDIAN_SIGMAS: f64 = 0.6745;
 
-/// Degrees of freedom of the residuals' Student-t distribution: cut boxes are far off.
+/// Degrees of freedom of the residuals' Student-t distribution: boxes of partly hidden people deviate far.
 const FREEDOM: f64 = 6.0;
-/// Logarithm of the constant of that distribution in four dimensions, scaled so that the variances are those given:
+/// Log normalisation of that distribution in four dimensions, scaled so that the variances are those given:
 /// `Γ((ν+4)/2) / (Γ(ν/2) ((ν−2)π)²)`, for ν = 6 `Γ(5)/Γ(3) = 12`.
 const LOG_CONSTANT: f64 = -2.577_141_844;
 
-/// A detected box in one camera, made ready.
+/// Detected box in one camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Detected {
     /// Left, upper, right and lower edge, pixels.
     pub(super) edges: [f64; 4],
-    /// Whether the image's border cuts the box there.
+    /// Whether the image's border cuts the box at each edge.
     pub(super) cut: [bool; 4],
 }
 
-/// The detector of all cameras.
+/// Parameters of the detector in all cameras.
 #[derive(Debug, Clone)]
 pub(super) struct Detector {
     hits: [f64; 5],
     trials: [f64; 5],
-    /// False boxes a picture, one a camera.
+    /// Expected number of false boxes a picture, one entry a camera.
     clutter: Vec<f64>,
-    /// Multiples of the variances.
+    /// Learnt factors of the variances.
     scales: [f64; 4],
-    /// For so many visible points: log (1 − p), p / (1 − p).
+    /// Entry for each number of visible points: log (1 − p), p / (1 − p).
     by_points: [[f64; 2]; POINTS as usize + 1],
-    /// The same for somebody outside the image.
+    /// The same for a person outside the image.
     outside: [f64; 2],
 }
 
@@ -83,7 +82,7 @@ impl Detector {
         detector
     }
 
-    /// A detector that finds nobody, of which nothing can be learnt.
+    /// Sets the detection probability to 0, for tests without learning.
     #[cfg(test)]
     pub(super) fn blind(&mut self) {
         self.by_points = [[0.0; 2]; POINTS as usize + 1];
@@ -99,19 +98,19 @@ impl Detector {
         }
     }
 
-    /// Log probability that somebody is missed of whom so many points are in the image and so many visible, and the odds that
-    /// they are found. Nobody is found of whom next to nothing is in the image.
+    /// Log probability of a missed detection, and odds of a detection, of a person with this many points in the image
+    /// and visible. A person of whom next to nothing is in the image is not detected.
     pub(super) fn miss_and_odds(&self, inside: u32, visible: u32) -> [f64; 2] {
         if inside < LEAST_POINTS { self.outside } else { self.by_points[visible as usize] }
     }
 
-    /// Logarithm of the density of false boxes in a camera of this size, 1/px⁴.
+    /// Log density of false boxes in a camera with an image of this size, 1/px⁴.
     pub(super) fn log_clutter(&self, camera: usize, width_px: f64, height_px: f64) -> f64 {
         let sizes = CLUTTER_WIDTH * width_px * CLUTTER_HEIGHT * height_px;
         self.clutter[camera].ln() - (width_px * height_px * sizes).ln()
     }
 
-    /// How far the boxes of a person at this depth are off.
+    /// Distribution of the boxes of a person at this depth (metres) around the expected one.
     pub(super) fn noise(&self, focal_px: f64, height_px: f64, depth_m: f64) -> Noise {
         let px_per_m = focal_px / depth_m;
         let of_image = (SIGMA_PART * height_px).powi(2);
@@ -123,7 +122,8 @@ impl Detector {
         }
     }
 
-    /// Takes in a person's visible points in a picture and the probability that they were found there.
+    /// Updates the detection probability by a person's number of visible points in a picture and the probability that
+    /// they were detected.
     pub(super) fn learn_hit(&mut self, visible: u32, found: f64) {
         let part = f64::from(visible) / f64::from(POINTS);
         let nearest = |a: &usize, b: &usize| (BINS[*a] - part).abs().total_cmp(&(BINS[*b] - part).abs());
@@ -136,13 +136,13 @@ impl Detector {
         }
     }
 
-    /// Takes in the number of false boxes of a picture.
+    /// Updates the clutter of a camera by the number of false boxes of a picture.
     pub(super) fn learn_clutter(&mut self, camera: usize, count: f64) {
         let clutter = &mut self.clutter[camera];
         *clutter += FOLLOW * (count.max(LEAST_CLUTTER) - *clutter);
     }
 
-    /// Takes in a box that is a person's, with this probability.
+    /// Updates the variances by a box that belongs to a person with the probability `weight`.
     pub(super) fn learn_noise(
         &mut self,
         noise: &Noise,
@@ -165,8 +165,8 @@ impl Detector {
         }
     }
 
-    /// What was learnt counts from now on.
-    pub(super) fn learnt(&mut self) {
+    /// Makes the updates effective: recomputes the table of detection probabilities.
+    pub(super) fn apply_learnt(&mut self) {
         self.tabulate();
     }
 }
@@ -175,42 +175,42 @@ impl Detector {
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Noise {
     pub(super) log_peak: f64,
-    /// Inverse variances of the residuals.
+    /// Inverse variances of the residuals, 1/px².
     pub(super) weights: [f64; 4],
 }
 
 impl Noise {
-    /// Squared residuals in standard deviations beyond which the log density is below this.
-    pub(super) fn farthest(&self, log_least: f64) -> f64 {
+    /// Squared Mahalanobis distance above which the log density is below `log_least`.
+    pub(super) fn max_squared_sigmas(&self, log_least: f64) -> f64 {
         (FREEDOM - 2.0) * (((self.log_peak - log_least) * (2.0 / (FREEDOM + 4.0))).exp() - 1.0)
     }
 
-    /// Squared residuals in standard deviations.
+    /// Squared Mahalanobis distance of residuals.
     pub(super) fn squared_sigmas(&self, residuals: &[f64; 4]) -> f64 {
         residuals.iter().zip(&self.weights).map(|(r, w)| r * r * w).sum()
     }
 
-    /// Density at such residuals over `exp(log_base)`.
+    /// Density at this squared distance, divided by `exp(log_base)`.
     pub(super) fn density_over(&self, squared_sigmas: f64, log_base: f64) -> f64 {
         let tail = 1.0 + squared_sigmas / (FREEDOM - 2.0);
         (self.log_peak - log_base).exp() / (tail * tail * tail * tail * tail)
     }
 
-    /// Weight of such residuals in a fit by least squares, at most 1.
+    /// Weight of a box at this squared distance in a robust least-squares fit, at most 1.
     pub(super) fn robust_weight(squared_sigmas: f64) -> f64 {
         ((FREEDOM + 4.0) / (FREEDOM + squared_sigmas)).min(1.0)
     }
 }
 
-/// Differences of a detected box from the expected one: middle column, width, upper and lower edge. `censored` edges agree:
-/// both end at the image's border.
+/// Residuals of a detected box, pixels: middle column, width, upper and lower edge. `censored` edges have none, since
+/// both boxes end at the image's border.
 pub(super) fn residuals(expected: &ExpectedBox, detected: &Detected, censored: [bool; 4]) -> [f64; 4] {
     let difference = |i: usize| if censored[i] { 0.0 } else { detected.edges[i] - expected.edges[i] };
     let (left, right) = (difference(0), difference(2));
     [0.5 * (left + right), right - left, difference(1), difference(3)]
 }
 
-/// A function of the visible part, given at the bins' middles.
+/// Linear interpolation at the visible fraction `part` of values given at the bins' middles.
 fn interpolated(part: f64, values: &[f64; 5]) -> f64 {
     let above = BINS.iter().position(|middle| *middle >= part);
     match above {
@@ -255,7 +255,7 @@ mod tests {
             let noise = detector.noise(500.0, 480.0, 5.0);
             detector.learn_noise(&noise, &expected, &Detected { edges, cut: [false; 4] }, 1.0);
         }
-        detector.learnt();
+        detector.apply_learnt();
         let [miss, odds] = detector.miss_and_odds(POINTS, POINTS);
         assert!((odds - 1.0).abs() < 0.15 && (miss - 0.5_f64.ln()).abs() < 0.1, "{miss} {odds}");
         assert_eq!(detector.miss_and_odds(LEAST_POINTS - 1, POINTS)[1], 0.0);
@@ -267,7 +267,7 @@ mod tests {
     #[test]
     fn the_farthest_residuals_have_the_least_density() {
         let noise = Detector::new(1).noise(500.0, 480.0, 5.0);
-        let far = noise.farthest(-20.0);
+        let far = noise.max_squared_sigmas(-20.0);
         assert_relative_eq!(noise.density_over(far, -20.0), 1.0, epsilon = 1e-9);
     }
 }

@@ -1,5 +1,5 @@
-//! The people of a state and the boxes of one camera: what each box is worth as each person, who hides whom, and the sum over
-//! the matchings, kept up to date where a move changes it.
+//! People of a state and boxes of one camera: odds of each pair, mutual occlusion, and the sum over the matchings,
+//! updated incrementally by a move.
 
 use super::camera::{BoxCamera, ExpectedBox, POINTS, hidden_by};
 use super::detector::{Detected, Detector, residuals};
@@ -7,21 +7,21 @@ use super::matching::Matching;
 use super::presence::Presence;
 use crate::silhouette::Body;
 
-/// A box whose odds are below this, were the person surely found, is not the person.
+/// Least odds of a pair of person and box, were the person surely detected; pairs below are dropped.
 const LEAST_ODDS: f64 = 1e-3;
-/// The odds that somebody is found are at most these.
+/// Upper bound of the odds of a detection.
 const MOST_HIT_ODDS: f64 = 32.4;
-/// A box reaches the image's border when it is expected to reach beyond this part of the width from it.
+/// Margin within which an expected box counts as reaching the image's border, as a fraction of the width.
 const BORDER_PART: f64 = 0.012;
 
-/// A person whose terms a tried move changes.
+/// Person whose terms a tried move changes.
 #[derive(Debug, Clone, Copy)]
 struct Changed {
     person: usize,
     presence: Presence,
 }
 
-/// The state in one camera, and the move that was tried last.
+/// State in one camera, and the move that was tried last.
 #[derive(Debug, Clone)]
 pub(super) struct InCamera {
     pub(super) camera: BoxCamera,
@@ -34,20 +34,20 @@ pub(super) struct InCamera {
     /// Points of each person (row) that each other one (column) hides.
     hides: Vec<u32>,
     stride: usize,
-    /// Each box's terms of the sum over matchings.
+    /// Term of each box in the log sum over matchings.
     box_terms: Vec<f64>,
-    /// People whose candidate each box is.
+    /// Indices of the people whose candidate each box is.
     claimants: Vec<Vec<u32>>,
-    /// Logarithm of the likelihood of the boxes.
+    /// Log-likelihood of the boxes.
     pub(super) value: f64,
     tried: Tried,
 }
 
-/// The move that was tried last, and memory for its weighing.
+/// Move that was tried last, and memory for computing it.
 #[derive(Debug, Clone, Default)]
 struct Tried {
     proposed: Presence,
-    /// Points of the proposed person that each one hides, and of each that the proposed one hides.
+    /// Points of the proposed person that each person hides, and points of each person that the proposed one hides.
     hidden_by: Vec<u32>,
     hides: Vec<u32>,
     changed: Vec<Changed>,
@@ -56,7 +56,7 @@ struct Tried {
     box_terms: Vec<(usize, f64)>,
     value: f64,
     matching: Matching,
-    /// Number of each box in the matching; boxes of other numbers are not in it.
+    /// Index of each box in the matching; [`NOT_REACHED`] for boxes that are not in it.
     in_matching: Vec<u32>,
     reached_boxes: Vec<u32>,
     reached_people: Vec<u32>,
@@ -83,7 +83,7 @@ impl InCamera {
         }
     }
 
-    /// Takes the boxes of a new moment; `None` leaves the camera out. Forgets all people.
+    /// Sets the boxes of a new moment; `None` leaves the camera out. Removes all people.
     pub(super) fn restart(&mut self, boxes: Option<impl Iterator<Item = Detected>>, detector: &Detector) {
         self.people.clear();
         self.boxes.clear();
@@ -100,7 +100,7 @@ impl InCamera {
         self.tried.in_matching.resize(count, NOT_REACHED);
     }
 
-    /// A body in this camera, hidden by nobody yet.
+    /// Presence of a body in this camera, hidden by nobody yet.
     pub(super) fn presence(&self, body: &Body, detector: &Detector) -> Presence {
         let mut presence = Presence::of(self.camera.expected(body));
         let Some(expected) = presence.expected else {
@@ -116,12 +116,13 @@ impl InCamera {
             return presence;
         }
         let noise = presence.noise;
-        let farthest = noise.farthest(self.log_clutter + (LEAST_ODDS / MOST_HIT_ODDS).ln());
+        let max_squared_sigmas =
+            noise.max_squared_sigmas(self.log_clutter + (LEAST_ODDS / MOST_HIT_ODDS).ln());
         let beyond = self.beyond_border(&expected);
         for (b, detected) in self.boxes.iter().enumerate() {
             let censored = std::array::from_fn(|i| detected.cut[i] && beyond[i]);
             let squared = noise.squared_sigmas(&residuals(&expected, detected, censored));
-            if squared < farthest {
+            if squared < max_squared_sigmas {
                 presence.add((b as u32, noise.density_over(squared, self.log_clutter)));
             }
         }
@@ -144,7 +145,7 @@ impl InCamera {
             .fold(0, |all, (_, bits)| all | bits)
     }
 
-    /// Weighs the state in which the person `old` is gone and `new` has come. Returns the logarithm of the likelihood.
+    /// Log-likelihood of the state in which the person `old` is removed and `new` is added.
     pub(super) fn try_change(&mut self, old: Option<usize>, new: Option<&Body>, detector: &Detector) -> f64 {
         if !self.in_use {
             return 0.0;
@@ -193,8 +194,8 @@ impl InCamera {
         value
     }
 
-    /// By how much the sum over matchings changes, in logarithms. Only people and boxes that are connected with what changes
-    /// by pairs, before or after, have other terms than before.
+    /// Change of the log sum over matchings. Only people and boxes that are connected with the change by pairs,
+    /// before or after, have other terms than before.
     fn change_of_matchings(&self, tried: &mut Tried, old: Option<usize>, has_new: bool) -> f64 {
         tried.is_reached.clear();
         tried.is_reached.resize(self.people.len(), false);
@@ -238,7 +239,7 @@ impl InCamera {
         let before: f64 = old.map_or(0.0, |old| self.people[old].term)
             + tried.reached_people.iter().map(|p| self.people[*p as usize].term).sum::<f64>()
             + tried.reached_boxes.iter().map(|b| self.box_terms[*b as usize]).sum::<f64>();
-        // The order of the people is that of the state, so that the same state has the same value.
+        // The people are in the state's order, so that the same state always has the same value.
         tried.reached_people.sort_unstable();
         tried.matching.restart(tried.reached_boxes.len());
         let changed = &tried.changed;
@@ -273,8 +274,8 @@ impl InCamera {
         after - before
     }
 
-    /// Makes the change that was tried last, with the same `old` and whether there was a new one. A person who comes is the
-    /// last; in the place of one who goes comes the last.
+    /// Commits the change that was tried last, with the same `old`; `has_new`: whether a person was added. A new
+    /// person is appended, and the last person takes the index of a removed one.
     pub(super) fn commit(&mut self, old: Option<usize>, has_new: bool) {
         if !self.in_use {
             return;
@@ -312,7 +313,7 @@ impl InCamera {
         }
     }
 
-    /// The proposed person takes a place among the people.
+    /// Stores the proposed person at an index.
     fn put(&mut self, place: usize) {
         self.people[place] = self.tried.proposed;
         for other in (0..self.tried.hides.len()).filter(|other| *other != place) {
@@ -340,7 +341,7 @@ impl InCamera {
         self.people.swap_remove(place);
     }
 
-    /// Makes the table of who hides whom large enough.
+    /// Enlarges the table of occlusions to the number of people.
     fn make_room(&mut self) {
         let count = self.people.len();
         if count <= self.stride {
@@ -356,7 +357,7 @@ impl InCamera {
         (self.hides, self.stride) = (hides, stride);
     }
 
-    /// The matching of all people of the state, solved.
+    /// Solved matching of all people of the state.
     pub(super) fn matching(&self) -> Matching {
         let mut matching = Matching::default();
         matching.restart(self.boxes.len());

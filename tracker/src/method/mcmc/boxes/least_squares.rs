@@ -1,4 +1,4 @@
-//! One person fitted to the boxes of all cameras by least squares.
+//! Least-squares fit of one person to the boxes of all cameras.
 
 use nalgebra::{Matrix2, Matrix4, Vector2, Vector4};
 
@@ -7,17 +7,17 @@ use super::detector::{Noise, residuals};
 use super::in_camera::InCamera;
 use crate::silhouette::Body;
 
-/// Steps of a fit.
+/// Number of Gauss–Newton steps of a fit.
 const FIT_STEPS: usize = 4;
 /// Step of the numerical derivatives, metres.
 const DERIVATIVE_STEP_M: f64 = 0.01;
-/// A box takes part in a fit where it is more likely to be the person than a false one by this factor.
+/// Least ratio of a box's density as the person's to that as a false one, for the box to take part in a fit.
 const LEAST_DENSITY: f64 = 1.0;
 
-/// What is known of a person before the boxes are looked at: x, y, radius, height.
+/// Prior of a person before the boxes are observed: x, y, radius, height.
 pub(super) struct Prior {
     pub(super) mean: Vector4<f64>,
-    /// Of radius and height; the place has its own.
+    /// Precisions of radius and height, 1/m²; those of the place are in `place_precision`.
     pub(super) precision: Vector4<f64>,
     pub(super) place_precision: Matrix2<f64>,
 }
@@ -30,7 +30,7 @@ impl Prior {
     }
 }
 
-/// The body of a state, of a size that somebody has.
+/// Body of a state, with its size limited to a person's.
 pub(super) fn body(state: &Vector4<f64>) -> Body {
     Body {
         x_m: state[0],
@@ -40,7 +40,7 @@ pub(super) fn body(state: &Vector4<f64>) -> Body {
     }
 }
 
-/// Result of a fit: x, y, radius, height.
+/// Result of a fit: x, y, radius, height, metres.
 pub(super) struct Fitted {
     pub(super) state: Vector4<f64>,
     pub(super) covariance: Matrix4<f64>,
@@ -55,13 +55,15 @@ impl Fitted {
         self.covariance.fixed_view::<2, 2>(0, 0).into()
     }
 
-    /// What a value of the state has as standard deviation.
+    /// Standard deviation of a value of the state, metres.
     pub(super) fn sigma(&self, i: usize) -> f64 {
         self.covariance[(i, i)].max(0.0).sqrt()
     }
 }
 
-/// Gauss–Newton from a start with robust weights, each camera taking the box that fits best, weighed by how free it is.
+/// Fits a person by Gauss–Newton with robust weights from `start`. In each camera the best box takes part, where a
+/// box's density is weighted by the probability `free(camera, box)` that it is not another person's. `None` if the
+/// normal equations cannot be solved.
 pub(super) fn fit(
     boxes: &Boxes,
     prior: &Prior,

@@ -1,12 +1,14 @@
 //! Sum over the matchings of people and boxes in one camera, by Bethe's approximation.
 //!
-//! Each box is at most one person, each person at most one box. With the odds `w(p, b)` of a pair,
+//! Each box belongs to at most one person, each person has at most one box. With the odds `w(p, b)` of a pair, the
+//! sum
 //!
 //! ```text
 //! Z = Σ over matchings  Π over its pairs  w(p, b)
 //! ```
 //!
-//! is a permanent-like sum. Belief propagation sends one number along each pair in both directions until they stand still,
+//! is similar to a permanent. Belief propagation sends one message along each pair in both directions until they
+//! converge,
 //!
 //! ```text
 //! μ(p→b) = w / (1 + Σ over b' ≠ b of w(p, b') ν(b'→p))      ν(b→p) = 1 / (1 + Σ over p' ≠ p of μ(p'→b))
@@ -14,15 +16,15 @@
 //! ```
 //!
 //! which is exact where the pairs form a forest (Williams & Lau 2014, "Approximate evaluation of marginal association
-//! probabilities with belief propagation", IEEE TAES 50(4)). Its terms belong to one person or one box each, so that a change
-//! of some people is a change of the terms of those alone who are connected with them by pairs.
+//! probabilities with belief propagation", IEEE TAES 50(4)). Each term belongs to one person or one box, so that a
+//! change of some people changes only the terms of those who are connected with them by pairs.
 
-/// Sweeps of messages at most.
+/// Largest number of sweeps of messages.
 const MOST_SWEEPS: usize = 12;
-/// Messages that change by less, relatively, stand still.
+/// Relative change below which a message has converged.
 const STILL: f64 = 1e-5;
 
-/// A pair of a person and a box, by their numbers in the problem.
+/// Pair of a person and a box, by their indices in the problem.
 #[derive(Debug, Clone, Copy)]
 struct Pair {
     in_box: u32,
@@ -31,18 +33,18 @@ struct Pair {
     to_person: f64,
 }
 
-/// The pairs of some people with some boxes. Its memory is used again.
+/// Pairs of some people with some boxes. The memory is reused.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Matching {
     pairs: Vec<Pair>,
-    /// End of each person's pairs.
+    /// Index of the end of each person's pairs.
     ends: Vec<u32>,
     /// Sum of the messages to each box.
     to_box: Vec<f64>,
 }
 
 impl Matching {
-    /// Forgets everybody; so many boxes take part.
+    /// Removes all people; `boxes` is the number of boxes.
     pub(super) fn restart(&mut self, boxes: usize) {
         self.pairs.clear();
         self.ends.clear();
@@ -50,7 +52,7 @@ impl Matching {
         self.to_box.resize(boxes, 0.0);
     }
 
-    /// Adds a person with the odds of being each of these boxes.
+    /// Adds a person with the odds of each of these boxes.
     pub(super) fn add(&mut self, odds: impl Iterator<Item = (usize, f64)>) {
         self.pairs.extend(odds.map(|(in_box, odds)| Pair {
             in_box: in_box as u32,
@@ -61,7 +63,7 @@ impl Matching {
         self.ends.push(self.pairs.len() as u32);
     }
 
-    /// Sends the messages until they stand still.
+    /// Sends messages until they converge, at most [`MOST_SWEEPS`] times.
     pub(super) fn solve(&mut self) {
         for _ in 0..MOST_SWEEPS {
             if !self.sweep() {
@@ -70,7 +72,7 @@ impl Matching {
         }
     }
 
-    /// One sweep; whether some message has changed.
+    /// Sends all messages once. Returns whether some message has changed.
     fn sweep(&mut self) -> bool {
         self.to_box.fill(0.0);
         let mut start = 0;
@@ -92,7 +94,7 @@ impl Matching {
         has_changed
     }
 
-    /// Each person's terms of `ln Z`, in the order in which they were added.
+    /// Term of each person in `ln Z`, in the order in which they were added.
     pub(super) fn terms_of_people(&self) -> impl Iterator<Item = f64> + '_ {
         self.people().map(|pairs| {
             let (sum, product) = pairs.iter().fold((1.0, 1.0), |(sum, product), pair| {
@@ -102,17 +104,17 @@ impl Matching {
         })
     }
 
-    /// Each box's terms of `ln Z`.
+    /// Term of each box in `ln Z`.
     pub(super) fn terms_of_boxes(&self) -> impl Iterator<Item = f64> + '_ {
         self.to_box.iter().map(|sum| sum.ln_1p())
     }
 
-    /// Probability that each box is nobody of these people.
+    /// Probability that each box belongs to none of these people.
     pub(super) fn unexplained(&self) -> impl Iterator<Item = f64> + '_ {
         self.to_box.iter().map(|sum| 1.0 / (1.0 + sum))
     }
 
-    /// Each person's boxes with the probabilities that these are the person.
+    /// Boxes of each person with the probabilities that they belong to the person.
     pub(super) fn matches(&self) -> impl Iterator<Item = impl Iterator<Item = (usize, f64)> + '_> + '_ {
         self.people().map(|pairs| {
             let sum: f64 = 1.0 + pairs.iter().map(|pair| pair.odds * pair.to_person).sum::<f64>();
@@ -132,7 +134,7 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64Mcg;
 
-    /// ln Z by going through all matchings: slow, and obviously right.
+    /// Z by enumeration of all matchings, as the oracle.
     fn exact(odds: &[Vec<f64>], taken: u32) -> f64 {
         let Some((first, rest)) = odds.split_first() else { return 1.0 };
         let free = (0..first.len()).filter(|b| taken >> b & 1 == 0 && first[*b] > 0.0);
@@ -153,7 +155,7 @@ mod tests {
         matching.terms_of_people().sum::<f64>() + matching.terms_of_boxes().sum::<f64>()
     }
 
-    /// Bethe's value is a bound of such sums from below (Gurvits 2011), and near them.
+    /// Bethe's value is a lower bound of such sums (Gurvits 2011), and close to them.
     #[test]
     fn the_sum_over_matchings_is_nearly_exact() {
         let mut rng = Pcg64Mcg::seed_from_u64(7);
@@ -169,7 +171,7 @@ mod tests {
         }
     }
 
-    /// Where no two people share two boxes the pairs form a chain: there is nothing to approximate.
+    /// The pairs form a chain where no two people share two boxes; Bethe's value is then exact.
     #[test]
     fn a_chain_of_people_and_boxes_is_exact() {
         let mut rng = Pcg64Mcg::seed_from_u64(8);
@@ -188,14 +190,14 @@ mod tests {
         }
     }
 
-    /// A move is decided by differences, which are far nearer to the truth than the sums: people in a crowd are seldom in
-    /// question together.
+    /// Differences decide a move, and they are far more accurate than the sums, because few people in a crowd share
+    /// boxes.
     #[test]
     fn moves_are_weighed_as_by_the_exact_sum() {
         let mut rng = Pcg64Mcg::seed_from_u64(11);
         let mut worst = Vec::new();
         for _ in 0..300 {
-            // Six people in a row, each of whom has a box, and some of the neighbours'.
+            // Six people in a row, each with an own box, and some with the neighbours' boxes.
             let mut row = |p: usize| -> Vec<f64> {
                 (0..6)
                     .map(|b: usize| match p.abs_diff(b) {

@@ -1,7 +1,7 @@
-//! What a moment's boxes alone say of where somebody stands: the measurement behind the sampler's states.
+//! Measurement of each person by the boxes of one moment alone.
 //!
-//! The sampler settles who is there and which boxes are whose. Its mean over a few hundred states has noise of its own, and
-//! its covariance more; least squares on the boxes that it found has neither.
+//! The sampler determines which people exist and which boxes belong to them. Its mean over a few hundred states, and
+//! even more its covariance, has sampling noise; a least-squares fit to the associated boxes has none.
 
 use nalgebra::{Matrix2, Vector2, Vector4};
 
@@ -11,28 +11,31 @@ use super::in_camera::InCamera;
 use super::least_squares::{Prior, fit};
 use crate::silhouette::Body;
 
-/// So far from the mean of the states people are looked for, metres: not so near that it says anything of the place.
+/// Standard deviation of the search around the mean of the states, metres: too wide to inform the place.
 const LOOKED_FOR_M: f64 = 3.0;
-/// Boxes are somebody's with at least this probability.
+/// Least probability with which a box is associated with a person.
 const LEAST_MATCH: f64 = 0.3;
 
-/// What the boxes of one moment say of a person.
+/// Measurement of a person by the boxes of one moment.
 #[derive(Debug, Clone)]
-pub(in super::super) struct Shown {
-    /// Place on the floor, metres, without what was predicted.
+pub(in super::super) struct BoxMeasurement {
+    /// Place on the floor, metres, without the prediction.
     pub(in super::super) place: Vector2<f64>,
     /// Its covariance, m².
     pub(in super::super) covariance: Matrix2<f64>,
-    /// Radius, with what was known before.
+    /// Radius, combined with its prior.
     pub(in super::super) radius: Spread,
-    /// Height, with what was known before.
+    /// Height, combined with its prior.
     pub(in super::super) height: Spread,
 }
 
 impl Boxes {
-    /// What the boxes say of each person of the present state; `None` of whom no camera has a box. `sizes`: what is known of
-    /// radius and height.
-    pub(in super::super) fn shown(&self, people: &[(Body, Spread, Spread)]) -> Vec<Option<Shown>> {
+    /// Measurement of each person of the present state, given with the priors of radius and height; `None` for a
+    /// person without an associated box.
+    pub(in super::super) fn measurements(
+        &self,
+        people: &[(Body, Spread, Spread)],
+    ) -> Vec<Option<BoxMeasurement>> {
         let matchings: Vec<_> = self.cameras.iter().map(InCamera::matching).collect();
         let matches: Vec<Vec<Vec<(usize, f64)>>> =
             matchings.iter().map(|m| m.matches().map(Iterator::collect).collect()).collect();
@@ -54,7 +57,7 @@ impl Boxes {
             };
             let fitted = fit(self, &prior, body, |camera, b| probability(camera, b).unwrap_or(0.0))?;
             let spread = |i: usize| Spread { mean_m: fitted.state[i], sigma_m: fitted.sigma(i) };
-            Some(Shown {
+            Some(BoxMeasurement {
                 place: fitted.place(),
                 covariance: fitted.place_covariance(),
                 radius: spread(2),

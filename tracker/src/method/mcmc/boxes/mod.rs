@@ -1,15 +1,16 @@
-//! A detector's boxes as observations: how likely the boxes of all cameras are, given who stands where.
+//! A detector's boxes as observations: likelihood of the boxes of all cameras, given the people of a state.
 //!
-//! In each camera a person is found with a probability that depends on how much of them is visible; a found person's box is
-//! off by a Student-t distribution whose spread is given in metres in the person's distance; false boxes come as a Poisson
-//! process. Each box is at most one person and each person at most one box, so the likelihood of a camera's boxes is
+//! In each camera a person is detected with a probability p that depends on the visible fraction. The box of a
+//! detected person deviates from the expected one by a Student-t distribution whose spread is given in metres at the
+//! person's distance. False boxes are a Poisson process of density κ. Each box belongs to at most one person and each
+//! person has at most one box, so the likelihood of a camera's boxes is
 //!
 //! ```text
 //! Π over people (1 − p)  ·  Σ over matchings  Π over pairs  p N(box; person) / ((1 − p) κ)
 //! ```
 //!
-//! up to the density of the boxes as false ones. See `matching` for the sum, `in_camera` for its upkeep while people move,
-//! `detector` for what is learnt of the detector, `proposals` for where boxes ask for people.
+//! up to the density of the boxes as false ones. [`matching`] computes the sum, [`in_camera`] updates it while people
+//! move, [`detector`] learns the detector's parameters, [`proposals`] proposes people at unexplained boxes.
 
 mod camera;
 mod detector;
@@ -25,20 +26,20 @@ mod tests;
 use self::camera::{BoxCamera, POINTS};
 use self::detector::{Detected, Detector};
 use self::in_camera::InCamera;
-pub(super) use self::measurement::Shown;
+pub(super) use self::measurement::BoxMeasurement;
 pub(super) use self::proposals::Hotspots;
 use crate::observation::PersonBox;
 use crate::prepared_room::PreparedRoom;
 use crate::silhouette::Body;
 
-/// People are learnt from when they are there with this probability.
+/// Least probability of existence of the people from whom the detector is learnt.
 const LEARN_FROM: f64 = 0.95;
 
-/// The boxes of all cameras beside the people of a state.
+/// Boxes of all cameras and the people of a state.
 ///
-/// A state's bodies are [`Self::insert`]ed once a moment; after that each step asks [`Self::try_change`] for the likelihood
-/// that a change of one body would give, and [`Self::commit`]s what is accepted. People have the numbers of the state's list:
-/// who comes is the last, and the last takes the number of who goes.
+/// A state's bodies are [`Self::insert`]ed once a moment; after that each step asks [`Self::try_change`] for the
+/// likelihood after a change of one body, and [`Self::commit`]s accepted changes. People have the indices of the
+/// state's list: a new person is appended, and the last person takes the index of a removed one.
 #[derive(Debug, Clone)]
 pub(super) struct Boxes {
     cameras: Vec<InCamera>,
@@ -48,20 +49,20 @@ pub(super) struct Boxes {
 }
 
 impl Boxes {
-    /// The cameras of a stage, without boxes.
+    /// Cameras of a room, without boxes.
     pub(super) fn new(stage: &PreparedRoom) -> Self {
         let camera = |(number, camera)| InCamera::new(BoxCamera::new(camera), number);
         let cameras: Vec<InCamera> = stage.cameras.iter().enumerate().map(camera).collect();
         Self { detector: Detector::new(cameras.len()), cameras, is_in_use: false, has_any: false }
     }
 
-    /// Makes the detector one that finds nobody: the likelihood of no boxes is then the same for all states.
+    /// Sets the detection probability to 0: the likelihood of no boxes is then the same for all states.
     #[cfg(test)]
     pub(super) fn blind(&mut self) {
         self.detector.blind();
     }
 
-    /// Takes the boxes of a new moment, one entry a camera; `None` leaves a camera out. Forgets all people.
+    /// Sets the boxes of a new moment, one entry a camera; `None` leaves a camera out. Removes all people.
     pub(super) fn restart<'a>(&mut self, boxes: impl Iterator<Item = Option<&'a [PersonBox]>>) {
         (self.is_in_use, self.has_any) = (false, false);
         for (camera, boxes) in self.cameras.iter_mut().zip(boxes) {
@@ -74,7 +75,7 @@ impl Boxes {
         }
     }
 
-    /// Forgets all people.
+    /// Removes all people.
     pub(super) fn clear(&mut self) {
         for camera in &mut self.cameras {
             let boxes = std::mem::take(&mut camera.boxes);
@@ -82,17 +83,17 @@ impl Boxes {
         }
     }
 
-    /// Whether any camera has a detector's boxes at this moment, be they none.
+    /// Whether any camera has a detector's output at this moment, even if it is empty.
     pub(super) fn is_in_use(&self) -> bool {
         self.is_in_use
     }
 
-    /// Logarithm of the likelihood of the present state.
+    /// Log-likelihood of the present state.
     pub(super) fn log_likelihood(&self) -> f64 {
         self.cameras.iter().map(|camera| camera.value).sum()
     }
 
-    /// Logarithm of the likelihood of the state in which the person `old` is gone and `new` has come.
+    /// Log-likelihood of the state in which the person `old` is removed and `new` is added.
     pub(super) fn try_change(&mut self, old: Option<usize>, new: Option<&Body>) -> f64 {
         if !self.is_in_use {
             return 0.0;
@@ -101,7 +102,7 @@ impl Boxes {
         self.cameras.iter_mut().map(|camera| camera.try_change(old, new, detector)).sum()
     }
 
-    /// Makes the change last tried, with the same `old`; `has_new`: whether somebody came.
+    /// Commits the change last tried, with the same `old`; `has_new`: whether a person was added.
     pub(super) fn commit(&mut self, old: Option<usize>, has_new: bool) {
         if self.is_in_use {
             self.cameras.iter_mut().for_each(|camera| camera.commit(old, has_new));
@@ -114,14 +115,14 @@ impl Boxes {
         self.commit(None, true);
     }
 
-    /// The largest part of a person of the present state that a camera with a detector sees; 0 without one.
+    /// Largest visible fraction of a person of the present state over the cameras with a detector; 0 without any.
     pub(super) fn visible(&self, person: usize) -> f64 {
         let presences = self.cameras.iter().filter(|c| c.in_use).map(|c| &c.people[person]);
         let seen = presences.filter(|p| p.expected.is_some()).map(|p| p.visible());
         f64::from(seen.max().unwrap_or(0)) / f64::from(POINTS)
     }
 
-    /// Learns of the detector from the present state, whose people are there with these probabilities.
+    /// Updates the detector's parameters by the present state, whose people exist with these probabilities.
     pub(super) fn learn(&mut self, existence: &[f64]) {
         if !self.is_in_use {
             return;
@@ -133,7 +134,7 @@ impl Boxes {
             matches[camera].get(person).map_or(0.0, |pairs| pairs.iter().map(|(_, p)| p).sum())
         };
         let looking = self.cameras.iter().filter(|camera| camera.in_use).count();
-        // Whoever is learnt from is known by other cameras than the one that is learnt of.
+        // A person from whom one camera's parameters are learnt must be detected by other cameras.
         let others_needed = looking.saturating_sub(1).min(2) as f64;
         for (number, camera) in self.cameras.iter().enumerate().filter(|(_, camera)| camera.in_use) {
             for (person, presence) in camera.people.iter().enumerate() {
@@ -154,6 +155,6 @@ impl Boxes {
             }
             self.detector.learn_clutter(number, matchings[number].unexplained().sum());
         }
-        self.detector.learnt();
+        self.detector.apply_learnt();
     }
 }

@@ -1,15 +1,15 @@
-//! One person of a state as one camera sees them: the expected box, what of it is visible, and the boxes that may be the person.
+//! One person of a state in one camera: the expected box, its visible part, and the candidate boxes.
 
 use super::camera::{ExpectedBox, POINTS};
 use super::detector::{Detector, Noise};
 
-/// Boxes that one person may be: the best ones count.
+/// Largest number of candidate boxes of one person: the best ones are kept.
 const MOST_CANDIDATES: usize = 8;
 
 /// One person in one camera.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Presence {
-    /// `None` for somebody who is not in front of the camera.
+    /// Expected box; `None` for a person not in front of the camera.
     pub(super) expected: Option<ExpectedBox>,
     pub(super) noise: Noise,
     /// Points of the expected box that are outside the image or hidden by the room.
@@ -18,39 +18,39 @@ pub(super) struct Presence {
     pub(super) inside: u32,
     /// Points of it that other people hide, too.
     pub(super) hidden: u32,
-    /// Log probability of being missed.
+    /// Log probability of a missed detection.
     pub(super) log_miss: f64,
-    /// Odds of being found.
+    /// Odds of a detection.
     pub(super) hit_odds: f64,
-    /// Boxes that may be the person, with their density over that of false boxes.
+    /// Candidate boxes, with their density over that of false boxes.
     candidates: [(u32, f64); MOST_CANDIDATES],
     count: u32,
-    /// The person's terms of the sum over matchings.
+    /// Term of the person in the log sum over matchings.
     pub(super) term: f64,
 }
 
 impl Presence {
-    /// Somebody whose box is expected so, before anything else is known.
+    /// Presence with this expected box and nothing else computed.
     pub(super) fn of(expected: Option<ExpectedBox>) -> Self {
         Self { expected, ..Self::default() }
     }
 
-    /// Points that are visible.
+    /// Number of visible points.
     pub(super) fn visible(&self) -> u32 {
         POINTS - (self.fixed | self.hidden).count_ones()
     }
 
-    /// The boxes that may be the person, with their density over that of false boxes.
+    /// Candidate boxes, with their density over that of false boxes.
     pub(super) fn candidates(&self) -> &[(u32, f64)] {
         &self.candidates[..self.count as usize]
     }
 
-    /// The boxes that may be the person, with the odds that they are.
+    /// Candidate boxes, with the odds that they belong to the person.
     pub(super) fn odds(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
         self.candidates().iter().map(|(b, density)| (*b as usize, density * self.hit_odds))
     }
 
-    /// Takes in the points that other people hide.
+    /// Sets the points that other people hide, and updates the probability of detection.
     pub(super) fn set_hidden(&mut self, hidden: u32, detector: &Detector) {
         self.hidden = hidden;
         let visible = if self.expected.is_some() { self.visible() } else { 0 };

@@ -1,4 +1,4 @@
-//! Where boxes ask for people: proposals for the sampler, whose density is known everywhere.
+//! Proposals of people at boxes, as mixtures whose density is known everywhere.
 
 use nalgebra::{Matrix2, Vector2, Vector4};
 use rand::RngExt;
@@ -11,25 +11,25 @@ use super::in_camera::InCamera;
 use super::least_squares::{Prior, body, fit};
 use crate::silhouette::Body;
 
-/// Proposals are wider than the fit by this factor: the posterior has wider tails.
+/// Factor of the fit's covariance in a proposal, since the posterior has wider tails.
 const WIDER: f64 = 1.5;
-/// Nor is any proposal narrower than this, metres.
+/// Standard deviation added to every proposal, metres.
 const LEAST_SIGMA_M: f64 = 0.02;
 
-/// A box asks for another person when it is nobody of the predicted ones with this probability.
+/// Least probability that a box belongs to none of the predicted people, for it to propose another person.
 const UNEXPLAINED: f64 = 0.3;
-/// Where a single box says that a person is, before other cameras are asked, metres.
+/// Standard deviation of a person's place by a single box, before other cameras are used, metres.
 const SEED_SIGMA_M: f64 = 0.7;
-/// Of hotspots nearer to each other than this, metres, the better one stays.
+/// Least distance between hotspots, metres; the better of two nearer ones is kept.
 const APART_M: f64 = 0.15;
-/// Hotspots at most.
+/// Largest number of hotspots.
 const MOST_HOTSPOTS: usize = 128;
-/// Part of the proposals that goes to all hotspots alike, the rest by what they explain.
+/// Fraction of the proposals that is uniform over the hotspots; the rest follows their gain.
 const ALIKE: f64 = 0.5;
-/// The best hotspot is preferred to the least by so many nats at most.
+/// Largest preference of one hotspot over another, nats.
 const MOST_PREFERENCE: f64 = 5.0;
 
-/// Where boxes show one person: a normal distribution of the place.
+/// Normal distribution of a person's place by boxes.
 type Fit = Gaussian;
 
 fn widened(covariance: &Matrix2<f64>) -> Matrix2<f64> {
@@ -37,8 +37,8 @@ fn widened(covariance: &Matrix2<f64>) -> Matrix2<f64> {
 }
 
 impl Boxes {
-    /// Where the boxes show each of the people of the present state who are known, in its order: the best body, and the
-    /// distribution of its place.
+    /// Fit of each known person of the present state to the boxes, in the state's order: the best body, and the
+    /// proposal distribution of its place. `None` for people born in this moment.
     pub(in super::super) fn fits<'a>(
         &self,
         people: impl Iterator<Item = (Body, Option<&'a Known>)>,
@@ -71,7 +71,8 @@ impl Boxes {
         people.enumerate().map(of_one).collect()
     }
 
-    /// Where boxes that the present state leaves unexplained ask for people of such sizes, who may stand where `is_possible`.
+    /// Hotspots of people with these sizes, standing where `is_possible`, at boxes that the present state leaves
+    /// unexplained.
     pub(in super::super) fn hotspots(
         &mut self,
         (radius, height): (&Spread, &Spread),
@@ -120,18 +121,18 @@ impl Boxes {
     }
 }
 
-/// Places at which boxes ask for people: a mixture of normal distributions.
+/// Places of people proposed by unexplained boxes: a mixture of normal distributions.
 #[derive(Debug, Clone, Default)]
 pub(in super::super) struct Hotspots {
     spots: Vec<Gaussian>,
-    /// Logarithms of the spots' parts.
+    /// Log weights of the components.
     log_parts: Vec<f64>,
-    /// Running sums of the spots' parts, ending in 1.
+    /// Running sums of the weights, ending in 1.
     cumulative: Vec<f64>,
 }
 
 impl Hotspots {
-    /// Of places with their gain in nats, the best first, and their covariance.
+    /// Mixture of places with their gain in nats, best first, and their covariance in m².
     fn new(found: &[(f64, Vector2<f64>, Matrix2<f64>)]) -> Self {
         let Some((best, ..)) = found.first() else { return Self::default() };
         let preference = |gain: f64| (gain - best).max(-MOST_PREFERENCE).exp();
@@ -156,7 +157,7 @@ impl Hotspots {
         }
     }
 
-    /// Whether no box asks for anybody.
+    /// Whether no box proposes a person.
     pub(in super::super) fn is_empty(&self) -> bool {
         self.spots.is_empty()
     }
@@ -166,7 +167,7 @@ impl Hotspots {
         self.spots.len()
     }
 
-    /// Draws a place. There must be one.
+    /// Draws a place, metres. There must be at least one hotspot.
     pub(in super::super) fn sample(&self, rng: &mut Pcg64Mcg) -> Vector2<f64> {
         let mark = rng.random::<f64>();
         let spot = self.cumulative.partition_point(|sum| *sum <= mark).min(self.spots.len() - 1);

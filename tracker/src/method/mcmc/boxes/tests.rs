@@ -1,4 +1,4 @@
-//! What is kept up to date while people move is what a fresh start would give; fits and hotspots find who is there.
+//! Tests of boxes: incremental updates equal a fresh computation, and fits and hotspots find the people.
 
 use nalgebra::{Matrix2, Vector2};
 use rand::{RngExt, SeedableRng};
@@ -9,7 +9,7 @@ use super::super::person::{Known, Place};
 use super::super::tests::{empty_room, standing};
 use super::*;
 
-/// The boxes that a perfect detector draws around these people, `skipping` some (camera, person).
+/// Boxes of a perfect detector around these people, without those of the pairs (camera, person) in `skipping`.
 fn detected(stage: &PreparedRoom, people: &[Body], skipping: &[(usize, usize)]) -> Vec<Vec<PersonBox>> {
     let boxes_of = |camera: usize| {
         let of_boxes = BoxCamera::new(&stage.cameras[camera]);
@@ -29,7 +29,7 @@ fn restarted(boxes: &mut Boxes, seen: &[Vec<PersonBox>]) {
     boxes.restart(seen.iter().map(|camera| Some(camera.as_slice())));
 }
 
-fn somebody(rng: &mut Pcg64Mcg) -> Body {
+fn random_body(rng: &mut Pcg64Mcg) -> Body {
     Body {
         x_m: rng.random_range(1.0..4.5),
         y_m: rng.random_range(0.5..4.0),
@@ -42,7 +42,7 @@ fn somebody(rng: &mut Pcg64Mcg) -> Body {
 fn a_changing_state_has_the_likelihood_of_a_fresh_one() {
     let stage = empty_room();
     let mut rng = Pcg64Mcg::seed_from_u64(3);
-    let crowd: Vec<Body> = (0..8).map(|_| somebody(&mut rng)).collect();
+    let crowd: Vec<Body> = (0..8).map(|_| random_body(&mut rng)).collect();
     let seen = detected(&stage, &crowd, &[(0, 2), (1, 5)]);
     let (mut boxes, mut fresh) = (Boxes::new(&stage), Boxes::new(&stage));
     restarted(&mut boxes, &seen);
@@ -124,7 +124,7 @@ fn hotspots_and_fits_find_who_is_there() {
     };
     let fit = boxes.fits(std::iter::once((crowd[0], Some(&known)))).remove(0).unwrap().1;
     assert!(fit.log_density(2.0, 1.5) > fit.log_density(1.8, 1.6) + 2.0);
-    // Nobody is left over.
+    // All people are explained.
     boxes.insert(&crowd[1]);
     assert!(boxes.hotspots((&options.radius, &options.height), |_, _| true).is_empty());
 }

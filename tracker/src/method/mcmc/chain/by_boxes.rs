@@ -1,4 +1,4 @@
-//! UPDATE-P where a detector's boxes are looked at: most places are drawn from where the boxes show the person.
+//! UPDATE-P where a detector's boxes are observed: most places are drawn from the fit to the boxes.
 
 use rand::RngExt;
 use rand_distr::StandardNormal;
@@ -9,8 +9,9 @@ use super::Chain;
 use super::updates::LINE_OF_SIGHT_STEP_M;
 
 impl Chain<'_> {
-    /// UPDATE-P: a place drawn from the fit to the boxes, from the prediction or from the hotspots, a step along a line of
-    /// sight, or a step of one of three lengths. Which of them are on offer to a person does not change within a moment.
+    /// UPDATE-P: proposes a place drawn from the fit to the boxes, from the prediction or from the hotspots, a step
+    /// along a line of sight, or a step of one of three lengths. The kernels available to a person do not change
+    /// within a moment.
     pub(super) fn update_position_by_boxes(&mut self, rng: &mut Pcg64Mcg) {
         if self.setting.options.acceptance == Acceptance::Published {
             self.update_position(rng);
@@ -35,7 +36,7 @@ impl Chain<'_> {
                 (body.x_m, body.y_m) = (place.x, place.y);
             }
             (Some(known), _) if kernel < 0.5 => {
-                // As seen to the prediction, so that there and back are alike.
+                // The direction is that to the prediction, so that the step is symmetric.
                 let views = self.setting.layers.views();
                 let eye = views[rng.random_range(0..views.len())].center.xy().coords;
                 let along = known.place.mean() - eye;

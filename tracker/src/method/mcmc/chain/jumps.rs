@@ -1,4 +1,4 @@
-//! The moves that change how many people there are: ADD (somebody new, or a deletion taken back) and DELETE.
+//! Moves that change the number of people: ADD (a birth, or a deletion reverted) and DELETE.
 
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
@@ -9,12 +9,12 @@ use super::{Chain, Move, is_a_size};
 use crate::likelihood::prior::LOG_IMPOSSIBLE;
 use crate::silhouette::{Body, Silhouette};
 
-/// With what probability ADD takes a deletion back, when there is one to take back.
+/// Probability that ADD reverts a deletion, when there is one.
 pub(super) const REVIVE: f64 = 0.5;
 
 impl Chain<'_> {
-    /// ADD somebody new.
-    pub(super) fn bear(&mut self, rng: &mut Pcg64Mcg) {
+    /// ADD: proposes the birth of a person.
+    pub(super) fn propose_birth(&mut self, rng: &mut Pcg64Mcg) {
         let options = self.setting.options;
         if self.setting.appearance.is_nowhere() {
             return;
@@ -33,7 +33,7 @@ impl Chain<'_> {
         }
         let mut log_ratio = self.crowding(&body, None, true);
         if options.acceptance == Acceptance::ReversibleJump {
-            // The size is drawn from its prior: the two cancel. Somebody born now can be deleted wherever they are.
+            // The size is drawn from its prior: the two cancel. A person born in this moment can be deleted anywhere.
             let density = self.setting.appearance.proposal_density(body.x_m, body.y_m);
             let new = if self.gone.is_empty() { 1.0 } else { 1.0 - REVIVE };
             let (k, d, g) = (self.people.len(), self.deletable(), self.gone.len());
@@ -46,11 +46,11 @@ impl Chain<'_> {
             *self.next_key += 1;
             let at_exit = self.is_exit(&body);
             let person = Person { key, body, silhouettes: Vec::new(), at_exit, known: None, tentative: true };
-            self.take_in(person, likelihood);
+            self.insert_proposed(person, likelihood);
         }
     }
 
-    /// ADD: take back the deletion of somebody known.
+    /// ADD: proposes to revert the deletion of a known person.
     pub(super) fn revive(&mut self, rng: &mut Pcg64Mcg) {
         let which = rng.random_range(0..self.gone.len());
         let person = &self.gone[which];
@@ -64,7 +64,7 @@ impl Chain<'_> {
         };
         let floor = self.setting.floor;
         let log_odds = known.log_odds;
-        // Where DELETE could not have taken them from, ADD cannot put them.
+        // ADD can only revert what DELETE could have done.
         let at_exit = self.is_exit(&body);
         let reversible = person.tentative || at_exit;
         if !reversible || !is_a_size(&body) || !floor.is_standable(body.x_m, body.y_m) {
@@ -80,12 +80,12 @@ impl Chain<'_> {
         if let Some(likelihood) = self.decide(None, Some(&body), log_ratio, rng) {
             let mut person = self.gone.swap_remove(which);
             (person.body, person.at_exit) = (body, at_exit);
-            self.take_in(person, likelihood);
+            self.insert_proposed(person, likelihood);
         }
     }
 
-    /// The proposed body becomes a person of the state.
-    fn take_in(&mut self, mut person: Person, likelihood: f64) {
+    /// Accepts the proposed body as a person of the state.
+    fn insert_proposed(&mut self, mut person: Person, likelihood: f64) {
         self.simulation.commit(None, Some(&self.proposed));
         self.boxes.commit(None, true);
         self.arrive(likelihood);
@@ -95,7 +95,7 @@ impl Chain<'_> {
         self.people.push(person);
     }
 
-    /// DELETE.
+    /// DELETE: proposes to remove a person who may leave.
     pub(super) fn delete(&mut self, rng: &mut Pcg64Mcg) {
         let deletable = self.deletable();
         let nth = rng.random_range(0..deletable.max(1));

@@ -1,4 +1,4 @@
-//! Who is who among the people of a state: labels that no pixel sees.
+//! Exchanges of identities between people of a state, which leave the likelihood unchanged.
 
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
@@ -8,17 +8,19 @@ use super::super::person::{Known, Person};
 use super::{Chain, accepted, log_size};
 use crate::silhouette::Body;
 
-/// Probability that a step also tries to exchange the label of somebody born now.
+/// Probability that a step also proposes to exchange the identity of a person born in this moment.
 pub(super) const RELABEL: f64 = 0.1;
 
-/// Probability that a step also tries to exchange the labels of two people who are close, where boxes are looked at.
+/// Probability that a step also proposes to exchange the identities of two people who are close, where boxes are
+/// observed.
 pub(super) const EXCHANGE: f64 = 0.2;
-/// Labels are exchanged between people no farther apart than this, metres.
+/// Largest distance between people whose identities are exchanged, metres.
 const EXCHANGE_M: f64 = 2.5;
 
 impl Chain<'_> {
-    /// Exchanges the labels of two people who are close: who came from where. No pixel and no box sees labels, so only what was
-    /// known of the two decides; one of them may be born now. The pair is as likely to be drawn before as after.
+    /// Proposes to exchange the identities of two people who are close. The likelihood of masks and boxes does not
+    /// depend on identities, so only the priors decide; one of the two may be born in this moment. The pair is as
+    /// likely to be drawn before as after.
     pub(super) fn exchange(&mut self, rng: &mut Pcg64Mcg) {
         if self.people.len() < 2 || self.setting.options.acceptance == Acceptance::Published {
             return;
@@ -34,7 +36,7 @@ impl Chain<'_> {
         let Some(b) = (0..self.people.len()).filter(|b| is_close(*b)).nth(nth) else { return };
         let body_b = self.people[b].body;
         let is_new = [a, b].map(|i| self.people[i].is_new());
-        // Who is born now appears where people do, and stands apart from everybody.
+        // A person born in this moment has to stand where births are possible, apart from everybody.
         let may_be_born = |i: usize, body: &Body| {
             self.setting.appearance.is_possible(body.x_m, body.y_m) && self.stands_apart(body, Some(i))
         };
@@ -58,8 +60,8 @@ impl Chain<'_> {
         }
     }
 
-    /// Somebody born now may be somebody deleted now, who went farther than the chain's steps: exchanges the labels, which
-    /// no pixel sees. Comes on top of a step and costs next to nothing.
+    /// Proposes that a person born in this moment is one deleted in this moment, who walked farther than the chain's
+    /// steps, or the reverse. Needs no likelihood, so it comes in addition to a step.
     pub(super) fn relabel(&mut self, rng: &mut Pcg64Mcg) {
         if self.setting.options.acceptance == Acceptance::Published {
             return;
@@ -67,7 +69,7 @@ impl Chain<'_> {
         let known = self.people.iter().filter(|p| !p.is_new()).count();
         let new = self.people.len() - known;
         let (options, appearance) = (self.setting.options, &self.setting.appearance);
-        // How much more likely a body is as this known person than as somebody born now.
+        // Log ratio of a body's prior density as this known person and as a birth.
         let advantage = |known: &Known, body: &Body| {
             known.log_odds + known.log_density(body)
                 - appearance.log_density(body.x_m, body.y_m)
@@ -122,7 +124,7 @@ impl Chain<'_> {
         }
     }
 
-    /// The place in the list of the n-th of the people who are of a kind; there must be so many.
+    /// Index of the n-th person of a kind; at least n + 1 must exist.
     fn nth(&self, n: usize, kind: impl Fn(&Person) -> bool) -> usize {
         let mut of_kind = self.people.iter().enumerate().filter(|(_, p)| kind(p));
         of_kind.nth(n).map_or(0, |(i, _)| i)

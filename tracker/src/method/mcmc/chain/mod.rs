@@ -1,19 +1,22 @@
-//! The Markov chain of one moment: state, moves, acceptance (seed 001, sections 3.3.1 to 3.3.4).
+//! Markov chain of one moment: state, moves and acceptance (sections 3.3.1 to 3.3.4 of the paper cited in [`super`]).
 //!
-//! The target is `V(S) · R(S) · E(S)` times, under reversible jump, what was known before looking:
+//! The target density is `V(S) · R(S) · E(S)` times, under reversible jump, the prior:
 //!
 //! ```text
 //! people known from the last moment:  P(still there) · N(place; prediction) · N(r) · N(h)    or, deleted, P(gone)
 //! people born now:                    births · dt / region area         · N(r) · N(h)
 //! ```
 //!
-//! and 0 where somebody born now overlaps anybody.
+//! and 0 where a person born in this moment overlaps anybody.
 //!
-//! A jump that adds a person and the one that deletes them are each other's reverse, and the acceptance carries the ratio
-//! of their proposal probabilities (Green 2003; Khan, Balch & Dellaert 2005). ADD either bears somebody new or takes a
-//! deletion of this moment back, so that a person who is deleted on the way keeps their identity when they return.
+//! The jump that adds a person and the one that deletes them are each other's reverse, and the acceptance ratio
+//! contains the ratio of their proposal probabilities (Green 2003; Khan, Balch & Dellaert 2005). ADD either proposes
+//! a birth or reverts a deletion of this moment, so that a person who is deleted temporarily keeps their identity.
 //!
-//! * [`jumps`] — ADD and DELETE; [`updates`] — UPDATE-P and UPDATE-S; [`by_boxes`] — UPDATE-P where a detector has a say; [`labels`] — who of those born is who was deleted.
+//! * [`jumps`]: ADD and DELETE.
+//! * [`updates`]: UPDATE-P and UPDATE-S.
+//! * [`by_boxes`]: UPDATE-P where boxes are observed.
+//! * [`labels`]: exchanges of identities.
 
 mod by_boxes;
 mod jumps;
@@ -35,52 +38,53 @@ use crate::likelihood::{Counts, Layers, PreparedLikelihood, Simulation};
 use crate::prepared_room::Floor;
 use crate::silhouette::{Body, Silhouette};
 
-/// Sizes outside these are nobody's.
+/// Ranges of a person's radius and height.
 const RADII_M: std::ops::RangeInclusive<f64> = 0.10..=0.60;
 const HEIGHTS_M: std::ops::RangeInclusive<f64> = 0.8..=2.3;
 
-/// Far above what sums of logarithms are rounded by, far below what matters to a decision.
+/// Tolerance of log densities in nats: far above their rounding errors, far below what matters to a decision.
 const ROUNDING: f64 = 1e-6;
 
-/// What stays the same during a moment.
+/// Constants of the chain during one moment.
 pub(super) struct Setting<'a> {
     pub(super) floor: &'a Floor,
     pub(super) layers: &'a Layers,
     pub(super) options: &'a McmcOptions,
-    /// V.
+    /// Likelihood of masks, V(S).
     pub(super) rule: PreparedLikelihood,
-    /// Where people are expected and proposed to appear.
+    /// Birth model.
     pub(super) appearance: Appearance<'a>,
-    /// Where foreground is left over by the predicted people; `None` when it is too little to be a person.
+    /// Birth map weighted by the foreground that the predicted people leave unexplained; `None` when that is too
+    /// little for a person.
     pub(super) unexplained: Option<&'a BirthMap>,
     /// Pixels of a typical silhouette, one entry a layer.
     pub(super) typical_px: &'a [f64],
-    /// What multiplies `log R`. As published, R stands beside a V that goes from 0 to 1; beside a V that counts for
-    /// hundreds of nats it has to weigh as much more.
+    /// Factor of `log R`. As published, R is multiplied with a V between 0 and 1; with a V of hundreds of nats it
+    /// needs a proportionally larger weight.
     pub(super) repulsion_weight: f64,
     /// λ of R(S), 1/m.
     pub(super) repulsion_per_m: f64,
-    /// Who is born now stands this far from everybody, metres.
+    /// Least distance of a person born in this moment from everybody else, metres.
     pub(super) apart_m: f64,
 }
 
-/// The state and what is kept about it.
+/// State of the chain and its cached likelihood.
 pub(super) struct Chain<'a> {
     setting: Setting<'a>,
     simulation: &'a mut Simulation,
     boxes: &'a mut Boxes,
-    /// Who is there.
+    /// People of the state.
     pub(super) people: Vec<Person>,
-    /// Who was there at the last moment and has been deleted since.
+    /// People of the last moment who are deleted in the present state.
     pub(super) gone: Vec<Person>,
-    /// `log V` of the state, and that of the boxes.
+    /// Log-likelihood of the state: `log V` plus that of the boxes.
     log_likelihood: f64,
-    /// Of whom the simulation knows what the state loses without them.
+    /// Index of the person whose removal the simulation has cached.
     removed: Option<usize>,
     next_key: &'a mut Key,
-    /// Silhouettes of the proposed body.
+    /// Silhouettes of the proposed body, one a layer.
     proposed: Vec<Silhouette>,
-    /// Memory of silhouettes no longer used.
+    /// Unused silhouettes, kept for their memory.
     spare: Vec<Vec<Silhouette>>,
 }
 
@@ -93,7 +97,8 @@ enum Move {
 }
 
 impl<'a> Chain<'a> {
-    /// Starts from the predicted people. The simulation has the moment's masks and their bodies, and so have the boxes.
+    /// Starts from the predicted people. The simulation must hold the moment's masks and these people's silhouettes,
+    /// and the boxes their bodies.
     pub(super) fn new(
         setting: Setting<'a>,
         (simulation, boxes): (&'a mut Simulation, &'a mut Boxes),
@@ -117,7 +122,7 @@ impl<'a> Chain<'a> {
         chain
     }
 
-    /// One step: a move is chosen, proposed, and taken or not.
+    /// Runs one step: chooses a move, proposes a change, and accepts or rejects it.
     pub(super) fn step(&mut self, rng: &mut Pcg64Mcg) {
         if rng.random::<f64>() < labels::RELABEL {
             self.relabel(rng);
@@ -133,7 +138,7 @@ impl<'a> Chain<'a> {
                     Move::Add if !self.gone.is_empty() && rng.random::<f64>() < jumps::REVIVE => {
                         self.revive(rng);
                     }
-                    Move::Add => self.bear(rng),
+                    Move::Add => self.propose_birth(rng),
                     Move::Delete => self.delete(rng),
                     Move::Position if self.boxes.is_in_use() => self.update_position_by_boxes(rng),
                     Move::Position => self.update_position(rng),
@@ -144,15 +149,16 @@ impl<'a> Chain<'a> {
         }
     }
 
-    /// The moves on offer and their probabilities, for a state of so many people of whom so many can be deleted, after so
-    /// many were.
+    /// Probabilities of the moves in a state with this many people, deletable people, and people deleted in this
+    /// moment.
     fn moves(&self, people: usize, deletable: usize, gone: usize) -> [(Move, f64); 4] {
         let w = &self.setting.options.moves;
-        // Where nobody can be born, a deletion can still be taken back: without its way back DELETE would never be taken.
+        // A deletion can be reverted even where nobody can be born; without that reverse move, DELETE would never be
+        // accepted.
         let anybody = gone > 0 || !self.setting.appearance.is_nowhere();
         let add = if people < self.setting.options.max_people && anybody { w.add } else { 0.0 };
         let weights = if people == 0 {
-            // ADD is always chosen when there is nobody.
+            // ADD is the only move without people.
             [1.0, 0.0, 0.0, 0.0]
         } else {
             [add, if deletable == 0 { 0.0 } else { w.delete }, w.position, w.size]
@@ -174,7 +180,7 @@ impl<'a> Chain<'a> {
         self.setting.floor.may_disappear(body.x_m, body.y_m)
     }
 
-    /// E of one body, and under reversible jump its motion and size prior.
+    /// Log of E of one body, plus under reversible jump its motion (or birth) and size priors.
     fn log_prior(&self, which: usize, body: &Body) -> f64 {
         let (person, floor) = (&self.people[which], self.setting.floor);
         let mut log = if floor.is_standable(body.x_m, body.y_m) { 0.0 } else { LOG_IMPOSSIBLE };
@@ -192,8 +198,8 @@ impl<'a> Chain<'a> {
         log
     }
 
-    /// `log R` of one body against the others, in proportion to `log V`; under reversible jump, who is born now stands a
-    /// body's width from everybody. `except` the one of the people who this is.
+    /// Weighted `log R` of one body against the others; under reversible jump, [`LOG_IMPOSSIBLE`] where a person born
+    /// in this moment overlaps another one. `except`: index of the person whose body this is.
     fn crowding(&self, body: &Body, except: Option<usize>, is_new: bool) -> f64 {
         let options = self.setting.options;
         let apart = options.acceptance == Acceptance::ReversibleJump;
@@ -207,10 +213,11 @@ impl<'a> Chain<'a> {
         (self.setting.repulsion_weight * log_r).max(LOG_IMPOSSIBLE)
     }
 
-    /// Whether a body stands a body's width from everybody.
+    /// Whether a body overlaps nobody.
     ///
-    /// Masks are wider than ellipsoids and cameras disagree by a hand's breadth, so two bodies inside one another explain
-    /// most people better than one does. People who are followed may come that close; nobody appears there.
+    /// Masks are wider than ellipsoids and the cameras' calibrations disagree by a few centimetres, so two
+    /// overlapping bodies explain most people better than one does. Followed people may come that close; nobody is
+    /// born there.
     fn stands_apart(&self, body: &Body, except: Option<usize>) -> bool {
         self.others(except).all(|other| !self.overlap(body, &other.body))
     }
@@ -223,8 +230,9 @@ impl<'a> Chain<'a> {
         self.people.iter().enumerate().filter(move |(i, _)| Some(*i) != except).map(|(_, person)| person)
     }
 
-    /// The Metropolis–Hastings decision about a proposal (drawn into `proposed`, and the last thing the simulation tried):
-    /// its `log V` if it is taken. `log_ratio` is the logarithm of the acceptance ratio but for V.
+    /// Makes the Metropolis–Hastings decision about a change of the person `old` to the body `new`: returns the new
+    /// state's log-likelihood if it is accepted. `log_ratio` is the log acceptance ratio without the likelihood. The
+    /// silhouettes are drawn into `proposed`, and the change is the last one that the simulation tried.
     fn decide(
         &mut self,
         old: Option<usize>,
@@ -232,22 +240,22 @@ impl<'a> Chain<'a> {
         log_ratio: f64,
         rng: &mut Pcg64Mcg,
     ) -> Option<f64> {
-        // The number that decides is there before the proposal is weighed, and what is sure to fall short of it need not
-        // be weighed to the end: most proposals are bad ones.
+        // The random number of the decision is drawn before the likelihood is computed, so that the computation stops
+        // as soon as rejection is certain: most proposals are rejected.
         let mark = rng.clone().random::<f64>().ln();
         let least = self.log_likelihood - log_ratio + mark - ROUNDING;
         let likelihood = self.likelihood_of(old, new, least).unwrap_or(f64::NEG_INFINITY);
         accepted(likelihood - self.log_likelihood + log_ratio, rng).then_some(likelihood)
     }
 
-    /// Draws the proposal (into `proposed`) and works out its `log V`, layer by layer; `None` as soon as it is sure to
-    /// be less than `least`.
+    /// Draws the proposal (into `proposed`) and computes its log-likelihood, layer by layer; `None` as soon as it is
+    /// certain to be less than `least`.
     fn likelihood_of(&mut self, old: Option<usize>, new: Option<&Body>, least: f64) -> Option<f64> {
         let boxes = self.boxes.try_change(old, new);
         let least = least - boxes;
         let layers = self.setting.layers;
         if old.is_some() && old == self.removed {
-            // Most proposals are refused, and the next is often about the same person.
+            // Most proposals are rejected, and the next one often concerns the same person.
             self.simulation.try_again();
         } else {
             self.simulation.try_removal(old.map(|i| self.people[i].silhouettes.as_slice()));
@@ -269,7 +277,7 @@ impl<'a> Chain<'a> {
         Some(self.rule_of(self.simulation.tried()) + boxes)
     }
 
-    /// The state is the one last tried, whose `log V` is this.
+    /// Accepts the state last tried, which has this log-likelihood.
     fn arrive(&mut self, log_likelihood: f64) {
         (self.log_likelihood, self.removed) = (log_likelihood, None);
     }
@@ -289,7 +297,7 @@ fn is_a_size(body: &Body) -> bool {
     RADII_M.contains(&body.radius_m) && HEIGHTS_M.contains(&body.height_m)
 }
 
-/// Whether a change with this acceptance ratio is taken.
+/// Draws whether a change with this log acceptance ratio is accepted.
 fn accepted(log_ratio: f64, rng: &mut Pcg64Mcg) -> bool {
     log_ratio >= 0.0 || rng.random::<f64>() < log_ratio.exp()
 }

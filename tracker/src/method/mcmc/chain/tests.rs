@@ -1,5 +1,5 @@
-//! A proposal that is given up early must be one that would have been refused; and where nothing is seen, the states are
-//! those of the prior, whatever is proposed.
+//! Tests of the chain: a proposal is abandoned early only if it would have been rejected; and without observations,
+//! the states are samples of the prior, whatever is proposed.
 
 use super::super::appearance::{COMPANY_M, Opening};
 use super::super::boxes::Hotspots;
@@ -14,7 +14,7 @@ use nalgebra::{Matrix2, Vector2};
 use rand::SeedableRng;
 use rand_distr::{Distribution, Poisson};
 
-/// People appear anywhere on the floor.
+/// Birth model in which people appear anywhere on the floor.
 fn on_all_the_floor<'a>(
     stage: &'a PreparedRoom,
     births: &'a BirthMap,
@@ -34,7 +34,7 @@ fn on_all_the_floor<'a>(
     }
 }
 
-/// A body not far from another, of about a person's size.
+/// Random body within `reach_m` metres of another, of about a person's size.
 fn near(body: &Body, reach_m: f64, rng: &mut Pcg64Mcg) -> Body {
     let mut off = |reach: f64| rng.random_range(-reach..reach);
     Body {
@@ -46,7 +46,7 @@ fn near(body: &Body, reach_m: f64, rng: &mut Pcg64Mcg) -> Body {
 }
 
 #[test]
-fn proposals_are_given_up_early_only_where_they_would_be_refused() {
+fn proposals_are_abandoned_early_only_if_they_would_be_rejected() {
     let stage = empty_room();
     let seen = masks(&stage, &[standing(3.0, 1.6), standing(3.4, 2.0), standing(1.8, 3.5)]);
     let mut rng = Pcg64Mcg::seed_from_u64(5);
@@ -90,7 +90,7 @@ fn proposals_are_given_up_early_only_where_they_would_be_refused() {
         };
         let (mut next_key, mut boxes) = (3, Boxes::new(&stage));
         let mut chain = Chain::new(setting, (&mut simulation, &mut boxes), people, &mut next_key);
-        let (mut taken, mut refused, mut given_up) = (0, 0, 0);
+        let (mut taken, mut refused, mut abandoned) = (0, 0, 0);
         for _ in 0..3000 {
             let which = rng.random_range(0..at.len());
             let (old, new) = match rng.random_range(0..4) {
@@ -99,28 +99,28 @@ fn proposals_are_given_up_early_only_where_they_would_be_refused() {
                 _ => (Some(which), Some(near(&at[which], 0.3, &mut rng))),
             };
             let whole = chain.likelihood_of(old, new.as_ref(), f64::NEG_INFINITY).unwrap();
-            // Makes up for V, so that some are taken and some refused.
+            // Compensates V, so that some proposals are accepted and some rejected.
             let log_ratio = chain.log_likelihood - whole + rng.random_range(-4.0..1.0);
             let mut other = rng.clone();
             let wanted = accepted(whole - chain.log_likelihood + log_ratio, &mut other).then_some(whole);
-            // So little may be missing, or so much.
+            // Distance of the bound from the likelihood, nats.
             for least in [whole - 1e-9, whole - 1.0, whole - 30.0] {
                 assert_eq!(chain.likelihood_of(old, new.as_ref(), least), Some(whole), "{old:?} {new:?}");
             }
             let present = chain.log_likelihood;
-            given_up += u32::from(chain.likelihood_of(old, new.as_ref(), present).is_none());
+            abandoned += u32::from(chain.likelihood_of(old, new.as_ref(), present).is_none());
             assert_eq!(chain.decide(old, new.as_ref(), log_ratio, &mut rng), wanted, "{old:?} {new:?}");
             assert_eq!(rng, other, "the next number drawn is another");
             *(if wanted.is_some() { &mut taken } else { &mut refused }) += 1;
         }
         assert!(taken > 500 && refused > 500, "{likelihood:?}: {taken} taken, {refused} refused");
-        assert!(given_up > 200, "{likelihood:?}: {given_up} given up");
+        assert!(abandoned > 200, "{likelihood:?}: {abandoned} abandoned");
     }
 }
 
-/// Of a state: whether there are none, one, two or more; whether the known one is there, how far along x; radii and places
-/// of those born now.
-fn told(people: &[(Body, bool)]) -> [f64; 10] {
+/// Statistics of a state: whether it has 0, 1 or 2 people; presence, x and height of the known person; sums over the
+/// people born in this moment of radius, x and two indicators of the place.
+fn statistics(people: &[(Body, bool)]) -> [f64; 10] {
     let of = |is_new: bool| people.iter().filter(move |p| p.1 == is_new).map(|p| p.0);
     let is = |truth: bool| f64::from(u8::from(truth));
     let n = people.len();
@@ -138,8 +138,8 @@ fn told(people: &[(Body, bool)]) -> [f64; 10] {
     ]
 }
 
-/// Means of what is told of many states, and how far they may be off: the standard deviation of the mean by batches, within
-/// which neighbours may depend on each other.
+/// Means of the statistics of many states, and their standard deviations by batches, within which neighbouring states
+/// may be correlated.
 fn means(states: &[[f64; 10]]) -> [(f64, f64); 10] {
     const BATCHES: usize = 100;
     std::array::from_fn(|i| {
@@ -151,8 +151,8 @@ fn means(states: &[[f64; 10]]) -> [(f64, f64); 10] {
     })
 }
 
-/// What is told of states of the prior itself, by rejection: births are a Poisson process, thinned where fewer than the most
-/// are expected a m², and states with an overlap or too many are none.
+/// Statistics of states of the prior, drawn by rejection: births are a Poisson process, thinned to the expected
+/// density; states with an overlap or too many people are rejected.
 fn drawn_by_rejection(
     stage: &PreparedRoom,
     options: &McmcOptions,
@@ -187,33 +187,33 @@ fn drawn_by_rejection(
             (0..i).all(|j| people[i].0.floor_distance_m(&people[j].0) >= 2.0 * options.radius.mean_m)
         });
         if people.len() <= options.max_people && apart && people.iter().all(|p| is_a_size(&p.0)) {
-            drawn.push(told(&people));
+            drawn.push(statistics(&people));
         }
     }
     drawn
 }
 
 #[test]
-fn where_nothing_is_seen_the_states_are_those_of_the_prior() {
-    states_are_those_of_the_prior(true, [0.03; 3], None, 600_000);
+fn without_masks_the_states_sample_the_prior() {
+    assert_states_sample_the_prior(true, [0.03; 3], None, 600_000);
 }
 
-/// The same where people appear through the door, and more a m² at persistent evidence and out of somebody's company.
+/// People appear through the door, and at a higher density at persistent evidence and close to followed people.
 #[test]
-fn where_nothing_is_seen_people_come_in_and_out_of_openings_as_often_as_expected() {
-    states_are_those_of_the_prior(false, [0.3, 0.6, 1.0], None, 2_000_000);
+fn without_masks_births_in_openings_are_as_frequent_as_expected() {
+    assert_states_sample_the_prior(false, [0.3, 0.6, 1.0], None, 2_000_000);
 }
 
-/// The same with the moves for a detector's boxes, which has none: people also appear everywhere else, are proposed where boxes
-/// ask for them, and exchange their labels.
+/// Moves for a detector's boxes, without any boxes: people also appear everywhere else, are proposed at hotspots, and
+/// exchange identities.
 #[test]
-fn where_nothing_is_detected_the_states_are_those_of_the_prior() {
-    states_are_those_of_the_prior(false, [0.3, 0.6, 1.0], Some(0.05), 2_000_000);
+fn without_boxes_the_states_sample_the_prior() {
+    assert_states_sample_the_prior(false, [0.3, 0.6, 1.0], Some(0.05), 2_000_000);
 }
 
-/// So many people are expected a m²: in zones or anywhere, at persistent evidence, and out of company; and everywhere else,
-/// where boxes are looked at.
-fn states_are_those_of_the_prior(
+/// Compares the chain's states with the prior, for these densities of births (1/m²): in zones or anywhere, at
+/// persistent evidence, close to followed people; and everywhere else, where boxes are observed.
+fn assert_states_sample_the_prior(
     anywhere: bool,
     [per_m2, rescued_per_m2, of_company_per_m2]: [f64; 3],
     elsewhere_per_m2: Option<f64>,
@@ -229,7 +229,7 @@ fn states_are_those_of_the_prior(
     let mut births =
         BirthMap::new(&layers, &standing(0.0, 0.0), (low, high), |x, y| standable(x, y) && may_appear(x, y));
     let (mut company, mut rescued) = (everywhere.clone(), everywhere.clone());
-    // Weighed by a moment with somebody in it, so that ADD and the jumps prefer some places.
+    // Weights by a moment with a person in it, so that ADD and the jumps prefer some places.
     let mut simulation = Simulation::new(&layers);
     let seen = masks(&stage, &[standing(2.0, 1.5)]);
     let packed =
@@ -315,7 +315,7 @@ fn states_are_those_of_the_prior(
     let sampled: Vec<_> = (0..steps)
         .map(|_| {
             chain.step(&mut rng);
-            told(&chain.people.iter().map(|p| (p.body, p.is_new())).collect::<Vec<_>>())
+            statistics(&chain.people.iter().map(|p| (p.body, p.is_new())).collect::<Vec<_>>())
         })
         .collect();
 

@@ -1,4 +1,4 @@
-//! The moves that change one of the people: UPDATE-P (the place) and UPDATE-S (the size).
+//! Moves that change one person of the state: UPDATE-P (place) and UPDATE-S (size).
 
 use rand::RngExt;
 use rand_distr::StandardNormal;
@@ -9,15 +9,16 @@ use super::{Chain, is_a_size};
 use crate::likelihood::prior::LOG_IMPOSSIBLE;
 use crate::silhouette::Body;
 
-/// The part of the jumps to left-over foreground that go by its weight; the rest, so that every jump has its way back, go
-/// anywhere.
+/// Fraction of the jumps to unexplained foreground that are drawn by its weight; the rest is uniform, so that every
+/// jump has a reverse.
 const TO_LEFT_OVER: f64 = 0.9;
-/// Standard deviation of a step along a line of sight: the direction in which one camera alone knows least.
+/// Standard deviation of a step along a line of sight, metres: the direction that one camera alone determines worst.
 pub(super) const LINE_OF_SIGHT_STEP_M: f64 = 0.15;
 
 impl Chain<'_> {
-    /// UPDATE-P: a step of one of three lengths; under reversible jump, for somebody known, also a place drawn from the
-    /// prediction, a step along a line of sight, or a jump to what is left over.
+    /// UPDATE-P: proposes a step of one of three lengths; under reversible jump, for a person known from the last
+    /// moment, also a place drawn from the prediction, a step along a line of sight, or a jump to unexplained
+    /// foreground.
     pub(super) fn update_position(&mut self, rng: &mut Pcg64Mcg) {
         let which = rng.random_range(0..self.people.len());
         let (kernel, person) = (rng.random::<f64>(), &self.people[which]);
@@ -32,7 +33,7 @@ impl Chain<'_> {
                 (body.x_m, body.y_m) = (place.x, place.y);
             }
             Some(known) if reversible && kernel < 0.3 => {
-                // Along the line of sight of some camera, as seen to the prediction so that there and back are alike.
+                // Along the line of sight of some camera to the prediction, so that the step is symmetric.
                 let views = self.setting.layers.views();
                 let eye = views[rng.random_range(0..views.len())].center.xy().coords;
                 let along = known.place.mean() - eye;
@@ -42,9 +43,9 @@ impl Chain<'_> {
                 body.y_m += step.y;
             }
             Some(_) if reversible && kernel < 0.35 && self.setting.unexplained.is_some() => {
-                // To where foreground is left over: whoever was lost is found again.
+                // A jump to unexplained foreground recovers lost people.
                 let Some(map) = self.setting.unexplained else { return };
-                // Not into somebody else; so, to have its way back, not out of somebody either.
+                // The jump must not lead into another person, nor, to be reversible, out of one.
                 if !self.stands_apart(&body, Some(which)) {
                     return;
                 }
@@ -73,7 +74,7 @@ impl Chain<'_> {
         self.update(which, body, log_proposal_ratio, rng);
     }
 
-    /// UPDATE-S.
+    /// UPDATE-S: proposes a normal step in radius and height.
     pub(super) fn update_size(&mut self, rng: &mut Pcg64Mcg) {
         let which = rng.random_range(0..self.people.len());
         let mut body = self.people[which].body;
@@ -83,7 +84,7 @@ impl Chain<'_> {
         self.update(which, body, 0.0, rng);
     }
 
-    /// Takes `body` for one of the people, or not.
+    /// Proposes `body` for one of the people and accepts or rejects it.
     pub(super) fn update(&mut self, which: usize, body: Body, log_proposal_ratio: f64, rng: &mut Pcg64Mcg) {
         let old = self.people[which].body;
         if !is_a_size(&body) {

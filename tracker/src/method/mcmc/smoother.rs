@@ -1,8 +1,9 @@
-//! What is known of a moment a little later: fixed-lag smoothing (Rauch, Tung & Striebel 1965).
+//! Fixed-lag smoothing: corrects the estimates of a moment by the moments of the following `lag_s` seconds (Rauch,
+//! Tung & Striebel, "Maximum likelihood estimates of linear dynamic systems", AIAA Journal 3(8), 1965).
 //!
-//! Where somebody goes tells where they were, and who is believed in now was there when they were not yet. So a moment is
-//! kept for a while, and its beliefs `m, P` are then corrected backwards from the latest moment, with what they predicted
-//! for the one after (`m⁻, P⁻`, by the step F):
+//! Later moments tell where a person was, and a track that is confirmed later already existed while it was
+//! unconfirmed. The smoother therefore holds each moment for `lag_s` seconds and corrects its beliefs `m, P`
+//! backwards from the latest moment, with what they predicted for the following one (`m⁻, P⁻`, by the transition F):
 //!
 //! ```text
 //! G = P Fᵀ (P⁻)⁻¹      mˢ = m + G (mˢ₊₁ − m⁻)      Pˢ = P + G (Pˢ₊₁ − P⁻) Gᵀ
@@ -14,58 +15,60 @@ use super::motion::Belief;
 use super::trace::Trace;
 use crate::PersonEstimate;
 
-/// The latest moments, the oldest first.
+/// Fixed-lag smoother over the latest moments, oldest first.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Hindsight {
-    moments: VecDeque<Past>,
+pub(super) struct FixedLagSmoother {
+    moments: VecDeque<LaggedMoment>,
 }
 
 #[derive(Debug, Clone)]
-struct Past {
+struct LaggedMoment {
     frame: u32,
     time_s: f64,
     people: Vec<Trace>,
 }
 
-impl Hindsight {
-    /// Keeps a moment for `lag_s` seconds; older ones that nobody asked for are forgotten.
-    pub(super) fn keep(&mut self, frame: u32, time_s: f64, lag_s: f64, people: Vec<Trace>) {
+impl FixedLagSmoother {
+    /// Appends a moment and holds it for `lag_s` seconds; older moments that were never taken are dropped.
+    pub(super) fn push(&mut self, frame: u32, time_s: f64, lag_s: f64, people: Vec<Trace>) {
         if let Some(latest_s) = self.moments.back().map(|latest| latest.time_s) {
             while self.moments.front().is_some_and(|first| first.time_s + lag_s < latest_s - 1e-6) {
                 self.moments.pop_front();
             }
         }
-        self.moments.push_back(Past { frame, time_s, people });
+        self.moments.push_back(LaggedMoment { frame, time_s, people });
     }
 
-    /// The people of a moment that is still kept, as they are known now; moments up to it are forgotten.
-    pub(super) fn of(&mut self, frame: u32) -> Option<Vec<PersonEstimate>> {
+    /// Smoothed estimates of the people of a held moment. Drops all moments up to it; `None` if the moment is not
+    /// held.
+    pub(super) fn take(&mut self, frame: u32) -> Option<Vec<PersonEstimate>> {
         while self.moments.front()?.frame < frame {
             self.moments.pop_front();
         }
         let asked = self.moments.front().filter(|first| first.frame == frame)?;
-        let people = asked.people.iter().filter_map(|person| self.known_now(person)).collect();
+        let people = asked.people.iter().filter_map(|person| self.smoothed_estimate(person)).collect();
         self.moments.pop_front();
         Some(people)
     }
 
-    /// Somebody of the first moment, `None` if they have not been believed in until now.
-    fn known_now(&self, person: &Trace) -> Option<PersonEstimate> {
-        // The same person from moment to moment, for as long as there is one.
+    /// Smoothed estimate of a person in the oldest moment; `None` if the track is still unconfirmed.
+    fn smoothed_estimate(&self, person: &Trace) -> Option<PersonEstimate> {
+        // The track's successive states, for as long as its key is present without a gap.
         let later = self.moments.iter().map_while(|m| m.people.iter().find(|p| p.key == person.key));
         let life: Vec<&Trace> = later.collect();
         let named = life.iter().find(|p| p.id.is_some())?;
         let mut belief = life.last()?.motion.belief.clone();
         for pair in life.windows(2).rev() {
-            belief = smoothed(pair[0], pair[1], &belief);
+            belief = rts_step(pair[0], pair[1], &belief);
         }
         let confidence = if person.id.is_some() { person.confidence } else { named.confidence };
         Some(PersonEstimate { confidence, ..person.estimate(named.id?, &belief) })
     }
 }
 
-/// What is known of the earlier one, the later one being known so well.
-fn smoothed(earlier: &Trace, later: &Trace, known: &Belief) -> Belief {
+/// One backward step of Rauch, Tung & Striebel: belief of the earlier moment, given the smoothed belief of the later
+/// one.
+fn rts_step(earlier: &Trace, later: &Trace, known: &Belief) -> Belief {
     let then = &earlier.motion.belief;
     let Some(step) = &later.motion.arrived else { return then.clone() };
     let Some(inverse) = step.predicted.covariance.try_inverse() else { return then.clone() };
@@ -102,9 +105,9 @@ mod tests {
         }
     }
 
-    /// What all moments together say, by solving for all states at once.
+    /// Comparison with the batch solution: the normal equations of all states at once.
     #[test]
-    fn going_backwards_equals_solving_for_all_moments_at_once() {
+    fn smoothing_equals_the_batch_solution_over_all_moments() {
         const MOMENTS: usize = 6;
         let options = MotionOptions::default();
         let lean = options.lean_s;
@@ -120,8 +123,8 @@ mod tests {
         information.view_mut((0, 0), (4, 4)).copy_from(&first);
         weighed.rows_mut(0, 4).copy_from(&(first * motion.belief.mean));
 
-        let mut hindsight = Hindsight::default();
-        hindsight.keep(1, 0.0, LAG_S, vec![trace(&motion, Some(3), 1.0)]);
+        let mut smoother = FixedLagSmoother::default();
+        smoother.push(1, 0.0, LAG_S, vec![trace(&motion, Some(3), 1.0)]);
         for (k, (x, y)) in found.into_iter().enumerate() {
             // Hidden for a while.
             let is_seen = k != 2;
@@ -141,7 +144,7 @@ mod tests {
                 information.view_mut(at, (4, 4)).copy_from(&sum);
             }
             if is_seen {
-                // The sampler's posterior, of which the belief then makes what gait leaves of it.
+                // The posterior of a sampler without gait noise; the belief adds that noise.
                 let seen = Vector2::new(x, y);
                 let s = h * prior.covariance * h.transpose() + noise;
                 let gain = prior.covariance * h.transpose() * s.try_inverse().unwrap();
@@ -155,12 +158,12 @@ mod tests {
                 weighed.rows_mut(step + 4, 4).copy_from(&sum);
             }
             let time_s = k as f64 + 1.0;
-            hindsight.keep(k as u32 + 2, time_s, LAG_S, vec![trace(&motion, Some(3), 1.0)]);
+            smoother.push(k as u32 + 2, time_s, LAG_S, vec![trace(&motion, Some(3), 1.0)]);
         }
         let covariance = information.try_inverse().unwrap();
         let mean = &covariance * weighed;
         for k in 0..MOMENTS {
-            let people = hindsight.of(k as u32 + 1).unwrap();
+            let people = smoother.take(k as u32 + 1).unwrap();
             let [person] = people.as_slice() else { panic!("{people:?}") };
             let found = [person.x_m, person.y_m, person.vx, person.vy];
             for (i, value) in found.into_iter().enumerate() {
@@ -174,32 +177,32 @@ mod tests {
     }
 
     #[test]
-    fn who_is_believed_in_later_was_there_before_and_who_never_is_was_not() {
+    fn smoothing_reports_only_tracks_that_are_confirmed_later() {
         let motion = Motion::appeared(Vector2::zeros(), &Matrix2::identity(), &MotionOptions::default());
         let other = |key| Trace { key, ..trace(&motion, None, 0.5) };
-        let mut hindsight = Hindsight::default();
-        hindsight.keep(4, 0.4, LAG_S, vec![trace(&motion, None, 0.5), other(8)]);
-        hindsight.keep(5, 0.5, LAG_S, vec![trace(&motion, None, 0.6), other(8)]);
-        hindsight.keep(6, 0.6, LAG_S, vec![trace(&motion, Some(2), 0.9)]);
-        hindsight.keep(7, 0.7, LAG_S, vec![trace(&motion, Some(9), 0.7)]);
-        let told = |people: Vec<PersonEstimate>| -> Vec<(u32, f64)> {
+        let mut smoother = FixedLagSmoother::default();
+        smoother.push(4, 0.4, LAG_S, vec![trace(&motion, None, 0.5), other(8)]);
+        smoother.push(5, 0.5, LAG_S, vec![trace(&motion, None, 0.6), other(8)]);
+        smoother.push(6, 0.6, LAG_S, vec![trace(&motion, Some(2), 0.9)]);
+        smoother.push(7, 0.7, LAG_S, vec![trace(&motion, Some(9), 0.7)]);
+        let reported = |people: Vec<PersonEstimate>| -> Vec<(u32, f64)> {
             people.iter().map(|p| (p.id.0, p.confidence)).collect()
         };
-        // As sure as when they were first believed in; an exchange of names later on changes nothing.
-        assert_eq!(told(hindsight.of(4).unwrap()), [(2, 0.9)]);
-        assert_eq!(told(hindsight.of(6).unwrap()), [(2, 0.9)]);
-        assert!(hindsight.of(5).is_none(), "moments up to the one that was asked for are forgotten");
-        assert_eq!(told(hindsight.of(7).unwrap()), [(9, 0.7)]);
-        assert!(hindsight.of(8).is_none());
+        // The confidence is that of the moment of confirmation; a later exchange of ids changes nothing.
+        assert_eq!(reported(smoother.take(4).unwrap()), [(2, 0.9)]);
+        assert_eq!(reported(smoother.take(6).unwrap()), [(2, 0.9)]);
+        assert!(smoother.take(5).is_none(), "moments up to the one that was asked for are forgotten");
+        assert_eq!(reported(smoother.take(7).unwrap()), [(9, 0.7)]);
+        assert!(smoother.take(8).is_none());
     }
 
     #[test]
-    fn moments_that_nobody_asks_for_are_not_kept() {
-        let mut hindsight = Hindsight::default();
+    fn moments_older_than_the_lag_are_dropped() {
+        let mut smoother = FixedLagSmoother::default();
         for frame in 0..1000 {
-            hindsight.keep(frame, f64::from(frame) * 0.1, 0.4, Vec::new());
+            smoother.push(frame, f64::from(frame) * 0.1, 0.4, Vec::new());
         }
-        assert!(hindsight.moments.len() <= 6, "{}", hindsight.moments.len());
-        assert!(hindsight.of(995).is_some(), "0.4 s ago");
+        assert!(smoother.moments.len() <= 6, "{}", smoother.moments.len());
+        assert!(smoother.take(995).is_some(), "0.4 s ago");
     }
 }
