@@ -141,7 +141,7 @@ mod tests {
     use super::super::{Modern, ModernOptions};
     use super::*;
 
-    /// Station 0 looks along x and sees somebody 2 m too far, beyond every gate; station 1 looks along y and has the place
+    /// Station 0 looks along x and measures a person 2 m too far, beyond the gate; station 1 looks along y and has the place
     /// right. Returns the targets that station 0 knows after 3 s, and the x to which its image track is brought.
     fn follow(views: Views) -> (Vec<TargetId>, Option<f64>) {
         let options = ModernOptions { listen_s: 0.0, ..ModernOptions::default() };

@@ -151,7 +151,7 @@ mod tests {
 
     use super::*;
 
-    /// The same filter with 4 x 4 matrices.
+    /// Reference implementation of one prediction and update with 4 x 4 matrices.
     fn slow(state: &mut (Vector4<f64>, Matrix4<f64>), dt: f64, q: f64, z: &Point2<f64>, r: &Matrix2<f64>) {
         let mut f = Matrix4::identity();
         f[(0, 2)] = dt;
@@ -172,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn blocks_give_what_the_whole_matrix_gives() {
+    fn block_updates_equal_those_of_the_whole_matrix() {
         let r = Matrix2::new(0.12, 0.03, 0.03, 0.05);
         let mut motion = Motion::new(Point2::new(1.0, 2.0), Vector2::zeros(), r);
         let mut state = (Vector4::new(1.0, 2.0, 0.0, 0.0), Matrix4::zeros());
@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn uncertainty_of_somebody_unmeasured_is_bounded() {
+    fn the_covariance_of_an_unmeasured_person_is_bounded() {
         let mut motion = Motion::new(Point2::origin(), Vector2::new(1.5, 0.0), Matrix2::identity() * 0.1);
         for _ in 0..6000 {
             motion.predict(0.1, 1.5);
