@@ -141,8 +141,9 @@ mod tests {
     use super::super::{Modern, ModernOptions};
     use super::*;
 
-    /// Station 0 looks along x and measures a person 2 m too far, beyond the gate; station 1 looks along y and has the place
-    /// right. Returns the targets that station 0 knows after 3 s, and the x to which its image track is brought.
+    /// Runs station 0, which looks along x and measures a person 2 m too far, beyond the gate, with reports of station
+    /// 1, which looks along y and measures the right place. Returns the targets of station 0 after 3 s, and the x,
+    /// metres, of its image track.
     fn follow(views: Views) -> (Vec<TargetId>, Option<f64>) {
         let options = ModernOptions { listen_s: 0.0, ..ModernOptions::default() };
         let mut station = Modern::new(StationId(0), 2, Arc::new(views), options);
