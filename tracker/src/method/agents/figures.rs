@@ -230,8 +230,8 @@ mod tests {
     use super::super::Report;
     use super::*;
 
-    /// Record of two stations whose agents see person 1 walk; the second's agent is alone from 4 to 6 s, and sees
-    /// nobody from 8 to 10 s.
+    /// Record of two stations whose agents track a walking person 1; the second station's agent tracks alone from 4 to
+    /// 6 s, and reports nothing from 8 to 10 s.
     fn record() -> AgencyRecord {
         let mut record = AgencyRecord::default();
         for i in 0..120_u32 {

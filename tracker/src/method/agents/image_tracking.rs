@@ -168,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn someone_behind_another_is_crowded() {
+    fn a_person_behind_another_is_crowded() {
         let people = [standing(1.8, 1.8), standing(3.0, 3.0)];
         let restarts = people.map(|p| Restart { position: Point2::new(p.x_m, p.y_m), height_m: 1.75 });
         let found = track(people, &restarts);

@@ -86,11 +86,12 @@ impl Overview {
     /// Table with a row per person and a column per station: confidence and place, in metres, of the agent that tracks
     /// the person. Empty when all stations are silent.
     pub fn table(&self) -> String {
-        let heard: Vec<&StationState> = self.stations.values().filter(|station| !station.is_silent).collect();
-        if heard.is_empty() {
+        let active: Vec<&StationState> =
+            self.stations.values().filter(|station| !station.is_silent).collect();
+        if active.is_empty() {
             return String::new();
         }
-        let mut people: Vec<TargetId> = heard
+        let mut people: Vec<TargetId> = active
             .iter()
             .flat_map(|station| station.agents.values())
             .map(|(report, _)| report.target)
@@ -99,18 +100,18 @@ impl Overview {
         people.dedup();
         // Writing to a string cannot fail.
         let mut table = format!("{:<10}", "person");
-        for station in &heard {
+        for station in &active {
             let _ = write!(table, " {:>20}", station.name.chars().take(20).collect::<String>());
         }
         for target in people.iter().filter(|target| **target != TargetId::ALONE).take(MOST_ROWS) {
             let _ = write!(table, "\n{:<10}", target.0);
-            for station in &heard {
+            for station in &active {
                 let _ = write!(table, " {:>20}", cell(station, *target));
             }
         }
         if people.contains(&TargetId::ALONE) {
             let _ = write!(table, "\n{:<10}", "alone");
-            for station in &heard {
+            for station in &active {
                 let count =
                     station.agents.values().filter(|(report, _)| report.target == TargetId::ALONE).count();
                 let _ = write!(table, " {:>20}", if count == 0 { String::new() } else { count.to_string() });

@@ -8,7 +8,7 @@ use super::{AgentId, Packet, Sightings, StationId, TargetId};
 pub trait Rule: Send {
     /// Updates the state with the packets received since the last moment, in order of arrival and with times on this
     /// station's clock, and then with the station's own sightings.
-    fn step(&mut self, sightings: &Sightings, heard: &[Packet]) -> Step;
+    fn step(&mut self, sightings: &Sightings, received: &[Packet]) -> Step;
 
     /// Estimates of all people after the last step, by ascending target, measured here or only by other stations.
     fn people(&self) -> Vec<Belief>;

@@ -46,9 +46,9 @@ impl SoloStation {
         frame: u32,
         time_s: f64,
         camera: &CameraFrame,
-        heard: &[Packet],
+        received: &[Packet],
     ) -> Result<Packet> {
-        self.station.step(frame, time_s, camera, heard).map(|(_, packet)| packet)
+        self.station.step(frame, time_s, camera, received).map(|(_, packet)| packet)
     }
 
     /// Estimates of all people in the room, by ascending id, measured here or only by other stations. Visibility is

@@ -58,10 +58,10 @@ impl AgentStation {
         frame: u32,
         time_s: f64,
         camera: &CameraFrame,
-        heard: &[Packet],
+        received: &[Packet],
     ) -> Result<(Sightings, Packet)> {
         let sightings = self.tracking.track(frame, time_s, camera, &self.restarts)?;
-        let step = self.rule.step(&sightings, heard);
+        let step = self.rule.step(&sightings, received);
         self.restarts = step.restarts;
         self.tracking.end(&step.ended);
         if let Some(followed) = self.rule.followed() {

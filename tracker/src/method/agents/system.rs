@@ -95,8 +95,8 @@ impl Method for Agents {
     fn step(&mut self, moment: &Moment<'_>) -> Result<Vec<PersonEstimate>> {
         let (sent, neighbours) = (&self.sent, &self.neighbours);
         let step = |(i, station): (usize, &mut AgentStation)| {
-            let heard: Vec<Packet> = neighbours[i].iter().filter_map(|j| sent.get(*j).cloned()).collect();
-            station.step(moment.frame, moment.time_s, &moment.cameras[i], &heard).map(|(_, packet)| packet)
+            let received: Vec<Packet> = neighbours[i].iter().filter_map(|j| sent.get(*j).cloned()).collect();
+            station.step(moment.frame, moment.time_s, &moment.cameras[i], &received).map(|(_, packet)| packet)
         };
         let packets = self.stations.par_iter_mut().enumerate().map(step).collect::<Result<Vec<Packet>>>()?;
         self.sent = packets;

@@ -59,8 +59,8 @@ impl Pair {
             let mut sent = Vec::new();
             for station in 0..2 {
                 let sightings = self.sightings(seen[station]);
-                let heard = std::mem::take(&mut self.on_way[station]);
-                let packet = self.rules[station].step(&sightings, &heard).packet;
+                let received = std::mem::take(&mut self.on_way[station]);
+                let packet = self.rules[station].step(&sightings, &received).packet;
                 let named =
                     packet.reports.iter().map(|report| report.target).filter(|t| *t > TargetId::ALONE);
                 let named: Vec<TargetId> = named.collect();

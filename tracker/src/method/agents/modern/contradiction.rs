@@ -171,7 +171,7 @@ mod tests {
                 confidence: 1.0,
                 is_crowded: false,
             };
-            let heard = Packet {
+            let received = Packet {
                 station: StationId(1),
                 life: 1,
                 sequence: frame + 1,
@@ -186,7 +186,7 @@ mod tests {
                 if (f.mean.x - 3.0).abs() < 0.3 { Point2::new(3.0, 2.0) } else { sighting.position }
             });
             let people = vec![Sighting { position, ..sighting }];
-            station.step(&Sightings { time_s, people, is_usable: true }, &[heard]);
+            station.step(&Sightings { time_s, people, is_usable: true }, &[received]);
         }
         let tracked = station.followed().into_iter().flatten().find(|f| f.track == 1);
         (station.people().iter().map(|p| p.target).collect(), tracked.map(|f| f.mean.x))

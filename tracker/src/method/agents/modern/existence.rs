@@ -19,7 +19,7 @@ const BODY_M: f64 = 0.5;
 const COVER_M: f64 = 1.0;
 /// Time after which a duplicate that was set aside is removed, seconds: until then it may be behind the other person.
 const SPARE_S: f64 = 3.0;
-/// Time after which a person in view only of stations that are not heard is left to them, seconds.
+/// Time after which a person in view only of stations whose packets do not arrive is left to them, seconds.
 const HANDED_OVER_S: f64 = 10.0;
 /// Maximum walking speed of a lost person, m/s.
 const WALK_M_S: f64 = 2.0;
@@ -130,7 +130,7 @@ pub(super) fn is_apart(people: &People, measurement: &Measurement) -> bool {
     people.iter().all(|p| p.missed_s > 0.3 || (p.motion.position - measurement.position).norm() >= BODY_M)
 }
 
-/// Stations of the room, as far as this station hears them.
+/// Stations of the room, as far as this station receives their packets.
 pub(super) struct Watch<'a> {
     /// Fields of view.
     pub(super) fields: &'a dyn FieldOfView,
@@ -280,7 +280,7 @@ fn look_for(person: &Person, watch: &Watch) -> View {
     if count > 0.0 { View::Partly(Point2::from(hidden / count)) } else { View::Plain }
 }
 
-/// Whether a station that is not heard sees the person's place.
+/// Whether a station whose packets do not arrive sees the person's place.
 fn is_seen_elsewhere(person: &Person, watch: &Watch) -> bool {
     (0..watch.stations).map(StationId).any(|station| {
         !watch.watching.contains(&station)

@@ -26,7 +26,7 @@ pub(super) struct Claim {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Peer {
     /// Time of the last packet, seconds on this station's clock; `None` before the first packet.
-    pub(super) heard_s: Option<f64>,
+    pub(super) received_s: Option<f64>,
     /// Whether the peer's camera has no usable image.
     pub(super) is_blind: bool,
     /// The peer's ids for people here.
@@ -40,15 +40,16 @@ impl Peer {
     /// Updates the state with a packet. Returns the time since the previous packet, seconds; `None` for an old one.
     pub(super) fn update(&mut self, packet: &Packet, now_s: f64) -> Option<f64> {
         let is_new_life = packet.life != self.life;
-        if self.heard_s.is_some() {
+        if self.received_s.is_some() {
             let is_old =
                 if is_new_life { packet.time_s <= self.time_s } else { packet.sequence <= self.sequence };
             if is_old {
                 return None;
             }
         }
-        let since_s = if self.heard_s.is_none() || is_new_life { 0.1 } else { packet.time_s - self.time_s };
-        self.heard_s = Some(now_s);
+        let since_s =
+            if self.received_s.is_none() || is_new_life { 0.1 } else { packet.time_s - self.time_s };
+        self.received_s = Some(now_s);
         self.is_blind = packet.is_blind;
         self.life = packet.life;
         self.sequence = packet.sequence;
@@ -60,7 +61,7 @@ impl Peer {
     pub(super) fn is_watching(&self, now_s: f64) -> bool {
         /// Time without a packet after which a station has stopped, seconds.
         const DEAD_S: f64 = 2.0;
-        !self.is_blind && self.heard_s.is_some_and(|s| now_s - s <= DEAD_S)
+        !self.is_blind && self.received_s.is_some_and(|s| now_s - s <= DEAD_S)
     }
 
     /// Records a claim, `dt` seconds after the peer's previous packet; its duration grows to at most `most_s` seconds.

@@ -334,7 +334,7 @@ impl Modern {
 }
 
 impl Rule for Modern {
-    fn step(&mut self, sightings: &Sightings, heard: &[Packet]) -> Step {
+    fn step(&mut self, sightings: &Sightings, received: &[Packet]) -> Step {
         let is_first = self.started_s.is_none();
         let now_s = sightings.time_s;
         let dt = if is_first { 0.0 } else { (now_s - self.now_s).clamp(0.0, LONGEST_STEP_S) };
@@ -348,7 +348,7 @@ impl Rule for Modern {
         self.nursery.advance(dt);
         self.measured.clear();
         self.seen.clear();
-        for packet in heard {
+        for packet in received {
             self.receive(packet);
         }
         if sightings.is_usable {

@@ -69,12 +69,12 @@ impl Room {
         let mut steps = Vec::new();
         for index in 0..self.rules.len() {
             let sightings = self.sightings(index as u8, people);
-            let heard: Vec<Packet> = sent
+            let received: Vec<Packet> = sent
                 .iter()
                 .filter(|p| usize::from(p.station.0) != index && hears(index, usize::from(p.station.0)))
                 .cloned()
                 .collect();
-            let step = self.rules[index].step(&sightings, &heard);
+            let step = self.rules[index].step(&sightings, &received);
             let beliefs = self.rules[index].people();
             assert!(beliefs.windows(2).all(|w| w[0].target < w[1].target), "two people with one id");
             steps.push(step);
@@ -287,10 +287,10 @@ fn a_camera_without_an_image_misses_no_person() {
         room.frame += 1;
         let sent = std::mem::take(&mut room.sent);
         for index in 0..2 {
-            let heard: Vec<Packet> =
+            let received: Vec<Packet> =
                 sent.iter().filter(|p| usize::from(p.station.0) != index).cloned().collect();
             let dark = Sightings { time_s: room.time_s(), people: Vec::new(), is_usable: false };
-            let step = room.rules[index].step(&dark, &heard);
+            let step = room.rules[index].step(&dark, &received);
             assert!(step.packet.is_blind);
             room.sent.push(step.packet);
         }
@@ -324,9 +324,9 @@ fn image_tracking_is_asked_for_people_measured_only_by_others() {
         let all = room.sightings(0, &three());
         let two = room.sightings(1, &three()[..2]);
         let steps = [(0, all), (1, two)].map(|(index, sightings)| {
-            let heard: Vec<Packet> =
+            let received: Vec<Packet> =
                 sent.iter().filter(|p| usize::from(p.station.0) != index).cloned().collect();
-            room.rules[index].step(&sightings, &heard)
+            room.rules[index].step(&sightings, &received)
         });
         room.sent.extend(steps.iter().map(|s| s.packet.clone()));
         assert!(steps[0].restarts.is_empty());

@@ -68,11 +68,11 @@ impl Mediator {
     pub(super) fn mediate(
         &mut self,
         agents: &mut Vec<SeeingAgent>,
-        heard: &[MediatorMessage],
+        received: &[MediatorMessage],
         around: &Surroundings<'_>,
     ) {
         let mut answered = 0;
-        for message in heard {
+        for message in received {
             match *message {
                 MediatorMessage::Answer { agent, candidate, is_granted: true }
                     if agent.station == around.station =>

@@ -36,7 +36,7 @@ pub(super) struct Member {
 
 /// Last packet of a station.
 #[derive(Debug, Clone)]
-struct Heard {
+struct LastPacket {
     life: u32,
     sequence: u32,
     time_s: f64,
@@ -46,7 +46,7 @@ struct Heard {
 /// Last packet of each station, and the agents in it by target.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Reference {
-    heard: BTreeMap<StationId, Heard>,
+    last: BTreeMap<StationId, LastPacket>,
     members: BTreeMap<TargetId, Vec<Member>>,
     greatest: TargetId,
 }
@@ -57,7 +57,7 @@ impl Reference {
         if !AGES_S.contains(&(now_s - packet.time_s)) {
             return false;
         }
-        if let Some(last) = self.heard.get(&packet.station) {
+        if let Some(last) = self.last.get(&packet.station) {
             let is_old = if packet.life == last.life {
                 packet.sequence <= last.sequence
             } else {
@@ -72,17 +72,18 @@ impl Reference {
         let targets = reports.iter().map(|r| r.target).chain([packet.greatest]);
         let greatest = targets.filter(|t| t.0 <= LARGEST_TARGET).max();
         self.greatest = self.greatest.max(greatest.unwrap_or_default());
-        let heard = Heard { life: packet.life, sequence: packet.sequence, time_s: packet.time_s, reports };
-        self.heard.insert(packet.station, heard);
+        let last =
+            LastPacket { life: packet.life, sequence: packet.sequence, time_s: packet.time_s, reports };
+        self.last.insert(packet.station, last);
         true
     }
 
     /// Predicts the agents of all valid reports to now.
     pub(super) fn predict_to(&mut self, now_s: f64) {
         self.members.clear();
-        for heard in self.heard.values().filter(|h| now_s - h.time_s <= FRESH_S) {
-            let age_s = (now_s - heard.time_s).max(0.0);
-            for report in &heard.reports {
+        for packet in self.last.values().filter(|p| now_s - p.time_s <= FRESH_S) {
+            let age_s = (now_s - packet.time_s).max(0.0);
+            for report in &packet.reports {
                 self.members.entry(report.target).or_default().push(Member {
                     position: report.position + report.velocity * age_s,
                     covariance: report.covariance,

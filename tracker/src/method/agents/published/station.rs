@@ -79,9 +79,9 @@ impl Published {
     }
 
     /// Stores received packets. Returns the messages of their mediators.
-    fn receive(&mut self, heard: &[Packet], now_s: f64) -> Vec<MediatorMessage> {
+    fn receive(&mut self, received: &[Packet], now_s: f64) -> Vec<MediatorMessage> {
         let mut messages = Vec::new();
-        for packet in heard.iter().filter(|p| p.station != self.station && p.station.0 < self.stations) {
+        for packet in received.iter().filter(|p| p.station != self.station && p.station.0 < self.stations) {
             if self.reference.update(packet, now_s) {
                 messages.extend_from_slice(&packet.messages);
             }
@@ -224,11 +224,11 @@ fn of_track(people: &[Sighting], track: u32) -> Option<&Sighting> {
 }
 
 impl Rule for Published {
-    fn step(&mut self, sightings: &Sightings, heard: &[Packet]) -> Step {
+    fn step(&mut self, sightings: &Sightings, received: &[Packet]) -> Step {
         let now_s = sightings.time_s;
         let dt_s = self.now_s.map_or(0.0, |before| (now_s - before).clamp(0.0, LONGEST_STEP_S));
         self.now_s = Some(now_s);
-        let messages = self.receive(heard, now_s);
+        let messages = self.receive(received, now_s);
         if !sightings.is_usable {
             self.agents.iter_mut().for_each(|a| a.sighting = None);
             return Step { packet: self.packet(false), ..Step::default() };
@@ -261,7 +261,7 @@ impl Rule for Published {
         });
         let held: BTreeSet<TargetId> = self.agents.iter().map(|a| a.target).collect();
         let others = self.reference.targets().into_iter().filter(|target| !held.contains(target));
-        let heard = others.filter_map(|target| self.reference.leader(target).map(|l| (target, l))).map(
+        let reported = others.filter_map(|target| self.reference.leader(target).map(|l| (target, l))).map(
             |(target, leader)| Belief {
                 target,
                 agent: None,
@@ -272,7 +272,7 @@ impl Rule for Published {
                 confidence: leader.confidence,
             },
         );
-        let mut people: Vec<Belief> = own.chain(heard).collect();
+        let mut people: Vec<Belief> = own.chain(reported).collect();
         people.sort_by_key(|belief| belief.target);
         people
     }

@@ -91,14 +91,14 @@ impl<R: Rule> Station<R> {
     fn step(&mut self, world: &World, index: usize, frame: usize, sent: &[Packet]) {
         let sightings = self.tracking.step(world, frame, &self.restarts);
         let loss = world.options.loss;
-        let mut heard = Vec::new();
+        let mut received = Vec::new();
         for sender in world.site.heard_by(index) {
             // The draw does not depend on the packets, so that the same ones are lost under every rule.
             let is_lost = loss > 0.0 && self.rng.random_bool(loss);
-            heard.extend(sent.get(*sender).filter(|_| !is_lost).cloned());
+            received.extend(sent.get(*sender).filter(|_| !is_lost).cloned());
         }
         let begin = Instant::now();
-        let step = self.rule.step(&sightings, &heard);
+        let step = self.rule.step(&sightings, &received);
         self.taken_s.push(begin.elapsed().as_secs_f64());
         (self.packet, self.restarts) = (step.packet, step.restarts);
     }
