@@ -1,6 +1,6 @@
 //! Limit on the number of people that a tracker follows at once; reaching it is logged.
 
-/// Largest number of people at one time.
+/// Maximum number of people at one time.
 #[derive(Debug, Clone)]
 pub(super) struct Capacity {
     most: usize,
@@ -8,12 +8,12 @@ pub(super) struct Capacity {
 }
 
 impl Capacity {
-    /// Limit of `most` people.
+    /// Creates a limit of `most` people.
     pub(super) fn new(most: usize) -> Self {
         Self { most, is_logged: false }
     }
 
-    /// Whether another person can be added to so many.
+    /// Whether a track can be added to `people` existing ones.
     pub(super) fn has_room(&self, people: usize) -> bool {
         people < self.most
     }

@@ -26,13 +26,13 @@ pub struct Needs {
 
 /// An online tracker, which processes one moment at a time, in order.
 ///
-/// A method is built from a [`crate::prepared_room::PreparedRoom`] and its own options and has its own seeded generator; its results
-/// for the same moments are equal to the last bit for any number of threads.
+/// A method is built from a [`crate::prepared_room::PreparedRoom`] and its own options and has its own seeded
+/// generator; its results for the same moments are equal to the last bit for any number of threads.
 pub trait Method {
     /// Processes one moment. Returns the estimated people by ascending id.
     ///
     /// # Errors
-    /// A mask or image that does not fit its camera ([`crate::Error::FrameSize`]).
+    /// [`crate::Error::FrameSize`] for a mask or picture that does not fit its camera.
     fn step(&mut self, moment: &Moment<'_>) -> Result<Vec<PersonEstimate>>;
 
     /// Observations that the method needs; constant during a run.
@@ -51,8 +51,8 @@ pub trait Method {
         &[]
     }
 
-    /// Smoothed estimates of an earlier moment, by ascending id. Called at most once for each moment, in order; `None`
-    /// when nothing is better than the estimates of [`Self::step`].
+    /// Smoothed estimates of an earlier moment, by ascending id; `None` when they are those of [`Self::step`].
+    /// Called at most once for each moment, in order.
     fn smoothed(&mut self, _frame: u32) -> Option<Vec<PersonEstimate>> {
         None
     }

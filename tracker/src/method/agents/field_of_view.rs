@@ -1,4 +1,4 @@
-//! Which station should see a person where, by the room's cameras and geometry.
+//! Visible fraction of a person at each place of the floor for each station, from the room's cameras and geometry.
 
 use nalgebra::{Point2, Point3};
 
@@ -7,30 +7,31 @@ use crate::prepared_room::{Floor, PreparedCamera, PreparedRoom};
 
 /// Side of a cell of the floor, metres.
 const CELL_M: f64 = 0.25;
-/// The most cells; a larger floor has larger ones.
+/// Maximum number of cells; the cells of a larger floor are larger.
 const MOST_CELLS: f64 = 20_000.0;
-/// Heights of an average adult that are looked at, metres, and half of their width.
+/// Heights at which visibility of an average adult is sampled, metres.
 const HEIGHTS_M: [f64; 7] = [0.1, 0.4, 0.7, 1.0, 1.3, 1.5, 1.7];
+/// Half of the width over which visibility is sampled, metres.
 const HALF_WIDTH_M: f64 = 0.15;
-/// Distance by which a point may lie behind a surface and still be seen: surfaces are uncertain, metres.
+/// Distance by which a visible point may lie behind a surface, metres: surfaces are uncertain.
 const TOLERANCE_M: f64 = 0.1;
-/// Part of a person that two stations must both see somewhere for their fields of view to overlap.
+/// Fraction of a person that two stations must both see at one place for their fields of view to overlap.
 const OVERLAP: f64 = 0.25;
 
-/// Visible part of an average adult in each cell of the floor, for each camera of a stage.
+/// Visible fraction of an average adult in each cell of the floor, for each camera of a room.
 #[derive(Debug, Clone)]
 pub struct StageView {
     low: Point2<f64>,
     cell_m: f64,
     columns: usize,
-    /// One map a camera, row by row, in 255ths; 0 where nobody can stand.
+    /// One map per camera, row by row, in 255ths; 0 where no person can stand.
     visible: Vec<Vec<u8>>,
-    /// Zones by which people leave; `None` in a room without zones.
+    /// Floor with the zones through which people leave; `None` in a room without zones.
     exits: Option<Floor>,
 }
 
 impl StageView {
-    /// Looks at every cell of the floor from every camera.
+    /// Samples the visibility of every cell of the floor from every camera.
     pub fn new(stage: &PreparedRoom) -> Self {
         let (low, high) = stage.floor.bounds();
         let size = high - low;
@@ -81,7 +82,7 @@ impl FieldOfView for StageView {
     }
 }
 
-/// Part of an average adult's middle and sides that a camera sees.
+/// Fraction, 0 to 1, of the sample points on an average adult that a camera sees.
 fn visible_part(camera: &PreparedCamera, place: Point2<f64>) -> f64 {
     let center = camera.pinhole.center();
     let away = place - Point2::new(center.x, center.y);

@@ -1,6 +1,6 @@
-//! Figures of what agents do over time (seed 000, figures 10 to 12), from the packets of all stations.
+//! Figures of agents and agencies over time, from the packets of all stations (Nakazawa et al., figures 10 to 12).
 //!
-//! Everybody has one colour in all figures, that of their target; agents that track alone are grey.
+//! Each person has the colour of the target in all figures; agents that track alone are grey.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::path::Path;
@@ -13,15 +13,15 @@ use super::{AgentId, Packet, StationId, TargetId};
 use crate::Result;
 use crate::chart::{self, Axis, Chart, HEIGHT_PX, Series, WIDTH_PX};
 
-/// Reports that are kept; of a longer time the first are forgotten.
+/// Maximum number of reports that are kept; the oldest are dropped first.
 const MOST_REPORTS: usize = 1_000_000;
-/// An agent that was silent longer than this is drawn in parts, seconds.
+/// Time without a report after which an agent's line is interrupted, seconds.
 const BREAK_S: f64 = 1.0;
-/// Stations with a panel of their own; further ones are not drawn.
+/// Maximum number of stations with a panel; further ones are not drawn.
 const MOST_STATIONS: usize = 16;
-/// Targets that a panel's legend names.
+/// Maximum number of targets in a panel's legend.
 const MOST_NAMED: usize = 8;
-/// Agents with a strip of their own; further ones are not drawn: nobody could read it.
+/// Maximum number of agents with a strip; further ones are not drawn, because the strips would be unreadable.
 const MOST_STRIPS: usize = 400;
 
 const STRIP_WIDTH_PX: f64 = 1200.0;
@@ -46,7 +46,7 @@ struct Seen {
     confidence: f32,
 }
 
-/// Time in which one agent belongs to one target without a break.
+/// Uninterrupted period in which one agent tracks one target.
 #[derive(Debug, Clone, PartialEq)]
 struct Stretch {
     agent: AgentId,
@@ -55,7 +55,7 @@ struct Stretch {
 }
 
 impl AgencyRecord {
-    /// Takes in a packet, whose time is on the clock of the figures.
+    /// Adds the reports of a packet, whose time is on the clock of the figures.
     pub fn extend(&mut self, packet: &Packet) {
         let seen = packet.reports.iter().map(|report| Seen {
             time_s: packet.time_s,
@@ -69,11 +69,11 @@ impl AgencyRecord {
         self.seen.drain(..surplus);
     }
 
-    /// Writes `positions.png`, `confidences.png` and `agencies.png` into a folder, where there is anything to show.
+    /// Writes `positions.png`, `confidences.png` and `agencies.png` into a folder; nothing is written without reports.
     /// `names` are those of the stations' cameras, by number.
     ///
     /// # Errors
-    /// Naming the file that could not be written.
+    /// An error that names the file that could not be written.
     pub fn write(&self, folder: &Path, names: &[String]) -> Result<()> {
         let (Some(begin_s), Some(end_s)) = (self.time(f64::min), self.time(f64::max)) else { return Ok(()) };
         let stretches = self.stretches(begin_s);
@@ -110,7 +110,7 @@ impl AgencyRecord {
     }
 }
 
-/// A chart for each station, one below the other.
+/// Picture with one chart per station, one below the other.
 fn panels(stretches: &[Stretch], names: &[String], chart: impl Fn(&str, &[&Stretch]) -> Chart) -> RgbImage {
     let mut stations: BTreeMap<StationId, Vec<&Stretch>> = BTreeMap::new();
     for stretch in stretches {
@@ -125,7 +125,7 @@ fn panels(stretches: &[Stretch], names: &[String], chart: impl Fn(&str, &[&Stret
     canvas.into_image()
 }
 
-/// Measured places of one station's agents, in the scale of all stations.
+/// Chart of the measured places of one station's agents, in the scale of all stations.
 fn positions(all: &[Stretch], station: &str, own: &[&Stretch]) -> Chart {
     let range = |axis: usize| {
         let places = all.iter().flat_map(|stretch| &stretch.seen).map(|seen| f64::from(seen.place[axis]));
@@ -146,7 +146,7 @@ fn positions(all: &[Stretch], station: &str, own: &[&Stretch]) -> Chart {
     }
 }
 
-/// Confidences of one station's agents over time.
+/// Chart of the confidences of one station's agents over time.
 fn confidences(times: &Axis, station: &str, own: &[&Stretch]) -> Chart {
     Chart {
         title: format!("{station}: confidences of its agents"),
@@ -156,7 +156,7 @@ fn confidences(times: &Axis, station: &str, own: &[&Stretch]) -> Chart {
     }
 }
 
-/// A line for each stretch; the first few targets are named once each.
+/// One line per stretch; each of the first few targets is named once.
 fn series(stretches: &[&Stretch], point: impl Fn(&Seen) -> [f64; 2]) -> Vec<Series> {
     let mut named: Vec<TargetId> = Vec::new();
     let line = |stretch: &&Stretch| {
@@ -174,7 +174,7 @@ fn series(stretches: &[&Stretch], point: impl Fn(&Seen) -> [f64; 2]) -> Vec<Seri
     stretches.iter().map(line).collect()
 }
 
-/// A strip for each agent, in the colour of its target: agents of one colour form an agency.
+/// One strip per agent, in the colour of its target: agents of one colour form an agency.
 fn strips(stretches: &[Stretch], times: &Axis, names: &[String]) -> RgbImage {
     let agents: Vec<&[Stretch]> = stretches.chunk_by(|a, b| a.agent == b.agent).take(MOST_STRIPS).collect();
     let bottom = STRIP_TOP_PX + STRIP_HEIGHT_PX * agents.len() as f64;
@@ -230,8 +230,8 @@ mod tests {
     use super::super::Report;
     use super::*;
 
-    /// Record of two stations whose agents see person 1 walk; the second's agent is alone from 4 to 6 s, and sees
-    /// nobody from 8 to 10 s.
+    /// Record of two stations whose agents track a walking person 1; the second station's agent tracks alone from 4 to
+    /// 6 s, and reports nothing from 8 to 10 s.
     fn record() -> AgencyRecord {
         let mut record = AgencyRecord::default();
         for i in 0..120_u32 {
@@ -258,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn an_agent_is_parted_where_its_target_changes_and_where_it_sees_nobody() {
+    fn a_change_of_target_or_a_gap_begins_a_new_stretch() {
         let stretches = record().stretches(1.7e9);
         let found: Vec<(u8, u32, f64)> =
             stretches.iter().map(|s| (s.agent.station.0, s.target.0, s.seen[0].time_s.round())).collect();
@@ -301,7 +301,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_written_of_nobody_and_the_first_reports_are_forgotten() {
+    fn an_empty_record_writes_nothing_and_the_oldest_reports_are_dropped() {
         let folder = tempfile::tempdir().unwrap();
         AgencyRecord::default().write(folder.path(), &[]).unwrap();
         assert!(std::fs::read_dir(folder.path()).unwrap().next().is_none());

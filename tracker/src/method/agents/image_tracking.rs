@@ -1,9 +1,10 @@
-//! Image tracking of one station: from its foreground mask to sightings, in metres on the floor (seed 000, section 3.1).
+//! Image tracking of one station: from its foreground mask to sightings, in metres on the floor (Nakazawa et al.,
+//! section 3.1).
 //!
 //! The paper fits an upright ellipsoid to the mask of each person. Here the ellipsoids of all people in the image are
 //! fitted together, their number included, by the trans-dimensional sampler ([`crate::method::mcmc`]) with this camera
-//! alone. What leaves it is not the belief of its filter but the measurement of the moment, so that stations do not hear
-//! again what was already said.
+//! alone. A sighting is the measurement of the current moment and not the filtered state, so that stations do not count
+//! the same information twice.
 
 use nalgebra::{Matrix2, Point2};
 
@@ -15,29 +16,29 @@ use crate::silhouette::visibility::{fraction, visible_parts};
 use crate::silhouette::{Body, Silhouette, View};
 use crate::{CameraFrame, Moment, Result, TrackId};
 
-/// People nearer to each other than this on the floor may be taken for each other, metres.
+/// Distance on the floor below which two people's measurements may be swapped, metres.
 const CROWDED_M: f64 = 0.9;
-/// Part of a person covered by others from which on the two may be taken for each other in the image.
+/// Occluded fraction of a person above which the person's measurement may be of the occluder.
 const COVERED: f64 = 0.1;
-/// Standard deviation of errors along the line of sight that last for seconds, metres: a stride, a bent back and hidden
-/// legs look like being nearer or farther.
+/// Standard deviation of range errors that last for seconds, metres: a stride, a bent back or hidden legs look like a
+/// nearer or farther person.
 const RANGE_SIGMA_M: f64 = 0.25;
-/// Only of whom a camera sees this part are colours taken.
+/// Visible fraction of a person from which colours are measured.
 const LEAST_VISIBLE: f64 = 0.6;
 
 /// Image tracking of one camera.
 #[derive(Debug, Clone)]
 pub struct ImageTracking {
     sampler: Mcmc,
-    /// The camera as the sampler works with it.
+    /// The camera at the sampler's resolution.
     view: View,
 }
 
 impl ImageTracking {
-    /// Prepares the tracking of one camera of a stage.
+    /// Prepares the tracking of one camera of a room.
     ///
     /// # Errors
-    /// [`crate::Error::Option`] when an option makes no sense.
+    /// [`crate::Error::Option`] for an option that is out of range.
     pub fn new(stage: &PreparedRoom, camera: usize, options: &McmcOptions) -> Result<Self> {
         let of_camera = &stage.cameras[camera];
         let average =
@@ -47,10 +48,10 @@ impl ImageTracking {
         Ok(Self { sampler: Mcmc::new(alone, McmcOptions { lag_s: 0.0, ..options.clone() })?, view })
     }
 
-    /// Finds people in one frame. At the places to look again people may appear.
+    /// Measures the people in one frame; births are also proposed at the places of `restarts`.
     ///
     /// # Errors
-    /// When the mask does not fit the camera ([`crate::Error::FrameSize`]).
+    /// [`crate::Error::FrameSize`] for a mask that does not fit the camera.
     pub fn track(
         &mut self,
         frame: u32,
@@ -71,14 +72,14 @@ impl ImageTracking {
         Ok(Sightings { time_s, people: people.collect(), is_usable: camera.mask.is_some() })
     }
 
-    /// Takes over the station's states of those whom it follows, as prediction of the next frame. Image tracks of nobody
-    /// among them end once they are out of sight.
+    /// Uses the station's states of the tracked people as the prediction of the next frame. Image tracks without such a
+    /// state end once they are out of sight.
     pub fn follow(&mut self, followed: &[Followed]) {
         let known = followed.iter().map(|f| (TrackId(f.track), f.mean, f.covariance));
         self.sampler.follow(&known.collect::<Vec<_>>());
     }
 
-    /// Ends image tracks that follow nobody.
+    /// Ends image tracks.
     pub fn end(&mut self, tracks: &[u32]) {
         self.sampler.end(&tracks.iter().copied().map(TrackId).collect::<Vec<_>>());
     }
@@ -93,7 +94,7 @@ impl ImageTracking {
     ) -> Sighting {
         let near = |other: &&Body| person.body.floor_distance_m(other) < CROWDED_M;
         let covered = 1.0 - f64::from(part.visible_px) / f64::from(whole.visible_px.max(1));
-        // The person is near themselves.
+        // The count includes the person.
         let is_crowded = bodies.iter().filter(near).count() > 1 || covered > COVERED;
         let is_seen = !is_crowded && fraction(part) >= LEAST_VISIBLE;
         let colours = camera.colours.as_ref().filter(|_| is_seen);
@@ -107,13 +108,13 @@ impl ImageTracking {
         }
     }
 
-    /// Covariance of the errors of range at a place.
+    /// Covariance of the lasting range error at a place, m².
     fn range_error(&self, place: &Point2<f64>) -> Matrix2<f64> {
         let away = (place - self.view.center.xy()).try_normalize(0.0).unwrap_or_default();
         away * away.transpose() * RANGE_SIGMA_M.powi(2)
     }
 
-    /// Bodies of the people whom image tracking follows.
+    /// Bodies of the tracked people.
     pub fn bodies(&self) -> Vec<Body> {
         self.sampler.measured().iter().map(|person| person.body).collect()
     }
@@ -126,13 +127,13 @@ mod tests {
 
     const RATE_HZ: f64 = 12.0;
 
-    /// Two who stand away from the zones before the first camera of an empty room, one of them behind the other.
+    /// Tracks two people who stand away from the zones in front of the first camera of an empty room.
     fn track(people: [Body; 2], restarts: &[Restart]) -> Sightings {
         let stage = empty_room();
         let mut tracking = ImageTracking::new(&stage, 0, &McmcOptions::default()).unwrap();
         let mut last = Sightings::default();
         for frame in 1..=60 {
-            // The room is empty at first, so that nobody is found as having been there.
+            // The room is empty at first, so that no person is part of the initial state.
             let there: &[Body] = if frame > 24 { &people } else { &[] };
             let time_s = f64::from(frame) / RATE_HZ;
             let frames = masks(&stage, there);
@@ -143,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn people_whom_others_see_are_found_away_from_zones_and_measured_within_their_uncertainty() {
+    fn restarts_away_from_zones_give_sightings_within_their_covariance() {
         let people = [standing(2.0, 3.4), standing(3.6, 1.4)];
         let restarts = people.map(|p| Restart { position: Point2::new(p.x_m + 0.3, p.y_m), height_m: 1.75 });
         let found = track(people, &restarts);
@@ -167,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn someone_behind_another_is_crowded() {
+    fn a_person_behind_another_is_crowded() {
         let people = [standing(1.8, 1.8), standing(3.0, 3.0)];
         let restarts = people.map(|p| Restart { position: Point2::new(p.x_m, p.y_m), height_m: 1.75 });
         let found = track(people, &restarts);

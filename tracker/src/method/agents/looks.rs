@@ -1,4 +1,4 @@
-//! Representative colours of a person (seed 000, section 3.1).
+//! Representative colours of a person (Nakazawa et al., section 3.1).
 
 use image::Rgb;
 
@@ -6,7 +6,7 @@ use crate::identity::appearance;
 use crate::observation::Colours;
 use crate::silhouette::{Silhouette, View};
 
-/// A colour of cloth: hue and saturation, which shade changes little, and brightness, which it does.
+/// Colour of clothes. Shade changes hue and saturation little, and brightness much.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Colour {
     /// Hue, degrees, 0 to 360.
@@ -17,17 +17,17 @@ pub struct Colour {
     pub value: f32,
 }
 
-/// The representative colours that one camera shows of a person at one moment.
+/// Representative colours of a person in one camera at one moment.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Looks {
     /// Three colours, from the head down.
     pub colours: [Colour; 3],
 }
 
-/// Bands of the body that the colours are those of, in parts of the visible silhouette from its top: chest, hip, legs.
-/// Head and feet are small and alike.
+/// Bands of the body in which colours are measured, in fractions of the visible silhouette's height from its top:
+/// chest, hip, legs. Heads and feet are left out because they are small and alike.
 const BANDS: [std::ops::Range<f64>; 3] = [0.18..0.38, 0.38..0.55, 0.58..0.88];
-/// Samples that a band needs.
+/// Minimum number of samples of a band.
 const LEAST_SAMPLES: u32 = 6;
 
 impl Colour {
@@ -51,7 +51,7 @@ impl Colour {
 }
 
 impl Looks {
-    /// The mean colours of the bands of somebody whose visible part is given; `None` where a band shows too little.
+    /// Mean colours of the bands of a person's visible silhouette; `None` when a band has too few samples.
     pub fn of_part(colours: &Colours, view: &View, part: &Silhouette) -> Option<Self> {
         let mut sums = [([0.0; 3], 0_u32); 3];
         for (height, samples) in appearance::middle_rows(colours, view, part) {

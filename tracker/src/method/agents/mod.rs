@@ -1,20 +1,21 @@
-//! Distributed vision agents: stations that follow everybody together, with no server (seed 000).
+//! Distributed vision agents: stations that track all people together, without a server. After A. Nakazawa, S. Hiura,
+//! H. Kato, S. Inokuchi, "Tracking Multiple Persons Using Distributed Vision Systems", IPSJ Journal, 2001.
 //!
-//! A *station* is one camera with its computer. Its image tracking finds people in its own mask, in metres on the
-//! floor ([`Sighting`]s). A *rule* turns these, and what the station hears from others, into *agents* with target ids;
-//! agents of several stations with one target id are an *agency*. Only [`Packet`]s pass between stations, one a moment
-//! and station; nobody fuses anything for others, and nothing fused is fed back.
+//! A *station* is one camera with its computer. Its image tracking measures people in its own mask, in metres on the
+//! floor ([`Sighting`]s). A *rule* turns these sightings and the packets of other stations into *agents* with target
+//! ids; the agents of several stations with one target id are an *agency*. Stations exchange only [`Packet`]s, one per
+//! station and moment. No station fuses estimates for another, and no fused estimate is fed back.
 //!
 //! * [`ImageTracking`] — from one camera's masks to [`Sighting`]s, with [`Looks`]: representative colours.
-//! * [`Packet`] — what a station tells the others at one moment.
-//! * [`Rule`] — from sightings and packets to agents, by one of two rules.
-//! * [`modern`] — the rule that is used unless another is asked for.
+//! * [`Packet`] — message of a station to the others at one moment.
+//! * [`Rule`] — from sightings and packets to agents; there are two rules.
+//! * [`modern`] — the default rule.
 //! * [`published`] — the paper's rule.
-//! * [`FieldOfView`] — which station should see whom; [`StageView`] by the room.
+//! * [`FieldOfView`] — visible fraction of a person for each station; [`StageView`] computes it from the room.
 //! * [`AgentStation`] — one station: all of these together.
 //! * [`Agents`] — all stations of a site in one process.
 //! * [`SoloStation`] — one station in a process of its own.
-//! * [`Overview`] — who tracks whom now, for a terminal.
+//! * [`Overview`] — current agents and targets of all stations, for a terminal.
 //! * [`AgencyRecord`] — figures of agents and agencies over time.
 //! * [`simulate`] — simulated stations and people, to compare rules.
 

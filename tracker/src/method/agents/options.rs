@@ -1,4 +1,4 @@
-//! What can be set of the agents.
+//! Options of the stations and their rules.
 
 use super::modern::ModernOptions;
 use super::published::PublishedOptions;
@@ -7,17 +7,17 @@ use crate::method::mcmc::McmcOptions;
 /// Options of all stations.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AgentsOptions {
-    /// Image tracking. Each station adds its number to the seed.
+    /// Options of image tracking. Each station adds its number to the seed.
     pub sampler: McmcOptions,
-    /// The rule by which agents work together.
+    /// Rule by which the agents of several stations cooperate.
     pub rule: RuleOptions,
 }
 
 /// A rule with its options.
 #[derive(Debug, Clone, PartialEq)]
 pub enum RuleOptions {
-    /// Each station assigns what it hears by itself: the default.
+    /// Each station associates all received measurements itself: the default.
     Modern(ModernOptions),
-    /// Confidences, agencies and mediators, as published.
+    /// Confidences, agencies and mediators as published (Nakazawa et al., section 3).
     Published(PublishedOptions),
 }

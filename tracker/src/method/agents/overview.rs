@@ -1,25 +1,26 @@
-//! Who tracks whom now, as lines for a terminal.
+//! Current agents and targets of all stations, as lines for a terminal.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
 use super::{AgentId, Packet, Report, StationId, TargetId};
 
-/// Time after which a station that sends nothing is silent, seconds.
+/// Time without a packet after which a station is silent, seconds.
 const SILENCE_S: f64 = 2.0;
-/// Time after which an agent that reports nothing no longer sees anybody, seconds: for a frame or two it may be unsure.
+/// Time without a report after which an agent no longer sees its person, seconds: it may miss a frame or two.
 const GONE_S: f64 = 1.0;
-/// People in the table; of more the first are shown.
+/// Maximum number of people in the table; further ones are left out.
 const MOST_ROWS: usize = 40;
 
-/// What all stations told last.
+/// Latest state of all stations, from their packets.
 #[derive(Debug, Clone, Default)]
 pub struct Overview {
-    stations: BTreeMap<StationId, Told>,
+    stations: BTreeMap<StationId, StationState>,
 }
 
+/// Latest state of one station.
 #[derive(Debug, Clone, Default)]
-struct Told {
+struct StationState {
     name: String,
     /// Time of the last packet, seconds.
     time_s: f64,
@@ -30,23 +31,23 @@ struct Told {
 }
 
 impl Overview {
-    /// Takes in a packet of the station of a camera of this name. Returns a line for each change.
+    /// Updates the state of a station, whose camera has this name, with a packet. Returns a line for each change.
     pub fn extend(&mut self, packet: &Packet, camera: &str) -> Vec<String> {
         let mut lines = Vec::new();
         let is_new = !self.stations.contains_key(&packet.station);
-        let told = self.stations.entry(packet.station).or_default();
-        camera.clone_into(&mut told.name);
-        if is_new || std::mem::take(&mut told.is_silent) {
+        let station = self.stations.entry(packet.station).or_default();
+        camera.clone_into(&mut station.name);
+        if is_new || std::mem::take(&mut station.is_silent) {
             lines.push(format!("{camera} is heard"));
         }
-        if std::mem::replace(&mut told.is_blind, packet.is_blind) != packet.is_blind {
+        if std::mem::replace(&mut station.is_blind, packet.is_blind) != packet.is_blind {
             let state = if packet.is_blind { "sees nothing that can be used" } else { "sees again" };
             lines.push(format!("{camera} {state}"));
         }
-        told.time_s = packet.time_s;
+        station.time_s = packet.time_s;
         for report in &packet.reports {
             let name = format!("{camera} agent {}", report.agent.number);
-            let before = told.agents.insert(report.agent, (*report, packet.time_s));
+            let before = station.agents.insert(report.agent, (*report, packet.time_s));
             match before.map(|(before, _)| before.target) {
                 Some(before) if before == report.target => {}
                 None if report.target == TargetId::ALONE => lines.push(format!("{name} tracks alone")),
@@ -58,7 +59,7 @@ impl Overview {
             }
         }
         for (agent, (before, _)) in
-            told.agents.extract_if(.., |_, (_, seen_s)| packet.time_s - *seen_s > GONE_S)
+            station.agents.extract_if(.., |_, (_, seen_s)| packet.time_s - *seen_s > GONE_S)
         {
             let whom = match before.target {
                 TargetId::ALONE => "whom it tracked alone".to_owned(),
@@ -69,45 +70,50 @@ impl Overview {
         lines
     }
 
-    /// Notes that time passes. Returns a line for each station that has fallen silent.
+    /// Advances the time. Returns a line for each station that has become silent.
     pub fn pass(&mut self, now_s: f64) -> Vec<String> {
         let mut lines = Vec::new();
-        for told in self.stations.values_mut().filter(|told| !told.is_silent) {
-            if now_s - told.time_s > SILENCE_S {
-                (told.is_silent, told.is_blind) = (true, false);
-                told.agents.clear();
-                lines.push(format!("{} is silent", told.name));
+        for station in self.stations.values_mut().filter(|station| !station.is_silent) {
+            if now_s - station.time_s > SILENCE_S {
+                (station.is_silent, station.is_blind) = (true, false);
+                station.agents.clear();
+                lines.push(format!("{} is silent", station.name));
             }
         }
         lines
     }
 
-    /// A table of people by stations: confidence and place of the agent that tracks them. Empty where nobody is heard.
+    /// Table with a row per person and a column per station: confidence and place, in metres, of the agent that tracks
+    /// the person. Empty when all stations are silent.
     pub fn table(&self) -> String {
-        let heard: Vec<&Told> = self.stations.values().filter(|told| !told.is_silent).collect();
-        if heard.is_empty() {
+        let active: Vec<&StationState> =
+            self.stations.values().filter(|station| !station.is_silent).collect();
+        if active.is_empty() {
             return String::new();
         }
-        let mut people: Vec<TargetId> =
-            heard.iter().flat_map(|told| told.agents.values()).map(|(report, _)| report.target).collect();
+        let mut people: Vec<TargetId> = active
+            .iter()
+            .flat_map(|station| station.agents.values())
+            .map(|(report, _)| report.target)
+            .collect();
         people.sort_unstable();
         people.dedup();
         // Writing to a string cannot fail.
         let mut table = format!("{:<10}", "person");
-        for told in &heard {
-            let _ = write!(table, " {:>20}", told.name.chars().take(20).collect::<String>());
+        for station in &active {
+            let _ = write!(table, " {:>20}", station.name.chars().take(20).collect::<String>());
         }
         for target in people.iter().filter(|target| **target != TargetId::ALONE).take(MOST_ROWS) {
             let _ = write!(table, "\n{:<10}", target.0);
-            for told in &heard {
-                let _ = write!(table, " {:>20}", cell(told, *target));
+            for station in &active {
+                let _ = write!(table, " {:>20}", cell(station, *target));
             }
         }
         if people.contains(&TargetId::ALONE) {
             let _ = write!(table, "\n{:<10}", "alone");
-            for told in &heard {
+            for station in &active {
                 let count =
-                    told.agents.values().filter(|(report, _)| report.target == TargetId::ALONE).count();
+                    station.agents.values().filter(|(report, _)| report.target == TargetId::ALONE).count();
                 let _ = write!(table, " {:>20}", if count == 0 { String::new() } else { count.to_string() });
             }
         }
@@ -115,9 +121,9 @@ impl Overview {
     }
 }
 
-/// `0.97 at 1.2 3.4` for the agent of a station that tracks a target.
-fn cell(told: &Told, target: TargetId) -> String {
-    let report = told.agents.values().find(|(report, _)| report.target == target);
+/// Cell of the table, such as `0.97 at 1.2 3.4`; empty when no agent of the station tracks the target.
+fn cell(station: &StationState, target: TargetId) -> String {
+    let report = station.agents.values().find(|(report, _)| report.target == target);
     report.map_or(String::new(), |(report, _)| {
         format!("{:.2} at {:.1} {:.1}", report.confidence, report.position.x, report.position.y)
     })

@@ -1,63 +1,62 @@
-//! How a station's sightings and what it hears become agents.
+//! Interface of the rules that turn a station's sightings and received packets into agents.
 
 use nalgebra::{Matrix2, Matrix4, Point2, Vector2, Vector4};
 
 use super::{AgentId, Packet, Sightings, StationId, TargetId};
 
-/// The rule by which one station's agents work together with those of others. One value a station.
+/// Rule by which one station's agents cooperate with those of other stations. Each station has its own instance.
 pub trait Rule: Send {
-    /// Takes in the packets heard since the last moment, in order of arrival, their times already on this station's
-    /// clock; and then what the station itself sees now.
-    fn step(&mut self, sightings: &Sightings, heard: &[Packet]) -> Step;
+    /// Updates the state with the packets received since the last moment, in order of arrival and with times on this
+    /// station's clock, and then with the station's own sightings.
+    fn step(&mut self, sightings: &Sightings, received: &[Packet]) -> Step;
 
-    /// Everybody whom this station knows of after the last step, by ascending target: whom it sees, and whom it only
-    /// hears of.
+    /// Estimates of all people after the last step, by ascending target, measured here or only by other stations.
     fn people(&self) -> Vec<Belief>;
 
-    /// The station's own states of those whom its image tracks follow, by which image tracking looks for them in the next
-    /// frame; `None` for rules under which image tracks go their own way.
+    /// States of the people whom image tracks follow, as predictions for image tracking in the next frame; `None` for
+    /// rules that do not guide image tracking.
     fn followed(&self) -> Option<Vec<Followed>> {
         None
     }
 }
 
-/// A station's state of somebody whom an image track follows.
+/// State of a person whom an image track follows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Followed {
     /// The image track.
     pub track: u32,
     /// Place on the floor, metres, and velocity, m/s: x, y, vx, vy.
     pub mean: Vector4<f64>,
-    /// Covariance of the mean.
+    /// Covariance of the mean, in the squares of its units.
     pub covariance: Matrix4<f64>,
 }
 
-/// What follows from one moment at one station.
+/// Output of one station at one moment.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Step {
-    /// What is to be sent.
+    /// Packet to send to the other stations.
     pub packet: Packet,
-    /// Places at which image tracking is to look again.
+    /// Places at which image tracking should propose a birth.
     pub restarts: Vec<Restart>,
-    /// Image tracks that follow nobody.
+    /// Image tracks to end, because they follow no person.
     pub ended: Vec<u32>,
 }
 
-/// Somebody whom image tracking has lost, or does not know of yet.
+/// Person whom image tracking has lost or does not follow yet.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Restart {
-    /// Where the person should be now by what others see, metres.
+    /// Predicted place of the person, metres.
     pub position: Point2<f64>,
     /// Height of the person, metres.
     pub height_m: f64,
 }
 
-/// A station's knowledge of one person.
+/// Estimate of one person by one station.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Belief {
-    /// The person.
+    /// Identifier of the person.
     pub target: TargetId,
-    /// Agent of this station that sees the person now, if one does.
+    /// Agent of this station that measures the person now; `None` when the person is not measured here.
     pub agent: Option<AgentId>,
     /// Place on the floor, metres.
     pub position: Point2<f64>,
@@ -67,17 +66,17 @@ pub struct Belief {
     pub velocity: Vector2<f64>,
     /// Height, metres.
     pub height_m: f64,
-    /// How sure the station is that this person is there and is this one, 0 to 1.
+    /// Probability that the person is present and carries the right id, 0 to 1.
     pub confidence: f64,
 }
 
-/// Which station should see whom.
+/// Visibility of people for each station.
 pub trait FieldOfView: Send + Sync {
-    /// Fraction of a person at this place that a station sees, 0 to 1: cut by its image and by what the room hides, not
-    /// by other people.
+    /// Fraction, 0 to 1, of a person at this place that a station sees: limited by the image border and by occlusion by
+    /// the room, not by other people.
     fn visible(&self, station: StationId, place: Point2<f64>, height_m: f64) -> f64;
 
-    /// Whether somebody at this place may be on the way out of the room: who is no longer seen there has left.
+    /// Whether a person at this place may be leaving the room; a person who is missed there has left.
     fn may_leave(&self, _place: Point2<f64>) -> bool {
         false
     }

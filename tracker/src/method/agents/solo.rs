@@ -1,4 +1,4 @@
-//! A station in a process of its own: from a frame and the packets heard since the last to what it tells and writes.
+//! A station in a process of its own: from a frame and received packets to the packet to send and the estimates.
 
 use std::sync::Arc;
 
@@ -9,7 +9,7 @@ use crate::silhouette::visibility::visible_fractions;
 use crate::silhouette::{Body, View};
 use crate::{CameraFrame, PersonEstimate, Result};
 
-/// One station with what it needs of the stage.
+/// One station with the room that it needs.
 #[derive(Debug)]
 pub struct SoloStation {
     stage: PreparedRoom,
@@ -19,10 +19,10 @@ pub struct SoloStation {
 }
 
 impl SoloStation {
-    /// Prepares the station of a camera of the stage, which has all cameras of the room.
+    /// Prepares the station of one camera; `stage` has all cameras of the room.
     ///
     /// # Errors
-    /// [`crate::Error::Option`] when an option makes no sense.
+    /// [`crate::Error::Option`] for an option that is out of range.
     pub fn new(stage: PreparedRoom, station: StationId, options: &AgentsOptions) -> Result<Self> {
         let fields: Arc<dyn FieldOfView> = Arc::new(StageView::new(&stage));
         let others = (0..stage.cameras.len()).map(|i| StationId(i as u8)).filter(|other| *other != station);
@@ -31,28 +31,28 @@ impl SoloStation {
         Ok(Self { station: AgentStation::new(&stage, station, fields, options)?, stage, view, hears })
     }
 
-    /// The stations whose fields of view overlap its own.
+    /// Stations whose fields of view overlap this station's.
     pub fn hears(&self) -> &[StationId] {
         &self.hears
     }
 
-    /// Takes in one frame, and the packets heard since the last with times on this station's clock. Returns what is to
-    /// be sent.
+    /// Processes one frame and the packets received since the last one, with times on this station's clock. Returns the
+    /// packet to send.
     ///
     /// # Errors
-    /// When the mask does not fit the camera ([`crate::Error::FrameSize`]).
+    /// [`crate::Error::FrameSize`] for a mask that does not fit the camera.
     pub fn step(
         &mut self,
         frame: u32,
         time_s: f64,
         camera: &CameraFrame,
-        heard: &[Packet],
+        received: &[Packet],
     ) -> Result<Packet> {
-        self.station.step(frame, time_s, camera, heard).map(|(_, packet)| packet)
+        self.station.step(frame, time_s, camera, received).map(|(_, packet)| packet)
     }
 
-    /// Everybody in the room whom the station knows of, seen or only heard of, by ascending id; visible in its camera
-    /// alone.
+    /// Estimates of all people in the room, by ascending id, measured here or only by other stations. Visibility is
+    /// that in this station's camera alone.
     pub fn people(&self) -> Vec<PersonEstimate> {
         let mut beliefs = self.station.people();
         beliefs.retain(|belief| self.stage.floor.is_inside(belief.position.x, belief.position.y));
@@ -61,7 +61,7 @@ impl SoloStation {
         beliefs.iter().zip(visible).map(|(belief, visible)| estimate(belief, visible)).collect()
     }
 
-    /// Bodies of the people whom its image tracking follows: not to be learnt as background.
+    /// Bodies of the people whom image tracking follows; they must not be learnt as background.
     pub fn bodies(&self) -> Vec<Body> {
         self.station.bodies()
     }

@@ -1,4 +1,4 @@
-//! One station: image tracking of its camera, and the agents that follow from it and from what others say.
+//! One station: image tracking of its camera, and a rule that turns sightings and received packets into agents.
 
 use std::sync::Arc;
 
@@ -21,10 +21,10 @@ pub struct AgentStation {
 }
 
 impl AgentStation {
-    /// Prepares the station of a camera of the stage. `fields` are the fields of view of all its cameras.
+    /// Prepares the station of one camera of a room. `fields` are the fields of view of all its cameras.
     ///
     /// # Errors
-    /// [`crate::Error::Option`] when an option makes no sense.
+    /// [`crate::Error::Option`] for an option that is out of range.
     pub fn new(
         stage: &PreparedRoom,
         station: StationId,
@@ -48,39 +48,39 @@ impl AgentStation {
         Ok(Self { tracking: ImageTracking::new(stage, camera, &sampler)?, rule, restarts: Vec::new() })
     }
 
-    /// Takes in one frame and the packets heard since the last one, with times on this station's clock. Returns what the
-    /// station sees, and the packet to be sent.
+    /// Processes one frame and the packets received since the last one, with times on this station's clock. Returns the
+    /// station's sightings and the packet to send.
     ///
     /// # Errors
-    /// When the mask does not fit the camera ([`crate::Error::FrameSize`]).
+    /// [`crate::Error::FrameSize`] for a mask that does not fit the camera.
     pub fn step(
         &mut self,
         frame: u32,
         time_s: f64,
         camera: &CameraFrame,
-        heard: &[Packet],
+        received: &[Packet],
     ) -> Result<(Sightings, Packet)> {
         let sightings = self.tracking.track(frame, time_s, camera, &self.restarts)?;
-        let step = self.rule.step(&sightings, heard);
+        let step = self.rule.step(&sightings, received);
         self.restarts = step.restarts;
         self.tracking.end(&step.ended);
         if let Some(followed) = self.rule.followed() {
             self.tracking.follow(&followed);
         }
-        // Who is hidden now, or is seen by others alone, may come into view anywhere: image tracking finds them near where
-        // they should be, and only where its mask shows somebody whom nobody explains.
+        // A person whom this station does not measure may come into view anywhere. Image tracking proposes a birth near
+        // the predicted place, and accepts it only where foreground is unexplained.
         let unseen = self.rule.people().into_iter().filter(|person| person.agent.is_none());
         self.restarts
             .extend(unseen.map(|person| Restart { position: person.position, height_m: person.height_m }));
         Ok((sightings, step.packet))
     }
 
-    /// Everybody whom the station knows of, by ascending target.
+    /// Estimates of all people whom the station knows of, by ascending target.
     pub fn people(&self) -> Vec<Belief> {
         self.rule.people()
     }
 
-    /// Bodies of the people whom its image tracking follows.
+    /// Bodies of the people whom image tracking follows.
     pub fn bodies(&self) -> Vec<Body> {
         self.tracking.bodies()
     }

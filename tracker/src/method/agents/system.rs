@@ -1,5 +1,5 @@
-//! All stations of a site in one process, as a [`Method`]: the same stations that run on machines of their own, whose
-//! packets pass in memory. Deterministic: packets of one moment are heard at the next.
+//! All stations of a site in one process, as a [`Method`]. The stations are the same as on separate machines, and their
+//! packets pass in memory. Deterministic: packets of one moment are received at the next.
 
 use std::sync::Arc;
 
@@ -13,14 +13,14 @@ use crate::silhouette::visibility::visible_fractions;
 use crate::silhouette::{Body, View};
 use crate::{Error, Moment, PersonEstimate, Result, TrackId};
 
-/// The most stations of a system: their numbers are bytes.
+/// Maximum number of stations of a system: their numbers are bytes.
 const MOST_STATIONS: usize = 255;
 
-/// Somebody whom no station sees now is told while that is likely.
+/// Confidence above which a person whom no station measures is still reported.
 const LIKELY: f64 = 0.5;
-/// Confidences that differ by less than one in this are about the same.
+/// Number of steps to which confidences are rounded before they are compared.
 const SURENESS_STEPS: f64 = 10.0;
-/// Two bodies are not nearer to each other than this, metres.
+/// Distance below which two estimates may be of one person, metres: two bodies are not nearer to each other.
 const SAME_M: f64 = 0.35;
 
 /// All stations of a site.
@@ -29,24 +29,21 @@ pub struct Agents {
     stage: PreparedRoom,
     views: Vec<View>,
     stations: Vec<AgentStation>,
-    /// For each station those that it hears.
+    /// Indices of the stations that each station hears.
     neighbours: Vec<Vec<usize>>,
-    /// Packets of the last moment, one a station.
+    /// Packets of the last moment, one per station.
     sent: Vec<Packet>,
 }
 
 impl Agents {
-    /// Prepares one station for each camera of the stage.
+    /// Prepares one station for each camera of the room.
     ///
     /// # Errors
-    /// [`Error::Option`] when an option makes no sense, or there are more cameras than stations can be.
+    /// [`Error::Option`] for an option that is out of range, or for more than 255 cameras.
     pub fn new(stage: PreparedRoom, options: &AgentsOptions) -> Result<Self> {
         let count = stage.cameras.len();
         if count > MOST_STATIONS {
-            return Err(Error::option(
-                "--method agents",
-                format!("{count} cameras; give at most {MOST_STATIONS}"),
-            ));
+            return Err(Error::option("agents", format!("{count} cameras; give at most {MOST_STATIONS}")));
         }
         let fields: Arc<dyn FieldOfView> = Arc::new(StageView::new(&stage));
         let id = |i: usize| StationId(i as u8);
@@ -62,23 +59,23 @@ impl Agents {
         })
     }
 
-    /// The agencies of this moment: of each target the belief of its leader.
+    /// Estimates of the current agencies: for each target that of its leader, without duplicates.
     fn agencies(&self) -> Vec<Belief> {
         let mut best = leaders(self.stations.iter().flat_map(AgentStation::people).collect());
         let is_there = |belief: &Belief| belief.agent.is_some() || belief.confidence > LIKELY;
         let floor = &self.stage.floor;
         best.retain(|belief| is_there(belief) && floor.is_inside(belief.position.x, belief.position.y));
-        let mut told: Vec<Belief> = Vec::with_capacity(best.len());
+        let mut distinct: Vec<Belief> = Vec::with_capacity(best.len());
         for belief in best {
-            if !told.iter().any(|older| self.is_same(older, &belief)) {
-                told.push(belief);
+            if !distinct.iter().any(|older| self.is_same(older, &belief)) {
+                distinct.push(belief);
             }
         }
-        told
+        distinct
     }
 
-    /// Whether two targets are one person whom stations have not agreed on yet: at one place, and no station sees two
-    /// people there.
+    /// Whether two targets are one person on whose id the stations have not agreed yet: both are at one place, and no
+    /// station measures two people there.
     fn is_same(&self, a: &Belief, b: &Belief) -> bool {
         let sees = |packet: &Packet, target| packet.reports.iter().any(|report| report.target == target);
         (a.position - b.position).norm() < SAME_M
@@ -98,8 +95,8 @@ impl Method for Agents {
     fn step(&mut self, moment: &Moment<'_>) -> Result<Vec<PersonEstimate>> {
         let (sent, neighbours) = (&self.sent, &self.neighbours);
         let step = |(i, station): (usize, &mut AgentStation)| {
-            let heard: Vec<Packet> = neighbours[i].iter().filter_map(|j| sent.get(*j).cloned()).collect();
-            station.step(moment.frame, moment.time_s, &moment.cameras[i], &heard).map(|(_, packet)| packet)
+            let received: Vec<Packet> = neighbours[i].iter().filter_map(|j| sent.get(*j).cloned()).collect();
+            station.step(moment.frame, moment.time_s, &moment.cameras[i], &received).map(|(_, packet)| packet)
         };
         let packets = self.stations.par_iter_mut().enumerate().map(step).collect::<Result<Vec<Packet>>>()?;
         self.sent = packets;
@@ -110,9 +107,9 @@ impl Method for Agents {
     }
 }
 
-/// For each target, by ascending id, the belief of its agency's leader among those of all stations: an agent that sees the
-/// person now and is the surest of those (seed 000, section 3.3); of agents that are about as sure, the one that knows the
-/// place best.
+/// Estimate of the leader of each agency, by ascending target. The leader is the most confident agent that measures the
+/// person now (Nakazawa et al., section 3.3); of agents with about the same confidence, the one with the smallest
+/// covariance.
 fn leaders(mut beliefs: Vec<Belief>) -> Vec<Belief> {
     let spread = |belief: &Belief| belief.covariance.determinant();
     let sureness = |belief: &Belief| (SURENESS_STEPS * belief.confidence).round();
@@ -126,11 +123,12 @@ fn leaders(mut beliefs: Vec<Belief>) -> Vec<Belief> {
     beliefs
 }
 
-/// The body of somebody of average width.
+/// Body of average width at a place.
 pub(super) fn body(position: Point2<f64>, height_m: f64) -> Body {
     Body { x_m: position.x, y_m: position.y, height_m, ..Body::ADULT }
 }
 
+/// Estimate for output; `visible` is the visible fraction of the person in each camera, 0 to 1.
 pub(super) fn estimate(belief: &Belief, visible: Vec<f64>) -> PersonEstimate {
     let sigma_m = |axis: usize| belief.covariance[(axis, axis)].sqrt();
     PersonEstimate {
@@ -167,15 +165,15 @@ mod tests {
         }
     }
 
-    /// One station has taken two people for each other, and is not sure of it; its places are the best.
+    /// Station 1 has swapped two people and has low confidence, though its covariance is the smallest.
     #[test]
-    fn a_station_that_is_less_sure_does_not_lead() {
+    fn a_less_confident_station_does_not_lead() {
         let beliefs = vec![
             belief(7, Some(1), 1.0, 0.05, 0.5),
             belief(8, Some(1), 5.0, 0.05, 0.5),
             belief(7, Some(0), 5.0, 0.2, 0.98),
             belief(8, Some(0), 1.0, 0.2, 0.98),
-            // As sure, and nearer to the truth; and somebody whom nobody sees now.
+            // About the same confidence and a smaller covariance; then a person whom no station measures now.
             belief(7, Some(2), 5.1, 0.1, 0.97),
             belief(3, None, 2.0, 1.0, 0.6),
             belief(8, None, 9.0, 0.01, 1.0),

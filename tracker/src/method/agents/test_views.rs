@@ -8,7 +8,7 @@ use super::{FieldOfView, StationId};
 pub(super) struct Views(pub(super) fn(u8, Point2<f64>) -> f64);
 
 impl Views {
-    /// Everybody is seen from everywhere.
+    /// Every station sees every place.
     pub(super) const OPEN: Self = Self(|_, _| 1.0);
 }
 

@@ -1,4 +1,4 @@
-//! Two stations under the modern rule whose packets pass in memory, a moment later: one person has one id.
+//! Two stations under the modern rule agree on one id per person; their packets pass in memory, one moment later.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -35,7 +35,7 @@ impl Pair {
         Self { rules: [rule(0), rule(1)], on_way: Default::default(), is_cut: false, at_s: 100.0, rng }
     }
 
-    /// People as a station sees them, each by an image track of their number.
+    /// Sightings of people by a station; each image track has the person's number.
     fn sightings(&mut self, people: &[(u32, Point2<f64>)]) -> Sightings {
         let mut noise = || NOISE_M * (0..12).map(|_| self.rng.random_range(-0.5..0.5)).sum::<f64>();
         let sighting = |(track, place): &(u32, Point2<f64>)| Sighting {
@@ -50,8 +50,8 @@ impl Pair {
         Sightings { time_s: self.at_s, people, is_usable: true }
     }
 
-    /// Lets time pass; `seen` says whom each station sees. Returns the ids that each station reports at the end; no
-    /// station ever reports two people under one id.
+    /// Runs both stations for a time; `seen` are the people whom each station sees. Returns the ids that each station
+    /// reports at the end, and asserts that no station ever reports two people under one id.
     fn pass(&mut self, seconds: f64, seen: [&[(u32, Point2<f64>)]; 2]) -> [BTreeSet<TargetId>; 2] {
         let mut reported: [BTreeSet<TargetId>; 2] = Default::default();
         for _ in 0..(seconds * RATE_HZ) as usize {
@@ -59,8 +59,8 @@ impl Pair {
             let mut sent = Vec::new();
             for station in 0..2 {
                 let sightings = self.sightings(seen[station]);
-                let heard = std::mem::take(&mut self.on_way[station]);
-                let packet = self.rules[station].step(&sightings, &heard).packet;
+                let received = std::mem::take(&mut self.on_way[station]);
+                let packet = self.rules[station].step(&sightings, &received).packet;
                 let named =
                     packet.reports.iter().map(|report| report.target).filter(|t| *t > TargetId::ALONE);
                 let named: Vec<TargetId> = named.collect();
@@ -84,7 +84,7 @@ fn two_stations_that_name_one_person_at_once_agree() {
     for seed in 1000..1010 {
         let mut pair = Pair::new(seed);
         pair.pass(3.0, [&[], &[]]);
-        // Both see two new people in the same moment, and both give ids before they hear of each other.
+        // Both see two new people at the same moment, and both assign ids before they receive the other's packets.
         let people = [(1, FIRST), (2, SECOND)];
         let [first, second] = pair.pass(5.0, [&people, &people]);
         assert!(first.len() == 2 && first == second, "seed {seed}: {first:?} {second:?}");
@@ -94,11 +94,11 @@ fn two_stations_that_name_one_person_at_once_agree() {
 }
 
 #[test]
-fn an_id_that_is_taken_elsewhere_gives_way_when_stations_hear_each_other_again() {
+fn the_older_id_wins_when_a_cut_link_is_restored() {
     for seed in 1000..1010 {
         let mut pair = Pair::new(seed);
         pair.is_cut = true;
-        // Cut apart, each knows one of two people, the second station since it started again and again.
+        // Without a link each station knows one of two people; the second station has restarted.
         let [first, _] = pair.pass(4.0, [&[(1, FIRST)], &[]]);
         pair.rules[1] = rule(1);
         let [still, second] = pair.pass(4.0, [&[(1, FIRST)], &[(7, SECOND)]]);

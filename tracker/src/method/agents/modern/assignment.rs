@@ -1,18 +1,18 @@
 //! Joint assignment of one sender's measurements to people.
 //!
-//! Only pairs within the gate are listed. Each connected part of their graph is solved by itself, as nearly all parts
-//! are one pair; the others by H. W. Kuhn's method, "The Hungarian method for the assignment problem", Naval Research
-//! Logistics 2 (1955) 83–97, as in the `pathfinding` crate.
+//! Only pairs within the gate are listed. Each connected component of their graph is solved separately, as nearly all
+//! components are a single pair. Larger ones are solved by H. W. Kuhn, "The Hungarian method for the assignment
+//! problem", Naval Research Logistics 2 (1955) 83–97, as implemented in the `pathfinding` crate.
 
 use pathfinding::kuhn_munkres::kuhn_munkres;
 use pathfinding::matrix::Matrix;
 
-/// Cost of leaving a pair unassigned: above that of any pair, so that as many as possible are assigned.
+/// Cost of leaving a row unassigned: above that of any pair, so that as many rows as possible are assigned.
 const UNASSIGNED: f64 = 200.0;
-/// Steps of cost that decide.
+/// Integer steps per unit of cost; smaller differences are ignored.
 const STEPS_PER_UNIT: f64 = 1e6;
 
-/// A row and a column that may belong together.
+/// Candidate pair of a row and a column.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Pair {
     pub(super) row: usize,
@@ -20,7 +20,7 @@ pub(super) struct Pair {
     pub(super) cost: f64,
 }
 
-/// Solver that keeps its memory from problem to problem.
+/// Assignment solver; its buffers are reused from problem to problem.
 #[derive(Debug, Default)]
 pub(super) struct Assignment {
     part_of_row: Vec<u16>,
@@ -31,15 +31,16 @@ pub(super) struct Assignment {
     columns: Vec<usize>,
 }
 
+/// Component of a column without pairs.
 const NO_PART: u16 = u16::MAX;
 
 impl Assignment {
-    /// The pairs of the cheapest assignment of as many rows as possible, by row. Costs are below 200.
+    /// Finds the cheapest assignment of as many rows as possible. Returns its pairs by row. Costs must be below 200.
     pub(super) fn solve(&mut self, pairs: &[Pair], rows: usize, columns: usize) -> &[Pair] {
         self.find_parts(pairs, rows, columns);
         self.chosen.clear();
         for part in 0..rows as u16 {
-            // A part has the number of its first row.
+            // A component has the number of its first row.
             if self.part_of_row[part as usize] != part {
                 continue;
             }
@@ -55,7 +56,7 @@ impl Assignment {
         &self.chosen
     }
 
-    /// Numbers the connected parts: each row's and column's becomes the smallest row that it is connected with.
+    /// Labels the connected components: each row and column gets the smallest row to which it is connected.
     fn find_parts(&mut self, pairs: &[Pair], rows: usize, columns: usize) {
         self.part_of_row.clear();
         self.part_of_row.extend(0..rows as u16);
@@ -124,7 +125,7 @@ mod tests {
 
     use super::*;
 
-    /// Greatest sum of (200 − cost) over all assignments, tried.
+    /// Greatest sum of (200 − cost) over all assignments, by exhaustive search.
     fn exhaustive(pairs: &[Pair], rows: usize, row: usize, taken: &mut Vec<usize>) -> f64 {
         if row == rows {
             return 0.0;

@@ -1,4 +1,4 @@
-//! Which person each measurement of one sender is of.
+//! Association of one sender's measurements with people.
 
 use super::ModernOptions;
 use super::assignment::{Assignment, Pair};
@@ -6,7 +6,7 @@ use super::measurement::Measurement;
 use super::people::People;
 use super::person::{LEARNT, Person};
 
-/// Joint assignment of measurements to people, with memory that is kept from sender to sender.
+/// Joint assignment of measurements to people; its buffers are reused from sender to sender.
 #[derive(Debug, Default)]
 pub(super) struct Association {
     assignment: Assignment,
@@ -15,13 +15,13 @@ pub(super) struct Association {
 }
 
 impl Association {
-    /// Finds the person of each measurement.
+    /// Associates the measurements of one sender with people; at most one measurement per person.
     pub(super) fn solve(&mut self, measurements: &[Measurement], people: &People, options: &ModernOptions) {
         self.pairs.clear();
         for (row, measurement) in measurements.iter().enumerate() {
             let spread = measurement.covariance.trace();
             for (column, person) in people.iter().enumerate() {
-                // The largest eigenvalue is no more than the trace: most pairs need no more than this.
+                // The largest eigenvalue is at most the trace, so this cheap test rejects most pairs.
                 let away = (measurement.position - person.motion.position).norm_squared();
                 if away > options.gate * (spread + person.motion.place.trace()) || person.spare_s.is_some() {
                     continue;
@@ -38,27 +38,27 @@ impl Association {
         }
     }
 
-    /// Index of the person of each measurement.
+    /// Index of the associated person for each measurement; `None` for an unassociated one.
     pub(super) fn people(&self) -> &[Option<usize>] {
         &self.of
     }
 
-    /// Index of the person of one measurement.
+    /// Index of the person associated with one measurement.
     pub(super) fn person_of(&self, measurement: usize) -> Option<usize> {
         self.of[measurement]
     }
 
-    /// The solver, for other assignments.
+    /// Assignment solver, for reuse by other assignments.
     pub(super) fn solver(&mut self) -> &mut Assignment {
         &mut self.assignment
     }
 }
 
-/// Cost of taking a measurement for somebody's, `None` beyond the gate.
+/// Cost of associating a measurement with a person, in units of squared Mahalanobis distance; `None` beyond the gate.
 fn cost(measurement: &Measurement, person: &Person, options: &ModernOptions) -> Option<f64> {
     /// Determinant at which the covariance's share of the cost is 0, m⁴.
     const SMALLEST_DETERMINANT: f64 = 1e-4;
-    /// Largest share of the looks in the cost.
+    /// Maximum share of the looks in the cost.
     const MOST_OF_LOOKS: f64 = 25.0;
     let fit = person.motion.fit(&measurement.position, &measurement.covariance)?;
     if fit.distance >= options.gate {

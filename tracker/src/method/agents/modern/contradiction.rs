@@ -1,14 +1,14 @@
-//! Image tracks that are not where they should be, by what other stations see.
+//! Correction of image tracks that contradict other stations.
 //!
 //! # One person at two distances
-//! A camera knows the direction of somebody well and the distance badly, above all where feet are hidden. This station
-//! then follows somebody whom no other station has, though some should; and somebody whom others have, in the same
-//! direction, is not seen here, though he should be. The image track is brought to the place that the others give; in the
-//! next frames it measures there, or is lost.
+//! A camera measures the direction of a person well and the range badly, above all where feet are hidden. This station
+//! then tracks a person whom no other station measures, though some should, and misses a person whom others measure in
+//! the same direction. The image track is moved to the place of the other stations' measurements; in the next frames it
+//! measures there or is lost.
 //!
-//! # Somebody who has left
-//! The image track of somebody who leaves beside others may go on with one of those. Nobody else has such a person, who
-//! was last seen apart on the way out.
+//! # A person who has left
+//! The image track of a person who leaves beside others may switch to one of them. No other station measures such a
+//! person, who was on the way out when last measured apart from others.
 
 use nalgebra::Matrix2;
 
@@ -18,38 +18,38 @@ use super::measurement::Measurement;
 use super::people::People;
 use super::person::Person;
 
-/// Time without another station's measurement after which nobody else has somebody, seconds.
+/// Time without another station's measurement after which only this station has a person, seconds.
 const ALONE_S: f64 = 0.6;
-/// Time without one's own measurement after which somebody is not seen here, seconds.
+/// Time without an own measurement after which this station misses a person, seconds.
 const UNSEEN_S: f64 = 0.4;
-/// Age up to which others' measurements are of now, seconds.
+/// Age up to which other stations' measurements are current, seconds.
 const FRESH_S: f64 = 0.3;
-/// Distance across the line of sight below which two are in one direction, metres.
+/// Distance across the line of sight below which two people are in one direction, metres.
 const ACROSS_M: f64 = 0.4;
-/// Distance up to which one camera errs, metres.
+/// Maximum range error of one camera, metres.
 const FARTHEST_M: f64 = 3.0;
-/// Duration of a contradiction after which an image track moves, seconds: for the younger of the two ids, and for the
+/// Duration of a contradiction after which an image track moves, seconds: for the newer of the two ids, and for the
 /// older. They differ so that two stations never move their tracks to each other's place at once.
 const GIVES_WAY_S: [f64; 2] = [0.3, 1.2];
-/// Time for which somebody who was leaving has to be seen in company by this station alone until they have left, seconds.
+/// Time for which only this station measures a leaving person, near others, until the person has left, seconds.
 const HAS_LEFT_S: f64 = 0.15;
-/// Square of the distance of looks beyond which two are not one: three standard deviations.
+/// Squared distance of looks above which two people are different: three standard deviations.
 const LOOKS_ALIKE: f64 = 9.0;
 
-/// What one station knows at one moment.
+/// Measurements and fields of view of one station at one moment.
 pub(super) struct Moment<'a> {
-    /// The station's own measurements, with the index of whose they are.
+    /// The station's own measurements, each with the index of the associated person.
     pub(super) seen: &'a [(Measurement, Option<usize>)],
     /// Fields of view.
     pub(super) fields: &'a dyn FieldOfView,
-    /// The station.
+    /// This station.
     pub(super) own: StationId,
-    /// Stations that see.
+    /// Stations that run and have a usable image.
     pub(super) watching: &'a [StationId],
 }
 
-/// Brings image tracks of people whom this station alone has to the place where others have them, and removes people who
-/// have left; `dt` seconds after the last time. Returns the image tracks of those who have left.
+/// Moves contradicted image tracks to the place of other stations' measurements and removes people who have left, `dt`
+/// seconds after the last call. Returns the image tracks of the people removed because they have left.
 pub(super) fn settle(people: &mut People, moment: &Moment, dt: f64) -> Vec<u32> {
     let (mut elsewhere, mut left) = (Vec::new(), Vec::new());
     for (measurement, of) in moment.seen {
@@ -82,7 +82,7 @@ pub(super) fn settle(people: &mut People, moment: &Moment, dt: f64) -> Vec<u32> 
     left.into_iter().map(|(_, track)| track).collect()
 }
 
-/// Whether somebody who was on the way out is seen in company by this station alone.
+/// Whether a person who was on the way out is measured only by this station, and only near others.
 fn may_have_left(person: &mut Person, measurement: &Measurement, fields: &dyn FieldOfView) -> bool {
     if !measurement.is_crowded {
         let is_leaving = fields.may_leave(measurement.position);
@@ -93,7 +93,8 @@ fn may_have_left(person: &mut Person, measurement: &Measurement, fields: &dyn Fi
     person.was_leaving && person.unheard_s >= ALONE_S
 }
 
-/// Somebody whom others see and this station does not, in the direction of a measurement of whom this station alone sees.
+/// Nearest person whom others measure and this station misses, in the direction of a measurement of a person whom only
+/// this station measures; `None` if there is no such person.
 fn find_other(people: &People, alone: usize, measurement: &Measurement, moment: &Moment) -> Option<usize> {
     let Moment { fields, own, watching, .. } = *moment;
     let person = &people[alone];
@@ -122,7 +123,7 @@ fn find_other(people: &People, alone: usize, measurement: &Measurement, moment: 
     candidates.map(|(i, _)| i).min_by(|a, b| away(*a).total_cmp(&away(*b)))
 }
 
-/// Unit vector across the line of sight: along which a covariance is shortest.
+/// Unit vector across the line of sight: the minor axis of a covariance.
 fn short_axis(covariance: &Matrix2<f64>) -> nalgebra::Vector2<f64> {
     let eigen = covariance.symmetric_eigen();
     let shorter = eigen.eigenvalues.imin();
@@ -140,8 +141,9 @@ mod tests {
     use super::super::{Modern, ModernOptions};
     use super::*;
 
-    /// Station 0 looks along x and sees somebody 2 m too far, beyond every gate; station 1 looks along y and has the place
-    /// right. Returns the targets that station 0 knows after 3 s, and the x to which its image track is brought.
+    /// Runs station 0, which looks along x and measures a person 2 m too far, beyond the gate, with reports of station
+    /// 1, which looks along y and measures the right place. Returns the targets of station 0 after 3 s, and the x,
+    /// metres, of its image track.
     fn follow(views: Views) -> (Vec<TargetId>, Option<f64>) {
         let options = ModernOptions { listen_s: 0.0, ..ModernOptions::default() };
         let mut station = Modern::new(StationId(0), 2, Arc::new(views), options);
@@ -169,7 +171,7 @@ mod tests {
                 confidence: 1.0,
                 is_crowded: false,
             };
-            let heard = Packet {
+            let received = Packet {
                 station: StationId(1),
                 life: 1,
                 sequence: frame + 1,
@@ -178,27 +180,27 @@ mod tests {
                 reports: vec![report],
                 ..Packet::default()
             };
-            // Once it is shown where to look, image tracking measures there.
+            // Image tracking measures at the place to which its track was moved.
             let tracked = station.followed().into_iter().flatten().find(|f| f.track == 1);
             let position = tracked.map_or(sighting.position, |f| {
                 if (f.mean.x - 3.0).abs() < 0.3 { Point2::new(3.0, 2.0) } else { sighting.position }
             });
             let people = vec![Sighting { position, ..sighting }];
-            station.step(&Sightings { time_s, people, is_usable: true }, &[heard]);
+            station.step(&Sightings { time_s, people, is_usable: true }, &[received]);
         }
         let tracked = station.followed().into_iter().flatten().find(|f| f.track == 1);
         (station.people().iter().map(|p| p.target).collect(), tracked.map(|f| f.mean.x))
     }
 
     #[test]
-    fn someone_seen_too_far_away_is_brought_to_where_another_station_has_them() {
+    fn a_track_at_too_large_a_range_moves_to_the_other_stations_place() {
         let (targets, x_m) = follow(Views::OPEN);
         assert_eq!(targets, [TargetId(2)]);
         assert!((x_m.unwrap() - 3.0).abs() < 0.1, "{x_m:?}");
     }
 
     #[test]
-    fn someone_whom_no_other_station_could_see_is_somebody_else() {
+    fn a_track_out_of_view_of_other_stations_is_not_moved() {
         let (targets, x_m) =
             follow(Views(|station, place| if station == 1 && place.x > 4.0 { 0.0 } else { 1.0 }));
         assert_eq!(targets.len(), 2);

@@ -1,4 +1,4 @@
-//! Who is in the room: newcomers, people one too many, people who have gone, and people whom nobody can see.
+//! Existence of people: births, duplicates, deaths, and people who are occluded from all stations.
 
 use nalgebra::{Point2, Vector2};
 
@@ -9,32 +9,34 @@ use super::nursery::Newcomer;
 use super::people::People;
 use super::person::{Identity, Person};
 
-/// Fraction of a person that a station has to see so that it should measure the person.
+/// Visible fraction of a person from which a station should measure the person.
 pub(super) const PLAINLY_VISIBLE: f64 = 0.6;
-/// Fraction of a person below which nobody is seen.
+/// Visible fraction of a person below which no station measures the person.
 const HIDDEN: f64 = 0.15;
-/// Distance below which two people's bodies cannot be, metres.
+/// Distance below which two bodies would overlap, metres.
 const BODY_M: f64 = 0.5;
-/// Distance below which a person may hide another, metres.
+/// Distance below which a person may occlude another, metres.
 const COVER_M: f64 = 1.0;
-/// Time for which somebody who is one too many may be hiding behind the other, seconds.
+/// Time after which a duplicate that was set aside is removed, seconds: until then it may be behind the other person.
 const SPARE_S: f64 = 3.0;
-/// Time after which somebody whom only stations see that this one does not hear is theirs, seconds.
+/// Time after which a person in view only of stations whose packets do not arrive is left to them, seconds.
 const HANDED_OVER_S: f64 = 10.0;
-/// Speed at which somebody lost may have walked on, m/s.
+/// Maximum walking speed of a lost person, m/s.
 const WALK_M_S: f64 = 2.0;
-/// Square of the distance of looks beyond which a newcomer is not somebody lost: three standard deviations.
+/// Squared distance of looks above which a newcomer is not a lost person: three standard deviations.
 const LOOKS_ALIKE: f64 = 9.0;
 
-/// Whose measurements one packet, or the station's own moment, gave: a set of people.
+/// Set of people measured by one packet, or by the station's own sightings of a moment.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Measured {
+    /// Station that measured.
     pub(super) by: StationId,
+    /// Bits of the people's indices.
     pub(super) people: u64,
 }
 
-/// Sets aside the one of two people on one place whom the looks fit worse, where stations that see both places measure
-/// one person only.
+/// Sets aside one of two people at one place, the one with the worse fit of looks, when a station that sees both places
+/// measures only one of them. `dt` is the time since the last call, seconds.
 pub(super) fn set_twins_aside(
     people: &mut People,
     measured: &[Measured],
@@ -76,7 +78,8 @@ pub(super) fn set_twins_aside(
     }
 }
 
-/// Whether the looks fit somebody's identity worse than they fit the other's; the younger where they do not tell.
+/// Whether the looks of `a` fit its identity worse than those of `b` fit theirs; where they do not differ, whether `a`
+/// is newer.
 fn is_worse(a: &Person, b: &Person) -> bool {
     let fit = |p: &Person| {
         if p.is_learnt() && p.evidence.weight >= 1.0 {
@@ -89,7 +92,7 @@ fn is_worse(a: &Person, b: &Person) -> bool {
     if (of_a - of_b).abs() > 0.1 { of_a < of_b } else { a.identity.target > b.identity.target }
 }
 
-/// Who of the people lost is the newcomer, and who else it may be, as a set.
+/// Finds the lost person who matches a newcomer best. Returns the person's index and the set of the other matches.
 pub(super) fn find_lost(
     people: &People,
     newcomer: &Newcomer,
@@ -122,23 +125,23 @@ pub(super) fn find_lost(
     best.map(|(i, _)| (i, alike & !(1 << i)))
 }
 
-/// Whether a measurement is surely of nobody known.
+/// Whether a measurement is outside the bodies of all people who are currently measured.
 pub(super) fn is_apart(people: &People, measurement: &Measurement) -> bool {
     people.iter().all(|p| p.missed_s > 0.3 || (p.motion.position - measurement.position).norm() >= BODY_M)
 }
 
-/// The stations that look at the room, as the caller hears them.
+/// Stations of the room, as far as this station receives their packets.
 pub(super) struct Watch<'a> {
     /// Fields of view.
     pub(super) fields: &'a dyn FieldOfView,
-    /// Stations that run and see, the own one among them if it does.
+    /// Stations that run and have a usable image, this one included.
     pub(super) watching: &'a [StationId],
     /// Number of stations of the room.
     pub(super) stations: u8,
 }
 
-/// Removes people who have gone; `dt` seconds after the last time. Lets people who may have stepped behind something
-/// do so.
+/// Removes people who have gone, `dt` seconds after the last call. Moves missed people who may have stepped behind an
+/// occluder towards the hidden places.
 pub(super) fn remove_gone(people: &mut People, watch: &Watch, dt: f64, options: &ModernOptions) {
     for i in (0..people.len()).rev() {
         let person = &people[i];
@@ -178,15 +181,15 @@ pub(super) fn remove_gone(people: &mut People, watch: &Watch, dt: f64, options: 
     }
 }
 
-/// Time since which somebody who goes may have been somewhere else, seconds.
+/// Time for which a person about to be removed may have been elsewhere, seconds.
 fn person_gone_s(person: &Person) -> f64 {
     person.missed_s.max(person.spare_s.unwrap_or(0.0))
 }
 
-/// Somebody who was taken for new since a body followed nobody, or somebody else, and is by looks and place whom the body
-/// was taken for.
+/// Finds the newer duplicate of a person whose body has followed no one, or another person, for `since_s` seconds: a
+/// person born since then whose looks and place match.
 fn find_young(people: &People, gone: usize, since_s: f64) -> Option<usize> {
-    /// Time that it takes to note that a body follows somebody else, seconds.
+    /// Delay until a body that follows another person is noticed, seconds.
     const NOTING_S: f64 = 4.0;
     let old = &people[gone];
     if !old.is_learnt() {
@@ -207,40 +210,40 @@ fn find_young(people: &People, gone: usize, since_s: f64) -> Option<usize> {
         .map(|(i, _)| i)
 }
 
-/// Gives somebody the id of a body that follows somebody else now: by looks the body is not whom its id says, and
-/// somebody taken for new is.
+/// Returns the id of each body whose looks contradict it to the newer duplicate whose looks match, by exchanging the
+/// two identities.
 pub(super) fn reclaim(people: &mut People) {
     for i in 0..people.len() {
         if people[i].misfit_s > 0.0
             && let Some(young) = find_young(people, i, people[i].misfit_s)
         {
             people.exchange(i, young);
-            people.be_sure(i);
-            people.be_sure(young);
+            people.resolve(i);
+            people.resolve(young);
             people[i].identity.learnt = people[i].evidence;
             people[i].misfit_s = 0.0;
         }
     }
 }
 
-/// Gives somebody the id of another, who is the same person and goes.
+/// Transfers id, looks and age from a person to be removed to a duplicate of the same person.
 pub(super) fn take_over(people: &mut People, person: usize, gone: usize) {
     let mut learnt = people[gone].identity.learnt;
     learnt.merge(&people[person].identity.learnt);
     let target = people[gone].identity.target;
-    // The other has to have some id until it is removed.
+    // Ids stay unique until the other is removed.
     people[gone].identity.target = people[person].identity.target;
     people[person].identity = Identity { target, learnt };
     people[person].age_s = people[gone].age_s;
 }
 
-/// How somebody whom nobody measures should be seen.
+/// Visibility of a missed person over the places where the person may be.
 enum View {
-    /// At every place where the person may be.
+    /// Hidden at none of the places, or at an exit.
     Plain,
-    /// At some places; the mean of the places where nobody sees the person.
+    /// Plainly visible at the predicted place and hidden at others; the mean of the hidden places, metres.
     Partly(Point2<f64>),
-    /// Nowhere, nearly.
+    /// Not plainly visible at the predicted place.
     Hidden,
 }
 
@@ -277,7 +280,7 @@ fn look_for(person: &Person, watch: &Watch) -> View {
     if count > 0.0 { View::Partly(Point2::from(hidden / count)) } else { View::Plain }
 }
 
-/// Whether a station that is not heard sees the place.
+/// Whether a station whose packets do not arrive sees the person's place.
 fn is_seen_elsewhere(person: &Person, watch: &Watch) -> bool {
     (0..watch.stations).map(StationId).any(|station| {
         !watch.watching.contains(&station)
@@ -285,13 +288,13 @@ fn is_seen_elsewhere(person: &Person, watch: &Watch) -> bool {
     })
 }
 
-/// The id after all others that no other station gives: each station has its own remainder.
+/// Returns the next unused id of this station: ids of different stations differ modulo the number of stations.
 pub(super) fn mint(greatest: TargetId, station: StationId, stations: u8, people: &People) -> TargetId {
     let (station, stations) = (u32::from(station.0), u32::from(stations.max(1)));
     let first = |above: u32| above.saturating_sub(station).div_ceil(stations) * stations + station + 1;
     let mut id = first(greatest.0);
     if id > super::measurement::LARGEST_TARGET {
-        // All have been given: the first again that nobody has.
+        // All ids have been used: reuse the first that no person carries.
         id = first(0);
         while people.index_of(TargetId(id)).is_some() {
             id += stations;
@@ -300,14 +303,14 @@ pub(super) fn mint(greatest: TargetId, station: StationId, stations: u8, people:
     TargetId(id)
 }
 
-/// People whom others measure and this station should see, and does not.
+/// Calls `ask` for each person whom others measure and this station should measure, and does not.
 pub(super) fn find_restarts(
     people: &mut People,
     fields: &dyn FieldOfView,
     station: StationId,
     mut ask: impl FnMut(&Person),
 ) {
-    /// Time after which image tracking is asked, and asked again, seconds.
+    /// Time without a measurement after which image tracking is asked, and interval between requests, seconds.
     const ASK_S: f64 = 0.5;
     for person in people.iter_mut() {
         let is_missing = person.unheard_s < ASK_S

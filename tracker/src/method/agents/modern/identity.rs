@@ -1,45 +1,48 @@
-//! Who is who: what meetings confuse, and looks tell apart.
+//! Identity management: meetings mix the identity probabilities of bodies, and looks separate them again.
 //!
-//! Each body has a probability of being each person (the identity belief matrix of J. Shin, L. J. Guibas and F. Zhao,
-//! "A distributed algorithm for managing multi-target identities in wireless ad-hoc sensor networks", IPSN 2003). Two
-//! bodies who meet mix theirs by how alike place and velocity become; the looks after the meeting part them again.
+//! Each body has a probability of carrying each identity (the identity belief matrix of J. Shin, L. J. Guibas and
+//! F. Zhao, "A distributed algorithm for managing multi-target identities in wireless ad-hoc sensor networks", IPSN
+//! 2003). A meeting of two bodies mixes their probabilities by the similarity of place and velocity; looks measured
+//! after the meeting resolve them.
 
 use super::ModernOptions;
 use super::assignment::{Assignment, Pair};
 use super::people::{People, bits};
 use super::person::MOST_PEOPLE;
 
-/// Weight of looks since a meeting from which a body is compared with identities.
+/// Weight of looks since the last meeting from which a body is compared with identities.
 const ENOUGH_LOOKS: f64 = 3.0;
-/// Time after which two people who meet again do so anew, seconds.
+/// Time apart after which a meeting of two bodies ends, seconds.
 const ANEW_S: f64 = 1.0;
 
-/// Distance beyond which nobody meets, however little is known of where they are, metres.
+/// Distance beyond which no bodies meet, whatever their covariances, metres.
 const FARTHEST_M: f64 = 3.0;
-/// Probability of being mistaken for somebody at the greatest distance of a meeting, however different the ways; and what
-/// comes to it at no distance.
+/// Least probability of a swap at the greatest distance of a meeting, whatever the velocities.
 const LEAST_CONFUSED: f64 = 0.005;
+/// Increase of that probability from the greatest distance to distance 0.
 const TURNED: f64 = 0.2;
 
-/// Two bodies that are near each other.
+/// Meeting of two bodies near each other.
 #[derive(Debug, Clone, Copy)]
 struct Meeting {
     /// Serial numbers of the bodies, the smaller first.
     bodies: (u32, u32),
-    /// Probability that they were mistaken for each other so far.
+    /// Probability that the bodies have been swapped so far.
     confused: f64,
+    /// Time at which the bodies were last near each other, seconds.
     near_s: f64,
 }
 
-/// Meetings that go on.
+/// Current meetings.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Meetings {
     list: Vec<Meeting>,
 }
 
 impl Meetings {
-    /// Mixes up those who are so alike in place and velocity that they may be mistaken for each other.
-    pub(super) fn note(&mut self, people: &mut People, now_s: f64, options: &ModernOptions) {
+    /// Begins, continues and ends meetings, and mixes the identities of bodies that may have been swapped because their
+    /// places and velocities are similar.
+    pub(super) fn update(&mut self, people: &mut People, now_s: f64, options: &ModernOptions) {
         for i in 0..people.len() {
             for j in 0..i {
                 let (a, b) = (&people[i], &people[j]);
@@ -52,9 +55,9 @@ impl Meetings {
                 if away >= (options.meet_m + unsure_m).powi(2) {
                     continue;
                 }
-                // The Bhattacharyya bound of the error of telling two normal distributions apart.
+                // Bhattacharyya bound of the error probability of discriminating two normal distributions.
                 let bound = 0.5 * (-a.motion.distance(&b.motion) / (8.0 * options.confusion)).exp();
-                // People turn where they meet, so that the ways that they come and go tell less than the filters know.
+                // People turn where they meet, so that velocities discriminate less than their covariances say.
                 let near = (1.0 - away.sqrt() / options.meet_m).max(0.0);
                 let confused = bound.max(LEAST_CONFUSED + TURNED * near);
                 let meeting = self.between(a.serial, b.serial);
@@ -62,7 +65,7 @@ impl Meetings {
                 if confused < 1.2 * meeting.confused {
                     continue;
                 }
-                // Mixing by what is new and by what was before makes one mixing by `confused`.
+                // The earlier mixing followed by a mixing by `new` equals one mixing by `confused`.
                 let new = (confused - meeting.confused) / (1.0 - 2.0 * meeting.confused).max(1e-3);
                 meeting.confused = confused;
                 people.mix(i, j, new.clamp(0.0, 0.5));
@@ -81,8 +84,8 @@ impl Meetings {
     }
 }
 
-/// Gives each body the identity of the best permutation, where it is better than what is by the margin; and where there
-/// is no doubt about a body, its looks are learnt.
+/// Gives each body its identity by the best permutation, if that is better than the current one by the margin, and
+/// learns the looks of bodies whose identity is certain. `dt` is the time since the last call, seconds.
 pub(super) fn decide(people: &mut People, assignment: &mut Assignment, dt: f64, options: &ModernOptions) {
     let mut is_known: u64 = 0;
     for (i, person) in people.iter_mut().enumerate() {
@@ -104,12 +107,12 @@ pub(super) fn decide(people: &mut People, assignment: &mut Assignment, dt: f64, 
     }
 }
 
-/// Puts bodies in question whose looks are not those of their identity though they met nobody: what they may have met is
-/// somebody whom nobody followed at that time.
+/// Allows swaps of bodies whose looks contradict their identity although no meeting was observed: they may have met a
+/// person who was not tracked at that time.
 fn question_misfits(people: &mut People, is_known: u64, dt: f64, options: &ModernOptions) {
-    /// Time after which somebody who is nobody else has changed looks, as by other light, seconds.
+    /// Duration of a contradiction after which the new looks are learnt, seconds: the light may have changed.
     const CHANGED_S: f64 = 5.0;
-    /// Distance up to which two bodies may have been mistaken for each other a little while ago, metres.
+    /// Distance up to which two bodies may have been swapped shortly before, metres.
     const NEAR_M: f64 = 4.0;
     for i in 0..people.len() {
         let own = people[i].log_likelihood(&people[i].identity);
@@ -125,15 +128,15 @@ fn question_misfits(people: &mut People, is_known: u64, dt: f64, options: &Moder
         for j in bits(is_known & !people[i].may_be) {
             let away_m = (people[i].motion.position - people[j].motion.position).norm();
             if away_m < NEAR_M && people[i].log_likelihood(&people[j].identity) - own > options.margin_nats {
-                people.suspect(i, j);
+                people.allow_swap(i, j);
             }
         }
     }
 }
 
-/// Exchanges identities along each cycle of the best permutation that is better than what is by the margin.
+/// Exchanges identities along each cycle of the best permutation that gains more than the margin.
 fn permute(people: &mut People, assignment: &mut Assignment, is_known: u64, options: &ModernOptions) {
-    /// Log-likelihood below the best at which nothing counts further: costs stay below those of no assignment.
+    /// Maximum cost of a pair, nats: it stays below the cost of leaving a body unassigned.
     const LARGEST: f64 = 100.0;
     let mut pairs = Vec::new();
     for i in bits(is_known) {
@@ -154,7 +157,7 @@ fn permute(people: &mut People, assignment: &mut Assignment, is_known: u64, opti
     while left != 0 {
         let first = left.trailing_zeros() as usize;
         let (mut cycle, mut gain, mut body) = (Vec::new(), 0.0, first);
-        // A body that gets nobody's identity ends the walk: its identity stays where it is.
+        // A body without an assigned identity ends the walk and keeps its own.
         while body < people.len() && left >> body & 1 == 1 {
             left &= !(1 << body);
             let from = gets[body];
@@ -170,29 +173,29 @@ fn permute(people: &mut People, assignment: &mut Assignment, is_known: u64, opti
     }
 }
 
-/// What a cycle of identities has to gain, nats. At first it is much, as looks from near a meeting may be of the other;
-/// later there is no more to wait for.
+/// Gain of log-likelihood that an exchange along a cycle needs, nats. It decreases with the time since the meeting: at
+/// first looks may be of the other person.
 fn margin(people: &People, cycle: &[(usize, usize)], options: &ModernOptions) -> f64 {
-    /// Time for which bodies have to be apart until half of the margin does, seconds.
+    /// Time apart after which half of the margin is enough, seconds.
     const HALF_S: f64 = 3.0;
     let apart_s = cycle.iter().map(|(body, _)| people[*body].apart_s).fold(f64::INFINITY, f64::min);
     options.margin_nats * (HALF_S / (HALF_S + apart_s)).max(0.25)
 }
 
-/// Ends the doubt about a body where there is next to none left, and learns its looks.
+/// Resolves the identity of a body that is almost certain, and learns its looks.
 fn learn(people: &mut People, index: usize) {
-    /// Probability of being somebody else from which there is doubt.
+    /// Probability of another identity above which a body's identity is uncertain.
     const DOUBT: f64 = 2e-3;
     let evidence = people[index].evidence;
     if people[index].may_be == 1 << index || people.certainty(index) < 1.0 - DOUBT {
         return;
     }
-    people.be_sure(index);
+    people.resolve(index);
     people[index].identity.learnt.merge(&evidence);
 }
 
-/// Notes that somebody found again may as well be others who were lost.
-pub(super) fn put_in_question(people: &mut People, index: usize, others: u64) {
+/// Mixes the identity of a recovered person with those of the other lost people who match.
+pub(super) fn mix_with_lost(people: &mut People, index: usize, others: u64) {
     for other in bits(others) {
         people.mix(index, other, 0.25);
     }

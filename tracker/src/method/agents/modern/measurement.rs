@@ -1,4 +1,4 @@
-//! Measurements of one sender, as this station uses them: checked, and brought to its time.
+//! Measurements of one sender, validated and predicted to this station's time.
 
 use nalgebra::{Matrix2, Point2, Vector2};
 
@@ -6,17 +6,18 @@ use super::super::{Looks, Packet, Report, Sightings, TargetId};
 use super::ModernOptions;
 use super::signature::Signature;
 
-/// Most reports of a packet, and most sightings of a moment, that are used.
+/// Maximum number of reports used of a packet, and of sightings used of a moment.
 pub(super) const MOST_MEASUREMENTS: usize = 64;
-/// Largest target id that is believed: what is above is nobody's.
+/// Largest valid target id.
 pub(super) const LARGEST_TARGET: u32 = 1 << 30;
-/// Standard deviation of a place that is believed, metres: from as good as a station measures to as bad as is of use.
+/// Smallest and largest valid standard deviation of a place, metres: from the best that a station measures to the
+/// worst that is useful.
 const SIGMA_RANGE_M: (f64, f64) = (0.03, 10.0);
-/// Largest coordinate that is believed, metres.
+/// Largest valid coordinate, metres.
 const FARTHEST_M: f64 = 1e4;
-/// Largest speed that is believed, m/s.
+/// Largest valid speed, m/s.
 const FASTEST_M_S: f64 = 12.0;
-/// Height that is believed, metres.
+/// Smallest and largest valid height, metres.
 const HEIGHT_RANGE_M: (f64, f64) = (0.3, 2.6);
 /// Standard deviation of a reported velocity, m/s.
 const VELOCITY_SIGMA_M_S: f64 = 1.0;
@@ -28,25 +29,26 @@ pub(super) struct Measurement {
     pub(super) position: Point2<f64>,
     /// Covariance of the place, m².
     pub(super) covariance: Matrix2<f64>,
-    /// Velocity by the sender, m/s; 0 of a sighting.
+    /// Velocity estimated by the sender, m/s; 0 for a sighting.
     pub(super) velocity: Vector2<f64>,
     /// Height, metres.
     pub(super) height_m: f64,
-    /// Looks as they were measured; `None` where too little is seen.
+    /// Measured looks; `None` when too little of the person is visible.
     pub(super) looks: Option<Looks>,
-    /// The same, to compare.
+    /// Looks and height as a vector for comparison.
     pub(super) signature: Option<Signature>,
-    /// Whether it may be of somebody near.
+    /// Whether the measurement may be of another person nearby.
     pub(super) is_crowded: bool,
-    /// The sender's target id of it, 0: none.
+    /// Target id given by the sender; 0 for none.
     pub(super) target: TargetId,
-    /// The sender's confidence that it is its target.
+    /// The sender's confidence in the target id, 0 to 1.
     pub(super) confidence: f64,
-    /// Image track of a sighting.
+    /// Image track of a sighting; 0 for a report.
     pub(super) track: u32,
 }
 
-/// The station's own sightings. Two image tracks on one person give one measurement. Returns how many were refused.
+/// Appends the station's own sightings. Two image tracks on one person give one measurement. Returns the number of
+/// sightings refused.
 pub(super) fn of_sightings(
     sightings: &Sightings,
     options: &ModernOptions,
@@ -81,8 +83,8 @@ pub(super) fn of_sightings(
     refused
 }
 
-/// A packet's reports, brought ahead by `age_s` seconds, which are negative for a report of later than now. Returns how
-/// many were refused, because their numbers are not of a person's or their target is reported twice.
+/// Appends a packet's reports, predicted by `age_s` seconds (negative for reports later than now). Returns the number
+/// of reports refused: invalid values, or a target that is reported twice.
 pub(super) fn of_packet(
     packet: &Packet,
     age_s: f64,
@@ -134,7 +136,7 @@ fn is_height(height_m: f64) -> bool {
     (HEIGHT_RANGE_M.0..=HEIGHT_RANGE_M.1).contains(&height_m)
 }
 
-/// The covariance, made symmetric and no smaller than any station measures; `None` where it is none or of no use.
+/// Covariance made symmetric, with the variance of the best station added; `None` for an invalid or useless one.
 fn checked_covariance(covariance: &Matrix2<f64>) -> Option<Matrix2<f64>> {
     let symmetric = (covariance + covariance.transpose()) * 0.5;
     let (trace, determinant) = (symmetric.trace(), symmetric.determinant());

@@ -1,17 +1,17 @@
-//! The modern rule: each station keeps its own state of everybody.
+//! The modern rule: each station keeps its own state of all people.
 //!
-//! A station keeps a Kalman filter of each person whom it sees or hears of. It assigns every measurement itself, its own
-//! sightings and the reports of each packet, jointly per sender, by place and looks; it trusts no sender's label. After
-//! people have met, the looks decide by the best permutation which body carries which identity. No state is fused
-//! between stations and nothing is fed back, so that a lost packet only thins out what a station knows.
+//! A station keeps a Kalman filter for each person measured by itself or by others. It associates every measurement
+//! itself, its own sightings and the reports of each packet, jointly per sender, by place and looks; it trusts no
+//! sender's id. After a meeting the best permutation by looks decides which body carries which identity. No state is
+//! fused between stations and nothing is fed back, so that a lost packet only means fewer measurements.
 //!
 //! One moment:
-//! * [`measurement`] — checks what is heard and brings it to this station's time.
-//! * [`association`], [`assignment`], [`person`], [`motion`] — which measurement is of whom; the filters.
-//! * [`identity`], [`signature`] — who is who after a meeting.
-//! * [`contradiction`] — one person whom two stations see at different distances.
+//! * [`measurement`] — validates received reports and predicts them to this station's time.
+//! * [`association`], [`assignment`], [`person`], [`motion`] — data association and the filters.
+//! * [`identity`], [`signature`] — identities after a meeting.
+//! * [`contradiction`] — one person whom two stations measure at different distances.
 //! * [`naming`], [`peer`] — one id for one person at all stations.
-//! * [`existence`], [`nursery`] — newcomers, people who have gone, and people whom nobody can see.
+//! * [`existence`], [`nursery`] — births, deaths, and people who are occluded from all stations.
 
 mod assignment;
 mod association;

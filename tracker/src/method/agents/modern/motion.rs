@@ -1,18 +1,18 @@
 //! Constant-velocity Kalman filter of one person on the floor.
 //!
-//! The covariance is kept as its 2 x 2 blocks, which needs a quarter of the arithmetic of a 4 x 4 matrix.
+//! The covariance is stored as 2 x 2 blocks, which needs a quarter of the arithmetic of a 4 x 4 matrix.
 
 use nalgebra::{Matrix2, Matrix4, Point2, Vector2, Vector4};
 
-/// Time for which an acceleration lasts, seconds: one frame of the published simulation.
+/// Correlation time of the acceleration, seconds: one frame of the published simulation.
 const ACCELERATION_LASTS_S: f64 = 0.1;
-/// Standard deviation of a person's velocity when nothing is known of it, m/s.
+/// Standard deviation of a new person's velocity, m/s.
 const UNKNOWN_SPEED_M_S: f64 = 1.0;
-/// Time after which somebody whom nobody measures has slowed down e times, seconds.
+/// Time constant at which the velocity of an unmeasured person decays, seconds.
 const SLOWING_S: f64 = 1.5;
-/// Standard deviation of place up to which somebody's uncertainty grows, metres.
+/// Largest standard deviation of an unmeasured person's place, metres.
 const LARGEST_SIGMA_M: f64 = 3.0;
-/// Standard deviation of velocity up to which somebody's uncertainty grows, m/s.
+/// Largest standard deviation of an unmeasured person's velocity, m/s.
 const LARGEST_SPEED_SIGMA_M_S: f64 = 1.5;
 
 /// Place and velocity of a person, with their covariance.
@@ -30,17 +30,17 @@ pub(super) struct Motion {
     speed: Matrix2<f64>,
 }
 
-/// How well a measurement fits a prediction.
+/// Fit of a measurement to a prediction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Fit {
     /// Square of the Mahalanobis distance.
     pub(super) distance: f64,
-    /// Logarithm of the determinant of the innovation's covariance, that of m⁴.
+    /// Natural logarithm of the determinant of the innovation covariance, which is in m⁴.
     pub(super) log_determinant: f64,
 }
 
 impl Motion {
-    /// A person measured for the first time.
+    /// Initialises the state from a person's first measurement.
     pub(super) fn new(position: Point2<f64>, velocity: Vector2<f64>, covariance: Matrix2<f64>) -> Self {
         Self {
             position,
@@ -66,7 +66,7 @@ impl Motion {
         covariance
     }
 
-    /// Prediction `dt` seconds ahead.
+    /// Predicts the state `dt` seconds ahead; `acceleration` is its standard deviation, m/s².
     pub(super) fn predict(&mut self, dt: f64, acceleration: f64) {
         // Spectral density of the acceleration, m²/s³.
         let density = acceleration * acceleration * ACCELERATION_LASTS_S;
@@ -79,7 +79,7 @@ impl Motion {
         self.speed += eye * (density * dt);
     }
 
-    /// Slowing down of somebody whom nobody measures, with a bound on what is not known.
+    /// Slows down an unmeasured person over `dt` seconds and bounds the covariance.
     pub(super) fn slow_down(&mut self, dt: f64) {
         let kept = (-dt / SLOWING_S).exp();
         self.velocity *= kept;
@@ -88,7 +88,7 @@ impl Motion {
         shrink(&mut self.speed, &mut self.cross, LARGEST_SPEED_SIGMA_M_S);
     }
 
-    /// How well a measurement fits, if its covariance is one.
+    /// Fit of a measurement to the state; `None` for a singular innovation covariance.
     pub(super) fn fit(&self, measured: &Point2<f64>, covariance: &Matrix2<f64>) -> Option<Fit> {
         let s = self.place + covariance;
         let determinant = s.determinant();
@@ -101,7 +101,7 @@ impl Motion {
         Some(Fit { distance, log_determinant: determinant.ln() })
     }
 
-    /// Takes a measurement in.
+    /// Updates the state with a measured place, metres, and its covariance, m².
     pub(super) fn update(&mut self, measured: &Point2<f64>, covariance: &Matrix2<f64>) {
         let Some(inverse) = (self.place + covariance).try_inverse() else { return };
         let v = measured - self.position;
@@ -116,7 +116,7 @@ impl Motion {
         self.speed = (self.speed + self.speed.transpose()) * 0.5;
     }
 
-    /// Square of the Mahalanobis distance of two people's places and velocities.
+    /// Squared Mahalanobis distance of two people's places and velocities.
     pub(super) fn distance(&self, other: &Self) -> f64 {
         let mut covariance = Matrix4::zeros();
         covariance.fixed_view_mut::<2, 2>(0, 0).copy_from(&(self.place + other.place));
@@ -125,7 +125,7 @@ impl Motion {
         covariance.fixed_view_mut::<2, 2>(2, 2).copy_from(&(self.speed + other.speed));
         let (place, speed) = (self.position - other.position, self.velocity - other.velocity);
         let difference = Vector4::new(place.x, place.y, speed.x, speed.y);
-        // A covariance that rounding has made indefinite tells nobody apart.
+        // A covariance that rounding has made indefinite discriminates nothing.
         covariance.cholesky().map_or(0.0, |c| difference.dot(&c.solve(&difference)))
     }
 
@@ -135,7 +135,7 @@ impl Motion {
     }
 }
 
-/// Scales a covariance, and what goes along with it, down to a standard deviation.
+/// Scales a covariance, and its cross-covariance, down to a largest standard deviation.
 fn shrink(covariance: &mut Matrix2<f64>, cross: &mut Matrix2<f64>, largest_sigma: f64) {
     let limit = 2.0 * largest_sigma * largest_sigma;
     let trace = covariance.trace();
@@ -151,7 +151,7 @@ mod tests {
 
     use super::*;
 
-    /// The same filter with 4 x 4 matrices.
+    /// Reference implementation of one prediction and update with 4 x 4 matrices.
     fn slow(state: &mut (Vector4<f64>, Matrix4<f64>), dt: f64, q: f64, z: &Point2<f64>, r: &Matrix2<f64>) {
         let mut f = Matrix4::identity();
         f[(0, 2)] = dt;
@@ -172,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn blocks_give_what_the_whole_matrix_gives() {
+    fn block_updates_equal_those_of_the_whole_matrix() {
         let r = Matrix2::new(0.12, 0.03, 0.03, 0.05);
         let mut motion = Motion::new(Point2::new(1.0, 2.0), Vector2::zeros(), r);
         let mut state = (Vector4::new(1.0, 2.0, 0.0, 0.0), Matrix4::zeros());
@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn uncertainty_of_somebody_unmeasured_is_bounded() {
+    fn the_covariance_of_an_unmeasured_person_is_bounded() {
         let mut motion = Motion::new(Point2::origin(), Vector2::new(1.5, 0.0), Matrix2::identity() * 0.1);
         for _ in 0..6000 {
             motion.predict(0.1, 1.5);

@@ -1,12 +1,12 @@
 //! One id for one person at all stations.
 //!
-//! Each station gives its own ids, and may carry an id on with the wrong body. Where a peer measures for some time under
-//! one id whom this station knows under another, one of the two gives way, and both find the same one:
+//! Each station assigns its own ids, and an id may follow the wrong body. When a peer reports a person for some time
+//! under another id than this station's, one of the two ids gives way, and both stations come to the same decision:
 //!
-//! * the peer's id is nobody's here: the lower id, which is the older, stays; a station that only hears of a person goes
-//!   by those who see the person;
-//! * the peer's id is somebody else's here: whose looks fit better, and which of the two stations is surer; in doubt the
-//!   station with the lower number is right.
+//! * no person here carries the peer's id: the lower id, which is the older, stays; a station that does not measure the
+//!   person itself adopts the id of those that do;
+//! * another person here carries the peer's id: the looks and the stations' confidences decide; in doubt the station
+//!   with the lower number is right.
 
 use super::super::{StationId, TargetId};
 use super::ModernOptions;
@@ -14,22 +14,22 @@ use super::existence;
 use super::peer::{Claim, Peer};
 use super::people::People;
 
-/// What one station's word is worth at most, nats.
+/// Maximum weight of one station's id, nats.
 const WORD_NATS: f64 = 3.0;
-/// Difference below which the station with the lower number is right, nats.
+/// Score below which the station with the lower number is right, nats.
 const DOUBT_NATS: f64 = 1.0;
-/// Time after which somebody new gets the id that a peer gives, seconds.
+/// Time after which a new person gets a peer's id, seconds.
 const NEW_S: f64 = 0.3;
-/// Time for which a claim counts after it was made, seconds.
+/// Time for which a claim is valid after it was last made, seconds.
 const FRESH_S: f64 = 0.5;
 
-/// A claim that has lasted, and whose it is.
+/// Persistent claim of a peer that differs from this station's id.
 struct Dispute {
     peer: StationId,
     claim: Claim,
 }
 
-/// Settles under which id people are known whom a peer knows under another. Returns the number of ids that changed.
+/// Resolves different ids of this station and its peers for one person. Returns the number of ids that changed.
 pub(super) fn settle(
     people: &mut People,
     peers: &mut [Peer],
@@ -49,7 +49,7 @@ pub(super) fn settle(
         })
         .map(|(index, claim)| Dispute { peer: StationId(index as u8), claim })
         .collect();
-    // Stations take their decisions at different times, so that two never give way to each other at once.
+    // Stations decide at different times, so that two never give way to each other at once.
     let patience_s = options.naming_s * (1.0 + f64::from(own.0) / peers.len().max(1) as f64);
     let mut changed = 0;
     for Dispute { peer, claim } in disputes {
@@ -57,7 +57,7 @@ pub(super) fn settle(
         let is_used_there = is_used(&peers[peer.0 as usize], &claim, now_s);
         let gives_way = match people.index_of(claim.theirs) {
             None => {
-                // Ids just given have had no time to become somebody's.
+                // A new id is not established yet, so it changes sooner.
                 let is_new = people[here].age_s < 5.0;
                 let enough_s = if is_new { options.naming_s.min(NEW_S) } else { options.naming_s };
                 let gives_way = claim.theirs < claim.mine || is_only_heard(people, peers, here, now_s);
@@ -85,7 +85,7 @@ pub(super) fn settle(
             }
         };
         if gives_way {
-            take_name(people, here, &claim, options);
+            adopt_id(people, here, &claim, options);
             drop_claims(peers, &claim);
             changed += 1;
         }
@@ -93,35 +93,35 @@ pub(super) fn settle(
     changed
 }
 
-/// Gives the body that is known as `claim.mine` the id `claim.theirs`.
-fn take_name(people: &mut People, here: usize, claim: &Claim, options: &ModernOptions) {
+/// Changes the id of a body from `claim.mine` to `claim.theirs`.
+fn adopt_id(people: &mut People, here: usize, claim: &Claim, options: &ModernOptions) {
     match people.index_of(claim.theirs) {
         None => people[here].identity.target = claim.theirs,
         Some(other) if people[other].is_lost(options.birth_s) => {
             existence::take_over(people, here, other);
             people.remove(other);
         }
-        // By looks both bodies are whom they were before: the stations named them differently, and nobody was mistaken.
+        // By looks both bodies carry the right identity: only the ids of the stations differ.
         Some(other) if people.gain(here, other) < -DOUBT_NATS => people.exchange_targets(here, other),
         Some(other) => people.exchange(here, other),
     }
 }
 
-/// Whether nobody who sees a person gives it this station's id: neither the station itself nor a peer.
+/// Whether no station that measures a person uses this station's id: neither this station nor a peer.
 fn is_only_heard(people: &People, peers: &[Peer], here: usize, now_s: f64) -> bool {
     let mine = people[here].identity.target;
     people[here].unseen_s > 1.0
         && !peers.iter().flat_map(|p| &p.claims).any(|c| c.theirs == mine && now_s - c.made_s <= FRESH_S)
 }
 
-/// Whether the peer gives this station's id to somebody else.
+/// Whether the peer uses this station's id for another person.
 fn is_used(peer: &Peer, claim: &Claim, now_s: f64) -> bool {
     peer.claims.iter().any(|c| c.theirs == claim.mine && c.mine != claim.mine && now_s - c.made_s <= FRESH_S)
 }
 
-/// Whether looks, and the stations that call a body as the peer does, outweigh this station's own word and that of the
-/// stations that call the body as this one does; in doubt the station with the lower number is right, so that all come to
-/// agree with the lowest. As every station counts the same words, two that disagree do not both give way.
+/// Whether the looks and the stations that use the peer's id for a body outweigh this station and those that use its
+/// id. In doubt the station with the lower number is right, so that all come to agree with the lowest. As every station
+/// counts the same claims, two that disagree do not both give way.
 fn is_outweighed(
     people: &People,
     peers: &[Peer],
@@ -149,7 +149,7 @@ fn is_outweighed(
     if score.abs() < DOUBT_NATS { first_for < first_against } else { score > 0.0 }
 }
 
-/// Lets a claim prove itself anew.
+/// Shortens the duration of a claim, so that it has to last again before the next decision.
 fn restart(peers: &mut [Peer], claim: &Claim) {
     for c in peers.iter_mut().flat_map(|p| &mut p.claims) {
         if c.theirs == claim.theirs && c.mine == claim.mine {
@@ -158,7 +158,7 @@ fn restart(peers: &mut [Peer], claim: &Claim) {
     }
 }
 
-/// Drops the claims about two ids that have changed.
+/// Drops all claims that concern two ids that have changed.
 fn drop_claims(peers: &mut [Peer], claim: &Claim) {
     let is_about = |id: TargetId| id == claim.theirs || id == claim.mine;
     for peer in peers {

@@ -1,42 +1,43 @@
-//! Sightings that belong to nobody yet.
+//! Tentative tracks: image tracks that are not associated with a person yet.
 
 use super::measurement::Measurement;
 use super::signature::MeanLook;
 
-/// Time after which an image track that is no longer seen is forgotten, seconds.
+/// Time without a sighting after which a tentative track is deleted, seconds.
 const FORGOTTEN_S: f64 = 0.5;
 
-/// An image track that nobody's state takes.
+/// Tentative track of one image track.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Newcomer {
-    /// Its last measurement.
+    /// Last measurement.
     pub(super) measurement: Measurement,
-    /// Time for which it has been there apart from others, seconds.
+    /// Time for which it has been measured apart from all people, seconds.
     pub(super) lasting_s: f64,
-    /// Its looks.
+    /// Mean looks.
     pub(super) looks: MeanLook,
+    /// Time since the last measurement, seconds.
     missed_s: f64,
 }
 
-/// Image tracks that nobody's state takes.
+/// Tentative tracks of one station.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Nursery {
     pub(super) list: Vec<Newcomer>,
 }
 
 impl Nursery {
-    /// Lets `dt` seconds pass.
-    pub(super) fn wait(&mut self, dt: f64) {
+    /// Advances the time by `dt` seconds and deletes tracks that were missed for too long.
+    pub(super) fn advance(&mut self, dt: f64) {
         for newcomer in &mut self.list {
             newcomer.missed_s += dt;
         }
         self.list.retain(|n| n.missed_s <= FORGOTTEN_S);
     }
 
-    /// A sighting that nobody takes; `is_apart`: it is surely not of somebody known. People who come in together are
-    /// crowded all the time: they take longer.
+    /// Adds an unassociated sighting, `dt` seconds after the last frame; `is_apart`: it is certainly of no tracked
+    /// person. People who enter together are crowded all the time and take longer to confirm.
     pub(super) fn add(&mut self, measurement: &Measurement, is_apart: bool, dt: f64) {
-        /// Share of the time that counts where other people are near.
+        /// Fraction of the time that counts while other people are near.
         const CROWDED: f64 = 1.0 / 3.0;
         let index =
             self.list.iter().position(|n| n.measurement.track == measurement.track).unwrap_or_else(|| {
@@ -55,7 +56,7 @@ impl Nursery {
         }
     }
 
-    /// Forgets a track that somebody's state takes.
+    /// Removes the tentative track of an image track that is associated with a person.
     pub(super) fn remove(&mut self, track: u32) {
         self.list.retain(|n| n.measurement.track != track);
     }

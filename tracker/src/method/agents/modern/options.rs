@@ -4,57 +4,56 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Error, Result};
 
-/// Options of the modern rule. [`Self::simulation`] fits the published simulation, the default fits cameras.
+/// Options of the modern rule. [`Self::simulation`] is for the published simulation, the default for cameras.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ModernOptions {
     /// Standard deviation of a person's acceleration, m/s², constant over about 0.1 s.
     pub acceleration_m_s2: f64,
-    /// Time for which the error of an image track's place stays about the same, seconds; 0: every frame's is new. The
-    /// error of a silhouette's foot or far end lasts as long as the person's pose and background do.
+    /// Correlation time of the errors of an image track's place, seconds; 0: errors are independent from frame to
+    /// frame. The error of a silhouette's foot or far end lasts as long as the person's pose and background do.
     pub correlation_s: f64,
-    /// The same for colours, which last as long as the light that falls on the person.
+    /// Correlation time of the errors of colours, seconds: they last as long as the light that falls on the person.
     pub look_correlation_s: f64,
     /// Standard deviation of the measured hue of a fully saturated colour, degrees. At half the saturation the hue
     /// counts half: the chroma plane is the space in which colours are compared, and there grey has no hue.
     pub hue_noise_deg: f64,
-    /// Standard deviation of brightness, 0 to 1: wide, as shade changes it.
+    /// Standard deviation of the measured brightness, 0 to 1: large, as shade changes it.
     pub value_noise: f64,
     /// Standard deviation of the height that one station measures, metres.
     pub height_noise_m: f64,
-    /// Number of colours of a look whose errors are independent, 1 to 3. In the simulation the three colours are one.
+    /// Number of colours of a look with independent errors, 1 to 3. In the simulation the three colours are equal.
     pub independent_colours: f64,
-    /// Measurement errors of people who are close are larger by this factor; their covariance as reported has it already,
-    /// their colours have not.
+    /// Factor of the errors of colours of people who are close. The reported covariance of the place already has it.
     pub crowded_factor: f64,
-    /// Square of the Mahalanobis distance beyond which a measurement is not of a person.
+    /// Gate: squared Mahalanobis distance from which a measurement is not associated with a person.
     pub gate: f64,
-    /// Difference of log-likelihood that settles who is who after a crossing, nats.
+    /// Difference of log-likelihood that decides identities after a crossing, nats.
     pub margin_nats: f64,
-    /// Time after which evidence counts e times less, seconds.
+    /// Time constant at which the weight of evidence decays, seconds.
     pub memory_s: f64,
-    /// Distance below which two people may be mistaken for each other, metres.
+    /// Distance below which two people may be swapped, metres.
     pub meet_m: f64,
-    /// Factor of the covariances in the probability of mistaking people who meet: they turn and slow down there more than
+    /// Factor of the covariances in the probability of a swap at a meeting: people turn and slow down there more than
     /// elsewhere.
     pub confusion: f64,
-    /// Time for which a sighting that nobody's track takes has to last until it becomes a new person, seconds.
+    /// Duration of an unassociated image track after which it becomes a new person, seconds.
     pub birth_s: f64,
-    /// Time for which a station that has just started listens before it gives ids, seconds.
+    /// Time for which a station that has just started only receives before it assigns ids, seconds.
     pub listen_s: f64,
-    /// Time after which a person whom some station should see and none measures is gone, seconds.
+    /// Time after which a person whom a station should measure and none does is removed, seconds.
     pub death_s: f64,
-    /// Time for which a person whom no station can see is carried, seconds.
+    /// Time after which a person who is occluded from all stations is removed, seconds.
     pub carry_s: f64,
-    /// Time for which two stations have to measure one person under two ids until one gives way, seconds.
+    /// Time for which two stations use two ids for one person until one id gives way, seconds.
     pub naming_s: f64,
 }
 
 impl Default for ModernOptions {
     fn default() -> Self {
         Self {
-            // People in rooms turn within a step; image tracking tells the lasting part of its errors in its covariance, and
-            // only of people whom it believes in.
+            // People in rooms turn within a step. Image tracking includes lasting errors in its covariance, and
+            // reports only people that it has confirmed.
             acceleration_m_s2: 2.5,
             birth_s: 0.1,
             look_correlation_s: 1.0,
@@ -93,10 +92,10 @@ impl ModernOptions {
         }
     }
 
-    /// Checks that the options make sense.
+    /// Checks that all options are within their ranges.
     ///
     /// # Errors
-    /// [`Error::Option`] for the first that does not.
+    /// [`Error::Option`] for the first that is not.
     pub fn validate(&self) -> Result<()> {
         let above_0 = [
             ("acceleration_m_s2", self.acceleration_m_s2),

@@ -1,35 +1,35 @@
-//! What this station knows of another station.
+//! State of another station, as far as this station receives its packets.
 
 use super::super::{Packet, TargetId};
 
-/// Most claims of one peer that are kept.
+/// Maximum number of claims that are kept of one peer.
 const MOST_CLAIMS: usize = 128;
-/// Time after which a claim that is not repeated is forgotten, seconds.
+/// Time without repetition after which a claim is dropped, seconds.
 const FORGOTTEN_S: f64 = 2.0;
 
-/// A peer's id for somebody here.
+/// Claim of a peer that a person here carries the peer's id.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Claim {
     /// The peer's id.
     pub(super) theirs: TargetId,
-    /// This station's id of the same body.
+    /// This station's id for the same body.
     pub(super) mine: TargetId,
-    /// Time for which it has been so, seconds.
+    /// Duration of the claim, seconds.
     pub(super) lasting_s: f64,
-    /// How sure the peer is of its id.
+    /// The peer's confidence in its id, 0 to 1.
     pub(super) confidence: f64,
-    /// When it was made last.
+    /// Time of the last repetition, seconds on this station's clock.
     pub(super) made_s: f64,
 }
 
 /// Another station.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Peer {
-    /// When it was heard last, seconds on this station's clock; `None`: never.
-    pub(super) heard_s: Option<f64>,
-    /// Whether its camera shows nothing usable.
+    /// Time of the last packet, seconds on this station's clock; `None` before the first packet.
+    pub(super) received_s: Option<f64>,
+    /// Whether the peer's camera has no usable image.
     pub(super) is_blind: bool,
-    /// Its ids for people here.
+    /// The peer's ids for people here.
     pub(super) claims: Vec<Claim>,
     life: u32,
     sequence: u32,
@@ -37,18 +37,19 @@ pub(super) struct Peer {
 }
 
 impl Peer {
-    /// Takes note of a packet. Returns the time since the packet before, seconds, or `None` where it is an old one.
-    pub(super) fn note(&mut self, packet: &Packet, now_s: f64) -> Option<f64> {
+    /// Updates the state with a packet. Returns the time since the previous packet, seconds; `None` for an old one.
+    pub(super) fn update(&mut self, packet: &Packet, now_s: f64) -> Option<f64> {
         let is_new_life = packet.life != self.life;
-        if self.heard_s.is_some() {
+        if self.received_s.is_some() {
             let is_old =
                 if is_new_life { packet.time_s <= self.time_s } else { packet.sequence <= self.sequence };
             if is_old {
                 return None;
             }
         }
-        let since_s = if self.heard_s.is_none() || is_new_life { 0.1 } else { packet.time_s - self.time_s };
-        self.heard_s = Some(now_s);
+        let since_s =
+            if self.received_s.is_none() || is_new_life { 0.1 } else { packet.time_s - self.time_s };
+        self.received_s = Some(now_s);
         self.is_blind = packet.is_blind;
         self.life = packet.life;
         self.sequence = packet.sequence;
@@ -56,14 +57,14 @@ impl Peer {
         Some(since_s.clamp(0.02, 0.5))
     }
 
-    /// Whether it is running, and its camera sees.
+    /// Whether the peer is running and its camera has a usable image.
     pub(super) fn is_watching(&self, now_s: f64) -> bool {
-        /// Time after which a station that is not heard is taken for dead, seconds.
+        /// Time without a packet after which a station has stopped, seconds.
         const DEAD_S: f64 = 2.0;
-        !self.is_blind && self.heard_s.is_some_and(|s| now_s - s <= DEAD_S)
+        !self.is_blind && self.received_s.is_some_and(|s| now_s - s <= DEAD_S)
     }
 
-    /// The peer has measured somebody here under an id, `dt` seconds after its last packet.
+    /// Records a claim, `dt` seconds after the peer's previous packet; its duration grows to at most `most_s` seconds.
     pub(super) fn claim(&mut self, claim: Claim, dt: f64, most_s: f64) {
         let mut is_known = false;
         for known in &mut self.claims {
@@ -81,7 +82,7 @@ impl Peer {
         }
     }
 
-    /// Forgets claims that are no longer made.
+    /// Drops claims that are no longer made.
     pub(super) fn forget_old(&mut self, now_s: f64) {
         self.claims.retain(|c| c.lasting_s > 0.0 && now_s - c.made_s <= FORGOTTEN_S);
     }

@@ -1,13 +1,13 @@
-//! Everybody whom one station knows of.
+//! All people whom one station tracks, with their identity probabilities.
 
 use super::super::TargetId;
 use super::person::{Identity, MOST_PEOPLE, Person};
 use super::signature::MeanLook;
 
-/// Probability below which a body is not somebody.
+/// Probability below which a body does not carry an identity.
 const IMPOSSIBLE: f64 = 1e-4;
 
-/// Bodies, and the identities that they carry: no two with one id. A body's identity has the body's index.
+/// Bodies and the identities that they carry. Ids are unique; a body's current identity has the body's index.
 #[derive(Debug, Clone, Default)]
 pub(super) struct People {
     list: Vec<Person>,
@@ -15,8 +15,7 @@ pub(super) struct People {
 }
 
 impl People {
-    /// Adds somebody whose id nobody has. Where there are too many, the one missed for longest makes room; `None` if
-    /// everybody is measured.
+    /// Adds a person with an unused id. A full list drops the person missed for longest; `None` when all are measured.
     pub(super) fn add(&mut self, mut person: Person) -> Option<usize> {
         debug_assert!(self.index_of(person.identity.target).is_none());
         self.last_serial += 1;
@@ -34,11 +33,11 @@ impl People {
             self.list[index] = person;
             index
         };
-        self.be_sure(index);
+        self.resolve(index);
         Some(index)
     }
 
-    /// Removes somebody; the last one gets that index.
+    /// Removes a person; the last person of the list gets that index.
     pub(super) fn remove(&mut self, index: usize) {
         self.forget(index);
         self.list.swap_remove(index);
@@ -54,7 +53,7 @@ impl People {
         }
     }
 
-    /// Takes somebody out of everybody's sets.
+    /// Clears an index from the sets and probabilities of all people.
     fn forget(&mut self, index: usize) {
         for person in &mut self.list {
             person.may_be &= !(1 << index);
@@ -68,12 +67,12 @@ impl People {
         }
     }
 
-    /// Index of the person with an id.
+    /// Index of the person who carries an id.
     pub(super) fn index_of(&self, target: TargetId) -> Option<usize> {
         self.list.iter().position(|p| p.identity.target == target)
     }
 
-    /// Notes that an image track follows a body, and no other.
+    /// Assigns an image track to a body, and to no other.
     pub(super) fn follow(&mut self, index: usize, track: u32) {
         for person in self.list.iter_mut().filter(|person| person.track == Some(track)) {
             person.track = None;
@@ -81,15 +80,15 @@ impl People {
         self.list[index].track = Some(track);
     }
 
-    /// Lets a body be who it is taken for, without doubt.
-    pub(super) fn be_sure(&mut self, index: usize) {
+    /// Makes the current identity of a body certain.
+    pub(super) fn resolve(&mut self, index: usize) {
         let person = &mut self.list[index];
         person.prior = [0.0; MOST_PEOPLE];
         person.prior[index] = 1.0;
         person.may_be = 1 << index;
     }
 
-    /// Gives each body of a permutation the identity of another: pairs of body and the index whose identity it gets.
+    /// Permutes identities. Each pair is a body and the index whose identity the body gets.
     pub(super) fn permute(&mut self, pairs: &[(usize, usize)]) {
         let identities: Vec<Identity> = pairs.iter().map(|(_, from)| self.list[*from].identity).collect();
         for ((body, _), identity) in pairs.iter().zip(identities) {
@@ -104,7 +103,8 @@ impl People {
         }
     }
 
-    /// Exchanges the identities of two bodies, as somebody else had it: each is now at least as likely its new one.
+    /// Exchanges the identities of two bodies on another station's evidence; each new identity gets at least
+    /// probability 0.5.
     pub(super) fn exchange(&mut self, i: usize, j: usize) {
         self.permute(&[(i, j), (j, i)]);
         for index in [i, j] {
@@ -115,13 +115,13 @@ impl People {
         }
     }
 
-    /// Exchanges the ids of two bodies, and no more: each keeps its looks.
+    /// Exchanges only the ids of two bodies; each keeps its looks.
     pub(super) fn exchange_targets(&mut self, i: usize, j: usize) {
         let target = self.list[i].identity.target;
         self.list[i].identity.target = std::mem::replace(&mut self.list[j].identity.target, target);
     }
 
-    /// Mixes two bodies up: with this probability each is whom the other was taken for.
+    /// Mixes the identity probabilities of two bodies that were swapped with this probability.
     pub(super) fn mix(&mut self, i: usize, j: usize, probability: f64) {
         self.fold(i);
         self.fold(j);
@@ -140,8 +140,8 @@ impl People {
         }
     }
 
-    /// Lets a body perhaps be somebody else, and the other way around, however unlikely.
-    pub(super) fn suspect(&mut self, i: usize, j: usize) {
+    /// Allows two bodies to carry each other's identities, with at least the smallest probability.
+    pub(super) fn allow_swap(&mut self, i: usize, j: usize) {
         for (a, b) in [(i, j), (j, i)] {
             let person = &mut self.list[a];
             person.may_be |= 1 << b;
@@ -149,7 +149,7 @@ impl People {
         }
     }
 
-    /// Takes the looks since the last meeting into the prior.
+    /// Updates the prior with the looks since the last meeting, and clears them.
     fn fold(&mut self, index: usize) {
         if self.list[index].may_be != 1 << index && self.list[index].evidence.weight >= 0.5 {
             let posterior = self.posterior(index);
@@ -170,7 +170,7 @@ impl People {
         }
     }
 
-    /// Probability that a body is each person, by index.
+    /// Probability that a body carries each identity, by index.
     pub(super) fn posterior(&self, index: usize) -> [f64; MOST_PEOPLE] {
         let person = &self.list[index];
         if person.may_be == 1 << index || person.evidence.weight < 0.5 {
@@ -191,16 +191,16 @@ impl People {
         posterior
     }
 
-    /// Logarithm of how well a body fits an identity, by what was known when it last met somebody and by its looks since.
+    /// Log-probability of a body's identity, up to a constant, nats: prior at the last meeting and looks since.
     pub(super) fn log_fit(&self, body: usize, identity: usize) -> f64 {
         let person = &self.list[body];
         let looks_of = |k: usize| self.list[k].is_learnt();
-        // Somebody whose looks nobody knows fits as well as the one whom the body is taken for.
+        // An identity without learnt looks fits as well as the body's current one.
         let compared = if looks_of(identity) { identity } else { body };
         person.prior[identity].max(IMPOSSIBLE).ln() + person.log_likelihood(&self.list[compared].identity)
     }
 
-    /// What a pair of bodies gains in log-likelihood of their looks by exchanging their identities, nats.
+    /// Gain of log-likelihood of two bodies' looks by exchanging their identities, nats.
     pub(super) fn gain(&self, i: usize, j: usize) -> f64 {
         let (a, b) = (&self.list[i], &self.list[j]);
         if !a.is_learnt() || !b.is_learnt() {
@@ -211,7 +211,7 @@ impl People {
             - b.log_likelihood(&b.identity)
     }
 
-    /// Probability that a body carries its own identity and not that of somebody whom it met.
+    /// Probability that a body carries its current identity.
     pub(super) fn certainty(&self, index: usize) -> f64 {
         if self.list[index].may_be == 1 << index { 1.0 } else { self.posterior(index)[index] }
     }
@@ -230,7 +230,7 @@ impl std::ops::DerefMut for People {
     }
 }
 
-/// The indices in a set.
+/// Iterates over the indices in a set of bits.
 pub(super) fn bits(mut set: u64) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
         let index = set.trailing_zeros() as usize;

@@ -1,4 +1,4 @@
-//! One person as one station knows of them: a body, which is followed, and an identity, which it carries.
+//! State of one person at one station: a body, which is tracked, and the identity that it carries.
 
 use nalgebra::Matrix2;
 
@@ -7,75 +7,75 @@ use super::measurement::Measurement;
 use super::motion::Motion;
 use super::signature::MeanLook;
 
-/// Most people whom a station knows of: one bit each.
+/// Maximum number of people of a station: one bit each.
 pub(super) const MOST_PEOPLE: usize = 64;
-/// Weight of learnt looks from which they tell people apart.
+/// Weight from which learnt looks discriminate people.
 pub(super) const LEARNT: f64 = 3.0;
 
-/// What belongs to an id: it moves to another body where two were mistaken for each other.
+/// Id and learnt looks of a person; they move to another body when two were swapped.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Identity {
     /// The person's id.
     pub(super) target: TargetId,
-    /// Looks while it was certain who this was.
+    /// Looks measured while the identity was certain.
     pub(super) learnt: MeanLook,
 }
 
-/// Somebody in the room. Sets of people are bits by index.
+/// Person in the room. Sets of people are bits by index.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Person {
-    /// Number of the body, never given again.
+    /// Number of the body; not reused.
     pub(super) serial: u32,
-    /// Who it is taken for.
+    /// Current identity.
     pub(super) identity: Identity,
-    /// Probability of being each person, when the body last met somebody.
+    /// Probability of each identity at the body's last meeting.
     pub(super) prior: [f64; MOST_PEOPLE],
-    /// Who it may be: those with a probability.
+    /// Set of the possible identities.
     pub(super) may_be: u64,
     /// Place and velocity.
     pub(super) motion: Motion,
     /// Height, metres.
     pub(super) height_m: f64,
-    /// Looks since it last met somebody, the older the fainter.
+    /// Looks since the last meeting, with weights that decay with age.
     pub(super) evidence: MeanLook,
-    /// People who were told from this one in one packet, now.
+    /// Set of the people who were measured together with this one by one sender at this moment.
     pub(super) measured_with: u64,
-    /// Time since it last met somebody, seconds.
+    /// Time since the last meeting, seconds.
     pub(super) apart_s: f64,
-    /// Time for which its looks have not been those of its identity, seconds.
+    /// Time for which the looks have contradicted the identity, seconds.
     pub(super) misfit_s: f64,
-    /// Time since it is known, seconds.
+    /// Time since the birth, seconds.
     pub(super) age_s: f64,
-    /// Time since anybody measured this body, seconds.
+    /// Time since any station measured the body, seconds.
     pub(super) missed_s: f64,
-    /// Time since this station measured it, seconds.
+    /// Time since this station measured the body, seconds.
     pub(super) unseen_s: f64,
-    /// Time since another station measured it, seconds.
+    /// Time since another station measured the body, seconds.
     pub(super) unheard_s: f64,
-    /// Time for which some station should have measured it and none did, seconds.
+    /// Time for which a station should have measured the body and none did, seconds.
     pub(super) overdue_s: f64,
-    /// Time for which it has been on another's place with one measurement for the two, seconds.
+    /// Time for which the body and another at the same place have shared one measurement, seconds.
     pub(super) twin_s: f64,
-    /// Time for which it has been set aside as one too many, seconds; `None`: it is followed.
+    /// Time since the body was set aside as a duplicate, seconds; `None` for a tracked body.
     pub(super) spare_s: Option<f64>,
     /// Whether the body was measured inside the room, apart from others.
     pub(super) was_inside: bool,
-    /// Whether it was on its way out after that, when it was last measured apart from others.
+    /// Whether the body was on its way out after that, when last measured apart from others.
     pub(super) was_leaving: bool,
-    /// Time for which somebody whom this station alone sees seems to be another whom others see, seconds.
+    /// Time for which other stations' measurements have contradicted this station's image track, seconds.
     pub(super) contradicted_s: f64,
-    /// Time since image tracking was asked to look for it, seconds.
+    /// Time since image tracking was asked to propose a birth here, seconds.
     pub(super) asked_s: f64,
-    /// Image track of this station that follows it, seen now or not.
+    /// Image track of this station that follows the body, measured now or not.
     pub(super) track: Option<u32>,
-    /// Number of this station's agent that follows it.
+    /// Number of this station's agent for the body.
     pub(super) agent: Option<u32>,
-    /// Whether it is measured this moment, and only by measurements that may be of somebody near.
+    /// Whether all measurements of the latest measured moment may be of another person nearby.
     pub(super) is_crowded: bool,
 }
 
 impl Person {
-    /// Somebody measured for the first time.
+    /// Creates a person from the first measurement.
     pub(super) fn new(target: TargetId, measurement: &Measurement) -> Self {
         Self {
             serial: 0,
@@ -105,7 +105,8 @@ impl Person {
         }
     }
 
-    /// Lets `dt` seconds pass.
+    /// Predicts the person `dt` seconds ahead. `acceleration` is its standard deviation, m/s²; `kept` is the factor of
+    /// the weight of evidence.
     pub(super) fn predict(&mut self, dt: f64, acceleration: f64, kept: f64) {
         self.motion.predict(dt, acceleration);
         if self.missed_s > 0.3 {
@@ -121,7 +122,7 @@ impl Person {
         self.asked_s += dt;
     }
 
-    /// Puts the body to where somebody is measured whom nobody follows.
+    /// Restarts the body from an unassociated measurement.
     pub(super) fn move_to(&mut self, measurement: &Measurement) {
         self.motion = Motion::new(measurement.position, measurement.velocity, measurement.covariance);
         self.evidence = MeanLook::none();
@@ -132,9 +133,9 @@ impl Person {
         self.is_crowded = measurement.is_crowded;
     }
 
-    /// Takes a measurement in; its errors last from frame to frame by `inflation` of its covariance. A look of a
-    /// measurement that is surely of this body counts as `look_weight` independent ones.
-    pub(super) fn take_in(&mut self, measurement: &Measurement, inflation: f64, look_weight: f64) {
+    /// Updates the person with a measurement. `inflation` multiplies its covariance, because errors are correlated from
+    /// frame to frame; the look of an uncrowded measurement counts as `look_weight` independent ones.
+    pub(super) fn update(&mut self, measurement: &Measurement, inflation: f64, look_weight: f64) {
         self.motion.update(&measurement.position, &(measurement.covariance * inflation));
         self.height_m += 0.05 * (measurement.height_m - self.height_m);
         if self.missed_s > 0.0 {
@@ -151,17 +152,17 @@ impl Person {
         }
     }
 
-    /// Whether nobody has measured this body for so long that it may be anywhere near, or it is one too many.
+    /// Whether the body has not been measured for `after_s` seconds or is set aside as a duplicate.
     pub(super) fn is_lost(&self, after_s: f64) -> bool {
         self.missed_s >= after_s || self.spare_s.is_some()
     }
 
-    /// Whether its identity's looks are known well enough to tell people apart.
+    /// Whether the identity's learnt looks suffice to discriminate people.
     pub(super) fn is_learnt(&self) -> bool {
         self.identity.learnt.weight >= LEARNT
     }
 
-    /// Log-likelihood of the looks of this body if it were `identity`.
+    /// Log-likelihood of this body's looks under `identity`, nats; 0 when either has too few looks.
     pub(super) fn log_likelihood(&self, identity: &Identity) -> f64 {
         if self.evidence.weight < 0.5 || identity.learnt.weight < LEARNT {
             return 0.0;

@@ -1,23 +1,23 @@
-//! Looks as vectors in which the square of a distance is twice a difference of log-likelihood.
+//! Looks as vectors whose squared distance is twice a difference of log-likelihood.
 
 use super::super::Looks;
 use super::ModernOptions;
 
-/// Numbers of a look: chroma (2) and brightness of each of three colours, and the height.
+/// Dimensions of a look: chroma (2) and brightness of each of three colours, and the height.
 const DIMENSIONS: usize = 10;
-/// Squared distance from the mean beyond which a look is drawn in: a part of it is of somebody else.
+/// Squared distance from the mean above which the step towards a look is limited: part of it is of another person.
 const OUTLIER: f64 = 25.0;
-/// Weight that a person's learnt looks grow to, in looks: above it they follow the light.
+/// Largest weight of learnt looks, in looks; the limit lets the mean follow changes of light.
 const LARGEST_WEIGHT: f64 = 600.0;
 
-/// A look, each number in standard deviations of its measurement.
+/// Look with each component in standard deviations of its measurement.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Signature([f64; DIMENSIONS]);
 
 impl Signature {
-    /// Looks and height in standard deviations.
+    /// Scales looks and height, metres, to standard deviations.
     pub(super) fn new(looks: &Looks, height_m: f64, options: &ModernOptions) -> Self {
-        // Three colours with `independent_colours` independent errors are worth that many.
+        // Three colours with `independent_colours` independent errors count as that many.
         let share = (options.independent_colours / 3.0).sqrt();
         let chroma_scale = share / options.hue_noise_deg.to_radians();
         let value_scale = share / options.value_noise;
@@ -33,7 +33,7 @@ impl Signature {
         Self(numbers)
     }
 
-    /// Square of the distance to another.
+    /// Squared distance to another look.
     pub(super) fn distance(&self, other: &Self) -> f64 {
         self.0.iter().zip(&other.0).map(|(a, b)| (a - b) * (a - b)).sum()
     }
@@ -42,19 +42,19 @@ impl Signature {
 /// Weighted mean of looks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct MeanLook {
-    /// The mean.
+    /// Mean look.
     mean: Signature,
-    /// Number of independent looks in it.
+    /// Number of independent looks in the mean.
     pub(super) weight: f64,
 }
 
 impl MeanLook {
-    /// No looks yet.
+    /// Creates a mean without looks.
     pub(super) fn none() -> Self {
         Self { mean: Signature([0.0; DIMENSIONS]), weight: 0.0 }
     }
 
-    /// Takes a look in that counts as `weight` independent ones.
+    /// Adds a look that counts as `weight` independent ones.
     pub(super) fn add(&mut self, look: &Signature, weight: f64) {
         let distance = look.distance(&self.mean);
         let drawn = if self.weight >= 5.0 && distance > OUTLIER { (OUTLIER / distance).sqrt() } else { 1.0 };
@@ -65,7 +65,7 @@ impl MeanLook {
         self.weight = self.weight.min(LARGEST_WEIGHT);
     }
 
-    /// Takes other looks of the same person in.
+    /// Adds other looks of the same person.
     pub(super) fn merge(&mut self, other: &Self) {
         if other.weight > 0.0 {
             self.weight += other.weight;
@@ -76,22 +76,22 @@ impl MeanLook {
         }
     }
 
-    /// Forgets a part of what was taken in.
+    /// Multiplies the weight by `kept`, 0 to 1.
     pub(super) fn fade(&mut self, kept: f64) {
         self.weight *= kept;
     }
 
-    /// Square of the distance of one look, larger by `factor` in its errors, from a learnt one.
+    /// Squared distance of a look, with errors larger by `factor`, from this mean.
     pub(super) fn distance(&self, look: &Signature, factor: f64) -> f64 {
         look.distance(&self.mean) / (factor * factor + 1.0 / self.weight)
     }
 
-    /// Square of the distance of two means.
+    /// Squared distance of two means.
     pub(super) fn mean_distance(&self, other: &Self) -> f64 {
         self.mean.distance(&other.mean)
     }
 
-    /// Log-likelihood of having seen `self` if `learnt` is the person's, up to what is the same for everybody.
+    /// Log-likelihood of the looks `self` of a person whose learnt looks are `learnt`, up to a constant, nats.
     pub(super) fn log_likelihood(&self, learnt: &Self) -> f64 {
         -0.5 * self.mean.distance(&learnt.mean) / (1.0 / self.weight + 1.0 / learnt.weight)
     }
@@ -115,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn hue_of_grey_says_nothing_and_wraps() {
+    fn grey_ignores_hue_and_hue_wraps() {
         let options = ModernOptions::simulation();
         let of = |hue: f32, saturation: f32| Signature::new(&look(hue, saturation), 1.7, &options);
         assert!(of(0.0, 0.0).distance(&of(180.0, 0.0)) < 1e-9);

@@ -18,14 +18,14 @@ use super::peer::{Claim, Peer};
 use super::people::{People, bits};
 use super::person::Person;
 
-/// Oldest and newest reports that are used, seconds before now.
+/// Smallest and largest valid age of a packet, seconds; negative for a packet from later than now.
 const AGE_RANGE_S: (f64, f64) = (-0.5, 1.0);
-/// Longest step of time that is counted at once, seconds: nothing is known of what happened in a longer one.
+/// Longest time step, seconds: nothing is known about the rest of a longer one.
 const LONGEST_STEP_S: f64 = 1.0;
-/// Time between two looks at who is who, and at who has gone, seconds.
+/// Interval between reviews of identities and deaths, seconds.
 const REVIEW_S: f64 = 0.2;
 
-/// The modern rule at one station.
+/// Modern rule at one station.
 pub struct Modern {
     station: StationId,
     life: u32,
@@ -42,20 +42,21 @@ pub struct Modern {
     sequence: u32,
     last_agent: u32,
     refused: u64,
-    /// Whose measurements this moment gave.
+    /// Sets of people measured at this moment, one per sender.
     measured: Vec<Measured>,
-    /// The station's own sightings of this moment, and the indices of their people.
+    /// The station's own sightings of this moment, each with the index of the associated person.
     seen: Vec<(Measurement, Option<usize>)>,
-    /// Image tracks that follow nobody.
+    /// Image tracks to end, because they follow no person.
     ended: Vec<u32>,
     association: Association,
-    /// Measurements of one sender, and stations that run and see: memory kept from moment to moment.
+    /// Measurements of one sender; the buffer is reused.
     measurements: Vec<Measurement>,
+    /// Stations that run and have a usable image; the buffer is reused.
     watching: Vec<StationId>,
 }
 
 impl Modern {
-    /// A station that has just started and knows of nobody.
+    /// Creates the rule of a station, one of `stations`, that has just started and knows of no person.
     pub fn new(
         station: StationId,
         stations: u8,
@@ -87,19 +88,19 @@ impl Modern {
         }
     }
 
-    /// The same station with the number of this life of it, by which others tell its packets from those of another.
+    /// Sets the number that distinguishes this run of the station from earlier ones in its packets.
     #[must_use]
     pub fn with_life(self, life: u32) -> Self {
         Self { life, ..self }
     }
 
-    /// Number of reports and packets refused so far: not of a person's measures, too old, repeated or of nobody.
+    /// Number of reports and packets refused so far: invalid, too old, repeated or from an unknown sender.
     pub fn refused(&self) -> u64 {
         self.refused
     }
 
-    /// Takes a packet in.
-    fn hear(&mut self, packet: &Packet) {
+    /// Associates the reports of a packet and updates people, claims and ids with them.
+    fn receive(&mut self, packet: &Packet) {
         let index = usize::from(packet.station.0);
         let age_s = self.now_s - packet.time_s;
         if packet.station == self.station
@@ -109,7 +110,7 @@ impl Modern {
             self.refused += 1;
             return;
         }
-        let Some(since_s) = self.peers[index].note(packet, self.now_s) else {
+        let Some(since_s) = self.peers[index].update(packet, self.now_s) else {
             self.refused += 1;
             return;
         };
@@ -120,24 +121,24 @@ impl Modern {
         measurements.clear();
         self.refused += measurement::of_packet(packet, age_s, &self.options, &mut measurements) as u64;
         self.association.solve(&measurements, &self.people, &self.options);
-        self.take_in(packet.station, &measurements, since_s);
+        self.update(packet.station, &measurements, since_s);
         for (i, measurement) in measurements.iter().enumerate() {
             self.greatest = self.greatest.max(measurement.target);
             if measurement.target == TargetId::ALONE {
                 continue;
             }
             match self.association.person_of(i) {
-                // Where people are near each other it may be of another.
+                // A crowded measurement may be of another person.
                 Some(_) if measurement.is_crowded => {}
-                Some(person) => self.note_claim(index, measurement, person, since_s),
-                None => self.meet_stranger(measurement),
+                Some(person) => self.record_claim(index, measurement, person, since_s),
+                None => self.add_reported(measurement),
             }
         }
         self.measurements = measurements;
     }
 
-    /// A peer has an id for somebody here.
-    fn note_claim(&mut self, peer: usize, measurement: &Measurement, person: usize, since_s: f64) {
+    /// Records a peer's id for a person here, `since_s` seconds after the peer's previous packet.
+    fn record_claim(&mut self, peer: usize, measurement: &Measurement, person: usize, since_s: f64) {
         let claim = Claim {
             theirs: measurement.target,
             mine: self.people[person].identity.target,
@@ -148,8 +149,8 @@ impl Modern {
         self.peers[peer].claim(claim, since_s, 3.0 * self.options.naming_s);
     }
 
-    /// A peer reports somebody whom nobody here is.
-    fn meet_stranger(&mut self, measurement: &Measurement) {
+    /// Adds a person whom a peer reports and who is associated with no person here, or restarts a lost one.
+    fn add_reported(&mut self, measurement: &Measurement) {
         if !existence::is_apart(&self.people, measurement) {
             return;
         }
@@ -163,18 +164,19 @@ impl Modern {
                 self.people[lost].move_to(measurement);
                 self.people[lost].unheard_s = 0.0;
             }
-            // The id is somebody else's here, whom others measure: the report helps nobody.
+            // Another person here, who is measured, carries the id: the report is useless.
             Some(_) => self.refused += 1,
         }
     }
 
-    /// Takes the station's own sightings in.
-    fn see(&mut self, sightings: &Sightings, dt: f64) {
+    /// Associates the station's own sightings and updates people and tentative tracks, `dt` seconds after the last
+    /// frame.
+    fn observe(&mut self, sightings: &Sightings, dt: f64) {
         let mut measurements = std::mem::take(&mut self.measurements);
         measurements.clear();
         self.refused += measurement::of_sightings(sightings, &self.options, &mut measurements) as u64;
         self.association.solve(&measurements, &self.people, &self.options);
-        self.take_in(self.station, &measurements, dt.clamp(0.02, 0.5));
+        self.update(self.station, &measurements, dt.clamp(0.02, 0.5));
         for (i, measurement) in measurements.iter().enumerate() {
             let person = self.association.person_of(i);
             if let Some(index) = person {
@@ -193,8 +195,8 @@ impl Modern {
         self.measurements = measurements;
     }
 
-    /// Updates the people to whom measurements were assigned; `since_s` seconds after the sender's last.
-    fn take_in(&mut self, sender: StationId, measurements: &[Measurement], since_s: f64) {
+    /// Updates the people associated with a sender's measurements, `since_s` seconds after the sender's last.
+    fn update(&mut self, sender: StationId, measurements: &[Measurement], since_s: f64) {
         let options = &self.options;
         let inflation = (2.0 * options.correlation_s / since_s).max(1.0);
         let look_weight = 1.0 / (2.0 * options.look_correlation_s / since_s).max(1.0);
@@ -202,7 +204,7 @@ impl Modern {
         for (measurement, of) in measurements.iter().zip(self.association.people()) {
             let Some(index) = *of else { continue };
             let person = &mut self.people[index];
-            person.take_in(measurement, inflation, look_weight);
+            person.update(measurement, inflation, look_weight);
             if sender == self.station {
                 person.unseen_s = 0.0;
             } else {
@@ -216,8 +218,8 @@ impl Modern {
         self.measured.push(Measured { by: sender, people: set });
     }
 
-    /// Makes newcomers who have lasted somebody: whom we lost, or somebody new.
-    fn welcome(&mut self) {
+    /// Confirms tentative tracks that have lasted long enough: each becomes a lost person who matches, or a new one.
+    fn confirm_newcomers(&mut self) {
         let listened = self.started_s.is_some_and(|s| self.now_s - s >= self.options.listen_s - 1e-6);
         let mut i = 0;
         while i < self.nursery.list.len() {
@@ -230,7 +232,7 @@ impl Modern {
             let index =
                 if let Some((lost, others)) = existence::find_lost(&self.people, &newcomer, &self.options) {
                     self.people[lost].move_to(&newcomer.measurement);
-                    identity::put_in_question(&mut self.people, lost, others);
+                    identity::mix_with_lost(&mut self.people, lost, others);
                     self.people[lost].evidence = newcomer.looks;
                     Some(lost)
                 } else {
@@ -255,7 +257,7 @@ impl Modern {
         }
     }
 
-    /// Settles who is who, and who has gone, `dt` seconds after the last time.
+    /// Decides identities, contradictions and deaths, `dt` seconds after the last review.
     fn review(&mut self, dt: f64, is_usable: bool) {
         identity::decide(&mut self.people, self.association.solver(), dt, &self.options);
         existence::reclaim(&mut self.people);
@@ -283,7 +285,7 @@ impl Modern {
         existence::remove_gone(&mut self.people, &watch, dt, &self.options);
     }
 
-    /// What the station tells the others.
+    /// Creates the packet to send to the other stations.
     fn packet(&mut self, is_usable: bool) -> Packet {
         self.sequence += 1;
         let mut packet = Packet {
@@ -317,11 +319,11 @@ impl Modern {
         packet
     }
 
-    /// How sure the station is that somebody is there and is who the id says.
+    /// Confidence that a person is present and carries the right id, 0 to 1.
     fn confidence(&self, index: usize) -> f64 {
-        /// Time after which somebody unmeasured is there with a probability e times less, seconds.
+        /// Time constant of the probability that an unmeasured person is present, seconds.
         const UNMEASURED_S: f64 = 20.0;
-        /// The same for somebody whom a station should see, seconds.
+        /// Time constant of that probability while a station should measure the person, seconds.
         const OVERDUE_S: f64 = 0.5;
         let person = &self.people[index];
         let is_there = (-person.missed_s / UNMEASURED_S - person.overdue_s / OVERDUE_S).exp();
@@ -332,7 +334,7 @@ impl Modern {
 }
 
 impl Rule for Modern {
-    fn step(&mut self, sightings: &Sightings, heard: &[Packet]) -> Step {
+    fn step(&mut self, sightings: &Sightings, received: &[Packet]) -> Step {
         let is_first = self.started_s.is_none();
         let now_s = sightings.time_s;
         let dt = if is_first { 0.0 } else { (now_s - self.now_s).clamp(0.0, LONGEST_STEP_S) };
@@ -343,25 +345,25 @@ impl Rule for Modern {
         for person in self.people.iter_mut() {
             person.predict(dt, self.options.acceleration_m_s2, kept);
         }
-        self.nursery.wait(dt);
+        self.nursery.advance(dt);
         self.measured.clear();
         self.seen.clear();
-        for packet in heard {
-            self.hear(packet);
+        for packet in received {
+            self.receive(packet);
         }
         if sightings.is_usable {
-            self.see(sightings, dt);
+            self.observe(sightings, dt);
         }
         for person in self.people.iter_mut().filter(|p| p.unseen_s > 1.0) {
             person.agent = None;
         }
 
-        self.meetings.note(&mut self.people, now_s, &self.options);
+        self.meetings.update(&mut self.people, now_s, &self.options);
         existence::set_twins_aside(&mut self.people, &self.measured, self.fields.as_ref(), dt, &self.options);
-        self.welcome();
+        self.confirm_newcomers();
         let packet = self.packet(sightings.is_usable);
 
-        // A clock that is set back begins anew.
+        // After the clock is set back the interval restarts.
         self.reviewed_s = self.reviewed_s.min(now_s);
         let since_s = now_s - self.reviewed_s;
         if since_s >= REVIEW_S - 1e-6 {

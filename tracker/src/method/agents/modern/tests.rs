@@ -13,7 +13,7 @@ use super::{Modern, ModernOptions};
 
 const DT: f64 = 0.1;
 
-/// Stations in one room, and packets that reach the others one frame later.
+/// Stations in one room; packets reach the other stations one frame later.
 struct Room {
     rules: Vec<Modern>,
     views: Arc<Views>,
@@ -39,7 +39,7 @@ impl Room {
         f64::from(self.frame) * DT
     }
 
-    /// What a station sees of people, each a place and a hue; the track is the index.
+    /// Sightings of people, each given by a place and a hue, in degrees, by a station; the track is the index.
     fn sightings(&mut self, station: u8, people: &[(Point2<f64>, f32)]) -> Sightings {
         let mut seen = Vec::new();
         for (track, (place, hue_deg)) in people.iter().enumerate() {
@@ -62,19 +62,19 @@ impl Room {
         Sightings { time_s: self.time_s(), people: seen, is_usable: true }
     }
 
-    /// One frame; `hears(a, b)`: station a hears station b.
+    /// Runs one frame; `hears(a, b)`: station a receives the packets of station b.
     fn step(&mut self, people: &[(Point2<f64>, f32)], hears: impl Fn(usize, usize) -> bool) -> Vec<Step> {
         self.frame += 1;
         let sent = std::mem::take(&mut self.sent);
         let mut steps = Vec::new();
         for index in 0..self.rules.len() {
             let sightings = self.sightings(index as u8, people);
-            let heard: Vec<Packet> = sent
+            let received: Vec<Packet> = sent
                 .iter()
                 .filter(|p| usize::from(p.station.0) != index && hears(index, usize::from(p.station.0)))
                 .cloned()
                 .collect();
-            let step = self.rules[index].step(&sightings, &heard);
+            let step = self.rules[index].step(&sightings, &received);
             let beliefs = self.rules[index].people();
             assert!(beliefs.windows(2).all(|w| w[0].target < w[1].target), "two people with one id");
             steps.push(step);
@@ -89,7 +89,7 @@ impl Room {
         }
     }
 
-    /// Ids that a station gives to whoever is at these places.
+    /// Ids that a station gives to the people at these places.
     fn ids(&self, station: usize, people: &[(Point2<f64>, f32)]) -> Vec<Option<TargetId>> {
         people.iter().map(|(place, _)| nearest(&self.rules[station].people(), *place)).collect()
     }
@@ -105,7 +105,7 @@ fn three() -> Vec<(Point2<f64>, f32)> {
     vec![(point![0.0, 0.0], 60.0), (point![3.0, 0.0], 150.0), (point![0.0, 4.0], 240.0)]
 }
 
-/// A hostile or mistaken report.
+/// Report by a hostile or faulty station.
 fn report(target: u32, position: Point2<f64>) -> Report {
     Report {
         agent: AgentId { station: StationId(2), number: 1 },
@@ -150,7 +150,7 @@ fn a_cut_network_heals_within_seconds() {
 #[test]
 fn people_who_turn_where_they_meet_keep_their_ids() {
     let mut room = Room::new(3, Views::OPEN.0);
-    // Two people walk towards each other, touch, and each goes back where the other would have gone on to.
+    // Two people walk towards each other, touch, and turn back.
     let at = |t: f64| {
         let away = (3.0 - t).abs() + 0.1;
         vec![(point![-away, 0.0], 60.0), (point![away, 0.0], 180.0)]
@@ -170,14 +170,14 @@ fn people_who_turn_where_they_meet_keep_their_ids() {
 }
 
 #[test]
-fn an_id_that_is_somebody_elses_confuses_nobody() {
+fn a_report_with_another_persons_id_changes_no_id() {
     let mut room = Room::new(3, |station, _| if station == 2 { 0.0 } else { 1.0 });
     room.run(3.0, &three());
     let ids = room.ids(0, &three());
     let taken = ids[0].unwrap().0;
     for frame in 0..100u32 {
         room.sent.retain(|p| p.station != StationId(2));
-        // The id of the first person, now where nobody is and now where the second is.
+        // The id of the first person, at first at an empty place and later at that of the second person.
         let place = if frame < 50 { point![5.0, 5.0] } else { point![3.0, 0.0] };
         room.sent.push(Packet {
             station: StationId(2),
@@ -196,7 +196,7 @@ fn an_id_that_is_somebody_elses_confuses_nobody() {
 }
 
 #[test]
-fn numbers_that_are_no_measurement_are_refused() {
+fn reports_with_invalid_values_are_refused() {
     let mut room = Room::new(3, |station, _| if station == 2 { 0.0 } else { 1.0 });
     room.run(3.0, &three());
     let ids = room.ids(0, &three());
@@ -232,14 +232,15 @@ fn numbers_that_are_no_measurement_are_refused() {
     room.sent.push(Packet { station: StationId(200), sequence: 4, ..packet.clone() });
     room.sent.push(Packet { station: StationId(0), sequence: 4, ..packet });
     room.step(&three(), |_, _| true);
-    // Each report once; a repeated packet, three of wrong times or senders. A station does not hear its own id.
+    // Each report once, a repeated packet, and three packets of invalid times or senders. The room does not
+    // deliver a station's own packet.
     assert_eq!(room.rules[0].refused() - before, bad.len() as u64 + 4);
     room.run(1.0, &three());
     assert_eq!(room.ids(0, &three()), ids);
     assert_eq!(room.rules[0].people().len(), 3);
     let finite = |b: &Belief| b.position.coords.iter().chain(b.covariance.iter()).all(|n| n.is_finite());
     assert!(room.rules[0].people().iter().all(finite));
-    // The next newcomer gets a small id: the absurd greatest one was not believed.
+    // The next newcomer gets a small id: the invalid greatest one was ignored.
     let mut four = three();
     four.push((point![6.0, 6.0], 100.0));
     room.run(3.0, &four);
@@ -247,7 +248,7 @@ fn numbers_that_are_no_measurement_are_refused() {
 }
 
 #[test]
-fn somebody_who_vanishes_in_plain_view_is_gone_soon() {
+fn a_person_missed_in_plain_view_is_removed() {
     let mut room = Room::new(2, Views::OPEN.0);
     room.run(3.0, &three());
     room.run(2.0, &three()[..2]);
@@ -257,8 +258,8 @@ fn somebody_who_vanishes_in_plain_view_is_gone_soon() {
 }
 
 #[test]
-fn somebody_hidden_is_carried_and_comes_back_the_same() {
-    // Nobody sees beyond x = 2.
+fn an_occluded_person_is_kept_and_returns_with_the_same_id() {
+    // No station sees beyond x = 2 m.
     let mut room = Room::new(2, |_, place| if place.x < 2.0 { 1.0 } else { 0.0 });
     let at = |x: f64| vec![(point![x, 0.0], 60.0), (point![-3.0, 2.0], 200.0)];
     for frame in 0..50 {
@@ -279,17 +280,17 @@ fn somebody_hidden_is_carried_and_comes_back_the_same() {
 }
 
 #[test]
-fn nobody_is_missed_by_a_camera_that_shows_nothing() {
+fn a_camera_without_an_image_misses_no_person() {
     let mut room = Room::new(2, Views::OPEN.0);
     room.run(3.0, &three());
     for _ in 0..50 {
         room.frame += 1;
         let sent = std::mem::take(&mut room.sent);
         for index in 0..2 {
-            let heard: Vec<Packet> =
+            let received: Vec<Packet> =
                 sent.iter().filter(|p| usize::from(p.station.0) != index).cloned().collect();
             let dark = Sightings { time_s: room.time_s(), people: Vec::new(), is_usable: false };
-            let step = room.rules[index].step(&dark, &heard);
+            let step = room.rules[index].step(&dark, &received);
             assert!(step.packet.is_blind);
             room.sent.push(step.packet);
         }
@@ -313,7 +314,7 @@ fn a_restarted_station_takes_the_ids_that_it_hears() {
 }
 
 #[test]
-fn image_tracking_is_asked_for_people_whom_only_others_see() {
+fn image_tracking_is_asked_for_people_measured_only_by_others() {
     let mut room = Room::new(2, Views::OPEN.0);
     room.run(3.0, &three());
     let mut asked = Vec::new();
@@ -323,9 +324,9 @@ fn image_tracking_is_asked_for_people_whom_only_others_see() {
         let all = room.sightings(0, &three());
         let two = room.sightings(1, &three()[..2]);
         let steps = [(0, all), (1, two)].map(|(index, sightings)| {
-            let heard: Vec<Packet> =
+            let received: Vec<Packet> =
                 sent.iter().filter(|p| usize::from(p.station.0) != index).cloned().collect();
-            room.rules[index].step(&sightings, &heard)
+            room.rules[index].step(&sightings, &received)
         });
         room.sent.extend(steps.iter().map(|s| s.packet.clone()));
         assert!(steps[0].restarts.is_empty());
@@ -336,7 +337,7 @@ fn image_tracking_is_asked_for_people_whom_only_others_see() {
 }
 
 #[test]
-fn what_a_station_knows_is_bounded() {
+fn the_number_of_tracked_people_is_bounded() {
     let mut room = Room::new(2, Views::OPEN.0);
     let mut rng = Pcg64Mcg::seed_from_u64(3);
     for frame in 0..60u32 {

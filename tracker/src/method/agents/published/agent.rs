@@ -1,4 +1,4 @@
-//! A seeing agent: one person, followed by one station (section 3.3).
+//! Seeing agent: one person tracked by one station (Nakazawa et al., section 3.3).
 
 use std::collections::BTreeMap;
 
@@ -6,7 +6,7 @@ use nalgebra::{Matrix2, Point2, Vector2};
 
 use super::super::{Sighting, TargetId};
 
-/// Position and velocity by an α-β filter, which is a Kalman filter in its steady state.
+/// α-β filter of position and velocity, which is a Kalman filter in its steady state.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Filter {
     /// Place, metres.
@@ -18,11 +18,13 @@ pub(super) struct Filter {
 }
 
 impl Filter {
+    /// Initialises the filter at rest with a place, metres, and its covariance, m².
     pub(super) fn new(position: Point2<f64>, covariance: Matrix2<f64>) -> Self {
         Self { position, velocity: Vector2::zeros(), covariance }
     }
 
-    /// Moves on by `dt_s` seconds, with a measurement if there is one.
+    /// Predicts the state `dt_s` seconds ahead and updates it with a measurement if there is one. `filter_s` is the
+    /// time constant of the filter, seconds.
     pub(super) fn step(&mut self, measured: Option<&Sighting>, dt_s: f64, filter_s: f64) {
         self.position += self.velocity * dt_s;
         let Some(sighting) = measured.filter(|_| dt_s > 0.0) else { return };
@@ -36,18 +38,18 @@ impl Filter {
     }
 }
 
-/// A request to join an agency that has not been granted yet.
+/// Request to join an agency that has not been granted yet.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Pending {
-    /// The agency's target.
+    /// Target of the agency.
     pub(super) candidate: TargetId,
-    /// When it was asked for first, seconds.
+    /// Time of the first request, seconds.
     pub(super) since_s: f64,
-    /// When it was asked for last, seconds.
+    /// Time of the latest request, seconds.
     pub(super) asked_s: f64,
 }
 
-/// A seeing agent.
+/// Seeing agent.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct SeeingAgent {
     /// Number within the station.
@@ -56,30 +58,30 @@ pub(super) struct SeeingAgent {
     pub(super) target: TargetId,
     /// Confidence, 0 to 1.
     pub(super) confidence: f64,
-    /// Image track that it follows.
+    /// Image track of the person.
     pub(super) track: Option<u32>,
-    /// What it sees now.
+    /// Sighting of the current frame.
     pub(super) sighting: Option<Sighting>,
-    /// Where it is, filtered.
+    /// Filtered place and velocity.
     pub(super) filter: Filter,
     /// Height, metres.
     pub(super) height_m: f64,
-    /// Time without success, seconds.
+    /// Time since the last sighting, seconds.
     pub(super) unseen_s: f64,
-    /// Time for which another agent of the station has followed the same person, seconds.
+    /// Time for which another agent of the station has tracked the same person, seconds.
     pub(super) doubled_s: f64,
-    /// Time for which nobody else has known of the person, seconds.
+    /// Time for which the person has matched no known target, seconds.
     pub(super) alone_s: f64,
-    /// Whether it has ever belonged to an agency.
+    /// Whether the agent has ever belonged to an agency.
     pub(super) has_belonged: bool,
-    /// A lone agent's part of the mediator's list of confidences, by target.
+    /// Entries of a lone agent in the mediator's list of confidences, by target.
     pub(super) list: BTreeMap<TargetId, f64>,
-    /// Its request, while there is one.
+    /// Pending request to join an agency.
     pub(super) request: Option<Pending>,
 }
 
 impl SeeingAgent {
-    /// A lone agent for somebody whom image tracking has found.
+    /// Creates a lone agent for a sighting.
     pub(super) fn lone(number: u32, sighting: &Sighting) -> Self {
         Self {
             number,
@@ -98,7 +100,7 @@ impl SeeingAgent {
         }
     }
 
-    /// An agent for a target that another station follows; image tracking has yet to find the person.
+    /// Creates an agent for a target that another station tracks; this station has no sighting of the person yet.
     pub(super) fn created(
         number: u32,
         target: TargetId,
@@ -123,12 +125,12 @@ impl SeeingAgent {
         }
     }
 
-    /// Whether it belongs to no agency.
+    /// Whether the agent belongs to no agency.
     pub(super) fn is_alone(&self) -> bool {
         self.target == TargetId::ALONE
     }
 
-    /// What it sees now, if that is certainly of one person.
+    /// Current sighting, unless it may be of another person nearby.
     pub(super) fn clear_sighting(&self) -> Option<&Sighting> {
         self.sighting.as_ref().filter(|s| !s.is_crowded)
     }
@@ -143,7 +145,7 @@ impl SeeingAgent {
         self.request = None;
     }
 
-    /// Leaves its agency and tracks alone (section 3.3, 7).
+    /// Leaves the agency and tracks alone (section 3.3, item 7).
     pub(super) fn leave(&mut self) {
         self.target = TargetId::ALONE;
         self.list.clear();

@@ -1,4 +1,4 @@
-//! Colour memory of a station: how often each target showed each colour (section 3.3, 1c and 4).
+//! Colour memory of a station: frequencies of each target's colours (Nakazawa et al., section 3.3, items 1c and 4).
 
 use std::collections::BTreeMap;
 
@@ -6,9 +6,9 @@ use super::super::{Colour, Looks, TargetId};
 
 const HUES: usize = 32;
 const SATURATIONS: usize = 4;
-/// Colours of each target that have to be known before the memory says anything.
+/// Number of observations of a target from which the memory evaluates its colours.
 const FEWEST: u32 = 10;
-/// Targets remembered; those not seen for the longest time are forgotten first.
+/// Maximum number of targets; those not recorded for the longest time are dropped first.
 const MOST_TARGETS: usize = 256;
 
 /// Frequencies of the hue and saturation of each of the three representative colours.
@@ -19,12 +19,12 @@ struct Frequencies {
     used_s: f64,
 }
 
-/// The memory: one table of frequencies a target.
+/// Colour memory: one table of frequencies per target.
 #[derive(Debug, Clone, Default)]
 pub(super) struct ColourMemory(BTreeMap<TargetId, Frequencies>);
 
 impl ColourMemory {
-    /// Adds a target's colours.
+    /// Adds the measured colours of a target at a time in seconds.
     pub(super) fn record(&mut self, target: TargetId, looks: &Looks, now_s: f64) {
         let frequencies = self.0.entry(target).or_default();
         for (counts, colour) in frequencies.counts.iter_mut().zip(&looks.colours) {
@@ -38,13 +38,14 @@ impl ColourMemory {
         }
     }
 
-    /// Targets whose colours are known.
+    /// Targets with enough observations.
     pub(super) fn targets(&self) -> impl Iterator<Item = TargetId> {
         self.0.iter().filter(|(_, f)| f.total >= FEWEST).map(|(target, _)| *target)
     }
 
-    /// `eval_knowledge` of equation (1): +1 when two or three of the colours are frequent in the memory of the target, 0
-    /// when one is or nothing is known, -1 when none is.
+    /// `eval_knowledge` of equation (1): +1 when two or three of the colours are frequent in the memory of the target,
+    /// 0 when one is or the target has too few observations, -1 when none is. `frequent` is the fraction from which a
+    /// colour is frequent.
     pub(super) fn evaluate(&self, target: TargetId, looks: &Looks, frequent: f64) -> f64 {
         let Some(frequencies) = self.0.get(&target).filter(|f| f.total >= FEWEST) else {
             return 0.0;
@@ -61,7 +62,7 @@ impl ColourMemory {
     }
 }
 
-/// Number of the table's cell of a colour. Grey has no hue.
+/// Index of a colour's cell in the table. Grey has no hue.
 fn bin(colour: &Colour) -> u8 {
     let saturation = ((colour.saturation * SATURATIONS as f32) as usize).min(SATURATIONS - 1);
     let hue = (colour.hue_deg.rem_euclid(360.0) / 360.0 * HUES as f32) as usize % HUES;
@@ -77,7 +78,7 @@ mod tests {
     }
 
     #[test]
-    fn two_of_three_known_colours_are_enough() {
+    fn two_of_three_frequent_colours_give_plus_one() {
         let mut memory = ColourMemory::default();
         let target = TargetId(1);
         assert!(

@@ -1,4 +1,4 @@
-//! Confidence of a seeing agent: equations (1) and (2), section 3.3.
+//! Confidence of a seeing agent (Nakazawa et al., section 3.3, equations (1) and (2)).
 
 use super::super::{Colour, Looks, Sighting, TargetId};
 use super::PublishedOptions;
@@ -8,11 +8,11 @@ use super::reference::Member;
 /// Saturation below which a colour has no hue to compare.
 const GREY: f32 = 0.15;
 
-/// One step of equation (2) without the term of crossings, to be added to a confidence: the part that the mediator's list
-/// of confidences shares with the agents of an agency.
+/// Change of a confidence over `dt_s` seconds by equation (2) without the term of crossings. The agents of an agency
+/// and the mediator's list of confidences share it.
 ///
-/// Of the differences the paper prints the opposite sign; its text says that a difference below its threshold raises
-/// confidence, and so it is here.
+/// The paper prints the differences with the opposite sign. Its text says that a difference below its threshold raises
+/// confidence, as implemented here.
 pub(super) fn change<'a>(
     sighting: &Sighting,
     target: TargetId,
@@ -33,7 +33,7 @@ pub(super) fn change<'a>(
     dt_s * options.rate_per_s * (eval_other + options.knowledge_weight * eval_knowledge)
 }
 
-/// `eval_other_agent`: a station's sighting against that of an agent of another station.
+/// `eval_other_agent` of equation (1): agreement of a sighting with an agent of another station.
 fn eval_other_agent(sighting: &Sighting, other: &Member, options: &PublishedOptions) -> f64 {
     let distance_m = (sighting.position - other.position).norm();
     let hue_deg = sighting.looks.zip(other.looks).and_then(|(a, b)| hue_difference_deg(&a, &b));
@@ -41,7 +41,7 @@ fn eval_other_agent(sighting: &Sighting, other: &Member, options: &PublishedOpti
         + hue_deg.map_or(0.0, |deg| options.hue_weight * (options.hue_limit_deg - deg))
 }
 
-/// Mean difference of hue between the colours of two people, degrees; `None` where all of one are grey.
+/// Mean difference of hue between the colours of two people, degrees; `None` when no pair of colours has a hue.
 fn hue_difference_deg(a: &Looks, b: &Looks) -> Option<f64> {
     let has_hue = |c: &Colour| c.saturation >= GREY;
     let (mut sum, mut count) = (0.0, 0.0);

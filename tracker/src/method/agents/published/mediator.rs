@@ -1,4 +1,4 @@
-//! A station's mediator: creates agents, and finds agencies for those that track alone (section 3.4, figure 6).
+//! Mediator of a station: creates agents, and finds agencies for lone agents (Nakazawa et al., section 3.4, figure 6).
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -11,19 +11,19 @@ use super::colour_memory::ColourMemory;
 use super::confidence;
 use super::reference::{LARGEST_TARGET, Reference};
 
-/// Distance within which people cannot be told apart, metres: the paper's radius of tracking.
+/// Distance below which sightings of two people may be swapped, metres: the paper's radius of tracking.
 pub(super) const CLOSE_M: f64 = 1.0;
-/// Two certain sightings of one station that are nearer than this are of one person, metres: two people who are as near as
-/// that are crowded.
+/// Distance below which two uncrowded sightings of one station are of one person, metres: two people so near to each
+/// other would be crowded.
 pub(super) const SAME_M: f64 = 0.3;
-/// Fraction of a person that a station has to see to follow the person.
+/// Visible fraction of a person from which a station should track the person.
 const PLAINLY_VISIBLE: f64 = 0.5;
-/// Time after which a request that was not granted is sent again, seconds.
+/// Interval at which a request that was not granted is repeated, seconds.
 const ASK_AGAIN_S: f64 = 0.3;
-/// Most requests that are answered in a moment.
+/// Maximum number of requests that are answered at one moment.
 const MOST_ANSWERS: usize = 64;
 
-/// Everything that the mediator goes by, apart from the agents.
+/// Inputs of the mediator, apart from the agents.
 pub(super) struct Surroundings<'a> {
     pub(super) station: StationId,
     pub(super) stations: u8,
@@ -35,44 +35,44 @@ pub(super) struct Surroundings<'a> {
     pub(super) options: &'a PublishedOptions,
 }
 
-/// The mediator of one station.
+/// Mediator of one station.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Mediator {
-    /// Time for which each target that others follow has had no agent here, seconds.
+    /// Time for which each target that other stations track has had no agent here, seconds.
     absent_s: BTreeMap<TargetId, f64>,
-    /// The greatest target id that this station has given.
+    /// Greatest target id that this station has assigned.
     greatest: TargetId,
     next_agent: u32,
-    /// Messages to be sent.
+    /// Messages to send.
     pub(super) messages: Vec<MediatorMessage>,
 }
 
 impl Mediator {
-    /// Number for a new agent.
+    /// Returns the number for a new agent.
     pub(super) fn number_agent(&mut self) -> u32 {
         self.next_agent += 1;
         self.next_agent
     }
 
-    /// The greatest target id that this station knows of.
+    /// Greatest target id that this station knows of.
     pub(super) fn greatest(&self, reference: &Reference) -> TargetId {
         self.greatest.max(reference.greatest())
     }
 
-    /// Takes note of a target id that is in use.
-    pub(super) fn note(&mut self, target: TargetId) {
+    /// Marks a target id as used.
+    pub(super) fn reserve(&mut self, target: TargetId) {
         self.greatest = self.greatest.max(target);
     }
 
-    /// Everything that is due in a moment.
+    /// Answers the received messages, proposes lone agents to agencies, and creates and ends agents.
     pub(super) fn mediate(
         &mut self,
         agents: &mut Vec<SeeingAgent>,
-        heard: &[MediatorMessage],
+        received: &[MediatorMessage],
         around: &Surroundings<'_>,
     ) {
         let mut answered = 0;
-        for message in heard {
+        for message in received {
             match *message {
                 MediatorMessage::Answer { agent, candidate, is_granted: true }
                     if agent.station == around.station =>
@@ -91,12 +91,12 @@ impl Mediator {
         }
         update_list(agents, around);
         self.propose(agents, around);
-        self.care_for_unknown(agents, around);
+        self.propose_new_targets(agents, around);
         self.create(agents, around);
         end_doubles(agents, around);
     }
 
-    /// Proposes lone agents to the agencies that they fit best, one agent an agency (b).
+    /// Proposes lone agents to the agencies that they fit best, one agent per agency (step b).
     fn propose(&mut self, agents: &mut [SeeingAgent], around: &Surroundings<'_>) {
         let mut held = held(agents);
         let mut entries: Vec<(f64, usize, TargetId)> = Vec::new();
@@ -114,8 +114,8 @@ impl Mediator {
             }
             held.insert(candidate);
             let pending = self.ask(&mut agents[index], candidate, around);
-            // Not in the paper: of an agency without members nobody can grant anything but lone agents of other stations.
-            // Where none does, nobody else sees the person.
+            // Not in the paper: a request to an agency without members can only be granted by a lone agent of another
+            // station. Without such a grant no other station sees the person, and the agent joins by itself.
             let is_nobodys = around.reference.leader(candidate).is_none();
             if is_nobodys && around.now_s - pending.since_s >= around.options.alone_s {
                 agents[index].join(candidate, around.options.joining_confidence);
@@ -123,12 +123,12 @@ impl Mediator {
         }
     }
 
-    /// Gives a target to lone agents of people whom nobody knows.
+    /// Gives a new target to lone agents that match no known target.
     ///
-    /// The paper's people come in through a door at which one station waits. Here a lone agent that fits no target asks
-    /// the others' lone agents with a target id that is new (c2); when none is there to grant it, it takes the id
-    /// after some time, so that someone whom one station alone sees is told as well.
-    fn care_for_unknown(&mut self, agents: &mut [SeeingAgent], around: &Surroundings<'_>) {
+    /// In the paper people enter through a door that one station watches. Here a lone agent that matches no target
+    /// sends a request with a new target id to the lone agents of other stations (step c2). Without a grant it takes
+    /// the id after some time, so that a person whom only one station sees is reported as well.
+    fn propose_new_targets(&mut self, agents: &mut [SeeingAgent], around: &Surroundings<'_>) {
         for agent in agents.iter_mut().filter(|a| is_waiting(a)) {
             let Some(sighting) = agent.sighting else { continue };
             let is_others = |target: &TargetId| {
@@ -154,7 +154,7 @@ impl Mediator {
         }
     }
 
-    /// Sends a request, unless the same was sent a moment ago.
+    /// Sends a request, unless the same one was sent less than [`ASK_AGAIN_S`] ago. Returns the pending request.
     fn ask(&mut self, agent: &mut SeeingAgent, candidate: TargetId, around: &Surroundings<'_>) -> Pending {
         let now_s = around.now_s;
         let before =
@@ -177,20 +177,20 @@ impl Mediator {
         pending
     }
 
-    /// The id after all others that no other station gives: each station has its own remainder.
+    /// Returns the next unused id of this station: ids of different stations differ modulo the number of stations.
     fn mint(&mut self, around: &Surroundings<'_>) -> TargetId {
         let (station, stations) = (u32::from(around.station.0), u32::from(around.stations.max(1)));
         let above = self.greatest(around.reference).0;
         let mut id = above.saturating_sub(station).div_ceil(stations) * stations + station + 1;
         if id > LARGEST_TARGET {
-            // All have been given. Those of long ago are given again.
+            // All ids have been used: restart from the first.
             id = station + 1;
         }
-        self.note(TargetId(id));
+        self.reserve(TargetId(id));
         TargetId(id)
     }
 
-    /// Creates agents for targets that others see and this station should see (section 3.4, 1).
+    /// Creates agents for targets that other stations measure and this station should measure (section 3.4, item 1).
     fn create(&mut self, agents: &mut Vec<SeeingAgent>, around: &Surroundings<'_>) {
         let targets = around.reference.targets();
         let held = held(agents);
@@ -213,7 +213,7 @@ impl Mediator {
                 .filter(|a| a.is_alone() && distance_m(a) < CLOSE_M)
                 .min_by(|a, b| distance_m(a).total_cmp(&distance_m(b)));
             match near {
-                // Image tracking was faster: the agent that it found is the one to be created.
+                // A lone agent already tracks the person: it joins instead of a new agent.
                 Some(lone) if !lone.has_belonged && distance_m(lone) < around.options.grant_m => {
                     lone.join(*target, leader.confidence);
                 }
@@ -238,22 +238,22 @@ impl Mediator {
     }
 }
 
-/// Whether an agent tracks alone, and certainly one person: while people are too close nothing is done (section 2.4).
+/// Whether a lone agent may ask to join an agency: while people are too close it has to wait (section 2.4).
 fn is_waiting(agent: &SeeingAgent) -> bool {
     agent.is_alone() && agent.clear_sighting().is_some()
 }
 
-/// Targets that have an agent here.
+/// Targets with an agent at this station.
 fn held(agents: &[SeeingAgent]) -> BTreeSet<TargetId> {
     agents.iter().filter(|a| !a.is_alone()).map(|a| a.target).collect()
 }
 
-/// Whether anybody has followed a target.
+/// Whether any station tracks a target, or the colour memory has it.
 fn is_known(target: TargetId, around: &Surroundings<'_>) -> bool {
     around.reference.leader(target).is_some() || around.memory.targets().any(|t| t == target)
 }
 
-/// Updates the list of confidences of all lone agents (a).
+/// Updates the list of confidences of all lone agents (step a).
 fn update_list(agents: &mut [SeeingAgent], around: &Surroundings<'_>) {
     let mut targets = around.reference.targets();
     targets.extend(around.memory.targets());
@@ -279,7 +279,7 @@ fn update_list(agents: &mut [SeeingAgent], around: &Surroundings<'_>) {
     }
 }
 
-/// Whether the agent of another station that asked may join the agency (c1, c2).
+/// Whether the agent of another station that sent a request may join the agency (steps c1, c2).
 fn is_granted(
     agents: &mut [SeeingAgent],
     asking: AgentId,
@@ -290,18 +290,18 @@ fn is_granted(
     let is_near = |agent: &SeeingAgent| {
         agent.sighting.is_some_and(|s| (s.position - position).norm() < around.options.grant_m)
     };
-    // (c1) An agent of the agency sees the same person.
+    // (c1) An agent of the agency tracks the same person.
     if let Some(member) = agents.iter().find(|a| a.target == candidate && a.sighting.is_some()) {
         return is_near(member);
     }
-    // (c2) A lone agent sees the same person, and of all targets takes it for this one.
+    // (c2) A lone agent tracks the same person, and the target is its best match.
     let mut lone = agents.iter_mut().filter(|a| a.is_alone() && is_near(a));
     lone.any(|agent| {
         let best = agent.list.iter().max_by(|a, b| a.1.total_cmp(b.1)).map(|(target, _)| *target);
         match best {
             Some(best) => best == candidate,
             None if is_known(candidate, around) => false,
-            // The id is new. Of two stations that ask for the same person at once the one with the lower number gets it.
+            // The id is new. Of two stations with requests for the same person, the one with the lower number wins.
             None => {
                 let is_first = agent.request.is_none() || asking.station < around.station;
                 if is_first {
@@ -313,7 +313,7 @@ fn is_granted(
     })
 }
 
-/// Lets an agent join the agency that it was granted, unless the station has got another agent for it since (d).
+/// Lets an agent join the agency that was granted, unless the station has another agent for it by now (step d).
 fn take_grant(agents: &mut [SeeingAgent], asking: AgentId, candidate: TargetId, options: &PublishedOptions) {
     if held(agents).contains(&candidate) {
         return;
@@ -326,7 +326,7 @@ fn take_grant(agents: &mut [SeeingAgent], asking: AgentId, candidate: TargetId, 
     }
 }
 
-/// Ends the lone one of two agents that have followed one person for some time; of two lone ones the later.
+/// Ends the lone one of two agents that have tracked one person for some time; of two lone ones the newer.
 fn end_doubles(agents: &mut Vec<SeeingAgent>, around: &Surroundings<'_>) {
     let places: Vec<Option<Point2<f64>>> =
         agents.iter().map(|a| a.clear_sighting().map(|s| s.position)).collect();

@@ -1,15 +1,16 @@
-//! The published rule (Nakazawa, Hiura, Kato & Inokuchi, 分散視覚エージェントを用いた複数人物追跡システム, IPSJ Journal 2001;
-//! seed 000): seeing agents that know how confident they are, and one mediator a station.
+//! The published rule: seeing agents with a confidence each, and one mediator per station. After A. Nakazawa, S. Hiura,
+//! H. Kato, S. Inokuchi, "Tracking Multiple Persons Using Distributed Vision Systems"
+//! (分散視覚エージェントを用いた複数人物追跡システム), IPSJ Journal, 2001.
 //!
-//! * [`agent`] — a seeing agent: one person, followed by one station.
+//! * [`agent`] — a seeing agent: one person tracked by one station.
 //! * [`confidence`] — equations (1) and (2): events in the image, other agents, memory.
 //! * [`colour_memory`] — frequencies of each target's colours.
-//! * [`mod@reference`] — what other stations' agents see.
-//! * [`mediator`] — agents that track alone find agencies (figure 6); agents for targets known elsewhere.
+//! * [`mod@reference`] — current measurements by other stations' agents.
+//! * [`mediator`] — agencies for lone agents (figure 6), and agents for targets that other stations track.
 //! * [`station`] — [`Published`]: one moment of a station.
 //!
-//! Beyond the paper: an agent that image tracking has found takes the place of the one that the mediator would create;
-//! a target of its own for somebody whom nobody else knows; the end of the lone one of two agents on one person.
+//! Beyond the paper: a lone agent that already tracks the person replaces the agent that the mediator would create; a
+//! lone agent that no other station confirms gets a target of its own; of two agents on one person the lone one ends.
 
 mod agent;
 mod colour_memory;

@@ -4,18 +4,19 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Error, Result};
 
-/// Options of the published rule. Names in brackets are the paper's; what it leaves open was settled by simulation.
+/// Options of the published rule. Names in brackets are the paper's; values that it leaves open were chosen by
+/// simulation.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PublishedOptions {
-    /// Confidence lost in each frame in which a person is too close to another (k1). Once a crossing, as the paper may be
-    /// read, is too little where each frame of a crossing may lead the agent astray.
+    /// Confidence lost in each frame in which a person is too close to another (k1). The paper may also mean once per
+    /// crossing, which is too little, because the agent may switch to the other person in each frame of a crossing.
     pub crossing_penalty: f64,
-    /// Speed of all other changes of confidence, 1/s (k): 0.01 a frame at 10 frames/s.
+    /// Rate of all other changes of confidence, 1/s (k): 0.01 per frame at 10 frames/s.
     pub rate_per_s: f64,
     /// Weight of a difference of place, 1/m (k21).
     pub distance_weight: f64,
-    /// Weight of a difference of hue, 1/degree (k22): 100° weigh as 1 m.
+    /// Weight of a difference of hue, 1/degree (k22): 100° count as 1 m.
     pub hue_weight: f64,
     /// Weight of the colour memory (k31).
     pub knowledge_weight: f64,
@@ -27,25 +28,25 @@ pub struct PublishedOptions {
     pub frequent: f64,
     /// Confidence from which colours are added to the memory.
     pub memory_confidence: f64,
-    /// Confidence at or below which an agent leaves its agency. Section 3.3 says 0, section 2.2 speaks of a threshold: with
-    /// 0 an agent that has changed over to somebody else in a crossing of two frames stays, and nobody contradicts it
-    /// where the others have left (layout *along*: all six kept in 95 % of the trials instead of 98 %).
+    /// Confidence at or below which an agent leaves its agency. Section 3.3 says 0, section 2.2 a threshold. With 0 an
+    /// agent that switched to another person in a crossing of two frames stays, and no agent contradicts it where the
+    /// others have left (layout *along*: all six kept in 95 % of the trials instead of 98 %).
     pub leaving_confidence: f64,
     /// Confidence of a lone agent in the mediator's list from which it asks to join.
     pub request_confidence: f64,
     /// Confidence of an agent that has joined an agency.
     pub joining_confidence: f64,
-    /// Distance within which two stations' sightings are taken for one person when a request is answered, metres.
+    /// Distance below which two stations' sightings are of one person when a request is answered, metres.
     pub grant_m: f64,
     /// Confidence of another station from which an agent is created for its target.
     pub creation_confidence: f64,
     /// Time without an agent for a target after which one is created, seconds.
     pub creation_s: f64,
-    /// Time without success after which an agent ends, seconds.
+    /// Time without a sighting after which an agent ends, seconds.
     pub lost_s: f64,
     /// Time after which the lone one of two agents on one person ends, seconds.
     pub double_s: f64,
-    /// Time after which a lone agent whom nobody else knows gets a target of its own, seconds.
+    /// Time after which a lone agent that matches no known target gets a target of its own, seconds.
     pub alone_s: f64,
     /// Time constant of the position filter, seconds.
     pub filter_s: f64,
@@ -78,10 +79,10 @@ impl Default for PublishedOptions {
 }
 
 impl PublishedOptions {
-    /// Options for the published simulation, whose attribute from 0 to 1 is the whole circle of hues.
+    /// Options for the published simulation, whose attribute from 0 to 1 is represented by a range of hues.
     ///
-    /// * `hue_deg`: degrees of hue that stand for an attribute of 1;
-    /// * `attribute_noise`: largest error of the attribute, which is the threshold, too.
+    /// * `hue_deg`: range of hue for a difference of attribute of 1, degrees;
+    /// * `attribute_noise`: largest error of the attribute, which is also the threshold.
     #[must_use]
     pub fn simulation(hue_deg: f64, attribute_noise: f64) -> Self {
         Self {
@@ -91,10 +92,10 @@ impl PublishedOptions {
         }
     }
 
-    /// Checks that the options make sense.
+    /// Checks that all options are within their ranges.
     ///
     /// # Errors
-    /// [`Error::Option`] for the first that does not.
+    /// [`Error::Option`] for the first that is not.
     pub fn validate(&self) -> Result<()> {
         let from_0 = [
             ("crossing_penalty", self.crossing_penalty),

@@ -1,4 +1,4 @@
-//! Reference information memory: what the other stations' agents see now (section 3.2).
+//! Reference information memory: current measurements by other stations' agents (Nakazawa et al., section 3.2).
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -6,58 +6,58 @@ use nalgebra::{Matrix2, Point2, Vector2};
 
 use super::super::{Looks, Packet, Report, StationId, TargetId};
 
-/// A report counts for this long after it was made, seconds: a few lost packets.
+/// Time for which a report is valid, seconds: it bridges a few lost packets.
 const FRESH_S: f64 = 0.35;
-/// Oldest and newest packets that are used, seconds before now.
+/// Valid ages of a packet, seconds; negative for a packet from later than now.
 const AGES_S: std::ops::RangeInclusive<f64> = -0.5..=1.0;
-/// Greatest target id that anybody gives.
+/// Greatest valid target id.
 pub(super) const LARGEST_TARGET: u32 = 1 << 30;
-/// Most reports of one packet that are read.
+/// Maximum number of reports used of one packet.
 const MOST_REPORTS: usize = 256;
 
-/// Agent of another station, brought to now.
+/// Agent of another station, predicted to now.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Member {
     /// Predicted place, metres.
     pub(super) position: Point2<f64>,
-    /// Covariance of its measurement, m².
+    /// Covariance of the measurement, m².
     pub(super) covariance: Matrix2<f64>,
     /// Velocity, m/s.
     pub(super) velocity: Vector2<f64>,
     /// Height, metres.
     pub(super) height_m: f64,
-    /// Colours that it sees.
+    /// Measured colours.
     pub(super) looks: Option<Looks>,
-    /// Its confidence.
+    /// Confidence, 0 to 1.
     pub(super) confidence: f64,
-    /// Whether it may see somebody else.
+    /// Whether the measurement may be of another person nearby.
     pub(super) is_crowded: bool,
 }
 
-/// The last packet of a station.
+/// Last packet of a station.
 #[derive(Debug, Clone)]
-struct Heard {
+struct LastPacket {
     life: u32,
     sequence: u32,
     time_s: f64,
     reports: Vec<Report>,
 }
 
-/// Everything that was heard last of each station, by target.
+/// Last packet of each station, and the agents in it by target.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Reference {
-    heard: BTreeMap<StationId, Heard>,
+    last: BTreeMap<StationId, LastPacket>,
     members: BTreeMap<TargetId, Vec<Member>>,
     greatest: TargetId,
 }
 
 impl Reference {
-    /// Takes a packet in, unless it is old or repeated. Returns whether it was taken in.
-    pub(super) fn note(&mut self, packet: &Packet, now_s: f64) -> bool {
+    /// Stores a packet, unless it is old or repeated. Returns whether it was stored.
+    pub(super) fn update(&mut self, packet: &Packet, now_s: f64) -> bool {
         if !AGES_S.contains(&(now_s - packet.time_s)) {
             return false;
         }
-        if let Some(last) = self.heard.get(&packet.station) {
+        if let Some(last) = self.last.get(&packet.station) {
             let is_old = if packet.life == last.life {
                 packet.sequence <= last.sequence
             } else {
@@ -72,17 +72,18 @@ impl Reference {
         let targets = reports.iter().map(|r| r.target).chain([packet.greatest]);
         let greatest = targets.filter(|t| t.0 <= LARGEST_TARGET).max();
         self.greatest = self.greatest.max(greatest.unwrap_or_default());
-        let heard = Heard { life: packet.life, sequence: packet.sequence, time_s: packet.time_s, reports };
-        self.heard.insert(packet.station, heard);
+        let last =
+            LastPacket { life: packet.life, sequence: packet.sequence, time_s: packet.time_s, reports };
+        self.last.insert(packet.station, last);
         true
     }
 
-    /// Predicts everybody to now.
-    pub(super) fn bring_to(&mut self, now_s: f64) {
+    /// Predicts the agents of all valid reports to now.
+    pub(super) fn predict_to(&mut self, now_s: f64) {
         self.members.clear();
-        for heard in self.heard.values().filter(|h| now_s - h.time_s <= FRESH_S) {
-            let age_s = (now_s - heard.time_s).max(0.0);
-            for report in &heard.reports {
+        for packet in self.last.values().filter(|p| now_s - p.time_s <= FRESH_S) {
+            let age_s = (now_s - packet.time_s).max(0.0);
+            for report in &packet.reports {
                 self.members.entry(report.target).or_default().push(Member {
                     position: report.position + report.velocity * age_s,
                     covariance: report.covariance,
@@ -96,28 +97,28 @@ impl Reference {
         }
     }
 
-    /// Members of an agency at other stations.
+    /// Agents of other stations that belong to an agency.
     pub(super) fn members(&self, target: TargetId) -> &[Member] {
         self.members.get(&target).map_or(&[], Vec::as_slice)
     }
 
-    /// The most confident of them.
+    /// Most confident agent of other stations in an agency.
     pub(super) fn leader(&self, target: TargetId) -> Option<&Member> {
         self.members(target).iter().rev().max_by(|a, b| a.confidence.total_cmp(&b.confidence))
     }
 
-    /// Targets that others follow.
+    /// Targets that other stations track.
     pub(super) fn targets(&self) -> BTreeSet<TargetId> {
         self.members.keys().copied().collect()
     }
 
-    /// The greatest target id that anybody knew of.
+    /// Greatest target id in any packet so far.
     pub(super) fn greatest(&self) -> TargetId {
         self.greatest
     }
 }
 
-/// Whether a report is of a person's measures and of an agency.
+/// Whether a report has valid values and belongs to an agency.
 fn is_usable(report: &Report) -> bool {
     (1..=LARGEST_TARGET).contains(&report.target.0)
         && report.position.iter().chain(report.velocity.iter()).all(|v| v.is_finite() && v.abs() < 1e4)
@@ -151,31 +152,31 @@ mod tests {
     }
 
     #[test]
-    fn the_leader_is_the_most_confident_and_stands_where_it_has_walked_to() {
+    fn the_leader_is_the_most_confident_and_is_predicted_to_now() {
         let mut reference = Reference::default();
-        assert!(reference.note(&packet(1, 1, 9.9, vec![report(7, 0.5)]), 10.0));
-        assert!(reference.note(&packet(2, 1, 9.8, vec![report(7, 0.9)]), 10.0));
-        reference.bring_to(10.0);
+        assert!(reference.update(&packet(1, 1, 9.9, vec![report(7, 0.5)]), 10.0));
+        assert!(reference.update(&packet(2, 1, 9.8, vec![report(7, 0.9)]), 10.0));
+        reference.predict_to(10.0);
         let leader = reference.leader(TargetId(7)).unwrap();
         assert!((leader.confidence - 0.9).abs() < 1e-12 && (leader.position.x - 1.2).abs() < 1e-9);
         assert_eq!(reference.members(TargetId(7)).len(), 2);
-        reference.bring_to(10.5);
+        reference.predict_to(10.5);
         assert!(reference.leader(TargetId(7)).is_none(), "nothing fresh is known");
     }
 
     #[test]
-    fn old_repeated_and_senseless_packets_change_nothing() {
+    fn old_repeated_and_invalid_packets_change_nothing() {
         let mut reference = Reference::default();
-        assert!(!reference.note(&packet(1, 1, 3600.0, vec![report(7, 0.5)]), 10.0));
-        assert!(reference.note(&packet(1, 5, 10.0, vec![report(7, 0.5)]), 10.0));
-        assert!(!reference.note(&packet(1, 5, 10.0, vec![report(8, 0.5)]), 10.0));
+        assert!(!reference.update(&packet(1, 1, 3600.0, vec![report(7, 0.5)]), 10.0));
+        assert!(reference.update(&packet(1, 5, 10.0, vec![report(7, 0.5)]), 10.0));
+        assert!(!reference.update(&packet(1, 5, 10.0, vec![report(8, 0.5)]), 10.0));
         let senseless = [
             Report { position: point![f64::NAN, 0.0], ..report(8, 0.5) },
             Report { target: TargetId(u32::MAX), ..report(8, 0.5) },
             Report { confidence: 3.0, ..report(8, 0.5) },
         ];
-        assert!(reference.note(&packet(2, 1, 10.0, senseless.to_vec()), 10.0));
-        reference.bring_to(10.0);
+        assert!(reference.update(&packet(2, 1, 10.0, senseless.to_vec()), 10.0));
+        reference.predict_to(10.0);
         assert_eq!(reference.targets().into_iter().collect::<Vec<_>>(), [TargetId(7)]);
         assert_eq!(reference.greatest(), TargetId(7));
     }

@@ -14,13 +14,13 @@ use super::confidence;
 use super::mediator::{CLOSE_M, Mediator, SAME_M, Surroundings};
 use super::reference::Reference;
 
-/// Longest step of time that is counted at once, seconds.
+/// Longest time step, seconds.
 const LONGEST_STEP_S: f64 = 0.5;
-/// A new track this near to where an agent looked for its person again is the person, metres: the radius of tracking and
-/// the error of a measurement.
+/// Distance from an agent's predicted place below which a new image track is of its person, metres: the radius of
+/// tracking plus the error of a measurement.
 const REACH_M: f64 = CLOSE_M + 0.6;
 
-/// The published rule at one station.
+/// Published rule at one station.
 pub struct Published {
     station: StationId,
     stations: u8,
@@ -33,7 +33,7 @@ pub struct Published {
     mediator: Mediator,
     /// Image tracks of the last moment.
     tracks: BTreeSet<u32>,
-    /// Targets that tracks were introduced with, until the first moment.
+    /// Image tracks and their known targets, until the first moment.
     introduced: Vec<(u32, TargetId)>,
     /// Time of the last moment, seconds.
     now_s: Option<f64>,
@@ -41,7 +41,7 @@ pub struct Published {
 }
 
 impl Published {
-    /// A station that has just started and knows of nobody, one of `stations`.
+    /// Creates the rule of a station, one of `stations`, that has just started and knows of no person.
     pub fn new(
         station: StationId,
         stations: u8,
@@ -65,32 +65,33 @@ impl Published {
         }
     }
 
-    /// The same station with the number of this life of it, by which others tell its packets from those of another.
+    /// Sets the number that distinguishes this run of the station from earlier ones in its packets.
     #[must_use]
     pub fn with_life(self, life: u32) -> Self {
         Self { life, ..self }
     }
 
-    /// Tells beforehand which target an image track of the first moment follows, as in experiment 2, where everybody is
-    /// known at the start.
+    /// Sets the target of an image track before the first moment, as in experiment 2, where all people are known at the
+    /// start.
     pub fn introduce(&mut self, track: u32, target: TargetId) {
         self.introduced.push((track, target));
-        self.mediator.note(target);
+        self.mediator.reserve(target);
     }
 
-    /// Takes packets in. Returns the messages of their mediators.
-    fn hear(&mut self, heard: &[Packet], now_s: f64) -> Vec<MediatorMessage> {
+    /// Stores received packets. Returns the messages of their mediators.
+    fn receive(&mut self, received: &[Packet], now_s: f64) -> Vec<MediatorMessage> {
         let mut messages = Vec::new();
-        for packet in heard.iter().filter(|p| p.station != self.station && p.station.0 < self.stations) {
-            if self.reference.note(packet, now_s) {
+        for packet in received.iter().filter(|p| p.station != self.station && p.station.0 < self.stations) {
+            if self.reference.update(packet, now_s) {
                 messages.extend_from_slice(&packet.messages);
             }
         }
-        self.reference.bring_to(now_s);
+        self.reference.predict_to(now_s);
         messages
     }
 
-    /// Gives every agent its sighting, and new tracks to the agents that look for somebody.
+    /// Updates every agent with its sighting, gives new image tracks to agents without one, and ends agents that were
+    /// missed for too long.
     fn follow(&mut self, sightings: &Sightings, dt_s: f64) {
         let people = &sightings.people;
         for agent in &mut self.agents {
@@ -109,7 +110,7 @@ impl Published {
                     agent.height_m = sighting.height_m;
                     agent.unseen_s = 0.0;
                 }
-                // Section 3.3, 6: it starts again from where the most confident agent of the agency sees the person.
+                // Section 3.3, item 6: the agent restarts from the place of the agency's most confident agent.
                 (None, Some(leader)) => {
                     (agent.filter.position, agent.filter.velocity) = (leader.position, leader.velocity);
                     agent.unseen_s += dt_s;
@@ -122,8 +123,8 @@ impl Published {
         self.tracks = people.iter().map(|s| s.track).collect();
     }
 
-    /// Gives tracks that no agent follows to one: to one that looks for somebody there when the track is new, and otherwise
-    /// to a new lone agent, unless another agent follows the same person.
+    /// Assigns image tracks without an agent: a new one to the nearest agent without a track, and otherwise to a new
+    /// lone agent, unless another agent tracks the same person.
     fn begin_tracks(&mut self, people: &[Sighting]) {
         for sighting in people {
             if self.agents.iter().any(|a| a.track == Some(sighting.track)) {
@@ -179,7 +180,7 @@ impl Published {
         }
     }
 
-    /// What the others are told: agents of agencies that see their person now (section 3.3, 5).
+    /// Creates the packet to send: a report of each agent of an agency that has a sighting (section 3.3, item 5).
     fn packet(&mut self, is_usable: bool) -> Packet {
         self.sequence += 1;
         let mut reports: Vec<Report> = Vec::new();
@@ -209,7 +210,7 @@ impl Published {
         }
     }
 
-    /// Where agents without success are to look for their person.
+    /// Predicted places of people whose agents have no sighting.
     fn restarts(&self) -> Vec<Restart> {
         let looking = |a: &&SeeingAgent| a.sighting.is_none() && self.reference.leader(a.target).is_some();
         let restart = |a: &SeeingAgent| Restart { position: a.filter.position, height_m: a.height_m };
@@ -217,16 +218,17 @@ impl Published {
     }
 }
 
+/// Sighting of an image track.
 fn of_track(people: &[Sighting], track: u32) -> Option<&Sighting> {
     people.binary_search_by_key(&track, |s| s.track).ok().map(|index| &people[index])
 }
 
 impl Rule for Published {
-    fn step(&mut self, sightings: &Sightings, heard: &[Packet]) -> Step {
+    fn step(&mut self, sightings: &Sightings, received: &[Packet]) -> Step {
         let now_s = sightings.time_s;
         let dt_s = self.now_s.map_or(0.0, |before| (now_s - before).clamp(0.0, LONGEST_STEP_S));
         self.now_s = Some(now_s);
-        let messages = self.hear(heard, now_s);
+        let messages = self.receive(received, now_s);
         if !sightings.is_usable {
             self.agents.iter_mut().for_each(|a| a.sighting = None);
             return Step { packet: self.packet(false), ..Step::default() };
@@ -259,7 +261,7 @@ impl Rule for Published {
         });
         let held: BTreeSet<TargetId> = self.agents.iter().map(|a| a.target).collect();
         let others = self.reference.targets().into_iter().filter(|target| !held.contains(target));
-        let heard = others.filter_map(|target| self.reference.leader(target).map(|l| (target, l))).map(
+        let reported = others.filter_map(|target| self.reference.leader(target).map(|l| (target, l))).map(
             |(target, leader)| Belief {
                 target,
                 agent: None,
@@ -270,7 +272,7 @@ impl Rule for Published {
                 confidence: leader.confidence,
             },
         );
-        let mut people: Vec<Belief> = own.chain(heard).collect();
+        let mut people: Vec<Belief> = own.chain(reported).collect();
         people.sort_by_key(|belief| belief.target);
         people
     }

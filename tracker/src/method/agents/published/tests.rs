@@ -1,4 +1,4 @@
-//! Stations under the published rule that see the same two people.
+//! Stations under the published rule that measure the same people.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -18,7 +18,7 @@ fn stations(count: u8) -> Vec<Published> {
     (0..count).map(station).collect()
 }
 
-/// A person's measurement under an image track.
+/// Sighting of a person under an image track.
 fn sighting(track: u32, position: Point2<f64>, hue_deg: f32, is_crowded: bool) -> Sighting {
     Sighting {
         track,
@@ -30,13 +30,14 @@ fn sighting(track: u32, position: Point2<f64>, hue_deg: f32, is_crowded: bool) -
     }
 }
 
-/// Two people who walk past each other along x, 0.4 m apart, from 3 m before to 12 m beyond; red and blue.
+/// Places, metres, and hues, degrees, of two people who pass each other along x, 0.4 m apart, from 3 m before to 15 m
+/// beyond.
 fn passing(frame: u32) -> [(Point2<f64>, f32); 2] {
     let x = 0.12 * (f64::from(frame) - 25.0);
     [(point![x, 0.2], 0.0), (point![-x, -0.2], 220.0)]
 }
 
-/// Runs all stations for a frame on what the others said in the frame before.
+/// Runs all stations for one frame with the packets of the frame before.
 fn step(
     stations: &mut [Published],
     time_s: f64,
@@ -48,7 +49,7 @@ fn step(
         .zip(seen)
         .map(|(station, people)| {
             let sightings = Sightings { time_s, people: people.clone(), is_usable: true };
-            // Its own packet is among them; a station does not listen to itself.
+            // The station's own packet is among them, and is ignored.
             station.step(&sightings, packets)
         })
         .collect();
@@ -56,7 +57,7 @@ fn step(
     steps
 }
 
-/// Place at which a station's agent of a target sees its person.
+/// Reported place of a target, metres.
 fn place(packet: &Packet, target: u32) -> Option<Point2<f64>> {
     packet.reports.iter().find(|r| r.target == TargetId(target)).map(|r| r.position)
 }
@@ -73,8 +74,8 @@ fn a_swap_in_one_station_is_found_and_repaired() {
         let people = passing(frame);
         let is_close = (people[0].0 - people[1].0).norm() < 1.0;
         let seen = (0..3).map(|station| {
-            // The tracks of station 2 change over when the people have passed; the others look from elsewhere and see them
-            // apart from each other all the time.
+            // The tracks of station 2 are swapped when the people have passed; the other stations see the people apart
+            // from each other all the time.
             let is_swapped = station == 2 && frame > 25;
             let person = |track: usize| {
                 let (position, hue_deg) = people[if is_swapped { 1 - track } else { track }];
@@ -96,7 +97,7 @@ fn a_swap_in_one_station_is_found_and_repaired() {
 }
 
 #[test]
-fn a_newcomer_whom_all_stations_find_at_once_gets_one_target() {
+fn a_newcomer_found_by_all_stations_at_once_gets_one_target() {
     let mut all = stations(3);
     let mut packets = Vec::new();
     for frame in 0..40 {
@@ -109,14 +110,14 @@ fn a_newcomer_whom_all_stations_find_at_once_gets_one_target() {
 }
 
 #[test]
-fn somebody_whom_one_station_sees_alone_is_told_after_a_second() {
+fn a_person_seen_by_one_station_alone_is_reported_after_a_second() {
     let mut all = stations(2);
     let mut packets = Vec::new();
     for frame in 0..20 {
         let walker = sighting(5, point![0.1 * f64::from(frame), 1.0], 100.0, false);
         step(&mut all, f64::from(frame) * DT_S, &[vec![walker], Vec::new()], &mut packets);
-        let is_told = !packets[0].reports.is_empty();
-        assert_eq!(is_told, frame >= 10, "frame {frame}");
+        let is_reported = !packets[0].reports.is_empty();
+        assert_eq!(is_reported, frame >= 10, "frame {frame}");
     }
     // The other station knows of the person, without an agent.
     let known = all[1].people();
@@ -124,7 +125,7 @@ fn somebody_whom_one_station_sees_alone_is_told_after_a_second() {
 }
 
 #[test]
-fn a_station_looks_for_somebody_whom_others_see_and_takes_what_it_finds() {
+fn a_station_finds_a_person_measured_by_another_and_takes_the_target() {
     let mut all = stations(2);
     let mut packets = Vec::new();
     let mut asked = 0;
@@ -146,7 +147,7 @@ fn a_station_looks_for_somebody_whom_others_see_and_takes_what_it_finds() {
 }
 
 #[test]
-fn an_agent_that_finds_nobody_for_a_second_ends() {
+fn an_agent_without_a_sighting_for_a_second_ends() {
     let mut all = stations(1);
     all[0].introduce(0, TargetId(1));
     let mut packets = Vec::new();
@@ -158,7 +159,7 @@ fn an_agent_that_finds_nobody_for_a_second_ends() {
 }
 
 #[test]
-fn a_camera_without_picture_misses_nobody() {
+fn a_camera_without_an_image_misses_no_person() {
     let mut all = stations(1);
     all[0].introduce(0, TargetId(1));
     let seen = |time_s, is_usable| Sightings {
@@ -194,7 +195,7 @@ fn no_station_ever_has_two_agents_of_one_target() {
 }
 
 #[test]
-fn senseless_packets_do_no_harm() {
+fn invalid_packets_change_no_estimate() {
     let mut station = stations(2).remove(0);
     let walker = |frame: u32| Sightings {
         time_s: f64::from(frame) * DT_S,

@@ -1,5 +1,5 @@
-//! The centralised variant of section 4.2.1 B: all stations' measurements of a target are fused at every frame, and the
-//! fused place is where every station looks next.
+//! Centralised variant (Nakazawa et al., section 4.2.1 B): all stations' measurements of a target are fused in every
+//! frame, and every station searches around the fused place in the next one.
 
 use nalgebra::{Point2, Vector2, vector};
 use rand::RngExt;
@@ -9,29 +9,30 @@ use serde::Serialize;
 use super::judge::{Fates, PlaceJudge};
 use super::{CLOSE_M, World};
 
-/// Gains of the α-β filter of a centre that predicts.
+/// Gains α and β of the filter of a centre that predicts.
 const GAINS: [f64; 2] = [0.6, 0.15];
+/// Purpose of the generator of noise and lost packets.
 const PURPOSE: u64 = 1 << 33;
 
 /// Choices that the paper leaves to the centralised variant.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct CentralisedOptions {
-    /// At a crossing a station takes the person whose attribute is the nearest to the target's, and sits the frame out
-    /// when none is within this.
+    /// Largest difference of attribute at a crossing. A station measures the person with the most similar attribute,
+    /// and skips the frame when the difference is larger.
     pub attribute_limit: f64,
-    /// Whether the place that is fed back is a filter's prediction, or the fused place itself.
+    /// Whether a filter's prediction is fed back instead of the fused place.
     pub predicts: bool,
-    /// Time for which a target that no station measures is kept at its last place, seconds.
+    /// Time after which an unmeasured target is given up, seconds.
     pub coast_s: f64,
 }
 
 impl CentralisedOptions {
-    /// As published: the limit is the attribute's own noise.
+    /// Options as published: the limit is the attribute's own noise.
     pub fn published() -> Self {
         Self { attribute_limit: 0.15, predicts: false, coast_s: 0.0 }
     }
 
-    /// All variants that are tried to find the best.
+    /// All variants among which the best is searched.
     pub fn variants() -> Vec<Self> {
         let limits = [0.15, 0.2, 0.3, 0.45];
         let feedback = [(false, 0.0), (false, 1.0), (true, 1.0)];
@@ -43,17 +44,18 @@ impl CentralisedOptions {
     }
 }
 
-/// The centre's state of one target.
+/// State of one target at the centre.
 #[derive(Clone, Copy)]
 struct Target {
     place: Point2<f64>,
     velocity: Vector2<f64>,
-    /// Frames without any measurement.
+    /// Number of frames since the last measurement.
     missed: u32,
     is_followed: bool,
 }
 
-/// What one station makes of a target: its measurement of somebody, if it takes anybody for it.
+/// Measurement of a target by one station, metres; `None` when no person near the target is accepted. The measured
+/// person may be another than the target.
 fn measure(
     world: &World,
     frame: usize,
@@ -83,8 +85,8 @@ fn measure(
     Some(places[best] + error * factor)
 }
 
-/// Runs a trial of the centralised variant. `watch` is given each frame and each person's fused place, `None` once it
-/// has been given up.
+/// Runs a trial of the centralised variant. `watch` receives each frame and the fused place of each person, metres;
+/// `None` once the target has been given up.
 pub fn run_centralised(
     world: &World,
     options: &CentralisedOptions,
@@ -128,10 +130,10 @@ pub fn run_centralised(
     judge.fates()
 }
 
-/// One station's part in a frame.
+/// Random draws of one station for one frame.
 struct Station {
     is_lost: bool,
-    /// Unit noise along, across and of the attribute, for each person.
+    /// Unit noise for each person: along and across the line of sight, and of the attribute.
     noise: Vec<[f64; 3]>,
 }
 

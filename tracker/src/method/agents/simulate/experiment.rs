@@ -1,4 +1,5 @@
-//! Experiment 2: the same trials under the published rule (A), the centralised variant (B) and the modern rule (C).
+//! Experiment 2 (Nakazawa et al., section 4.2): the same trials under the published rule (A), the centralised variant
+//! (B) and the modern rule (C).
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -16,23 +17,23 @@ use super::{
     run_centralised,
 };
 
-/// Factors of the errors of close people for which the centralised variant is run, beside that of the options.
+/// Factors of the errors of close people for which the centralised variant is run, besides that of the options.
 const CLOSE_FACTORS: [f64; 2] = [1.0, 1.5];
 
-/// What became of everybody in a number of trials.
+/// Numbers of people kept, lost and confused over several trials.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 pub struct Tally {
     /// Number of trials.
     pub trials: usize,
-    /// Trials in which everybody was kept.
+    /// Number of trials in which all people were kept.
     pub all_kept: usize,
     /// Number of people in all trials.
     pub people: usize,
-    /// People kept.
+    /// Number of people kept.
     pub kept: usize,
-    /// People lost.
+    /// Number of people lost.
     pub lost: usize,
-    /// People confused with others.
+    /// Number of people confused with others.
     pub confused: usize,
 }
 
@@ -49,67 +50,67 @@ impl Tally {
         })
     }
 
-    /// Trials in which everybody was kept, percent.
+    /// Trials in which all people were kept, percent.
     pub fn all_kept_percent(&self) -> f64 {
         percent(self.all_kept, self.trials)
     }
 }
 
-/// A part of a whole, percent.
+/// Share of a part in a whole, percent.
 pub(super) fn percent(part: usize, whole: usize) -> f64 {
     100.0 * part as f64 / whole.max(1) as f64
 }
 
-/// One system by one criterion.
+/// Result of one system by one criterion.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Row {
-    /// The system and the criterion.
+    /// Name of the system and the criterion.
     pub name: &'static str,
-    /// What became of everybody.
+    /// Numbers of people kept, lost and confused.
     pub tally: Tally,
 }
 
-/// The centralised variant at one doubling of noise.
+/// Results of the centralised variant for one factor of noise.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SweepRow {
     /// Factor of all errors where people are close.
     pub close_factor: f64,
-    /// As published.
+    /// Results with the published options.
     pub published: Tally,
-    /// The variant that keeps everybody the most often.
+    /// Options with which all people are kept in the most trials.
     pub best_options: CentralisedOptions,
-    /// What became of everybody under it.
+    /// Results with these options.
     pub best: Tally,
 }
 
-/// How fast a rule's first trial ran.
+/// Speed of a rule in its first trial.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Speed {
-    /// The rule.
+    /// Name of the rule.
     pub name: &'static str,
-    /// Simulated time over time taken, with everything around the rule.
+    /// Ratio of simulated time to run time of the whole trial.
     pub real_time_factor: f64,
-    /// Time that the rule took at one station for one frame, microseconds, median.
+    /// Median run time of the rule for one station and frame, microseconds.
     pub station_frame_us: f64,
 }
 
-/// Places of each person at each frame as a system has them, metres: `[frame][person]`.
+/// Estimated places of each person by one system, metres: `[frame][person]`.
 pub type Trace = Vec<Vec<Option<Point2<f64>>>>;
 
 /// Results of one layout.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Comparison {
-    /// What was simulated.
+    /// Options of the simulation.
     pub options: Options,
     /// Seed of the trials.
     pub seed: u64,
-    /// The systems.
+    /// Results of the systems.
     pub rows: Vec<Row>,
-    /// The centralised variant over the doubling of noise; empty where it was not run.
+    /// Results of the centralised variant over the factor of noise; empty when it was not run.
     pub sweep: Vec<SweepRow>,
     /// Speed of the two rules.
     pub speeds: Vec<Speed>,
-    /// Trajectories of the first trial, by system.
+    /// Trajectories of the first trial and names of the systems.
     #[serde(skip)]
     pub traces: Vec<(&'static str, Trace)>,
 }
@@ -121,7 +122,7 @@ enum RuleName {
     Modern,
 }
 
-/// A judged trial of a rule.
+/// Results of one trial of a rule.
 struct Judged {
     leader: Fates,
     mean: Fates,
@@ -129,8 +130,8 @@ struct Judged {
     trace: Trace,
 }
 
-/// Runs the comparison; `step` is called after each trial of each system, from any thread. The centralised variant is left
-/// out in a corridor, where no centre hears everybody.
+/// Runs the comparison; `step` is called after each trial of each rule, from any thread. The centralised variant is not
+/// run in a corridor, where no centre hears all stations.
 pub fn compare(options: &Options, seed: u64, trials: usize, step: impl Fn() + Sync) -> Comparison {
     let site = Arc::new(Site::new(options));
     let world = |trial: usize| World::new(options, &site, seed, trial as u64);
@@ -181,7 +182,7 @@ pub fn compare(options: &Options, seed: u64, trials: usize, step: impl Fn() + Sy
     Comparison { options: options.clone(), seed, rows, sweep, speeds, traces }
 }
 
-/// Runs a trial of a rule. Returns also the median time that the rule took at a station for a frame, seconds.
+/// Runs a trial of a rule. Also returns the median run time of the rule for one station and frame, seconds.
 fn run(world: &World, rule: RuleName, is_traced: bool) -> (Judged, f64) {
     let mut judge = Judge::new(world);
     let mut seen: Vec<Vec<(TargetId, Point2<f64>)>> = Vec::new();
@@ -225,7 +226,7 @@ fn run(world: &World, rule: RuleName, is_traced: bool) -> (Judged, f64) {
     (Judged { leader: judge.leader(), mean: judge.mean(), each: judge.each(), trace }, station_frame_s)
 }
 
-/// Mean place of the members of each agency.
+/// Mean place of the members of each agency, metres.
 fn means_of_agencies(moment: &Moment<'_>) -> Vec<(TargetId, Point2<f64>)> {
     let stations = 0..moment.world.options.stations;
     let reports: Vec<_> = stations.flat_map(|s| moment.packet(s).reports.iter()).collect();
@@ -238,7 +239,8 @@ fn means_of_agencies(moment: &Moment<'_>) -> Vec<(TargetId, Point2<f64>)> {
     targets.into_iter().filter_map(mean).collect()
 }
 
-/// The centralised variant as published and at its best, with errors multiplied by `close_factor` where people are close.
+/// Results of the centralised variant, as published and with its best options, for one factor of the errors of close
+/// people.
 fn sweep_row(options: &Options, site: &Arc<Site>, seed: u64, trials: usize, close_factor: f64) -> SweepRow {
     let mut options = options.clone();
     options.noise.close_factor = close_factor;

@@ -1,4 +1,4 @@
-//! Trajectories of one trial, as figures 15 and 16 of the paper: one panel a system.
+//! Figure of the trajectories of one trial, one panel per system (Nakazawa et al., figures 15 and 16).
 
 use image::RgbImage;
 use nalgebra::{Point2, Vector2};
@@ -12,7 +12,7 @@ const MARGIN_PX: f64 = 16.0;
 const TITLE_PX: f64 = 36.0;
 const TEXT: TextStyle = TextStyle::new(16.0).color(Color::INK);
 
-/// Draws the true ways in grey, and over them those that each system has found, a colour a person.
+/// Draws the true trajectories in grey, and over them the estimated ones of each system, one colour per person.
 pub fn draw(world: &World, traces: &[(&'static str, Trace)]) -> RgbImage {
     let width = MARGIN_PX + (PANEL_PX + MARGIN_PX) * traces.len() as f64;
     let height = TITLE_PX + PANEL_PX + MARGIN_PX;

@@ -1,4 +1,4 @@
-//! Simulated image tracking of one station (section 4.2.1).
+//! Simulated image tracking of one station (Nakazawa et al., section 4.2.1).
 
 use std::collections::BTreeMap;
 
@@ -9,32 +9,33 @@ use rand_pcg::Pcg64Mcg;
 use super::super::{Colour, Looks, Restart, Sighting, Sightings};
 use super::{CLOSE_M, World};
 
-/// A person whom no track follows, apart from others, gets a track after this time, seconds.
+/// Time after which an untracked person, apart from others, gets a track, seconds.
 const BIRTH_S: f64 = 1.0;
-/// Most tracks on one person.
+/// Maximum number of tracks on one person.
 const MAX_TRACKS: usize = 2;
-/// Hue of attribute 0, and degrees of hue from attribute 0 to 1. From -0.3 to 1.3, with all noise, it does not wrap.
+/// Hue of attribute 0, and difference of hue between attributes 0 and 1, degrees. With all noise attributes are between
+/// -0.3 and 1.3, for which hue does not wrap.
 const HUE_DEG: [f64; 2] = [60.0, 180.0];
-/// Height of everybody, metres.
+/// Height of all people, metres.
 const HEIGHT_M: f64 = 1.7;
 
-/// Degrees of hue for a difference of attributes.
+/// Difference of hue for a difference of attributes, degrees.
 pub fn hue_difference_deg(attribute: f64) -> f64 {
     HUE_DEG[1] * attribute
 }
 
-/// How image tracks behave where people are close.
+/// Behaviour of image tracks of people who are close.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Crossing {
-    /// Each track follows a person within 1 m at random, whatever the other tracks do: as published. A look at a place
-    /// gives a track of its own.
+    /// Each track follows a random person within 1 m, independently of the other tracks: as published. A restart may
+    /// begin a second track on a person.
     Random,
-    /// Each person has at most one track, and the tracks of two people who are close are swapped at random: as tracking
-    /// in regions of a mask does.
+    /// Each person has at most one track, and the tracks of two people who are close are swapped at random, as when
+    /// regions of a mask are tracked.
     Swapped,
 }
 
-/// Image tracking of one station.
+/// Simulated image tracking of one station.
 #[derive(Debug, Clone)]
 pub struct ImageTracking {
     station: usize,
@@ -43,13 +44,14 @@ pub struct ImageTracking {
     /// Person whom each track follows.
     tracks: BTreeMap<u32, usize>,
     next: u32,
-    /// Frames for which no track has followed each person, who was seen and apart from others.
+    /// Number of frames for which each person was visible, apart from others and untracked.
     untracked: Vec<u32>,
+    /// Measured places of the last frame, metres, and their people.
     seen: Vec<(Point2<f64>, usize)>,
 }
 
 impl ImageTracking {
-    /// The tracking of a station; at the beginning a track follows each person in view, numbered as the people are.
+    /// Creates the tracking of a station; at first a track follows each person in view, with the person's number.
     pub fn new(world: &World, station: usize, crossing: Crossing) -> Self {
         let in_view = |person: &usize| world.site.sees(station, world.places(0)[*person]);
         let tracks =
@@ -65,15 +67,15 @@ impl ImageTracking {
         }
     }
 
-    /// What the station sees at a frame, after looks at the places that its rule asked for.
+    /// Sightings of the station in a frame; births are also proposed at the places of `restarts`.
     pub fn step(&mut self, world: &World, frame: usize, restarts: &[Restart]) -> Sightings {
         let places = world.places(frame);
         let visible: Vec<usize> =
             (0..places.len()).filter(|p| world.site.sees(self.station, places[*p])).collect();
         self.follow(places, &visible);
-        self.look_again(places, &visible, restarts);
+        self.start_at_restarts(places, &visible, restarts);
         let apart = |person: usize| visible.iter().all(|o| *o == person || !is_close(places, person, *o));
-        self.bear(world.options.rate_hz, &visible, apart);
+        self.start_on_untracked(world.options.rate_hz, &visible, apart);
         let measured: Vec<(usize, Sighting)> =
             visible.iter().map(|p| (*p, self.measure(world, places[*p], *p, !apart(*p)))).collect();
         let sighting = |(track, person): (&u32, &usize)| {
@@ -85,12 +87,12 @@ impl ImageTracking {
         Sightings { time_s: world.time_s(frame), people, is_usable: true }
     }
 
-    /// Person whose measurement a position was, at the last frame.
+    /// Person of the measurement at a position in the last frame; `None` for another position.
     pub fn person_at(&self, position: Point2<f64>) -> Option<usize> {
         self.seen.iter().find(|(p, _)| *p == position).map(|(_, person)| *person)
     }
 
-    /// Lets every track follow somebody within 1 m of the person whom it followed, or end.
+    /// Moves the tracks to visible people by the crossing behaviour, and ends tracks without a visible person.
     fn follow(&mut self, places: &[Point2<f64>], visible: &[usize]) {
         if self.crossing == Crossing::Random {
             let rng = &mut self.rng;
@@ -119,8 +121,8 @@ impl ImageTracking {
         }
     }
 
-    /// Begins tracks where the rule asks for a look: on the nearest person within 1 m who may have one more.
-    fn look_again(&mut self, places: &[Point2<f64>], visible: &[usize], restarts: &[Restart]) {
+    /// Begins a track at each restart, on the nearest person within 1 m who may have another track.
+    fn start_at_restarts(&mut self, places: &[Point2<f64>], visible: &[usize], restarts: &[Restart]) {
         let most = if self.crossing == Crossing::Random { MAX_TRACKS } else { 1 };
         for restart in restarts {
             let distance = |person: usize| (places[person] - restart.position).norm();
@@ -133,8 +135,8 @@ impl ImageTracking {
         }
     }
 
-    /// Begins tracks on people whom nobody has followed for some time.
-    fn bear(&mut self, rate_hz: f64, visible: &[usize], apart: impl Fn(usize) -> bool) {
+    /// Begins tracks on people who have been untracked for [`BIRTH_S`].
+    fn start_on_untracked(&mut self, rate_hz: f64, visible: &[usize], apart: impl Fn(usize) -> bool) {
         let mut counts = vec![0; self.untracked.len()];
         for person in visible {
             if apart(*person) && !self.tracks.values().any(|p| p == person) {
@@ -236,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn somebody_without_a_track_gets_one_after_a_second_or_by_a_look_at_the_place() {
+    fn an_untracked_person_gets_a_track_after_a_second_or_at_a_restart() {
         let world = world(&Options::published(Layout::Once));
         let restart = Restart { position: world.places(0)[3], height_m: 1.7 };
         for (restarts, first) in [(vec![], 10), (vec![restart], 0)] {
@@ -249,7 +251,7 @@ mod tests {
     }
 
     #[test]
-    fn nobody_is_seen_through_a_wall() {
+    fn no_person_is_seen_through_a_wall() {
         let world = world(&Options::hard());
         let mut tracking = ImageTracking::new(&world, 1, Crossing::Random);
         for frame in 0..world.frames() {

@@ -1,7 +1,7 @@
-//! Who was kept, lost or confused at the end of a trial.
+//! Evaluation of a trial: people kept, lost and confused at its end.
 //!
-//! The last second is judged: a person is *kept* when right in 80 % of its frames, *lost* when nobody follows the person in
-//! more than half of them, and *confused* when somebody else is followed instead in more than half of them.
+//! The last second is evaluated. A person is *kept* when the track is right in 80 % of its frames, *lost* when there is
+//! no track in more than half of them, and *confused* when the track follows another person in more than half of them.
 
 use std::collections::BTreeMap;
 
@@ -11,25 +11,25 @@ use serde::Serialize;
 use super::super::TargetId;
 use super::{CLOSE_M, World, trial::Moment};
 
-/// Fraction of the frames judged that have to be right.
+/// Fraction of the evaluated frames in which the track of a person who is kept must be right.
 const KEPT: f64 = 0.8;
-/// Time at the end of a trial that is judged, seconds.
+/// Duration of the evaluated end of a trial, seconds.
 const JUDGED_S: f64 = 1.0;
-/// A station answers for people whom it has had in view for this long, seconds.
+/// Time in view from which a station is evaluated for a person, seconds.
 const IN_VIEW_S: f64 = 1.0;
 
-/// What became of the people of a trial, by one criterion.
+/// Evaluation of the people of a trial by one criterion.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
 pub struct Fates {
     /// Whether each person was kept.
     pub kept: Vec<bool>,
     /// Whether each person was lost.
     pub lost: Vec<bool>,
-    /// Whether each person was confused with somebody else.
+    /// Whether each person was confused with another.
     pub confused: Vec<bool>,
 }
 
-/// What was seen of a person in the frames judged.
+/// Numbers of evaluated frames of a person: all, those with the right track, and those without a track.
 #[derive(Debug, Clone, Copy, Default)]
 struct Count {
     frames: u32,
@@ -38,7 +38,7 @@ struct Count {
 }
 
 impl Count {
-    fn note(&mut self, is_right: bool, is_lost: bool) {
+    fn record(&mut self, is_right: bool, is_lost: bool) {
         self.frames += 1;
         self.right += u32::from(is_right);
         self.lost += u32::from(is_lost);
@@ -67,19 +67,19 @@ impl Fates {
     }
 }
 
-/// Whether a place is a person's: within 1 m and nobody else is nearer.
+/// Whether a place is within 1 m of a person and no other person is nearer.
 pub(super) fn is_of(places: &[Point2<f64>], person: usize, place: Point2<f64>) -> bool {
     let distance = |p: &Point2<f64>| (p - place).norm_squared();
     let own = distance(&places[person]);
     own < CLOSE_M * CLOSE_M && places.iter().all(|p| distance(p) >= own)
 }
 
-/// Whether a frame belongs to the part of a trial that is judged.
+/// Whether a frame belongs to the evaluated end of a trial.
 pub(super) fn is_judged(world: &World, frame: usize) -> bool {
     frame + (JUDGED_S * world.options.rate_hz).round() as usize >= world.frames()
 }
 
-/// Judges a fused place of each person, frame by frame: the centralised variant.
+/// Evaluates the fused place of each person, frame by frame, for the centralised variant.
 #[derive(Debug, Clone)]
 pub(super) struct PlaceJudge(Vec<Count>);
 
@@ -99,7 +99,7 @@ impl PlaceJudge {
         }
         for (person, count) in self.0.iter_mut().enumerate() {
             let place = place_of(person);
-            count.note(place.is_some_and(|p| is_of(world.places(frame), person, p)), place.is_none());
+            count.record(place.is_some_and(|p| is_of(world.places(frame), person, p)), place.is_none());
         }
     }
 
@@ -108,21 +108,21 @@ impl PlaceJudge {
     }
 }
 
-/// Judges the agents of all stations, frame by frame.
+/// Evaluates the agents of all stations, frame by frame.
 #[derive(Debug, Clone)]
 pub struct Judge {
     votes: BTreeMap<(usize, TargetId), u32>,
     targets: Vec<Option<TargetId>>,
     leader: Vec<Count>,
     mean: Vec<Count>,
-    /// `[person][station]`.
+    /// Frames evaluated for each person at each station: `[person][station]`.
     each: Vec<Vec<Count>>,
-    /// Frames for which each station has had each person in view: `[person][station]`.
+    /// Number of frames for which each station has had each person in view: `[person][station]`.
     in_view: Vec<Vec<u32>>,
 }
 
 impl Judge {
-    /// A judge of a trial.
+    /// Creates the evaluation of a trial.
     pub fn new(world: &World) -> Self {
         let (people, stations) = (world.options.people, world.options.stations);
         Self {
@@ -135,7 +135,7 @@ impl Judge {
         }
     }
 
-    /// Takes in a frame.
+    /// Adds a frame.
     pub fn watch(&mut self, moment: &Moment<'_>) {
         let time_s = moment.world.time_s(moment.frame);
         let [begin_s, end_s] = moment.world.naming_s();
@@ -150,22 +150,23 @@ impl Judge {
         }
     }
 
-    /// Target of a person, once it is known.
+    /// Target of a person; `None` before it is known.
     pub fn target(&self, person: usize) -> Option<TargetId> {
         self.targets[person]
     }
 
-    /// The most confident member of each agency follows the right person.
+    /// Evaluation by the criterion that the most confident member of each agency measures the right person.
     pub fn leader(&self) -> Fates {
         Fates::of(&self.leader)
     }
 
-    /// The mean of an agency's members is nearest to the right person, and within 1 m.
+    /// Evaluation by the criterion that the mean place of an agency's members is nearest to the right person and within
+    /// 1 m.
     pub fn mean(&self) -> Fates {
         Fates::of(&self.mean)
     }
 
-    /// Every station that has had a person in view for a second knows where this person is.
+    /// Evaluation by the criterion that every station with a person in view for a second has the right place.
     pub fn each(&self) -> Fates {
         let all = |is: fn(Count) -> bool| {
             let judged = |counts: &Vec<Count>| counts.iter().filter(|c| c.frames > 0).all(|c| is(*c));
@@ -191,7 +192,7 @@ impl Judge {
         }
     }
 
-    /// Gives each person the target that most stations followed there.
+    /// Gives each person the target with the most votes.
     fn name(&mut self) {
         let mut votes: Vec<_> = self.votes.iter().map(|(pair, count)| (*count, *pair)).collect();
         votes.sort_by_key(|(count, pair)| (std::cmp::Reverse(*count), *pair));
@@ -220,27 +221,27 @@ impl Judge {
             for station in (0..stations).filter(|s| self.in_view[person][*s] > enough) {
                 let belief = known[station].iter().find(|b| Some(b.target) == *target);
                 let is_right = belief.is_some_and(|b| is_of(places, person, b.position));
-                self.each[person][station].note(is_right, belief.is_none());
+                self.each[person][station].record(is_right, belief.is_none());
             }
             let members: Vec<_> = (0..stations)
                 .flat_map(|s| moment.packet(s).reports.iter().map(move |report| (s, report)))
                 .filter(|(_, report)| Some(report.target) == *target)
                 .collect();
             let Some(mean) = mean(members.iter().map(|(_, report)| report.position)) else {
-                self.leader[person].note(false, true);
-                self.mean[person].note(false, true);
+                self.leader[person].record(false, true);
+                self.mean[person].record(false, true);
                 continue;
             };
-            self.mean[person].note(is_of(places, person, mean), false);
-            // Of equally confident members the first.
+            self.mean[person].record(is_of(places, person, mean), false);
+            // Ties go to the first member.
             let leader = members.iter().rev().max_by(|a, b| a.1.confidence.total_cmp(&b.1.confidence));
             let followed = leader.and_then(|(station, report)| moment.person_at(*station, report.position));
-            self.leader[person].note(followed == Some(person), false);
+            self.leader[person].record(followed == Some(person), false);
         }
     }
 }
 
-/// Mean of some places, if there are any.
+/// Mean of places, metres; `None` without places.
 pub(super) fn mean(places: impl Iterator<Item = Point2<f64>>) -> Option<Point2<f64>> {
     let (sum, count) = places.fold((Point2::origin(), 0.0), |(sum, n), p| (sum + p.coords, n + 1.0));
     (count > 0.0).then(|| sum / count)

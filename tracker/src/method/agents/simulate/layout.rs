@@ -1,7 +1,7 @@
-//! Ways of six people (after figure 13, which the paper shows as a picture only: the numbers are ours).
+//! Trajectories of six people, after the picture in Nakazawa et al., figure 13; the numbers are not in the paper.
 //!
-//! In each layout persons 0 to 3 come close to each other at the Y axis and persons 2, 4 and 5 do, as the paper says; in
-//! *sequence* persons 3 and 4, whose attributes are the closest, meet after that.
+//! In each layout persons 0 to 3 meet at the Y axis, and persons 2, 4 and 5 meet, as the paper says. In *sequence*
+//! persons 3 and 4, whose attributes are the closest, meet after that.
 
 use nalgebra::{Point2, Vector2, point, vector};
 
@@ -11,12 +11,13 @@ use super::Layout;
 pub(super) const SPEED: f64 = 1.2;
 /// Distance between people who meet, metres.
 const GAP_M: f64 = 0.6;
-/// Length of the way after a meeting, metres.
+/// Length of the trajectory after a meeting, metres.
 const BEYOND_M: f64 = 12.0;
 /// Time of the first meeting, seconds.
 const MEETING_S: f64 = 5.0;
 
-/// Place of a person (0 to 5) at a time (seconds), metres; `None` for a layout of any number of people.
+/// Function from a person (0 to 5) and a time, seconds, to the person's place, metres; `None` for a layout of any
+/// number of people.
 pub(super) fn place(layout: Layout) -> Option<fn(usize, f64) -> Point2<f64>> {
     match layout {
         Layout::Once => Some(once),
@@ -31,7 +32,8 @@ fn direction(degrees: f64) -> Vector2<f64> {
     vector![cos, sin]
 }
 
-/// Straight along `come` through `middle` (reached at `middle_s`) and on along `go`, where the person stays at the end.
+/// Place, metres, on a trajectory along `come` to `middle`, reached at `middle_s`, and on along `go`, at the end of
+/// which the person stays.
 fn bent(middle: Point2<f64>, middle_s: f64, come: Vector2<f64>, go: Vector2<f64>, t: f64) -> Point2<f64> {
     let s = SPEED * (t - middle_s);
     if s < 0.0 { middle + come * s } else { middle + go * s.min(BEYOND_M) }
@@ -40,7 +42,7 @@ fn bent(middle: Point2<f64>, middle_s: f64, come: Vector2<f64>, go: Vector2<f64>
 /// All six cross the Y axis together.
 fn once(person: usize, t: f64) -> Point2<f64> {
     const UP: [f64; 6] = [2.5, 1.5, 0.0, 0.6, -0.6, -1.6];
-    /// Bearings of the way's start and end from the meeting point, degrees.
+    /// Bearings of the trajectory's start and end from the meeting point, degrees.
     const FROM: [f64; 6] = [150.0, 30.0, 0.0, 180.0, 210.0, -30.0];
     const TO: [f64; 6] = [40.0, 140.0, 180.0, -40.0, 0.0, 220.0];
     bent(point![0.0, UP[person] * GAP_M], MEETING_S, -direction(FROM[person]), direction(TO[person]), t)
@@ -60,7 +62,7 @@ fn sequence(person: usize, t: f64) -> Point2<f64> {
     if person != 3 || t < turn_s {
         return straight(person, t);
     }
-    // Person 3 turns towards the place where person 4 will be, and walks on.
+    // Person 3 turns towards a later place of person 4, and walks on.
     let meeting_s = 0.5 * (second_s + MEETING_S + 9.0);
     let (from, to) = (straight(3, turn_s), sequence(4, meeting_s));
     from + (to - from) * ((t - turn_s) / (meeting_s - turn_s))
@@ -97,7 +99,7 @@ mod tests {
         (0..frames).map(|f| (0..6).map(|person| place(person, f as f64 / rate_hz)).collect()).collect()
     }
 
-    /// Seconds from which to which two people are within 1 m of each other, if ever.
+    /// First and last time at which two people are within 1 m of each other, seconds; `None` if they never are.
     fn encounter(paths: &[Vec<Point2<f64>>], a: usize, b: usize, rate_hz: f64) -> Option<[f64; 2]> {
         let mut close = (0..paths.len()).filter(|f| (paths[*f][a] - paths[*f][b]).norm() < 1.0);
         let first = close.next()?;
@@ -115,7 +117,7 @@ mod tests {
             for (a, b) in first.into_iter().chain([(2, 4), (2, 5)]) {
                 assert!(meets(a, b).is_some(), "{layout}: {a} and {b}");
             }
-            // Everybody is apart before, and for the last 8 s.
+            // All people are apart before, and for the last 8 s.
             for a in 0..6 {
                 for b in 0..a {
                     if let Some([begin, end]) = meets(a, b) {
@@ -127,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn nobody_jumps() {
+    fn people_move_continuously() {
         for layout in Layout::SIX {
             let paths = paths(layout, 260, 10.0);
             for (before, after) in paths.iter().zip(&paths[1..]) {

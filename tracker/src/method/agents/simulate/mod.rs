@@ -1,12 +1,13 @@
-//! Simulated stations and people: experiment 2 of the paper (section 4.2) and larger ones.
+//! Simulated stations and people: experiment 2 of A. Nakazawa, S. Hiura, H. Kato, S. Inokuchi, "Tracking Multiple
+//! Persons Using Distributed Vision Systems", IPSJ Journal, 2001, section 4.2, and larger experiments.
 //!
-//! * [`Options`], [`Layout`] — what is simulated; the published experiment and a harder one.
+//! * [`Options`], [`Layout`] — options of a simulation; the published experiment and a harder one.
 //! * [`Site`] — stations with their views, and walls; a [`super::FieldOfView`].
 //! * [`World`] — one trial's people.
-//! * [`ImageTracking`] — what one station sees of them, with all errors.
-//! * [`run_trial`], [`Judge`] — a trial of any [`super::Rule`], and who is kept, lost or confused in the end.
+//! * [`ImageTracking`] — sightings of one station, with all errors.
+//! * [`run_trial`], [`Judge`] — a trial of any [`super::Rule`], and its evaluation: people kept, lost and confused.
 //! * [`run_centralised`] — the paper's centralised variant.
-//! * [`compare`] — many trials of all three; [`text`] and [`draw`] show what came out.
+//! * [`compare`] — many trials of all three systems; [`text`] and [`draw`] show the results.
 
 mod centralised;
 mod experiment;

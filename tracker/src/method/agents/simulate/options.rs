@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// How people walk.
+/// Layout of the stations and of the people's trajectories.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Layout {
@@ -35,21 +35,21 @@ impl std::fmt::Display for Layout {
     }
 }
 
-/// Errors of measurement, each uniform within ± its value.
+/// Measurement errors, each uniform within ± its value.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Noise {
-    /// Along the line of sight, metres.
+    /// Error along the line of sight, metres.
     pub along_m: f64,
-    /// Across the line of sight, metres.
+    /// Error across the line of sight, metres.
     pub across_m: f64,
-    /// Of the attribute, which is between 0 and 1.
+    /// Error of the attribute, which is between 0 and 1.
     pub attribute: f64,
-    /// All errors are multiplied by this where people are close.
+    /// Factor of all errors where people are close.
     pub close_factor: f64,
 }
 
 impl Default for Noise {
-    /// As published (section 4.2.2).
+    /// Errors as published (Nakazawa et al., section 4.2.2).
     fn default() -> Self {
         Self { along_m: 0.6, across_m: 0.3, attribute: 0.15, close_factor: 2.0 }
     }
@@ -58,7 +58,7 @@ impl Default for Noise {
 /// Options of a simulated world.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Options {
-    /// How people walk.
+    /// Layout of the stations and of the people's trajectories.
     pub layout: Layout,
     /// Number of stations.
     pub stations: usize,
@@ -66,17 +66,18 @@ pub struct Options {
     pub people: usize,
     /// Length of a trial, seconds.
     pub seconds: f64,
-    /// Frames a second.
+    /// Frame rate, Hz.
     pub rate_hz: f64,
-    /// Errors of measurement.
+    /// Measurement errors.
     pub noise: Noise,
-    /// Fraction of packets lost, for each sender, receiver and frame by itself.
+    /// Fraction of packets lost, independently for each sender, receiver and frame.
     pub loss: f64,
-    /// Number of stations whose packets one station hears, the nearest first; `None`: all that overlap.
+    /// Number of stations whose packets one station receives, the nearest first; `None` for all that overlap.
     pub neighbours: Option<usize>,
-    /// Difference of attribute between neighbouring people: of persons 3 and 4 in the layouts of six, of everybody else.
+    /// Difference of attribute: between persons 3 and 4 in the layouts of six people, and between neighbours in the
+    /// order of attributes in the others.
     pub attribute_gap: f64,
-    /// Whether each station sees a sector only and walls stand in the hall.
+    /// Whether stations see only a sector each and walls stand in the hall.
     pub has_partial_views: bool,
 }
 
@@ -97,7 +98,7 @@ impl Options {
         }
     }
 
-    /// The harder preset: partial views, walls, 20 people whose attributes are 0.03 apart, 20 % of the packets lost.
+    /// Harder experiment: partial views, walls, 20 people whose attributes are 0.03 apart, 20 % of the packets lost.
     pub fn hard() -> Self {
         Self {
             stations: 8,
@@ -110,7 +111,7 @@ impl Options {
         }
     }
 
-    /// A corridor with two people a station, each station with four neighbours.
+    /// Corridor in which each station overlaps four neighbours.
     pub fn corridor(stations: usize, people: usize) -> Self {
         Self { stations, people, ..Self::published(Layout::Corridor) }
     }

@@ -1,4 +1,4 @@
-//! Simulated stations: where they stand, what they see, and whose views overlap.
+//! Simulated stations: their places, views and overlaps, and walls.
 
 use std::f64::consts::TAU;
 
@@ -15,10 +15,10 @@ const SPACING_M: f64 = 8.0;
 const CORRIDOR_RANGE_M: f64 = 9.0;
 /// Half of a corridor's width, metres.
 pub(super) const HALF_WIDTH_M: f64 = 4.0;
-/// Views that overlap less than between the points of a grid this wide count as separate, metres.
+/// Spacing of the grid on which overlaps of views are sampled, metres.
 const GRID_M: f64 = 0.5;
 
-/// A simulated camera.
+/// Simulated camera of a station.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SimulatedStation {
     /// Place of the camera, metres.
@@ -41,7 +41,7 @@ impl SimulatedStation {
     }
 }
 
-/// A wall: both ends, metres.
+/// Both ends of a wall, metres.
 pub type Wall = [Point2<f64>; 2];
 
 /// Stations and walls, the same in all trials.
@@ -49,18 +49,18 @@ pub type Wall = [Point2<f64>; 2];
 pub struct Site {
     /// The stations, by [`StationId`].
     pub stations: Vec<SimulatedStation>,
-    /// Walls, which hide people and which nobody walks through.
+    /// Walls, which occlude people and block their ways.
     pub walls: Vec<Wall>,
-    /// Radius of the ring that a corridor's middle is; of the stations' circle in a hall, metres.
+    /// Radius of the circle of stations, metres; in a corridor that of the middle of the ring.
     pub radius_m: f64,
-    /// For each station those whose views overlap its own, ascending.
+    /// For each station the indices of those with overlapping views, ascending.
     overlapping: Vec<Vec<usize>>,
-    /// For each station those that it hears, ascending.
+    /// For each station the indices of those whose packets it receives, ascending.
     heard: Vec<Vec<usize>>,
 }
 
 impl Site {
-    /// The site that goes with these options.
+    /// Creates the stations and walls of a layout.
     pub fn new(options: &Options) -> Self {
         let count = options.stations;
         let (radius_m, half_opening_deg, range_m) = match options.layout {
@@ -91,7 +91,7 @@ impl Site {
         site
     }
 
-    /// Stations that a station hears: its nearest neighbours among those whose views overlap its own, ascending.
+    /// Stations whose packets a station receives: the nearest of those with overlapping views, ascending.
     pub fn heard_by(&self, station: usize) -> &[usize] {
         &self.heard[station]
     }
@@ -139,7 +139,7 @@ impl FieldOfView for Site {
     }
 }
 
-/// Four walls around the middle of the hall.
+/// Creates four walls around the middle of the hall.
 fn hall_walls() -> Vec<Wall> {
     (0..4)
         .map(|i| {

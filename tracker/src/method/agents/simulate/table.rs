@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::experiment::{Comparison, Tally, percent};
 
-/// The honest finding about the centralised variant.
+/// Explanation of the results of the centralised variant.
 const FINDING: &str = "\
 B loses people because each station's next look is where the fused place was: errors of a crossing are fed back. It is
 the feedback that loses, not the centre: C assigns every measurement that it hears itself and feeds nothing back; a

@@ -1,4 +1,4 @@
-//! Experiment 2, with seeds that nothing was chosen on.
+//! Experiment 2 with seeds on which no constant was chosen.
 
 use super::{Comparison, Layout, Options, compare, draw, text};
 
@@ -34,7 +34,7 @@ fn results_do_not_depend_on_the_number_of_threads() {
 }
 
 #[test]
-fn the_figure_shows_each_system_and_where_people_were() {
+fn the_figure_has_a_panel_per_system_and_traces_lie_on_the_people() {
     let options = Options { seconds: 8.0, ..Options::published(Layout::Once) };
     let comparison = compare(&options, 1, 1, || {});
     let site = std::sync::Arc::new(super::Site::new(&options));
@@ -42,7 +42,7 @@ fn the_figure_shows_each_system_and_where_people_were() {
     let picture = draw(&world, &comparison.traces);
     assert_eq!(comparison.traces.len(), 3);
     assert!(picture.width() > 3 * 500);
-    // The traces of the first second lie on the people.
+    // The traces lie on the people at 2 s, before the meeting.
     for (name, trace) in &comparison.traces {
         for (person, found) in trace[20].iter().enumerate() {
             let place = found.unwrap_or_else(|| panic!("{name}: person {person}"));

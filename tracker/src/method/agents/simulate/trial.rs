@@ -1,4 +1,4 @@
-//! One trial of any rule: image tracking, rules and the packets between them.
+//! One trial of any rule: image tracking, rules and the packets between the stations.
 
 use std::time::Instant;
 
@@ -10,50 +10,51 @@ use rayon::prelude::*;
 use super::super::{Belief, Packet, Restart, Rule};
 use super::{Crossing, ImageTracking, World};
 
-/// So many stations or more share the processor's cores within a trial; fewer leave them to other trials.
+/// Number of stations from which the stations of a trial run in parallel; with fewer, trials run in parallel.
 const MANY_STATIONS: usize = 16;
-/// Purposes of the generators of lost packets, one a station; image tracking has those below.
+/// First purpose of the generators of lost packets, one per station; image tracking uses smaller ones.
 const LOSS_PURPOSE: u64 = 1 << 32;
 
-/// A simulated station at work.
+/// State of a simulated station.
 struct Station<R> {
     rule: R,
     tracking: ImageTracking,
     rng: Pcg64Mcg,
     restarts: Vec<Restart>,
     packet: Packet,
-    /// Time that the rule took for each frame, seconds.
+    /// Run time of the rule for each frame, seconds.
     taken_s: Vec<f64>,
 }
 
 /// State of all stations after a frame.
 pub struct Moment<'a> {
-    /// The trial's people.
+    /// Stations and people of the trial.
     pub world: &'a World,
-    /// The frame, from 0.
+    /// Index of the frame, from 0.
     pub frame: usize,
     stations: Vec<(&'a dyn Rule, &'a ImageTracking, &'a Packet)>,
 }
 
 impl Moment<'_> {
-    /// What a station has just sent.
+    /// Latest packet of a station.
     pub fn packet(&self, station: usize) -> &Packet {
         self.stations[station].2
     }
 
-    /// Whom a station knows of.
+    /// Estimates of all people by a station.
     pub fn people(&self, station: usize) -> Vec<Belief> {
         self.stations[station].0.people()
     }
 
-    /// Person whose measurement by a station a position is, if it is one.
+    /// Person of a station's measurement at a position; `None` for another position.
     pub fn person_at(&self, station: usize, position: Point2<f64>) -> Option<usize> {
         self.stations[station].1.person_at(position)
     }
 }
 
-/// Runs a trial with a rule at each station. A packet reaches the others before their next frame, or never. Returns the
-/// median time that the rule took at a station for a frame, seconds: other programs on the machine hardly change it.
+/// Runs a trial with a rule at each station. A packet reaches the others before their next frame or is lost. Returns
+/// the median run time of the rule for one station and frame, seconds: other programs on the machine hardly change a
+/// median.
 pub fn run_trial<R: Rule>(
     world: &World,
     crossing: Crossing,
@@ -90,14 +91,14 @@ impl<R: Rule> Station<R> {
     fn step(&mut self, world: &World, index: usize, frame: usize, sent: &[Packet]) {
         let sightings = self.tracking.step(world, frame, &self.restarts);
         let loss = world.options.loss;
-        let mut heard = Vec::new();
+        let mut received = Vec::new();
         for sender in world.site.heard_by(index) {
-            // The draw comes first, so that the same packets are lost whatever is sent.
+            // The draw does not depend on the packets, so that the same ones are lost under every rule.
             let is_lost = loss > 0.0 && self.rng.random_bool(loss);
-            heard.extend(sent.get(*sender).filter(|_| !is_lost).cloned());
+            received.extend(sent.get(*sender).filter(|_| !is_lost).cloned());
         }
         let begin = Instant::now();
-        let step = self.rule.step(&sightings, &heard);
+        let step = self.rule.step(&sightings, &received);
         self.taken_s.push(begin.elapsed().as_secs_f64());
         (self.packet, self.restarts) = (step.packet, step.restarts);
     }

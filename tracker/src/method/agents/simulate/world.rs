@@ -1,4 +1,4 @@
-//! One trial's people: where they walk and what they look like.
+//! People of one trial: their trajectories and attributes.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -12,26 +12,27 @@ use rand_pcg::Pcg64Mcg;
 use super::site::{HALF_WIDTH_M, HALL_RADIUS_M, is_crossed};
 use super::{Layout, Options, Site, Wall, layout};
 
-/// People nearer than this cannot be told apart: the paper's radius of tracking, metres.
+/// Distance below which two people may be swapped, metres: the paper's radius of tracking.
 pub const CLOSE_M: f64 = 1.0;
-/// Attributes of the six people as published, but for persons 3 and 4, who are set apart by an option.
+/// Attributes of the six people as published; an option sets the difference between persons 3 and 4.
 const ATTRIBUTES: [f64; 6] = [0.05, 0.30, 0.95, 0.52, 0.62, 0.80];
-/// Each person of the six is moved and delayed by up to this in each trial, metres and seconds.
+/// Largest random shift and delay of each of the six people in a trial, metres and seconds.
 const JITTER: f64 = 0.15;
-/// Any number of people stand apart from each other for this long before they walk, seconds: the paper's stations know
-/// everybody at the beginning, and these have to get to know them.
+/// Time for which people stand apart before they walk in the layouts of any number of people, seconds: the stations
+/// have to initialise their tracks, while those of the paper know all people at the start.
 const STANDING_S: f64 = 4.0;
-/// In a hall nobody sets out any more for this long before the end, seconds: as in the layouts of six, meetings are over.
+/// Time before the end of a trial in a hall in which no person starts to walk, seconds: as in the layouts of six,
+/// meetings are over by then.
 const LAST_WALK_S: f64 = 10.0;
-/// Lengths of the ways in a hall, metres.
+/// Lengths of the walks in a hall, metres.
 const WALK_M: Range<f64> = 3.0..8.0;
-/// Rests between them, seconds.
+/// Durations of the rests between walks, seconds.
 const REST_S: Range<f64> = 0.5..2.0;
 
-/// One trial: the site, and people on their ways.
+/// Stations, walls and people of one trial.
 #[derive(Debug, Clone)]
 pub struct World {
-    /// Options that it was made from.
+    /// Options of the simulation.
     pub options: Options,
     /// Stations and walls.
     pub site: Arc<Site>,
@@ -44,7 +45,7 @@ pub struct World {
 }
 
 impl World {
-    /// The people of trial number `trial`.
+    /// Creates the people of trial number `trial`.
     pub fn new(options: &Options, site: &Arc<Site>, seed: u64, trial: u64) -> Self {
         let mut world = Self {
             options: options.clone(),
@@ -68,7 +69,7 @@ impl World {
         self.paths.len()
     }
 
-    /// Time of a frame, seconds.
+    /// Time of a frame since the start of the trial, seconds.
     pub fn time_s(&self, frame: usize) -> f64 {
         frame as f64 / self.options.rate_hz
     }
@@ -78,7 +79,7 @@ impl World {
         &self.paths[frame]
     }
 
-    /// Times between which everybody is apart from the others and known to all stations, seconds.
+    /// First and last time at which all people are apart and known to all stations, seconds.
     pub(super) fn naming_s(&self) -> [f64; 2] {
         match layout::place(self.options.layout) {
             Some(_) => [1.0, 2.5],
@@ -86,7 +87,7 @@ impl World {
         }
     }
 
-    /// A generator of random numbers of its own for each purpose.
+    /// Random generator of this trial for one purpose.
     pub(super) fn random(&self, purpose: u64) -> Pcg64Mcg {
         let mut mixed = 0u64;
         for part in [self.key[0], self.key[1], purpose] {
@@ -100,7 +101,7 @@ impl World {
     }
 }
 
-/// Attributes of all people, `attribute_gap` apart where that is an option.
+/// Attributes of all people, with differences of `attribute_gap` if so many fit between 0 and 1.
 fn attributes(options: &Options, rng: &mut impl Rng) -> Vec<f64> {
     if layout::place(options.layout).is_some() {
         let mut attributes = ATTRIBUTES.to_vec();
@@ -117,7 +118,7 @@ fn attributes(options: &Options, rng: &mut impl Rng) -> Vec<f64> {
     attributes
 }
 
-/// The ways of six people, each moved and delayed a little.
+/// Trajectories of six people with a random shift and delay each, metres: `[frame][person]`.
 fn jittered(
     place: fn(usize, f64) -> Point2<f64>,
     options: &Options,
@@ -137,7 +138,7 @@ fn jittered(
         .collect()
 }
 
-/// Ways along a corridor: straight from one place to the next, without end, at a speed of one's own.
+/// Trajectories along a corridor: straight from one place to the next, each person at a constant speed.
 fn along_corridor(options: &Options, radius_m: f64, rng: &mut impl Rng) -> Vec<Vec<Point2<f64>>> {
     let on_ring = |angle: f64, rng: &mut dyn Rng| {
         let radius = radius_m + rng.random_range(-HALF_WIDTH_M..HALF_WIDTH_M);
@@ -165,8 +166,8 @@ fn along_corridor(options: &Options, radius_m: f64, rng: &mut impl Rng) -> Vec<V
     })
 }
 
-/// Ways in a hall: from one spot to another that is free, with a rest at each; the last rest lasts until the end. Spots are
-/// apart from each other, and no way crosses a wall.
+/// Trajectories in a hall: from one spot to another that is free, with a rest at each; the last rest lasts until the
+/// end. Spots are apart from each other, and no walk crosses a wall.
 fn in_hall(options: &Options, walls: &[Wall], rng: &mut impl Rng) -> Vec<Vec<Point2<f64>>> {
     let count = options.people;
     let anywhere = |rng: &mut dyn Rng| {
@@ -205,7 +206,7 @@ fn in_hall(options: &Options, walls: &[Wall], rng: &mut impl Rng) -> Vec<Vec<Poi
     })
 }
 
-/// Places at each frame; people stand still at first.
+/// Places at each frame, metres; people stand still for the first [`STANDING_S`].
 fn frame_by_frame(options: &Options, mut walk: impl FnMut(f64) -> Vec<Point2<f64>>) -> Vec<Vec<Point2<f64>>> {
     let mut paths: Vec<Vec<Point2<f64>>> = Vec::with_capacity(options.frames());
     for frame in 0..options.frames() {
@@ -219,7 +220,7 @@ fn frame_by_frame(options: &Options, mut walk: impl FnMut(f64) -> Vec<Point2<f64
     paths
 }
 
-/// Random places at least 1.5 m apart; those that find no room in many tries are near others.
+/// Random places at least 1.5 m apart; a place for which many tries fail is nearer to others.
 fn apart_from_each_other(
     count: usize,
     rng: &mut impl Rng,
@@ -244,7 +245,7 @@ fn walking_speed(rng: &mut impl Rng) -> f64 {
     layout::SPEED * rng.random_range(0.8..1.2)
 }
 
-/// Somebody who walks from one place to the next.
+/// Person who walks from one place to the next.
 struct Walker {
     place: Point2<f64>,
     goal: Point2<f64>,
@@ -252,7 +253,7 @@ struct Walker {
 }
 
 impl Walker {
-    /// Walks towards the goal, and no further.
+    /// Moves the person towards the goal for a time, and stops there.
     fn walk(&mut self, seconds: f64) {
         let way = self.goal - self.place;
         let length = self.speed * seconds;
@@ -278,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn nobody_walks_through_walls_or_out_of_the_corridor() {
+    fn no_person_walks_through_walls_or_out_of_the_corridor() {
         let hall = world(&Options::hard(), 1, 0);
         for (before, after) in hall.paths.iter().zip(&hall.paths[1..]) {
             for (a, b) in before.iter().zip(after) {
@@ -291,7 +292,7 @@ mod tests {
     }
 
     #[test]
-    fn attributes_are_as_far_apart_as_asked() {
+    fn attributes_differ_by_the_requested_gap() {
         let mut attributes = world(&Options::hard(), 1, 0).attributes;
         attributes.sort_by(f64::total_cmp);
         assert!(attributes.windows(2).all(|w| (w[1] - w[0] - 0.03).abs() < 1e-9));
