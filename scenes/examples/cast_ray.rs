@@ -30,7 +30,7 @@ fn main() -> anyhow::Result<()> {
     };
     match scene.cast(vec3_from_point(&camera.center()), vec3_from_vector(&direction)) {
         Some(hit) => {
-            println!("{} sees a surface {:.2} m away, normal {:.2}", entry.name, hit.distance, hit.normal)
+            println!("{} sees a surface {:.2} m away, normal {:.2}", entry.name, hit.distance, hit.normal);
         }
         None => println!("{} sees no surface in the middle of its picture", entry.name),
     }

@@ -1,7 +1,7 @@
 //! Drawing: antialiased shapes and text over a picture; the only module of the project that draws.
 //!
 //! Coordinates are pixels as everywhere in the project: (0, 0) is the **centre** of the top left pixel, so the results
-//! of [`calib::Camera::project`] can be drawn as they are. Points that are not finite are left out; shapes beyond the
+//! of `calib::Camera::project` can be drawn as they are. Points that are not finite are left out; shapes beyond the
 //! picture's rim are clipped. A film needs one conversion a frame: [`Canvas::from_image`], draw,
 //! [`Canvas::into_image`].
 

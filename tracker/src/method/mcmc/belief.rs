@@ -75,7 +75,9 @@ impl Mcmc {
         };
         let people: Vec<(Body, Spread, Spread)> =
             self.tracks.iter().map(of_track).chain(new.iter().map(of_new)).collect();
-        people.iter().for_each(|(body, ..)| self.boxes.insert(body));
+        for (body, ..) in &people {
+            self.boxes.insert(body);
+        }
         if self.observes_boxes_alone() { self.boxes.measurements(&people) } else { Vec::new() }
     }
 

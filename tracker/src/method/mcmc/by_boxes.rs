@@ -43,7 +43,9 @@ impl Mcmc {
             }
             exchange(people);
             self.boxes.clear();
-            people.iter().for_each(|person| self.boxes.insert(&person.body));
+            for person in people.iter() {
+                self.boxes.insert(&person.body);
+            }
         }
         self.boxes.hotspots((&self.options.radius, &self.options.height), |x, y| floor.is_standable(x, y))
     }

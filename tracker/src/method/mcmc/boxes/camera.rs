@@ -172,7 +172,7 @@ fn inside(expected: &ExpectedBox, [from_u, from_v, to_u, to_v]: [f64; 4]) -> u32
     let columns = within(&COLUMNS, left, right - left, from_u, to_u);
     let rows = within(&ROWS, top, bottom - top, from_v, to_v);
     // The bits of the columns, repeated at the start of each row that is inside.
-    (0..ROWS.len()).fold(0, |bits, i| bits | (rows >> i & 1) * columns << (i * COLUMNS.len()))
+    (0..ROWS.len()).fold(0, |bits, i| bits | (((rows >> i) & 1) * columns) << (i * COLUMNS.len()))
 }
 
 #[cfg(test)]

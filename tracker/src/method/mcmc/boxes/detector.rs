@@ -258,7 +258,7 @@ mod tests {
         detector.apply_learnt();
         let [miss, odds] = detector.miss_and_odds(POINTS, POINTS);
         assert!((odds - 1.0).abs() < 0.15 && (miss - 0.5_f64.ln()).abs() < 0.1, "{miss} {odds}");
-        assert_eq!(detector.miss_and_odds(LEAST_POINTS - 1, POINTS)[1], 0.0);
+        assert!(detector.miss_and_odds(LEAST_POINTS - 1, POINTS)[1] <= 0.0);
         assert!((detector.clutter[0] - 3.0).abs() < 0.01);
         let after = detector.noise(500.0, 480.0, 5.0);
         assert!(before.weights.iter().zip(after.weights).all(|(before, after)| after > *before));

@@ -27,6 +27,7 @@ use self::camera::{BoxCamera, POINTS};
 use self::detector::{Detected, Detector};
 use self::in_camera::InCamera;
 pub(super) use self::measurement::BoxMeasurement;
+use self::presence::Presence;
 pub(super) use self::proposals::Hotspots;
 use crate::observation::PersonBox;
 use crate::prepared_room::PreparedRoom;
@@ -118,7 +119,7 @@ impl Boxes {
     /// Largest visible fraction of a person of the present state over the cameras with a detector; 0 without any.
     pub(super) fn visible(&self, person: usize) -> f64 {
         let presences = self.cameras.iter().filter(|c| c.in_use).map(|c| &c.people[person]);
-        let seen = presences.filter(|p| p.expected.is_some()).map(|p| p.visible());
+        let seen = presences.filter(|p| p.expected.is_some()).map(Presence::visible);
         f64::from(seen.max().unwrap_or(0)) / f64::from(POINTS)
     }
 

@@ -73,7 +73,9 @@ fn a_changing_state_has_the_likelihood_of_a_fresh_one() {
             (None, None) => {}
         }
         restarted(&mut fresh, &seen);
-        after.iter().for_each(|body| fresh.insert(body));
+        for body in &after {
+            fresh.insert(body);
+        }
         let whole = fresh.log_likelihood();
         assert!((tried - whole).abs() < 1e-3, "{tried}, not {whole}: {old:?} {new:?}");
         compared += 1;
@@ -94,7 +96,9 @@ fn people_where_the_boxes_are_explain_them_best() {
     let mut boxes = Boxes::new(&stage);
     let mut value = |people: &[Body]| {
         restarted(&mut boxes, &seen);
-        people.iter().for_each(|body| boxes.insert(body));
+        for body in people {
+            boxes.insert(body);
+        }
         boxes.log_likelihood()
     };
     let right = value(&crowd);

@@ -321,7 +321,12 @@ fn assert_states_sample_the_prior(
 
     let most_per_m2 = per_m2.max(rescued_per_m2).max(of_company_per_m2).max(elsewhere_per_m2.unwrap_or(0.0));
     let drawn = drawn_by_rejection(&stage, &options, &known, (most_per_m2, expected_per_m2), &mut rng);
-    for (i, ((found, off), (expected, by))) in means(&sampled).into_iter().zip(means(&drawn)).enumerate() {
+    assert_means_agree(&sampled, &drawn);
+}
+
+/// Compares the means of the chain's states with those drawn by rejection, within four of their standard deviations.
+fn assert_means_agree(sampled: &[[f64; 10]], drawn: &[[f64; 10]]) {
+    for (i, ((found, off), (expected, by))) in means(sampled).into_iter().zip(means(drawn)).enumerate() {
         assert!(
             (found - expected).abs() < 4.0 * off.hypot(by),
             "{i}: {found} ± {off}, not {expected} ± {by}"
