@@ -2,7 +2,8 @@
 
 use super::boxes::Hotspots;
 use super::person::Person;
-use super::{BoxOptions, Mcmc, SETTLING_STEPS};
+use super::sampling::SETTLING_STEPS;
+use super::{BoxOptions, Mcmc};
 use crate::likelihood::prior::LOG_IMPOSSIBLE;
 
 /// Number of sweeps in which every person is fitted to the boxes that the others leave.
