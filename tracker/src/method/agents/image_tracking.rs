@@ -45,7 +45,9 @@ impl ImageTracking {
             Body { radius_m: options.radius.mean_m, height_m: options.height.mean_m, ..Body::ADULT };
         let view = View::coarse(of_camera, resolution::block(of_camera, &average, &stage.floor));
         let alone = PreparedRoom { cameras: vec![of_camera.clone()], ..stage.clone() };
-        Ok(Self { sampler: Mcmc::new(alone, McmcOptions { lag_s: 0.0, ..options.clone() })?, view })
+        // Most people are out of one camera's sight: the station decides who has left.
+        let options = McmcOptions { lag_s: 0.0, unseen_leaves_per_s: 0.0, ..options.clone() };
+        Ok(Self { sampler: Mcmc::new(alone, options)?, view })
     }
 
     /// Measures the people in one frame; births are also proposed at the places of `restarts`.

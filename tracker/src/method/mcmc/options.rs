@@ -275,6 +275,7 @@ impl McmcOptions {
             informed_births: 0.0,
             companions_per_s: 0.0,
             rescues_per_s: 0.0,
+            unseen_leaves_per_s: 0.0,
             settling_s: 0.0,
             lag_s: 0.0,
             motion: MotionOptions {

@@ -199,7 +199,7 @@ impl Track {
             passage.follow(place, is_at_exit, dt_s);
         }
         let is_leaving = passage.is_leaving();
-        if self.in_sight {
+        if self.in_sight || options.unseen_leaves_per_s <= 0.0 {
             self.stayed = 1.0;
             return;
         }

@@ -89,7 +89,7 @@ impl Meetings {
 pub(super) fn decide(people: &mut People, assignment: &mut Assignment, dt: f64, options: &ModernOptions) {
     let mut is_known: u64 = 0;
     for (i, person) in people.iter_mut().enumerate() {
-        if person.is_learnt() && person.evidence.weight >= ENOUGH_LOOKS {
+        if person.is_comparable() && person.evidence.weight >= ENOUGH_LOOKS {
             is_known |= 1 << i;
         }
     }

@@ -194,7 +194,7 @@ impl People {
     /// Log-probability of a body's identity, up to a constant, nats: prior at the last meeting and looks since.
     pub(super) fn log_fit(&self, body: usize, identity: usize) -> f64 {
         let person = &self.list[body];
-        let looks_of = |k: usize| self.list[k].is_learnt();
+        let looks_of = |k: usize| self.list[k].is_comparable();
         // An identity without learnt looks fits as well as the body's current one.
         let compared = if looks_of(identity) { identity } else { body };
         person.prior[identity].max(IMPOSSIBLE).ln() + person.log_likelihood(&self.list[compared].identity)
@@ -203,7 +203,7 @@ impl People {
     /// Gain of log-likelihood of two bodies' looks by exchanging their identities, nats.
     pub(super) fn gain(&self, i: usize, j: usize) -> f64 {
         let (a, b) = (&self.list[i], &self.list[j]);
-        if !a.is_learnt() || !b.is_learnt() {
+        if !a.is_comparable() || !b.is_comparable() {
             return 0.0;
         }
         a.log_likelihood(&b.identity) + b.log_likelihood(&a.identity)

@@ -9,8 +9,11 @@ use super::signature::MeanLook;
 
 /// Maximum number of people of a station: one bit each.
 pub(super) const MOST_PEOPLE: usize = 64;
-/// Weight from which learnt looks discriminate people.
-pub(super) const LEARNT: f64 = 3.0;
+/// Weight from which learnt looks say by themselves that a newcomer is or is not this person.
+pub(super) const LEARNT: f64 = 10.0;
+/// Weight from which learnt looks are compared with those of others after a meeting: there the two alternatives share
+/// most of their errors.
+const COMPARABLE: f64 = 3.0;
 
 /// Id and learnt looks of a person; they move to another body when two were swapped.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -162,9 +165,14 @@ impl Person {
         self.identity.learnt.weight >= LEARNT
     }
 
+    /// Whether the identity's learnt looks may be compared with those of others.
+    pub(super) fn is_comparable(&self) -> bool {
+        self.identity.learnt.weight >= COMPARABLE
+    }
+
     /// Log-likelihood of this body's looks under `identity`, nats; 0 when either has too few looks.
     pub(super) fn log_likelihood(&self, identity: &Identity) -> f64 {
-        if self.evidence.weight < 0.5 || identity.learnt.weight < LEARNT {
+        if self.evidence.weight < 0.5 || identity.learnt.weight < COMPARABLE {
             return 0.0;
         }
         self.evidence.log_likelihood(&identity.learnt)
