@@ -223,7 +223,7 @@ impl VerticalConsensus {
 /// Covariance of a plane's tilt along `across`, with one independent observation a `patch` (an area); `None` when its
 /// points lie on a line.
 fn covariance(fit: &PlaneFit, across: &Matrix3x2<f64>, patch: f64) -> Option<Matrix2<f64>> {
-    // Where planes were made exact, stereo's own noise replaces the residuals.
+    // Residuals of points that were moved onto their plane are 0: stereo's own noise replaces them.
     let variance = fit.rms.powi(2).max(fit.sigma_squared) / (fit.area / patch).max(1.0);
     let spread: Matrix2<f64> = across.transpose() * fit.spread * across;
     spread.try_inverse().map(|inverse| inverse * variance).filter(|c| c.iter().all(|v| v.is_finite()))
@@ -294,7 +294,7 @@ mod tests {
         let whole = FloorOptions { correlated: 10.0, ..options(0.0) };
         let expected_deg = 1.0 / (1.0 + (0.009f64 / 0.6 * 0.3 / 0.012).powi(2));
         assert_relative_eq!(tilt_deg(&vote(&floor, &[&table], &whole).up), expected_deg, epsilon = 2e-3);
-        // Where planes were made exact, only stereo's own deviation is left.
+        // Points that were moved onto their plane keep stereo's own deviation alone.
         let exact = PlaneFit { rms: 0.0, sigma_squared: 0.009f64.powi(2), ..table.clone() };
         assert_eq!(vote(&floor, &[&exact], &options(0.5)), vote(&floor, &[&table], &options(0.5)));
     }

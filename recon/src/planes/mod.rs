@@ -181,7 +181,7 @@ fn label(
             let mut best: Option<(f32, u16)> = None;
             for (k, plane) in planes.iter().enumerate() {
                 let off = (plane.at(u, v) - w).abs() / step;
-                // Where the neighbourhood is no plane itself, the pixel must fit better.
+                // A pixel whose neighbourhood is no plane itself must fit better.
                 let fits = match around {
                     Some(normal) => off < options.tolerance_px && normal.dot(plane.normal) > facing,
                     None => off < 0.5 * options.tolerance_px,

@@ -116,7 +116,7 @@ fn render(geometry: &Geometry, scene: &RayScene, raster: &Raster, cut_m: f32, pa
 fn close_gaps(tops: &mut [[Option<Top>; RAYS]], raster: &Raster) {
     /// Half the width of the widest gap that is closed.
     const REACH_M: f32 = 0.03;
-    // Where some rays of a pixel hit a surface, the others take the same one.
+    // Rays of a pixel that hit nothing take the surface that another ray of the pixel hits.
     for samples in tops.iter_mut() {
         if let Some(first) = samples.iter().flatten().next().copied() {
             for sample in samples {

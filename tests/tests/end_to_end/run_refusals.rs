@@ -112,6 +112,28 @@ fn rooms() {
 }
 
 #[test]
+fn boxes() {
+    let small = Small::new();
+    small.write("left.txt", "1,-1,20,10,8,20,1\n6,-1,21,10,8,20,1\n");
+    small.write("empty.txt", "");
+    // The detector of the other camera found no person; the run has the frames of the longer file.
+    let output = small.run_only(&["--detections", "left=left.txt", "--detections", "right=empty.txt"]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert_eq!(fs::read_to_string(small.path("out/tracks.jsonl")).expect("the tracks").lines().count(), 6);
+
+    let of_left = |more: &[&str]| small.run_only(&[&["--detections", "left=left.txt"], more].concat());
+    refused(&of_left(&["--detections", "middle=left.txt"]), &["--detections middle", "left, right"]);
+    refused(&of_left(&["--detections", "left=empty.txt"]), &["--detections left", "already"]);
+    refused(&of_left(&["--method", "agents"]), &["--detections", "mcmc"]);
+    refused(&small.run_only(&["--detections", "left=empty.txt"]), &["--detections", "empty.txt", "no box"]);
+    refused(&small.run_only(&["--detections", "left=nowhere.txt"]), &["nowhere.txt"]);
+    small.write("left.txt", "1,-1,20,10,nan,20,1\n");
+    refused(&of_left(&[]), &["left.txt", "line 1", "width is nan"]);
+    small.write("left.txt", "1,-1,20,10,8\n");
+    refused(&of_left(&[]), &["left.txt", "line 1", "5 columns"]);
+}
+
+#[test]
 fn names_and_options() {
     let small = Small::new();
     refused(&small.run_only(&[]), &["--video", "NAME=PATH", "left, right"]);

@@ -9,7 +9,7 @@ use tracker::tracks::rows::RowFile;
 
 /// Evaluate tracks against the truth: MOTA, MOTP, MODA, IDF1, HOTA, errors in metres, calibration.
 ///
-/// Where the tracks' confidences are probabilities (0 to 1), their calibration is evaluated too: the difference from
+/// Confidences that are probabilities (0 to 1) are evaluated for calibration too: the difference from
 /// the share of rows that match a person, and how often the true number of people is in the 90 % set that they imply.
 ///
 /// Both files hold MOTChallenge rows, either on the floor (frame,id,-1,-1,-1,-1,confidence,x,y,z; matched on distance)

@@ -36,6 +36,7 @@ const SAME: &[&str] = &[
     "birth_cost",
     "connect",
     "detection_offset",
+    "detections",
     "direction_threshold",
     "folds",
     "gate",

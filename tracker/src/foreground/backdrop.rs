@@ -203,7 +203,7 @@ mod tests {
             noise_sum += backdrop.noise.get_pixel(u, v)[0] as f64 * NOISE_UNIT as f64;
         }
         let mean = noise_sum / (120.0 * 80.0);
-        // Where a third of the frames show a person, the quantile is half as far again from the median.
+        // A pixel that shows a person in a third of the frames has its quantile half as far again from the median.
         assert!((2.5..4.6).contains(&mean), "the noise is 3 levels, found {mean}");
     }
 

@@ -75,7 +75,7 @@ impl RunReport {
 /// is called after each moment, and while there is none, and decides whether to go on. `clocks` estimates the offsets
 /// of the cameras' clocks, and may correct them.
 ///
-/// When a run fails later, the moments before the failure are in the outputs, and the outputs are finished.
+/// A run that fails later finishes its outputs; they hold the moments before the failure.
 ///
 /// # Errors
 /// A failure before the first moment was processed.

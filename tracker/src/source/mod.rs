@@ -2,7 +2,7 @@
 
 mod arrival;
 mod capture_times;
-mod detections;
+mod detector_boxes;
 pub mod sampling;
 pub mod times;
 
@@ -14,7 +14,7 @@ use scenes::room::{Room, RoomCamera};
 
 pub use arrival::{ArrivalClock, utc_s};
 pub use capture_times::CaptureTimes;
-pub use detections::Detections;
+pub use detector_boxes::DetectorBoxes;
 pub use times::Times;
 
 use crate::{Error, Result};
@@ -51,7 +51,7 @@ pub struct CameraSource {
     /// Ready-made masks, which replace background subtraction.
     pub masks: Option<FrameSource>,
     /// A detector's boxes of people.
-    pub detections: Option<Detections>,
+    pub detections: Option<DetectorBoxes>,
 }
 
 /// The sources of a run as they were named, each of them for one camera.
@@ -121,7 +121,7 @@ pub fn open(room: &Room, named: NamedSources<'_>) -> Result<Vec<CameraSource>> {
         };
         let masks = find(masks).map(|source| open_one(camera, &source)).transpose()?;
         let detections =
-            find(detections).map(|source| Detections::read(Path::new(&source.spec))).transpose()?;
+            find(detections).map(|source| DetectorBoxes::read(Path::new(&source.spec))).transpose()?;
         if video.is_some() || masks.is_some() || detections.is_some() {
             sources.push(CameraSource { name: camera.name.clone(), video, masks, detections });
         }
@@ -147,7 +147,17 @@ pub fn open(room: &Room, named: NamedSources<'_>) -> Result<Vec<CameraSource>> {
     }
     // A detector may find nobody in one camera while others show people.
     let detected = || sources.iter().filter_map(|source| source.detections.as_ref());
-    let frames = detected().map(Detections::frame_count).max().unwrap_or(0);
+    let frames = detected().map(DetectorBoxes::frame_count).max().unwrap_or(0);
+    if frames == 0 && sources.iter().all(|source| source.video.is_none() && source.masks.is_none()) {
+        let paths: Vec<String> = detected().map(|boxes| boxes.path().display().to_string()).collect();
+        return Err(Error::option(
+            "detections",
+            format!(
+                "no box in {}, so the run has no frames; give boxes, or a video or masks besides",
+                paths.join(", ")
+            ),
+        ));
+    }
     for source in &mut sources {
         source.detections.iter_mut().for_each(|detections| detections.extend_to(frames));
     }

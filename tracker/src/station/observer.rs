@@ -51,7 +51,7 @@ impl Masks {
     }
 }
 
-/// What there is of one frame.
+/// Inputs of one frame; each may be missing.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct FrameInput<'a> {
     /// Picture, of the observer's [size](Observer::size).

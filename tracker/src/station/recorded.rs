@@ -12,7 +12,7 @@ use super::observer::{FrameInput, Observer};
 use super::permits::Permits;
 use super::seen::{Event, ObservedFrame, PictureDemand, Pictures};
 use crate::observation::Feedback;
-use crate::source::{CaptureTimes, Detections, utc_s};
+use crate::source::{CaptureTimes, DetectorBoxes, utc_s};
 use crate::{Error, Result};
 
 /// Station of one camera's recording.
@@ -22,7 +22,7 @@ pub struct RecordedStation {
     /// Ready-made masks.
     pub masks: Option<FrameSource>,
     /// A detector's boxes.
-    pub detections: Option<Detections>,
+    pub detections: Option<DetectorBoxes>,
     /// Capture times of the frames.
     pub times: CaptureTimes,
     /// Maker of the observations.
@@ -130,7 +130,7 @@ impl RecordedStation {
         }
         let boxes = self.detections.as_ref().map(|detections| detections.of(sequence));
         if self.video.is_none() && self.masks.is_none() {
-            let frames = self.detections.as_ref().map_or(0, Detections::frame_count);
+            let frames = self.detections.as_ref().map_or(0, DetectorBoxes::frame_count);
             if sequence > u64::from(frames) {
                 return Ok(RecordedFrame::Ended);
             }

@@ -340,7 +340,8 @@ mod tests {
     fn a_person_at_a_wrong_distance_in_one_camera_is_proposed_at_the_place_seen_by_another() {
         let even = 1.0 / 30.0;
         assert!(density_at_truth(true) > 5.0 * even, "{}", density_at_truth(true));
-        // Where the other camera could see the wrong place, it is evidence for that place.
+        // A prediction that both cameras can check explains the first camera's foreground, so that little is left to propose
+        // the true place.
         assert!(density_at_truth(false) < density_at_truth(true) / 5.0, "{}", density_at_truth(false));
     }
 }

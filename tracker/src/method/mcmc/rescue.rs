@@ -266,7 +266,7 @@ impl CameraSupport {
 
     fn support(&self) -> Support {
         match (self.seeing, self.clearly) {
-            // Where the upper body is hidden, a person cannot be distinguished from a chair.
+            // A person whose upper body is hidden cannot be distinguished from a chair.
             _ if self.least_upper.is_none_or(|found| found < UPPER) => Support::Missing,
             (1, 1) if self.least >= LONE_PERSON => Support::Lone,
             (2.., 1..) if self.least >= PERSON => Support::Several,

@@ -101,8 +101,6 @@ fn adopt_id(people: &mut People, here: usize, claim: &Claim, options: &ModernOpt
             existence::take_over(people, here, other);
             people.remove(other);
         }
-        // By looks both bodies carry the right identity: only the ids of the stations differ.
-        Some(other) if people.gain(here, other) < -DOUBT_NATS => people.exchange_targets(here, other),
         Some(other) => people.exchange(here, other),
     }
 }
@@ -163,5 +161,79 @@ fn drop_claims(peers: &mut [Peer], claim: &Claim) {
     let is_about = |id: TargetId| id == claim.theirs || id == claim.mine;
     for peer in peers {
         peer.claims.retain(|c| !is_about(c.theirs) && !is_about(c.mine));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Matrix2, Point2, Vector2};
+
+    use super::super::measurement::Measurement;
+    use super::super::person::Person;
+    use super::*;
+
+    const NOW_S: f64 = 50.0;
+
+    /// Two people of one station, with these ids, 4 m apart, of whose looks nothing is known.
+    fn people(ids: [u32; 2]) -> People {
+        let mut people = People::default();
+        for (id, x_m) in ids.into_iter().zip([1.0, 5.0]) {
+            let measurement = Measurement {
+                position: Point2::new(x_m, 1.0),
+                covariance: Matrix2::identity() * 0.01,
+                velocity: Vector2::zeros(),
+                height_m: 1.7,
+                looks: None,
+                signature: None,
+                is_crowded: false,
+                target: TargetId::ALONE,
+                confidence: 0.0,
+                track: 0,
+            };
+            let mut person = Person::new(TargetId(id), &measurement);
+            (person.age_s, person.unseen_s) = (20.0, 0.0);
+            people.add(person);
+        }
+        people
+    }
+
+    /// Peers of station `own` in a room of three; each gives these ids to the two people, whom the station calls `mine`.
+    fn peers(own: usize, mine: [u32; 2], theirs: [[u32; 2]; 3]) -> Vec<Peer> {
+        let claims = |ids: [u32; 2]| {
+            let claim = |(theirs, mine): (u32, u32)| Claim {
+                theirs: TargetId(theirs),
+                mine: TargetId(mine),
+                lasting_s: 3.0,
+                confidence: 0.9,
+                made_s: NOW_S,
+            };
+            ids.into_iter().zip(mine).map(claim).collect()
+        };
+        let peer = |(station, ids)| {
+            let mut peer = Peer::default();
+            if station != own {
+                peer.claims = claims(ids);
+            }
+            peer
+        };
+        theirs.into_iter().enumerate().map(peer).collect()
+    }
+
+    fn ids(people: &People) -> Vec<u32> {
+        people.iter().map(|p| p.identity.target.0).collect()
+    }
+
+    #[test]
+    fn one_station_of_three_gives_way_to_the_two_others_and_they_stay() {
+        let options = ModernOptions::default();
+        for odd in 0..3 {
+            let all: [[u32; 2]; 3] = std::array::from_fn(|s| if s == odd { [2, 1] } else { [1, 2] });
+            for own in 0..3 {
+                let mut here = people(all[own]);
+                let mut peers = peers(own, all[own], all);
+                settle(&mut here, &mut peers, StationId(own as u8), NOW_S, &options);
+                assert_eq!(ids(&here), [1, 2], "station {own} with station {odd} against the others");
+            }
+        }
     }
 }

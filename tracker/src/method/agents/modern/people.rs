@@ -115,12 +115,6 @@ impl People {
         }
     }
 
-    /// Exchanges only the ids of two bodies; each keeps its looks.
-    pub(super) fn exchange_targets(&mut self, i: usize, j: usize) {
-        let target = self.list[i].identity.target;
-        self.list[i].identity.target = std::mem::replace(&mut self.list[j].identity.target, target);
-    }
-
     /// Mixes the identity probabilities of two bodies that were swapped with this probability.
     pub(super) fn mix(&mut self, i: usize, j: usize, probability: f64) {
         self.fold(i);

@@ -180,9 +180,10 @@ impl Hotspots {
         spots.map(|(spot, log_part)| (log_part + spot.log_density(x_m, y_m)).exp()).sum()
     }
 
+    /// Hotspots at these places, as narrow as a fit to a single camera's box.
     #[cfg(test)]
     pub(in super::super) fn at(places: &[(f64, f64)]) -> Self {
-        let covariance = Matrix2::identity();
+        let covariance = Matrix2::identity() * 0.04;
         let found: Vec<_> = places
             .iter()
             .enumerate()

@@ -6,7 +6,6 @@ use rand_pcg::Pcg64Mcg;
 
 use super::super::options::Acceptance;
 use super::Chain;
-use super::updates::LINE_OF_SIGHT_STEP_M;
 
 impl Chain<'_> {
     /// UPDATE-P: proposes a place drawn from the fit to the boxes, from the prediction or from the hotspots, a step
@@ -36,12 +35,7 @@ impl Chain<'_> {
                 (body.x_m, body.y_m) = (place.x, place.y);
             }
             (Some(known), _) if kernel < 0.5 => {
-                // The direction is that to the prediction, so that the step is symmetric.
-                let views = self.setting.layers.views();
-                let eye = views[rng.random_range(0..views.len())].center.xy().coords;
-                let along = known.place.mean() - eye;
-                let length: f64 = rng.sample(StandardNormal);
-                let step = along / along.norm().max(1e-6) * (length * LINE_OF_SIGHT_STEP_M);
+                let step = self.step_along_sight(known, rng);
                 body.x_m += step.x;
                 body.y_m += step.y;
             }

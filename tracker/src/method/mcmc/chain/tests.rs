@@ -208,7 +208,8 @@ fn without_masks_births_in_openings_are_as_frequent_as_expected() {
 /// exchange identities.
 #[test]
 fn without_boxes_the_states_sample_the_prior() {
-    assert_states_sample_the_prior(false, [0.3, 0.6, 1.0], Some(0.05), 2_000_000);
+    // Narrow hotspots mix slowly, so that the means need more steps.
+    assert_states_sample_the_prior(false, [0.3, 0.6, 1.0], Some(0.05), 3_000_000);
 }
 
 /// Compares the chain's states with the prior, for these densities of births (1/m²): in zones or anywhere, at

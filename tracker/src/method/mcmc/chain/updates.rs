@@ -1,10 +1,12 @@
 //! Moves that change one person of the state: UPDATE-P (place) and UPDATE-S (size).
 
+use nalgebra::Vector2;
 use rand::RngExt;
 use rand_distr::StandardNormal;
 use rand_pcg::Pcg64Mcg;
 
 use super::super::options::Acceptance;
+use super::super::person::Known;
 use super::{Chain, is_a_size};
 use crate::likelihood::prior::LOG_IMPOSSIBLE;
 use crate::silhouette::Body;
@@ -13,7 +15,7 @@ use crate::silhouette::Body;
 /// jump has a reverse.
 const TO_LEFT_OVER: f64 = 0.9;
 /// Standard deviation of a step along a line of sight, metres: the direction that one camera alone determines worst.
-pub(super) const LINE_OF_SIGHT_STEP_M: f64 = 0.15;
+const LINE_OF_SIGHT_STEP_M: f64 = 0.15;
 
 impl Chain<'_> {
     /// UPDATE-P: proposes a step of one of three lengths; under reversible jump, for a person known from the last
@@ -33,12 +35,7 @@ impl Chain<'_> {
                 (body.x_m, body.y_m) = (place.x, place.y);
             }
             Some(known) if reversible && kernel < 0.3 => {
-                // Along the line of sight of some camera to the prediction, so that the step is symmetric.
-                let views = self.setting.layers.views();
-                let eye = views[rng.random_range(0..views.len())].center.xy().coords;
-                let along = known.place.mean() - eye;
-                let length: f64 = rng.sample(StandardNormal);
-                let step = along / along.norm().max(1e-6) * (length * LINE_OF_SIGHT_STEP_M);
+                let step = self.step_along_sight(known, rng);
                 body.x_m += step.x;
                 body.y_m += step.y;
             }
@@ -82,6 +79,16 @@ impl Chain<'_> {
         body.radius_m += self.setting.options.radius_step_m * dr;
         body.height_m += self.setting.options.height_step_m * dh;
         self.update(which, body, 0.0, rng);
+    }
+
+    /// Random step, metres, along the line of sight of some camera to a person's prediction. The direction does not depend
+    /// on the present state, so that the step is symmetric.
+    pub(super) fn step_along_sight(&self, known: &Known, rng: &mut Pcg64Mcg) -> Vector2<f64> {
+        let views = self.setting.layers.views();
+        let eye = views[rng.random_range(0..views.len())].center.xy().coords;
+        let along = known.place.mean() - eye;
+        let length: f64 = rng.sample(StandardNormal);
+        along / along.norm().max(1e-6) * (length * LINE_OF_SIGHT_STEP_M)
     }
 
     /// Proposes `body` for one of the people and accepts or rejects it.

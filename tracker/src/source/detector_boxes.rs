@@ -13,16 +13,18 @@ use crate::{Error, Result};
 const COLUMNS: [&str; 10] = ["frame", "id", "left", "top", "width", "height", "confidence", "x", "y", "z"];
 /// Columns that every row has.
 const LEAST_COLUMNS: usize = 6;
+/// Largest frame number: 46 days at 25 frames a second. Larger ones are times, or another column.
+const LAST_FRAME: f64 = 1e8;
 
 /// One camera's boxes, frame by frame, in pixels of what the camera films.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Detections {
+pub struct DetectorBoxes {
     path: PathBuf,
     by_frame: BTreeMap<u32, Vec<PixelBox>>,
     frames: u32,
 }
 
-impl Detections {
+impl DetectorBoxes {
     /// Reads a file; an empty one is a detector that found nobody.
     ///
     /// # Errors
@@ -46,8 +48,8 @@ impl Detections {
             match appearance {
                 Some(before) if before != length => {
                     return Err(refuse(format!(
-                        "has {length} numbers of appearance after the tenth column, the rows before have {before}; give \
-                         all rows as many"
+                        "has {length} appearance values after the tenth column, but the rows before have {before}; give \
+                         all rows the same number"
                     )));
                 }
                 _ => appearance = Some(length),
@@ -99,8 +101,8 @@ fn parse_row(content: &str) -> std::result::Result<(u32, PixelBox, usize), Strin
         return Err(format!("has {count} columns; a row is frame,id,left,top,width,height,confidence"));
     }
     let [frame, _, left, top, width, height, ..] = values;
-    if !(frame.fract() == 0.0 && (1.0..=f64::from(u32::MAX)).contains(&frame)) {
-        return Err(format!("frame is {frame}; frames are whole numbers from 1"));
+    if !(frame.fract() == 0.0 && (1.0..=LAST_FRAME).contains(&frame)) {
+        return Err(format!("frame is {frame}; frames are whole numbers from 1 to {LAST_FRAME}"));
     }
     if !(width > 0.0 && height > 0.0) {
         return Err(format!("the box is {width} × {height} pixels; give a width and a height above 0"));
@@ -113,8 +115,8 @@ fn parse_row(content: &str) -> std::result::Result<(u32, PixelBox, usize), Strin
 mod tests {
     use super::*;
 
-    fn parse(text: &str) -> Result<Detections> {
-        Detections::parse(Path::new("boxes.txt"), text)
+    fn parse(text: &str) -> Result<DetectorBoxes> {
+        DetectorBoxes::parse(Path::new("boxes.txt"), text)
     }
 
     #[test]
@@ -140,8 +142,9 @@ mod tests {
             ("1,2,3,4,5,inf", "height is inf"),
             ("0,1,1,1,5,5,1", "frames are"),
             ("1.5,1,1,1,5,5,1", "frames are"),
+            ("1764151200,1,1,1,5,5,1", "to 100000000"),
             ("1,-1,1,1,0,5,1", "0 × 5 pixels"),
-            ("1,-1,1,1,5,5,1,-1,-1,-1,0.5", "1 numbers of appearance"),
+            ("1,-1,1,1,5,5,1,-1,-1,-1,0.5", "1 appearance values"),
             ("1,-1,1,1,5,5,1,-1,-1,-1,x", "column 11"),
             ("\u{0}\u{1}binary", "no number"),
         ] {
