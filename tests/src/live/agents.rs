@@ -145,14 +145,27 @@ impl StationPair {
     /// # Errors
     /// No such line within a minute (the message has the log), or the station ends.
     pub fn line(&mut self, camera: usize, text: &str) -> StepResult<()> {
+        self.wait_for_line(camera, text, |line| line.contains(text))
+    }
+
+    /// Waits until a station's log has a line that `is_it`; `name` says in the message which.
+    ///
+    /// # Errors
+    /// No such line within a minute (the message has the log), or the station ends.
+    pub fn wait_for_line(
+        &mut self,
+        camera: usize,
+        name: &str,
+        is_it: impl Fn(&str) -> bool,
+    ) -> StepResult<()> {
         let begun = Instant::now();
         loop {
             let log = self.station(camera)?.log();
-            if log.iter().any(|line| line.contains(text)) {
+            if log.iter().any(|line| is_it(line)) {
                 return Ok(());
             }
             if begun.elapsed() > BOUND {
-                return Err(format!("`{text}` is not in {log:#?}"));
+                return Err(format!("`{name}` is not in {log:#?}"));
             }
             self.pass(camera, Duration::from_millis(50))?;
         }

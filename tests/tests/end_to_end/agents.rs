@@ -49,6 +49,16 @@ fn a_killed_and_a_stalled_station_come_back_and_the_other_keeps_its_ids() {
     }
 }
 
+/// Waits until a station logs this offset of another's clock, to 0.1 s: the time that packets need is in the estimate.
+fn wait_for_clock(pair: &mut StationPair, at: usize, of: &str, offset_s: f64) {
+    let begin = format!("{of} has a clock that is ");
+    let logged_s = |line: &str| line.split_once(&begin)?.1.split_once(" s ")?.0.parse::<f64>().ok();
+    pair.wait_for_line(at, &format!("{begin}{offset_s}"), |line| {
+        logged_s(line).is_some_and(|logged_s| (logged_s - offset_s).abs() <= 0.1)
+    })
+    .unwrap();
+}
+
 /// Session of an unknown Zenoh peer with all permissions.
 fn stranger(addresses: &[SocketAddr]) -> Session {
     let mut config = zenoh::Config::default();
@@ -98,13 +108,13 @@ fn nonsense_is_told_once_and_wrong_clocks_are_corrected_or_left_out() {
     // The same station with a clock half a second ahead is corrected…
     pair.kill(1);
     pair.begin(1, &["--clock-shift", "0.5"]).unwrap();
-    pair.line(0, "`cam1` has a clock that is 0.5").unwrap();
+    wait_for_clock(&mut pair, 0, "`cam1`", 0.5);
     assert_eq!(pair.agreement(3).unwrap(), people);
     // …and with one an hour ahead left out: the other goes on alone.
     pair.kill(1);
     pair.begin(1, &["--clock-shift", "3600"]).unwrap();
-    pair.line(0, "`cam1` has a clock that is 3600.0").unwrap();
-    pair.line(1, "`cam0` has a clock that is 3600.0").unwrap();
+    wait_for_clock(&mut pair, 0, "`cam1`", 3600.0);
+    wait_for_clock(&mut pair, 1, "`cam0`", 3600.0);
     pair.pass(0, Duration::from_secs(1)).unwrap();
     let rows = pair.station(0).unwrap().rows();
     let last: Vec<BTreeSet<u32>> = rows.iter().rev().take(10).map(ids).collect();
