@@ -4,16 +4,19 @@
 //! 2. Inside the hull, a cell is free unless it is obstructed.
 //! 3. Free cells count where floor was seen, where some camera saw a surface behind a person who would stand there, and
 //!    a little way on from such cells: the space behind the walls has neither floor nor view, and no way to it.
-//! 4. Zones are walkable regardless of the geometry: people do come in there.
-//! 5. Pockets too small to walk into are closed.
+//! 4. Of the cells without floor, those behind walls are taken out: the surfaces around them, above the furniture, show
+//!    them mostly their backs. Discs know the side from which cameras saw them; triangles do not.
+//! 5. Zones are walkable regardless of the geometry: people do come in there.
+//! 6. Pockets too small to walk into are closed.
 
 use glam::Vec3;
+use nalgebra::Point2;
 use rayon::prelude::*;
 
 use super::survey::Survey;
 use super::{Grid, WalkableOptions, obstacles};
 use crate::Result;
-use crate::geometry::{Geometry, vec3_from_point};
+use crate::geometry::{Disc, Geometry, vec3_from_point};
 use crate::polygon::Polygon;
 use crate::raycast::RayScene;
 use crate::room::{RoomCamera, Zone};
@@ -27,6 +30,11 @@ const BODY_HEIGHTS_M: [f32; 4] = [0.4, 0.8, 1.2, 1.6];
 /// Number of these heights that one camera must look past: a single one may show through a hole in a reconstructed
 /// wall.
 const SEEN_PARTS: usize = 2;
+
+/// Heights at which the surfaces around a place are looked at, metres: above most furniture.
+const AROUND_HEIGHTS_M: [f32; 3] = [1.5, 1.65, 1.8];
+/// Number of directions in which they are looked at.
+const AROUND_DIRECTIONS: u32 = 16;
 
 /// Derives the grid; `None` when nothing is below head height, so that everywhere is walkable.
 pub(super) fn from_geometry(
@@ -52,6 +60,18 @@ pub(super) fn from_geometry(
         .collect();
     let steps = (options.hidden_reach_m / free.cell_m).round() as usize;
     let mut walkable = free.reached_from(&free.with(known), steps);
+
+    if let Geometry::Discs(discs) = geometry {
+        let outside: Vec<bool> = (0..walkable.bits.len())
+            .into_par_iter()
+            .map(|i| {
+                walkable.bits[i] && !survey.floor.bits[i] && is_behind(&scene, discs, walkable.center(i))
+            })
+            .collect();
+        for (bit, outside) in walkable.bits.iter_mut().zip(outside) {
+            *bit &= !outside;
+        }
+    }
 
     let mut zone_cells = walkable.cleared();
     for zone in zones {
@@ -98,6 +118,22 @@ fn is_looked_past(scene: &RayScene, eyes: &[Vec3], grid: &Grid, cell: usize) -> 
 /// a reconstruction it goes through a hole in a wall, or through space that no camera saw.
 fn looks_past(scene: &RayScene, eye: Vec3, part: Vec3) -> bool {
     scene.cast(eye, part - eye).is_some_and(|hit| hit.distance > 1.0)
+}
+
+/// Tells whether the surfaces around a place, above the furniture, show their backs: cameras saw them from the other
+/// side, so that the place is behind them.
+fn is_behind(scene: &RayScene, discs: &[Disc], place: Point2<f64>) -> bool {
+    let (mut fronts, mut backs) = (0_u32, 0_u32);
+    for z in AROUND_HEIGHTS_M {
+        for direction in 0..AROUND_DIRECTIONS {
+            let angle = direction as f32 * std::f32::consts::TAU / AROUND_DIRECTIONS as f32;
+            let ray = Vec3::new(angle.cos(), angle.sin(), 0.0);
+            let Some(hit) = scene.cast(Vec3::new(place.x as f32, place.y as f32, z), ray) else { continue };
+            let is_front = discs[hit.primitive as usize].normal.dot(ray) < 0.0;
+            if is_front { fronts += 1 } else { backs += 1 }
+        }
+    }
+    backs > fronts
 }
 
 /// Clears patches that are small, hold no zone and are not the largest.

@@ -45,8 +45,9 @@ fn sheet(corner: Vec3, along: Vec3, across: Vec3) -> Vec<Disc> {
 pub(super) fn furnished() -> Room {
     let (x, y, z) = (Vec3::X, Vec3::Y, Vec3::Z);
     let mut discs = sheet(Vec3::ZERO, 4.0 * x, 3.0 * y);
+    // The normals of the walls point into the room.
     for (corner, along) in
-        [(Vec3::ZERO, 4.0 * x), (3.0 * y, 4.0 * x), (Vec3::ZERO, 3.0 * y), (4.0 * x, 3.0 * y)]
+        [(4.0 * x, -4.0 * x), (3.0 * y, 4.0 * x), (Vec3::ZERO, 3.0 * y), (4.0 * x + 3.0 * y, -3.0 * y)]
     {
         discs.extend(sheet(corner, along, 2.5 * z));
     }
@@ -92,6 +93,31 @@ fn people_stand_on_the_floor_and_not_in_furniture() {
     let area = map.area_m2().unwrap();
     // 12 m² less table (without its rim), sofa, pillar, and the walls' cells.
     assert!((9.0..11.5).contains(&area), "{area}");
+}
+
+#[test]
+fn behind_a_wall_with_a_hole_is_no_floor() {
+    let mut room = furnished();
+    let Some(Geometry::Discs(discs)) = &mut room.geometry else { panic!("discs") };
+    /// Places near the hole, outside.
+    const BEHIND: [(f64, f64); 4] = [(4.3, 1.1), (4.2, 1.9), (4.3, 1.8), (4.25, 1.2)];
+    // The wall at x = 4 m has a hole that reaches to the floor, and a corner of a hallway is seen far behind it.
+    discs.retain(|d| d.center.x < 3.99 || !(1.25..1.75).contains(&d.center.y) || d.center.z > 2.0);
+    discs.extend(sheet(Vec3::new(6.5, 0.0, 0.0), -1.5 * Vec3::X, 1.2 * Vec3::Y));
+    let map = WalkableMap::of_room(&room).unwrap();
+    assert!(map.contains(5.75, 0.5), "floor that was seen");
+    for (x, y) in BEHIND {
+        assert!(!map.contains(x, y), "{x}, {y} is behind the wall");
+    }
+    // With the walls' normals the other way, the same place would have been seen from there.
+    let Some(Geometry::Discs(discs)) = &mut room.geometry else { panic!("discs") };
+    for wall in discs.iter_mut().filter(|d| d.center.z > 1.0) {
+        wall.normal = -wall.normal;
+    }
+    let map = WalkableMap::of_room(&room).unwrap();
+    for (x, y) in BEHIND {
+        assert!(map.contains(x, y), "{x}, {y} would have been seen");
+    }
 }
 
 #[test]

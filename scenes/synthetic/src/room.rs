@@ -185,6 +185,11 @@ impl SyntheticRoom {
         (0.0..=self.size_m[0]).contains(&p.x) && (0.0..=self.size_m[1]).contains(&p.y)
     }
 
+    /// Tells whether a point of the floor is in a corridor behind a door.
+    pub fn is_in_corridor(&self, p: &Point2<f64>) -> bool {
+        self.doors.iter().any(|door| door.corridor().contains(p))
+    }
+
     pub(super) fn size(&self) -> Vec3 {
         Vec3::from(self.size_m.map(|s| s as f32))
     }

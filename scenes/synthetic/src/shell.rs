@@ -74,6 +74,11 @@ impl Door {
         self.rectangle(0.5 * DOOR_WIDTH_M - clearance, CORRIDOR_M - clearance, clearance + 0.05)
     }
 
+    /// Floor of the corridor behind the door, doorway included.
+    pub(super) fn corridor(&self) -> Polygon {
+        self.rectangle(0.5 * DOOR_WIDTH_M + CORRIDOR_RIM_M, CORRIDOR_M, 0.0)
+    }
+
     /// Floor that furniture must leave free.
     pub(super) fn kept_free(&self) -> Polygon {
         self.rectangle(0.5 * DOOR_WIDTH_M + 0.15, 0.0, 1.3)

@@ -17,7 +17,10 @@ use crate::data::office;
 use crate::live::office::{CAMERAS, RATE_HZ, video};
 
 /// Path of a film or room that is kept between measurements: `target/PROFILE/live-films/NAME`.
-fn kept(name: &str) -> StepResult<PathBuf> {
+///
+/// # Errors
+/// The running program lies in no folder.
+pub fn kept(name: &str) -> StepResult<PathBuf> {
     let program = std::env::current_exe().map_err(|e| e.to_string())?;
     let profile = program.parent().and_then(Path::parent).ok_or("the program is in no folder")?;
     Ok(profile.join("live-films").join(name))
