@@ -9,7 +9,7 @@ use crate::room::Room;
 use crate::{Result, cache};
 
 /// Part of the key: change it when the derivation changes.
-const DERIVATION: &str = "walkable 3";
+const DERIVATION: &str = "walkable 4";
 const NAME: &str = "walkable";
 
 /// [`WalkableMap::of_room`], from the cache of the room directory where that is up to date.
