@@ -15,6 +15,8 @@ use super::doorway::beyond_zones;
 
 /// Extent of an unseen doorstep from its zone, metres: about as far as a camera sees through a door at an angle.
 const DOORSTEP_M: f64 = 1.5;
+/// Half the width of a body, metres.
+const BODY_M: f64 = 0.3;
 
 /// Quantiles of the standard normal distribution at 1/22, 3/22, … 21/22: the medians of eleven equally probable parts.
 const EQUAL_PARTS: [f64; 11] = [
@@ -99,6 +101,13 @@ impl Floor {
         self.zones.is_empty() || self.near_zone(x_m, y_m, Some(ZoneKind::Entry))
     }
 
+    /// Whether a body at a position touches an exit zone, or its doorstep: its middle may pass beside the zone.
+    pub fn touches_exit(&self, x_m: f64, y_m: f64) -> bool {
+        let p = Point2::new(x_m, y_m);
+        let mut exits = self.zones.iter().filter(|zone| zone.kind != ZoneKind::Entry);
+        exits.any(|zone| zone.polygon.distance_m(&p) <= BODY_M) || self.may_disappear(x_m, y_m)
+    }
+
     /// Smallest and largest corner of a box around all positions that people can occupy, metres.
     pub fn bounds(&self) -> (Point2<f64>, Point2<f64>) {
         self.bounds
@@ -139,6 +148,14 @@ mod tests {
         let zone = Zone { name: "door".into(), polygon: door, kind: ZoneKind::Both };
         let floor = [&[rectangle(0.0, 0.0, 6.0, 5.0)], more].concat();
         Floor::new(WalkableMap::of_polygons(&floor), &[zone], &[])
+    }
+
+    #[test]
+    fn a_body_beside_an_exit_zone_touches_it() {
+        let touches = |kind, x_m, y_m| room(kind).touches_exit(x_m, y_m);
+        assert!(touches(ZoneKind::Both, 4.8, 1.5) && touches(ZoneKind::Exit, 5.5, 2.2));
+        assert!(!touches(ZoneKind::Both, 4.6, 1.5) && !touches(ZoneKind::Entry, 4.8, 1.5));
+        assert!(!room(ZoneKind::Both).may_disappear(4.8, 1.5));
     }
 
     #[test]

@@ -207,8 +207,8 @@ impl Mcmc {
             if track.is_tentative() || is_at_exit {
                 track.may_have_left(left);
             }
-            let was_at_exit = floor.may_disappear(before.x_m, before.y_m);
-            track.may_leave_unseen([was_at_exit, is_at_exit], dt_s, options);
+            let at_exit = [&before, &body].map(|body| floor.touches_exit(body.x_m, body.y_m));
+            track.may_leave_unseen(at_exit, dt_s, options);
             if !floor.is_standable(body.x_m, body.y_m) && floor.is_standable(before.x_m, before.y_m) {
                 // The prediction walked into a wall; the person more probably stopped.
                 (body.x_m, body.y_m) = (before.x_m, before.y_m);
