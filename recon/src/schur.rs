@@ -1,5 +1,5 @@
 //! Normal equations of cameras and points. No residual ties two points, so the points are eliminated first (B. Triggs,
-//! P. McLauchlan, R. Hartley, A. Fitzgibbon, "Bundle adjustment — a modern synthesis", 2000, section 6.1):
+//! P. `McLauchlan`, R. Hartley, A. Fitzgibbon, "Bundle adjustment — a modern synthesis", 2000, section 6.1):
 //!
 //! ```text
 //! ┌          ┐ ┌    ┐   ┌    ┐      U: cameras, and a border of up to three parameters that they share

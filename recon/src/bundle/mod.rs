@@ -1,4 +1,4 @@
-//! Bundle adjustment: least squares over poses, points and, if asked, the lens (B. Triggs, P. McLauchlan, R. Hartley,
+//! Bundle adjustment: least squares over poses, points and, if asked, the lens (B. Triggs, P. `McLauchlan`, R. Hartley,
 //! A. Fitzgibbon, "Bundle adjustment — a modern synthesis", 2000). The first pose is fixed. [`crate::schur`] eliminates
 //! the points, [`calib::least_squares`] has the loop.
 //!

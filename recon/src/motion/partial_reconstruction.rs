@@ -195,8 +195,7 @@ impl<'a> PartialReconstruction<'a> {
             poses: self.poses.iter().flatten().copied().collect(),
             points: Vec::new(),
         };
-        let options =
-            BundleOptions { loss: how.loss, lens: how.lens, solver: how.solver, ..Default::default() };
+        let options = BundleOptions { loss: how.loss, lens: how.lens, solver: how.solver };
         let mut problem = BundleProblem { observations: Vec::new(), options };
         let mut tracks = Vec::new();
         for (index, (track, point)) in self.tracks.iter().zip(&self.points).enumerate() {
