@@ -6,6 +6,7 @@
 //! * [`Camera`] — a camera's pose ([`nalgebra::Isometry3`], `camera_from_world`) and its mapping of
 //!   directions to pixels ([`Intrinsics`], with OpenCV's [`Distortion`]). Start here.
 //! * [`absolute_orientation`] — Horn's closed form: the similarity that takes one set of points to another.
+//! * [`least_squares`] — damped nonlinear least squares: the trait of a problem, and the one loop that minimises it.
 //! * [`resection`] — a camera's pose, and its lens where that is unknown, from known points and their pixels.
 //! * [`picture`] — pictures in files: photographs upright, drawings replaced in one step.
 //! * [`photograph`] — the lens stated by a photograph's EXIF block.
@@ -27,6 +28,7 @@ mod camera;
 mod distortion;
 mod error;
 pub mod files;
+pub mod least_squares;
 pub mod photograph;
 pub mod picture;
 pub mod resection;

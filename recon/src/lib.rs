@@ -8,7 +8,8 @@
 //! * [`capture`] — the frames of one camera and its reference image.
 //! * [`features`] — corners followed from frame to frame: tracks.
 //! * [`motion`] — camera motion and sparse points: start, growth, adjustment, diagnosis.
-//! * [`bundle`] — Levenberg–Marquardt over poses, points and lens.
+//! * [`bundle`] — least squares over poses, points and lens.
+//! * [`schur`] — normal equations of cameras and points, the points eliminated.
 //! * [`dense`] — depth and normal for each pixel of the reference view, by PatchMatch stereo.
 //! * [`surface`] — depth, normal and origin of each pixel of a reference view.
 //! * [`ray_depth`] — the depth of single, picked pixels, from all frames.
@@ -40,6 +41,7 @@ pub mod proposals;
 pub mod ray_depth;
 pub mod rolling_shutter;
 pub mod scale;
+pub mod schur;
 pub mod surface;
 
 pub use error::{Error, Result};

@@ -6,11 +6,11 @@
 //! inverse depth that explains all registrations is estimated robustly, with its standard deviation.
 
 use calib::Intrinsics;
+use calib::least_squares::Loss;
 use image::RgbImage;
 use nalgebra::{Isometry3, Matrix2, Point2, Point3, Vector2, Vector3};
 use rayon::prelude::*;
 
-use crate::bundle::Loss;
 use crate::features::{Intensity, Patch, Warp};
 
 /// Half the side of a pixel's patch.

@@ -41,7 +41,7 @@ pub fn resect_with_lens((width, height): (u32, u32), picks: &[Pick]) -> Result<L
     let frame = PrincipalFrame::of(picks)?;
     let start = linear_camera((width, height), &frame, picks).ok_or_else(untold)?;
     start.intrinsics.validate()?;
-    let (camera, hessian) = refine::camera(picks, start);
+    let (camera, hessian) = refine::refine_camera(picks, start);
     let residuals_px = residuals_px(&camera, picks).ok_or_else(untold)?;
     let squares: f64 = residuals_px.iter().map(|r| r * r).sum();
     let beyond_need = (2 * picks.len() - 10) as f64;
@@ -92,12 +92,12 @@ fn linear_camera((width, height): (u32, u32), frame: &PrincipalFrame, picks: &[P
     Some(Camera { intrinsics, camera_from_world })
 }
 
-/// Standard deviations of the first four parameters.
+/// Standard deviations of the last four parameters, those of the lens.
 fn deviations(hessian: &SMatrix<f64, 10, 10>, variance: f64) -> Option<[f64; 4]> {
     // Pixels, radians and metres differ by orders of magnitude: scaled to a unit diagonal first.
     let scale = hessian.diagonal().map(|d| 1.0 / d.sqrt());
     let scaled = SMatrix::<f64, 10, 10>::from_fn(|r, c| hessian[(r, c)] * scale[r] * scale[c]);
     let inverse = Cholesky::new(scaled)?.inverse();
-    let sigma = [0, 1, 2, 3].map(|i| (variance * inverse[(i, i)]).sqrt() * scale[i]);
+    let sigma = [6, 7, 8, 9].map(|i| (variance * inverse[(i, i)]).sqrt() * scale[i]);
     sigma.iter().all(|s| s.is_finite()).then_some(sigma)
 }

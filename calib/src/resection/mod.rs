@@ -1,6 +1,6 @@
 //! Resection: the pose of a camera from known points and their pixels; its lens, too, where that is unknown.
 //!
-//! Closed forms give starting poses, Levenberg–Marquardt on the reprojection error refines each, and the least error
+//! Closed forms give starting poses, least squares on the reprojection error refine each, and the least error
 //! decides. The closed form is not chosen from the points beforehand: four corners of a table measured by hand lie
 //! neither on one plane nor well in space, and a plane seen from afar has two poses with nearly the same image.
 //!
@@ -20,10 +20,12 @@ mod three_points;
 
 use nalgebra::{Isometry3, Matrix3, Point2, Point3, Rotation3, Translation3, UnitQuaternion, Vector2};
 
+use crate::least_squares::{Loss, Options};
 use crate::{Camera, Error, Intrinsics, Result};
 use linear::PrincipalFrame;
 
 pub use lens::{LensResection, resect_with_lens};
+pub use refine::refine_pose;
 
 /// Standard deviation of picks by hand.
 const PICK_SIGMA_PX: f64 = 0.5;
@@ -94,7 +96,7 @@ pub fn resect(intrinsics: &Intrinsics, picks: &[Pick]) -> Result<Resection> {
     let mut fits: Vec<(Camera, Vec<f64>)> = starts(&frame, picks, &rays)
         .into_iter()
         .filter_map(|start| {
-            let pose = refine::pose(intrinsics, picks, start);
+            let pose = refine_pose(intrinsics, picks, &start, Loss::Squares, &Options::default());
             let camera = Camera { intrinsics: intrinsics.clone(), camera_from_world: pose };
             let residuals = residuals_px(&camera, picks)?;
             Some((camera, residuals))

@@ -1,125 +1,127 @@
-//! Levenberg–Marquardt on the reprojection error (Hartley & Zisserman, *Multiple View Geometry*, 2nd ed., appendix
-//! 6.2): of the pose alone, or of the pose and the lens.
+//! Refinement on the reprojection error (Hartley & Zisserman, *Multiple View Geometry*, 2nd ed., appendix 6.2): of the
+//! pose alone, or of the pose and the lens.
 
-use nalgebra::{Cholesky, Isometry3, Point2, SMatrix, SVector, Translation3, UnitQuaternion};
+use nalgebra::{Isometry3, SMatrix, SVector};
 
 use super::Pick;
+use crate::least_squares::{self, Loss, NormalEquations, Options, Problem, by_pose, minimise};
 use crate::{Camera, Intrinsics};
 
-/// Limit of the steps; a dozen suffice from a linear start.
-const MAX_STEPS: usize = 100;
+/// Squared residual of a point behind the camera, pixels².
+const SQUARED_BEHIND_CAMERA: f64 = 1e8;
+/// Number of parameters of a pose.
+const POSE: usize = 6;
+/// Number of parameters of a pose and a lens: the pose's, then fx, fy, cx, cy.
+const POSE_AND_LENS: usize = 10;
 
-/// `JᵀJ` and `Jᵀr`, r the residuals.
-type PoseEquations<const N: usize> = (SMatrix<f64, N, N>, SVector<f64, N>);
+/// Reprojection of picks by a camera of which the first `N` parameters are free.
+struct Reprojection<'a, const N: usize> {
+    picks: &'a [Pick],
+    loss: Loss,
+}
 
-/// The pose of least reprojection error near `start`.
-pub(super) fn pose(intrinsics: &Intrinsics, picks: &[Pick], start: Isometry3<f64>) -> Isometry3<f64> {
-    let camera = |pose: &Isometry3<f64>| Camera { intrinsics: intrinsics.clone(), camera_from_world: *pose };
-    descend(
-        start,
-        |pose| squared_error(&camera(pose), picks),
-        |pose| normal_equations(&camera(pose), picks, |_, by_pose: SMatrix<f64, 2, 6>| by_pose),
-        |pose, step: &SVector<f64, 6>| moved(pose, step),
-    )
+/// Refines a pose from `start`: the least robust reprojection error near it.
+pub fn refine_pose(
+    intrinsics: &Intrinsics,
+    picks: &[Pick],
+    start: &Isometry3<f64>,
+    loss: Loss,
+    options: &Options,
+) -> Isometry3<f64> {
+    let mut camera = Camera { intrinsics: intrinsics.clone(), camera_from_world: *start };
+    minimise(&Reprojection::<POSE> { picks, loss }, &mut camera, options);
+    camera.camera_from_world
 }
 
 /// The camera of least reprojection error near `start`: its pose, focal lengths and principal point; and the normal
-/// equations' matrix there, in the order fx, fy, cx, cy, turn, shift.
-pub(super) fn camera(picks: &[Pick], start: Camera) -> (Camera, SMatrix<f64, 10, 10>) {
-    let equations = |camera: &Camera| {
-        normal_equations(camera, picks, |seen, by_pose| {
-            let k = &camera.intrinsics;
-            let mut j = SMatrix::<f64, 2, 10>::zeros();
-            (j[(0, 0)], j[(1, 1)]) = ((seen.x - k.cx) / k.fx, (seen.y - k.cy) / k.fy);
-            (j[(0, 2)], j[(1, 3)]) = (1.0, 1.0);
-            j.fixed_columns_mut::<6>(4).copy_from(&by_pose);
-            j
-        })
-    };
-    let found = descend(
-        start,
-        |camera| squared_error(camera, picks),
-        equations,
-        |camera, step: &SVector<f64, 10>| {
-            let k = &camera.intrinsics;
-            let intrinsics = Intrinsics {
-                fx: k.fx + step[0],
-                fy: k.fy + step[1],
-                cx: k.cx + step[2],
-                cy: k.cy + step[3],
-                ..k.clone()
-            };
-            let camera_from_world = moved(&camera.camera_from_world, &step.fixed_rows::<6>(4).into_owned());
-            Camera { intrinsics, camera_from_world }
-        },
-    );
-    let (hessian, _) = equations(&found);
-    (found, hessian)
-}
-
-/// The pose disturbed on the left, `exp(ω, v) · camera_from_world`, so that ∂(R X + t) = ω × (R X + t) + v.
-fn moved(pose: &Isometry3<f64>, step: &SVector<f64, 6>) -> Isometry3<f64> {
-    let [turn, shift] = [0, 3].map(|first| step.fixed_rows::<3>(first).into_owned());
-    Isometry3::from_parts(Translation3::from(shift), UnitQuaternion::from_scaled_axis(turn)) * pose
-}
-
-/// Sum of squared residuals, pixels²; infinite where a point is behind the camera, or the camera is invalid.
-fn squared_error(camera: &Camera, picks: &[Pick]) -> f64 {
-    if camera.intrinsics.validate().is_err() {
-        return f64::INFINITY;
-    }
-    let error =
-        |p: &Pick| camera.project(&p.world).map_or(f64::INFINITY, |seen| (seen - p.pixel).norm_squared());
-    picks.iter().map(error).sum()
-}
-
-/// Normal equations of the picks; `extended` makes a pick's whole Jacobian from its pixel and the part of the pose.
-fn normal_equations<const N: usize>(
-    camera: &Camera,
+/// equations' matrix there, in the order rotation, translation, fx, fy, cx, cy.
+pub(super) fn refine_camera(
     picks: &[Pick],
-    extended: impl Fn(&Point2<f64>, SMatrix<f64, 2, 6>) -> SMatrix<f64, 2, N>,
-) -> PoseEquations<N> {
-    let (mut hessian, mut gradient) = (SMatrix::zeros(), SVector::zeros());
-    for pick in picks {
-        let x = camera.camera_from_world * pick.world;
-        let Some(seen) = camera.intrinsics.project(&x) else { continue };
-        let by_point = camera.intrinsics.project_jacobian(&x);
-        let mut by_pose = SMatrix::<f64, 2, 6>::zeros();
-        by_pose.fixed_columns_mut::<3>(0).copy_from(&(-by_point * x.coords.cross_matrix()));
-        by_pose.fixed_columns_mut::<3>(3).copy_from(&by_point);
-        let j = extended(&seen, by_pose);
-        hessian += j.transpose() * j;
-        gradient += j.transpose() * (seen - pick.pixel);
-    }
-    (hessian, gradient)
+    mut camera: Camera,
+) -> (Camera, SMatrix<f64, POSE_AND_LENS, POSE_AND_LENS>) {
+    let problem = Reprojection { picks, loss: Loss::Squares };
+    minimise(&problem, &mut camera, &Options::default());
+    let matrix = problem.linearise(&camera).matrix;
+    (camera, matrix)
 }
 
-fn descend<S, const N: usize>(
-    start: S,
-    cost: impl Fn(&S) -> f64,
-    equations: impl Fn(&S) -> PoseEquations<N>,
-    moved: impl Fn(&S, &SVector<f64, N>) -> S,
-) -> S {
-    let (mut state, mut damping) = (start, 1e-3);
-    let mut error = cost(&state);
-    for _ in 0..MAX_STEPS {
-        let (hessian, gradient) = equations(&state);
-        let damped = hessian + SMatrix::from_diagonal(&(hessian.diagonal() * damping));
-        let Some(step) = Cholesky::new(damped).map(|c| c.solve(&-gradient)) else { break };
-        let candidate = moved(&state, &step);
-        let candidate_error = cost(&candidate);
-        if candidate_error < error || !error.is_finite() {
-            let converged = step.norm() < 1e-12;
-            (state, error, damping) = (candidate, candidate_error, damping * 0.1);
-            if converged {
-                break;
+impl<const N: usize> Problem for Reprojection<'_, N> {
+    type State = Camera;
+    type Equations = NormalEquations<N>;
+
+    fn cost(&self, camera: &Camera) -> f64 {
+        if camera.intrinsics.validate().is_err() {
+            return f64::INFINITY;
+        }
+        let squared = |p: &Pick| {
+            camera.project(&p.world).map_or(SQUARED_BEHIND_CAMERA, |seen| (seen - p.pixel).norm_squared())
+        };
+        self.picks.iter().map(|pick| self.loss.cost(squared(pick))).sum()
+    }
+
+    fn linearise(&self, camera: &Camera) -> NormalEquations<N> {
+        let k = &camera.intrinsics;
+        let mut equations = NormalEquations::default();
+        for pick in self.picks {
+            let x = camera.camera_from_world * pick.world;
+            let Some(seen) = k.project(&x) else { continue };
+            let mut jacobian = SMatrix::<f64, 2, N>::zeros();
+            jacobian.columns_mut(0, POSE).copy_from(&(k.project_jacobian(&x) * by_pose(&x)));
+            if N == POSE_AND_LENS {
+                jacobian[(0, 6)] = (seen.x - k.cx) / k.fx;
+                jacobian[(1, 7)] = (seen.y - k.cy) / k.fy;
+                (jacobian[(0, 8)], jacobian[(1, 9)]) = (1.0, 1.0);
             }
-        } else {
-            damping *= 10.0;
-            if damping > 1e12 {
-                break;
+            let residual = seen - pick.pixel;
+            equations.add(&jacobian, &residual, self.loss.weight(residual.norm_squared()));
+        }
+        equations
+    }
+
+    fn moved(&self, camera: &Camera, step: &SVector<f64, N>) -> Camera {
+        let step = step.as_slice();
+        let mut intrinsics = camera.intrinsics.clone();
+        if let [fx, fy, cx, cy] = step[POSE..] {
+            intrinsics.fx += fx;
+            intrinsics.fy += fy;
+            intrinsics.cx += cx;
+            intrinsics.cy += cy;
+        }
+        let camera_from_world = least_squares::moved_pose(&camera.camera_from_world, &step[..POSE]);
+        Camera { intrinsics, camera_from_world }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Point2, Point3, Vector3};
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn jacobians_match_finite_differences(
+            world in prop::array::uniform3(-1.0..1.0), turn in prop::array::uniform3(-0.5..0.5),
+        ) {
+            let mut intrinsics = Intrinsics::from_horizontal_fov(640, 480, 70.0);
+            intrinsics.distortion = [-0.1, 0.03, 0.001, -0.002, 0.0].into();
+            let camera = Camera {
+                intrinsics,
+                camera_from_world: Isometry3::new(Vector3::new(0.2, -0.1, 4.0), Vector3::from(turn)),
+            };
+            let picks = [Pick { world: Point3::from(world), pixel: Point2::new(300.0, 200.0) }];
+            let problem = Reprojection::<POSE_AND_LENS> { picks: &picks, loss: Loss::Cauchy(50.0) };
+            // g is half the cost's descent.
+            let right = problem.linearise(&camera).right;
+            for k in 0..POSE_AND_LENS {
+                let h = if k < POSE { 1e-6 } else { 1e-4 };
+                let at = |by: f64| {
+                    let step = SVector::from_fn(|i, _| if i == k { by } else { 0.0 });
+                    problem.cost(&problem.moved(&camera, &step))
+                };
+                let descent = -0.5 * (at(h) - at(-h)) / (2.0 * h);
+                prop_assert!((right[k] - descent).abs() < 1e-5 * (1.0 + descent.abs()), "{k}: {} {descent}", right[k]);
             }
         }
     }
-    state
 }

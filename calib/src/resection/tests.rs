@@ -126,7 +126,13 @@ fn of_a_planes_two_poses_the_better_one_is_taken() {
         let (truth, seen) = far_plane(seed, 25.0);
         let found = resect(&truth.intrinsics, &seen).unwrap();
         // The refinement of the true pose ends at a local minimum; the answer must not be a worse one.
-        let pose = refine::pose(&truth.intrinsics, &seen, truth.camera_from_world);
+        let pose = refine_pose(
+            &truth.intrinsics,
+            &seen,
+            &truth.camera_from_world,
+            Loss::Squares,
+            &Options::default(),
+        );
         let near = Camera { camera_from_world: pose, ..truth.clone() };
         let least = rms(&residuals_px(&near, &seen).unwrap());
         assert!(found.rms_px() <= least * (1.0 + 1e-6), "seed {seed}: {} > {least} px", found.rms_px());

@@ -7,11 +7,15 @@
 //! Miller, "Robust inference with multiway clustering" (Journal of Business & Economic Statistics 2011), equation 2.8,
 //! `features + frames − single observations`.
 
-use nalgebra::{Matrix3, Vector3, Vector6};
+use calib::least_squares::Problem;
+use nalgebra::{DVector, Matrix3, Vector3};
 
-use super::residual;
-use super::schur::NormalEquations;
-use super::{BundleOptions, BundleProblem};
+use super::equations::POSE;
+use super::{BundleProblem, BundleState, LensFreedom, residual};
+use crate::schur::SchurStep;
+
+/// Damping that makes the matrix, singular by the free scale, invertible; it does not affect the lens.
+const DAMPING: f64 = 1e-10;
 
 /// Estimate of `(ln f, k1, k2)` from the observations; zero where a parameter is fixed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -22,50 +26,69 @@ pub struct LensEvidence {
     pub covariance: Matrix3<f64>,
 }
 
-/// Estimates the lens of a problem whose poses and points have been adjusted; `options.lens` selects its unknowns.
-/// `None` where the observations do not determine them.
-pub fn lens_evidence(problem: &BundleProblem, options: &BundleOptions) -> Option<LensEvidence> {
-    let columns = NormalEquations::build(problem, options).lens_columns(options.fixed_pose)?;
-    let poses = problem.pose_matrices();
-    let mut of_frames = vec![Vector3::zeros(); problem.poses.len()];
-    let (mut features, mut singles) = (Matrix3::zeros(), Matrix3::zeros());
-    let (mut step, mut weights) = (Vector3::zeros(), 0.0);
-    for (point, observations) in problem.observations.iter().enumerate() {
-        let mut of_feature = Vector3::zeros();
-        for observation in observations {
-            let pose = &poses[observation.pose];
-            let position = &problem.points[point];
-            let Some(l) = residual::linearise(&problem.intrinsics, pose, position, &observation.pixel) else {
-                continue;
-            };
-            let weight = options.loss.weight(l.residual.norm_squared());
-            weights += weight;
-            let mut influence = Vector3::zeros();
-            for (k, column) in columns.iter().enumerate() {
-                let cameras = &column.cameras[6 * observation.pose..6 * observation.pose + 6];
-                let moved = l.by_pose() * Vector6::from_column_slice(cameras)
-                    + l.by_point(pose) * column.points[point]
-                    + l.by_lens(&problem.intrinsics) * column.lens;
-                influence[k] = -weight * moved.dot(&l.residual);
+impl BundleProblem {
+    /// Estimates the lens where poses and points have been adjusted; the options select its unknowns. `None` where the
+    /// observations do not determine them.
+    pub fn lens_evidence(&self, state: &BundleState) -> Option<LensEvidence> {
+        let columns = self.lens_columns(state)?;
+        let (lens, free) = (POSE * state.poses.len(), columns.len());
+        let poses = state.pose_matrices();
+        let mut of_frames = vec![Vector3::zeros(); state.poses.len()];
+        let (mut features, mut singles) = (Matrix3::zeros(), Matrix3::zeros());
+        let (mut step, mut weights) = (Vector3::zeros(), 0.0);
+        for (point, observations) in self.observations.iter().enumerate() {
+            let mut of_feature = Vector3::zeros();
+            for observation in observations {
+                let pose = &poses[observation.pose];
+                let position = &state.points[point];
+                let Some(l) = residual::linearise(&state.intrinsics, pose, position, &observation.pixel)
+                else {
+                    continue;
+                };
+                let weight = self.options.loss.weight(l.residual.norm_squared());
+                weights += weight;
+                let mut influence = Vector3::zeros();
+                for (k, column) in columns.iter().enumerate() {
+                    let moved = l.by_pose() * column.cameras.fixed_rows::<POSE>(POSE * observation.pose)
+                        + l.by_point(pose) * column.points[point]
+                        + l.by_lens(&state.intrinsics).columns(0, free) * column.cameras.rows(lens, free);
+                    influence[k] = -weight * moved.dot(&l.residual);
+                }
+                of_feature += influence;
+                of_frames[observation.pose] += influence;
+                singles += influence * influence.transpose();
             }
-            of_feature += influence;
-            of_frames[observation.pose] += influence;
-            singles += influence * influence.transpose();
+            step += of_feature;
+            features += of_feature * of_feature.transpose();
         }
-        step += of_feature;
-        features += of_feature * of_feature.transpose();
+        // Residuals are smaller than the errors, as the unknowns were fitted to them.
+        let unknowns = (6 * state.poses.len() + 3 * state.points.len()) as f64;
+        let freedom = 2.0 * weights - unknowns;
+        if freedom <= 0.0 {
+            return None;
+        }
+        let frames: Matrix3<f64> = of_frames.iter().map(|s| s * s.transpose()).sum();
+        let both = features + frames - singles;
+        let is_covariance = |m: &Matrix3<f64>| m.view((0, 0), (free, free)).into_owned().cholesky().is_some();
+        // The difference may not be positive definite where either kind of cluster has nearly independent errors.
+        let covariance = [both, features, singles].into_iter().find(is_covariance)?;
+        Some(LensEvidence { step, covariance: covariance * (2.0 * weights / freedom) })
     }
-    // Residuals are smaller than the errors, as the unknowns were fitted to them.
-    let unknowns = (6 * problem.poses.len() + 3 * problem.points.len()) as f64;
-    let freedom = 2.0 * weights - unknowns;
-    if freedom <= 0.0 {
-        return None;
+
+    /// The lens's columns of the inverse of the whole matrix. `None` where the lens is fixed or nothing is determined.
+    fn lens_columns(&self, state: &BundleState) -> Option<Vec<SchurStep>> {
+        if self.options.lens == LensFreedom::Fixed {
+            return None;
+        }
+        let equations = self.linearise(state);
+        let factored = equations.factor(DAMPING)?;
+        let (lens, free) = (POSE * state.poses.len(), self.options.lens.count());
+        let points = vec![Vector3::zeros(); state.points.len()];
+        let column = |k: usize| {
+            let mut cameras = DVector::zeros(lens + free);
+            cameras[lens + k] = 1.0;
+            factored.solve(&SchurStep { cameras, points: points.clone() })
+        };
+        Some((0..free).map(column).collect())
     }
-    let frames: Matrix3<f64> = of_frames.iter().map(|s| s * s.transpose()).sum();
-    let both = features + frames - singles;
-    let count = columns.len();
-    let is_covariance = |m: &Matrix3<f64>| m.view((0, 0), (count, count)).into_owned().cholesky().is_some();
-    // The difference may not be positive definite where either kind of cluster has nearly independent errors.
-    let covariance = [both, features, singles].into_iter().find(is_covariance)?;
-    Some(LensEvidence { step, covariance: covariance * (2.0 * weights / freedom) })
 }

@@ -1,15 +1,16 @@
 //! One observation's residual and its analytic Jacobians.
 //!
-//! The pose moves as `X_c ← exp(ω) X_c + τ` (left perturbation), so `∂X_c/∂(τ, ω) = [I, −[X_c]×]`. The shared
-//! intrinsics are `(ln f, k1, k2)`: the focal lengths keep their ratio.
+//! A pose has the parameters of [`calib::least_squares`]. The shared intrinsics are `(ln f, k1, k2)`: the focal lengths
+//! keep their ratio.
 
 use calib::Intrinsics;
+use calib::least_squares::by_pose;
 use nalgebra::{Isometry3, Matrix2x3, Matrix3, Point2, Point3, SMatrix, Vector2, Vector3};
 
 /// Least depth with which a point has an image, in the scene's unit.
 const MIN_DEPTH: f64 = 1e-6;
 
-/// Derivative of a pixel by the pose's six parameters: translation first.
+/// Derivative of a pixel by the pose's six parameters.
 pub(super) type PoseJacobian = SMatrix<f64, 2, 6>;
 /// Derivative of a pixel by `(ln f, k1, k2)`.
 pub(super) type LensJacobian = SMatrix<f64, 2, 3>;
@@ -47,11 +48,7 @@ pub(super) struct Linearised {
 impl Linearised {
     /// Derivative by the pose.
     pub(super) fn by_pose(&self) -> PoseJacobian {
-        let mut by_pose = PoseJacobian::zeros();
-        by_pose.fixed_columns_mut::<3>(0).copy_from(&self.by_camera_point);
-        let by_turn = -self.by_camera_point * self.camera_point.coords.cross_matrix();
-        by_pose.fixed_columns_mut::<3>(3).copy_from(&by_turn);
-        by_pose
+        self.by_camera_point * by_pose(&self.camera_point)
     }
 
     /// Derivative by the world point.
@@ -102,14 +99,6 @@ fn off(lens: &Intrinsics, p: &Point3<f64>, pixel: &Point2<f64>) -> Vector2<f64> 
     Vector2::new(lens.fx * d.x + lens.cx - pixel.x, lens.fy * d.y + lens.cy - pixel.y)
 }
 
-/// Pose after a step of its six parameters.
-pub(super) fn moved_pose(pose: &Isometry3<f64>, step: &[f64]) -> Isometry3<f64> {
-    let turn = Isometry3::rotation(Vector3::new(step[3], step[4], step[5]));
-    let mut moved = turn * pose;
-    moved.translation.vector += Vector3::new(step[0], step[1], step[2]);
-    moved
-}
-
 /// Camera after a step of `(ln f, k1, k2)`.
 pub(super) fn moved_lens(lens: &Intrinsics, step: &[f64]) -> Intrinsics {
     let mut moved = lens.clone();
@@ -124,6 +113,7 @@ pub(super) fn moved_lens(lens: &Intrinsics, step: &[f64]) -> Intrinsics {
 mod tests {
     use super::*;
     use calib::Distortion;
+    use calib::least_squares::moved_pose;
     use proptest::prelude::*;
 
     proptest! {

@@ -2,14 +2,15 @@
 
 use super::*;
 use calib::Distortion;
+use calib::least_squares::Equations;
 use nalgebra::{DMatrix, Vector3};
 use rand::SeedableRng;
 use rand_distr::{Distribution, Normal};
 use rand_pcg::Pcg64Mcg;
 use synthetic::tracks::{self, TrackOptions};
 
-/// Synthetic tracks in the frame of their first camera.
-fn scene(noise_px: f64, seed: u64) -> BundleProblem {
+/// Synthetic tracks in the frame of their first camera: observations and truth.
+fn scene(noise_px: f64, seed: u64) -> (Vec<Vec<Observation>>, BundleState) {
     let mut intrinsics = Intrinsics::from_horizontal_fov(640, 480, 65.0);
     intrinsics.distortion = Distortion { k1: -0.08, k2: 0.02, ..Distortion::NONE };
     let options =
@@ -19,22 +20,22 @@ fn scene(noise_px: f64, seed: u64) -> BundleProblem {
     let of_point = |seen: &Vec<tracks::PointObservation>| {
         seen.iter().map(|o| Observation { pose: o.camera, pixel: o.pixel }).collect()
     };
-    BundleProblem {
+    let truth = BundleState {
         intrinsics: options.intrinsics,
         poses: tracks.camera_from_world.iter().map(|pose| pose * first_from_world.inverse()).collect(),
         points: tracks.points.iter().map(|point| first_from_world * point).collect(),
-        observations: tracks.observations.iter().map(of_point).collect(),
-    }
+    };
+    (tracks.observations.iter().map(of_point).collect(), truth)
 }
 
-/// The same problem with everything but the first pose disturbed.
-fn disturbed(truth: &BundleProblem, seed: u64) -> BundleProblem {
+/// The same state with everything but the first pose disturbed.
+fn disturbed(truth: &BundleState, seed: u64) -> BundleState {
     let mut rng = Pcg64Mcg::seed_from_u64(seed);
     let normal = Normal::new(0.0, 0.02).unwrap();
     let mut start = truth.clone();
     for pose in start.poses.iter_mut().skip(1) {
         let step: Vec<f64> = (0..6).map(|_| normal.sample(&mut rng)).collect();
-        *pose = residual::moved_pose(pose, &step);
+        *pose = moved_pose(pose, &step);
     }
     for point in &mut start.points {
         *point += Vector3::from_fn(|_, _| 5.0 * normal.sample(&mut rng));
@@ -43,7 +44,7 @@ fn disturbed(truth: &BundleProblem, seed: u64) -> BundleProblem {
 }
 
 /// Largest rotation (radians) and direction-of-translation error against the truth; the scale is free.
-fn pose_errors(found: &BundleProblem, truth: &BundleProblem) -> (f64, f64) {
+fn pose_errors(found: &BundleState, truth: &BundleState) -> (f64, f64) {
     let scale = found.poses[7].translation.vector.norm() / truth.poses[7].translation.vector.norm();
     let mut worst = (0.0_f64, 0.0_f64);
     for (f, t) in found.poses.iter().zip(&truth.poses) {
@@ -53,79 +54,82 @@ fn pose_errors(found: &BundleProblem, truth: &BundleProblem) -> (f64, f64) {
     worst
 }
 
+/// Options for a loss without limits of time.
+fn exactly(loss: Loss, lens: LensFreedom) -> BundleOptions {
+    let solver = Options { max_iterations: 300, cost_tolerance: 1e-14, ..Options::default() };
+    BundleOptions { loss, lens, solver }
+}
+
 #[test]
 fn exact_measurements_give_the_exact_motion() {
-    let truth = scene(0.0, 1);
-    let mut problem = disturbed(&truth, 2);
-    let options =
-        BundleOptions { loss: Loss::Squares, max_steps: 100, cost_end: 1e-14, ..Default::default() };
-    let report = adjust(&mut problem, &options);
-    assert!(report.rms_px < 1e-6, "{report:?}");
-    let (turn, shift) = pose_errors(&problem, &truth);
+    let (observations, truth) = scene(0.0, 1);
+    let mut state = disturbed(&truth, 2);
+    let problem = BundleProblem { observations, options: exactly(Loss::Squares, LensFreedom::Fixed) };
+    let report = problem.adjust(&mut state);
+    assert!((report.final_cost / problem.observation_count() as f64).sqrt() < 1e-6, "{report:?}");
+    let (turn, shift) = pose_errors(&state, &truth);
     assert!(turn < 1e-7 && shift < 1e-7, "{turn} {shift}");
-    assert_eq!(problem.poses[0], truth.poses[0]);
+    assert_eq!(state.poses[0], truth.poses[0]);
 }
 
 #[test]
 fn a_wrong_lens_is_found() {
-    let truth = scene(0.0, 3);
-    let mut problem = disturbed(&truth, 4);
-    problem.intrinsics.fx *= 1.15;
-    problem.intrinsics.fy *= 1.15;
-    problem.intrinsics.distortion = Distortion::NONE;
-    let options = BundleOptions {
-        loss: Loss::Squares,
-        lens: LensFreedom::FocalRadial,
-        max_steps: 300,
-        cost_end: 1e-14,
-        ..Default::default()
-    };
-    adjust(&mut problem, &options);
-    let (found, wanted) = (&problem.intrinsics, &truth.intrinsics);
+    let (observations, truth) = scene(0.0, 3);
+    let mut state = disturbed(&truth, 4);
+    state.intrinsics.fx *= 1.15;
+    state.intrinsics.fy *= 1.15;
+    state.intrinsics.distortion = Distortion::NONE;
+    let options = exactly(Loss::Squares, LensFreedom::FocalRadial);
+    BundleProblem { observations, options }.adjust(&mut state);
+    let (found, wanted) = (&state.intrinsics, &truth.intrinsics);
     assert!((found.fx / wanted.fx - 1.0).abs() < 1e-4, "{found:?}");
     assert!((found.distortion.k1 - wanted.distortion.k1).abs() < 1e-3, "{found:?}");
 }
 
 #[test]
 fn outliers_fade_under_cauchy() {
-    let truth = scene(0.2, 5);
-    let mut wild = truth.clone();
-    for (index, observation) in wild.observations.iter_mut().flatten().enumerate() {
+    let (mut observations, truth) = scene(0.2, 5);
+    for (index, observation) in observations.iter_mut().flatten().enumerate() {
         if index % 10 == 3 {
             observation.pixel.x += 25.0;
         }
     }
-    let mut robust = disturbed(&wild, 6);
+    let mut problem = BundleProblem { observations, options: BundleOptions::default() };
+    let mut robust = disturbed(&truth, 6);
     // Cauchy alone may settle on the wrong side from far away: Huber, which is convex, first.
-    adjust(&mut robust, &BundleOptions { loss: Loss::Huber(1.0), ..Default::default() });
-    adjust(&mut robust, &BundleOptions::default());
+    for loss in [Loss::Huber(1.0), Loss::Cauchy(1.0)] {
+        problem.options.loss = loss;
+        problem.adjust(&mut robust);
+    }
     let (turn, shift) = pose_errors(&robust, &truth);
     assert!(turn < 4e-3 && shift < 8e-3, "{turn} {shift}");
-    let mut plain = disturbed(&wild, 6);
-    adjust(&mut plain, &BundleOptions { loss: Loss::Squares, ..Default::default() });
+    let mut plain = disturbed(&truth, 6);
+    problem.options.loss = Loss::Squares;
+    problem.adjust(&mut plain);
     assert!(pose_errors(&plain, &truth).0 > 2.0 * turn);
 }
 
 /// The reduced step must equal the step of the full dense normal equations.
 #[test]
 fn elimination_equals_the_dense_solution() {
-    let mut problem = disturbed(&scene(0.3, 7), 8);
-    problem.points.truncate(20);
-    problem.observations.truncate(20);
-    let options =
-        BundleOptions { lens: LensFreedom::FocalRadial, loss: Loss::Huber(1.0), ..Default::default() };
-    let (poses, points, damping) = (problem.poses.len(), problem.points.len(), 0.01);
+    let (mut observations, truth) = scene(0.3, 7);
+    let mut state = disturbed(&truth, 8);
+    state.points.truncate(20);
+    observations.truncate(20);
+    let problem =
+        BundleProblem { observations, options: exactly(Loss::Huber(1.0), LensFreedom::FocalRadial) };
+    let (poses, points, damping) = (state.poses.len(), state.points.len(), 0.01);
     let size = 6 * poses + 3 + 3 * points;
     let (mut dense, mut right) = (DMatrix::<f64>::zeros(size, size), nalgebra::DVector::<f64>::zeros(size));
     for (index, observations) in problem.observations.iter().enumerate() {
         for o in observations {
-            let (lens, pose) = (&problem.intrinsics, PoseMatrix::new(&problem.poses[o.pose]));
-            let l = residual::linearise(lens, &pose, &problem.points[index], &o.pixel).unwrap();
+            let (lens, pose) = (&state.intrinsics, PoseMatrix::new(&state.poses[o.pose]));
+            let l = residual::linearise(lens, &pose, &state.points[index], &o.pixel).unwrap();
             let mut j = DMatrix::<f64>::zeros(2, size);
             j.fixed_view_mut::<2, 6>(0, 6 * o.pose).copy_from(&l.by_pose());
             j.fixed_view_mut::<2, 3>(0, 6 * poses).copy_from(&l.by_lens(lens));
             j.fixed_view_mut::<2, 3>(0, 6 * poses + 3 + 3 * index).copy_from(&l.by_point(&pose));
-            let w = options.loss.weight(l.residual.norm_squared());
+            let w = problem.options.loss.weight(l.residual.norm_squared());
             dense += w * j.transpose() * &j;
             right -= w * j.transpose() * l.residual;
         }
@@ -140,7 +144,7 @@ fn elimination_equals_the_dense_solution() {
         right[k] = 0.0;
     }
     let expected = dense.lu().solve(&right).unwrap();
-    let step = NormalEquations::build(&problem, &options).solve(damping, 0).unwrap();
+    let step = problem.linearise(&state).solve(damping).unwrap().step;
     for (found, wanted) in step.cameras.iter().zip(expected.iter()) {
         assert!((found - wanted).abs() < 1e-6 * (1.0 + wanted.abs()), "{found} {wanted}");
     }
@@ -152,12 +156,14 @@ fn elimination_equals_the_dense_solution() {
 
 #[test]
 fn any_number_of_threads_gives_the_same_bytes() {
-    let start = disturbed(&scene(0.3, 9), 10);
+    let (observations, truth) = scene(0.3, 9);
+    let start = disturbed(&truth, 10);
+    let problem = BundleProblem { observations, options: BundleOptions::default() };
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let mut problem = start.clone();
-        pool.install(|| adjust(&mut problem, &BundleOptions::default()));
-        problem
+        let mut state = start.clone();
+        pool.install(|| problem.adjust(&mut state));
+        state
     };
     let (one, three) = (run(1), run(3));
     assert_eq!(one.poses, three.poses);
@@ -166,36 +172,31 @@ fn any_number_of_threads_gives_the_same_bytes() {
 
 #[test]
 fn nothing_to_adjust_is_no_accident() {
-    let empty = BundleProblem {
+    let mut state = BundleState {
         intrinsics: Intrinsics::from_horizontal_fov(64, 48, 60.0),
         poses: vec![Isometry3::identity(); 2],
         points: vec![Point3::new(0.0, 0.0, -1.0)],
-        observations: vec![vec![Observation { pose: 1, pixel: Point2::new(3.0, 4.0) }]],
     };
-    let mut problem = empty.clone();
-    assert!(adjust(&mut problem, &BundleOptions::default()).final_cost.is_finite());
-    problem = BundleProblem { points: vec![], observations: vec![], ..empty };
-    assert_eq!(adjust(&mut problem, &BundleOptions::default()).steps, 0);
+    let behind = Observation { pose: 1, pixel: Point2::new(3.0, 4.0) };
+    let mut problem = BundleProblem { observations: vec![vec![behind]], options: BundleOptions::default() };
+    assert!(problem.adjust(&mut state).final_cost.is_finite());
+    problem.observations.clear();
+    state.points.clear();
+    assert_eq!(problem.adjust(&mut state).iterations, 0);
 }
 
 /// Scatter of the focal length's logarithm over many repeats of `noise`, and the mean of its estimated deviation.
-fn focal_scatter_and_sigma(mut noise: impl FnMut(&mut BundleProblem, &mut Pcg64Mcg)) -> (f64, f64) {
+fn focal_scatter_and_sigma(mut noise: impl FnMut(&mut Vec<Vec<Observation>>, &mut Pcg64Mcg)) -> (f64, f64) {
     const REPEATS: u64 = 40;
-    let options = BundleOptions {
-        loss: Loss::Squares,
-        lens: LensFreedom::Focal,
-        max_steps: 100,
-        cost_end: 1e-12,
-        ..Default::default()
-    };
     let (mut squares, mut said) = (0.0, 0.0);
-    let exact = scene(0.0, 11);
+    let (exact, truth) = scene(0.0, 11);
     for seed in 0..REPEATS {
-        let mut problem = exact.clone();
-        noise(&mut problem, &mut Pcg64Mcg::seed_from_u64(seed));
-        adjust(&mut problem, &options);
-        squares += (problem.intrinsics.fx / exact.intrinsics.fx).ln().powi(2);
-        let evidence = lens_evidence(&problem, &options).unwrap();
+        let (mut observations, mut state) = (exact.clone(), truth.clone());
+        noise(&mut observations, &mut Pcg64Mcg::seed_from_u64(seed));
+        let problem = BundleProblem { observations, options: exactly(Loss::Squares, LensFreedom::Focal) };
+        problem.adjust(&mut state);
+        squares += (state.intrinsics.fx / truth.intrinsics.fx).ln().powi(2);
+        let evidence = problem.lens_evidence(&state).unwrap();
         assert!(evidence.step.x.abs() < 1e-2 * evidence.covariance[(0, 0)].sqrt(), "{evidence:?}");
         said += evidence.covariance[(0, 0)] / REPEATS as f64;
     }
@@ -206,8 +207,8 @@ fn focal_scatter_and_sigma(mut noise: impl FnMut(&mut BundleProblem, &mut Pcg64M
 #[test]
 fn the_focal_lengths_sigma_is_its_scatter() {
     let normal = Normal::new(0.0, 0.4).unwrap();
-    let (scatter, said) = focal_scatter_and_sigma(|problem, rng| {
-        for observation in problem.observations.iter_mut().flatten() {
+    let (scatter, said) = focal_scatter_and_sigma(|observations, rng| {
+        for observation in observations.iter_mut().flatten() {
             observation.pixel.x += normal.sample(rng);
             observation.pixel.y += normal.sample(rng);
         }
@@ -219,8 +220,8 @@ fn the_focal_lengths_sigma_is_its_scatter() {
 #[test]
 fn observations_that_err_alike_say_no_more_than_one() {
     let normal = Normal::new(0.0, 0.4).unwrap();
-    let (scatter, said) = focal_scatter_and_sigma(|problem, rng| {
-        for observations in &mut problem.observations {
+    let (scatter, said) = focal_scatter_and_sigma(|observations, rng| {
+        for observations in observations {
             for observation in observations.iter_mut() {
                 observation.pixel.x += normal.sample(rng);
                 observation.pixel.y += normal.sample(rng);
@@ -234,15 +235,15 @@ fn observations_that_err_alike_say_no_more_than_one() {
 
 #[test]
 fn a_step_of_evidence_points_at_the_true_lens() {
-    let truth = scene(0.05, 12);
+    let (observations, truth) = scene(0.05, 12);
     let mut wrong = truth.clone();
     wrong.intrinsics.fx *= 1.01;
     wrong.intrinsics.fy *= 1.01;
-    let options = BundleOptions { loss: Loss::Squares, max_steps: 100, ..Default::default() };
-    adjust(&mut wrong, &options);
-    let free = BundleOptions { lens: LensFreedom::FocalRadial, ..options };
-    let evidence = lens_evidence(&wrong, &free).unwrap();
+    let mut problem = BundleProblem { observations, options: exactly(Loss::Squares, LensFreedom::Fixed) };
+    problem.adjust(&mut wrong);
+    assert_eq!(problem.lens_evidence(&truth), None);
+    problem.options.lens = LensFreedom::FocalRadial;
+    let evidence = problem.lens_evidence(&wrong).unwrap();
     let off = evidence.step.x + 1.01_f64.ln();
     assert!(off.abs() < 0.003 && evidence.covariance[(0, 0)].sqrt() < 0.006, "{evidence:?}");
-    assert_eq!(lens_evidence(&truth, &options), None);
 }

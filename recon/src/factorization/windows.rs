@@ -2,12 +2,13 @@
 
 use calib::Intrinsics;
 use calib::absolute_orientation::similarity_weighted;
+use calib::least_squares::{Loss, Options};
 use nalgebra::{Isometry3, Point3, Similarity3, Vector2};
 use rayon::prelude::*;
 
 use super::affine::{MIN_COMPLETE, Measurements};
 use super::perspective;
-use crate::bundle::{self, BundleOptions, BundleProblem, Loss, Observation};
+use crate::bundle::{BundleOptions, BundleProblem, BundleState, Observation};
 use crate::features::FeatureTrack;
 
 /// Longest window, frames; longer ones gain little and hold few complete tracks.
@@ -154,40 +155,28 @@ fn solve(
         measured.push(row);
         observations.push(seen);
     }
+    let solver = Options { max_iterations: 25, cost_tolerance: 1e-4, ..Options::default() };
+    let mut problem = BundleProblem { observations, options: BundleOptions { solver, ..Default::default() } };
     let adjusted = perspective::factorize(&measured).into_iter().map(|(metric, _)| {
-        let mut problem = BundleProblem {
-            intrinsics: intrinsics.clone(),
-            poses: metric.poses,
-            points: metric.points.into_iter().map(Point3::from).collect(),
-            observations: observations.clone(),
-        };
+        let points = metric.points.into_iter().map(Point3::from).collect();
+        let mut state = BundleState { intrinsics: intrinsics.clone(), poses: metric.poses, points };
+        let mut cost = f64::INFINITY;
         for loss in [Loss::Huber(2.0), Loss::Cauchy(1.0)] {
-            bundle::adjust(
-                &mut problem,
-                &BundleOptions { loss, max_steps: 25, cost_end: 1e-4, ..Default::default() },
-            );
+            problem.options.loss = loss;
+            cost = problem.adjust(&mut state).final_cost;
         }
-        let loss = Loss::Cauchy(1.0);
-        let cost: f64 = (0..problem.points.len())
-            .flat_map(|p| problem.observations[p].iter().map(move |o| (p, o)))
-            .map(|(p, o)| loss.cost(problem.error_px(p, o).min(1e3).powi(2)))
-            .sum();
-        (cost, problem)
+        (cost, state)
     });
-    let (cost, problem) = adjusted.min_by(|a, b| a.0.total_cmp(&b.0))?;
-    let agrees = |point: usize| problem.observations[point].iter().all(|o| problem.error_px(point, o) < 3.0);
+    let (cost, state) = adjusted.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let agrees = |point: usize| problem.observations[point].iter().all(|o| state.error_px(point, o) < 3.0);
     let points = chosen
         .iter()
         .enumerate()
         .filter(|(p, _)| agrees(*p))
-        .map(|(p, &track)| (track, problem.points[p]))
+        .map(|(p, &track)| (track, state.points[p]))
         .collect();
-    Some(FrameWindow {
-        first,
-        cost: cost / problem.observation_count().max(1) as f64,
-        poses: problem.poses,
-        points,
-    })
+    let cost = cost / problem.observation_count().max(1) as f64;
+    Some(FrameWindow { first, cost, poses: state.poses, points })
 }
 
 /// `chain_from_window`, by the shared points; distant points, whose depths are uncertain, count less.

@@ -1,14 +1,15 @@
 //! A start by two views and growth: an essential matrix for the best pair, then frame after frame by resection
 //! (J. L. Schönberger and J.-M. Frahm, "Structure-from-motion revisited", CVPR 2016, section 4, for video).
 
+use calib::least_squares::Loss;
 use nalgebra::{Isometry3, Point2, Vector3};
 use rand_pcg::Pcg64Mcg;
 
-use super::partial_reconstruction::{Adjustment, PASSING, PartialReconstruction};
+use super::partial_reconstruction::{Adjustment, PartialReconstruction, passing};
 use super::resection::{ResectedPose, resect};
 use super::triangulation::TriangulationLimits;
 use super::two_views::{TwoViews, parallax_beyond_rotation, relative_motion};
-use crate::bundle::{LensFreedom, Loss};
+use crate::bundle::LensFreedom;
 
 /// Least number of shared tracks of a starting pair.
 const MIN_SHARED: usize = 40;
@@ -79,13 +80,8 @@ fn start(partial: &mut PartialReconstruction<'_>, seen: &FrameObservations, rng:
         &TriangulationLimits { max_error_px: 3.0, min_angle: 0.5_f64.to_radians(), min_sightings: 2 },
         false,
     );
-    let how = Adjustment {
-        gate_px: 4.0,
-        loss: Loss::Cauchy(1.0),
-        lens: LensFreedom::Fixed,
-        max_steps: 15,
-        cost_end: PASSING,
-    };
+    let how =
+        Adjustment { gate_px: 4.0, loss: Loss::Cauchy(1.0), lens: LensFreedom::Fixed, solver: passing(15) };
     partial.adjust(&how).is_some()
 }
 
@@ -138,7 +134,7 @@ pub(crate) fn grow(partial: &mut PartialReconstruction<'_>, seen: &FrameObservat
     loop {
         let next = (0..seen.len())
             .filter(|&f| partial.poses[f].is_none() && !refused[f])
-            .map(|f| (partial.pairs(&seen[f]).len(), std::cmp::Reverse(f)))
+            .map(|f| (partial.picks(&seen[f]).len(), std::cmp::Reverse(f)))
             .max();
         let Some((known, std::cmp::Reverse(frame))) = next else { break };
         if known < MIN_KNOWN {
@@ -159,8 +155,7 @@ pub(crate) fn grow(partial: &mut PartialReconstruction<'_>, seen: &FrameObservat
         };
         partial.triangulate(&accept, true);
         if partial.registered() >= adjusted_at + (adjusted_at / 4).clamp(1, 6) {
-            let how =
-                Adjustment { gate_px: 6.0, loss: Loss::Cauchy(1.0), lens, max_steps: 8, cost_end: PASSING };
+            let how = Adjustment { gate_px: 6.0, loss: Loss::Cauchy(1.0), lens, solver: passing(8) };
             partial.adjust(&how);
             partial.triangulate(&accept, false);
             adjusted_at = partial.registered();
@@ -174,7 +169,7 @@ fn resect_frame(
     seen: &FrameObservations,
     frame: usize,
 ) -> Option<ResectedPose> {
-    let pairs = partial.pairs(&seen[frame]);
+    let picks = partial.picks(&seen[frame]);
     let mut starts: Vec<Isometry3<f64>> = Vec::new();
     let before: Vec<usize> = (0..frame).rev().filter(|&f| partial.poses[f].is_some()).take(2).collect();
     let after: Vec<usize> = (frame + 1..seen.len()).filter(|&f| partial.poses[f].is_some()).take(2).collect();
@@ -185,7 +180,7 @@ fn resect_frame(
             starts.push(near * far.inverse() * near);
         }
     }
-    let found = starts.iter().filter_map(|s| resect(&partial.intrinsics, &pairs, s, INLIER_PX));
+    let found = starts.iter().filter_map(|s| resect(&partial.intrinsics, &picks, s, INLIER_PX));
     let best = found.min_by(|a, b| a.cost.total_cmp(&b.cost))?;
-    (best.inliers >= MIN_KNOWN && 2 * best.inliers > pairs.len()).then_some(best)
+    (best.inliers >= MIN_KNOWN && 2 * best.inliers > picks.len()).then_some(best)
 }

@@ -2,7 +2,7 @@
 //!
 //! A wrong lens bends the reconstructed space. Prior knowledge of it is a measurement with a standard deviation;
 //! combined with the capture's estimate it gives `θ = θ₀ + P (P + C)⁻¹ (θ_capture − θ₀)` for `θ = (ln f, k1, k2)` with
-//! the covariances `P` of the prior and `C` of the capture ([`crate::bundle::lens_evidence`]). An unknown lens takes
+//! the covariances `P` of the prior and `C` of the capture ([`crate::bundle::LensEvidence`]). An unknown lens takes
 //! that estimate. Given intrinsics are kept unless refining them is asked for and the capture contradicts them clearly:
 //! a rolling shutter looks like a lens error, too.
 

@@ -20,18 +20,19 @@ pub(crate) mod triangulation;
 mod two_views;
 
 use calib::Intrinsics;
+use calib::least_squares::Loss;
 use nalgebra::{Isometry3, Point2, Point3};
 use rand::SeedableRng;
 use rand_pcg::Pcg64Mcg;
 
-use crate::bundle::{LensFreedom, Loss};
+use crate::bundle::LensFreedom;
 use crate::capture::Capture;
 use crate::factorization::windows;
 use crate::features::{self, FeatureOptions, FeatureReport, FeatureTrack};
 use crate::{Error, Result};
 use incremental::FrameObservations;
 pub use lens::LensOrigin;
-use partial_reconstruction::{Adjustment, FINAL, PASSING, PartialReconstruction};
+use partial_reconstruction::{Adjustment, FINAL, PASSING, PartialReconstruction, passing};
 use triangulation::TriangulationLimits;
 
 /// Rounds of polish before the competing starts are compared.
@@ -197,8 +198,7 @@ fn start_by_factorization<'a>(
             gate_px: 2.0 * max_error_px,
             loss: Loss::Cauchy(scale_px),
             lens,
-            max_steps: 15,
-            cost_end: PASSING,
+            solver: passing(15),
         };
         partial.adjust(&how)?;
     }

@@ -3,14 +3,14 @@
 use std::borrow::Cow;
 
 use calib::Intrinsics;
+use calib::least_squares::{Loss, Options, Report};
+use calib::resection::Pick;
 use nalgebra::{Isometry3, Point2, Point3};
 use rayon::prelude::*;
 
 use super::triangulation::{self, PoseObservation, TriangulationLimits};
 use super::two_views::median;
-use crate::bundle::{
-    self, BundleOptions, BundleProblem, BundleReport, LensEvidence, LensFreedom, Loss, Observation,
-};
+use crate::bundle::{BundleOptions, BundleProblem, BundleState, LensEvidence, LensFreedom, Observation};
 use crate::features::FeatureTrack;
 
 /// Error at which an observation counts as wrong when whole reconstructions are compared, pixels.
@@ -40,9 +40,23 @@ pub(crate) struct Adjustment {
     pub(crate) gate_px: f64,
     pub(crate) loss: Loss,
     pub(crate) lens: LensFreedom,
-    pub(crate) max_steps: usize,
-    /// Relative decrease of the cost at which it ends: [`PASSING`] or [`FINAL`].
-    pub(crate) cost_end: f64,
+    /// Ends by a relative decrease of the cost of [`PASSING`] or [`FINAL`].
+    pub(crate) solver: Options,
+}
+
+/// Options of the solver of an intermediate adjustment.
+pub(super) fn passing(max_iterations: usize) -> Options {
+    Options { max_iterations, cost_tolerance: PASSING, ..Options::default() }
+}
+
+/// Part of a reconstruction that an adjustment moves.
+struct AdjustedPart {
+    problem: BundleProblem,
+    state: BundleState,
+    /// Frame of each pose.
+    frames: Vec<usize>,
+    /// Track of each point.
+    tracks: Vec<usize>,
 }
 
 impl Adjustment {
@@ -53,18 +67,7 @@ impl Adjustment {
             gate_px: (10.0 * noise_px).max(1.5),
             loss: Loss::Cauchy((2.4 * noise_px).max(0.1)),
             lens,
-            max_steps: 40,
-            cost_end,
-        }
-    }
-
-    fn options(&self) -> BundleOptions {
-        BundleOptions {
-            loss: self.loss,
-            lens: self.lens,
-            max_steps: self.max_steps,
-            cost_end: self.cost_end,
-            ..BundleOptions::default()
+            solver: Options { max_iterations: 40, cost_tolerance: cost_end, ..Options::default() },
         }
     }
 }
@@ -85,8 +88,9 @@ impl<'a> PartialReconstruction<'a> {
     }
 
     /// Known points seen in a frame, with their pixels.
-    pub(crate) fn pairs(&self, seen: &[(usize, Point2<f64>)]) -> Vec<(Point3<f64>, Point2<f64>)> {
-        seen.iter().filter_map(|(track, pixel)| Some((self.points[*track]?, *pixel))).collect()
+    pub(crate) fn picks(&self, seen: &[(usize, Point2<f64>)]) -> Vec<Pick> {
+        let pick = |&(track, pixel): &(usize, Point2<f64>)| Some(Pick { world: self.points[track]?, pixel });
+        seen.iter().filter_map(pick).collect()
     }
 
     /// Triangulates every track anew, or only those without a point.
@@ -145,14 +149,14 @@ impl<'a> PartialReconstruction<'a> {
     }
 
     /// Bundle-adjusts everything that has pose and point; `None` when there is nothing to adjust.
-    pub(crate) fn adjust(&mut self, how: &Adjustment) -> Option<BundleReport> {
-        let (mut problem, frames, tracks) = self.problem(how)?;
-        let report = bundle::adjust(&mut problem, &how.options());
-        self.intrinsics = problem.intrinsics;
-        for (frame, pose) in frames.into_iter().zip(problem.poses) {
+    pub(crate) fn adjust(&mut self, how: &Adjustment) -> Option<Report> {
+        let AdjustedPart { problem, mut state, frames, tracks } = self.adjusted_part(how)?;
+        let report = problem.adjust(&mut state);
+        self.intrinsics = state.intrinsics;
+        for (frame, pose) in frames.into_iter().zip(state.poses) {
             self.poses[frame] = Some(pose);
         }
-        for (track, point) in tracks.into_iter().zip(problem.points) {
+        for (track, point) in tracks.into_iter().zip(state.points) {
             self.points[track] = Some(point);
         }
         Some(report)
@@ -161,8 +165,8 @@ impl<'a> PartialReconstruction<'a> {
     /// Estimate of the lens by the polished reconstruction.
     pub(crate) fn lens_evidence(&self, lens: LensFreedom) -> Option<LensEvidence> {
         let how = Adjustment::last(self.noise_px().clamp(0.05, 4.0), lens, FINAL);
-        let (problem, ..) = self.problem(&how)?;
-        bundle::lens_evidence(&problem, &how.options())
+        let part = self.adjusted_part(&how)?;
+        part.problem.lens_evidence(&part.state)
     }
 
     /// Share of all observations of longer tracks that a point explains, to within `agree_px`.
@@ -179,19 +183,20 @@ impl<'a> PartialReconstruction<'a> {
         explained as f64 / count.max(1) as f64
     }
 
-    /// Bundle problem, with the frame of each of its poses and the track of each of its points.
-    fn problem(&self, how: &Adjustment) -> Option<(BundleProblem, Vec<usize>, Vec<usize>)> {
+    /// Everything that has pose and point; `None` when that is too little.
+    fn adjusted_part(&self, how: &Adjustment) -> Option<AdjustedPart> {
         let frames: Vec<usize> = (0..self.poses.len()).filter(|&f| self.poses[f].is_some()).collect();
         let mut pose_of = vec![usize::MAX; self.poses.len()];
         for (index, frame) in frames.iter().enumerate() {
             pose_of[*frame] = index;
         }
-        let mut problem = BundleProblem {
+        let mut state = BundleState {
             intrinsics: self.intrinsics.clone(),
             poses: self.poses.iter().flatten().copied().collect(),
             points: Vec::new(),
-            observations: Vec::new(),
         };
+        let options = BundleOptions { loss: how.loss, lens: how.lens, solver: how.solver };
+        let mut problem = BundleProblem { observations: Vec::new(), options };
         let mut tracks = Vec::new();
         for (index, (track, point)) in self.tracks.iter().zip(&self.points).enumerate() {
             let Some(point) = point else { continue };
@@ -206,19 +211,19 @@ impl<'a> PartialReconstruction<'a> {
                 .collect();
             if observations.len() >= 2 {
                 tracks.push(index);
-                problem.points.push(*point);
+                state.points.push(*point);
                 problem.observations.push(observations);
             }
         }
         if frames.len() < 2 || tracks.is_empty() {
             return None;
         }
-        Some((problem, frames, tracks))
+        Some(AdjustedPart { problem, state, frames, tracks })
     }
 
     /// Adjusts, triangulates anew and adjusts again with tighter bounds, until only noise is left. The last adjustment
     /// ends by `cost_end`.
-    pub(crate) fn polish(&mut self, lens: LensFreedom, rounds: usize, cost_end: f64) -> Option<BundleReport> {
+    pub(crate) fn polish(&mut self, lens: LensFreedom, rounds: usize, cost_end: f64) -> Option<Report> {
         let mut report = None;
         for round in 0..rounds {
             let noise = self.noise_px().clamp(0.05, 4.0);
@@ -232,7 +237,7 @@ impl<'a> PartialReconstruction<'a> {
             }
             let last = round + 1 == rounds;
             let whole = Adjustment::last(noise, lens, cost_end);
-            let how = if last { whole } else { Adjustment { max_steps: 15, cost_end: PASSING, ..whole } };
+            let how = if last { whole } else { Adjustment { solver: passing(15), ..whole } };
             report = self.adjust(&how).or(report);
         }
         report

@@ -5,13 +5,14 @@
 //! frames that are far apart in time, under wider angles. The better the reconstruction, the more of them are found,
 //! and the smaller the search radius can be: so the search is repeated.
 
+use calib::least_squares::Loss;
 use image::RgbImage;
 use nalgebra::{Isometry3, Matrix2, Point2, Point3, Vector2, Vector3};
 use rayon::prelude::*;
 
-use super::partial_reconstruction::{Adjustment, PASSING, PartialReconstruction};
+use super::partial_reconstruction::{Adjustment, PartialReconstruction, passing};
 use super::triangulation::TriangulationLimits;
-use crate::bundle::{LensFreedom, Loss};
+use crate::bundle::LensFreedom;
 use crate::features::revisit::{RevisitOptions, seen_again};
 use crate::features::{FeatureOptions, FeatureTrack, Intensity, Warp};
 
@@ -44,13 +45,8 @@ pub(super) fn revisit(
             let accept =
                 TriangulationLimits { max_error_px, min_angle: 0.5_f64.to_radians(), min_sightings: 3 };
             let loss = Loss::Cauchy(scale_px);
-            partial.adjust(&Adjustment {
-                gate_px: 2.0 * max_error_px,
-                loss,
-                lens,
-                max_steps: 20,
-                cost_end: PASSING,
-            });
+            let solver = passing(20);
+            partial.adjust(&Adjustment { gate_px: 2.0 * max_error_px, loss, lens, solver });
             partial.triangulate(&accept, false);
         }
     }

@@ -1,9 +1,10 @@
 //! Triangulation of a track's point from the poses that observed it.
 
 use calib::Intrinsics;
+use calib::least_squares::{Loss, NormalEquations, Options, Problem, minimise};
 use nalgebra::{Isometry3, Matrix3, Point2, Point3, Vector3};
 
-use crate::bundle::Loss;
+const SOLVER: Options = Options { max_iterations: 15, cost_tolerance: 1e-6, initial_damping: 1e-3 };
 
 /// One observation: the camera's pose and the pixel.
 pub(crate) type PoseObservation<'a> = (&'a Isometry3<f64>, Point2<f64>);
@@ -31,8 +32,9 @@ pub(crate) fn triangulate(
         if used.len() < accept.min_sightings.max(2) {
             return None;
         }
-        let start = nearest_to_rays(intrinsics, &used)?;
-        let point = refined(intrinsics, &used, start, accept.max_error_px)?;
+        let mut point = nearest_to_rays(intrinsics, &used)?;
+        let loss = Loss::Cauchy(0.5 * accept.max_error_px);
+        minimise(&Reprojection { intrinsics, sightings: &used, loss }, &mut point, &SOLVER);
         let agreeing: Vec<PoseObservation<'_>> = sightings
             .iter()
             .filter(|s| error_px(intrinsics, s, &point) <= accept.max_error_px)
@@ -77,52 +79,39 @@ fn nearest_to_rays(intrinsics: &Intrinsics, sightings: &[PoseObservation<'_>]) -
     normal.cholesky().map(|c| Point3::from(c.solve(&right)))
 }
 
-/// Damped, robust Gauss–Newton on the reprojection errors.
-fn refined(
-    intrinsics: &Intrinsics,
-    sightings: &[PoseObservation<'_>],
-    start: Point3<f64>,
-    scale_px: f64,
-) -> Option<Point3<f64>> {
-    let loss = Loss::Cauchy(0.5 * scale_px);
-    let cost = |point: &Point3<f64>| -> f64 {
-        sightings.iter().map(|s| loss.cost(error_px(intrinsics, s, point).min(1e3).powi(2))).sum()
-    };
-    let (mut point, mut best) = (start, cost(&start));
-    let mut damping = 1e-3;
-    for _ in 0..15 {
-        let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
-        for (pose, pixel) in sightings {
-            let camera_point = *pose * point;
-            let Some(projected) = intrinsics.project(&camera_point) else { continue };
-            let j = intrinsics.project_jacobian(&camera_point) * pose.rotation.to_rotation_matrix().matrix();
-            let residual = projected - pixel;
-            let weight = loss.weight(residual.norm_squared());
-            normal += weight * j.transpose() * j;
-            right -= weight * j.transpose() * residual;
-        }
-        let mut damped = normal;
-        for k in 0..3 {
-            damped[(k, k)] *= 1.0 + damping;
-        }
-        let step = damped.cholesky()?.solve(&right);
-        let moved = point + step;
-        let moved_cost = cost(&moved);
-        if moved_cost < best {
-            let fell = (best - moved_cost) / best;
-            (point, best) = (moved, moved_cost);
-            damping *= 0.2;
-            if fell < 1e-6 {
-                break;
-            }
-        } else {
-            damping *= 10.0;
-            if damping > 1e3 {
-                break;
-            }
-        }
+/// Reprojection of one point into all its sightings.
+struct Reprojection<'a> {
+    intrinsics: &'a Intrinsics,
+    sightings: &'a [PoseObservation<'a>],
+    loss: Loss,
+}
+
+impl Problem for Reprojection<'_> {
+    type State = Point3<f64>;
+    type Equations = NormalEquations<3>;
+
+    fn cost(&self, point: &Point3<f64>) -> f64 {
+        let squared = |s: &PoseObservation<'_>| error_px(self.intrinsics, s, point).min(1e3).powi(2);
+        self.sightings.iter().map(|s| self.loss.cost(squared(s))).sum()
     }
-    Some(point)
+
+    fn linearise(&self, point: &Point3<f64>) -> NormalEquations<3> {
+        let mut equations = NormalEquations::default();
+        for (pose, pixel) in self.sightings {
+            let camera_point = *pose * point;
+            let Some(projected) = self.intrinsics.project(&camera_point) else { continue };
+            let by_camera_point = self.intrinsics.project_jacobian(&camera_point);
+            let residual = projected - pixel;
+            let weight = self.loss.weight(residual.norm_squared());
+            let rotation = pose.rotation.to_rotation_matrix();
+            equations.add(&(by_camera_point * rotation.matrix()), &residual, weight);
+        }
+        equations
+    }
+
+    fn moved(&self, point: &Point3<f64>, step: &Vector3<f64>) -> Point3<f64> {
+        point + step
+    }
 }
 
 #[cfg(test)]

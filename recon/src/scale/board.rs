@@ -1,17 +1,19 @@
 //! A calibration board in a capture: the side of its squares in the capture's own unit.
 //!
 //! The board lies still while the camera moves. Its corners are found in every frame and triangulated, and the board's
-//! pose and the side of its squares are the maximum-likelihood estimate of all observations: seven parameters from two
-//! equations a corner and frame, by damped Gauss–Newton on the reprojection errors.
+//! pose and the side of its squares are the maximum-likelihood estimate of all observations: a similarity, seven
+//! parameters, from two equations a corner and frame.
 
 use std::fmt;
 
 use calib::absolute_orientation;
+use calib::least_squares::{
+    Loss, NormalEquations, Options, Problem, by_similarity, minimise, moved_similarity,
+};
 use calib::vision::chessboard::Chessboard;
-use nalgebra::{Isometry3, Point2, Point3, SMatrix, SVector, Translation3, UnitQuaternion, Vector2, Vector3};
+use nalgebra::{Isometry3, Point2, Point3, SVector, Similarity3, Vector3};
 use rayon::prelude::*;
 
-use crate::bundle::Loss;
 use crate::motion::triangulation::{TriangulationLimits, triangulate};
 use crate::ray_depth::PosedFilm;
 
@@ -21,7 +23,7 @@ const CORNER_SIGMA_PX: f64 = 0.1;
 const LARGEST_RMS_PX: f64 = 2.0;
 /// Largest relative standard deviation of a side from which metres are taken.
 const LARGEST_SIGMA: f64 = 0.03;
-const STEPS: usize = 30;
+const SOLVER: Options = Options { max_iterations: 30, cost_tolerance: 1e-9, initial_damping: 1e-4 };
 
 /// The side of a board's squares.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -137,29 +139,12 @@ fn orders(board: Chessboard) -> Vec<Vec<usize>> {
     orders
 }
 
-/// Pose and size of a board.
-#[derive(Debug, Clone, Copy)]
-struct Board {
-    world_from_board: Isometry3<f64>,
-    side: f64,
-}
-
-impl Board {
-    fn point(&self, on_board: &Point3<f64>) -> Point3<f64> {
-        self.world_from_board * (on_board * self.side)
-    }
-
-    /// Board after a step: rotated about its first corner, moved, scaled.
-    fn moved(&self, step: &SVector<f64, 7>) -> Self {
-        let turn = UnitQuaternion::from_scaled_axis(step.fixed_rows::<3>(0).into_owned());
-        let shift = Translation3::from(self.world_from_board.translation.vector + step.fixed_rows::<3>(3));
-        let world_from_board = Isometry3::from_parts(shift, turn * self.world_from_board.rotation);
-        Self { world_from_board, side: self.side * step[6].exp() }
-    }
-}
-
 /// Initial board from triangulated corners.
-fn triangulated(lens: &calib::Intrinsics, on_board: &[Point3<f64>], views: &[BoardView]) -> Option<Board> {
+fn triangulated(
+    lens: &calib::Intrinsics,
+    on_board: &[Point3<f64>],
+    views: &[BoardView],
+) -> Option<Similarity3<f64>> {
     const ACCEPT: TriangulationLimits =
         TriangulationLimits { max_error_px: 3.0, min_angle: 0.003, min_sightings: 2 };
     let point = |(i, corner): (usize, &Point3<f64>)| {
@@ -167,8 +152,56 @@ fn triangulated(lens: &calib::Intrinsics, on_board: &[Point3<f64>], views: &[Boa
         Some((*corner, triangulate(lens, &sightings, &ACCEPT)?))
     };
     let (corners, points): (Vec<_>, Vec<_>) = on_board.iter().enumerate().filter_map(point).unzip();
-    let fit = absolute_orientation::similarity(&corners, &points).ok()?;
-    Some(Board { world_from_board: fit.isometry, side: fit.scaling() })
+    absolute_orientation::similarity(&corners, &points).ok()
+}
+
+/// Reprojection of a board, whose squares have side 1 in its own frame, into all its views.
+struct Reprojection<'a> {
+    lens: &'a calib::Intrinsics,
+    on_board: &'a [Point3<f64>],
+    views: &'a [BoardView],
+    loss: Loss,
+}
+
+impl Reprojection<'_> {
+    fn sightings(&self) -> impl Iterator<Item = (&Isometry3<f64>, &Point3<f64>, &Point2<f64>)> {
+        self.views.iter().flat_map(|(pose, seen)| {
+            self.on_board.iter().zip(seen).map(move |(corner, pixel)| (pose, corner, pixel))
+        })
+    }
+
+    /// Squared residual of each sighting; `behind` where the corner is behind the camera.
+    fn squares(&self, board: &Similarity3<f64>, behind: f64) -> impl Iterator<Item = f64> {
+        self.sightings().map(move |(pose, corner, pixel)| {
+            self.lens.project(&(pose * (board * corner))).map_or(behind, |seen| (seen - pixel).norm_squared())
+        })
+    }
+}
+
+impl Problem for Reprojection<'_> {
+    type State = Similarity3<f64>;
+    type Equations = NormalEquations<7>;
+
+    fn cost(&self, board: &Similarity3<f64>) -> f64 {
+        self.squares(board, 1e6).map(|squared| self.loss.cost(squared)).sum()
+    }
+
+    fn linearise(&self, board: &Similarity3<f64>) -> NormalEquations<7> {
+        let mut equations = NormalEquations::default();
+        for (pose, corner, pixel) in self.sightings() {
+            let point = board * corner;
+            let Some(seen) = self.lens.project(&(pose * point)) else { continue };
+            let by_point =
+                self.lens.project_jacobian(&(pose * point)) * pose.rotation.to_rotation_matrix().matrix();
+            let off = seen - pixel;
+            equations.add(&(by_point * by_similarity(&point)), &off, self.loss.weight(off.norm_squared()));
+        }
+        equations
+    }
+
+    fn moved(&self, board: &Similarity3<f64>, step: &SVector<f64, 7>) -> Similarity3<f64> {
+        moved_similarity(board, step.as_slice())
+    }
 }
 
 /// Maximum-likelihood board from all observations, and the precision of its size.
@@ -176,83 +209,30 @@ fn polished(
     lens: &calib::Intrinsics,
     on_board: &[Point3<f64>],
     views: &[BoardView],
-    start: Board,
+    mut board: Similarity3<f64>,
 ) -> Option<Square> {
-    let loss = Loss::Cauchy(1.0);
-    let sightings = || {
-        views.iter().flat_map(|(pose, seen)| {
-            on_board.iter().zip(seen).map(move |(corner, pixel)| (pose, corner, pixel))
-        })
-    };
-    let residual = |board: &Board, pose: &Isometry3<f64>, corner: &Point3<f64>, pixel: &Point2<f64>| {
-        Some(lens.project(&(pose * board.point(corner)))? - pixel)
-    };
-    let cost = |board: &Board| -> f64 {
-        let each = sightings().map(|(pose, corner, pixel)| {
-            residual(board, pose, corner, pixel).map_or(1e6, |r: Vector2<f64>| r.norm_squared())
-        });
-        each.map(|squared| loss.cost(squared)).sum()
-    };
-    let (mut board, mut best, mut damping) = (start, cost(&start), 1e-4);
-    let mut normal = SMatrix::<f64, 7, 7>::zeros();
-    for _ in 0..STEPS {
-        normal.fill(0.0);
-        let mut right = SVector::<f64, 7>::zeros();
-        for (pose, corner, pixel) in sightings() {
-            let Some(off) = residual(&board, pose, corner, pixel) else { continue };
-            let arm = board.point(corner) - board.world_from_board.translation.vector;
-            let mut moves = SMatrix::<f64, 3, 7>::zeros();
-            moves.fixed_view_mut::<3, 3>(0, 0).copy_from(&-arm.coords.cross_matrix());
-            moves.fixed_view_mut::<3, 3>(0, 3).fill_with_identity();
-            moves.fixed_view_mut::<3, 1>(0, 6).copy_from(&arm.coords);
-            let projected = lens.project_jacobian(&(pose * board.point(corner)));
-            let jacobian = projected * pose.rotation.to_rotation_matrix().matrix() * moves;
-            let weight = loss.weight(off.norm_squared());
-            normal += weight * jacobian.transpose() * jacobian;
-            right -= weight * jacobian.transpose() * off;
-        }
-        let mut damped = normal;
-        for k in 0..7 {
-            damped[(k, k)] *= 1.0 + damping;
-        }
-        let moved = board.moved(&damped.cholesky()?.solve(&right));
-        let moved_cost = cost(&moved);
-        if moved_cost >= best {
-            damping *= 10.0;
-            if damping > 1e3 {
-                break;
-            }
-            continue;
-        }
-        let fell = (best - moved_cost) / best;
-        (board, best) = (moved, moved_cost);
-        damping *= 0.1;
-        if fell < 1e-9 {
-            break;
-        }
-    }
-    let squares = sightings().map(|(pose, corner, pixel)| {
-        residual(&board, pose, corner, pixel).map_or(f64::INFINITY, |r: Vector2<f64>| r.norm_squared())
-    });
-    let rms_px = (squares.sum::<f64>() / sightings().count().max(1) as f64).sqrt();
+    let problem = Reprojection { lens, on_board, views, loss: Loss::Cauchy(1.0) };
+    minimise(&problem, &mut board, &SOLVER);
+    let squares: f64 = problem.squares(&board, f64::INFINITY).sum();
+    let rms_px = (squares / problem.sightings().count().max(1) as f64).sqrt();
     // Corner errors in a blurred or bent board are correlated, so a frame counts as one observation.
     let noise_px = rms_px.max(CORNER_SIGMA_PX) * (on_board.len() as f64).sqrt();
-    let variance = normal.try_inverse()?[(6, 6)];
-    Some(Square { side: board.side, sigma: noise_px * variance.sqrt(), frames: views.len(), rms_px })
+    let variance = problem.linearise(&board).matrix.try_inverse()?[(6, 6)];
+    Some(Square { side: board.scaling(), sigma: noise_px * variance.sqrt(), frames: views.len(), rms_px })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use calib::Intrinsics;
+    use nalgebra::Vector2;
     use rand::RngExt;
 
     const SIDE: f64 = 0.06;
 
     /// Board of squares of 0.06 units, 1.5 units away, seen by a camera that moves `step` aside from frame to frame.
     fn views(lens: &Intrinsics, board: Chessboard, step: f64, noise_px: f64) -> Vec<BoardView> {
-        let world_from_board = Isometry3::new(Vector3::new(-0.25, -0.1, 1.5), Vector3::new(0.5, -0.3, 0.2));
-        let truth = Board { world_from_board, side: SIDE };
+        let truth = Similarity3::new(Vector3::new(-0.25, -0.1, 1.5), Vector3::new(0.5, -0.3, 0.2), SIDE);
         let mut rng = rand_pcg::Pcg64Mcg::new(7);
         let mut near = |p: Point2<f64>| {
             p + Vector2::new(rng.random_range(-1.0..1.0), rng.random_range(-1.0..1.0)) * noise_px
@@ -266,7 +246,7 @@ mod tests {
             let corner =
                 |k: u32| Point3::new(f64::from(k % board.columns), f64::from(k / board.columns), 0.0);
             let corners = (0..board.columns * board.rows)
-                .map(|k| near(lens.project(&(pose * truth.point(&corner(k)))).unwrap()));
+                .map(|k| near(lens.project(&(pose * (truth * corner(k)))).unwrap()));
             (pose, corners.collect())
         };
         (0..8).map(&mut view).collect()

@@ -51,7 +51,7 @@ impl LevelConstraint {
             poses[self.onto].isometry.rotation.inverse().to_rotation_matrix().into_inner();
         let rows = self.across * back * -common.cross_matrix();
         let mut by = ByCamera::zeros();
-        by.fixed_columns_mut::<3>(1).copy_from(&rows);
+        by.fixed_columns_mut::<3>(0).copy_from(&rows);
         by
     }
 }

@@ -1,35 +1,37 @@
 //! The joint refinement: cameras and picked points move until picks, depths and common surfaces fit best.
 //!
-//! Levenberg–Marquardt over seven numbers a camera (log scale, rotation, translation; the first camera is fixed) and
-//! three a point. Residuals, each in standard deviations: a pick's pixel; the depth measured at a pick, as a logarithm;
+//! Least squares over seven numbers a camera (rotation, translation, log scale; the first camera is fixed) and three a
+//! point. Residuals, each in standard deviations: a pick's pixel; the depth measured at a pick, as a logarithm;
 //! the distance of one camera's surface point from another's surface, along that one's normal; the difference between
 //! the verticals by two cameras' lines ([`level`]). All are robust (Cauchy), iteratively reweighted. The precision of
 //! the depths is estimated along with them ([`variance`]), and the number of independent surface observations
 //! ([`effective_counts`]), since a capture's motion may bend its whole space. [`term`] has the residuals and their
-//! derivatives, [`schur`] the normal equations.
+//! derivatives, [`equations`](mod@equations) the normal equations.
 
 mod confidence;
 mod effective_counts;
+mod equations;
 mod first_points;
 mod level;
-mod schur;
 mod state;
 mod term;
 mod variance;
 
+use calib::least_squares::{Options, Problem, minimise};
 use nalgebra::Similarity3;
 
 use super::overlap::{self, Contact};
 use super::{LiftedPick, MergeOptions, MergeReport, Merged};
 use crate::plumb::Plumb;
+use crate::schur::{SchurEquations, SchurStep};
 use crate::surface::Surface;
 use confidence::picks_rule_out;
 use effective_counts::EffectiveCounts;
+use equations::equations;
 use first_points::first_points;
 use level::LevelConstraint;
-use schur::RefinementEquations;
-use state::RefinementState;
-use term::{Term, norm, terms};
+use state::{POSE, RefinementState};
+use term::{LinearisedTerm, Term, norm, terms};
 use variance::Factors;
 
 /// Number of rounds of associating common surface points.
@@ -48,6 +50,31 @@ struct Refinement<'a> {
     /// Estimated factors on the claimed standard deviations of depths and picks.
     factors: Factors,
     levels: &'a [LevelConstraint],
+}
+
+/// Observations whose robust cost is minimised.
+struct Observations<'a> {
+    refinement: &'a Refinement<'a>,
+    terms: Vec<Term<'a>>,
+}
+
+impl Problem for Observations<'_> {
+    type State = RefinementState;
+    type Equations = SchurEquations<POSE>;
+
+    fn cost(&self, state: &RefinementState) -> f64 {
+        self.refinement.cost(state, &self.terms)
+    }
+
+    fn linearise(&self, state: &RefinementState) -> SchurEquations<POSE> {
+        let rows: Vec<_> = self.terms.iter().map(|term| self.refinement.linearised(state, term)).collect();
+        let weight = |row: &LinearisedTerm, term: &Term<'_>| term.loss().weight(norm(row.residual).powi(2));
+        equations(state, rows.iter().zip(&self.terms).map(|(row, term)| (row, weight(row, term))))
+    }
+
+    fn moved(&self, state: &RefinementState, step: &SchurStep) -> RefinementState {
+        state.moved(step)
+    }
 }
 
 /// Refines `start`; outliers among the picks are left out and reported.
@@ -143,46 +170,15 @@ impl Refinement<'_> {
         contacts
     }
 
-    /// Robust cost: Cauchy's loss of the squared residual.
+    /// Robust cost of observations.
     fn cost(&self, state: &RefinementState, terms: &[Term<'_>]) -> f64 {
-        terms.iter().map(|t| t.loss(self.residual(state, t))).sum()
+        terms.iter().map(|t| t.loss().cost(norm(self.residual(state, t)).powi(2))).sum()
     }
 
     fn minimise(&self, state: &mut RefinementState, picks: &[LiftedPick], contacts: &[(&Contact, f64)]) {
-        const ITERATIONS: usize = 60;
+        const SOLVER: Options = Options { max_iterations: 120, cost_tolerance: 1e-9, initial_damping: 1e-3 };
         let terms = terms(picks, contacts, self.levels);
-        if state.parameters() == 0 {
-            return;
-        }
-        let mut damping = 1e-3;
-        let mut cost = self.cost(state, &terms);
-        for _ in 0..ITERATIONS {
-            let mut normal = RefinementEquations::new(state);
-            for term in &terms {
-                let told = self.linearised(state, term);
-                normal.add(&told, term.weight(told.residual));
-            }
-            let mut improved = false;
-            for _ in 0..8 {
-                let Some(factored) = normal.factor(damping) else {
-                    damping *= 10.0;
-                    continue;
-                };
-                let candidate = state.moved(&-factored.solve(normal.gradient()));
-                let new_cost = self.cost(&candidate, &terms);
-                if new_cost < cost {
-                    improved = cost - new_cost > 1e-9 * cost;
-                    *state = candidate;
-                    cost = new_cost;
-                    damping = (damping * 0.3).max(1e-9);
-                    break;
-                }
-                damping *= 5.0;
-            }
-            if !improved {
-                break;
-            }
-        }
+        minimise(&Observations { refinement: self, terms }, state, &SOLVER);
     }
 
     /// Distance of a pick from the projection of its point by the others. When its depths contradict each other

@@ -1,12 +1,13 @@
 //! One observation: its residual, in standard deviations, and its derivatives by cameras and points.
 //!
 //! All residuals are functions of a point's position in a camera's frame, `y = Rᵀ (X − t) / s`, so all derivatives are
-//! products of one row with those of `y` by the camera's log scale, rotation and translation, and by the point.
+//! products of one row with `Rᵀ / s`, that by the point, and with the point's own by a camera's parameters.
 
-use nalgebra::{Matrix3, Point3, RowVector3, SMatrix, Similarity3, Vector3};
+use calib::least_squares::{Loss, by_similarity};
+use nalgebra::{Matrix3, Point3, RowVector3, SMatrix, Similarity3};
 
 use super::level::LevelConstraint;
-use super::state::{ByCamera, ByPoint, POSE, RefinementState, pose_at};
+use super::state::{ByCamera, ByPoint, RefinementState};
 use super::{LiftedPick, Refinement};
 use crate::merge::overlap::Contact;
 
@@ -21,14 +22,11 @@ pub(super) enum Term<'a> {
     Level(&'a LevelConstraint),
 }
 
-/// Derivatives of a point by the similarity that moves it.
-type ByPose = SMatrix<f64, 3, POSE>;
-
 /// A residual (the second component is 0 except for pixels and levels) and its derivatives.
 #[derive(Default)]
 pub(super) struct LinearisedTerm {
     pub(super) residual: [f64; 2],
-    /// Derivatives by up to two cameras, each with the index of its first parameter; none for the fixed camera.
+    /// Derivatives by up to two cameras, each with the camera's index; none for the fixed camera.
     cameras: [Option<(usize, ByCamera)>; 2],
     /// Derivative by a point, with the point's index.
     pub(super) point: Option<(usize, ByPoint)>,
@@ -54,25 +52,13 @@ pub(super) fn terms<'a>(
 }
 
 impl Term<'_> {
-    /// Residual, in standard deviations, beyond which the influence falls. Depths measured at corners often belong to
-    /// another surface, so theirs falls earlier.
-    fn softness(&self) -> f64 {
-        match self {
+    /// Cauchy's loss. Depths measured at corners often belong to another surface, so their influence falls earlier.
+    pub(super) fn loss(&self) -> Loss {
+        Loss::Cauchy(match self {
             Term::Pixel(_) | Term::Level(_) => 3.0,
             Term::Depth(..) => 1.5,
             Term::Surface(_, weight) => 1.5 * weight,
-        }
-    }
-
-    /// Cauchy's loss of the squared residual.
-    pub(super) fn loss(&self, residual: [f64; 2]) -> f64 {
-        let c = self.softness();
-        c * c * (1.0 + (norm(residual) / c).powi(2)).ln()
-    }
-
-    /// Weight of the squared residual in least squares.
-    pub(super) fn weight(&self, residual: [f64; 2]) -> f64 {
-        1.0 / (1.0 + (norm(residual) / self.softness()).powi(2))
+        })
     }
 }
 
@@ -122,11 +108,8 @@ impl Refinement<'_> {
                 let row = contact.by_point() * *weight;
                 let (from, onto) = (&state.poses[contact.from], &state.poses[contact.onto]);
                 let common = from * contact.point;
-                let there = onto.inverse() * common;
-                told.cameras = [
-                    moving(contact.onto, alone(&row) * by_seen_from(onto, &there)),
-                    moving(contact.from, alone(&(row * turned_back(onto))) * by_moved(from, &common)),
-                ];
+                let by_common = alone(&(row * turned_back(onto))) * by_similarity(&common);
+                told.cameras = [moving(contact.onto, -by_common), moving(contact.from, by_common)];
             }
             Term::Level(level) => {
                 let by = level.by_turning(&state.poses);
@@ -138,16 +121,6 @@ impl Refinement<'_> {
 }
 
 impl LinearisedTerm {
-    /// Assembles an observation from its parts; at most two cameras.
-    #[cfg(test)]
-    pub(super) fn of(
-        residual: [f64; 2],
-        cameras: &[(usize, ByCamera)],
-        point: Option<(usize, ByPoint)>,
-    ) -> Self {
-        Self { residual, cameras: std::array::from_fn(|i| cameras.get(i).copied()), point }
-    }
-
     /// Derivatives by the free cameras.
     pub(super) fn cameras(&self) -> impl Iterator<Item = &(usize, ByCamera)> + Clone {
         self.cameras.iter().flatten()
@@ -163,14 +136,15 @@ impl LinearisedTerm {
         rows: &SMatrix<f64, 2, 3>,
     ) {
         let pose = &state.poses[pick.camera];
-        self.cameras[0] = moving(pick.camera, rows * by_seen_from(pose, seen));
-        self.point = Some((pick.point, rows * turned_back(pose)));
+        let by_point = rows * turned_back(pose);
+        self.cameras[0] = moving(pick.camera, -by_point * by_similarity(&(pose * seen)));
+        self.point = Some((pick.point, by_point));
     }
 }
 
-/// Pairs a camera's derivative with the index of its first parameter.
+/// Pairs a camera's derivative with its index; none for the first camera, which is fixed.
 fn moving(camera: usize, by: ByCamera) -> Option<(usize, ByCamera)> {
-    Some((pose_at(camera)?, by))
+    (camera > 0).then_some((camera, by))
 }
 
 /// Derivatives of a scalar residual.
@@ -190,45 +164,21 @@ fn turned_back(pose: &Similarity3<f64>) -> Matrix3<f64> {
     pose.isometry.rotation.inverse().to_rotation_matrix().into_inner() / pose.scaling()
 }
 
-/// Derivative by the camera's parameters of a fixed point that is at `seen` in the camera's frame.
-fn by_seen_from(pose: &Similarity3<f64>, seen: &Point3<f64>) -> ByPose {
-    let arm = pose * seen.coords;
-    let back = turned_back(pose);
-    let mut by = ByPose::zeros();
-    by.set_column(0, &-seen.coords);
-    for (k, axis) in [Vector3::x(), Vector3::y(), Vector3::z()].iter().enumerate() {
-        by.set_column(1 + k, &(back * arm.cross(axis)));
-        by.set_column(4 + k, &(back * -axis));
-    }
-    by
-}
-
-/// Derivative by the camera's parameters of a point fixed to the camera, at `common` in the common frame.
-fn by_moved(pose: &Similarity3<f64>, common: &Point3<f64>) -> ByPose {
-    let arm = common.coords - pose.isometry.translation.vector;
-    let mut by = ByPose::zeros();
-    by.set_column(0, &arm);
-    for (k, axis) in [Vector3::x(), Vector3::y(), Vector3::z()].iter().enumerate() {
-        by.set_column(1 + k, &axis.cross(&arm));
-        by.set_column(4 + k, axis);
-    }
-    by
-}
-
 pub(super) fn norm(residual: [f64; 2]) -> f64 {
     residual[0].hypot(residual[1])
 }
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{DVector, Point2};
+    use nalgebra::{DVector, Point2, Vector3};
 
-    use super::super::state::POINT;
+    use super::super::state::POSE;
     use super::super::variance::Factors;
     use super::*;
     use crate::merge::MergeOptions;
     use crate::merge::tests::surface;
     use crate::plumb::Plumb;
+    use crate::schur::SchurStep;
 
     fn pose(turn: [f64; 3], at: [f64; 3], scale: f64) -> Similarity3<f64> {
         Similarity3::new(at.into(), turn.into(), scale)
@@ -282,17 +232,16 @@ mod tests {
         ]
         .concat();
         assert_eq!(levels.len(), 3);
-        let size = 2 * POSE + 3 * POINT;
+        let (cameras, size) = (3 * POSE, 3 * POSE + 3 * 3);
         let mut compared = 0;
         for term in terms(&picks, &weighted, &levels) {
             let told = scene.linearised(&state, &term);
             let mut analytic = vec![[0.0; 2]; size];
-            let by_cameras = told
-                .cameras()
-                .flat_map(|(at, by)| (0..POSE).map(move |k| (at + k, by.column(k).into_owned())));
+            let by_cameras = told.cameras().flat_map(|(camera, by)| {
+                (0..POSE).map(move |k| (POSE * camera + k, by.column(k).into_owned()))
+            });
             let by_point = told.point.iter().flat_map(|(point, by)| {
-                let at = state.point_at(*point);
-                (0..POINT).map(move |k| (at + k, by.column(k).into_owned()))
+                (0..3).map(move |k| (cameras + 3 * point + k, by.column(k).into_owned()))
             });
             for (at, by) in by_cameras.chain(by_point) {
                 analytic[at] = by.into();
@@ -300,8 +249,10 @@ mod tests {
             }
             for (at, analytic) in analytic.iter().enumerate() {
                 let nudged = |by: f64| {
-                    let mut step = DVector::zeros(size);
-                    step[at] = by;
+                    let step = DVector::from_fn(size, |i, _| if i == at { by } else { 0.0 });
+                    let points =
+                        step.as_slice()[cameras..].chunks(3).map(Vector3::from_column_slice).collect();
+                    let step = SchurStep { cameras: step.rows(0, cameras).into_owned(), points };
                     scene.residual(&state.moved(&step), &term)
                 };
                 let (plus, minus) = (nudged(STEP), nudged(-STEP));

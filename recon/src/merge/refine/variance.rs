@@ -5,7 +5,7 @@
 //! is slightly off, bends the space it reconstructs, all depths at once. It is estimated from the residuals of the
 //! joint fit and their redundancy (the share of an observation that the others could predict).
 
-use super::schur::RefinementEquations;
+use super::equations::{equations, variance};
 use super::state::RefinementState;
 use super::term::{Term, terms};
 use super::{LiftedPick, Refinement};
@@ -93,11 +93,8 @@ impl Refinement<'_> {
         let cameras = state.poses.len();
         let terms = terms(picks, &[], self.levels);
         let rows: Vec<_> = terms.iter().map(|term| self.linearised(state, term)).collect();
-        let mut normal = RefinementEquations::new(state);
-        for row in &rows {
-            normal.add(row, 1.0);
-        }
-        let Some(factored) = normal.factor(0.0) else { return self.factors.clone() };
+        let equations = equations(state, rows.iter().map(|row| (row, 1.0)));
+        let Some(factored) = equations.factor(0.0) else { return self.factors.clone() };
         let mut of_picks = Group::default();
         let mut of_depths: Vec<Group> = (0..cameras).map(|_| Group::default()).collect();
         for (term, row) in terms.iter().zip(&rows) {
@@ -108,7 +105,7 @@ impl Refinement<'_> {
                 Term::Surface(..) | Term::Level(_) => continue,
             };
             for side in sides {
-                group.add(row.residual[side] * factor, 1.0 - factored.variance(row, side));
+                group.add(row.residual[side] * factor, 1.0 - variance(&factored, row, side));
             }
         }
         Factors {
