@@ -4,6 +4,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use crate::foreground::Verdict;
 use crate::{Error, Result, TrackId};
 
 /// Something that happened: a line of `events.jsonl`.
@@ -121,6 +122,20 @@ impl Event {
             Error::content(path, format!("frame {}", self.frame), format!("cannot be written ({e})"))
         })?;
         Ok(json + "\n")
+    }
+}
+
+impl CameraState {
+    /// State of a camera with a verdict about its pictures; `None` for one that only learns its background.
+    pub fn of(verdict: Verdict) -> Option<Self> {
+        match verdict {
+            Verdict::Usable | Verdict::Between => Some(Self::Back),
+            Verdict::Frozen => Some(Self::Frozen),
+            Verdict::Dark => Some(Self::Dark),
+            Verdict::AllForeground => Some(Self::Moved),
+            Verdict::Lost | Verdict::Silent | Verdict::OtherShape => Some(Self::Lost),
+            Verdict::Learning => None,
+        }
     }
 }
 
