@@ -13,6 +13,8 @@ mod cameras;
 mod clock;
 mod detector;
 mod event;
+#[cfg(test)]
+mod file_tests;
 mod files;
 mod groups;
 mod heat;
