@@ -1,0 +1,110 @@
+//! True events of true paths.
+
+use nalgebra::Point2;
+use scenes::polygon::Polygon;
+use scenes::room::{Line, Room};
+use tracker::events::{Direction, EventKind};
+
+use super::TruePath;
+
+/// Depth beyond a border from which a true path has passed it, metres: who grazes a border has not entered.
+pub const MARGIN_M: f64 = 0.1;
+
+/// A true event.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TrueEvent {
+    /// [`EventKind::Enter`], [`EventKind::Leave`] or [`EventKind::Cross`].
+    pub kind: EventKind,
+    /// Zone, region or line.
+    pub place: String,
+    /// Direction of a crossing.
+    pub direction: Option<Direction>,
+    /// Time at which the path is on the border, seconds.
+    pub time_s: f64,
+    /// Duration of the stay, for [`EventKind::Leave`].
+    pub seconds: Option<f64>,
+}
+
+/// Events of the paths, at the zones, regions and lines of the room, by time.
+pub fn true_events(room: &Room, paths: &[TruePath]) -> Vec<TrueEvent> {
+    let zones = room.zones.iter().map(|zone| (&zone.name, &zone.polygon));
+    let areas: Vec<_> = zones.chain(room.regions.iter().map(|r| (&r.name, &r.polygon))).collect();
+    let mut events = Vec::new();
+    for path in paths {
+        areas.iter().for_each(|(name, polygon)| stays(&mut events, path, name, polygon));
+        room.lines.iter().for_each(|line| crossings(&mut events, path, line));
+    }
+    events.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+    events
+}
+
+fn stays(events: &mut Vec<TrueEvent>, path: &TruePath, name: &str, polygon: &Polygon) {
+    let event =
+        |kind, time_s, seconds| TrueEvent { kind, place: name.to_owned(), direction: None, time_s, seconds };
+    let depth_m = |place: &Point2<f64>| {
+        let edges = polygon.edges().map(|(a, b)| distance_m(place, &a, &b));
+        edges.fold(f64::INFINITY, f64::min)
+    };
+    let (mut inside_since, mut border_s, mut was_in): (Option<f64>, f64, Option<bool>) =
+        (None, f64::NAN, None);
+    for (time_s, place) in &path.samples {
+        let is_in = polygon.contains(place);
+        if was_in.is_none_or(|was_in| was_in != is_in) {
+            border_s = *time_s;
+        }
+        was_in = Some(is_in);
+        if depth_m(place) < MARGIN_M {
+            continue;
+        }
+        match inside_since {
+            None if is_in => {
+                inside_since = Some(border_s);
+                events.push(event(EventKind::Enter, border_s, None));
+            }
+            Some(since_s) if !is_in => {
+                inside_since = None;
+                events.push(event(EventKind::Leave, border_s, Some(border_s - since_s)));
+            }
+            _ => {}
+        }
+    }
+    if let (Some(since_s), Some((last_s, _))) = (inside_since, path.samples.last()) {
+        let end_s = if was_in == Some(true) { *last_s } else { border_s };
+        events.push(event(EventKind::Leave, end_s, Some(end_s - since_s)));
+    }
+}
+
+fn crossings(events: &mut Vec<TrueEvent>, path: &TruePath, line: &Line) {
+    let (mut net, mut last_s) = (0_i32, [f64::NAN; 2]);
+    let mut settle = |net: &mut i32, last_s: &[f64; 2]| {
+        let direction = if *net > 0 { Direction::In } else { Direction::Out };
+        if *net != 0 {
+            let time_s = last_s[usize::from(*net > 0)];
+            let (kind, place) = (EventKind::Cross, line.name.clone());
+            events.push(TrueEvent { kind, place, direction: Some(direction), time_s, seconds: None });
+        }
+        *net = 0;
+    };
+    for pair in path.samples.windows(2) {
+        let ((_, p), (time_s, q)) = (pair[0], pair[1]);
+        for (a, b) in line.pieces() {
+            // Twice the areas of triangles; positive is left.
+            let turn = |a: &Point2<f64>, b: &Point2<f64>, c: &Point2<f64>| (b - a).perp(&(c - a));
+            let (before, after) = (turn(&a, &b, &p), turn(&a, &b, &q));
+            if before * after < 0.0 && turn(&p, &q, &a) * turn(&p, &q, &b) < 0.0 {
+                net += if before > 0.0 { 1 } else { -1 };
+                last_s[usize::from(before > 0.0)] = time_s;
+            }
+        }
+        if line.pieces().all(|(a, b)| distance_m(&q, &a, &b) >= MARGIN_M) {
+            settle(&mut net, &last_s);
+        }
+    }
+    settle(&mut net, &last_s);
+}
+
+fn distance_m(place: &Point2<f64>, a: &Point2<f64>, b: &Point2<f64>) -> f64 {
+    let along = b - a;
+    let share = (place - a).dot(&along) / along.norm_squared();
+    (place - (a + along * share.clamp(0.0, 1.0))).norm()
+}
