@@ -16,7 +16,7 @@ const LINES: usize = 3;
 pub fn marked(room: &Room, walked: &[Point2<f64>], seed: u64) -> Room {
     let mut rng = Pcg64Mcg::seed_from_u64(seed);
     let mut room = room.clone();
-    let mut somewhere = |rng: &mut Pcg64Mcg| walked[rng.random_range(0..walked.len())];
+    let somewhere = |rng: &mut Pcg64Mcg| walked[rng.random_range(0..walked.len())];
     for i in 0..REGIONS {
         let (center, angle) = (somewhere(&mut rng), rng.random_range(0.0..std::f64::consts::TAU));
         let half = Vector2::new(rng.random_range(0.6..1.5), rng.random_range(0.6..1.5));

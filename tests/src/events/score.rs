@@ -2,9 +2,11 @@
 
 use std::collections::BTreeSet;
 
+use scenes::room::Room;
 use tracker::events::{Event, EventKind};
 
-use super::truth::TrueEvent;
+use super::TruePath;
+use super::truth::{ANY_M, CLEAR_M, TrueEvent, true_events};
 
 /// Largest difference in time of an event and its true one, seconds.
 pub const WITHIN_S: f64 = 0.5;
@@ -16,8 +18,10 @@ pub struct Score {
     pub truths: usize,
     /// Number of events.
     pub found: usize,
-    /// Number of pairs.
+    /// Number of true events that were found.
     pub matched: usize,
+    /// Number of events that are true.
+    pub right: usize,
     /// Differences in time of the pairs, seconds, without sign.
     pub time_errors_s: Vec<f64>,
     /// Differences in the duration of the stay of the pairs, seconds, without sign.
@@ -27,7 +31,7 @@ pub struct Score {
 impl Score {
     /// Share of the events that are true.
     pub fn precision(&self) -> f64 {
-        self.matched as f64 / self.found.max(1) as f64
+        self.right as f64 / self.found.max(1) as f64
     }
 
     /// Share of the true events that were found.
@@ -40,6 +44,7 @@ impl Score {
         self.truths += other.truths;
         self.found += other.found;
         self.matched += other.matched;
+        self.right += other.right;
         self.time_errors_s.extend(other.time_errors_s);
         self.dwell_errors_s.extend(other.dwell_errors_s);
     }
@@ -61,29 +66,33 @@ pub fn valid(events: Vec<Event>) -> Vec<Event> {
     valid
 }
 
-/// Pairs events of a kind with true ones of the same place and direction, at most [`WITHIN_S`] apart: as many as
-/// possible, since both are in order of time. Only places that `is_counted`.
-pub fn score(
-    truths: &[TrueEvent],
-    events: &[Event],
-    kind: EventKind,
-    is_counted: impl Fn(&str) -> bool,
-) -> Score {
-    let truths: Vec<&TrueEvent> = truths.iter().filter(|t| t.kind == kind && is_counted(&t.place)).collect();
-    let place = |e: &Event| e.place.clone().unwrap_or_default();
-    let mut events: Vec<&Event> = events.iter().filter(|e| e.kind == kind && is_counted(&place(e))).collect();
-    events.sort_by(|a, b| a.time.total_cmp(&b.time));
-    let mut score = Score { truths: truths.len(), found: events.len(), ..Score::default() };
-    let mut taken: BTreeSet<usize> = BTreeSet::new();
-    for truth in truths {
-        let is_pair = |(i, e): &(usize, &&Event)| {
-            !taken.contains(i)
-                && place(e) == truth.place
-                && e.direction == truth.direction
-                && (e.time - truth.time_s).abs() <= WITHIN_S
-        };
-        let Some((i, event)) = events.iter().enumerate().find(is_pair) else { continue };
-        taken.insert(i);
+/// True events: those that are beyond doubt, and all, with those who graze a border.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Truths {
+    /// These have to be found.
+    pub clear: Vec<TrueEvent>,
+    /// An event that is none of these is wrong.
+    pub any: Vec<TrueEvent>,
+}
+
+impl Truths {
+    /// Truths of paths.
+    pub fn new(room: &Room, paths: &[TruePath]) -> Self {
+        Self { clear: true_events(room, paths, CLEAR_M, false), any: true_events(room, paths, ANY_M, true) }
+    }
+}
+
+/// Scores the events of a kind at the places that `is_counted`: recall against the clear truths, precision against any.
+pub fn score(truths: &Truths, events: &[Event], kind: EventKind, is_counted: impl Fn(&str) -> bool) -> Score {
+    let of_place = |e: &&Event| e.kind == kind && is_counted(e.place.as_deref().unwrap_or_default());
+    let events: Vec<&Event> = events.iter().filter(of_place).collect();
+    let of_kind = |truths: &[TrueEvent]| -> Vec<TrueEvent> {
+        truths.iter().filter(|t| t.kind == kind && is_counted(&t.place)).cloned().collect()
+    };
+    let (clear, any) = (of_kind(&truths.clear), of_kind(&truths.any));
+    let right = pairs(&any, &events).len();
+    let mut score = Score { truths: clear.len(), found: events.len(), right, ..Score::default() };
+    for (truth, event) in pairs(&clear, &events) {
         score.matched += 1;
         score.time_errors_s.push((event.time - truth.time_s).abs());
         if let (Some(found_s), Some(true_s)) = (event.seconds, truth.seconds) {
@@ -91,6 +100,28 @@ pub fn score(
         }
     }
     score
+}
+
+/// Pairs of true events and events of the same place and direction, at most [`WITHIN_S`] apart, the nearest in time first.
+fn pairs<'a>(truths: &'a [TrueEvent], events: &[&'a Event]) -> Vec<(&'a TrueEvent, &'a Event)> {
+    let mut near: Vec<(f64, usize, usize)> = Vec::new();
+    for (i, truth) in truths.iter().enumerate() {
+        let is_pair = |e: &Event| e.place.as_deref() == Some(&truth.place) && e.direction == truth.direction;
+        let apart = |e: &Event| (e.time - truth.time_s).abs();
+        let found = events.iter().enumerate().filter(|(_, e)| is_pair(e) && apart(e) <= WITHIN_S);
+        near.extend(found.map(|(k, e)| (apart(e), i, k)));
+    }
+    near.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (mut truths_taken, mut events_taken) = (BTreeSet::new(), BTreeSet::new());
+    let mut pairs = Vec::new();
+    for (_, i, k) in near {
+        if !truths_taken.contains(&i) && !events_taken.contains(&k) {
+            truths_taken.insert(i);
+            events_taken.insert(k);
+            pairs.push((&truths[i], events[k]));
+        }
+    }
+    pairs
 }
 
 /// The value below which a share of the values lie; NaN without values.

@@ -7,8 +7,11 @@ use tracker::events::{Direction, EventKind};
 
 use super::TruePath;
 
-/// Depth beyond a border from which a true path has passed it, metres: who grazes a border has not entered.
-pub const MARGIN_M: f64 = 0.1;
+/// Depth beyond a border from which a true path has passed it beyond doubt, metres: about three standard deviations of a
+/// tracker's position. Who comes less far, and goes back, grazes the border.
+pub const CLEAR_M: f64 = 0.25;
+/// The same for any passing at all, metres: less than a body sways.
+pub const ANY_M: f64 = 0.02;
 
 /// A true event.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,20 +28,35 @@ pub struct TrueEvent {
     pub seconds: Option<f64>,
 }
 
-/// Events of the paths, at the zones, regions and lines of the room, by time.
-pub fn true_events(room: &Room, paths: &[TruePath]) -> Vec<TrueEvent> {
+/// Events of the paths, at the zones, regions and lines of the room, by time. A border is passed by who comes at least
+/// `margin_m` beyond it; a line, between places so far from its free ends, or so far beyond them where `with_ends`.
+pub fn true_events(room: &Room, paths: &[TruePath], margin_m: f64, with_ends: bool) -> Vec<TrueEvent> {
+    let end_m = if with_ends { CLEAR_M } else { -CLEAR_M };
+    let lines: Vec<Line> = room.lines.iter().map(|line| prolonged(line, end_m)).collect();
     let zones = room.zones.iter().map(|zone| (&zone.name, &zone.polygon));
     let areas: Vec<_> = zones.chain(room.regions.iter().map(|r| (&r.name, &r.polygon))).collect();
     let mut events = Vec::new();
     for path in paths {
-        areas.iter().for_each(|(name, polygon)| stays(&mut events, path, name, polygon));
-        room.lines.iter().for_each(|line| crossings(&mut events, path, line));
+        areas.iter().for_each(|(name, polygon)| stays(&mut events, path, (name, polygon), margin_m));
+        lines.iter().for_each(|line| crossings(&mut events, path, line, margin_m));
     }
     events.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     events
 }
 
-fn stays(events: &mut Vec<TrueEvent>, path: &TruePath, name: &str, polygon: &Polygon) {
+/// A line that reaches further at both ends, or less far.
+fn prolonged(line: &Line, by_m: f64) -> Line {
+    let mut points = line.points.clone();
+    if let [first, second, ..] = line.points[..]
+        && let [.., before, last] = line.points[..]
+    {
+        points[0] = first + (first - second).normalize() * by_m;
+        points[line.points.len() - 1] = last + (last - before).normalize() * by_m;
+    }
+    Line { points, ..line.clone() }
+}
+
+fn stays(events: &mut Vec<TrueEvent>, path: &TruePath, (name, polygon): (&str, &Polygon), margin_m: f64) {
     let event =
         |kind, time_s, seconds| TrueEvent { kind, place: name.to_owned(), direction: None, time_s, seconds };
     let depth_m = |place: &Point2<f64>| {
@@ -53,7 +71,7 @@ fn stays(events: &mut Vec<TrueEvent>, path: &TruePath, name: &str, polygon: &Pol
             border_s = *time_s;
         }
         was_in = Some(is_in);
-        if depth_m(place) < MARGIN_M {
+        if depth_m(place) < margin_m {
             continue;
         }
         match inside_since {
@@ -74,7 +92,7 @@ fn stays(events: &mut Vec<TrueEvent>, path: &TruePath, name: &str, polygon: &Pol
     }
 }
 
-fn crossings(events: &mut Vec<TrueEvent>, path: &TruePath, line: &Line) {
+fn crossings(events: &mut Vec<TrueEvent>, path: &TruePath, line: &Line, margin_m: f64) {
     let (mut net, mut last_s) = (0_i32, [f64::NAN; 2]);
     let mut settle = |net: &mut i32, last_s: &[f64; 2]| {
         let direction = if *net > 0 { Direction::In } else { Direction::Out };
@@ -96,7 +114,7 @@ fn crossings(events: &mut Vec<TrueEvent>, path: &TruePath, line: &Line) {
                 last_s[usize::from(before > 0.0)] = time_s;
             }
         }
-        if line.pieces().all(|(a, b)| distance_m(&q, &a, &b) >= MARGIN_M) {
+        if line.pieces().all(|(a, b)| distance_m(&q, &a, &b) >= margin_m) {
             settle(&mut net, &last_s);
         }
     }

@@ -227,7 +227,9 @@ impl DayStats {
 
     fn groups_text(&self) -> String {
         let mut sizes: BTreeMap<usize, usize> = BTreeMap::new();
-        self.groups.iter().for_each(|size| *sizes.entry(*size).or_default() += 1);
+        for size in &self.groups {
+            *sizes.entry(*size).or_default() += 1;
+        }
         if sizes.is_empty() {
             return "Groups: nobody walked together.".into();
         }
