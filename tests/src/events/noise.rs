@@ -1,5 +1,7 @@
 //! Tracks of true paths with a tracker's errors: position errors that last, late births, early deaths, gaps.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{Point2, Vector2};
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
@@ -123,7 +125,7 @@ impl<'a> NoisyTrack<'a> {
             vy: rounded(velocity.y),
             sigma: [rounded(sigma_m); 2],
             confidence: 0.95,
-            visible: Default::default(),
+            visible: BTreeMap::new(),
         })
     }
 }

@@ -37,8 +37,12 @@ pub fn true_events(room: &Room, paths: &[TruePath], margin_m: f64, with_ends: bo
     let areas: Vec<_> = zones.chain(room.regions.iter().map(|r| (&r.name, &r.polygon))).collect();
     let mut events = Vec::new();
     for path in paths {
-        areas.iter().for_each(|(name, polygon)| stays(&mut events, path, (name, polygon), margin_m));
-        lines.iter().for_each(|line| crossings(&mut events, path, line, margin_m));
+        for (name, polygon) in &areas {
+            stays(&mut events, path, (name, polygon), margin_m);
+        }
+        for line in &lines {
+            crossings(&mut events, path, line, margin_m);
+        }
     }
     events.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
     events

@@ -12,22 +12,19 @@ use super::event_arguments::CountArguments;
 /// (people inside, in and out, by zone, region and line), OUT/heat.csv and OUT/heat.png (time spent on each 25 cm of the
 /// floor) and OUT/groups.csv (who walked together): the same bytes as `tracker run` in that room. Prints the day in
 /// words, as `tracker stats` does.
-///
-/// Regions and lines are tables of the room's scene.toml:
-///   [[region]]
-///   name = "counter"
-///   polygon = [[1.0, 0.5], [2.5, 0.5], [2.5, 2.0]]   # metres on the floor
-///   dwell_s = 60.0                                   # optional: a longer stay is an event
-///   [[line]]
-///   name = "gate"
-///   points = [[0.0, 1.0], [2.0, 1.0]]                # from its left to its right, walking along it, is "in"
 #[derive(Debug, clap::Args)]
-#[command(
-    verbatim_doc_comment,
-    after_help = "Examples:
+#[command(after_help = "Examples:
   tracker events out --room myroom
-  tracker events out --room myroom --counts-every 300"
-)]
+  tracker events out --room myroom --counts-every 300
+
+Regions and lines are tables of the room's scene.toml:
+  [[region]]
+  name = \"counter\"
+  polygon = [[1.0, 0.5], [2.5, 0.5], [2.5, 2.0]]   # metres on the floor
+  dwell_s = 60.0                                   # optional: a longer stay is an event
+  [[line]]
+  name = \"gate\"
+  points = [[0.0, 1.0], [2.0, 1.0]]                # from its left to its right, walking along it, is in")]
 pub(crate) struct EventsArgs {
     /// Folder that `tracker run` wrote
     #[arg(value_name = "OUT")]

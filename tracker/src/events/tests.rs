@@ -1,5 +1,7 @@
 //! Events of walks whose borders, times and gaps are known.
 
+use std::collections::BTreeMap;
+
 use nalgebra::Point2;
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
@@ -51,7 +53,7 @@ fn person(id: u32, x: f64, y: f64) -> PersonLine {
         vy: 0.0,
         sigma: [0.03, 0.03],
         confidence: 0.9,
-        visible: Default::default(),
+        visible: BTreeMap::new(),
     }
 }
 
