@@ -103,7 +103,7 @@ fn of_paths(first_seed: u64) -> StepResult<()> {
         let mut detector = Events::new(&room, EventOptions::default());
         let mut events = Vec::new();
         noise::lines(&paths, &TrackErrors::default(), until_s, seed, |line| {
-            events.extend(detector.step(line))
+            events.extend(detector.step(line));
         });
         events.extend(detector.finish());
         sums.add(&room, &Truths::new(&room, &paths), &valid(events));

@@ -41,7 +41,9 @@ fn a_run_tells_what_happened_and_tracker_events_tells_the_same() {
     track(&office(), &room, &out, &options).unwrap();
     let files = || FILES.map(|name| fs::read(out.join(name)).unwrap());
     let of_the_run = files();
-    FILES.iter().for_each(|name| fs::remove_file(out.join(name)).unwrap());
+    for name in FILES {
+        fs::remove_file(out.join(name)).unwrap();
+    }
     let mut events = program("tracker");
     let told =
         run(events.arg("events").arg(&out).arg("--room").arg(&room).args(["--counts-every", "10"])).unwrap();

@@ -334,7 +334,9 @@ proptest! {
             }
         }
         let mut tally = Tally::new(&room());
-        valid.iter().for_each(|event| tally.add(event));
+        for event in &valid {
+            tally.add(event);
+        }
         for (name, count) in tally.places().filter(|(name, _)| *name != "gate") {
             prop_assert!((0..=1).contains(&count.inside()), "{name}: {count:?}");
         }
