@@ -318,6 +318,8 @@ fn lines_of(paths: &[&[Option<(f64, f64)>]]) -> Vec<FrameLine> {
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
     /// Whatever people do: stays alternate and bear their duration, nobody is inside without having come, and what is
     /// taken back was told before.
     #[test]
