@@ -168,7 +168,7 @@ impl Sums {
 
     fn print(&self, set: &str) {
         for (sum, (name, ..)) in self.0.iter().zip(KINDS) {
-            let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
+            let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
             println!(
                 "{set:<22} {name:<7} {:>6} {:>6} {:>9.2} {:>9.2} {:>9.3} {:>9.3} {:>9.3} {:>9.3}",
                 sum.truths,
