@@ -22,6 +22,7 @@
 //! * [`run`] — the pipeline behind the stations: moments → method → outputs, and feedback to the stations.
 //! * [`tracks`] — the track files that a run writes, and their readers.
 //! * [`film`] — each camera's picture with the tracker's estimates, beside the simulated view.
+//! * [`events`] — what happened: appearances, stays, crossed lines, states of cameras; counts, heat map, groups.
 //! * [`view`] — the same pictures live in the browser.
 //! * [`plan`] — the floor plan with all trajectories.
 //! * [`detect`] — detections of people in one camera's pictures: input of [`link`].
@@ -35,6 +36,7 @@ pub mod chart;
 pub mod detect;
 mod error;
 pub mod eval;
+pub mod events;
 pub mod film;
 pub mod foreground;
 pub mod gathering;

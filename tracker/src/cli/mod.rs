@@ -9,6 +9,8 @@ mod colours;
 mod detect;
 mod endpoints;
 mod eval;
+mod event_arguments;
+mod events;
 mod flags;
 mod heads;
 mod input;
@@ -19,8 +21,10 @@ mod report;
 mod run;
 mod run_arguments;
 mod sampler;
+mod start;
 mod station;
 mod stations;
+mod stats;
 mod view;
 mod watch;
 mod weightmap;
@@ -48,6 +52,8 @@ enum Command {
     Link(Box<link::LinkArgs>),
     Agents(agents::AgentsArgs),
     Eval(eval::EvalArgs),
+    Events(events::EventsArgs),
+    Stats(stats::StatsArgs),
     Masks(masks::MasksArgs),
     Report(report::ReportArgs),
     Weightmap(weightmap::WeightMapArgs),
@@ -63,6 +69,8 @@ pub(crate) fn run(arguments: &Arguments, console: &Console) -> anyhow::Result<St
         Command::Link(args) => link::link(args, console),
         Command::Agents(args) => agents::agents(args, console),
         Command::Eval(args) => eval::eval(args),
+        Command::Events(args) => events::events(args),
+        Command::Stats(args) => stats::stats(args),
         Command::Masks(args) => masks::masks(args, console),
         Command::Report(args) => report::report(args),
         Command::Weightmap(args) => weightmap::weightmap(args),
