@@ -88,7 +88,7 @@ impl Clock {
     }
 
     /// Seconds from the local midnight before a time of the run, to that time.
-    pub(super) fn seconds_of_day(&self, time_s: f64) -> f64 {
+    pub(crate) fn seconds_of_day(&self, time_s: f64) -> f64 {
         let utc_ms = self.start_ms.saturating_add(milliseconds(time_s));
         let local_ms = utc_ms.saturating_add(i64::from(self.offset_min) * MINUTE_MS);
         local_ms.rem_euclid(DAY_MS) as f64 / 1000.0

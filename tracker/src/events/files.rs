@@ -18,7 +18,7 @@ pub(super) const EVENTS: &str = "events.jsonl";
 pub(super) const COUNTS: &str = "counts.csv";
 pub(super) const GROUPS: &str = "groups.csv";
 const HEAT: &str = "heat.csv";
-const HEAT_PICTURE: &str = "heat.png";
+pub(crate) const HEAT_PICTURE: &str = "heat.png";
 
 /// Options of the event files.
 #[derive(Debug, Clone, PartialEq)]
@@ -134,17 +134,30 @@ impl EventFiles {
 /// # Errors
 /// Names the file and the line that cannot be used; older files then stay.
 pub fn of_run(out: &Path, room_dir: &Path, options: &EventFileOptions) -> Result<()> {
-    let room = Room::read(room_dir)?;
-    let lines = jsonl::lines(&out.join("tracks.jsonl"))?;
     let beside = tempfile::Builder::new().prefix(".events-").tempdir_in(out).map_err(Error::io(out))?;
-    let mut files = EventFiles::new(beside.path(), &room, room_dir, options)?;
-    for line in lines {
-        files.step(&line?)?;
-    }
-    files.finish()?;
+    derive(out, beside.path(), room_dir, options)?;
     for name in [HEAT, HEAT_PICTURE, GROUPS, COUNTS, EVENTS] {
         let target = out.join(name);
         std::fs::rename(beside.path().join(name), &target).map_err(Error::io(&target))?;
     }
     Ok(())
+}
+
+/// Writes the event files of the finished run in `out` to another folder.
+///
+/// # Errors
+/// Names the file and the line that cannot be used.
+pub(crate) fn derive(out: &Path, folder: &Path, room_dir: &Path, options: &EventFileOptions) -> Result<()> {
+    let room = Room::read(room_dir)?;
+    let lines = jsonl::lines(&out.join("tracks.jsonl"))?;
+    let mut files = EventFiles::new(folder, &room, room_dir, options)?;
+    for line in lines {
+        files.step(&line?)?;
+    }
+    files.finish()
+}
+
+/// Whether a folder has the event files of a finished run.
+pub(crate) fn are_in(folder: &Path) -> bool {
+    [EVENTS, COUNTS, HEAT_PICTURE].iter().all(|name| folder.join(name).is_file())
 }

@@ -29,8 +29,10 @@ pub use clock::Clock;
 pub use detector::Events;
 pub use event::{CameraState, Direction, Event, EventKind};
 pub use files::{EventFileOptions, EventFiles, of_run};
+pub(crate) use files::{HEAT_PICTURE, are_in, derive};
 pub use groups::{Group, Groups};
 pub use tally::{PlaceCount, Tally};
+pub(crate) use words::duration;
 
 /// Options of the detector.
 #[derive(Debug, Clone, PartialEq)]

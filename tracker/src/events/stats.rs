@@ -7,6 +7,7 @@ use std::path::Path;
 use super::files::{COUNTS, EVENTS, GROUPS};
 use super::tally::csv_field;
 use super::words::{count, duration};
+
 use super::{CameraState, Clock, Direction, Event, EventKind};
 use crate::{Error, Result, TrackId};
 
@@ -74,7 +75,7 @@ impl PlaceStats {
     }
 
     /// Largest number of people inside, and the first time of it.
-    fn most(&self) -> Option<(usize, f64)> {
+    pub(crate) fn most(&self) -> Option<(usize, f64)> {
         let (mut most, mut exits) = (None, self.exits_s.iter().peekable());
         let mut inside = 0_usize;
         for entry_s in &self.entries_s {

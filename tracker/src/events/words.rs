@@ -1,7 +1,7 @@
 //! Durations and times for people.
 
 /// A duration in words: `0.4 s`, `25 s`, `3 min 5 s`, `2 h 10 min`.
-pub(super) fn duration(seconds: f64) -> String {
+pub(crate) fn duration(seconds: f64) -> String {
     let whole = seconds.max(0.0).round() as u64;
     match whole {
         0..10 => format!("{:.1} s", seconds.max(0.0)),

@@ -50,17 +50,6 @@ pub(super) fn path(points: impl IntoIterator<Item = (f64, f64)>) -> String {
     path
 }
 
-/// Round ticks of an axis from 0 to `end`, with steps of 1, 2 or 5 times a power of ten; at most about `count` of them.
-pub(super) fn ticks(end: f64, count: usize) -> Vec<f64> {
-    if !(end > 0.0 && end.is_finite()) || count == 0 {
-        return vec![0.0];
-    }
-    let raw = end / count as f64;
-    let power = 10f64.powf(raw.log10().floor());
-    let step = [1.0, 2.0, 5.0, 10.0].map(|m| m * power).into_iter().find(|s| *s >= raw).unwrap_or(raw);
-    (0..=(end / step + 1e-9) as usize).map(|i| i as f64 * step).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -68,15 +57,5 @@ mod tests {
     #[test]
     fn text_cannot_become_markup() {
         assert_eq!(escape("<a b='\"&'>"), "&lt;a b=&#39;&quot;&amp;&#39;&gt;");
-    }
-
-    #[test]
-    fn ticks_are_round_and_few() {
-        assert_eq!(ticks(25.0, 6), [0.0, 5.0, 10.0, 15.0, 20.0, 25.0]);
-        let fine = ticks(0.9, 5);
-        assert!(fine.len() == 5 && (fine[4] - 0.8).abs() < 1e-12, "{fine:?}");
-        for end in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            assert_eq!(ticks(end, 5), [0.0]);
-        }
     }
 }

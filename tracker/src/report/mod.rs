@@ -1,11 +1,13 @@
 //! The report: one self-contained page about a run.
 //!
-//! `tracks.jsonl`, `timings.json` and the films of a run, its room and, where there is one, the truth → `recording` → a
-//! section each: floor plan (`floor_plan`), stills at informative moments (`moments`, `stills`), predicted visibility
-//! over time (`timeline`), evaluation and time per stage (`tables`) → one HTML file (`page`). Pictures are embedded and
+//! `tracks.jsonl`, the events, `timings.json` and the films of a run, its room and, where there is one, the truth →
+//! `recording` → a section each: who came, when, and who was where how long (`day`), floor plan (`floor_plan`), stills at
+//! informative moments (`moments`, `stills`), predicted visibility over time (`timeline`), evaluation and time per stage
+//! (`tables`) → one HTML file (`page`). Pictures are embedded and
 //! drawings are inline SVG, so the page loads nothing from the network.
 
 mod belonging;
+mod day;
 mod floor_plan;
 mod markup;
 mod moments;
@@ -13,6 +15,7 @@ mod page;
 mod recording;
 mod stills;
 mod tables;
+mod time_axis;
 mod timeline;
 
 use std::path::{Path, PathBuf};

@@ -2,10 +2,13 @@
 
 use std::fmt::Write;
 
+use image::RgbImage;
+
 use super::markup::{data_url, escape};
 use super::moments::{self, HIDDEN};
 use super::recording::RunRecording;
-use super::{ReportOptions, floor_plan, stills, tables, timeline};
+use super::time_axis::TimeAxis;
+use super::{ReportOptions, day, floor_plan, stills, tables, timeline};
 use crate::tracks::jsonl::FrameLine;
 use crate::{Result, TrackId};
 
@@ -18,24 +21,35 @@ const STYLE: &str = include_str!("page.css");
 pub(super) fn html(recording: &RunRecording, options: &ReportOptions) -> Result<String> {
     let title = "Who was where";
     let mut body = header(recording, title);
+    let day = &recording.day;
+    let day_s = day.clock.map(|clock| clock.seconds_of_day(0.0));
+    let axis = TimeAxis::new(recording.span_s(), day_s);
+    let people = timeline::longest(recording, options.people);
+    section(&mut body, "Who came, and when", "", &day::overview(day, &axis));
+    if !people.is_empty() {
+        let bars = day::stays(day, recording, &people, &axis);
+        section(&mut body, "Who was where, and how long", STAYS, &(bars + &day::places(day)));
+    }
+    if let Some(heat) = &recording.heat {
+        section(
+            &mut body,
+            "Where people spent their time",
+            HEAT,
+            &picture(heat, "Heat map over the floor plan"),
+        );
+    }
     section(&mut body, "The way everybody went", PLAN, &floor_plan::svg(recording)?);
     let pictures = film_stills(recording, options)?;
     if !pictures.is_empty() {
         section(&mut body, "What the cameras saw, and what was expected", STILLS, &pictures);
     }
-    if recording.frames.iter().any(|f| !f.people.is_empty()) {
-        let strips = timeline::svg(recording, options.people);
-        section(
-            &mut body,
-            "Predicted visibility",
-            TIMELINE,
-            &format!("<div class=\"scroll\">{strips}</div>"),
-        );
+    if !people.is_empty() {
+        section(&mut body, "Predicted visibility", TIMELINE, &timeline::html(recording, &people, &axis));
     }
     if let Some(evaluation) = &recording.evaluation {
         let headline = escape(&evaluation.headline());
         let lead = format!("Compared with the {headline}.");
-        section(&mut body, "How good it is", &lead, &tables::evaluation(evaluation));
+        folded(&mut body, "How good it is", &lead, &tables::evaluation(evaluation));
     }
     if let Some(timings) = &recording.timings {
         let lead = format!(
@@ -43,7 +57,7 @@ pub(super) fn html(recording: &RunRecording, options: &ReportOptions) -> Result<
              side, so they do not add up to the run.",
             timings.frames, timings.threads
         );
-        section(&mut body, "Where the time went", &lead, &tables::timings(timings));
+        folded(&mut body, "Where the time went", &lead, &tables::timings(timings));
     }
     Ok(format!(
         "<!doctype html>\n<html lang=\"en-GB\">\n<head>\n<meta charset=\"utf-8\">\n\
@@ -55,6 +69,9 @@ pub(super) fn html(recording: &RunRecording, options: &ReportOptions) -> Result<
     ))
 }
 
+const STAYS: &str = "A bar is the time in which a person was followed, of those who were there longest; colours are \
+    the zones and regions they stood in.";
+const HEAT: &str = "Seconds that people spent on each square of the floor: the darker, the longer.";
 const PLAN: &str = "The room from above, with each person's track on the floor. A ring marks where a track begins, \
     a number where it ends. Thin dashed lines, if any, are the truth.";
 const STILLS: &str = "Left, the picture: tinted where a person is predicted to be visible, dashed and pale where the \
@@ -65,24 +82,27 @@ const TIMELINE: &str = "For each person and camera, how much of the body is pred
     empty, the person is outside the picture or not there.";
 
 fn section(body: &mut String, title: &str, lead: &str, content: &str) {
+    let lead = if lead.is_empty() { String::new() } else { format!("<p class=\"lead\">{lead}</p>\n") };
     // Writing to a string cannot fail.
-    let _ =
-        write!(body, "<section>\n<h2>{title}</h2>\n<p class=\"lead\">{lead}</p>\n{content}\n</section>\n");
+    let _ = write!(body, "<section>\n<h2>{title}</h2>\n{lead}{content}\n</section>\n");
+}
+
+/// A section that shows its title until it is opened.
+fn folded(body: &mut String, title: &str, lead: &str, content: &str) {
+    let _ = write!(
+        body,
+        "<section>\n<details>\n<summary><h2>{title}</h2></summary>\n<p class=\"lead\">{lead}</p>\n{content}\n\
+         </details>\n</section>\n"
+    );
 }
 
 fn header(recording: &RunRecording, title: &str) -> String {
     let (first, last) = recording.span_s();
-    let people = recording.tracks().len();
     let cameras = recording.cameras.len();
-    let mut cards = vec![(people.to_string(), if people == 1 { "track" } else { "tracks" })];
-    if let Some(evaluation) = &recording.evaluation {
-        cards.extend(tables::headline_figures(evaluation));
+    let mut cards = String::new();
+    for (value, name) in day::cards(&recording.day) {
+        let _ = write!(cards, "<div class=\"card\"><b>{}</b><span>{name}</span></div>", escape(&value));
     }
-    let cards = cards.iter().fold(String::new(), |mut all, (value, name)| {
-        let _ =
-            write!(all, "<div class=\"card\"><b>{}</b><span>{}</span></div>", escape(value), escape(name));
-        all
-    });
     format!(
         "<header>\n<h1>{title}</h1>\n<p class=\"lead\">{} frames, {:.1} s, {cameras} camera{} ({}), \
          room <code>{}</code>.</p>\n\
@@ -92,6 +112,16 @@ fn header(recording: &RunRecording, title: &str) -> String {
         if cameras == 1 { "" } else { "s" },
         escape(&recording.cameras.join(", ")),
         escape(&recording.room_dir.display().to_string())
+    )
+}
+
+/// A picture as wide as the page.
+fn picture(picture: &RgbImage, name: &str) -> String {
+    format!(
+        "<figure><img src=\"{}\" alt=\"{name}\" width=\"{}\" height=\"{}\"></figure>",
+        data_url(picture, 86),
+        picture.width(),
+        picture.height()
     )
 }
 

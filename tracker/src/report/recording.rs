@@ -3,11 +3,14 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use image::RgbImage;
 use nalgebra::Point2;
 use scenes::room::Room;
 
 use super::{ReportSources, belonging};
 use crate::eval::{EvalOptions, Evaluation, align};
+use crate::events::stats::DayStats;
+use crate::events::{self, EventFileOptions};
 use crate::silhouette::{Body, contour};
 use crate::tracks::Timings;
 use crate::tracks::jsonl::{self, FrameLine, PersonLine};
@@ -32,6 +35,10 @@ pub(super) struct RunRecording {
     pub(super) frames: Vec<FrameLine>,
     /// Time per stage; `None` for a run that did not finish.
     pub(super) timings: Option<Timings>,
+    /// People who came and went, by place.
+    pub(super) day: DayStats,
+    /// Heat map over the floor plan; `None` where nobody was there.
+    pub(super) heat: Option<RgbImage>,
     /// Evaluation against the truth, if that is known.
     pub(super) evaluation: Option<Evaluation>,
     /// True trajectories, in the run's room; stretches without a gap.
@@ -72,6 +79,7 @@ impl RunRecording {
             ));
         }
         belonging::check(&sources.run, &frames, &room, &sources.room)?;
+        let (day, heat) = events_of(sources)?;
         let (evaluation, truth_paths) = match &sources.truth {
             Some(truth) => {
                 let (evaluation, paths) = judge(sources, truth)?;
@@ -79,6 +87,7 @@ impl RunRecording {
             }
             None => (None, Vec::new()),
         };
+        let frames_have_people = frames.iter().any(|frame| !frame.people.is_empty());
         Ok(Self {
             run: sources.run.clone(),
             room_dir: sources.room.clone(),
@@ -86,6 +95,8 @@ impl RunRecording {
             cameras,
             frames,
             timings,
+            day,
+            heat: heat.filter(|_| frames_have_people),
             evaluation,
             truth_paths,
         })
@@ -121,6 +132,25 @@ impl RunRecording {
     pub(super) fn film(&self, camera: &str) -> Option<PathBuf> {
         Some(film_path(&self.run, camera)).filter(|path| path.exists())
     }
+}
+
+/// The day and its heat map, from the run's event files; of a run without them, from its tracks.
+fn events_of(sources: &ReportSources) -> Result<(DayStats, Option<RgbImage>)> {
+    let read = |folder: &Path| -> Result<_> {
+        let heat = folder.join(events::HEAT_PICTURE);
+        let heat = heat
+            .exists()
+            .then(|| calib::picture::read(&heat))
+            .transpose()?
+            .map(|picture| picture.into_rgb8());
+        Ok((DayStats::read(folder)?, heat))
+    };
+    if events::are_in(&sources.run) {
+        return read(&sources.run);
+    }
+    let folder = tempfile::tempdir().map_err(Error::io(&std::env::temp_dir()))?;
+    events::derive(&sources.run, folder.path(), &sources.room, &EventFileOptions::default())?;
+    read(folder.path())
 }
 
 fn film_path(run: &Path, camera: &str) -> PathBuf {

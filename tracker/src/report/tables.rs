@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::markup::escape;
-use crate::eval::{Evaluation, FigureValue, MetricFigure, Unit};
+use crate::eval::Evaluation;
 use crate::tracks::Timings;
 
 /// Table of all figures with their meaning.
@@ -20,29 +20,6 @@ pub(super) fn evaluation(evaluation: &Evaluation) -> String {
         );
     }
     format!("<div class=\"scroll\"><table class=\"figures\"><tbody>\n{rows}</tbody></table></div>")
-}
-
-/// Figures for the cards, with their names: accuracy, identity, error.
-pub(super) fn headline_figures(evaluation: &Evaluation) -> Vec<(String, &'static str)> {
-    let wanted = ["MOTA", "MODA", "IDF1", "HOTA", "mean error"];
-    let figures = evaluation.figures();
-    let has_mota =
-        figures.iter().any(|f| f.name == "MOTA" && f.value != FigureValue::Real(None, Unit::Percent));
-    wanted
-        .iter()
-        // MODA replaces MOTA where there are no identities.
-        .filter(|name| !(has_mota && **name == "MODA"))
-        .filter_map(|name| figures.iter().find(|f| f.name == *name))
-        .filter_map(|figure| Some((short(figure)?, figure.name)))
-        .collect()
-}
-
-fn short(figure: &MetricFigure) -> Option<String> {
-    match figure.value {
-        FigureValue::Real(Some(value), Unit::Percent) => Some(format!("{value:.1}\u{a0}%").replace('-', "−")),
-        FigureValue::Real(Some(value), Unit::Metres) => Some(format!("{:.1}\u{a0}cm", 100.0 * value)),
-        _ => None,
-    }
 }
 
 /// Table of median, 95th percentile and total of each stage, with bars for the totals.

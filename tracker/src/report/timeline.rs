@@ -1,76 +1,47 @@
-//! Timeline of predicted visibility: a strip for each person and camera, as inline SVG.
+//! Timeline of predicted visibility: a strip for each person and camera, as wide as the page.
 
 use std::fmt::Write;
 
 use shell::canvas::Color;
 
-use super::markup::{css, escape, path, ticks};
+use super::markup::{css, escape, path};
 use super::recording::RunRecording;
+use super::time_axis::TimeAxis;
 use crate::TrackId;
 use crate::tracks::jsonl::FrameLine;
 
-/// Drawing size, in SVG units.
-const WIDTH: f64 = 1000.0;
-const LEFT: f64 = 86.0;
-const RIGHT: f64 = 12.0;
-const STRIP: f64 = 34.0;
-const GAP: f64 = 7.0;
-const HEADING: f64 = 30.0;
-const AXIS: f64 = 34.0;
-/// Largest number of columns: longer recordings are averaged, because a screen shows no more.
+/// Largest number of columns, which are the drawing's units: longer recordings are averaged, because a screen shows no
+/// more.
 const COLUMNS: usize = 1200;
+/// Height of a strip in drawing units.
+const STRIP: f64 = 34.0;
 
 /// Visible fraction of a person in a camera for each column; `None` outside the picture.
 type VisibilitySeries = Vec<Option<f64>>;
 
-/// Strips of up to `people` people (those with the longest tracks), by id.
-pub(super) fn svg(recording: &RunRecording, people: usize) -> String {
-    let (first, last) = recording.span_s();
-    let duration = (last - first).max(1e-9);
-    let ids = longest(recording, people);
-    let group = HEADING + recording.cameras.len() as f64 * (STRIP + GAP);
-    let height = ids.len() as f64 * group + AXIS;
-    let x = |share: f64| LEFT + share * (WIDTH - LEFT - RIGHT);
-    let mut svg = format!(
-        "<svg class=\"timeline\" viewBox=\"0 0 {WIDTH} {height:.0}\" role=\"img\" \
-         aria-label=\"Predicted visible share of each person in each camera over time\">\n"
-    );
-    // Writing to a string cannot fail, here and below.
-    for second in ticks(duration, 10) {
-        let at = x(second / duration);
+/// Strips of these people.
+pub(super) fn html(recording: &RunRecording, people: &[TrackId], axis: &TimeAxis) -> String {
+    let mut html = String::new();
+    for id in people {
+        let (color, ink) = (Color::of_id(id.0), css(Color::of_id(id.0).text_on()));
+        let color = css(color);
+        // Writing to a string cannot fail, here and below.
         let _ = writeln!(
-            svg,
-            "<line class=\"grid\" x1=\"{at:.1}\" x2=\"{at:.1}\" y1=\"0\" y2=\"{:.1}\"/>\
-             <text class=\"tick\" x=\"{at:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{} s</text>",
-            height - AXIS + 4.0,
-            height - 12.0,
-            (second + first).round()
+            html,
+            "<h3><b class=\"chip\" style=\"background:{color};color:{ink}\">{id}</b> person {id}</h3>"
         );
-    }
-    for (index, id) in ids.iter().enumerate() {
-        let top = index as f64 * group;
-        let color = css(Color::of_id(id.0));
-        let _ = writeln!(
-            svg,
-            "<rect x=\"0\" y=\"{:.1}\" width=\"22\" height=\"20\" rx=\"5\" fill=\"{color}\"/>\
-             <text class=\"chip\" x=\"11\" y=\"{:.1}\" text-anchor=\"middle\" fill=\"{}\">{id}</text>\
-             <text class=\"who\" x=\"30\" y=\"{:.1}\">person {id}</text>",
-            top + 4.0,
-            top + 18.5,
-            css(Color::of_id(id.0).text_on()),
-            top + 18.5
-        );
-        for (row, camera) in recording.cameras.iter().enumerate() {
-            let strip_top = top + HEADING + row as f64 * (STRIP + GAP);
-            strip(&mut svg, &series(recording, *id, camera), camera, &color, strip_top, x);
+        for camera in &recording.cameras {
+            let strip = strip(&series(recording, *id, camera), &color);
+            let name = escape(camera);
+            let _ = writeln!(html, "<div class=\"row\"><span title=\"{name}\">{name}</span>{strip}</div>");
         }
     }
-    svg.push_str("</svg>");
-    svg
+    let _ = writeln!(html, "<div class=\"row\"><span></span>{}</div>", axis.html());
+    html
 }
 
 /// Ids with the longest tracks, ascending.
-fn longest(recording: &RunRecording, people: usize) -> Vec<TrackId> {
+pub(super) fn longest(recording: &RunRecording, people: usize) -> Vec<TrackId> {
     let mut lengths: Vec<(usize, TrackId)> =
         recording.tracks().into_iter().map(|(id, places)| (places.len(), id)).collect();
     lengths.sort_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
@@ -97,28 +68,14 @@ fn series(recording: &RunRecording, id: TrackId, camera: &str) -> VisibilitySeri
         .collect()
 }
 
-/// Draws one strip: its frame and name, and an area for each stretch in which the person is in the picture.
-fn strip(
-    svg: &mut String,
-    series: &VisibilitySeries,
-    camera: &str,
-    color: &str,
-    top: f64,
-    x: impl Fn(f64) -> f64,
-) {
-    let bottom = top + STRIP;
-    let _ = writeln!(
-        svg,
-        "<rect class=\"strip\" x=\"{LEFT}\" y=\"{top:.1}\" width=\"{:.1}\" height=\"{STRIP}\" rx=\"3\"/>\
-         <text class=\"camera\" x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
-        WIDTH - LEFT - RIGHT,
-        LEFT - 8.0,
-        top + 0.5 * STRIP + 4.5,
-        escape(camera)
+/// One strip: an area for each stretch in which the person is in the picture.
+fn strip(series: &VisibilitySeries, color: &str) -> String {
+    let columns = series.len().max(1);
+    let mut svg = format!(
+        "<svg class=\"strip\" viewBox=\"0 0 {columns} {STRIP}\" preserveAspectRatio=\"none\" role=\"img\" \
+         aria-label=\"Predicted visible share over time\">"
     );
-    let columns = series.len().max(1) as f64;
-    let edge = |column: usize| x(column as f64 / columns);
-    let y = |visible: f64| bottom - visible.clamp(0.0, 1.0) * STRIP;
+    let y = |visible: f64| STRIP * (1.0 - visible.clamp(0.0, 1.0));
     let mut column = 0;
     while column < series.len() {
         let stretch = series[column..].iter().take_while(|v| v.is_some()).count();
@@ -129,17 +86,16 @@ fn strip(
         let end = column + stretch;
         let surface: Vec<(f64, f64)> = (column..end)
             .filter_map(|i| series[i].map(|v| (i, y(v))))
-            .flat_map(|(i, y)| [(edge(i), y), (edge(i + 1), y)])
+            .flat_map(|(i, y)| [(i as f64, y), ((i + 1) as f64, y)])
             .collect();
-        let base = [(edge(end), bottom), (edge(column), bottom)];
-        let _ = writeln!(
+        let base = [(end as f64, STRIP), (column as f64, STRIP)];
+        let _ = write!(
             svg,
-            "<rect class=\"hidden\" x=\"{:.1}\" y=\"{top:.1}\" width=\"{:.1}\" height=\"{STRIP}\"/>\
+            "<rect class=\"hidden\" x=\"{column}\" y=\"0\" width=\"{stretch}\" height=\"{STRIP}\"/>\
              <path fill=\"{color}\" d=\"{}Z\"/>",
-            edge(column),
-            edge(end) - edge(column),
             path(surface.into_iter().chain(base))
         );
         column = end;
     }
+    svg + "</svg>"
 }
