@@ -23,6 +23,7 @@
 //! * [`tracks`] — the track files that a run writes, and their readers.
 //! * [`film`] — each camera's picture with the tracker's estimates, beside the simulated view.
 //! * [`view`] — the same pictures live in the browser.
+//! * [`publish`] — people, events and counts to other programs, while the run goes on.
 //! * [`plan`] — the floor plan with all trajectories.
 //! * [`detect`] — detections of people in one camera's pictures: input of [`link`].
 //! * [`link`] — tracks of least total cost from a whole recording's detections.
@@ -47,6 +48,7 @@ pub mod observation;
 pub mod offsets;
 pub mod plan;
 pub mod prepared_room;
+pub mod publish;
 pub mod report;
 pub mod run;
 pub mod silhouette;
