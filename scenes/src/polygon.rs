@@ -137,7 +137,7 @@ fn runs_back(a: Point2<f64>, b: Point2<f64>, c: Point2<f64>) -> bool {
 }
 
 /// Whether two segments share a point, ends included.
-fn segments_meet(a: Point2<f64>, b: Point2<f64>, c: Point2<f64>, d: Point2<f64>) -> bool {
+pub(crate) fn segments_meet(a: Point2<f64>, b: Point2<f64>, c: Point2<f64>, d: Point2<f64>) -> bool {
     let side = |p: Point2<f64>, q: Point2<f64>, r: Point2<f64>| {
         let turn = (q - p).perp(&(r - p));
         if turn == 0.0 { 0.0 } else { turn.signum() }

@@ -22,6 +22,7 @@
 //! * [`run`] — the pipeline behind the stations: moments → method → outputs, and feedback to the stations.
 //! * [`tracks`] — the track files that a run writes, and their readers.
 //! * [`film`] — each camera's picture with the tracker's estimates, beside the simulated view.
+//! * [`events`] — what happened: appearances, stays, crossed lines, states of cameras; counts, heat map, groups.
 //! * [`view`] — the same pictures live in the browser.
 //! * [`publish`] — people, events and counts to other programs, while the run goes on.
 //! * [`plan`] — the floor plan with all trajectories.
@@ -36,6 +37,7 @@ pub mod chart;
 pub mod detect;
 mod error;
 pub mod eval;
+pub mod events;
 pub mod film;
 pub mod foreground;
 pub mod gathering;

@@ -21,7 +21,7 @@ use image::RgbImage;
 use nalgebra::Point2;
 use rayon::prelude::*;
 use scenes::geometry::Disc;
-use scenes::room::{Room, Zone};
+use scenes::room::{Markings, Room};
 
 use crate::assemble::{self, AssembleOptions, Captures};
 use crate::capture::{Capture, CaptureFile};
@@ -84,7 +84,7 @@ pub fn build(
     progress: &mut (dyn FnMut(&BuildStep) + Send),
 ) -> Result<BuildReport> {
     let mut project = Project::read(project_file)?;
-    let zones = options.zones.as_deref().map(scenes::room::read_zones).transpose()?;
+    let markings = options.zones.as_deref().map(scenes::room::read_markings).transpose()?;
     let before = output::check_target(out)?;
     let of = project.cameras.len() * STEPS_A_CAMERA + STEPS_A_ROOM;
     let mut number = 0;
@@ -140,7 +140,7 @@ pub fn build(
     };
     let (mut room, assembled) = assemble::assemble(&project, &captures, &options.assemble)?;
     report.assembled(&project, &assembled, start.elapsed());
-    take_over_zones(&mut room, before, zones);
+    take_over_markings(&mut room, before, markings);
 
     step("writing the room and its previews".into());
     let start = Instant::now();
@@ -259,13 +259,22 @@ fn reading(file: &CaptureFile) -> String {
     }
 }
 
-/// Takes zones and walkable regions over into a rebuilt room: its coordinates stay the same.
-fn take_over_zones(room: &mut Room, before: Option<Room>, zones: Option<Vec<Zone>>) {
+/// Takes zones, regions, lines and walkable regions over into a rebuilt room: its coordinates stay the same. Those of a
+/// file come in place of the old ones; a file without regions or lines leaves the old ones.
+fn take_over_markings(room: &mut Room, before: Option<Room>, markings: Option<Markings>) {
     if let Some(before) = before {
         room.walkable = before.walkable;
         room.zones = before.zones;
+        room.regions = before.regions;
+        room.lines = before.lines;
     }
-    if let Some(zones) = zones {
+    if let Some(Markings { zones, regions, lines }) = markings {
         room.zones = zones;
+        if !regions.is_empty() {
+            room.regions = regions;
+        }
+        if !lines.is_empty() {
+            room.lines = lines;
+        }
     }
 }

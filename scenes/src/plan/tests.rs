@@ -45,6 +45,7 @@ fn room() -> Room {
         }],
         walkable: None,
         geometry: Some(Geometry::Mesh(mesh)),
+        ..Room::default()
     }
 }
 

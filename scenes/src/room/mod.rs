@@ -1,5 +1,6 @@
-//! The room: cameras, zones, floor and geometry, and the directory that holds them.
+//! The room: cameras, zones, regions, lines, floor and geometry, and the directory that holds them.
 
+mod marking;
 mod read;
 mod replace_zones;
 mod scene_file;
@@ -17,7 +18,8 @@ use crate::geometry::Geometry;
 use crate::polygon::Polygon;
 use crate::{Error, Result};
 
-pub use read::read_zones;
+pub use marking::{Line, Region};
+pub use read::{Markings, read_markings};
 pub use replace_zones::{SceneVersion, replace_zones};
 
 /// Name of the file of a room directory that names all others.
@@ -32,6 +34,10 @@ pub struct Room {
     pub cameras: Vec<RoomCamera>,
     /// Regions where people appear and disappear.
     pub zones: Vec<Zone>,
+    /// Regions where people are counted and timed.
+    pub regions: Vec<Region>,
+    /// Lines at which people are counted as they cross them.
+    pub lines: Vec<Line>,
     /// Regions where a person can stand, if stated; otherwise they are derived from the geometry.
     pub walkable: Option<Vec<Polygon>>,
     /// Geometry of the room; without it the room hides nothing.

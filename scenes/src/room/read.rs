@@ -7,7 +7,7 @@ use serde::Deserialize;
 
 use super::scene_file::{FORMAT, SceneFile, Version};
 use super::validate::{camera_place, zone_place};
-use super::{Room, SCENE_FILE, Zone};
+use super::{Line, Region, Room, SCENE_FILE, Zone, marking};
 use crate::geometry::ply;
 use crate::{Error, Result};
 
@@ -32,6 +32,8 @@ impl Room {
 
         let mut room = Self {
             zones: file.zone,
+            regions: file.region,
+            lines: file.line,
             walkable: file.floor.and_then(|floor| floor.walkable),
             ..Self::default()
         };
@@ -86,24 +88,38 @@ pub(super) fn scene_file_in(dir: &Path) -> Result<PathBuf> {
     Err(Error::content(dir, "room directory", problem))
 }
 
-/// Zones of a file: its `[[zone]]` tables; other content is ignored. A room's `scene.toml` will do.
+/// Zones, regions and lines of a file.
+#[derive(Debug, Clone, PartialEq, Default, Deserialize)]
+pub struct Markings {
+    /// The `[[zone]]` tables; at least one.
+    #[serde(default, rename = "zone")]
+    pub zones: Vec<Zone>,
+    /// The `[[region]]` tables.
+    #[serde(default, rename = "region")]
+    pub regions: Vec<Region>,
+    /// The `[[line]]` tables.
+    #[serde(default, rename = "line")]
+    pub lines: Vec<Line>,
+}
+
+/// Markings of a file: its `[[zone]]`, `[[region]]` and `[[line]]` tables; other content is ignored. A room's
+/// `scene.toml` will do.
 ///
 /// # Errors
-/// [`Error::Calib`] when it cannot be read or parsed, [`Error::Content`] when it holds no zone or one without area.
-pub fn read_zones(file: &Path) -> Result<Vec<Zone>> {
-    #[derive(Deserialize)]
-    struct ZonesFile {
-        #[serde(default)]
-        zone: Vec<Zone>,
-    }
-    let ZonesFile { zone: zones } = read_toml(file)?;
-    if zones.is_empty() {
+/// [`Error::Calib`] when it cannot be read or parsed, [`Error::Content`] when it holds no zone, or one without area, or a
+/// region or line that no room may have.
+pub fn read_markings(file: &Path) -> Result<Markings> {
+    let markings: Markings = read_toml(file)?;
+    if markings.zones.is_empty() {
         return Err(Error::content(file, "whole file", "there is no [[zone]] table in it"));
     }
-    for (i, zone) in zones.iter().enumerate() {
+    for (i, zone) in markings.zones.iter().enumerate() {
         if let Some(problem) = zone.polygon.defect() {
             return Err(Error::content(file, zone_place(i, &zone.name), problem));
         }
     }
-    Ok(zones)
+    match marking::defect(&markings.zones, &markings.regions, &markings.lines) {
+        Some((place, problem)) => Err(Error::content(file, place, problem)),
+        None => Ok(markings),
+    }
 }

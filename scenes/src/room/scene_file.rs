@@ -7,7 +7,7 @@ use calib::{Camera, Distortion, Intrinsics};
 use nalgebra::{Isometry3, Translation3};
 use serde::{Deserialize, Serialize};
 
-use super::{Room, RoomCamera, Zone};
+use super::{Line, Region, Room, RoomCamera, Zone};
 use crate::polygon::Polygon;
 
 /// The only version of the format.
@@ -29,8 +29,13 @@ pub(super) struct SceneFile {
     pub(super) floor: Option<FloorTable>,
     #[serde(default)]
     pub(super) camera: Vec<CameraTable>,
-    #[serde(default)]
+    // An empty `zone = []` would forbid that a table is appended by hand.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(super) zone: Vec<Zone>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(super) region: Vec<Region>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(super) line: Vec<Line>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -95,6 +100,8 @@ impl SceneFile {
             floor: room.walkable.clone().map(|polygons| FloorTable { walkable: Some(polygons) }),
             camera: room.cameras.iter().map(CameraTable::of).collect(),
             zone: room.zones.clone(),
+            region: room.regions.clone(),
+            line: room.lines.clone(),
         }
     }
 }

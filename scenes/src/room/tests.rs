@@ -9,7 +9,7 @@ use nalgebra::{Isometry3, Point2, Translation3, UnitQuaternion};
 use proptest::prelude::*;
 use tempfile::TempDir;
 
-use super::{Room, RoomCamera, Zone, ZoneKind, read_zones};
+use super::{Line, Markings, Region, Room, RoomCamera, Zone, ZoneKind, read_markings};
 use crate::geometry::{Disc, Geometry};
 use crate::polygon::Polygon;
 
@@ -34,6 +34,14 @@ fn room() -> Room {
             Zone { name: "door".into(), polygon: rectangle(0.1), kind: ZoneKind::Both },
             Zone { name: "gate".into(), polygon: rectangle(3.0), kind: ZoneKind::Exit },
         ],
+        regions: vec![
+            Region { name: "counter".into(), polygon: rectangle(5.0), dwell_s: Some(60.0) },
+            Region { name: "shelf".into(), polygon: rectangle(7.0), dwell_s: None },
+        ],
+        lines: vec![Line {
+            name: "till".into(),
+            points: vec![Point2::new(0.0, 1.0 / 3.0), Point2::new(2.0, 0.0), Point2::new(2.5, 1.0)],
+        }],
         walkable: Some(vec![rectangle(-5.0), rectangle(-2.5)]),
         geometry: Some(Geometry::Discs(vec![Disc {
             center: Vec3::new(0.1, 0.2, 0.3),
@@ -76,6 +84,7 @@ fn a_written_room_reads_back_equal() {
     let (folder, room) = (written(), room());
     let back = Room::read(folder.path()).unwrap();
     assert_eq!(back.zones, room.zones);
+    assert_eq!((&back.regions, &back.lines), (&room.regions, &room.lines));
     assert_eq!(back.walkable, room.walkable);
     assert_eq!(back.geometry, room.geometry);
     for (a, b) in back.cameras.iter().zip(&room.cameras) {
@@ -93,9 +102,19 @@ fn a_written_room_reads_back_equal() {
 #[test]
 fn optional_parts_may_be_missing() {
     let folder = tempfile::tempdir().unwrap();
-    let mut bare = Room { zones: vec![], walkable: None, geometry: None, ..room() };
+    let mut bare = Room { cameras: room().cameras, ..Room::default() };
     bare.cameras[0].reference = None;
     bare.write(folder.path()).unwrap();
+    // A table may be appended by hand: no empty list is in its way.
+    let scene = folder.path().join("scene.toml");
+    let mut text = std::fs::read_to_string(&scene).unwrap();
+    for (table, list) in [("zone", "polygon"), ("region", "polygon"), ("line", "points")] {
+        text += &format!("\n[[{table}]]\nname = \"a {table}\"\n{list} = [[0, 0], [1, 0], [1, 1]]\n");
+    }
+    let appended = tempfile::tempdir().unwrap();
+    std::fs::write(appended.path().join("scene.toml"), text).unwrap();
+    let read = Room::read(appended.path()).unwrap();
+    assert_eq!((read.zones.len(), read.regions.len(), read.lines.len()), (1, 1, 1));
     let back = Room::read(folder.path()).unwrap();
     assert!(back.zones.is_empty() && back.walkable.is_none() && back.geometry.is_none());
     assert_eq!(back.cameras[0].reference, None);
@@ -239,11 +258,12 @@ fn a_room_that_cannot_be_written_whole_is_not_written() {
 fn zones_come_from_any_file_that_has_them() {
     let folder = written();
     let scene = folder.path().join("scene.toml");
-    assert_eq!(read_zones(&scene).unwrap(), room().zones);
+    let Room { zones, regions, lines, .. } = room();
+    assert_eq!(read_markings(&scene).unwrap(), Markings { zones, regions, lines });
     let path = folder.path().join("zones.toml");
     let said = |text: &str| {
         std::fs::write(&path, text).unwrap();
-        let line = read_zones(&path).unwrap_err().to_string();
+        let line = read_markings(&path).unwrap_err().to_string();
         assert!(line.contains("zones.toml") && !line.contains('\n'), "{line}");
         line
     };
@@ -254,8 +274,8 @@ fn zones_come_from_any_file_that_has_them() {
     assert!(said("[[zone]]\nname = \"a\"\nkind = \"both\"\n").contains("polygon"));
     assert!(said("[[zone]\n").contains("line 1"));
     std::fs::write(&path, "[[zone]]\nname = \"a\"\npolygon = [[0, 0], [1, 1], [1, 0]]\n").unwrap();
-    assert_eq!(read_zones(&path).unwrap()[0].kind, ZoneKind::Both);
-    assert!(read_zones(Path::new("/nowhere/zones.toml")).is_err());
+    assert_eq!(read_markings(&path).unwrap().zones[0].kind, ZoneKind::Both);
+    assert!(read_markings(Path::new("/nowhere/zones.toml")).is_err());
 }
 
 proptest! {

@@ -1,12 +1,13 @@
 //! Checks of the invariants of a room.
 
-use super::{Room, RoomCamera, Zone};
+use super::{Room, RoomCamera, Zone, marking};
+use crate::polygon::Polygon;
 use crate::{Error, Result};
 
 /// Largest side of a camera's image; a misplaced digit must not exhaust memory.
 const LARGEST_SIDE_PX: u32 = 20_000;
-/// Largest number of a zone's corners: the check visits every pair of edges.
-const MOST_CORNERS: usize = 1000;
+/// Largest number of corners of a zone, region or line: the check visits every pair of edges.
+pub(super) const MOST_CORNERS: usize = 1000;
 
 impl Room {
     /// Checks the invariants that every other part of the program relies on.
@@ -36,6 +37,9 @@ impl Room {
             if let Some(problem) = zone.polygon.defect() {
                 return Some((zone_place(i, &zone.name), problem));
             }
+        }
+        if let Some(defect) = marking::defect(&self.zones, &self.regions, &self.lines) {
+            return Some(defect);
         }
         if let Some(polygons) = &self.walkable {
             if polygons.is_empty() {
@@ -73,18 +77,26 @@ pub(super) fn drawn_zones_defect(zones: &[Zone]) -> Option<(String, String)> {
 }
 
 fn drawn_zone_defect(zone: &Zone) -> Option<String> {
-    if zone.name.trim().is_empty() {
+    name_defect(&zone.name).or_else(|| outline_defect(&zone.polygon))
+}
+
+/// Defect of a name that people read and files hold.
+pub(super) fn name_defect(name: &str) -> Option<String> {
+    if name.trim().is_empty() {
         return Some("it has no name; give it one".into());
     }
-    if zone.name.contains(char::is_control) {
-        return Some("its name holds a line break or another control character; rename it".into());
-    }
-    let corners = zone.polygon.0.len();
+    name.contains(char::is_control)
+        .then(|| "its name holds a line break or another control character; rename it".into())
+}
+
+/// Defect of a drawn outline: no area, too many corners, or an outline that meets itself.
+pub(super) fn outline_defect(polygon: &Polygon) -> Option<String> {
+    let corners = polygon.0.len();
     if corners > MOST_CORNERS {
         return Some(format!("it has {corners} corners; {MOST_CORNERS} are the most"));
     }
     // A bow tie may have no area, too, but its problem is the crossing.
-    let Some((a, b)) = zone.polygon.crossing().filter(|_| corners >= 3) else { return zone.polygon.defect() };
+    let Some((a, b)) = polygon.crossing().filter(|_| corners >= 3) else { return polygon.defect() };
     let edge = |i: usize| format!("{} to {}", i + 1, (i + 1) % corners + 1);
     Some(format!(
         "its outline meets itself: the edge from corner {} and the one from {} cross or touch; move a corner",

@@ -115,8 +115,8 @@ impl RoomOptions {
             zones: zones
                 .map(|(door, name)| Zone { name: name.into(), polygon: door.zone(), kind: ZoneKind::Both })
                 .collect(),
-            walkable: None,
             geometry: Some(Geometry::Mesh(tessellation.mesh.clone())),
+            ..Room::default()
         };
         let size_m = [size.x, size.y, size.z].map(f64::from);
         Ok(SyntheticRoom { room, size_m, furniture, doors, surfaces, tessellation, light, lamps, scene })

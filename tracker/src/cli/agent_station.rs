@@ -216,11 +216,11 @@ impl Follower {
             tracing::warn!("{error}: a packet is not sent");
         }
         let people = self.tracker.people();
-        let set_aside: &[usize] = if observation.health.is_set_aside() { &[0] } else { &[] };
+        let set_aside = observation.health.is_set_aside().then_some((0, observation.health));
         let Outputs { files, plan, stopwatch, frames, .. } = &mut self.outputs;
         *frames += 1;
         plan.extend(time_s, &people);
-        Ok(stopwatch.time("output", || files.write(frame, time_s, &people, set_aside))?)
+        Ok(stopwatch.time("output", || files.write(frame, time_s, &people, set_aside.as_slice()))?)
     }
 }
 

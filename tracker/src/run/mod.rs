@@ -3,6 +3,7 @@
 mod agency_log;
 mod camera_log;
 mod clock_offsets;
+mod event_log;
 mod lag_buffer;
 mod output;
 mod search_offsets;
@@ -14,6 +15,7 @@ use std::time::{Duration, Instant};
 pub use agency_log::AgencyLog;
 use camera_log::CameraLog;
 pub use clock_offsets::{ClockOffsets, ClockReport};
+pub use event_log::EventLog;
 use lag_buffer::{HeldMoment, LagBuffer};
 pub use output::{Output, ProcessedMoment};
 pub use search_offsets::search_offsets;

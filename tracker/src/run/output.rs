@@ -34,6 +34,11 @@ impl ProcessedMoment<'_> {
         self.pictures[camera].filmed.as_ref()
     }
 
+    /// Indices of the cameras without usable pictures, with the reason.
+    pub(super) fn set_aside(&self) -> Vec<(usize, Verdict)> {
+        self.verdicts.iter().copied().enumerate().filter(|(_, verdict)| verdict.is_set_aside()).collect()
+    }
+
     /// Pictures and masks of all cameras, for painters.
     fn shots(&self) -> Vec<Shot> {
         let cameras = self.moment.cameras.iter().enumerate();
@@ -63,9 +68,8 @@ pub trait Output {
 
 impl Output for TrackFiles {
     fn put(&mut self, followed: &ProcessedMoment<'_>) -> Result<()> {
-        let verdicts = followed.verdicts.iter().enumerate();
-        let set_aside: Vec<usize> = verdicts.filter(|(_, v)| v.is_set_aside()).map(|(i, _)| i).collect();
-        self.write(followed.moment.frame, followed.moment.time_s, followed.people, &set_aside)
+        let Moment { frame, time_s, .. } = followed.moment;
+        self.write(frame, time_s, followed.people, &followed.set_aside())
     }
 
     fn finish(self: Box<Self>) -> Result<()> {

@@ -1,11 +1,19 @@
 //! `tracks.jsonl`: a line a frame, with all estimates of each person.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use super::count;
+use crate::events::{CameraState, Clock};
+use crate::foreground::Verdict;
 use crate::{Error, PersonEstimate, Result, TrackId};
+
+/// Longest line that is read, bytes: a file without line breaks must not exhaust memory.
+const LONGEST_LINE: u64 = 64 << 20;
 
 /// A line of the file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -22,6 +30,12 @@ pub struct FrameLine {
     /// Cameras that were set aside in this frame: frozen, dark, lights switched, dropped. Omitted when there are none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub set_aside: Vec<String>,
+    /// State of each of these cameras, in their order; `None` for one that learns its background.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub states: Vec<Option<CameraState>>,
+    /// Time of day of `time`, RFC 3339, where the run knows it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub clock: Option<String>,
 }
 
 /// A person of a line.
@@ -51,6 +65,31 @@ pub struct PersonLine {
 }
 
 impl FrameLine {
+    /// Line of a moment. `cameras` are the names of the room's cameras, `set_aside` the indices of those without usable
+    /// pictures, with the reason.
+    pub(crate) fn new(
+        frame: u32,
+        time_s: f64,
+        people: &[PersonEstimate],
+        cameras: &[String],
+        set_aside: &[(usize, Verdict)],
+        clock: Option<&Clock>,
+    ) -> Self {
+        let time = (time_s * 1e6).round() / 1e6;
+        let count = count::distribution(people.iter().map(|p| p.confidence));
+        let set_aside: Vec<(&String, Verdict)> =
+            set_aside.iter().filter_map(|(camera, why)| Some((cameras.get(*camera)?, *why))).collect();
+        Self {
+            frame,
+            time,
+            people: people.iter().map(|p| PersonLine::new(p, cameras)).collect(),
+            count: count.into_iter().map(rounded).collect(),
+            states: set_aside.iter().map(|(_, why)| CameraState::of(*why)).collect(),
+            set_aside: set_aside.into_iter().map(|(name, _)| name.clone()).collect(),
+            clock: clock.map(|clock| clock.at(time)),
+        }
+    }
+
     /// The line's text, with a line break; `path` is for messages.
     pub(crate) fn text(&self, path: &Path) -> Result<String> {
         let json = serde_json::to_string(self).map_err(|e| {
@@ -98,17 +137,66 @@ pub(crate) fn rounded(value: f64) -> f64 {
 /// # Errors
 /// Names file and line of malformed frames, numbers that are not finite, and frames that do not increase.
 pub fn read(path: &Path) -> Result<Vec<FrameLine>> {
-    let text = calib::files::read_text(path)?;
-    let whole = text.rfind('\n').map_or("", |end| &text[..end]);
-    let mut frames: Vec<FrameLine> = Vec::new();
-    for (index, line) in whole.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
-        let refuse = |problem: String| Error::content(path, format!("line {}", index + 1), problem);
-        let frame: FrameLine = serde_json::from_str(line)
-            .map_err(|e| refuse(format!("is no frame as `tracker run` writes it ({e})")))?;
-        if frames.last().is_some_and(|last| last.frame >= frame.frame) {
-            return Err(refuse(format!("frame {} comes after a later one", frame.frame)));
+    lines(path)?.collect()
+}
+
+/// Opens the file for reading line by line, as [`read`] reads it: a day need not fit into memory.
+///
+/// # Errors
+/// [`Error::Io`] when the file cannot be opened; of the iterator's items, those of [`read`]. After an error it ends.
+pub fn lines(path: &Path) -> Result<FrameLines> {
+    let file = File::open(path).map_err(Error::io(path))?;
+    Ok(FrameLines { path: path.to_owned(), reader: Some(BufReader::new(file)), line: 0, last_frame: 0 })
+}
+
+/// Lines of a file, one after the other.
+#[derive(Debug)]
+pub struct FrameLines {
+    path: PathBuf,
+    /// `None` after the end, or an error.
+    reader: Option<BufReader<File>>,
+    line: usize,
+    last_frame: u32,
+}
+
+impl FrameLines {
+    /// The next line that is not empty; `None` at the end of the whole lines.
+    fn next_line(&mut self) -> Result<Option<FrameLine>> {
+        let mut bytes = Vec::new();
+        while let Some(reader) = &mut self.reader {
+            bytes.clear();
+            self.line += 1;
+            reader.take(LONGEST_LINE).read_until(b'\n', &mut bytes).map_err(Error::io(&self.path))?;
+            let refuse = |problem: String| Error::content(&self.path, format!("line {}", self.line), problem);
+            if bytes.len() as u64 == LONGEST_LINE {
+                return Err(refuse("is longer than 64 MiB; is this a tracks.jsonl?".into()));
+            }
+            if bytes.pop() != Some(b'\n') {
+                return Ok(None);
+            }
+            if bytes.trim_ascii().is_empty() {
+                continue;
+            }
+            let frame: FrameLine = serde_json::from_slice(&bytes)
+                .map_err(|e| refuse(format!("is no frame as `tracker run` writes it ({e})")))?;
+            if self.last_frame >= frame.frame && self.last_frame > 0 {
+                return Err(refuse(format!("frame {} comes after a later one", frame.frame)));
+            }
+            self.last_frame = frame.frame;
+            return Ok(Some(frame));
         }
-        frames.push(frame);
+        Ok(None)
     }
-    Ok(frames)
+}
+
+impl Iterator for FrameLines {
+    type Item = Result<FrameLine>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let next = self.next_line().transpose();
+        if !matches!(next, Some(Ok(_))) {
+            self.reader = None;
+        }
+        next
+    }
 }

@@ -8,7 +8,7 @@ use crate::{Error, Result};
 
 /// Writer that creates its file with the first lines, so that a run that fails before leaves older results alone.
 #[derive(Debug)]
-pub(super) struct LineFile {
+pub(crate) struct LineFile {
     path: PathBuf,
     file: Option<File>,
     /// Number of bytes of whole lines.
@@ -16,17 +16,17 @@ pub(super) struct LineFile {
 }
 
 impl LineFile {
-    pub(super) fn new(path: PathBuf) -> Self {
+    pub(crate) fn new(path: PathBuf) -> Self {
         Self { path, file: None, length: 0 }
     }
 
-    pub(super) fn path(&self) -> &Path {
+    pub(crate) fn path(&self) -> &Path {
         &self.path
     }
 
     /// Appends whole lines (or nothing) and passes them to the operating system at once. After a failure, such as a
     /// full disk, the file ends with the last line before, and later lines continue there.
-    pub(super) fn append(&mut self, lines: &str) -> Result<()> {
+    pub(crate) fn append(&mut self, lines: &str) -> Result<()> {
         let mut file = if let Some(file) = self.file.take() {
             file
         } else {

@@ -15,5 +15,6 @@ mod timings;
 mod write;
 
 pub use agents::AgentsFile;
+pub(crate) use line_file::LineFile;
 pub use timings::{StageTimes, Stopwatch, Timings};
 pub use write::TrackFiles;

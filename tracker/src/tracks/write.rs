@@ -3,9 +3,10 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use super::count;
-use super::jsonl::{FrameLine, PersonLine, rounded};
+use super::jsonl::{FrameLine, rounded};
 use super::line_file::LineFile;
+use crate::events::Clock;
+use crate::foreground::Verdict;
 use crate::prepared_room::PreparedRoom;
 use crate::silhouette::{Body, contour};
 use crate::{Error, PersonEstimate, Result};
@@ -21,6 +22,7 @@ pub struct TrackFiles {
     json: LineFile,
     boxes: Vec<(calib::Camera, LineFile)>,
     names: Vec<String>,
+    clock: Option<Clock>,
 }
 
 impl TrackFiles {
@@ -32,10 +34,18 @@ impl TrackFiles {
             json: LineFile::new(out.join("tracks.jsonl")),
             boxes: prepared.cameras.iter().map(|c| (c.filmed.clone(), boxes(&c.name))).collect(),
             names: prepared.cameras.iter().map(|c| c.name.clone()).collect(),
+            clock: None,
         }
     }
 
-    /// Appends one frame. `set_aside` are the indices of the cameras without usable pictures, in the room's order.
+    /// The same files, with the time of day in the lines of `tracks.jsonl`.
+    #[must_use]
+    pub fn with_clock(self, clock: Option<Clock>) -> Self {
+        Self { clock, ..self }
+    }
+
+    /// Appends one frame. `set_aside` are the indices of the cameras without usable pictures, in the room's order, with
+    /// the reason.
     ///
     /// # Errors
     /// [`Error::Io`] with the file, or an estimate that is not finite.
@@ -44,11 +54,12 @@ impl TrackFiles {
         frame: u32,
         time_s: f64,
         people: &[PersonEstimate],
-        set_aside: &[usize],
+        set_aside: &[(usize, Verdict)],
     ) -> Result<()> {
-        let lines: Vec<PersonLine> = people.iter().map(|p| PersonLine::new(p, &self.names)).collect();
+        let line = FrameLine::new(frame, time_s, people, &self.names, set_aside, self.clock.as_ref());
         let heights = people.iter().map(|p| p.z_m.is_finite());
-        if let Some((odd, _)) = lines.iter().zip(heights).find(|(p, is_finite)| !is_finite || !p.is_finite())
+        if let Some((odd, _)) =
+            line.people.iter().zip(heights).find(|(p, is_finite)| !is_finite || !p.is_finite())
         {
             return Err(Error::content(
                 self.json.path(),
@@ -57,7 +68,7 @@ impl TrackFiles {
             ));
         }
         let mut floor = String::new();
-        for (person, estimate) in lines.iter().zip(people) {
+        for (person, estimate) in line.people.iter().zip(people) {
             let (x, y) = (person.x, person.y);
             // Methods that track the standing point have z = 0.
             let z = if estimate.z_m == 0.0 { "0".into() } else { format!("{:.4}", rounded(estimate.z_m)) };
@@ -84,10 +95,6 @@ impl TrackFiles {
             }
             file.append(&rows)?;
         }
-        let set_aside = set_aside.iter().filter_map(|camera| self.names.get(*camera).cloned()).collect();
-        let count =
-            count::distribution(people.iter().map(|p| p.confidence)).into_iter().map(rounded).collect();
-        let line = FrameLine { frame, time: (time_s * 1e6).round() / 1e6, people: lines, count, set_aside };
         let json = line.text(self.json.path())?;
         self.json.append(&json)
     }
@@ -107,7 +114,7 @@ mod tests {
     use super::*;
     use crate::TrackId;
     use crate::prepared_room::PreparationOptions;
-    use crate::tracks::{jsonl, rows::RowFile};
+    use crate::tracks::{jsonl, jsonl::PersonLine, rows::RowFile};
     use calib::{Camera, Intrinsics};
     use nalgebra::{Isometry3, Point3, Vector3};
     use scenes::room::{Room, RoomCamera};
@@ -156,7 +163,9 @@ mod tests {
         assert!(std::fs::read_dir(folder.path()).unwrap().next().is_none(), "touched before the first frame");
         // Person 2 is behind the camera `left`.
         files.write(1, 0.0, &[], &[]).unwrap();
-        files.write(2, 1.0 / 12.0, &[person(1, 2.0, 1.5), person(2, -1.5, 1.5)], &[1]).unwrap();
+        files
+            .write(2, 1.0 / 12.0, &[person(1, 2.0, 1.5), person(2, -1.5, 1.5)], &[(1, Verdict::Dark)])
+            .unwrap();
 
         // The files are whole and readable before the end.
         let floor = RowFile::read(&folder.path().join("tracks.txt")).unwrap();
@@ -173,6 +182,7 @@ mod tests {
             PersonLine::new(&person(2, -1.5, 1.5), &["left".into(), "right".into()])
         );
         assert!(lines[0].set_aside.is_empty() && lines[1].set_aside == ["right"]);
+        assert_eq!(lines[1].states, [Some(crate::events::CameraState::Dark)]);
         let text = std::fs::read_to_string(folder.path().join("tracks.jsonl")).unwrap();
         assert_eq!(
             text.matches("set_aside").count(),

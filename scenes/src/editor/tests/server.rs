@@ -30,7 +30,7 @@ fn room() -> TempDir {
     };
     let geometry = Some(scene(&[(Vec3::new(3.0, -0.5, 0.0), Vec3::new(4.0, 0.5, 1.0))]));
     let walkable = Some(vec![polygon(&[(-5.0, -5.0), (5.0, -5.0), (5.0, 5.0), (-5.0, 5.0)])]);
-    Room { cameras, zones: vec![door], walkable, geometry }.write(folder.path()).unwrap();
+    Room { cameras, zones: vec![door], walkable, geometry, ..Room::default() }.write(folder.path()).unwrap();
     let film = image::RgbImage::from_fn(200, 200, |x, y| image::Rgb([x as u8, y as u8, 90]));
     film.save(folder.path().join("film.jpg")).unwrap();
     let text = format!("# Measured by hand.\n{}", scene_text(folder.path()));

@@ -34,6 +34,15 @@ translation = [0, 0, 0]
   polygon = [[3.0, 0.0], [4.0, 0.0], [4.0, 1.0]]
   name = "gate"
 # after the gate
+[[region]]
+name = "counter" # the red one
+polygon = [[0, 5], [1, 5], [1, 6]]
+dwell_s = 60.0
+
+[[line]]
+name = "till"
+points = [[2, 0], [2, 1]]
+
 [floor]
 walkable = [[[-9.0, -9.0], [9.0, -9.0], [9.0, 9.0]]] # all of it"#;
 

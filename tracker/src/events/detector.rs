@@ -1,0 +1,228 @@
+//! The detector: tracks, in the order of time, to events.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{Point2, Vector2};
+use scenes::room::{Line, Room, Zone, ZoneKind};
+
+use super::border::Area;
+use super::cameras::Cameras;
+use super::passing::{Crossed, Crossings, Decision, Fix, Stay};
+use super::{Clock, Direction, Event, EventKind, EventOptions};
+use crate::TrackId;
+use crate::tracks::jsonl::{FrameLine, PersonLine, rounded};
+
+/// Detector of a run's events: a pure state machine over the lines of `tracks.jsonl`.
+///
+/// Its memory grows with the number of people who were there within [`EventOptions::found_s`], not with the run.
+#[derive(Debug, Clone)]
+pub struct Events {
+    options: EventOptions,
+    zones: Vec<Zone>,
+    areas: Vec<Area>,
+    lines: Vec<Line>,
+    people: BTreeMap<TrackId, Visit>,
+    cameras: Cameras,
+    clock: Option<Clock>,
+    /// Time of the last line, seconds.
+    now_s: f64,
+}
+
+/// A person between their appearance and their disappearance.
+#[derive(Debug, Clone)]
+struct Visit {
+    first: Fix,
+    last: Fix,
+    stays: Vec<Stay>,
+    crossings: Vec<Crossings>,
+    /// Events before the track was believed; `None` from then on.
+    withheld: Option<Vec<Event>>,
+    /// Events of the disappearance, while it may be taken back.
+    ending: Option<Vec<Event>>,
+}
+
+impl Events {
+    /// Detector for a room's zones, regions and lines.
+    pub fn new(room: &Room, options: EventOptions) -> Self {
+        Self {
+            options,
+            zones: room.zones.clone(),
+            areas: Area::of_room(room),
+            lines: room.lines.clone(),
+            people: BTreeMap::new(),
+            cameras: Cameras::default(),
+            clock: None,
+            now_s: 0.0,
+        }
+    }
+
+    /// Takes the next line of `tracks.jsonl`; returns the events that are decided now. Their times lie in the past: they
+    /// are ordered by when they were decided.
+    pub fn step(&mut self, line: &FrameLine) -> Vec<Event> {
+        if self.clock.is_none() {
+            self.clock = line.clock.as_deref().and_then(|clock| Clock::of_moment(clock, line.time));
+        }
+        self.now_s = line.time;
+        let mut events = Vec::new();
+        for changed in self.cameras.step(line, self.options.camera_s) {
+            events.push(Event {
+                place: Some(changed.camera),
+                state: Some(changed.state),
+                ..self.event(EventKind::Camera, changed.frame, changed.time_s)
+            });
+        }
+        for person in &line.people {
+            events.extend(self.see(line, person));
+        }
+        events.extend(self.miss(line.time, self.options.lost_s));
+        self.people.retain(|_, visit| line.time - visit.last.time_s <= self.options.found_s);
+        events
+    }
+
+    /// Events of the end of the run: those who are missing by then have disappeared. People who are still there have
+    /// not left.
+    pub fn finish(&mut self) -> Vec<Event> {
+        let events = self.miss(self.now_s, f64::MIN_POSITIVE);
+        self.people.clear();
+        events
+    }
+
+    /// Takes a person of a line.
+    fn see(&mut self, line: &FrameLine, person: &PersonLine) -> Vec<Event> {
+        let fix = Fix {
+            frame: line.frame,
+            time_s: line.time,
+            place: Point2::new(person.x, person.y),
+            sigma_m: Vector2::from(person.sigma),
+        };
+        let mut events = Vec::new();
+        let mut visit = match self.people.remove(&person.id) {
+            Some(mut visit) => match visit.ending.take() {
+                // Somebody who went through a door and comes back visits again.
+                Some(_) if self.is_exit(&visit.last) => Visit::new(&fix, self.areas.len(), self.lines.len()),
+                Some(ending) => {
+                    events.extend(ending.into_iter().rev().map(Event::revocation));
+                    visit
+                }
+                None => visit,
+            },
+            None => Visit::new(&fix, self.areas.len(), self.lines.len()),
+        };
+        let mut decided = Vec::new();
+        for (stay, area) in visit.stays.iter_mut().zip(&self.areas) {
+            let decisions = stay.step(area, &fix, &self.options);
+            decided.extend(decisions.into_iter().map(|d| self.stay_event(person.id, &area.name, d)));
+        }
+        for (crossings, tripwire) in visit.crossings.iter_mut().zip(&self.lines) {
+            let crossed = crossings.step(tripwire, &fix, &self.options);
+            decided.extend(crossed.map(|c| self.cross_event(person.id, &tripwire.name, c)));
+        }
+        visit.last = fix;
+        if let Some(withheld) = &mut visit.withheld {
+            withheld.extend(decided);
+            let is_old_enough = fix.time_s - visit.first.time_s >= self.options.seen_s;
+            if is_old_enough && person.confidence >= self.options.least_confidence {
+                events.push(self.visit_event(EventKind::Appear, person.id, &visit.first));
+                events.extend(visit.withheld.take().into_iter().flatten());
+            }
+        } else {
+            events.extend(decided);
+        }
+        self.people.insert(person.id, visit);
+        events
+    }
+
+    /// Disappearance of those who have been missing for `lost_s`.
+    fn miss(&mut self, now_s: f64, lost_s: f64) -> Vec<Event> {
+        let mut people = std::mem::take(&mut self.people);
+        let mut events = Vec::new();
+        for (id, visit) in &mut people {
+            if now_s - visit.last.time_s < lost_s || visit.withheld.is_some() || visit.ending.is_some() {
+                continue;
+            }
+            let mut ending = Vec::new();
+            for (crossings, line) in visit.crossings.iter().zip(&self.lines) {
+                ending.extend(crossings.end().map(|crossed| self.cross_event(*id, &line.name, crossed)));
+            }
+            for (stay, area) in visit.stays.iter().zip(&self.areas) {
+                let decisions = stay.end().into_iter();
+                ending.extend(decisions.map(|decision| self.stay_event(*id, &area.name, decision)));
+            }
+            ending.push(self.visit_event(EventKind::Disappear, *id, &visit.last));
+            events.extend(ending.iter().cloned());
+            visit.ending = Some(ending);
+        }
+        self.people = people;
+        events
+    }
+
+    /// Zone of a place at which a track begins or ends: the one around it, or one whose border is near.
+    fn zone_at(&self, fix: &Fix) -> Option<&Zone> {
+        let distances = self.zones.iter().map(|zone| (zone, zone.polygon.distance_m(&fix.place)));
+        let nearest = distances.min_by(|a, b| a.1.total_cmp(&b.1));
+        let reach_m = self.options.border_sigmas * fix.sigma_m.amax().hypot(self.options.path_sigma_m);
+        nearest.filter(|(_, distance_m)| *distance_m <= reach_m).map(|(zone, _)| zone)
+    }
+
+    /// Whether people may leave the room where a track ended.
+    fn is_exit(&self, fix: &Fix) -> bool {
+        self.zone_at(fix).is_some_and(|zone| zone.kind != ZoneKind::Entry)
+    }
+
+    fn visit_event(&self, kind: EventKind, id: TrackId, fix: &Fix) -> Event {
+        let zone = self.zone_at(fix).map(|zone| zone.name.clone());
+        Event { place: zone, ..self.person_event(kind, id, fix) }
+    }
+
+    fn stay_event(&self, id: TrackId, area: &str, decision: Decision) -> Event {
+        let (kind, fix, since) = match decision {
+            Decision::Entered(fix) => (EventKind::Enter, fix, None),
+            Decision::Dwelt(since, fix) => (EventKind::Dwell, fix, Some(since)),
+            Decision::Left(since, fix) => (EventKind::Leave, fix, Some(since)),
+        };
+        let seconds = since.map(|since| rounded((fix.time_s - since.time_s).max(0.0)));
+        Event { place: Some(area.to_owned()), seconds, ..self.person_event(kind, id, &fix) }
+    }
+
+    fn cross_event(&self, id: TrackId, line: &str, crossed: Crossed) -> Event {
+        let direction = if crossed.is_inward { Direction::In } else { Direction::Out };
+        let event = self.person_event(EventKind::Cross, id, &crossed.fix);
+        Event { place: Some(line.to_owned()), direction: Some(direction), ..event }
+    }
+
+    fn person_event(&self, kind: EventKind, id: TrackId, fix: &Fix) -> Event {
+        let (x, y) = (Some(rounded(fix.place.x)), Some(rounded(fix.place.y)));
+        Event { id: Some(id), x, y, ..self.event(kind, fix.frame, fix.time_s) }
+    }
+
+    fn event(&self, kind: EventKind, frame: u32, time_s: f64) -> Event {
+        let time = rounded(time_s);
+        Event {
+            time,
+            frame,
+            kind,
+            revoked: None,
+            place: None,
+            id: None,
+            x: None,
+            y: None,
+            seconds: None,
+            direction: None,
+            state: None,
+            clock: self.clock.map(|clock| clock.at(time)),
+        }
+    }
+}
+
+impl Visit {
+    fn new(fix: &Fix, areas: usize, lines: usize) -> Self {
+        Self {
+            first: *fix,
+            last: *fix,
+            stays: (0..areas).map(|_| Stay::new()).collect(),
+            crossings: vec![Crossings::default(); lines],
+            withheld: Some(Vec::new()),
+            ending: None,
+        }
+    }
+}

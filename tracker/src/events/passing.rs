@@ -1,0 +1,205 @@
+//! State machines of one person at one border.
+//!
+//! A person's position is known up to the posterior's standard deviation, so near a border nobody knows on which side
+//! they are. A change is decided when the probability of being on the other side is high (the position is
+//! [`EventOptions::border_sigmas`] standard deviations beyond the border), and dated back to the moment at which it was
+//! one half: when the estimated path last crossed the border. A person who stands on a border decides nothing.
+
+use nalgebra::{Point2, Vector2};
+use scenes::room::Line;
+
+use super::EventOptions;
+use super::border::{Area, meetings, offset_from_line};
+
+/// A person's estimated position at one time.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Fix {
+    pub frame: u32,
+    pub time_s: f64,
+    pub place: Point2<f64>,
+    pub sigma_m: Vector2<f64>,
+}
+
+impl Fix {
+    /// Position at a share of the way to a later fix; its frame is the last that is not after it.
+    fn toward(&self, later: &Self, share: f64) -> Self {
+        let share = share.clamp(0.0, 1.0);
+        if share >= 1.0 {
+            return *later;
+        }
+        let time_s = self.time_s + share * (later.time_s - self.time_s);
+        let place = self.place + (later.place - self.place) * share;
+        Self { time_s, place, ..*self }
+    }
+
+    /// Distance from a border, across it, at which the side is decided, metres.
+    fn decided_m(&self, across: &Vector2<f64>, options: &EventOptions) -> f64 {
+        let across = if *across == Vector2::zeros() { Vector2::repeat(0.5_f64.sqrt()) } else { *across };
+        let variance = across.component_mul(&self.sigma_m).norm_squared() + options.path_sigma_m.powi(2);
+        options.border_sigmas * variance.sqrt()
+    }
+}
+
+/// A decided side of an area's border.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Side {
+    Unknown,
+    Outside,
+    /// Inside since a time.
+    Inside(Fix),
+}
+
+/// A decision about a person and an area.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Decision {
+    Entered(Fix),
+    /// The stay that began at the first fix has passed the area's `dwell_s`.
+    Dwelt(Fix, Fix),
+    /// Left, after a stay that began at the first fix.
+    Left(Fix, Fix),
+}
+
+/// A person and an area.
+#[derive(Debug, Clone)]
+pub(super) struct Stay {
+    side: Side,
+    /// The last fix and its signed distance from the border, metres.
+    last: Option<(Fix, f64)>,
+    /// The latest time at which the path crossed the border, or began.
+    turned: Option<Fix>,
+    /// The time at which the stay passed `dwell_s`, while the event is not decided.
+    dwell_due: Option<Fix>,
+    has_dwelt: bool,
+}
+
+impl Stay {
+    pub(super) fn new() -> Self {
+        Self { side: Side::Unknown, last: None, turned: None, dwell_due: None, has_dwelt: false }
+    }
+
+    /// Takes the next fix; decisions in the order of their times.
+    pub(super) fn step(&mut self, area: &Area, fix: &Fix, options: &EventOptions) -> Vec<Decision> {
+        let offset = area.offset(&fix.place);
+        let signed_m = offset.signed_m;
+        match self.last {
+            None => self.turned = Some(*fix),
+            Some((before, was_m)) if (was_m >= 0.0) != (signed_m >= 0.0) => {
+                self.turned = Some(before.toward(fix, was_m / (was_m - signed_m)));
+            }
+            Some(_) => {}
+        }
+        self.pass_dwell(area, fix);
+        self.last = Some((*fix, signed_m));
+        let outer_m = fix.decided_m(&offset.across, options);
+        // In an area that is narrower than the uncertainty, half the way to its middle has to do.
+        let inner_m = outer_m.min(0.5 * area.depth_m);
+        let turned = self.turned.unwrap_or(*fix);
+        let mut decided = Vec::new();
+        match self.side {
+            Side::Unknown | Side::Outside if signed_m >= inner_m => {
+                self.side = Side::Inside(turned);
+                (self.dwell_due, self.has_dwelt) = (None, false);
+                decided.push(Decision::Entered(turned));
+                self.pass_dwell(area, fix);
+            }
+            Side::Unknown if signed_m <= -outer_m => self.side = Side::Outside,
+            Side::Inside(_) if signed_m <= -outer_m => {
+                decided.extend(self.left(&turned));
+                (self.side, self.dwell_due) = (Side::Outside, None);
+            }
+            _ => {}
+        }
+        if signed_m >= 0.0
+            && let (Side::Inside(since), Some(due)) = (self.side, self.dwell_due.take())
+        {
+            self.has_dwelt = true;
+            decided.push(Decision::Dwelt(since, due));
+        }
+        decided
+    }
+
+    /// Decisions if the person is never seen again; the state stays, in case they are.
+    pub(super) fn end(&self) -> Vec<Decision> {
+        let Some((last, signed_m)) = self.last else { return Vec::new() };
+        let end = if signed_m < 0.0 { self.turned.unwrap_or(last) } else { last };
+        self.left(&end)
+    }
+
+    /// Decisions of the end of a stay: it may have passed `dwell_s` while it was doubtful.
+    fn left(&self, end: &Fix) -> Vec<Decision> {
+        let Side::Inside(since) = self.side else { return Vec::new() };
+        let dwelt = self.dwell_due.filter(|due| due.time_s <= end.time_s);
+        let dwelt = dwelt.map(|due| Decision::Dwelt(since, due));
+        dwelt.into_iter().chain([Decision::Left(since, *end)]).collect()
+    }
+
+    /// Notes the time at which the stay passes `dwell_s`.
+    fn pass_dwell(&mut self, area: &Area, fix: &Fix) {
+        let (Side::Inside(since), Some(dwell_s)) = (self.side, area.dwell_s) else { return };
+        let due_s = since.time_s + dwell_s;
+        if self.has_dwelt || self.dwell_due.is_some() || fix.time_s < due_s {
+            return;
+        }
+        let before = self.last.map_or(since, |(last, _)| last);
+        let span_s = fix.time_s - before.time_s;
+        let share = if span_s > 0.0 { (due_s - before.time_s) / span_s } else { 1.0 };
+        let due = before.toward(fix, share);
+        self.dwell_due = Some(Fix { time_s: due_s, ..due });
+    }
+}
+
+/// A person and a line.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Crossings {
+    last: Option<Fix>,
+    /// Crossings inward less those outward, since the side was last certain.
+    net: i32,
+    /// The latest crossing inward and outward.
+    inward: Option<Fix>,
+    outward: Option<Fix>,
+}
+
+/// A decided crossing of a line.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Crossed {
+    pub fix: Fix,
+    pub is_inward: bool,
+}
+
+impl Crossings {
+    /// Takes the next fix.
+    pub(super) fn step(&mut self, line: &Line, fix: &Fix, options: &EventOptions) -> Option<Crossed> {
+        if let Some(last) = self.last {
+            for met in meetings(line, &last.place, &fix.place) {
+                let at = Some(last.toward(fix, met.share));
+                if met.is_inward {
+                    (self.net, self.inward) = (self.net + 1, at);
+                } else {
+                    (self.net, self.outward) = (self.net - 1, at);
+                }
+            }
+        }
+        self.last = Some(*fix);
+        if self.net == 0 {
+            return None;
+        }
+        let offset = offset_from_line(line, &fix.place);
+        if offset.signed_m < fix.decided_m(&offset.across, options) {
+            return None;
+        }
+        let crossed = self.crossed();
+        self.net = 0;
+        crossed
+    }
+
+    /// The crossing that is more probable than none if the person is never seen again; the state stays, in case they are.
+    pub(super) fn end(&self) -> Option<Crossed> {
+        self.crossed()
+    }
+
+    fn crossed(&self) -> Option<Crossed> {
+        let is_inward = self.net > 0;
+        let fix = if is_inward { self.inward } else { self.outward };
+        fix.filter(|_| self.net != 0).map(|fix| Crossed { fix, is_inward })
+    }
+}
