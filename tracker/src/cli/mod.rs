@@ -9,12 +9,14 @@ mod colours;
 mod detect;
 mod endpoints;
 mod eval;
+mod export;
 mod flags;
 mod heads;
 mod input;
 mod interrupt;
 mod link;
 mod masks;
+mod publish;
 mod report;
 mod run;
 mod run_arguments;
@@ -50,6 +52,7 @@ enum Command {
     Eval(eval::EvalArgs),
     Masks(masks::MasksArgs),
     Report(report::ReportArgs),
+    Export(export::ExportArgs),
     Weightmap(weightmap::WeightMapArgs),
 }
 
@@ -65,6 +68,7 @@ pub(crate) fn run(arguments: &Arguments, console: &Console) -> anyhow::Result<St
         Command::Eval(args) => eval::eval(args),
         Command::Masks(args) => masks::masks(args, console),
         Command::Report(args) => report::report(args),
+        Command::Export(args) => export::export(args),
         Command::Weightmap(args) => weightmap::weightmap(args),
     };
     printed.map_err(flags::named)

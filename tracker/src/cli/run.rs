@@ -21,6 +21,7 @@ use tracker::wire::Downlink;
 
 use super::input::{RunSources, Started};
 use super::interrupt;
+use super::publish::Published;
 use super::run_arguments::{MethodName, RunArgs};
 use super::stations::{Drawing, StationBuilder};
 use super::view;
@@ -44,6 +45,7 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
     args.sampler.options(args.seed)?;
     args.check_detections()?;
     args.heads.options(args.seed, args.sampler.published)?;
+    args.publish.check()?;
     // The port is bound before the slow reading of the room.
     let listener = args.view.listener()?;
     let room = Room::read(&args.room)?;
@@ -65,6 +67,9 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
     let looks = FilmOptions { width_px: args.film_width, is_live, ..FilmOptions::default() };
     let mut page = listener.map(|listener| view::serve(listener, &args.room, &prepared)).transpose()?;
     let screens = page.as_ref().map(Server::screens);
+    // The server of the metrics ends with the run.
+    let Published { mqtt, metrics, server: _server } =
+        args.publish.start(&room, &args.room, &prepared, None)?;
     let demand = match screens {
         _ if !args.no_film => PictureDemand::Always,
         Some(screens) => {
@@ -95,6 +100,8 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
     } else if let Some(screens) = screens {
         outputs.push(Box::new(LiveDrawer::start(&prepared, &looks, screens, input.has_pictures)));
     }
+    outputs.extend(mqtt.map(|mqtt| Box::new(mqtt) as Box<dyn Output>));
+    outputs.extend(metrics.map(|metrics| Box::new(metrics) as Box<dyn Output>));
     let mut progress = console.progress("tracking", input.promised.map(|n| n as u64));
     let alignments = input.alignments;
     let clocks = match prepared.cameras.len() {

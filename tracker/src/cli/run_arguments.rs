@@ -16,6 +16,7 @@ use super::background::BackgroundArguments;
 use super::clocks::ClockArguments;
 use super::endpoints::EndpointArguments;
 use super::heads::HeadArguments;
+use super::publish::PublishArguments;
 use super::sampler::SamplerArguments;
 use super::view::ViewArguments;
 
@@ -49,7 +50,9 @@ pub(super) enum MethodName {
   tracker run myroom --masks a=masks/a --masks b=masks/b --rate 4 --out out
   tracker run myroom --detections a=a.txt --detections b=b.txt --times times.txt --out out
   tracker run myroom --video a=rtsp://camera/stream --background a=empty.mp4 --out out
-  tracker run myroom --stations hall.local:7447,shop.local:7447 --out out")]
+  tracker run myroom --stations hall.local:7447,shop.local:7447 --out out
+  tracker run myroom --video a=rtsp://camera/stream --out out --mqtt mqtt://broker:1883/shop --mqtt-discovery
+  tracker run myroom --video a=rtsp://camera/stream --out out --metrics 127.0.0.1:9464")]
 pub(crate) struct RunArgs {
     /// Room directory, as made by `recon build`.
     pub(super) room: PathBuf,
@@ -110,6 +113,8 @@ pub(crate) struct RunArgs {
     pub(super) latency: f64,
     #[command(flatten)]
     pub(super) view: ViewArguments,
+    #[command(flatten)]
+    pub(super) publish: PublishArguments,
     #[command(flatten)]
     pub(super) background: BackgroundArguments,
     #[command(flatten)]

@@ -51,7 +51,7 @@ struct ConnectionState {
 
 /// Connection to a broker. Publishing never waits for the network.
 #[derive(Debug)]
-pub struct Connection {
+pub(super) struct Connection {
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
     status: String,
@@ -75,7 +75,7 @@ impl Connection {
     ///
     /// # Errors
     /// A file of the options that cannot be used, or a thread that cannot be started.
-    pub fn start(options: &MqttOptions, status: String) -> Result<Self> {
+    pub(super) fn start(options: &MqttOptions, status: String) -> Result<Self> {
         let refused = |e: std::io::Error| Error::option("mqtt", format!("{e}; run without it"));
         let client_options = client_options(options, &status)?;
         let mut queue = Queue::new(options.keep);
@@ -105,7 +105,7 @@ impl Connection {
     ///
     /// # Errors
     /// The broker refuses this machine, or this machine the broker: another attempt would fail, too.
-    pub fn check(&self, longest: Duration) -> Result<()> {
+    pub(super) fn check(&self, longest: Duration) -> Result<()> {
         let state = self.shared.wait(longest, |state| state.latest.is_some());
         match &state.latest {
             Some(Err(failure)) if failure.is_refusal => {
@@ -116,7 +116,7 @@ impl Connection {
     }
 
     /// Publishes an event: at least once, however long the broker is away.
-    pub fn publish_event(&self, topic: String, payload: Vec<u8>) {
+    pub(super) fn publish_event(&self, topic: String, payload: Vec<u8>) {
         let mut state = self.shared.lock();
         let is_first = state.queue.push(topic, payload) && state.queue.counts().dropped == 1;
         state.fill();
@@ -130,14 +130,14 @@ impl Connection {
     }
 
     /// Sets the value of a retained topic; the latest value arrives.
-    pub fn retain(&self, topic: String, payload: Vec<u8>) {
+    pub(super) fn retain(&self, topic: String, payload: Vec<u8>) {
         let mut state = self.shared.lock();
         state.queue.retain(topic, payload);
         state.fill();
     }
 
     /// Publishes the latest state of something at most once; it is skipped while the connection is absent or busy.
-    pub fn publish_latest(&self, topic: String, payload: Vec<u8>) {
+    pub(super) fn publish_latest(&self, topic: String, payload: Vec<u8>) {
         let mut state = self.shared.lock();
         let sent = match &state.client {
             Some(client) => client.try_publish(topic, QoS::AtMostOnce, false, payload).is_ok(),
@@ -147,7 +147,7 @@ impl Connection {
     }
 
     /// Present counts.
-    pub fn counts(&self) -> ConnectionCounts {
+    pub(super) fn counts(&self) -> ConnectionCounts {
         let state = self.shared.lock();
         ConnectionCounts {
             is_connected: state.client.is_some(),
@@ -157,7 +157,7 @@ impl Connection {
     }
 
     /// Counts of a connection that may have been finished since.
-    pub fn gauge(&self) -> impl Fn() -> ConnectionCounts + Send + Sync + 'static {
+    pub(super) fn gauge(&self) -> impl Fn() -> ConnectionCounts + Send + Sync + 'static {
         let observer = Self {
             shared: Arc::clone(&self.shared),
             thread: None,
@@ -169,7 +169,7 @@ impl Connection {
 
     /// Delivers what waits, says `offline`, and disconnects. Waits for the broker for some seconds where events wait.
     /// Events that the broker has not acknowledged then are counted in one line of the log.
-    pub fn finish(mut self) {
+    pub(super) fn finish(mut self) {
         let begun = Instant::now();
         let waits = |state: &ConnectionState| state.client.is_some() || state.queue.counts().waiting > 0;
         if waits(&self.shared.lock()) {

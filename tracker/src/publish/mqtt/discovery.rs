@@ -11,7 +11,7 @@ use super::{OFFLINE, ONLINE};
 
 /// A place with counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum CountedPlace<'a> {
+pub(super) enum CountedPlace<'a> {
     /// The whole room, a zone or a region: people are inside.
     Area(&'a str),
     /// A line: people cross it.

@@ -9,11 +9,11 @@
 //!
 //! The tracker never waits for the network:
 //!
-//! * [`output`] — [`MqttOutput`]: output of a run, which makes the messages. Start here.
-//! * [`queue`] — messages that the broker has to acknowledge, until it has done so; bounded.
-//! * [`connection`] — [`Connection`]: thread that sends them, and connects again when the broker was away.
-//! * [`address`], [`credentials`], [`tls`], [`topics`] — where and as whom.
-//! * [`discovery`] — announcement to Home Assistant; [`scenescape`] — people in `SceneScape`'s form.
+//! * `output` — [`MqttOutput`]: output of a run, which makes the messages. Start here.
+//! * `queue` — messages that the broker has to acknowledge, until it has done so; bounded.
+//! * `connection` — thread that sends them, and connects again when the broker was away.
+//! * `address`, `credentials`, `tls`, `topics` — where and as whom.
+//! * `discovery` — announcement to Home Assistant; `scenescape` — people in `SceneScape`'s form.
 
 mod address;
 mod connection;
@@ -27,13 +27,11 @@ mod tls;
 mod topics;
 
 pub use address::BrokerAddress;
-pub use connection::{Connection, ConnectionCounts};
+pub use connection::ConnectionCounts;
 pub use credentials::Credentials;
-pub use discovery::CountedPlace;
 pub use output::{MqttOutput, PeopleForm, PublishOptions};
 pub use queue::DeliveryCounts;
 pub use tls::BrokerTls;
-pub use topics::Topics;
 
 /// Status of a room whose tracker runs…
 const ONLINE: &str = "online";

@@ -1,16 +1,28 @@
-//! The output of a run that publishes its people.
+//! The output of a run that publishes its people, events and counts.
 
+use std::collections::BTreeMap;
+use std::path::Path;
 use std::time::{Duration, Instant, SystemTime};
 
-use super::connection::Connection;
+use scenes::room::Room;
+use serde::Serialize;
+
+use super::MqttOptions;
+use super::connection::{Connection, ConnectionCounts};
+use super::discovery::{self, CountedPlace};
 use super::scenescape::Scene;
 use super::topics::Topics;
-use super::{MqttOptions, discovery};
+use crate::events::{Clock, Event, EventOptions, Events, PlaceCount, Tally};
+use crate::foreground::Verdict;
 use crate::prepared_room::PreparedRoom;
-use crate::publish::mqtt::discovery::CountedPlace;
-use crate::run::{Output, ProcessedMoment};
 use crate::tracks::jsonl::FrameLine;
-use crate::{Error, Result};
+use crate::{Error, PersonEstimate, Result};
+
+/// Longest wait for the first attempt to connect, while the run begins.
+const FIRST_ATTEMPT: Duration = Duration::from_secs(3);
+
+/// Place of a message in errors.
+const PLACE: &str = "MQTT message";
 
 /// Form of the messages of people.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -33,19 +45,43 @@ pub struct PublishOptions {
     pub form: PeopleForm,
     /// Whether the counts are announced to Home Assistant.
     pub discovery: bool,
+    /// Time of day of the run, if it is known.
+    pub clock: Option<Clock>,
 }
 
-/// Publisher of a run's people.
+impl PublishOptions {
+    /// Default options for a room of this name.
+    pub fn new(room: impl Into<String>) -> Self {
+        Self { room: room.into(), rate_hz: 5.0, form: PeopleForm::default(), discovery: false, clock: None }
+    }
+}
+
+/// Publisher of a run. It has an event detector of its own, so that it needs no other output; the same frames give the
+/// same events.
 #[derive(Debug)]
 pub struct MqttOutput {
     connection: Connection,
     topics: Topics,
     options: PublishOptions,
     cameras: Vec<String>,
+    events: Events,
+    tally: Tally,
+    /// Counts that were published last.
+    counts: BTreeMap<String, PlaceCount>,
     scene: Option<Scene>,
     pace: Pace,
-    /// Time of day at the run's time 0: that of the first frame's arrival here, less the frame's time.
-    start: Option<SystemTime>,
+    /// Clock of `SceneScape`'s messages in a run whose time of day is not known: the first frame is taken as captured when
+    /// it arrived here.
+    assumed_clock: Option<Clock>,
+}
+
+/// Message of a place's counts.
+#[derive(Debug, Serialize)]
+struct CountMessage {
+    time: f64,
+    inside: i64,
+    r#in: i64,
+    out: i64,
 }
 
 impl MqttOutput {
@@ -53,7 +89,12 @@ impl MqttOutput {
     ///
     /// # Errors
     /// Invalid options, or a broker that refuses this machine; one that cannot be reached is tried again.
-    pub fn start(broker: &MqttOptions, options: PublishOptions, prepared: &PreparedRoom) -> Result<Self> {
+    pub fn start(
+        broker: &MqttOptions,
+        options: PublishOptions,
+        room: &Room,
+        prepared: &PreparedRoom,
+    ) -> Result<Self> {
         if !(options.rate_hz > 0.0 && options.rate_hz.is_finite()) {
             let problem = format!("{} is no rate; give messages a second, above 0", options.rate_hz);
             return Err(Error::option("mqtt_rate", problem));
@@ -66,69 +107,130 @@ impl MqttOutput {
             let filmed = prepared.cameras.iter().map(|c| (c.name.clone(), c.filmed.clone())).collect();
             Scene::new(&options.room, &broker.client_id, filmed)
         });
-        let pace = Pace::new(options.rate_hz);
-        Ok(Self { connection, topics, options, cameras, scene, pace, start: None })
-    }
-
-    /// Connection to the broker.
-    pub fn connection(&self) -> &Connection {
-        &self.connection
-    }
-
-    /// Announces the places with counts to Home Assistant, if that is wanted.
-    pub fn announce(&self, places: &[CountedPlace<'_>]) {
-        if self.options.discovery {
-            for (topic, config) in discovery::announcement(&self.options.room, &self.topics, places) {
-                self.connection.retain(topic, config.to_string().into_bytes());
-            }
+        let mut output = Self {
+            connection,
+            topics,
+            cameras,
+            events: Events::new(room, EventOptions::default()),
+            tally: Tally::new(room),
+            counts: BTreeMap::new(),
+            scene,
+            pace: Pace::new(options.rate_hz),
+            assumed_clock: None,
+            options,
+        };
+        if output.options.discovery {
+            output.announce(room);
         }
+        output.publish_counts(0.0)?;
+        Ok(output)
     }
 
-    fn publish_people(&mut self, followed: &ProcessedMoment<'_>) -> Result<()> {
-        let time_s = followed.moment.time_s;
-        let from_start =
-            |now: SystemTime| now.checked_sub(Duration::try_from_secs_f64(time_s).unwrap_or_default());
-        let start = *self.start.get_or_insert_with(|| {
-            let now = SystemTime::now();
-            from_start(now).unwrap_or(now)
-        });
+    /// Counts of the connection, for metrics; they stay available after the end.
+    pub fn gauge(&self) -> impl Fn() -> ConnectionCounts + Send + Sync + 'static {
+        self.connection.gauge()
+    }
+
+    /// Publishes a frame: its events and the counts that they change at once, its people if a message is due. `set_aside`
+    /// are the indices of the cameras without usable pictures, with the reason.
+    ///
+    /// # Errors
+    /// A number that cannot be written. Nothing of the network is an error.
+    pub fn publish(
+        &mut self,
+        frame: u32,
+        time_s: f64,
+        people: &[PersonEstimate],
+        set_aside: &[(usize, Verdict)],
+    ) -> Result<()> {
+        let clock = self.options.clock.as_ref();
+        let line = FrameLine::new(frame, time_s, people, &self.cameras, set_aside, clock);
+        let events = self.events.step(&line);
+        self.publish_events(&events)?;
         if let Some(scene) = &mut self.scene {
-            scene.observe(time_s, followed.people);
+            scene.observe(time_s, people);
         }
-        if !self.pace.is_due(Instant::now()) {
-            return Ok(());
-        }
-        match &self.scene {
-            None => {
-                let line = FrameLine::of(followed, &self.cameras);
-                let text = line.text(std::path::Path::new("people"))?;
-                self.connection.publish_latest(self.topics.people(), text.trim_end().into());
-            }
-            Some(scene) => {
-                let message = scene.message(time_s, start, followed.people);
-                let text =
-                    serde_json::to_vec(&message).map_err(|e| Error::option("mqtt_form", e.to_string()))?;
-                self.connection.publish_latest(self.topics.regulated_scene(scene.id()), text.clone());
-                self.connection.publish_latest(self.topics.people(), text);
-            }
+        if self.pace.is_due(Instant::now()) {
+            self.publish_people(&line, people)?;
         }
         Ok(())
     }
-}
 
-impl Output for MqttOutput {
-    fn put(&mut self, followed: &ProcessedMoment<'_>) -> Result<()> {
-        self.publish_people(followed)
-    }
-
-    fn finish(self: Box<Self>) -> Result<()> {
+    /// Publishes what is decided by the end of the run, and disconnects once the broker has acknowledged it.
+    ///
+    /// # Errors
+    /// A number that cannot be written.
+    pub fn finish(mut self) -> Result<()> {
+        let events = self.events.finish();
+        self.publish_events(&events)?;
         self.connection.finish();
         Ok(())
     }
+
+    fn announce(&self, room: &Room) {
+        let is_line = |name: &str| room.lines.iter().any(|line| line.name == name);
+        let places: Vec<CountedPlace<'_>> = self
+            .tally
+            .places()
+            .map(|(name, _)| if is_line(name) { CountedPlace::Line(name) } else { CountedPlace::Area(name) })
+            .collect();
+        for (topic, config) in discovery::announcement(&self.options.room, &self.topics, &places) {
+            self.connection.retain(topic, config.to_string().into_bytes());
+        }
+    }
+
+    fn publish_events(&mut self, events: &[Event]) -> Result<()> {
+        for event in events {
+            let line = event.text(Path::new(PLACE))?;
+            self.connection.publish_event(self.topics.event(), line.trim_end().into());
+            self.tally.add(event);
+            if let Some(scene) = &mut self.scene {
+                scene.note(event);
+            }
+        }
+        match events.last() {
+            Some(last) => self.publish_counts(last.time),
+            None => Ok(()),
+        }
+    }
+
+    /// Publishes the counts that have changed.
+    fn publish_counts(&mut self, time_s: f64) -> Result<()> {
+        for (name, count) in self.tally.places() {
+            if self.counts.get(name) == Some(&count) {
+                continue;
+            }
+            self.counts.insert(name.to_owned(), count);
+            let PlaceCount { entered, left } = count;
+            let message = CountMessage { time: time_s, inside: count.inside(), r#in: entered, out: left };
+            self.connection.retain(self.topics.count(name), json(&message)?);
+        }
+        Ok(())
+    }
+
+    fn publish_people(&mut self, line: &FrameLine, people: &[PersonEstimate]) -> Result<()> {
+        let Some(scene) = &self.scene else {
+            let text = line.text(Path::new(PLACE))?;
+            self.connection.publish_latest(self.topics.people(), text.trim_end().into());
+            return Ok(());
+        };
+        let assumed = self.assumed_clock.get_or_insert_with(|| {
+            let since = Duration::try_from_secs_f64(line.time).unwrap_or_default();
+            let now = SystemTime::now();
+            Clock::of_system(now.checked_sub(since).unwrap_or(now))
+        });
+        let clock = self.options.clock.as_ref().unwrap_or(assumed);
+        let text = json(&scene.message(line.time, clock, people))?;
+        self.connection.publish_latest(self.topics.regulated_scene(scene.id()), text.clone());
+        self.connection.publish_latest(self.topics.people(), text);
+        Ok(())
+    }
 }
 
-/// Longest wait for the first attempt to connect, while the run begins.
-const FIRST_ATTEMPT: Duration = Duration::from_secs(3);
+fn json(message: &impl Serialize) -> Result<Vec<u8>> {
+    serde_json::to_vec(message)
+        .map_err(|e| Error::option("mqtt", format!("a message cannot be written ({e})")))
+}
 
 /// Clock that allows so many messages a second on average, however long ago the last one was.
 #[derive(Debug)]

@@ -4,10 +4,10 @@
 //! person's from the scene, the run and the track, so that no two runs share one.
 
 use std::collections::BTreeMap;
-use std::time::{Duration, SystemTime};
 
 use serde::Serialize;
 
+use crate::events::{Clock, Event, EventKind};
 use crate::silhouette::{Body, contour};
 use crate::tracks::jsonl::rounded;
 use crate::tracks::rows::PixelBox;
@@ -15,6 +15,8 @@ use crate::{PersonEstimate, TrackId};
 
 /// Least visible share of a silhouette for a camera that sees the person.
 const SEEN: f64 = 0.05;
+/// Absence after which a person is forgotten, seconds; one who is found again keeps their time.
+const FORGOTTEN_S: f64 = 60.0;
 
 /// One message.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -84,6 +86,13 @@ impl ImageBox {
     }
 }
 
+/// First and latest time at which a person was estimated, seconds.
+#[derive(Debug, Clone, Copy)]
+struct Seen {
+    first_s: f64,
+    last_s: f64,
+}
+
 /// Scene of a run, with what is known of its people from earlier frames.
 #[derive(Debug)]
 pub(super) struct Scene {
@@ -91,7 +100,7 @@ pub(super) struct Scene {
     name: String,
     run: [u8; 32],
     cameras: Vec<(String, calib::Camera)>,
-    first_seen: BTreeMap<TrackId, f64>,
+    seen: BTreeMap<TrackId, Seen>,
     /// Zones and regions in which a person is, with the time of entering.
     inside: BTreeMap<TrackId, BTreeMap<String, f64>>,
     latest_s: Option<f64>,
@@ -108,7 +117,7 @@ impl Scene {
             name: name.to_owned(),
             run: *run.as_bytes(),
             cameras,
-            first_seen: BTreeMap::new(),
+            seen: BTreeMap::new(),
             inside: BTreeMap::new(),
             latest_s: None,
             interval_s: 0.0,
@@ -120,16 +129,21 @@ impl Scene {
         &self.id
     }
 
-    /// Records that a person is in a zone or region from `time_s` on…
-    pub(super) fn enter(&mut self, person: TrackId, place: &str, time_s: f64) {
-        self.inside.entry(person).or_default().insert(place.to_owned(), time_s);
-    }
-
-    /// …and no longer.
-    pub(super) fn leave(&mut self, person: TrackId, place: &str) {
-        if let Some(places) = self.inside.get_mut(&person) {
-            places.remove(place);
+    /// Records in which zones and regions people are.
+    pub(super) fn note(&mut self, event: &Event) {
+        let (Some(person), Some(place)) = (event.id, &event.place) else { return };
+        let since_s = match (event.kind, event.revoked) {
+            (EventKind::Enter, _) => Some(event.time),
+            (EventKind::Revoke, Some(EventKind::Leave)) => Some(event.time - event.seconds.unwrap_or(0.0)),
+            (EventKind::Leave, _) | (EventKind::Revoke, Some(EventKind::Enter)) => None,
+            _ => return,
+        };
+        let places = self.inside.entry(person).or_default();
+        match since_s {
+            Some(since_s) => drop(places.insert(place.clone(), since_s)),
+            None => drop(places.remove(place)),
         }
+        self.inside.retain(|_, places| !places.is_empty());
     }
 
     /// Records a frame, of which not every one becomes a message.
@@ -141,33 +155,27 @@ impl Scene {
             self.interval_s += share * (interval_s - self.interval_s);
         }
         self.latest_s = Some(time_s);
-        let present = |id: &TrackId| people.binary_search_by_key(id, |person| person.id).is_ok();
-        self.first_seen.retain(|id, _| present(id));
-        self.inside.retain(|id, _| present(id));
         for person in people {
-            self.first_seen.entry(person.id).or_insert(time_s);
+            let seen = self.seen.entry(person.id).or_insert(Seen { first_s: time_s, last_s: time_s });
+            seen.last_s = time_s;
         }
+        self.seen.retain(|_, seen| time_s - seen.last_s < FORGOTTEN_S);
     }
 
-    /// Message of the latest frame. `start` is the time of day at the run's time 0.
-    pub(super) fn message(
-        &self,
-        time_s: f64,
-        start: SystemTime,
-        people: &[PersonEstimate],
-    ) -> RegulatedScene {
+    /// Message of the latest frame.
+    pub(super) fn message(&self, time_s: f64, clock: &Clock, people: &[PersonEstimate]) -> RegulatedScene {
         let rate = if self.interval_s > 0.0 { rounded(self.interval_s.recip()) } else { 0.0 };
         RegulatedScene {
-            timestamp: timestamp(start, time_s),
+            timestamp: clock.at(time_s),
             id: self.id.clone(),
             name: self.name.clone(),
             scene_rate: rate,
             rate: self.cameras.iter().map(|(name, _)| (name.clone(), rate)).collect(),
-            objects: people.iter().map(|person| self.object(person, time_s, start)).collect(),
+            objects: people.iter().map(|person| self.object(person, time_s, clock)).collect(),
         }
     }
 
-    fn object(&self, person: &PersonEstimate, time_s: f64, start: SystemTime) -> SceneObject {
+    fn object(&self, person: &PersonEstimate, time_s: f64, clock: &Clock) -> SceneObject {
         let body = Body::from(person);
         let mut seen: Vec<(f64, &str, Option<ImageBox>)> = self
             .cameras
@@ -198,10 +206,10 @@ impl Scene {
             visibility,
             center_of_mass: seen.iter().find_map(|(_, _, found)| *found).map(ImageBox::center_of_mass),
             similarity: None,
-            first_seen: timestamp(start, self.first_seen.get(&person.id).copied().unwrap_or(time_s)),
+            first_seen: clock.at(self.seen.get(&person.id).map_or(time_s, |seen| seen.first_s)),
             camera_bounds,
             regions: regions
-                .map(|(place, since)| (place.clone(), Entered { entered: timestamp(start, *since) }))
+                .map(|(place, since)| (place.clone(), Entered { entered: clock.at(*since) }))
                 .collect(),
         }
     }
@@ -215,33 +223,6 @@ fn uuid(digest: &[u8]) -> String {
     bytes[8] = bytes[8] & 0x3f | 0x80;
     let hex: String = bytes.iter().map(|byte| format!("{byte:02x}")).collect();
     [&hex[..8], &hex[8..12], &hex[12..16], &hex[16..20], &hex[20..]].join("-")
-}
-
-/// Time of day in UTC with milliseconds: `2026-03-26T20:48:50.149Z`.
-fn timestamp(start: SystemTime, time_s: f64) -> String {
-    let since = start.duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
-    let after = Duration::try_from_secs_f64(since.as_secs_f64() + time_s).unwrap_or_default();
-    let (days, in_day) = (after.as_secs() / 86_400, after.as_secs() % 86_400);
-    let (year, month, day) = civil_date(days as i64);
-    let (hours, minutes, seconds) = (in_day / 3600, in_day / 60 % 60, in_day % 60);
-    format!(
-        "{year:04}-{month:02}-{day:02}T{hours:02}:{minutes:02}:{seconds:02}.{:03}Z",
-        after.subsec_millis()
-    )
-}
-
-/// Year, month and day of the day with this number from 1970-01-01 (Hinnant, "chrono-compatible low-level date
-/// algorithms", `civil_from_days`).
-fn civil_date(days: i64) -> (i64, i64, i64) {
-    let shifted = days + 719_468;
-    let era = shifted.div_euclid(146_097);
-    let day_of_era = shifted.rem_euclid(146_097);
-    let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
-    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
-    let shifted_month = (5 * day_of_year + 2) / 153;
-    let day = day_of_year - (153 * shifted_month + 2) / 5 + 1;
-    let month = if shifted_month < 10 { shifted_month + 3 } else { shifted_month - 9 };
-    (year_of_era + era * 400 + i64::from(month <= 2), month, day)
 }
 
 #[cfg(test)]
@@ -281,15 +262,22 @@ mod tests {
 
     #[test]
     fn a_message_has_the_documented_fields() {
-        let start = SystemTime::UNIX_EPOCH + Duration::from_millis(1_774_558_122_857);
+        let clock = Clock::parse("2026-03-26T20:48:42.857Z").unwrap();
         let mut scene = scene("a");
         let people = [person(3, [0.9, 0.01])];
         scene.observe(0.0, &people);
-        scene.enter(TrackId(3), "counter", 0.5);
-        scene.enter(TrackId(3), "shelf", 0.5);
-        scene.leave(TrackId(3), "shelf");
+        let event = |line: &str| serde_json::from_str::<Event>(line).unwrap();
+        for line in [
+            r#"{"time":0.5,"frame":6,"kind":"enter","where":"counter","id":3}"#,
+            r#"{"time":0.6,"frame":7,"kind":"enter","where":"shelf","id":3}"#,
+            r#"{"time":2.6,"frame":31,"kind":"leave","where":"counter","id":3,"seconds":2.1}"#,
+            r#"{"time":2.6,"frame":31,"kind":"revoke","revoked":"leave","where":"counter","id":3,"seconds":2.1}"#,
+            r#"{"time":0.6,"frame":7,"kind":"revoke","revoked":"enter","where":"shelf","id":3}"#,
+        ] {
+            scene.note(&event(line));
+        }
         scene.observe(0.1, &people);
-        let message = serde_json::to_value(scene.message(7.292, start, &people)).unwrap();
+        let message = serde_json::to_value(scene.message(7.292, &clock, &people)).unwrap();
         // The moments of SceneScape's own sample, regulated_scene.json.
         assert_eq!(message["timestamp"], "2026-03-26T20:48:50.149Z");
         let object = &message["objects"][0];
@@ -316,7 +304,11 @@ mod tests {
     #[test]
     fn identifiers_are_uuids_that_last_for_a_run() {
         let id = |scene: &Scene, track: u32| {
-            let message = scene.message(0.0, SystemTime::UNIX_EPOCH, &[person(track, [1.0, 1.0])]);
+            let message = scene.message(
+                0.0,
+                &Clock::parse("2026-01-01T00:00:00Z").unwrap(),
+                &[person(track, [1.0, 1.0])],
+            );
             message.objects[0].id.clone()
         };
         let (a, b) = (scene("a"), scene("b"));
@@ -326,15 +318,5 @@ mod tests {
         let lengths: Vec<usize> = a.id().split('-').map(str::len).collect();
         assert_eq!(lengths, [8, 4, 4, 4, 12]);
         assert_eq!(&a.id()[14..15], "8");
-    }
-
-    #[test]
-    fn dates_agree_with_the_calendar() {
-        let at = |s: u64| timestamp(SystemTime::UNIX_EPOCH + Duration::from_secs(s), 0.0);
-        // `date -u -d @SECONDS`.
-        assert_eq!(at(0), "1970-01-01T00:00:00.000Z");
-        assert_eq!(at(951_782_400), "2000-02-29T00:00:00.000Z");
-        assert_eq!(at(1_709_251_199), "2024-02-29T23:59:59.000Z");
-        assert_eq!(at(4_107_542_400), "2100-03-01T00:00:00.000Z");
     }
 }

@@ -5,39 +5,39 @@ pub(super) const DEFAULT_PREFIX: &str = "roomtrack";
 
 /// Topics of one room: `PREFIX/ROOM/…`.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Topics {
+pub(super) struct Topics {
     prefix: String,
     base: String,
 }
 
 impl Topics {
     /// Topics of the room of this name below a prefix.
-    pub fn new(prefix: &str, room: &str) -> Self {
+    pub(super) fn new(prefix: &str, room: &str) -> Self {
         Self { prefix: prefix.to_owned(), base: format!("{prefix}/{}", level(room)) }
     }
 
     /// People of the latest frame.
-    pub fn people(&self) -> String {
+    pub(super) fn people(&self) -> String {
         format!("{}/people", self.base)
     }
 
     /// Events, one a message.
-    pub fn event(&self) -> String {
+    pub(super) fn event(&self) -> String {
         format!("{}/event", self.base)
     }
 
     /// Counts of a zone, region or line, or of `room`.
-    pub fn count(&self, name: &str) -> String {
+    pub(super) fn count(&self, name: &str) -> String {
         format!("{}/count/{}", self.base, level(name))
     }
 
     /// `online` while the tracker runs, else `offline`.
-    pub fn status(&self) -> String {
+    pub(super) fn status(&self) -> String {
         format!("{}/status", self.base)
     }
 
     /// Topic at which consumers of `SceneScape` look for a scene's objects, where the prefix is `scenescape`.
-    pub fn regulated_scene(&self, scene: &str) -> String {
+    pub(super) fn regulated_scene(&self, scene: &str) -> String {
         format!("{}/regulated/scene/{scene}", self.prefix)
     }
 }
