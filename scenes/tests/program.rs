@@ -37,8 +37,8 @@ fn room() -> TempDir {
     Room {
         cameras: vec![RoomCamera { name: "up".into(), camera, reference: Some("reference/up.jpg".into()) }],
         zones: vec![zone("door", 0.1)],
-        walkable: None,
         geometry: Some(Geometry::Discs((0..400).map(disc).collect())),
+        ..Room::default()
     }
     .write(folder.path())
     .unwrap();
@@ -80,6 +80,40 @@ fn check_prints_what_is_in_the_room() {
     }
     // A reference image that is not there is worth a warning.
     assert!(String::from_utf8(output.stderr).unwrap().contains("reference"));
+}
+
+#[test]
+fn check_names_regions_and_lines_and_warns_of_those_beyond_the_floor() {
+    let folder = room();
+    let scene = folder.path().join("scene.toml");
+    let before = std::fs::read_to_string(&scene).unwrap();
+    let floor = "[floor]\nwalkable = [[[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]]]\n";
+    let places = |x: f64| {
+        format!(
+            "[[region]]\nname = \"r\"\npolygon = [[{x}, 1], [{0}, 1], [{0}, 2]]\ndwell_s = 30\n\
+             [[line]]\nname = \"l\"\npoints = [[{x}, 3], [{0}, 3]]\n",
+            x + 2.0
+        )
+    };
+    let check = |text: String| {
+        std::fs::write(&scene, text).unwrap();
+        let output = scenes(&["check", path(folder.path())]);
+        assert_eq!(output.status.code(), Some(0));
+        (String::from_utf8(output.stdout).unwrap(), String::from_utf8(output.stderr).unwrap())
+    };
+    let (told, warned) = check(format!("{before}\n{floor}{}", places(1.0)));
+    assert!(
+        told.contains("region    r: 1.00 m², people are counted and timed, stays longer than 30 s"),
+        "{told}"
+    );
+    assert!(told.contains("line      l: 2.00 m, from its left to its right is in"), "{told}");
+    assert!(!warned.contains("region") && !warned.contains("line `"), "{warned}");
+    let (_, warned) = check(format!("{before}\n{floor}{}", places(50.0)));
+    assert!(warned.contains("region `r`: nobody can stand in it; move it"), "{warned}");
+    assert!(warned.contains("line `l`: nobody can cross it; move it"), "{warned}");
+    std::fs::write(&scene, format!("{before}\n[[line]]\nname = \"l\"\npoints = [[0, 0]]\n")).unwrap();
+    let said = complaint(&["check", path(folder.path())], 1);
+    assert!(said.contains("line 1 (`l`): a line needs at least 2 points"), "{said}");
 }
 
 #[test]

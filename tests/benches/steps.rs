@@ -117,9 +117,8 @@ fn hall() -> Room {
     };
     Room {
         cameras: corners.into_iter().enumerate().map(camera).collect(),
-        zones: Vec::new(),
         walkable: Some(vec![Polygon::rectangle(Point2::new(1.0, 1.0), Point2::new(19.0, 13.0))]),
-        geometry: None,
+        ..Room::default()
     }
 }
 

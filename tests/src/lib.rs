@@ -2,6 +2,7 @@
 //!
 //! * [`data`] — the office shipped beside this crate, the larger data sets where available, the programs.
 //! * [`chain`] — the programs, run as a person runs them, with measurements.
+//! * [`events`] — events against those of true paths, at regions and lines in any room.
 //! * [`hall`] — a synthetic hall with true heads, for the head tracker's experiments.
 //! * [`project`] — a synthetic room's captures, as `recon build` takes them.
 //! * [`network_camera`] — a fake network camera with a clock, losses and faults of its own.
@@ -14,6 +15,7 @@ pub mod accuracy;
 pub mod broker;
 pub mod chain;
 pub mod data;
+pub mod events;
 pub mod hall;
 pub mod live;
 pub mod network_camera;

@@ -36,7 +36,7 @@ fn main() -> anyhow::Result<()> {
             kind: ZoneKind::Both,
         }],
         walkable: Some(vec![rectangle(0.0, 0.0, 6.0, 5.0)]),
-        geometry: None,
+        ..Room::default()
     };
     // The room has no files of its own, so results of its preparation are kept in a temporary folder.
     let folder = std::env::temp_dir();

@@ -5,6 +5,7 @@
 //! * [`FrameSource`] — frames from any source that a user names: a video, a folder of images, a printf pattern, the URL
 //!   of a stream, the number of a device.
 //! * [`FrameStamp`] — times of a frame on its source's clock, the sender's and ours.
+//! * [`creation_time`] — time at which a video was recorded, as its container states it.
 //! * [`FilmWriter`] — an MP4 film, under a temporary name until it is finished.
 
 use std::path::Path;
@@ -13,6 +14,7 @@ use std::sync::Once;
 use crate::Error;
 
 mod container;
+mod creation;
 mod decoder;
 #[cfg(target_os = "linux")]
 mod device;
@@ -25,6 +27,7 @@ mod stamp;
 mod tests;
 mod writer;
 
+pub use creation::creation_time;
 pub use source::FrameSource;
 pub use stamp::FrameStamp;
 pub use writer::FilmWriter;

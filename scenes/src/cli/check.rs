@@ -61,6 +61,32 @@ impl Check {
         if room.zones.is_empty() {
             writeln!(out, "zone      none: people may appear and disappear anywhere")?;
         }
+        self.print_regions(out, &room, &walkable)
+    }
+
+    /// Prints regions and lines, and warns of those where nobody can be counted.
+    fn print_regions(&self, out: &mut impl Write, room: &Room, walkable: &WalkableMap) -> anyhow::Result<()> {
+        let warn = |place: &str, problem: &str| tracing::warn!("{}: {place}: {problem}", self.room.display());
+        for region in &room.regions {
+            if !walkable.reaches_into(&region.polygon) {
+                warn(
+                    &format!("region `{}`", region.name),
+                    "nobody can stand in it; move it, or mend [floor]",
+                );
+            }
+            let dwell = region
+                .dwell_s
+                .map_or(String::new(), |seconds| format!(", stays longer than {seconds} s are events"));
+            let area = region.polygon.area();
+            writeln!(out, "region    {}: {area:.2} m², people are counted and timed{dwell}", region.name)?;
+        }
+        for line in &room.lines {
+            if !walkable.reaches_line(line.pieces()) {
+                warn(&format!("line `{}`", line.name), "nobody can cross it; move it, or mend [floor]");
+            }
+            let length_m: f64 = line.pieces().map(|(a, b)| (b - a).norm()).sum();
+            writeln!(out, "line      {}: {length_m:.2} m, from its left to its right is in", line.name)?;
+        }
         Ok(())
     }
 

@@ -1,16 +1,21 @@
-//! Zones, cameras with their fields of view, and the walkable floor, drawn on a plan.
+//! Zones, regions, lines, cameras with their fields of view, and the walkable floor, drawn on a plan.
 
 use nalgebra::{Point2, Rotation2, Vector2, Vector3};
 
 use super::outline::outlines;
 use super::{FloorPlan, PlanOptions};
 use crate::Result;
-use crate::room::{Room, RoomCamera, Zone, ZoneKind};
+use crate::polygon::Polygon;
+use crate::room::{Line, Region, Room, RoomCamera, Zone, ZoneKind};
 use crate::walkable::{self, WalkableMap};
 use shell::canvas::{Color, Stroke, TextStyle};
 
 /// Colour of zones: teal, which is no person's colour.
 const ZONE: Color = Color::rgb(0, 134, 139);
+/// Colour of regions: violet.
+const REGION: Color = Color::rgb(118, 68, 160);
+/// Colour of lines: dark magenta.
+const LINE: Color = Color::rgb(173, 20, 87);
 /// Colour of cameras: slate.
 const CAMERA: Color = Color::rgb(52, 73, 110);
 /// Colour of the walkable floor's rim.
@@ -27,10 +32,14 @@ pub(super) fn draw(plan: &mut FloorPlan, room: &Room, options: &PlanOptions) -> 
         (None, Some(room_dir)) => draw_walkable(plan, &walkable::cached(room_dir, room)?),
         (None, None) => draw_walkable(plan, &WalkableMap::of_room(room)?),
     }
-    room.zones.iter().for_each(|zone| draw_zone(plan, zone));
+    room.zones.iter().for_each(|zone| draw_area(plan, &zone.polygon, ZONE));
+    room.regions.iter().for_each(|region| draw_area(plan, &region.polygon, REGION));
+    room.lines.iter().for_each(|line| draw_line(plan, line));
     room.cameras.iter().for_each(|camera| draw_cone(plan, camera));
     // Names are drawn last, over everything.
     room.zones.iter().for_each(|zone| name_zone(plan, zone));
+    room.regions.iter().for_each(|region| name_region(plan, region));
+    room.lines.iter().for_each(|line| name_line(plan, line));
     room.cameras.iter().for_each(|camera| draw_camera(plan, camera));
     Ok(())
 }
@@ -50,10 +59,48 @@ fn draw_walkable(plan: &mut FloorPlan, map: &WalkableMap) {
     }
 }
 
-fn draw_zone(plan: &mut FloorPlan, zone: &Zone) {
-    let corners: Vec<Point2<f64>> = zone.polygon.0.iter().map(|p| plan.mapping.pixel(p)).collect();
-    plan.canvas.fill_polygon(&corners, ZONE.alpha(0.25));
-    plan.canvas.stroke_polygon(&corners, &Stroke::solid(ZONE, 2.0));
+fn draw_area(plan: &mut FloorPlan, polygon: &Polygon, color: Color) {
+    let corners: Vec<Point2<f64>> = polygon.0.iter().map(|p| plan.mapping.pixel(p)).collect();
+    plan.canvas.fill_polygon(&corners, color.alpha(0.25));
+    plan.canvas.stroke_polygon(&corners, &Stroke::solid(color, 2.0));
+}
+
+/// A line, with an arrow across its longest piece: from left to right is in.
+fn draw_line(plan: &mut FloorPlan, line: &Line) {
+    const ARROW_PX: f64 = 15.0;
+    let points: Vec<Point2<f64>> = line.points.iter().map(|p| plan.mapping.pixel(p)).collect();
+    plan.canvas.stroke_polyline(&points, &Stroke::solid(Color::WHITE.alpha(0.75), 6.0));
+    plan.canvas.stroke_polyline(&points, &Stroke::solid(LINE, 3.5));
+    if let Some((middle, inward)) = arrow(plan, line) {
+        let (from, to) = (middle - inward * ARROW_PX, middle + inward * ARROW_PX);
+        plan.canvas.arrow(from, to, &Stroke::solid(LINE, 2.5));
+    }
+}
+
+/// Pixel in the middle of a line's longest piece, and the inward direction there.
+fn arrow(plan: &FloorPlan, line: &Line) -> Option<(Point2<f64>, Vector2<f64>)> {
+    let pieces = line.pieces();
+    let (a, b) = pieces.max_by(|(a, b), (c, d)| (b - a).norm().total_cmp(&(d - c).norm()))?;
+    let (a, b) = (plan.mapping.pixel(&a), plan.mapping.pixel(&b));
+    let along = (b - a).try_normalize(0.0)?;
+    // Rows count downward: the right of a direction (x, y) is (−y, x).
+    Some((nalgebra::center(&a, &b), Vector2::new(-along.y, along.x)))
+}
+
+fn name_region(plan: &mut FloorPlan, region: &Region) {
+    let center = plan.mapping.pixel(&region.polygon.center());
+    plan.canvas.text(center, &region.name, &name_style(REGION));
+}
+
+/// The name stands on the outer side of the line, where its arrow begins.
+fn name_line(plan: &mut FloorPlan, line: &Line) {
+    const AWAY_PX: f64 = 28.0;
+    let Some((middle, inward)) = arrow(plan, line) else { return };
+    plan.canvas.text(middle - inward * AWAY_PX, &line.name, &name_style(LINE));
+}
+
+fn name_style(color: Color) -> TextStyle {
+    TextStyle::new(17.0).color(color.mix(Color::BLACK, 0.45)).halo(Color::WHITE.alpha(0.85)).anchor(0.5, 0.5)
 }
 
 fn name_zone(plan: &mut FloorPlan, zone: &Zone) {
@@ -63,11 +110,7 @@ fn name_zone(plan: &mut FloorPlan, zone: &Zone) {
         ZoneKind::Both => "",
     };
     let center = plan.mapping.pixel(&zone.polygon.center());
-    let style = TextStyle::new(17.0)
-        .color(ZONE.mix(Color::BLACK, 0.45))
-        .halo(Color::WHITE.alpha(0.85))
-        .anchor(0.5, 0.5);
-    plan.canvas.text(center, &format!("{}{way}", zone.name), &style);
+    plan.canvas.text(center, &format!("{}{way}", zone.name), &name_style(ZONE));
 }
 
 /// Directions on the floor of the image's left and right edge; `None` for a camera that looks straight down or up.

@@ -29,7 +29,7 @@ pub struct PlanOptions {
     pub longest_side_px: u32,
     /// Height at which the room is cut open; by default 2 m, or 30 cm below a lower ceiling.
     pub cut_height_m: Option<f64>,
-    /// Whether zones, cameras and the outline of the walkable floor are drawn.
+    /// Whether zones, regions, lines, cameras and the outline of the walkable floor are drawn.
     pub marks: bool,
     /// Walkable floor to outline among the marks; by default the room's own, or the one derived from its geometry.
     pub walkable: Option<WalkableMap>,
@@ -195,7 +195,7 @@ impl FloorPlan {
     }
 }
 
-/// Part of the floor to show: geometry, cameras, zones and walkable regions, and a rim; without either geometry or
+/// Part of the floor to show: geometry, cameras, zones, regions, lines and walkable regions, and a rim; without either geometry or
 /// walkable regions also the floor that the cameras see.
 fn shown(room: &Room, places: &[Point2<f64>]) -> (Point2<f64>, Point2<f64>) {
     let is_finite = |p: &&Point2<f64>| p.x.is_finite() && p.y.is_finite();
@@ -208,7 +208,9 @@ fn shown(room: &Room, places: &[Point2<f64>]) -> (Point2<f64>, Point2<f64>) {
         // The extent of the room is unknown: show the floor as far as its cameras see a person.
         places.extend(room.cameras.iter().flat_map(|c| floor_nearby(&c.camera)));
     }
-    let regions = room.zones.iter().map(|z| &z.polygon).chain(room.walkable.iter().flatten());
+    let regions = room.zones.iter().map(|z| &z.polygon).chain(room.regions.iter().map(|r| &r.polygon));
+    let regions = regions.chain(room.walkable.iter().flatten());
+    places.extend(room.lines.iter().flat_map(|line| &line.points));
     places.extend(regions.flat_map(|polygon| &polygon.0));
     places.retain(|p| p.x.is_finite() && p.y.is_finite());
     if places.is_empty() {

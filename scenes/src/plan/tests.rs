@@ -3,7 +3,7 @@
 use super::*;
 use crate::geometry::{Geometry, Mesh};
 use crate::polygon::Polygon;
-use crate::room::{RoomCamera, Zone, ZoneKind};
+use crate::room::{Line, Region, RoomCamera, Zone, ZoneKind};
 use crate::view::look_at;
 use approx::assert_relative_eq;
 use calib::{Camera, Intrinsics};
@@ -87,7 +87,17 @@ fn the_plan_shows_each_thing_where_it_stands() {
 
 #[test]
 fn marks_are_drawn_where_cameras_and_zones_are() {
-    let room = room();
+    let corner = Point2::new(2.5, 0.4);
+    let room = Room {
+        regions: vec![Region {
+            name: "r".into(),
+            polygon: Polygon::rectangle(corner, Point2::new(3.3, 0.9)),
+            dwell_s: None,
+        }],
+        // North to south: its right is west.
+        lines: vec![Line { name: "l".into(), points: vec![Point2::new(5.2, 3.6), Point2::new(5.2, 2.6)] }],
+        ..room()
+    };
     let plain = FloorPlan::new(&room, &PlanOptions { marks: false, ..PlanOptions::default() }).unwrap();
     let marked = FloorPlan::new(&room, &PlanOptions::default()).unwrap();
     let mapping = plain.mapping();
@@ -98,6 +108,12 @@ fn marks_are_drawn_where_cameras_and_zones_are() {
         plain.get_pixel(u, v) != marked.get_pixel(u, v)
     };
     assert!(changed(5.1, 0.6) && changed(5.9, 1.4), "the zone");
+    assert!(changed(2.55, 0.45) && changed(3.25, 0.85) && !changed(2.45, 0.65), "the region");
+    // The arrow goes as far to both sides, but its head, wider than its shaft, is on the right.
+    let px_m = 1.0 / mapping.px_per_m;
+    let thick = |x: f64| (-20..=20).filter(|i| changed(x, 3.1 + f64::from(*i) * 0.5 * px_m)).count();
+    assert!(changed(5.2, 3.5) && changed(5.2, 2.7), "the line");
+    assert!(thick(5.2 - 10.0 * px_m) > thick(5.2 + 10.0 * px_m), "the arrow");
     // The camera looks towards (2.8, 1.8) with 35° to either side: 0.7 m ahead is in its cone, 0.7 m behind is not.
     let ahead = Vector2::new(2.8, 1.8).normalize();
     let sideways = Rotation2::new(45_f64.to_radians()) * ahead;

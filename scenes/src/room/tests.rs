@@ -110,9 +110,10 @@ fn optional_parts_may_be_missing() {
     // A table may be appended by hand: no empty list is in its way.
     let scene = folder.path().join("scene.toml");
     let mut text = std::fs::read_to_string(&scene).unwrap();
-    for (table, list) in [("zone", "polygon"), ("region", "polygon"), ("line", "points")] {
-        text += &format!("\n[[{table}]]\nname = \"a {table}\"\n{list} = [[0, 0], [1, 0], [1, 1]]\n");
-    }
+    let lists = [("zone", "polygon"), ("region", "polygon"), ("line", "points")];
+    let table =
+        |(table, list)| format!("\n[[{table}]]\nname = \"a {table}\"\n{list} = [[0, 0], [1, 0], [1, 1]]\n");
+    text += &lists.map(table).concat();
     let appended = tempfile::tempdir().unwrap();
     std::fs::write(appended.path().join("scene.toml"), text).unwrap();
     let read = Room::read(appended.path()).unwrap();

@@ -132,6 +132,17 @@ impl WalkableMap {
         (0..grid.bits.len()).any(|cell| grid.bits[cell] && region.contains(&grid.center(cell)))
     }
 
+    /// Tells whether a person can stand somewhere on a line of straight pieces.
+    pub fn reaches_line(&self, pieces: impl IntoIterator<Item = (Point2<f64>, Point2<f64>)>) -> bool {
+        let Some(grid) = &self.grid else { return true };
+        let cell_m = WalkableOptions::default().cell_m;
+        pieces.into_iter().any(|(a, b)| {
+            // Places about a cell apart; a line drawn over a continent needs no more than these.
+            let steps = ((b - a).norm() / cell_m).ceil().clamp(1.0, 1e5) as u32;
+            (0..=steps).any(|i| grid.contains(&(a + (b - a) * (f64::from(i) / f64::from(steps)))))
+        })
+    }
+
     /// Cells of the map; `None` if everywhere is walkable.
     pub fn grid(&self) -> Option<&Grid> {
         self.grid.as_ref()

@@ -6,6 +6,7 @@
 mod agents;
 mod capture_motion;
 mod clocks;
+mod events;
 mod failing_cameras;
 mod folder;
 mod link_refusals;

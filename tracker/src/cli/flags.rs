@@ -7,6 +7,7 @@ const RENAMED: &[(&str, &str)] = &[
     ("agents", "--method agents"),
     ("alignments", "--offset"),
     ("condensation", "--method condensation"),
+    ("counts_every_s", "--counts-every"),
     ("expected", "--stations"),
     ("frames_per_s", "--rate"),
     ("labelled", "--boxes"),

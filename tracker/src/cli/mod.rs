@@ -9,6 +9,8 @@ mod colours;
 mod detect;
 mod endpoints;
 mod eval;
+mod event_arguments;
+mod events;
 mod export;
 mod flags;
 mod heads;
@@ -21,8 +23,10 @@ mod report;
 mod run;
 mod run_arguments;
 mod sampler;
+mod start;
 mod station;
 mod stations;
+mod stats;
 mod view;
 mod watch;
 mod weightmap;
@@ -50,6 +54,8 @@ enum Command {
     Link(Box<link::LinkArgs>),
     Agents(agents::AgentsArgs),
     Eval(eval::EvalArgs),
+    Events(events::EventsArgs),
+    Stats(stats::StatsArgs),
     Masks(masks::MasksArgs),
     Report(report::ReportArgs),
     Export(export::ExportArgs),
@@ -66,6 +72,8 @@ pub(crate) fn run(arguments: &Arguments, console: &Console) -> anyhow::Result<St
         Command::Link(args) => link::link(args, console),
         Command::Agents(args) => agents::agents(args, console),
         Command::Eval(args) => eval::eval(args),
+        Command::Events(args) => events::events(args),
+        Command::Stats(args) => stats::stats(args),
         Command::Masks(args) => masks::masks(args, console),
         Command::Report(args) => report::report(args),
         Command::Export(args) => export::export(args),

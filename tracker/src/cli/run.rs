@@ -8,12 +8,13 @@ use std::time::Instant;
 use anyhow::{Context, bail};
 use scenes::room::Room;
 use shell::console::Console;
+use tracker::events::{self, Clock, EventFiles};
 use tracker::film::{Film, FilmOptions};
 use tracker::foreground::Verdict;
 use tracker::gathering::{Gathering, GatheringOptions};
 use tracker::plan::TrajectoryPlan;
 use tracker::prepared_room::{PreparationOptions, PreparedRoom};
-use tracker::run::{self, AgencyLog, ClockOffsets, Output, RunEnd, RunProgress, RunReport};
+use tracker::run::{self, AgencyLog, ClockOffsets, EventLog, Output, RunEnd, RunProgress, RunReport};
 use tracker::station::{Pace, PictureDemand};
 use tracker::tracks::TrackFiles;
 use tracker::view::{LiveDrawer, Screens, Server};
@@ -44,6 +45,7 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
     // Invalid options are reported before anything is read.
     args.sampler.options(args.seed)?;
     args.check_detections()?;
+    args.events.options().validate()?;
     args.heads.options(args.seed, args.sampler.published)?;
     args.publish.check()?;
     // The port is bound before the slow reading of the room.
@@ -67,9 +69,10 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
     let looks = FilmOptions { width_px: args.film_width, is_live, ..FilmOptions::default() };
     let mut page = listener.map(|listener| view::serve(listener, &args.room, &prepared)).transpose()?;
     let screens = page.as_ref().map(Server::screens);
+    let clock = args.events.clock(&args.video)?;
     // The server of the metrics ends with the run.
     let Published { mqtt, metrics, server: _server } =
-        args.publish.start(&room, &args.room, &prepared, None)?;
+        args.publish.start(&room, &args.room, &prepared, clock)?;
     let demand = match screens {
         _ if !args.no_film => PictureDemand::Always,
         Some(screens) => {
@@ -85,15 +88,12 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
         drawing: Drawing { looks: &looks, demand },
         pace: if is_live { Pace::Live } else { Pace::Free },
     };
-    let Started { ports, events, downlink } = input.start(args, &builder, method.as_mut(), threads)?;
+    let Started { ports, events: station_events, downlink } =
+        input.start(args, &builder, method.as_mut(), threads)?;
     let prepared_s = started.elapsed().as_secs_f64();
     tracing::debug!("room and backgrounds ready after {prepared_s:.2} s");
     // All inputs have been checked, so outputs may be created now.
-    let mut outputs: Vec<Box<dyn Output>> = vec![Box::new(TrackFiles::new(&args.out, &prepared))];
-    outputs.push(Box::new(TrajectoryPlan::new(&args.out, &room, &args.room)));
-    if args.method == MethodName::Agents {
-        outputs.push(Box::new(AgencyLog::new(&args.out, &prepared)));
-    }
+    let mut outputs = outputs(args, &room, &prepared, clock)?;
     if !args.no_film {
         let audience = screens.map(Screens::audience);
         outputs.push(Box::new(Film::start(&args.out, &prepared, input.rate_hz, &looks, audience.as_ref())?));
@@ -112,7 +112,7 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
         }
     };
     let options = GatheringOptions { alignments, latency_s: args.latency };
-    let gathering = Gathering::new(ports, events, &options)?;
+    let gathering = Gathering::new(ports, station_events, &options)?;
     let report = run::run(gathering, method.as_mut(), outputs, clocks, threads, |step| {
         if step == RunProgress::Moment {
             progress.advance();
@@ -132,11 +132,40 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
     report.timings.write(&args.out.join("timings.json"))?;
     let report = report.unless_failed()?;
     if args.smooth {
-        let mended = tracker::link::mend_run(&args.out, input.rate_hz)?;
-        tracing::info!("{} tracks after linking over the whole recording", mended.tracks);
+        smooth(args, &room, input.rate_hz)?;
     }
     log_report(&report, prepared_s, started.elapsed().as_secs_f64());
     Ok(String::new())
+}
+
+/// The outputs that do not show pictures.
+fn outputs(
+    args: &RunArgs,
+    room: &Room,
+    prepared: &PreparedRoom,
+    clock: Option<Clock>,
+) -> anyhow::Result<Vec<Box<dyn Output>>> {
+    let mut outputs: Vec<Box<dyn Output>> =
+        vec![Box::new(TrackFiles::new(&args.out, prepared).with_clock(clock))];
+    if args.events.are_on(room) {
+        let files = EventFiles::new(&args.out, room, &args.room, &args.events.options())?;
+        outputs.push(Box::new(EventLog::new(files, prepared, clock)));
+    }
+    outputs.push(Box::new(TrajectoryPlan::new(&args.out, room, &args.room)));
+    if args.method == MethodName::Agents {
+        outputs.push(Box::new(AgencyLog::new(&args.out, prepared)));
+    }
+    Ok(outputs)
+}
+
+/// Links the tracks of the finished run. Its events are written again: those of the run have the ids before linking.
+fn smooth(args: &RunArgs, room: &Room, rate_hz: f64) -> anyhow::Result<()> {
+    let mended = tracker::link::mend_run(&args.out, rate_hz)?;
+    tracing::info!("{} tracks after linking over the whole recording", mended.tracks);
+    if args.events.are_on(room) {
+        events::of_run(&args.out, &args.room, &args.events.options())?;
+    }
+    Ok(())
 }
 
 fn log_report(report: &RunReport, prepared_s: f64, all_s: f64) {

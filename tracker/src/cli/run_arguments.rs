@@ -15,6 +15,7 @@ use tracker::wire::Endpoint;
 use super::background::BackgroundArguments;
 use super::clocks::ClockArguments;
 use super::endpoints::EndpointArguments;
+use super::event_arguments::EventArguments;
 use super::heads::HeadArguments;
 use super::publish::PublishArguments;
 use super::sampler::SamplerArguments;
@@ -36,8 +37,9 @@ pub(super) enum MethodName {
 /// Track everybody in a room from the videos of its cameras.
 ///
 /// Writes OUT/tracks.txt (floor positions, MOTChallenge rows), OUT/tracks.jsonl (a line a frame, as it is made),
-/// OUT/boxes/NAME.txt, OUT/timings.json and, unless --no-film is given, the films OUT/overlay/NAME.mp4; with --method
-/// agents also OUT/agents: the packets that the stations exchange, and figures of them. A moment is a frame of the
+/// OUT/boxes/NAME.txt, OUT/timings.json and, unless --no-film is given, the films OUT/overlay/NAME.mp4; in a room with
+/// zones, regions or lines also OUT/events.jsonl (who came, went, entered, left and crossed, as it happens), OUT/counts.csv,
+/// OUT/heat.png and OUT/groups.csv; with --method agents also OUT/agents: the packets that the stations exchange, and figures of them. A moment is a frame of the
 /// fastest camera with the nearest frames in time of the others. The shortest recording ends the run, or Ctrl-C: films,
 /// plan and times are then those of the frames so far (a second Ctrl-C ends it at once). Cameras without a source are
 /// left out.
@@ -50,6 +52,7 @@ pub(super) enum MethodName {
   tracker run myroom --masks a=masks/a --masks b=masks/b --rate 4 --out out
   tracker run myroom --detections a=a.txt --detections b=b.txt --times times.txt --out out
   tracker run myroom --video a=rtsp://camera/stream --background a=empty.mp4 --out out
+  tracker run myroom --video a=a.mp4 --out out --start 2026-11-26T09:00:00+01:00 --counts-every 300
   tracker run myroom --stations hall.local:7447,shop.local:7447 --out out
   tracker run myroom --video a=rtsp://camera/stream --out out --mqtt mqtt://broker:1883/shop --mqtt-discovery
   tracker run myroom --video a=rtsp://camera/stream --out out --metrics 127.0.0.1:9464")]
@@ -111,6 +114,8 @@ pub(crate) struct RunArgs {
     /// Longest wait of a moment of live cameras for a late camera, seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 0.3)]
     pub(super) latency: f64,
+    #[command(flatten)]
+    pub(super) events: EventArguments,
     #[command(flatten)]
     pub(super) view: ViewArguments,
     #[command(flatten)]

@@ -180,7 +180,8 @@ mod tests {
             points.dedup();
             let line = Line { name: "a".into(), points };
             let (from, to) = (point(from), point(to));
-            // Off the grid's lines by an irrational share, so that rounding decides nothing.
+            // Off the grid's lines by irrational shares, so that rounding decides nothing.
+            let from = from + Vector2::new(0.001 * 5_f64.sqrt(), -0.001 * 7_f64.sqrt());
             let to = to + Vector2::new(0.001 * 2_f64.sqrt(), 0.001 * 3_f64.sqrt());
             let net = |met: Vec<Meeting>| met.iter().map(|m| if m.is_inward { 1 } else { -1 }).sum::<i32>();
             let whole = net(meetings(&line, &from, &to));

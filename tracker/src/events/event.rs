@@ -103,6 +103,7 @@ pub enum CameraState {
 
 impl Event {
     /// The event that takes this one back: the same fields.
+    #[must_use]
     pub fn revocation(self) -> Self {
         Self { kind: EventKind::Revoke, revoked: Some(self.kind), ..self }
     }

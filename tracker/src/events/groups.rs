@@ -29,6 +29,7 @@ const GONE_S: f64 = 60.0;
 
 /// Two people while both are there.
 #[derive(Debug, Clone, Copy)]
+#[allow(clippy::struct_field_names)] // All are seconds.
 struct Pair {
     first_s: f64,
     last_s: f64,

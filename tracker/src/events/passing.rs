@@ -2,7 +2,7 @@
 //!
 //! A person's position is known up to the posterior's standard deviation, so near a border nobody knows on which side
 //! they are. A change is decided when the probability of being on the other side is high (the position is
-//! [`EventOptions::border_sigmas`] standard deviations beyond the border), and dated back to the moment at which it was
+//! [`EventOptions::border_sigmas`] standard deviations beyond the border) for [`EventOptions::border_s`], and dated back to the moment at which it was
 //! one half: when the estimated path last crossed the border. A person who stands on a border decides nothing.
 
 use nalgebra::{Point2, Vector2};
@@ -59,10 +59,30 @@ pub(super) enum Decision {
     Left(Fix, Fix),
 }
 
+/// A probable change of side, while it has not lasted for long enough to be decided.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Doubt {
+    /// The new side, and since when the position is beyond doubt.
+    since: Option<(bool, f64)>,
+}
+
+impl Doubt {
+    /// Takes the side that is beyond doubt now, if there is one; whether it has been for `lasting_s`.
+    fn step(&mut self, side: Option<bool>, time_s: f64, lasting_s: f64) -> bool {
+        self.since = match (side, self.since) {
+            (Some(side), Some((same, since_s))) if side == same => Some((side, since_s)),
+            (side, _) => side.map(|side| (side, time_s)),
+        };
+        // Rounding must not hold a decision for one more frame.
+        self.since.is_some_and(|(_, since_s)| time_s - since_s >= lasting_s - 1e-6)
+    }
+}
+
 /// A person and an area.
 #[derive(Debug, Clone)]
 pub(super) struct Stay {
     side: Side,
+    doubt: Doubt,
     /// The last fix and its signed distance from the border, metres.
     last: Option<(Fix, f64)>,
     /// The latest time at which the path crossed the border, or began.
@@ -74,7 +94,14 @@ pub(super) struct Stay {
 
 impl Stay {
     pub(super) fn new() -> Self {
-        Self { side: Side::Unknown, last: None, turned: None, dwell_due: None, has_dwelt: false }
+        Self {
+            side: Side::Unknown,
+            doubt: Doubt::default(),
+            last: None,
+            turned: None,
+            dwell_due: None,
+            has_dwelt: false,
+        }
     }
 
     /// Takes the next fix; decisions in the order of their times.
@@ -93,21 +120,24 @@ impl Stay {
         let outer_m = fix.decided_m(&offset.across, options);
         // In an area that is narrower than the uncertainty, half the way to its middle has to do.
         let inner_m = outer_m.min(0.5 * area.depth_m);
-        let turned = self.turned.unwrap_or(*fix);
+        let beyond = match self.side {
+            Side::Unknown | Side::Outside if signed_m >= inner_m => Some(true),
+            Side::Unknown | Side::Inside(_) if signed_m <= -outer_m => Some(false),
+            _ => None,
+        };
         let mut decided = Vec::new();
-        match self.side {
-            Side::Unknown | Side::Outside if signed_m >= inner_m => {
+        if self.doubt.step(beyond, fix.time_s, options.border_s) {
+            let turned = self.turned.unwrap_or(*fix);
+            self.doubt = Doubt::default();
+            if beyond == Some(true) {
                 self.side = Side::Inside(turned);
                 (self.dwell_due, self.has_dwelt) = (None, false);
                 decided.push(Decision::Entered(turned));
                 self.pass_dwell(area, fix);
-            }
-            Side::Unknown if signed_m <= -outer_m => self.side = Side::Outside,
-            Side::Inside(_) if signed_m <= -outer_m => {
+            } else {
                 decided.extend(self.left(&turned));
                 (self.side, self.dwell_due) = (Side::Outside, None);
             }
-            _ => {}
         }
         if signed_m >= 0.0
             && let (Side::Inside(since), Some(due)) = (self.side, self.dwell_due.take())
@@ -121,8 +151,12 @@ impl Stay {
     /// Decisions if the person is never seen again; the state stays, in case they are.
     pub(super) fn end(&self) -> Vec<Decision> {
         let Some((last, signed_m)) = self.last else { return Vec::new() };
-        let end = if signed_m < 0.0 { self.turned.unwrap_or(last) } else { last };
-        self.left(&end)
+        let turned = self.turned.unwrap_or(last);
+        if matches!(self.doubt.since, Some((true, _))) {
+            // There is no more evidence to wait for.
+            return vec![Decision::Entered(turned), Decision::Left(turned, last)];
+        }
+        self.left(if signed_m < 0.0 { &turned } else { &last })
     }
 
     /// Decisions of the end of a stay: it may have passed `dwell_s` while it was doubtful.
@@ -154,6 +188,7 @@ pub(super) struct Crossings {
     last: Option<Fix>,
     /// Crossings inward less those outward, since the side was last certain.
     net: i32,
+    doubt: Doubt,
     /// The latest crossing inward and outward.
     inward: Option<Fix>,
     outward: Option<Fix>,
@@ -181,14 +216,17 @@ impl Crossings {
         }
         self.last = Some(*fix);
         if self.net == 0 {
+            self.doubt = Doubt::default();
             return None;
         }
         let offset = offset_from_line(line, &fix.place);
-        if offset.signed_m < fix.decided_m(&offset.across, options) {
+        let is_beyond = offset.signed_m >= fix.decided_m(&offset.across, options);
+        let side = is_beyond.then_some(self.net > 0);
+        if !self.doubt.step(side, fix.time_s, options.border_s) {
             return None;
         }
         let crossed = self.crossed();
-        self.net = 0;
+        (self.net, self.doubt) = (0, Doubt::default());
         crossed
     }
 

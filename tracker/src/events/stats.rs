@@ -227,7 +227,9 @@ impl DayStats {
 
     fn groups_text(&self) -> String {
         let mut sizes: BTreeMap<usize, usize> = BTreeMap::new();
-        self.groups.iter().for_each(|size| *sizes.entry(*size).or_default() += 1);
+        for size in &self.groups {
+            *sizes.entry(*size).or_default() += 1;
+        }
         if sizes.is_empty() {
             return "Groups: nobody walked together.".into();
         }
@@ -345,8 +347,8 @@ fn counts(path: &Path) -> Result<(Vec<String>, (f64, f64))> {
         }
     }
     let last_s = times_s.last().copied().unwrap_or(0.0);
-    // Rows stand at the ends of their intervals.
-    let first_s = times_s.get(1).map_or(0.0, |second_s| 2.0 * times_s[0] - second_s);
+    // Rows stand at the ends of their intervals, of which the last may be a shorter one.
+    let first_s = if times_s.len() > 2 { 2.0 * times_s[0] - times_s[1] } else { 0.0 };
     Ok((names, (first_s.min(last_s), last_s)))
 }
 

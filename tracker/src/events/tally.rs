@@ -133,7 +133,9 @@ impl CountRows {
         let (due, waiting) = std::mem::take(&mut self.waiting).into_iter().partition(is_due);
         self.waiting = waiting;
         let due: Vec<Event> = due;
-        due.iter().for_each(|event| self.now.add(event));
+        for event in &due {
+            self.now.add(event);
+        }
         let mut rows = String::new();
         for ((name, now), (_, before)) in self.now.places().zip(self.before.places()) {
             let (entered, left) = (now.entered - before.entered, now.left - before.left);

@@ -60,8 +60,11 @@ pub struct McapReport {
 pub fn write(out: &Path, room: &Room, file: &Path, options: McapOptions) -> Result<McapReport> {
     let folder = file.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
     std::fs::create_dir_all(folder).map_err(Error::io(folder))?;
-    let mut beside =
-        tempfile::Builder::new().prefix(".mcap-").tempfile_in(folder).map_err(Error::io(folder))?;
+    let mut beside = tempfile::Builder::new()
+        .prefix(".mcap-")
+        .permissions(calib::files::readable_by_all())
+        .tempfile_in(folder)
+        .map_err(Error::io(folder))?;
     let report = {
         let mut export = Export::start(BufWriter::new(beside.as_file_mut()), file)?;
         export.run(out, room, options)?;

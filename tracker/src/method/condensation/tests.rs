@@ -35,7 +35,7 @@ fn prepared(cameras: usize) -> PreparedRoom {
         cameras: (0..cameras).map(camera).collect(),
         zones: vec![Zone { name: "west".into(), polygon: entry, kind: ZoneKind::Both }],
         walkable: Some(vec![floor]),
-        geometry: None,
+        ..Room::default()
     };
     PreparedRoom::prepare(&room, Path::new("."), &PreparationOptions::default()).unwrap()
 }
