@@ -12,6 +12,7 @@ use tracker::publish::metrics::{MetricsServer, RunMetrics};
 use tracker::publish::mqtt::{
     BrokerAddress, BrokerTls, Credentials, MqttOptions, MqttOutput, PeopleForm, PublishOptions,
 };
+use tracker::run::Output;
 
 /// Form of the messages of people.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -75,6 +76,16 @@ pub(super) struct Published {
     pub(super) metrics: Option<RunMetrics>,
     /// The server; it ends when this is dropped.
     pub(super) server: Option<MetricsServer>,
+}
+
+impl Published {
+    /// The outputs of a run, and the server, which has to live as long.
+    pub(super) fn into_outputs(self) -> (Vec<Box<dyn Output>>, Option<MetricsServer>) {
+        let mut outputs: Vec<Box<dyn Output>> = Vec::new();
+        outputs.extend(self.mqtt.map(|mqtt| Box::new(mqtt) as Box<dyn Output>));
+        outputs.extend(self.metrics.map(|metrics| Box::new(metrics) as Box<dyn Output>));
+        (outputs, self.server)
+    }
 }
 
 fn at_least_100(text: &str) -> Result<usize, String> {

@@ -22,7 +22,6 @@ use tracker::wire::Downlink;
 
 use super::input::{RunSources, Started};
 use super::interrupt;
-use super::publish::Published;
 use super::run_arguments::{MethodName, RunArgs};
 use super::stations::{Drawing, StationBuilder};
 use super::view;
@@ -71,16 +70,8 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
     let screens = page.as_ref().map(Server::screens);
     let clock = args.events.clock(&args.video)?;
     // The server of the metrics ends with the run.
-    let Published { mqtt, metrics, server: _server } =
-        args.publish.start(&room, &args.room, &prepared, clock)?;
-    let demand = match screens {
-        _ if !args.no_film => PictureDemand::Always,
-        Some(screens) => {
-            let screens = screens.clone();
-            PictureDemand::While(Arc::new(move || screens.is_watched()))
-        }
-        None => PictureDemand::Never,
-    };
+    let (published, _server) = args.publish.start(&room, &args.room, &prepared, clock)?.into_outputs();
+    let demand = picture_demand(args, screens);
     let builder = StationBuilder {
         room: &prepared,
         background: &args.background,
@@ -100,8 +91,7 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
     } else if let Some(screens) = screens {
         outputs.push(Box::new(LiveDrawer::start(&prepared, &looks, screens, input.has_pictures)));
     }
-    outputs.extend(mqtt.map(|mqtt| Box::new(mqtt) as Box<dyn Output>));
-    outputs.extend(metrics.map(|metrics| Box::new(metrics) as Box<dyn Output>));
+    outputs.extend(published);
     let mut progress = console.progress("tracking", input.promised.map(|n| n as u64));
     let alignments = input.alignments;
     let clocks = match prepared.cameras.len() {
@@ -136,6 +126,18 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
     }
     log_report(&report, prepared_s, started.elapsed().as_secs_f64());
     Ok(String::new())
+}
+
+/// Pictures that films and the page need.
+fn picture_demand(args: &RunArgs, screens: Option<&Screens>) -> PictureDemand {
+    match screens {
+        _ if !args.no_film => PictureDemand::Always,
+        Some(screens) => {
+            let screens = screens.clone();
+            PictureDemand::While(Arc::new(move || screens.is_watched()))
+        }
+        None => PictureDemand::Never,
+    }
 }
 
 /// The outputs that do not show pictures.
