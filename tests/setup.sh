@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Installs what cargo cannot: OpenCV's and FFmpeg's libraries and headers, and clang, which the bindings are generated
-# with.
+# Installs what cargo cannot: OpenCV's and FFmpeg's libraries and headers, clang, which the bindings are generated with,
+# and mosquitto for the tests of MQTT.
 set -euo pipefail
 
 missing=()
@@ -9,14 +9,17 @@ for library in avcodec avformat swscale; do
     pkg-config --exists "lib$library" 2>/dev/null || missing+=("lib$library-dev")
 done
 command -v clang >/dev/null || missing+=(clang)
+# The broker and the subscriber of the tests of MQTT. The broker's folder is not in everybody's PATH.
+PATH="$PATH:/usr/sbin" command -v mosquitto >/dev/null || missing+=(mosquitto)
+command -v mosquitto_sub >/dev/null || missing+=(mosquitto-clients)
 [ ${#missing[@]} -eq 0 ] && exit 0
 
 if ! command -v apt-get >/dev/null; then
     cat >&2 <<EOF
-roomtrack needs OpenCV 4 and FFmpeg 5 or later with their headers, clang with libclang, and pkg-config. Install them with your system's tools:
-  Fedora   sudo dnf install opencv-devel ffmpeg-free-devel clang-devel pkgconf
-  Arch     sudo pacman -S opencv ffmpeg clang pkgconf
-  macOS    brew install opencv ffmpeg llvm pkg-config
+roomtrack needs OpenCV 4 and FFmpeg 5 or later with their headers, clang with libclang, pkg-config, and mosquitto for its tests. Install them with your system's tools:
+  Fedora   sudo dnf install opencv-devel ffmpeg-free-devel clang-devel pkgconf mosquitto
+  Arch     sudo pacman -S opencv ffmpeg clang pkgconf mosquitto
+  macOS    brew install opencv ffmpeg llvm pkg-config mosquitto
 EOF
     exit 1
 fi
@@ -26,3 +29,7 @@ as_root=()
 echo "installing ${missing[*]}"
 "${as_root[@]}" apt-get update -qq
 DEBIAN_FRONTEND=noninteractive "${as_root[@]}" apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
+# Debian starts a broker for the whole machine, which the tests have no use for.
+if [[ " ${missing[*]} " == *" mosquitto "* && -d /run/systemd/system ]]; then
+    "${as_root[@]}" systemctl disable --now mosquitto
+fi

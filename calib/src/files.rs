@@ -62,7 +62,7 @@ pub fn refuse_input_as_output<'a>(output: &Path, inputs: impl IntoIterator<Item 
 
 /// Permissions of a result, readable by all: temporary files are private by default.
 #[cfg(unix)]
-fn readable_by_all() -> std::fs::Permissions {
+pub fn readable_by_all() -> std::fs::Permissions {
     std::os::unix::fs::PermissionsExt::from_mode(0o644)
 }
 

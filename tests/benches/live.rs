@@ -14,14 +14,15 @@
 //! * `g` — the office from files.
 //! * `h` — six cameras with distortion.
 //! * `i` — two recordings of unknown offset.
+//! * `k=S` — latency from capture to MQTT message, measured for S seconds.
 //! * `j=S` — stations, their traffic measured for S seconds.
 #![forbid(unsafe_code)]
 
-use tests::live::{Figure, accuracy, capacity, latency, memory, outages, stations};
+use tests::live::{Figure, accuracy, capacity, latency, memory, outages, publishing, stations};
 
-const SHORT: [&str; 10] = ["a", "b=5", "c=20", "d=20", "e=60,180", "f=2", "g", "h", "i", "j=20"];
-const ALL: [&str; 10] =
-    ["a=1,2,3", "b=5,30,90", "c=600", "d=120", "e=600,3600", "f=2,8", "g", "h", "i", "j=60"];
+const SHORT: [&str; 11] = ["a", "b=5", "c=20", "d=20", "e=60,180", "f=2", "g", "h", "i", "j=20", "k=20"];
+const ALL: [&str; 11] =
+    ["a=1,2,3", "b=5,30,90", "c=600", "d=120", "e=600,3600", "f=2,8", "g", "h", "i", "j=60", "k=120"];
 
 /// Figures of one scenario with its parameters.
 fn measure(scenario: &str, parameters: &[f64]) -> Result<Vec<Figure>, String> {
@@ -50,6 +51,7 @@ fn measure(scenario: &str, parameters: &[f64]) -> Result<Vec<Figure>, String> {
         ("g", []) => capacity::office_from_files(),
         ("h", []) => capacity::hall(),
         ("i", []) => accuracy::recordings(),
+        ("k", _) => each(&or(20.0), &publishing::capture_to_message),
         ("j", _) => each(&or(20.0), &stations::stations),
         _ => return Err(format!("{scenario}: no such scenario, or not with {parameters:?}")),
     })

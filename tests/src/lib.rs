@@ -7,10 +7,12 @@
 //! * [`project`] — a synthetic room's captures, as `recon build` takes them.
 //! * [`network_camera`] — a fake network camera with a clock, losses and faults of its own.
 //! * [`live`] — scenarios of live input, with figures of a run on such cameras.
+//! * [`broker`] — a real MQTT broker, and a subscriber.
 //! * [`accuracy`] — errors of camera motion, of a finished room and of its depth, against ground truth.
 #![forbid(unsafe_code)]
 
 pub mod accuracy;
+pub mod broker;
 pub mod chain;
 pub mod data;
 pub mod events;

@@ -24,12 +24,14 @@
 //! * [`film`] — each camera's picture with the tracker's estimates, beside the simulated view.
 //! * [`events`] — what happened: appearances, stays, crossed lines, states of cameras; counts, heat map, groups.
 //! * [`view`] — the same pictures live in the browser.
+//! * [`publish`] — people, events, counts and figures for other programs, while the run goes on.
 //! * [`plan`] — the floor plan with all trajectories.
 //! * [`detect`] — detections of people in one camera's pictures: input of [`link`].
 //! * [`link`] — tracks of least total cost from a whole recording's detections.
 //! * [`eval`] — evaluation of tracks against the truth: CLEAR MOT, identity, HOTA, position error.
 //! * [`chart`] — line charts.
 //! * [`report`] — one self-contained page about a run.
+//! * [`export`] — a run in the formats of other programs: MCAP, `GeoJSON`.
 #![forbid(unsafe_code)]
 
 pub mod chart;
@@ -37,6 +39,7 @@ pub mod detect;
 mod error;
 pub mod eval;
 pub mod events;
+pub mod export;
 pub mod film;
 pub mod foreground;
 pub mod gathering;
@@ -49,6 +52,7 @@ pub mod observation;
 pub mod offsets;
 pub mod plan;
 pub mod prepared_room;
+pub mod publish;
 pub mod report;
 pub mod run;
 pub mod silhouette;

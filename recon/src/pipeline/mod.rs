@@ -259,7 +259,7 @@ fn reading(file: &CaptureFile) -> String {
     }
 }
 
-/// Takes zones, regions, lines and walkable regions over into a rebuilt room: its coordinates stay the same. Those of a
+/// Takes zones, regions, lines, walkable regions and the place on Earth over into a rebuilt room: its coordinates stay the same. Those of a
 /// file come in place of the old ones; a file without regions or lines leaves the old ones.
 fn take_over_markings(room: &mut Room, before: Option<Room>, markings: Option<Markings>) {
     if let Some(before) = before {
@@ -267,6 +267,7 @@ fn take_over_markings(room: &mut Room, before: Option<Room>, markings: Option<Ma
         room.zones = before.zones;
         room.regions = before.regions;
         room.lines = before.lines;
+        room.geo = before.geo;
     }
     if let Some(Markings { zones, regions, lines }) = markings {
         room.zones = zones;

@@ -1,5 +1,6 @@
 //! The room: cameras, zones, regions, lines, floor and geometry, and the directory that holds them.
 
+mod geo;
 mod marking;
 mod read;
 mod replace_zones;
@@ -18,6 +19,7 @@ use crate::geometry::Geometry;
 use crate::polygon::Polygon;
 use crate::{Error, Result};
 
+pub use geo::Geo;
 pub use marking::{Line, Region};
 pub use read::{Markings, read_markings};
 pub use replace_zones::{SceneVersion, replace_zones};
@@ -38,6 +40,8 @@ pub struct Room {
     pub regions: Vec<Region>,
     /// Lines at which people are counted as they cross them.
     pub lines: Vec<Line>,
+    /// Place of the room on Earth, if stated.
+    pub geo: Option<Geo>,
     /// Regions where a person can stand, if stated; otherwise they are derived from the geometry.
     pub walkable: Option<Vec<Polygon>>,
     /// Geometry of the room; without it the room hides nothing.

@@ -34,6 +34,7 @@ impl Room {
             zones: file.zone,
             regions: file.region,
             lines: file.line,
+            geo: file.geo,
             walkable: file.floor.and_then(|floor| floor.walkable),
             ..Self::default()
         };

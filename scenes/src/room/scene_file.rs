@@ -7,7 +7,7 @@ use calib::{Camera, Distortion, Intrinsics};
 use nalgebra::{Isometry3, Translation3};
 use serde::{Deserialize, Serialize};
 
-use super::{Line, Region, Room, RoomCamera, Zone};
+use super::{Geo, Line, Region, Room, RoomCamera, Zone};
 use crate::polygon::Polygon;
 
 /// The only version of the format.
@@ -27,6 +27,8 @@ pub(super) struct SceneFile {
     pub(super) geometry: Option<PathBuf>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) floor: Option<FloorTable>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) geo: Option<Geo>,
     #[serde(default)]
     pub(super) camera: Vec<CameraTable>,
     // An empty `zone = []` would forbid that a table is appended by hand.
@@ -102,6 +104,7 @@ impl SceneFile {
             zone: room.zones.clone(),
             region: room.regions.clone(),
             line: room.lines.clone(),
+            geo: room.geo,
         }
     }
 }

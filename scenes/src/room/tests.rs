@@ -9,7 +9,7 @@ use nalgebra::{Isometry3, Point2, Translation3, UnitQuaternion};
 use proptest::prelude::*;
 use tempfile::TempDir;
 
-use super::{Line, Markings, Region, Room, RoomCamera, Zone, ZoneKind, read_markings};
+use super::{Geo, Line, Markings, Region, Room, RoomCamera, Zone, ZoneKind, read_markings};
 use crate::geometry::{Disc, Geometry};
 use crate::polygon::Polygon;
 
@@ -42,6 +42,7 @@ fn room() -> Room {
             name: "till".into(),
             points: vec![Point2::new(0.0, 1.0 / 3.0), Point2::new(2.0, 0.0), Point2::new(2.5, 1.0)],
         }],
+        geo: Some(Geo { latitude: 52.516_274_1, longitude: -0.1, heading: 271.25 }),
         walkable: Some(vec![rectangle(-5.0), rectangle(-2.5)]),
         geometry: Some(Geometry::Discs(vec![Disc {
             center: Vec3::new(0.1, 0.2, 0.3),
@@ -85,6 +86,7 @@ fn a_written_room_reads_back_equal() {
     let back = Room::read(folder.path()).unwrap();
     assert_eq!(back.zones, room.zones);
     assert_eq!((&back.regions, &back.lines), (&room.regions, &room.lines));
+    assert_eq!(back.geo, room.geo);
     assert_eq!(back.walkable, room.walkable);
     assert_eq!(back.geometry, room.geometry);
     for (a, b) in back.cameras.iter().zip(&room.cameras) {
@@ -201,6 +203,10 @@ fn wrong_values_name_their_place() {
 
     let zone = said_after(|text| replace_value(text, "polygon", "[[0.0, 0.0], [1.0, 0.0]]"));
     assert!(zone.contains("zone 1 (`door`)") && zone.contains("3 corners"), "{zone}");
+    let geo = said_after(|text| replace_value(text, "latitude", "95.0"));
+    assert!(geo.contains("geo: latitude is 95"), "{geo}");
+    let geo = said_after(|text| text.replace("heading = 271.25\n", ""));
+    assert!(geo.contains("heading"), "{geo}");
     let floor = said_after(|text| replace_value(text, "walkable", "[]"));
     assert!(floor.contains("floor"), "{floor}");
 }

@@ -53,6 +53,9 @@ impl Room {
                 }
             }
         }
+        if let Some(problem) = self.geo.and_then(|geo| geo.defect()) {
+            return Some(("geo".into(), problem));
+        }
         let geometry = self.geometry.as_ref()?;
         if geometry.is_empty() {
             return Some((

@@ -35,13 +35,7 @@ impl Listener {
     /// # Errors
     /// [`ListenError`] when the address is not this machine's, or the port is in use or reserved.
     pub fn bind(host: &str, port: u16, option: &str) -> Result<Self, ListenError> {
-        let listen = || {
-            let listener = TcpListener::bind((host, port))?;
-            // The runtime requires a non-blocking socket.
-            listener.set_nonblocking(true)?;
-            Ok(Self { address: listener.local_addr()?, listener })
-        };
-        listen().map_err(|e: io::Error| {
+        TcpListener::bind((host, port)).and_then(Self::of).map_err(|e: io::Error| {
             let problem = match e.kind() {
                 ErrorKind::AddrInUse => {
                     format!(
@@ -58,6 +52,16 @@ impl Listener {
             };
             ListenError { address: format!("{host}:{port}"), problem }
         })
+    }
+
+    /// Listener of a socket that is already bound.
+    ///
+    /// # Errors
+    /// An error of the operating system.
+    pub fn of(listener: TcpListener) -> io::Result<Self> {
+        // The runtime requires a non-blocking socket.
+        listener.set_nonblocking(true)?;
+        Ok(Self { address: listener.local_addr()?, listener })
     }
 
     /// Address of the socket.

@@ -27,6 +27,10 @@ pub struct Latencies {
     /// Rate of the run's clock: seconds of the rows' times in one second, 1 if the run knows its cameras' times. Rows
     /// of a run whose clock is wrong have no known age.
     pub clock_rate: f64,
+    /// Instant of the run's time 0.
+    pub zero: Instant,
+    /// Instants between which rows count.
+    pub counted: std::ops::Range<Instant>,
 }
 
 /// Latencies of a run on two cameras whose clocks agree.
@@ -63,7 +67,7 @@ pub fn latencies(measured_s: f64, arguments: &[&str]) -> StepResult<Latencies> {
     let (Some(first), Some(last)) = (rows.first(), rows.last()) else { return Err("no row came".into()) };
     let clock_rate = (last.time_s - first.time_s) / (since(last.found) - since(first.found));
     let rows_s = rows.iter().map(|row| since(row.found) - (start_s + row.time_s)).collect();
-    Ok(Latencies { rows_s, page_s, clock_rate })
+    Ok(Latencies { rows_s, page_s, clock_rate, zero: at(start_s), counted: at(from_s)..at(until_s) })
 }
 
 /// Share by which a clock may be off and still counts as right: jitter of the first and the last row makes up some of

@@ -8,6 +8,7 @@
 //!   truth.
 //! * [`outages`] — a camera that falls silent, and all cameras away.
 //! * [`latency`] — from capture to row on disk.
+//! * [`publishing`] — from capture to MQTT message.
 //! * [`memory`] — growth of a long run.
 //! * [`capacity`] — number of cameras that are followed in real time.
 //! * [`stations`] — one process for each camera.
@@ -30,6 +31,7 @@ pub mod office;
 pub mod outages;
 pub mod page;
 pub mod proxy;
+pub mod publishing;
 pub mod rows;
 pub mod run;
 pub mod stations;

@@ -12,6 +12,7 @@ mod folder;
 mod link_refusals;
 mod live_cameras;
 mod live_view;
+mod mqtt;
 mod office;
 mod recon_board;
 mod recon_picks;

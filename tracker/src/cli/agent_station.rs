@@ -11,8 +11,8 @@ use anyhow::{Context, bail};
 use clap::Args;
 use scenes::room::Room;
 use shell::console::Progress;
-use tracker::CameraFrame;
 use tracker::foreground::Verdict;
+use tracker::gathering::LeftOut;
 use tracker::method::agents::{SoloStation, StationId};
 use tracker::observation::{Feedback, Observation};
 use tracker::plan::TrajectoryPlan;
@@ -21,7 +21,9 @@ use tracker::station::{Event, ObservedFrame, Pace, Permits, Pictures, Station, W
 use tracker::tracks::{Stopwatch, TrackFiles};
 use tracker::wire::mesh::{Membership, OwnClock};
 use tracker::wire::{Endpoints, Fingerprint, Mesh};
+use tracker::{CameraFrame, PersonEstimate};
 
+use super::publish::{PublishArguments, Published};
 use super::sampler::SamplerArguments;
 
 /// Time without a picture after which a live station reports to others that it is blind.
@@ -47,6 +49,8 @@ pub(super) struct AgentStationArguments {
     #[arg(long, value_name = "SECONDS", hide = true, allow_negative_numbers = true, default_value_t = 0.0)]
     clock_shift: f64,
     #[command(flatten)]
+    publish: PublishArguments,
+    #[command(flatten)]
     sampler: SamplerArguments,
 }
 
@@ -65,6 +69,7 @@ struct Outputs {
     stopwatch: Stopwatch,
     frames: usize,
     out: PathBuf,
+    published: Published,
 }
 
 /// A running station.
@@ -80,6 +85,16 @@ struct Follower {
 }
 
 impl AgentStationArguments {
+    /// Refuses what a station that does not track cannot do.
+    pub(super) fn check_unused(&self) -> anyhow::Result<()> {
+        match self.publish.given() {
+            Some(option) => bail!(
+                "{option}: a station without --method agents knows of no people; give it to the `tracker run` that gathers"
+            ),
+            None => Ok(()),
+        }
+    }
+
     /// Tracks with the station's camera, together with the other stations, until its source ends or it is interrupted.
     pub(super) fn follow(
         &self,
@@ -91,6 +106,7 @@ impl AgentStationArguments {
         let Some(out) = self.out.clone() else { bail!("--method agents: give --out DIR for its tracks") };
         let camera = prepared.camera_index(&station.name).context("the room has no such camera")?;
         let id = StationId(u8::try_from(camera).context("the room has more than 255 cameras")?);
+        self.publish.check()?;
         let options = super::agent_options::options(&self.sampler, self.seed, self.most_people)?;
         let cameras: Vec<String> = prepared.cameras.iter().map(|camera| camera.name.clone()).collect();
         let own = PreparedRoom { cameras: vec![prepared.cameras[camera].clone()], ..prepared.clone() };
@@ -99,6 +115,7 @@ impl AgentStationArguments {
         let hears = tracker.hears().to_vec();
         let names: Vec<&str> = hears.iter().map(|other| cameras[usize::from(other.0)].as_str()).collect();
         tracing::info!("camera `{}` sees the same places as {}", station.name, listed(&names));
+        let published = self.publish.start(room, room_dir, &own, None)?;
         let membership =
             Membership { room: Some(Fingerprint::of(room)), cameras, station: Some(id), hears, clock };
         let mesh = Mesh::open(&membership, endpoints)?;
@@ -108,6 +125,7 @@ impl AgentStationArguments {
             stopwatch: Stopwatch::default(),
             frames: 0,
             out,
+            published,
         };
         let follower = Follower {
             tracker,
@@ -216,19 +234,42 @@ impl Follower {
             tracing::warn!("{error}: a packet is not sent");
         }
         let people = self.tracker.people();
-        let set_aside = observation.health.is_set_aside().then_some((0, observation.health));
-        let Outputs { files, plan, stopwatch, frames, .. } = &mut self.outputs;
-        *frames += 1;
-        plan.extend(time_s, &people);
-        Ok(stopwatch.time("output", || files.write(frame, time_s, &people, set_aside.as_slice()))?)
+        Ok(self.outputs.write(frame, time_s, &people, observation.health)?)
     }
 }
 
 impl Outputs {
+    /// Adds a frame to all outputs. `health` is that of the station's camera.
+    fn write(
+        &mut self,
+        frame: u32,
+        time_s: f64,
+        people: &[PersonEstimate],
+        health: Verdict,
+    ) -> tracker::Result<()> {
+        let set_aside = health.is_set_aside().then_some((0, health));
+        let Self { files, plan, stopwatch, frames, published, .. } = self;
+        *frames += 1;
+        plan.extend(time_s, people);
+        stopwatch.time("output", || {
+            if let Some(metrics) = &mut published.metrics {
+                metrics.observe(people.len(), Some(time_s), &[health], LeftOut::default());
+            }
+            if let Some(mqtt) = &mut published.mqtt {
+                mqtt.publish(frame, time_s, people, set_aside.as_slice())?;
+            }
+            files.write(frame, time_s, people, set_aside.as_slice())
+        })
+    }
+
     fn finish(self) -> anyhow::Result<()> {
         self.stopwatch.timings(1, self.frames).write(&self.out.join("timings.json"))?;
         self.files.finish()?;
-        Ok(self.plan.finish()?)
+        self.plan.finish()?;
+        match self.published.mqtt {
+            Some(mqtt) => Ok(mqtt.finish()?),
+            None => Ok(()),
+        }
     }
 }
 

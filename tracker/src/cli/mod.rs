@@ -11,12 +11,14 @@ mod endpoints;
 mod eval;
 mod event_arguments;
 mod events;
+mod export;
 mod flags;
 mod heads;
 mod input;
 mod interrupt;
 mod link;
 mod masks;
+mod publish;
 mod report;
 mod run;
 mod run_arguments;
@@ -56,6 +58,7 @@ enum Command {
     Stats(stats::StatsArgs),
     Masks(masks::MasksArgs),
     Report(report::ReportArgs),
+    Export(export::ExportArgs),
     Weightmap(weightmap::WeightMapArgs),
 }
 
@@ -73,6 +76,7 @@ pub(crate) fn run(arguments: &Arguments, console: &Console) -> anyhow::Result<St
         Command::Stats(args) => stats::stats(args),
         Command::Masks(args) => masks::masks(args, console),
         Command::Report(args) => report::report(args),
+        Command::Export(args) => export::export(args),
         Command::Weightmap(args) => weightmap::weightmap(args),
     };
     printed.map_err(flags::named)

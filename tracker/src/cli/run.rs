@@ -46,6 +46,7 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
     args.check_detections()?;
     args.events.options().validate()?;
     args.heads.options(args.seed, args.sampler.published)?;
+    args.publish.check()?;
     // The port is bound before the slow reading of the room.
     let listener = args.view.listener()?;
     let room = Room::read(&args.room)?;
@@ -67,14 +68,10 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
     let looks = FilmOptions { width_px: args.film_width, is_live, ..FilmOptions::default() };
     let mut page = listener.map(|listener| view::serve(listener, &args.room, &prepared)).transpose()?;
     let screens = page.as_ref().map(Server::screens);
-    let demand = match screens {
-        _ if !args.no_film => PictureDemand::Always,
-        Some(screens) => {
-            let screens = screens.clone();
-            PictureDemand::While(Arc::new(move || screens.is_watched()))
-        }
-        None => PictureDemand::Never,
-    };
+    let clock = args.events.clock(&args.video)?;
+    // The server of the metrics ends with the run.
+    let (published, _server) = args.publish.start(&room, &args.room, &prepared, clock)?.into_outputs();
+    let demand = picture_demand(args, screens);
     let builder = StationBuilder {
         room: &prepared,
         background: &args.background,
@@ -86,7 +83,6 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
         input.start(args, &builder, method.as_mut(), threads)?;
     let prepared_s = started.elapsed().as_secs_f64();
     tracing::debug!("room and backgrounds ready after {prepared_s:.2} s");
-    let clock = args.events.clock(&args.video)?;
     // All inputs have been checked, so outputs may be created now.
     let mut outputs = outputs(args, &room, &prepared, clock)?;
     if !args.no_film {
@@ -95,6 +91,7 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
     } else if let Some(screens) = screens {
         outputs.push(Box::new(LiveDrawer::start(&prepared, &looks, screens, input.has_pictures)));
     }
+    outputs.extend(published);
     let mut progress = console.progress("tracking", input.promised.map(|n| n as u64));
     let alignments = input.alignments;
     let clocks = match prepared.cameras.len() {
@@ -129,6 +126,18 @@ fn follow(args: &RunArgs, threads: usize, console: &Console) -> anyhow::Result<S
     }
     log_report(&report, prepared_s, started.elapsed().as_secs_f64());
     Ok(String::new())
+}
+
+/// Pictures that films and the page need.
+fn picture_demand(args: &RunArgs, screens: Option<&Screens>) -> PictureDemand {
+    match screens {
+        _ if !args.no_film => PictureDemand::Always,
+        Some(screens) => {
+            let screens = screens.clone();
+            PictureDemand::While(Arc::new(move || screens.is_watched()))
+        }
+        None => PictureDemand::Never,
+    }
 }
 
 /// The outputs that do not show pictures.

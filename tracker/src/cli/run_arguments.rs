@@ -17,6 +17,7 @@ use super::clocks::ClockArguments;
 use super::endpoints::EndpointArguments;
 use super::event_arguments::EventArguments;
 use super::heads::HeadArguments;
+use super::publish::PublishArguments;
 use super::sampler::SamplerArguments;
 use super::view::ViewArguments;
 
@@ -52,7 +53,9 @@ pub(super) enum MethodName {
   tracker run myroom --detections a=a.txt --detections b=b.txt --times times.txt --out out
   tracker run myroom --video a=rtsp://camera/stream --background a=empty.mp4 --out out
   tracker run myroom --video a=a.mp4 --out out --start 2026-11-26T09:00:00+01:00 --counts-every 300
-  tracker run myroom --stations hall.local:7447,shop.local:7447 --out out")]
+  tracker run myroom --stations hall.local:7447,shop.local:7447 --out out
+  tracker run myroom --video a=rtsp://camera/stream --out out --mqtt mqtt://broker:1883/shop --mqtt-discovery
+  tracker run myroom --video a=rtsp://camera/stream --out out --metrics 127.0.0.1:9464")]
 pub(crate) struct RunArgs {
     /// Room directory, as made by `recon build`.
     pub(super) room: PathBuf,
@@ -115,6 +118,8 @@ pub(crate) struct RunArgs {
     pub(super) events: EventArguments,
     #[command(flatten)]
     pub(super) view: ViewArguments,
+    #[command(flatten)]
+    pub(super) publish: PublishArguments,
     #[command(flatten)]
     pub(super) background: BackgroundArguments,
     #[command(flatten)]

@@ -54,7 +54,9 @@ enum StationMethod {
   tracker station myroom --camera cam0 --video rtsp://camera/stream --listen tls/0.0.0.0:7447 \\
       --tls-certificate cam0.pem --tls-key cam0.key --tls-authority ca.pem --allow gatherer
   tracker station myroom --camera cam0 --video 0 --method agents --out out0 --listen 0.0.0.0:7447
-  tracker station myroom --camera cam1 --video 0 --method agents --out out1 --connect camerahost0:7447")]
+  tracker station myroom --camera cam1 --video 0 --method agents --out out1 --connect camerahost0:7447
+  tracker station myroom --camera cam0 --video 0 --method agents --out out0 --listen 0.0.0.0:7447 \\
+      --mqtt mqtt://broker:1883")]
 pub(crate) struct StationArgs {
     /// Room directory, as made by `recon build`.
     room: PathBuf,
@@ -93,6 +95,9 @@ pub(crate) struct StationArgs {
 pub(crate) fn station(args: &StationArgs, console: &Console) -> anyhow::Result<String> {
     calib::vision::set_threads(1)?;
     let endpoints = args.endpoints.endpoints(&args.connect)?;
+    if args.method.is_none() {
+        args.agents.check_unused()?;
+    }
     let room = Room::read(&args.room)?;
     let named = |spec: &Option<String>| -> Vec<NamedSource> {
         let one = spec.iter().map(|spec| NamedSource { name: args.camera.clone(), spec: spec.clone() });

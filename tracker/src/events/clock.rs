@@ -70,6 +70,11 @@ impl Clock {
         Some(Self { start_ms: moment.start_ms.saturating_sub(milliseconds(time_s)), ..moment })
     }
 
+    /// The clock's zero, seconds since 1970-01-01T00:00:00Z.
+    pub fn unix_s(&self) -> f64 {
+        self.start_ms as f64 / 1000.0
+    }
+
     /// Time of day at a time of the run, seconds; to the millisecond.
     pub fn at(&self, time_s: f64) -> String {
         let utc_ms = self.start_ms.saturating_add(milliseconds(time_s));

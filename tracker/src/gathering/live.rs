@@ -192,7 +192,7 @@ impl LiveGathering {
         self.latest_s = time_s;
         self.frame = self.frame.saturating_add(1);
         let start_s = *self.start_s.get_or_insert(time_s);
-        Gathered { frame: self.frame, time_s: time_s - start_s, parts }
+        Gathered { frame: self.frame, time_s: time_s - start_s, utc_s: Some(time_s), parts }
     }
 }
 

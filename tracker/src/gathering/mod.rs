@@ -49,6 +49,8 @@ pub struct Gathered {
     pub frame: u32,
     /// Time on the run's clock, seconds.
     pub time_s: f64,
+    /// Capture time, seconds since 1970, where the cameras are live.
+    pub utc_s: Option<f64>,
     /// Part of each camera, in the order of the ports.
     pub parts: Vec<MomentPart>,
 }

@@ -66,7 +66,7 @@ impl RecordedGathering {
         let own = if lead == self.order[0] { u32::try_from(own).unwrap_or(u32::MAX) } else { 0 };
         let frame = own.max(following);
         self.latest = Some((frame, time_s));
-        Ok(NextMoment::Moment(Gathered { frame, time_s, parts }))
+        Ok(NextMoment::Moment(Gathered { frame, time_s, utc_s: None, parts }))
     }
 
     /// Drops the leading camera's frames from before all cameras have begun.

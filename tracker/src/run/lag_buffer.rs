@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 
 use super::output::{Output, ProcessedMoment};
 use crate::foreground::Verdict;
+use crate::gathering::LeftOut;
 use crate::method::Method;
 use crate::moment::CameraFrame;
 use crate::station::Pictures;
@@ -13,6 +14,8 @@ use crate::{Moment, PersonEstimate, Result};
 pub(super) struct HeldMoment {
     pub(super) frame: u32,
     pub(super) time_s: f64,
+    pub(super) utc_s: Option<f64>,
+    pub(super) left_out: LeftOut,
     pub(super) cameras: Vec<CameraFrame>,
     pub(super) pictures: Vec<Pictures>,
     pub(super) health: Vec<Verdict>,
@@ -29,6 +32,8 @@ impl HeldMoment {
             verdicts: &self.health,
             pictures: &self.pictures,
             packets: method.packets(),
+            utc_s: self.utc_s,
+            left_out: self.left_out,
         };
         outputs.iter_mut().try_for_each(|output| output.put(&followed))
     }
@@ -103,7 +108,16 @@ mod tests {
                     filmed: Some(Arc::new(RgbImage::new(3, 2))),
                 };
                 let (cameras, health, people) = (vec![], vec![], vec![]);
-                buffer.push(HeldMoment { frame, time_s, cameras, pictures: vec![pictures], health, people });
+                buffer.push(HeldMoment {
+                    frame,
+                    time_s,
+                    utc_s: None,
+                    left_out: LeftOut::default(),
+                    cameras,
+                    pictures: vec![pictures],
+                    health,
+                    people,
+                });
                 while let Some(first) = buffer.pop_due(time_s) {
                     assert_eq!(first.frame, expected, "moments leave in their order");
                     expected += 1;

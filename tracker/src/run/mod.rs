@@ -101,7 +101,7 @@ pub fn run(
         let step = match gathering.next_moment() {
             Ok(NextMoment::Moment(gathered)) => {
                 let time_s = gathered.time_s;
-                let believed = pipeline.follow(gathered, method, &mut outputs);
+                let believed = pipeline.follow(gathered, gathering.left_out(), method, &mut outputs);
                 if let Some(alignments) = pipeline.clocks.as_mut().and_then(|clocks| clocks.changed(time_s)) {
                     gathering.align(&alignments);
                 }
@@ -172,10 +172,11 @@ impl Pipeline {
     fn follow(
         &mut self,
         gathered: Gathered,
+        left_out: LeftOut,
         method: &mut dyn Method,
         outputs: &mut [Box<dyn Output + '_>],
     ) -> Result<Vec<Body>> {
-        let Gathered { frame, time_s, parts } = gathered;
+        let Gathered { frame, time_s, utc_s, parts } = gathered;
         let count = parts.len();
         let (mut cameras, mut pictures, mut health) =
             (Vec::with_capacity(count), Vec::with_capacity(count), Vec::with_capacity(count));
@@ -208,7 +209,7 @@ impl Pipeline {
         let people = self.stopwatch.time("inference", || method.step(&moment))?;
         self.frames += 1;
         let believed = people.iter().map(Body::from).collect();
-        self.held.push(HeldMoment { frame, time_s, cameras, pictures, health, people });
+        self.held.push(HeldMoment { frame, time_s, utc_s, left_out, cameras, pictures, health, people });
         while let Some(first) = self.held.pop_due(time_s) {
             self.stopwatch.time("output", || first.emit(method, outputs))?;
         }

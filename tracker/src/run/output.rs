@@ -6,8 +6,11 @@ use image::RgbImage;
 
 use crate::film::{Film, Shot};
 use crate::foreground::Verdict;
+use crate::gathering::LeftOut;
 use crate::method::agents::Packet;
 use crate::plan::TrajectoryPlan;
+use crate::publish::metrics::RunMetrics;
+use crate::publish::mqtt::MqttOutput;
 use crate::station::Pictures;
 use crate::tracks::TrackFiles;
 use crate::view::LiveDrawer;
@@ -25,6 +28,10 @@ pub struct ProcessedMoment<'a> {
     pub(super) pictures: &'a [Pictures],
     /// Packets that the stations of a distributed method exchanged at the latest moment.
     pub packets: &'a [Packet],
+    /// Capture time, seconds since 1970, where the cameras are live.
+    pub utc_s: Option<f64>,
+    /// What a live run has left out until the moment was processed.
+    pub left_out: LeftOut,
 }
 
 impl ProcessedMoment<'_> {
@@ -103,6 +110,28 @@ impl Output for LiveDrawer {
     fn put(&mut self, followed: &ProcessedMoment<'_>) -> Result<()> {
         let Moment { frame, time_s, .. } = followed.moment;
         self.offer(frame, time_s, followed.people, || followed.shots());
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
+        Ok(())
+    }
+}
+
+impl Output for MqttOutput {
+    fn put(&mut self, followed: &ProcessedMoment<'_>) -> Result<()> {
+        let Moment { frame, time_s, .. } = followed.moment;
+        self.publish(frame, time_s, followed.people, &followed.set_aside())
+    }
+
+    fn finish(self: Box<Self>) -> Result<()> {
+        MqttOutput::finish(*self)
+    }
+}
+
+impl Output for RunMetrics {
+    fn put(&mut self, followed: &ProcessedMoment<'_>) -> Result<()> {
+        self.observe(followed.people.len(), followed.utc_s, followed.verdicts, followed.left_out);
         Ok(())
     }
 
