@@ -174,7 +174,7 @@ impl Mcmc {
         for kept in 0..kept {
             chain.step(&mut self.rng);
             tally.add(&chain.people);
-            if alone && kept as usize % chain.people.len().max(1) == 0 {
+            if alone && (kept as usize).is_multiple_of(chain.people.len().max(1)) {
                 tally.compare(chain.log_density(), &chain.people);
             }
         }
