@@ -44,7 +44,7 @@ pub(super) struct SamplerArguments {
     #[arg(long, value_enum, value_name = "NAME")]
     acceptance: Option<AcceptanceName>,
     /// Lag of the output, seconds: estimates are smoothed by the observations of that time, which also decide who had
-    /// just come in. 0 writes at once [default: 0.4 for recordings, 0 for streams]
+    /// just come in. 0 writes at once [default: 0.4 for recordings, of boxes alone 3, 0 for streams]
     #[arg(long, value_name = "SECONDS")]
     pub(super) lag: Option<f64>,
     /// The method as published (any --method); its other options still change it. For the sampler that is likelihood,

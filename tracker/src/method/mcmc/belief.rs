@@ -5,6 +5,8 @@ use super::Mcmc;
 use super::boxes::BoxMeasurement;
 use super::evidence::{Evidence, worst_filled};
 use super::options::Spread;
+use super::person::Key;
+use super::reassociation::reassociate;
 use super::rescue::is_person_shown;
 use super::tally::{Sums, Tally};
 use super::track::{BirthPhase, Track};
@@ -65,7 +67,8 @@ impl Mcmc {
         self.boxes.clear();
         let of_track = |track: &Track| {
             let place = tally.of(track.key).map_or(track.motion.silhouette_place(), Sums::place);
-            (Body { x_m: place.x, y_m: place.y, ..track.body() }, track.radius, track.height)
+            let (x_m, y_m) = tally.most_probable(track.key).map_or((place.x, place.y), |b| (b.x_m, b.y_m));
+            (Body { x_m, y_m, ..track.body() }, track.radius, track.height)
         };
         let of_new = |sums: &&Sums| {
             let place = sums.place();
@@ -141,6 +144,22 @@ impl Mcmc {
             others.map(|j| log_separation(&bodies[i], &bodies[j], options.repulsion_per_m)).sum()
         };
         (0..bodies.len()).map(|i| options.boxes.repulsion_weight * of_one(i)).collect()
+    }
+
+    /// Exchanges back the tracks of people who met, where the moments since then tell.
+    pub(super) fn reassociate(&mut self) {
+        for exchange in reassociate(&mut self.smoother.moments, &self.options) {
+            let of = |key: Key| self.tracks.iter().position(|track| track.key == key);
+            let [Some(a), Some(b)] = exchange.keys.map(of) else { continue };
+            let (left, right) = self.tracks.split_at_mut(a.max(b));
+            let (low, high) = (&mut left[a.min(b)], &mut right[0]);
+            low.exchange_names(high);
+            std::mem::swap(&mut low.key, &mut high.key);
+            let [of_a, of_b] = exchange.motions;
+            // The tracks now have each other's keys.
+            (self.tracks[b].motion, self.tracks[a].motion) = (of_a, of_b);
+            [self.tracks[b].learnt_height, self.tracks[a].learnt_height] = exchange.heights;
+        }
     }
 
     /// Re-identifies tracks whose people exchanged ids in an encounter: swaps ids and sizes back.

@@ -11,6 +11,7 @@
 //! 2. A Markov chain proposes changes of one person at a time (ADD, DELETE, UPDATE-P, UPDATE-S) and accepts them by how
 //!    well the simulated masks then fit the observed ones ([`chain`]).
 //! 3. The mean over the last states is the estimate ([`tally`]), which updates the tracks ([`belief`], [`track`]).
+//!    Where boxes are observed, tracks that people exchanged when they met are exchanged back ([`reassociation`]).
 //!    Confirmed tracks are reported ([`report`]), at once or after fixed-lag smoothing ([`smoother`]).
 //!
 //! Births are modelled and proposed by [`appearance`]: in the zones, anywhere for a while ([`outage`]), and at
@@ -25,6 +26,7 @@ mod by_boxes;
 mod chain;
 mod evidence;
 mod filled;
+mod learnt_height;
 mod left_over;
 mod measured;
 mod motion;
@@ -32,6 +34,7 @@ mod options;
 mod outage;
 mod passage;
 mod person;
+mod reassociation;
 mod report;
 mod rescue;
 mod sampling;
@@ -51,6 +54,7 @@ pub use self::measured::Measured;
 pub use self::options::{Acceptance, BoxOptions, McmcOptions, MotionOptions, MoveWeights, Spread};
 use self::outage::{FORGOTTEN_AFTER_S, OUTAGE_S, Settling};
 use self::person::{Key, Person};
+use self::reassociation::WINDOW_S;
 use self::rescue::Rescue;
 use self::smoother::FixedLagSmoother;
 use self::track::{BirthPhase, Track};
@@ -266,14 +270,17 @@ impl Method for Mcmc {
         self.update_tracks(&tally, found);
         self.update_existence(&masks, dt_s);
         self.reidentify(moment.cameras);
-        let traces = self.traces();
-        let confirmed =
-            traces.iter().filter_map(|trace| Some(trace.estimate(trace.id?, &trace.motion.belief)));
-        let now = self.inside_room(confirmed.collect());
-        if self.options.lag_s > 0.0 {
-            self.smoother.push(moment.frame, moment.time_s, self.options.lag_s, traces);
+        let (now, traces) = ((moment.frame, moment.time_s), self.traces());
+        if self.observes_boxes_alone() {
+            self.smoother.push(now, self.options.lag_s.max(WINDOW_S), traces, true);
+            self.reassociate();
+            return Ok(self.smoother.latest().map_or_else(Vec::new, |latest| self.confirmed(latest)));
         }
-        Ok(now)
+        let confirmed = self.confirmed(&traces);
+        if self.options.lag_s > 0.0 {
+            self.smoother.push(now, self.options.lag_s, traces, false);
+        }
+        Ok(confirmed)
     }
 
     fn lag_s(&self) -> f64 {

@@ -15,6 +15,7 @@ use std::ops::AddAssign;
 use nalgebra::{Matrix2, Matrix2x4, Matrix4, Vector2, Vector4};
 
 use super::options::MotionOptions;
+use super::person::{DEVIATION_SIGMA_M, DEVIATION_WEIGHT};
 
 /// Squared Mahalanobis distance from the prediction above which the prediction is not trusted: one in a thousand by
 /// chance.
@@ -74,6 +75,8 @@ pub(super) struct Motion {
     pub(super) measured: Option<Measurement>,
     /// Step from the moment before; `None` for a person who has just appeared.
     pub(super) arrived: Option<Step>,
+    /// Log density of the last measurement under its prediction; 0 without one.
+    pub(super) log_evidence: f64,
     lean_s: f64,
 }
 
@@ -86,7 +89,7 @@ impl Motion {
         all.fixed_view_mut::<2, 2>(2, 0).fill(0.0);
         let belief = Belief { mean: Vector4::new(place.x, place.y, 0.0, 0.0), covariance: all };
         let measured = Some(Measurement { place, covariance: *covariance });
-        Self { belief, measured, arrived: None, lean_s: options.lean_s }
+        Self { belief, measured, arrived: None, log_evidence: 0.0, lean_s: options.lean_s }
     }
 
     pub(super) fn place(&self) -> Vector2<f64> {
@@ -123,7 +126,7 @@ impl Motion {
             self.belief.covariance = step * self.belief.covariance * step.transpose() + noise;
         }
         self.arrived = Some(Step { transition, predicted: self.belief.clone() });
-        self.measured = None;
+        (self.measured, self.log_evidence) = (None, 0.0);
     }
 
     /// Stops the person at this place: the predicted movement did not happen.
@@ -185,11 +188,34 @@ impl Motion {
         covariance: &Matrix2<f64>,
         options: &MotionOptions,
     ) {
-        let noise = covariance + Matrix2::identity() * options.gait_sigma_m.powi(2);
-        self.inflate_prediction(&(place - self.silhouette_place()), &noise);
+        self.observe(place, &(covariance + Matrix2::identity() * options.gait_sigma_m.powi(2)));
+    }
+
+    /// Updates the belief by a measurement of the silhouette's place (metres) whose covariance (m²) includes the offset
+    /// between silhouette and person.
+    fn observe(&mut self, place: &Vector2<f64>, noise: &Matrix2<f64>) {
         let shift = place - self.silhouette_place();
-        self.measured = self.measurement(&Matrix2::identity(), &shift, &noise);
-        self.update(&self.silhouette_from_state(), &shift, &noise);
+        self.log_evidence = log_density(&shift, &(self.silhouette_covariance() + noise));
+        self.inflate_prediction(&shift, noise);
+        self.measured = self.measurement(&Matrix2::identity(), &shift, noise);
+        self.update(&self.silhouette_from_state(), &shift, noise);
+    }
+
+    /// Motion `dt_s` seconds later, had the person been where this measurement of another track is; `in_sight` at the
+    /// earlier moment.
+    pub(super) fn continued(
+        &self,
+        dt_s: f64,
+        in_sight: bool,
+        measured: Option<&Measurement>,
+        options: &MotionOptions,
+    ) -> Self {
+        let mut motion = self.clone();
+        motion.predict(dt_s, in_sight, options);
+        if let Some(Measurement { place, covariance }) = measured {
+            motion.observe(&(place + motion.belief.velocity() * motion.lean_s), covariance);
+        }
+        motion
     }
 
     /// Widens the prediction if a measurement with this noise is too far from it.
@@ -236,6 +262,20 @@ impl Motion {
         let covariance = information.try_inverse()?;
         Some(Measurement { place: self.place() + covariance * weighted * found, covariance })
     }
+}
+
+/// Log density, 1/m², of a measurement this far from its prediction, with their covariances together: a normal
+/// distribution, and with a small weight a wider one, since people deviate from the motion model.
+fn log_density(shift: &Vector2<f64>, covariance: &Matrix2<f64>) -> f64 {
+    let normal = |covariance: &Matrix2<f64>| {
+        let squared = covariance.try_inverse().map_or(0.0, |inverse| shift.dot(&(inverse * shift)));
+        -std::f64::consts::TAU.ln() - 0.5 * (covariance.determinant().max(1e-12).ln() + squared)
+    };
+    let near = normal(covariance) + (1.0 - DEVIATION_WEIGHT).ln();
+    let around =
+        normal(&(covariance + Matrix2::identity() * DEVIATION_SIGMA_M.powi(2))) + DEVIATION_WEIGHT.ln();
+    let larger = near.max(around);
+    larger + ((near - larger).exp() + (around - larger).exp()).ln()
 }
 
 /// Transition matrix over a step that is short against the memory of the velocity, and the covariance added by white

@@ -71,9 +71,9 @@ pub(super) struct Place {
 }
 
 /// Weight of the wider distribution: the probability that a person deviates from the motion model.
-const DEVIATION_WEIGHT: f64 = 0.02;
+pub(super) const DEVIATION_WEIGHT: f64 = 0.02;
 /// Standard deviation of that deviation, metres.
-const DEVIATION_SIGMA_M: f64 = 0.5;
+pub(super) const DEVIATION_SIGMA_M: f64 = 0.5;
 /// Gate in standard deviations of the prediction and the deviation together: a person farther away is another one.
 const GATE_SIGMAS: f64 = 3.0;
 

@@ -20,8 +20,17 @@ impl Mcmc {
             height_m: track.height.mean_m,
             confidence: track.presence(),
             visible,
+            height_seen: track.height_seen,
+            learnt_height: track.learnt_height,
         };
         self.tracks.iter().zip(visible).map(trace).collect()
+    }
+
+    /// Estimates of the confirmed tracks at their own time.
+    pub(super) fn confirmed(&self, traces: &[Trace]) -> Vec<PersonEstimate> {
+        let estimates =
+            traces.iter().filter_map(|trace| Some(trace.estimate(trace.id?, &trace.motion.belief)));
+        self.inside_room(estimates.collect())
     }
 
     /// Keeps the estimates inside the room, sorted by id. A person on a doorstep is in the room with a probability

@@ -171,9 +171,12 @@ impl Mcmc {
             chain.step(&mut self.rng);
         }
         let mut tally = Tally::default();
-        for _ in 0..kept {
+        for kept in 0..kept {
             chain.step(&mut self.rng);
             tally.add(&chain.people);
+            if alone && (kept as usize).is_multiple_of(chain.people.len().max(1)) {
+                tally.compare(chain.log_density(), &chain.people);
+            }
         }
         tally
     }

@@ -18,45 +18,67 @@ use crate::PersonEstimate;
 /// Fixed-lag smoother over the latest moments, oldest first.
 #[derive(Debug, Clone, Default)]
 pub(super) struct FixedLagSmoother {
-    moments: VecDeque<LaggedMoment>,
+    pub(super) moments: VecDeque<LaggedMoment>,
+    /// Last moment that was taken.
+    taken: Option<u32>,
 }
 
+/// Tracks of one held moment.
 #[derive(Debug, Clone)]
-struct LaggedMoment {
+pub(super) struct LaggedMoment {
     frame: u32,
-    time_s: f64,
-    people: Vec<Trace>,
+    pub(super) time_s: f64,
+    pub(super) people: Vec<Trace>,
+    /// Whether a detector's boxes are the only observations: then a moment without a measurement is evidence of absence.
+    by_boxes: bool,
 }
 
 impl FixedLagSmoother {
     /// Appends a moment and holds it for `lag_s` seconds; older moments that were never taken are dropped.
-    pub(super) fn push(&mut self, frame: u32, time_s: f64, lag_s: f64, people: Vec<Trace>) {
+    pub(super) fn push(
+        &mut self,
+        (frame, time_s): (u32, f64),
+        lag_s: f64,
+        people: Vec<Trace>,
+        by_boxes: bool,
+    ) {
         if let Some(latest_s) = self.moments.back().map(|latest| latest.time_s) {
             while self.moments.front().is_some_and(|first| first.time_s + lag_s < latest_s - 1e-6) {
                 self.moments.pop_front();
             }
         }
-        self.moments.push_back(LaggedMoment { frame, time_s, people });
+        self.moments.push_back(LaggedMoment { frame, time_s, people, by_boxes });
     }
 
-    /// Smoothed estimates of the people of a held moment. Drops all moments up to it; `None` if the moment is not
-    /// held.
+    /// Tracks of the latest moment.
+    pub(super) fn latest(&self) -> Option<&[Trace]> {
+        self.moments.back().map(|moment| moment.people.as_slice())
+    }
+
+    /// Smoothed estimates of the people of a held moment; `None` if the moment is not held, or has been taken or
+    /// passed over.
     pub(super) fn take(&mut self, frame: u32) -> Option<Vec<PersonEstimate>> {
-        while self.moments.front()?.frame < frame {
-            self.moments.pop_front();
+        if self.taken.is_some_and(|taken| frame <= taken) {
+            return None;
         }
-        let asked = self.moments.front().filter(|first| first.frame == frame)?;
-        let people = asked.people.iter().filter_map(|person| self.smoothed_estimate(person)).collect();
-        self.moments.pop_front();
-        Some(people)
+        let at = self.moments.iter().position(|moment| moment.frame == frame)?;
+        self.taken = Some(frame);
+        let people = self.moments[at].people.iter();
+        Some(people.filter_map(|person| self.smoothed_estimate(at, person)).collect())
     }
 
-    /// Smoothed estimate of a person in the oldest moment; `None` if the track is still unconfirmed.
-    fn smoothed_estimate(&self, person: &Trace) -> Option<PersonEstimate> {
+    /// Smoothed estimate of a person in the moment with this index; `None` if the track is still unconfirmed.
+    fn smoothed_estimate(&self, at: usize, person: &Trace) -> Option<PersonEstimate> {
         // The track's successive states, for as long as its key is present without a gap.
-        let later = self.moments.iter().map_while(|m| m.people.iter().find(|p| p.key == person.key));
+        let later = self.moments.range(at..).map_while(|m| m.people.iter().find(|p| p.key == person.key));
         let life: Vec<&Trace> = later.collect();
         let named = life.iter().find(|p| p.id.is_some())?;
+        let is_over = at + life.len() < self.moments.len() || life.last()?.id.is_none();
+        let is_measured = life.iter().any(|p| p.motion.measured.is_some());
+        if self.moments[at].by_boxes && is_over && !is_measured {
+            // The person had left already: only the prediction went on.
+            return None;
+        }
         let mut belief = life.last()?.motion.belief.clone();
         for pair in life.windows(2).rev() {
             belief = rts_step(pair[0], pair[1], &belief);
@@ -83,6 +105,7 @@ fn rts_step(earlier: &Trace, later: &Trace, known: &Belief) -> Belief {
 
 #[cfg(test)]
 mod tests {
+    use super::super::learnt_height::LearntHeight;
     use super::super::motion::Motion;
     use super::super::options::MotionOptions;
     use super::super::trace::LASTING_SIGMA_M;
@@ -102,6 +125,8 @@ mod tests {
             height_m: 1.7,
             confidence,
             visible: vec![1.0],
+            height_seen: None,
+            learnt_height: LearntHeight::default(),
         }
     }
 
@@ -124,7 +149,7 @@ mod tests {
         weighed.rows_mut(0, 4).copy_from(&(first * motion.belief.mean));
 
         let mut smoother = FixedLagSmoother::default();
-        smoother.push(1, 0.0, LAG_S, vec![trace(&motion, Some(3), 1.0)]);
+        smoother.push((1, 0.0), LAG_S, vec![trace(&motion, Some(3), 1.0)], false);
         for (k, (x, y)) in found.into_iter().enumerate() {
             // Hidden for a while.
             let is_seen = k != 2;
@@ -158,7 +183,7 @@ mod tests {
                 weighed.rows_mut(step + 4, 4).copy_from(&sum);
             }
             let time_s = k as f64 + 1.0;
-            smoother.push(k as u32 + 2, time_s, LAG_S, vec![trace(&motion, Some(3), 1.0)]);
+            smoother.push((k as u32 + 2, time_s), LAG_S, vec![trace(&motion, Some(3), 1.0)], false);
         }
         let covariance = information.try_inverse().unwrap();
         let mean = &covariance * weighed;
@@ -181,10 +206,10 @@ mod tests {
         let motion = Motion::appeared(Vector2::zeros(), &Matrix2::identity(), &MotionOptions::default());
         let other = |key| Trace { key, ..trace(&motion, None, 0.5) };
         let mut smoother = FixedLagSmoother::default();
-        smoother.push(4, 0.4, LAG_S, vec![trace(&motion, None, 0.5), other(8)]);
-        smoother.push(5, 0.5, LAG_S, vec![trace(&motion, None, 0.6), other(8)]);
-        smoother.push(6, 0.6, LAG_S, vec![trace(&motion, Some(2), 0.9)]);
-        smoother.push(7, 0.7, LAG_S, vec![trace(&motion, Some(9), 0.7)]);
+        smoother.push((4, 0.4), LAG_S, vec![trace(&motion, None, 0.5), other(8)], false);
+        smoother.push((5, 0.5), LAG_S, vec![trace(&motion, None, 0.6), other(8)], false);
+        smoother.push((6, 0.6), LAG_S, vec![trace(&motion, Some(2), 0.9)], false);
+        smoother.push((7, 0.7), LAG_S, vec![trace(&motion, Some(9), 0.7)], false);
         let reported = |people: Vec<PersonEstimate>| -> Vec<(u32, f64)> {
             people.iter().map(|p| (p.id.0, p.confidence)).collect()
         };
@@ -196,11 +221,36 @@ mod tests {
         assert!(smoother.take(8).is_none());
     }
 
+    /// A person out of sight is reported as long as their track goes on; with boxes alone, a track that ends without
+    /// another measurement is reported up to its last one.
+    #[test]
+    fn by_boxes_a_track_that_ends_is_reported_up_to_its_last_measurement() {
+        let options = MotionOptions::default();
+        let reported = |by_boxes: bool, ends: bool| -> Vec<usize> {
+            let mut motion = Motion::appeared(Vector2::zeros(), &Matrix2::identity(), &options);
+            let mut smoother = FixedLagSmoother::default();
+            for frame in 0..6 {
+                if frame > 0 {
+                    motion.predict(0.5, true, &options);
+                }
+                if frame < 3 {
+                    motion.measure(&Vector2::zeros(), &Matrix2::identity(), &options);
+                }
+                let people = if ends && frame == 5 { Vec::new() } else { vec![trace(&motion, Some(1), 0.9)] };
+                smoother.push((frame, 0.5 * f64::from(frame)), LAG_S, people, by_boxes);
+            }
+            (0..6).map(|frame| smoother.take(frame).unwrap().len()).collect()
+        };
+        assert_eq!(reported(true, true), [1, 1, 1, 0, 0, 0]);
+        assert_eq!(reported(true, false), [1; 6]);
+        assert_eq!(reported(false, true), [1, 1, 1, 1, 1, 0]);
+    }
+
     #[test]
     fn moments_older_than_the_lag_are_dropped() {
         let mut smoother = FixedLagSmoother::default();
         for frame in 0..1000 {
-            smoother.push(frame, f64::from(frame) * 0.1, 0.4, Vec::new());
+            smoother.push((frame, f64::from(frame) * 0.1), 0.4, Vec::new(), false);
         }
         assert!(smoother.moments.len() <= 6, "{}", smoother.moments.len());
         assert!(smoother.take(995).is_some(), "0.4 s ago");

@@ -6,12 +6,15 @@
 use nalgebra::{Matrix2, Vector2};
 
 use super::person::{Key, Person};
+use crate::silhouette::Body;
 
 /// Sums over the kept states.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Tally {
     people: Vec<Sums>,
     states: u32,
+    /// Most probable of the states that were compared, with its log density.
+    best: Option<(f64, Vec<(Key, Body)>)>,
 }
 
 /// Sums over the states that hold one person.
@@ -47,6 +50,19 @@ impl Tally {
             sums.radius += body.radius_m;
             sums.height += body.height_m;
         }
+    }
+
+    /// Compares a state with the most probable one until now; `log_density` is known up to a constant.
+    pub(super) fn compare(&mut self, log_density: f64, people: &[Person]) {
+        if self.best.as_ref().is_none_or(|(best, _)| log_density > *best) {
+            self.best = Some((log_density, people.iter().map(|person| (person.key, person.body)).collect()));
+        }
+    }
+
+    /// Body of a person in the most probable of the compared states; `None` if they are not in it.
+    pub(super) fn most_probable(&self, key: Key) -> Option<&Body> {
+        let (_, people) = self.best.as_ref()?;
+        people.iter().find(|(of, _)| *of == key).map(|(_, body)| body)
     }
 
     /// Number of states added.

@@ -1,6 +1,8 @@
 //! One track at one moment, and the estimate reported for it.
 
+use super::learnt_height::LearntHeight;
 use super::motion::{Belief, Motion};
+use super::options::Spread;
 use super::person::Key;
 use crate::{PersonEstimate, TrackId};
 
@@ -18,6 +20,10 @@ pub(super) struct Trace {
     pub(super) height_m: f64,
     pub(super) confidence: f64,
     pub(super) visible: Vec<f64>,
+    /// Height by this moment's boxes alone; `None` where they did not measure it.
+    pub(super) height_seen: Option<Spread>,
+    /// Average of these heights up to this moment.
+    pub(super) learnt_height: LearntHeight,
 }
 
 impl Trace {

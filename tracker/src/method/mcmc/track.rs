@@ -4,6 +4,7 @@ use nalgebra::{Matrix2, Vector2};
 
 use super::boxes::BoxMeasurement;
 use super::evidence::Evidence;
+use super::learnt_height::LearntHeight;
 use super::motion::Motion;
 use super::options::{McmcOptions, Spread};
 use super::outage::OUTAGE_S;
@@ -105,6 +106,10 @@ pub(super) struct Track {
     stayed: f64,
     /// Time for which the cameras have shown an average person there, seconds; `None` if not at the last moment.
     upright_s: Option<f64>,
+    /// Height by the last moment's boxes alone; `None` where they did not measure it.
+    pub(super) height_seen: Option<Spread>,
+    /// Average of these heights.
+    pub(super) learnt_height: LearntHeight,
 }
 
 impl Track {
@@ -127,6 +132,8 @@ impl Track {
             passage: None,
             stayed: 1.0,
             upright_s: None,
+            height_seen: None,
+            learnt_height: LearntHeight::default(),
         };
         track.resize(sums, 1.0);
         track
@@ -135,6 +142,7 @@ impl Track {
     /// Predicts motion and size `dt_s` seconds ahead.
     pub(super) fn predict(&mut self, dt_s: f64, options: &McmcOptions) {
         let in_sight = self.in_sight && dt_s < OUTAGE_S;
+        self.height_seen = None;
         self.motion.predict(dt_s, in_sight, &options.motion);
         let drifted = |s: &Spread, drift: f64, most: f64| Spread {
             sigma_m: (s.sigma_m.powi(2) + drift.powi(2) * dt_s).sqrt().min(most),
@@ -164,14 +172,20 @@ impl Track {
     /// Updates motion and size by the measurement of a detector's boxes.
     pub(super) fn measure(&mut self, shown: &BoxMeasurement, options: &McmcOptions) {
         self.motion.measure(&shown.place, &shown.covariance, &options.motion);
-        (self.radius, self.height) = (shown.radius, shown.height);
+        self.take_size(shown);
     }
 
     /// Initialises motion and size of a track born in this moment by the measurement of a detector's boxes.
     pub(super) fn appear(&mut self, shown: &BoxMeasurement, options: &McmcOptions) {
         let gait = Matrix2::identity() * options.motion.gait_sigma_m.powi(2);
         self.motion = Motion::appeared(shown.place, &(shown.covariance + gait), &options.motion);
+        self.take_size(shown);
+    }
+
+    fn take_size(&mut self, shown: &BoxMeasurement) {
         (self.radius, self.height) = (shown.radius, shown.height);
+        self.height_seen = shown.height_seen;
+        shown.height_seen.iter().for_each(|seen| self.learnt_height.add(seen));
     }
 
     fn resize(&mut self, sums: &Sums, visible: f64) {
@@ -248,6 +262,7 @@ impl Track {
         std::mem::swap(&mut self.id, &mut other.id);
         std::mem::swap(&mut self.radius, &mut other.radius);
         std::mem::swap(&mut self.height, &mut other.height);
+        std::mem::swap(&mut self.learnt_height, &mut other.learnt_height);
     }
 
     /// Probability of existence by the cameras' evidence; leaving unseen is part of [`Self::presence`].

@@ -198,6 +198,17 @@ impl<'a> Chain<'a> {
         log
     }
 
+    /// Log density of the present state under the target, up to a constant of the moment.
+    pub(super) fn log_density(&self) -> f64 {
+        let of_one = |(which, person): (usize, &Person)| {
+            let there = person.known.as_ref().map_or(0.0, |known| known.log_odds);
+            // Each pair is counted twice.
+            let crowding = 0.5 * self.crowding(&person.body, Some(which), person.is_new());
+            self.log_prior(which, &person.body) + there + crowding
+        };
+        self.log_likelihood + self.people.iter().enumerate().map(of_one).sum::<f64>()
+    }
+
     /// Weighted `log R` of one body against the others; under reversible jump, [`LOG_IMPOSSIBLE`] where a person born
     /// in this moment overlaps another one. `except`: index of the person whose body this is.
     fn crowding(&self, body: &Body, except: Option<usize>, is_new: bool) -> f64 {

@@ -1,0 +1,280 @@
+//! Reassociation of tracks that met: whether two people exchanged their tracks, decided by the moments that followed.
+//!
+//! The sampler associates each moment's boxes by the predictions of that moment. Two people who pass each other within
+//! the boxes' noise can exchange their tracks there, and only the following moments show it: one of the two would have
+//! turned, or grown. For each pair of tracks that were close within the last [`WINDOW_S`] seconds, this module
+//! compares the two assignments of the measurements since some moment s to the tracks before s:
+//!
+//! ```text
+//! log p(own) − log p(exchanged) = Σ over both tracks, moments after s:  log N(measured place; predicted by the head's filter)
+//!                                 + log N(mean height since s; mean height until s)
+//! ```
+//!
+//! It is the switch move of S. Oh, S. Russell, S. Sastry, "Markov chain Monte Carlo data association for multi-target
+//! tracking", IEEE TAC 54(3), 2009, over a sliding window, accepted where it is clearly more probable. The filters of an
+//! exchanged pair are run again from s, so that held moments are smoothed as if the tracks had never been exchanged.
+
+use std::collections::VecDeque;
+
+use super::LEAST_STEP_S;
+use super::learnt_height::LearntHeight;
+use super::motion::Motion;
+use super::options::McmcOptions;
+use super::person::Key;
+use super::smoother::LaggedMoment;
+use super::trace::Trace;
+
+/// Time for which an exchange can be undone, seconds.
+pub(super) const WINDOW_S: f64 = 3.0;
+/// Largest distance of two people who may exchange their tracks, metres.
+const MET_M: f64 = 0.8;
+/// Largest number of moments at which an exchange of one pair is considered.
+const MOST_PLACES: usize = 8;
+/// Least log probability ratio of an exchange that is carried out, nats.
+const CLEARLY_NATS: f64 = 2.0;
+/// Factor of the evidence of places: errors of successive moments are correlated.
+const PLACES_WEIGHT: f64 = 0.4;
+
+/// Two tracks that exchanged their people.
+#[derive(Debug, Clone)]
+pub(super) struct Exchange {
+    pub(super) keys: [Key; 2],
+    /// Present motions of the two, with each other's measurements since the exchange.
+    pub(super) motions: [Motion; 2],
+    /// Learnt heights of the two, likewise.
+    pub(super) heights: [LearntHeight; 2],
+}
+
+/// Successive moments in which both tracks of a pair are present, with their times in seconds.
+struct Pair<'a> {
+    moments: Vec<(f64, [&'a Trace; 2])>,
+    options: &'a McmcOptions,
+}
+
+impl<'a> Pair<'a> {
+    /// The pair with these keys in the latest moments, back to `first_s`, in which both are present.
+    fn latest(
+        moments: &'a VecDeque<LaggedMoment>,
+        keys: [Key; 2],
+        first_s: f64,
+        options: &'a McmcOptions,
+    ) -> Self {
+        let recent = moments.iter().rev().take_while(|moment| moment.time_s >= first_s);
+        let both = recent.map_while(|moment| {
+            let of = |key: Key| moment.people.iter().find(|trace| trace.key == key);
+            Some((moment.time_s, [of(keys[0])?, of(keys[1])?]))
+        });
+        let mut moments: Vec<_> = both.collect();
+        moments.reverse();
+        Self { moments, options }
+    }
+
+    /// Continues both tracks after the moment `from` with the other one's measurements, and passes the motions of each
+    /// moment to `each`. Returns the sum of the log densities of the measurements.
+    fn exchanged(&self, from: usize, mut each: impl FnMut(&[Motion; 2])) -> f64 {
+        let (mut time_s, heads) = self.moments[from];
+        let mut motions = heads.map(|head| head.motion.clone());
+        let mut sum = 0.0;
+        for (later_s, [a, b]) in &self.moments[from + 1..] {
+            let dt_s = (later_s - time_s).max(LEAST_STEP_S);
+            time_s = *later_s;
+            for (motion, tail) in motions.iter_mut().zip([b, a]) {
+                let (in_sight, seen) = (motion.measured.is_some(), tail.motion.measured.as_ref());
+                *motion = motion.continued(dt_s, in_sight, seen, &self.options.motion);
+                sum += motion.log_evidence;
+            }
+            each(&motions);
+        }
+        sum
+    }
+
+    /// Log probability ratio of an exchange after the moment `from`, nats.
+    fn gain(&self, from: usize) -> f64 {
+        let mut own = 0.0;
+        let mut tails = [LearntHeight::default(); 2];
+        for (_, pair) in &self.moments[from + 1..] {
+            for (tail, trace) in tails.iter_mut().zip(pair) {
+                own += trace.motion.log_evidence;
+                trace.height_seen.iter().for_each(|seen| tail.add(seen));
+            }
+        }
+        let heads = self.moments[from].1;
+        let prior = &self.options.height;
+        let height = |tail: usize, head: usize| tails[tail].log_density(&heads[head].learnt_height, prior);
+        let by_heights = height(0, 1) + height(1, 0) - height(0, 0) - height(1, 1);
+        PLACES_WEIGHT * (self.exchanged(from, |_| ()) - own) + by_heights
+    }
+
+    /// Best moment for an exchange, with its gain.
+    fn best(&self) -> Option<(usize, f64)> {
+        let is_close = |i: &usize| {
+            let [a, b] = self.moments[*i].1;
+            (a.motion.place() - b.motion.place()).norm() < MET_M
+        };
+        let close: Vec<usize> = (0..self.moments.len().saturating_sub(1)).filter(is_close).collect();
+        let every = close.len().div_ceil(MOST_PLACES).max(1);
+        let gains = close.into_iter().rev().step_by(every).map(|from| (from, self.gain(from)));
+        gains.max_by(|a, b| a.1.total_cmp(&b.1))
+    }
+}
+
+/// Exchanges back the tracks of the people who exchanged them; the last moment is the present one.
+pub(super) fn reassociate(moments: &mut VecDeque<LaggedMoment>, options: &McmcOptions) -> Vec<Exchange> {
+    let mut exchanges: Vec<Exchange> = Vec::new();
+    let Some(now) = moments.back() else { return exchanges };
+    let first_s = now.time_s - WINDOW_S;
+    let keys: Vec<Key> = now.people.iter().map(|trace| trace.key).collect();
+    let mut candidates: Vec<(f64, [Key; 2], usize)> = Vec::new();
+    for (i, a) in keys.iter().enumerate() {
+        for b in &keys[..i] {
+            let pair = Pair::latest(moments, [*b, *a], first_s, options);
+            if let Some((from, gain)) = pair.best().filter(|(_, gain)| *gain > CLEARLY_NATS) {
+                candidates.push((gain, [*b, *a], pair.moments.len() - from));
+            }
+        }
+    }
+    candidates.sort_by(|one, other| other.0.total_cmp(&one.0));
+    for (_, keys, back) in candidates {
+        if exchanges.iter().all(|done| !done.keys.iter().any(|key| keys.contains(key))) {
+            exchanges.extend(exchange(moments, keys, back, options));
+        }
+    }
+    exchanges
+}
+
+/// Exchanges two tracks in the last `back` − 1 moments.
+fn exchange(
+    moments: &mut VecDeque<LaggedMoment>,
+    keys: [Key; 2],
+    back: usize,
+    options: &McmcOptions,
+) -> Option<Exchange> {
+    let mut motions: Vec<[Motion; 2]> = Vec::new();
+    let pair = Pair::latest(moments, keys, f64::NEG_INFINITY, options);
+    let from = pair.moments.len().checked_sub(back)?;
+    pair.exchanged(from, |both| motions.push(both.clone()));
+    let mut heights = pair.moments[from].1.map(|head| head.learnt_height);
+    let first = moments.len() + 1 - back;
+    for (moment, both) in moments.iter_mut().skip(first).zip(&motions) {
+        let of = |key: Key| moment.people.iter().position(|trace| trace.key == key);
+        let (a, b) = (of(keys[0])?, of(keys[1])?);
+        let names = [a, b].map(|i| (moment.people[i].key, moment.people[i].id));
+        for (name, at) in [b, a].into_iter().enumerate() {
+            let trace = &mut moment.people[at];
+            (trace.key, trace.id) = names[name];
+            trace.motion = both[name].clone();
+            trace.height_seen.iter().for_each(|seen| heights[name].add(seen));
+            trace.learnt_height = heights[name];
+        }
+    }
+    Some(Exchange { keys, motions: motions.pop()?, heights })
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Matrix2, Vector2};
+
+    use super::super::motion::Measurement;
+    use super::super::options::Spread;
+    use super::super::smoother::FixedLagSmoother;
+    use super::*;
+    use crate::TrackId;
+
+    const STEP_S: f64 = 0.25;
+    /// First moment in which the two tracks have each other's person, and number of moments.
+    const EXCHANGED: usize = 10;
+    const MOMENTS: usize = 18;
+    /// Lag, seconds: all moments are held.
+    const LAG_S: f64 = 10.0;
+
+    /// Two people at a moment: places, metres, and heights, metres.
+    type People = [(Vector2<f64>, f64); 2];
+
+    /// Two people who pass each other at 1 m/s each, or who meet and turn back.
+    fn people(moment: usize, is_turning: bool, heights_m: [f64; 2]) -> People {
+        let ahead_m = STEP_S * (moment as f64 - EXCHANGED as f64 + 0.5);
+        let x_m = if is_turning { -ahead_m.abs() } else { ahead_m };
+        [(Vector2::new(3.0 + x_m, 2.05), heights_m[0]), (Vector2::new(3.0 - x_m, 1.95), heights_m[1])]
+    }
+
+    /// Held moments of two tracks that follow these people up to [`EXCHANGED`], and each other's from then on.
+    fn exchanged_tracks(is_turning: bool, heights_m: [f64; 2]) -> FixedLagSmoother {
+        let options = McmcOptions::of_boxes();
+        let mut smoother = FixedLagSmoother::default();
+        let covariance = Matrix2::identity() * 0.05_f64.powi(2);
+        let mut tracks: Option<[(Motion, LearntHeight); 2]> = None;
+        for moment in 0..MOMENTS {
+            let mut seen = people(moment, is_turning, heights_m);
+            if moment >= EXCHANGED {
+                seen.swap(0, 1);
+            }
+            let before = tracks.take();
+            let now = [0, 1].map(|i| {
+                let (place, height_m) = seen[i];
+                let measured = Measurement { place, covariance };
+                let (motion, mut learnt) = match &before {
+                    None => {
+                        let motion = Motion::appeared(place, &covariance, &options.motion);
+                        (motion, LearntHeight::default())
+                    }
+                    Some(tracks) => {
+                        let (motion, learnt) = &tracks[i];
+                        (motion.continued(STEP_S, true, Some(&measured), &options.motion), *learnt)
+                    }
+                };
+                let height_seen = Spread { mean_m: height_m, sigma_m: 0.04 };
+                learnt.add(&height_seen);
+                (motion, learnt, height_seen)
+            });
+            let traces = now.iter().enumerate().map(|(i, (motion, learnt, height_seen))| Trace {
+                key: i as Key,
+                id: Some(TrackId(i as u32 + 1)),
+                motion: motion.clone(),
+                radius_m: 0.25,
+                height_m: 1.7,
+                confidence: 1.0,
+                visible: vec![1.0],
+                height_seen: Some(*height_seen),
+                learnt_height: *learnt,
+            });
+            smoother.push((moment as u32, moment as f64 * STEP_S), LAG_S, traces.collect(), true);
+            tracks = Some(now.map(|(motion, learnt, _)| (motion, learnt)));
+        }
+        smoother
+    }
+
+    /// Largest distance of a told person from the person with this id, metres, over all moments.
+    fn largest_error_m(smoother: &mut FixedLagSmoother, is_turning: bool) -> f64 {
+        let of_moment = |moment: usize| {
+            let truth = people(moment, is_turning, [0.0; 2]);
+            let told = smoother.take(moment as u32).unwrap();
+            assert_eq!(told.len(), 2);
+            told.iter()
+                .map(|p| (Vector2::new(p.x_m, p.y_m) - truth[p.id.0 as usize - 1].0).norm())
+                .fold(0.0, f64::max)
+        };
+        (0..MOMENTS).map(of_moment).fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn people_who_pass_each_other_get_their_tracks_back_in_all_held_moments() {
+        let options = McmcOptions::of_boxes();
+        let mut smoother = exchanged_tracks(false, [1.7; 2]);
+        assert!(largest_error_m(&mut smoother.clone(), false) > 1.0);
+        let exchanges = reassociate(&mut smoother.moments, &options);
+        assert_eq!(exchanges.len(), 1);
+        assert!(largest_error_m(&mut smoother, false) < 0.2);
+        assert!(reassociate(&mut smoother.moments, &options).is_empty(), "only one of both can be right");
+    }
+
+    #[test]
+    fn people_of_different_height_who_turn_back_are_told_apart_by_it() {
+        let options = McmcOptions::of_boxes();
+        // By the places alone they passed each other, which is how the exchanged tracks continue.
+        let mut alike = exchanged_tracks(true, [1.7; 2]);
+        assert!(reassociate(&mut alike.moments, &options).is_empty());
+        let mut different = exchanged_tracks(true, [1.85, 1.6]);
+        assert_eq!(reassociate(&mut different.moments, &options).len(), 1);
+        assert!(largest_error_m(&mut different, true) < 0.4);
+    }
+}
