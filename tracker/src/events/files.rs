@@ -134,8 +134,11 @@ impl EventFiles {
 /// # Errors
 /// Names the file and the line that cannot be used; older files then stay.
 pub fn of_run(out: &Path, room_dir: &Path, options: &EventFileOptions) -> Result<()> {
+    // A run that cannot be read is named before a folder is made in it.
+    let room = Room::read(room_dir)?;
+    let lines = jsonl::lines(&out.join("tracks.jsonl"))?;
     let beside = tempfile::Builder::new().prefix(".events-").tempdir_in(out).map_err(Error::io(out))?;
-    derive(out, beside.path(), room_dir, options)?;
+    write_files(lines, beside.path(), &room, room_dir, options)?;
     for name in [HEAT, HEAT_PICTURE, GROUPS, COUNTS, EVENTS] {
         let target = out.join(name);
         std::fs::rename(beside.path().join(name), &target).map_err(Error::io(&target))?;
@@ -148,9 +151,18 @@ pub fn of_run(out: &Path, room_dir: &Path, options: &EventFileOptions) -> Result
 /// # Errors
 /// Names the file and the line that cannot be used.
 pub(crate) fn derive(out: &Path, folder: &Path, room_dir: &Path, options: &EventFileOptions) -> Result<()> {
-    let room = Room::read(room_dir)?;
     let lines = jsonl::lines(&out.join("tracks.jsonl"))?;
-    let mut files = EventFiles::new(folder, &room, room_dir, options)?;
+    write_files(lines, folder, &Room::read(room_dir)?, room_dir, options)
+}
+
+fn write_files(
+    lines: impl Iterator<Item = Result<FrameLine>>,
+    folder: &Path,
+    room: &Room,
+    room_dir: &Path,
+    options: &EventFileOptions,
+) -> Result<()> {
+    let mut files = EventFiles::new(folder, room, room_dir, options)?;
     for line in lines {
         files.step(&line?)?;
     }
