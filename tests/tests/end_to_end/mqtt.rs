@@ -81,7 +81,9 @@ fn expected(room: &Room, frames: u32) -> (Vec<String>, Tally) {
         events.extend(detector.step(&line));
     }
     events.extend(detector.finish());
-    events.iter().for_each(|event| tally.add(event));
+    for event in &events {
+        tally.add(event);
+    }
     (events.iter().map(|event| event.text(Path::new("")).unwrap().trim_end().to_owned()).collect(), tally)
 }
 

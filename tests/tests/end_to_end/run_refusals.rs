@@ -122,7 +122,7 @@ fn boxes() {
     assert_eq!(fs::read_to_string(small.path("out/tracks.jsonl")).expect("the tracks").lines().count(), 6);
 
     let of_left = |more: &[&str]| small.run_only(&[&["--detections", "left=left.txt"], more].concat());
-    refused(&of_left(&["--detections", "middle=left.txt"]), &["--detections middle", "left, right"]);
+    refused(&of_left(&["--detections", "middle=left.txt"]), &["--detections middle", "`left`, `right`"]);
     refused(&of_left(&["--detections", "left=empty.txt"]), &["--detections left", "already"]);
     refused(&of_left(&["--method", "agents"]), &["--detections", "mcmc"]);
     refused(&small.run_only(&["--detections", "left=empty.txt"]), &["--detections", "empty.txt", "no box"]);

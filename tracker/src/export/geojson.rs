@@ -42,7 +42,7 @@ fn room_features(room: &Room, geo: &Geo) -> Vec<Value> {
         let place = camera.camera.center();
         let point = position(geo, &Point2::new(place.x, place.y));
         let properties = json!({ "kind": "camera", "name": camera.name, "height_m": place.z });
-        features.push(feature("Point", json!(point), properties));
+        features.push(feature("Point", &json!(point), &properties));
     }
     for zone in &room.zones {
         let passage = match zone.kind {
@@ -51,15 +51,15 @@ fn room_features(room: &Room, geo: &Geo) -> Vec<Value> {
             ZoneKind::Both => "both",
         };
         let properties = json!({ "kind": "zone", "name": zone.name, "passage": passage });
-        features.push(feature("Polygon", ring(geo, &zone.polygon), properties));
+        features.push(feature("Polygon", &ring(geo, &zone.polygon), &properties));
     }
     for region in &room.regions {
         let properties = json!({ "kind": "region", "name": region.name, "dwell_s": region.dwell_s });
-        features.push(feature("Polygon", ring(geo, &region.polygon), properties));
+        features.push(feature("Polygon", &ring(geo, &region.polygon), &properties));
     }
     for line in &room.lines {
         let points: Vec<[f64; 2]> = line.points.iter().map(|p| position(geo, p)).collect();
-        features.push(feature("LineString", json!(points), json!({ "kind": "line", "name": line.name })));
+        features.push(feature("LineString", &json!(points), &json!({ "kind": "line", "name": line.name })));
     }
     features
 }
@@ -74,7 +74,7 @@ fn track_features(path: &Path, geo: &Geo) -> Result<Vec<Value>> {
             let fix = (line.time, Point2::new(person.x, person.y));
             match parts.last_mut() {
                 Some(part) if part.last().is_some_and(|(time, _)| line.time - time <= BREAK_S) => {
-                    part.push(fix)
+                    part.push(fix);
                 }
                 _ => parts.push(vec![fix]),
             }
@@ -90,12 +90,12 @@ fn track_feature(id: TrackId, part: &[Fix], geo: &Geo) -> Value {
     let properties = json!({ "kind": "track", "id": id, "times": times });
     match positions[..] {
         // A line needs two positions.
-        [single] => feature("Point", json!(single), properties),
-        _ => feature("LineString", json!(positions), properties),
+        [single] => feature("Point", &json!(single), &properties),
+        _ => feature("LineString", &json!(positions), &properties),
     }
 }
 
-fn feature(kind: &str, coordinates: Value, properties: Value) -> Value {
+fn feature(kind: &str, coordinates: &Value, properties: &Value) -> Value {
     json!({
         "type": "Feature",
         "geometry": { "type": kind, "coordinates": coordinates },

@@ -150,6 +150,6 @@ pub(super) fn stays(day: &DayStats, recording: &RunRecording, people: &[TrackId]
         }
         html.push_str("</div></div>\n");
     }
-    let _ = write!(html, "<div class=\"row\"><span></span>{}</div>\n", axis.html());
+    let _ = writeln!(html, "<div class=\"row\"><span></span>{}</div>", axis.html());
     html
 }

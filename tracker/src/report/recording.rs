@@ -142,7 +142,7 @@ fn events_of(sources: &ReportSources) -> Result<(DayStats, Option<RgbImage>)> {
             .exists()
             .then(|| calib::picture::read(&heat))
             .transpose()?
-            .map(|picture| picture.into_rgb8());
+            .map(image::DynamicImage::into_rgb8);
         Ok((DayStats::read(folder)?, heat))
     };
     if events::are_in(&sources.run) {

@@ -215,7 +215,57 @@ impl Drop for Connection {
     }
 }
 
+/// Course of a connection after an event.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Progress {
+    Open,
+    Farewell,
+}
+
 impl Shared {
+    /// Hands out through a client that has connected; number of events that had waited.
+    fn connected(&self, client: AsyncClient) -> u64 {
+        let mut state = self.lock();
+        state.queue.begin();
+        state.client = Some(client);
+        state.latest = Some(Ok(()));
+        state.fill();
+        let waiting = state.queue.counts().waiting;
+        drop(state);
+        self.changed.notify_all();
+        waiting
+    }
+
+    /// Hands out no more until a client has connected again.
+    fn disconnected(&self, failure: Failure) {
+        let mut state = self.lock();
+        state.client = None;
+        state.latest = Some(Err(failure));
+        drop(state);
+        self.changed.notify_all();
+    }
+
+    /// Takes an event of the connection into account.
+    fn take(&self, event: &Event) -> Progress {
+        let mut state = self.lock();
+        match event {
+            Event::Outgoing(Outgoing::Publish(packet)) if *packet != 0 => state.queue.set_sent(*packet),
+            Event::Incoming(Incoming::PubAck(acknowledgement)) => {
+                state.queue.acknowledge(acknowledgement.pkid);
+                self.changed.notify_all();
+            }
+            Event::Outgoing(Outgoing::Disconnect) => {
+                state.client = None;
+                drop(state);
+                self.changed.notify_all();
+                return Progress::Farewell;
+            }
+            _ => {}
+        }
+        state.fill();
+        Progress::Open
+    }
+
     fn lock(&self) -> MutexGuard<'_, ConnectionState> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -273,24 +323,17 @@ async fn keep_connected(options: rumqttc::MqttOptions, shared: &Shared, broker: 
         network.set_tcp_nodelay(true);
         network.set_connection_timeout(CONNECT_S);
         connection.set_network_options(network);
-        let was_connected = match connection.poll().await {
-            Err(error) => Some(Failure::of(&error)),
-            Ok(_) => {
-                let mut state = shared.lock();
-                state.queue.begin();
-                state.client = Some(client);
-                state.latest = Some(Ok(()));
-                state.fill();
-                let waiting = state.queue.counts().waiting;
-                drop(state);
-                shared.changed.notify_all();
-                match told.take() {
-                    None => tracing::info!("{broker}: connected"),
-                    Some(_) => tracing::info!("{broker}: connected again; {waiting} events had waited"),
-                }
-                wait = FIRST_WAIT;
-                serve(&mut connection, shared).await
+        let was_connected = if let Err(error) = connection.poll().await {
+            Some(Failure::of(&error))
+        } else {
+            let waiting = shared.connected(client);
+            if told.take().is_some() {
+                tracing::info!("{broker}: connected again; {waiting} events had waited");
+            } else {
+                tracing::info!("{broker}: connected");
             }
+            wait = FIRST_WAIT;
+            serve(&mut connection, shared).await
         };
         let Some(failure) = was_connected else { return };
         if told.as_ref() == Some(&failure) {
@@ -299,11 +342,7 @@ async fn keep_connected(options: rumqttc::MqttOptions, shared: &Shared, broker: 
             tracing::warn!("{broker}: {}; it is tried again, and events are kept until then", failure.line);
             told = Some(failure.clone());
         }
-        let mut state = shared.lock();
-        state.client = None;
-        state.latest = Some(Err(failure));
-        drop(state);
-        shared.changed.notify_all();
+        shared.disconnected(failure);
         tokio::time::sleep(wait).await;
         wait = (2 * wait).min(LONGEST_WAIT);
     }
@@ -316,23 +355,10 @@ async fn serve(connection: &mut EventLoop, shared: &Shared) -> Option<Failure> {
             Ok(event) => event,
             Err(error) => return Some(Failure::of(&error)),
         };
-        let mut state = shared.lock();
-        match event {
-            Event::Outgoing(Outgoing::Publish(packet)) if packet != 0 => state.queue.set_sent(packet),
-            Event::Incoming(Incoming::PubAck(acknowledgement)) => {
-                state.queue.acknowledge(acknowledgement.pkid);
-                shared.changed.notify_all();
-            }
-            Event::Outgoing(Outgoing::Disconnect) => {
-                state.client = None;
-                drop(state);
-                shared.changed.notify_all();
-                // The broker closes the connection when it has read the farewell.
-                let _ = timeout(Duration::from_millis(200), connection.poll()).await;
-                return None;
-            }
-            _ => {}
+        if shared.take(&event) == Progress::Farewell {
+            // The broker closes the connection when it has read the farewell.
+            let _ = timeout(Duration::from_millis(200), connection.poll()).await;
+            return None;
         }
-        state.fill();
     }
 }

@@ -160,17 +160,13 @@ impl Queue {
     /// Records an acknowledgement.
     pub(super) fn acknowledge(&mut self, packet: u16) {
         match self.in_flight.remove(&packet) {
-            Some(Ticket::Event(number)) => {
-                if self.events.remove(&number).is_some() {
-                    self.acknowledged += 1;
-                }
-            }
+            Some(Ticket::Event(number)) if self.events.remove(&number).is_some() => self.acknowledged += 1,
             Some(Ticket::Retained(topic, version)) => {
                 if let Some(value) = self.retained.get_mut(&topic) {
                     value.acknowledged = value.acknowledged.max(version);
                 }
             }
-            None => {}
+            Some(Ticket::Event(_)) | None => {}
         }
     }
 

@@ -1,5 +1,7 @@
 //! Topics of a room.
 
+use std::fmt::Write;
+
 /// Prefix of all topics unless the address names another.
 pub(super) const DEFAULT_PREFIX: &str = "roomtrack";
 
@@ -50,7 +52,8 @@ fn level(name: &str) -> String {
         if matches!(c, '/' | '+' | '#' | '%') || c.is_control() {
             let mut bytes = [0; 4];
             for byte in c.encode_utf8(&mut bytes).bytes() {
-                level.push_str(&format!("%{byte:02X}"));
+                // Writing to a string cannot fail.
+                let _ = write!(level, "%{byte:02X}");
             }
         } else {
             level.push(c);
