@@ -1,5 +1,6 @@
 //! `tracker export`: a finished run in the formats of other programs.
 
+use std::fmt::Write;
 use std::path::PathBuf;
 
 use anyhow::bail;
@@ -51,11 +52,12 @@ pub(crate) fn export(args: &ExportArgs) -> anyhow::Result<String> {
     if let Some(file) = &args.mcap {
         let options = mcap::McapOptions { pictures: args.pictures };
         let report = mcap::write(&args.run, &room, file, options)?;
-        text += &format!("{}: {} frames, {} messages\n", file.display(), report.frames, report.messages);
+        // Writing to a string cannot fail, here and below.
+        let _ = writeln!(text, "{}: {} frames, {} messages", file.display(), report.frames, report.messages);
     }
     if let Some(file) = &args.geojson {
         geojson::write(&args.run, &room, &args.room, file)?;
-        text += &format!("{}\n", file.display());
+        let _ = writeln!(text, "{}", file.display());
     }
     Ok(text)
 }

@@ -31,7 +31,7 @@ pub(super) struct PublishArguments {
     /// Publish people, events and counts to an MQTT broker, at PREFIX/ROOM/people, event, count/NAME and status [default
     /// prefix: roomtrack]. mqtts:// encrypts. While the broker is away, events are kept and it is tried again; the
     /// tracker never waits for it. User and password come from ROOMTRACK_MQTT_USER and ROOMTRACK_MQTT_PASSWORD, or from
-    /// --mqtt-credentials. As in --mqtt mqtt://localhost:1883/shop
+    /// --mqtt-credentials. As in `--mqtt mqtt://localhost:1883/shop`
     #[arg(long, value_name = "URL")]
     mqtt: Option<BrokerAddress>,
     /// Name of the room in topics [default: that of its directory]
