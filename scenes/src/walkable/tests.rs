@@ -97,10 +97,10 @@ fn people_stand_on_the_floor_and_not_in_furniture() {
 
 #[test]
 fn behind_a_wall_with_a_hole_is_no_floor() {
-    let mut room = furnished();
-    let Some(Geometry::Discs(discs)) = &mut room.geometry else { panic!("discs") };
     /// Places near the hole, outside.
     const BEHIND: [(f64, f64); 4] = [(4.3, 1.1), (4.2, 1.9), (4.3, 1.8), (4.25, 1.2)];
+    let mut room = furnished();
+    let Some(Geometry::Discs(discs)) = &mut room.geometry else { panic!("discs") };
     // The wall at x = 4 m has a hole that reaches to the floor, and a corner of a hallway is seen far behind it.
     discs.retain(|d| d.center.x < 3.99 || !(1.25..1.75).contains(&d.center.y) || d.center.z > 2.0);
     discs.extend(sheet(Vec3::new(6.5, 0.0, 0.0), -1.5 * Vec3::X, 1.2 * Vec3::Y));
