@@ -87,7 +87,7 @@ fn the_page_is_whole_and_asks_for_nothing() {
         for expected in [
             "<!doctype html>",
             "MOTA",
-            "100.0 %",
+            "100.00 %",
             "inference",
             "1 person came",
             "People inside: 1 at most",
