@@ -133,7 +133,7 @@ fn of_tracker(set: &str, recorded: &RecordedRoom, truth: &RowFile, seeds: &[u64]
     let paths = TruePath::of_rows(truth, RATE_HZ);
     let mut sums = Sums::default();
     for seed in seeds {
-        // What people do does not depend on the geometry.
+        // People walk the same ways without the geometry.
         let room = Room { geometry: None, ..places::marked(&room, &walked(&paths), *seed) };
         room.write(&marked).map_err(|e| e.to_string())?;
         run(program("tracker").arg("events").arg(&out).arg("--room").arg(&marked))?;

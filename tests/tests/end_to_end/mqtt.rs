@@ -211,6 +211,7 @@ fn a_wrong_password_is_refused_in_one_line() {
     assert_eq!(ended.status.code(), Some(2), "{said}");
     let errors: Vec<&str> = said.lines().filter(|line| line.starts_with("error: ")).collect();
     assert!(errors.len() == 1 && errors[0].contains("--mqtt: ") && errors[0].contains("password"), "{said}");
+    assert_eq!(said.matches("refuses the user or the password").count(), 1, "told once: {said}");
     assert!(!folder.path().join("out").exists(), "nothing is written");
 }
 

@@ -68,7 +68,7 @@ pub(super) struct PublishArguments {
     metrics: Option<SocketAddr>,
 }
 
-/// What publishes a run.
+/// Outputs of a run to other programs.
 pub(super) struct Published {
     /// Output to the broker.
     pub(super) mqtt: Option<MqttOutput>,

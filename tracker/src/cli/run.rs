@@ -14,7 +14,9 @@ use tracker::foreground::Verdict;
 use tracker::gathering::{Gathering, GatheringOptions};
 use tracker::plan::TrajectoryPlan;
 use tracker::prepared_room::{PreparationOptions, PreparedRoom};
-use tracker::run::{self, AgencyLog, ClockOffsets, EventLog, Output, RunEnd, RunProgress, RunReport};
+use tracker::run::{
+    self, AgencyLog, ClockOffsets, EventLog, NoEvents, Output, RunEnd, RunProgress, RunReport,
+};
 use tracker::station::{Pace, PictureDemand};
 use tracker::tracks::TrackFiles;
 use tracker::view::{LiveDrawer, Screens, Server};
@@ -152,6 +154,8 @@ fn outputs(
     if args.events.are_on(room) {
         let files = EventFiles::new(&args.out, room, &args.room, &args.events.options())?;
         outputs.push(Box::new(EventLog::new(files, prepared, clock)));
+    } else {
+        outputs.push(Box::new(NoEvents::new(args.out.clone())));
     }
     outputs.push(Box::new(TrajectoryPlan::new(&args.out, room, &args.room)));
     if args.method == MethodName::Agents {

@@ -77,15 +77,17 @@ fn a_finished_run_gives_the_bytes_of_the_run_itself() {
     assert_eq!(first.clock.as_deref(), Some("2026-11-26T08:59:50.000+01:00"));
 }
 
+/// Folder of a run of a minute with its event files, counted every 10 s.
+fn minute_with_events() -> tempfile::TempDir {
+    let folder = run(&minute());
+    let options = EventFileOptions { counts_every_s: 10.0, ..EventFileOptions::default() };
+    of_run(folder.path(), &folder.path().join("room"), &options).unwrap();
+    folder
+}
+
 #[test]
 fn counts_and_heat_add_up_to_the_events() {
-    let folder = run(&minute());
-    of_run(
-        folder.path(),
-        &folder.path().join("room"),
-        &EventFileOptions { counts_every_s: 10.0, ..EventFileOptions::default() },
-    )
-    .unwrap();
+    let folder = minute_with_events();
     let counts = read(folder.path(), "counts.csv");
     let rows: Vec<Vec<&str>> = counts.lines().skip(1).map(|row| row.split(',').collect()).collect();
     assert_eq!(rows.len(), 7 * 4, "{counts}");
@@ -115,13 +117,7 @@ fn counts_and_heat_add_up_to_the_events() {
 
 #[test]
 fn the_day_is_told_in_words_and_numbers() {
-    let folder = run(&minute());
-    of_run(
-        folder.path(),
-        &folder.path().join("room"),
-        &EventFileOptions { counts_every_s: 10.0, ..EventFileOptions::default() },
-    )
-    .unwrap();
+    let folder = minute_with_events();
     let stats = DayStats::read(folder.path()).unwrap();
     let text = stats.text();
     for words in [

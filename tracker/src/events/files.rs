@@ -169,6 +169,18 @@ fn write_files(
     files.finish()
 }
 
+/// Removes the event files of an earlier run: they do not belong to new tracks in the same folder.
+pub(crate) fn remove(out: &Path) -> Result<()> {
+    for name in [HEAT, HEAT_PICTURE, GROUPS, COUNTS, EVENTS] {
+        let path = out.join(name);
+        match std::fs::remove_file(&path) {
+            Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(Error::io(&path)(e)),
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
 /// Whether a folder has the event files of a finished run.
 pub(crate) fn are_in(folder: &Path) -> bool {
     [EVENTS, COUNTS, HEAT_PICTURE].iter().all(|name| folder.join(name).is_file())

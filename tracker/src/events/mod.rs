@@ -1,4 +1,4 @@
-//! What happened in a run: events, counts, stays, groups, from the lines of `tracks.jsonl`.
+//! Events, counts, stays and groups of a run, from the lines of `tracks.jsonl`.
 //!
 //! * [`Events`] — the detector: a pure state machine, one line of `tracks.jsonl` after the other. Start here.
 //! * [`Event`] — a line of `events.jsonl`.
@@ -29,7 +29,7 @@ pub use clock::Clock;
 pub use detector::Events;
 pub use event::{CameraState, Direction, Event, EventKind};
 pub use files::{EventFileOptions, EventFiles, of_run};
-pub(crate) use files::{HEAT_PICTURE, are_in, derive};
+pub(crate) use files::{HEAT_PICTURE, are_in, derive, remove};
 pub use groups::{Group, Groups};
 pub use tally::{PlaceCount, Tally};
 pub(crate) use words::duration;

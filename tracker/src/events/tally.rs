@@ -105,7 +105,7 @@ impl CountRows {
         let mut rows = String::new();
         let mut end_s = *self.end_s.get_or_insert(time_s + self.every_s);
         if time_s - end_s > MOST_EMPTY * self.every_s {
-            // What waits happened long ago.
+            // The clock leapt ahead: all waiting events are older than the new interval.
             end_s = time_s - self.settle_s;
         }
         while time_s >= end_s + self.settle_s {

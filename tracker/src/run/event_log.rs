@@ -1,9 +1,11 @@
-//! Events of a run, from the same lines as `tracks.jsonl`.
+//! Events of a run, from the same lines as `tracks.jsonl`; or their absence.
+
+use std::path::PathBuf;
 
 use super::output::{Output, ProcessedMoment};
 use crate::Moment;
 use crate::Result;
-use crate::events::{Clock, EventFiles};
+use crate::events::{self, Clock, EventFiles};
 use crate::prepared_room::PreparedRoom;
 use crate::tracks::jsonl::FrameLine;
 
@@ -31,5 +33,33 @@ impl Output for EventLog {
 
     fn finish(self: Box<Self>) -> Result<()> {
         self.files.finish()
+    }
+}
+
+/// Remover of an earlier run's event files, for a run that writes none: with the first frame, when the earlier tracks are
+/// replaced, too.
+pub struct NoEvents {
+    /// Folder of the run; `None` once the files are gone.
+    out: Option<PathBuf>,
+}
+
+impl NoEvents {
+    /// Remover for the folder of a run.
+    pub fn new(out: PathBuf) -> Self {
+        Self { out: Some(out) }
+    }
+
+    fn remove(&mut self) -> Result<()> {
+        self.out.take().map_or(Ok(()), |out| events::remove(&out))
+    }
+}
+
+impl Output for NoEvents {
+    fn put(&mut self, _followed: &ProcessedMoment<'_>) -> Result<()> {
+        self.remove()
+    }
+
+    fn finish(mut self: Box<Self>) -> Result<()> {
+        self.remove()
     }
 }

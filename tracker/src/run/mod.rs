@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 pub use agency_log::AgencyLog;
 use camera_log::CameraLog;
 pub use clock_offsets::{ClockOffsets, ClockReport};
-pub use event_log::EventLog;
+pub use event_log::{EventLog, NoEvents};
 use lag_buffer::{HeldMoment, LagBuffer};
 pub use output::{Output, ProcessedMoment};
 pub use search_offsets::search_offsets;

@@ -30,7 +30,7 @@ pub struct ProcessedMoment<'a> {
     pub packets: &'a [Packet],
     /// Capture time, seconds since 1970, where the cameras are live.
     pub utc_s: Option<f64>,
-    /// What a live run has left out until the moment was processed.
+    /// Frames and moments that a live run has left out until the moment was processed.
     pub left_out: LeftOut,
 }
 

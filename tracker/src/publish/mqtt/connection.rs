@@ -30,7 +30,7 @@ const CHANNEL: usize = 64;
 /// Largest message, bytes: 1000 people seen by 8 cameras.
 const LARGEST: usize = 1 << 20;
 
-/// What the tracker's thread and the connection's share.
+/// State that the tracker's thread shares with the connection's.
 #[derive(Debug)]
 struct Shared {
     state: Mutex<ConnectionState>,
@@ -187,8 +187,8 @@ impl Connection {
         let DeliveryCounts { events, acknowledged, dropped, waiting } = counts;
         if waiting + dropped > 0 {
             tracing::warn!(
-                "{}: {waiting} of {events} events were not acknowledged by the broker, and {dropped} were dropped before \
-                 (events.jsonl has them all)",
+                "{}: {waiting} of {events} events were not acknowledged by the broker, and {dropped} were dropped before; \
+                 `tracker events` makes all of them from the run's tracks",
                 self.broker
             );
         } else {
@@ -336,7 +336,10 @@ async fn keep_connected(options: rumqttc::MqttOptions, shared: &Shared, broker: 
             serve(&mut connection, shared).await
         };
         let Some(failure) = was_connected else { return };
-        if told.as_ref() == Some(&failure) {
+        // One line an outage, whatever its later reasons; a refusal at the start is `check`'s to report.
+        let is_told = told.as_ref().is_some_and(|told| told.is_refusal == failure.is_refusal)
+            || (failure.is_refusal && shared.lock().latest.is_none());
+        if is_told {
             tracing::debug!("{broker}: {}", failure.line);
         } else {
             tracing::warn!("{broker}: {}; it is tried again, and events are kept until then", failure.line);
