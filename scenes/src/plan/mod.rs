@@ -14,6 +14,7 @@ use image::RgbImage;
 use nalgebra::{Point2, Vector2};
 
 use crate::Result;
+use crate::polygon::Polygon;
 use crate::room::Room;
 use crate::view::extent;
 use crate::visibility::floor_nearby;
@@ -33,6 +34,8 @@ pub struct PlanOptions {
     pub marks: bool,
     /// Walkable floor to outline among the marks; by default the room's own, or the one derived from its geometry.
     pub walkable: Option<WalkableMap>,
+    /// Coloured patches of the floor, below the marks.
+    pub patches: Vec<(Polygon, Color)>,
     /// Title above the plan.
     pub title: Option<String>,
     /// Places on the floor that have to be on the plan besides the room, metres, such as people's paths.
@@ -48,6 +51,7 @@ impl Default for PlanOptions {
             cut_height_m: None,
             marks: true,
             walkable: None,
+            patches: Vec::new(),
             title: None,
             places: Vec::new(),
             room_dir: None,
@@ -59,6 +63,8 @@ impl Default for PlanOptions {
 const RIM_M: f64 = 0.35;
 /// Space left, above, right and below for the axes' numbers and the scale bar.
 const MARGIN_PX: [f64; 4] = [46.0, 16.0, 16.0, 62.0];
+/// Distance of the line with axes' names and scale bar from the plan.
+const FOOTER_PX: f64 = 42.0;
 /// Additional space for a title.
 const TITLE_PX: f64 = 34.0;
 /// Half side of the shown floor for a room in which nothing has a place.
@@ -91,6 +97,10 @@ impl FloorPlan {
         let mut plan = Self { canvas: Canvas::new(width, height, Color::PAPER), mapping };
         plan.draw_ground(room, options)?;
         plan.draw_grid();
+        for (patch, color) in &options.patches {
+            let outline: Vec<Point2<f64>> = patch.0.iter().map(|p| mapping.pixel(p)).collect();
+            plan.canvas.fill_polygon(&outline, *color);
+        }
         if options.marks {
             marks::draw(&mut plan, room, options)?;
         }
@@ -101,6 +111,24 @@ impl FloorPlan {
     /// Mapping of the floor to pixels.
     pub fn mapping(&self) -> Mapping {
         self.mapping
+    }
+
+    /// Free part of the line below the plan, between the axes' names and the scale bar: its left and right end, and the
+    /// height of its middle, pixels.
+    pub fn footer(&self) -> [f64; 3] {
+        /// Widths of the axes' names and of the scale bar's label.
+        const NAMES_PX: [f64; 2] = [130.0, 60.0];
+        let [left, _, right, bottom] = self.mapping.frame();
+        [
+            left + NAMES_PX[0],
+            right - self.scale_bar_m() * self.mapping.px_per_m - NAMES_PX[1],
+            bottom + FOOTER_PX,
+        ]
+    }
+
+    /// Length of the scale bar, metres.
+    fn scale_bar_m(&self) -> f64 {
+        nice_step(90.0 / self.mapping.px_per_m)
     }
 
     /// Canvas of the plan, for further drawing.
@@ -174,10 +202,10 @@ impl FloorPlan {
         let [left, top, right, bottom] = self.mapping.frame();
         let rim = Stroke::solid(Color::INK.alpha(0.5), 1.0);
         self.canvas.stroke_rounded_rectangle([left, top, right, bottom], 0.0, &rim);
-        let below = bottom + 42.0;
+        let below = bottom + FOOTER_PX;
         self.canvas.text(Point2::new(left, below), "x right, y up (m)", &NOTES.anchor(0.0, 0.5));
 
-        let length_m = nice_step(90.0 / self.mapping.px_per_m);
+        let length_m = self.scale_bar_m();
         let bar = Stroke::solid(Color::INK, 2.0);
         let b = Point2::new(right, below);
         let a = b - Vector2::new(length_m * self.mapping.px_per_m, 0.0);

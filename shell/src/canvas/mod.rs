@@ -209,6 +209,10 @@ impl Canvas {
     }
 
     fn fill_path(&mut self, path: &Path, color: Color) {
+        let bounds = path.bounds();
+        if bounds.width() <= 0.0 || bounds.height() <= 0.0 {
+            return; // A path without area has no inside; the renderer would log a warning.
+        }
         let mut paint = Paint::default();
         paint.set_color(color.skia());
         self.pixmap.fill_path(path, &paint, FillRule::EvenOdd, self.to_skia, None);

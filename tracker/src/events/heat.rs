@@ -5,7 +5,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use image::RgbImage;
-use nalgebra::Point2;
+use nalgebra::{Point2, Vector2};
 use scenes::plan::{FloorPlan, PlanOptions};
 use scenes::polygon::Polygon;
 use scenes::room::Room;
@@ -19,6 +19,8 @@ use crate::tracks::jsonl::FrameLine;
 const CELL_M: f64 = 0.25;
 /// Longest time between two lines that counts in full, seconds: in a longer gap nobody was seen.
 const LONGEST_STEP_S: f64 = 1.0;
+/// Least time on a cell that is reported, seconds.
+const LEAST_S: f64 = 0.005;
 /// Largest number of cells: 250 m by 250 m. Positions beyond are left out.
 const MOST_CELLS: usize = 1_000_000;
 /// Colours from the coolest to the hottest cell: light yellow, orange, dark red; no colour of a zone.
@@ -50,7 +52,7 @@ impl HeatMap {
     /// `heat.csv`: the middle of each visited cell, metres, and the seconds, in rows from the south-west.
     pub(super) fn csv(&self) -> String {
         let mut text = String::from("x,y,seconds\n");
-        let mut cells: Vec<_> = self.seconds.iter().filter(|(_, seconds)| **seconds >= 0.005).collect();
+        let mut cells: Vec<_> = self.seconds.iter().filter(|(_, seconds)| **seconds >= LEAST_S).collect();
         cells.sort_by_key(|((column, row), _)| (*row, *column));
         for (cell, seconds) in cells {
             let middle = middle(*cell);
@@ -67,24 +69,19 @@ impl HeatMap {
     pub(super) fn picture(&self, room: &Room, room_dir: &Path) -> Result<RgbImage> {
         let hottest_s = self.seconds.values().copied().fold(0.0, f64::max);
         let places = self.seconds.keys().map(|cell| middle(*cell));
+        let shown = self.seconds.iter().filter(|(_, seconds)| **seconds >= LEAST_S);
+        let patch = |(cell, seconds): (&(i32, i32), &f64)| {
+            let corner = |side: f64| middle(*cell) + Vector2::repeat(side * CELL_M);
+            (Polygon::rectangle(corner(-0.5), corner(0.5)), color(share(*seconds, hottest_s)).alpha(0.72))
+        };
         let options = PlanOptions {
             places: beyond_the_room(room, places),
+            patches: shown.map(patch).collect(),
             room_dir: Some(room_dir.to_owned()),
             title: Some(format!("Time spent on each {:.0} cm of the floor", 100.0 * CELL_M)),
             ..PlanOptions::default()
         };
         let mut plan = FloorPlan::new(room, &options)?;
-        let mapping = plan.mapping();
-        for (cell, seconds) in &self.seconds {
-            let middle = middle(*cell);
-            if *seconds < 0.005 || !is_within(&middle, &mapping.low, &mapping.high) {
-                continue;
-            }
-            let corner = |x: f64, y: f64| Point2::new(middle.x + x * CELL_M, middle.y + y * CELL_M);
-            let square = Polygon::rectangle(corner(-0.5, -0.5), corner(0.5, 0.5));
-            let outline: Vec<Point2<f64>> = square.0.iter().map(|p| mapping.pixel(p)).collect();
-            plan.canvas_mut().fill_polygon(&outline, color(share(*seconds, hottest_s)).alpha(0.72));
-        }
         draw_legend(&mut plan, hottest_s);
         Ok(plan.into_image())
     }
@@ -100,23 +97,25 @@ fn middle((column, row): (i32, i32)) -> Point2<f64> {
     Point2::new((f64::from(column) + 0.5) * CELL_M, (f64::from(row) + 0.5) * CELL_M)
 }
 
-fn is_within(p: &Point2<f64>, low: &Point2<f64>, high: &Point2<f64>) -> bool {
-    (low.x..=high.x).contains(&p.x) && (low.y..=high.y).contains(&p.y)
-}
-
 fn color(share: f64) -> Color {
     let at = share.clamp(0.0, 1.0) * (COLORS.len() - 1) as f64;
     let first = (at as usize).min(COLORS.len() - 2);
     COLORS[first].mix(COLORS[first + 1], (at - first as f64) as f32)
 }
 
-/// The colour scale, below the plan.
+/// The colour scale, below the plan; left out where the plan is too narrow for it.
 fn draw_legend(plan: &mut FloorPlan, hottest_s: f64) {
-    const WIDTH_PX: f64 = 160.0;
+    /// Width of the scale at most and at least, and of the labels at its ends.
+    const WIDTH_PX: [f64; 2] = [160.0, 30.0];
+    const LABELS_PX: [f64; 2] = [32.0, 70.0];
     const STEPS: u32 = 40;
-    let [left, _, right, bottom] = plan.mapping().frame();
-    let (x, y) = (0.5 * (left + right - WIDTH_PX), bottom + 36.0);
-    let step_px = WIDTH_PX / f64::from(STEPS);
+    let [left, right, middle] = plan.footer();
+    let width = (right - left - LABELS_PX[0] - LABELS_PX[1]).min(WIDTH_PX[0]);
+    if width < WIDTH_PX[1] {
+        return;
+    }
+    let (x, y) = (0.5 * (left + LABELS_PX[0] + right - LABELS_PX[1] - width), middle - 6.0);
+    let step_px = width / f64::from(STEPS);
     for i in 0..STEPS {
         let from = x + f64::from(i) * step_px;
         let corners = [(from, y), (from + step_px, y), (from + step_px, y + 12.0), (from, y + 12.0)];
@@ -125,7 +124,7 @@ fn draw_legend(plan: &mut FloorPlan, hottest_s: f64) {
     }
     let style = TextStyle::new(15.0);
     let canvas = plan.canvas_mut();
-    canvas.text(Point2::new(x - 8.0, y + 6.0), "0 s", &style.anchor(1.0, 0.5));
+    canvas.text(Point2::new(x - 8.0, middle), "0 s", &style.anchor(1.0, 0.5));
     let hottest = super::words::duration(hottest_s);
-    canvas.text(Point2::new(x + WIDTH_PX + 8.0, y + 6.0), &hottest, &style.anchor(0.0, 0.5));
+    canvas.text(Point2::new(x + width + 8.0, middle), &hottest, &style.anchor(0.0, 0.5));
 }
