@@ -169,7 +169,10 @@ impl DayStats {
             duration(self.span_s.1 - self.span_s.0)
         )];
         let (came, went) = (self.room.entries_s.len(), self.room.exits_s.len());
-        let mut people = format!("People: {} came and {went} went", count(came, "person", "people"));
+        let mut people = match count(came, "person", "people") {
+            _ if came + went == 0 => "People: nobody came".to_owned(),
+            came => format!("People: {came} came and {went} went"),
+        };
         if self.room.left_over() > 0 {
             let _ = write!(people, "; {} still there at the end", self.room.left_over());
         }
