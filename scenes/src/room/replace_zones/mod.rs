@@ -140,12 +140,11 @@ fn rewritten(text: &str, zones: &[Zone]) -> std::result::Result<String, String> 
     }
     document.insert("zone", Item::ArrayOfTables(tables));
     for (position, comments) in orphans.into_iter().rev() {
-        match next_table(document.as_table_mut(), position) {
-            Some(table) => put_above(table, &comments),
-            None => {
-                let ending = document.trailing().as_str().unwrap_or_default();
-                document.set_trailing(comments + ending);
-            }
+        if let Some(table) = next_table(document.as_table_mut(), position) {
+            put_above(table, &comments);
+        } else {
+            let ending = document.trailing().as_str().unwrap_or_default();
+            document.set_trailing(comments + ending);
         }
     }
     let mut rewritten = document.to_string();

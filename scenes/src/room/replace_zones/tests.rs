@@ -126,6 +126,15 @@ fn without_zones() -> String {
     [&SCENE[..first], &SCENE[camera..gate], &SCENE[after..]].concat()
 }
 
+/// The zones of a file, and all else.
+#[derive(Debug, PartialEq, Deserialize)]
+struct Tables {
+    #[serde(default)]
+    zone: Vec<toml::Table>,
+    #[serde(flatten)]
+    others: toml::Table,
+}
+
 /// Tables and keys of a later version, and comments at places where an edit could lose them.
 #[test]
 fn unknown_tables_and_all_comments_outlive_every_zone() {
@@ -136,13 +145,6 @@ fn unknown_tables_and_all_comments_outlive_every_zone() {
         )
         .replace("# after the gate", "# after the gate\n[[line]]\nends = [[0, 0], [1, 1]]");
     let document = |text: &str| -> Tables { Tables { zone: Vec::new(), ..toml::from_str(text).unwrap() } };
-    #[derive(Debug, PartialEq, Deserialize)]
-    struct Tables {
-        #[serde(default)]
-        zone: Vec<toml::Table>,
-        #[serde(flatten)]
-        others: toml::Table,
-    }
     let mut stays: Vec<StatedZone> = toml::from_str::<StatedZones>(&later).unwrap().zone;
     let door = stays.remove(0);
     let door = Zone { name: door.name, polygon: door.polygon, kind: ZoneKind::Both };
