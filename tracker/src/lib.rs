@@ -45,6 +45,7 @@ pub mod method;
 pub mod moment;
 pub mod observation;
 pub mod offsets;
+mod option_checks;
 pub mod plan;
 pub mod prepared_room;
 pub mod report;

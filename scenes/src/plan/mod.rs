@@ -103,11 +103,6 @@ impl FloorPlan {
         self.mapping
     }
 
-    /// Canvas of the plan, for further drawing.
-    pub fn canvas_mut(&mut self) -> &mut Canvas {
-        &mut self.canvas
-    }
-
     /// The finished picture.
     pub fn into_image(self) -> RgbImage {
         self.canvas.into_image()

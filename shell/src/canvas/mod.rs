@@ -9,7 +9,7 @@ mod color;
 mod text;
 
 use image::{GrayImage, RgbImage};
-use nalgebra::{Point2, Vector2};
+use nalgebra::Point2;
 use tiny_skia::{
     FillRule, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, PremultipliedColorU8, StrokeDash,
     Transform,
@@ -183,21 +183,6 @@ impl Canvas {
         if let Some(path) = rounded_rectangle(bounds, corner_px) {
             self.stroke_path(&path, stroke);
         }
-    }
-
-    /// Draws an arrow; its head is four line widths long, or half the arrow where that is shorter.
-    pub fn arrow(&mut self, from: Point2<f64>, to: Point2<f64>, stroke: &Stroke) {
-        let along = to - from;
-        let length = along.norm();
-        if !(length.is_finite() && length > 1e-9) {
-            return;
-        }
-        let direction = along / length;
-        let head = (4.0 * f64::from(stroke.width_px)).min(0.5 * length);
-        let neck = to - direction * head;
-        let side = Vector2::new(-direction.y, direction.x) * (0.45 * head);
-        self.stroke_polyline(&[from, neck], stroke);
-        self.fill_polygon(&[to, neck + side, neck - side], stroke.color);
     }
 
     fn stroke_points(&mut self, points: &[Point2<f64>], closed: bool, stroke: &Stroke) {

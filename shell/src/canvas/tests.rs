@@ -91,16 +91,6 @@ fn pictures_come_back_unchanged_and_are_cut_at_the_rim() {
 }
 
 #[test]
-fn an_arrow_points_at_its_end() {
-    let mut canvas = Canvas::new(100, 40, Color::WHITE);
-    canvas.arrow(Point2::new(10.0, 20.0), Point2::new(80.0, 20.0), &Stroke::solid(Color::BLACK, 3.0));
-    let image = canvas.into_image();
-    let thickness = |x: u32| (0..40).filter(|y| image.get_pixel(x, *y).0[0] < 128).count();
-    assert_eq!(thickness(30), 3);
-    assert!(thickness(70) > 6 && thickness(78) < thickness(70) && thickness(82) == 0);
-}
-
-#[test]
 fn numbers_that_are_no_place_draw_nothing_and_do_not_panic() {
     let mut canvas = Canvas::new(20, 20, Color::WHITE);
     let stroke = Stroke::dashed(Color::BLACK, 2.0);
@@ -112,8 +102,6 @@ fn numbers_that_are_no_place_draw_nothing_and_do_not_panic() {
     canvas.fill_circle(nan, 5.0, Color::BLACK);
     canvas.fill_circle(Point2::new(5.0, 5.0), f64::INFINITY, Color::BLACK);
     canvas.stroke_circle(Point2::new(5.0, 5.0), -1.0, &stroke);
-    canvas.arrow(nan, nan, &stroke);
-    canvas.arrow(Point2::new(1.0, 1.0), Point2::new(1.0, 1.0), &stroke);
     canvas.fill_rounded_rectangle([5.0, 5.0, 4.0, 9.0], 1.0, Color::BLACK);
     assert_relative_eq!(covered(&canvas), 0.0);
     // Far away is drawn as far as the picture goes.
